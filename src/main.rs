@@ -1,0 +1,2 @@
+//! The `lastlight` binary: everything is in `lastlight::cli`.
+fn main() {}

@@ -1,0 +1,3 @@
+//! (in work)
+/// probe
+pub fn probe() -> crate::Result<()> { Ok(()) }
