@@ -1,0 +1,736 @@
+//! Blends projected splats into pictures, nearest first, tile by tile.
+//!
+//! C = Σᵢ Tᵢ αᵢ cᵢ + T_end b,  T₀ = 1,  Tᵢ₊₁ = Tᵢ (1 − αᵢ)                                  (3DGS 2023, eq. 3)
+//! αᵢ = min(α_max, oᵢ exp(−½ (w1² + w2²))),  w1 = d_p k1,  w2 = (d_q − s d_p) k2,  d = pixel centre − u
+//!
+//! | symbol | argument | shape | unit, range |
+//! |---|---|---|---|
+//! | u, (s,k1,k2), p, o, c, z | [`Splat`] | (C, N) | see [`super::plan`] |
+//! | b | `background` | (3) | sRGB-encoded |
+//! | C | `image` | (C, H, W, 3) | sRGB-encoded, not clamped |
+//! | 1 − T_end | `alpha` | (C, H, W) | 0..1 |
+//! | Σ T α z | `depth` | (C, H, W) | scene units, alpha-weighted, no background |
+//!
+//! Skipped: α < α_min. The walk ends as the profile says ([`Stop`]). Saved per pixel: T_end and the list index of the
+//! last splat included.
+//!
+//! # Rounding
+//! w1² + w2² then times −½; [`exp_lanes`]; T·α, then weight·colour added to the sum: left folds over the list, per pixel.
+//! The background is added last. Lanes are pixels, so no bit depends on tile size, culling or vector width.
+//! Adjoint: per (splat, tile) one record: for each of 16 columns a left fold over the rows from +0, columns folded
+//! 16→8→4→2→1 (l += l+w); records of a splat are summed in slot order in f64 and rounded once.
+//!
+//! # Kinks and domain
+//! α at α_min (a jump of T·(c−B)/255), the cap (gradient 0 above it, free branch at equality; `inria_bwd` lets it
+//! through), the stop. All are decisions in the plan. o in 0..1; α ≤ α_max < 1 keeps 1 − α away from 0.
+//!
+//! # Adjoint
+//! Back to front from T_end: T ← T/(1−α) (relative error 7e-7 at worst), and with the pixel's cotangents folded into one
+//! number, e = c·C̄ + z·D̄ + Ā: ᾱ = T (e − S), S ← α e + (1−α) S, S starting at b·C̄. S is the cotangent of what lies
+//! behind, so nothing is divided by a small number. Then P = ᾱ α and sums of P, P w1, P w2, P w1², P w1 w2, P w2²,
+//! T α C̄, T α D̄ over the pixels make the record, and ō = ΣP/o, k̄1 = −ΣPw1²/k1, k̄2 = −ΣPw2²/k2, s̄ = (k2/k1) ΣPw1w2,
+//! ū_p = k1 ΣPw1 − s k2 ΣPw2, ū_q = k2 ΣPw2.
+//!
+//! Twin: `reference::splat::blend`.
+
+use super::plan::{Ellipse, Grid, Plan, Splat};
+use crate::num::elem::exp_lanes;
+use crate::num::lanes::{Real, f32x8};
+use crate::num::par;
+use crate::scene::profile::{Profile, Stop};
+
+/// Pictures of C cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Out {
+    /// (C, H, W, 3)
+    pub image: Vec<f32>,
+    /// (C, H, W)
+    pub alpha: Vec<f32>,
+    /// (C, H, W)
+    pub depth: Vec<f32>,
+}
+
+/// Cotangents of [`Out`]; `None` is zero.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct OutBar<'a> {
+    /// (C, H, W, 3)
+    pub image: Option<&'a [f32]>,
+    /// (C, H, W)
+    pub alpha: Option<&'a [f32]>,
+    /// (C, H, W)
+    pub depth: Option<&'a [f32]>,
+}
+
+/// What the adjoint needs of every pixel.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Saved {
+    /// (C, H, W) transmittance behind the last splat.
+    pub final_t: Vec<f32>,
+    /// (C, H, W) index in the tile's list of the last splat included, −1 = none. Exact in f32 below 2²⁴.
+    pub last_index: Vec<f32>,
+}
+
+/// Decisions per pair and pixel to follow instead of making them: (E, 32) bytes, bit 16·row + column. Tiles of 16.
+#[derive(Clone, Copy, Debug)]
+pub struct FrozenMasks<'a> {
+    /// (C, H, W)
+    pub last_index: &'a [f32],
+    /// (E, 32)
+    pub alpha: &'a [[u8; 32]],
+    /// (E, 32)
+    pub cap: &'a [[u8; 32]],
+}
+
+/// Numbers in one gradient record: P, Pw1, Pw2, Pw1², Pw1w2, Pw2², r, g, b, z, |ū_x|, |ū_y|.
+pub const RECORD: usize = 12;
+
+/// Where a tile lies in its picture.
+#[derive(Clone, Copy)]
+struct Tile {
+    side: usize,
+    x0: usize,
+    y0: usize,
+    cols: usize,
+    rows: usize,
+}
+
+impl Tile {
+    fn new(grid: &Grid, index: usize) -> Self {
+        let (x0, y0) = (index % grid.tiles_x() * grid.tile, index / grid.tiles_x() * grid.tile);
+        Self {
+            side: grid.tile,
+            x0,
+            y0,
+            cols: Ord::min(grid.tile, grid.width - x0),
+            rows: Ord::min(grid.tile, grid.height - y0),
+        }
+    }
+
+    /// Pixel-centre x of vector `h`.
+    #[inline(always)]
+    fn centers(&self, h: usize) -> f32x8 {
+        f32x8::from_fn(|l| (self.x0 + 8 * h + l) as f32 + 0.5)
+    }
+
+    /// Pixel-centre y of row `r`.
+    #[inline(always)]
+    fn center_y(&self, r: usize) -> f32 {
+        (self.y0 + r) as f32 + 0.5
+    }
+
+    /// All-ones lanes of vector `h` that lie inside the picture.
+    fn inside(&self, h: usize, row: usize) -> f32x8 {
+        let n = if row < self.rows { self.cols } else { 0 };
+        Real::lt(f32x8::from_fn(|l| (8 * h + l) as f32), f32x8::splat(n as f32))
+    }
+}
+
+/// Rows of each vector column that can hold a pixel with α ≥ α_min, one bit per row.
+#[inline(always)]
+fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32; H] {
+    let all = [u32::MAX >> (32 - tile.rows); H];
+    if !cull {
+        return all;
+    }
+    let e = Ellipse::new(s);
+    let c = f32x8::splat;
+    let mut out = [0_u32; H];
+    let rel = s.mean_px[0] - tile.x0 as f32; // centre, from the tile's left edge
+    for group in 0..H {
+        let dy = f32x8::from_fn(|l| tile.center_y(8 * group + l)) - c(s.mean_px[1]);
+        let left = c(e.r2) - (dy * dy) * c(e.inv_yy);
+        let reach = (Real::max(left, c(0.0)) * c(e.half2)).sqrt() + c(e.margin);
+        let mid = c(rel) + c(e.slope) * dy;
+        let (lo, hi) = (mid - reach, mid + reach);
+        let open = Real::ge(left, c(0.0));
+        for (h, rows) in out.iter_mut().enumerate() {
+            let first = c(8.0 * h as f32 + 0.5);
+            let meets = <f32x8 as Real>::and(Real::le(lo, first + c(7.0)), Real::ge(hi, first));
+            *rows |= <f32x8 as Real>::bits(<f32x8 as Real>::and(open, meets)) << (8 * group);
+        }
+    }
+    for rows in &mut out {
+        *rows &= all[0];
+    }
+    out
+}
+
+/// One splat's numbers in lanes, for one vector column of a tile.
+struct Column {
+    x_pivot: bool,
+    dx: f32x8,
+    my: f32,
+    s: f32x8,
+    k1: f32x8,
+    k2: f32x8,
+    opacity: f32x8,
+}
+
+impl Column {
+    #[inline(always)]
+    fn new(s: &Splat, centers: f32x8) -> Self {
+        let c = f32x8::splat;
+        let [sh, k1, k2] = s.shape;
+        Self {
+            x_pivot: s.axis == 0,
+            dx: centers - c(s.mean_px[0]),
+            my: s.mean_px[1],
+            s: c(sh),
+            k1: c(k1),
+            k2: c(k2),
+            opacity: c(s.opacity),
+        }
+    }
+
+    /// (w1, w2) of a row: the one place where the exponent is formed, forward and adjoint alike.
+    #[inline(always)]
+    fn whitened<const X: bool>(&self, center_y: f32) -> (f32x8, f32x8) {
+        let dy = f32x8::splat(center_y - self.my);
+        let (dp, dq) = if X { (self.dx, dy) } else { (dy, self.dx) };
+        (dp * self.k1, (dq - self.s * dp) * self.k2)
+    }
+
+    /// o·exp(−½(w1²+w2²)), not yet capped.
+    #[inline(always)]
+    fn alpha(&self, (w1, w2): (f32x8, f32x8)) -> f32x8 {
+        self.opacity * exp_lanes((w1 * w1 + w2 * w2) * f32x8::splat(-0.5))
+    }
+}
+
+/// Lanes of one byte of a stored mask.
+#[inline(always)]
+fn byte_lanes(byte: u8) -> f32x8 {
+    Real::gt(f32x8::from_fn(|l| f32::from(byte >> l & 1)), f32x8::splat(0.5))
+}
+
+/// What happens to a raw α: (capped α, lanes kept, lanes capped), made here or read from stored masks.
+#[inline(always)]
+fn decide(
+    raw: f32x8,
+    profile: &Profile,
+    frozen: Option<(&[u8; 32], &[u8; 32])>,
+    byte: usize,
+) -> (f32x8, f32x8, f32x8) {
+    let cap = f32x8::splat(profile.alpha_max);
+    match frozen {
+        None => {
+            let capped = Real::gt(raw, cap);
+            let alpha = Real::select(capped, cap, raw);
+            (alpha, Real::ge(alpha, f32x8::splat(profile.alpha_min)), capped)
+        }
+        Some((keep, cap_bits)) => {
+            let capped = byte_lanes(cap_bits[byte]);
+            (Real::select(capped, cap, raw), byte_lanes(keep[byte]), capped)
+        }
+    }
+}
+
+/// State of one tile in the forward walk; V = 8·H·H vectors, row by row.
+struct Forward<const V: usize> {
+    sums: [[f32x8; V]; 4], // r, g, b, depth
+    t: [f32x8; V],
+    last: [f32x8; V],
+    /// lanes still walking; `Stop::After` reads it off `t` instead
+    live: [f32x8; V],
+}
+
+/// Blends one tile of H vectors a row, V vectors in all. `frozen` (α masks, cap masks, last indices) needs H = 2.
+fn tile_forward<const H: usize, const V: usize>(
+    splats: &[Splat],
+    list: &[u32],
+    tile: &Tile,
+    profile: &Profile,
+    cull: bool,
+    frozen: Option<(&[[u8; 32]], &[[u8; 32]], [f32x8; V])>,
+) -> Forward<V> {
+    let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
+    let mut out =
+        Forward { sums: [[zero; V]; 4], t: [zero; V], last: [f32x8::splat(-1.0); V], live: [zero; V] };
+    for v in 0..V {
+        let inside = tile.inside(v % H, v / H);
+        out.t[v] = Real::select(inside, one, zero);
+        out.live[v] = inside;
+    }
+    let after = profile.stop == Stop::After && frozen.is_none();
+    let mut alive = [u32::MAX >> (32 - tile.rows); H];
+    for (h, rows) in alive.iter_mut().enumerate() {
+        if 8 * h >= tile.cols {
+            *rows = 0;
+        }
+    }
+    let t_stop = f32x8::splat(profile.t_stop);
+    for (k, &g) in list.iter().enumerate() {
+        if alive == [0; H] {
+            break;
+        }
+        let s = &splats[g as usize];
+        let masks = frozen.as_ref().map(|f| (&f.0[k], &f.1[k]));
+        let rows_of = spans::<H>(s, tile, cull && frozen.is_none());
+        let index = f32x8::splat(k as f32);
+        let color = [s.color[0], s.color[1], s.color[2], s.z].map(f32x8::splat);
+        for h in 0..H {
+            let mut rows = rows_of[h] & alive[h];
+            if rows == 0 {
+                continue;
+            }
+            let column = Column::new(s, tile.centers(h));
+            while rows != 0 {
+                let r = rows.trailing_zeros() as usize;
+                rows &= rows - 1;
+                let v = r * H + h;
+                let y = tile.center_y(r);
+                let w = if column.x_pivot { column.whitened::<true>(y) } else { column.whitened::<false>(y) };
+                let (alpha, mut keep, _) = decide(column.alpha(w), profile, masks, 2 * r + h);
+                let t = out.t[v];
+                let next = t * (one - alpha);
+                if after {
+                    keep = <f32x8 as Real>::and(keep, Real::gt(t, t_stop));
+                } else if let Some((_, _, last)) = &frozen {
+                    keep = <f32x8 as Real>::and(keep, Real::le(index, last[v]));
+                } else {
+                    let ends = match profile.stop {
+                        Stop::Before => Real::le(next, t_stop),
+                        Stop::BeforeStrict => Real::lt(next, t_stop),
+                        Stop::After | Stop::Never => zero,
+                    };
+                    let ends = <f32x8 as Real>::and(keep, ends);
+                    out.live[v] = Real::select(ends, zero, out.live[v]);
+                    keep = <f32x8 as Real>::and(keep, out.live[v]);
+                    if <f32x8 as Real>::bits(out.live[v]) == 0 {
+                        alive[h] &= !(1 << r);
+                    }
+                }
+                if <f32x8 as Real>::bits(keep) == 0 {
+                    continue;
+                }
+                let weight = Real::select(keep, t * alpha, zero);
+                for (sum, c) in out.sums.iter_mut().zip(color) {
+                    sum[v] = sum[v] + weight * c;
+                }
+                let t = Real::select(keep, next, t);
+                out.t[v] = t;
+                out.last[v] = Real::select(keep, index, out.last[v]);
+                if after && <f32x8 as Real>::bits(Real::gt(t, t_stop)) == 0 {
+                    alive[h] &= !(1 << r);
+                }
+            }
+        }
+    }
+    out
+}
+
+/// The part of a (H, W) plane under a tile, in vectors; outside the picture `outside`.
+fn load_plane<const H: usize, const V: usize>(plane: &[f32], tile: &Tile, grid: &Grid, outside: f32) -> [f32x8; V] {
+    let mut out = [f32x8::splat(outside); V];
+    for r in 0..tile.rows {
+        let row = &plane[(tile.y0 + r) * grid.width + tile.x0..][..tile.cols];
+        for h in 0..H {
+            if let Some(full) = row.get(8 * h..8 * h + 8) {
+                out[r * H + h] = f32x8::new(full.try_into().expect("eight pixels were taken"));
+            } else if 8 * h < row.len() {
+                out[r * H + h] = f32x8::from_fn(|l| row.get(8 * h + l).copied().unwrap_or(outside));
+            }
+        }
+    }
+    out
+}
+
+/// Views of one band of tiles in every output.
+struct Band<'a> {
+    image: &'a mut [f32],
+    alpha: &'a mut [f32],
+    depth: &'a mut [f32],
+    final_t: &'a mut [f32],
+    last_index: &'a mut [f32],
+}
+
+/// Blends C pictures; `splats` is (C, N), `out` and `saved` are resized to fit.
+pub fn forward(
+    splats: &[Splat],
+    n: usize,
+    plan: &Plan,
+    grid: &Grid,
+    profile: &Profile,
+    background: [f32; 3],
+    cull: bool,
+    frozen: Option<FrozenMasks<'_>>,
+    out: &mut Out,
+    saved: &mut Saved,
+) {
+    let cameras = plan.camera_start.len() - 1;
+    let pixels = grid.width * grid.height;
+    assert!(frozen.is_none() || grid.tile == 16, "stored masks are those of 16x16 tiles");
+    assert_eq!(splats.len(), cameras * n, "splats are (C, N)");
+    out.image.resize(cameras * pixels * 3, 0.0);
+    for plane in [&mut out.alpha, &mut out.depth, &mut saved.final_t, &mut saved.last_index] {
+        plane.resize(cameras * pixels, 0.0);
+    }
+    let row = grid.width * grid.tile;
+    let mut bands = Vec::new();
+    // bands restart with every camera, so chunk the pictures one by one
+    let pictures = out
+        .image
+        .chunks_mut(pixels * 3)
+        .zip(out.alpha.chunks_mut(pixels).zip(out.depth.chunks_mut(pixels)))
+        .zip(saved.final_t.chunks_mut(pixels).zip(saved.last_index.chunks_mut(pixels)));
+    for ((image, (alpha, depth)), (final_t, last)) in pictures {
+        let parts = image
+            .chunks_mut(row * 3)
+            .zip(alpha.chunks_mut(row).zip(depth.chunks_mut(row)))
+            .zip(final_t.chunks_mut(row).zip(last.chunks_mut(row)));
+        for ((image, (alpha, depth)), (final_t, last_index)) in parts {
+            bands.push(Band { image, alpha, depth, final_t, last_index });
+        }
+    }
+    let (tiles_x, tiles_y) = (grid.tiles_x(), grid.tiles_y());
+    par::each(bands, |b, mut band| {
+        let camera = b / tiles_y;
+        let local = &splats[camera * n..(camera + 1) * n];
+        let run = |x: usize| {
+            let at = b * tiles_x + x;
+            let entries = plan.tile_start[at] as usize..plan.tile_start[at + 1] as usize;
+            let tile = Tile::new(grid, at % grid.tiles());
+            let list = &plan.tile_entry[entries.clone()];
+            let lines = match grid.tile {
+                8 => finish(&tile_forward::<1, 8>(local, list, &tile, profile, cull, None), background),
+                16 => {
+                    let masks = frozen.map(|f| {
+                        let plane = &f.last_index[camera * pixels..(camera + 1) * pixels];
+                        let last = load_plane::<2, 32>(plane, &tile, grid, -1.0);
+                        (&f.alpha[entries.clone()], &f.cap[entries.clone()], last)
+                    });
+                    finish(&tile_forward::<2, 32>(local, list, &tile, profile, cull, masks), background)
+                }
+                32 => finish(&tile_forward::<4, 128>(local, list, &tile, profile, cull, None), background),
+                other => unreachable!("tile side {other}: settings allow 8, 16 and 32"),
+            };
+            (tile, lines)
+        };
+        for (tile, lines) in par::map(tiles_x, run) {
+            band.store(&tile, &lines, grid.width);
+        }
+    });
+}
+
+/// Per vector: r, g, b over the background, depth, T, last index.
+fn finish<const V: usize>(state: &Forward<V>, background: [f32; 3]) -> Vec<[f32x8; 6]> {
+    let b = background.map(f32x8::splat);
+    (0..V)
+        .map(|v| {
+            let t = state.t[v];
+            let over = |c: usize| state.sums[c][v] + t * b[c];
+            [over(0), over(1), over(2), state.sums[3][v], t, state.last[v]]
+        })
+        .collect()
+}
+
+impl Band<'_> {
+    fn store(&mut self, tile: &Tile, lines: &[[f32x8; 6]], width: usize) {
+        let h_count = lines.len() / tile.side;
+        for r in 0..tile.rows {
+            for h in 0..h_count {
+                let [red, green, blue, depth, t, last] = lines[r * h_count + h].map(f32x8::to_array);
+                for l in 0..Ord::min(8, tile.cols.saturating_sub(8 * h)) {
+                    let at = r * width + tile.x0 + 8 * h + l;
+                    self.image[3 * at..3 * at + 3].copy_from_slice(&[red[l], green[l], blue[l]]);
+                    self.alpha[at] = 1.0 - t[l];
+                    self.depth[at] = depth[l];
+                    self.final_t[at] = t[l];
+                    self.last_index[at] = last[l];
+                }
+            }
+        }
+    }
+}
+
+/// Sums over one (splat, tile), in the order of [`RECORD`].
+pub type Record = [f32; RECORD];
+
+/// Which cotangents are there, and what statistics are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Wanted {
+    depth: bool,
+    abs: bool,
+}
+
+/// State of one tile in the backward walk.
+struct Backward<const V: usize> {
+    /// C̄ per channel, D̄
+    bar: [[f32x8; V]; 4],
+    alpha_bar: [f32x8; V],
+    t: [f32x8; V],
+    /// cotangent of what lies behind
+    behind: [f32x8; V],
+    last: [f32x8; V],
+}
+
+/// Folds the twelve sums of two vector columns over their 16 lanes: l += l+8, then +4, +2, +1.
+#[inline(always)]
+fn fold(left: &[f32x8; RECORD], right: &[f32x8; RECORD]) -> Record {
+    let eight: [f32x8; RECORD] = std::array::from_fn(|i| left[i] + right[i]);
+    let zero = f32x8::splat(0.0);
+    let tree = |rows: [f32x8; 8]| {
+        let r = f32x8::transpose(rows);
+        (((r[0] + r[4]) + (r[2] + r[6])) + ((r[1] + r[5]) + (r[3] + r[7]))).to_array()
+    };
+    let a = tree(std::array::from_fn(|i| eight[i]));
+    let b = tree(std::array::from_fn(|i| if i < RECORD - 8 { eight[8 + i] } else { zero }));
+    std::array::from_fn(|i| if i < 8 { a[i] } else { b[i - 8] })
+}
+
+/// Walks one 16×16 tile back to front and writes one record per entry.
+fn tile_adjoint(
+    splats: &[Splat],
+    list: &[u32],
+    tile: &Tile,
+    profile: &Profile,
+    cull: bool,
+    frozen: Option<(&[[u8; 32]], &[[u8; 32]])>,
+    wanted: Wanted,
+    mut x: Backward<32>,
+    records: &mut [Record],
+) {
+    let zero = f32x8::splat(0.0);
+    // list position behind which a vector holds no included splat
+    let reach: [[i32; 16]; 2] = std::array::from_fn(|h| {
+        std::array::from_fn(|r| x.last[2 * r + h].to_array().into_iter().fold(-1.0_f32, crate::num::order::max) as i32)
+    });
+    let deepest = reach.iter().flatten().fold(-1_i32, |a, &b| Ord::max(a, b));
+    for record in &mut records[(deepest + 1) as usize..] {
+        *record = [0.0; RECORD];
+    }
+    for k in (0..=deepest).rev() {
+        let s = &splats[list[k as usize] as usize];
+        let masks = frozen.map(|f| (&f.0[k as usize], &f.1[k as usize]));
+        let rows_of = spans::<2>(s, tile, cull && frozen.is_none());
+        let mut sums = [[zero; RECORD]; 2];
+        for h in 0..2 {
+            if rows_of[h] == 0 {
+                continue;
+            }
+            let column = Column::new(s, tile.centers(h));
+            let walk = match (s.axis == 0, wanted.depth, wanted.abs) {
+                (true, false, false) => column_adjoint::<true, false, false>,
+                (false, false, false) => column_adjoint::<false, false, false>,
+                (true, true, false) => column_adjoint::<true, true, false>,
+                (false, true, false) => column_adjoint::<false, true, false>,
+                (true, false, true) => column_adjoint::<true, false, true>,
+                (false, false, true) => column_adjoint::<false, false, true>,
+                (true, true, true) => column_adjoint::<true, true, true>,
+                (false, true, true) => column_adjoint::<false, true, true>,
+            };
+            walk(s, &column, h, rows_of[h], k, &reach[h], tile, profile, masks, &mut x, &mut sums[h]);
+        }
+        records[k as usize] = fold(&sums[0], &sums[1]);
+    }
+}
+
+/// One vector column of one entry: a left fold over its rows.
+#[inline(always)]
+fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
+    s: &Splat,
+    column: &Column,
+    h: usize,
+    mut rows: u32,
+    k: i32,
+    reach: &[i32; 16],
+    tile: &Tile,
+    profile: &Profile,
+    masks: Option<(&[u8; 32], &[u8; 32])>,
+    x: &mut Backward<32>,
+    sums: &mut [f32x8; RECORD],
+) {
+    let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
+    let color = s.color.map(f32x8::splat);
+    let z = f32x8::splat(s.z);
+    let index = f32x8::splat(k as f32);
+    let through_cap = profile.inria_bwd;
+    while rows != 0 {
+        let r = rows.trailing_zeros() as usize;
+        rows &= rows - 1;
+        if reach[r] < k {
+            continue;
+        }
+        let v = 2 * r + h;
+        let (w1, w2) = column.whitened::<X>(tile.center_y(r));
+        let (alpha, keep, capped) = decide(column.alpha((w1, w2)), profile, masks, v);
+        let keep = <f32x8 as Real>::and(keep, Real::le(index, x.last[v]));
+        if <f32x8 as Real>::bits(keep) == 0 {
+            continue;
+        }
+        // undo T' = T (1 − α)
+        let rest = one - alpha;
+        let t = Real::select(keep, x.t[v] / rest, x.t[v]);
+        x.t[v] = t;
+        // the splat's colour, depth and presence against the pixel's cotangents
+        let mut e = (color[0] * x.bar[0][v] + color[1] * x.bar[1][v]) + color[2] * x.bar[2][v];
+        if DEPTH {
+            e = (e + z * x.bar[3][v]) + x.alpha_bar[v];
+        }
+        let behind = x.behind[v];
+        let alpha_bar = t * (e - behind);
+        x.behind[v] = Real::select(keep, alpha * e + rest * behind, behind);
+        let weight = Real::select(keep, t * alpha, zero);
+        sums[6] = sums[6] + weight * x.bar[0][v];
+        sums[7] = sums[7] + weight * x.bar[1][v];
+        sums[8] = sums[8] + weight * x.bar[2][v];
+        if DEPTH {
+            sums[9] = sums[9] + weight * x.bar[3][v];
+        }
+        let free = if through_cap { keep } else { Real::select(capped, zero, keep) };
+        let p = Real::select(free, alpha_bar * alpha, zero);
+        let (p1, p2) = (p * w1, p * w2);
+        sums[0] = sums[0] + p;
+        sums[1] = sums[1] + p1;
+        sums[2] = sums[2] + p2;
+        sums[3] = sums[3] + p1 * w1;
+        sums[4] = sums[4] + p1 * w2;
+        sums[5] = sums[5] + p2 * w2;
+        if ABS {
+            let along_q = p2 * column.k2;
+            let along_p = p1 * column.k1 - column.s * along_q;
+            let (ux, uy) = if X { (along_p, along_q) } else { (along_q, along_p) };
+            sums[10] = sums[10] + ux.abs();
+            sums[11] = sums[11] + uy.abs();
+        }
+    }
+}
+
+/// Cotangents of one projected splat.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SplatBar {
+    /// ∂L/∂u, pixels⁻¹
+    pub mean_px: [f32; 2],
+    /// ∂L/∂(s, k1, k2)
+    pub shape: [f32; 3],
+    /// ∂L/∂o of the opacity in [`Splat`]
+    pub opacity: f32,
+    /// ∂L/∂c
+    pub color: [f32; 3],
+    /// ∂L/∂z
+    pub z: f32,
+    /// Σ over pixels of |∂L/∂u|, if asked for
+    pub mean_px_abs: [f32; 2],
+}
+
+impl SplatBar {
+    /// From the sum of a splat's records.
+    pub fn new(s: &Splat, sums: [f64; RECORD]) -> Self {
+        let [p, p1, p2, p11, p12, p22, r, g, b, z, ax, ay] = sums.map(|x| x as f32);
+        let [sh, k1, k2] = s.shape;
+        let (along_p, along_q) = (k1 * p1 - (sh * k2) * p2, k2 * p2);
+        Self {
+            mean_px: if s.axis == 0 { [along_p, along_q] } else { [along_q, along_p] },
+            shape: [(k2 / k1) * p12, -p11 / k1, -p22 / k2],
+            opacity: p / s.opacity,
+            color: [r, g, b],
+            z,
+            mean_px_abs: [ax, ay],
+        }
+    }
+}
+
+/// Sums the records of one Gaussian in slot order; `None` if it is listed nowhere.
+pub fn gather_records(plan: &Plan, records: &[Record], camera_row: usize) -> Option<[f64; RECORD]> {
+    let slots = plan.slot_start[camera_row] as usize..plan.slot_start[camera_row + 1] as usize;
+    if slots.is_empty() {
+        return None;
+    }
+    let mut sum = [0.0_f64; RECORD];
+    for &entry in &plan.entry_of_slot[slots] {
+        for (total, x) in sum.iter_mut().zip(&records[entry as usize]) {
+            *total += f64::from(*x);
+        }
+    }
+    Some(sum)
+}
+
+/// Walks C pictures back to front: one record per entry into `records`, and the gradient of the background.
+///
+/// Tiles of 16 only. `abs` also fills the sums of |ū|.
+pub fn adjoint(
+    splats: &[Splat],
+    n: usize,
+    plan: &Plan,
+    grid: &Grid,
+    profile: &Profile,
+    background: [f32; 3],
+    cull: bool,
+    frozen: Option<FrozenMasks<'_>>,
+    saved: &Saved,
+    out_bar: OutBar<'_>,
+    abs: bool,
+    records: &mut Vec<Record>,
+) -> [f32; 3] {
+    assert_eq!(grid.tile, 16, "gradient records are those of 16x16 tiles");
+    let pixels = grid.width * grid.height;
+    records.resize(plan.tile_entry.len(), [0.0; RECORD]);
+    let mut parts: Vec<&mut [Record]> = Vec::with_capacity(plan.tile_start.len() - 1);
+    let mut rest: &mut [Record] = records;
+    for pair in plan.tile_start.windows(2) {
+        let (part, tail) = rest.split_at_mut((pair[1] - pair[0]) as usize);
+        parts.push(part);
+        rest = tail;
+    }
+    let wanted = Wanted { depth: out_bar.depth.is_some() || out_bar.alpha.is_some(), abs };
+    let b = background.map(f32x8::splat);
+    par::each(parts, |at, part| {
+        let camera = at / grid.tiles();
+        let tile = Tile::new(grid, at % grid.tiles());
+        let entries = plan.tile_start[at] as usize..plan.tile_start[at + 1] as usize;
+        let plane = |p: &[f32], outside| {
+            load_plane::<2, 32>(&p[camera * pixels..(camera + 1) * pixels], &tile, grid, outside)
+        };
+        let zero = [f32x8::splat(0.0); 32];
+        let mut bar = [zero; 4];
+        if let Some(image) = out_bar.image {
+            load_image(&image[camera * pixels * 3..(camera + 1) * pixels * 3], &tile, grid, &mut bar);
+        }
+        if let Some(depth) = out_bar.depth {
+            bar[3] = plane(depth, 0.0);
+        }
+        let state = Backward {
+            alpha_bar: out_bar.alpha.map_or(zero, |a| plane(a, 0.0)),
+            behind: std::array::from_fn(|v| (b[0] * bar[0][v] + b[1] * bar[1][v]) + b[2] * bar[2][v]),
+            bar,
+            t: plane(&saved.final_t, 1.0),
+            last: plane(&saved.last_index, -1.0),
+        };
+        let masks = frozen.map(|f| (&f.alpha[entries.clone()], &f.cap[entries.clone()]));
+        let local = &splats[camera * n..(camera + 1) * n];
+        tile_adjoint(local, &plan.tile_entry[entries], &tile, profile, cull, masks, wanted, state, part);
+    });
+    background_adjoint(saved, out_bar.image)
+}
+
+/// b̄ = Σ T_end C̄: rows of 4096 pixels in f64, a left fold each, then the pairwise tree.
+fn background_adjoint(saved: &Saved, image_bar: Option<&[f32]>) -> [f32; 3] {
+    const RUN: usize = 4096;
+    let Some(image) = image_bar else { return [0.0; 3] };
+    let parts = par::map(saved.final_t.len().div_ceil(RUN), |i| {
+        let (t, g) = (&saved.final_t[i * RUN..], &image[3 * i * RUN..]);
+        t.iter().zip(g.as_chunks::<3>().0).take(RUN).fold([0.0_f64; 3], |sum, (&t, g)| {
+            std::array::from_fn(|c| sum[c] + f64::from(t) * f64::from(g[c]))
+        })
+    });
+    std::array::from_fn(|c| {
+        let mut level: Vec<f64> = parts.iter().map(|p| p[c]).collect();
+        while level.len() > 1 {
+            level = level.chunks(2).map(|p| if p.len() == 2 { p[0] + p[1] } else { p[0] }).collect();
+        }
+        level.first().copied().unwrap_or(0.0) as f32
+    })
+}
+
+/// The three channels of a (H, W, 3) picture under a tile; 0 outside.
+fn load_image(image: &[f32], tile: &Tile, grid: &Grid, bar: &mut [[f32x8; 32]; 4]) {
+    for r in 0..tile.rows {
+        let row = image[3 * ((tile.y0 + r) * grid.width + tile.x0)..][..3 * tile.cols].as_chunks::<3>().0;
+        for h in 0..2 {
+            let part = row.get(8 * h..).unwrap_or(&[]);
+            for (c, plane) in bar.iter_mut().take(3).enumerate() {
+                plane[2 * r + h] = f32x8::from_fn(|l| part.get(l).map_or(0.0, |p| p[c]));
+            }
+        }
+    }
+}

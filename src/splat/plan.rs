@@ -1,0 +1,376 @@
+//! Everything discrete about one rendering, decided once and stored: order, tile lists, emission slots.
+//!
+//! A **pair** is a Gaussian listed in a tile. Pairs are emitted camera by camera, in Gaussian order, inside a Gaussian by
+//! tile row-major: the running number is the pair's **slot**, where its gradient record is summed in order. Tile lists
+//! hold the same pairs sorted by (tile, z, index): the running number there is the pair's **entry**.
+//!
+//! ```text
+//! order         (V)       visible Gaussians of each camera by (z, index); camera_start (C+1) bounds them
+//! tile_start    (C·TY·TX+1) bounds of each tile's list;  tile_entry (E) Gaussian index
+//! entry_of_slot (E)       where a slot's pair ended up;   slot_start (C·N+1) bounds of each Gaussian's slots
+//! ```
+//!
+//! # Footprint
+//! A pixel belongs to a splat iff α ≥ α_min, which `blend` tests. Tile lists and row spans only skip what that test would
+//! reject: they use the ellipse of Mahalanobis radius `cut` inflated by more than every rounding error of the exponent
+//! (1e-3 plus 1e-6 of the splat's extent in its narrow unit). Profile `inria` lists the tiles of its 3σ square instead.
+//!
+//! # Rounding
+//! Integers throughout, but for the ellipse bounds, which decide nothing that can be seen.
+
+use crate::num::{order, par};
+use crate::scene::profile::{Footprint, Profile};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// What `blend` needs to know about one Gaussian in one picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Splat {
+    /// Centre, pixels.
+    pub mean_px: [f32; 2],
+    /// (s, k1, k2); k1 = 0 marks a Gaussian that is not visible.
+    pub shape: [f32; 3],
+    /// Opacity, antialiasing included.
+    pub opacity: f32,
+    /// Mahalanobis radius of the footprint; negative = none.
+    pub cut: f32,
+    /// Colour.
+    pub color: [f32; 3],
+    /// Depth.
+    pub z: f32,
+    /// Pivot axis, 0 = x, 1 = y.
+    pub axis: u32,
+}
+
+impl Splat {
+    /// near ≤ z ≤ far.
+    pub fn is_visible(&self) -> bool {
+        self.shape[1] > 0.0
+    }
+}
+
+/// Bounds of the footprint, all in pixels relative to the centre.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Ellipse {
+    /// inflated Mahalanobis radius, squared
+    pub(crate) r2: f32,
+    /// 1/Σ'yy
+    pub(crate) inv_yy: f32,
+    /// Σ'xy/Σ'yy: centre of a row's span per pixel of dy
+    pub(crate) slope: f32,
+    /// det/Σ'yy: squared half-width of the central row per r²
+    pub(crate) half2: f32,
+    /// slack of the span, pixels
+    pub(crate) margin: f32,
+    r: f32,
+    xx: f32,
+    yy: f32,
+    xy: f32,
+    det: f32,
+}
+
+impl Ellipse {
+    pub(crate) fn new(s: &Splat) -> Self {
+        let [sh, k1, k2] = s.shape;
+        let pp = 1.0 / (k1 * k1);
+        let rest = 1.0 / (k2 * k2); // det/Σ'pp
+        let qq = rest + (sh * sh) * pp;
+        let pq = sh * pp;
+        let (xx, yy) = if s.axis == 0 { (pp, qq) } else { (qq, pp) };
+        let cut = order::max(s.cut, 0.0);
+        let r = (cut + 1e-3) + 1e-6 * (cut * qq.sqrt() * k2);
+        let det = pp * rest;
+        Self {
+            r2: r * r,
+            inv_yy: 1.0 / yy,
+            slope: pq / yy,
+            half2: det / yy,
+            margin: 0.01 + 2e-6 * (r * xx.sqrt()),
+            r,
+            xx,
+            yy,
+            xy: pq,
+            det,
+        }
+    }
+
+    /// Rightmost extent over rows dy ∈ [lo, hi] (`sign` = 1), or leftmost, mirrored (`sign` = −1).
+    fn reach(&self, lo: f32, hi: f32, sign: f32) -> f32 {
+        let tip = sign * (self.r * self.xy / self.xx.sqrt());
+        let dy = order::clamp(tip, lo, hi);
+        let inside = order::max(self.r2 - (dy * dy) * self.inv_yy, 0.0);
+        sign * (self.slope * dy) + (inside * self.half2).sqrt() + self.margin
+    }
+
+    /// Half-widths in whole pixels; see [`super::project`].
+    pub(crate) fn radii(&self, profile: &Profile, s: &Splat, size: [f32; 2]) -> [i32; 2] {
+        if s.cut < 0.0 {
+            return [0, 0];
+        }
+        let ceil = |x: f32| order::min(x, 1e9).ceil() as i32;
+        let r = match profile.footprint {
+            Footprint::Alpha => [ceil(s.cut * self.xx.sqrt()), ceil(s.cut * self.yy.sqrt())],
+            Footprint::Inria3Sigma => {
+                let mid = 0.5 * (self.xx + self.yy);
+                let largest = mid + order::max(mid * mid - self.det, 0.1).sqrt();
+                [ceil(3.0 * largest.sqrt()); 2]
+            }
+        };
+        let hits = (0..2).all(|i| s.mean_px[i] + r[i] as f32 > 0.0 && s.mean_px[i] - (r[i] as f32) < size[i]);
+        if hits { r } else { [0, 0] }
+    }
+}
+
+/// Picture size and tile grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Grid {
+    /// pixels
+    pub width: usize,
+    /// pixels
+    pub height: usize,
+    /// tile side, pixels
+    pub tile: usize,
+}
+
+impl Grid {
+    /// Tiles per row.
+    pub fn tiles_x(&self) -> usize {
+        self.width.div_ceil(self.tile)
+    }
+    /// Rows of tiles.
+    pub fn tiles_y(&self) -> usize {
+        self.height.div_ceil(self.tile)
+    }
+    /// Tiles of one picture.
+    pub fn tiles(&self) -> usize {
+        self.tiles_x() * self.tiles_y()
+    }
+}
+
+/// Discrete decisions of one rendering of C cameras.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plan {
+    /// (V) visible Gaussians by (z, index), cameras concatenated.
+    pub order: Vec<u32>,
+    /// (C+1)
+    pub camera_start: Vec<u32>,
+    /// (C·TY·TX+1)
+    pub tile_start: Vec<u32>,
+    /// (E) Gaussian of each entry.
+    pub tile_entry: Vec<u32>,
+    /// (C·N+1) first slot of each Gaussian in each camera.
+    pub slot_start: Vec<u32>,
+    /// (E) entry of each slot.
+    pub entry_of_slot: Vec<u32>,
+}
+
+impl Plan {
+    /// (E) slot of each entry: the inverse of `entry_of_slot`.
+    pub fn entry_slot(&self) -> Vec<u32> {
+        let mut out = vec![0; self.entry_of_slot.len()];
+        for (slot, &entry) in self.entry_of_slot.iter().enumerate() {
+            out[entry as usize] = slot as u32;
+        }
+        out
+    }
+}
+
+/// Gaussians per task; fixed.
+const CHUNK: usize = 1024;
+/// Segments of the depth order that fill tile lists side by side; fixed.
+const SEGMENTS: usize = 16;
+
+/// Tiles of one Gaussian, row-major, pushed onto `tiles`.
+fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut Vec<u32>) {
+    let (tx, ty) = (grid.tiles_x() as i32, grid.tiles_y() as i32);
+    let e = Ellipse::new(s);
+    let radii = e.radii(profile, s, [grid.width as f32, grid.height as f32]);
+    if radii == [0, 0] {
+        return;
+    }
+    let side = grid.tile as f32;
+    let [mx, my] = s.mean_px;
+    // tiles whose pixel centres (first at ½, last at side − ½) meet the interval [lo, hi]
+    let first = |lo: f32| order::clamp(((lo - (side - 0.5)) / side).ceil(), 0.0, 1e6) as i32;
+    let last = |hi: f32, n: i32| order::min(order::clamp(((hi - 0.5) / side).floor(), -1.0, 1e6) as i32, n - 1);
+    match profile.footprint {
+        Footprint::Inria3Sigma => {
+            // that program's rectangle: its pixel positions are ours minus ½, its tiles always 16 wide, its
+            // upper bound rounded up by a whole tile
+            let r = radii[0] as f32;
+            let bound = |v: f32, n: i32| order::clamp((v / 16.0).trunc(), 0.0, n as f32) as i32;
+            let inria_x = (grid.width as i32 + 15) / 16;
+            let inria_y = (grid.height as i32 + 15) / 16;
+            let (x0, x1) = (bound(mx - 0.5 - r, inria_x), bound(mx - 0.5 + r + 15.0, inria_x));
+            let (y0, y1) = (bound(my - 0.5 - r, inria_y), bound(my - 0.5 + r + 15.0, inria_y));
+            for y in y0..y1 {
+                for x in x0..x1 {
+                    tiles.push((y * tx + x) as u32);
+                }
+            }
+        }
+        Footprint::Alpha => {
+            let top = e.r * e.yy.sqrt() + e.margin;
+            for y in first(my - top)..=last(my + top, ty) {
+                let (lo, hi) = (y as f32 * side + 0.5 - my, (y as f32 + 1.0) * side - 0.5 - my);
+                let (lo, hi) = (order::max(lo, -top), order::min(hi, top));
+                let (x0, x1) = if cull {
+                    (first(mx - e.reach(lo, hi, -1.0)), last(mx + e.reach(lo, hi, 1.0), tx))
+                } else {
+                    let wide = e.r * e.xx.sqrt() + e.margin;
+                    (first(mx - wide), last(mx + wide, tx))
+                };
+                for x in x0..=x1 {
+                    tiles.push((y * tx + x) as u32);
+                }
+            }
+        }
+    }
+}
+
+/// Indices of the visible splats by (z, index).
+fn depth_order(splats: &[Splat]) -> Vec<u32> {
+    let key = |(i, s): (usize, &Splat)| (u64::from(order::key_f32(s.z)) << 32) | i as u64;
+    let mut keys: Vec<u64> = splats.iter().enumerate().filter(|(_, s)| s.is_visible()).map(key).collect();
+    let mut runs: Vec<&mut [u64]> = keys.chunks_mut(SORT_RUN).collect();
+    par::chunks_mut(&mut runs, 1, |_, run| radix_sort(run[0]));
+    let runs: Vec<&[u64]> = keys.chunks(SORT_RUN).collect();
+    merge_runs(&runs).into_iter().map(|k| k as u32).collect()
+}
+
+/// Keys sorted by one task; fixed.
+const SORT_RUN: usize = 1 << 15;
+
+/// Sorts by the upper 32 bits, stable, so that the index order of the input breaks ties: four passes of 8 bits.
+fn radix_sort(keys: &mut [u64]) {
+    let mut other = vec![0_u64; keys.len()];
+    for pass in 0..4 {
+        let shift = 32 + 8 * pass;
+        let (from, to): (&[u64], &mut [u64]) = if pass % 2 == 0 { (keys, &mut other) } else { (&other, keys) };
+        let mut start = [0_usize; 256];
+        for k in from {
+            start[(k >> shift & 255) as usize] += 1;
+        }
+        let mut sum = 0;
+        for s in &mut start {
+            (*s, sum) = (sum, sum + *s);
+        }
+        for &k in from {
+            let slot = &mut start[(k >> shift & 255) as usize];
+            to[*slot] = k;
+            *slot += 1;
+        }
+    }
+}
+
+/// Merges sorted runs pairwise; keys are unique, so there is one result.
+fn merge_runs(runs: &[&[u64]]) -> Vec<u64> {
+    match runs {
+        [] => Vec::new(),
+        [one] => one.to_vec(),
+        _ => {
+            let (l, r) = runs.split_at(runs.len() / 2);
+            let (a, b) = par::join(|| merge_runs(l), || merge_runs(r));
+            let mut out = Vec::with_capacity(a.len() + b.len());
+            let (mut i, mut j) = (0, 0);
+            while i < a.len() && j < b.len() {
+                let take_a = a[i] < b[j];
+                out.push(if take_a { a[i] } else { b[j] });
+                i += usize::from(take_a);
+                j += usize::from(!take_a);
+            }
+            out.extend_from_slice(&a[i..]);
+            out.extend_from_slice(&b[j..]);
+            out
+        }
+    }
+}
+
+/// Makes the plan of C pictures; `splats` is (C, N).
+///
+/// `cull` chooses between exact ellipses and bounding boxes for the tile lists: never visible in the result.
+pub fn build(splats: &[Splat], n: usize, grid: &Grid, profile: &Profile, cull: bool) -> Plan {
+    let cameras = splats.len().checked_div(n).unwrap_or(0);
+    let mut plan = Plan { camera_start: vec![0], tile_start: vec![0], slot_start: vec![0], ..Plan::default() };
+    for camera in 0..cameras {
+        append_camera(&mut plan, &splats[camera * n..(camera + 1) * n], grid, profile, cull);
+    }
+    plan
+}
+
+fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profile, cull: bool) {
+    let n = splats.len();
+    // 1. tiles of every Gaussian, in slot order
+    let chunks: Vec<(Vec<u32>, Vec<u32>)> = par::map(n.div_ceil(CHUNK), |c| {
+        let rows = &splats[c * CHUNK..order::min((c + 1) * CHUNK, n)];
+        let mut tiles = Vec::with_capacity(4 * rows.len());
+        let ends = rows
+            .iter()
+            .map(|s| {
+                if s.is_visible() {
+                    list_tiles(s, profile, grid, cull, &mut tiles);
+                }
+                tiles.len() as u32
+            })
+            .collect();
+        (tiles, ends)
+    });
+    let slot_base = plan.entry_of_slot.len() as u32;
+    let mut base = slot_base;
+    for (tiles, ends) in &chunks {
+        plan.slot_start.extend(ends.iter().map(|e| base + e));
+        base += tiles.len() as u32;
+    }
+    let pairs = (base - slot_base) as usize;
+    let first_row = plan.slot_start.len() - 1 - n;
+    let starts = &plan.slot_start[first_row..];
+    let tiles_of = |g: usize| {
+        let (tiles, ends) = &chunks[g / CHUNK];
+        let from = if g.is_multiple_of(CHUNK) { 0 } else { ends[g % CHUNK - 1] as usize };
+        &tiles[from..ends[g % CHUNK] as usize]
+    };
+    // 2. depth order
+    let order = depth_order(splats);
+    // 3. how many pairs each segment of the order puts into each tile
+    let len = order.len().div_ceil(SEGMENTS);
+    let segment = |s: usize| &order[Ord::min(s * len, order.len())..Ord::min((s + 1) * len, order.len())];
+    let mut cursors: Vec<Vec<u32>> = par::map(SEGMENTS, |s| {
+        let mut count = vec![0_u32; grid.tiles()];
+        for &g in segment(s) {
+            for &t in tiles_of(g as usize) {
+                count[t as usize] += 1;
+            }
+        }
+        count
+    });
+    // 4. where each segment starts in each tile
+    let entry_base = plan.tile_entry.len() as u32;
+    let mut next = 0_u32;
+    for t in 0..grid.tiles() {
+        for cursor in &mut cursors {
+            (cursor[t], next) = (next, next + cursor[t]);
+        }
+        plan.tile_start.push(entry_base + next);
+    }
+    // 5. fill: every entry and every slot is written exactly once, so relaxed stores of integers suffice
+    let entries: Vec<AtomicU32> = zeroed(pairs);
+    let of_slot: Vec<AtomicU32> = zeroed(pairs);
+    par::each(cursors, |s, mut cursor| {
+        for &g in segment(s) {
+            let slot = (starts[g as usize] - slot_base) as usize;
+            for (k, &t) in tiles_of(g as usize).iter().enumerate() {
+                let at = cursor[t as usize];
+                cursor[t as usize] += 1;
+                entries[at as usize].store(g, Ordering::Relaxed);
+                of_slot[slot + k].store(entry_base + at, Ordering::Relaxed);
+            }
+        }
+    });
+    plan.tile_entry.extend(entries.into_iter().map(AtomicU32::into_inner));
+    plan.entry_of_slot.extend(of_slot.into_iter().map(AtomicU32::into_inner));
+    plan.order.extend(order);
+    plan.camera_start.push(plan.order.len() as u32);
+}
+
+fn zeroed(n: usize) -> Vec<AtomicU32> {
+    std::iter::repeat_with(AtomicU32::default).take(n).collect()
+}
