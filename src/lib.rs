@@ -5,6 +5,8 @@ pub mod error;
 pub mod num;
 
 pub use error::{Error, Result};
+#[doc(hidden)]
+pub mod cli;
 pub mod fit;
 pub mod io;
 pub mod loss;
@@ -16,5 +18,3 @@ pub mod oracle;
 pub mod scene;
 pub mod splat;
 pub mod tape;
-#[doc(hidden)]
-pub mod cli;
