@@ -5,8 +5,6 @@ pub mod error;
 pub mod num;
 
 pub use error::{Error, Result};
-#[doc(hidden)]
-pub mod cli;
 pub mod fit;
 pub mod io;
 pub mod loss;
@@ -18,3 +16,5 @@ pub mod oracle;
 pub mod scene;
 pub mod splat;
 pub mod tape;
+#[doc(hidden)]
+pub mod cli;
