@@ -1,1 +1,3 @@
-//! (in work)
+//! Layers of both systems. Level 4.
+
+pub mod linear;

@@ -6,7 +6,8 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-pub use wide::{f32x8, f64x4, i32x8, u32x8};
+use super::double::{Body, BodyPair};
+pub use wide::{f32x8, f64x4, i32x8, u32x8, u64x4};
 
 /// Lanes of single precision: `f32` (1) or [`f32x8`] (8).
 pub trait Real:
@@ -46,6 +47,15 @@ pub trait Real:
     fn bits(mask: Self::Mask) -> u32;
     /// 2ⁿ for integral n in −126..=127, by building the exponent field.
     fn exp2_int(n: Self) -> Self;
+    /// self·2ⁿ by integer addition to the exponent field, where `rounded` = n + 1.5·2²³ (so that n stands in its
+    /// lowest bits). Exact while `self` and the result are normal numbers.
+    fn scale_exp2(self, rounded: Self) -> Self;
+    /// `self` limited to `lo..=hi`; NaN stays NaN. The bounds are not zero, so no tie of zeros can arise.
+    fn clamp(self, lo: f32, hi: f32) -> Self;
+    /// Converts every lane to f64 (exact), applies the body, rounds once.
+    fn through_f64<F: Body>(self) -> Self;
+    /// The same for two arguments.
+    fn through_f64_pair<F: BodyPair>(self, other: Self) -> Self;
     /// Smaller one; a tie gives `self`.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
@@ -121,6 +131,22 @@ impl Real for f32 {
     fn exp2_int(n: Self) -> Self {
         f32::from_bits((((n as i32) + 127) as u32) << 23)
     }
+    #[inline(always)]
+    fn scale_exp2(self, rounded: Self) -> Self {
+        f32::from_bits(self.to_bits().wrapping_add(rounded.to_bits() << 23))
+    }
+    #[inline(always)]
+    fn clamp(self, lo: f32, hi: f32) -> Self {
+        super::order::clamp(self, lo, hi)
+    }
+    #[inline(always)]
+    fn through_f64<F: Body>(self) -> Self {
+        F::at(f64::from(self)) as f32
+    }
+    #[inline(always)]
+    fn through_f64_pair<F: BodyPair>(self, other: Self) -> Self {
+        F::at(f64::from(self), f64::from(other)) as f32
+    }
 }
 
 impl Real for f32x8 {
@@ -187,4 +213,51 @@ impl Real for f32x8 {
         let e = n.fast_trunc_int() + i32x8::splat(127);
         wide::bytemuck::cast(e << 23)
     }
+    #[inline(always)]
+    fn scale_exp2(self, rounded: Self) -> Self {
+        let p: u32x8 = wide::bytemuck::cast(self);
+        let n: u32x8 = wide::bytemuck::cast(rounded);
+        wide::bytemuck::cast(p + (n << 23))
+    }
+    #[inline(always)]
+    fn clamp(self, lo: f32, hi: f32) -> Self {
+        // The second operand is what x86 returns for a NaN.
+        f32x8::splat(lo).fast_max(f32x8::splat(hi).fast_min(self))
+    }
+    #[inline(always)]
+    fn through_f64<F: Body>(self) -> Self {
+        let (lo, hi) = widen(self);
+        narrow(F::at(lo), F::at(hi))
+    }
+    #[inline(always)]
+    fn through_f64_pair<F: BodyPair>(self, other: Self) -> Self {
+        let ((x0, x1), (y0, y1)) = (widen(self), widen(other));
+        narrow(F::at(x0, y0), F::at(x1, y1))
+    }
+}
+
+/// Eight single-precision lanes as two times four doubles.
+#[inline(always)]
+fn widen(x: f32x8) -> (f64x4, f64x4) {
+    let x = x.to_array();
+    let four = |i: usize| {
+        f64x4::new([f64::from(x[i]), f64::from(x[i + 1]), f64::from(x[i + 2]), f64::from(x[i + 3])])
+    };
+    (four(0), four(4))
+}
+
+/// Two times four doubles, each rounded to single precision.
+#[inline(always)]
+fn narrow(lo: f64x4, hi: f64x4) -> f32x8 {
+    let (l, h) = (lo.to_array(), hi.to_array());
+    f32x8::new([
+        l[0] as f32,
+        l[1] as f32,
+        l[2] as f32,
+        l[3] as f32,
+        h[0] as f32,
+        h[1] as f32,
+        h[2] as f32,
+        h[3] as f32,
+    ])
 }

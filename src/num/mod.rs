@@ -3,14 +3,15 @@
 //! ```text
 //! env      probe: refuse a thread whose floating-point environment is not the default one
 //! lanes    one body for f32 and f32x8         order   comparisons with a tie rule
-//! elem     elementary functions, own bodies   sum     16 logical lanes, pairwise trees
-//! gemm     matrix products: one chain per output element, k ascending
+//! double   one body for f64 and f64x4         sum     16 logical lanes, pairwise trees
+//! elem     elementary functions, own bodies   gemm    matrix products: one chain per output element, k ascending
 //! rng      Philox4x32-10, uniforms, normals   par     ordered maps over fixed chunks
 //! bits     digests, ULP distance              array   named arrays at the border of the library
 //! ```
 
 pub mod array;
 pub mod bits;
+pub mod double;
 pub mod elem;
 pub mod env;
 pub mod gemm;

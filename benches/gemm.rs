@@ -1,0 +1,120 @@
+//! Matrix products against the multiply-add peak of this machine, both measured in turn in one run.
+//!
+//! `cargo bench --bench gemm` prints the ratio, then criterion's figures. `LASTLIGHT_BENCH_SMOKE=1` makes it quick.
+#![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
+#![expect(clippy::disallowed_types, reason = "a bench reads the clock")]
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use lastlight::nn::linear;
+use lastlight::num::{lanes::f32x8, par, rng::Rng};
+use std::hint::black_box;
+use std::time::{Duration, Instant};
+
+fn smoke() -> bool {
+    std::env::var_os("LASTLIGHT_BENCH_SMOKE").is_some_and(|v| v == "1")
+}
+
+fn values(n: usize, item: u64) -> Vec<f32> {
+    let rng = Rng::new(1);
+    (0..n).map(|i| rng.uniform_f32(i as u64, 0, 1, item as u16) - 0.5).collect()
+}
+
+/// 14 independent chains of unfused multiply-adds in registers; floating-point operations per second of one thread.
+#[inline(never)]
+fn chains(rounds: usize) -> f32x8 {
+    let x = black_box(f32x8::splat(0.999_9));
+    let y = black_box(f32x8::splat(1e-4));
+    let mut acc = [f32x8::ZERO; 14];
+    for _ in 0..rounds {
+        for a in &mut acc {
+            *a = *a * x + y;
+        }
+    }
+    acc.into_iter().fold(f32x8::ZERO, |s, a| s + a)
+}
+
+fn seconds(f: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    f();
+    start.elapsed().as_secs_f64()
+}
+
+/// Multiply-add peak of `threads` threads together, in GFLOP/s.
+fn peak(threads: usize) -> f64 {
+    const ROUNDS: usize = 400_000;
+    let s = seconds(|| {
+        black_box(par::map(threads, |_| chains(ROUNDS)));
+    });
+    (threads * ROUNDS * 14 * 8 * 2) as f64 / s * 1e-9
+}
+
+fn median(mut x: Vec<f64>) -> f64 {
+    x.sort_by(f64::total_cmp);
+    x[x.len() / 2]
+}
+
+/// Forward pass of `nn.linear`, in GFLOP/s.
+fn linear_rate(m: usize, n: usize, k: usize, buffers: &mut [Vec<f32>; 4]) -> f64 {
+    let [x, weight, bias, y] = buffers;
+    let s = seconds(|| linear::forward(linear::In { x, weight, bias, m, n, k }, y));
+    black_box(&y);
+    (2 * m * n * k) as f64 / s * 1e-9
+}
+
+fn ratios(threads: usize) {
+    let runs = if smoke() { 3 } else { 21 };
+    println!(
+        "threads {threads}: unfused multiply-add peak and nn.linear forward, GFLOP/s, medians of {runs} interleaved runs"
+    );
+    for (m, n, k) in [
+        (256, 256, 256),
+        (512, 512, 512),
+        (1024, 1024, 1024),
+        (2048, 2048, 512),
+        (6144, 32, 64),
+        (6144, 64, 64),
+    ] {
+        let mut buffers = [values(m * k, 0), values(n * k, 1), values(n, 2), vec![0.0; m * n]];
+        let (mut peaks, mut rates, mut shares) = (vec![], vec![], vec![]);
+        linear_rate(m, n, k, &mut buffers);
+        for _ in 0..runs {
+            let before = peak(threads);
+            let rate = linear_rate(m, n, k, &mut buffers);
+            let after = peak(threads);
+            peaks.push(before);
+            rates.push(rate);
+            shares.push(rate / (0.5 * (before + after)));
+        }
+        let best = rates.iter().copied().fold(0.0, f64::max) / peaks.iter().copied().fold(0.0, f64::max);
+        println!(
+            "  {m:>5} x {n:>5} x {k:>5}: {:>6.1} of {:>6.1}, ratio {:.3} (best against best {best:.3})",
+            median(rates),
+            median(peaks),
+            median(shares)
+        );
+    }
+}
+
+fn bench(c: &mut Criterion) {
+    for threads in [1, par::threads()] {
+        par::with_threads(threads, || ratios(threads))
+            .expect("the floating-point environment is the default one");
+    }
+    let mut group = c.benchmark_group("nn.linear forward");
+    if smoke() {
+        group
+            .sample_size(10)
+            .warm_up_time(Duration::from_millis(50))
+            .measurement_time(Duration::from_millis(200));
+    }
+    for size in [256, 1024] {
+        let (m, n, k) = (size, size, size);
+        let mut buffers = [values(m * k, 0), values(n * k, 1), values(n, 2), vec![0.0; m * n]];
+        group.throughput(criterion::Throughput::Elements((2 * m * n * k) as u64));
+        group.bench_function(format!("{m}x{n}x{k}"), |b| b.iter(|| linear_rate(m, n, k, &mut buffers)));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, bench);
+criterion_main!(benches);

@@ -1,0 +1,262 @@
+//! The bodies: functions of f64 lanes, written once for every width, from `+ − × ÷ √`, selections and integers.
+//!
+//! Arguments are single-precision numbers converted exactly; results are good to a few units of 2⁻⁵² and are
+//! rounded once to single precision by the caller. Polynomials are minimax fits (Remez, 50 digits) whose error is
+//! given beside them; they are evaluated by Horner's rule.
+
+use crate::num::double::{Body, BodyPair, Double};
+
+/// 1.5·2⁵²: adding it rounds to an integer, which then stands in the lowest bits.
+pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
+/// The first 44 bits of ln 2 and the rest.
+const LN2_HI: f64 = 0.693_147_180_559_890_3;
+const LN2_LO: f64 = 5.497_923_018_708_371e-14;
+pub(super) const SIGN: u64 = 1 << 63;
+/// Bits of 1, and of √½: the fraction of a logarithm's argument is taken in √½..√2.
+const ONE: u64 = 0x3ff0_0000_0000_0000;
+const SQRT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
+
+#[inline(always)]
+pub(super) fn horner<W: Double>(x: W, c: &[f64]) -> W {
+    let (last, rest) = c.split_last().expect("a polynomial has a coefficient");
+    rest.iter().rev().fold(W::splat(*last), |acc, &k| acc * x + W::splat(k))
+}
+
+/// `x` limited to `lo..=hi`; NaN stays.
+#[inline(always)]
+pub(super) fn clamp<W: Double>(x: W, lo: f64, hi: f64) -> W {
+    let x = W::select(x.lt(W::splat(lo)), W::splat(lo), x);
+    W::select(x.gt(W::splat(hi)), W::splat(hi), x)
+}
+
+/// `magnitude` (not negative) with the sign of `x`.
+#[inline(always)]
+pub(super) fn with_sign<W: Double>(magnitude: W, x: W) -> W {
+    W::from_bits(W::xor_bits(magnitude.to_bits(), W::and_const(x.to_bits(), SIGN)))
+}
+
+/// n and r of x = n·ln 2 + r, |r| ≤ ½ ln 2 (a little more); n as the float n + 1.5·2⁵².
+#[inline(always)]
+fn split_exp<W: Double>(x: W) -> (W, W) {
+    let t = x * W::splat(std::f64::consts::LOG2_E) + W::splat(ROUND);
+    let n = t - W::splat(ROUND);
+    (t, (x - n * W::splat(LN2_HI)) - n * W::splat(LN2_LO))
+}
+
+/// (eʳ − 1 − r)/r² on |r| ≤ ½ ln 2, error 2⁻⁵¹.
+const EXP: [f64; 9] = [
+    0.499_999_999_999_989_8,
+    0.166_666_666_666_222_6,
+    0.041_666_666_667_814_89,
+    0.008_333_333_366_555_834,
+    0.001_388_888_856_437_904_1,
+    0.000_198_411_905_932_307_72,
+    2.480_190_625_581_136e-5,
+    2.763_289_476_105_059e-6,
+    2.747_994_620_637_916_5e-7,
+];
+
+/// eˣ for |x| ≤ 700.
+#[inline(always)]
+fn exp_core<W: Double>(x: W) -> W {
+    let (t, r) = split_exp(x);
+    let p = W::splat(1.0) + (r + r * r * horner(r, &EXP));
+    W::from_bits(W::add_bits(p.to_bits(), W::shl(t.to_bits(), 52)))
+}
+
+/// eˣ − 1 for |x| ≤ 700: 2ⁿ(eʳ − 1) + (2ⁿ − 1).
+#[inline(always)]
+fn expm1_core<W: Double>(x: W) -> W {
+    let (t, r) = split_exp(x);
+    let p = r + r * r * horner(r, &EXP);
+    let two_n = W::from_bits(W::add_const(W::shl(t.to_bits(), 52), ONE));
+    two_n * p + (two_n - W::splat(1.0))
+}
+
+/// (2 artanh s − 2s)/s³ in z = s² for s = f/(2 + f), 1 + f in √½..√2; error 2⁻⁵⁸.
+const LOG: [f64; 7] = [
+    0.666_666_666_666_667_9,
+    0.399_999_999_997_638_74,
+    0.285_714_286_691_469_53,
+    0.222_222_056_965_483_7,
+    0.181_832_117_516_796_84,
+    0.153_226_778_323_576_56,
+    0.147_130_893_219_120_85,
+];
+
+/// k and f of u = 2ᵏ(1 + f) with 1 + f in √½..√2, for positive normal u.
+#[inline(always)]
+fn split_log<W: Double>(u: W) -> (W, W) {
+    let b = W::add_const(u.to_bits(), ONE - SQRT_HALF); // its exponent field is k + 1023
+    // 2⁵² + (k + 1023) has k + 1023 in its lowest bits.
+    let k = W::from_bits(W::or_const(W::shr(b, 52), 0x4330_0000_0000_0000))
+        - W::splat(4_503_599_627_370_496.0 + 1023.0);
+    let m = W::from_bits(W::add_const(W::and_const(b, (1 << 52) - 1), SQRT_HALF));
+    (k, m - W::splat(1.0))
+}
+
+/// k ln 2 + ln(1 + f).
+#[inline(always)]
+fn join_log<W: Double>(k: W, f: W) -> W {
+    let s = f / (W::splat(2.0) + f);
+    let z = s * s;
+    k * W::splat(std::f64::consts::LN_2) + (W::splat(2.0) * s + s * z * horner(z, &LOG))
+}
+
+/// ln(1 + x) for x > −1, finite; good to full relative accuracy near 0.
+#[inline(always)]
+fn log1p_core<W: Double>(x: W) -> W {
+    let (k, f) = split_log(W::splat(1.0) + x);
+    // For k = 0, f is x up to the rounding of 1 + x: take x itself.
+    join_log(k, W::select(k.eq(W::splat(0.0)), x, f))
+}
+
+/// A logarithm's value at the ends of its domain: −∞ at `zero` = 0, NaN below, the argument itself at +∞ and NaN.
+#[inline(always)]
+fn log_ends<W: Double>(value: W, zero: W, x: W) -> W {
+    let v = W::select(x.lt(W::splat(f64::INFINITY)), value, x);
+    let v = W::select(zero.eq(W::splat(0.0)), W::splat(f64::NEG_INFINITY), v);
+    W::select(zero.lt(W::splat(0.0)), W::splat(f64::NAN), v)
+}
+
+#[inline(always)]
+fn ln<W: Double>(x: W) -> W {
+    let (k, f) = split_log(x);
+    log_ends(join_log(k, f), x, x)
+}
+
+macro_rules! body {
+    ($(#[$doc:meta])* $name:ident($x:ident) $value:block) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub(super) struct $name;
+        impl Body for $name {
+            #[inline(always)]
+            fn at<W: Double>($x: W) -> W $value
+        }
+    };
+    ($(#[$doc:meta])* $name:ident($x:ident, $y:ident) $value:block) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug)]
+        pub(super) struct $name;
+        impl BodyPair for $name {
+            #[inline(always)]
+            fn at<W: Double>($x: W, $y: W) -> W $value
+        }
+    };
+}
+
+// Beyond these limits results are 0 or +∞ in single precision.
+const EXP_MIN: f64 = -104.0;
+const EXP_MAX: f64 = 89.0;
+
+body! {
+    /// eˣ.
+    Exp(x) { exp_core(clamp(x, EXP_MIN, EXP_MAX)) }
+}
+
+body! {
+    /// eˣ − 1.
+    Expm1(x) { W::select(x.eq(W::splat(0.0)), x, expm1_core(clamp(x, EXP_MIN, EXP_MAX))) }
+}
+
+body! {
+    /// Natural logarithm.
+    Ln(x) { ln(x) }
+}
+
+body! {
+    /// ln(1 + x).
+    Log1p(x) {
+        let v = log_ends(log1p_core(x), x + W::splat(1.0), x);
+        W::select(x.eq(W::splat(0.0)), x, v)
+    }
+}
+
+body! {
+    /// ln(p/(1 − p)); near ½ as ln(1 + f) with f = (2p − 1)/(1 − p).
+    Logit(p) {
+        let one = W::splat(1.0);
+        let (k, f) = split_log(p / (one - p));
+        let near = (p + p - one) / (one - p);
+        let v = join_log(k, W::select(k.eq(W::splat(0.0)), near, f));
+        let v = W::select(p.eq(one), W::splat(f64::INFINITY), v);
+        let v = W::select(p.eq(W::splat(0.0)), W::splat(f64::NEG_INFINITY), v);
+        W::select(p.lt(W::splat(0.0)), W::splat(f64::NAN), W::select(p.gt(one), W::splat(f64::NAN), v))
+    }
+}
+
+body! {
+    /// Hyperbolic tangent: e/(e + 2) with e = e^2|x| − 1, and the sign of x.
+    Tanh(x) {
+        let e = expm1_core(clamp(x.abs() + x.abs(), 0.0, 40.0));
+        with_sign(e / (e + W::splat(2.0)), x)
+    }
+}
+
+body! {
+    /// 1/(1 + e⁻ˣ).
+    Sigmoid(x) {
+        let one = W::splat(1.0);
+        one / (one + exp_core(clamp(-x, EXP_MIN, -EXP_MIN)))
+    }
+}
+
+body! {
+    /// ln(1 + eˣ) = max(x, 0) + ln(1 + e^−|x|).
+    Softplus(x) {
+        let zero = W::splat(0.0);
+        let tail = log1p_core(exp_core(clamp(-x.abs(), EXP_MIN, 0.0)));
+        W::select(x.gt(zero), x, zero) + tail
+    }
+}
+
+/// erf(x)/x in x² on 0..1, error 2⁻⁵¹.
+const ERF: [f64; 11] = [
+    1.128_379_167_095_512_1,
+    -0.376_126_389_031_746_83,
+    0.112_837_916_705_898_35,
+    -0.026_866_170_587_700_296,
+    0.005_223_977_161_920_587,
+    -0.000_854_830_516_333_81,
+    0.000_120_546_885_404_570_98,
+    -1.491_339_400_331_875_3e-5,
+    1.631_114_747_052_552_2e-6,
+    -1.519_200_186_747_351_3e-7,
+    9.436_035_463_900_939e-9,
+];
+/// (1 − erf x)·e^x² in (x − 2)/(x + 2) on 1..4, absolute error of erf 2⁻⁵².
+const ERFC: [f64; 11] = [
+    0.255_395_676_310_507_64,
+    -0.427_185_847_414_281,
+    0.241_658_194_235_246_9,
+    -0.078_978_580_978_804_06,
+    0.003_732_893_875_602_965_3,
+    0.006_997_467_687_947_852,
+    -0.000_847_192_305_601_806_2,
+    -0.000_982_402_165_089_487_8,
+    4.300_628_747_233_192e-5,
+    0.000_178_717_131_421_039_15,
+    4.615_708_597_289_628e-5,
+];
+
+body! {
+    /// Error function; 1 from 4 on.
+    Erf(x) {
+        let (one, two) = (W::splat(1.0), W::splat(2.0));
+        let a = clamp(x.abs(), 0.0, 4.0);
+        let near = a * horner(a * a, &ERF);
+        let far = one - exp_core(-(a * a)) * horner((a - two) / (a + two), &ERFC);
+        with_sign(W::select(a.lt(one), near, far), x)
+    }
+}
+
+body! {
+    /// xʸ = e^(y ln x) for x ≥ 0.
+    Pow(x, y) {
+        let (zero, one) = (W::splat(0.0), W::splat(1.0));
+        let v = exp_core(clamp(y * ln(x), EXP_MIN, EXP_MAX));
+        let v = W::select(y.eq(zero), one, v);
+        W::select(x.eq(one), one, v)
+    }
+}
