@@ -1,0 +1,71 @@
+//! Whole files or none: write beside the target, flush to disk, rename.
+
+use crate::{Error, Result};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+/// Writes a file through `f`. Until everything is on disk the target is what it was before; then it is replaced in
+/// one step. A failure or an interruption at any moment leaves the old file (or none), never half a new one.
+///
+/// # Errors
+/// When the folder is missing or not writable, or `f` fails.
+pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    let os = |e: std::io::Error| Error::os(path, &e);
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p,
+        _ => Path::new("."),
+    };
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".lastlight-").suffix(".part");
+    #[cfg(unix)]
+    {
+        // The usual permissions of a new file (the process's mask still applies), not those of a secret.
+        use std::os::unix::fs::PermissionsExt;
+        builder.permissions(std::fs::Permissions::from_mode(0o666));
+    }
+    let mut temporary = builder.tempfile_in(folder).map_err(os)?;
+    {
+        let mut w = BufWriter::with_capacity(1 << 16, temporary.as_file_mut());
+        f(&mut w).map_err(os)?;
+        w.flush().map_err(os)?;
+    }
+    temporary.as_file().sync_all().map_err(os)?;
+    temporary.persist(path).map_err(|e| os(e.error))?;
+    #[cfg(unix)]
+    std::fs::File::open(folder).and_then(|d| d.sync_all()).map_err(os)?;
+    Ok(())
+}
+
+/// Writes bytes already made.
+///
+/// # Errors
+/// See [`write`].
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
+    write(path, |w| w.write_all(bytes))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failed_write_leaves_the_old_file_and_nothing_else() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("a.bin");
+        write_bytes(&path, b"old").expect("first write");
+        let e = write(&path, |w| {
+            w.write_all(b"half")?;
+            Err(std::io::Error::other("power cut"))
+        })
+        .expect_err("the writer failed");
+        assert!(e.to_string().contains("a.bin") && e.to_string().contains("power cut"), "{e}");
+        assert_eq!(std::fs::read(&path).expect("still there"), b"old", "old content");
+        assert_eq!(std::fs::read_dir(dir.path()).expect("readable").count(), 1, "no temporary file is left");
+    }
+
+    #[test]
+    fn a_missing_folder_is_named() {
+        let e = write_bytes(Path::new("/nonexistent-folder/a.bin"), b"x").expect_err("no such folder");
+        assert!(e.to_string().contains("/nonexistent-folder/a.bin"), "{e}");
+    }
+}

@@ -1,0 +1,163 @@
+//! `.safetensors`: named arrays with text metadata; the format of checkpoints.
+//!
+//! Layout: u64 length of the header, the header (JSON: name → dtype, shape, data offsets), the elements without gaps.
+//! Written with names sorted, so equal contents give equal bytes; any reader of the format takes them.
+
+use super::{MAX_FILE_BYTES, guard, name_of, npy, read_bytes};
+use crate::num::array::{Array, Arrays};
+use crate::{Error, Result};
+use safetensors::{Dtype, SafeTensorError, SafeTensors};
+use serde_json::{Map, Value, json};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Longest header read, in bytes.
+const MAX_HEADER: u64 = 16 << 20;
+
+/// What a file holds.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tensors {
+    /// The arrays by name.
+    pub arrays: Arrays,
+    /// Free text by key.
+    pub metadata: BTreeMap<String, String>,
+}
+
+/// Reads a file. BF16 and F16 are widened to f32, bool to u8, and so on as in [`super::npz`].
+///
+/// # Errors
+/// When the file is not readable, malformed, or holds a type without an equal here.
+pub fn read(path: &Path) -> Result<Tensors> {
+    parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
+}
+
+/// Like [`read`] for bytes in memory; `name` stands for the file.
+///
+/// # Errors
+/// See [`read`].
+pub fn parse(bytes: &[u8], name: &str) -> Result<Tensors> {
+    if bytes.len() < 8 {
+        return Err(Error::input(name).at("byte 0: header length").expected("8 bytes").got(bytes.len().to_string()));
+    }
+    let mut c = super::bytes::Cursor::new(bytes, name);
+    let header = c.u64(format_args!("header length"))?;
+    if header > MAX_HEADER || header > c.left() as u64 {
+        return Err(Error::input(name)
+            .at("byte 0: header length")
+            .expected(format!("at most {} bytes", crate::num::order::min(MAX_HEADER, c.left() as u64)))
+            .got(header.to_string()));
+    }
+    guard(name, || {
+        let (_, meta) = SafeTensors::read_metadata(bytes).map_err(|e| explain(name, &e))?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(|e| explain(name, &e))?;
+        let metadata = meta.metadata().clone().unwrap_or_default().into_iter().collect();
+        let mut arrays = Arrays::new();
+        for (key, view) in tensors.iter() {
+            let array = decode(view.dtype(), view.shape(), view.data(), name).map_err(|e| e.at(format!("array '{key}'")))?;
+            arrays.0.insert(key.to_owned(), array);
+        }
+        Ok(Tensors { arrays, metadata })
+    })
+}
+
+fn decode(dtype: Dtype, shape: &[usize], data: &[u8], name: &str) -> Result<Array> {
+    let descr = match dtype {
+        Dtype::BOOL => "|b1",
+        Dtype::U8 => "|u1",
+        Dtype::I8 => "|i1",
+        Dtype::U16 => "<u2",
+        Dtype::I16 => "<i2",
+        Dtype::U32 => "<u4",
+        Dtype::I32 => "<i4",
+        Dtype::U64 => "<u8",
+        Dtype::I64 => "<i8",
+        Dtype::F16 => "<f2",
+        Dtype::F32 => "<f4",
+        Dtype::F64 => "<f8",
+        Dtype::BF16 => {
+            // The upper half of an f32.
+            let wide: Vec<u8> = data.chunks_exact(2).flat_map(|c| [0, 0, c[0], c[1]]).collect();
+            return decode(Dtype::F32, shape, &wide, name);
+        }
+        other => {
+            let expected = "bool, an integer, bf16, f16, f32 or f64";
+            return Err(Error::input(name).at("dtype").expected(expected).got(format!("{other:?}")));
+        }
+    };
+    npy::decode(&npy::plain(descr, shape, name)?, data, name)
+}
+
+fn explain(name: &str, e: &SafeTensorError) -> Error {
+    let file = Error::input(name);
+    match e {
+        SafeTensorError::InvalidOffset(key) => {
+            file.at(format!("array '{key}', data_offsets")).expected("ranges that follow one another without gaps").got("another range")
+        }
+        SafeTensorError::TensorInvalidInfo => {
+            file.at("header").expected("data_offsets as long as shape and dtype say").got("another length")
+        }
+        SafeTensorError::MetadataIncompleteBuffer => {
+            file.at("data").expected("arrays that end where the file ends").got("another length (the file may be truncated)")
+        }
+        other => file.at("header").expected("a safetensors header").got(other.to_string()),
+    }
+}
+
+/// The bytes of a file; equal contents give equal bytes.
+pub fn to_bytes(arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    let mut header = Map::new();
+    if !metadata.is_empty() {
+        header.insert("__metadata__".into(), json!(metadata));
+    }
+    // Wide elements first, so that every array starts at a multiple of its element size.
+    let mut sorted: Vec<(&String, &Array)> = arrays.0.iter().collect();
+    sorted.sort_by_key(|(_, a)| std::cmp::Reverse(width(a)));
+    let mut at = 0;
+    for (key, a) in &sorted {
+        let end = at + width(a) * a.len();
+        let entry = json!({ "dtype": code(a), "shape": a.shape(), "data_offsets": [at, end] });
+        header.insert((*key).clone(), entry);
+        at = end;
+    }
+    let mut text = Value::Object(header).to_string();
+    while text.len() % 8 != 0 {
+        text.push(' ');
+    }
+    let mut out = Vec::with_capacity(8 + text.len() + at);
+    out.extend_from_slice(&(text.len() as u64).to_le_bytes());
+    out.extend_from_slice(text.as_bytes());
+    for (_, a) in sorted {
+        npy::elements_le(a, &mut out);
+    }
+    out
+}
+
+fn width(a: &Array) -> usize {
+    match a {
+        Array::U8(_) | Array::I8(_) => 1,
+        Array::F32(_) | Array::I32(_) => 4,
+        Array::F64(_) | Array::I64(_) => 8,
+    }
+}
+
+fn code(a: &Array) -> &'static str {
+    match a {
+        Array::F32(_) => "F32",
+        Array::F64(_) => "F64",
+        Array::U8(_) => "U8",
+        Array::I8(_) => "I8",
+        Array::I32(_) => "I32",
+        Array::I64(_) => "I64",
+    }
+}
+
+/// Writes a file, whole or not at all.
+///
+/// # Errors
+/// When it cannot be written, or an array is called `__metadata__`.
+pub fn write(path: &Path, arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Result<()> {
+    if arrays.get("__metadata__").is_some() {
+        return Err(Error::input(name_of(path)).at("array '__metadata__'").expected("another name").got("the reserved one"));
+    }
+    super::atomic::write_bytes(path, &to_bytes(arrays, metadata))
+}
