@@ -1,0 +1,5 @@
+//! Random numbers, elementary functions, digests.
+
+pub mod bits;
+pub mod elem;
+pub mod rng;

@@ -1,0 +1,4 @@
+//! Optimisers. They have no gradient.
+
+pub mod adam;
+pub mod adamw;

@@ -1,0 +1,121 @@
+//! One view. Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5).
+
+use crate::array::{ANY, Named, expect};
+use crate::scalar::Scalar;
+
+/// How a point in camera coordinates reaches the picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Model {
+    /// (f_x x/z + c_x, f_y y/z + c_y)
+    Pinhole,
+    /// (f_x x + c_x, f_y y + c_y)
+    Orthographic,
+    /// (f_x x θ/ρ + c_x, f_y y θ/ρ + c_y) with ρ = √(x²+y²), θ = atan2(ρ, z)
+    Fisheye,
+}
+
+impl Model {
+    /// The model of that name.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        match name {
+            "pinhole" => Ok(Self::Pinhole),
+            "orthographic" => Ok(Self::Orthographic),
+            "fisheye" => Ok(Self::Fisheye),
+            other => Err(format!("setting camera: expected pinhole, orthographic or fisheye, got {other}")),
+        }
+    }
+}
+
+/// One view.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// R of x_view = R x + t.
+    pub rotation: [[f64; 3]; 3],
+    /// t of x_view = R x + t.
+    pub translation: [f64; 3],
+    /// Focal lengths in pixels.
+    pub focal_px: [f64; 2],
+    /// Principal point in pixels.
+    pub center_px: [f64; 2],
+    /// Picture width and height in pixels.
+    pub size_px: [usize; 2],
+    /// Projection model.
+    pub model: Model,
+}
+
+impl Camera {
+    /// R x + t, each row a left fold.
+    pub fn view<S: Scalar>(&self, x: [S; 3]) -> [S; 3] {
+        std::array::from_fn(|i| {
+            let r = self.rotation[i];
+            x[0] * r[0] + x[1] * r[1] + x[2] * r[2] + self.translation[i]
+        })
+    }
+
+    /// Camera centre in the world, −Rᵀt (R is used as it is, orthogonal or not).
+    pub fn center(&self) -> [f64; 3] {
+        let (r, t) = (&self.rotation, &self.translation);
+        std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
+    }
+}
+
+/// Picture width and height from the inputs `width` and `height`.
+///
+/// # Errors
+/// When one is missing or no positive whole number.
+pub fn size_px<S: Scalar>(x: &Named<S>) -> Result<[usize; 2], String> {
+    let side = |name: &str| {
+        let value = expect(x, name, &[])?.data[0].value();
+        if value >= 1.0 && value <= 16_384.0 && value.fract() == 0.0 {
+            Ok(value as usize)
+        } else {
+            Err(format!("input {name}: expected a whole number from 1 to 16384, got {value}"))
+        }
+    };
+    Ok([side("width")?, side("height")?])
+}
+
+/// Poses from `view_from_world` (C,4,4), the rest of the camera left at one pixel per unit.
+///
+/// # Errors
+/// When the array is missing or shaped otherwise.
+pub fn poses<S: Scalar>(x: &Named<S>) -> Result<Vec<Camera>, String> {
+    let views = expect(x, "view_from_world", &[ANY, 4, 4])?;
+    Ok((0..views.shape[0])
+        .map(|c| {
+            let v: [f64; 16] = views.row(c).map(Scalar::value);
+            Camera {
+                rotation: [[v[0], v[1], v[2]], [v[4], v[5], v[6]], [v[8], v[9], v[10]]],
+                translation: [v[3], v[7], v[11]],
+                focal_px: [1.0; 2],
+                center_px: [0.0; 2],
+                size_px: [1; 2],
+                model: Model::Pinhole,
+            }
+        })
+        .collect())
+}
+
+/// Cameras from `view_from_world` (C,4,4), `intrinsics` (C,3,3), `width`, `height`.
+///
+/// # Errors
+/// When an array is missing or shaped otherwise, or a focal length is not positive.
+pub fn cameras<S: Scalar>(x: &Named<S>, model: Model) -> Result<Vec<Camera>, String> {
+    let mut cameras = poses(x)?;
+    let intrinsics = expect(x, "intrinsics", &[cameras.len(), 3, 3])?;
+    let size_px = size_px(x)?;
+    for (c, camera) in cameras.iter_mut().enumerate() {
+        let k: [f64; 9] = intrinsics.row(c).map(Scalar::value);
+        camera.focal_px = [k[0], k[4]];
+        camera.center_px = [k[2], k[5]];
+        camera.size_px = size_px;
+        camera.model = model;
+        if !(k[0] > 0.0 && k[4] > 0.0) {
+            return Err(format!("input intrinsics[{c}]: expected positive focal lengths, got {}, {}", k[0], k[4]));
+        }
+    }
+    Ok(cameras)
+}

@@ -1,0 +1,4 @@
+//! What a view is, and the constants of a splatting semantics.
+
+pub mod camera;
+pub mod profile;

@@ -1,0 +1,137 @@
+//! The constants of one splatting semantics.
+
+use crate::scene::camera::Model;
+use crate::settings::Settings;
+
+/// When the walk along a pixel's list ends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// After including the Gaussian that brings T to `t_stop` or below.
+    After,
+    /// Before the Gaussian that would bring T to `t_stop` or below.
+    Before,
+    /// Before the Gaussian that would bring T strictly below `t_stop`.
+    BeforeStrict,
+    /// Never.
+    Never,
+}
+
+/// Limits of t_x/z, t_y/z in the Jacobian of the pinhole projection.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TangentClamp {
+    /// −(c_x/f_x + 0.3 tan) to (W−c_x)/f_x + 0.3 tan, tan = W/(2 f_x)
+    Gsplat,
+    /// ±1.3 W/(2 f_x)
+    Inria,
+}
+
+/// Which pixels a Gaussian may reach.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Footprint {
+    /// Exactly the pixels with α ≥ α_min.
+    Alpha,
+    /// All pixels of the 16×16 tiles that the square of half-width ceil(3 √λ_max) touches.
+    Inria,
+}
+
+/// The constants of one splatting semantics.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
+    /// Added to both diagonal entries of the projected covariance, px².
+    pub blur_px2: f64,
+    /// Cap of α; the gradient is 0 above it.
+    pub alpha_max: f64,
+    /// α below it is skipped.
+    pub alpha_min: f64,
+    /// Transmittance at which the walk ends.
+    pub t_stop: f64,
+    /// How it ends.
+    pub stop: Stop,
+    /// Smallest visible camera depth z (inclusive).
+    pub near: f64,
+    /// Largest visible camera depth z (inclusive).
+    pub far: f64,
+    /// Clamp of the Jacobian's tangents.
+    pub clamp: TangentClamp,
+    /// Tile lists.
+    pub footprint: Footprint,
+    /// Multiply the opacity by √max(0.005², det Σ'₀ / det Σ').
+    pub antialiased: bool,
+    /// Reproduce the three places where Inria's backward pass is not the derivative of its forward pass.
+    pub inria_bwd: bool,
+    /// Projection model of all cameras.
+    pub camera: Model,
+}
+
+impl Profile {
+    /// `exact`, the default.
+    pub const EXACT: Self = Self {
+        blur_px2: 0.3,
+        alpha_max: 0.99,
+        alpha_min: 1.0 / 255.0,
+        t_stop: 1e-4,
+        stop: Stop::After,
+        near: 0.01,
+        far: 1e10,
+        clamp: TangentClamp::Gsplat,
+        footprint: Footprint::Alpha,
+        antialiased: false,
+        inria_bwd: false,
+        camera: Model::Pinhole,
+    };
+
+    /// The profile named by the setting `profile` (default `exact`), with every constant that is a setting of its
+    /// own replaced.
+    ///
+    /// # Errors
+    /// When a setting has a value it cannot have.
+    pub fn from_settings(settings: &Settings) -> Result<Self, String> {
+        let mut p = match settings.text("profile", "exact")?.as_str() {
+            "exact" => Self::EXACT,
+            "gsplat" => Self { stop: Stop::Before, ..Self::EXACT },
+            "inria" => Self {
+                stop: Stop::BeforeStrict,
+                near: 0.2,
+                clamp: TangentClamp::Inria,
+                footprint: Footprint::Inria,
+                ..Self::EXACT
+            },
+            "unlimited" => Self { alpha_min: 0.0, stop: Stop::Never, ..Self::EXACT },
+            other => {
+                return Err(format!("setting profile: expected exact, gsplat, inria or unlimited, got {other}"));
+            }
+        };
+        p.blur_px2 = settings.number("blur_px2", p.blur_px2)?;
+        p.alpha_max = settings.number("alpha_max", p.alpha_max)?;
+        p.alpha_min = settings.number("alpha_min", p.alpha_min)?;
+        p.t_stop = settings.number("t_stop", p.t_stop)?;
+        p.near = settings.number("near", p.near)?;
+        p.far = settings.number("far", p.far)?;
+        p.antialiased = settings.flag("antialiased", p.antialiased)?;
+        p.inria_bwd = settings.flag("inria_bwd", p.inria_bwd)?;
+        p.stop = match settings.text("stop", "")?.as_str() {
+            "" => p.stop,
+            "after" => Stop::After,
+            "before" => Stop::Before,
+            "before_strict" => Stop::BeforeStrict,
+            "never" => Stop::Never,
+            other => {
+                return Err(format!("setting stop: expected after, before, before_strict or never, got {other}"));
+            }
+        };
+        p.clamp = match settings.text("clamp", "")?.as_str() {
+            "" => p.clamp,
+            "gsplat" => TangentClamp::Gsplat,
+            "inria" => TangentClamp::Inria,
+            other => return Err(format!("setting clamp: expected gsplat or inria, got {other}")),
+        };
+        p.footprint = match settings.text("footprint", "")?.as_str() {
+            "" => p.footprint,
+            "alpha" => Footprint::Alpha,
+            "inria" => Footprint::Inria,
+            other => return Err(format!("setting footprint: expected alpha or inria, got {other}")),
+        };
+        p.camera = Model::parse(&settings.text("camera", "pinhole")?)?;
+        Ok(p)
+    }
+}

@@ -1,0 +1,15 @@
+//! 3-D Gaussian splatting.
+//!
+//! ```text
+//! activate ──► covariance ──► project ─┬─► blend ──► picture        render = project + color + blend
+//!                             color ───┘     ▲
+//!                                          plan
+//! ```
+
+pub mod activate;
+pub mod blend;
+pub mod color;
+pub mod covariance;
+pub mod plan;
+pub mod project;
+pub mod render;

@@ -1,0 +1,466 @@
+//! The list of twins, driven by name: values, directional derivatives, gradients.
+//!
+//! Integers, masks and plan arrays travel as `f64` exactly. A composite operator is a chain of stages that share one pool of
+//! arrays; reverse mode runs them last to first, with every array of the pool a fresh leaf, so that the adjoints of one
+//! stage's inputs seed the stage before. Derivatives are those of the smooth function on the plan of the values.
+
+use std::collections::BTreeMap;
+
+use crate::array::{Arr, Named, Out};
+use crate::dual::Dual;
+use crate::loss::{l1, mse, ssim};
+use crate::nn::linear;
+use crate::optim::{adam, adamw};
+use crate::rev::{self, Rev};
+use crate::scalar::Scalar;
+use crate::scene::profile::Profile;
+pub use crate::settings::Setting;
+use crate::settings::Settings;
+use crate::splat::{activate, blend, color, covariance, project, render};
+
+/// A call of an operator.
+#[derive(Clone, Copy, Debug)]
+pub struct Request<'a> {
+    /// Name of the operator.
+    pub op: &'a str,
+    /// Inputs by name; sizes and degrees are 0-d.
+    pub inputs: &'a Named<f64>,
+    /// Settings by name.
+    pub settings: &'a BTreeMap<String, Setting>,
+    /// Decisions to obey; what it lacks is decided on the values.
+    pub plan: Option<&'a Named<f64>>,
+}
+
+/// What an operator gives.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Answer {
+    /// Outputs by name.
+    pub outputs: Named<f64>,
+    /// What was computed on the way.
+    pub intermediates: Named<f64>,
+    /// Every discrete decision.
+    pub plan: Named<f64>,
+}
+
+/// One operator.
+struct Twin {
+    name: &'static str,
+    stages: &'static [Stage],
+    /// All inputs, optional ones included.
+    inputs: &'static [&'static str],
+    /// Those of them with a gradient.
+    smooth_inputs: &'static [&'static str],
+    outputs: &'static [&'static str],
+    /// Those of them with a tangent and a cotangent.
+    smooth_outputs: &'static [&'static str],
+    settings: &'static [&'static str],
+}
+
+/// A part of an operator that reads arrays of the pool and adds new ones.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    Activate,
+    Covariance,
+    Project,
+    Color,
+    Blend,
+    RenderProject,
+    RenderBlend,
+    Linear,
+    L1,
+    Mse,
+    Ssim,
+    Adam,
+    Adamw,
+}
+
+/// `tile` and `cull` say how the fast path works; they change no value and are ignored here.
+const SPLAT_SETTINGS: &[&str] = &[
+    "profile",
+    "blur_px2",
+    "alpha_max",
+    "alpha_min",
+    "t_stop",
+    "stop",
+    "near",
+    "far",
+    "clamp",
+    "footprint",
+    "antialiased",
+    "inria_bwd",
+    "camera",
+    "tile",
+    "cull",
+];
+const ADAM_SETTINGS: &[&str] = &["lr", "beta1", "beta2", "eps", "weight_decay", "counters"];
+
+const TWINS: &[Twin] = &[
+    Twin {
+        name: "splat.activate",
+        stages: &[Stage::Activate],
+        inputs: &["scales_log", "opacity_logits"],
+        smooth_inputs: &["scales_log", "opacity_logits"],
+        outputs: &["scales", "opacities"],
+        smooth_outputs: &["scales", "opacities"],
+        settings: &[],
+    },
+    Twin {
+        name: "splat.covariance",
+        stages: &[Stage::Covariance],
+        inputs: &["quats", "scales"],
+        smooth_inputs: &["quats", "scales"],
+        outputs: &["factors"],
+        smooth_outputs: &["factors"],
+        settings: &[],
+    },
+    Twin {
+        name: "splat.project",
+        stages: &[Stage::Project],
+        inputs: &[
+            "means",
+            "quats",
+            "scales",
+            "factors",
+            "opacities",
+            "view_from_world",
+            "intrinsics",
+            "width",
+            "height",
+            "near",
+        ],
+        smooth_inputs: &["means", "quats", "scales", "factors"],
+        outputs: &["means_px", "depths_z", "conics", "radii_px", "shape", "axis", "compensation"],
+        smooth_outputs: &["means_px", "depths_z", "conics", "shape", "compensation"],
+        settings: SPLAT_SETTINGS,
+    },
+    Twin {
+        name: "splat.color",
+        stages: &[Stage::Color],
+        inputs: &["means", "sh", "sh_degree", "view_from_world"],
+        smooth_inputs: &["means", "sh"],
+        outputs: &["colors"],
+        smooth_outputs: &["colors"],
+        settings: SPLAT_SETTINGS,
+    },
+    Twin {
+        name: "splat.blend",
+        stages: &[Stage::Blend],
+        inputs: &[
+            "means_px", "shape", "axis", "opacities", "colors", "depths_z", "background", "width", "height",
+        ],
+        smooth_inputs: &["means_px", "shape", "opacities", "colors", "depths_z", "background"],
+        outputs: &["image", "alpha", "depth"],
+        smooth_outputs: &["image", "alpha", "depth"],
+        settings: SPLAT_SETTINGS,
+    },
+    Twin {
+        name: "splat.render",
+        stages: &[Stage::RenderProject, Stage::RenderBlend],
+        inputs: &[
+            "means",
+            "quats",
+            "scales",
+            "factors",
+            "opacities",
+            "sh",
+            "sh_degree",
+            "rgb",
+            "view_from_world",
+            "intrinsics",
+            "width",
+            "height",
+            "near",
+            "background",
+        ],
+        smooth_inputs: &["means", "quats", "scales", "factors", "opacities", "sh", "rgb", "background"],
+        outputs: &["image", "alpha", "depth"],
+        smooth_outputs: &["image", "alpha", "depth"],
+        settings: SPLAT_SETTINGS,
+    },
+    Twin {
+        name: "nn.linear",
+        stages: &[Stage::Linear],
+        inputs: &["x", "weight", "bias"],
+        smooth_inputs: &["x", "weight", "bias"],
+        outputs: &["y"],
+        smooth_outputs: &["y"],
+        settings: &[],
+    },
+    Twin {
+        name: "loss.l1",
+        stages: &[Stage::L1],
+        inputs: &["x", "y", "mask"],
+        smooth_inputs: &["x", "y"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &[],
+    },
+    Twin {
+        name: "loss.mse",
+        stages: &[Stage::Mse],
+        inputs: &["x", "y", "mask"],
+        smooth_inputs: &["x", "y"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &[],
+    },
+    Twin {
+        name: "loss.ssim",
+        stages: &[Stage::Ssim],
+        inputs: &["x", "y", "mask"],
+        smooth_inputs: &["x", "y"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &[],
+    },
+    Twin {
+        name: "optim.adam",
+        stages: &[Stage::Adam],
+        inputs: &["param", "grads", "active"],
+        smooth_inputs: &[],
+        outputs: &["trajectory"],
+        smooth_outputs: &[],
+        settings: ADAM_SETTINGS,
+    },
+    Twin {
+        name: "optim.adamw",
+        stages: &[Stage::Adamw],
+        inputs: &["param", "grads", "active"],
+        smooth_inputs: &[],
+        outputs: &["trajectory"],
+        smooth_outputs: &[],
+        settings: ADAM_SETTINGS,
+    },
+];
+
+const NAMES: [&str; TWINS.len()] = {
+    let mut names = [""; TWINS.len()];
+    let mut i = 0;
+    while i < TWINS.len() {
+        names[i] = TWINS[i].name;
+        i += 1;
+    }
+    names
+};
+
+/// Names of all operators that have a twin.
+pub fn names() -> &'static [&'static str] {
+    &NAMES
+}
+
+fn twin(op: &str) -> Result<&'static Twin, String> {
+    TWINS.iter().find(|twin| twin.name == op).ok_or_else(|| format!("operator {op}: there is no twin of that name"))
+}
+
+/// Checks names of inputs and settings and that every number is finite.
+fn check(request: &Request<'_>) -> Result<&'static Twin, String> {
+    let twin = twin(request.op)?;
+    Settings(request.settings).only(twin.settings)?;
+    for (name, x) in request.inputs {
+        if !twin.inputs.contains(&name.as_str()) {
+            return Err(format!("input {name}: unknown to {}; known: {}", twin.name, twin.inputs.join(", ")));
+        }
+        if let Some(i) = x.data.iter().position(|x| !x.is_finite()) {
+            return Err(format!("input {name}: expected finite numbers, got {} at entry {i}", x.data[i]));
+        }
+    }
+    Ok(twin)
+}
+
+/// Checks tangents or cotangents against the arrays they belong to.
+fn check_directions(what: &str, given: &Named<f64>, allowed: &[&str], arrays: &Named<f64>) -> Result<(), String> {
+    for (name, x) in given {
+        let Some(array) = arrays.get(name).filter(|_| allowed.contains(&name.as_str())) else {
+            return Err(format!("{what} {name}: expected one of {}", allowed.join(", ")));
+        };
+        if array.shape != x.shape {
+            return Err(format!("{what} {name}: expected shape {:?}, got {:?}", array.shape, x.shape));
+        }
+        if let Some(i) = x.data.iter().position(|x| !x.is_finite()) {
+            return Err(format!("{what} {name}: expected finite numbers, got {} at entry {i}", x.data[i]));
+        }
+    }
+    Ok(())
+}
+
+/// Runs one stage on the pool.
+fn run_stage<S: Scalar>(
+    stage: Stage,
+    pool: &Named<S>,
+    settings: &Settings<'_>,
+    plan: Option<&Named<f64>>,
+    out: &mut Out<S>,
+) -> Result<(), String> {
+    let profile = || Profile::from_settings(settings);
+    match stage {
+        Stage::Activate => activate::forward(pool, out),
+        Stage::Covariance => covariance::forward(pool, out),
+        Stage::Project => project::forward(pool, profile()?, plan, out),
+        Stage::Color => color::forward(pool, plan, out),
+        Stage::Blend => blend::forward(pool, "opacities", &profile()?, plan, out),
+        Stage::RenderProject => render::project_and_color(pool, profile()?, plan, out),
+        Stage::RenderBlend => render::blend(pool, &profile()?, plan, out),
+        Stage::Linear => linear::forward(pool, out),
+        Stage::L1 => l1::forward(pool, out),
+        Stage::Mse => mse::forward(pool, out),
+        Stage::Ssim => ssim::forward(pool, out),
+        Stage::Adam | Stage::Adamw => Err("optimisers have no gradient".to_owned()),
+    }
+}
+
+/// Runs one stage on values.
+fn run_value(
+    stage: Stage,
+    pool: &Named<f64>,
+    settings: &Settings<'_>,
+    plan: Option<&Named<f64>>,
+    out: &mut Out<f64>,
+) -> Result<(), String> {
+    match stage {
+        Stage::Adam => adam::forward(pool, settings, out),
+        Stage::Adamw => adamw::forward(pool, settings, out),
+        other => run_stage(other, pool, settings, plan, out),
+    }
+}
+
+/// The pool after all stages, and the completed plan.
+fn run_all(twin: &Twin, request: &Request<'_>) -> Result<(Named<f64>, Named<f64>), String> {
+    let mut pool = request.inputs.clone();
+    let mut plan = request.plan.cloned().unwrap_or_default();
+    for &stage in twin.stages {
+        let mut out = Out::new(None);
+        run_value(stage, &pool, &Settings(request.settings), Some(&plan), &mut out)?;
+        let (arrays, decisions) = out.finish();
+        pool.extend(arrays);
+        plan.extend(decisions);
+    }
+    Ok((pool, plan))
+}
+
+fn answer(twin: &Twin, request: &Request<'_>, pool: &Named<f64>, plan: &Named<f64>) -> Answer {
+    let mut answer = Answer { plan: plan.clone(), ..Answer::default() };
+    for (name, x) in pool.iter().filter(|(name, _)| !request.inputs.contains_key(*name)) {
+        let kind =
+            if twin.outputs.contains(&name.as_str()) { &mut answer.outputs } else { &mut answer.intermediates };
+        kind.insert(name.clone(), x.clone());
+    }
+    answer
+}
+
+/// Outputs, intermediates and plan.
+///
+/// # Errors
+/// When the operator, an input, a setting or the plan is not what it should be.
+pub fn value(request: &Request<'_>) -> Result<Answer, String> {
+    let twin = check(request)?;
+    let (pool, plan) = run_all(twin, request)?;
+    Ok(answer(twin, request, &pool, &plan))
+}
+
+/// The answer, and the tangents of its outputs for the given tangents of inputs (missing ones are 0).
+///
+/// # Errors
+/// As [`value`]; also when a tangent does not fit, or the operator has no gradient.
+pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Answer, Named<f64>), String> {
+    let twin = check(request)?;
+    refuse_without_gradient(twin)?;
+    check_directions("tangent", tangents, twin.smooth_inputs, request.inputs)?;
+    let (values, plan) = run_all(twin, request)?;
+    let mut pool: Named<Dual> = request
+        .inputs
+        .iter()
+        .map(|(name, x)| {
+            let mut dual = x.map(|&x| Dual::from_f64(x));
+            if let Some(tangent) = tangents.get(name) {
+                dual.data.iter_mut().zip(&tangent.data).for_each(|(x, &tangent)| x.tangent = tangent);
+            }
+            (name.clone(), dual)
+        })
+        .collect();
+    for &stage in twin.stages {
+        let mut out = Out::new(None);
+        run_stage(stage, &pool, &Settings(request.settings), Some(&plan), &mut out)?;
+        pool.extend(out.finish().0);
+    }
+    let outputs = twin
+        .smooth_outputs
+        .iter()
+        .filter_map(|&name| Some((name.to_owned(), pool.get(name)?.map(|x| x.tangent))))
+        .collect();
+    Ok((answer(twin, request, &values, &plan), outputs))
+}
+
+/// The answer, and the gradient of Σ output·cotangent by input name (missing cotangents are 0; inputs without influence get
+/// zeros).
+///
+/// # Errors
+/// As [`value`]; also when a cotangent does not fit, or the operator has no gradient.
+pub fn vjp(request: &Request<'_>, cotangents: &Named<f64>) -> Result<(Answer, Named<f64>), String> {
+    let twin = check(request)?;
+    refuse_without_gradient(twin)?;
+    let (values, plan) = run_all(twin, request)?;
+    check_directions("cotangent", cotangents, twin.smooth_outputs, &values)?;
+    let mut bars = cotangents.clone();
+    let mut pool = values.clone();
+    for &stage in twin.stages.iter().rev() {
+        rev::clear();
+        // What the stage writes is not among what it reads.
+        let leaves: Named<Rev> = pool.iter().map(|(name, x)| (name.clone(), rev::leaves(x))).collect();
+        let mut out = Out::new(Some(&bars));
+        run_stage(stage, &leaves, &Settings(request.settings), Some(&plan), &mut out)?;
+        let written = out.finish().0;
+        for name in written.keys() {
+            pool.remove(name);
+            bars.remove(name);
+        }
+        for (name, x) in leaves.iter().filter(|(name, _)| !written.contains_key(*name)) {
+            let adjoint = rev::adjoints(x);
+            let bar = bars.entry(name.clone()).or_insert_with(|| Arr::filled(&x.shape, 0.0));
+            bar.data.iter_mut().zip(&adjoint.data).for_each(|(bar, adjoint)| *bar += adjoint);
+        }
+    }
+    rev::clear();
+    let present = twin.smooth_inputs.iter().filter(|&&name| request.inputs.contains_key(name));
+    let gradient = present
+        .map(|&name| {
+            let zeros = || Arr::filled(&request.inputs[name].shape, 0.0);
+            (name.to_owned(), bars.remove(name).unwrap_or_else(zeros))
+        })
+        .collect();
+    Ok((answer(twin, request, &values, &plan), gradient))
+}
+
+fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {
+    if twin.smooth_outputs.is_empty() {
+        return Err(format!("operator {}: it has no gradient", twin.name));
+    }
+    Ok(())
+}
+
+/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, entries of the
+/// inputs elsewhere. 0 for a request that [`value`] would refuse.
+pub fn work(request: &Request<'_>) -> u64 {
+    let entries = request.inputs.values().fold(0, |n, x| n + x.data.len() as u64);
+    let rendered = || -> Result<u64, String> {
+        let twin = check(request)?;
+        let settings = Settings(request.settings);
+        let profile = Profile::from_settings(&settings)?;
+        let mut pool = request.inputs.clone();
+        if twin.stages.len() > 1 {
+            let mut out = Out::new(None);
+            run_value(twin.stages[0], &pool, &settings, request.plan, &mut out)?;
+            pool.extend(out.finish().0);
+            return blend::pairs(&pool, render::opacities_name(&profile), &profile);
+        }
+        blend::pairs(&pool, "opacities", &profile)
+    };
+    match request.op {
+        "splat.blend" | "splat.render" => rendered().unwrap_or(0),
+        "nn.linear" => {
+            let rows = request.inputs.get("x").and_then(|x| x.shape.first()).copied().unwrap_or(0) as u64;
+            rows * request.inputs.get("weight").map_or(0, |weight| weight.data.len() as u64)
+        }
+        "loss.ssim" => request.inputs.get("x").map_or(0, |x| 121 * x.data.len() as u64),
+        _ => entries,
+    }
+}
