@@ -1,1 +1,168 @@
-//! (in work)
+//! Losses between two images, one file per loss, and metrics without adjoints. Level 6.
+//!
+//! ```text
+//! l1      mean |x − y|            mse     mean (x − y)²
+//! ssim    mean structural similarity, 11×11 Gaussian window
+//! metric  PSNR, SSIM and MAE in f64, every variant named
+//! ```
+//!
+//! All of them take sRGB-encoded images (H, W, 3) and an optional mask (H, W) of zeros and ones.
+//!
+//! # Rounding
+//! Sums over pixels: per row, logical lane l of 16 adds the terms i ≡ l (mod 16) in f64 with i ascending, the
+//! lanes fold 16→8→4→2→1 (l += l + w), and the rows are added by the pairwise tree. One division at the end. So a
+//! value depends neither on the number of threads nor on the vector width.
+
+use crate::num::{par, sum};
+use crate::{Error, Result};
+
+pub mod l1;
+pub mod metric;
+pub mod mse;
+pub mod ssim;
+
+/// Two images and, optionally, the pixels that count.
+///
+/// | field | shape | range |
+/// |---|---|---|
+/// | `x` | (H, W, 3) | sRGB-encoded; 0..1 is usual, not required |
+/// | `y` | (H, W, 3) | the same |
+/// | `mask` | (H, W) | exactly 0 (left out) or 1 (kept) |
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// (H, W, 3), usually the render.
+    pub x: &'a [f32],
+    /// (H, W, 3), usually the photograph.
+    pub y: &'a [f32],
+    /// (H, W); `None` keeps every pixel.
+    pub mask: Option<&'a [f32]>,
+    /// H
+    pub height: usize,
+    /// W
+    pub width: usize,
+}
+
+/// Channels of an image.
+pub(crate) const CHANNELS: usize = 3;
+
+impl In<'_> {
+    /// Values in one row, 3 W.
+    pub(crate) fn row(&self) -> usize {
+        CHANNELS * self.width
+    }
+
+    /// Checks sizes and mask; returns the number of kept pixels, at least 1.
+    pub(crate) fn check(&self, what: &str) -> Result<usize> {
+        let pixels = self.height * self.width;
+        for (name, len) in [("x", self.x.len()), ("y", self.y.len())] {
+            if len != CHANNELS * pixels {
+                return Err(Error::input(what)
+                    .at(format!("array '{name}'"))
+                    .expected(format!("{}x{}x3 values", self.height, self.width))
+                    .got(len.to_string()));
+            }
+        }
+        let kept = match self.mask {
+            None => pixels,
+            Some(mask) => {
+                if mask.len() != pixels {
+                    return Err(Error::input(what)
+                        .at("array 'mask'")
+                        .expected(format!("{}x{} values", self.height, self.width))
+                        .got(mask.len().to_string()));
+                }
+                let mut kept = 0;
+                for (i, &m) in mask.iter().enumerate() {
+                    if !(m == 0.0 || m == 1.0) {
+                        return Err(Error::input(what)
+                            .at(format!("array 'mask', index [{}, {}]", i / self.width, i % self.width))
+                            .expected("0 or 1")
+                            .got(m.to_string())
+                            .hint("threshold a soft mask first"));
+                    }
+                    kept += usize::from(m == 1.0);
+                }
+                kept
+            }
+        };
+        if kept == 0 {
+            return Err(Error::input(what).expected("at least one kept pixel").got("none").hint("a mean over nothing has no value"));
+        }
+        Ok(kept)
+    }
+
+    /// Row `r` of the mask, if there is one.
+    pub(crate) fn mask_row(&self, r: usize) -> Option<&[f32]> {
+        self.mask.map(|m| &m[r * self.width..][..self.width])
+    }
+}
+
+/// Checks that a gradient buffer has the size of its image.
+pub(crate) fn assert_like(bar: &[f32], image: &[f32]) {
+    assert_eq!(bar.len(), image.len(), "a gradient has the shape of what it belongs to");
+}
+
+/// Refuses a value that is not finite: the images held NaN, infinities or absurd magnitudes.
+pub(crate) fn finite(what: &str, value: f64) -> Result<f64> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(Error::input(what).expected("finite images").got(format!("value {value}")))
+    }
+}
+
+/// Sum of one row of terms: 16 logical lanes in f64, folded 16→8→4→2→1.
+#[inline]
+pub(crate) fn row_sum(n: usize, term: impl Fn(usize) -> f64) -> f64 {
+    let mut lanes = [0.0f64; 16];
+    let whole = n / 16 * 16;
+    for i in (0..whole).step_by(16) {
+        for (l, lane) in lanes.iter_mut().enumerate() {
+            *lane += term(i + l);
+        }
+    }
+    for i in whole..n {
+        lanes[i - whole] += term(i);
+    }
+    let mut width = 8;
+    while width > 0 {
+        for l in 0..width {
+            lanes[l] += lanes[l + width];
+        }
+        width /= 2;
+    }
+    lanes[0]
+}
+
+/// Sum over all kept values of `term(x, y)`; left-out values count as +0.
+pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send) -> f64 {
+    let n = x.row();
+    let rows = par::map_batched(x.height, 8, |r| {
+        let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
+        match x.mask_row(r) {
+            None => row_sum(n, |i| term(a[i], b[i])),
+            Some(mask) => row_sum(n, |i| if mask[i / CHANNELS] == 0.0 { 0.0 } else { term(a[i], b[i]) }),
+        }
+    });
+    sum::tree_f64(&rows)
+}
+
+/// `bar += term(x, y)` on kept values, row by row.
+pub(crate) fn add_rows(x: &In<'_>, bar: &mut [f32], term: impl Fn(f32, f32) -> f32 + Sync + Send) {
+    let n = x.row();
+    par::chunks_mut(bar, n, |r, row| {
+        let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
+        match x.mask_row(r) {
+            None => {
+                for i in 0..n {
+                    row[i] += term(a[i], b[i]);
+                }
+            }
+            Some(mask) => {
+                for i in 0..n {
+                    row[i] += if mask[i / CHANNELS] == 0.0 { 0.0 } else { term(a[i], b[i]) };
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,70 @@
+//! Image metrics: f64 throughout, no adjoints, every variant named.
+//!
+//! The first image is the render and is clamped to 0..1 (not quantised); the second is the photograph and is taken as it
+//! is. Images are sRGB-encoded. With a mask, only kept pixels count.
+//!
+//! | name | file | definition |
+//! |---|---|---|
+//! | `PSNR-full` | [`psnr`] | −10 log₁₀ MSE over all values |
+//! | `PSNR-full-ch` | [`psnr`] | mean over the channels of −10 log₁₀ MSE of a channel |
+//! | `PSNR-box` | [`psnr`] on [`Crop`] | MSE over the pixels of a box only |
+//! | `SSIM-g` | [`ssim`] | 11×11 Gaussian, σ = 1.5, zero padding, range 1 |
+//! | `SSIM-g-box` | [`ssim`] on [`Crop`] | the same on the cropped images |
+//! | `MAE` | [`mae`] | mean absolute difference |
+
+pub mod mae;
+pub mod psnr;
+pub mod ssim;
+
+use super::In;
+use crate::{Error, Result};
+
+/// The clamped value of a render, in f64.
+#[inline(always)]
+pub(crate) fn clamped(x: f32) -> f64 {
+    crate::num::order::clamp(f64::from(x), 0.0, 1.0)
+}
+
+/// A rectangle cut out of two images and their mask.
+#[derive(Clone, Debug)]
+pub struct Crop {
+    x: Vec<f32>,
+    y: Vec<f32>,
+    mask: Option<Vec<f32>>,
+    height: usize,
+    width: usize,
+}
+
+impl Crop {
+    /// Rows `top..bottom`, columns `left..right`.
+    ///
+    /// # Errors
+    /// When the box is empty or leaves the image, or sizes disagree.
+    pub fn new(x: &In<'_>, [top, left]: [usize; 2], [bottom, right]: [usize; 2]) -> Result<Self> {
+        x.check("metric on a box")?;
+        if !(top < bottom && left < right && bottom <= x.height && right <= x.width) {
+            return Err(Error::input("metric on a box")
+                .at(format!("rows {top}..{bottom}, columns {left}..{right}"))
+                .expected(format!("a box inside {}x{}", x.height, x.width))
+                .got("an empty or reaching box"));
+        }
+        let cut = |image: &[f32], channels: usize| -> Vec<f32> {
+            (top..bottom)
+                .flat_map(|r| &image[(r * x.width + left) * channels..(r * x.width + right) * channels])
+                .copied()
+                .collect()
+        };
+        Ok(Self {
+            x: cut(x.x, 3),
+            y: cut(x.y, 3),
+            mask: x.mask.map(|m| cut(m, 1)),
+            height: bottom - top,
+            width: right - left,
+        })
+    }
+
+    /// The cropped images as an argument of any metric or loss.
+    pub fn view(&self) -> In<'_> {
+        In { x: &self.x, y: &self.y, mask: self.mask.as_deref(), height: self.height, width: self.width }
+    }
+}
