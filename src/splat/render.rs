@@ -309,7 +309,7 @@ pub fn forward_into(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, ou
 }
 
 /// Rows, colours and splats of every camera, block by block.
-fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, saved: &mut Saved) {
+pub fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, saved: &mut Saved) {
     let (n, cameras) = (x.means.len(), x.cameras.len());
     saved.rows.resize(cameras * n, Row::default());
     saved.splats.resize(cameras * n, Splat::default());
