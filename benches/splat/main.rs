@@ -141,6 +141,18 @@ fn project_only(x: &In<'_>, settings: &Settings, _out: &mut Out, saved: &mut Sav
 }
 
 fn main() {
+    if let Ok(text) = std::env::var("SPLAT_PROFILE") {
+        let v: Vec<usize> = text.split(',').filter_map(|t| t.parse().ok()).collect();
+        let scene = Scene::new(v[0], v[1]);
+        let bar = vec![1e-5; v[1] * v[1] * 3];
+        let (settings, mut b) = (Settings { profile: Profile::GSPLAT, ..Settings::default() }, Buffers::default());
+        let t: Vec<_> = (0..v[2]).map(|_| once(&scene.input(), &settings, &bar, &mut b)).collect();
+        let steps: u32 = b.saved.pixels.rows.iter().flatten().map(|r| r.count_ones()).fold(0, |a, b| a + b);
+        let hit = b.saved.pixels.rows.iter().filter(|r| **r != [0, 0]).count();
+        println!("entries {} included {hit} vector steps {steps}", b.saved.plan.tile_entry.len());
+        println!("forward {:.2} adjoint {:.2} ms; best {:.2} {:.2}", 1e3 * median(t.iter().map(|t| t.0).collect()), 1e3 * median(t.iter().map(|t| t.1).collect()), 1e3*t.iter().map(|t|t.0).fold(9.0,f64::min), 1e3*t.iter().map(|t|t.1).fold(9.0,f64::min));
+        return;
+    }
     let mut criterion = Criterion::default().configure_from_args().sample_size(10);
     if !std::env::args().any(|a| a == "--test") {
         let runs = std::env::var("SPLAT_RUNS").ok().and_then(|r| r.parse().ok()).unwrap_or(11);

@@ -32,6 +32,11 @@ pub fn chunks_mut2<A: Send, B: Send>(
     a.par_chunks_mut(len_a).zip(b.par_chunks_mut(len_b)).enumerate().for_each(|(i, (x, y))| f(i, x, y));
 }
 
+/// `f(0, item 0), …` in order, each task owning its item (typically a disjoint `&mut` view).
+pub fn map_each<A: Send, T: Send>(tasks: Vec<A>, f: impl Fn(usize, A) -> T + Sync + Send) -> Vec<T> {
+    tasks.into_par_iter().enumerate().map(|(i, t)| f(i, t)).collect()
+}
+
 /// Runs one task per item of `tasks`, each owning its item (typically disjoint `&mut` views).
 pub fn each<T: Send>(tasks: Vec<T>, f: impl Fn(usize, T) + Sync + Send) {
     tasks.into_par_iter().enumerate().for_each(|(i, t)| f(i, t));

@@ -33,7 +33,7 @@
 //!
 //! Twin: `reference::splat::blend`.
 
-use super::plan::{Ellipse, Grid, Plan, Splat};
+use super::plan::{Grid, Plan, Splat};
 use crate::num::elem::exp_lanes;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::par;
@@ -68,6 +68,9 @@ pub struct Saved {
     pub final_t: Vec<f32>,
     /// (C, H, W) index in the tile's list of the last splat included, −1 = none. Exact in f32 below 2²⁴.
     pub last_index: Vec<f32>,
+    /// (E) rows in which a splat was included somewhere, one bit each, left and right half of a 16×16 tile; empty for
+    /// other tile sides.
+    pub rows: Vec<[u16; 2]>,
 }
 
 /// Decisions per pair and pixel to follow instead of making them: (E, 32) bytes, bit 16·row + column. Tiles of 16.
@@ -92,6 +95,10 @@ struct Tile {
     y0: usize,
     cols: usize,
     rows: usize,
+    /// pixel-centre x of each vector of a row
+    centers: [f32x8; 4],
+    /// pixel-centre y of row 0
+    top: f32,
 }
 
 impl Tile {
@@ -103,19 +110,15 @@ impl Tile {
             y0,
             cols: Ord::min(grid.tile, grid.width - x0),
             rows: Ord::min(grid.tile, grid.height - y0),
+            centers: std::array::from_fn(|h| f32x8::from_fn(|l| (x0 + 8 * h + l) as f32 + 0.5)),
+            top: y0 as f32 + 0.5,
         }
     }
 
-    /// Pixel-centre x of vector `h`.
-    #[inline(always)]
-    fn centers(&self, h: usize) -> f32x8 {
-        f32x8::from_fn(|l| (self.x0 + 8 * h + l) as f32 + 0.5)
-    }
-
-    /// Pixel-centre y of row `r`.
+    /// Pixel-centre y of row `r`: exact, since sides are below 2²³.
     #[inline(always)]
     fn center_y(&self, r: usize) -> f32 {
-        (self.y0 + r) as f32 + 0.5
+        self.top + r as i32 as f32
     }
 
     /// All-ones lanes of vector `h` that lie inside the picture.
@@ -132,7 +135,7 @@ fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32; H] {
     if !cull {
         return all;
     }
-    let e = Ellipse::new(s);
+    let e = &s.bounds;
     let c = f32x8::splat;
     let mut out = [0_u32; H];
     let rel = s.mean_px[0] - tile.x0 as f32; // centre, from the tile's left edge
@@ -157,7 +160,6 @@ fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32; H] {
 
 /// One splat's numbers in lanes, for one vector column of a tile.
 struct Column {
-    x_pivot: bool,
     dx: f32x8,
     my: f32,
     s: f32x8,
@@ -172,7 +174,6 @@ impl Column {
         let c = f32x8::splat;
         let [sh, k1, k2] = s.shape;
         Self {
-            x_pivot: s.axis == 0,
             dx: centers - c(s.mean_px[0]),
             my: s.mean_px[1],
             s: c(sh),
@@ -229,12 +230,14 @@ fn decide(
 struct Forward<const V: usize> {
     sums: [[f32x8; V]; 4], // r, g, b, depth
     t: [f32x8; V],
+    /// list index of the last splat included, plus one
     last: [f32x8; V],
     /// lanes still walking; `Stop::After` reads it off `t` instead
     live: [f32x8; V],
 }
 
 /// Blends one tile of H vectors a row, V vectors in all. `frozen` (α masks, cap masks, last indices) needs H = 2.
+/// `included_rows` is per entry, or empty where nobody asks.
 fn tile_forward<const H: usize, const V: usize>(
     splats: &[Splat],
     list: &[u32],
@@ -242,23 +245,37 @@ fn tile_forward<const H: usize, const V: usize>(
     profile: &Profile,
     cull: bool,
     frozen: Option<(&[[u8; 32]], &[[u8; 32]], [f32x8; V])>,
+    included_rows: &mut [[u16; 2]],
 ) -> Forward<V> {
     let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
     let mut out =
-        Forward { sums: [[zero; V]; 4], t: [zero; V], last: [f32x8::splat(-1.0); V], live: [zero; V] };
+        Forward { sums: [[zero; V]; 4], t: [zero; V], last: [zero; V], live: [zero; V] };
     for v in 0..V {
         let inside = tile.inside(v % H, v / H);
         out.t[v] = Real::select(inside, one, zero);
         out.live[v] = inside;
     }
-    let after = profile.stop == Stop::After && frozen.is_none();
     let mut alive = [u32::MAX >> (32 - tile.rows); H];
     for (h, rows) in alive.iter_mut().enumerate() {
         if 8 * h >= tile.cols {
             *rows = 0;
         }
     }
-    let t_stop = f32x8::splat(profile.t_stop);
+    let frozen_last = frozen.as_ref().map(|f| &f.2);
+    let rule = match (frozen_last, profile.stop) {
+        (Some(_), _) => FROZEN,
+        (None, Stop::After) => AFTER,
+        (None, Stop::Before) => BEFORE,
+        (None, Stop::BeforeStrict) => BEFORE_STRICT,
+        (None, Stop::Never) => NEVER,
+    };
+    let walk = match rule {
+        FROZEN => [column_forward::<true, FROZEN, H, V>, column_forward::<false, FROZEN, H, V>],
+        AFTER => [column_forward::<true, AFTER, H, V>, column_forward::<false, AFTER, H, V>],
+        BEFORE => [column_forward::<true, BEFORE, H, V>, column_forward::<false, BEFORE, H, V>],
+        BEFORE_STRICT => [column_forward::<true, BEFORE_STRICT, H, V>, column_forward::<false, BEFORE_STRICT, H, V>],
+        _ => [column_forward::<true, NEVER, H, V>, column_forward::<false, NEVER, H, V>],
+    };
     for (k, &g) in list.iter().enumerate() {
         if alive == [0; H] {
             break;
@@ -266,57 +283,92 @@ fn tile_forward<const H: usize, const V: usize>(
         let s = &splats[g as usize];
         let masks = frozen.as_ref().map(|f| (&f.0[k], &f.1[k]));
         let rows_of = spans::<H>(s, tile, cull && frozen.is_none());
-        let index = f32x8::splat(k as f32);
-        let color = [s.color[0], s.color[1], s.color[2], s.z].map(f32x8::splat);
         for h in 0..H {
-            let mut rows = rows_of[h] & alive[h];
-            if rows == 0 {
-                continue;
-            }
-            let column = Column::new(s, tile.centers(h));
-            while rows != 0 {
-                let r = rows.trailing_zeros() as usize;
-                rows &= rows - 1;
-                let v = r * H + h;
-                let y = tile.center_y(r);
-                let w = if column.x_pivot { column.whitened::<true>(y) } else { column.whitened::<false>(y) };
-                let (alpha, mut keep, _) = decide(column.alpha(w), profile, masks, 2 * r + h);
-                let t = out.t[v];
-                let next = t * (one - alpha);
-                if after {
-                    keep = <f32x8 as Real>::and(keep, Real::gt(t, t_stop));
-                } else if let Some((_, _, last)) = &frozen {
-                    keep = <f32x8 as Real>::and(keep, Real::le(index, last[v]));
-                } else {
-                    let ends = match profile.stop {
-                        Stop::Before => Real::le(next, t_stop),
-                        Stop::BeforeStrict => Real::lt(next, t_stop),
-                        Stop::After | Stop::Never => zero,
-                    };
-                    let ends = <f32x8 as Real>::and(keep, ends);
-                    out.live[v] = Real::select(ends, zero, out.live[v]);
-                    keep = <f32x8 as Real>::and(keep, out.live[v]);
-                    if <f32x8 as Real>::bits(out.live[v]) == 0 {
-                        alive[h] &= !(1 << r);
-                    }
-                }
-                if <f32x8 as Real>::bits(keep) == 0 {
-                    continue;
-                }
-                let weight = Real::select(keep, t * alpha, zero);
-                for (sum, c) in out.sums.iter_mut().zip(color) {
-                    sum[v] = sum[v] + weight * c;
-                }
-                let t = Real::select(keep, next, t);
-                out.t[v] = t;
-                out.last[v] = Real::select(keep, index, out.last[v]);
-                if after && <f32x8 as Real>::bits(Real::gt(t, t_stop)) == 0 {
-                    alive[h] &= !(1 << r);
+            let rows = rows_of[h] & alive[h];
+            if rows != 0 {
+                let included = walk[s.axis as usize](
+                    s,
+                    h,
+                    rows,
+                    k,
+                    tile,
+                    profile,
+                    masks,
+                    frozen_last,
+                    &mut alive[h],
+                    &mut out,
+                );
+                if let Some(entry) = included_rows.get_mut(k) {
+                    entry[h & 1] = included as u16;
                 }
             }
         }
     }
     out
+}
+
+// how a walk ends, as constants so that the loop is compiled once for each
+const AFTER: u8 = 0;
+const BEFORE: u8 = 1;
+const BEFORE_STRICT: u8 = 2;
+const NEVER: u8 = 3;
+const FROZEN: u8 = 4;
+
+/// One splat over one vector column; returns the rows in which it was included.
+fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>(
+    s: &Splat,
+    h: usize,
+    mut rows: u32,
+    k: usize,
+    tile: &Tile,
+    profile: &Profile,
+    masks: Option<(&[u8; 32], &[u8; 32])>,
+    frozen_last: Option<&[f32x8; V]>,
+    alive: &mut u32,
+    out: &mut Forward<V>,
+) -> u32 {
+    let one = f32x8::splat(1.0);
+    let t_stop = f32x8::splat(profile.t_stop);
+    let index = f32x8::splat(k as i32 as f32);
+    let count = f32x8::splat((k + 1) as i32 as f32);
+    let color = [s.color[0], s.color[1], s.color[2], s.z].map(f32x8::splat);
+    let column = Column::new(s, tile.centers[h & 3]);
+    let mut included = 0;
+    while rows != 0 {
+        let r = rows.trailing_zeros() as usize;
+        rows &= rows - 1;
+        let v = (r * H + h) & (V - 1); // V is a power of two: the mask only tells the compiler so
+        let w = column.whitened::<X>(tile.center_y(r));
+        let (alpha, mut keep, _) = decide(column.alpha(w), profile, masks, v);
+        let t = out.t[v];
+        match RULE {
+            AFTER => keep = keep & Real::gt(t, t_stop),
+            FROZEN => keep = keep & Real::le(index, frozen_last.expect("set with this rule")[v]),
+            NEVER => keep = keep & out.live[v],
+            _ => {
+                let next = t * (one - alpha);
+                let ends = if RULE == BEFORE { Real::le(next, t_stop) } else { Real::lt(next, t_stop) };
+                let live = out.live[v] & !(ends & keep);
+                out.live[v] = live;
+                keep = keep & live;
+                *alive &= !(u32::from(<f32x8 as Real>::bits(live) == 0) << r);
+            }
+        }
+        // α = 0 where the splat is skipped: then the products below change nothing, and no lane needs a selection
+        let alpha = keep & alpha;
+        let weight = t * alpha;
+        for (sum, c) in out.sums.iter_mut().zip(color) {
+            sum[v] = sum[v] + weight * c;
+        }
+        let t = t * (one - alpha);
+        out.t[v] = t;
+        out.last[v] = Real::max(out.last[v], keep & count);
+        included |= u32::from(<f32x8 as Real>::bits(keep) != 0) << r;
+        if RULE == AFTER {
+            *alive &= !(u32::from(<f32x8 as Real>::bits(Real::gt(t, t_stop)) == 0) << r);
+        }
+    }
+    included
 }
 
 /// The part of a (H, W) plane under a tile, in vectors; outside the picture `outside`.
@@ -365,6 +417,9 @@ pub fn forward(
     for plane in [&mut out.alpha, &mut out.depth, &mut saved.final_t, &mut saved.last_index] {
         plane.resize(cameras * pixels, 0.0);
     }
+    saved.rows.clear();
+    saved.rows.resize(if grid.tile == 16 { plan.tile_entry.len() } else { 0 }, [0; 2]);
+    let mut included = split_entries(plan, &mut saved.rows).into_iter();
     let row = grid.width * grid.tile;
     let mut bands = Vec::new();
     // bands restart with every camera, so chunk the pictures one by one
@@ -379,37 +434,52 @@ pub fn forward(
             .zip(alpha.chunks_mut(row).zip(depth.chunks_mut(row)))
             .zip(final_t.chunks_mut(row).zip(last.chunks_mut(row)));
         for ((image, (alpha, depth)), (final_t, last_index)) in parts {
-            bands.push(Band { image, alpha, depth, final_t, last_index });
+            let included = included.by_ref().take(grid.tiles_x()).collect();
+            bands.push((Band { image, alpha, depth, final_t, last_index }, included));
         }
     }
     let (tiles_x, tiles_y) = (grid.tiles_x(), grid.tiles_y());
-    par::each(bands, |b, mut band| {
+    par::each(bands, |b, (mut band, included): (Band<'_>, Vec<&mut [[u16; 2]]>)| {
         let camera = b / tiles_y;
         let local = &splats[camera * n..(camera + 1) * n];
-        let run = |x: usize| {
+        let run = |(x, rows): (usize, &mut [[u16; 2]])| {
             let at = b * tiles_x + x;
             let entries = plan.tile_start[at] as usize..plan.tile_start[at + 1] as usize;
             let tile = Tile::new(grid, at % grid.tiles());
             let list = &plan.tile_entry[entries.clone()];
             let lines = match grid.tile {
-                8 => finish(&tile_forward::<1, 8>(local, list, &tile, profile, cull, None), background),
+                8 => finish(&tile_forward::<1, 8>(local, list, &tile, profile, cull, None, rows), background),
                 16 => {
                     let masks = frozen.map(|f| {
                         let plane = &f.last_index[camera * pixels..(camera + 1) * pixels];
                         let last = load_plane::<2, 32>(plane, &tile, grid, -1.0);
                         (&f.alpha[entries.clone()], &f.cap[entries.clone()], last)
                     });
-                    finish(&tile_forward::<2, 32>(local, list, &tile, profile, cull, masks), background)
+                    finish(&tile_forward::<2, 32>(local, list, &tile, profile, cull, masks, rows), background)
                 }
-                32 => finish(&tile_forward::<4, 128>(local, list, &tile, profile, cull, None), background),
+                32 => finish(&tile_forward::<4, 128>(local, list, &tile, profile, cull, None, rows), background),
                 other => unreachable!("tile side {other}: settings allow 8, 16 and 32"),
             };
             (tile, lines)
         };
-        for (tile, lines) in par::map(tiles_x, run) {
+        for (tile, lines) in par::map_each(included, |x, rows| run((x, rows))) {
             band.store(&tile, &lines, grid.width);
         }
     });
+}
+
+/// Cuts a buffer with one element per entry into the lists of the tiles; an empty one into empty parts.
+fn split_entries<'a, T>(plan: &Plan, mut rest: &'a mut [T]) -> Vec<&'a mut [T]> {
+    let filled = !rest.is_empty();
+    let length = |pair: &[u32]| if filled { (pair[1] - pair[0]) as usize } else { 0 };
+    plan.tile_start
+        .windows(2)
+        .map(|pair| {
+            let (part, tail) = std::mem::take(&mut rest).split_at_mut(length(pair));
+            rest = tail;
+            part
+        })
+        .collect()
 }
 
 /// Per vector: r, g, b over the background, depth, T, last index.
@@ -419,7 +489,7 @@ fn finish<const V: usize>(state: &Forward<V>, background: [f32; 3]) -> Vec<[f32x
         .map(|v| {
             let t = state.t[v];
             let over = |c: usize| state.sums[c][v] + t * b[c];
-            [over(0), over(1), over(2), state.sums[3][v], t, state.last[v]]
+            [over(0), over(1), over(2), state.sums[3][v], t, state.last[v] - f32x8::splat(1.0)]
         })
         .collect()
 }
@@ -482,85 +552,70 @@ fn fold(left: &[f32x8; RECORD], right: &[f32x8; RECORD]) -> Record {
 fn tile_adjoint(
     splats: &[Splat],
     list: &[u32],
+    included: &[[u16; 2]],
     tile: &Tile,
     profile: &Profile,
-    cull: bool,
     frozen: Option<(&[[u8; 32]], &[[u8; 32]])>,
     wanted: Wanted,
     mut x: Backward<32>,
     records: &mut [Record],
 ) {
     let zero = f32x8::splat(0.0);
-    // list position behind which a vector holds no included splat
-    let reach: [[i32; 16]; 2] = std::array::from_fn(|h| {
-        std::array::from_fn(|r| x.last[2 * r + h].to_array().into_iter().fold(-1.0_f32, crate::num::order::max) as i32)
-    });
-    let deepest = reach.iter().flatten().fold(-1_i32, |a, &b| Ord::max(a, b));
-    for record in &mut records[(deepest + 1) as usize..] {
-        *record = [0.0; RECORD];
-    }
-    for k in (0..=deepest).rev() {
-        let s = &splats[list[k as usize] as usize];
-        let masks = frozen.map(|f| (&f.0[k as usize], &f.1[k as usize]));
-        let rows_of = spans::<2>(s, tile, cull && frozen.is_none());
+    let walk = match (wanted.depth, wanted.abs) {
+        (false, false) => [column_adjoint::<true, false, false>, column_adjoint::<false, false, false>],
+        (true, false) => [column_adjoint::<true, true, false>, column_adjoint::<false, true, false>],
+        (false, true) => [column_adjoint::<true, false, true>, column_adjoint::<false, false, true>],
+        (true, true) => [column_adjoint::<true, true, true>, column_adjoint::<false, true, true>],
+    };
+    for (k, record) in records.iter_mut().enumerate().rev() {
+        let rows = included[k];
+        if rows == [0, 0] {
+            *record = [0.0; RECORD];
+            continue;
+        }
+        let s = &splats[list[k] as usize];
+        let masks = frozen.map(|f| (&f.0[k], &f.1[k]));
         let mut sums = [[zero; RECORD]; 2];
         for h in 0..2 {
-            if rows_of[h] == 0 {
-                continue;
+            if rows[h] != 0 {
+                walk[s.axis as usize](s, h, u32::from(rows[h]), k, tile, profile, masks, &mut x, &mut sums[h]);
             }
-            let column = Column::new(s, tile.centers(h));
-            let walk = match (s.axis == 0, wanted.depth, wanted.abs) {
-                (true, false, false) => column_adjoint::<true, false, false>,
-                (false, false, false) => column_adjoint::<false, false, false>,
-                (true, true, false) => column_adjoint::<true, true, false>,
-                (false, true, false) => column_adjoint::<false, true, false>,
-                (true, false, true) => column_adjoint::<true, false, true>,
-                (false, false, true) => column_adjoint::<false, false, true>,
-                (true, true, true) => column_adjoint::<true, true, true>,
-                (false, true, true) => column_adjoint::<false, true, true>,
-            };
-            walk(s, &column, h, rows_of[h], k, &reach[h], tile, profile, masks, &mut x, &mut sums[h]);
         }
-        records[k as usize] = fold(&sums[0], &sums[1]);
+        *record = fold(&sums[0], &sums[1]);
     }
 }
 
 /// One vector column of one entry: a left fold over its rows.
-#[inline(always)]
 fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
     s: &Splat,
-    column: &Column,
     h: usize,
     mut rows: u32,
-    k: i32,
-    reach: &[i32; 16],
+    k: usize,
     tile: &Tile,
     profile: &Profile,
     masks: Option<(&[u8; 32], &[u8; 32])>,
     x: &mut Backward<32>,
-    sums: &mut [f32x8; RECORD],
+    out: &mut [f32x8; RECORD],
 ) {
-    let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
+    let one = f32x8::splat(1.0);
     let color = s.color.map(f32x8::splat);
     let z = f32x8::splat(s.z);
-    let index = f32x8::splat(k as f32);
-    let through_cap = profile.inria_bwd;
+    let index = f32x8::splat(k as i32 as f32);
+    let column = Column::new(s, tile.centers[h & 3]);
+    let through_cap = f32x8::splat(f32::from_bits(if profile.inria_bwd { u32::MAX } else { 0 }));
+    let mut sums = *out;
     while rows != 0 {
         let r = rows.trailing_zeros() as usize;
         rows &= rows - 1;
-        if reach[r] < k {
-            continue;
-        }
-        let v = 2 * r + h;
+        let v = (2 * r + h) & 31;
         let (w1, w2) = column.whitened::<X>(tile.center_y(r));
         let (alpha, keep, capped) = decide(column.alpha((w1, w2)), profile, masks, v);
-        let keep = <f32x8 as Real>::and(keep, Real::le(index, x.last[v]));
-        if <f32x8 as Real>::bits(keep) == 0 {
-            continue;
-        }
+        let keep = keep & Real::le(index, x.last[v]);
+        // α = 0 where the splat was skipped: T and what lies behind stay as they are, and every product is 0
+        let alpha = keep & alpha;
         // undo T' = T (1 − α)
         let rest = one - alpha;
-        let t = Real::select(keep, x.t[v] / rest, x.t[v]);
+        let t = x.t[v] / rest;
         x.t[v] = t;
         // the splat's colour, depth and presence against the pixel's cotangents
         let mut e = (color[0] * x.bar[0][v] + color[1] * x.bar[1][v]) + color[2] * x.bar[2][v];
@@ -569,16 +624,15 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         }
         let behind = x.behind[v];
         let alpha_bar = t * (e - behind);
-        x.behind[v] = Real::select(keep, alpha * e + rest * behind, behind);
-        let weight = Real::select(keep, t * alpha, zero);
+        x.behind[v] = alpha * e + rest * behind;
+        let weight = t * alpha;
         sums[6] = sums[6] + weight * x.bar[0][v];
         sums[7] = sums[7] + weight * x.bar[1][v];
         sums[8] = sums[8] + weight * x.bar[2][v];
         if DEPTH {
             sums[9] = sums[9] + weight * x.bar[3][v];
         }
-        let free = if through_cap { keep } else { Real::select(capped, zero, keep) };
-        let p = Real::select(free, alpha_bar * alpha, zero);
+        let p = (through_cap | !capped) & (alpha_bar * alpha);
         let (p1, p2) = (p * w1, p * w2);
         sums[0] = sums[0] + p;
         sums[1] = sums[1] + p1;
@@ -590,10 +644,11 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
             let along_q = p2 * column.k2;
             let along_p = p1 * column.k1 - column.s * along_q;
             let (ux, uy) = if X { (along_p, along_q) } else { (along_q, along_p) };
-            sums[10] = sums[10] + ux.abs();
-            sums[11] = sums[11] + uy.abs();
+            sums[10] = sums[10] + Real::abs(ux);
+            sums[11] = sums[11] + Real::abs(uy);
         }
     }
+    *out = sums;
 }
 
 /// Cotangents of one projected splat.
@@ -655,7 +710,6 @@ pub fn adjoint(
     grid: &Grid,
     profile: &Profile,
     background: [f32; 3],
-    cull: bool,
     frozen: Option<FrozenMasks<'_>>,
     saved: &Saved,
     out_bar: OutBar<'_>,
@@ -665,13 +719,7 @@ pub fn adjoint(
     assert_eq!(grid.tile, 16, "gradient records are those of 16x16 tiles");
     let pixels = grid.width * grid.height;
     records.resize(plan.tile_entry.len(), [0.0; RECORD]);
-    let mut parts: Vec<&mut [Record]> = Vec::with_capacity(plan.tile_start.len() - 1);
-    let mut rest: &mut [Record] = records;
-    for pair in plan.tile_start.windows(2) {
-        let (part, tail) = rest.split_at_mut((pair[1] - pair[0]) as usize);
-        parts.push(part);
-        rest = tail;
-    }
+    let parts = split_entries(plan, records);
     let wanted = Wanted { depth: out_bar.depth.is_some() || out_bar.alpha.is_some(), abs };
     let b = background.map(f32x8::splat);
     par::each(parts, |at, part| {
@@ -698,7 +746,8 @@ pub fn adjoint(
         };
         let masks = frozen.map(|f| (&f.alpha[entries.clone()], &f.cap[entries.clone()]));
         let local = &splats[camera * n..(camera + 1) * n];
-        tile_adjoint(local, &plan.tile_entry[entries], &tile, profile, cull, masks, wanted, state, part);
+        let (list, included) = (&plan.tile_entry[entries.clone()], &saved.rows[entries]);
+        tile_adjoint(local, list, included, &tile, profile, masks, wanted, state, part);
     });
     background_adjoint(saved, out_bar.image)
 }

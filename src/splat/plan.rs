@@ -22,8 +22,9 @@ use crate::num::{order, par};
 use crate::scene::profile::{Footprint, Profile};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// What `blend` needs to know about one Gaussian in one picture.
+/// What `blend` needs to know about one Gaussian in one picture: 64 bytes, one cache line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[repr(align(64))]
 pub struct Splat {
     /// Centre, pixels.
     pub mean_px: [f32; 2],
@@ -31,92 +32,113 @@ pub struct Splat {
     pub shape: [f32; 3],
     /// Opacity, antialiasing included.
     pub opacity: f32,
-    /// Mahalanobis radius of the footprint; negative = none.
-    pub cut: f32,
     /// Colour.
     pub color: [f32; 3],
     /// Depth.
     pub z: f32,
     /// Pivot axis, 0 = x, 1 = y.
     pub axis: u32,
+    /// Bounds of the footprint's rows.
+    pub bounds: Bounds,
+}
+
+/// Which pixels of a row can belong to a splat: those with |x − u_x − slope·dy| ≤ √((r2 − dy²·inv_yy)·half2) + margin.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Bounds {
+    /// Inflated Mahalanobis radius, squared; negative = no pixel.
+    pub r2: f32,
+    /// 1/Σ'yy
+    pub inv_yy: f32,
+    /// Σ'xy/Σ'yy
+    pub slope: f32,
+    /// det/Σ'yy
+    pub half2: f32,
+    /// Slack for rounding, pixels.
+    pub margin: f32,
 }
 
 impl Splat {
+    /// From what was projected; `cut` is the Mahalanobis radius of the footprint, negative = none.
+    pub fn new(
+        mean_px: [f32; 2],
+        shape: [f32; 3],
+        axis: u8,
+        z: f32,
+        opacity: f32,
+        color: [f32; 3],
+        cut: f32,
+    ) -> Self {
+        let e = Ellipse::new(shape, axis);
+        let bounds = if cut < 0.0 {
+            Bounds { r2: -1.0, ..Bounds::default() }
+        } else {
+            let r = (cut + 1e-3) + 1e-6 * (cut * e.narrow);
+            Bounds {
+                r2: r * r,
+                inv_yy: 1.0 / e.yy,
+                slope: e.xy / e.yy,
+                half2: e.det / e.yy,
+                margin: 0.01 + 2e-6 * (r * e.xx.sqrt()),
+            }
+        };
+        Self { mean_px, shape, opacity, color, z, axis: u32::from(axis), bounds }
+    }
+
     /// near ≤ z ≤ far.
     pub fn is_visible(&self) -> bool {
         self.shape[1] > 0.0
     }
 }
 
-/// Bounds of the footprint, all in pixels relative to the centre.
+/// Entries of Σ' recovered from the shape, without cancellation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ellipse {
-    /// inflated Mahalanobis radius, squared
-    pub(crate) r2: f32,
-    /// 1/Σ'yy
-    pub(crate) inv_yy: f32,
-    /// Σ'xy/Σ'yy: centre of a row's span per pixel of dy
-    pub(crate) slope: f32,
-    /// det/Σ'yy: squared half-width of the central row per r²
-    pub(crate) half2: f32,
-    /// slack of the span, pixels
-    pub(crate) margin: f32,
-    r: f32,
     xx: f32,
     yy: f32,
     xy: f32,
     det: f32,
+    /// √Σ'qq in units of the conditional deviation √(det/Σ'pp): how much rounding the exponent can see
+    narrow: f32,
 }
 
 impl Ellipse {
-    pub(crate) fn new(s: &Splat) -> Self {
-        let [sh, k1, k2] = s.shape;
+    pub(crate) fn new([s, k1, k2]: [f32; 3], axis: u8) -> Self {
         let pp = 1.0 / (k1 * k1);
         let rest = 1.0 / (k2 * k2); // det/Σ'pp
-        let qq = rest + (sh * sh) * pp;
-        let pq = sh * pp;
-        let (xx, yy) = if s.axis == 0 { (pp, qq) } else { (qq, pp) };
-        let cut = order::max(s.cut, 0.0);
-        let r = (cut + 1e-3) + 1e-6 * (cut * qq.sqrt() * k2);
-        let det = pp * rest;
-        Self {
-            r2: r * r,
-            inv_yy: 1.0 / yy,
-            slope: pq / yy,
-            half2: det / yy,
-            margin: 0.01 + 2e-6 * (r * xx.sqrt()),
-            r,
-            xx,
-            yy,
-            xy: pq,
-            det,
-        }
+        let qq = rest + (s * s) * pp;
+        let (xx, yy) = if axis == 0 { (pp, qq) } else { (qq, pp) };
+        Self { xx, yy, xy: s * pp, det: pp * rest, narrow: qq.sqrt() * k2 }
     }
 
-    /// Rightmost extent over rows dy ∈ [lo, hi] (`sign` = 1), or leftmost, mirrored (`sign` = −1).
-    fn reach(&self, lo: f32, hi: f32, sign: f32) -> f32 {
-        let tip = sign * (self.r * self.xy / self.xx.sqrt());
-        let dy = order::clamp(tip, lo, hi);
-        let inside = order::max(self.r2 - (dy * dy) * self.inv_yy, 0.0);
-        sign * (self.slope * dy) + (inside * self.half2).sqrt() + self.margin
-    }
-
-    /// Half-widths in whole pixels; see [`super::project`].
-    pub(crate) fn radii(&self, profile: &Profile, s: &Splat, size: [f32; 2]) -> [i32; 2] {
-        if s.cut < 0.0 {
+    /// Half-widths of the footprint in whole pixels, 0 where it misses the picture.
+    pub(crate) fn radii(&self, profile: &Profile, mean_px: [f32; 2], cut: f32, size: [f32; 2]) -> [i32; 2] {
+        if cut < 0.0 {
             return [0, 0];
         }
         let ceil = |x: f32| order::min(x, 1e9).ceil() as i32;
         let r = match profile.footprint {
-            Footprint::Alpha => [ceil(s.cut * self.xx.sqrt()), ceil(s.cut * self.yy.sqrt())],
-            Footprint::Inria3Sigma => {
-                let mid = 0.5 * (self.xx + self.yy);
-                let largest = mid + order::max(mid * mid - self.det, 0.1).sqrt();
-                [ceil(3.0 * largest.sqrt()); 2]
-            }
+            Footprint::Alpha => [ceil(cut * self.xx.sqrt()), ceil(cut * self.yy.sqrt())],
+            Footprint::Inria3Sigma => [self.inria_radius(); 2],
         };
-        let hits = (0..2).all(|i| s.mean_px[i] + r[i] as f32 > 0.0 && s.mean_px[i] - (r[i] as f32) < size[i]);
+        let hits = (0..2).all(|i| mean_px[i] + r[i] as f32 > 0.0 && mean_px[i] - (r[i] as f32) < size[i]);
         if hits { r } else { [0, 0] }
+    }
+
+    /// ceil(3 √λ_max) with that program's floor under the root.
+    fn inria_radius(&self) -> i32 {
+        let mid = 0.5 * (self.xx + self.yy);
+        let largest = mid + order::max(mid * mid - self.det, 0.1).sqrt();
+        order::min(3.0 * largest.sqrt(), 1e9).ceil() as i32
+    }
+}
+
+impl Bounds {
+    /// Rightmost extent over rows dy ∈ [lo, hi] (`sign` = 1), or leftmost, mirrored (`sign` = −1); `tip` is the row of the
+    /// rightmost point.
+    fn reach(&self, tip: f32, lo: f32, hi: f32, sign: f32) -> f32 {
+        let dy = order::clamp(sign * tip, lo, hi);
+        let inside = order::max(self.r2 - (dy * dy) * self.inv_yy, 0.0);
+        sign * (self.slope * dy) + (inside * self.half2).sqrt() + self.margin
     }
 }
 
@@ -182,11 +204,10 @@ const SEGMENTS: usize = 16;
 /// Tiles of one Gaussian, row-major, pushed onto `tiles`.
 fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut Vec<u32>) {
     let (tx, ty) = (grid.tiles_x() as i32, grid.tiles_y() as i32);
-    let e = Ellipse::new(s);
-    let radii = e.radii(profile, s, [grid.width as f32, grid.height as f32]);
-    if radii == [0, 0] {
+    if !(s.bounds.r2 >= 0.0) {
         return;
     }
+    let e = Ellipse::new(s.shape, s.axis as u8);
     let side = grid.tile as f32;
     let [mx, my] = s.mean_px;
     // tiles whose pixel centres (first at ½, last at side − ½) meet the interval [lo, hi]
@@ -196,7 +217,7 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
         Footprint::Inria3Sigma => {
             // that program's rectangle: its pixel positions are ours minus ½, its tiles always 16 wide, its
             // upper bound rounded up by a whole tile
-            let r = radii[0] as f32;
+            let r = e.inria_radius() as f32;
             let bound = |v: f32, n: i32| order::clamp((v / 16.0).trunc(), 0.0, n as f32) as i32;
             let inria_x = (grid.width as i32 + 15) / 16;
             let inria_y = (grid.height as i32 + 15) / 16;
@@ -209,15 +230,20 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
             }
         }
         Footprint::Alpha => {
-            let top = e.r * e.yy.sqrt() + e.margin;
-            for y in first(my - top)..=last(my + top, ty) {
-                let (lo, hi) = (y as f32 * side + 0.5 - my, (y as f32 + 1.0) * side - 0.5 - my);
-                let (lo, hi) = (order::max(lo, -top), order::min(hi, top));
-                let (x0, x1) = if cull {
-                    (first(mx - e.reach(lo, hi, -1.0)), last(mx + e.reach(lo, hi, 1.0), tx))
+            let r = s.bounds.r2.sqrt();
+            let wide = r * e.xx.sqrt() + s.bounds.margin;
+            let top = r * e.yy.sqrt() + s.bounds.margin;
+            let tip = r * (e.xy / e.xx.sqrt());
+            let (x_first, x_last) = (first(mx - wide), last(mx + wide, tx));
+            let (y_first, y_last) = (first(my - top), last(my + top, ty));
+            for y in y_first..=y_last {
+                // a box of one tile, or one row of tiles, has no corner to save
+                let (x0, x1) = if cull && x_first < x_last && y_first < y_last {
+                    let (lo, hi) = (y as f32 * side + 0.5 - my, (y as f32 + 1.0) * side - 0.5 - my);
+                    let (lo, hi) = (order::max(lo, -top), order::min(hi, top));
+                    (first(mx - s.bounds.reach(tip, lo, hi, -1.0)), last(mx + s.bounds.reach(tip, lo, hi, 1.0), tx))
                 } else {
-                    let wide = e.r * e.xx.sqrt() + e.margin;
-                    (first(mx - wide), last(mx + wide, tx))
+                    (x_first, x_last)
                 };
                 for x in x0..=x1 {
                     tiles.push((y * tx + x) as u32);

@@ -41,7 +41,7 @@
 //! Twin: `reference::splat::project`.
 
 use super::covariance::{gather, scatter_add};
-use super::plan::{Ellipse, Splat};
+use super::plan::Ellipse;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::order;
 use crate::scene::camera::{Camera, Model};
@@ -352,20 +352,16 @@ pub fn forward(
                 let compensation =
                     if profile.antialiased { order::max(ratio[l], COMPENSATION_FLOOR).sqrt() } else { 1.0 };
                 let axis = (axis_y >> l & 1) as u8;
-                let splat = Splat {
-                    mean_px: [mean_px[0][l], mean_px[1][l]],
-                    shape: [shape[0][l], shape[1][l], shape[2][l]],
-                    cut: cut_radius(opacities[at + l] * compensation, profile.alpha_min),
-                    axis: u32::from(axis),
-                    ..Splat::default()
-                };
+                let u = [mean_px[0][l], mean_px[1][l]];
+                let shape = [shape[0][l], shape[1][l], shape[2][l]];
+                let cut = cut_radius(opacities[at + l] * compensation, profile.alpha_min);
                 Row {
-                    mean_px: splat.mean_px,
+                    mean_px: u,
                     z: za[l],
-                    shape: splat.shape,
+                    shape,
                     compensation,
-                    cut: splat.cut,
-                    radii: Ellipse::new(&splat).radii(profile, &splat, lens.size),
+                    cut,
+                    radii: Ellipse::new(shape, axis).radii(profile, u, cut, lens.size),
                     t_clamp: [limited[0][l] as i8, limited[1][l] as i8],
                     axis,
                     visible: true,

@@ -342,15 +342,8 @@ pub fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, sav
             for (i, splat) in splats.iter_mut().enumerate() {
                 let row = &rows[i];
                 *splat = if row.visible {
-                    Splat {
-                        mean_px: row.mean_px,
-                        shape: row.shape,
-                        opacity: opacities[i] * row.compensation,
-                        cut: row.cut,
-                        color: colors[i],
-                        z: row.z,
-                        axis: u32::from(row.axis),
-                    }
+                    let opacity = opacities[i] * row.compensation;
+                    Splat::new(row.mean_px, row.shape, row.axis, row.z, opacity, colors[i], row.cut)
                 } else {
                     Splat::default()
                 };
@@ -397,7 +390,6 @@ pub fn adjoint_into(
         &grid,
         &settings.profile,
         x.background,
-        settings.cull,
         frozen.map(Frozen::masks),
         &saved.pixels,
         out_bar,
