@@ -276,36 +276,37 @@ fn tile_forward<const H: usize, const V: usize>(
         BEFORE_STRICT => [column_forward::<true, BEFORE_STRICT, H, V>, column_forward::<false, BEFORE_STRICT, H, V>],
         _ => [column_forward::<true, NEVER, H, V>, column_forward::<false, NEVER, H, V>],
     };
-    for (k, &g) in list.iter().enumerate() {
+    // spans a batch ahead of the walk: their latency overlaps, and the splats are in cache when they are blended
+    let mut ahead = [[0_u32; H]; BATCH];
+    for (batch, part) in list.chunks(BATCH).enumerate() {
         if alive == [0; H] {
             break;
         }
-        let s = &splats[g as usize];
-        let masks = frozen.as_ref().map(|f| (&f.0[k], &f.1[k]));
-        let rows_of = spans::<H>(s, tile, cull && frozen.is_none());
-        for h in 0..H {
-            let rows = rows_of[h] & alive[h];
-            if rows != 0 {
-                let included = walk[s.axis as usize](
-                    s,
-                    h,
-                    rows,
-                    k,
-                    tile,
-                    profile,
-                    masks,
-                    frozen_last,
-                    &mut alive[h],
-                    &mut out,
-                );
-                if let Some(entry) = included_rows.get_mut(k) {
-                    entry[h & 1] = included as u16;
+        for (rows, &g) in ahead.iter_mut().zip(part) {
+            *rows = spans::<H>(&splats[g as usize], tile, cull && frozen.is_none());
+        }
+        for (rows_of, (i, &g)) in ahead.iter().zip(part.iter().enumerate()) {
+            let k = batch * BATCH + i;
+            let s = &splats[g as usize];
+            let masks = frozen.as_ref().map(|f| (&f.0[k], &f.1[k]));
+            for h in 0..H {
+                let rows = rows_of[h] & alive[h];
+                if rows != 0 {
+                    let column = walk[s.axis as usize];
+                    let included =
+                        column(s, h, rows, k, tile, profile, masks, frozen_last, &mut alive[h], &mut out);
+                    if let Some(entry) = included_rows.get_mut(k) {
+                        entry[h & 1] = included as u16;
+                    }
                 }
             }
         }
     }
     out
 }
+
+/// Splats whose row spans are worked out together.
+const BATCH: usize = 16;
 
 // how a walk ends, as constants so that the loop is compiled once for each
 const AFTER: u8 = 0;
@@ -534,10 +535,9 @@ struct Backward<const V: usize> {
     last: [f32x8; V],
 }
 
-/// Folds the twelve sums of two vector columns over their 16 lanes: l += l+8, then +4, +2, +1.
+/// Folds twelve sums over their 8 lanes: l += l+4, then +2, +1.
 #[inline(always)]
-fn fold(left: &[f32x8; RECORD], right: &[f32x8; RECORD]) -> Record {
-    let eight: [f32x8; RECORD] = std::array::from_fn(|i| left[i] + right[i]);
+fn fold(eight: &[f32x8; RECORD]) -> Record {
     let zero = f32x8::splat(0.0);
     let tree = |rows: [f32x8; 8]| {
         let r = f32x8::transpose(rows);
@@ -570,18 +570,24 @@ fn tile_adjoint(
     for (k, record) in records.iter_mut().enumerate().rev() {
         let rows = included[k];
         if rows == [0, 0] {
-            *record = [0.0; RECORD];
-            continue;
+            continue; // never read: see `gather_records`
         }
         let s = &splats[list[k] as usize];
         let masks = frozen.map(|f| (&f.0[k], &f.1[k]));
-        let mut sums = [[zero; RECORD]; 2];
-        for h in 0..2 {
-            if rows[h] != 0 {
-                walk[s.axis as usize](s, h, u32::from(rows[h]), k, tile, profile, masks, &mut x, &mut sums[h]);
+        let column = walk[s.axis as usize];
+        let mut sums = [zero; RECORD];
+        if rows[0] != 0 {
+            column(s, 0, u32::from(rows[0]), k, tile, profile, masks, &mut x, &mut sums);
+        }
+        if rows[1] != 0 {
+            // 16 → 8: the right half of the tile is added to the left one
+            let mut right = [zero; RECORD];
+            column(s, 1, u32::from(rows[1]), k, tile, profile, masks, &mut x, &mut right);
+            for (l, r) in sums.iter_mut().zip(right) {
+                *l = *l + r;
             }
         }
-        *record = fold(&sums[0], &sums[1]);
+        *record = fold(&sums);
     }
 }
 
@@ -603,7 +609,7 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
     let index = f32x8::splat(k as i32 as f32);
     let column = Column::new(s, tile.centers[h & 3]);
     let through_cap = f32x8::splat(f32::from_bits(if profile.inria_bwd { u32::MAX } else { 0 }));
-    let mut sums = *out;
+    let mut sums = [f32x8::splat(0.0); RECORD];
     while rows != 0 {
         let r = rows.trailing_zeros() as usize;
         rows &= rows - 1;
@@ -686,13 +692,23 @@ impl SplatBar {
 }
 
 /// Sums the records of one Gaussian in slot order; `None` if it is listed nowhere.
-pub fn gather_records(plan: &Plan, records: &[Record], camera_row: usize) -> Option<[f64; RECORD]> {
+///
+/// Pairs in which nothing was included have no record.
+pub fn gather_records(
+    plan: &Plan,
+    included: &[[u16; 2]],
+    records: &[Record],
+    camera_row: usize,
+) -> Option<[f64; RECORD]> {
     let slots = plan.slot_start[camera_row] as usize..plan.slot_start[camera_row + 1] as usize;
     if slots.is_empty() {
         return None;
     }
     let mut sum = [0.0_f64; RECORD];
     for &entry in &plan.entry_of_slot[slots] {
+        if included[entry as usize] == [0, 0] {
+            continue;
+        }
         for (total, x) in sum.iter_mut().zip(&records[entry as usize]) {
             *total += f64::from(*x);
         }

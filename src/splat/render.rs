@@ -458,7 +458,7 @@ fn adjoint_block(
         let rows = &saved.rows[at..at + len];
         for i in 0..len {
             // undo blend: the records of this Gaussian in slot order
-            let bar = blend::gather_records(&saved.plan, records, at + i)
+            let bar = blend::gather_records(&saved.plan, &saved.pixels.rows, records, at + i)
                 .map_or_else(SplatBar::default, |sums| SplatBar::new(&saved.splats[at + i], sums));
             block.means_px[c][i] = bar.mean_px;
             if let Some(abs) = block.means_px_abs.get_mut(c) {
