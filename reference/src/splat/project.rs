@@ -218,8 +218,12 @@ pub fn inria_radius(shape: [f64; 3], axis: usize) -> f64 {
     libm::ceil(3.0 * (m + if square > 0.1 { square } else { 0.1 }.sqrt()).sqrt())
 }
 
-/// Half-axes in whole pixels of the box around the visible part, 0 where nothing of it reaches the picture:
-/// ceil(e·√Σ'ii), e = min(3.33, √(2 ln(o/α_min))), or Inria's square. Without an opacity e = 3.33.
+/// Extent of a Gaussian without an opacity, in standard deviations: √(2 ln 255), rounded up.
+const EXTENT: f64 = 3.33;
+
+/// Half-axes in whole pixels of the box around the visible part: ceil(e·√Σ'ii), e = min(3.33, √(2 ln(o/α_min))), or Inria's
+/// square; without an opacity, or without a cut, e = 3.33. Both are 0 where o < α_min, or where the box of e = 3.33
+/// (Inria's square) lies outside the picture.
 pub fn radii_px(
     mean_px: [f64; 2],
     shape: [f64; 3],
@@ -228,22 +232,23 @@ pub fn radii_px(
     camera: &Camera,
     profile: &Profile,
 ) -> [f64; 2] {
-    let radii = if profile.footprint == Footprint::Inria {
-        [inria_radius(shape, axis); 2]
-    } else {
-        let extent = match opacity {
-            Some(o) if o < profile.alpha_min => return [0.0; 2],
-            Some(o) if profile.alpha_min > 0.0 => {
-                let extent = (2.0 * libm::log(o / profile.alpha_min)).sqrt();
-                if extent < 3.33 { extent } else { 3.33 }
-            }
-            _ => 3.33,
-        };
-        let [a, _, c] = covariance_of_shape(shape, axis);
-        [libm::ceil(extent * a.sqrt()), libm::ceil(extent * c.sqrt())]
+    let [a, _, c] = covariance_of_shape(shape, axis);
+    let inria = profile.footprint == Footprint::Inria;
+    let radii = |extent: f64| match inria {
+        true => [inria_radius(shape, axis); 2],
+        false => [a, c].map(|variance| libm::ceil(extent * variance.sqrt())),
     };
-    let touches = (0..2).all(|k| mean_px[k] + radii[k] > 0.0 && mean_px[k] - radii[k] < camera.size_px[k] as f64);
-    if touches { radii } else { [0.0; 2] }
+    let extent = match opacity {
+        Some(o) if !inria && o < profile.alpha_min => return [0.0; 2],
+        Some(o) if profile.alpha_min > 0.0 => (2.0 * libm::log(o / profile.alpha_min)).sqrt(),
+        _ => EXTENT,
+    };
+    let widest = radii(EXTENT);
+    let touches = (0..2).all(|k| mean_px[k] + widest[k] > 0.0 && mean_px[k] - widest[k] < camera.size_px[k] as f64);
+    match touches {
+        true => radii(if extent < EXTENT { extent } else { EXTENT }),
+        false => [0.0; 2],
+    }
 }
 
 /// The decisions a plan has taken for Gaussian `i` in view `c`, row c·N + i.
