@@ -166,8 +166,9 @@ pub fn project_one<S: Scalar>(
     let rf: [[S; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|k| factor[0][k] * r[i][0] + factor[1][k] * r[i][1] + factor[2][k] * r[i][2])
     });
-    let v: [[S; 3]; 2] =
-        std::array::from_fn(|i| std::array::from_fn(|k| j[i][0] * rf[0][k] + j[i][1] * rf[1][k] + j[i][2] * rf[2][k]));
+    let v: [[S; 3]; 2] = std::array::from_fn(|i| {
+        std::array::from_fn(|k| j[i][0] * rf[0][k] + j[i][1] * rf[1][k] + j[i][2] * rf[2][k])
+    });
     let dot = |a: [S; 3], b: [S; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let minors = |v: [[S; 3]; 2]| {
         let minor = |i: usize, k: usize| v[0][i] * v[1][k] - v[0][k] * v[1][i];
@@ -244,7 +245,8 @@ pub fn radii_px(
         _ => EXTENT,
     };
     let widest = radii(EXTENT);
-    let touches = (0..2).all(|k| mean_px[k] + widest[k] > 0.0 && mean_px[k] - widest[k] < camera.size_px[k] as f64);
+    let touches =
+        (0..2).all(|k| mean_px[k] + widest[k] > 0.0 && mean_px[k] - widest[k] < camera.size_px[k] as f64);
     match touches {
         true => radii(if extent < EXTENT { extent } else { EXTENT }),
         false => [0.0; 2],

@@ -12,14 +12,21 @@ fn settings(of: &[(&str, &str)]) -> BTreeMap<String, Setting> {
 }
 
 /// Runs a golden file; returns the answer.
-fn check(file: &str, op: &str, inputs: &[&str], mut chosen: BTreeMap<String, Setting>, [values, gradients]: [f64; 2]) -> Option<(Named<f64>, twins::Answer)> {
+fn check(
+    file: &str,
+    op: &str,
+    inputs: &[&str],
+    mut chosen: BTreeMap<String, Setting>,
+    [values, gradients]: [f64; 2],
+) -> Option<(Named<f64>, twins::Answer)> {
     let arrays = golden(file)?;
     for (name, x) in &arrays {
         if let Some(setting) = name.strip_prefix("setting_") {
             chosen.insert(setting.to_owned(), Setting::Number(x.data[0]));
         }
     }
-    let chosen_inputs: Named<f64> = inputs.iter().map(|&name| (name.to_owned(), arrays[name].clone())).collect();
+    let chosen_inputs: Named<f64> =
+        inputs.iter().map(|&name| (name.to_owned(), arrays[name].clone())).collect();
     let request = Request { op, inputs: &chosen_inputs, settings: &chosen, plan: None };
     let answer = twins::value(&request).expect("a golden file is a good request");
     for (name, ours) in &answer.outputs {
@@ -50,8 +57,18 @@ fn check(file: &str, op: &str, inputs: &[&str], mut chosen: BTreeMap<String, Set
 
 fn splat(file: &str) {
     let inputs = [
-        "means", "quats", "scales", "opacities", "sh", "sh_degree", "view_from_world", "intrinsics", "width", "height",
-        "near", "background",
+        "means",
+        "quats",
+        "scales",
+        "opacities",
+        "sh",
+        "sh_degree",
+        "view_from_world",
+        "intrinsics",
+        "width",
+        "height",
+        "near",
+        "background",
     ];
     let gsplat = settings(&[("profile", "gsplat")]);
     let Some((arrays, answer)) = check(file, "splat.render", &inputs, gsplat, [1e-10, 1e-8]) else { return };
@@ -68,7 +85,10 @@ fn splat(file: &str) {
     }
     assert_eq!(answer.intermediates["counts"], arrays["counts"], "{file} counts");
     let zero = |x: &Arr<f64>| x.map(|&r| r == 0.0);
-    assert!(zero(&answer.intermediates["radii_px"]) == zero(&arrays["radii_px"]), "{file}: zero pattern of radii_px");
+    assert!(
+        zero(&answer.intermediates["radii_px"]) == zero(&arrays["radii_px"]),
+        "{file}: zero pattern of radii_px"
+    );
 }
 
 #[test]
