@@ -256,6 +256,22 @@ pub fn names() -> &'static [&'static str] {
     &NAMES
 }
 
+/// Inputs of an operator that have a gradient, optional ones included; empty for one without gradient.
+///
+/// # Errors
+/// When there is no such operator.
+pub fn smooth_inputs(op: &str) -> Result<&'static [&'static str], String> {
+    Ok(twin(op)?.smooth_inputs)
+}
+
+/// Outputs of an operator that take a cotangent; those of a mode that is off are among them.
+///
+/// # Errors
+/// When there is no such operator.
+pub fn smooth_outputs(op: &str) -> Result<&'static [&'static str], String> {
+    Ok(twin(op)?.smooth_outputs)
+}
+
 fn twin(op: &str) -> Result<&'static Twin, String> {
     TWINS
         .iter()

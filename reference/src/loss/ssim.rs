@@ -1,6 +1,6 @@
 //! Mean structural similarity.
 //!
-//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)),   σxy = E[xy] − μx μy
+//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)),   σxy = mean(x·y) − μx μy
 //!
 //! with means over an 11×11 Gaussian window of deviation 1.5 px (the outer product of the normalised 1-D one), zero padding,
 //! C1 = 0.01², C2 = 0.03², per channel (Wang et al. 2004). The value is the mean of the map over the kept values: 1 for equal

@@ -326,6 +326,13 @@ pub fn write<S: Scalar>(
             let decision = decision_of(plan, given.as_deref(), row);
             let factor = covariance::factor_of(x, n, i)?;
             if let Some(p) = project_one(means.row(i), factor, camera, profile, decision) {
+                let all =
+                    p.mean_px.iter().chain(&p.conic).chain(&p.shape).chain([&p.depth_z, &p.compensation]);
+                if !all.map(|x| x.value()).all(f64::is_finite) {
+                    return Err(format!(
+                        "inputs of Gaussian {i}: expected a finite ellipse in view {c}, got none"
+                    ));
+                }
                 out.put_row(means_px, row, p.mean_px);
                 out.put(depths_z, row, p.depth_z);
                 out.put_row(conics, row, p.conic);

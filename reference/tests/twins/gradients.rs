@@ -189,6 +189,14 @@ fn every_operator_is_in_a_case() {
     let cases = cases();
     for name in twins::names().iter().filter(|name| !name.starts_with("optim.")) {
         assert!(cases.iter().any(|case| case.op == *name), "{name} has no gradient test");
+        let reached =
+            |smooth: &str| cases.iter().any(|case| case.op == *name && case.smooth.contains(&smooth));
+        let inputs = twins::smooth_inputs(name).expect("a twin");
+        assert!(inputs.iter().all(|smooth| reached(smooth)), "{name}: every smooth input is in a case");
+        let given =
+            |smooth: &str| cases.iter().any(|case| case.op == *name && case.outputs.contains(&smooth));
+        let outputs = twins::smooth_outputs(name).expect("a twin");
+        assert!(outputs.iter().all(|smooth| given(smooth)), "{name}: every smooth output is in a case");
     }
 }
 

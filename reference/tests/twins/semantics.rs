@@ -492,3 +492,35 @@ fn work_counts_pairs() {
     let unlimited = settings(&[("profile", "unlimited")]);
     assert_eq!(twins::work(&Request { settings: &unlimited, ..request }), 2 * 20 * 50 * 35);
 }
+
+#[test]
+fn no_gaussians_give_the_background() {
+    let mut inputs = frontal(&[], 20, 10);
+    inputs.insert("background".to_owned(), Arr::new(&[3], vec![0.1, 0.2, 0.3]));
+    for profile in ["exact", "gsplat", "inria", "unlimited"] {
+        let answer = run("splat.render", &inputs, &[("profile", profile)]);
+        assert!(answer.outputs["image"].data.chunks(3).all(|c| c == [0.1, 0.2, 0.3]));
+        assert!(answer.outputs["alpha"].data.iter().all(|&a| a == 0.0));
+        assert!(answer.plan["last_index"].data.iter().all(|&last| last == -1.0));
+    }
+}
+
+#[test]
+fn many_opaque_layers_have_finite_gradients() {
+    // 64 coincident Gaussians at the cap and no stop: T sinks to 1e-128, and nothing divides by it.
+    let inputs = frontal(&vec![on_axis(2.0, 0.99, 0.7); 64], 33, 33);
+    let unlimited = settings(&[("profile", "unlimited")]);
+    let request = Request { op: "splat.render", inputs: &inputs, settings: &unlimited, plan: None };
+    let bars = named([("image", normal(&[1, 33, 33, 3], 80)), ("depth", normal(&[1, 33, 33], 81))]);
+    let (_, gradient) = twins::vjp(&request, &bars).expect("a gradient");
+    assert!(gradient.values().flat_map(|x| &x.data).all(|x| x.is_finite()));
+    let v = named([("means", normal(&[64, 3], 82)), ("opacities", normal(&[64], 83))]);
+    let (_, tangent) = twins::jvp(&request, &v).expect("a tangent");
+    let over = |a: &Named<f64>, b: &Named<f64>, names: &[&str]| {
+        let pairs = names.iter().flat_map(|&name| a[name].data.iter().zip(&b[name].data));
+        pairs.fold(0.0, |sum, (a, b)| sum + a * b)
+    };
+    let (forward, reverse) =
+        (over(&tangent, &bars, &["image", "depth"]), over(&v, &gradient, &["means", "opacities"]));
+    assert!((forward - reverse).abs() <= 1e-12 * forward.abs(), "{forward} against {reverse}");
+}
