@@ -16,19 +16,27 @@ pub struct Arr<S> {
 /// Arrays by name.
 pub type Named<S> = BTreeMap<String, Arr<S>>;
 
+/// Number of entries of a shape.
+fn entries(shape: &[usize]) -> usize {
+    let mut entries = 1;
+    for &length in shape {
+        entries *= length;
+    }
+    entries
+}
+
 impl<S: Copy> Arr<S> {
     /// An array of that shape.
     ///
     /// # Panics
     /// When the number of entries does not fit the shape.
     pub fn new(shape: &[usize], data: Vec<S>) -> Self {
-        let entries: usize = shape.iter().fold(1, |n, &d| n * d);
-        assert!(entries == data.len(), "{} entries for shape {shape:?}", data.len());
+        assert!(entries(shape) == data.len(), "{} entries for shape {shape:?}", data.len());
         Self { shape: shape.to_vec(), data }
     }
     /// One repeated entry.
     pub fn filled(shape: &[usize], x: S) -> Self {
-        Self { shape: shape.to_vec(), data: vec![x; shape.iter().fold(1, |n, &d| n * d)] }
+        Self { shape: shape.to_vec(), data: vec![x; entries(shape)] }
     }
     /// A 0-d array.
     pub fn scalar(x: S) -> Self {
@@ -105,13 +113,19 @@ impl<'a, S: Scalar> Out<'a, S> {
             self.put(slot, row * K + k, x);
         }
     }
-    /// Adds to one entry: a left fold over the calls.
-    pub fn add(&mut self, slot: Slot, index: usize, x: S) {
+    /// Adds a term of a mean to one entry: a left fold over the calls, divided once at the end by [`Out::divide`]. In reverse
+    /// mode the term is seeded with its share of the cotangent.
+    pub fn add(&mut self, slot: Slot, index: usize, x: S, terms: f64) {
         if let Some(bar) = self.seeds[slot.0] {
-            x.seed(bar[index]);
+            x.seed(bar[index] / terms);
         }
         let sum = &mut self.arrays[slot.0].data[index];
         *sum = *sum + if self.bars.is_some() { x.detach() } else { x };
+    }
+    /// Ends a mean.
+    pub fn divide(&mut self, slot: Slot, index: usize, terms: f64) {
+        let sum = &mut self.arrays[slot.0].data[index];
+        *sum = *sum / terms;
     }
     /// Ends a pixel or row.
     pub fn flush(&mut self) {

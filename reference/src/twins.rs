@@ -146,7 +146,15 @@ const TWINS: &[Twin] = &[
         name: "splat.blend",
         stages: &[Stage::Blend],
         inputs: &[
-            "means_px", "shape", "axis", "opacities", "colors", "depths_z", "background", "width", "height",
+            "means_px",
+            "shape",
+            "axis",
+            "opacities",
+            "colors",
+            "depths_z",
+            "background",
+            "width",
+            "height",
         ],
         smooth_inputs: &["means_px", "shape", "opacities", "colors", "depths_z", "background"],
         outputs: &["image", "alpha", "depth"],
@@ -248,8 +256,27 @@ pub fn names() -> &'static [&'static str] {
     &NAMES
 }
 
+/// Inputs of an operator that have a gradient, optional ones included; empty for one without gradient.
+///
+/// # Errors
+/// When there is no such operator.
+pub fn smooth_inputs(op: &str) -> Result<&'static [&'static str], String> {
+    Ok(twin(op)?.smooth_inputs)
+}
+
+/// Outputs of an operator that take a cotangent; those of a mode that is off are among them.
+///
+/// # Errors
+/// When there is no such operator.
+pub fn smooth_outputs(op: &str) -> Result<&'static [&'static str], String> {
+    Ok(twin(op)?.smooth_outputs)
+}
+
 fn twin(op: &str) -> Result<&'static Twin, String> {
-    TWINS.iter().find(|twin| twin.name == op).ok_or_else(|| format!("operator {op}: there is no twin of that name"))
+    TWINS
+        .iter()
+        .find(|twin| twin.name == op)
+        .ok_or_else(|| format!("operator {op}: there is no twin of that name"))
 }
 
 /// Checks names of inputs and settings and that every number is finite.
@@ -268,7 +295,12 @@ fn check(request: &Request<'_>) -> Result<&'static Twin, String> {
 }
 
 /// Checks tangents or cotangents against the arrays they belong to.
-fn check_directions(what: &str, given: &Named<f64>, allowed: &[&str], arrays: &Named<f64>) -> Result<(), String> {
+fn check_directions(
+    what: &str,
+    given: &Named<f64>,
+    allowed: &[&str],
+    arrays: &Named<f64>,
+) -> Result<(), String> {
     for (name, x) in given {
         let Some(array) = arrays.get(name).filter(|_| allowed.contains(&name.as_str())) else {
             return Err(format!("{what} {name}: expected one of {}", allowed.join(", ")));
@@ -323,25 +355,29 @@ fn run_value(
     }
 }
 
-/// The pool after all stages, and the completed plan.
-fn run_all(twin: &Twin, request: &Request<'_>) -> Result<(Named<f64>, Named<f64>), String> {
-    let mut pool = request.inputs.clone();
+/// What each stage wrote, and the completed plan.
+fn run_all(twin: &Twin, request: &Request<'_>) -> Result<(Vec<Named<f64>>, Named<f64>), String> {
+    let (mut pool, mut written) = (request.inputs.clone(), Vec::new());
     let mut plan = request.plan.cloned().unwrap_or_default();
     for &stage in twin.stages {
         let mut out = Out::new(None);
         run_value(stage, &pool, &Settings(request.settings), Some(&plan), &mut out)?;
         let (arrays, decisions) = out.finish();
-        pool.extend(arrays);
+        pool.extend(arrays.clone());
+        written.push(arrays);
         plan.extend(decisions);
     }
-    Ok((pool, plan))
+    Ok((written, plan))
 }
 
-fn answer(twin: &Twin, request: &Request<'_>, pool: &Named<f64>, plan: &Named<f64>) -> Answer {
-    let mut answer = Answer { plan: plan.clone(), ..Answer::default() };
-    for (name, x) in pool.iter().filter(|(name, _)| !request.inputs.contains_key(*name)) {
-        let kind =
-            if twin.outputs.contains(&name.as_str()) { &mut answer.outputs } else { &mut answer.intermediates };
+fn answer(twin: &Twin, written: &[Named<f64>], plan: Named<f64>) -> Answer {
+    let mut answer = Answer { plan, ..Answer::default() };
+    for (name, x) in written.iter().flatten() {
+        let kind = if twin.outputs.contains(&name.as_str()) {
+            &mut answer.outputs
+        } else {
+            &mut answer.intermediates
+        };
         kind.insert(name.clone(), x.clone());
     }
     answer
@@ -353,8 +389,8 @@ fn answer(twin: &Twin, request: &Request<'_>, pool: &Named<f64>, plan: &Named<f6
 /// When the operator, an input, a setting or the plan is not what it should be.
 pub fn value(request: &Request<'_>) -> Result<Answer, String> {
     let twin = check(request)?;
-    let (pool, plan) = run_all(twin, request)?;
-    Ok(answer(twin, request, &pool, &plan))
+    let (written, plan) = run_all(twin, request)?;
+    Ok(answer(twin, &written, plan))
 }
 
 /// The answer, and the tangents of its outputs for the given tangents of inputs (missing ones are 0).
@@ -365,7 +401,7 @@ pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Answer, Name
     let twin = check(request)?;
     refuse_without_gradient(twin)?;
     check_directions("tangent", tangents, twin.smooth_inputs, request.inputs)?;
-    let (values, plan) = run_all(twin, request)?;
+    let (written, plan) = run_all(twin, request)?;
     let mut pool: Named<Dual> = request
         .inputs
         .iter()
@@ -387,7 +423,7 @@ pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Answer, Name
         .iter()
         .filter_map(|&name| Some((name.to_owned(), pool.get(name)?.map(|x| x.tangent))))
         .collect();
-    Ok((answer(twin, request, &values, &plan), outputs))
+    Ok((answer(twin, &written, plan), outputs))
 }
 
 /// The answer, and the gradient of Σ output·cotangent by input name (missing cotangents are 0; inputs without influence get
@@ -398,22 +434,17 @@ pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Answer, Name
 pub fn vjp(request: &Request<'_>, cotangents: &Named<f64>) -> Result<(Answer, Named<f64>), String> {
     let twin = check(request)?;
     refuse_without_gradient(twin)?;
-    let (values, plan) = run_all(twin, request)?;
-    check_directions("cotangent", cotangents, twin.smooth_outputs, &values)?;
+    let (written, plan) = run_all(twin, request)?;
+    let answer = answer(twin, &written, plan);
+    check_directions("cotangent", cotangents, twin.smooth_outputs, &answer.outputs)?;
     let mut bars = cotangents.clone();
-    let mut pool = values.clone();
-    for &stage in twin.stages.iter().rev() {
+    for (k, &stage) in twin.stages.iter().enumerate().rev() {
         rev::clear();
-        // What the stage writes is not among what it reads.
-        let leaves: Named<Rev> = pool.iter().map(|(name, x)| (name.clone(), rev::leaves(x))).collect();
+        let pool = request.inputs.iter().chain(written[..k].iter().flatten());
+        let leaves: Named<Rev> = pool.map(|(name, x)| (name.clone(), rev::leaves(x))).collect();
         let mut out = Out::new(Some(&bars));
-        run_stage(stage, &leaves, &Settings(request.settings), Some(&plan), &mut out)?;
-        let written = out.finish().0;
-        for name in written.keys() {
-            pool.remove(name);
-            bars.remove(name);
-        }
-        for (name, x) in leaves.iter().filter(|(name, _)| !written.contains_key(*name)) {
+        run_stage(stage, &leaves, &Settings(request.settings), Some(&answer.plan), &mut out)?;
+        for (name, x) in &leaves {
             let adjoint = rev::adjoints(x);
             let bar = bars.entry(name.clone()).or_insert_with(|| Arr::filled(&x.shape, 0.0));
             bar.data.iter_mut().zip(&adjoint.data).for_each(|(bar, adjoint)| *bar += adjoint);
@@ -427,7 +458,7 @@ pub fn vjp(request: &Request<'_>, cotangents: &Named<f64>) -> Result<(Answer, Na
             (name.to_owned(), bars.remove(name).unwrap_or_else(zeros))
         })
         .collect();
-    Ok((answer(twin, request, &values, &plan), gradient))
+    Ok((answer, gradient))
 }
 
 fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {

@@ -9,7 +9,7 @@
 //! | `value` | () | |
 //!
 //! # Rounding
-//! A left fold over the entries in memory order; each term is divided by the number of kept values before it is added.
+//! A left fold over the kept entries in memory order, then one division.
 //!
 //! # Kinks and domain
 //! Smooth. Nothing kept is refused.
@@ -29,10 +29,11 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
         if pair.kept[pixel] {
             for i in 3 * pixel..3 * pixel + 3 {
                 let (x, y) = (pair.x.data[i], pair.y.data[i]);
-                out.add(value, 0, (x - y) * (x - y) / pair.values);
+                out.add(value, 0, (x - y) * (x - y), pair.values);
             }
         }
         out.flush();
     }
+    out.divide(value, 0, pair.values);
     Ok(())
 }

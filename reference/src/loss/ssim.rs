@@ -1,6 +1,6 @@
 //! Mean structural similarity.
 //!
-//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)),   σxy = E[xy] − μx μy
+//! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)),   σxy = mean(x·y) − μx μy
 //!
 //! with means over an 11×11 Gaussian window of deviation 1.5 px (the outer product of the normalised 1-D one), zero padding,
 //! C1 = 0.01², C2 = 0.03², per channel (Wang et al. 2004). The value is the mean of the map over the kept values: 1 for equal
@@ -13,8 +13,8 @@
 //! | `value` | () | at most 1 |
 //!
 //! # Rounding
-//! Window sums are left folds over rows, then columns; map entries are divided by the number of kept values and added in
-//! memory order.
+//! Window sums are left folds over rows, then columns; kept map entries are added in memory order, then one division. Every
+//! map entry of equal pictures is exactly 1, and so is their value.
 //!
 //! # Kinks and domain
 //! Smooth. Nothing kept is refused.
@@ -39,7 +39,11 @@ pub fn window() -> [f64; 2 * HALF + 1] {
 }
 
 /// The entry of the map at one pixel and channel.
-pub fn map_at<S: Scalar>(pair: &Pair<'_, S>, window: &[f64; 2 * HALF + 1], [row, column, channel]: [usize; 3]) -> S {
+pub fn map_at<S: Scalar>(
+    pair: &Pair<'_, S>,
+    window: &[f64; 2 * HALF + 1],
+    [row, column, channel]: [usize; 3],
+) -> S {
     let [h, w] = pair.size_px;
     let [mut mx, mut my, mut xx, mut yy, mut xy] = [S::zero(); 5];
     for (i, wi) in window.iter().enumerate() {
@@ -52,7 +56,8 @@ pub fn map_at<S: Scalar>(pair: &Pair<'_, S>, window: &[f64; 2 * HALF + 1], [row,
             if !pair.kept[pixel] {
                 continue;
             }
-            let (x, y, weight) = (pair.x.data[3 * pixel + channel], pair.y.data[3 * pixel + channel], wi * wj);
+            let (x, y, weight) =
+                (pair.x.data[3 * pixel + channel], pair.y.data[3 * pixel + channel], wi * wj);
             mx = mx + x * weight;
             my = my + y * weight;
             xx = xx + x * x * weight;
@@ -76,10 +81,11 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
         if pair.kept[pixel] {
             let [row, column] = [pixel / pair.size_px[1], pixel % pair.size_px[1]];
             for channel in 0..3 {
-                out.add(value, 0, map_at(&pair, &window, [row, column, channel]) / pair.values);
+                out.add(value, 0, map_at(&pair, &window, [row, column, channel]), pair.values);
             }
         }
         out.flush();
     }
+    out.divide(value, 0, pair.values);
     Ok(())
 }

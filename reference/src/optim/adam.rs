@@ -94,11 +94,12 @@ pub fn run(x: &Named<f64>, constants: Constants, out: &mut Out<f64>) -> Result<(
         return Err(format!("input active: expected 0 or 1, got {a}"));
     }
     let entries = param.data.len();
-    let width = if rows == 0 { 0 } else { entries / rows };
+    let width = entries.checked_div(rows).unwrap_or(0);
     let Constants { lr, beta1, beta2, eps, weight_decay, row_counters } = constants;
     let (mut theta, mut m, mut v) = (param.data.clone(), vec![0.0; entries], vec![0.0; entries]);
     let start = Counter { beta1: 1.0, beta2: 1.0, steps: 0.0 };
-    let advance = |c: Counter| Counter { beta1: c.beta1 * beta1, beta2: c.beta2 * beta2, steps: c.steps + 1.0 };
+    let advance =
+        |c: Counter| Counter { beta1: c.beta1 * beta1, beta2: c.beta2 * beta2, steps: c.steps + 1.0 };
     let (mut counters, mut global) = (vec![start; rows], start);
     let trajectory = out.array("trajectory", &shape);
     for step in 0..steps {
@@ -109,13 +110,13 @@ pub fn run(x: &Named<f64>, constants: Constants, out: &mut Out<f64>) -> Result<(
                 for i in row * width..(row + 1) * width {
                     let g = grads.data[step * entries + i];
                     if weight_decay != 0.0 {
-                        theta[i] = theta[i] - lr * weight_decay * theta[i];
+                        theta[i] -= lr * weight_decay * theta[i];
                     }
                     m[i] = beta1 * m[i] + (1.0 - beta1) * g;
                     v[i] = beta2 * v[i] + (1.0 - beta2) * (g * g);
                     let m_hat = m[i] / (1.0 - counters[row].beta1);
                     let v_hat = v[i] / (1.0 - counters[row].beta2);
-                    theta[i] = theta[i] - lr * m_hat / (v_hat.sqrt() + eps);
+                    theta[i] -= lr * m_hat / (v_hat.sqrt() + eps);
                 }
             }
             for i in row * width..(row + 1) * width {

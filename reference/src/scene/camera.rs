@@ -69,7 +69,7 @@ impl Camera {
 pub fn size_px<S: Scalar>(x: &Named<S>) -> Result<[usize; 2], String> {
     let side = |name: &str| {
         let value = expect(x, name, &[])?.data[0].value();
-        if value >= 1.0 && value <= 16_384.0 && value.fract() == 0.0 {
+        if (1.0..=16_384.0).contains(&value) && value.fract() == 0.0 {
             Ok(value as usize)
         } else {
             Err(format!("input {name}: expected a whole number from 1 to 16384, got {value}"))
@@ -114,7 +114,10 @@ pub fn cameras<S: Scalar>(x: &Named<S>, model: Model) -> Result<Vec<Camera>, Str
         camera.size_px = size_px;
         camera.model = model;
         if !(k[0] > 0.0 && k[4] > 0.0) {
-            return Err(format!("input intrinsics[{c}]: expected positive focal lengths, got {}, {}", k[0], k[4]));
+            return Err(format!(
+                "input intrinsics[{c}]: expected positive focal lengths, got {}, {}",
+                k[0], k[4]
+            ));
         }
     }
     Ok(cameras)

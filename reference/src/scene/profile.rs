@@ -98,7 +98,9 @@ impl Profile {
             },
             "unlimited" => Self { alpha_min: 0.0, stop: Stop::Never, ..Self::EXACT },
             other => {
-                return Err(format!("setting profile: expected exact, gsplat, inria or unlimited, got {other}"));
+                return Err(format!(
+                    "setting profile: expected exact, gsplat, inria or unlimited, got {other}"
+                ));
             }
         };
         p.blur_px2 = settings.number("blur_px2", p.blur_px2)?;
@@ -116,7 +118,9 @@ impl Profile {
             "before_strict" => Stop::BeforeStrict,
             "never" => Stop::Never,
             other => {
-                return Err(format!("setting stop: expected after, before, before_strict or never, got {other}"));
+                return Err(format!(
+                    "setting stop: expected after, before, before_strict or never, got {other}"
+                ));
             }
         };
         p.clamp = match settings.text("clamp", "")?.as_str() {

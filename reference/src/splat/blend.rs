@@ -266,11 +266,10 @@ pub fn forward<S: Scalar>(
     plan: Option<&Named<f64>>,
     out: &mut Out<S>,
 ) -> Result<(), String> {
-    let names = ["means_px", "shape", "axis", opacities, "colors", "depths_z", "background", "width", "height"];
-    let values: Named<f64> = names
-        .iter()
-        .filter_map(|&name| Some((name.to_owned(), x.get(name)?.map(|x| x.value()))))
-        .collect();
+    let names =
+        ["means_px", "shape", "axis", opacities, "colors", "depths_z", "background", "width", "height"];
+    let values: Named<f64> =
+        names.iter().filter_map(|&name| Some((name.to_owned(), x.get(name)?.map(|x| x.value())))).collect();
     let (x, v) = (In::of(x, opacities)?, In::of(&values, opacities)?);
     plan::write_order(plan, &v.depths(), v.views, v.n, &mut out.plan);
     let order = plan::order(Some(&out.plan), v.views, v.n)?.expect("the order was just written");

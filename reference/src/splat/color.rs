@@ -78,7 +78,12 @@ pub fn direction<S: Scalar>(mean: [S; 3], center: [f64; 3]) -> [S; 3] {
 }
 
 /// The colour of one Gaussian and which channels are not clamped. `sh` holds its coefficients, three channels each.
-pub fn color_one<S: Scalar>(direction: [S; 3], sh: &[S], degree: usize, mask: Option<[bool; 3]>) -> ([S; 3], [bool; 3]) {
+pub fn color_one<S: Scalar>(
+    direction: [S; 3],
+    sh: &[S],
+    degree: usize,
+    mask: Option<[bool; 3]>,
+) -> ([S; 3], [bool; 3]) {
     let basis = basis(degree, direction);
     let raw: [S; 3] = std::array::from_fn(|channel| {
         basis.iter().enumerate().fold(S::zero(), |sum, (k, &y)| sum + y * sh[3 * k + channel]) + 0.5
@@ -106,7 +111,11 @@ impl<'a, S: Scalar> Sh<'a, S> {
         }
         let degree = degree as usize;
         if sh.shape[1] < (degree + 1) * (degree + 1) {
-            return Err(format!("input sh: degree {degree} needs {} coefficients, got {}", (degree + 1) * (degree + 1), sh.shape[1]));
+            return Err(format!(
+                "input sh: degree {degree} needs {} coefficients, got {}",
+                (degree + 1) * (degree + 1),
+                sh.shape[1]
+            ));
         }
         Ok(Self { sh, degree })
     }

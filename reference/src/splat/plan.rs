@@ -37,27 +37,46 @@ fn check_starts(name: &str, starts: &[usize], parts: usize, entries: usize) -> R
     if starts.len() == parts + 1 && ascending && starts[0] == 0 && starts[parts] == entries {
         return Ok(());
     }
-    Err(format!("plan {name}: expected {} ascending numbers from 0 to {entries}, got {} numbers", parts + 1, starts.len()))
+    Err(format!(
+        "plan {name}: expected {} ascending numbers from 0 to {entries}, got {} numbers",
+        parts + 1,
+        starts.len()
+    ))
 }
 
 fn to_array(x: &[usize]) -> Arr<f64> {
     Arr::new(&[x.len()], x.iter().map(|&x| x as f64).collect())
 }
 
+/// `order` and `camera_start`.
+pub struct Order {
+    /// (V)
+    pub order: Vec<usize>,
+    /// (C+1)
+    pub camera_start: Vec<usize>,
+}
+
+impl Order {
+    /// Visible Gaussians of a camera, nearest first.
+    pub fn of_camera(&self, c: usize) -> &[usize] {
+        &self.order[self.camera_start[c]..self.camera_start[c + 1]]
+    }
+}
+
 /// `order` and `camera_start` of a plan.
 ///
 /// # Errors
 /// When one is missing beside the other, or they do not fit.
-pub fn order(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option<(Vec<usize>, Vec<usize>)>, String> {
+pub fn order(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option<Order>, String> {
     let Some(plan) = plan else { return Ok(None) };
     match (whole_numbers(plan, "order")?, whole_numbers(plan, "camera_start")?) {
         (None, None) => Ok(None),
-        (Some(order), Some(start)) => {
-            check_starts("camera_start", &start, views, order.len())?;
+        (Some(order), Some(camera_start)) => {
+            check_starts("camera_start", &camera_start, views, order.len())?;
             if let Some(i) = order.iter().find(|&&i| i >= n) {
                 return Err(format!("plan order: expected indices below {n}, got {i}"));
             }
-            Ok(Some((order, start)))
+            Ok(Some(Order { order, camera_start }))
         }
         _ => Err("plan: order and camera_start come together".to_owned()),
     }
@@ -68,10 +87,10 @@ pub fn order(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option
 /// # Errors
 /// When the plan does not fit.
 pub fn visible(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option<Vec<bool>>, String> {
-    Ok(order(plan, views, n)?.map(|(order, start)| {
+    Ok(order(plan, views, n)?.map(|order| {
         let mut visible = vec![false; views * n];
         for c in 0..views {
-            for &i in &order[start[c]..start[c + 1]] {
+            for &i in order.of_camera(c) {
                 visible[c * n + i] = true;
             }
         }
@@ -102,7 +121,13 @@ pub fn check_rows(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<(
 }
 
 /// Writes `order` and `camera_start`: the given ones, or all Gaussians with a depth sorted by (z, index).
-pub fn write_order(plan: Option<&Named<f64>>, depths: &[Option<f64>], views: usize, n: usize, out: &mut Named<f64>) {
+pub fn write_order(
+    plan: Option<&Named<f64>>,
+    depths: &[Option<f64>],
+    views: usize,
+    n: usize,
+    out: &mut Named<f64>,
+) {
     if let Some((order, start)) = plan.and_then(|plan| plan.get("order").zip(plan.get("camera_start"))) {
         out.insert("order".to_owned(), order.clone());
         out.insert("camera_start".to_owned(), start.clone());
@@ -146,7 +171,10 @@ pub fn reach(ellipse: &blend::Ellipse<f64>, size_px: [usize; 2], profile: &Profi
                 // A pixel more on each side, and a little more for huge ellipses: the α test decides.
                 let half = extent * [a, c][k].sqrt() * (1.0 + 1e-9) + 1.0;
                 let center = [u, v][k] - 0.5;
-                [limit(libm::floor(center - half), size_px[k]), limit(libm::ceil(center + half) + 1.0, size_px[k])]
+                [
+                    limit(libm::floor(center - half), size_px[k]),
+                    limit(libm::ceil(center + half) + 1.0, size_px[k]),
+                ]
             })
         }
     }
@@ -169,7 +197,7 @@ impl Lists {
     /// When the plan does not fit.
     pub fn of(
         plan: Option<&Named<f64>>,
-        order: &(Vec<usize>, Vec<usize>),
+        order: &Order,
         x: &blend::In<'_, f64>,
         profile: &Profile,
     ) -> Result<Self, String> {
@@ -188,7 +216,7 @@ impl Lists {
         }
         let mut lists = vec![Vec::new(); tiles];
         for c in 0..x.views {
-            for &i in &order.0[order.1[c]..order.1[c + 1]] {
+            for &i in order.of_camera(c) {
                 let ellipse = x.ellipse(c, i);
                 let [columns, rows] = reach(&ellipse, x.size_px, profile);
                 for py in rows[0]..rows[1] {

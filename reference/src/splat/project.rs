@@ -166,8 +166,9 @@ pub fn project_one<S: Scalar>(
     let rf: [[S; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|k| factor[0][k] * r[i][0] + factor[1][k] * r[i][1] + factor[2][k] * r[i][2])
     });
-    let v: [[S; 3]; 2] =
-        std::array::from_fn(|i| std::array::from_fn(|k| j[i][0] * rf[0][k] + j[i][1] * rf[1][k] + j[i][2] * rf[2][k]));
+    let v: [[S; 3]; 2] = std::array::from_fn(|i| {
+        std::array::from_fn(|k| j[i][0] * rf[0][k] + j[i][1] * rf[1][k] + j[i][2] * rf[2][k])
+    });
     let dot = |a: [S; 3], b: [S; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let minors = |v: [[S; 3]; 2]| {
         let minor = |i: usize, k: usize| v[0][i] * v[1][k] - v[0][k] * v[1][i];
@@ -218,8 +219,12 @@ pub fn inria_radius(shape: [f64; 3], axis: usize) -> f64 {
     libm::ceil(3.0 * (m + if square > 0.1 { square } else { 0.1 }.sqrt()).sqrt())
 }
 
-/// Half-axes in whole pixels of the box around the visible part, 0 where nothing of it reaches the picture:
-/// ceil(e·√Σ'ii), e = min(3.33, √(2 ln(o/α_min))), or Inria's square. Without an opacity e = 3.33.
+/// Extent of a Gaussian without an opacity, in standard deviations: √(2 ln 255), rounded up.
+const EXTENT: f64 = 3.33;
+
+/// Half-axes in whole pixels of the box around the visible part: ceil(e·√Σ'ii), e = min(3.33, √(2 ln(o/α_min))), or Inria's
+/// square; without an opacity, or without a cut, e = 3.33. Both are 0 where o < α_min, or where the box of e = 3.33
+/// (Inria's square) lies outside the picture.
 pub fn radii_px(
     mean_px: [f64; 2],
     shape: [f64; 3],
@@ -228,22 +233,24 @@ pub fn radii_px(
     camera: &Camera,
     profile: &Profile,
 ) -> [f64; 2] {
-    let radii = if profile.footprint == Footprint::Inria {
-        [inria_radius(shape, axis); 2]
-    } else {
-        let extent = match opacity {
-            Some(o) if o < profile.alpha_min => return [0.0; 2],
-            Some(o) if profile.alpha_min > 0.0 => {
-                let extent = (2.0 * libm::log(o / profile.alpha_min)).sqrt();
-                if extent < 3.33 { extent } else { 3.33 }
-            }
-            _ => 3.33,
-        };
-        let [a, _, c] = covariance_of_shape(shape, axis);
-        [libm::ceil(extent * a.sqrt()), libm::ceil(extent * c.sqrt())]
+    let [a, _, c] = covariance_of_shape(shape, axis);
+    let inria = profile.footprint == Footprint::Inria;
+    let radii = |extent: f64| match inria {
+        true => [inria_radius(shape, axis); 2],
+        false => [a, c].map(|variance| libm::ceil(extent * variance.sqrt())),
     };
-    let touches = (0..2).all(|k| mean_px[k] + radii[k] > 0.0 && mean_px[k] - radii[k] < camera.size_px[k] as f64);
-    if touches { radii } else { [0.0; 2] }
+    let extent = match opacity {
+        Some(o) if !inria && o < profile.alpha_min => return [0.0; 2],
+        Some(o) if profile.alpha_min > 0.0 => (2.0 * libm::log(o / profile.alpha_min)).sqrt(),
+        _ => EXTENT,
+    };
+    let widest = radii(EXTENT);
+    let touches =
+        (0..2).all(|k| mean_px[k] + widest[k] > 0.0 && mean_px[k] - widest[k] < camera.size_px[k] as f64);
+    match touches {
+        true => radii(if extent < EXTENT { extent } else { EXTENT }),
+        false => [0.0; 2],
+    }
 }
 
 /// The decisions a plan has taken for Gaussian `i` in view `c`, row c·N + i.
@@ -319,6 +326,13 @@ pub fn write<S: Scalar>(
             let decision = decision_of(plan, given.as_deref(), row);
             let factor = covariance::factor_of(x, n, i)?;
             if let Some(p) = project_one(means.row(i), factor, camera, profile, decision) {
+                let all =
+                    p.mean_px.iter().chain(&p.conic).chain(&p.shape).chain([&p.depth_z, &p.compensation]);
+                if !all.map(|x| x.value()).all(f64::is_finite) {
+                    return Err(format!(
+                        "inputs of Gaussian {i}: expected a finite ellipse in view {c}, got none"
+                    ));
+                }
                 out.put_row(means_px, row, p.mean_px);
                 out.put(depths_z, row, p.depth_z);
                 out.put_row(conics, row, p.conic);

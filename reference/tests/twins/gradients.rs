@@ -1,0 +1,325 @@
+//! Dual numbers against the reverse tape, and both against finite differences on the frozen plan.
+
+use std::collections::BTreeMap;
+
+use reference::array::{Arr, Named};
+use reference::fd;
+use reference::twins::{self, Request, Setting};
+
+use crate::npz::relative;
+use crate::scenes::{cameras, directions, dot, named, normal, scene, settings, uniform};
+
+/// One operator with inputs.
+struct Case {
+    name: &'static str,
+    op: &'static str,
+    inputs: Named<f64>,
+    settings: BTreeMap<String, Setting>,
+    smooth: &'static [&'static str],
+    outputs: &'static [&'static str],
+    /// Bound of the dot-product test.
+    bound: f64,
+}
+
+fn without(mut inputs: Named<f64>, names: &[&str]) -> Named<f64> {
+    names.iter().for_each(|&name| drop(inputs.remove(name)));
+    inputs
+}
+
+fn factors(inputs: &Named<f64>) -> Named<f64> {
+    let both = named([("quats", inputs["quats"].clone()), ("scales", inputs["scales"].clone())]);
+    let request = Request { op: "splat.covariance", inputs: &both, settings: &BTreeMap::new(), plan: None };
+    twins::value(&request).expect("covariances").outputs
+}
+
+fn pictures() -> Named<f64> {
+    let mask = uniform(&[9, 13], [0.0, 1.0], 12).map(|&x| if x < 0.7 { 1.0 } else { 0.0 });
+    named([
+        ("x", uniform(&[9, 13, 3], [0.0, 1.0], 10)),
+        ("y", uniform(&[9, 13, 3], [0.0, 1.0], 11)),
+        ("mask", mask),
+    ])
+}
+
+fn cases() -> Vec<Case> {
+    let n = 24;
+    let full = scene(n, 40, 28);
+    let splat = |name, op, inputs: Named<f64>, with: &[(&str, &str)], smooth, outputs, bound| Case {
+        name,
+        op,
+        inputs,
+        settings: settings(with),
+        smooth,
+        outputs,
+        bound,
+    };
+    let projected = |with: &[(&str, &str)]| {
+        let request = Request { op: "splat.render", inputs: &full, settings: &settings(with), plan: None };
+        twins::value(&request).expect("a render").intermediates
+    };
+    let mut blend = full.clone();
+    blend.extend(projected(&[]));
+    let blend: Named<f64> = blend
+        .into_iter()
+        .filter(|(name, _)| {
+            ["means_px", "shape", "axis", "opacities", "colors", "depths_z", "background", "width", "height"]
+                .contains(&name.as_str())
+        })
+        .collect();
+    let project = without(full.clone(), &["sh", "sh_degree", "background"]);
+    let mut skinned = without(project.clone(), &["quats", "scales"]);
+    skinned.extend(factors(&full));
+    let mut render_skinned = without(full.clone(), &["quats", "scales", "sh", "sh_degree"]);
+    render_skinned.extend(factors(&full));
+    render_skinned.insert("rgb".to_owned(), uniform(&[n, 3], [0.0, 1.0], 13));
+    let colored: Named<f64> = full
+        .iter()
+        .filter(|(k, _)| ["means", "sh", "sh_degree", "view_from_world"].contains(&k.as_str()))
+        .map(|(k, x)| (k.clone(), x.clone()))
+        .collect();
+    let stored = named([("scales_log", normal(&[n, 3], 6)), ("opacity_logits", normal(&[n], 7))]);
+    let factored = named([("quats", normal(&[n, 4], 2)), ("scales", uniform(&[n, 3], [0.05, 0.3], 3))]);
+    let layer =
+        named([("x", normal(&[5, 7], 20)), ("weight", normal(&[4, 7], 21)), ("bias", normal(&[4], 22))]);
+    let shape: &[&str] = &["means_px", "depths_z", "conics", "shape"];
+    let shape_aa: &[&str] = &["means_px", "depths_z", "conics", "shape", "compensation"];
+    let picture: &[&str] = &["image", "alpha", "depth"];
+    let gaussian: &[&str] = &["means", "quats", "scales"];
+    let all: &[&str] = &["means", "quats", "scales", "opacities", "sh", "background"];
+    let xy: &[&str] = &["x", "y"];
+    vec![
+        splat(
+            "activate",
+            "splat.activate",
+            stored,
+            &[],
+            &["scales_log", "opacity_logits"],
+            &["scales", "opacities"],
+            1e-13,
+        ),
+        splat("covariance", "splat.covariance", factored, &[], &["quats", "scales"], &["factors"], 1e-13),
+        splat("project", "splat.project", project.clone(), &[], gaussian, shape, 1e-13),
+        splat(
+            "project inria",
+            "splat.project",
+            project.clone(),
+            &[("profile", "inria")],
+            gaussian,
+            shape,
+            1e-13,
+        ),
+        splat(
+            "project antialiased",
+            "splat.project",
+            project.clone(),
+            &[("antialiased", "1")],
+            gaussian,
+            shape_aa,
+            1e-13,
+        ),
+        splat(
+            "project orthographic",
+            "splat.project",
+            project.clone(),
+            &[("camera", "orthographic")],
+            gaussian,
+            shape,
+            1e-13,
+        ),
+        splat("project fisheye", "splat.project", project, &[("camera", "fisheye")], gaussian, shape, 1e-13),
+        splat("project factors", "splat.project", skinned, &[], &["means", "factors"], shape, 1e-13),
+        splat("color", "splat.color", colored, &[], &["means", "sh"], &["colors"], 1e-13),
+        splat(
+            "blend",
+            "splat.blend",
+            blend,
+            &[],
+            &["means_px", "shape", "opacities", "colors", "depths_z", "background"],
+            picture,
+            1e-13,
+        ),
+        splat("render exact", "splat.render", full.clone(), &[], all, picture, 1e-11),
+        splat("render gsplat", "splat.render", full.clone(), &[("profile", "gsplat")], all, picture, 1e-11),
+        splat("render inria", "splat.render", full.clone(), &[("profile", "inria")], all, picture, 1e-11),
+        splat(
+            "render unlimited",
+            "splat.render",
+            full.clone(),
+            &[("profile", "unlimited")],
+            all,
+            picture,
+            1e-11,
+        ),
+        splat(
+            "render antialiased",
+            "splat.render",
+            full.clone(),
+            &[("antialiased", "1")],
+            all,
+            picture,
+            1e-11,
+        ),
+        splat("render fisheye", "splat.render", full.clone(), &[("camera", "fisheye")], all, picture, 1e-11),
+        splat(
+            "render factors rgb",
+            "splat.render",
+            render_skinned,
+            &[],
+            &["means", "factors", "opacities", "rgb", "background"],
+            picture,
+            1e-11,
+        ),
+        splat("linear", "nn.linear", layer, &[], &["x", "weight", "bias"], &["y"], 1e-13),
+        splat("l1", "loss.l1", pictures(), &[], xy, &["value"], 1e-13),
+        splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
+        splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
+    ]
+}
+
+fn norm(x: &Named<f64>) -> f64 {
+    dot(x, x).sqrt()
+}
+
+fn picked(from: &Named<f64>, names: &[&str]) -> Named<f64> {
+    names.iter().map(|&name| (name.to_owned(), from[name].clone())).collect()
+}
+
+#[test]
+fn every_operator_is_in_a_case() {
+    let cases = cases();
+    for name in twins::names().iter().filter(|name| !name.starts_with("optim.")) {
+        assert!(cases.iter().any(|case| case.op == *name), "{name} has no gradient test");
+        let reached =
+            |smooth: &str| cases.iter().any(|case| case.op == *name && case.smooth.contains(&smooth));
+        let inputs = twins::smooth_inputs(name).expect("a twin");
+        assert!(inputs.iter().all(|smooth| reached(smooth)), "{name}: every smooth input is in a case");
+        let given =
+            |smooth: &str| cases.iter().any(|case| case.op == *name && case.outputs.contains(&smooth));
+        let outputs = twins::smooth_outputs(name).expect("a twin");
+        assert!(outputs.iter().all(|smooth| given(smooth)), "{name}: every smooth output is in a case");
+    }
+}
+
+#[test]
+fn dual_and_reverse_are_transposes() {
+    for case in cases() {
+        let request = Request { op: case.op, inputs: &case.inputs, settings: &case.settings, plan: None };
+        let mut worst = 0.0;
+        for trial in 0..8 {
+            let v = directions(&case.inputs, case.smooth, 1000 + 10 * trial);
+            assert_eq!(v.len(), case.smooth.len(), "{}: every smooth input has a direction", case.name);
+            let (answer, jv) = twins::jvp(&request, &v).expect("a tangent");
+            let outputs = picked(&answer.outputs, case.outputs);
+            let w = directions(&outputs, case.outputs, 5000 + 10 * trial);
+            let (again, jtw) = twins::vjp(&request, &w).expect("a gradient");
+            assert_eq!(answer, again, "{}: one forward", case.name);
+            let size = norm(&jv) * norm(&w) + norm(&v) * norm(&jtw);
+            assert!(size > 0.0, "{}: nothing was tested", case.name);
+            for (name, x) in &jtw {
+                let moves = x.data.iter().any(|&x| x != 0.0);
+                assert!(moves, "{}: the gradient of {name} is all zero", case.name);
+            }
+            let error = (dot(&w, &jv) - dot(&v, &jtw)).abs() / size;
+            if error > worst {
+                worst = error;
+            }
+        }
+        eprintln!("{}: {worst:.1e}", case.name);
+        assert!(worst <= case.bound, "{}: {worst:e}", case.name);
+    }
+}
+
+/// x + h·v for the arrays that have a direction.
+fn moved(x: &Named<f64>, v: &Named<f64>, h: f64) -> Named<f64> {
+    let mut x = x.clone();
+    for (name, v) in v {
+        let x = x.get_mut(name).expect("a direction belongs to an input");
+        x.data.iter_mut().zip(&v.data).for_each(|(x, v)| *x += h * v);
+    }
+    x
+}
+
+#[test]
+fn differences_on_the_frozen_plan_agree_with_dual() {
+    for case in cases().into_iter().filter(|case| case.name != "l1") {
+        let request = Request { op: case.op, inputs: &case.inputs, settings: &case.settings, plan: None };
+        let plan = twins::value(&request).expect("a value").plan;
+        let frozen = Request { plan: Some(&plan), ..request };
+        let mut worst = 0.0;
+        for trial in 0..3 {
+            // Each direction moves one group of inputs, and one moves all of them.
+            let groups = case.smooth.iter().map(|name| vec![*name]).chain([case.smooth.to_vec()]);
+            for group in groups {
+                let v = directions(&case.inputs, &group, 2000 + 10 * trial);
+                let (answer, jv) = twins::jvp(&frozen, &v).expect("a tangent");
+                let w = directions(&picked(&answer.outputs, case.outputs), case.outputs, 6000 + 10 * trial);
+                let derivative = dot(&w, &jv);
+                let value_at = |h: f64| {
+                    let inputs = moved(&case.inputs, &v, h);
+                    twins::value(&Request { inputs: &inputs, ..frozen }).expect("a value").outputs
+                };
+                let f = |h: f64| dot(&w, &value_at(h));
+                let h = 1e-4;
+                let [wide, narrow] = [h, 0.5 * h].map(|h| (value_at(h), value_at(-h), 2.0 * h));
+                for (name, tangent) in &jv {
+                    let central = |(up, down, width): &(Named<f64>, Named<f64>, f64), i: usize| {
+                        (up[name].data[i] - down[name].data[i]) / width
+                    };
+                    let difference: Vec<f64> = (0..tangent.data.len())
+                        .map(|i| fd::extrapolate(central(&wide, i), central(&narrow, i)))
+                        .collect();
+                    let error = relative(&difference, &tangent.data);
+                    if error > worst {
+                        worst = error;
+                    }
+                }
+                if trial == 0 && group.len() > 1 {
+                    let order = fd::order(f, derivative, &[2e-4, 1e-4, 5e-5], 1e-9 * derivative.abs());
+                    if let Some(order) = order {
+                        assert!((order - 2.0).abs() <= 0.2, "{}: order {order}", case.name);
+                    }
+                }
+            }
+        }
+        eprintln!("{}: {worst:.1e}", case.name);
+        assert!(worst <= 1e-7, "{}: {worst:e}", case.name);
+    }
+}
+
+#[test]
+fn a_plan_that_is_given_back_changes_nothing() {
+    for case in cases() {
+        let request = Request { op: case.op, inputs: &case.inputs, settings: &case.settings, plan: None };
+        let answer = twins::value(&request).expect("a value");
+        let again = twins::value(&Request { plan: Some(&answer.plan), ..request }).expect("a value");
+        assert!(again == answer, "{}", case.name);
+    }
+}
+
+#[test]
+fn optimisers_say_that_they_have_no_gradient() {
+    let inputs = named([("param", Arr::new(&[1], vec![1.0])), ("grads", Arr::new(&[1, 1], vec![1.0]))]);
+    let request = Request { op: "optim.adam", inputs: &inputs, settings: &BTreeMap::new(), plan: None };
+    assert!(twins::vjp(&request, &Named::new()).is_err_and(|message| message.contains("no gradient")));
+    assert!(twins::jvp(&request, &Named::new()).is_err_and(|message| message.contains("no gradient")));
+}
+
+#[test]
+fn inputs_without_influence_get_zeros() {
+    let mut inputs = cameras(16, 16);
+    inputs.extend(named([
+        ("means", Arr::new(&[1, 3], vec![0.0, 0.0, -50.0])),
+        ("quats", Arr::new(&[1, 4], vec![1.0, 0.0, 0.0, 0.0])),
+        ("scales", Arr::new(&[1, 3], vec![0.1; 3])),
+        ("opacities", Arr::new(&[1], vec![0.5])),
+        ("rgb", Arr::new(&[1, 3], vec![0.5; 3])),
+        ("background", Arr::new(&[3], vec![0.5; 3])),
+    ]));
+    let request = Request { op: "splat.render", inputs: &inputs, settings: &BTreeMap::new(), plan: None };
+    let bars = named([("image", Arr::filled(&[2, 16, 16, 3], 1.0))]);
+    let (_, gradient) = twins::vjp(&request, &bars).expect("a gradient");
+    for name in ["means", "quats", "scales", "opacities", "rgb"] {
+        assert_eq!(gradient[name], Arr::filled(&inputs[name].shape, 0.0), "{name}: behind both cameras");
+    }
+    assert_eq!(gradient["background"].data, vec![512.0; 3]);
+}
