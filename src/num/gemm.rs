@@ -36,6 +36,8 @@ const BLOCK_K: usize = 256;
 const BLOCK_ROWS: usize = 8 * ROWS;
 /// Columns per task.
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
+/// Column panels of a task up to which rows of a that are contiguous in k are read where they are.
+const IN_PLACE: usize = 32;
 /// Multiplications from which on the work is shared between threads.
 const PARALLEL: usize = 1 << 18;
 
@@ -187,6 +189,7 @@ fn halves(x: &[f32; COLUMNS]) -> Columns {
 /// Rows `rows` and k `ks` of a in panels of six rows; rows beyond the end are zero.
 fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panels: &mut Vec<Rows>) {
     panels.clear();
+    panels.reserve(rows.len().div_ceil(ROWS) * ks.len());
     for first in rows.clone().step_by(ROWS) {
         let height = ROWS.min(rows.end - first);
         let mut k = ks.start;
@@ -209,28 +212,50 @@ fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panels: &mut Vec
     }
 }
 
-/// Resumes the chains of a tile over one block of k.
+/// Resumes the chains of a tile over one block of k with packed rows.
 #[inline(never)]
 fn resume(a: &[Rows], b: &[Columns], tile: &mut Tile) {
     let mut acc = *tile;
-    let mut step = |a: &Rows, b: &Columns| {
-        for (acc, &x) in acc.iter_mut().zip(a) {
-            let x = f32x8::splat(x);
-            acc[0] = acc[0] + x * b[0];
-            acc[1] = acc[1] + x * b[1];
-        }
-    };
     // Four k at a time: the loop's own instructions would otherwise take issue slots from the arithmetic.
     let ((a4, a1), (b4, b1)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
     for (a, b) in a4.iter().zip(b4) {
         for i in 0..4 {
-            step(&a[i], &b[i]);
+            step(&mut acc, |r| a[i][r], &b[i]);
         }
     }
     for (a, b) in a1.iter().zip(b1) {
-        step(a, b);
+        step(&mut acc, |r| a[r], b);
     }
     *tile = acc;
+}
+
+/// The same with the rows where they are, each contiguous in k: for few columns, where packing does not pay.
+#[inline(never)]
+fn resume_in_place(a: [&[f32]; ROWS], b: &[Columns], tile: &mut Tile) {
+    let mut acc = *tile;
+    let (b4, b1) = b.as_chunks::<4>();
+    let quads = |r: usize| &a[r].as_chunks::<4>().0[..b4.len()];
+    let (a0, a1, a2, a3, a4, a5) = (quads(0), quads(1), quads(2), quads(3), quads(4), quads(5));
+    for (k, b) in b4.iter().enumerate() {
+        let a = [&a0[k], &a1[k], &a2[k], &a3[k], &a4[k], &a5[k]];
+        for i in 0..4 {
+            step(&mut acc, |r| a[r][i], &b[i]);
+        }
+    }
+    for (k, b) in b1.iter().enumerate() {
+        step(&mut acc, |r| a[r][4 * b4.len() + k], b);
+    }
+    *tile = acc;
+}
+
+/// One k: adds a product to each of the 96 chains.
+#[inline(always)]
+fn step(acc: &mut Tile, a: impl Fn(usize) -> f32, b: &Columns) {
+    for (r, acc) in acc.iter_mut().enumerate() {
+        let x = f32x8::splat(a(r));
+        acc[0] = acc[0] + x * b[0];
+        acc[1] = acc[1] + x * b[1];
+    }
 }
 
 /// Chains over k in `chunk` (at most [`CHUNK`]) for the given rows and column panels; `finished(panel, row panel,
@@ -243,22 +268,29 @@ fn chains(
     mut finished: impl FnMut(usize, usize, &Tile),
 ) {
     let row_panels = rows.len().div_ceil(ROWS);
-    let mut resting: Vec<Tile> = Vec::new();
+    let in_place = a.column_stride == 1 && panels.len() <= IN_PLACE;
+    // Tiles rest in memory between blocks of k.
+    let mut resting = vec![ZERO; if chunk.len() > BLOCK_K { row_panels * panels.len() } else { 0 }];
     let mut start = chunk.start;
     loop {
         let end = chunk.end.min(start + BLOCK_K);
-        pack_rows(a, rows.clone(), start..end, packed);
+        if !in_place {
+            pack_rows(a, rows.clone(), start..end, packed);
+        }
         for (p, columns) in b.panels[panels.clone()].iter().enumerate() {
+            let columns = &columns[start..end];
             for r in 0..row_panels {
-                let place = p * row_panels + r;
-                let mut tile = if start == chunk.start { ZERO } else { resting[place] };
-                resume(&packed[r * (end - start)..][..end - start], &columns[start..end], &mut tile);
-                if end == chunk.end {
-                    finished(p, r, &tile);
-                } else if start == chunk.start {
-                    resting.push(tile);
+                let mut fresh = ZERO;
+                let tile = resting.get_mut(p * row_panels + r).unwrap_or(&mut fresh);
+                if in_place {
+                    // Beyond the last row it is read again; those chains are thrown away.
+                    let row = |i: usize| (rows.start + r * ROWS + i).min(rows.end - 1) * a.row_stride;
+                    resume_in_place(std::array::from_fn(|i| &a.values[row(i) + start..row(i) + end]), columns, tile);
                 } else {
-                    resting[place] = tile;
+                    resume(&packed[r * columns.len()..][..columns.len()], columns, tile);
+                }
+                if end == chunk.end {
+                    finished(p, r, tile);
                 }
             }
         }
