@@ -253,8 +253,8 @@ fn resume_in_place(a: [&[f32]; ROWS], b: &[Columns], tile: &mut Tile) {
 fn step(acc: &mut Tile, a: impl Fn(usize) -> f32, b: &Columns) {
     for (r, acc) in acc.iter_mut().enumerate() {
         let x = f32x8::splat(a(r));
-        acc[0] = acc[0] + x * b[0];
-        acc[1] = acc[1] + x * b[1];
+        acc[0] += x * b[0];
+        acc[1] += x * b[1];
     }
 }
 
@@ -285,7 +285,11 @@ fn chains(
                 if in_place {
                     // Beyond the last row it is read again; those chains are thrown away.
                     let row = |i: usize| (rows.start + r * ROWS + i).min(rows.end - 1) * a.row_stride;
-                    resume_in_place(std::array::from_fn(|i| &a.values[row(i) + start..row(i) + end]), columns, tile);
+                    resume_in_place(
+                        std::array::from_fn(|i| &a.values[row(i) + start..row(i) + end]),
+                        columns,
+                        tile,
+                    );
                 } else {
                     resume(&packed[r * columns.len()..][..columns.len()], columns, tile);
                 }
@@ -301,22 +305,32 @@ fn chains(
     }
 }
 
-/// One block of the output: rows `top..` (as many as `rows` has) from column `left` on.
-fn block(a: View<'_>, b: &Packed, (top, left): (usize, usize), rows: &mut [&mut [f32]], how: Finish<'_>) {
+/// One block of the output: where it begins, and its part of every row.
+struct Task<'a> {
+    top: usize,
+    left: usize,
+    rows: Vec<&'a mut [f32]>,
+}
+
+/// Computes one block of the output.
+fn block(a: View<'_>, b: &Packed, task: Task<'_>, how: Finish<'_>) {
+    let Task { top, left, mut rows } = task;
     let mut packed = Vec::new();
     let row_panels = rows.len().div_ceil(ROWS);
     let panels = left / COLUMNS..(left + rows[0].len()).div_ceil(COLUMNS);
     let part = |chunk: Range<usize>| (top..top + rows.len(), panels.clone(), chunk);
     if b.k <= CHUNK {
         let part = part(0..b.k);
-        chains(a, b, part, &mut packed, |p, r, tile| finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how));
+        chains(a, b, part, &mut packed, |p, r, tile| {
+            finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how)
+        });
         return;
     }
     // The pairwise tree over the chunks as they come: two neighbours of one level make one of the next, and at the end
     // the last, smaller ones are added from the right.
     let add = |left: &mut [Tile], right: &[Tile]| {
         for (x, y) in left.iter_mut().flatten().flatten().zip(right.iter().flatten().flatten()) {
-            *x = *x + *y;
+            *x += *y;
         }
     };
     let mut stack: Vec<(u32, Vec<Tile>)> = Vec::new();
@@ -400,21 +414,20 @@ pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
     }
     // One task per block of the output, each owning its part of every row.
     let height = if n >= BLOCK_COLUMNS / 4 { BLOCK_ROWS } else { 4 * BLOCK_ROWS };
-    let mut tasks: Vec<((usize, usize), Vec<&mut [f32]>)> = Vec::new();
+    let mut tasks: Vec<Task<'_>> = Vec::new();
     for (i, rows) in c.chunks_mut(height * n).enumerate() {
         let first = tasks.len();
         let lefts = (0..n).step_by(BLOCK_COLUMNS);
-        tasks.extend(lefts.map(|left| ((i * height, left), Vec::with_capacity(height))));
+        tasks.extend(lefts.map(|left| Task { top: i * height, left, rows: Vec::with_capacity(height) }));
         for row in rows.chunks_mut(n) {
             for (part, task) in row.chunks_mut(BLOCK_COLUMNS).zip(&mut tasks[first..]) {
-                task.1.push(part);
+                task.rows.push(part);
             }
         }
     }
-    let run = |_: usize, (corner, mut rows): ((usize, usize), Vec<&mut [f32]>)| block(a, b, corner, &mut rows, how);
     if m * n * b.k >= PARALLEL && tasks.len() > 1 {
-        par::each(tasks, run);
+        par::each(tasks, |_, task| block(a, b, task, how));
     } else {
-        tasks.into_iter().enumerate().for_each(|(i, t)| run(i, t));
+        tasks.into_iter().for_each(|task| block(a, b, task, how));
     }
 }

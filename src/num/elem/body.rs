@@ -180,9 +180,9 @@ body! {
         let (k, f) = split_log(p / (one - p));
         let near = (p + p - one) / (one - p);
         let v = join_log(k, W::select(k.eq(W::splat(0.0)), near, f));
-        let v = W::select(p.eq(one), W::splat(f64::INFINITY), v);
-        let v = W::select(p.eq(W::splat(0.0)), W::splat(f64::NEG_INFINITY), v);
-        W::select(p.lt(W::splat(0.0)), W::splat(f64::NAN), W::select(p.gt(one), W::splat(f64::NAN), v))
+        let (zero, nan, inf) = (W::splat(0.0), W::splat(f64::NAN), W::splat(f64::INFINITY));
+        let v = W::select(p.lt(one), v, W::select(p.eq(one), inf, nan));
+        W::select(p.gt(zero), v, W::select(p.eq(zero), -inf, nan))
     }
 }
 
@@ -207,7 +207,7 @@ body! {
     Softplus(x) {
         let zero = W::splat(0.0);
         let tail = log1p_core(exp_core(clamp(-x.abs(), EXP_MIN, 0.0)));
-        W::select(x.gt(zero), x, zero) + tail
+        W::select(x.lt(zero), zero, x) + tail
     }
 }
 
