@@ -176,10 +176,11 @@ fn golden(name: &str) -> Option<std::collections::BTreeMap<String, Vec<f64>>> {
         println!("not run: golden {name} (set LASTLIGHT_DATA)");
         return None;
     };
-    let mut file = npyz::npz::NpzArchive::open(path).unwrap();
+    let mut file = npyz::npz::NpzArchive::open(path).expect("an npz file");
     let names: Vec<String> = file.array_names().map(str::to_owned).collect();
     let read = |name: String| {
-        let values = file.by_name(&name).unwrap().unwrap().into_vec::<f64>().unwrap();
+        let array = file.by_name(&name).ok().flatten().expect("a listed array");
+        let values = array.into_vec::<f64>().expect("double precision");
         (name, values)
     };
     Some(names.into_iter().map(read).collect())
