@@ -6,7 +6,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::nn::linear;
-use lastlight::num::{lanes::f32x8, par, rng::Rng};
+use lastlight::num::{lanes::f32x8, order, par, rng::Rng};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -85,7 +85,8 @@ fn ratios(threads: usize) {
             rates.push(rate);
             shares.push(rate / (0.5 * (before + after)));
         }
-        let best = rates.iter().copied().fold(0.0, f64::max) / peaks.iter().copied().fold(0.0, f64::max);
+        let largest = |x: &[f64]| x.iter().copied().fold(0.0, order::max);
+        let best = largest(&rates) / largest(&peaks);
         println!(
             "  {m:>5} x {n:>5} x {k:>5}: {:>6.1} of {:>6.1}, ratio {:.3} (best against best {best:.3})",
             median(rates),

@@ -21,6 +21,7 @@
 
 use super::lanes::f32x8;
 use super::par;
+use std::ops::Range;
 
 /// Longest chain in k; part of the definition.
 pub const CHUNK: usize = 4096;
@@ -29,12 +30,14 @@ pub const CHUNK: usize = 4096;
 const ROWS: usize = 6;
 /// Columns of a register tile: two registers of eight lanes.
 const COLUMNS: usize = 16;
-/// k per block: a panel of b (16 KiB) stays in the first-level cache.
+/// k per block: a panel of a (8 KiB) and one of b (16 KiB) stay in the first-level cache.
 const BLOCK_K: usize = 256;
-/// Rows per task: the packed rows of a and the accumulators stay in the second-level cache.
+/// Rows per task: the packed rows of a and the resting tiles stay in the second-level cache.
 const BLOCK_ROWS: usize = 8 * ROWS;
 /// Columns per task.
-const BLOCK_COLUMNS: usize = 32 * COLUMNS;
+const BLOCK_COLUMNS: usize = 64 * COLUMNS;
+/// Column panels of a task up to which rows of a that are contiguous in k are read where they are.
+const IN_PLACE: usize = 32;
 /// Multiplications from which on the work is shared between threads.
 const PARALLEL: usize = 1 << 18;
 
@@ -108,11 +111,20 @@ pub enum Finish<'a> {
     Bias(&'a [f32]),
 }
 
+/// Sixteen neighbouring columns of b, row by row.
+type Columns = [f32x8; 2];
+/// Six neighbouring rows of a, column by column; the last two are not used.
+type Rows = [f32; 8];
+/// One register tile: 6×16 chains.
+type Tile = [[f32x8; 2]; ROWS];
+
+const ZERO: Tile = [[f32x8::ZERO; 2]; ROWS];
+
 /// A right factor (k, n) packed once, for use with many left factors.
 #[derive(Clone, Debug)]
 pub struct Packed {
-    /// panel p, row k: columns 16p..16p+16 in two registers
-    panels: Vec<[f32x8; 2]>,
+    /// panel p: columns 16p..16p+16 for every k
+    panels: Vec<Vec<Columns>>,
     k: usize,
     n: usize,
 }
@@ -121,143 +133,211 @@ impl Packed {
     /// Packs a (k, n) matrix.
     pub fn new(b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
-        let mut panels = vec![[f32x8::ZERO; 2]; n.div_ceil(COLUMNS) * k];
-        if k > 0 {
-            let pack = |p: usize, panel: &mut [[f32x8; 2]]| pack_panel(b, p * COLUMNS, panel);
-            if k * n >= PARALLEL / 4 {
-                par::chunks_mut(&mut panels, k, pack);
-            } else {
-                panels.chunks_mut(k).enumerate().for_each(|(p, panel)| pack(p, panel));
-            }
-        }
+        let pack = |p: usize| pack_columns(b, p * COLUMNS);
+        let count = n.div_ceil(COLUMNS);
+        let panels =
+            if k * n < PARALLEL / 4 { (0..count).map(pack).collect() } else { par::map(count, pack) };
         Self { panels, k, n }
     }
 }
 
-/// Columns `first..first + 16` of b (k, n), row by row; columns beyond n stay zero.
-fn pack_panel(b: View<'_>, first: usize, panel: &mut [[f32x8; 2]]) {
+/// Columns `first..first + 16` of b (k, n); columns beyond n are zero.
+fn pack_columns(b: View<'_>, first: usize) -> Vec<Columns> {
     let width = COLUMNS.min(b.columns - first);
+    let at = |k: usize, j: usize| b.values[k * b.row_stride + (first + j) * b.column_stride];
+    let slow = |k: usize| halves(&std::array::from_fn(|j| if j < width { at(k, j) } else { 0.0 }));
+    if width < COLUMNS {
+        return (0..b.rows).map(slow).collect();
+    }
     if b.column_stride == 1 {
-        for (k, row) in panel.iter_mut().enumerate() {
-            let start = k * b.row_stride + first;
-            let mut x = [0.0; COLUMNS];
-            x[..width].copy_from_slice(&b.values[start..start + width]);
-            *row = halves(&x);
-        }
-    } else if b.row_stride == 1 && width == COLUMNS {
-        // Sixteen contiguous columns: transposed eight by eight.
-        let column = |j: usize| &b.values[(first + j) * b.column_stride..][..panel.len()];
-        let columns: [&[f32]; COLUMNS] = std::array::from_fn(column);
-        let whole = panel.len() - panel.len() % 8;
-        for k in (0..whole).step_by(8) {
-            for half in 0..2 {
-                let load =
-                    |j: usize| f32x8::new(columns[8 * half + j][k..k + 8].try_into().expect("eight numbers"));
+        let row = |k: usize| &b.values[k * b.row_stride + first..][..COLUMNS];
+        return (0..b.rows).map(|k| halves(row(k).try_into().expect("sixteen numbers"))).collect();
+    }
+    if b.row_stride != 1 {
+        return (0..b.rows).map(slow).collect();
+    }
+    // Sixteen contiguous columns: transposed eight by eight. A cache line of a column is used up before the next
+    // column is touched, because columns a power of two apart share few places of the cache.
+    let mut panel = vec![[f32x8::ZERO; 2]; b.rows];
+    let whole = b.rows - b.rows % COLUMNS;
+    for k in (0..whole).step_by(COLUMNS) {
+        for half in 0..2 {
+            for k in [k, k + 8] {
+                let load = |j: usize| eight(&b.values[(first + 8 * half + j) * b.column_stride + k..]);
                 for (i, row) in f32x8::transpose(std::array::from_fn(load)).into_iter().enumerate() {
                     panel[k + i][half] = row;
                 }
             }
         }
-        for k in whole..panel.len() {
-            panel[k] = halves(&std::array::from_fn(|j| columns[j][k]));
-        }
-    } else {
-        for (k, row) in panel.iter_mut().enumerate() {
-            let at = |j: usize| b.values[k * b.row_stride + (first + j) * b.column_stride];
-            *row = halves(&std::array::from_fn(|j| if j < width { at(j) } else { 0.0 }));
-        }
     }
+    for (k, row) in panel.iter_mut().enumerate().skip(whole) {
+        *row = slow(k);
+    }
+    panel
 }
 
 #[inline(always)]
-fn halves(x: &[f32; COLUMNS]) -> [f32x8; 2] {
-    let half = |i: usize| f32x8::new(std::array::from_fn(|j| x[i + j]));
-    [half(0), half(8)]
+fn eight(x: &[f32]) -> f32x8 {
+    f32x8::new(x[..8].try_into().expect("eight numbers"))
 }
 
-/// Rows `rows` and k `ks` of a, in panels of six rows, k by k; rows beyond the end stay zero.
-fn pack_rows(
-    a: View<'_>,
-    rows: std::ops::Range<usize>,
-    ks: std::ops::Range<usize>,
-    panels: &mut Vec<[f32; ROWS]>,
-) {
+#[inline(always)]
+fn halves(x: &[f32; COLUMNS]) -> Columns {
+    [eight(&x[..8]), eight(&x[8..])]
+}
+
+/// Rows `rows` and k `ks` of a in panels of six rows; rows beyond the end are zero.
+fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panels: &mut Vec<Rows>) {
     panels.clear();
+    panels.reserve(rows.len().div_ceil(ROWS) * ks.len());
     for first in rows.clone().step_by(ROWS) {
         let height = ROWS.min(rows.end - first);
-        if a.column_stride == 1 && height == ROWS {
-            let row = |r: usize| &a.values[(first + r) * a.row_stride..][ks.clone()];
-            let r: [&[f32]; ROWS] = std::array::from_fn(row);
-            panels.extend((0..ks.len()).map(|k| [r[0][k], r[1][k], r[2][k], r[3][k], r[4][k], r[5][k]]));
-        } else {
-            let at = |r: usize, k: usize| a.values[(first + r) * a.row_stride + k * a.column_stride];
-            panels
-                .extend(ks.clone().map(|k| std::array::from_fn(|r| if r < height { at(r, k) } else { 0.0 })));
+        let mut k = ks.start;
+        if a.column_stride == 1 {
+            while k + 8 <= ks.end {
+                let load = |r: usize| {
+                    if r < height { eight(&a.values[(first + r) * a.row_stride + k..]) } else { f32x8::ZERO }
+                };
+                let transposed = f32x8::transpose(std::array::from_fn(load));
+                panels.extend(transposed.iter().map(|x| x.to_array()));
+                k += 8;
+            }
+        } else if a.row_stride == 1 && first + 8 <= a.rows {
+            // The two rows too many are never used.
+            panels.extend((k..ks.end).map(|k| eight(&a.values[k * a.column_stride + first..]).to_array()));
+            k = ks.end;
         }
+        let at = |r: usize, k: usize| a.values[(first + r) * a.row_stride + k * a.column_stride];
+        panels.extend((k..ks.end).map(|k| std::array::from_fn(|r| if r < height { at(r, k) } else { 0.0 })));
     }
 }
 
-/// One register tile: 6×16 chains.
-type Tile = [[f32x8; 2]; ROWS];
-
-/// Resumes the chains of a tile over one block of k.
+/// Resumes the chains of a tile over one block of k with packed rows.
 #[inline(never)]
-fn resume(a: &[[f32; ROWS]], b: &[[f32x8; 2]], tile: &mut Tile) {
+fn resume(a: &[Rows], b: &[Columns], tile: &mut Tile) {
     let mut acc = *tile;
-    for (a, b) in a.iter().zip(b) {
-        for (r, acc) in acc.iter_mut().enumerate() {
-            let x = f32x8::splat(a[r]);
-            acc[0] = acc[0] + x * b[0];
-            acc[1] = acc[1] + x * b[1];
+    // Four k at a time: the loop's own instructions would otherwise take issue slots from the arithmetic.
+    let ((a4, a1), (b4, b1)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
+    for (a, b) in a4.iter().zip(b4) {
+        for i in 0..4 {
+            step(&mut acc, |r| a[i][r], &b[i]);
         }
+    }
+    for (a, b) in a1.iter().zip(b1) {
+        step(&mut acc, |r| a[r], b);
     }
     *tile = acc;
 }
 
-/// The partial results of one block of the output: tiles in order of column panel, then row panel.
-type Partial = Vec<Tile>;
+/// The same with the rows where they are, each contiguous in k: for few columns, where packing does not pay.
+#[inline(never)]
+fn resume_in_place(a: [&[f32]; ROWS], b: &[Columns], tile: &mut Tile) {
+    let mut acc = *tile;
+    let (b4, b1) = b.as_chunks::<4>();
+    let quads = |r: usize| &a[r].as_chunks::<4>().0[..b4.len()];
+    let (a0, a1, a2, a3, a4, a5) = (quads(0), quads(1), quads(2), quads(3), quads(4), quads(5));
+    for (k, b) in b4.iter().enumerate() {
+        let a = [&a0[k], &a1[k], &a2[k], &a3[k], &a4[k], &a5[k]];
+        for i in 0..4 {
+            step(&mut acc, |r| a[r][i], &b[i]);
+        }
+    }
+    for (k, b) in b1.iter().enumerate() {
+        step(&mut acc, |r| a[r][4 * b4.len() + k], b);
+    }
+    *tile = acc;
+}
 
-/// Chains over k `chunk` (at most [`CHUNK`]) for the given rows and column panels.
+/// One k: adds a product to each of the 96 chains.
+#[inline(always)]
+fn step(acc: &mut Tile, a: impl Fn(usize) -> f32, b: &Columns) {
+    for (r, acc) in acc.iter_mut().enumerate() {
+        let x = f32x8::splat(a(r));
+        acc[0] += x * b[0];
+        acc[1] += x * b[1];
+    }
+}
+
+/// Chains over k in `chunk` (at most [`CHUNK`]) for the given rows and column panels; `finished(panel, row panel,
+/// tile)` takes each tile, column panel by column panel, numbered within the block.
 fn chains(
     a: View<'_>,
     b: &Packed,
-    rows: std::ops::Range<usize>,
-    panels: std::ops::Range<usize>,
-    chunk: std::ops::Range<usize>,
-    packed: &mut Vec<[f32; ROWS]>,
-) -> Partial {
+    (rows, panels, chunk): (Range<usize>, Range<usize>, Range<usize>),
+    packed: &mut Vec<Rows>,
+    mut finished: impl FnMut(usize, usize, &Tile),
+) {
     let row_panels = rows.len().div_ceil(ROWS);
-    let mut tiles = vec![[[f32x8::ZERO; 2]; ROWS]; row_panels * panels.len()];
+    let in_place = a.column_stride == 1 && panels.len() <= IN_PLACE;
+    // Tiles rest in memory between blocks of k.
+    let mut resting = vec![ZERO; if chunk.len() > BLOCK_K { row_panels * panels.len() } else { 0 }];
     let mut start = chunk.start;
-    while start < chunk.end {
+    loop {
         let end = chunk.end.min(start + BLOCK_K);
-        pack_rows(a, rows.clone(), start..end, packed);
-        let mut tile = tiles.iter_mut();
-        for p in panels.clone() {
-            let b = &b.panels[p * b.k..][start..end];
-            for (a, tile) in packed.chunks_exact(end - start).zip(&mut tile) {
-                resume(a, b, tile);
+        if !in_place {
+            pack_rows(a, rows.clone(), start..end, packed);
+        }
+        for (p, columns) in b.panels[panels.clone()].iter().enumerate() {
+            let columns = &columns[start..end];
+            for r in 0..row_panels {
+                let mut fresh = ZERO;
+                let tile = resting.get_mut(p * row_panels + r).unwrap_or(&mut fresh);
+                if in_place {
+                    // Beyond the last row it is read again; those chains are thrown away.
+                    let row = |i: usize| (rows.start + r * ROWS + i).min(rows.end - 1) * a.row_stride;
+                    resume_in_place(
+                        std::array::from_fn(|i| &a.values[row(i) + start..row(i) + end]),
+                        columns,
+                        tile,
+                    );
+                } else {
+                    resume(&packed[r * columns.len()..][..columns.len()], columns, tile);
+                }
+                if end == chunk.end {
+                    finished(p, r, tile);
+                }
             }
+        }
+        if end == chunk.end {
+            return;
         }
         start = end;
     }
-    tiles
 }
 
-/// All chunks of k for one block of the output, added by the pairwise tree as they come: two neighbours of one level
-/// make one of the next, and at the end the last, smaller ones are added from the right.
-fn block(a: View<'_>, b: &Packed, rows: std::ops::Range<usize>, panels: std::ops::Range<usize>) -> Partial {
+/// One block of the output: where it begins, and its part of every row.
+struct Task<'a> {
+    top: usize,
+    left: usize,
+    rows: Vec<&'a mut [f32]>,
+}
+
+/// Computes one block of the output.
+fn block(a: View<'_>, b: &Packed, task: Task<'_>, how: Finish<'_>) {
+    let Task { top, left, mut rows } = task;
     let mut packed = Vec::new();
-    let mut stack: Vec<(u32, Partial)> = Vec::new();
-    let add = |left: &mut Partial, right: &Partial| {
+    let row_panels = rows.len().div_ceil(ROWS);
+    let panels = left / COLUMNS..(left + rows[0].len()).div_ceil(COLUMNS);
+    let part = |chunk: Range<usize>| (top..top + rows.len(), panels.clone(), chunk);
+    if b.k <= CHUNK {
+        let part = part(0..b.k);
+        chains(a, b, part, &mut packed, |p, r, tile| {
+            finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how)
+        });
+        return;
+    }
+    // The pairwise tree over the chunks as they come: two neighbours of one level make one of the next, and at the end
+    // the last, smaller ones are added from the right.
+    let add = |left: &mut [Tile], right: &[Tile]| {
         for (x, y) in left.iter_mut().flatten().flatten().zip(right.iter().flatten().flatten()) {
-            *x = *x + *y;
+            *x += *y;
         }
     };
-    for start in (0..b.k.max(1)).step_by(CHUNK) {
-        let mut level = 0;
-        let mut right =
-            chains(a, b, rows.clone(), panels.clone(), start..b.k.min(start + CHUNK), &mut packed);
+    let mut stack: Vec<(u32, Vec<Tile>)> = Vec::new();
+    for start in (0..b.k).step_by(CHUNK) {
+        let (mut level, mut right) = (0, Vec::with_capacity(row_panels * panels.len()));
+        let part = part(start..b.k.min(start + CHUNK));
+        chains(a, b, part, &mut packed, |_, _, tile| right.push(*tile));
         while stack.last().is_some_and(|(l, _)| *l == level) {
             let (_, mut left) = stack.pop().expect("the last entry was just seen");
             add(&mut left, &right);
@@ -265,31 +345,47 @@ fn block(a: View<'_>, b: &Packed, rows: std::ops::Range<usize>, panels: std::ops
         }
         stack.push((level, right));
     }
-    let (_, mut result) = stack.pop().expect("there is at least one chunk, if an empty one");
+    let (_, mut tiles) = stack.pop().expect("there is at least one chunk");
     while let Some((_, mut left)) = stack.pop() {
-        add(&mut left, &result);
-        result = left;
+        add(&mut left, &tiles);
+        tiles = left;
     }
-    result
+    for (i, tile) in tiles.iter().enumerate() {
+        let (p, r) = (i / row_panels, i % row_panels);
+        finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how);
+    }
 }
 
-/// Writes a block of tiles to its rows of c, each given from the block's first column on.
-fn finish(tiles: &Partial, rows: &mut [&mut [f32]], first: usize, how: Finish<'_>) {
-    let row_panels = rows.len().div_ceil(ROWS);
-    for (i, row) in rows.iter_mut().enumerate() {
-        for (p, c) in row.chunks_mut(COLUMNS).enumerate() {
-            let [lo, hi] = tiles[p * row_panels + i / ROWS][i % ROWS];
-            let mut x = [0.0; COLUMNS];
-            x[..8].copy_from_slice(&lo.to_array());
-            x[8..].copy_from_slice(&hi.to_array());
-            match how {
-                Finish::Store => c.copy_from_slice(&x[..c.len()]),
-                Finish::Add => c.iter_mut().zip(&x).for_each(|(c, x)| *c += *x),
-                Finish::Bias(bias) => {
-                    let bias = &bias[first + p * COLUMNS..];
-                    c.iter_mut().zip(&x).zip(bias).for_each(|((c, x), bias)| *c = *x + *bias);
+/// Writes a tile to (at most six) rows of c from column `at` of the block on, which begins at column `left`.
+#[inline(always)]
+fn finish(tile: &Tile, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
+    for (tile, row) in tile.iter().zip(rows) {
+        let end = row.len().min(at + COLUMNS);
+        let c = &mut row[at..end];
+        if let Ok(c) = <&mut [f32; COLUMNS]>::try_from(&mut *c) {
+            let old = || halves(c);
+            let x = match how {
+                Finish::Store => *tile,
+                Finish::Add => {
+                    let c = old();
+                    [c[0] + tile[0], c[1] + tile[1]]
                 }
-            }
+                Finish::Bias(bias) => {
+                    let bias = &bias[left + at..];
+                    [tile[0] + eight(bias), tile[1] + eight(&bias[8..])]
+                }
+            };
+            c[..8].copy_from_slice(&x[0].to_array());
+            c[8..].copy_from_slice(&x[1].to_array());
+            continue;
+        }
+        for (j, c) in c.iter_mut().enumerate() {
+            let p = tile[j / 8].to_array()[j % 8];
+            *c = match how {
+                Finish::Store => p,
+                Finish::Add => *c + p,
+                Finish::Bias(bias) => p + bias[left + at + j],
+            };
         }
     }
 }
@@ -317,25 +413,21 @@ pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
         return;
     }
     // One task per block of the output, each owning its part of every row.
-    let mut tasks: Vec<(usize, usize, Vec<&mut [f32]>)> = Vec::new();
-    for (i, rows) in c.chunks_mut(BLOCK_ROWS * n).enumerate() {
-        let at = tasks.len();
-        tasks.extend((0..n.div_ceil(BLOCK_COLUMNS)).map(|j| (i, j, Vec::with_capacity(BLOCK_ROWS))));
+    let height = if n >= BLOCK_COLUMNS / 4 { BLOCK_ROWS } else { 4 * BLOCK_ROWS };
+    let mut tasks: Vec<Task<'_>> = Vec::new();
+    for (i, rows) in c.chunks_mut(height * n).enumerate() {
+        let first = tasks.len();
+        let lefts = (0..n).step_by(BLOCK_COLUMNS);
+        tasks.extend(lefts.map(|left| Task { top: i * height, left, rows: Vec::with_capacity(height) }));
         for row in rows.chunks_mut(n) {
-            for (j, part) in row.chunks_mut(BLOCK_COLUMNS).enumerate() {
-                tasks[at + j].2.push(part);
+            for (part, task) in row.chunks_mut(BLOCK_COLUMNS).zip(&mut tasks[first..]) {
+                task.rows.push(part);
             }
         }
     }
-    let run = |_: usize, (i, j, mut rows): (usize, usize, Vec<&mut [f32]>)| {
-        let (top, left) = (i * BLOCK_ROWS, j * BLOCK_COLUMNS);
-        let panels = left / COLUMNS..(left + rows[0].len()).div_ceil(COLUMNS);
-        let tiles = block(a, b, top..top + rows.len(), panels);
-        finish(&tiles, &mut rows, left, how);
-    };
-    if m * n * b.k.max(1) >= PARALLEL && tasks.len() > 1 {
-        par::each(tasks, run);
+    if m * n * b.k >= PARALLEL && tasks.len() > 1 {
+        par::each(tasks, |_, task| block(a, b, task, how));
     } else {
-        tasks.into_iter().enumerate().for_each(|(i, t)| run(i, t));
+        tasks.into_iter().for_each(|task| block(a, b, task, how));
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! Arguments are single-precision numbers converted exactly; results are good to a few units of 2⁻⁵² and are
 //! rounded once to single precision by the caller. Polynomials are minimax fits (Remez, 50 digits) whose error is
-//! given beside them; they are evaluated by Horner's rule.
+//! given beside them; `poly` fixes the order of their evaluation.
 
 use crate::num::double::{Body, BodyPair, Double};
 
@@ -16,10 +16,23 @@ pub(super) const SIGN: u64 = 1 << 63;
 const ONE: u64 = 0x3ff0_0000_0000_0000;
 const SQRT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
 
+/// Σ cᵢxⁱ, even and odd powers each by Horner's rule in x², so that two chains run side by side.
 #[inline(always)]
-pub(super) fn horner<W: Double>(x: W, c: &[f64]) -> W {
-    let (last, rest) = c.split_last().expect("a polynomial has a coefficient");
-    rest.iter().rev().fold(W::splat(*last), |acc, &k| acc * x + W::splat(k))
+pub(super) fn poly<W: Double, const N: usize>(x: W, c: &[f64; N]) -> W {
+    let x2 = x * x;
+    let (mut high, mut low) = (W::splat(c[N - 1]), W::splat(c[N - 2]));
+    let mut i = N - 2;
+    while i >= 2 {
+        high = high * x2 + W::splat(c[i - 1]);
+        low = low * x2 + W::splat(c[i - 2]);
+        i -= 2;
+    }
+    if i == 1 {
+        // N is odd: `high` holds even powers and takes the constant.
+        low * x + (high * x2 + W::splat(c[0]))
+    } else {
+        high * x + low
+    }
 }
 
 /// `x` limited to `lo..=hi`; NaN stays.
@@ -60,7 +73,7 @@ const EXP: [f64; 9] = [
 #[inline(always)]
 fn exp_core<W: Double>(x: W) -> W {
     let (t, r) = split_exp(x);
-    let p = W::splat(1.0) + (r + r * r * horner(r, &EXP));
+    let p = W::splat(1.0) + (r + r * r * poly(r, &EXP));
     W::from_bits(W::add_bits(p.to_bits(), W::shl(t.to_bits(), 52)))
 }
 
@@ -68,7 +81,7 @@ fn exp_core<W: Double>(x: W) -> W {
 #[inline(always)]
 fn expm1_core<W: Double>(x: W) -> W {
     let (t, r) = split_exp(x);
-    let p = r + r * r * horner(r, &EXP);
+    let p = r + r * r * poly(r, &EXP);
     let two_n = W::from_bits(W::add_const(W::shl(t.to_bits(), 52), ONE));
     two_n * p + (two_n - W::splat(1.0))
 }
@@ -100,7 +113,7 @@ fn split_log<W: Double>(u: W) -> (W, W) {
 fn join_log<W: Double>(k: W, f: W) -> W {
     let s = f / (W::splat(2.0) + f);
     let z = s * s;
-    k * W::splat(std::f64::consts::LN_2) + (W::splat(2.0) * s + s * z * horner(z, &LOG))
+    k * W::splat(std::f64::consts::LN_2) + (W::splat(2.0) * s + s * z * poly(z, &LOG))
 }
 
 /// ln(1 + x) for x > −1, finite; good to full relative accuracy near 0.
@@ -180,9 +193,9 @@ body! {
         let (k, f) = split_log(p / (one - p));
         let near = (p + p - one) / (one - p);
         let v = join_log(k, W::select(k.eq(W::splat(0.0)), near, f));
-        let v = W::select(p.eq(one), W::splat(f64::INFINITY), v);
-        let v = W::select(p.eq(W::splat(0.0)), W::splat(f64::NEG_INFINITY), v);
-        W::select(p.lt(W::splat(0.0)), W::splat(f64::NAN), W::select(p.gt(one), W::splat(f64::NAN), v))
+        let (zero, nan, inf) = (W::splat(0.0), W::splat(f64::NAN), W::splat(f64::INFINITY));
+        let v = W::select(p.lt(one), v, W::select(p.eq(one), inf, nan));
+        W::select(p.gt(zero), v, W::select(p.eq(zero), -inf, nan))
     }
 }
 
@@ -207,7 +220,7 @@ body! {
     Softplus(x) {
         let zero = W::splat(0.0);
         let tail = log1p_core(exp_core(clamp(-x.abs(), EXP_MIN, 0.0)));
-        W::select(x.gt(zero), x, zero) + tail
+        W::select(x.lt(zero), zero, x) + tail
     }
 }
 
@@ -245,8 +258,8 @@ body! {
     Erf(x) {
         let (one, two) = (W::splat(1.0), W::splat(2.0));
         let a = clamp(x.abs(), 0.0, 4.0);
-        let near = a * horner(a * a, &ERF);
-        let far = one - exp_core(-(a * a)) * horner((a - two) / (a + two), &ERFC);
+        let near = a * poly(a * a, &ERF);
+        let far = one - exp_core(-(a * a)) * poly((a - two) / (a + two), &ERFC);
         with_sign(W::select(a.lt(one), near, far), x)
     }
 }

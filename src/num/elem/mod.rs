@@ -89,7 +89,7 @@ pub fn atan2<L: Real>(y: L, x: L) -> L {
     y.through_f64_pair::<trig::Atan2>(x)
 }
 
-/// xʸ for x ≥ 0 (NaN for x < 0, whatever y); x⁰ = 1 and 1ʸ = 1.
+/// xʸ for x ≥ 0: NaN for x < 0 whatever y is not 0; −0 counts as 0; x⁰ = 1 and 1ʸ = 1.
 #[inline]
 pub fn pow<L: Real>(x: L, y: L) -> L {
     x.through_f64_pair::<body::Pow>(y)

@@ -1,6 +1,6 @@
 //! Sine, cosine and their inverses over f64 lanes.
 
-use super::body::{ROUND, horner, with_sign};
+use super::body::{ROUND, poly, with_sign};
 use crate::num::double::{Body, BodyPair, Double};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
@@ -83,8 +83,8 @@ const COS: [f64; 6] = [
 #[inline(always)]
 fn sin_quadrant<W: Double>(quadrant: W::Bits, r: W) -> W {
     let z = r * r;
-    let sin = r * (W::splat(1.0) + z * horner(z, &SIN));
-    let cos = W::splat(1.0) - (W::splat(0.5) * z - z * z * horner(z, &COS));
+    let sin = r * (W::splat(1.0) + z * poly(z, &SIN));
+    let cos = W::splat(1.0) - (W::splat(0.5) * z - z * z * poly(z, &COS));
     // Lowest bit → the bits of 2.0 or 0.0: a mask; second bit → the sign.
     let odd = W::from_bits(W::shl(W::and_const(quadrant, 1), 62)).gt(W::splat(0.0));
     let v = W::select(odd, cos, sin);
@@ -140,7 +140,7 @@ impl Body for Acos {
         let outer = a.gt(half);
         let z = W::select(outer, (W::splat(1.0) - a) * half, a * a);
         let t = W::select(outer, z.sqrt(), a);
-        let asin = t + t * z * horner(z, &ASIN);
+        let asin = t + t * z * poly(z, &ASIN);
         let inner = W::splat(FRAC_PI_2) - with_sign(asin, x);
         let twice = asin + asin;
         W::select(outer, W::select(x.lt(zero), W::splat(PI) - twice, twice), inner)
@@ -179,7 +179,7 @@ impl BodyPair for Atan2 {
         let den = W::select(far, lo + hi, hi);
         let t = num / W::select(den.eq(zero), one, den); // both zero: 0
         let z = t * t;
-        let atan = t + t * z * horner(z, &ATAN);
+        let atan = t + t * z * poly(z, &ATAN);
         let octant = W::select(far, W::splat(FRAC_PI_4) + atan, atan);
         let quadrant = W::select(steep, W::splat(FRAC_PI_2) - octant, octant);
         // The half plane is decided by the sign bit: atan2(±0, −0) = ±π.
