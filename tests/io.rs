@@ -1,6 +1,9 @@
 //! Every format: what is written is read back bit for bit, by us and by independent readers, and real files load.
 
-use lastlight::io::{gaussian_ply, npz, ply, safetensors};
+mod samples;
+
+use lastlight::io::image_file::{self, Encoding, Samples};
+use lastlight::io::{gaussian_ply, npz, ply, safetensors, splat_file};
 use lastlight::num::array::{Array, Arrays};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -12,19 +15,6 @@ fn data() -> Option<PathBuf> {
         println!("LASTLIGHT_DATA is unset: this test on real data did not run");
     }
     dir
-}
-
-fn sample() -> Arrays {
-    let mut a = Arrays::new();
-    a.put("f32", &[2, 3], vec![1.5f32, -0.0, f32::MIN_POSITIVE, f32::from_bits(1), f32::MAX, -3.25]);
-    a.put("f64", &[3], vec![1e-310f64, -0.0, std::f64::consts::PI]);
-    a.put("u8", &[2, 2], vec![0u8, 1, 128, 255]);
-    a.put("i8", &[1, 3], vec![-128i8, 0, 127]);
-    a.put("i32", &[2], vec![i32::MIN, i32::MAX]);
-    a.put("i64", &[2], vec![i64::MIN, i64::MAX]);
-    a.put("scalar", &[], vec![7i64]);
-    a.put("empty", &[0, 3], Vec::<f32>::new());
-    a
 }
 
 /// Equality of bits, which `==` on floats is not.
@@ -41,7 +31,7 @@ fn same_bits(a: &Arrays, b: &Arrays) {
 
 #[test]
 fn npz_round_trip_is_exact_and_deterministic() {
-    let a = sample();
+    let a = samples::arrays();
     for packing in [npz::Packing::Stored, npz::Packing::Deflated] {
         let bytes = npz::to_bytes(&a, packing).expect("arrays fit");
         assert_eq!(bytes, npz::to_bytes(&a, packing).expect("again"), "same bytes");
@@ -56,7 +46,7 @@ fn npz_round_trip_is_exact_and_deterministic() {
 #[test]
 fn npz_agrees_with_an_independent_implementation() {
     // They read ours.
-    let bytes = npz::to_bytes(&sample(), npz::Packing::Deflated).expect("arrays fit");
+    let bytes = npz::to_bytes(&samples::arrays(), npz::Packing::Deflated).expect("arrays fit");
     let mut theirs = npyz::npz::NpzArchive::new(std::io::Cursor::new(bytes)).expect("a zip archive");
     let f = theirs.by_name("f32").expect("readable").expect("present");
     assert_eq!(f.shape(), [2, 3], "shape");
@@ -105,7 +95,7 @@ fn a_plain_npy_is_named_after_its_file() {
 
 #[test]
 fn safetensors_round_trip_is_exact_and_deterministic() {
-    let a = sample();
+    let a = samples::arrays();
     let meta: BTreeMap<String, String> =
         (0..40).map(|i| (format!("key {i}"), format!("value \"{i}\"\n ü"))).collect();
     let bytes = safetensors::to_bytes(&a, &meta);
@@ -120,24 +110,10 @@ fn safetensors_round_trip_is_exact_and_deterministic() {
     assert_eq!(safetensors::parse(&none, "a").expect("empty"), safetensors::Tensors::default(), "nothing in, nothing out");
 }
 
-fn gaussians(degree: usize) -> gaussian_ply::GaussianRecord {
-    let k = (degree + 1) * (degree + 1);
-    let f = |i: usize| (i as f32 * 0.37 - 1.0) / 7.0;
-    gaussian_ply::GaussianRecord {
-        means: (0..5).map(|i| [f(i), f(i + 1), -0.0]).collect(),
-        quats: (0..5).map(|i| [1.0, f(i), f(i + 3), 1e-30]).collect(),
-        scales_log: (0..5).map(|i| [f(i) - 4.0, -3.0, f(i + 9)]).collect(),
-        opacity_logits: (0..5).map(f).collect(),
-        sh: (0..5 * k * 3).map(f).collect(),
-        sh_degree: degree,
-        comments: vec!["made by a test".into()],
-    }
-}
-
 #[test]
 fn gaussian_ply_round_trip() {
     for degree in 0..=3 {
-        let g = gaussians(degree);
+        let g = samples::gaussians(degree);
         let bytes = gaussian_ply::to_bytes(&g);
         let back = gaussian_ply::parse(&bytes, "g.ply").expect("our own file");
         assert_eq!(g, back, "degree {degree}");
@@ -198,4 +174,135 @@ fn real_arrays_load() {
     assert_eq!(garden.need("colors").expect("there").dtype(), "uint8", "bytes stay bytes");
     let golden = npz::read(&dir.join("golden/splat_garden.npz")).expect("deflated");
     assert_eq!(golden.need("sh").expect("there").shape(), [900, 4, 3], "coefficients");
+}
+
+#[test]
+fn splat_round_trip_and_layout() {
+    let bytes = samples::splat();
+    let rows = splat_file::parse(&bytes, "s.splat").expect("our own file");
+    assert_eq!(bytes, splat_file::to_bytes(&rows), "bytes");
+    let g = samples::gaussians(0);
+    // Every row is a Gaussian of the scene, largest and most opaque first.
+    let weight = |i: usize| {
+        let s: f64 = g.scales_log[i].iter().fold(0.0, |s, &x| s + f64::from(x));
+        libm::exp(s) / (1.0 + libm::exp(-f64::from(g.opacity_logits[i])))
+    };
+    let mut order: Vec<usize> = (0..5).collect();
+    order.sort_by(|&a, &b| weight(b).total_cmp(&weight(a)).then(a.cmp(&b)));
+    for (row, &i) in rows.iter().zip(&order) {
+        assert_eq!(row.mean, g.means[i], "order");
+        let color = 0.5 + 0.282_094_791_773_878_14 * f64::from(g.sh[3 * i]);
+        assert!((f64::from(row.rgba[0]) - 255.0 * color).abs() <= 0.5 + 1e-9, "nearest level");
+    }
+    // A known row: unit quaternion, grey, opacity one half.
+    let one = gaussian_ply::GaussianRecord {
+        means: vec![[1.0, 2.0, 3.0]],
+        quats: vec![[0.0, 0.0, 3.0, 0.0]],
+        scales_log: vec![[0.0; 3]],
+        opacity_logits: vec![0.0],
+        sh: vec![0.0, 10.0, -10.0],
+        ..Default::default()
+    };
+    let row = splat_file::from_gaussians(&one, "one").expect("in range")[0];
+    assert_eq!(row.rgba, [128, 255, 0, 128], "colours and opacity are limited and rounded half up");
+    assert_eq!(row.rotation, [128, 128, 255, 128], "128 q + 128, limited");
+    assert_eq!(row.scale, [1.0; 3], "linear");
+    // What is quantised once stays.
+    let again = splat_file::from_gaussians(&splat_file::to_gaussians(&[row]), "again").expect("in range")[0];
+    assert_eq!((again.rgba, again.mean), (row.rgba, row.mean), "colours survive");
+}
+
+#[test]
+fn png_round_trip_of_every_channel_count() {
+    for c in 1..=4 {
+        let p = image_file::parse(&samples::png(7, 5, c), "a.png").expect("our own file");
+        assert_eq!((p.width, p.height, p.channels.len(), p.encoding), (7, 5, c, Encoding::Srgb), "shape");
+        assert_eq!(p.samples, Samples::U8(samples::pixels(7, 5, c)), "values");
+        assert_eq!(p.value(1), f32::from(samples::pixels(7, 5, c)[1]) / 255.0, "0 to 1");
+    }
+    assert_eq!(samples::png(7, 5, 3), samples::png(7, 5, 3), "same bytes");
+    // 16 bits, written by the independent encoder.
+    let mut bytes = Vec::new();
+    use image::ImageEncoder;
+    let words: Vec<u8> = [0u16, 1, 32768, 65535].iter().flat_map(|x| x.to_ne_bytes()).collect();
+    image::codecs::png::PngEncoder::new(&mut bytes)
+        .write_image(&words, 2, 2, image::ExtendedColorType::L16)
+        .expect("a picture");
+    let p = image_file::parse(&bytes, "a.png").expect("16 bits");
+    assert_eq!(p.values(), [0.0, 1.0 / 65535.0, 32768.0 / 65535.0, 1.0], "over 65535");
+}
+
+#[test]
+fn bytes_are_rounded_half_up_and_limited() {
+    let x = [0.0f32, 1.0, -3.0, 7.0, 0.5, 0.5 / 255.0, 0.4999 / 255.0, f32::INFINITY, -0.0];
+    assert_eq!(image_file::to_u8(&x).expect("numbers"), [0, 255, 0, 255, 128, 1, 0, 255, 0], "levels");
+    let e = image_file::to_u8(&[0.0, f32::NAN]).expect_err("not a number").to_string();
+    assert!(e.contains("value 1") && e.contains("NaN"), "{e}");
+}
+
+#[test]
+fn exr_round_trip_is_exact() {
+    let values: Vec<f32> = vec![-0.0, 1e-40, 3.5, f32::MAX, -1e20, 0.1, 7.0, 8.0, 9.0, 1.0, 2.0, 3.0];
+    let names = [vec!["R", "G", "B", "A"], vec!["Z"], vec!["B", "X"]];
+    for channels in names {
+        let n = channels.len();
+        let data = &values[..12 / n * n];
+        let (w, h) = (data.len() / n, 1);
+        let bytes = image_file::exr_bytes(w, h, &channels, data).expect("finite");
+        assert_eq!(bytes, image_file::exr_bytes(w, h, &channels, data).expect("finite"), "same bytes");
+        let p = image_file::parse(&bytes, "a.exr").expect("our own file");
+        assert_eq!((p.width, p.height, p.encoding), (w, h, Encoding::Linear), "shape");
+        assert_eq!(p.channels, channels, "names in a usual order");
+        let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&p.values()), bits(data), "values");
+    }
+    let e = image_file::exr_bytes(2, 1, &["Z"], &[1.0, f32::NAN]).expect_err("not a number").to_string();
+    assert!(e.contains("channel Z, row 0, column 1"), "{e}");
+}
+
+#[test]
+fn jpeg_and_hdr_load() {
+    let p = image_file::parse(&samples::jpeg(16, 8), "a.jpg").expect("a JPEG");
+    assert_eq!((p.width, p.height, p.channels.len(), p.encoding), (16, 8, 3, Encoding::Srgb), "shape");
+    let Samples::U8(got) = &p.samples else { panic!("a JPEG has 8 bits") };
+    let worst = got.iter().zip(samples::pixels(16, 8, 3)).fold(0, |m, (&a, b)| m.max(a.abs_diff(b)));
+    assert!(worst < 40, "close to what was encoded: {worst}");
+    let p = image_file::parse(&samples::hdr(16, 4), "a.hdr").expect("a header with extra lines");
+    assert_eq!((p.width, p.height, p.encoding), (16, 4, Encoding::Linear), "shape");
+    assert_eq!(p.values()[..3], [0.0, 0.5, 0.125], "values");
+    assert_eq!(p.values()[3 * 33], 33.0, "values");
+}
+
+#[test]
+fn real_pictures_load() {
+    let Some(dir) = data() else { return };
+    let env = image_file::read(&dir.join("data/env/dresden_square_1k.hdr")).expect("readable");
+    assert_eq!((env.width, env.height), (1024, 512), "size");
+    let spot = image_file::read(&dir.join("data/mesh/spot/spot_texture.png")).expect("readable");
+    assert_eq!(spot.width, 1024, "size");
+}
+
+#[test]
+fn scenes_convert_between_formats() {
+    use lastlight::scene::convert::{convert, read_scene};
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let file = |n: &str| dir.path().join(n);
+    let record = gaussian_ply::GaussianRecord { quats: vec![[1.0, 0.5, -0.25, 0.125]; 5], ..samples::gaussians(2) };
+    gaussian_ply::write(&file("a.ply"), &record).expect("writable");
+    convert(&file("a.ply"), &file("b.PLY")).expect("same format");
+    assert_eq!(std::fs::read(file("a.ply")).unwrap(), std::fs::read(file("b.PLY")).unwrap(), "bytes and comments");
+    let g = convert(&file("a.ply"), &file("c.npz")).expect("to arrays");
+    convert(&file("c.npz"), &file("d.ply")).expect("and back");
+    let back = read_scene(&file("d.ply")).expect("readable");
+    assert_eq!((&back.means, &back.sh, back.sh_degree), (&g.means, &g.sh, 2), "exact where nothing is activated");
+    for (x, y) in back.scales_log.as_flattened().iter().zip(g.scales_log.as_flattened()) {
+        assert!((x - y).abs() <= 5e-7, "scales to rounding: {x} {y}");
+    }
+    convert(&file("a.ply"), &file("e.splat")).expect("to .splat");
+    let small = read_scene(&file("e.splat")).expect("readable");
+    assert_eq!((small.len(), small.sh_degree), (5, 0), "all Gaussians, no view dependence");
+    convert(&file("e.splat"), &file("f.ply")).expect("from .splat");
+    let e = convert(&file("a.ply"), &file("a.obj")).expect_err("not a scene").to_string();
+    assert!(e.contains("a.obj") && e.contains(".ply, .splat or .npz"), "{e}");
+    assert!(!file("a.obj").exists(), "nothing written");
 }

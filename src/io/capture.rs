@@ -1,1 +1,329 @@
-//! (in work)
+//! A capture: photographs with poses and lenses, as plain records, from any layout that is read.
+
+use super::gaussian_ply::Points;
+use super::{colmap, transforms};
+use crate::{Error, Result};
+use std::path::{Component, Path, PathBuf};
+
+/// Which layout and dialect a capture came in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Dialect {
+    /// `transforms_{train,val,test}.json`
+    NerfSynthetic,
+    /// `transforms.json` of instant-ngp
+    InstantNgp,
+    /// `transforms.json` of nerfstudio
+    Nerfstudio,
+    /// COLMAP sparse model, `.bin`
+    ColmapBinary,
+    /// COLMAP sparse model, `.txt`
+    ColmapText,
+}
+
+impl Dialect {
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NerfSynthetic => "NeRF-synthetic transforms",
+            Self::InstantNgp => "instant-ngp transforms",
+            Self::Nerfstudio => "nerfstudio transforms",
+            Self::ColmapBinary => "COLMAP binary",
+            Self::ColmapText => "COLMAP text",
+        }
+    }
+}
+
+/// What the layout says a frame is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Split {
+    /// nothing said
+    Unknown,
+    /// training
+    Train,
+    /// validation
+    Val,
+    /// testing
+    Test,
+}
+
+/// Focal length, in either of the forms files use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Focal {
+    /// f_x, f_y in pixels of the declared picture size
+    Pixels([f64; 2]),
+    /// Full angle of view along x, and along y if it is given, in radians
+    Angles(f64, Option<f64>),
+}
+
+/// How a lens departs from its ideal projection.
+///
+/// With (x, y) the ideal pinhole position (z = 1) and r² = x² + y²:
+/// `Perspective`: d = (1 + k₁r² + k₂r⁴ + k₃r⁶ + k₄r⁸) / (1 + n₁r² + n₂r⁴ + n₃r⁶),
+/// x' = x d + 2p₁xy + p₂(r² + 2x²), y' = y d + 2p₂xy + p₁(r² + 2y²).
+/// `Fisheye`: θ' = θ (1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸), θ the angle from the axis, and the position is θ' from the centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lens {
+    /// OpenCV's radial-tangential model; all zero: a pinhole
+    Perspective {
+        /// k₁ to k₄
+        numerator: [f64; 4],
+        /// n₁ to n₃
+        denominator: [f64; 3],
+        /// p₁, p₂
+        tangential: [f64; 2],
+    },
+    /// OpenCV's fisheye model; all zero: equidistant
+    Fisheye {
+        /// k₁ to k₄
+        k: [f64; 4],
+    },
+}
+
+impl Lens {
+    /// A lens without distortion.
+    pub const PINHOLE: Self = Self::Perspective { numerator: [0.0; 4], denominator: [0.0; 3], tangential: [0.0; 2] };
+
+    /// Whether every coefficient is zero.
+    pub fn is_ideal(&self) -> bool {
+        match self {
+            Self::Perspective { numerator, denominator, tangential } => {
+                numerator.iter().chain(denominator).chain(tangential).all(|&x| x == 0.0)
+            }
+            Self::Fisheye { k } => k.iter().all(|&x| x == 0.0),
+        }
+    }
+}
+
+/// One photograph.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Name with forward slashes, relative to the capture; frames are ordered by it.
+    pub name: String,
+    /// The picture.
+    pub image: PathBuf,
+    /// A picture that is zero where this one does not count.
+    pub mask: Option<PathBuf>,
+    /// World to camera, camera axes x right, y down, z forward; the rotation is orthonormal.
+    pub view_from_world: [[f64; 4]; 4],
+    /// Focal length.
+    pub focal: Focal,
+    /// Principal point in pixels of the declared size; the centre of the picture if absent.
+    pub center: Option<[f64; 2]>,
+    /// Width and height the file declares.
+    pub size: Option<[usize; 2]>,
+    /// Distortion.
+    pub lens: Lens,
+    /// What the frame is for.
+    pub split: Split,
+}
+
+impl Frame {
+    /// f_x, f_y, c_x, c_y in pixels of a picture of the given size, which may be a scaled version of the declared one.
+    ///
+    /// # Errors
+    /// When the sizes are not proportional.
+    pub fn intrinsics(&self, width: usize, height: usize) -> Result<[f64; 4]> {
+        let (w, h) = (width as f64, height as f64);
+        let [dw, dh] = self.size.map_or([w, h], |s| s.map(|x| x as f64));
+        // Both sides scaled by the same factor, to the pixel that rounding may cost.
+        if (dw * h - dh * w).abs() > crate::num::order::max(dw, dh) {
+            return Err(Error::input(self.image.display().to_string())
+                .at("picture size")
+                .expected(format!("{dw}x{dh} as declared, or a scaled version"))
+                .got(format!("{w}x{h}")));
+        }
+        let (sx, sy) = (w / dw, h / dh);
+        let [fx, fy] = match self.focal {
+            Focal::Pixels([fx, fy]) => [fx * sx, fy * sy],
+            Focal::Angles(ax, ay) => {
+                let fx = 0.5 * w / libm::tan(0.5 * ax);
+                [fx, ay.map_or(fx, |ay| 0.5 * h / libm::tan(0.5 * ay))]
+            }
+        };
+        let [cx, cy] = self.center.map_or([0.5 * w, 0.5 * h], |[cx, cy]| [cx * sx, cy * sy]);
+        Ok([fx, fy, cx, cy])
+    }
+}
+
+/// A capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Capture {
+    /// Layout it was read from.
+    pub dialect: Dialect,
+    /// Its photographs, in the order of their names.
+    pub frames: Vec<Frame>,
+    /// Points of a reconstruction.
+    pub points: Option<Points>,
+}
+
+/// Reads a capture: a `transforms.json`, a folder with one (or with `transforms_train.json`), or a folder with a COLMAP
+/// model in `.`, `sparse/0`, `sparse`, `dense/0/sparse` or `dense/sparse`.
+///
+/// # Errors
+/// When no layout is recognised, a file is malformed or missing, or a lens is not supported.
+pub fn read_capture(path: &Path) -> Result<Capture> {
+    let mut capture = if path.is_file() || transforms::file_in(path).is_some() {
+        transforms::read(path)?
+    } else if let Some(model) = colmap::find(path) {
+        colmap::read_model(&model)?
+    } else {
+        let what = if path.is_dir() { "a folder without them" } else { "nothing there" };
+        return Err(Error::input(path.display().to_string())
+            .expected("a capture: transforms.json, transforms_train.json, or a COLMAP model (cameras.bin or cameras.txt)")
+            .got(what));
+    };
+    capture.frames.sort_by(|a, b| a.name.cmp(&b.name));
+    if let Some(pair) = capture.frames.windows(2).find(|w| w[0].name == w[1].name) {
+        let e = Error::input(path.display().to_string()).at(format!("frame '{}'", pair[0].name));
+        return Err(e.expected("every picture once").got("two entries"));
+    }
+    if capture.frames.is_empty() {
+        return Err(Error::input(path.display().to_string()).expected("at least one frame").got("none"));
+    }
+    Ok(capture)
+}
+
+/// A path written in a file: backslashes become slashes, `.` and inner `..` are resolved.
+///
+/// # Errors
+/// When it is absolute, empty, or leads out of the folder.
+pub(super) fn clean(text: &str) -> std::result::Result<String, &'static str> {
+    let text = text.replace('\\', "/");
+    if text.contains('\0') {
+        return Err("a path with a NUL character");
+    }
+    let bytes = text.as_bytes();
+    if text.starts_with('/') || (bytes.len() > 1 && bytes[1] == b':' && bytes[0].is_ascii_alphabetic()) {
+        return Err("an absolute path");
+    }
+    let mut parts: Vec<&str> = Vec::new();
+    for part in text.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => {
+                if parts.pop().is_none() {
+                    return Err("a path that leads out of the folder");
+                }
+            }
+            p => parts.push(p),
+        }
+    }
+    if parts.is_empty() { Err("an empty path") } else { Ok(parts.join("/")) }
+}
+
+/// Extensions that are tried when a file name has none, or another one.
+const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+
+/// The file a cleaned path means: itself, with one of the usual extensions added, or in another case.
+pub(super) fn locate(root: &Path, relative: &str) -> Option<PathBuf> {
+    let exact = root.join(relative);
+    if exact.is_file() {
+        return Some(exact);
+    }
+    let added = EXTENSIONS.iter().map(|e| format!("{relative}.{e}"));
+    let candidates: Vec<String> = std::iter::once(relative.to_owned()).chain(added).collect();
+    if let Some(found) = candidates.iter().map(|c| root.join(c)).find(|p| p.is_file()) {
+        return Some(found);
+    }
+    candidates.iter().find_map(|c| any_case(root, c)).filter(|p| p.is_file())
+}
+
+/// A path whose components match but for case, if there is exactly one at every level.
+fn any_case(root: &Path, relative: &str) -> Option<PathBuf> {
+    let mut at = root.to_path_buf();
+    for part in Path::new(relative).components() {
+        let Component::Normal(part) = part else { return None };
+        if at.join(part).exists() {
+            at.push(part);
+            continue;
+        }
+        let wanted = part.to_str()?.to_lowercase();
+        let mut matching = std::fs::read_dir(&at)
+            .ok()?
+            .filter_map(|e| e.ok()?.file_name().into_string().ok())
+            .filter(|n| n.to_lowercase() == wanted);
+        let found = matching.next()?;
+        if matching.next().is_some() {
+            return None;
+        }
+        at.push(found);
+    }
+    Some(at)
+}
+
+/// The rotation nearest to a matrix that is one up to rounding.
+///
+/// Newton's iteration for the polar factor, R ← ½(R + R⁻ᵀ); converges quadratically.
+///
+/// # Errors
+/// With a description, when RᵀR departs from the identity by more than 1e-3, or the matrix is a reflection.
+pub(super) fn nearest_rotation(m: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3]; 3], String> {
+    for i in 0..3 {
+        for j in 0..3 {
+            let dot = m[0][i] * m[0][j] + m[1][i] * m[1][j] + m[2][i] * m[2][j];
+            let off = (dot - if i == j { 1.0 } else { 0.0 }).abs();
+            if !(off <= 1e-3) {
+                return Err(format!("columns {i} and {j} with product {dot}"));
+            }
+        }
+    }
+    let mut r = m;
+    for _ in 0..5 {
+        let c = cofactors(&r);
+        let det = r[0][0] * c[0][0] + r[0][1] * c[0][1] + r[0][2] * c[0][2];
+        if !(det > 0.0) {
+            return Err(format!("a reflection (determinant {det})"));
+        }
+        for i in 0..3 {
+            for j in 0..3 {
+                r[i][j] = 0.5 * (r[i][j] + c[i][j] / det);
+            }
+        }
+    }
+    Ok(r)
+}
+
+/// Cofactors; over the determinant they are the inverse transposed.
+fn cofactors(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
+            m[a][c] * m[b][d] - m[a][d] * m[b][c]
+        })
+    })
+}
+
+/// Rotation and translation as a 4×4 matrix.
+pub(super) fn rigid(r: [[f64; 3]; 3], t: [f64; 3]) -> [[f64; 4]; 4] {
+    let row = |i: usize| [r[i][0], r[i][1], r[i][2], t[i]];
+    [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_cleaned_and_kept_inside() {
+        assert_eq!(clean(".\\images\\a.png"), Ok("images/a.png".into()), "backslashes");
+        assert_eq!(clean("./a/../b//c"), Ok("b/c".into()), "dots");
+        for bad in ["../a", "a/../../b", "/etc/passwd", "C:\\x", "c:/x", "", "./", "a\0b", "\\\\server\\x"] {
+            assert!(clean(bad).is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn rotations_are_repaired_and_others_refused() {
+        let almost = [[1.0, 1e-4, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0 - 1e-4]];
+        let r = nearest_rotation(almost).expect("close to one");
+        for i in 0..3 {
+            for j in 0..3 {
+                let dot = r[0][i] * r[0][j] + r[1][i] * r[1][j] + r[2][i] * r[2][j];
+                assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-15, "orthonormal");
+            }
+        }
+        assert!(nearest_rotation([[2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]]).is_err(), "scaled");
+        assert!(nearest_rotation([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]).is_err(), "mirrored");
+        assert!(nearest_rotation([[f64::NAN; 3]; 3]).is_err(), "not numbers");
+    }
+}

@@ -245,7 +245,7 @@ struct Literal<'a> {
     name: &'a str,
 }
 
-impl Literal<'_> {
+impl<'a> Literal<'a> {
     fn error(&self, expected: &str, got: &str) -> Error {
         Error::input(self.name).at(format!("npy header, character {}", self.at)).expected(expected).got(got)
     }
@@ -270,7 +270,7 @@ impl Literal<'_> {
         Err(self.error(&format!("'{}'", char::from(c)), &got))
     }
 
-    fn word(&mut self) -> &[u8] {
+    fn word(&mut self) -> &'a [u8] {
         self.peek();
         let start = self.at;
         while self.text.get(self.at).is_some_and(u8::is_ascii_alphanumeric) {
@@ -299,8 +299,12 @@ impl Literal<'_> {
         match self.word() {
             b"True" => Ok(true),
             b"False" => Ok(false),
+            [] => {
+                let got = self.found();
+                Err(self.error("True or False", &got))
+            }
             other => {
-                let got = String::from_utf8_lossy(other).into_owned();
+                let got = format!("'{}'", other.escape_ascii());
                 Err(self.error("True or False", &got))
             }
         }
@@ -314,7 +318,10 @@ impl Literal<'_> {
             let digits = word.strip_suffix(b"L").unwrap_or(word);
             let value = std::str::from_utf8(digits).ok().and_then(|s| s.parse::<u64>().ok());
             let Some(value) = value else {
-                let got = String::from_utf8_lossy(digits).into_owned();
+                let got = match digits {
+                    [] => self.found(),
+                    d => format!("'{}'", d.escape_ascii()),
+                };
                 return Err(self.error("a non-negative integer", &got));
             };
             out.push(value);

@@ -48,8 +48,10 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Tensors> {
             .got(header.to_string()));
     }
     guard(name, || {
-        let (_, meta) = SafeTensors::read_metadata(bytes).map_err(|e| explain(name, &e))?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(|e| explain(name, &e))?;
+        let end = 8 + header as usize;
+        let explained = |e: SafeTensorError| explain(name, &bytes[8..end], bytes.len() - end, &e);
+        let (_, meta) = SafeTensors::read_metadata(bytes).map_err(explained)?;
+        let tensors = SafeTensors::deserialize(bytes).map_err(explained)?;
         let metadata = meta.metadata().clone().unwrap_or_default().into_iter().collect();
         let mut arrays = Arrays::new();
         for (key, view) in tensors.iter() {
@@ -87,20 +89,50 @@ fn decode(dtype: Dtype, shape: &[usize], data: &[u8], name: &str) -> Result<Arra
     npy::decode(&npy::plain(descr, shape, name)?, data, name)
 }
 
-fn explain(name: &str, e: &SafeTensorError) -> Error {
+/// The error of the decoder with the place it does not tell.
+fn explain(name: &str, header: &[u8], data: usize, e: &SafeTensorError) -> Error {
     let file = Error::input(name);
+    let fault = || fault(header, data).unwrap_or_else(|| ("header".into(), "consistent sizes".into(), e.to_string()));
     match e {
-        SafeTensorError::InvalidOffset(key) => {
-            file.at(format!("array '{key}', data_offsets")).expected("ranges that follow one another without gaps").got("another range")
+        SafeTensorError::InvalidOffset(_)
+        | SafeTensorError::TensorInvalidInfo
+        | SafeTensorError::ValidationOverflow
+        | SafeTensorError::MetadataIncompleteBuffer => {
+            let (at, expected, got) = fault();
+            file.at(at).expected(expected).got(got)
         }
-        SafeTensorError::TensorInvalidInfo => {
-            file.at("header").expected("data_offsets as long as shape and dtype say").got("another length")
-        }
-        SafeTensorError::MetadataIncompleteBuffer => {
-            file.at("data").expected("arrays that end where the file ends").got("another length (the file may be truncated)")
+        SafeTensorError::InvalidHeaderDeserialization(e) => {
+            file.at(format!("header, byte {}", 8 + e.column())).expected("the header of arrays").got(e.to_string())
         }
         other => file.at("header").expected("a safetensors header").got(other.to_string()),
     }
+}
+
+/// Finds the first array whose offsets disagree with its shape, with the array before it, or with the file.
+fn fault(header: &[u8], data: usize) -> Option<(String, String, String)> {
+    let entries: Map<String, Value> = serde_json::from_slice(header).ok()?;
+    let mut ranges = Vec::new();
+    for (key, entry) in entries.iter().filter(|(k, _)| *k != "__metadata__") {
+        let offsets: Vec<u64> = entry.get("data_offsets")?.as_array()?.iter().map(Value::as_u64).collect::<Option<_>>()?;
+        ranges.push((*offsets.first()?, *offsets.get(1)?, key, entry));
+    }
+    ranges.sort_by(|a, b| (a.0, a.1, a.2).cmp(&(b.0, b.1, b.2)));
+    let mut at = 0;
+    for (start, end, key, entry) in ranges {
+        let place = format!("array '{key}', data_offsets");
+        if start != at || end < start {
+            return Some((place, format!("a range that starts at {at}"), format!("[{start}, {end}]")));
+        }
+        let dtype: Dtype = serde_json::from_value(entry.get("dtype")?.clone()).ok()?;
+        let shape: Vec<u64> = serde_json::from_value(entry.get("shape")?.clone()).ok()?;
+        let bits = shape.iter().try_fold(dtype.bitsize() as u64, |n, &d| n.checked_mul(d));
+        if bits != (end - start).checked_mul(8) {
+            let size = bits.map_or("too many".to_owned(), |b| (b / 8).to_string());
+            return Some((place, format!("{size} bytes for shape {shape:?} of {dtype:?}"), (end - start).to_string()));
+        }
+        at = end;
+    }
+    Some(("data".into(), format!("{at} bytes after the header"), data.to_string()))
 }
 
 /// The bytes of a file; equal contents give equal bytes.

@@ -4,8 +4,12 @@
 //! io (plain records) ──► scene ──► splat, fit, …
 //! camera     one pinhole, orthographic or fisheye view      profile    the constants of a splatting semantics
 //! gaussians  stored, unconstrained parameters of a scene    views      photographs with cameras, undistorted
+//! convert    scenes of Gaussians from file to file
 //! ```
 
 pub mod camera;
+pub mod convert;
 pub mod gaussians;
+pub mod lens;
 pub mod profile;
+pub mod views;

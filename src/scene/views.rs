@@ -1,0 +1,289 @@
+//! Photographs with cameras, ready to fit: loaded, composited, scaled, undistorted, split, and placed in a scene.
+
+use super::camera::{Camera, Model};
+use super::lens;
+use crate::io::capture::{Capture, Frame, Lens, Split, read_capture};
+use crate::io::gaussian_ply::Points;
+use crate::io::image_file::{self, Encoding, Picture};
+use crate::num::{order, par};
+use crate::{Error, Result};
+use std::path::Path;
+
+/// Every so many views, in the order of their names, one is held out: index mod 8 == 0.
+pub const TEST_EVERY: usize = 8;
+
+/// How photographs are loaded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// sRGB-encoded colour behind transparent pixels, 0 to 1.
+    pub background: [f32; 3],
+    /// Average blocks of this many pixels a side; 1 leaves pictures as they are.
+    pub downscale: usize,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self { background: [0.0; 3], downscale: 1 }
+    }
+}
+
+/// One photograph as an ideal camera would have taken it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Its name, with forward slashes, relative to the capture.
+    pub name: String,
+    /// Its camera.
+    pub camera: Camera,
+    /// (H, W, 3) sRGB-encoded bytes, row-major.
+    pub rgb: Vec<u8>,
+    /// (H, W): 1 where the pixel counts in losses and metrics; absent if all do.
+    pub mask: Option<Vec<u8>>,
+}
+
+impl View {
+    /// The picture in 0..1, (H, W, 3).
+    pub fn image(&self) -> Vec<f32> {
+        self.rgb.iter().map(|&b| f32::from(b) / 255.0).collect()
+    }
+}
+
+/// A cube in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneBox {
+    /// Its centre.
+    pub center: [f64; 3],
+    /// Half of its side.
+    pub half_size: f64,
+}
+
+/// All views of a capture.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Views {
+    /// In the order of their names.
+    pub views: Vec<View>,
+    /// Indices of those to fit.
+    pub train: Vec<usize>,
+    /// Indices of those held out.
+    pub test: Vec<usize>,
+    /// 1.1 times the largest distance of a training camera from the mean of their centres; 1 if that is zero.
+    pub extent: f64,
+    /// Cube around the point nearest to the optical axes of the training cameras.
+    pub scene_box: SceneBox,
+    /// Points of a reconstruction, if the capture has them.
+    pub points: Option<Points>,
+}
+
+impl Views {
+    /// Reads a capture and loads its photographs.
+    ///
+    /// # Errors
+    /// When the layout, a lens or a photograph is bad.
+    pub fn load(path: &Path, options: &Options) -> Result<Self> {
+        Self::from_capture(&read_capture(path)?, options)
+    }
+
+    /// Loads the photographs of a capture, several at a time; the result does not depend on how many.
+    ///
+    /// Where the layout itself names training and test pictures, that split holds and validation pictures are left
+    /// out; otherwise every eighth view is held out.
+    ///
+    /// # Errors
+    /// When a photograph or a mask is bad, or its size does not fit its lens.
+    pub fn from_capture(capture: &Capture, options: &Options) -> Result<Self> {
+        if options.downscale == 0 || options.downscale > image_file::MAX_SIDE {
+            let e = Error::input("downscale").expected(format!("1 to {}", image_file::MAX_SIDE));
+            return Err(e.got(options.downscale.to_string()));
+        }
+        if !options.background.iter().all(|x| (0.0..=1.0).contains(x)) {
+            let e = Error::input("background").expected("colours from 0 to 1");
+            return Err(e.got(format!("{:?}", options.background)));
+        }
+        let has = |s: Split| capture.frames.iter().any(|f| f.split == s);
+        let given = has(Split::Train) && has(Split::Test);
+        let mut frames: Vec<&Frame> = capture.frames.iter().filter(|f| !given || f.split != Split::Val).collect();
+        frames.sort_by(|a, b| a.name.cmp(&b.name));
+        if frames.is_empty() {
+            return Err(Error::input("capture").expected("at least one frame").got("none"));
+        }
+        let is_test = |i: usize| if given { frames[i].split == Split::Test } else { i % TEST_EVERY == 0 };
+        let (test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
+        if train.is_empty() {
+            // A single photograph has nothing to spare, and is looked at with what it was fitted to.
+            train = test.clone();
+        }
+        let views = par::map(frames.len(), |i| load(frames[i], options)).into_iter().collect::<Result<Vec<View>>>()?;
+        let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
+        let (extent, scene_box) = place(&poses);
+        Ok(Self { views, train, test, extent, scene_box, points: capture.points.clone() })
+    }
+}
+
+/// Extent and box of the cameras.
+///
+/// The box: the point p that minimises the sum over cameras of the squared distance to the optical axis (centre c,
+/// direction d), i.e. Σ(I − ddᵀ)(p − c) = 0. If the axes are parallel (to about a thousandth of a radian) there is no
+/// such point, and p is one extent in front of the mean centre.
+fn place(frames: &[&Frame]) -> (f64, SceneBox) {
+    let n = frames.len() as f64;
+    let mut axes = Vec::with_capacity(frames.len());
+    for f in frames {
+        let m = &f.view_from_world;
+        let c: [f64; 3] = std::array::from_fn(|i| -(m[0][i] * m[0][3] + m[1][i] * m[1][3] + m[2][i] * m[2][3]));
+        axes.push((c, [m[2][0], m[2][1], m[2][2]]));
+    }
+    let distance = |a: &[f64; 3], b: &[f64; 3]| {
+        let d: [f64; 3] = std::array::from_fn(|i| a[i] - b[i]);
+        (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
+    };
+    let (mut mean, mut ahead) = ([0.0; 3], [0.0; 3]);
+    for (c, d) in &axes {
+        for i in 0..3 {
+            mean[i] += c[i];
+            ahead[i] += d[i];
+        }
+    }
+    mean = mean.map(|x| x / n);
+    let mut extent = 1.1 * axes.iter().fold(0.0, |far, (c, _)| order::max(far, distance(c, &mean)));
+    if !(extent > 0.0) {
+        extent = 1.0;
+    }
+    let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
+    for (c, d) in &axes {
+        for i in 0..3 {
+            for j in 0..3 {
+                let p = (f64::from(u8::from(i == j)) - d[i] * d[j]) / n;
+                a[i][j] += p;
+                b[i] += p * c[j];
+            }
+        }
+    }
+    let det3 = |m: &[[f64; 3]; 3]| {
+        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
+            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
+    };
+    let det = det3(&a);
+    let center = if det > 1e-6 {
+        // Cramer's rule.
+        std::array::from_fn(|k| {
+            let mut m = a;
+            for i in 0..3 {
+                m[i][k] = b[i];
+            }
+            det3(&m) / det
+        })
+    } else {
+        let length = order::max(distance(&ahead, &[0.0; 3]), f64::MIN_POSITIVE);
+        std::array::from_fn(|i| mean[i] + ahead[i] / length * extent)
+    };
+    let total = axes.iter().fold(0.0, |s, (c, _)| s + distance(c, &center));
+    let half_size = if total > 0.0 { total / n } else { extent };
+    (extent, SceneBox { center, half_size })
+}
+
+fn load(frame: &Frame, options: &Options) -> Result<View> {
+    let name = frame.image.display().to_string();
+    let picture = image_file::read(&frame.image)?;
+    if picture.encoding != Encoding::Srgb {
+        return Err(Error::input(name).at("encoding").expected("an sRGB-encoded photograph (PNG or JPEG)").got("linear values"));
+    }
+    let (full_w, full_h) = (picture.width, picture.height);
+    let k = frame.intrinsics(full_w, full_h)?;
+    let mask = frame.mask.as_ref().map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let s = options.downscale;
+    let (width, height) = (full_w / s, full_h / s);
+    if width == 0 || height == 0 {
+        let e = Error::input(name).at("picture size");
+        return Err(e.expected(format!("at least {s} pixels a side, to be scaled down")).got(format!("{full_w}x{full_h}")));
+    }
+    let rgb = box_mean(&composite(&picture, options.background), full_w, width, height, s);
+    let mut mask = mask.map(|m| box_all(&m, full_w, width, height, s));
+    // Pixel edges keep their places, so focal lengths and centre scale alike.
+    let k = k.map(|x| x / s as f64);
+    let rgb = if frame.lens.is_ideal() {
+        rgb
+    } else {
+        let r = lens::undistort(&rgb, mask.as_deref(), width, height, k, frame.lens);
+        mask = Some(r.mask);
+        r.rgb
+    };
+    let mask = mask.filter(|m| m.contains(&0));
+    if mask.as_ref().is_some_and(|m| !m.contains(&1)) {
+        return Err(Error::input(name).at("mask and lens").expected("at least one pixel that counts").got("none"));
+    }
+    let v = frame.view_from_world.map(|row| row.map(|x| x as f32));
+    let camera = Camera {
+        rotation: std::array::from_fn(|i| [v[i][0], v[i][1], v[i][2]]),
+        translation: std::array::from_fn(|i| v[i][3]),
+        focal_px: [k[0] as f32, k[1] as f32],
+        center_px: [k[2] as f32, k[3] as f32],
+        width,
+        height,
+        model: if matches!(frame.lens, Lens::Fisheye { .. }) { Model::Fisheye } else { Model::Pinhole },
+    };
+    camera.validate().map_err(|e| e.within(name))?;
+    let rgb = image_file::to_u8(&rgb)?;
+    Ok(View { name: frame.name.clone(), camera, rgb, mask })
+}
+
+/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half.
+fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
+    let m = image_file::read(path)?;
+    if (m.width, m.height) != (width, height) {
+        return Err(Error::input(path.display().to_string())
+            .at("mask size")
+            .expected(format!("{width}x{height}, as the photograph"))
+            .got(format!("{}x{}", m.width, m.height)));
+    }
+    let c = m.channels.len();
+    let channel = if c % 2 == 0 { c - 1 } else { 0 };
+    Ok((0..width * height).map(|i| u8::from(m.value(i * c + channel) >= 0.5)).collect())
+}
+
+/// (H, W, 3): grey spread to three channels; straight alpha laid over the background.
+fn composite(p: &Picture, background: [f32; 3]) -> Vec<f32> {
+    let c = p.channels.len();
+    let mut out = Vec::with_capacity(p.width * p.height * 3);
+    for i in 0..p.width * p.height {
+        let alpha = if c % 2 == 0 { p.value(i * c + c - 1) } else { 1.0 };
+        for channel in 0..3 {
+            let x = p.value(i * c + if c < 3 { 0 } else { channel });
+            out.push(if alpha == 1.0 { x } else { x * alpha + background[channel] * (1.0 - alpha) });
+        }
+    }
+    out
+}
+
+/// Mean of s×s blocks: left fold over rows, then columns. What does not fill a block at the right and below is cut.
+fn box_mean(rgb: &[f32], stride: usize, width: usize, height: usize, s: usize) -> Vec<f32> {
+    if s == 1 {
+        return rgb.to_vec();
+    }
+    let count = (s * s) as f32;
+    let mut out = Vec::with_capacity(width * height * 3);
+    for row in 0..height {
+        for column in 0..width {
+            for c in 0..3 {
+                let mut sum = 0.0f32;
+                for y in row * s..(row + 1) * s {
+                    for x in column * s..(column + 1) * s {
+                        sum += rgb[3 * (y * stride + x) + c];
+                    }
+                }
+                out.push(sum / count);
+            }
+        }
+    }
+    out
+}
+
+/// 1 where the whole block is 1.
+fn box_all(mask: &[u8], stride: usize, width: usize, height: usize, s: usize) -> Vec<u8> {
+    let mut out = Vec::with_capacity(width * height);
+    for row in 0..height {
+        for column in 0..width {
+            let all = (row * s..(row + 1) * s).all(|y| (column * s..(column + 1) * s).all(|x| mask[y * stride + x] == 1));
+            out.push(u8::from(all));
+        }
+    }
+    out
+}
