@@ -75,6 +75,8 @@ const PAD: usize = TAPS / 2 * CHANNELS;
 const BLOCK: usize = 2;
 /// Input rows of a block.
 const SPAN: usize = TAPS + BLOCK - 1;
+/// Pixels masked by one task.
+const ROW_CHUNK: usize = 4096;
 /// Saved maps, and filtered images.
 const MAPS: usize = 4;
 
@@ -186,7 +188,17 @@ fn similarity<V: Real>(m_h: V, m_d: V, e_h: V, e_d: V) -> (V, [V; MAPS]) {
 
 /// Image times mask.
 fn masked(image: &[f32], mask: &[f32]) -> Vec<f32> {
-    image.iter().enumerate().map(|(i, &v)| v * mask[i / CHANNELS]).collect()
+    let mut out = vec![0.0f32; image.len()];
+    par::chunks_mut(&mut out, CHANNELS * ROW_CHUNK, |chunk, out| {
+        let at = chunk * ROW_CHUNK;
+        let pixels = image[CHANNELS * at..].chunks_exact(CHANNELS).zip(&mask[at..]);
+        for (to, (from, &m)) in out.chunks_exact_mut(CHANNELS).zip(pixels) {
+            for c in 0..CHANNELS {
+                to[c] = from[c] * m;
+            }
+        }
+    });
+    out
 }
 
 /// Value and what the adjoint needs.

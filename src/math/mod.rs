@@ -1,1 +1,3 @@
-//! (in work)
+//! Small geometry. Level 1.
+
+pub mod knn;
