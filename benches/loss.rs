@@ -28,7 +28,10 @@ fn picture(seed: u32) -> Vec<f32> {
 /// SSIM value with 121 taps per value and moment, no separation, no lanes, one thread.
 fn plain(x: &[f32], y: &[f32]) -> f32 {
     let window: Vec<f32> = (0..121)
-        .map(|k| (ssim::WINDOW[5 - (k / 11i32 - 5).unsigned_abs() as usize] * ssim::WINDOW[5 - (k % 11 - 5).unsigned_abs() as usize]) as f32)
+        .map(|k| {
+            (ssim::WINDOW[5 - (k / 11i32 - 5).unsigned_abs() as usize]
+                * ssim::WINDOW[5 - (k % 11 - 5).unsigned_abs() as usize]) as f32
+        })
         .collect();
     let mut total = 0.0f64;
     for r in 0..HEIGHT as i32 {
@@ -89,9 +92,13 @@ fn losses(c: &mut Criterion) {
             black_box(value)
         });
     });
-    group.bench_function("ssim forward", |b| b.iter(|| black_box(ssim::forward(&input).expect("sizes fit").0)));
+    group.bench_function("ssim forward", |b| {
+        b.iter(|| black_box(ssim::forward(&input).expect("sizes fit").0))
+    });
     group.bench_function("ssim forward, plain", |b| b.iter(|| black_box(plain(&x, &y))));
-    group.bench_function("ssim metric (f64)", |b| b.iter(|| black_box(metric::ssim::forward(&input).expect("sizes fit"))));
+    group.bench_function("ssim metric (f64)", |b| {
+        b.iter(|| black_box(metric::ssim::forward(&input).expect("sizes fit")))
+    });
     group.bench_function("l1 forward+adjoint(x)", |b| {
         b.iter(|| {
             let (value, saved) = l1::forward(&input).expect("sizes fit");
@@ -124,10 +131,16 @@ fn optimiser(c: &mut Criterion) {
     });
     // The floor: the same bytes (read four arrays, write three) with nothing else done.
     let len = 59 * n;
-    let (mut p, mut m, mut v, d) = (vec![0.0f32; len], vec![0.0f32; len], vec![0.0f32; len], vec![1.0f32; len]);
+    let (mut p, mut m, mut v, d) =
+        (vec![0.0f32; len], vec![0.0f32; len], vec![0.0f32; len], vec![1.0f32; len]);
     group.bench_function("the same memory traffic alone", |b| {
         b.iter(|| {
-            let tasks: Vec<_> = p.chunks_mut(16_384).zip(m.chunks_mut(16_384)).zip(v.chunks_mut(16_384)).zip(d.chunks(16_384)).collect();
+            let tasks: Vec<_> = p
+                .chunks_mut(16_384)
+                .zip(m.chunks_mut(16_384))
+                .zip(v.chunks_mut(16_384))
+                .zip(d.chunks(16_384))
+                .collect();
             par::each(tasks, |_, (((p, m), v), d)| {
                 for (((p, m), v), d) in p.iter_mut().zip(m).zip(v).zip(d) {
                     *p += *d;
@@ -147,7 +160,9 @@ fn optimiser(c: &mut Criterion) {
         b.iter(|| black_box(knn::mean_squared_distance(&points).expect("finite")));
     });
     g.means = points;
-    group.bench_function("mcmc noise", |b| b.iter(|| mcmc::add_noise(&mcmc::Settings::GSPLAT, 1, 1, 1e-4, &mut g)));
+    group.bench_function("mcmc noise", |b| {
+        b.iter(|| mcmc::add_noise(&mcmc::Settings::GSPLAT, 1, 1, 1e-4, &mut g))
+    });
     group.finish();
 }
 

@@ -86,7 +86,10 @@ impl In<'_> {
             }
         };
         if kept == 0 {
-            return Err(Error::input(what).expected("at least one kept pixel").got("none").hint("a mean over nothing has no value"));
+            return Err(Error::input(what)
+                .expected("at least one kept pixel")
+                .got("none")
+                .hint("a mean over nothing has no value"));
         }
         Ok(kept)
     }

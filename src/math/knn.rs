@@ -104,7 +104,14 @@ impl<'a> Tree<'a> {
         (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]
     }
 
-    fn search<const K: usize>(&self, node: u32, distance: f64, me: u32, p: [f64; 3], best: &mut [(f64, u32); K]) {
+    fn search<const K: usize>(
+        &self,
+        node: u32,
+        distance: f64,
+        me: u32,
+        p: [f64; 3],
+        best: &mut [(f64, u32); K],
+    ) {
         let n = &self.nodes[node as usize];
         let worst = best[K - 1];
         if !(distance < worst.0 || (distance == worst.0 && n.least < worst.1)) {
@@ -150,7 +157,10 @@ fn insert<const K: usize>(best: &mut [(f64, u32); K], new: (f64, u32)) {
 pub fn neighbours<const K: usize>(points: &[[f32; 3]]) -> Result<Vec<[(f64, u32); K]>> {
     assert!(K > 0 && points.len() < u32::MAX as usize, "at least one neighbour, indices of 32 bits");
     if let Some(i) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-        return Err(Error::input("points").at(format!("row {i}")).expected("finite coordinates").got(format!("{:?}", points[i])));
+        return Err(Error::input("points")
+            .at(format!("row {i}"))
+            .expected("finite coordinates")
+            .got(format!("{:?}", points[i])));
     }
     let tree = Tree::new(points);
     Ok(par::map_batched(points.len(), BATCH, |i| {
@@ -173,6 +183,8 @@ pub fn mean_squared_distance(points: &[[f32; 3]]) -> Result<Vec<f32>> {
     let near = neighbours::<3>(points)?;
     Ok(near
         .into_iter()
-        .map(|n| if count == 0 { 0.0 } else { (n[..count].iter().fold(0.0, |a, b| a + b.0) / count as f64) as f32 })
+        .map(|n| {
+            if count == 0 { 0.0 } else { (n[..count].iter().fold(0.0, |a, b| a + b.0) / count as f64) as f32 }
+        })
         .collect())
 }

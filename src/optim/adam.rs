@@ -44,8 +44,8 @@
 //! # Ok::<(), lastlight::Error>(())
 //! ```
 
+use super::kernel::{BLOCK, COUPLED, Constants, Corrections, DECOUPLED, NONE, Shared, Task};
 use crate::num::array::Arrays;
-use crate::num::lanes::{Real, f32x8};
 use crate::num::{order, par};
 use crate::{Error, Result};
 
@@ -141,32 +141,6 @@ impl Rule {
     }
 }
 
-/// 1/(1−β₁ᵗ), 1/(1−β₂ᵗ) for t = 0, 1, …, as far as needed, until both are 1.
-#[derive(Clone, Debug)]
-struct Corrections {
-    powers: [f64; 2],
-    table: Vec<[f32; 2]>,
-}
-
-impl Corrections {
-    fn new() -> Self {
-        Self { powers: [1.0; 2], table: vec![[1.0; 2]] } // t = 0 is never looked up
-    }
-
-    /// Extends the table to cover step `t`.
-    fn cover(&mut self, rule: &Rule, t: u32) {
-        while self.table.len() <= t as usize && (self.table.len() == 1 || self.table.last() != Some(&[1.0; 2])) {
-            self.powers = [self.powers[0] * rule.beta1, self.powers[1] * rule.beta2];
-            self.table.push(self.powers.map(|p| (1.0 / (1.0 - p)) as f32));
-        }
-    }
-
-    #[inline(always)]
-    fn at(&self, t: u32) -> [f32; 2] {
-        self.table[(t as usize).min(self.table.len() - 1)]
-    }
-}
-
 /// Moments and counters of one parameter array (N, W).
 #[derive(Clone, Debug)]
 pub struct Adam {
@@ -183,148 +157,8 @@ pub struct Adam {
     corrections: Corrections,
 }
 
-/// Rows that share one pass: 8·W elements are a whole number of vectors for any W.
-const BLOCK: usize = 8;
 /// Elements of one task, about.
 const TASK: usize = 16_384;
-
-/// Constants of a step in lanes.
-#[derive(Clone, Copy)]
-struct Constants<V> {
-    c1: V,
-    c2: V,
-    eps: V,
-    decay: V,
-}
-
-impl<V: Real> Constants<V> {
-    fn new(rule: &Rule) -> Self {
-        Self {
-            c1: V::splat((1.0 - rule.beta1) as f32),
-            c2: V::splat((1.0 - rule.beta2) as f32),
-            eps: V::splat(rule.eps as f32),
-            decay: V::splat(rule.weight_decay as f32),
-        }
-    }
-}
-
-/// Which kind of decay is compiled into the kernel.
-const NONE: u8 = 0;
-const COUPLED: u8 = 1;
-const DECOUPLED: u8 = 2;
-
-/// One step of one element per lane; `rate` is (lr, lr·w), `correction` is (a, b).
-#[inline(always)]
-fn update<V: Real, const DECAY: u8>(
-    [p, m, v, g]: [V; 4],
-    k: &Constants<V>,
-    rate: [V; 2],
-    correction: [V; 2],
-) -> [V; 3] {
-    let g = if DECAY == COUPLED { g + k.decay * p } else { g };
-    let m = m + k.c1 * (g - m);
-    let v = v + k.c2 * (g * g - v);
-    let p = if DECAY == DECOUPLED { p - rate[1] * p } else { p };
-    [p - rate[0] * ((m * correction[0]) / ((v * correction[1]).sqrt() + k.eps)), m, v]
-}
-
-/// The disjoint part of the state that one task moves.
-struct Task<'a> {
-    param: &'a mut [f32],
-    m: &'a mut [f32],
-    v: &'a mut [f32],
-    grad: &'a [f32],
-    active: Option<&'a [u8]>,
-    /// Empty with a global counter.
-    steps: &'a mut [u32],
-}
-
-/// What all tasks share; per column of a block: lr and lr·w.
-struct Shared<'a> {
-    rule: &'a Rule,
-    width: usize,
-    lr: Vec<f32>,
-    shrink: Vec<f32>,
-    global: [f32; 2],
-    corrections: &'a Corrections,
-}
-
-impl Shared<'_> {
-    /// Whole rows with one correction, at most a block of them; returns whether all results are finite.
-    #[inline(always)]
-    fn stretch<const DECAY: u8>(
-        &self,
-        p: &mut [f32],
-        m: &mut [f32],
-        v: &mut [f32],
-        g: &[f32],
-        correction: [f32; 2],
-    ) -> bool {
-        let (whole, n) = (p.len() / 8 * 8, p.len());
-        let k = Constants::<f32x8>::new(self.rule);
-        let by = correction.map(f32x8::splat);
-        let lanes = |s: &[f32]| f32x8::new(std::array::from_fn(|l| s[l]));
-        let limit = f32x8::splat(f32::INFINITY);
-        let mut ok = Real::eq(by[0], by[0]);
-        let values = p[..whole].chunks_exact_mut(8).zip(m[..whole].chunks_exact_mut(8)).zip(v[..whole].chunks_exact_mut(8));
-        let rates = self.lr[..whole].chunks_exact(8).zip(self.shrink[..whole].chunks_exact(8));
-        for (((p, m), v), (g, (lr, shrink))) in values.zip(g[..whole].chunks_exact(8).zip(rates)) {
-            let old = [lanes(p), lanes(m), lanes(v), lanes(g)];
-            let [a, b, c] = update::<_, DECAY>(old, &k, [lanes(lr), lanes(shrink)], by);
-            let here = <f32x8 as Real>::and(Real::lt(Real::abs(a), limit), Real::lt(c, limit));
-            ok = <f32x8 as Real>::and(ok, here);
-            p.copy_from_slice(&a.to_array());
-            m.copy_from_slice(&b.to_array());
-            v.copy_from_slice(&c.to_array());
-        }
-        let mut fine = <f32x8 as Real>::bits(ok) == 0xff;
-        let k = Constants::<f32>::new(self.rule);
-        for i in whole..n {
-            let rate = [self.lr[i], self.shrink[i]];
-            [p[i], m[i], v[i]] = update::<f32, DECAY>([p[i], m[i], v[i], g[i]], &k, rate, correction);
-            fine &= p[i].abs() < f32::INFINITY && v[i] < f32::INFINITY;
-        }
-        fine
-    }
-
-    fn run<const DECAY: u8>(&self, task: Task<'_>) -> bool {
-        let width = self.width;
-        let mut fine = true;
-        let rows = task.param.len() / width;
-        for first in (0..rows).step_by(BLOCK) {
-            let here = BLOCK.min(rows - first);
-            let active = task.active.map(|a| &a[first..first + here]);
-            if active.is_some_and(|a| a.iter().all(|&a| a == 0)) {
-                continue;
-            }
-            // Correction of every row of the block; its counter moves first.
-            let mut corrections = [self.global; BLOCK];
-            let mut uniform = active.is_none_or(|a| a.iter().all(|&a| a != 0));
-            if !task.steps.is_empty() {
-                let steps = &mut task.steps[first..first + here];
-                for (r, t) in steps.iter_mut().enumerate() {
-                    *t += u32::from(active.is_none_or(|a| a[r] != 0));
-                    corrections[r] = self.corrections.at(*t);
-                }
-                uniform &= corrections[..here].iter().all(|c| *c == corrections[0]);
-            }
-            let span = first * width..(first + here) * width;
-            let (p, g) = (&mut task.param[span.clone()], &task.grad[span.clone()]);
-            let (m, v) = (&mut task.m[span.clone()], &mut task.v[span]);
-            if uniform {
-                fine &= self.stretch::<DECAY>(p, m, v, g, corrections[0]);
-                continue;
-            }
-            let rows = p.chunks_exact_mut(width).zip(m.chunks_exact_mut(width)).zip(v.chunks_exact_mut(width));
-            for (r, (((p, m), v), g)) in rows.zip(g.chunks_exact(width)).enumerate() {
-                if active.is_none_or(|a| a[r] != 0) {
-                    fine &= self.stretch::<DECAY>(p, m, v, g, corrections[r]);
-                }
-            }
-        }
-        fine
-    }
-}
 
 impl Adam {
     /// Zero moments and counters for (`rows`, `width`) parameters.
@@ -379,11 +213,17 @@ impl Adam {
     /// further use).
     pub fn step(&mut self, param: &mut [f32], grad: &[f32], lr: &[f64], active: Option<&[u8]>) -> Result<()> {
         let (rows, width) = (self.rows(), self.width);
-        assert!(param.len() == rows * width && grad.len() == rows * width, "param and grad have the shape of the moments");
+        assert!(
+            param.len() == rows * width && grad.len() == rows * width,
+            "param and grad have the shape of the moments"
+        );
         assert!(lr.len() == 1 || lr.len() == width, "one learning rate, or one per column");
         assert!(active.is_none_or(|a| a.len() == rows), "active has one entry per row");
         if let Some(bad) = lr.iter().find(|r| !(**r >= 0.0 && r.is_finite())) {
-            return Err(Error::input("adam").at("setting lr").expected("a finite rate, not negative").got(bad.to_string()));
+            return Err(Error::input("adam")
+                .at("setting lr")
+                .expected("a finite rate, not negative")
+                .got(bad.to_string()));
         }
         self.most_steps += 1;
         self.corrections.cover(&self.rule, self.most_steps);
@@ -394,7 +234,8 @@ impl Adam {
         }
         let column = |i: usize| lr[if lr.len() == 1 { 0 } else { i % width }];
         let shared = Shared {
-            rule: &self.rule,
+            scalar: Constants::new(&self.rule),
+            vector: Constants::new(&self.rule),
             width,
             lr: (0..BLOCK * width).map(|i| column(i) as f32).collect(),
             shrink: (0..BLOCK * width).map(|i| (column(i) * self.rule.weight_decay) as f32).collect(),
@@ -413,7 +254,8 @@ impl Adam {
             .enumerate()
             .map(|(i, ((param, (m, v)), fine))| {
                 let (at, rows) = (i * task_rows, param.len() / width);
-                let steps = if own_counters { counters.next().unwrap_or_default() } else { Default::default() };
+                let steps =
+                    if own_counters { counters.next().unwrap_or_default() } else { Default::default() };
                 let grad = &grad[at * width..][..param.len()];
                 (Task { param, m, v, grad, active: active.map(|a| &a[at..at + rows]), steps }, fine)
             })
@@ -476,7 +318,11 @@ impl Adam {
         let shape = [self.rows(), self.width];
         to.put(&format!("{name}.m"), &shape, self.m.clone());
         to.put(&format!("{name}.v"), &shape, self.v.clone());
-        to.put(&format!("{name}.steps"), &[self.steps.len()], self.steps.iter().map(|&t| i64::from(t)).collect());
+        to.put(
+            &format!("{name}.steps"),
+            &[self.steps.len()],
+            self.steps.iter().map(|&t| i64::from(t)).collect(),
+        );
     }
 
     /// Reads what [`Self::save`] wrote; the rule is the caller's.
@@ -495,9 +341,11 @@ impl Adam {
         if let Some(bad) = v.iter().find(|v| **v < 0.0) {
             return Err(Error::input(&names[1]).expected("no negative second moment").got(bad.to_string()));
         }
-        let steps: Option<Vec<u32>> =
-            steps.to_i64().and_then(|s| s.into_iter().map(|t| u32::try_from(t).ok().filter(|t| *t < u32::MAX)).collect());
-        let steps = steps.ok_or_else(|| Error::input(&names[2]).expected("step counts").got("another number"))?;
+        let steps: Option<Vec<u32>> = steps
+            .to_i64()
+            .and_then(|s| s.into_iter().map(|t| u32::try_from(t).ok().filter(|t| *t < u32::MAX)).collect());
+        let steps =
+            steps.ok_or_else(|| Error::input(&names[2]).expected("step counts").got("another number"))?;
         if width == 0 {
             return Err(Error::input(&names[0]).expected("at least one column").got("none"));
         }
@@ -571,7 +419,7 @@ pub(super) fn trajectory(what: &str, x: &In<'_>, settings: &Settings, decay: Dec
             .expected(format!("param ({}, {}) and grads (S, {}, {})", x.rows, x.width, x.rows, x.width))
             .got(format!("{} and {} values", x.param.len(), x.grads.len())));
     }
-    let steps = if len == 0 { 0 } else { x.grads.len() / len };
+    let steps = x.grads.len().checked_div(len).unwrap_or(0);
     if let Some(active) = x.active
         && (active.len() != steps * x.rows || active.iter().any(|a| *a > 1))
     {

@@ -107,7 +107,13 @@ impl Settings {
     /// The same schedule for a run of another length: every iteration constant times `iterations`/30 000.
     #[must_use]
     pub fn scaled(mut self, iterations: u32) -> Self {
-        for n in [&mut self.prune_scale_after, &mut self.start, &mut self.stop, &mut self.every, &mut self.reset_every] {
+        for n in [
+            &mut self.prune_scale_after,
+            &mut self.start,
+            &mut self.stop,
+            &mut self.every,
+            &mut self.reset_every,
+        ] {
             *n = scaled(*n, iterations);
         }
         self
@@ -167,7 +173,11 @@ impl Stats {
     /// When the lengths differ or a sum is not a finite number ≥ 0.
     pub fn from_parts(sums: Vec<f64>, views: Vec<u32>) -> Result<Self> {
         let fine = sums.len() == views.len() && sums.iter().all(|s| *s >= 0.0 && s.is_finite());
-        if fine { Ok(Self { sums, views }) } else { Err(Error::input("density statistics").expected("finite sums, one per row")) }
+        if fine {
+            Ok(Self { sums, views })
+        } else {
+            Err(Error::input("density statistics").expected("finite sums, one per row"))
+        }
     }
 }
 
@@ -258,9 +268,15 @@ pub fn refine(
     stats: &mut Stats,
 ) -> Result<Report> {
     let n = g.len();
-    assert!(stats.sums.len() == n && groups.means.rows() == n, "statistics and states belong to these Gaussians");
+    assert!(
+        stats.sums.len() == n && groups.means.rows() == n,
+        "statistics and states belong to these Gaussians"
+    );
     if !(extent > 0.0 && extent.is_finite()) {
-        return Err(Error::input("density control").at("extent").expected("a positive length").got(extent.to_string()));
+        return Err(Error::input("density control")
+            .at("extent")
+            .expected("a positive length")
+            .got(extent.to_string()));
     }
     let grads: Vec<f32> = (0..n).map(|i| stats.mean(i)).collect();
     let mut candidates: Vec<usize> = (0..n).filter(|i| settings.reaches(grads[*i])).collect();
@@ -291,7 +307,8 @@ pub fn refine(
     for &i in &splits {
         keep[i as usize] = false;
     }
-    let mut report = Report { before: n, cloned: clones.len(), split: splits.len(), turned_away, ..Report::default() };
+    let mut report =
+        Report { before: n, cloned: clones.len(), split: splits.len(), turned_away, ..Report::default() };
     let huge = (settings.prune_scale * extent) as f32;
     for i in 0..keep.len() {
         if !keep[i] {
@@ -334,7 +351,10 @@ fn halve(
     row: usize,
 ) -> Result<()> {
     if g.quats[row] == [0.0; 4] {
-        return Err(Error::input("density control").at(format!("quats, row {parent}")).expected("a length above zero").got("0"));
+        return Err(Error::input("density control")
+            .at(format!("quats, row {parent}"))
+            .expected("a length above zero")
+            .got("0"));
     }
     let r = rotation(g.quats[row]);
     let along: [f64; 3] = std::array::from_fn(|axis| {

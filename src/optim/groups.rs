@@ -89,7 +89,13 @@ impl Groups {
     ///
     /// # Errors
     /// A result that is not finite; the error names the array.
-    pub fn step(&mut self, g: &mut Gaussians, grad: &Gaussians, rates: &Rates, active: Option<&[u8]>) -> Result<()> {
+    pub fn step(
+        &mut self,
+        g: &mut Gaussians,
+        grad: &Gaussians,
+        rates: &Rates,
+        active: Option<&[u8]>,
+    ) -> Result<()> {
         let named = |name: &'static str| move |e: Error| e.within(format!("optimiser of {name}"));
         let (means, quats) = (g.means.as_flattened_mut(), g.quats.as_flattened_mut());
         self.means.step(means, grad.means.as_flattened(), &[rates.means], active).map_err(named("means"))?;

@@ -130,7 +130,13 @@ pub struct Report {
 ///
 /// # Errors
 /// As [`refine`].
-pub fn step(settings: &Settings, iteration: u32, seed: u64, g: &mut Gaussians, groups: &mut Groups) -> Result<Option<Report>> {
+pub fn step(
+    settings: &Settings,
+    iteration: u32,
+    seed: u64,
+    g: &mut Gaussians,
+    groups: &mut Groups,
+) -> Result<Option<Report>> {
     let due = settings.every > 0 && iteration.is_multiple_of(settings.every);
     if iteration > settings.start && iteration < settings.stop && due {
         refine(settings, iteration, seed, g, groups).map(Some)
@@ -189,13 +195,20 @@ fn thin(settings: &Settings, sources: &[u32], opacities: &[f32], g: &mut Gaussia
 ///
 /// # Errors
 /// When no Gaussian is alive.
-pub fn refine(settings: &Settings, iteration: u32, seed: u64, g: &mut Gaussians, groups: &mut Groups) -> Result<Report> {
+pub fn refine(
+    settings: &Settings,
+    iteration: u32,
+    seed: u64,
+    g: &mut Gaussians,
+    groups: &mut Groups,
+) -> Result<Report> {
     let n = g.len();
     assert_eq!(groups.means.rows(), n, "states belong to these Gaussians");
     let rng = Rng::new(seed);
     let mut opacities = vec![0.0f32; n];
     elem::sigmoid_slice(&g.opacity_logits, &mut opacities);
-    let (dead, alive): (Vec<u32>, Vec<u32>) = (0..n as u32).partition(|i| opacities[*i as usize] <= settings.min_opacity);
+    let (dead, alive): (Vec<u32>, Vec<u32>) =
+        (0..n as u32).partition(|i| opacities[*i as usize] <= settings.min_opacity);
     if alive.is_empty() {
         return Err(Error::input("density control")
             .at(format!("iteration {iteration}"))
@@ -266,9 +279,11 @@ pub fn add_noise(settings: &Settings, iteration: u32, seed: u64, lr_means: f64, 
                 continue; // below a quarter of a unit in the last place
             }
             let r = rotation(quats[i]);
-            let eta: [f64; 3] = std::array::from_fn(|c| rng.normal_f64(i as u64, iteration, purpose::NOISE, c as u16));
-            let local: [f64; 3] =
-                std::array::from_fn(|a| ((r[0][a] * eta[0] + r[1][a] * eta[1]) + r[2][a] * eta[2]) * variance[a]);
+            let eta: [f64; 3] =
+                std::array::from_fn(|c| rng.normal_f64(i as u64, iteration, purpose::NOISE, c as u16));
+            let local: [f64; 3] = std::array::from_fn(|a| {
+                ((r[0][a] * eta[0] + r[1][a] * eta[1]) + r[2][a] * eta[2]) * variance[a]
+            });
             for (c, m) in mean.iter_mut().enumerate() {
                 let shift = (r[c][0] * local[0] + r[c][1] * local[1]) + r[c][2] * local[2];
                 *m = (f64::from(*m) + gate * shift) as f32;

@@ -11,5 +11,6 @@ pub mod adam;
 pub mod adamw;
 pub mod density;
 pub mod groups;
+mod kernel;
 pub mod mcmc;
 pub mod schedule;

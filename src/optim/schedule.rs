@@ -50,7 +50,9 @@ impl LogLinear {
     pub fn new(start: f64, end: f64, iterations: u32) -> Result<Self> {
         for rate in [start, end] {
             if !(rate > 0.0 && rate.is_finite()) {
-                return Err(Error::input("learning-rate schedule").expected("positive rates").got(rate.to_string()));
+                return Err(Error::input("learning-rate schedule")
+                    .expected("positive rates")
+                    .got(rate.to_string()));
             }
         }
         Ok(Self { start, end, iterations, delay_multiplier: 0.01, delay_iterations: 0 })
@@ -58,7 +60,8 @@ impl LogLinear {
 
     /// The rate of an iteration.
     pub fn at(&self, iteration: u32) -> f64 {
-        let share = |of: u32| if of == 0 { 1.0 } else { order::min(f64::from(iteration) / f64::from(of), 1.0) };
+        let share =
+            |of: u32| if of == 0 { 1.0 } else { order::min(f64::from(iteration) / f64::from(of), 1.0) };
         let u = share(self.iterations);
         let rate = if u <= 0.0 {
             self.start
