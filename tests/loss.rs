@@ -7,7 +7,8 @@ use std::path::PathBuf;
 
 fn golden(name: &str) -> Option<PathBuf> {
     let near = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(format!("{name}.npz"));
-    let far = std::env::var_os("LASTLIGHT_DATA").map(|d| PathBuf::from(d).join("golden").join(format!("{name}.npz")));
+    let far = std::env::var_os("LASTLIGHT_DATA")
+        .map(|d| PathBuf::from(d).join("golden").join(format!("{name}.npz")));
     let found = [Some(near), far].into_iter().flatten().find(|p| p.exists());
     if found.is_none() {
         println!("golden {name}.npz not found (set LASTLIGHT_DATA): this comparison did not run");
@@ -16,8 +17,10 @@ fn golden(name: &str) -> Option<PathBuf> {
 }
 
 fn array(path: &PathBuf, name: &str) -> Vec<f64> {
-    let mut npz = npyz::npz::NpzArchive::open(path).unwrap();
-    npz.by_name(name).unwrap().unwrap_or_else(|| panic!("no array {name}")).into_vec::<f64>().unwrap()
+    let mut npz = npyz::npz::NpzArchive::open(path).expect("a golden file is an npz archive");
+    let entry =
+        npz.by_name(name).expect("its entries are arrays").unwrap_or_else(|| panic!("no array {name}"));
+    entry.into_vec::<f64>().expect("golden arrays are float64")
 }
 
 /// Uniform numbers in 0..1 by position, for test pictures only (splitmix64).
@@ -52,7 +55,9 @@ fn pictures(height: usize, width: usize, e: f32) -> (Vec<f32>, Vec<f32>) {
 }
 
 fn checker(height: usize, width: usize) -> Vec<f32> {
-    (0..height * width).map(|i| f32::from(u8::from(!(i / width * 7 + i % width * 3).is_multiple_of(5)))).collect()
+    (0..height * width)
+        .map(|i| f32::from(u8::from(!(i / width * 7 + i % width * 3).is_multiple_of(5))))
+        .collect()
 }
 
 fn relative_l2(got: &[f32], want: &[f64]) -> f64 {
@@ -137,7 +142,9 @@ fn ssim_agrees_with_golden_arrays() {
 #[test]
 fn ssim_agrees_with_the_textbook_form_in_f64() {
     let (height, width) = (37, 41);
-    for (e, with_mask) in [(0.8, false), (0.1, false), (0.01, false), (1e-3, false), (0.3, true), (0.02, true)] {
+    for (e, with_mask) in
+        [(0.8, false), (0.1, false), (0.01, false), (1e-3, false), (0.3, true), (0.02, true)]
+    {
         let (x, y) = pictures(height, width, e);
         let mask = with_mask.then(|| checker(height, width));
         let wide = |v: &[f32]| v.iter().map(|&v| f64::from(v)).collect::<Vec<_>>();
@@ -193,7 +200,8 @@ fn ssim_of_constant_images_has_its_closed_form() {
             for c in 0..width {
                 let w = inside(r, height) * inside(c, width);
                 let v = w * (1.0 - w);
-                want += (2.0 * a * b * w * w + 1e-4) / ((a * a + b * b) * w * w + 1e-4) * (2.0 * a * b * v + 9e-4)
+                want += (2.0 * a * b * w * w + 1e-4) / ((a * a + b * b) * w * w + 1e-4)
+                    * (2.0 * a * b * v + 9e-4)
                     / ((a * a + b * b) * v + 9e-4);
             }
         }
@@ -226,7 +234,7 @@ fn operators() -> [(&'static str, Run); 3] {
     macro_rules! run {
         ($m:ident) => {
             |x, bar, x_bar, y_bar| {
-                let (value, saved) = $m::forward(x).unwrap();
+                let (value, saved) = $m::forward(x).expect("the input is valid");
                 $m::adjoint(x, &saved, bar, x_bar, Some(y_bar));
                 value
             }
@@ -302,7 +310,10 @@ fn l1_and_mse_are_means_over_kept_values() {
     let (mut a, mut b) = ([0.0; 6], [0.0; 6]);
     let (value, saved) = mse::forward(&input).unwrap();
     mse::adjoint(&input, &saved, 3.0, &mut a, Some(&mut b));
-    assert_eq!((value, a, b), (0.125 / 3.0, [0.5, -0.5, 0.0, 0.0, 0.0, 0.0], [-0.5, 0.5, 0.0, 0.0, 0.0, 0.0]));
+    assert_eq!(
+        (value, a, b),
+        (0.125 / 3.0, [0.5, -0.5, 0.0, 0.0, 0.0, 0.0], [-0.5, 0.5, 0.0, 0.0, 0.0, 0.0])
+    );
 }
 
 #[test]
@@ -356,12 +367,21 @@ fn metrics_have_their_closed_forms() {
     assert_eq!((per.mse, per.db), ((0.25 + 0.0625) / 3.0, Decibel::Infinite));
     let shifted: Vec<f32> = (0..n).map(|i| [0.0, 0.25, 0.375][i % 3]).collect();
     let per = metric::psnr::per_channel(&In { x: &shifted, y: &grey, mask: None, height, width }).unwrap();
-    assert!((per.db.finite().unwrap() - 12.041_199_826_559_248).abs() < 1e-13, "¼, 1/16, 1/64: the mean level is that of 1/16");
+    assert!(
+        (per.db.finite().unwrap() - 12.041_199_826_559_248).abs() < 1e-13,
+        "¼, 1/16, 1/64: the mean level is that of 1/16"
+    );
     // Two ways to average two images.
-    let (a, b) = (metric::psnr::Psnr { mse: 0.01, db: Decibel::from_mse(0.01) }, metric::psnr::Psnr { mse: 0.0001, db: Decibel::from_mse(0.0001) });
+    let (a, b) = (
+        metric::psnr::Psnr { mse: 0.01, db: Decibel::from_mse(0.01) },
+        metric::psnr::Psnr { mse: 0.0001, db: Decibel::from_mse(0.0001) },
+    );
     let mean = metric::psnr::mean_of_psnr(&[a, b]).unwrap().finite().unwrap();
     let pooled = metric::psnr::psnr_of_mean(&[a, b]).unwrap().db.finite().unwrap();
-    assert!((mean - 30.0).abs() < 1e-12 && (pooled - 22.967_086_218_813_387).abs() < 1e-12, "{mean} {pooled}");
+    assert!(
+        (mean - 30.0).abs() < 1e-12 && (pooled - 22.967_086_218_813_387).abs() < 1e-12,
+        "{mean} {pooled}"
+    );
     assert_eq!(metric::psnr::mean_of_psnr(&[a, same]), Some(Decibel::Infinite));
     assert!(metric::psnr::mean_of_psnr(&[]).is_none() && metric::psnr::psnr_of_mean(&[]).is_none());
     assert_eq!(metric::ssim::d_ssim_1000(0.9), 500.0 * (1.0 - 0.9));

@@ -86,7 +86,10 @@ impl In<'_> {
             }
         };
         if kept == 0 {
-            return Err(Error::input(what).expected("at least one kept pixel").got("none").hint("a mean over nothing has no value"));
+            return Err(Error::input(what)
+                .expected("at least one kept pixel")
+                .got("none")
+                .hint("a mean over nothing has no value"));
         }
         Ok(kept)
     }
@@ -124,6 +127,28 @@ pub(crate) fn row_sum(n: usize, term: impl Fn(usize) -> f64) -> f64 {
     for i in whole..n {
         lanes[i - whole] += term(i);
     }
+    fold_lanes(lanes)
+}
+
+/// [`row_sum`] of `term(a, b)` over two rows, in a form that compiles to vector code.
+#[inline]
+fn pair_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64) -> f64 {
+    let mut lanes = [0.0f64; 16];
+    let (a, b) = (a.chunks_exact(16), b.chunks_exact(16));
+    let (tail_a, tail_b) = (a.remainder(), b.remainder());
+    for (a, b) in a.zip(b) {
+        for l in 0..16 {
+            lanes[l] += term(a[l], b[l]);
+        }
+    }
+    for (lane, (&a, &b)) in lanes.iter_mut().zip(tail_a.iter().zip(tail_b)) {
+        *lane += term(a, b);
+    }
+    fold_lanes(lanes)
+}
+
+/// 16→8→4→2→1, l += l + w.
+fn fold_lanes(mut lanes: [f64; 16]) -> f64 {
     let mut width = 8;
     while width > 0 {
         for l in 0..width {
@@ -140,7 +165,7 @@ pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send
     let rows = par::map_batched(x.height, 8, |r| {
         let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
         match x.mask_row(r) {
-            None => row_sum(n, |i| term(a[i], b[i])),
+            None => pair_sum(a, b, &term),
             Some(mask) => row_sum(n, |i| if mask[i / CHANNELS] == 0.0 { 0.0 } else { term(a[i], b[i]) }),
         }
     });
@@ -150,12 +175,13 @@ pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send
 /// `bar += term(x, y)` on kept values, row by row.
 pub(crate) fn add_rows(x: &In<'_>, bar: &mut [f32], term: impl Fn(f32, f32) -> f32 + Sync + Send) {
     let n = x.row();
+    // n is positive: `check` has seen a kept pixel.
     par::chunks_mut(bar, n, |r, row| {
         let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
         match x.mask_row(r) {
             None => {
-                for i in 0..n {
-                    row[i] += term(a[i], b[i]);
+                for (bar, (&a, &b)) in row.iter_mut().zip(a.iter().zip(b)) {
+                    *bar += term(a, b);
                 }
             }
             Some(mask) => {

@@ -75,6 +75,8 @@ const PAD: usize = TAPS / 2 * CHANNELS;
 const BLOCK: usize = 2;
 /// Input rows of a block.
 const SPAN: usize = TAPS + BLOCK - 1;
+/// Pixels masked by one task.
+const ROW_CHUNK: usize = 4096;
 /// Saved maps, and filtered images.
 const MAPS: usize = 4;
 
@@ -133,7 +135,12 @@ fn half_sum_and_difference<V: Real>(a: V, b: V) -> (V, V) {
 
 /// One step of the left folds down the columns: input row `j` of the block enters every output row it belongs to.
 #[inline(always)]
-fn fold_down<V: Real, const M: usize>(acc: &mut [[V; M]; BLOCK], j: usize, taps: &[f32; TAPS], values: [V; M]) {
+fn fold_down<V: Real, const M: usize>(
+    acc: &mut [[V; M]; BLOCK],
+    j: usize,
+    taps: &[f32; TAPS],
+    values: [V; M],
+) {
     for (o, row) in acc.iter_mut().enumerate() {
         if j == o {
             for m in 0..M {
@@ -159,7 +166,12 @@ fn fold_along<V: Real>(line: &[f32], i: usize, taps: &[f32; TAPS]) -> V {
 }
 
 /// Rows `first − 5 …` of an image that a block needs; `outside` stands for the rows beyond its borders.
-fn span<'a>(first: usize, height: usize, row: impl Fn(usize) -> &'a [f32], outside: &'a [f32]) -> [&'a [f32]; SPAN] {
+fn span<'a>(
+    first: usize,
+    height: usize,
+    row: impl Fn(usize) -> &'a [f32],
+    outside: &'a [f32],
+) -> [&'a [f32]; SPAN] {
     std::array::from_fn(|j| match (first + j).checked_sub(TAPS / 2) {
         Some(r) if r < height => row(r),
         _ => outside,
@@ -186,7 +198,17 @@ fn similarity<V: Real>(m_h: V, m_d: V, e_h: V, e_d: V) -> (V, [V; MAPS]) {
 
 /// Image times mask.
 fn masked(image: &[f32], mask: &[f32]) -> Vec<f32> {
-    image.iter().enumerate().map(|(i, &v)| v * mask[i / CHANNELS]).collect()
+    let mut out = vec![0.0f32; image.len()];
+    par::chunks_mut(&mut out, CHANNELS * ROW_CHUNK, |chunk, out| {
+        let at = chunk * ROW_CHUNK;
+        let pixels = image[CHANNELS * at..].chunks_exact(CHANNELS).zip(&mask[at..]);
+        for (to, (from, &m)) in out.chunks_exact_mut(CHANNELS).zip(pixels) {
+            for c in 0..CHANNELS {
+                to[c] = from[c] * m;
+            }
+        }
+    });
+    out
 }
 
 /// Value and what the adjoint needs.
@@ -299,7 +321,8 @@ fn pull_back<const M: usize>(x: &In<'_>, saved: &Saved, value_bar: f32, block: u
         let r = first + o;
         let (row_a, row_b) = (&a[r * n..][..n], &b[r * n..][..n]);
         let line = |m: usize| &lines[(o * M + m) * len..][..len];
-        let weighted = x.mask_row(r).map(|mask| (0..n).map(|i| scale * mask[i / CHANNELS]).collect::<Vec<f32>>());
+        let weighted =
+            x.mask_row(r).map(|mask| (0..n).map(|i| scale * mask[i / CHANNELS]).collect::<Vec<f32>>());
         let weight = weighted.as_ref().unwrap_or(&weight);
         along!(n, V, i => {
             let (h, d) = half_sum_and_difference(load::<V>(row_a, i), load::<V>(row_b, i));

@@ -1,4 +1,11 @@
-//! Small geometry, each function beside its adjoint, one body for `f32` and `f32x8`. Level 1.
+//! Small geometry, one body for `f32` and `f32x8` where lanes pay, each function beside its adjoint. Level 1.
+//!
+//! ```text
+//! knn    mean squared distance to the three nearest neighbours: initial scales
+//! quat   rotation matrix of a quaternion of any length
+//! sh     real spherical harmonics up to degree 3
+//! ```
 
+pub mod knn;
 pub mod quat;
 pub mod sh;

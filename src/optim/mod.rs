@@ -1,1 +1,16 @@
-//! (in work)
+//! Optimisers, schedules and density control. Level 8.
+//!
+//! ```text
+//! adam      Adam with per-row counters, in place        adamw     the same with decoupled weight decay
+//! schedule  learning rates and spherical-harmonics bands over the iterations
+//! groups    one optimiser per parameter array of a set of Gaussians, and its learning rates
+//! density   clone, split, prune, opacity reset           mcmc      relocation, growth, noise, regularisers
+//! ```
+
+pub mod adam;
+pub mod adamw;
+pub mod density;
+pub mod groups;
+mod kernel;
+pub mod mcmc;
+pub mod schedule;

@@ -102,7 +102,8 @@ pub fn per_channel(x: &In<'_>) -> Result<Psnr> {
 /// Mean of the levels of several images; `None` for no image, infinite if one is.
 pub fn mean_of_psnr(images: &[Psnr]) -> Option<Decibel> {
     let levels: Option<Vec<f64>> = images.iter().map(|p| p.db.finite()).collect();
-    (!images.is_empty()).then(|| levels.map_or(Decibel::Infinite, |l| Decibel::Finite(sum::tree_f64(&l) / l.len() as f64)))
+    (!images.is_empty())
+        .then(|| levels.map_or(Decibel::Infinite, |l| Decibel::Finite(sum::tree_f64(&l) / l.len() as f64)))
 }
 
 /// Level of the mean of the mean squared errors of several images; `None` for no image.

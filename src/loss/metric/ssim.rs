@@ -6,7 +6,12 @@
 //! (16 logical lanes), tree over rows, one division.
 
 use crate::Result;
-use crate::loss::{CHANNELS, In, finite, metric::clamped, row_sum, ssim::{C1, C2, WINDOW}};
+use crate::loss::{
+    CHANNELS, In, finite,
+    metric::clamped,
+    row_sum,
+    ssim::{C1, C2, WINDOW},
+};
 use crate::num::{par, sum};
 
 /// Name of the variant over the full image.
