@@ -328,7 +328,7 @@ impl<'a> Checked<'a> {
 }
 
 /// Consecutive values as rows.
-pub fn rows<const K: usize>(values: &[f32]) -> Vec<[f32; K]> {
+pub(super) fn rows<const K: usize>(values: &[f32]) -> Vec<[f32; K]> {
     values.chunks_exact(K).map(|row| std::array::from_fn(|k| row[k])).collect()
 }
 
@@ -336,7 +336,7 @@ pub fn rows<const K: usize>(values: &[f32]) -> Vec<[f32; K]> {
 ///
 /// # Errors
 /// When an entry of an integer port is no whole number in its range.
-pub fn cast(arrays: &Arrays, ports: &[Port], single: bool) -> Result<Arrays> {
+pub(super) fn cast(arrays: &Arrays, ports: &[Port], single: bool) -> Result<Arrays> {
     let mut out = Arrays::new();
     for (name, array) in &arrays.0 {
         let dtype = ports.iter().find(|p| p.name == name).map_or(Dtype::Float, |p| p.dtype);

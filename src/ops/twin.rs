@@ -8,30 +8,30 @@ use reference::array::{Arr, Named};
 use reference::twins::{self, Request};
 
 /// Our arrays as the twin's; integers are carried as f64.
-pub fn to_twin(arrays: &Arrays) -> Named<f64> {
+pub(super) fn to_twin(arrays: &Arrays) -> Named<f64> {
     arrays.0.iter().map(|(name, a)| (name.clone(), Arr { shape: a.shape().to_vec(), data: a.to_f64() })).collect()
 }
 
 /// The twin's arrays as ours, in f64.
-pub fn from_twin(arrays: Named<f64>) -> Arrays {
+pub(super) fn from_twin(arrays: Named<f64>) -> Arrays {
     Arrays(arrays.into_iter().map(|(name, a)| (name, Array::new(&a.shape, a.data))).collect())
 }
 
 /// A checked call in the twin's terms.
-pub struct Asked {
+pub(super) struct Asked {
     /// operator
-    pub op: &'static Op,
+    op: &'static Op,
     /// inputs
-    pub inputs: Named<f64>,
+    pub(super) inputs: Named<f64>,
     /// settings in their final form
-    pub settings: Settings,
+    settings: Settings,
     /// decisions to obey
-    pub plan: Option<Named<f64>>,
+    plan: Option<Named<f64>>,
 }
 
 impl Asked {
     /// What a checked call asks.
-    pub fn new(x: &Checked<'_>) -> Self {
+    pub(super) fn new(x: &Checked<'_>) -> Self {
         Self {
             op: x.op,
             inputs: to_twin(&x.inputs),
@@ -41,13 +41,13 @@ impl Asked {
     }
 
     /// The twin's form of it.
-    pub fn request(&self) -> Request<'_> {
+    pub(super) fn request(&self) -> Request<'_> {
         Request { op: self.op.name, inputs: &self.inputs, settings: &self.settings, plan: self.plan.as_ref() }
     }
 }
 
 /// The twin's refusal as ours.
-pub fn refused(op: &Op) -> impl Fn(String) -> Error {
+pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
     let name = op.name;
     move |message| Error::input(name).got(message)
 }

@@ -117,10 +117,17 @@ pub struct Evaluation {
     pub log: u64,
 }
 
-/// ⟨w, f(θ+hv) − f(θ−hv)⟩ / 2h, the rounding noise in it, and whether both logs are `log`.
+/// ⟨w, f(θ+hv) − f(θ−hv)⟩ / 2h.
 struct Difference {
+    /// the difference quotient
     value: f64,
+    /// h
+    h: f64,
+    /// Σ |w| |f| over the entries that differ between the two points
+    moved: f64,
+    /// rounding noise of `value`
     noise: f64,
+    /// whether both logs are the one asked for
     same_log: bool,
 }
 
@@ -133,12 +140,11 @@ fn central(
     v: &Values,
     w: &Values,
     h: f64,
-    unit: f64,
     log: Option<u64>,
 ) -> Result<Difference> {
     let plus = f(&moved(at, v, h))?;
     let minus = f(&moved(at, v, -h))?;
-    let (mut sum, mut noise) = (0.0, 0.0);
+    let (mut sum, mut touched) = (0.0, 0.0);
     for (name, w) in w {
         let (Some(p), Some(m)) = (plus.outputs.get(name), minus.outputs.get(name)) else {
             return Err(Error::input(format!("output '{name}'")).expected("to be present in every evaluation"));
@@ -151,12 +157,23 @@ fn central(
         for ((w, p), m) in w.iter().zip(p).zip(m) {
             sum += w * (p - m);
             if p != m {
-                noise += w.abs() * order::max(p.abs(), m.abs());
+                touched += w.abs() * order::max(p.abs(), m.abs());
             }
         }
     }
     let same_log = log.is_none_or(|log| plus.log == log && minus.log == log);
-    Ok(Difference { value: sum / (2.0 * h), noise: NOISE_UNITS * unit * noise / (2.0 * h), same_log })
+    Ok(Difference { value: sum / (2.0 * h), h, moved: touched, noise: 0.0, same_log })
+}
+
+/// Noise of every difference of a ladder: that of the outputs that move at any step (a step lost in rounding moves none),
+/// and that of θ ± h itself.
+fn with_noise(mut d: Vec<Difference>, unit: f64) -> Vec<Difference> {
+    let moved = d.iter().fold(0.0, |m, d| order::max(m, d.moved));
+    let slope = d.iter().fold(0.0, |m, d| order::max(m, d.value.abs()));
+    for d in &mut d {
+        d.noise = NOISE_UNITS * unit * moved / (2.0 * d.h) + 2.0 * unit * slope / d.h;
+    }
+    d
 }
 
 /// A derivative by finite differences.
@@ -164,12 +181,12 @@ fn central(
 pub struct Derivative {
     /// Richardson's value
     pub value: f64,
-    /// distance of the two finest Richardson values that agree best
+    /// distance of the two Richardson values that agree best
     pub spread: f64,
     /// rounding noise of `value`
     pub noise: f64,
-    /// observed order: log of successive error ratios over log of the step ratio; NaN-free: `None` when every
-    /// difference is at the noise floor already
+    /// observed order: log of successive error ratios over log of the step ratio; `None` when every difference is at
+    /// the noise floor already
     pub order: Option<f64>,
     /// whether the decision log was the same at every point used
     pub same_log: bool,
@@ -189,7 +206,7 @@ fn power_of_two(exponent: i32) -> f64 {
 }
 
 /// ⟨w, J v⟩ by a ladder of central differences with one Richardson step each; the step is chosen where successive
-/// Richardson values agree best, without looking at `exact`, which serves to observe the order only.
+/// Richardson values agree best within their noise, without looking at `exact`, which serves to observe the order only.
 ///
 /// # Errors
 /// What evaluating the function returns.
@@ -203,21 +220,24 @@ pub fn ladder(
 ) -> Result<Derivative> {
     let mut d = Vec::with_capacity(LADDER.len());
     for k in LADDER {
-        d.push(central(f, at, v, w, power_of_two(k), unit, None)?);
+        d.push(central(f, at, v, w, power_of_two(k), None)?);
     }
+    let d = with_noise(d, unit);
     // Dh = D + c h² + O(h⁴)  ⇒  (16 D(h/4) − D(h)) / 15 = D + O(h⁴)
     let square = RATIO * RATIO;
     let richardson: Vec<f64> = d.windows(2).map(|p| (square * p[1].value - p[0].value) / (square - 1.0)).collect();
-    let mut best = (f64::INFINITY, 0);
+    let noise = |k: usize| d[k + 1].noise * (square + 1.0) / (square - 1.0);
+    let mut best = (f64::INFINITY, 1);
     for (k, p) in richardson.windows(2).enumerate() {
-        let spread = (p[1] - p[0]).abs();
-        if spread < best.0 {
-            best = (spread, k + 1);
+        let uncertain = (p[1] - p[0]).abs() + noise(k + 1);
+        if uncertain < best.0 {
+            best = (uncertain, k + 1);
         }
     }
-    let (spread, k) = best;
-    let noise = d[k + 1].noise * (square + 1.0) / (square - 1.0);
-    Ok(Derivative { value: richardson[k], spread, noise, order: observed_order(&d, exact), same_log: true })
+    let k = best.1;
+    let spread = (richardson[k] - richardson[k - 1]).abs();
+    let order = observed_order(&d, exact);
+    Ok(Derivative { value: richardson[k], spread, noise: noise(k), order, same_log: true })
 }
 
 /// Slope of log|D(h) − exact| against log h, from the finest three steps whose errors stand clear of the noise.
@@ -241,12 +261,15 @@ pub fn live(
     unit: f64,
     log: u64,
 ) -> Result<Derivative> {
-    let coarse = central(f, at, v, w, power_of_two(LIVE_EXPONENT), unit, Some(log))?;
-    let fine = central(f, at, v, w, power_of_two(LIVE_EXPONENT + 2), unit, Some(log))?;
+    let mut d = Vec::with_capacity(2);
+    for k in [LIVE_EXPONENT, LIVE_EXPONENT + 2] {
+        d.push(central(f, at, v, w, power_of_two(k), Some(log))?);
+    }
+    let d = with_noise(d, unit);
+    let (coarse, fine) = (&d[0], &d[1]);
     let square = RATIO * RATIO;
-    let value = (square * fine.value - coarse.value) / (square - 1.0);
     Ok(Derivative {
-        value,
+        value: (square * fine.value - coarse.value) / (square - 1.0),
         spread: (fine.value - coarse.value).abs(),
         noise: fine.noise * (square + 1.0) / (square - 1.0),
         order: None,

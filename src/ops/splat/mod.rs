@@ -94,7 +94,7 @@ const SETTINGS: &[SettingSpec] = &[
 /// The profile a call asks for.
 fn profile(x: &Checked<'_>) -> Result<Profile> {
     let mut p = Profile::parse(x.word("profile").unwrap_or("exact"))?;
-    let mut number = |key: &str, slot: &mut f32| {
+    let number = |key: &str, slot: &mut f32| {
         if let Some(value) = x.number(key) {
             *slot = value as f32;
         }
@@ -206,7 +206,7 @@ fn check_sizes(x: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Whether the gradients of any of these inputs are wanted as rows from a call: all are, together.
+/// Rows as consecutive values.
 fn flatten<const K: usize>(rows: &[[f32; K]]) -> Vec<f32> {
     rows.iter().flatten().copied().collect()
 }
