@@ -5,6 +5,7 @@ pub mod error;
 pub mod num;
 
 pub use error::{Error, Result};
+pub use tape::check;
 pub mod fit;
 pub mod io;
 pub mod loss;

@@ -1,0 +1,62 @@
+//! `lastlight gradcheck`.
+
+use super::{say, say_json};
+use crate::oracle::gradcheck;
+use crate::{Error, Result};
+use std::path::PathBuf;
+
+/// Check gradients: of our operators, or of somebody else's program.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  lastlight gradcheck --all                                      every operator on its generated cases
+  lastlight gradcheck splat.render --in scene.npz                one operator at your inputs
+  lastlight gradcheck --exec 'python3 mine.py' --in mine.npz     your program, called as CMD IN.npz OUT.npz
+
+The program gets its inputs by name and a cotangent y_bar for every output y; it returns y, and x_bar for every input x
+it differentiates. Exit code 1 if a check fails.")]
+pub struct Args {
+    /// Operators, see `oracle list`
+    op: Vec<String>,
+    /// Every operator of the list
+    #[arg(long, conflicts_with = "op")]
+    all: bool,
+    /// Check at these inputs instead of the generated cases
+    #[arg(long = "in", value_name = "IN.npz")]
+    input: Option<PathBuf>,
+    /// Somebody's program
+    #[arg(long, value_name = "CMD", requires = "input", conflicts_with_all = ["op", "all"])]
+    exec: Option<String>,
+    /// A setting of the operator, with --in
+    #[arg(long, value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Entries per input whose derivative is taken one by one
+    #[arg(long, value_name = "N")]
+    entries: Option<usize>,
+    /// Seed of the random directions
+    #[arg(long, default_value_t = 1)]
+    seed: u64,
+    /// Print as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad usage or input, and a check that failed.
+pub fn run(args: Args) -> Result<()> {
+    let Args { op: ops, all, input, exec, set, entries, seed, json } = args;
+    let options = gradcheck::Options { ops, all, input, exec, set, seed, entries };
+    let report = gradcheck::run(&options, &mut |text| eprintln!("{text}"))?;
+    if json {
+        say_json(&serde_json::to_value(&report).map_err(|e| Error::input("--json").got(e.to_string()))?)?;
+    } else {
+        say(report.to_string().trim_end())?;
+    }
+    if report.passed {
+        return Ok(());
+    }
+    let failed = report.checks.iter().filter(|c| !c.passed()).count();
+    Err(Error::check("gradcheck").expected("every check to pass").got(format!("{failed} that failed")))
+}

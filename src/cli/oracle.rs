@@ -1,0 +1,138 @@
+//! `lastlight oracle list | run | compare | mint`.
+
+use super::{say, say_json};
+use crate::oracle::{compare, list, mint, run as runner};
+use crate::{Error, Result};
+use clap::{Subcommand, ValueEnum};
+use serde::Serialize;
+use std::path::PathBuf;
+
+/// Run operators on your arrays, compare arrays, make golden files.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Precision {
+    /// the shipped operator
+    F32,
+    /// the independent twin
+    F64,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Operators, their inputs, outputs, shapes, dtypes, settings
+    List {
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Run an operator on arrays; writes OUT.npz, OUT.plan.npz, OUT.digest.json
+    #[command(after_help = "\
+IN.npz holds the inputs under the operator's argument names, floats and integers of any width. For every output y for
+which it also holds y_bar (the cotangent), OUT.npz holds x_bar for every differentiable input x. Arrays setting_KEY
+are settings; a setting that is a word may be given by its index in the list.
+
+Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --precision f64 --profile gsplat --dump")]
+    Run {
+        /// Operator, see `oracle list`
+        op: String,
+        /// Arrays in
+        #[arg(long = "in", value_name = "IN.npz")]
+        input: PathBuf,
+        /// Arrays out
+        #[arg(long, value_name = "OUT.npz")]
+        out: PathBuf,
+        /// Arithmetic
+        #[arg(long, value_enum, default_value = "f32")]
+        precision: Precision,
+        /// Splatting semantics: exact, gsplat or inria [default: exact]
+        #[arg(long)]
+        profile: Option<String>,
+        /// A setting, in decimal text; wins over arrays setting_KEY
+        #[arg(long, value_name = "KEY=VALUE")]
+        set: Vec<String>,
+        /// Use these discrete decisions instead of taking them
+        #[arg(long, value_name = "PLAN.npz")]
+        plan: Option<PathBuf>,
+        /// Also write every intermediate
+        #[arg(long)]
+        dump: bool,
+        /// Print the digests as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Compare somebody's arrays with ours; exit code 1 if they differ
+    Compare {
+        /// Somebody's arrays
+        theirs: PathBuf,
+        /// Ours
+        ours: PathBuf,
+        /// Operator, if the names of the arrays leave it open
+        #[arg(long)]
+        op: Option<String>,
+        /// Largest relative L2 of an array
+        #[arg(long, default_value_t = compare::TOLERANCE)]
+        tol: f64,
+        /// Also write a self-contained page
+        #[arg(long, value_name = "REPORT.html")]
+        html: Option<PathBuf>,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Make golden files from the f64 twin: OP_CASE.npz
+    Mint {
+        /// Operators [default: all]
+        op: Vec<String>,
+        /// Folder
+        #[arg(long, value_name = "DIR", default_value = "golden")]
+        out: PathBuf,
+        /// Print the list of files as JSON
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+fn print<T: Serialize + std::fmt::Display>(record: &T, json: bool) -> Result<()> {
+    if !json {
+        return say(record.to_string().trim_end());
+    }
+    let value = serde_json::to_value(record).map_err(|e| Error::input("--json").got(e.to_string()))?;
+    say_json(&value)
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Bad usage or input, and a comparison that found a difference.
+pub fn run(args: Args) -> Result<()> {
+    let mut progress = |text: &str| eprintln!("{text}");
+    match args.command {
+        Command::List { json } => print(&list::list(), json),
+        Command::Run { op, input, out, precision, profile, set, plan, dump, json } => {
+            let precision = match precision {
+                Precision::F32 => runner::Precision::F32,
+                Precision::F64 => runner::Precision::F64,
+            };
+            let options = runner::Options { op, input, out, precision, profile, set, plan, dump };
+            print(&runner::run(&options, &mut progress)?, json)
+        }
+        Command::Compare { theirs, ours, op, tol, html, json } => {
+            let report = compare::compare(&compare::Options { theirs, ours, op, tol, html })?;
+            print(&report, json)?;
+            if report.passed {
+                return Ok(());
+            }
+            let differing = report.arrays.iter().filter(|a| a.verdict != compare::Verdict::Agrees).count();
+            Err(Error::check("oracle compare").expected("every array to agree").got(format!("{differing} that do not")))
+        }
+        Command::Mint { op, out, json } => {
+            let report = mint::mint(&op, &out, &mut |_| {})?;
+            print(&report, json)
+        }
+    }
+}
