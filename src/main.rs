@@ -1,2 +1,5 @@
 //! The `lastlight` binary: everything is in `lastlight::cli`.
-fn main() {}
+
+fn main() -> std::process::ExitCode {
+    lastlight::cli::main()
+}

@@ -1,1 +1,170 @@
-//! (in work)
+//! Commands, progress, reports. Level 13: the only place that prints, reads the clock, and knows exit codes.
+//!
+//! ```text
+//! main ──► dispatch ──► demo      fit, evaluate and render a built-in scene
+//!                       splat     fit | render | eval on captures and scene files
+//!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
+//!                       convert   between scene files                       doctor      is this machine set up
+//! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
+//! report/   self-contained HTML
+//! ```
+//!
+//! Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted. Errors are one line on stderr;
+//! results go to stdout, as text or with `--json` as one JSON document; everything else goes to stderr.
+
+mod claim;
+mod convert;
+mod demo;
+mod doctor;
+pub mod gradcheck;
+mod meter;
+pub mod oracle;
+mod report;
+mod splat;
+
+use crate::num::par;
+use crate::{Error, Result};
+use clap::{Parser, Subcommand};
+use std::io::Write as _;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+const EXAMPLES: &str = "\
+Examples:
+  lastlight demo                                    a small scene end to end, with a report
+  lastlight splat fit photos/ --out fox             Gaussians from posed photographs
+  lastlight splat render fox/scene.ply --cameras orbit:60 --out turntable
+  lastlight splat eval fox/scene.ply photos/        PSNR and SSIM on the held-out photographs
+  lastlight oracle list                             operators that can be run on your arrays
+  lastlight convert fox/scene.ply fox.splat
+  lastlight doctor
+
+Every result is a pure function of the input and the seed: the same bits for any number of threads.
+Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted (continue with --resume).";
+
+/// Bit-reproducible CPU reference of differentiable rendering.
+#[derive(Parser)]
+#[command(name = "lastlight", version, about, after_help = EXAMPLES, max_term_width = 110, propagate_version = true)]
+struct Cli {
+    /// Threads to use [default: all cores]; changes the speed, never a bit
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Splat a small built-in scene end to end and write a report with pictures
+    Demo(demo::Args),
+    /// Gaussian splatting of a static capture: fit, render, evaluate
+    #[command(subcommand)]
+    Splat(splat::Command),
+    /// Run operators on your arrays, compare arrays, make golden files
+    Oracle(oracle::Args),
+    /// Check gradients: of our operators, or of somebody else's program
+    Gradcheck(gradcheck::Args),
+    /// Convert a scene of Gaussians between .ply, .splat and .npz
+    Convert(convert::Args),
+    /// Print what this build and this machine are, and check that they compute the right bits
+    Doctor(doctor::Args),
+}
+
+/// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// The flag that asks long work to stop.
+fn stop_flag() -> &'static AtomicBool {
+    &STOP
+}
+
+/// Parses the command line, runs the command, prints an error if there is one.
+pub fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(e) => {
+            let code = u8::try_from(e.exit_code()).unwrap_or(2);
+            // Help goes to stdout, usage errors to stderr; a closed pipe is no error of ours.
+            let _ = e.print();
+            return ExitCode::from(code);
+        }
+    };
+    let handler = ctrlc::set_handler(|| {
+        if STOP.swap(true, Ordering::Relaxed) {
+            // Asked twice: files are replaced whole, so nothing on disk is lost.
+            std::process::exit(130);
+        }
+        eprintln!("stopping after this iteration; press Ctrl-C again to stop at once");
+    });
+    if let Err(e) = handler {
+        eprintln!("note: Ctrl-C stops at once, without a checkpoint: {e}");
+    }
+    let threads = cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+    match par::with_threads(threads, || dispatch(cli.command)).and_then(|outcome| outcome) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {}", one_line(&e.to_string()));
+            ExitCode::from(e.exit_code())
+        }
+    }
+}
+
+fn dispatch(command: Command) -> Result<()> {
+    match command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Splat(command) => splat::run(&command),
+        Command::Oracle(args) => oracle::run(args),
+        Command::Gradcheck(args) => gradcheck::run(args),
+        Command::Convert(args) => convert::run(&args),
+        Command::Doctor(args) => doctor::run(&args),
+    }
+}
+
+/// Errors of other crates may hold line breaks; ours is one line.
+fn one_line(text: &str) -> String {
+    text.split(['\n', '\r']).map(str::trim).filter(|s| !s.is_empty()).collect::<Vec<_>>().join("; ")
+}
+
+/// Writes a line of the result to stdout. A reader that has gone away ends the program quietly.
+///
+/// # Errors
+/// When stdout cannot be written for another reason.
+fn say(line: &str) -> Result<()> {
+    match writeln!(std::io::stdout().lock(), "{line}") {
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) => Err(Error::input("standard output").got(e.to_string())),
+        Ok(()) => Ok(()),
+    }
+}
+
+/// Writes a result record to stdout as one JSON document.
+///
+/// # Errors
+/// When stdout cannot be written.
+fn say_json(record: &serde_json::Value) -> Result<()> {
+    say(&format!("{record:#}"))
+}
+
+/// The command line as it can be typed again.
+fn command_line() -> String {
+    let plain = |s: &str| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c));
+    let quote = |s: String| if plain(&s) { s } else { format!("'{}'", s.replace('\'', "'\\''")) };
+    let rest = std::env::args_os().skip(1).map(|a| quote(a.to_string_lossy().into_owned()));
+    std::iter::once("lastlight".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn errors_are_one_line() {
+        assert_eq!(one_line("a\n  b\r\n\n"), "a; b", "joined");
+    }
+}

@@ -1,1 +1,20 @@
-//! (in work)
+//! Fits: from photographs to scenes. Level 9.
+//!
+//! ```text
+//! cli ──► splat ──► training                      the loop: iterations, checkpoints, resumption
+//!           ├────► seeds                          first Gaussians: points, a scene file, or random in the box
+//!           ├────► splat::graph                   one view: activate ──► render ──► losses, on the tape
+//!           └────► optim                          Adam rows, learning rates, density control
+//! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
+//! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
+//! ```
+//!
+//! Fits return records and tell a [`training::Watch`] how far they are; printing and reports are the business of `cli`.
+//! Nothing here reads a clock.
+
+pub mod built_in;
+pub mod evaluate;
+pub mod render;
+pub mod seeds;
+pub mod splat;
+pub mod training;

@@ -1,0 +1,50 @@
+//! `convert`: scenes of Gaussians between file formats.
+
+use super::{claim, report};
+use crate::Result;
+use crate::scene::convert::{SceneFormat, convert};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Convert a scene of Gaussians between .ply, .splat and .npz.
+///
+/// The formats are told apart by their endings. A 3DGS PLY and an NPZ hold everything; .splat keeps 8 bits of
+/// colour, opacity and rotation and no view dependence, so a scene read from it differs.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight convert scene.ply scene.splat
+  lastlight convert scene.npz scene.ply --force")]
+pub(super) struct Args {
+    /// Scene to read: .ply, .splat or .npz
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// Scene to write: .ply, .splat or .npz
+    #[arg(value_name = "OUT")]
+    output: PathBuf,
+    /// Replace OUT if it exists
+    #[arg(long)]
+    force: bool,
+    /// Print what was done as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    SceneFormat::of(&args.output)?;
+    claim::file(&args.output, args.force)?;
+    let scene = convert(&args.input, &args.output)?;
+    let size = std::fs::metadata(&args.output).map_or(0, |m| m.len());
+    if args.json {
+        super::say_json(&json!({
+            "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "bytes": size,
+        }))
+    } else {
+        super::say(&format!(
+            "{} Gaussians, SH degree {}: {} ({})",
+            report::thousands(scene.len()),
+            scene.sh_degree,
+            args.output.display(),
+            report::bytes(size)
+        ))
+    }
+}

@@ -1,0 +1,115 @@
+//! Progress on stderr and where the time went.
+
+#![expect(clippy::disallowed_types, reason = "the clock is read here for people; nothing it says reaches a result")]
+
+use crate::fit::training::{Step, Watch};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::io::IsTerminal;
+use std::time::{Duration, Instant};
+
+/// Seconds between lines where stderr is not a terminal.
+const LINE_SECONDS: u64 = 15;
+
+/// A stopwatch with named parts and a progress display: a bar on a terminal, else a line every 15 seconds.
+pub(crate) struct Meter {
+    started: Instant,
+    lap: Instant,
+    parts: Vec<(&'static str, Duration)>,
+    bar: Option<ProgressBar>,
+    last_line: Instant,
+    counted: Option<(Instant, usize)>,
+    quiet: bool,
+}
+
+impl Meter {
+    /// Starts the clock; `quiet` shows nothing.
+    pub(crate) fn new(quiet: bool) -> Self {
+        let now = Instant::now();
+        Self { started: now, lap: now, parts: Vec::new(), bar: None, last_line: now, counted: None, quiet }
+    }
+
+    /// A remark for the person at the terminal.
+    pub(crate) fn note(&self, line: &str) {
+        if self.quiet {
+            return;
+        }
+        match &self.bar {
+            Some(bar) => bar.suspend(|| eprintln!("{line}")),
+            None => eprintln!("{line}"),
+        }
+    }
+
+    /// Ends the bar of the work so far.
+    pub(crate) fn done(&mut self) {
+        if let Some(bar) = self.bar.take() {
+            bar.finish_and_clear();
+        }
+        self.counted = None;
+    }
+
+    /// Seconds since the start.
+    pub(crate) fn seconds(&self) -> f64 {
+        self.started.elapsed().as_secs_f64()
+    }
+
+    /// Parts and their seconds, longest first.
+    pub(crate) fn parts(&self) -> Vec<(String, f64)> {
+        let mut parts: Vec<_> = self.parts.iter().map(|(n, d)| ((*n).to_owned(), d.as_secs_f64())).collect();
+        parts.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        parts
+    }
+
+    /// Counts `done` of `total` pieces of work with a message.
+    pub(crate) fn count(&mut self, done: usize, total: usize, message: &str) {
+        if self.quiet {
+            return;
+        }
+        // The rate counts from the first call, so that a resumed fit does not claim the work of its predecessor.
+        let (since, first) = *self.counted.get_or_insert_with(|| (Instant::now(), done));
+        if std::io::stderr().is_terminal() {
+            let bar = self.bar.get_or_insert_with(|| {
+                let style = ProgressStyle::with_template("{bar:32} {pos}/{len} · {per_sec:.1} · {eta} left · {msg}")
+                    .unwrap_or_else(|_| ProgressStyle::default_bar())
+                    .progress_chars("━━─");
+                let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
+                bar.set_style(style);
+                bar.set_position(done as u64);
+                bar.reset_eta();
+                bar
+            });
+            bar.set_message(message.to_owned());
+            bar.set_position(done as u64);
+        } else if self.last_line.elapsed() >= Duration::from_secs(LINE_SECONDS) {
+            self.last_line = Instant::now();
+            let rate = (done - first) as f64 / since.elapsed().as_secs_f64();
+            if rate > 0.0 {
+                let left = super::report::seconds((total - done) as f64 / rate);
+                eprintln!("{done}/{total} · {rate:.1}/s · {left} left · {message}");
+            }
+        }
+    }
+}
+
+impl Watch for Meter {
+    fn lap(&mut self, part: &'static str) {
+        let now = Instant::now();
+        let d = now - self.lap;
+        self.lap = now;
+        match self.parts.iter_mut().find(|p| p.0 == part) {
+            Some(p) => p.1 += d,
+            None => self.parts.push((part, d)),
+        }
+    }
+
+    fn progress(&mut self, done: usize, total: usize, step: Step) {
+        if !self.quiet {
+            self.count(done, total, &format!("loss {:.4} · {} Gaussians", step.loss, step.size));
+        }
+    }
+}
+
+impl Drop for Meter {
+    fn drop(&mut self) {
+        self.done();
+    }
+}

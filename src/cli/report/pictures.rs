@@ -1,0 +1,105 @@
+//! Pixels to PNG data URIs; the colour map of error maps.
+
+use crate::Result;
+use crate::io::image_file;
+use base64::Engine;
+
+/// Anchors of the perceptually uniform map *inferno* (Smith and van der Walt 2015) at 0, 0.1, …, 1, sRGB-encoded.
+const INFERNO: [[f32; 3]; 11] = [
+    [0.001462, 0.000466, 0.013866],
+    [0.087411, 0.044556, 0.224813],
+    [0.258234, 0.038571, 0.406485],
+    [0.416331, 0.090203, 0.432943],
+    [0.578304, 0.148039, 0.404411],
+    [0.735683, 0.215906, 0.330245],
+    [0.865006, 0.316822, 0.226055],
+    [0.954506, 0.468744, 0.099874],
+    [0.987622, 0.645320, 0.039886],
+    [0.964394, 0.843848, 0.273391],
+    [0.988362, 0.998364, 0.644924],
+];
+
+/// Error that gets the brightest colour of an error map.
+pub(crate) const ERROR_MAX: f32 = 0.25;
+
+/// Colour of `x` in 0..1 on the perceptual map; outside the ends are used.
+pub(crate) fn inferno(x: f32) -> [f32; 3] {
+    let last = INFERNO.len() - 1;
+    let t = crate::num::order::clamp(x, 0.0, 1.0) * last as f32;
+    let i = (t as usize).min(last - 1);
+    let f = t - i as f32;
+    std::array::from_fn(|c| INFERNO[i][c] + (INFERNO[i + 1][c] - INFERNO[i][c]) * f)
+}
+
+/// An error per pixel (H, W) as a colour picture (H, W, 3), 0 to [`ERROR_MAX`].
+pub(crate) fn error_map(error: &[f32]) -> Vec<f32> {
+    error.iter().flat_map(|&e| inferno(e / ERROR_MAX)).collect()
+}
+
+/// The picture as a `data:` URI, box-filtered by whole factors until its longer side is at most `max_side`.
+///
+/// # Errors
+/// When the encoder refuses the size.
+pub(crate) fn data_uri(rgb: &[f32], width: usize, height: usize, max_side: usize) -> Result<String> {
+    let factor = width.max(height).div_ceil(max_side).max(1);
+    let (small, w, h) = if factor == 1 { (None, width, height) } else { shrink(rgb, width, height, factor) };
+    let file = image_file::png_bytes(w, h, 3, &image_file::to_u8(small.as_deref().unwrap_or(rgb))?)?;
+    Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(file)))
+}
+
+/// Means of `factor`×`factor` blocks; an incomplete last row or column of blocks is dropped unless it is the only one.
+fn shrink(rgb: &[f32], width: usize, height: usize, factor: usize) -> (Option<Vec<f32>>, usize, usize) {
+    let (w, h) = ((width / factor).max(1), (height / factor).max(1));
+    let mut out = vec![0.0_f32; w * h * 3];
+    for y in 0..h {
+        for x in 0..w {
+            for c in 0..3 {
+                let (mut sum, mut n) = (0.0_f32, 0.0_f32);
+                for v in y * factor..((y + 1) * factor).min(height) {
+                    for u in x * factor..((x + 1) * factor).min(width) {
+                        sum += rgb[(v * width + u) * 3 + c];
+                        n += 1.0;
+                    }
+                }
+                out[(y * w + x) * 3 + c] = sum / n;
+            }
+        }
+    }
+    (Some(out), w, h)
+}
+
+/// The colour map as a picture 256×1.
+///
+/// # Errors
+/// Never for this size; the encoder's signature asks for it.
+pub(crate) fn scale_bar() -> Result<String> {
+    let row: Vec<f32> = (0..256).flat_map(|i| inferno(i as f32 / 255.0)).collect();
+    data_uri(&row, 256, 1, 256)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_map_gets_lighter_all_the_way() {
+        let light = |x: f32| {
+            let c = inferno(x);
+            0.2126 * c[0] + 0.7152 * c[1] + 0.0722 * c[2]
+        };
+        for i in 1..=100 {
+            assert!(light(i as f32 / 100.0) > light((i - 1) as f32 / 100.0), "lightness rises at {i} %");
+        }
+        assert_eq!(inferno(-1.0), inferno(0.0), "below the range");
+        assert_eq!(inferno(2.0), inferno(1.0), "above the range");
+    }
+
+    #[test]
+    fn large_pictures_shrink_by_whole_factors() {
+        let rgb: Vec<f32> = (0..8 * 4 * 3).map(|i| if (i / 3) % 2 == 0 { 1.0 } else { 0.0 }).collect();
+        let (small, w, h) = shrink(&rgb, 8, 4, 2);
+        assert_eq!((w, h), (4, 2), "half the size");
+        assert!(small.is_some_and(|s| s.iter().all(|&x| x == 0.5)), "means of the blocks");
+        assert!(data_uri(&rgb, 8, 4, 4).is_ok_and(|u| u.starts_with("data:image/png;base64,iVBOR")), "a PNG");
+    }
+}

@@ -1,0 +1,115 @@
+//! `splat eval`: scores of a scene file on the photographs of a capture.
+
+use super::RenderArgs;
+use super::fit::{score, scores_text, write_renders};
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim, report};
+use crate::fit::evaluate::Evaluation;
+use crate::fit::render::Scene;
+use crate::fit::training::Watch;
+use crate::scene::convert::read_scene;
+use crate::scene::views::{self, Views};
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Score a scene file on the photographs of a capture.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight splat eval fox/scene.ply photos/
+  lastlight splat eval fox/scene.ply photos/ --views all --json
+  lastlight splat eval theirs.ply photos/ --profile inria --out theirs --min-psnr 25
+
+With --min-psnr the command is a check: exit code 1 when the mean is lower.")]
+pub(in crate::cli) struct Args {
+    /// Scene: .ply, .splat or .npz
+    #[arg(value_name = "SCENE")]
+    scene: PathBuf,
+    /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Photographs to score: test (every 8th), train or all
+    #[arg(long, value_name = "WHICH", default_value = "test")]
+    views: String,
+    /// Shrink the photographs by a whole factor
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
+    downscale: u8,
+    /// Fail when the mean PSNR is below this many decibels
+    #[arg(long, value_name = "DB")]
+    min_psnr: Option<f64>,
+    /// Folder for renders and report/index.html
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace files in --out that exist
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    render: RenderArgs,
+    /// Print the scores as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let (settings, background) = args.render.settings()?;
+    let stored = read_scene(&args.scene)?;
+    let views = Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    let which: Vec<usize> = match args.views.as_str() {
+        "test" => views.test.clone(),
+        "train" => views.train.clone(),
+        "all" => (0..views.views.len()).collect(),
+        other => return Err(Error::input("--views").expected("test, train or all").got(other)),
+    };
+    if which.is_empty() {
+        return Err(Error::input("--views").at(args.views.as_str()).expected("at least one photograph").got("none"));
+    }
+    let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
+    meter.lap("reading");
+    let scene = Scene::new(&stored, settings, background);
+    let scored = score(&scene, &views, &which, &mut meter)?;
+    let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
+    meter.lap("rendering and scoring");
+    let record = json!({
+        "scene": args.scene, "capture": args.capture, "views": args.views, "gaussians": stored.len(),
+        "profile": args.render.profile, "downscale": args.downscale, "evaluation": evaluation.json(),
+    });
+    if args.json {
+        cli::say_json(&record)?;
+    } else {
+        cli::say(&scores_text(&evaluation))?;
+    }
+    if let Some(dir) = dir {
+        let names = write_renders(&dir, &scored)?;
+        let listed =
+            names.iter().filter_map(|n| std::fs::metadata(dir.join(n)).ok().map(|m| (n.clone(), m.len()))).collect();
+        let page = report::fit::page(&report::fit::Input {
+            kind: "splat eval",
+            title: args.scene.display().to_string(),
+            command: cli::command_line(),
+            digest: None,
+            settings: &json!({"scene": args.scene, "capture": args.capture, "views": args.views,
+                "profile": args.render.profile, "background": background, "downscale": args.downscale}),
+            history: None,
+            events: &[],
+            n_gauss: stored.len(),
+            scored: &scored,
+            evaluation: &evaluation,
+            time: meter.parts(),
+            total_seconds: meter.seconds(),
+            files: listed,
+        })?;
+        let path = page.write(&dir)?;
+        meter.note(&format!("report: {}", path.display()));
+    }
+    match args.min_psnr {
+        Some(least) if !(evaluation.mean_psnr_db >= least) => Err(Error::check("splat eval")
+            .at("mean PSNR")
+            .expected(format!("at least {least} dB"))
+            .got(format!("{:.3} dB", evaluation.mean_psnr_db))),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,304 @@
+//! `splat fit`: Gaussians from the photographs of a capture.
+
+use super::RenderArgs;
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim, report};
+use crate::fit::evaluate::{self, Evaluation, Scored};
+use crate::fit::render::{Scene, flat_name};
+use crate::fit::seeds::Start;
+use crate::fit::splat::{Settings, SplatFit, Strategy};
+use crate::fit::training::{self, History, Schedule, Watch};
+use crate::fit::seeds;
+use crate::io::image_file;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::convert::write_scene;
+use crate::scene::views::{self, Views};
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+const EXAMPLES: &str = "\
+Examples:
+  lastlight splat fit photos/ --out fox                    7 000 iterations, about 10 minutes on two cores
+  lastlight splat fit photos/ --out fox --resume           go on after an interruption, with the same bits
+  lastlight splat fit photos/ --out fox --iterations 30000 the published schedule
+  lastlight splat fit photos/ --out quick --downscale 2 --iterations 2000
+  lastlight splat fit colmap/ --out garden --strategy mcmc --max-gaussians 300000
+
+CAPTURE is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model
+(sparse/0, binary or text), or such a transforms.json itself. Every 8th photograph in file-name order is
+held out and scored. Lens distortion is removed on load.
+
+--out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, held-out renders, and
+report/index.html.";
+
+/// Fit Gaussians to the photographs of a capture.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(in crate::cli) struct Args {
+    /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Folder for the results; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Iterations; the schedule of 30000 is scaled to it
+    #[arg(long, value_name = "N", default_value_t = 7000)]
+    iterations: usize,
+    /// Seed of every random draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Go on from the checkpoint in --out; the result has the bits of an uninterrupted fit
+    #[arg(long)]
+    resume: bool,
+    /// Replace files in --out that exist
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// First Gaussians: auto (points of the capture, else random), random, or a .ply of points or Gaussians
+    #[arg(long, value_name = "FROM", default_value = "auto", help_heading = "Start")]
+    init: String,
+    /// Number of random first Gaussians
+    #[arg(long, value_name = "N", default_value_t = 30_000, help_heading = "Start")]
+    initial: usize,
+    /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point the cameras look at]
+    #[arg(long = "box", value_name = "BOX", allow_hyphen_values = true, help_heading = "Start")]
+    bounds: Option<String>,
+    /// Spherical-harmonics degree of the colours, 0 to 3
+    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Model")]
+    sh_degree: u8,
+    /// Density control: inria, gsplat or mcmc
+    #[arg(long, value_name = "NAME", default_value = "inria", help_heading = "Model")]
+    strategy: String,
+    /// Largest number of Gaussians
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, help_heading = "Model")]
+    max_gaussians: usize,
+    /// Shrink the photographs by a whole factor, averaging blocks of pixels
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
+    downscale: u8,
+    /// Refuse to start when the estimated memory exceeds this many MiB
+    #[arg(long, value_name = "MIB", help_heading = "Model")]
+    max_memory: Option<u64>,
+    #[command(flatten)]
+    render: RenderArgs,
+    /// Iterations between checkpoints
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
+    checkpoint_every: u32,
+    /// Print the result record as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let (render, background) = args.render.settings()?;
+    let settings = Settings {
+        iterations: args.iterations,
+        seed: args.seed,
+        sh_degree: usize::from(args.sh_degree),
+        strategy: Strategy::parse(&args.strategy)?,
+        max_gaussians: args.max_gaussians,
+        render,
+        background,
+    };
+    settings.validate()?;
+    let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
+    let views = Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    meter.lap("reading photographs");
+    meter.note(&format!(
+        "{}: {} photographs to fit, {} held out, {}",
+        args.capture.display(),
+        views.train.len(),
+        views.test.len(),
+        sizes(&views)
+    ));
+    let start = start(args, bounds)?;
+    let first = seeds::gaussians(&start, &views, &settings)?;
+    let job = Job { kind: "splat fit", title: title(&args.capture), settings, views: &views, dir, checkpoint_every: args.checkpoint_every as usize, resume: args.resume, json: args.json, max_memory: args.max_memory };
+    job.run(first, &mut meter).map(|_| ())
+}
+
+/// `transforms.json`'s folder or the folder itself, by name.
+fn title(capture: &Path) -> String {
+    let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
+    let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    full.file_name().map_or_else(|| full.display().to_string(), |n| n.to_string_lossy().into_owned())
+}
+
+fn sizes(views: &Views) -> String {
+    let mut all: Vec<(usize, usize)> = views.views.iter().map(|v| (v.camera.width, v.camera.height)).collect();
+    all.sort_unstable();
+    all.dedup();
+    match all.as_slice() {
+        [(w, h)] => format!("{w}x{h} pixels"),
+        other => format!("{} picture sizes", other.len()),
+    }
+}
+
+fn parse_box(text: &str) -> Result<[[f32; 3]; 2]> {
+    let wrong = || Error::input("--box").expected("x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1").got(text);
+    let v: [f32; 6] = super::numbers(text).ok_or_else(wrong)?.try_into().map_err(|_| wrong())?;
+    let corners = [[v[0], v[1], v[2]], [v[3], v[4], v[5]]];
+    if (0..3).all(|k| corners[0][k] < corners[1][k]) { Ok(corners) } else { Err(wrong()) }
+}
+
+fn start(args: &Args, bounds: Option<[[f32; 3]; 2]>) -> Result<Start> {
+    Ok(match args.init.as_str() {
+        "auto" => Start::Auto { count: args.initial, bounds },
+        "random" => Start::Random { count: args.initial, bounds },
+        file => Start::File(PathBuf::from(file)),
+    })
+}
+
+/// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.
+pub(in crate::cli) struct Job<'a> {
+    pub(in crate::cli) kind: &'static str,
+    pub(in crate::cli) title: String,
+    pub(in crate::cli) settings: Settings,
+    pub(in crate::cli) views: &'a Views,
+    pub(in crate::cli) dir: PathBuf,
+    pub(in crate::cli) checkpoint_every: usize,
+    pub(in crate::cli) resume: bool,
+    pub(in crate::cli) json: bool,
+    pub(in crate::cli) max_memory: Option<u64>,
+}
+
+impl Job<'_> {
+    /// Fits, evaluates, writes, reports; gives the mean PSNR.
+    pub(in crate::cli) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<f64> {
+        let estimate = self.settings.memory_estimate(self.views);
+        meter.note(&format!("memory: up to about {}", report::bytes(estimate)));
+        if let Some(limit) = self.max_memory
+            && estimate > limit << 20
+        {
+            return Err(Error::input("--max-memory")
+                .expected(format!("at least {} MiB", (estimate >> 20) + 1))
+                .got(format!("{limit} MiB"))
+                .hint("--downscale and --max-gaussians lower the estimate"));
+        }
+        let mut fit = SplatFit::new(self.settings.clone(), self.views, first)?;
+        let checkpoint = self.dir.join("checkpoint.safetensors");
+        let mut history = History::default();
+        if self.resume {
+            if checkpoint.exists() {
+                history = training::resume(&mut fit, &checkpoint)?;
+                meter.note(&format!("resuming after iteration {} of {}", history.len(), self.settings.iterations));
+            } else {
+                meter.note("no checkpoint yet: starting at iteration 0");
+            }
+        }
+        meter.lap("start");
+        let schedule =
+            Schedule { checkpoint: Some(&checkpoint), every: self.checkpoint_every, stop: cli::stop_flag() };
+        training::run(&mut fit, &mut history, schedule, meter)?;
+        meter.done();
+
+        let scene_values = fit.gaussians();
+        let digest = fit.digest()?;
+        let scene = Scene::new(&scene_values, self.settings.render.clone(), self.settings.background);
+        let scored = score(&scene, self.views, &self.views.test, meter)?;
+        let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
+        meter.lap("evaluation");
+
+        let mut names = vec!["checkpoint.safetensors".to_owned()];
+        let comments = [format!("lastlight {}, {} iterations, digest {digest}", env!("CARGO_PKG_VERSION"), history.len())];
+        for name in ["scene.ply", "scene.splat"] {
+            write_scene(&self.dir.join(name), &scene_values, &comments)?;
+            names.push(name.to_owned());
+        }
+        names.extend(write_renders(&self.dir, &scored)?);
+        let record = self.record(&digest, &scene_values, &evaluation, &history, &fit, meter);
+        crate::io::atomic::write_bytes(&self.dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
+        names.push("result.json".to_owned());
+        meter.lap("writing files");
+        let listed = names
+            .iter()
+            .filter_map(|n| std::fs::metadata(self.dir.join(n)).ok().map(|m| (n.clone(), m.len())))
+            .collect();
+        let page = report::fit::page(&report::fit::Input {
+            kind: self.kind,
+            title: self.title.clone(),
+            command: cli::command_line(),
+            digest: Some(digest.clone()),
+            settings: &record["settings"],
+            history: Some(&history),
+            events: fit.events(),
+            n_gauss: scene_values.len(),
+            scored: &scored,
+            evaluation: &evaluation,
+            time: meter.parts(),
+            total_seconds: meter.seconds(),
+            files: listed,
+        })?;
+        let report_file = page.write(&self.dir)?;
+        if self.json {
+            cli::say_json(&record)?;
+        } else {
+            self.table(&digest, scene_values.len(), &evaluation, meter, &report_file)?;
+        }
+        Ok(evaluation.mean_psnr_db)
+    }
+
+    fn record(&self, digest: &str, scene: &Gaussians, evaluation: &Evaluation, history: &History, fit: &SplatFit<'_>, meter: &Meter) -> Value {
+        let time: serde_json::Map<String, Value> = meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
+        json!({
+            "kind": self.kind,
+            "lastlight": env!("CARGO_PKG_VERSION"),
+            "digest": digest,
+            "gaussians": scene.len(),
+            "sh_degree": scene.sh_degree,
+            "iterations": history.len(),
+            "last_loss": history.loss.last(),
+            "evaluation": evaluation.json(),
+            "settings": training::Fit::settings(fit),
+            "seconds": meter.seconds(),
+            "seconds_by_part": time,
+        })
+    }
+
+    fn table(&self, digest: &str, n: usize, e: &Evaluation, meter: &Meter, report_file: &Path) -> Result<()> {
+        cli::say(&scores_text(e))?;
+        cli::say(&format!("Gaussians   {n}"))?;
+        cli::say(&format!("digest      {digest}"))?;
+        cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
+        cli::say(&format!("scene       {}", self.dir.join("scene.ply").display()))?;
+        cli::say(&format!("report      {}", report_file.display()))
+    }
+}
+
+/// Renders and compares the listed views.
+pub(in crate::cli) fn score(scene: &Scene<'_>, views: &Views, which: &[usize], meter: &mut Meter) -> Result<Vec<Scored>> {
+    let mut scored = Vec::with_capacity(which.len());
+    for (done, &i) in which.iter().enumerate() {
+        meter.count(done, which.len(), "scoring");
+        scored.push(evaluate::score(scene, &views.views[i])?);
+    }
+    meter.done();
+    Ok(scored)
+}
+
+/// A table of scores for the terminal.
+pub(in crate::cli) fn scores_text(e: &Evaluation) -> String {
+    let width = e.views.iter().map(|v| v.name.chars().count()).fold(4, usize::max);
+    let row = |name: &str, psnr: f64, ssim: f64, mae: f64| format!("{name:width$}  {psnr:9.3} dB  {ssim:.4}  {mae:.4}");
+    let mut lines = vec![format!("{:width$}  {:>12}  {:6}  {:6}", "view", "PSNR", "SSIM", "MAE")];
+    lines.extend(e.views.iter().map(|v| row(&v.name, v.psnr_db, v.ssim, v.mae)));
+    lines.push(row("mean", e.mean_psnr_db, e.mean_ssim, e.mean_mae));
+    lines.join("\n")
+}
+
+/// Held-out renders as `heldout/NAME.png`; gives the names.
+pub(in crate::cli) fn write_renders(dir: &Path, scored: &[Scored]) -> Result<Vec<String>> {
+    let folder = dir.join("heldout");
+    std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
+    let mut names = Vec::new();
+    for s in scored {
+        let name = format!("heldout/{}.png", flat_name(&s.score.name));
+        image_file::write_png(&dir.join(&name), s.score.width, s.score.height, 3, &image_file::to_u8(&s.image)?)?;
+        names.push(name);
+    }
+    Ok(names)
+}

@@ -1,0 +1,155 @@
+//! What decides the result of a fit, and what it may cost.
+
+use crate::fit::render::picture_bytes;
+use crate::scene::views::Views;
+use crate::splat::render;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+
+/// How the number of Gaussians is controlled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strategy {
+    /// clone, split, prune, reset: the original program
+    Inria,
+    /// the same with gsplat's comparison
+    Gsplat,
+    /// the same on absolute screen gradients
+    GsplatAbs,
+    /// relocation, growth and noise
+    Mcmc,
+}
+
+impl Strategy {
+    /// The name used by settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Inria => "inria",
+            Self::Gsplat => "gsplat",
+            Self::GsplatAbs => "gsplat-abs",
+            Self::Mcmc => "mcmc",
+        }
+    }
+
+    /// The strategy of that name.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn parse(name: &str) -> Result<Self> {
+        [Self::Inria, Self::Gsplat, Self::GsplatAbs, Self::Mcmc]
+            .into_iter()
+            .find(|s| s.name() == name)
+            .ok_or_else(|| Error::input("--strategy").expected("inria, gsplat, gsplat-abs or mcmc").got(name))
+    }
+}
+
+/// What decides the result, besides the photographs and the first Gaussians.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// in all; the published schedule of 30 000 is scaled to it
+    pub iterations: usize,
+    /// of every random draw
+    pub seed: u64,
+    /// 0 to 3
+    pub sh_degree: usize,
+    /// density control
+    pub strategy: Strategy,
+    /// never more Gaussians than this
+    pub max_gaussians: usize,
+    /// the renderer
+    pub render: render::Settings,
+    /// colour behind the scene, sRGB-encoded
+    pub background: [f32; 3],
+}
+
+/// Most iterations of a fit.
+const MAX_ITERATIONS: usize = 10_000_000;
+/// Most Gaussians of a fit.
+const MAX_GAUSSIANS: usize = 100_000_000;
+
+impl Settings {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// Names the option.
+    pub fn validate(&self) -> Result<()> {
+        let within = |name: &str, n: usize, most: usize| {
+            if (1..=most).contains(&n) {
+                return Ok(());
+            }
+            Err(Error::input(name).expected(format!("1 to {most}")).got(n.to_string()))
+        };
+        within("--iterations", self.iterations, MAX_ITERATIONS)?;
+        within("--max-gaussians", self.max_gaussians, MAX_GAUSSIANS)?;
+        if self.sh_degree > 3 {
+            return Err(Error::input("--sh-degree").expected("0 to 3").got(self.sh_degree.to_string()));
+        }
+        if self.render.tile != 16 {
+            return Err(Error::input("--tile").expected("16 for a fit").got(self.render.tile.to_string()));
+        }
+        if !self.background.iter().all(|x| (0.0..=1.0).contains(x)) {
+            return Err(Error::input("--background").expected("numbers in 0..1").got(format!("{:?}", self.background)));
+        }
+        Ok(())
+    }
+
+    /// As a flat JSON object: what a checkpoint is compared by.
+    pub fn json(&self) -> Value {
+        let p = &self.render.profile;
+        json!({
+            "iterations": self.iterations,
+            "seed": self.seed,
+            "sh_degree": self.sh_degree,
+            "strategy": self.strategy.name(),
+            "max_gaussians": self.max_gaussians,
+            "profile": p.name,
+            "alpha_max": p.alpha_max,
+            "antialiased": p.antialiased,
+            "background": self.background,
+        })
+    }
+
+    /// Bytes that the fit may take when it reaches `max_gaussians`, or what density control usually leaves of it.
+    pub fn memory_estimate(&self, views: &Views) -> u64 {
+        let coefficients = ((self.sh_degree + 1) * (self.sh_degree + 1)) as u64;
+        let floats = 3 + 4 + 3 + 1 + 3 * coefficients;
+        // parameters, two moments, gradients; five counters; statistics; projected rows and their cotangents
+        let per_gaussian = floats * 4 * 4 + 5 * 4 + 12 + 400;
+        let photos = views.views.iter().fold(0, |s, v| s + v.rgb.len() as u64 * 5 + v.mask.as_ref().map_or(0, |m| m.len() as u64 * 5));
+        let largest = views.views.iter().fold(0, |m, v| m.max(picture_bytes(v.camera.width, v.camera.height)));
+        // SSIM keeps four maps, filters four pictures, and the tape holds cotangents: about eight pictures.
+        photos + self.max_gaussians as u64 * per_gaussian + 4 * largest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settings() -> Settings {
+        Settings {
+            iterations: 7000,
+            seed: 0,
+            sh_degree: 3,
+            strategy: Strategy::Inria,
+            max_gaussians: 1000,
+            render: render::Settings::default(),
+            background: [0.0; 3],
+        }
+    }
+
+    #[test]
+    fn ranges_are_checked() {
+        settings().validate().expect("valid");
+        for bad in [
+            Settings { iterations: 0, ..settings() },
+            Settings { sh_degree: 4, ..settings() },
+            Settings { max_gaussians: 0, ..settings() },
+            Settings { background: [f32::NAN, 0.0, 0.0], ..settings() },
+            Settings { render: render::Settings { tile: 8, ..render::Settings::default() }, ..settings() },
+        ] {
+            assert!(bad.validate().is_err(), "{bad:?} is refused");
+        }
+        assert_eq!(Strategy::parse("mcmc").ok(), Some(Strategy::Mcmc), "a name");
+        assert!(Strategy::parse("x").is_err(), "no such name");
+    }
+}
