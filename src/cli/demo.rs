@@ -45,7 +45,9 @@ const LEAST_PSNR_DB: f64 = 24.0;
 /// Iterations from which the bound above holds.
 const ENOUGH_ITERATIONS: usize = 400;
 /// Gaussians of the random start.
-const INITIAL: usize = 3000;
+const INITIAL: usize = 2500;
+/// Largest number of Gaussians: about four times that of the truth.
+const MOST: usize = 8000;
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
@@ -55,7 +57,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let is_ours = args.out.is_none() && dir.join("result.json").is_file();
     let dir = claim::folder(dir, false, args.force || is_ours)?;
     let render = render::Settings::default();
-    let views = built_in::views(&render)?;
+    let views = built_in::demo(&render)?;
     meter.note(&format!("built-in scene: {} pictures to fit, {} held out", views.train.len(), views.test.len()));
     meter.lap("rendering the photographs");
     let settings = Settings {
@@ -63,7 +65,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         seed: args.seed,
         sh_degree: 1,
         strategy: Strategy::Inria,
-        max_gaussians: 50_000,
+        max_gaussians: MOST,
         render,
         background: built_in::BACKGROUND,
     };
@@ -78,7 +80,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
         checkpoint_every: 500,
         resume: false,
         json: args.json,
-        max_memory: None,
     };
     let psnr = job.run(first, &mut meter)?;
     if !args.json {
