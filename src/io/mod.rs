@@ -12,7 +12,7 @@
 //! for the file in errors. A reader checks every declared size against the bytes there are **before** it allocates,
 //! so memory is bounded by a small multiple of the file; a decoder of another crate runs inside [`guard`], which turns
 //! its panic into an [`Error`]. Errors name the file, the place in it, what was expected and what was there.
-//! Writers give the same bytes for the same record on every machine and go through [`atomic::write`].
+//! Writers give the same bytes for the same record on every machine and go through [`atomic::write()`].
 
 pub mod atomic;
 mod bytes;
