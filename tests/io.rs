@@ -86,7 +86,8 @@ fn npz_agrees_with_an_independent_implementation() {
 
 #[test]
 fn a_plain_npy_is_named_after_its_file() {
-    let bytes = npz::to_bytes(&Arrays::new().with("a", &[2], vec![1.0f32, 2.0]), npz::Packing::Stored).expect("fits");
+    let bytes =
+        npz::to_bytes(&Arrays::new().with("a", &[2], vec![1.0f32, 2.0]), npz::Packing::Stored).expect("fits");
     let at = bytes.windows(6).position(|w| w == b"\x93NUMPY").expect("stored as it is");
     let npy = &bytes[at..at + 128 + 8];
     let back = npz::parse(npy, "folder/depth.npy").expect("one array");
@@ -107,7 +108,11 @@ fn safetensors_round_trip_is_exact_and_deterministic() {
     let theirs = ::safetensors::SafeTensors::deserialize(&bytes).expect("a valid file");
     assert_eq!(theirs.len(), a.0.len(), "all arrays");
     let none = safetensors::to_bytes(&Arrays::new(), &BTreeMap::new());
-    assert_eq!(safetensors::parse(&none, "a").expect("empty"), safetensors::Tensors::default(), "nothing in, nothing out");
+    assert_eq!(
+        safetensors::parse(&none, "a").expect("empty"),
+        safetensors::Tensors::default(),
+        "nothing in, nothing out"
+    );
 }
 
 #[test]
@@ -140,7 +145,8 @@ fn ply_of_any_order_type_and_byte_order() {
     };
     let mut ascii = header("ascii").into_bytes();
     ascii.extend_from_slice(b"3 0 1 2 0.5\n3 0.1 1 -300 2 0.25\r\n6 1e-3 4 7 5 -2\n");
-    let (mut little, mut big) = (header("binary_little_endian").into_bytes(), header("binary_big_endian").into_bytes());
+    let (mut little, mut big) =
+        (header("binary_little_endian").into_bytes(), header("binary_big_endian").into_bytes());
     macro_rules! both {
         ($($x:expr),*) => {$( little.extend_from_slice(&$x.to_le_bytes()); big.extend_from_slice(&$x.to_be_bytes()); )*};
     }
@@ -154,7 +160,11 @@ fn ply_of_any_order_type_and_byte_order() {
     for bytes in [&ascii, &little, &big] {
         let file = ply::parse(bytes, "p.ply").expect("valid");
         assert_eq!(file.comments, ["first", "second"], "comments are kept");
-        assert_eq!(file.element("face").expect("kept").column("area").expect("kept").f64(0), 0.5, "after a list");
+        assert_eq!(
+            file.element("face").expect("kept").column("area").expect("kept").f64(0),
+            0.5,
+            "after a list"
+        );
         assert_eq!(gaussian_ply::parse_points(bytes, "p.ply").expect("points"), expected, "points");
     }
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -287,14 +297,23 @@ fn scenes_convert_between_formats() {
     use lastlight::scene::convert::{convert, read_scene};
     let dir = tempfile::tempdir().expect("a temporary folder");
     let file = |n: &str| dir.path().join(n);
-    let record = gaussian_ply::GaussianRecord { quats: vec![[1.0, 0.5, -0.25, 0.125]; 5], ..samples::gaussians(2) };
+    let record =
+        gaussian_ply::GaussianRecord { quats: vec![[1.0, 0.5, -0.25, 0.125]; 5], ..samples::gaussians(2) };
     gaussian_ply::write(&file("a.ply"), &record).expect("writable");
     convert(&file("a.ply"), &file("b.PLY")).expect("same format");
-    assert_eq!(std::fs::read(file("a.ply")).unwrap(), std::fs::read(file("b.PLY")).unwrap(), "bytes and comments");
+    assert_eq!(
+        std::fs::read(file("a.ply")).unwrap(),
+        std::fs::read(file("b.PLY")).unwrap(),
+        "bytes and comments"
+    );
     let g = convert(&file("a.ply"), &file("c.npz")).expect("to arrays");
     convert(&file("c.npz"), &file("d.ply")).expect("and back");
     let back = read_scene(&file("d.ply")).expect("readable");
-    assert_eq!((&back.means, &back.sh, back.sh_degree), (&g.means, &g.sh, 2), "exact where nothing is activated");
+    assert_eq!(
+        (&back.means, &back.sh, back.sh_degree),
+        (&g.means, &g.sh, 2),
+        "exact where nothing is activated"
+    );
     for (x, y) in back.scales_log.as_flattened().iter().zip(g.scales_log.as_flattened()) {
         assert!((x - y).abs() <= 5e-7, "scales to rounding: {x} {y}");
     }

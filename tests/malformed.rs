@@ -4,10 +4,13 @@
 
 mod samples;
 
-use lastlight::io::{colmap, colmap_text, gaussian_ply, image_file, npz, ply, safetensors, splat_file, transforms};
+use lastlight::io::{
+    colmap, colmap_text, gaussian_ply, image_file, npz, ply, safetensors, splat_file, transforms,
+};
 use lastlight::scene::gaussians::Gaussians;
 use lastlight::{Error, Result};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 /// A reader that forgets what it read.
 type Reader = fn(&[u8], &str) -> Result<()>;
@@ -26,27 +29,48 @@ fn formats() -> Vec<Format> {
     let opencv = [20.0, 21.0, 8.0, 6.0, 0.01, 0.02, 0.003, 0.004];
     let scene: Reader = |b, n| Gaussians::from_record(gaussian_ply::parse(b, n)?, n).map(drop);
     let scene_arrays: Reader = |b, n| Gaussians::from_arrays(&npz::parse(b, n)?, n).map(drop);
-    let g = lastlight::scene::gaussians::Gaussians::from_record(samples::gaussians(1), "sample").expect("a good scene");
+    let g = lastlight::scene::gaussians::Gaussians::from_record(samples::gaussians(1), "sample")
+        .expect("a good scene");
     vec![
         f("stored.npz", |b, n| npz::parse(b, n).map(drop), samples::npz_file(npz::Packing::Stored), true),
         f("deflated.npz", |b, n| npz::parse(b, n).map(drop), samples::npz_file(npz::Packing::Deflated), true),
-        f("scene.npz", scene_arrays, npz::to_bytes(&g.to_arrays(), npz::Packing::Stored).expect("arrays fit"), true),
+        f(
+            "scene.npz",
+            scene_arrays,
+            npz::to_bytes(&g.to_arrays(), npz::Packing::Stored).expect("arrays fit"),
+            true,
+        ),
         f("one.npy", |b, n| npz::parse(b, n).map(drop), npy(), true),
         f("a.safetensors", |b, n| safetensors::parse(b, n).map(drop), samples::safetensors_file(), true),
         f("scene.ply", scene, gaussian_ply::to_bytes(&samples::gaussians(1)), true),
         // Without its last line break, or digit by digit, a text is still a text.
         f("ascii.ply", |b, n| gaussian_ply::parse_points(b, n).map(drop), samples::ply_ascii(), false),
         f("faces.ply", |b, n| ply::parse(b, n).map(drop), ply_faces(), true),
-        f("a.splat", |b, n| Gaussians::from_splats(&splat_file::parse(b, n)?, n).map(drop), samples::splat(), false),
+        f(
+            "a.splat",
+            |b, n| Gaussians::from_splats(&splat_file::parse(b, n)?, n).map(drop),
+            samples::splat(),
+            false,
+        ),
         f("a.png", |b, n| image_file::parse(b, n).map(drop), samples::png(16, 12, 3), true),
         f("a.jpg", |b, n| image_file::parse(b, n).map(drop), samples::jpeg(16, 12), true),
         f("a.hdr", |b, n| image_file::parse(b, n).map(drop), samples::hdr(16, 12), true),
         f("a.exr", |b, n| image_file::parse(b, n).map(drop), samples::exr(16, 12), true),
         f("transforms.json", |b, n| transforms::parse(b, n).map(drop), samples::transforms(3), true),
-        f("cameras.bin", |b, n| colmap::parse_cameras(b, n).map(drop), samples::cameras_bin(4, &opencv), true),
+        f(
+            "cameras.bin",
+            |b, n| colmap::parse_cameras(b, n).map(drop),
+            samples::cameras_bin(4, &opencv),
+            true,
+        ),
         f("images.bin", |b, n| colmap::parse_images(b, n).map(drop), samples::images_bin(3), true),
         f("points3D.bin", |b, n| colmap::parse_points(b, n).map(drop), samples::points_bin(), true),
-        f("cameras.txt", |b, n| colmap_text::parse_cameras(b, n).map(drop), samples::cameras_txt("RADIAL", "20 8 6 .1 .2"), false),
+        f(
+            "cameras.txt",
+            |b, n| colmap_text::parse_cameras(b, n).map(drop),
+            samples::cameras_txt("RADIAL", "20 8 6 .1 .2"),
+            false,
+        ),
         f("images.txt", |b, n| colmap_text::parse_images(b, n).map(drop), samples::images_txt(3), false),
         f("points3D.txt", |b, n| colmap_text::parse_points(b, n).map(drop), samples::points_txt(), false),
     ]
@@ -95,7 +119,9 @@ fn every_file_cut_at_every_length() {
             let outcome = (f.read)(&f.valid[..len], f.name);
             match outcome {
                 Err(e) => check(&e, f.name),
-                Ok(()) => assert!(!f.sealed, "{} cut to {len} of {} bytes was accepted", f.name, f.valid.len()),
+                Ok(()) => {
+                    assert!(!f.sealed, "{} cut to {len} of {} bytes was accepted", f.name, f.valid.len())
+                }
             }
         }
     }
@@ -110,7 +136,8 @@ fn every_file_with_a_tail() {
         let outcome = (f.read)(&long, f.name);
         match (f.name, outcome) {
             (_, Err(e)) => check(&e, f.name),
-            ("stored.npz" | "deflated.npz" | "scene.npz" | "a.png" | "a.jpg" | "a.hdr" | "a.exr", Ok(())) => {}
+            ("stored.npz" | "deflated.npz" | "scene.npz" | "a.png" | "a.jpg" | "a.hdr" | "a.exr", Ok(())) => {
+            }
             (_, Ok(())) => panic!("{} with a tail was accepted", f.name),
         }
     }
@@ -158,9 +185,17 @@ fn files_spoiled_by_hand() {
         ("scene.npz", npz_with("sh", &[5, 5, 3], 0.0), "array 'sh'"),
         // safetensors: header length, offsets, shapes.
         ("a.safetensors", splice(&valid("a.safetensors"), 0, &huge), "header length"),
-        ("a.safetensors", text(&valid("a.safetensors"), "\"shape\":[3]", "\"shape\":[4]"), "array 'f64', data_offsets: expected 32 bytes"),
+        (
+            "a.safetensors",
+            text(&valid("a.safetensors"), "\"shape\":[3]", "\"shape\":[4]"),
+            "array 'f64', data_offsets: expected 32 bytes",
+        ),
         ("a.safetensors", text(&valid("a.safetensors"), "\"F64\"", "\"F99\""), "header"),
-        ("a.safetensors", text(&valid("a.safetensors"), "\"data_offsets\":[0,", "\"data_offsets\":[8,"), "array 'f64', data_offsets"),
+        (
+            "a.safetensors",
+            text(&valid("a.safetensors"), "\"data_offsets\":[0,", "\"data_offsets\":[8,"),
+            "array 'f64', data_offsets",
+        ),
         // PLY: counts, types, rows, values.
         ("scene.ply", text(&valid("scene.ply"), "vertex 5", "vertex 6"), "element vertex"),
         ("scene.ply", text(&valid("scene.ply"), "vertex 5", "vertex 99999999999999"), "element vertex"),
@@ -169,15 +204,27 @@ fn files_spoiled_by_hand() {
         ("scene.ply", text(&valid("scene.ply"), "float f_rest_8", "float rest_8"), "f_rest_*"),
         ("scene.ply", text(&valid("scene.ply"), "float rot_0", "half rot_0"), "header, line"),
         ("scene.ply", text(&valid("scene.ply"), "float rot_0", "float x"), "once"),
-        ("scene.ply", splice(&valid("scene.ply"), end("scene.ply") + 4, &f32::NAN.to_le_bytes()), "row 0, property y"),
+        (
+            "scene.ply",
+            splice(&valid("scene.ply"), end("scene.ply") + 4, &f32::NAN.to_le_bytes()),
+            "row 0, property y",
+        ),
         ("ascii.ply", text(&valid("ascii.ply"), "0 1 2 10", "0 1 inf 10"), "row 0, property z"),
-        ("ascii.ply", text(&valid("ascii.ply"), "0 1 2 10", "0 1 2 256"), "line 14: element vertex, row 0, property red"),
+        (
+            "ascii.ply",
+            text(&valid("ascii.ply"), "0 1 2 10", "0 1 2 256"),
+            "line 14: element vertex, row 0, property red",
+        ),
         ("ascii.ply", text(&valid("ascii.ply"), "0 1 2 10 20 30", "0 1 2 10 20"), "line 14"),
         ("ascii.ply", text(&valid("ascii.ply"), "0 1 2 10 20 30", "0 1 2 10 20 30 40"), "line 14"),
         ("ascii.ply", text(&valid("ascii.ply"), "3 0 1 0", "1e9 0 1 0"), "line 16"),
         ("ascii.ply", text(&valid("ascii.ply"), "3 0 1 0", "4 0 1 0"), "line 16"),
         ("faces.ply", splice(&ply_faces(), end("faces.ply"), &[200]), "element face, row 0"),
-        ("faces.ply", b"ply\nformat ascii 1.0\nelement nothing 9999999999\nend_header\n".to_vec(), "element nothing"),
+        (
+            "faces.ply",
+            b"ply\nformat ascii 1.0\nelement nothing 9999999999\nend_header\n".to_vec(),
+            "element nothing",
+        ),
         // .splat
         ("a.splat", splice(&valid("a.splat"), 36, &f32::NAN.to_le_bytes()), "row 1 (byte 32), position"),
         ("a.splat", splice(&valid("a.splat"), 12, &(-1.0f32).to_le_bytes()), "row 0 (byte 0), scale"),
@@ -193,13 +240,25 @@ fn files_spoiled_by_hand() {
         // transforms.json
         ("transforms.json", text(&valid("transforms.json"), "\"w\":16", "\"w\":1e9"), "w: expected"),
         ("transforms.json", text(&valid("transforms.json"), "\"fl_x\":20.0", "\"fl_x\":\"20\""), "fl_x"),
-        ("transforms.json", text(&valid("transforms.json"), "images/0001.png", "../../0001.png"), "frames[1].file_path"),
-        ("transforms.json", text(&valid("transforms.json"), "[0,1,0,0]", "[0,0,0,0]"), "frames[0].transform_matrix"),
+        (
+            "transforms.json",
+            text(&valid("transforms.json"), "images/0001.png", "../../0001.png"),
+            "frames[1].file_path",
+        ),
+        (
+            "transforms.json",
+            text(&valid("transforms.json"), "[0,1,0,0]", "[0,0,0,0]"),
+            "frames[0].transform_matrix",
+        ),
         ("transforms.json", text(&valid("transforms.json"), "20.0", "NaN"), "line 1"),
         // COLMAP
         ("cameras.bin", splice(&valid("cameras.bin"), 0, &huge), "number of cameras"),
         ("cameras.bin", splice(&valid("cameras.bin"), 0, &many), "number of cameras"),
-        ("cameras.bin", splice(&valid("cameras.bin"), 12, &99i32.to_le_bytes()), "camera 0 of 1 (id 7), model"),
+        (
+            "cameras.bin",
+            splice(&valid("cameras.bin"), 12, &99i32.to_le_bytes()),
+            "camera 0 of 1 (id 7), model",
+        ),
         ("cameras.bin", splice(&valid("cameras.bin"), 16, &huge), "pixels a side"),
         ("cameras.bin", splice(&valid("cameras.bin"), 32, &nan64), "camera 0 of 1, parameter 0"),
         ("images.bin", splice(&valid("images.bin"), 0, &many), "number of images"),
@@ -240,7 +299,8 @@ fn npy_shape(shape: &str) -> Vec<u8> {
 /// The sample scene with one array replaced.
 fn npz_with(name: &str, shape: &[usize], value: f32) -> Vec<u8> {
     let g = Gaussians::from_record(samples::gaussians(1), "sample").expect("a good scene");
-    let n = shape.iter().fold(1, |n, d| n * d);
+    let mut n = 1;
+    shape.iter().for_each(|d| n *= d);
     npz::to_bytes(&g.to_arrays().with(name, shape, vec![value; n]), npz::Packing::Stored).expect("arrays fit")
 }
 
@@ -273,7 +333,9 @@ fn jpeg_size(w: u16, h: u16) -> Vec<u8> {
 fn exr_nan() -> Vec<u8> {
     use exr::prelude::*;
     let mut out = std::io::Cursor::new(Vec::new());
-    let channels = SpecificChannels::rgb(|p: Vec2<usize>| (1.0f32, if p == Vec2(1, 0) { f32::NAN } else { 0.0 }, 0.5f32));
+    let channels = SpecificChannels::rgb(|p: Vec2<usize>| {
+        (1.0f32, if p == Vec2(1, 0) { f32::NAN } else { 0.0 }, 0.5f32)
+    });
     Image::from_channels((16, 12), channels).write().non_parallel().to_buffered(&mut out).expect("a picture");
     out.into_inner()
 }
@@ -377,7 +439,11 @@ fn mutate(bytes: &mut Vec<u8>, m: &Mutation, all: &[Format]) {
         }
         Mutation::Byte { at, value } => bytes[at % n] = value,
         Mutation::Integer { at, value, width, big } => {
-            let raw = if big { value.to_be_bytes()[8 - width..].to_vec() } else { value.to_le_bytes()[..width].to_vec() };
+            let raw = if big {
+                value.to_be_bytes()[8 - width..].to_vec()
+            } else {
+                value.to_le_bytes()[..width].to_vec()
+            };
             for (i, b) in raw.into_iter().enumerate() {
                 let k = at % n + i;
                 if k < n {
@@ -387,7 +453,9 @@ fn mutate(bytes: &mut Vec<u8>, m: &Mutation, all: &[Format]) {
         }
         Mutation::Digits { at, value } => {
             // The next number written in text becomes another one.
-            let Some(start) = (0..n).map(|i| (at % n + i) % n).find(|&i| bytes[i].is_ascii_digit()) else { return };
+            let Some(start) = (0..n).map(|i| (at % n + i) % n).find(|&i| bytes[i].is_ascii_digit()) else {
+                return;
+            };
             let len = bytes[start..].iter().take_while(|b| b.is_ascii_digit()).count();
             bytes.splice(start..start + len, value.to_string().into_bytes());
         }
@@ -407,7 +475,8 @@ const ALLOWANCE: u64 = 1 << 30;
 fn within_memory() {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return };
     let line = status.lines().find(|l| l.starts_with("VmPeak:")).expect("Linux states the peak");
-    let kib: u64 = line.split_ascii_whitespace().nth(1).and_then(|w| w.parse().ok()).expect("a number of KiB");
+    let kib: u64 =
+        line.split_ascii_whitespace().nth(1).and_then(|w| w.parse().ok()).expect("a number of KiB");
     assert!(kib * 1024 <= ALLOWANCE, "{kib} KiB reserved");
 }
 
@@ -417,7 +486,7 @@ fn cases() -> u32 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: cases(), failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: cases(), failure_persistence: None, rng_seed: RngSeed::Fixed(2), ..ProptestConfig::default() })]
 
     #[test]
     fn mutated_bytes_never_panic(mutations in prop::collection::vec(mutation(), 1..5)) {

@@ -39,7 +39,7 @@ pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>)
 /// Writes bytes already made.
 ///
 /// # Errors
-/// See [`write`].
+/// See [`write()`].
 pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write(path, |w| w.write_all(bytes))
 }

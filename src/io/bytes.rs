@@ -75,16 +75,23 @@ impl<'a> Cursor<'a> {
             self.at -= 8;
             return Err(self
                 .error(what)
-                .expected(format!("at most {fits} records of {size} bytes or more, as the file's length allows"))
+                .expected(format!(
+                    "at most {fits} records of {size} bytes or more, as the file's length allows"
+                ))
                 .got(n.to_string()));
         }
-        usize::try_from(n).map_err(|_| self.error(what).expected("a number of records this machine can hold").got(n.to_string()))
+        usize::try_from(n).map_err(|_| {
+            self.error(what).expected("a number of records this machine can hold").got(n.to_string())
+        })
     }
 
     /// The end of the file.
     pub(super) fn end(&self) -> Result<()> {
         if self.left() > 0 {
-            return Err(self.error(format_args!("end")).expected("the end of the file").got(format!("{} more bytes", self.left())));
+            return Err(self
+                .error(format_args!("end"))
+                .expected("the end of the file")
+                .got(format!("{} more bytes", self.left())));
         }
         Ok(())
     }

@@ -81,7 +81,8 @@ pub enum Lens {
 
 impl Lens {
     /// A lens without distortion.
-    pub const PINHOLE: Self = Self::Perspective { numerator: [0.0; 4], denominator: [0.0; 3], tangential: [0.0; 2] };
+    pub const PINHOLE: Self =
+        Self::Perspective { numerator: [0.0; 4], denominator: [0.0; 3], tangential: [0.0; 2] };
 
     /// Whether every coefficient is zero.
     pub fn is_ideal(&self) -> bool {
@@ -262,7 +263,8 @@ pub(super) fn nearest_rotation(m: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3
         for j in 0..3 {
             let dot = m[0][i] * m[0][j] + m[1][i] * m[1][j] + m[2][i] * m[2][j];
             let off = (dot - if i == j { 1.0 } else { 0.0 }).abs();
-            if !(off <= 1e-3) {
+            // A NaN is in no range.
+            if !(0.0..=1e-3).contains(&off) {
                 return Err(format!("columns {i} and {j} with product {dot}"));
             }
         }
@@ -271,7 +273,7 @@ pub(super) fn nearest_rotation(m: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3
     for _ in 0..5 {
         let c = cofactors(&r);
         let det = r[0][0] * c[0][0] + r[0][1] * c[0][1] + r[0][2] * c[0][2];
-        if !(det > 0.0) {
+        if !(f64::MIN_POSITIVE..).contains(&det) {
             return Err(format!("a reflection (determinant {det})"));
         }
         for i in 0..3 {

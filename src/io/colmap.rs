@@ -71,7 +71,8 @@ pub(super) struct Model {
 pub(super) fn find(path: &Path) -> Option<Model> {
     // Folder of the model, and of the capture around it.
     let inside = [("sparse/0", ""), ("sparse", ""), ("dense/0/sparse", "dense/0"), ("dense/sparse", "dense")];
-    let mut places: Vec<(PathBuf, PathBuf)> = inside.iter().map(|(m, r)| (path.join(m), path.join(r))).collect();
+    let mut places: Vec<(PathBuf, PathBuf)> =
+        inside.iter().map(|(m, r)| (path.join(m), path.join(r))).collect();
     // The path may be the model itself: the pictures are beside it, or one or two levels up.
     let around = ["", "..", "../.."].map(|r| path.join(r)).into_iter().find(|r| r.join("images").is_dir());
     places.push((path.to_path_buf(), around.unwrap_or_else(|| path.to_path_buf())));
@@ -107,7 +108,8 @@ pub(super) fn read_model(model: &Model) -> Result<Capture> {
     for (frame, image) in frames.iter_mut().zip(&images) {
         frame.image = locate(&model.images, &frame.name).ok_or_else(|| {
             let e = Error::input(image_name.clone()).at(format!("image {}", image.id));
-            e.expected(format!("a file in {}", model.images.display())).got(format!("'{}', which is not there", frame.name))
+            e.expected(format!("a file in {}", model.images.display()))
+                .got(format!("'{}', which is not there", frame.name))
         })?;
         let stem = Path::new(&frame.name).with_extension("");
         frame.mask = [format!("{}.png", frame.name), format!("{}.png", stem.display()), frame.name.clone()]
@@ -127,10 +129,13 @@ pub fn frames(cameras: &BTreeMap<u32, Camera>, images: &[Image], name: &str) -> 
     for image in images {
         let place = || Error::input(name).at(format!("image {}", image.id));
         let Some(camera) = cameras.get(&image.camera) else {
-            return Err(place().expected("the id of a camera in the cameras file").got(image.camera.to_string()));
+            return Err(place()
+                .expected("the id of a camera in the cameras file")
+                .got(image.camera.to_string()));
         };
-        let path = clean(&image.name)
-            .map_err(|why| place().expected("a path inside the folder of pictures").got(format!("'{}', {why}", image.name)))?;
+        let path = clean(&image.name).map_err(|why| {
+            place().expected("a path inside the folder of pictures").got(format!("'{}', {why}", image.name))
+        })?;
         out.push(Frame {
             name: path.clone(),
             image: PathBuf::from(path),
@@ -169,9 +174,11 @@ pub(super) fn camera(model: usize, size: [u64; 2], p: &[f64], at: &dyn Fn() -> E
     }
     let side = image_file::MAX_SIDE as u64;
     if size.iter().any(|&s| s == 0 || s > side) {
-        return Err(at().expected(format!("1 to {side} pixels a side")).got(format!("{}x{}", size[0], size[1])));
+        return Err(at()
+            .expected(format!("1 to {side} pixels a side"))
+            .got(format!("{}x{}", size[0], size[1])));
     }
-    if let Some(x) = p.iter().find(|x| !(x.abs() < 1e9)) {
+    if let Some(x) = p.iter().find(|x| !(-1e9..=1e9).contains(*x)) {
         return Err(at().expected("finite parameters").got(x.to_string()));
     }
     let perspective = |k: &[f64], d: [f64; 3], t: [f64; 2]| {
@@ -184,7 +191,10 @@ pub(super) fn camera(model: usize, size: [u64; 2], p: &[f64], at: &dyn Fn() -> E
         all[..k.len()].copy_from_slice(k);
         Lens::Fisheye { k: all }
     };
-    let one = matches!(name, "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE");
+    let one = matches!(
+        name,
+        "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE"
+    );
     let (focal, rest) = if one { ([p[0], p[0]], &p[1..]) } else { ([p[0], p[1]], &p[2..]) };
     if !(focal[0] > 0.0 && focal[1] > 0.0) {
         return Err(at().expected("positive focal lengths").got(format!("{focal:?}")));
@@ -203,11 +213,11 @@ pub(super) fn camera(model: usize, size: [u64; 2], p: &[f64], at: &dyn Fn() -> E
 
 /// Checks a pose; errors are placed by the caller.
 pub(super) fn check_pose(q: &[f64], t: &[f64], at: &dyn Fn() -> Error) -> Result<()> {
-    if let Some(x) = q.iter().chain(t).find(|x| !(x.abs() < 1e15)) {
+    if let Some(x) = q.iter().chain(t).find(|x| !(-1e15..=1e15).contains(*x)) {
         return Err(at().expected("a finite pose").got(x.to_string()));
     }
     let n = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    if !(n > 1e-12) {
+    if !(1e-12..).contains(&n) {
         return Err(at().expected("a quaternion other than zero").got(format!("{q:?}")));
     }
     Ok(())
@@ -228,7 +238,10 @@ pub fn parse_cameras(bytes: &[u8], name: &str) -> Result<BTreeMap<u32, Camera>> 
             let e = Error::input(name).at(format!("camera {i} of {n} (id {id}), model"));
             return Err(e.expected(format!("an id from 0 to {}", MODELS.len() - 1)).got(model.to_string()));
         };
-        let size = [c.u64(format_args!("camera {i} of {n}, width"))?, c.u64(format_args!("camera {i} of {n}, height"))?];
+        let size = [
+            c.u64(format_args!("camera {i} of {n}, width"))?,
+            c.u64(format_args!("camera {i} of {n}, height"))?,
+        ];
         let mut p = Vec::with_capacity(MODELS[model].1);
         for j in 0..MODELS[model].1 {
             p.push(c.f64(format_args!("camera {i} of {n}, parameter {j}"))?);
@@ -265,10 +278,15 @@ pub fn parse_images(bytes: &[u8], name: &str) -> Result<Vec<Image>> {
             match c.array::<1>(format_args!("image {i} of {n}, name"))? {
                 [0] => break,
                 [b] if text.len() < MAX_NAME => text.push(b),
-                _ => return Err(at().expected(format!("a name of at most {MAX_NAME} bytes")).got("a longer one")),
+                _ => {
+                    return Err(at()
+                        .expected(format!("a name of at most {MAX_NAME} bytes"))
+                        .got("a longer one"));
+                }
             }
         }
-        let text = String::from_utf8(text).map_err(|_| at().expected("a name in UTF-8").got("other bytes"))?;
+        let text =
+            String::from_utf8(text).map_err(|_| at().expected("a name in UTF-8").got("other bytes"))?;
         let points = c.count(24, format_args!("image {i} of {n}, number of observations"))?;
         c.take(points * 24, format_args!("image {i} of {n}, observations"))?;
         out.push(Image { id, rotation: [w, x, y, z], translation: [tx, ty, tz], camera, name: text });

@@ -54,7 +54,11 @@ impl<'a> Fields<'a> {
 
     fn number(&mut self, field: &str) -> Result<f64> {
         let x: f64 = self.parse(field, "a number")?;
-        if x.is_finite() { Ok(x) } else { Err(self.error(field).expected("a finite number").got(x.to_string())) }
+        if x.is_finite() {
+            Ok(x)
+        } else {
+            Err(self.error(field).expected("a finite number").got(x.to_string()))
+        }
     }
 
     fn done(&self) -> bool {
@@ -117,7 +121,8 @@ pub fn parse_images(bytes: &[u8], name: &str) -> Result<Vec<Image>> {
         if text.is_empty() {
             return Err(f.error("name").expected("a picture name").got("the end of the line"));
         }
-        let image = Image { id, rotation: [w, x, y, z], translation: [tx, ty, tz], camera, name: text.to_owned() };
+        let image =
+            Image { id, rotation: [w, x, y, z], translation: [tx, ty, tz], camera, name: text.to_owned() };
         out.push(image);
         let Some((number, line)) = all.next() else { break };
         let mut f = Fields::new(line, number, name);

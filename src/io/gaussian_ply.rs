@@ -161,7 +161,15 @@ pub fn gaussians(ply: &Ply, name: &str) -> Result<GaussianRecord> {
             }
         }
     }
-    Ok(GaussianRecord { means, quats, scales_log, opacity_logits, sh, sh_degree, comments: ply.comments.clone() })
+    Ok(GaussianRecord {
+        means,
+        quats,
+        scales_log,
+        opacity_logits,
+        sh,
+        sh_degree,
+        comments: ply.comments.clone(),
+    })
 }
 
 /// The points in a file already read.

@@ -4,8 +4,8 @@ use super::guard;
 use super::image_file::{Encoding, Picture, Samples, check_size};
 use crate::{Error, Result};
 use exr::prelude::{
-    AnyChannel, AnyChannels, Blocks, Compression, Encoding as ExrEncoding, FlatSamples, Image, Layer, LayerAttributes, LineOrder,
-    MetaData, ReadChannels, ReadLayers, Vec2, WritableImage, read,
+    AnyChannel, AnyChannels, Blocks, Compression, Encoding as ExrEncoding, FlatSamples, Image, Layer,
+    LayerAttributes, LineOrder, MetaData, ReadChannels, ReadLayers, Vec2, WritableImage, read,
 };
 use std::io::Cursor;
 
@@ -14,8 +14,9 @@ const MAX_CHANNELS: usize = 64;
 
 /// The first layer of a file: R G B (A) in that order if they are there and all there is, else by name.
 pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
-    let broken =
-        |at: &str, e: exr::error::Error| Error::input(name).at(at).expected("a complete OpenEXR picture").got(e.to_string());
+    let broken = |at: &str, e: exr::error::Error| {
+        Error::input(name).at(at).expected("a complete OpenEXR picture").got(e.to_string())
+    };
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| broken("header", e))?;
     let header = meta
         .headers
@@ -28,9 +29,19 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     }
     // Every layer is decoded to find the first, and ZIP shrinks a two-byte sample by at most 1032.
     for h in &meta.headers {
-        check_size(h.layer_size.x() as u64, h.layer_size.y() as u64, bytes.len(), 520, name)?;
+        let channels = crate::num::order::max(h.channels.list.len(), 1) as u64;
+        check_size(
+            h.layer_size.x() as u64,
+            h.layer_size.y() as u64,
+            bytes.len(),
+            520_u64.div_ceil(channels),
+            name,
+        )?;
         if let Some(c) = h.channels.list.iter().find(|c| c.sampling != Vec2(1, 1)) {
-            return Err(Error::input(name).at(format!("channel {}", c.name)).expected("one sample per pixel").got("fewer"));
+            return Err(Error::input(name)
+                .at(format!("channel {}", c.name))
+                .expected("one sample per pixel")
+                .got("fewer"));
         }
     }
     let image = read()
@@ -79,7 +90,9 @@ pub(super) fn to_bytes(width: usize, height: usize, channels: &[&str], data: &[f
     let n = channels.len();
     if n == 0 || n > MAX_CHANNELS || data.len() != width * height * n {
         let got = format!("{} values for {height}x{width}x{n}", data.len());
-        return Err(Error::input(what).expected(format!("1 to {MAX_CHANNELS} channels and H·W·C values")).got(got));
+        return Err(Error::input(what)
+            .expected(format!("1 to {MAX_CHANNELS} channels and H·W·C values"))
+            .got(got));
     }
     if let Some(i) = data.iter().position(|x| !x.is_finite()) {
         let (pixel, c) = (i / n, i % n);
@@ -97,9 +110,13 @@ pub(super) fn to_bytes(width: usize, height: usize, channels: &[&str], data: &[f
                 AnyChannel::new(name, FlatSamples::F32(plane))
             })
             .collect();
-        let encoding =
-            ExrEncoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing };
-        let layer = Layer::new((width, height), LayerAttributes::default(), encoding, AnyChannels::sort(list));
+        let encoding = ExrEncoding {
+            compression: Compression::ZIP16,
+            blocks: Blocks::ScanLines,
+            line_order: LineOrder::Increasing,
+        };
+        let layer =
+            Layer::new((width, height), LayerAttributes::default(), encoding, AnyChannels::sort(list));
         let mut out = Cursor::new(Vec::new());
         Image::from_layer(layer)
             .write()

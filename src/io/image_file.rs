@@ -16,6 +16,9 @@ use std::path::Path;
 /// Largest picture side that is read, in pixels.
 pub const MAX_SIDE: usize = 16_384;
 
+/// Most bytes a decoder may allocate for what is not the picture.
+const MAX_SIDE_DATA: u64 = 64 << 20;
+
 /// What the numbers of a picture mean.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
@@ -81,13 +84,19 @@ pub fn read(path: &Path) -> Result<Picture> {
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
-    let broken = |e: image::ImageError| Error::input(name).at("picture data").expected("a complete picture").got(e.to_string());
+    let broken = |e: image::ImageError| {
+        Error::input(name).at("picture data").expected("a complete picture").got(e.to_string())
+    };
     guard(name, || {
         if start.starts_with(b"\x89PNG\r\n\x1a\n") {
             png_complete(bytes, name)?;
-            // Deflate shrinks by at most 1032; a pixel of a one-bit picture is an eighth of a byte.
-            let d = PngDecoder::new(Cursor::new(bytes)).map_err(broken)?;
-            return decode(d, bytes.len(), 1040 * 8, name);
+            // Profiles and texts may be packed too.
+            let mut limits = image::Limits::default();
+            limits.max_alloc = Some(MAX_SIDE_DATA);
+            let d = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?;
+            // Deflate shrinks by at most 1032.
+            let bits = u64::from(d.original_color_type().bits_per_pixel());
+            return decode(d, bytes.len(), 1040 * 8 / crate::num::order::max(bits, 1), name);
         }
         if start.starts_with(b"\xff\xd8\xff") {
             jpeg_complete(bytes, name)?;
@@ -104,7 +113,10 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
             return image_exr::parse(bytes, name);
         }
         let got = if start.is_empty() { "an empty file".into() } else { format!("bytes {start:02x?}") };
-        Err(Error::input(name).at("byte 0").expected("the start of a PNG, JPEG, Radiance HDR or OpenEXR file").got(got))
+        Err(Error::input(name)
+            .at("byte 0")
+            .expected("the start of a PNG, JPEG, Radiance HDR or OpenEXR file")
+            .got(got))
     })
 }
 
@@ -127,8 +139,9 @@ fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) 
     check_size(u64::from(w), u64::from(h), bytes, pixels_per_byte, name)?;
     let color = d.color_type();
     let mut raw = vec![0; (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel())];
-    d.read_image(&mut raw)
-        .map_err(|e| Error::input(name).at("picture data").expected("a complete picture").got(e.to_string()))?;
+    d.read_image(&mut raw).map_err(|e| {
+        Error::input(name).at("picture data").expected("a complete picture").got(e.to_string())
+    })?;
     // `image` returns native-endian words.
     let words = || raw.chunks_exact(2).map(|c| u16::from_ne_bytes([c[0], c[1]])).collect();
     let (channels, samples): (&[&str], Samples) = match color {
@@ -159,7 +172,10 @@ fn png_complete(bytes: &[u8], name: &str) -> Result<()> {
     let mut at = 8;
     loop {
         let Some(head) = bytes.get(at..at + 8) else {
-            return Err(Error::input(name).at(format!("byte {at}: PNG chunk")).expected("an IEND chunk").got("the end of the file"));
+            return Err(Error::input(name)
+                .at(format!("byte {at}: PNG chunk"))
+                .expected("an IEND chunk")
+                .got("the end of the file"));
         };
         let len = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
         let left = bytes.len() - at;
@@ -201,7 +217,9 @@ fn jpeg_complete(bytes: &[u8], name: &str) -> Result<()> {
                     let next = data.windows(2).position(|w| w[0] == 0xff && !matches!(w[1], 0 | 0xd0..=0xd7));
                     match next {
                         Some(n) => at += n,
-                        None => return fail(bytes.len(), "an end-of-image marker", "the end of the file".into()),
+                        None => {
+                            return fail(bytes.len(), "an end-of-image marker", "the end of the file".into());
+                        }
                     }
                 }
             }

@@ -12,7 +12,7 @@
 //! for the file in errors. A reader checks every declared size against the bytes there are **before** it allocates,
 //! so memory is bounded by a small multiple of the file; a decoder of another crate runs inside [`guard`], which turns
 //! its panic into an [`Error`]. Errors name the file, the place in it, what was expected and what was there.
-//! Writers give the same bytes for the same record on every machine and go through [`atomic::write`].
+//! Writers give the same bytes for the same record on every machine and go through [`atomic::write()`].
 
 pub mod atomic;
 mod bytes;
@@ -48,7 +48,10 @@ pub const MAX_SMALL_FILE_BYTES: u64 = 1 << 30;
 pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let os = |e| Error::os(path, &e);
     let too_long = |len: u64| {
-        Error::input(path.display().to_string()).at("file size").expected(format!("at most {limit} bytes")).got(len.to_string())
+        Error::input(path.display().to_string())
+            .at("file size")
+            .expected(format!("at most {limit} bytes"))
+            .got(len.to_string())
     };
     let meta = std::fs::metadata(path).map_err(os)?;
     if !meta.is_file() {
@@ -95,7 +98,10 @@ pub fn guard<T>(name: &str, f: impl FnOnce() -> Result<T>) -> Result<T> {
             .map(String::as_str)
             .or_else(|| panic.downcast_ref::<&str>().copied())
             .unwrap_or("no message");
-        Err(Error::input(name).at("inside the decoder").expected("a well-formed file").got(format!("a panic: {text}")))
+        Err(Error::input(name)
+            .at("inside the decoder")
+            .expected("a well-formed file")
+            .got(format!("a panic: {text}")))
     })
 }
 
@@ -118,10 +124,16 @@ mod tests {
     #[test]
     fn folders_and_long_files_are_refused() {
         let dir = tempfile::tempdir().expect("a temporary folder");
-        assert!(read_bytes(dir.path(), 10).expect_err("a folder").to_string().contains("a folder"), "says what it is");
+        assert!(
+            read_bytes(dir.path(), 10).expect_err("a folder").to_string().contains("a folder"),
+            "says what it is"
+        );
         let file = dir.path().join("a");
         std::fs::write(&file, [0; 11]).expect("a small file");
-        assert!(read_bytes(&file, 10).expect_err("too long").to_string().contains("at most 10 bytes"), "says the bound");
+        assert!(
+            read_bytes(&file, 10).expect_err("too long").to_string().contains("at most 10 bytes"),
+            "says the bound"
+        );
         assert_eq!(read_bytes(&file, 11).expect("fits").len(), 11, "whole file");
     }
 }

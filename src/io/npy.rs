@@ -33,7 +33,8 @@ impl Header {
 
 /// Bytes before the header text, from the first twelve bytes of the file, and the length of the text.
 pub(super) fn prefix(start: &[u8], name: &str) -> Result<(usize, usize)> {
-    let wrong = |at: &str, expected: &str, got: String| Err(Error::input(name).at(at).expected(expected).got(got));
+    let wrong =
+        |at: &str, expected: &str, got: String| Err(Error::input(name).at(at).expected(expected).got(got));
     if start.len() < 10 {
         return wrong("byte 0: npy header", "at least 10 bytes", format!("{}", start.len()));
     }
@@ -81,7 +82,8 @@ pub(super) fn header(text: &[u8], name: &str) -> Result<Header> {
         }
     }
     p.eat(b'}')?;
-    let missing = |key: &str| Error::input(name).at("npy header").expected(format!("key '{key}'")).got(text.trim());
+    let missing =
+        |key: &str| Error::input(name).at("npy header").expected(format!("key '{key}'")).got(text.trim());
     let descr = descr.ok_or_else(|| missing("descr"))?;
     let fortran = fortran.ok_or_else(|| missing("fortran_order"))?;
     let shape = shape.ok_or_else(|| missing("shape"))?;
@@ -113,7 +115,8 @@ fn checked(descr: &str, fortran: bool, shape: &[u64], name: &str) -> Result<Head
         _ => return Err(unsupported()),
     };
     // Zero-sized dimensions do not excuse overflow of the others.
-    let bytes = shape.iter().try_fold(size as u64, |n, &d| n.checked_mul(order::max(d, 1))).filter(|&n| n <= 1 << 46);
+    let bytes =
+        shape.iter().try_fold(size as u64, |n, &d| n.checked_mul(order::max(d, 1))).filter(|&n| n <= 1 << 46);
     let fits = bytes.is_some() && shape.iter().all(|&d| usize::try_from(d).is_ok());
     if !fits || shape.len() > MAX_RANK {
         return Err(Error::input(name)
@@ -146,7 +149,10 @@ pub(super) fn decode(h: &Header, data: &[u8], name: &str) -> Result<Array> {
     Ok(match (h.kind, h.size) {
         (b'b', _) => {
             if let Some(i) = data.iter().position(|&b| b > 1) {
-                return Err(Error::input(name).at(format!("element {i}")).expected("a bool, 0 or 1").got(data[i].to_string()));
+                return Err(Error::input(name)
+                    .at(format!("element {i}"))
+                    .expected("a bool, 0 or 1")
+                    .got(data[i].to_string()));
             }
             values!(u8, 1 => |x| x)
         }
@@ -163,7 +169,10 @@ pub(super) fn decode(h: &Header, data: &[u8], name: &str) -> Result<Array> {
         _ => {
             let high = if h.big_endian { 0 } else { 7 };
             if let Some(i) = data.chunks_exact(8).position(|c| c[high] > 127) {
-                return Err(Error::input(name).at(format!("element {i}")).expected("an integer below 2^63").got("a larger one"));
+                return Err(Error::input(name)
+                    .at(format!("element {i}"))
+                    .expected("an integer below 2^63")
+                    .got("a larger one"));
             }
             values!(u64, 8 => |x| x as i64)
         }
@@ -174,7 +183,8 @@ fn ordered<T: Element>(h: &Header, values: Vec<T>) -> Array {
     if !h.fortran {
         return Array::new(&h.shape, values);
     }
-    let a = ArrayD::from_shape_vec(IxDyn(&h.shape).f(), values).expect("the length was checked against the shape");
+    let a = ArrayD::from_shape_vec(IxDyn(&h.shape).f(), values)
+        .expect("the length was checked against the shape");
     T::wrap(a.as_standard_layout().into_owned())
 }
 
@@ -219,7 +229,7 @@ pub(super) fn to_bytes(a: &Array) -> Vec<u8> {
     let comma = if dims.len() == 1 { "," } else { "" };
     let mut text =
         format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({}{comma}), }}", dims.join(", "));
-    while (10 + text.len() + 1) % 64 != 0 {
+    while !(10 + text.len() + 1).is_multiple_of(64) {
         text.push(' ');
     }
     text.push('\n');
@@ -363,7 +373,11 @@ mod tests {
         let text = b"{'descr': '>i2', 'fortran_order': True, 'shape': (2, 3), }";
         let h = header(text, "a").expect("valid");
         let data: Vec<u8> = [1i16, 4, 2, 5, 3, 6].iter().flat_map(|x| x.to_be_bytes()).collect();
-        assert_eq!(decode(&h, &data, "a").expect("valid"), Array::new(&[2, 3], vec![1i32, 2, 3, 4, 5, 6]), "row-major");
+        assert_eq!(
+            decode(&h, &data, "a").expect("valid"),
+            Array::new(&[2, 3], vec![1i32, 2, 3, 4, 5, 6]),
+            "row-major"
+        );
     }
 
     #[test]

@@ -79,7 +79,10 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Arrays> {
             let (declared, packed) = (member.size(), member.compressed_size());
             let array = read_member(&mut member, declared, packed, name).map_err(|e| e.at(place))?;
             if out.0.insert(key.clone(), array).is_some() {
-                return Err(Error::input(name).at(format!("array '{key}'")).expected("one member").got("two"));
+                return Err(Error::input(name)
+                    .at(format!("array '{key}'"))
+                    .expected("one member")
+                    .got("two"));
             }
         }
         Ok(())
@@ -87,13 +90,21 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Arrays> {
     Ok(out)
 }
 
-fn read_member(member: &mut dyn Read, declared: u64, packed: u64, name: &str) -> Result<crate::num::array::Array> {
+fn read_member(
+    member: &mut dyn Read,
+    declared: u64,
+    packed: u64,
+    name: &str,
+) -> Result<crate::num::array::Array> {
     let corrupt = |e: std::io::Error| Error::input(name).expected("data that unpack").got(e.to_string());
     let mut exact = |n: u64, at_most: bool| -> Result<Vec<u8>> {
         let mut buffer = Vec::new();
         member.take(n).read_to_end(&mut buffer).map_err(corrupt)?;
         if !at_most && (buffer.len() as u64) < n {
-            return Err(Error::input(name).at("npy header").expected(format!("{n} bytes")).got(buffer.len().to_string()));
+            return Err(Error::input(name)
+                .at("npy header")
+                .expected(format!("{n} bytes"))
+                .got(buffer.len().to_string()));
         }
         Ok(buffer)
     };
@@ -121,7 +132,9 @@ fn read_member(member: &mut dyn Read, declared: u64, packed: u64, name: &str) ->
 /// # Errors
 /// When a name is longer than a zip archive can hold.
 pub fn to_bytes(arrays: &Arrays, packing: Packing) -> Result<Vec<u8>> {
-    let failed = |e: &dyn std::fmt::Display| Error::input("npz").expected("arrays that a zip archive can hold").got(e.to_string());
+    let failed = |e: &dyn std::fmt::Display| {
+        Error::input("npz").expected("arrays that a zip archive can hold").got(e.to_string())
+    };
     let mut w = zip::ZipWriter::new(std::io::Cursor::new(Vec::new()));
     for (key, array) in &arrays.0 {
         let npy = npy::to_bytes(array);
@@ -132,7 +145,9 @@ pub fn to_bytes(arrays: &Arrays, packing: Packing) -> Result<Vec<u8>> {
             .large_file(npy.len() as u64 >= u64::from(u32::MAX));
         let options = match packing {
             Packing::Stored => options.compression_method(CompressionMethod::Stored),
-            Packing::Deflated => options.compression_method(CompressionMethod::Deflated).compression_level(Some(6)),
+            Packing::Deflated => {
+                options.compression_method(CompressionMethod::Deflated).compression_level(Some(6))
+            }
         };
         w.start_file(format!("{key}.npy"), options).map_err(|e| failed(&e))?;
         w.write_all(&npy).map_err(|e| failed(&e))?;

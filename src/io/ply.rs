@@ -291,7 +291,8 @@ fn header(bytes: &[u8], name: &str) -> Result<(Ply, Vec<Declared>, usize, usize)
                     return Err(fail("an element before its properties", line));
                 };
                 let kind = |word: &str| {
-                    Type::parse(word).ok_or_else(|| fail("char, uchar, short, ushort, int, uint, float or double", word))
+                    Type::parse(word)
+                        .ok_or_else(|| fail("char, uchar, short, ushort, int, uint, float or double", word))
                 };
                 let (property, property_name) = match rest {
                     ["list", count, item, n] => {
@@ -313,7 +314,8 @@ fn header(bytes: &[u8], name: &str) -> Result<(Ply, Vec<Declared>, usize, usize)
             _ => return Err(fail("format, comment, obj_info, element, property or end_header", line)),
         }
     }
-    ply.format = format.ok_or_else(|| Error::input(name).at("header").expected("a 'format' line").got("none"))?;
+    ply.format =
+        format.ok_or_else(|| Error::input(name).at("header").expected("a 'format' line").got("none"))?;
     Ok((ply, declared, at, line_number))
 }
 
@@ -328,7 +330,9 @@ fn check_size(d: &Declared, format: Format, left: usize, name: &str) -> Result<(
     if d.element.rows > fits {
         return Err(Error::input(name)
             .at(format!("element {}", d.element.name))
-            .expected(format!("at most {fits} rows of {least} bytes or more in the {left} bytes after the header"))
+            .expected(format!(
+                "at most {fits} rows of {least} bytes or more in the {left} bytes after the header"
+            ))
             .got(d.element.rows.to_string()));
     }
     Ok(())
@@ -385,11 +389,14 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
             line_number += 1;
             let fail = |property: &str, expected: &str, got: &str| {
                 let got: String = got.chars().take(80).collect();
-                let e = Error::input(name).at(format!("line {line_number}: element {element}, row {row}{property}"));
+                let e = Error::input(name)
+                    .at(format!("line {line_number}: element {element}, row {row}{property}"));
                 e.expected(expected).got(got)
             };
             let Some(line) = lines.next() else { return Err(fail("", "a row", "the end of the file")) };
-            let Ok(line) = std::str::from_utf8(line) else { return Err(fail("", "text", "bytes that are not UTF-8")) };
+            let Ok(line) = std::str::from_utf8(line) else {
+                return Err(fail("", "text", "bytes that are not UTF-8"));
+            };
             let mut words = line.split_ascii_whitespace();
             let mut columns = d.element.columns.iter_mut();
             for (property, kind) in &d.properties {
@@ -424,7 +431,10 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
         line_number += 1;
         if !line.iter().all(u8::is_ascii_whitespace) {
             let got: String = String::from_utf8_lossy(line).chars().take(80).collect();
-            return Err(Error::input(name).at(format!("line {line_number}")).expected("the end of the file").got(got));
+            return Err(Error::input(name)
+                .at(format!("line {line_number}"))
+                .expected("the end of the file")
+                .got(got));
         }
     }
     Ok(())

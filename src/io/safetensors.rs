@@ -37,7 +37,10 @@ pub fn read(path: &Path) -> Result<Tensors> {
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Tensors> {
     if bytes.len() < 8 {
-        return Err(Error::input(name).at("byte 0: header length").expected("8 bytes").got(bytes.len().to_string()));
+        return Err(Error::input(name)
+            .at("byte 0: header length")
+            .expected("8 bytes")
+            .got(bytes.len().to_string()));
     }
     let mut c = super::bytes::Cursor::new(bytes, name);
     let header = c.u64(format_args!("header length"))?;
@@ -55,7 +58,8 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Tensors> {
         let metadata = meta.metadata().clone().unwrap_or_default().into_iter().collect();
         let mut arrays = Arrays::new();
         for (key, view) in tensors.iter() {
-            let array = decode(view.dtype(), view.shape(), view.data(), name).map_err(|e| e.at(format!("array '{key}'")))?;
+            let array = decode(view.dtype(), view.shape(), view.data(), name)
+                .map_err(|e| e.at(format!("array '{key}'")))?;
             arrays.0.insert(key.to_owned(), array);
         }
         Ok(Tensors { arrays, metadata })
@@ -92,7 +96,8 @@ fn decode(dtype: Dtype, shape: &[usize], data: &[u8], name: &str) -> Result<Arra
 /// The error of the decoder with the place it does not tell.
 fn explain(name: &str, header: &[u8], data: usize, e: &SafeTensorError) -> Error {
     let file = Error::input(name);
-    let fault = || fault(header, data).unwrap_or_else(|| ("header".into(), "consistent sizes".into(), e.to_string()));
+    let fault =
+        || fault(header, data).unwrap_or_else(|| ("header".into(), "consistent sizes".into(), e.to_string()));
     match e {
         SafeTensorError::InvalidOffset(_)
         | SafeTensorError::TensorInvalidInfo
@@ -101,9 +106,10 @@ fn explain(name: &str, header: &[u8], data: usize, e: &SafeTensorError) -> Error
             let (at, expected, got) = fault();
             file.at(at).expected(expected).got(got)
         }
-        SafeTensorError::InvalidHeaderDeserialization(e) => {
-            file.at(format!("header, byte {}", 8 + e.column())).expected("the header of arrays").got(e.to_string())
-        }
+        SafeTensorError::InvalidHeaderDeserialization(e) => file
+            .at(format!("header, byte {}", 8 + e.column()))
+            .expected("the header of arrays")
+            .got(e.to_string()),
         other => file.at("header").expected("a safetensors header").got(other.to_string()),
     }
 }
@@ -113,7 +119,8 @@ fn fault(header: &[u8], data: usize) -> Option<(String, String, String)> {
     let entries: Map<String, Value> = serde_json::from_slice(header).ok()?;
     let mut ranges = Vec::new();
     for (key, entry) in entries.iter().filter(|(k, _)| *k != "__metadata__") {
-        let offsets: Vec<u64> = entry.get("data_offsets")?.as_array()?.iter().map(Value::as_u64).collect::<Option<_>>()?;
+        let offsets: Vec<u64> =
+            entry.get("data_offsets")?.as_array()?.iter().map(Value::as_u64).collect::<Option<_>>()?;
         ranges.push((*offsets.first()?, *offsets.get(1)?, key, entry));
     }
     ranges.sort_by(|a, b| (a.0, a.1, a.2).cmp(&(b.0, b.1, b.2)));
@@ -128,7 +135,11 @@ fn fault(header: &[u8], data: usize) -> Option<(String, String, String)> {
         let bits = shape.iter().try_fold(dtype.bitsize() as u64, |n, &d| n.checked_mul(d));
         if bits != (end - start).checked_mul(8) {
             let size = bits.map_or("too many".to_owned(), |b| (b / 8).to_string());
-            return Some((place, format!("{size} bytes for shape {shape:?} of {dtype:?}"), (end - start).to_string()));
+            return Some((
+                place,
+                format!("{size} bytes for shape {shape:?} of {dtype:?}"),
+                (end - start).to_string(),
+            ));
         }
         at = end;
     }
@@ -152,7 +163,7 @@ pub fn to_bytes(arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Vec<u8>
         at = end;
     }
     let mut text = Value::Object(header).to_string();
-    while text.len() % 8 != 0 {
+    while !text.len().is_multiple_of(8) {
         text.push(' ');
     }
     let mut out = Vec::with_capacity(8 + text.len() + at);
@@ -189,7 +200,10 @@ fn code(a: &Array) -> &'static str {
 /// When it cannot be written, or an array is called `__metadata__`.
 pub fn write(path: &Path, arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Result<()> {
     if arrays.get("__metadata__").is_some() {
-        return Err(Error::input(name_of(path)).at("array '__metadata__'").expected("another name").got("the reserved one"));
+        return Err(Error::input(name_of(path))
+            .at("array '__metadata__'")
+            .expected("another name")
+            .got("the reserved one"));
     }
     super::atomic::write_bytes(path, &to_bytes(arrays, metadata))
 }

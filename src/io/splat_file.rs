@@ -44,11 +44,12 @@ pub fn read(path: &Path) -> Result<Vec<Splat>> {
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Vec<Splat>> {
-    if bytes.len() % ROW != 0 {
-        return Err(Error::input(name)
-            .at("file size")
-            .expected("a multiple of 32 bytes")
-            .got(format!("{}, which leaves {}", bytes.len(), bytes.len() % ROW)));
+    if !bytes.len().is_multiple_of(ROW) {
+        return Err(Error::input(name).at("file size").expected("a multiple of 32 bytes").got(format!(
+            "{}, which leaves {}",
+            bytes.len(),
+            bytes.len() % ROW
+        )));
     }
     let mut out = Vec::with_capacity(bytes.len() / ROW);
     for (row, b) in bytes.chunks_exact(ROW).enumerate() {
@@ -60,7 +61,10 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Vec<Splat>> {
             rotation: [b[28], b[29], b[30], b[31]],
         };
         let bad = |field: &str, expected: &str, got: String| {
-            Err(Error::input(name).at(format!("row {row} (byte {}), {field}", row * ROW)).expected(expected).got(got))
+            Err(Error::input(name)
+                .at(format!("row {row} (byte {}), {field}", row * ROW))
+                .expected(expected)
+                .got(got))
         };
         if !s.mean.iter().all(|x| x.is_finite()) {
             return bad("position", "finite numbers", format!("{:?}", s.mean));

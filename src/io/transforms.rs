@@ -38,7 +38,9 @@ pub(super) fn file_in(folder: &Path) -> Option<PathBuf> {
 /// When a file is malformed or a picture is missing.
 pub fn read(path: &Path) -> Result<Capture> {
     let first = if path.is_dir() {
-        file_in(path).ok_or_else(|| Error::input(name_of(path)).expected("transforms.json or transforms_train.json").got("neither"))?
+        file_in(path).ok_or_else(|| {
+            Error::input(name_of(path)).expected("transforms.json or transforms_train.json").got("neither")
+        })?
     } else {
         path.to_path_buf()
     };
@@ -64,7 +66,8 @@ pub fn read(path: &Path) -> Result<Capture> {
                 let relative = p.to_string_lossy();
                 locate(root, &relative).ok_or_else(|| {
                     let e = Error::input(name.clone()).at(format!("frames[{i}].{key}"));
-                    e.expected(format!("a file in {}", root.display())).got(format!("'{relative}', which is not there"))
+                    e.expected(format!("a file in {}", root.display()))
+                        .got(format!("'{relative}', which is not there"))
                 })
             };
             frame.image = find(&frame.image, "file_path")?;
@@ -78,7 +81,8 @@ pub fn read(path: &Path) -> Result<Capture> {
             let relative = p.to_string_lossy();
             let found = locate(root, &relative).ok_or_else(|| {
                 let e = Error::input(name.clone()).at("ply_file_path");
-                e.expected(format!("a file in {}", root.display())).got(format!("'{relative}', which is not there"))
+                e.expected(format!("a file in {}", root.display()))
+                    .got(format!("'{relative}', which is not there"))
             })?;
             capture.points = Some(gaussian_ply::read_points(&found)?);
         }
@@ -96,12 +100,21 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Transforms> {
         return Err(e.expected(format!("at most {MAX_BYTES} bytes")).got(bytes.len().to_string()));
     }
     let value: Value = serde_json::from_slice(bytes).map_err(|e| {
-        Error::input(name).at(format!("line {}, column {}", e.line(), e.column())).expected("JSON").got(e.to_string())
+        Error::input(name)
+            .at(format!("line {}, column {}", e.line(), e.column()))
+            .expected("JSON")
+            .got(e.to_string())
     })?;
-    let top = value.as_object().ok_or_else(|| Error::input(name).expected("a JSON object").got(kind(&value)))?;
+    let top =
+        value.as_object().ok_or_else(|| Error::input(name).expected("a JSON object").got(kind(&value)))?;
     let frames = match top.get("frames") {
         Some(Value::Array(frames)) => frames,
-        other => return Err(Error::input(name).at("frames").expected("a list").got(other.map_or("nothing".into(), kind))),
+        other => {
+            return Err(Error::input(name)
+                .at("frames")
+                .expected("a list")
+                .got(other.map_or("nothing".into(), kind)));
+        }
     };
     let mut out = Transforms { dialect: dialect(top, frames), frames: Vec::new(), points: None };
     for (i, frame) in frames.iter().enumerate() {
@@ -121,9 +134,15 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Transforms> {
         }
     }
     if let Some(path) = top.get("ply_file_path") {
-        let text = path.as_str().ok_or_else(|| Error::input(name).at("ply_file_path").expected("text").got(kind(path)))?;
-        let path = clean(text)
-            .map_err(|why| Error::input(name).at("ply_file_path").expected("a path inside the folder").got(format!("'{text}', {why}")))?;
+        let text = path
+            .as_str()
+            .ok_or_else(|| Error::input(name).at("ply_file_path").expected("text").got(kind(path)))?;
+        let path = clean(text).map_err(|why| {
+            Error::input(name)
+                .at("ply_file_path")
+                .expected("a path inside the folder")
+                .got(format!("'{text}', {why}"))
+        })?;
         out.points = Some(PathBuf::from(path));
     }
     Ok(out)
@@ -199,7 +218,7 @@ impl Keys<'_> {
 
     fn side(&self, key: &str) -> Result<Option<usize>> {
         match self.number(key)? {
-            Some(x) if !(x >= 1.0 && x <= MAX_SIDE && x.trunc() == x) => {
+            Some(x) if !((1.0..=MAX_SIDE).contains(&x) && x.trunc() == x) => {
                 Err(self.error(key, &format!("a whole number of pixels from 1 to {MAX_SIDE}"), x.to_string()))
             }
             other => Ok(other.map(|x| x as usize)),
@@ -210,7 +229,9 @@ impl Keys<'_> {
         // A path is never inherited from the top.
         let Some(v) = self.frame.get(key) else { return Ok(None) };
         let Some(text) = v.as_str() else { return Err(self.error(key, "text", kind(v))) };
-        clean(text).map(Some).map_err(|why| self.error(key, "a path inside the folder of the file", format!("'{text}', {why}")))
+        clean(text).map(Some).map_err(|why| {
+            self.error(key, "a path inside the folder of the file", format!("'{text}', {why}"))
+        })
     }
 
     fn flag(&self, key: &str) -> bool {
@@ -224,13 +245,21 @@ impl Keys<'_> {
     fn refuse_unsupported(&self) -> Result<()> {
         for key in ["equirectangular", "latlong", "orthographic"] {
             if self.flag(key) {
-                return Err(self.error(key, "a pinhole or OpenCV fisheye camera", "true, which is not supported"));
+                return Err(self.error(
+                    key,
+                    "a pinhole or OpenCV fisheye camera",
+                    "true, which is not supported",
+                ));
             }
         }
         for i in 0..5 {
             let key = format!("ftheta_p{i}");
             if self.flag(&key) {
-                return Err(self.error(&key, "a pinhole or OpenCV fisheye camera", "an f-theta lens, which is not supported"));
+                return Err(self.error(
+                    &key,
+                    "a pinhole or OpenCV fisheye camera",
+                    "an f-theta lens, which is not supported",
+                ));
             }
         }
         if let Some(Value::Array(v)) = self.get("rolling_shutter")
@@ -240,7 +269,11 @@ impl Keys<'_> {
         }
         let (start, end) = (self.frame.get("transform_matrix_start"), self.frame.get("transform_matrix_end"));
         if start.is_some() && start != end {
-            return Err(self.error("transform_matrix_start", "one pose per frame", "a moving camera, which is not supported"));
+            return Err(self.error(
+                "transform_matrix_start",
+                "one pose per frame",
+                "a moving camera, which is not supported",
+            ));
         }
         Ok(())
     }
@@ -252,10 +285,11 @@ impl Keys<'_> {
             match v.as_str().map(str::to_ascii_uppercase).as_deref() {
                 Some("SIMPLE_PINHOLE" | "PINHOLE") => ideal = true,
                 Some("SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "PERSPECTIVE") => {}
-                Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" | "FISHEYE") => fisheye = true,
+                Some("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" | "FISHEYE") => {
+                    fisheye = true
+                }
                 _ => {
-                    let expected =
-                        "PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE or another fisheye of that family";
+                    let expected = "PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV, OPENCV_FISHEYE or another fisheye of that family";
                     return Err(self.error("camera_model", expected, kind(v)));
                 }
             }
@@ -272,13 +306,18 @@ impl Keys<'_> {
             Lens::Perspective { numerator: radial, denominator: [0.0; 3], tangential }
         };
         if ideal && !lens.is_ideal() {
-            return Err(self.error("camera_model", "OPENCV, since there are distortion coefficients", "a pinhole"));
+            return Err(self.error(
+                "camera_model",
+                "OPENCV, since there are distortion coefficients",
+                "a pinhole",
+            ));
         }
         Ok(lens)
     }
 
     fn pose(&self) -> Result<[[f64; 4]; 4]> {
-        let key = ["transform_matrix", "transform_matrix_start"].into_iter().find(|k| self.frame.contains_key(*k));
+        let key =
+            ["transform_matrix", "transform_matrix_start"].into_iter().find(|k| self.frame.contains_key(*k));
         let key = key.unwrap_or("transform_matrix");
         let expected = "a 4x4 matrix of finite numbers";
         let rows = match self.frame.get(key) {
@@ -291,7 +330,8 @@ impl Keys<'_> {
             let cells = cells.ok_or_else(|| self.error(&format!("{key}[{i}]"), "4 numbers", kind(row)))?;
             for (j, cell) in cells.iter().enumerate() {
                 let x = cell.as_f64().filter(|x| x.abs() < 1e15);
-                m[i][j] = x.ok_or_else(|| self.error(&format!("{key}[{i}][{j}]"), "a finite number", kind(cell)))?;
+                m[i][j] =
+                    x.ok_or_else(|| self.error(&format!("{key}[{i}][{j}]"), "a finite number", kind(cell)))?;
             }
         }
         if (0..4).any(|j| (m[3][j] - [0.0, 0.0, 0.0, 1.0][j]).abs() > 1e-6) {
@@ -317,7 +357,9 @@ impl Keys<'_> {
         let focal = match (self.positive("fl_x")?, self.angle("camera_angle_x")?) {
             (Some(fx), _) => Focal::Pixels([fx, self.positive("fl_y")?.unwrap_or(fx)]),
             (None, Some(ax)) => Focal::Angles(ax, self.angle("camera_angle_y")?),
-            (None, None) => return Err(self.error("fl_x", "fl_x or camera_angle_x, here or at the top", "neither")),
+            (None, None) => {
+                return Err(self.error("fl_x", "fl_x or camera_angle_x, here or at the top", "neither"));
+            }
         };
         let center = match (self.number("cx")?, self.number("cy")?) {
             (Some(cx), Some(cy)) => Some([cx, cy]),

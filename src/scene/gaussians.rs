@@ -94,8 +94,13 @@ impl Gaussians {
                 return bad(i, "mean", finite(), format!("{:?}", self.means[i]));
             }
             let norm = quat_norm(&self.quats[i]);
-            if !(norm >= MIN_QUAT && norm <= 1.0 / MIN_QUAT) {
-                return bad(i, "quaternion", format!("a length from {MIN_QUAT:e} to {:e}", 1.0 / MIN_QUAT), format!("{:?}", self.quats[i]));
+            if !(MIN_QUAT..=1.0 / MIN_QUAT).contains(&norm) {
+                return bad(
+                    i,
+                    "quaternion",
+                    format!("a length from {MIN_QUAT:e} to {:e}", 1.0 / MIN_QUAT),
+                    format!("{:?}", self.quats[i]),
+                );
             }
             if !self.scales_log[i].iter().all(|x| x.abs() <= MAX_SCALE_LOG) {
                 let expected = format!("logarithms from -{MAX_SCALE_LOG} to {MAX_SCALE_LOG}");
@@ -157,7 +162,8 @@ impl Gaussians {
     /// # Errors
     /// When an array is missing, has another shape, or holds a value out of range.
     pub fn from_arrays(a: &Arrays, name: &str) -> Result<Self> {
-        Self::from_arrays_unnamed(a, name).map_err(|e| if e.to_string().starts_with(name) { e } else { e.within(name) })
+        Self::from_arrays_unnamed(a, name)
+            .map_err(|e| if e.to_string().starts_with(name) { e } else { e.within(name) })
     }
 
     fn from_arrays_unnamed(a: &Arrays, name: &str) -> Result<Self> {
@@ -170,17 +176,25 @@ impl Gaussians {
         let (sh, k) = if a.get("sh").is_some() {
             (a.shape("sh", "N,K,3", &mut dims)?.to_f32(), dims[&'K'])
         } else {
-            let rgb = a.shape("rgb", "N,3", &mut dims).map_err(|e| e.hint("colours are 'sh' (N,K,3) or 'rgb' (N,3)"))?;
+            let rgb = a
+                .shape("rgb", "N,3", &mut dims)
+                .map_err(|e| e.hint("colours are 'sh' (N,K,3) or 'rgb' (N,3)"))?;
             (rgb.to_f64().iter().map(|c| ((c - 0.5) / SH_C0) as f32).collect(), 1)
         };
         let Some(sh_degree) = (0..4).find(|d| (d + 1) * (d + 1) == k) else {
             return Err(Error::input("array 'sh'").expected("1, 4, 9 or 16 coefficients").got(k.to_string()));
         };
         if let Some((i, s)) = scales.iter().enumerate().find(|(_, s)| !s.iter().all(|x| *x > 0.0)) {
-            return Err(Error::input("array 'scales'").at(format!("row {i}")).expected("positive numbers").got(format!("{s:?}")));
+            return Err(Error::input("array 'scales'")
+                .at(format!("row {i}"))
+                .expected("positive numbers")
+                .got(format!("{s:?}")));
         }
         if let Some((i, o)) = opacities.iter().enumerate().find(|(_, o)| !(**o >= 0.0 && **o <= 1.0)) {
-            return Err(Error::input("array 'opacities'").at(format!("row {i}")).expected("a number from 0 to 1").got(o.to_string()));
+            return Err(Error::input("array 'opacities'")
+                .at(format!("row {i}"))
+                .expected("a number from 0 to 1")
+                .got(o.to_string()));
         }
         let scales_log = scales.iter().map(|s| s.map(|x| libm::log(x) as f32)).collect();
         let logit = |o: f64| {
@@ -272,7 +286,8 @@ mod tests {
         let opaque = a.clone().with("opacities", &[2], vec![0.0f32, 1.0]);
         let g = Gaussians::from_arrays(&opaque, "a.npz").expect("0 and 1 are opacities");
         assert_eq!(g.opacity_logits[0], -g.opacity_logits[1], "limits are symmetric");
-        let e = Gaussians::from_arrays(&a.with("opacities", &[2], vec![0.5f32, 1.5]), "a.npz").expect_err("above 1");
+        let e = Gaussians::from_arrays(&a.with("opacities", &[2], vec![0.5f32, 1.5]), "a.npz")
+            .expect_err("above 1");
         assert!(e.to_string().starts_with("a.npz: array 'opacities': row 1"), "{e}");
     }
 }

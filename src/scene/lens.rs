@@ -38,11 +38,12 @@ impl Undistort {
         for i in 1..=STEPS {
             let r = end * i as f64 / STEPS as f64;
             let grown = r * radial(&lens, r * r);
-            if !(grown > last) {
+            if grown > last {
+                last = grown;
+            } else {
                 limit = end * (i - 1) as f64 / STEPS as f64;
                 break;
             }
-            last = grown;
         }
         Self { lens, limit }
     }
@@ -53,7 +54,7 @@ impl Undistort {
     /// f64, written association; no elementary functions but √.
     pub fn place(&self, x: f64, y: f64) -> Option<[f64; 2]> {
         let r2 = x * x + y * y;
-        if !(r2.sqrt() <= self.limit) {
+        if !(0.0..=self.limit).contains(&r2.sqrt()) {
             return None;
         }
         let d = radial(&self.lens, r2);
@@ -116,7 +117,8 @@ pub fn undistort(
                 continue;
             }
             let (x0, y0) = (sx as usize, sy as usize);
-            let (x1, y1) = (crate::num::order::min(x0 + 1, width - 1), crate::num::order::min(y0 + 1, height - 1));
+            let (x1, y1) =
+                (crate::num::order::min(x0 + 1, width - 1), crate::num::order::min(y0 + 1, height - 1));
             let corners = [y0 * width + x0, y0 * width + x1, y1 * width + x0, y1 * width + x1];
             if mask.is_some_and(|m| corners.iter().any(|&i| m[i] == 0)) {
                 continue;

@@ -100,18 +100,22 @@ impl Views {
         }
         let has = |s: Split| capture.frames.iter().any(|f| f.split == s);
         let given = has(Split::Train) && has(Split::Test);
-        let mut frames: Vec<&Frame> = capture.frames.iter().filter(|f| !given || f.split != Split::Val).collect();
+        let mut frames: Vec<&Frame> =
+            capture.frames.iter().filter(|f| !given || f.split != Split::Val).collect();
         frames.sort_by(|a, b| a.name.cmp(&b.name));
         if frames.is_empty() {
             return Err(Error::input("capture").expected("at least one frame").got("none"));
         }
-        let is_test = |i: usize| if given { frames[i].split == Split::Test } else { i % TEST_EVERY == 0 };
+        let is_test =
+            |i: usize| if given { frames[i].split == Split::Test } else { i.is_multiple_of(TEST_EVERY) };
         let (test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
         if train.is_empty() {
             // A single photograph has nothing to spare, and is looked at with what it was fitted to.
             train = test.clone();
         }
-        let views = par::map(frames.len(), |i| load(frames[i], options)).into_iter().collect::<Result<Vec<View>>>()?;
+        let views = par::map(frames.len(), |i| load(frames[i], options))
+            .into_iter()
+            .collect::<Result<Vec<View>>>()?;
         let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
         let (extent, scene_box) = place(&poses);
         Ok(Self { views, train, test, extent, scene_box, points: capture.points.clone() })
@@ -128,7 +132,8 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     let mut axes = Vec::with_capacity(frames.len());
     for f in frames {
         let m = &f.view_from_world;
-        let c: [f64; 3] = std::array::from_fn(|i| -(m[0][i] * m[0][3] + m[1][i] * m[1][3] + m[2][i] * m[2][3]));
+        let c: [f64; 3] =
+            std::array::from_fn(|i| -(m[0][i] * m[0][3] + m[1][i] * m[1][3] + m[2][i] * m[2][3]));
         axes.push((c, [m[2][0], m[2][1], m[2][2]]));
     }
     let distance = |a: &[f64; 3], b: &[f64; 3]| {
@@ -143,10 +148,8 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
         }
     }
     mean = mean.map(|x| x / n);
-    let mut extent = 1.1 * axes.iter().fold(0.0, |far, (c, _)| order::max(far, distance(c, &mean)));
-    if !(extent > 0.0) {
-        extent = 1.0;
-    }
+    let farthest = axes.iter().fold(0.0, |far, (c, _)| order::max(far, distance(c, &mean)));
+    let extent = if farthest > 0.0 { 1.1 * farthest } else { 1.0 };
     let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
     for (c, d) in &axes {
         for i in 0..3 {
@@ -184,7 +187,10 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     let name = frame.image.display().to_string();
     let picture = image_file::read(&frame.image)?;
     if picture.encoding != Encoding::Srgb {
-        return Err(Error::input(name).at("encoding").expected("an sRGB-encoded photograph (PNG or JPEG)").got("linear values"));
+        return Err(Error::input(name)
+            .at("encoding")
+            .expected("an sRGB-encoded photograph (PNG or JPEG)")
+            .got("linear values"));
     }
     let (full_w, full_h) = (picture.width, picture.height);
     let k = frame.intrinsics(full_w, full_h)?;
@@ -193,7 +199,9 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     let (width, height) = (full_w / s, full_h / s);
     if width == 0 || height == 0 {
         let e = Error::input(name).at("picture size");
-        return Err(e.expected(format!("at least {s} pixels a side, to be scaled down")).got(format!("{full_w}x{full_h}")));
+        return Err(e
+            .expected(format!("at least {s} pixels a side, to be scaled down"))
+            .got(format!("{full_w}x{full_h}")));
     }
     let rgb = box_mean(&composite(&picture, options.background), full_w, width, height, s);
     let mut mask = mask.map(|m| box_all(&m, full_w, width, height, s));
@@ -208,7 +216,10 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     };
     let mask = mask.filter(|m| m.contains(&0));
     if mask.as_ref().is_some_and(|m| !m.contains(&1)) {
-        return Err(Error::input(name).at("mask and lens").expected("at least one pixel that counts").got("none"));
+        return Err(Error::input(name)
+            .at("mask and lens")
+            .expected("at least one pixel that counts")
+            .got("none"));
     }
     let v = frame.view_from_world.map(|row| row.map(|x| x as f32));
     let camera = Camera {
@@ -235,7 +246,7 @@ fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
             .got(format!("{}x{}", m.width, m.height)));
     }
     let c = m.channels.len();
-    let channel = if c % 2 == 0 { c - 1 } else { 0 };
+    let channel = if c.is_multiple_of(2) { c - 1 } else { 0 };
     Ok((0..width * height).map(|i| u8::from(m.value(i * c + channel) >= 0.5)).collect())
 }
 
@@ -244,7 +255,7 @@ fn composite(p: &Picture, background: [f32; 3]) -> Vec<f32> {
     let c = p.channels.len();
     let mut out = Vec::with_capacity(p.width * p.height * 3);
     for i in 0..p.width * p.height {
-        let alpha = if c % 2 == 0 { p.value(i * c + c - 1) } else { 1.0 };
+        let alpha = if c.is_multiple_of(2) { p.value(i * c + c - 1) } else { 1.0 };
         for channel in 0..3 {
             let x = p.value(i * c + if c < 3 { 0 } else { channel });
             out.push(if alpha == 1.0 { x } else { x * alpha + background[channel] * (1.0 - alpha) });
@@ -281,7 +292,8 @@ fn box_all(mask: &[u8], stride: usize, width: usize, height: usize, s: usize) ->
     let mut out = Vec::with_capacity(width * height);
     for row in 0..height {
         for column in 0..width {
-            let all = (row * s..(row + 1) * s).all(|y| (column * s..(column + 1) * s).all(|x| mask[y * stride + x] == 1));
+            let all = (row * s..(row + 1) * s)
+                .all(|y| (column * s..(column + 1) * s).all(|x| mask[y * stride + x] == 1));
             out.push(u8::from(all));
         }
     }

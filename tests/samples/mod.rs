@@ -93,8 +93,11 @@ pub(crate) fn transforms(frames: usize) -> Vec<u8> {
     let list: Vec<String> = (0..frames)
         .map(|i| format!("{{\"file_path\":\"images/{i:04}.png\",\"transform_matrix\":{}}}", pose(i)))
         .collect();
-    format!("{{\"fl_x\":20.0,\"fl_y\":21.0,\"cx\":8.0,\"cy\":6.0,\"w\":16,\"h\":12,\"k1\":0.01,\"frames\":[{}]}}", list.join(","))
-        .into_bytes()
+    format!(
+        "{{\"fl_x\":20.0,\"fl_y\":21.0,\"cx\":8.0,\"cy\":6.0,\"w\":16,\"h\":12,\"k1\":0.01,\"frames\":[{}]}}",
+        list.join(",")
+    )
+    .into_bytes()
 }
 
 /// `cameras.bin`: one camera of the given model.
@@ -148,7 +151,8 @@ pub(crate) fn points_bin() -> Vec<u8> {
 }
 
 pub(crate) fn cameras_txt(model: &str, params: &str) -> Vec<u8> {
-    format!("# Camera list\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n7 {model} 16 12 {params}\n").into_bytes()
+    format!("# Camera list\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n7 {model} 16 12 {params}\n")
+        .into_bytes()
 }
 
 /// The same images as [`images_bin`]; the second lines of the odd ones are empty.
