@@ -25,7 +25,11 @@ pub enum Kind {
 
 /// The one error type of the library.
 #[derive(Clone, Debug)]
-pub struct Error {
+pub struct Error(Box<Parts>);
+
+// Boxed, so that every `Result` stays one word larger than its value.
+#[derive(Clone, Debug)]
+struct Parts {
     kind: Kind,
     what: String,
     at: Option<String>,
@@ -36,7 +40,7 @@ pub struct Error {
 
 impl Error {
     fn new(kind: Kind, what: impl Into<String>) -> Self {
-        Self { kind, what: what.into(), at: None, expected: None, got: None, hint: None }
+        Self(Box::new(Parts { kind, what: what.into(), at: None, expected: None, got: None, hint: None }))
     }
 
     /// Bad usage or input; `what` names the file, the operator or the argument.
@@ -63,7 +67,7 @@ impl Error {
     #[must_use]
     pub fn at(mut self, place: impl Into<String>) -> Self {
         let place = place.into();
-        self.at = Some(match self.at {
+        self.0.at = Some(match self.0.at.take() {
             Some(inner) => format!("{place}: {inner}"),
             None => place,
         });
@@ -73,39 +77,39 @@ impl Error {
     /// Puts a file or an operator in front; what was named before becomes the place.
     #[must_use]
     pub fn within(mut self, what: impl Into<String>) -> Self {
-        let inner = std::mem::replace(&mut self.what, what.into());
+        let inner = std::mem::replace(&mut self.0.what, what.into());
         self.at(inner)
     }
 
     /// What would have been right.
     #[must_use]
     pub fn expected(mut self, text: impl Into<String>) -> Self {
-        self.expected = Some(text.into());
+        self.0.expected = Some(text.into());
         self
     }
 
     /// What was there.
     #[must_use]
     pub fn got(mut self, text: impl Into<String>) -> Self {
-        self.got = Some(text.into());
+        self.0.got = Some(text.into());
         self
     }
 
     /// What to do about it.
     #[must_use]
     pub fn hint(mut self, text: impl Into<String>) -> Self {
-        self.hint = Some(text.into());
+        self.0.hint = Some(text.into());
         self
     }
 
     /// The class of the error.
     pub fn kind(&self) -> Kind {
-        self.kind
+        self.0.kind
     }
 
     /// Exit code of a command that ends with this error: 1 the check failed, 2 bad usage or input.
     pub fn exit_code(&self) -> u8 {
-        match self.kind {
+        match self.0.kind {
             Kind::Check => 1,
             Kind::Input => 2,
             Kind::Interrupted => 130,
@@ -115,17 +119,17 @@ impl Error {
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.what)?;
-        if let Some(at) = &self.at {
+        f.write_str(&self.0.what)?;
+        if let Some(at) = &self.0.at {
             write!(f, ": {at}")?;
         }
-        match (&self.expected, &self.got) {
+        match (&self.0.expected, &self.0.got) {
             (Some(e), Some(g)) => write!(f, ": expected {e}, got {g}")?,
             (Some(e), None) => write!(f, ": expected {e}")?,
             (None, Some(g)) => write!(f, ": {g}")?,
             (None, None) => {}
         }
-        if let Some(hint) = &self.hint {
+        if let Some(hint) = &self.0.hint {
             write!(f, " ({hint})")?;
         }
         Ok(())
