@@ -8,32 +8,32 @@ pub struct Ulp {
     pub name: &'static str,
     /// arguments for which the bound holds
     pub domain: &'static str,
-    /// allowed error; a test fails above it, and also when four times the measured worst is below it
+    /// allowed error; a test fails above it, and also when four times `worst` is below it
     pub allowed: f64,
-    /// worst error measured over every single-precision number of the domain (two arguments: over 2³⁰ drawn pairs
-    /// and a grid of edges), against f64 `libm`
+    /// worst error seen, rounded up, against f64 `libm`; a sweep that finds a larger one fails
     pub worst: f64,
 }
 
-const fn line(name: &'static str, domain: &'static str, allowed: f64, worst: f64) -> Ulp {
-    Ulp { name, domain, allowed, worst }
+/// A function computed in double precision and rounded once: ½, and what the double-precision error adds.
+const fn rounded_once(name: &'static str, domain: &'static str) -> Ulp {
+    Ulp { name, domain, allowed: 0.500_01, worst: 0.500_001 }
 }
 
 /// The table, in the order of the documentation.
 pub const TABLE: [Ulp; 15] = [
-    line("exp", "all", 0.501, 0.5),
-    line("expm1", "all", 0.501, 0.5),
-    line("ln", "x > 0", 0.501, 0.5),
-    line("log1p", "x > −1", 0.501, 0.5),
-    line("logit", "0 < x < 1", 0.501, 0.5),
-    line("sin", "finite", 0.501, 0.5),
-    line("cos", "finite", 0.501, 0.5),
-    line("acos", "−1 ≤ x ≤ 1", 0.501, 0.5),
-    line("tanh", "all", 0.501, 0.5),
-    line("sigmoid", "all", 0.501, 0.5),
-    line("softplus", "all", 0.501, 0.5),
-    line("erf", "all", 0.501, 0.5),
-    line("atan2", "finite", 0.501, 0.5),
-    line("pow", "x ≥ 0", 0.501, 0.5),
-    line("exp_lanes", "−87.3 ≤ x ≤ 88", 1.5, 1.0),
+    rounded_once("exp", "all"),
+    rounded_once("expm1", "all"),
+    rounded_once("ln", "x ≥ 0"),
+    rounded_once("log1p", "x ≥ −1"),
+    rounded_once("logit", "0 ≤ x ≤ 1"),
+    rounded_once("sin", "finite"),
+    rounded_once("cos", "finite"),
+    rounded_once("acos", "−1 ≤ x ≤ 1"),
+    rounded_once("tanh", "all"),
+    rounded_once("sigmoid", "all"),
+    rounded_once("softplus", "all"),
+    rounded_once("erf", "all"),
+    rounded_once("atan2", "finite"),
+    rounded_once("pow", "x ≥ +0, finite"),
+    Ulp { name: "exp_lanes", domain: "−87.3 ≤ x ≤ 88", allowed: 1.01, worst: 1.008_1 },
 ];
