@@ -41,7 +41,7 @@
 //!
 //! where t = 1 − l, u = 1 − c, the gradients are
 //!
-//! x̄ += s·mask·(G[½∂m_h + ∂m_d] + 2d·G[Q] + h·G[P]),   ȳ += s·mask·(G[½∂m_h − ∂m_d] − 2d·G[Q] + h·G[P]),   s = v̄/n.
+//! x̄ += s·mask·(G(½∂m_h + ∂m_d) + 2d·G(Q) + h·G(P)),   ȳ += s·mask·(G(½∂m_h − ∂m_d) − 2d·G(Q) + h·G(P)),   s = v̄/n.
 //!
 //! The four maps are saved, h and d are recomputed; s is applied last, so the gradient is linear in v̄ up to one rounding.
 //! Without `y_bar` only three maps are filtered. At x = y the gradient is exactly 0.
