@@ -81,15 +81,8 @@ fn splats(x: &Checked<'_>, alpha_min: f32) -> Vec<Splat> {
         if shape[row][1] == 0.0 {
             return Splat::default();
         }
-        Splat {
-            mean_px: means_px[row],
-            shape: shape[row],
-            opacity,
-            cut: cut_radius(opacity, alpha_min),
-            color: colors[row],
-            z: depths_z[row],
-            axis: axis[row] as u32,
-        }
+        let cut = cut_radius(opacity, alpha_min);
+        Splat::new(means_px[row], shape[row], axis[row] as u8, depths_z[row], opacity, colors[row], cut)
     };
     (0..shape.len()).map(make).collect()
 }
@@ -135,10 +128,10 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
         let bars = PictureBars::of(x, [c, h, w])?;
         let mut records = Vec::new();
         let background_bar = blend::adjoint(
-            &splats, n, &lists, &stored, &profile, background, cull, frozen, &saved, bars.view(), false, &mut records,
+            &splats, n, &lists, &stored, &profile, background, frozen, &saved, bars.view(), false, &mut records,
         );
         let bar = |row: usize| {
-            blend::gather_records(&lists, &records, row).map_or_else(SplatBar::default, |sums| SplatBar::new(&splats[row], sums))
+            blend::gather_records(&lists, &saved.rows, &records, row).map_or_else(SplatBar::default, |sums| SplatBar::new(&splats[row], sums))
         };
         let bars: Vec<SplatBar> = (0..c * n).map(bar).collect();
         put_bars(x, &bars, background_bar, &mut ran);
