@@ -3,28 +3,36 @@
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
+/// Refuses a folder that cannot be taken; makes nothing.
+///
+/// # Errors
+/// When it is a file, or is not empty and neither flag is given.
+pub(crate) fn check(dir: &Path, resume: bool, force: bool) -> Result<()> {
+    if !dir.exists() {
+        return Ok(());
+    }
+    if !dir.is_dir() {
+        return Err(Error::input("--out").at(dir.display().to_string()).expected("a folder").got("a file"));
+    }
+    let is_used = std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))?.next().is_some();
+    if is_used && !resume && !force {
+        return Err(Error::input("--out")
+            .at(dir.display().to_string())
+            .expected("a new or empty folder")
+            .got("a folder with files")
+            .hint("--force replaces its files; an interrupted fit is continued by --resume"));
+    }
+    Ok(())
+}
+
 /// Makes the folder `dir`, or takes an existing one that is empty, to be resumed, or given up by `--force`.
 /// Nothing in it is deleted: later writes replace files of the same name, one by one and whole.
 ///
 /// # Errors
-/// When it is a file, is not empty and neither flag is given, or cannot be made.
+/// Those of [`check`], and when it cannot be made.
 pub(crate) fn folder(dir: &Path, resume: bool, force: bool) -> Result<PathBuf> {
-    let os = |e| Error::os(dir, &e);
-    if dir.exists() {
-        if !dir.is_dir() {
-            return Err(Error::input("--out").at(dir.display().to_string()).expected("a folder").got("a file"));
-        }
-        let is_used = std::fs::read_dir(dir).map_err(os)?.next().is_some();
-        if is_used && !resume && !force {
-            return Err(Error::input("--out")
-                .at(dir.display().to_string())
-                .expected("a new or empty folder")
-                .got("a folder with files")
-                .hint("--resume continues an interrupted fit, --force replaces its files"));
-        }
-    } else {
-        std::fs::create_dir_all(dir).map_err(os)?;
-    }
+    check(dir, resume, force)?;
+    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     Ok(dir.to_path_buf())
 }
 

@@ -206,7 +206,7 @@ pub(crate) fn bars(title: &str, rows: &[(String, f64)], color: char, decimals: u
                     rect x=(label) y=(num(y)) width=(num(px(*value) - label)) height=(row_height - 7.0) rx="3" fill={ "var(--" (color) ")" } fill-opacity="0.85" {
                         title { (name) ": " (format!("{value:.decimals$}")) }
                     }
-                    text x=(num(px(*value) + 7.0)) y=(num(y + 13.0)) { (format!("{value:.decimals$}")) }
+                    text x=(width - 2.0) y=(num(y + 13.0)) text-anchor="end" { (format!("{value:.decimals$}")) }
                 }
                 @if let Some((x, what)) = reference {
                     line x1=(num(px(x))) x2=(num(px(x))) y1="0" y2=(num(height - 20.0)) stroke="var(--ink)" stroke-opacity="0.55" stroke-dasharray="3 4" {}

@@ -69,9 +69,9 @@ pub(in crate::cli) struct Args {
     /// Density control: inria, gsplat or mcmc
     #[arg(long, value_name = "NAME", default_value = "inria", help_heading = "Model")]
     strategy: String,
-    /// Largest number of Gaussians
-    #[arg(long, value_name = "N", default_value_t = 1_000_000, help_heading = "Model")]
-    max_gaussians: usize,
+    /// Largest number of Gaussians [default: one per 60 pixels to fit, 10000 to 1000000]
+    #[arg(long, value_name = "N", help_heading = "Model")]
+    max_gaussians: Option<usize>,
     /// Shrink the photographs by a whole factor, averaging blocks of pixels
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
     downscale: u8,
@@ -94,19 +94,20 @@ pub(in crate::cli) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let (render, background) = args.render.settings()?;
-    let settings = Settings {
+    let mut settings = Settings {
         iterations: args.iterations,
         seed: args.seed,
         sh_degree: usize::from(args.sh_degree),
         strategy: Strategy::parse(&args.strategy)?,
-        max_gaussians: args.max_gaussians,
+        max_gaussians: args.max_gaussians.unwrap_or(1),
         render,
         background,
     };
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
+    claim::check(&args.out, args.resume, args.force)?;
     let views = Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
-    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    settings.max_gaussians = args.max_gaussians.unwrap_or_else(|| Settings::determined(&views));
     meter.lap("reading photographs");
     meter.note(&format!(
         "{}: {} photographs to fit, {} held out, {}",
@@ -117,8 +118,32 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ));
     let start = start(args, bounds)?;
     let first = seeds::gaussians(&start, &views, &settings)?;
-    let job = Job { kind: "splat fit", title: title(&args.capture), settings, views: &views, dir, checkpoint_every: args.checkpoint_every as usize, resume: args.resume, json: args.json, max_memory: args.max_memory };
+    check_memory(&settings, &views, args.max_memory, &meter)?;
+    let job = Job {
+        kind: "splat fit",
+        title: title(&args.capture),
+        settings,
+        views: &views,
+        dir: claim::folder(&args.out, args.resume, args.force)?,
+        checkpoint_every: args.checkpoint_every as usize,
+        resume: args.resume,
+        json: args.json,
+    };
     job.run(first, &mut meter).map(|_| ())
+}
+
+/// Says what the fit may take; refuses it above the limit.
+fn check_memory(settings: &Settings, views: &Views, limit: Option<u64>, meter: &Meter) -> Result<()> {
+    let estimate = settings.memory_estimate(views);
+    let most = report::thousands(settings.max_gaussians);
+    meter.note(&format!("memory: about {}, if it comes to {most} Gaussians", report::bytes(estimate)));
+    match limit {
+        Some(limit) if estimate > limit << 20 => Err(Error::input("--max-memory")
+            .expected(format!("at least {} MiB", (estimate >> 20) + 1))
+            .got(format!("{limit} MiB"))
+            .hint("--downscale and --max-gaussians lower the estimate")),
+        _ => Ok(()),
+    }
 }
 
 /// `transforms.json`'s folder or the folder itself, by name.
@@ -163,22 +188,11 @@ pub(in crate::cli) struct Job<'a> {
     pub(in crate::cli) checkpoint_every: usize,
     pub(in crate::cli) resume: bool,
     pub(in crate::cli) json: bool,
-    pub(in crate::cli) max_memory: Option<u64>,
 }
 
 impl Job<'_> {
     /// Fits, evaluates, writes, reports; gives the mean PSNR.
     pub(in crate::cli) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<f64> {
-        let estimate = self.settings.memory_estimate(self.views);
-        meter.note(&format!("memory: up to about {}", report::bytes(estimate)));
-        if let Some(limit) = self.max_memory
-            && estimate > limit << 20
-        {
-            return Err(Error::input("--max-memory")
-                .expected(format!("at least {} MiB", (estimate >> 20) + 1))
-                .got(format!("{limit} MiB"))
-                .hint("--downscale and --max-gaussians lower the estimate"));
-        }
         let mut fit = SplatFit::new(self.settings.clone(), self.views, first)?;
         let checkpoint = self.dir.join("checkpoint.safetensors");
         let mut history = History::default();
