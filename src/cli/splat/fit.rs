@@ -69,9 +69,9 @@ pub(in crate::cli) struct Args {
     /// Density control: inria, gsplat or mcmc
     #[arg(long, value_name = "NAME", default_value = "inria", help_heading = "Model")]
     strategy: String,
-    /// Largest number of Gaussians
-    #[arg(long, value_name = "N", default_value_t = 1_000_000, help_heading = "Model")]
-    max_gaussians: usize,
+    /// Largest number of Gaussians [default: one per 60 pixels to fit, 10000 to 1000000]
+    #[arg(long, value_name = "N", help_heading = "Model")]
+    max_gaussians: Option<usize>,
     /// Shrink the photographs by a whole factor, averaging blocks of pixels
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
     downscale: u8,
@@ -94,12 +94,12 @@ pub(in crate::cli) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let (render, background) = args.render.settings()?;
-    let settings = Settings {
+    let mut settings = Settings {
         iterations: args.iterations,
         seed: args.seed,
         sh_degree: usize::from(args.sh_degree),
         strategy: Strategy::parse(&args.strategy)?,
-        max_gaussians: args.max_gaussians,
+        max_gaussians: args.max_gaussians.unwrap_or(1),
         render,
         background,
     };
@@ -107,6 +107,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
     claim::check(&args.out, args.resume, args.force)?;
     let views = Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    settings.max_gaussians = args.max_gaussians.unwrap_or_else(|| Settings::determined(&views));
     meter.lap("reading photographs");
     meter.note(&format!(
         "{}: {} photographs to fit, {} held out, {}",

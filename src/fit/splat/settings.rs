@@ -1,7 +1,7 @@
 //! What decides the result of a fit, and what it may cost.
 
 use crate::fit::render::picture_bytes;
-use crate::scene::views::Views;
+use crate::scene::views::{View, Views};
 use crate::splat::render;
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -61,6 +61,8 @@ pub struct Settings {
     pub background: [f32; 3],
 }
 
+/// See [`Settings::determined`].
+pub const PIXELS_PER_GAUSSIAN: usize = 60;
 /// Most iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
 /// Most Gaussians of a fit.
@@ -90,6 +92,15 @@ impl Settings {
             return Err(Error::input("--background").expected("numbers in 0..1").got(format!("{:?}", self.background)));
         }
         Ok(())
+    }
+
+    /// As many Gaussians as the training photographs can determine: one per [`PIXELS_PER_GAUSSIAN`] pixels that count, within
+    /// 10 000 and 1 000 000. A Gaussian of SH degree 3 has 59 numbers, a pixel gives three, and each number should be seen about
+    /// three times.
+    pub fn determined(views: &Views) -> usize {
+        let counted = |v: &View| v.mask.as_ref().map_or(v.rgb.len() / 3, |m| m.iter().filter(|&&b| b != 0).count());
+        let pixels = views.train.iter().fold(0, |s, &i| s + counted(&views.views[i]));
+        (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, 1_000_000)
     }
 
     /// As a flat JSON object: what a checkpoint is compared by.
