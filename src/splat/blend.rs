@@ -17,8 +17,9 @@
 //! # Rounding
 //! w1² + w2² then times −½; [`exp_lanes`]; T·α, then weight·colour added to the sum: left folds over the list, per pixel.
 //! The background is added last. Lanes are pixels, so no bit depends on tile size, culling or vector width.
-//! Adjoint: per (splat, tile) one record: for each of 16 columns a left fold over the rows from +0, columns folded
-//! 16→8→4→2→1 (l += l+w); records of a splat are summed in slot order in f64 and rounded once.
+//! Adjoint: per (splat, tile) one record: for each of 16 columns a left fold over the rows from +0 (with pivot x, w1 is
+//! a constant of the column and multiplies the column's sums ΣP, ΣPw1, ΣPw2 afterwards), columns folded 16→8→4→2→1
+//! (l += l+w); records of a splat are summed in slot order in f64 and rounded once.
 //!
 //! # Kinks and domain
 //! α at α_min (a jump of T·(c−B)/255), the cap (gradient 0 above it, free branch at equality; `inria_bwd` lets it
@@ -68,8 +69,8 @@ pub struct Saved {
     pub final_t: Vec<f32>,
     /// (C, H, W) index in the tile's list of the last splat included, −1 = none. Exact in f32 below 2²⁴.
     pub last_index: Vec<f32>,
-    /// (E) rows in which a splat was included somewhere, one bit each, left and right half of a 16×16 tile; empty for
-    /// other tile sides.
+    /// (E) rows that were walked, one bit each, left and right half of a 16×16 tile: outside of them the splat is
+    /// included nowhere. Empty for other tile sides.
     pub rows: Vec<[u16; 2]>,
 }
 
@@ -237,7 +238,7 @@ struct Forward<const V: usize> {
 }
 
 /// Blends one tile of H vectors a row, V vectors in all. `frozen` (α masks, cap masks, last indices) needs H = 2.
-/// `included_rows` is per entry, or empty where nobody asks.
+/// `walked` is per entry, or empty where nobody asks.
 fn tile_forward<const H: usize, const V: usize>(
     splats: &[Splat],
     list: &[u32],
@@ -245,7 +246,7 @@ fn tile_forward<const H: usize, const V: usize>(
     profile: &Profile,
     cull: bool,
     frozen: Option<(&[[u8; 32]], &[[u8; 32]], [f32x8; V])>,
-    included_rows: &mut [[u16; 2]],
+    walked: &mut [[u16; 2]],
 ) -> Forward<V> {
     let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
     let mut out =
@@ -284,21 +285,28 @@ fn tile_forward<const H: usize, const V: usize>(
         }
         for (rows, &g) in ahead.iter_mut().zip(part) {
             *rows = spans::<H>(&splats[g as usize], tile, cull && frozen.is_none());
+            for h in 0..H {
+                rows[h] &= alive[h];
+            }
         }
         for (rows_of, (i, &g)) in ahead.iter().zip(part.iter().enumerate()) {
             let k = batch * BATCH + i;
             let s = &splats[g as usize];
             let masks = frozen.as_ref().map(|f| (&f.0[k], &f.1[k]));
+            let column = walk[s.axis as usize];
             for h in 0..H {
-                let rows = rows_of[h] & alive[h];
-                if rows != 0 {
-                    let column = walk[s.axis as usize];
-                    let included =
-                        column(s, h, rows, k, tile, profile, masks, frozen_last, &mut alive[h], &mut out);
-                    if let Some(entry) = included_rows.get_mut(k) {
-                        entry[h & 1] = included as u16;
-                    }
+                if rows_of[h] != 0 {
+                    column(s, h, rows_of[h], k, tile, profile, masks, frozen_last, &mut out);
                 }
+            }
+            if let Some(entry) = walked.get_mut(k) {
+                *entry = [rows_of[0] as u16, rows_of[H - 1] as u16];
+            }
+        }
+        if frozen.is_none() {
+            for v in 0..V {
+                let live = if rule == AFTER { Real::gt(out.t[v], f32x8::splat(profile.t_stop)) } else { out.live[v] };
+                alive[v % H] &= !(u32::from(<f32x8 as Real>::bits(live) == 0) << (v / H));
             }
         }
     }
@@ -315,7 +323,7 @@ const BEFORE_STRICT: u8 = 2;
 const NEVER: u8 = 3;
 const FROZEN: u8 = 4;
 
-/// One splat over one vector column; returns the rows in which it was included.
+/// One splat over one vector column.
 fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>(
     s: &Splat,
     h: usize,
@@ -325,16 +333,14 @@ fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>
     profile: &Profile,
     masks: Option<(&[u8; 32], &[u8; 32])>,
     frozen_last: Option<&[f32x8; V]>,
-    alive: &mut u32,
     out: &mut Forward<V>,
-) -> u32 {
+) {
     let one = f32x8::splat(1.0);
     let t_stop = f32x8::splat(profile.t_stop);
     let index = f32x8::splat(k as i32 as f32);
     let count = f32x8::splat((k + 1) as i32 as f32);
     let color = [s.color[0], s.color[1], s.color[2], s.z].map(f32x8::splat);
     let column = Column::new(s, tile.centers[h & 3]);
-    let mut included = 0;
     while rows != 0 {
         let r = rows.trailing_zeros() as usize;
         rows &= rows - 1;
@@ -352,7 +358,6 @@ fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>
                 let live = out.live[v] & !(ends & keep);
                 out.live[v] = live;
                 keep = keep & live;
-                *alive &= !(u32::from(<f32x8 as Real>::bits(live) == 0) << r);
             }
         }
         // α = 0 where the splat is skipped: then the products below change nothing, and no lane needs a selection
@@ -364,12 +369,7 @@ fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>
         let t = t * (one - alpha);
         out.t[v] = t;
         out.last[v] = Real::max(out.last[v], keep & count);
-        included |= u32::from(<f32x8 as Real>::bits(keep) != 0) << r;
-        if RULE == AFTER {
-            *alive &= !(u32::from(<f32x8 as Real>::bits(Real::gt(t, t_stop)) == 0) << r);
-        }
     }
-    included
 }
 
 /// The part of a (H, W) plane under a tile, in vectors; outside the picture `outside`.
@@ -639,20 +639,30 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
             sums[9] = sums[9] + weight * x.bar[3][v];
         }
         let p = (through_cap | !capped) & (alpha_bar * alpha);
-        let (p1, p2) = (p * w1, p * w2);
+        let p2 = p * w2;
         sums[0] = sums[0] + p;
-        sums[1] = sums[1] + p1;
         sums[2] = sums[2] + p2;
-        sums[3] = sums[3] + p1 * w1;
-        sums[4] = sums[4] + p1 * w2;
         sums[5] = sums[5] + p2 * w2;
+        if !X {
+            let p1 = p * w1;
+            sums[1] = sums[1] + p1;
+            sums[3] = sums[3] + p1 * w1;
+            sums[4] = sums[4] + p1 * w2;
+        }
         if ABS {
             let along_q = p2 * column.k2;
-            let along_p = p1 * column.k1 - column.s * along_q;
+            let along_p = (p * w1) * column.k1 - column.s * along_q;
             let (ux, uy) = if X { (along_p, along_q) } else { (along_q, along_p) };
             sums[10] = sums[10] + Real::abs(ux);
             sums[11] = sums[11] + Real::abs(uy);
         }
+    }
+    if X {
+        // along the rows w1 is a constant of the column: it comes out of the sums
+        let w1 = column.dx * column.k1;
+        sums[1] = w1 * sums[0];
+        sums[3] = w1 * sums[1];
+        sums[4] = w1 * sums[2];
     }
     *out = sums;
 }
