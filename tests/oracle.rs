@@ -316,7 +316,7 @@ fn bad_input_is_refused_with_its_place() {
         ("'quats'", &|c| c.inputs.put("quats", &[2, 4], vec![1.0_f32; 8])),
         ("row 2", &|c| (8..12).for_each(|i| set(c, "quats", i, 0.0))),
         ("'opacities': entry 3", &|c| set(c, "opacities", 3, 1.5)),
-        ("'scales': entry 4", &|c| set(c, "scales", 4, -0.1)),
+        ("'scales': entry 4", &|c| set(c, "scales", 4, -0.125)),
         ("'width'", &|c| set(c, "width", 0, 36.5)),
         ("picture size", &|c| set(c, "width", 0, 0.0)),
         ("picture size", &|c| set(c, "height", 0, 1e6)),

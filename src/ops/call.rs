@@ -176,6 +176,7 @@ impl<'a> Checked<'a> {
     }
 
     fn build(op: &'static Op, call: &'a Call, single: bool) -> Result<Self> {
+        call.inputs.finite(op.inputs.iter().map(|p| p.name))?;
         let mut dims = Dims::default();
         let mut inputs = Arrays::new();
         for port in op.inputs {
@@ -192,7 +193,6 @@ impl<'a> Checked<'a> {
             let known: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
             return Err(Error::input(format!("array '{name}'")).expected(format!("one of {}", known.join(", "))));
         }
-        inputs.finite(op.inputs.iter().map(|p| p.name))?;
         let mut settings = Settings::new();
         for (key, given) in &call.settings {
             let Some(spec) = op.settings.iter().find(|s| s.key == key) else {
@@ -204,6 +204,8 @@ impl<'a> Checked<'a> {
         }
         let checked = Self { op, call, dims, inputs, cotangents: Arrays::new(), settings };
         (op.check)(&checked)?;
+        let names: Vec<&str> = call.cotangents.0.keys().map(String::as_str).collect();
+        call.cotangents.finite(names).map_err(|e| e.within("cotangents"))?;
         let mut cotangents = Arrays::new();
         for (name, array) in &call.cotangents.0 {
             let place = format!("{name}_bar");
@@ -216,9 +218,6 @@ impl<'a> Checked<'a> {
                 }
                 _ => return Err(Error::input(format!("array '{place}'")).expected("the cotangent of a differentiable output")),
             }
-        }
-        for name in cotangents.0.keys() {
-            cotangents.finite([name.as_str()]).map_err(|e| e.within(format!("cotangent of {name}")))?;
         }
         Ok(Self { cotangents, ..checked })
     }

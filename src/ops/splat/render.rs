@@ -226,7 +226,7 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
         }
     }
     if x.call.dump {
-        project::put_rows(&saved.rows, c, n, settings.profile.antialiased, &mut ran.intermediates);
+        project::put_rows(&saved.rows, n, &settings.profile, input.cameras, &mut ran.intermediates);
         let colors = saved.splats.iter().flat_map(|s| s.color).collect();
         ran.intermediates.put("colors", &[c, n, 3], colors);
         ran.intermediates.put("counts", &[c, h, w], masks.counts);
