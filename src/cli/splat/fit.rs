@@ -32,6 +32,9 @@ held out and scored. Lens distortion is removed on load.
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, held-out renders, and
 report/index.html.";
 
+/// Random first Gaussians, unless told otherwise.
+const INITIAL: usize = 30_000;
+
 /// Fit Gaussians to the photographs of a capture.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
@@ -57,9 +60,9 @@ pub(in crate::cli) struct Args {
     /// First Gaussians: auto (points of the capture, else random), random, or a .ply of points or Gaussians
     #[arg(long, value_name = "FROM", default_value = "auto", help_heading = "Start")]
     init: String,
-    /// Number of random first Gaussians
-    #[arg(long, value_name = "N", default_value_t = 30_000, help_heading = "Start")]
-    initial: usize,
+    /// Number of random first Gaussians [default: 30000, or --max-gaussians if that is less]
+    #[arg(long, value_name = "N", help_heading = "Start")]
+    initial: Option<usize>,
     /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point the cameras look at]
     #[arg(long = "box", value_name = "BOX", allow_hyphen_values = true, help_heading = "Start")]
     bounds: Option<String>,
@@ -116,7 +119,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         views.test.len(),
         sizes(&views)
     ));
-    let start = start(args, bounds)?;
+    let start = start(args, bounds, settings.max_gaussians);
     let first = seeds::gaussians(&start, &views, &settings)?;
     check_memory(&settings, &views, args.max_memory, &meter)?;
     let job = Job {
@@ -170,12 +173,13 @@ fn parse_box(text: &str) -> Result<[[f32; 3]; 2]> {
     if (0..3).all(|k| corners[0][k] < corners[1][k]) { Ok(corners) } else { Err(wrong()) }
 }
 
-fn start(args: &Args, bounds: Option<[[f32; 3]; 2]>) -> Result<Start> {
-    Ok(match args.init.as_str() {
-        "auto" => Start::Auto { count: args.initial, bounds },
-        "random" => Start::Random { count: args.initial, bounds },
+fn start(args: &Args, bounds: Option<[[f32; 3]; 2]>, most: usize) -> Start {
+    let count = args.initial.unwrap_or(INITIAL.min(most));
+    match args.init.as_str() {
+        "auto" => Start::Auto { count, bounds },
+        "random" => Start::Random { count, bounds },
         file => Start::File(PathBuf::from(file)),
-    })
+    }
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.

@@ -128,12 +128,14 @@ impl<'a> SplatFit<'a> {
                 Control::Gradient(s.scaled(iterations))
             }
         };
+        // Sampling needs no screen statistics.
+        let watched = if matches!(control, Control::Gradient(_)) { first.len() } else { 0 };
         Ok(Self {
             input: input_digest(views)?,
             control,
             means_rate: means_schedule(views.extent, iterations)?,
             groups: Groups::new(Rule::SPLAT, &first)?,
-            stats: Stats::new(first.len()),
+            stats: Stats::new(watched),
             gaussians: first,
             events: Vec::new(),
             photos: vec![None; views.views.len()],
@@ -279,8 +281,8 @@ impl Fit for SplatFit<'_> {
         out.put("param/sh", &[n, g.sh_coefficients(), 3], g.sh.clone());
         self.groups.save("adam", out);
         let (sums, views) = self.stats.parts();
-        out.put("density/sums", &[n], sums.to_vec());
-        out.put("density/views", &[n], views.iter().map(|&v| i64::from(v)).collect());
+        out.put("density/sums", &[sums.len()], sums.to_vec());
+        out.put("density/views", &[views.len()], views.iter().map(|&v| i64::from(v)).collect());
         let rows: Vec<i64> = self.events.iter().flat_map(Event::row).collect();
         out.put("density/events", &[self.events.len(), 8], rows);
     }
@@ -303,8 +305,9 @@ impl Fit for SplatFit<'_> {
         };
         gaussians.validate("parameters")?;
         let groups = Groups::load(Rule::SPLAT, "adam", from, &gaussians)?;
-        let sums = from.shape("density/sums", "N", &mut dims)?.to_f64();
-        let views: Option<Vec<u32>> = integers(from.shape("density/views", "N", &mut dims)?)
+        let rows = if matches!(self.control, Control::Gradient(_)) { gaussians.len() } else { 0 }.to_string();
+        let sums = from.shape("density/sums", &rows, &mut dims)?.to_f64();
+        let views: Option<Vec<u32>> = integers(from.shape("density/views", &rows, &mut dims)?)
             .and_then(|v| v.into_iter().map(|n| u32::try_from(n).ok()).collect());
         let views = views.ok_or_else(|| Error::input("array 'density/views'").expected("counts below 2³²"))?;
         let events: Option<Vec<Event>> = integers(from.shape("density/events", "E,8", &mut dims)?)

@@ -62,7 +62,7 @@ pub struct Settings {
 }
 
 /// See [`Settings::determined`].
-pub const PIXELS_PER_GAUSSIAN: usize = 60;
+const PIXELS_PER_GAUSSIAN: usize = 60;
 /// Most iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
 /// Most Gaussians of a fit.
