@@ -137,7 +137,7 @@ fn bad_usage_and_input_exit_with_2_and_one_line() {
     refused(&fit(&["--box", "0,0,0,1,1"]), dir, 2, &["--box"]);
     refused(&fit(&["--tile", "12"]), dir, 2, &["--tile"]);
     refused(&fit(&["--iterations", "0"]), dir, 2, &["--iterations"]);
-    refused(&fit(&["--max-gaussians", "10"]), dir, 2, &["--max-gaussians"]);
+    refused(&fit(&["--initial", "300", "--max-gaussians", "10"]), dir, 2, &["--max-gaussians"]);
     refused(&fit(&["--max-memory", "1"]), dir, 2, &["--max-memory", "MiB"]);
     refused(&fit(&["--init", "missing.ply"]), dir, 2, &["missing.ply"]);
     refused(&["splat", "render", "ball.ply", "--cameras", "orbit:none", "--out", "o1"], dir, 2, &["orbit:N"]);

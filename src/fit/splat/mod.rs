@@ -417,7 +417,7 @@ mod tests {
             let mut history = History::default();
             run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
             let after = psnr(fit.gaussians(), &views);
-            assert!(after > before + 4.0 && after > 18.0, "{strategy:?}: {before:.2} dB to {after:.2} dB");
+            assert!(after > before + 5.0, "{strategy:?}: {before:.2} dB to {after:.2} dB");
             assert!(history.size.iter().all(|&n| n <= 700), "{strategy:?}: never more than the cap");
             let sum = |f: fn(&Event) -> usize| fit.events().iter().fold(0, |s, e| s + f(e));
             let grown = 500 + sum(|e| e.cloned) + sum(|e| e.split) + sum(|e| e.added) - sum(|e| e.pruned);
