@@ -7,7 +7,11 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 fn lastlight(args: &[&str], dir: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lastlight")).args(args).current_dir(dir).output().expect("the binary starts")
+    Command::new(env!("CARGO_BIN_EXE_lastlight"))
+        .args(args)
+        .current_dir(dir)
+        .output()
+        .expect("the binary starts")
 }
 
 fn code(o: &Output) -> i32 {
@@ -49,7 +53,16 @@ fn write_ball(dir: &Path) {
         let z = 1.0 - (2.0 * i as f32 + 1.0) / 200.0;
         let r = (1.0 - z * z).sqrt();
         // A spiral without trigonometry: quarter turns and diagonals are enough for a ball of spots.
-        let [x, y] = [[1.0, 0.0], [0.6, 0.8], [0.0, 1.0], [-0.8, 0.6], [-1.0, 0.0], [-0.6, -0.8], [0.0, -1.0], [0.8, -0.6]][i % 8];
+        let [x, y] = [
+            [1.0, 0.0],
+            [0.6, 0.8],
+            [0.0, 1.0],
+            [-0.8, 0.6],
+            [-1.0, 0.0],
+            [-0.6, -0.8],
+            [0.0, -1.0],
+            [0.8, -0.6],
+        ][i % 8];
         g.means.push([0.5 * r * x, 0.5 * r * y, 0.5 * z]);
         g.quats.push([1.0, 0.0, 0.0, 0.0]);
         g.scales_log.push([-2.6; 3]);
@@ -63,7 +76,18 @@ fn write_ball(dir: &Path) {
 fn workplace() -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_ball(dir.path());
-    let args = ["splat", "render", "ball.ply", "--cameras", "orbit:10", "--size", "48x40", "--out", "capture", "--json"];
+    let args = [
+        "splat",
+        "render",
+        "ball.ply",
+        "--cameras",
+        "orbit:10",
+        "--size",
+        "48x40",
+        "--out",
+        "capture",
+        "--json",
+    ];
     assert_eq!(json(&args, dir.path())["pictures"], 10, "ten pictures");
     dir
 }
@@ -96,10 +120,16 @@ fn help_shows_examples_and_exit_codes() {
 fn bad_usage_and_input_exit_with_2_and_one_line() {
     let work = workplace();
     let dir = work.path();
-    for args in [&["nonsense"][..], &["splat", "fit"], &["splat", "fit", "capture", "--out", "x", "--iterations", "many"], &["--threads", "0", "doctor"]] {
+    for args in [
+        &["nonsense"][..],
+        &["splat", "fit"],
+        &["splat", "fit", "capture", "--out", "x", "--iterations", "many"],
+        &["--threads", "0", "doctor"],
+    ] {
         assert_eq!(code(&lastlight(args, dir)), 2, "{args:?}");
     }
-    let fit = |rest: &[&'static str]| [&["splat", "fit", "capture", "--out", "new", "--quiet"][..], rest].concat();
+    let fit =
+        |rest: &[&'static str]| [&["splat", "fit", "capture", "--out", "new", "--quiet"][..], rest].concat();
     refused(&["splat", "fit", "nowhere", "--out", "new"], dir, 2, &["nowhere"]);
     refused(&fit(&["--profile", "exactly"]), dir, 2, &["--profile", "exact, gsplat"]);
     refused(&fit(&["--strategy", "x"]), dir, 2, &["--strategy", "mcmc"]);
@@ -107,12 +137,22 @@ fn bad_usage_and_input_exit_with_2_and_one_line() {
     refused(&fit(&["--box", "0,0,0,1,1"]), dir, 2, &["--box"]);
     refused(&fit(&["--tile", "12"]), dir, 2, &["--tile"]);
     refused(&fit(&["--iterations", "0"]), dir, 2, &["--iterations"]);
-    refused(&fit(&["--max-gaussians", "10"]), dir, 2, &["--max-gaussians"]);
+    refused(&fit(&["--initial", "300", "--max-gaussians", "10"]), dir, 2, &["--max-gaussians"]);
     refused(&fit(&["--max-memory", "1"]), dir, 2, &["--max-memory", "MiB"]);
     refused(&fit(&["--init", "missing.ply"]), dir, 2, &["missing.ply"]);
     refused(&["splat", "render", "ball.ply", "--cameras", "orbit:none", "--out", "o1"], dir, 2, &["orbit:N"]);
-    refused(&["splat", "render", "ball.ply", "--cameras", "orbit:2", "--out", "o2", "--passes", "colour"], dir, 2, &["--passes"]);
-    refused(&["splat", "render", "ball.ply", "--cameras", "orbit:2", "--out", "o3", "--size", "0x9"], dir, 2, &["--size"]);
+    refused(
+        &["splat", "render", "ball.ply", "--cameras", "orbit:2", "--out", "o2", "--passes", "colour"],
+        dir,
+        2,
+        &["--passes"],
+    );
+    refused(
+        &["splat", "render", "ball.ply", "--cameras", "orbit:2", "--out", "o3", "--size", "0x9"],
+        dir,
+        2,
+        &["--size"],
+    );
     refused(&["splat", "eval", "ball.ply", "capture", "--views", "some"], dir, 2, &["--views"]);
     for out in ["o1", "o2", "o3"] {
         assert!(!dir.join(out).exists(), "a refused command makes no folder: {out}");
@@ -131,7 +171,12 @@ fn broken_files_are_named() {
     refused(&["convert", "odd.splat", "out.ply"], dir, 2, &["odd.splat"]);
     std::fs::write(dir.join("capture/transforms.json"), "{\"frames\": [").expect("writes");
     refused(&["splat", "fit", "capture", "--out", "f"], dir, 2, &["transforms.json"]);
-    refused(&["splat", "render", "ball.ply", "--cameras", "capture", "--out", "g"], dir, 2, &["transforms.json"]);
+    refused(
+        &["splat", "render", "ball.ply", "--cameras", "capture", "--out", "g"],
+        dir,
+        2,
+        &["transforms.json"],
+    );
     assert!(!dir.join("f").exists() && !dir.join("g").exists(), "no folder for nothing");
 }
 
@@ -139,8 +184,25 @@ fn broken_files_are_named() {
 fn a_scene_is_rendered_fitted_scored_and_converted() {
     let work = workplace();
     let dir = work.path();
-    let fit = ["splat", "fit", "capture", "--out", "fit", "--iterations", "40", "--initial", "300", "--sh-degree", "1",
-        "--max-gaussians", "600", "--seed", "3", "--json", "--quiet"];
+    let fit = [
+        "splat",
+        "fit",
+        "capture",
+        "--out",
+        "fit",
+        "--iterations",
+        "40",
+        "--initial",
+        "300",
+        "--sh-degree",
+        "1",
+        "--max-gaussians",
+        "600",
+        "--seed",
+        "3",
+        "--json",
+        "--quiet",
+    ];
     let record = json(&fit, dir);
     assert_eq!(record["iterations"], 40, "as asked for");
     assert_eq!(record["evaluation"]["views"].as_array().map(Vec::len), Some(2), "views 0 and 8 are held out");
@@ -180,12 +242,21 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     assert_eq!(json(&args, dir)["digest"], *digest, "a finished fit resumes at its end");
 
-    let scores = json(&["splat", "eval", "fit/scene.ply", "capture", "--json", "--quiet", "--out", "scores"], dir);
+    let scores =
+        json(&["splat", "eval", "fit/scene.ply", "capture", "--json", "--quiet", "--out", "scores"], dir);
     assert_eq!(scores["evaluation"], record["evaluation"], "the scene file scores as the fit did");
     assert!(dir.join("scores/report/index.html").is_file(), "a report");
-    refused(&["splat", "eval", "fit/scene.ply", "capture", "--min-psnr", "99", "--quiet"], dir, 1, &["at least 99 dB"]);
+    refused(
+        &["splat", "eval", "fit/scene.ply", "capture", "--min-psnr", "99", "--quiet"],
+        dir,
+        1,
+        &["at least 99 dB"],
+    );
     let text = stdout(&lastlight(&["splat", "eval", "ball.ply", "capture", "--views", "all"], dir));
-    assert!(text.contains("PSNR") && text.lines().count() == 12, "a table of ten views, a head, a mean: {text}");
+    assert!(
+        text.contains("PSNR") && text.lines().count() == 12,
+        "a table of ten views, a head, a mean: {text}"
+    );
 
     let made = json(&["convert", "fit/scene.ply", "scene.npz", "--json"], dir);
     assert_eq!(made["gaussians"], record["gaussians"], "all of them");
@@ -193,23 +264,48 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
     json(&["convert", "scene.npz", "back.ply", "--json"], dir);
     let back = json(&["splat", "eval", "back.ply", "capture", "--json", "--quiet"], dir);
     let psnr = |v: &Value| v["evaluation"]["mean_psnr_db"].as_f64().expect("finite");
-    assert!((psnr(&back) - psnr(&scores)).abs() < 1e-3, "through npz and back: {} and {}", psnr(&back), psnr(&scores));
+    assert!(
+        (psnr(&back) - psnr(&scores)).abs() < 1e-3,
+        "through npz and back: {} and {}",
+        psnr(&back),
+        psnr(&scores)
+    );
 }
 
 #[test]
 fn all_passes_are_written_and_described() {
     let work = workplace();
     let dir = work.path();
-    let args = ["splat", "render", "ball.ply", "--cameras", "capture", "--out", "p", "--passes", "color,linear,depth,alpha", "--json"];
+    let args = [
+        "splat",
+        "render",
+        "ball.ply",
+        "--cameras",
+        "capture",
+        "--out",
+        "p",
+        "--passes",
+        "color,linear,depth,alpha",
+        "--json",
+    ];
     let record = json(&args, dir);
     assert_eq!(record["files"].as_array().map(Vec::len), Some(41), "four files a view and the description");
     let text = std::fs::read_to_string(dir.join("p/transforms.json")).expect("written");
     let t: Value = serde_json::from_str(&text).expect("JSON");
     let frame = &t["frames"][0];
-    assert!(dir.join("p").join(frame["file_path"].as_str().expect("a path")).is_file(), "the picture is there");
-    assert!(dir.join("p").join(frame["depth_file_path"].as_str().expect("a path")).is_file(), "the depth is there");
+    assert!(
+        dir.join("p").join(frame["file_path"].as_str().expect("a path")).is_file(),
+        "the picture is there"
+    );
+    assert!(
+        dir.join("p").join(frame["depth_file_path"].as_str().expect("a path")).is_file(),
+        "the depth is there"
+    );
     // Cameras survive the way through the file: the second rendering is the first one.
-    let names: Vec<_> = std::fs::read_dir(dir.join("p/color")).expect("a folder").map(|e| e.expect("an entry").file_name()).collect();
+    let names: Vec<_> = std::fs::read_dir(dir.join("p/color"))
+        .expect("a folder")
+        .map(|e| e.expect("an entry").file_name())
+        .collect();
     for name in names {
         let name = name.into_string().expect("text");
         let first = dir.join("capture/color").join(name.trim_start_matches("color_"));
@@ -239,8 +335,25 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
     let work = workplace();
     let dir = work.path();
     let args = |out: &'static str, rest: &[&'static str]| {
-        let fit = ["splat", "fit", "capture", "--out", out, "--iterations", "1500", "--initial", "300", "--sh-degree", "0",
-            "--max-gaussians", "400", "--checkpoint-every", "25", "--quiet", "--json"];
+        let fit = [
+            "splat",
+            "fit",
+            "capture",
+            "--out",
+            out,
+            "--iterations",
+            "1500",
+            "--initial",
+            "300",
+            "--sh-degree",
+            "0",
+            "--max-gaussians",
+            "400",
+            "--checkpoint-every",
+            "25",
+            "--quiet",
+            "--json",
+        ];
         [&fit[..], rest].concat()
     };
     let whole = json(&args("whole", &[]), dir);

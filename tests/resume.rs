@@ -31,7 +31,8 @@ fn views() -> Views {
 
 fn new<'a>(strategy: Strategy, views: &'a Views) -> SplatFit<'a> {
     let settings = settings(strategy);
-    let first = seeds::gaussians(&Start::Random { count: 400, bounds: None }, views, &settings).expect("a valid start");
+    let first = seeds::gaussians(&Start::Random { count: 400, bounds: None }, views, &settings)
+        .expect("a valid start");
     SplatFit::new(settings, views, first).expect("valid settings")
 }
 
@@ -74,9 +75,11 @@ fn a_fit_interrupted_anywhere_ends_with_the_same_bytes() {
         for (i, at) in [1, 2, 5, 6, 7, 29, 30, 31, 59].into_iter().enumerate() {
             let stop = AtomicBool::new(false);
             let schedule = Schedule { checkpoint: Some(&parts), every: 1000, stop: &stop };
-            let e = par::with_threads(1 + i % 3, || training::run(&mut fit, &mut history, schedule, &mut StopAt(at, &stop)))
-                .expect("threads start")
-                .expect_err("it was stopped");
+            let e = par::with_threads(1 + i % 3, || {
+                training::run(&mut fit, &mut history, schedule, &mut StopAt(at, &stop))
+            })
+            .expect("threads start")
+            .expect_err("it was stopped");
             assert_eq!(e.exit_code(), 130, "{strategy:?}: {e}");
             fit = new(strategy, &views);
             history = training::resume(&mut fit, &parts).expect("the checkpoint is complete");
@@ -87,7 +90,11 @@ fn a_fit_interrupted_anywhere_ends_with_the_same_bytes() {
         training::run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
         write_scene(&dir.path().join("parts.ply"), fit.gaussians(), &[]).expect("writes");
         assert_eq!(bytes(&whole), bytes(&parts), "{strategy:?}: checkpoints");
-        assert_eq!(bytes(&dir.path().join("whole.ply")), bytes(&dir.path().join("parts.ply")), "{strategy:?}: scenes");
+        assert_eq!(
+            bytes(&dir.path().join("whole.ply")),
+            bytes(&dir.path().join("parts.ply")),
+            "{strategy:?}: scenes"
+        );
     }
 }
 
@@ -148,7 +155,8 @@ fn other_settings_or_photographs_are_refused_by_name() {
     let path = dir.path().join("c.safetensors");
     uninterrupted(Strategy::Inria, &views, &path, 1000);
     let refused = |settings: Settings, views: &Views| {
-        let first = seeds::gaussians(&Start::Random { count: 400, bounds: None }, views, &settings).expect("valid");
+        let first =
+            seeds::gaussians(&Start::Random { count: 400, bounds: None }, views, &settings).expect("valid");
         let mut fit = SplatFit::new(settings, views, first).expect("valid");
         let before = fit.digest().expect("finite");
         let e = training::resume(&mut fit, &path).expect_err("it differs").to_string();

@@ -58,9 +58,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
         line("build", if cfg!(debug_assertions) { "debug".into() } else { "release".to_owned() })?;
         line("built for", built_for().join(" "))?;
         line("cpu has", cpu_features().join(" "))?;
-        line("lanes", format!("{LANES} of f32 in one register; sums have 16 logical lanes on every machine"))?;
+        line(
+            "lanes",
+            format!("{LANES} of f32 in one register; sums have 16 logical lanes on every machine"),
+        )?;
         line("threads", par::threads().to_string())?;
-        line("rounding", probe.as_ref().map_or_else(ToString::to_string, |()| "default, in every thread".into()))?;
+        line(
+            "rounding",
+            probe.as_ref().map_or_else(ToString::to_string, |()| "default, in every thread".into()),
+        )?;
         line("picture", verdict(picture, PICTURE))?;
         line("gradients", verdict(gradients, GRADIENTS))?;
     }
@@ -76,7 +82,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 fn verdict(got: u64, expected: u64) -> String {
-    if got == expected { format!("{got:016x} as on every machine") } else { format!("{got:016x} WRONG, expected {expected:016x}") }
+    if got == expected {
+        format!("{got:016x} as on every machine")
+    } else {
+        format!("{got:016x} WRONG, expected {expected:016x}")
+    }
 }
 
 /// f32 lanes of one register in this build.
@@ -112,9 +122,12 @@ fn cpu_features() -> Vec<&'static str> {
 fn digests() -> Result<(u64, u64)> {
     let rng = Rng::new(0);
     let u = |i: usize, d: u16| rng.uniform_f32(i as u64, 0, PURPOSE, d);
-    let means: Vec<[f32; 3]> = (0..N).map(|i| [u(i, 0) * 2.0 - 1.0, u(i, 1) * 1.5 - 0.75, u(i, 2) * 2.0 + 2.0]).collect();
-    let quats: Vec<[f32; 4]> = (0..N).map(|i| [u(i, 3) + 0.1, u(i, 4) - 0.5, u(i, 5) - 0.5, u(i, 6) - 0.5]).collect();
-    let scales: Vec<[f32; 3]> = (0..N).map(|i| [u(i, 7) * 0.2 + 0.01, u(i, 8) * 0.2 + 0.01, u(i, 9) * 0.05 + 0.01]).collect();
+    let means: Vec<[f32; 3]> =
+        (0..N).map(|i| [u(i, 0) * 2.0 - 1.0, u(i, 1) * 1.5 - 0.75, u(i, 2) * 2.0 + 2.0]).collect();
+    let quats: Vec<[f32; 4]> =
+        (0..N).map(|i| [u(i, 3) + 0.1, u(i, 4) - 0.5, u(i, 5) - 0.5, u(i, 6) - 0.5]).collect();
+    let scales: Vec<[f32; 3]> =
+        (0..N).map(|i| [u(i, 7) * 0.2 + 0.01, u(i, 8) * 0.2 + 0.01, u(i, 9) * 0.05 + 0.01]).collect();
     let opacities: Vec<f32> = (0..N).map(|i| u(i, 10)).collect();
     let sh: Vec<f32> = (0..N * 12).map(|i| u(i / 12, 11 + (i % 12) as u16) - 0.5).collect();
     let camera = Camera {
@@ -161,7 +174,11 @@ mod tests {
     fn the_built_in_scene_has_the_published_bits_for_any_number_of_threads() {
         for n in [1, 3] {
             let (picture, gradients) = par::with_threads(n, digests).expect("threads start").expect("finite");
-            assert_eq!((picture, gradients), (PICTURE, GRADIENTS), "{n} threads: {picture:#018x}, {gradients:#018x}");
+            assert_eq!(
+                (picture, gradients),
+                (PICTURE, GRADIENTS),
+                "{n} threads: {picture:#018x}, {gradients:#018x}"
+            );
         }
     }
 }

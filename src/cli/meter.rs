@@ -1,6 +1,9 @@
 //! Progress on stderr and where the time went.
 
-#![expect(clippy::disallowed_types, reason = "the clock is read here for people; nothing it says reaches a result")]
+#![expect(
+    clippy::disallowed_types,
+    reason = "the clock is read here for people; nothing it says reaches a result"
+)]
 
 use crate::fit::training::{Step, Watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -68,10 +71,12 @@ impl Meter {
         let (since, first) = *self.counted.get_or_insert_with(|| (Instant::now(), done));
         if std::io::stderr().is_terminal() {
             let bar = self.bar.get_or_insert_with(|| {
-                let style = ProgressStyle::with_template("{bar:32} {pos}/{len} · {per_sec:.1} · {eta} left · {msg}")
-                    .unwrap_or_else(|_| ProgressStyle::default_bar())
-                    .progress_chars("━━─");
-                let bar = ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
+                let style =
+                    ProgressStyle::with_template("{bar:32} {pos}/{len} · {per_sec:.1} · {eta} left · {msg}")
+                        .unwrap_or_else(|_| ProgressStyle::default_bar())
+                        .progress_chars("━━─");
+                let bar =
+                    ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
                 bar.set_style(style);
                 bar.set_position(done as u64);
                 bar.reset_eta();

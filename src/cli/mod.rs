@@ -99,7 +99,8 @@ pub fn main() -> ExitCode {
     if let Err(e) = handler {
         eprintln!("note: Ctrl-C stops at once, without a checkpoint: {e}");
     }
-    let threads = cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+    let threads =
+        cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     match par::with_threads(threads, || dispatch(cli.command)).and_then(|outcome| outcome) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
@@ -147,7 +148,8 @@ fn say_json(record: &serde_json::Value) -> Result<()> {
 
 /// The command line as it can be typed again.
 fn command_line() -> String {
-    let plain = |s: &str| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c));
+    let plain =
+        |s: &str| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c));
     let quote = |s: String| if plain(&s) { s } else { format!("'{}'", s.replace('\'', "'\\''")) };
     let rest = std::env::args_os().skip(1).map(|a| quote(a.to_string_lossy().into_owned()));
     std::iter::once("lastlight".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")

@@ -70,6 +70,7 @@ fn stored(g: &splats::Gaussians) -> Result<Gaussians> {
 
 fn camera(v: &splats::View) -> Camera {
     let f = |x: &f64| *x as f32;
-    let (pose, k): (Vec<f32>, Vec<f32>) = (v.view_from_world.iter().map(f).collect(), v.intrinsics.iter().map(f).collect());
+    let (pose, k): (Vec<f32>, Vec<f32>) =
+        (v.view_from_world.iter().map(f).collect(), v.intrinsics.iter().map(f).collect());
     Camera::from_matrices(&pose, &k, v.width, v.height, Model::Pinhole)
 }

@@ -96,7 +96,8 @@ impl Evaluation {
 /// When no pixel of the view counts, or the render holds a number that is not finite.
 pub fn score(scene: &Scene<'_>, view: &View) -> Result<Scored> {
     let out = scene.render(&view.camera)?;
-    let (photo, mask) = (view.image(), view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>()));
+    let (photo, mask) =
+        (view.image(), view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>()));
     compare(&view.name, &out, &photo, mask.as_deref(), [view.camera.height, view.camera.width])
 }
 
@@ -121,7 +122,8 @@ pub fn compare(
     let counts = |p: usize| mask.is_none_or(|m| m[p] != 0.0);
     let kept = (0..height * width).filter(|&p| counts(p)).count();
     let image: Vec<f32> = out.image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
-    let photo: Vec<f32> = photo.iter().enumerate().map(|(i, &v)| if counts(i / 3) { v } else { 0.0 }).collect();
+    let photo: Vec<f32> =
+        photo.iter().enumerate().map(|(i, &v)| if counts(i / 3) { v } else { 0.0 }).collect();
     let error = par::map_batched(height * width, 4096, |p| {
         if !counts(p) {
             return 0.0;
@@ -153,7 +155,11 @@ mod tests {
         assert!((hit.error[0] - 0.4 / 3.0).abs() < 1e-6 && hit.error[1] == 0.0, "the map shows where");
         mask[0] = 0.0;
         let miss = compare("a", &out(image), &photo, Some(&mask), [16, 16]).expect("compares");
-        assert_eq!((miss.score.psnr_db, miss.score.mae, miss.score.kept), (f64::INFINITY, 0.0, 255), "all the rest agrees");
+        assert_eq!(
+            (miss.score.psnr_db, miss.score.mae, miss.score.kept),
+            (f64::INFINITY, 0.0, 255),
+            "all the rest agrees"
+        );
         assert_eq!((miss.error[0], miss.photo[0]), (0.0, 0.0), "black in the pictures");
         let e = Evaluation::of(vec![hit.score, miss.score]);
         assert!(e.mean_psnr_db.is_infinite() && e.json()["mean_psnr_db"].is_null(), "no finite mean");

@@ -38,23 +38,25 @@ impl<'a> Scene<'a> {
     /// When the camera is not valid, or a pixel is not finite because a parameter is out of every sensible range.
     pub fn render(&self, camera: &Camera) -> Result<Out> {
         let x = In {
-                means: &self.stored.means,
-                shape: Shape::QuatScale { quats: &self.stored.quats, scales: &self.scales },
-                opacities: &self.opacities,
-                color: Color::Sh(Sh {
-                    values: &self.stored.sh,
-                    coefficients: self.stored.sh_coefficients(),
-                    degree: self.stored.sh_degree,
-                }),
-                cameras: std::slice::from_ref(camera),
-                background: self.background,
-            };
+            means: &self.stored.means,
+            shape: Shape::QuatScale { quats: &self.stored.quats, scales: &self.scales },
+            opacities: &self.opacities,
+            color: Color::Sh(Sh {
+                values: &self.stored.sh,
+                coefficients: self.stored.sh_coefficients(),
+                degree: self.stored.sh_degree,
+            }),
+            cameras: std::slice::from_ref(camera),
+            background: self.background,
+        };
         x.validate(&self.settings)?;
         let (out, _) = render::forward(&x, &self.settings);
         if out.image.iter().all(|x| x.is_finite()) {
             Ok(out)
         } else {
-            Err(Error::input("render").expected("finite pixels").got("one that is not: a parameter of the scene overflows"))
+            Err(Error::input("render")
+                .expected("finite pixels")
+                .got("one that is not: a parameter of the scene overflows"))
         }
     }
 }
@@ -86,7 +88,9 @@ impl Passes {
                 "depth" => passes.depth = true,
                 "alpha" => passes.alpha = true,
                 other => {
-                    return Err(Error::input("--passes").expected("color, linear, depth or alpha, between commas").got(other));
+                    return Err(Error::input("--passes")
+                        .expected("color, linear, depth or alpha, between commas")
+                        .got(other));
                 }
             }
         }
@@ -117,7 +121,10 @@ pub fn to_folder(
     let mut names: Vec<&str> = shots.iter().map(|s| s.name.as_str()).collect();
     names.sort_unstable();
     if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
-        return Err(Error::input("cameras").at(format!("name '{}'", twice[0])).expected("different names").got("two cameras of one name"));
+        return Err(Error::input("cameras")
+            .at(format!("name '{}'", twice[0]))
+            .expected("different names")
+            .got("two cameras of one name"));
     }
     let mut files = Vec::new();
     for (done, shot) in shots.iter().enumerate() {
@@ -136,7 +143,8 @@ pub fn to_folder(
             image_file::write_png(&target("color", "png")?, w, h, 3, &image_file::to_u8(&out.image)?)?;
         }
         if passes.linear {
-            let linear: Vec<f32> = par::map_batched(out.image.len(), 4096, |i| linear_from_srgb(out.image[i]));
+            let linear: Vec<f32> =
+                par::map_batched(out.image.len(), 4096, |i| linear_from_srgb(out.image[i]));
             image_file::write_exr(&target("linear", "exr")?, w, h, &["R", "G", "B"], &linear)?;
         }
         if passes.depth {
@@ -147,7 +155,10 @@ pub fn to_folder(
         }
     }
     progress(shots.len(), shots.len());
-    atomic::write_bytes(&dir.join("transforms.json"), format!("{:#}\n", transforms(shots, passes)).as_bytes())?;
+    atomic::write_bytes(
+        &dir.join("transforms.json"),
+        format!("{:#}\n", transforms(shots, passes)).as_bytes(),
+    )?;
     files.push(PathBuf::from("transforms.json"));
     Ok(files)
 }
@@ -167,7 +178,12 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
             let eye = c.center();
             // World-from-view is the transpose of view-from-world; OpenGL has y up and z backward.
             let row = |i: usize| {
-                json!([f64::from(c.rotation[0][i]), -f64::from(c.rotation[1][i]), -f64::from(c.rotation[2][i]), f64::from(eye[i])])
+                json!([
+                    f64::from(c.rotation[0][i]),
+                    -f64::from(c.rotation[1][i]),
+                    -f64::from(c.rotation[2][i]),
+                    f64::from(eye[i])
+                ])
             };
             let mut frame = json!({
                 "file_path": format!("{folder}/{}.{extension}", shot.name),
@@ -261,17 +277,25 @@ impl Orbit {
             return Err(Error::input("orbit").expected("1 to 100000 cameras").got(self.count.to_string()));
         }
         if !(self.fov_x_rad > 0.01 && self.fov_x_rad < 3.0) {
-            return Err(Error::input("orbit").at("field of view").expected("more than 0.6 and less than 171 degrees").got(format!("{} rad", self.fov_x_rad)));
+            return Err(Error::input("orbit")
+                .at("field of view")
+                .expected("more than 0.6 and less than 171 degrees")
+                .got(format!("{} rad", self.fov_x_rad)));
         }
-        if !(self.elevation_rad.abs() < 1.55) {
-            return Err(Error::input("orbit").at("elevation").expected("less than 88 degrees").got(format!("{} rad", self.elevation_rad)));
+        if !(-1.55..=1.55).contains(&self.elevation_rad) {
+            return Err(Error::input("orbit")
+                .at("elevation")
+                .expected("less than 88 degrees")
+                .got(format!("{} rad", self.elevation_rad)));
         }
         let opaque: Vec<usize> = (0..scene.len()).filter(|&i| scene.opacity_logits[i] > 0.0).collect();
         let used: Vec<usize> = if opaque.is_empty() { (0..scene.len()).collect() } else { opaque };
         if used.is_empty() && (self.center.is_none() || self.radius.is_none()) {
             return Err(Error::input("orbit").expected("Gaussians to look at").got("an empty scene"));
         }
-        let center = self.center.unwrap_or_else(|| std::array::from_fn(|k| quantile(used.iter().map(|&i| scene.means[i][k]), 0.5)));
+        let center = self.center.unwrap_or_else(|| {
+            std::array::from_fn(|k| quantile(used.iter().map(|&i| scene.means[i][k]), 0.5))
+        });
         let radius = self.radius.unwrap_or_else(|| {
             let reach = quantile(
                 used.iter().map(|&i| {
@@ -280,11 +304,17 @@ impl Orbit {
                 }),
                 0.8,
             );
-            let narrow = order::min(self.fov_x_rad, 2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64));
+            let narrow = order::min(
+                self.fov_x_rad,
+                2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64),
+            );
             order::max(reach, 1e-3) / libm::sin(narrow * 0.5) as f32
         });
         if !(radius > 0.0 && radius.is_finite()) {
-            return Err(Error::input("orbit").at("radius").expected("a positive number").got(radius.to_string()));
+            return Err(Error::input("orbit")
+                .at("radius")
+                .expected("a positive number")
+                .got(radius.to_string()));
         }
         let digits = (self.count - 1).to_string().len().max(3);
         let focal = (0.5 * self.size[0] as f64 / libm::tan(self.fov_x_rad * 0.5)) as f32;
@@ -293,7 +323,8 @@ impl Orbit {
                 let turn = core::f64::consts::TAU * i as f64 / self.count as f64;
                 let (se, ce) = (libm::sin(self.elevation_rad), libm::cos(self.elevation_rad));
                 let out = [ce * libm::sin(turn), -ce * libm::cos(turn), se]; // from the middle to the camera
-                let eye: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) + f64::from(radius) * out[k]);
+                let eye: [f64; 3] =
+                    std::array::from_fn(|k| f64::from(center[k]) + f64::from(radius) * out[k]);
                 let camera = look_at(eye, out.map(|x| -x), [focal, focal], self.size);
                 camera.validate()?;
                 Ok(Shot { name: format!("{i:0digits$}"), camera })
@@ -358,14 +389,24 @@ mod tests {
             sh: vec![0.0; 15],
             sh_degree: 0,
         };
-        let orbit = Orbit { count: 8, center: None, radius: Some(2.0), elevation_rad: 0.3, fov_x_rad: 1.0, size: [40, 30] };
+        let orbit = Orbit {
+            count: 8,
+            center: None,
+            radius: Some(2.0),
+            elevation_rad: 0.3,
+            fov_x_rad: 1.0,
+            size: [40, 30],
+        };
         let shots = orbit.shots(&scene).expect("a valid orbit");
         for shot in &shots {
             let c = &shot.camera;
             let p: [f32; 3] = std::array::from_fn(|i| {
                 c.rotation[i][0] * 1.0 + c.rotation[i][1] * 2.0 + c.rotation[i][2] * 3.0 + c.translation[i]
             });
-            assert!(p[0].abs() < 1e-5 && p[1].abs() < 1e-5 && (p[2] - 2.0).abs() < 1e-5, "the middle is straight ahead: {p:?}");
+            assert!(
+                p[0].abs() < 1e-5 && p[1].abs() < 1e-5 && (p[2] - 2.0).abs() < 1e-5,
+                "the middle is straight ahead: {p:?}"
+            );
             assert!(c.rotation[1][2] < -0.9, "z is up, the camera's y is down");
         }
         assert_eq!(shots[7].name, "007", "names sort");

@@ -55,7 +55,9 @@ const MCMC: (f64, f64) = (0.5, 0.1);
 pub fn gaussians(start: &Start, views: &Views, settings: &Settings) -> Result<Gaussians> {
     let cap = |n: usize| {
         if n > settings.max_gaussians {
-            return Err(Error::input("--max-gaussians").expected(format!("at least the {n} of the start")).got(settings.max_gaussians.to_string()));
+            return Err(Error::input("--max-gaussians")
+                .expected(format!("at least the {n} of the start"))
+                .got(settings.max_gaussians.to_string()));
         }
         Ok(())
     };
@@ -67,7 +69,9 @@ pub fn gaussians(start: &Start, views: &Views, settings: &Settings) -> Result<Ga
         }
         Start::Auto { count, bounds } | Start::Random { count, bounds } => {
             if *count < 4 {
-                return Err(Error::input("--initial").expected("at least 4 Gaussians").got(count.to_string()));
+                return Err(Error::input("--initial")
+                    .expected("at least 4 Gaussians")
+                    .got(count.to_string()));
             }
             cap(*count)?;
             random(*count, bounds.unwrap_or_else(|| corners(&views.scene_box)), settings)?
@@ -86,7 +90,9 @@ fn from_file(path: &Path, settings: &Settings) -> Result<Gaussians> {
         if !is_scene {
             let points = gaussian_ply::points(&file, &name)?;
             if points.xyz.len() < FEW {
-                return Err(Error::input(name).expected(format!("at least {FEW} points")).got(points.xyz.len().to_string()));
+                return Err(Error::input(name)
+                    .expected(format!("at least {FEW} points"))
+                    .got(points.xyz.len().to_string()));
             }
             return from_cloud(&points, settings);
         }
@@ -137,7 +143,8 @@ fn from_points(means: Vec<[f32; 3]>, colors: Vec<[f32; 3]>, settings: &Settings)
     let (opacity, factor) = if settings.strategy == Strategy::Mcmc { MCMC } else { (OPACITY, 1.0) };
     let distances = knn::mean_squared_distance(&means)?;
     let scales_log = par::map_batched(n, 1024, |i| {
-        let squared = if distances[i] > LEAST_SQUARED_DISTANCE { distances[i] } else { LEAST_SQUARED_DISTANCE };
+        let squared =
+            if distances[i] > LEAST_SQUARED_DISTANCE { distances[i] } else { LEAST_SQUARED_DISTANCE };
         [elem::ln(squared.sqrt() * factor as f32); 3]
     });
     let coefficients = (settings.sh_degree + 1) * (settings.sh_degree + 1);
@@ -164,9 +171,18 @@ mod tests {
 
     #[test]
     fn bands_are_cut_or_filled() {
-        let mut g = Gaussians { means: vec![[0.0; 3]; 2], sh: (0..24).map(|i| i as f32).collect(), sh_degree: 1, ..Gaussians::default() };
+        let mut g = Gaussians {
+            means: vec![[0.0; 3]; 2],
+            sh: (0..24).map(|i| i as f32).collect(),
+            sh_degree: 1,
+            ..Gaussians::default()
+        };
         set_degree(&mut g, 2);
-        assert_eq!((g.sh.len(), g.sh[11], g.sh[12], g.sh[27]), (54, 11.0, 0.0, 12.0), "rows keep their bands");
+        assert_eq!(
+            (g.sh.len(), g.sh[11], g.sh[12], g.sh[27]),
+            (54, 11.0, 0.0, 12.0),
+            "rows keep their bands"
+        );
         set_degree(&mut g, 0);
         assert_eq!(g.sh, vec![0.0, 1.0, 2.0, 12.0, 13.0, 14.0], "the first band is left");
     }

@@ -3,6 +3,9 @@
 use maud::{Markup, html};
 use std::fmt::Write as _;
 
+/// Pairs of numbers along a curve.
+pub(crate) type Curve = Vec<(f64, f64)>;
+
 /// One curve.
 pub(crate) struct Series<'a> {
     /// shown in the legend
@@ -10,9 +13,9 @@ pub(crate) struct Series<'a> {
     /// custom property of the colour, `a` to `h`
     pub(crate) color: char,
     /// (x, y) with x ascending
-    pub(crate) points: Vec<(f64, f64)>,
+    pub(crate) points: Curve,
     /// lower and upper edge at the same x, drawn as a band
-    pub(crate) band: Vec<(f64, f64)>,
+    pub(crate) band: Curve,
 }
 
 /// A chart over a numeric x axis.
@@ -45,7 +48,8 @@ fn ticks(lo: f64, hi: f64, n: usize) -> Vec<f64> {
         return vec![lo];
     }
     let power = libm::pow(10.0, libm::floor(libm::log10(raw)));
-    let step = [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().map(|m| m * power).find(|&s| s >= raw).unwrap_or(10.0 * power);
+    let step =
+        [1.0, 2.0, 2.5, 5.0, 10.0].into_iter().map(|m| m * power).find(|&s| s >= raw).unwrap_or(10.0 * power);
     let first = libm::ceil(lo / step - 1e-9) as i64;
     let last = libm::floor(hi / step + 1e-9) as i64;
     (first..=last).map(|i| i as f64 * step).collect()
@@ -53,7 +57,9 @@ fn ticks(lo: f64, hi: f64, n: usize) -> Vec<f64> {
 
 /// A number of an axis: `12`, `0.25`, `20k`, `1.5M`.
 pub(crate) fn short(x: f64) -> String {
-    let trim = |s: String| if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s };
+    let trim = |s: String| {
+        if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s }
+    };
     let a = x.abs();
     if a >= 1e6 {
         format!("{}M", trim(format!("{:.2}", x / 1e6)))
@@ -67,7 +73,7 @@ pub(crate) fn short(x: f64) -> String {
 }
 
 /// Means of at most `n` buckets of consecutive points, with the smallest and largest value of each as a band.
-pub(crate) fn bucket(values: &[f32], n: usize) -> (Vec<(f64, f64)>, Vec<(f64, f64)>) {
+pub(crate) fn bucket(values: &[f32], n: usize) -> (Curve, Curve) {
     let size = values.len().div_ceil(n.max(1)).max(1);
     let mut points = Vec::new();
     let mut band = Vec::new();
@@ -89,7 +95,8 @@ impl Lines<'_> {
     /// The chart in a panel with a legend when there is more than one curve.
     pub(crate) fn html(&self) -> Markup {
         let all = || self.series.iter().flat_map(|s| s.points.iter());
-        let (mut x0, mut x1, mut y0, mut y1) = (f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY);
+        let (mut x0, mut x1, mut y0, mut y1) =
+            (f64::INFINITY, f64::NEG_INFINITY, f64::INFINITY, f64::NEG_INFINITY);
         for &(x, y) in all() {
             x0 = crate::num::order::min(x0, x);
             x1 = crate::num::order::max(x1, x);
@@ -189,7 +196,14 @@ fn band(s: &Series<'_>, px: &dyn Fn(f64) -> f64, py: &dyn Fn(f64) -> f64) -> Str
 }
 
 /// Horizontal bars with a value at the end of each; `reference` draws a vertical line (a mean, a goal).
-pub(crate) fn bars(title: &str, rows: &[(String, f64)], color: char, decimals: usize, from: f64, reference: Option<(f64, &str)>) -> Markup {
+pub(crate) fn bars(
+    title: &str,
+    rows: &[(String, f64)],
+    color: char,
+    decimals: usize,
+    from: f64,
+    reference: Option<(f64, &str)>,
+) -> Markup {
     let row_height = 24.0;
     let (label, width, right) = (110.0, W, 58.0);
     let height = rows.len() as f64 * row_height + if reference.is_some() { 26.0 } else { 8.0 };
@@ -217,10 +231,18 @@ pub(crate) fn bars(title: &str, rows: &[(String, f64)], color: char, decimals: u
     }
 }
 
+/// Colours of a bar of parts; the last is for the rest.
+const COLORS: usize = 8;
+
 /// One horizontal bar cut into parts, with a legend: where the time went.
 pub(crate) fn parts(rows: &[(String, f64)]) -> Markup {
+    let mut rows = rows.to_vec();
+    if rows.len() > COLORS {
+        let rest = rows.drain(COLORS - 1..).fold(0.0, |s, r| s + r.1);
+        rows.push(("rest".to_owned(), rest));
+    }
     let total = rows.iter().fold(0.0, |s, r| s + r.1);
-    let color = |i: usize| (b'a' + (i % 8) as u8) as char;
+    let color = |i: usize| (b'a' + (i % COLORS) as u8) as char;
     let starts: Vec<f64> = rows
         .iter()
         .scan(0.0, |at, r| {

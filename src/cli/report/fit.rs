@@ -67,7 +67,11 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             value: decibel(e.mean_psnr_db),
             note: format!("mean of {} views", e.views.len()),
         },
-        Stat { label: "SSIM, held out", value: format!("{:.4}", e.mean_ssim), note: "11×11 window, σ 1.5".into() },
+        Stat {
+            label: "SSIM, held out",
+            value: format!("{:.4}", e.mean_ssim),
+            note: "11×11 window, σ 1.5".into(),
+        },
         Stat { label: "Gaussians", value: thousands(x.n_gauss), note: size_note(x.history) },
     ];
     if let Some(h) = x.history {
@@ -120,7 +124,12 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     });
     if !x.files.is_empty() {
         let rows: Vec<_> = x.files.iter().map(|(n, b)| vec![code(n), text(bytes(*b))]).collect();
-        sections.push(Section { id: "files", title: "Files", lead: String::new(), body: table(&["file", ">size"], &rows) });
+        sections.push(Section {
+            id: "files",
+            title: "Files",
+            lead: String::new(),
+            body: table(&["file", ">size"], &rows),
+        });
     }
     sections.push(Section {
         id: "settings",
@@ -128,7 +137,14 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         lead: "Everything that decides the result: the same settings and input give the same digest on any machine.".into(),
         body: settings(x.settings),
     });
-    Ok(Page { kind: x.kind.to_owned(), title: x.title.clone(), command: x.command.clone(), facts, stats, sections })
+    Ok(Page {
+        kind: x.kind.to_owned(),
+        title: x.title.clone(),
+        command: x.command.clone(),
+        facts,
+        stats,
+        sections,
+    })
 }
 
 fn decibel(x: f64) -> String {
@@ -136,7 +152,9 @@ fn decibel(x: f64) -> String {
 }
 
 fn size_note(history: Option<&History>) -> String {
-    history.and_then(|h| h.size.first()).map_or(String::new(), |&n| format!("from {} at the start", thousands(n.max(0) as usize)))
+    history
+        .and_then(|h| h.size.first())
+        .map_or(String::new(), |&n| format!("from {} at the start", thousands(n.max(0) as usize)))
 }
 
 fn views(scored: &[Scored]) -> Result<Markup> {
@@ -196,7 +214,11 @@ fn scores(e: &Evaluation) -> Markup {
     let psnr: Vec<(String, f64)> = finite.map(|v| (short_name(&v.name), v.psnr_db)).collect();
     let ssim: Vec<(String, f64)> = e.views.iter().map(|v| (short_name(&v.name), v.ssim)).collect();
     let lowest = psnr.iter().fold(f64::INFINITY, |m, p| crate::num::order::min(m, p.1));
-    let from = if lowest.is_finite() { crate::num::order::max(libm::floor((lowest - 5.0) / 5.0) * 5.0, 0.0) } else { 0.0 };
+    let from = if lowest.is_finite() {
+        crate::num::order::max(libm::floor((lowest - 5.0) / 5.0) * 5.0, 0.0)
+    } else {
+        0.0
+    };
     html! {
         (table(&["view", ">size", ">counted", ">PSNR", ">SSIM", ">mean abs. error"], &rows))
         div style="height:16px" {}
@@ -247,7 +269,16 @@ fn events(events: &[Event]) -> Markup {
             text(thousands(e.size)),
         ]
     };
-    let head = ["iteration", ">cloned", ">split", ">moved", ">added", ">pruned", ">opacities reset", ">Gaussians after"];
+    let head = [
+        "iteration",
+        ">cloned",
+        ">split",
+        ">moved",
+        ">added",
+        ">pruned",
+        ">opacities reset",
+        ">Gaussians after",
+    ];
     let total = |f: fn(&Event) -> usize| text(thousands(events.iter().fold(0, |s, e| s + f(e))));
     let mut rows: Vec<_> = events.iter().map(row).collect();
     let sum = vec![
@@ -279,7 +310,13 @@ fn time(parts: &[(String, f64)], total: f64) -> Markup {
     }
     let rows: Vec<_> = all
         .iter()
-        .map(|(n, s)| vec![text(n), text(seconds(*s)), text(format!("{:.1} %", if total > 0.0 { s / total * 100.0 } else { 0.0 }))])
+        .map(|(n, s)| {
+            vec![
+                text(n),
+                text(seconds(*s)),
+                text(format!("{:.1} %", if total > 0.0 { s / total * 100.0 } else { 0.0 })),
+            ]
+        })
         .collect();
     html! {
         div.panel { (charts::parts(&all)) }

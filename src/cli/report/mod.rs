@@ -201,7 +201,12 @@ mod tests {
             command: "lastlight splat fit '<fox>'".into(),
             facts: vec![("seed", "0".into())],
             stats: vec![],
-            sections: vec![Section { id: "a", title: "A", lead: String::new(), body: table(&["x", ">y"], &[vec![text("<b>"), text(1)]]) }],
+            sections: vec![Section {
+                id: "a",
+                title: "A",
+                lead: String::new(),
+                body: table(&["x", ">y"], &[vec![text("<b>"), text(1)]]),
+            }],
         };
         let html = page.html();
         assert!(html.contains("&lt;fox&gt; &amp; co"), "text is escaped");

@@ -57,7 +57,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let (settings, background) = args.render.settings()?;
     let stored = read_scene(&args.scene)?;
-    let views = Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    let views =
+        Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
     let which: Vec<usize> = match args.views.as_str() {
         "test" => views.test.clone(),
         "train" => views.train.clone(),
@@ -65,7 +66,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         other => return Err(Error::input("--views").expected("test, train or all").got(other)),
     };
     if which.is_empty() {
-        return Err(Error::input("--views").at(args.views.as_str()).expected("at least one photograph").got("none"));
+        return Err(Error::input("--views")
+            .at(args.views.as_str())
+            .expected("at least one photograph")
+            .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
     meter.lap("reading");
@@ -84,8 +88,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     if let Some(dir) = dir {
         let names = write_renders(&dir, &scored)?;
-        let listed =
-            names.iter().filter_map(|n| std::fs::metadata(dir.join(n)).ok().map(|m| (n.clone(), m.len()))).collect();
+        let listed = names
+            .iter()
+            .filter_map(|n| std::fs::metadata(dir.join(n)).ok().map(|m| (n.clone(), m.len())))
+            .collect();
         let page = report::fit::page(&report::fit::Input {
             kind: "splat eval",
             title: args.scene.display().to_string(),
@@ -105,8 +111,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let path = page.write(&dir)?;
         meter.note(&format!("report: {}", path.display()));
     }
+    let is_good = args.min_psnr.is_none_or(|least| evaluation.mean_psnr_db >= least);
     match args.min_psnr {
-        Some(least) if !(evaluation.mean_psnr_db >= least) => Err(Error::check("splat eval")
+        Some(least) if !is_good => Err(Error::check("splat eval")
             .at("mean PSNR")
             .expected(format!("at least {least} dB"))
             .got(format!("{:.3} dB", evaluation.mean_psnr_db))),

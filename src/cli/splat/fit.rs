@@ -5,13 +5,13 @@ use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
 use crate::fit::evaluate::{self, Evaluation, Scored};
 use crate::fit::render::{Scene, flat_name};
+use crate::fit::seeds;
 use crate::fit::seeds::Start;
 use crate::fit::splat::{Settings, SplatFit, Strategy};
 use crate::fit::training::{self, History, Schedule, Watch};
-use crate::fit::seeds;
 use crate::io::image_file;
-use crate::scene::gaussians::Gaussians;
 use crate::scene::convert::write_scene;
+use crate::scene::gaussians::Gaussians;
 use crate::scene::views::{self, Views};
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -31,6 +31,9 @@ held out and scored. Lens distortion is removed on load.
 
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, held-out renders, and
 report/index.html.";
+
+/// Random first Gaussians, unless told otherwise.
+const INITIAL: usize = 30_000;
 
 /// Fit Gaussians to the photographs of a capture.
 #[derive(clap::Args)]
@@ -57,9 +60,9 @@ pub(in crate::cli) struct Args {
     /// First Gaussians: auto (points of the capture, else random), random, or a .ply of points or Gaussians
     #[arg(long, value_name = "FROM", default_value = "auto", help_heading = "Start")]
     init: String,
-    /// Number of random first Gaussians
-    #[arg(long, value_name = "N", default_value_t = 30_000, help_heading = "Start")]
-    initial: usize,
+    /// Number of random first Gaussians [default: 30000, or --max-gaussians if that is less]
+    #[arg(long, value_name = "N", help_heading = "Start")]
+    initial: Option<usize>,
     /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point the cameras look at]
     #[arg(long = "box", value_name = "BOX", allow_hyphen_values = true, help_heading = "Start")]
     bounds: Option<String>,
@@ -106,7 +109,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
     claim::check(&args.out, args.resume, args.force)?;
-    let views = Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    let views =
+        Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
     settings.max_gaussians = args.max_gaussians.unwrap_or_else(|| Settings::determined(&views));
     meter.lap("reading photographs");
     meter.note(&format!(
@@ -116,7 +120,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         views.test.len(),
         sizes(&views)
     ));
-    let start = start(args, bounds)?;
+    let start = start(args, bounds, settings.max_gaussians);
     let first = seeds::gaussians(&start, &views, &settings)?;
     check_memory(&settings, &views, args.max_memory, &meter)?;
     let job = Job {
@@ -154,7 +158,8 @@ fn title(capture: &Path) -> String {
 }
 
 fn sizes(views: &Views) -> String {
-    let mut all: Vec<(usize, usize)> = views.views.iter().map(|v| (v.camera.width, v.camera.height)).collect();
+    let mut all: Vec<(usize, usize)> =
+        views.views.iter().map(|v| (v.camera.width, v.camera.height)).collect();
     all.sort_unstable();
     all.dedup();
     match all.as_slice() {
@@ -164,18 +169,20 @@ fn sizes(views: &Views) -> String {
 }
 
 fn parse_box(text: &str) -> Result<[[f32; 3]; 2]> {
-    let wrong = || Error::input("--box").expected("x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1").got(text);
+    let wrong =
+        || Error::input("--box").expected("x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1").got(text);
     let v: [f32; 6] = super::numbers(text).ok_or_else(wrong)?.try_into().map_err(|_| wrong())?;
     let corners = [[v[0], v[1], v[2]], [v[3], v[4], v[5]]];
     if (0..3).all(|k| corners[0][k] < corners[1][k]) { Ok(corners) } else { Err(wrong()) }
 }
 
-fn start(args: &Args, bounds: Option<[[f32; 3]; 2]>) -> Result<Start> {
-    Ok(match args.init.as_str() {
-        "auto" => Start::Auto { count: args.initial, bounds },
-        "random" => Start::Random { count: args.initial, bounds },
+fn start(args: &Args, bounds: Option<[[f32; 3]; 2]>, most: usize) -> Start {
+    let count = args.initial.unwrap_or(INITIAL.min(most));
+    match args.init.as_str() {
+        "auto" => Start::Auto { count, bounds },
+        "random" => Start::Random { count, bounds },
         file => Start::File(PathBuf::from(file)),
-    })
+    }
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.
@@ -199,7 +206,11 @@ impl Job<'_> {
         if self.resume {
             if checkpoint.exists() {
                 history = training::resume(&mut fit, &checkpoint)?;
-                meter.note(&format!("resuming after iteration {} of {}", history.len(), self.settings.iterations));
+                meter.note(&format!(
+                    "resuming after iteration {} of {}",
+                    history.len(),
+                    self.settings.iterations
+                ));
             } else {
                 meter.note("no checkpoint yet: starting at iteration 0");
             }
@@ -212,19 +223,23 @@ impl Job<'_> {
 
         let scene_values = fit.gaussians();
         let digest = fit.digest()?;
-        let scene = Scene::new(&scene_values, self.settings.render.clone(), self.settings.background);
+        let scene = Scene::new(scene_values, self.settings.render.clone(), self.settings.background);
         let scored = score(&scene, self.views, &self.views.test, meter)?;
         let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
         meter.lap("evaluation");
 
         let mut names = vec!["checkpoint.safetensors".to_owned()];
-        let comments = [format!("lastlight {}, {} iterations, digest {digest}", env!("CARGO_PKG_VERSION"), history.len())];
+        let comments = [format!(
+            "lastlight {}, {} iterations, digest {digest}",
+            env!("CARGO_PKG_VERSION"),
+            history.len()
+        )];
         for name in ["scene.ply", "scene.splat"] {
-            write_scene(&self.dir.join(name), &scene_values, &comments)?;
+            write_scene(&self.dir.join(name), scene_values, &comments)?;
             names.push(name.to_owned());
         }
         names.extend(write_renders(&self.dir, &scored)?);
-        let record = self.record(&digest, &scene_values, &evaluation, &history, &fit, meter);
+        let record = self.record(&digest, scene_values, &evaluation, &history, &fit, meter);
         crate::io::atomic::write_bytes(&self.dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
         names.push("result.json".to_owned());
         meter.lap("writing files");
@@ -256,8 +271,17 @@ impl Job<'_> {
         Ok(evaluation.mean_psnr_db)
     }
 
-    fn record(&self, digest: &str, scene: &Gaussians, evaluation: &Evaluation, history: &History, fit: &SplatFit<'_>, meter: &Meter) -> Value {
-        let time: serde_json::Map<String, Value> = meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
+    fn record(
+        &self,
+        digest: &str,
+        scene: &Gaussians,
+        evaluation: &Evaluation,
+        history: &History,
+        fit: &SplatFit<'_>,
+        meter: &Meter,
+    ) -> Value {
+        let time: serde_json::Map<String, Value> =
+            meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
         json!({
             "kind": self.kind,
             "lastlight": env!("CARGO_PKG_VERSION"),
@@ -284,7 +308,12 @@ impl Job<'_> {
 }
 
 /// Renders and compares the listed views.
-pub(in crate::cli) fn score(scene: &Scene<'_>, views: &Views, which: &[usize], meter: &mut Meter) -> Result<Vec<Scored>> {
+pub(in crate::cli) fn score(
+    scene: &Scene<'_>,
+    views: &Views,
+    which: &[usize],
+    meter: &mut Meter,
+) -> Result<Vec<Scored>> {
     let mut scored = Vec::with_capacity(which.len());
     for (done, &i) in which.iter().enumerate() {
         meter.count(done, which.len(), "scoring");
@@ -297,7 +326,9 @@ pub(in crate::cli) fn score(scene: &Scene<'_>, views: &Views, which: &[usize], m
 /// A table of scores for the terminal.
 pub(in crate::cli) fn scores_text(e: &Evaluation) -> String {
     let width = e.views.iter().map(|v| v.name.chars().count()).fold(4, usize::max);
-    let row = |name: &str, psnr: f64, ssim: f64, mae: f64| format!("{name:width$}  {psnr:9.3} dB  {ssim:.4}  {mae:.4}");
+    let row = |name: &str, psnr: f64, ssim: f64, mae: f64| {
+        format!("{name:width$}  {psnr:9.3} dB  {ssim:.4}  {mae:.4}")
+    };
     let mut lines = vec![format!("{:width$}  {:>12}  {:6}  {:6}", "view", "PSNR", "SSIM", "MAE")];
     lines.extend(e.views.iter().map(|v| row(&v.name, v.psnr_db, v.ssim, v.mae)));
     lines.push(row("mean", e.mean_psnr_db, e.mean_ssim, e.mean_mae));
@@ -311,7 +342,13 @@ pub(in crate::cli) fn write_renders(dir: &Path, scored: &[Scored]) -> Result<Vec
     let mut names = Vec::new();
     for s in scored {
         let name = format!("heldout/{}.png", flat_name(&s.score.name));
-        image_file::write_png(&dir.join(&name), s.score.width, s.score.height, 3, &image_file::to_u8(&s.image)?)?;
+        image_file::write_png(
+            &dir.join(&name),
+            s.score.width,
+            s.score.height,
+            3,
+            &image_file::to_u8(&s.image)?,
+        )?;
         names.push(name);
     }
     Ok(names)

@@ -55,14 +55,16 @@ impl RenderArgs {
         if ![8, 16, 32].contains(&self.tile) {
             return Err(Error::input("--tile").expected("8, 16 or 32").got(self.tile.to_string()));
         }
-        let settings = Settings { profile: Profile::parse(&self.profile)?, tile: self.tile, ..Settings::default() };
+        let settings =
+            Settings { profile: Profile::parse(&self.profile)?, tile: self.tile, ..Settings::default() };
         Ok((settings, color(&self.background)?))
     }
 }
 
 /// `R,G,B` in 0..1, or a name.
 fn color(text: &str) -> Result<[f32; 3]> {
-    let wrong = || Error::input("--background").expected("black, white, or R,G,B with numbers in 0..1").got(text);
+    let wrong =
+        || Error::input("--background").expected("black, white, or R,G,B with numbers in 0..1").got(text);
     match text {
         "black" => Ok([0.0; 3]),
         "white" => Ok([1.0; 3]),

@@ -46,7 +46,13 @@ pub(in crate::cli) struct Args {
     #[arg(long, value_name = "DEG", default_value_t = 50.0, help_heading = "Orbit")]
     fov: f64,
     /// Angle of an orbit above the horizon in degrees
-    #[arg(long, value_name = "DEG", default_value_t = 20.0, allow_hyphen_values = true, help_heading = "Orbit")]
+    #[arg(
+        long,
+        value_name = "DEG",
+        default_value_t = 20.0,
+        allow_hyphen_values = true,
+        help_heading = "Orbit"
+    )]
     elevation: f64,
     /// Distance of an orbit's cameras [default: the scene fits]
     #[arg(long, value_name = "R", help_heading = "Orbit")]
@@ -72,7 +78,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let shots = shots(args, &stored)?;
     let dir = claim::folder(&args.out, false, args.force)?;
     let scene = Scene::new(&stored, settings, background);
-    let written = render::to_folder(&scene, &shots, passes, &dir, &mut |done, total| meter.count(done, total, "rendering"))?;
+    let written = render::to_folder(&scene, &shots, passes, &dir, &mut |done, total| {
+        meter.count(done, total, "rendering")
+    })?;
     meter.done();
     if args.json {
         return cli::say_json(&json!({
@@ -93,13 +101,15 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
     let Some(count) = args.cameras.strip_prefix("orbit:") else {
         return render::capture_shots(Path::new(&args.cameras), usize::from(args.downscale));
     };
-    let count = count
-        .parse()
-        .map_err(|_| Error::input("--cameras").expected("orbit:N with a whole number N").got(args.cameras.as_str()))?;
+    let count = count.parse().map_err(|_| {
+        Error::input("--cameras").expected("orbit:N with a whole number N").got(args.cameras.as_str())
+    })?;
     let wrong = || Error::input("--center").expected("X,Y,Z").got(args.center.clone().unwrap_or_default());
     let center = match &args.center {
         None => None,
-        Some(text) => Some(super::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?),
+        Some(text) => {
+            Some(super::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?)
+        }
     };
     Orbit {
         count,
@@ -115,7 +125,12 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
 fn size(text: &str) -> Result<[usize; 2]> {
     let parsed = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     match parsed {
-        Some([w, h]) if (1..=crate::scene::camera::MAX_SIDE).contains(&w) && (1..=crate::scene::camera::MAX_SIDE).contains(&h) => Ok([w, h]),
+        Some([w, h])
+            if (1..=crate::scene::camera::MAX_SIDE).contains(&w)
+                && (1..=crate::scene::camera::MAX_SIDE).contains(&h) =>
+        {
+            Ok([w, h])
+        }
         _ => Err(Error::input("--size").expected("WxH in pixels, such as 800x600").got(text)),
     }
 }

@@ -84,14 +84,15 @@ fn record_activate(tape: &mut Tape, scales_log: Var, opacity_logits: Var) -> [Va
     let (mut scales, mut opacities) = (vec![[0.0; 3]; n], vec![0.0; n]);
     activate::forward(rows(&x), o.as_slice().expect("row-major"), &mut scales, &mut opacities);
     let outputs = vec![array(&[n, 3], scales.clone().into_flattened()), array(&[n], opacities.clone())];
-    let vars = tape.record("splat.activate", &[scales_log, opacity_logits], outputs, move |mut y_bar, x_bar| {
-        let mut taken = |i: usize, len: usize| y_bar[i].take().map_or_else(|| vec![0.0; len], flat);
-        let (scales_bar, opacities_bar) = (taken(0, 3 * n), taken(1, n));
-        let (mut a, mut b) = (vec![[0.0; 3]; n], vec![0.0; n]);
-        activate::adjoint(&scales, &opacities, scales_bar.as_chunks().0, &opacities_bar, &mut a, &mut b);
-        x_bar[0].add(array(&[n, 3], a.into_flattened()));
-        x_bar[1].add(array(&[n], b));
-    });
+    let vars =
+        tape.record("splat.activate", &[scales_log, opacity_logits], outputs, move |mut y_bar, x_bar| {
+            let mut taken = |i: usize, len: usize| y_bar[i].take().map_or_else(|| vec![0.0; len], flat);
+            let (scales_bar, opacities_bar) = (taken(0, 3 * n), taken(1, n));
+            let (mut a, mut b) = (vec![[0.0; 3]; n], vec![0.0; n]);
+            activate::adjoint(&scales, &opacities, scales_bar.as_chunks().0, &opacities_bar, &mut a, &mut b);
+            x_bar[0].add(array(&[n, 3], a.into_flattened()));
+            x_bar[1].add(array(&[n], b));
+        });
     [vars[0], vars[1]]
 }
 
@@ -142,7 +143,8 @@ fn on_tape(
     watch.lap("render");
     let photo = tape.constant(Arc::clone(&target.photo));
     let l1 = record_loss(&mut tape, "loss.l1", image, photo, target, loss::l1::forward, loss::l1::adjoint)?;
-    let ssim = record_loss(&mut tape, "loss.ssim", image, photo, target, loss::ssim::forward, loss::ssim::adjoint)?;
+    let ssim =
+        record_loss(&mut tape, "loss.ssim", image, photo, target, loss::ssim::forward, loss::ssim::adjoint)?;
     watch.lap("loss");
     // 0.8 L1 + 0.2 (1 − SSIM); the constant has no gradient and joins the value alone.
     let total = tape.weighted_sum(&[(l1, 1.0 - SSIM_WEIGHT), (ssim, -SSIM_WEIGHT)]);
@@ -201,13 +203,22 @@ fn record_render(
     })[0]
 }
 
-fn input<'a>(values: &'a [Arc<ArrayD<f32>>; 5], camera: &'a Camera, degree: usize, background: [f32; 3]) -> In<'a> {
+fn input<'a>(
+    values: &'a [Arc<ArrayD<f32>>; 5],
+    camera: &'a Camera,
+    degree: usize,
+    background: [f32; 3],
+) -> In<'a> {
     let [means, quats, scales, opacities, sh] = values;
     In {
         means: rows(means),
         shape: Shape::QuatScale { quats: rows(quats), scales: rows(scales) },
         opacities: opacities.as_slice().expect("row-major"),
-        color: Color::Sh(Sh { values: sh.as_slice().expect("row-major"), coefficients: sh.shape()[1], degree }),
+        color: Color::Sh(Sh {
+            values: sh.as_slice().expect("row-major"),
+            coefficients: sh.shape()[1],
+            degree,
+        }),
         cameras: std::slice::from_ref(camera),
         background,
     }
@@ -238,7 +249,13 @@ fn record_loss<S: Send + 'static>(
     Ok(var)
 }
 
-fn pair<'a>(x: &'a ArrayD<f32>, y: &'a ArrayD<f32>, mask: Option<&'a Vec<f32>>, height: usize, width: usize) -> loss::In<'a> {
+fn pair<'a>(
+    x: &'a ArrayD<f32>,
+    y: &'a ArrayD<f32>,
+    mask: Option<&'a Vec<f32>>,
+    height: usize,
+    width: usize,
+) -> loss::In<'a> {
     loss::In {
         x: x.as_slice().expect("row-major"),
         y: y.as_slice().expect("row-major"),

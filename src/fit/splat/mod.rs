@@ -60,7 +60,8 @@ pub struct Event {
 
 impl Event {
     fn row(&self) -> [i64; 8] {
-        [self.iteration, self.cloned, self.split, self.moved, self.added, self.pruned, self.reset, self.size].map(|n| n as i64)
+        [self.iteration, self.cloned, self.split, self.moved, self.added, self.pruned, self.reset, self.size]
+            .map(|n| n as i64)
     }
 
     fn from_row(r: &[i64; 8]) -> Option<Self> {
@@ -124,16 +125,22 @@ impl<'a> SplatFit<'a> {
                     _ => density::Settings::INRIA,
                 };
                 let is_white = settings.background == [1.0; 3];
-                let s = density::Settings { max_gaussians: settings.max_gaussians, reset_at_start: is_white, ..s };
+                let s = density::Settings {
+                    max_gaussians: settings.max_gaussians,
+                    reset_at_start: is_white,
+                    ..s
+                };
                 Control::Gradient(s.scaled(iterations))
             }
         };
+        // Sampling needs no screen statistics.
+        let watched = if matches!(control, Control::Gradient(_)) { first.len() } else { 0 };
         Ok(Self {
             input: input_digest(views)?,
             control,
             means_rate: means_schedule(views.extent, iterations)?,
             groups: Groups::new(Rule::SPLAT, &first)?,
-            stats: Stats::new(first.len()),
+            stats: Stats::new(watched),
             gaussians: first,
             events: Vec::new(),
             photos: vec![None; views.views.len()],
@@ -193,7 +200,8 @@ impl<'a> SplatFit<'a> {
         let mut event = Event { iteration: iteration as usize, ..Event::default() };
         match &self.control {
             Control::Gradient(s) => {
-                for what in density::step(s, iteration, self.views.extent, seed, g, groups, &mut self.stats)? {
+                for what in density::step(s, iteration, self.views.extent, seed, g, groups, &mut self.stats)?
+                {
                     match what {
                         density::Event::Refined(r) => {
                             event.cloned = r.cloned;
@@ -261,7 +269,9 @@ impl Fit for SplatFit<'_> {
             Control::Sampling(s) => loss += mcmc::regularise(s, &self.gaussians, &mut grad) as f32,
         }
         let rates = Rates::splat(self.means_rate.at(iteration));
-        self.groups.step(&mut self.gaussians, &grad, &rates, None).map_err(|e| e.at(format!("iteration {iteration}")))?;
+        self.groups
+            .step(&mut self.gaussians, &grad, &rates, None)
+            .map_err(|e| e.at(format!("iteration {iteration}")))?;
         graph::give_back(&self.workspace, grad.sh);
         watch.lap("optimiser");
         self.control(iteration)?;
@@ -279,8 +289,8 @@ impl Fit for SplatFit<'_> {
         out.put("param/sh", &[n, g.sh_coefficients(), 3], g.sh.clone());
         self.groups.save("adam", out);
         let (sums, views) = self.stats.parts();
-        out.put("density/sums", &[n], sums.to_vec());
-        out.put("density/views", &[n], views.iter().map(|&v| i64::from(v)).collect());
+        out.put("density/sums", &[sums.len()], sums.to_vec());
+        out.put("density/views", &[views.len()], views.iter().map(|&v| i64::from(v)).collect());
         let rows: Vec<i64> = self.events.iter().flat_map(Event::row).collect();
         out.put("density/events", &[self.events.len(), 8], rows);
     }
@@ -303,13 +313,16 @@ impl Fit for SplatFit<'_> {
         };
         gaussians.validate("parameters")?;
         let groups = Groups::load(Rule::SPLAT, "adam", from, &gaussians)?;
-        let sums = from.shape("density/sums", "N", &mut dims)?.to_f64();
-        let views: Option<Vec<u32>> = integers(from.shape("density/views", "N", &mut dims)?)
+        let rows = if matches!(self.control, Control::Gradient(_)) { gaussians.len() } else { 0 }.to_string();
+        let sums = from.shape("density/sums", &rows, &mut dims)?.to_f64();
+        let views: Option<Vec<u32>> = integers(from.shape("density/views", &rows, &mut dims)?)
             .and_then(|v| v.into_iter().map(|n| u32::try_from(n).ok()).collect());
-        let views = views.ok_or_else(|| Error::input("array 'density/views'").expected("counts below 2³²"))?;
+        let views =
+            views.ok_or_else(|| Error::input("array 'density/views'").expected("counts below 2³²"))?;
         let events: Option<Vec<Event>> = integers(from.shape("density/events", "E,8", &mut dims)?)
             .and_then(|v| v.as_chunks().0.iter().map(Event::from_row).collect());
-        let events = events.ok_or_else(|| Error::input("array 'density/events'").expected("rows of counts"))?;
+        let events =
+            events.ok_or_else(|| Error::input("array 'density/events'").expected("rows of counts"))?;
         self.stats = Stats::from_parts(sums, views)?;
         (self.gaussians, self.groups, self.events) = (gaussians, groups, events);
         Ok(())
@@ -322,7 +335,8 @@ fn integers(a: &Array) -> Option<Vec<i64>> {
 
 fn target_of(view: &View) -> Target {
     let (height, width) = (view.camera.height, view.camera.width);
-    let photo = ArrayD::from_shape_vec(IxDyn(&[height, width, 3]), view.image()).expect("a view holds one colour per pixel");
+    let photo = ArrayD::from_shape_vec(IxDyn(&[height, width, 3]), view.image())
+        .expect("a view holds one colour per pixel");
     let mask = view.mask.as_ref().map(|m| Arc::new(m.iter().map(|&b| f32::from(b)).collect()));
     Target { camera: view.camera.clone(), photo: Arc::new(photo), mask }
 }
@@ -360,4 +374,83 @@ fn input_digest(views: &Views) -> Result<u64> {
         }
     }
     Ok(d.value())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::built_in;
+    use crate::fit::evaluate::{Evaluation, score};
+    use crate::fit::render::Scene;
+    use crate::fit::seeds::{self, Start};
+    use crate::fit::training::{History, Schedule, run};
+    use crate::splat::render;
+    use std::sync::atomic::AtomicBool;
+
+    fn psnr(g: &Gaussians, views: &Views) -> f64 {
+        let scene = Scene::new(g, render::Settings::default(), built_in::BACKGROUND);
+        let scores =
+            views.test.iter().map(|&i| score(&scene, &views.views[i]).expect("renders").score).collect();
+        Evaluation::of(scores).mean_psnr_db
+    }
+
+    #[test]
+    fn held_out_views_get_better_and_the_cap_holds() {
+        let views =
+            built_in::miniature(1, 4, &render::Settings::default()).expect("the built-in scene renders");
+        let stop = AtomicBool::new(false);
+        for strategy in [Strategy::Inria, Strategy::Gsplat, Strategy::GsplatAbs, Strategy::Mcmc] {
+            let settings = Settings {
+                iterations: 300,
+                seed: 5,
+                sh_degree: 1,
+                strategy,
+                max_gaussians: 700,
+                render: render::Settings::default(),
+                background: built_in::BACKGROUND,
+            };
+            let first = seeds::gaussians(&Start::Random { count: 500, bounds: None }, &views, &settings)
+                .expect("valid");
+            let before = psnr(&first, &views);
+            let mut fit = SplatFit::new(settings, &views, first).expect("valid");
+            let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+            let mut history = History::default();
+            run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
+            let after = psnr(fit.gaussians(), &views);
+            assert!(after > before + 5.0, "{strategy:?}: {before:.2} dB to {after:.2} dB");
+            assert!(history.size.iter().all(|&n| n <= 700), "{strategy:?}: never more than the cap");
+            let sum = |f: fn(&Event) -> usize| fit.events().iter().fold(0, |s, e| s + f(e));
+            let grown = 500 + sum(|e| e.cloned) + sum(|e| e.split) + sum(|e| e.added) - sum(|e| e.pruned);
+            assert_eq!(grown, fit.gaussians().len(), "{strategy:?}: the events account for every Gaussian");
+        }
+    }
+
+    #[test]
+    fn every_photograph_is_seen_once_per_epoch() {
+        let views =
+            built_in::miniature(2, 8, &render::Settings::default()).expect("the built-in scene renders");
+        let settings = Settings {
+            iterations: 100,
+            seed: 5,
+            sh_degree: 0,
+            strategy: Strategy::Inria,
+            max_gaussians: 700,
+            render: render::Settings::default(),
+            background: built_in::BACKGROUND,
+        };
+        let first =
+            seeds::gaussians(&Start::Random { count: 10, bounds: None }, &views, &settings).expect("valid");
+        let mut fit = SplatFit::new(settings, &views, first).expect("valid");
+        let n = views.train.len();
+        let epoch = |fit: &mut SplatFit<'_>, e: usize| {
+            (e * n..(e + 1) * n).map(|i| fit.view_of(i)).collect::<Vec<_>>()
+        };
+        let (a, b) = (epoch(&mut fit, 0), epoch(&mut fit, 1));
+        assert_ne!(a, b, "another order");
+        assert_eq!(epoch(&mut fit, 0), a, "the order is a function of the epoch");
+        for mut order in [a, b] {
+            order.sort_unstable();
+            assert_eq!(order, views.train, "every training photograph once");
+        }
+    }
 }

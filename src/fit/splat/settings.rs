@@ -62,7 +62,7 @@ pub struct Settings {
 }
 
 /// See [`Settings::determined`].
-pub const PIXELS_PER_GAUSSIAN: usize = 60;
+const PIXELS_PER_GAUSSIAN: usize = 60;
 /// Most iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
 /// Most Gaussians of a fit.
@@ -89,7 +89,9 @@ impl Settings {
             return Err(Error::input("--tile").expected("16 for a fit").got(self.render.tile.to_string()));
         }
         if !self.background.iter().all(|x| (0.0..=1.0).contains(x)) {
-            return Err(Error::input("--background").expected("numbers in 0..1").got(format!("{:?}", self.background)));
+            return Err(Error::input("--background")
+                .expected("numbers in 0..1")
+                .got(format!("{:?}", self.background)));
         }
         Ok(())
     }
@@ -98,7 +100,8 @@ impl Settings {
     /// 10 000 and 1 000 000. A Gaussian of SH degree 3 has 59 numbers, a pixel gives three, and each number should be seen about
     /// three times.
     pub fn determined(views: &Views) -> usize {
-        let counted = |v: &View| v.mask.as_ref().map_or(v.rgb.len() / 3, |m| m.iter().filter(|&&b| b != 0).count());
+        let counted =
+            |v: &View| v.mask.as_ref().map_or(v.rgb.len() / 3, |m| m.iter().filter(|&&b| b != 0).count());
         let pixels = views.train.iter().fold(0, |s, &i| s + counted(&views.views[i]));
         (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, 1_000_000)
     }
@@ -125,8 +128,12 @@ impl Settings {
         let floats = 3 + 4 + 3 + 1 + 3 * coefficients;
         // parameters, two moments, gradients; five counters; statistics; projected rows and their cotangents
         let per_gaussian = floats * 4 * 4 + 5 * 4 + 12 + 400;
-        let photos = views.views.iter().fold(0, |s, v| s + v.rgb.len() as u64 * 5 + v.mask.as_ref().map_or(0, |m| m.len() as u64 * 5));
-        let largest = views.views.iter().fold(0, |m, v| m.max(picture_bytes(v.camera.width, v.camera.height)));
+        let photos = views
+            .views
+            .iter()
+            .fold(0, |s, v| s + v.rgb.len() as u64 * 5 + v.mask.as_ref().map_or(0, |m| m.len() as u64 * 5));
+        let largest =
+            views.views.iter().fold(0, |m, v| m.max(picture_bytes(v.camera.width, v.camera.height)));
         // SSIM keeps four maps, filters four pictures, and the tape holds cotangents: about eight pictures.
         photos + self.max_gaussians as u64 * per_gaussian + 4 * largest
     }
