@@ -151,3 +151,48 @@ fn culling_and_tile_size_do_not_show() {
         }
     }
 }
+
+/// The picture that gsplat's CUDA rasterizer made of four Gaussians, as the Brush project keeps it.
+#[test]
+fn brush_case_in_profile_gsplat() {
+    let Some(data) = std::env::var_os("LASTLIGHT_DATA") else {
+        eprintln!("not run: the Brush case needs LASTLIGHT_DATA");
+        return;
+    };
+    let path = PathBuf::from(data).join("data/splats/tiny_case.safetensors");
+    let a = io::safetensors::read(&path).expect("the file reads").arrays;
+    let f = |n: &str| a.need(n).expect("array").to_f32();
+    let scales_log: Vec<[f32; 3]> = rows(&f("scales"));
+    let logits = f("opacities");
+    let (mut scales, mut opacities) = (vec![[0.0; 3]; 4], vec![0.0; 4]);
+    lastlight::splat::activate::forward(&scales_log, &logits, &mut scales, &mut opacities);
+    let focal = 123.0 / 2.0;
+    let case = Case {
+        means: rows(&f("means")),
+        quats: rows(&f("quats")),
+        scales,
+        opacities,
+        sh: f("coeffs"),
+        coefficients: 16,
+        degree: 3,
+        cameras: vec![Camera {
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [-0.123, -0.456, 8.0],
+            focal_px: [focal, focal],
+            center_px: [61.5, 41.0],
+            width: 123,
+            height: 82,
+            model: Model::Pinhole,
+        }],
+        background: [0.0; 3],
+    };
+    let settings = Settings { profile: Profile::GSPLAT, ..Settings::default() };
+    let (out, _) = render::forward(&case.input(), &settings);
+    let theirs = a.need("out_img").expect("picture").to_f64();
+    let rgb: Vec<f64> = theirs.chunks(4).flat_map(|p| p[..3].to_vec()).collect();
+    let alpha: Vec<f64> = theirs.chunks(4).map(|p| p[3]).collect();
+    let (e_rgb, e_alpha) = (relative(&out.image, &rgb), relative(&out.alpha, &alpha));
+    println!("Brush case: rgb {e_rgb:.2e}, alpha {e_alpha:.2e}");
+    assert!(e_rgb <= 2e-6, "rgb: relative L2 {e_rgb:.2e}");
+    assert!(e_alpha <= 2e-6, "alpha: relative L2 {e_alpha:.2e}");
+}
