@@ -105,7 +105,8 @@ fn a_users_function_with_a_wrong_gradient_fails() {
         };
         check::function("waves", waves, vjp, &waves_inputs(), &Options::default()).expect("it runs")
     };
-    let cases: [(&str, fn(&mut Values)); 5] = [
+    type Case = (&'static str, fn(&mut Values));
+    let cases: [Case; 5] = [
         ("one sign", |g| g.get_mut("x").unwrap()[2] *= -1.0),
         ("a millionth", |g| g.get_mut("a").unwrap()[0] *= 1.000_01),
         ("a forgotten factor", |g| g.get_mut("x").unwrap().iter_mut().for_each(|x| *x /= 1.7)),

@@ -152,7 +152,8 @@ fn a_plan_that_contradicts_itself_is_refused() {
         plan.put(name, &shape, values);
         ops::run(op, &Call { plan: Some(plan), ..call.clone() })
     };
-    let cases: [(&str, &dyn Fn(&mut Vec<i64>)); 8] = [
+    type Case<'a> = (&'static str, &'a dyn Fn(&mut Vec<i64>));
+    let cases: [Case<'_>; 8] = [
         ("order", &|v| v[0] = 1000),
         ("order", &|v| v[0] = v[1]),
         ("camera_start", &|v| v[1] = 1000),
@@ -309,7 +310,8 @@ fn bad_input_is_refused_with_its_place() {
         values[i] = x;
         call.inputs.put(name, &shape, values);
     };
-    let cases: &[(&str, &dyn Fn(&mut Call))] = &[
+    type Case<'a> = (&'static str, &'a dyn Fn(&mut Call));
+    let cases: &[Case<'_>] = &[
         ("'means': index [1, 2]", &|c| set(c, "means", 5, f64::NAN)),
         ("'means': index [0, 0]", &|c| set(c, "means", 0, f64::INFINITY)),
         ("'means'", &|c| c.inputs.put("means", &[3, 4], vec![0.0_f32; 12])),

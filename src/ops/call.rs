@@ -326,6 +326,15 @@ impl<'a> Checked<'a> {
     }
 }
 
+/// Number of entries of a shape.
+pub(super) fn entries(shape: &[usize]) -> usize {
+    let mut entries = 1;
+    for size in shape {
+        entries *= size;
+    }
+    entries
+}
+
 /// Consecutive values as rows.
 pub(super) fn rows<const K: usize>(values: &[f32]) -> Vec<[f32; K]> {
     values.chunks_exact(K).map(|row| std::array::from_fn(|k| row[k])).collect()

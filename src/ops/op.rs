@@ -44,7 +44,7 @@ pub enum Compare {
     Values,
     /// which entries are zero
     ZeroPattern,
-    /// rows (leading axes) where this other array is not zero in both files
+    /// rows (the first two axes) where this other array is not zero in both files
     RowsOf(&'static str),
 }
 

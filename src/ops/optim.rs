@@ -86,7 +86,7 @@ fn run(
 ) -> Result<Ran> {
     let (param, grads) = (x.f32s("param"), x.f32s("grads"));
     let rows = x.dim("N");
-    let width = if rows == 0 { 1 } else { param.len() / rows };
+    let width = param.len().checked_div(rows).unwrap_or(1);
     let active: Vec<u8> = x.f32s("active").into_iter().map(|a| a as u8).collect();
     let rule = adam::Rule {
         beta1: x.number("beta1").unwrap_or(0.9),

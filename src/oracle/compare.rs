@@ -186,8 +186,10 @@ fn selected(name: &str, op: Option<&Op>, theirs: &Arrays, ours: &Arrays, len: us
         Compare::ZeroPattern => (all, Some("zero pattern only".to_owned()), true),
         Compare::RowsOf(by) => {
             let (Some(a), Some(b)) = (theirs.get(by), ours.get(by)) else { return (all, None, false) };
-            let rank = port.shape.split(',').count().saturating_sub(1);
-            let rows = a.shape().iter().take(Ord::max(rank, 2)).fold(1, |n, d| n * d);
+            let rows = match a.shape() {
+                [cameras, n, ..] => cameras * n,
+                _ => 0,
+            };
             if a.shape() != b.shape() || rows == 0 || !a.len().is_multiple_of(rows) || !len.is_multiple_of(rows) {
                 return (all, None, false);
             }

@@ -1,7 +1,7 @@
 //! The small autograd tape and the gradient checks. Level 7.
 //!
 //! ```text
-//! tape     records operators with the closures of their adjoints, replays them in reverse
+//! record   records operators with the closures of their adjoints, replays them in reverse
 //! params   parameters with names
 //! check    gradient checks, rungs R0 to R4, for our operators and for anyone's closure
 //! probe    directions, finite differences with Richardson, error measures
@@ -14,8 +14,8 @@
 pub mod check;
 pub mod params;
 pub mod probe;
+mod record;
 pub mod report;
-mod tape;
 
 pub use params::Params;
-pub use tape::{Bar, Grads, Tape, Var};
+pub use record::{Bar, Grads, Tape, Var};

@@ -8,7 +8,7 @@ use super::{
 };
 use crate::num::array::Arrays;
 use crate::num::order;
-use crate::ops::call::{Checked, Ran, rows};
+use crate::ops::call::{Checked, Ran, entries, rows};
 use crate::ops::op::{Case, Compare, Op, Port, Width};
 use crate::scene::camera::Camera;
 use crate::scene::profile::{Footprint, Profile};
@@ -174,8 +174,7 @@ fn put_shape_bars(x: &Checked<'_>, factors_bar: &[[f32; 9]], gradients: &mut Arr
 
 fn bars(x: &Checked<'_>, c: usize, n: usize) -> Result<Vec<RowBar>> {
     let of = |name: &str, shape: &[usize]| {
-        let len = shape.iter().fold(1, |a, b| a * b);
-        Ok::<_, Error>(x.bar(name, shape)?.unwrap_or_else(|| vec![0.0; len]))
+        Ok::<_, Error>(x.bar(name, shape)?.unwrap_or_else(|| vec![0.0; entries(shape)]))
     };
     let mean_px: Vec<[f32; 2]> = rows(&of("means_px", &[c, n, 2])?);
     let shape: Vec<[f32; 3]> = rows(&of("shape", &[c, n, 3])?);
