@@ -101,6 +101,9 @@ pub(crate) struct Ellipse {
     narrow: f32,
 }
 
+/// √(2 ln 255) rounded up: the extent at full opacity, in standard deviations.
+const FULL_EXTENT: f32 = 3.33;
+
 impl Ellipse {
     pub(crate) fn new([s, k1, k2]: [f32; 3], axis: u8) -> Self {
         let pp = 1.0 / (k1 * k1);
@@ -110,17 +113,25 @@ impl Ellipse {
         Self { xx, yy, xy: s * pp, det: pp * rest, narrow: qq.sqrt() * k2 }
     }
 
-    /// Half-widths of the footprint in whole pixels, 0 where it misses the picture.
+    /// Half-widths of the footprint in whole pixels; 0 where o < α_min, or where the box that would hold it at full opacity
+    /// (3.33 deviations) misses the picture, as in the programs users compare with.
     pub(crate) fn radii(&self, profile: &Profile, mean_px: [f32; 2], cut: f32, size: [f32; 2]) -> [i32; 2] {
         if cut < 0.0 {
             return [0, 0];
         }
         let ceil = |x: f32| order::min(x, 1e9).ceil() as i32;
         let r = match profile.footprint {
-            Footprint::Alpha => [ceil(cut * self.xx.sqrt()), ceil(cut * self.yy.sqrt())],
+            Footprint::Alpha => {
+                let e = order::min(cut, FULL_EXTENT);
+                [ceil(e * self.xx.sqrt()), ceil(e * self.yy.sqrt())]
+            }
             Footprint::Inria3Sigma => [self.inria_radius(); 2],
         };
-        let hits = (0..2).all(|i| mean_px[i] + r[i] as f32 > 0.0 && mean_px[i] - (r[i] as f32) < size[i]);
+        let full = match profile.footprint {
+            Footprint::Alpha => [ceil(FULL_EXTENT * self.xx.sqrt()), ceil(FULL_EXTENT * self.yy.sqrt())],
+            Footprint::Inria3Sigma => r,
+        };
+        let hits = (0..2).all(|i| mean_px[i] + full[i] as f32 > 0.0 && mean_px[i] - (full[i] as f32) < size[i]);
         if hits { r } else { [0, 0] }
     }
 

@@ -54,11 +54,15 @@ pub fn factor_of<S: Scalar>(x: &Named<S>, n: usize, i: usize) -> Result<[[S; 3];
         let f: [S; 9] = expect(x, "factors", &[n, 3, 3])?.row(i);
         return Ok([[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]]);
     }
+    Ok(factor(quat_of(x, n, i)?, expect(x, "scales", &[n, 3])?.row(i)))
+}
+
+fn quat_of<S: Scalar>(x: &Named<S>, n: usize, i: usize) -> Result<[S; 4], String> {
     let quat: [S; 4] = expect(x, "quats", &[n, 4])?.row(i);
     if quat.iter().all(|q| q.value() == 0.0) {
         return Err(format!("input quats[{i}]: expected any length but zero, got 0"));
     }
-    Ok(factor(quat, expect(x, "scales", &[n, 3])?.row(i)))
+    Ok(quat)
 }
 
 /// The twin of `splat.covariance`.
@@ -69,7 +73,8 @@ pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> 
     let n = expect(x, "quats", &[ANY, 4])?.shape[0];
     let factors = out.array("factors", &[n, 3, 3]);
     for i in 0..n {
-        for (row, f) in factor_of(x, n, i)?.into_iter().enumerate() {
+        // not `factor_of`: a pool of arrays may already hold this stage's own result under "factors"
+        for (row, f) in factor(quat_of(x, n, i)?, expect(x, "scales", &[n, 3])?.row(i)).into_iter().enumerate() {
             out.put_row(factors, 3 * i + row, f);
         }
         out.flush();

@@ -7,11 +7,11 @@ use super::{
     flatten, plan, profile,
 };
 use crate::num::array::Arrays;
-use crate::num::order;
+
 use crate::ops::call::{Checked, Ran, entries, rows};
 use crate::ops::op::{Case, Compare, Op, Port, Width};
 use crate::scene::camera::Camera;
-use crate::scene::profile::{Footprint, Profile};
+use crate::scene::profile::Profile;
 use crate::splat::covariance;
 use crate::splat::project::{self, Lens, Row, RowBar};
 use crate::tape::check::Prediction;
@@ -84,32 +84,11 @@ pub(super) fn put_rows(rows: &[Row], n: usize, profile: &Profile, of: &[Camera],
     into.put("depths_z", &[cameras, n], pick(&|r| vec![r.z]));
     into.put("conics", &[cameras, n, 3], pick(&|r| conic(r).to_vec()));
     into.put("shape", &[cameras, n, 3], pick(&|r| r.shape.to_vec()));
-    let size = [of[0].width as f32, of[0].height as f32];
-    into.put("radii_px", &[cameras, n, 2], rows.iter().flat_map(|r| radii(r, profile, size)).collect::<Vec<i32>>());
+    into.put("radii_px", &[cameras, n, 2], rows.iter().flat_map(|r| r.radii).collect::<Vec<i32>>());
     into.put("axis", &[cameras, n], rows.iter().map(|r| r.axis).collect::<Vec<u8>>());
     if profile.antialiased {
         into.put("compensation", &[cameras, n], pick(&|r| vec![r.compensation]));
     }
-}
-
-/// Extent of a Gaussian without an opacity, in standard deviations: √(2 ln 255), rounded up.
-const EXTENT: f32 = 3.33;
-
-/// Half-widths as other programs count them: 0 only where the box of 3.33 σ lies outside the picture. The kernel's own are
-/// 0 also where that box meets the picture and the part with α ≥ α_min does not.
-fn radii(row: &Row, profile: &Profile, size: [f32; 2]) -> [i32; 2] {
-    if row.radii != [0, 0] || !row.visible || row.cut < 0.0 || profile.footprint != Footprint::Alpha {
-        return row.radii;
-    }
-    let [s, k1, k2] = row.shape;
-    let pp = 1.0 / (k1 * k1);
-    let qq = 1.0 / (k2 * k2) + (s * s) * pp;
-    let sigma = if row.axis == 0 { [pp.sqrt(), qq.sqrt()] } else { [qq.sqrt(), pp.sqrt()] };
-    let touches = (0..2).all(|i| {
-        let half = (EXTENT * sigma[i]).ceil();
-        row.mean_px[i] + half > 0.0 && row.mean_px[i] - half < size[i]
-    });
-    if touches { sigma.map(|s| (order::min(row.cut, EXTENT) * s).ceil() as i32) } else { [0, 0] }
 }
 
 /// xx, xy, yy of Σ'⁻¹ = k1² p·pᵀ + k2² w·wᵀ with w = q − s·p.
