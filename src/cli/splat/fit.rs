@@ -33,7 +33,7 @@ held out and scored. Lens distortion is removed on load.
 report/index.html.";
 
 /// Random first Gaussians, unless told otherwise.
-const INITIAL: usize = 30_000;
+const INITIAL: usize = 10_000;
 
 /// Fit Gaussians to the photographs of a capture.
 #[derive(clap::Args)]
@@ -60,7 +60,7 @@ pub(in crate::cli) struct Args {
     /// First Gaussians: auto (points of the capture, else random), random, or a .ply of points or Gaussians
     #[arg(long, value_name = "FROM", default_value = "auto", help_heading = "Start")]
     init: String,
-    /// Number of random first Gaussians [default: 30000, or --max-gaussians if that is less]
+    /// Number of random first Gaussians [default: 10000, or --max-gaussians if that is less]
     #[arg(long, value_name = "N", help_heading = "Start")]
     initial: Option<usize>,
     /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point the cameras look at]
