@@ -35,6 +35,7 @@
 //! Twin: `reference::splat::blend`.
 
 use super::plan::{Grid, Plan, Splat};
+use super::tile::{Tile, load_image, load_plane, spans, split_entries};
 use crate::num::elem::exp_lanes;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::par;
@@ -88,77 +89,6 @@ pub struct FrozenMasks<'a> {
 /// Numbers in one gradient record: P, Pw1, Pw2, Pw1², Pw1w2, Pw2², r, g, b, z, |ū_x|, |ū_y|.
 pub const RECORD: usize = 12;
 
-/// Where a tile lies in its picture.
-#[derive(Clone, Copy)]
-struct Tile {
-    side: usize,
-    x0: usize,
-    y0: usize,
-    cols: usize,
-    rows: usize,
-    /// pixel-centre x of each vector of a row
-    centers: [f32x8; 4],
-    /// pixel-centre y of row 0
-    top: f32,
-}
-
-impl Tile {
-    fn new(grid: &Grid, index: usize) -> Self {
-        let (x0, y0) = (index % grid.tiles_x() * grid.tile, index / grid.tiles_x() * grid.tile);
-        Self {
-            side: grid.tile,
-            x0,
-            y0,
-            cols: Ord::min(grid.tile, grid.width - x0),
-            rows: Ord::min(grid.tile, grid.height - y0),
-            centers: std::array::from_fn(|h| f32x8::from_fn(|l| (x0 + 8 * h + l) as f32 + 0.5)),
-            top: y0 as f32 + 0.5,
-        }
-    }
-
-    /// Pixel-centre y of row `r`: exact, since sides are below 2²³.
-    #[inline(always)]
-    fn center_y(&self, r: usize) -> f32 {
-        self.top + r as i32 as f32
-    }
-
-    /// All-ones lanes of vector `h` that lie inside the picture.
-    fn inside(&self, h: usize, row: usize) -> f32x8 {
-        let n = if row < self.rows { self.cols } else { 0 };
-        Real::lt(f32x8::from_fn(|l| (8 * h + l) as f32), f32x8::splat(n as f32))
-    }
-}
-
-/// Rows of each vector column that can hold a pixel with α ≥ α_min, one bit per row.
-#[inline(always)]
-fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32; H] {
-    let all = [u32::MAX >> (32 - tile.rows); H];
-    if !cull {
-        return all;
-    }
-    let e = &s.bounds;
-    let c = f32x8::splat;
-    let mut out = [0_u32; H];
-    let rel = s.mean_px[0] - tile.x0 as f32; // centre, from the tile's left edge
-    for group in 0..H {
-        let dy = f32x8::from_fn(|l| tile.center_y(8 * group + l)) - c(s.mean_px[1]);
-        let left = c(e.r2) - (dy * dy) * c(e.inv_yy);
-        let reach = (Real::max(left, c(0.0)) * c(e.half2)).sqrt() + c(e.margin);
-        let mid = c(rel) + c(e.slope) * dy;
-        let (lo, hi) = (mid - reach, mid + reach);
-        let open = Real::ge(left, c(0.0));
-        for (h, rows) in out.iter_mut().enumerate() {
-            let first = c(8.0 * h as f32 + 0.5);
-            let meets = <f32x8 as Real>::and(Real::le(lo, first + c(7.0)), Real::ge(hi, first));
-            *rows |= <f32x8 as Real>::bits(<f32x8 as Real>::and(open, meets)) << (8 * group);
-        }
-    }
-    for rows in &mut out {
-        *rows &= all[0];
-    }
-    out
-}
-
 /// One splat's numbers in lanes, for one vector column of a tile.
 struct Column {
     dx: f32x8,
@@ -184,19 +114,25 @@ impl Column {
         }
     }
 
-    /// (w1, w2) of a row: the one place where the exponent is formed, forward and adjoint alike.
+    /// (w1, w2) of a row.
     #[inline(always)]
     fn whitened<const X: bool>(&self, center_y: f32) -> (f32x8, f32x8) {
         let dy = f32x8::splat(center_y - self.my);
         let (dp, dq) = if X { (self.dx, dy) } else { (dy, self.dx) };
-        (dp * self.k1, (dq - self.s * dp) * self.k2)
+        whiten(dp, dq, [self.s, self.k1, self.k2])
     }
+}
 
-    /// o·exp(−½(w1²+w2²)), not yet capped.
-    #[inline(always)]
-    fn alpha(&self, (w1, w2): (f32x8, f32x8)) -> f32x8 {
-        self.opacity * exp_lanes((w1 * w1 + w2 * w2) * f32x8::splat(-0.5))
-    }
+/// (w1, w2) of a pixel at (d_p, d_q) from the centre.
+#[inline(always)]
+pub(crate) fn whiten<L: Real>(dp: L, dq: L, [s, k1, k2]: [L; 3]) -> (L, L) {
+    (dp * k1, (dq - s * dp) * k2)
+}
+
+/// o·exp(−½(w1² + w2²)), not yet capped: the one place where α is formed, forward, adjoint and masks alike.
+#[inline(always)]
+pub(crate) fn raw_alpha<L: Real>(opacity: L, (w1, w2): (L, L)) -> L {
+    opacity * exp_lanes((w1 * w1 + w2 * w2) * L::splat(-0.5))
 }
 
 /// Lanes of one byte of a stored mask.
@@ -346,7 +282,7 @@ fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>
         rows &= rows - 1;
         let v = (r * H + h) & (V - 1); // V is a power of two: the mask only tells the compiler so
         let w = column.whitened::<X>(tile.center_y(r));
-        let (alpha, mut keep, _) = decide(column.alpha(w), profile, masks, v);
+        let (alpha, mut keep, _) = decide(raw_alpha(column.opacity, w), profile, masks, v);
         let t = out.t[v];
         match RULE {
             AFTER => keep = keep & Real::gt(t, t_stop),
@@ -370,22 +306,6 @@ fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>
         out.t[v] = t;
         out.last[v] = Real::max(out.last[v], keep & count);
     }
-}
-
-/// The part of a (H, W) plane under a tile, in vectors; outside the picture `outside`.
-fn load_plane<const H: usize, const V: usize>(plane: &[f32], tile: &Tile, grid: &Grid, outside: f32) -> [f32x8; V] {
-    let mut out = [f32x8::splat(outside); V];
-    for r in 0..tile.rows {
-        let row = &plane[(tile.y0 + r) * grid.width + tile.x0..][..tile.cols];
-        for h in 0..H {
-            if let Some(full) = row.get(8 * h..8 * h + 8) {
-                out[r * H + h] = f32x8::new(full.try_into().expect("eight pixels were taken"));
-            } else if 8 * h < row.len() {
-                out[r * H + h] = f32x8::from_fn(|l| row.get(8 * h + l).copied().unwrap_or(outside));
-            }
-        }
-    }
-    out
 }
 
 /// Views of one band of tiles in every output.
@@ -467,20 +387,6 @@ pub fn forward(
             band.store(&tile, &lines, grid.width);
         }
     });
-}
-
-/// Cuts a buffer with one element per entry into the lists of the tiles; an empty one into empty parts.
-fn split_entries<'a, T>(plan: &Plan, mut rest: &'a mut [T]) -> Vec<&'a mut [T]> {
-    let filled = !rest.is_empty();
-    let length = |pair: &[u32]| if filled { (pair[1] - pair[0]) as usize } else { 0 };
-    plan.tile_start
-        .windows(2)
-        .map(|pair| {
-            let (part, tail) = std::mem::take(&mut rest).split_at_mut(length(pair));
-            rest = tail;
-            part
-        })
-        .collect()
 }
 
 /// Per vector: r, g, b over the background, depth, T, last index.
@@ -615,7 +521,7 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         rows &= rows - 1;
         let v = (2 * r + h) & 31;
         let (w1, w2) = column.whitened::<X>(tile.center_y(r));
-        let (alpha, keep, capped) = decide(column.alpha((w1, w2)), profile, masks, v);
+        let (alpha, keep, capped) = decide(raw_alpha(column.opacity, (w1, w2)), profile, masks, v);
         let keep = keep & Real::le(index, x.last[v]);
         // α = 0 where the splat was skipped: T and what lies behind stay as they are, and every product is 0
         let alpha = keep & alpha;
@@ -795,17 +701,4 @@ fn background_adjoint(saved: &Saved, image_bar: Option<&[f32]>) -> [f32; 3] {
         }
         level.first().copied().unwrap_or(0.0) as f32
     })
-}
-
-/// The three channels of a (H, W, 3) picture under a tile; 0 outside.
-fn load_image(image: &[f32], tile: &Tile, grid: &Grid, bar: &mut [[f32x8; 32]; 4]) {
-    for r in 0..tile.rows {
-        let row = image[3 * ((tile.y0 + r) * grid.width + tile.x0)..][..3 * tile.cols].as_chunks::<3>().0;
-        for h in 0..2 {
-            let part = row.get(8 * h..).unwrap_or(&[]);
-            for (c, plane) in bar.iter_mut().take(3).enumerate() {
-                plane[2 * r + h] = f32x8::from_fn(|l| part.get(l).map_or(0.0, |p| p[c]));
-            }
-        }
-    }
 }

@@ -6,7 +6,7 @@
 //! project     means, factors, camera ──► means_px, depths_z, shape (s, k1, k2), axis, radii
 //! color       means, sh, camera ──► colors
 //! plan        everything discrete, computed once: order, tile lists, slots
-//! blend       projected splats, plan ──► image, alpha, depth    (tile by tile)
+//! blend       projected splats, plan ──► image, alpha, depth    (tile by tile: `tile`)
 //! render      the chain of all of these, one entry on the tape
 //! ```
 //!
@@ -22,3 +22,4 @@ pub mod covariance;
 pub mod plan;
 pub mod project;
 pub mod render;
+mod tile;

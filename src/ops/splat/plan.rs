@@ -1,7 +1,7 @@
 //! The plan between arrays and kernels, and the zeros that follow from it.
 
 use crate::num::array::Arrays;
-use crate::num::elem::exp_lanes;
+use crate::splat::blend;
 use crate::num::order;
 use crate::ops::call::Checked;
 use crate::scene::profile::Profile;
@@ -229,9 +229,7 @@ pub(super) fn masks(splats: &[Splat], n: usize, plan: &Plan, grid: &Grid, profil
 fn raw_alpha(s: &Splat, x: usize, y: usize) -> f32 {
     let (dx, dy) = (x as f32 + 0.5 - s.mean_px[0], y as f32 + 0.5 - s.mean_px[1]);
     let (dp, dq) = if s.axis == 0 { (dx, dy) } else { (dy, dx) };
-    let [sh, k1, k2] = s.shape;
-    let (w1, w2) = (dp * k1, (dq - sh * dp) * k2);
-    s.opacity * exp_lanes::<f32>((w1 * w1 + w2 * w2) * -0.5)
+    blend::raw_alpha(s.opacity, blend::whiten(dp, dq, s.shape))
 }
 
 /// Per (camera, Gaussian): whether it contributes to any pixel, and whether it does so below the cap.
