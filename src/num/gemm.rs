@@ -5,8 +5,8 @@
 //! shorter), each such a chain, and the partial results are added by the pairwise tree of [`super::sum`]. What is
 //! done with the result afterwards ([`Finish`]) comes after the chain.
 //!
-//! How it is fast changes no bit: both factors are packed into panels ([`ROWS`] rows of a, [`COLUMNS`] columns of
-//! b), a tile of [`ROWS`]×[`COLUMNS`] chains stays in registers while k runs over a block of [`BLOCK_K`], and is
+//! How it is fast changes no bit: both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns of
+//! b), a tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
 //! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels and are thrown away;
 //! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0.
 //!
