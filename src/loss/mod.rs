@@ -8,6 +8,9 @@
 //!
 //! All of them take sRGB-encoded images (H, W, 3) and an optional mask (H, W) of zeros and ones.
 //!
+//! `fit` puts `l1` and `ssim` on the tape: picture and photograph in, one number out, and back one gradient per pixel.
+//! `fit::evaluate` calls `metric`, on pictures limited to 0..1.
+//!
 //! # Rounding
 //! Sums over pixels: per row, logical lane l of 16 adds the terms i ≡ l (mod 16) in f64 with i ascending, the
 //! lanes fold 16→8→4→2→1 (l += l + w), and the rows are added by the pairwise tree. One division at the end. So a

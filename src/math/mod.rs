@@ -5,6 +5,8 @@
 //! quat   rotation matrix of a quaternion of any length
 //! sh     real spherical harmonics up to degree 3
 //! ```
+//!
+//! Called by `splat` (quat, sh) and `fit` (knn); the caller owns the loops, these are the bodies.
 
 pub mod knn;
 pub mod quat;

@@ -8,6 +8,9 @@
 //! rng      Philox4x32-10, uniforms, normals   par     ordered maps over fixed chunks
 //! bits     digests, ULP distance              array   named arrays at the border of the library
 //! ```
+//!
+//! Everything above calls down into this level and nothing here calls up. Kernels are written over `lanes`, take functions from
+//! `elem` and sums from `sum`, hand their chunks to `par`, and pin what comes out with `bits`.
 
 pub mod array;
 pub mod bits;

@@ -6,6 +6,13 @@
 //! groups    one optimiser per parameter array of a set of Gaussians, and its learning rates
 //! density   clone, split, prune, opacity reset           mcmc      relocation, growth, noise, regularisers
 //! ```
+//!
+//! ```text
+//! gradients of one view ──► groups ──► adam per array ──► parameters moved in place
+//! screen gradients, radii ──► density (or mcmc) ──► rows cloned, split, moved, removed ──► groups follow row by row
+//! ```
+//!
+//! Called by `fit` once per iteration, in this order; `adam` and `adamw` also by `ops`, over a given list of gradients.
 
 pub mod adam;
 pub mod adamw;

@@ -1,4 +1,7 @@
 //! Losses: two pictures, a mask, one number.
+//!
+//! Each reads its arguments through [`Pair`], walks the pixels in order and adds to one entry of the output; called by
+//! [`crate::twins`].
 
 pub mod l1;
 pub mod mse;

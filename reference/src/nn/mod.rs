@@ -1,3 +1,5 @@
 //! Layers of networks.
+//!
+//! Named arrays in, named arrays out; called by [`crate::twins`], one layer at a time.
 
 pub mod linear;

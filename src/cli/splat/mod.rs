@@ -1,4 +1,7 @@
 //! `splat fit | render | eval`: plain Gaussian splatting of a static capture.
+//!
+//! Arguments are turned into records of `fit` and `scene`, results into files and reports; nothing is computed here. `demo` shares
+//! the job of `fit`.
 
 mod eval;
 pub(super) mod fit;

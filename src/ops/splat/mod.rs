@@ -1,4 +1,11 @@
 //! Gaussian splatting: what the six entries share.
+//!
+//! ```text
+//! named arrays ── scene ──► slices, cameras, profile ── activate … render ──► `splat`'s functions ──► named arrays
+//!                           plan ◄──► plan arrays of `--plan` and the zeros they predict
+//! ```
+//!
+//! The ports, settings and checks that several entries have in common stand here; every entry is one line of [`super::LIST`].
 
 pub(super) mod activate;
 pub(super) mod blend;

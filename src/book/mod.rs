@@ -1,0 +1,55 @@
+//! The book: what the program computes, derived, and checked by the listings themselves.
+//!
+//! ```text
+//! conventions ──► bit_contract ──► one_gaussian ──► adjoint_of_blending ──► profiles
+//!                                                                            │
+//!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
+//! notation       paper symbol, name in the code, shape, unit        bibliography    what is cited
+//! ```
+//!
+//! Every chapter goes the same way: the problem, the equation, the twin, numbers to check by hand, the product version and what it
+//! adds. Listings are doctests: `cargo test --doc` runs them, so a chapter that no longer holds is a failing test. Where an equation is
+//! too large for a listing, the test that evaluates it is named.
+//!
+//! Runnable programs stand in `src/book/examples/`:
+//!
+//! ```text
+//! cargo run --release --example render_one_gaussian    a picture of one Gaussian, on the terminal, and its gradient
+//! cargo run --release --example check_my_gradient      a gradient of your own, right and wrong
+//! cargo run --release --example oracle_roundtrip       arrays through an operator, in f32 and f64, compared
+//! ```
+
+#[doc = include_str!("conventions.md")]
+pub mod conventions {}
+
+#[doc = include_str!("bit_contract.md")]
+pub mod bit_contract {}
+
+#[doc = include_str!("one_gaussian.md")]
+pub mod one_gaussian {}
+
+#[doc = include_str!("adjoint_of_blending.md")]
+pub mod adjoint_of_blending {}
+
+#[doc = include_str!("profiles.md")]
+pub mod profiles {}
+
+#[doc = include_str!("formats.md")]
+pub mod formats {}
+
+#[doc = include_str!("oracle_and_gradcheck.md")]
+pub mod oracle_and_gradcheck {}
+
+#[doc = include_str!("fitting.md")]
+pub mod fitting {}
+
+#[doc = include_str!("notation.md")]
+pub mod notation {}
+
+#[doc = include_str!("bibliography.md")]
+pub mod bibliography {}
+
+// The listings of the front page are tested too; its text is not part of the book.
+#[cfg(doctest)]
+#[doc = include_str!("../../README.md")]
+mod front_page {}
