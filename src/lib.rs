@@ -51,6 +51,8 @@ pub mod num;
 pub use error::{Error, Result};
 pub use tape::check;
 pub mod book;
+#[doc(hidden)]
+pub mod cli;
 pub mod fit;
 pub mod io;
 pub mod loss;
@@ -62,5 +64,3 @@ pub mod oracle;
 pub mod scene;
 pub mod splat;
 pub mod tape;
-#[doc(hidden)]
-pub mod cli;

@@ -14,7 +14,8 @@ fn every_operator_passes_every_rung_on_every_case() {
     let mut failed = Vec::new();
     for op in ops::LIST {
         for case in 0..op.cases {
-            let report = check::run(&subject(op, case), &Options::default()).unwrap_or_else(|e| panic!("{}: {e}", op.name));
+            let report = check::run(&subject(op, case), &Options::default())
+                .unwrap_or_else(|e| panic!("{}: {e}", op.name));
             let rungs: Vec<_> = report.rungs.iter().map(|r| r.name).collect();
             let expected: &[&str] = if op.adjoint { &["R0", "R1", "R2", "R3", "R4"] } else { &["R0", "R4"] };
             assert_eq!(rungs, expected, "{}: the rungs that ran", op.name);
@@ -90,9 +91,14 @@ fn waves_inputs() -> Values {
 
 #[test]
 fn a_users_function_with_the_right_gradient_passes() {
-    let report = check::function("waves", waves, waves_vjp, &waves_inputs(), &Options::default()).expect("it runs");
+    let report =
+        check::function("waves", waves, waves_vjp, &waves_inputs(), &Options::default()).expect("it runs");
     assert!(report.passed(), "{report}");
-    assert_eq!(report.rungs.iter().map(|r| r.name).collect::<Vec<_>>(), ["R0", "R1", "R3"], "the rungs of a closure");
+    assert_eq!(
+        report.rungs.iter().map(|r| r.name).collect::<Vec<_>>(),
+        ["R0", "R1", "R3"],
+        "the rungs of a closure"
+    );
 }
 
 #[test]
@@ -152,20 +158,23 @@ fn a_check_that_sees_nothing_fails() {
     let ops::Case { mut inputs, settings } = (op.case)(0);
     let n = inputs.get("means").expect("an input").shape()[0];
     inputs.put("means", &[n, 3], [0.1_f32, 0.2, -30.0].repeat(n));
-    let empty = OpSubject::new(op, "empty picture".to_owned(), inputs, settings, Default::default()).expect("valid input");
+    let empty = OpSubject::new(op, "empty picture".to_owned(), inputs, settings, Default::default())
+        .expect("valid input");
     let report = check::run(&empty, &Options::default()).expect("it runs");
     assert!(!report.rung("R0").expect("the rung ran").passed(), "nothing was drawn:\n{report}");
     // all-zero cotangents
     let op = ops::find("nn.linear").expect("it is on the list");
     let ops::Case { inputs, settings } = (op.case)(0);
     let zeros = lastlight::num::array::Arrays::new().with("y", &[3, 2], vec![0.0_f32; 6]);
-    let silent = OpSubject::new(op, "zero cotangent".to_owned(), inputs, settings, zeros).expect("valid input");
+    let silent =
+        OpSubject::new(op, "zero cotangent".to_owned(), inputs, settings, zeros).expect("valid input");
     assert!(!check::run(&silent, &Options::default()).expect("it runs").passed(), "all gradients are zero");
 }
 
 #[test]
 fn an_error_of_a_users_function_comes_back() {
     let bad = |_: &Values| Err(Error::input("mine").got("no"));
-    let e = check::function("mine", bad, waves_vjp, &waves_inputs(), &Options::default()).expect_err("it fails");
+    let e =
+        check::function("mine", bad, waves_vjp, &waves_inputs(), &Options::default()).expect_err("it fails");
     assert_eq!(e.to_string(), "mine: no", "unchanged");
 }

@@ -38,7 +38,8 @@ fn level(name: &str) -> Option<u32> {
 }
 
 fn rust_files(dir: &Path, into: &mut Vec<PathBuf>) {
-    let mut entries: Vec<_> = fs::read_dir(dir).expect("src is readable").map(|e| e.expect("an entry").path()).collect();
+    let mut entries: Vec<_> =
+        fs::read_dir(dir).expect("src is readable").map(|e| e.expect("an entry").path()).collect();
     entries.sort();
     for path in entries {
         if path.is_dir() {
@@ -98,7 +99,9 @@ fn wrong(own: &str, text: &str) -> Vec<String> {
         };
         match (mine, level(&target)) {
             (_, None) => out.push(format!("crate::{target} has no level")),
-            (Some(mine), Some(theirs)) if target != own && target != "error" && theirs >= mine && !(own == "num" && theirs == 0) => {
+            (Some(mine), Some(theirs))
+                if target != own && target != "error" && theirs >= mine && !(own == "num" && theirs == 0) =>
+            {
                 out.push(format!("{own} (level {mine}) uses {target} (level {theirs})"));
             }
             _ => {}
@@ -136,10 +139,22 @@ fn no_file_uses_its_own_level_or_above() {
 #[test]
 fn the_reader_of_arrows_sees_what_it_should() {
     assert_eq!(arrows("use crate::num::par;"), ["num"], "a plain path");
-    assert_eq!(arrows("use crate::{Error, Result, num::{par, sum}, io};"), ["Error", "Result", "num", "io"], "a group");
+    assert_eq!(
+        arrows("use crate::{Error, Result, num::{par, sum}, io};"),
+        ["Error", "Result", "num", "io"],
+        "a group"
+    );
     assert_eq!(arrows("let x = crate::splat::render::forward(); my_crate::a();"), ["splat"], "inside code");
-    assert_eq!(wrong("math", "use crate::splat::plan;"), ["math (level 1) uses splat (level 5)"], "an arrow up");
-    assert_eq!(wrong("splat", "use crate::field::fetch;"), ["splat (level 5) uses field (level 5)"], "an arrow across");
+    assert_eq!(
+        wrong("math", "use crate::splat::plan;"),
+        ["math (level 1) uses splat (level 5)"],
+        "an arrow up"
+    );
+    assert_eq!(
+        wrong("splat", "use crate::field::fetch;"),
+        ["splat (level 5) uses field (level 5)"],
+        "an arrow across"
+    );
     assert_eq!(wrong("splat", "use crate::utils::x;"), ["crate::utils has no level"], "an unknown folder");
     assert!(wrong("cli", "use crate::oracle::run; use crate::Error;").is_empty(), "arrows down");
 }
@@ -147,7 +162,8 @@ fn the_reader_of_arrows_sees_what_it_should() {
 #[test]
 fn the_twin_cannot_see_the_library() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    for (name, allowed) in [("reference", &["libm"][..]), ("data-gen", &["reference", "lastlight-reference"])] {
+    for (name, allowed) in [("reference", &["libm"][..]), ("data-gen", &["reference", "lastlight-reference"])]
+    {
         let text = fs::read_to_string(root.join(name).join("Cargo.toml")).expect("a manifest");
         let section = text.split("[dependencies]").nth(1).expect("it has dependencies");
         let section = section.split("\n[").next().unwrap_or("");

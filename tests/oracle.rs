@@ -3,8 +3,8 @@
 
 use lastlight::num::array::{Array, Arrays};
 use lastlight::ops::{self, Call, Compare, Op};
-use lastlight::oracle::{compare, gradcheck, list, mint, run};
 use lastlight::oracle::run::Precision;
+use lastlight::oracle::{compare, gradcheck, list, mint, run};
 use lastlight::{Error, io::npz};
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,7 +13,8 @@ use std::process::Command;
 fn golden(name: &str) -> Option<Arrays> {
     let near = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
     let far = std::env::var_os("LASTLIGHT_DATA").map(|d| PathBuf::from(d).join("golden"));
-    let path = [Some(near), far].into_iter().flatten().map(|d| d.join(format!("{name}.npz"))).find(|p| p.exists());
+    let path =
+        [Some(near), far].into_iter().flatten().map(|d| d.join(format!("{name}.npz"))).find(|p| p.exists());
     let Some(path) = path else {
         println!("not run: {name}.npz is neither in tests/golden nor in $LASTLIGHT_DATA/golden");
         return None;
@@ -46,11 +47,19 @@ fn check_golden(name: &str, op: &str, profile: Option<&str>, bounds: &Bounds) {
         let mut compared = 0;
         for a in &report.arrays {
             let bound = if a.name.ends_with("_bar") { gradients } else { values };
-            println!("{name} {precision:?} {:<14} relative L2 {:.2e} (at most {bound:.0e}), worst {} ulp", a.name, a.relative_l2, a.worst_ulp);
+            println!(
+                "{name} {precision:?} {:<14} relative L2 {:.2e} (at most {bound:.0e}), worst {} ulp",
+                a.name, a.relative_l2, a.worst_ulp
+            );
             assert_eq!(a.verdict, compare::Verdict::Agrees, "{name} {precision:?} {}: {:?}", a.name, a.worst);
             // an array compared in its zeros only has no relative L2 to speak of
             let pattern = op.port(&a.name).is_some_and(|p| p.compare == Compare::ZeroPattern);
-            assert!(pattern || a.relative_l2 <= bound, "{name} {precision:?} {}: {:.3e} > {bound:e}", a.name, a.relative_l2);
+            assert!(
+                pattern || a.relative_l2 <= bound,
+                "{name} {precision:?} {}: {:.3e} > {bound:e}",
+                a.name,
+                a.relative_l2
+            );
             compared += 1;
         }
         // everything the file has that is not an input, a setting or a cotangent was compared
@@ -62,7 +71,12 @@ fn check_golden(name: &str, op: &str, profile: Option<&str>, bounds: &Bounds) {
             }
             is(op.outputs, n) || is(op.intermediates, n) || bar.is_some_and(|x| is(op.inputs, x))
         };
-        assert_eq!(compared, theirs.0.keys().filter(|n| is_result(n)).count(), "{name}: arrays of {:?}", theirs.0.keys());
+        assert_eq!(
+            compared,
+            theirs.0.keys().filter(|n| is_result(n)).count(),
+            "{name}: arrays of {:?}",
+            theirs.0.keys()
+        );
     }
 }
 
@@ -116,7 +130,8 @@ fn a_plan_given_back_changes_no_bit() {
             for precision in [Precision::F32, Precision::F64] {
                 let free = run::call(op, &call, precision).expect("a generated case runs");
                 let frozen = Call { plan: Some(free.plan.clone()), ..call.clone() };
-                let again = run::call(op, &frozen, precision).unwrap_or_else(|e| panic!("{} case {case}: {e}", op.name));
+                let again = run::call(op, &frozen, precision)
+                    .unwrap_or_else(|e| panic!("{} case {case}: {e}", op.name));
                 assert_eq!(free, again, "{} case {case} {precision:?}", op.name);
                 with_plan += usize::from(!free.plan.0.is_empty());
             }
@@ -132,8 +147,10 @@ fn either_precision_obeys_the_plan_of_the_other() {
             let call = full_call(op, case);
             let double = run::call(op, &call, Precision::F64).expect("runs");
             let frozen = Call { plan: Some(double.plan.clone()), ..call.clone() };
-            let single = run::call(op, &frozen, Precision::F32).unwrap_or_else(|e| panic!("{} case {case}: {e}", op.name));
-            let report = compare::arrays(&run::gather(&double), &run::gather(&single), Some(op.name), 2e-5).expect("names");
+            let single = run::call(op, &frozen, Precision::F32)
+                .unwrap_or_else(|e| panic!("{} case {case}: {e}", op.name));
+            let report = compare::arrays(&run::gather(&double), &run::gather(&single), Some(op.name), 2e-5)
+                .expect("names");
             assert!(report.passed, "{} case {case}\n{report}", op.name);
         }
     }
@@ -180,14 +197,31 @@ fn run_writes_outputs_plan_and_digests_and_the_digests_are_those_of_the_files() 
     let mut arrays = mint::golden(op, 0).expect("a case");
     arrays.put("width", &[], vec![36.0_f32]); // integers may come as floats
     npz::write(&file("in.npz"), &arrays).expect("written");
-    let mut options = run::Options { op: op.name.to_owned(), input: file("in.npz"), out: file("out.npz"), ..Default::default() };
+    let mut options = run::Options {
+        op: op.name.to_owned(),
+        input: file("in.npz"),
+        out: file("out.npz"),
+        ..Default::default()
+    };
     options.dump = true;
     let mut said = Vec::new();
     let report = run::run(&options, &mut |line| said.push(line.to_owned())).expect("runs");
     assert!(said.iter().any(|s| s == "ignored 'image': an output"), "notes: {said:?}");
     assert!(said.iter().any(|s| s == "ignored 'means_bar': the gradient of an input"), "notes: {said:?}");
-    let (out, plan) = (npz::read(&file("out.npz")).expect("written"), npz::read(&file("out.plan.npz")).expect("written"));
-    for name in ["image", "alpha", "depth", "means_bar", "quats_bar", "sh_bar", "background_bar", "counts", "conics", "colors"] {
+    let (out, plan) =
+        (npz::read(&file("out.npz")).expect("written"), npz::read(&file("out.plan.npz")).expect("written"));
+    for name in [
+        "image",
+        "alpha",
+        "depth",
+        "means_bar",
+        "quats_bar",
+        "sh_bar",
+        "background_bar",
+        "counts",
+        "conics",
+        "colors",
+    ] {
         let digest = lastlight::num::bits::digest(out.need(name).expect("there")).expect("no NaN");
         assert_eq!(report.arrays[name].digest, format!("{digest:016x}"), "{name}");
     }
@@ -202,12 +236,24 @@ fn run_writes_outputs_plan_and_digests_and_the_digests_are_those_of_the_files() 
     said.clear();
     run::run(&options, &mut |line| said.push(line.to_owned())).expect("runs");
     assert!(said.iter().any(|s| s.contains(" pairs, ")), "the estimate: {said:?}");
-    assert!(matches!(npz::read(&file("out64.npz")).expect("written").get("image"), Some(Array::F64(_))), "f64 in, f64 out");
-    let both = compare::Options { theirs: file("out64.npz"), ours: file("out.npz"), op: None, tol: 2e-5, html: Some(file("c.html")) };
+    assert!(
+        matches!(npz::read(&file("out64.npz")).expect("written").get("image"), Some(Array::F64(_))),
+        "f64 in, f64 out"
+    );
+    let both = compare::Options {
+        theirs: file("out64.npz"),
+        ours: file("out.npz"),
+        op: None,
+        tol: 2e-5,
+        html: Some(file("c.html")),
+    };
     let report = compare::compare(&both).expect("compares");
     assert!(report.passed && report.operator == Some("splat.render"), "{report}");
     let page = std::fs::read_to_string(file("c.html")).expect("written");
-    assert!(page.contains("data:image/png;base64,") && !page.contains("http"), "self-contained, with pictures");
+    assert!(
+        page.contains("data:image/png;base64,") && !page.contains("http"),
+        "self-contained, with pictures"
+    );
 }
 
 /// `ours` with entries of some arrays multiplied by 1.01.
@@ -225,7 +271,8 @@ fn compare_names_the_first_operator_that_differs() {
     let op = ops::find("splat.render").expect("on the list");
     let ours = run::gather(&run::call(op, &full_call(op, 0), Precision::F64).expect("runs"));
     let stage = |names: &[&str]| {
-        let report = compare::arrays(&spoiled(&ours, names), &ours, None, compare::TOLERANCE).expect("compares");
+        let report =
+            compare::arrays(&spoiled(&ours, names), &ours, None, compare::TOLERANCE).expect("compares");
         assert_eq!(report.passed, names.is_empty(), "{report}");
         report.parting.map(|p| p.stage)
     };
@@ -266,7 +313,10 @@ fn compare_measures_what_it_says() {
     assert_eq!(verdict(&nan, &nan), compare::Verdict::Nan, "NaN in both is no agreement");
     let off = Arrays::new().with("y", &[2, 2], vec![1.0_f32, 0.0, 2.0, -4.1]);
     assert_eq!(verdict(&theirs, &off), compare::Verdict::Differs, "beyond the tolerance");
-    assert!(compare::arrays(&theirs, &Arrays::new().with("z", &[], vec![1.0]), None, 1e-5).is_err(), "nothing in common");
+    assert!(
+        compare::arrays(&theirs, &Arrays::new().with("z", &[], vec![1.0]), None, 1e-5).is_err(),
+        "nothing in common"
+    );
 }
 
 #[test]
@@ -277,7 +327,11 @@ fn mint_gives_the_same_bytes_twice_and_its_files_can_be_fed_back() {
     let second = mint::mint(&[], &b, &mut |_| {}).expect("minted");
     assert_eq!(first.files.len(), ops::LIST.iter().fold(0, |n, op| n + op.cases), "a file per case");
     for (x, y) in first.files.iter().zip(&second.files) {
-        assert!(std::fs::read(x).expect("written") == std::fs::read(y).expect("written"), "{} differs", x.display());
+        assert!(
+            std::fs::read(x).expect("written") == std::fs::read(y).expect("written"),
+            "{} differs",
+            x.display()
+        );
     }
     for op in ops::LIST {
         for case in 0..op.cases {
@@ -285,7 +339,9 @@ fn mint_gives_the_same_bytes_twice_and_its_files_can_be_fed_back() {
             let double = run_file(op, &file, None, Precision::F64);
             let same = compare::arrays(&file, &double, Some(op.name), 0.0).expect("names");
             assert!(same.passed, "{} case {case}: f64 is what was minted\n{same}", op.name);
-            let single = compare::arrays(&file, &run_file(op, &file, None, Precision::F32), Some(op.name), 2e-5).expect("names");
+            let single =
+                compare::arrays(&file, &run_file(op, &file, None, Precision::F32), Some(op.name), 2e-5)
+                    .expect("names");
             assert!(single.passed, "{} case {case}: f32\n{single}", op.name);
         }
     }
@@ -296,7 +352,8 @@ fn bad_input_is_refused_with_its_place() {
     let render = ops::find("splat.render").expect("on the list");
     let good = (render.case)(0);
     let call = |spoil: &dyn Fn(&mut Call)| {
-        let mut call = Call { inputs: good.inputs.clone(), settings: good.settings.clone(), ..Call::default() };
+        let mut call =
+            Call { inputs: good.inputs.clone(), settings: good.settings.clone(), ..Call::default() };
         spoil(&mut call);
         let single = ops::run(render, &call).expect_err("f32 refuses it");
         let double = ops::run_f64(render, &call).expect_err("f64 refuses it");
@@ -330,7 +387,9 @@ fn bad_input_is_refused_with_its_place() {
         ("sh and sh_degree, or rgb", &|c| drop(c.inputs.0.remove("sh_degree"))),
         ("'colour'", &|c| c.inputs.put("colour", &[], vec![1.0])),
         ("setting alpha_max", &|c| drop(c.settings.insert("alpha_max".into(), ops::Setting::Number(1.0)))),
-        ("setting camera", &|c| drop(c.settings.insert("camera".into(), ops::Setting::Text("panini".into())))),
+        ("setting camera", &|c| {
+            drop(c.settings.insert("camera".into(), ops::Setting::Text("panini".into())))
+        }),
         ("setting colour", &|c| drop(c.settings.insert("colour".into(), ops::Setting::Number(1.0)))),
         ("'color_bar'", &|c| c.cotangents.put("color", &[], vec![1.0])),
     ];
@@ -338,9 +397,13 @@ fn bad_input_is_refused_with_its_place() {
         let text = call(spoil);
         assert!(text.contains(place), "expected {place:?} in: {text}");
     }
-    let unknown = run::sort(render, Arrays::new().with("colour", &[], vec![1.0])).expect_err("an unknown name");
+    let unknown =
+        run::sort(render, Arrays::new().with("colour", &[], vec![1.0])).expect_err("an unknown name");
     assert!(unknown.to_string().contains("'colour'"), "{unknown}");
-    assert!(ops::find("splat.rendr").is_err() && ops::choose(&["x".to_owned()]).is_err(), "unknown operators");
+    assert!(
+        ops::find("splat.rendr").is_err() && ops::choose(&["x".to_owned()]).is_err(),
+        "unknown operators"
+    );
 }
 
 #[test]
@@ -396,13 +459,22 @@ fn the_command_line_says_the_same_with_its_exit_code() {
     let (code, out, err) = lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz"), "--tol", "0"]);
     assert!(code == 1 && out.contains("first difference in nn.linear"), "f32 is not f64: {code} {out} {err}");
     assert_eq!(run(&path("c.npz"), &["--set", "lr=1"]).0, 2, "an unknown setting");
-    let (code, _, err) = lastlight(&["oracle", "run", "nn.linear", "--in", &path("g/loss.l1_0.npz"), "--out", &path("c.npz")]);
+    let (code, _, err) =
+        lastlight(&["oracle", "run", "nn.linear", "--in", &path("g/loss.l1_0.npz"), "--out", &path("c.npz")]);
     assert!(code == 2 && err.contains("loss.l1_0.npz"), "another operator's file: {err}");
-    assert_eq!(lastlight(&["oracle", "run", "nope", "--in", &file, "--out", &path("c.npz")]).0, 2, "an unknown operator");
+    assert_eq!(
+        lastlight(&["oracle", "run", "nope", "--in", &file, "--out", &path("c.npz")]).0,
+        2,
+        "an unknown operator"
+    );
     let (code, out, _) = lastlight(&["gradcheck", "nn.linear", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&out).expect("JSON");
     assert!(code == 0 && json["passed"] == true, "gradcheck: {code}");
-    assert_eq!(lastlight(&["gradcheck", "loss.mse", "--in", &path("g/loss.l1_0.npz")]).0, 0, "at somebody's inputs");
+    assert_eq!(
+        lastlight(&["gradcheck", "loss.mse", "--in", &path("g/loss.l1_0.npz")]).0,
+        0,
+        "at somebody's inputs"
+    );
     assert_eq!(lastlight(&["gradcheck"]).0, 2, "nothing to check");
 }
 

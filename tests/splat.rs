@@ -87,8 +87,7 @@ fn golden_pictures_and_gradients() {
         let case = Case::new(&a);
         let x = case.input();
         let near = a.scalar("near").expect("near") as f32;
-        let settings =
-            Settings { profile: Profile { near, ..Profile::GSPLAT }, ..Settings::default() };
+        let settings = Settings { profile: Profile { near, ..Profile::GSPLAT }, ..Settings::default() };
         x.validate(&settings).expect("valid");
         let (out, saved) = render::forward(&x, &settings);
         let g = |n: &str| a.need(n).expect("golden output").to_f64();
@@ -143,7 +142,13 @@ fn culling_and_tile_size_do_not_show() {
                 let (_, saved) = render::forward(&x, &settings);
                 let ones = vec![1.0; out.image.len()];
                 let mut bar = InBar::zeros_like(&x);
-                render::adjoint(&x, &settings, &saved, OutBar { image: Some(&ones), ..OutBar::default() }, &mut bar);
+                render::adjoint(
+                    &x,
+                    &settings,
+                    &saved,
+                    OutBar { image: Some(&ones), ..OutBar::default() },
+                    &mut bar,
+                );
                 bars.push(bar);
             }
             assert_eq!(bars[0], bars[1], "{name}: gradients with and without culling");

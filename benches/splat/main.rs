@@ -94,7 +94,8 @@ fn compare(n: usize, side: usize, runs: usize) {
     let gsplat = Settings { profile: Profile::GSPLAT, ..Settings::default() };
     let exact = Settings::default();
     let inria = Settings { profile: Profile::INRIA, ..Settings::default() };
-    let bar: Vec<f32> = (0..side * side * 3).map(|i| ((i % 7) as f32 - 3.0) / (side * side * 3) as f32).collect();
+    let bar: Vec<f32> =
+        (0..side * side * 3).map(|i| ((i % 7) as f32 - 3.0) / (side * side * 3) as f32).collect();
     let mut b = Buffers::default();
     let grid = Grid { width: side, height: side, tile: 16 };
     let (mut fwd, mut bwd, mut total, mut total_exact, mut yard) = (vec![], vec![], vec![], vec![], vec![]);
@@ -127,9 +128,21 @@ fn compare(n: usize, side: usize, runs: usize) {
     let best = |v: &[f64]| 1e3 * v.iter().copied().fold(f64::INFINITY, |a, b| if b < a { b } else { a });
     let (t, e, y) = (median(total.clone()), median(total_exact), median(yard.clone()));
     println!("{n} Gaussians, {side}x{side}, {} threads, SH 3, median of {runs}:", par::threads());
-    println!("  gsplat   {:8.2} ms (forward {:.2}, adjoint {:.2}); best {:.2}", 1e3 * t, 1e3 * median(fwd), 1e3 * median(bwd), best(&total));
+    println!(
+        "  gsplat   {:8.2} ms (forward {:.2}, adjoint {:.2}); best {:.2}",
+        1e3 * t,
+        1e3 * median(fwd),
+        1e3 * median(bwd),
+        best(&total)
+    );
     println!("  exact    {:8.2} ms, {:.3} of gsplat", 1e3 * e, e / t);
-    println!("  yardstick{:8.2} ms; best {:.2}: {:.2}x slower (best/best {:.2}x)", 1e3 * y, best(&yard), y / t, best(&yard) / best(&total));
+    println!(
+        "  yardstick{:8.2} ms; best {:.2}: {:.2}x slower (best/best {:.2}x)",
+        1e3 * y,
+        best(&yard),
+        y / t,
+        best(&yard) / best(&total)
+    );
     println!("  (splat, tile) pairs {pairs}");
 }
 
@@ -145,12 +158,19 @@ fn main() {
         let v: Vec<usize> = text.split(',').filter_map(|t| t.parse().ok()).collect();
         let scene = Scene::new(v[0], v[1]);
         let bar = vec![1e-5; v[1] * v[1] * 3];
-        let (settings, mut b) = (Settings { profile: Profile::GSPLAT, ..Settings::default() }, Buffers::default());
+        let (settings, mut b) =
+            (Settings { profile: Profile::GSPLAT, ..Settings::default() }, Buffers::default());
         let t: Vec<_> = (0..v[2]).map(|_| once(&scene.input(), &settings, &bar, &mut b)).collect();
         let steps: u32 = b.saved.pixels.rows.iter().flatten().map(|r| r.count_ones()).fold(0, |a, b| a + b);
         let hit = b.saved.pixels.rows.iter().filter(|r| **r != [0, 0]).count();
         println!("entries {} included {hit} vector steps {steps}", b.saved.plan.tile_entry.len());
-        println!("forward {:.2} adjoint {:.2} ms; best {:.2} {:.2}", 1e3 * median(t.iter().map(|t| t.0).collect()), 1e3 * median(t.iter().map(|t| t.1).collect()), 1e3*t.iter().map(|t|t.0).fold(9.0,f64::min), 1e3*t.iter().map(|t|t.1).fold(9.0,f64::min));
+        println!(
+            "forward {:.2} adjoint {:.2} ms; best {:.2} {:.2}",
+            1e3 * median(t.iter().map(|t| t.0).collect()),
+            1e3 * median(t.iter().map(|t| t.1).collect()),
+            1e3 * t.iter().map(|t| t.0).fold(9.0, f64::min),
+            1e3 * t.iter().map(|t| t.1).fold(9.0, f64::min)
+        );
         return;
     }
     let mut criterion = Criterion::default().configure_from_args().sample_size(10);
@@ -166,6 +186,8 @@ fn main() {
     let bar = vec![1e-5; 256 * 256 * 3];
     let mut b = Buffers::default();
     let settings = Settings::default();
-    criterion.bench_function("splat.render 10k 256² forward+adjoint", |c| c.iter(|| once(&x, &settings, &bar, &mut b)));
+    criterion.bench_function("splat.render 10k 256² forward+adjoint", |c| {
+        c.iter(|| once(&x, &settings, &bar, &mut b))
+    });
     criterion.final_summary();
 }

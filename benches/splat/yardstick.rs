@@ -63,9 +63,9 @@ pub fn forward_backward(
     let sums = (0..splats.len())
         .map(|g| {
             let slots = plan.slot_start[g] as usize..plan.slot_start[g + 1] as usize;
-            plan.entry_of_slot[slots].iter().fold([0.0; 9], |sum: [f32; 9], &e| {
-                std::array::from_fn(|i| sum[i] + records[e as usize][i])
-            })
+            plan.entry_of_slot[slots]
+                .iter()
+                .fold([0.0; 9], |sum: [f32; 9], &e| std::array::from_fn(|i| sum[i] + records[e as usize][i]))
         })
         .collect();
     (image, sums)

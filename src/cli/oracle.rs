@@ -128,7 +128,9 @@ pub fn run(args: Args) -> Result<()> {
                 return Ok(());
             }
             let differing = report.arrays.iter().filter(|a| a.verdict != compare::Verdict::Agrees).count();
-            Err(Error::check("oracle compare").expected("every array to agree").got(format!("{differing} that do not")))
+            Err(Error::check("oracle compare")
+                .expected("every array to agree")
+                .got(format!("{differing} that do not")))
         }
         Command::Mint { op, out, json } => {
             let report = mint::mint(&op, &out, &mut |_| {})?;

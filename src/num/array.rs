@@ -161,7 +161,9 @@ impl Arrays {
     pub fn need(&self, name: &str) -> Result<&Array> {
         self.get(name).ok_or_else(|| {
             let have: Vec<_> = self.0.keys().map(String::as_str).collect();
-            Error::input(format!("array '{name}'")).expected("to be present").got(format!("only [{}]", have.join(", ")))
+            Error::input(format!("array '{name}'"))
+                .expected("to be present")
+                .got(format!("only [{}]", have.join(", ")))
         })
     }
 
@@ -175,7 +177,9 @@ impl Arrays {
         let wrong = |dims: &BTreeMap<char, usize>| {
             let bound: Vec<_> = dims.iter().map(|(k, v)| format!("{k}={v}")).collect();
             let with = if bound.is_empty() { String::new() } else { format!(" with {}", bound.join(", ")) };
-            Error::input(format!("array '{name}'")).expected(format!("shape ({pattern}){with}")).got(format!("{got:?}"))
+            Error::input(format!("array '{name}'"))
+                .expected(format!("shape ({pattern}){with}"))
+                .got(format!("{got:?}"))
         };
         let parts: Vec<&str> = if pattern.is_empty() { Vec::new() } else { pattern.split(',').collect() };
         if parts.len() != got.len() {
@@ -226,7 +230,9 @@ impl Arrays {
     pub fn scalar(&self, name: &str) -> Result<f64> {
         let a = self.need(name)?;
         if a.len() != 1 {
-            return Err(Error::input(format!("array '{name}'")).expected("one number").got(format!("shape {:?}", a.shape())));
+            return Err(Error::input(format!("array '{name}'"))
+                .expected("one number")
+                .got(format!("shape {:?}", a.shape())));
         }
         Ok(a.to_f64()[0])
     }

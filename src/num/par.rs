@@ -28,7 +28,11 @@ pub fn chunks_mut2<A: Send, B: Send>(
     len_b: usize,
     f: impl Fn(usize, &mut [A], &mut [B]) + Sync + Send,
 ) {
-    assert_eq!(a.len().div_ceil(len_a), b.len().div_ceil(len_b), "both buffers have the same number of chunks");
+    assert_eq!(
+        a.len().div_ceil(len_a),
+        b.len().div_ceil(len_b),
+        "both buffers have the same number of chunks"
+    );
     a.par_chunks_mut(len_a).zip(b.par_chunks_mut(len_b)).enumerate().for_each(|(i, (x, y))| f(i, x, y));
 }
 
@@ -57,10 +61,9 @@ pub fn threads() -> usize {
 /// # Errors
 /// When the floating-point environment of a thread is not the default one.
 pub fn with_threads<T: Send>(n: usize, f: impl FnOnce() -> T + Send) -> crate::Result<T> {
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(n)
-        .build()
-        .map_err(|e| crate::Error::input("threads").expected("a thread pool that starts").got(e.to_string()))?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().map_err(|e| {
+        crate::Error::input("threads").expected("a thread pool that starts").got(e.to_string())
+    })?;
     for verdict in pool.broadcast(|_| super::env::probe()) {
         verdict?;
     }

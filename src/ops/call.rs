@@ -63,7 +63,8 @@ impl Dims {
         let fixed = parts.len() - usize::from(open);
         let mut fits = if open { shape.len() >= fixed } else { shape.len() == fixed };
         let mut bound = self.0.clone();
-        let mut same = |key: &str, sizes: &[usize]| *bound.entry(key.to_owned()).or_insert(sizes.to_vec()) == sizes;
+        let mut same =
+            |key: &str, sizes: &[usize]| *bound.entry(key.to_owned()).or_insert(sizes.to_vec()) == sizes;
         if fits {
             for (part, size) in parts[..fixed].iter().zip(shape) {
                 fits &= part.parse::<usize>().map_or_else(|_| same(part, &[*size]), |n| n == *size);
@@ -79,7 +80,9 @@ impl Dims {
             .filter_map(|part| self.0.get(*part).map(|sizes| format!("{part} = {}", list(sizes))))
             .collect();
         let with = if with.is_empty() { String::new() } else { format!(" with {}", with.join(", ")) };
-        Err(Error::input(format!("array '{name}'")).expected(format!("shape ({pattern}){with}")).got(format!("({})", list(shape))))
+        Err(Error::input(format!("array '{name}'"))
+            .expected(format!("shape ({pattern}){with}"))
+            .got(format!("({})", list(shape))))
     }
 }
 
@@ -120,7 +123,10 @@ fn convert(name: &str, array: &Array, dtype: Dtype, single: bool) -> Result<Arra
         }
         return Ok(Array::new(&shape, values));
     }
-    let whole = || Error::input(format!("array '{name}'")).expected(format!("whole numbers in the range of {}", dtype.name()));
+    let whole = || {
+        Error::input(format!("array '{name}'"))
+            .expected(format!("whole numbers in the range of {}", dtype.name()))
+    };
     let values = array.to_i64().ok_or_else(|| whole().got("a fraction"))?;
     macro_rules! narrow {
         ($t:ty) => {{
@@ -156,11 +162,14 @@ fn setting(spec: &SettingSpec, given: &Setting) -> Result<Setting> {
             _ => Err(what().expected("0 or 1").got(shown)),
         },
         Kind::Choice(words) => {
-            let by_index = number.and_then(|x| words.iter().enumerate().find(|(i, _)| *i as f64 == x).map(|(_, w)| w));
+            let by_index =
+                number.and_then(|x| words.iter().enumerate().find(|(i, _)| *i as f64 == x).map(|(_, w)| w));
             let by_name = words.iter().find(|w| **w == shown);
             match by_name.or(by_index) {
                 Some(word) => Ok(Setting::Text((*word).to_owned())),
-                None => Err(what().expected(format!("one of {} (or its index)", words.join(", "))).got(shown)),
+                None => {
+                    Err(what().expected(format!("one of {} (or its index)", words.join(", "))).got(shown))
+                }
             }
         }
     }
@@ -191,13 +200,19 @@ impl<'a> Checked<'a> {
         }
         if let Some(name) = call.inputs.0.keys().find(|n| !op.inputs.iter().any(|p| p.name == **n)) {
             let known: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
-            return Err(Error::input(format!("array '{name}'")).expected(format!("one of {}", known.join(", "))));
+            return Err(
+                Error::input(format!("array '{name}'")).expected(format!("one of {}", known.join(", ")))
+            );
         }
         let mut settings = Settings::new();
         for (key, given) in &call.settings {
             let Some(spec) = op.settings.iter().find(|s| s.key == key) else {
                 let known: Vec<_> = op.settings.iter().map(|s| s.key).collect();
-                let known = if known.is_empty() { "no settings".to_owned() } else { format!("one of {}", known.join(", ")) };
+                let known = if known.is_empty() {
+                    "no settings".to_owned()
+                } else {
+                    format!("one of {}", known.join(", "))
+                };
                 return Err(Error::input(format!("setting {key}")).expected(known));
             };
             settings.insert(key.clone(), setting(spec, given)?);
@@ -214,9 +229,13 @@ impl<'a> Checked<'a> {
                     cotangents.0.insert(name.clone(), convert(&place, array, Dtype::Float, single)?);
                 }
                 Some(_) if !op.adjoint => {
-                    return Err(Error::input(format!("array '{place}'")).expected("no cotangent: this operator has no adjoint"));
+                    return Err(Error::input(format!("array '{place}'"))
+                        .expected("no cotangent: this operator has no adjoint"));
                 }
-                _ => return Err(Error::input(format!("array '{place}'")).expected("the cotangent of a differentiable output")),
+                _ => {
+                    return Err(Error::input(format!("array '{place}'"))
+                        .expected("the cotangent of a differentiable output"));
+                }
             }
         }
         Ok(Self { cotangents, ..checked })
@@ -254,7 +273,9 @@ impl<'a> Checked<'a> {
     pub fn whole(&self, name: &str) -> Result<usize> {
         let x = self.inputs.scalar(name)?;
         if !(x >= 0.0) {
-            return Err(Error::input(format!("array '{name}'")).expected("a whole number, 0 or more").got(x.to_string()));
+            return Err(Error::input(format!("array '{name}'"))
+                .expected("a whole number, 0 or more")
+                .got(x.to_string()));
         }
         Ok(x as usize)
     }
@@ -319,9 +340,10 @@ impl<'a> Checked<'a> {
     pub fn rule(&self, name: &str, expected: &str, holds: impl Fn(f64) -> bool) -> Result<()> {
         match self.f64s(name).into_iter().enumerate().find(|(_, x)| !holds(*x)) {
             None => Ok(()),
-            Some((i, x)) => {
-                Err(Error::input(format!("array '{name}'")).at(format!("entry {i}")).expected(expected).got(x.to_string()))
-            }
+            Some((i, x)) => Err(Error::input(format!("array '{name}'"))
+                .at(format!("entry {i}"))
+                .expected(expected)
+                .got(x.to_string())),
         }
     }
 }

@@ -41,7 +41,8 @@ const fn entry(name: &'static str, summary: &'static str) -> Op {
 /// `loss.l1`
 pub(super) static L1: Op = Op { predict: left_out_or_equal, ..entry("loss.l1", "mean |x − y|") };
 /// `loss.mse`
-pub(super) static MSE: Op = Op { run: run_mse, predict: left_out_or_equal, ..entry("loss.mse", "mean (x − y)²") };
+pub(super) static MSE: Op =
+    Op { run: run_mse, predict: left_out_or_equal, ..entry("loss.mse", "mean (x − y)²") };
 /// `loss.ssim`
 pub(super) static SSIM: Op = Op {
     run: run_ssim,
@@ -95,7 +96,10 @@ fn zeros(x: &Checked<'_>, also: impl Fn(f64, f64) -> bool) -> Prediction {
     let (a, b, mask) = (x.f64s("x"), x.f64s("y"), x.f64s("mask"));
     let left_out = |i: usize| mask.get(i / 3) == Some(&0.0);
     let zero: Vec<bool> = (0..a.len()).map(|i| left_out(i) || also(a[i], b[i])).collect();
-    Prediction { zeros: [("x".to_owned(), zero.clone()), ("y".to_owned(), zero)].into(), ..Prediction::default() }
+    Prediction {
+        zeros: [("x".to_owned(), zero.clone()), ("y".to_owned(), zero)].into(),
+        ..Prediction::default()
+    }
 }
 
 fn left_out(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {

@@ -231,7 +231,10 @@ impl Op {
 
     /// The port of that name among inputs, outputs, intermediates and plan.
     pub fn port(&self, name: &str) -> Option<&Port> {
-        [self.inputs, self.outputs, self.intermediates, self.plan].into_iter().flatten().find(|p| p.name == name)
+        [self.inputs, self.outputs, self.intermediates, self.plan]
+            .into_iter()
+            .flatten()
+            .find(|p| p.name == name)
     }
 
     /// Whether `name` is an input, an output, or an intermediate.

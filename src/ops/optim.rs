@@ -25,7 +25,8 @@ pub(super) static ADAM: Op = Op {
     inputs: &[
         Port::fixed("param", "N,...", "start"),
         Port::fixed("grads", "S,N,...", "one gradient per step"),
-        Port::int("active", "S,N", Dtype::U8, "1: value, moments and counter of the row move; absent: all").or_absent(),
+        Port::int("active", "S,N", Dtype::U8, "1: value, moments and counter of the row move; absent: all")
+            .or_absent(),
     ],
     outputs: &[Port::fixed("trajectory", "S,N,...", "parameters after each step")],
     intermediates: &[
@@ -75,7 +76,9 @@ pub(super) static ADAMW: Op = Op {
 fn no_decay(x: &Checked<'_>) -> Result<()> {
     match x.number("weight_decay") {
         None | Some(0.0) => Ok(()),
-        Some(w) => Err(Error::input("setting weight_decay").expected("0: optim.adamw decays").got(w.to_string())),
+        Some(w) => {
+            Err(Error::input("setting weight_decay").expected("0: optim.adamw decays").got(w.to_string()))
+        }
     }
 }
 
@@ -96,7 +99,13 @@ fn run(
         counters: adam::Counters::parse(x.word("counters").unwrap_or("row"))?,
         ..adam::Rule::default()
     };
-    let input = adam::In { param: &param, grads: &grads, active: x.has("active").then_some(&active[..]), rows, width };
+    let input = adam::In {
+        param: &param,
+        grads: &grads,
+        active: x.has("active").then_some(&active[..]),
+        rows,
+        width,
+    };
     let out = forward(&input, &adam::Settings { lr: x.number("lr").unwrap_or(1e-3), rule })?;
     let mut ran = Ran::default();
     ran.outputs.put("trajectory", &x.shape("grads"), out.trajectory);
@@ -104,7 +113,11 @@ fn run(
         let shape = x.shape("param");
         ran.intermediates.put("m", &shape, out.m);
         ran.intermediates.put("v", &shape, out.v);
-        ran.intermediates.put("steps", &[rows], counters(&out.steps, &active, rows, grads.len() / param.len().max(1)));
+        ran.intermediates.put(
+            "steps",
+            &[rows],
+            counters(&out.steps, &active, rows, grads.len() / param.len().max(1)),
+        );
     }
     Ok(ran)
 }

@@ -64,7 +64,13 @@ impl OpSubject {
     ///
     /// # Errors
     /// Bad input.
-    pub fn new(op: &'static Op, label: String, inputs: Arrays, settings: Settings, cotangents: Arrays) -> Result<Self> {
+    pub fn new(
+        op: &'static Op,
+        label: String,
+        inputs: Arrays,
+        settings: Settings,
+        cotangents: Arrays,
+    ) -> Result<Self> {
         let mut call = Call { inputs: round(&inputs), settings, dump: true, ..Call::default() };
         let ran = super::run(op, &call)?;
         if op.adjoint {
@@ -107,7 +113,9 @@ impl OpSubject {
     }
 
     fn shaped_bars(&self, out_bar: &Values) -> Named<f64> {
-        let shaped = |(name, v): (&String, &Vec<f64>)| (name.clone(), Arr { shape: self.bar_shapes[name].clone(), data: v.clone() });
+        let shaped = |(name, v): (&String, &Vec<f64>)| {
+            (name.clone(), Arr { shape: self.bar_shapes[name].clone(), data: v.clone() })
+        };
         out_bar.iter().map(shaped).collect()
     }
 }
@@ -145,7 +153,8 @@ impl Subject for OpSubject {
         &self.cotangents
     }
     fn shipped(&self) -> Result<Values> {
-        let whole = |name: &str| self.op.outputs.iter().any(|p| p.name == name && p.compare != Compare::ZeroPattern);
+        let whole =
+            |name: &str| self.op.outputs.iter().any(|p| p.name == name && p.compare != Compare::ZeroPattern);
         Ok(self.outputs.iter().filter(|(name, _)| whole(name)).map(|(n, v)| (n.clone(), v.clone())).collect())
     }
     fn shipped_adjoint(&self, out_bar: &Values, start: Option<&Values>) -> Result<Values> {
@@ -157,7 +166,9 @@ impl Subject for OpSubject {
             for (name, v) in start {
                 let shape = &self.asked.inputs[name].shape;
                 match self.op.width {
-                    super::op::Width::F32 => call.start.put(name, shape, v.iter().map(|&x| x as f32).collect()),
+                    super::op::Width::F32 => {
+                        call.start.put(name, shape, v.iter().map(|&x| x as f32).collect())
+                    }
                     super::op::Width::F64 => call.start.put(name, shape, v.clone()),
                 }
             }
@@ -179,7 +190,8 @@ impl Subject for OpSubject {
         let mut tangents = Named::new();
         for (name, v) in x_dot {
             let shape = self.asked.inputs.get(name).map(|a| a.shape.clone());
-            let shape = shape.ok_or_else(|| Error::input(format!("tangent of '{name}'")).expected("an input"))?;
+            let shape =
+                shape.ok_or_else(|| Error::input(format!("tangent of '{name}'")).expected("an input"))?;
             tangents.insert(name.clone(), Arr { shape, data: v.clone() });
         }
         Ok(values_of(twins::jvp(&self.request(on), &tangents).map_err(twin::refused(self.op))?.1))
@@ -192,4 +204,3 @@ impl Subject for OpSubject {
         Ok(self.prediction.clone())
     }
 }
-

@@ -9,7 +9,11 @@ use reference::twins::{self, Request};
 
 /// Our arrays as the twin's; integers are carried as f64.
 pub(super) fn to_twin(arrays: &Arrays) -> Named<f64> {
-    arrays.0.iter().map(|(name, a)| (name.clone(), Arr { shape: a.shape().to_vec(), data: a.to_f64() })).collect()
+    arrays
+        .0
+        .iter()
+        .map(|(name, a)| (name.clone(), Arr { shape: a.shape().to_vec(), data: a.to_f64() }))
+        .collect()
 }
 
 /// The twin's arrays as ours, in f64.

@@ -153,12 +153,17 @@ impl Report {
 
 /// The operator whose names cover most of the arrays; composite ones first, then in the order of the list.
 fn guess(theirs: &Arrays, ours: &Arrays) -> Option<&'static Op> {
-    let known = |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
+    let known =
+        |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
     let names = || theirs.0.keys().chain(ours.0.keys());
     let score = |op: &Op| names().filter(|n| known(op, n)).count();
-    let produces = |op: &Op| op.outputs.iter().any(|p| ours.get(p.name).is_some() && theirs.get(p.name).is_some());
+    let produces =
+        |op: &Op| op.outputs.iter().any(|p| ours.get(p.name).is_some() && theirs.get(p.name).is_some());
     let mut best: Option<(&'static Op, usize)> = None;
-    let ordered = ops::LIST.iter().filter(|op| op.is_composite()).chain(ops::LIST.iter().filter(|op| !op.is_composite()));
+    let ordered = ops::LIST
+        .iter()
+        .filter(|op| op.is_composite())
+        .chain(ops::LIST.iter().filter(|op| !op.is_composite()));
     for op in ordered.filter(|op| produces(op)) {
         let s = score(op);
         if best.is_none_or(|(_, b)| s > b) {
@@ -178,7 +183,13 @@ fn unravel(mut i: usize, shape: &[usize]) -> Vec<usize> {
 }
 
 /// Entries in play: all, or those in rows where `mask` is not zero in both files.
-fn selected(name: &str, op: Option<&Op>, theirs: &Arrays, ours: &Arrays, len: usize) -> (Vec<bool>, Option<String>, bool) {
+fn selected(
+    name: &str,
+    op: Option<&Op>,
+    theirs: &Arrays,
+    ours: &Arrays,
+    len: usize,
+) -> (Vec<bool>, Option<String>, bool) {
     let all = vec![true; len];
     let Some(port) = op.and_then(|op| op.port(name)) else { return (all, None, false) };
     match port.compare {
@@ -190,7 +201,11 @@ fn selected(name: &str, op: Option<&Op>, theirs: &Arrays, ours: &Arrays, len: us
                 [cameras, n, ..] => cameras * n,
                 _ => 0,
             };
-            if a.shape() != b.shape() || rows == 0 || !a.len().is_multiple_of(rows) || !len.is_multiple_of(rows) {
+            if a.shape() != b.shape()
+                || rows == 0
+                || !a.len().is_multiple_of(rows)
+                || !len.is_multiple_of(rows)
+            {
                 return (all, None, false);
             }
             let (wide, per_row) = (a.len() / rows, len / rows);
@@ -259,7 +274,11 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     let entry = |&i: &usize| Worst { index: unravel(i, ours.shape()), theirs: a[i], ours: b[i], ulp: ulp(i) };
     report.worst = differing.iter().take(10).map(entry).collect();
     report.verdict = if pattern {
-        if report.zeros.only_theirs + report.zeros.only_ours == 0 { Verdict::Agrees } else { Verdict::ZerosDiffer }
+        if report.zeros.only_theirs + report.zeros.only_ours == 0 {
+            Verdict::Agrees
+        } else {
+            Verdict::ZerosDiffer
+        }
     } else if report.relative_l2 <= tol {
         Verdict::Agrees
     } else {
@@ -383,7 +402,11 @@ impl fmt::Display for Report {
             }
             if matches!(a.verdict, Verdict::Differs | Verdict::ZerosDiffer) {
                 for w in &a.worst {
-                    writeln!(f, "    {:?}: theirs {:e}, ours {:e}, {} ulp", w.index, w.theirs, w.ours, w.ulp)?;
+                    writeln!(
+                        f,
+                        "    {:?}: theirs {:e}, ours {:e}, {} ulp",
+                        w.index, w.theirs, w.ours, w.ulp
+                    )?;
                 }
             }
         }

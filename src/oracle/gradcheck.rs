@@ -62,12 +62,18 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
     }
     let checks = match (&options.exec, &options.input) {
         (Some(command), Some(input)) => vec![program(command, input, options, &rules, progress)?],
-        (Some(_), None) => return Err(Error::input("gradcheck --exec").expected("--in IN.npz with the inputs of the program")),
+        (Some(_), None) => {
+            return Err(
+                Error::input("gradcheck --exec").expected("--in IN.npz with the inputs of the program")
+            );
+        }
         (None, Some(input)) => vec![at_inputs(input, options, &rules, progress)?],
         (None, None) => {
             if options.ops.is_empty() && !options.all {
                 let names: Vec<_> = ops::LIST.iter().map(|op| op.name).collect();
-                return Err(Error::input("gradcheck").expected("--all or names of operators").hint(names.join(", ")));
+                return Err(Error::input("gradcheck")
+                    .expected("--all or names of operators")
+                    .hint(names.join(", ")));
             }
             let names = if options.all { &[][..] } else { &options.ops };
             let mut checks = Vec::new();
@@ -90,7 +96,9 @@ fn at_inputs(
     progress: &mut dyn FnMut(&str),
 ) -> Result<check::Report> {
     let [name] = options.ops.as_slice() else {
-        return Err(Error::input("gradcheck --in").expected("the name of one operator").got(format!("{}", options.ops.len())));
+        return Err(Error::input("gradcheck --in")
+            .expected("the name of one operator")
+            .got(format!("{}", options.ops.len())));
     };
     let op = ops::find(name)?;
     let in_file = |e: Error| e.within(input.display().to_string());
@@ -201,7 +209,8 @@ fn program(
     let unit = Cell::new(UNIT);
     let value = |x: &Values| {
         let out = program.call(x, &Values::new())?;
-        let outputs: Result<Values> = bars.iter().map(|(n, like)| Ok((n.clone(), values(&out, n, like, &unit)?))).collect();
+        let outputs: Result<Values> =
+            bars.iter().map(|(n, like)| Ok((n.clone(), values(&out, n, like, &unit)?))).collect();
         Ok(Evaluation { outputs: outputs?, log: 0 })
     };
     let vjp = |x: &Values, y_bar: &Values| {
@@ -222,7 +231,10 @@ fn program(
         ..rules.clone()
     };
     let names: Vec<_> = inputs.keys().map(String::as_str).collect();
-    progress(&format!("{command}: gradients of {} by finite differences of the program itself", names.join(", ")));
+    progress(&format!(
+        "{command}: gradients of {} by finite differences of the program itself",
+        names.join(", ")
+    ));
     let report = check::function_with_log(command, value, vjp, &inputs, &rules)?;
     progress(&format!("{command}: called {} times", program.calls.get()));
     Ok(report)

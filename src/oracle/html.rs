@@ -64,7 +64,13 @@ fn row(a: &ArrayReport) -> Markup {
 }
 
 /// The report as one page without references to anything outside it.
-pub(super) fn page(report: &Report, their_file: &Path, our_file: &Path, theirs: &Arrays, ours: &Arrays) -> String {
+pub(super) fn page(
+    report: &Report,
+    their_file: &Path,
+    our_file: &Path,
+    theirs: &Arrays,
+    ours: &Arrays,
+) -> String {
     let name = report.operator.unwrap_or("arrays");
     let markup = html! {
         (DOCTYPE)

@@ -36,7 +36,8 @@ fn settings_as_arrays(op: &Op, settings: &Settings) -> Result<Arrays> {
                 Kind::Number | Kind::Flag => text.parse().ok(),
             }),
         };
-        let number = number.ok_or_else(|| Error::input(op.name).at(format!("setting {key}")).expected("a known value"))?;
+        let number = number
+            .ok_or_else(|| Error::input(op.name).at(format!("setting {key}")).expected("a known value"))?;
         out.put(&format!("setting_{key}"), &[], vec![number]);
     }
     Ok(out)

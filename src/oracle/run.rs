@@ -103,7 +103,9 @@ pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
             sorted.call.cotangents.0.insert(output.to_owned(), array);
         } else if let Some(key) = name.strip_prefix("setting_") {
             if array.len() != 1 {
-                return Err(Error::input(format!("array '{name}'")).expected("one number").got(format!("shape {:?}", array.shape())));
+                return Err(Error::input(format!("array '{name}'"))
+                    .expected("one number")
+                    .got(format!("shape {:?}", array.shape())));
             }
             sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
         } else {
@@ -199,7 +201,8 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
     let digest_file = sibling(&options.out, "digest.json");
     npz::write(&options.out, &arrays)?;
     npz::write(&plan_file, &ran.plan)?;
-    let json = serde_json::to_string_pretty(&report).expect("a record of strings and numbers has a JSON form");
+    let json =
+        serde_json::to_string_pretty(&report).expect("a record of strings and numbers has a JSON form");
     crate::io::atomic::write_bytes(&digest_file, format!("{json}\n").as_bytes())?;
     report.files = vec![options.out.clone(), plan_file, digest_file];
     Ok(report)
@@ -222,7 +225,11 @@ fn digests(arrays: &Arrays, all: &mut Digest) -> Result<BTreeMap<String, ArrayDi
         let digest = bits::digest(a).map_err(|e| e.at(format!("array '{name}'")))?;
         all.bytes(name.as_bytes());
         all.u64(digest);
-        let shown = ArrayDigest { shape: a.shape().to_vec(), dtype: Array::dtype(a), digest: format!("{digest:016x}") };
+        let shown = ArrayDigest {
+            shape: a.shape().to_vec(),
+            dtype: Array::dtype(a),
+            digest: format!("{digest:016x}"),
+        };
         out.insert(name.clone(), shown);
     }
     Ok(out)
@@ -232,7 +239,13 @@ fn digests(arrays: &Arrays, all: &mut Digest) -> Result<BTreeMap<String, ArrayDi
 ///
 /// # Errors
 /// When a result is NaN.
-pub fn report(op: &Op, precision: Precision, settings: &Settings, arrays: &Arrays, plan: &Arrays) -> Result<Report> {
+pub fn report(
+    op: &Op,
+    precision: Precision,
+    settings: &Settings,
+    arrays: &Arrays,
+    plan: &Arrays,
+) -> Result<Report> {
     let (mut all, mut log) = (Digest::new(), Digest::new());
     let shown = |s: &Setting| match s {
         Setting::Number(x) => x.to_string(),

@@ -34,7 +34,9 @@ impl Model {
             "pinhole" => Ok(Self::Pinhole),
             "orthographic" => Ok(Self::Orthographic),
             "fisheye" => Ok(Self::Fisheye),
-            other => Err(Error::input("setting camera").expected("pinhole, orthographic or fisheye").got(other)),
+            other => {
+                Err(Error::input("setting camera").expected("pinhole, orthographic or fisheye").got(other))
+            }
         }
     }
 }
@@ -66,7 +68,13 @@ impl Camera {
     }
 
     /// From row-major `view_from_world` (4×4) and `intrinsics` (3×3).
-    pub fn from_matrices(view_from_world: &[f32], intrinsics: &[f32], width: usize, height: usize, model: Model) -> Self {
+    pub fn from_matrices(
+        view_from_world: &[f32],
+        intrinsics: &[f32],
+        width: usize,
+        height: usize,
+        model: Model,
+    ) -> Self {
         assert!(view_from_world.len() == 16 && intrinsics.len() == 9, "a 4x4 and a 3x3 matrix");
         let v = view_from_world;
         Self {
@@ -85,12 +93,21 @@ impl Camera {
     /// # Errors
     /// Names the field.
     pub fn validate(&self) -> Result<()> {
-        let numbers = self.rotation.iter().flatten().chain(&self.translation).chain(&self.focal_px).chain(&self.center_px);
+        let numbers = self
+            .rotation
+            .iter()
+            .flatten()
+            .chain(&self.translation)
+            .chain(&self.focal_px)
+            .chain(&self.center_px);
         if let Some(x) = numbers.copied().find(|x| !x.is_finite()) {
             return Err(Error::input("camera").expected("finite pose and intrinsics").got(x.to_string()));
         }
         if !(self.focal_px[0] > 0.0 && self.focal_px[1] > 0.0) {
-            return Err(Error::input("camera").at("focal length").expected("positive pixels").got(format!("{:?}", self.focal_px)));
+            return Err(Error::input("camera")
+                .at("focal length")
+                .expected("positive pixels")
+                .got(format!("{:?}", self.focal_px)));
         }
         if self.width == 0 || self.height == 0 || self.width > MAX_SIDE || self.height > MAX_SIDE {
             return Err(Error::input("camera")

@@ -22,7 +22,12 @@ use crate::num::{elem, par};
 const CHUNK: usize = 4096;
 
 /// Fills `scales` (N, 3) and `opacities` (N).
-pub fn forward(scales_log: &[[f32; 3]], opacity_logits: &[f32], scales: &mut [[f32; 3]], opacities: &mut [f32]) {
+pub fn forward(
+    scales_log: &[[f32; 3]],
+    opacity_logits: &[f32],
+    scales: &mut [[f32; 3]],
+    opacities: &mut [f32],
+) {
     let n = scales_log.len();
     assert!(opacity_logits.len() == n && scales.len() == n && opacities.len() == n, "all have N rows");
     par::chunks_mut2(scales, CHUNK, opacities, CHUNK, |c, s, o| {

@@ -185,8 +185,7 @@ fn tile_forward<const H: usize, const V: usize>(
     walked: &mut [[u16; 2]],
 ) -> Forward<V> {
     let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
-    let mut out =
-        Forward { sums: [[zero; V]; 4], t: [zero; V], last: [zero; V], live: [zero; V] };
+    let mut out = Forward { sums: [[zero; V]; 4], t: [zero; V], last: [zero; V], live: [zero; V] };
     for v in 0..V {
         let inside = tile.inside(v % H, v / H);
         out.t[v] = Real::select(inside, one, zero);
@@ -210,7 +209,9 @@ fn tile_forward<const H: usize, const V: usize>(
         FROZEN => [column_forward::<true, FROZEN, H, V>, column_forward::<false, FROZEN, H, V>],
         AFTER => [column_forward::<true, AFTER, H, V>, column_forward::<false, AFTER, H, V>],
         BEFORE => [column_forward::<true, BEFORE, H, V>, column_forward::<false, BEFORE, H, V>],
-        BEFORE_STRICT => [column_forward::<true, BEFORE_STRICT, H, V>, column_forward::<false, BEFORE_STRICT, H, V>],
+        BEFORE_STRICT => {
+            [column_forward::<true, BEFORE_STRICT, H, V>, column_forward::<false, BEFORE_STRICT, H, V>]
+        }
         _ => [column_forward::<true, NEVER, H, V>, column_forward::<false, NEVER, H, V>],
     };
     // spans a batch ahead of the walk: their latency overlaps, and the splats are in cache when they are blended
@@ -241,7 +242,11 @@ fn tile_forward<const H: usize, const V: usize>(
         }
         if frozen.is_none() {
             for v in 0..V {
-                let live = if rule == AFTER { Real::gt(out.t[v], f32x8::splat(profile.t_stop)) } else { out.live[v] };
+                let live = if rule == AFTER {
+                    Real::gt(out.t[v], f32x8::splat(profile.t_stop))
+                } else {
+                    out.live[v]
+                };
                 alive[v % H] &= !(u32::from(<f32x8 as Real>::bits(live) == 0) << (v / H));
             }
         }
@@ -378,7 +383,9 @@ pub fn forward(
                     });
                     finish(&tile_forward::<2, 32>(local, list, &tile, profile, cull, masks, rows), background)
                 }
-                32 => finish(&tile_forward::<4, 128>(local, list, &tile, profile, cull, None, rows), background),
+                32 => {
+                    finish(&tile_forward::<4, 128>(local, list, &tile, profile, cull, None, rows), background)
+                }
                 other => unreachable!("tile side {other}: settings allow 8, 16 and 32"),
             };
             (tile, lines)

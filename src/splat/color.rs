@@ -52,7 +52,9 @@ impl<'a> Sh<'a> {
     /// Coefficient `k`, channel `c` of eight consecutive rows; rows past the end repeat the last one.
     #[inline(always)]
     fn gather(self, at: usize, n: usize, k: usize, c: usize) -> f32x8 {
-        f32x8::from_fn(|l| self.values[(crate::num::order::min(at + l, n - 1) * self.coefficients + k) * 3 + c])
+        f32x8::from_fn(|l| {
+            self.values[(crate::num::order::min(at + l, n - 1) * self.coefficients + k) * 3 + c]
+        })
     }
 }
 

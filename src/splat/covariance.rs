@@ -37,7 +37,8 @@ pub fn factor<L: Real>(q: [L; 4], s: [L; 3]) -> [L; 9] {
 pub fn factor_adjoint<L: Real>(q: [L; 4], s: [L; 3], f_bar: [L; 9]) -> ([L; 4], [L; 3]) {
     let r = quat::rotation(q);
     let r_bar = std::array::from_fn(|e| f_bar[e] * s[e % 3]);
-    let s_bar = std::array::from_fn(|j| (f_bar[j] * r[j] + f_bar[3 + j] * r[3 + j]) + f_bar[6 + j] * r[6 + j]);
+    let s_bar =
+        std::array::from_fn(|j| (f_bar[j] * r[j] + f_bar[3 + j] * r[3 + j]) + f_bar[6 + j] * r[6 + j]);
     (quat::rotation_adjoint(q, r_bar), s_bar)
 }
 
@@ -74,7 +75,10 @@ const CHUNK: usize = 1024;
 
 /// `factors` (N, 3, 3) of `quats` (N, 4) and `scales` (N, 3).
 pub fn forward(quats: &[[f32; 4]], scales: &[[f32; 3]], factors: &mut [[f32; 9]]) {
-    assert!(quats.len() == scales.len() && scales.len() == factors.len(), "quats, scales, factors have N rows");
+    assert!(
+        quats.len() == scales.len() && scales.len() == factors.len(),
+        "quats, scales, factors have N rows"
+    );
     par::chunks_mut(factors, CHUNK, |c, out| {
         let base = c * CHUNK;
         let n = out.len();
@@ -97,7 +101,10 @@ pub fn adjoint(
     quats_bar: &mut [[f32; 4]],
     scales_bar: &mut [[f32; 3]],
 ) {
-    assert!(quats.len() == factors_bar.len() && scales.len() == quats.len(), "quats, scales, factors_bar have N rows");
+    assert!(
+        quats.len() == factors_bar.len() && scales.len() == quats.len(),
+        "quats, scales, factors_bar have N rows"
+    );
     assert!(quats_bar.len() == quats.len() && scales_bar.len() == quats.len(), "gradients have N rows");
     par::chunks_mut2(quats_bar, CHUNK, scales_bar, CHUNK, |c, q_bar, s_bar| {
         let rows = c * CHUNK..c * CHUNK + q_bar.len();

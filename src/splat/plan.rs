@@ -131,7 +131,8 @@ impl Ellipse {
             Footprint::Alpha => [ceil(FULL_EXTENT * self.xx.sqrt()), ceil(FULL_EXTENT * self.yy.sqrt())],
             Footprint::Inria3Sigma => r,
         };
-        let hits = (0..2).all(|i| mean_px[i] + full[i] as f32 > 0.0 && mean_px[i] - (full[i] as f32) < size[i]);
+        let hits =
+            (0..2).all(|i| mean_px[i] + full[i] as f32 > 0.0 && mean_px[i] - (full[i] as f32) < size[i]);
         if hits { r } else { [0, 0] }
     }
 
@@ -223,7 +224,8 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
     let [mx, my] = s.mean_px;
     // tiles whose pixel centres (first at ½, last at side − ½) meet the interval [lo, hi]
     let first = |lo: f32| order::clamp(((lo - (side - 0.5)) / side).ceil(), 0.0, 1e6) as i32;
-    let last = |hi: f32, n: i32| order::min(order::clamp(((hi - 0.5) / side).floor(), -1.0, 1e6) as i32, n - 1);
+    let last =
+        |hi: f32, n: i32| order::min(order::clamp(((hi - 0.5) / side).floor(), -1.0, 1e6) as i32, n - 1);
     match profile.footprint {
         Footprint::Inria3Sigma => {
             // that program's rectangle: its pixel positions are ours minus ½, its tiles always 16 wide, its
@@ -252,7 +254,10 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
                 let (x0, x1) = if cull && x_first < x_last && y_first < y_last {
                     let (lo, hi) = (y as f32 * side + 0.5 - my, (y as f32 + 1.0) * side - 0.5 - my);
                     let (lo, hi) = (order::max(lo, -top), order::min(hi, top));
-                    (first(mx - s.bounds.reach(tip, lo, hi, -1.0)), last(mx + s.bounds.reach(tip, lo, hi, 1.0), tx))
+                    (
+                        first(mx - s.bounds.reach(tip, lo, hi, -1.0)),
+                        last(mx + s.bounds.reach(tip, lo, hi, 1.0), tx),
+                    )
                 } else {
                     (x_first, x_last)
                 };
@@ -282,7 +287,8 @@ fn radix_sort(keys: &mut [u64]) {
     let mut other = vec![0_u64; keys.len()];
     for pass in 0..4 {
         let shift = 32 + 8 * pass;
-        let (from, to): (&[u64], &mut [u64]) = if pass % 2 == 0 { (keys, &mut other) } else { (&other, keys) };
+        let (from, to): (&[u64], &mut [u64]) =
+            if pass % 2 == 0 { (keys, &mut other) } else { (&other, keys) };
         let mut start = [0_usize; 256];
         for k in from {
             start[(k >> shift & 255) as usize] += 1;
@@ -327,7 +333,8 @@ fn merge_runs(runs: &[&[u64]]) -> Vec<u64> {
 /// `cull` chooses between exact ellipses and bounding boxes for the tile lists: never visible in the result.
 pub fn build(splats: &[Splat], n: usize, grid: &Grid, profile: &Profile, cull: bool) -> Plan {
     let cameras = splats.len().checked_div(n).unwrap_or(0);
-    let mut plan = Plan { camera_start: vec![0], tile_start: vec![0], slot_start: vec![0], ..Plan::default() };
+    let mut plan =
+        Plan { camera_start: vec![0], tile_start: vec![0], slot_start: vec![0], ..Plan::default() };
     for camera in 0..cameras {
         append_camera(&mut plan, &splats[camera * n..(camera + 1) * n], grid, profile, cull);
     }

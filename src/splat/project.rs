@@ -257,7 +257,9 @@ impl Flat {
             std::array::from_fn(|k| (jac[i][0] * r[0][k] + jac[i][1] * r[1][k]) + jac[i][2] * r[2][k])
         });
         let v_xy: [[f32x8; 3]; 2] = std::array::from_fn(|i| {
-            std::array::from_fn(|k| (jr[i][0] * factor[k] + jr[i][1] * factor[3 + k]) + jr[i][2] * factor[6 + k])
+            std::array::from_fn(|k| {
+                (jr[i][0] * factor[k] + jr[i][1] * factor[3 + k]) + jr[i][2] * factor[6 + k]
+            })
         });
         let square = |v: &[f32x8; 3]| (v[0] * v[0] + v[1] * v[1]) + v[2] * v[2];
         let (a0, c0) = (square(&v_xy[0]), square(&v_xy[1]));
@@ -324,13 +326,19 @@ pub fn forward(
     rows: &mut [Row],
 ) {
     let n = means.len();
-    assert!(factors.len() == n && opacities.len() == n && rows.len() == n, "means, factors, opacities, rows: N each");
+    assert!(
+        factors.len() == n && opacities.len() == n && rows.len() == n,
+        "means, factors, opacities, rows: N each"
+    );
     for at in (0..n).step_by(8) {
         let mean = gather(means, at);
         let z = lens.turn(2, mean) + f32x8::splat(lens.translation[2]);
         let (visible, decided) = match frozen {
             None => (
-                <f32x8 as Real>::and(Real::ge(z, f32x8::splat(profile.near)), Real::le(z, f32x8::splat(profile.far))),
+                <f32x8 as Real>::and(
+                    Real::ge(z, f32x8::splat(profile.near)),
+                    Real::le(z, f32x8::splat(profile.far)),
+                ),
                 None,
             ),
             Some(d) => {
@@ -375,7 +383,8 @@ pub fn forward(
 #[inline(always)]
 fn decision_lanes<D>(rows: &[D], read: impl Fn(&D) -> (bool, [i8; 2], u8)) -> (f32x8, [f32x8; 2], f32x8) {
     let half = f32x8::splat(0.5);
-    let of = |f: &dyn Fn((bool, [i8; 2], u8)) -> f32| f32x8::from_fn(|l| rows.get(l).map_or(0.0, |d| f(read(d))));
+    let of =
+        |f: &dyn Fn((bool, [i8; 2], u8)) -> f32| f32x8::from_fn(|l| rows.get(l).map_or(0.0, |d| f(read(d))));
     (
         Real::gt(of(&|d| f32::from(u8::from(d.0))), half),
         [of(&|d| f32::from(d.1[0])), of(&|d| f32::from(d.1[1]))],
@@ -401,15 +410,29 @@ pub fn adjoint(
             continue;
         }
         let (visible, signs, axis) = decision_lanes(group, |r| (r.visible, r.t_clamp, r.axis));
-        let flat =
-            Flat::new(lens, profile.blur_px2, gather(means, at), gather(factors, at), visible, Some((signs, axis)));
+        let flat = Flat::new(
+            lens,
+            profile.blur_px2,
+            gather(means, at),
+            gather(factors, at),
+            visible,
+            Some((signs, axis)),
+        );
         let bars = &rows_bar[at..];
         let bar = |f: &dyn Fn(&RowBar) -> f32| f32x8::from_fn(|l| bars.get(l).map_or(0.0, f));
         let u_bar = [bar(&|b| b.mean_px[0]), bar(&|b| b.mean_px[1])];
         let shape_bar = [bar(&|b| b.shape[0]), bar(&|b| b.shape[1]), bar(&|b| b.shape[2])];
         let comp_bar = if profile.antialiased { bar(&|b| b.compensation) } else { f32x8::splat(0.0) };
-        let (mean_bar, factor_bar) =
-            adjoint_lanes(lens, profile, &flat, gather(factors, at), u_bar, bar(&|b| b.z), shape_bar, comp_bar);
+        let (mean_bar, factor_bar) = adjoint_lanes(
+            lens,
+            profile,
+            &flat,
+            gather(factors, at),
+            u_bar,
+            bar(&|b| b.z),
+            shape_bar,
+            comp_bar,
+        );
         let keep = |x: f32x8| Real::select(visible, x, f32x8::splat(0.0));
         scatter_add(means_bar, at, mean_bar.map(keep));
         scatter_add(factors_bar, at, factor_bar.map(keep));
@@ -484,8 +507,7 @@ fn adjoint_lanes(
         })
     });
     // undo J R
-    let jac_bar: [[f32x8; 3]; 2] =
-        std::array::from_fn(|i| std::array::from_fn(|k| lens.turn(k, jr_bar[i])));
+    let jac_bar: [[f32x8; 3]; 2] = std::array::from_fn(|i| std::array::from_fn(|k| lens.turn(k, jr_bar[i])));
     // undo J(t) and u(t)
     let f = lens.focal.map(f32x8::splat);
     let iz = x.inv_z;

@@ -217,7 +217,10 @@ impl In<'_> {
             if got == n {
                 Ok(())
             } else {
-                Err(Error::input("splat.render").at(name).expected(format!("N = {n} rows")).got(got.to_string()))
+                Err(Error::input("splat.render")
+                    .at(name)
+                    .expected(format!("N = {n} rows"))
+                    .got(got.to_string()))
             }
         };
         length("opacities", self.opacities.len())?;
@@ -231,7 +234,9 @@ impl In<'_> {
         match self.color {
             Color::Sh(sh) => {
                 length("sh", sh.values.len() / (3 * sh.coefficients))?;
-                if (sh.degree + 1) * (sh.degree + 1) > sh.coefficients || sh.degree > crate::math::sh::MAX_DEGREE {
+                if (sh.degree + 1) * (sh.degree + 1) > sh.coefficients
+                    || sh.degree > crate::math::sh::MAX_DEGREE
+                {
                     return Err(Error::input("splat.render")
                         .at("sh_degree")
                         .expected(format!("at most 3, with (degree+1)² ≤ K = {}", sh.coefficients))
@@ -246,7 +251,10 @@ impl In<'_> {
         for camera in self.cameras {
             camera.validate()?;
             if (camera.width, camera.height) != (first.width, first.height) {
-                return Err(Error::input("splat.render").at("cameras").expected("one picture size").got("several"));
+                return Err(Error::input("splat.render")
+                    .at("cameras")
+                    .expected("one picture size")
+                    .got("several"));
             }
         }
         let tile_fits = match settings.profile.footprint {
@@ -254,7 +262,9 @@ impl In<'_> {
             crate::scene::profile::Footprint::Inria3Sigma => settings.tile == 16,
         };
         if !tile_fits {
-            return Err(Error::input("setting tile").expected("8, 16 or 32; 16 in profile inria").got(settings.tile.to_string()));
+            return Err(Error::input("setting tile")
+                .expected("8, 16 or 32; 16 in profile inria")
+                .got(settings.tile.to_string()));
         }
         Ok(())
     }
@@ -286,7 +296,13 @@ pub fn forward(x: &In<'_>, settings: &Settings) -> (Out, Saved) {
 /// Renders into memory already there; `frozen` gives the decisions instead of making them.
 ///
 /// The inputs have passed [`In::validate`].
-pub fn forward_into(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, out: &mut Out, saved: &mut Saved) {
+pub fn forward_into(
+    x: &In<'_>,
+    settings: &Settings,
+    frozen: Option<&Frozen>,
+    out: &mut Out,
+    saved: &mut Saved,
+) {
     let n = x.means.len();
     let grid = x.grid(settings);
     project_all(x, settings, frozen, saved);
@@ -320,15 +336,25 @@ pub fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, sav
         let rows = saved.rows[span.clone()].chunks_mut(BLOCK);
         let splats = saved.splats[span.clone()].chunks_mut(BLOCK);
         let mut masks = saved.color_mask.get_mut(span.clone()).map(|m| m.chunks_mut(BLOCK));
-        let tasks: Vec<_> =
-            rows.zip(splats).map(|(r, s)| (r, s, masks.as_mut().and_then(Iterator::next).unwrap_or_default())).collect();
+        let tasks: Vec<_> = rows
+            .zip(splats)
+            .map(|(r, s)| (r, s, masks.as_mut().and_then(Iterator::next).unwrap_or_default()))
+            .collect();
         par::each(tasks, |b, (rows, splats, mask)| {
             let (from, to) = (b * BLOCK, b * BLOCK + rows.len());
             let mut buffer = Vec::new();
             let factors = x.factors(from, to, &mut buffer);
             let decisions = frozen.map(|f| &f.decisions[c * n + from..c * n + to]);
             let opacities = &x.opacities[from..to];
-            project::forward(&lens, &settings.profile, &x.means[from..to], factors, opacities, decisions, rows);
+            project::forward(
+                &lens,
+                &settings.profile,
+                &x.means[from..to],
+                factors,
+                opacities,
+                decisions,
+                rows,
+            );
             let mut made = Vec::new();
             let colors = match x.color {
                 Color::Rgb(rgb) => &rgb[from..to],
@@ -474,7 +500,16 @@ fn adjoint_block(
             };
             colors_bar[i] = bar.color;
         }
-        project::adjoint(lens, &settings.profile, means, factors, rows, &rows_bar, block.means, &mut factors_bar);
+        project::adjoint(
+            lens,
+            &settings.profile,
+            means,
+            factors,
+            rows,
+            &rows_bar,
+            block.means,
+            &mut factors_bar,
+        );
         match x.color {
             Color::Sh(sh) => {
                 let mask = &saved.color_mask[at..at + len];
@@ -491,7 +526,13 @@ fn adjoint_block(
     }
     match x.shape {
         Shape::QuatScale { quats, scales } => {
-            covariance::adjoint_rows(&quats[from..to], &scales[from..to], &factors_bar, block.quats, block.scales);
+            covariance::adjoint_rows(
+                &quats[from..to],
+                &scales[from..to],
+                &factors_bar,
+                block.quats,
+                block.scales,
+            );
         }
         Shape::Factors(_) => {
             for (sum, bar) in block.factors.iter_mut().zip(&factors_bar) {

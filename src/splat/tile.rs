@@ -83,7 +83,12 @@ pub(crate) fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32;
 }
 
 /// The part of a (H, W) plane under a tile, in vectors; outside the picture `outside`.
-pub(crate) fn load_plane<const H: usize, const V: usize>(plane: &[f32], tile: &Tile, grid: &Grid, outside: f32) -> [f32x8; V] {
+pub(crate) fn load_plane<const H: usize, const V: usize>(
+    plane: &[f32],
+    tile: &Tile,
+    grid: &Grid,
+    outside: f32,
+) -> [f32x8; V] {
     let mut out = [f32x8::splat(outside); V];
     for r in 0..tile.rows {
         let row = &plane[(tile.y0 + r) * grid.width + tile.x0..][..tile.cols];

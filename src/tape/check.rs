@@ -174,4 +174,3 @@ pub fn run(subject: &dyn Subject, options: &Options) -> Result<Report> {
     }
     Ok(Report { subject: subject.name(), rungs })
 }
-

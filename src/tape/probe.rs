@@ -34,7 +34,11 @@ pub fn signs(seed: u64, step: u32, stream: u16, len: usize) -> Vec<f64> {
 pub fn direction(seed: u64, stream: u16, like: &Values) -> Values {
     let drawn = |k: usize, len| {
         let step = k as u32;
-        if stream.is_multiple_of(2) { normals(seed, step, stream, len) } else { signs(seed, step, stream, len) }
+        if stream.is_multiple_of(2) {
+            normals(seed, step, stream, len)
+        } else {
+            signs(seed, step, stream, len)
+        }
     };
     like.iter().enumerate().map(|(k, (name, v))| (name.clone(), drawn(k, v.len()))).collect()
 }
@@ -147,7 +151,9 @@ fn central(
     let (mut sum, mut touched) = (0.0, 0.0);
     for (name, w) in w {
         let (Some(p), Some(m)) = (plus.outputs.get(name), minus.outputs.get(name)) else {
-            return Err(Error::input(format!("output '{name}'")).expected("to be present in every evaluation"));
+            return Err(
+                Error::input(format!("output '{name}'")).expected("to be present in every evaluation")
+            );
         };
         if p.len() != w.len() || m.len() != w.len() {
             return Err(Error::input(format!("output '{name}'"))
@@ -225,7 +231,8 @@ pub fn ladder(
     let d = with_noise(d, unit);
     // Dh = D + c h² + O(h⁴)  ⇒  (16 D(h/4) − D(h)) / 15 = D + O(h⁴)
     let square = RATIO * RATIO;
-    let richardson: Vec<f64> = d.windows(2).map(|p| (square * p[1].value - p[0].value) / (square - 1.0)).collect();
+    let richardson: Vec<f64> =
+        d.windows(2).map(|p| (square * p[1].value - p[0].value) / (square - 1.0)).collect();
     let noise = |k: usize| d[k + 1].noise * (square + 1.0) / (square - 1.0);
     let mut best = (f64::INFINITY, 1);
     for (k, p) in richardson.windows(2).enumerate() {

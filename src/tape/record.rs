@@ -144,8 +144,12 @@ impl Tape {
         let wanted = inputs.iter().any(|v| self.values[v.0].wanted);
         let outputs: Vec<Var> = outputs.into_iter().map(|a| self.push(Arc::new(a), None, wanted)).collect();
         if wanted {
-            let record =
-                Record { operator, inputs: inputs.to_vec(), outputs: outputs.clone(), adjoint: Box::new(adjoint) };
+            let record = Record {
+                operator,
+                inputs: inputs.to_vec(),
+                outputs: outputs.clone(),
+                adjoint: Box::new(adjoint),
+            };
             self.records.push(record);
         }
         outputs
@@ -299,7 +303,11 @@ mod tests {
         assert_eq!(tape.operators().collect::<Vec<_>>(), ["product", "product", "weighted_sum"], "the order");
         let grads = tape.backward_scalar(loss);
         assert_eq!(grads.get("x").and_then(|g| g.first().copied()), Some(13.0), "x + 10");
-        assert_eq!(grads.get("unused").map(|g| g.len()), Some(tape_len(unused)), "a leaf without effect has zeros");
+        assert_eq!(
+            grads.get("unused").map(|g| g.len()),
+            Some(tape_len(unused)),
+            "a leaf without effect has zeros"
+        );
     }
 
     fn tape_len(_: Var) -> usize {
@@ -310,9 +318,10 @@ mod tests {
     fn the_first_contribution_keeps_its_buffer() {
         let mut tape = Tape::new();
         let x = tape.leaf("x", ArrayD::from_elem(IxDyn(&[64]), 1.0));
-        let y = tape.record("identity", &[x], vec![ArrayD::from_elem(IxDyn(&[64]), 1.0)], |mut y_bar, x_bar| {
-            x_bar[0].add(y_bar[0].take().expect("y is the seed"));
-        })[0];
+        let y =
+            tape.record("identity", &[x], vec![ArrayD::from_elem(IxDyn(&[64]), 1.0)], |mut y_bar, x_bar| {
+                x_bar[0].add(y_bar[0].take().expect("y is the seed"));
+            })[0];
         let seed = ArrayD::from_elem(IxDyn(&[64]), 2.0);
         let address = seed.as_ptr();
         let grads = tape.backward(y, seed);

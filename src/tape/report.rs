@@ -102,11 +102,19 @@ impl fmt::Display for Report {
         let verdict = if self.passed() { "passed" } else { "FAILED" };
         writeln!(f, "{}: {verdict}", self.subject)?;
         for rung in &self.rungs {
-            writeln!(f, "  {} {} {}", rung.name, if rung.passed() { "ok    " } else { "FAILED" }, rung.title)?;
+            writeln!(
+                f,
+                "  {} {} {}",
+                rung.name,
+                if rung.passed() { "ok    " } else { "FAILED" },
+                rung.title
+            )?;
             for m in &rung.measures {
                 let mark = if m.holds() { ' ' } else { '!' };
                 match m.bound {
-                    Some(bound) => writeln!(f, "   {mark}  {:<48} {:>10.3e}  (at most {bound:.1e})", m.what, m.value)?,
+                    Some(bound) => {
+                        writeln!(f, "   {mark}  {:<48} {:>10.3e}  (at most {bound:.1e})", m.what, m.value)?
+                    }
                     None => writeln!(f, "   {mark}  {:<48} {:>10.3e}", m.what, m.value)?,
                 }
             }
@@ -116,7 +124,11 @@ impl fmt::Display for Report {
             if !rung.passed() {
                 for e in &rung.worst {
                     let d = e.ours - e.reference;
-                    writeln!(f, "      {}[{}]: {:e}, reference {:e}, difference {d:e}", e.array, e.index, e.ours, e.reference)?;
+                    writeln!(
+                        f,
+                        "      {}[{}]: {:e}, reference {:e}, difference {d:e}",
+                        e.array, e.index, e.ours, e.reference
+                    )?;
                 }
             }
         }

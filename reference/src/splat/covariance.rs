@@ -74,7 +74,9 @@ pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> 
     let factors = out.array("factors", &[n, 3, 3]);
     for i in 0..n {
         // not `factor_of`: a pool of arrays may already hold this stage's own result under "factors"
-        for (row, f) in factor(quat_of(x, n, i)?, expect(x, "scales", &[n, 3])?.row(i)).into_iter().enumerate() {
+        for (row, f) in
+            factor(quat_of(x, n, i)?, expect(x, "scales", &[n, 3])?.row(i)).into_iter().enumerate()
+        {
             out.put_row(factors, 3 * i + row, f);
         }
         out.flush();

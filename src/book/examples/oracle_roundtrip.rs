@@ -44,5 +44,9 @@ fn main() -> Result<()> {
         html: None,
     })?;
     print!("{report}");
-    if report.passed { Ok(()) } else { Err(Error::check("oracle_roundtrip").expected("f32 and f64 to agree")) }
+    if report.passed {
+        Ok(())
+    } else {
+        Err(Error::check("oracle_roundtrip").expected("f32 and f64 to agree"))
+    }
 }

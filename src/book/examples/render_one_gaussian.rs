@@ -44,6 +44,9 @@ fn main() -> Result<()> {
     image_bar[3 * at] = 1.0;
     let mut bar = InBar::zeros_like(&x);
     adjoint(&x, &settings, &saved, OutBar { image: Some(&image_bar), ..OutBar::default() }, &mut bar);
-    println!("its gradient by mean {:?}, scales {:?}, opacity {}", bar.means[0], bar.scales[0], bar.opacities[0]);
+    println!(
+        "its gradient by mean {:?}, scales {:?}, opacity {}",
+        bar.means[0], bar.scales[0], bar.opacities[0]
+    );
     Ok(())
 }

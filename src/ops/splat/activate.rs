@@ -12,10 +12,7 @@ use crate::tape::check::Step;
 pub(in crate::ops) static OP: Op = Op {
     name: "splat.activate",
     summary: "stored parameters to scales (exp) and opacities (logistic)",
-    inputs: &[
-        Port::var("scales_log", "N,3", "ln of scene units"),
-        Port::var("opacity_logits", "N", "any"),
-    ],
+    inputs: &[Port::var("scales_log", "N,3", "ln of scene units"), Port::var("opacity_logits", "N", "any")],
     outputs: &[
         Port::var("scales", "N,3", "scene units").moved(Step::Log),
         Port::var("opacities", "N", "0..1").moved(Step::Logit),
@@ -50,7 +47,8 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
     if x.with_gradients() {
         let scales_bar = rows(&x.bar("scales", &[n, 3])?.unwrap_or_else(|| vec![0.0; 3 * n]));
         let opacities_bar = x.bar("opacities", &[n])?.unwrap_or_else(|| vec![0.0; n]);
-        let (mut logs_bar, mut logits_bar) = (x.start_rows::<3>("scales_log", n), x.start("opacity_logits", n));
+        let (mut logs_bar, mut logits_bar) =
+            (x.start_rows::<3>("scales_log", n), x.start("opacity_logits", n));
         activate::adjoint(&scales, &opacities, &scales_bar, &opacities_bar, &mut logs_bar, &mut logits_bar);
         ran.gradients.put("scales_log", &[n, 3], flatten(&logs_bar));
         ran.gradients.put("opacity_logits", &[n], logits_bar);

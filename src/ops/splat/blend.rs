@@ -2,9 +2,9 @@
 
 use super::scene::Scene;
 use super::{
-    ALPHA, ALPHA_MASK, AXIS, BACKGROUND, CAMERA_START, CAP_MASK, COLORS, COUNTS, DEPTH, DEPTHS_Z, ENTRY_SLOT, HEIGHT,
-    IMAGE, LAST_INDEX, MEANS_PX, ORDER, SETTINGS, SHAPE, TILE_ENTRY, TILE_START, WIDTH, check_common, flatten, plan,
-    profile,
+    ALPHA, ALPHA_MASK, AXIS, BACKGROUND, CAMERA_START, CAP_MASK, COLORS, COUNTS, DEPTH, DEPTHS_Z, ENTRY_SLOT,
+    HEIGHT, IMAGE, LAST_INDEX, MEANS_PX, ORDER, SETTINGS, SHAPE, TILE_ENTRY, TILE_START, WIDTH, check_common,
+    flatten, plan, profile,
 };
 use crate::ops::call::{Call, Checked, Ran};
 use crate::ops::op::{Case, Op, Port, Width};
@@ -62,7 +62,9 @@ fn check(x: &Checked<'_>) -> Result<()> {
     for name in ["width", "height"] {
         let side = x.whole(name)?;
         if side == 0 || side > MAX_SIDE {
-            return Err(Error::input(format!("array '{name}'")).expected(format!("1 to {MAX_SIDE} pixels")).got(side.to_string()));
+            return Err(Error::input(format!("array '{name}'"))
+                .expected(format!("1 to {MAX_SIDE} pixels"))
+                .got(side.to_string()));
         }
     }
     Ok(())
@@ -97,7 +99,11 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
         Some(given) => given.plan.clone(),
         None => build(&splats, n, &stored, &profile, cull),
     };
-    let frozen = given.as_ref().map(|g| FrozenMasks { last_index: &g.last_index, alpha: &g.alpha_mask, cap: &g.cap_mask });
+    let frozen = given.as_ref().map(|g| FrozenMasks {
+        last_index: &g.last_index,
+        alpha: &g.alpha_mask,
+        cap: &g.cap_mask,
+    });
     let background = x.rows::<3>("background")[0];
     let (mut out, mut saved) = (blend::Out::default(), blend::Saved::default());
     blend::forward(&splats, n, &lists, &stored, &profile, background, cull, frozen, &mut out, &mut saved);
@@ -128,10 +134,21 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
         let bars = PictureBars::of(x, [c, h, w])?;
         let mut records = Vec::new();
         let background_bar = blend::adjoint(
-            &splats, n, &lists, &stored, &profile, background, frozen, &saved, bars.view(), false, &mut records,
+            &splats,
+            n,
+            &lists,
+            &stored,
+            &profile,
+            background,
+            frozen,
+            &saved,
+            bars.view(),
+            false,
+            &mut records,
         );
         let bar = |row: usize| {
-            blend::gather_records(&lists, &saved.rows, &records, row).map_or_else(SplatBar::default, |sums| SplatBar::new(&splats[row], sums))
+            blend::gather_records(&lists, &saved.rows, &records, row)
+                .map_or_else(SplatBar::default, |sums| SplatBar::new(&splats[row], sums))
         };
         let bars: Vec<SplatBar> = (0..c * n).map(bar).collect();
         put_bars(x, &bars, background_bar, &mut ran);
@@ -224,11 +241,17 @@ fn case(case: usize) -> Case {
         scene.scale = [0.2, 0.5];
     }
     let mut call = Call::default();
-    scene.put(&mut call.inputs, &["means", "quats", "scales", "opacities", "view_from_world", "intrinsics", "width", "height"]);
+    scene.put(
+        &mut call.inputs,
+        &["means", "quats", "scales", "opacities", "view_from_world", "intrinsics", "width", "height"],
+    );
     let ran = crate::ops::run(&super::project::OP, &call).expect("a generated scene is a valid input");
     let mut made = Case::default();
     for name in ["means_px", "shape", "axis", "depths_z"] {
-        made.inputs.0.insert(name.to_owned(), ran.outputs.need(name).expect("splat.project has these outputs").clone());
+        made.inputs.0.insert(
+            name.to_owned(),
+            ran.outputs.need(name).expect("splat.project has these outputs").clone(),
+        );
     }
     scene.put(&mut made.inputs, &["width", "height", "background"]);
     let (c, n) = (scene.cameras, scene.n);

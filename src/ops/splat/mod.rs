@@ -38,12 +38,16 @@ const HEIGHT: Port = Port::int("height", "", Dtype::I64, "pixels");
 const NEAR: Port = Port::fixed("near", "", "smallest visible depth; absent: the profile's").or_absent();
 const BACKGROUND: Port = Port::var("background", "3", "colour behind everything");
 
-const MEANS_PX: Port = Port::var("means_px", "C,N,2", "pixels; the first pixel's centre is at 0.5").compared(VISIBLE);
+const MEANS_PX: Port =
+    Port::var("means_px", "C,N,2", "pixels; the first pixel's centre is at 0.5").compared(VISIBLE);
 const DEPTHS_Z: Port = Port::var("depths_z", "C,N", "camera depth, scene units").compared(VISIBLE);
-const CONICS: Port = Port::fixed("conics", "C,N,3", "xx, xy, yy of Σ'⁻¹, 1/px²; for comparison only").compared(VISIBLE);
+const CONICS: Port =
+    Port::fixed("conics", "C,N,3", "xx, xy, yy of Σ'⁻¹, 1/px²; for comparison only").compared(VISIBLE);
 const RADII: Port =
-    Port::int("radii_px", "C,N,2", Dtype::I32, "half-widths of the footprint, 0: touches no pixel").compared(Compare::ZeroPattern);
-const SHAPE: Port = Port::var("shape", "C,N,3", "s, k1, k2 of the ellipse; k1 = 0: not drawn").compared(VISIBLE);
+    Port::int("radii_px", "C,N,2", Dtype::I32, "half-widths of the footprint, 0: touches no pixel")
+        .compared(Compare::ZeroPattern);
+const SHAPE: Port =
+    Port::var("shape", "C,N,3", "s, k1, k2 of the ellipse; k1 = 0: not drawn").compared(VISIBLE);
 const AXIS: Port = Port::int("axis", "C,N", Dtype::U8, "pivot axis, 0 = x, 1 = y").compared(VISIBLE);
 const COLORS: Port = Port::var("colors", "C,N,3", "sRGB-encoded, ≥ 0").compared(VISIBLE);
 
@@ -60,7 +64,8 @@ const CAMERA_START: Port = Port::int("camera_start", "C+1", Dtype::I64, "bounds 
 const TILE_START: Port = Port::int("tile_start", "C·TY·TX+1", Dtype::I64, "bounds of each tile's list");
 const TILE_ENTRY: Port = Port::int("tile_entry", "E", Dtype::I32, "Gaussian of each entry");
 const ENTRY_SLOT: Port = Port::int("entry_slot", "E", Dtype::I64, "emission slot of each entry");
-const LAST_INDEX: Port = Port::int("last_index", "C,H,W", Dtype::I32, "place in the list of the last one included, −1 none");
+const LAST_INDEX: Port =
+    Port::int("last_index", "C,H,W", Dtype::I32, "place in the list of the last one included, −1 none");
 const ALPHA_MASK: Port = Port::int("alpha_mask", "E,32", Dtype::U8, "bit 16·row + column: contributes");
 const CAP_MASK: Port = Port::int("cap_mask", "E,32", Dtype::U8, "bit 16·row + column: α is capped");
 const T_CLAMP: Port = Port::int("t_clamp", "C,N,2", Dtype::I8, "side on which the tangents are limited");
@@ -71,13 +76,23 @@ const fn constant(key: &'static str, doc: &'static str) -> SettingSpec {
     SettingSpec { key, kind: Kind::Number, default: "of the profile", doc }
 }
 
-const fn choice(key: &'static str, words: &'static [&'static str], default: &'static str, doc: &'static str) -> SettingSpec {
+const fn choice(
+    key: &'static str,
+    words: &'static [&'static str],
+    default: &'static str,
+    doc: &'static str,
+) -> SettingSpec {
     SettingSpec { key, kind: Kind::Choice(words), default, doc }
 }
 
 const SETTINGS: &[SettingSpec] = &[
     choice("profile", &["exact", "gsplat", "inria", "unlimited"], "exact", "constants and cut-offs"),
-    choice("camera", &["pinhole", "orthographic", "fisheye"], "pinhole", "projection model; fisheye is equidistant"),
+    choice(
+        "camera",
+        &["pinhole", "orthographic", "fisheye"],
+        "pinhole",
+        "projection model; fisheye is equidistant",
+    ),
     constant("blur_px2", "added to both diagonal entries of Σ', px²"),
     constant("alpha_max", "cap of α"),
     constant("alpha_min", "α below it is skipped"),
@@ -87,15 +102,30 @@ const SETTINGS: &[SettingSpec] = &[
     constant("far", "largest visible depth"),
     choice("clamp", &["gsplat", "inria"], "of the profile", "limits of the Jacobian's tangents"),
     choice("footprint", &["alpha", "inria"], "of the profile", "which tiles a Gaussian is listed in"),
-    SettingSpec { key: "antialiased", kind: Kind::Flag, default: "0", doc: "opacity times √(det Σ'₀/det Σ')" },
+    SettingSpec {
+        key: "antialiased",
+        kind: Kind::Flag,
+        default: "0",
+        doc: "opacity times √(det Σ'₀/det Σ')",
+    },
     SettingSpec {
         key: "inria_bwd",
         kind: Kind::Flag,
         default: "0",
         doc: "reproduce the three places where Inria's gradient is not the derivative",
     },
-    SettingSpec { key: "tile", kind: Kind::Number, default: "16", doc: "tile side of the f32 forward: 8, 16 or 32; changes no bit" },
-    SettingSpec { key: "cull", kind: Kind::Flag, default: "1", doc: "skip by exact ellipses in f32; changes no bit" },
+    SettingSpec {
+        key: "tile",
+        kind: Kind::Number,
+        default: "16",
+        doc: "tile side of the f32 forward: 8, 16 or 32; changes no bit",
+    },
+    SettingSpec {
+        key: "cull",
+        kind: Kind::Flag,
+        default: "1",
+        doc: "skip by exact ellipses in f32; changes no bit",
+    },
 ];
 
 /// The profile a call asks for.
@@ -143,7 +173,9 @@ fn check_common(x: &Checked<'_>) -> Result<()> {
     x.rule("scales", "0 or more", |s| s >= 0.0)?;
     x.rule("near", "0 or more", |near| near >= 0.0)?;
     let setting = |key: &str, expected: &str, holds: fn(f64) -> bool| match x.number(key) {
-        Some(value) if !holds(value) => Err(Error::input(format!("setting {key}")).expected(expected).got(value.to_string())),
+        Some(value) if !holds(value) => {
+            Err(Error::input(format!("setting {key}")).expected(expected).got(value.to_string()))
+        }
         _ => Ok(()),
     };
     setting("blur_px2", "a positive number", |v| v > 0.0)?;
@@ -152,12 +184,19 @@ fn check_common(x: &Checked<'_>) -> Result<()> {
     setting("t_stop", "0 to 1", |v| (0.0..1.0).contains(&v))?;
     setting("tile", "8, 16 or 32", |v| v == 8.0 || v == 16.0 || v == 32.0)?;
     let model = Model::parse(x.word("camera").unwrap_or("pinhole"))?;
-    if model == Model::Pinhole && x.has("means") && x.op.inputs.iter().any(|p| p.name == "near") && !(profile(x)?.near > 0.0) {
+    if model == Model::Pinhole
+        && x.has("means")
+        && x.op.inputs.iter().any(|p| p.name == "near")
+        && !(profile(x)?.near > 0.0)
+    {
         return Err(Error::input("array 'near'").expected("a positive depth for a pinhole camera").got("0"));
     }
     let quats = x.f64s("quats");
     if let Some(row) = quats.chunks_exact(4).position(|q| q.iter().all(|c| *c == 0.0)) {
-        return Err(Error::input("array 'quats'").at(format!("row {row}")).expected("a quaternion of any length but zero").got("0"));
+        return Err(Error::input("array 'quats'")
+            .at(format!("row {row}"))
+            .expected("a quaternion of any length but zero")
+            .got("0"));
     }
     Ok(())
 }
@@ -167,9 +206,14 @@ fn check_shape(x: &Checked<'_>) -> Result<()> {
     match (x.has("quats"), x.has("scales"), x.has("factors")) {
         (true, true, false) | (false, false, true) => Ok(()),
         (q, s, f) => {
-            let there: Vec<_> =
-                [("quats", q), ("scales", s), ("factors", f)].into_iter().filter(|(_, there)| *there).map(|(n, _)| n).collect();
-            Err(Error::input("shape of the Gaussians").expected("either quats and scales, or factors").got(format!("[{}]", there.join(", "))))
+            let there: Vec<_> = [("quats", q), ("scales", s), ("factors", f)]
+                .into_iter()
+                .filter(|(_, there)| *there)
+                .map(|(n, _)| n)
+                .collect();
+            Err(Error::input("shape of the Gaussians")
+                .expected("either quats and scales, or factors")
+                .got(format!("[{}]", there.join(", "))))
         }
     }
 }
@@ -179,7 +223,9 @@ fn sh_degree(x: &Checked<'_>) -> Result<usize> {
     let degree = x.whole("sh_degree")?;
     let k = x.dim("K");
     if degree > 3 || (degree + 1) * (degree + 1) > k {
-        return Err(Error::input("array 'sh_degree'").expected(format!("at most 3, with (degree+1)² ≤ K = {k}")).got(degree.to_string()));
+        return Err(Error::input("array 'sh_degree'")
+            .expected(format!("at most 3, with (degree+1)² ≤ K = {k}"))
+            .got(degree.to_string()));
     }
     Ok(degree)
 }
@@ -208,7 +254,9 @@ fn check_sizes(x: &Checked<'_>) -> Result<()> {
         return Err(Error::input("array 'view_from_world'").expected("at least one camera").got("none"));
     }
     if x.dim("N") >= 1 << 24 {
-        return Err(Error::input("array 'means'").expected("fewer than 2^24 Gaussians").got(x.dim("N").to_string()));
+        return Err(Error::input("array 'means'")
+            .expected("fewer than 2^24 Gaussians")
+            .got(x.dim("N").to_string()));
     }
     Ok(())
 }

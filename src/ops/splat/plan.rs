@@ -1,10 +1,10 @@
 //! The plan between arrays and kernels, and the zeros that follow from it.
 
 use crate::num::array::Arrays;
-use crate::splat::blend;
 use crate::num::order;
 use crate::ops::call::Checked;
 use crate::scene::profile::Profile;
+use crate::splat::blend;
 use crate::splat::plan::{Grid, Plan, Splat};
 use crate::splat::project::{Decision, Row};
 use crate::tape::check::Prediction;
@@ -28,7 +28,10 @@ fn whole(plan: &Arrays, name: &str, shape: Option<&[usize]>, lo: i64, hi: i64) -
     let values = array.to_i64().ok_or_else(|| broken(name).expected("whole numbers").got("a fraction"))?;
     match values.iter().position(|v| !(lo..=hi).contains(v)) {
         None => Ok(values),
-        Some(i) => Err(broken(name).at(format!("entry {i}")).expected(format!("{lo} to {hi}")).got(values[i].to_string())),
+        Some(i) => Err(broken(name)
+            .at(format!("entry {i}"))
+            .expected(format!("{lo} to {hi}"))
+            .got(values[i].to_string())),
     }
 }
 
@@ -77,7 +80,10 @@ fn order_of(plan: &Arrays, cameras: usize, n: usize) -> Result<(Vec<u32>, Vec<u3
         let mut part = order[start[c] as usize..start[c + 1] as usize].to_vec();
         part.sort_unstable();
         if part.windows(2).any(|w| w[0] == w[1]) {
-            return Err(broken("order").at(format!("camera {c}")).expected("every Gaussian at most once").got("a repetition"));
+            return Err(broken("order")
+                .at(format!("camera {c}"))
+                .expected("every Gaussian at most once")
+                .got("a repetition"));
         }
     }
     Ok((order.into_iter().map(|v| v as u32).collect(), start))
@@ -194,9 +200,17 @@ pub(super) struct Masks {
 }
 
 /// Makes the masks; `splats` is (C, N).
-pub(super) fn masks(splats: &[Splat], n: usize, plan: &Plan, grid: &Grid, profile: &Profile, last_index: &[f32]) -> Masks {
+pub(super) fn masks(
+    splats: &[Splat],
+    n: usize,
+    plan: &Plan,
+    grid: &Grid,
+    profile: &Profile,
+    last_index: &[f32],
+) -> Masks {
     let entries = plan.tile_entry.len();
-    let mut out = Masks { alpha: vec![0; 32 * entries], cap: vec![0; 32 * entries], counts: vec![0; last_index.len()] };
+    let mut out =
+        Masks { alpha: vec![0; 32 * entries], cap: vec![0; 32 * entries], counts: vec![0; last_index.len()] };
     for tile in 0..plan.tile_start.len() - 1 {
         let (camera, place) = (tile / grid.tiles(), tile % grid.tiles());
         let (x0, y0) = (place % grid.tiles_x() * TILE, place / grid.tiles_x() * TILE);

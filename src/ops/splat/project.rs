@@ -2,9 +2,9 @@
 
 use super::scene::Scene;
 use super::{
-    AXIS, CAMERA_START, CONICS, DEPTHS_Z, FACTORS, HEIGHT, INTRINSICS, MEANS, MEANS_PX, NEAR, OPACITIES, ORDER, PIVOT,
-    QUATS, RADII, SCALES, SETTINGS, SHAPE, T_CLAMP, VIEWS, WIDTH, cameras, check_common, check_shape, check_sizes,
-    flatten, plan, profile,
+    AXIS, CAMERA_START, CONICS, DEPTHS_Z, FACTORS, HEIGHT, INTRINSICS, MEANS, MEANS_PX, NEAR, OPACITIES,
+    ORDER, PIVOT, QUATS, RADII, SCALES, SETTINGS, SHAPE, T_CLAMP, VIEWS, WIDTH, cameras, check_common,
+    check_shape, check_sizes, flatten, plan, profile,
 };
 use crate::num::array::Arrays;
 
@@ -159,7 +159,8 @@ fn bars(x: &Checked<'_>, c: usize, n: usize) -> Result<Vec<RowBar>> {
     let shape: Vec<[f32; 3]> = rows(&of("shape", &[c, n, 3])?);
     let z = of("depths_z", &[c, n])?;
     let compensation = of("compensation", &[c, n])?;
-    let bar = |i: usize| RowBar { mean_px: mean_px[i], z: z[i], shape: shape[i], compensation: compensation[i] };
+    let bar =
+        |i: usize| RowBar { mean_px: mean_px[i], z: z[i], shape: shape[i], compensation: compensation[i] };
     Ok((0..c * n).map(bar).collect())
 }
 

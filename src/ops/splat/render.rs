@@ -4,10 +4,11 @@ use super::blend::PictureBars;
 use super::color::{mask_rows, sh_zeros};
 use super::scene::Scene;
 use super::{
-    ALPHA, ALPHA_MASK, AXIS, BACKGROUND, CAMERA_START, CAP_MASK, COLOR_MASK, COLORS, CONICS, COUNTS, DEPTH, DEPTHS_Z,
-    ENTRY_SLOT, FACTORS, HEIGHT, IMAGE, INTRINSICS, LAST_INDEX, MEANS, MEANS_PX, NEAR, OPACITIES, ORDER, PIVOT, QUATS,
-    RADII, SCALES, SETTINGS, SH, SH_DEGREE, SHAPE, T_CLAMP, TILE_ENTRY, TILE_START, VIEWS, WIDTH, cameras,
-    check_common, check_shape, check_sizes, flatten, plan, profile, project, sh_degree,
+    ALPHA, ALPHA_MASK, AXIS, BACKGROUND, CAMERA_START, CAP_MASK, COLOR_MASK, COLORS, CONICS, COUNTS, DEPTH,
+    DEPTHS_Z, ENTRY_SLOT, FACTORS, HEIGHT, IMAGE, INTRINSICS, LAST_INDEX, MEANS, MEANS_PX, NEAR, OPACITIES,
+    ORDER, PIVOT, QUATS, RADII, SCALES, SETTINGS, SH, SH_DEGREE, SHAPE, T_CLAMP, TILE_ENTRY, TILE_START,
+    VIEWS, WIDTH, cameras, check_common, check_shape, check_sizes, flatten, plan, profile, project,
+    sh_degree,
 };
 use crate::num::array::Arrays;
 use crate::ops::call::{Checked, Ran};
@@ -24,9 +25,10 @@ const RGB: Port = Port::var("rgb", "N,3", "colours, instead of sh and sh_degree"
 const COMPENSATION: Port = Port::fixed("compensation", "C,N", "opacity factor, antialiased mode only")
     .or_absent()
     .compared(Compare::RowsOf("radii_px"));
-const OPACITIES_PX: Port = Port::fixed("opacities_px", "C,N", "opacity times compensation, antialiased mode only")
-    .or_absent()
-    .compared(Compare::RowsOf("radii_px"));
+const OPACITIES_PX: Port =
+    Port::fixed("opacities_px", "C,N", "opacity times compensation, antialiased mode only")
+        .or_absent()
+        .compared(Compare::RowsOf("radii_px"));
 
 /// `splat.render`
 pub(in crate::ops) static OP: Op = Op {
@@ -49,7 +51,18 @@ pub(in crate::ops) static OP: Op = Op {
         BACKGROUND,
     ],
     outputs: &[IMAGE, ALPHA, DEPTH],
-    intermediates: &[MEANS_PX, CONICS, DEPTHS_Z, RADII, COLORS, COUNTS, SHAPE, AXIS, COMPENSATION, OPACITIES_PX],
+    intermediates: &[
+        MEANS_PX,
+        CONICS,
+        DEPTHS_Z,
+        RADII,
+        COLORS,
+        COUNTS,
+        SHAPE,
+        AXIS,
+        COMPENSATION,
+        OPACITIES_PX,
+    ],
     plan: &[
         ORDER,
         CAMERA_START,
@@ -68,7 +81,17 @@ pub(in crate::ops) static OP: Op = Op {
     stages: &[
         Stage {
             operator: "splat.project",
-            inputs: &["means", "quats", "scales", "factors", "view_from_world", "intrinsics", "width", "height", "near"],
+            inputs: &[
+                "means",
+                "quats",
+                "scales",
+                "factors",
+                "view_from_world",
+                "intrinsics",
+                "width",
+                "height",
+                "near",
+            ],
             outputs: &["means_px", "depths_z", "conics", "shape", "axis", "compensation", "radii_px"],
         },
         Stage {
@@ -78,7 +101,17 @@ pub(in crate::ops) static OP: Op = Op {
         },
         Stage {
             operator: "splat.blend",
-            inputs: &["means_px", "depths_z", "conics", "shape", "axis", "opacities", "opacities_px", "colors", "background"],
+            inputs: &[
+                "means_px",
+                "depths_z",
+                "conics",
+                "shape",
+                "axis",
+                "opacities",
+                "opacities_px",
+                "colors",
+                "background",
+            ],
             outputs: &["counts", "image", "alpha", "depth"],
         },
         Stage {
@@ -116,7 +149,9 @@ fn check(x: &Checked<'_>) -> Result<()> {
     match (x.has("sh"), x.has("sh_degree"), x.has("rgb")) {
         (true, true, false) => sh_degree(x).map(|_| ()),
         (false, false, true) => Ok(()),
-        _ => Err(Error::input("colour of the Gaussians").expected("either sh and sh_degree, or rgb").got("something else")),
+        _ => Err(Error::input("colour of the Gaussians")
+            .expected("either sh and sh_degree, or rgb")
+            .got("something else")),
     }
 }
 
@@ -208,7 +243,8 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
         plan::masks(&saved.splats, n, &saved.plan, &grid, &settings.profile, &saved.pixels.last_index);
     match &x.call.plan {
         Some(given) => {
-            let names: Vec<&str> = OP.plan.iter().map(|p| p.name).filter(|name| given.get(name).is_some()).collect();
+            let names: Vec<&str> =
+                OP.plan.iter().map(|p| p.name).filter(|name| given.get(name).is_some()).collect();
             plan::keep(given, &names, &mut ran.plan)?;
         }
         None => {
@@ -237,7 +273,15 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
     if x.with_gradients() {
         let bars = PictureBars::of(x, [c, h, w])?;
         let mut bar = started(x, &input);
-        render::adjoint_into(&input, &settings, frozen.as_ref(), &saved, bars.view(), &mut bar, &mut Scratch::default());
+        render::adjoint_into(
+            &input,
+            &settings,
+            frozen.as_ref(),
+            &saved,
+            bars.view(),
+            &mut bar,
+            &mut Scratch::default(),
+        );
         put_bars(x, &bar, &mut ran.gradients);
     }
     ran.outputs.put("image", &[c, h, w, 3], out.image);
@@ -327,7 +371,10 @@ fn case(case: usize) -> Case {
         }
         _ => {}
     }
-    scene.put(&mut made.inputs, &["means", "opacities", "view_from_world", "intrinsics", "width", "height", "background"]);
+    scene.put(
+        &mut made.inputs,
+        &["means", "opacities", "view_from_world", "intrinsics", "width", "height", "background"],
+    );
     if case == 1 {
         scene.put(&mut made.inputs, &["factors", "rgb"]);
     } else {

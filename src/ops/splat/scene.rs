@@ -71,16 +71,25 @@ impl Scene {
             match name {
                 "means" => into.put(name, &[n, 3], self.means()),
                 "quats" => into.put(name, &[n, 4], self.draw(1).normals(4 * n)),
-                "scales" => into.put(name, &[n, 3], self.draw(2).uniforms(3 * n, self.scale[0], self.scale[1])),
+                "scales" => {
+                    into.put(name, &[n, 3], self.draw(2).uniforms(3 * n, self.scale[0], self.scale[1]))
+                }
                 "factors" => {
-                    let f = self.draw(3).normals(9 * n).into_iter().map(|x| 0.5 * self.scale[1] * x).collect();
+                    let f =
+                        self.draw(3).normals(9 * n).into_iter().map(|x| 0.5 * self.scale[1] * x).collect();
                     into.put(name, &[n, 3, 3], f);
                 }
-                "opacities" => into.put(name, &[n], self.draw(4).uniforms(n, self.opacity[0], self.opacity[1])),
+                "opacities" => {
+                    into.put(name, &[n], self.draw(4).uniforms(n, self.opacity[0], self.opacity[1]))
+                }
                 "rgb" => into.put(name, &[n, 3], self.draw(5).uniforms(3 * n, 0.05, 0.95)),
                 "background" => into.put(name, &[3], vec![0.25_f32, 0.5, 0.0625]),
                 "view_from_world" => {
-                    into.put(name, &[self.cameras, 4, 4], (0..self.cameras).flat_map(|c| self.view(c)).collect());
+                    into.put(
+                        name,
+                        &[self.cameras, 4, 4],
+                        (0..self.cameras).flat_map(|c| self.view(c)).collect(),
+                    );
                 }
                 "intrinsics" => {
                     let center = [0.52 * self.width as f32, 0.47 * self.height as f32];

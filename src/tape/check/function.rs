@@ -67,7 +67,9 @@ pub fn function_with_log(
         // a step of relative size h in every entry
         let v: Values = drawn
             .iter()
-            .map(|(n, v)| (n.clone(), v.iter().zip(&inputs[n]).map(|(v, x)| v * Step::Plain.scale(*x)).collect()))
+            .map(|(n, v)| {
+                (n.clone(), v.iter().zip(&inputs[n]).map(|(v, x)| v * Step::Plain.scale(*x)).collect())
+            })
             .collect();
         let jtw = vjp(inputs, &w)?;
         let exact = dot(&v, &jtw);
@@ -99,7 +101,12 @@ pub fn function_with_log(
         raw.add(&fd, exact, largest[&p.variable]);
         let e = excess(&fd, exact, largest[&p.variable]);
         if !(e <= LIVE) {
-            rung.worst.push(Entry { array: p.variable.clone(), index: p.index, ours: exact, reference: fd.value });
+            rung.worst.push(Entry {
+                array: p.variable.clone(),
+                index: p.index,
+                ours: exact,
+                reference: fd.value,
+            });
         }
         worst = order::max(worst, e);
     }
@@ -114,7 +121,13 @@ pub fn function_with_log(
 }
 
 /// R0 of a function nobody predicted zeros for: single zeros are legal, a variable without any gradient is not.
-fn sanity_of_function(rung: &mut Rung, outputs: &Values, variables: &[Variable], inputs: &Values, grads: &Values) {
+fn sanity_of_function(
+    rung: &mut Rung,
+    outputs: &Values,
+    variables: &[Variable],
+    inputs: &Values,
+    grads: &Values,
+) {
     let mut known = Prediction::default();
     for variable in variables {
         if let Some(g) = grads.get(&variable.name) {

@@ -1,8 +1,9 @@
 //! The five rungs.
 
 use super::{
-    ACCUMULATION_UNITS, BIAS, COSINE, DOT_CHAIN, DOT_OPERATOR, FROZEN, LIVE, NULL_UNITS, On, Options, OUTPUT_F32,
-    OUTPUT_F64, Prediction, SHIPPED_F32, SHIPPED_F64, SKIPPED, SMALL, Subject, UNIT_VECTORS, Variable,
+    ACCUMULATION_UNITS, BIAS, COSINE, DOT_CHAIN, DOT_OPERATOR, FROZEN, LIVE, NULL_UNITS, OUTPUT_F32,
+    OUTPUT_F64, On, Options, Prediction, SHIPPED_F32, SHIPPED_F64, SKIPPED, SMALL, Subject, UNIT_VECTORS,
+    Variable,
 };
 use crate::Result;
 use crate::num::order;
@@ -15,7 +16,14 @@ fn is_constant(outputs: &Values) -> bool {
     !single && outputs.values().all(|v| v.iter().all(|x| *x == v[0]))
 }
 
-pub(super) fn sane(rung: &mut Rung, outputs: &Values, variables: &[Variable], inputs: &Values, grads: &Values, known: &Prediction) {
+pub(super) fn sane(
+    rung: &mut Rung,
+    outputs: &Values,
+    variables: &[Variable],
+    inputs: &Values,
+    grads: &Values,
+    known: &Prediction,
+) {
     for (name, v) in outputs {
         if let Some(i) = v.iter().position(|x| !x.is_finite()) {
             rung.fail(format!("output {name}[{i}] is {}", v[i]));
@@ -108,7 +116,8 @@ pub(super) fn r1(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     for (name, x) in inputs {
         // one variable at a time, so that a large one hides no small one
         let only: Values = [(name.clone(), probe::normals(options.seed, 0, 1, x.len()))].into();
-        let part: Values = jtw.iter().filter(|(n, _)| *n == name).map(|(n, v)| (n.clone(), v.clone())).collect();
+        let part: Values =
+            jtw.iter().filter(|(n, _)| *n == name).map(|(n, v)| (n.clone(), v.clone())).collect();
         compare(&only, w, &part)?;
     }
     let total = inputs.values().fold(0, |n, v| n + v.len());
@@ -189,7 +198,8 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     let mut rung = Rung::new("R2", "twin on the frozen plan: finite differences against dual numbers");
     let (inputs, w) = (subject.inputs(), subject.cotangents());
     let probes = probes(subject.variables(), inputs, options);
-    let exact = probes.iter().map(|p| Ok(dot(&subject.jvp(&p.v, On::Frozen)?, w))).collect::<Result<Vec<_>>>()?;
+    let exact =
+        probes.iter().map(|p| Ok(dot(&subject.jvp(&p.v, On::Frozen)?, w))).collect::<Result<Vec<_>>>()?;
     let largest = largest(&probes, &exact);
     let (mut worst, mut lowest, mut ordered, mut unsettled) = (0.0, f64::INFINITY, 0, 0);
     let mut f = |x: &Values| subject.value(x, On::Frozen);
@@ -199,7 +209,12 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
         raw.add(&fd, exact, largest[&p.variable]);
         let e = excess(&fd, exact, largest[&p.variable]);
         if !(e <= FROZEN) {
-            rung.worst.push(Entry { array: p.variable.clone(), index: p.index, ours: exact, reference: fd.value });
+            rung.worst.push(Entry {
+                array: p.variable.clone(),
+                index: p.index,
+                ours: exact,
+                reference: fd.value,
+            });
         }
         worst = order::max(worst, e);
         let scale = order::max(exact.abs(), SMALL * largest[&p.variable]);
@@ -225,11 +240,13 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
 pub(super) const WORST: usize = 10;
 
 pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
-    let mut rung = Rung::new("R3", "twin on the live plan: finite differences where the decision logs are equal");
+    let mut rung =
+        Rung::new("R3", "twin on the live plan: finite differences where the decision logs are equal");
     let (inputs, w) = (subject.inputs(), subject.cotangents());
     let probes = probes(subject.variables(), inputs, options);
     let log = subject.value(inputs, On::Live)?.log;
-    let exact = probes.iter().map(|p| Ok(dot(&subject.jvp(&p.v, On::Live)?, w))).collect::<Result<Vec<_>>>()?;
+    let exact =
+        probes.iter().map(|p| Ok(dot(&subject.jvp(&p.v, On::Live)?, w))).collect::<Result<Vec<_>>>()?;
     let largest = largest(&probes, &exact);
     let (mut worst, mut skipped, mut mass) = (0.0, 0, 0.0);
     let mut raw = Raw::default();
@@ -244,7 +261,12 @@ pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
         raw.add(&fd, exact, largest[&p.variable]);
         let e = excess(&fd, exact, largest[&p.variable]);
         if !(e <= LIVE) {
-            rung.worst.push(Entry { array: p.variable.clone(), index: p.index, ours: exact, reference: fd.value });
+            rung.worst.push(Entry {
+                array: p.variable.clone(),
+                index: p.index,
+                ours: exact,
+                reference: fd.value,
+            });
         }
         worst = order::max(worst, e);
     }
@@ -270,7 +292,11 @@ pub(super) fn r4(subject: &dyn Subject, options: &Options) -> Result<Rung> {
             continue;
         };
         let d = probe::distance(ours, theirs);
-        rung.hold(format!("relative L2 of output {name}"), d.relative_l2, if single { OUTPUT_F32 } else { OUTPUT_F64 });
+        rung.hold(
+            format!("relative L2 of output {name}"),
+            d.relative_l2,
+            if single { OUTPUT_F32 } else { OUTPUT_F64 },
+        );
     }
     if subject.variables().is_empty() {
         return Ok(rung);
@@ -290,7 +316,11 @@ pub(super) fn r4(subject: &dyn Subject, options: &Options) -> Result<Rung> {
             continue;
         }
         let d = probe::distance(ours, theirs);
-        rung.hold(format!("relative L2 of {name}"), d.relative_l2, if single { SHIPPED_F32 } else { SHIPPED_F64 });
+        rung.hold(
+            format!("relative L2 of {name}"),
+            d.relative_l2,
+            if single { SHIPPED_F32 } else { SHIPPED_F64 },
+        );
         rung.hold(format!("1 - cosine of {name}"), d.one_minus_cosine, COSINE);
         rung.hold(format!("signed bias of {name}"), d.signed_bias.abs(), BIAS);
         rung.note(format!("zeros of {name} in one of them only"), d.zero_mismatch as f64);
@@ -322,7 +352,8 @@ fn bits(subject: &dyn Subject, options: &Options, grads: &Values, rung: &mut Run
         *x = if single { f64::from(*x as f32) } else { *x };
     }
     let onto = subject.shipped_adjoint(subject.cotangents(), Some(&start))?;
-    let onto_twice = subject.shipped_adjoint(&scaled(subject.cotangents(), 2.0), Some(&scaled(&start, 2.0)))?;
+    let onto_twice =
+        subject.shipped_adjoint(&scaled(subject.cotangents(), 2.0), Some(&scaled(&start, 2.0)))?;
     rung.hold("entries where accumulation is not linear", differing(&scaled(&onto, 2.0), &onto_twice), 0.0);
     let mut worst = 0.0;
     for (name, onto) in &onto {
@@ -340,4 +371,3 @@ fn bits(subject: &dyn Subject, options: &Options, grads: &Values, rung: &mut Run
     rung.hold("accumulation against start + gradient", worst, ACCUMULATION_UNITS * subject.unit());
     Ok(())
 }
-

@@ -83,4 +83,3 @@ impl Subject for Sabotaged<'_> {
         self.inner.prediction()
     }
 }
-
