@@ -2,6 +2,8 @@
 //!
 //! `cargo bench --bench splat` prints milliseconds, ratios and the roofline counts; `-- --quick` does the small case.
 
+#![expect(clippy::disallowed_types, reason = "a bench measures time")]
+
 mod yardstick;
 
 use criterion::Criterion;
@@ -71,7 +73,6 @@ struct Buffers {
 }
 
 /// Arrays in, all gradients out. Returns seconds of (forward, adjoint).
-#[expect(clippy::disallowed_types, reason = "a bench measures time")]
 fn once(x: &In<'_>, settings: &Settings, image_bar: &[f32], b: &mut Buffers) -> (f64, f64) {
     let start = Instant::now();
     render::forward_into(x, settings, None, &mut b.out, &mut b.saved);
@@ -87,7 +88,6 @@ fn median(mut v: Vec<f64>) -> f64 {
     v[v.len() / 2]
 }
 
-#[expect(clippy::disallowed_types, reason = "a bench measures time")]
 fn compare(n: usize, side: usize, runs: usize) {
     let scene = Scene::new(n, side);
     let x = scene.input();
@@ -143,7 +143,11 @@ fn compare(n: usize, side: usize, runs: usize) {
         y / t,
         best(&yard) / best(&total)
     );
-    println!("  (splat, tile) pairs {pairs}");
+    let steps = b.saved.pixels.rows.iter().flatten().fold(0_u64, |n, r| n + u64::from(r.count_ones()));
+    println!(
+        "  {pairs} (splat, tile) pairs, {:.2} M exponentials a pass ({steps} vectors of 8)",
+        8e-6 * steps as f64
+    );
 }
 
 /// Projection and colour without blending: a picture of no size would be refused, so the plan is simply dropped.
@@ -153,25 +157,22 @@ fn project_only(x: &In<'_>, settings: &Settings, _out: &mut Out, saved: &mut Sav
     saved.plan.slot_start = vec![0; x.means.len() + 1];
 }
 
+/// For profilers: SPLAT_PROFILE=N,SIDE,RUNS repeats forward and adjoint and nothing else.
+fn profile(text: &str) {
+    let v: Vec<usize> = text.split(',').filter_map(|t| t.parse().ok()).collect();
+    let &[n, side, runs] = v.as_slice() else { panic!("SPLAT_PROFILE=N,SIDE,RUNS, got {text}") };
+    let scene = Scene::new(n, side);
+    let bar = vec![1e-5; side * side * 3];
+    let settings = Settings { profile: Profile::GSPLAT, ..Settings::default() };
+    let mut b = Buffers::default();
+    let times: Vec<_> = (0..runs).map(|_| once(&scene.input(), &settings, &bar, &mut b)).collect();
+    let of = |f: fn(&(f64, f64)) -> f64| 1e3 * median(times.iter().map(f).collect());
+    println!("{n} at {side}: forward {:.2} ms, adjoint {:.2} ms", of(|t| t.0), of(|t| t.1));
+}
+
 fn main() {
     if let Ok(text) = std::env::var("SPLAT_PROFILE") {
-        let v: Vec<usize> = text.split(',').filter_map(|t| t.parse().ok()).collect();
-        let scene = Scene::new(v[0], v[1]);
-        let bar = vec![1e-5; v[1] * v[1] * 3];
-        let (settings, mut b) =
-            (Settings { profile: Profile::GSPLAT, ..Settings::default() }, Buffers::default());
-        let t: Vec<_> = (0..v[2]).map(|_| once(&scene.input(), &settings, &bar, &mut b)).collect();
-        let steps: u32 = b.saved.pixels.rows.iter().flatten().map(|r| r.count_ones()).fold(0, |a, b| a + b);
-        let hit = b.saved.pixels.rows.iter().filter(|r| **r != [0, 0]).count();
-        println!("entries {} included {hit} vector steps {steps}", b.saved.plan.tile_entry.len());
-        println!(
-            "forward {:.2} adjoint {:.2} ms; best {:.2} {:.2}",
-            1e3 * median(t.iter().map(|t| t.0).collect()),
-            1e3 * median(t.iter().map(|t| t.1).collect()),
-            1e3 * t.iter().map(|t| t.0).fold(9.0, f64::min),
-            1e3 * t.iter().map(|t| t.1).fold(9.0, f64::min)
-        );
-        return;
+        return profile(&text);
     }
     let mut criterion = Criterion::default().configure_from_args().sample_size(10);
     if !std::env::args().any(|a| a == "--test") {

@@ -17,7 +17,7 @@ struct Flat {
 }
 
 /// Lists of the 3σ square, depth order, slots: the plan of profile `inria` serves, it is those lists.
-pub fn forward_backward(
+pub(crate) fn forward_backward(
     splats: &[Splat],
     plan: &Plan,
     width: usize,

@@ -86,6 +86,28 @@ pub struct FrozenMasks<'a> {
     pub cap: &'a [[u8; 32]],
 }
 
+impl<'a> FrozenMasks<'a> {
+    /// The masks of one tile's entries.
+    fn tile(&self, entries: std::ops::Range<usize>) -> TileMasks<'a> {
+        TileMasks { alpha: &self.alpha[entries.clone()], cap: &self.cap[entries] }
+    }
+}
+
+/// [`FrozenMasks`] of one tile's entries.
+#[derive(Clone, Copy)]
+struct TileMasks<'a> {
+    alpha: &'a [[u8; 32]],
+    cap: &'a [[u8; 32]],
+}
+
+impl<'a> TileMasks<'a> {
+    /// (α mask, cap mask) of entry `k` of the tile.
+    #[inline(always)]
+    fn entry(self, k: usize) -> (&'a [u8; 32], &'a [u8; 32]) {
+        (&self.alpha[k], &self.cap[k])
+    }
+}
+
 /// Numbers in one gradient record: P, Pw1, Pw2, Pw1², Pw1w2, Pw2², r, g, b, z, |ū_x|, |ū_y|.
 pub const RECORD: usize = 12;
 
@@ -181,7 +203,7 @@ fn tile_forward<const H: usize, const V: usize>(
     tile: &Tile,
     profile: &Profile,
     cull: bool,
-    frozen: Option<(&[[u8; 32]], &[[u8; 32]], [f32x8; V])>,
+    frozen: Option<(TileMasks<'_>, [f32x8; V])>,
     walked: &mut [[u16; 2]],
 ) -> Forward<V> {
     let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
@@ -197,7 +219,7 @@ fn tile_forward<const H: usize, const V: usize>(
             *rows = 0;
         }
     }
-    let frozen_last = frozen.as_ref().map(|f| &f.2);
+    let frozen_last = frozen.as_ref().map(|f| &f.1);
     let rule = match (frozen_last, profile.stop) {
         (Some(_), _) => FROZEN,
         (None, Stop::After) => AFTER,
@@ -229,7 +251,7 @@ fn tile_forward<const H: usize, const V: usize>(
         for (rows_of, (i, &g)) in ahead.iter().zip(part.iter().enumerate()) {
             let k = batch * BATCH + i;
             let s = &splats[g as usize];
-            let masks = frozen.as_ref().map(|f| (&f.0[k], &f.1[k]));
+            let masks = frozen.as_ref().map(|f| f.0.entry(k));
             let column = walk[s.axis as usize];
             for h in 0..H {
                 if rows_of[h] != 0 {
@@ -379,7 +401,7 @@ pub fn forward(
                     let masks = frozen.map(|f| {
                         let plane = &f.last_index[camera * pixels..(camera + 1) * pixels];
                         let last = load_plane::<2, 32>(plane, &tile, grid, -1.0);
-                        (&f.alpha[entries.clone()], &f.cap[entries.clone()], last)
+                        (f.tile(entries.clone()), last)
                     });
                     finish(&tile_forward::<2, 32>(local, list, &tile, profile, cull, masks, rows), background)
                 }
@@ -468,7 +490,7 @@ fn tile_adjoint(
     included: &[[u16; 2]],
     tile: &Tile,
     profile: &Profile,
-    frozen: Option<(&[[u8; 32]], &[[u8; 32]])>,
+    frozen: Option<TileMasks<'_>>,
     wanted: Wanted,
     mut x: Backward<32>,
     records: &mut [Record],
@@ -486,7 +508,7 @@ fn tile_adjoint(
             continue; // never read: see `gather_records`
         }
         let s = &splats[list[k] as usize];
-        let masks = frozen.map(|f| (&f.0[k], &f.1[k]));
+        let masks = frozen.map(|f| f.entry(k));
         let column = walk[s.axis as usize];
         let mut sums = [zero; RECORD];
         if rows[0] != 0 {
@@ -683,7 +705,7 @@ pub fn adjoint(
             t: plane(&saved.final_t, 1.0),
             last: plane(&saved.last_index, -1.0),
         };
-        let masks = frozen.map(|f| (&f.alpha[entries.clone()], &f.cap[entries.clone()]));
+        let masks = frozen.map(|f| f.tile(entries.clone()));
         let local = &splats[camera * n..(camera + 1) * n];
         let (list, included) = (&plan.tile_entry[entries.clone()], &saved.rows[entries]);
         tile_adjoint(local, list, included, &tile, profile, masks, wanted, state, part);

@@ -21,9 +21,9 @@
 //! | | `Row::radii` | (N, 2) | pixels; 0 where no pixel can reach α_min |
 //!
 //! Jacobians (ũ = t_x/z, ṽ = t_y/z limited as the profile says, pinhole only):
-//! pinhole [[f_x/z, 0, −f_x ũ/z], [0, f_y/z, −f_y ṽ/z]]; orthographic [[f_x,0,0],[0,f_y,0]]; fisheye (equidistant)
+//! pinhole `[[f_x/z, 0, −f_x ũ/z], [0, f_y/z, −f_y ṽ/z]]`; orthographic `[[f_x, 0, 0], [0, f_y, 0]]`; fisheye (equidistant)
 //! with g = θ/ρ, n² = ρ²+z², G = (z/n² − g)/ρ²:
-//! [[f_x (g + x²G), f_x xyG, −f_x x/n²], [f_y xyG, f_y (g + y²G), −f_y y/n²]].
+//! `[[f_x (g + x²G), f_x xyG, −f_x x/n²], [f_y xyG, f_y (g + y²G), −f_y y/n²]]`.
 //!
 //! # Rounding
 //! Dot products of three are left folds. V = (J R) F. det: minors by plain products, squares added m01, m02, m12, then

@@ -96,7 +96,7 @@ impl Settings {
         Ok(())
     }
 
-    /// As many Gaussians as the training photographs can determine: one per [`PIXELS_PER_GAUSSIAN`] pixels that count, within
+    /// As many Gaussians as the training photographs can determine: one per 60 pixels that count, within
     /// 10 000 and 1 000 000. A Gaussian of SH degree 3 has 59 numbers, a pixel gives three, and each number should be seen about
     /// three times.
     pub fn determined(views: &Views) -> usize {
