@@ -331,7 +331,8 @@ fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>
         }
         let t = t * (one - alpha);
         out.t[v] = t;
-        out.last[v] = Real::max(out.last[v], keep & count);
+        // exact for integers; a selection here would become a masked store, several times the cost of the step
+        out.last[v] = out.last[v] + (keep & (count - out.last[v]));
     }
 }
 
