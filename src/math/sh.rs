@@ -104,3 +104,21 @@ pub fn basis_adjoint<L: Real>(degree: usize, d: [L; 3], y_bar: &[L; 16]) -> [L; 
     }
     [gx, gy, gz]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn squares_of_a_band_add_up_to_the_addition_theorem() {
+        for d in [[0.6_f32, 0.0, 0.8], [0.48, 0.64, -0.6], [-2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0]] {
+            let y = basis(3, d);
+            for l in 0..4_usize {
+                let band = y[l * l..(l + 1) * (l + 1)].iter().fold(0.0, |s, y| s + y * y);
+                let expected = (2 * l + 1) as f32 / (4.0 * std::f32::consts::PI);
+                assert_relative_eq!(band, expected, max_relative = 2e-6);
+            }
+        }
+    }
+}
