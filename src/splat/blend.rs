@@ -240,6 +240,9 @@ fn tile_forward<const H: usize, const V: usize>(
     let mut ahead = [[0_u32; H]; BATCH];
     for (batch, part) in list.chunks(BATCH).enumerate() {
         if alive == [0; H] {
+            if let Some(rest) = walked.get_mut(batch * BATCH..) {
+                rest.fill([0; 2]); // nothing behind an opaque tile is walked
+            }
             break;
         }
         for (rows, &g) in ahead.iter_mut().zip(part) {
@@ -366,7 +369,6 @@ pub fn forward(
     for plane in [&mut out.alpha, &mut out.depth, &mut saved.final_t, &mut saved.last_index] {
         plane.resize(cameras * pixels, 0.0);
     }
-    saved.rows.clear();
     saved.rows.resize(if grid.tile == 16 { plan.tile_entry.len() } else { 0 }, [0; 2]);
     let mut included = split_entries(plan, &mut saved.rows).into_iter();
     let row = grid.width * grid.tile;

@@ -409,12 +409,23 @@ fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profi
             }
         }
     });
-    plan.tile_entry.extend(entries.into_iter().map(AtomicU32::into_inner));
-    plan.entry_of_slot.extend(of_slot.into_iter().map(AtomicU32::into_inner));
+    append(&mut plan.tile_entry, entries);
+    append(&mut plan.entry_of_slot, of_slot);
     plan.order.extend(order);
     plan.camera_start.push(plan.order.len() as u32);
 }
 
+/// Zeros, mapped in place: the page-wise zeroed memory of the allocator is not touched again.
 fn zeroed(n: usize) -> Vec<AtomicU32> {
-    std::iter::repeat_with(AtomicU32::default).take(n).collect()
+    vec![0_u32; n].into_iter().map(AtomicU32::new).collect()
+}
+
+/// Appends, without a copy where there is nothing to append to.
+fn append(to: &mut Vec<u32>, from: Vec<AtomicU32>) {
+    let from: Vec<u32> = from.into_iter().map(AtomicU32::into_inner).collect();
+    if to.is_empty() {
+        *to = from;
+    } else {
+        to.extend(from);
+    }
 }
