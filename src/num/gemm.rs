@@ -21,6 +21,7 @@
 
 use super::lanes::f32x8;
 use super::par;
+use std::cell::Cell;
 use std::ops::Range;
 
 /// Longest chain in k; part of the definition.
@@ -123,8 +124,8 @@ const ZERO: Tile = [[f32x8::ZERO; 2]; ROWS];
 /// A right factor (k, n) packed once, for use with many left factors.
 #[derive(Clone, Debug)]
 pub struct Packed {
-    /// panel p: columns 16p..16p+16 for every k
-    panels: Vec<Vec<Columns>>,
+    /// (⌈n/16⌉, k): panel p holds columns 16p..16p+16 for every k
+    panels: Vec<Columns>,
     k: usize,
     n: usize,
 }
@@ -132,33 +133,58 @@ pub struct Packed {
 impl Packed {
     /// Packs a (k, n) matrix.
     pub fn new(b: View<'_>) -> Self {
+        Self::reusing(Vec::new(), b)
+    }
+
+    /// Packs into memory that may already be there.
+    fn reusing(mut panels: Vec<Columns>, b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
-        let pack = |p: usize| pack_columns(b, p * COLUMNS);
-        let count = n.div_ceil(COLUMNS);
-        let panels =
-            if k * n < PARALLEL / 4 { (0..count).map(pack).collect() } else { par::map(count, pack) };
+        panels.resize(n.div_ceil(COLUMNS) * k, [f32x8::ZERO; 2]);
+        let pack = |p: usize, panel: &mut [Columns]| pack_columns(b, p * COLUMNS, panel);
+        if k * n < PARALLEL / 4 {
+            panels.chunks_mut(k.max(1)).enumerate().for_each(|(p, panel)| pack(p, panel));
+        } else {
+            par::chunks_mut(&mut panels, k, pack);
+        }
         Self { panels, k, n }
+    }
+
+    /// Columns 16p..16p+16, k by k.
+    fn panel(&self, p: usize) -> &[Columns] {
+        &self.panels[p * self.k..(p + 1) * self.k]
     }
 }
 
+thread_local! {
+    /// Memory of the last packed right factor, so that repeated products touch no fresh pages.
+    static PANELS: Cell<Vec<Columns>> = const { Cell::new(Vec::new()) };
+    /// Memory of a task: packed rows of the left factor, and tiles resting between blocks of k.
+    static TASK: Cell<(Vec<Rows>, Vec<Tile>)> = const { Cell::new((Vec::new(), Vec::new())) };
+}
+
+/// Vectors kept for the next product at most: 64 MiB.
+const KEEP: usize = 1 << 20;
+
 /// Columns `first..first + 16` of b (k, n); columns beyond n are zero.
-fn pack_columns(b: View<'_>, first: usize) -> Vec<Columns> {
+fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
     let width = COLUMNS.min(b.columns - first);
     let at = |k: usize, j: usize| b.values[k * b.row_stride + (first + j) * b.column_stride];
     let slow = |k: usize| halves(&std::array::from_fn(|j| if j < width { at(k, j) } else { 0.0 }));
-    if width < COLUMNS {
-        return (0..b.rows).map(slow).collect();
+    if width == COLUMNS && b.column_stride == 1 {
+        for (k, row) in panel.iter_mut().enumerate() {
+            let sixteen = &b.values[k * b.row_stride + first..][..COLUMNS];
+            *row = halves(sixteen.try_into().expect("sixteen numbers"));
+        }
+        return;
     }
-    if b.column_stride == 1 {
-        let row = |k: usize| &b.values[k * b.row_stride + first..][..COLUMNS];
-        return (0..b.rows).map(|k| halves(row(k).try_into().expect("sixteen numbers"))).collect();
-    }
-    if b.row_stride != 1 {
-        return (0..b.rows).map(slow).collect();
+    if width < COLUMNS || b.row_stride != 1 {
+        for (k, row) in panel.iter_mut().enumerate() {
+            *row = slow(k);
+        }
+        return;
     }
     // Sixteen contiguous columns: transposed eight by eight. A cache line of a column is used up before the next
     // column is touched, because columns a power of two apart share few places of the cache.
-    let mut panel = vec![[f32x8::ZERO; 2]; b.rows];
     let whole = b.rows - b.rows % COLUMNS;
     for k in (0..whole).step_by(COLUMNS) {
         for half in 0..2 {
@@ -173,7 +199,6 @@ fn pack_columns(b: View<'_>, first: usize) -> Vec<Columns> {
     for (k, row) in panel.iter_mut().enumerate().skip(whole) {
         *row = slow(k);
     }
-    panel
 }
 
 #[inline(always)]
@@ -264,21 +289,22 @@ fn chains(
     a: View<'_>,
     b: &Packed,
     (rows, panels, chunk): (Range<usize>, Range<usize>, Range<usize>),
-    packed: &mut Vec<Rows>,
+    (packed, resting): (&mut Vec<Rows>, &mut Vec<Tile>),
     mut finished: impl FnMut(usize, usize, &Tile),
 ) {
     let row_panels = rows.len().div_ceil(ROWS);
     let in_place = a.column_stride == 1 && panels.len() <= IN_PLACE;
     // Tiles rest in memory between blocks of k.
-    let mut resting = vec![ZERO; if chunk.len() > BLOCK_K { row_panels * panels.len() } else { 0 }];
+    resting.clear();
+    resting.resize(if chunk.len() > BLOCK_K { row_panels * panels.len() } else { 0 }, ZERO);
     let mut start = chunk.start;
     loop {
         let end = chunk.end.min(start + BLOCK_K);
         if !in_place {
             pack_rows(a, rows.clone(), start..end, packed);
         }
-        for (p, columns) in b.panels[panels.clone()].iter().enumerate() {
-            let columns = &columns[start..end];
+        for (p, panel) in panels.clone().enumerate() {
+            let columns = &b.panel(panel)[start..end];
             for r in 0..row_panels {
                 let mut fresh = ZERO;
                 let tile = resting.get_mut(p * row_panels + r).unwrap_or(&mut fresh);
@@ -315,15 +341,16 @@ struct Task<'a> {
 /// Computes one block of the output.
 fn block(a: View<'_>, b: &Packed, task: Task<'_>, how: Finish<'_>) {
     let Task { top, left, mut rows } = task;
-    let mut packed = Vec::new();
+    let (mut packed, mut resting) = TASK.take();
     let row_panels = rows.len().div_ceil(ROWS);
     let panels = left / COLUMNS..(left + rows[0].len()).div_ceil(COLUMNS);
     let part = |chunk: Range<usize>| (top..top + rows.len(), panels.clone(), chunk);
     if b.k <= CHUNK {
         let part = part(0..b.k);
-        chains(a, b, part, &mut packed, |p, r, tile| {
+        chains(a, b, part, (&mut packed, &mut resting), |p, r, tile| {
             finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how)
         });
+        TASK.set((packed, resting));
         return;
     }
     // The pairwise tree over the chunks as they come: two neighbours of one level make one of the next, and at the end
@@ -337,7 +364,7 @@ fn block(a: View<'_>, b: &Packed, task: Task<'_>, how: Finish<'_>) {
     for start in (0..b.k).step_by(CHUNK) {
         let (mut level, mut right) = (0, Vec::with_capacity(row_panels * panels.len()));
         let part = part(start..b.k.min(start + CHUNK));
-        chains(a, b, part, &mut packed, |_, _, tile| right.push(*tile));
+        chains(a, b, part, (&mut packed, &mut resting), |_, _, tile| right.push(*tile));
         while stack.last().is_some_and(|(l, _)| *l == level) {
             let (_, mut left) = stack.pop().expect("the last entry was just seen");
             add(&mut left, &right);
@@ -345,6 +372,7 @@ fn block(a: View<'_>, b: &Packed, task: Task<'_>, how: Finish<'_>) {
         }
         stack.push((level, right));
     }
+    TASK.set((packed, resting));
     let (_, mut tiles) = stack.pop().expect("there is at least one chunk");
     while let Some((_, mut left)) = stack.pop() {
         add(&mut left, &tiles);
@@ -395,7 +423,11 @@ fn finish(tile: &Tile, rows: &mut [&mut [f32]], (at, left): (usize, usize), how:
 /// # Panics
 /// When the shapes do not fit.
 pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
-    gemm_packed(a, &Packed::new(b), how, c);
+    let packed = Packed::reusing(PANELS.take(), b);
+    gemm_packed(a, &packed, how, c);
+    if packed.panels.len() <= KEEP {
+        PANELS.set(packed.panels);
+    }
 }
 
 /// [`gemm`] with a right factor packed before.
