@@ -100,6 +100,7 @@ fn compare(n: usize, side: usize, runs: usize) {
     let grid = Grid { width: side, height: side, tile: 16 };
     let (mut fwd, mut bwd, mut total, mut total_exact, mut yard) = (vec![], vec![], vec![], vec![], vec![]);
     for _ in 0..runs {
+        once(&x, &gsplat, &bar, &mut b); // the yardstick has emptied the caches
         let (f, a) = once(&x, &gsplat, &bar, &mut b);
         fwd.push(f);
         bwd.push(a);
