@@ -2,6 +2,8 @@
 
 mod samples;
 
+mod common;
+
 use lastlight::io::capture::{Dialect, Focal, Lens, Split, read_capture};
 use lastlight::io::{colmap, colmap_text, image_file, transforms};
 use lastlight::scene::camera::Model;
@@ -438,7 +440,7 @@ fn broken_captures_name_the_file() {
 #[test]
 fn the_fox_loads() {
     let Some(dir) = std::env::var_os("LASTLIGHT_DATA").map(PathBuf::from) else {
-        println!("LASTLIGHT_DATA is unset: this test on real data did not run");
+        common::not_run("a test on real data needs LASTLIGHT_DATA");
         return;
     };
     let fox = dir.join("data/capture/fox");

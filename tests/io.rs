@@ -2,6 +2,8 @@
 
 mod samples;
 
+mod common;
+
 use lastlight::io::image_file::{self, Encoding, Samples};
 use lastlight::io::{gaussian_ply, npz, ply, safetensors, splat_file};
 use lastlight::num::array::{Array, Arrays};
@@ -12,7 +14,7 @@ use std::path::PathBuf;
 fn data() -> Option<PathBuf> {
     let dir = std::env::var_os("LASTLIGHT_DATA").map(PathBuf::from);
     if dir.is_none() {
-        println!("LASTLIGHT_DATA is unset: this test on real data did not run");
+        common::not_run("a test on real data needs LASTLIGHT_DATA");
     }
     dir
 }

@@ -1,26 +1,15 @@
 //! Losses and image metrics: closed forms, invariances, an independent f64 evaluation, golden arrays.
 
+mod common;
+
+use common::golden;
 use lastlight::loss::metric::{self, Crop, psnr::Decibel};
 use lastlight::loss::{In, l1, mse, ssim};
+use lastlight::num::array::Arrays;
 use lastlight::num::par::with_threads;
-use std::path::PathBuf;
 
-fn golden(name: &str) -> Option<PathBuf> {
-    let near = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(format!("{name}.npz"));
-    let far = std::env::var_os("LASTLIGHT_DATA")
-        .map(|d| PathBuf::from(d).join("golden").join(format!("{name}.npz")));
-    let found = [Some(near), far].into_iter().flatten().find(|p| p.exists());
-    if found.is_none() {
-        println!("golden {name}.npz not found (set LASTLIGHT_DATA): this comparison did not run");
-    }
-    found
-}
-
-fn array(path: &PathBuf, name: &str) -> Vec<f64> {
-    let mut npz = npyz::npz::NpzArchive::open(path).expect("a golden file is an npz archive");
-    let entry =
-        npz.by_name(name).expect("its entries are arrays").unwrap_or_else(|| panic!("no array {name}"));
-    entry.into_vec::<f64>().expect("golden arrays are float64")
+fn array(a: &Arrays, name: &str) -> Vec<f64> {
+    a.need(name).expect("the golden file holds it").to_f64()
 }
 
 /// Uniform numbers in 0..1 by position, for test pictures only (splitmix64).
@@ -119,8 +108,8 @@ fn textbook(x: &[f64], y: &[f64], mask: Option<&[f32]>, height: usize, width: us
 
 #[test]
 fn ssim_agrees_with_golden_arrays() {
-    let Some(path) = golden("loss_ssim") else { return };
-    let f = |name: &str| array(&path, name);
+    let Some(file) = golden("loss_ssim") else { return };
+    let f = |name: &str| array(&file, name);
     let narrow = |name: &str| f(name).into_iter().map(|v| v as f32).collect::<Vec<_>>();
     let (x, y, bar) = (narrow("x"), narrow("y"), f("value_bar")[0] as f32);
     let input = In { x: &x, y: &y, mask: None, height: 33, width: 29 };

@@ -1,5 +1,8 @@
 //! Optimisers, schedules and nearest neighbours.
 
+mod common;
+
+use common::golden;
 use lastlight::math::knn;
 use lastlight::num::array::Arrays;
 use lastlight::num::bits::digest_f32;
@@ -11,24 +14,9 @@ use lastlight::optim::adamw;
 use lastlight::optim::groups::{Groups, Rates};
 use lastlight::optim::schedule::LogLinear;
 use lastlight::scene::gaussians::Gaussians;
-use std::path::PathBuf;
 
-fn golden(name: &str) -> Option<PathBuf> {
-    let near = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(format!("{name}.npz"));
-    let far = std::env::var_os("LASTLIGHT_DATA")
-        .map(|d| PathBuf::from(d).join("golden").join(format!("{name}.npz")));
-    let found = [Some(near), far].into_iter().flatten().find(|p| p.exists());
-    if found.is_none() {
-        println!("golden {name}.npz not found (set LASTLIGHT_DATA): this comparison did not run");
-    }
-    found
-}
-
-fn array(path: &PathBuf, name: &str) -> Vec<f64> {
-    let mut npz = npyz::npz::NpzArchive::open(path).expect("a golden file is an npz archive");
-    let entry =
-        npz.by_name(name).expect("its entries are arrays").unwrap_or_else(|| panic!("no array {name}"));
-    entry.into_vec::<f64>().expect("golden arrays are float64")
+fn array(a: &Arrays, name: &str) -> Vec<f64> {
+    a.need(name).expect("the golden file holds it").to_f64()
 }
 
 /// Normal numbers by position.
@@ -50,8 +38,8 @@ fn relative_l2(got: &[f32], want: &[f64]) -> f64 {
 
 #[test]
 fn adamw_agrees_with_golden_arrays() {
-    let Some(path) = golden("optim_adamw") else { return };
-    let f = |name: &str| array(&path, name);
+    let Some(file) = golden("optim_adamw") else { return };
+    let f = |name: &str| array(&file, name);
     let narrow = |name: &str| f(name).into_iter().map(|v| v as f32).collect::<Vec<_>>();
     let one = |name: &str| f(&format!("setting_{name}"))[0];
     let (param, grads, want) = (narrow("param"), narrow("grads"), f("trajectory"));

@@ -1,26 +1,16 @@
 //! `oracle run | compare | mint | list` and `gradcheck` on files: golden arrays of other programs, plans that freeze, the
 //! first operator at which two files part, bytes that do not move, and input that is refused.
 
+mod common;
+
+use common::golden;
 use lastlight::num::array::{Array, Arrays};
 use lastlight::ops::{self, Call, Compare, Op};
 use lastlight::oracle::run::Precision;
 use lastlight::oracle::{compare, gradcheck, list, mint, run};
 use lastlight::{Error, io::npz};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
-
-/// The file of that name under `tests/golden` or `$LASTLIGHT_DATA/golden`; says so when there is none.
-fn golden(name: &str) -> Option<Arrays> {
-    let near = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
-    let far = std::env::var_os("LASTLIGHT_DATA").map(|d| PathBuf::from(d).join("golden"));
-    let path =
-        [Some(near), far].into_iter().flatten().map(|d| d.join(format!("{name}.npz"))).find(|p| p.exists());
-    let Some(path) = path else {
-        println!("not run: {name}.npz is neither in tests/golden nor in $LASTLIGHT_DATA/golden");
-        return None;
-    };
-    Some(npz::read(&path).unwrap_or_else(|e| panic!("{e}")))
-}
 
 fn run_file(op: &'static Op, arrays: &Arrays, profile: Option<&str>, precision: Precision) -> Arrays {
     let mut sorted = run::sort(op, arrays.clone()).unwrap_or_else(|e| panic!("{e}"));

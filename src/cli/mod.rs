@@ -73,9 +73,15 @@ enum Command {
 /// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// The flag that asks long work to stop.
-fn stop_flag() -> &'static AtomicBool {
-    &STOP
+/// Set while something runs that looks at [`STOP`]; anything else ends at once, since files are replaced whole.
+static STOPPABLE: AtomicBool = AtomicBool::new(false);
+
+/// Runs work that looks at the flag it is given and stops in good order.
+fn stoppable<T>(work: impl FnOnce(&'static AtomicBool) -> T) -> T {
+    STOPPABLE.store(true, Ordering::Relaxed);
+    let outcome = work(&STOP);
+    STOPPABLE.store(false, Ordering::Relaxed);
+    outcome
 }
 
 /// Parses the command line, runs the command, prints an error if there is one.
@@ -90,8 +96,8 @@ pub fn main() -> ExitCode {
         }
     };
     let handler = ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::Relaxed) {
-            // Asked twice: files are replaced whole, so nothing on disk is lost.
+        if !STOPPABLE.load(Ordering::Relaxed) || STOP.swap(true, Ordering::Relaxed) {
+            // Nothing that would stop in good order, or asked twice: nothing on disk is lost.
             std::process::exit(130);
         }
         eprintln!("stopping after this iteration; press Ctrl-C again to stop at once");

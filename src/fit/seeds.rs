@@ -1,7 +1,7 @@
 //! First Gaussians of a fit: from points of the capture, from a file, or random in the scene box.
 //!
 //! Scales are √(mean of the squared distances to the three nearest neighbours), alike in all directions; rotations are the identity;
-//! opacities 0.1; colours those of the points, in the band of degree 0 (`last.md` §9.1).
+//! opacities 0.1; colours those of the points, in the band of degree 0 (3DGS (Kerbl et al. 2023) code).
 
 use super::splat::{Settings, Strategy};
 use crate::io::gaussian_ply::{self, Points};

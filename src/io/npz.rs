@@ -23,6 +23,8 @@ pub enum Packing {
 
 /// Deflate cannot shrink by more than 1032; one output byte per this many would be a lie.
 const MAX_RATIO: u64 = 1040;
+/// Bytes that a file of any size may unpack to; larger files may unpack to 16 times their size.
+const MAX_UNPACKED: u64 = 1 << 30;
 /// Longest array name.
 const MAX_NAME: usize = 1024;
 
@@ -51,7 +53,7 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Arrays> {
         };
         let reader = std::io::Cursor::new(bytes);
         let mut archive = zip::ZipArchive::new(reader).map_err(|e| broken("zip directory".into(), &e))?;
-        let mut packed_total = 0u64;
+        let (mut packed_total, mut declared_total) = (0u64, 0u64);
         for i in 0..archive.len() {
             let mut member = archive.by_index(i).map_err(|e| broken(format!("member {i}"), &e))?;
             let member_name = member.name().map_err(|e| broken(format!("member {i}"), &e))?.into_owned();
@@ -77,6 +79,14 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Arrays> {
                 return Err(Error::input(name).at(place).expected("a stored or deflated member").got(got));
             }
             let (declared, packed) = (member.size(), member.compressed_size());
+            declared_total = declared_total.saturating_add(declared);
+            let most = MAX_UNPACKED.max(16 * bytes.len() as u64);
+            if declared_total > most {
+                return Err(Error::input(name)
+                    .at(place)
+                    .expected(format!("arrays of at most {most} bytes together"))
+                    .got(format!("{declared_total} bytes so far")));
+            }
             let array = read_member(&mut member, declared, packed, name).map_err(|e| e.at(place))?;
             if out.0.insert(key.clone(), array).is_some() {
                 return Err(Error::input(name)

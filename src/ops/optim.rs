@@ -41,7 +41,7 @@ pub(super) static ADAM: Op = Op {
         number("beta1", "0.9", "decay of the first moment"),
         number("beta2", "0.999", "decay of the second moment"),
         number("eps", "1e-8", "added to the root"),
-        number("weight_decay", "0", "must be 0 here"),
+        number("weight_decay", "0", "must be 0: this is Adam without decay; optim.adamw decays first"),
         COUNTERS,
     ],
     stages: &[],
@@ -116,15 +116,21 @@ fn run(
         ran.intermediates.put(
             "steps",
             &[rows],
-            counters(&out.steps, &active, rows, grads.len() / param.len().max(1)),
+            counters(
+                &out.steps,
+                rule.counters == adam::Counters::Global,
+                &active,
+                rows,
+                grads.len() / param.len().max(1),
+            ),
         );
     }
     Ok(ran)
 }
 
 /// The counter behind each row's last move; a global counter has moved on since.
-fn counters(own: &[u32], active: &[u8], rows: usize, steps: usize) -> Vec<i64> {
-    if own.len() == rows && rows != 1 {
+fn counters(own: &[u32], global: bool, active: &[u8], rows: usize, steps: usize) -> Vec<i64> {
+    if !global {
         return own.iter().map(|&t| i64::from(t)).collect();
     }
     let last = |row: usize| (0..steps).rev().find(|s| active.get(s * rows + row).is_none_or(|a| *a == 1));

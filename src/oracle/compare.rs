@@ -244,11 +244,16 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     let single = [theirs, ours].iter().any(|a| matches!(a, Array::F32(_)));
     let (a, b) = (theirs.to_f64(), ours.to_f64());
     let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
-    if kept.iter().any(|&i| a[i].is_nan() || b[i].is_nan()) {
+    if a.iter().chain(&b).any(|x| x.is_nan()) {
         report.verdict = Verdict::Nan;
         return Ok(report);
     }
-    let ulp = |i: usize| if single { ulp_f32(a[i] as f32, b[i] as f32) } else { ulp_f64(a[i], b[i]) };
+    let whole = !theirs.is_float() && !ours.is_float();
+    let ulp = |i: usize| match (whole, single) {
+        (true, _) => (a[i] - b[i]).abs() as u64, // integers: their difference
+        (false, true) => ulp_f32(a[i] as f32, b[i] as f32),
+        (false, false) => ulp_f64(a[i], b[i]),
+    };
     let (x, y): (Vec<f64>, Vec<f64>) = kept.iter().map(|&i| (b[i], a[i])).unzip();
     let d = distance(&x, &y);
     report.relative_l2 = d.relative_l2;

@@ -181,6 +181,17 @@ pub fn gather(ran: &Ran) -> Arrays {
 /// Bad input, or files that cannot be read or written.
 pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
     let op = ops::find(&options.op)?;
+    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    };
+    if same(&options.input, &options.out)
+        || options.plan.as_deref().is_some_and(|plan| same(plan, &options.out))
+    {
+        return Err(Error::input("--out")
+            .expected("another file than the inputs")
+            .got(options.out.display().to_string()));
+    }
     let in_file = |e: Error| e.within(options.input.display().to_string());
     let Sorted { call: mut request, notes } = sort(op, npz::read(&options.input)?).map_err(in_file)?;
     add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;

@@ -180,7 +180,10 @@ fn decide(
         }
         Some((keep, cap_bits)) => {
             let capped = byte_lanes(cap_bits[byte]);
-            (Real::select(capped, cap, raw), byte_lanes(keep[byte]), capped)
+            // A plan of another program may leave a raw α uncapped; rounding apart it lies below the cap, and 1 − α must
+            // stay away from 0.
+            let free = Real::min(raw, f32x8::splat(0.5) * (cap + f32x8::splat(1.0)));
+            (Real::select(capped, cap, free), byte_lanes(keep[byte]), capped)
         }
     }
 }
@@ -553,7 +556,8 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         rows &= rows - 1;
         let v = (2 * r + h) & 31;
         let (w1, w2) = column.whitened::<X>(tile.center_y(r));
-        let (alpha, keep, capped) = decide(raw_alpha(column.opacity, (w1, w2)), profile, masks, v);
+        let raw = raw_alpha(column.opacity, (w1, w2));
+        let (alpha, keep, capped) = decide(raw, profile, masks, v);
         let keep = keep & Real::le(index, x.last[v]);
         // α = 0 where the splat was skipped: T and what lies behind stay as they are, and every product is 0
         let alpha = keep & alpha;
@@ -576,7 +580,8 @@ fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         if DEPTH {
             sums[9] = sums[9] + weight * x.bar[3][v];
         }
-        let p = (through_cap | !capped) & (alpha_bar * alpha);
+        // the derivative is that of the uncapped product: the same number where the cap is not reached
+        let p = keep & (through_cap | !capped) & (alpha_bar * raw);
         let p2 = p * w2;
         sums[0] = sums[0] + p;
         sums[2] = sums[2] + p2;

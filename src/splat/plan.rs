@@ -113,10 +113,10 @@ impl Ellipse {
         Self { xx, yy, xy: s * pp, det: pp * rest, narrow: qq.sqrt() * k2 }
     }
 
-    /// Half-widths of the footprint in whole pixels; 0 where o < α_min, or where the box that would hold it at full opacity
-    /// (3.33 deviations) misses the picture, as in the programs users compare with.
+    /// Half-widths of the footprint in whole pixels; 0 where o < α_min (profile `inria` does not ask), or where the box that
+    /// would hold it at full opacity (3.33 deviations) misses the picture, as in the programs users compare with.
     pub(crate) fn radii(&self, profile: &Profile, mean_px: [f32; 2], cut: f32, size: [f32; 2]) -> [i32; 2] {
-        if cut < 0.0 {
+        if cut < 0.0 && profile.footprint == Footprint::Alpha {
             return [0, 0];
         }
         let ceil = |x: f32| order::min(x, 1e9).ceil() as i32;
@@ -216,7 +216,7 @@ const SEGMENTS: usize = 16;
 /// Tiles of one Gaussian, row-major, pushed onto `tiles`.
 fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut Vec<u32>) {
     let (tx, ty) = (grid.tiles_x() as i32, grid.tiles_y() as i32);
-    if !(s.bounds.r2 >= 0.0) {
+    if !(s.bounds.r2 >= 0.0) && profile.footprint == Footprint::Alpha {
         return;
     }
     let e = Ellipse::new(s.shape, s.axis as u8);
@@ -328,11 +328,11 @@ fn merge_runs(runs: &[&[u64]]) -> Vec<u64> {
     }
 }
 
-/// Makes the plan of C pictures; `splats` is (C, N).
+/// Makes the plan of `cameras` pictures; `splats` is (C, N).
 ///
 /// `cull` chooses between exact ellipses and bounding boxes for the tile lists: never visible in the result.
-pub fn build(splats: &[Splat], n: usize, grid: &Grid, profile: &Profile, cull: bool) -> Plan {
-    let cameras = splats.len().checked_div(n).unwrap_or(0);
+pub fn build(splats: &[Splat], cameras: usize, grid: &Grid, profile: &Profile, cull: bool) -> Plan {
+    let n = splats.len() / cameras.max(1);
     let mut plan =
         Plan { camera_start: vec![0], tile_start: vec![0], slot_start: vec![0], ..Plan::default() };
     for camera in 0..cameras {

@@ -47,6 +47,15 @@ use crate::num::order;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::profile::{Profile, TangentClamp};
 
+/// The first visible row whose ellipse has left the range of f32, for callers that must refuse such input.
+pub fn out_of_range(rows: &[Row]) -> Option<usize> {
+    let finite = |r: &Row| {
+        let [s, k1, k2] = r.shape;
+        r.mean_px.iter().chain([&r.z, &s, &k1, &k2]).all(|x| x.is_finite()) && k1 > 0.0 && k2 > 0.0
+    };
+    rows.iter().position(|r| r.visible && !finite(r))
+}
+
 /// One projected Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
@@ -462,7 +471,7 @@ fn adjoint_lanes(
     let mut cov_bar = cov_bar;
     if profile.inria_bwd {
         // that program divides by det² + 1e-7 when it undoes the inverse, forward only by det
-        let factor = (x.det * x.det) / (x.det * x.det + c(1e-7));
+        let factor = c(1.0) / (c(1.0) + c(1e-7) / (x.det * x.det));
         (var_bar, det_bar, cov_bar) = (var_bar * factor, det_bar * factor, cov_bar * factor);
     }
     // undo ρ = √(det₀/det), constant below the floor

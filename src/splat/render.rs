@@ -308,7 +308,7 @@ pub fn forward_into(
     project_all(x, settings, frozen, saved);
     saved.plan = match frozen {
         Some(f) => f.plan.clone(),
-        None => plan::build(&saved.splats, n, &grid, &settings.profile, settings.cull),
+        None => plan::build(&saved.splats, x.cameras.len(), &grid, &settings.profile, settings.cull),
     };
     blend::forward(
         &saved.splats,

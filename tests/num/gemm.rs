@@ -166,29 +166,15 @@ fn linear_without_bias_is_the_product() {
     assert_same_bits(&y, &three_loops(m, n, k, |i, p| x[i * k + p], |p, j| weight[j * k + p]), "y");
 }
 
-/// Arrays of `tests/golden` (or of `$LASTLIGHT_DATA/golden`), if they are there.
+/// Arrays of a golden file, if it is there.
 fn golden(name: &str) -> Option<std::collections::BTreeMap<String, Vec<f64>>> {
-    let here = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests");
-    let there = std::env::var_os("LASTLIGHT_DATA").map(std::path::PathBuf::from);
-    let path =
-        [Some(here), there].into_iter().flatten().map(|p| p.join("golden").join(name)).find(|p| p.exists());
-    let Some(path) = path else {
-        println!("not run: golden {name} (set LASTLIGHT_DATA)");
-        return None;
-    };
-    let mut file = npyz::npz::NpzArchive::open(path).expect("an npz file");
-    let names: Vec<String> = file.array_names().map(str::to_owned).collect();
-    let read = |name: String| {
-        let array = file.by_name(&name).ok().flatten().expect("a listed array");
-        let values = array.into_vec::<f64>().expect("double precision");
-        (name, values)
-    };
-    Some(names.into_iter().map(read).collect())
+    let file = crate::common::golden(name)?;
+    Some(file.0.into_iter().map(|(name, a)| (name, a.to_f64())).collect())
 }
 
 #[test]
 fn linear_agrees_with_arrays_of_another_program() {
-    let Some(file) = golden("nn_linear.npz") else { return };
+    let Some(file) = golden("nn_linear") else { return };
     let single = |name: &str| file[name].iter().map(|&x| x as f32).collect::<Vec<f32>>();
     let (x, weight, bias, y_bar) = (single("x"), single("weight"), single("bias"), single("y_bar"));
     let n = bias.len();

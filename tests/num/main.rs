@@ -1,5 +1,7 @@
 //! Tests of level 0: where bits are decided.
 
+#[path = "../common/mod.rs"]
+mod common;
 mod elem;
 mod gemm;
 mod lanes;
@@ -11,7 +13,7 @@ mod sum;
 fn long(what: &str) -> bool {
     let on = std::env::var_os("LASTLIGHT_LONG").is_some_and(|v| v == "1");
     if !on {
-        println!("not run: {what} (set LASTLIGHT_LONG=1)");
+        common::not_run(&format!("{what} (set LASTLIGHT_LONG=1)"));
     }
     on
 }

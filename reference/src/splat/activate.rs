@@ -1,6 +1,6 @@
 //! Stored, unconstrained parameters to scales and opacities.
 //!
-//! scales = exp(scales_log), opacities = 1/(1 + exp(−opacity_logits))     (3DGS, §9.1 of the conventions)
+//! scales = exp(scales_log), opacities = 1/(1 + exp(−opacity_logits))     (3DGS, the 3DGS code)
 //!
 //! | argument | shape | range |
 //! |---|---|---|

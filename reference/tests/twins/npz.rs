@@ -35,7 +35,9 @@ fn numbers(bytes: &[u8]) -> Arr<f64> {
 pub(crate) fn golden(name: &str) -> Option<Named<f64>> {
     let file = format!("{name}.npz");
     let Some(path) = find(&file) else {
-        eprintln!("not run: {file} is neither in tests/golden nor in $LASTLIGHT_DATA/golden");
+        use std::io::Write;
+        let line = format!("not run: {file} is neither in tests/golden nor in $LASTLIGHT_DATA/golden");
+        writeln!(std::io::stderr(), "{line}").expect("standard error is open");
         return None;
     };
     let mut archive = zip::ZipArchive::new(File::open(path).expect("readable")).expect("a zip archive");

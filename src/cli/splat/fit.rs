@@ -216,9 +216,10 @@ impl Job<'_> {
             }
         }
         meter.lap("start");
-        let schedule =
-            Schedule { checkpoint: Some(&checkpoint), every: self.checkpoint_every, stop: cli::stop_flag() };
-        training::run(&mut fit, &mut history, schedule, meter)?;
+        cli::stoppable(|stop| {
+            let schedule = Schedule { checkpoint: Some(&checkpoint), every: self.checkpoint_every, stop };
+            training::run(&mut fit, &mut history, schedule, meter)
+        })?;
         meter.done();
 
         let scene_values = fit.gaussians();

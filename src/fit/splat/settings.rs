@@ -66,7 +66,7 @@ const PIXELS_PER_GAUSSIAN: usize = 60;
 /// Most iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
 /// Most Gaussians of a fit.
-const MAX_GAUSSIANS: usize = 100_000_000;
+const MAX_GAUSSIANS: usize = (1 << 24) - 1; // list positions are kept in f32
 
 impl Settings {
     /// Checks ranges.

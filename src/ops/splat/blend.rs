@@ -97,7 +97,7 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
     let given = x.call.plan.as_ref().map(|p| plan::given(p, c, n, &stored)).transpose()?;
     let lists = match &given {
         Some(given) => given.plan.clone(),
-        None => build(&splats, n, &stored, &profile, cull),
+        None => build(&splats, c, &stored, &profile, cull),
     };
     let frozen = given.as_ref().map(|g| FrozenMasks {
         last_index: &g.last_index,
@@ -111,7 +111,7 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
     if tile != stored.tile && given.is_none() && profile.footprint == Footprint::Alpha {
         // another tile side shows in no bit; plan and gradients are those of tiles of 16
         let other = grid(x, tile)?;
-        let lists = build(&splats, n, &other, &profile, cull);
+        let lists = build(&splats, c, &other, &profile, cull);
         let unused = &mut blend::Saved::default();
         blend::forward(&splats, n, &lists, &other, &profile, background, cull, None, &mut out, unused);
     }

@@ -21,6 +21,7 @@ use super::call::Checked;
 use super::op::{Compare, Dtype, Kind, Port, SettingSpec};
 use crate::scene::camera::{Camera, Model};
 use crate::scene::profile::{Footprint, Profile, Stop, TangentClamp};
+use crate::splat::project::Row;
 use crate::tape::check::Step;
 use crate::{Error, Result};
 
@@ -184,12 +185,18 @@ fn check_common(x: &Checked<'_>) -> Result<()> {
     setting("t_stop", "0 to 1", |v| (0.0..1.0).contains(&v))?;
     setting("tile", "8, 16 or 32", |v| v == 8.0 || v == 16.0 || v == 32.0)?;
     let model = Model::parse(x.word("camera").unwrap_or("pinhole"))?;
-    if model == Model::Pinhole
+    if model != Model::Orthographic
         && x.has("means")
         && x.op.inputs.iter().any(|p| p.name == "near")
         && !(profile(x)?.near > 0.0)
     {
-        return Err(Error::input("array 'near'").expected("a positive depth for a pinhole camera").got("0"));
+        return Err(Error::input("array 'near'")
+            .expected("a positive depth for a pinhole or fisheye camera")
+            .got("0"));
+    }
+    if !(profile(x)?.alpha_min > 0.0) {
+        // ō is a sum over pixels divided by o, and every pixel counts here
+        x.rule("opacities", "more than 0 where alpha_min is 0", |o| o > 0.0)?;
     }
     let quats = x.f64s("quats");
     if let Some(row) = quats.chunks_exact(4).position(|q| q.iter().all(|c| *c == 0.0)) {
@@ -258,7 +265,28 @@ fn check_sizes(x: &Checked<'_>) -> Result<()> {
             .expected("fewer than 2^24 Gaussians")
             .got(x.dim("N").to_string()));
     }
+    let side = |name: &str| if x.has(name) { x.whole(name) } else { Ok(1) };
+    let pixels = (side("width")? as u128) * (side("height")? as u128) * (x.dim("C") as u128);
+    if pixels > MAX_PIXELS {
+        return Err(Error::input("arrays 'width', 'height', 'view_from_world'")
+            .expected(format!("at most {MAX_PIXELS} pixels in all pictures together"))
+            .got(pixels.to_string()));
+    }
     Ok(())
+}
+
+/// Pixels of all pictures of one call: 2²⁸.
+const MAX_PIXELS: u128 = 1 << 28;
+
+/// Refuses Gaussians whose projection leaves the range of single precision; `rows` is (C, N).
+fn check_range(rows: &[Row], n: usize) -> Result<()> {
+    match crate::splat::project::out_of_range(rows) {
+        None => Ok(()),
+        Some(row) => Err(Error::input("arrays 'means', 'scales' (or 'factors')")
+            .at(format!("camera {}, Gaussian {}", row / n, row % n))
+            .expected("an ellipse within the range of f32 (--precision f64 reaches further)")
+            .got(format!("u = {:?}, (s, k1, k2) = {:?}", rows[row].mean_px, rows[row].shape))),
+    }
 }
 
 /// Rows as consecutive values.

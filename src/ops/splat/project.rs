@@ -112,6 +112,7 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
         let given = frozen.as_ref().map(|d| &d[span.clone()]);
         project::forward(lens, &profile, &means, &factors, &opacities, given, &mut made[span]);
     }
+    super::check_range(&made, n)?;
     let mut ran = Ran::default();
     put_rows(&made, n, &profile, &cameras, &mut ran.outputs);
     plan::put_rows(&made, c, n, &mut ran.plan);

@@ -231,6 +231,7 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
     let frozen = x.call.plan.as_ref().map(|p| frozen(p, &input, &grid)).transpose()?;
     let (mut out, mut saved) = (render::Out::default(), Saved::default());
     render::forward_into(&input, &settings, frozen.as_ref(), &mut out, &mut saved);
+    super::check_range(&saved.rows, n)?;
     let tile = x.number("tile").map_or(16, |tile| tile as usize);
     if tile != settings.tile && frozen.is_none() {
         // another tile side shows in no bit; plan and gradients are those of tiles of 16
