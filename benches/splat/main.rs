@@ -154,7 +154,7 @@ fn compare(n: usize, side: usize, runs: usize) {
 /// Projection and colour without blending: a picture of no size would be refused, so the plan is simply dropped.
 fn project_only(x: &In<'_>, settings: &Settings, _out: &mut Out, saved: &mut Saved) {
     render::project_all(x, settings, None, saved);
-    saved.plan = plan::build(&[], 1, &Grid { width: 16, height: 16, tile: 16 }, &settings.profile, true);
+    saved.plan = plan::build(&[], 0, &Grid { width: 16, height: 16, tile: 16 }, &settings.profile, true);
     saved.plan.slot_start = vec![0; x.means.len() + 1];
 }
 
