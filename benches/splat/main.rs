@@ -108,12 +108,8 @@ fn compare(n: usize, side: usize, runs: usize) {
         let (f, a) = once(&x, &exact, &bar, &mut b);
         total_exact.push(f + a);
         let start = Instant::now();
-        let (_, saved) = {
-            let mut out = Out::default();
-            let mut saved = Saved::default();
-            project_only(&x, &inria, &mut out, &mut saved);
-            (out, saved)
-        };
+        let mut saved = Saved::default();
+        project_only(&x, &inria, &mut saved);
         let lists = plan::build(&saved.splats, 1, &grid, &inria.profile, true);
         let sums = yardstick::forward_backward(&saved.splats, &lists, side, side, |at, _| {
             [bar[3 * at], bar[3 * at + 1], bar[3 * at + 2]]
@@ -152,7 +148,7 @@ fn compare(n: usize, side: usize, runs: usize) {
 }
 
 /// Projection and colour without blending: a picture of no size would be refused, so the plan is simply dropped.
-fn project_only(x: &In<'_>, settings: &Settings, _out: &mut Out, saved: &mut Saved) {
+fn project_only(x: &In<'_>, settings: &Settings, saved: &mut Saved) {
     render::project_all(x, settings, None, saved);
     saved.plan = plan::build(&[], 0, &Grid { width: 16, height: 16, tile: 16 }, &settings.profile, true);
     saved.plan.slot_start = vec![0; x.means.len() + 1];

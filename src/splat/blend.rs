@@ -38,7 +38,7 @@ use super::plan::{Grid, Plan, Splat};
 use super::tile::{Tile, load_image, load_plane, spans, split_entries};
 use crate::num::elem::exp_lanes;
 use crate::num::lanes::{Real, f32x8};
-use crate::num::par;
+use crate::num::{par, sum};
 use crate::scene::profile::{Profile, Stop};
 
 /// Pictures of C cameras.
@@ -646,7 +646,7 @@ impl SplatBar {
 
 /// Sums the records of one Gaussian in slot order; `None` if it is listed nowhere.
 ///
-/// Pairs in which nothing was included have no record.
+/// Pairs that were not walked have no record.
 pub fn gather_records(
     plan: &Plan,
     included: &[[u16; 2]],
@@ -727,15 +727,9 @@ fn background_adjoint(saved: &Saved, image_bar: Option<&[f32]>) -> [f32; 3] {
     let Some(image) = image_bar else { return [0.0; 3] };
     let parts = par::map(saved.final_t.len().div_ceil(RUN), |i| {
         let (t, g) = (&saved.final_t[i * RUN..], &image[3 * i * RUN..]);
-        t.iter().zip(g.as_chunks::<3>().0).take(RUN).fold([0.0_f64; 3], |sum, (&t, g)| {
-            std::array::from_fn(|c| sum[c] + f64::from(t) * f64::from(g[c]))
+        t.iter().zip(g.as_chunks::<3>().0).take(RUN).fold([0.0_f64; 3], |total, (&t, g)| {
+            std::array::from_fn(|c| total[c] + f64::from(t) * f64::from(g[c]))
         })
     });
-    std::array::from_fn(|c| {
-        let mut level: Vec<f64> = parts.iter().map(|p| p[c]).collect();
-        while level.len() > 1 {
-            level = level.chunks(2).map(|p| if p.len() == 2 { p[0] + p[1] } else { p[0] }).collect();
-        }
-        level.first().copied().unwrap_or(0.0) as f32
-    })
+    std::array::from_fn(|c| sum::tree(parts.iter().map(|p: &[f64; 3]| p[c]).collect()) as f32)
 }
