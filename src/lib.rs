@@ -2,7 +2,7 @@
 //!
 //! Every result is a pure function of the input bits and the seed: the same bits for any number of threads, in debug and release, at any
 //! vector width. Every operator has a hand-derived adjoint, an independent twin in f64 (`reference`), gradient checks, and a
-//! digest. At this stage: Gaussian splatting of static scenes, the operator oracle, gradient checks.
+//! digest. At this stage: Gaussian splatting of static scenes, the operator oracle, gradient checks, scenes with known truth.
 //!
 //! # Doors
 //! * Checking a kernel or a renderer against this one: [`ops`] (the operator list), [`oracle`], `lastlight oracle`.
@@ -17,8 +17,10 @@
 //! 1  math           small geometry                 7  tape       strings operators; gradient checks
 //! 2  io             bytes <-> plain records        8  optim      Adam, schedules, density control
 //! 3  scene          validated, typed               9  ops        the operator list      fit   training
-//! 4  nn             layers                        11  oracle     somebody's arrays
+//! 4  nn             layers                        10  last, lirm the two systems
+//!    geometry       rays and triangles            11  oracle     somebody's arrays
 //! 5  splat          Gaussians to pictures         13  cli        commands and reports
+//!    shade          materials and light
 //! ```
 //!
 //! # Example
@@ -54,6 +56,7 @@ pub mod book;
 #[doc(hidden)]
 pub mod cli;
 pub mod fit;
+pub mod geometry;
 pub mod io;
 pub mod loss;
 pub mod math;

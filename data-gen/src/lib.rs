@@ -6,3 +6,4 @@
 
 pub mod poison;
 pub mod splats;
+pub mod surface;

@@ -4,12 +4,16 @@
 //! io (plain records) ──► scene ──► splat, fit, …
 //! camera     one pinhole, orthographic or fisheye view      profile    the constants of a splatting semantics
 //! gaussians  stored, unconstrained parameters of a scene    views      photographs with cameras, undistorted
-//! convert    scenes of Gaussians from file to file
+//! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
+//! material   metallic-roughness, textures                   light      environment maps, lamps
 //! ```
 
 pub mod camera;
 pub mod convert;
 pub mod gaussians;
 pub mod lens;
+pub mod light;
+pub mod material;
+pub mod mesh;
 pub mod profile;
 pub mod views;
