@@ -159,9 +159,7 @@ impl<L: Real> Point<L> {
     pub fn brdf(&self, x: &Facet<L>) -> [L; 3] {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
         let dv = x.d * x.vis;
-        let f = std::array::from_fn(|k| {
-            self.diffuse[k] + dv * (self.f0[k] + (one - self.f0[k]) * x.p)
-        });
+        let f = std::array::from_fn(|k| self.diffuse[k] + dv * (self.f0[k] + (one - self.f0[k]) * x.p));
         select(x.on, f, [zero; 3])
     }
 
@@ -252,14 +250,12 @@ impl<L: Real> PointBar<L> {
         let alpha_bar = self.a2 * (s(2.0) * r2.max(s(ALPHA_MIN)));
         let roughness = L::select(r2.ge(s(ALPHA_MIN)), alpha_bar * (s(2.0) * m.roughness), zero);
         let rest = (one - m.metallic) * s(INV_PI);
-        let albedo =
-            std::array::from_fn(|k| self.diffuse[k] * rest + self.albedo[k] * m.metallic);
+        let albedo = std::array::from_fn(|k| self.diffuse[k] * rest + self.albedo[k] * m.metallic);
         let metallic = self.metallic - dot(self.diffuse, m.albedo) * s(INV_PI);
         let radial = dot(point.normal, self.normal);
         let there = length.gt(zero);
         let safe = L::select(there, length, one);
-        let normal =
-            std::array::from_fn(|i| (self.normal[i] - point.normal[i] * radial) / safe);
+        let normal = std::array::from_fn(|i| (self.normal[i] - point.normal[i] * radial) / safe);
         (select(there, normal, [zero; 3]), albedo, roughness, metallic)
     }
 }

@@ -10,8 +10,10 @@
 //! Colours are linear everywhere here; [`tonemap`] alone encodes.
 
 pub mod environment;
+pub mod exposure;
 pub mod ggx;
 pub mod render;
 pub mod sample;
 mod surface;
+pub mod tonemap;
 pub mod vector;

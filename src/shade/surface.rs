@@ -80,6 +80,13 @@ pub(super) fn transmittance(object: &Object, hit: &Hit) -> f32 {
     }
 }
 
+/// Radiance a hit emits.
+pub(super) fn emission(object: &Object, hit: &Hit) -> [f32; 3] {
+    let m = material_at(object, hit);
+    let glow = m.emission_map.as_ref().map(|map| map.sample(uv_at(object, hit)));
+    std::array::from_fn(|k| m.emission[k] * glow.map_or(1.0, |c| c[k]))
+}
+
 /// Start of a ray that passes through a hit, on its far side.
 pub(super) fn beyond(object: &Object, hit: &Hit, towards: [f32; 3]) -> [f32; 3] {
     let [p0, p1, p2] = object.mesh.corners(hit.triangle as usize);
@@ -119,8 +126,7 @@ pub(super) fn eight(object: &Object, hits: &[Hit; 8], view: [f32x8; 3]) -> Surfa
     let mesh = &object.mesh;
     let zero = f32x8::splat(0.0);
     let index: [[u32; 3]; 8] = std::array::from_fn(|l| mesh.triangles[hits[l].triangle as usize]);
-    let corners: [[[f32; 3]; 3]; 8] =
-        std::array::from_fn(|l| index[l].map(|i| mesh.positions[i as usize]));
+    let corners: [[[f32; 3]; 3]; 8] = std::array::from_fn(|l| index[l].map(|i| mesh.positions[i as usize]));
     let [p0, p1, p2] = lanes(corners);
     let u = f32x8::new(std::array::from_fn(|l| hits[l].u));
     let v = f32x8::new(std::array::from_fn(|l| hits[l].v));
@@ -224,7 +230,7 @@ fn tilt_normal(
     let upwards = Real::lt(dot(square, up), zero);
     let up = select(upwards, square.map(|x| -x), square);
     let (new, there) = unit(add(add(scale(right, t[0]), scale(up, t[1])), scale(normal, t[2])));
-    let flat = Real::and(Real::gt(length, zero), Real::gt(there, zero));
+    let flat = f32x8::and(Real::gt(length, zero), Real::gt(there, zero));
     let new = select(flat, new, normal);
     // a tilt beyond the horizon of the face stays on its side
     let below = Real::lt(dot(new, face), zero);

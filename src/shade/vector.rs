@@ -61,8 +61,5 @@ pub fn frame<L: Real>(n: [L; 3]) -> [[L; 3]; 2] {
     let sign = L::select(n[2].lt(L::splat(0.0)), -one, one);
     let a = -one / (sign + n[2]);
     let b = n[0] * n[1] * a;
-    [
-        [one + sign * (n[0] * n[0] * a), sign * b, -(sign * n[0])],
-        [b, sign + n[1] * n[1] * a, -n[1]],
-    ]
+    [[one + sign * (n[0] * n[0] * a), sign * b, -(sign * n[0])], [b, sign + n[1] * n[1] * a, -n[1]]]
 }
