@@ -4,7 +4,11 @@
 //! purpose stands for what is listed in [`splats::purpose`].
 #![forbid(unsafe_code)]
 
+pub mod draws;
 pub mod light;
+mod noise;
+pub mod objects;
 pub mod poison;
+mod space;
 pub mod splats;
 pub mod surface;
