@@ -37,8 +37,8 @@ pub(super) fn knot(draws: &mut Draws) -> Vec<Part> {
     let turns = if kind == 0 { 0 } else { draws.whole(0, 2 * corners) };
     let waves = f64::from(draws.whole(0, 12) as u32);
     let swell = draws.range(0.0, 0.3);
-    let n = 72 * (p + q).max(3) as usize;
-    let around = 8 * corners;
+    let n = (60 * (p + q) as usize).clamp(180, 480);
+    let around = 32 / corners * corners;
     let at = |i: usize| -> V3 {
         let t = TAU * i as f64 / n as f64;
         let (a, b) = (f64::from(p) * t, f64::from(q) * t);
@@ -96,8 +96,8 @@ pub(super) fn shell(draws: &mut Draws) -> Vec<Part> {
 
 /// Rings or links in a row, each through the next.
 pub(super) fn chain(draws: &mut Draws) -> Vec<Part> {
-    let links = draws.named_whole("links", 2, 6);
-    let thick = draws.named("thickness", 0.1, 0.18);
+    let links = draws.named_whole("links", 2, 5);
+    let thick = draws.named("thickness", 0.16, 0.26);
     let long = draws.named("length", 0.1, 0.9);
     let n = 72;
     let kind = draws.whole(0, 2);

@@ -176,14 +176,16 @@ fn build_with(which: usize, mut draws: Draws, seed: u64, k: u64, size: usize) ->
     let (generator, _, shape) = GENERATORS[which];
     let mut parts = shape(&mut draws);
     place(&mut parts, &mut Draws::new(seed, k, 0, purpose::POSE));
-    // Squares of equal size for all parts, a multiple of 16 texels a side.
-    let across = (1..).find(|a| a * a >= parts.len()).unwrap_or(1);
-    let side = (size / across / 16 * 16).max(32);
+    // Texels in proportion to area, but a sixteenth for a small part.
+    let areas: Vec<f64> = parts.iter().map(|p| p.soup.area()).collect();
+    let total = areas.iter().fold(0.0, |s, a| s + a);
     let mut surfaces = Vec::new();
-    for part in &parts {
+    for (part, area) in parts.iter().zip(&areas) {
+        let share = crate::space::larger((area / total).sqrt(), 0.25);
+        let side = ((size as f64 * share) as usize).max(32);
         let mut shell = part.soup.shell(part.crease_cos);
         let atlas = atlas::pack(&shell, side);
-        let material = paint::paint(&shell, &atlas, side, seed, k, part.group as u32, part.wish);
+        let material = paint::paint(&shell, &atlas, seed, k, part.group as u32, part.wish);
         surfaces.push(Surface {
             positions: std::mem::take(&mut shell.positions),
             normals: std::mem::take(&mut shell.normals),

@@ -84,6 +84,8 @@ pub(crate) fn lathe(nu: usize, runs: &[Run], radius: impl Fn(f64, f64) -> f64) -
         row
     };
     let mut last = row(&mut soup, runs[0][0]);
+    // Rows of the chart in the making, their arc length, and ∫ r along it.
+    let mut open: (Vec<Vec<u32>>, Vec<f64>, f64) = (vec![last.clone()], vec![0.0], 0.0);
     for run in runs {
         let mut rows = vec![last.clone()];
         for &p in &run[1..] {
@@ -92,27 +94,39 @@ pub(crate) fn lathe(nu: usize, runs: &[Run], radius: impl Fn(f64, f64) -> f64) -
         last = rows[rows.len() - 1].clone();
         let nv = run.len() - 1;
         let mut along = vec![0.0];
+        let mut area = 0.0;
         for w in run.windows(2) {
             let (dr, dz) = (w[1][0] - w[0][0], w[1][1] - w[0][1]);
-            along.push(along[along.len() - 1] + (dr * dr + dz * dz).sqrt());
+            let step = (dr * dr + dz * dz).sqrt();
+            area += 0.5 * step * (w[0][0] + w[1][0]);
+            along.push(along[along.len() - 1] + step);
         }
         let total = along[nv];
-        let is_disc = (run[0][0] <= 0.0 || run[nv][0] <= 0.0) && (run[nv][1] - run[0][1]).abs() < 0.5 * total;
-        let point = |i: usize, j: usize| rows[j][i];
-        if is_disc && run[0][0] <= 0.0 {
-            // Seen from below, angles run clockwise.
-            soup.grid(nu, nv, point, |i, j| [along[j] * cos(angle(i)), -along[j] * sin(angle(i))]);
-        } else if is_disc {
-            let rho = |j: usize| total - along[j];
-            soup.grid(nu, nv, point, |i, j| [rho(j) * cos(angle(i)), rho(j) * sin(angle(i))]);
+        let (from_axis, to_axis) = (run[0][0] <= 0.0, run[nv][0] <= 0.0);
+        if (from_axis || to_axis) && (run[nv][1] - run[0][1]).abs() < 0.5 * total {
+            // A disc has a round chart. Seen from below, angles run clockwise.
+            band(&mut soup, nu, std::mem::take(&mut open));
+            let rho = |j: usize| if from_axis { -along[j] } else { total - along[j] };
+            let st = |i: usize, j: usize| [rho(j).abs() * cos(angle(i)), rho(j) * sin(angle(i))];
+            soup.sheet([0, nu], [0, nv], &|i, j| rows[j][i], &st);
+            open = (vec![last.clone()], vec![0.0], 0.0);
         } else {
-            let mean = run.iter().fold(0.0, |s, p| s + p[0]) / run.len() as f64;
-            let most = run.iter().fold(0.0, |s, p| larger(s, p[0]));
-            let r = larger(mean, 0.5 * most);
-            soup.grid(nu, nv, point, |i, j| [r * angle(i), along[j]]);
+            let first = open.1[open.1.len() - 1];
+            open.0.extend_from_slice(&rows[1..]);
+            open.1.extend(along[1..].iter().map(|x| first + x));
+            open.2 += area;
         }
     }
+    band(&mut soup, nu, open);
     soup
+}
+
+/// The chart of a belt of a body of revolution: around by its mean radius, upwards by arc length.
+fn band(soup: &mut Soup, nu: usize, (rows, along, area): (Vec<Vec<u32>>, Vec<f64>, f64)) {
+    if rows.len() > 1 {
+        let step = TAU * (area / along[along.len() - 1]) / nu as f64;
+        soup.grid(nu, rows.len() - 1, |i, j| rows[j][i], |i, j| [step * i as f64, along[j]]);
+    }
 }
 
 /// Points of a smooth curve through (r, z) places (Catmull–Rom), `n` steps between neighbours; r stays above `least` but for

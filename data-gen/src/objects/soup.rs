@@ -69,7 +69,8 @@ impl Soup {
         }
     }
 
-    fn sheet(
+    /// [`Self::grid`] of the cells from i0 to i1 and j0 to j1, in one chart.
+    pub(crate) fn sheet(
         &mut self,
         [i0, i1]: [usize; 2],
         [j0, j1]: [usize; 2],
@@ -201,6 +202,14 @@ impl Soup {
             self.triangles.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
         }
         self
+    }
+
+    /// Of all triangles.
+    pub(crate) fn area(&self) -> f64 {
+        self.triangles.iter().fold(0.0, |s, &t| {
+            let [a, b, c] = self.corners(t);
+            s + 0.5 * length(cross(sub(b, a), sub(c, a)))
+        })
     }
 
     fn corners(&self, t: [u32; 3]) -> [V3; 3] {

@@ -25,7 +25,6 @@ const GUTTER: usize = 3;
 pub(super) fn paint(
     shell: &Shell,
     atlas: &Atlas,
-    size: usize,
     seed: u64,
     k: u64,
     group: u32,
@@ -36,11 +35,12 @@ pub(super) fn paint(
     let noise = Noise::new(&mut Draws::new(seed, k, group, purpose::NOISE));
     let look = look::draw(&mut draws, &mut words, wish);
     let canvas = Canvas { look, noise, texel: atlas.texel };
-    let mut texels: Vec<Option<[u8; 5]>> = vec![None; size * size];
+    let (width, height) = (atlas.width, atlas.height);
+    let mut texels: Vec<Option<[u8; 5]>> = vec![None; width * height];
     for t in &shell.triangles {
         let corner = t.map(|v| v as usize);
-        let [a, b, c] = corner.map(|v| atlas.uvs[v].map(|x| x * size as f64));
-        cover([a, b, c], size, |at, w| {
+        let place = |v: usize| [atlas.uvs[v][0] * width as f64, atlas.uvs[v][1] * height as f64];
+        cover(corner.map(place), [width, height], |at, w| {
             let blend3 = |x: [[f64; 3]; 3]| {
                 std::array::from_fn(|i| w[0] * x[0][i] + w[1] * x[1][i] + w[2] * x[2][i])
             };
@@ -52,8 +52,8 @@ pub(super) fn paint(
             texels[at] = Some(canvas.texel_at(&spot));
         });
     }
-    let filled = spread(texels, size);
-    let picture = |texels: Vec<[u8; 4]>, transfer| Some(Picture { width: size, height: size, texels, transfer });
+    let filled = spread(texels, width);
+    let picture = |texels: Vec<[u8; 4]>, transfer| Some(Picture { width, height, texels, transfer });
     Material {
         name: canvas.look.name.to_owned(),
         base_color: [1.0; 3],
@@ -68,7 +68,7 @@ pub(super) fn paint(
 }
 
 /// Calls `f` with each texel whose centre lies in a triangle (borders included) and its barycentric weights.
-fn cover([a, b, c]: [[f64; 2]; 3], size: usize, mut f: impl FnMut(usize, [f64; 3])) {
+fn cover([a, b, c]: [[f64; 2]; 3], size: [usize; 2], mut f: impl FnMut(usize, [f64; 3])) {
     let cross = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
         (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
     };
@@ -79,8 +79,8 @@ fn cover([a, b, c]: [[f64; 2]; 3], size: usize, mut f: impl FnMut(usize, [f64; 3
     let bound = |k: usize| {
         let low = crate::space::smaller(crate::space::smaller(a[k], b[k]), c[k]);
         let high = crate::space::larger(crate::space::larger(a[k], b[k]), c[k]);
-        let first = clamp((low - 0.5).ceil(), 0.0, size as f64) as usize;
-        let last = clamp((high - 0.5).floor() + 1.0, 0.0, size as f64) as usize;
+        let first = clamp((low - 0.5).ceil(), 0.0, size[k] as f64) as usize;
+        let last = clamp((high - 0.5).floor() + 1.0, 0.0, size[k] as f64) as usize;
         first..last
     };
     for y in bound(1) {
@@ -88,24 +88,25 @@ fn cover([a, b, c]: [[f64; 2]; 3], size: usize, mut f: impl FnMut(usize, [f64; 3
             let p = [x as f64 + 0.5, y as f64 + 0.5];
             let w = [cross(b, c, p) / area, cross(c, a, p) / area, cross(a, b, p) / area];
             if w.iter().all(|&w| w >= -1e-9) {
-                f(y * size + x, w);
+                f(y * size[0] + x, w);
             }
         }
     }
 }
 
 /// Fills unpainted texels beside painted ones, [`GUTTER`] times; the rest become the first painted texel.
-fn spread(mut texels: Vec<Option<[u8; 5]>>, size: usize) -> Vec<[u8; 5]> {
+fn spread(mut texels: Vec<Option<[u8; 5]>>, width: usize) -> Vec<[u8; 5]> {
+    let count = texels.len();
     let mut open: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].is_none()).collect();
     for _ in 0..GUTTER {
         let mut found: Vec<(usize, [u8; 5])> = Vec::new();
         open.retain(|&i| {
-            let (x, y) = (i % size, i / size);
+            let x = i % width;
             let near = [
                 (x > 0).then(|| i - 1),
-                (x + 1 < size).then(|| i + 1),
-                (y > 0).then(|| i - size),
-                (y + 1 < size).then(|| i + size),
+                (x + 1 < width).then(|| i + 1),
+                (i >= width).then(|| i - width),
+                (i + width < count).then(|| i + width),
             ];
             match near.into_iter().flatten().find_map(|j| texels[j]) {
                 Some(t) => {
