@@ -2,6 +2,8 @@
 //!
 //! Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5). The world is right-handed.
 
+use crate::math::quat;
+use crate::num::elem;
 use crate::{Error, Result};
 
 /// How a point in camera coordinates reaches the picture.
@@ -67,6 +69,59 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
+    /// The ray through a place of the picture, in pixels: origin and unit direction in the world. `None` outside the circle that a
+    /// fisheye sees (θ > π). Orthographic rays start in the plane of the camera.
+    ///
+    /// # Rounding
+    /// f32; sums of three are (x + y) + z; the direction is divided by its length. θ < 1e-4 takes sin θ/θ = 1, exact in f32.
+    #[inline]
+    pub fn ray(&self, px: [f32; 2]) -> Option<([f32; 3], [f32; 3])> {
+        let m: [f32; 2] = std::array::from_fn(|k| (px[k] - self.center_px[k]) / self.focal_px[k]);
+        let local = match self.model {
+            Model::Pinhole => [m[0], m[1], 1.0],
+            Model::Orthographic => [0.0, 0.0, 1.0],
+            Model::Fisheye => {
+                let theta = (m[0] * m[0] + m[1] * m[1]).sqrt();
+                if !(theta <= std::f32::consts::PI) {
+                    return None;
+                }
+                let ratio = if theta < 1e-4 { 1.0 } else { elem::sin(theta) / theta };
+                [ratio * m[0], ratio * m[1], elem::cos(theta)]
+            }
+        };
+        let r = &self.rotation;
+        let turn = |d: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|i| (r[0][i] * d[0] + r[1][i] * d[1]) + r[2][i] * d[2])
+        };
+        let d = turn(local);
+        let length = ((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]).sqrt();
+        let origin = match self.model {
+            Model::Pinhole | Model::Fisheye => self.center(),
+            Model::Orthographic => {
+                let t = &self.translation;
+                turn([m[0] - t[0], m[1] - t[1], -t[2]])
+            }
+        };
+        Some((origin, d.map(|x| x / length)))
+    }
+
+    /// The pose at time `t` (0..1) between this one and `end`; intrinsics are this camera's. The centre moves on a line, the
+    /// rotation is the normalised blend of the two quaternions on the shorter way.
+    pub fn between(&self, end: &Self, t: f32) -> Self {
+        let (a, mut b) = (quaternion(&self.rotation), quaternion(&end.rotation));
+        let along = ((a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]) + a[3] * b[3];
+        if along < 0.0 {
+            b = b.map(|x| -x);
+        }
+        let q: [f32; 4] = std::array::from_fn(|k| a[k] + t * (b[k] - a[k]));
+        let r = quat::rotation(q);
+        let rotation = [[r[0], r[1], r[2]], [r[3], r[4], r[5]], [r[6], r[7], r[8]]];
+        let (from, to) = (self.center(), end.center());
+        let c: [f32; 3] = std::array::from_fn(|k| from[k] + t * (to[k] - from[k]));
+        let translation = rotation.map(|row| -((row[0] * c[0] + row[1] * c[1]) + row[2] * c[2]));
+        Self { rotation, translation, ..self.clone() }
+    }
+
     /// From row-major `view_from_world` (4×4) and `intrinsics` (3×3).
     pub fn from_matrices(
         view_from_world: &[f32],
@@ -117,6 +172,30 @@ impl Camera {
         }
         Ok(())
     }
+}
+
+/// Quaternion (w, x, y, z) of a rotation matrix, not normalised: the largest of the four is computed without cancellation (Shepperd
+/// 1978).
+fn quaternion(r: &[[f32; 3]; 3]) -> [f32; 4] {
+    let (x, y, z) = (r[0][0], r[1][1], r[2][2]);
+    let candidates = [(1.0 + x) + (y + z), (1.0 + x) - (y + z), (1.0 + y) - (x + z), (1.0 + z) - (x + y)];
+    let mut best = 0;
+    for k in 1..4 {
+        if candidates[k] > candidates[best] {
+            best = k;
+        }
+    }
+    let c = candidates[best];
+    let (wx, wy, wz) = (r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]);
+    let (xy, xz, yz) = (r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]);
+    let q = match best {
+        0 => [c, wx, wy, wz],
+        1 => [wx, c, xy, xz],
+        2 => [wy, xy, c, yz],
+        _ => [wz, xz, yz, c],
+    };
+    let length = (((q[0] * q[0] + q[1] * q[1]) + q[2] * q[2]) + q[3] * q[3]).sqrt();
+    q.map(|x| x / length)
 }
 
 /// Largest picture side accepted, in pixels.
