@@ -200,3 +200,34 @@ fn quaternion(r: &[[f32; 3]; 3]) -> [f32; 4] {
 
 /// Largest picture side accepted, in pixels.
 pub const MAX_SIDE: usize = 16_384;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turned(angle: f64) -> Camera {
+        let (c, s) = (libm::cos(angle) as f32, libm::sin(angle) as f32);
+        let m = [c, -s, 0.0, 1.0, s, c, 0.0, 2.0, 0.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0, 1.0];
+        Camera::from_matrices(&m, &[9.0, 0.0, 4.0, 0.0, 9.0, 4.0, 0.0, 0.0, 1.0], 8, 8, Model::Pinhole)
+    }
+
+    #[test]
+    fn half_way_between_two_turns_is_half_the_turn() {
+        for (a, b) in [(0.0, 1.0), (0.3, -2.0), (3.0, -3.0), (3.1, 3.1)] {
+            // the shorter way round
+            let mut d: f64 = b - a;
+            if d.abs() > std::f64::consts::PI {
+                d -= d.signum() * 2.0 * std::f64::consts::PI;
+            }
+            let (got, want) = (turned(a).between(&turned(b), 0.5), turned(a + 0.5 * d));
+            for i in 0..9 {
+                let e = (got.rotation[i / 3][i % 3] - want.rotation[i / 3][i % 3]).abs();
+                assert!(e < 1e-6, "{a} to {b}, entry {i}: off by {e}");
+            }
+            let (p, q, m) = (turned(a).center(), turned(b).center(), got.center());
+            for i in 0..3 {
+                assert!((m[i] - 0.5 * (p[i] + q[i])).abs() < 2e-6, "{a} to {b}: centre {m:?}");
+            }
+        }
+    }
+}

@@ -6,7 +6,7 @@
 //! gaussians  stored, unconstrained parameters of a scene    views      photographs with cameras, undistorted
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
-//! from_data_gen  generated surfaces, maps and views as objects, environments and cameras
+//! passes     what a renderer knew about a photograph       from_data_gen  generated records as scene types
 //! ```
 
 pub mod camera;
@@ -17,5 +17,6 @@ pub mod lens;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod passes;
 pub mod profile;
 pub mod views;

@@ -1,7 +1,7 @@
 //! Things built of several bodies: stacks, furniture, packages, toys.
 
-use super::round::{rounded_box, superquadric_soup};
-use super::sheets::{lathe, straight_run, tube};
+use super::round::superquadric_soup;
+use super::sheets::{lathe, rounded_box, straight_run, tube};
 use super::soup::Soup;
 use super::turned::{cylinder, turned_soup};
 use super::{CREASED, Part, SMOOTH, flat};
@@ -16,7 +16,7 @@ fn body(draws: &mut Draws, size: f64) -> (Soup, f64) {
     match draws.whole(0, 9) {
         0 => {
             let half = [0.5 * size, 0.5 * size * draws.range(0.5, 1.2), 0.5 * h];
-            (rounded_box(16, half, draws.range(0.08, 0.5)).moved([0.0, 0.0, half[2]]), SMOOTH)
+            (rounded_box(half, draws.range(0.08, 0.5), 3, 10).moved([0.0, 0.0, half[2]]), SMOOTH)
         }
         1 => (cylinder(0.5 * size, h, 0.5 * size, 0.03 * size), CREASED),
         2 => (cylinder(0.5 * size, h, 0.5 * size * draws.range(0.25, 0.8), 0.03 * size), CREASED),
@@ -82,7 +82,7 @@ pub(super) fn stack(draws: &mut Draws) -> Vec<Part> {
 
 /// A box of the given extent around a place.
 fn block(at: V3, half: V3, round: f64) -> Soup {
-    rounded_box(10, half, round).moved(at)
+    rounded_box(half, round, 2, 6).moved(at)
 }
 
 /// A chair, stool, table or shelf of boards and legs.
@@ -179,7 +179,7 @@ pub(super) fn package(draws: &mut Draws) -> Vec<Part> {
             parts.push(Part::new(paper.turned(&turn).moved(up), SMOOTH).paper().group(100));
             z += 2.0 * (half[2] + c);
         } else {
-            let soup = rounded_box(20, half, draws.range(0.03, 0.12)).turned(&turn);
+            let soup = rounded_box(half, draws.range(0.03, 0.12), 3, 14).turned(&turn);
             parts.push(Part::new(soup.moved([0.0, 0.0, z + half[2]]), SMOOTH).printed().group(k));
             z += 2.0 * half[2];
         }

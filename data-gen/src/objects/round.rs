@@ -28,19 +28,6 @@ pub(super) fn superquadric_soup(n: usize, half: V3, e1: f64, e2: f64) -> super::
     ball(n, |d| scaled(d, superquadric_radius(d, half, e1, e2)))
 }
 
-/// A box with rounded edges of the given radius share (0..1 of the smallest half side).
-pub(super) fn rounded_box(n: usize, half: V3, round: f64) -> super::soup::Soup {
-    let r = round * smaller(smaller(half[0], half[1]), half[2]);
-    ball(n, |d| {
-        // The nearest place of the inner box to the direction's end on the outer box, and out again by r.
-        let t = larger(larger(d[0].abs() / half[0], d[1].abs() / half[1]), d[2].abs() / half[2]);
-        let on: V3 = std::array::from_fn(|k| d[k] / t);
-        let inner: V3 = std::array::from_fn(|k| crate::space::clamp(on[k], r - half[k], half[k] - r));
-        let out = crate::space::sub(on, inner);
-        crate::space::add(inner, scaled(unit(out), r))
-    })
-}
-
 /// A ring with two exponents and a wavy section.
 pub(super) fn supertorus(draws: &mut Draws) -> Vec<Part> {
     let (e1, e2) = (draws.named("exponent_1", 0.3, 1.7), draws.named("exponent_2", 0.4, 1.4));
@@ -89,7 +76,7 @@ pub(super) fn blob(draws: &mut Draws) -> Vec<Part> {
             2 => 0.6 - 1.6 * noise.octaves(q, 3).abs(),
             _ => {
                 let s = noise.at(scaled(d, spikes));
-                swell * 0.5 + larger(s, 0.0) * larger(s, 0.0) * 2.2
+                swell * 0.5 + larger(s, 0.0) * larger(s, 0.0) * 1.4
             }
         };
         let r = larger(1.0 + height * detail, 0.3);

@@ -1,7 +1,7 @@
 //! Sheets that many shapes are made of: the surface of a ball in six squares, bodies of revolution, tubes.
 
 use super::soup::Soup;
-use crate::space::{V3, add, larger, length, scaled, sub, unit};
+use crate::space::{V3, add, larger, length, scaled, smaller, sub, unit};
 use reference::num::elem::{cos, sin};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -13,51 +13,98 @@ fn spread(k: i32, n: i32) -> f64 {
 }
 
 /// A ball in six sheets of n × n cells: `place` takes a unit direction to its point and must be continuous. The charts are
-/// squares whose cells have the mean length of the sheet's.
+/// rectangles whose cells have the mean length of the sheet's middle lines.
 pub(crate) fn ball(n: usize, place: impl Fn(V3) -> V3) -> Soup {
-    let mut soup = Soup::default();
     let half = n as i32;
-    // Lattice points of the cube −n..n (even steps), one point per place.
-    let mut known: BTreeMap<[i32; 3], u32> = BTreeMap::new();
-    for axis in 0..3 {
-        for side in [-1, 1] {
-            // Right-handed seen from outside: u × v points along side·axis.
-            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            let (u, v) = if side > 0 { (u, v) } else { (v, u) };
-            // Upright charts on the four sides: v is z there.
-            let (u, v, flip) = match (axis, side) {
-                (0, 1) => (1, 2, 1),
-                (0, _) => (1, 2, -1),
-                (1, 1) => (0, 2, -1),
-                (1, _) => (0, 2, 1),
-                _ => (u, v, 1),
-            };
-            let columns = n + 1;
-            let mut index = vec![0_u32; columns * columns];
-            for j in 0..=n {
-                for i in 0..=n {
-                    let mut k = [0_i32; 3];
-                    k[axis] = side * half;
-                    k[u] = flip * (2 * i as i32 - half);
-                    k[v] = 2 * j as i32 - half;
-                    index[j * columns + i] = *known.entry(k).or_insert_with(|| {
-                        let p = place(unit(k.map(|k| spread(k, half))));
-                        soup.point(p)
-                    });
-                }
-            }
-            let at = |i: usize, j: usize| soup.points[index[j * columns + i] as usize];
-            let (mut across, mut up) = (0.0, 0.0);
-            for k in 0..n {
-                across += length(sub(at(k + 1, n / 2), at(k, n / 2)));
-                up += length(sub(at(n / 2, k + 1), at(n / 2, k)));
-            }
-            let step = [larger(across, 0.02 * up) / n as f64, larger(up, 0.02 * across) / n as f64];
-            let st = |i: usize, j: usize| [step[0] * i as f64, step[1] * j as f64];
-            soup.grid(n, n, |i, j| index[j * columns + i], st);
+    let mut soup = Soup::default();
+    let squares = cube(&mut soup, n, |k| place(unit(k.map(|k| spread(k, half)))));
+    for Square { index, .. } in squares {
+        let at = |i: usize, j: usize| soup.points[index[j * (n + 1) + i] as usize];
+        let (mut across, mut up) = (0.0, 0.0);
+        for k in 0..n {
+            across += length(sub(at(k + 1, n / 2), at(k, n / 2)));
+            up += length(sub(at(n / 2, k + 1), at(n / 2, k)));
         }
+        let step = [larger(across, 0.02 * up) / n as f64, larger(up, 0.02 * across) / n as f64];
+        let st = |i: usize, j: usize| [step[0] * i as f64, step[1] * j as f64];
+        soup.grid(n, n, |i, j| index[j * (n + 1) + i], st);
     }
     soup
+}
+
+/// A box of given half sides about the origin, its edges rounded by `round` times the smallest of them: `m` cells over each
+/// rounding and `f` over the flat part of every side. Charts have true lengths.
+pub(crate) fn rounded_box(half: V3, round: f64, m: usize, f: usize) -> Soup {
+    let r = round * smaller(smaller(half[0], half[1]), half[2]);
+    let n = 2 * m + f;
+    // Place on the unrounded side and arc length of lattice coordinate k (−n..n in steps of 2).
+    let along = |axis: usize, k: i32| -> [f64; 2] {
+        let flat = half[axis] - r;
+        let i = ((k + n as i32) / 2) as usize;
+        let bend = |cells: usize| {
+            let angle = std::f64::consts::FRAC_PI_4 * cells as f64 / m as f64;
+            [flat + r * sin(angle) / cos(angle), flat + r * angle]
+        };
+        if i < m {
+            bend(m - i).map(|x| -x)
+        } else if i > m + f {
+            bend(i - m - f)
+        } else {
+            [flat * (2.0 * (i - m) as f64 / f as f64 - 1.0); 2]
+        }
+    };
+    let mut soup = Soup::default();
+    let squares = cube(&mut soup, n, |k| {
+        // The corner of the lattice is the corner of the box exactly on all three of its sides.
+        let on: V3 = std::array::from_fn(|a| {
+            if k[a].unsigned_abs() as usize == n { half[a] * f64::from(k[a].signum()) } else { along(a, k[a])[0] }
+        });
+        let inner: V3 = std::array::from_fn(|a| crate::space::clamp(on[a], r - half[a], half[a] - r));
+        add(inner, scaled(unit(sub(on, inner)), r))
+    });
+    for Square { index, axes: [u, v], flip } in squares {
+        let at = |i: usize| 2 * i as i32 - n as i32;
+        let st = |i: usize, j: usize| [f64::from(flip) * along(u, flip * at(i))[1], along(v, at(j))[1]];
+        soup.grid(n, n, |i, j| index[j * (n + 1) + i], st);
+    }
+    soup
+}
+
+/// A side of a cube: points of its lattice, i right and j up seen from outside; the axes they run along, the first one
+/// backwards if `flip` is −1.
+struct Square {
+    index: Vec<u32>,
+    axes: [usize; 2],
+    flip: i32,
+}
+
+/// Points of the surface of the cube lattice −n..n (steps of 2), one per place, shared by the sides.
+fn cube(soup: &mut Soup, n: usize, place: impl Fn([i32; 3]) -> V3) -> Vec<Square> {
+    let half = n as i32;
+    let mut known: BTreeMap<[i32; 3], u32> = BTreeMap::new();
+    let mut squares = Vec::new();
+    for (axis, side) in [(0, -1), (0, 1), (1, -1), (1, 1), (2, -1), (2, 1)] {
+        // Right-handed seen from outside: u × v points along side·axis; v is z on the four upright sides.
+        let (u, v, flip) = match (axis, side) {
+            (0, _) => (1, 2, side),
+            (1, _) => (0, 2, -side),
+            (_, 1) => (0, 1, 1),
+            _ => (1, 0, 1),
+        };
+        let columns = n + 1;
+        let mut index = vec![0_u32; columns * columns];
+        for j in 0..=n {
+            for i in 0..=n {
+                let mut k = [0_i32; 3];
+                k[axis] = side * half;
+                k[u] = flip * (2 * i as i32 - half);
+                k[v] = 2 * j as i32 - half;
+                index[j * columns + i] = *known.entry(k).or_insert_with(|| soup.point(place(k)));
+            }
+        }
+        squares.push(Square { index, axes: [u, v], flip });
+    }
+    squares
 }
 
 /// One smooth run of a profile: (r, z) from below to above along the outside, at least two places.

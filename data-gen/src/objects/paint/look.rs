@@ -83,7 +83,7 @@ fn scratches(draws: &mut Draws) -> Pattern {
 }
 
 fn worn(draws: &mut Draws, level: f64) -> Pattern {
-    Pattern::Patches { frequency: draws.range(4.0, 8.0), octaves: 5, level, soft: 0.08 }
+    Pattern::Patches { frequency: draws.range(4.0, 8.0), octaves: 4, level, soft: 0.08 }
 }
 
 /// Lettering over everything: small rows, or a label.
