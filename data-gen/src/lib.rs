@@ -4,7 +4,9 @@
 //! purpose stands for what is listed in [`splats::purpose`].
 #![forbid(unsafe_code)]
 
+pub mod cameras;
 pub mod draws;
+pub mod environments;
 pub mod light;
 mod noise;
 pub mod objects;
