@@ -11,11 +11,13 @@
 
 pub mod camera;
 pub mod convert;
+pub mod environment_file;
 pub mod gaussians;
 pub mod lens;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod model;
 pub mod passes;
 pub mod profile;
 pub mod views;
