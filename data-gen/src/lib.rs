@@ -4,6 +4,7 @@
 //! purpose stands for what is listed in [`splats::purpose`].
 #![forbid(unsafe_code)]
 
+pub mod figure;
 pub mod poison;
 pub mod splats;
 pub mod surface;
