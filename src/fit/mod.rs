@@ -14,6 +14,7 @@
 
 pub mod built_in;
 pub mod evaluate;
+pub mod frames;
 pub mod render;
 pub mod seeds;
 pub mod splat;

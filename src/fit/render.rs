@@ -3,6 +3,7 @@
 //! A folder of renders is itself a capture: its `transforms.json` names the pictures and their cameras, so it can be
 //! fitted again, or opened by any program that reads the nerfstudio layout.
 
+use super::frames;
 use crate::io::capture::{Frame, Lens, read_capture};
 use crate::io::{atomic, image_file};
 use crate::num::{order, par};
@@ -171,39 +172,18 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
         Passes { depth: true, .. } => ("depth", "exr"),
         _ => ("alpha", "exr"),
     };
-    let frames: Vec<Value> = shots
+    let list: Vec<Value> = shots
         .iter()
         .map(|shot| {
-            let c = &shot.camera;
-            let eye = c.center();
-            // World-from-view is the transpose of view-from-world; OpenGL has y up and z backward.
-            let row = |i: usize| {
-                json!([
-                    f64::from(c.rotation[0][i]),
-                    -f64::from(c.rotation[1][i]),
-                    -f64::from(c.rotation[2][i]),
-                    f64::from(eye[i])
-                ])
-            };
-            let mut frame = json!({
-                "file_path": format!("{folder}/{}.{extension}", shot.name),
-                "w": c.width, "h": c.height,
-                "fl_x": f64::from(c.focal_px[0]), "fl_y": f64::from(c.focal_px[1]),
-                "cx": f64::from(c.center_px[0]), "cy": f64::from(c.center_px[1]),
-                "transform_matrix": [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]],
-            });
+            let mut frame = frames::frame(&format!("{folder}/{}.{extension}", shot.name), &shot.camera);
             if passes.depth {
                 frame["depth_file_path"] = json!(format!("depth/{}.exr", shot.name));
             }
             frame
         })
         .collect();
-    let model = match shots.first().map(|s| s.camera.model) {
-        Some(Model::Fisheye) => "OPENCV_FISHEYE",
-        Some(Model::Orthographic) => "ORTHOGRAPHIC",
-        _ => "PINHOLE",
-    };
-    json!({"camera_model": model, "frames": frames})
+    let model = frames::model_name(shots.first().map_or(Model::Pinhole, |s| s.camera.model));
+    json!({"camera_model": model, "frames": list})
 }
 
 /// The cameras of a capture, as ideal cameras of the sizes of its photographs over `downscale`.

@@ -95,6 +95,25 @@ impl Lens {
     }
 }
 
+/// What is known of a photograph besides its colour: pictures of the same size.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Passes {
+    /// `foreground_path`: coverage of what is reconstructed. Unlike a mask it says nothing about which pixels count.
+    pub foreground: Option<PathBuf>,
+    /// `radiance_path`: linear R, G, B before exposure
+    pub radiance: Option<PathBuf>,
+    /// `depth_path` or `depth_file_path`: camera depth z, 0 where nothing is hit
+    pub depth: Option<PathBuf>,
+    /// `normal_path`: world normals X, Y, Z
+    pub normal: Option<PathBuf>,
+    /// `albedo_path`: sRGB-encoded
+    pub albedo: Option<PathBuf>,
+    /// `material_path`: first channel metallic, second roughness
+    pub material: Option<PathBuf>,
+    /// `exposure`: the factor from radiance to the photograph, before sRGB encoding
+    pub exposure: Option<f64>,
+}
+
 /// One photograph.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
@@ -116,6 +135,8 @@ pub struct Frame {
     pub lens: Lens,
     /// What the frame is for.
     pub split: Split,
+    /// What a renderer knew about it.
+    pub passes: Passes,
 }
 
 impl Frame {

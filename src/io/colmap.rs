@@ -4,7 +4,7 @@
 //! are checked and skipped; `rigs` and `frames` files of newer versions are not needed, since images carry their poses.
 
 use super::bytes::Cursor;
-use super::capture::{Capture, Dialect, Focal, Frame, Lens, Split, clean, locate, rigid};
+use super::capture::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, clean, locate, rigid};
 use super::gaussian_ply::Points;
 use super::{MAX_FILE_BYTES, colmap_text, image_file, name_of, read_bytes};
 use crate::{Error, Result};
@@ -146,6 +146,7 @@ pub fn frames(cameras: &BTreeMap<u32, Camera>, images: &[Image], name: &str) -> 
             size: Some(camera.size),
             lens: camera.lens,
             split: Split::Unknown,
+            passes: Passes::default(),
         });
     }
     Ok(out)

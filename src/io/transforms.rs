@@ -4,7 +4,9 @@
 //! with x right, y down, z forward. instant-ngp's scaling into its unit cube is not applied. Every key may stand at the
 //! top or in a frame; the frame wins. Paths may have backslashes, another case, or no extension, and stay inside the folder.
 
-use super::capture::{Capture, Dialect, Focal, Frame, Lens, Split, clean, locate, nearest_rotation, rigid};
+use super::capture::{
+    Capture, Dialect, Focal, Frame, Lens, Passes, Split, clean, locate, nearest_rotation, rigid,
+};
 use super::{gaussian_ply, name_of, read_bytes};
 use crate::{Error, Result};
 use serde_json::{Map, Value};
@@ -72,6 +74,17 @@ pub fn read(path: &Path) -> Result<Capture> {
             };
             frame.image = find(&frame.image, "file_path")?;
             frame.mask = frame.mask.map(|m| find(&m, "mask_path")).transpose()?;
+            let p = &mut frame.passes;
+            for (slot, key) in [
+                (&mut p.foreground, "foreground_path"),
+                (&mut p.radiance, "radiance_path"),
+                (&mut p.depth, "depth_path"),
+                (&mut p.normal, "normal_path"),
+                (&mut p.albedo, "albedo_path"),
+                (&mut p.material, "material_path"),
+            ] {
+                *slot = slot.take().map(|x| find(&x, key)).transpose()?;
+            }
             if frame.split == Split::Unknown {
                 frame.split = split;
             }
@@ -376,6 +389,25 @@ impl Keys<'_> {
             size,
             lens: self.lens()?,
             split: Split::Unknown,
+            passes: self.passes()?,
+        })
+    }
+
+    /// Paths of passes. `depth_file_path` is nerfstudio's name of instant-ngp's `depth_path`.
+    fn passes(&self) -> Result<Passes> {
+        let path = |key: &str| Ok::<_, Error>(self.path(key)?.map(PathBuf::from));
+        let depth = match path("depth_path")? {
+            None => path("depth_file_path")?,
+            some => some,
+        };
+        Ok(Passes {
+            foreground: path("foreground_path")?,
+            radiance: path("radiance_path")?,
+            depth,
+            normal: path("normal_path")?,
+            albedo: path("albedo_path")?,
+            material: path("material_path")?,
+            exposure: self.positive("exposure")?,
         })
     }
 }

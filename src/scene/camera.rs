@@ -67,6 +67,38 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
+    /// The pose between this one (`t` = 0) and another (`t` = 1): the centre moves on a straight line, the rotation is the
+    /// normalised linear interpolation of unit quaternions along the shorter arc. Everything else is that of `self`.
+    ///
+    /// # Rounding
+    /// f64, rounded once at the end; at 0 and 1 the poses themselves.
+    #[must_use]
+    pub fn between(&self, other: &Self, t: f64) -> Self {
+        if t == 0.0 || t == 1.0 {
+            let end = if t == 0.0 { self } else { other };
+            return Self { rotation: end.rotation, translation: end.translation, ..self.clone() };
+        }
+        let (a, mut b) = (quaternion(&self.rotation), quaternion(&other.rotation));
+        if a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0.0 {
+            b = b.map(|x| -x);
+        }
+        let q: [f64; 4] = std::array::from_fn(|i| (1.0 - t) * a[i] + t * b[i]);
+        let n = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+        let [w, x, y, z] = q.map(|v| v / n);
+        let r = [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ];
+        let (p, q) = (self.center(), other.center());
+        let c: [f64; 3] = std::array::from_fn(|i| (1.0 - t) * f64::from(p[i]) + t * f64::from(q[i]));
+        Self {
+            rotation: r.map(|row| row.map(|x| x as f32)),
+            translation: r.map(|row| -(row[0] * c[0] + row[1] * c[1] + row[2] * c[2]) as f32),
+            ..self.clone()
+        }
+    }
+
     /// From row-major `view_from_world` (4×4) and `intrinsics` (3×3).
     pub fn from_matrices(
         view_from_world: &[f32],
@@ -119,5 +151,61 @@ impl Camera {
     }
 }
 
+/// Unit quaternion w x y z of a rotation matrix, from its largest component, so that nothing cancels.
+fn quaternion(r: &[[f32; 3]; 3]) -> [f64; 4] {
+    let m = r.map(|row| row.map(f64::from));
+    let squares = [
+        1.0 + m[0][0] + m[1][1] + m[2][2],
+        1.0 + m[0][0] - m[1][1] - m[2][2],
+        1.0 - m[0][0] + m[1][1] - m[2][2],
+        1.0 - m[0][0] - m[1][1] + m[2][2],
+    ];
+    let largest = (1..4).fold(0, |best, i| if squares[i] > squares[best] { i } else { best });
+    let [xy, xz, yz] = [m[0][1] + m[1][0], m[0][2] + m[2][0], m[1][2] + m[2][1]];
+    let [wx, wy, wz] = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]];
+    let s = squares[largest];
+    let q = match largest {
+        0 => [s, wx, wy, wz],
+        1 => [wx, s, xy, xz],
+        2 => [wy, xy, s, yz],
+        _ => [wz, xz, yz, s],
+    };
+    let n = (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]).sqrt();
+    q.map(|x| x / n)
+}
+
 /// Largest picture side accepted, in pixels.
 pub const MAX_SIDE: usize = 16_384;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn turned(angle: f64) -> Camera {
+        let (c, s) = (libm::cos(angle) as f32, libm::sin(angle) as f32);
+        let m = [c, -s, 0.0, 1.0, s, c, 0.0, 2.0, 0.0, 0.0, 1.0, 3.0, 0.0, 0.0, 0.0, 1.0];
+        Camera::from_matrices(&m, &[9.0, 0.0, 4.0, 0.0, 9.0, 4.0, 0.0, 0.0, 1.0], 8, 8, Model::Pinhole)
+    }
+
+    #[test]
+    fn half_way_between_two_turns_is_half_the_turn() {
+        for (a, b) in [(0.0, 1.0), (0.3, -2.0), (3.0, -3.0), (3.1, 3.1)] {
+            // the shorter way round
+            let mut d: f64 = b - a;
+            if d.abs() > std::f64::consts::PI {
+                d -= d.signum() * 2.0 * std::f64::consts::PI;
+            }
+            let (got, want) = (turned(a).between(&turned(b), 0.5), turned(a + 0.5 * d));
+            for i in 0..9 {
+                let e = (got.rotation[i / 3][i % 3] - want.rotation[i / 3][i % 3]).abs();
+                assert!(e < 1e-6, "{a} to {b}, entry {i}: off by {e}");
+            }
+            let (p, q, m) = (turned(a).center(), turned(b).center(), got.center());
+            for i in 0..3 {
+                assert!((m[i] - 0.5 * (p[i] + q[i])).abs() < 2e-6, "{a} to {b}: centre {m:?}");
+            }
+        }
+        assert_eq!(turned(0.3).between(&turned(2.0), 0.0), turned(0.3), "open");
+        assert_eq!(turned(0.3).between(&turned(2.0), 1.0), turned(2.0), "closed");
+    }
+}

@@ -6,6 +6,7 @@
 //! gaussians  stored, unconstrained parameters of a scene    views      photographs with cameras, undistorted
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
+//! passes     what a renderer knew about a photograph
 //! ```
 
 pub mod camera;
@@ -15,5 +16,6 @@ pub mod lens;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod passes;
 pub mod profile;
 pub mod views;
