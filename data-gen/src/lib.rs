@@ -5,6 +5,7 @@
 #![forbid(unsafe_code)]
 
 pub mod figure;
+pub mod light;
 pub mod poison;
 pub mod splats;
 pub mod surface;
