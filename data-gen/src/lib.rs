@@ -4,6 +4,8 @@
 //! purpose stands for what is listed in [`splats::purpose`].
 #![forbid(unsafe_code)]
 
+pub mod figure;
+pub mod light;
 pub mod poison;
 pub mod splats;
 pub mod surface;
