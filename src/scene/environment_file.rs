@@ -169,7 +169,10 @@ pub fn from_picture(p: &Picture, options: &Options, name: &str) -> Result<Enviro
         (Some(r), Some(g), Some(b), _) => [r, g, b],
         (_, _, _, Some(y)) => [y; 3],
         _ => {
-            return Err(Error::input(name).at("channels").expected("R, G, B or Y").got(p.channels.join(", ")));
+            return Err(Error::input(name)
+                .at("channels")
+                .expected("R, G, B or Y")
+                .got(p.channels.join(", ")));
         }
     };
     let decode = p.encoding == Encoding::Srgb && options.transfer == Transfer::Srgb;

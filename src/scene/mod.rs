@@ -11,6 +11,7 @@
 //! ```
 
 pub mod camera;
+pub mod character;
 pub mod convert;
 pub mod environment_file;
 pub mod from_data_gen;
