@@ -24,7 +24,7 @@ mod template;
 
 pub use motion::Pose;
 pub use posed::Factors;
-pub use template::{Point, Template};
+pub use template::{PURPOSE, Point, Template};
 
 use super::mesh::Object;
 use crate::io::gltf;
