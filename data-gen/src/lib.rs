@@ -7,6 +7,7 @@
 pub mod cameras;
 pub mod draws;
 pub mod environments;
+pub mod figure;
 pub mod light;
 mod noise;
 pub mod objects;
