@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 pub mod array;
+pub mod body;
 pub mod dual;
 pub mod fd;
 pub mod loss;

@@ -7,15 +7,20 @@
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
 //! passes     what a renderer knew about a photograph
+//! from_data_gen  generated surfaces, maps and views as objects, environments and cameras
 //! ```
 
 pub mod camera;
+pub mod character;
 pub mod convert;
+pub mod environment_file;
+pub mod from_data_gen;
 pub mod gaussians;
 pub mod lens;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod model;
 pub mod passes;
 pub mod profile;
 pub mod views;

@@ -19,6 +19,7 @@ pub mod activate;
 pub mod blend;
 pub mod color;
 pub mod covariance;
+pub mod discs;
 pub mod plan;
 pub mod project;
 pub mod render;

@@ -1,0 +1,55 @@
+//! The figure: an articulated person whose causes are known (`last.md` §3).
+//!
+//! ```text
+//! graph ─► mechanism ─► samples, video ─► u ─► factors ─► skeleton (pose)
+//!              └► sortability                    │           │
+//!                                                ▼           ▼
+//!                appearance ──────────────► template     surface, texture
+//!                                           points        meshes
+//! ```
+//!
+//! Factors act only through [`factors::Drive`]: folds on u_W alone, light on u_L alone. Posture reaches them through the causal
+//! graph and in no other way, so the graph is the truth about the pictures.
+
+pub mod appearance;
+pub mod factors;
+mod garments;
+pub mod graph;
+mod loft;
+pub mod mechanism;
+pub mod samples;
+pub mod skeleton;
+pub mod sortability;
+pub mod surface;
+pub mod template;
+mod texture;
+pub mod video;
+
+/// Most factors a figure has.
+pub const MAX_FACTORS: usize = 8;
+
+/// What draws are for.
+pub mod purpose {
+    /// Order of the nodes of a random graph; item: node.
+    pub const GRAPH_ORDER: u16 = 0x0200;
+    /// Order in which its edges are taken; item: pair.
+    pub const GRAPH_EDGE: u16 = 0x0201;
+    /// Coefficients; item: edge, draw 0 size, 1 sign.
+    pub const COEFFICIENT: u16 = 0x0202;
+    /// Noise behind variances of nonlinear mechanisms; item: sample, draw: node.
+    pub const DRAWS: u16 = 0x0203;
+    /// Noise of observational frames; item: frame, draw: node.
+    pub const OBSERVED: u16 = 0x0204;
+    /// Noise of base frames; item: base, step: trial, draw: node.
+    pub const BASE: u16 = 0x0205;
+    /// Value of an intervention; item: group.
+    pub const VALUE: u16 = 0x0206;
+    /// Appearance of a group; item: group.
+    pub const GROUP_APPEARANCE: u16 = 0x0207;
+    /// Motion of a video; item: factor, draws 0, 1 rank of the harmonics, 2, 3 phases.
+    pub const MOTION: u16 = 0x0208;
+    /// Appearance; item: its seed, draw: property.
+    pub const APPEARANCE: u16 = 0x0209;
+    /// Grain of the textures; item: cell.
+    pub const GRAIN: u16 = 0x020a;
+}

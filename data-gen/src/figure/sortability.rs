@@ -1,0 +1,86 @@
+//! How far marginal statistics give the causal order away.
+//!
+//! Varsortability (Reisach, Seiler, Weichwald 2021): for every path length k = 1 … n−1, all ordered pairs (i, j) with a directed path of k
+//! edges from i to j are counted; the result is the fraction of them whose end has the larger variance, equal ones (to 1e-9
+//! relatively) counting ½. R²-sortability (Reisach, Tami, Seiler, Chambaz, Weichwald 2023) orders by the coefficient of
+//! determination of each factor given all others instead, which no rescaling changes.
+
+use super::graph::Graph;
+
+/// Variances within this relative distance are equal.
+const TIE: f64 = 1e-9;
+
+/// Fraction of path pairs with the larger score at the end; `None` for a graph without edges.
+fn alignment(graph: &Graph, score: &[f64], tie: f64) -> Option<f64> {
+    let n = graph.n();
+    let mut paths = graph.adjacency.clone();
+    let (mut pairs, mut aligned) = (0.0, 0.0);
+    for _ in 1..n {
+        for (i, row) in paths.iter().enumerate() {
+            for (j, _) in row.iter().enumerate().filter(|(_, path)| **path) {
+                let difference = score[j] - score[i];
+                pairs += 1.0;
+                aligned += if difference > tie {
+                    1.0
+                } else if difference >= -tie {
+                    0.5
+                } else {
+                    0.0
+                };
+            }
+        }
+        let longer = |i: usize, j: usize| (0..n).any(|k| paths[i][k] && graph.adjacency[k][j]);
+        paths = (0..n).map(|i| (0..n).map(|j| longer(i, j)).collect()).collect();
+    }
+    (pairs > 0.0).then(|| aligned / pairs)
+}
+
+/// Second moments of samples of n factors around their means, row-major, 1/N.
+fn covariance(samples: &[Vec<f64>], n: usize) -> Vec<Vec<f64>> {
+    let count = samples.len() as f64;
+    let mean: Vec<f64> = (0..n).map(|j| samples.iter().fold(0.0, |sum, u| sum + u[j]) / count).collect();
+    let moment = |i: usize, j: usize| {
+        samples.iter().fold(0.0, |sum, u| sum + (u[i] - mean[i]) * (u[j] - mean[j])) / count
+    };
+    (0..n).map(|i| (0..n).map(|j| moment(i, j)).collect()).collect()
+}
+
+/// Varsortability of samples (N of n factors); `None` without edges.
+pub fn varsortability(graph: &Graph, samples: &[Vec<f64>]) -> Option<f64> {
+    let c = covariance(samples, graph.n());
+    let variances: Vec<f64> = (0..graph.n()).map(|j| c[j][j]).collect();
+    let least = variances.iter().fold(f64::INFINITY, |m, &v| if v < m { v } else { m });
+    alignment(graph, &variances, TIE * least)
+}
+
+/// R²-sortability of samples (N of n factors); `None` without edges.
+pub fn r2_sortability(graph: &Graph, samples: &[Vec<f64>]) -> Option<f64> {
+    let c = covariance(samples, graph.n());
+    let inverse = inverse(&c)?;
+    let r2: Vec<f64> = (0..graph.n()).map(|j| 1.0 - 1.0 / (c[j][j] * inverse[j][j])).collect();
+    alignment(graph, &r2, 0.0)
+}
+
+/// Gauss–Jordan with the largest pivot of each column; `None` for a singular matrix.
+fn inverse(m: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
+    let n = m.len();
+    let unit = |i: usize, j: usize| if i == j { 1.0 } else { 0.0 };
+    let mut rows: Vec<Vec<f64>> =
+        (0..n).map(|i| m[i].iter().copied().chain((0..n).map(|j| unit(i, j))).collect()).collect();
+    for k in 0..n {
+        let pivot = (k..n).fold(k, |best, i| if rows[i][k].abs() > rows[best][k].abs() { i } else { best });
+        rows.swap(k, pivot);
+        let divisor = rows[k][k];
+        if !(divisor.abs() > 0.0) {
+            return None;
+        }
+        rows[k].iter_mut().for_each(|x| *x /= divisor);
+        let source = rows[k].clone();
+        for (i, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
+            let _ = i;
+            let times = row[k];
+            row.iter_mut().zip(&source).for_each(|(x, y)| *x -= times * y);
+        }
+    }
+    Some(rows.into_iter().map(|row| row[n..].to_vec()).collect())
+}

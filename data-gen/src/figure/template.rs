@@ -1,0 +1,201 @@
+//! The template: P points on the capsules, in a fixed order, with colours, normals and skinning weights.
+//!
+//! Each capsule gets a share of the points by its area (largest remainder, ties to the lower bone); they lie on a Fibonacci spiral, whose
+//! k-th point of n has area fraction (k + ½)/n along the axis and azimuth k·π(3 − √5). Along the axis of a capsule, caps
+//! included, area is proportional to height; the skirt ring is a band of a cone. Point p is the same place of the body in
+//! every frame and every data set of the same P.
+
+use super::appearance::Appearance;
+use super::factors::{Drive, shaded, turn_hue};
+use super::skeleton::{
+    BONES, Bone, SKIRT, SKIRT_RING, TORSO, V3, add, bones, cross, dot, framed, pose, scale, sub, unit,
+    weights,
+};
+use reference::body::skin::{self, Affine};
+use reference::num::elem::{cos, sin};
+use std::f64::consts::PI;
+
+/// The points at rest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Template {
+    /// The bones they hang on.
+    pub bones: [Bone; BONES],
+    /// (P) position in the figure's frame
+    pub points: Vec<V3>,
+    /// (P) unit
+    pub normals: Vec<V3>,
+    /// (P) the capsule a point lies on
+    pub bone_of: Vec<usize>,
+    /// (P, K) skinning weights
+    pub weights: Vec<[f64; BONES]>,
+}
+
+/// Points of one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cloud {
+    /// (P) posed, in the figure's frame
+    pub points: Vec<V3>,
+    /// (P) unit normals of the displaced and posed surface
+    pub normals: Vec<V3>,
+    /// (P) sRGB-encoded, shaded
+    pub rgb: Vec<[f64; 3]>,
+}
+
+/// Area of a capsule, or of the skirt's band, over 2π.
+fn area(b: usize, bone: &Bone) -> f64 {
+    let along = sub(bone.to, bone.from);
+    if b == SKIRT_RING {
+        let [[z0, r0], [z1, r1]] =
+            SKIRT.map(|[z, r]| [framed([0.0, 0.0, z])[2], r / super::skeleton::METRES]);
+        let slant = ((z1 - z0) * (z1 - z0) + (r1 - r0) * (r1 - r0)).sqrt();
+        return 0.5 * (r0 + r1) * slant;
+    }
+    bone.radius * (dot(along, along).sqrt() + 2.0 * bone.radius)
+}
+
+/// Largest-remainder shares of `total` in proportion to `sizes`.
+fn shares(sizes: &[f64], total: usize) -> Vec<usize> {
+    let whole = sizes.iter().fold(0.0, |sum, s| sum + s);
+    let exact: Vec<f64> = sizes.iter().map(|s| s / whole * total as f64).collect();
+    let mut counts: Vec<usize> = exact.iter().map(|&x| x as usize).collect();
+    let given = counts.iter().fold(0, |sum, c| sum + c);
+    let mut order: Vec<usize> = (0..sizes.len()).collect();
+    let rest = |b: usize| exact[b] - (exact[b] as usize) as f64;
+    order.sort_by(|&a, &b| rest(b).total_cmp(&rest(a)).then(a.cmp(&b)));
+    order.iter().take(total - given).for_each(|&b| counts[b] += 1);
+    counts
+}
+
+/// Two unit vectors that make a right-handed frame with a unit axis.
+pub(super) fn across(axis: V3) -> [V3; 2] {
+    let helper = if axis[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+    let first = unit(cross(helper, axis));
+    [first, cross(axis, first)]
+}
+
+/// Position and normal of point k of n on a capsule.
+fn on_capsule(bone: &Bone, k: usize, n: usize) -> [V3; 2] {
+    let along = sub(bone.to, bone.from);
+    let length = dot(along, along).sqrt();
+    let axis = unit(along);
+    let [u, v] = across(axis);
+    let height = (k as f64 + 0.5) / n as f64 * (length + 2.0 * bone.radius) - bone.radius;
+    let angle = PI * (3.0 - 5.0_f64.sqrt()) * k as f64;
+    // The sphere's centre this height belongs to.
+    let base = if height < 0.0 {
+        0.0
+    } else if height > length {
+        length
+    } else {
+        height
+    };
+    let up = (height - base) / bone.radius;
+    let around = (1.0 - up * up).sqrt();
+    let normal =
+        unit(add(scale(axis, up), add(scale(u, around * cos(angle)), scale(v, around * sin(angle)))));
+    [add(add(bone.from, scale(axis, base)), scale(normal, bone.radius)), normal]
+}
+
+/// Position and normal of point k of n on the skirt's band.
+fn on_skirt(k: usize, n: usize) -> [V3; 2] {
+    let [[z0, r0], [z1, r1]] = SKIRT.map(|[z, r]| [framed([0.0, 0.0, z])[2], r / super::skeleton::METRES]);
+    // Area from the upper rim grows as r₀ t + (r₁ − r₀) t²/2.
+    let fraction = (k as f64 + 0.5) / n as f64 * 0.5 * (r0 + r1);
+    let wider = r1 - r0;
+    let t = ((r0 * r0 + 2.0 * wider * fraction).sqrt() - r0) / wider;
+    let angle = PI * (3.0 - 5.0_f64.sqrt()) * k as f64;
+    let (r, c, s) = (r0 + wider * t, cos(angle), sin(angle));
+    let slant = (z0 - z1, wider);
+    let normal = unit([slant.0 * c, slant.0 * s, slant.1]);
+    [[r * c, r * s, z0 + (z1 - z0) * t], normal]
+}
+
+impl Template {
+    /// P points; at least one per bone is expected, so P ≥ 64.
+    ///
+    /// # Panics
+    /// When P is below 64.
+    pub fn new(p: usize) -> Self {
+        assert!(p >= 64, "a template of at least 64 points, got {p}");
+        let bones = bones();
+        let areas: Vec<f64> = bones.iter().enumerate().map(|(b, bone)| area(b, bone)).collect();
+        let (mut points, mut normals, mut bone_of) = (Vec::new(), Vec::new(), Vec::new());
+        for (b, n) in shares(&areas, p).into_iter().enumerate() {
+            for k in 0..n {
+                let [point, normal] =
+                    if b == SKIRT_RING { on_skirt(k, n) } else { on_capsule(&bones[b], k, n) };
+                points.push(point);
+                normals.push(normal);
+                bone_of.push(b);
+            }
+        }
+        let weights = points.iter().map(|&x| weights(&bones, x)).collect();
+        Self { bones, points, normals, bone_of, weights }
+    }
+
+    /// Whether a point lies on cloth that wrinkles: pelvis, torso, skirt.
+    pub fn is_cloth(&self, p: usize) -> bool {
+        matches!(self.bone_of[p], 0 | TORSO | SKIRT_RING)
+    }
+
+    /// Canonical position and normal under the factors, before skinning.
+    pub fn canonical(&self, p: usize, drive: &Drive) -> [V3; 2] {
+        let (mut x, n) = (self.points[p], self.normals[p]);
+        if self.bone_of[p] == SKIRT_RING {
+            x[2] = drive.skirt_height(framed([0.0, 0.0, SKIRT[0][0]])[2], x[2]);
+        }
+        let cloth = self.is_cloth(p);
+        x = add(x, scale(n, drive.width * if cloth { 0.02 } else { 0.006 }));
+        if !cloth {
+            return [x, n];
+        }
+        let (height, gradient) = drive.wrinkles(x);
+        let tangential = sub(gradient, scale(n, dot(gradient, n)));
+        [add(x, scale(n, height)), unit(sub(n, tangential))]
+    }
+
+    /// The points of a frame.
+    pub fn posed(&self, drive: &Drive, appearance: &Appearance) -> Cloud {
+        let transforms = pose(&self.bones, drive);
+        let light = drive.towards_light();
+        let mut cloud = Cloud { points: Vec::new(), normals: Vec::new(), rgb: Vec::new() };
+        for p in 0..self.points.len() {
+            let [x, n] = self.canonical(p, drive);
+            let t = skin::blend(&self.weights[p], &transforms);
+            let normal = turned(&t, n);
+            let (mut rgb, is_cloth) = appearance.point(self.bone_of[p], self.points[p]);
+            if is_cloth {
+                rgb = turn_hue(rgb, drive.hue);
+            }
+            cloud.points.push(skin::point(&t, x));
+            cloud.normals.push(normal);
+            cloud.rgb.push(shaded(rgb, normal, light));
+        }
+        cloud
+    }
+
+    /// (P) mean distance to the three nearest other points at rest.
+    pub fn spacing(&self) -> Vec<f64> {
+        let near = |p: usize| {
+            let mut nearest = [f64::INFINITY; 3];
+            for (q, &y) in self.points.iter().enumerate() {
+                let off = sub(y, self.points[p]);
+                let d = dot(off, off);
+                if q == p || !(d < nearest[2]) {
+                    continue;
+                }
+                nearest[2] = d;
+                nearest.sort_by(f64::total_cmp);
+            }
+            (nearest[0].sqrt() + nearest[1].sqrt() + nearest[2].sqrt()) / 3.0
+        };
+        (0..self.points.len()).map(near).collect()
+    }
+}
+
+/// A unit normal under an affine transform: by the cofactors of its linear part, so that it stays normal to the surface.
+pub(super) fn turned(t: &Affine<f64>, n: V3) -> V3 {
+    let column = |j: usize| [t[0][j], t[1][j], t[2][j]];
+    let [a, b, c] = [cross(column(1), column(2)), cross(column(2), column(0)), cross(column(0), column(1))];
+    unit(add(add(scale(a, n[0]), scale(b, n[1])), scale(c, n[2])))
+}
