@@ -79,6 +79,18 @@ impl Bvh {
         }
     }
 
+    fn walk_many<const ANY: bool>(&self, rays: &[Ray], mut done: impl FnMut(usize, Hit)) {
+        let mut lines = Vec::with_capacity(rays.len());
+        for (i, ray) in rays.iter().enumerate() {
+            match Line::new(ray, &self.frame) {
+                Some(line) if self.tree.node_count > 0 => lines.push((i, line)),
+                _ => done(i, Hit::NONE),
+            }
+        }
+        let mut lines = lines.into_iter();
+        self.tree.walk_many::<ANY>(|| lines.next(), done);
+    }
+
     /// The hit with the smallest (t, triangle), or [`Hit::NONE`].
     pub fn closest(&self, ray: &Ray) -> Hit {
         self.walk::<false>(ray)
@@ -95,9 +107,7 @@ impl Bvh {
     /// If the lengths differ.
     pub fn closest_batch(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.closest(ray);
-        }
+        self.walk_many::<false>(rays, |i, hit| hits[i] = hit);
     }
 
     /// [`Bvh::occluded`] of many rays, same answers.
@@ -106,9 +116,7 @@ impl Bvh {
     /// If the lengths differ.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        for (ray, hit) in rays.iter().zip(occluded) {
-            *hit = self.occluded(ray);
-        }
+        self.walk_many::<true>(rays, |i, hit| occluded[i] = hit.triangle != MISS);
     }
 }
 

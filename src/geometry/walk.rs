@@ -6,11 +6,13 @@ use super::triangle::{Line, Met, wide};
 use crate::num::lanes::f32x8;
 use prefetch_index::prefetch_index;
 
-/// A line with its numbers in all lanes.
-pub(super) struct Wide {
+/// The numbers of a line for boxes, in all lanes.
+#[derive(Clone, Debug)]
+struct Wide {
     enter: [f32x8; 3],
     leave: [f32x8; 3],
-    inverse: [f32x8; 3],
+    /// −1/direction
+    against: [f32x8; 3],
     /// rows of the planes at which boxes are entered and left
     first: [usize; 3],
     last: [usize; 3],
@@ -18,22 +20,23 @@ pub(super) struct Wide {
 
 impl Wide {
     #[inline(always)]
-    pub(super) fn new(line: &Line) -> Self {
+    fn new(line: &Line) -> Self {
+        let [x, y, z] = line.inverse;
         let backwards = |k: usize| line.octant >> k & 1;
         Self {
             enter: splat(line.enter),
             leave: splat(line.leave),
-            inverse: splat(line.inverse),
+            against: splat([-x, -y, -z]),
             first: [backwards(0), 2 + backwards(1), 4 + backwards(2)],
             last: [1 - backwards(0), 3 - backwards(1), 5 - backwards(2)],
         }
     }
 
-    /// Starts and hit bits of the children.
+    /// Starts and hit bits of the children. (enter − plane)·(−1/d) has the bits of (plane − enter)/d.
     #[inline(always)]
-    fn children(&self, rows: &[f32x8; 8], t_max: f32) -> (f32x8, u32) {
-        let start = |k: usize| (rows[self.first[k] & 7] - self.enter[k]) * self.inverse[k];
-        let end = |k: usize| (rows[self.last[k] & 7] - self.leave[k]) * self.inverse[k];
+    fn children(&self, node: &Node, t_max: f32) -> (f32x8, u32) {
+        let start = |k: usize| (self.enter[k] - node[self.first[k] & 7]) * self.against[k];
+        let end = |k: usize| (self.leave[k] - node[self.last[k] & 7]) * self.against[k];
         let s = start(0).fast_max(start(1)).fast_max(start(2).fast_max(f32x8::splat(0.0)));
         let e = end(0).fast_min(end(1)).fast_min(end(2).fast_min(f32x8::splat(t_max)));
         (s, s.simd_le(e).to_bitmask())
@@ -46,11 +49,16 @@ fn splat([x, y, z]: [f32; 3]) -> [f32x8; 3] {
 }
 
 /// The best hit so far; weights are divided at the end.
+#[derive(Clone, Copy, Debug)]
 struct Best {
     t: f32,
     u: f32,
     v: f32,
     triangle: u32,
+}
+
+impl Best {
+    const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
 }
 
 #[inline(always)]
@@ -144,74 +152,192 @@ fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
     }
 }
 
-impl Tree {
-    /// The best hit, or any if `ANY`; t in the line's own unit.
-    #[inline]
-    pub(super) fn walk<const ANY: bool>(&self, mut line: Line) -> Hit {
-        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
-        let wide = Wide::new(&line);
-        let mut best = Best { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
-        // Entries: bits of the start above the reference.
-        let mut stack = [0_u64; STACK];
-        let mut top = 0;
-        let mut at = 0_u32;
-        'walk: loop {
-            while at & LEAF == 0 {
-                let node = &nodes[at as usize];
-                let (start, mut hit) = wide.children(node, line.t_max);
-                let start = start.to_array();
-                let children = references(&node[CHILDREN]);
-                if hit == 0 {
-                    break;
+/// References that wait: bits of the start above the reference, the nearest on top. What does not fit moves to a vector, which
+/// happens in no ordinary mesh.
+#[derive(Clone, Debug)]
+struct Waiting {
+    near: [u64; STACK],
+    top: usize,
+    far: Vec<u64>,
+}
+
+impl Waiting {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { near: [0; STACK], top: 0, far: Vec::new() }
+    }
+
+    #[cold]
+    fn make_room(&mut self) {
+        self.far.extend_from_slice(&self.near[..self.top]);
+        self.top = 0;
+    }
+
+    #[cold]
+    fn refill(&mut self) {
+        let from = self.far.len().saturating_sub(STACK / 2);
+        self.top = self.far.len() - from;
+        self.near[..self.top].copy_from_slice(&self.far[from..]);
+        self.far.truncate(from);
+    }
+
+    /// The next reference whose box starts at t_max or before.
+    #[inline(always)]
+    fn pop(&mut self, t_max: f32) -> Option<u32> {
+        loop {
+            if self.top == 0 {
+                if self.far.is_empty() {
+                    return None;
                 }
+                self.refill();
+            }
+            self.top -= 1;
+            let e = self.near[self.top & (STACK - 1)];
+            if f32::from_bits((e >> 32) as u32) <= t_max {
+                return Some(e as u32);
+            }
+        }
+    }
+
+    /// Inserts above `base`, larger ones below.
+    #[inline(always)]
+    fn insert(&mut self, base: usize, e: u64) {
+        let mut i = self.top;
+        while i > base && self.near[(i - 1) & (STACK - 1)] < e {
+            self.near[i & (STACK - 1)] = self.near[(i - 1) & (STACK - 1)];
+            i -= 1;
+        }
+        self.near[i & (STACK - 1)] = e;
+        self.top += 1;
+    }
+}
+
+/// One ray on its way.
+#[derive(Clone, Debug)]
+struct Walk {
+    line: Line,
+    best: Best,
+    waiting: Waiting,
+    at: u32,
+}
+
+impl Walk {
+    #[inline(always)]
+    fn new(line: Line) -> Self {
+        Self { line, best: Best::NONE, waiting: Waiting::new(), at: 0 }
+    }
+
+    #[inline(always)]
+    fn restart(&mut self, line: Line) {
+        self.line = line;
+        self.best = Best::NONE;
+        self.waiting.top = 0;
+        self.waiting.far.clear();
+        self.at = 0;
+    }
+
+    /// Visits the node or leaf `at` and chooses the next one; whether there is one.
+    #[inline(always)]
+    fn step<const ANY: bool>(&mut self, nodes: &[Node], leaves: &[Leaf], wide: &Wide) -> bool {
+        if self.at & LEAF == 0 {
+            let node = &nodes[self.at as usize];
+            let (start, mut hit) = wide.children(node, self.line.t_max);
+            if hit != 0 {
+                let children = references(&node[CHILDREN]);
                 let lane = hit.trailing_zeros() as usize;
                 hit &= hit - 1;
                 if hit == 0 {
-                    at = children[lane & 7];
-                    continue;
+                    self.at = children[lane & 7];
+                    return true;
                 }
+                let start = start.to_array();
                 let entry =
                     |lane: usize| u64::from(start[lane & 7].to_bits()) << 32 | u64::from(children[lane & 7]);
+                if self.waiting.top + LANES > STACK {
+                    self.waiting.make_room();
+                }
                 let mut nearest = entry(lane);
-                let base = top;
+                let base = self.waiting.top;
                 while hit != 0 {
                     let lane = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    expect_soon(nodes, leaves, children[lane & 7]);
                     let mut e = entry(lane);
                     if e < nearest {
                         std::mem::swap(&mut e, &mut nearest);
                     }
-                    // Far ones stay below.
-                    let mut i = top;
-                    while i > base && stack[(i - 1) & (STACK - 1)] < e {
-                        stack[i & (STACK - 1)] = stack[(i - 1) & (STACK - 1)];
-                        i -= 1;
+                    self.waiting.insert(base, e);
+                }
+                self.at = nearest as u32;
+                return true;
+            }
+        } else if meet(&leaves[(self.at ^ LEAF) as usize], &mut self.line, &mut self.best) && ANY {
+            return false;
+        }
+        match self.waiting.pop(self.line.t_max) {
+            Some(at) => {
+                self.at = at;
+                true
+            }
+            None => false,
+        }
+    }
+
+    fn hit(&self) -> Hit {
+        let b = &self.best;
+        Hit { t: b.t * self.line.unit, u: b.u, v: b.v, triangle: b.triangle }
+    }
+}
+
+/// Rays that take turns in [`Tree::walk_many`].
+const TURNS: usize = 12;
+
+impl Tree {
+    /// The best hit, or any if `ANY`.
+    #[inline]
+    pub(super) fn walk<const ANY: bool>(&self, line: Line) -> Hit {
+        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let wide = Wide::new(&line);
+        let mut walk = Walk::new(line);
+        while walk.step::<ANY>(nodes, leaves, &wide) {}
+        walk.hit()
+    }
+
+    /// The same for many rays, a few of which take turns: while one waits for memory, others are at work.
+    pub(super) fn walk_many<const ANY: bool>(
+        &self,
+        mut next: impl FnMut() -> Option<(usize, Line)>,
+        mut done: impl FnMut(usize, Hit),
+    ) {
+        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let mut turns: Vec<(usize, Wide, Walk)> = Vec::with_capacity(TURNS);
+        while turns.len() < TURNS
+            && let Some((i, line)) = next()
+        {
+            turns.push((i, Wide::new(&line), Walk::new(line)));
+        }
+        while !turns.is_empty() {
+            let mut k = 0;
+            while k < turns.len() {
+                let (i, wide, walk) = &mut turns[k];
+                if walk.step::<ANY>(nodes, leaves, wide) {
+                    expect_soon(nodes, leaves, walk.at);
+                    k += 1;
+                    continue;
+                }
+                done(*i, walk.hit());
+                match next() {
+                    Some((ray, line)) => {
+                        *i = ray;
+                        *wide = Wide::new(&line);
+                        walk.restart(line);
+                        k += 1;
                     }
-                    stack[i & (STACK - 1)] = e;
-                    top += 1;
-                }
-                at = nearest as u32;
-            }
-            if at & LEAF != 0 {
-                let leaf = &leaves[(at ^ LEAF) as usize];
-                if meet(leaf, &mut line, &mut best) && ANY {
-                    break 'walk;
-                }
-            }
-            loop {
-                if top == 0 {
-                    break 'walk;
-                }
-                top -= 1;
-                let e = stack[top & (STACK - 1)];
-                if f32::from_bits((e >> 32) as u32) <= line.t_max {
-                    at = e as u32;
-                    break;
+                    None => {
+                        turns.swap_remove(k);
+                    }
                 }
             }
         }
-        Hit { t: best.t * line.unit, u: best.u, v: best.v, triangle: best.triangle }
     }
 }
 
