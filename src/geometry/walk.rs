@@ -8,7 +8,7 @@ use prefetch_index::prefetch_index;
 
 /// The numbers of a line for boxes, in all lanes.
 #[derive(Clone, Debug)]
-struct Wide {
+pub(super) struct Wide {
     enter: [f32x8; 3],
     leave: [f32x8; 3],
     /// −1/direction
@@ -20,7 +20,7 @@ struct Wide {
 
 impl Wide {
     #[inline(always)]
-    fn new(line: &Line) -> Self {
+    pub(super) fn new(line: &Line) -> Self {
         let [x, y, z] = line.inverse;
         let backwards = |k: usize| line.octant >> k & 1;
         Self {
@@ -32,14 +32,14 @@ impl Wide {
         }
     }
 
-    /// Starts and hit bits of the children. (enter − plane)·(−1/d) has the bits of (plane − enter)/d.
+    /// Starts of the children, and which are hit. (enter − plane)·(−1/d) has the bits of (plane − enter)/d.
     #[inline(always)]
-    fn children(&self, node: &Node, t_max: f32) -> (f32x8, u32) {
+    pub(super) fn test(&self, node: &Node, t_max: f32) -> (f32x8, f32x8) {
         let start = |k: usize| (self.enter[k] - node[self.first[k] & 7]) * self.against[k];
         let end = |k: usize| (self.leave[k] - node[self.last[k] & 7]) * self.against[k];
         let s = start(0).fast_max(start(1)).fast_max(start(2).fast_max(f32x8::splat(0.0)));
         let e = end(0).fast_min(end(1)).fast_min(end(2).fast_min(f32x8::splat(t_max)));
-        (s, s.simd_le(e).to_bitmask())
+        (s, s.simd_le(e))
     }
 }
 
@@ -50,7 +50,7 @@ fn splat([x, y, z]: [f32; 3]) -> [f32x8; 3] {
 
 /// The best hit so far; weights are divided at the end.
 #[derive(Clone, Copy, Debug)]
-struct Best {
+pub(super) struct Best {
     t: f32,
     u: f32,
     v: f32,
@@ -58,7 +58,12 @@ struct Best {
 }
 
 impl Best {
-    const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
+    pub(super) const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
+
+    #[inline(always)]
+    pub(super) fn hit(&self, line: &Line) -> Hit {
+        Hit { t: self.t * line.unit, u: self.u, v: self.v, triangle: self.triangle }
+    }
 }
 
 #[inline(always)]
@@ -67,73 +72,69 @@ fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
     [[at(0), at(1), at(2)], [at(3), at(4), at(5)], [at(6), at(7), at(8)]]
 }
 
-    /// Tests all triangles of a leaf; whether the best hit changed.
-    #[inline(always)]
-    fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
-        let (x, y, z) = match line.axis {
-            0 => (1, 2, 0),
-            1 => (2, 0, 1),
-            _ => (0, 1, 2),
-        };
-        let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
-        let shear = splat(line.shear);
-        let sheared = |p: &[f32x8]| {
-            let along = p[z] - o[2];
-            [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
-        };
-        let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        let low = u.fast_min(v).fast_min(w);
-        let high = u.fast_max(v).fast_max(w);
-        let zero = f32x8::splat(0.0);
-        let hit = (low.simd_ge(zero) | high.simd_le(zero)).to_bitmask();
-        if hit == 0 {
-            return false;
-        }
-        let strict = (low.simd_gt(zero) | high.simd_lt(zero)).to_bitmask();
-        let sum = u + v + w;
-        let depth = [shear[2] * a[2], shear[2] * b[2], shear[2] * c[2]];
-        let t = (u * depth[0] + v * depth[1] + w * depth[2]) / sum;
-        let near = (t.simd_ge(zero) & t.simd_le(f32x8::splat(line.t_max))).to_bitmask();
-        let mut left = (hit & strict & near) | (hit & !strict);
-        let mut changed = false;
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            left &= left - 1;
-            let met = if strict >> lane & 1 != 0 {
-                let s = sum.to_array()[lane & 7];
-                Met {
-                    t: t.to_array()[lane & 7],
-                    u: v.to_array()[lane & 7] / s,
-                    v: w.to_array()[lane & 7] / s,
-                }
-            } else {
-                let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
-                let corner = |i: usize| {
-                    let p = [a, b, c][i];
-                    [at(p, 0), at(p, 1), depth[i].to_array()[lane & 7]]
-                };
-                match wide(corner(0), corner(1), corner(2)) {
-                    Some(met) => met,
-                    None => continue,
-                }
-            };
-            let Some(met) = line.inside(corners(leaf, lane), met) else { continue };
-            let triangle = references(&leaf[INDEX])[lane & 7];
-            if met.t < best.t || (met.t == best.t && triangle < best.triangle) {
-                *best = Best { t: met.t, u: met.u, v: met.v, triangle };
-                line.t_max = met.t;
-                changed = true;
-            }
-        }
-        changed
+/// Tests all triangles of a leaf; whether the best hit changed.
+#[inline(always)]
+pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
+    let (x, y, z) = match line.axis {
+        0 => (1, 2, 0),
+        1 => (2, 0, 1),
+        _ => (0, 1, 2),
+    };
+    let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
+    let shear = splat(line.shear);
+    let sheared = |p: &[f32x8]| {
+        let along = p[z] - o[2];
+        [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
+    };
+    let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
+    let u = c[0] * b[1] - c[1] * b[0];
+    let v = a[0] * c[1] - a[1] * c[0];
+    let w = b[0] * a[1] - b[1] * a[0];
+    let low = u.fast_min(v).fast_min(w);
+    let high = u.fast_max(v).fast_max(w);
+    let zero = f32x8::splat(0.0);
+    let hit = (low.simd_ge(zero) | high.simd_le(zero)).to_bitmask();
+    if hit == 0 {
+        return false;
     }
+    let strict = (low.simd_gt(zero) | high.simd_lt(zero)).to_bitmask();
+    let sum = u + v + w;
+    let depth = [shear[2] * a[2], shear[2] * b[2], shear[2] * c[2]];
+    let t = (u * depth[0] + v * depth[1] + w * depth[2]) / sum;
+    let near = (t.simd_ge(zero) & t.simd_le(f32x8::splat(line.t_max))).to_bitmask();
+    let mut left = (hit & strict & near) | (hit & !strict);
+    let mut changed = false;
+    while left != 0 {
+        let lane = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let met = if strict >> lane & 1 != 0 {
+            let s = sum.to_array()[lane & 7];
+            Met { t: t.to_array()[lane & 7], u: v.to_array()[lane & 7] / s, v: w.to_array()[lane & 7] / s }
+        } else {
+            let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
+            let corner = |i: usize| {
+                let p = [a, b, c][i];
+                [at(p, 0), at(p, 1), depth[i].to_array()[lane & 7]]
+            };
+            match wide(corner(0), corner(1), corner(2)) {
+                Some(met) => met,
+                None => continue,
+            }
+        };
+        let Some(met) = line.inside(corners(leaf, lane), met) else { continue };
+        let triangle = references(&leaf[INDEX])[lane & 7];
+        if met.t < best.t || (met.t == best.t && triangle < best.triangle) {
+            *best = Best { t: met.t, u: met.u, v: met.v, triangle };
+            line.t_max = met.t;
+            changed = true;
+        }
+    }
+    changed
+}
 
 /// Asks for the memory of a child that will be visited later.
 #[inline(always)]
-fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
+pub(super) fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
     if child & LEAF == 0 {
         let rows = nodes.as_flattened();
         let at = 8 * child as usize;
@@ -227,21 +228,13 @@ impl Walk {
         Self { line, best: Best::NONE, waiting: Waiting::new(), at: 0 }
     }
 
-    #[inline(always)]
-    fn restart(&mut self, line: Line) {
-        self.line = line;
-        self.best = Best::NONE;
-        self.waiting.top = 0;
-        self.waiting.far.clear();
-        self.at = 0;
-    }
-
     /// Visits the node or leaf `at` and chooses the next one; whether there is one.
     #[inline(always)]
     fn step<const ANY: bool>(&mut self, nodes: &[Node], leaves: &[Leaf], wide: &Wide) -> bool {
         if self.at & LEAF == 0 {
             let node = &nodes[self.at as usize];
-            let (start, mut hit) = wide.children(node, self.line.t_max);
+            let (start, hit) = wide.test(node, self.line.t_max);
+            let mut hit = hit.to_bitmask();
             if hit != 0 {
                 let children = references(&node[CHILDREN]);
                 let lane = hit.trailing_zeros() as usize;
@@ -281,15 +274,7 @@ impl Walk {
             None => false,
         }
     }
-
-    fn hit(&self) -> Hit {
-        let b = &self.best;
-        Hit { t: b.t * self.line.unit, u: b.u, v: b.v, triangle: b.triangle }
-    }
 }
-
-/// Rays that take turns in [`Tree::walk_many`].
-const TURNS: usize = 12;
 
 impl Tree {
     /// The best hit, or any if `ANY`.
@@ -299,45 +284,7 @@ impl Tree {
         let wide = Wide::new(&line);
         let mut walk = Walk::new(line);
         while walk.step::<ANY>(nodes, leaves, &wide) {}
-        walk.hit()
-    }
-
-    /// The same for many rays, a few of which take turns: while one waits for memory, others are at work.
-    pub(super) fn walk_many<const ANY: bool>(
-        &self,
-        mut next: impl FnMut() -> Option<(usize, Line)>,
-        mut done: impl FnMut(usize, Hit),
-    ) {
-        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
-        let mut turns: Vec<(usize, Wide, Walk)> = Vec::with_capacity(TURNS);
-        while turns.len() < TURNS
-            && let Some((i, line)) = next()
-        {
-            turns.push((i, Wide::new(&line), Walk::new(line)));
-        }
-        while !turns.is_empty() {
-            let mut k = 0;
-            while k < turns.len() {
-                let (i, wide, walk) = &mut turns[k];
-                if walk.step::<ANY>(nodes, leaves, wide) {
-                    expect_soon(nodes, leaves, walk.at);
-                    k += 1;
-                    continue;
-                }
-                done(*i, walk.hit());
-                match next() {
-                    Some((ray, line)) => {
-                        *i = ray;
-                        *wide = Wide::new(&line);
-                        walk.restart(line);
-                        k += 1;
-                    }
-                    None => {
-                        turns.swap_remove(k);
-                    }
-                }
-            }
-        }
+        walk.best.hit(&walk.line)
     }
 }
 
