@@ -26,7 +26,7 @@
 //! # Kinks and domain
 //! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. Below α_min = 1e-3 α stays there and r has no gradient; at equality it has. The denominator
 //! of V is not taken below 1e-15, where cosines under 1e-12 would leave the range of f32; there it has no gradient. The BRDF is not energy
-//! conserving: its diffuse lobe has no factor 1 − F, so a white dielectric reflects up to 1.5 of the light (`tests/shade.rs` tabulates it).
+//! conserving: its diffuse lobe has no factor 1 − F, so a white dielectric reflects up to 1.5 of the light (`tests/shade` holds a table).
 //!
 //! # Adjoint
 //! Logarithmic derivatives of D and V; saves nothing, recomputes everything. n̄ = (ḡ − n(n·ḡ))/‖N‖ where ḡ collects the gradients of n·l,

@@ -9,8 +9,9 @@
 //!   choosing the map among the lights) and p_b, a direction found either way counts f·cos·L/(c·p_l + p_b) of the throughput. Lamps
 //!   have no extent: only their own sample finds them. Emissive triangles are found by the BRDF's directions alone.
 //! * `bounces` counts the surfaces after the first that light may come by: 0 is direct light. Paths are not ended at random.
-//! * Nothing is clamped: a rare bright sample stays in the mean (the mean is unbiased, its error falls with
-//!   n^−½ only where the variance is finite; smooth metals that see a small bright source through a diffuse bounce are where it does not).
+//! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½ where the variance is finite; the
+//!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
+//! * Pixels outside the circle of a fisheye are black with alpha 0.
 //! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel.
 //! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel depends neither on tiles, threads,
 //!   nor on which other pixels are rendered.
@@ -351,7 +352,7 @@ impl Job<'_> {
             }
             from = to;
         }
-        for (k, p) in pixels.iter_mut().enumerate() {
+        for p in &mut pixels {
             let met = p.alpha;
             p.color = p.color.map(|c| c / self.settings.samples as f32);
             p.alpha = met / self.settings.samples as f32;
@@ -361,30 +362,37 @@ impl Job<'_> {
                 p.roughness /= met;
                 p.metallic /= met;
             }
-            p.depth_z = self.depth([origin[0] + k % size[0], origin[1] + k / size[0]]);
         }
+        self.depths(origin, size, &mut pixels);
         pixels
     }
 
-    /// Depth of what the ray through the centre of a pixel meets.
-    fn depth(&self, at: [usize; 2]) -> f32 {
-        let Some((origin, direction)) = self.camera.ray([at[0] as f32 + 0.5, at[1] as f32 + 0.5]) else {
-            return 0.0;
-        };
-        let mut ray = Ray { origin, direction, t_max: f32::INFINITY };
-        let mut hit = self.scene.bvh.closest(&ray);
-        for _ in 0..LAYERS {
-            if hit.triangle == MISS || surface::transmittance(self.scene.object, &hit) <= 0.5 {
-                break;
+    /// Depth of what the rays through the centres of a tile's pixels meet.
+    fn depths(&self, origin: [usize; 2], size: [usize; 2], pixels: &mut [Pixel]) {
+        let (mut rays, mut of) = (Vec::new(), Vec::new());
+        for k in 0..pixels.len() {
+            let at = [origin[0] + k % size[0], origin[1] + k / size[0]];
+            if let Some((origin, direction)) = self.camera.ray(at.map(|x| x as f32 + 0.5)) {
+                rays.push(Ray { origin, direction, t_max: f32::INFINITY });
+                of.push(k);
             }
-            ray.origin = surface::beyond(self.scene.object, &hit, direction);
-            hit = self.scene.bvh.closest(&ray);
         }
-        if hit.triangle == MISS {
-            return 0.0;
+        let mut hits = vec![Hit::NONE; rays.len()];
+        self.scene.bvh.closest_batch(&rays, &mut hits);
+        for ((ray, hit), k) in rays.iter_mut().zip(&mut hits).zip(of) {
+            for _ in 0..LAYERS {
+                let there = self.scene.transparent && hit.triangle != MISS;
+                if !there || surface::transmittance(self.scene.object, hit) <= 0.5 {
+                    break;
+                }
+                ray.origin = surface::beyond(self.scene.object, hit, ray.direction);
+                *hit = self.scene.bvh.closest(ray);
+            }
+            if hit.triangle != MISS {
+                let p = surface::position(self.scene.object, hit);
+                pixels[k].depth_z = dot(self.camera.rotation[2], p) + self.camera.translation[2];
+            }
         }
-        let p = surface::position(self.scene.object, &hit);
-        dot(self.camera.rotation[2], p) + self.camera.translation[2]
     }
 
     /// Starts the paths of some samples of a tile: pixel by pixel, samples ascending.
