@@ -129,7 +129,7 @@ fn one_texel_at_the_pole_is_found() {
 
 #[test]
 fn a_constant_map_gives_irradiance_pi() {
-    let (w, h) = (1024, 2048);
+    let (w, h) = (2048, 2048);
     let omega = solid_angles(w, h).0;
     let normals = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0], on_sphere(3, 9)];
     let mut e = [0.0; 4];

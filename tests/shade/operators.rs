@@ -153,31 +153,36 @@ fn grazing_and_coincident_directions_stay_finite() {
         let m = Material { albedo: [0.9, 0.5, 0.1], roughness: r, metallic: 0.5 };
         for nv in [0.0_f32, 1e-8, -1e-8, 1e-30, 1e-4, 1.0, 1.0 + f32::EPSILON] {
             for nl in [0.0_f32, 1e-8, -1e-8, 1e-30, 1e-4, 1.0, 1.0 + f32::EPSILON] {
-                let direction = |c: f32| [if c < 0.5 { 1.0 } else { 0.0 }, 0.0, c];
-                let (v, l) = (direction(nv), direction(nl));
-                let mut bar = InBar {
-                    normal: vec![[0.0; 3]],
-                    albedo: vec![[0.0; 3]],
-                    roughness: vec![0.0],
-                    metallic: vec![0.0],
-                };
-                let x = ggx::In {
-                    normal: &[n],
-                    view: &[v],
-                    light: &[l],
-                    albedo: &[m.albedo],
-                    roughness: &[m.roughness],
-                    metallic: &[m.metallic],
-                };
-                let mut f = [[0.0; 3]];
-                ggx::forward(x, &mut f);
-                ggx::adjoint(x, &[[1.0, -0.5, 0.25]], &mut bar);
-                let all = f[0].iter().chain(&bar.normal[0]).chain(&bar.albedo[0]);
-                let all: Vec<f32> = all.chain(&bar.roughness).chain(&bar.metallic).copied().collect();
-                assert!(all.iter().all(|x| x.is_finite()), "r {r}, n·v {nv}, n·l {nl}: {all:?}");
-                assert!(f[0].iter().all(|x| *x >= 0.0), "r {r}, n·v {nv}, n·l {nl}: f = {f:?}");
-                if nv <= 0.0 || nl <= 0.0 {
-                    assert!(all.iter().all(|x| *x == 0.0), "r {r}, n·v {nv}, n·l {nl}: nothing, got {all:?}");
+                for side in [1.0, -1.0] {
+                    let direction = |c: f32, x: f32| [if c < 0.5 { x } else { 0.0 }, 0.0, c];
+                    let (v, l) = (direction(nv, 1.0), direction(nl, side));
+                    let mut bar = InBar {
+                        normal: vec![[0.0; 3]],
+                        albedo: vec![[0.0; 3]],
+                        roughness: vec![0.0],
+                        metallic: vec![0.0],
+                    };
+                    let x = ggx::In {
+                        normal: &[n],
+                        view: &[v],
+                        light: &[l],
+                        albedo: &[m.albedo],
+                        roughness: &[m.roughness],
+                        metallic: &[m.metallic],
+                    };
+                    let mut f = [[0.0; 3]];
+                    ggx::forward(x, &mut f);
+                    ggx::adjoint(x, &[[1.0, -0.5, 0.25]], &mut bar);
+                    let all = f[0].iter().chain(&bar.normal[0]).chain(&bar.albedo[0]);
+                    let all: Vec<f32> = all.chain(&bar.roughness).chain(&bar.metallic).copied().collect();
+                    assert!(all.iter().all(|x| x.is_finite()), "r {r}, n·v {nv}, n·l {nl}: {all:?}");
+                    assert!(f[0].iter().all(|x| *x >= 0.0), "r {r}, n·v {nv}, n·l {nl}: f = {f:?}");
+                    if nv <= 0.0 || nl <= 0.0 {
+                        assert!(
+                            all.iter().all(|x| *x == 0.0),
+                            "r {r}, n·v {nv}, n·l {nl}: nothing, got {all:?}"
+                        );
+                    }
                 }
             }
         }
