@@ -9,6 +9,7 @@
 //!
 //! Colours are linear everywhere here; [`tonemap`] alone encodes.
 
+pub mod axes;
 pub mod environment;
 pub mod envmap;
 pub mod exposure;
