@@ -144,7 +144,7 @@ fn picture(runs: usize, high: bool) {
     let scene = Scene::new(&object, &bvh, &lights).expect("a good scene");
     let view = camera([0.0, -2.8, 1.9], 45.0_f32.to_radians(), SIDE);
     let run = |bounces: u32, brdf: Brdf, samples: u32, seed: u64| -> (f64, Passes) {
-        let settings = Settings { samples, bounces, brdf, seed };
+        let settings = Settings { samples, bounces, brdf, seed, ..Settings::default() };
         let start = Instant::now();
         let passes = render(&scene, &view, None, &settings).expect("a good camera");
         (start.elapsed().as_secs_f64(), passes)
