@@ -81,7 +81,7 @@ fn mitsuba(high: bool) -> Option<(Vec<(String, f64)>, tempfile::TempDir)> {
         return None;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/shade/mitsuba.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/shade/peer.py");
     let mut command = Command::new(&python);
     command.arg(script).arg(folder.path()).arg(par::threads().to_string());
     if high {

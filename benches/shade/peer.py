@@ -1,4 +1,4 @@
-"""The picture of the bench by Mitsuba 3 in LLVM mode: python mitsuba.py OUT_DIR THREADS [high]
+"""The picture of the bench by Mitsuba 3 in LLVM mode: python peer.py OUT_DIR THREADS [high]
 
 Prints one line per integrator: name, samples per second. Writes OUT_DIR/<name>.f32, (512, 512, 3) f32 little endian. With `high`, one
 picture of many samples instead of timing.
