@@ -104,7 +104,8 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     assert!(runs > 2, "it was interrupted {} times", runs - 1);
     assert_eq!(got.digest, want.digest, "digest of the set");
     assert_eq!(tree(&whole), tree(&parts), "same files, same bytes");
-    let again = run(&parts, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {}).expect("nothing to do");
+    let again =
+        run(&parts, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {}).expect("nothing to do");
     assert_eq!((again.rendered, again.digest), (0, want.digest), "a finished set is left alone");
     let other = Settings { samples: 5, ..small() };
     let refused = run(&parts, &other, true, &AtomicBool::new(false), &mut |_, _, _| {});
@@ -185,15 +186,23 @@ fn test_and_egocentric_sets_have_their_splits() {
     let protocol = &json(&object.join("object.json"))["protocol"];
     for order in ["input_sets_random", "input_sets_sequential"] {
         let sets = protocol[order].as_array().expect("sets");
-        assert!(sets.len() == 4 && sets.iter().all(|s| s.as_array().is_some_and(|s| s.len() == 4)), "{order}");
+        assert!(
+            sets.len() == 4 && sets.iter().all(|s| s.as_array().is_some_and(|s| s.len() == 4)),
+            "{order}"
+        );
     }
     let out = dir.path().join("ego");
     let ego = Settings { set: Set::Egocentric, lighting: Lighting::Environment, views: 9, ..tiny };
     make(&out, &ego);
     let capture = read_capture(&out.join("object_00009/environment")).expect("a capture");
     assert_eq!(capture.frames.len(), 9, "moving pictures");
-    assert_eq!(capture.frames.iter().filter(|f| f.split == Split::Test).count(), 1, "every eighth is held out");
-    let fisheye = |f: &lastlight::io::capture::Frame| matches!(f.lens, lastlight::io::capture::Lens::Fisheye { .. });
+    assert_eq!(
+        capture.frames.iter().filter(|f| f.split == Split::Test).count(),
+        1,
+        "every eighth is held out"
+    );
+    let fisheye =
+        |f: &lastlight::io::capture::Frame| matches!(f.lens, lastlight::io::capture::Lens::Fisheye { .. });
     assert!(capture.frames.iter().all(fisheye), "a fisheye");
 }
 
