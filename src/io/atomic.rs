@@ -13,8 +13,8 @@ pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>)
     put(path, f, true)
 }
 
-/// Like [`write_bytes`], but the system brings the file to disk in its own time: many small files are written twenty times as
-/// fast. The end of the program at any moment leaves a whole file or none; a power cut may leave an empty one, so this is for
+/// Like [`write_bytes`], but the system brings the file to disk in its own time, so that many small files are written
+/// quickly. The end of the program at any moment leaves a whole file or none; a power cut may leave an empty one, so this is for
 /// files whose digest is checked before they are relied on.
 ///
 /// # Errors
