@@ -65,5 +65,6 @@ pub mod ops;
 pub mod optim;
 pub mod oracle;
 pub mod scene;
+pub mod shade;
 pub mod splat;
 pub mod tape;

@@ -6,3 +6,4 @@
 //! ```
 
 pub mod bvh;
+mod triangle;

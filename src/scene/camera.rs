@@ -2,6 +2,7 @@
 //!
 //! Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5). The world is right-handed.
 
+use crate::num::elem;
 use crate::{Error, Result};
 
 /// How a point in camera coordinates reaches the picture.
@@ -65,6 +66,42 @@ impl Camera {
     pub fn center(&self) -> [f32; 3] {
         let (r, t) = (&self.rotation, &self.translation);
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
+    }
+
+    /// The ray through a place of the picture, in pixels: origin and unit direction in the world. `None` outside the circle that a
+    /// fisheye sees (θ > π). Orthographic rays start in the plane of the camera.
+    ///
+    /// # Rounding
+    /// f32; sums of three are (x + y) + z; the direction is divided by its length. θ < 1e-4 takes sin θ/θ = 1, exact in f32.
+    #[inline]
+    pub fn ray(&self, px: [f32; 2]) -> Option<([f32; 3], [f32; 3])> {
+        let m: [f32; 2] = std::array::from_fn(|k| (px[k] - self.center_px[k]) / self.focal_px[k]);
+        let local = match self.model {
+            Model::Pinhole => [m[0], m[1], 1.0],
+            Model::Orthographic => [0.0, 0.0, 1.0],
+            Model::Fisheye => {
+                let theta = (m[0] * m[0] + m[1] * m[1]).sqrt();
+                if !(theta <= std::f32::consts::PI) {
+                    return None;
+                }
+                let ratio = if theta < 1e-4 { 1.0 } else { elem::sin(theta) / theta };
+                [ratio * m[0], ratio * m[1], elem::cos(theta)]
+            }
+        };
+        let r = &self.rotation;
+        let turn = |d: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|i| (r[0][i] * d[0] + r[1][i] * d[1]) + r[2][i] * d[2])
+        };
+        let d = turn(local);
+        let length = ((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]).sqrt();
+        let origin = match self.model {
+            Model::Pinhole | Model::Fisheye => self.center(),
+            Model::Orthographic => {
+                let t = &self.translation;
+                turn([m[0] - t[0], m[1] - t[1], -t[2]])
+            }
+        };
+        Some((origin, d.map(|x| x / length)))
     }
 
     /// The pose between this one (`t` = 0) and another (`t` = 1): the centre moves on a straight line, the rotation is the

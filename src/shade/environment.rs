@@ -1,0 +1,360 @@
+//! An environment map as a light: radiance of a direction, directions drawn by brightness, their density.
+//!
+//! ```text
+//! L(d)     bilinear between texel centres; columns wrap; between the first or last row and the pole, linear to the mean of that row
+//! Δω_row   = (2π/W)(cos θ_top − cos θ_bottom)
+//! p(d)     = w/(Δω Σ w),   w = Δω · luminance of L averaged over the texel in (u, v)
+//! ```
+//!
+//! Inside a texel directions are uniform in solid angle: the azimuth is, and so is cos θ, which never reaches a pole because no uniform
+//! is 0 or 1. w covers every texel into which L reaches, so nothing bright has density 0. A black map has no table: no light is
+//! drawn from it and its density is 0, so nothing is ever divided by Σ w = 0.
+//!
+//! # Rounding
+//! Weights, solid angles and the table are made in f64; radiance, directions and densities are f32. Near a pole the sampler works in
+//! 1 − |cos θ|, the look-up in atan2(√(x²+y²), z), so neither loses the angle.
+
+use super::vector::dot;
+use crate::num::elem;
+use crate::num::lanes::{Real, f32x8};
+use crate::num::order;
+use crate::scene::light::Environment;
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+/// Weights of linear RGB in luminance (Rec. 709).
+pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
+
+/// Solid angle of every row's texels, and cos θ of the rows' edges (H + 1).
+pub fn solid_angles(width: usize, height: usize) -> (Vec<f64>, Vec<f64>) {
+    let edges: Vec<f64> = (0..=height)
+        .map(|i| {
+            // sin of the distance from the equator: exact at the equator and symmetric about it
+            let from_equator = (height as f64 - 2.0 * i as f64) / (2.0 * height as f64);
+            libm::sin(std::f64::consts::PI * from_equator)
+        })
+        .collect();
+    let column = std::f64::consts::TAU / width as f64;
+    (edges.windows(2).map(|e| column * (e[0] - e[1])).collect(), edges)
+}
+
+/// Direction of the centre of texel (`row`, `column`), rounded once.
+pub fn texel_center(width: usize, height: usize, row: usize, column: usize) -> [f32; 3] {
+    let theta = std::f64::consts::PI * (row as f64 + 0.5) / height as f64;
+    let azimuth = std::f64::consts::TAU * ((column as f64 + 0.5) / width as f64 - 0.5);
+    let (sin, cos) = (libm::sin(theta), libm::cos(theta));
+    [(sin * libm::sin(azimuth)) as f32, (sin * libm::cos(azimuth)) as f32, cos as f32]
+}
+
+/// One edge of a row: 1 − |cos θ| and the half it lies in.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    /// 1 − |cos θ| of the edge nearer to the pole, and of the other
+    versine: [f32; 2],
+    /// 1 in the upper half, −1 in the lower
+    half: f32,
+}
+
+/// One entry of the alias table (Walker 1977; Vose 1991).
+#[derive(Clone, Copy, Debug)]
+struct Alias {
+    /// The entry's own texel is taken when the fraction is below this.
+    own: f64,
+    /// Else this one.
+    other: u32,
+}
+
+/// How directions are drawn; absent for a black map.
+#[derive(Clone, Debug)]
+struct Table {
+    /// (H·W)
+    alias: Vec<Alias>,
+    /// (H·W) density of the texel per steradian
+    density: Vec<f32>,
+    /// (H)
+    rows: Vec<Row>,
+}
+
+/// An environment map made ready.
+#[derive(Clone, Debug)]
+pub struct Sky {
+    width: usize,
+    height: usize,
+    /// (H·W)
+    radiance: Vec<[f32; 3]>,
+    /// radiance of the poles, top and bottom
+    poles: [[f32; 3]; 2],
+    /// its one value, if it has only one
+    constant: Option<[f32; 3]>,
+    table: Option<Table>,
+}
+
+/// A direction drawn from a map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Drawn {
+    /// unit, towards the light
+    pub towards: [f32; 3],
+    /// per steradian
+    pub density: f32,
+    /// index of the texel
+    pub texel: usize,
+}
+
+impl Sky {
+    /// Makes tables; the map has passed its own validation.
+    pub fn new(map: &Environment) -> Self {
+        let (w, h) = (map.width, map.height);
+        let mean = |row: usize| -> [f32; 3] {
+            std::array::from_fn(|c| {
+                let sum = (0..w).fold(0.0, |s: f64, j| s + f64::from(map.radiance[row * w + j][c]));
+                (sum / w as f64) as f32
+            })
+        };
+        let constant = map.radiance.iter().all(|t| *t == map.radiance[0]).then_some(map.radiance[0]);
+        let poles = constant.map_or_else(|| [mean(0), mean(h - 1)], |c| [c, c]);
+        let mut sky =
+            Self { width: w, height: h, radiance: map.radiance.clone(), poles, constant, table: None };
+        sky.table = sky.table();
+        sky
+    }
+
+    fn table(&self) -> Option<Table> {
+        let (w, h) = (self.width, self.height);
+        let (omega, edges) = solid_angles(w, h);
+        let luminance = |t: [f32; 3]| {
+            let t = t.map(f64::from);
+            let k = LUMINANCE.map(f64::from);
+            (k[0] * t[0] + k[1] * t[1]) + k[2] * t[2]
+        };
+        let lum: Vec<f64> = self.radiance.iter().map(|t| luminance(*t)).collect();
+        // means over texels: ⅛, ¾, ⅛ across; down likewise, or ¼ pole where there is no further row
+        let across: Vec<f64> = (0..h * w)
+            .map(|i| {
+                let (row, j) = (i / w * w, i % w);
+                0.125 * (lum[row + (j + w - 1) % w] + lum[row + (j + 1) % w]) + 0.75 * lum[i]
+            })
+            .collect();
+        let poles = self.poles.map(luminance);
+        let weights: Vec<f64> = (0..h * w)
+            .map(|i| {
+                let up = if i < w {
+                    0.25 * poles[0] + 0.25 * across[i]
+                } else {
+                    0.125 * across[i - w] + 0.375 * across[i]
+                };
+                let down = if i + w >= h * w {
+                    0.25 * poles[1] + 0.25 * across[i]
+                } else {
+                    0.125 * across[i + w] + 0.375 * across[i]
+                };
+                (up + down) * omega[i / w]
+            })
+            .collect();
+        let total = crate::num::sum::sum16_f64(&weights);
+        if !(total > 0.0) {
+            return None;
+        }
+        let density = match self.constant {
+            Some(_) => vec![0.25 * FRAC_1_PI; h * w],
+            None => weights.iter().enumerate().map(|(i, x)| (x / total / omega[i / w]) as f32).collect(),
+        };
+        let rows = edges
+            .windows(2)
+            .map(|e| {
+                let upper = e[0] + e[1] >= 0.0;
+                // a row across the equator counts from the upper pole
+                let versine = if upper { [1.0 - e[0], 1.0 - e[1]] } else { [1.0 + e[1], 1.0 + e[0]] };
+                Row { versine: versine.map(|x| x as f32), half: if upper { 1.0 } else { -1.0 } }
+            })
+            .collect();
+        Some(Table { alias: alias(&weights, total), density, rows })
+    }
+
+    /// Whether nothing can be drawn from it.
+    pub fn is_black(&self) -> bool {
+        self.table.is_none()
+    }
+
+    /// Texels across and down.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// Place of directions in the map: columns and rows from 0 to W and H.
+    #[inline(always)]
+    fn place<L: Real>(&self, d: [L; 3]) -> [L; 2] {
+        let s = L::splat;
+        let azimuth = elem::atan2(d[0], d[1]);
+        let polar = elem::atan2((d[0] * d[0] + d[1] * d[1]).sqrt(), d[2]);
+        [
+            (azimuth * s(0.5 * FRAC_1_PI) + s(0.5)) * s(self.width as f32),
+            polar * s(FRAC_1_PI) * s(self.height as f32),
+        ]
+    }
+
+    /// Bilinear radiance at a place.
+    #[inline(always)]
+    fn at(&self, x: f32, y: f32) -> [f32; 3] {
+        let (w, h) = (self.width as i64, self.height as i64);
+        let (x, y) = (x - 0.5, y - 0.5);
+        let low = x.floor();
+        let fx = x - low;
+        let j = low as i64;
+        let [j0, j1] = [j, j + 1].map(|j| if j < 0 { j + w } else if j >= w { j - w } else { j } as usize);
+        let row = |i: i64| -> [f32; 3] {
+            if i < 0 {
+                return self.poles[0];
+            }
+            if i >= h {
+                return self.poles[1];
+            }
+            let line = &self.radiance[i as usize * self.width..][..self.width];
+            let (a, b) = (line[j0], line[j1]);
+            std::array::from_fn(|c| a[c] + fx * (b[c] - a[c]))
+        };
+        let i = y.floor() as i64;
+        let mut fy = y - y.floor();
+        // half a texel from a row to its pole
+        if i < 0 {
+            fy = order::max(2.0 * fy - 1.0, 0.0);
+        } else if i >= h - 1 {
+            fy = order::min(2.0 * fy, 1.0);
+        }
+        let (a, b) = (row(i), row(i + 1));
+        std::array::from_fn(|c| a[c] + fy * (b[c] - a[c]))
+    }
+
+    /// Texel of a place.
+    #[inline(always)]
+    fn texel(&self, x: f32, y: f32) -> usize {
+        let j = order::min(x as usize, self.width - 1);
+        let i = order::min(y as usize, self.height - 1);
+        i * self.width + j
+    }
+
+    /// Radiance from the unit direction `towards`.
+    pub fn radiance(&self, towards: [f32; 3]) -> [f32; 3] {
+        match self.constant {
+            Some(c) => c,
+            None => {
+                let [x, y] = self.place(towards);
+                self.at(x, y)
+            }
+        }
+    }
+
+    /// Density per steradian with which [`Self::draw`] gives the unit direction `towards`; 0 for a black map.
+    pub fn density(&self, towards: [f32; 3]) -> f32 {
+        let Some(table) = &self.table else { return 0.0 };
+        let [x, y] = self.place(towards);
+        table.density[self.texel(x, y)]
+    }
+
+    /// The texel a unit direction falls into.
+    pub fn texel_of(&self, towards: [f32; 3]) -> usize {
+        let [x, y] = self.place(towards);
+        self.texel(x, y)
+    }
+
+    /// Radiance and density of eight directions; the bits of [`Self::radiance`] and [`Self::density`].
+    #[inline]
+    pub fn look8(&self, towards: [f32x8; 3]) -> ([f32x8; 3], f32x8) {
+        if let Some(c) = self.constant {
+            let density = self.table.as_ref().map_or(0.0, |t| t.density[0]); // one for all texels
+            return (c.map(f32x8::splat), f32x8::splat(density));
+        }
+        let [x, y] = self.place(towards).map(f32x8::to_array);
+        let mut radiance = [[0.0; 8]; 3];
+        let mut density = [0.0; 8];
+        for l in 0..8 {
+            let r = self.at(x[l], y[l]);
+            for c in 0..3 {
+                radiance[c][l] = r[c];
+            }
+            if let Some(table) = &self.table {
+                density[l] = table.density[self.texel(x[l], y[l])];
+            }
+        }
+        (radiance.map(f32x8::new), f32x8::new(density))
+    }
+
+    /// Texel chosen by a 64-bit word, for [`Self::draw8`].
+    #[inline]
+    fn choose(&self, table: &Table, word: u64) -> usize {
+        let wide = u128::from(word) * table.alias.len() as u128;
+        let (i, rest) = ((wide >> 64) as usize, wide as u64);
+        let entry = table.alias[i];
+        let fraction = (rest >> 12) as f64 * (1.0 / 4_503_599_627_370_496.0);
+        if fraction < entry.own { i } else { entry.other as usize }
+    }
+
+    /// A direction from a word and two uniforms; `None` for a black map.
+    pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<Drawn> {
+        let table = self.table.as_ref()?;
+        let texel = self.choose(table, word);
+        let (turn, versine, half) = self.inside(table, texel, u);
+        Some(Drawn { towards: direction(turn, versine, half), density: table.density[texel], texel })
+    }
+
+    /// Eight directions and densities; the bits of [`Self::draw`]. `None` for a black map.
+    #[inline]
+    pub fn draw8(&self, words: &[u64; 8], u: [&[f32; 8]; 2]) -> Option<([f32x8; 3], f32x8)> {
+        let table = self.table.as_ref()?;
+        let (mut turn, mut versine, mut half, mut density) = ([0.0; 8], [0.0; 8], [0.0; 8], [0.0; 8]);
+        for l in 0..8 {
+            let texel = self.choose(table, words[l]);
+            (turn[l], versine[l], half[l]) = self.inside(table, texel, [u[0][l], u[1][l]]);
+            density[l] = table.density[texel];
+        }
+        let [turn, versine, half, density] = [turn, versine, half, density].map(f32x8::new);
+        Some((direction(turn, versine, half), density))
+    }
+
+    /// Azimuth in turns from −½, 1 − |cos θ|, and the half, of a point of a texel.
+    #[inline(always)]
+    fn inside(&self, table: &Table, texel: usize, u: [f32; 2]) -> (f32, f32, f32) {
+        let (i, j) = (texel / self.width, texel % self.width);
+        let row = table.rows[i];
+        let turn = (j as f32 + u[0]) / self.width as f32 - 0.5;
+        (turn, row.versine[0] + u[1] * (row.versine[1] - row.versine[0]), row.half)
+    }
+}
+
+/// Unit vector of an azimuth in turns and 1 − |cos θ|. Beyond the equator the versine exceeds 1, which is where cos θ changes sign.
+#[inline(always)]
+fn direction<L: Real>(turn: L, versine: L, half: L) -> [L; 3] {
+    let s = L::splat;
+    let sin = (versine * (s(2.0) - versine)).max(s(0.0)).sqrt();
+    let azimuth = turn * s(TAU);
+    [sin * elem::sin(azimuth), sin * elem::cos(azimuth), half * (s(1.0) - versine)]
+}
+
+/// Luminance of linear RGB.
+#[inline(always)]
+pub fn luminance<L: Real>(c: [L; 3]) -> L {
+    dot(c, LUMINANCE.map(L::splat))
+}
+
+/// Alias table of weights with a positive total, in index order (Vose 1991 with stacks read from the end).
+fn alias(weights: &[f64], total: f64) -> Vec<Alias> {
+    let n = weights.len();
+    let mut share: Vec<f64> = weights.iter().map(|w| w / total * n as f64).collect();
+    let mut table: Vec<Alias> = (0..n).map(|i| Alias { own: 1.0, other: i as u32 }).collect();
+    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..n).partition(|&i| share[i] < 1.0);
+    while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
+        small.pop();
+        table[s] = Alias { own: share[s], other: l as u32 };
+        share[l] = share[l] - (1.0 - share[s]);
+        if share[l] < 1.0 {
+            large.pop();
+            small.push(l);
+        }
+    }
+    // What is left differs from 1 by rounding only; it keeps own = 1, unless its weight is zero.
+    for i in small {
+        if weights[i] == 0.0 {
+            let other = weights.iter().position(|w| *w > 0.0).unwrap_or(0);
+            table[i] = Alias { own: 0.0, other: other as u32 };
+        }
+    }
+    table
+}
