@@ -3,6 +3,7 @@
 //! ```text
 //! main ──► dispatch ──► demo      fit, evaluate and render a built-in scene
 //!                       splat     fit | render | eval on captures and scene files
+//!                       last      gen: data with known causes
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
 //!                       convert   between scene files                       doctor      is this machine set up
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
@@ -17,6 +18,7 @@ mod convert;
 mod demo;
 mod doctor;
 pub mod gradcheck;
+mod last;
 mod meter;
 pub mod oracle;
 mod report;
@@ -60,6 +62,9 @@ enum Command {
     /// Gaussian splatting of a static capture: fit, render, evaluate
     #[command(subcommand)]
     Splat(splat::Command),
+    /// A person from a video, guided by a learned causal structure
+    #[command(subcommand)]
+    Last(last::Command),
     /// Run operators on your arrays, compare arrays, make golden files
     Oracle(oracle::Args),
     /// Check gradients: of our operators, or of somebody else's program
@@ -120,6 +125,7 @@ fn dispatch(command: Command) -> Result<()> {
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Splat(command) => splat::run(&command),
+        Command::Last(command) => last::run(&command),
         Command::Oracle(args) => oracle::run(args),
         Command::Gradcheck(args) => gradcheck::run(args),
         Command::Convert(args) => convert::run(&args),
