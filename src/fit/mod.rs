@@ -7,6 +7,7 @@
 //!           └────► optim                          Adam rows, learning rates, density control
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
+//! last, lirm, cli ──► passes                      ray-traced pictures with their passes, on disk as a capture
 //! ```
 //!
 //! Fits return records and tell a [`training::Watch`] how far they are; printing and reports are the business of `cli`.
@@ -15,6 +16,7 @@
 pub mod built_in;
 pub mod evaluate;
 pub mod frames;
+pub mod passes;
 pub mod render;
 pub mod seeds;
 pub mod splat;

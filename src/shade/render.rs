@@ -70,11 +70,14 @@ pub struct Settings {
     pub seed: u64,
     /// how surfaces reflect
     pub brdf: Brdf,
+    /// whether the environment is seen behind the object; else the background is black, and colour is that of the object
+    /// times its coverage
+    pub environment_visible: bool,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { samples: 64, bounces: 1, seed: 0, brdf: Brdf::default() }
+        Self { samples: 64, bounces: 1, seed: 0, brdf: Brdf::default(), environment_visible: true }
     }
 }
 
@@ -85,7 +88,7 @@ pub struct Passes {
     pub width: usize,
     /// pixels down
     pub height: usize,
-    /// linear radiance; the background is the environment
+    /// linear radiance; the background is the environment, if that is visible
     pub color: Vec<[f32; 3]>,
     /// share of the samples that meet a surface
     pub alpha: Vec<f32>,
@@ -447,7 +450,7 @@ impl Job<'_> {
         for (k, hit) in work.hits.iter().enumerate() {
             if hit.triangle != MISS {
                 work.met.push(k as u32);
-            } else if scene.sky.is_some() {
+            } else if scene.sky.is_some() && (vertex > 0 || self.settings.environment_visible) {
                 missed[waiting] = k as u32;
                 waiting += 1;
                 if waiting == 8 {

@@ -1,0 +1,324 @@
+//! Ray-traced pictures with their passes, on disk as a capture that can be interrupted and continued.
+//!
+//! ```text
+//! DIR/images/NAME.png       photograph: radiance × exposure, sRGB-encoded; with Style::transparent RGBA, straight alpha
+//!     foreground/NAME.png   coverage of the object, 8 bits, linear
+//!     radiance/NAME.exr     R G B linear, before exposure
+//!     depth/NAME.exr        Z     camera depth of the pixel's centre, scene units, 0 where nothing is hit
+//!     normal/NAME.exr       X Y Z world, unit, 0 where nothing is hit
+//!     albedo/NAME.png       sRGB-encoded base colour
+//!     material/NAME.png     R metallic, G roughness, B 0, linear
+//!     transforms.json       cameras, paths and digests; one file per split if there are splits
+//! ```
+//!
+//! `transforms.json` is that of nerfstudio with further keys: `foreground_path`, `radiance_path`, `depth_path`, `normal_path`,
+//! `albedo_path`, `material_path`, `exposure`, for a moving camera `transform_matrix_open` and `_close` (`transform_matrix`
+//! lies half-way), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
+//!
+//! While the set is being made, each finished picture has a record in `DIR/.shots/`. It is written after its files, so a
+//! picture with a record is whole; a continued run makes only the others. [`Recorder::finish`] gathers the records into
+//! `transforms*.json` and removes them. Bytes depend on neither the number of threads nor on interruptions.
+
+use super::frames;
+use crate::io::capture::Split;
+use crate::io::{atomic, image_file};
+use crate::num::bits::Digest;
+use crate::scene::camera::Camera;
+use crate::shade::render::Passes;
+use crate::shade::tonemap;
+use crate::{Error, Result};
+use serde_json::{Map, Value, json};
+use std::path::{Path, PathBuf};
+
+/// Folder of the records of finished pictures.
+const JOURNAL: &str = ".shots";
+
+/// One picture to be made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Shot {
+    /// Without extension and folders: ASCII letters, digits, `_`, `-`, `.`.
+    pub name: String,
+    /// From where, when the shutter opens.
+    pub camera: Camera,
+    /// From where when it closes; absent: the camera rests.
+    pub shutter_close: Option<Camera>,
+    /// What the picture is for.
+    pub split: Split,
+    /// Further keys of its frame.
+    pub extra: Map<String, Value>,
+}
+
+/// How radiance becomes a photograph.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Style {
+    /// Factor before the sRGB transfer function.
+    pub exposure: f32,
+    /// The photograph gets an alpha channel; its colour is that of the object alone.
+    pub transparent: bool,
+    /// Whether everything but the photograph and the foreground is written.
+    pub passes: bool,
+}
+
+/// A capture being written.
+#[derive(Debug)]
+pub struct Recorder {
+    dir: PathBuf,
+    header: Map<String, Value>,
+    done: Vec<(String, Value)>,
+}
+
+impl Recorder {
+    /// Opens the folder, making it if need be; with `resume`, takes over what an earlier run with the same header left.
+    /// `header` becomes the top of every `transforms*.json`.
+    ///
+    /// # Errors
+    /// When the folder cannot be made, or holds the records of a run with another header.
+    pub fn open(dir: &Path, header: Map<String, Value>, resume: bool) -> Result<Self> {
+        let journal = dir.join(JOURNAL);
+        let mark = journal.join("header.json");
+        let mut recorder = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
+        let text = format!("{:#}\n", Value::Object(recorder.header.clone()));
+        if resume && mark.is_file() {
+            let old = std::fs::read_to_string(&mark).map_err(|e| Error::os(&mark, &e))?;
+            if old != text {
+                return Err(Error::input("--resume")
+                    .at(dir.display().to_string())
+                    .expected("a set that was begun with the same settings")
+                    .got("one with others")
+                    .hint("choose another folder, or repeat the settings it was begun with"));
+            }
+            return Ok(recorder);
+        }
+        if resume && let Some(frames) = recorder.finished()? {
+            recorder.done = frames;
+            return Ok(recorder);
+        }
+        if journal.is_dir() {
+            std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+        }
+        std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+        atomic::write_bytes(&mark, text.as_bytes())?;
+        Ok(recorder)
+    }
+
+    /// The frames of a finished set with this header, by name; `None` if there is none.
+    fn finished(&self) -> Result<Option<Vec<(String, Value)>>> {
+        let mut out = Vec::new();
+        for (file, _) in SPLITS {
+            let path = self.dir.join(file);
+            if !path.is_file() {
+                continue;
+            }
+            let mut value = read_json(&path)?;
+            let frames = value.as_object_mut().and_then(|top| top.remove("frames"));
+            if let Some(top) = value.as_object_mut() {
+                top.remove("camera_model");
+            }
+            if value.as_object() != Some(&self.header) {
+                return Err(Error::input("--resume")
+                    .at(path.display().to_string())
+                    .expected("a set made with the same settings")
+                    .got("one with others"));
+            }
+            for mut frame in frames.and_then(|f| f.as_array().cloned()).unwrap_or_default() {
+                // Where a frame was filed says what it was for.
+                frame["split"] = json!(file);
+                if let Some(name) = frame.get("file_path").and_then(Value::as_str) {
+                    let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+                    out.push((name, frame));
+                }
+            }
+        }
+        Ok((!out.is_empty()).then_some(out))
+    }
+
+    /// Whether this picture is on disk and whole: its record is there and every file has the digest it had.
+    ///
+    /// # Errors
+    /// When a record is there but cannot be read.
+    pub fn has(&self, shot: &Shot) -> Result<bool> {
+        let frame = match self.done.iter().find(|(name, _)| *name == shot.name) {
+            Some((_, frame)) => frame.clone(),
+            None => {
+                let record = self.record(&shot.name);
+                if !record.is_file() {
+                    return Ok(false);
+                }
+                read_json(&record)?
+            }
+        };
+        let Some(digests) = frame.get("digests").and_then(Value::as_object) else { return Ok(false) };
+        let whole = |(file, digest): (&String, &Value)| {
+            std::fs::read(self.dir.join(file)).is_ok_and(|bytes| digest.as_str() == Some(&*hex(&bytes)))
+        };
+        Ok(!digests.is_empty() && digests.iter().all(whole))
+    }
+
+    fn record(&self, name: &str) -> PathBuf {
+        self.dir.join(JOURNAL).join(format!("{name}.json"))
+    }
+
+    /// Writes the files of a picture, then its record.
+    ///
+    /// # Errors
+    /// When the name is not a plain file name, the sizes do not agree, or a file cannot be written.
+    pub fn put(&mut self, shot: &Shot, passes: &Passes, style: &Style) -> Result<()> {
+        let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+        if shot.name.is_empty() || shot.name.starts_with('.') || !shot.name.chars().all(plain) {
+            return Err(Error::input("picture name")
+                .expected("ASCII letters, digits, '_', '-' or '.', not beginning with '.'")
+                .got(format!("'{}'", shot.name)));
+        }
+        let middle = match &shot.shutter_close {
+            None => shot.camera.clone(),
+            Some(close) => shot.camera.between(close, 0.5),
+        };
+        let photograph = format!("images/{}.png", shot.name);
+        let mut frame = frames::frame(&photograph, &middle);
+        let mut digests = Map::new();
+        for (key, file, bytes) in self.files(shot, passes, style)? {
+            let path = self.dir.join(&file);
+            let folder = path.parent().unwrap_or(&self.dir);
+            std::fs::create_dir_all(folder).map_err(|e| Error::os(folder, &e))?;
+            atomic::write_bytes(&path, &bytes)?;
+            digests.insert(file.clone(), json!(hex(&bytes)));
+            frame[key] = json!(file);
+        }
+        frame["exposure"] = json!(f64::from(style.exposure));
+        if let Some(close) = &shot.shutter_close {
+            frame["transform_matrix_open"] = frames::world_from_camera(&shot.camera);
+            frame["transform_matrix_close"] = frames::world_from_camera(close);
+        }
+        for (key, value) in &shot.extra {
+            frame[key] = value.clone();
+        }
+        frame["digests"] = Value::Object(digests);
+        frame["split"] = json!(file_of(shot.split));
+        frame["camera_model"] = json!(frames::model_name(middle.model));
+        atomic::write_bytes(&self.record(&shot.name), format!("{frame:#}\n").as_bytes())
+    }
+
+    /// Key, path and bytes of every file of a picture.
+    fn files(&self, shot: &Shot, p: &Passes, style: &Style) -> Result<Vec<(&'static str, String, Vec<u8>)>> {
+        let (w, h) = (p.width, p.height);
+        if p.color.len() != w * h || (w, h) != (shot.camera.width, shot.camera.height) {
+            return Err(Error::input(format!("picture '{}'", shot.name))
+                .expected(format!("{}x{} pixels", shot.camera.width, shot.camera.height))
+                .got(format!("{w}x{h}")));
+        }
+        let path = |folder: &str, extension: &str| format!("{folder}/{}.{extension}", shot.name);
+        let coverage = image_file::to_u8(&p.alpha)?;
+        let photograph = if style.transparent {
+            let rgb = tonemap::srgb_u8(&straight(p), style.exposure);
+            let rgba: Vec<u8> =
+                rgb.chunks_exact(3).zip(&coverage).flat_map(|(c, &a)| [c[0], c[1], c[2], a]).collect();
+            image_file::png_bytes(w, h, 4, &rgba)?
+        } else {
+            image_file::png_bytes(w, h, 3, &tonemap::srgb_u8(&p.color, style.exposure))?
+        };
+        let mut out = vec![
+            ("file_path", path("images", "png"), photograph),
+            ("foreground_path", path("foreground", "png"), image_file::png_bytes(w, h, 1, &coverage)?),
+        ];
+        if style.passes {
+            let exr = |channels: &[&str], data: &[f32]| image_file::exr_bytes(w, h, channels, data);
+            out.push((
+                "radiance_path",
+                path("radiance", "exr"),
+                exr(&["R", "G", "B"], p.color.as_flattened())?,
+            ));
+            out.push(("depth_path", path("depth", "exr"), exr(&["Z"], &p.depth_z)?));
+            out.push(("normal_path", path("normal", "exr"), exr(&["X", "Y", "Z"], p.normal.as_flattened())?));
+            let albedo = tonemap::srgb_u8(&p.albedo, 1.0);
+            out.push(("albedo_path", path("albedo", "png"), image_file::png_bytes(w, h, 3, &albedo)?));
+            let packed: Vec<f32> =
+                p.metallic.iter().zip(&p.roughness).flat_map(|(&m, &r)| [m, r, 0.0]).collect();
+            let packed = image_file::to_u8(&packed)?;
+            out.push(("material_path", path("material", "png"), image_file::png_bytes(w, h, 3, &packed)?));
+        }
+        Ok(out)
+    }
+
+    /// Writes `transforms*.json` from the records and removes them. `order` names every picture of the set.
+    /// Returns the digest of the set: of the digests of its files and the text of its cameras, in order.
+    ///
+    /// # Errors
+    /// When a picture is missing or a file cannot be written.
+    pub fn finish(self, order: &[Shot]) -> Result<u64> {
+        let mut digest = Digest::new();
+        let mut groups: Vec<(&str, Vec<Value>, Value)> = Vec::new();
+        for shot in order {
+            let mut frame = match self.done.iter().find(|(name, _)| *name == shot.name) {
+                Some((_, frame)) => frame.clone(),
+                None => read_json(&self.record(&shot.name))?,
+            };
+            let top = frame.as_object_mut().ok_or_else(|| {
+                Error::input(self.record(&shot.name).display().to_string())
+                    .expected("an object")
+                    .got("something else")
+            })?;
+            top.remove("split");
+            let model =
+                top.remove("camera_model").unwrap_or_else(|| json!(frames::model_name(shot.camera.model)));
+            let file = file_of(shot.split);
+            digest.bytes(format!("{file} {frame:#}").as_bytes());
+            match groups.iter_mut().find(|g| g.0 == file) {
+                Some(group) => {
+                    if group.2 != model {
+                        return Err(Error::input("capture")
+                            .at(format!("picture '{}'", shot.name))
+                            .expected("one camera model per file")
+                            .got(format!("{} and {model}", group.2)));
+                    }
+                    group.1.push(frame);
+                }
+                None => groups.push((file, vec![frame], model)),
+            }
+        }
+        for (file, list, model) in groups {
+            let mut top = self.header.clone();
+            top.insert("camera_model".into(), model);
+            top.insert("frames".into(), Value::Array(list));
+            atomic::write_bytes(&self.dir.join(file), format!("{:#}\n", Value::Object(top)).as_bytes())?;
+        }
+        let journal = self.dir.join(JOURNAL);
+        if journal.is_dir() {
+            std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+        }
+        Ok(digest.value())
+    }
+}
+
+/// Files and what they hold.
+const SPLITS: [(&str, Split); 4] = [
+    ("transforms.json", Split::Unknown),
+    ("transforms_train.json", Split::Train),
+    ("transforms_val.json", Split::Val),
+    ("transforms_test.json", Split::Test),
+];
+
+fn file_of(split: Split) -> &'static str {
+    SPLITS.iter().find(|(_, s)| *s == split).map_or(SPLITS[0].0, |(file, _)| file)
+}
+
+/// Colour of the object alone: the sum over covered samples divided by the coverage; black where there is none.
+fn straight(p: &Passes) -> Vec<[f32; 3]> {
+    let unmix = |(c, &a): (&[f32; 3], &f32)| if a > 0.0 { c.map(|x| x / a) } else { [0.0; 3] };
+    p.color.iter().zip(&p.alpha).map(unmix).collect()
+}
+
+fn hex(bytes: &[u8]) -> String {
+    let mut d = Digest::new();
+    d.bytes(bytes);
+    format!("{:016x}", d.value())
+}
+
+fn read_json(path: &Path) -> Result<Value> {
+    let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
+    serde_json::from_slice(&bytes).map_err(|e| {
+        Error::input(path.display().to_string())
+            .at(format!("line {}, column {}", e.line(), e.column()))
+            .expected("JSON")
+            .got(e.to_string())
+    })
+}
