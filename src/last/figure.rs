@@ -9,6 +9,7 @@ use crate::io::image_file;
 use crate::scene::camera::Camera;
 use crate::scene::from_data_gen;
 use crate::scene::light::{Environment, Lamp, Lights};
+use crate::scene::material::Material;
 use crate::scene::mesh::Object;
 use crate::shade::render::{self, Passes, Scene};
 use crate::shade::tonemap;
@@ -82,7 +83,6 @@ pub struct Points {
 
 impl From<&Cloud> for Points {
     fn from(cloud: &Cloud) -> Self {
-        let single = |x: &[f64; 3]| x.map(|x| x as f32);
         Self {
             points: cloud.points.iter().map(single).collect(),
             rgb: cloud.rgb.iter().map(single).collect(),
@@ -178,9 +178,54 @@ pub fn lights(azimuth: f64) -> Lights {
     Lights { environment: Some(sky()), lamps: vec![Lamp::Distant { towards, irradiance }] }
 }
 
-/// The person as an object under the factors.
-pub fn object(figure: &Figure, drive: &Drive) -> Object {
-    from_data_gen::object(&figure.surfaces(drive))
+/// A person with the surfaces of its look, ready to be posed.
+#[derive(Debug)]
+pub struct Dressed {
+    figure: Figure,
+    /// At rest; its materials are those without a turn of the hue.
+    rest: Object,
+}
+
+impl Dressed {
+    /// The person of a look.
+    pub fn new(appearance: &Appearance) -> Self {
+        let figure = Figure::new(appearance);
+        let mut rest = Object { materials: materials(&figure, &Drive::new(&[])), ..Object::default() };
+        for part in &figure.parts {
+            let first = rest.mesh.positions.len() as u32;
+            rest.mesh.positions.extend(part.positions.iter().map(single));
+            rest.mesh.normals.extend(part.normals.iter().map(single));
+            rest.mesh.uvs.extend(part.uvs.iter().map(|t| t.map(|x| x as f32)));
+            rest.mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + first)));
+            rest.material_of.resize(rest.mesh.triangles.len(), part.material as u16);
+        }
+        Self { figure, rest }
+    }
+
+    /// The person as an object under the factors.
+    pub fn object(&self, drive: &Drive) -> Object {
+        let mut object = self.rest.clone();
+        let mesh = &mut object.mesh;
+        let posed = self.figure.posed(drive);
+        for (to, x) in mesh.positions.iter_mut().zip(posed.iter().flat_map(|part| &part.positions)) {
+            *to = single(x);
+        }
+        for (to, n) in mesh.normals.iter_mut().zip(posed.iter().flat_map(|part| &part.normals)) {
+            *to = single(n);
+        }
+        if drive.hue != 0.0 {
+            object.materials = materials(&self.figure, drive);
+        }
+        object
+    }
+}
+
+fn single(x: &[f64; 3]) -> [f32; 3] {
+    x.map(|x| x as f32)
+}
+
+fn materials(figure: &Figure, drive: &Drive) -> Vec<Material> {
+    figure.materials(drive).iter().map(from_data_gen::material).collect()
 }
 
 /// Passes of an object before black: what the sky adds behind it is taken out of the colour.
@@ -212,8 +257,8 @@ pub fn passes(
 ///
 /// # Errors
 /// When the camera is not valid.
-pub fn photo(figure: &Figure, drive: &Drive, camera: &Camera, settings: &render::Settings) -> Result<Photo> {
-    let object = object(figure, drive);
+pub fn photo(person: &Dressed, drive: &Drive, camera: &Camera, settings: &render::Settings) -> Result<Photo> {
+    let object = person.object(drive);
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
     let passes = passes(&object, &bvh, &lights(drive.light_azimuth), camera, settings)?;
     let alpha = image_file::to_u8(&passes.alpha)?;

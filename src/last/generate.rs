@@ -95,6 +95,8 @@ pub struct Settings {
     pub frames: usize,
     /// of the video, 1 to 22
     pub test_cameras: usize,
+    /// the video also gets depth, normals, albedo, material and linear radiance
+    pub passes: bool,
     /// look of the video's subject
     pub subject: u64,
     /// of every draw
@@ -121,6 +123,7 @@ impl Settings {
             points: 2048,
             frames: 100,
             test_cameras: 22,
+            passes: false,
             subject: 0,
             seed: 0,
         }
@@ -182,7 +185,7 @@ impl Settings {
             "raw": self.raw, "video_look": self.video_look.name(), "set_look": self.set_look.name(),
             "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
             "count": self.count, "groups": self.groups, "appearances": self.appearances,
-            "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras,
+            "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
             "subject": self.subject, "seed": self.seed,
         })
     }
@@ -220,6 +223,9 @@ impl Settings {
                 self.video_look.name(),
                 self.video_size
             ));
+            if self.passes {
+                words.push("--passes".into());
+            }
         }
         words.join(" ")
     }
@@ -289,6 +295,7 @@ pub fn run(settings: &Settings, dir: &Path, resume: bool, stop: &AtomicBool, pro
             samples: settings.samples,
             test_cameras: video::test_cameras(settings.test_cameras),
             test_step: video::TEST_STEP,
+            passes: settings.passes,
             seed: settings.seed,
         };
         files.extend(subject::write(&built_in, &shoot, &dir.join("video"), resume, stop, progress)?);

@@ -17,7 +17,7 @@
 //!
 //! A shard depends on the settings and its number alone; it is written whole or not at all.
 
-use super::figure::{self, Dots, Look, Photo, Points};
+use super::figure::{self, Dots, Dressed, Look, Photo, Points};
 use crate::io::npz;
 use crate::num::array::Arrays;
 use crate::num::par;
@@ -30,7 +30,6 @@ use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
 use data_gen::figure::samples::{self, BASES, Frame};
 use data_gen::figure::skeleton::{BONES, bones};
-use data_gen::figure::surface::Figure;
 use data_gen::figure::video;
 
 /// Observational frames of a shard.
@@ -69,15 +68,15 @@ impl Studio<'_> {
         from_data_gen::camera(&video::camera(0, self.size), Model::Pinhole)
     }
 
-    fn expose(&self, frame: &Frame, camera: &Camera) -> Result<Exposure> {
+    fn expose(&self, frame: &Frame, camera: &Camera, person: Option<&Dressed>) -> Result<Exposure> {
         let drive = Drive::new(&frame.u);
         let look = Appearance::new(self.seed, frame.appearance);
         let points = self.dots.posed(&drive, &look);
-        let photo = match self.look {
-            Look::Discs | Look::Splats => self.dots.photo(&points, camera, self.look)?,
-            Look::Mesh => {
+        let photo = match person {
+            None => self.dots.photo(&points, camera, self.look)?,
+            Some(person) => {
                 let settings = render::Settings { samples: self.samples, bounces: 0, ..Default::default() };
-                figure::photo(&Figure::new(&look), &drive, camera, &settings)?
+                figure::photo(person, &drive, camera, &settings)?
             }
         };
         Ok(Exposure { photo, points })
@@ -85,7 +84,16 @@ impl Studio<'_> {
 
     fn expose_all(&self, frames: &[&Frame]) -> Result<Vec<Exposure>> {
         let camera = self.camera();
-        par::map(frames.len(), |i| self.expose(frames[i], &camera)).into_iter().collect()
+        let mut looks: Vec<u64> = frames.iter().map(|f| f.appearance).collect();
+        looks.sort_unstable();
+        looks.dedup();
+        // Making clothes takes longer than wearing them.
+        let wardrobe = match self.look {
+            Look::Mesh => par::map(looks.len(), |i| Dressed::new(&Appearance::new(self.seed, looks[i]))),
+            Look::Discs | Look::Splats => Vec::new(),
+        };
+        let person = |f: &Frame| looks.binary_search(&f.appearance).ok().and_then(|i| wardrobe.get(i));
+        par::map(frames.len(), |i| self.expose(frames[i], &camera, person(frames[i]))).into_iter().collect()
     }
 
     /// Observational shard `shard` of `count` frames in all.

@@ -381,7 +381,7 @@ impl Job<'_> {
                         None => self.camera.ray(px),
                         Some(end) => {
                             let time = (sample as f32 + uniform(word[2])) / self.settings.samples as f32;
-                            self.camera.between(end, f64::from(time)).ray(px)
+                            self.camera.between(end, time).ray(px)
                         }
                     };
                     if let Some((origin, direction)) = ray {

@@ -80,6 +80,9 @@ pub(in crate::cli) struct Args {
     /// Side of the sets' pictures
     #[arg(long, value_name = "S", help_heading = "Pictures")]
     set_size: Option<usize>,
+    /// Write depth, normals, albedo, material and linear radiance of the video too
+    #[arg(long, help_heading = "Pictures")]
+    passes: bool,
     /// Samples per pixel of surfaces
     #[arg(long, value_name = "N", help_heading = "Pictures")]
     samples: Option<u32>,
@@ -130,6 +133,7 @@ impl Args {
             points: self.points.unwrap_or(base.points),
             frames: self.frames.unwrap_or(base.frames),
             test_cameras: self.test_cameras.unwrap_or(base.test_cameras),
+            passes: self.passes,
             subject: self.subject,
             seed: self.seed,
         };
