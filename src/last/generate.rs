@@ -53,9 +53,9 @@ impl Which {
             "observational" => Ok(only(false, true, false)),
             "interventions" => Ok(only(false, false, true)),
             "all" => Ok(only(true, true, true)),
-            other => Err(Error::input("set")
-                .expected("video, observational, interventions or all")
-                .got(other)),
+            other => {
+                Err(Error::input("set").expected("video, observational, interventions or all").got(other))
+            }
         }
     }
 }
@@ -153,7 +153,9 @@ impl Settings {
             if (low..=high).contains(&x) {
                 Ok(())
             } else {
-                Err(Error::input(format!("setting {name}")).expected(format!("{low} to {high}")).got(x.to_string()))
+                Err(Error::input(format!("setting {name}"))
+                    .expected(format!("{low} to {high}"))
+                    .got(x.to_string()))
             }
         };
         within("factors", self.factors, 2, MAX_FACTORS)?;
@@ -263,7 +265,13 @@ pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
 /// # Errors
 /// When the settings are not valid, differ from those of the run that is resumed, a file cannot be written, or `stop` was set:
 /// then everything finished so far is on disk.
-pub fn run(settings: &Settings, dir: &Path, resume: bool, stop: &AtomicBool, progress: &mut Progress<'_>) -> Result<Report> {
+pub fn run(
+    settings: &Settings,
+    dir: &Path,
+    resume: bool,
+    stop: &AtomicBool,
+    progress: &mut Progress<'_>,
+) -> Result<Report> {
     settings.validate()?;
     let which = Which::parse(&settings.set)?;
     let scm = settings.scm()?;
@@ -323,8 +331,9 @@ fn check_resumed(dir: &Path, record: &Value) -> Result<()> {
         return Ok(());
     }
     let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let there: Value = serde_json::from_slice(&bytes)
-        .map_err(|e| Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string()))?;
+    let there: Value = serde_json::from_slice(&bytes).map_err(|e| {
+        Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string())
+    })?;
     let wanted = &record["settings"];
     if there["settings"] == *wanted {
         return Ok(());

@@ -90,7 +90,8 @@ pub fn render(
             }
         }
     }
-    let mut picture = Picture { image: Vec::with_capacity(w * h / 16), alpha: Vec::with_capacity(w * h / 16) };
+    let mut picture =
+        Picture { image: Vec::with_capacity(w * h / 16), alpha: Vec::with_capacity(w * h / 16) };
     for row in 0..camera.height {
         for column in 0..camera.width {
             let (mut sum, mut covered) = ([0.0f32; 3], 0u8);
@@ -126,7 +127,11 @@ mod tests {
         let rgb = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let p = render(&points, &[2.0, 0.25, 0.25], &rgb, &camera(), [0.0; 3]).expect("a picture");
         // Of the places (i + ½)/4 of a pixel, 13 of 16 are within 1 px of its corner: all but those with i + j > 4.
-        assert_eq!(p.image[3 * 8 + 3], [3.0 / 16.0, 13.0 / 16.0, 0.0], "green before red, the lower index before blue");
+        assert_eq!(
+            p.image[3 * 8 + 3],
+            [3.0 / 16.0, 13.0 / 16.0, 0.0],
+            "green before red, the lower index before blue"
+        );
         assert_eq!((p.alpha[3 * 8 + 3], p.alpha[0]), (1.0, 0.0), "inside and far outside");
         let none = render(&points, &[0.0; 3], &rgb, &camera(), [0.5; 3]).expect("a picture");
         assert!(none.image.iter().all(|c| *c == [0.5; 3]), "discs without extent are not drawn");
