@@ -7,6 +7,7 @@
 //!           └────► optim                          Adam rows, learning rates, density control
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
+//! cli ──► relight ──► passes                     a model under light along cameras
 //! last, lirm, cli ──► passes                      ray-traced pictures with their passes, on disk as a capture
 //! ```
 //!
@@ -17,6 +18,7 @@ pub mod built_in;
 pub mod evaluate;
 pub mod frames;
 pub mod passes;
+pub mod relight;
 pub mod render;
 pub mod seeds;
 pub mod splat;

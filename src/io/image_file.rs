@@ -120,6 +120,31 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     })
 }
 
+/// Width and height a picture declares, checked as [`parse`] does; nothing is decoded.
+///
+/// # Errors
+/// When it is not one of the four formats, or its header is malformed or declares an absurd size.
+pub fn size(bytes: &[u8], name: &str) -> Result<[usize; 2]> {
+    let broken = |e: image::ImageError| {
+        Error::input(name).at("picture header").expected("a complete picture").got(e.to_string())
+    };
+    let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
+    guard(name, || {
+        let (w, h) = if start.starts_with(b"\x89PNG\r\n\x1a\n") {
+            let mut limits = image::Limits::default();
+            limits.max_alloc = Some(MAX_SIDE_DATA);
+            PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?.dimensions()
+        } else if start.starts_with(b"\xff\xd8\xff") {
+            JpegDecoder::new(Cursor::new(bytes)).map_err(broken)?.dimensions()
+        } else {
+            let p = parse(bytes, name)?;
+            (p.width as u32, p.height as u32)
+        };
+        check_size(u64::from(w), u64::from(h), usize::MAX >> 1, 1, name)?;
+        Ok([w as usize, h as usize])
+    })
+}
+
 /// Checks a declared size: sides, and pixels against the length of the file.
 pub(super) fn check_size(w: u64, h: u64, bytes: usize, pixels_per_byte: u64, name: &str) -> Result<()> {
     let side = MAX_SIDE as u64;

@@ -5,6 +5,8 @@
 //! ply            any PLY, strictly       gaussian_ply  3DGS scenes and coloured points in PLY
 //! splat_file     .splat, 32 bytes each   image_file    PNG, JPEG, Radiance HDR, OpenEXR
 //! transforms     transforms.json in three dialects     colmap  sparse models, binary and text
+//! gltf           meshes, materials, skins, animations; .gltf and .glb       obj      OBJ with MTL
+//! makehuman      the open body: mesh, rig, skinning weights
 //! capture        which of the two a folder is          atomic  whole files or none
 //! ```
 //!
@@ -20,10 +22,13 @@ pub mod capture;
 pub mod colmap;
 pub mod colmap_text;
 pub mod gaussian_ply;
+pub mod gltf;
 mod image_exr;
 pub mod image_file;
+pub mod makehuman;
 mod npy;
 pub mod npz;
+pub mod obj;
 pub mod ply;
 pub mod safetensors;
 pub mod splat_file;
@@ -103,6 +108,22 @@ pub fn guard<T>(name: &str, f: impl FnOnce() -> Result<T>) -> Result<T> {
             .expected("a well-formed file")
             .got(format!("a panic: {text}")))
     })
+}
+
+/// Reads files by relative paths from the folder of a file, at most [`MAX_FILE_BYTES`] each. The caller has cleaned the paths.
+fn beside(path: &Path) -> impl Fn(&str) -> Result<Vec<u8>> {
+    let folder = match path.parent() {
+        Some(p) if !p.as_os_str().is_empty() => p.to_path_buf(),
+        _ => Path::new(".").to_path_buf(),
+    };
+    move |relative: &str| {
+        let found = capture::locate(&folder, relative).ok_or_else(|| {
+            Error::input(relative)
+                .expected(format!("a file in {}", folder.display()))
+                .got("none of that name")
+        })?;
+        read_bytes(&found, MAX_FILE_BYTES)
+    }
 }
 
 /// Name of a path in errors.

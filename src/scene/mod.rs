@@ -11,13 +11,16 @@
 //! ```
 
 pub mod camera;
+pub mod character;
 pub mod convert;
+pub mod environment_file;
 pub mod from_data_gen;
 pub mod gaussians;
 pub mod lens;
 pub mod light;
 pub mod material;
 pub mod mesh;
+pub mod model;
 pub mod passes;
 pub mod profile;
 pub mod views;

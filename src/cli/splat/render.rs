@@ -122,7 +122,8 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
     .shots(scene)
 }
 
-fn size(text: &str) -> Result<[usize; 2]> {
+/// `WxH` in pixels.
+pub(in crate::cli) fn size(text: &str) -> Result<[usize; 2]> {
     let parsed = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     match parsed {
         Some([w, h])

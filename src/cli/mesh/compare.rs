@@ -1,0 +1,1 @@
+//! `mesh compare`: how far two surfaces are apart.

@@ -1,0 +1,25 @@
+//! `mesh render | compare`: any glTF or OBJ under any light, and how far two surfaces are apart.
+//!
+//! Arguments are turned into records of `fit`, `scene` and `geometry`, results into files and tables; nothing is computed here.
+
+mod render;
+
+use crate::Result;
+use clap::Subcommand;
+
+/// Triangle meshes.
+#[derive(Subcommand)]
+pub(super) enum Command {
+    /// Render a glTF or OBJ under an environment map, with all passes
+    Render(render::Args),
+}
+
+/// Runs one of the two.
+///
+/// # Errors
+/// Those of the command.
+pub(super) fn run(command: &Command) -> Result<()> {
+    match command {
+        Command::Render(args) => render::run(args),
+    }
+}
