@@ -126,7 +126,7 @@ impl Shoot {
     /// The pictures of frame t.
     fn shots(&self, subject: &dyn Subject, t: usize) -> Vec<(Shot, u64)> {
         let train = std::iter::once((0, Split::Train));
-        let is_test = t % self.test_step == 0;
+        let is_test = t.is_multiple_of(self.test_step);
         let test = self.test_cameras.iter().filter(|_| is_test).map(|&c| (c, Split::Test));
         let (count, factors) = (subject.frames(), subject.factors(t));
         train
