@@ -9,7 +9,8 @@
 //! video/                a capture, see `subject`
 //! ```
 //! `dataset.json` is written first without digests (`complete`: false) and once more at the end. A run that was interrupted continues
-//! where files are missing; it must ask for the same settings.
+//! where files are missing; it must ask for the same settings. Digests are FNV-1a 64 of a file's bytes; that of `video` stands for all
+//! its pictures and cameras.
 
 use super::figure::{Dots, Look};
 use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Studio};
@@ -251,7 +252,7 @@ pub struct Sortability {
 pub struct Report {
     /// one per factor set
     pub sortabilities: Vec<Sortability>,
-    /// relative to the folder, with FNV-1a 64 of their bytes
+    /// relative to the folder, with their digests
     pub files: Vec<(PathBuf, u64)>,
     /// what `dataset.json` says
     pub record: Value,
