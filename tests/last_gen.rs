@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Digest of every file of [`small`], in the order of the paths.
-const DIGEST: u64 = 0;
+const DIGEST: u64 = 0x9d86_ada5_4809_0ab9;
 
 /// A data set of every kind that takes a second.
 fn small() -> Settings {
