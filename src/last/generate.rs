@@ -166,7 +166,7 @@ impl Settings {
         within("count", self.count, 1, 1 << 24)?;
         within("groups", self.groups, 1, 1 << 20)?;
         within("appearances", self.appearances, 1, 1 << 16)?;
-        within("points", self.points, 64, 1 << 17)?;
+        within("points", self.points, 64, 1 << 15)?;
         within("frames", self.frames, 1, 100_000)?;
         within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)
     }
@@ -234,7 +234,7 @@ impl Settings {
     }
 }
 
-/// How far marginal statistics give the causal order away; absent for a graph without edges.
+/// How far marginal statistics give the causal order away; absent for a graph without edges, R² also for collinear factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sortability {
     /// which factor set
