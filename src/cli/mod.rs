@@ -3,6 +3,7 @@
 //! ```text
 //! main ──► dispatch ──► demo      fit, evaluate and render a built-in scene
 //!                       splat     fit | render | eval on captures and scene files
+//!                       last      gen: data with known causes
 //!                       mesh      render | compare glTF and OBJ
 //!                       lirm      gen: rendered objects to learn from
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
@@ -19,6 +20,7 @@ mod convert;
 mod demo;
 mod doctor;
 pub mod gradcheck;
+mod last;
 mod lirm;
 mod mesh;
 mod meter;
@@ -64,6 +66,9 @@ enum Command {
     /// Gaussian splatting of a static capture: fit, render, evaluate
     #[command(subcommand)]
     Splat(splat::Command),
+    /// A person from a video, guided by a learned causal structure
+    #[command(subcommand)]
+    Last(last::Command),
     /// Triangle meshes: render any glTF or OBJ under any light, compare two surfaces
     #[command(subcommand)]
     Mesh(mesh::Command),
@@ -130,6 +135,7 @@ fn dispatch(command: Command) -> Result<()> {
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Splat(command) => splat::run(&command),
+        Command::Last(command) => last::run(&command),
         Command::Mesh(command) => mesh::run(&command),
         Command::Lirm(command) => lirm::run(&command),
         Command::Oracle(args) => oracle::run(args),

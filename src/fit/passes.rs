@@ -195,6 +195,9 @@ impl Recorder {
         frame["digests"] = Value::Object(digests);
         frame["split"] = json!(file_of(shot.split));
         frame["camera_model"] = json!(frames::model_name(middle.model));
+        // A finished set that lost a file has no records any more.
+        let journal = self.dir.join(JOURNAL);
+        std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
         atomic::write_unflushed(&self.record(&shot.name), format!("{frame:#}\n").as_bytes())
     }
 
