@@ -7,7 +7,7 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, nn, loss, optim: the entries
+//! case     drawing of generated cases                splat, nn, loss, shade, optim: the entries
 //! ```
 
 mod call;
@@ -16,6 +16,7 @@ mod loss;
 mod nn;
 mod op;
 mod optim;
+mod shade;
 mod splat;
 mod subject;
 mod twin;
@@ -40,6 +41,8 @@ pub static LIST: &[&Op] = &[
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,
+    &shade::GGX,
+    &shade::ENVMAP,
     &optim::ADAM,
     &optim::ADAMW,
 ];

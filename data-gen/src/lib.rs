@@ -4,8 +4,14 @@
 //! purpose stands for what is listed in [`splats::purpose`].
 #![forbid(unsafe_code)]
 
+pub mod cameras;
+pub mod draws;
+pub mod environments;
 pub mod figure;
 pub mod light;
+mod noise;
+pub mod objects;
 pub mod poison;
+mod space;
 pub mod splats;
 pub mod surface;

@@ -27,5 +27,6 @@ pub mod rev;
 pub mod scalar;
 pub mod scene;
 pub mod settings;
+pub mod shade;
 pub mod splat;
 pub mod twins;

@@ -16,6 +16,7 @@ use crate::scalar::Scalar;
 use crate::scene::profile::Profile;
 pub use crate::settings::Setting;
 use crate::settings::Settings;
+use crate::shade::{envmap, ggx};
 use crate::splat::{activate, blend, color, covariance, project, render};
 
 /// A call of an operator.
@@ -70,6 +71,8 @@ enum Stage {
     L1,
     Mse,
     Ssim,
+    Ggx,
+    Envmap,
     Adam,
     Adamw,
 }
@@ -222,6 +225,24 @@ const TWINS: &[Twin] = &[
         settings: &[],
     },
     Twin {
+        name: "shade.ggx",
+        stages: &[Stage::Ggx],
+        inputs: &["normal", "view", "light", "albedo", "roughness", "metallic"],
+        smooth_inputs: &["normal", "albedo", "roughness", "metallic"],
+        outputs: &["brdf"],
+        smooth_outputs: &["brdf"],
+        settings: &[],
+    },
+    Twin {
+        name: "shade.envmap",
+        stages: &[Stage::Envmap],
+        inputs: &["normal", "view", "albedo", "roughness", "metallic", "env"],
+        smooth_inputs: &["normal", "albedo", "roughness", "metallic", "env"],
+        outputs: &["radiance"],
+        smooth_outputs: &["radiance"],
+        settings: &[],
+    },
+    Twin {
         name: "optim.adam",
         stages: &[Stage::Adam],
         inputs: &["param", "grads", "active"],
@@ -336,6 +357,8 @@ fn run_stage<S: Scalar>(
         Stage::L1 => l1::forward(pool, out),
         Stage::Mse => mse::forward(pool, out),
         Stage::Ssim => ssim::forward(pool, out),
+        Stage::Ggx => ggx::forward(pool, out),
+        Stage::Envmap => envmap::forward(pool, out),
         Stage::Adam | Stage::Adamw => Err("optimisers have no gradient".to_owned()),
     }
 }
@@ -468,8 +491,8 @@ fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {
     Ok(())
 }
 
-/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, entries of the
-/// inputs elsewhere. 0 for a request that [`value`] would refuse.
+/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, (point, texel) pairs
+/// for `shade.envmap`, entries of the inputs elsewhere. 0 for a request that [`value`] would refuse.
 pub fn work(request: &Request<'_>) -> u64 {
     let entries = request.inputs.values().fold(0, |n, x| n + x.data.len() as u64);
     let rendered = || -> Result<u64, String> {
@@ -490,6 +513,10 @@ pub fn work(request: &Request<'_>) -> u64 {
         "nn.linear" => {
             let rows = request.inputs.get("x").and_then(|x| x.shape.first()).copied().unwrap_or(0) as u64;
             rows * request.inputs.get("weight").map_or(0, |weight| weight.data.len() as u64)
+        }
+        "shade.envmap" => {
+            let points = request.inputs.get("normal").map_or(0, |normal| normal.data.len() as u64 / 3);
+            points * request.inputs.get("env").map_or(0, |env| env.data.len() as u64 / 3)
         }
         "loss.ssim" => request.inputs.get("x").map_or(0, |x| 121 * x.data.len() as u64),
         _ => entries,

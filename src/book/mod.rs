@@ -4,6 +4,8 @@
 //! conventions ──► bit_contract ──► one_gaussian ──► adjoint_of_blending ──► profiles
 //!                                                                            │
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
+//!                             │
+//!                             └──► light_and_rays ──► known_truth
 //! notation       paper symbol, name in the code, shape, unit        bibliography    what is cited
 //! ```
 //!
@@ -42,6 +44,12 @@ pub mod oracle_and_gradcheck {}
 
 #[doc = include_str!("fitting.md")]
 pub mod fitting {}
+
+#[doc = include_str!("light_and_rays.md")]
+pub mod light_and_rays {}
+
+#[doc = include_str!("known_truth.md")]
+pub mod known_truth {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

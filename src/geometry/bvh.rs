@@ -1,7 +1,7 @@
 //! Nearest hits and occlusion over a bounding volume hierarchy.
 
-use super::triangle::{Frame, Line, bounds, is_degenerate};
-use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::builder::build_bvh2};
+use super::tree::{Tree, Triangles};
+use super::triangle::{Frame, Line};
 
 /// The index of a triangle that was not hit.
 pub const MISS: u32 = u32::MAX;
@@ -35,19 +35,17 @@ impl Hit {
     pub const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
 }
 
-/// A mesh, ready for queries. Its shape changes no result.
+/// A mesh, ready for queries. The shape of its tree changes no result.
 #[derive(Clone)]
 pub struct Bvh {
     frame: Frame,
-    tree: obvhs::bvh2::Bvh2,
-    corners: Vec<[[f32; 3]; 3]>,
-    /// index in the mesh
-    index: Vec<u32>,
+    tree: Tree,
+    triangles: usize,
 }
 
 impl std::fmt::Debug for Bvh {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "Bvh({} triangles)", self.index.len())
+        write!(f, "Bvh({} triangles)", self.triangles)
     }
 }
 
@@ -57,81 +55,38 @@ impl Bvh {
     /// # Panics
     /// If an index is out of range or a coordinate is not finite: see [`crate::scene::mesh::Mesh::validate`].
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
-        let largest = triangles.iter().flatten().flat_map(|&i| positions[i as usize]).fold(0.0, |m, x| {
+        let mut largest = 0.0;
+        for x in positions.iter().flatten().map(|x| x.abs()) {
             assert!(x.is_finite(), "coordinates are finite");
-            if x.abs() > m { x.abs() } else { m }
-        });
-        let scale = Frame::scale_for(largest);
-        let (mut corners, mut index) = (Vec::new(), Vec::new());
-        for (i, t) in triangles.iter().enumerate() {
-            let c = t.map(|i| positions[i as usize].map(|x| x * scale));
-            if !is_degenerate(c) {
-                corners.push(c);
-                index.push(i as u32);
-            }
+            largest = if x > largest { x } else { largest };
         }
-        let boxes: Vec<Aabb> = corners
-            .iter()
-            .map(|&c| {
-                let [lo, hi] = bounds(c);
-                Aabb::new(lo.into(), hi.into())
-            })
-            .collect();
-        let tree = if boxes.is_empty() {
-            obvhs::bvh2::Bvh2::default()
-        } else {
-            build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default())
-        };
-        let bounds = match tree.nodes.first() {
-            Some(n) => [n.aabb.min.into(), n.aabb.max.into()],
-            None => [[0.0; 3]; 2],
-        };
-        Self { frame: Frame { scale, bounds }, tree, corners, index }
+        let scale = Frame::scale_for(largest);
+        let kept = Triangles::new(positions, triangles, scale);
+        let tree = Tree::build(&kept);
+        Self { frame: Frame { scale, bounds: tree.bounds }, tree, triangles: triangles.len() }
     }
 
-    fn walk(&self, ray: &Ray, any: bool) -> Hit {
-        let mut best = Hit::NONE;
-        let Some(mut line) = Line::new(ray, &self.frame) else { return best };
-        if self.tree.nodes.is_empty() {
-            return best;
+    /// Sizes.
+    pub fn describe(&self) -> String {
+        format!("{} nodes, {} leaves, fill {:.2}", self.tree.node_count, self.tree.leaves.all().len(), 0.0)
+    }
+
+    #[inline]
+    fn walk<const ANY: bool>(&self, ray: &Ray) -> Hit {
+        match Line::new(ray, &self.frame) {
+            Some(line) if self.tree.node_count > 0 => self.tree.walk::<ANY>(line),
+            _ => Hit::NONE,
         }
-        let mut stack = vec![0usize];
-        while let Some(n) = stack.pop() {
-            let node = &self.tree.nodes[n];
-            let (start, end) = line.slab(node.aabb.min.into(), node.aabb.max.into());
-            if !(start <= end && end >= 0.0 && start <= line.t_max) {
-                continue;
-            }
-            let first = node.first_index as usize;
-            if !node.is_leaf() {
-                stack.extend([first, first + 1]);
-                continue;
-            }
-            for i in first..first + node.prim_count as usize {
-                let i = self.tree.primitive_indices[i] as usize;
-                if let Some(met) = line.meet(self.corners[i]) {
-                    if met.t < best.t || (met.t == best.t && self.index[i] < best.triangle) {
-                        best = Hit { t: met.t, u: met.u, v: met.v, triangle: self.index[i] };
-                        line.t_max = met.t;
-                        if any {
-                            return best;
-                        }
-                    }
-                }
-            }
-        }
-        best.t *= line.unit;
-        best
     }
 
     /// The hit with the smallest (t, triangle), or [`Hit::NONE`].
     pub fn closest(&self, ray: &Ray) -> Hit {
-        self.walk(ray, false)
+        self.walk::<false>(ray)
     }
 
     /// Whether anything is hit.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.walk(ray, true).triangle != MISS
+        self.walk::<true>(ray).triangle != MISS
     }
 
     /// [`Bvh::closest`] of many rays, same bits.

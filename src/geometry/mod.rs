@@ -6,4 +6,7 @@
 //! ```
 
 pub mod bvh;
+mod pages;
+mod tree;
 mod triangle;
+mod walk;

@@ -214,7 +214,7 @@ impl Line {
         let (start, end) = self.slab(lo, hi);
         // + 0 turns −0 into +0
         let t = (if start > met.t { start } else { met.t }) + 0.0;
-        (start <= end && end >= 0.0 && t >= 0.0 && t <= self.t_max).then_some(Met { t, ..met })
+        (start <= end && end >= 0.0 && met.t >= 0.0 && t <= self.t_max).then_some(Met { t, ..met })
     }
 }
 

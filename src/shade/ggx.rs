@@ -170,6 +170,23 @@ impl<L: Real> Point<L> {
     }
 }
 
+impl Point<f32> {
+    /// The same point in every lane.
+    #[inline(always)]
+    pub fn wide(&self) -> Point<f32x8> {
+        let s = f32x8::splat;
+        Point {
+            normal: self.normal.map(s),
+            view: self.view.map(s),
+            nv: s(self.nv),
+            a2: s(self.a2),
+            kv: s(self.kv),
+            diffuse: self.diffuse.map(s),
+            f0: self.f0.map(s),
+        }
+    }
+}
+
 /// Gradients of one point, summed over its lights.
 #[derive(Clone, Copy, Debug)]
 pub struct PointBar<L> {
@@ -361,7 +378,7 @@ pub fn adjoint(x: In<'_>, brdf_bar: &[[f32; 3]], x_bar: &mut InBar) {
 }
 
 /// Adds eight rows of gradients; lanes past the end are dropped.
-fn scatter_bar(bar: ([f32x8; 3], [f32x8; 3], f32x8, f32x8), at: usize, x_bar: &mut InBar) {
+pub(super) fn scatter_bar(bar: ([f32x8; 3], [f32x8; 3], f32x8, f32x8), at: usize, x_bar: &mut InBar) {
     let (n, a) = (bar.0.map(f32x8::to_array), bar.1.map(f32x8::to_array));
     let (r, m) = (bar.2.to_array(), bar.3.to_array());
     for l in 0..Ord::min(8, x_bar.normal.len() - at) {

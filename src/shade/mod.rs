@@ -10,6 +10,7 @@
 //! Colours are linear everywhere here; [`tonemap`] alone encodes.
 
 pub mod environment;
+pub mod envmap;
 pub mod exposure;
 pub mod ggx;
 pub mod render;

@@ -1,0 +1,287 @@
+//! Where cameras stand: training and test views of an object at the origin, rings, and the head of somebody who walks around it.
+//!
+//! Objects fill a ball of radius ½. Azimuths turn counter-clockwise seen from above, 0 is +x; elevations rise towards +z.
+
+use crate::draws::Draws;
+use crate::space::{V3, add, cross, dot, larger, rotated, rotation, scaled, sub, unit};
+use crate::splats::View;
+use reference::num::elem::{cos, exp, sin};
+use std::f64::consts::{PI, TAU};
+
+/// What draws are for. The item is the number of the object, the step that of the view.
+pub mod purpose {
+    /// Field of view and style of a training set.
+    pub const TRAIN: u16 = 0x0410;
+    /// One training view.
+    pub const TRAIN_VIEW: u16 = 0x0411;
+    /// Choice and order of test views.
+    pub const TEST: u16 = 0x0412;
+    /// The path of a head.
+    pub const HEAD: u16 = 0x0413;
+}
+
+/// Radius of the ball around an object.
+pub const OBJECT_RADIUS: f64 = 0.5;
+
+fn radians(degrees: f64) -> f64 {
+    degrees * PI / 180.0
+}
+
+/// Tangent of half an angle of view given in degrees.
+fn half_tangent(fov: f64) -> f64 {
+    let half = radians(0.5 * fov);
+    sin(half) / cos(half)
+}
+
+/// A place on a sphere about the origin, angles in degrees.
+pub fn on_sphere(azimuth: f64, elevation: f64, distance: f64) -> V3 {
+    let (a, e) = (radians(azimuth), radians(elevation));
+    [distance * cos(e) * cos(a), distance * cos(e) * sin(a), distance * sin(e)]
+}
+
+/// A square pinhole view of a given angle (degrees) from `eye` with the optical axis along `forward` (unit), z upwards in the
+/// picture; straight up or down, y is.
+fn view(eye: V3, forward: V3, fov: f64, size: usize) -> View {
+    let helper = if forward[0] * forward[0] + forward[1] * forward[1] > 1e-12 {
+        [0.0, 0.0, 1.0]
+    } else {
+        [0.0, 1.0, 0.0]
+    };
+    let right = unit(cross(forward, helper));
+    posed(eye, right, cross(forward, right), forward, 0.5 * size as f64 / half_tangent(fov), size)
+}
+
+fn posed(eye: V3, right: V3, down: V3, forward: V3, focal_px: f64, size: usize) -> View {
+    let mut view_from_world = [0.0; 16];
+    for (i, axis) in [right, down, forward].into_iter().enumerate() {
+        view_from_world[4 * i..4 * i + 4].copy_from_slice(&[axis[0], axis[1], axis[2], -dot(axis, eye)]);
+    }
+    view_from_world[15] = 1.0;
+    let center = 0.5 * size as f64;
+    let intrinsics = [focal_px, 0.0, center, 0.0, focal_px, center, 0.0, 0.0, 1.0];
+    View { view_from_world, intrinsics, width: size, height: size }
+}
+
+/// One view and the numbers it was made from.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Placed {
+    /// Pinhole.
+    pub view: View,
+    /// Degrees.
+    pub fov: f64,
+    /// Degrees.
+    pub azimuth: f64,
+    /// Degrees.
+    pub elevation: f64,
+    /// From the origin.
+    pub distance: f64,
+    /// Between the optical axis and the direction to the origin, degrees.
+    pub off_axis: f64,
+}
+
+/// How training views look at the object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Framing {
+    /// the whole ball in every picture, the optical axis through the origin
+    Whole,
+    /// as in the published sample: the axis 2 to 18 degrees off the origin, the ball cut by the border in part of the pictures
+    Loose,
+}
+
+/// Training views of object k: one angle of view U[15, 85]°, each view with elevation U[−5, 70]° and azimuth U[0, 360]°.
+///
+/// The distance at which the ball just fits the angle of view is r/sin(fov/2); a view stands at U[1, 1.25] times that under
+/// [`Framing::Whole`] and at U[0.8, 1.3] times that under [`Framing::Loose`], never nearer than 1.25 r. Loose views are off the
+/// axis by U[2, 18]° in any direction, but by at most 0.3 of the angle of view.
+pub fn training(seed: u64, k: u64, count: usize, size: usize, framing: Framing) -> Vec<Placed> {
+    let fov = Draws::new(seed, k, 0, purpose::TRAIN).range(15.0, 85.0);
+    let fit = OBJECT_RADIUS / sin(radians(0.5 * fov));
+    (0..count)
+        .map(|i| {
+            let mut draws = Draws::new(seed, k, i as u32, purpose::TRAIN_VIEW);
+            let elevation = draws.range(-5.0, 70.0);
+            let azimuth = draws.range(0.0, 360.0);
+            let near = 1.25 * OBJECT_RADIUS;
+            let (distance, off_axis) = match framing {
+                Framing::Whole => (larger(fit * draws.range(1.0, 1.25), near), 0.0),
+                Framing::Loose => {
+                    let d = larger(fit * draws.range(0.8, 1.3), near);
+                    (d, crate::space::smaller(draws.range(2.0, 18.0), 0.3 * fov))
+                }
+            };
+            let turn = draws.range(0.0, TAU);
+            let eye = on_sphere(azimuth, elevation, distance);
+            let forward = unit(scaled(eye, -1.0));
+            let placed = view(eye, off(forward, radians(off_axis), turn), fov, size);
+            Placed { view: placed, fov, azimuth, elevation, distance, off_axis }
+        })
+        .collect()
+}
+
+/// A unit direction turned by `angle` about an axis at right angles to it, itself turned by `turn` around it.
+fn off(forward: V3, angle: f64, turn: f64) -> V3 {
+    let helper = if forward[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
+    let right = unit(cross(forward, helper));
+    let down = cross(forward, right);
+    let aside = add(scaled(right, cos(turn)), scaled(down, sin(turn)));
+    add(scaled(forward, cos(angle)), scaled(aside, sin(angle)))
+}
+
+/// The test views of an object: 48 pictures, which of them are given, in which order, and which are asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Test {
+    /// Elevations 0, 20, 40 degrees, 16 azimuths each, in this order: index = 16·ring + azimuth.
+    pub views: Vec<Placed>,
+    /// The 16 given ones in random order, four sets of four.
+    pub inputs: [usize; 16],
+    /// The same going round: by azimuth, then by elevation.
+    pub sequential: [usize; 16],
+    /// The 12 asked for, ascending.
+    pub outputs: [usize; 12],
+}
+
+/// Angle of view of test pictures, degrees.
+pub const TEST_FOV: f64 = 50.0;
+
+/// Test views of object k: the camera looks at the origin from r/sin(fov/2), so that the ball touches the borders. Given are
+/// 8 of the 16 at 20° and 8 of the 16 at 40°; asked for are 12 of the other 32.
+pub fn test(seed: u64, k: u64, size: usize) -> Test {
+    let distance = OBJECT_RADIUS / sin(radians(0.5 * TEST_FOV));
+    let views = (0..48)
+        .map(|i| {
+            let elevation = 20.0 * (i / 16) as f64;
+            let azimuth = 22.5 * (i % 16) as f64;
+            let eye = on_sphere(azimuth, elevation, distance);
+            let view = view(eye, unit(scaled(eye, -1.0)), TEST_FOV, size);
+            Placed { view, fov: TEST_FOV, azimuth, elevation, distance, off_axis: 0.0 }
+        })
+        .collect();
+    let mut draws = Draws::new(seed, k, 0, purpose::TEST);
+    let mut shuffled = |mut list: Vec<usize>| {
+        for i in (1..list.len()).rev() {
+            let j = draws.whole(0, i + 1);
+            list.swap(i, j);
+        }
+        list
+    };
+    let (low, high) = (shuffled((16..32).collect()), shuffled((32..48).collect()));
+    let given = [&low[..8], &high[..8]].concat();
+    let mixed = shuffled(given.clone());
+    let rest = shuffled((0..48).filter(|i| !given.contains(i)).collect());
+    let mut sequential = given;
+    sequential.sort_by_key(|&i| (i % 16, i / 16));
+    let mut outputs: [usize; 12] = std::array::from_fn(|i| rest[i]);
+    outputs.sort_unstable();
+    Test {
+        views,
+        inputs: std::array::from_fn(|i| mixed[i]),
+        sequential: std::array::from_fn(|i| sequential[i]),
+        outputs,
+    }
+}
+
+/// `count` views on a ring at one elevation, looking at the origin, the ball just in the picture.
+pub fn ring(count: usize, elevation: f64, fov: f64, size: usize) -> Vec<Placed> {
+    let distance = OBJECT_RADIUS / sin(radians(0.5 * fov));
+    (0..count)
+        .map(|i| {
+            let azimuth = 360.0 * i as f64 / count as f64;
+            let eye = on_sphere(azimuth, elevation, distance);
+            let view = view(eye, unit(scaled(eye, -1.0)), fov, size);
+            Placed { view, fov, azimuth, elevation, distance, off_axis: 0.0 }
+        })
+        .collect()
+}
+
+/// A frame of a camera that moves while its shutter is open.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moving {
+    /// When the shutter opens; the focal length is that of an equidistant fisheye.
+    pub open: View,
+    /// When it closes.
+    pub close: View,
+    /// Seconds, of opening.
+    pub time: f64,
+    /// Of the object's direction from the optical axis at opening, degrees.
+    pub off_axis: f64,
+}
+
+/// Pictures per second of a head's camera.
+pub const HEAD_RATE: f64 = 10.0;
+/// Seconds that its shutter is open.
+pub const HEAD_SHUTTER: f64 = 0.02;
+/// Its angle of view from border to border, degrees.
+pub const HEAD_FOV: f64 = 130.0;
+
+/// A smooth path in time: a sum of waves of given highest height and several frequencies around a slow one.
+struct Sway {
+    waves: Vec<[f64; 3]>,
+}
+
+impl Sway {
+    fn new(draws: &mut Draws, height: f64, frequency: f64) -> Self {
+        let wave = |k: usize| {
+            let f = frequency * (1.0 + 0.9 * k as f64) * draws.range(0.8, 1.25);
+            [height * draws.range(0.5, 1.0) / (1.0 + k as f64), TAU * f, draws.range(0.0, TAU)]
+        };
+        Self { waves: (0..4).map(wave).collect() }
+    }
+
+    fn at(&self, t: f64) -> f64 {
+        self.waves.iter().fold(0.0, |s, w| s + w[0] * sin(w[1] * t + w[2]))
+    }
+}
+
+/// Frames of a wide fisheye on the head of somebody who walks around the object and looks at it, now and then past it: 0.8 to
+/// 1.5 from the object, 5 to 50 degrees above it, with the bob of steps and the sway of a neck.
+pub fn head(seed: u64, k: u64, count: usize, size: usize) -> Vec<Moving> {
+    let mut draws = Draws::new(seed, k, 0, purpose::HEAD);
+    let start = draws.range(0.0, TAU);
+    let speed = draws.range(0.35, 0.7) * if draws.chance(0.5) { 1.0 } else { -1.0 };
+    let far = draws.range(0.95, 1.25);
+    let high = draws.range(20.0, 35.0);
+    let around = Sway::new(&mut draws, 0.12, 0.25);
+    let radial = Sway::new(&mut draws, 0.1, 0.2);
+    let rise = Sway::new(&mut draws, 7.0, 0.15);
+    let bob = Sway::new(&mut draws, 0.012, 1.8);
+    let gaze = [Sway::new(&mut draws, 0.12, 0.3), Sway::new(&mut draws, 0.1, 0.35)];
+    let shake = [Sway::new(&mut draws, 0.012, 3.0), Sway::new(&mut draws, 0.012, 3.3)];
+    let roll = Sway::new(&mut draws, 0.06, 0.4);
+    // Equidistant: the border lies at half the angle of view times the focal length.
+    let focal = 0.5 * size as f64 / radians(0.5 * HEAD_FOV);
+    let pose = |t: f64| -> (View, f64) {
+        let azimuth = start + speed * t + around.at(t);
+        let elevation = radians(high + rise.at(t));
+        // Kept away from the object however the sway adds up.
+        let distance = 0.8 + 0.7 / (1.0 + exp(-(far + radial.at(t) - 1.15) / 0.12));
+        let mut eye = [
+            distance * cos(elevation) * cos(azimuth),
+            distance * cos(elevation) * sin(azimuth),
+            distance * sin(elevation),
+        ];
+        eye[2] += bob.at(t);
+        let to_object = unit(scaled(eye, -1.0));
+        let right = unit(cross(to_object, [0.0, 0.0, 1.0]));
+        let down = cross(to_object, right);
+        let (x, y) = (gaze[0].at(t) + shake[0].at(t), gaze[1].at(t) + shake[1].at(t));
+        let forward = unit(add(to_object, add(scaled(right, x), scaled(down, y))));
+        let level = unit(cross(forward, [0.0, 0.0, 1.0]));
+        let turn = rotation(forward, roll.at(t));
+        let right = rotated(&turn, level);
+        let right = unit(sub(right, scaled(forward, dot(right, forward))));
+        let angle = {
+            let c = cross(forward, to_object);
+            // Below 45°, the arc sine's series to fifth order is good to a thousandth.
+            let s = dot(c, c).sqrt();
+            s + s * s * s / 6.0 + 3.0 * s * s * s * s * s / 40.0
+        };
+        (posed(eye, right, cross(forward, right), forward, focal, size), angle * 180.0 / PI)
+    };
+    (0..count)
+        .map(|i| {
+            let time = i as f64 / HEAD_RATE;
+            let (open, off_axis) = pose(time);
+            Moving { open, close: pose(time + HEAD_SHUTTER).0, time, off_axis }
+        })
+        .collect()
+}

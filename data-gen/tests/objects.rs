@@ -1,0 +1,102 @@
+//! Generated objects are closed, outward, in their ball, and always the same.
+
+use data_gen::objects::{self, Made, build, build_by, generators};
+use data_gen::surface::Surface;
+use reference::num::bits::{digest_f64, fnv1a};
+use std::collections::BTreeMap;
+
+type V3 = [f64; 3];
+
+fn sub(a: V3, b: V3) -> V3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+fn cross(a: V3, b: V3) -> V3 {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: V3, b: V3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Vertices at one place get one number.
+fn weld(s: &Surface) -> Vec<u32> {
+    let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    s.positions
+        .iter()
+        .map(|p| {
+            // −0 and +0 are one place.
+            let next = known.len() as u32;
+            *known.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(next)
+        })
+        .collect()
+}
+
+/// Everything a surface promises; gives its volume.
+fn check_surface(name: &str, s: &Surface) -> f64 {
+    let n = s.positions.len();
+    assert_eq!(s.normals.len(), n, "{name}: a normal per vertex");
+    assert_eq!(s.uvs.len(), n, "{name}: texture coordinates per vertex");
+    let place = weld(s);
+    let mut edges: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    let mut volume = 0.0;
+    for (i, t) in s.triangles.iter().enumerate() {
+        let w = t.map(|v| place[v as usize]);
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            *edges.entry((w[a], w[b])).or_insert(0) += 1;
+        }
+        let [a, b, c] = t.map(|v| s.positions[v as usize]);
+        let face = cross(sub(b, a), sub(c, a));
+        assert!(dot(face, face).sqrt() > 1e-11, "{name}: triangle {i} is flat: {a:?} {b:?} {c:?}");
+        volume += dot(a, cross(b, c)) / 6.0;
+        for &v in t {
+            let along = dot(s.normals[v as usize], face) / dot(face, face).sqrt();
+            assert!(along > 0.0, "{name}: triangle {i} and a normal of it look the same way ({along})");
+        }
+        let [p, q, r] = t.map(|v| s.uvs[v as usize]);
+        let uv = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
+        assert!(uv <= 1e-12, "{name}: triangle {i} is mirrored on its chart");
+    }
+    for (&(a, b), &count) in &edges {
+        let back = edges.get(&(b, a)).copied().unwrap_or(0);
+        assert!(count == 1 && back == 1, "{name}: edge {a}–{b} has {count} triangles and {back} across");
+    }
+    for (i, ((p, m), uv)) in s.positions.iter().zip(&s.normals).zip(&s.uvs).enumerate() {
+        assert!(dot(*p, *p).sqrt() <= 0.5, "{name}: vertex {i} lies in the ball");
+        assert!((dot(*m, *m) - 1.0).abs() < 1e-12, "{name}: normal {i} has length 1");
+        assert!(uv.iter().all(|x| (0.0..=1.0).contains(x)), "{name}: texture coordinate {i} is on the picture");
+    }
+    assert!(volume > 0.0, "{name}: encloses {volume}");
+    volume
+}
+
+fn check(made: &Made, name: &str) {
+    let mut count = 0;
+    let mut reach: f64 = 0.0;
+    for (i, s) in made.surfaces.iter().enumerate() {
+        check_surface(&format!("{name} ({}) surface {i}", made.generator), s);
+        count += s.triangles.len();
+        for p in &s.positions {
+            let d = dot(*p, *p).sqrt();
+            reach = if d > reach { d } else { reach };
+        }
+        let m = &s.material;
+        for map in [&m.base_color_map, &m.metallic_roughness_map] {
+            let map = map.as_ref().expect("objects are painted");
+            assert_eq!(map.texels.len(), map.width * map.height, "{name}: texels");
+        }
+    }
+    assert!((2_000..=40_000).contains(&count), "{name} ({}): {count} triangles", made.generator);
+    assert!(reach > 0.4999, "{name}: fills the ball to {reach}");
+}
+
+#[test]
+fn every_generator_makes_closed_outward_meshes() {
+    for which in 0..generators().len() {
+        for k in 0..6 {
+            let made = build_by(which, 7, k, 32);
+            assert_eq!(made.generator, generators()[which], "the one asked for");
+            check(&made, &format!("object {k}"));
+        }
+    }
+}

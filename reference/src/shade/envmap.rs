@@ -1,0 +1,68 @@
+//! A point under a whole environment map, without shadows.
+//!
+//! L = Σᵢⱼ E[i,j]·f(n, v, lᵢⱼ)·max(n·lᵢⱼ, 0)·Δωᵢ,   Δωᵢ = (2π/W)(cos θ_top − cos θ_bottom)
+//!
+//! | symbol | argument | shape | unit, range |
+//! |---|---|---|---|
+//! | n, v, a, r, m | `normal`, `view`, `albedo`, `roughness`, `metallic` | (P, …) | as in `shade.ggx` |
+//! | E | `env` | (H, W, 3) | linear radiance, z up: u = atan2(x, y)/2π + ½, v = acos(z)/π at texel centres |
+//! | L | `radiance` | (P, 3) | linear |
+//!
+//! # Rounding
+//! A left fold over texels in row-major order.
+//!
+//! # Kinks and domain
+//! A texel behind the surface adds nothing and has zero gradient.
+
+use std::f64::consts::{PI, TAU};
+
+use crate::array::{ANY, Named, Out, expect};
+use crate::scalar::Scalar;
+use crate::shade::ggx::{brdf, dot, material, unit};
+
+/// Unit direction of the centre of texel (i, j) of an (H, W) map.
+pub fn direction(h: usize, w: usize, i: usize, j: usize) -> [f64; 3] {
+    let theta = PI * (i as f64 + 0.5) / h as f64;
+    let azimuth = TAU * ((j as f64 + 0.5) / w as f64 - 0.5);
+    [libm::sin(theta) * libm::sin(azimuth), libm::sin(theta) * libm::cos(azimuth), libm::cos(theta)]
+}
+
+/// Solid angle of a texel of row i.
+pub fn solid_angle(h: usize, w: usize, i: usize) -> f64 {
+    let edge = |i: usize| libm::cos(PI * i as f64 / h as f64);
+    TAU / w as f64 * (edge(i) - edge(i + 1))
+}
+
+/// The twin of `shade.envmap`.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
+    let normal = expect(x, "normal", &[ANY, 3])?;
+    let p = normal.shape[0];
+    let view = expect(x, "view", &[p, 3])?;
+    let env = expect(x, "env", &[ANY, ANY, 3])?;
+    let (h, w) = (env.shape[0], env.shape[1]);
+    let slot = out.array("radiance", &[p, 3]);
+    for point in 0..p {
+        let (n, v) = (unit(normal.row(point)), view.row(point));
+        let m = material(x, p, point)?;
+        let mut sum = [S::zero(); 3];
+        for i in 0..h {
+            for j in 0..w {
+                let l = direction(h, w, i, j).map(S::from_f64);
+                let nl = dot(n, l);
+                if nl.value() > 0.0 {
+                    let f = brdf(n, v, l, &m);
+                    let e: [S; 3] = env.row(i * w + j);
+                    for k in 0..3 {
+                        sum[k] = sum[k] + f[k] * nl * solid_angle(h, w, i) * e[k];
+                    }
+                }
+            }
+        }
+        out.put_row(slot, point, sum);
+        out.flush();
+    }
+    Ok(())
+}

@@ -1,0 +1,4 @@
+//! Materials and light.
+
+pub mod envmap;
+pub mod ggx;
