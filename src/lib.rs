@@ -58,6 +58,7 @@ pub mod cli;
 pub mod fit;
 pub mod geometry;
 pub mod io;
+pub mod last;
 pub mod loss;
 pub mod math;
 pub mod nn;

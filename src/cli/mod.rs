@@ -4,6 +4,7 @@
 //! main ──► dispatch ──► demo      fit, evaluate and render a built-in scene
 //!                       splat     fit | render | eval on captures and scene files
 //!                       mesh      render | compare glTF and OBJ
+//!                       last      gen: data with known causes
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
 //!                       convert   between scene files                       doctor      is this machine set up
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
@@ -19,6 +20,7 @@ mod demo;
 mod doctor;
 pub mod gradcheck;
 mod mesh;
+mod last;
 mod meter;
 pub mod oracle;
 mod report;
@@ -65,6 +67,9 @@ enum Command {
     /// Triangle meshes: render any glTF or OBJ under any light, compare two surfaces
     #[command(subcommand)]
     Mesh(mesh::Command),
+    /// A person from a video, guided by a learned causal structure
+    #[command(subcommand)]
+    Last(last::Command),
     /// Run operators on your arrays, compare arrays, make golden files
     Oracle(oracle::Args),
     /// Check gradients: of our operators, or of somebody else's program
@@ -126,6 +131,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Demo(args) => demo::run(&args),
         Command::Splat(command) => splat::run(&command),
         Command::Mesh(command) => mesh::run(&command),
+        Command::Last(command) => last::run(&command),
         Command::Oracle(args) => oracle::run(args),
         Command::Gradcheck(args) => gradcheck::run(args),
         Command::Convert(args) => convert::run(&args),

@@ -146,7 +146,10 @@ fn on_arm(length: f64) -> V3 {
     let [shoulder, elbow, hand, ..] = LEFT;
     let upper = sub(elbow, shoulder);
     let reach = super::skeleton::dot(upper, upper).sqrt();
-    if length < reach {
+    if length < 0.0 {
+        // Into the chest.
+        add(shoulder, [length, 0.0, 0.3 * length])
+    } else if length < reach {
         add(shoulder, scale(unit(upper), length))
     } else {
         add(elbow, scale(unit(sub(hand, elbow)), length - reach))
@@ -162,11 +165,12 @@ fn arm_tube(profile: &[(f64, f64, f64)], around: usize) -> Shell {
     tube(&between(&along(&path, hinge(), &halves), 0.012), around, |_, p| p)
 }
 
-fn arm() -> Shell {
+/// What the sleeve leaves bare.
+fn arm(long_sleeves: bool) -> Shell {
+    let from = if long_sleeves { 5 } else { 0 };
     arm_tube(
         &[
-            (0.08, 0.040, 0.040),
-            (0.10, 0.045, 0.045),
+            (0.155, 0.036, 0.036),
             (0.20, 0.041, 0.042),
             (UPPER - 0.03, 0.036, 0.037),
             (UPPER + 0.03, 0.037, 0.036),
@@ -177,7 +181,7 @@ fn arm() -> Shell {
             (UPPER + 0.31, 0.040, 0.0165),
             (UPPER + 0.345, 0.039, 0.0145),
             (UPPER + 0.358, 0.035, 0.010),
-        ],
+        ][from..],
         28,
     )
 }
@@ -280,14 +284,13 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
         ),
     ];
     pieces.extend(both(["left ear", "right ear"], ear(), |n, s| plain(n, s, SKIN)));
-    pieces.extend(both(["left arm", "right arm"], arm(), |n, s| plain(n, s, SKIN)));
+    pieces.extend(both(["left arm", "right arm"], arm(appearance.long_sleeves), |n, s| plain(n, s, SKIN)));
     for finger in fingers() {
         pieces.extend(both(["left finger", "right finger"], finger, |n, s| plain(n, s, SKIN)));
     }
     let bare: &[(f64, f64, f64, f64)] = &[
-        (0.93, 0.070, 0.070, 0.0),
-        (0.90, 0.080, 0.082, 0.0),
-        (0.80, 0.078, 0.082, 0.0),
+        (0.73, 0.050, 0.050, 0.0),
+        (0.72, 0.066, 0.070, 0.0),
         (0.65, 0.064, 0.068, 0.0),
         (0.53, 0.052, 0.055, 0.0),
         (0.48, 0.050, 0.053, 0.0),
@@ -298,7 +301,8 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
         (0.07, 0.031, 0.036, 0.004),
         (0.045, 0.028, 0.032, 0.004),
     ];
-    let from = if appearance.bottom == Bottom::Skirt { 0 } else { 8 };
+    // Under cloth there is no body, so that folds may go as deep as they like.
+    let from = if appearance.bottom == Bottom::Skirt { 0 } else { 7 };
     pieces.extend(both(["left leg", "right leg"], leg_tube(&bare[from..], 32), |n, s| plain(n, s, SKIN)));
     pieces.extend(both(["left shoe", "right shoe"], shoe(), |n, s| plain(n, s, SHOES)));
     pieces
@@ -307,7 +311,7 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
 /// Folds fade where cloth is held: at the collar, and on the axis of closing fans.
 fn trunk_slack(p: V3) -> f64 {
     let radius = (p[0] * p[0] + p[1] * p[1]).sqrt();
-    smooth(1.45, 1.34, p[2]) * smooth(0.05, 0.09, radius)
+    smooth(1.43, 1.33, p[2]) * smooth(0.05, 0.09, radius)
 }
 
 /// The shirt: trunk and sleeves.
@@ -315,24 +319,24 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     // Over trousers it hangs down to the hips, into a skirt it is tucked.
     let tucked = appearance.bottom == Bottom::Skirt;
     let hem: &[Ring] = if tucked {
-        &[level(0.940, 0.110, 0.080, 0.0), level(0.945, 0.140, 0.104, 0.0)]
+        &[level(0.996, 0.110, 0.080, 0.0), level(1.000, 0.138, 0.102, 0.0)]
     } else {
         &[level(0.876, 0.150, 0.110, 0.0), level(0.874, 0.177, 0.136, 0.0), level(0.882, 0.181, 0.140, 0.0)]
     };
     let mut keys = hem.to_vec();
     keys.extend([
-        level(0.975, if tucked { 0.146 } else { 0.170 }, if tucked { 0.108 } else { 0.130 }, 0.0),
+        if tucked { level(1.030, 0.138, 0.103, 0.0) } else { level(0.975, 0.170, 0.130, 0.0) },
         level(1.080, 0.140, 0.106, 0.0),
         level(1.180, 0.153, 0.114, -0.004),
         level(1.270, 0.172, 0.121, -0.006),
         level(1.340, 0.178, 0.112, 0.0),
         level(1.385, 0.164, 0.094, 0.004),
-        level(1.415, 0.130, 0.080, 0.006),
-        level(1.436, 0.090, 0.068, 0.006),
-        level(1.452, 0.066, 0.061, 0.005),
-        level(1.462, 0.061, 0.059, 0.003),
-        level(1.461, 0.055, 0.054, 0.003),
-        level(1.445, 0.050, 0.048, 0.003),
+        level(1.410, 0.126, 0.080, 0.006),
+        level(1.426, 0.088, 0.069, 0.006),
+        level(1.438, 0.068, 0.062, 0.005),
+        level(1.446, 0.063, 0.060, 0.003),
+        level(1.445, 0.057, 0.055, 0.003),
+        level(1.425, 0.050, 0.048, 0.003),
     ]);
     let trunk = tube(&between(&keys, 0.012), 88, |_, p| p);
     let mut pieces = vec![Piece {
@@ -343,20 +347,20 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
         ..plain("shirt", trunk, SHIRT)
     }];
     let short: &[(f64, f64, f64)] = &[
-        (-0.075, 0.045, 0.045),
-        (-0.06, 0.058, 0.058),
-        (-0.01, 0.064, 0.062),
-        (0.05, 0.061, 0.060),
+        (-0.075, 0.040, 0.040),
+        (-0.05, 0.052, 0.052),
+        (0.0, 0.054, 0.053),
+        (0.05, 0.056, 0.055),
         (0.12, 0.057, 0.057),
         (0.19, 0.058, 0.058),
         (0.194, 0.056, 0.056),
         (0.190, 0.048, 0.048),
     ];
     let long: &[(f64, f64, f64)] = &[
-        (-0.075, 0.045, 0.045),
-        (-0.06, 0.058, 0.058),
-        (-0.01, 0.064, 0.062),
-        (0.05, 0.059, 0.058),
+        (-0.075, 0.040, 0.040),
+        (-0.05, 0.052, 0.052),
+        (0.0, 0.054, 0.053),
+        (0.05, 0.055, 0.054),
         (0.16, 0.050, 0.050),
         (UPPER - 0.03, 0.046, 0.046),
         (UPPER + 0.03, 0.046, 0.046),
@@ -368,7 +372,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     ];
     let sleeve = arm_tube(if appearance.long_sleeves { long } else { short }, 36);
     pieces.extend(both(["left sleeve", "right sleeve"], sleeve, |name, shell| Piece {
-        folds: Folds::Own(0.3),
+        folds: Folds::Own(0.25),
         // Nothing moves where the sleeve is sewn in.
         slack: |p| smooth(0.17, 0.21, if p[0] < 0.0 { -p[0] } else { p[0] }),
         uv: |[turn, length], _| [turn, length / 0.6],
@@ -438,8 +442,8 @@ pub(super) fn trousers() -> Vec<Piece> {
     }];
     let leg = leg_tube(
         &[
-            (0.93, 0.060, 0.080, 0.0),
-            (0.90, 0.080, 0.100, 0.0),
+            (0.93, 0.060, 0.070, 0.0),
+            (0.90, 0.080, 0.090, 0.0),
             (0.84, 0.086, 0.100, 0.0),
             (0.76, 0.084, 0.092, 0.0),
             (0.62, 0.072, 0.078, 0.0),
@@ -454,7 +458,7 @@ pub(super) fn trousers() -> Vec<Piece> {
         40,
     );
     pieces.extend(both(["left trouser leg", "right trouser leg"], leg, |name, shell| Piece {
-        folds: Folds::Own(0.3),
+        folds: Folds::Own(0.25),
         slack: |p| smooth(0.86, 0.74, p[2]),
         uv: |[turn, length], _| [2.0 * turn, 6.0 * length],
         ..plain(name, shell, CLOTH)

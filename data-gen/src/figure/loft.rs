@@ -20,6 +20,8 @@ pub(super) struct Shell {
     pub(super) positions: Vec<V3>,
     /// Turn around (0 at the start of y… the back of a tube that goes up, ½ opposite), length along in metres.
     pub(super) around_along: Vec<[f64; 2]>,
+    /// Unit direction away from the tube's axis, across the tube; zero on the axis.
+    pub(super) outward: Vec<V3>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) weld: Vec<u32>,
 }
@@ -112,9 +114,12 @@ pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3)
             // The vertex after the last one is the first one.
             let place = (k % around) as f64 / around as f64;
             let angle = TAU * (place + 0.25);
-            let (u, v) = (r.half[0] * cos(angle), r.half[1] * sin(angle));
-            let p = add(r.center, add(scale(r.x, u), scale(r.y, v)));
+            let [a, b] = r.half;
+            let (c, s) = (cos(angle), sin(angle));
+            let p = add(r.center, add(scale(r.x, a * c), scale(r.y, b * s)));
             shell.positions.push(shape(place, p));
+            // The gradient of x²/a² + y²/b², times a b.
+            shell.outward.push(unit(add(scale(r.x, b * c), scale(r.y, a * s))));
             shell.around_along.push([turn, length]);
             shell.weld.push(first + (k % around) as u32);
         }
@@ -131,6 +136,7 @@ pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3)
     let top = (rings.len() as u32 - 1) * row;
     shell.positions.extend([start, end]);
     shell.around_along.extend([[0.5, 0.0], [0.5, length]]);
+    shell.outward.extend([[0.0; 3]; 2]);
     shell.weld.extend([n, n + 1]);
     for k in 0..around as u32 {
         shell.triangles.push([n, k + 1, k]);
@@ -144,6 +150,7 @@ impl Shell {
     pub(super) fn mirrored(&self) -> Self {
         let mut m = self.clone();
         m.positions.iter_mut().for_each(|p| p[0] = -p[0]);
+        m.outward.iter_mut().for_each(|o| o[0] = -o[0]);
         m.triangles.iter_mut().for_each(|t| t.swap(1, 2));
         m
     }

@@ -1,7 +1,7 @@
 //! Closed textured surfaces over the skeleton: body, head, hair, shirt, skirt or trousers, shoes.
 //!
 //! Every part is a closed tube through ellipses, skinned by the weights of [`super::skeleton::weights`] at its rest positions, those
-//! of the template. Cloth is displaced along its rest normals by the wrinkles of [`super::factors::Drive::wrinkles`] and by two
+//! of the template. Cloth is displaced across its tube (both sides of a hem together) by the wrinkles of [`super::factors::Drive::wrinkles`] and by two
 //! finer waves, all of them proportional to u_W; sleeves and trouser legs take them around their own axis and weaker. Posture
 //! moves cloth by skinning alone.
 
@@ -49,6 +49,8 @@ pub struct Part {
     /// Index into the materials.
     pub material: usize,
     folds: Folds,
+    /// (V) unit direction of the folds, away from the part's axis
+    outward: Vec<V3>,
     /// (V) share of the folds
     slack: Vec<f64>,
     /// (V) length along and turn around, for folds about the own axis
@@ -106,6 +108,7 @@ impl Part {
             weld: shell.weld,
             material,
             folds,
+            outward: shell.outward,
             around_along: shell.around_along,
             width: if is_trunk { 0.02 } else { 0.006 },
             is_skirt,
@@ -148,7 +151,7 @@ impl Part {
                     x[2] = drive.skirt_height(framed([0.0, 0.0, SKIRT[0][0]])[2], x[2]);
                 }
                 let moved = drive.width * self.width + self.fold(v, x, drive, phases);
-                let x = add(x, scale(self.normals[v], moved));
+                let x = add(x, scale(self.outward[v], moved));
                 skin::point(&skin::blend(&self.weights[v], transforms), x)
             })
             .collect();

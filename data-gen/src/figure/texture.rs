@@ -94,7 +94,7 @@ fn shirt(look: &Appearance, hue: f64, u: f64, v: f64) -> Rgb {
     let z = SHIRT_TOP + v * (SHIRT_BOTTOM - SHIRT_TOP);
     let mut c = turn_hue(look.shirt_at(u, z, GIRTH), hue);
     // Collar and hem are stitched.
-    if z > 1.448 || (0.887..0.890).contains(&z) {
+    if z > 1.433 || (0.887..0.890).contains(&z) {
         c = times(turn_hue(look.shirt, hue), 0.82);
     }
     times(c, grain(u, v, 0.06))
@@ -114,7 +114,7 @@ fn weave(color: Rgb, u: f64, v: f64) -> Rgb {
 
 fn strands(color: Rgb, u: f64, v: f64) -> Rgb {
     let strand = sin(TAU * 37.0 * u + 3.0 * sin(7.0 * v)) + 0.6 * sin(TAU * 61.0 * u + 2.0 * v);
-    times(color, (1.0 + 0.16 * strand) * grain(u, v, 0.15))
+    times(color, (1.0 + 0.09 * strand) * grain(u, v, 0.12))
 }
 
 fn material(name: &str, roughness: f64, map: Picture) -> Material {

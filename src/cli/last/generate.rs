@@ -1,0 +1,192 @@
+//! `last gen`: the figure's data sets.
+
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim};
+use crate::last::figure::Look;
+use crate::last::generate::{self, Report, Settings, Which};
+use crate::{Error, Result};
+use std::path::PathBuf;
+
+/// Make pictures, points and a video of a person whose causes are known.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last gen --out data                              video, observational and intervention sets
+  lastlight last gen --set video --out subject --video-size 128
+  lastlight last gen --set interventions --graph ER-6 --factors 6 --mechanism LIN --out six
+  lastlight last gen --profile smoke --out small             seconds instead of minutes
+
+Graphs over posture P, self-occlusion O, wrinkles W, light L (more factors: body width B, skirt length S,
+hue H, head yaw Y): FORK P>W P>O, CHAIN P>W>O>L, COLLIDER P>W<O, DIAMOND P>W P>O W>L O>L, FULL, EMPTY, and
+ER-m with m random edges. --out gets dataset.json with the graph, the coefficients and a digest of every
+file; the same settings give the same bytes for any number of threads.")]
+pub(in crate::cli) struct Args {
+    /// Folder for the data; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// What to make: video, observational, interventions or all
+    #[arg(long, value_name = "WHICH", default_value = "all")]
+    set: String,
+    /// Causal graph: FORK, CHAIN, COLLIDER, DIAMOND, FULL, EMPTY or ER-m
+    #[arg(long, value_name = "NAME", default_value = "FORK", help_heading = "Truth")]
+    graph: String,
+    /// Number of factors, 2 to 8
+    #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Truth")]
+    factors: usize,
+    /// Form of the equations: LIN linear, NL nonlinear, NG linear with uniform noise
+    #[arg(long, value_name = "NAME", default_value = "NL", help_heading = "Truth")]
+    mechanism: String,
+    /// Leave variances as they grow along the graph
+    #[arg(long, help_heading = "Truth")]
+    raw: bool,
+    /// Sizes: full or smoke
+    #[arg(long, value_name = "NAME", default_value = "full", help_heading = "Sizes")]
+    profile: String,
+    /// Observational frames
+    #[arg(long, value_name = "N", help_heading = "Sizes")]
+    count: Option<usize>,
+    /// Intervention groups of eight bases
+    #[arg(long, value_name = "N", help_heading = "Sizes")]
+    groups: Option<usize>,
+    /// Different persons in the sets
+    #[arg(long, value_name = "N", help_heading = "Sizes")]
+    appearances: Option<usize>,
+    /// Points of the template
+    #[arg(long, value_name = "P", help_heading = "Sizes")]
+    points: Option<usize>,
+    /// Frames of the video
+    #[arg(long, value_name = "T", help_heading = "Sizes")]
+    frames: Option<usize>,
+    /// Test cameras of the video, 1 to 22
+    #[arg(long, value_name = "N", help_heading = "Sizes")]
+    test_cameras: Option<usize>,
+    /// Which person the video shows
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    subject: u64,
+    /// Look of everything: mesh, points (discs) or splats [default: mesh for the video, points for the sets]
+    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    look: Option<String>,
+    /// Look of the video
+    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    video_look: Option<String>,
+    /// Look of the sets
+    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    set_look: Option<String>,
+    /// Side of every picture in pixels [default: 256 for the video, 64 for the sets]
+    #[arg(long, value_name = "S", help_heading = "Pictures")]
+    size: Option<usize>,
+    /// Side of the video's pictures
+    #[arg(long, value_name = "S", help_heading = "Pictures")]
+    video_size: Option<usize>,
+    /// Side of the sets' pictures
+    #[arg(long, value_name = "S", help_heading = "Pictures")]
+    set_size: Option<usize>,
+    /// Write depth, normals, albedo, material and linear radiance of the video too
+    #[arg(long, help_heading = "Pictures")]
+    passes: bool,
+    /// Samples per pixel of surfaces
+    #[arg(long, value_name = "N", help_heading = "Pictures")]
+    samples: Option<u32>,
+    /// Seed of every draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Continue an interrupted run with the same settings
+    #[arg(long)]
+    resume: bool,
+    /// Replace files in --out that exist
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Print the record as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl Args {
+    fn settings(&self) -> Result<Settings> {
+        let base = match self.profile.as_str() {
+            "full" => Settings::full(),
+            "smoke" => Settings::smoke(),
+            other => return Err(Error::input("--profile").expected("full or smoke").got(other)),
+        };
+        Which::parse(&self.set).map_err(|e| e.within("--set"))?;
+        let look = |own: &Option<String>, otherwise: Look| match own.as_ref().or(self.look.as_ref()) {
+            Some(name) => Look::parse(name),
+            None => Ok(otherwise),
+        };
+        let size = |own: Option<usize>, otherwise: usize| own.or(self.size).unwrap_or(otherwise);
+        let settings = Settings {
+            set: self.set.clone(),
+            graph: self.graph.clone(),
+            factors: self.factors,
+            mechanism: self.mechanism.clone(),
+            raw: self.raw,
+            video_look: look(&self.video_look, base.video_look)?,
+            set_look: look(&self.set_look, base.set_look)?,
+            video_size: size(self.video_size, base.video_size),
+            set_size: size(self.set_size, base.set_size),
+            samples: self.samples.unwrap_or(base.samples),
+            count: self.count.unwrap_or(base.count),
+            groups: self.groups.unwrap_or(base.groups),
+            appearances: self.appearances.unwrap_or(base.appearances),
+            points: self.points.unwrap_or(base.points),
+            frames: self.frames.unwrap_or(base.frames),
+            test_cameras: self.test_cameras.unwrap_or(base.test_cameras),
+            passes: self.passes,
+            subject: self.subject,
+            seed: self.seed,
+        };
+        settings.validate()?;
+        Ok(settings)
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let settings = args.settings()?;
+    settings.scm()?;
+    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    let mut meter = Meter::new(args.quiet);
+    let report = cli::stoppable(|stop| {
+        generate::run(&settings, &dir, args.resume, stop, &mut |done, total, what| {
+            if done == total {
+                meter.done();
+            } else {
+                meter.count(done, total, what);
+            }
+        })
+    })?;
+    meter.done();
+    if args.json {
+        return cli::say_json(&report.record);
+    }
+    for line in lines(args, &settings, &report, meter.seconds()) {
+        cli::say(&line)?;
+    }
+    Ok(())
+}
+
+fn lines(args: &Args, settings: &Settings, report: &Report, seconds: f64) -> Vec<String> {
+    let mut lines = vec![format!(
+        "{} factors, {} {}{}: {} files in {} ({:.1} s)",
+        settings.factors,
+        settings.graph,
+        settings.mechanism,
+        if settings.raw { ", raw" } else { ", standardised" },
+        report.files.len(),
+        args.out.display(),
+        seconds
+    )];
+    lines.push(format!("{:<20} {:>8} {:>15} {:>16}", "factor set", "samples", "varsortability", "R2-sortability"));
+    let shown = |x: Option<f64>| x.map_or_else(|| "no edges".to_owned(), |x| format!("{x:.3}"));
+    for s in &report.sortabilities {
+        lines.push(format!(
+            "{:<20} {:>8} {:>15} {:>16}",
+            s.set,
+            s.samples,
+            shown(s.varsortability),
+            shown(s.r2_sortability)
+        ));
+    }
+    lines
+}

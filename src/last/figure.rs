@@ -1,0 +1,266 @@
+//! The built-in person: pictures of its points and of its surfaces.
+//!
+//! Light is that of `last.md` §3.2 for both looks: a sun at azimuth 0.8 u_L and elevation 30°, and an ambient share of 0.35. Points
+//! are shaded by Lambert's law in `data_gen`; surfaces are rendered under a sun of irradiance 0.65π and a sky of mean
+//! radiance about 0.35, so that a white surface facing the sun is white in both.
+
+use crate::geometry::bvh::Bvh;
+use crate::io::image_file;
+use crate::scene::camera::Camera;
+use crate::scene::from_data_gen;
+use crate::scene::light::{Environment, Lamp, Lights};
+use crate::scene::material::Material;
+use crate::scene::mesh::Object;
+use crate::shade::render::{self, Passes, Scene};
+use crate::shade::tonemap;
+use crate::splat::discs;
+use crate::splat::render::{Color, In, Settings, Shape};
+use crate::{Error, Result};
+use data_gen::figure::appearance::Appearance;
+use data_gen::figure::factors::{AMBIENT, Drive};
+use data_gen::figure::surface::Figure;
+use data_gen::figure::template::{Cloud, Template};
+
+/// Radius of a disc in units of the mean distance to the three nearest points.
+pub const DISC: f64 = 0.9;
+/// Standard deviation of a Gaussian in the same units.
+pub const SIGMA: f64 = 0.6;
+/// Its opacity.
+pub const OPACITY: f32 = 0.95;
+
+/// What is rendered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Look {
+    /// textured surfaces
+    Mesh,
+    /// points as discs
+    Discs,
+    /// points as isotropic Gaussians
+    Splats,
+}
+
+impl Look {
+    /// Its name in settings and records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mesh => "mesh",
+            Self::Discs => "points",
+            Self::Splats => "splats",
+        }
+    }
+
+    /// The look of that name.
+    ///
+    /// # Errors
+    /// When there is none.
+    pub fn parse(name: &str) -> Result<Self> {
+        match name {
+            "mesh" => Ok(Self::Mesh),
+            "points" => Ok(Self::Discs),
+            "splats" => Ok(Self::Splats),
+            other => Err(Error::input("look").expected("mesh, points or splats").got(other)),
+        }
+    }
+}
+
+/// A small picture: bytes of the sRGB-encoded colours on black, and of the covered share.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Photo {
+    /// (H, W, 3)
+    pub image: Vec<u8>,
+    /// (H, W)
+    pub mask: Vec<u8>,
+}
+
+/// A cloud in single precision.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Points {
+    /// (P, 3) the figure's frame
+    pub points: Vec<[f32; 3]>,
+    /// (P, 3) sRGB-encoded
+    pub rgb: Vec<[f32; 3]>,
+}
+
+impl From<&Cloud> for Points {
+    fn from(cloud: &Cloud) -> Self {
+        Self {
+            points: cloud.points.iter().map(single).collect(),
+            rgb: cloud.rgb.iter().map(single).collect(),
+        }
+    }
+}
+
+/// The points of the template and how large they are drawn.
+#[derive(Clone, Debug)]
+pub struct Dots {
+    /// At rest.
+    pub template: Template,
+    radii: Vec<f32>,
+    sigmas: Vec<[f32; 3]>,
+}
+
+impl Dots {
+    /// A template of P points.
+    pub fn new(p: usize) -> Self {
+        let template = Template::new(p);
+        let spacing = template.spacing();
+        Self {
+            radii: spacing.iter().map(|s| (DISC * s) as f32).collect(),
+            sigmas: spacing.iter().map(|s| [(SIGMA * s) as f32; 3]).collect(),
+            template,
+        }
+    }
+
+    /// The points of a frame.
+    pub fn posed(&self, drive: &Drive, appearance: &Appearance) -> Points {
+        Points::from(&self.template.posed(drive, appearance))
+    }
+
+    /// A picture of them, as discs or as Gaussians.
+    ///
+    /// # Errors
+    /// When the camera is not valid.
+    ///
+    /// # Panics
+    /// When asked for surfaces.
+    pub fn photo(&self, points: &Points, camera: &Camera, look: Look) -> Result<Photo> {
+        let (image, alpha) = match look {
+            Look::Discs => {
+                let p = discs::render(&points.points, &self.radii, &points.rgb, camera, [0.0; 3])?;
+                (p.image.into_flattened(), p.alpha)
+            }
+            Look::Splats => {
+                let quats = vec![[1.0, 0.0, 0.0, 0.0]; points.points.len()];
+                let opacities = vec![OPACITY; points.points.len()];
+                let x = In {
+                    means: &points.points,
+                    shape: Shape::QuatScale { quats: &quats, scales: &self.sigmas },
+                    opacities: &opacities,
+                    color: Color::Rgb(&points.rgb),
+                    cameras: std::slice::from_ref(camera),
+                    background: [0.0; 3],
+                };
+                let settings = Settings::default();
+                x.validate(&settings)?;
+                let (out, _) = crate::splat::render::forward(&x, &settings);
+                (out.image, out.alpha)
+            }
+            Look::Mesh => unreachable!("surfaces are rendered from an object"),
+        };
+        Ok(Photo { image: image_file::to_u8(&image)?, mask: image_file::to_u8(&alpha)? })
+    }
+}
+
+/// Radiance of the sky where cameras of the ring look, linear.
+const HORIZON: [f32; 3] = [0.33, 0.35, 0.37];
+
+/// Soft sky: brighter and bluer above, warmer and darker below, one colour within 45° of the horizon.
+fn sky() -> Environment {
+    const ROWS: usize = 16;
+    let row = |i: usize| -> [f32; 3] {
+        match i {
+            0..=1 => [0.50, 0.54, 0.60],
+            2..=3 => [0.44, 0.47, 0.51],
+            12..=15 => [0.20, 0.19, 0.18],
+            _ => HORIZON,
+        }
+    };
+    let radiance = (0..ROWS).flat_map(|i| [row(i); 2]).collect();
+    Environment { width: 2, height: ROWS, radiance }
+}
+
+/// Sun and sky for an azimuth of the sun in rad: 0 stands in front of the figure, positive towards its left.
+pub fn lights(azimuth: f64) -> Lights {
+    let drive = Drive { light_azimuth: azimuth, ..Drive::new(&[]) };
+    let sun = std::f64::consts::PI * (1.0 - AMBIENT);
+    let irradiance = [1.02 * sun, sun, 0.94 * sun].map(|x| x as f32);
+    let towards = drive.towards_light().map(|x| x as f32);
+    Lights { environment: Some(sky()), lamps: vec![Lamp::Distant { towards, irradiance }] }
+}
+
+/// A person with the surfaces of its look, ready to be posed.
+#[derive(Debug)]
+pub struct Dressed {
+    figure: Figure,
+    /// At rest; its materials are those without a turn of the hue.
+    rest: Object,
+}
+
+impl Dressed {
+    /// The person of a look.
+    pub fn new(appearance: &Appearance) -> Self {
+        let figure = Figure::new(appearance);
+        let mut rest = Object { materials: materials(&figure, &Drive::new(&[])), ..Object::default() };
+        for part in &figure.parts {
+            let first = rest.mesh.positions.len() as u32;
+            rest.mesh.positions.extend(part.positions.iter().map(single));
+            rest.mesh.normals.extend(part.normals.iter().map(single));
+            rest.mesh.uvs.extend(part.uvs.iter().map(|t| t.map(|x| x as f32)));
+            rest.mesh.triangles.extend(part.triangles.iter().map(|t| t.map(|i| i + first)));
+            rest.material_of.resize(rest.mesh.triangles.len(), part.material as u16);
+        }
+        Self { figure, rest }
+    }
+
+    /// The person as an object under the factors.
+    pub fn object(&self, drive: &Drive) -> Object {
+        let mut object = self.rest.clone();
+        let mesh = &mut object.mesh;
+        let posed = self.figure.posed(drive);
+        for (to, x) in mesh.positions.iter_mut().zip(posed.iter().flat_map(|part| &part.positions)) {
+            *to = single(x);
+        }
+        for (to, n) in mesh.normals.iter_mut().zip(posed.iter().flat_map(|part| &part.normals)) {
+            *to = single(n);
+        }
+        if drive.hue != 0.0 {
+            object.materials = materials(&self.figure, drive);
+        }
+        object
+    }
+}
+
+fn single(x: &[f64; 3]) -> [f32; 3] {
+    x.map(|x| x as f32)
+}
+
+fn materials(figure: &Figure, drive: &Drive) -> Vec<Material> {
+    figure.materials(drive).iter().map(from_data_gen::material).collect()
+}
+
+/// Passes of an object before black: what the sky adds behind it is taken out of the colour.
+///
+/// # Errors
+/// When the object or the camera is not valid.
+pub fn passes(
+    object: &Object,
+    bvh: &Bvh,
+    lights: &Lights,
+    camera: &Camera,
+    settings: &render::Settings,
+) -> Result<Passes> {
+    let scene = Scene::new(object, bvh, lights)?;
+    let mut passes = render::render(&scene, camera, None, settings)?;
+    if lights.environment.is_some() {
+        for (color, &alpha) in passes.color.iter_mut().zip(&passes.alpha) {
+            let behind = |c: usize, x: f32| {
+                let rest = x - (1.0 - alpha) * HORIZON[c];
+                if alpha > 0.0 && rest > 0.0 { rest } else { 0.0 }
+            };
+            *color = [behind(0, color[0]), behind(1, color[1]), behind(2, color[2])];
+        }
+    }
+    Ok(passes)
+}
+
+/// A small picture of surfaces.
+///
+/// # Errors
+/// When the camera is not valid.
+pub fn photo(person: &Dressed, drive: &Drive, camera: &Camera, settings: &render::Settings) -> Result<Photo> {
+    let object = person.object(drive);
+    let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
+    let passes = passes(&object, &bvh, &lights(drive.light_azimuth), camera, settings)?;
+    let alpha = image_file::to_u8(&passes.alpha)?;
+    Ok(Photo { image: tonemap::srgb_u8(&passes.color, 1.0), mask: alpha })
+}

@@ -1,0 +1,436 @@
+//! Makes the data of LAST: which sets, with which truth, and the record of all of it in `dataset.json`.
+//!
+//! # Layout
+//! ```text
+//! dataset.json          command, settings, graph, coefficients, sortabilities, files and their digests
+//! template.npz          see `sets`
+//! observational/        see `sets`
+//! interventions/        see `sets`
+//! video/                a capture, see `subject`
+//! ```
+//! `dataset.json` is written first without digests (`complete`: false) and once more at the end. A run that was interrupted continues
+//! where files are missing; it must ask for the same settings.
+
+use super::figure::{Dots, Look};
+use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Studio};
+use super::subject::{self, BuiltIn, Subject};
+use crate::io::{atomic, read_bytes};
+use crate::num::bits::Digest;
+use crate::{Error, Result};
+use data_gen::figure::factors::LETTERS;
+use data_gen::figure::graph::Graph;
+use data_gen::figure::mechanism::{Mechanism, Scm};
+use data_gen::figure::samples;
+use data_gen::figure::sortability::{r2_sortability, varsortability};
+use data_gen::figure::{MAX_FACTORS, video};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// The record of a data set.
+pub const RECORD: &str = "dataset.json";
+
+/// Which sets are made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Which {
+    /// a moving subject
+    pub video: bool,
+    /// frames as they come
+    pub observational: bool,
+    /// frames before and after do(i, v)
+    pub interventions: bool,
+}
+
+impl Which {
+    /// `video`, `observational`, `interventions` or `all`.
+    ///
+    /// # Errors
+    /// For any other name.
+    pub fn parse(name: &str) -> Result<Self> {
+        let only = |video, observational, interventions| Self { video, observational, interventions };
+        match name {
+            "video" => Ok(only(true, false, false)),
+            "observational" => Ok(only(false, true, false)),
+            "interventions" => Ok(only(false, false, true)),
+            "all" => Ok(only(true, true, true)),
+            other => Err(Error::input("set")
+                .expected("video, observational, interventions or all")
+                .got(other)),
+        }
+    }
+}
+
+/// Everything a data set depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// `video`, `observational`, `interventions` or `all`
+    pub set: String,
+    /// `FORK` … `EMPTY`, `ER-m`
+    pub graph: String,
+    /// number of factors, 2 to 8
+    pub factors: usize,
+    /// `LIN`, `NL`, `NG`
+    pub mechanism: String,
+    /// unit noise and coefficients as drawn instead of unit variances
+    pub raw: bool,
+    /// of the video
+    pub video_look: Look,
+    /// of the sets
+    pub set_look: Look,
+    /// side of the video's pictures
+    pub video_size: usize,
+    /// side of the sets' pictures
+    pub set_size: usize,
+    /// per pixel, surfaces only
+    pub samples: u32,
+    /// observational frames
+    pub count: usize,
+    /// intervention groups
+    pub groups: usize,
+    /// looks that the sets choose from
+    pub appearances: usize,
+    /// points of the template
+    pub points: usize,
+    /// of the video
+    pub frames: usize,
+    /// of the video, 1 to 22
+    pub test_cameras: usize,
+    /// the video also gets depth, normals, albedo, material and linear radiance
+    pub passes: bool,
+    /// look of the video's subject
+    pub subject: u64,
+    /// of every draw
+    pub seed: u64,
+}
+
+impl Settings {
+    /// The sizes of `last.md` §3.5.
+    pub fn full() -> Self {
+        Self {
+            set: "all".into(),
+            graph: "FORK".into(),
+            factors: 4,
+            mechanism: "NL".into(),
+            raw: false,
+            video_look: Look::Mesh,
+            set_look: Look::Discs,
+            video_size: 256,
+            set_size: 64,
+            samples: 16,
+            count: 2048,
+            groups: 256,
+            appearances: 64,
+            points: 2048,
+            frames: 100,
+            test_cameras: 22,
+            passes: false,
+            subject: 0,
+            seed: 0,
+        }
+    }
+
+    /// Small enough to look at in seconds.
+    pub fn smoke() -> Self {
+        Self {
+            video_size: 64,
+            count: 128,
+            groups: 16,
+            appearances: 8,
+            points: 512,
+            frames: 20,
+            test_cameras: 4,
+            ..Self::full()
+        }
+    }
+
+    /// Checks every range.
+    ///
+    /// # Errors
+    /// Names the setting.
+    pub fn validate(&self) -> Result<()> {
+        Which::parse(&self.set)?;
+        let within = |name: &str, x: usize, low: usize, high: usize| {
+            if (low..=high).contains(&x) {
+                Ok(())
+            } else {
+                Err(Error::input(format!("setting {name}")).expected(format!("{low} to {high}")).got(x.to_string()))
+            }
+        };
+        within("factors", self.factors, 2, MAX_FACTORS)?;
+        within("size", self.video_size, 8, 4096)?;
+        within("size", self.set_size, 8, 512)?;
+        within("samples", self.samples as usize, 1, 65_536)?;
+        within("count", self.count, 1, 1 << 24)?;
+        within("groups", self.groups, 1, 1 << 20)?;
+        within("appearances", self.appearances, 1, 1 << 16)?;
+        within("points", self.points, 64, 1 << 17)?;
+        within("frames", self.frames, 1, 100_000)?;
+        within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)
+    }
+
+    /// The truth behind the data.
+    ///
+    /// # Errors
+    /// When graph and factors do not fit, or a name is unknown.
+    pub fn scm(&self) -> Result<Scm> {
+        let fail = |e: String| Error::input("settings").expected("a causal model").got(e);
+        let graph = Graph::named(&self.graph, self.factors, self.seed).map_err(fail)?;
+        let mechanism = Mechanism::parse(&self.mechanism).map_err(fail)?;
+        Ok(Scm::new(graph, mechanism, !self.raw, self.seed))
+    }
+
+    fn record(&self) -> Value {
+        json!({
+            "set": self.set, "graph": self.graph, "factors": self.factors, "mechanism": self.mechanism,
+            "raw": self.raw, "video_look": self.video_look.name(), "set_look": self.set_look.name(),
+            "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
+            "count": self.count, "groups": self.groups, "appearances": self.appearances,
+            "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
+            "subject": self.subject, "seed": self.seed,
+        })
+    }
+
+    /// A command line that makes the same data, but for the folder.
+    pub fn command(&self) -> String {
+        let which = Which::parse(&self.set).ok();
+        let mut words = vec![format!(
+            "lastlight last gen --set {} --graph {} --factors {} --mechanism {} --points {} --samples {} --seed {}",
+            self.set, self.graph, self.factors, self.mechanism, self.points, self.samples, self.seed
+        )];
+        if self.raw {
+            words.push("--raw".into());
+        }
+        if which.is_some_and(|w| w.observational) {
+            words.push(format!("--count {}", self.count));
+        }
+        if which.is_some_and(|w| w.interventions) {
+            words.push(format!("--groups {}", self.groups));
+        }
+        if which.is_some_and(|w| w.observational || w.interventions) {
+            words.push(format!(
+                "--appearances {} --set-look {} --set-size {}",
+                self.appearances,
+                self.set_look.name(),
+                self.set_size
+            ));
+        }
+        if which.is_some_and(|w| w.video) {
+            words.push(format!(
+                "--frames {} --test-cameras {} --subject {} --video-look {} --video-size {}",
+                self.frames,
+                self.test_cameras,
+                self.subject,
+                self.video_look.name(),
+                self.video_size
+            ));
+            if self.passes {
+                words.push("--passes".into());
+            }
+        }
+        words.join(" ")
+    }
+}
+
+/// How far marginal statistics give the causal order away; absent for a graph without edges.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sortability {
+    /// which factor set
+    pub set: &'static str,
+    /// its size
+    pub samples: usize,
+    /// by variance
+    pub varsortability: Option<f64>,
+    /// by explained variance
+    pub r2_sortability: Option<f64>,
+}
+
+/// What was made.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// one per factor set
+    pub sortabilities: Vec<Sortability>,
+    /// relative to the folder, with FNV-1a 64 of their bytes
+    pub files: Vec<(PathBuf, u64)>,
+    /// what `dataset.json` says
+    pub record: Value,
+}
+
+/// Counts finished pieces of work: done, total, of what.
+pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
+
+/// Makes the data in a folder, which exists.
+///
+/// # Errors
+/// When the settings are not valid, differ from those of the run that is resumed, a file cannot be written, or `stop` was set:
+/// then everything finished so far is on disk.
+pub fn run(settings: &Settings, dir: &Path, resume: bool, stop: &AtomicBool, progress: &mut Progress<'_>) -> Result<Report> {
+    settings.validate()?;
+    let which = Which::parse(&settings.set)?;
+    let scm = settings.scm()?;
+    let sortabilities = sortabilities(settings, which, &scm);
+    let mut record = json!({
+        "format": "lastlight LAST data set", "version": 1, "complete": false,
+        "command": settings.command(), "settings": settings.record(),
+        "letters": LETTERS[..settings.factors].iter().map(char::to_string).collect::<Vec<_>>(),
+        "adjacency": scm.graph.adjacency.iter()
+            .map(|row| row.iter().map(|&edge| i32::from(edge)).collect::<Vec<_>>()).collect::<Vec<_>>(),
+        "coefficients": scm.a, "noise": scm.s, "standardised": scm.standardised,
+        "sortability": sortabilities.iter().map(|s| json!({
+            "set": s.set, "samples": s.samples, "varsortability": s.varsortability, "r2_sortability": s.r2_sortability,
+        })).collect::<Vec<_>>(),
+    });
+    if resume {
+        check_resumed(dir, &record)?;
+    }
+    write_record(dir, &record)?;
+    let mut files: Vec<(PathBuf, u64)> = Vec::new();
+    if which.observational || which.interventions {
+        files.extend(write_sets(settings, which, &scm, dir, resume, stop, progress)?);
+    }
+    if which.video {
+        let built_in = BuiltIn::new(settings, &scm);
+        record["subject"] = built_in.record();
+        let shoot = subject::Shoot {
+            size: settings.video_size,
+            samples: settings.samples,
+            test_cameras: video::test_cameras(settings.test_cameras),
+            test_step: video::TEST_STEP,
+            passes: settings.passes,
+            seed: settings.seed,
+        };
+        files.extend(subject::write(&built_in, &shoot, &dir.join("video"), resume, stop, progress)?);
+    }
+    record["files"] = files
+        .iter()
+        .map(|(path, digest)| json!({"file": slashed(path), "digest": format!("{digest:016x}")}))
+        .collect();
+    record["complete"] = json!(true);
+    write_record(dir, &record)?;
+    Ok(Report { sortabilities, files, record })
+}
+
+fn slashed(path: &Path) -> String {
+    path.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
+}
+
+fn write_record(dir: &Path, record: &Value) -> Result<()> {
+    atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())
+}
+
+fn check_resumed(dir: &Path, record: &Value) -> Result<()> {
+    let path = dir.join(RECORD);
+    if !path.exists() {
+        return Ok(());
+    }
+    let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
+    let there: Value = serde_json::from_slice(&bytes)
+        .map_err(|e| Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string()))?;
+    let wanted = &record["settings"];
+    if there["settings"] == *wanted {
+        return Ok(());
+    }
+    let differing: Vec<String> = wanted
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(key, value)| there["settings"][key.as_str()] != **value)
+        .map(|(key, value)| format!("{key} {} instead of {value}", there["settings"][key.as_str()]))
+        .collect();
+    Err(Error::input(path.display().to_string())
+        .at("settings")
+        .expected("those of this run")
+        .got(differing.join(", "))
+        .hint("give the settings of the interrupted run, or a new folder"))
+}
+
+/// FNV-1a 64 of bytes.
+pub(super) fn digest(bytes: &[u8]) -> u64 {
+    let mut d = Digest::new();
+    d.bytes(bytes);
+    d.value()
+}
+
+/// An error when the user asked to stop.
+pub(super) fn check_stop(stop: &AtomicBool) -> Result<()> {
+    if stop.load(Ordering::Relaxed) {
+        return Err(Error::interrupted("last gen").hint("continue with --resume"));
+    }
+    Ok(())
+}
+
+fn write_sets(
+    settings: &Settings,
+    which: Which,
+    scm: &Scm,
+    dir: &Path,
+    resume: bool,
+    stop: &AtomicBool,
+    progress: &mut Progress<'_>,
+) -> Result<Vec<(PathBuf, u64)>> {
+    let dots = Dots::new(settings.points);
+    let studio = Studio {
+        scm,
+        dots: &dots,
+        seed: settings.seed,
+        appearances: settings.appearances,
+        look: settings.set_look,
+        size: settings.set_size,
+        samples: settings.samples,
+    };
+    let template = sets::bytes(&sets::template_arrays(&dots))?;
+    atomic::write_bytes(&dir.join("template.npz"), &template)?;
+    let mut files = vec![(PathBuf::from("template.npz"), digest(&template))];
+    let jobs = [
+        ("observational", which.observational, settings.count, FRAMES_PER_SHARD),
+        ("interventions", which.interventions, settings.groups, GROUPS_PER_SHARD),
+    ];
+    for (name, wanted, count, per_shard) in jobs {
+        if !wanted {
+            continue;
+        }
+        let folder = dir.join(name);
+        std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
+        for shard in 0..count.div_ceil(per_shard) {
+            check_stop(stop)?;
+            progress(shard * per_shard, count, name);
+            let relative = PathBuf::from(name).join(format!("{shard:04}.npz"));
+            let path = dir.join(&relative);
+            if resume && path.exists() {
+                files.push((relative, digest(&read_bytes(&path, crate::io::MAX_FILE_BYTES)?)));
+                continue;
+            }
+            let arrays = match name {
+                "observational" => studio.observational(shard, count)?,
+                _ => studio.interventions(shard, count)?,
+            };
+            let bytes = sets::bytes(&arrays)?;
+            atomic::write_bytes(&path, &bytes)?;
+            files.push((relative, digest(&bytes)));
+        }
+        progress(count, count, name);
+    }
+    Ok(files)
+}
+
+fn sortabilities(settings: &Settings, which: Which, scm: &Scm) -> Vec<Sortability> {
+    let of = |set, samples: Vec<Vec<f64>>| Sortability {
+        set,
+        samples: samples.len(),
+        varsortability: varsortability(&scm.graph, &samples),
+        r2_sortability: r2_sortability(&scm.graph, &samples),
+    };
+    let mut all = Vec::new();
+    if which.observational {
+        let frame = |i| samples::observed(scm, settings.seed, i, settings.count, settings.appearances).u;
+        all.push(of("observational", (0..settings.count).map(frame).collect()));
+    }
+    if which.interventions {
+        let bases = |i| samples::group(scm, settings.seed, i, settings.appearances).bases;
+        all.push(of("intervention bases", (0..settings.groups).flat_map(bases).map(|f| f.u).collect()));
+    }
+    if which.video {
+        let frame = |t| video::frame(scm, settings.seed, settings.subject, t, settings.frames).u;
+        all.push(of("video", (0..settings.frames).map(frame).collect()));
+    }
+    all
+}

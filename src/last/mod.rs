@@ -1,0 +1,14 @@
+//! The LAST system. Level 10.
+//!
+//! ```text
+//! figure    the built-in person: clouds, surfaces, light ──┬─► sets      pictures and points of known causes, in shards
+//! subject   what any moving person must say about itself ──┴─► video     a capture with poses
+//! generate  which of these to make, and the record of it
+//! ```
+//!
+//! Truth comes from `data_gen::figure` in f64; this folder renders and writes it.
+
+pub mod figure;
+pub mod generate;
+pub mod sets;
+pub mod subject;

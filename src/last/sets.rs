@@ -1,0 +1,192 @@
+//! Pictures and points of known causes, in shards.
+//!
+//! # Layout
+//! ```text
+//! template.npz                the points at rest, weights, bones
+//! observational/0000.npz …    64 frames each, the last one fewer
+//! interventions/0000.npz …    8 groups each
+//! ```
+//! `template.npz`: `points`, `normals` (P,3), `weights` (P,K), `bone` (P) i32, `parents` (K) i32 (−1: none), `joints` (K,3), `rest`
+//! (K,4,4) world-from-bone at rest.
+//!
+//! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded on black, `mask` (N,S,S) u8 covered share, `points`, `rgb`
+//! (N,P,3) f32 (the figure's frame; sRGB-encoded, shaded), `u`, `e` (N,n) f64, `appearance`, `index` (N) i64.
+//!
+//! A shard of G groups of M bases: `target` (G) i32, `value` (G) f64, `appearance`, `index` (G) i64, `e` (G,M,n) f64, and before (`base_`) and
+//! after (`after_`) the intervention `images` (G,M,S,S,3), `mask` (G,M,S,S), `points`, `rgb` (G,M,P,3), `u` (G,M,n).
+//!
+//! A shard depends on the settings and its number alone; it is written whole or not at all.
+
+use super::figure::{self, Dots, Dressed, Look, Photo, Points};
+use crate::io::npz;
+use crate::num::array::Arrays;
+use crate::num::par;
+use crate::scene::camera::{Camera, Model};
+use crate::scene::from_data_gen;
+use crate::shade::render;
+use crate::Result;
+use data_gen::figure::appearance::Appearance;
+use data_gen::figure::factors::Drive;
+use data_gen::figure::mechanism::Scm;
+use data_gen::figure::samples::{self, BASES, Frame};
+use data_gen::figure::skeleton::{BONES, bones};
+use data_gen::figure::video;
+
+/// Observational frames of a shard.
+pub const FRAMES_PER_SHARD: usize = 64;
+/// Intervention groups of a shard.
+pub const GROUPS_PER_SHARD: usize = 8;
+
+/// What every frame of the sets has in common.
+#[derive(Debug)]
+pub struct Studio<'a> {
+    /// The truth.
+    pub scm: &'a Scm,
+    /// The points.
+    pub dots: &'a Dots,
+    /// Of the run.
+    pub seed: u64,
+    /// Number of looks.
+    pub appearances: usize,
+    /// How pictures are made.
+    pub look: Look,
+    /// Side of a picture in pixels.
+    pub size: usize,
+    /// Samples per pixel of surfaces.
+    pub samples: u32,
+}
+
+/// Picture and points of one frame.
+struct Exposure {
+    photo: Photo,
+    points: Points,
+}
+
+impl Studio<'_> {
+    /// The camera that trains.
+    pub fn camera(&self) -> Camera {
+        from_data_gen::camera(&video::camera(0, self.size), Model::Pinhole)
+    }
+
+    fn expose(&self, frame: &Frame, camera: &Camera, person: Option<&Dressed>) -> Result<Exposure> {
+        let drive = Drive::new(&frame.u);
+        let look = Appearance::new(self.seed, frame.appearance);
+        let points = self.dots.posed(&drive, &look);
+        let photo = match person {
+            None => self.dots.photo(&points, camera, self.look)?,
+            Some(person) => {
+                let settings = render::Settings { samples: self.samples, bounces: 0, ..Default::default() };
+                figure::photo(person, &drive, camera, &settings)?
+            }
+        };
+        Ok(Exposure { photo, points })
+    }
+
+    fn expose_all(&self, frames: &[&Frame]) -> Result<Vec<Exposure>> {
+        let camera = self.camera();
+        let mut looks: Vec<u64> = frames.iter().map(|f| f.appearance).collect();
+        looks.sort_unstable();
+        looks.dedup();
+        // Making clothes takes longer than wearing them.
+        let wardrobe = match self.look {
+            Look::Mesh => par::map(looks.len(), |i| Dressed::new(&Appearance::new(self.seed, looks[i]))),
+            Look::Discs | Look::Splats => Vec::new(),
+        };
+        let person = |f: &Frame| looks.binary_search(&f.appearance).ok().and_then(|i| wardrobe.get(i));
+        par::map(frames.len(), |i| self.expose(frames[i], &camera, person(frames[i]))).into_iter().collect()
+    }
+
+    /// Observational shard `shard` of `count` frames in all.
+    ///
+    /// # Errors
+    /// When a picture cannot be made.
+    pub fn observational(&self, shard: usize, count: usize) -> Result<Arrays> {
+        let from = shard * FRAMES_PER_SHARD;
+        let to = Ord::min(from + FRAMES_PER_SHARD, count);
+        let frames: Vec<Frame> = (from..to)
+            .map(|i| samples::observed(self.scm, self.seed, i, count, self.appearances))
+            .collect();
+        let n = frames.len();
+        let exposures = self.expose_all(&frames.iter().collect::<Vec<_>>())?;
+        let mut arrays = Arrays::new();
+        self.put_exposures(&mut arrays, "", &[n], &exposures);
+        let factors = self.scm.graph.n();
+        arrays.put("u", &[n, factors], frames.iter().flat_map(|f| f.u.clone()).collect());
+        arrays.put("e", &[n, factors], frames.iter().flat_map(|f| f.e.clone()).collect());
+        arrays.put("appearance", &[n], frames.iter().map(|f| f.appearance as i64).collect());
+        arrays.put("index", &[n], (from as i64..to as i64).collect());
+        Ok(arrays)
+    }
+
+    /// Intervention shard `shard` of `count` groups in all.
+    ///
+    /// # Errors
+    /// When a picture cannot be made.
+    pub fn interventions(&self, shard: usize, count: usize) -> Result<Arrays> {
+        let from = shard * GROUPS_PER_SHARD;
+        let to = Ord::min(from + GROUPS_PER_SHARD, count);
+        let groups: Vec<samples::Group> =
+            (from..to).map(|i| samples::group(self.scm, self.seed, i, self.appearances)).collect();
+        let (g, factors) = (groups.len(), self.scm.graph.n());
+        let mut arrays = Arrays::new();
+        for (prefix, after) in [("base_", false), ("after_", true)] {
+            let frames: Vec<&Frame> =
+                groups.iter().flat_map(|group| if after { &group.after } else { &group.bases }).collect();
+            let exposures = self.expose_all(&frames)?;
+            self.put_exposures(&mut arrays, prefix, &[g, BASES], &exposures);
+            let u = frames.iter().flat_map(|f| f.u.clone()).collect();
+            arrays.put(&format!("{prefix}u"), &[g, BASES, factors], u);
+        }
+        let e = groups.iter().flat_map(|group| &group.bases).flat_map(|f| f.e.clone()).collect();
+        arrays.put("e", &[g, BASES, factors], e);
+        arrays.put("target", &[g], groups.iter().map(|group| group.target as i32).collect());
+        arrays.put("value", &[g], groups.iter().map(|group| group.value).collect());
+        arrays.put("appearance", &[g], groups.iter().map(|x| x.bases[0].appearance as i64).collect());
+        arrays.put("index", &[g], (from as i64..to as i64).collect());
+        Ok(arrays)
+    }
+
+    fn put_exposures(&self, arrays: &mut Arrays, prefix: &str, lead: &[usize], exposures: &[Exposure]) {
+        let (s, p) = (self.size, self.dots.template.points.len());
+        let shape = |tail: &[usize]| -> Vec<usize> { lead.iter().chain(tail).copied().collect() };
+        let bytes = |get: fn(&Photo) -> &Vec<u8>| -> Vec<u8> {
+            exposures.iter().flat_map(|x| get(&x.photo).iter().copied()).collect()
+        };
+        let rows = |get: fn(&Points) -> &Vec<[f32; 3]>| -> Vec<f32> {
+            exposures.iter().flat_map(|x| get(&x.points).iter().flatten().copied()).collect()
+        };
+        arrays.put(&format!("{prefix}images"), &shape(&[s, s, 3]), bytes(|x| &x.image));
+        arrays.put(&format!("{prefix}mask"), &shape(&[s, s]), bytes(|x| &x.mask));
+        arrays.put(&format!("{prefix}points"), &shape(&[p, 3]), rows(|x| &x.points));
+        arrays.put(&format!("{prefix}rgb"), &shape(&[p, 3]), rows(|x| &x.rgb));
+    }
+}
+
+/// The template as arrays.
+pub fn template_arrays(dots: &Dots) -> Arrays {
+    let t = &dots.template;
+    let p = t.points.len();
+    let flat = |x: &[[f64; 3]]| -> Vec<f32> { x.iter().flatten().map(|&x| x as f32).collect() };
+    let bones = bones();
+    let joints: Vec<[f64; 3]> = bones.iter().map(|b| b.joint).collect();
+    let rest = joints.iter().flat_map(|j| {
+        let [x, y, z] = j.map(|x| x as f32);
+        [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z, 0.0, 0.0, 0.0, 1.0]
+    });
+    Arrays::new()
+        .with("points", &[p, 3], flat(&t.points))
+        .with("normals", &[p, 3], flat(&t.normals))
+        .with("weights", &[p, BONES], t.weights.iter().flatten().map(|&w| w as f32).collect::<Vec<f32>>())
+        .with("bone", &[p], t.bone_of.iter().map(|&b| b as i32).collect::<Vec<i32>>())
+        .with("parents", &[BONES], bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>())
+        .with("joints", &[BONES, 3], flat(&joints))
+        .with("rest", &[BONES, 4, 4], rest.collect::<Vec<f32>>())
+}
+
+/// Bytes of a shard or of the template.
+///
+/// # Errors
+/// See [`npz::to_bytes`].
+pub fn bytes(arrays: &Arrays) -> Result<Vec<u8>> {
+    npz::to_bytes(arrays, npz::Packing::Stored)
+}
