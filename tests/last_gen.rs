@@ -110,7 +110,8 @@ fn bytes_depend_on_neither_threads_nor_interruptions() {
     make(&settings, &dir, true, 2);
     assert_same(&expected, &contents(&dir), "repaired");
     let other = Settings { seed: 1, ..settings };
-    let e = generate::run(&other, &dir, true, &AtomicBool::new(false), &mut |_, _, _| {}).expect_err("differs");
+    let e =
+        generate::run(&other, &dir, true, &AtomicBool::new(false), &mut |_, _, _| {}).expect_err("differs");
     assert!(e.to_string().contains("seed 0 instead of 1"), "{e}");
     assert_same(&expected, &contents(&dir), "refused");
 }
@@ -121,7 +122,9 @@ fn arrays_are_those_of_the_layout() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let report = make(&settings, folder.path(), false, 2);
     let read = |name: &str| npz::read(&folder.path().join(name)).expect("readable");
-    let shape = |arrays: &lastlight::num::array::Arrays, name: &str| arrays.need(name).expect("there").shape().to_vec();
+    let shape = |arrays: &lastlight::num::array::Arrays, name: &str| {
+        arrays.need(name).expect("there").shape().to_vec()
+    };
     let t = read("template.npz");
     assert_eq!(shape(&t, "weights"), [128, 12], "weights");
     assert_eq!(shape(&t, "rest"), [12, 4, 4], "rest");
@@ -177,7 +180,10 @@ fn both_point_renderers_and_surfaces_show_the_same_person() {
     for (look, least) in [(Look::Splats, 0.85), (Look::Mesh, 0.6)] {
         let (other, other_light) = mask(look);
         let iou = overlap(&inside(&discs), &inside(&other));
-        println!("{}: intersection over union with discs {iou:.3}, light {other_light:.3} and {light:.3}", look.name());
+        println!(
+            "{}: intersection over union with discs {iou:.3}, light {other_light:.3} and {light:.3}",
+            look.name()
+        );
         assert!(iou > least, "{}: intersection over union with discs {iou}", look.name());
         assert!((other_light - light).abs() < 0.5 * light, "{}: {other_light} and {light}", look.name());
     }

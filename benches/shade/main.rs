@@ -134,7 +134,11 @@ fn picture(runs: usize, high: bool) {
     let object = object(torus(1000, 500), material);
     let start = Instant::now();
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
-    println!("1M triangles, tree in {:.0} ms, {} threads", 1e3 * start.elapsed().as_secs_f64(), par::threads());
+    println!(
+        "1M triangles, tree in {:.0} ms, {} threads",
+        1e3 * start.elapsed().as_secs_f64(),
+        par::threads()
+    );
     let lamps = vec![Lamp::Point { position: [2.0, -3.0, 4.0], intensity: [20.0; 3] }];
     let lights = Lights { environment: Some(Environment::constant([1.0; 3])), lamps };
     let scene = Scene::new(&object, &bvh, &lights).expect("a good scene");
@@ -152,7 +156,9 @@ fn picture(runs: usize, high: bool) {
             let (_, other) = run(bounces, Brdf::Lambert, 1024, 2);
             let (mean, relative, bias) = differ(&ours.color, folder.path(), name);
             let (_, again, bias_again) = differ(&other.color, folder.path(), name);
-            println!("  {name}: mean {mean:.5}; against Mitsuba, blocks of 8×8: {relative:.2e}, {again:.2e}; whole: {bias:.2e}, {bias_again:.2e}");
+            println!(
+                "  {name}: mean {mean:.5}; against Mitsuba, blocks of 8×8: {relative:.2e}, {again:.2e}; whole: {bias:.2e}, {bias_again:.2e}"
+            );
         }
         return;
     }

@@ -112,8 +112,16 @@ fn standardised_factors_have_variance_one() {
                 for j in 0..4 {
                     let v = variance(&column(&u, j));
                     // Standard error √(2/N) = 0.01 for normal factors.
-                    assert!((v - 1.0).abs() < 0.05, "{graph} {} seed {seed}: Var(u_{j}) = {v}", mechanism.name());
-                    assert!(scm.s[j] * scm.s[j] >= 0.15 - 1e-12, "an own cause remains: s_{j} = {}", scm.s[j]);
+                    assert!(
+                        (v - 1.0).abs() < 0.05,
+                        "{graph} {} seed {seed}: Var(u_{j}) = {v}",
+                        mechanism.name()
+                    );
+                    assert!(
+                        scm.s[j] * scm.s[j] >= 0.15 - 1e-12,
+                        "an own cause remains: s_{j} = {}",
+                        scm.s[j]
+                    );
                 }
                 let kept = scm.a.iter().flatten().all(|a| a.abs() <= 0.9);
                 assert!(kept, "coefficients only shrink");
@@ -352,7 +360,8 @@ fn normals_are_those_of_the_displaced_surface() {
     let mut checked = 0;
     for p in (0..2048).filter(|&p| t.bone_of[p] == SKIRT_RING) {
         let (x, n) = (t.points[p], t.normals[p]);
-        let tangents = [[-x[1], x[0], 0.0], [n[1] * 0.0 - n[2] * x[0], -n[2] * x[1], n[0] * x[0] + n[1] * x[1]]];
+        let tangents =
+            [[-x[1], x[0], 0.0], [n[1] * 0.0 - n[2] * x[0], -n[2] * x[1], n[0] * x[0] + n[1] * x[1]]];
         let [_, displaced] = t.canonical(p, &drive);
         for d in tangents {
             let at = |h: f64| {
@@ -366,7 +375,8 @@ fn normals_are_those_of_the_displaced_surface() {
             let (a, b) = (at(1e-4), at(-1e-4));
             let slope: [f64; 3] = std::array::from_fn(|k| (a[k] - b[k]) / 2e-4);
             let length = (slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2]).sqrt();
-            let cosine = (slope[0] * displaced[0] + slope[1] * displaced[1] + slope[2] * displaced[2]) / length;
+            let cosine =
+                (slope[0] * displaced[0] + slope[1] * displaced[1] + slope[2] * displaced[2]) / length;
             // The first-order normal leaves out the lift's own stretching of the surface: 0.03/0.2 of a slope below 0.7.
             assert!(cosine.abs() < 0.08, "point {p}: {cosine}");
             checked += 1;
@@ -388,10 +398,16 @@ fn shading_is_lambert_with_an_ambient_share() {
         assert!((azimuth - 0.8 * u).abs() < 1e-12, "azimuth 0.8 u_L from the front: {azimuth}");
     }
     for x in [0.0, 0.002, 0.0031308, 0.01, 0.5, 1.0] {
-        assert!((linear_of_srgb(srgb_of_linear(x)) - x).abs() < 1e-7, "transfer functions are inverses at {x}");
+        assert!(
+            (linear_of_srgb(srgb_of_linear(x)) - x).abs() < 1e-7,
+            "transfer functions are inverses at {x}"
+        );
     }
     let turned = turn_hue([0.8, 0.3, 0.2], std::f64::consts::TAU / 3.0);
-    assert!(turned.iter().zip([0.2, 0.8, 0.3]).all(|(a, b)| (a - b).abs() < 1e-12), "a third of a turn: {turned:?}");
+    assert!(
+        turned.iter().zip([0.2, 0.8, 0.3]).all(|(a, b)| (a - b).abs() < 1e-12),
+        "a third of a turn: {turned:?}"
+    );
 }
 
 /// Looks of every kind.
@@ -427,16 +443,19 @@ fn surfaces_are_closed_and_oriented_and_have_no_degenerate_triangles() {
                 }
                 for (&(a, b), &n) in &edges {
                     let back = edges.get(&(b, a)).copied().unwrap_or(0);
-                    assert!(n == 1 && back == 1, "look {index}, {}: edge {a}-{b} {n} and {back} times", part.name);
+                    assert!(
+                        n == 1 && back == 1,
+                        "look {index}, {}: edge {a}-{b} {n} and {back} times",
+                        part.name
+                    );
                 }
                 assert!(volume > 0.0, "look {index}, {}: triangles face outwards", part.name);
                 for (v, &first) in part.weld.iter().enumerate() {
                     let same = posed.positions[v] == posed.positions[first as usize];
                     assert!(same, "{}: seams stay closed", part.name);
                 }
-                let units = posed.normals.iter().all(|n| {
-                    (n.iter().fold(0.0, |s, x| s + x * x) - 1.0).abs() < 1e-9
-                });
+                let units =
+                    posed.normals.iter().all(|n| (n.iter().fold(0.0, |s, x| s + x * x) - 1.0).abs() < 1e-9);
                 assert!(units, "{}: unit normals", part.name);
             }
         }

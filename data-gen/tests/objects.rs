@@ -64,7 +64,10 @@ fn check_surface(name: &str, s: &Surface) -> f64 {
     for (i, ((p, m), uv)) in s.positions.iter().zip(&s.normals).zip(&s.uvs).enumerate() {
         assert!(dot(*p, *p).sqrt() <= 0.5, "{name}: vertex {i} lies in the ball");
         assert!((dot(*m, *m) - 1.0).abs() < 1e-12, "{name}: normal {i} has length 1");
-        assert!(uv.iter().all(|x| (0.0..=1.0).contains(x)), "{name}: texture coordinate {i} is on the picture");
+        assert!(
+            uv.iter().all(|x| (0.0..=1.0).contains(x)),
+            "{name}: texture coordinate {i} is on the picture"
+        );
     }
     assert!(volume > 0.0, "{name}: encloses {volume}");
     volume

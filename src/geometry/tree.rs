@@ -109,7 +109,12 @@ impl Tree {
     pub(super) fn build(triangles: &Triangles) -> Self {
         let n = triangles.corners.len();
         if n == 0 {
-            return Self { nodes: Pages::zeroed(0), leaves: Pages::zeroed(0), bounds: [[0.0; 3]; 2], node_count: 0 };
+            return Self {
+                nodes: Pages::zeroed(0),
+                leaves: Pages::zeroed(0),
+                bounds: [[0.0; 3]; 2],
+                node_count: 0,
+            };
         }
         let mut boxes = vec![Aabb::default(); n];
         par::chunks_mut(&mut boxes, CHUNK, |c, out| {

@@ -59,69 +59,65 @@ fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
     [[at(0), at(1), at(2)], [at(3), at(4), at(5)], [at(6), at(7), at(8)]]
 }
 
-    /// Tests all triangles of a leaf; whether the best hit changed.
-    #[inline(always)]
-    fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
-        let (x, y, z) = match line.axis {
-            0 => (1, 2, 0),
-            1 => (2, 0, 1),
-            _ => (0, 1, 2),
-        };
-        let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
-        let shear = splat(line.shear);
-        let sheared = |p: &[f32x8]| {
-            let along = p[z] - o[2];
-            [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
-        };
-        let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        let low = u.fast_min(v).fast_min(w);
-        let high = u.fast_max(v).fast_max(w);
-        let zero = f32x8::splat(0.0);
-        let hit = (low.simd_ge(zero) | high.simd_le(zero)).to_bitmask();
-        if hit == 0 {
-            return false;
-        }
-        let strict = (low.simd_gt(zero) | high.simd_lt(zero)).to_bitmask();
-        let sum = u + v + w;
-        let depth = [shear[2] * a[2], shear[2] * b[2], shear[2] * c[2]];
-        let t = (u * depth[0] + v * depth[1] + w * depth[2]) / sum;
-        let near = (t.simd_ge(zero) & t.simd_le(f32x8::splat(line.t_max))).to_bitmask();
-        let mut left = (hit & strict & near) | (hit & !strict);
-        let mut changed = false;
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            left &= left - 1;
-            let met = if strict >> lane & 1 != 0 {
-                let s = sum.to_array()[lane & 7];
-                Met {
-                    t: t.to_array()[lane & 7],
-                    u: v.to_array()[lane & 7] / s,
-                    v: w.to_array()[lane & 7] / s,
-                }
-            } else {
-                let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
-                let corner = |i: usize| {
-                    let p = [a, b, c][i];
-                    [at(p, 0), at(p, 1), depth[i].to_array()[lane & 7]]
-                };
-                match wide(corner(0), corner(1), corner(2)) {
-                    Some(met) => met,
-                    None => continue,
-                }
-            };
-            let Some(met) = line.inside(corners(leaf, lane), met) else { continue };
-            let triangle = references(&leaf[INDEX])[lane & 7];
-            if met.t < best.t || (met.t == best.t && triangle < best.triangle) {
-                *best = Best { t: met.t, u: met.u, v: met.v, triangle };
-                line.t_max = met.t;
-                changed = true;
-            }
-        }
-        changed
+/// Tests all triangles of a leaf; whether the best hit changed.
+#[inline(always)]
+fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
+    let (x, y, z) = match line.axis {
+        0 => (1, 2, 0),
+        1 => (2, 0, 1),
+        _ => (0, 1, 2),
+    };
+    let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
+    let shear = splat(line.shear);
+    let sheared = |p: &[f32x8]| {
+        let along = p[z] - o[2];
+        [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
+    };
+    let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
+    let u = c[0] * b[1] - c[1] * b[0];
+    let v = a[0] * c[1] - a[1] * c[0];
+    let w = b[0] * a[1] - b[1] * a[0];
+    let low = u.fast_min(v).fast_min(w);
+    let high = u.fast_max(v).fast_max(w);
+    let zero = f32x8::splat(0.0);
+    let hit = (low.simd_ge(zero) | high.simd_le(zero)).to_bitmask();
+    if hit == 0 {
+        return false;
     }
+    let strict = (low.simd_gt(zero) | high.simd_lt(zero)).to_bitmask();
+    let sum = u + v + w;
+    let depth = [shear[2] * a[2], shear[2] * b[2], shear[2] * c[2]];
+    let t = (u * depth[0] + v * depth[1] + w * depth[2]) / sum;
+    let near = (t.simd_ge(zero) & t.simd_le(f32x8::splat(line.t_max))).to_bitmask();
+    let mut left = (hit & strict & near) | (hit & !strict);
+    let mut changed = false;
+    while left != 0 {
+        let lane = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let met = if strict >> lane & 1 != 0 {
+            let s = sum.to_array()[lane & 7];
+            Met { t: t.to_array()[lane & 7], u: v.to_array()[lane & 7] / s, v: w.to_array()[lane & 7] / s }
+        } else {
+            let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
+            let corner = |i: usize| {
+                let p = [a, b, c][i];
+                [at(p, 0), at(p, 1), depth[i].to_array()[lane & 7]]
+            };
+            match wide(corner(0), corner(1), corner(2)) {
+                Some(met) => met,
+                None => continue,
+            }
+        };
+        let Some(met) = line.inside(corners(leaf, lane), met) else { continue };
+        let triangle = references(&leaf[INDEX])[lane & 7];
+        if met.t < best.t || (met.t == best.t && triangle < best.triangle) {
+            *best = Best { t: met.t, u: met.u, v: met.v, triangle };
+            line.t_max = met.t;
+            changed = true;
+        }
+    }
+    changed
+}
 
 /// Asks for the memory of a child that will be visited later.
 #[inline(always)]

@@ -11,6 +11,7 @@
 //! `dataset.json` is written first without digests (`complete`: false) and once more at the end. A run that was interrupted continues
 //! where files are missing; it must ask for the same settings.
 
+use super::character::{Actor, Casting};
 use super::figure::{Dots, Look};
 use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Studio};
 use super::subject::{self, BuiltIn, Subject};
@@ -53,9 +54,9 @@ impl Which {
             "observational" => Ok(only(false, true, false)),
             "interventions" => Ok(only(false, false, true)),
             "all" => Ok(only(true, true, true)),
-            other => Err(Error::input("set")
-                .expected("video, observational, interventions or all")
-                .got(other)),
+            other => {
+                Err(Error::input("set").expected("video, observational, interventions or all").got(other))
+            }
         }
     }
 }
@@ -99,6 +100,8 @@ pub struct Settings {
     pub passes: bool,
     /// look of the video's subject
     pub subject: u64,
+    /// a character instead of the built-in figure; video alone
+    pub character: Option<Casting>,
     /// of every draw
     pub seed: u64,
 }
@@ -125,6 +128,7 @@ impl Settings {
             test_cameras: 22,
             passes: false,
             subject: 0,
+            character: None,
             seed: 0,
         }
     }
@@ -148,12 +152,21 @@ impl Settings {
     /// # Errors
     /// Names the setting.
     pub fn validate(&self) -> Result<()> {
-        Which::parse(&self.set)?;
+        let which = Which::parse(&self.set)?;
+        if self.character.is_some()
+            && (which.observational || which.interventions || self.video_look != Look::Mesh)
+        {
+            return Err(Error::input("setting character")
+                .expected("the set video with the look mesh")
+                .got(format!("set {}, look {}", self.set, self.video_look.name())));
+        }
         let within = |name: &str, x: usize, low: usize, high: usize| {
             if (low..=high).contains(&x) {
                 Ok(())
             } else {
-                Err(Error::input(format!("setting {name}")).expected(format!("{low} to {high}")).got(x.to_string()))
+                Err(Error::input(format!("setting {name}"))
+                    .expected(format!("{low} to {high}"))
+                    .got(x.to_string()))
             }
         };
         within("factors", self.factors, 2, MAX_FACTORS)?;
@@ -186,7 +199,7 @@ impl Settings {
             "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
             "count": self.count, "groups": self.groups, "appearances": self.appearances,
             "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
-            "subject": self.subject, "seed": self.seed,
+            "subject": self.subject, "character": self.character.as_ref().map(Casting::record), "seed": self.seed,
         })
     }
 
@@ -226,6 +239,9 @@ impl Settings {
             if self.passes {
                 words.push("--passes".into());
             }
+            if let Some(c) = &self.character {
+                words.push(c.options().trim_start().to_owned());
+            }
         }
         words.join(" ")
     }
@@ -263,7 +279,13 @@ pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
 /// # Errors
 /// When the settings are not valid, differ from those of the run that is resumed, a file cannot be written, or `stop` was set:
 /// then everything finished so far is on disk.
-pub fn run(settings: &Settings, dir: &Path, resume: bool, stop: &AtomicBool, progress: &mut Progress<'_>) -> Result<Report> {
+pub fn run(
+    settings: &Settings,
+    dir: &Path,
+    resume: bool,
+    stop: &AtomicBool,
+    progress: &mut Progress<'_>,
+) -> Result<Report> {
     settings.validate()?;
     let which = Which::parse(&settings.set)?;
     let scm = settings.scm()?;
@@ -288,8 +310,11 @@ pub fn run(settings: &Settings, dir: &Path, resume: bool, stop: &AtomicBool, pro
         files.extend(write_sets(settings, which, &scm, dir, resume, stop, progress)?);
     }
     if which.video {
-        let built_in = BuiltIn::new(settings, &scm);
-        record["subject"] = built_in.record();
+        let subject: Box<dyn Subject> = match &settings.character {
+            None => Box::new(BuiltIn::new(settings, &scm)),
+            Some(c) => Box::new(Actor::new(c, &scm, settings.seed, settings.frames, settings.points)?),
+        };
+        record["subject"] = subject.record();
         let shoot = subject::Shoot {
             size: settings.video_size,
             samples: settings.samples,
@@ -298,7 +323,7 @@ pub fn run(settings: &Settings, dir: &Path, resume: bool, stop: &AtomicBool, pro
             passes: settings.passes,
             seed: settings.seed,
         };
-        files.extend(subject::write(&built_in, &shoot, &dir.join("video"), resume, stop, progress)?);
+        files.extend(subject::write(&*subject, &shoot, &dir.join("video"), resume, stop, progress)?);
     }
     record["files"] = files
         .iter()
@@ -323,8 +348,9 @@ fn check_resumed(dir: &Path, record: &Value) -> Result<()> {
         return Ok(());
     }
     let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let there: Value = serde_json::from_slice(&bytes)
-        .map_err(|e| Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string()))?;
+    let there: Value = serde_json::from_slice(&bytes).map_err(|e| {
+        Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string())
+    })?;
     let wanted = &record["settings"];
     if there["settings"] == *wanted {
         return Ok(());

@@ -18,13 +18,13 @@
 //! A shard depends on the settings and its number alone; it is written whole or not at all.
 
 use super::figure::{self, Dots, Dressed, Look, Photo, Points};
+use crate::Result;
 use crate::io::npz;
 use crate::num::array::Arrays;
 use crate::num::par;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
 use crate::shade::render;
-use crate::Result;
 use data_gen::figure::appearance::Appearance;
 use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
@@ -103,9 +103,8 @@ impl Studio<'_> {
     pub fn observational(&self, shard: usize, count: usize) -> Result<Arrays> {
         let from = shard * FRAMES_PER_SHARD;
         let to = Ord::min(from + FRAMES_PER_SHARD, count);
-        let frames: Vec<Frame> = (from..to)
-            .map(|i| samples::observed(self.scm, self.seed, i, count, self.appearances))
-            .collect();
+        let frames: Vec<Frame> =
+            (from..to).map(|i| samples::observed(self.scm, self.seed, i, count, self.appearances)).collect();
         let n = frames.len();
         let exposures = self.expose_all(&frames.iter().collect::<Vec<_>>())?;
         let mut arrays = Arrays::new();
@@ -178,7 +177,11 @@ pub fn template_arrays(dots: &Dots) -> Arrays {
         .with("normals", &[p, 3], flat(&t.normals))
         .with("weights", &[p, BONES], t.weights.iter().flatten().map(|&w| w as f32).collect::<Vec<f32>>())
         .with("bone", &[p], t.bone_of.iter().map(|&b| b as i32).collect::<Vec<i32>>())
-        .with("parents", &[BONES], bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>())
+        .with(
+            "parents",
+            &[BONES],
+            bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
+        )
         .with("joints", &[BONES, 3], flat(&joints))
         .with("rest", &[BONES, 4, 4], rest.collect::<Vec<f32>>())
 }

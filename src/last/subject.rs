@@ -191,7 +191,8 @@ pub fn write(
             }
         }
         if !missing.is_empty() {
-            let cameras: Vec<(Camera, u64)> = missing.iter().map(|(s, seed)| (s.camera.clone(), *seed)).collect();
+            let cameras: Vec<(Camera, u64)> =
+                missing.iter().map(|(s, seed)| (s.camera.clone(), *seed)).collect();
             for ((shot, _), passes) in missing.into_iter().zip(subject.passes(t, &cameras, shoot.samples)?) {
                 recorder.put(shot, &passes, &style)?;
             }
@@ -213,7 +214,11 @@ fn body_arrays(subject: &dyn Subject) -> Arrays {
     let factors: Vec<Vec<f64>> = (0..count).map(|t| subject.factors(t)).collect();
     let (k, n) = (poses.first().map_or(0, Vec::len), factors.first().map_or(0, Vec::len));
     let mut arrays = subject.body();
-    arrays.put("transforms", &[count, k, 4, 4], poses.iter().flatten().flatten().flatten().copied().collect::<Vec<f32>>());
+    arrays.put(
+        "transforms",
+        &[count, k, 4, 4],
+        poses.iter().flatten().flatten().flatten().copied().collect::<Vec<f32>>(),
+    );
     arrays.put("factors", &[count, n], factors.into_iter().flatten().collect::<Vec<f64>>());
     arrays
 }

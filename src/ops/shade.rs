@@ -208,7 +208,8 @@ fn case_ggx(case: usize) -> Case {
         if i % 8 == 0 { least < -0.05 } else { least > 0.05 }
     });
     let mut made = Case::default();
-    let put = |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
+    let put =
+        |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
     put(&mut made.inputs, "normal", kept.iter().map(|(_, n)| *n).collect());
     put(&mut made.inputs, "view", kept.iter().map(|(i, _)| views[*i]).collect());
     put(&mut made.inputs, "light", kept.iter().map(|(i, _)| lights[*i]).collect());
@@ -229,7 +230,8 @@ fn case_envmap(case: usize) -> Case {
         clear && if i % 8 == 0 { seen < -0.1 } else { seen > 0.1 }
     });
     let mut made = Case::default();
-    let put = |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
+    let put =
+        |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
     put(&mut made.inputs, "normal", kept.iter().map(|(_, n)| *n).collect());
     put(&mut made.inputs, "view", kept.iter().map(|(i, _)| views[*i]).collect());
     materials(&mut made.inputs, 51, case, p);

@@ -173,9 +173,9 @@ fn mixtures_and_bends() {
     two.root["animations"][1]["name"] = json!("other");
     let c = character(&two);
     let f = Factors::of(&c, "bend", Some("other"), None).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(f, Factors { first: 0, second: Some(1), elbow: Some(1) }, "names are looked up");
+    assert_eq!(f, Factors { first: (0, 1.0), second: (1, 1.0), elbow: Some(1) }, "names are looked up");
     let sigmoid = 1.0 / (1.0 + libm::exp(-1.5 * 0.7));
-    let tip = posed(&c, &c.pose_of(&f, 0.0, &[0.3, 0.7]).unwrap_or_else(|e| panic!("{e}"))).mesh.positions[2];
+    let tip = posed(&c, &c.pose_of(&f, 1.0, &[0.3, 0.7]).unwrap_or_else(|e| panic!("{e}"))).mesh.positions[2];
     let want = [1.0 + libm::cos(1.4 * sigmoid), -libm::sin(1.4 * sigmoid), 0.1];
     assert!(apart(&[tip], &[want]) < 2e-7, "{tip:?} and {want:?}");
     assert!(

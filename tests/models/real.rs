@@ -134,10 +134,10 @@ fn the_knight_walks() {
     c.fit(2.0).unwrap_or_else(|e| panic!("{e}"));
     let f = Factors::of(&c, "Walking_A", Some("Idle"), None).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(c.joints()[f.elbow.expect("found")].name, "lowerarm.r", "the elbow");
-    assert!((c.duration(f.first) - 1.066_666_7).abs() < 1e-6, "seconds");
+    assert!((c.duration(f.first.0) - 1.066_666_7).abs() < 1e-6, "seconds");
     let mut feet = Vec::new();
     for k in 0..8 {
-        let pose = c.pose(f.first, c.duration(f.first) * f64::from(k) / 8.0);
+        let pose = c.pose(f.first.0, c.duration(f.first.0) * f64::from(k) / 8.0);
         let o = c.posed(&pose, &Drive::new(&[])).unwrap_or_else(|e| panic!("{e}"));
         let [low, high] = o.mesh.bounds();
         assert!(
@@ -148,8 +148,8 @@ fn the_knight_walks() {
     }
     assert!(feet.iter().any(|y| (y - feet[0]).abs() > 0.02), "it moves: {feet:?}");
     // A loop ends where it began.
-    let ends = [0.0, c.duration(f.first)]
-        .map(|t| c.posed(&c.pose(f.first, t), &Drive::new(&[])).unwrap_or_else(|e| panic!("{e}")));
+    let ends = [0.0, c.duration(f.first.0)]
+        .map(|t| c.posed(&c.pose(f.first.0, t), &Drive::new(&[])).unwrap_or_else(|e| panic!("{e}")));
     let gap = ends[0].mesh.positions.iter().zip(&ends[1].mesh.positions).all(|(a, b)| near(*a, *b, 2e-3));
     assert!(gap, "the walk is a loop");
 }
@@ -166,10 +166,10 @@ fn the_green_man() {
     assert_eq!(c.elbow(), None, "no joint is named like an elbow");
     let f = Factors::of(&c, "2_move", Some("3_attack"), Some("hand_L")).unwrap_or_else(|e| panic!("{e}"));
     let extremes = [-40.0, 40.0].map(|u| {
-        c.posed(&c.pose_of(&f, 0.5, &[u]).unwrap_or_else(|e| panic!("{e}")), &Drive::new(&[]))
+        c.posed(&c.pose_of(&f, 0.0, &[u]).unwrap_or_else(|e| panic!("{e}")), &Drive::new(&[]))
             .unwrap_or_else(|e| panic!("{e}"))
     });
-    let mut elbow = [c.pose(f.first, 0.5), c.pose(f.second.expect("two"), 0.5)];
+    let mut elbow = [f.first, f.second].map(|(k, t)| c.pose(k, t));
     for (pose, o) in elbow.iter_mut().zip(&extremes) {
         c.bend(pose, f.elbow.expect("named"), 0.7).unwrap_or_else(|e| panic!("{e}"));
         let want = c.posed(pose, &Drive::new(&[])).unwrap_or_else(|e| panic!("{e}"));

@@ -208,9 +208,7 @@ fn place(parts: &mut [Part], draws: &mut Draws) {
     let scale = RADIUS / radius;
     for part in parts {
         let soup = std::mem::take(&mut part.soup);
-        part.soup = soup
-            .map(|p| rotated(&tilt, rotated(&yaw, sub(p, center))))
-            .grown(scale);
+        part.soup = soup.map(|p| rotated(&tilt, rotated(&yaw, sub(p, center)))).grown(scale);
     }
     // Rounding may carry the farthest point past the radius.
     debug_assert!(scaled([1.0; 3], scale).iter().all(|x| x.is_finite()), "a radius above zero");

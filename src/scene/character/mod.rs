@@ -55,6 +55,11 @@ impl Joint {
     pub fn position(&self) -> [f64; 3] {
         self.bind.inverse().translation.to_array()
     }
+
+    /// Canonical space from the joint's own.
+    pub fn rest(&self) -> Affine<f64> {
+        rows(&self.bind.inverse())
+    }
 }
 
 /// Triangles that one node shows with one material.
