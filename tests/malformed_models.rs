@@ -170,7 +170,8 @@ pub(super) fn spoiled() -> Vec<(&'static str, Vec<u8>, &'static str)> {
         (
             "a.gltf",
             changed(|b| {
-                b.root["accessors"][0] = json!({ "componentType": 5126, "count": 900_000_000, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0] });
+                b.root["accessors"][0] = json!({ "componentType": 5126, "count": 900_000_000, "type": "VEC3", "min": [0, 0, 0], "max": [0, 0, 0],
+                    "sparse": { "count": 1, "indices": { "bufferView": 1, "componentType": 5123 }, "values": { "bufferView": 0 } } });
             }),
             "accessors[0], count",
         ),

@@ -75,6 +75,18 @@ pub struct Part {
     triangles: Range<usize>,
 }
 
+impl Part {
+    /// Its vertices in the object.
+    pub fn vertices(&self) -> Range<usize> {
+        self.vertices.clone()
+    }
+
+    /// Its triangles in the object.
+    pub fn triangles(&self) -> Range<usize> {
+        self.triangles.clone()
+    }
+}
+
 /// A skinned character.
 #[derive(Clone, Debug)]
 pub struct Character {
