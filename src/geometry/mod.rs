@@ -3,9 +3,12 @@
 //! ```text
 //! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; no result depends on its shape)
 //! tree, ray ── closest | occluded ──► hit              (our watertight test, hits ordered by (t, triangle))
+//! points, triangles ── nearest ──► distances ── compare ──► how far two surfaces are apart
 //! ```
 
 pub mod bvh;
+pub mod compare;
+pub mod nearest;
 mod pages;
 mod tree;
 mod triangle;

@@ -12,6 +12,7 @@
 //! where files are missing; it must ask for the same settings. Digests are FNV-1a 64 of a file's bytes; that of `video` stands for all
 //! its pictures and cameras.
 
+use super::character::{Actor, Casting};
 use super::figure::{Dots, Look};
 use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Studio};
 use super::subject::{self, BuiltIn, Subject};
@@ -100,6 +101,8 @@ pub struct Settings {
     pub passes: bool,
     /// look of the video's subject
     pub subject: u64,
+    /// a character instead of the built-in figure; video alone
+    pub character: Option<Casting>,
     /// of every draw
     pub seed: u64,
 }
@@ -126,6 +129,7 @@ impl Settings {
             test_cameras: 22,
             passes: false,
             subject: 0,
+            character: None,
             seed: 0,
         }
     }
@@ -149,7 +153,14 @@ impl Settings {
     /// # Errors
     /// Names the setting.
     pub fn validate(&self) -> Result<()> {
-        Which::parse(&self.set)?;
+        let which = Which::parse(&self.set)?;
+        if self.character.is_some()
+            && (which.observational || which.interventions || self.video_look != Look::Mesh)
+        {
+            return Err(Error::input("setting character")
+                .expected("the set video with the look mesh")
+                .got(format!("set {}, look {}", self.set, self.video_look.name())));
+        }
         let within = |name: &str, x: usize, low: usize, high: usize| {
             if (low..=high).contains(&x) {
                 Ok(())
@@ -189,7 +200,7 @@ impl Settings {
             "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
             "count": self.count, "groups": self.groups, "appearances": self.appearances,
             "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
-            "subject": self.subject, "seed": self.seed,
+            "subject": self.subject, "character": self.character.as_ref().map(Casting::record), "seed": self.seed,
         })
     }
 
@@ -228,6 +239,9 @@ impl Settings {
             ));
             if self.passes {
                 words.push("--passes".into());
+            }
+            if let Some(c) = &self.character {
+                words.push(c.options().trim_start().to_owned());
             }
         }
         words.join(" ")
@@ -297,8 +311,11 @@ pub fn run(
         files.extend(write_sets(settings, which, &scm, dir, resume, stop, progress)?);
     }
     if which.video {
-        let built_in = BuiltIn::new(settings, &scm);
-        record["subject"] = built_in.record();
+        let subject: Box<dyn Subject> = match &settings.character {
+            None => Box::new(BuiltIn::new(settings, &scm)),
+            Some(c) => Box::new(Actor::new(c, &scm, settings.seed, settings.frames, settings.points)?),
+        };
+        record["subject"] = subject.record();
         let shoot = subject::Shoot {
             size: settings.video_size,
             samples: settings.samples,
@@ -307,7 +324,7 @@ pub fn run(
             passes: settings.passes,
             seed: settings.seed,
         };
-        files.extend(subject::write(&built_in, &shoot, &dir.join("video"), resume, stop, progress)?);
+        files.extend(subject::write(&*subject, &shoot, &dir.join("video"), resume, stop, progress)?);
     }
     record["files"] = files
         .iter()

@@ -2,12 +2,14 @@
 //!
 //! ```text
 //! figure    the built-in person: clouds, surfaces, light ──┬─► sets      pictures and points of known causes, in shards
+//! character a person from a file, likewise
 //! subject   what any moving person must say about itself ──┴─► video     a capture with poses
 //! generate  which of these to make, and the record of it
 //! ```
 //!
 //! Truth comes from `data_gen::figure` in f64; this folder renders and writes it.
 
+pub mod character;
 pub mod figure;
 pub mod generate;
 pub mod sets;

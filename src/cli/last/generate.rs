@@ -2,6 +2,7 @@
 
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim};
+use crate::last::character::Casting;
 use crate::last::figure::Look;
 use crate::last::generate::{self, Report, Settings, Which};
 use crate::{Error, Result};
@@ -14,6 +15,7 @@ use std::path::PathBuf;
   lastlight last gen --set video --out subject --video-size 128
   lastlight last gen --set interventions --graph ER-6 --factors 6 --mechanism LIN --out six
   lastlight last gen --profile smoke --out small             seconds instead of minutes
+  lastlight last gen --character Knight.glb --animation Walking_A --out knight     a video of somebody else
 
 Graphs over posture P, self-occlusion O, wrinkles W, light L (more factors: body width B, skirt length S,
 hue H, head yaw Y): FORK P>W P>O, CHAIN P>W>O>L, COLLIDER P>W<O, DIAMOND P>W P>O W>L O>L, FULL, EMPTY, and
@@ -24,7 +26,12 @@ pub(in crate::cli) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// What to make: video, observational, interventions or all
-    #[arg(long, value_name = "WHICH", default_value = "all")]
+    #[arg(
+        long,
+        value_name = "WHICH",
+        default_value = "all",
+        default_value_if("character", clap::builder::ArgPredicate::IsPresent, "video")
+    )]
     set: String,
     /// Causal graph: FORK, CHAIN, COLLIDER, DIAMOND, FULL, EMPTY or ER-m
     #[arg(long, value_name = "NAME", default_value = "FORK", help_heading = "Truth")]
@@ -62,6 +69,21 @@ pub(in crate::cli) struct Args {
     /// Which person the video shows
     #[arg(long, value_name = "N", default_value_t = 0)]
     subject: u64,
+    /// A character instead of the built-in figure: .gltf, .glb, or the folder of the open body; video alone
+    #[arg(long, value_name = "FILE", requires = "animation", help_heading = "Character")]
+    character: Option<PathBuf>,
+    /// Its pose for posture: one animation (two opposite moments are mixed), or two (mixed with each other)
+    #[arg(long, value_name = "NAME", requires = "character", num_args = 1..=2, help_heading = "Character")]
+    animation: Vec<String>,
+    /// The joint that self-occlusion bends [default: searched by name, right side first]
+    #[arg(long, value_name = "JOINT", requires = "character", help_heading = "Character")]
+    elbow: Option<String>,
+    /// Nodes or meshes to leave out
+    #[arg(long, value_name = "NAME", requires = "character", num_args = 1.., help_heading = "Character")]
+    hide: Vec<String>,
+    /// Let the animations run on too, one loop over the video: posture then has a second cause, time
+    #[arg(long, requires = "character", help_heading = "Character")]
+    play: bool,
     /// Look of everything: mesh, points (discs) or splats [default: mesh for the video, points for the sets]
     #[arg(long, value_name = "NAME", help_heading = "Pictures")]
     look: Option<String>,
@@ -135,6 +157,13 @@ impl Args {
             test_cameras: self.test_cameras.unwrap_or(base.test_cameras),
             passes: self.passes,
             subject: self.subject,
+            character: self.character.as_ref().map(|file| Casting {
+                file: file.clone(),
+                animations: self.animation.clone(),
+                elbow: self.elbow.clone(),
+                hide: self.hide.clone(),
+                play: self.play,
+            }),
             seed: self.seed,
         };
         settings.validate()?;

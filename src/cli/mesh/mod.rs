@@ -2,6 +2,7 @@
 //!
 //! Arguments are turned into records of `fit`, `scene` and `geometry`, results into files and tables; nothing is computed here.
 
+mod compare;
 mod render;
 
 use crate::Result;
@@ -12,6 +13,8 @@ use clap::Subcommand;
 pub(super) enum Command {
     /// Render a glTF or OBJ under an environment map, with all passes
     Render(render::Args),
+    /// Compare two surfaces: Chamfer distance, normals, distances to the mesh
+    Compare(compare::Args),
 }
 
 /// Runs one of the two.
@@ -21,5 +24,6 @@ pub(super) enum Command {
 pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Render(args) => render::run(args),
+        Command::Compare(args) => compare::run(args),
     }
 }

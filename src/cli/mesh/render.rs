@@ -5,8 +5,9 @@ use crate::cli::{self, claim};
 use crate::fit::passes::Shot;
 use crate::fit::relight::{self, Exposure, Relight};
 use crate::fit::render::{Orbit, capture_shots};
-use crate::scene::character::{Character, Factors};
+use crate::scene::character::Character;
 use crate::scene::environment_file::{self, Options, Orientation};
+use crate::scene::from_data_gen;
 use crate::scene::light::{Environment, Lights};
 use crate::scene::material::Transfer;
 use crate::scene::mesh::Object;
@@ -16,6 +17,9 @@ use crate::{Error, Result};
 use data_gen::figure::factors::Drive;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
+
+/// Names of the built-in environments, in the order of `data_gen::environments::KINDS`.
+const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "night"];
 
 /// Render a glTF or OBJ under an environment map.
 #[derive(clap::Args)]
@@ -32,7 +36,7 @@ pub(in crate::cli) struct Args {
     /// Model: .gltf, .glb, .obj; or the folder of the open body
     #[arg(value_name = "FILE")]
     file: PathBuf,
-    /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform
+    /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform, sky, sunset, overcast, studio, indoor, night
     #[arg(long, value_name = "FILE|NAME", default_value = "uniform", help_heading = "Light")]
     env: String,
     /// Whose axes the panorama has: ours, mitsuba, nvdiffrec, blender or orb
@@ -219,10 +223,7 @@ fn object(args: &Args) -> Result<(Object, Vec<String>)> {
     character.hide(&names)?;
     let pose = match &args.animation {
         None => character.rest(),
-        Some(name) => {
-            let factors = Factors { first: character.animation(name)?, second: None, elbow: None };
-            character.pose_of(&factors, args.time, &[])?
-        }
+        Some(name) => character.pose(character.animation(name)?, args.time),
     };
     Ok((character.posed(&pose, &Drive::new(&[]))?, character.notes().to_vec()))
 }
@@ -239,7 +240,18 @@ fn environment(args: &Args) -> Result<Environment> {
     if args.env == "uniform" {
         return Ok(environment_file::orient(Environment::constant([1.0; 3]), &options));
     }
-    environment_file::read(Path::new(&args.env), &options)
+    if let Some(k) = BUILT_IN.iter().position(|n| *n == args.env) {
+        // Ours by birth: axes of files do not apply.
+        let map = data_gen::environments::make(args.seed, k as u64, 1024, 512);
+        let options = Options { orientation: Orientation::Ours, mirror: false, ..options };
+        return Ok(environment_file::orient(from_data_gen::environment(&map), &options));
+    }
+    let path = Path::new(&args.env);
+    if !path.exists() {
+        let e = Error::input("--env").expected(format!("a picture, uniform, {}", BUILT_IN.join(", ")));
+        return Err(e.got(format!("'{}', which is not there", args.env)));
+    }
+    environment_file::read(path, &options)
 }
 
 fn shots(args: &Args, object: &Object) -> Result<Vec<Shot>> {

@@ -4,6 +4,7 @@ use super::container::{EXTENSIONS, resolve};
 use super::read::{Reader, named};
 use super::{Alpha, Image, MAX_TEXELS, Material, TextureRef, UvTransform, Wrap};
 use crate::io::{MAX_SMALL_FILE_BYTES, image_file};
+use crate::num::order;
 use crate::{Error, Result};
 use std::sync::Arc;
 
@@ -129,6 +130,14 @@ pub(in crate::io) fn rgba(bytes: &[u8], most: u64) -> Result<([usize; 2], Vec<[u
     if w as u64 * h as u64 > most {
         let e = Error::input("picture").at("size");
         return Err(e.expected(format!("at most {most} more texels in this file")).got(format!("{w}x{h}")));
+    }
+    // A picture of one colour packs a thousand pixels into a byte, and so does a bomb: such a one has at most 4096² pixels.
+    let plain = (bytes.len() as u64).saturating_mul(64);
+    if w as u64 * h as u64 > order::max(plain, 1 << 24) {
+        let e = Error::input("picture").at("size");
+        return Err(e
+            .expected("at most 4096x4096 pixels, or 64 per byte")
+            .got(format!("{w}x{h} in {} bytes", bytes.len())));
     }
     let p = image_file::parse(bytes, "picture")?;
     let byte = |i: usize| match &p.samples {

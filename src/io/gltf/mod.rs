@@ -6,7 +6,7 @@
 //! | part | read | not read |
 //! |---|---|---|
 //! | container | JSON with buffers and pictures beside it, in data URIs or in buffer views; GLB | anything over a network |
-//! | accessors | every component type, normalised integers, strides, sparse ones, none (zeros) | |
+//! | accessors | every component type, normalised integers, strides, sparse ones (over zeros too) | neither a view nor sparse | |
 //! | primitives | triangles, strips, fans; any number of texture coordinate sets; all joint sets | points and lines (skipped with a note), morph targets, vertex colours (notes) |
 //! | materials | metallic-roughness, normal, emission, alpha modes, both sides | occlusion, other lobes (notes) |
 //! | animation | translation, rotation, scale; step, linear, cubic spline | weights of morph targets (note) |

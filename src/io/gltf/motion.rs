@@ -105,6 +105,12 @@ impl Reader<'_> {
                         .expected(format!("below {samplers}"))
                         .got(json.sampler.value().to_string()));
                 }
+                if json.target.node.value() >= self.out.nodes.len() {
+                    let e = self.error(format!("{place}.target.node"));
+                    return Err(e
+                        .expected(format!("below {}", self.out.nodes.len()))
+                        .got(json.target.node.value().to_string()));
+                }
                 let sampler = c.sampler();
                 let path = match c.target().property() {
                     Property::Translation => Target::Translation,

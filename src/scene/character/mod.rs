@@ -55,6 +55,11 @@ impl Joint {
     pub fn position(&self) -> [f64; 3] {
         self.bind.inverse().translation.to_array()
     }
+
+    /// Canonical space from the joint's own.
+    pub fn rest(&self) -> Affine<f64> {
+        rows(&self.bind.inverse())
+    }
 }
 
 /// Triangles that one node shows with one material.
@@ -68,6 +73,18 @@ pub struct Part {
     pub skinned: bool,
     vertices: Range<usize>,
     triangles: Range<usize>,
+}
+
+impl Part {
+    /// Its vertices in the object.
+    pub fn vertices(&self) -> Range<usize> {
+        self.vertices.clone()
+    }
+
+    /// Its triangles in the object.
+    pub fn triangles(&self) -> Range<usize> {
+        self.triangles.clone()
+    }
 }
 
 /// A skinned character.

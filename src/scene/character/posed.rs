@@ -2,7 +2,7 @@
 //!
 //! | factor | effect |
 //! |---|---|
-//! | u_P | mixes two animations: the first with 1 − σ(u_P), the second with σ(u_P) |
+//! | u_P | mixes two poses: the first with 1 − σ(u_P), the second with σ(u_P) |
 //! | u_O | bends the elbow by 1.4 σ(1.5 u_O) rad |
 //! | u_W | 0.03 u_W sin(12 z + 3 φ) · m along the normal in canonical space, before skinning |
 //! | u_L | light: azimuth 0.8 u_L rad, elevation 30°, ambient share 0.35; nothing moves |
@@ -12,6 +12,7 @@
 //! tilt by the field's gradient, n − (∇h − n(n·∇h)).
 
 use super::{Character, INFLUENCES, Pose};
+use crate::num::elem::f64::sigmoid;
 use crate::num::order;
 use crate::scene::mesh::{Mesh, Object};
 use crate::scene::model::unit;
@@ -22,10 +23,10 @@ use reference::body::skin::{self, Affine};
 /// What the factors of a character mean.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factors {
-    /// The animation of u_P → −∞.
-    pub first: usize,
-    /// The animation of u_P → +∞; the first alone if absent.
-    pub second: Option<usize>,
+    /// Animation and time in seconds of u_P → −∞.
+    pub first: (usize, f64),
+    /// Animation and time of u_P → +∞.
+    pub second: (usize, f64),
     /// The joint u_O bends; none if absent.
     pub elbow: Option<usize>,
 }
@@ -99,19 +100,15 @@ impl Character {
         (moved, normal)
     }
 
-    /// The pose of factors u = (u_P, u_O, …) at a time of the animations; missing factors are 0.
+    /// The pose of factors u = (u_P, u_O, …), both animations `later` seconds on (they loop); missing factors are 0.
     ///
     /// # Errors
     /// When the elbow cannot bend.
-    pub fn pose_of(&self, f: &Factors, time: f64, u: &[f64]) -> Result<Pose> {
-        let drive = Drive::new(u);
-        let mut pose = self.pose(f.first, wrapped(time, self.duration(f.first)));
-        if let Some(second) = f.second {
-            let other = self.pose(second, wrapped(time, self.duration(second)));
-            pose = pose.mix(&other, crate::num::elem::f64::sigmoid(u.first().copied().unwrap_or(0.0)));
-        }
+    pub fn pose_of(&self, f: &Factors, later: f64, u: &[f64]) -> Result<Pose> {
+        let [a, b] = [f.first, f.second].map(|(k, t)| self.pose(k, wrapped(t + later, self.duration(k))));
+        let mut pose = a.mix(&b, sigmoid(u.first().copied().unwrap_or(0.0)));
         if let Some(elbow) = f.elbow {
-            self.bend(&mut pose, elbow, drive.elbow)?;
+            self.bend(&mut pose, elbow, Drive::new(u).elbow)?;
         }
         Ok(pose)
     }
@@ -170,22 +167,25 @@ fn wrapped(time: f64, duration: f64) -> f64 {
     if duration > 0.0 { time - (time / duration).floor() * duration } else { 0.0 }
 }
 
-/// Names of joints and animations to [`Factors`].
 impl Factors {
-    /// Looks the names up; an elbow that is not named is searched for by [`Character::elbow`].
+    /// Looks names up. Two animations are mixed in the middle of each; one alone at its beginning and in its middle, which are the opposite
+    /// steps of a walk. An elbow that is not named is searched for by [`Character::elbow`].
     ///
     /// # Errors
-    /// When a name fits nothing.
+    /// When a name fits nothing, or the joint cannot bend.
     pub fn of(c: &Character, first: &str, second: Option<&str>, elbow: Option<&str>) -> Result<Self> {
+        let middle = |k: usize| (k, 0.5 * c.duration(k));
         let first = c.animation(first)?;
-        let second = second.map(|n| c.animation(n)).transpose()?;
+        let (first, second) = match second {
+            Some(name) => (middle(first), middle(c.animation(name)?)),
+            None => ((first, 0.0), middle(first)),
+        };
         let elbow = match elbow {
             Some(n) => Some(c.joint(n)?),
             None => c.elbow(),
         };
         if let Some(j) = elbow {
-            let mut trial = c.rest();
-            c.bend(&mut trial, j, 0.1).map_err(|e: Error| e.hint("name another joint with --elbow"))?;
+            c.bend(&mut c.rest(), j, 0.1).map_err(|e: Error| e.hint("name another joint"))?;
         }
         Ok(Self { first, second, elbow })
     }

@@ -1,0 +1,227 @@
+//! A character from a file as a subject: `last gen --character`.
+//!
+//! The factors act as `scene::character` says: u_P mixes two poses, u_O bends an elbow, u_W folds the surface, u_L moves the light; further factors act
+//! on nothing. The pose of a frame is a function of its factors alone, so the graph is the truth about the pictures; with `play` the
+//! animations also run on, one loop of the first over the video.
+
+use super::subject::Subject;
+use crate::num::array::Arrays;
+use crate::num::{order, par};
+use crate::scene::camera::{Camera, Model};
+use crate::scene::character::{Character, Factors, Pose, Template};
+use crate::scene::from_data_gen;
+use crate::scene::mesh::Object;
+use crate::{Error, Result};
+use data_gen::figure::factors::Drive;
+use data_gen::figure::mechanism::Scm;
+use data_gen::figure::video;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Height in the figure's frame: 1.7 m over 0.85 m.
+pub const HEIGHT: f64 = 2.0;
+
+/// Share of the picture that the subject may fill at its nearest.
+const FILL: f64 = 0.95;
+
+/// Which character, and what its factors mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Casting {
+    /// `.gltf`, `.glb`, or the folder of the open body.
+    pub file: PathBuf,
+    /// One animation, or two to mix.
+    pub animations: Vec<String>,
+    /// The joint u_O bends; searched for by name if absent.
+    pub elbow: Option<String>,
+    /// Parts left out.
+    pub hide: Vec<String>,
+    /// The animations run on.
+    pub play: bool,
+}
+
+impl Casting {
+    /// What settings record: the name of the file stands for its path.
+    pub fn record(&self) -> Value {
+        let file = self.file.file_name().map(|n| n.to_string_lossy().into_owned());
+        json!({
+            "file": file, "animations": self.animations, "elbow": self.elbow, "hide": self.hide, "play": self.play,
+        })
+    }
+
+    /// The options that give it.
+    pub fn options(&self) -> String {
+        let quoted = |s: &str| if s.contains(' ') { format!("'{s}'") } else { s.to_owned() };
+        let mut out = format!(" --character {}", quoted(&self.file.display().to_string()));
+        for a in &self.animations {
+            out.push_str(&format!(" --animation {}", quoted(a)));
+        }
+        if let Some(e) = &self.elbow {
+            out.push_str(&format!(" --elbow {}", quoted(e)));
+        }
+        for h in &self.hide {
+            out.push_str(&format!(" --hide {}", quoted(h)));
+        }
+        if self.play {
+            out.push_str(" --play");
+        }
+        out
+    }
+}
+
+/// A character that plays a part.
+#[derive(Debug)]
+pub struct Actor {
+    character: Character,
+    template: Template,
+    factors: Factors,
+    /// (T) factors of the frames
+    frames: Vec<Vec<f64>>,
+    /// (T) poses
+    poses: Vec<Pose>,
+    /// Factor of the focal length, so that all of it is seen in every frame.
+    zoom: f64,
+    record: Value,
+}
+
+impl Actor {
+    /// Reads the character and works out its frames: factors as for the built-in figure, T = `frames`, a template of `points`.
+    ///
+    /// # Errors
+    /// When the file is bad or a name in it is unknown.
+    pub fn new(casting: &Casting, scm: &Scm, seed: u64, frames: usize, points: usize) -> Result<Self> {
+        let mut character = Character::read(&casting.file)?;
+        let hide: Vec<&str> = casting.hide.iter().map(String::as_str).collect();
+        character.hide(&hide)?;
+        character.fit(HEIGHT)?;
+        let (first, second) = match casting.animations.as_slice() {
+            [one] => (one, None),
+            [one, two] => (one, Some(two.as_str())),
+            other => {
+                let e = Error::input("animations").expected("one or two names").got(other.len().to_string());
+                return Err(e.hint(format!("the file has {}", character.animations().join(", "))));
+            }
+        };
+        let factors = Factors::of(&character, first, second, casting.elbow.as_deref())?;
+        let template = character.template(points, seed)?;
+        let loop_length = character.duration(factors.first.0);
+        let frames: Vec<Vec<f64>> = (0..frames).map(|t| video::frame(scm, seed, 0, t, frames).u).collect();
+        let poses: Vec<Pose> = frames
+            .iter()
+            .enumerate()
+            .map(|(t, u)| {
+                let later = if casting.play { t as f64 / frames.len() as f64 * loop_length } else { 0.0 };
+                character.pose_of(&factors, later, u)
+            })
+            .collect::<Result<_>>()?;
+        let reaches = par::map(frames.len(), |t| reach(&character, &poses[t], &frames[t]));
+        let mut largest = 0.0f64;
+        for r in reaches {
+            largest = order::max(largest, r?);
+        }
+        // A point at distance r of the axis is at most r·R/(R − r) off the middle of a picture.
+        let seen = if largest < 0.8 * video::RADIUS {
+            largest * video::RADIUS / (video::RADIUS - largest)
+        } else {
+            f64::INFINITY
+        };
+        if !seen.is_finite() {
+            return Err(Error::input(character.name().to_owned())
+                .at("animation")
+                .expected("a character that stays in its place")
+                .got(format!("one that moves {largest:.2} units away, {HEIGHT} is its height")));
+        }
+        let focal = from_data_gen::camera(&video::camera(0, 2), Model::Pinhole).focal_px[0];
+        let zoom = order::min(1.0, FILL * video::RADIUS / (f64::from(focal) * seen));
+        let elbow = factors.elbow.map(|j| character.joints()[j].name.clone());
+        let record = json!({
+            "kind": "character", "file": casting.record()["file"], "animations": casting.animations, "elbow": elbow,
+            "hide": casting.hide, "play": casting.play, "joints": character.joints().iter().map(|j| &j.name).collect::<Vec<_>>(),
+            "vertices": character.object().mesh.positions.len(), "triangles": character.object().mesh.triangles.len(),
+        });
+        Ok(Self { character, template, factors, frames, poses, zoom, record })
+    }
+
+    /// What its factors mean.
+    pub fn meaning(&self) -> &Factors {
+        &self.factors
+    }
+
+    /// The character, 2 high.
+    pub fn character(&self) -> &Character {
+        &self.character
+    }
+}
+
+/// The largest coordinate of a frame, and the largest distance from the vertical axis.
+fn reach(c: &Character, pose: &Pose, u: &[f64]) -> Result<f64> {
+    let o = c.posed(pose, &Drive::new(u))?;
+    let far = |m: f64, p: &[f32; 3]| {
+        let [x, y, z] = p.map(f64::from);
+        order::max(m, order::max((x * x + y * y).sqrt(), z.abs()))
+    };
+    Ok(o.mesh.positions.iter().fold(0.0, far))
+}
+
+impl Subject for Actor {
+    fn frames(&self) -> usize {
+        self.frames.len()
+    }
+
+    fn body(&self) -> Arrays {
+        let (p, k) = (self.template.points.len(), self.character.joints().len());
+        let flat = |rows: Vec<[f64; 3]>| -> Vec<f32> { rows.iter().flatten().map(|&x| x as f32).collect() };
+        let mut weights = vec![0.0f32; p * k];
+        for (i, point) in self.template.points.iter().enumerate() {
+            for (&j, &w) in point.joints.iter().zip(&point.weights) {
+                if w > 0.0 {
+                    weights[i * k + usize::from(j)] = w as f32;
+                }
+            }
+        }
+        let joints = self.character.joints();
+        let rest: Vec<f32> = joints.iter().flat_map(|j| square(&j.rest())).flatten().collect();
+        Arrays::new()
+            .with("points", &[p, 3], flat(self.template.points.iter().map(|p| p.position).collect()))
+            .with("normals", &[p, 3], flat(self.template.points.iter().map(|p| p.normal).collect()))
+            .with("weights", &[p, k], weights)
+            .with(
+                "parents",
+                &[k],
+                joints.iter().map(|j| j.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
+            )
+            .with("joints", &[k, 3], flat(joints.iter().map(|j| j.position()).collect()))
+            .with("rest", &[k, 4, 4], rest)
+    }
+
+    fn transforms(&self, t: usize) -> Vec<[[f32; 4]; 4]> {
+        self.character.transforms(&self.poses[t]).iter().map(square).collect()
+    }
+
+    fn factors(&self, t: usize) -> Vec<f64> {
+        self.frames[t].clone()
+    }
+
+    fn object(&self, t: usize) -> Result<Object> {
+        self.character.posed(&self.poses[t], &Drive::new(&self.frames[t]))
+    }
+
+    fn light_azimuth(&self, t: usize) -> f64 {
+        Drive::new(&self.frames[t]).light_azimuth
+    }
+
+    fn camera(&self, index: usize, side: usize) -> Camera {
+        let mut camera = from_data_gen::camera(&video::camera(index, side), Model::Pinhole);
+        camera.focal_px = camera.focal_px.map(|f| (f64::from(f) * self.zoom) as f32);
+        camera
+    }
+
+    fn record(&self) -> Value {
+        self.record.clone()
+    }
+}
+
+/// With the last row, in single precision.
+fn square(a: &[[f64; 4]; 3]) -> [[f32; 4]; 4] {
+    let row = |r: [f64; 4]| r.map(|x| x as f32);
+    [row(a[0]), row(a[1]), row(a[2]), [0.0, 0.0, 0.0, 1.0]]
+}
