@@ -29,7 +29,7 @@ fn a_white_lambert_object_is_invisible_in_a_furnace() {
     let sphere = object(sphere(1.0, 24, false), white());
     let view = look([0.0, -3.0, 1.0], [0.0; 3], 0.8, 48, 48);
     for bounces in [0, 2] {
-        let settings = Settings { samples: 64, bounces, seed: 3, brdf: Brdf::Lambert };
+        let settings = Settings { samples: 64, bounces, seed: 3, brdf: Brdf::Lambert, ..Settings::default() };
         let out = shoot(&sphere, &constant(), &view, &settings);
         let inside: Vec<f64> =
             (0..48 * 48).filter(|&i| out.alpha[i] == 1.0).map(|i| f64::from(out.color[i][1])).collect();
@@ -72,7 +72,7 @@ fn bounces_count_surfaces() {
     let room = object(sphere(1.0, 12, false), glowing);
     let view = look([0.1, 0.0, 0.0], [0.0, 1.0, 0.0], 0.8, 8, 8);
     for bounces in 0..4 {
-        let settings = Settings { samples: 8, bounces, seed: 1, brdf: Brdf::Lambert };
+        let settings = Settings { samples: 8, bounces, seed: 1, brdf: Brdf::Lambert, ..Settings::default() };
         let out = shoot(&room, &Lights::default(), &view, &settings);
         let mut want = 0.0;
         for _ in 0..=bounces + 1 {
@@ -88,7 +88,7 @@ fn bounces_count_surfaces() {
 fn lamps_obey_their_closed_forms() {
     let plane = object(square(5.0), Material { base_color: [0.6, 0.3, 0.9, 1.0], ..white() });
     let view = look([0.0, -0.2, 3.0], [0.0; 3], 0.05, 9, 9);
-    let settings = Settings { samples: 4, bounces: 0, seed: 2, brdf: Brdf::Lambert };
+    let settings = Settings { samples: 4, bounces: 0, seed: 2, brdf: Brdf::Lambert, ..Settings::default() };
     let at = 4 * 9 + 4;
     let lamp = Lamp::Point { position: [0.6, 0.0, 0.8], intensity: [2.0, 4.0, 6.0] };
     let out = shoot(&plane, &Lights { environment: None, lamps: vec![lamp] }, &view, &settings);
