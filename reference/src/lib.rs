@@ -18,6 +18,7 @@
 pub mod array;
 pub mod dual;
 pub mod fd;
+pub mod geometry;
 pub mod loss;
 pub mod nn;
 pub mod num;

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
 use crate::dual::Dual;
+use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
 use crate::nn::linear;
 use crate::optim::{adam, adamw};
@@ -72,6 +73,7 @@ enum Stage {
     Ssim,
     Adam,
     Adamw,
+    Trace,
 }
 
 /// `tile` and `cull` say how the fast path works; they change no value and are ignored here.
@@ -184,6 +186,15 @@ const TWINS: &[Twin] = &[
         outputs: &["image", "alpha", "depth"],
         smooth_outputs: &["image", "alpha", "depth"],
         settings: SPLAT_SETTINGS,
+    },
+    Twin {
+        name: "geometry.trace",
+        stages: &[Stage::Trace],
+        inputs: &["vertices", "triangles", "origin", "direction"],
+        smooth_inputs: &[],
+        outputs: &["t", "triangle"],
+        smooth_outputs: &[],
+        settings: &[],
     },
     Twin {
         name: "nn.linear",
@@ -336,7 +347,7 @@ fn run_stage<S: Scalar>(
         Stage::L1 => l1::forward(pool, out),
         Stage::Mse => mse::forward(pool, out),
         Stage::Ssim => ssim::forward(pool, out),
-        Stage::Adam | Stage::Adamw => Err("optimisers have no gradient".to_owned()),
+        Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }
 
@@ -351,6 +362,7 @@ fn run_value(
     match stage {
         Stage::Adam => adam::forward(pool, settings, out),
         Stage::Adamw => adamw::forward(pool, settings, out),
+        Stage::Trace => trace::forward(pool, out),
         other => run_stage(other, pool, settings, plan, out),
     }
 }
@@ -468,7 +480,7 @@ fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {
     Ok(())
 }
 
-/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, entries of the
+/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, (ray, triangle) pairs for tracing, entries of the
 /// inputs elsewhere. 0 for a request that [`value`] would refuse.
 pub fn work(request: &Request<'_>) -> u64 {
     let entries = request.inputs.values().fold(0, |n, x| n + x.data.len() as u64);
@@ -490,6 +502,10 @@ pub fn work(request: &Request<'_>) -> u64 {
         "nn.linear" => {
             let rows = request.inputs.get("x").and_then(|x| x.shape.first()).copied().unwrap_or(0) as u64;
             rows * request.inputs.get("weight").map_or(0, |weight| weight.data.len() as u64)
+        }
+        "geometry.trace" => {
+            let rows = |name: &str| request.inputs.get(name).map_or(0, |x| x.data.len() as u64 / 3);
+            rows("origin") * rows("triangles")
         }
         "loss.ssim" => request.inputs.get("x").map_or(0, |x| 121 * x.data.len() as u64),
         _ => entries,

@@ -6,7 +6,10 @@
 //! ```
 
 pub mod bvh;
+#[cfg(test)]
+mod contract;
 mod pages;
+pub mod trace;
 mod tree;
 mod triangle;
 mod turns;
