@@ -7,11 +7,12 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, nn, loss, shade, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, shade, optim: the entries
 //! ```
 
 mod call;
 mod case;
+mod geometry;
 mod loss;
 mod nn;
 mod op;
@@ -37,6 +38,7 @@ pub static LIST: &[&Op] = &[
     &splat::color::OP,
     &splat::blend::OP,
     &splat::render::OP,
+    &geometry::TRACE,
     &nn::LINEAR,
     &loss::L1,
     &loss::MSE,

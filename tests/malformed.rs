@@ -2,7 +2,7 @@
 //!
 //! Three parts: every file cut at every length; a table of files spoiled by hand; and mutated bytes of valid files.
 
-#[path = "malformed_models.rs"]
+#[path = "malformed/models.rs"]
 mod models;
 mod samples;
 

@@ -249,7 +249,8 @@ fn profile(name: &str) {
     let scene = Scene::new(&object, &bvh, &lights).expect("a good scene");
     let view = camera([0.0, -2.8, 1.9], 45.0_f32.to_radians(), SIDE);
     let bounces = if name == "path" { 2 } else { 0 };
-    let settings = Settings { samples: SAMPLES, bounces, brdf: Brdf::Lambert, seed: 0, ..Settings::default() };
+    let settings =
+        Settings { samples: SAMPLES, bounces, brdf: Brdf::Lambert, seed: 0, ..Settings::default() };
     for _ in 0..4 {
         let start = Instant::now();
         render(&scene, &view, None, &settings).expect("a good camera");

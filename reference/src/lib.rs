@@ -19,6 +19,7 @@ pub mod array;
 pub mod body;
 pub mod dual;
 pub mod fd;
+pub mod geometry;
 pub mod loss;
 pub mod nn;
 pub mod num;

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
 use crate::dual::Dual;
+use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
 use crate::nn::linear;
 use crate::optim::{adam, adamw};
@@ -75,6 +76,7 @@ enum Stage {
     Envmap,
     Adam,
     Adamw,
+    Trace,
 }
 
 /// `tile` and `cull` say how the fast path works; they change no value and are ignored here.
@@ -187,6 +189,15 @@ const TWINS: &[Twin] = &[
         outputs: &["image", "alpha", "depth"],
         smooth_outputs: &["image", "alpha", "depth"],
         settings: SPLAT_SETTINGS,
+    },
+    Twin {
+        name: "geometry.trace",
+        stages: &[Stage::Trace],
+        inputs: &["vertices", "triangles", "origin", "direction"],
+        smooth_inputs: &[],
+        outputs: &["t", "triangle"],
+        smooth_outputs: &[],
+        settings: &[],
     },
     Twin {
         name: "nn.linear",
@@ -359,7 +370,7 @@ fn run_stage<S: Scalar>(
         Stage::Ssim => ssim::forward(pool, out),
         Stage::Ggx => ggx::forward(pool, out),
         Stage::Envmap => envmap::forward(pool, out),
-        Stage::Adam | Stage::Adamw => Err("optimisers have no gradient".to_owned()),
+        Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }
 
@@ -374,6 +385,7 @@ fn run_value(
     match stage {
         Stage::Adam => adam::forward(pool, settings, out),
         Stage::Adamw => adamw::forward(pool, settings, out),
+        Stage::Trace => trace::forward(pool, out),
         other => run_stage(other, pool, settings, plan, out),
     }
 }
@@ -492,7 +504,8 @@ fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {
 }
 
 /// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, (point, texel) pairs
-/// for `shade.envmap`, entries of the inputs elsewhere. 0 for a request that [`value`] would refuse.
+/// for `shade.envmap`, (ray, triangle) pairs for tracing, entries of the inputs elsewhere. 0 for a request that [`value`] would
+/// refuse.
 pub fn work(request: &Request<'_>) -> u64 {
     let entries = request.inputs.values().fold(0, |n, x| n + x.data.len() as u64);
     let rendered = || -> Result<u64, String> {
@@ -517,6 +530,10 @@ pub fn work(request: &Request<'_>) -> u64 {
         "shade.envmap" => {
             let points = request.inputs.get("normal").map_or(0, |normal| normal.data.len() as u64 / 3);
             points * request.inputs.get("env").map_or(0, |env| env.data.len() as u64 / 3)
+        }
+        "geometry.trace" => {
+            let rows = |name: &str| request.inputs.get(name).map_or(0, |x| x.data.len() as u64 / 3);
+            rows("origin") * rows("triangles")
         }
         "loss.ssim" => request.inputs.get("x").map_or(0, |x| 121 * x.data.len() as u64),
         _ => entries,

@@ -68,13 +68,18 @@ impl Bvh {
 
     /// Sizes.
     pub fn describe(&self) -> String {
-        format!("{} nodes, {} leaves, fill {:.2}", self.tree.node_count, self.tree.leaves.all().len(), 0.0)
+        format!(
+            "{} nodes, {} leaves, fill {:.2}",
+            self.tree.nodes.all().len(),
+            self.tree.leaves.all().len(),
+            self.triangles as f64 / self.tree.leaves.all().len() as f64
+        )
     }
 
     #[inline]
     fn walk<const ANY: bool>(&self, ray: &Ray) -> Hit {
         match Line::new(ray, &self.frame) {
-            Some(line) if self.tree.node_count > 0 => self.tree.walk::<ANY>(line),
+            Some(line) if !self.tree.nodes.all().is_empty() => self.tree.walk::<ANY>(line),
             _ => Hit::NONE,
         }
     }
@@ -91,7 +96,7 @@ impl Bvh {
         let lines = || {
             for (i, ray) in rest.by_ref() {
                 match Line::new(ray, &self.frame) {
-                    Some(line) if self.tree.node_count > 0 => return Some((i, line)),
+                    Some(line) if !self.tree.nodes.all().is_empty() => return Some((i, line)),
                     _ => missed.push(i),
                 }
             }

@@ -8,8 +8,11 @@
 
 pub mod bvh;
 pub mod compare;
+#[cfg(test)]
+mod contract;
 pub mod nearest;
 mod pages;
+pub mod trace;
 mod tree;
 mod triangle;
 mod turns;

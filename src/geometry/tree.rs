@@ -52,11 +52,11 @@ fn area([lo, hi]: Box3) -> f32 {
     x * y + y * z + z * x
 }
 
-fn node(children: &[(u32, Box3)]) -> Node {
+fn fill_node(children: &[(u32, Box3); LANES]) -> Node {
     let mut rows = [[0.0; LANES]; 8];
     let mut ids = [0_u32; LANES];
     for lane in 0..LANES {
-        let (id, b) = children.get(lane).copied().unwrap_or((0, NOTHING));
+        let (id, b) = children[lane];
         ids[lane] = id;
         for k in 0..3 {
             rows[2 * k][lane] = b[0][k];
@@ -102,19 +102,13 @@ pub(super) struct Tree {
     pub(super) nodes: Pages<Node>,
     pub(super) leaves: Pages<Leaf>,
     pub(super) bounds: Box3,
-    pub(super) node_count: usize,
 }
 
 impl Tree {
     pub(super) fn build(triangles: &Triangles) -> Self {
         let n = triangles.corners.len();
         if n == 0 {
-            return Self {
-                nodes: Pages::zeroed(0),
-                leaves: Pages::zeroed(0),
-                bounds: [[0.0; 3]; 2],
-                node_count: 0,
-            };
+            return Self { nodes: Pages::zeroed(0), leaves: Pages::zeroed(0), bounds: [[0.0; 3]; 2] };
         }
         let mut boxes = vec![Aabb::default(); n];
         par::chunks_mut(&mut boxes, CHUNK, |c, out| {
@@ -123,36 +117,19 @@ impl Tree {
                 *b = Aabb::new(lo.into(), hi.into());
             }
         });
-        let mut params = match std::env::var("PRESET").as_deref() {
-            Ok("slow") => BvhBuildParams::slow_build(),
-            Ok("fast") => BvhBuildParams::fast_build(),
-            Ok("vs") => BvhBuildParams::very_slow_build(),
-            _ => BvhBuildParams::medium_build(),
-        };
-        params.pre_split = false;
-        if let Ok(m) = std::env::var("MAXP") {
-            params.max_prims_per_leaf = m.parse().unwrap();
+        let proposed = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
+        drop(boxes);
+        let mut outline = Outline::new(n, &proposed);
+        let root = outline.place(Part::Proposed(0), 0);
+        if root & LEAF != 0 {
+            outline.nodes.push([root, NONE, NONE, NONE, NONE, NONE, NONE, NONE]);
         }
-        if let Ok(m) = std::env::var("COST") {
-            params.collapse_traversal_cost = m.parse().unwrap();
-        }
-        if let Ok(m) = std::env::var("REIN") {
-            params.reinsertion_batch_ratio = m.parse().unwrap();
-        }
-        if let Ok(m) = std::env::var("POST") {
-            params.post_collapse_reinsertion_batch_ratio_multiplier = m.parse().unwrap();
-        }
-        let proposed = build_bvh2(&boxes, params, &mut Default::default());
-        let mut made = Collapse::new(triangles, &proposed);
-        let root = made.root();
-        let (child, bounds) = made.place(root, 0);
-        if child & LEAF != 0 {
-            made.nodes.all_mut()[0] = node(&[(child, bounds)]);
-            made.node_count = 1;
-        }
-        Self { nodes: made.nodes, leaves: made.leaves, bounds, node_count: made.node_count }
+        outline.fill(triangles)
     }
 }
+
+/// No child.
+const NONE: u32 = u32::MAX;
 
 /// A part of the mesh: a node of the proposed tree, or a run of `items` that is halved.
 #[derive(Clone, Copy)]
@@ -161,31 +138,26 @@ enum Part {
     Run(u32, u32),
 }
 
-struct Collapse<'a> {
-    triangles: &'a Triangles,
+/// Who is whose child, before coordinates are filled in.
+struct Outline<'a> {
     tree: &'a Bvh2,
     /// first item and number of items below every proposed node
     spans: Vec<(u32, u32)>,
     /// triangles in depth-first order of the proposed tree
     items: Vec<u32>,
-    nodes: Pages<Node>,
-    leaves: Pages<Leaf>,
-    node_count: usize,
-    leaf_count: usize,
+    nodes: Vec<[u32; LANES]>,
+    /// first item and number of items
+    leaves: Vec<(u32, u32)>,
 }
 
-impl<'a> Collapse<'a> {
-    fn new(triangles: &'a Triangles, tree: &'a Bvh2) -> Self {
-        let n = triangles.corners.len();
+impl<'a> Outline<'a> {
+    fn new(n: usize, tree: &'a Bvh2) -> Self {
         let mut made = Self {
-            triangles,
             tree,
             spans: vec![(0, 0); tree.nodes.len()],
             items: Vec::with_capacity(n),
-            nodes: Pages::zeroed(0),
-            leaves: Pages::zeroed(0),
-            node_count: 0,
-            leaf_count: 0,
+            nodes: Vec::with_capacity(n / 16),
+            leaves: Vec::with_capacity(n / 5),
         };
         // Depth first; a node is met again, marked, when all below it has been seen.
         let mut stack = vec![(0_u32, false)];
@@ -205,20 +177,7 @@ impl<'a> Collapse<'a> {
                 stack.extend([(at, true), (first + 1, false), (first, false)]);
             }
         }
-        // A leaf has more than four triangles unless its sibling is larger than it.
-        let leaves = made.count_leaves();
-        made.leaves = Pages::zeroed(leaves);
-        made.nodes = Pages::zeroed(leaves);
         made
-    }
-
-    /// Upper bound of the number of leaves.
-    fn count_leaves(&self) -> usize {
-        self.triangles.corners.len().div_ceil(2) + 1
-    }
-
-    fn root(&self) -> Part {
-        Part::Proposed(0)
     }
 
     fn span(&self, part: Part) -> (u32, u32) {
@@ -251,49 +210,84 @@ impl<'a> Collapse<'a> {
         }
     }
 
-    /// Writes a part; gives its reference and box.
-    fn place(&mut self, part: Part, depth: usize) -> (u32, Box3) {
+    /// Outlines a part, depth first; gives its reference.
+    fn place(&mut self, part: Part, depth: usize) -> u32 {
         let (first, n) = self.span(part);
         if n as usize <= LANES {
-            return self.leaf(first as usize, n as usize);
+            self.leaves.push((first, n));
+            return LEAF | (self.leaves.len() - 1) as u32;
         }
-        let mut open = self.halves(part, depth).to_vec();
-        while open.len() < LANES {
-            let widest = (0..open.len())
-                .filter(|&i| self.span(open[i]).1 as usize > LANES)
-                .max_by(|&a, &b| self.surface(open[a]).total_cmp(&self.surface(open[b])));
-            let Some(i) = widest else { break };
-            let [a, b] = self.halves(open[i], depth);
-            open[i] = a;
-            open.push(b);
-        }
-        let at = self.node_count;
-        self.node_count += 1;
-        let children: Vec<(u32, Box3)> = open.into_iter().map(|p| self.place(p, depth + 1)).collect();
-        let all = children.iter().fold(NOTHING, |all, c| union(all, c.1));
-        self.nodes.all_mut()[at] = node(&children);
-        (at as u32, all)
-    }
-
-    fn leaf(&mut self, first: usize, n: usize) -> (u32, Box3) {
-        let mut corners = [[0.0; LANES]; 10];
-        let mut index = [0; LANES];
-        let mut all = NOTHING;
-        for lane in 0..LANES {
-            let i = self.items[first + if lane < n { lane } else { 0 }] as usize;
-            let t = self.triangles.corners[i];
-            index[lane] = self.triangles.index[i];
-            all = union(all, bounds(t));
-            for c in 0..3 {
-                for k in 0..3 {
-                    corners[3 * c + k][lane] = t[c][k];
+        let [a, b] = self.halves(part, depth);
+        let mut open = [a; LANES];
+        open[1] = b;
+        let mut count = 2;
+        while count < LANES {
+            let mut widest = None;
+            for (i, &p) in open[..count].iter().enumerate() {
+                if self.span(p).1 as usize > LANES {
+                    let s = self.surface(p);
+                    widest = widest.filter(|&(most, _)| !(s > most)).or(Some((s, i)));
                 }
             }
+            let Some((_, i)) = widest else { break };
+            let [a, b] = self.halves(open[i], depth);
+            open[i] = a;
+            open[count] = b;
+            count += 1;
         }
-        let mut rows = corners.map(f32x8::new);
-        rows[INDEX] = bytemuck::cast(index);
-        self.leaves.all_mut()[self.leaf_count] = rows;
-        self.leaf_count += 1;
-        (LEAF | (self.leaf_count - 1) as u32, all)
+        let at = self.nodes.len();
+        self.nodes.push([NONE; LANES]);
+        for i in 0..count {
+            self.nodes[at][i] = self.place(open[i], depth + 1);
+        }
+        at as u32
     }
+
+    /// The tree with coordinates: leaves first, then nodes from the last, whose children come after it.
+    fn fill(self, triangles: &Triangles) -> Tree {
+        let mut leaves: Pages<Leaf> = Pages::zeroed(self.leaves.len());
+        let mut leaf_boxes = vec![NOTHING; self.leaves.len()];
+        par::chunks_mut2(leaves.all_mut(), CHUNK, &mut leaf_boxes, CHUNK, |c, out, boxes| {
+            for (i, (leaf, bounds)) in out.iter_mut().zip(boxes).enumerate() {
+                let (first, n) = self.leaves[c * CHUNK + i];
+                (*leaf, *bounds) = fill_leaf(triangles, &self.items[first as usize..(first + n) as usize]);
+            }
+        });
+        let mut nodes: Pages<Node> = Pages::zeroed(self.nodes.len());
+        let mut node_boxes = vec![NOTHING; self.nodes.len()];
+        for at in (0..self.nodes.len()).rev() {
+            let mut children = [(0, NOTHING); LANES];
+            for (child, &id) in children.iter_mut().zip(&self.nodes[at]) {
+                if id == NONE {
+                    break;
+                }
+                let bounds =
+                    if id & LEAF != 0 { leaf_boxes[(id ^ LEAF) as usize] } else { node_boxes[id as usize] };
+                node_boxes[at] = union(node_boxes[at], bounds);
+                *child = (id, bounds);
+            }
+            nodes.all_mut()[at] = fill_node(&children);
+        }
+        Tree { nodes, leaves, bounds: node_boxes[0] }
+    }
+}
+
+fn fill_leaf(triangles: &Triangles, items: &[u32]) -> (Leaf, Box3) {
+    let mut rows = [[0.0; LANES]; 10];
+    let mut index = [0; LANES];
+    let mut all = NOTHING;
+    for lane in 0..LANES {
+        let i = items[if lane < items.len() { lane } else { 0 }] as usize;
+        let t = triangles.corners[i];
+        index[lane] = triangles.index[i];
+        all = union(all, bounds(t));
+        for c in 0..3 {
+            for k in 0..3 {
+                rows[3 * c + k][lane] = t[c][k];
+            }
+        }
+    }
+    let mut rows = rows.map(f32x8::new);
+    rows[INDEX] = bytemuck::cast(index);
+    (rows, all)
 }

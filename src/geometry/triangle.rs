@@ -75,6 +75,12 @@ pub(super) fn is_degenerate([a, b, c]: [[f32; 3]; 3]) -> bool {
     e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0]
 }
 
+/// The largest f32 that is not above x ≥ 0.
+fn below(x: f64) -> f32 {
+    let near = x as f32;
+    if f64::from(near) > x { f32::from_bits(near.to_bits() - 1) } else { near }
+}
+
 /// A ray, prepared for the test.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
@@ -122,7 +128,8 @@ impl Line {
     #[inline]
     pub(super) fn new(ray: &Ray, frame: &Frame) -> Option<Self> {
         let mut d = ray.direction;
-        let (mut t_max, mut unit) = (ray.t_max, 1.0);
+        // what has no finite t is not hit
+        let (mut t_max, mut unit) = (if ray.t_max > f32::MAX { f32::MAX } else { ray.t_max }, 1.0);
         let mut axis = largest(d);
         let along = d[axis].abs();
         if frame.scale != 1.0 || !(1.0 / FAR <= along && along <= FAR) {
@@ -134,7 +141,7 @@ impl Line {
             let e = exponent(wide[axis]);
             let by = f64::from_bits(((1023 - e) as u64) << 52);
             d = wide.map(|d| (d * by) as f32);
-            t_max = (f64::from(t_max) / by) as f32;
+            t_max = below(f64::from(t_max) / by);
             unit = by as f32;
             axis = largest(d);
         }

@@ -153,7 +153,11 @@ fn predict_ggx(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
     let dark: Vec<bool> = (0..x.dim("P"))
         .map(|i| !(faces(&row(&n, i), &row(&v, i)) && faces(&row(&n, i), &row(&l, i))))
         .collect();
-    Ok(Prediction { zeros: predict(x, &dark), nulls: [("normal".to_owned(), (3, n))].into() })
+    Ok(Prediction {
+        zeros: predict(x, &dark),
+        nulls: [("normal".to_owned(), (3, n))].into(),
+        ..Prediction::default()
+    })
 }
 
 fn predict_envmap(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
@@ -167,7 +171,7 @@ fn predict_envmap(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
     let unlit: Vec<bool> = unlit.flat_map(|u| [u; 3]).collect();
     let mut zeros = predict(x, &seen.iter().map(|s| !s).collect::<Vec<_>>());
     zeros.insert("env".to_owned(), unlit);
-    Ok(Prediction { zeros, nulls: [("normal".to_owned(), (3, n))].into() })
+    Ok(Prediction { zeros, nulls: [("normal".to_owned(), (3, n))].into(), ..Prediction::default() })
 }
 
 /// Materials of P points; every fifth has its α at the bound.

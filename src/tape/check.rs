@@ -66,6 +66,8 @@ pub struct Prediction {
     pub zeros: BTreeMap<String, Vec<bool>>,
     /// per variable: row length and directions d with ⟨d, x̄⟩ = 0 row by row
     pub nulls: BTreeMap<String, (usize, Vec<f64>)>,
+    /// outputs in which +∞ stands for "none"
+    pub infinite: Vec<String>,
 }
 
 /// What the engine needs to know of an operator with its twin, at one set of inputs.

@@ -309,7 +309,18 @@ pub struct Distance {
 pub fn distance(a: &[f64], b: &[f64]) -> Distance {
     let (mut diff2, mut a2, mut b2, mut diff, mut absolute) = (0.0, 0.0, 0.0, 0.0, 0.0);
     let mut zero_mismatch = 0;
-    for (&a, &b) in a.iter().zip(b) {
+    // An infinity stands for "none": it agrees with itself, and with nothing else.
+    if a.iter().zip(b).any(|(a, b)| a != b && (a.is_infinite() || b.is_infinite())) {
+        let zero_mismatch = a.iter().zip(b).filter(|(a, b)| (**a == 0.0) != (**b == 0.0)).count();
+        return Distance {
+            relative_l2: f64::INFINITY,
+            one_minus_cosine: 1.0,
+            signed_bias: f64::INFINITY,
+            zero_mismatch,
+        };
+    }
+    let both = || a.iter().zip(b).filter(|(a, _)| !a.is_infinite());
+    for (&a, &b) in both() {
         let d = a - b;
         diff2 += d * d;
         a2 += a * a;
@@ -324,7 +335,7 @@ pub fn distance(a: &[f64], b: &[f64]) -> Distance {
     let one_minus_cosine = if na == 0.0 || nb == 0.0 {
         if na == nb { 0.0 } else { 1.0 }
     } else {
-        for (&a, &b) in a.iter().zip(b) {
+        for (&a, &b) in both() {
             let d = a / na - b / nb;
             angle2 += d * d;
         }

@@ -1,6 +1,6 @@
 //! Models: valid samples, and files spoiled by hand.
 
-#[path = "samples/gltf.rs"]
+#[path = "../samples/gltf.rs"]
 mod gltf_samples;
 
 use super::{Format, Reader, find, splice, text};
