@@ -266,23 +266,26 @@ impl Sky {
         self.texel(x, y)
     }
 
-    /// Radiance and density of eight directions; the bits of [`Self::radiance`] and [`Self::density`].
+    /// Radiance and density of eight directions; the bits of [`Self::radiance`] and [`Self::density`]. Lanes whose bit in `wanted` is 0
+    /// may come back as zeros.
     #[inline]
-    pub fn look8(&self, towards: [f32x8; 3]) -> ([f32x8; 3], f32x8) {
+    pub fn look8(&self, towards: [f32x8; 3], wanted: u32) -> ([f32x8; 3], f32x8) {
         if let Some(c) = self.constant {
             let density = self.table.as_ref().map_or(0.0, |t| t.density[0]); // one for all texels
             return (c.map(f32x8::splat), f32x8::splat(density));
         }
-        let [x, y] = self.place(towards).map(f32x8::to_array);
         let mut radiance = [[0.0; 8]; 3];
         let mut density = [0.0; 8];
-        for l in 0..8 {
-            let r = self.at(x[l], y[l]);
-            for c in 0..3 {
-                radiance[c][l] = r[c];
-            }
-            if let Some(table) = &self.table {
-                density[l] = table.density[self.texel(x[l], y[l])];
+        if wanted != 0 {
+            let [x, y] = self.place(towards).map(f32x8::to_array);
+            for l in (0..8).filter(|l| wanted >> l & 1 == 1) {
+                let r = self.at(x[l], y[l]);
+                for c in 0..3 {
+                    radiance[c][l] = r[c];
+                }
+                if let Some(table) = &self.table {
+                    density[l] = table.density[self.texel(x[l], y[l])];
+                }
             }
         }
         (radiance.map(f32x8::new), f32x8::new(density))

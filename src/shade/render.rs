@@ -26,7 +26,7 @@ use super::environment::Sky;
 use super::ggx::{Facet, Point};
 use super::sample;
 use super::surface::{self, Surface};
-use super::vector::{dot, mul, scale, sub, unit};
+use super::vector::{dot, mul, scale, select, sub, unit};
 use crate::geometry::bvh::{Bvh, Hit, MISS, Ray};
 use crate::num::lanes::{Real, f32x8};
 use crate::num::par;
@@ -506,7 +506,7 @@ impl Job<'_> {
         let Some(sky) = &self.scene.sky else { return };
         let at = |l: usize| which[Ord::min(l, which.len() - 1)] as usize;
         let towards = std::array::from_fn(|c| f32x8::from_fn(|l| rays[at(l)].direction[c]));
-        let (color, density) = sky.look8(towards);
+        let (color, density) = sky.look8(towards, (1 << which.len()) - 1);
         let share = f32x8::splat(1.0 / Ord::max(self.scene.lights(), 1) as f32);
         let own = f32x8::from_fn(|l| paths[at(l)].density);
         let zero = f32x8::splat(0.0);
@@ -636,7 +636,7 @@ impl Job<'_> {
         if last && !scene.emissive {
             // only whether the map is seen
             let Some(sky) = &scene.sky else { return };
-            let (color, rival) = sky.look8(towards);
+            let (color, rival) = sky.look8(towards, goes);
             let total = density + choice * rival;
             let safe = Real::select(Real::gt(total, zero), total, f32x8::splat(1.0));
             let light = mul(mul(through, f_cos), color).map(|x| (x / safe).to_array());
@@ -698,7 +698,6 @@ impl Job<'_> {
             let u3: [f32; 8] = std::array::from_fn(|l| uniform(words[l][3]));
             if let Some((d, density)) = sky.draw8(&rest, [&u2, &u3]) {
                 towards = d;
-                light = sky.look8(d).0;
                 own = density * f32x8::splat(1.0 / lights as f32);
                 rival = f32x8::splat(1.0);
             }
@@ -723,6 +722,12 @@ impl Job<'_> {
         let (f_cos, density) = lobes.eval(towards);
         let total = own + rival * density;
         let on = f32x8::and(Real::gt(total, zero), Real::gt(density, zero));
+        if let Some(sky) = &scene.sky {
+            // only where the surface faces the map's direction is its radiance worth a look
+            let of_sky = Real::gt(rival, zero);
+            let radiance = sky.look8(towards, f32x8::bits(f32x8::and(on, of_sky))).0;
+            light = select(of_sky, radiance, light);
+        }
         let safe = Real::select(on, total, f32x8::splat(1.0));
         let light = mul(mul(through, f_cos), light).map(|x| (x / safe).to_array());
         let start = s.start(towards).map(f32x8::to_array);

@@ -205,7 +205,7 @@ fn eight_have_the_bits_of_one() {
     for i in (0..800).step_by(8) {
         let towards: [f32x8; 3] =
             std::array::from_fn(|k| f32x8::new(std::array::from_fn(|l| on_sphere(i + l, 11)[k])));
-        let (radiance, density) = sky.look8(towards);
+        let (radiance, density) = sky.look8(towards, 0xff);
         let words = std::array::from_fn(|l| word(i + l));
         let u: [[f32; 8]; 2] =
             std::array::from_fn(|k| std::array::from_fn(|l| uniform(i + l, 34 + k as u16)));
