@@ -12,4 +12,5 @@ pub mod nearest;
 mod pages;
 mod tree;
 mod triangle;
+mod turns;
 mod walk;

@@ -9,7 +9,8 @@
 //! video/                a capture, see `subject`
 //! ```
 //! `dataset.json` is written first without digests (`complete`: false) and once more at the end. A run that was interrupted continues
-//! where files are missing; it must ask for the same settings.
+//! where files are missing; it must ask for the same settings. Digests are FNV-1a 64 of a file's bytes; that of `video` stands for all
+//! its pictures and cameras.
 
 use super::character::{Actor, Casting};
 use super::figure::{Dots, Look};
@@ -176,7 +177,7 @@ impl Settings {
         within("count", self.count, 1, 1 << 24)?;
         within("groups", self.groups, 1, 1 << 20)?;
         within("appearances", self.appearances, 1, 1 << 16)?;
-        within("points", self.points, 64, 1 << 17)?;
+        within("points", self.points, 64, 1 << 15)?;
         within("frames", self.frames, 1, 100_000)?;
         within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)
     }
@@ -247,7 +248,7 @@ impl Settings {
     }
 }
 
-/// How far marginal statistics give the causal order away; absent for a graph without edges.
+/// How far marginal statistics give the causal order away; absent for a graph without edges, R² also for collinear factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sortability {
     /// which factor set
@@ -265,7 +266,7 @@ pub struct Sortability {
 pub struct Report {
     /// one per factor set
     pub sortabilities: Vec<Sortability>,
-    /// relative to the folder, with FNV-1a 64 of their bytes
+    /// relative to the folder, with their digests
     pub files: Vec<(PathBuf, u64)>,
     /// what `dataset.json` says
     pub record: Value,

@@ -78,12 +78,11 @@ pub trait Subject: Sync {
 /// Passes of an object under sun and sky; direct light and one bounce.
 fn surfaces(object: &Object, azimuth: f64, cameras: &[(Camera, u64)], samples: u32) -> Result<Vec<Passes>> {
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
-    let lights = figure::lights(azimuth);
     cameras
         .iter()
         .map(|(camera, seed)| {
             let settings = render::Settings { samples, bounces: 1, seed: *seed, ..Default::default() };
-            figure::passes(object, &bvh, &lights, camera, &settings)
+            figure::passes(object, &bvh, azimuth, camera, &settings)
         })
         .collect()
 }
@@ -126,7 +125,7 @@ impl Shoot {
     /// The pictures of frame t.
     fn shots(&self, subject: &dyn Subject, t: usize) -> Vec<(Shot, u64)> {
         let train = std::iter::once((0, Split::Train));
-        let is_test = t % self.test_step == 0;
+        let is_test = t.is_multiple_of(self.test_step);
         let test = self.test_cameras.iter().filter(|_| is_test).map(|&c| (c, Split::Test));
         let (count, factors) = (subject.frames(), subject.factors(t));
         train
@@ -152,8 +151,8 @@ impl Shoot {
     }
 }
 
-/// Makes the capture of a subject in a folder; gives what was written, relative to the folder above, with digests: the set
-/// of pictures under the name of its `transforms_train.json`, and `body.npz`.
+/// Makes the capture of a subject in a folder; gives what was written, relative to the folder above, with digests: the folder for
+/// all pictures and cameras ([`Recorder::finish`]), and `body.npz`.
 ///
 /// # Errors
 /// When a picture cannot be made or written, the folder holds another set, or `stop` was set.
@@ -205,7 +204,8 @@ pub fn write(
     let pictures = recorder.finish(&order)?;
     progress(total, total, "video");
     let folder = PathBuf::from(dir.file_name().unwrap_or_default());
-    Ok(vec![(folder.join("transforms_train.json"), pictures), (folder.join("body.npz"), digest(&body))])
+    let body_file = folder.join("body.npz");
+    Ok(vec![(folder, pictures), (body_file, digest(&body))])
 }
 
 fn body_arrays(subject: &dyn Subject) -> Arrays {

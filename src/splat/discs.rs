@@ -16,7 +16,7 @@
 //! f32: x_view = ((R₀x + R₁y) + R₂z) + t; the sum over a pixel's places is a left fold in row order, then one product with 1/16.
 //!
 //! # Kinks and domain
-//! Discs with z outside `NEAR` … `FAR` are not drawn. Not differentiable; there is no adjoint. Pinhole cameras only.
+//! Discs without extent, or with z outside [`RANGE`], are not drawn. Not differentiable; there is no adjoint. Pinhole cameras only.
 
 use crate::scene::camera::{Camera, Model};
 use crate::{Error, Result};
@@ -63,7 +63,8 @@ pub fn render(
             let r = camera.rotation[i];
             ((r[0] * x[0] + r[1] * x[1]) + r[2] * x[2]) + camera.translation[i]
         });
-        if !(RANGE[0] <= z && z <= RANGE[1]) || !(radius > 0.0) {
+        let is_drawn = (RANGE[0]..=RANGE[1]).contains(&z) && radius > 0.0;
+        if !is_drawn {
             continue;
         }
         let scale = SUPERSAMPLING as f32;

@@ -106,15 +106,19 @@ fn libm_pow(x: f64, y: f64) -> f64 {
     reference::scalar::Scalar::pow(x, y)
 }
 
+/// The larger one; x where they are equal.
+fn at_least(x: f64, low: f64) -> f64 {
+    if x < low { low } else { x }
+}
+
+/// The smaller one; x where they are equal.
+fn at_most(x: f64, high: f64) -> f64 {
+    if x > high { high } else { x }
+}
+
 /// Limits to 0..1.
 pub(super) fn unit_interval(x: f64) -> f64 {
-    if x < 0.0 {
-        0.0
-    } else if x > 1.0 {
-        1.0
-    } else {
-        x
-    }
+    at_most(at_least(x, 0.0), 1.0)
 }
 
 /// A colour turned about the grey axis and limited to 0..1.

@@ -289,9 +289,9 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
         pieces.extend(both(["left finger", "right finger"], finger, |n, s| plain(n, s, SKIN)));
     }
     let bare: &[(f64, f64, f64, f64)] = &[
-        (0.73, 0.050, 0.050, 0.0),
-        (0.72, 0.066, 0.070, 0.0),
-        (0.65, 0.064, 0.068, 0.0),
+        (0.69, 0.050, 0.050, 0.0),
+        (0.68, 0.064, 0.068, 0.0),
+        (0.64, 0.063, 0.067, 0.0),
         (0.53, 0.052, 0.055, 0.0),
         (0.48, 0.050, 0.053, 0.0),
         (0.43, 0.047, 0.052, 0.006),
@@ -319,13 +319,13 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     // Over trousers it hangs down to the hips, into a skirt it is tucked.
     let tucked = appearance.bottom == Bottom::Skirt;
     let hem: &[Ring] = if tucked {
-        &[level(0.996, 0.110, 0.080, 0.0), level(1.000, 0.138, 0.102, 0.0)]
+        &[level(1.026, 0.100, 0.075, 0.0), level(1.029, 0.122, 0.091, 0.0)]
     } else {
         &[level(0.876, 0.150, 0.110, 0.0), level(0.874, 0.177, 0.136, 0.0), level(0.882, 0.181, 0.140, 0.0)]
     };
     let mut keys = hem.to_vec();
     keys.extend([
-        if tucked { level(1.030, 0.138, 0.103, 0.0) } else { level(0.975, 0.170, 0.130, 0.0) },
+        if tucked { level(1.042, 0.128, 0.096, 0.0) } else { level(0.975, 0.170, 0.130, 0.0) },
         level(1.080, 0.140, 0.106, 0.0),
         level(1.180, 0.153, 0.114, -0.004),
         level(1.270, 0.172, 0.121, -0.006),

@@ -144,13 +144,7 @@ pub(super) fn unit(a: V3) -> V3 {
 pub fn distance_squared(bone: &Bone, x: V3) -> f64 {
     let (along, from) = (sub(bone.to, bone.from), sub(x, bone.from));
     let t = dot(along, from) / dot(along, along);
-    let t = if t < 0.0 {
-        0.0
-    } else if t > 1.0 {
-        1.0
-    } else {
-        t
-    };
+    let t = super::factors::unit_interval(t);
     let off = sub(from, scale(along, t));
     dot(off, off)
 }

@@ -76,8 +76,7 @@ fn inverse(m: &[Vec<f64>]) -> Option<Vec<Vec<f64>>> {
         }
         rows[k].iter_mut().for_each(|x| *x /= divisor);
         let source = rows[k].clone();
-        for (i, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
-            let _ = i;
+        for (_, row) in rows.iter_mut().enumerate().filter(|(i, _)| *i != k) {
             let times = row[k];
             row.iter_mut().zip(&source).for_each(|(x, y)| *x -= times * y);
         }

@@ -6,7 +6,7 @@
 //! every frame and every data set of the same P.
 
 use super::appearance::Appearance;
-use super::factors::{Drive, shaded, turn_hue};
+use super::factors::{Drive, shaded, turn_hue, unit_interval};
 use super::skeleton::{
     BONES, Bone, SKIRT, SKIRT_RING, TORSO, V3, add, bones, cross, dot, framed, pose, scale, sub, unit,
     weights,
@@ -58,7 +58,10 @@ fn shares(sizes: &[f64], total: usize) -> Vec<usize> {
     let whole = sizes.iter().fold(0.0, |sum, s| sum + s);
     let exact: Vec<f64> = sizes.iter().map(|s| s / whole * total as f64).collect();
     let mut counts: Vec<usize> = exact.iter().map(|&x| x as usize).collect();
-    let given = counts.iter().fold(0, |sum, c| sum + c);
+    let mut given = 0;
+    for count in &counts {
+        given += count;
+    }
     let mut order: Vec<usize> = (0..sizes.len()).collect();
     let rest = |b: usize| exact[b] - (exact[b] as usize) as f64;
     order.sort_by(|&a, &b| rest(b).total_cmp(&rest(a)).then(a.cmp(&b)));
@@ -82,13 +85,7 @@ fn on_capsule(bone: &Bone, k: usize, n: usize) -> [V3; 2] {
     let height = (k as f64 + 0.5) / n as f64 * (length + 2.0 * bone.radius) - bone.radius;
     let angle = PI * (3.0 - 5.0_f64.sqrt()) * k as f64;
     // The sphere's centre this height belongs to.
-    let base = if height < 0.0 {
-        0.0
-    } else if height > length {
-        length
-    } else {
-        height
-    };
+    let base = length * unit_interval(height / length);
     let up = (height - base) / bone.radius;
     let around = (1.0 - up * up).sqrt();
     let normal =

@@ -210,7 +210,7 @@ fn lines(args: &Args, settings: &Settings, report: &Report, seconds: f64) -> Vec
         "{:<20} {:>8} {:>15} {:>16}",
         "factor set", "samples", "varsortability", "R2-sortability"
     ));
-    let shown = |x: Option<f64>| x.map_or_else(|| "no edges".to_owned(), |x| format!("{x:.3}"));
+    let shown = |x: Option<f64>| x.map_or_else(|| "undefined".to_owned(), |x| format!("{x:.3}"));
     for s in &report.sortabilities {
         lines.push(format!(
             "{:<20} {:>8} {:>15} {:>16}",
