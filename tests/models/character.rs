@@ -82,7 +82,7 @@ fn steps_and_cubic_splines() {
     }]);
     let c = character(&b);
     for time in [0.0, 1.0, 1.3, 2.0, 2.9, 3.0, 4.0] {
-        let s = f64::clamp((time - 1.0) / 2.0, 0.0, 1.0);
+        let s = lastlight::num::order::clamp((time - 1.0) / 2.0, 0.0, 1.0);
         let (s2, s3) = (s * s, s * s * s);
         let x = (2.0 * s3 - 3.0 * s2 + 1.0) + 2.0 * (s3 - 2.0 * s2 + s) * 3.0 + (3.0 * s2 - 2.0 * s3) * 2.0
             - 2.0 * (s3 - s2);

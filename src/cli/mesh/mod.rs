@@ -12,7 +12,7 @@ use clap::Subcommand;
 #[derive(Subcommand)]
 pub(super) enum Command {
     /// Render a glTF or OBJ under an environment map, with all passes
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Compare two surfaces: Chamfer distance, normals, distances to the mesh
     Compare(compare::Args),
 }

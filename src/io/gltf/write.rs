@@ -20,7 +20,7 @@ struct Bin {
 impl Bin {
     /// A view of its own; `target` 34962 for vertices, 34963 for indices, 0 for neither.
     fn view(&mut self, bytes: &[u8], target: u32) -> usize {
-        while self.bytes.len() % 4 != 0 {
+        while !self.bytes.len().is_multiple_of(4) {
             self.bytes.push(0);
         }
         let mut view = json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len() });

@@ -1,6 +1,6 @@
 //! The open body of MakeHuman as a character.
 //!
-//! Bones become joints at their heads, without rotation at rest (arms stretched out); decimetres become metres. The body comes without movements, so
+//! Bones become joints at their heads, without rotation at rest (arms half lowered); decimetres become metres. The body comes without movements, so
 //! it gets four: `Rest` (as it is), `Stand` (arms down), `Walk` (one loop of 1 s on the spot) and `Reach` (both hands forward at the height of the chest).
 //! They turn the bones of the Mixamo rig (`mixamorig:LeftUpLeg` and so on); a rig with other names has `Rest` alone.
 
@@ -126,9 +126,10 @@ fn movements(rig: &Gltf) -> Vec<Animation> {
     let Some(bones) = found else { return vec![still("Rest")] };
     // (arm, forearm, thigh, shin) of the left side for a phase; the right side is half a loop behind and mirrored in y and z.
     let limbs = |walk: f64, swing: f64| {
-        let arm = product(turn(0, 0.35 * swing), turn(2, -1.25));
-        let forearm = turn(1, -0.35);
-        [arm, forearm, turn(0, -0.45 * swing), turn(0, 0.04 + 0.3 * walk)]
+        // At rest the arms stand 40° off the body and the legs 6°.
+        let arm = product(turn(0, 0.35 * swing), turn(2, -0.5));
+        let thigh = product(turn(0, -0.45 * swing), turn(2, -0.09));
+        [arm, turn(1, -0.1), thigh, turn(0, 0.04 + 0.3 * walk)]
     };
     let mirrored = |q: [f64; 4]| [q[0], -q[1], -q[2], q[3]];
     let rotations = |keys: usize, of: &dyn Fn(usize, bool) -> [[f64; 4]; 4]| {
@@ -160,8 +161,8 @@ fn movements(rig: &Gltf) -> Vec<Animation> {
         limbs(1.0 + elem::cos(angle), elem::sin(angle))
     });
     let reach = rotations(1, &|_, _| {
-        let arm = product(turn(1, -1.2), turn(2, -0.25));
-        [arm, turn(1, -0.3), turn(0, 0.0), turn(0, 0.0)]
+        let arm = product(turn(1, -1.2), turn(2, 0.75));
+        [arm, turn(1, -0.1), turn(0, 0.0), turn(0, 0.0)]
     });
     vec![
         still("Rest"),
