@@ -59,6 +59,7 @@ pub mod fit;
 pub mod geometry;
 pub mod io;
 pub mod last;
+pub mod lirm;
 pub mod loss;
 pub mod math;
 pub mod nn;

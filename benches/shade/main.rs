@@ -2,7 +2,7 @@
 //!
 //! `cargo bench --bench shade` prints samples per second and ratios. Mitsuba comes from PyPI and runs as a subprocess of the Python named by
 //! LASTLIGHT_PYTHON (else `python3`); where it cannot be imported the comparison is skipped and says so. SHADE_RUNS sets the repetitions.
-//! SHADE_HIGH=1 compares pictures of 1024 samples instead of times.
+//! SHADE_HIGH=1 compares pictures of 256 samples instead of times.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 
@@ -81,7 +81,7 @@ fn mitsuba(high: bool) -> Option<(Vec<(String, f64)>, tempfile::TempDir)> {
         return None;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/shade/mitsuba.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/shade/peer.py");
     let mut command = Command::new(&python);
     command.arg(script).arg(folder.path()).arg(par::threads().to_string());
     if high {
@@ -129,14 +129,26 @@ fn differ(ours: &[[f32; 3]], folder: &std::path::Path, name: &str) -> (f64, f64,
     (a_sum / blocks, relative / blocks, (a_sum - b_sum) / b_sum)
 }
 
-fn picture(runs: usize, high: bool) {
+fn million() -> Object {
     let material = Material { base_color: [0.7, 0.7, 0.7, 1.0], roughness: 1.0, ..Material::default() };
-    let object = object(torus(1000, 500), material);
+    object(torus(1000, 500), material)
+}
+
+fn million_lights() -> Lights {
+    let lamps = vec![Lamp::Point { position: [2.0, -3.0, 4.0], intensity: [20.0; 3] }];
+    Lights { environment: Some(Environment::constant([1.0; 3])), lamps }
+}
+
+fn picture(runs: usize, high: bool) {
+    let object = million();
     let start = Instant::now();
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
-    println!("1M triangles, tree in {:.0} ms, {} threads", 1e3 * start.elapsed().as_secs_f64(), par::threads());
-    let lamps = vec![Lamp::Point { position: [2.0, -3.0, 4.0], intensity: [20.0; 3] }];
-    let lights = Lights { environment: Some(Environment::constant([1.0; 3])), lamps };
+    println!(
+        "1M triangles, tree in {:.0} ms, {} threads",
+        1e3 * start.elapsed().as_secs_f64(),
+        par::threads()
+    );
+    let lights = million_lights();
     let scene = Scene::new(&object, &bvh, &lights).expect("a good scene");
     let view = camera([0.0, -2.8, 1.9], 45.0_f32.to_radians(), SIDE);
     let run = |bounces: u32, brdf: Brdf, samples: u32, seed: u64| -> (f64, Passes) {
@@ -148,11 +160,13 @@ fn picture(runs: usize, high: bool) {
     if high {
         let Some((_, folder)) = mitsuba(true) else { return };
         for (name, bounces) in [("direct", 0), ("path", 2)] {
-            let (_, ours) = run(bounces, Brdf::Lambert, 1024, 1);
-            let (_, other) = run(bounces, Brdf::Lambert, 1024, 2);
+            let (_, ours) = run(bounces, Brdf::Lambert, 256, 1);
+            let (_, other) = run(bounces, Brdf::Lambert, 256, 2);
             let (mean, relative, bias) = differ(&ours.color, folder.path(), name);
             let (_, again, bias_again) = differ(&other.color, folder.path(), name);
-            println!("  {name}: mean {mean:.5}; against Mitsuba, blocks of 8×8: {relative:.2e}, {again:.2e}; whole: {bias:.2e}, {bias_again:.2e}");
+            println!(
+                "  {name}: mean {mean:.5}; against Mitsuba, blocks of 8×8: {relative:.2e}, {again:.2e}; whole: {bias:.2e}, {bias_again:.2e}"
+            );
         }
         return;
     }
@@ -224,9 +238,31 @@ fn training_views() {
     );
 }
 
+/// For profilers: SHADE_PROFILE=direct|path|views does that and nothing else.
+fn profile(name: &str) {
+    if name == "views" {
+        return training_views();
+    }
+    let lights = million_lights();
+    let object = million();
+    let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
+    let scene = Scene::new(&object, &bvh, &lights).expect("a good scene");
+    let view = camera([0.0, -2.8, 1.9], 45.0_f32.to_radians(), SIDE);
+    let bounces = if name == "path" { 2 } else { 0 };
+    let settings = Settings { samples: SAMPLES, bounces, brdf: Brdf::Lambert, seed: 0 };
+    for _ in 0..4 {
+        let start = Instant::now();
+        render(&scene, &view, None, &settings).expect("a good camera");
+        println!("{name}: {:.3} s", start.elapsed().as_secs_f64());
+    }
+}
+
 fn main() {
     if std::env::args().any(|a| a == "--test") {
         return;
+    }
+    if let Ok(name) = std::env::var("SHADE_PROFILE") {
+        return profile(&name);
     }
     let runs = std::env::var("SHADE_RUNS").ok().and_then(|r| r.parse().ok()).unwrap_or(5);
     let high = std::env::var("SHADE_HIGH").is_ok();

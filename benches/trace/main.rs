@@ -67,7 +67,8 @@ struct Answer {
 fn main() {
     let quick = std::env::args().any(|a| a == "--quick" || a == "--test");
     let only = |kind: &str| std::env::var("TRACE_ONLY").is_ok_and(|v| v != kind);
-    let runs = std::env::var("TRACE_RUNS").ok().and_then(|v| v.parse().ok()).unwrap_or(if quick { 1 } else { 7 });
+    let runs =
+        std::env::var("TRACE_RUNS").ok().and_then(|v| v.parse().ok()).unwrap_or(if quick { 1 } else { 7 });
     let (u, v, side) = if quick { (200, 100, 128) } else { (1000, 500, 1024) };
     let mesh = scene::mesh(u, v);
     let peer = (!only("embree")).then(|| ()).is_some();
@@ -94,7 +95,10 @@ fn main() {
                             Query::Closest => f.hits.iter().filter(|h| h.t.is_finite()).count(),
                             Query::Occluded => f.occluded.iter().filter(|&&o| o).count(),
                         };
-                        assert!(ours.abs_diff(hits) <= 4 + rays.len() / 10_000, "{name} {label}: {ours} hits, the peer {hits}");
+                        assert!(
+                            ours.abs_diff(hits) <= 4 + rays.len() / 10_000,
+                            "{name} {label}: {ours} hits, the peer {hits}"
+                        );
                     }
                 }
                 seconds[1].push(obvhs.pass(rays, query == Query::Occluded));
@@ -109,7 +113,9 @@ fn main() {
                     );
                 }
             }
-            let rate = |i: usize| if seconds[i].is_empty() { f64::NAN } else { 1e-6 * rays.len() as f64 / median(&seconds[i]) };
+            let rate = |i: usize| {
+                if seconds[i].is_empty() { f64::NAN } else { 1e-6 * rays.len() as f64 / median(&seconds[i]) }
+            };
             println!(
                 "{name:8} {label:8} {:8.2} {:8.2} | {:8.2} {:6.2} {:6.2} | {:8.2} {:6.2} {:6.2}",
                 rate(0),

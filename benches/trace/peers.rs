@@ -2,7 +2,9 @@
 
 use super::scene::Mesh;
 use lastlight::geometry::bvh::Ray;
-use obvhs::{BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2, ray::RayHit, triangle::Triangle};
+use obvhs::{
+    BvhBuildParams, aabb::Aabb, bvh2::Bvh2, bvh2::builder::build_bvh2, ray::RayHit, triangle::Triangle,
+};
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -23,10 +25,8 @@ impl Embree {
     /// Starts the peer; says why and gives none where there is none.
     pub(crate) fn start(mesh: &Mesh, sets: &[(&str, Vec<Ray>)]) -> Option<Self> {
         let python = std::env::var("LASTLIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-        let probe = Command::new(&python)
-            .args(["-c", "import embreex, numpy"])
-            .stderr(Stdio::null())
-            .status();
+        let probe =
+            Command::new(&python).args(["-c", "import embreex, numpy"]).stderr(Stdio::null()).status();
         if !probe.is_ok_and(|s| s.success()) {
             println!("embreex: skipped, {python} cannot import embreex and numpy (set LASTLIGHT_PYTHON)");
             return None;

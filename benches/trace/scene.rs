@@ -75,8 +75,8 @@ pub(crate) fn rays(bvh: &Bvh, mesh: &Mesh, side: usize) -> Vec<(&'static str, Ve
         .enumerate()
         .filter(|(_, (h, _))| h.triangle != MISS)
         .map(|(i, (h, p))| {
-            let [a, b, c] = mesh.triangles[h.triangle as usize]
-                .map(|i| mesh.positions[i as usize].map(f64::from));
+            let [a, b, c] =
+                mesh.triangles[h.triangle as usize].map(|i| mesh.positions[i as usize].map(f64::from));
             let edge = |q: [f64; 3]| [0, 1, 2].map(|k| q[k] - a[k]);
             let mut n = unit(cross(edge(b), edge(c)));
             let d = p.direction.map(f64::from);
@@ -85,7 +85,8 @@ pub(crate) fn rays(bvh: &Bvh, mesh: &Mesh, side: usize) -> Vec<(&'static str, Ve
             }
             let tangent = unit(cross(n, if n[0].abs() < 0.5 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] }));
             let other = cross(n, tangent);
-            let (e, f) = (r.uniform_f64(i as u64, 1, 0, 0), std::f64::consts::TAU * r.uniform_f64(i as u64, 1, 0, 1));
+            let (e, f) =
+                (r.uniform_f64(i as u64, 1, 0, 0), std::f64::consts::TAU * r.uniform_f64(i as u64, 1, 0, 1));
             let (x, y, z) = (e.sqrt() * f.cos(), e.sqrt() * f.sin(), (1.0 - e).sqrt());
             let at = |k: usize| f64::from(p.origin[k]) + f64::from(h.t) * d[k] + 1e-3 * n[k];
             ray([at(0), at(1), at(2)], [0, 1, 2].map(|k| x * tangent[k] + y * other[k] + z * n[k]))

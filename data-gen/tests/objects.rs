@@ -64,7 +64,10 @@ fn check_surface(name: &str, s: &Surface) -> f64 {
     for (i, ((p, m), uv)) in s.positions.iter().zip(&s.normals).zip(&s.uvs).enumerate() {
         assert!(dot(*p, *p).sqrt() <= 0.5, "{name}: vertex {i} lies in the ball");
         assert!((dot(*m, *m) - 1.0).abs() < 1e-12, "{name}: normal {i} has length 1");
-        assert!(uv.iter().all(|x| (0.0..=1.0).contains(x)), "{name}: texture coordinate {i} is on the picture");
+        assert!(
+            uv.iter().all(|x| (0.0..=1.0).contains(x)),
+            "{name}: texture coordinate {i} is on the picture"
+        );
     }
     assert!(volume > 0.0, "{name}: encloses {volume}");
     volume
@@ -99,4 +102,85 @@ fn every_generator_makes_closed_outward_meshes() {
             check(&made, &format!("object {k}"));
         }
     }
+}
+
+#[test]
+fn drawn_objects_are_closed_too_and_vary() {
+    let mut seen: BTreeMap<&str, usize> = BTreeMap::new();
+    let mut looks: BTreeMap<String, usize> = BTreeMap::new();
+    for k in 1000..1120 {
+        let made = build(2, k, 32);
+        check(&made, &format!("object {k}"));
+        *seen.entry(made.generator).or_insert(0) += 1;
+        for m in &made.materials {
+            *looks.entry(m.clone()).or_insert(0) += 1;
+        }
+    }
+    assert!(seen.len() >= 16, "generators drawn: {seen:?}");
+    assert!(looks.len() >= 11, "materials drawn: {looks:?}");
+}
+
+/// Everything about an object that ends up in a picture.
+fn digest(made: &Made) -> u64 {
+    let mut bytes: Vec<u8> = made.generator.bytes().collect();
+    for s in &made.surfaces {
+        let numbers: Vec<f64> = s
+            .positions
+            .iter()
+            .chain(&s.normals)
+            .flatten()
+            .chain(s.uvs.iter().flatten())
+            .copied()
+            .chain(s.triangles.iter().flatten().map(|&i| f64::from(i)))
+            .collect();
+        bytes.extend(digest_f64(&[numbers.len()], &numbers).expect("no NaN").to_le_bytes());
+        for map in [&s.material.base_color_map, &s.material.metallic_roughness_map].into_iter().flatten() {
+            bytes.extend(fnv1a(map.texels.as_flattened()).to_le_bytes());
+        }
+    }
+    fnv1a(&bytes)
+}
+
+#[test]
+fn objects_have_the_bits_they_had() {
+    let all: Vec<u8> = (0..16).flat_map(|k| digest(&build(0, k, 128)).to_le_bytes()).collect();
+    assert_eq!(format!("{:016x}", fnv1a(&all)), "f44759fdd327f016", "objects 0 to 15 of seed 0");
+}
+
+#[test]
+fn an_object_depends_on_its_seed_and_number_alone() {
+    let first = build(5, 40, 64);
+    for k in 30..40 {
+        build(5, k, 64);
+    }
+    assert_eq!(first, build(5, 40, 64), "made before or after others");
+    assert_eq!(objects::make(5, 40).len(), first.surfaces.len(), "a larger texture changes no shape");
+    assert_eq!(
+        objects::make(5, 40)[0].positions,
+        first.surfaces[0].positions,
+        "a larger texture changes no shape"
+    );
+    let others: Vec<u64> =
+        [(5, 41), (6, 40), (5, 42), (7, 40)].iter().map(|&(s, k)| digest(&build(s, k, 64))).collect();
+    for (i, d) in others.iter().enumerate() {
+        assert!(*d != digest(&first) && !others[..i].contains(d), "seeds and numbers give different objects");
+    }
+}
+
+#[test]
+fn materials_cover_mirrors_metals_and_rough_paint() {
+    let (mut mirrors, mut mixed, mut rough) = (0, 0, 0);
+    for k in 0..120 {
+        for s in build(3, k, 48).surfaces {
+            let map = s.material.metallic_roughness_map.expect("painted");
+            let n = map.texels.len() as f64;
+            let share = |f: &dyn Fn(&[u8; 4]) -> bool| map.texels.iter().filter(|t| f(t)).count() as f64 / n;
+            mirrors += u32::from(share(&|t| t[2] == 255 && t[1] <= 13) > 0.3);
+            let metal = share(&|t| t[2] > 127);
+            mixed += u32::from(metal > 0.1 && metal < 0.9);
+            rough += u32::from(share(&|t| t[2] == 0 && t[1] > 140) > 0.5);
+            assert!(map.texels.iter().all(|t| t[1] >= 4), "object {k}: no roughness below 0.016");
+        }
+    }
+    assert!(mirrors >= 3 && mixed >= 8 && rough >= 20, "{mirrors} mirrors, {mixed} mixed, {rough} rough");
 }

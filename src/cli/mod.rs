@@ -5,6 +5,7 @@
 //!                       splat     fit | render | eval on captures and scene files
 //!                       last      gen: data with known causes
 //!                       mesh      render | compare glTF and OBJ
+//!                       lirm      gen: rendered objects to learn from
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
 //!                       convert   between scene files                       doctor      is this machine set up
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
@@ -20,6 +21,7 @@ mod demo;
 mod doctor;
 pub mod gradcheck;
 mod last;
+mod lirm;
 mod mesh;
 mod meter;
 pub mod oracle;
@@ -70,6 +72,9 @@ enum Command {
     /// Triangle meshes: render any glTF or OBJ under any light, compare two surfaces
     #[command(subcommand)]
     Mesh(mesh::Command),
+    /// The LIRM system: rendered objects to learn from
+    #[command(subcommand)]
+    Lirm(lirm::Command),
     /// Run operators on your arrays, compare arrays, make golden files
     Oracle(oracle::Args),
     /// Check gradients: of our operators, or of somebody else's program
@@ -132,6 +137,7 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Splat(command) => splat::run(&command),
         Command::Last(command) => last::run(&command),
         Command::Mesh(command) => mesh::run(&command),
+        Command::Lirm(command) => lirm::run(&command),
         Command::Oracle(args) => oracle::run(args),
         Command::Gradcheck(args) => gradcheck::run(args),
         Command::Convert(args) => convert::run(&args),

@@ -180,7 +180,7 @@ impl Recorder {
             let path = self.dir.join(&file);
             let folder = path.parent().unwrap_or(&self.dir);
             std::fs::create_dir_all(folder).map_err(|e| Error::os(folder, &e))?;
-            atomic::write_bytes(&path, &bytes)?;
+            atomic::write_unflushed(&path, &bytes)?;
             digests.insert(file.clone(), json!(hex(&bytes)));
             frame[key] = json!(file);
         }
@@ -198,7 +198,7 @@ impl Recorder {
         // A finished set that lost a file has no records any more.
         let journal = self.dir.join(JOURNAL);
         std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
-        atomic::write_bytes(&self.record(&shot.name), format!("{frame:#}\n").as_bytes())
+        atomic::write_unflushed(&self.record(&shot.name), format!("{frame:#}\n").as_bytes())
     }
 
     /// Key, path and bytes of every file of a picture.

@@ -79,6 +79,28 @@ impl Bvh {
         }
     }
 
+    fn walk_many<const ANY: bool>(&self, rays: &[Ray], mut done: impl FnMut(usize, Hit)) {
+        if coherent(rays) {
+            for (i, ray) in rays.iter().enumerate() {
+                done(i, self.walk::<ANY>(ray));
+            }
+            return;
+        }
+        let mut rest = rays.iter().enumerate();
+        let mut missed = Vec::new();
+        let lines = || {
+            for (i, ray) in rest.by_ref() {
+                match Line::new(ray, &self.frame) {
+                    Some(line) if self.tree.node_count > 0 => return Some((i, line)),
+                    _ => missed.push(i),
+                }
+            }
+            None
+        };
+        self.tree.walk_many::<ANY>(lines, &mut done);
+        missed.into_iter().for_each(|i| done(i, Hit::NONE));
+    }
+
     /// The hit with the smallest (t, triangle), or [`Hit::NONE`].
     pub fn closest(&self, ray: &Ray) -> Hit {
         self.walk::<false>(ray)
@@ -95,9 +117,7 @@ impl Bvh {
     /// If the lengths differ.
     pub fn closest_batch(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "one hit per ray");
-        for (ray, hit) in rays.iter().zip(hits) {
-            *hit = self.closest(ray);
-        }
+        self.walk_many::<false>(rays, |i, hit| hits[i] = hit);
     }
 
     /// [`Bvh::occluded`] of many rays, same answers.
@@ -106,10 +126,20 @@ impl Bvh {
     /// If the lengths differ.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
-        for (ray, hit) in rays.iter().zip(occluded) {
-            *hit = self.occluded(ray);
-        }
+        self.walk_many::<true>(rays, |i, hit| occluded[i] = hit.triangle != MISS);
     }
+}
+
+/// Whether most neighbours run side by side, so that they find what they need in the cache. Decides about speed only.
+fn coherent(rays: &[Ray]) -> bool {
+    let step = (rays.len() / 32).max(1);
+    let near = |a: &Ray, b: &Ray| {
+        let size = a.direction.iter().fold(0.0, |m, d| if d.abs() > m { d.abs() } else { m });
+        (0..3).all(|k| (a.direction[k] - b.direction[k]).abs() <= 0.05 * size)
+    };
+    let pairs = rays.windows(2).step_by(step);
+    let n = pairs.len();
+    2 * pairs.filter(|p| near(&p[0], &p[1])).count() > n
 }
 
 #[cfg(test)]

@@ -9,4 +9,5 @@ pub mod bvh;
 mod pages;
 mod tree;
 mod triangle;
+mod turns;
 mod walk;

@@ -109,7 +109,12 @@ impl Tree {
     pub(super) fn build(triangles: &Triangles) -> Self {
         let n = triangles.corners.len();
         if n == 0 {
-            return Self { nodes: Pages::zeroed(0), leaves: Pages::zeroed(0), bounds: [[0.0; 3]; 2], node_count: 0 };
+            return Self {
+                nodes: Pages::zeroed(0),
+                leaves: Pages::zeroed(0),
+                bounds: [[0.0; 3]; 2],
+                node_count: 0,
+            };
         }
         let mut boxes = vec![Aabb::default(); n];
         par::chunks_mut(&mut boxes, CHUNK, |c, out| {
@@ -118,7 +123,26 @@ impl Tree {
                 *b = Aabb::new(lo.into(), hi.into());
             }
         });
-        let proposed = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
+        let mut params = match std::env::var("PRESET").as_deref() {
+            Ok("slow") => BvhBuildParams::slow_build(),
+            Ok("fast") => BvhBuildParams::fast_build(),
+            Ok("vs") => BvhBuildParams::very_slow_build(),
+            _ => BvhBuildParams::medium_build(),
+        };
+        params.pre_split = false;
+        if let Ok(m) = std::env::var("MAXP") {
+            params.max_prims_per_leaf = m.parse().unwrap();
+        }
+        if let Ok(m) = std::env::var("COST") {
+            params.collapse_traversal_cost = m.parse().unwrap();
+        }
+        if let Ok(m) = std::env::var("REIN") {
+            params.reinsertion_batch_ratio = m.parse().unwrap();
+        }
+        if let Ok(m) = std::env::var("POST") {
+            params.post_collapse_reinsertion_batch_ratio_multiplier = m.parse().unwrap();
+        }
+        let proposed = build_bvh2(&boxes, params, &mut Default::default());
         let mut made = Collapse::new(triangles, &proposed);
         let root = made.root();
         let (child, bounds) = made.place(root, 0);

@@ -6,11 +6,13 @@ use super::triangle::{Line, Met, wide};
 use crate::num::lanes::f32x8;
 use prefetch_index::prefetch_index;
 
-/// A line with its numbers in all lanes.
+/// The numbers of a line for boxes, in all lanes.
+#[derive(Clone, Debug)]
 pub(super) struct Wide {
     enter: [f32x8; 3],
     leave: [f32x8; 3],
-    inverse: [f32x8; 3],
+    /// −1/direction
+    against: [f32x8; 3],
     /// rows of the planes at which boxes are entered and left
     first: [usize; 3],
     last: [usize; 3],
@@ -19,24 +21,25 @@ pub(super) struct Wide {
 impl Wide {
     #[inline(always)]
     pub(super) fn new(line: &Line) -> Self {
+        let [x, y, z] = line.inverse;
         let backwards = |k: usize| line.octant >> k & 1;
         Self {
             enter: splat(line.enter),
             leave: splat(line.leave),
-            inverse: splat(line.inverse),
+            against: splat([-x, -y, -z]),
             first: [backwards(0), 2 + backwards(1), 4 + backwards(2)],
             last: [1 - backwards(0), 3 - backwards(1), 5 - backwards(2)],
         }
     }
 
-    /// Starts and hit bits of the children.
+    /// Starts of the children, and which are hit. (enter − plane)·(−1/d) has the bits of (plane − enter)/d.
     #[inline(always)]
-    fn children(&self, rows: &[f32x8; 8], t_max: f32) -> (f32x8, u32) {
-        let start = |k: usize| (rows[self.first[k] & 7] - self.enter[k]) * self.inverse[k];
-        let end = |k: usize| (rows[self.last[k] & 7] - self.leave[k]) * self.inverse[k];
+    pub(super) fn test(&self, node: &Node, t_max: f32) -> (f32x8, f32x8) {
+        let start = |k: usize| (self.enter[k] - node[self.first[k] & 7]) * self.against[k];
+        let end = |k: usize| (self.leave[k] - node[self.last[k] & 7]) * self.against[k];
         let s = start(0).fast_max(start(1)).fast_max(start(2).fast_max(f32x8::splat(0.0)));
         let e = end(0).fast_min(end(1)).fast_min(end(2).fast_min(f32x8::splat(t_max)));
-        (s, s.simd_le(e).to_bitmask())
+        (s, s.simd_le(e))
     }
 }
 
@@ -46,11 +49,21 @@ fn splat([x, y, z]: [f32; 3]) -> [f32x8; 3] {
 }
 
 /// The best hit so far; weights are divided at the end.
-struct Best {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Best {
     t: f32,
     u: f32,
     v: f32,
     triangle: u32,
+}
+
+impl Best {
+    pub(super) const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
+
+    #[inline(always)]
+    pub(super) fn hit(&self, line: &Line) -> Hit {
+        Hit { t: self.t * line.unit, u: self.u, v: self.v, triangle: self.triangle }
+    }
 }
 
 #[inline(always)]
@@ -59,73 +72,69 @@ fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
     [[at(0), at(1), at(2)], [at(3), at(4), at(5)], [at(6), at(7), at(8)]]
 }
 
-    /// Tests all triangles of a leaf; whether the best hit changed.
-    #[inline(always)]
-    fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
-        let (x, y, z) = match line.axis {
-            0 => (1, 2, 0),
-            1 => (2, 0, 1),
-            _ => (0, 1, 2),
-        };
-        let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
-        let shear = splat(line.shear);
-        let sheared = |p: &[f32x8]| {
-            let along = p[z] - o[2];
-            [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
-        };
-        let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
-        let u = c[0] * b[1] - c[1] * b[0];
-        let v = a[0] * c[1] - a[1] * c[0];
-        let w = b[0] * a[1] - b[1] * a[0];
-        let low = u.fast_min(v).fast_min(w);
-        let high = u.fast_max(v).fast_max(w);
-        let zero = f32x8::splat(0.0);
-        let hit = (low.simd_ge(zero) | high.simd_le(zero)).to_bitmask();
-        if hit == 0 {
-            return false;
-        }
-        let strict = (low.simd_gt(zero) | high.simd_lt(zero)).to_bitmask();
-        let sum = u + v + w;
-        let depth = [shear[2] * a[2], shear[2] * b[2], shear[2] * c[2]];
-        let t = (u * depth[0] + v * depth[1] + w * depth[2]) / sum;
-        let near = (t.simd_ge(zero) & t.simd_le(f32x8::splat(line.t_max))).to_bitmask();
-        let mut left = (hit & strict & near) | (hit & !strict);
-        let mut changed = false;
-        while left != 0 {
-            let lane = left.trailing_zeros() as usize;
-            left &= left - 1;
-            let met = if strict >> lane & 1 != 0 {
-                let s = sum.to_array()[lane & 7];
-                Met {
-                    t: t.to_array()[lane & 7],
-                    u: v.to_array()[lane & 7] / s,
-                    v: w.to_array()[lane & 7] / s,
-                }
-            } else {
-                let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
-                let corner = |i: usize| {
-                    let p = [a, b, c][i];
-                    [at(p, 0), at(p, 1), depth[i].to_array()[lane & 7]]
-                };
-                match wide(corner(0), corner(1), corner(2)) {
-                    Some(met) => met,
-                    None => continue,
-                }
-            };
-            let Some(met) = line.inside(corners(leaf, lane), met) else { continue };
-            let triangle = references(&leaf[INDEX])[lane & 7];
-            if met.t < best.t || (met.t == best.t && triangle < best.triangle) {
-                *best = Best { t: met.t, u: met.u, v: met.v, triangle };
-                line.t_max = met.t;
-                changed = true;
-            }
-        }
-        changed
+/// Tests all triangles of a leaf; whether the best hit changed.
+#[inline(always)]
+pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
+    let (x, y, z) = match line.axis {
+        0 => (1, 2, 0),
+        1 => (2, 0, 1),
+        _ => (0, 1, 2),
+    };
+    let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
+    let shear = splat(line.shear);
+    let sheared = |p: &[f32x8]| {
+        let along = p[z] - o[2];
+        [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
+    };
+    let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
+    let u = c[0] * b[1] - c[1] * b[0];
+    let v = a[0] * c[1] - a[1] * c[0];
+    let w = b[0] * a[1] - b[1] * a[0];
+    let low = u.fast_min(v).fast_min(w);
+    let high = u.fast_max(v).fast_max(w);
+    let zero = f32x8::splat(0.0);
+    let hit = (low.simd_ge(zero) | high.simd_le(zero)).to_bitmask();
+    if hit == 0 {
+        return false;
     }
+    let strict = (low.simd_gt(zero) | high.simd_lt(zero)).to_bitmask();
+    let sum = u + v + w;
+    let depth = [shear[2] * a[2], shear[2] * b[2], shear[2] * c[2]];
+    let t = (u * depth[0] + v * depth[1] + w * depth[2]) / sum;
+    let near = (t.simd_ge(zero) & t.simd_le(f32x8::splat(line.t_max))).to_bitmask();
+    let mut left = (hit & strict & near) | (hit & !strict);
+    let mut changed = false;
+    while left != 0 {
+        let lane = left.trailing_zeros() as usize;
+        left &= left - 1;
+        let met = if strict >> lane & 1 != 0 {
+            let s = sum.to_array()[lane & 7];
+            Met { t: t.to_array()[lane & 7], u: v.to_array()[lane & 7] / s, v: w.to_array()[lane & 7] / s }
+        } else {
+            let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
+            let corner = |i: usize| {
+                let p = [a, b, c][i];
+                [at(p, 0), at(p, 1), depth[i].to_array()[lane & 7]]
+            };
+            match wide(corner(0), corner(1), corner(2)) {
+                Some(met) => met,
+                None => continue,
+            }
+        };
+        let Some(met) = line.inside(corners(leaf, lane), met) else { continue };
+        let triangle = references(&leaf[INDEX])[lane & 7];
+        if met.t < best.t || (met.t == best.t && triangle < best.triangle) {
+            *best = Best { t: met.t, u: met.u, v: met.v, triangle };
+            line.t_max = met.t;
+            changed = true;
+        }
+    }
+    changed
+}
 
 /// Asks for the memory of a child that will be visited later.
 #[inline(always)]
-fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
+pub(super) fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
     if child & LEAF == 0 {
         let rows = nodes.as_flattened();
         let at = 8 * child as usize;
@@ -144,74 +153,138 @@ fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
     }
 }
 
-impl Tree {
-    /// The best hit, or any if `ANY`; t in the line's own unit.
-    #[inline]
-    pub(super) fn walk<const ANY: bool>(&self, mut line: Line) -> Hit {
-        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
-        let wide = Wide::new(&line);
-        let mut best = Best { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
-        // Entries: bits of the start above the reference.
-        let mut stack = [0_u64; STACK];
-        let mut top = 0;
-        let mut at = 0_u32;
-        'walk: loop {
-            while at & LEAF == 0 {
-                let node = &nodes[at as usize];
-                let (start, mut hit) = wide.children(node, line.t_max);
-                let start = start.to_array();
-                let children = references(&node[CHILDREN]);
-                if hit == 0 {
-                    break;
+/// References that wait: bits of the start above the reference, the nearest on top. What does not fit moves to a vector, which
+/// happens in no ordinary mesh.
+#[derive(Clone, Debug)]
+struct Waiting {
+    near: [u64; STACK],
+    top: usize,
+    far: Vec<u64>,
+}
+
+impl Waiting {
+    #[inline(always)]
+    fn new() -> Self {
+        Self { near: [0; STACK], top: 0, far: Vec::new() }
+    }
+
+    #[cold]
+    fn make_room(&mut self) {
+        self.far.extend_from_slice(&self.near[..self.top]);
+        self.top = 0;
+    }
+
+    #[cold]
+    fn refill(&mut self) {
+        let from = self.far.len().saturating_sub(STACK / 2);
+        self.top = self.far.len() - from;
+        self.near[..self.top].copy_from_slice(&self.far[from..]);
+        self.far.truncate(from);
+    }
+
+    /// The next reference whose box starts at t_max or before.
+    #[inline(always)]
+    fn pop(&mut self, t_max: f32) -> Option<u32> {
+        loop {
+            if self.top == 0 {
+                if self.far.is_empty() {
+                    return None;
                 }
+                self.refill();
+            }
+            self.top -= 1;
+            let e = self.near[self.top & (STACK - 1)];
+            if f32::from_bits((e >> 32) as u32) <= t_max {
+                return Some(e as u32);
+            }
+        }
+    }
+
+    /// Inserts above `base`, larger ones below.
+    #[inline(always)]
+    fn insert(&mut self, base: usize, e: u64) {
+        let mut i = self.top;
+        while i > base && self.near[(i - 1) & (STACK - 1)] < e {
+            self.near[i & (STACK - 1)] = self.near[(i - 1) & (STACK - 1)];
+            i -= 1;
+        }
+        self.near[i & (STACK - 1)] = e;
+        self.top += 1;
+    }
+}
+
+/// One ray on its way.
+#[derive(Clone, Debug)]
+struct Walk {
+    line: Line,
+    best: Best,
+    waiting: Waiting,
+    at: u32,
+}
+
+impl Walk {
+    #[inline(always)]
+    fn new(line: Line) -> Self {
+        Self { line, best: Best::NONE, waiting: Waiting::new(), at: 0 }
+    }
+
+    /// Visits the node or leaf `at` and chooses the next one; whether there is one.
+    #[inline(always)]
+    fn step<const ANY: bool>(&mut self, nodes: &[Node], leaves: &[Leaf], wide: &Wide) -> bool {
+        if self.at & LEAF == 0 {
+            let node = &nodes[self.at as usize];
+            let (start, hit) = wide.test(node, self.line.t_max);
+            let mut hit = hit.to_bitmask();
+            if hit != 0 {
+                let children = references(&node[CHILDREN]);
                 let lane = hit.trailing_zeros() as usize;
                 hit &= hit - 1;
                 if hit == 0 {
-                    at = children[lane & 7];
-                    continue;
+                    self.at = children[lane & 7];
+                    return true;
                 }
+                let start = start.to_array();
                 let entry =
                     |lane: usize| u64::from(start[lane & 7].to_bits()) << 32 | u64::from(children[lane & 7]);
+                if self.waiting.top + LANES > STACK {
+                    self.waiting.make_room();
+                }
                 let mut nearest = entry(lane);
-                let base = top;
+                let base = self.waiting.top;
                 while hit != 0 {
                     let lane = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    expect_soon(nodes, leaves, children[lane & 7]);
                     let mut e = entry(lane);
                     if e < nearest {
                         std::mem::swap(&mut e, &mut nearest);
                     }
-                    // Far ones stay below.
-                    let mut i = top;
-                    while i > base && stack[(i - 1) & (STACK - 1)] < e {
-                        stack[i & (STACK - 1)] = stack[(i - 1) & (STACK - 1)];
-                        i -= 1;
-                    }
-                    stack[i & (STACK - 1)] = e;
-                    top += 1;
+                    self.waiting.insert(base, e);
                 }
-                at = nearest as u32;
+                self.at = nearest as u32;
+                return true;
             }
-            if at & LEAF != 0 {
-                let leaf = &leaves[(at ^ LEAF) as usize];
-                if meet(leaf, &mut line, &mut best) && ANY {
-                    break 'walk;
-                }
-            }
-            loop {
-                if top == 0 {
-                    break 'walk;
-                }
-                top -= 1;
-                let e = stack[top & (STACK - 1)];
-                if f32::from_bits((e >> 32) as u32) <= line.t_max {
-                    at = e as u32;
-                    break;
-                }
-            }
+        } else if meet(&leaves[(self.at ^ LEAF) as usize], &mut self.line, &mut self.best) && ANY {
+            return false;
         }
-        Hit { t: best.t * line.unit, u: best.u, v: best.v, triangle: best.triangle }
+        match self.waiting.pop(self.line.t_max) {
+            Some(at) => {
+                self.at = at;
+                true
+            }
+            None => false,
+        }
+    }
+}
+
+impl Tree {
+    /// The best hit, or any if `ANY`.
+    #[inline]
+    pub(super) fn walk<const ANY: bool>(&self, line: Line) -> Hit {
+        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let wide = Wide::new(&line);
+        let mut walk = Walk::new(line);
+        while walk.step::<ANY>(nodes, leaves, &wide) {}
+        walk.best.hit(&walk.line)
     }
 }
 

@@ -10,6 +10,20 @@ use std::path::Path;
 /// # Errors
 /// When the folder is missing or not writable, or `f` fails.
 pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<()> {
+    put(path, f, true)
+}
+
+/// Like [`write_bytes`], but the system brings the file to disk in its own time, so that many small files are written
+/// quickly. The end of the program at any moment leaves a whole file or none; a power cut may leave an empty one, so this is for
+/// files whose digest is checked before they are relied on.
+///
+/// # Errors
+/// See [`write()`].
+pub fn write_unflushed(path: &Path, bytes: &[u8]) -> Result<()> {
+    put(path, |w| w.write_all(bytes), false)
+}
+
+fn put(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>, flush: bool) -> Result<()> {
     let os = |e: std::io::Error| Error::os(path, &e);
     let folder = match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,
@@ -29,10 +43,14 @@ pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>)
         f(&mut w).map_err(os)?;
         w.flush().map_err(os)?;
     }
-    temporary.as_file().sync_all().map_err(os)?;
+    if flush {
+        temporary.as_file().sync_all().map_err(os)?;
+    }
     temporary.persist(path).map_err(|e| os(e.error))?;
     #[cfg(unix)]
-    std::fs::File::open(folder).and_then(|d| d.sync_all()).map_err(os)?;
+    if flush {
+        std::fs::File::open(folder).and_then(|d| d.sync_all()).map_err(os)?;
+    }
     Ok(())
 }
 

@@ -153,11 +153,7 @@ fn predict_ggx(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
     let dark: Vec<bool> = (0..x.dim("P"))
         .map(|i| !(faces(&row(&n, i), &row(&v, i)) && faces(&row(&n, i), &row(&l, i))))
         .collect();
-    Ok(Prediction {
-        zeros: predict(x, &dark),
-        nulls: [("normal".to_owned(), (3, n))].into(),
-        ..Prediction::default()
-    })
+    Ok(Prediction { zeros: predict(x, &dark), nulls: [("normal".to_owned(), (3, n))].into() })
 }
 
 fn predict_envmap(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
@@ -171,13 +167,13 @@ fn predict_envmap(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
     let unlit: Vec<bool> = unlit.flat_map(|u| [u; 3]).collect();
     let mut zeros = predict(x, &seen.iter().map(|s| !s).collect::<Vec<_>>());
     zeros.insert("env".to_owned(), unlit);
-    Ok(Prediction { zeros, nulls: [("normal".to_owned(), (3, n))].into(), ..Prediction::default() })
+    Ok(Prediction { zeros, nulls: [("normal".to_owned(), (3, n))].into() })
 }
 
 /// Materials of P points; every fifth has its α at the bound.
 fn materials(into: &mut Arrays, seed: u64, case: usize, p: usize) {
     into.put("albedo", &[p, 3], Draw::new(seed, case, 3).uniforms(3 * p, 0.05, 0.95));
-    let mut roughness = Draw::new(seed, case, 4).uniforms(p, 0.15, 0.95);
+    let mut roughness = Draw::new(seed, case, 4).uniforms(p, 0.25, 0.95);
     roughness.iter_mut().skip(2).step_by(5).for_each(|r| *r *= 0.02);
     into.put("roughness", &[p], roughness);
     into.put("metallic", &[p], Draw::new(seed, case, 5).uniforms(p, 0.05, 0.95));
@@ -208,7 +204,8 @@ fn case_ggx(case: usize) -> Case {
         if i % 8 == 0 { least < -0.05 } else { least > 0.05 }
     });
     let mut made = Case::default();
-    let put = |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
+    let put =
+        |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
     put(&mut made.inputs, "normal", kept.iter().map(|(_, n)| *n).collect());
     put(&mut made.inputs, "view", kept.iter().map(|(i, _)| views[*i]).collect());
     put(&mut made.inputs, "light", kept.iter().map(|(i, _)| lights[*i]).collect());
@@ -229,7 +226,8 @@ fn case_envmap(case: usize) -> Case {
         clear && if i % 8 == 0 { seen < -0.1 } else { seen > 0.1 }
     });
     let mut made = Case::default();
-    let put = |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
+    let put =
+        |into: &mut Arrays, name: &str, rows: Vec<[f32; 3]>| into.put(name, &[p, 3], rows.into_flattened());
     put(&mut made.inputs, "normal", kept.iter().map(|(_, n)| *n).collect());
     put(&mut made.inputs, "view", kept.iter().map(|(i, _)| views[*i]).collect());
     materials(&mut made.inputs, 51, case, p);

@@ -179,6 +179,17 @@ impl Sky {
         [self.width, self.height]
     }
 
+    /// Probability with which [`Self::draw`] chooses each texel, read off the table it chooses by; empty for a black map.
+    pub fn probabilities(&self) -> Vec<f64> {
+        let Some(table) = &self.table else { return Vec::new() };
+        let n = table.alias.len() as f64;
+        let mut p: Vec<f64> = table.alias.iter().map(|a| a.own / n).collect();
+        for a in &table.alias {
+            p[a.other as usize] += (1.0 - a.own) / n;
+        }
+        p
+    }
+
     /// Place of directions in the map: columns and rows from 0 to W and H.
     #[inline(always)]
     fn place<L: Real>(&self, d: [L; 3]) -> [L; 2] {

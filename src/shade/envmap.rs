@@ -161,8 +161,7 @@ fn points_bar(x: In<'_>, texels: &[([f32; 3], f32)], radiance_bar: &[[f32; 3]], 
 fn map_bar(x: In<'_>, texels: &[([f32; 3], f32)], radiance_bar: &[[f32; 3]], env_bar: &mut [[f32; 3]]) {
     let points: Vec<Point<f32>> = (0..x.normal.len())
         .map(|p| {
-            let m =
-                Material { albedo: x.albedo[p], roughness: x.roughness[p], metallic: x.metallic[p] };
+            let m = Material { albedo: x.albedo[p], roughness: x.roughness[p], metallic: x.metallic[p] };
             Point::new(unit(x.normal[p]).0, x.view[p], &m)
         })
         .collect();

@@ -9,10 +9,11 @@
 //!   choosing the map among the lights) and p_b, a direction found either way counts f·cos·L/(c·p_l + p_b) of the throughput. Lamps
 //!   have no extent: only their own sample finds them. Emissive triangles are found by the BRDF's directions alone.
 //! * `bounces` counts the surfaces after the first that light may come by: 0 is direct light. Paths are not ended at random.
-//! * Nothing is clamped: a rare bright sample stays in the mean (`spec` of fireflies: the mean is unbiased, its error falls with
-//!   n^−½ only where the variance is finite; smooth metals that see a small bright source through a diffuse bounce are where it does not).
+//! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½ where the variance is finite; the
+//!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
+//! * Pixels outside the circle of a fisheye are black with alpha 0.
 //! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel.
-//! * Every random number is a function of (seed, pixel, sample, vertex), so the value of a pixel depends neither on tiles, threads,
+//! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel depends neither on tiles, threads,
 //!   nor on which other pixels are rendered.
 //! * A draw is one Philox block, all four words of which are used: (x₁, x₀) choose light and texel, x₂ and x₃ place within it; x₀ the lobe,
 //!   x₁ and x₂ the direction.
@@ -173,12 +174,36 @@ fn validate(lamp: &Lamp) -> Result<()> {
 /// Renders a view. `end` is the pose at shutter close; without it nothing moves.
 ///
 /// # Errors
-/// When a camera is not valid, the two have different sizes, or no sample is asked for.
+/// When a camera is not valid, or no sample is asked for.
 pub fn render(
     scene: &Scene<'_>,
     camera: &Camera,
     end: Option<&Camera>,
     settings: &Settings,
+) -> Result<Passes> {
+    let all = Window { origin: [0, 0], size: [camera.width, camera.height] };
+    render_window(scene, camera, end, settings, all)
+}
+
+/// A part of a picture, in pixels (x, y).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Window {
+    /// First pixel.
+    pub origin: [usize; 2],
+    /// Width and height.
+    pub size: [usize; 2],
+}
+
+/// [`render`] for a part of the picture: the same pixels, bit for bit.
+///
+/// # Errors
+/// As [`render`], or when the window is empty or leaves the picture.
+pub fn render_window(
+    scene: &Scene<'_>,
+    camera: &Camera,
+    end: Option<&Camera>,
+    settings: &Settings,
+    window: Window,
 ) -> Result<Passes> {
     camera.validate()?;
     if settings.samples == 0 {
@@ -187,12 +212,17 @@ pub fn render(
     if let Some(end) = end {
         end.validate().map_err(|e| e.within("shutter close"))?;
     }
-    let (w, h) = (camera.width, camera.height);
+    let ([x0, y0], [w, h]) = (window.origin, window.size);
+    let inside = |from: usize, n: usize, all: usize| n > 0 && from <= all && n <= all - from;
+    if !(inside(x0, w, camera.width) && inside(y0, h, camera.height)) {
+        let picture = format!("at least a pixel within {}×{}", camera.width, camera.height);
+        return Err(Error::input("window").expected(picture).got(format!("{w}×{h} from ({x0}, {y0})")));
+    }
     let across = w.div_ceil(TILE);
     let job = Job { scene, camera, end, settings, rng: Rng::new(settings.seed) };
     let tiles = par::map(across * h.div_ceil(TILE), |t| {
         let (x, y) = (t % across * TILE, t / across * TILE);
-        job.tile([x, y], [Ord::min(TILE, w - x), Ord::min(TILE, h - y)])
+        job.tile([x0 + x, y0 + y], [Ord::min(TILE, w - x), Ord::min(TILE, h - y)])
     });
     let mut out = Passes {
         width: w,
@@ -239,7 +269,7 @@ struct Pixel {
 struct Path {
     /// place in the batch
     slot: u32,
-    /// (pixel, sample): the key of its draws
+    /// (y·2³² + x, sample): the key of its draws
     pixel: u64,
     sample: u32,
     /// product of f·cos/p so far
@@ -325,7 +355,7 @@ impl Job<'_> {
             }
             from = to;
         }
-        for (k, p) in pixels.iter_mut().enumerate() {
+        for p in &mut pixels {
             let met = p.alpha;
             p.color = p.color.map(|c| c / self.settings.samples as f32);
             p.alpha = met / self.settings.samples as f32;
@@ -335,30 +365,37 @@ impl Job<'_> {
                 p.roughness /= met;
                 p.metallic /= met;
             }
-            p.depth_z = self.depth([origin[0] + k % size[0], origin[1] + k / size[0]]);
         }
+        self.depths(origin, size, &mut pixels);
         pixels
     }
 
-    /// Depth of what the ray through the centre of a pixel meets.
-    fn depth(&self, at: [usize; 2]) -> f32 {
-        let Some((origin, direction)) = self.camera.ray([at[0] as f32 + 0.5, at[1] as f32 + 0.5]) else {
-            return 0.0;
-        };
-        let mut ray = Ray { origin, direction, t_max: f32::INFINITY };
-        let mut hit = self.scene.bvh.closest(&ray);
-        for _ in 0..LAYERS {
-            if hit.triangle == MISS || surface::transmittance(self.scene.object, &hit) <= 0.5 {
-                break;
+    /// Depth of what the rays through the centres of a tile's pixels meet.
+    fn depths(&self, origin: [usize; 2], size: [usize; 2], pixels: &mut [Pixel]) {
+        let (mut rays, mut of) = (Vec::new(), Vec::new());
+        for k in 0..pixels.len() {
+            let at = [origin[0] + k % size[0], origin[1] + k / size[0]];
+            if let Some((origin, direction)) = self.camera.ray(at.map(|x| x as f32 + 0.5)) {
+                rays.push(Ray { origin, direction, t_max: f32::INFINITY });
+                of.push(k);
             }
-            ray.origin = surface::beyond(self.scene.object, &hit, direction);
-            hit = self.scene.bvh.closest(&ray);
         }
-        if hit.triangle == MISS {
-            return 0.0;
+        let mut hits = vec![Hit::NONE; rays.len()];
+        self.scene.bvh.closest_batch(&rays, &mut hits);
+        for ((ray, hit), k) in rays.iter_mut().zip(&mut hits).zip(of) {
+            for _ in 0..LAYERS {
+                let there = self.scene.transparent && hit.triangle != MISS;
+                if !there || surface::transmittance(self.scene.object, hit) <= 0.5 {
+                    break;
+                }
+                ray.origin = surface::beyond(self.scene.object, hit, ray.direction);
+                *hit = self.scene.bvh.closest(ray);
+            }
+            if hit.triangle != MISS {
+                let p = surface::position(self.scene.object, hit);
+                pixels[k].depth_z = dot(self.camera.rotation[2], p) + self.camera.translation[2];
+            }
         }
-        let p = surface::position(self.scene.object, &hit);
-        dot(self.camera.rotation[2], p) + self.camera.translation[2]
     }
 
     /// Starts the paths of some samples of a tile: pixel by pixel, samples ascending.
@@ -373,7 +410,7 @@ impl Job<'_> {
         let mut slot = 0;
         for y in origin[1]..origin[1] + size[1] {
             for x in origin[0]..origin[0] + size[0] {
-                let pixel = (y * self.camera.width + x) as u64;
+                let pixel = (y as u64) << 32 | x as u64;
                 for sample in samples.clone() {
                     let word = self.rng.block(pixel, sample, CAMERA, 0);
                     let px = [x as f32 + uniform(word[0]), y as f32 + uniform(word[1])];

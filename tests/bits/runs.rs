@@ -62,6 +62,82 @@ impl Entry {
 /// Names of [`foundations`].
 pub(crate) const FOUNDATIONS: [&str; 2] = ["num.elem f32", "num.elem f64"];
 
+/// Name of [`picture`].
+pub(crate) const PICTURE: &str = "shade.render passes";
+
+/// All passes of a small picture: a map, two lamps, a glossy textured ball, motion.
+pub(crate) fn picture() -> Entry {
+    use lastlight::geometry::bvh::Bvh;
+    use lastlight::scene::camera::{Camera, Model};
+    use lastlight::scene::light::{Lamp, Lights};
+    use lastlight::scene::material::{Material, Texture, Transfer, Wrap};
+    use lastlight::scene::mesh::{Mesh, Object};
+    use lastlight::shade::{axes, render};
+    let (rings, mut mesh) = (12_u32, Mesh::default());
+    for i in 0..=rings {
+        for j in 0..=2 * rings {
+            let [u, v] = [j as f32 / (2 * rings) as f32, i as f32 / rings as f32];
+            let (a, t) = (u * std::f32::consts::TAU, v * std::f32::consts::PI);
+            let n = [elem::sin(t) * elem::cos(a), elem::sin(t) * elem::sin(a), elem::cos(t)];
+            mesh.positions.push(n);
+            mesh.normals.push(n);
+            mesh.uvs.push([u, v]);
+        }
+    }
+    let w = 2 * rings + 1;
+    for i in 0..rings {
+        for j in 0..2 * rings {
+            let a = i * w + j;
+            mesh.triangles.extend([[a, a + w, a + w + 1], [a, a + w + 1, a + 1]]);
+        }
+    }
+    let texels = (0..64_u32).map(|i| [(37 * i % 256) as u8, (91 * i % 256) as u8, (53 * i % 256) as u8, 255]);
+    let map = Texture {
+        width: 8,
+        height: 8,
+        texels: texels.collect(),
+        transfer: Transfer::Srgb,
+        wrap: [Wrap::Repeat; 2],
+    };
+    let material = Material {
+        base_color_map: Some(std::sync::Arc::new(map)),
+        roughness: 0.3,
+        metallic: 0.4,
+        ..Material::default()
+    };
+    let object = Object { material_of: vec![0; mesh.triangles.len()], mesh, materials: vec![material] };
+    let lights = Lights {
+        environment: Some(axes::map(16)),
+        lamps: vec![
+            Lamp::Point { position: [2.0, -3.0, 4.0], intensity: [9.0; 3] },
+            Lamp::Distant { towards: [1.0, 0.0, 0.0], irradiance: [0.5, 1.0, 1.5] },
+        ],
+    };
+    let camera = |x: f32| Camera {
+        rotation: [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]],
+        translation: [x, 0.0, 3.0],
+        focal_px: [20.0; 2],
+        center_px: [12.0, 10.0],
+        width: 24,
+        height: 20,
+        model: Model::Pinhole,
+    };
+    let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
+    let scene = render::Scene::new(&object, &bvh, &lights).expect("a good scene");
+    let settings = render::Settings { samples: 6, bounces: 2, seed: 3, ..render::Settings::default() };
+    let p = render::render(&scene, &camera(0.0), Some(&camera(0.1)), &settings).expect("good cameras");
+    let (n, mut all) = (24 * 20, Arrays::new());
+    for (name, x) in [("color", p.color), ("normal", p.normal), ("albedo", p.albedo)] {
+        all.put(name, &[n, 3], x.into_flattened());
+    }
+    for (name, x) in
+        [("alpha", p.alpha), ("depth_z", p.depth_z), ("roughness", p.roughness), ("metallic", p.metallic)]
+    {
+        all.put(name, &[n], x);
+    }
+    Entry::new(PICTURE, all)
+}
+
 /// What every operator rests on: the elementary functions, eight lanes at a time and one by one.
 pub(crate) fn foundations() -> Vec<Entry> {
     const N: usize = 1003;
@@ -187,13 +263,14 @@ const AFTER: [usize; 2] = [10, 100];
 
 /// Names of [`systems`].
 pub(crate) fn system_names() -> Vec<String> {
-    SYSTEMS.iter().flat_map(|(name, _)| AFTER.map(|n| format!("{name} {n} iterations"))).collect()
+    let fits = SYSTEMS.iter().flat_map(|(name, _)| AFTER.map(|n| format!("{name} {n} iterations")));
+    std::iter::once(PICTURE.to_owned()).chain(fits).collect()
 }
 
-/// State and losses of small fits of the built-in scene.
+/// A small picture; state and losses of small fits of the built-in scene.
 pub(crate) fn systems() -> Vec<Entry> {
     let views = built_in::miniature(3, 2, &render::Settings::default()).expect("the built-in scene renders");
-    let mut entries = Vec::new();
+    let mut entries = vec![picture()];
     for (name, strategy) in SYSTEMS {
         let settings = Settings {
             iterations: AFTER[1],

@@ -117,11 +117,8 @@ impl Sky {
         if thick > 0.0 {
             let lit = 0.75 + 0.5 * self.noise.at(scaled(q, 2.3)) + 0.8 * exp(-6.0 * (1.0 - toward));
             let white = mix(self.horizon, [1.1, 1.1, 1.1], 0.6);
-            let cloud = if self.sun_level > 0.0 {
-                scaled(white, lit)
-            } else {
-                scaled(graded, 0.6 + 0.5 * lit)
-            };
+            let cloud =
+                if self.sun_level > 0.0 { scaled(white, lit) } else { scaled(graded, 0.6 + 0.5 * lit) };
             c = mix(c, cloud, 0.85 * thick);
         }
         c

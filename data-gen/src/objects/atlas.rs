@@ -52,9 +52,8 @@ pub(crate) fn pack(shell: &Shell, size: usize) -> Atlas {
     let mut best = (0.0, size);
     for eighths in [6, 8, 10, 12, 14, 16] {
         let width = size * eighths / 8;
-        let fits = |scale: f64| {
-            place(scale, width as f64).is_some_and(|(_, height)| height * width as f64 <= most)
-        };
+        let fits =
+            |scale: f64| place(scale, width as f64).is_some_and(|(_, height)| height * width as f64 <= most);
         let (mut low, mut high) = (0.0, (most / larger(area, 1e-12)).sqrt());
         for _ in 0..12 {
             let middle = 0.5 * (low + high);

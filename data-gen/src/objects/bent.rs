@@ -31,7 +31,14 @@ pub(super) fn knot(draws: &mut Draws) -> Vec<Part> {
     draws.note("q", f64::from(q));
     let minor = draws.named("minor", 0.3, 0.5);
     let flat = draws.range(0.7, 1.3);
-    let thick = draws.named("thickness", 0.1, 0.2) * if p * q > 10 { 0.65 } else if p == 1 { 1.9 } else { 1.1 };
+    let thick = draws.named("thickness", 0.1, 0.2)
+        * if p * q > 10 {
+            0.65
+        } else if p == 1 {
+            1.9
+        } else {
+            1.1
+        };
     let kind = draws.named_whole("section", 0, 3);
     let corners = draws.named_whole("corners", 3, 6);
     let turns = if kind == 0 { 0 } else { draws.whole(0, 2 * corners) };

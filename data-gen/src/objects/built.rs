@@ -112,7 +112,9 @@ pub(super) fn furniture(draws: &mut Draws) -> Vec<Part> {
             if level + 1 < levels {
                 let (soup, crease) = body(draws, 0.5 * h / levels as f64);
                 let x = draws.range(-0.5, 0.5) * w;
-                things.push(Part::new(soup.moved([x, 0.0, z + 0.7 * board - 0.002]), crease).group(1 + level % 2));
+                things.push(
+                    Part::new(soup.moved([x, 0.0, z + 0.7 * board - 0.002]), crease).group(1 + level % 2),
+                );
             }
         }
         let mut parts = vec![Part::new(frame, SMOOTH)];
@@ -217,11 +219,7 @@ fn robot(draws: &mut Draws) -> Vec<Part> {
         let eye = superquadric_soup(8, [0.045; 3], 1.0, 1.0);
         eyes.append(&eye.moved([side * 0.5 * head[0], -head[1], neck + 0.08 + 1.1 * head[2]]));
     }
-    vec![
-        Part::new(main, SMOOTH),
-        Part::new(limbs, CREASED).group(1),
-        Part::new(eyes, SMOOTH).group(2),
-    ]
+    vec![Part::new(main, SMOOTH), Part::new(limbs, CREASED).group(1), Part::new(eyes, SMOOTH).group(2)]
 }
 
 fn rocket(draws: &mut Draws) -> Vec<Part> {
@@ -247,10 +245,8 @@ fn rocket(draws: &mut Draws) -> Vec<Part> {
     let mut fins = Soup::default();
     let reach = draws.range(0.18, 0.35);
     for k in 0..count {
-        let fin = flat::fin(
-            &[[0.75 * r, 0.06], [r + reach, -0.12], [r + reach, 0.08], [0.9 * r, 0.45 * h]],
-            0.045,
-        );
+        let fin =
+            flat::fin(&[[0.75 * r, 0.06], [r + reach, -0.12], [r + reach, 0.08], [0.9 * r, 0.45 * h]], 0.045);
         fins.append(&fin.turned(&rotation([0.0, 0.0, 1.0], TAU * k as f64 / count as f64)));
     }
     vec![Part::new(lathe(72, &body, |_, _| 1.0), 0.8), Part::new(fins, CREASED).group(1)]

@@ -30,7 +30,8 @@ pub(super) fn letters(draws: &mut Draws) -> Vec<Part> {
         let wide = outline[0].iter().fold(0.0, |m, p| crate::space::larger(m, p[0]));
         let tilt = rotation([0.0, 0.0, 1.0], draws.range(-0.25, 0.25));
         let at = [column as f64 - 0.5 * wide, row as f64 * -1.1, -0.5 * depth];
-        let soup = upright(soup.moved([-0.5 * wide, 0.0, -0.5 * depth]).map(|p| [p[0] + slant * p[1], p[1], p[2]]));
+        let soup =
+            upright(soup.moved([-0.5 * wide, 0.0, -0.5 * depth]).map(|p| [p[0] + slant * p[1], p[1], p[2]]));
         let soup = soup.turned(&tilt).moved([at[0] + 0.5 * wide, 0.0, at[1]]);
         parts.push(Part::new(soup, CREASED).group(if two { k % 2 } else { 0 }));
     }

@@ -25,7 +25,7 @@ mod soup;
 mod turned;
 
 use crate::draws::Draws;
-use crate::space::{rotated, rotation, scaled, sub};
+use crate::space::{rotated, rotation, sub};
 use crate::surface::Surface;
 use soup::Soup;
 use std::f64::consts::TAU;
@@ -45,7 +45,7 @@ pub mod purpose {
 }
 
 /// Radius of the ball an object fills, less a little for rounding.
-const RADIUS: f64 = 0.5 - 1.0 / 2_097_152.0;
+pub const RADIUS: f64 = 0.5 - 1.0 / 2_097_152.0;
 
 /// Cosine of the crease angle of smooth shapes.
 const SMOOTH: f64 = 0.3;
@@ -149,6 +149,11 @@ pub fn generators() -> Vec<&'static str> {
     GENERATORS.iter().map(|g| g.0).collect()
 }
 
+/// Centre and radius of a ball around all places, within about a percent of the smallest one.
+pub fn enclosing_ball(points: &[[f64; 3]]) -> ([f64; 3], f64) {
+    soup::ball(points.iter())
+}
+
 /// Object k of a seed with textures of 512² texels in all.
 pub fn make(seed: u64, k: u64) -> Vec<Surface> {
     build(seed, k, 512).surfaces
@@ -205,13 +210,8 @@ fn place(parts: &mut [Part], draws: &mut Draws) {
     let axis = draws.direction();
     let angle = draws.range(0.0, TAU);
     let tilt = rotation(axis, if draws.chance(1.0 / 3.0) { angle } else { 0.0 });
-    let scale = RADIUS / radius;
     for part in parts {
         let soup = std::mem::take(&mut part.soup);
-        part.soup = soup
-            .map(|p| rotated(&tilt, rotated(&yaw, sub(p, center))))
-            .grown(scale);
+        part.soup = soup.map(|p| rotated(&tilt, rotated(&yaw, sub(p, center)))).grown(RADIUS / radius);
     }
-    // Rounding may carry the farthest point past the radius.
-    debug_assert!(scaled([1.0; 3], scale).iter().all(|x| x.is_finite()), "a radius above zero");
 }

@@ -57,7 +57,11 @@ pub(crate) fn rounded_box(half: V3, round: f64, m: usize, f: usize) -> Soup {
     let squares = cube(&mut soup, n, |k| {
         // The corner of the lattice is the corner of the box exactly on all three of its sides.
         let on: V3 = std::array::from_fn(|a| {
-            if k[a].unsigned_abs() as usize == n { half[a] * f64::from(k[a].signum()) } else { along(a, k[a])[0] }
+            if k[a].unsigned_abs() as usize == n {
+                half[a] * f64::from(k[a].signum())
+            } else {
+                along(a, k[a])[0]
+            }
         });
         let inner: V3 = std::array::from_fn(|a| crate::space::clamp(on[a], r - half[a], half[a] - r));
         add(inner, scaled(unit(sub(on, inner)), r))
@@ -204,9 +208,7 @@ pub(crate) fn smooth_run(through: &[[f64; 2]], n: usize, least: f64) -> Run {
 
 /// A straight run of n steps.
 pub(crate) fn straight_run(from: [f64; 2], to: [f64; 2], n: usize) -> Run {
-    (0..=n)
-        .map(|k| if k == n { to } else { crate::space::mix(from, to, k as f64 / n as f64) })
-        .collect()
+    (0..=n).map(|k| if k == n { to } else { crate::space::mix(from, to, k as f64 / n as f64) }).collect()
 }
 
 /// A tube along places with frames (normal, binormal = tangent × normal), and a section: `section(i, j)` gives the offsets

@@ -183,8 +183,7 @@ impl Soup {
                     return v;
                 }
                 let (vx, vy) = (self.vertices[key.0 as usize], self.vertices[key.1 as usize]);
-                let edge =
-                    if vx.point < vy.point { (vx.point, vy.point) } else { (vy.point, vx.point) };
+                let edge = if vx.point < vy.point { (vx.point, vy.point) } else { (vy.point, vx.point) };
                 let point = match points.get(&edge) {
                     Some(&p) => p,
                     None => {
@@ -227,7 +226,8 @@ impl Soup {
                 cross(sub(b, a), sub(c, a))
             })
             .collect();
-        let units: Vec<V3> = faces.iter().map(|&f| if length(f) > 0.0 { unit(f) } else { [0.0; 3] }).collect();
+        let units: Vec<V3> =
+            faces.iter().map(|&f| if length(f) > 0.0 { unit(f) } else { [0.0; 3] }).collect();
         // Faces around a point, in order of their index.
         let mut start = vec![0_u32; self.points.len() + 1];
         for t in &self.triangles {

@@ -260,8 +260,5 @@ pub(super) fn tin(draws: &mut Draws) -> Vec<Part> {
     };
     let mut lids = lid(1.0);
     lids.append(&lid(-1.0));
-    vec![
-        Part::new(lathe(AROUND, &label, |_, _| 1.0), CREASED).printed(),
-        Part::new(lids, CREASED).metallic(),
-    ]
+    vec![Part::new(lathe(AROUND, &label, |_, _| 1.0), CREASED).printed(), Part::new(lids, CREASED).metallic()]
 }

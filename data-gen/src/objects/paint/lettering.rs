@@ -111,7 +111,15 @@ impl Print {
     }
 
     /// A row of words until `width` is full; gives how far it came.
-    fn row(&mut self, draws: &mut Draws, x: usize, y: usize, width: usize, dot: usize, is_accent: bool) -> usize {
+    fn row(
+        &mut self,
+        draws: &mut Draws,
+        x: usize,
+        y: usize,
+        width: usize,
+        dot: usize,
+        is_accent: bool,
+    ) -> usize {
         let mut at = 0;
         loop {
             let word = word(draws);

@@ -145,7 +145,6 @@ fn painted(draws: &mut Draws, words: &mut Draws) -> Look {
     look
 }
 
-
 fn patterned(draws: &mut Draws, words: &mut Draws) -> Look {
     let (a, b) = palette::pair(draws);
     let (ra, rb) = (finish(draws), finish(draws));
@@ -227,7 +226,8 @@ fn mirror(draws: &mut Draws, words: &mut Draws) -> Look {
 fn inlaid(draws: &mut Draws) -> Look {
     let (metal, paint) = (palette::metal(draws), palette::any(draws));
     let (rm, rp) = (draws.range(0.08, 0.4), finish(draws));
-    let (a, b) = (Coat::new(metal, metal.map(|x| 0.92 * x), [rm, rm * 1.3], 1.0), Coat::plain(paint, rp, 0.0));
+    let (a, b) =
+        (Coat::new(metal, metal.map(|x| 0.92 * x), [rm, rm * 1.3], 1.0), Coat::plain(paint, rp, 0.0));
     let (base, coat) = if draws.chance(0.5) { (a, b) } else { (b, a) };
     let mut over = vec![(two_sided(draws), 1.0, coat)];
     if draws.chance(0.3) {
@@ -266,7 +266,8 @@ fn masonry(draws: &mut Draws) -> Look {
 fn cloth(draws: &mut Draws) -> Look {
     let (a, b) = palette::pair(draws);
     let period = draws.range(0.08, 0.3);
-    let shares = [draws.range(0.2, 0.6), draws.range(0.03, 0.1), draws.range(0.1, 0.9), draws.range(0.3, 1.0)];
+    let shares =
+        [draws.range(0.2, 0.6), draws.range(0.03, 0.1), draws.range(0.1, 0.9), draws.range(0.3, 1.0)];
     let weave = Pattern::Checks { size: draws.range(0.004, 0.008) };
     let shade = Coat::plain(palette::dark(draws), 1.0, 0.0);
     Look {

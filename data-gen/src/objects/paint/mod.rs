@@ -22,14 +22,7 @@ use pattern::Spot;
 const GUTTER: usize = 3;
 
 /// Draws a material for group `group` of object k and paints it.
-pub(super) fn paint(
-    shell: &Shell,
-    atlas: &Atlas,
-    seed: u64,
-    k: u64,
-    group: u32,
-    wish: Wish,
-) -> Material {
+pub(super) fn paint(shell: &Shell, atlas: &Atlas, seed: u64, k: u64, group: u32, wish: Wish) -> Material {
     let mut draws = Draws::new(seed, k, group, purpose::MATERIAL);
     let mut words = Draws::new(seed, k, group, purpose::WORDS);
     let noise = Noise::new(&mut Draws::new(seed, k, group, purpose::NOISE));
@@ -41,9 +34,8 @@ pub(super) fn paint(
         let corner = t.map(|v| v as usize);
         let place = |v: usize| [atlas.uvs[v][0] * width as f64, atlas.uvs[v][1] * height as f64];
         cover(corner.map(place), [width, height], |at, w| {
-            let blend3 = |x: [[f64; 3]; 3]| {
-                std::array::from_fn(|i| w[0] * x[0][i] + w[1] * x[1][i] + w[2] * x[2][i])
-            };
+            let blend3 =
+                |x: [[f64; 3]; 3]| std::array::from_fn(|i| w[0] * x[0][i] + w[1] * x[1][i] + w[2] * x[2][i]);
             let st = corner.map(|v| shell.st[v]);
             let spot = Spot {
                 p: blend3(corner.map(|v| shell.positions[v])),
@@ -69,9 +61,8 @@ pub(super) fn paint(
 
 /// Calls `f` with each texel whose centre lies in a triangle (borders included) and its barycentric weights.
 fn cover([a, b, c]: [[f64; 2]; 3], size: [usize; 2], mut f: impl FnMut(usize, [f64; 3])) {
-    let cross = |p: [f64; 2], q: [f64; 2], r: [f64; 2]| {
-        (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
-    };
+    let cross =
+        |p: [f64; 2], q: [f64; 2], r: [f64; 2]| (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
     let area = cross(a, b, c);
     if area == 0.0 {
         return;

@@ -1,4 +1,4 @@
-"""The picture of the bench by Mitsuba 3 in LLVM mode: python mitsuba.py OUT_DIR THREADS [high]
+"""The picture of the bench by Mitsuba 3 in LLVM mode: python peer.py OUT_DIR THREADS [high]
 
 Prints one line per integrator: name, samples per second. Writes OUT_DIR/<name>.f32, (512, 512, 3) f32 little endian. With `high`, one
 picture of many samples instead of timing.
@@ -53,9 +53,9 @@ for name, integrator in [("direct", {"type": "direct"}), ("path", {"type": "path
     integrator = mi.load_dict(integrator)
     if high:
         total = np.zeros((512, 512, 3))
-        for seed in range(16):
+        for seed in range(8):
             total += np.array(mi.render(scene, integrator=integrator, spp=64, seed=seed))
-        picture = total / 16
+        picture = total / 8
     else:
         times = []
         for seed in range(6):

@@ -1,0 +1,155 @@
+//! `lirm gen`: data sets of rendered objects.
+
+use crate::Result;
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim};
+use crate::lirm::r#gen::{self as set, Lighting, Set, Settings};
+use crate::scene::environment_file::{Options, Orientation};
+use data_gen::cameras::Framing;
+use serde_json::json;
+use std::path::PathBuf;
+
+const EXAMPLES: &str = "\
+Examples:
+  lastlight lirm gen --out train --objects 100                          built-in objects under a white dome
+  lastlight lirm gen --out lit --objects 100 --lighting both --shiny    and under environment maps, rough and shiny
+  lastlight lirm gen --out small --objects 5000 --views 12 --size 64 --samples 16
+  lastlight lirm gen --out test --set test --lighting environment --size 512
+  lastlight lirm gen --out ego --set egocentric --lighting environment --views 60
+  lastlight lirm gen --out mine --mesh helmet.gltf cow.obj --env dresden.hdr --lighting environment
+
+Each object gets a folder with object.json and one capture per light: transforms.json, images/, foreground/, and
+unless --passes photo radiance/, depth/, normal/, albedo/, material/. Object k is the same whatever --objects and
+--first are, so a set can be made in pieces. An interrupted run continues with --resume.";
+
+/// Render objects with known shape, materials and light.
+#[derive(clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(in crate::cli) struct Args {
+    /// Folder of the set; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Number of objects [default: 1, or the number of --mesh files]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    objects: Option<u32>,
+    /// Index of the first object
+    #[arg(long, value_name = "K", default_value_t = 0)]
+    first: u32,
+    /// Models to use instead of the built-in ones: .gltf, .glb or .obj
+    #[arg(long, value_name = "FILE", num_args = 1..)]
+    mesh: Vec<PathBuf>,
+    /// Light: uniform (a white dome), environment (a map per object) or both
+    #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = ["uniform", "environment", "both"], help_heading = "Light")]
+    lighting: String,
+    /// Panoramas to use instead of the built-in ones: .hdr, .exr, .png, .jpg; each object turns its own
+    #[arg(long, value_name = "FILE", num_args = 1.., help_heading = "Light")]
+    env: Vec<PathBuf>,
+    /// Whose axes the panoramas have: ours, mitsuba, nvdiffrec, blender or orb
+    #[arg(long, value_name = "NAME", default_value = "ours", help_heading = "Light")]
+    env_axes: String,
+    /// Columns of built-in maps [default: twice --size, 128 to 1024]
+    #[arg(long, value_name = "N", help_heading = "Light")]
+    env_width: Option<usize>,
+    /// A second version under the map, with all roughness times U(0.3, 0.6)
+    #[arg(long, help_heading = "Light")]
+    shiny: bool,
+    /// Cameras: train (drawn), test (48 fixed views, inputs and outputs) or egocentric (a moving fisheye)
+    #[arg(long, value_name = "NAME", default_value = "train", value_parser = ["train", "test", "egocentric"], help_heading = "Pictures")]
+    set: String,
+    /// Pictures per object and light, of train and egocentric
+    #[arg(long, value_name = "N", default_value_t = 32, help_heading = "Pictures")]
+    views: usize,
+    /// Pixels a side
+    #[arg(long, value_name = "PX", default_value_t = 256, help_heading = "Pictures")]
+    size: usize,
+    /// Training views: loose (off the centre, sometimes cut by the border) or whole
+    #[arg(long, value_name = "NAME", default_value = "loose", value_parser = ["loose", "whole"], help_heading = "Pictures")]
+    framing: String,
+    /// Samples per pixel
+    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Pictures")]
+    samples: u32,
+    /// Surfaces after the first that light may come by; 0 is direct light only
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Pictures")]
+    bounces: u32,
+    /// Side of a square with as many texels as the textures of an object [default: twice --size, 128 to 1024]
+    #[arg(long, value_name = "PX", help_heading = "Pictures")]
+    texture: Option<usize>,
+    /// What is written of each picture: photo (and foreground) or all
+    #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"], help_heading = "Pictures")]
+    passes: String,
+    /// Seed of every draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Continue an interrupted run with the same settings; more --objects may be asked for
+    #[arg(long)]
+    resume: bool,
+    /// Replace files in --out that exist
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl Args {
+    fn settings(&self) -> Result<Settings> {
+        let fine = (2 * self.size).clamp(128, 1024);
+        Ok(Settings {
+            objects: self.objects.map_or(Ord::max(self.mesh.len(), 1) as u64, u64::from),
+            first: u64::from(self.first),
+            meshes: self.mesh.clone(),
+            maps: self.env.clone(),
+            map_options: Options { orientation: Orientation::parse(&self.env_axes)?, ..Options::default() },
+            lighting: match self.lighting.as_str() {
+                "uniform" => Lighting::Uniform,
+                "environment" => Lighting::Environment,
+                _ => Lighting::Both,
+            },
+            shiny: self.shiny,
+            set: match self.set.as_str() {
+                "train" => Set::Train,
+                "test" => Set::Test,
+                _ => Set::Egocentric,
+            },
+            views: self.views,
+            size: self.size,
+            framing: if self.framing == "whole" { Framing::Whole } else { Framing::Loose },
+            samples: self.samples,
+            bounces: self.bounces,
+            texture: self.texture.unwrap_or(fine),
+            map_width: self.env_width.unwrap_or(fine),
+            passes: self.passes == "all",
+            seed: self.seed,
+        })
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let settings = args.settings()?;
+    settings.validate()?;
+    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    let made = cli::stoppable(|stop| {
+        set::run(&dir, &settings, args.resume, stop, &mut |done, total, message| {
+            meter.count(done, total, message);
+        })
+    })?;
+    meter.done();
+    let seconds = meter.seconds();
+    if args.json {
+        return cli::say_json(&json!({
+            "out": args.out, "objects": made.objects, "rendered": made.rendered,
+            "digest": format!("{:016x}", made.digest), "settings": settings.record(), "seconds": seconds,
+        }));
+    }
+    cli::say(&format!(
+        "{} objects, {} pictures rendered: {} (digest {:016x}, {seconds:.1} s)",
+        made.objects,
+        made.rendered,
+        dir.join("dataset.json").display(),
+        made.digest
+    ))
+}

@@ -1,0 +1,168 @@
+//! Many rays through the tree, a few of which take turns.
+//!
+//! While one ray waits for memory, others are at work: every visit ends with a request for the memory of the next one, and then it is
+//! another ray's turn. Rays at nodes and rays at leaves stand in two lists, so that the processor need not guess which of the two
+//! comes next, and a visit of a node has no branch that depends on how many children are hit.
+
+use super::bvh::Hit;
+use super::tree::{CHILDREN, LANES, LEAF, Leaf, Node, Tree, references};
+use super::triangle::Line;
+use super::walk::{Best, Wide, expect_soon, meet};
+use crate::num::lanes::i32x8;
+use wide::bytemuck;
+
+/// Rays that take turns.
+const TURNS: usize = 12;
+/// Levels of the tree, a power of two; `tree::DEEPEST` and the logarithm of the number of triangles stay below it.
+const LEVELS: usize = 64;
+/// A child that is not hit, or has been visited.
+const GONE: i32 = i32::MAX;
+
+/// One ray on its way. Per level of the tree: the node whose children wait, which of them, and keys: bits of the start of each
+/// with the lane in the lowest three.
+#[derive(Clone)]
+struct Turn {
+    ray: usize,
+    line: Line,
+    wide: Wide,
+    best: Best,
+    at: u32,
+    top: usize,
+    keys: [i32x8; LEVELS],
+    node: [u32; LEVELS],
+    left: [u32; LEVELS],
+}
+
+impl Turn {
+    fn new(ray: usize, line: Line) -> Self {
+        Self {
+            ray,
+            wide: Wide::new(&line),
+            line,
+            best: Best::NONE,
+            at: 0,
+            top: 0,
+            keys: [i32x8::splat(GONE); LEVELS],
+            node: [0; LEVELS],
+            left: [0; LEVELS],
+        }
+    }
+
+    fn restart(&mut self, ray: usize, line: Line) {
+        (self.ray, self.wide, self.line, self.best) = (ray, Wide::new(&line), line, Best::NONE);
+        (self.at, self.top) = (0, 0);
+    }
+
+    /// Tests the children of the node `at`; those that are hit wait on a level of their own.
+    #[inline(always)]
+    fn visit_node(&mut self, nodes: &[Node]) {
+        let (start, hit) = self.wide.test(&nodes[self.at as usize], self.line.t_max);
+        let lanes = i32x8::new([0, 1, 2, 3, 4, 5, 6, 7]);
+        let start: i32x8 = bytemuck::cast(start);
+        let mask: i32x8 = bytemuck::cast(hit);
+        let bits = hit.to_bitmask();
+        let level = self.top & (LEVELS - 1);
+        let keys = (start & i32x8::splat(!7)) | lanes;
+        self.keys[level] = (keys & mask) | (!mask & i32x8::splat(GONE));
+        self.node[level] = self.at;
+        self.left[level] = bits;
+        self.top += usize::from(bits != 0);
+    }
+
+    /// Goes to the nearest child that waits on the highest level; whether there is one.
+    #[inline(always)]
+    fn next(&mut self, nodes: &[Node]) -> bool {
+        loop {
+            if self.top == 0 {
+                return false;
+            }
+            let level = (self.top - 1) & (LEVELS - 1);
+            let key = self.keys[level].reduce_min();
+            if key & !7 > self.line.t_max.to_bits() as i32 {
+                self.top -= 1;
+                continue;
+            }
+            let lane = (key & 7) as usize;
+            let gone: i32x8 = i32x8::splat(key);
+            let same = self.keys[level].simd_eq(gone);
+            self.keys[level] = self.keys[level] | (same & i32x8::splat(GONE));
+            self.left[level] &= !(1 << lane);
+            self.at = references(&nodes[self.node[level] as usize][CHILDREN])[lane];
+            self.top -= usize::from(self.left[level] == 0);
+            return true;
+        }
+    }
+}
+
+/// Turns by where they are.
+#[derive(Default)]
+struct Lists {
+    /// 0: at nodes, 1: at leaves
+    of: [[u8; 16]; 2],
+    len: [usize; 2],
+}
+
+impl Lists {
+    #[inline(always)]
+    fn add(&mut self, turn: u8, at: u32) {
+        let kind = (at >> 31) as usize & 1;
+        self.of[kind][self.len[kind] & 15] = turn;
+        self.len[kind] += 1;
+    }
+}
+
+const _: () = assert!(
+    TURNS <= 16 && LANES == 8 && LEAF == 1 << 31,
+    "lists of 16, lanes in three bits, leaves by the highest bit"
+);
+
+impl Tree {
+    /// The best hits of many rays, or any if `ANY`; `done` gets them in any order.
+    pub(super) fn walk_many<const ANY: bool>(
+        &self,
+        mut rays: impl FnMut() -> Option<(usize, Line)>,
+        mut done: impl FnMut(usize, Hit),
+    ) {
+        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let mut turns: Vec<Turn> = Vec::with_capacity(TURNS);
+        let mut lists = [Lists::default(), Lists::default()];
+        let mut now = 0;
+        while turns.len() < TURNS
+            && let Some((ray, line)) = rays()
+        {
+            lists[0].add(turns.len() as u8, 0);
+            turns.push(Turn::new(ray, line));
+        }
+        while lists[now & 1].len != [0, 0] {
+            let [even, odd] = &mut lists;
+            let (here, then) = if now == 0 { (&*even, odd) } else { (&*odd, even) };
+            then.len = [0, 0];
+            let mut go_on = |i: u8, turn: &mut Turn, more: bool| {
+                if more {
+                    expect_soon(nodes, leaves, turn.at);
+                    then.add(i, turn.at);
+                    return;
+                }
+                done(turn.ray, turn.best.hit(&turn.line));
+                if let Some((ray, line)) = rays() {
+                    turn.restart(ray, line);
+                    then.add(i, 0);
+                }
+            };
+            for &i in &here.of[0][..here.len[0]] {
+                let turn = &mut turns[i as usize];
+                turn.visit_node(nodes);
+                let more = turn.next(nodes);
+                go_on(i, turn, more);
+            }
+            for &i in &here.of[1][..here.len[1]] {
+                let turn = &mut turns[i as usize];
+                let leaf: &Leaf = &leaves[(turn.at ^ LEAF) as usize];
+                let found = meet(leaf, &mut turn.line, &mut turn.best);
+                let more = !(found && ANY) && turn.next(nodes);
+                go_on(i, turn, more);
+            }
+            now ^= 1;
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! The LIRM system. Level 10.
+//!
+//! ```text
+//! gen       data sets of rendered objects: training, test and egocentric pictures with their passes
+//! subject   the object of a set, and its light
+//! ```
+
+pub mod r#gen;
+pub mod subject;

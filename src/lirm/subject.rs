@@ -1,0 +1,159 @@
+//! What a data set shows: an object, built in or from a file, and the light around it.
+
+use super::r#gen::Settings;
+use crate::num::rng::Rng;
+use crate::num::{order, par};
+use crate::scene::environment_file::{self, Options};
+use crate::scene::from_data_gen;
+use crate::scene::light::Environment;
+use crate::scene::mesh::Object;
+use crate::scene::model;
+use crate::shade::environment::solid_angles;
+use crate::{Error, Result};
+use data_gen::{environments, objects};
+use serde_json::{Map, Value, json};
+
+/// Factor of the roughness of a shiny version; the item is the object.
+const GLOSS_PURPOSE: u16 = 0x0310;
+/// Turn (draw 0) and brightness (draw 1) of a map from a file; the item is the object.
+const MAP_PURPOSE: u16 = 0x0421;
+
+/// An object in the ball of radius ½ about the origin.
+#[derive(Clone, Debug)]
+pub struct Subject {
+    /// Ready to render.
+    pub object: Object,
+    /// How it came about.
+    pub record: Value,
+}
+
+impl Subject {
+    /// Object k of the settings: file k mod their number, or built in.
+    ///
+    /// # Errors
+    /// When the file cannot be used.
+    pub fn new(settings: &Settings, k: u64) -> Result<Self> {
+        match settings.meshes.len() {
+            0 => Ok(Self::built_in(settings, k)),
+            n => {
+                let path = &settings.meshes[(k % n as u64) as usize];
+                let name = path.display().to_string();
+                let (object, notes) = model::read_with_notes(path)?;
+                let (object, center, scale) = normalised(object, &name)?;
+                let record = json!({
+                    "name": path.file_stem().map(|s| s.to_string_lossy()),
+                    "file": name,
+                    "center": center,
+                    "scale": scale,
+                    "transform": "position = (position of the file, z up, − center) × scale",
+                    "notes": notes,
+                });
+                Ok(Self { object, record })
+            }
+        }
+    }
+
+    fn built_in(settings: &Settings, k: u64) -> Self {
+        let made = objects::build(settings.seed, k, settings.texture);
+        let parameters: Map<String, Value> =
+            made.parameters.into_iter().map(|(name, x)| (name, json!(x))).collect();
+        let record = json!({ "name": made.generator, "parameters": parameters, "materials": made.materials });
+        Self { object: from_data_gen::object(&made.surfaces), record }
+    }
+
+    /// The factor of the shiny version of object k, U(0.3, 0.6).
+    pub fn gloss(&self, seed: u64, k: u64) -> f32 {
+        0.3 + 0.3 * Rng::new(seed).uniform_f32(k, 0, GLOSS_PURPOSE, 0)
+    }
+
+    /// The object with every roughness times `factor`.
+    pub fn with_roughness(&self, factor: f32) -> Object {
+        let mut object = self.object.clone();
+        for m in &mut object.materials {
+            m.roughness *= factor;
+        }
+        object
+    }
+}
+
+/// The object moved and scaled into the ball of radius ½; the centre and factor of that.
+fn normalised(mut object: Object, name: &str) -> Result<(Object, [f64; 3], f64)> {
+    let wide: Vec<[f64; 3]> = object.mesh.positions.iter().map(|p| p.map(f64::from)).collect();
+    let (center, radius) = objects::enclosing_ball(&wide);
+    let scale = objects::RADIUS / radius;
+    if !(radius > 0.0 && scale.is_finite()) {
+        return Err(Error::input(name).expected("a model with an extent").got("one place"));
+    }
+    for (p, w) in object.mesh.positions.iter_mut().zip(&wide) {
+        *p = std::array::from_fn(|i| ((w[i] - center[i]) * scale) as f32);
+    }
+    Ok((object, center, scale))
+}
+
+/// A map and how it came about.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// In our orientation.
+    pub map: Environment,
+    /// What it is.
+    pub record: Value,
+}
+
+impl Light {
+    /// The map of object k: file k mod their number, turned about the vertical and scaled to a mean radiance of U(0.6, 1.4), or
+    /// built-in environment k.
+    ///
+    /// # Errors
+    /// When the file cannot be used, or is black.
+    pub fn new(settings: &Settings, k: u64) -> Result<Self> {
+        match settings.maps.len() {
+            0 => Ok(Self::built_in(settings, k)),
+            n => {
+                let path = &settings.maps[(k % n as u64) as usize];
+                let rng = Rng::new(settings.seed);
+                let turn = 360.0 * rng.uniform_f64(k, 0, MAP_PURPOSE, 0);
+                let rotate = settings.map_options.rotate + turn;
+                let mut map =
+                    environment_file::read(path, &Options { rotate, ..settings.map_options.clone() })?;
+                let mean = mean_luminance(&map);
+                if !(mean > 0.0) {
+                    return Err(Error::input(path.display().to_string()).expected("some light").got("black"));
+                }
+                let level = (0.6 + 0.8 * rng.uniform_f64(k, 0, MAP_PURPOSE, 1)) / mean;
+                // The sum of many texels; one alone may still be out of range.
+                let scale = order::min(level, f64::from(f32::MAX)) as f32;
+                map.radiance.iter_mut().for_each(|c| *c = c.map(|x| order::min(x * scale, f32::MAX)));
+                let record = json!({
+                    "file": path.display().to_string(), "rotate_deg": rotate, "scale": f64::from(scale),
+                });
+                Ok(Self { map, record })
+            }
+        }
+    }
+
+    fn built_in(settings: &Settings, k: u64) -> Self {
+        let scene = environments::scene(settings.seed, k);
+        let (w, h) = (settings.map_width, Ord::max(settings.map_width / 2, 1));
+        let radiance = par::map(h, |row| scene.row(row, w, h)).concat();
+        let mut record = json!({ "kind": scene.kind(), "index": k });
+        if let Some(b) = scene.brightest() {
+            record["towards_brightest"] = json!(b);
+        }
+        Self { map: Environment { width: w, height: h, radiance }, record }
+    }
+}
+
+/// Mean over the sphere: texels of a row by a left fold, then rows.
+fn mean_luminance(map: &Environment) -> f64 {
+    let (solid, _) = solid_angles(map.width, map.height);
+    let mut sum = 0.0;
+    for (row, solid) in map.radiance.chunks(map.width).zip(&solid) {
+        let mut along = 0.0;
+        for c in row {
+            let [r, g, b] = c.map(f64::from);
+            along += (0.2126 * r + 0.7152 * g) + 0.0722 * b;
+        }
+        sum += solid * along;
+    }
+    sum / (4.0 * std::f64::consts::PI)
+}

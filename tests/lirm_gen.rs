@@ -1,0 +1,233 @@
+//! `lirm gen`: the same bytes for any number of threads and however often interrupted, read back by the loaders.
+
+use lastlight::geometry::bvh::Bvh;
+use lastlight::io::capture::{Dialect, Split, read_capture};
+use lastlight::lirm::r#gen::{Lighting, Set, Settings, Summary, run};
+use lastlight::lirm::subject::Subject;
+use lastlight::num::par;
+use lastlight::scene::passes::PassImages;
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+fn small() -> Settings {
+    Settings {
+        objects: 2,
+        first: 9,
+        lighting: Lighting::Both,
+        shiny: true,
+        views: 3,
+        size: 24,
+        samples: 4,
+        texture: 64,
+        map_width: 32,
+        seed: 11,
+        ..Settings::default()
+    }
+}
+
+fn make(dir: &Path, settings: &Settings) -> Summary {
+    run(dir, settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set")
+}
+
+fn tree(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut out = Vec::new();
+    let mut folders = vec![dir.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("readable") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let bytes = std::fs::read(&path).expect("readable");
+                out.push((path.strip_prefix(dir).expect("inside").to_path_buf(), bytes));
+            }
+        }
+    }
+    out.sort();
+    out
+}
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("readable")).expect("JSON")
+}
+
+#[test]
+fn the_bytes_do_not_depend_on_threads_or_on_how_many_objects_there_are() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let mut trees = Vec::new();
+    for threads in [1, 2, 7] {
+        let out = dir.path().join(threads.to_string());
+        let summary = par::with_threads(threads, || make(&out, &small())).expect("a pool");
+        assert_eq!((summary.objects, summary.rendered), (2, 2 * 3 * 3), "{threads} threads: pictures");
+        assert_eq!(
+            format!("{:016x}", summary.digest),
+            "000325691ee059dc",
+            "{threads} threads: digest of the set"
+        );
+        trees.push(tree(&out));
+    }
+    assert!(trees[0].len() > 2 * 3 * 3 * 7, "{} files", trees[0].len());
+    assert_eq!(trees[0], trees[1], "one thread and two");
+    assert_eq!(trees[0], trees[2], "one thread and seven");
+    // The second object alone.
+    let alone = dir.path().join("alone");
+    make(&alone, &Settings { objects: 1, first: 10, ..small() });
+    assert_eq!(
+        tree(&alone.join("object_00010")),
+        tree(&dir.path().join("1/object_00010")),
+        "an object does not depend on the others"
+    );
+}
+
+#[test]
+fn an_interrupted_set_continues_to_the_same_bytes() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (whole, parts) = (dir.path().join("whole"), dir.path().join("parts"));
+    let want = make(&whole, &small());
+    let mut runs = 0;
+    let got = loop {
+        runs += 1;
+        assert!(runs < 20, "every run makes some progress");
+        let stop = AtomicBool::new(false);
+        let mut seen = 0;
+        let outcome = run(&parts, &small(), runs > 1, &stop, &mut |_, _, _| {
+            seen += 1;
+            // Each run is stopped a few pictures later than the one before it.
+            stop.store(seen >= 5 * runs, Ordering::Relaxed);
+        });
+        match outcome {
+            Ok(summary) => break summary,
+            Err(e) => assert_eq!(e.exit_code(), 130, "interrupted, not failed: {e}"),
+        }
+    };
+    assert!(runs > 2, "it was interrupted {} times", runs - 1);
+    assert_eq!(got.digest, want.digest, "digest of the set");
+    assert_eq!(tree(&whole), tree(&parts), "same files, same bytes");
+    let again =
+        run(&parts, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {}).expect("nothing to do");
+    assert_eq!((again.rendered, again.digest), (0, want.digest), "a finished set is left alone");
+    let other = Settings { samples: 5, ..small() };
+    let refused = run(&parts, &other, true, &AtomicBool::new(false), &mut |_, _, _| {});
+    assert!(refused.is_err_and(|e| e.exit_code() == 2), "other settings are refused");
+}
+
+#[test]
+fn what_was_made_is_read_back_and_agrees_with_the_object() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let settings = Settings { objects: 1, ..small() };
+    make(dir.path(), &settings);
+    let object = dir.path().join("object_00009");
+    let record = json(&object.join("object.json"));
+    let subject = Subject::new(&settings, 9).expect("the object");
+    assert_eq!(record["triangles"], subject.object.mesh.triangles.len(), "triangles");
+    assert!(record["environment"]["kind"].is_string(), "the light is described");
+    let factor = record["versions"][2]["roughness_factor"].as_f64().expect("a factor");
+    assert!((0.3..0.6).contains(&factor), "shiny by {factor}");
+    let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
+    let mut rough = Vec::new();
+    for version in ["uniform", "environment", "shiny"] {
+        let capture = read_capture(&object.join(version)).expect("a capture");
+        assert_eq!((capture.frames.len(), capture.dialect), (3, Dialect::Nerfstudio), "{version}");
+        for frame in &capture.frames {
+            let p = PassImages::read(frame).expect("passes");
+            let depth = p.depth.expect("depth");
+            let foreground = p.foreground.expect("foreground");
+            let hit = depth.iter().filter(|z| **z > 0.0).count();
+            assert!(hit > 20, "{version}, {}: the object is in the picture ({hit} pixels)", frame.name);
+            // Depth belongs to the ray through the middle of a pixel, the foreground to its samples: they differ at borders only.
+            let agree = depth.iter().zip(&foreground).filter(|(z, a)| (**z > 0.0) == (**a >= 0.5)).count();
+            assert!(agree > 500, "{version}, {}: depth and foreground agree on {agree} of 576", frame.name);
+            let exposure = p.exposure.expect("an exposure");
+            if version == "uniform" {
+                assert_eq!(exposure, 1.0, "white stays white");
+                let corner = p.radiance.as_ref().expect("radiance")[0];
+                assert!(foreground[0] > 0.0 || corner == [1.0; 3], "a white dome behind: {corner:?}");
+            } else {
+                assert!((0.25..=4.0).contains(&exposure), "{version}: exposure {exposure}");
+            }
+            // The ray through the middle of the picture finds the same depth.
+            let m = frame.view_from_world;
+            let [fx, fy, cx, cy] = frame.intrinsics(24, 24).expect("intrinsics");
+            let (i, j) = (12, 11);
+            let d = [(i as f64 + 0.5 - cx) / fx, (j as f64 + 0.5 - cy) / fy, 1.0];
+            let world = |v: [f64; 3]| -> [f32; 3] {
+                std::array::from_fn(|k| (m[0][k] * v[0] + m[1][k] * v[1] + m[2][k] * v[2]) as f32)
+            };
+            let origin = world([-m[0][3], -m[1][3], -m[2][3]]);
+            let ray = lastlight::geometry::bvh::Ray { origin, direction: world(d), t_max: f32::INFINITY };
+            let t = bvh.closest(&ray).t;
+            let z = depth[j * 24 + i];
+            if t.is_finite() && z > 0.0 {
+                assert!((t - z).abs() < 1e-3, "{version}, {}: depth {z}, ray {t}", frame.name);
+            }
+            if version != "uniform" {
+                let r = p.roughness.expect("roughness");
+                let covered = r.iter().zip(&foreground).filter(|(_, a)| **a == 1.0);
+                let (sum, n) = covered.fold((0.0, 0.0), |(s, n), (r, _)| (s + f64::from(*r), n + 1.0));
+                rough.push(sum / n);
+            }
+        }
+    }
+    let (plain, shiny) = (rough[..3].iter(), rough[3..].iter());
+    for (a, b) in plain.zip(shiny) {
+        assert!((b / a - factor).abs() < 0.03, "roughness {a} becomes {b}, not {factor} times as much");
+    }
+}
+
+#[test]
+fn test_and_egocentric_sets_have_their_splits() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let tiny = Settings { objects: 1, size: 8, samples: 1, passes: false, shiny: false, ..small() };
+    let out = dir.path().join("test");
+    make(&out, &Settings { set: Set::Test, lighting: Lighting::Uniform, ..tiny.clone() });
+    let object = out.join("object_00009");
+    let capture = read_capture(&object.join("uniform")).expect("a capture");
+    let count = |split| capture.frames.iter().filter(|f| f.split == split).count();
+    assert_eq!([count(Split::Train), count(Split::Test), count(Split::Val)], [16, 12, 20], "16 in, 12 out");
+    let protocol = &json(&object.join("object.json"))["protocol"];
+    for order in ["input_sets_random", "input_sets_sequential"] {
+        let sets = protocol[order].as_array().expect("sets");
+        assert!(
+            sets.len() == 4 && sets.iter().all(|s| s.as_array().is_some_and(|s| s.len() == 4)),
+            "{order}"
+        );
+    }
+    let out = dir.path().join("ego");
+    let ego = Settings { set: Set::Egocentric, lighting: Lighting::Environment, views: 9, ..tiny };
+    make(&out, &ego);
+    let capture = read_capture(&out.join("object_00009/environment")).expect("a capture");
+    assert_eq!(capture.frames.len(), 9, "moving pictures");
+    assert_eq!(
+        capture.frames.iter().filter(|f| f.split == Split::Test).count(),
+        1,
+        "every eighth is held out"
+    );
+    let fisheye =
+        |f: &lastlight::io::capture::Frame| matches!(f.lens, lastlight::io::capture::Lens::Fisheye { .. });
+    assert!(capture.frames.iter().all(fisheye), "a fisheye");
+}
+
+#[test]
+fn models_from_files_fill_the_ball() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let file = dir.path().join("brick.obj");
+    let corner = |k: usize| format!("v {} {} {}\n", 10 + k % 2, 4 * (k / 2 % 2), 7 * (k / 4));
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
+    std::fs::write(&file, (0..8).map(corner).collect::<String>() + faces).expect("written");
+    let settings = Settings { meshes: vec![file], objects: 1, first: 0, passes: false, ..small() };
+    let subject = Subject::new(&settings, 0).expect("a brick");
+    let reach = subject.object.mesh.positions.iter().fold(0.0_f32, |m, p| {
+        let d = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();
+        if d > m { d } else { m }
+    });
+    assert!((0.499..=0.5).contains(&reach), "the farthest corner lies {reach} from the origin");
+    let scale = subject.record["scale"].as_f64().expect("a scale");
+    assert!((scale * (1.0_f64 + 16.0 + 49.0).sqrt() - 1.0).abs() < 0.03, "the diagonal becomes 1: {scale}");
+    let out = dir.path().join("out");
+    make(&out, &settings);
+    assert_eq!(read_capture(&out.join("object_00000/shiny")).expect("a capture").frames.len(), 3, "pictures");
+    let missing = Settings { meshes: vec![dir.path().join("none.obj")], ..settings };
+    let failed = run(&dir.path().join("none"), &missing, false, &AtomicBool::new(false), &mut |_, _, _| {});
+    assert!(failed.is_err(), "a missing model is an error");
+}

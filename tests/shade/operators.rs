@@ -1,0 +1,263 @@
+//! `shade.ggx` and `shade.envmap`.
+
+use crate::common::golden;
+use crate::{ALBEDO, COSINES, on_sphere, uniform};
+use lastlight::num::array::Arrays;
+use lastlight::num::bits::ulp_f32;
+use lastlight::num::lanes::f32x8;
+use lastlight::ops::{self, Call, Case};
+use lastlight::shade::ggx::{self, ALPHA_MIN, InBar, Material, Point};
+use lastlight::shade::vector::{dot, unit};
+
+fn relative(got: &[f64], want: &[f64]) -> f64 {
+    let (mut error, mut norm) = (0.0, 0.0);
+    for (g, w) in got.iter().zip(want) {
+        error += (g - w) * (g - w);
+        norm += w * w;
+    }
+    (error / norm).sqrt()
+}
+
+#[test]
+fn golden_ggx_in_both_precisions() {
+    let Some(file) = golden("shade_ggx") else { return };
+    let op = ops::find("shade.ggx").expect("it is on the list");
+    let mut call = Call::default();
+    for port in op.inputs {
+        call.inputs.0.insert(port.name.to_owned(), file.need(port.name).expect("an input").clone());
+    }
+    call.cotangents.0.insert("brdf".to_owned(), file.need("brdf_bar").expect("a cotangent").clone());
+    for (precision, output, gradient) in [("f32", 2e-6, 2e-5), ("f64", 1e-12, 1e-10)] {
+        let ran = if precision == "f32" { ops::run(op, &call) } else { ops::run_f64(op, &call) };
+        let ran = ran.expect("a golden file is a good call");
+        let want = |name: &str| file.need(name).expect("an array").to_f64();
+        let got = |arrays: &Arrays, name: &str| arrays.need(name).expect("an array").to_f64();
+        let e = relative(&got(&ran.outputs, "brdf"), &want("brdf"));
+        println!("{precision} brdf: {e:.2e}");
+        assert!(e <= output, "{precision} brdf: relative error {e}");
+        for name in ["normal", "albedo", "roughness", "metallic"] {
+            let e = relative(&got(&ran.gradients, name), &want(&format!("{name}_bar")));
+            println!("{precision} {name}_bar: {e:.2e}");
+            assert!(e <= gradient, "{precision} {name}_bar: relative error {e}");
+        }
+    }
+}
+
+fn material(i: usize) -> Material<f32> {
+    Material {
+        albedo: [uniform(i, 1), uniform(i, 2), uniform(i, 3)],
+        roughness: uniform(i, 4) * uniform(i, 5),
+        metallic: uniform(i, 6),
+    }
+}
+
+#[test]
+fn the_brdf_is_reciprocal_to_the_bit() {
+    let mut seen = 0;
+    for i in 0..20_000 {
+        let (n, v, l, m) = (on_sphere(i, 0), on_sphere(i, 1), on_sphere(i, 2), material(i));
+        let there = Point::new(n, v, &m).eval(l).map(f32::to_bits);
+        let back = Point::new(n, l, &m).eval(v).map(f32::to_bits);
+        assert_eq!(there, back, "case {i}: view and light exchanged");
+        seen += usize::from(there != [0; 3]);
+    }
+    assert!(seen > 4000, "{seen} of them reflect");
+}
+
+#[test]
+fn a_lane_has_the_bits_of_a_scalar() {
+    for i in (0..4000).step_by(8) {
+        let lane = |f: &dyn Fn(usize) -> [f32; 3]| -> [f32x8; 3] {
+            std::array::from_fn(|k| f32x8::new(std::array::from_fn(|l| f(i + l)[k])))
+        };
+        let number = |f: &dyn Fn(usize) -> f32| f32x8::new(std::array::from_fn(|l| f(i + l)));
+        let m = Material {
+            albedo: lane(&|i| material(i).albedo),
+            roughness: number(&|i| material(i).roughness),
+            metallic: number(&|i| material(i).metallic),
+        };
+        let f = Point::new(lane(&|i| on_sphere(i, 0)), lane(&|i| on_sphere(i, 1)), &m)
+            .eval(lane(&|i| on_sphere(i, 2)))
+            .map(f32x8::to_array);
+        for l in 0..8 {
+            let one = Point::new(on_sphere(i + l, 0), on_sphere(i + l, 1), &material(i + l))
+                .eval(on_sphere(i + l, 2));
+            for k in 0..3 {
+                assert_eq!(f[k][l].to_bits(), one[k].to_bits(), "case {}, channel {k}", i + l);
+            }
+        }
+    }
+}
+
+/// ∫ D cos θ dω by the trapezoidal rule in ln θ.
+#[test]
+fn the_distribution_of_normals_integrates_to_one() {
+    for r in [1.0_f32, 0.5, 0.1, 0.03, 0.01] {
+        let m = Material { albedo: [1.0; 3], roughness: r, metallic: 1.0 };
+        let (lo, hi, n) = (libm::log(1e-6), libm::log(std::f64::consts::FRAC_PI_2), 8000);
+        let step = (hi - lo) / f64::from(n);
+        let mut sum = 0.0;
+        for i in 0..n {
+            let theta = libm::exp(lo + (f64::from(i) + 0.5) * step);
+            let h = [libm::sin(theta) as f32, 0.0, libm::cos(theta) as f32];
+            let d = Point::new([0.0, 0.0, 1.0], h, &m).facet(h).d; // v = l = h
+            sum += f64::from(d) * libm::cos(theta) * libm::sin(theta) * theta * step * std::f64::consts::TAU;
+        }
+        println!("r {r}: ∫ D cos = {sum:.7}");
+        assert!((sum - 1.0).abs() <= 2e-6, "r {r}: {sum}");
+    }
+}
+
+/// The table is another program's; here the shipped BRDF is integrated over light directions, on a grid warped towards the mirror
+/// direction.
+#[test]
+fn directional_albedo_is_the_tabulated_one() {
+    for (metallic, roughness, want) in ALBEDO {
+        for (cosine, want) in COSINES.into_iter().zip(want) {
+            let m = Material { albedo: [1.0; 3], roughness, metallic };
+            let v = [(1.0 - cosine * cosine).sqrt(), 0.0, cosine];
+            let point = Point::new([0.0, 0.0, 1.0], v, &m);
+            let (n_polar, n_azimuth) = (1200, 1200);
+            let mut sum = 0.0;
+            for i in 0..n_polar {
+                // polar angle and azimuth about the mirror direction −x..: dense near it
+                let polar = std::f64::consts::PI * ((f64::from(i) + 0.5) / f64::from(n_polar));
+                let (sin_p, cos_p) = (libm::sin(polar), libm::cos(polar));
+                for j in 0..n_azimuth {
+                    let azimuth = std::f64::consts::TAU * (f64::from(j) + 0.5) / f64::from(n_azimuth);
+                    let axis = [-f64::from(v[0]), 0.0, f64::from(v[2])];
+                    let (side, up) = ([0.0, 1.0, 0.0], [-axis[2], 0.0, axis[0]]);
+                    let l: [f32; 3] = std::array::from_fn(|k| {
+                        (axis[k] * cos_p
+                            + sin_p * (side[k] * libm::cos(azimuth) + up[k] * libm::sin(azimuth)))
+                            as f32
+                    });
+                    if l[2] > 0.0 {
+                        sum += f64::from(point.eval(l)[0] * l[2]) * sin_p;
+                    }
+                }
+            }
+            sum *= std::f64::consts::PI / f64::from(n_polar) * std::f64::consts::TAU / f64::from(n_azimuth);
+            assert!(
+                (sum - want).abs() <= 5e-4,
+                "m {metallic}, r {roughness}, n·v {cosine}: {sum}, want {want}"
+            );
+        }
+    }
+}
+
+#[test]
+fn grazing_and_coincident_directions_stay_finite() {
+    let n = [0.0, 0.0, 1.0];
+    for r in [0.0, 0.01, 0.03, 0.5, 1.0] {
+        let m = Material { albedo: [0.9, 0.5, 0.1], roughness: r, metallic: 0.5 };
+        for nv in [0.0_f32, 1e-8, -1e-8, 1e-30, 1e-4, 1.0, 1.0 + f32::EPSILON] {
+            for nl in [0.0_f32, 1e-8, -1e-8, 1e-30, 1e-4, 1.0, 1.0 + f32::EPSILON] {
+                for side in [1.0, -1.0] {
+                    let direction = |c: f32, x: f32| [if c < 0.5 { x } else { 0.0 }, 0.0, c];
+                    let (v, l) = (direction(nv, 1.0), direction(nl, side));
+                    let mut bar = InBar {
+                        normal: vec![[0.0; 3]],
+                        albedo: vec![[0.0; 3]],
+                        roughness: vec![0.0],
+                        metallic: vec![0.0],
+                    };
+                    let x = ggx::In {
+                        normal: &[n],
+                        view: &[v],
+                        light: &[l],
+                        albedo: &[m.albedo],
+                        roughness: &[m.roughness],
+                        metallic: &[m.metallic],
+                    };
+                    let mut f = [[0.0; 3]];
+                    ggx::forward(x, &mut f);
+                    ggx::adjoint(x, &[[1.0, -0.5, 0.25]], &mut bar);
+                    let all = f[0].iter().chain(&bar.normal[0]).chain(&bar.albedo[0]);
+                    let all: Vec<f32> = all.chain(&bar.roughness).chain(&bar.metallic).copied().collect();
+                    assert!(all.iter().all(|x| x.is_finite()), "r {r}, n·v {nv}, n·l {nl}: {all:?}");
+                    assert!(f[0].iter().all(|x| *x >= 0.0), "r {r}, n·v {nv}, n·l {nl}: f = {f:?}");
+                    if nv <= 0.0 || nl <= 0.0 {
+                        assert!(
+                            all.iter().all(|x| *x == 0.0),
+                            "r {r}, n·v {nv}, n·l {nl}: nothing, got {all:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// For v = l = n: f = (1−m)a/π + F₀/(4πα²) with α at its bound, and roughness has no gradient there.
+#[test]
+fn a_mirror_has_its_peak_and_no_gradient_of_roughness() {
+    let n = [0.0, 0.0, 1.0];
+    let m = Material { albedo: [0.5; 3], roughness: 0.0, metallic: 1.0 };
+    let f = Point::new(n, n, &m).eval(n)[0];
+    let want = 0.5 / (4.0 * std::f32::consts::PI * ALPHA_MIN * ALPHA_MIN);
+    assert!(ulp_f32(f, want) <= 8, "peak {f}, want {want}");
+    let rough = Point::new(n, n, &Material { roughness: ALPHA_MIN.sqrt() * 0.9, ..m }).eval(n)[0];
+    assert_eq!(f, rough, "below the bound roughness does nothing");
+}
+
+#[test]
+fn a_zero_normal_reflects_nothing_and_has_no_gradient() {
+    for name in ["shade.ggx", "shade.envmap"] {
+        let op = ops::find(name).expect("it is on the list");
+        let Case { mut inputs, settings } = (op.case)(0);
+        let mut normal = inputs.get("normal").expect("an input").to_f32();
+        normal[3..6].fill(0.0);
+        let p = normal.len() / 3;
+        inputs.put("normal", &[p, 3], normal);
+        let mut call = Call { inputs, settings, ..Call::default() };
+        let outputs = ops::run(op, &call).expect("it runs").outputs;
+        let row = outputs.get(op.outputs[0].name).expect("the output").to_f32()[3..6].to_vec();
+        assert_eq!(row, [0.0; 3], "{name}: reflects nothing");
+        call.cotangents = ops::draw_cotangents(op, &outputs);
+        for run in [ops::run(op, &call), ops::run_f64(op, &call)] {
+            let g = run.expect("it runs").gradients;
+            let row = g.get("normal").expect("a gradient").to_f64()[3..6].to_vec();
+            assert_eq!(row, [0.0; 3], "{name}: no gradient");
+        }
+    }
+}
+
+/// With an ordinary light the operators agree: one bright texel is a light of E·Δω.
+#[test]
+fn a_map_with_one_texel_lit_is_one_light() {
+    use lastlight::shade::{environment, envmap};
+    let (h, w) = (8, 12);
+    let lit = 2 * w + 7;
+    let mut env = vec![[0.0; 3]; h * w];
+    env[lit] = [2.0, 3.0, 5.0];
+    let l = environment::texel_center(w, h, 2, 7);
+    let omega = environment::solid_angles(w, h).0[2] as f32;
+    let n = 37;
+    let normals: Vec<_> = (0..n).map(|i| on_sphere(i, 3)).collect();
+    let views: Vec<_> = (0..n).map(|i| on_sphere(i, 4)).collect();
+    let m: Vec<_> = (0..n).map(material).collect();
+    let albedo: Vec<_> = m.iter().map(|m| m.albedo).collect();
+    let (roughness, metallic): (Vec<_>, Vec<_>) = m.iter().map(|m| (m.roughness, m.metallic)).unzip();
+    let x = envmap::In {
+        normal: &normals,
+        view: &views,
+        albedo: &albedo,
+        roughness: &roughness,
+        metallic: &metallic,
+        env: &env,
+        height: h,
+        width: w,
+    };
+    let mut out = vec![[0.0; 3]; n];
+    envmap::forward(x, &mut out);
+    for i in 0..n {
+        let unit = unit(normals[i]).0;
+        let f = Point::new(unit, views[i], &m[i]).eval(l);
+        let weight = dot(unit, l) * omega;
+        for k in 0..3 {
+            let want = if f[k] == 0.0 { 0.0 } else { f[k] * weight * env[lit][k] };
+            assert_eq!(out[i][k], want, "point {i}, channel {k}");
+        }
+    }
+}
