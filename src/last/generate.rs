@@ -194,14 +194,19 @@ impl Settings {
     }
 
     fn record(&self) -> Value {
-        json!({
+        let mut record = json!({
             "set": self.set, "graph": self.graph, "factors": self.factors, "mechanism": self.mechanism,
             "raw": self.raw, "video_look": self.video_look.name(), "set_look": self.set_look.name(),
             "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
             "count": self.count, "groups": self.groups, "appearances": self.appearances,
             "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
-            "subject": self.subject, "character": self.character.as_ref().map(Casting::record), "seed": self.seed,
-        })
+            "subject": self.subject, "seed": self.seed,
+        });
+        // Only where it is: data sets of the figure keep their bytes.
+        if let Some(c) = &self.character {
+            record["character"] = c.record();
+        }
+        record
     }
 
     /// A command line that makes the same data, but for the folder.
