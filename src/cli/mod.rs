@@ -60,6 +60,7 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 enum Command {
     /// Splat a small built-in scene end to end and write a report with pictures
     Demo(demo::Args),
