@@ -264,13 +264,45 @@ const AFTER: [usize; 2] = [10, 100];
 /// Names of [`systems`].
 pub(crate) fn system_names() -> Vec<String> {
     let fits = SYSTEMS.iter().flat_map(|(name, _)| AFTER.map(|n| format!("{name} {n} iterations")));
-    std::iter::once(PICTURE.to_owned()).chain(fits).collect()
+    [PICTURE, FIGURE, OBJECT, MAP].map(str::to_owned).into_iter().chain(fits).collect()
+}
+
+/// Names of [`generated`].
+const FIGURE: &str = "data_gen.figure surfaces";
+const OBJECT: &str = "data_gen.objects surfaces";
+const MAP: &str = "data_gen.environments map";
+
+/// A posed person, two objects and a panorama, before anything is rendered.
+fn generated() -> Vec<Entry> {
+    let surfaces = |name: &str, list: &[data_gen::surface::Surface]| {
+        let mut arrays = Arrays::new();
+        for (i, s) in list.iter().enumerate() {
+            let mut put = |what: &str, width: usize, x: Vec<f64>| {
+                arrays.put(&format!("{i} {what}"), &[x.len() / width, width], x);
+            };
+            put("positions", 3, s.positions.concat());
+            put("normals", 3, s.normals.concat());
+            put("uvs", 2, s.uvs.concat());
+            let texels = s.material.base_color_map.iter().flat_map(|m| m.texels.iter().flatten());
+            let texels: Vec<u8> = texels.copied().collect();
+            arrays.put(&format!("{i} texels"), &[texels.len()], texels);
+        }
+        Entry::new(name, arrays)
+    };
+    let person = data_gen::figure::surface::Figure::new(&data_gen::figure::appearance::Appearance::new(7, 0));
+    let drive = data_gen::figure::factors::Drive::new(&[0.7, -0.4, 1.2, 0.3]);
+    let objects = [3, 8].map(|k| data_gen::objects::build(7, k, 64).surfaces).concat();
+    let map = data_gen::environments::make(7, 1, 64, 32);
+    let mut panorama = Arrays::new();
+    panorama.put("radiance", &[map.height, map.width, 3], map.radiance.concat());
+    vec![surfaces(FIGURE, &person.surfaces(&drive)), surfaces(OBJECT, &objects), Entry::new(MAP, panorama)]
 }
 
 /// A small picture; state and losses of small fits of the built-in scene.
 pub(crate) fn systems() -> Vec<Entry> {
     let views = built_in::miniature(3, 2, &render::Settings::default()).expect("the built-in scene renders");
     let mut entries = vec![picture()];
+    entries.extend(generated());
     for (name, strategy) in SYSTEMS {
         let settings = Settings {
             iterations: AFTER[1],
