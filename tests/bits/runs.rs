@@ -275,18 +275,16 @@ const MAP: &str = "data_gen.environments map";
 /// A posed person, two objects and a panorama, before anything is rendered.
 fn generated() -> Vec<Entry> {
     let surfaces = |name: &str, list: &[data_gen::surface::Surface]| {
+        let all =
+            |f: &dyn Fn(&data_gen::surface::Surface) -> Vec<f64>| list.iter().flat_map(f).collect::<Vec<_>>();
         let mut arrays = Arrays::new();
-        for (i, s) in list.iter().enumerate() {
-            let mut put = |what: &str, width: usize, x: Vec<f64>| {
-                arrays.put(&format!("{i} {what}"), &[x.len() / width, width], x);
-            };
-            put("positions", 3, s.positions.concat());
-            put("normals", 3, s.normals.concat());
-            put("uvs", 2, s.uvs.concat());
-            let texels = s.material.base_color_map.iter().flat_map(|m| m.texels.iter().flatten());
-            let texels: Vec<u8> = texels.copied().collect();
-            arrays.put(&format!("{i} texels"), &[texels.len()], texels);
-        }
+        let mut put = |what: &str, width: usize, x: Vec<f64>| arrays.put(what, &[x.len() / width, width], x);
+        put("positions", 3, all(&|s| s.positions.concat()));
+        put("normals", 3, all(&|s| s.normals.concat()));
+        put("uvs", 2, all(&|s| s.uvs.concat()));
+        let maps = list.iter().filter_map(|s| s.material.base_color_map.as_ref());
+        let texels: Vec<u8> = maps.flat_map(|m| m.texels.iter().flatten()).copied().collect();
+        arrays.put("texels", &[texels.len()], texels);
         Entry::new(name, arrays)
     };
     let person = data_gen::figure::surface::Figure::new(&data_gen::figure::appearance::Appearance::new(7, 0));
