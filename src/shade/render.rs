@@ -9,6 +9,7 @@
 //!   choosing the map among the lights) and p_b, a direction found either way counts f·cos·L/(c·p_l + p_b) of the throughput. Lamps
 //!   have no extent: only their own sample finds them. Emissive triangles are found by the BRDF's directions alone.
 //! * `bounces` counts the surfaces after the first that light may come by: 0 is direct light. Paths are not ended at random.
+//! * Light comes and goes on the side of the face that is seen: directions that only the shading normal allows carry nothing, found either way.
 //! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½ where the variance is finite; the
 //!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
 //! * Pixels outside the circle of a fisheye are black with alpha 0.
@@ -38,7 +39,7 @@ use crate::scene::mesh::Object;
 use crate::{Error, Result};
 
 /// Purposes of the draws made here (see `num::rng`).
-const CAMERA: u16 = 0x0501;
+const CAMERA: u16 = 0x0505;
 const LIGHT: u16 = 0x0502;
 const SCATTER: u16 = 0x0503;
 const OPACITY: u16 = 0x0504;
@@ -95,7 +96,7 @@ pub struct Passes {
     pub alpha: Vec<f32>,
     /// depth along the optical axis of what the ray through the pixel's centre meets, 0 = nothing; at shutter opening
     pub depth_z: Vec<f32>,
-    /// unit shading normal in the world, mean over the samples that meet a surface; 0 = none
+    /// unit shading normal in the world with its normal map, before it is bent into view; mean over the samples that meet a surface; 0 = none
     pub normal: Vec<[f32; 3]>,
     /// linear, mean over the samples that meet a surface
     pub albedo: Vec<[f32; 3]>,
@@ -630,8 +631,8 @@ impl Job<'_> {
         let towards = lobes.direction(u);
         let (f_cos, density) = lobes.eval(towards);
         let zero = f32x8::splat(0.0);
-        let goes = f32x8::bits(Real::gt(density, zero));
-        let start = s.start(towards).map(f32x8::to_array);
+        let goes = f32x8::bits(f32x8::and(Real::gt(density, zero), s.before(towards)));
+        let start = s.start().map(f32x8::to_array);
         let ways = towards.map(f32x8::to_array);
         if last && !scene.emissive {
             // only whether the map is seen
@@ -721,7 +722,7 @@ impl Job<'_> {
         }
         let (f_cos, density) = lobes.eval(towards);
         let total = own + rival * density;
-        let on = f32x8::and(Real::gt(total, zero), Real::gt(density, zero));
+        let on = f32x8::and(f32x8::and(Real::gt(total, zero), Real::gt(density, zero)), s.before(towards));
         if let Some(sky) = &scene.sky {
             // only where the surface faces the map's direction is its radiance worth a look
             let of_sky = Real::gt(rival, zero);
@@ -730,7 +731,7 @@ impl Job<'_> {
         }
         let safe = Real::select(on, total, f32x8::splat(1.0));
         let light = mul(mul(through, f_cos), light).map(|x| (x / safe).to_array());
-        let start = s.start(towards).map(f32x8::to_array);
+        let start = s.start().map(f32x8::to_array);
         let ways = towards.map(f32x8::to_array);
         let goes = f32x8::bits(on);
         for l in (0..n).filter(|l| goes >> l & 1 == 1) {
@@ -758,7 +759,7 @@ fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
 
 /// Keeps what samples saw first.
 fn first(s: &Surface, n: usize, paths: &[Path; 8], into: &mut [First]) {
-    let (normal, albedo) = (s.normal.map(f32x8::to_array), s.material.albedo.map(f32x8::to_array));
+    let (normal, albedo) = (s.mapped.map(f32x8::to_array), s.material.albedo.map(f32x8::to_array));
     let (roughness, metallic) = (s.material.roughness.to_array(), s.material.metallic.to_array());
     for l in 0..n {
         into[paths[l].slot as usize] = First {
