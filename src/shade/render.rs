@@ -14,6 +14,7 @@
 //!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
 //! * Pixels outside the circle of a fisheye are black with alpha 0.
 //! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel.
+//! * Views of one object need seeds of their own, or all have the same noise: [`rng::derive`] makes them.
 //! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel depends neither on tiles, threads,
 //!   nor on which other pixels are rendered.
 //! * A draw is one Philox block, all four words of which are used: (x₁, x₀) choose light and texel, x₂ and x₃ place within it; x₀ the lobe,
@@ -30,11 +31,12 @@ use super::surface::{self, Surface};
 use super::vector::{dot, mul, scale, select, sub, unit};
 use crate::geometry::bvh::{Bvh, Hit, MISS, Ray};
 use crate::num::lanes::{Real, f32x8};
-use crate::num::par;
 use crate::num::rng::{self, Rng};
+use crate::num::{order, par};
 use crate::scene::camera::Camera;
-use crate::scene::light::{Lamp, Lights};
+use crate::scene::light::{Lamp, Lights, MAX_RADIANCE};
 use crate::scene::material::Alpha;
+use crate::scene::mesh::MAX_COORDINATE;
 use crate::scene::mesh::Object;
 use crate::{Error, Result};
 
@@ -44,8 +46,12 @@ const LIGHT: u16 = 0x0502;
 const SCATTER: u16 = 0x0503;
 const OPACITY: u16 = 0x0504;
 
-/// Most transparent surfaces one ray passes.
+/// Most transparent surfaces one ray passes; what lies behind them is not seen, and sheds no light.
 const LAYERS: u16 = 256;
+/// Most surfaces after the first: draws are told apart by 16 bits of (surface, transparent layer before it).
+pub const MAX_BOUNCES: u32 = 254;
+/// Largest irradiance of a lamp at a point: nearer to a point than f32 can tell, intensity/d² would be infinite.
+const IRRADIANCE_MAX: f32 = 1e30;
 /// Pixels along the side of a tile. Changes no bit.
 const TILE: usize = 16;
 /// Paths traced together. Changes no bit.
@@ -66,9 +72,9 @@ pub enum Brdf {
 pub struct Settings {
     /// per pixel
     pub samples: u32,
-    /// surfaces after the first that light may come by; 0 = direct light only
+    /// surfaces after the first that light may come by, at most [`MAX_BOUNCES`]; 0 = direct light only
     pub bounces: u32,
-    /// of the draws
+    /// of the draws; each of several views takes its own
     pub seed: u64,
     /// how surfaces reflect
     pub brdf: Brdf,
@@ -158,18 +164,20 @@ fn validate(lamp: &Lamp) -> Result<()> {
         Lamp::Point { position, intensity } => (position, intensity),
         Lamp::Distant { towards, irradiance } => (towards, irradiance),
     };
-    if !power.iter().all(|x| x.is_finite() && *x >= 0.0) {
-        return Err(Error::input("light").expected("finite, ≥ 0").got(format!("{power:?}")));
+    if !power.iter().all(|x| (0.0..=MAX_RADIANCE).contains(x)) {
+        let e = Error::input("light").expected(format!("0 to {MAX_RADIANCE:e}"));
+        return Err(e.got(format!("{power:?}")));
     }
-    let length = dot(*place, *place);
     let fine = match lamp {
-        Lamp::Point { .. } => length.is_finite(),
-        Lamp::Distant { .. } => (length - 1.0).abs() <= 1e-4,
+        Lamp::Point { .. } => place.iter().all(|x| x.abs() <= MAX_COORDINATE),
+        Lamp::Distant { .. } => (dot(*place, *place) - 1.0).abs() <= 1e-4,
     };
     if fine {
         return Ok(());
     }
-    Err(Error::input("place").expected("a finite position, or a unit vector").got(format!("{place:?}")))
+    Err(Error::input("place")
+        .expected("a position within the scene's range, or a unit vector")
+        .got(format!("{place:?}")))
 }
 
 /// Renders a view. `end` is the pose at shutter close; without it nothing moves.
@@ -210,8 +218,17 @@ pub fn render_window(
     if settings.samples == 0 {
         return Err(Error::input("setting samples").expected("at least 1").got("0"));
     }
+    if settings.bounces > MAX_BOUNCES {
+        let e = Error::input("setting bounces").expected(format!("at most {MAX_BOUNCES}"));
+        return Err(e.got(settings.bounces.to_string()));
+    }
+    camera.validate_rays()?;
     if let Some(end) = end {
-        end.validate().map_err(|e| e.within("shutter close"))?;
+        end.validate().and_then(|()| end.validate_rays()).map_err(|e| e.within("shutter close"))?;
+        if !camera.differs_in_pose_alone(end) {
+            let e = Error::input("shutter close").expected("another pose of the same camera");
+            return Err(e.got("another size, model, focal length or principal point"));
+        }
     }
     let ([x0, y0], [w, h]) = (window.origin, window.size);
     let inside = |from: usize, n: usize, all: usize| n > 0 && from <= all && n <= all - from;
@@ -291,6 +308,8 @@ struct Work {
     shadow_rays: Vec<Ray>,
     shadow_light: Vec<(u32, [f32; 3])>,
     occluded: Vec<bool>,
+    /// what they meet first, where materials let light through
+    shadow_hits: Vec<Hit>,
     /// (slots)
     radiance: Vec<[f32; 3]>,
     /// (slots) first surfaces
@@ -550,8 +569,12 @@ impl Job<'_> {
     /// Adds the light of shadow rays that are free.
     fn light(&self, work: &mut Work) {
         if self.scene.transparent {
-            for (ray, (slot, light)) in work.shadow_rays.iter().zip(&work.shadow_light) {
-                let open = self.open(*ray);
+            work.shadow_hits.clear();
+            work.shadow_hits.resize(work.shadow_rays.len(), Hit::NONE);
+            self.scene.bvh.closest_batch(&work.shadow_rays, &mut work.shadow_hits);
+            let rays = work.shadow_rays.iter().zip(&work.shadow_hits);
+            for ((ray, hit), (slot, light)) in rays.zip(&work.shadow_light) {
+                let open = self.open(*ray, *hit);
                 for c in 0..3 {
                     work.radiance[*slot as usize][c] += open * light[c];
                 }
@@ -570,11 +593,10 @@ impl Job<'_> {
         }
     }
 
-    /// Share of light that arrives through transparent surfaces: the product of their transmittances.
-    fn open(&self, mut ray: Ray) -> f32 {
+    /// Share of light that arrives through transparent surfaces: the product of their transmittances. `hit` is the first of them.
+    fn open(&self, mut ray: Ray, mut hit: Hit) -> f32 {
         let mut open = 1.0;
         for _ in 0..LAYERS {
-            let hit = self.scene.bvh.closest(&ray);
             if hit.triangle == MISS {
                 return open;
             }
@@ -584,8 +606,9 @@ impl Job<'_> {
             }
             ray.origin = surface::beyond(self.scene.object, &hit, ray.direction);
             ray.t_max -= hit.t;
+            hit = self.scene.bvh.closest(&ray);
         }
-        open
+        if hit.triangle == MISS { open } else { 0.0 }
     }
 
     /// Shades up to eight hits: emission, a light sample, a BRDF sample.
@@ -751,7 +774,8 @@ fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
         Lamp::Point { position, intensity } => {
             let (way, distance) = unit(sub(*position, from));
             let square = distance * distance;
-            let irradiance = if square > 0.0 { intensity.map(|x| x / square) } else { [0.0; 3] };
+            let each = |x: f32| order::min(x / square, IRRADIANCE_MAX);
+            let irradiance = if square > 0.0 { intensity.map(each) } else { [0.0; 3] };
             (way, irradiance, distance)
         }
     }
