@@ -27,7 +27,7 @@ pub struct Environment {
 /// A source without extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lamp {
-    /// At a place: irradiance on a facing surface at distance d is intensity/d².
+    /// At a place: irradiance on a facing surface at distance d is intensity/d², and not above [`MAX_RADIANCE`].
     Point {
         /// scene units
         position: [f32; 3],

@@ -50,8 +50,6 @@ const OPACITY: u16 = 0x0504;
 const LAYERS: u16 = 256;
 /// Most surfaces after the first: draws are told apart by 16 bits of (surface, transparent layer before it).
 pub const MAX_BOUNCES: u32 = 254;
-/// Largest irradiance of a lamp at a point: nearer to a point than f32 can tell, intensity/d² would be infinite.
-const IRRADIANCE_MAX: f32 = 1e30;
 /// Pixels along the side of a tile. Changes no bit.
 const TILE: usize = 16;
 /// Paths traced together. Changes no bit.
@@ -774,7 +772,8 @@ fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
         Lamp::Point { position, intensity } => {
             let (way, distance) = unit(sub(*position, from));
             let square = distance * distance;
-            let each = |x: f32| order::min(x / square, IRRADIANCE_MAX);
+            // nearer than f32 can tell it would be infinite
+            let each = |x: f32| order::min(x / square, MAX_RADIANCE);
             let irradiance = if square > 0.0 { intensity.map(each) } else { [0.0; 3] };
             (way, irradiance, distance)
         }

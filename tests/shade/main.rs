@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod environment;
+mod limits;
 mod operators;
 mod paths;
 mod pictures;
