@@ -553,7 +553,7 @@ impl Job<'_> {
                 return;
             }
             if open < 1.0 {
-                let draw = (vertex as u16).wrapping_mul(LAYERS).wrapping_add(layer);
+                let draw = vertex as u16 * LAYERS + layer; // at most 255·256 + 255
                 let word = self.rng.block(path.pixel, path.sample, OPACITY, draw);
                 if uniform(word[0]) >= open {
                     return;

@@ -7,6 +7,7 @@ mod limits;
 mod operators;
 mod paths;
 mod pictures;
+mod vectors;
 
 use lastlight::geometry::bvh::Bvh;
 use lastlight::scene::camera::{Camera, Model};

@@ -306,7 +306,8 @@ fn a_large_constant_map_does_not_drift() {
             }
         }
         let e = (f64::from(out[p][1]) / want - 1.0).abs();
-        assert!(e <= 1e-7, "point {p}: {} against {want}, off by {e:.1e}", out[p][1]);
+        // half a unit in the last place each of Δω, of a term's products, and of the sum
+        assert!(e <= 2e-7, "point {p}: {} against {want}, off by {e:.1e}", out[p][1]);
     }
     let irradiance = f64::from(out[0][0]) - f64::from(out[1][0]);
     let want = 1.0 / libm::cos(0.5 * std::f64::consts::PI / h as f64);
