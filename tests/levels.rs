@@ -159,6 +159,37 @@ fn the_reader_of_arrows_sees_what_it_should() {
     assert!(wrong("cli", "use crate::oracle::run; use crate::Error;").is_empty(), "arrows down");
 }
 
+/// Hexadecimal constants of type u16 in a source text: what tells draws of one seed apart.
+fn purposes(text: &str) -> Vec<(String, u16)> {
+    let constant = |line: &str| {
+        let (name, value) = line.split_once("const ")?.1.split_once(": u16 = 0x")?;
+        let digits: String = value.chars().take_while(|c| *c != ';').filter(|c| *c != '_').collect();
+        Some((name.to_owned(), u16::from_str_radix(&digits, 16).expect("a number of 16 bits")))
+    };
+    text.lines().filter_map(constant).collect()
+}
+
+#[test]
+fn no_two_purposes_of_draws_are_the_same() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files = Vec::new();
+    for folder in ["src", "data-gen/src", "reference/src"] {
+        rust_files(&root.join(folder), &mut files);
+    }
+    let mut all = Vec::new();
+    for path in &files {
+        let place = path.strip_prefix(root).expect("below the root").display().to_string();
+        let text = fs::read_to_string(path).expect("a readable file");
+        all.extend(purposes(&text).into_iter().map(|(name, value)| (value, format!("{place} {name}"))));
+    }
+    all.sort();
+    let twice: Vec<_> = all.windows(2).filter(|p| p[0].0 == p[1].0).collect();
+    assert!(twice.is_empty(), "one number, two purposes: {twice:#x?}");
+    assert!(all.len() > 30, "the walk found {} purposes only", all.len());
+    let text = "pub const A: u16 = 0x05_01;\n    const B: u16 = 0x5eed; // why\nconst N: u16 = 256;";
+    assert_eq!(purposes(text), [("A".to_owned(), 0x501), ("B".to_owned(), 0x5eed)], "the reader");
+}
+
 #[test]
 fn the_twin_cannot_see_the_library() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));

@@ -5,6 +5,7 @@ use super::render::Orbit;
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
 use crate::num::order;
+use crate::num::rng;
 use crate::scene::camera::Camera;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::light::Lights;
@@ -15,6 +16,9 @@ use crate::{Error, Result};
 use serde_json::{Map, Value};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Samples of a picture; the item is the picture.
+const PURPOSE: u16 = 0x0520;
 
 /// Factor from radiance to the photograph.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,7 +36,7 @@ pub struct Relight<'a> {
     pub object: &'a Object,
     /// Its light.
     pub lights: &'a Lights,
-    /// Samples, bounces, seed; picture i draws from the seed·2³² + i.
+    /// Samples, bounces, seed; picture i draws from the seed that [`rng::derive`] makes of this one and i.
     pub settings: Settings,
     /// Brightness of the photographs.
     pub exposure: Exposure,
@@ -74,7 +78,7 @@ impl Relight<'_> {
             if recorder.has(shot)? {
                 continue;
             }
-            let seed = self.settings.seed.wrapping_mul(1 << 32).wrapping_add(i as u64);
+            let seed = rng::derive(self.settings.seed, i as u64, PURPOSE);
             let settings = Settings { seed, ..self.settings };
             let passes = render(&scene, &shot.camera, shot.shutter_close.as_ref(), &settings)?;
             let exposure = match self.exposure {

@@ -17,7 +17,7 @@ use crate::geometry::bvh::Bvh;
 use crate::io::atomic;
 use crate::io::capture::Split;
 use crate::num::par;
-use crate::num::rng::Rng;
+use crate::num::rng::{self, Rng};
 use crate::scene::camera::{Camera, Model};
 use crate::scene::environment_file::Options as MapOptions;
 use crate::scene::from_data_gen;
@@ -446,14 +446,12 @@ impl Capture<'_> {
 
     fn picture(&self, i: usize, shot: &Shot) -> Result<(Passes, Style)> {
         let s = self.settings;
-        let key = Rng::new(s.seed).block(self.k, i as u32, RENDER_PURPOSE, 0);
-        let seed = u64::from(key[1]) << 32 | u64::from(key[0]);
+        let seed = Rng::new(s.seed).derive(self.k, i as u32, RENDER_PURPOSE);
         let tracing = Tracing { samples: s.samples, bounces: s.bounces, seed, ..Tracing::default() };
         let mut passes = render(self.scene, &shot.camera, shot.shutter_close.as_ref(), &tracing)?;
         let exposure = if self.exposed { exposure::auto(&passes.color, &passes.alpha) } else { 1.0 };
         if s.set == Set::Egocentric {
-            let key = Rng::new(s.seed).block(self.k, 0, SENSOR_PURPOSE, 0);
-            let seed = u64::from(key[1]) << 32 | u64::from(key[0]);
+            let seed = rng::derive(s.seed, self.k, SENSOR_PURPOSE);
             let each = |c: &mut [f32; 3], f: f32| *c = c.map(|x| x * f);
             passes.color.iter_mut().for_each(|c| each(c, exposure));
             Sensor::default().apply(&mut passes.color, seed, i as u32);

@@ -54,6 +54,13 @@ impl Rng {
         philox([item as u32, (item >> 32) as u32, step, u32::from(purpose) << 16 | u32::from(draw)], self.key)
     }
 
+    /// A seed of its own for step `step` of item `item`: the 64 bits x₁·2³² + x₀ of its block with draw 0.
+    #[inline]
+    pub fn derive(&self, item: u64, step: u32, purpose: u16) -> u64 {
+        let x = self.block(item, step, purpose, 0);
+        u64::from(x[1]) << 32 | u64::from(x[0])
+    }
+
     /// Uniform in (0, 1), one of 2²³ midpoints.
     #[inline]
     pub fn uniform_f32(&self, item: u64, step: u32, purpose: u16, draw: u16) -> f32 {
@@ -98,6 +105,12 @@ impl Rng {
         keys.sort_unstable(); // keys are unique: they end in the index
         keys.into_iter().map(|(_, i)| i).collect()
     }
+}
+
+/// The seed of item `item` under `seed`: [`Rng::derive`] at step 0. What is drawn under two of them is unrelated, whatever draws they share;
+/// a picture of many takes one, so that no two have the same noise.
+pub fn derive(seed: u64, item: u64, purpose: u16) -> u64 {
+    Rng::new(seed).derive(item, 0, purpose)
 }
 
 /// The f32 uniform of a block: (m + ½)·2⁻²³, m = x₀ ≫ 9.

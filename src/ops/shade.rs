@@ -2,11 +2,11 @@
 
 use super::call::{Checked, Ran, rows};
 use super::case::Draw;
-use super::op::{Case, Op, Port, Width, no_rule};
-use crate::Result;
+use super::op::{Case, Op, Port, Width};
 use crate::num::array::Arrays;
 use crate::shade::{envmap, ggx};
 use crate::tape::check::Prediction;
+use crate::{Error, Result};
 use std::collections::BTreeMap;
 
 const NORMAL: Port = Port::var("normal", "P,3", "any length; 0 reflects nothing");
@@ -31,7 +31,7 @@ pub(super) static GGX: Op = Op {
     width: Width::F32,
     work_unit: "entries",
     work_ns: [30.0, 300.0],
-    check: no_rule,
+    check: check_ggx,
     run: run_ggx,
     predict: predict_ggx,
     cases: 1,
@@ -53,12 +53,40 @@ pub(super) static ENVMAP: Op = Op {
     outputs: &[Port::var("radiance", "P,3", "linear")],
     work_unit: "(point, texel) pairs",
     work_ns: [150.0, 1500.0],
+    check: check_envmap,
     run: run_envmap,
     predict: predict_envmap,
     cases: 2,
     case: case_envmap,
     ..GGX
 };
+
+/// Whether directions are unit to 1e-3, and factors of a material 0 to 1: outside, K(c) has no real root.
+fn check_points(x: &Checked<'_>, directions: &[&str]) -> Result<()> {
+    let at = |name: &str, row: usize| Error::input("inputs").at(format!("array '{name}', row {row}"));
+    for name in directions {
+        let d = x.f64s(name);
+        let square = |d: &[f64]| (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2];
+        if let Some(i) = d.chunks(3).position(|d| !((square(d) - 1.0).abs() <= 2e-3)) {
+            return Err(at(name, i).expected("a unit vector").got(format!("{:?}", &d[3 * i..3 * i + 3])));
+        }
+    }
+    for (name, across) in [("albedo", 3), ("roughness", 1), ("metallic", 1)] {
+        let factors = x.f64s(name);
+        if let Some(i) = factors.iter().position(|f| !(0.0..=1.0).contains(f)) {
+            return Err(at(name, i / across).expected("0 to 1").got(factors[i].to_string()));
+        }
+    }
+    Ok(())
+}
+
+fn check_ggx(x: &Checked<'_>) -> Result<()> {
+    check_points(x, &["view", "light"])
+}
+
+fn check_envmap(x: &Checked<'_>) -> Result<()> {
+    check_points(x, &["view"])
+}
 
 /// Gradients of the points into their arrays.
 fn put_bar(ran: &mut Ran, p: usize, bar: ggx::InBar) {

@@ -2,8 +2,9 @@
 //!
 //! Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5). The world is right-handed.
 
+use super::mesh::MAX_COORDINATE;
 use crate::math::quat;
-use crate::num::elem;
+use crate::num::{elem, order};
 use crate::{Error, Result};
 
 /// How a point in camera coordinates reaches the picture.
@@ -122,6 +123,51 @@ impl Camera {
         Self { rotation, translation, ..self.clone() }
     }
 
+    /// Checks what [`Camera::ray`] needs beyond [`Camera::validate`]: a rotation to 1e-3, and pixels and positions whose squares stay within f32.
+    ///
+    /// # Errors
+    /// Names the field.
+    pub fn validate_rays(&self) -> Result<()> {
+        let r = &self.rotation;
+        let product = |a: [f32; 3], b: [f32; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
+        let turned =
+            (0..3).all(|i| (0..3).all(|j| (product(r[i], r[j]) - f32::from(u8::from(i == j))).abs() <= 1e-3));
+        let z = [
+            r[0][1] * r[1][2] - r[0][2] * r[1][1],
+            r[0][2] * r[1][0] - r[0][0] * r[1][2],
+            r[0][0] * r[1][1] - r[0][1] * r[1][0],
+        ];
+        if !(turned && product(z, r[2]) > 0.0) {
+            let e = Error::input("camera").at("rotation");
+            return Err(e.expected("orthogonal unit rows, right-handed").got(format!("{r:?}")));
+        }
+        if !self.translation.iter().all(|x| x.abs() <= MAX_COORDINATE) {
+            let e = Error::input("camera").at("translation");
+            return Err(e
+                .expected(format!("at most {MAX_COORDINATE:e}"))
+                .got(format!("{:?}", self.translation)));
+        }
+        let sides = [self.width, self.height];
+        let wide = (0..2).all(|k| {
+            let far = order::max(self.center_px[k].abs(), (sides[k] as f32 - self.center_px[k]).abs());
+            far / self.focal_px[k] <= MAX_SLOPE
+        });
+        if !wide {
+            let got = format!("focal length {:?}, principal point {:?}", self.focal_px, self.center_px);
+            return Err(Error::input("camera")
+                .at("intrinsics")
+                .expected(format!("pixels at most {MAX_SLOPE:e} focal lengths from the principal point"))
+                .got(got));
+        }
+        Ok(())
+    }
+
+    /// Whether size, model and intrinsics are those of `other`.
+    pub fn differs_in_pose_alone(&self, other: &Self) -> bool {
+        let same = (self.focal_px, self.center_px) == (other.focal_px, other.center_px);
+        same && (self.width, self.height, self.model) == (other.width, other.height, other.model)
+    }
+
     /// From row-major `view_from_world` (4×4) and `intrinsics` (3×3).
     pub fn from_matrices(
         view_from_world: &[f32],
@@ -197,6 +243,9 @@ fn quaternion(r: &[[f32; 3]; 3]) -> [f32; 4] {
     let length = (((q[0] * q[0] + q[1] * q[1]) + q[2] * q[2]) + q[3] * q[3]).sqrt();
     q.map(|x| x / length)
 }
+
+/// Largest distance of a pixel from the principal point, in focal lengths.
+const MAX_SLOPE: f32 = 1e9;
 
 /// Largest picture side accepted, in pixels.
 pub const MAX_SIDE: usize = 16_384;

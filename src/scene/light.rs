@@ -10,6 +10,9 @@
 
 use crate::{Error, Result};
 
+/// Largest radiance, intensity or irradiance of a source: sums over samples and texels stay within f32.
+pub const MAX_RADIANCE: f32 = 1e24;
+
 /// A latitude–longitude map of linear radiance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Environment {
@@ -17,14 +20,14 @@ pub struct Environment {
     pub width: usize,
     /// Rows of inclination, top is +z.
     pub height: usize,
-    /// (H, W) linear RGB radiance, finite, ≥ 0
+    /// (H, W) linear RGB radiance, 0 to [`MAX_RADIANCE`]
     pub radiance: Vec<[f32; 3]>,
 }
 
 /// A source without extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lamp {
-    /// At a place: irradiance on a facing surface at distance d is intensity/d².
+    /// At a place: irradiance on a facing surface at distance d is intensity/d², and not above [`MAX_RADIANCE`].
     Point {
         /// scene units
         position: [f32; 3],
@@ -66,11 +69,11 @@ impl Environment {
                 .expected("width × height texels, at least one")
                 .got(format!("{}×{} with {}", self.width, self.height, self.radiance.len())));
         }
-        match self.radiance.iter().position(|t| !t.iter().all(|x| x.is_finite() && *x >= 0.0)) {
+        match self.radiance.iter().position(|t| !t.iter().all(|x| (0.0..=MAX_RADIANCE).contains(x))) {
             None => Ok(()),
             Some(i) => Err(Error::input(name)
                 .at(format!("row {}, column {}", i / self.width, i % self.width))
-                .expected("finite radiance ≥ 0")
+                .expected(format!("radiance from 0 to {MAX_RADIANCE:e}"))
                 .got(format!("{:?}", self.radiance[i]))),
         }
     }

@@ -8,8 +8,12 @@
 //! | normal | tangent space, +y up the picture | perturbs the shading normal |
 //! | emission | factor linear; texture sRGB-encoded | radiance |
 
+use super::light::MAX_RADIANCE;
 use crate::{Error, Result};
 use std::sync::{Arc, OnceLock};
+
+/// Largest factor of a normal map.
+pub const MAX_STRENGTH: f32 = 1e6;
 
 /// How texels hold a quantity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -118,8 +122,20 @@ impl Material {
                 return Err(at(field).expected("a factor from 0 to 1").got(x.to_string()));
             }
         }
-        if !self.emission.iter().all(|x| x.is_finite() && *x >= 0.0) {
-            return Err(at("emission").expected("finite radiance ≥ 0").got(format!("{:?}", self.emission)));
+        if !self.emission.iter().all(|x| (0.0..=MAX_RADIANCE).contains(x)) {
+            let e = at("emission").expected(format!("radiance from 0 to {MAX_RADIANCE:e}"));
+            return Err(e.got(format!("{:?}", self.emission)));
+        }
+        if let Some((_, strength)) = &self.normal_map
+            && !(strength.abs() <= MAX_STRENGTH)
+        {
+            let e = at("normal map").expected(format!("a factor of at most {MAX_STRENGTH:e}"));
+            return Err(e.got(strength.to_string()));
+        }
+        if let Alpha::Mask(cut) = self.alpha
+            && !cut.is_finite()
+        {
+            return Err(at("alpha").expected("a finite cut").got(cut.to_string()));
         }
         let maps = [&self.base_color_map, &self.metallic_roughness_map, &self.emission_map];
         for map in maps.into_iter().flatten().chain(self.normal_map.as_ref().map(|(m, _)| m)) {

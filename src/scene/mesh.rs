@@ -9,6 +9,11 @@ use crate::{Error, Result};
 /// Most vertices or triangles of one mesh.
 pub const MAX_ELEMENTS: usize = 1 << 28;
 
+/// Largest coordinate of a mesh that is rendered, 2¹²⁰: differences and sums of a few stay within f32.
+pub const MAX_COORDINATE: f32 = f32::from_bits((127 + 120) << 23);
+/// Largest texture coordinate, 2³⁰; f32 has no fraction from 2²³ on.
+pub const MAX_UV: f32 = f32::from_bits((127 + 30) << 23);
+
 /// A triangle mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -56,6 +61,7 @@ impl Mesh {
         finite(name, "positions", &self.positions)?;
         finite(name, "normals", &self.normals)?;
         finite(name, "uvs", &self.uvs)?;
+        within(name, "uvs", &self.uvs, MAX_UV)?;
         for (i, corner) in self.triangles.iter().enumerate() {
             if let Some(index) = corner.iter().find(|&&c| c as usize >= v) {
                 let e = Error::input(name).at(format!("triangle {i}"));
@@ -85,12 +91,14 @@ impl Mesh {
 }
 
 impl Object {
-    /// Checks the mesh, the materials, and that every triangle has one.
+    /// Checks the mesh and its range, the materials, and that every triangle has one.
     ///
     /// # Errors
     /// Names what is wrong; `name` stands for the object.
     pub fn validate(&self, name: &str) -> Result<()> {
         self.mesh.validate(name)?;
+        within(name, "positions", &self.mesh.positions, MAX_COORDINATE)?;
+        within(name, "normals", &self.mesh.normals, MAX_COORDINATE)?;
         if self.material_of.len() != self.mesh.triangles.len() {
             let e = Error::input(name).at("array 'material_of'");
             return Err(e
@@ -104,6 +112,16 @@ impl Object {
                 .got(self.material_of[i].to_string()));
         }
         self.materials.iter().try_for_each(|m| m.validate().map_err(|e| e.within(name)))
+    }
+}
+
+fn within<const N: usize>(name: &str, array: &str, rows: &[[f32; N]], most: f32) -> Result<()> {
+    match rows.iter().position(|r| !r.iter().all(|x| x.abs() <= most)) {
+        None => Ok(()),
+        Some(i) => Err(Error::input(name)
+            .at(format!("array '{array}', row {i}"))
+            .expected(format!("numbers of at most {most:e}"))
+            .got(format!("{:?}", rows[i]))),
     }
 }
 

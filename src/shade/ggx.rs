@@ -25,7 +25,8 @@
 //! the flank of its peak. (1−c)⁵ is ((x²)·(x²))·x with x = max(1 − c_d, 0).
 //!
 //! # Kinks and domain
-//! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. Below α_min = 1e-3 α stays there and r has no gradient; at equality it has. The denominator
+//! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. Below α_min = 1e-3 α stays there and r has no gradient; at equality it has. That bound is
+//! all: there is no perfect mirror, and no other branch for smooth surfaces. The denominator
 //! of V is not taken below 1e-15, where cosines under 1e-12 would leave the range of f32; there it has no gradient. The BRDF is not energy
 //! conserving: its diffuse lobe has no factor 1 − F, so a white dielectric reflects up to 1.5 of the light (`tests/shade` holds a table).
 //!
@@ -372,7 +373,8 @@ pub fn forward(x: In<'_>, brdf: &mut [[f32; 3]]) {
 pub fn adjoint(x: In<'_>, brdf_bar: &[[f32; 3]], x_bar: &mut InBar) {
     let p = x.normal.len();
     assert!(brdf_bar.len() == p && x_bar.normal.len() == p, "cotangent and gradients have P rows");
-    for at in (0..p).step_by(8) {
+    let bars = par::map_batched(p.div_ceil(8), CHUNK / 8, |g| {
+        let at = 8 * g;
         let m = materials8(x.albedo, x.roughness, x.metallic, at);
         let (n, length) = unit(rows8(x.normal, at));
         let point = Point::new(n, rows8(x.view, at), &m);
@@ -380,7 +382,10 @@ pub fn adjoint(x: In<'_>, brdf_bar: &[[f32; 3]], x_bar: &mut InBar) {
         let mut bar = PointBar::default();
         let facet = point.facet(light);
         bar.add(&point, &m, light, &facet, rows8(brdf_bar, at), f32x8::splat(0.0));
-        scatter_bar(bar.finish(&point, &m, length), at, x_bar);
+        bar.finish(&point, &m, length)
+    });
+    for (g, bar) in bars.into_iter().enumerate() {
+        scatter_bar(bar, 8 * g, x_bar);
     }
 }
 

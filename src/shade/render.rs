@@ -9,10 +9,12 @@
 //!   choosing the map among the lights) and p_b, a direction found either way counts f·cos·L/(c·p_l + p_b) of the throughput. Lamps
 //!   have no extent: only their own sample finds them. Emissive triangles are found by the BRDF's directions alone.
 //! * `bounces` counts the surfaces after the first that light may come by: 0 is direct light. Paths are not ended at random.
+//! * Light comes and goes on the side of the face that is seen: directions that only the shading normal allows carry nothing, found either way.
 //! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½ where the variance is finite; the
 //!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
 //! * Pixels outside the circle of a fisheye are black with alpha 0.
 //! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel.
+//! * Views of one object need seeds of their own, or all have the same noise: [`rng::derive`] makes them.
 //! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel depends neither on tiles, threads,
 //!   nor on which other pixels are rendered.
 //! * A draw is one Philox block, all four words of which are used: (x₁, x₀) choose light and texel, x₂ and x₃ place within it; x₀ the lobe,
@@ -29,22 +31,25 @@ use super::surface::{self, Surface};
 use super::vector::{dot, mul, scale, select, sub, unit};
 use crate::geometry::bvh::{Bvh, Hit, MISS, Ray};
 use crate::num::lanes::{Real, f32x8};
-use crate::num::par;
 use crate::num::rng::{self, Rng};
+use crate::num::{order, par};
 use crate::scene::camera::Camera;
-use crate::scene::light::{Lamp, Lights};
+use crate::scene::light::{Lamp, Lights, MAX_RADIANCE};
 use crate::scene::material::Alpha;
+use crate::scene::mesh::MAX_COORDINATE;
 use crate::scene::mesh::Object;
 use crate::{Error, Result};
 
 /// Purposes of the draws made here (see `num::rng`).
-const CAMERA: u16 = 0x0501;
+const CAMERA: u16 = 0x0505;
 const LIGHT: u16 = 0x0502;
 const SCATTER: u16 = 0x0503;
 const OPACITY: u16 = 0x0504;
 
-/// Most transparent surfaces one ray passes.
+/// Most transparent surfaces one ray passes; what lies behind them is not seen, and sheds no light.
 const LAYERS: u16 = 256;
+/// Most surfaces after the first: draws are told apart by 16 bits of (surface, transparent layer before it).
+pub const MAX_BOUNCES: u32 = 254;
 /// Pixels along the side of a tile. Changes no bit.
 const TILE: usize = 16;
 /// Paths traced together. Changes no bit.
@@ -65,9 +70,9 @@ pub enum Brdf {
 pub struct Settings {
     /// per pixel
     pub samples: u32,
-    /// surfaces after the first that light may come by; 0 = direct light only
+    /// surfaces after the first that light may come by, at most [`MAX_BOUNCES`]; 0 = direct light only
     pub bounces: u32,
-    /// of the draws
+    /// of the draws; each of several views takes its own
     pub seed: u64,
     /// how surfaces reflect
     pub brdf: Brdf,
@@ -95,7 +100,7 @@ pub struct Passes {
     pub alpha: Vec<f32>,
     /// depth along the optical axis of what the ray through the pixel's centre meets, 0 = nothing; at shutter opening
     pub depth_z: Vec<f32>,
-    /// unit shading normal in the world, mean over the samples that meet a surface; 0 = none
+    /// unit shading normal in the world with its normal map, before it is bent into view; mean over the samples that meet a surface; 0 = none
     pub normal: Vec<[f32; 3]>,
     /// linear, mean over the samples that meet a surface
     pub albedo: Vec<[f32; 3]>,
@@ -157,18 +162,20 @@ fn validate(lamp: &Lamp) -> Result<()> {
         Lamp::Point { position, intensity } => (position, intensity),
         Lamp::Distant { towards, irradiance } => (towards, irradiance),
     };
-    if !power.iter().all(|x| x.is_finite() && *x >= 0.0) {
-        return Err(Error::input("light").expected("finite, ≥ 0").got(format!("{power:?}")));
+    if !power.iter().all(|x| (0.0..=MAX_RADIANCE).contains(x)) {
+        let e = Error::input("light").expected(format!("0 to {MAX_RADIANCE:e}"));
+        return Err(e.got(format!("{power:?}")));
     }
-    let length = dot(*place, *place);
     let fine = match lamp {
-        Lamp::Point { .. } => length.is_finite(),
-        Lamp::Distant { .. } => (length - 1.0).abs() <= 1e-4,
+        Lamp::Point { .. } => place.iter().all(|x| x.abs() <= MAX_COORDINATE),
+        Lamp::Distant { .. } => (dot(*place, *place) - 1.0).abs() <= 1e-4,
     };
     if fine {
         return Ok(());
     }
-    Err(Error::input("place").expected("a finite position, or a unit vector").got(format!("{place:?}")))
+    Err(Error::input("place")
+        .expected("a position within the scene's range, or a unit vector")
+        .got(format!("{place:?}")))
 }
 
 /// Renders a view. `end` is the pose at shutter close; without it nothing moves.
@@ -209,8 +216,17 @@ pub fn render_window(
     if settings.samples == 0 {
         return Err(Error::input("setting samples").expected("at least 1").got("0"));
     }
+    if settings.bounces > MAX_BOUNCES {
+        let e = Error::input("setting bounces").expected(format!("at most {MAX_BOUNCES}"));
+        return Err(e.got(settings.bounces.to_string()));
+    }
+    camera.validate_rays()?;
     if let Some(end) = end {
-        end.validate().map_err(|e| e.within("shutter close"))?;
+        end.validate().and_then(|()| end.validate_rays()).map_err(|e| e.within("shutter close"))?;
+        if !camera.differs_in_pose_alone(end) {
+            let e = Error::input("shutter close").expected("another pose of the same camera");
+            return Err(e.got("another size, model, focal length or principal point"));
+        }
     }
     let ([x0, y0], [w, h]) = (window.origin, window.size);
     let inside = |from: usize, n: usize, all: usize| n > 0 && from <= all && n <= all - from;
@@ -290,6 +306,8 @@ struct Work {
     shadow_rays: Vec<Ray>,
     shadow_light: Vec<(u32, [f32; 3])>,
     occluded: Vec<bool>,
+    /// what they meet first, where materials let light through
+    shadow_hits: Vec<Hit>,
     /// (slots)
     radiance: Vec<[f32; 3]>,
     /// (slots) first surfaces
@@ -535,7 +553,7 @@ impl Job<'_> {
                 return;
             }
             if open < 1.0 {
-                let draw = (vertex as u16).wrapping_mul(LAYERS).wrapping_add(layer);
+                let draw = vertex as u16 * LAYERS + layer; // at most 255·256 + 255
                 let word = self.rng.block(path.pixel, path.sample, OPACITY, draw);
                 if uniform(word[0]) >= open {
                     return;
@@ -549,8 +567,12 @@ impl Job<'_> {
     /// Adds the light of shadow rays that are free.
     fn light(&self, work: &mut Work) {
         if self.scene.transparent {
-            for (ray, (slot, light)) in work.shadow_rays.iter().zip(&work.shadow_light) {
-                let open = self.open(*ray);
+            work.shadow_hits.clear();
+            work.shadow_hits.resize(work.shadow_rays.len(), Hit::NONE);
+            self.scene.bvh.closest_batch(&work.shadow_rays, &mut work.shadow_hits);
+            let rays = work.shadow_rays.iter().zip(&work.shadow_hits);
+            for ((ray, hit), (slot, light)) in rays.zip(&work.shadow_light) {
+                let open = self.open(*ray, *hit);
                 for c in 0..3 {
                     work.radiance[*slot as usize][c] += open * light[c];
                 }
@@ -569,11 +591,10 @@ impl Job<'_> {
         }
     }
 
-    /// Share of light that arrives through transparent surfaces: the product of their transmittances.
-    fn open(&self, mut ray: Ray) -> f32 {
+    /// Share of light that arrives through transparent surfaces: the product of their transmittances. `hit` is the first of them.
+    fn open(&self, mut ray: Ray, mut hit: Hit) -> f32 {
         let mut open = 1.0;
         for _ in 0..LAYERS {
-            let hit = self.scene.bvh.closest(&ray);
             if hit.triangle == MISS {
                 return open;
             }
@@ -583,8 +604,9 @@ impl Job<'_> {
             }
             ray.origin = surface::beyond(self.scene.object, &hit, ray.direction);
             ray.t_max -= hit.t;
+            hit = self.scene.bvh.closest(&ray);
         }
-        open
+        if hit.triangle == MISS { open } else { 0.0 }
     }
 
     /// Shades up to eight hits: emission, a light sample, a BRDF sample.
@@ -630,8 +652,8 @@ impl Job<'_> {
         let towards = lobes.direction(u);
         let (f_cos, density) = lobes.eval(towards);
         let zero = f32x8::splat(0.0);
-        let goes = f32x8::bits(Real::gt(density, zero));
-        let start = s.start(towards).map(f32x8::to_array);
+        let goes = f32x8::bits(f32x8::and(Real::gt(density, zero), s.before(towards)));
+        let start = s.start().map(f32x8::to_array);
         let ways = towards.map(f32x8::to_array);
         if last && !scene.emissive {
             // only whether the map is seen
@@ -721,7 +743,7 @@ impl Job<'_> {
         }
         let (f_cos, density) = lobes.eval(towards);
         let total = own + rival * density;
-        let on = f32x8::and(Real::gt(total, zero), Real::gt(density, zero));
+        let on = f32x8::and(f32x8::and(Real::gt(total, zero), Real::gt(density, zero)), s.before(towards));
         if let Some(sky) = &scene.sky {
             // only where the surface faces the map's direction is its radiance worth a look
             let of_sky = Real::gt(rival, zero);
@@ -730,7 +752,7 @@ impl Job<'_> {
         }
         let safe = Real::select(on, total, f32x8::splat(1.0));
         let light = mul(mul(through, f_cos), light).map(|x| (x / safe).to_array());
-        let start = s.start(towards).map(f32x8::to_array);
+        let start = s.start().map(f32x8::to_array);
         let ways = towards.map(f32x8::to_array);
         let goes = f32x8::bits(on);
         for l in (0..n).filter(|l| goes >> l & 1 == 1) {
@@ -750,7 +772,9 @@ fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
         Lamp::Point { position, intensity } => {
             let (way, distance) = unit(sub(*position, from));
             let square = distance * distance;
-            let irradiance = if square > 0.0 { intensity.map(|x| x / square) } else { [0.0; 3] };
+            // nearer than f32 can tell it would be infinite
+            let each = |x: f32| order::min(x / square, MAX_RADIANCE);
+            let irradiance = if square > 0.0 { intensity.map(each) } else { [0.0; 3] };
             (way, irradiance, distance)
         }
     }
@@ -758,7 +782,7 @@ fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
 
 /// Keeps what samples saw first.
 fn first(s: &Surface, n: usize, paths: &[Path; 8], into: &mut [First]) {
-    let (normal, albedo) = (s.normal.map(f32x8::to_array), s.material.albedo.map(f32x8::to_array));
+    let (normal, albedo) = (s.mapped.map(f32x8::to_array), s.material.albedo.map(f32x8::to_array));
     let (roughness, metallic) = (s.material.roughness.to_array(), s.material.metallic.to_array());
     for l in 0..n {
         into[paths[l].slot as usize] = First {

@@ -9,7 +9,7 @@
 //!   the last place of what the place is computed from, whatever the scale of the scene.
 
 use super::ggx::Material;
-use super::vector::{add, cross, dot, mul, scale, select, sub, unit};
+use super::vector::{add, cross, cross_direction, dot, scale, select, sub, together, unit};
 use crate::geometry::bvh::Hit;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::order;
@@ -28,7 +28,9 @@ pub(super) struct Surface {
     pub(super) position: [f32x8; 3],
     /// unit face normal towards the eye
     pub(super) face: [f32x8; 3],
-    /// unit shading normal towards the eye
+    /// unit shading normal, on the side of the face that is seen; the same from wherever it is seen
+    pub(super) mapped: [f32x8; 3],
+    /// the same, bent into view: for reflection
     pub(super) normal: [f32x8; 3],
     /// textures applied
     pub(super) material: Material<f32x8>,
@@ -39,12 +41,17 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    /// Start of a ray along `towards`: on the side of the face that the ray leaves to.
+    /// Start of rays, before the face.
     #[inline(always)]
-    pub(super) fn start(&self, towards: [f32x8; 3]) -> [f32x8; 3] {
-        let side = dot(self.face, towards).lt(f32x8::splat(0.0));
-        let step = Real::select(side, -self.offset, self.offset);
-        add(self.position, scale(self.face, step))
+    pub(super) fn start(&self) -> [f32x8; 3] {
+        add(self.position, scale(self.face, self.offset))
+    }
+
+    /// Whether a direction leaves to the side of the face that is seen. A shading normal also reflects below it, where on an open sheet
+    /// nothing would stop light from behind.
+    #[inline(always)]
+    pub(super) fn before(&self, towards: [f32x8; 3]) -> f32x8 {
+        Real::gt(dot(self.face, towards), f32x8::splat(0.0))
     }
 }
 
@@ -91,7 +98,7 @@ pub(super) fn emission(object: &Object, hit: &Hit) -> [f32; 3] {
 pub(super) fn beyond(object: &Object, hit: &Hit, towards: [f32; 3]) -> [f32; 3] {
     let [p0, p1, p2] = object.mesh.corners(hit.triangle as usize);
     let (e1, e2) = (sub(p1, p0), sub(p2, p0));
-    let face = unit(cross(e1, e2)).0;
+    let face = unit(cross_direction(e1, e2)).0;
     let step = OFFSET * reach(&[p0, p1, p2]);
     let step = if dot(face, towards) < 0.0 { -step } else { step };
     add(add(p0, add(scale(e1, hit.u), scale(e2, hit.v))), scale(face, step))
@@ -133,7 +140,7 @@ pub(super) fn eight(object: &Object, hits: &[Hit; 8], view: [f32x8; 3]) -> Surfa
     let offset = f32x8::new(std::array::from_fn(|l| OFFSET * reach(&corners[l])));
     let (e1, e2) = (sub(p1, p0), sub(p2, p0));
     let position = add(p0, add(scale(e1, u), scale(e2, v)));
-    let face = unit(cross(e1, e2)).0;
+    let face = unit(cross_direction(e1, e2)).0;
     let away = Real::lt(dot(face, view), zero);
     let face = select(away, face.map(|x| -x), face);
     let mut normal = face;
@@ -147,11 +154,12 @@ pub(super) fn eight(object: &Object, hits: &[Hit; 8], view: [f32x8; 3]) -> Surfa
     }
     let (material, emission) = materials(object, hits, &index, [e1, e2], face, &mut normal);
     // bend into view
+    let mapped = normal;
     let facing = dot(normal, view);
     let hidden = Real::lt(facing, f32x8::splat(FACING_MIN));
     let bent = unit(add(normal, scale(view, f32x8::splat(FACING_MIN) - facing))).0;
     normal = select(hidden, bent, normal);
-    Surface { position, face, normal, material, emission, offset }
+    Surface { position, face, mapped, normal, material, emission, offset }
 }
 
 /// Materials with their textures; tilts the normals that have a map.
@@ -212,12 +220,13 @@ fn materials(
 #[inline(always)]
 fn tilt_normal(
     [a, b, c]: [[f32x8; 2]; 3],
-    [e1, e2]: [[f32x8; 3]; 2],
+    edges: [[f32x8; 3]; 2],
     normal: [f32x8; 3],
     face: [f32x8; 3],
     t: [f32x8; 3],
 ) -> [f32x8; 3] {
     let zero = f32x8::splat(0.0);
+    let [e1, e2] = together(edges);
     let (u1, v1, u2, v2) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
     let area = u1 * v2 - u2 * v1;
     let sign = Real::select(Real::lt(area, zero), f32x8::splat(-1.0), f32x8::splat(1.0));
@@ -235,5 +244,5 @@ fn tilt_normal(
     // a tilt beyond the horizon of the face stays on its side
     let below = Real::lt(dot(new, face), zero);
     let lifted = unit(sub(new, scale(face, dot(new, face)))).0;
-    select(below, mul(lifted, [f32x8::splat(1.0); 3]), new)
+    select(below, lifted, new)
 }

@@ -26,6 +26,7 @@ pub fn srgb_u8(linear: &[[f32; 3]], exposure: f32) -> Vec<u8> {
     let mut bytes = vec![0; flat.len()];
     par::chunks_mut(&mut bytes, 3 * 4096, |c, out| {
         let x = &flat[c * 3 * 4096..][..out.len()];
+        debug_assert!(x.iter().all(|x| !x.is_nan()), "a picture holds numbers");
         for (x, out) in x.chunks(8).zip(out.chunks_mut(8)) {
             let lanes = f32x8::from_fn(|l| order::clamp(x[Ord::min(l, x.len() - 1)] * exposure, 0.0, 1.0));
             let e = encode(lanes).to_array();

@@ -44,14 +44,58 @@ pub fn select<L: Real>(mask: L::Mask, yes: [L; 3], no: [L; 3]) -> [L; 3] {
     [L::select(mask, yes[0], no[0]), L::select(mask, yes[1], no[1]), L::select(mask, yes[2], no[2])]
 }
 
-/// a/‖a‖ and ‖a‖; a zero vector (also one whose square underflows) stays zero and has length 0.
+/// Power of two by which a vector is multiplied before it is squared, and its inverse: 1 where the largest component lies in 2⁻⁴⁰..2⁶⁰, else
+/// one that brings it to 2⁻⁴⁹..2⁶⁰.
+#[inline(always)]
+fn gauge<L: Real>(largest: L) -> [L; 2] {
+    let s = L::splat;
+    let (one, up, down) = (s(1.0), s(TWO_100), s(TWO_M80));
+    let (small, large) = (largest.lt(s(TWO_M40)), largest.ge(s(TWO_60)));
+    [
+        L::select(small, up, L::select(large, down, one)),
+        L::select(small, s(TWO_M100), L::select(large, s(TWO_80), one)),
+    ]
+}
+
+const TWO_60: f32 = f32::from_bits((127 + 60) << 23);
+const TWO_80: f32 = f32::from_bits((127 + 80) << 23);
+const TWO_100: f32 = f32::from_bits((127 + 100) << 23);
+const TWO_M40: f32 = f32::from_bits((127 - 40) << 23);
+const TWO_M80: f32 = f32::from_bits((127 - 80) << 23);
+const TWO_M100: f32 = f32::from_bits((127 - 100) << 23);
+
+/// Largest absolute component.
+#[inline(always)]
+pub fn largest<L: Real>(a: [L; 3]) -> L {
+    a[0].abs().max(a[1].abs()).max(a[2].abs())
+}
+
+/// a/‖a‖ and ‖a‖ for any finite a: a power of two keeps the squares within range and changes no bit of the others. The zero vector stays zero
+/// and has length 0; a length beyond f32 is infinite.
 #[inline(always)]
 pub fn unit<L: Real>(a: [L; 3]) -> ([L; 3], L) {
     let zero = L::splat(0.0);
+    let [to, from] = gauge(largest(a));
+    let a = scale(a, to);
     let length = dot(a, a).sqrt();
     let there = length.gt(zero);
     let safe = L::select(there, length, L::splat(1.0));
-    (select(there, a.map(|x| x / safe), [zero; 3]), length)
+    (select(there, a.map(|x| x / safe), [zero; 3]), length * from)
+}
+
+/// a × b up to a positive factor, 1 where the largest components of both lie in 2⁻⁴⁰..2⁶⁰: products of edges of any length stay within
+/// range.
+#[inline(always)]
+pub fn cross_direction<L: Real>(a: [L; 3], b: [L; 3]) -> [L; 3] {
+    let within = |v: [L; 3]| scale(v, gauge(largest(v))[0]);
+    cross(within(a), within(b))
+}
+
+/// Both times the same power of two, 1 where the largest component of all lies in 2⁻⁴⁰..2⁶⁰.
+#[inline(always)]
+pub fn together<L: Real>([a, b]: [[L; 3]; 2]) -> [[L; 3]; 2] {
+    let to = gauge(largest(a).max(largest(b)))[0];
+    [scale(a, to), scale(b, to)]
 }
 
 /// Two unit vectors that make a right-handed frame with the unit vector `n` (Duff et al. 2017).

@@ -115,3 +115,22 @@ fn indices_lie_in_range_and_reach_every_value() {
     }
     assert!(seen.iter().all(|&n| (800..1200).contains(&n)), "{seen:?}");
 }
+
+#[test]
+fn derived_seeds_are_words_of_a_block_and_differ() {
+    let words = Rng::new(7).block(3, 0, 0x1234, 0);
+    assert_eq!(rng::derive(7, 3, 0x1234), u64::from(words[1]) << 32 | u64::from(words[0]), "x₁·2³² + x₀");
+    assert_eq!(Rng::new(7).derive(3, 0, 0x1234), rng::derive(7, 3, 0x1234), "step 0");
+    // what adding an item to a seed would confuse: neighbours in seed, item, step and purpose
+    let mut all = Vec::new();
+    for seed in 0..8 {
+        for item in 0..8 {
+            all.extend((0..8).map(|step| Rng::new(seed << 32).derive(item, step, 0x1234)));
+            all.push(rng::derive(seed, item, 0x1235));
+        }
+    }
+    let n = all.len();
+    all.sort_unstable();
+    all.dedup();
+    assert_eq!(all.len(), n, "all different");
+}

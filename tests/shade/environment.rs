@@ -4,7 +4,7 @@ use crate::{on_sphere, uniform};
 use lastlight::num::lanes::f32x8;
 use lastlight::num::rng::Rng;
 use lastlight::scene::light::Environment;
-use lastlight::shade::environment::{LUMINANCE, Sky, solid_angles, texel_center};
+use lastlight::shade::environment::{LUMINANCE, Sky, solid_angles, texel_center, texel_centers};
 use lastlight::shade::vector::dot;
 use std::f64::consts::PI;
 
@@ -154,6 +154,18 @@ fn a_constant_map_gives_irradiance_pi() {
         let d = on_sphere(i, 10);
         assert_eq!(sky.radiance(d), [2.5, 0.5, 1.0], "constant everywhere");
         assert_eq!((big.radiance(d), big.density(d)), (sky.radiance(d), sky.density(d)), "whatever its size");
+    }
+}
+
+#[test]
+fn all_texel_centres_are_those_of_each() {
+    for (w, h) in [(1, 1), (6, 4), (33, 17)] {
+        let all = texel_centers(w, h);
+        assert_eq!(all.len(), w * h, "{w}×{h}");
+        for (t, d) in all.iter().enumerate() {
+            let one = texel_center(w, h, t / w, t % w);
+            assert_eq!(d.map(f32::to_bits), one.map(f32::to_bits), "{w}×{h}, texel {t}");
+        }
     }
 }
 

@@ -3,9 +3,11 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod environment;
+mod limits;
 mod operators;
 mod paths;
 mod pictures;
+mod vectors;
 
 use lastlight::geometry::bvh::Bvh;
 use lastlight::scene::camera::{Camera, Model};

@@ -261,3 +261,97 @@ fn a_map_with_one_texel_lit_is_one_light() {
         }
     }
 }
+
+/// Under a constant map the operator is the sum of its terms, however many there are; and for n = z the part that the albedo adds is the midpoint
+/// rule for ∫ cos dω/π, which is 1/cos(h/2) for rows of height h.
+#[test]
+fn a_large_constant_map_does_not_drift() {
+    use lastlight::shade::{environment, envmap};
+    let (h, w) = (512, 1024);
+    let env = vec![[1.0; 3]; h * w];
+    let mut normals: Vec<_> = (0..8).map(|i| on_sphere(i, 3)).collect();
+    (normals[0], normals[1]) = ([0.0, 0.0, 1.0], [0.0, 0.0, 1.0]);
+    let mut views: Vec<_> = (0..8).map(|i| unit([0.2 + uniform(i, 7), 0.1, 1.0]).0).collect();
+    views[1] = views[0];
+    for i in 2..8 {
+        let up = dot(views[i], normals[i]) < 0.0;
+        normals[i] = if up { normals[i].map(|x| -x) } else { normals[i] };
+    }
+    let mut albedo: Vec<_> = (0..8).map(|i| material(i).albedo).collect();
+    (albedo[0], albedo[1]) = ([1.0; 3], [0.0; 3]);
+    let (roughness, mut metallic) = (vec![0.8; 8], vec![0.3; 8]);
+    (metallic[0], metallic[1]) = (0.0, 0.0);
+    let x = envmap::In {
+        normal: &normals,
+        view: &views,
+        albedo: &albedo,
+        roughness: &roughness,
+        metallic: &metallic,
+        env: &env,
+        height: h,
+        width: w,
+    };
+    let mut out = vec![[0.0; 3]; 8];
+    envmap::forward(x, &mut out);
+    let centers = environment::texel_centers(w, h);
+    let omega = environment::solid_angles(w, h).0;
+    for p in 0..8 {
+        let m = Material { albedo: albedo[p], roughness: roughness[p], metallic: metallic[p] };
+        let point = Point::new(normals[p], views[p], &m);
+        let mut want = 0.0;
+        for (t, l) in centers.iter().enumerate() {
+            let nl = f64::from(dot(normals[p], *l));
+            if nl > 0.0 {
+                want += f64::from(point.eval(*l)[1]) * nl * omega[t / w];
+            }
+        }
+        let e = (f64::from(out[p][1]) / want - 1.0).abs();
+        // half a unit in the last place each of Δω, of a term's products, and of the sum
+        assert!(e <= 2e-7, "point {p}: {} against {want}, off by {e:.1e}", out[p][1]);
+    }
+    let irradiance = f64::from(out[0][0]) - f64::from(out[1][0]);
+    let want = 1.0 / libm::cos(0.5 * std::f64::consts::PI / h as f64);
+    println!("irradiance/π of a constant map: {irradiance:.8}, want {want:.8}");
+    assert!((irradiance - want).abs() <= 1e-6, "{irradiance}, want {want}");
+}
+
+#[test]
+fn normals_of_any_length_reflect_alike() {
+    let (v, l) = (unit([0.3, 0.1, 0.9]).0, unit([-0.4, 0.2, 0.8]).0);
+    let shoot = |length: f32| {
+        let mut f = [[0.0; 3]];
+        let normal = [0.1, -0.2, 0.97].map(|x| x * length);
+        let x = ggx::In {
+            normal: &[normal],
+            view: &[v],
+            light: &[l],
+            albedo: &[[0.9, 0.5, 0.1]],
+            roughness: &[0.4],
+            metallic: &[0.5],
+        };
+        ggx::forward(x, &mut f);
+        f[0][0]
+    };
+    let want = shoot(1.0);
+    for length in [1e-36_f32, 1e-21, 1e-12, 1e-3, 1e4, 2e19, 1e38] {
+        let f = shoot(length);
+        assert!((f / want - 1.0).abs() <= 1e-5, "length {length:e}: {f}, want {want}");
+    }
+}
+
+#[test]
+fn the_operators_refuse_what_is_out_of_range() {
+    for name in ["shade.ggx", "shade.envmap"] {
+        let op = ops::find(name).expect("it is on the list");
+        for (array, value) in [("roughness", 2.0_f32), ("metallic", -0.1), ("albedo", 1.5), ("view", 2.0)] {
+            let Case { mut inputs, settings } = (op.case)(0);
+            let old = inputs.get(array).expect("an input");
+            let (shape, mut values) = (old.shape().to_vec(), old.to_f32());
+            values[4] = value;
+            inputs.put(array, &shape, values);
+            let e = ops::run(op, &Call { inputs, settings, ..Call::default() }).expect_err("refused");
+            let row = if shape.len() == 2 { 1 } else { 4 };
+            assert!(e.to_string().contains(&format!("array '{array}', row {row}")), "{name}: {e}");
+        }
+    }
+}

@@ -214,3 +214,57 @@ fn same(a: &Passes, b: &Passes) -> bool {
     };
     bits(a) == bits(b)
 }
+
+/// On a Lambert plane: emission + ρ·L + ρ/π·E·cos, from a map, a lamp and the surface itself at once.
+#[test]
+fn lamp_map_and_emission_add_up() {
+    let (albedo, radiance, irradiance, glow) = ([0.6, 0.3, 0.9], 0.5, 2.0, [0.1, 0.0, 0.7]);
+    let [r, g, b] = albedo;
+    let plane = object(square(5.0), Material { base_color: [r, g, b, 1.0], emission: glow, ..white() });
+    let view = look([0.0, -0.2, 3.0], [0.0; 3], 0.3, 24, 24);
+    let lights = Lights {
+        environment: Some(Environment::constant([radiance; 3])),
+        lamps: vec![Lamp::Distant { towards: [0.6, 0.0, 0.8], irradiance: [irradiance; 3] }],
+    };
+    for bounces in [0, 2] {
+        let settings = Settings { samples: 64, bounces, seed: 5, brdf: Brdf::Lambert, ..Settings::default() };
+        let out = shoot(&plane, &lights, &view, &settings);
+        for k in 0..3 {
+            let want = f64::from(glow[k] + albedo[k] * radiance + albedo[k] / PI * irradiance * 0.8);
+            let values: Vec<f64> = out.color.iter().map(|c| f64::from(c[k])).collect();
+            let (mean, error) = mean_and_error(&values);
+            println!("bounces {bounces}, channel {k}: {mean:.5} ± {error:.5}, want {want:.5}");
+            assert!((mean - want).abs() <= 4.0 * error + 1e-5, "bounces {bounces}: {mean} ± {error}, {want}");
+        }
+    }
+}
+
+/// A glossy ball under a constant map, where lights and directions share the work, and within a sphere that glows alike, which directions
+/// alone find.
+#[test]
+fn both_ways_of_finding_light_have_the_mean_of_one() {
+    let glossy = Material { roughness: 0.4, metallic: 0.6, base_color: [0.9, 0.6, 0.4, 1.0], ..white() };
+    let ball = object(sphere(1.0, 16, true), glossy);
+    let mut within = ball.clone();
+    let room = sphere(20.0, 8, false);
+    let base = within.mesh.positions.len() as u32;
+    within.mesh.normals.extend(room.positions.iter().map(|_| [0.0; 3]));
+    within.mesh.positions.extend(room.positions);
+    within.mesh.uvs.extend(room.uvs);
+    within.material_of.extend(room.triangles.iter().map(|_| 1));
+    within.mesh.triangles.extend(room.triangles.iter().map(|t| t.map(|i| i + base)));
+    let black = Material { base_color: [0.0, 0.0, 0.0, 1.0], emission: [1.0; 3], ..white() };
+    within.materials.push(black);
+    let view = look([0.0, -3.0, 1.0], [0.0; 3], 0.8, 40, 40);
+    let settings = Settings { samples: 64, bounces: 0, seed: 6, ..Settings::default() };
+    let both = shoot(&ball, &constant(), &view, &settings);
+    let one = shoot(&within, &Lights::default(), &view, &Settings { seed: 7, ..settings });
+    for k in 0..3 {
+        let gap = |i: usize| f64::from(both.color[i][k]) - f64::from(one.color[i][k]);
+        let gaps: Vec<f64> = (0..1600).filter(|&i| both.alpha[i] == 1.0).map(gap).collect();
+        let (mean, error) = mean_and_error(&gaps);
+        println!("channel {k}: {mean:.6} ± {error:.6} over {} pixels", gaps.len());
+        assert!(gaps.len() > 500, "the ball is in view");
+        assert!(mean.abs() <= 4.0 * error, "channel {k}: {mean} ± {error}");
+    }
+}

@@ -287,7 +287,16 @@ fn no_surface_shadows_itself_at_any_scale() {
     let sun =
         lastlight::scene::light::Lamp::Distant { towards: unit([0.3, -1.0, 0.8]).0, irradiance: [1.0; 3] };
     let lights = Lights { environment: None, lamps: vec![sun] };
-    for (scale, shift) in [(1.0_f32, 0.0_f32), (1e-4, 0.0), (1e5, 0.0), (1.0, 300.0)] {
+    for (scale, shift) in [
+        (1.0_f32, 0.0_f32),
+        (1e-4, 0.0),
+        (1e5, 0.0),
+        (1e-10, 0.0),
+        (1e10, 0.0),
+        (1e-15, 0.0),
+        (1e15, 0.0),
+        (1.0, 300.0),
+    ] {
         let mut mesh = sphere(scale, 64, true);
         mesh.positions.iter_mut().flatten().for_each(|x| *x += shift);
         let ball = object(mesh, Material { roughness: 1.0, ..Material::default() });
@@ -341,6 +350,13 @@ fn exposure_brings_the_ninetieth_percentile_to_its_place() {
     assert_eq!(exposure::auto(&[[0.0; 3]], &[1.0]), 4.0, "a black object");
     assert_eq!(exposure::auto(&[[1.0; 3]], &[0.0]), 1.0, "no object");
     assert_eq!(exposure::auto(&[], &[]), 1.0, "no picture");
+}
+
+#[test]
+#[cfg(debug_assertions)]
+#[should_panic(expected = "a picture holds numbers")]
+fn a_picture_that_is_not_a_number_panics_in_debug_builds() {
+    tonemap::srgb_u8(&[[0.0, f32::NAN, 0.0]], 1.0);
 }
 
 #[test]
