@@ -15,8 +15,8 @@ use super::purpose;
 use reference::num::rng::{Key, normal_f64, uniform_f64};
 use reference::scalar::Scalar;
 
-/// Largest share of a factor's variance that its parents explain.
-pub const MOST_EXPLAINED: f64 = 0.85;
+/// Largest share of a factor's variance that its parents explain; a noise of standard deviation 0.05 remains.
+pub const MOST_EXPLAINED: f64 = 1.0 - 0.05 * 0.05;
 
 /// Draws behind the variances of nonlinear mechanisms.
 pub const DRAWS: usize = 1_000_000;
