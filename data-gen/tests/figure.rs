@@ -349,6 +349,26 @@ fn wrinkles_are_the_published_wave_and_do_not_know_the_posture() {
 }
 
 #[test]
+fn form_and_noise_are_two_choices() {
+    for (name, mechanism, bends, is_uniform) in [
+        ("LIN", Mechanism::Lin, false, false),
+        ("NL", Mechanism::Nl, true, false),
+        ("NG", Mechanism::Ng, false, true),
+        ("NL-NG", Mechanism::NlNg, true, true),
+    ] {
+        assert_eq!(Mechanism::parse(name), Ok(mechanism), "{name}");
+        assert_eq!(mechanism.name(), name, "{name}");
+        assert_eq!(mechanism.f(3.0) < 1.0, bends, "{name}: f");
+        let largest = (0..4000).fold(0.0f64, |m, item| {
+            let e = mechanism.noise(Key { seed: 1, item, step: 0, purpose: 1, draw: 0 }).abs();
+            if e > m { e } else { m }
+        });
+        assert_eq!(largest <= 3.0_f64.sqrt(), is_uniform, "{name}: noise up to {largest}");
+    }
+    assert!(Mechanism::parse("nl").is_err(), "names are exact");
+}
+
+#[test]
 fn coefficients_shrink_only_where_parents_leave_no_room() {
     let (mut shrunk, mut count) = (0, 0);
     for seed in 0..100 {
