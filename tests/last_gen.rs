@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Digests of the files of [`small`] in the order of the paths: template and sets; the video, which the renderer of surfaces made.
-const DIGESTS: [u64; 2] = [0x659e_0a3b_3716_b855, 0x9a85_9e65_3d4a_545d];
+const DIGESTS: [u64; 2] = [0xdebf_9dbc_cd2b_f950, 0xf349_e29a_b234_a535];
 
 /// A data set of every kind that takes a second.
 fn small() -> Settings {
@@ -147,6 +147,11 @@ fn arrays_are_those_of_the_layout() {
     let t = read("template.npz");
     assert_eq!(shape(&t, "weights"), [128, 12], "weights");
     assert_eq!(shape(&t, "rest"), [12, 4, 4], "rest");
+    let (spacing, sigma) =
+        (t.need("spacing").expect("there").to_f64(), t.need("sigma").expect("there").to_f64());
+    assert!(spacing.len() == 128 && spacing.iter().all(|s| *s > 0.0), "points lie apart");
+    let off = spacing.iter().zip(&sigma).fold(0.0f64, |m, (d, s)| m + (s - 0.6 * d).abs());
+    assert!(off < 1e-6, "σ = 0.6 × mean distance of the three nearest: {off}");
     let o = read("observational/0001.npz");
     assert_eq!(shape(&o, "images"), [16, 16, 16, 3], "64 + 16 frames");
     assert_eq!((shape(&o, "u"), shape(&o, "points")), (vec![16, 6], vec![16, 128, 3]), "factors, points");

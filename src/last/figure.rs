@@ -97,6 +97,8 @@ impl From<&Cloud> for Points {
 pub struct Dots {
     /// At rest.
     pub template: Template,
+    /// (P) mean distance to the three nearest other points at rest
+    pub spacing: Vec<f64>,
     radii: Vec<f32>,
     sigmas: Vec<[f32; 3]>,
 }
@@ -110,6 +112,7 @@ impl Dots {
             radii: spacing.iter().map(|s| (DISC * s) as f32).collect(),
             sigmas: spacing.iter().map(|s| [(SIGMA * s) as f32; 3]).collect(),
             template,
+            spacing,
         }
     }
 

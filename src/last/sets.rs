@@ -7,7 +7,8 @@
 //! interventions/0000.npz …    8 groups each
 //! ```
 //! `template.npz`: `points`, `normals` (P,3), `weights` (P,K), `bone` (P) i32, `parents` (K) i32 (−1: none), `joints` (K,3), `rest`
-//! (K,4,4) world-from-bone at rest.
+//! (K,4,4) world-from-bone at rest, `spacing` (P) mean distance to the three nearest points, `sigma` (P) standard deviation of the isotropic
+//! Gaussians that show the points, whose opacity is [`figure::OPACITY`].
 //!
 //! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded on black, `mask` (N,S,S) u8 covered share, `points`, `rgb`
 //! (N,P,3) f32 (the figure's frame; sRGB-encoded, shaded), `u`, `e` (N,n) f64, `appearance`, `index` (N) i64.
@@ -196,6 +197,8 @@ pub fn template_arrays(dots: &Dots) -> Arrays {
             bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
         )
         .with("joints", &[BONES, 3], flat(&joints))
+        .with("spacing", &[p], dots.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
+        .with("sigma", &[p], dots.spacing.iter().map(|s| (figure::SIGMA * s) as f32).collect::<Vec<f32>>())
         .with("rest", &[BONES, 4, 4], rest.collect::<Vec<f32>>())
 }
 

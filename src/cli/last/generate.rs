@@ -173,7 +173,6 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let settings = args.settings()?;
-    settings.scm()?;
     claim::check(&args.out, args.resume, args.force)?;
     let mut meter = Meter::new(args.quiet);
     let report = cli::stoppable(|stop| {
