@@ -102,6 +102,7 @@ fn help_shows_examples_and_exit_codes() {
         &["splat", "render", "--help"],
         &["splat", "eval", "--help"],
         &["convert", "--help"],
+        &["last", "gen", "--help"],
     ] {
         let o = lastlight(args, dir.path());
         assert_eq!(code(&o), 0, "{args:?}");
@@ -389,4 +390,64 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
             "{signal}: the same checkpoint"
         );
     }
+}
+
+#[test]
+fn last_gen_makes_continues_and_refuses() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let base = [
+        "last",
+        "gen",
+        "--profile",
+        "smoke",
+        "--set",
+        "observational",
+        "--mechanism",
+        "LIN",
+        "--count",
+        "3",
+        "--appearances",
+        "1",
+        "--points",
+        "64",
+        "--size",
+        "16",
+    ];
+    let with = |more: &[&'static str]| base.iter().chain(more).copied().collect::<Vec<&str>>();
+    let made = json(&with(&["--out", "a", "--json"]), dir.path());
+    assert_eq!(made["complete"], true, "finished");
+    assert_eq!(made["files"].as_array().map(Vec::len), Some(2), "template and one shard");
+    refused(&with(&["--out", "a"]), dir.path(), 2, &["new or empty folder"]);
+    refused(&with(&["--out", "a", "--resume", "--seed", "1"]), dir.path(), 2, &["seed 0 instead of 1"]);
+    assert_eq!(
+        json(&with(&["--out", "a", "--resume", "--json"]), dir.path()),
+        made,
+        "continued: the same record"
+    );
+    assert_eq!(
+        json(&with(&["--out", "a", "--force", "--json"]), dir.path()),
+        made,
+        "started over: the same record"
+    );
+    refused(&["last", "gen", "--out", "b", "--graph", "RING"], dir.path(), 2, &["RING"]);
+    refused(&["last", "gen", "--out", "b", "--mechanism", "X"], dir.path(), 2, &["LIN, NL, NG or NL-NG"]);
+    refused(
+        &["last", "gen", "--out", "b", "--set", "video", "--size", "9999"],
+        dir.path(),
+        2,
+        &["video size"],
+    );
+    refused(
+        &["last", "gen", "--out", "b", "--set", "video", "--look", "points", "--passes"],
+        dir.path(),
+        2,
+        &["passes"],
+    );
+    refused(
+        &["last", "gen", "--out", "b", "--character", "none.glb", "--animation", "Walk"],
+        dir.path(),
+        2,
+        &["none.glb"],
+    );
+    assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }

@@ -1,7 +1,8 @@
 //! `last gen`: the same settings give the same bytes, whatever the threads and however often it was interrupted.
 
 use lastlight::io::{capture, npz};
-use lastlight::last::figure::Look;
+use lastlight::last::character::Casting;
+use lastlight::last::figure::{self, Look};
 use lastlight::last::generate::{self, Report, Settings};
 use lastlight::num::{bits, par};
 use std::collections::BTreeMap;
@@ -9,7 +10,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Digests of the files of [`small`] in the order of the paths: template and sets; the video, which the renderer of surfaces made.
-const DIGESTS: [u64; 2] = [0x3d6a_6aa9_ebcd_1ac6, 0xb530_e9ce_e1bb_0d3f];
+const DIGESTS: [u64; 2] = [0xdebf_9dbc_cd2b_f950, 0xf349_e29a_b234_a535];
 
 /// A data set of every kind that takes a second.
 fn small() -> Settings {
@@ -31,6 +32,17 @@ fn small() -> Settings {
 fn make(settings: &Settings, dir: &Path, resume: bool, threads: usize) -> Report {
     let run = || generate::run(settings, dir, resume, &AtomicBool::new(false), &mut |_, _, _| {});
     par::with_threads(threads, run).expect("a pool").expect("a data set")
+}
+
+/// A character whose file does not exist.
+fn nobody() -> Casting {
+    Casting {
+        file: "no such folder/it's nobody.glb".into(),
+        animations: vec!["Walk".into()],
+        elbow: None,
+        hide: Vec::new(),
+        play: false,
+    }
 }
 
 /// Contents of a folder by path.
@@ -135,6 +147,11 @@ fn arrays_are_those_of_the_layout() {
     let t = read("template.npz");
     assert_eq!(shape(&t, "weights"), [128, 12], "weights");
     assert_eq!(shape(&t, "rest"), [12, 4, 4], "rest");
+    let (spacing, sigma) =
+        (t.need("spacing").expect("there").to_f64(), t.need("sigma").expect("there").to_f64());
+    assert!(spacing.len() == 128 && spacing.iter().all(|s| *s > 0.0), "points lie apart");
+    let off = spacing.iter().zip(&sigma).fold(0.0f64, |m, (d, s)| m + (s - 0.6 * d).abs());
+    assert!(off < 1e-6, "σ = 0.6 × mean distance of the three nearest: {off}");
     let o = read("observational/0001.npz");
     assert_eq!(shape(&o, "images"), [16, 16, 16, 3], "64 + 16 frames");
     assert_eq!((shape(&o, "u"), shape(&o, "points")), (vec![16, 6], vec![16, 128, 3]), "factors, points");
@@ -206,8 +223,116 @@ fn settings_out_of_range_are_refused() {
     assert!(refused(|s| s.factors = 9).contains("2 to 8"), "factors");
     assert!(refused(|s| s.graph = "ER-99".into()).contains("at most 6 edges"), "edges");
     assert!(refused(|s| s.graph = "fork".into()).contains("FORK"), "names");
-    assert!(refused(|s| s.mechanism = "lin".into()).contains("LIN, NL or NG"), "mechanism");
+    assert!(refused(|s| s.mechanism = "lin".into()).contains("LIN, NL, NG or NL-NG"), "mechanism");
     assert!(refused(|s| s.points = 3).contains("64 to"), "points");
     assert!(refused(|s| s.set = "some".into()).contains("observational"), "set");
     assert!(refused(|s| s.test_cameras = 23).contains("1 to 22"), "cameras");
+    assert!(refused(|s| s.set_size = 1024).contains("set size"), "side of the sets");
+    assert!(refused(|s| s.video_size = 5000).contains("video size"), "side of the video");
+    let points = |s: &mut Settings| (s.passes, s.video_look) = (true, Look::Splats);
+    assert!(refused(points).contains("points have no depth"), "passes of points");
+    let five = |s: &mut Settings| {
+        (s.set, s.factors, s.character) = ("video".into(), 5, Some(nobody()));
+    };
+    assert!(refused(five).contains("act on nothing"), "more factors than a character has");
+    // What is not made is not checked.
+    let mut video = Settings { set: "video".into(), set_size: 1024, count: 0, ..small() };
+    video.validate().expect("no set is made");
+    (video.set, video.set_size, video.count, video.video_size) = ("observational".into(), 64, 1, 9999);
+    video.validate().expect("no video is made");
+    assert_eq!(Settings::smoke().points, 1024, "the smallest template of the specification");
+}
+
+#[test]
+fn a_folder_never_mixes_two_runs() {
+    let a = small();
+    let b = Settings { seed: 1, count: 70, groups: 3, frames: 3, test_cameras: 1, ..small() };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (fresh, used) = (folder.path().join("fresh"), folder.path().join("used"));
+    make(&b, &fresh, false, 2);
+    let expected = contents(&fresh);
+    make(&a, &used, false, 2);
+    std::fs::write(used.join("notes.txt"), "mine").expect("written");
+    // Started over with other settings, stopped after one shard, continued.
+    let stop = AtomicBool::new(false);
+    generate::run(&b, &used, false, &stop, &mut |_, _, _| stop.store(true, Ordering::Relaxed))
+        .expect_err("stopped");
+    let there = contents(&used);
+    assert!(there.contains_key("observational/0000.npz"), "one shard was made");
+    assert!(!there.contains_key("observational/0001.npz"), "shards of the run before are gone");
+    assert!(!there.keys().any(|name| name.starts_with("video/")), "and so is its video");
+    make(&b, &used, true, 2);
+    assert_eq!(std::fs::read(used.join("notes.txt")).expect("kept"), b"mine", "other files stay");
+    std::fs::remove_file(used.join("notes.txt")).expect("removed");
+    assert_same(&expected, &contents(&used), "started over");
+
+    // A shard that was changed is made again, whether the set is finished or not.
+    std::fs::write(used.join("observational/0001.npz"), "broken").expect("written");
+    make(&b, &used, true, 2);
+    assert_same(&expected, &contents(&used), "repaired");
+
+    // A record with other causes is refused, and so are files of unknown origin.
+    let record = used.join("dataset.json");
+    let text = std::fs::read_to_string(&record).expect("readable");
+    let resume = || generate::run(&b, &used, true, &AtomicBool::new(false), &mut |_, _, _| {});
+    let other = text.replace("\"version\": 1", "\"version\": 7");
+    std::fs::write(&record, &other).expect("written");
+    let e = resume().expect_err("another version").to_string();
+    assert!(e.contains("version 7 instead of 1"), "{e}");
+    assert_eq!(std::fs::read_to_string(&record).expect("readable"), other, "the record is kept");
+    std::fs::remove_file(&record).expect("removed");
+    let e = resume().expect_err("unknown files").to_string();
+    assert!(e.contains("files without that record"), "{e}");
+}
+
+#[test]
+fn a_character_that_cannot_play_leaves_no_folder() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = folder.path().join("out");
+    let settings = Settings { set: "video".into(), character: Some(nobody()), ..small() };
+    assert!(
+        settings.command().contains("--character 'it'\\''s nobody.glb' --animation Walk"),
+        "{}",
+        settings.command()
+    );
+    generate::run(&settings, &dir, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect_err("no file");
+    assert!(!dir.exists(), "nothing was made");
+}
+
+#[test]
+fn pictures_have_seeds_of_their_own() {
+    let mut seeds = std::collections::BTreeSet::new();
+    for seed in [0, 1, 1 << 32, 1 << 63] {
+        for purpose in [data_gen::figure::purpose::PICTURE_VIDEO, data_gen::figure::purpose::PICTURE_BASE] {
+            seeds.extend((0..64).map(|item| figure::picture_seed(seed, purpose, item)));
+        }
+    }
+    assert_eq!(seeds.len(), 4 * 2 * 64, "no two are the same");
+}
+
+#[test]
+fn cameras_of_sets_and_video_are_those_of_the_specification() {
+    use data_gen::figure::video;
+    use lastlight::scene::camera::Model;
+    use lastlight::scene::from_data_gen;
+    for index in 0..video::CAMERAS {
+        let c = from_data_gen::camera(&video::camera(index, 64), Model::Pinhole);
+        let eye: Vec<f64> = (0..3)
+            .map(|k| -(0..3).fold(0.0, |s, i| s + f64::from(c.rotation[i][k]) * f64::from(c.translation[i])))
+            .collect();
+        let radius = (eye[0] * eye[0] + eye[1] * eye[1]).sqrt();
+        assert!((radius - 6.0).abs() < 1e-5, "camera {index}: three body heights, {radius}");
+        let angle = std::f64::consts::TAU * index as f64 / 23.0;
+        let off = (eye[0] - radius * angle.sin()).abs() + (eye[1] + radius * angle.cos()).abs();
+        assert!(off < 1e-5, "camera {index} stands at 1/23 turns: {eye:?}");
+    }
+    let full = Settings::full();
+    let tested = (0..full.frames).filter(|t| t.is_multiple_of(video::TEST_STEP)).count();
+    assert_eq!((full.frames, tested * full.test_cameras), (100, 88), "frames 0, 30, 60, 90 from 22 cameras");
+    let smoke = Settings::smoke();
+    assert_eq!(
+        (smoke.frames, smoke.test_cameras, smoke.video_size, smoke.set_size),
+        (20, 4, 64, 64),
+        "smoke"
+    );
 }

@@ -6,6 +6,7 @@
 
 use super::subject::Subject;
 use crate::num::array::Arrays;
+use crate::num::bits::Digest;
 use crate::num::{order, par};
 use crate::scene::camera::{Camera, Model};
 use crate::scene::character::{Character, Factors, Pose, Template};
@@ -40,18 +41,21 @@ pub struct Casting {
 }
 
 impl Casting {
+    /// Name of the file or folder.
+    fn name(&self) -> String {
+        self.file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
+    }
+
     /// What settings record: the name of the file stands for its path.
     pub fn record(&self) -> Value {
-        let file = self.file.file_name().map(|n| n.to_string_lossy().into_owned());
         json!({
-            "file": file, "animations": self.animations, "elbow": self.elbow, "hide": self.hide, "play": self.play,
+            "file": self.name(), "animations": self.animations, "elbow": self.elbow, "hide": self.hide, "play": self.play,
         })
     }
 
-    /// The options that give it.
+    /// The options that give it; the name of the file stands for its path, so that a record does not depend on where it lies.
     pub fn options(&self) -> String {
-        let quoted = |s: &str| if s.contains(' ') { format!("'{s}'") } else { s.to_owned() };
-        let mut out = format!(" --character {}", quoted(&self.file.display().to_string()));
+        let mut out = format!(" --character {}", quoted(&self.name()));
         for a in &self.animations {
             out.push_str(&format!(" --animation {}", quoted(a)));
         }
@@ -66,6 +70,39 @@ impl Casting {
         }
         out
     }
+}
+
+/// A word of a command line as a POSIX shell reads it.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+/// Digest of what is shown and moved: surface, materials' pictures, joints. Two files of one name are told apart by it.
+fn digest(c: &Character) -> u64 {
+    let mut d = Digest::new();
+    let object = c.object();
+    let maps = object.materials.iter().filter_map(|m| m.base_color_map.as_ref());
+    let colors = object.materials.iter().map(|m| &m.base_color[..]);
+    let mesh = &object.mesh;
+    let floats = [mesh.positions.as_flattened(), mesh.normals.as_flattened(), mesh.uvs.as_flattened()];
+    for x in floats.into_iter().chain(colors).flatten() {
+        d.bytes(&x.to_bits().to_le_bytes());
+    }
+    for i in mesh.triangles.as_flattened() {
+        d.bytes(&i.to_le_bytes());
+    }
+    for map in maps {
+        d.bytes(map.texels.as_flattened());
+    }
+    for joint in c.joints() {
+        d.bytes(joint.name.as_bytes());
+    }
+    d.value()
 }
 
 /// A character that plays a part.
@@ -134,7 +171,7 @@ impl Actor {
         let zoom = order::min(1.0, FILL * video::RADIUS / (f64::from(focal) * seen));
         let elbow = factors.elbow.map(|j| character.joints()[j].name.clone());
         let record = json!({
-            "kind": "character", "file": casting.record()["file"], "animations": casting.animations, "elbow": elbow,
+            "kind": "character", "file": casting.name(), "digest": format!("{:016x}", digest(&character)), "animations": casting.animations, "elbow": elbow,
             "hide": casting.hide, "play": casting.play, "joints": character.joints().iter().map(|j| &j.name).collect::<Vec<_>>(),
             "vertices": character.object().mesh.positions.len(), "triangles": character.object().mesh.triangles.len(),
         });

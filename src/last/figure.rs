@@ -4,8 +4,10 @@
 //! are shaded by Lambert's law in `data_gen`; surfaces are rendered under a sun of irradiance 0.65π and a sky of mean
 //! radiance about 0.35, so that a white surface facing the sun is white in both.
 
+use super::generate::BOUNCES;
 use crate::geometry::bvh::Bvh;
 use crate::io::image_file;
+use crate::num::rng::Rng;
 use crate::scene::camera::Camera;
 use crate::scene::from_data_gen;
 use crate::scene::light::{Environment, Lamp, Lights};
@@ -95,6 +97,8 @@ impl From<&Cloud> for Points {
 pub struct Dots {
     /// At rest.
     pub template: Template,
+    /// (P) mean distance to the three nearest other points at rest
+    pub spacing: Vec<f64>,
     radii: Vec<f32>,
     sigmas: Vec<[f32; 3]>,
 }
@@ -108,6 +112,7 @@ impl Dots {
             radii: spacing.iter().map(|s| (DISC * s) as f32).collect(),
             sigmas: spacing.iter().map(|s| [(SIGMA * s) as f32; 3]).collect(),
             template,
+            spacing,
         }
     }
 
@@ -151,9 +156,6 @@ impl Dots {
     }
 }
 
-/// Radiance of the sky where cameras of the ring look, linear.
-const HORIZON: [f32; 3] = [0.33, 0.35, 0.37];
-
 /// Soft sky: brighter and bluer above, warmer and darker below, one colour within 45° of the horizon.
 fn sky() -> Environment {
     const ROWS: usize = 16;
@@ -162,7 +164,7 @@ fn sky() -> Environment {
             0..=1 => [0.50, 0.54, 0.60],
             2..=3 => [0.44, 0.47, 0.51],
             12..=15 => [0.20, 0.19, 0.18],
-            _ => HORIZON,
+            _ => [0.33, 0.35, 0.37],
         }
     };
     let radiance = (0..ROWS).flat_map(|i| [row(i); 2]).collect();
@@ -228,8 +230,18 @@ fn materials(figure: &Figure, drive: &Drive) -> Vec<Material> {
     figure.materials(drive).iter().map(from_data_gen::material).collect()
 }
 
-/// Passes of an object before black, lit by [`lights`]: what the sky adds behind it is taken out of the colour, exactly to rounding
-/// as long as the picture shows nothing beyond 45° from the horizon.
+/// Seed of the light's draws in a picture: one Philox block of the run's seed, so that no two pictures of any runs share them but by chance.
+pub fn picture_seed(seed: u64, purpose: u16, item: u64) -> u64 {
+    let [low, high, ..] = Rng::new(seed).block(item, 0, purpose, 0);
+    u64::from(high) << 32 | u64::from(low)
+}
+
+/// How surfaces are rendered, in video and sets alike: [`BOUNCES`], the sky lights but is not seen.
+pub fn lighting(samples: u32, seed: u64) -> render::Settings {
+    render::Settings { samples, bounces: BOUNCES, seed, environment_visible: false, ..Default::default() }
+}
+
+/// Passes of an object lit by [`lights`], before black if the settings are those of [`lighting`].
 ///
 /// # Errors
 /// When the object or the camera is not valid.
@@ -242,14 +254,7 @@ pub fn passes(
 ) -> Result<Passes> {
     let lights = lights(azimuth);
     let scene = Scene::new(object, bvh, &lights)?;
-    let mut passes = render::render(&scene, camera, None, settings)?;
-    for (color, &alpha) in passes.color.iter_mut().zip(&passes.alpha) {
-        *color = std::array::from_fn(|c| {
-            let rest = color[c] - (1.0 - alpha) * HORIZON[c];
-            if alpha > 0.0 && rest > 0.0 { rest } else { 0.0 }
-        });
-    }
-    Ok(passes)
+    render::render(&scene, camera, None, settings)
 }
 
 /// A small picture of surfaces.

@@ -8,9 +8,11 @@
 //! interventions/        see `sets`
 //! video/                a capture, see `subject`
 //! ```
-//! `dataset.json` is written first without digests (`complete`: false) and once more at the end. A run that was interrupted continues
-//! where files are missing; it must ask for the same settings. Digests are FNV-1a 64 of a file's bytes; that of `video` stands for all
-//! its pictures and cameras.
+//! `dataset.json` is written first (`complete`: false) and once more at the end, with the digest of every file. While sets are being
+//! made, `.shards/` has the digest of every finished shard; it is written after the shard, so a shard with a digest is whole and of this run.
+//! A run that was interrupted makes the shards whose bytes have no such digest; its record must say the same but for the files. A run that is
+//! not continued first removes what an earlier one left ([`clear`]), so a folder never mixes two. Digests are FNV-1a 64 of a file's
+//! bytes; that of `video` stands for all its pictures and cameras.
 
 use super::character::{Actor, Casting};
 use super::figure::{Dots, Look};
@@ -26,11 +28,21 @@ use data_gen::figure::samples;
 use data_gen::figure::sortability::{r2_sortability, varsortability};
 use data_gen::figure::{MAX_FACTORS, video};
 use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The record of a data set.
 pub const RECORD: &str = "dataset.json";
+
+/// Digests of finished shards while sets are being made.
+const JOURNAL: &str = ".shards";
+
+/// Bounces of light after the first hit, for surfaces of video and sets alike.
+pub const BOUNCES: u32 = 1;
+
+/// Factors that act on a character: posture, elbow, folds, light.
+pub const CHARACTER_FACTORS: usize = 4;
 
 /// Which sets are made.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,7 +83,7 @@ pub struct Settings {
     pub graph: String,
     /// number of factors, 2 to 8
     pub factors: usize,
-    /// `LIN`, `NL`, `NG`
+    /// `LIN`, `NL`, `NG`, `NL-NG`
     pub mechanism: String,
     /// unit noise and coefficients as drawn instead of unit variances
     pub raw: bool,
@@ -141,7 +153,7 @@ impl Settings {
             count: 128,
             groups: 16,
             appearances: 8,
-            points: 512,
+            points: 1024,
             frames: 20,
             test_cameras: 4,
             ..Self::full()
@@ -171,15 +183,34 @@ impl Settings {
             }
         };
         within("factors", self.factors, 2, MAX_FACTORS)?;
-        within("size", self.video_size, 8, 4096)?;
-        within("size", self.set_size, 8, 512)?;
         within("samples", self.samples as usize, 1, 65_536)?;
-        within("count", self.count, 1, 1 << 24)?;
-        within("groups", self.groups, 1, 1 << 20)?;
-        within("appearances", self.appearances, 1, 1 << 16)?;
         within("points", self.points, 64, 1 << 15)?;
-        within("frames", self.frames, 1, 100_000)?;
-        within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)
+        if which.observational {
+            within("count", self.count, 1, 1 << 24)?;
+        }
+        if which.interventions {
+            within("groups", self.groups, 1, 1 << 20)?;
+        }
+        if which.observational || which.interventions {
+            within("set size", self.set_size, 8, 512)?;
+            within("appearances", self.appearances, 1, 1 << 16)?;
+        }
+        if which.video {
+            within("video size", self.video_size, 8, 4096)?;
+            within("frames", self.frames, 1, 100_000)?;
+            within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)?;
+        }
+        if which.video && self.passes && self.video_look != Look::Mesh {
+            return Err(Error::input("setting passes")
+                .expected("the video look mesh: points have no depth, normals or material")
+                .got(self.video_look.name()));
+        }
+        if self.character.is_some() && self.factors > CHARACTER_FACTORS {
+            return Err(Error::input("setting factors")
+                .expected(format!("2 to {CHARACTER_FACTORS} for a character: further ones act on nothing"))
+                .got(self.factors.to_string()));
+        }
+        Ok(())
     }
 
     /// The truth behind the data.
@@ -200,7 +231,7 @@ impl Settings {
             "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
             "count": self.count, "groups": self.groups, "appearances": self.appearances,
             "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
-            "subject": self.subject, "seed": self.seed,
+            "subject": self.subject, "seed": self.seed, "bounces": BOUNCES,
         });
         // Only where it is: data sets of the figure keep their bytes.
         if let Some(c) = &self.character {
@@ -280,11 +311,12 @@ pub struct Report {
 /// Counts finished pieces of work: done, total, of what.
 pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
 
-/// Makes the data in a folder, which exists.
+/// Makes the data in a folder, which is made if need be. With `resume` it continues the run that left the folder; otherwise it first removes what
+/// an earlier run left there.
 ///
 /// # Errors
-/// When the settings are not valid, differ from those of the run that is resumed, a file cannot be written, or `stop` was set:
-/// then everything finished so far is on disk.
+/// When the settings are not valid, a character cannot play its part (then nothing is touched), the run to be continued was another one or is unknown, a file
+/// cannot be written, or `stop` was set: then everything finished so far is on disk.
 pub fn run(
     settings: &Settings,
     dir: &Path,
@@ -307,20 +339,34 @@ pub fn run(
             "set": s.set, "samples": s.samples, "varsortability": s.varsortability, "r2_sortability": s.r2_sortability,
         })).collect::<Vec<_>>(),
     });
+    let subject: Option<Box<dyn Subject>> = match (&settings.character, which.video) {
+        (_, false) => None,
+        (None, true) => Some(Box::new(BuiltIn::new(settings, &scm))),
+        (Some(c), true) => {
+            Some(Box::new(Actor::new(c, &scm, settings.seed, settings.frames, settings.points)?))
+        }
+    };
+    if let Some(subject) = &subject {
+        record["subject"] = subject.record();
+        record["video_causes_are_balanced"] = json!(video::is_balanced(settings.factors, settings.frames));
+    }
+    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
+    let mut known = BTreeMap::new();
     if resume {
-        check_resumed(dir, &record)?;
+        if let Some(there) = check_resumed(dir, &record)? {
+            known = known_digests(&there);
+            // Until the end these are what is known to be whole.
+            record["files"] = there["files"].clone();
+        }
+    } else {
+        clear(dir)?;
     }
     write_record(dir, &record)?;
     let mut files: Vec<(PathBuf, u64)> = Vec::new();
     if which.observational || which.interventions {
-        files.extend(write_sets(settings, which, &scm, dir, resume, stop, progress)?);
+        files.extend(write_sets(settings, which, &scm, dir, &known, stop, progress)?);
     }
-    if which.video {
-        let subject: Box<dyn Subject> = match &settings.character {
-            None => Box::new(BuiltIn::new(settings, &scm)),
-            Some(c) => Box::new(Actor::new(c, &scm, settings.seed, settings.frames, settings.points)?),
-        };
-        record["subject"] = subject.record();
+    if let Some(subject) = &subject {
         let shoot = subject::Shoot {
             size: settings.video_size,
             samples: settings.samples,
@@ -329,14 +375,13 @@ pub fn run(
             passes: settings.passes,
             seed: settings.seed,
         };
-        files.extend(subject::write(&*subject, &shoot, &dir.join("video"), resume, stop, progress)?);
+        files.extend(subject::write(&**subject, &shoot, &dir.join("video"), resume, stop, progress)?);
     }
-    record["files"] = files
-        .iter()
-        .map(|(path, digest)| json!({"file": slashed(path), "digest": format!("{digest:016x}")}))
-        .collect();
+    record["files"] =
+        files.iter().map(|(path, digest)| json!({"file": slashed(path), "digest": hex(*digest)})).collect();
     record["complete"] = json!(true);
     write_record(dir, &record)?;
+    remove_folder(&dir.join(JOURNAL))?;
     Ok(Report { sortabilities, files, record })
 }
 
@@ -348,31 +393,113 @@ fn write_record(dir: &Path, record: &Value) -> Result<()> {
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())
 }
 
-fn check_resumed(dir: &Path, record: &Value) -> Result<()> {
+/// The record of the run that is continued; none where nothing was begun.
+fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>> {
     let path = dir.join(RECORD);
     if !path.exists() {
-        return Ok(());
+        let mut entries = std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))?;
+        if entries.next().is_none() {
+            return Ok(None);
+        }
+        return Err(Error::input("--resume")
+            .at(dir.display().to_string())
+            .expected(format!("the folder of an interrupted run, with its {RECORD}"))
+            .got("files without that record")
+            .hint("choose another folder, or start over with --force"));
     }
     let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
     let there: Value = serde_json::from_slice(&bytes).map_err(|e| {
         Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string())
     })?;
-    let wanted = &record["settings"];
-    if there["settings"] == *wanted {
+    let differing = |wanted: &Value, there: &Value| -> Vec<String> {
+        (wanted.as_object().into_iter().flatten())
+            .filter(|(key, value)| there[key.as_str()] != **value)
+            .map(|(key, value)| format!("{key} {} instead of {value}", there[key.as_str()]))
+            .collect()
+    };
+    let fail = |at: &str, got: Vec<String>| {
+        Error::input(path.display().to_string())
+            .at(at)
+            .expected("those of this run")
+            .got(got.join(", "))
+            .hint("give the settings of the interrupted run, or a new folder")
+    };
+    let settings = differing(&record["settings"], &there["settings"]);
+    if !settings.is_empty() || record["settings"] != there["settings"] {
+        return Err(fail("settings", settings));
+    }
+    let mut truth = record.clone();
+    if let Some(top) = truth.as_object_mut() {
+        // Words that say the same settings, and what changes while a run goes on.
+        for key in ["settings", "command", "complete", "files"] {
+            top.remove(key);
+        }
+    }
+    let truth = differing(&truth, &there);
+    if truth.is_empty() { Ok(Some(there)) } else { Err(fail("causes and subject", truth)) }
+}
+
+/// Digests of files by their path, from a record.
+fn known_digests(record: &Value) -> BTreeMap<String, String> {
+    let text = |v: &Value, key: &str| v[key].as_str().map(str::to_owned);
+    (record["files"].as_array().into_iter().flatten())
+        .filter_map(|f| Some((text(f, "file")?, text(f, "digest")?)))
+        .collect()
+}
+
+/// Removes what an earlier run left in a folder, its record first: shards, cameras, pictures of the ring, digests. Everything else stays.
+fn clear(dir: &Path) -> Result<()> {
+    for file in [RECORD, "template.npz", "video/body.npz"] {
+        remove_file(&dir.join(file))?;
+    }
+    let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
+    let is_shard = |n: &str| n.strip_suffix(".npz").is_some_and(is_number);
+    for set in ["observational", "interventions"] {
+        remove_files(&dir.join(set), &is_shard)?;
+    }
+    let video = dir.join("video");
+    remove_files(&video, &|n| n.starts_with("transforms") && n.ends_with(".json"))?;
+    let is_picture = |n: &str| {
+        let stem = n.rsplit_once('.').map_or(n, |(stem, _)| stem);
+        let camera_and_frame = stem.strip_prefix('c').and_then(|s| s.split_once("_f"));
+        camera_and_frame.is_some_and(|(c, f)| is_number(c) && is_number(f))
+    };
+    for folder in ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"] {
+        remove_files(&video.join(folder), &is_picture)?;
+    }
+    remove_folder(&dir.join(JOURNAL))
+}
+
+fn remove_files(folder: &Path, is_known: &dyn Fn(&str) -> bool) -> Result<()> {
+    if !folder.is_dir() {
         return Ok(());
     }
-    let differing: Vec<String> = wanted
-        .as_object()
-        .into_iter()
-        .flatten()
-        .filter(|(key, value)| there["settings"][key.as_str()] != **value)
-        .map(|(key, value)| format!("{key} {} instead of {value}", there["settings"][key.as_str()]))
-        .collect();
-    Err(Error::input(path.display().to_string())
-        .at("settings")
-        .expected("those of this run")
-        .got(differing.join(", "))
-        .hint("give the settings of the interrupted run, or a new folder"))
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
+        let entry = entry.map_err(|e| Error::os(folder, &e))?;
+        if is_known(&entry.file_name().to_string_lossy()) {
+            remove_file(&entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+fn remove_file(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
+        _ => Ok(()),
+    }
+}
+
+fn remove_folder(path: &Path) -> Result<()> {
+    match std::fs::remove_dir_all(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
+        _ => Ok(()),
+    }
+}
+
+/// A digest as records write it.
+fn hex(digest: u64) -> String {
+    format!("{digest:016x}")
 }
 
 /// FNV-1a 64 of bytes.
@@ -395,10 +522,12 @@ fn write_sets(
     which: Which,
     scm: &Scm,
     dir: &Path,
-    resume: bool,
+    known: &BTreeMap<String, String>,
     stop: &AtomicBool,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<(PathBuf, u64)>> {
+    let journal = dir.join(JOURNAL);
+    std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
     let dots = Dots::new(settings.points);
     let studio = Studio {
         scm,
@@ -427,9 +556,16 @@ fn write_sets(
             progress(shard * per_shard, count, name);
             let relative = PathBuf::from(name).join(format!("{shard:04}.npz"));
             let path = dir.join(&relative);
-            if resume && path.exists() {
-                files.push((relative, digest(&read_bytes(&path, crate::io::MAX_FILE_BYTES)?)));
-                continue;
+            let mark = journal.join(format!("{name}-{shard:04}"));
+            // That of this run before that of the finished one it repairs.
+            let expected =
+                std::fs::read_to_string(&mark).ok().or_else(|| known.get(&slashed(&relative)).cloned());
+            if expected.is_some() && path.exists() {
+                let there = digest(&read_bytes(&path, crate::io::MAX_FILE_BYTES)?);
+                if expected == Some(hex(there)) {
+                    files.push((relative, there));
+                    continue;
+                }
             }
             let arrays = match name {
                 "observational" => studio.observational(shard, count)?,
@@ -437,6 +573,7 @@ fn write_sets(
             };
             let bytes = sets::bytes(&arrays)?;
             atomic::write_bytes(&path, &bytes)?;
+            atomic::write_unflushed(&mark, hex(digest(&bytes)).as_bytes())?;
             files.push((relative, digest(&bytes)));
         }
         progress(count, count, name);

@@ -7,7 +7,8 @@
 //! interventions/0000.npz …    8 groups each
 //! ```
 //! `template.npz`: `points`, `normals` (P,3), `weights` (P,K), `bone` (P) i32, `parents` (K) i32 (−1: none), `joints` (K,3), `rest`
-//! (K,4,4) world-from-bone at rest.
+//! (K,4,4) world-from-bone at rest, `spacing` (P) mean distance to the three nearest points, `sigma` (P) standard deviation of the isotropic
+//! Gaussians that show the points, whose opacity is [`figure::OPACITY`].
 //!
 //! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded on black, `mask` (N,S,S) u8 covered share, `points`, `rgb`
 //! (N,P,3) f32 (the figure's frame; sRGB-encoded, shaded), `u`, `e` (N,n) f64, `appearance`, `index` (N) i64.
@@ -24,10 +25,10 @@ use crate::num::array::Arrays;
 use crate::num::par;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
-use crate::shade::render;
 use data_gen::figure::appearance::Appearance;
 use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
+use data_gen::figure::purpose::{PICTURE_AFTER, PICTURE_BASE, PICTURE_OBSERVED};
 use data_gen::figure::samples::{self, BASES, Frame};
 use data_gen::figure::skeleton::{BONES, bones};
 use data_gen::figure::video;
@@ -68,21 +69,30 @@ impl Studio<'_> {
         from_data_gen::camera(&video::camera(0, self.size), Model::Pinhole)
     }
 
-    fn expose(&self, frame: &Frame, camera: &Camera, person: Option<&Dressed>) -> Result<Exposure> {
+    /// `purpose` and `item` say which draws of light the picture takes.
+    fn expose(
+        &self,
+        frame: &Frame,
+        (purpose, item): (u16, u64),
+        camera: &Camera,
+        person: Option<&Dressed>,
+    ) -> Result<Exposure> {
         let drive = Drive::new(&frame.u);
         let look = Appearance::new(self.seed, frame.appearance);
         let points = self.dots.posed(&drive, &look);
         let photo = match person {
             None => self.dots.photo(&points, camera, self.look)?,
             Some(person) => {
-                let settings = render::Settings { samples: self.samples, bounces: 0, ..Default::default() };
+                let seed = figure::picture_seed(self.seed, purpose, item);
+                let settings = figure::lighting(self.samples, seed);
                 figure::photo(person, &drive, camera, &settings)?
             }
         };
         Ok(Exposure { photo, points })
     }
 
-    fn expose_all(&self, frames: &[&Frame]) -> Result<Vec<Exposure>> {
+    /// `purpose` and `first` as for [`Self::expose`]; items are counted through.
+    fn expose_all(&self, frames: &[&Frame], purpose: u16, first: usize) -> Result<Vec<Exposure>> {
         let camera = self.camera();
         let mut looks: Vec<u64> = frames.iter().map(|f| f.appearance).collect();
         looks.sort_unstable();
@@ -93,7 +103,11 @@ impl Studio<'_> {
             Look::Discs | Look::Splats => Vec::new(),
         };
         let person = |f: &Frame| looks.binary_search(&f.appearance).ok().and_then(|i| wardrobe.get(i));
-        par::map(frames.len(), |i| self.expose(frames[i], &camera, person(frames[i]))).into_iter().collect()
+        par::map(frames.len(), |i| {
+            self.expose(frames[i], (purpose, (first + i) as u64), &camera, person(frames[i]))
+        })
+        .into_iter()
+        .collect()
     }
 
     /// Observational shard `shard` of `count` frames in all.
@@ -106,7 +120,7 @@ impl Studio<'_> {
         let frames: Vec<Frame> =
             (from..to).map(|i| samples::observed(self.scm, self.seed, i, count, self.appearances)).collect();
         let n = frames.len();
-        let exposures = self.expose_all(&frames.iter().collect::<Vec<_>>())?;
+        let exposures = self.expose_all(&frames.iter().collect::<Vec<_>>(), PICTURE_OBSERVED, from)?;
         let mut arrays = Arrays::new();
         self.put_exposures(&mut arrays, "", &[n], &exposures);
         let factors = self.scm.graph.n();
@@ -128,10 +142,10 @@ impl Studio<'_> {
             (from..to).map(|i| samples::group(self.scm, self.seed, i, self.appearances)).collect();
         let (g, factors) = (groups.len(), self.scm.graph.n());
         let mut arrays = Arrays::new();
-        for (prefix, after) in [("base_", false), ("after_", true)] {
+        for (prefix, after, purpose) in [("base_", false, PICTURE_BASE), ("after_", true, PICTURE_AFTER)] {
             let frames: Vec<&Frame> =
                 groups.iter().flat_map(|group| if after { &group.after } else { &group.bases }).collect();
-            let exposures = self.expose_all(&frames)?;
+            let exposures = self.expose_all(&frames, purpose, from * BASES)?;
             self.put_exposures(&mut arrays, prefix, &[g, BASES], &exposures);
             let u = frames.iter().flat_map(|f| f.u.clone()).collect();
             arrays.put(&format!("{prefix}u"), &[g, BASES, factors], u);
@@ -183,6 +197,8 @@ pub fn template_arrays(dots: &Dots) -> Arrays {
             bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
         )
         .with("joints", &[BONES, 3], flat(&joints))
+        .with("spacing", &[p], dots.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
+        .with("sigma", &[p], dots.spacing.iter().map(|s| (figure::SIGMA * s) as f32).collect::<Vec<f32>>())
         .with("rest", &[BONES, 4, 4], rest.collect::<Vec<f32>>())
 }
 

@@ -25,11 +25,12 @@ use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
 use crate::scene::material::linear_of_srgb;
 use crate::scene::mesh::Object;
-use crate::shade::render::{self, Passes};
+use crate::shade::render::Passes;
 use crate::{Error, Result};
 use data_gen::figure::appearance::Appearance;
 use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
+use data_gen::figure::purpose::PICTURE_VIDEO;
 use data_gen::figure::samples::Frame;
 use data_gen::figure::skeleton::{BONES, bones, pose};
 use data_gen::figure::video;
@@ -81,8 +82,7 @@ fn surfaces(object: &Object, azimuth: f64, cameras: &[(Camera, u64)], samples: u
     cameras
         .iter()
         .map(|(camera, seed)| {
-            let settings = render::Settings { samples, bounces: 1, seed: *seed, ..Default::default() };
-            figure::passes(object, &bvh, azimuth, camera, &settings)
+            figure::passes(object, &bvh, azimuth, camera, &figure::lighting(samples, *seed))
         })
         .collect()
 }
@@ -144,7 +144,7 @@ impl Shoot {
                 let shot =
                     Shot { name: format!("c{c:02}_f{t:04}"), camera, shutter_close: None, split, extra };
                 // One stream of draws per picture.
-                let seed = self.seed.wrapping_mul(1 << 32).wrapping_add((t * 64 + c) as u64);
+                let seed = figure::picture_seed(self.seed, PICTURE_VIDEO, (t * 64 + c) as u64);
                 (shot, seed)
             })
             .collect()

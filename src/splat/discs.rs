@@ -39,7 +39,7 @@ pub struct Picture {
 /// Renders discs on one thread: pictures are small and made many at a time.
 ///
 /// # Errors
-/// When the camera is not valid or no pinhole, or the lengths differ.
+/// When the camera is not valid or no pinhole, the lengths differ, or a number is not finite.
 pub fn render(
     points: &[[f32; 3]],
     radii: &[f32],
@@ -55,6 +55,17 @@ pub fn render(
         let got = format!("{} points, {} radii, {} colours", points.len(), radii.len(), rgb.len());
         return Err(Error::input("discs").expected("as many radii and colours as points").got(got));
     }
+    let check = |name: &str, x: &[f32]| match x.iter().position(|x| !x.is_finite()) {
+        None => Ok(()),
+        Some(i) => {
+            let e = Error::input("discs").at(format!("{name}, number {i}"));
+            Err(e.expected("finite").got(x[i].to_string()))
+        }
+    };
+    check("points", points.as_flattened())?;
+    check("radii", radii)?;
+    check("rgb", rgb.as_flattened())?;
+    check("background", &background)?;
     let (w, h) = (SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height);
     // The nearest disc so far: depth and index.
     let mut buffer = vec![(f32::INFINITY, u32::MAX); w * h];
@@ -136,5 +147,23 @@ mod tests {
         assert_eq!((p.alpha[3 * 8 + 3], p.alpha[0]), (1.0, 0.0), "inside and far outside");
         let none = render(&points, &[0.0; 3], &rgb, &camera(), [0.5; 3]).expect("a picture");
         assert!(none.image.iter().all(|c| *c == [0.5; 3]), "discs without extent are not drawn");
+    }
+
+    #[test]
+    fn numbers_that_are_none_are_refused() {
+        for bad in [f32::NAN, f32::INFINITY] {
+            for place in 0..10 {
+                let (mut points, mut radii) = ([[0.1, 0.2, 4.0], [0.0, 0.0, 2.0]], [0.5, 0.25]);
+                let (mut rgb, mut background) = ([[0.2; 3]; 2], [0.0; 3]);
+                match place {
+                    0..3 => points[1][place] = bad,
+                    3 => radii[1] = bad,
+                    4..7 => rgb[1][place - 4] = bad,
+                    _ => background[place - 7] = bad,
+                }
+                let e = render(&points, &radii, &rgb, &camera(), background).expect_err("refused");
+                assert!(e.to_string().contains("finite"), "place {place}: {e}");
+            }
+        }
     }
 }

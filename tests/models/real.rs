@@ -169,6 +169,10 @@ fn the_green_man() {
     );
     assert_eq!(c.animations(), ["0_pose", "1_idle", "2_move", "3_attack"], "animations");
     assert_eq!(c.elbow(), None, "no joint is named like an elbow");
+    let e = Factors::of(&c, "2_move", Some("3_attack"), None)
+        .expect_err("self-occlusion would do nothing")
+        .to_string();
+    assert!(e.contains("elbow") && e.contains("hand_L"), "the joints are listed: {e}");
     let f = Factors::of(&c, "2_move", Some("3_attack"), Some("hand_L")).unwrap_or_else(|e| panic!("{e}"));
     let extremes = [-40.0, 40.0].map(|u| {
         c.posed(&c.pose_of(&f, 0.0, &[u]).unwrap_or_else(|e| panic!("{e}")), &Drive::new(&[]))

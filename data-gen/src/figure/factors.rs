@@ -4,14 +4,18 @@
 //! |---|---|---|
 //! | 0 | u_P posture | arms raised by 0.45 u_P rad, knees bent by 0.9 σ(1.5 u_P) rad |
 //! | 1 | u_O self-occlusion | right elbow bent by 1.4 σ(1.5 u_O) rad |
-//! | 2 | u_W wrinkles | cloth displaced along its normal by 0.03 u_W sin(12 z + 3 φ) before skinning |
+//! | 2 | u_W wrinkles | cloth of the trunk displaced along its normal by 0.03 u_W sin(12 z + 3 φ) before skinning |
 //! | 3 | u_L light | azimuth 0.8 u_L rad, elevation 30°, ambient share 0.35; no effect on positions |
-//! | 4 | u_B body width | trunk displaced along its normal by 0.02 u_B, limbs by 0.006 u_B |
-//! | 5 | u_S skirt length | heights below the skirt's upper rim times exp(0.15 u_S) |
+//! | 4 | u_B body width | displaced along the normal by u_B min(w, r/5), r the radius: trunk w = 0.02, limbs w = 0.006, head 0 |
+//! | 5 | u_S skirt length | heights of the skirt, or of a shirt over trousers, below a rim times exp(0.15 u_S) |
 //! | 6 | u_H hue | colours of cloth turned by 0.5 u_H rad about grey |
 //! | 7 | u_Y head yaw | 0.35 u_Y rad |
 //!
 //! Lengths are those of the figure's frame, φ = atan2(y, x). Factors that a data set does not have are 0.
+//!
+//! z and φ of the folds are those of the place at rest: a fold depends on u_W alone, whatever width and length add to it.
+//! `last.md` folds "torso and skirt". Its torso is the trunk; here the capsule of the pelvis covers belly and waist, the torso's the
+//! chest, so the points of both and of the skirt are folded.
 
 use super::skeleton::V3;
 use reference::num::elem::{cos, exp, sigmoid, sin};
@@ -24,6 +28,12 @@ pub const AMBIENT: f64 = 0.35;
 
 /// Amplitude of the wrinkles at u_W = 1.
 pub const WRINKLE: f64 = 0.03;
+
+/// Displacement of the trunk at u_B = 1.
+pub const TRUNK_WIDTH: f64 = 0.02;
+
+/// Displacement of limbs at u_B = 1.
+pub const LIMB_WIDTH: f64 = 0.006;
 
 /// Factors turned into angles, lengths and factors.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +94,13 @@ impl Drive {
         let floor = 0.05 * 0.05;
         let around = 3.0 / if square > floor { square } else { floor };
         (WRINKLE * self.wrinkle * sin(angle), [slope * around * -x[1], slope * around * x[0], slope * 12.0])
+    }
+
+    /// Displacement by the body's width where the radius is `radius`, w that of the part at u_B = 1: u_B min(w, r/5). Nothing turns
+    /// inside out above u_B = −5.
+    pub fn girth(&self, w: f64, radius: f64) -> f64 {
+        let most = 0.2 * radius;
+        self.width * if w < most { w } else { most }
     }
 
     /// A height below the skirt's rim, moved by the length of the skirt.

@@ -1,6 +1,7 @@
 //! The parts of a person, in metres at rest: profiles of tubes along the bones.
 
 use super::appearance::{Appearance, Bottom};
+use super::factors::{LIMB_WIDTH, TRUNK_WIDTH};
 use super::loft::{Ring, Shell, along, between, level, tube};
 use super::skeleton::{LEFT, SKIRT, V3, add, cross, scale, sub, unit};
 use super::surface::{Folds, Piece, section};
@@ -34,10 +35,15 @@ fn plain(name: &'static str, shell: Shell, material: usize) -> Piece {
         material,
         folds: Folds::None,
         slack: |_| 0.0,
-        is_trunk: false,
-        is_skirt: false,
+        width: LIMB_WIDTH,
+        rim: None,
         uv: |[turn, length], _| [turn, length],
     }
+}
+
+/// A part that the body's width leaves alone: those of the head.
+fn still(piece: Piece) -> Piece {
+    Piece { width: 0.0, ..piece }
 }
 
 /// The part and its mirror image.
@@ -261,10 +267,10 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
     let mut pieces = vec![
         Piece {
             uv: |[turn, _], p| [turn, (FACE_TOP - p[2]) / (FACE_TOP - FACE_BOTTOM)],
-            ..plain("head", head(), FACE)
+            ..still(plain("head", head(), FACE))
         },
-        plain("hair", hair(appearance.long_hair), HAIR),
-        plain(
+        still(plain("hair", hair(appearance.long_hair), HAIR)),
+        still(plain(
             "neck",
             tube(
                 &between(
@@ -281,9 +287,9 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
                 |_, p| p,
             ),
             SKIN,
-        ),
+        )),
     ];
-    pieces.extend(both(["left ear", "right ear"], ear(), |n, s| plain(n, s, SKIN)));
+    pieces.extend(both(["left ear", "right ear"], ear(), |n, s| still(plain(n, s, SKIN))));
     pieces.extend(both(["left arm", "right arm"], arm(appearance.long_sleeves), |n, s| plain(n, s, SKIN)));
     for finger in fingers() {
         pieces.extend(both(["left finger", "right finger"], finger, |n, s| plain(n, s, SKIN)));
@@ -342,7 +348,9 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     let mut pieces = vec![Piece {
         folds: Folds::Body,
         slack: trunk_slack,
-        is_trunk: true,
+        width: TRUNK_WIDTH,
+        // Over trousers the shirt stands for the skirt: its hem goes up and down as far.
+        rim: (!tucked).then_some(1.18),
         uv: |[turn, _], p| [turn, (SHIRT_TOP - p[2]) / (SHIRT_TOP - SHIRT_BOTTOM)],
         ..plain("shirt", trunk, SHIRT)
     }];
@@ -408,8 +416,8 @@ pub(super) fn skirt() -> Vec<Piece> {
     vec![Piece {
         folds: Folds::Body,
         slack: |p| smooth(0.05, 0.09, (p[0] * p[0] + p[1] * p[1]).sqrt()),
-        is_trunk: true,
-        is_skirt: true,
+        width: TRUNK_WIDTH,
+        rim: Some(SKIRT[0][0]),
         uv: |[turn, length], _| [6.0 * turn, 6.0 * length],
         ..plain("skirt", tube(&between(&keys, 0.014), 88, |_, p| p), CLOTH)
     }]
@@ -436,7 +444,7 @@ pub(super) fn trousers() -> Vec<Piece> {
     let mut pieces = vec![Piece {
         folds: Folds::Body,
         slack: trunk_slack,
-        is_trunk: true,
+        width: TRUNK_WIDTH,
         uv: |[turn, length], _| [6.0 * turn, 6.0 * length],
         ..plain("hips", tube(&between(&keys, 0.012), 72, |_, p| p), CLOTH)
     }];

@@ -22,6 +22,8 @@ pub(super) struct Shell {
     pub(super) around_along: Vec<[f64; 2]>,
     /// Unit direction away from the tube's axis, across the tube; zero on the axis.
     pub(super) outward: Vec<V3>,
+    /// Smaller and larger half axis of the vertex's ellipse, metres; zero on the axis.
+    pub(super) halves: Vec<[f64; 2]>,
     pub(super) triangles: Vec<[u32; 3]>,
     pub(super) weld: Vec<u32>,
 }
@@ -35,13 +37,18 @@ pub(super) fn level(z: f64, a: f64, b: f64, y: f64) -> Ring {
 pub(super) fn along(path: &[V3], side: V3, halves: &[[f64; 2]]) -> Vec<Ring> {
     assert!(path.len() == halves.len() && path.len() > 1, "one pair of half axes per point");
     let last = path.len() - 1;
+    let mut ahead = [0.0; 3];
     (0..path.len())
         .map(|i| {
             let (before, behind) =
                 (path[if i > 0 { i - 1 } else { 0 }], path[if i < last { i + 1 } else { last }]);
             let forward = unit(sub(behind, before));
-            let x = unit(sub(side, scale(forward, dot(side, forward))));
-            Ring { center: path[i], x, y: cross(forward, x), half: halves[i] }
+            // A hem turns back into its tube; its rings look on, or the tube would be wrung.
+            if i == 0 || dot(forward, ahead) > 0.0 {
+                ahead = forward;
+            }
+            let x = unit(sub(side, scale(ahead, dot(side, ahead))));
+            Ring { center: path[i], x, y: cross(ahead, x), half: halves[i] }
         })
         .collect()
 }
@@ -120,6 +127,7 @@ pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3)
             shell.positions.push(shape(place, p));
             // The gradient of x²/a² + y²/b², times a b.
             shell.outward.push(unit(add(scale(r.x, b * c), scale(r.y, a * s))));
+            shell.halves.push(if a < b { [a, b] } else { [b, a] });
             shell.around_along.push([turn, length]);
             shell.weld.push(first + (k % around) as u32);
         }
@@ -137,6 +145,7 @@ pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3)
     shell.positions.extend([start, end]);
     shell.around_along.extend([[0.5, 0.0], [0.5, length]]);
     shell.outward.extend([[0.0; 3]; 2]);
+    shell.halves.extend([[0.0; 2]; 2]);
     shell.weld.extend([n, n + 1]);
     for k in 0..around as u32 {
         shell.triangles.push([n, k + 1, k]);

@@ -15,8 +15,8 @@ use super::purpose;
 use reference::num::rng::{Key, normal_f64, uniform_f64};
 use reference::scalar::Scalar;
 
-/// Largest share of a factor's variance that its parents explain.
-pub const MOST_EXPLAINED: f64 = 0.85;
+/// Largest share of a factor's variance that its parents explain; a noise of standard deviation 0.05 remains.
+pub const MOST_EXPLAINED: f64 = 1.0 - 0.05 * 0.05;
 
 /// Draws behind the variances of nonlinear mechanisms.
 pub const DRAWS: usize = 1_000_000;
@@ -33,10 +33,12 @@ pub enum Mechanism {
     Nl,
     /// f = identity, e ~ U(−√3, √3)
     Ng,
+    /// f = tanh(1.5 x), e ~ U(−√3, √3)
+    NlNg,
 }
 
 impl Mechanism {
-    /// The mechanism of that name: `LIN`, `NL` or `NG`.
+    /// The mechanism of that name: `LIN`, `NL`, `NG` or `NL-NG`.
     ///
     /// # Errors
     /// When there is none.
@@ -45,7 +47,8 @@ impl Mechanism {
             "LIN" => Ok(Self::Lin),
             "NL" => Ok(Self::Nl),
             "NG" => Ok(Self::Ng),
-            other => Err(format!("mechanism {other}: expected LIN, NL or NG")),
+            "NL-NG" => Ok(Self::NlNg),
+            other => Err(format!("mechanism {other}: expected LIN, NL, NG or NL-NG")),
         }
     }
 
@@ -55,6 +58,7 @@ impl Mechanism {
             Self::Lin => "LIN",
             Self::Nl => "NL",
             Self::Ng => "NG",
+            Self::NlNg => "NL-NG",
         }
     }
 
@@ -62,7 +66,7 @@ impl Mechanism {
     pub fn f(self, x: f64) -> f64 {
         match self {
             Self::Lin | Self::Ng => x,
-            Self::Nl => Scalar::tanh(1.5 * x),
+            Self::Nl | Self::NlNg => Scalar::tanh(1.5 * x),
         }
     }
 
@@ -70,7 +74,7 @@ impl Mechanism {
     pub fn noise(self, key: Key) -> f64 {
         match self {
             Self::Lin | Self::Nl => normal_f64(key),
-            Self::Ng => 3.0_f64.sqrt() * (2.0 * uniform_f64(key) - 1.0),
+            Self::Ng | Self::NlNg => 3.0_f64.sqrt() * (2.0 * uniform_f64(key) - 1.0),
         }
     }
 }
@@ -109,7 +113,7 @@ impl Scm {
         if standardised {
             match mechanism {
                 Mechanism::Lin | Mechanism::Ng => scm.standardise_exactly(),
-                Mechanism::Nl => scm.standardise_by_draws(),
+                Mechanism::Nl | Mechanism::NlNg => scm.standardise_by_draws(),
             }
         }
         scm

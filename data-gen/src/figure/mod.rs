@@ -46,10 +46,18 @@ pub mod purpose {
     pub const VALUE: u16 = 0x0206;
     /// Appearance of a group; item: group.
     pub const GROUP_APPEARANCE: u16 = 0x0207;
-    /// Motion of a video; item: factor, draws 0, 1 rank of the harmonics, 2, 3 phases.
+    /// Motion of a video; item: 8 × subject + factor, draws 0, 1 rank of the harmonics, 2, 3 phases.
     pub const MOTION: u16 = 0x0208;
     /// Appearance; item: its seed, draw: property.
     pub const APPEARANCE: u16 = 0x0209;
+    /// Light of a video's picture; item: 64 × frame + camera.
+    pub const PICTURE_VIDEO: u16 = 0x020b;
+    /// Light of an observational picture; item: frame.
+    pub const PICTURE_OBSERVED: u16 = 0x020c;
+    /// Light of a picture before an intervention; item: base.
+    pub const PICTURE_BASE: u16 = 0x020d;
+    /// Light of a picture after it; item: base.
+    pub const PICTURE_AFTER: u16 = 0x020e;
     /// Grain of the textures; item: cell.
     pub const GRAIN: u16 = 0x020a;
 }

@@ -16,7 +16,8 @@
 //!
 //! The torso is a capsule lying across the chest, so that the nearest bone of a point of the chest is the torso and not an arm.
 //! The arms stand 0.8 rad off the body and the elbows are bent by 0.6 rad at rest. A bent knee leaves the feet under the body: the
-//! thigh swings forward by half its angle.
+//! thigh swings forward by half its angle. `last.md` §3.2 speaks of the knee alone; turning the hips back is a decision of this figure, which
+//! keeps the feet near the ground and under the camera's middle, and it follows u_P as the knee does.
 
 use super::factors::Drive;
 use reference::body::skin::Affine;

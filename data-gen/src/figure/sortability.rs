@@ -1,17 +1,17 @@
 //! How far marginal statistics give the causal order away.
 //!
 //! Varsortability (Reisach, Seiler, Weichwald 2021): for every path length k = 1 … n−1, all ordered pairs (i, j) with a directed path of k
-//! edges from i to j are counted; the result is the fraction of them whose end has the larger variance, equal ones (to 1e-9
-//! relatively) counting ½. R²-sortability (Reisach, Tami, Seiler, Chambaz, Weichwald 2023) orders by the coefficient of
-//! determination of each factor given all others instead, which no rescaling changes.
+//! edges from i to j are counted; the result is the fraction of them whose end has the strictly larger variance, by more than 1e-9 of
+//! the smallest one. R²-sortability (Reisach, Tami, Seiler, Chambaz, Weichwald 2023) orders by the coefficient of
+//! determination of each factor given all others instead, which no rescaling changes; equal ones count ½.
 
 use super::graph::Graph;
 
 /// Variances within this relative distance are equal.
 const TIE: f64 = 1e-9;
 
-/// Fraction of path pairs with the larger score at the end; `None` for a graph without edges.
-fn alignment(graph: &Graph, score: &[f64], tie: f64) -> Option<f64> {
+/// Fraction of path pairs with the larger score at the end, a tie counting `tied`; `None` for a graph without edges.
+fn alignment(graph: &Graph, score: &[f64], tie: f64, tied: f64) -> Option<f64> {
     let n = graph.n();
     let mut paths = graph.adjacency.clone();
     let (mut pairs, mut aligned) = (0.0, 0.0);
@@ -23,7 +23,7 @@ fn alignment(graph: &Graph, score: &[f64], tie: f64) -> Option<f64> {
                 aligned += if difference > tie {
                     1.0
                 } else if difference >= -tie {
-                    0.5
+                    tied
                 } else {
                     0.0
                 };
@@ -50,7 +50,7 @@ pub fn varsortability(graph: &Graph, samples: &[Vec<f64>]) -> Option<f64> {
     let c = covariance(samples, graph.n());
     let variances: Vec<f64> = (0..graph.n()).map(|j| c[j][j]).collect();
     let least = variances.iter().fold(f64::INFINITY, |m, &v| if v < m { v } else { m });
-    alignment(graph, &variances, TIE * least)
+    alignment(graph, &variances, TIE * least, 0.0)
 }
 
 /// R²-sortability of samples (N of n factors); `None` without edges.
@@ -58,7 +58,7 @@ pub fn r2_sortability(graph: &Graph, samples: &[Vec<f64>]) -> Option<f64> {
     let c = covariance(samples, graph.n());
     let inverse = inverse(&c)?;
     let r2: Vec<f64> = (0..graph.n()).map(|j| 1.0 - 1.0 / (c[j][j] * inverse[j][j])).collect();
-    alignment(graph, &r2, 0.0)
+    alignment(graph, &r2, 0.0, 0.5)
 }
 
 /// Gauss–Jordan with the largest pivot of each column; `None` for a singular matrix.

@@ -3,12 +3,13 @@
 //! Every part is a closed tube through ellipses, skinned by the weights of [`super::skeleton::weights`] at its rest positions, those
 //! of the template. Cloth is displaced across its tube (both sides of a hem together) by the wrinkles of [`super::factors::Drive::wrinkles`] and by two
 //! finer waves, all of them proportional to u_W; sleeves and trouser legs take them around their own axis and weaker. Posture
-//! moves cloth by skinning alone.
+//! moves cloth by skinning alone. A fold is that of its place at rest; where folds and width would take a vertex further inwards than
+//! [`INWARDS`] of the smallest radius of curvature of its ellipse, it stops there, so that no tube turns inside out.
 
 use super::appearance::{Appearance, Bottom};
 use super::factors::{Drive, WRINKLE};
 use super::loft::{Ring, Shell, normals};
-use super::skeleton::{BONES, METRES, SKIRT, V3, add, bones, framed, pose, scale, weights};
+use super::skeleton::{BONES, METRES, V3, add, bones, framed, pose, scale, weights};
 use super::{garments, texture};
 use crate::surface::{Material, Surface};
 use reference::body::skin;
@@ -17,6 +18,9 @@ use std::f64::consts::TAU;
 
 /// Amplitudes of the finer folds at u_W = 1, in the figure's frame.
 pub const FINE_FOLDS: [f64; 2] = [0.008, 0.005];
+
+/// Share of the radius of curvature that vertices move inwards at most.
+pub const INWARDS: f64 = 0.8;
 
 /// Where a part gets its folds from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,8 +61,10 @@ pub struct Part {
     around_along: Vec<[f64; 2]>,
     /// Displacement at u_B = 1.
     width: f64,
-    /// Whether the skirt's length moves it.
-    is_skirt: bool,
+    /// (V) smallest radius of the ellipse, and its smallest radius of curvature
+    radii: Vec<[f64; 2]>,
+    /// Height below which the skirt's length moves it.
+    rim: Option<f64>,
 }
 
 /// A person at rest.
@@ -86,15 +92,17 @@ pub(super) struct Piece {
     pub(super) folds: Folds,
     /// Share of the folds at a rest position in metres.
     pub(super) slack: fn(V3) -> f64,
-    pub(super) is_trunk: bool,
-    pub(super) is_skirt: bool,
+    /// Displacement at u_B = 1.
+    pub(super) width: f64,
+    /// Height in metres below which the skirt's length moves it.
+    pub(super) rim: Option<f64>,
     /// Texture coordinates from turn around, length along, rest position in metres.
     pub(super) uv: fn([f64; 2], V3) -> [f64; 2],
 }
 
 impl Part {
     fn new(piece: Piece) -> Self {
-        let Piece { name, shell, material, folds, slack, is_trunk, is_skirt, uv } = piece;
+        let Piece { name, shell, material, folds, slack, width, rim, uv } = piece;
         let positions: Vec<V3> = shell.positions.iter().map(|&p| framed(p)).collect();
         let bones = bones();
         Self {
@@ -110,14 +118,17 @@ impl Part {
             folds,
             outward: shell.outward,
             around_along: shell.around_along,
-            width: if is_trunk { 0.02 } else { 0.006 },
-            is_skirt,
+            width,
+            radii: (shell.halves.iter())
+                .map(|&[a, b]| [a / METRES, if b > 0.0 { a * a / b / METRES } else { 0.0 }])
+                .collect(),
+            rim: rim.map(|z| framed([0.0, 0.0, z])[2]),
         }
     }
 
-    /// Displacement of the folds at a vertex whose canonical position is x.
-    fn fold(&self, v: usize, x: V3, drive: &Drive, phases: [f64; 2]) -> f64 {
-        let share = self.slack[v];
+    /// Displacement of the folds at a vertex.
+    fn fold(&self, v: usize, drive: &Drive, phases: [f64; 2]) -> f64 {
+        let (share, x) = (self.slack[v], self.positions[v]);
         if drive.wrinkle == 0.0 || share == 0.0 {
             return 0.0;
         }
@@ -143,15 +154,22 @@ impl Part {
             }
     }
 
+    /// Canonical position of a vertex under the factors, before skinning.
+    fn canonical(&self, v: usize, drive: &Drive, phases: [f64; 2]) -> V3 {
+        let mut x = self.positions[v];
+        if let Some(rim) = self.rim {
+            x[2] = drive.skirt_height(rim, x[2]);
+        }
+        let [radius, curvature] = self.radii[v];
+        let moved = drive.girth(self.width, radius) + self.fold(v, drive, phases);
+        let least = -INWARDS * curvature;
+        add(x, scale(self.outward[v], if moved < least { least } else { moved }))
+    }
+
     fn posed(&self, drive: &Drive, transforms: &[skin::Affine<f64>; BONES], phases: [f64; 2]) -> PosedPart {
         let positions: Vec<V3> = (0..self.positions.len())
             .map(|v| {
-                let mut x = self.positions[v];
-                if self.is_skirt {
-                    x[2] = drive.skirt_height(framed([0.0, 0.0, SKIRT[0][0]])[2], x[2]);
-                }
-                let moved = drive.width * self.width + self.fold(v, x, drive, phases);
-                let x = add(x, scale(self.outward[v], moved));
+                let x = self.canonical(v, drive, phases);
                 skin::point(&skin::blend(&self.weights[v], transforms), x)
             })
             .collect();
@@ -214,6 +232,46 @@ pub(super) fn section(keys: &[Ring], z: f64) -> [f64; 3] {
             let t = (z - k[0].center[2]) / (k[1].center[2] - k[0].center[2]);
             let (a, b) = (value(&k[0]), value(&k[1]));
             std::array::from_fn(|i| a[i] + t * (b[i] - a[i]))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figure::skeleton::{dot, sub};
+
+    /// Turn, length and canonical position of the vertices of a ring of every part, ring by ring.
+    fn worst(u: &[f64]) -> f64 {
+        let drive = Drive::new(u);
+        let mut worst = f64::INFINITY;
+        for index in 0..12 {
+            let look = Appearance::new(9, index);
+            for part in &Figure::new(&look).parts {
+                for v in 1..part.positions.len() {
+                    // Hair is placed vertex by vertex and never moves; poles are on no ring.
+                    let same_ring = part.around_along[v][1] == part.around_along[v - 1][1];
+                    let rest = sub(part.positions[v], part.positions[v - 1]);
+                    if !same_ring || part.radii[v][0] == 0.0 || dot(rest, rest) == 0.0 {
+                        continue;
+                    }
+                    let [a, b] = [v - 1, v].map(|v| part.canonical(v, &drive, look.fold_phases));
+                    let ratio = dot(sub(b, a), rest) / dot(rest, rest);
+                    worst = if ratio < worst { ratio } else { worst };
+                }
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn no_ring_turns_inside_out() {
+        for wrinkle in [-3.0, -1.0, 0.0, 1.0, 3.0] {
+            for width in [-2.0, 0.0, 2.0] {
+                let worst = worst(&[0.0, 0.0, wrinkle, 0.0, width]);
+                println!("u_W {wrinkle}, u_B {width}: shortest edge {worst:.3} of its length at rest");
+                assert!(worst > 0.0, "u_W {wrinkle}, u_B {width}: an edge is {worst} of itself at rest");
+            }
         }
     }
 }

@@ -6,9 +6,9 @@
 //! every frame and every data set of the same P.
 
 use super::appearance::Appearance;
-use super::factors::{Drive, shaded, turn_hue, unit_interval};
+use super::factors::{Drive, LIMB_WIDTH, TRUNK_WIDTH, shaded, turn_hue, unit_interval};
 use super::skeleton::{
-    BONES, Bone, SKIRT, SKIRT_RING, TORSO, V3, add, bones, cross, dot, framed, pose, scale, sub, unit,
+    BONES, Bone, HEAD, SKIRT, SKIRT_RING, TORSO, V3, add, bones, cross, dot, framed, pose, scale, sub, unit,
     weights,
 };
 use reference::body::skin::{self, Affine};
@@ -130,25 +130,58 @@ impl Template {
         Self { bones, points, normals, bone_of, weights }
     }
 
-    /// Whether a point lies on cloth that wrinkles: pelvis, torso, skirt.
+    /// Whether a point lies on cloth that wrinkles: belly and waist (the pelvis's capsule), chest (the torso's), skirt.
     pub fn is_cloth(&self, p: usize) -> bool {
         matches!(self.bone_of[p], 0 | TORSO | SKIRT_RING)
     }
 
-    /// Canonical position and normal under the factors, before skinning.
-    pub fn canonical(&self, p: usize, drive: &Drive) -> [V3; 2] {
-        let (mut x, n) = (self.points[p], self.normals[p]);
+    /// Principal directions t₁, t₂ with t₁ × t₂ = n and curvatures of the surface at a point at rest; convex is positive.
+    fn principal(&self, p: usize) -> [(V3, f64); 2] {
+        let (bone, x, n) = (&self.bones[self.bone_of[p]], self.points[p], self.normals[p]);
         if self.bone_of[p] == SKIRT_RING {
-            x[2] = drive.skirt_height(framed([0.0, 0.0, SKIRT[0][0]])[2], x[2]);
+            let around = (x[0] * x[0] + x[1] * x[1]).sqrt();
+            let flat = (n[0] * n[0] + n[1] * n[1]).sqrt();
+            let t = [-x[1] / around, x[0] / around, 0.0];
+            return [(t, flat / around), (cross(n, t), 0.0)];
         }
-        let cloth = self.is_cloth(p);
-        x = add(x, scale(n, drive.width * if cloth { 0.02 } else { 0.006 }));
-        if !cloth {
-            return [x, n];
+        let (along, curvature) = (sub(bone.to, bone.from), 1.0 / bone.radius);
+        let place = dot(along, sub(x, bone.from)) / dot(along, along);
+        if (0.0..=1.0).contains(&place) {
+            let t = unit(cross(along, n));
+            return [(t, curvature), (cross(n, t), 0.0)];
         }
-        let (height, gradient) = drive.wrinkles(x);
-        let tangential = sub(gradient, scale(n, dot(gradient, n)));
-        [add(x, scale(n, height)), unit(sub(n, tangential))]
+        across(n).map(|t| (t, curvature))
+    }
+
+    /// Canonical position and normal under the factors, before skinning.
+    ///
+    /// A point x at rest with unit normal n goes to D x + δ n: D scales heights by the skirt's length (elsewhere D = 1), and δ = girth + h(x) with the
+    /// folds h. Its normal is t₁' × t₂' of the moved principal directions t' = D t + δ κ t + (∇h·t) n, exactly that of the
+    /// displaced surface.
+    pub fn canonical(&self, p: usize, drive: &Drive) -> [V3; 2] {
+        let (x, n, b) = (self.points[p], self.normals[p], self.bone_of[p]);
+        let (mut at, mut stretch) = (x, 1.0);
+        if b == SKIRT_RING {
+            at[2] = drive.skirt_height(framed([0.0, 0.0, SKIRT[0][0]])[2], x[2]);
+            stretch = drive.skirt;
+        }
+        let is_cloth = self.is_cloth(p);
+        let width = match b {
+            HEAD => 0.0,
+            _ if is_cloth => TRUNK_WIDTH,
+            _ => LIMB_WIDTH,
+        };
+        let (height, gradient) = if is_cloth { drive.wrinkles(x) } else { (0.0, [0.0; 3]) };
+        let lift = drive.girth(width, self.bones[b].radius) + height;
+        let at = add(at, scale(n, lift));
+        if !is_cloth {
+            return [at, n];
+        }
+        let [first, second] = self.principal(p).map(|(t, curvature)| {
+            let stretched = [t[0], t[1], stretch * t[2]];
+            add(add(stretched, scale(t, lift * curvature)), scale(n, dot(gradient, t)))
+        });
+        [at, unit(cross(first, second))]
     }
 
     /// The points of a frame.

@@ -1,12 +1,13 @@
 //! The subject's video: how the factors move, and where the cameras stand.
 //!
 //! Own causes move smoothly, e_j(t) = sin(2π h t/T + ψ) + sin(2π h' t/T + ψ') with two harmonics of the clip that no other factor
-//! has, so over a whole clip they have mean 0, variance 1 and are uncorrelated. The factors follow from them by the same
+//! has, so over a whole clip of T > 4 n frames they have mean 0, variance 1 and are uncorrelated; in shorter clips the highest
+//! harmonics, up to 2 n, are not told apart any more ([`is_balanced`]). Every subject moves in its own way. The factors follow from them by the same
 //! mechanisms as everywhere else.
 
 use super::mechanism::Scm;
-use super::purpose;
 use super::samples::Frame;
+use super::{MAX_FACTORS, purpose};
 use crate::splats::{View, look_at};
 use reference::num::elem::{cos, sin};
 use reference::num::rng::{Key, uniform_f64};
@@ -41,11 +42,22 @@ pub fn test_cameras(count: usize) -> Vec<usize> {
     (0..count).map(|k| 1 + (2 * k + 1) * others / (2 * count)).collect()
 }
 
+/// Whether `n` own causes have mean 0, variance 1 and no correlation over a clip of `count` frames.
+pub fn is_balanced(n: usize, count: usize) -> bool {
+    count > 4 * n
+}
+
 /// Frame `t` of `count`.
 pub fn frame(scm: &Scm, seed: u64, appearance: u64, t: usize, count: usize) -> Frame {
     let n = scm.graph.n();
     let draw = |j: usize, draw: u16| {
-        uniform_f64(Key { seed, item: j as u64, step: 0, purpose: purpose::MOTION, draw })
+        uniform_f64(Key {
+            seed,
+            item: appearance.wrapping_mul(MAX_FACTORS as u64).wrapping_add(j as u64),
+            step: 0,
+            purpose: purpose::MOTION,
+            draw,
+        })
     };
     // Harmonics in a drawn order: the first n go to the first sine of each factor, the rest to the second.
     let ranked = |from: usize, which: u16| {

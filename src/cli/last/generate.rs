@@ -39,7 +39,7 @@ pub(in crate::cli) struct Args {
     /// Number of factors, 2 to 8
     #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Truth")]
     factors: usize,
-    /// Form of the equations: LIN linear, NL nonlinear, NG linear with uniform noise
+    /// Form of the equations: LIN linear, NL nonlinear, NG and NL-NG the same with uniform noise
     #[arg(long, value_name = "NAME", default_value = "NL", help_heading = "Truth")]
     mechanism: String,
     /// Leave variances as they grow along the graph
@@ -114,7 +114,7 @@ pub(in crate::cli) struct Args {
     /// Continue an interrupted run with the same settings
     #[arg(long)]
     resume: bool,
-    /// Replace files in --out that exist
+    /// Start over in a folder that is used: removes the record, shards and pictures of the run before
     #[arg(long, conflicts_with = "resume")]
     force: bool,
     /// Print the record as JSON
@@ -173,11 +173,10 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let settings = args.settings()?;
-    settings.scm()?;
-    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    claim::check(&args.out, args.resume, args.force)?;
     let mut meter = Meter::new(args.quiet);
     let report = cli::stoppable(|stop| {
-        generate::run(&settings, &dir, args.resume, stop, &mut |done, total, what| {
+        generate::run(&settings, &args.out, args.resume, stop, &mut |done, total, what| {
             if done == total {
                 meter.done();
             } else {
@@ -206,6 +205,14 @@ fn lines(args: &Args, settings: &Settings, report: &Report, seconds: f64) -> Vec
         args.out.display(),
         seconds
     )];
+    if report.record["video_causes_are_balanced"] == false && !args.quiet {
+        lines.push(format!(
+            "a video of {} frames is too short for {} factors with variance 1 and no correlation: it takes {}",
+            settings.frames,
+            settings.factors,
+            4 * settings.factors + 1
+        ));
+    }
     lines.push(format!(
         "{:<20} {:>8} {:>15} {:>16}",
         "factor set", "samples", "varsortability", "R2-sortability"

@@ -105,6 +105,15 @@ impl Pose {
     }
 }
 
+/// Whether columns are those of a rotation times one scale, to 10⁻³ of its square: what files written in f32 keep.
+fn is_similarity(columns: [DVec3; 3]) -> bool {
+    let [x, y, z] = columns;
+    let square = x.length_squared();
+    [y.length_squared() - square, z.length_squared() - square, x.dot(y), y.dot(z), z.dot(x)]
+        .iter()
+        .all(|off| off.abs() <= 1e-3 * square)
+}
+
 /// Value of a channel at a time.
 fn value(c: &Channel, time: f64) -> [f64; 4] {
     let times = &c.times;
@@ -210,7 +219,7 @@ impl Character {
     /// joint, R' = R · Rot(axis in the joint's frame, angle).
     ///
     /// # Errors
-    /// When the joint has neither child nor parent to give a direction, or is a fixed matrix.
+    /// When the joint has neither child nor parent to give a direction, is a fixed matrix, or its frame at rest is no rotation times a scale.
     pub fn bend(&self, pose: &mut Pose, joint: usize, angle: f64) -> Result<()> {
         let fail = |got: &str| {
             let e = Error::input(self.name.clone()).at(format!("joint '{}'", self.joints[joint].name));
@@ -232,7 +241,11 @@ impl Character {
         if axis.length_squared() <= 1e-6 * d.length_squared() {
             axis = d.cross(DVec3::Z);
         }
-        let inside = globals[node].matrix3.inverse() * axis;
+        let m = globals[node].matrix3;
+        if !is_similarity([m.x_axis, m.y_axis, m.z_axis]) {
+            return fail("one in a stretched or sheared frame, where a turn bends the limb");
+        }
+        let inside = m.inverse() * axis;
         let inside = model::unit(inside.to_array());
         if inside == [0.0; 3] {
             return fail("no direction to bend in");
@@ -245,5 +258,19 @@ impl Character {
             Local::Fixed(_) => return fail("a node with a matrix"),
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stretched_and_sheared_frames_are_no_similarities() {
+        let (x, y, z) = (DVec3::X * 2.0, DVec3::Y * 2.0, DVec3::Z * 2.0);
+        assert!(is_similarity([x, y, z]), "a uniform scale");
+        assert!(is_similarity([y, z, x]), "a turn");
+        assert!(!is_similarity([x, y, 1.1 * z]), "stretched");
+        assert!(!is_similarity([x, y + 0.1 * x, z]), "sheared");
     }
 }

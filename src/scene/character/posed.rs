@@ -172,7 +172,7 @@ impl Factors {
     /// steps of a walk. An elbow that is not named is searched for by [`Character::elbow`].
     ///
     /// # Errors
-    /// When a name fits nothing, or the joint cannot bend.
+    /// When a name fits nothing, no elbow is named or found, or the joint cannot bend.
     pub fn of(c: &Character, first: &str, second: Option<&str>, elbow: Option<&str>) -> Result<Self> {
         let middle = |k: usize| (k, 0.5 * c.duration(k));
         let first = c.animation(first)?;
@@ -181,12 +181,17 @@ impl Factors {
             None => ((first, 0.0), middle(first)),
         };
         let elbow = match elbow {
-            Some(n) => Some(c.joint(n)?),
-            None => c.elbow(),
+            Some(n) => c.joint(n)?,
+            None => c.elbow().ok_or_else(|| {
+                let names: Vec<&str> = c.joints().iter().map(|j| j.name.as_str()).collect();
+                Error::input(c.name().to_owned())
+                    .at("elbow")
+                    .expected("a joint named like an elbow or a forearm")
+                    .got(format!("the joints {}", names.join(", ")))
+                    .hint("name the joint that self-occlusion bends")
+            })?,
         };
-        if let Some(j) = elbow {
-            c.bend(&mut c.rest(), j, 0.1).map_err(|e: Error| e.hint("name another joint"))?;
-        }
-        Ok(Self { first, second, elbow })
+        c.bend(&mut c.rest(), elbow, 0.1).map_err(|e: Error| e.hint("name another joint"))?;
+        Ok(Self { first, second, elbow: Some(elbow) })
     }
 }
