@@ -42,7 +42,7 @@ impl Brute {
                 best.1 += 1;
                 if m.t < nearest {
                     nearest = m.t;
-                    best.0 = Hit { t: m.t * line.unit, u: m.u, v: m.v, triangle: i };
+                    best.0 = Hit { t: line.in_caller_units(m.t), u: m.u, v: m.v, triangle: i };
                 }
             }
         }
@@ -142,7 +142,7 @@ fn hold(name: &str, p: &[[f32; 3]], t: &[[u32; 3]], rays: &[Ray]) -> usize {
         assert_eq!(any[i], accepted > 0, "{name}, ray {i} {ray:?}: occlusion in a batch");
         assert!(
             wanted.t >= 0.0 && (wanted.t <= ray.t_max || wanted.triangle == MISS),
-            "{name}, ray {i}: interval"
+            "{name}, ray {i} {ray:?}: {wanted:?} outside of the interval"
         );
         met += usize::from(accepted > 0);
     }

@@ -62,7 +62,7 @@ impl Best {
 
     #[inline(always)]
     pub(super) fn hit(&self, line: &Line) -> Hit {
-        Hit { t: self.t * line.unit, u: self.u, v: self.v, triangle: self.triangle }
+        Hit { t: line.in_caller_units(self.t), u: self.u, v: self.v, triangle: self.triangle }
     }
 }
 
