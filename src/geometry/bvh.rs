@@ -1,6 +1,6 @@
 //! Nearest hits and occlusion over a bounding volume hierarchy.
 
-use super::tree::{Tree, Triangles};
+use super::tree::{Leaf, Node, Tree, Triangles};
 use super::triangle::{Frame, Line};
 
 /// The index of a triangle that was not hit.
@@ -74,6 +74,14 @@ impl Bvh {
             self.tree.leaves.all().len(),
             self.triangles as f64 / self.tree.leaves.all().len() as f64
         )
+    }
+
+    pub(super) fn scale(&self) -> f32 {
+        self.frame.scale
+    }
+
+    pub(super) fn arrays(&self) -> (&[Node], &[Leaf]) {
+        (self.tree.nodes.all(), self.tree.leaves.all())
     }
 
     #[inline]

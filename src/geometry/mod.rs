@@ -6,9 +6,12 @@
 //! ```
 
 pub mod bvh;
+pub mod chamfer;
 #[cfg(test)]
 mod contract;
+pub mod distance;
 mod pages;
+pub mod sample;
 pub mod trace;
 mod tree;
 mod triangle;

@@ -193,8 +193,8 @@ impl Line {
         (start, end)
     }
 
-    /// The whole test, for one triangle that has an area.
-    #[inline]
+    /// The whole test, for one triangle that has an area: what the walks do lane by lane.
+    #[cfg(test)]
     pub(super) fn meet(&self, corners: [[f32; 3]; 3]) -> Option<Met> {
         let (x, y, z) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
         let [a, b, c] = corners.map(|p| {
