@@ -115,7 +115,7 @@ fn hits_and_samples_do_not_depend_on_threads() {
     let u = |i: usize, d: u16| 2.0 * r.uniform_f32(i as u64, 0, 0x6703, d) - 1.0;
     let rays: Vec<Ray> = (0..50_000)
         .map(|i| Ray {
-            origin: [2.0 * u(i, 0), 2.0 * u(i, 1), 2.0 * u(i, 2)],
+            origin: [1.2 * u(i, 0), 1.2 * u(i, 1), 1.2 * u(i, 2)],
             direction: [u(i, 3), u(i, 4), u(i, 5)],
             t_max: f32::INFINITY,
         })

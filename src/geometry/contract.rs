@@ -214,6 +214,32 @@ fn queries_are_brute_force_on_heaps_slivers_and_copies() {
 }
 
 #[test]
+fn rays_side_by_side_are_brute_force() {
+    let r = Rng::new(6);
+    for (name, (p, t)) in [("coarse", sphere(10, 6)), ("fine", sphere(60, 30))] {
+        let base = rays(&r, &p, &t, 160);
+        // runs of 1 to 40 rays, nearer and further apart than a group allows, with equal and different starts, some of no length
+        let mut side = vec![];
+        for (i, ray) in base.iter().enumerate() {
+            let apart = [0.0, 1e-6, 1e-3, 0.02, 0.2][i % 5];
+            for j in 0..1 + i % 40 {
+                let (d, o) = (point(&r, 64 * i + j, 10), point(&r, 64 * i + j, 11));
+                let shift = if i % 2 == 0 { apart } else { 0.0 };
+                let mut next = *ray;
+                for k in 0..3 {
+                    next.direction[k] += apart * d[k];
+                    next.origin[k] += shift * o[k];
+                }
+                next.t_max = if j % 11 == 10 { [0.0, -1.0, 0.5, f32::MAX][i % 4] } else { ray.t_max };
+                side.push(next);
+            }
+        }
+        let met = hold(name, &p, &t, &side);
+        assert!(3 * met > side.len(), "{name}: {met} of {}", side.len());
+    }
+}
+
+#[test]
 fn a_grid_seen_along_its_lines() {
     // every vertex, edge and diagonal of a flat grid, straight on: exact coordinates, so that U, V, W vanish
     let n = 9_usize;

@@ -10,6 +10,7 @@ pub mod chamfer;
 #[cfg(test)]
 mod contract;
 pub mod distance;
+mod group;
 mod pages;
 pub mod sample;
 pub mod trace;
