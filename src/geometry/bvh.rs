@@ -1,6 +1,7 @@
 //! Nearest hits and occlusion over a bounding volume hierarchy.
 
-use super::tree::{Tree, Triangles};
+use super::group::{self, Group};
+use super::tree::{Leaf, Node, Tree, Triangles};
 use super::triangle::{Frame, Line};
 
 /// The index of a triangle that was not hit.
@@ -76,6 +77,14 @@ impl Bvh {
         )
     }
 
+    pub(super) fn scale(&self) -> f32 {
+        self.frame.scale
+    }
+
+    pub(super) fn arrays(&self) -> (&[Node], &[Leaf]) {
+        (self.tree.nodes.all(), self.tree.leaves.all())
+    }
+
     #[inline]
     fn walk<const ANY: bool>(&self, ray: &Ray) -> Hit {
         match Line::new(ray, &self.frame) {
@@ -84,26 +93,36 @@ impl Bvh {
         }
     }
 
+    /// Rays side by side in groups, the others in turns.
     fn walk_many<const ANY: bool>(&self, rays: &[Ray], mut done: impl FnMut(usize, Hit)) {
-        if coherent(rays) {
-            for (i, ray) in rays.iter().enumerate() {
-                done(i, self.walk::<ANY>(ray));
+        let [lo, hi] = self.frame.bounds;
+        let size = (0..3).fold(0.0, |m, k| crate::num::order::max(m, hi[k] - lo[k]));
+        let mut others = Vec::new();
+        let mut together: Vec<(usize, Line)> = Vec::with_capacity(group::RAYS);
+        let mut group: Option<Group> = None;
+        let mut flush = |together: &mut Vec<(usize, Line)>, done: &mut dyn FnMut(usize, Hit)| {
+            if together.len() < group::FEW {
+                others.append(together);
+            } else {
+                let group = group.get_or_insert_with(|| Group::new(together[0].1));
+                group.walk::<ANY>(&self.tree, together, done);
+                together.clear();
             }
-            return;
-        }
-        let mut rest = rays.iter().enumerate();
-        let mut missed = Vec::new();
-        let lines = || {
-            for (i, ray) in rest.by_ref() {
-                match Line::new(ray, &self.frame) {
-                    Some(line) if !self.tree.nodes.all().is_empty() => return Some((i, line)),
-                    _ => missed.push(i),
-                }
-            }
-            None
         };
-        self.tree.walk_many::<ANY>(lines, &mut done);
-        missed.into_iter().for_each(|i| done(i, Hit::NONE));
+        for (i, ray) in rays.iter().enumerate() {
+            let Some(line) = Line::new(ray, &self.frame).filter(|_| !self.tree.nodes.all().is_empty()) else {
+                done(i, Hit::NONE);
+                continue;
+            };
+            let full = together.len() == group::RAYS;
+            if full || together.first().is_some_and(|first| !group::beside(&first.1, &line, size)) {
+                flush(&mut together, &mut done);
+            }
+            together.push((i, line));
+        }
+        flush(&mut together, &mut done);
+        let mut others = others.into_iter();
+        self.tree.walk_many::<ANY>(|| others.next(), done);
     }
 
     /// The hit with the smallest (t, triangle), or [`Hit::NONE`].
@@ -133,18 +152,6 @@ impl Bvh {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
         self.walk_many::<true>(rays, |i, hit| occluded[i] = hit.triangle != MISS);
     }
-}
-
-/// Whether most neighbours run side by side, so that they find what they need in the cache. Decides about speed only.
-fn coherent(rays: &[Ray]) -> bool {
-    let step = (rays.len() / 32).max(1);
-    let near = |a: &Ray, b: &Ray| {
-        let size = a.direction.iter().fold(0.0, |m, d| if d.abs() > m { d.abs() } else { m });
-        (0..3).all(|k| (a.direction[k] - b.direction[k]).abs() <= 0.05 * size)
-    };
-    let pairs = rays.windows(2).step_by(step);
-    let n = pairs.len();
-    2 * pairs.filter(|p| near(&p[0], &p[1])).count() > n
 }
 
 #[cfg(test)]

@@ -42,7 +42,7 @@ impl Brute {
                 best.1 += 1;
                 if m.t < nearest {
                     nearest = m.t;
-                    best.0 = Hit { t: m.t * line.unit, u: m.u, v: m.v, triangle: i };
+                    best.0 = Hit { t: line.in_caller_units(m.t), u: m.u, v: m.v, triangle: i };
                 }
             }
         }
@@ -142,7 +142,7 @@ fn hold(name: &str, p: &[[f32; 3]], t: &[[u32; 3]], rays: &[Ray]) -> usize {
         assert_eq!(any[i], accepted > 0, "{name}, ray {i} {ray:?}: occlusion in a batch");
         assert!(
             wanted.t >= 0.0 && (wanted.t <= ray.t_max || wanted.triangle == MISS),
-            "{name}, ray {i}: interval"
+            "{name}, ray {i} {ray:?}: {wanted:?} outside of the interval"
         );
         met += usize::from(accepted > 0);
     }
@@ -211,6 +211,32 @@ fn queries_are_brute_force_on_heaps_slivers_and_copies() {
     let ray = Ray { origin: [0.2, 0.2, 1.0], direction: [0.0, -0.0, -1.0], t_max: f32::INFINITY };
     hold("copies", &p, &t, &[ray]);
     assert_eq!(Bvh::build(&p, &t).closest(&ray).triangle, 0, "the lowest of equal ones");
+}
+
+#[test]
+fn rays_side_by_side_are_brute_force() {
+    let r = Rng::new(6);
+    for (name, (p, t)) in [("coarse", sphere(10, 6)), ("fine", sphere(60, 30))] {
+        let base = rays(&r, &p, &t, 160);
+        // runs of 1 to 40 rays, nearer and further apart than a group allows, with equal and different starts, some of no length
+        let mut side = vec![];
+        for (i, ray) in base.iter().enumerate() {
+            let apart = [0.0, 1e-6, 1e-3, 0.02, 0.2][i % 5];
+            for j in 0..1 + i % 40 {
+                let (d, o) = (point(&r, 64 * i + j, 10), point(&r, 64 * i + j, 11));
+                let shift = if i % 2 == 0 { apart } else { 0.0 };
+                let mut next = *ray;
+                for k in 0..3 {
+                    next.direction[k] += apart * d[k];
+                    next.origin[k] += shift * o[k];
+                }
+                next.t_max = if j % 11 == 10 { [0.0, -1.0, 0.5, f32::MAX][i % 4] } else { ray.t_max };
+                side.push(next);
+            }
+        }
+        let met = hold(name, &p, &t, &side);
+        assert!(3 * met > side.len(), "{name}: {met} of {}", side.len());
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ pub mod bvh;
 pub mod compare;
 #[cfg(test)]
 mod contract;
+mod group;
 pub mod nearest;
 mod pages;
 pub mod trace;

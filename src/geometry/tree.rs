@@ -145,6 +145,8 @@ struct Outline<'a> {
     spans: Vec<(u32, u32)>,
     /// triangles in depth-first order of the proposed tree
     items: Vec<u32>,
+    /// per proposed node: `costs[k]` is the least surface of nodes when k + 1 children stand for it
+    costs: Vec<[f32; LANES]>,
     nodes: Vec<[u32; LANES]>,
     /// first item and number of items
     leaves: Vec<(u32, u32)>,
@@ -156,6 +158,7 @@ impl<'a> Outline<'a> {
             tree,
             spans: vec![(0, 0); tree.nodes.len()],
             items: Vec::with_capacity(n),
+            costs: vec![[0.0; LANES]; tree.nodes.len()],
             nodes: Vec::with_capacity(n / 16),
             leaves: Vec::with_capacity(n / 5),
         };
@@ -165,6 +168,7 @@ impl<'a> Outline<'a> {
             let node = &tree.nodes[at as usize];
             if seen {
                 made.spans[at as usize].1 = made.items.len() as u32 - made.spans[at as usize].0;
+                made.costs[at as usize] = made.cost(at);
                 continue;
             }
             made.spans[at as usize].0 = made.items.len() as u32;
@@ -180,33 +184,63 @@ impl<'a> Outline<'a> {
         made
     }
 
+    /// Costs of a proposed inner node from those of its halves. Leaves cost the same whoever their parent is, so they count 0.
+    fn cost(&self, at: u32) -> [f32; LANES] {
+        let node = &self.tree.nodes[at as usize];
+        if self.spans[at as usize].1 as usize <= LANES {
+            return [0.0; LANES];
+        }
+        let mut costs = [0.0; LANES];
+        for k in 1..LANES {
+            costs[k] = self.split(node.first_index, k).0;
+        }
+        let own = area([node.aabb.min.into(), node.aabb.max.into()]) + costs[LANES - 1];
+        costs[0] = own;
+        for k in 1..LANES {
+            costs[k] = min(costs[k], costs[k - 1]);
+        }
+        costs
+    }
+
+    /// The least cost of a pair of siblings that k + 1 children stand for, and how many of them stand for the first, less one.
+    fn split(&self, first: u32, k: usize) -> (f32, usize) {
+        let (a, b) = (&self.costs[first as usize], &self.costs[first as usize + 1]);
+        let mut best = (a[0] + b[k - 1], 0);
+        for i in 1..k {
+            let c = a[i] + b[k - 1 - i];
+            if c < best.0 {
+                best = (c, i);
+            }
+        }
+        best
+    }
+
+    /// The parts that at most `slots` children stand for.
+    fn open(&self, part: Part, slots: usize, into: &mut Vec<Part>) {
+        let Part::Proposed(at) = part else {
+            into.push(part);
+            return;
+        };
+        let (node, costs) = (&self.tree.nodes[at as usize], &self.costs[at as usize]);
+        let small = self.spans[at as usize].1 as usize <= LANES;
+        if small || slots == 1 || node.is_leaf() || !(costs[slots - 1] < costs[0]) {
+            into.push(part);
+            return;
+        }
+        // the fewest slots that reach the least cost
+        let mut k = slots - 1;
+        while k > 1 && costs[k - 1] == costs[k] {
+            k -= 1;
+        }
+        let (_, i) = self.split(node.first_index, k);
+        self.open(Part::Proposed(node.first_index), i + 1, into);
+        self.open(Part::Proposed(node.first_index + 1), k - i, into);
+    }
+
     fn span(&self, part: Part) -> (u32, u32) {
         match part {
             Part::Proposed(i) => self.spans[i as usize],
             Part::Run(first, n) => (first, n),
-        }
-    }
-
-    /// Both halves of a part with more than eight triangles.
-    fn halves(&self, part: Part, depth: usize) -> [Part; 2] {
-        if let Part::Proposed(i) = part {
-            let node = &self.tree.nodes[i as usize];
-            if !node.is_leaf() && depth < DEEPEST {
-                return [Part::Proposed(node.first_index), Part::Proposed(node.first_index + 1)];
-            }
-        }
-        let (first, n) = self.span(part);
-        [Part::Run(first, n / 2), Part::Run(first + n / 2, n - n / 2)]
-    }
-
-    /// The surface that decides which part is opened next; runs are opened by their size.
-    fn surface(&self, part: Part) -> f32 {
-        match part {
-            Part::Proposed(i) => {
-                let b = self.tree.nodes[i as usize].aabb;
-                area([b.min.into(), b.max.into()])
-            }
-            Part::Run(_, n) => n as f32,
         }
     }
 
@@ -217,28 +251,26 @@ impl<'a> Outline<'a> {
             self.leaves.push((first, n));
             return LEAF | (self.leaves.len() - 1) as u32;
         }
-        let [a, b] = self.halves(part, depth);
-        let mut open = [a; LANES];
-        open[1] = b;
-        let mut count = 2;
-        while count < LANES {
-            let mut widest = None;
-            for (i, &p) in open[..count].iter().enumerate() {
-                if self.span(p).1 as usize > LANES {
-                    let s = self.surface(p);
-                    widest = widest.filter(|&(most, _)| !(s > most)).or(Some((s, i)));
+        let mut open = Vec::with_capacity(LANES);
+        match part {
+            Part::Proposed(i) if depth < DEEPEST && !self.tree.nodes[i as usize].is_leaf() => {
+                let first = self.tree.nodes[i as usize].first_index;
+                let (_, k) = self.split(first, LANES - 1);
+                self.open(Part::Proposed(first), k + 1, &mut open);
+                self.open(Part::Proposed(first + 1), LANES - 1 - k, &mut open);
+            }
+            _ => {
+                // an even tree: eight runs of equal length, up to one
+                for i in 0..LANES as u32 {
+                    let at = |i: u32| (u64::from(n) * u64::from(i) / LANES as u64) as u32;
+                    open.push(Part::Run(first + at(i), at(i + 1) - at(i)));
                 }
             }
-            let Some((_, i)) = widest else { break };
-            let [a, b] = self.halves(open[i], depth);
-            open[i] = a;
-            open[count] = b;
-            count += 1;
         }
         let at = self.nodes.len();
         self.nodes.push([NONE; LANES]);
-        for i in 0..count {
-            self.nodes[at][i] = self.place(open[i], depth + 1);
+        for (i, part) in open.into_iter().enumerate() {
+            self.nodes[at][i] = self.place(part, depth + 1);
         }
         at as u32
     }

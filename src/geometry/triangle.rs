@@ -101,7 +101,7 @@ pub(super) struct Line {
     /// End of the interval.
     pub(super) t_max: f32,
     /// Power of two by which t is multiplied to count in the caller's direction.
-    pub(super) unit: f32,
+    pub(super) unit: f64,
 }
 
 /// A triangle that was hit: parameter, and weights of corners 1 and 2.
@@ -142,7 +142,7 @@ impl Line {
             let by = f64::from_bits(((1023 - e) as u64) << 52);
             d = wide.map(|d| (d * by) as f32);
             t_max = below(f64::from(t_max) / by);
-            unit = by as f32;
+            unit = by;
             axis = largest(d);
         }
         let origin = ray.origin.map(|o| o * frame.scale);
@@ -173,6 +173,12 @@ impl Line {
         Some(Self { origin, axis, shear, enter, leave, inverse, octant, t_max, unit })
     }
 
+    /// t in the caller's numbers.
+    #[inline(always)]
+    pub(super) fn in_caller_units(&self, t: f32) -> f32 {
+        (f64::from(t) * self.unit) as f32
+    }
+
     /// Where the ray is inside a box: start and end, empty if the end is smaller. Monotonic in the planes.
     #[inline]
     pub(super) fn slab(&self, lo: [f32; 3], hi: [f32; 3]) -> (f32, f32) {
@@ -187,8 +193,8 @@ impl Line {
         (start, end)
     }
 
-    /// The whole test, for one triangle that has an area.
-    #[inline]
+    /// The whole test, for one triangle that has an area: what the walks do lane by lane.
+    #[cfg(test)]
     pub(super) fn meet(&self, corners: [[f32; 3]; 3]) -> Option<Met> {
         let (x, y, z) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
         let [a, b, c] = corners.map(|p| {

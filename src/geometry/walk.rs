@@ -62,7 +62,7 @@ impl Best {
 
     #[inline(always)]
     pub(super) fn hit(&self, line: &Line) -> Hit {
-        Hit { t: self.t * line.unit, u: self.u, v: self.v, triangle: self.triangle }
+        Hit { t: line.in_caller_units(self.t), u: self.u, v: self.v, triangle: self.triangle }
     }
 }
 
@@ -200,6 +200,12 @@ impl Waiting {
         }
     }
 
+    #[inline(always)]
+    fn push(&mut self, e: u64) {
+        self.near[self.top & (STACK - 1)] = e;
+        self.top += 1;
+    }
+
     /// Inserts above `base`, larger ones below.
     #[inline(always)]
     fn insert(&mut self, base: usize, e: u64) {
@@ -249,11 +255,23 @@ impl Walk {
                 if self.waiting.top + LANES > STACK {
                     self.waiting.make_room();
                 }
+                if ANY {
+                    // In any order: the first hit found ends the walk. A start of 0 is never too far.
+                    while hit != 0 {
+                        let next = hit.trailing_zeros() as usize;
+                        hit &= hit - 1;
+                        expect_soon(nodes, leaves, children[next & 7]);
+                        self.waiting.push(u64::from(children[next & 7]));
+                    }
+                    self.at = children[lane & 7];
+                    return true;
+                }
                 let mut nearest = entry(lane);
                 let base = self.waiting.top;
                 while hit != 0 {
                     let lane = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
+                    expect_soon(nodes, leaves, children[lane & 7]);
                     let mut e = entry(lane);
                     if e < nearest {
                         std::mem::swap(&mut e, &mut nearest);
