@@ -336,3 +336,49 @@ fn cameras_of_sets_and_video_are_those_of_the_specification() {
         "smoke"
     );
 }
+
+#[test]
+fn a_character_gives_the_same_bytes_wherever_its_file_lies() {
+    let Some(knight) = std::env::var_os("LASTLIGHT_DATA")
+        .map(|d| Path::new(&d).join("data/characters/Knight.glb"))
+        .filter(|p| p.exists())
+    else {
+        println!("not run: $LASTLIGHT_DATA/data/characters/Knight.glb is not there");
+        return;
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let moved = folder.path().join("a folder/Knight.glb");
+    std::fs::create_dir_all(moved.parent().expect("a folder")).expect("made");
+    std::fs::copy(&knight, &moved).expect("copied");
+    let cast = |file: &Path| Settings {
+        set: "video".into(),
+        character: Some(Casting {
+            file: file.to_path_buf(),
+            animations: vec!["Walking_A".into()],
+            elbow: None,
+            hide: Vec::new(),
+            play: false,
+        }),
+        ..small()
+    };
+    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    make(&cast(&knight), &one, false, 2);
+    let stop = AtomicBool::new(false);
+    generate::run(&cast(&moved), &two, false, &stop, &mut |done, _, _| {
+        stop.store(done > 0, Ordering::Relaxed)
+    })
+    .expect_err("stopped");
+    make(&cast(&moved), &two, true, 1);
+    assert_same(&contents(&one), &contents(&two), "moved, interrupted, other threads");
+    let unknown = |change: fn(&mut Casting)| {
+        let mut settings = cast(&knight);
+        change(settings.character.as_mut().expect("a character"));
+        let dir = folder.path().join("refused");
+        let run = generate::run(&settings, &dir, false, &AtomicBool::new(false), &mut |_, _, _| {});
+        assert!(!dir.exists(), "nothing was made");
+        run.expect_err("refused").to_string()
+    };
+    assert!(unknown(|c| c.animations = vec!["Swim".into()]).contains("Walking_A"), "animations are listed");
+    assert!(unknown(|c| c.elbow = Some("tail".into())).contains("lowerarm.r"), "joints are listed");
+    assert!(unknown(|c| c.hide = vec!["Nothing".into()]).contains("one of"), "parts are listed");
+}
