@@ -419,8 +419,7 @@ fn on_surface(t: &Template, p: usize, x: [f64; 3]) -> [[f64; 3]; 2] {
     let along: [f64; 3] = std::array::from_fn(|k| bone.to[k] - bone.from[k]);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let place = dot(along, std::array::from_fn(|k| x[k] - bone.from[k])) / dot(along, along);
-    let place = if place < 0.0 { 0.0 } else { place };
-    let place = 1.0 - if place > 1.0 { 0.0 } else { 1.0 - place };
+    let place = place.clamp(0.0, 1.0);
     let base: [f64; 3] = std::array::from_fn(|k| bone.from[k] + place * along[k]);
     let n = unit(std::array::from_fn(|k| x[k] - base[k]));
     [std::array::from_fn(|k| base[k] + bone.radius * n[k]), n]

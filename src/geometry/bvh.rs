@@ -1,7 +1,7 @@
 //! Nearest hits and occlusion over a bounding volume hierarchy.
 
 use super::group::{self, Group};
-use super::tree::{Leaf, Node, Tree, Triangles};
+use super::tree::{Tree, Triangles};
 use super::triangle::{Frame, Line};
 
 /// The index of a triangle that was not hit.
@@ -57,7 +57,7 @@ impl Bvh {
     /// If an index is out of range or a coordinate is not finite: see [`crate::scene::mesh::Mesh::validate`].
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let mut largest = 0.0;
-        for x in positions.iter().flatten().map(|x| x.abs()) {
+        for x in triangles.iter().flatten().flat_map(|&i| positions[i as usize]).map(f32::abs) {
             assert!(x.is_finite(), "coordinates are finite");
             largest = if x > largest { x } else { largest };
         }
@@ -67,22 +67,9 @@ impl Bvh {
         Self { frame: Frame { scale, bounds: tree.bounds }, tree, triangles: triangles.len() }
     }
 
-    /// Sizes.
-    pub fn describe(&self) -> String {
-        format!(
-            "{} nodes, {} leaves, fill {:.2}",
-            self.tree.nodes.all().len(),
-            self.tree.leaves.all().len(),
-            self.triangles as f64 / self.tree.leaves.all().len() as f64
-        )
-    }
-
-    pub(super) fn scale(&self) -> f32 {
-        self.frame.scale
-    }
-
-    pub(super) fn arrays(&self) -> (&[Node], &[Leaf]) {
-        (self.tree.nodes.all(), self.tree.leaves.all())
+    /// Number of triangles of the mesh it was built from.
+    pub fn triangles(&self) -> usize {
+        self.triangles
     }
 
     #[inline]

@@ -54,7 +54,7 @@ impl Frame {
         if largest == 0.0 || (1.0 / LARGE..=LARGE).contains(&largest) {
             return 1.0;
         }
-        power_of_two(-exponent(f64::from(largest)).clamp(-127, 126))
+        power_of_two(-exponent(f64::from(largest)).clamp(-126, 126))
     }
 }
 
@@ -129,10 +129,10 @@ impl Line {
     pub(super) fn new(ray: &Ray, frame: &Frame) -> Option<Self> {
         let mut d = ray.direction;
         // what has no finite t is not hit
-        let (mut t_max, mut unit) = (if ray.t_max > f32::MAX { f32::MAX } else { ray.t_max }, 1.0);
+        let (mut t_max, mut unit) = (if ray.t_max > f32::MAX { f32::MAX } else { ray.t_max + 0.0 }, 1.0);
         let mut axis = largest(d);
         let along = d[axis].abs();
-        if frame.scale != 1.0 || !(1.0 / FAR <= along && along <= FAR) {
+        if frame.scale != 1.0 || !(1.0 / FAR..=FAR).contains(&along) {
             if !(along > 0.0 && along < f32::INFINITY) {
                 return None;
             }

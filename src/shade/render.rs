@@ -131,6 +131,12 @@ impl<'a> Scene<'a> {
     /// Names what is wrong.
     pub fn new(object: &'a Object, bvh: &'a Bvh, lights: &'a Lights) -> Result<Self> {
         object.validate("object")?;
+        if bvh.triangles() != object.mesh.triangles.len() {
+            return Err(Error::input("scene")
+                .at("tree")
+                .expected(format!("one over the {} triangles of the object", object.mesh.triangles.len()))
+                .got(format!("one over {}", bvh.triangles())));
+        }
         if let Some(map) = &lights.environment {
             map.validate("environment")?;
         }
