@@ -323,7 +323,7 @@ fn cameras_of_sets_and_video_are_those_of_the_specification() {
         let radius = (eye[0] * eye[0] + eye[1] * eye[1]).sqrt();
         assert!((radius - 6.0).abs() < 1e-5, "camera {index}: three body heights, {radius}");
         let angle = std::f64::consts::TAU * index as f64 / 23.0;
-        let off = (eye[0] - radius * angle.sin()).abs() + (eye[1] + radius * angle.cos()).abs();
+        let off = (eye[0] - radius * libm::sin(angle)).abs() + (eye[1] + radius * libm::cos(angle)).abs();
         assert!(off < 1e-5, "camera {index} stands at 1/23 turns: {eye:?}");
     }
     let full = Settings::full();
