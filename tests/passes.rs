@@ -20,7 +20,7 @@ fn camera(shift: f32) -> Camera {
 fn passes(seed: usize) -> Passes {
     let n = SIDE * SIDE;
     let value = |i: usize, c: usize| ((7 * i + 13 * c + 5 * seed) % 64) as f32 / 64.0;
-    let hit = |i: usize| i % 5 != 0;
+    let hit = |i: usize| !i.is_multiple_of(5);
     let only = |i: usize, x: f32| if hit(i) { x } else { 0.0 };
     Passes {
         width: SIDE,
