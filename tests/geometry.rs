@@ -166,7 +166,8 @@ fn distances_to_a_sphere_and_a_cube() {
     ] {
         for list in [&t, &backwards] {
             let (got, triangle) = nearest::Surface::new(&p, list).nearest(q);
-            assert_eq!(got, squared, "{q:?}: triangle {triangle}");
+            // a point on a face is projected onto it: an ulp of its coordinates remains
+            assert!((got - squared).abs() <= 1e-30 + 1e-15 * squared, "{q:?}: triangle {triangle}, {got:e}");
             assert!(lowest.is_none_or(|i| triangle == i), "{q:?}: triangle {triangle}, not the lowest");
         }
     }

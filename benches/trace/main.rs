@@ -71,7 +71,7 @@ fn main() {
         std::env::var("TRACE_RUNS").ok().and_then(|v| v.parse().ok()).unwrap_or(if quick { 1 } else { 7 });
     let (u, v, side) = if quick { (200, 100, 128) } else { (1000, 500, 1024) };
     let mesh = scene::mesh(u, v);
-    let peer = (!only("embree")).then(|| ()).is_some();
+    let peer = !only("embree");
     let obvhs = Obvhs::build(&mesh, if quick { 1 } else { 3 });
     let bvh = build(&mesh, &obvhs, if quick { 1 } else { 3 });
     let sets = scene::rays(&bvh, &mesh, side);

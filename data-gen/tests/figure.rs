@@ -419,7 +419,11 @@ fn on_surface(t: &Template, p: usize, x: [f64; 3]) -> [[f64; 3]; 2] {
     let along: [f64; 3] = std::array::from_fn(|k| bone.to[k] - bone.from[k]);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let place = dot(along, std::array::from_fn(|k| x[k] - bone.from[k])) / dot(along, along);
-    let place = place.clamp(0.0, 1.0);
+    let place = match place {
+        x if x < 0.0 => 0.0,
+        x if x > 1.0 => 1.0,
+        x => x,
+    };
     let base: [f64; 3] = std::array::from_fn(|k| bone.from[k] + place * along[k]);
     let n = unit(std::array::from_fn(|k| x[k] - base[k]));
     [std::array::from_fn(|k| base[k] + bone.radius * n[k]), n]

@@ -170,10 +170,52 @@ fn cases() -> Vec<Case> {
             1e-11,
         ),
         splat("linear", "nn.linear", layer, &[], &["x", "weight", "bias"], &["y"], 1e-13),
+        splat(
+            "ggx",
+            "shade.ggx",
+            lit(&["normal", "view", "light", "albedo", "roughness", "metallic"]),
+            &[],
+            &["normal", "albedo", "roughness", "metallic"],
+            &["brdf"],
+            1e-13,
+        ),
+        splat(
+            "envmap",
+            "shade.envmap",
+            lit(&["normal", "view", "albedo", "roughness", "metallic", "env"]),
+            &[],
+            &["normal", "albedo", "roughness", "metallic", "env"],
+            &["radiance"],
+            1e-13,
+        ),
         splat("l1", "loss.l1", pictures(), &[], xy, &["value"], 1e-13),
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
     ]
+}
+
+/// Points under light, eye and light within 60° of +z and the normal near it; a map of 4 × 6.
+fn lit(names: &[&str]) -> Named<f64> {
+    const POINTS: usize = 9;
+    let upper = |purpose: u16| {
+        let mut d = uniform(&[POINTS, 3], [-0.6, 0.6], purpose);
+        for p in d.data.chunks_exact_mut(3) {
+            p[2] = (1.0 - p[0] * p[0] - p[1] * p[1]).sqrt();
+        }
+        d
+    };
+    let mut normal = uniform(&[POINTS, 3], [-0.2, 0.2], 30);
+    normal.data.chunks_exact_mut(3).for_each(|p| p[2] += 1.3);
+    let all = named([
+        ("normal", normal),
+        ("view", upper(31)),
+        ("light", upper(32)),
+        ("albedo", uniform(&[POINTS, 3], [0.1, 0.9], 33)),
+        ("roughness", uniform(&[POINTS], [0.3, 0.9], 34)),
+        ("metallic", uniform(&[POINTS], [0.1, 0.9], 35)),
+        ("env", uniform(&[4, 6, 3], [0.2, 2.0], 36)),
+    ]);
+    picked(&all, names)
 }
 
 fn norm(x: &Named<f64>) -> f64 {
