@@ -1,8 +1,9 @@
 //! Nearest hits and occlusion over a bounding volume hierarchy.
 
 use super::group::{self, Group};
-use super::tree::{Leaf, Node, Tree, Triangles};
+use super::tree::{Tree, Triangles};
 use super::triangle::{Frame, Line};
+use crate::num::lanes::f32x8;
 
 /// The index of a triangle that was not hit.
 pub const MISS: u32 = u32::MAX;
@@ -67,28 +68,19 @@ impl Bvh {
         Self { frame: Frame { scale, bounds: tree.bounds }, tree, triangles: triangles.len() }
     }
 
-    /// Sizes.
-    pub fn describe(&self) -> String {
-        format!(
-            "{} nodes, {} leaves, fill {:.2}",
-            self.tree.nodes.all().len(),
-            self.tree.leaves.all().len(),
-            self.triangles as f64 / self.tree.leaves.all().len() as f64
-        )
-    }
-
     pub(super) fn scale(&self) -> f32 {
         self.frame.scale
     }
 
-    pub(super) fn arrays(&self) -> (&[Node], &[Leaf]) {
-        (self.tree.nodes.all(), self.tree.leaves.all())
+    /// Rows of the tree, and the place of its root.
+    pub(super) fn rows(&self) -> (&[f32x8], u32) {
+        (self.tree.rows(), self.tree.root)
     }
 
     #[inline]
     fn walk<const ANY: bool>(&self, ray: &Ray) -> Hit {
         match Line::new(ray, &self.frame) {
-            Some(line) if !self.tree.nodes.all().is_empty() => self.tree.walk::<ANY>(line),
+            Some(line) if !self.tree.rows().is_empty() => self.tree.walk::<ANY>(line),
             _ => Hit::NONE,
         }
     }
@@ -110,7 +102,7 @@ impl Bvh {
             }
         };
         for (i, ray) in rays.iter().enumerate() {
-            let Some(line) = Line::new(ray, &self.frame).filter(|_| !self.tree.nodes.all().is_empty()) else {
+            let Some(line) = Line::new(ray, &self.frame).filter(|_| !self.tree.rows().is_empty()) else {
                 done(i, Hit::NONE);
                 continue;
             };

@@ -16,7 +16,7 @@
 //! Triangles without area are left out. Points must be finite. Where several triangles are equally near, in the middle of a shape and at edges, the lowest wins.
 
 use super::bvh::Bvh;
-use super::tree::{CHILDREN, INDEX, LANES, LEAF, Leaf, Node, references};
+use super::tree::{CHILDREN, INDEX, LANES, LEAF, Leaf, Node, leaf, node, references};
 use super::triangle::bounds;
 use crate::num::lanes::f32x8;
 
@@ -122,18 +122,18 @@ impl Bvh {
         let scale = self.scale();
         let p = point.map(|x| x * scale);
         let lanes = p.map(f32x8::splat);
-        let (nodes, leaves) = self.arrays();
+        let (rows, root) = self.rows();
         let (mut best, mut found, mut triangle) = (f64::INFINITY, [0.0; 3], u32::MAX);
         let mut waiting = Vec::with_capacity(64);
-        if !nodes.is_empty() {
-            waiting.push((0.0_f32, 0_u32));
+        if !rows.is_empty() {
+            waiting.push((0.0_f32, root));
         }
         while let Some((bound, at)) = waiting.pop() {
             if f64::from(bound) > best {
                 continue;
             }
             if at & LEAF == 0 {
-                let node = &nodes[at as usize];
+                let node = node(rows, at);
                 let bounds = to_children(lanes, node);
                 let base = waiting.len();
                 for (&child, &bound) in references(&node[CHILDREN]).iter().zip(&bounds) {
@@ -145,7 +145,7 @@ impl Bvh {
                 waiting[base..].sort_by(|a, b| b.0.total_cmp(&a.0));
                 continue;
             }
-            let leaf = &leaves[(at ^ LEAF) as usize];
+            let leaf = leaf(rows, at);
             for lane in 0..LANES {
                 let index = references(&leaf[INDEX])[lane];
                 let (squared, q) = measure(corners(leaf, lane), p);

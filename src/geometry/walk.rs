@@ -1,10 +1,11 @@
 //! One ray through the tree.
 
 use super::bvh::{Hit, MISS};
-use super::tree::{CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, references};
+use super::tree::{
+    CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, expect_soon, leaf, node, references,
+};
 use super::triangle::{Line, Met, wide};
 use crate::num::lanes::f32x8;
-use prefetch_index::prefetch_index;
 
 /// The numbers of a line for boxes, in all lanes.
 #[derive(Clone, Debug)]
@@ -132,27 +133,6 @@ pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
     changed
 }
 
-/// Asks for the memory of a child that will be visited later.
-#[inline(always)]
-pub(super) fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
-    if child & LEAF == 0 {
-        let rows = nodes.as_flattened();
-        let at = 8 * child as usize;
-        prefetch_index(rows, at);
-        prefetch_index(rows, at + 2);
-        prefetch_index(rows, at + 4);
-        prefetch_index(rows, at + 6);
-    } else {
-        let rows = leaves.as_flattened();
-        let at = 10 * (child ^ LEAF) as usize;
-        prefetch_index(rows, at);
-        prefetch_index(rows, at + 2);
-        prefetch_index(rows, at + 4);
-        prefetch_index(rows, at + 6);
-        prefetch_index(rows, at + 8);
-    }
-}
-
 /// References that wait: bits of the start above the reference, the nearest on top. What does not fit moves to a vector, which
 /// happens in no ordinary mesh.
 #[derive(Clone, Debug)]
@@ -230,15 +210,15 @@ struct Walk {
 
 impl Walk {
     #[inline(always)]
-    fn new(line: Line) -> Self {
-        Self { line, best: Best::NONE, waiting: Waiting::new(), at: 0 }
+    fn new(line: Line, root: u32) -> Self {
+        Self { line, best: Best::NONE, waiting: Waiting::new(), at: root }
     }
 
     /// Visits the node or leaf `at` and chooses the next one; whether there is one.
     #[inline(always)]
-    fn step<const ANY: bool>(&mut self, nodes: &[Node], leaves: &[Leaf], wide: &Wide) -> bool {
+    fn step<const ANY: bool>(&mut self, rows: &[f32x8], wide: &Wide) -> bool {
         if self.at & LEAF == 0 {
-            let node = &nodes[self.at as usize];
+            let node = node(rows, self.at);
             let (start, hit) = wide.test(node, self.line.t_max);
             let mut hit = hit.to_bitmask();
             if hit != 0 {
@@ -260,7 +240,7 @@ impl Walk {
                     while hit != 0 {
                         let next = hit.trailing_zeros() as usize;
                         hit &= hit - 1;
-                        expect_soon(nodes, leaves, children[next & 7]);
+                        expect_soon(rows, children[next & 7]);
                         self.waiting.push(u64::from(children[next & 7]));
                     }
                     self.at = children[lane & 7];
@@ -271,7 +251,7 @@ impl Walk {
                 while hit != 0 {
                     let lane = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    expect_soon(nodes, leaves, children[lane & 7]);
+                    expect_soon(rows, children[lane & 7]);
                     let mut e = entry(lane);
                     if e < nearest {
                         std::mem::swap(&mut e, &mut nearest);
@@ -281,7 +261,7 @@ impl Walk {
                 self.at = nearest as u32;
                 return true;
             }
-        } else if meet(&leaves[(self.at ^ LEAF) as usize], &mut self.line, &mut self.best) && ANY {
+        } else if meet(leaf(rows, self.at), &mut self.line, &mut self.best) && ANY {
             return false;
         }
         match self.waiting.pop(self.line.t_max) {
@@ -298,10 +278,10 @@ impl Tree {
     /// The best hit, or any if `ANY`.
     #[inline]
     pub(super) fn walk<const ANY: bool>(&self, line: Line) -> Hit {
-        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let rows = self.rows();
         let wide = Wide::new(&line);
-        let mut walk = Walk::new(line);
-        while walk.step::<ANY>(nodes, leaves, &wide) {}
+        let mut walk = Walk::new(line, self.root);
+        while walk.step::<ANY>(rows, &wide) {}
         walk.best.hit(&walk.line)
     }
 }
