@@ -16,7 +16,7 @@
 //! Triangles without area are left out. Points must be finite. Where several triangles are equally near, in the middle of a shape and at edges, the lowest wins.
 
 use super::bvh::Bvh;
-use super::tree::{CHILDREN, INDEX, LANES, LEAF, Leaf, Node, leaf, node, references};
+use super::tree::{CHILDREN, INDEX, LANES, LEAF, Node, corners, leaf, node, references};
 use super::triangle::bounds;
 use crate::num::lanes::f32x8;
 
@@ -100,11 +100,6 @@ fn to_children(p: [f32x8; 3], node: &Node) -> [f32; LANES] {
         outside * outside
     };
     ((gap(0) + gap(1) + gap(2)) * f32x8::splat(WITHIN)).to_array()
-}
-
-fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
-    let at = |row: usize| leaf[row].to_array()[lane];
-    [[at(0), at(1), at(2)], [at(3), at(4), at(5)], [at(6), at(7), at(8)]]
 }
 
 /// Squared distance of one triangle as the minimum sees it, and its closest point.

@@ -27,13 +27,20 @@ const CHUNK: usize = 16_384;
 /// child that is not there has planes that no ray passes. Four cache lines.
 pub(super) type Node = [f32x8; 8];
 
-/// A leaf: row 3·corner + axis, lane by lane; row 9 the indices of the triangles in the mesh (as bits). Lanes past the last
+/// A leaf: row 3·axis + corner, lane by lane; row 9 the indices of the triangles in the mesh (as bits). Lanes past the last
 /// triangle repeat the first. Five cache lines.
 pub(super) type Leaf = [f32x8; 10];
 
 /// Rows that hold references.
 pub(super) const CHILDREN: usize = 6;
 pub(super) const INDEX: usize = 9;
+
+/// Corners of the triangle in one lane of a leaf.
+#[inline(always)]
+pub(super) fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
+    let at = |row: usize| leaf[row].to_array()[lane & (LANES - 1)];
+    [[at(0), at(3), at(6)], [at(1), at(4), at(7)], [at(2), at(5), at(8)]]
+}
 
 /// A row of references.
 #[inline(always)]
@@ -379,7 +386,7 @@ fn fill_leaf(triangles: &Triangles, items: &[u32]) -> (Leaf, Box3) {
         all = union(all, bounds(t));
         for c in 0..3 {
             for k in 0..3 {
-                rows[3 * c + k][lane] = t[c][k];
+                rows[3 * k + c][lane] = t[c][k];
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use super::bvh::{Hit, MISS};
 use super::tree::{
-    CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, expect_soon, leaf, node, references,
+    CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, corners, expect_soon, leaf, node, references,
 };
 use super::triangle::{Line, Met, wide};
 use crate::num::lanes::f32x8;
@@ -67,27 +67,23 @@ impl Best {
     }
 }
 
-#[inline(always)]
-fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
-    let at = |row: usize| leaf[row].to_array()[lane & 7];
-    [[at(0), at(1), at(2)], [at(3), at(4), at(5)], [at(6), at(7), at(8)]]
-}
+/// The axes of the test in their order, by the one along which the direction is largest.
+const ORDER: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 /// Tests all triangles of a leaf; whether the best hit changed.
 #[inline(always)]
 pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
-    let (x, y, z) = match line.axis {
-        0 => (1, 2, 0),
-        1 => (2, 0, 1),
-        _ => (0, 1, 2),
-    };
+    // No branch on the axis: neighbours in a batch differ in it.
+    let [x, y, z] = ORDER[line.axis & 3];
+    let axes = leaf.as_chunks::<3>().0;
+    let (px, py, pz) = (&axes[x], &axes[y], &axes[z]);
     let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
     let shear = splat(line.shear);
-    let sheared = |p: &[f32x8]| {
-        let along = p[z] - o[2];
-        [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
+    let sheared = |i: usize| {
+        let along = pz[i] - o[2];
+        [(px[i] - o[0]) - shear[0] * along, (py[i] - o[1]) - shear[1] * along, along]
     };
-    let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
+    let [a, b, c] = [sheared(0), sheared(1), sheared(2)];
     let u = c[0] * b[1] - c[1] * b[0];
     let v = a[0] * c[1] - a[1] * c[0];
     let w = b[0] * a[1] - b[1] * a[0];
