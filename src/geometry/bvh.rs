@@ -75,7 +75,7 @@ impl Bvh {
     #[inline]
     fn walk<const ANY: bool>(&self, ray: &Ray) -> Hit {
         match Line::new(ray, &self.frame) {
-            Some(line) if !self.tree.nodes.all().is_empty() => self.tree.walk::<ANY>(line),
+            Some(line) if !self.tree.rows().is_empty() => self.tree.walk::<ANY>(line),
             _ => Hit::NONE,
         }
     }
@@ -97,7 +97,7 @@ impl Bvh {
             }
         };
         for (i, ray) in rays.iter().enumerate() {
-            let Some(line) = Line::new(ray, &self.frame).filter(|_| !self.tree.nodes.all().is_empty()) else {
+            let Some(line) = Line::new(ray, &self.frame).filter(|_| !self.tree.rows().is_empty()) else {
                 done(i, Hit::NONE);
                 continue;
             };

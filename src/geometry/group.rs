@@ -6,7 +6,7 @@
 //! leaf each ray tests the leaf's box and then its triangles by itself, so that a hit is that of the ray alone, bit for bit.
 
 use super::bvh::Hit;
-use super::tree::{CHILDREN, LANES, LEAF, Leaf, Node, Tree, references};
+use super::tree::{CHILDREN, LANES, LEAF, Node, Tree, leaf, node, references};
 use super::triangle::Line;
 use super::walk::{Best, meet};
 use crate::num::lanes::f32x8;
@@ -134,7 +134,7 @@ impl Group {
         mut done: impl FnMut(usize, Hit),
     ) {
         self.fill(rays);
-        let (nodes, leaves): (&[Node], &[Leaf]) = (tree.nodes.all(), tree.leaves.all());
+        let rows = tree.rows();
         let octant = self.line[0].octant;
         let hull = [0, 1, 2].map(|k| self.hull(k, octant >> k & 1));
         let furthest = |t_max: &[f32; RAYS]| {
@@ -145,10 +145,10 @@ impl Group {
         let mut left = self.count;
         self.waiting.clear();
         // (start above the reference, place among all children)
-        let (mut at, mut place) = (0_u32, 0_u32);
+        let (mut at, mut place) = (tree.root, 0_u32);
         loop {
             if at & LEAF == 0 {
-                let node = &nodes[at as usize];
+                let node = node(rows, at);
                 let start = |h: &Hull| {
                     let x = h.enter - node[h.first & 7];
                     (x * h.low).fast_min(x * h.high)
@@ -183,8 +183,8 @@ impl Group {
                     self.waiting[i] = entry;
                 }
             } else {
-                let mut active = self.pass(&nodes[(place >> 3) as usize], place as usize & 7, &hull);
-                let leaf = &leaves[(at ^ LEAF) as usize];
+                let mut active = self.pass(node(rows, place >> 3), place as usize & 7, &hull);
+                let leaf = leaf(rows, at);
                 let mut changed = false;
                 while active != 0 {
                     let i = active.trailing_zeros() as usize & (RAYS - 1);

@@ -10,6 +10,7 @@ use crate::num::order::{max, min};
 use crate::num::par;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
 use obvhs::{BvhBuildParams, aabb::Aabb};
+use prefetch_index::prefetch_index;
 use wide::bytemuck;
 
 /// Lanes: children of a node, triangles of a leaf.
@@ -26,13 +27,20 @@ const CHUNK: usize = 16_384;
 /// child that is not there has planes that no ray passes. Four cache lines.
 pub(super) type Node = [f32x8; 8];
 
-/// A leaf: row 3·corner + axis, lane by lane; row 9 the indices of the triangles in the mesh (as bits). Lanes past the last
+/// A leaf: row 3·axis + corner, lane by lane; row 9 the indices of the triangles in the mesh (as bits). Lanes past the last
 /// triangle repeat the first. Five cache lines.
 pub(super) type Leaf = [f32x8; 10];
 
 /// Rows that hold references.
 pub(super) const CHILDREN: usize = 6;
 pub(super) const INDEX: usize = 9;
+
+/// Corners of the triangle in one lane of a leaf.
+#[inline(always)]
+pub(super) fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
+    let at = |row: usize| leaf[row].to_array()[lane & (LANES - 1)];
+    [[at(0), at(3), at(6)], [at(1), at(4), at(7)], [at(2), at(5), at(8)]]
+}
 
 /// A row of references.
 #[inline(always)]
@@ -96,19 +104,52 @@ impl Triangles {
     }
 }
 
-/// The tree of a mesh. An empty one has no nodes.
+/// The tree of a mesh: nodes and leaves in one array, depth first. A reference is the place of the first of its cache lines, of two
+/// rows each; an empty tree has none.
 #[derive(Clone)]
 pub(super) struct Tree {
-    pub(super) nodes: Pages<Node>,
-    pub(super) leaves: Pages<Leaf>,
+    lines: Pages<[f32x8; 2]>,
+    /// place of the root
+    pub(super) root: u32,
     pub(super) bounds: Box3,
 }
 
+/// Lines of a node and of a leaf.
+const NODE_LINES: u32 = 4;
+const LEAF_LINES: u32 = 5;
+
+/// The node at a place.
+#[inline(always)]
+pub(super) fn node(rows: &[f32x8], at: u32) -> &Node {
+    rows[2 * at as usize..].first_chunk().expect("a reference is the place of a node")
+}
+
+/// The leaf that a reference names.
+#[inline(always)]
+pub(super) fn leaf(rows: &[f32x8], reference: u32) -> &Leaf {
+    rows[2 * (reference & !LEAF) as usize..].first_chunk().expect("a reference is the place of a leaf")
+}
+
+/// Asks for the memory of a node or leaf that will be visited later.
+#[inline(always)]
+pub(super) fn expect_soon(rows: &[f32x8], reference: u32) {
+    let at = 2 * (reference & !LEAF) as usize;
+    for line in 0..LEAF_LINES as usize {
+        prefetch_index(rows, at + 2 * line);
+    }
+}
+
 impl Tree {
+    /// All rows; none if no triangle has an area.
+    #[inline(always)]
+    pub(super) fn rows(&self) -> &[f32x8] {
+        self.lines.all().as_flattened()
+    }
+
     pub(super) fn build(triangles: &Triangles) -> Self {
         let n = triangles.corners.len();
         if n == 0 {
-            return Self { nodes: Pages::zeroed(0), leaves: Pages::zeroed(0), bounds: [[0.0; 3]; 2] };
+            return Self { lines: Pages::zeroed(0), root: 0, bounds: [[0.0; 3]; 2] };
         }
         let mut boxes = vec![Aabb::default(); n];
         par::chunks_mut(&mut boxes, CHUNK, |c, out| {
@@ -123,6 +164,8 @@ impl Tree {
         let root = outline.place(Part::Proposed(0), 0);
         if root & LEAF != 0 {
             outline.nodes.push([root, NONE, NONE, NONE, NONE, NONE, NONE, NONE]);
+            outline.node_place.push(outline.lines);
+            outline.lines += NODE_LINES;
         }
         outline.fill(triangles)
     }
@@ -150,6 +193,10 @@ struct Outline<'a> {
     nodes: Vec<[u32; LANES]>,
     /// first item and number of items
     leaves: Vec<(u32, u32)>,
+    node_place: Vec<u32>,
+    leaf_place: Vec<u32>,
+    /// cache lines given out so far
+    lines: u32,
 }
 
 impl<'a> Outline<'a> {
@@ -161,6 +208,9 @@ impl<'a> Outline<'a> {
             costs: vec![[0.0; LANES]; tree.nodes.len()],
             nodes: Vec::with_capacity(n / 16),
             leaves: Vec::with_capacity(n / 5),
+            node_place: Vec::with_capacity(n / 16),
+            leaf_place: Vec::with_capacity(n / 5),
+            lines: 0,
         };
         // Depth first; a node is met again, marked, when all below it has been seen.
         let mut stack = vec![(0_u32, false)];
@@ -249,6 +299,8 @@ impl<'a> Outline<'a> {
         let (first, n) = self.span(part);
         if n as usize <= LANES {
             self.leaves.push((first, n));
+            self.leaf_place.push(self.lines);
+            self.lines += LEAF_LINES;
             return LEAF | (self.leaves.len() - 1) as u32;
         }
         let mut open = Vec::with_capacity(LANES);
@@ -269,6 +321,8 @@ impl<'a> Outline<'a> {
         }
         let at = self.nodes.len();
         self.nodes.push([NONE; LANES]);
+        self.node_place.push(self.lines);
+        self.lines += NODE_LINES;
         for (i, part) in open.into_iter().enumerate() {
             self.nodes[at][i] = self.place(part, depth + 1);
         }
@@ -277,15 +331,27 @@ impl<'a> Outline<'a> {
 
     /// The tree with coordinates: leaves first, then nodes from the last, whose children come after it.
     fn fill(self, triangles: &Triangles) -> Tree {
-        let mut leaves: Pages<Leaf> = Pages::zeroed(self.leaves.len());
+        let mut lines: Pages<[f32x8; 2]> = Pages::zeroed(self.lines as usize);
         let mut leaf_boxes = vec![NOTHING; self.leaves.len()];
-        par::chunks_mut2(leaves.all_mut(), CHUNK, &mut leaf_boxes, CHUNK, |c, out, boxes| {
-            for (i, (leaf, bounds)) in out.iter_mut().zip(boxes).enumerate() {
+        let (mut rest, mut done) = (lines.all_mut().as_flattened_mut(), 0);
+        let mut tasks = Vec::new();
+        for (c, boxes) in leaf_boxes.chunks_mut(CHUNK).enumerate() {
+            // from where the last chunk of leaves ended to where the next one begins
+            let end = self.leaf_place.get((c + 1) * CHUNK).copied().unwrap_or(self.lines);
+            let (here, after) = rest.split_at_mut(2 * (end - done) as usize);
+            tasks.push((done, here, boxes));
+            (rest, done) = (after, end);
+        }
+        par::each(tasks, |c, (start, rows, boxes)| {
+            for (i, bounds) in boxes.iter_mut().enumerate() {
                 let (first, n) = self.leaves[c * CHUNK + i];
-                (*leaf, *bounds) = fill_leaf(triangles, &self.items[first as usize..(first + n) as usize]);
+                let (leaf, b) = fill_leaf(triangles, &self.items[first as usize..(first + n) as usize]);
+                let at = 2 * (self.leaf_place[c * CHUNK + i] - start) as usize;
+                rows[at..at + leaf.len()].copy_from_slice(&leaf);
+                *bounds = b;
             }
         });
-        let mut nodes: Pages<Node> = Pages::zeroed(self.nodes.len());
+        let rows = lines.all_mut().as_flattened_mut();
         let mut node_boxes = vec![NOTHING; self.nodes.len()];
         for at in (0..self.nodes.len()).rev() {
             let mut children = [(0, NOTHING); LANES];
@@ -293,14 +359,19 @@ impl<'a> Outline<'a> {
                 if id == NONE {
                     break;
                 }
-                let bounds =
-                    if id & LEAF != 0 { leaf_boxes[(id ^ LEAF) as usize] } else { node_boxes[id as usize] };
-                node_boxes[at] = union(node_boxes[at], bounds);
-                *child = (id, bounds);
+                let i = (id & !LEAF) as usize;
+                *child = if id & LEAF != 0 {
+                    (LEAF | self.leaf_place[i], leaf_boxes[i])
+                } else {
+                    (self.node_place[i], node_boxes[i])
+                };
+                node_boxes[at] = union(node_boxes[at], child.1);
             }
-            nodes.all_mut()[at] = fill_node(&children);
+            let place = 2 * self.node_place[at] as usize;
+            rows[place..place + LANES].copy_from_slice(&fill_node(&children));
         }
-        Tree { nodes, leaves, bounds: node_boxes[0] }
+        // The root is the first node; a tree of one leaf has it after the leaf.
+        Tree { root: self.node_place[0], bounds: node_boxes[0], lines }
     }
 }
 
@@ -315,7 +386,7 @@ fn fill_leaf(triangles: &Triangles, items: &[u32]) -> (Leaf, Box3) {
         all = union(all, bounds(t));
         for c in 0..3 {
             for k in 0..3 {
-                rows[3 * c + k][lane] = t[c][k];
+                rows[3 * k + c][lane] = t[c][k];
             }
         }
     }

@@ -5,10 +5,10 @@
 //! comes next, and a visit of a node has no branch that depends on how many children are hit.
 
 use super::bvh::Hit;
-use super::tree::{CHILDREN, LANES, LEAF, Leaf, Node, Tree, references};
+use super::tree::{CHILDREN, LANES, LEAF, Tree, expect_soon, leaf, node, references};
 use super::triangle::Line;
-use super::walk::{Best, Wide, expect_soon, meet};
-use crate::num::lanes::i32x8;
+use super::walk::{Best, Wide, meet};
+use crate::num::lanes::{f32x8, i32x8};
 use wide::bytemuck;
 
 /// Rays that take turns.
@@ -34,13 +34,13 @@ struct Turn {
 }
 
 impl Turn {
-    fn new(ray: usize, line: Line) -> Self {
+    fn new(ray: usize, line: Line, root: u32) -> Self {
         Self {
             ray,
             wide: Wide::new(&line),
             line,
             best: Best::NONE,
-            at: 0,
+            at: root,
             top: 0,
             keys: [i32x8::splat(GONE); LEVELS],
             node: [0; LEVELS],
@@ -48,15 +48,15 @@ impl Turn {
         }
     }
 
-    fn restart(&mut self, ray: usize, line: Line) {
+    fn restart(&mut self, ray: usize, line: Line, root: u32) {
         (self.ray, self.wide, self.line, self.best) = (ray, Wide::new(&line), line, Best::NONE);
-        (self.at, self.top) = (0, 0);
+        (self.at, self.top) = (root, 0);
     }
 
     /// Tests the children of the node `at`; those that are hit wait on a level of their own.
     #[inline(always)]
-    fn visit_node(&mut self, nodes: &[Node]) {
-        let (start, hit) = self.wide.test(&nodes[self.at as usize], self.line.t_max);
+    fn visit_node(&mut self, rows: &[f32x8]) {
+        let (start, hit) = self.wide.test(node(rows, self.at), self.line.t_max);
         let lanes = i32x8::new([0, 1, 2, 3, 4, 5, 6, 7]);
         let start: i32x8 = bytemuck::cast(start);
         let mask: i32x8 = bytemuck::cast(hit);
@@ -71,7 +71,7 @@ impl Turn {
 
     /// Goes to the nearest child that waits on the highest level; whether there is one.
     #[inline(always)]
-    fn next(&mut self, nodes: &[Node]) -> bool {
+    fn next(&mut self, rows: &[f32x8]) -> bool {
         loop {
             if self.top == 0 {
                 return false;
@@ -87,7 +87,7 @@ impl Turn {
             let same = self.keys[level].simd_eq(gone);
             self.keys[level] = self.keys[level] | (same & i32x8::splat(GONE));
             self.left[level] &= !(1 << lane);
-            self.at = references(&nodes[self.node[level] as usize][CHILDREN])[lane];
+            self.at = references(&node(rows, self.node[level])[CHILDREN])[lane];
             self.top -= usize::from(self.left[level] == 0);
             return true;
         }
@@ -123,15 +123,15 @@ impl Tree {
         mut rays: impl FnMut() -> Option<(usize, Line)>,
         mut done: impl FnMut(usize, Hit),
     ) {
-        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let (rows, root) = (self.rows(), self.root);
         let mut turns: Vec<Turn> = Vec::with_capacity(TURNS);
         let mut lists = [Lists::default(), Lists::default()];
         let mut now = 0;
         while turns.len() < TURNS
             && let Some((ray, line)) = rays()
         {
-            lists[0].add(turns.len() as u8, 0);
-            turns.push(Turn::new(ray, line));
+            lists[0].add(turns.len() as u8, root);
+            turns.push(Turn::new(ray, line, root));
         }
         while lists[now & 1].len != [0, 0] {
             let [even, odd] = &mut lists;
@@ -139,27 +139,26 @@ impl Tree {
             then.len = [0, 0];
             let mut go_on = |i: u8, turn: &mut Turn, more: bool| {
                 if more {
-                    expect_soon(nodes, leaves, turn.at);
+                    expect_soon(rows, turn.at);
                     then.add(i, turn.at);
                     return;
                 }
                 done(turn.ray, turn.best.hit(&turn.line));
                 if let Some((ray, line)) = rays() {
-                    turn.restart(ray, line);
-                    then.add(i, 0);
+                    turn.restart(ray, line, root);
+                    then.add(i, root);
                 }
             };
             for &i in &here.of[0][..here.len[0]] {
                 let turn = &mut turns[i as usize];
-                turn.visit_node(nodes);
-                let more = turn.next(nodes);
+                turn.visit_node(rows);
+                let more = turn.next(rows);
                 go_on(i, turn, more);
             }
             for &i in &here.of[1][..here.len[1]] {
                 let turn = &mut turns[i as usize];
-                let leaf: &Leaf = &leaves[(turn.at ^ LEAF) as usize];
-                let found = meet(leaf, &mut turn.line, &mut turn.best);
-                let more = !(found && ANY) && turn.next(nodes);
+                let found = meet(leaf(rows, turn.at), &mut turn.line, &mut turn.best);
+                let more = !(found && ANY) && turn.next(rows);
                 go_on(i, turn, more);
             }
             now ^= 1;

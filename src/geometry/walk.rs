@@ -1,10 +1,11 @@
 //! One ray through the tree.
 
 use super::bvh::{Hit, MISS};
-use super::tree::{CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, references};
+use super::tree::{
+    CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, corners, expect_soon, leaf, node, references,
+};
 use super::triangle::{Line, Met, wide};
 use crate::num::lanes::f32x8;
-use prefetch_index::prefetch_index;
 
 /// The numbers of a line for boxes, in all lanes.
 #[derive(Clone, Debug)]
@@ -66,27 +67,23 @@ impl Best {
     }
 }
 
-#[inline(always)]
-fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
-    let at = |row: usize| leaf[row].to_array()[lane & 7];
-    [[at(0), at(1), at(2)], [at(3), at(4), at(5)], [at(6), at(7), at(8)]]
-}
+/// The axes of the test in their order, by the one along which the direction is largest.
+const ORDER: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
 /// Tests all triangles of a leaf; whether the best hit changed.
 #[inline(always)]
 pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
-    let (x, y, z) = match line.axis {
-        0 => (1, 2, 0),
-        1 => (2, 0, 1),
-        _ => (0, 1, 2),
-    };
+    // No branch on the axis: neighbours in a batch differ in it.
+    let [x, y, z] = ORDER[line.axis & 3];
+    let axes = leaf.as_chunks::<3>().0;
+    let (px, py, pz) = (&axes[x], &axes[y], &axes[z]);
     let o = splat([line.origin[x], line.origin[y], line.origin[z]]);
     let shear = splat(line.shear);
-    let sheared = |p: &[f32x8]| {
-        let along = p[z] - o[2];
-        [(p[x] - o[0]) - shear[0] * along, (p[y] - o[1]) - shear[1] * along, along]
+    let sheared = |i: usize| {
+        let along = pz[i] - o[2];
+        [(px[i] - o[0]) - shear[0] * along, (py[i] - o[1]) - shear[1] * along, along]
     };
-    let [a, b, c] = [sheared(&leaf[..3]), sheared(&leaf[3..6]), sheared(&leaf[6..9])];
+    let [a, b, c] = [sheared(0), sheared(1), sheared(2)];
     let u = c[0] * b[1] - c[1] * b[0];
     let v = a[0] * c[1] - a[1] * c[0];
     let w = b[0] * a[1] - b[1] * a[0];
@@ -130,27 +127,6 @@ pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
         }
     }
     changed
-}
-
-/// Asks for the memory of a child that will be visited later.
-#[inline(always)]
-pub(super) fn expect_soon(nodes: &[Node], leaves: &[Leaf], child: u32) {
-    if child & LEAF == 0 {
-        let rows = nodes.as_flattened();
-        let at = 8 * child as usize;
-        prefetch_index(rows, at);
-        prefetch_index(rows, at + 2);
-        prefetch_index(rows, at + 4);
-        prefetch_index(rows, at + 6);
-    } else {
-        let rows = leaves.as_flattened();
-        let at = 10 * (child ^ LEAF) as usize;
-        prefetch_index(rows, at);
-        prefetch_index(rows, at + 2);
-        prefetch_index(rows, at + 4);
-        prefetch_index(rows, at + 6);
-        prefetch_index(rows, at + 8);
-    }
 }
 
 /// References that wait: bits of the start above the reference, the nearest on top. What does not fit moves to a vector, which
@@ -230,15 +206,15 @@ struct Walk {
 
 impl Walk {
     #[inline(always)]
-    fn new(line: Line) -> Self {
-        Self { line, best: Best::NONE, waiting: Waiting::new(), at: 0 }
+    fn new(line: Line, root: u32) -> Self {
+        Self { line, best: Best::NONE, waiting: Waiting::new(), at: root }
     }
 
     /// Visits the node or leaf `at` and chooses the next one; whether there is one.
     #[inline(always)]
-    fn step<const ANY: bool>(&mut self, nodes: &[Node], leaves: &[Leaf], wide: &Wide) -> bool {
+    fn step<const ANY: bool>(&mut self, rows: &[f32x8], wide: &Wide) -> bool {
         if self.at & LEAF == 0 {
-            let node = &nodes[self.at as usize];
+            let node = node(rows, self.at);
             let (start, hit) = wide.test(node, self.line.t_max);
             let mut hit = hit.to_bitmask();
             if hit != 0 {
@@ -260,7 +236,7 @@ impl Walk {
                     while hit != 0 {
                         let next = hit.trailing_zeros() as usize;
                         hit &= hit - 1;
-                        expect_soon(nodes, leaves, children[next & 7]);
+                        expect_soon(rows, children[next & 7]);
                         self.waiting.push(u64::from(children[next & 7]));
                     }
                     self.at = children[lane & 7];
@@ -271,7 +247,7 @@ impl Walk {
                 while hit != 0 {
                     let lane = hit.trailing_zeros() as usize;
                     hit &= hit - 1;
-                    expect_soon(nodes, leaves, children[lane & 7]);
+                    expect_soon(rows, children[lane & 7]);
                     let mut e = entry(lane);
                     if e < nearest {
                         std::mem::swap(&mut e, &mut nearest);
@@ -281,7 +257,7 @@ impl Walk {
                 self.at = nearest as u32;
                 return true;
             }
-        } else if meet(&leaves[(self.at ^ LEAF) as usize], &mut self.line, &mut self.best) && ANY {
+        } else if meet(leaf(rows, self.at), &mut self.line, &mut self.best) && ANY {
             return false;
         }
         match self.waiting.pop(self.line.t_max) {
@@ -298,10 +274,10 @@ impl Tree {
     /// The best hit, or any if `ANY`.
     #[inline]
     pub(super) fn walk<const ANY: bool>(&self, line: Line) -> Hit {
-        let (nodes, leaves) = (self.nodes.all(), self.leaves.all());
+        let rows = self.rows();
         let wide = Wide::new(&line);
-        let mut walk = Walk::new(line);
-        while walk.step::<ANY>(nodes, leaves, &wide) {}
+        let mut walk = Walk::new(line, self.root);
+        while walk.step::<ANY>(rows, &wide) {}
         walk.best.hit(&walk.line)
     }
 }
