@@ -419,6 +419,7 @@ fn on_surface(t: &Template, p: usize, x: [f64; 3]) -> [[f64; 3]; 2] {
     let along: [f64; 3] = std::array::from_fn(|k| bone.to[k] - bone.from[k]);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let place = dot(along, std::array::from_fn(|k| x[k] - bone.from[k])) / dot(along, along);
+    #[expect(clippy::manual_clamp, reason = "clamp says nothing of signed zeros")]
     let place = match place {
         x if x < 0.0 => 0.0,
         x if x > 1.0 => 1.0,

@@ -11,7 +11,7 @@
 //! `dataset.json` is written first (`complete`: false) and once more at the end, with the digest of every file. While sets are being
 //! made, `.shards/` has the digest of every finished shard; it is written after the shard, so a shard with a digest is whole and of this run.
 //! A run that was interrupted makes the shards whose bytes have no such digest; its record must say the same but for the files. A run that is
-//! not continued first removes what an earlier one left ([`clear`]), so a folder never mixes two. Digests are FNV-1a 64 of a file's
+//! not continued first removes what an earlier one left (`clear`), so a folder never mixes two. Digests are FNV-1a 64 of a file's
 //! bytes; that of `video` stands for all its pictures and cameras.
 
 use super::character::{Actor, Casting};

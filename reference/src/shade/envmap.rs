@@ -1,6 +1,6 @@
 //! A point under a whole environment map, without shadows.
 //!
-//! L = Σᵢⱼ E[i,j]·f(n, v, lᵢⱼ)·max(n·lᵢⱼ, 0)·Δωᵢ,   Δωᵢ = (2π/W)(cos θ_top − cos θ_bottom)
+//! L = Σᵢⱼ Eᵢⱼ·f(n, v, lᵢⱼ)·max(n·lᵢⱼ, 0)·Δωᵢ,   Δωᵢ = (2π/W)(cos θ_top − cos θ_bottom)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
