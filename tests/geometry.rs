@@ -144,7 +144,7 @@ fn distances_to_a_sphere_and_a_cube() {
     let bvh = Bvh::build(&p, &t);
     let sag = 2.0 * (1.0 - libm::cos(std::f64::consts::PI / 200.0));
     for q in [[5.0, 0.0, 0.0], [0.0, -3.0, 4.0], [0.5, 0.5, 0.5], [0.0, 0.1, 0.0], [100.0, 50.0, -20.0_f32]] {
-        let r = q.iter().map(|&x| f64::from(x) * f64::from(x)).sum::<f64>().sqrt();
+        let r = q.iter().fold(0.0, |s, &x| s + f64::from(x) * f64::from(x)).sqrt();
         let near = bvh.nearest(q).expect("it has triangles");
         let off = f64::from(near.distance) - (r - 2.0).abs();
         assert!(off.abs() <= sag + 1e-6 * r, "{q:?}: {near:?}, off by {off:e}");
@@ -197,7 +197,10 @@ fn samples_are_spread_by_area() {
     }
     let expected = [0.125, 0.125, 0.0, 0.375, 0.375].map(|s| s * n as f64);
     assert_eq!(counts[2], 0.0, "no area, no points");
-    let chi: f64 = [0, 1, 3, 4].iter().map(|&i| (counts[i] - expected[i]).powi(2) / expected[i]).sum();
+    let chi = [0, 1, 3, 4].iter().fold(0.0, |s, &i| {
+        let d = counts[i] - expected[i];
+        s + d * d / expected[i]
+    });
     println!("chi squared {chi:.2} (3 degrees of freedom), means {x:.4} {xx:.4} {y:.4}");
     assert!(chi < 16.27, "shares of area: chi squared {chi}, p < 0.001");
     // uniform on 0..4 × 0..1: standard errors of the means 0.0037, 0.015, 0.0009

@@ -66,16 +66,13 @@ struct Answer {
 
 fn main() {
     let quick = std::env::args().any(|a| a == "--quick" || a == "--test");
-    let only = |kind: &str| std::env::var("TRACE_ONLY").is_ok_and(|v| v != kind);
-    let runs =
-        std::env::var("TRACE_RUNS").ok().and_then(|v| v.parse().ok()).unwrap_or(if quick { 1 } else { 7 });
+    let runs = if quick { 1 } else { 7 };
     let (u, v, side) = if quick { (200, 100, 128) } else { (1000, 500, 1024) };
     let mesh = scene::mesh(u, v);
-    let peer = (!only("embree")).then(|| ()).is_some();
-    let obvhs = Obvhs::build(&mesh, if quick { 1 } else { 3 });
-    let bvh = build(&mesh, &obvhs, if quick { 1 } else { 3 });
+    let obvhs = Obvhs::build(&mesh);
+    let bvh = build(&mesh, &obvhs, if quick { 1 } else { 5 });
     let sets = scene::rays(&bvh, &mesh, side);
-    let mut embree = if peer { Embree::start(&mesh, &sets) } else { None };
+    let mut embree = Embree::start(&mesh, &sets);
     println!(
         "{:8} {:8} {:>8} {:>8} | {:>8} {:>6} {:>6} | {:>8} {:>6} {:>6}",
         "Mrays/s", "", "embreex", "obvhs", "1 by 1", "/emb", "2 thr", "batch", "/emb", "2 thr"

@@ -167,8 +167,8 @@ fn queries_are_brute_force_at_any_scale_and_place() {
         let mut rays = rays(&r, &p, &t, 1_600);
         rays.iter_mut().for_each(|ray| {
             // starts and directions that leave the range of f32 are not rays
-            ray.origin = ray.origin.map(|x| x.clamp(-f32::MAX, f32::MAX));
-            ray.direction = ray.direction.map(|x| x.clamp(-f32::MAX, f32::MAX));
+            ray.origin = ray.origin.map(|x| crate::num::order::clamp(x, -f32::MAX, f32::MAX));
+            ray.direction = ray.direction.map(|x| crate::num::order::clamp(x, -f32::MAX, f32::MAX));
         });
         rays.retain(|ray| ray.direction.iter().any(|d| *d != 0.0));
         let met = hold(&format!("scale {scale:e}"), &p, &t, &rays);

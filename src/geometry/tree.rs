@@ -94,7 +94,7 @@ impl Triangles {
             }
             kept
         });
-        let n = parts.iter().map(Vec::len).sum();
+        let n = parts.iter().fold(0, |n, p| n + p.len());
         let (mut corners, mut index) = (Vec::with_capacity(n), Vec::with_capacity(n));
         for (c, i) in parts.into_iter().flatten() {
             corners.push(c);

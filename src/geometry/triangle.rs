@@ -132,7 +132,7 @@ impl Line {
         let (mut t_max, mut unit) = (if ray.t_max > f32::MAX { f32::MAX } else { ray.t_max }, 1.0);
         let mut axis = largest(d);
         let along = d[axis].abs();
-        if frame.scale != 1.0 || !(1.0 / FAR <= along && along <= FAR) {
+        if frame.scale != 1.0 || !(1.0 / FAR..=FAR).contains(&along) {
             if !(along > 0.0 && along < f32::INFINITY) {
                 return None;
             }

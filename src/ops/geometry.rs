@@ -107,7 +107,7 @@ fn closed(distance: Vec<f32>) -> (Vec<f32>, Vec<i32>) {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for i in 0..u {
         for j in 0..v {
-            let (a, b) = (0.261_799_4 * i as f32, 0.523_598_8 * j as f32);
+            let (a, b) = (std::f32::consts::PI / 12.0 * i as f32, std::f32::consts::FRAC_PI_6 * j as f32);
             let r = 0.4 * distance[i * v + j];
             let ring = 1.0 + r * cos(b);
             vertices.extend([ring * cos(a), ring * sin(a), r * sin(b)]);
