@@ -110,18 +110,18 @@ fn main() {
                     );
                 }
             }
-            let rate = |i: usize| {
-                if seconds[i].is_empty() { f64::NAN } else { 1e-6 * rays.len() as f64 / median(&seconds[i]) }
-            };
+            let rate = |i: usize| 1e-6 * rays.len() as f64 / median(&seconds[i]);
+            // 0 of a peer that is not there
+            let peer = if seconds[0].is_empty() { 0.0 } else { rate(0) };
+            let beside = |r: f64| if peer > 0.0 { r / peer } else { 0.0 };
             println!(
-                "{name:8} {label:8} {:8.2} {:8.2} | {:8.2} {:6.2} {:6.2} | {:8.2} {:6.2} {:6.2}",
-                rate(0),
+                "{name:8} {label:8} {peer:8.2} {:8.2} | {:8.2} {:6.2} {:6.2} | {:8.2} {:6.2} {:6.2}",
                 rate(1),
                 rate(2),
-                rate(2) / rate(0),
+                beside(rate(2)),
                 rate(3) / rate(2),
                 rate(4),
-                rate(4) / rate(0),
+                beside(rate(4)),
                 rate(5) / rate(4),
             );
         }
