@@ -93,7 +93,7 @@ pub(crate) struct Obvhs {
 }
 
 impl Obvhs {
-    pub(crate) fn build(mesh: &Mesh, _: usize) -> Self {
+    pub(crate) fn build(mesh: &Mesh) -> Self {
         let given: Vec<Triangle> = mesh
             .triangles
             .iter()

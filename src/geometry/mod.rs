@@ -1,4 +1,4 @@
-//! Rays against triangles, and distances. Level 4: no adjoints.
+//! Rays against triangles, distances, samples. Level 4: no adjoints.
 //!
 //! ```text
 //! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; no result depends on its shape)
