@@ -69,9 +69,8 @@ fn main() {
     let runs = if quick { 1 } else { 7 };
     let (u, v, side) = if quick { (200, 100, 128) } else { (1000, 500, 1024) };
     let mesh = scene::mesh(u, v);
-    let peer = !only("embree");
-    let obvhs = Obvhs::build(&mesh, if quick { 1 } else { 3 });
-    let bvh = build(&mesh, &obvhs, if quick { 1 } else { 3 });
+    let obvhs = Obvhs::build(&mesh);
+    let bvh = build(&mesh, &obvhs, if quick { 1 } else { 5 });
     let sets = scene::rays(&bvh, &mesh, side);
     let mut embree = Embree::start(&mesh, &sets);
     println!(

@@ -5,6 +5,19 @@
 //! tree, ray ── closest | occluded ──► hit              (our watertight test, hits ordered by (t, triangle))
 //! points, triangles ── nearest ──► distances ── compare ──► how far two surfaces are apart
 //! ```
+//!
+//! # The contract
+//! The hit of a ray is the smallest (t, triangle) over all triangles that `triangle` accepts. A tree may only leave out what cannot win. That is so by
+//! construction and not by an estimate of errors: the reported t is at least the start of the triangle's own box, and a box around that one starts
+//! no later and ends no earlier, because every operation in between is monotonic in floating point.
+//!
+//! # How the tree is walked
+//! ```text
+//! tree     eight children a node, eight triangles a leaf, lane by lane; one array in huge pages (pages)
+//! walk     one ray: nearest child first, what waits is fetched early
+//! group    up to sixteen rays side by side: one hull for all at nodes, each ray by itself at leaves
+//! turns    any rays, twelve of which take turns: while one waits for memory, others are at work
+//! ```
 
 pub mod bvh;
 pub mod compare;
