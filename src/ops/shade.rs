@@ -205,7 +205,7 @@ fn predict_envmap(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
 /// Materials of P points; every fifth has its α at the bound.
 fn materials(into: &mut Arrays, seed: u64, case: usize, p: usize) {
     into.put("albedo", &[p, 3], Draw::new(seed, case, 3).uniforms(3 * p, 0.05, 0.95));
-    let mut roughness = Draw::new(seed, case, 4).uniforms(p, 0.25, 0.95);
+    let mut roughness = Draw::new(seed, case, 4).uniforms(p, 0.15, 0.95);
     roughness.iter_mut().skip(2).step_by(5).for_each(|r| *r *= 0.02);
     into.put("roughness", &[p], roughness);
     into.put("metallic", &[p], Draw::new(seed, case, 5).uniforms(p, 0.05, 0.95));
@@ -225,9 +225,9 @@ fn normals(draw: &Draw, p: usize, keep: impl Fn(usize, [f32; 3]) -> bool) -> Vec
     kept.into_iter().map(|(i, n)| (i, n.map(|x| x * (0.5 + (i % 7) as f32 * 0.25)))).collect()
 }
 
-/// Seven points in eight are seen and lit, from all sides.
+/// Seven points in eight are seen and lit, from all sides. So many that no single one on the flank of its peak decides about a bias.
 fn case_ggx(case: usize) -> Case {
-    let p = 41;
+    let p = 1001;
     let (views, lights) =
         (directions(&Draw::new(50, case, 1), 64 * p), directions(&Draw::new(50, case, 2), 64 * p));
     let cosine = |a: [f32; 3], b: [f32; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
