@@ -196,7 +196,7 @@ pub fn ring(count: usize, elevation: f64, fov: f64, size: usize) -> Vec<Placed> 
 /// A frame of a camera that moves while its shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moving {
-    /// When the shutter opens; the focal length is that of an equidistant fisheye.
+    /// When the shutter opens; the focal length is that of an equidistant fisheye, or of a pinhole ([`Moving::through_pinhole`]).
     pub open: View,
     /// When it closes.
     pub close: View,
@@ -206,12 +206,26 @@ pub struct Moving {
     pub off_axis: f64,
 }
 
+impl Moving {
+    /// The same motion seen by a pinhole of [`HEAD_PINHOLE_FOV`].
+    #[must_use]
+    pub fn through_pinhole(mut self) -> Self {
+        for view in [&mut self.open, &mut self.close] {
+            let focal = 0.5 * view.width as f64 / half_tangent(HEAD_PINHOLE_FOV);
+            (view.intrinsics[0], view.intrinsics[4]) = (focal, focal);
+        }
+        self
+    }
+}
+
 /// Pictures per second of a head's camera.
 pub const HEAD_RATE: f64 = 10.0;
 /// Seconds that its shutter is open.
 pub const HEAD_SHUTTER: f64 = 0.02;
 /// Its angle of view from border to border, degrees.
 pub const HEAD_FOV: f64 = 130.0;
+/// The same of a pinhole in its place, degrees: that of a phone's wide lens.
+pub const HEAD_PINHOLE_FOV: f64 = 70.0;
 
 /// A smooth path in time: a sum of waves of given highest height and several frequencies around a slow one.
 struct Sway {

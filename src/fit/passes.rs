@@ -4,7 +4,7 @@
 //! DIR/images/NAME.png       photograph: radiance × exposure, sRGB-encoded; with Style::transparent RGBA, straight alpha
 //!     foreground/NAME.png   coverage of the object, 8 bits, linear
 //!     radiance/NAME.exr     R G B linear, before exposure
-//!     depth/NAME.exr        Z     camera depth of the pixel's centre, scene units, 0 where nothing is hit
+//!     depth/NAME.exr        Z     camera depth of the pixel's centre, scene units, 0 where nothing is hit; seen from `transform_matrix`
 //!     normal/NAME.exr       X Y Z world, unit, 0 where nothing is hit
 //!     albedo/NAME.png       sRGB-encoded base colour
 //!     material/NAME.png     R metallic, G roughness, B 0, linear
@@ -13,7 +13,7 @@
 //!
 //! `transforms.json` is that of nerfstudio with further keys: `foreground_path`, `radiance_path`, `depth_path`, `normal_path`,
 //! `albedo_path`, `material_path`, `exposure`, for a moving camera `transform_matrix_open` and `_close` (`transform_matrix`
-//! lies half-way), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
+//! lies half-way: depth, normal, albedo and material are seen from there; photograph, foreground and radiance are means over the exposure), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
 //!
 //! While the set is being made, each finished picture has a record in `DIR/.shots/`. It is written after its files, so a
 //! picture with a record is whole; a continued run makes only the others. [`Recorder::finish`] gathers the records into
@@ -163,6 +163,21 @@ impl Recorder {
     /// # Errors
     /// When the name is not a plain file name, the sizes do not agree, or a file cannot be written.
     pub fn put(&mut self, shot: &Shot, passes: &Passes, style: &Style) -> Result<()> {
+        self.put_with(shot, passes, style, None)
+    }
+
+    /// Like [`Self::put`] with a photograph of its own: `signal` (H, W), linear and exposed, stands in the place of radiance × exposure, as after
+    /// a sensor. `radiance/` stays what the passes say.
+    ///
+    /// # Errors
+    /// See [`Self::put`].
+    pub fn put_with(
+        &mut self,
+        shot: &Shot,
+        passes: &Passes,
+        style: &Style,
+        signal: Option<&[[f32; 3]]>,
+    ) -> Result<()> {
         let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
         if shot.name.is_empty() || shot.name.starts_with('.') || !shot.name.chars().all(plain) {
             return Err(Error::input("picture name")
@@ -176,7 +191,7 @@ impl Recorder {
         let photograph = format!("images/{}.png", shot.name);
         let mut frame = frames::frame(&photograph, &middle);
         let mut digests = Map::new();
-        for (key, file, bytes) in self.files(shot, passes, style)? {
+        for (key, file, bytes) in self.files(shot, passes, style, signal)? {
             let path = self.dir.join(&file);
             let folder = path.parent().unwrap_or(&self.dir);
             std::fs::create_dir_all(folder).map_err(|e| Error::os(folder, &e))?;
@@ -202,9 +217,17 @@ impl Recorder {
     }
 
     /// Key, path and bytes of every file of a picture.
-    fn files(&self, shot: &Shot, p: &Passes, style: &Style) -> Result<Vec<(&'static str, String, Vec<u8>)>> {
+    fn files(
+        &self,
+        shot: &Shot,
+        p: &Passes,
+        style: &Style,
+        signal: Option<&[[f32; 3]]>,
+    ) -> Result<Vec<(&'static str, String, Vec<u8>)>> {
         let (w, h) = (p.width, p.height);
-        if p.color.len() != w * h || (w, h) != (shot.camera.width, shot.camera.height) {
+        let (light, exposure) = signal.map_or((&*p.color, style.exposure), |s| (s, 1.0));
+        if p.color.len() != w * h || light.len() != w * h || (w, h) != (shot.camera.width, shot.camera.height)
+        {
             return Err(Error::input(format!("picture '{}'", shot.name))
                 .expected(format!("{}x{} pixels", shot.camera.width, shot.camera.height))
                 .got(format!("{w}x{h}")));
@@ -212,12 +235,12 @@ impl Recorder {
         let path = |folder: &str, extension: &str| format!("{folder}/{}.{extension}", shot.name);
         let coverage = image_file::to_u8(&p.alpha)?;
         let photograph = if style.transparent {
-            let rgb = tonemap::srgb_u8(&straight(p), style.exposure);
+            let rgb = tonemap::srgb_u8(&straight(light, &p.alpha), exposure);
             let rgba: Vec<u8> =
                 rgb.chunks_exact(3).zip(&coverage).flat_map(|(c, &a)| [c[0], c[1], c[2], a]).collect();
             image_file::png_bytes(w, h, 4, &rgba)?
         } else {
-            image_file::png_bytes(w, h, 3, &tonemap::srgb_u8(&p.color, style.exposure))?
+            image_file::png_bytes(w, h, 3, &tonemap::srgb_u8(light, exposure))?
         };
         let mut out = vec![
             ("file_path", path("images", "png"), photograph),
@@ -305,9 +328,9 @@ fn file_of(split: Split) -> &'static str {
 }
 
 /// Colour of the object alone: the sum over covered samples divided by the coverage; black where there is none.
-fn straight(p: &Passes) -> Vec<[f32; 3]> {
+fn straight(color: &[[f32; 3]], alpha: &[f32]) -> Vec<[f32; 3]> {
     let unmix = |(c, &a): (&[f32; 3], &f32)| if a > 0.0 { c.map(|x| x / a) } else { [0.0; 3] };
-    p.color.iter().zip(&p.alpha).map(unmix).collect()
+    color.iter().zip(alpha).map(unmix).collect()
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -4,7 +4,9 @@
 //! on nothing. The pose of a frame is a function of its factors alone, so the graph is the truth about the pictures; with `play` the
 //! animations also run on, one loop of the first over the video.
 
+use super::figure::SIGMA;
 use super::subject::Subject;
+use crate::math::knn;
 use crate::num::array::Arrays;
 use crate::num::bits::Digest;
 use crate::num::{order, par};
@@ -110,6 +112,8 @@ fn digest(c: &Character) -> u64 {
 pub struct Actor {
     character: Character,
     template: Template,
+    /// (P) mean distance to the three nearest other points at rest
+    spacing: Vec<f64>,
     factors: Factors,
     /// (T) factors of the frames
     frames: Vec<Vec<f64>>,
@@ -121,11 +125,18 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// Reads the character and works out its frames: factors as for the built-in figure, T = `frames`, a template of `points`.
+    /// Reads the character and works out its frames: factors as for the built-in figure of number `subject`, T = `frames`, a template of `points`.
     ///
     /// # Errors
     /// When the file is bad or a name in it is unknown.
-    pub fn new(casting: &Casting, scm: &Scm, seed: u64, frames: usize, points: usize) -> Result<Self> {
+    pub fn new(
+        casting: &Casting,
+        scm: &Scm,
+        seed: u64,
+        subject: u64,
+        frames: usize,
+        points: usize,
+    ) -> Result<Self> {
         let mut character = Character::read(&casting.file)?;
         let hide: Vec<&str> = casting.hide.iter().map(String::as_str).collect();
         character.hide(&hide)?;
@@ -140,8 +151,10 @@ impl Actor {
         };
         let factors = Factors::of(&character, first, second, casting.elbow.as_deref())?;
         let template = character.template(points, seed)?;
+        let spacing = spacing(&single(template.points.iter().map(|p| p.position)))?;
         let loop_length = character.duration(factors.first.0);
-        let frames: Vec<Vec<f64>> = (0..frames).map(|t| video::frame(scm, seed, 0, t, frames).u).collect();
+        let frames: Vec<Vec<f64>> =
+            (0..frames).map(|t| video::frame(scm, seed, subject, t, frames).u).collect();
         let poses: Vec<Pose> = frames
             .iter()
             .enumerate()
@@ -175,7 +188,7 @@ impl Actor {
             "hide": casting.hide, "play": casting.play, "joints": character.joints().iter().map(|j| &j.name).collect::<Vec<_>>(),
             "vertices": character.object().mesh.positions.len(), "triangles": character.object().mesh.triangles.len(),
         });
-        Ok(Self { character, template, factors, frames, poses, zoom, record })
+        Ok(Self { character, template, spacing, factors, frames, poses, zoom, record })
     }
 
     /// What its factors mean.
@@ -206,7 +219,6 @@ impl Subject for Actor {
 
     fn body(&self) -> Arrays {
         let (p, k) = (self.template.points.len(), self.character.joints().len());
-        let flat = |rows: Vec<[f64; 3]>| -> Vec<f32> { rows.iter().flatten().map(|&x| x as f32).collect() };
         let mut weights = vec![0.0f32; p * k];
         for (i, point) in self.template.points.iter().enumerate() {
             for (&j, &w) in point.joints.iter().zip(&point.weights) {
@@ -215,18 +227,23 @@ impl Subject for Actor {
                 }
             }
         }
+        let points = &self.template.points;
+        let bone: Vec<i32> = weights.chunks_exact(k).map(|w| first_largest(w) as i32).collect();
         let joints = self.character.joints();
         let rest: Vec<f32> = joints.iter().flat_map(|j| square(&j.rest())).flatten().collect();
         Arrays::new()
-            .with("points", &[p, 3], flat(self.template.points.iter().map(|p| p.position).collect()))
-            .with("normals", &[p, 3], flat(self.template.points.iter().map(|p| p.normal).collect()))
+            .with("points", &[p, 3], single(points.iter().map(|p| p.position)).into_flattened())
+            .with("normals", &[p, 3], single(points.iter().map(|p| p.normal)).into_flattened())
             .with("weights", &[p, k], weights)
+            .with("bone", &[p], bone)
             .with(
                 "parents",
                 &[k],
                 joints.iter().map(|j| j.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
             )
-            .with("joints", &[k, 3], flat(joints.iter().map(|j| j.position()).collect()))
+            .with("joints", &[k, 3], single(joints.iter().map(|j| j.position())).into_flattened())
+            .with("spacing", &[p], self.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
+            .with("sigma", &[p], self.spacing.iter().map(|s| (SIGMA * s) as f32).collect::<Vec<f32>>())
             .with("rest", &[k, 4, 4], rest)
     }
 
@@ -255,6 +272,25 @@ impl Subject for Actor {
     fn record(&self) -> Value {
         self.record.clone()
     }
+}
+
+fn single(rows: impl Iterator<Item = [f64; 3]>) -> Vec<[f32; 3]> {
+    rows.map(|r| r.map(|x| x as f32)).collect()
+}
+
+/// (P) mean distance to the three nearest other points, summed from the nearest; fewer where there are no more.
+fn spacing(points: &[[f32; 3]]) -> Result<Vec<f64>> {
+    let mean = |near: &[(f64, u32); 3]| {
+        let there = near.iter().filter(|n| **n != knn::NONE);
+        let (sum, count) = there.fold((0.0, 0.0), |(s, n), (square, _)| (s + square.sqrt(), n + 1.0));
+        if count > 0.0 { sum / count } else { 0.0 }
+    };
+    Ok(knn::neighbours::<3>(points)?.iter().map(mean).collect())
+}
+
+/// The first of the largest entries.
+fn first_largest(row: &[f32]) -> usize {
+    (1..row.len()).fold(0, |best, i| if row[i] > row[best] { i } else { best })
 }
 
 /// With the last row, in single precision.

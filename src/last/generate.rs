@@ -343,7 +343,8 @@ pub fn run(
         (_, false) => None,
         (None, true) => Some(Box::new(BuiltIn::new(settings, &scm))),
         (Some(c), true) => {
-            Some(Box::new(Actor::new(c, &scm, settings.seed, settings.frames, settings.points)?))
+            let Settings { seed, subject, frames, points, .. } = *settings;
+            Some(Box::new(Actor::new(c, &scm, seed, subject, frames, points)?))
         }
     };
     if let Some(subject) = &subject {

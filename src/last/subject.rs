@@ -10,8 +10,11 @@
 //! ```
 //! Frames of `transforms_*.json` have the further keys `frame` (0 … T−1), `time` (frame/T), `camera` (number on the ring) and `factors`.
 //!
-//! `body.npz`: `points`, `normals` (P,3) at rest, `weights` (P,K), `parents` (K) i32 (−1: none), `joints` (K,3) at rest, `rest` (K,4,4)
-//! world-from-bone at rest, `transforms` (T,K,4,4) posed from rest, `factors` (T,n) f64. A posed point is Σ_b w_b transforms_b · x.
+//! `body.npz`: `points`, `normals` (P,3) at rest, `weights` (P,K), `bone` (P) i32 (the figure: the bone a point lies on; a character: the
+//! joint of largest weight, the first of several), `parents` (K) i32 (−1: none), `joints` (K,3) at rest, `spacing` (P) mean distance to the
+//! three nearest points at rest, `sigma` (P) standard deviation of the isotropic Gaussians that show the points ([`figure::SIGMA`] ×
+//! spacing, opacity [`figure::OPACITY`]), `rest` (K,4,4) world-from-bone at rest, `transforms` (T,K,4,4) posed from rest, `factors`
+//! (T,n) f64. A posed point is Σ_b w_b transforms_b · x.
 
 use super::figure::{self, Dots, Dressed, Look, Photo};
 use super::generate::{Progress, Settings, check_stop, digest};
@@ -43,7 +46,7 @@ pub trait Subject: Sync {
     /// Number of frames T.
     fn frames(&self) -> usize;
 
-    /// The arrays of `body.npz` that do not depend on the frame: `points`, `normals`, `weights`, `parents`, `joints`, `rest`.
+    /// The arrays of `body.npz` that do not depend on the frame: all but `transforms` and `factors`.
     fn body(&self) -> Arrays;
 
     /// Posed-from-rest transforms of the K bones in frame t, row-major.

@@ -3,6 +3,8 @@
 //! ```text
 //! DIR/dataset.json                     settings, objects, digests
 //! DIR/object_00000/object.json         what was made: generator and parameters, light, test protocol, exposures, digests
+//!                 /object.glb          shape and materials (`truth`)
+//!                 /environment.exr     the map
 //!                 /uniform/            a capture with passes (fit::passes), under a white dome
 //!                 /environment/        under a map
 //!                 /shiny/              under the map, roughness times U(0.3, 0.6)
@@ -12,6 +14,7 @@
 //! `object.json` is written last: a folder with one is whole, and a continued run skips it.
 
 use super::subject::{Light, Subject};
+use super::truth;
 use crate::fit::passes::{Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
 use crate::io::atomic;
@@ -54,7 +57,7 @@ pub enum Set {
     Train,
     /// The 48 test views of an object: inputs are the training split, outputs the test split, the rest validation.
     Test,
-    /// A wide fisheye on a head, with motion blur and sensor noise; every eighth picture is the test split.
+    /// A camera on a head, with motion blur and sensor noise; every eighth picture is the test split.
     Egocentric,
 }
 
@@ -77,6 +80,8 @@ pub struct Settings {
     pub shiny: bool,
     /// Cameras.
     pub set: Set,
+    /// Projection of the egocentric set: a wide fisheye or a pinhole. The other sets are pinhole pictures.
+    pub camera: Model,
     /// Pictures per object and light; the test set has its own number.
     pub views: usize,
     /// Pixels a side.
@@ -93,6 +98,8 @@ pub struct Settings {
     pub map_width: usize,
     /// Whether passes beside photograph and foreground are written.
     pub passes: bool,
+    /// Whether shape, materials and map are written.
+    pub truth: bool,
     /// Of every draw.
     pub seed: u64,
 }
@@ -108,6 +115,7 @@ impl Default for Settings {
             lighting: Lighting::Uniform,
             shiny: false,
             set: Set::Train,
+            camera: Model::Fisheye,
             views: 32,
             size: 256,
             framing: Framing::Loose,
@@ -116,6 +124,7 @@ impl Default for Settings {
             texture: 512,
             map_width: 512,
             passes: true,
+            truth: true,
             seed: 0,
         }
     }
@@ -147,12 +156,20 @@ impl Settings {
                 .got("uniform light")
                 .hint("--lighting environment or both"));
         }
+        if self.camera == Model::Orthographic {
+            return Err(Error::input("setting camera").expected("fisheye or pinhole").got("orthographic"));
+        }
         Ok(())
     }
 
     /// Pictures of one object under one light.
     fn pictures(&self) -> usize {
         if self.set == Set::Test { 48 } else { self.views }
+    }
+
+    /// Projection of the pictures.
+    fn model(&self) -> Model {
+        if self.set == Set::Egocentric { self.camera } else { Model::Pinhole }
     }
 
     /// Names of the versions of an object: folder, whether under the map, whether shiny.
@@ -181,6 +198,7 @@ impl Settings {
             ("lighting", json!(format!("{:?}", self.lighting).to_lowercase())),
             ("shiny", json!(self.shiny)),
             ("set", json!(format!("{:?}", self.set).to_lowercase())),
+            ("camera", json!(self.model().name())),
             ("views", json!(self.pictures())),
             ("size", json!(self.size)),
             ("framing", json!(format!("{:?}", self.framing).to_lowercase())),
@@ -189,6 +207,7 @@ impl Settings {
             ("texture", json!(self.texture)),
             ("map_width", json!(self.map_width)),
             ("passes", json!(self.passes)),
+            ("truth", json!(self.truth)),
             ("seed", json!(self.seed)),
         ];
         entries.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
@@ -273,7 +292,7 @@ fn finished(folder: &Path, settings: &Settings, resume: bool) -> Result<Option<V
             .got("one with others")
             .hint("choose another folder, or repeat the settings it was begun with"));
     }
-    Ok(Some(record))
+    Ok(truth::is_whole(folder, &record["truth"]).then_some(record))
 }
 
 /// Makes one object with all its versions; gives its record.
@@ -333,6 +352,9 @@ fn one(
         "versions": records,
         "settings": settings.record(),
     });
+    if settings.truth {
+        record["truth"] = truth::write(folder, &subject.object, light.as_ref().map(|l| &l.map))?;
+    }
     if let Some(light) = light {
         record["environment"] = light.record;
     }
@@ -384,7 +406,7 @@ fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
         }
         Set::Egocentric => {
             let shot = |(i, m): (usize, &cameras::Moving)| {
-                let camera = |v| -> Camera { from_data_gen::camera(v, Model::Fisheye) };
+                let camera = |v| -> Camera { from_data_gen::camera(v, settings.camera) };
                 Shot {
                     name: format!("{i:04}"),
                     camera: camera(&m.open),
@@ -393,7 +415,10 @@ fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
                     extra: Map::from_iter([("time_s".to_owned(), json!(m.time))]),
                 }
             };
-            let frames = cameras::head(settings.seed, k, settings.views, settings.size);
+            let mut frames = cameras::head(settings.seed, k, settings.views, settings.size);
+            if settings.camera == Model::Pinhole {
+                frames = frames.into_iter().map(cameras::Moving::through_pinhole).collect();
+            }
             (frames.iter().enumerate().map(shot).collect(), None)
         }
     }
@@ -420,7 +445,7 @@ impl Capture<'_> {
         count: &mut dyn FnMut(),
     ) -> Result<u64> {
         let mut recorder = Recorder::open(dir, header, resume)?;
-        let mut ready: Option<(&Shot, Passes, Style)> = None;
+        let mut ready: Option<(&Shot, Picture)> = None;
         for (i, shot) in shots.iter().enumerate() {
             count();
             if recorder.has(shot)? {
@@ -430,33 +455,45 @@ impl Capture<'_> {
             let waiting = ready.take();
             let (next, written) = par::join(
                 || if stopped { Ok(None) } else { self.picture(i, shot).map(Some) },
-                || waiting.map_or(Ok(()), |(shot, passes, style)| recorder.put(shot, &passes, &style)),
+                || waiting.map_or(Ok(()), |(shot, picture)| picture.put(&mut recorder, shot)),
             );
             written?;
             match next? {
-                Some((passes, style)) => ready = Some((shot, passes, style)),
+                Some(picture) => ready = Some((shot, picture)),
                 None => return Err(Error::interrupted("rendering").hint("continue with --resume")),
             }
         }
-        if let Some((shot, passes, style)) = ready {
-            recorder.put(shot, &passes, &style)?;
+        if let Some((shot, picture)) = ready {
+            picture.put(&mut recorder, shot)?;
         }
         recorder.finish(shots)
     }
 
-    fn picture(&self, i: usize, shot: &Shot) -> Result<(Passes, Style)> {
+    fn picture(&self, i: usize, shot: &Shot) -> Result<Picture> {
         let s = self.settings;
         let seed = Rng::new(s.seed).derive(self.k, i as u32, RENDER_PURPOSE);
         let tracing = Tracing { samples: s.samples, bounces: s.bounces, seed, ..Tracing::default() };
-        let mut passes = render(self.scene, &shot.camera, shot.shutter_close.as_ref(), &tracing)?;
+        let passes = render(self.scene, &shot.camera, shot.shutter_close.as_ref(), &tracing)?;
         let exposure = if self.exposed { exposure::auto(&passes.color, &passes.alpha) } else { 1.0 };
-        if s.set == Set::Egocentric {
-            let seed = rng::derive(s.seed, self.k, SENSOR_PURPOSE);
-            let each = |c: &mut [f32; 3], f: f32| *c = c.map(|x| x * f);
-            passes.color.iter_mut().for_each(|c| each(c, exposure));
-            Sensor::default().apply(&mut passes.color, seed, i as u32);
-            passes.color.iter_mut().for_each(|c| each(c, 1.0 / exposure));
-        }
-        Ok((passes, Style { exposure, transparent: false, passes: s.passes }))
+        let sensed = (s.set == Set::Egocentric).then(|| {
+            let mut signal: Vec<[f32; 3]> = passes.color.iter().map(|c| c.map(|x| x * exposure)).collect();
+            Sensor::default().apply(&mut signal, rng::derive(s.seed, self.k, SENSOR_PURPOSE), i as u32);
+            signal
+        });
+        Ok(Picture { passes, style: Style { exposure, transparent: false, passes: s.passes }, sensed })
+    }
+}
+
+/// A picture that is to be written.
+struct Picture {
+    passes: Passes,
+    style: Style,
+    /// What a sensor makes of the exposed radiance; the photograph shows it, `radiance/` does not.
+    sensed: Option<Vec<[f32; 3]>>,
+}
+
+impl Picture {
+    fn put(&self, recorder: &mut Recorder, shot: &Shot) -> Result<()> {
+        recorder.put_with(shot, &self.passes, &self.style, self.sensed.as_deref())
     }
 }

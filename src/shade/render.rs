@@ -13,7 +13,8 @@
 //! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½ where the variance is finite; the
 //!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
 //! * Pixels outside the circle of a fisheye are black with alpha 0.
-//! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel.
+//! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel; colour and alpha are means over
+//!   the exposure. Depth, normal and material are those of the pose half-way ([`Camera::between`] at ½), so that they fit one camera.
 //! * Views of one object need seeds of their own, or all have the same noise: [`rng::derive`] makes them.
 //! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel depends neither on tiles, threads,
 //!   nor on which other pixels are rendered.
@@ -98,7 +99,8 @@ pub struct Passes {
     pub color: Vec<[f32; 3]>,
     /// share of the samples that meet a surface
     pub alpha: Vec<f32>,
-    /// depth along the optical axis of what the ray through the pixel's centre meets, 0 = nothing; at shutter opening
+    /// depth along the optical axis of what the ray through the pixel's centre meets, 0 = nothing; of a moving camera half-way through the exposure,
+    /// as everything below
     pub depth_z: Vec<f32>,
     /// unit shading normal in the world with its normal map, before it is bent into view; mean over the samples that meet a surface; 0 = none
     pub normal: Vec<[f32; 3]>,
@@ -241,7 +243,8 @@ pub fn render_window(
         return Err(Error::input("window").expected(picture).got(format!("{w}×{h} from ({x0}, {y0})")));
     }
     let across = w.div_ceil(TILE);
-    let job = Job { scene, camera, end, settings, rng: Rng::new(settings.seed) };
+    let middle = end.map_or_else(|| camera.clone(), |end| camera.between(end, 0.5));
+    let job = Job { scene, camera, end, middle: &middle, settings, rng: Rng::new(settings.seed) };
     let tiles = par::map(across * h.div_ceil(TILE), |t| {
         let (x, y) = (t % across * TILE, t / across * TILE);
         job.tile([x0 + x, y0 + y], [Ord::min(TILE, w - x), Ord::min(TILE, h - y)])
@@ -279,6 +282,8 @@ pub fn render_window(
 struct Pixel {
     color: [f32; 3],
     alpha: f32,
+    /// samples that meet a surface from the pose half-way
+    met: f32,
     depth_z: f32,
     normal: [f32; 3],
     albedo: [f32; 3],
@@ -337,6 +342,8 @@ struct Job<'a> {
     scene: &'a Scene<'a>,
     camera: &'a Camera,
     end: Option<&'a Camera>,
+    /// half-way between the two; the camera itself if it rests
+    middle: &'a Camera,
     settings: &'a Settings,
     rng: Rng,
 }
@@ -358,31 +365,39 @@ impl Job<'_> {
         while from < self.settings.samples {
             let to = Ord::min(from + per_batch, self.settings.samples);
             let each = (to - from) as usize;
-            self.aim(&mut work, origin, size, from..to);
+            self.aim(&mut work, origin, size, from..to, self.end);
             self.trace(&mut work);
             for (k, p) in pixels.iter_mut().enumerate() {
                 for slot in k * each..(k + 1) * each {
-                    let (radiance, first) = (work.radiance[slot], &work.first[slot]);
                     for c in 0..3 {
-                        p.color[c] += radiance[c];
+                        p.color[c] += work.radiance[slot][c];
                     }
-                    if first.hit {
+                    if work.first[slot].hit {
                         p.alpha += 1.0;
-                        for c in 0..3 {
-                            p.normal[c] += first.normal[c];
-                            p.albedo[c] += first.albedo[c];
-                        }
-                        p.roughness += first.roughness;
-                        p.metallic += first.metallic;
                     }
+                }
+            }
+            if self.end.is_some() {
+                self.aim(&mut work, origin, size, from..to, None);
+                self.see(&mut work);
+            }
+            for (k, p) in pixels.iter_mut().enumerate() {
+                for first in work.first[k * each..(k + 1) * each].iter().filter(|f| f.hit) {
+                    p.met += 1.0;
+                    for c in 0..3 {
+                        p.normal[c] += first.normal[c];
+                        p.albedo[c] += first.albedo[c];
+                    }
+                    p.roughness += first.roughness;
+                    p.metallic += first.metallic;
                 }
             }
             from = to;
         }
         for p in &mut pixels {
-            let met = p.alpha;
+            let met = p.met;
             p.color = p.color.map(|c| c / self.settings.samples as f32);
-            p.alpha = met / self.settings.samples as f32;
+            p.alpha /= self.settings.samples as f32;
             if met > 0.0 {
                 p.normal = unit(p.normal).0;
                 p.albedo = p.albedo.map(|c| c / met);
@@ -399,7 +414,7 @@ impl Job<'_> {
         let (mut rays, mut of) = (Vec::new(), Vec::new());
         for k in 0..pixels.len() {
             let at = [origin[0] + k % size[0], origin[1] + k / size[0]];
-            if let Some((origin, direction)) = self.camera.ray(at.map(|x| x as f32 + 0.5)) {
+            if let Some((origin, direction)) = self.middle.ray(at.map(|x| x as f32 + 0.5)) {
                 rays.push(Ray { origin, direction, t_max: f32::INFINITY });
                 of.push(k);
             }
@@ -417,13 +432,20 @@ impl Job<'_> {
             }
             if hit.triangle != MISS {
                 let p = surface::position(self.scene.object, hit);
-                pixels[k].depth_z = dot(self.camera.rotation[2], p) + self.camera.translation[2];
+                pixels[k].depth_z = dot(self.middle.rotation[2], p) + self.middle.translation[2];
             }
         }
     }
 
-    /// Starts the paths of some samples of a tile: pixel by pixel, samples ascending.
-    fn aim(&self, work: &mut Work, origin: [usize; 2], size: [usize; 2], samples: std::ops::Range<u32>) {
+    /// Starts the paths of some samples of a tile: pixel by pixel, samples ascending. Without `end` the camera rests half-way.
+    fn aim(
+        &self,
+        work: &mut Work,
+        origin: [usize; 2],
+        size: [usize; 2],
+        samples: std::ops::Range<u32>,
+        end: Option<&Camera>,
+    ) {
         let slots = size[0] * size[1] * samples.len();
         work.rays.clear();
         work.paths.clear();
@@ -438,8 +460,8 @@ impl Job<'_> {
                 for sample in samples.clone() {
                     let word = self.rng.block(pixel, sample, CAMERA, 0);
                     let px = [x as f32 + uniform(word[0]), y as f32 + uniform(word[1])];
-                    let ray = match self.end {
-                        None => self.camera.ray(px),
+                    let ray = match end {
+                        None => self.middle.ray(px),
                         Some(end) => {
                             let time = (sample as f32 + uniform(word[2])) / self.settings.samples as f32;
                             self.camera.between(end, time).ray(px)
@@ -452,6 +474,17 @@ impl Job<'_> {
                     slot += 1;
                 }
             }
+        }
+    }
+
+    /// What the paths of a batch meet first; no light.
+    fn see(&self, work: &mut Work) {
+        self.meet(work, 0);
+        for eight in work.met.chunks(8) {
+            let at: [usize; 8] = std::array::from_fn(|l| eight[Ord::min(l, eight.len() - 1)] as usize);
+            let view = std::array::from_fn(|c| f32x8::from_fn(|l| -work.rays[at[l]].direction[c]));
+            let s = surface::eight(self.scene.object, &at.map(|k| work.hits[k]), view);
+            first(&s, eight.len(), &at.map(|k| work.paths[k]), &mut work.first);
         }
     }
 

@@ -1,10 +1,11 @@
 //! `lirm gen`: data sets of rendered objects.
 
-use crate::Result;
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim};
 use crate::lirm::r#gen::{self as set, Lighting, Set, Settings};
+use crate::scene::camera::Model;
 use crate::scene::environment_file::{Options, Orientation};
+use crate::{Error, Result};
 use data_gen::cameras::Framing;
 use serde_json::json;
 use std::path::PathBuf;
@@ -15,11 +16,12 @@ Examples:
   lastlight lirm gen --out lit --objects 100 --lighting both --shiny    and under environment maps, rough and shiny
   lastlight lirm gen --out small --objects 5000 --views 12 --size 64 --samples 16
   lastlight lirm gen --out test --set test --lighting environment --size 512
-  lastlight lirm gen --out ego --set egocentric --lighting environment --views 60
+  lastlight lirm gen --out ego --set egocentric --camera pinhole --lighting environment --views 60
   lastlight lirm gen --out mine --mesh helmet.gltf cow.obj --env dresden.hdr --lighting environment
 
-Each object gets a folder with object.json and one capture per light: transforms.json, images/, foreground/, and
-unless --passes photo radiance/, depth/, normal/, albedo/, material/. Object k is the same whatever --objects and
+Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it stands under a map) and
+one capture per light: transforms.json, images/, foreground/, and unless --passes photo radiance/, depth/, normal/,
+albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and
 --first are, so a set can be made in pieces. An interrupted run continues with --resume.";
 
 /// Render objects with known shape, materials and light.
@@ -53,9 +55,12 @@ pub(in crate::cli) struct Args {
     /// A second version under the map, with all roughness times U(0.3, 0.6)
     #[arg(long, help_heading = "Light")]
     shiny: bool,
-    /// Cameras: train (drawn), test (48 fixed views, inputs and outputs) or egocentric (a moving fisheye)
+    /// Cameras: train (drawn), test (48 fixed views, inputs and outputs) or egocentric (on a moving head)
     #[arg(long, value_name = "NAME", default_value = "train", value_parser = ["train", "test", "egocentric"], help_heading = "Pictures")]
     set: String,
+    /// Camera of an egocentric set: fisheye (130 degrees, equidistant) or pinhole (70 degrees) [default: fisheye]
+    #[arg(long, value_name = "NAME", value_parser = ["fisheye", "pinhole"], help_heading = "Pictures")]
+    camera: Option<String>,
     /// Pictures per object and light, of train and egocentric
     #[arg(long, value_name = "N", default_value_t = 32, help_heading = "Pictures")]
     views: usize,
@@ -77,6 +82,9 @@ pub(in crate::cli) struct Args {
     /// What is written of each picture: photo (and foreground) or all
     #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"], help_heading = "Pictures")]
     passes: String,
+    /// Leave out object.glb and environment.exr
+    #[arg(long)]
+    no_truth: bool,
     /// Seed of every draw
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -96,6 +104,14 @@ pub(in crate::cli) struct Args {
 
 impl Args {
     fn settings(&self) -> Result<Settings> {
+        if let Some(camera) = &self.camera
+            && self.set != "egocentric"
+        {
+            return Err(Error::input("--camera")
+                .expected("--set egocentric")
+                .got(format!("--set {}", self.set))
+                .hint(format!("pictures of other sets are pinhole pictures; leave out --camera {camera}")));
+        }
         let fine = (2 * self.size).clamp(128, 1024);
         Ok(Settings {
             objects: self.objects.map_or(Ord::max(self.mesh.len(), 1) as u64, u64::from),
@@ -114,6 +130,7 @@ impl Args {
                 "test" => Set::Test,
                 _ => Set::Egocentric,
             },
+            camera: if self.camera.as_deref() == Some("pinhole") { Model::Pinhole } else { Model::Fisheye },
             views: self.views,
             size: self.size,
             framing: if self.framing == "whole" { Framing::Whole } else { Framing::Loose },
@@ -122,6 +139,7 @@ impl Args {
             texture: self.texture.unwrap_or(fine),
             map_width: self.env_width.unwrap_or(fine),
             passes: self.passes == "all",
+            truth: !self.no_truth,
             seed: self.seed,
         })
     }

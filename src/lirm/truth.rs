@@ -1,0 +1,62 @@
+//! Shape, materials and light of an object as files: what a reconstruction from its pictures is measured against.
+//!
+//! ```text
+//! object.glb        mesh, materials and textures (PNG), as rendered: `scene::model` turns it back into the object
+//! environment.exr   R G B, the map it stands under, in the orientation of `scene::light`, turned and scaled as for the pictures;
+//!                   only for objects rendered under one (`uniform` is a white dome of radiance 1)
+//! ```
+//!
+//! Positions, normals, texture coordinates, factors and radiance keep their bits, textures their bytes. Cameras of the captures, the mesh read back
+//! (z up) and the map share one frame. The version `shiny` is `object.glb` with the factor of every roughness times `roughness_factor` of
+//! `object.json`.
+//!
+//! Files reach the disk in the system's own time; `object.json` has their digests (FNV-1a 64), and [`is_whole`] compares.
+
+use crate::Result;
+use crate::io::{atomic, gltf, image_file};
+use crate::num::bits::Digest;
+use crate::num::par;
+use crate::scene::light::Environment;
+use crate::scene::mesh::Object;
+use crate::scene::model;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Name of the mesh.
+pub const OBJECT: &str = "object.glb";
+/// Name of the map.
+pub const ENVIRONMENT: &str = "environment.exr";
+
+/// Writes what is known into a folder, which is made if need be; gives the digests by file name.
+///
+/// # Errors
+/// When the object has no place in a GLB (4 GiB), or a file cannot be written.
+pub fn write(folder: &Path, object: &Object, map: Option<&Environment>) -> Result<Value> {
+    let glb = || gltf::to_glb(&model::to_gltf(object, "object"));
+    let exr = |m: &Environment| {
+        image_file::exr_bytes(m.width, m.height, &["R", "G", "B"], m.radiance.as_flattened())
+    };
+    let (glb, exr) = par::join(glb, || map.map(exr).transpose());
+    std::fs::create_dir_all(folder).map_err(|e| crate::Error::os(folder, &e))?;
+    let mut digests = Map::new();
+    for (name, bytes) in [(OBJECT, Some(glb?)), (ENVIRONMENT, exr?)] {
+        if let Some(bytes) = bytes {
+            atomic::write_unflushed(&folder.join(name), &bytes)?;
+            digests.insert(name.to_owned(), json!(digest(&bytes)));
+        }
+    }
+    Ok(Value::Object(digests))
+}
+
+/// Whether every file has the digest that [`write()`] gave.
+pub fn is_whole(folder: &Path, digests: &Value) -> bool {
+    digests.as_object().into_iter().flatten().all(|(name, expected)| {
+        std::fs::read(folder.join(name)).is_ok_and(|bytes| expected.as_str() == Some(&*digest(&bytes)))
+    })
+}
+
+fn digest(bytes: &[u8]) -> String {
+    let mut d = Digest::new();
+    d.bytes(bytes);
+    format!("{:016x}", d.value())
+}
