@@ -216,6 +216,21 @@ fn heads_move_smoothly_and_keep_the_object_in_view() {
             assert!(step > 1e-4 && step < 0.05, "object {k}: moves {step} while the shutter is open");
             assert!(f.off_axis < 45.0, "object {k}: {} off the axis", f.off_axis);
         }
+        for f in frames.iter().cloned() {
+            let (open, close) = (f.open.clone(), f.close.clone());
+            let p = f.through_pinhole();
+            assert_eq!(
+                (p.open.view_from_world, p.close.view_from_world),
+                (open.view_from_world, close.view_from_world),
+                "object {k}: the same motion"
+            );
+            for view in [&p.open, &p.close] {
+                let half = (0.5 * cameras::HEAD_PINHOLE_FOV).to_radians();
+                let off = view.intrinsics[0] * sin(half) - 128.0 * cos(half);
+                assert!(off.abs() < 1e-9, "object {k}: the border is 35 degrees off the axis: {off}");
+                assert_eq!(view.intrinsics[0], view.intrinsics[4], "object {k}: square pixels");
+            }
+        }
         let turn = frames.iter().map(|f| f.off_axis).fold(0.0, |m, x| if x > m { x } else { m });
         assert!(turn > 3.0, "object {k}: the gaze wanders, by {turn} degrees");
     }

@@ -230,6 +230,23 @@ fn a_glb_gives_back_every_bit() {
 }
 
 #[test]
+fn a_flat_part_has_no_normals_and_the_file_only_unit_ones() {
+    let mut object = sample();
+    object.mesh.normals[4..].fill([0.0; 3]);
+    let g = model::to_gltf(&object, "a");
+    let p = &g.meshes[0].primitives;
+    assert!(p[1].normals.is_none(), "zero normals stand for none");
+    let rows = p[0].normals.as_ref().expect("the other part has some");
+    let unit = |n: &[f32; 3]| ((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2] - 1.0).abs() < 1e-6;
+    assert!(rows.iter().all(unit), "viewers refuse others: {rows:?}");
+    assert_eq!(
+        model::from_gltf(&g, "a.glb").unwrap_or_else(|e| panic!("{e}")),
+        object,
+        "and it is read back"
+    );
+}
+
+#[test]
 fn the_bounds_of_positions_are_stated() {
     let g = gltf::to_glb(&model::to_gltf(&sample(), "a")).unwrap_or_else(|e| panic!("{e}"));
     let length = u32::from_le_bytes([g[12], g[13], g[14], g[15]]) as usize;

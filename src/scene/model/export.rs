@@ -30,7 +30,7 @@ fn pictures(object: &Object) -> (Vec<Arc<Texture>>, Vec<Arc<gltf::Image>>) {
     (list, images)
 }
 
-/// One node with one mesh, a primitive per material.
+/// One node with one mesh, a primitive per material. Where no corner has a normal the primitive has none, and is flat.
 pub fn to_gltf(object: &Object, name: &str) -> Gltf {
     let (list, images) = pictures(object);
     let texture = |t: &Arc<Texture>| gltf::TextureRef {
@@ -62,12 +62,21 @@ pub fn to_gltf(object: &Object, name: &str) -> Gltf {
     };
     let m = &object.mesh;
     let positions = Arc::new(m.positions.iter().map(|p| y_up(*p)).collect::<Vec<_>>());
-    let normals =
-        (!m.normals.is_empty()).then(|| Arc::new(m.normals.iter().map(|n| y_up(*n)).collect::<Vec<_>>()));
+    // Normals of primitives that have some; a file may hold unit vectors alone, so the rows nobody looks at point up.
+    let zero = |i: u32| m.normals.get(i as usize).is_none_or(|n| *n == [0.0; 3]);
+    let mut is_smooth = vec![false; object.materials.len()];
+    for (t, &k) in m.triangles.iter().zip(&object.material_of) {
+        is_smooth[usize::from(k)] |= !t.iter().all(|&i| zero(i));
+    }
+    let mut rows = vec![[0.0, 1.0, 0.0]; m.normals.len()];
+    for (t, _) in m.triangles.iter().zip(&object.material_of).filter(|(_, k)| is_smooth[usize::from(**k)]) {
+        t.iter().for_each(|&i| rows[i as usize] = y_up(m.normals[i as usize]));
+    }
+    let normals = Arc::new(rows);
     let uvs = if m.uvs.is_empty() { Vec::new() } else { vec![Some(Arc::new(m.uvs.clone()))] };
     let primitives = (0..object.materials.len()).map(|k| gltf::Primitive {
         positions: Arc::clone(&positions),
-        normals: normals.clone(),
+        normals: is_smooth[k].then(|| Arc::clone(&normals)),
         uvs: uvs.clone(),
         joints: Vec::new(),
         weights: Vec::new(),

@@ -1,0 +1,167 @@
+//! `lirm gen` on the command line: help, a tiny set, what is refused.
+
+use serde_json::Value;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn lastlight(args: &[&str], dir: &Path) -> Output {
+    let mut all = vec!["lirm", "gen"];
+    all.extend(args);
+    Command::new(env!("CARGO_BIN_EXE_lastlight"))
+        .args(all)
+        .current_dir(dir)
+        .output()
+        .expect("the binary starts")
+}
+
+fn stderr(o: &Output) -> String {
+    String::from_utf8(o.stderr.clone()).expect("text")
+}
+
+fn json(args: &[&str], dir: &Path) -> Value {
+    let o = lastlight(args, dir);
+    assert_eq!(o.status.code(), Some(0), "{args:?}: {}", stderr(&o));
+    serde_json::from_slice(&o.stdout).unwrap_or_else(|e| panic!("{args:?}: one JSON document on stdout: {e}"))
+}
+
+/// Exit code 2 and one error line that holds all of `parts`.
+fn refused(args: &[&str], dir: &Path, parts: &[&str]) {
+    let o = lastlight(args, dir);
+    let text = stderr(&o);
+    assert_eq!(o.status.code(), Some(2), "{args:?}: {text}");
+    let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error: ")).collect();
+    assert_eq!(errors.len(), 1, "{args:?}: one line: {text}");
+    for part in parts {
+        assert!(errors[0].contains(part), "{args:?}: '{part}' in '{}'", errors[0]);
+    }
+}
+
+const TINY: [&str; 9] = ["--views", "2", "--size", "16", "--samples", "2", "--seed", "5", "--json"];
+
+#[test]
+fn help_shows_examples_and_every_option() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let o = lastlight(&["--help"], dir.path());
+    let text = String::from_utf8(o.stdout).expect("text");
+    assert_eq!((o.status.code(), o.stderr.len()), (Some(0), 0), "help goes to stdout");
+    assert!(text.contains("Examples:") && text.matches("lastlight lirm gen --out").count() >= 6, "examples");
+    for option in [
+        "--objects",
+        "--first",
+        "--mesh",
+        "--lighting",
+        "--env",
+        "--shiny",
+        "--set",
+        "--camera",
+        "--views",
+        "--size",
+        "--samples",
+        "--bounces",
+        "--passes",
+        "--no-truth",
+        "--seed",
+        "--resume",
+        "--force",
+        "object.glb",
+        "environment.exr",
+    ] {
+        assert!(text.contains(option), "'{option}' in the help");
+    }
+}
+
+#[test]
+fn a_tiny_set_is_made_continued_and_rendered_anew() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let at = |out: &'static str, more: &[&'static str]| -> Vec<&'static str> {
+        [&["--out", out, "--objects", "2", "--lighting", "both"][..], &TINY, more].concat()
+    };
+    let made = json(&at("set", &[]), dir.path());
+    assert_eq!((&made["objects"], &made["rendered"]), (&2.into(), &8.into()), "2 objects, 2 lights, 2 views");
+    assert_eq!(made["settings"]["seed"], 5, "settings are said");
+    assert!(made["seconds"].as_f64().is_some_and(|s| s > 0.0), "time is said");
+    let top: Value =
+        serde_json::from_slice(&std::fs::read(dir.path().join("set/dataset.json")).expect("written"))
+            .expect("JSON");
+    assert_eq!(top["digest"], made["digest"], "the digest of the record");
+    for file in [
+        "object.json",
+        "object.glb",
+        "environment.exr",
+        "uniform/transforms.json",
+        "environment/images/0001.png",
+        "environment/radiance/0001.exr",
+    ] {
+        assert!(dir.path().join("set/object_00001").join(file).is_file(), "{file}");
+    }
+    // One thread, another folder: the same digest. What is there is not made again, nor overwritten unasked.
+    let one = Command::new(env!("CARGO_BIN_EXE_lastlight"))
+        .args([&["--threads", "1", "lirm", "gen"][..], &at("again", &[])].concat())
+        .current_dir(dir.path())
+        .output()
+        .expect("the binary starts");
+    let one: Value = serde_json::from_slice(&one.stdout).expect("JSON");
+    assert_eq!(one["digest"], made["digest"], "one thread");
+    let resumed = json(&at("set", &["--resume"]), dir.path());
+    assert_eq!((&resumed["rendered"], &resumed["digest"]), (&0.into(), &made["digest"]), "nothing to do");
+    refused(&at("set", &[]), dir.path(), &["--out", "--force"]);
+    assert_eq!(json(&at("set", &["--force"]), dir.path())["digest"], made["digest"], "forced");
+
+    // The truth is what `mesh render` needs.
+    let relit = Command::new(env!("CARGO_BIN_EXE_lastlight"))
+        .args(["mesh", "render", "set/object_00001/object.glb"])
+        .args(["--env", "set/object_00001/environment.exr"])
+        .args(["--cameras", "set/object_00001/environment", "--samples", "2", "--out", "relit", "--json"])
+        .current_dir(dir.path())
+        .output()
+        .expect("the binary starts");
+    assert_eq!(relit.status.code(), Some(0), "{}", stderr(&relit));
+    let record: Value = serde_json::from_slice(&relit.stdout).expect("JSON");
+    assert_eq!(record["pictures"], 2, "its cameras");
+
+    // Less of everything.
+    let bare = json(&[&["--out", "bare", "--passes", "photo", "--no-truth"][..], &TINY].concat(), dir.path());
+    assert_eq!(bare["settings"]["truth"], false, "without truth");
+    let object = dir.path().join("bare/object_00000");
+    assert!(object.join("uniform/images/0000.png").is_file(), "a photograph");
+    for file in ["object.glb", "environment.exr", "uniform/radiance", "environment"] {
+        assert!(!object.join(file).exists(), "no {file}");
+    }
+}
+
+#[test]
+fn an_egocentric_set_takes_either_camera() {
+    let dir = tempfile::tempdir().expect("a folder");
+    for (camera, model) in [("fisheye", "OPENCV_FISHEYE"), ("pinhole", "PINHOLE")] {
+        let args = [&["--out", camera, "--set", "egocentric", "--camera", camera][..], &TINY].concat();
+        assert_eq!(json(&args, dir.path())["settings"]["camera"], camera, "{camera}: said");
+        let file = dir.path().join(camera).join("object_00000/uniform/transforms_train.json");
+        let top: Value = serde_json::from_slice(&std::fs::read(file).expect("written")).expect("JSON");
+        assert_eq!(top["camera_model"], model, "{camera}: written");
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let cases: [(&[&str], &[&str]); 11] = [
+        (&[], &["--out"]),
+        (&["--out", "x", "--views", "0"], &["views"]),
+        (&["--out", "x", "--size", "4"], &["size"]),
+        (&["--out", "x", "--samples", "many"], &["--samples"]),
+        (&["--out", "x", "--lighting", "moon"], &["--lighting"]),
+        (&["--out", "x", "--set", "some"], &["--set"]),
+        (&["--out", "x", "--shiny"], &["shiny", "environment"]),
+        (&["--out", "x", "--camera", "pinhole"], &["--camera", "egocentric", "train"]),
+        (&["--out", "x", "--set", "egocentric", "--camera", "orthographic"], &["--camera"]),
+        (&["--out", "x", "--resume", "--force"], &["--resume"]),
+        (&["--out", "x", "--lighting", "environment", "--env-axes", "up"], &["orientation", "mitsuba"]),
+    ];
+    for (args, parts) in cases {
+        refused(args, dir.path(), parts);
+        assert!(!dir.path().join("x").exists(), "{args:?}: a refused command makes no folder");
+    }
+    refused(&["--out", "y", "--mesh", "none.obj"], dir.path(), &["none.obj"]);
+    std::fs::write(dir.path().join("map.exr"), "no picture").expect("written");
+    refused(&["--out", "y", "--lighting", "environment", "--env", "map.exr"], dir.path(), &["map.exr"]);
+}
