@@ -145,7 +145,7 @@ fn an_egocentric_set_takes_either_camera() {
 fn what_makes_no_sense_is_refused() {
     let dir = tempfile::tempdir().expect("a folder");
     let cases: [(&[&str], &[&str]); 11] = [
-        (&[], &["--out"]),
+        (&[], &["required arguments"]),
         (&["--out", "x", "--views", "0"], &["views"]),
         (&["--out", "x", "--size", "4"], &["size"]),
         (&["--out", "x", "--samples", "many"], &["--samples"]),

@@ -179,7 +179,7 @@ fn geometry_of_a_moving_camera_is_that_of_the_pose_half_way() {
         assert_eq!((&moving.roughness, &moving.metallic), (&still.roughness, &still.metallic), "{model:?}");
         let partly = |a: &[f32]| a.iter().filter(|a| **a > 0.0 && **a < 1.0).count();
         let (m, s) = (partly(&moving.alpha), partly(&still.alpha));
-        assert!(m as f32 > 1.5 * s as f32, "{model:?}: {m} pixels partly covered, {s} at rest");
+        assert!(m as f32 > 1.25 * s as f32, "{model:?}: {m} pixels partly covered, {s} at rest");
         assert_ne!(moving.color, still.color, "{model:?}: the photograph is blurred");
     }
 }
