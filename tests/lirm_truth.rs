@@ -140,9 +140,10 @@ fn bytes(path: &Path) -> Vec<u8> {
 /// Root mean square and mean of the differences.
 fn differences(a: &[u8], b: &[u8]) -> [f64; 2] {
     assert_eq!(a.len(), b.len(), "as many bytes");
-    let d = || a.iter().zip(b).map(|(a, b)| f64::from(*a) - f64::from(*b));
+    let d = a.iter().zip(b).map(|(a, b)| f64::from(*a) - f64::from(*b));
     let n = a.len() as f64;
-    [(d().map(|x| x * x).sum::<f64>() / n).sqrt(), d().sum::<f64>() / n]
+    let (square, sum) = d.fold((0.0, 0.0), |(q, s), x| (q + x * x, s + x));
+    [(square / n).sqrt(), sum / n]
 }
 
 /// The files suffice to make the picture again: the written one differs from a new one as two new ones differ from each other.
