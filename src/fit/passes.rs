@@ -16,8 +16,10 @@
 //! lies half-way), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
 //!
 //! While the set is being made, each finished picture has a record in `DIR/.shots/`. It is written after its files, so a
-//! picture with a record is whole; a continued run makes only the others. [`Recorder::finish`] gathers the records into
-//! `transforms*.json` and removes them. Bytes depend on neither the number of threads nor on interruptions.
+//! picture with a record is whole, unless the power failed: pictures and records reach the disk in the system's own time
+//! ([`atomic::write_unflushed`]). So a continued run compares every file with its digest, in a finished set too, and makes what does not
+//! agree. [`Recorder::finish`] gathers the records into `transforms*.json` and removes them. Bytes depend on neither the number
+//! of threads nor on interruptions.
 
 use super::frames;
 use crate::io::capture::Split;
@@ -32,6 +34,10 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the records of finished pictures.
 const JOURNAL: &str = ".shots";
+
+/// Folders that pictures and passes lie in.
+pub const FOLDERS: [&str; 7] =
+    ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"];
 
 /// One picture to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +75,7 @@ pub struct Recorder {
 
 impl Recorder {
     /// Opens the folder, making it if need be; with `resume`, takes over what an earlier run with the same header left.
-    /// `header` becomes the top of every `transforms*.json`.
+    /// `header` becomes the top of every `transforms*.json`. Temporary files of a killed run are removed.
     ///
     /// # Errors
     /// When the folder cannot be made, or holds the records of a run with another header.
@@ -78,6 +84,10 @@ impl Recorder {
         let mark = journal.join("header.json");
         let mut recorder = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
         let text = format!("{:#}\n", Value::Object(recorder.header.clone()));
+        atomic::sweep(dir)?;
+        for folder in FOLDERS.into_iter().chain([JOURNAL]) {
+            atomic::sweep(&dir.join(folder))?;
+        }
         if resume && mark.is_file() {
             let old = std::fs::read_to_string(&mark).map_err(|e| Error::os(&mark, &e))?;
             if old != text {
@@ -120,7 +130,8 @@ impl Recorder {
                     .expected("a set made with the same settings")
                     .got("one with others"));
             }
-            for mut frame in frames.and_then(|f| f.as_array().cloned()).unwrap_or_default() {
+            let frames = frames.and_then(|f| f.as_array().cloned()).unwrap_or_default();
+            for mut frame in frames.into_iter().filter(Value::is_object) {
                 // Where a frame was filed says what it was for.
                 frame["split"] = json!(file);
                 if let Some(name) = frame.get("file_path").and_then(Value::as_str) {
@@ -132,26 +143,48 @@ impl Recorder {
         Ok((!out.is_empty()).then_some(out))
     }
 
+    /// The digest of the finished set of these pictures in a folder, as [`Self::finish`] gave it; `None` when there is none, or a file
+    /// of it is missing or has not the digest it had. Every file is read, nothing is written.
+    ///
+    /// # Errors
+    /// When the set has another header, or its description cannot be read.
+    pub fn verified(dir: &Path, header: Map<String, Value>, order: &[Shot]) -> Result<Option<u64>> {
+        let mut set = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
+        let Some(frames) = set.finished()? else { return Ok(None) };
+        set.done = frames;
+        for shot in order {
+            if !set.has(shot)? {
+                return Ok(None);
+            }
+        }
+        Ok(Some(set.gather(order)?.0))
+    }
+
     /// Whether this picture is on disk and whole: its record is there and every file has the digest it had.
     ///
     /// # Errors
-    /// When a record is there but cannot be read.
+    /// When a record is there but cannot be read by the system.
     pub fn has(&self, shot: &Shot) -> Result<bool> {
-        let frame = match self.done.iter().find(|(name, _)| *name == shot.name) {
-            Some((_, frame)) => frame.clone(),
-            None => {
-                let record = self.record(&shot.name);
-                if !record.is_file() {
-                    return Ok(false);
-                }
-                read_json(&record)?
-            }
-        };
+        let Some(frame) = self.frame(&shot.name)? else { return Ok(false) };
         let Some(digests) = frame.get("digests").and_then(Value::as_object) else { return Ok(false) };
         let whole = |(file, digest): (&String, &Value)| {
             std::fs::read(self.dir.join(file)).is_ok_and(|bytes| digest.as_str() == Some(&*hex(&bytes)))
         };
         Ok(!digests.is_empty() && digests.iter().all(whole))
+    }
+
+    /// The frame of a picture: that of the finished set, or its record. A record that is no JSON object is one that the power
+    /// failed on, and counts as none.
+    fn frame(&self, name: &str) -> Result<Option<Value>> {
+        if let Some((_, frame)) = self.done.iter().find(|(n, _)| *n == name) {
+            return Ok(Some(frame.clone()));
+        }
+        let path = self.record(name);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let bytes = crate::io::read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
+        Ok(serde_json::from_slice(&bytes).ok().filter(Value::is_object))
     }
 
     fn record(&self, name: &str) -> PathBuf {
@@ -248,37 +281,8 @@ impl Recorder {
     /// # Errors
     /// When a picture is missing or a file cannot be written.
     pub fn finish(self, order: &[Shot]) -> Result<u64> {
-        let mut digest = Digest::new();
-        let mut groups: Vec<(&str, Vec<Value>, Value)> = Vec::new();
-        for shot in order {
-            let mut frame = match self.done.iter().find(|(name, _)| *name == shot.name) {
-                Some((_, frame)) => frame.clone(),
-                None => read_json(&self.record(&shot.name))?,
-            };
-            let top = frame.as_object_mut().ok_or_else(|| {
-                Error::input(self.record(&shot.name).display().to_string())
-                    .expected("an object")
-                    .got("something else")
-            })?;
-            top.remove("split");
-            let model =
-                top.remove("camera_model").unwrap_or_else(|| json!(frames::model_name(shot.camera.model)));
-            let file = file_of(shot.split);
-            digest.bytes(format!("{file} {frame:#}").as_bytes());
-            match groups.iter_mut().find(|g| g.0 == file) {
-                Some(group) => {
-                    if group.2 != model {
-                        return Err(Error::input("capture")
-                            .at(format!("picture '{}'", shot.name))
-                            .expected("one camera model per file")
-                            .got(format!("{} and {model}", group.2)));
-                    }
-                    group.1.push(frame);
-                }
-                None => groups.push((file, vec![frame], model)),
-            }
-        }
-        for (file, list, model) in groups {
+        let (digest, files) = self.gather(order)?;
+        for (file, list, model) in files {
             let mut top = self.header.clone();
             top.insert("camera_model".into(), model);
             top.insert("frames".into(), Value::Array(list));
@@ -288,9 +292,45 @@ impl Recorder {
         if journal.is_dir() {
             std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
         }
-        Ok(digest.value())
+        Ok(digest)
+    }
+
+    /// Digest of the set, and for each `transforms*.json` its frames and their camera model.
+    fn gather(&self, order: &[Shot]) -> Result<(u64, Vec<Described>)> {
+        let mut digest = Digest::new();
+        let mut files: Vec<Described> = Vec::new();
+        for shot in order {
+            let missing = || {
+                Error::input(self.record(&shot.name).display().to_string())
+                    .expected("the record of a finished picture")
+                    .got("none")
+            };
+            let mut frame = self.frame(&shot.name)?.ok_or_else(missing)?;
+            let top = frame.as_object_mut().ok_or_else(missing)?;
+            top.remove("split");
+            let model =
+                top.remove("camera_model").unwrap_or_else(|| json!(frames::model_name(shot.camera.model)));
+            let file = file_of(shot.split);
+            digest.bytes(format!("{file} {frame:#}").as_bytes());
+            match files.iter_mut().find(|g| g.0 == file) {
+                Some(group) => {
+                    if group.2 != model {
+                        return Err(Error::input("capture")
+                            .at(format!("picture '{}'", shot.name))
+                            .expected("one camera model per file")
+                            .got(format!("{} and {model}", group.2)));
+                    }
+                    group.1.push(frame);
+                }
+                None => files.push((file, vec![frame], model)),
+            }
+        }
+        Ok((digest.value(), files))
     }
 }
+
+/// A `transforms*.json` to be: its name, its frames, their camera model.
+type Described = (&'static str, Vec<Value>, Value);
 
 /// Files and what they hold.
 const SPLITS: [(&str, Split); 4] = [

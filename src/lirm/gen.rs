@@ -9,7 +9,9 @@
 //! ```
 //!
 //! Object k, its cameras, light and samples depend on the seed and k alone, so sets can be made in pieces and on several machines.
-//! `object.json` is written last: a folder with one is whole, and a continued run skips it.
+//! `object.json` is written last. A continued run skips an object that has one if every file of its captures has the digest that
+//! `transforms*.json` records and each capture the one of `object.json`; pictures that do not agree are made again
+//! (they reach the disk in the system's own time, so that a power cut can empty them).
 
 use super::subject::{Light, Subject};
 use crate::fit::passes::{Recorder, Shot, Style};
@@ -221,18 +223,20 @@ pub fn run(
     let per_object = settings.pictures() * settings.versions().len();
     let total = per_object * settings.objects as usize;
     let (mut listed, mut rendered, mut digest) = (Vec::new(), 0, crate::num::bits::Digest::new());
+    atomic::sweep(dir)?;
     for n in 0..settings.objects {
         let k = settings.first + n;
         let name = format!("object_{k:05}");
         let folder = dir.join(&name);
         let done = n as usize * per_object;
-        let record = match finished(&folder, settings, resume)? {
+        let kept = if resume { finished(&folder, settings, k)? } else { None };
+        let record = match kept {
             Some(record) => record,
             None => {
-                let mut made = 0;
-                let record = one(&folder, settings, k, resume, stop, &mut |label| {
-                    progress(done + made, total, &format!("{name} · {label}"));
-                    made += 1;
+                let mut looked = 0;
+                let (record, made) = one(&folder, settings, k, resume, stop, &mut |label| {
+                    progress(done + looked, total, &format!("{name} · {label}"));
+                    looked += 1;
                 })?;
                 rendered += made;
                 record
@@ -249,17 +253,17 @@ pub fn run(
         "format": "lastlight lirm gen 1",
         "settings": settings.record(),
         "objects": listed,
-        "digest": format!("{digest:016x}"),
+        "digest": hex(digest),
     });
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     atomic::write_bytes(&dir.join("dataset.json"), format!("{top:#}\n").as_bytes())?;
     Ok(Summary { objects: listed.len(), rendered, digest })
 }
 
-/// The record of a folder that is whole and was made with these settings.
-fn finished(folder: &Path, settings: &Settings, resume: bool) -> Result<Option<Value>> {
+/// The record of object k if its folder is whole: it was made with these settings, and every file has the digest it had.
+fn finished(folder: &Path, settings: &Settings, k: u64) -> Result<Option<Value>> {
     let path = folder.join("object.json");
-    if !resume || !path.is_file() {
+    if !path.is_file() {
         return Ok(None);
     }
     let bytes = crate::io::read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
@@ -273,10 +277,29 @@ fn finished(folder: &Path, settings: &Settings, resume: bool) -> Result<Option<V
             .got("one with others")
             .hint("choose another folder, or repeat the settings it was begun with"));
     }
+    let (shots, _) = shots(settings, k);
+    for (n, (version, ..)) in settings.versions().into_iter().enumerate() {
+        let there = Recorder::verified(&folder.join(version), header(settings, k, version), &shots)?;
+        let Some(digest) = there else { return Ok(None) };
+        if record["versions"][n]["digest"] != hex(digest) {
+            return Ok(None);
+        }
+    }
     Ok(Some(record))
 }
 
-/// Makes one object with all its versions; gives its record.
+/// The top of the `transforms.json` of a version of object k.
+fn header(settings: &Settings, k: u64, version: &str) -> Map<String, Value> {
+    let made = json!({ "object": k, "version": version, "settings": settings.record() });
+    Map::from_iter([("lirm_gen".to_owned(), made)])
+}
+
+/// A digest as records write it.
+fn hex(digest: u64) -> String {
+    format!("{digest:016x}")
+}
+
+/// Makes what is missing of one object with all its versions; gives its record, and how many pictures were rendered.
 fn one(
     folder: &Path,
     settings: &Settings,
@@ -284,7 +307,8 @@ fn one(
     resume: bool,
     stop: &AtomicBool,
     made: &mut dyn FnMut(&str),
-) -> Result<Value> {
+) -> Result<(Value, usize)> {
+    atomic::sweep(folder)?;
     let versions = settings.versions();
     let needs_map = versions.iter().any(|v| v.1);
     let (subject, light) = par::join(
@@ -294,7 +318,7 @@ fn one(
     let (subject, light) = (subject?, light?);
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
     let (shots, protocol) = shots(settings, k);
-    let mut records = Vec::new();
+    let (mut records, mut rendered) = (Vec::new(), 0);
     for (version, under_map, is_shiny) in versions {
         let lights = match (&light, under_map) {
             (Some(light), true) => Lights { environment: Some(light.map.clone()), lamps: Vec::new() },
@@ -307,18 +331,14 @@ fn one(
         let shiny: Option<Object> = is_shiny.then(|| subject.with_roughness(gloss));
         let object = shiny.as_ref().unwrap_or(&subject.object);
         let scene = Scene::new(object, &bvh, &lights)?;
-        let mut header = Map::new();
-        header.insert(
-            "lirm_gen".into(),
-            json!({ "object": k, "version": version, "settings": settings.record() }),
-        );
         let capture = Capture { settings, k, scene: &scene, exposed: under_map };
-        let digest =
-            capture.shoot(&folder.join(version), header, &shots, resume, stop, &mut || made(version))?;
+        let recorder = Recorder::open(&folder.join(version), header(settings, k, version), resume)?;
+        let (digest, count) = capture.shoot(recorder, &shots, stop, &mut || made(version))?;
+        rendered += count;
         let mut record = json!({
             "folder": version,
             "lighting": if under_map { "environment" } else { "uniform" },
-            "digest": format!("{digest:016x}"),
+            "digest": hex(digest),
         });
         if is_shiny {
             record["roughness_factor"] = json!(f64::from(gloss));
@@ -340,7 +360,7 @@ fn one(
         record["protocol"] = protocol;
     }
     atomic::write_bytes(&folder.join("object.json"), format!("{record:#}\n").as_bytes())?;
-    Ok(record)
+    Ok((record, rendered))
 }
 
 /// The pictures of an object, and of a test set the order and choice of its inputs.
@@ -409,17 +429,16 @@ struct Capture<'a> {
 }
 
 impl Capture<'_> {
-    /// Renders what is missing; each picture is written while the next one is rendered. `count` is called for every picture.
+    /// Renders what is missing; each picture is written while the next one is rendered. `count` is called for every picture. Gives
+    /// the digest of all of them, and how many were rendered.
     fn shoot(
         &self,
-        dir: &Path,
-        header: Map<String, Value>,
+        mut recorder: Recorder,
         shots: &[Shot],
-        resume: bool,
         stop: &AtomicBool,
         count: &mut dyn FnMut(),
-    ) -> Result<u64> {
-        let mut recorder = Recorder::open(dir, header, resume)?;
+    ) -> Result<(u64, usize)> {
+        let mut rendered = 0;
         let mut ready: Option<(&Shot, Passes, Style)> = None;
         for (i, shot) in shots.iter().enumerate() {
             count();
@@ -434,14 +453,17 @@ impl Capture<'_> {
             );
             written?;
             match next? {
-                Some((passes, style)) => ready = Some((shot, passes, style)),
+                Some((passes, style)) => {
+                    rendered += 1;
+                    ready = Some((shot, passes, style));
+                }
                 None => return Err(Error::interrupted("rendering").hint("continue with --resume")),
             }
         }
         if let Some((shot, passes, style)) = ready {
             recorder.put(shot, &passes, &style)?;
         }
-        recorder.finish(shots)
+        Ok((recorder.finish(shots)?, rendered))
     }
 
     fn picture(&self, i: usize, shot: &Shot) -> Result<(Passes, Style)> {
