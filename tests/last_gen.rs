@@ -1,11 +1,13 @@
 //! `last gen`: the same settings give the same bytes, whatever the threads and however often it was interrupted.
 
+mod common;
+
+use common::{assert_same, tree};
 use lastlight::io::{capture, npz};
 use lastlight::last::character::Casting;
 use lastlight::last::figure::{self, Look};
 use lastlight::last::generate::{self, Report, Settings};
 use lastlight::num::{bits, par};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -45,32 +47,6 @@ fn nobody() -> Casting {
     }
 }
 
-/// Contents of a folder by path.
-fn contents(dir: &Path) -> BTreeMap<String, Vec<u8>> {
-    let mut files = BTreeMap::new();
-    let mut folders = vec![dir.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(dir).expect("inside").to_string_lossy().replace('\\', "/");
-                files.insert(name, std::fs::read(&path).expect("readable"));
-            }
-        }
-    }
-    files
-}
-
-fn assert_same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>, what: &str) {
-    let names = |x: &BTreeMap<String, Vec<u8>>| x.keys().cloned().collect::<Vec<_>>();
-    assert_eq!(names(a), names(b), "{what}: the same files");
-    for (name, bytes) in a {
-        assert!(*bytes == b[name], "{what}: {name} differs");
-    }
-}
-
 #[test]
 fn bytes_depend_on_neither_threads_nor_interruptions() {
     let settings = small();
@@ -82,11 +58,11 @@ fn bytes_depend_on_neither_threads_nor_interruptions() {
     };
     let one = at("one");
     make(&settings, &one, false, 1);
-    let expected = contents(&one);
+    let expected = tree(&one);
     for threads in [2, 7] {
         let dir = at(&format!("threads-{threads}"));
         make(&settings, &dir, false, threads);
-        assert_same(&expected, &contents(&dir), &format!("{threads} threads"));
+        assert_same(&expected, &tree(&dir), &format!("{threads} threads"));
     }
     let digest = |is_video: bool| {
         let mut digest = bits::Digest::new();
@@ -121,18 +97,18 @@ fn bytes_depend_on_neither_threads_nor_interruptions() {
         assert!(runs < 50, "every run gets further");
     }
     assert!(runs > 4, "it was interrupted: {runs} runs");
-    assert_same(&expected, &contents(&dir), "interrupted");
+    assert_same(&expected, &tree(&dir), "interrupted");
 
     // A lost file is made again, a finished set stays as it is, other settings are refused.
     std::fs::remove_file(dir.join("interventions/0001.npz")).expect("removed");
     std::fs::remove_file(dir.join("video/images/c00_f0002.png")).expect("removed");
     make(&settings, &dir, true, 2);
-    assert_same(&expected, &contents(&dir), "repaired");
+    assert_same(&expected, &tree(&dir), "repaired");
     let other = Settings { seed: 1, ..settings };
     let e =
         generate::run(&other, &dir, true, &AtomicBool::new(false), &mut |_, _, _| {}).expect_err("differs");
     assert!(e.to_string().contains("seed 0 instead of 1"), "{e}");
-    assert_same(&expected, &contents(&dir), "refused");
+    assert_same(&expected, &tree(&dir), "refused");
 }
 
 #[test]
@@ -250,26 +226,26 @@ fn a_folder_never_mixes_two_runs() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (fresh, used) = (folder.path().join("fresh"), folder.path().join("used"));
     make(&b, &fresh, false, 2);
-    let expected = contents(&fresh);
+    let expected = tree(&fresh);
     make(&a, &used, false, 2);
     std::fs::write(used.join("notes.txt"), "mine").expect("written");
     // Started over with other settings, stopped after one shard, continued.
     let stop = AtomicBool::new(false);
     generate::run(&b, &used, false, &stop, &mut |_, _, _| stop.store(true, Ordering::Relaxed))
         .expect_err("stopped");
-    let there = contents(&used);
+    let there = tree(&used);
     assert!(there.contains_key("observational/0000.npz"), "one shard was made");
     assert!(!there.contains_key("observational/0001.npz"), "shards of the run before are gone");
     assert!(!there.keys().any(|name| name.starts_with("video/")), "and so is its video");
     make(&b, &used, true, 2);
     assert_eq!(std::fs::read(used.join("notes.txt")).expect("kept"), b"mine", "other files stay");
     std::fs::remove_file(used.join("notes.txt")).expect("removed");
-    assert_same(&expected, &contents(&used), "started over");
+    assert_same(&expected, &tree(&used), "started over");
 
     // A shard that was changed is made again, whether the set is finished or not.
     std::fs::write(used.join("observational/0001.npz"), "broken").expect("written");
     make(&b, &used, true, 2);
-    assert_same(&expected, &contents(&used), "repaired");
+    assert_same(&expected, &tree(&used), "repaired");
 
     // A record with other causes is refused, and so are files of unknown origin.
     let record = used.join("dataset.json");
@@ -369,7 +345,7 @@ fn a_character_gives_the_same_bytes_wherever_its_file_lies() {
     })
     .expect_err("stopped");
     make(&cast(&moved), &two, true, 1);
-    assert_same(&contents(&one), &contents(&two), "moved, interrupted, other threads");
+    assert_same(&tree(&one), &tree(&two), "moved, interrupted, other threads");
     let unknown = |change: fn(&mut Casting)| {
         let mut settings = cast(&knight);
         change(settings.character.as_mut().expect("a character"));

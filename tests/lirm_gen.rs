@@ -1,5 +1,8 @@
 //! `lirm gen`: the same bytes for any number of threads and however often interrupted, read back by the loaders.
 
+mod common;
+
+use common::{assert_same, tree};
 use lastlight::geometry::bvh::Bvh;
 use lastlight::io::capture::{Dialect, Split, read_capture};
 use lastlight::lirm::r#gen::{Lighting, Set, Settings, Summary, run};
@@ -7,7 +10,7 @@ use lastlight::lirm::subject::Subject;
 use lastlight::num::par;
 use lastlight::scene::passes::PassImages;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn small() -> Settings {
@@ -30,24 +33,6 @@ fn make(dir: &Path, settings: &Settings) -> Summary {
     run(dir, settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set")
 }
 
-fn tree(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut out = Vec::new();
-    let mut folders = vec![dir.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = std::fs::read(&path).expect("readable");
-                out.push((path.strip_prefix(dir).expect("inside").to_path_buf(), bytes));
-            }
-        }
-    }
-    out.sort();
-    out
-}
-
 fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("readable")).expect("JSON")
 }
@@ -68,16 +53,13 @@ fn the_bytes_do_not_depend_on_threads_or_on_how_many_objects_there_are() {
         trees.push(tree(&out));
     }
     assert!(trees[0].len() > 2 * 3 * 3 * 7, "{} files", trees[0].len());
-    assert_eq!(trees[0], trees[1], "one thread and two");
-    assert_eq!(trees[0], trees[2], "one thread and seven");
+    assert_same(&trees[0], &trees[1], "one thread and two");
+    assert_same(&trees[0], &trees[2], "one thread and seven");
     // The second object alone.
     let alone = dir.path().join("alone");
     make(&alone, &Settings { objects: 1, first: 10, ..small() });
-    assert_eq!(
-        tree(&alone.join("object_00010")),
-        tree(&dir.path().join("1/object_00010")),
-        "an object does not depend on the others"
-    );
+    let both = [alone.join("object_00010"), dir.path().join("1/object_00010")].map(|d| tree(&d));
+    assert_same(&both[0], &both[1], "an object does not depend on the others");
 }
 
 #[test]
@@ -103,7 +85,7 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     };
     assert!(runs > 2, "it was interrupted {} times", runs - 1);
     assert_eq!(got.digest, want.digest, "digest of the set");
-    assert_eq!(tree(&whole), tree(&parts), "same files, same bytes");
+    assert_same(&tree(&whole), &tree(&parts), "continued");
     let again =
         run(&parts, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {}).expect("nothing to do");
     assert_eq!((again.rendered, again.digest), (0, want.digest), "a finished set is left alone");

@@ -1,5 +1,8 @@
 //! Pictures with passes: written, interrupted, continued, and read back.
 
+mod common;
+
+use common::{assert_same, tree};
 use lastlight::fit::passes::{Recorder, Shot, Style};
 use lastlight::io::capture::{Split, read_capture};
 use lastlight::scene::camera::{Camera, Model};
@@ -7,7 +10,7 @@ use lastlight::scene::passes::PassImages;
 use lastlight::scene::views::{Options, Views};
 use lastlight::shade::render::Passes;
 use serde_json::{Map, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const SIDE: usize = 6;
 
@@ -60,24 +63,6 @@ fn write_all(dir: &Path) -> u64 {
         r.put(shot, &passes(i), &style(i)).expect("written");
     }
     r.finish(&shots()).expect("finished")
-}
-
-fn tree(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut out = Vec::new();
-    let mut folders = vec![dir.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = std::fs::read(&path).expect("readable");
-                out.push((path.strip_prefix(dir).expect("inside").to_path_buf(), bytes));
-            }
-        }
-    }
-    out.sort();
-    out
 }
 
 #[test]
@@ -140,11 +125,11 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
         r.put(&list[i], &passes(i), &style(i)).expect("written");
     }
     assert_eq!(r.finish(&list).expect("finished"), digest, "digest of the set");
-    assert_eq!(tree(whole.path()), tree(parts.path()), "same files, same bytes");
+    assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
     let r = Recorder::open(parts.path(), header(1), true).expect("a finished set");
     assert!(list.iter().all(|s| r.has(s).expect("readable")), "nothing is left to do");
     assert_eq!(r.finish(&list).expect("finished again"), digest, "and finishing again changes nothing");
-    assert_eq!(tree(whole.path()), tree(parts.path()), "same files, same bytes");
+    assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
 }
 
 #[test]
