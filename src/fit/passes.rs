@@ -36,8 +36,7 @@ use std::path::{Path, PathBuf};
 const JOURNAL: &str = ".shots";
 
 /// Folders that pictures and passes lie in.
-pub const FOLDERS: [&str; 7] =
-    ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"];
+pub const FOLDERS: [&str; 7] = ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"];
 
 /// One picture to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -143,21 +142,23 @@ impl Recorder {
         Ok((!out.is_empty()).then_some(out))
     }
 
-    /// The digest of the finished set of these pictures in a folder, as [`Self::finish`] gave it; `None` when there is none, or a file
-    /// of it is missing or has not the digest it had. Every file is read, nothing is written.
+    /// Looks at the finished set of these pictures in a folder; `None` when there is none. Every file is read, nothing is written.
     ///
     /// # Errors
     /// When the set has another header, or its description cannot be read.
-    pub fn verified(dir: &Path, header: Map<String, Value>, order: &[Shot]) -> Result<Option<u64>> {
+    pub fn verify(dir: &Path, header: Map<String, Value>, order: &[Shot]) -> Result<Option<Verified>> {
         let mut set = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
         let Some(frames) = set.finished()? else { return Ok(None) };
         set.done = frames;
-        for shot in order {
-            if !set.has(shot)? {
-                return Ok(None);
-            }
+        let known = |shot: &Shot| set.done.iter().any(|(name, _)| *name == shot.name);
+        if !order.iter().all(known) {
+            return Ok(None);
         }
-        Ok(Some(set.gather(order)?.0))
+        let mut is_whole = true;
+        for shot in order {
+            is_whole &= set.has(shot)?;
+        }
+        Ok(Some(Verified { digest: set.gather(order)?.0, is_whole }))
     }
 
     /// Whether this picture is on disk and whole: its record is there and every file has the digest it had.
@@ -327,6 +328,15 @@ impl Recorder {
         }
         Ok((digest.value(), files))
     }
+}
+
+/// What a finished set says about itself, and whether it is true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verified {
+    /// As [`Recorder::finish`] gave it, if nobody changed the description since.
+    pub digest: u64,
+    /// Whether every file has the digest that the description records.
+    pub is_whole: bool,
 }
 
 /// A `transforms*.json` to be: its name, its frames, their camera model.

@@ -278,14 +278,20 @@ fn finished(folder: &Path, settings: &Settings, k: u64) -> Result<Option<Value>>
             .hint("choose another folder, or repeat the settings it was begun with"));
     }
     let (shots, _) = shots(settings, k);
+    let mut is_whole = true;
     for (n, (version, ..)) in settings.versions().into_iter().enumerate() {
-        let there = Recorder::verified(&folder.join(version), header(settings, k, version), &shots)?;
-        let Some(digest) = there else { return Ok(None) };
-        if record["versions"][n]["digest"] != hex(digest) {
-            return Ok(None);
+        let dir = folder.join(version);
+        let there = Recorder::verify(&dir, header(settings, k, version), &shots)?;
+        if there.is_some_and(|there| record["versions"][n]["digest"] != hex(there.digest)) {
+            return Err(Error::input("--resume")
+                .at(dir.display().to_string())
+                .expected("cameras and digests as they were written")
+                .got("others in transforms*.json")
+                .hint("remove that folder to have it made again"));
         }
+        is_whole &= there.is_some_and(|there| there.is_whole);
     }
-    Ok(Some(record))
+    Ok(is_whole.then_some(record))
 }
 
 /// The top of the `transforms.json` of a version of object k.
