@@ -8,6 +8,7 @@ use crate::surface::{Material, Picture, Transfer};
 use reference::num::elem::{cos, exp, sin};
 use reference::num::rng::{Key, uniform_f64};
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 /// Heights in metres of the first and last row of the face's texture.
 pub(super) const FACE_TOP: f64 = 1.705;
@@ -50,11 +51,19 @@ fn spot(x: f64, z: f64, half: [f64; 2], soft: f64) -> f64 {
     unit_interval((1.0 + soft - r) / (2.0 * soft))
 }
 
-/// Threads and pores: a factor around 1, the same for every person.
+/// Cells of the grain along a side of a texture.
+const CELLS: usize = 256;
+
+/// Threads and pores: a factor around 1, the same for every person. A cell's number is drawn once.
 fn grain(u: f64, v: f64, strength: f64) -> f64 {
-    let item = ((v * 256.0) as u64) << 16 | (u * 256.0) as u64;
-    let key = Key { seed: 0, item, step: 0, purpose: purpose::GRAIN, draw: 0 };
-    1.0 + strength * (uniform_f64(key) - 0.5)
+    static DRAWN: OnceLock<Vec<f64>> = OnceLock::new();
+    let draw = |i: usize| {
+        let item = ((i / CELLS) as u64) << 16 | (i % CELLS) as u64;
+        uniform_f64(Key { seed: 0, item, step: 0, purpose: purpose::GRAIN, draw: 0 })
+    };
+    let drawn = DRAWN.get_or_init(|| (0..CELLS * CELLS).map(draw).collect());
+    let cell = |x: f64| (x * CELLS as f64) as usize;
+    1.0 + strength * (drawn[cell(v) * CELLS + cell(u)] - 0.5)
 }
 
 fn face(look: &Appearance, u: f64, v: f64) -> Rgb {
