@@ -65,6 +65,8 @@ fn help_shows_examples_and_exit_codes() {
         &["splat", "eval", "--help"],
         &["convert", "--help"],
         &["last", "gen", "--help"],
+        &["lirm", "gen", "--help"],
+        &["mesh", "render", "--help"],
     ] {
         let o = lastlight(args, dir.path());
         assert_eq!(code(&o), 0, "{args:?}");

@@ -65,6 +65,36 @@ fn last_gen_makes_continues_and_refuses() {
     assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }
 
+#[test]
+fn lirm_gen_makes_continues_and_refuses() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let base = ["lirm", "gen", "--views", "2", "--size", "16", "--samples", "1", "--passes", "photo"];
+    let with = |more: &[&'static str]| base.iter().chain(more).copied().collect::<Vec<&str>>();
+    let made = json(&with(&["--out", "a", "--json"]), dir.path());
+    assert_eq!((&made["objects"], &made["rendered"]), (&1.into(), &2.into()), "one object, two views");
+    refused(&with(&["--out", "a"]), dir.path(), 2, &["new or empty folder"]);
+    let again = json(&with(&["--out", "a", "--resume", "--json"]), dir.path());
+    assert_eq!((&again["rendered"], &again["digest"]), (&0.into(), &made["digest"]), "nothing left to do");
+    let more = json(&with(&["--out", "a", "--resume", "--objects", "2", "--json"]), dir.path());
+    assert_eq!((&more["objects"], &more["rendered"]), (&2.into(), &2.into()), "another object");
+    refused(&with(&["--out", "a", "--resume", "--seed", "1"]), dir.path(), 2, &["same settings"]);
+    assert_eq!(
+        json(&with(&["--out", "a", "--force", "--json"]), dir.path())["digest"],
+        made["digest"],
+        "again"
+    );
+    refused(&with(&["--out", "b", "--mesh", "none.obj"]), dir.path(), 2, &["none.obj"]);
+    refused(&with(&["--out", "b", "--env", "none.hdr"]), dir.path(), 2, &["env", "--lighting environment"]);
+    refused(&with(&["--out", "b", "--lighting", "both", "--env", "none.hdr"]), dir.path(), 2, &["none.hdr"]);
+    refused(&with(&["--out", "b", "--shiny"]), dir.path(), 2, &["shiny"]);
+    refused(&with(&["--out", "b", "--size", "3"]), dir.path(), 2, &["size"]);
+    assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
+    std::fs::create_dir(dir.path().join("mine")).expect("a folder");
+    std::fs::write(dir.path().join("mine/letter.txt"), "dear").expect("writes");
+    refused(&with(&["--out", "mine", "--resume"]), dir.path(), 2, &["mine", "other files"]);
+    assert_eq!(std::fs::read_dir(dir.path().join("mine")).expect("a folder").count(), 1, "untouched");
+}
+
 /// What an interrupted run left: every file under its final name is that of the whole set, `record` says that it is not complete, and
 /// descriptions of what has not been finished are not there.
 #[cfg(unix)]
@@ -132,7 +162,7 @@ fn last_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
         "--mechanism",
         "LIN",
         "--count",
-        "640",
+        "384",
         "--groups",
         "16",
         "--appearances",
@@ -146,7 +176,7 @@ fn last_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
         "--test-cameras",
         "6",
         "--video-size",
-        "64",
+        "48",
         "--samples",
         "8",
         "--passes",
@@ -178,7 +208,7 @@ fn lirm_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
         "--size",
         "64",
         "--samples",
-        "32",
+        "16",
         "--lighting",
         "both",
     ];
@@ -190,5 +220,5 @@ fn lirm_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
         ("-KILL", "kill", "object_00001/uniform/depth/0003.exr"),
         ("-KILL", "kill-at-once", "object_00000/uniform/images/0000.png"),
     ];
-    interrupt(&args, dir.path(), &whole, "", &moments);
+    interrupt(&args, dir.path(), &whole, "dataset.json", &moments);
 }

@@ -95,6 +95,75 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
 }
 
 #[test]
+fn a_finished_set_is_looked_through_and_repaired() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let out = dir.path().join("set");
+    let made = make(&out, &small());
+    let want = tree(&out);
+    let again = || run(&out, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {});
+    // Three pictures: a file cut, one emptied, one lost; both objects are finished.
+    let cut = "object_00009/shiny/depth/0001.exr";
+    std::fs::write(out.join(cut), &want[cut][..want[cut].len() / 2]).expect("cut");
+    std::fs::write(out.join("object_00010/uniform/images/0002.png"), b"").expect("emptied");
+    std::fs::remove_file(out.join("object_00010/environment/material/0000.png")).expect("removed");
+    let repaired = again().expect("repaired");
+    assert_eq!((repaired.rendered, repaired.digest), (3, made.digest), "three pictures are rendered");
+    assert_same(&want, &tree(&out), "repaired");
+    // A lost description is made again with its pictures.
+    std::fs::remove_file(out.join("object_00009/uniform/transforms.json")).expect("removed");
+    assert_eq!(again().expect("repaired").rendered, 3, "one capture");
+    assert_same(&want, &tree(&out), "described again");
+    // A changed one is not taken for what was written, and not overwritten.
+    let file = out.join("object_00010/shiny/transforms.json");
+    let text =
+        std::fs::read_to_string(&file).expect("readable").replacen("\"fov_deg\": ", "\"fov_deg\": 1", 1);
+    std::fs::write(&file, &text).expect("changed");
+    let refused = again().expect_err("changed").to_string();
+    assert!(refused.contains("object_00010/shiny") && refused.contains("remove that folder"), "{refused}");
+    assert_eq!(std::fs::read_to_string(&file).expect("readable"), text, "it is left as it is");
+    std::fs::remove_dir_all(out.join("object_00010/shiny")).expect("removed");
+    assert_eq!(again().expect("repaired").rendered, 3, "the capture that was removed");
+    assert_same(&want, &tree(&out), "made again");
+}
+
+#[test]
+fn a_folder_never_mixes_two_runs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (fresh, used) = (dir.path().join("fresh"), dir.path().join("used"));
+    // Training pictures of two objects, then fewer test pictures of one, begun in the same folder.
+    let first = small();
+    let second = Settings {
+        objects: 1,
+        set: Set::Test,
+        lighting: Lighting::Environment,
+        shiny: false,
+        size: 8,
+        samples: 1,
+        seed: 12,
+        ..small()
+    };
+    make(&fresh, &second);
+    make(&used, &first);
+    std::fs::write(used.join("notes.txt"), "mine").expect("written");
+    let stop = AtomicBool::new(false);
+    let mut seen = 0;
+    let stopped = run(&used, &second, false, &stop, &mut |_, _, _| {
+        seen += 1;
+        stop.store(seen > 3, Ordering::Relaxed);
+    });
+    assert_eq!(stopped.expect_err("stopped").exit_code(), 130, "interrupted");
+    assert!(read_capture(&used.join("object_00009/environment")).is_err(), "no cameras of the run before");
+    let again = |settings| run(&used, settings, true, &AtomicBool::new(false), &mut |_, _, _| {});
+    assert_eq!(again(&first).expect_err("other settings").exit_code(), 2, "the run before is gone");
+    again(&second).expect("continued");
+    assert_eq!(std::fs::read(used.join("notes.txt")).expect("kept"), b"mine", "other files stay");
+    std::fs::remove_file(used.join("notes.txt")).expect("removed");
+    assert_same(&tree(&fresh), &tree(&used), "started over");
+    let capture = read_capture(&used.join("object_00009/environment")).expect("a capture");
+    assert_eq!(capture.frames.len(), 48, "the test set");
+}
+
+#[test]
 fn what_was_made_is_read_back_and_agrees_with_the_object() {
     let dir = tempfile::tempdir().expect("a folder");
     let settings = Settings { objects: 1, ..small() };

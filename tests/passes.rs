@@ -3,7 +3,7 @@
 mod common;
 
 use common::{assert_same, tree};
-use lastlight::fit::passes::{Recorder, Shot, Style};
+use lastlight::fit::passes::{Recorder, Shot, Style, Verified};
 use lastlight::io::capture::{Split, read_capture};
 use lastlight::scene::camera::{Camera, Model};
 use lastlight::scene::passes::PassImages;
@@ -117,6 +117,8 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     drop(r);
     // a damaged file is noticed, a picture without record too
     std::fs::write(parts.path().join("depth/001.exr"), b"half").expect("damaged");
+    // and a temporary file of a write that was killed goes
+    std::fs::write(parts.path().join("depth/.lastlight-x1Y2z3.part"), b"half").expect("left over");
     assert!(Recorder::open(parts.path(), header(2), true).is_err(), "other settings are refused");
     let mut r = Recorder::open(parts.path(), header(1), true).expect("continued");
     let missing: Vec<bool> = list.iter().map(|s| !r.has(s).expect("readable")).collect();
@@ -126,9 +128,41 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     }
     assert_eq!(r.finish(&list).expect("finished"), digest, "digest of the set");
     assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
+    // A finished set is looked through.
+    let look = |header| Recorder::verify(parts.path(), header, &list);
+    assert_eq!(look(header(1)).expect("readable"), Some(Verified { digest, is_whole: true }), "whole");
+    assert!(look(header(2)).is_err(), "other settings are refused");
+    let picture = parts.path().join("images/002.png");
+    let bytes = std::fs::read(&picture).expect("readable");
+    std::fs::write(&picture, &bytes[..9]).expect("cut");
+    assert_eq!(look(header(1)).expect("readable"), Some(Verified { digest, is_whole: false }), "a cut file");
+    std::fs::write(&picture, bytes).expect("restored");
+    let nowhere = Recorder::verify(&parts.path().join("nowhere"), header(1), &list);
+    assert_eq!(nowhere.expect("readable"), None, "nothing there");
     let r = Recorder::open(parts.path(), header(1), true).expect("a finished set");
     assert!(list.iter().all(|s| r.has(s).expect("readable")), "nothing is left to do");
     assert_eq!(r.finish(&list).expect("finished again"), digest, "and finishing again changes nothing");
+    assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
+}
+
+#[test]
+fn records_that_the_power_failed_on_count_as_none() {
+    let (whole, parts) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let digest = write_all(whole.path());
+    let list = shots();
+    let mut r = Recorder::open(parts.path(), header(1), false).expect("begun");
+    for (i, shot) in list.iter().enumerate() {
+        r.put(shot, &passes(i), &style(i)).expect("written");
+    }
+    for (name, bytes) in [("000", &b""[..]), ("001", b"{\"file_path\": \"ima"), ("002", b"[1]")] {
+        std::fs::write(parts.path().join(format!(".shots/{name}.json")), bytes).expect("damaged");
+    }
+    let mut r = Recorder::open(parts.path(), header(1), true).expect("continued");
+    for (i, shot) in list.iter().enumerate() {
+        assert!(!r.has(shot).expect("readable"), "picture {i} has no record");
+        r.put(shot, &passes(i), &style(i)).expect("written");
+    }
+    assert_eq!(r.finish(&list).expect("finished"), digest, "digest of the set");
     assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
 }
 

@@ -74,7 +74,8 @@ pub struct Recorder {
 
 impl Recorder {
     /// Opens the folder, making it if need be; with `resume`, takes over what an earlier run with the same header left.
-    /// `header` becomes the top of every `transforms*.json`. Temporary files of a killed run are removed.
+    /// `header` becomes the top of every `transforms*.json`. Without `resume` the set that the folder holds is removed first ([`clear`]), so that
+    /// no camera of one run stands beside a picture of another. Temporary files of a killed run are removed.
     ///
     /// # Errors
     /// When the folder cannot be made, or holds the records of a run with another header.
@@ -102,8 +103,10 @@ impl Recorder {
             recorder.done = frames;
             return Ok(recorder);
         }
-        if journal.is_dir() {
-            std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+        if resume {
+            remove_journal(dir)?;
+        } else {
+            clear(dir)?;
         }
         std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
         atomic::write_bytes(&mark, text.as_bytes())?;
@@ -197,8 +200,7 @@ impl Recorder {
     /// # Errors
     /// When the name is not a plain file name, the sizes do not agree, or a file cannot be written.
     pub fn put(&mut self, shot: &Shot, passes: &Passes, style: &Style) -> Result<()> {
-        let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-        if shot.name.is_empty() || shot.name.starts_with('.') || !shot.name.chars().all(plain) {
+        if !is_plain(&shot.name) {
             return Err(Error::input("picture name")
                 .expected("ASCII letters, digits, '_', '-' or '.', not beginning with '.'")
                 .got(format!("'{}'", shot.name)));
@@ -289,10 +291,7 @@ impl Recorder {
             top.insert("frames".into(), Value::Array(list));
             atomic::write_bytes(&self.dir.join(file), format!("{:#}\n", Value::Object(top)).as_bytes())?;
         }
-        let journal = self.dir.join(JOURNAL);
-        if journal.is_dir() {
-            std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
-        }
+        remove_journal(&self.dir)?;
         Ok(digest)
     }
 
@@ -337,6 +336,51 @@ pub struct Verified {
     pub digest: u64,
     /// Whether every file has the digest that the description records.
     pub is_whole: bool,
+}
+
+/// Removes the set that a folder holds, finished or begun: descriptions and records first, then the pictures they name. Everything
+/// else stays.
+///
+/// # Errors
+/// When the folder cannot be read or a file not removed.
+pub fn clear(dir: &Path) -> Result<()> {
+    let mut described: Vec<PathBuf> = SPLITS.iter().map(|(file, _)| dir.join(file)).collect();
+    let journal = dir.join(JOURNAL);
+    if journal.is_dir() {
+        for entry in std::fs::read_dir(&journal).map_err(|e| Error::os(&journal, &e))? {
+            described.push(entry.map_err(|e| Error::os(&journal, &e))?.path());
+        }
+    }
+    let mut pictures: Vec<String> = Vec::new();
+    for path in described.iter().filter(|p| p.is_file()) {
+        // What cannot be read names nothing.
+        let Ok(value) = read_json(path) else { continue };
+        let frames = value["frames"].as_array().map_or(std::slice::from_ref(&value), Vec::as_slice);
+        let named = frames.iter().filter_map(|f| f["digests"].as_object()).flat_map(Map::keys);
+        let is_ours = |n: &&String| {
+            n.split_once('/').is_some_and(|(folder, file)| FOLDERS.contains(&folder) && is_plain(file))
+        };
+        pictures.extend(named.filter(is_ours).cloned());
+    }
+    for path in described.iter().take(SPLITS.len()) {
+        atomic::remove(path)?;
+    }
+    remove_journal(dir)?;
+    pictures.iter().try_for_each(|name| atomic::remove(&dir.join(name)))
+}
+
+fn remove_journal(dir: &Path) -> Result<()> {
+    let journal = dir.join(JOURNAL);
+    if journal.is_dir() {
+        std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+    }
+    Ok(())
+}
+
+/// Whether a name is that of a file in a folder, whatever the system.
+fn is_plain(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    !name.is_empty() && !name.starts_with('.') && name.chars().all(plain)
 }
 
 /// A `transforms*.json` to be: its name, its frames, their camera model.

@@ -59,6 +59,17 @@ fn put(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>, flush
     Ok(())
 }
 
+/// Removes a file if it is there.
+///
+/// # Errors
+/// When it cannot be removed.
+pub fn remove(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
+        _ => Ok(()),
+    }
+}
+
 /// Removes the temporary files that a killed program left in a folder, not in those below it. A folder that is not there has none.
 /// To be called by the only program that writes to the folder.
 ///
@@ -73,7 +84,7 @@ pub fn sweep(folder: &Path) -> Result<()> {
         let name = entry.file_name();
         let is_ours = |n: &str| n.starts_with(PREFIX) && n.ends_with(SUFFIX);
         if name.to_str().is_some_and(is_ours) {
-            std::fs::remove_file(entry.path()).map_err(|e| Error::os(&entry.path(), &e))?;
+            remove(&entry.path())?;
         }
     }
     Ok(())

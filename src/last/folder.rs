@@ -96,7 +96,7 @@ pub(super) fn known_digests(record: &Value) -> BTreeMap<String, String> {
 /// Removes what an earlier run left in a folder, its record first: shards, cameras, pictures of the ring, digests. Everything else stays.
 pub(super) fn clear(dir: &Path) -> Result<()> {
     for file in [RECORD, "template.npz", "video/body.npz"] {
-        remove_file(&dir.join(file))?;
+        atomic::remove(&dir.join(file))?;
     }
     let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
     let is_shard = |n: &str| n.strip_suffix(".npz").is_some_and(is_number);
@@ -123,17 +123,10 @@ fn remove_files(folder: &Path, is_known: &dyn Fn(&str) -> bool) -> Result<()> {
     for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
         let entry = entry.map_err(|e| Error::os(folder, &e))?;
         if is_known(&entry.file_name().to_string_lossy()) {
-            remove_file(&entry.path())?;
+            atomic::remove(&entry.path())?;
         }
     }
     Ok(())
-}
-
-fn remove_file(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
-        _ => Ok(()),
-    }
 }
 
 /// Removes a folder if it is there.

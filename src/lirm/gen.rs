@@ -8,11 +8,11 @@
 //!                 /shiny/              under the map, roughness times U(0.3, 0.6)
 //! ```
 //!
-//! Object k, its cameras, light and samples depend on the seed and k alone, so sets can be made in pieces and on several machines.
-//! `object.json` is written last. A continued run skips an object that has one if every file of its captures has the digest that
-//! `transforms*.json` records and each capture the one of `object.json`; pictures that do not agree are made again
-//! (they reach the disk in the system's own time, so that a power cut can empty them).
+//! Object k, its cameras, light and samples depend on the seed and k alone, so sets can be made in pieces and on several machines, each in a
+//! folder of its own: `dataset.json` lists the objects of the last run.
+//! How a folder is begun, continued and started over: `folder`.
 
+use super::folder::{FORMAT, RECORD, VERSIONS, announce, begin, finished, header, hex};
 use super::subject::{Light, Subject};
 use crate::fit::passes::{Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
@@ -143,6 +143,12 @@ impl Settings {
         within("map_width", self.map_width, 8, 8192)?;
         within("samples", self.samples as usize, 1, 1_000_000)?;
         within("bounces", self.bounces as usize, 0, 64)?;
+        if !self.maps.is_empty() && self.lighting == Lighting::Uniform {
+            return Err(Error::input("setting env")
+                .expected("light from an environment")
+                .got("uniform light, which shows no map")
+                .hint("--lighting environment or both"));
+        }
         if self.shiny && self.lighting == Lighting::Uniform {
             return Err(Error::input("setting shiny")
                 .expected("an environment: roughness hardly shows under a white dome")
@@ -158,15 +164,15 @@ impl Settings {
     }
 
     /// Names of the versions of an object: folder, whether under the map, whether shiny.
-    fn versions(&self) -> Vec<(&'static str, bool, bool)> {
+    pub(super) fn versions(&self) -> Vec<(&'static str, bool, bool)> {
         let mut out = Vec::new();
         if self.lighting != Lighting::Environment {
-            out.push(("uniform", false, false));
+            out.push((VERSIONS[0], false, false));
         }
         if self.lighting != Lighting::Uniform {
-            out.push(("environment", true, false));
+            out.push((VERSIONS[1], true, false));
             if self.shiny {
-                out.push(("shiny", true, true));
+                out.push((VERSIONS[2], true, true));
             }
         }
         out
@@ -223,7 +229,7 @@ pub fn run(
     let per_object = settings.pictures() * settings.versions().len();
     let total = per_object * settings.objects as usize;
     let (mut listed, mut rendered, mut digest) = (Vec::new(), 0, crate::num::bits::Digest::new());
-    atomic::sweep(dir)?;
+    begin(dir, settings, resume)?;
     for n in 0..settings.objects {
         let k = settings.first + n;
         let name = format!("object_{k:05}");
@@ -234,7 +240,7 @@ pub fn run(
             Some(record) => record,
             None => {
                 let mut looked = 0;
-                let (record, made) = one(&folder, settings, k, resume, stop, &mut |label| {
+                let (record, made) = one(dir, &folder, settings, k, resume, stop, &mut |label| {
                     progress(done + looked, total, &format!("{name} · {label}"));
                     looked += 1;
                 })?;
@@ -250,63 +256,15 @@ pub fn run(
     progress(total, total, "done");
     let digest = digest.value();
     let top = json!({
-        "format": "lastlight lirm gen 1",
-        "settings": settings.record(),
-        "objects": listed,
-        "digest": hex(digest),
+        "format": FORMAT, "complete": true, "settings": settings.record(), "objects": listed, "digest": hex(digest),
     });
-    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
-    atomic::write_bytes(&dir.join("dataset.json"), format!("{top:#}\n").as_bytes())?;
+    atomic::write_bytes(&dir.join(RECORD), format!("{top:#}\n").as_bytes())?;
     Ok(Summary { objects: listed.len(), rendered, digest })
-}
-
-/// The record of object k if its folder is whole: it was made with these settings, and every file has the digest it had.
-fn finished(folder: &Path, settings: &Settings, k: u64) -> Result<Option<Value>> {
-    let path = folder.join("object.json");
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let bytes = crate::io::read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let record: Value = serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(path.display().to_string()).expected("JSON").got(e.to_string()).hint("remove the folder")
-    })?;
-    if record["settings"].as_object() != Some(&settings.record()) {
-        return Err(Error::input("--resume")
-            .at(path.display().to_string())
-            .expected("a set that was begun with the same settings")
-            .got("one with others")
-            .hint("choose another folder, or repeat the settings it was begun with"));
-    }
-    let (shots, _) = shots(settings, k);
-    let mut is_whole = true;
-    for (n, (version, ..)) in settings.versions().into_iter().enumerate() {
-        let dir = folder.join(version);
-        let there = Recorder::verify(&dir, header(settings, k, version), &shots)?;
-        if there.is_some_and(|there| record["versions"][n]["digest"] != hex(there.digest)) {
-            return Err(Error::input("--resume")
-                .at(dir.display().to_string())
-                .expected("cameras and digests as they were written")
-                .got("others in transforms*.json")
-                .hint("remove that folder to have it made again"));
-        }
-        is_whole &= there.is_some_and(|there| there.is_whole);
-    }
-    Ok(is_whole.then_some(record))
-}
-
-/// The top of the `transforms.json` of a version of object k.
-fn header(settings: &Settings, k: u64, version: &str) -> Map<String, Value> {
-    let made = json!({ "object": k, "version": version, "settings": settings.record() });
-    Map::from_iter([("lirm_gen".to_owned(), made)])
-}
-
-/// A digest as records write it.
-fn hex(digest: u64) -> String {
-    format!("{digest:016x}")
 }
 
 /// Makes what is missing of one object with all its versions; gives its record, and how many pictures were rendered.
 fn one(
+    dir: &Path,
     folder: &Path,
     settings: &Settings,
     k: u64,
@@ -322,6 +280,7 @@ fn one(
         || if needs_map { Light::new(settings, k).map(Some) } else { Ok(None) },
     );
     let (subject, light) = (subject?, light?);
+    announce(dir, settings)?;
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
     let (shots, protocol) = shots(settings, k);
     let (mut records, mut rendered) = (Vec::new(), 0);
@@ -370,7 +329,7 @@ fn one(
 }
 
 /// The pictures of an object, and of a test set the order and choice of its inputs.
-fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
+pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
     let still = |i: usize, p: &Placed, split: Split| Shot {
         name: format!("{i:04}"),
         camera: from_data_gen::camera(&p.view, Model::Pinhole),
