@@ -334,9 +334,7 @@ pub fn run(
     let subject: Option<Box<dyn Subject>> = match (&settings.character, which.video) {
         (_, false) => None,
         (None, true) => Some(Box::new(BuiltIn::new(settings, &scm))),
-        (Some(c), true) => {
-            Some(Box::new(Actor::new(c, &scm, settings.seed, settings.frames, settings.points)?))
-        }
+        (Some(c), true) => Some(Box::new(Actor::new(c, &scm, settings)?)),
     };
     if let Some(subject) = &subject {
         record["subject"] = subject.record();
