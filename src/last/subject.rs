@@ -11,7 +11,8 @@
 //! Frames of `transforms_*.json` have the further keys `frame` (0 … T−1), `time` (frame/T), `camera` (number on the ring) and `factors`.
 //!
 //! `body.npz`: `points`, `normals` (P,3) at rest, `weights` (P,K), `parents` (K) i32 (−1: none), `joints` (K,3) at rest, `rest` (K,4,4)
-//! world-from-bone at rest, `transforms` (T,K,4,4) posed from rest, `factors` (T,n) f64. A posed point is Σ_b w_b transforms_b · x.
+//! world-from-bone at rest, `transforms` (T,K,4,4) posed from rest, `factors` (T,n) f64. A posed point is Σ_b w_b transforms_b · x;
+//! what displaces the surface (folds, width, skirt) moves x before that, see `data_gen::figure::template::Template::canonical`.
 
 use super::figure::{self, Dots, Dressed, Look, Photo};
 use super::folder::digest;
