@@ -201,6 +201,11 @@ impl Figure {
         texture::materials(&self.appearance, drive.hue)
     }
 
+    /// Those of [`Self::materials`] that the hue of the factors dyes, with their place.
+    pub fn dyed(&self, drive: &Drive) -> Vec<(usize, Material)> {
+        texture::dyed(&self.appearance, drive.hue)
+    }
+
     /// Every part as a surface of its own.
     pub fn surfaces(&self, drive: &Drive) -> Vec<Surface> {
         let materials = self.materials(drive);
