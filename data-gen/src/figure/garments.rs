@@ -4,7 +4,7 @@ use super::appearance::{Appearance, Bottom};
 use super::factors::{Drive, LIMB_WIDTH, TRUNK_WIDTH};
 use super::loft::{Ring, Shell, along, between, level, tube};
 use super::skeleton::{LEFT, METRES, SKIRT, V3, add, cross, scale, sub, unit};
-use super::surface::{Folds, OWN_FOLDS, Piece, WRINKLES, section};
+use super::surface::{Folds, OWN_FOLDS, Piece, Under, WRINKLES, section};
 use super::texture::{FACE_BOTTOM, FACE_TOP, SHIRT_BOTTOM, SHIRT_TOP};
 use reference::num::elem::{cos, exp, sin};
 use std::f64::consts::TAU;
@@ -37,7 +37,7 @@ fn plain(name: &'static str, shell: Shell, material: usize) -> Piece {
         slack: |_| 0.0,
         width: LIMB_WIDTH,
         rim: None,
-        room: None,
+        under: None,
         uv: |[turn, length], _| [turn, length],
     }
 }
@@ -353,7 +353,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
         width: TRUNK_WIDTH,
         // Over trousers the shirt stands for the skirt: its hem goes up and down as far.
         rim: (!tucked).then_some(1.18),
-        room: (!tucked).then_some(above_trousers),
+        under: (!tucked).then_some(Under::Trousers),
         uv: |[turn, _], p| [turn, (SHIRT_TOP - p[2]) / (SHIRT_TOP - SHIRT_BOTTOM)],
         ..plain("shirt", trunk, SHIRT)
     }];
@@ -421,12 +421,12 @@ fn from_legs(p: V3, apart: f64, radius: f64, drive: &Drive) -> f64 {
 }
 
 /// How far a place is from bare legs, metres.
-fn above_legs(p: V3, drive: &Drive) -> f64 {
+pub(super) fn above_legs(p: V3, drive: &Drive) -> f64 {
     from_legs(p, 0.093, 0.071, drive) + 0.1 * smooth(0.78, 0.84, p[2]) - 0.004
 }
 
 /// How far a place is from the hips and legs of trousers, across the body, metres.
-fn above_trousers(p: V3, drive: &Drive) -> f64 {
+pub(super) fn above_trousers(p: V3, drive: &Drive) -> f64 {
     let [_, a, b] = section(&UNDER_SHIRT, p[2]);
     let (x, y) = (p[0] / a, p[1] / b);
     let radius = (p[0] * p[0] + p[1] * p[1]).sqrt();
@@ -468,7 +468,7 @@ pub(super) fn skirt() -> Vec<Piece> {
         slack: |p| smooth(0.05, 0.09, (p[0] * p[0] + p[1] * p[1]).sqrt()),
         width: TRUNK_WIDTH,
         rim: Some(SKIRT[0][0]),
-        room: Some(above_legs),
+        under: Some(Under::Legs),
         uv: |[turn, length], _| [6.0 * turn, 6.0 * length],
         ..plain("skirt", tube(&between(&keys, 0.014), 88, |_, p| p), CLOTH)
     }]

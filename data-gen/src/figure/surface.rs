@@ -36,8 +36,24 @@ pub(super) const OWN_FOLDS: f64 = 0.25;
 /// Sum of the amplitudes of all folds at u_W = 1.
 pub(super) const WRINKLES: f64 = WRINKLE + FINE_FOLDS[0] + FINE_FOLDS[1];
 
-/// Distance of a place from what lies under the cloth there, by the factors, metres; negative inside.
-pub(super) type Room = fn(V3, &Drive) -> f64;
+/// What lies under cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Under {
+    /// bare legs
+    Legs,
+    /// hips and legs in trousers
+    Trousers,
+}
+
+impl Under {
+    /// Distance of a place from it under the factors, metres; negative inside.
+    fn room(self, place: V3, drive: &Drive) -> f64 {
+        match self {
+            Self::Legs => garments::above_legs(place, drive),
+            Self::Trousers => garments::above_trousers(place, drive),
+        }
+    }
+}
 
 /// Where a part gets its folds from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -83,7 +99,7 @@ pub struct Part {
     /// Height below which the skirt's length moves it.
     rim: Option<f64>,
     /// What it lies on.
-    room: Option<Room>,
+    under: Option<Under>,
     /// (V) whether the vertex lies outside of that at rest; the inner side of a hem need not
     covers: Vec<bool>,
 }
@@ -118,14 +134,14 @@ pub(super) struct Piece {
     /// Height in metres below which the skirt's length moves it.
     pub(super) rim: Option<f64>,
     /// What it lies on.
-    pub(super) room: Option<Room>,
+    pub(super) under: Option<Under>,
     /// Texture coordinates from turn around, length along, rest position in metres.
     pub(super) uv: fn([f64; 2], V3) -> [f64; 2],
 }
 
 impl Part {
     fn new(piece: Piece) -> Self {
-        let Piece { name, shell, material, folds, slack, width, rim, room, uv } = piece;
+        let Piece { name, shell, material, folds, slack, width, rim, under, uv } = piece;
         let rest = Drive::new(&[]);
         let positions: Vec<V3> = shell.positions.iter().map(|&p| framed(p)).collect();
         let bones = bones();
@@ -147,8 +163,12 @@ impl Part {
                 .map(|&[a, b]| [a / METRES, if b > 0.0 { a * a / b / METRES } else { 0.0 }])
                 .collect(),
             rim: rim.map(|z| framed([0.0, 0.0, z])[2]),
-            covers: shell.positions.iter().map(|&p| room.is_some_and(|room| room(p, &rest) > 0.0)).collect(),
-            room,
+            covers: shell
+                .positions
+                .iter()
+                .map(|&p| under.is_some_and(|under| under.room(p, &rest) > 0.0))
+                .collect(),
+            under,
         }
     }
 
@@ -197,8 +217,8 @@ impl Part {
         let least = -INWARDS * curvature;
         let mut moved = if moved < least { least } else { moved };
         let at = |moved: f64| add(x, scale(self.outward[v], moved));
-        if let Some(room) = self.room.filter(|_| self.covers[v]) {
-            let room = |moved: f64| room(metric(at(moved)), drive) / METRES;
+        if let Some(under) = self.under.filter(|_| self.covers[v]) {
+            let room = |moved: f64| under.room(metric(at(moved)), drive) / METRES;
             let least = -CLOSEST * room(0.0);
             moved = if moved < least { least } else { moved };
             // Outward is not quite the shortest way.
@@ -328,9 +348,10 @@ mod tests {
                 for index in 0..4 {
                     let look = Appearance::new(9, index);
                     for part in &Figure::new(&look).parts {
-                        let Some(room) = part.room else { continue };
+                        let Some(under) = part.under else { continue };
                         for v in (0..part.positions.len()).filter(|&v| part.covers[v]) {
-                            let left = room(metric(part.canonical(v, &drive, look.fold_phases)), &drive);
+                            let left =
+                                under.room(metric(part.canonical(v, &drive, look.fold_phases)), &drive);
                             worst = if left < worst { left } else { worst };
                             checked += 1;
                         }
