@@ -1,50 +1,12 @@
 //! The command line: exit codes, messages, help, JSON, and the rule for existing outputs.
 
+mod common;
+
+use common::program::{code, json, lastlight, refused, stderr, stdout};
 use lastlight::scene::convert::write_scene;
 use lastlight::scene::gaussians::Gaussians;
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
-
-fn lastlight(args: &[&str], dir: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lastlight"))
-        .args(args)
-        .current_dir(dir)
-        .output()
-        .expect("the binary starts")
-}
-
-fn code(o: &Output) -> i32 {
-    o.status.code().expect("it exits by itself")
-}
-
-fn stdout(o: &Output) -> String {
-    String::from_utf8(o.stdout.clone()).expect("text")
-}
-
-fn stderr(o: &Output) -> String {
-    String::from_utf8(o.stderr.clone()).expect("text")
-}
-
-/// Runs and expects success; gives the JSON on stdout.
-fn json(args: &[&str], dir: &Path) -> Value {
-    let o = lastlight(args, dir);
-    assert_eq!(code(&o), 0, "{args:?}: {}", stderr(&o));
-    serde_json::from_slice(&o.stdout).unwrap_or_else(|e| panic!("{args:?}: one JSON document on stdout: {e}"))
-}
-
-/// Runs and expects one error line that holds all of `parts`.
-fn refused(args: &[&str], dir: &Path, exit: i32, parts: &[&str]) {
-    let o = lastlight(args, dir);
-    let text = stderr(&o);
-    assert_eq!(code(&o), exit, "{args:?}: {text}");
-    let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error: ")).collect();
-    assert_eq!(errors.len(), 1, "{args:?}: one line: {text}");
-    for part in parts {
-        assert!(errors[0].contains(part), "{args:?}: '{part}' in '{}'", errors[0]);
-    }
-    assert!(!text.contains("panicked"), "{args:?}: {text}");
-}
 
 /// A ball of 200 coloured Gaussians, in `dir/ball.ply`.
 fn write_ball(dir: &Path) {
@@ -103,6 +65,8 @@ fn help_shows_examples_and_exit_codes() {
         &["splat", "eval", "--help"],
         &["convert", "--help"],
         &["last", "gen", "--help"],
+        &["lirm", "gen", "--help"],
+        &["mesh", "render", "--help"],
     ] {
         let o = lastlight(args, dir.path());
         assert_eq!(code(&o), 0, "{args:?}");
@@ -332,6 +296,7 @@ fn doctor_and_demo_say_that_all_is_well() {
 #[cfg(unix)]
 #[test]
 fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
+    use common::program::signalled;
     use std::os::unix::process::ExitStatusExt;
     let work = workplace();
     let dir = work.path();
@@ -359,21 +324,8 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
     };
     let whole = json(&args("whole", &[]), dir);
     for (signal, out, exit) in [("-INT", "int", Some(130)), ("-KILL", "kill", None)] {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_lastlight"))
-            .args(args(out, &[]))
-            .current_dir(dir)
-            .stdout(std::process::Stdio::null())
-            .stderr(std::process::Stdio::piped())
-            .spawn()
-            .expect("the binary starts");
         let checkpoint = dir.join(out).join("checkpoint.safetensors");
-        while !checkpoint.exists() {
-            assert!(child.try_wait().expect("a child").is_none(), "it ended before its first checkpoint");
-            std::thread::sleep(std::time::Duration::from_millis(5));
-        }
-        let sent = Command::new("kill").args([signal, &child.id().to_string()]).status().expect("kill runs");
-        assert!(sent.success(), "the signal was sent");
-        let o = child.wait_with_output().expect("it ends");
+        let o = signalled(&args(out, &[]), dir, signal, &|| checkpoint.exists());
         match exit {
             Some(n) => {
                 assert_eq!(code(&o), n, "{}", stderr(&o));
@@ -390,64 +342,4 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
             "{signal}: the same checkpoint"
         );
     }
-}
-
-#[test]
-fn last_gen_makes_continues_and_refuses() {
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    let base = [
-        "last",
-        "gen",
-        "--profile",
-        "smoke",
-        "--set",
-        "observational",
-        "--mechanism",
-        "LIN",
-        "--count",
-        "3",
-        "--appearances",
-        "1",
-        "--points",
-        "64",
-        "--size",
-        "16",
-    ];
-    let with = |more: &[&'static str]| base.iter().chain(more).copied().collect::<Vec<&str>>();
-    let made = json(&with(&["--out", "a", "--json"]), dir.path());
-    assert_eq!(made["complete"], true, "finished");
-    assert_eq!(made["files"].as_array().map(Vec::len), Some(2), "template and one shard");
-    refused(&with(&["--out", "a"]), dir.path(), 2, &["new or empty folder"]);
-    refused(&with(&["--out", "a", "--resume", "--seed", "1"]), dir.path(), 2, &["seed 0 instead of 1"]);
-    assert_eq!(
-        json(&with(&["--out", "a", "--resume", "--json"]), dir.path()),
-        made,
-        "continued: the same record"
-    );
-    assert_eq!(
-        json(&with(&["--out", "a", "--force", "--json"]), dir.path()),
-        made,
-        "started over: the same record"
-    );
-    refused(&["last", "gen", "--out", "b", "--graph", "RING"], dir.path(), 2, &["RING"]);
-    refused(&["last", "gen", "--out", "b", "--mechanism", "X"], dir.path(), 2, &["LIN, NL, NG or NL-NG"]);
-    refused(
-        &["last", "gen", "--out", "b", "--set", "video", "--size", "9999"],
-        dir.path(),
-        2,
-        &["video size"],
-    );
-    refused(
-        &["last", "gen", "--out", "b", "--set", "video", "--look", "points", "--passes"],
-        dir.path(),
-        2,
-        &["passes"],
-    );
-    refused(
-        &["last", "gen", "--out", "b", "--character", "none.glb", "--animation", "Walk"],
-        dir.path(),
-        2,
-        &["none.glb"],
-    );
-    assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }

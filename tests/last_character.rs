@@ -69,7 +69,7 @@ fn the_record_is_of_the_motion_that_is_seen() {
             (varsortability(&scm.graph, &frames), r2_sortability(&scm.graph, &frames)),
             "subject {subject}: what is scored is what is seen"
         );
-        let actor = Actor::new(&casting, &scm, settings.seed, subject, t, settings.points).expect("plays");
+        let actor = Actor::new(&casting, &scm, &settings).expect("plays");
         let moved = body.need("transforms").expect("there").to_f64();
         let poses: Vec<f64> =
             (0..t).flat_map(|i| actor.transforms(i)).flatten().flatten().map(f64::from).collect();

@@ -1,5 +1,8 @@
 //! `lirm gen`: the same bytes for any number of threads and however often interrupted, read back by the loaders.
 
+mod common;
+
+use common::{assert_same, tree};
 use lastlight::geometry::bvh::Bvh;
 use lastlight::io::capture::{Dialect, Split, read_capture};
 use lastlight::lirm::r#gen::{Lighting, Set, Settings, Summary, run};
@@ -7,7 +10,7 @@ use lastlight::lirm::subject::Subject;
 use lastlight::num::par;
 use lastlight::scene::passes::PassImages;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 fn small() -> Settings {
@@ -30,24 +33,6 @@ fn make(dir: &Path, settings: &Settings) -> Summary {
     run(dir, settings, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set")
 }
 
-fn tree(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut out = Vec::new();
-    let mut folders = vec![dir.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = std::fs::read(&path).expect("readable");
-                out.push((path.strip_prefix(dir).expect("inside").to_path_buf(), bytes));
-            }
-        }
-    }
-    out.sort();
-    out
-}
-
 fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("readable")).expect("JSON")
 }
@@ -68,16 +53,13 @@ fn the_bytes_do_not_depend_on_threads_or_on_how_many_objects_there_are() {
         trees.push(tree(&out));
     }
     assert!(trees[0].len() > 2 * 3 * 3 * 7, "{} files", trees[0].len());
-    assert_eq!(trees[0], trees[1], "one thread and two");
-    assert_eq!(trees[0], trees[2], "one thread and seven");
+    assert_same(&trees[0], &trees[1], "one thread and two");
+    assert_same(&trees[0], &trees[2], "one thread and seven");
     // The second object alone.
     let alone = dir.path().join("alone");
     make(&alone, &Settings { objects: 1, first: 10, ..small() });
-    assert_eq!(
-        tree(&alone.join("object_00010")),
-        tree(&dir.path().join("1/object_00010")),
-        "an object does not depend on the others"
-    );
+    let both = [alone.join("object_00010"), dir.path().join("1/object_00010")].map(|d| tree(&d));
+    assert_same(&both[0], &both[1], "an object does not depend on the others");
 }
 
 #[test]
@@ -103,13 +85,82 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     };
     assert!(runs > 2, "it was interrupted {} times", runs - 1);
     assert_eq!(got.digest, want.digest, "digest of the set");
-    assert_eq!(tree(&whole), tree(&parts), "same files, same bytes");
+    assert_same(&tree(&whole), &tree(&parts), "continued");
     let again =
         run(&parts, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {}).expect("nothing to do");
     assert_eq!((again.rendered, again.digest), (0, want.digest), "a finished set is left alone");
     let other = Settings { samples: 5, ..small() };
     let refused = run(&parts, &other, true, &AtomicBool::new(false), &mut |_, _, _| {});
     assert!(refused.is_err_and(|e| e.exit_code() == 2), "other settings are refused");
+}
+
+#[test]
+fn a_finished_set_is_looked_through_and_repaired() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let out = dir.path().join("set");
+    let made = make(&out, &small());
+    let want = tree(&out);
+    let again = || run(&out, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {});
+    // Three pictures: a file cut, one emptied, one lost; both objects are finished.
+    let cut = "object_00009/shiny/depth/0001.exr";
+    std::fs::write(out.join(cut), &want[cut][..want[cut].len() / 2]).expect("cut");
+    std::fs::write(out.join("object_00010/uniform/images/0002.png"), b"").expect("emptied");
+    std::fs::remove_file(out.join("object_00010/environment/material/0000.png")).expect("removed");
+    let repaired = again().expect("repaired");
+    assert_eq!((repaired.rendered, repaired.digest), (3, made.digest), "three pictures are rendered");
+    assert_same(&want, &tree(&out), "repaired");
+    // A lost description is made again with its pictures.
+    std::fs::remove_file(out.join("object_00009/uniform/transforms.json")).expect("removed");
+    assert_eq!(again().expect("repaired").rendered, 3, "one capture");
+    assert_same(&want, &tree(&out), "described again");
+    // A changed one is not taken for what was written, and not overwritten.
+    let file = out.join("object_00010/shiny/transforms.json");
+    let text =
+        std::fs::read_to_string(&file).expect("readable").replacen("\"fov_deg\": ", "\"fov_deg\": 1", 1);
+    std::fs::write(&file, &text).expect("changed");
+    let refused = again().expect_err("changed").to_string();
+    assert!(refused.contains("object_00010/shiny") && refused.contains("remove that folder"), "{refused}");
+    assert_eq!(std::fs::read_to_string(&file).expect("readable"), text, "it is left as it is");
+    std::fs::remove_dir_all(out.join("object_00010/shiny")).expect("removed");
+    assert_eq!(again().expect("repaired").rendered, 3, "the capture that was removed");
+    assert_same(&want, &tree(&out), "made again");
+}
+
+#[test]
+fn a_folder_never_mixes_two_runs() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let (fresh, used) = (dir.path().join("fresh"), dir.path().join("used"));
+    // Training pictures of two objects, then fewer test pictures of one, begun in the same folder.
+    let first = small();
+    let second = Settings {
+        objects: 1,
+        set: Set::Test,
+        lighting: Lighting::Environment,
+        shiny: false,
+        size: 8,
+        samples: 1,
+        seed: 12,
+        ..small()
+    };
+    make(&fresh, &second);
+    make(&used, &first);
+    std::fs::write(used.join("notes.txt"), "mine").expect("written");
+    let stop = AtomicBool::new(false);
+    let mut seen = 0;
+    let stopped = run(&used, &second, false, &stop, &mut |_, _, _| {
+        seen += 1;
+        stop.store(seen > 3, Ordering::Relaxed);
+    });
+    assert_eq!(stopped.expect_err("stopped").exit_code(), 130, "interrupted");
+    assert!(read_capture(&used.join("object_00009/environment")).is_err(), "no cameras of the run before");
+    let again = |settings| run(&used, settings, true, &AtomicBool::new(false), &mut |_, _, _| {});
+    assert_eq!(again(&first).expect_err("other settings").exit_code(), 2, "the run before is gone");
+    again(&second).expect("continued");
+    assert_eq!(std::fs::read(used.join("notes.txt")).expect("kept"), b"mine", "other files stay");
+    std::fs::remove_file(used.join("notes.txt")).expect("removed");
+    assert_same(&tree(&fresh), &tree(&used), "started over");
+    let capture = read_capture(&used.join("object_00009/environment")).expect("a capture");
+    assert_eq!(capture.frames.len(), 48, "the test set");
 }
 
 #[test]

@@ -1,13 +1,16 @@
 //! Pictures with passes: written, interrupted, continued, and read back.
 
-use lastlight::fit::passes::{Recorder, Shot, Style};
+mod common;
+
+use common::{assert_same, tree};
+use lastlight::fit::passes::{Recorder, Shot, Style, Verified};
 use lastlight::io::capture::{Split, read_capture};
 use lastlight::scene::camera::{Camera, Model};
 use lastlight::scene::passes::PassImages;
 use lastlight::scene::views::{Options, Views};
 use lastlight::shade::render::Passes;
 use serde_json::{Map, json};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 const SIDE: usize = 6;
 
@@ -62,24 +65,6 @@ fn write_all(dir: &Path) -> u64 {
     r.finish(&shots()).expect("finished")
 }
 
-fn tree(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut out = Vec::new();
-    let mut folders = vec![dir.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = std::fs::read(&path).expect("readable");
-                out.push((path.strip_prefix(dir).expect("inside").to_path_buf(), bytes));
-            }
-        }
-    }
-    out.sort();
-    out
-}
-
 #[test]
 fn what_was_written_is_read_back() {
     let dir = tempfile::tempdir().expect("a temporary folder");
@@ -132,6 +117,8 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     drop(r);
     // a damaged file is noticed, a picture without record too
     std::fs::write(parts.path().join("depth/001.exr"), b"half").expect("damaged");
+    // and a temporary file of a write that was killed goes
+    std::fs::write(parts.path().join("depth/.lastlight-x1Y2z3.part"), b"half").expect("left over");
     assert!(Recorder::open(parts.path(), header(2), true).is_err(), "other settings are refused");
     let mut r = Recorder::open(parts.path(), header(1), true).expect("continued");
     let missing: Vec<bool> = list.iter().map(|s| !r.has(s).expect("readable")).collect();
@@ -140,11 +127,43 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
         r.put(&list[i], &passes(i), &style(i)).expect("written");
     }
     assert_eq!(r.finish(&list).expect("finished"), digest, "digest of the set");
-    assert_eq!(tree(whole.path()), tree(parts.path()), "same files, same bytes");
+    assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
+    // A finished set is looked through.
+    let look = |header| Recorder::verify(parts.path(), header, &list);
+    assert_eq!(look(header(1)).expect("readable"), Some(Verified { digest, is_whole: true }), "whole");
+    assert!(look(header(2)).is_err(), "other settings are refused");
+    let picture = parts.path().join("images/002.png");
+    let bytes = std::fs::read(&picture).expect("readable");
+    std::fs::write(&picture, &bytes[..9]).expect("cut");
+    assert_eq!(look(header(1)).expect("readable"), Some(Verified { digest, is_whole: false }), "a cut file");
+    std::fs::write(&picture, bytes).expect("restored");
+    let nowhere = Recorder::verify(&parts.path().join("nowhere"), header(1), &list);
+    assert_eq!(nowhere.expect("readable"), None, "nothing there");
     let r = Recorder::open(parts.path(), header(1), true).expect("a finished set");
     assert!(list.iter().all(|s| r.has(s).expect("readable")), "nothing is left to do");
     assert_eq!(r.finish(&list).expect("finished again"), digest, "and finishing again changes nothing");
-    assert_eq!(tree(whole.path()), tree(parts.path()), "same files, same bytes");
+    assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
+}
+
+#[test]
+fn records_that_the_power_failed_on_count_as_none() {
+    let (whole, parts) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
+    let digest = write_all(whole.path());
+    let list = shots();
+    let mut r = Recorder::open(parts.path(), header(1), false).expect("begun");
+    for (i, shot) in list.iter().enumerate() {
+        r.put(shot, &passes(i), &style(i)).expect("written");
+    }
+    for (name, bytes) in [("000", &b""[..]), ("001", b"{\"file_path\": \"ima"), ("002", b"[1]")] {
+        std::fs::write(parts.path().join(format!(".shots/{name}.json")), bytes).expect("damaged");
+    }
+    let mut r = Recorder::open(parts.path(), header(1), true).expect("continued");
+    for (i, shot) in list.iter().enumerate() {
+        assert!(!r.has(shot).expect("readable"), "picture {i} has no record");
+        r.put(shot, &passes(i), &style(i)).expect("written");
+    }
+    assert_eq!(r.finish(&list).expect("finished"), digest, "digest of the set");
+    assert_same(&tree(whole.path()), &tree(parts.path()), "continued");
 }
 
 #[test]

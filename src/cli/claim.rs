@@ -20,7 +20,7 @@ pub(crate) fn check(dir: &Path, resume: bool, force: bool) -> Result<()> {
             .at(dir.display().to_string())
             .expected("a new or empty folder")
             .got("a folder with files")
-            .hint("--force replaces its files; an interrupted fit is continued by --resume"));
+            .hint("--force replaces its files; an interrupted run is continued by --resume, where there is that option"));
     }
     Ok(())
 }

@@ -9,7 +9,7 @@
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
 //!                       convert   between scene files                       doctor      is this machine set up
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
-//! report/   self-contained HTML
+//! shared    arguments that several commands have             report/   self-contained HTML
 //! ```
 //!
 //! Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted. Errors are one line on stderr;
@@ -26,6 +26,7 @@ mod mesh;
 mod meter;
 pub mod oracle;
 mod report;
+mod shared;
 mod splat;
 
 use crate::num::par;
@@ -116,7 +117,7 @@ pub fn main() -> ExitCode {
             // Nothing that would stop in good order, or asked twice: nothing on disk is lost.
             std::process::exit(130);
         }
-        eprintln!("stopping after this iteration; press Ctrl-C again to stop at once");
+        eprintln!("stopping after the piece of work in hand; press Ctrl-C again to stop at once");
     });
     if let Err(e) = handler {
         eprintln!("note: Ctrl-C stops at once, without a checkpoint: {e}");

@@ -13,11 +13,14 @@
 //!
 //! `transforms.json` is that of nerfstudio with further keys: `foreground_path`, `radiance_path`, `depth_path`, `normal_path`,
 //! `albedo_path`, `material_path`, `exposure`, for a moving camera `transform_matrix_open` and `_close` (`transform_matrix`
-//! lies half-way: depth, normal, albedo and material are seen from there; photograph, foreground and radiance are means over the exposure), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
+//! lies half-way: depth, normal, albedo and material are seen from there; photograph, foreground and radiance are means over the
+//! exposure), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
 //!
 //! While the set is being made, each finished picture has a record in `DIR/.shots/`. It is written after its files, so a
-//! picture with a record is whole; a continued run makes only the others. [`Recorder::finish`] gathers the records into
-//! `transforms*.json` and removes them. Bytes depend on neither the number of threads nor on interruptions.
+//! picture with a record is whole, unless the power failed: pictures and records reach the disk in the system's own time
+//! ([`atomic::write_unflushed`]). So a continued run compares every file with its digest, in a finished set too, and makes what does not
+//! agree. [`Recorder::finish`] gathers the records into `transforms*.json` and removes them. Bytes depend on neither the number
+//! of threads nor on interruptions.
 
 use super::frames;
 use crate::io::capture::Split;
@@ -32,6 +35,9 @@ use std::path::{Path, PathBuf};
 
 /// Folder of the records of finished pictures.
 const JOURNAL: &str = ".shots";
+
+/// Folders that pictures and passes lie in.
+pub const FOLDERS: [&str; 7] = ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"];
 
 /// One picture to be made.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,7 +75,8 @@ pub struct Recorder {
 
 impl Recorder {
     /// Opens the folder, making it if need be; with `resume`, takes over what an earlier run with the same header left.
-    /// `header` becomes the top of every `transforms*.json`.
+    /// `header` becomes the top of every `transforms*.json`. Without `resume` the set that the folder holds is removed first ([`clear`]), so that
+    /// no camera of one run stands beside a picture of another. Temporary files of a killed run are removed.
     ///
     /// # Errors
     /// When the folder cannot be made, or holds the records of a run with another header.
@@ -78,6 +85,10 @@ impl Recorder {
         let mark = journal.join("header.json");
         let mut recorder = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
         let text = format!("{:#}\n", Value::Object(recorder.header.clone()));
+        atomic::sweep(dir)?;
+        for folder in FOLDERS.into_iter().chain([JOURNAL]) {
+            atomic::sweep(&dir.join(folder))?;
+        }
         if resume && mark.is_file() {
             let old = std::fs::read_to_string(&mark).map_err(|e| Error::os(&mark, &e))?;
             if old != text {
@@ -93,8 +104,10 @@ impl Recorder {
             recorder.done = frames;
             return Ok(recorder);
         }
-        if journal.is_dir() {
-            std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+        if resume {
+            remove_journal(dir)?;
+        } else {
+            clear(dir)?;
         }
         std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
         atomic::write_bytes(&mark, text.as_bytes())?;
@@ -120,7 +133,8 @@ impl Recorder {
                     .expected("a set made with the same settings")
                     .got("one with others"));
             }
-            for mut frame in frames.and_then(|f| f.as_array().cloned()).unwrap_or_default() {
+            let frames = frames.and_then(|f| f.as_array().cloned()).unwrap_or_default();
+            for mut frame in frames.into_iter().filter(Value::is_object) {
                 // Where a frame was filed says what it was for.
                 frame["split"] = json!(file);
                 if let Some(name) = frame.get("file_path").and_then(Value::as_str) {
@@ -132,26 +146,50 @@ impl Recorder {
         Ok((!out.is_empty()).then_some(out))
     }
 
+    /// Looks at the finished set of these pictures in a folder; `None` when there is none. Every file is read, nothing is written.
+    ///
+    /// # Errors
+    /// When the set has another header, or its description cannot be read.
+    pub fn verify(dir: &Path, header: Map<String, Value>, order: &[Shot]) -> Result<Option<Verified>> {
+        let mut set = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
+        let Some(frames) = set.finished()? else { return Ok(None) };
+        set.done = frames;
+        let known = |shot: &Shot| set.done.iter().any(|(name, _)| *name == shot.name);
+        if !order.iter().all(known) {
+            return Ok(None);
+        }
+        let mut is_whole = true;
+        for shot in order {
+            is_whole &= set.has(shot)?;
+        }
+        Ok(Some(Verified { digest: set.gather(order)?.0, is_whole }))
+    }
+
     /// Whether this picture is on disk and whole: its record is there and every file has the digest it had.
     ///
     /// # Errors
-    /// When a record is there but cannot be read.
+    /// When a record is there but cannot be read by the system.
     pub fn has(&self, shot: &Shot) -> Result<bool> {
-        let frame = match self.done.iter().find(|(name, _)| *name == shot.name) {
-            Some((_, frame)) => frame.clone(),
-            None => {
-                let record = self.record(&shot.name);
-                if !record.is_file() {
-                    return Ok(false);
-                }
-                read_json(&record)?
-            }
-        };
+        let Some(frame) = self.frame(&shot.name)? else { return Ok(false) };
         let Some(digests) = frame.get("digests").and_then(Value::as_object) else { return Ok(false) };
         let whole = |(file, digest): (&String, &Value)| {
             std::fs::read(self.dir.join(file)).is_ok_and(|bytes| digest.as_str() == Some(&*hex(&bytes)))
         };
         Ok(!digests.is_empty() && digests.iter().all(whole))
+    }
+
+    /// The frame of a picture: that of the finished set, or its record. A record that is no JSON object is one that the power
+    /// failed on, and counts as none.
+    fn frame(&self, name: &str) -> Result<Option<Value>> {
+        if let Some((_, frame)) = self.done.iter().find(|(n, _)| *n == name) {
+            return Ok(Some(frame.clone()));
+        }
+        let path = self.record(name);
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let bytes = crate::io::read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
+        Ok(serde_json::from_slice(&bytes).ok().filter(Value::is_object))
     }
 
     fn record(&self, name: &str) -> PathBuf {
@@ -178,8 +216,7 @@ impl Recorder {
         style: &Style,
         signal: Option<&[[f32; 3]]>,
     ) -> Result<()> {
-        let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
-        if shot.name.is_empty() || shot.name.starts_with('.') || !shot.name.chars().all(plain) {
+        if !is_plain(&shot.name) {
             return Err(Error::input("picture name")
                 .expected("ASCII letters, digits, '_', '-' or '.', not beginning with '.'")
                 .got(format!("'{}'", shot.name)));
@@ -271,24 +308,35 @@ impl Recorder {
     /// # Errors
     /// When a picture is missing or a file cannot be written.
     pub fn finish(self, order: &[Shot]) -> Result<u64> {
+        let (digest, files) = self.gather(order)?;
+        for (file, list, model) in files {
+            let mut top = self.header.clone();
+            top.insert("camera_model".into(), model);
+            top.insert("frames".into(), Value::Array(list));
+            atomic::write_bytes(&self.dir.join(file), format!("{:#}\n", Value::Object(top)).as_bytes())?;
+        }
+        remove_journal(&self.dir)?;
+        Ok(digest)
+    }
+
+    /// Digest of the set, and for each `transforms*.json` its frames and their camera model.
+    fn gather(&self, order: &[Shot]) -> Result<(u64, Vec<Described>)> {
         let mut digest = Digest::new();
-        let mut groups: Vec<(&str, Vec<Value>, Value)> = Vec::new();
+        let mut files: Vec<Described> = Vec::new();
         for shot in order {
-            let mut frame = match self.done.iter().find(|(name, _)| *name == shot.name) {
-                Some((_, frame)) => frame.clone(),
-                None => read_json(&self.record(&shot.name))?,
-            };
-            let top = frame.as_object_mut().ok_or_else(|| {
+            let missing = || {
                 Error::input(self.record(&shot.name).display().to_string())
-                    .expected("an object")
-                    .got("something else")
-            })?;
+                    .expected("the record of a finished picture")
+                    .got("none")
+            };
+            let mut frame = self.frame(&shot.name)?.ok_or_else(missing)?;
+            let top = frame.as_object_mut().ok_or_else(missing)?;
             top.remove("split");
             let model =
                 top.remove("camera_model").unwrap_or_else(|| json!(frames::model_name(shot.camera.model)));
             let file = file_of(shot.split);
             digest.bytes(format!("{file} {frame:#}").as_bytes());
-            match groups.iter_mut().find(|g| g.0 == file) {
+            match files.iter_mut().find(|g| g.0 == file) {
                 Some(group) => {
                     if group.2 != model {
                         return Err(Error::input("capture")
@@ -298,22 +346,69 @@ impl Recorder {
                     }
                     group.1.push(frame);
                 }
-                None => groups.push((file, vec![frame], model)),
+                None => files.push((file, vec![frame], model)),
             }
         }
-        for (file, list, model) in groups {
-            let mut top = self.header.clone();
-            top.insert("camera_model".into(), model);
-            top.insert("frames".into(), Value::Array(list));
-            atomic::write_bytes(&self.dir.join(file), format!("{:#}\n", Value::Object(top)).as_bytes())?;
-        }
-        let journal = self.dir.join(JOURNAL);
-        if journal.is_dir() {
-            std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
-        }
-        Ok(digest.value())
+        Ok((digest.value(), files))
     }
 }
+
+/// What a finished set says about itself, and whether it is true.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Verified {
+    /// As [`Recorder::finish`] gave it, if nobody changed the description since.
+    pub digest: u64,
+    /// Whether every file has the digest that the description records.
+    pub is_whole: bool,
+}
+
+/// Removes the set that a folder holds, finished or begun: descriptions and records first, then the pictures they name. Everything
+/// else stays.
+///
+/// # Errors
+/// When the folder cannot be read or a file not removed.
+pub fn clear(dir: &Path) -> Result<()> {
+    let mut described: Vec<PathBuf> = SPLITS.iter().map(|(file, _)| dir.join(file)).collect();
+    let journal = dir.join(JOURNAL);
+    if journal.is_dir() {
+        for entry in std::fs::read_dir(&journal).map_err(|e| Error::os(&journal, &e))? {
+            described.push(entry.map_err(|e| Error::os(&journal, &e))?.path());
+        }
+    }
+    let mut pictures: Vec<String> = Vec::new();
+    for path in described.iter().filter(|p| p.is_file()) {
+        // What cannot be read names nothing.
+        let Ok(value) = read_json(path) else { continue };
+        let frames = value["frames"].as_array().map_or(std::slice::from_ref(&value), Vec::as_slice);
+        let named = frames.iter().filter_map(|f| f["digests"].as_object()).flat_map(Map::keys);
+        let is_ours = |n: &&String| {
+            n.split_once('/').is_some_and(|(folder, file)| FOLDERS.contains(&folder) && is_plain(file))
+        };
+        pictures.extend(named.filter(is_ours).cloned());
+    }
+    for path in described.iter().take(SPLITS.len()) {
+        atomic::remove(path)?;
+    }
+    remove_journal(dir)?;
+    pictures.iter().try_for_each(|name| atomic::remove(&dir.join(name)))
+}
+
+fn remove_journal(dir: &Path) -> Result<()> {
+    let journal = dir.join(JOURNAL);
+    if journal.is_dir() {
+        std::fs::remove_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
+    }
+    Ok(())
+}
+
+/// Whether a name is that of a file in a folder, whatever the system.
+fn is_plain(name: &str) -> bool {
+    let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    !name.is_empty() && !name.starts_with('.') && name.chars().all(plain)
+}
+
+/// A `transforms*.json` to be: its name, its frames, their camera model.
+type Described = (&'static str, Vec<Value>, Value);
 
 /// Files and what they hold.
 const SPLITS: [(&str, Split); 4] = [

@@ -3,6 +3,7 @@
 use super::group::{self, Group};
 use super::tree::{Tree, Triangles};
 use super::triangle::{Frame, Line};
+use super::turns::Feed;
 
 /// The index of a triangle that was not hit.
 pub const MISS: u32 = u32::MAX;
@@ -81,35 +82,19 @@ impl Bvh {
     }
 
     /// Rays side by side in groups, the others in turns.
-    fn walk_many<const ANY: bool>(&self, rays: &[Ray], mut done: impl FnMut(usize, Hit)) {
+    fn walk_many<const ANY: bool>(&self, rays: &[Ray], done: impl FnMut(usize, Hit)) {
         let [lo, hi] = self.frame.bounds;
-        let size = (0..3).fold(0.0, |m, k| crate::num::order::max(m, hi[k] - lo[k]));
-        let mut others = Vec::new();
-        let mut together: Vec<(usize, Line)> = Vec::with_capacity(group::RAYS);
-        let mut group: Option<Group> = None;
-        let mut flush = |together: &mut Vec<(usize, Line)>, done: &mut dyn FnMut(usize, Hit)| {
-            if together.len() < group::FEW {
-                others.append(together);
-            } else {
-                let group = group.get_or_insert_with(|| Group::new(together[0].1));
-                group.walk::<ANY>(&self.tree, together, done);
-                together.clear();
-            }
+        let mut queue = Queue::<ANY, _> {
+            bvh: self,
+            size: (0..3).fold(0.0, |m, k| crate::num::order::max(m, hi[k] - lo[k])),
+            rays,
+            read: 0,
+            run: Vec::with_capacity(group::RAYS),
+            others: Vec::with_capacity(group::FEW),
+            group: None,
+            done,
         };
-        for (i, ray) in rays.iter().enumerate() {
-            let Some(line) = Line::new(ray, &self.frame).filter(|_| !self.tree.rows().is_empty()) else {
-                done(i, Hit::NONE);
-                continue;
-            };
-            let full = together.len() == group::RAYS;
-            if full || together.first().is_some_and(|first| !group::beside(&first.1, &line, size)) {
-                flush(&mut together, &mut done);
-            }
-            together.push((i, line));
-        }
-        flush(&mut together, &mut done);
-        let mut others = others.into_iter();
-        self.tree.walk_many::<ANY>(|| others.next(), done);
+        self.tree.walk_many::<ANY>(&mut queue);
     }
 
     /// The hit with the smallest (t, triangle), or [`Hit::NONE`].
@@ -138,6 +123,71 @@ impl Bvh {
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "one answer per ray");
         self.walk_many::<true>(rays, |i, hit| occluded[i] = hit.triangle != MISS);
+    }
+}
+
+/// The rays of a batch in their order. Runs that lie side by side are walked together when the next ray is asked for; what remains is handed on.
+struct Queue<'a, const ANY: bool, D> {
+    bvh: &'a Bvh,
+    /// largest extent of the mesh
+    size: f32,
+    rays: &'a [Ray],
+    /// how many of them have been read
+    read: usize,
+    /// the last rays read, as long as they lie side by side
+    run: Vec<(usize, Line)>,
+    /// rays to be handed on, the last one first
+    others: Vec<(usize, Line)>,
+    group: Option<Group>,
+    done: D,
+}
+
+impl<const ANY: bool, D: FnMut(usize, Hit)> Queue<'_, ANY, D> {
+    /// Walks the run, or hands it on.
+    fn flush(&mut self) {
+        if self.run.len() < group::FEW {
+            std::mem::swap(&mut self.run, &mut self.others);
+            self.others.reverse();
+        } else {
+            let group = self.group.get_or_insert_with(|| Group::new(self.run[0].1));
+            group.walk::<ANY>(&self.bvh.tree, &self.run, &mut self.done);
+        }
+        self.run.clear();
+    }
+}
+
+impl<const ANY: bool, D: FnMut(usize, Hit)> Feed for Queue<'_, ANY, D> {
+    #[inline]
+    fn next(&mut self) -> Option<(usize, Line)> {
+        loop {
+            if let Some(ray) = self.others.pop() {
+                return Some(ray);
+            }
+            let Some(ray) = self.rays.get(self.read) else {
+                if self.run.is_empty() {
+                    return None;
+                }
+                self.flush();
+                continue;
+            };
+            let i = self.read;
+            self.read += 1;
+            let Some(line) = Line::new(ray, &self.bvh.frame).filter(|_| !self.bvh.tree.rows().is_empty())
+            else {
+                (self.done)(i, Hit::NONE);
+                continue;
+            };
+            let full = self.run.len() == group::RAYS;
+            if full || self.run.first().is_some_and(|first| !group::beside(&first.1, &line, self.size)) {
+                self.flush();
+            }
+            self.run.push((i, line));
+        }
+    }
+
+    #[inline]
+    fn done(&mut self, ray: usize, hit: Hit) {
+        (self.done)(ray, hit);
     }
 }
 

@@ -28,6 +28,7 @@
 //! |d| ≥ 2⁻⁶⁰ (relative to the largest component) move a point by 2⁻⁶⁰·M: together less than 10u·M < 2⁻²⁰·M.
 
 use super::bvh::Ray;
+use crate::num::lanes::f32x8;
 
 /// Meshes whose largest coordinate lies outside 1/LARGE..=LARGE are scaled by a power of two.
 const LARGE: f32 = 1_048_576.0;
@@ -114,13 +115,20 @@ pub(super) struct Met {
 
 fn largest(d: [f32; 3]) -> usize {
     let [x, y, z] = d.map(f32::abs);
-    if x >= y && x >= z {
-        0
-    } else if y >= z {
-        1
-    } else {
-        2
-    }
+    let (m, axis) = if y > x { (y, 1) } else { (x, 0) };
+    if z > m { 2 } else { axis }
+}
+
+/// Three numbers in lanes 0 to 2, the others 0.
+#[inline(always)]
+fn three([x, y, z]: [f32; 3]) -> f32x8 {
+    f32x8::new([x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0])
+}
+
+#[inline(always)]
+fn first_three(x: f32x8) -> [f32; 3] {
+    let [a, b, c, ..] = x.to_array();
+    [a, b, c]
 }
 
 impl Line {
@@ -145,32 +153,39 @@ impl Line {
             unit = by;
             axis = largest(d);
         }
-        let origin = ray.origin.map(|o| o * frame.scale);
-        if !(t_max >= 0.0) || !origin.iter().all(|o| o.abs() <= FAR) {
+        let s = f32x8::splat;
+        let from = three(ray.origin) * s(frame.scale);
+        let size_from = from.abs();
+        if !(t_max >= 0.0) || !size_from.simd_le(s(FAR)).all() {
             return None;
         }
-        let [lo, hi] = frame.bounds;
-        let mut reach = 0.0;
-        for k in 0..3 {
-            let far =
-                if origin[k] - lo[k] > hi[k] - origin[k] { origin[k] - lo[k] } else { hi[k] - origin[k] };
-            reach = if far > reach { far } else { reach };
-        }
-        let (mut enter, mut leave, mut inverse, mut octant) = (origin, origin, [0.0; 3], 0);
-        let flat = FLAT * d[axis].abs();
-        for k in 0..3 {
-            let pad = PAD * reach + PAD_START * origin[k].abs() + f32::MIN_POSITIVE;
-            let size = if d[k].abs() > flat { d[k].abs() } else { flat };
-            let backwards = d[k] < 0.0;
-            let (pad, size) = if backwards { (-pad, -size) } else { (pad, size) };
-            enter[k] = origin[k] + pad;
-            leave[k] = origin[k] - pad;
-            inverse[k] = 1.0 / size;
-            octant |= usize::from(backwards) << k;
-        }
-        let z = d[axis];
-        let shear = [d[(axis + 1) % 3] / z, d[(axis + 2) % 3] / z, 1.0 / z];
-        Some(Self { origin, axis, shear, enter, leave, inverse, octant, t_max, unit })
+        let origin = first_three(from);
+        let [lo, hi] = frame.bounds.map(three);
+        let [x, y, z] = first_three((from - lo).fast_max(hi - from).fast_max(s(0.0)));
+        let m = if y > x { y } else { x };
+        let reach = if z > m { z } else { m };
+        // every lane keeps its own sign: −0 counts as backwards
+        let along = d[axis];
+        let d8 = three(d);
+        let sign = d8 & s(-0.0);
+        let size = d8.abs().fast_max(s(FLAT * along.abs())) | sign;
+        let pad = ((s(PAD * reach) + s(PAD_START) * size_from) + s(f32::MIN_POSITIVE)) | sign;
+        let [sx, sy, sz] = first_three(size);
+        let (u, v) = ([d[1], d[2], d[0], d[0]][axis & 3], [d[2], d[0], d[1], d[1]][axis & 3]);
+        let [ix, iy, iz, su, sv, sw, ..] = (f32x8::new([1.0, 1.0, 1.0, u, v, 1.0, 1.0, 1.0])
+            / f32x8::new([sx, sy, sz, along, along, along, 1.0, 1.0]))
+        .to_array();
+        Some(Self {
+            origin,
+            axis,
+            shear: [su, sv, sw],
+            enter: first_three(from + pad),
+            leave: first_three(from - pad),
+            inverse: [ix, iy, iz],
+            octant: sign.to_bitmask() as usize & 7,
+            t_max,
+            unit,
+        })
     }
 
     /// t in the caller's numbers.

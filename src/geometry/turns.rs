@@ -18,6 +18,14 @@ const LEVELS: usize = 64;
 /// A child that is not hit, or has been visited.
 const GONE: i32 = i32::MAX;
 
+/// Where rays come from and hits go.
+pub(super) trait Feed {
+    /// The next ray and its number.
+    fn next(&mut self) -> Option<(usize, Line)>;
+    /// Takes the hit of a ray.
+    fn done(&mut self, ray: usize, hit: Hit);
+}
+
 /// One ray on its way. Per level of the tree: the node whose children wait, which of them, and keys: bits of the start of each
 /// with the lane in the lowest three.
 #[derive(Clone)]
@@ -53,20 +61,31 @@ impl Turn {
         (self.at, self.top) = (root, 0);
     }
 
-    /// Tests the children of the node `at`; those that are hit wait on a level of their own.
+    /// Goes from the node `at` to the nearest child that is hit, and lets the others wait on a level of their own; without one, to what
+    /// waits. Whether there is anything.
     #[inline(always)]
-    fn visit_node(&mut self, rows: &[f32x8]) {
-        let (start, hit) = self.wide.test(node(rows, self.at), self.line.t_max);
+    fn visit_node(&mut self, rows: &[f32x8]) -> bool {
+        let node = node(rows, self.at);
+        let (start, hit) = self.wide.test(node, self.line.t_max);
+        let bits = hit.to_bitmask();
+        if bits == 0 {
+            return self.next(rows);
+        }
         let lanes = i32x8::new([0, 1, 2, 3, 4, 5, 6, 7]);
         let start: i32x8 = bytemuck::cast(start);
         let mask: i32x8 = bytemuck::cast(hit);
-        let bits = hit.to_bitmask();
-        let level = self.top & (LEVELS - 1);
         let keys = (start & i32x8::splat(!7)) | lanes;
-        self.keys[level] = (keys & mask) | (!mask & i32x8::splat(GONE));
+        let keys = (keys & mask) | (!mask & i32x8::splat(GONE));
+        let nearest = keys.reduce_min();
+        let lane = (nearest & 7) as usize;
+        let rest = bits & !(1 << lane);
+        let level = self.top & (LEVELS - 1);
+        self.keys[level] = keys | (keys.simd_eq(i32x8::splat(nearest)) & i32x8::splat(GONE));
         self.node[level] = self.at;
-        self.left[level] = bits;
-        self.top += usize::from(bits != 0);
+        self.left[level] = rest;
+        self.top += usize::from(rest != 0);
+        self.at = references(&node[CHILDREN])[lane];
+        true
     }
 
     /// Goes to the nearest child that waits on the highest level; whether there is one.
@@ -77,15 +96,14 @@ impl Turn {
                 return false;
             }
             let level = (self.top - 1) & (LEVELS - 1);
-            let key = self.keys[level].reduce_min();
+            let keys = self.keys[level];
+            let key = keys.reduce_min();
             if key & !7 > self.line.t_max.to_bits() as i32 {
                 self.top -= 1;
                 continue;
             }
             let lane = (key & 7) as usize;
-            let gone: i32x8 = i32x8::splat(key);
-            let same = self.keys[level].simd_eq(gone);
-            self.keys[level] = self.keys[level] | (same & i32x8::splat(GONE));
+            self.keys[level] = keys | (keys.simd_eq(i32x8::splat(key)) & i32x8::splat(GONE));
             self.left[level] &= !(1 << lane);
             self.at = references(&node(rows, self.node[level])[CHILDREN])[lane];
             self.top -= usize::from(self.left[level] == 0);
@@ -117,18 +135,14 @@ const _: () = assert!(
 );
 
 impl Tree {
-    /// The best hits of many rays, or any if `ANY`; `done` gets them in any order.
-    pub(super) fn walk_many<const ANY: bool>(
-        &self,
-        mut rays: impl FnMut() -> Option<(usize, Line)>,
-        mut done: impl FnMut(usize, Hit),
-    ) {
+    /// The best hits of many rays, or any if `ANY`, in any order.
+    pub(super) fn walk_many<const ANY: bool>(&self, rays: &mut impl Feed) {
         let (rows, root) = (self.rows(), self.root);
         let mut turns: Vec<Turn> = Vec::with_capacity(TURNS);
         let mut lists = [Lists::default(), Lists::default()];
         let mut now = 0;
         while turns.len() < TURNS
-            && let Some((ray, line)) = rays()
+            && let Some((ray, line)) = rays.next()
         {
             lists[0].add(turns.len() as u8, root);
             turns.push(Turn::new(ray, line, root));
@@ -143,16 +157,15 @@ impl Tree {
                     then.add(i, turn.at);
                     return;
                 }
-                done(turn.ray, turn.best.hit(&turn.line));
-                if let Some((ray, line)) = rays() {
+                rays.done(turn.ray, turn.best.hit(&turn.line));
+                if let Some((ray, line)) = rays.next() {
                     turn.restart(ray, line, root);
                     then.add(i, root);
                 }
             };
             for &i in &here.of[0][..here.len[0]] {
                 let turn = &mut turns[i as usize];
-                turn.visit_node(rows);
-                let more = turn.next(rows);
+                let more = turn.visit_node(rows);
                 go_on(i, turn, more);
             }
             for &i in &here.of[1][..here.len[1]] {

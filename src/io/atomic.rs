@@ -4,6 +4,11 @@ use crate::{Error, Result};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
+/// What temporary files are called: this, letters and digits, and [`SUFFIX`].
+const PREFIX: &str = ".lastlight-";
+/// How their names end.
+const SUFFIX: &str = ".part";
+
 /// Writes a file through `f`. Until everything is on disk the target is what it was before; then it is replaced in
 /// one step. A failure or an interruption at any moment leaves the old file (or none), never half a new one.
 ///
@@ -30,7 +35,7 @@ fn put(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>, flush
         _ => Path::new("."),
     };
     let mut builder = tempfile::Builder::new();
-    builder.prefix(".lastlight-").suffix(".part");
+    builder.prefix(PREFIX).suffix(SUFFIX);
     #[cfg(unix)]
     {
         // The usual permissions of a new file (the process's mask still applies), not those of a secret.
@@ -50,6 +55,37 @@ fn put(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>, flush
     #[cfg(unix)]
     if flush {
         std::fs::File::open(folder).and_then(|d| d.sync_all()).map_err(os)?;
+    }
+    Ok(())
+}
+
+/// Removes a file if it is there.
+///
+/// # Errors
+/// When it cannot be removed.
+pub fn remove(path: &Path) -> Result<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
+        _ => Ok(()),
+    }
+}
+
+/// Removes the temporary files that a killed program left in a folder, not in those below it. A folder that is not there has none.
+/// To be called by the only program that writes to the folder.
+///
+/// # Errors
+/// When the folder cannot be read or a file not removed.
+pub fn sweep(folder: &Path) -> Result<()> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
+        let entry = entry.map_err(|e| Error::os(folder, &e))?;
+        let name = entry.file_name();
+        let is_ours = |n: &str| n.starts_with(PREFIX) && n.ends_with(SUFFIX);
+        if name.to_str().is_some_and(is_ours) {
+            remove(&entry.path())?;
+        }
     }
     Ok(())
 }
@@ -79,6 +115,21 @@ mod tests {
         assert!(e.to_string().contains("a.bin") && e.to_string().contains("power cut"), "{e}");
         assert_eq!(std::fs::read(&path).expect("still there"), b"old", "old content");
         assert_eq!(std::fs::read_dir(dir.path()).expect("readable").count(), 1, "no temporary file is left");
+    }
+
+    #[test]
+    fn leftovers_are_removed_and_nothing_else() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        for name in [".lastlight-Ab12.part", "a.part", ".lastlight-notes", "a.png"] {
+            std::fs::write(dir.path().join(name), "x").expect("writable");
+        }
+        std::fs::create_dir(dir.path().join("below")).expect("made");
+        std::fs::write(dir.path().join("below/.lastlight-Cd34.part"), "x").expect("writable");
+        sweep(dir.path()).expect("swept");
+        sweep(&dir.path().join("not there")).expect("nothing to do");
+        assert!(!dir.path().join(".lastlight-Ab12.part").exists(), "a leftover goes");
+        assert_eq!(std::fs::read_dir(dir.path()).expect("readable").count(), 4, "the rest stays");
+        assert!(dir.path().join("below/.lastlight-Cd34.part").exists(), "folders below are not entered");
     }
 
     #[test]

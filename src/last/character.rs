@@ -5,6 +5,7 @@
 //! animations also run on, one loop of the first over the video.
 
 use super::figure::SIGMA;
+use super::generate::Settings;
 use super::subject::Subject;
 use crate::math::knn;
 use crate::num::array::Arrays;
@@ -125,18 +126,11 @@ pub struct Actor {
 }
 
 impl Actor {
-    /// Reads the character and works out its frames: factors as for the built-in figure of number `subject`, T = `frames`, a template of `points`.
+    /// Reads the character and works out its frames: factors as for the built-in figure of the settings, T frames, a template of P points.
     ///
     /// # Errors
     /// When the file is bad or a name in it is unknown.
-    pub fn new(
-        casting: &Casting,
-        scm: &Scm,
-        seed: u64,
-        subject: u64,
-        frames: usize,
-        points: usize,
-    ) -> Result<Self> {
+    pub fn new(casting: &Casting, scm: &Scm, settings: &Settings) -> Result<Self> {
         let mut character = Character::read(&casting.file)?;
         let hide: Vec<&str> = casting.hide.iter().map(String::as_str).collect();
         character.hide(&hide)?;
@@ -150,11 +144,12 @@ impl Actor {
             }
         };
         let factors = Factors::of(&character, first, second, casting.elbow.as_deref())?;
-        let template = character.template(points, seed)?;
+        let template = character.template(settings.points, settings.seed)?;
         let spacing = spacing(&single(template.points.iter().map(|p| p.position)))?;
         let loop_length = character.duration(factors.first.0);
+        let (seed, subject, count) = (settings.seed, settings.subject, settings.frames);
         let frames: Vec<Vec<f64>> =
-            (0..frames).map(|t| video::frame(scm, seed, subject, t, frames).u).collect();
+            (0..count).map(|t| video::frame(scm, seed, subject, t, count).u).collect();
         let poses: Vec<Pose> = frames
             .iter()
             .enumerate()

@@ -11,7 +11,6 @@ use crate::num::rng::Rng;
 use crate::scene::camera::Camera;
 use crate::scene::from_data_gen;
 use crate::scene::light::{Environment, Lamp, Lights};
-use crate::scene::material::Material;
 use crate::scene::mesh::Object;
 use crate::shade::render::{self, Passes, Scene};
 use crate::shade::tonemap;
@@ -192,7 +191,8 @@ impl Dressed {
     /// The person of a look.
     pub fn new(appearance: &Appearance) -> Self {
         let figure = Figure::new(appearance);
-        let mut rest = Object { materials: materials(&figure, &Drive::new(&[])), ..Object::default() };
+        let materials = figure.materials(&Drive::new(&[])).iter().map(from_data_gen::material).collect();
+        let mut rest = Object { materials, ..Object::default() };
         for part in &figure.parts {
             let first = rest.mesh.positions.len() as u32;
             rest.mesh.positions.extend(part.positions.iter().map(single));
@@ -216,7 +216,9 @@ impl Dressed {
             *to = single(n);
         }
         if drive.hue != 0.0 {
-            object.materials = materials(&self.figure, drive);
+            for (place, material) in self.figure.dyed(drive) {
+                object.materials[place] = from_data_gen::material(&material);
+            }
         }
         object
     }
@@ -224,10 +226,6 @@ impl Dressed {
 
 fn single(x: &[f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
-}
-
-fn materials(figure: &Figure, drive: &Drive) -> Vec<Material> {
-    figure.materials(drive).iter().map(from_data_gen::material).collect()
 }
 
 /// Seed of the light's draws in a picture: one Philox block of the run's seed, so that no two pictures of any runs share them but by chance.

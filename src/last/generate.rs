@@ -8,18 +8,14 @@
 //! interventions/        see `sets`
 //! video/                a capture, see `subject`
 //! ```
-//! `dataset.json` is written first (`complete`: false) and once more at the end, with the digest of every file. While sets are being
-//! made, `.shards/` has the digest of every finished shard; it is written after the shard, so a shard with a digest is whole and of this run.
-//! A run that was interrupted makes the shards whose bytes have no such digest; its record must say the same but for the files. A run that is
-//! not continued first removes what an earlier one left (`clear`), so a folder never mixes two. Digests are FNV-1a 64 of a file's
-//! bytes; that of `video` stands for all its pictures and cameras.
+//! How a folder is begun, continued and started over: `folder`.
 
 use super::character::{Actor, Casting};
 use super::figure::{Dots, Look};
+use super::folder::{self, JOURNAL, digest, hex, slashed};
 use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Studio};
 use super::subject::{self, BuiltIn, Subject};
 use crate::io::{atomic, read_bytes};
-use crate::num::bits::Digest;
 use crate::{Error, Result};
 use data_gen::figure::factors::LETTERS;
 use data_gen::figure::graph::Graph;
@@ -32,11 +28,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The record of a data set.
-pub const RECORD: &str = "dataset.json";
-
-/// Digests of finished shards while sets are being made.
-const JOURNAL: &str = ".shards";
+pub use super::folder::RECORD;
 
 /// Bounces of light after the first hit, for surfaces of video and sets alike.
 pub const BOUNCES: u32 = 1;
@@ -342,27 +334,25 @@ pub fn run(
     let subject: Option<Box<dyn Subject>> = match (&settings.character, which.video) {
         (_, false) => None,
         (None, true) => Some(Box::new(BuiltIn::new(settings, &scm))),
-        (Some(c), true) => {
-            let Settings { seed, subject, frames, points, .. } = *settings;
-            Some(Box::new(Actor::new(c, &scm, seed, subject, frames, points)?))
-        }
+        (Some(c), true) => Some(Box::new(Actor::new(c, &scm, settings)?)),
     };
     if let Some(subject) = &subject {
         record["subject"] = subject.record();
         record["video_causes_are_balanced"] = json!(video::is_balanced(settings.factors, settings.frames));
     }
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
+    folder::sweep(dir)?;
     let mut known = BTreeMap::new();
     if resume {
-        if let Some(there) = check_resumed(dir, &record)? {
-            known = known_digests(&there);
+        if let Some(there) = folder::check_resumed(dir, &record)? {
+            known = folder::known_digests(&there);
             // Until the end these are what is known to be whole.
             record["files"] = there["files"].clone();
         }
     } else {
-        clear(dir)?;
+        folder::clear(dir)?;
     }
-    write_record(dir, &record)?;
+    folder::write_record(dir, &record)?;
     let mut files: Vec<(PathBuf, u64)> = Vec::new();
     if which.observational || which.interventions {
         files.extend(write_sets(settings, which, &scm, dir, &known, stop, progress)?);
@@ -381,133 +371,9 @@ pub fn run(
     record["files"] =
         files.iter().map(|(path, digest)| json!({"file": slashed(path), "digest": hex(*digest)})).collect();
     record["complete"] = json!(true);
-    write_record(dir, &record)?;
-    remove_folder(&dir.join(JOURNAL))?;
+    folder::write_record(dir, &record)?;
+    folder::remove_folder(&dir.join(JOURNAL))?;
     Ok(Report { sortabilities, files, record })
-}
-
-fn slashed(path: &Path) -> String {
-    path.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
-}
-
-fn write_record(dir: &Path, record: &Value) -> Result<()> {
-    atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())
-}
-
-/// The record of the run that is continued; none where nothing was begun.
-fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>> {
-    let path = dir.join(RECORD);
-    if !path.exists() {
-        let mut entries = std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))?;
-        if entries.next().is_none() {
-            return Ok(None);
-        }
-        return Err(Error::input("--resume")
-            .at(dir.display().to_string())
-            .expected(format!("the folder of an interrupted run, with its {RECORD}"))
-            .got("files without that record")
-            .hint("choose another folder, or start over with --force"));
-    }
-    let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let there: Value = serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string())
-    })?;
-    let differing = |wanted: &Value, there: &Value| -> Vec<String> {
-        (wanted.as_object().into_iter().flatten())
-            .filter(|(key, value)| there[key.as_str()] != **value)
-            .map(|(key, value)| format!("{key} {} instead of {value}", there[key.as_str()]))
-            .collect()
-    };
-    let fail = |at: &str, got: Vec<String>| {
-        Error::input(path.display().to_string())
-            .at(at)
-            .expected("those of this run")
-            .got(got.join(", "))
-            .hint("give the settings of the interrupted run, or a new folder")
-    };
-    let settings = differing(&record["settings"], &there["settings"]);
-    if !settings.is_empty() || record["settings"] != there["settings"] {
-        return Err(fail("settings", settings));
-    }
-    let mut truth = record.clone();
-    if let Some(top) = truth.as_object_mut() {
-        // Words that say the same settings, and what changes while a run goes on.
-        for key in ["settings", "command", "complete", "files"] {
-            top.remove(key);
-        }
-    }
-    let truth = differing(&truth, &there);
-    if truth.is_empty() { Ok(Some(there)) } else { Err(fail("causes and subject", truth)) }
-}
-
-/// Digests of files by their path, from a record.
-fn known_digests(record: &Value) -> BTreeMap<String, String> {
-    let text = |v: &Value, key: &str| v[key].as_str().map(str::to_owned);
-    (record["files"].as_array().into_iter().flatten())
-        .filter_map(|f| Some((text(f, "file")?, text(f, "digest")?)))
-        .collect()
-}
-
-/// Removes what an earlier run left in a folder, its record first: shards, cameras, pictures of the ring, digests. Everything else stays.
-fn clear(dir: &Path) -> Result<()> {
-    for file in [RECORD, "template.npz", "video/body.npz"] {
-        remove_file(&dir.join(file))?;
-    }
-    let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
-    let is_shard = |n: &str| n.strip_suffix(".npz").is_some_and(is_number);
-    for set in ["observational", "interventions"] {
-        remove_files(&dir.join(set), &is_shard)?;
-    }
-    let video = dir.join("video");
-    remove_files(&video, &|n| n.starts_with("transforms") && n.ends_with(".json"))?;
-    let is_picture = |n: &str| {
-        let stem = n.rsplit_once('.').map_or(n, |(stem, _)| stem);
-        let camera_and_frame = stem.strip_prefix('c').and_then(|s| s.split_once("_f"));
-        camera_and_frame.is_some_and(|(c, f)| is_number(c) && is_number(f))
-    };
-    for folder in ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"] {
-        remove_files(&video.join(folder), &is_picture)?;
-    }
-    remove_folder(&dir.join(JOURNAL))
-}
-
-fn remove_files(folder: &Path, is_known: &dyn Fn(&str) -> bool) -> Result<()> {
-    if !folder.is_dir() {
-        return Ok(());
-    }
-    for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
-        let entry = entry.map_err(|e| Error::os(folder, &e))?;
-        if is_known(&entry.file_name().to_string_lossy()) {
-            remove_file(&entry.path())?;
-        }
-    }
-    Ok(())
-}
-
-fn remove_file(path: &Path) -> Result<()> {
-    match std::fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
-        _ => Ok(()),
-    }
-}
-
-fn remove_folder(path: &Path) -> Result<()> {
-    match std::fs::remove_dir_all(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
-        _ => Ok(()),
-    }
-}
-
-/// A digest as records write it.
-fn hex(digest: u64) -> String {
-    format!("{digest:016x}")
-}
-
-/// FNV-1a 64 of bytes.
-pub(super) fn digest(bytes: &[u8]) -> u64 {
-    let mut d = Digest::new();
-    d.bytes(bytes);
-    d.value()
 }
 
 /// An error when the user asked to stop.

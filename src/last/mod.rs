@@ -4,13 +4,14 @@
 //! figure    the built-in person: clouds, surfaces, light ──┬─► sets      pictures and points of known causes, in shards
 //! character a person from a file, likewise
 //! subject   what any moving person must say about itself ──┴─► video     a capture with poses
-//! generate  which of these to make, and the record of it
+//! generate  which of these to make, and the record of it; folder: begun, continued, started over
 //! ```
 //!
 //! Truth comes from `data_gen::figure` in f64; this folder renders and writes it.
 
 pub mod character;
 pub mod figure;
+mod folder;
 pub mod generate;
 pub mod sets;
 pub mod subject;

@@ -14,10 +14,12 @@
 //! joint of largest weight, the first of several), `parents` (K) i32 (−1: none), `joints` (K,3) at rest, `spacing` (P) mean distance to the
 //! three nearest points at rest, `sigma` (P) standard deviation of the isotropic Gaussians that show the points ([`figure::SIGMA`] ×
 //! spacing, opacity [`figure::OPACITY`]), `rest` (K,4,4) world-from-bone at rest, `transforms` (T,K,4,4) posed from rest, `factors`
-//! (T,n) f64. A posed point is Σ_b w_b transforms_b · x.
+//! (T,n) f64. A posed point is Σ_b w_b transforms_b · x; what displaces the surface (folds, width, skirt) moves x before that, see
+//! `data_gen::figure::template::Template::canonical`.
 
 use super::figure::{self, Dots, Dressed, Look, Photo};
-use super::generate::{Progress, Settings, check_stop, digest};
+use super::folder::digest;
+use super::generate::{Progress, Settings, check_stop};
 use super::sets;
 use crate::fit::passes::{Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
@@ -70,24 +72,31 @@ pub trait Subject: Sync {
     /// What a record of the data says about the subject.
     fn record(&self) -> Value;
 
-    /// Passes of frame t from several cameras, before black; `seeds` has one seed per camera.
+    /// Passes of frame t from several cameras, each with the seed of its draws, before black; `taken` gets those of camera 0, 1, …
+    /// as soon as they are there.
     ///
     /// # Errors
-    /// When surfaces or cameras are not valid.
-    fn passes(&self, t: usize, cameras: &[(Camera, u64)], samples: u32) -> Result<Vec<Passes>> {
-        surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples)
+    /// When surfaces or cameras are not valid, or `taken` failed.
+    fn passes(&self, t: usize, cameras: &[(Camera, u64)], samples: u32, taken: &mut Taken<'_>) -> Result<()> {
+        surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples, taken)
     }
 }
 
+/// Gets the number of a camera and its passes.
+pub type Taken<'a> = dyn FnMut(usize, Passes) -> Result<()> + 'a;
+
 /// Passes of an object under sun and sky; direct light and one bounce.
-fn surfaces(object: &Object, azimuth: f64, cameras: &[(Camera, u64)], samples: u32) -> Result<Vec<Passes>> {
+fn surfaces(
+    object: &Object,
+    azimuth: f64,
+    cameras: &[(Camera, u64)],
+    samples: u32,
+    taken: &mut Taken<'_>,
+) -> Result<()> {
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
-    cameras
-        .iter()
-        .map(|(camera, seed)| {
-            figure::passes(object, &bvh, azimuth, camera, &figure::lighting(samples, *seed))
-        })
-        .collect()
+    cameras.iter().enumerate().try_for_each(|(i, (camera, seed))| {
+        taken(i, figure::passes(object, &bvh, azimuth, camera, &figure::lighting(samples, *seed))?)
+    })
 }
 
 /// A picture of points as passes: its colours made linear, its mask, nothing else.
@@ -192,14 +201,17 @@ pub fn write(
                 missing.push(shot);
             }
         }
-        if !missing.is_empty() {
-            let cameras: Vec<(Camera, u64)> =
-                missing.iter().map(|(s, seed)| (s.camera.clone(), *seed)).collect();
-            for ((shot, _), passes) in missing.into_iter().zip(subject.passes(t, &cameras, shoot.samples)?) {
-                recorder.put(shot, &passes, &style)?;
-            }
+        done += shots.len() - missing.len();
+        if missing.is_empty() {
+            continue;
         }
-        done += shots.len();
+        let cameras: Vec<(Camera, u64)> = missing.iter().map(|(s, seed)| (s.camera.clone(), *seed)).collect();
+        subject.passes(t, &cameras, shoot.samples, &mut |i, passes| {
+            recorder.put(&missing[i].0, &passes, &style)?;
+            done += 1;
+            progress(done, total, "video");
+            check_stop(stop)
+        })?;
     }
     let body = npz::to_bytes(&body_arrays(subject), npz::Packing::Stored)?;
     atomic::write_bytes(&dir.join("body.npz"), &body)?;
@@ -298,14 +310,13 @@ impl Subject for BuiltIn {
         })
     }
 
-    fn passes(&self, t: usize, cameras: &[(Camera, u64)], samples: u32) -> Result<Vec<Passes>> {
+    fn passes(&self, t: usize, cameras: &[(Camera, u64)], samples: u32, taken: &mut Taken<'_>) -> Result<()> {
         if self.look == Look::Mesh {
-            return surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples);
+            return surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples, taken);
         }
         let points = self.dots.posed(&self.drive(t), &self.appearance);
-        cameras
-            .iter()
-            .map(|(camera, _)| Ok(flat(&self.dots.photo(&points, camera, self.look)?, camera)))
-            .collect()
+        cameras.iter().enumerate().try_for_each(|(i, (camera, _))| {
+            taken(i, flat(&self.dots.photo(&points, camera, self.look)?, camera))
+        })
     }
 }

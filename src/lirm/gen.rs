@@ -10,9 +10,11 @@
 //!                 /shiny/              under the map, roughness times U(0.3, 0.6)
 //! ```
 //!
-//! Object k, its cameras, light and samples depend on the seed and k alone, so sets can be made in pieces and on several machines.
-//! `object.json` is written last: a folder with one is whole, and a continued run skips it.
+//! Object k, its cameras, light and samples depend on the seed and k alone, so sets can be made in pieces and on several machines, each in a
+//! folder of its own: `dataset.json` lists the objects of the last run.
+//! How a folder is begun, continued and started over: `folder`.
 
+use super::folder::{FORMAT, RECORD, VERSIONS, announce, begin, finished, header, hex};
 use super::subject::{Light, Subject};
 use super::truth;
 use crate::fit::passes::{Recorder, Shot, Style};
@@ -150,6 +152,12 @@ impl Settings {
         within("map_width", self.map_width, 8, 8192)?;
         within("samples", self.samples as usize, 1, 1_000_000)?;
         within("bounces", self.bounces as usize, 0, 64)?;
+        if !self.maps.is_empty() && self.lighting == Lighting::Uniform {
+            return Err(Error::input("setting env")
+                .expected("light from an environment")
+                .got("uniform light, which shows no map")
+                .hint("--lighting environment or both"));
+        }
         if self.shiny && self.lighting == Lighting::Uniform {
             return Err(Error::input("setting shiny")
                 .expected("an environment: roughness hardly shows under a white dome")
@@ -173,15 +181,15 @@ impl Settings {
     }
 
     /// Names of the versions of an object: folder, whether under the map, whether shiny.
-    fn versions(&self) -> Vec<(&'static str, bool, bool)> {
+    pub(super) fn versions(&self) -> Vec<(&'static str, bool, bool)> {
         let mut out = Vec::new();
         if self.lighting != Lighting::Environment {
-            out.push(("uniform", false, false));
+            out.push((VERSIONS[0], false, false));
         }
         if self.lighting != Lighting::Uniform {
-            out.push(("environment", true, false));
+            out.push((VERSIONS[1], true, false));
             if self.shiny {
-                out.push(("shiny", true, true));
+                out.push((VERSIONS[2], true, true));
             }
         }
         out
@@ -240,18 +248,20 @@ pub fn run(
     let per_object = settings.pictures() * settings.versions().len();
     let total = per_object * settings.objects as usize;
     let (mut listed, mut rendered, mut digest) = (Vec::new(), 0, crate::num::bits::Digest::new());
+    begin(dir, settings, resume)?;
     for n in 0..settings.objects {
         let k = settings.first + n;
         let name = format!("object_{k:05}");
         let folder = dir.join(&name);
         let done = n as usize * per_object;
-        let record = match finished(&folder, settings, resume)? {
+        let kept = if resume { finished(&folder, settings, k)? } else { None };
+        let record = match kept {
             Some(record) => record,
             None => {
-                let mut made = 0;
-                let record = one(&folder, settings, k, resume, stop, &mut |label| {
-                    progress(done + made, total, &format!("{name} · {label}"));
-                    made += 1;
+                let mut looked = 0;
+                let (record, made) = one(dir, &folder, settings, k, resume, stop, &mut |label| {
+                    progress(done + looked, total, &format!("{name} · {label}"));
+                    looked += 1;
                 })?;
                 rendered += made;
                 record
@@ -265,45 +275,23 @@ pub fn run(
     progress(total, total, "done");
     let digest = digest.value();
     let top = json!({
-        "format": "lastlight lirm gen 1",
-        "settings": settings.record(),
-        "objects": listed,
-        "digest": format!("{digest:016x}"),
+        "format": FORMAT, "complete": true, "settings": settings.record(), "objects": listed, "digest": hex(digest),
     });
-    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
-    atomic::write_bytes(&dir.join("dataset.json"), format!("{top:#}\n").as_bytes())?;
+    atomic::write_bytes(&dir.join(RECORD), format!("{top:#}\n").as_bytes())?;
     Ok(Summary { objects: listed.len(), rendered, digest })
 }
 
-/// The record of a folder that is whole and was made with these settings.
-fn finished(folder: &Path, settings: &Settings, resume: bool) -> Result<Option<Value>> {
-    let path = folder.join("object.json");
-    if !resume || !path.is_file() {
-        return Ok(None);
-    }
-    let bytes = crate::io::read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let record: Value = serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(path.display().to_string()).expected("JSON").got(e.to_string()).hint("remove the folder")
-    })?;
-    if record["settings"].as_object() != Some(&settings.record()) {
-        return Err(Error::input("--resume")
-            .at(path.display().to_string())
-            .expected("a set that was begun with the same settings")
-            .got("one with others")
-            .hint("choose another folder, or repeat the settings it was begun with"));
-    }
-    Ok(truth::is_whole(folder, &record["truth"]).then_some(record))
-}
-
-/// Makes one object with all its versions; gives its record.
+/// Makes what is missing of one object with all its versions; gives its record, and how many pictures were rendered.
 fn one(
+    dir: &Path,
     folder: &Path,
     settings: &Settings,
     k: u64,
     resume: bool,
     stop: &AtomicBool,
     made: &mut dyn FnMut(&str),
-) -> Result<Value> {
+) -> Result<(Value, usize)> {
+    atomic::sweep(folder)?;
     let versions = settings.versions();
     let needs_map = versions.iter().any(|v| v.1);
     let (subject, light) = par::join(
@@ -311,9 +299,10 @@ fn one(
         || if needs_map { Light::new(settings, k).map(Some) } else { Ok(None) },
     );
     let (subject, light) = (subject?, light?);
+    announce(dir, settings)?;
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
     let (shots, protocol) = shots(settings, k);
-    let mut records = Vec::new();
+    let (mut records, mut rendered) = (Vec::new(), 0);
     for (version, under_map, is_shiny) in versions {
         let lights = match (&light, under_map) {
             (Some(light), true) => Lights { environment: Some(light.map.clone()), lamps: Vec::new() },
@@ -326,18 +315,14 @@ fn one(
         let shiny: Option<Object> = is_shiny.then(|| subject.with_roughness(gloss));
         let object = shiny.as_ref().unwrap_or(&subject.object);
         let scene = Scene::new(object, &bvh, &lights)?;
-        let mut header = Map::new();
-        header.insert(
-            "lirm_gen".into(),
-            json!({ "object": k, "version": version, "settings": settings.record() }),
-        );
         let capture = Capture { settings, k, scene: &scene, exposed: under_map };
-        let digest =
-            capture.shoot(&folder.join(version), header, &shots, resume, stop, &mut || made(version))?;
+        let recorder = Recorder::open(&folder.join(version), header(settings, k, version), resume)?;
+        let (digest, count) = capture.shoot(recorder, &shots, stop, &mut || made(version))?;
+        rendered += count;
         let mut record = json!({
             "folder": version,
             "lighting": if under_map { "environment" } else { "uniform" },
-            "digest": format!("{digest:016x}"),
+            "digest": hex(digest),
         });
         if is_shiny {
             record["roughness_factor"] = json!(f64::from(gloss));
@@ -362,11 +347,11 @@ fn one(
         record["protocol"] = protocol;
     }
     atomic::write_bytes(&folder.join("object.json"), format!("{record:#}\n").as_bytes())?;
-    Ok(record)
+    Ok((record, rendered))
 }
 
 /// The pictures of an object, and of a test set the order and choice of its inputs.
-fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
+pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
     let still = |i: usize, p: &Placed, split: Split| Shot {
         name: format!("{i:04}"),
         camera: from_data_gen::camera(&p.view, Model::Pinhole),
@@ -434,17 +419,16 @@ struct Capture<'a> {
 }
 
 impl Capture<'_> {
-    /// Renders what is missing; each picture is written while the next one is rendered. `count` is called for every picture.
+    /// Renders what is missing; each picture is written while the next one is rendered. `count` is called for every picture. Gives
+    /// the digest of all of them, and how many were rendered.
     fn shoot(
         &self,
-        dir: &Path,
-        header: Map<String, Value>,
+        mut recorder: Recorder,
         shots: &[Shot],
-        resume: bool,
         stop: &AtomicBool,
         count: &mut dyn FnMut(),
-    ) -> Result<u64> {
-        let mut recorder = Recorder::open(dir, header, resume)?;
+    ) -> Result<(u64, usize)> {
+        let mut rendered = 0;
         let mut ready: Option<(&Shot, Picture)> = None;
         for (i, shot) in shots.iter().enumerate() {
             count();
@@ -459,14 +443,17 @@ impl Capture<'_> {
             );
             written?;
             match next? {
-                Some(picture) => ready = Some((shot, picture)),
+                Some(picture) => {
+                    rendered += 1;
+                    ready = Some((shot, picture));
+                }
                 None => return Err(Error::interrupted("rendering").hint("continue with --resume")),
             }
         }
         if let Some((shot, picture)) = ready {
             picture.put(&mut recorder, shot)?;
         }
-        recorder.finish(shots)
+        Ok((recorder.finish(shots)?, rendered))
     }
 
     fn picture(&self, i: usize, shot: &Shot) -> Result<Picture> {

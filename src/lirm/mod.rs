@@ -2,10 +2,12 @@
 //!
 //! ```text
 //! gen       data sets of rendered objects: training, test and egocentric pictures with their passes
+//! folder    how a set is begun, continued, started over
 //! subject   the object of a set, and its light
 //! truth     both as files
 //! ```
 
+mod folder;
 pub mod r#gen;
 pub mod subject;
 pub mod truth;

@@ -48,6 +48,14 @@ pub fn write(folder: &Path, object: &Object, map: Option<&Environment>) -> Resul
     Ok(Value::Object(digests))
 }
 
+/// Removes them from a folder.
+///
+/// # Errors
+/// When one cannot be removed.
+pub fn clear(folder: &Path) -> Result<()> {
+    [OBJECT, ENVIRONMENT].iter().try_for_each(|name| atomic::remove(&folder.join(name)))
+}
+
 /// Whether every file has the digest that [`write()`] gave.
 pub fn is_whole(folder: &Path, digests: &Value) -> bool {
     digests.as_object().into_iter().flatten().all(|(name, expected)| {

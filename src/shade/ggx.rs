@@ -31,7 +31,7 @@
 //! conserving: its diffuse lobe has no factor 1 − F, so a white dielectric reflects up to 1.5 of the light (`tests/shade` holds a table).
 //!
 //! # Adjoint
-//! Logarithmic derivatives of D and V; saves nothing, recomputes everything. n̄ = (ḡ − n(n·ḡ))/‖N‖ where ḡ collects the gradients of n·l,
+//! Logarithmic derivatives of D and V; saves nothing, recomputes everything. What follows the sums over lights is in double precision. n̄ = (ḡ − n(n·ḡ))/‖N‖ where ḡ collects the gradients of n·l,
 //! n·v, n·h and ‖n×h‖².
 //!
 //! Twin: `reference::shade::ggx`.
@@ -207,6 +207,12 @@ pub struct PointBar<L> {
     diffuse: [L; 3],
 }
 
+impl Default for PointBar<f64> {
+    fn default() -> Self {
+        Self { normal: [0.0; 3], albedo: [0.0; 3], metallic: 0.0, a2: 0.0, diffuse: [0.0; 3] }
+    }
+}
+
 impl<L: Real> Default for PointBar<L> {
     fn default() -> Self {
         let zero = L::splat(0.0);
@@ -265,23 +271,52 @@ impl<L: Real> PointBar<L> {
         let along = add(add(scale(light, nl_bar), scale(point.view, nv_bar)), scale(x.h, nh_bar));
         self.normal = add(self.normal, select(x.on, add(along, across), [zero; 3]));
     }
+}
 
-    /// (N̄, ā, r̄, m̄): undoes α² = max(r², α_min)², the diffuse lobe, and n = N/‖N‖ with ‖N‖ = `length` (0: no gradient).
-    #[inline(always)]
-    pub fn finish(&self, point: &Point<L>, m: &Material<L>, length: L) -> ([L; 3], [L; 3], L, L) {
-        let s = L::splat;
-        let (zero, one) = (s(0.0), s(1.0));
-        let r2 = m.roughness * m.roughness;
-        let alpha_bar = self.a2 * (s(2.0) * r2.max(s(ALPHA_MIN)));
-        let roughness = L::select(r2.ge(s(ALPHA_MIN)), alpha_bar * (s(2.0) * m.roughness), zero);
-        let rest = (one - m.metallic) * s(INV_PI);
-        let albedo = std::array::from_fn(|k| self.diffuse[k] * rest + self.albedo[k] * m.metallic);
-        let metallic = self.metallic - dot(self.diffuse, m.albedo) * s(INV_PI);
-        let radial = dot(point.normal, self.normal);
-        let there = length.gt(zero);
-        let safe = L::select(there, length, one);
-        let normal = std::array::from_fn(|i| (self.normal[i] - point.normal[i] * radial) / safe);
-        (select(there, normal, [zero; 3]), albedo, roughness, metallic)
+/// Sums of [`PointBar`]s of eight points, in double precision.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sums([PointBar<f64>; 8]);
+
+/// (N̄, ā, r̄, m̄) of eight points.
+pub(super) type Bar8 = [([f32; 3], [f32; 3], f32, f32); 8];
+
+impl Sums {
+    /// Adds to every sum.
+    #[inline]
+    pub(super) fn add(&mut self, bar: &PointBar<f32x8>) {
+        let three = |to: &mut [f64; 3], x: &[f32x8; 3], l: usize| {
+            (0..3).for_each(|k| to[k] += f64::from(x[k].to_array()[l]));
+        };
+        for (l, to) in self.0.iter_mut().enumerate() {
+            three(&mut to.normal, &bar.normal, l);
+            three(&mut to.albedo, &bar.albedo, l);
+            three(&mut to.diffuse, &bar.diffuse, l);
+            to.metallic += f64::from(bar.metallic.to_array()[l]);
+            to.a2 += f64::from(bar.a2.to_array()[l]);
+        }
+    }
+
+    /// Undoes α² = max(r², α_min)², the diffuse lobe, and n = N/‖N‖ with ‖N‖ = `length` (0: no gradient). Rounded once.
+    pub(super) fn finish(&self, point: &Point<f32x8>, m: &Material<f32x8>, length: f32x8) -> Bar8 {
+        std::array::from_fn(|l| {
+            let (bar, one) = (&self.0[l], |x: f32x8| f64::from(x.to_array()[l]));
+            let dot = |a: [f64; 3], b: [f64; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
+            let [albedo, n] = [m.albedo, point.normal].map(|v| v.map(one));
+            let (r, metallic, length) = (m.roughness.to_array()[l], one(m.metallic), one(length));
+            let rough = r * r >= ALPHA_MIN;
+            let r = f64::from(r);
+            let inv_pi = std::f64::consts::FRAC_1_PI;
+            let rest = (1.0 - metallic) * inv_pi;
+            let radial = dot(n, bar.normal);
+            let turn = |k: usize| if length > 0.0 { (bar.normal[k] - n[k] * radial) / length } else { 0.0 };
+            (
+                [0, 1, 2].map(|k| turn(k) as f32),
+                [0, 1, 2].map(|k| (bar.diffuse[k] * rest + bar.albedo[k] * metallic) as f32),
+                // r̄ = ∂α²/∂r of α² = r⁴
+                if rough { (bar.a2 * (4.0 * (r * r) * r)) as f32 } else { 0.0 },
+                (bar.metallic - dot(bar.diffuse, albedo) * inv_pi) as f32,
+            )
+        })
     }
 }
 
@@ -382,23 +417,23 @@ pub fn adjoint(x: In<'_>, brdf_bar: &[[f32; 3]], x_bar: &mut InBar) {
         let mut bar = PointBar::default();
         let facet = point.facet(light);
         bar.add(&point, &m, light, &facet, rows8(brdf_bar, at), f32x8::splat(0.0));
-        bar.finish(&point, &m, length)
+        let mut sums = Sums::default();
+        sums.add(&bar);
+        sums.finish(&point, &m, length)
     });
     for (g, bar) in bars.into_iter().enumerate() {
-        scatter_bar(bar, 8 * g, x_bar);
+        scatter_bar(&bar, 8 * g, x_bar);
     }
 }
 
-/// Adds eight rows of gradients; lanes past the end are dropped.
-pub(super) fn scatter_bar(bar: ([f32x8; 3], [f32x8; 3], f32x8, f32x8), at: usize, x_bar: &mut InBar) {
-    let (n, a) = (bar.0.map(f32x8::to_array), bar.1.map(f32x8::to_array));
-    let (r, m) = (bar.2.to_array(), bar.3.to_array());
-    for l in 0..Ord::min(8, x_bar.normal.len() - at) {
+/// Adds eight rows of gradients; those past the end are dropped.
+pub(super) fn scatter_bar(bar: &Bar8, at: usize, x_bar: &mut InBar) {
+    for (i, (n, a, r, m)) in (at..x_bar.normal.len()).zip(bar) {
         for k in 0..3 {
-            x_bar.normal[at + l][k] += n[k][l];
-            x_bar.albedo[at + l][k] += a[k][l];
+            x_bar.normal[i][k] += n[k];
+            x_bar.albedo[i][k] += a[k];
         }
-        x_bar.roughness[at + l] += r[l];
-        x_bar.metallic[at + l] += m[l];
+        x_bar.roughness[i] += r;
+        x_bar.metallic[i] += m;
     }
 }

@@ -1,8 +1,11 @@
-//! What several test programs share: the golden arrays, and saying that a test did not run.
+//! What several test programs share: the golden arrays, saying that a test did not run, folders as what is in them.
 #![allow(dead_code, reason = "each test program uses its part")]
+
+pub(crate) mod program;
 
 use lastlight::io::npz;
 use lastlight::num::array::Arrays;
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -21,4 +24,34 @@ pub(crate) fn golden(name: &str) -> Option<Arrays> {
 /// A line that the test runner does not swallow.
 pub(crate) fn not_run(why: &str) {
     writeln!(std::io::stderr(), "not run: {why}").expect("standard error is open");
+}
+
+/// Contents of the files below a folder, by their path in it with `/` between names.
+pub(crate) type Tree = BTreeMap<String, Vec<u8>>;
+
+/// All files below a folder.
+pub(crate) fn tree(dir: &Path) -> Tree {
+    let mut files = Tree::new();
+    let mut folders = vec![dir.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).expect("readable") {
+            let path = entry.expect("an entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else {
+                let name = path.strip_prefix(dir).expect("inside").to_string_lossy().replace('\\', "/");
+                files.insert(name, std::fs::read(&path).expect("readable"));
+            }
+        }
+    }
+    files
+}
+
+/// The same paths with the same bytes.
+pub(crate) fn assert_same(a: &Tree, b: &Tree, what: &str) {
+    let names = |x: &Tree| x.keys().cloned().collect::<Vec<_>>();
+    assert_eq!(names(a), names(b), "{what}: the same files");
+    for (name, bytes) in a {
+        assert!(*bytes == b[name], "{what}: {name} differs");
+    }
 }

@@ -355,3 +355,78 @@ fn the_operators_refuse_what_is_out_of_range() {
         }
     }
 }
+
+/// A map of half a million texels, roughnesses as of scenes and one lobe of a few texels: the gradients of points are sums over as many terms.
+#[test]
+fn gradients_under_a_large_map_are_those_of_the_twin() {
+    use lastlight::shade::envmap;
+    let (h, w, n) = (512, 1024, 8);
+    let env: Vec<[f32; 3]> = (0..h * w)
+        .map(|t| {
+            let sun = if t % 4099 == 7 { 300.0 } else { 1.0 };
+            [uniform(t, 20) * sun, uniform(t, 21) * sun, uniform(t, 22) * sun]
+        })
+        .collect();
+    let normals: Vec<_> = (0..n).map(|i| on_sphere(i, 3)).collect();
+    let views: Vec<_> =
+        (0..n).map(|i| unit([0, 1, 2].map(|k| normals[i][k] + 0.6 * on_sphere(i, 4)[k])).0).collect();
+    let albedo: Vec<_> = (0..n).map(|i| material(i).albedo).collect();
+    let roughness: Vec<f32> = (0..n).map(|i| 0.2 + 0.1 * i as f32).collect();
+    let metallic: Vec<f32> = (0..n).map(|i| uniform(i, 6)).collect();
+    let bars: Vec<[f32; 3]> = (0..n).map(|i| [0, 1, 2].map(|k| uniform(i, 30 + k) - 0.5)).collect();
+    let x = envmap::In {
+        normal: &normals,
+        view: &views,
+        albedo: &albedo,
+        roughness: &roughness,
+        metallic: &metallic,
+        env: &env,
+        height: h,
+        width: w,
+    };
+    let mut bar = InBar {
+        normal: vec![[0.0; 3]; n],
+        albedo: vec![[0.0; 3]; n],
+        roughness: vec![0.0; n],
+        metallic: vec![0.0; n],
+    };
+    let mut env_bar = vec![[0.0_f32; 3]; h * w];
+    envmap::adjoint(x, &bars, &mut bar, &mut env_bar);
+    let named =
+        |name: &str, shape: &[usize], v: Vec<f64>| (name.to_owned(), reference::array::Arr::new(shape, v));
+    let wide = |v: &[[f32; 3]]| v.iter().flatten().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+    let one = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
+    let inputs: reference::array::Named<f64> = [
+        named("normal", &[n, 3], wide(&normals)),
+        named("view", &[n, 3], wide(&views)),
+        named("albedo", &[n, 3], wide(&albedo)),
+        named("roughness", &[n], one(&roughness)),
+        named("metallic", &[n], one(&metallic)),
+        named("env", &[h, w, 3], wide(&env)),
+    ]
+    .into_iter()
+    .collect();
+    let cotangents: reference::array::Named<f64> =
+        [named("radiance", &[n, 3], wide(&bars))].into_iter().collect();
+    let settings = std::collections::BTreeMap::new();
+    let request =
+        reference::twins::Request { op: "shade.envmap", inputs: &inputs, settings: &settings, plan: None };
+    let (_, want) = reference::twins::vjp(&request, &cotangents).expect("the twin runs");
+    let f = |v: &[[f32; 3]]| wide(v);
+    for (name, got) in [
+        ("normal", f(&bar.normal)),
+        ("albedo", f(&bar.albedo)),
+        ("roughness", one(&bar.roughness)),
+        ("metallic", one(&bar.metallic)),
+        ("env", f(&env_bar)),
+    ] {
+        let e = relative(&got, &want[name].data);
+        let top = want[name].data.iter().fold(0.0f64, |m, v| if v.abs() > m { v.abs() } else { m });
+        let each = got.iter().zip(&want[name].data).fold(0.0f64, |m, (g, w)| {
+            let e = (g - w).abs() / lastlight::num::order::max(w.abs(), 1e-3 * top);
+            if e > m { e } else { m }
+        });
+        println!("{name}_bar: relative {e:.2e}, worst entry {each:.2e}");
+        assert!(e <= 2e-5, "{name}_bar: relative error {e}");
+    }
+}

@@ -137,10 +137,12 @@ impl Appearance {
                 let (x, z) = ((turn - 0.5) * girth, height - 1.265);
                 let r = (x * x + z * z).sqrt();
                 // A five-pointed star cut out of a disc.
-                let fifth = Scalar::atan2(x, z) * (5.0 / TAU);
-                let off = (fifth - (fifth + 0.5).floor()).abs();
-                let star = 0.062 * (1.0 - 1.15 * off);
-                (0.0..0.085).contains(&r) && r > star
+                let star = || {
+                    let fifth = Scalar::atan2(x, z) * (5.0 / TAU);
+                    let off = (fifth - (fifth + 0.5).floor()).abs();
+                    0.062 * (1.0 - 1.15 * off)
+                };
+                (0.0..0.085).contains(&r) && r > star()
             }
         };
         if accent { self.accent } else { self.shirt }

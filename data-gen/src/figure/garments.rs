@@ -1,10 +1,10 @@
 //! The parts of a person, in metres at rest: profiles of tubes along the bones.
 
 use super::appearance::{Appearance, Bottom};
-use super::factors::{LIMB_WIDTH, TRUNK_WIDTH};
+use super::factors::{Drive, LIMB_WIDTH, TRUNK_WIDTH};
 use super::loft::{Ring, Shell, along, between, level, tube};
-use super::skeleton::{LEFT, SKIRT, V3, add, cross, scale, sub, unit};
-use super::surface::{Folds, Piece, section};
+use super::skeleton::{LEFT, METRES, SKIRT, V3, add, cross, scale, sub, unit};
+use super::surface::{Folds, OWN_FOLDS, Piece, Under, WRINKLES, section};
 use super::texture::{FACE_BOTTOM, FACE_TOP, SHIRT_BOTTOM, SHIRT_TOP};
 use reference::num::elem::{cos, exp, sin};
 use std::f64::consts::TAU;
@@ -37,6 +37,7 @@ fn plain(name: &'static str, shell: Shell, material: usize) -> Piece {
         slack: |_| 0.0,
         width: LIMB_WIDTH,
         rim: None,
+        under: None,
         uv: |[turn, length], _| [turn, length],
     }
 }
@@ -91,7 +92,7 @@ fn head() -> Shell {
 
 /// A shell over the head that leaves the face free.
 fn hair(long: bool) -> Shell {
-    let keys = head_keys();
+    let rows = head_keys().map(|r| [r.center[2], r.half[0], r.half[1], r.center[1]]);
     const TOP: f64 = 1.709;
     let rim = move |turn: f64| {
         let a = ahead(turn);
@@ -105,7 +106,7 @@ fn hair(long: bool) -> Shell {
         let z = low + (TOP - low) * share;
         // Heights above the rim are those of the head, stretched to the hair's top.
         let inner = 1.699 - (TOP - z) * (1.699 - low) / (TOP - low);
-        let [half_x, half_y, y] = section(&keys, if inner < 1.53 { 1.53 } else { inner });
+        let [_, half_x, half_y, y] = section(&rows, if inner < 1.53 { 1.53 } else { inner });
         // Below the skull long hair falls a little inwards.
         let fall = 1.0 - 0.35 * smooth(1.53, 1.36, z);
         let lock = 0.0012 * sin(26.0 * a) * (1.0 - share);
@@ -295,8 +296,9 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
         pieces.extend(both(["left finger", "right finger"], finger, |n, s| plain(n, s, SKIN)));
     }
     let bare: &[(f64, f64, f64, f64)] = &[
-        (0.69, 0.050, 0.050, 0.0),
-        (0.68, 0.064, 0.068, 0.0),
+        (0.79, 0.048, 0.048, 0.0),
+        (0.78, 0.066, 0.070, 0.0),
+        (0.68, 0.065, 0.069, 0.0),
         (0.64, 0.063, 0.067, 0.0),
         (0.53, 0.052, 0.055, 0.0),
         (0.48, 0.050, 0.053, 0.0),
@@ -307,8 +309,8 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
         (0.07, 0.031, 0.036, 0.004),
         (0.045, 0.028, 0.032, 0.004),
     ];
-    // Under cloth there is no body, so that folds may go as deep as they like.
-    let from = if appearance.bottom == Bottom::Skirt { 0 } else { 7 };
+    // Under cloth there is no body, but for what a short skirt shows.
+    let from = if appearance.bottom == Bottom::Skirt { 0 } else { 8 };
     pieces.extend(both(["left leg", "right leg"], leg_tube(&bare[from..], 32), |n, s| plain(n, s, SKIN)));
     pieces.extend(both(["left shoe", "right shoe"], shoe(), |n, s| plain(n, s, SHOES)));
     pieces
@@ -327,7 +329,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     let hem: &[Ring] = if tucked {
         &[level(1.026, 0.100, 0.075, 0.0), level(1.029, 0.122, 0.091, 0.0)]
     } else {
-        &[level(0.876, 0.150, 0.110, 0.0), level(0.874, 0.177, 0.136, 0.0), level(0.882, 0.181, 0.140, 0.0)]
+        &[level(0.876, 0.150, 0.110, 0.0), level(0.874, 0.180, 0.139, 0.0), level(0.882, 0.184, 0.143, 0.0)]
     };
     let mut keys = hem.to_vec();
     keys.extend([
@@ -351,6 +353,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
         width: TRUNK_WIDTH,
         // Over trousers the shirt stands for the skirt: its hem goes up and down as far.
         rim: (!tucked).then_some(1.18),
+        under: (!tucked).then_some(Under::Trousers),
         uv: |[turn, _], p| [turn, (SHIRT_TOP - p[2]) / (SHIRT_TOP - SHIRT_BOTTOM)],
         ..plain("shirt", trunk, SHIRT)
     }];
@@ -380,7 +383,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     ];
     let sleeve = arm_tube(if appearance.long_sleeves { long } else { short }, 36);
     pieces.extend(both(["left sleeve", "right sleeve"], sleeve, |name, shell| Piece {
-        folds: Folds::Own(0.25),
+        folds: Folds::Own(OWN_FOLDS),
         // Nothing moves where the sleeve is sewn in.
         slack: |p| smooth(0.17, 0.21, if p[0] < 0.0 { -p[0] } else { p[0] }),
         uv: |[turn, length], _| [turn, length / 0.6],
@@ -389,15 +392,61 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     pieces
 }
 
+/// A ring of a tube that goes down.
+fn ring(z: f64, a: f64, b: f64) -> Ring {
+    Ring { y: [0.0, -1.0, 0.0], ..level(z, a, b, 0.0) }
+}
+
+/// Heights and half axes of trousers at the hips, downwards.
+const HIPS: [[f64; 3]; 8] = [
+    [1.000, 0.120, 0.085],
+    [1.003, 0.146, 0.106],
+    [0.960, 0.158, 0.114],
+    [0.900, 0.172, 0.124],
+    [0.850, 0.166, 0.120],
+    [0.815, 0.130, 0.098],
+    [0.800, 0.080, 0.070],
+    [0.795, 0.040, 0.040],
+];
+
+/// The same upwards, and above the waistband a way in, so that the shirt comes free gently.
+const UNDER_SHIRT: [[f64; 3]; 8] =
+    [HIPS[7], HIPS[6], HIPS[5], HIPS[4], HIPS[3], HIPS[2], HIPS[1], [1.10, 0.060, 0.045]];
+
+/// Distance between a place and two legs around x = ±`apart`, those of radius `radius` at u_B = 0.
+fn from_legs(p: V3, apart: f64, radius: f64, drive: &Drive) -> f64 {
+    let side = if p[0] < 0.0 { -p[0] } else { p[0] } - apart;
+    let off = if side > 0.0 { side } else { 0.0 };
+    (off * off + p[1] * p[1]).sqrt() - radius - METRES * drive.girth(LIMB_WIDTH, radius / METRES)
+}
+
+/// How far a place is from bare legs, metres.
+pub(super) fn above_legs(p: V3, drive: &Drive) -> f64 {
+    from_legs(p, 0.093, 0.071, drive) + 0.1 * smooth(0.78, 0.84, p[2]) - 0.004
+}
+
+/// How far a place is from the hips and legs of trousers, across the body, metres.
+pub(super) fn above_trousers(p: V3, drive: &Drive) -> f64 {
+    let [_, a, b] = section(&UNDER_SHIRT, p[2]);
+    let (x, y) = (p[0] / a, p[1] / b);
+    let radius = (p[0] * p[0] + p[1] * p[1]).sqrt();
+    let hips = radius * (1.0 - 1.0 / (x * x + y * y).sqrt()) - METRES * drive.girth(TRUNK_WIDTH, b / METRES);
+    // Legs are deeper than wide.
+    let wrinkle = if drive.wrinkle < 0.0 { -drive.wrinkle } else { drive.wrinkle };
+    let folds = METRES * OWN_FOLDS * WRINKLES * wrinkle * leg_slack(p);
+    let legs =
+        from_legs([p[0], 0.86 * p[1], p[2]], 0.089, 0.087, drive) + 0.1 * smooth(0.88, 0.95, p[2]) - folds;
+    (if hips < legs { hips } else { legs }) - 0.003
+}
+
+/// Folds of trouser legs begin below the hips.
+fn leg_slack(p: V3) -> f64 {
+    smooth(0.86, 0.74, p[2])
+}
+
 /// A skirt, open below.
 pub(super) fn skirt() -> Vec<Piece> {
     let [[_, _], [hem, hem_radius]] = SKIRT;
-    let ring = |z: f64, a: f64, b: f64| Ring {
-        center: [0.0, 0.0, z],
-        x: [1.0, 0.0, 0.0],
-        y: [0.0, -1.0, 0.0],
-        half: [a, b],
-    };
     let keys = [
         ring(1.046, 0.120, 0.090),
         ring(1.052, 0.142, 0.110),
@@ -410,14 +459,16 @@ pub(super) fn skirt() -> Vec<Piece> {
         ring(hem, hem_radius - 0.003, 0.204),
         ring(hem + 0.004, hem_radius - 0.008, 0.199),
         ring(0.720, 0.190, 0.168),
-        ring(0.840, 0.150, 0.120),
-        ring(0.860, 0.080, 0.060),
+        ring(0.840, 0.170, 0.145),
+        ring(0.900, 0.150, 0.115),
+        ring(0.915, 0.080, 0.060),
     ];
     vec![Piece {
         folds: Folds::Body,
         slack: |p| smooth(0.05, 0.09, (p[0] * p[0] + p[1] * p[1]).sqrt()),
         width: TRUNK_WIDTH,
         rim: Some(SKIRT[0][0]),
+        under: Some(Under::Legs),
         uv: |[turn, length], _| [6.0 * turn, 6.0 * length],
         ..plain("skirt", tube(&between(&keys, 0.014), 88, |_, p| p), CLOTH)
     }]
@@ -425,25 +476,9 @@ pub(super) fn skirt() -> Vec<Piece> {
 
 /// Trousers: hips and two legs.
 pub(super) fn trousers() -> Vec<Piece> {
-    let ring = |z: f64, a: f64, b: f64| Ring {
-        center: [0.0, 0.0, z],
-        x: [1.0, 0.0, 0.0],
-        y: [0.0, -1.0, 0.0],
-        half: [a, b],
-    };
-    let keys = [
-        ring(1.000, 0.120, 0.085),
-        ring(1.003, 0.146, 0.106),
-        ring(0.960, 0.158, 0.114),
-        ring(0.900, 0.172, 0.124),
-        ring(0.850, 0.166, 0.120),
-        ring(0.815, 0.130, 0.098),
-        ring(0.800, 0.080, 0.070),
-        ring(0.795, 0.040, 0.040),
-    ];
+    let keys = HIPS.map(|[z, a, b]| ring(z, a, b));
+    // They sit tight; folds are those of the shirt over them and of the legs.
     let mut pieces = vec![Piece {
-        folds: Folds::Body,
-        slack: trunk_slack,
         width: TRUNK_WIDTH,
         uv: |[turn, length], _| [6.0 * turn, 6.0 * length],
         ..plain("hips", tube(&between(&keys, 0.012), 72, |_, p| p), CLOTH)
@@ -466,8 +501,8 @@ pub(super) fn trousers() -> Vec<Piece> {
         40,
     );
     pieces.extend(both(["left trouser leg", "right trouser leg"], leg, |name, shell| Piece {
-        folds: Folds::Own(0.25),
-        slack: |p| smooth(0.86, 0.74, p[2]),
+        folds: Folds::Own(OWN_FOLDS),
+        slack: leg_slack,
         uv: |[turn, length], _| [2.0 * turn, 6.0 * length],
         ..plain(name, shell, CLOTH)
     }));

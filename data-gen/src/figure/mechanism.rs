@@ -97,6 +97,18 @@ pub struct Scm {
 impl Scm {
     /// Draws the coefficients.
     pub fn new(graph: Graph, mechanism: Mechanism, standardised: bool, seed: u64) -> Self {
+        Self::with_draws(graph, mechanism, standardised, seed, DRAWS)
+    }
+
+    /// [`Scm::new`] with variances of nonlinear mechanisms from the first `draws` of the fixed draws only: their relative error is about
+    /// √(2/draws). For statistics over many models.
+    pub fn with_draws(
+        graph: Graph,
+        mechanism: Mechanism,
+        standardised: bool,
+        seed: u64,
+        draws: usize,
+    ) -> Self {
         let n = graph.n();
         let draw = |i: usize, j: usize, draw: u16| {
             uniform_f64(Key { seed, item: (i * n + j) as u64, step: 0, purpose: purpose::COEFFICIENT, draw })
@@ -113,7 +125,7 @@ impl Scm {
         if standardised {
             match mechanism {
                 Mechanism::Lin | Mechanism::Ng => scm.standardise_exactly(),
-                Mechanism::Nl | Mechanism::NlNg => scm.standardise_by_draws(),
+                Mechanism::Nl | Mechanism::NlNg => scm.standardise_by_draws(draws),
             }
         }
         scm
@@ -149,9 +161,9 @@ impl Scm {
         }
     }
 
-    fn standardise_by_draws(&mut self) {
+    fn standardise_by_draws(&mut self, draws: usize) {
         let n = self.graph.n();
-        // (n, DRAWS) f(u_i) of the nodes that have children
+        // (n, draws) f(u_i) of the nodes that have children
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); n];
         for j in self.graph.order.clone() {
             let parents = self.graph.parents(j);
@@ -159,7 +171,7 @@ impl Scm {
             if parents.is_empty() && !has_children {
                 continue;
             }
-            let mut sums: Vec<f64> = (0..DRAWS)
+            let mut sums: Vec<f64> = (0..draws)
                 .map(|k| parents.iter().fold(0.0, |sum, &p| sum + self.a[p][j] * values[p][k]))
                 .collect();
             let explained = if parents.is_empty() { 0.0 } else { variance(&sums) };

@@ -72,6 +72,11 @@ pub fn framed(p: V3) -> V3 {
     [p[0] / METRES, p[1] / METRES, (p[2] - METRES) / METRES]
 }
 
+/// The figure's frame to metres.
+pub(super) fn metric(x: V3) -> V3 {
+    [METRES * x[0], METRES * x[1], METRES * x[2] + METRES]
+}
+
 /// Shoulder, elbow, end of the forearm, hip, knee, ankle of the left side, in metres.
 pub(super) const LEFT: [V3; 6] = [
     [0.17, 0.0, 1.385],

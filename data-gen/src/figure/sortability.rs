@@ -4,6 +4,17 @@
 //! edges from i to j are counted; the result is the fraction of them whose end has the strictly larger variance, by more than 1e-9 of
 //! the smallest one. R²-sortability (Reisach, Tami, Seiler, Chambaz, Weichwald 2023) orders by the coefficient of
 //! determination of each factor given all others instead, which no rescaling changes; equal ones count ½.
+//!
+//! Measured as means over 200 seeds of 500 frames, 4 to 8 factors, all mechanisms (`tests/figure/sortability.rs` holds the table):
+//!
+//! | | standardised | raw |
+//! |---|---|---|
+//! | varsortability | 0.46 to 0.54 | 0.87 to 1; a chain under tanh 0.75, where variances saturate |
+//! | R²-sortability, random graphs | 0.49 to 0.66; with as many edges as factors 0.52 to 0.60 | 0.41 to 0.78 |
+//! | R²-sortability, named graphs | FORK 0, CHAIN 0.46 to 0.50, COLLIDER 1, DIAMOND 0.65 to 0.71, FULL 0.61 to 0.63 | FORK 0, COLLIDER 1, others 0.48 to 0.73 |
+//!
+//! R² is no matter of scale, so the bounds for variances (0.5 ± 0.1 standardised, above 0.8 raw) cannot be asked of it: a fork's cause is always
+//! explained better than its children, a collider's end better than its causes.
 
 use super::graph::Graph;
 

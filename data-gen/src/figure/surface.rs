@@ -4,12 +4,14 @@
 //! of the template. Cloth is displaced across its tube (both sides of a hem together) by the wrinkles of [`super::factors::Drive::wrinkles`] and by two
 //! finer waves, all of them proportional to u_W; sleeves and trouser legs take them around their own axis and weaker. Posture
 //! moves cloth by skinning alone. A fold is that of its place at rest; where folds and width would take a vertex further inwards than
-//! [`INWARDS`] of the smallest radius of curvature of its ellipse, it stops there, so that no tube turns inside out.
+//! [`INWARDS`] of the smallest radius of curvature of its ellipse, it stops there, so that no tube turns inside out. A skirt and a shirt
+//! over trousers lie on what they cover: inwards they take at most [`CLOSEST`] of the room there is at rest under the same width and
+//! length. What a garment's length moves takes the skinning weights of the height it is moved to, so that it bends as what it covers.
 
 use super::appearance::{Appearance, Bottom};
 use super::factors::{Drive, WRINKLE};
-use super::loft::{Ring, Shell, normals};
-use super::skeleton::{BONES, METRES, V3, add, bones, framed, pose, scale, weights};
+use super::loft::{Shell, normals};
+use super::skeleton::{BONES, Bone, METRES, V3, add, bones, framed, metric, pose, scale, weights};
 use super::{garments, texture};
 use crate::surface::{Material, Surface};
 use reference::body::skin;
@@ -21,6 +23,37 @@ pub const FINE_FOLDS: [f64; 2] = [0.008, 0.005];
 
 /// Share of the radius of curvature that vertices move inwards at most.
 pub const INWARDS: f64 = 0.8;
+
+/// Share of the room above what it covers that cloth moves inwards at most; the rest keeps its two sides apart.
+pub const CLOSEST: f64 = 0.9;
+
+/// Steps that bring cloth outside of what it covers.
+const OUTWARD_STEPS: usize = 4;
+
+/// Weakening of folds around limbs.
+pub(super) const OWN_FOLDS: f64 = 0.25;
+
+/// Sum of the amplitudes of all folds at u_W = 1.
+pub(super) const WRINKLES: f64 = WRINKLE + FINE_FOLDS[0] + FINE_FOLDS[1];
+
+/// What lies under cloth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Under {
+    /// bare legs
+    Legs,
+    /// hips and legs in trousers
+    Trousers,
+}
+
+impl Under {
+    /// Distance of a place from it under the factors, metres; negative inside.
+    fn room(self, place: V3, drive: &Drive) -> f64 {
+        match self {
+            Self::Legs => garments::above_legs(place, drive),
+            Self::Trousers => garments::above_trousers(place, drive),
+        }
+    }
+}
 
 /// Where a part gets its folds from.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,6 +98,10 @@ pub struct Part {
     radii: Vec<[f64; 2]>,
     /// Height below which the skirt's length moves it.
     rim: Option<f64>,
+    /// What it lies on.
+    under: Option<Under>,
+    /// (V) whether the vertex lies outside of that at rest; the inner side of a hem need not
+    covers: Vec<bool>,
 }
 
 /// A person at rest.
@@ -96,13 +133,16 @@ pub(super) struct Piece {
     pub(super) width: f64,
     /// Height in metres below which the skirt's length moves it.
     pub(super) rim: Option<f64>,
+    /// What it lies on.
+    pub(super) under: Option<Under>,
     /// Texture coordinates from turn around, length along, rest position in metres.
     pub(super) uv: fn([f64; 2], V3) -> [f64; 2],
 }
 
 impl Part {
     fn new(piece: Piece) -> Self {
-        let Piece { name, shell, material, folds, slack, width, rim, uv } = piece;
+        let Piece { name, shell, material, folds, slack, width, rim, under, uv } = piece;
+        let rest = Drive::new(&[]);
         let positions: Vec<V3> = shell.positions.iter().map(|&p| framed(p)).collect();
         let bones = bones();
         Self {
@@ -123,6 +163,12 @@ impl Part {
                 .map(|&[a, b]| [a / METRES, if b > 0.0 { a * a / b / METRES } else { 0.0 }])
                 .collect(),
             rim: rim.map(|z| framed([0.0, 0.0, z])[2]),
+            covers: shell
+                .positions
+                .iter()
+                .map(|&p| under.is_some_and(|under| under.room(p, &rest) > 0.0))
+                .collect(),
+            under,
         }
     }
 
@@ -154,23 +200,50 @@ impl Part {
             }
     }
 
-    /// Canonical position of a vertex under the factors, before skinning.
-    fn canonical(&self, v: usize, drive: &Drive, phases: [f64; 2]) -> V3 {
+    /// A vertex at rest, moved by the length of the skirt.
+    fn hung(&self, v: usize, drive: &Drive) -> V3 {
         let mut x = self.positions[v];
         if let Some(rim) = self.rim {
             x[2] = drive.skirt_height(rim, x[2]);
         }
+        x
+    }
+
+    /// Canonical position of a vertex under the factors, before skinning.
+    fn canonical(&self, v: usize, drive: &Drive, phases: [f64; 2]) -> V3 {
+        let x = self.hung(v, drive);
         let [radius, curvature] = self.radii[v];
         let moved = drive.girth(self.width, radius) + self.fold(v, drive, phases);
         let least = -INWARDS * curvature;
-        add(x, scale(self.outward[v], if moved < least { least } else { moved }))
+        let mut moved = if moved < least { least } else { moved };
+        let at = |moved: f64| add(x, scale(self.outward[v], moved));
+        if let Some(under) = self.under.filter(|_| self.covers[v]) {
+            let room = |moved: f64| under.room(metric(at(moved)), drive) / METRES;
+            let least = -CLOSEST * room(0.0);
+            moved = if moved < least { least } else { moved };
+            // Outward is not quite the shortest way.
+            for _ in 0..OUTWARD_STEPS {
+                let left = room(moved);
+                moved = if left < 0.0 { moved - left } else { moved };
+            }
+        }
+        at(moved)
     }
 
-    fn posed(&self, drive: &Drive, transforms: &[skin::Affine<f64>; BONES], phases: [f64; 2]) -> PosedPart {
+    fn posed(
+        &self,
+        drive: &Drive,
+        bones: &[Bone; BONES],
+        transforms: &[skin::Affine<f64>; BONES],
+        phases: [f64; 2],
+    ) -> PosedPart {
+        let is_moved =
+            |v: usize| self.rim.is_some_and(|rim| self.positions[v][2] < rim) && drive.skirt != 1.0;
         let positions: Vec<V3> = (0..self.positions.len())
             .map(|v| {
                 let x = self.canonical(v, drive, phases);
-                skin::point(&skin::blend(&self.weights[v], transforms), x)
+                let held = if is_moved(v) { weights(bones, self.hung(v, drive)) } else { self.weights[v] };
+                skin::point(&skin::blend(&held, transforms), x)
             })
             .collect();
         let normals = normals(&positions, &self.triangles, &self.weld);
@@ -192,13 +265,20 @@ impl Figure {
 
     /// Vertices of every part under the factors.
     pub fn posed(&self, drive: &Drive) -> Vec<PosedPart> {
-        let transforms = pose(&bones(), drive);
-        self.parts.iter().map(|part| part.posed(drive, &transforms, self.appearance.fold_phases)).collect()
+        let bones = bones();
+        let transforms = pose(&bones, drive);
+        let phases = self.appearance.fold_phases;
+        self.parts.iter().map(|part| part.posed(drive, &bones, &transforms, phases)).collect()
     }
 
     /// The materials, their cloth dyed by the hue of the factors.
     pub fn materials(&self, drive: &Drive) -> Vec<Material> {
         texture::materials(&self.appearance, drive.hue)
+    }
+
+    /// Those of [`Self::materials`] that the hue of the factors dyes, with their place.
+    pub fn dyed(&self, drive: &Drive) -> Vec<(usize, Material)> {
+        texture::dyed(&self.appearance, drive.hue)
     }
 
     /// Every part as a surface of its own.
@@ -219,19 +299,17 @@ impl Figure {
     }
 }
 
-/// Linear interpolation between the ring keys of a head, for what lies on it: half axes and centre at a height.
-pub(super) fn section(keys: &[Ring], z: f64) -> [f64; 3] {
-    let value = |r: &Ring| [r.half[0], r.half[1], r.center[1]];
-    let last = keys.len() - 1;
-    if z <= keys[0].center[2] {
-        return value(&keys[0]);
+/// Linear interpolation at a height between rows that begin with ascending heights.
+pub(super) fn section<const K: usize>(rows: &[[f64; K]], z: f64) -> [f64; K] {
+    let last = rows.len() - 1;
+    if z <= rows[0][0] {
+        return rows[0];
     }
-    match keys.windows(2).find(|k| z <= k[1].center[2]) {
-        None => value(&keys[last]),
+    match rows.windows(2).find(|k| z <= k[1][0]) {
+        None => rows[last],
         Some(k) => {
-            let t = (z - k[0].center[2]) / (k[1].center[2] - k[0].center[2]);
-            let (a, b) = (value(&k[0]), value(&k[1]));
-            std::array::from_fn(|i| a[i] + t * (b[i] - a[i]))
+            let t = (z - k[0][0]) / (k[1][0] - k[0][0]);
+            std::array::from_fn(|i| k[0][i] + t * (k[1][i] - k[0][i]))
         }
     }
 }
@@ -262,6 +340,34 @@ mod tests {
             }
         }
         worst
+    }
+
+    #[test]
+    fn cloth_lies_outside_of_what_it_covers() {
+        let (mut checked, mut worst) = (0, f64::INFINITY);
+        for wrinkle in [-2.5, 0.0, 2.5] {
+            for [width, length] in
+                [[-2.5, -2.5], [-2.5, 2.5], [2.5, -2.5], [2.5, 2.5], [0.0, 0.0], [0.0, 2.5]]
+            {
+                let drive = Drive::new(&[0.0, 0.0, wrinkle, 0.0, width, length]);
+                for index in 0..4 {
+                    let look = Appearance::new(9, index);
+                    for part in &Figure::new(&look).parts {
+                        let Some(under) = part.under else { continue };
+                        for v in (0..part.positions.len()).filter(|&v| part.covers[v]) {
+                            let left =
+                                under.room(metric(part.canonical(v, &drive, look.fold_phases)), &drive);
+                            worst = if left < worst { left } else { worst };
+                            checked += 1;
+                        }
+                    }
+                }
+            }
+        }
+        println!("{checked} vertices, the lowest {:.2} mm above what it covers", 1e3 * worst);
+        assert!(checked > 100_000, "there are some: {checked}");
+        // The margin of the outlines is 3 mm.
+        assert!(worst > -0.001, "a vertex is {worst} m inside of what it covers");
     }
 
     #[test]

@@ -8,6 +8,7 @@ use crate::surface::{Material, Picture, Transfer};
 use reference::num::elem::{cos, exp, sin};
 use reference::num::rng::{Key, uniform_f64};
 use std::f64::consts::TAU;
+use std::sync::OnceLock;
 
 /// Heights in metres of the first and last row of the face's texture.
 pub(super) const FACE_TOP: f64 = 1.705;
@@ -50,11 +51,19 @@ fn spot(x: f64, z: f64, half: [f64; 2], soft: f64) -> f64 {
     unit_interval((1.0 + soft - r) / (2.0 * soft))
 }
 
-/// Threads and pores: a factor around 1, the same for every person.
+/// Cells of the grain along a side of a texture.
+const CELLS: usize = 256;
+
+/// Threads and pores: a factor around 1, the same for every person. A cell's number is drawn once.
 fn grain(u: f64, v: f64, strength: f64) -> f64 {
-    let item = ((v * 256.0) as u64) << 16 | (u * 256.0) as u64;
-    let key = Key { seed: 0, item, step: 0, purpose: purpose::GRAIN, draw: 0 };
-    1.0 + strength * (uniform_f64(key) - 0.5)
+    static DRAWN: OnceLock<Vec<f64>> = OnceLock::new();
+    let draw = |i: usize| {
+        let item = ((i / CELLS) as u64) << 16 | (i % CELLS) as u64;
+        uniform_f64(Key { seed: 0, item, step: 0, purpose: purpose::GRAIN, draw: 0 })
+    };
+    let drawn = DRAWN.get_or_init(|| (0..CELLS * CELLS).map(draw).collect());
+    let cell = |x: f64| (x * CELLS as f64) as usize;
+    1.0 + strength * (drawn[cell(v) * CELLS + cell(u)] - 0.5)
 }
 
 fn face(look: &Appearance, u: f64, v: f64) -> Rgb {
@@ -90,21 +99,21 @@ fn face(look: &Appearance, u: f64, v: f64) -> Rgb {
     mix(c, times(lips, 0.5), 0.9 * spot(x, z - (1.5135 - 2.0 * x * x), [0.023, 0.0011], 0.5))
 }
 
-fn shirt(look: &Appearance, hue: f64, u: f64, v: f64) -> Rgb {
+fn shirt(look: &Appearance, u: f64, v: f64) -> Rgb {
     let z = SHIRT_TOP + v * (SHIRT_BOTTOM - SHIRT_TOP);
-    let mut c = turn_hue(look.shirt_at(u, z, GIRTH), hue);
+    let mut c = look.shirt_at(u, z, GIRTH);
     // Collar and hem are stitched.
     if z > 1.433 || (0.887..0.890).contains(&z) {
-        c = times(turn_hue(look.shirt, hue), 0.82);
+        c = times(look.shirt, 0.82);
     }
     times(c, grain(u, v, 0.06))
 }
 
-fn sleeve(look: &Appearance, hue: f64, u: f64, v: f64) -> Rgb {
+fn sleeve(look: &Appearance, u: f64, v: f64) -> Rgb {
     // 0.6 m along, 0.36 m around; no print.
     let plain = Appearance { pattern: Pattern::Plain, ..look.clone() };
     let look = if look.pattern == Pattern::Print { &plain } else { look };
-    times(turn_hue(look.shirt_at(u, 0.6 * v, 0.36), hue), grain(u, v, 0.06))
+    times(look.shirt_at(u, 0.6 * v, 0.36), grain(u, v, 0.06))
 }
 
 fn weave(color: Rgb, u: f64, v: f64) -> Rgb {
@@ -128,18 +137,30 @@ fn material(name: &str, roughness: f64, map: Picture) -> Material {
     }
 }
 
+/// The materials whose colours the hue turns, by an angle in rad, with their place among [`materials`]. A few colours are turned, not texels.
+pub(super) fn dyed(look: &Appearance, hue: f64) -> Vec<(usize, Material)> {
+    let look = &Appearance {
+        shirt: turn_hue(look.shirt, hue),
+        accent: turn_hue(look.accent, hue),
+        cloth: turn_hue(look.cloth, hue),
+        ..look.clone()
+    };
+    vec![
+        (SHIRT, material("shirt", 0.85, picture(512, 512, |u, v| shirt(look, u, v)))),
+        (SLEEVE, material("sleeve", 0.85, picture(256, 512, |u, v| sleeve(look, u, v)))),
+        (CLOTH, material("cloth", 0.85, picture(256, 256, |u, v| weave(look.cloth, u, v)))),
+    ]
+}
+
 /// Materials in the order of [`super::garments`], cloth turned by a hue angle in rad.
 pub(super) fn materials(look: &Appearance, hue: f64) -> Vec<Material> {
-    let cloth = turn_hue(look.cloth, hue);
-    let mut made = vec![
+    let mut made = dyed(look, hue);
+    made.extend([
         (SKIN, material("skin", 0.55, picture(64, 64, |u, v| times(look.skin, grain(u, v, 0.03))))),
         (FACE, material("face", 0.5, picture(512, 512, |u, v| face(look, u, v)))),
         (HAIR, material("hair", 0.45, picture(512, 64, |u, v| strands(look.hair, u, v)))),
-        (SHIRT, material("shirt", 0.85, picture(512, 512, |u, v| shirt(look, hue, u, v)))),
-        (SLEEVE, material("sleeve", 0.85, picture(256, 512, |u, v| sleeve(look, hue, u, v)))),
-        (CLOTH, material("cloth", 0.85, picture(256, 256, |u, v| weave(cloth, u, v)))),
         (SHOES, material("shoes", 0.35, picture(32, 32, |u, v| times(look.shoes, grain(u, v, 0.04))))),
-    ];
+    ]);
     made.sort_by_key(|(place, _)| *place);
     made.into_iter().map(|(_, m)| m).collect()
 }

@@ -7,3 +7,4 @@ mod npz;
 mod numbers;
 mod scenes;
 mod semantics;
+mod skin;

@@ -1,10 +1,11 @@
 //! `last gen`: the figure's data sets.
 
 use crate::cli::meter::Meter;
+use crate::cli::shared::Filling;
 use crate::cli::{self, claim};
 use crate::last::character::Casting;
 use crate::last::figure::Look;
-use crate::last::generate::{self, Report, Settings, Which};
+use crate::last::generate::{self, RECORD, Report, Settings, Which};
 use crate::{Error, Result};
 use std::path::PathBuf;
 
@@ -20,7 +21,8 @@ use std::path::PathBuf;
 Graphs over posture P, self-occlusion O, wrinkles W, light L (more factors: body width B, skirt length S,
 hue H, head yaw Y): FORK P>W P>O, CHAIN P>W>O>L, COLLIDER P>W<O, DIAMOND P>W P>O W>L O>L, FULL, EMPTY, and
 ER-m with m random edges. --out gets dataset.json with the graph, the coefficients and a digest of every
-file; the same settings give the same bytes for any number of threads.")]
+file; the same settings give the same bytes for any number of threads. Sortabilities say how far variances, or
+how well a factor is explained by the others, give the causal order away: 0.5 is not at all, 1 is all of it.")]
 pub(in crate::cli) struct Args {
     /// Folder for the data; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
@@ -48,22 +50,22 @@ pub(in crate::cli) struct Args {
     /// Sizes: full or smoke
     #[arg(long, value_name = "NAME", default_value = "full", help_heading = "Sizes")]
     profile: String,
-    /// Observational frames
+    /// Observational frames [default: 2048; smoke 128]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     count: Option<usize>,
-    /// Intervention groups of eight bases
+    /// Intervention groups of eight bases [default: 256; smoke 16]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     groups: Option<usize>,
-    /// Different persons in the sets
+    /// Different persons in the sets [default: 64; smoke 8]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     appearances: Option<usize>,
-    /// Points of the template
+    /// Points of the template [default: 2048; smoke 1024]
     #[arg(long, value_name = "P", help_heading = "Sizes")]
     points: Option<usize>,
-    /// Frames of the video
+    /// Frames of the video [default: 100; smoke 20]
     #[arg(long, value_name = "T", help_heading = "Sizes")]
     frames: Option<usize>,
-    /// Test cameras of the video, 1 to 22
+    /// Test cameras of the video, 1 to 22 [default: 22; smoke 4]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     test_cameras: Option<usize>,
     /// Which person the video shows
@@ -93,7 +95,7 @@ pub(in crate::cli) struct Args {
     /// Look of the sets
     #[arg(long, value_name = "NAME", help_heading = "Pictures")]
     set_look: Option<String>,
-    /// Side of every picture in pixels [default: 256 for the video, 64 for the sets]
+    /// Side of every picture in pixels [default: 256 for the video, smoke 64; 64 for the sets]
     #[arg(long, value_name = "S", help_heading = "Pictures")]
     size: Option<usize>,
     /// Side of the video's pictures
@@ -105,24 +107,11 @@ pub(in crate::cli) struct Args {
     /// Write depth, normals, albedo, material and linear radiance of the video too
     #[arg(long, help_heading = "Pictures")]
     passes: bool,
-    /// Samples per pixel of surfaces
+    /// Samples per pixel of surfaces [default: 16]
     #[arg(long, value_name = "N", help_heading = "Pictures")]
     samples: Option<u32>,
-    /// Seed of every draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Continue an interrupted run with the same settings
-    #[arg(long)]
-    resume: bool,
-    /// Start over in a folder that is used: removes the record, shards and pictures of the run before
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
-    /// Print the record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    filling: Filling,
 }
 
 impl Args {
@@ -164,7 +153,7 @@ impl Args {
                 hide: self.hide.clone(),
                 play: self.play,
             }),
-            seed: self.seed,
+            seed: self.filling.seed,
         };
         settings.validate()?;
         Ok(settings)
@@ -173,10 +162,10 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let settings = args.settings()?;
-    claim::check(&args.out, args.resume, args.force)?;
-    let mut meter = Meter::new(args.quiet);
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
+    let mut meter = Meter::new(args.filling.quiet);
     let report = cli::stoppable(|stop| {
-        generate::run(&settings, &args.out, args.resume, stop, &mut |done, total, what| {
+        generate::run(&settings, &args.out, args.filling.resume, stop, &mut |done, total, what| {
             if done == total {
                 meter.done();
             } else {
@@ -185,7 +174,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         })
     })?;
     meter.done();
-    if args.json {
+    if args.filling.json {
         return cli::say_json(&report.record);
     }
     for line in lines(args, &settings, &report, meter.seconds()) {
@@ -196,16 +185,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
 fn lines(args: &Args, settings: &Settings, report: &Report, seconds: f64) -> Vec<String> {
     let mut lines = vec![format!(
-        "{} factors, {} {}{}: {} files in {} ({:.1} s)",
+        "{} factors, {} {}{}: {} files, listed in {} ({:.1} s)",
         settings.factors,
         settings.graph,
         settings.mechanism,
         if settings.raw { ", raw" } else { ", standardised" },
         report.files.len(),
-        args.out.display(),
+        args.out.join(RECORD).display(),
         seconds
     )];
-    if report.record["video_causes_are_balanced"] == false && !args.quiet {
+    if report.record["video_causes_are_balanced"] == false && !args.filling.quiet {
         lines.push(format!(
             "a video of {} frames is too short for {} factors with variance 1 and no correlation: it takes {}",
             settings.frames,

@@ -1,6 +1,7 @@
 //! `lirm gen`: data sets of rendered objects.
 
 use crate::cli::meter::Meter;
+use crate::cli::shared::Filling;
 use crate::cli::{self, claim};
 use crate::lirm::r#gen::{self as set, Lighting, Set, Settings};
 use crate::scene::camera::Model;
@@ -21,8 +22,9 @@ Examples:
 
 Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it stands under a map) and
 one capture per light: transforms.json, images/, foreground/, and unless --passes photo radiance/, depth/, normal/,
-albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and
---first are, so a set can be made in pieces. An interrupted run continues with --resume.";
+albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever
+--objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues
+with --resume, which may also ask for more --objects.";
 
 /// Render objects with known shape, materials and light.
 #[derive(clap::Args)]
@@ -85,21 +87,8 @@ pub(in crate::cli) struct Args {
     /// Leave out object.glb and environment.exr
     #[arg(long)]
     no_truth: bool,
-    /// Seed of every draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Continue an interrupted run with the same settings; more --objects may be asked for
-    #[arg(long)]
-    resume: bool,
-    /// Replace files in --out that exist
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
-    /// Print what was made as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    filling: Filling,
 }
 
 impl Args {
@@ -118,7 +107,10 @@ impl Args {
             first: u64::from(self.first),
             meshes: self.mesh.clone(),
             maps: self.env.clone(),
-            map_options: Options { orientation: Orientation::parse(&self.env_axes)?, ..Options::default() },
+            map_options: Options {
+                orientation: Orientation::parse(&self.env_axes).map_err(|e| e.within("--env-axes"))?,
+                ..Options::default()
+            },
             lighting: match self.lighting.as_str() {
                 "uniform" => Lighting::Uniform,
                 "environment" => Lighting::Environment,
@@ -140,34 +132,36 @@ impl Args {
             map_width: self.env_width.unwrap_or(fine),
             passes: self.passes == "all",
             truth: !self.no_truth,
-            seed: self.seed,
+            seed: self.filling.seed,
         })
     }
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.filling.quiet);
     let settings = args.settings()?;
     settings.validate()?;
-    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    // The set makes its folder when there is something to write.
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let made = cli::stoppable(|stop| {
-        set::run(&dir, &settings, args.resume, stop, &mut |done, total, message| {
+        set::run(&args.out, &settings, args.filling.resume, stop, &mut |done, total, message| {
             meter.count(done, total, message);
         })
     })?;
     meter.done();
     let seconds = meter.seconds();
-    if args.json {
+    if args.filling.json {
         return cli::say_json(&json!({
             "out": args.out, "objects": made.objects, "rendered": made.rendered,
             "digest": format!("{:016x}", made.digest), "settings": settings.record(), "seconds": seconds,
         }));
     }
     cli::say(&format!(
-        "{} objects, {} pictures rendered: {} (digest {:016x}, {seconds:.1} s)",
+        "{} object{}, {} pictures rendered: {} (digest {:016x}, {seconds:.1} s)",
         made.objects,
+        if made.objects == 1 { "" } else { "s" },
         made.rendered,
-        dir.join("dataset.json").display(),
+        args.out.join("dataset.json").display(),
         made.digest
     ))
 }

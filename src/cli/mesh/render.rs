@@ -1,10 +1,11 @@
 //! `mesh render`: pictures of a model under light.
 
 use crate::cli::meter::Meter;
+use crate::cli::shared::{Filling, OrbitArgs, Usual};
 use crate::cli::{self, claim};
 use crate::fit::passes::Shot;
 use crate::fit::relight::{self, Exposure, Relight};
-use crate::fit::render::{Orbit, capture_shots};
+use crate::fit::render::capture_shots;
 use crate::scene::character::Character;
 use crate::scene::environment_file::{self, Options, Orientation};
 use crate::scene::from_data_gen;
@@ -21,6 +22,9 @@ use std::path::{Path, PathBuf};
 /// Names of the built-in environments, in the order of `data_gen::environments::KINDS`.
 const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "night"];
 
+/// Of an orbit.
+const USUAL: Usual = Usual { size: "512x512", fov: 35.0, elevation: 15.0 };
+
 /// Render a glTF or OBJ under an environment map.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -31,7 +35,8 @@ const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "n
 
 --out is a capture: images/ (PNG, sRGB-encoded), foreground/ (PNG) and transforms.json; with --passes all also
 radiance/ (EXR, linear), depth/, normal/ (EXR), albedo/ and material/ (PNG). An interrupted run continues with
---resume. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program.")]
+--resume. An orbit has pictures of 512x512 pixels, a field of view of 35° and stands 15° above the horizon
+unless told otherwise. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program.")]
 pub(in crate::cli) struct Args {
     /// Model: .gltf, .glb, .obj; or the folder of the open body
     #[arg(value_name = "FILE")]
@@ -63,24 +68,8 @@ pub(in crate::cli) struct Args {
     /// Cameras: orbit:N for N views around the model, a transforms.json, or a capture folder
     #[arg(long, value_name = "FROM", default_value = "orbit:1", help_heading = "Cameras")]
     cameras: String,
-    /// Picture size of an orbit
-    #[arg(long, value_name = "WxH", default_value = "512x512", help_heading = "Cameras")]
-    size: String,
-    /// Horizontal field of view of an orbit in degrees
-    #[arg(long, value_name = "DEG", default_value_t = 35.0, help_heading = "Cameras")]
-    fov: f64,
-    /// Angle of an orbit above the horizon in degrees
-    #[arg(
-        long,
-        value_name = "DEG",
-        default_value_t = 15.0,
-        allow_hyphen_values = true,
-        help_heading = "Cameras"
-    )]
-    elevation: f64,
-    /// Distance of an orbit's cameras [default: the model fits]
-    #[arg(long, value_name = "R", help_heading = "Cameras")]
-    radius: Option<f32>,
+    #[command(flatten)]
+    orbit: OrbitArgs,
     /// Shrink the pictures of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Cameras")]
     downscale: u8,
@@ -105,9 +94,6 @@ pub(in crate::cli) struct Args {
     /// Surfaces after the first that light may come by; 0 is direct light only
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=64))]
     bounces: u32,
-    /// Seed of the draws
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
     /// Factor from radiance to the photograph: auto or a positive number
     #[arg(long, value_name = "auto|X", default_value = "auto")]
     exposure: String,
@@ -120,30 +106,24 @@ pub(in crate::cli) struct Args {
     /// Folder for the pictures; new or empty unless --force or --resume
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Continue an interrupted run with the same settings
-    #[arg(long)]
-    resume: bool,
-    /// Replace files in --out that exist
-    #[arg(long)]
-    force: bool,
-    /// Print what was written as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    filling: Filling,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.filling.quiet);
     let exposure = exposure(&args.exposure)?;
-    claim::check(&args.out, args.resume, args.force)?;
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let (object, notes) = object(args)?;
     notes.iter().for_each(|n| meter.note(&format!("note: {n}")));
     let lights = Lights { environment: Some(environment(args)?), lamps: Vec::new() };
     let shots = shots(args, &object)?;
-    let settings =
-        Settings { samples: args.samples, bounces: args.bounces, seed: args.seed, ..Settings::default() };
+    let settings = Settings {
+        samples: args.samples,
+        bounces: args.bounces,
+        seed: args.filling.seed,
+        ..Settings::default()
+    };
     let job = Relight {
         object: &object,
         lights: &lights,
@@ -152,15 +132,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
         transparent: args.transparent,
         passes: args.passes == "all",
     };
-    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    let dir = claim::folder(&args.out, args.filling.resume, args.filling.force)?;
     let digest = cli::stoppable(|stop| {
-        job.to_folder(&shots, &dir, header(args), args.resume, stop, &mut |done, total| {
+        job.to_folder(&shots, &dir, header(args), args.filling.resume, stop, &mut |done, total| {
             meter.count(done, total, "rendering");
         })
     })?;
     meter.done();
     let (v, t) = (object.mesh.positions.len(), object.mesh.triangles.len());
-    if args.json {
+    if args.filling.json {
         return cli::say_json(&json!({
             "file": args.file, "out": args.out, "pictures": shots.len(), "vertices": v, "triangles": t,
             "materials": object.materials.len(), "notes": notes, "digest": format!("{digest:016x}"), "seconds": meter.seconds(),
@@ -176,6 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
 /// What a continued run must have in common with the one that was interrupted.
 fn header(args: &Args) -> Map<String, Value> {
+    let (size, fov, elevation, radius) = args.orbit.resolved(USUAL);
     let entries = [
         ("model", json!(args.file)),
         (
@@ -189,11 +170,11 @@ fn header(args: &Args) -> Map<String, Value> {
                 args.env_linear
             ]),
         ),
-        ("cameras", json!([args.cameras, args.size, args.fov, args.elevation, args.radius, args.downscale])),
+        ("cameras", json!([args.cameras, size, fov, elevation, radius, args.downscale])),
         ("pose", json!([args.animation, args.time, args.hide])),
         ("samples", json!(args.samples)),
         ("bounces", json!(args.bounces)),
-        ("seed", json!(args.seed)),
+        ("seed", json!(args.filling.seed)),
         ("exposure", json!(args.exposure)),
         ("style", json!([args.transparent, args.passes])),
     ];
@@ -242,7 +223,7 @@ fn environment(args: &Args) -> Result<Environment> {
     }
     if let Some(k) = BUILT_IN.iter().position(|n| *n == args.env) {
         // Ours by birth: axes of files do not apply.
-        let map = data_gen::environments::make(args.seed, k as u64, 1024, 512);
+        let map = data_gen::environments::make(args.filling.seed, k as u64, 1024, 512);
         let options = Options { orientation: Orientation::Ours, mirror: false, ..options };
         return Ok(environment_file::orient(from_data_gen::environment(&map), &options));
     }
@@ -255,20 +236,9 @@ fn environment(args: &Args) -> Result<Environment> {
 }
 
 fn shots(args: &Args, object: &Object) -> Result<Vec<Shot>> {
-    let Some(count) = args.cameras.strip_prefix("orbit:") else {
+    let Some(orbit) = args.orbit.parse(&args.cameras, USUAL)? else {
         let shots = capture_shots(Path::new(&args.cameras), usize::from(args.downscale))?;
         return Ok(shots.into_iter().map(|s| relight::still(s.name, s.camera)).collect());
-    };
-    let count = count.parse().map_err(|_| {
-        Error::input("--cameras").expected("orbit:N with a whole number N").got(args.cameras.as_str())
-    })?;
-    let orbit = Orbit {
-        count,
-        center: None,
-        radius: args.radius,
-        elevation_rad: args.elevation.to_radians(),
-        fov_x_rad: args.fov.to_radians(),
-        size: cli::splat::size(&args.size)?,
     };
     relight::around(&object.mesh, &orbit)
 }

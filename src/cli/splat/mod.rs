@@ -7,8 +7,6 @@ mod eval;
 pub(super) mod fit;
 mod render;
 
-pub(super) use render::size;
-
 use crate::scene::profile::Profile;
 use crate::splat::render::Settings;
 use crate::{Error, Result};

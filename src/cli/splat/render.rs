@@ -2,6 +2,7 @@
 
 use super::RenderArgs;
 use crate::cli::meter::Meter;
+use crate::cli::shared::{OrbitArgs, Usual};
 use crate::cli::{self, claim};
 use crate::fit::render::{self, Orbit, Passes, Scene, Shot};
 use crate::scene::convert::read_scene;
@@ -9,6 +10,9 @@ use crate::scene::gaussians::Gaussians;
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
+
+/// Of an orbit.
+const USUAL: Usual = Usual { size: "800x600", fov: 50.0, elevation: 20.0 };
 
 /// Render a scene file along cameras.
 #[derive(clap::Args)]
@@ -19,7 +23,8 @@ use std::path::{Path, PathBuf};
 
 Any 3DGS PLY can be rendered. --out gets one folder per pass and a transforms.json that describes the
 pictures, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
-radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR).")]
+radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). An orbit has
+pictures of 800x600 pixels, a field of view of 50° and stands 20° above the horizon unless told otherwise.")]
 pub(in crate::cli) struct Args {
     /// Scene: .ply, .splat or .npz
     #[arg(value_name = "SCENE")]
@@ -39,24 +44,8 @@ pub(in crate::cli) struct Args {
     /// Shrink the pictures of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
-    /// Picture size of an orbit
-    #[arg(long, value_name = "WxH", default_value = "800x600", help_heading = "Orbit")]
-    size: String,
-    /// Horizontal field of view of an orbit in degrees
-    #[arg(long, value_name = "DEG", default_value_t = 50.0, help_heading = "Orbit")]
-    fov: f64,
-    /// Angle of an orbit above the horizon in degrees
-    #[arg(
-        long,
-        value_name = "DEG",
-        default_value_t = 20.0,
-        allow_hyphen_values = true,
-        help_heading = "Orbit"
-    )]
-    elevation: f64,
-    /// Distance of an orbit's cameras [default: the scene fits]
-    #[arg(long, value_name = "R", help_heading = "Orbit")]
-    radius: Option<f32>,
+    #[command(flatten)]
+    orbit: OrbitArgs,
     /// Point an orbit looks at, X,Y,Z [default: the middle of the scene]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
     center: Option<String>,
@@ -98,12 +87,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
-    let Some(count) = args.cameras.strip_prefix("orbit:") else {
+    let Some(orbit) = args.orbit.parse(&args.cameras, USUAL)? else {
         return render::capture_shots(Path::new(&args.cameras), usize::from(args.downscale));
     };
-    let count = count.parse().map_err(|_| {
-        Error::input("--cameras").expected("orbit:N with a whole number N").got(args.cameras.as_str())
-    })?;
     let wrong = || Error::input("--center").expected("X,Y,Z").got(args.center.clone().unwrap_or_default());
     let center = match &args.center {
         None => None,
@@ -111,40 +97,5 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
             Some(super::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?)
         }
     };
-    Orbit {
-        count,
-        center,
-        radius: args.radius,
-        elevation_rad: args.elevation.to_radians(),
-        fov_x_rad: args.fov.to_radians(),
-        size: size(&args.size)?,
-    }
-    .shots(scene)
-}
-
-/// `WxH` in pixels.
-pub(in crate::cli) fn size(text: &str) -> Result<[usize; 2]> {
-    let parsed = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    match parsed {
-        Some([w, h])
-            if (1..=crate::scene::camera::MAX_SIDE).contains(&w)
-                && (1..=crate::scene::camera::MAX_SIDE).contains(&h) =>
-        {
-            Ok([w, h])
-        }
-        _ => Err(Error::input("--size").expected("WxH in pixels, such as 800x600").got(text)),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_parsed() {
-        assert_eq!(size("640x480").ok(), Some([640, 480]), "the usual form");
-        for bad in ["640", "0x3", "640x", "axb", "99999x2"] {
-            assert!(size(bad).is_err(), "'{bad}' is refused");
-        }
-    }
+    Orbit { center, ..orbit }.shots(scene)
 }

@@ -105,11 +105,15 @@ impl Pose {
     }
 }
 
+fn dot3(a: DVec3, b: DVec3) -> f64 {
+    (a.x * b.x + a.y * b.y) + a.z * b.z
+}
+
 /// Whether columns are those of a rotation times one scale, to 10⁻³ of its square: what files written in f32 keep.
 fn is_similarity(columns: [DVec3; 3]) -> bool {
     let [x, y, z] = columns;
-    let square = x.length_squared();
-    [y.length_squared() - square, z.length_squared() - square, x.dot(y), y.dot(z), z.dot(x)]
+    let square = dot3(x, x);
+    [dot3(y, y) - square, dot3(z, z) - square, dot3(x, y), dot3(y, z), dot3(z, x)]
         .iter()
         .all(|off| off.abs() <= 1e-3 * square)
 }

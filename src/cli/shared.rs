@@ -1,0 +1,107 @@
+//! Arguments that several commands have.
+
+use crate::fit::render::Orbit;
+use crate::{Error, Result};
+
+/// How a folder is filled with what draws made.
+#[derive(clap::Args)]
+pub(super) struct Filling {
+    /// Seed of every draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(super) seed: u64,
+    /// Continue an interrupted run with the same settings; what is damaged is made again
+    #[arg(long)]
+    pub(super) resume: bool,
+    /// Start over in a folder that is used, replacing the files of the run before
+    #[arg(long, conflicts_with = "resume")]
+    pub(super) force: bool,
+    /// Print the record as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    pub(super) quiet: bool,
+}
+
+/// A circle of cameras. What is not given is as usual for the command, whose help says it.
+#[derive(clap::Args)]
+pub(super) struct OrbitArgs {
+    /// Picture size of an orbit
+    #[arg(long, value_name = "WxH", help_heading = "Orbit")]
+    size: Option<String>,
+    /// Horizontal field of view of an orbit in degrees
+    #[arg(long, value_name = "DEG", help_heading = "Orbit")]
+    fov: Option<f64>,
+    /// Angle of an orbit above the horizon in degrees
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Orbit")]
+    elevation: Option<f64>,
+    /// Distance of an orbit's cameras [default: all of it fits]
+    #[arg(long, value_name = "R", help_heading = "Orbit")]
+    radius: Option<f32>,
+}
+
+/// An orbit unless told otherwise.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Usual {
+    /// `WxH`
+    pub(super) size: &'static str,
+    /// Horizontal, degrees.
+    pub(super) fov: f64,
+    /// Above the horizon, degrees.
+    pub(super) elevation: f64,
+}
+
+impl OrbitArgs {
+    /// Size as text, field of view, elevation, radius: as given, or as usual.
+    pub(super) fn resolved(&self, usual: Usual) -> (&str, f64, f64, Option<f32>) {
+        let size = self.size.as_deref().unwrap_or(usual.size);
+        (size, self.fov.unwrap_or(usual.fov), self.elevation.unwrap_or(usual.elevation), self.radius)
+    }
+
+    /// The circle that `--cameras orbit:N` asks for; `None` if it asks for something else.
+    ///
+    /// # Errors
+    /// When N is no whole number, or the size is none.
+    pub(super) fn parse(&self, cameras: &str, usual: Usual) -> Result<Option<Orbit>> {
+        let Some(count) = cameras.strip_prefix("orbit:") else { return Ok(None) };
+        let count = count
+            .parse()
+            .map_err(|_| Error::input("--cameras").expected("orbit:N with a whole number N").got(cameras))?;
+        let (picture, fov, elevation, radius) = self.resolved(usual);
+        Ok(Some(Orbit {
+            count,
+            center: None,
+            radius,
+            elevation_rad: elevation.to_radians(),
+            fov_x_rad: fov.to_radians(),
+            size: size(picture)?,
+        }))
+    }
+}
+
+/// `WxH` in pixels.
+fn size(text: &str) -> Result<[usize; 2]> {
+    let parsed = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
+    match parsed {
+        Some([w, h])
+            if (1..=crate::scene::camera::MAX_SIDE).contains(&w)
+                && (1..=crate::scene::camera::MAX_SIDE).contains(&h) =>
+        {
+            Ok([w, h])
+        }
+        _ => Err(Error::input("--size").expected("WxH in pixels, such as 800x600").got(text)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_parsed() {
+        assert_eq!(size("640x480").ok(), Some([640, 480]), "the usual form");
+        for bad in ["640", "0x3", "640x", "axb", "99999x2"] {
+            assert!(size(bad).is_err(), "'{bad}' is refused");
+        }
+    }
+}
