@@ -1,13 +1,13 @@
 //! `lirm gen`: data sets of rendered objects.
 
-use crate::Result;
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim};
 use crate::lirm::r#gen::{self as set, Lighting, Set, Settings};
 use crate::scene::environment_file::{Options, Orientation};
+use crate::{Error, Result};
 use data_gen::cameras::Framing;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -41,14 +41,15 @@ pub(in crate::cli) struct Args {
     /// Light: uniform (a white dome), environment (a map per object) or both
     #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = ["uniform", "environment", "both"], help_heading = "Light")]
     lighting: String,
-    /// Panoramas to use instead of the built-in ones: .hdr, .exr, .png, .jpg; each object turns its own
+    /// Panoramas to use instead of the built-in ones: .hdr, .exr, .png, .jpg, each object turns its own; or axes, the
+    /// test map that colours the axes, as it is
     #[arg(long, value_name = "FILE", num_args = 1.., help_heading = "Light")]
     env: Vec<PathBuf>,
-    /// Whose axes the panoramas have: ours, mitsuba, nvdiffrec, blender or orb
-    #[arg(long, value_name = "NAME", default_value = "ours", help_heading = "Light")]
+    /// Whose axes the panoramas have
+    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = Orientation::FIXED.map(Orientation::name), requires = "env", help_heading = "Light")]
     env_axes: String,
     /// Columns of built-in maps [default: twice --size, 128 to 1024]
-    #[arg(long, value_name = "N", help_heading = "Light")]
+    #[arg(long, value_name = "N", conflicts_with = "env", help_heading = "Light")]
     env_width: Option<usize>,
     /// A second version under the map, with all roughness times U(0.3, 0.6)
     #[arg(long, help_heading = "Light")]
@@ -97,11 +98,17 @@ pub(in crate::cli) struct Args {
 impl Args {
     fn settings(&self) -> Result<Settings> {
         let fine = (2 * self.size).clamp(128, 1024);
+        let axes = self.env.iter().map(PathBuf::as_path).eq([Path::new("axes")]);
+        if self.env_width.is_some() && self.lighting == "uniform" {
+            let e = Error::input("--env-width").expected("built-in maps: --lighting environment or both");
+            return Err(e.got("uniform light alone"));
+        }
         Ok(Settings {
             objects: self.objects.map_or(Ord::max(self.mesh.len(), 1) as u64, u64::from),
             first: u64::from(self.first),
             meshes: self.mesh.clone(),
-            maps: self.env.clone(),
+            maps: if axes { Vec::new() } else { self.env.clone() },
+            axes,
             map_options: Options { orientation: Orientation::parse(&self.env_axes)?, ..Options::default() },
             lighting: match self.lighting.as_str() {
                 "uniform" => Lighting::Uniform,
