@@ -145,7 +145,8 @@ fn material<'a>(d: &mut Digest, m: &'a Material, seen: &mut Vec<&'a Arc<Texture>
     let factors = (m.base_color, m.roughness, m.metallic, m.emission, m.alpha, strength);
     d.bytes(format!("{factors:?}").as_bytes());
     let normal = m.normal_map.as_ref().map(|(map, _)| map);
-    for map in [m.base_color_map.as_ref(), m.metallic_roughness_map.as_ref(), normal, m.emission_map.as_ref()] {
+    for map in [m.base_color_map.as_ref(), m.metallic_roughness_map.as_ref(), normal, m.emission_map.as_ref()]
+    {
         let Some(map) = map else {
             d.u64(u64::MAX);
             continue;

@@ -94,9 +94,11 @@ pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
 
 fn check(p: &Photograph) -> Result<()> {
     if p.color.len() != p.foreground.len() {
-        return Err(Error::input("photograph")
-            .expected("one coverage per pixel")
-            .got(format!("{} for {} pixels", p.foreground.len(), p.color.len())));
+        return Err(Error::input("photograph").expected("one coverage per pixel").got(format!(
+            "{} for {} pixels",
+            p.foreground.len(),
+            p.color.len()
+        )));
     }
     if !(p.exposure > 0.0 && p.exposure.is_finite()) {
         return Err(Error::input("exposure").expected("a positive number").got(p.exposure.to_string()));
@@ -171,7 +173,10 @@ mod tests {
             assert_eq!(views[0], good, "unchanged");
             e.to_string()
         };
-        assert!(spoil(&|p| p.color[1][2] = f32::NAN).starts_with("view 1: photograph: pixel 1"), "a NaN is named");
+        assert!(
+            spoil(&|p| p.color[1][2] = f32::NAN).starts_with("view 1: photograph: pixel 1"),
+            "a NaN is named"
+        );
         assert!(spoil(&|p| p.foreground[2] = 1.5).contains("pixel 2"), "a coverage is named");
         for x in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(spoil(&|p| p.exposure = x).contains("exposure"), "exposure {x}");

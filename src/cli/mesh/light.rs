@@ -89,7 +89,8 @@ impl Args {
             ("--env-mirror", options.mirror, of_pictures),
             ("--env-linear", self.env_linear, matches!(source, Source::File(_))),
         ];
-        if let Some((name, ..)) = given.into_iter().find(|(_, given, has_a_meaning)| *given && !has_a_meaning) {
+        if let Some((name, ..)) = given.into_iter().find(|(_, given, has_a_meaning)| *given && !has_a_meaning)
+        {
             return Err(Error::input(name)
                 .expected("a panorama in --env, whose picture it describes")
                 .got(format!("the built-in light '{}'", self.env)));
