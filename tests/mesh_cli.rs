@@ -8,6 +8,7 @@ mod samples;
 use lastlight::io::capture::read_capture;
 use lastlight::io::image_file;
 use lastlight::lirm::exposure::{Photograph, equalise};
+use lastlight::num::order;
 use lastlight::scene::passes::PassImages;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -189,7 +190,9 @@ fn a_run_is_a_capture_with_passes() {
     assert_eq!(json(&again, dir)["pictures"], 2, "the capture's cameras");
     let half = read_capture(&dir.join("half")).expect("a capture");
     assert_eq!(half.frames[0].size, Some([10, 8]), "half the size");
-    assert_eq!(half.frames[1].view_from_world, capture.frames[1].view_from_world, "the same pose");
+    let poses = [&half, &capture].map(|c| c.frames[1].view_from_world);
+    let off = poses[0].iter().flatten().zip(poses[1].iter().flatten()).all(|(a, b)| (a - b).abs() < 1e-6);
+    assert!(off, "the same pose: {poses:?}");
 }
 
 #[test]
@@ -244,15 +247,16 @@ fn a_run_is_continued_where_everything_is_what_it_was() {
     other(&|| write_cube(dir, 0.6, 200));
     other(&|| write_paint(dir, 90));
     other(&|| write_panorama(&dir.join("sky.exr"), 2.0));
-    let args = |more: &[&'static str]| tiny(&[&["--cameras", "cameras.json", "--out", "b"], more].concat());
-    let cameras = std::fs::read_to_string(dir.join("a/transforms.json")).expect("cameras");
-    write(&dir.join("cameras.json"), &cameras);
-    json(&args(&["--json"]), dir);
-    json(&args(&["--json", "--resume"]), dir);
-    let mut changed: Value = serde_json::from_str(&cameras).expect("JSON");
+    done(&tiny(&["--out", "c"]), dir);
+    let args = |more: &[&'static str]| tiny(&[&["--cameras", "c", "--out", "b"][..], more].concat());
+    done(&args(&[]), dir);
+    done(&args(&["--resume"]), dir);
+    let cameras = dir.join("c/transforms.json");
+    let text = std::fs::read_to_string(&cameras).expect("cameras");
+    let mut changed: Value = serde_json::from_str(&text).expect("JSON");
     let x = changed["frames"][1]["transform_matrix"][0][3].as_f64().expect("a number");
     changed["frames"][1]["transform_matrix"][0][3] = (x + 0.1).into();
-    write(&dir.join("cameras.json"), changed.to_string());
+    write(&cameras, changed.to_string());
     refused(&args(&["--resume"]), dir, &["same settings"]);
     assert_eq!(tree(&dir.join("a")), whole, "what is refused changes nothing");
     // A folder of somebody else's is not continued.
@@ -361,7 +365,7 @@ fn what_makes_no_sense_is_refused_and_makes_no_folder() {
         (&["--size", "0x4"], &["--size"]),
         (&["--elevation", "95"], &["elevation", "88 degrees", "got 95"]),
         (&["--fov", "0"], &["field of view", "got 0"]),
-        (&["--exposure", "-1"], &["--exposure"]),
+        (&["--exposure=-1"], &["--exposure"]),
         (&["--hide", "lid"], &["--hide", "no parts"]),
         (&["--animation", "walk"], &["--animation", "no parts, joints or animations"]),
         (&["--exposure", "nan"], &["--exposure"]),
@@ -491,7 +495,7 @@ fn distances_are_those_of_closed_forms() {
     let none = compare("a.obj", "b.obj", &["--tau", "0.2"]);
     assert_eq!((&none["f_score"], &none["a_to_b"]["within"]), (&0.0.into(), &0.0.into()), "{none}");
     let same = compare("a.obj", "a.obj", &[]);
-    assert_eq!((&same["a_to_b"]["max"], &same["f_score"]), (&0.0.into(), &1.0.into()), "{same}");
+    assert!(same["a_to_b"]["max"].as_f64().expect("a number") < 1e-9 && same["f_score"] == 1.0, "{same}");
     assert_ne!(
         compare("a.obj", "b.obj", &["--seed", "1"])["chamfer_mean"],
         c["chamfer_mean"],
@@ -542,7 +546,10 @@ fn exposures_are_undone_by_the_rule_of_training() {
             let (got, want) = (decode(f64::from(*c)), f64::from(*r) * mean * gains.lift);
             // Eight bits of the photograph, and what had been cut in it.
             if want < 0.9 && f64::from(*r) * exposures[v] < 0.99 {
-                assert!((got - want).abs() < 0.012 * gains.views[v].max(1.0), "view {v}: {got}, want {want}");
+                assert!(
+                    (got - want).abs() < 0.012 * order::max(gains.views[v], 1.0),
+                    "view {v}: {got}, want {want}"
+                );
                 compared += 1;
             }
         }

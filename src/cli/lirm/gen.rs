@@ -98,7 +98,7 @@ pub(in crate::cli) struct Args {
 impl Args {
     fn settings(&self) -> Result<Settings> {
         let fine = (2 * self.size).clamp(128, 1024);
-        let axes = self.env.iter().map(PathBuf::as_path).eq([Path::new("axes")]);
+        let (axes, maps): (Vec<_>, Vec<_>) = self.env.iter().cloned().partition(|m| m == Path::new("axes"));
         if self.env_width.is_some() && self.lighting == "uniform" {
             let e = Error::input("--env-width").expected("built-in maps: --lighting environment or both");
             return Err(e.got("uniform light alone"));
@@ -107,8 +107,8 @@ impl Args {
             objects: self.objects.map_or(Ord::max(self.mesh.len(), 1) as u64, u64::from),
             first: u64::from(self.first),
             meshes: self.mesh.clone(),
-            maps: if axes { Vec::new() } else { self.env.clone() },
-            axes,
+            maps,
+            axes: !axes.is_empty(),
             map_options: Options { orientation: Orientation::parse(&self.env_axes)?, ..Options::default() },
             lighting: match self.lighting.as_str() {
                 "uniform" => Lighting::Uniform,
