@@ -157,7 +157,7 @@ fn a_run_is_a_capture_with_passes() {
     let one = json(&tiny(&["--out", "one", "--json", "--threads", "1"]), dir);
     let keys: Vec<&str> = one.as_object().expect("an object").keys().map(String::as_str).collect();
     let want =
-        ["digest", "file", "materials", "notes", "out", "pictures", "seconds", "triangles", "vertices"];
+        ["file", "out", "pictures", "vertices", "triangles", "materials", "notes", "digest", "seconds"];
     assert_eq!(keys, want, "keys");
     assert_eq!((&one["pictures"], &one["triangles"]), (&Value::from(2), &Value::from(12)), "{one}");
     let two = json(&tiny(&["--out", "two", "--json", "--threads", "3"]), dir);
