@@ -2,7 +2,6 @@
 //! `lirm gen` where its options say nothing.
 
 #[path = "samples/gltf.rs"]
-#[allow(dead_code, reason = "each test program uses its part")]
 mod samples;
 
 use lastlight::io::capture::read_capture;
