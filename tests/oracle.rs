@@ -27,6 +27,7 @@ struct Bounds {
 
 const SPLAT: Bounds = Bounds { f64: [1e-10, 1e-8], f32: [2e-6, 2e-5] };
 const OTHER: Bounds = Bounds { f64: [1e-12, 1e-12], f32: [2e-6, 2e-6] };
+const SHADE: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [2e-6, 2e-5] };
 
 fn check_golden(name: &str, op: &str, profile: Option<&str>, bounds: &Bounds) {
     let Some(theirs) = golden(name) else { return };
@@ -98,6 +99,16 @@ fn golden_loss_ssim() {
 #[test]
 fn golden_optim_adamw() {
     check_golden("optim_adamw", "optim.adamw", None, &OTHER);
+}
+
+#[test]
+fn golden_shade_ggx() {
+    check_golden("shade_ggx", "shade.ggx", None, &SHADE);
+}
+
+#[test]
+fn golden_shade_envmap() {
+    check_golden("shade_envmap", "shade.envmap", None, &SHADE);
 }
 
 /// A generated case as a call with cotangents and everything dumped.

@@ -1,7 +1,7 @@
 //! Rays against one million triangles, beside Embree (`embreex`) and `obvhs` in the same run.
 //!
 //! `cargo bench --bench trace` prints Mrays/s and ratios; `-- --quick` does a small mesh and few rays. The peer needs a Python with
-//! `embreex` and `numpy`, named by `LASTLIGHT_PYTHON` or `python3`; without one its columns are left out.
+//! `embreex` and `numpy`, named by `LASTLIGHT_PYTHON` or `python3`; without one there is - in its columns.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 
@@ -111,11 +111,12 @@ fn main() {
                 }
             }
             let rate = |i: usize| 1e-6 * rays.len() as f64 / median(&seconds[i]);
-            // 0 of a peer that is not there
-            let peer = if seconds[0].is_empty() { 0.0 } else { rate(0) };
-            let beside = |r: f64| if peer > 0.0 { r / peer } else { 0.0 };
+            let peer = (!seconds[0].is_empty()).then(|| rate(0));
+            let cell = |x: Option<f64>| x.map_or_else(|| "-".to_owned(), |x| format!("{x:.2}"));
+            let beside = |r: f64| cell(peer.map(|p| r / p));
             println!(
-                "{name:8} {label:8} {peer:8.2} {:8.2} | {:8.2} {:6.2} {:6.2} | {:8.2} {:6.2} {:6.2}",
+                "{name:8} {label:8} {:>8} {:8.2} | {:8.2} {:>6} {:6.2} | {:8.2} {:>6} {:6.2}",
+                cell(peer),
                 rate(1),
                 rate(2),
                 beside(rate(2)),

@@ -29,10 +29,12 @@ mod report;
 mod shared;
 mod splat;
 
+use crate::num::bits::Digest;
 use crate::num::par;
 use crate::{Error, Result};
 use clap::{Parser, Subcommand};
 use std::io::Write as _;
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -117,7 +119,7 @@ pub fn main() -> ExitCode {
             // Nothing that would stop in good order, or asked twice: nothing on disk is lost.
             std::process::exit(130);
         }
-        eprintln!("stopping after the piece of work in hand; press Ctrl-C again to stop at once");
+        eprintln!("stopping in good order; press Ctrl-C again to stop at once");
     });
     if let Err(e) = handler {
         eprintln!("note: Ctrl-C stops at once, without a checkpoint: {e}");
@@ -170,6 +172,17 @@ fn say(line: &str) -> Result<()> {
 /// When stdout cannot be written.
 fn say_json(record: &serde_json::Value) -> Result<()> {
     say(&format!("{record:#}"))
+}
+
+/// A file in a record: its name and the digest of its bytes (FNV-1a 64). Where it lies is no part of it.
+///
+/// # Errors
+/// When it cannot be read.
+fn file_identity(path: &Path) -> Result<serde_json::Value> {
+    let mut digest = Digest::new();
+    digest.bytes(&crate::io::read_bytes(path, crate::io::MAX_FILE_BYTES)?);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(serde_json::json!({ "file": name, "digest": format!("{:016x}", digest.value()) }))
 }
 
 /// The command line as it can be typed again.

@@ -7,7 +7,8 @@
 //!           └────► optim                          Adam rows, learning rates, density control
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
-//! cli ──► relight ──► passes                     a model under light along cameras
+//! cli ──► relight ──► passes                      a model under light along cameras
+//!           └────► earlier                        what a run before it left in the folder
 //! last, lirm, cli ──► passes                      ray-traced pictures with their passes, on disk as a capture
 //! ```
 //!
@@ -15,6 +16,7 @@
 //! Nothing here reads a clock.
 
 pub mod built_in;
+mod earlier;
 pub mod evaluate;
 pub mod frames;
 pub mod passes;

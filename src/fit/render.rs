@@ -260,13 +260,13 @@ impl Orbit {
             return Err(Error::input("orbit")
                 .at("field of view")
                 .expected("more than 0.6 and less than 171 degrees")
-                .got(format!("{} rad", self.fov_x_rad)));
+                .got(format!("{:.3}", self.fov_x_rad.to_degrees())));
         }
         if !(-1.55..=1.55).contains(&self.elevation_rad) {
             return Err(Error::input("orbit")
                 .at("elevation")
                 .expected("less than 88 degrees")
-                .got(format!("{} rad", self.elevation_rad)));
+                .got(format!("{:.3}", self.elevation_rad.to_degrees())));
         }
         let opaque: Vec<usize> = (0..scene.len()).filter(|&i| scene.opacity_logits[i] > 0.0).collect();
         let used: Vec<usize> = if opaque.is_empty() { (0..scene.len()).collect() } else { opaque };

@@ -76,6 +76,8 @@ pub struct Settings {
     pub maps: Vec<PathBuf>,
     /// How those maps are read; `rotate` is added to a drawn turn.
     pub map_options: MapOptions,
+    /// The test map that colours the axes ([`crate::shade::axes`]) instead of any other, read by `map_options`, neither turned by a draw nor scaled.
+    pub axes: bool,
     /// Light.
     pub lighting: Lighting,
     /// A second version under the map with smaller roughness.
@@ -114,6 +116,7 @@ impl Default for Settings {
             meshes: Vec::new(),
             maps: Vec::new(),
             map_options: MapOptions::default(),
+            axes: false,
             lighting: Lighting::Uniform,
             shiny: false,
             set: Set::Train,
@@ -152,11 +155,12 @@ impl Settings {
         within("map_width", self.map_width, 8, 8192)?;
         within("samples", self.samples as usize, 1, 1_000_000)?;
         within("bounces", self.bounces as usize, 0, 64)?;
-        if !self.maps.is_empty() && self.lighting == Lighting::Uniform {
-            return Err(Error::input("setting env")
-                .expected("light from an environment")
-                .got("uniform light, which shows no map")
-                .hint("--lighting environment or both"));
+        if (self.axes || !self.maps.is_empty()) && self.lighting == Lighting::Uniform {
+            let e = Error::input("setting env").expected("light from an environment");
+            return Err(e.got("uniform light, which shows no map").hint("--lighting environment or both"));
+        }
+        if self.axes && !self.maps.is_empty() {
+            return Err(Error::input("setting maps").expected("the axes map alone").got("others beside it"));
         }
         if self.shiny && self.lighting == Lighting::Uniform {
             return Err(Error::input("setting shiny")
@@ -218,7 +222,8 @@ impl Settings {
             ("truth", json!(self.truth)),
             ("seed", json!(self.seed)),
         ];
-        entries.into_iter().map(|(k, v)| (k.to_owned(), v)).collect()
+        let axes = self.axes.then(|| ("axes", json!(true)));
+        entries.into_iter().chain(axes).map(|(k, v)| (k.to_owned(), v)).collect()
     }
 }
 

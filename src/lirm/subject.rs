@@ -8,6 +8,7 @@ use crate::scene::from_data_gen;
 use crate::scene::light::Environment;
 use crate::scene::mesh::Object;
 use crate::scene::model;
+use crate::shade::axes;
 use crate::shade::environment::solid_angles;
 use crate::{Error, Result};
 use data_gen::{environments, objects};
@@ -101,12 +102,13 @@ pub struct Light {
 
 impl Light {
     /// The map of object k: file k mod their number, turned about the vertical and scaled to a mean radiance of U(0.6, 1.4), or
-    /// built-in environment k.
+    /// built-in environment k, or the axes map as it is.
     ///
     /// # Errors
     /// When the file cannot be used, or is black.
     pub fn new(settings: &Settings, k: u64) -> Result<Self> {
         match settings.maps.len() {
+            _ if settings.axes => Ok(Self::axes(settings)),
             0 => Ok(Self::built_in(settings, k)),
             n => {
                 let path = &settings.maps[(k % n as u64) as usize];
@@ -129,6 +131,12 @@ impl Light {
                 Ok(Self { map, record })
             }
         }
+    }
+
+    fn axes(settings: &Settings) -> Self {
+        let map = axes::map(Ord::max(settings.map_width / 2, 1));
+        let map = environment_file::orient(map, &settings.map_options);
+        Self { map, record: json!({ "kind": "axes", "rotate_deg": settings.map_options.rotate }) }
     }
 
     fn built_in(settings: &Settings, k: u64) -> Self {

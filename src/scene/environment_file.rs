@@ -11,6 +11,9 @@
 //! | `Blender` (z up) | ½ − atan2(y, x)/2π | atan2(x, y)/2π + ¼ | +x |
 //! | `Orb` (y up, per picture) | atan2(X, −Z)/2π + ½ in the axes of the camera | with [`Options::world_from_map`] | the camera's view |
 //!
+//! `Orb` needs the rotation of its picture's camera, which a command line does not have: the commands take the other four
+//! ([`Orientation::FIXED`]). Without the rotation it would be `Nvdiffrec`, light in the axes of a camera taken for those of the world.
+//!
 //! u counts from the left and wraps. Sources: `mitsuba` emitter `envmap`, nvdiffrec `light.py`, Cycles `projection.h`
 //! (`direction_to_equirectangular`), Stanford-ORB `env_map.py`. A map made with the other handedness (seen from outside) is turned by
 //! [`Options::mirror`]: u → 1 − u before all else.
@@ -50,6 +53,9 @@ pub enum Orientation {
 impl Orientation {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Ours, Self::Mitsuba, Self::Nvdiffrec, Self::Blender, Self::Orb];
+
+    /// Those that say all about the axes of a map by themselves.
+    pub const FIXED: [Self; 4] = [Self::Ours, Self::Mitsuba, Self::Nvdiffrec, Self::Blender];
 
     /// Its name in options.
     pub fn name(self) -> &'static str {
@@ -134,6 +140,25 @@ impl Default for Options {
     }
 }
 
+impl Options {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// When the rotation is not within ±10⁶ degrees or the scale is negative or not finite.
+    pub fn validate(&self) -> Result<()> {
+        let option = |which: &str, expected: &str, got: String| {
+            Err(Error::input("environment").at(which).expected(expected).got(got))
+        };
+        if !(self.scale >= 0.0 && self.scale.is_finite()) {
+            return option("scale", "a finite number of at least 0", self.scale.to_string());
+        }
+        if !(self.rotate.abs() <= 1e6) {
+            return option("rotation", "degrees between -1e6 and 1e6", self.rotate.to_string());
+        }
+        Ok(())
+    }
+}
+
 /// Reads a map: Radiance HDR, OpenEXR (R, G, B), PNG or JPEG.
 ///
 /// # Errors
@@ -149,15 +174,7 @@ pub fn read(path: &Path, options: &Options) -> Result<Environment> {
 /// # Errors
 /// See [`read`].
 pub fn from_picture(p: &Picture, options: &Options, name: &str) -> Result<Environment> {
-    let option = |which: &str, got: String| {
-        Err(Error::input("environment").at(which).expected("a finite number, scale ≥ 0").got(got))
-    };
-    if !(options.scale >= 0.0 && options.scale.is_finite()) {
-        return option("scale", options.scale.to_string());
-    }
-    if !(options.rotate.abs() <= 1e6) {
-        return option("rotation", options.rotate.to_string());
-    }
+    options.validate()?;
     if p.width * p.height > MAX_TEXELS {
         let e = Error::input(name).at("size");
         return Err(e
@@ -183,10 +200,12 @@ pub fn from_picture(p: &Picture, options: &Options, name: &str) -> Result<Enviro
             if decode { linear(x) } else { x }
         })
     };
-    let radiance = (0..p.width * p.height).map(texel).collect();
+    let radiance: Vec<[f32; 3]> = (0..p.width * p.height).map(texel).collect();
+    let is_negative = radiance.as_flattened().iter().any(|x| *x < 0.0);
     let map = Environment { width: p.width, height: p.height, radiance };
-    map.validate(name).map_err(|e| {
-        e.hint("negative radiance often comes from resampling; clamp it when the file is made")
+    map.validate(name).map_err(|e| match is_negative {
+        true => e.hint("negative radiance often comes from resampling; clamp it when the file is made"),
+        false => e,
     })?;
     Ok(orient(map, options))
 }

@@ -231,6 +231,105 @@ fn folds_move_points_along_their_normals() {
     assert!(e < 2e-5, "off by {e}");
 }
 
+/// The degrees between two directions.
+fn degrees(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cos = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
+    libm::acos(lastlight::num::order::clamp(cos, -1.0, 1.0)).to_degrees()
+}
+
+/// The folded normals of a tube of radius 0.2 with that many vertices around: how far they are from those of the displaced surface at worst, and
+/// how far slope alone would be, in degrees.
+fn tube(around: u16) -> [f64; 2] {
+    let (rows, r) = (200u16, 0.2);
+    let (mut positions, mut normals, mut corners) = (Vec::new(), Vec::new(), Vec::new());
+    for i in 0..=rows {
+        for j in 0..around {
+            let phi = f64::from(j) / f64::from(around) * std::f64::consts::TAU;
+            let (s, c, z) = (libm::sin(phi), libm::cos(phi), 2.0 * f64::from(i) / f64::from(rows) - 1.0);
+            // y up
+            positions.push([(r * c) as f32, z as f32, (-r * s) as f32]);
+            normals.push([c as f32, 0.0, -s as f32]);
+            if i < rows {
+                let at = |i: u16, j: u16| i * around + j % around;
+                corners.extend([at(i, j), at(i, j + 1), at(i + 1, j)]);
+                corners.extend([at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)]);
+            }
+        }
+    }
+    let mut b = Builder::new();
+    let (p, n, i) = (b.floats(&positions), b.floats(&normals), b.indices(&corners));
+    let mesh = b.mesh(json!({ "POSITION": p, "NORMAL": n }), Some(i));
+    b.push("nodes", json!({ "mesh": mesh }));
+    let c = character(&b);
+    let u = 1.3;
+    let folded = c.posed(&c.rest(), &Drive::new(&[0.0, 0.0, u])).unwrap_or_else(|e| panic!("{e}"));
+    // The surface is where the distance from the axis is r + h; its normal is the gradient of that.
+    let height = |phi: f64, z: f64| 0.03 * u * libm::sin(12.0 * z + 3.0 * phi);
+    let slope = |phi: f64, z: f64| 0.03 * u * libm::cos(12.0 * z + 3.0 * phi);
+    let (mut worst, mut slope_alone) = (0.0f64, 0.0f64);
+    let rest = c.object().mesh.positions.iter();
+    for (i, (x, n)) in rest.zip(&folded.mesh.normals).enumerate() {
+        // Vertices on the two rims have faces on one side only.
+        if i < usize::from(around) || i >= usize::from(rows * around) {
+            continue;
+        }
+        let (phi, z) = (libm::atan2(f64::from(x[1]), f64::from(x[0])), f64::from(x[2]));
+        let (s, c) = (libm::sin(phi), libm::cos(phi));
+        let normal = |radius: f64| {
+            let (turn, rise) = (3.0 * slope(phi, z) / radius, 12.0 * slope(phi, z));
+            [c + s * turn, s - c * turn, -rise]
+        };
+        let want = normal(r + height(phi, z));
+        let got = n.map(f64::from);
+        worst = lastlight::num::order::max(worst, degrees(got, want));
+        slope_alone = lastlight::num::order::max(slope_alone, degrees(normal(r), want));
+    }
+    [worst, slope_alone]
+}
+
+/// Where folds change the curvature, normals are those of the displaced surface, and not what slope alone gives.
+#[test]
+fn normals_under_folds_are_those_of_the_displaced_surface() {
+    let [coarse, middle, fine] = [48, 96, 192].map(tube);
+    println!("normals: {coarse:.3?}, {middle:.3?}, {fine:.3?} degrees off at worst; slope alone second");
+    assert!(fine[0] < 0.2, "{} degrees", fine[0]);
+    assert!(middle[0] < 0.6 * coarse[0] && fine[0] < 0.6 * middle[0], "what is left is the mesh's");
+    assert!(fine[1] > 3.0, "the test sees curvature: {} degrees", fine[1]);
+}
+
+/// On a plane whose share of the folds falls from one corner to the others, that fall is part of the slope.
+#[test]
+fn normals_know_where_the_folds_end() {
+    let mut b = arm();
+    for node in b.root["nodes"].as_array_mut().expect("nodes") {
+        if node["name"] == "upper" {
+            node["name"] = json!("spine");
+        }
+    }
+    let c = character(&b);
+    let t = c.template(200, 3).unwrap_or_else(|e| panic!("{e}"));
+    let drive = Drive::new(&[0.0, 0.0, 1.3]);
+    let cloud = c.cloud(&t, &c.rest(), &drive);
+    // Weights on the first joint, the trunk, are ¼, 0, 0 at the corners of the second triangle; the normal is −y.
+    let [p0, p1, p2] = c.object().mesh.corners(1).map(|x| x.map(f64::from));
+    let (e, f) = ([p1[0] - p0[0], p1[2] - p0[2]], [p2[0] - p0[0], p2[2] - p0[2]]);
+    let area = e[0] * f[1] - e[1] * f[0];
+    // The gradient of the share: −¼ along both edges.
+    let fall = [-0.25 * (f[1] - e[1]) / area, -0.25 * (e[0] - f[0]) / area];
+    let mut tilted = 0;
+    for (i, p) in t.points.iter().enumerate() {
+        assert_eq!(p.triangle, 1, "the other triangle has no area");
+        let share = 0.25 * p.corners[0];
+        let (height, g) = drive.wrinkles(p.position);
+        let slope = [share * g[0] + height * fall[0], share * g[2] + height * fall[1]];
+        let off = degrees(cloud.normals[i], [-slope[0], -1.0, -slope[1]]);
+        assert!(off < 1e-4, "point {i}: {off} degrees");
+        tilted += usize::from(degrees([-share * g[0], -1.0, -share * g[2]], cloud.normals[i]) > 0.1);
+    }
+    assert!(tilted > 20, "the fall is seen at {tilted} points");
+}
+
 #[test]
 fn template_points_lie_on_the_surface() {
     let c = character(&arm());

@@ -1,6 +1,7 @@
 //! What pictures show: orientation, cameras, materials, odd meshes, exposure.
 
 use crate::{look, object, shoot, sphere, square};
+use lastlight::io::image_file;
 use lastlight::scene::camera::{Camera, Model};
 use lastlight::scene::light::{Environment, Lights};
 use lastlight::scene::material::{Alpha, Material, Texture, Transfer, Wrap};
@@ -31,18 +32,48 @@ fn a_view_along_each_axis_shows_the_colour_of_that_axis() {
         assert!(near(ring, color, 0.02), "around axis {axis:?}: {ring:?}, want {color:?}");
         assert!(out.alpha.iter().all(|a| *a == 0.0), "nothing is met");
     }
-    // looking to +y with z up, +x is to the right, +z above; the border is 73° off the axis, 17° from the others
-    let wide = look([0.0; 3], [0.0, 1.0, 0.0], 2.6, 101, 101);
+    // Looking to +y with z up and 57° to every side: +x is to the right, beyond the border, and so are −x on the left, +z above, −z below.
+    // Between the discs the map is grey, lighter above the horizon.
+    let wide = look([0.0; 3], [0.0, 1.0, 0.0], 2.0, 101, 101);
     let out = shoot(&nothing, &lights, &wide, &few());
-    for ((x, y), axis) in [((97, 50), 0), ((3, 50), 1), ((50, 50), 2), ((50, 3), 4), ((50, 97), 5)] {
-        let (got, want) = (out.color[y * 101 + x], axes::AXES[axis].1);
-        assert!(near(got, want, 0.02), "axis {axis} at ({x}, {y}): {got:?}, want {want:?}");
+    let at = |x: usize, y: usize| out.color[y * 101 + x];
+    for x in [4, 96] {
+        assert!(near(at(x, 44), [0.4; 3], 1e-6), "above the horizon, column {x}: {:?}", at(x, 44));
+        assert!(near(at(x, 56), [0.2; 3], 1e-6), "below it, column {x}: {:?}", at(x, 56));
+    }
+    // With a view half as wide again the discs themselves come in, each on its side.
+    let wider = look([0.0; 3], [0.0, 1.0, 0.0], 2.8, 101, 101);
+    let out = shoot(&nothing, &lights, &wider, &few());
+    let at = |x: usize, y: usize| out.color[y * 101 + x];
+    let sides =
+        [("right", at(99, 50), 0), ("left", at(1, 50), 1), ("above", at(50, 1), 4), ("below", at(50, 99), 5)];
+    for (side, got, axis) in sides {
+        assert!(near(got, axes::AXES[axis].1, 0.02), "{side} of +y: {got:?}, want {:?}", axes::AXES[axis].1);
     }
     let turned = look([0.0; 3], [1.0, 1.0, 0.0], 1.8, 101, 101);
     let out = shoot(&nothing, &lights, &turned, &few());
     let (left, right) = (out.color[50 * 101 + 10], out.color[50 * 101 + 90]);
     assert!(near(right, axes::AXES[0].1, 0.05), "+x is right of +y, got {right:?}");
     assert!(near(left, axes::AXES[2].1, 0.05), "+y is left of +x, got {left:?}");
+}
+
+/// The picture in the book was made by another program.
+#[test]
+fn the_book_shows_the_axes_map() {
+    use base64::Engine as _;
+    let chapter = include_str!("../../src/book/light_and_rays.md");
+    let (_, rest) = chapter.split_once("data:image/png;base64,").expect("a picture in the chapter");
+    let text = rest.lines().next().expect("a line");
+    let png = base64::engine::general_purpose::STANDARD.decode(text).expect("base64");
+    let picture = image_file::parse(&png, "the picture of the book").expect("a PNG");
+    let map = axes::map(128);
+    assert_eq!((picture.width, picture.height), (map.width, map.height), "size");
+    let want = tonemap::srgb_u8(&map.radiance, 1.0);
+    let n = picture.channels.len();
+    for (i, want) in want.chunks_exact(3).enumerate() {
+        let got = [0, 1, 2].map(|c| (255.0 * picture.value(n * i + c)).round() as u8);
+        assert_eq!(got, want, "row {}, column {}", i / map.width, i % map.width);
+    }
 }
 
 /// A mirror ball seen along +y by parallel rays: the normal at 45° to the right reflects +x, at 45° above +z, in the middle −y.

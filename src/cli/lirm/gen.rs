@@ -9,7 +9,7 @@ use crate::scene::environment_file::{Options, Orientation};
 use crate::{Error, Result};
 use data_gen::cameras::Framing;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -45,14 +45,15 @@ pub(in crate::cli) struct Args {
     /// Light: uniform (a white dome), environment (a map per object) or both
     #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = ["uniform", "environment", "both"], help_heading = "Light")]
     lighting: String,
-    /// Panoramas to use instead of the built-in ones: .hdr, .exr, .png, .jpg; each object turns its own
+    /// Panoramas to use instead of the built-in ones: .hdr, .exr, .png, .jpg, each object turns its own; or axes, the
+    /// test map that colours the axes, as it is
     #[arg(long, value_name = "FILE", num_args = 1.., help_heading = "Light")]
     env: Vec<PathBuf>,
-    /// Whose axes the panoramas have: ours, mitsuba, nvdiffrec, blender or orb
-    #[arg(long, value_name = "NAME", default_value = "ours", help_heading = "Light")]
+    /// Whose axes the panoramas have
+    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = Orientation::FIXED.map(Orientation::name), requires = "env", help_heading = "Light")]
     env_axes: String,
     /// Columns of built-in maps [default: twice --size, 128 to 1024]
-    #[arg(long, value_name = "N", help_heading = "Light")]
+    #[arg(long, value_name = "N", conflicts_with = "env", help_heading = "Light")]
     env_width: Option<usize>,
     /// A second version under the map, with all roughness times U(0.3, 0.6)
     #[arg(long, help_heading = "Light")]
@@ -102,11 +103,17 @@ impl Args {
                 .hint(format!("pictures of other sets are pinhole pictures; leave out --camera {camera}")));
         }
         let fine = (2 * self.size).clamp(128, 1024);
+        let (axes, maps): (Vec<_>, Vec<_>) = self.env.iter().cloned().partition(|m| m == Path::new("axes"));
+        if self.env_width.is_some() && self.lighting == "uniform" {
+            let e = Error::input("--env-width").expected("built-in maps: --lighting environment or both");
+            return Err(e.got("uniform light alone"));
+        }
         Ok(Settings {
             objects: self.objects.map_or(Ord::max(self.mesh.len(), 1) as u64, u64::from),
             first: u64::from(self.first),
             meshes: self.mesh.clone(),
-            maps: self.env.clone(),
+            maps,
+            axes: !axes.is_empty(),
             map_options: Options {
                 orientation: Orientation::parse(&self.env_axes).map_err(|e| e.within("--env-axes"))?,
                 ..Options::default()

@@ -59,6 +59,13 @@ impl Reader<'_> {
                 if m.occlusion_texture().is_some() {
                     self.note("occlusion textures are not read: shadows are computed".into());
                 }
+                let borrowed =
+                    material.normal_texture.is_some_and(|(t, _)| t.transform != UvTransform::IDENTITY);
+                if borrowed {
+                    self.note(
+                        "the texture transform of a normal map is taken to be that of the base colour".into(),
+                    );
+                }
                 let maps = [
                     &material.base_color_texture,
                     &material.metallic_roughness_texture,

@@ -118,6 +118,14 @@ impl Character {
     pub fn read(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+        if extension == "obj" && !path.is_dir() {
+            std::fs::metadata(path).map_err(|e| Error::os(path, &e))?;
+            if crate::io::makehuman::locate(path).is_err() {
+                return Err(Error::input(name)
+                    .expected("a .gltf or .glb, or the open body with its rig and weights beside the .obj")
+                    .got("an .obj alone, which has no parts, joints or animations"));
+            }
+        }
         if path.is_dir() || extension == "obj" {
             return Self::from_body(&crate::io::makehuman::read(path)?, &name);
         }

@@ -4,7 +4,7 @@
 //! (1 − √a, √a (1 − b), √a b) with two more: uniform by area. Draws are a function of (seed, p): the first points of a larger template are
 //! those of a smaller one.
 
-use super::posed::{blended, posed_normal, share};
+use super::posed::{Face, blended, posed_normal, share, swung};
 use super::rig::largest;
 use super::{Character, INFLUENCES, Pose};
 use crate::num::order;
@@ -120,14 +120,30 @@ impl Character {
         }
     }
 
+    /// Canonical position and normal of a point under the folds of `drive`; see [`super::Factors`].
+    fn folded_point(&self, p: &Point, drive: &Drive, trunk: &[bool]) -> ([f64; 3], [f64; 3]) {
+        let corners = self.object.mesh.triangles[p.triangle as usize].map(|i| i as usize);
+        let shares = corners.map(|i| share(&self.influences[i].0, &self.influences[i].1, trunk));
+        if drive.wrinkle == 0.0 || shares == [0.0; 3] {
+            return (p.position, p.normal);
+        }
+        let field = drive.wrinkles(p.position);
+        let wide = |rows: &[[f32; 3]], i: usize| rows[i].map(f64::from);
+        let face = Face::at_rest(corners.map(|i| wide(&self.object.mesh.positions, i)));
+        let folded = face.folded(field, p.normal, p.share, corners.map(|i| wide(&self.folds, i)), shares);
+        let moved = std::array::from_fn(|k| p.position[k] + p.share * field.0 * p.normal[k]);
+        (moved, swung(p.normal, face.normal(), folded.normal()))
+    }
+
     /// The template in a pose, shaded as the figure's points are: folds and light of `drive`.
     pub fn cloud(&self, template: &Template, pose: &Pose, drive: &Drive) -> Cloud {
         let transforms = self.transforms(pose);
         let light = drive.towards_light();
+        let trunk = self.trunk();
         let mut out = Cloud { points: Vec::new(), normals: Vec::new(), rgb: Vec::new() };
         for p in &template.points {
             let t = blended(&p.joints, &p.weights, &transforms);
-            let (x, n) = Self::folded(drive, p.position, p.normal, p.normal, p.share);
+            let (x, n) = self.folded_point(p, drive, &trunk);
             let n = posed_normal(&t, n);
             out.points.push(skin::point(&t, x));
             out.rgb.push(shaded(p.rgb, n, light));

@@ -1,0 +1,131 @@
+//! The light of `mesh render`: a panorama of the user's, or a built-in one.
+
+use crate::cli::file_identity;
+use crate::scene::environment_file::{self, Options, Orientation};
+use crate::scene::from_data_gen;
+use crate::scene::light::Environment;
+use crate::scene::material::Transfer;
+use crate::shade::axes;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Names of the built-in environments, in the order of `data_gen::environments::KINDS`.
+const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "night"];
+
+/// Rows of the axes map.
+const AXES_ROWS: usize = 256;
+
+/// Options of the light.
+#[derive(clap::Args)]
+#[command(next_help_heading = "Light")]
+pub(super) struct Args {
+    /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform, sky, sunset, overcast, studio, indoor, night, axes
+    #[arg(long, value_name = "FILE|NAME", default_value = "uniform")]
+    env: String,
+    /// Whose axes the panorama has
+    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = Orientation::FIXED.map(Orientation::name))]
+    env_axes: String,
+    /// Degrees the light turns about the vertical, counter-clockwise from above
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
+    env_rotate: f64,
+    /// Factor of the light
+    #[arg(long, value_name = "X", default_value_t = 1.0, allow_hyphen_values = true)]
+    env_scale: f32,
+    /// The panorama is a mirror image
+    #[arg(long)]
+    env_mirror: bool,
+    /// Values of a PNG or JPEG panorama are linear, not sRGB-encoded
+    #[arg(long)]
+    env_linear: bool,
+}
+
+/// Where the light comes from.
+enum Source<'a> {
+    /// White from everywhere.
+    Uniform,
+    /// A built-in environment.
+    BuiltIn(u64),
+    /// The test map that colours the axes, as a picture in our orientation.
+    Axes,
+    /// A panorama.
+    File(&'a Path),
+}
+
+impl Args {
+    fn source(&self) -> Source<'_> {
+        match self.env.as_str() {
+            "uniform" => Source::Uniform,
+            "axes" => Source::Axes,
+            name => match BUILT_IN.iter().position(|n| *n == name) {
+                Some(k) => Source::BuiltIn(k as u64),
+                None => Source::File(Path::new(name)),
+            },
+        }
+    }
+
+    fn options(&self) -> Result<Options> {
+        let options = Options {
+            orientation: Orientation::parse(&self.env_axes)?,
+            mirror: self.env_mirror,
+            rotate: self.env_rotate,
+            scale: self.env_scale,
+            transfer: if self.env_linear { Transfer::Linear } else { Transfer::Srgb },
+            world_from_map: None,
+        };
+        options.validate()?;
+        Ok(options)
+    }
+
+    /// The map in our orientation; built-in environments are those of `seed`.
+    ///
+    /// # Errors
+    /// When an option is out of range or says nothing about this light, or the panorama cannot be used.
+    pub(super) fn environment(&self, seed: u64) -> Result<Environment> {
+        let (source, options) = (self.source(), self.options()?);
+        let of_pictures = matches!(source, Source::File(_) | Source::Axes);
+        let given = [
+            ("--env-axes", options.orientation != Orientation::Ours, of_pictures),
+            ("--env-mirror", options.mirror, of_pictures),
+            ("--env-linear", self.env_linear, matches!(source, Source::File(_))),
+        ];
+        if let Some((name, ..)) = given.into_iter().find(|(_, given, has_a_meaning)| *given && !has_a_meaning)
+        {
+            return Err(Error::input(name)
+                .expected("a panorama in --env, whose picture it describes")
+                .got(format!("the built-in light '{}'", self.env)));
+        }
+        let map = match source {
+            Source::Uniform => environment_file::orient(Environment::constant([1.0; 3]), &options),
+            Source::Axes => environment_file::orient(axes::map(AXES_ROWS), &options),
+            Source::BuiltIn(k) => {
+                let map = data_gen::environments::make(seed, k, 1024, 512);
+                environment_file::orient(from_data_gen::environment(&map), &options)
+            }
+            Source::File(path) if !path.exists() => {
+                return Err(Error::input("--env")
+                    .expected(format!("a picture, uniform, {}, axes", BUILT_IN.join(", ")))
+                    .got(format!("'{}', which is not there", self.env)));
+            }
+            Source::File(path) => environment_file::read(path, &options)?,
+        };
+        map.validate("environment").map_err(|e| e.hint("--env-scale may be too large"))?;
+        Ok(map)
+    }
+
+    /// For the record: a panorama by its name and digest, a built-in light by its name; then the options.
+    ///
+    /// # Errors
+    /// When the panorama cannot be read.
+    pub(super) fn record(&self) -> Result<Value> {
+        let light = match self.source() {
+            Source::File(path) => file_identity(path)?,
+            _ => json!(self.env),
+        };
+        let (turn, scale) = (self.env_rotate, f64::from(self.env_scale));
+        Ok(json!({
+            "light": light, "axes": self.env_axes, "rotate_deg": turn, "scale": scale,
+            "mirror": self.env_mirror, "linear": self.env_linear,
+        }))
+    }
+}

@@ -1,0 +1,186 @@
+//! One brightness for the photographs of an object: what a training loader does with exposures (`lirm.md` §11.2).
+//!
+//! ```text
+//! linear ──► × ē/e_v ──► × g ──► clamped to 0..1 ──► sRGB-encoded        ē = mean of e over the views
+//!                                                                      g = clamp(0.08 / m, 1, 10)
+//! ```
+//!
+//! Every photograph was exposed by itself (e_v, [`crate::shade::exposure::auto`]), so an object that is brighter from the left than from the
+//! right looks the same from both. The first factor undoes that: all views get the object's mean exposure, and a surface has one colour. The
+//! second lifts objects that are dark as a whole; m is the mean of the linear foreground after the first factor, over channels, pixels and
+//! views, each pixel with its coverage as its weight. Without a foreground g = 1, with a black one g = 10.
+//!
+//! # Rounding
+//! f64 throughout, a value rounded once. Sums are left folds: channels (r + g) + b, pixels of a view in order, then views in order.
+//!
+//! # Kinks and domain
+//! What becomes brighter than white is cut at 1, as when the photograph was made. Where the photograph itself was cut, nothing comes back.
+
+use crate::num::elem::f64 as elem;
+use crate::num::{order, par};
+use crate::{Error, Result};
+
+/// Mean of the linear foreground that dark objects are lifted to.
+pub const FOREGROUND: f64 = 0.08;
+/// Limits of that factor.
+pub const LIFT: [f64; 2] = [1.0, 10.0];
+
+/// One photograph of an object.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Photograph {
+    /// sRGB-encoded, 0..1, row-major.
+    pub color: Vec<[f32; 3]>,
+    /// Coverage of the object, 0..1, as many.
+    pub foreground: Vec<f32>,
+    /// The factor from radiance to this photograph, before encoding; > 0.
+    pub exposure: f64,
+}
+
+/// What the views of an object were multiplied by, in linear values.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// ē/e_v for each view.
+    pub views: Vec<f64>,
+    /// g, the same for all.
+    pub lift: f64,
+}
+
+/// sRGB-encoded to linear (IEC 61966-2-1).
+fn decode(x: f64) -> f64 {
+    if x <= 0.040_45 { x / 12.92 } else { elem::pow((x + 0.055) / 1.055, 2.4) }
+}
+
+/// Linear to sRGB-encoded.
+fn encode(x: f64) -> f64 {
+    if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * elem::pow(x, 1.0 / 2.4) - 0.055 }
+}
+
+/// Brings the photographs of one object to one exposure and out of the dark; see the module. No photographs: nothing to do.
+///
+/// # Errors
+/// When a value is out of range or the sizes of a photograph differ; then none was changed.
+pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
+    for (v, p) in views.iter().enumerate() {
+        check(p).map_err(|e| e.within(format!("view {v}")))?;
+    }
+    let sum = views.iter().fold(0.0, |s, p| s + p.exposure);
+    let mean = sum / Ord::max(views.len(), 1) as f64;
+    let gains: Vec<f64> = views.iter().map(|p| mean / p.exposure).collect();
+    let (mut light, mut area) = (0.0, 0.0);
+    for (p, gain) in views.iter().zip(&gains) {
+        let (mut l, mut a) = (0.0, 0.0);
+        for (c, f) in p.color.iter().zip(&p.foreground).filter(|(_, f)| **f > 0.0) {
+            let [r, g, b] = c.map(|x| decode(f64::from(x)));
+            l += f64::from(*f) * (((r + g) + b) / 3.0);
+            a += f64::from(*f);
+        }
+        light += gain * l;
+        area += a;
+    }
+    let lift = if area > 0.0 { order::clamp(FOREGROUND * area / light, LIFT[0], LIFT[1]) } else { 1.0 };
+    for (p, gain) in views.iter_mut().zip(&gains) {
+        let factor = gain * lift;
+        // One view is brought to its own exposure: nothing is decoded and encoded for nothing.
+        if factor != 1.0 {
+            par::chunks_mut(&mut p.color, 4096, |_, pixels| {
+                for x in pixels.as_flattened_mut() {
+                    *x = encode(order::min(decode(f64::from(*x)) * factor, 1.0)) as f32;
+                }
+            });
+        }
+    }
+    Ok(Gains { views: gains, lift })
+}
+
+fn check(p: &Photograph) -> Result<()> {
+    if p.color.len() != p.foreground.len() {
+        return Err(Error::input("photograph").expected("one coverage per pixel").got(format!(
+            "{} for {} pixels",
+            p.foreground.len(),
+            p.color.len()
+        )));
+    }
+    if !(p.exposure > 0.0 && p.exposure.is_finite()) {
+        return Err(Error::input("exposure").expected("a positive number").got(p.exposure.to_string()));
+    }
+    let unit = |x: &f32| (0.0..=1.0).contains(x);
+    let bad = p.color.iter().zip(&p.foreground).position(|(c, f)| !(c.iter().all(unit) && unit(f)));
+    match bad {
+        None => Ok(()),
+        Some(i) => Err(Error::input("photograph")
+            .at(format!("pixel {i}"))
+            .expected("colour and coverage from 0 to 1")
+            .got(format!("{:?} and {}", p.color[i], p.foreground[i]))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A photograph of one radiance on a covered pixel, a half-covered one of twice as much, and a background.
+    fn shot(radiance: f64, exposure: f64) -> Photograph {
+        let pixel = |x: f64| [encode(x * exposure) as f32; 3];
+        Photograph {
+            color: vec![pixel(radiance), pixel(2.0 * radiance), pixel(0.9 / exposure)],
+            foreground: vec![1.0, 0.5, 0.0],
+            exposure,
+        }
+    }
+
+    #[test]
+    fn a_surface_has_one_colour_in_all_views() {
+        let mut views = [shot(0.1, 0.5), shot(0.1, 2.0), shot(0.1, 3.5)];
+        let gains = equalise(&mut views).expect("photographs");
+        assert_eq!(gains.views, [4.0, 1.0, 2.0 / 3.5], "mean exposure 2 over each");
+        // Mean foreground: (0.1 + 0.5·0.2)/1.5 · 2 = 0.2667, bright enough.
+        assert_eq!(gains.lift, 1.0, "not dark");
+        for (v, p) in views.iter().enumerate() {
+            let got = decode(f64::from(p.color[0][1]));
+            assert!((got - 0.2).abs() < 1e-7, "view {v}: radiance 0.1 at exposure 2, got {got}");
+        }
+        assert_eq!(views[0].color[2], [1.0; 3], "a background beyond white is cut");
+    }
+
+    #[test]
+    fn dark_objects_are_lifted_within_limits() {
+        // One view: its own exposure stays, the mean foreground is 4/3 · radiance · exposure.
+        for (radiance, want) in [(0.03, 2.0), (1e-4, 10.0), (0.0, 10.0), (0.06, 1.0), (0.5, 1.0)] {
+            let mut views = [shot(radiance, 1.0)];
+            let gains = equalise(&mut views).expect("a photograph");
+            assert!((gains.lift - want).abs() < 1e-6, "radiance {radiance}: {}", gains.lift);
+            assert_eq!(gains.views, [1.0], "alone");
+            let got = decode(f64::from(views[0].color[0][0]));
+            assert!((got - radiance * want).abs() < 1e-6, "radiance {radiance}: {got}");
+        }
+        let mut bare = shot(0.01, 1.0);
+        bare.foreground = vec![0.0; 3];
+        let before = bare.clone();
+        let mut views = [bare];
+        assert_eq!(equalise(&mut views).expect("a photograph").lift, 1.0, "no foreground, no factor");
+        assert_eq!(views[0], before, "to the bit");
+        assert_eq!(equalise(&mut []).expect("none"), Gains { views: vec![], lift: 1.0 }, "nothing to do");
+    }
+
+    #[test]
+    fn bad_photographs_are_refused_and_none_is_changed() {
+        let good = shot(0.1, 0.5);
+        let spoil = |how: &dyn Fn(&mut Photograph)| {
+            let mut bad = good.clone();
+            how(&mut bad);
+            let mut views = [good.clone(), bad];
+            let e = equalise(&mut views).expect_err("out of range");
+            assert_eq!(views[0], good, "unchanged");
+            e.to_string()
+        };
+        assert!(
+            spoil(&|p| p.color[1][2] = f32::NAN).starts_with("view 1: photograph: pixel 1"),
+            "a NaN is named"
+        );
+        assert!(spoil(&|p| p.foreground[2] = 1.5).contains("pixel 2"), "a coverage is named");
+        for x in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(spoil(&|p| p.exposure = x).contains("exposure"), "exposure {x}");
+        }
+        assert!(spoil(&|p| p.foreground.truncate(2)).contains("2 for 3"), "sizes");
+    }
+}
