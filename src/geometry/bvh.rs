@@ -81,6 +81,12 @@ impl Bvh {
         }
     }
 
+    /// The ray in the numbers of the tree, if it can hit anything.
+    #[inline(never)]
+    fn line(&self, ray: &Ray) -> Option<Line> {
+        Line::new(ray, &self.frame).filter(|_| !self.tree.rows().is_empty())
+    }
+
     /// Rays side by side in groups, the others in turns.
     fn walk_many<const ANY: bool>(&self, rays: &[Ray], done: impl FnMut(usize, Hit)) {
         let [lo, hi] = self.frame.bounds;
@@ -172,8 +178,7 @@ impl<const ANY: bool, D: FnMut(usize, Hit)> Feed for Queue<'_, ANY, D> {
             };
             let i = self.read;
             self.read += 1;
-            let Some(line) = Line::new(ray, &self.bvh.frame).filter(|_| !self.bvh.tree.rows().is_empty())
-            else {
+            let Some(line) = self.bvh.line(ray) else {
                 (self.done)(i, Hit::NONE);
                 continue;
             };

@@ -133,7 +133,7 @@ fn first_three(x: f32x8) -> [f32; 3] {
 
 impl Line {
     /// The ray in the numbers of `frame`; none if it cannot hit anything: no direction, an empty interval, or a start more than 2⁴⁰ away.
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(ray: &Ray, frame: &Frame) -> Option<Self> {
         let mut d = ray.direction;
         // what has no finite t is not hit

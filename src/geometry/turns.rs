@@ -112,6 +112,31 @@ impl Turn {
     }
 }
 
+impl Turn {
+    /// Asks for what comes next, or gives the hit away and begins with another ray.
+    #[inline(always)]
+    fn go_on(
+        &mut self,
+        more: bool,
+        i: u8,
+        rows: &[f32x8],
+        root: u32,
+        rays: &mut impl Feed,
+        then: &mut Lists,
+    ) {
+        if more {
+            expect_soon(rows, self.at);
+            then.add(i, self.at);
+            return;
+        }
+        rays.done(self.ray, self.best.hit(&self.line));
+        if let Some((ray, line)) = rays.next() {
+            self.restart(ray, line, root);
+            then.add(i, root);
+        }
+    }
+}
+
 /// Turns by where they are.
 #[derive(Default)]
 struct Lists {
@@ -151,28 +176,16 @@ impl Tree {
             let [even, odd] = &mut lists;
             let (here, then) = if now == 0 { (&*even, odd) } else { (&*odd, even) };
             then.len = [0, 0];
-            let mut go_on = |i: u8, turn: &mut Turn, more: bool| {
-                if more {
-                    expect_soon(rows, turn.at);
-                    then.add(i, turn.at);
-                    return;
-                }
-                rays.done(turn.ray, turn.best.hit(&turn.line));
-                if let Some((ray, line)) = rays.next() {
-                    turn.restart(ray, line, root);
-                    then.add(i, root);
-                }
-            };
             for &i in &here.of[0][..here.len[0]] {
                 let turn = &mut turns[i as usize];
                 let more = turn.visit_node(rows);
-                go_on(i, turn, more);
+                turn.go_on(more, i, rows, root, rays, then);
             }
             for &i in &here.of[1][..here.len[1]] {
                 let turn = &mut turns[i as usize];
                 let found = meet(leaf(rows, turn.at), &mut turn.line, &mut turn.best);
                 let more = !(found && ANY) && turn.next(rows);
-                go_on(i, turn, more);
+                turn.go_on(more, i, rows, root, rays, then);
             }
             now ^= 1;
         }
