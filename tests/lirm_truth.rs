@@ -344,6 +344,7 @@ fn a_projection_without_rays_is_refused() {
     assert!(text.contains("fisheye or pinhole"), "{text}");
     assert!(!dir.path().join("x").exists(), "nothing was made");
     // Other sets are pinhole pictures, whatever a head would carry.
-    let record = Settings { set: Set::Train, camera: Model::Fisheye, ..small() }.record();
+    let record =
+        Settings { set: Set::Train, camera: Model::Fisheye, ..small() }.record().expect("no files to read");
     assert_eq!(record["camera"], json!("pinhole"), "so it says");
 }

@@ -578,7 +578,7 @@ fn lirm_gen_refuses_light_that_would_not_be_used() {
         ];
         base.iter().chain(more).copied().collect::<Vec<_>>()
     };
-    refused(&with(&["--env", "none.hdr"]), dir, &["maps", "--lighting environment or both"]);
+    refused(&with(&["--env", "none.hdr"]), dir, &["env", "--lighting environment or both"]);
     refused(&with(&["--env", "axes"]), dir, &["--lighting environment or both"]);
     refused(&with(&["--env-width", "64"]), dir, &["--env-width"]);
     for alone in [&["--env-axes", "mitsuba"][..], &["--env", "sky.exr", "--env-width", "64"]] {

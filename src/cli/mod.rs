@@ -29,12 +29,10 @@ mod report;
 mod shared;
 mod splat;
 
-use crate::num::bits::Digest;
 use crate::num::par;
 use crate::{Error, Result};
 use clap::{Parser, Subcommand};
 use std::io::Write as _;
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -172,17 +170,6 @@ fn say(line: &str) -> Result<()> {
 /// When stdout cannot be written.
 fn say_json(record: &serde_json::Value) -> Result<()> {
     say(&format!("{record:#}"))
-}
-
-/// A file in a record: its name and the digest of its bytes (FNV-1a 64). Where it lies is no part of it.
-///
-/// # Errors
-/// When it cannot be read.
-fn file_identity(path: &Path) -> Result<serde_json::Value> {
-    let mut digest = Digest::new();
-    digest.bytes(&crate::io::read_bytes(path, crate::io::MAX_FILE_BYTES)?);
-    let name = path.file_name().unwrap_or_default().to_string_lossy();
-    Ok(serde_json::json!({ "file": name, "digest": format!("{:016x}", digest.value()) }))
 }
 
 /// The command line as it can be typed again.

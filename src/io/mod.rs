@@ -46,6 +46,17 @@ pub const MAX_FILE_BYTES: u64 = 8 << 30;
 /// Largest picture file or text file that is read, in bytes.
 pub const MAX_SMALL_FILE_BYTES: u64 = 1 << 30;
 
+/// A file as records name it, by name and bytes: what is made from it does not depend on where it lies.
+///
+/// # Errors
+/// As [`read_bytes`].
+pub fn identity(path: &Path) -> Result<serde_json::Value> {
+    let mut digest = crate::num::bits::Digest::new();
+    digest.bytes(&read_bytes(path, MAX_FILE_BYTES)?);
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    Ok(serde_json::json!({ "file": name, "digest": format!("{:016x}", digest.value()) }))
+}
+
 /// The whole of a regular file of at most `limit` bytes.
 ///
 /// # Errors

@@ -85,25 +85,39 @@ fn quoted(word: &str) -> String {
     }
 }
 
-/// Digest of what is shown and moved: surface, materials' pictures, joints. Two files of one name are told apart by it.
-fn digest(c: &Character) -> u64 {
+/// Digest of what is shown and how it moves: surface, materials and their pictures, weights, and the joints in every frame. Two files of one
+/// name are told apart by it.
+fn digest(c: &Character, poses: &[Pose]) -> u64 {
     let mut d = Digest::new();
     let object = c.object();
-    let maps = object.materials.iter().filter_map(|m| m.base_color_map.as_ref());
-    let colors = object.materials.iter().map(|m| &m.base_color[..]);
     let mesh = &object.mesh;
-    let floats = [mesh.positions.as_flattened(), mesh.normals.as_flattened(), mesh.uvs.as_flattened()];
-    for x in floats.into_iter().chain(colors).flatten() {
+    for x in [mesh.positions.as_flattened(), mesh.normals.as_flattened(), mesh.uvs.as_flattened()]
+        .into_iter()
+        .flatten()
+    {
         d.bytes(&x.to_bits().to_le_bytes());
     }
-    for i in mesh.triangles.as_flattened() {
-        d.bytes(&i.to_le_bytes());
+    mesh.triangles.as_flattened().iter().for_each(|i| d.bytes(&i.to_le_bytes()));
+    object.material_of.iter().for_each(|m| d.bytes(&m.to_le_bytes()));
+    for m in &object.materials {
+        for x in m.base_color.iter().chain(&m.emission).chain([&m.roughness, &m.metallic]) {
+            d.bytes(&x.to_bits().to_le_bytes());
+        }
+        let bumps = m.normal_map.as_ref().map(|(map, _)| map);
+        let maps = [&m.base_color_map, &m.metallic_roughness_map, &m.emission_map].into_iter().flatten();
+        for map in maps.chain(bumps) {
+            d.bytes(map.texels.as_flattened());
+        }
     }
-    for map in maps {
-        d.bytes(map.texels.as_flattened());
+    for (joints, weights) in c.influences() {
+        joints.iter().for_each(|j| d.bytes(&j.to_le_bytes()));
+        weights.iter().for_each(|w| d.bytes(&w.to_bits().to_le_bytes()));
     }
     for joint in c.joints() {
         d.bytes(joint.name.as_bytes());
+    }
+    for t in poses.iter().flat_map(|pose| c.transforms(pose)) {
+        t.as_flattened().iter().for_each(|x| d.bytes(&x.to_bits().to_le_bytes()));
     }
     d.value()
 }
@@ -179,7 +193,7 @@ impl Actor {
         let zoom = order::min(1.0, FILL * video::RADIUS / (f64::from(focal) * seen));
         let elbow = factors.elbow.map(|j| character.joints()[j].name.clone());
         let record = json!({
-            "kind": "character", "file": casting.name(), "digest": format!("{:016x}", digest(&character)), "animations": casting.animations, "elbow": elbow,
+            "kind": "character", "file": casting.name(), "digest": format!("{:016x}", digest(&character, &poses)), "animations": casting.animations, "elbow": elbow,
             "hide": casting.hide, "play": casting.play, "joints": character.joints().iter().map(|j| &j.name).collect::<Vec<_>>(),
             "vertices": character.object().mesh.positions.len(), "triangles": character.object().mesh.triangles.len(),
         });

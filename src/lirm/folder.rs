@@ -23,7 +23,7 @@ pub(super) const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
 /// Sweeps what a killed run left. A run that is not continued also removes the set that is there, its records first, so that a folder never
 /// mixes two.
-pub(super) fn begin(dir: &Path, settings: &Settings, resume: bool) -> Result<()> {
+pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Result<()> {
     if !dir.is_dir() {
         return Ok(());
     }
@@ -40,7 +40,7 @@ pub(super) fn begin(dir: &Path, settings: &Settings, resume: bool) -> Result<()>
     }
     let record = dir.join(RECORD);
     if resume && record.is_file() {
-        same_settings(&record, settings)?;
+        same_settings(&record, asked)?;
     } else if resume && !is_empty {
         return Err(Error::input("--resume")
             .at(dir.display().to_string())
@@ -63,23 +63,23 @@ pub(super) fn begin(dir: &Path, settings: &Settings, resume: bool) -> Result<()>
 }
 
 /// Says, before the first picture, what the set in `dir` will be; what is said already stays.
-pub(super) fn announce(dir: &Path, settings: &Settings) -> Result<()> {
+pub(super) fn announce(dir: &Path, asked: &Map<String, Value>) -> Result<()> {
     let path = dir.join(RECORD);
     if path.is_file() {
         return Ok(());
     }
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
-    let top = json!({ "format": FORMAT, "complete": false, "settings": settings.record(), "objects": [] });
+    let top = json!({ "format": FORMAT, "complete": false, "settings": asked, "objects": [] });
     atomic::write_bytes(&path, format!("{top:#}\n").as_bytes())
 }
 
 /// A record whose settings are these.
-fn same_settings(path: &Path, settings: &Settings) -> Result<Value> {
+fn same_settings(path: &Path, asked: &Map<String, Value>) -> Result<Value> {
     let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
     let record: Value = serde_json::from_slice(&bytes).map_err(|e| {
         Error::input(path.display().to_string()).expected("JSON").got(e.to_string()).hint("remove it")
     })?;
-    if record["settings"].as_object() == Some(&settings.record()) {
+    if record["settings"].as_object() == Some(asked) {
         return Ok(record);
     }
     Err(Error::input("--resume")
@@ -90,17 +90,22 @@ fn same_settings(path: &Path, settings: &Settings) -> Result<Value> {
 }
 
 /// The record of object k if its folder is whole: it was made with these settings, and every file has the digest it had.
-pub(super) fn finished(folder: &Path, settings: &Settings, k: u64) -> Result<Option<Value>> {
+pub(super) fn finished(
+    folder: &Path,
+    settings: &Settings,
+    asked: &Map<String, Value>,
+    k: u64,
+) -> Result<Option<Value>> {
     let path = folder.join("object.json");
     if !path.is_file() {
         return Ok(None);
     }
-    let record = same_settings(&path, settings)?;
+    let record = same_settings(&path, asked)?;
     let (shots, _) = shots(settings, k);
     let mut is_whole = true;
     for (n, (version, ..)) in settings.versions().into_iter().enumerate() {
         let dir = folder.join(version);
-        let there = Recorder::verify(&dir, header(settings, k, version), &shots)?;
+        let there = Recorder::verify(&dir, header(asked, k, version), &shots)?;
         if there.is_some_and(|there| record["versions"][n]["digest"] != hex(there.digest)) {
             return Err(Error::input("--resume")
                 .at(dir.display().to_string())
@@ -115,8 +120,8 @@ pub(super) fn finished(folder: &Path, settings: &Settings, k: u64) -> Result<Opt
 }
 
 /// The top of the `transforms.json` of a version of object k.
-pub(super) fn header(settings: &Settings, k: u64, version: &str) -> Map<String, Value> {
-    let made = json!({ "object": k, "version": version, "settings": settings.record() });
+pub(super) fn header(asked: &Map<String, Value>, k: u64, version: &str) -> Map<String, Value> {
+    let made = json!({ "object": k, "version": version, "settings": asked });
     Map::from_iter([("lirm_gen".to_owned(), made)])
 }
 

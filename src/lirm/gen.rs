@@ -19,8 +19,8 @@ use super::subject::{Light, Subject};
 use super::truth;
 use crate::fit::passes::{Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
-use crate::io::atomic;
 use crate::io::capture::Split;
+use crate::io::{self, atomic};
 use crate::num::par;
 use crate::num::rng::{self, Rng};
 use crate::scene::camera::{Camera, Model};
@@ -199,13 +199,16 @@ impl Settings {
         out
     }
 
-    /// All that decides an object's files, for continued runs and for readers.
-    pub fn record(&self) -> Map<String, Value> {
-        let names = |paths: &[PathBuf]| paths.iter().map(|p| p.display().to_string()).collect::<Vec<_>>();
+    /// All that decides an object's files, for continued runs and for readers. Files are known by name and bytes.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    pub fn record(&self) -> Result<Map<String, Value>> {
+        let names = |paths: &[PathBuf]| paths.iter().map(|p| io::identity(p)).collect::<Result<Vec<_>>>();
         let o = &self.map_options;
         let entries = [
-            ("meshes", json!(names(&self.meshes))),
-            ("maps", json!(names(&self.maps))),
+            ("meshes", json!(names(&self.meshes)?)),
+            ("maps", json!(names(&self.maps)?)),
             ("map_axes", json!([o.orientation.name(), o.mirror, o.rotate, o.scale])),
             ("lighting", json!(format!("{:?}", self.lighting).to_lowercase())),
             ("shiny", json!(self.shiny)),
@@ -223,7 +226,7 @@ impl Settings {
             ("seed", json!(self.seed)),
         ];
         let axes = self.axes.then(|| ("axes", json!(true)));
-        entries.into_iter().chain(axes).map(|(k, v)| (k.to_owned(), v)).collect()
+        Ok(entries.into_iter().chain(axes).map(|(k, v)| (k.to_owned(), v)).collect())
     }
 }
 
@@ -253,18 +256,19 @@ pub fn run(
     let per_object = settings.pictures() * settings.versions().len();
     let total = per_object * settings.objects as usize;
     let (mut listed, mut rendered, mut digest) = (Vec::new(), 0, crate::num::bits::Digest::new());
-    begin(dir, settings, resume)?;
+    let asked = settings.record()?;
+    begin(dir, &asked, resume)?;
     for n in 0..settings.objects {
         let k = settings.first + n;
         let name = format!("object_{k:05}");
         let folder = dir.join(&name);
         let done = n as usize * per_object;
-        let kept = if resume { finished(&folder, settings, k)? } else { None };
+        let kept = if resume { finished(&folder, settings, &asked, k)? } else { None };
         let record = match kept {
             Some(record) => record,
             None => {
                 let mut looked = 0;
-                let (record, made) = one(dir, &folder, settings, k, resume, stop, &mut |label| {
+                let (record, made) = one(dir, &folder, settings, &asked, k, resume, stop, &mut |label| {
                     progress(done + looked, total, &format!("{name} · {label}"));
                     looked += 1;
                 })?;
@@ -280,7 +284,7 @@ pub fn run(
     progress(total, total, "done");
     let digest = digest.value();
     let top = json!({
-        "format": FORMAT, "complete": true, "settings": settings.record(), "objects": listed, "digest": hex(digest),
+        "format": FORMAT, "complete": true, "settings": asked, "objects": listed, "digest": hex(digest),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{top:#}\n").as_bytes())?;
     Ok(Summary { objects: listed.len(), rendered, digest })
@@ -291,6 +295,7 @@ fn one(
     dir: &Path,
     folder: &Path,
     settings: &Settings,
+    asked: &Map<String, Value>,
     k: u64,
     resume: bool,
     stop: &AtomicBool,
@@ -304,7 +309,7 @@ fn one(
         || if needs_map { Light::new(settings, k).map(Some) } else { Ok(None) },
     );
     let (subject, light) = (subject?, light?);
-    announce(dir, settings)?;
+    announce(dir, asked)?;
     let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
     let (shots, protocol) = shots(settings, k);
     let (mut records, mut rendered) = (Vec::new(), 0);
@@ -321,7 +326,7 @@ fn one(
         let object = shiny.as_ref().unwrap_or(&subject.object);
         let scene = Scene::new(object, &bvh, &lights)?;
         let capture = Capture { settings, k, scene: &scene, exposed: under_map };
-        let recorder = Recorder::open(&folder.join(version), header(settings, k, version), resume)?;
+        let recorder = Recorder::open(&folder.join(version), header(asked, k, version), resume)?;
         let (digest, count) = capture.shoot(recorder, &shots, stop, &mut || made(version))?;
         rendered += count;
         let mut record = json!({
@@ -340,7 +345,7 @@ fn one(
         "vertices": subject.object.mesh.positions.len(),
         "triangles": subject.object.mesh.triangles.len(),
         "versions": records,
-        "settings": settings.record(),
+        "settings": asked,
     });
     if settings.truth {
         record["truth"] = truth::write(folder, &subject.object, light.as_ref().map(|l| &l.map))?;

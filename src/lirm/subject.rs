@@ -13,9 +13,15 @@ use crate::shade::environment::solid_angles;
 use crate::{Error, Result};
 use data_gen::{environments, objects};
 use serde_json::{Map, Value, json};
+use std::path::Path;
 
 /// Factor of the roughness of a shiny version; the item is the object.
 const GLOSS_PURPOSE: u16 = 0x0310;
+/// The last part of a path: records do not depend on where a file lies.
+fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
 /// Turn (draw 0) and brightness (draw 1) of a map from a file; the item is the object.
 const MAP_PURPOSE: u16 = 0x0421;
 
@@ -43,7 +49,7 @@ impl Subject {
                 let (object, center, scale) = normalised(object, &name)?;
                 let record = json!({
                     "name": path.file_stem().map(|s| s.to_string_lossy()),
-                    "file": name,
+                    "file": file_name(path),
                     "center": center,
                     "scale": scale,
                     "transform": "position = (position of the file, z up, − center) × scale",
@@ -126,7 +132,7 @@ impl Light {
                 let scale = order::min(level, f64::from(f32::MAX)) as f32;
                 map.radiance.iter_mut().for_each(|c| *c = c.map(|x| order::min(x * scale, f32::MAX)));
                 let record = json!({
-                    "file": path.display().to_string(), "rotate_deg": rotate, "scale": f64::from(scale),
+                    "file": file_name(path), "rotate_deg": rotate, "scale": f64::from(scale),
                 });
                 Ok(Self { map, record })
             }

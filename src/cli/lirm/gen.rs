@@ -160,7 +160,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.filling.json {
         return cli::say_json(&json!({
             "out": args.out, "objects": made.objects, "rendered": made.rendered,
-            "digest": format!("{:016x}", made.digest), "settings": settings.record(), "seconds": seconds,
+            "digest": format!("{:016x}", made.digest), "settings": settings.record()?, "seconds": seconds,
         }));
     }
     cli::say(&format!(

@@ -1,6 +1,6 @@
 //! The light of `mesh render`: a panorama of the user's, or a built-in one.
 
-use crate::cli::file_identity;
+use crate::io;
 use crate::scene::environment_file::{self, Options, Orientation};
 use crate::scene::from_data_gen;
 use crate::scene::light::Environment;
@@ -119,7 +119,7 @@ impl Args {
     /// When the panorama cannot be read.
     pub(super) fn record(&self) -> Result<Value> {
         let light = match self.source() {
-            Source::File(path) => file_identity(path)?,
+            Source::File(path) => io::identity(path)?,
             _ => json!(self.env),
         };
         let (turn, scale) = (self.env_rotate, f64::from(self.env_scale));

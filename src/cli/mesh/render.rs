@@ -3,10 +3,11 @@
 use super::light;
 use crate::cli::meter::Meter;
 use crate::cli::shared::{Filling, OrbitArgs, Usual};
-use crate::cli::{self, claim, file_identity};
+use crate::cli::{self, claim};
 use crate::fit::passes::Shot;
 use crate::fit::relight::{self, Exposure, Relight};
 use crate::fit::render::capture_shots;
+use crate::io;
 use crate::scene::character::Character;
 use crate::scene::light::Lights;
 use crate::scene::mesh::Object;
@@ -142,7 +143,7 @@ fn header(args: &Args) -> Result<Map<String, Value>> {
     // The open body is a folder, whose mesh stands for it.
     let model = if args.file.is_dir() { args.file.join("base.obj") } else { args.file.clone() };
     let record = json!({
-        "model": file_identity(&model)?,
+        "model": io::identity(&model)?,
         "env": args.light.record()?,
         "cameras": if is_orbit { orbit } else { of_capture },
         "pose": [json!(args.animation), json!(args.time), json!(args.hide)],
