@@ -230,6 +230,20 @@ fn the_open_body() {
         wide("Reach")[1],
         wide("Rest")[1]
     );
+    // Posture by the walk alone: one foot in front, then the other (forward is −y).
+    let walk = Factors::of(&c, "Walk", None, None).unwrap_or_else(|e| panic!("{e}"));
+    let foot = c.joint("mixamorig:LeftFoot").unwrap_or_else(|e| panic!("{e}"));
+    let ahead = |posture: f64| {
+        let pose = c.pose_of(&walk, 0.0, &[posture, 0.0]).unwrap_or_else(|e| panic!("{e}"));
+        let rest = c.joints()[foot].position();
+        let moved = reference::body::skin::point(&c.transforms(&pose)[foot], rest);
+        rest[1] - moved[1]
+    };
+    let steps = [ahead(-4.0), ahead(0.0), ahead(4.0)];
+    assert!(
+        steps[0] > 0.2 && steps[0] - steps[1] > 0.3 && steps[1] - steps[2] > 0.3,
+        "the left foot goes from the front to the back: {steps:?}"
+    );
 }
 
 #[test]

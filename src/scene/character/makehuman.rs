@@ -150,8 +150,9 @@ fn movements(rig: &Gltf) -> Vec<Animation> {
         }
         channels
     };
+    // The loop begins with the left leg in front, and has the right one in front in its middle.
     let phase = |k: usize, right: bool| {
-        let angle = 2.0 * PI * (k % (KEYS - 1)) as f64 / (KEYS - 1) as f64;
+        let angle = 2.0 * PI * (k % (KEYS - 1)) as f64 / (KEYS - 1) as f64 + 0.5 * PI;
         if right { angle + PI } else { angle }
     };
     let stand = rotations(1, &|_, _| limbs(0.0, 0.0));
