@@ -18,6 +18,9 @@
 //! group    up to sixteen rays side by side: one hull for all at nodes, each ray by itself at leaves
 //! turns    any rays, twelve of which take turns: while one waits for memory, others are at work
 //! ```
+//!
+//! A ray that bounces off a mesh of a million triangles visits 10 nodes and 3 leaves, in 300 ns. Groups do not pay for such rays, not even sorted by
+//! direction and start: the frustum of sixteen of them meets every leaf between their starts. `benches/record` has the figures.
 
 pub mod bvh;
 pub mod compare;
