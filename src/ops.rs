@@ -40,6 +40,7 @@ pub static LIST: &[&Op] = &[
     &splat::render::OP,
     &geometry::TRACE,
     &nn::LINEAR,
+    &nn::LEAKY_RELU,
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,

@@ -10,7 +10,7 @@ use crate::array::{Arr, Named, Out};
 use crate::dual::Dual;
 use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
-use crate::nn::linear;
+use crate::nn::{act, linear};
 use crate::optim::{adam, adamw};
 use crate::rev::{self, Rev};
 use crate::scalar::Scalar;
@@ -69,6 +69,7 @@ enum Stage {
     RenderProject,
     RenderBlend,
     Linear,
+    LeakyRelu,
     L1,
     Mse,
     Ssim,
@@ -207,6 +208,15 @@ const TWINS: &[Twin] = &[
         outputs: &["y"],
         smooth_outputs: &["y"],
         settings: &[],
+    },
+    Twin {
+        name: "nn.leaky_relu",
+        stages: &[Stage::LeakyRelu],
+        inputs: &["x"],
+        smooth_inputs: &["x"],
+        outputs: &["y"],
+        smooth_outputs: &["y"],
+        settings: &["slope"],
     },
     Twin {
         name: "loss.l1",
@@ -365,6 +375,7 @@ fn run_stage<S: Scalar>(
         Stage::RenderProject => render::project_and_color(pool, profile()?, plan, out),
         Stage::RenderBlend => render::blend(pool, &profile()?, plan, out),
         Stage::Linear => linear::forward(pool, out),
+        Stage::LeakyRelu => act::leaky_relu(pool, settings, out),
         Stage::L1 => l1::forward(pool, out),
         Stage::Mse => mse::forward(pool, out),
         Stage::Ssim => ssim::forward(pool, out),

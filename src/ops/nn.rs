@@ -2,9 +2,10 @@
 
 use super::call::{Checked, Ran};
 use super::case::Draw;
-use super::op::{Case, Op, Port, Width, no_rule, no_zeros};
-use crate::Result;
-use crate::nn::linear;
+use super::op::{Case, Kind, Op, Port, SettingSpec, Width, no_rule, no_zeros};
+use crate::nn::{act, linear};
+use crate::{Error, Result};
+use reference::settings::Setting;
 
 /// `nn.linear`
 pub(super) static LINEAR: Op = Op {
@@ -61,5 +62,71 @@ fn case_linear(case: usize) -> Case {
     made.inputs.put("x", &[m, k], draw(0, m * k));
     made.inputs.put("weight", &[n, k], draw(1, n * k));
     made.inputs.put("bias", &[n], draw(2, n));
+    made
+}
+
+/// `nn.leaky_relu`
+pub(super) static LEAKY_RELU: Op = Op {
+    name: "nn.leaky_relu",
+    summary: "x where it is positive, slope·x elsewhere",
+    inputs: &[Port::var("x", "...", "")],
+    outputs: &[Port::var("y", "...", "")],
+    intermediates: &[],
+    plan: &[],
+    companions: &[],
+    settings: &[SettingSpec {
+        key: "slope",
+        kind: Kind::Number,
+        default: "0.2",
+        doc: "factor of values that are not positive",
+    }],
+    stages: &[],
+    adjoint: true,
+    width: Width::F32,
+    work_unit: "values",
+    work_ns: [10.0, 100.0],
+    check: check_leaky_relu,
+    run: run_leaky_relu,
+    predict: no_zeros,
+    cases: 2,
+    case: case_leaky_relu,
+};
+
+fn slope(x: &Checked<'_>) -> f64 {
+    x.number("slope").unwrap_or(0.2)
+}
+
+fn check_leaky_relu(x: &Checked<'_>) -> Result<()> {
+    let slope = slope(x);
+    if (slope as f32).is_finite() {
+        return Ok(());
+    }
+    Err(Error::input("setting slope").expected("a number within the range of f32").got(format!("{slope:e}")))
+}
+
+fn run_leaky_relu(x: &Checked<'_>) -> Result<Ran> {
+    let (shape, values, slope) = (x.shape("x"), x.f32s("x"), slope(x) as f32);
+    let mut y = vec![0.0; values.len()];
+    act::leaky_relu(&values, slope, &mut y);
+    let mut ran = Ran::default();
+    ran.outputs.put("y", &shape, y);
+    if let Some(y_bar) = x.bar("y", &shape)? {
+        let mut bar = x.start("x", values.len());
+        act::leaky_relu_adjoint(&values, slope, &y_bar, &mut bar);
+        ran.gradients.put("x", &shape, bar);
+    }
+    Ok(ran)
+}
+
+/// Values of both signs, at least 0.05 from the kink.
+fn case_leaky_relu(case: usize) -> Case {
+    let shape: &[usize] = [&[7, 11][..], &[3, 5, 4]][case];
+    let n = super::call::entries(shape);
+    let apart = |x: f32| if x > 0.0 { x + 0.05 } else { x - 0.05 };
+    let mut made = Case::default();
+    made.inputs.put("x", shape, Draw::new(11, case, 0).normals(n).into_iter().map(apart).collect());
+    if case == 1 {
+        made.settings.insert("slope".to_owned(), Setting::Number(0.0625));
+    }
     made
 }

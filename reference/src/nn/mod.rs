@@ -2,4 +2,5 @@
 //!
 //! Named arrays in, named arrays out; called by [`crate::twins`], one layer at a time.
 
+pub mod act;
 pub mod linear;

@@ -171,6 +171,15 @@ fn cases() -> Vec<Case> {
         ),
         splat("linear", "nn.linear", layer, &[], &["x", "weight", "bias"], &["y"], 1e-13),
         splat(
+            "leaky relu",
+            "nn.leaky_relu",
+            named([("x", apart(&[6, 5], 23))]),
+            &[("slope", "0.2")],
+            &["x"],
+            &["y"],
+            1e-13,
+        ),
+        splat(
             "ggx",
             "shade.ggx",
             lit(&["normal", "view", "light", "albedo", "roughness", "metallic"]),
@@ -192,6 +201,11 @@ fn cases() -> Vec<Case> {
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
     ]
+}
+
+/// Normal numbers moved 0.05 away from 0.
+fn apart(shape: &[usize], purpose: u16) -> Arr<f64> {
+    normal(shape, purpose).map(|&x| if x > 0.0 { x + 0.05 } else { x - 0.05 })
 }
 
 /// Points under light, eye and light within 60° of +z and the normal near it; a map of 4 × 6.
