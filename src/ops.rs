@@ -41,6 +41,7 @@ pub static LIST: &[&Op] = &[
     &geometry::TRACE,
     &nn::LINEAR,
     &nn::LEAKY_RELU,
+    &nn::CONV,
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,

@@ -97,6 +97,11 @@ fn golden_nn_leaky_relu() {
 }
 
 #[test]
+fn golden_nn_conv() {
+    check_golden("nn_conv", "nn.conv", None, &OTHER);
+}
+
+#[test]
 fn golden_loss_ssim() {
     check_golden("loss_ssim", "loss.ssim", None, &OTHER);
 }

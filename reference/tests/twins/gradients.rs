@@ -171,6 +171,19 @@ fn cases() -> Vec<Case> {
         ),
         splat("linear", "nn.linear", layer, &[], &["x", "weight", "bias"], &["y"], 1e-13),
         splat(
+            "conv",
+            "nn.conv",
+            named([
+                ("x", normal(&[2, 6, 7, 2], 24)),
+                ("weight", normal(&[3, 4, 3, 2], 25)),
+                ("bias", normal(&[3], 26)),
+            ]),
+            &[("stride", "2"), ("pad", "1")],
+            &["x", "weight", "bias"],
+            &["y"],
+            1e-13,
+        ),
+        splat(
             "leaky relu",
             "nn.leaky_relu",
             named([("x", apart(&[6, 5], 23))]),
