@@ -1,0 +1,5 @@
+//! Latent causal structure.
+
+pub mod acyclic;
+pub mod mask;
+pub mod structure;
