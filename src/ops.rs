@@ -49,6 +49,8 @@ pub static LIST: &[&Op] = &[
     &causal::ACYCLIC,
     &causal::MASK,
     &causal::STRUCTURE,
+    &causal::POSTERIOR_KL,
+    &causal::POSTERIOR,
     &optim::ADAM,
     &optim::ADAMW,
 ];

@@ -111,6 +111,11 @@ fn golden_causal_structure() {
 }
 
 #[test]
+fn golden_causal_posterior_kl() {
+    check_golden("causal_posterior_kl", "causal.posterior_kl", None, &CAUSAL);
+}
+
+#[test]
 fn golden_optim_adamw() {
     check_golden("optim_adamw", "optim.adamw", None, &OTHER);
 }

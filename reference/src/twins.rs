@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
-use crate::causal::{acyclic, mask, structure};
+use crate::causal::{acyclic, mask, posterior, posterior_kl, structure};
 use crate::dual::Dual;
 use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
@@ -78,6 +78,8 @@ enum Stage {
     Acyclic,
     Mask,
     Structure,
+    PosteriorKl,
+    Posterior,
     Adam,
     Adamw,
     Trace,
@@ -285,6 +287,24 @@ const TWINS: &[Twin] = &[
         settings: &["mode", "slope", "sweeps"],
     },
     Twin {
+        name: "causal.posterior_kl",
+        stages: &[Stage::PosteriorKl],
+        inputs: &["mu", "logvar"],
+        smooth_inputs: &["mu", "logvar"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &[],
+    },
+    Twin {
+        name: "causal.posterior",
+        stages: &[Stage::Posterior],
+        inputs: &["mu", "logvar", "eta"],
+        smooth_inputs: &["mu", "logvar"],
+        outputs: &["sample"],
+        smooth_outputs: &["sample"],
+        settings: &[],
+    },
+    Twin {
         name: "optim.adam",
         stages: &[Stage::Adam],
         inputs: &["param", "grads", "active"],
@@ -404,6 +424,8 @@ fn run_stage<S: Scalar>(
         Stage::Acyclic => acyclic::forward(pool, out),
         Stage::Mask => mask::forward(pool, settings, out),
         Stage::Structure => structure::forward(pool, settings, out),
+        Stage::PosteriorKl => posterior_kl::forward(pool, out),
+        Stage::Posterior => posterior::forward(pool, out),
         Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }

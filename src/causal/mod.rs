@@ -15,4 +15,6 @@
 pub mod acyclic;
 pub mod mask;
 mod mechanism;
+pub mod posterior;
+pub mod posterior_kl;
 pub mod structure;

@@ -4,7 +4,7 @@ use super::call::{Checked, Ran};
 use super::case::Draw;
 use super::op::{Case, Kind, Op, Port, SettingSpec, Width, no_rule, no_zeros};
 use crate::causal::structure::{Mechanism, Networks};
-use crate::causal::{acyclic, mask, structure};
+use crate::causal::{acyclic, mask, posterior, posterior_kl, structure};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -257,5 +257,91 @@ fn case_structure(case: usize) -> Case {
     }
     let mode = ["nonlinear", "linear", "abduct", "abduct"][case];
     made.settings.insert("mode".to_owned(), Setting::Text(mode.to_owned()));
+    made
+}
+
+const MEAN: Port = Port::var("mu", "B,N,K", "mean");
+const LOGVAR: Port = Port::var("logvar", "B,N,K", "ln of the variance");
+
+/// `causal.posterior_kl`
+pub(super) static POSTERIOR_KL: Op = Op {
+    inputs: &[MEAN, LOGVAR],
+    outputs: &[Port::var("value", "", "nats; sum over factors and their numbers, mean over the batch")],
+    check: some_sample,
+    run: run_posterior_kl,
+    case: case_posterior_kl,
+    ..entry("causal.posterior_kl", "divergence of diagonal Gaussians from the standard normal prior")
+};
+
+fn some_sample(x: &Checked<'_>) -> Result<()> {
+    if x.dim("B") == 0 {
+        return Err(Error::input("array 'mu'").expected("at least one sample").got("none"));
+    }
+    Ok(())
+}
+
+fn run_posterior_kl(x: &Checked<'_>) -> Result<Ran> {
+    let (batch, mu, logvar) = (x.dim("B"), x.f64s("mu"), x.f64s("logvar"));
+    let mut ran = Ran::default();
+    ran.outputs.put("value", &[], vec![posterior_kl::forward(&mu, &logvar, batch)]);
+    if let Some(bar) = x.bar_f64("value", &[])? {
+        let mut mu_bar = x.start_f64("mu", mu.len());
+        let mut logvar_bar = x.start_f64("logvar", mu.len());
+        posterior_kl::adjoint(&mu, &logvar, batch, bar[0], &mut mu_bar, &mut logvar_bar);
+        ran.gradients.put("mu", &x.shape("mu"), mu_bar);
+        ran.gradients.put("logvar", &x.shape("mu"), logvar_bar);
+    }
+    Ok(ran)
+}
+
+fn case_posterior_kl(case: usize) -> Case {
+    let shape = [[5, 4, 4], [3, 2, 7]][case];
+    let len = shape[0] * shape[1] * shape[2];
+    let mut made = Case::default();
+    made.inputs.put("mu", &shape, Draw::new(63, case, 0).normals(len));
+    made.inputs.put("logvar", &shape, Draw::new(63, case, 1).uniforms(len, -2.5, 1.5));
+    made
+}
+
+/// `causal.posterior`
+pub(super) static POSTERIOR: Op = Op {
+    inputs: &[MEAN, LOGVAR, Port::fixed("eta", "B,N,K", "standard normal numbers; 0 gives the mean")],
+    outputs: &[Port::var("sample", "B,N,K", "")],
+    run: run_posterior,
+    predict: beyond_limits,
+    case: case_posterior,
+    ..entry("causal.posterior", "a sample of a diagonal Gaussian, differentiable in mean and variance")
+};
+
+fn run_posterior(x: &Checked<'_>) -> Result<Ran> {
+    let (mu, logvar, eta) = (x.f64s("mu"), x.f64s("logvar"), x.f64s("eta"));
+    let shape = x.shape("mu");
+    let mut ran = Ran::default();
+    ran.outputs.put("sample", &shape, posterior::forward(&mu, &logvar, &eta));
+    if let Some(bar) = x.bar_f64("sample", &shape)? {
+        let mut mu_bar = x.start_f64("mu", mu.len());
+        let mut logvar_bar = x.start_f64("logvar", mu.len());
+        posterior::adjoint(&logvar, &eta, &bar, &mut mu_bar, &mut logvar_bar);
+        ran.gradients.put("mu", &shape, mu_bar);
+        ran.gradients.put("logvar", &shape, logvar_bar);
+    }
+    Ok(ran)
+}
+
+fn beyond_limits(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
+    let [low, high] = posterior::LOGVAR;
+    let beyond = x.f64s("logvar").into_iter().map(|l| l < low || l > high).collect();
+    Ok(Prediction { zeros: [("logvar".to_owned(), beyond)].into(), ..Prediction::default() })
+}
+
+/// Case 0: within the limits; case 1: some beyond them.
+fn case_posterior(case: usize) -> Case {
+    let mut made = case_posterior_kl(case);
+    let shape = [[5, 4, 4], [3, 2, 7]][case];
+    let len = shape[0] * shape[1] * shape[2];
+    made.inputs.put("eta", &shape, Draw::new(64, case, 2).normals(len));
+    if case == 1 {
+        made.inputs.put("logvar", &shape, Draw::new(64, case, 1).uniforms(len, -12.0, 8.0));
+    }
     made
 }

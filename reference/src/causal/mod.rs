@@ -2,4 +2,6 @@
 
 pub mod acyclic;
 pub mod mask;
+pub mod posterior;
+pub mod posterior_kl;
 pub mod structure;

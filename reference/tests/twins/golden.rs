@@ -123,6 +123,11 @@ fn causal_structure_is_reproduced() {
 }
 
 #[test]
+fn causal_posterior_kl_is_reproduced() {
+    check("causal_posterior_kl", "causal.posterior_kl", &["mu", "logvar"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
 fn loss_ssim_is_reproduced() {
     check("loss_ssim", "loss.ssim", &["x", "y"], BTreeMap::new(), [1e-12, 1e-10]);
 }

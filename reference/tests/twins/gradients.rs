@@ -201,6 +201,16 @@ fn cases() -> Vec<Case> {
             &["z"],
             1e-13,
         ),
+        splat(
+            "posterior kl",
+            "causal.posterior_kl",
+            beliefs(false),
+            &[],
+            &["mu", "logvar"],
+            &["value"],
+            1e-13,
+        ),
+        splat("posterior", "causal.posterior", beliefs(true), &[], &["mu", "logvar"], &["sample"], 1e-13),
         splat("l1", "loss.l1", pictures(), &[], xy, &["value"], 1e-13),
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
@@ -230,6 +240,14 @@ fn mechanism(linear: bool) -> Named<f64> {
             ("b1", normal(&[3, 5], 49)),
             ("w2", uniform(&[3, 2, 5], [-0.6, 0.6], 50)),
         ]));
+    }
+    all
+}
+
+fn beliefs(noise: bool) -> Named<f64> {
+    let mut all = named([("mu", normal(&[3, 2, 4], 51)), ("logvar", uniform(&[3, 2, 4], [-2.0, 1.0], 52))]);
+    if noise {
+        all.extend(named([("eta", normal(&[3, 2, 4], 53))]));
     }
     all
 }
