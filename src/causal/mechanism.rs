@@ -97,7 +97,7 @@ fn dot(row: &[f64], x: &[f64]) -> f64 {
     row.iter().zip(x).fold(0.0, |sum, (w, x)| sum + w * x)
 }
 
-impl<'a> Networks<'a> {
+impl Networks<'_> {
     fn act(&self, x: f64) -> f64 {
         if x > 0.0 { x } else { self.slope * x }
     }
@@ -153,10 +153,8 @@ fn outer(w: &[f64], x: &[f64], y_bar: &[f64], w_bar: &mut [f64]) -> Vec<f64> {
     let mut x_bar = vec![0.0; x.len()];
     let rows = w.chunks_exact(x.len()).zip(w_bar.chunks_exact_mut(x.len()));
     for ((row, row_bar), g) in rows.zip(y_bar) {
-        for i in 0..x.len() {
-            x_bar[i] += g * row[i];
-            row_bar[i] += g * x[i];
-        }
+        x_bar.iter_mut().zip(row).for_each(|(bar, w)| *bar += g * w);
+        row_bar.iter_mut().zip(x).for_each(|(bar, x)| *bar += g * x);
     }
     x_bar
 }

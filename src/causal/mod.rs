@@ -3,6 +3,7 @@
 //! ```text
 //! logits ── mask ──► Ã ── acyclic ──► h            how far Ã is from a graph without cycles
 //!                    │
+//! μ, ℓ, η ── posterior ──► sample                  posterior_kl: its divergence from the prior
 //!           ε ── structure ──► Ẑ                   n sweeps of the mechanisms, or a truncated Neumann sum; and back
 //! ```
 //!
