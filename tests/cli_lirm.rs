@@ -1,39 +1,26 @@
 //! `lirm gen` on the command line: help, a tiny set, what is refused.
 
+mod common;
+
+use common::program;
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
-fn lastlight(args: &[&str], dir: &Path) -> Output {
-    let mut all = vec!["lirm", "gen"];
-    all.extend(args);
-    Command::new(env!("CARGO_BIN_EXE_lastlight"))
-        .args(all)
-        .current_dir(dir)
-        .output()
-        .expect("the binary starts")
+fn of_command<'a>(args: &[&'a str]) -> Vec<&'a str> {
+    ["lirm", "gen"].iter().chain(args).copied().collect()
 }
 
-fn stderr(o: &Output) -> String {
-    String::from_utf8(o.stderr.clone()).expect("text")
+fn lastlight(args: &[&str], dir: &Path) -> Output {
+    program::lastlight(&of_command(args), dir)
 }
 
 fn json(args: &[&str], dir: &Path) -> Value {
-    let o = lastlight(args, dir);
-    assert_eq!(o.status.code(), Some(0), "{args:?}: {}", stderr(&o));
-    serde_json::from_slice(&o.stdout).unwrap_or_else(|e| panic!("{args:?}: one JSON document on stdout: {e}"))
+    program::json(&of_command(args), dir)
 }
 
-/// Exit code 2 and one error line that holds all of `parts`.
 fn refused(args: &[&str], dir: &Path, parts: &[&str]) {
-    let o = lastlight(args, dir);
-    let text = stderr(&o);
-    assert_eq!(o.status.code(), Some(2), "{args:?}: {text}");
-    let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error: ")).collect();
-    assert_eq!(errors.len(), 1, "{args:?}: one line: {text}");
-    for part in parts {
-        assert!(errors[0].contains(part), "{args:?}: '{part}' in '{}'", errors[0]);
-    }
+    program::refused(&of_command(args), dir, 2, parts);
 }
 
 const TINY: [&str; 9] = ["--views", "2", "--size", "16", "--samples", "2", "--seed", "5", "--json"];
@@ -95,12 +82,8 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
         assert!(dir.path().join("set/object_00001").join(file).is_file(), "{file}");
     }
     // One thread, another folder: the same digest. What is there is not made again, nor overwritten unasked.
-    let one = Command::new(env!("CARGO_BIN_EXE_lastlight"))
-        .args([&["--threads", "1", "lirm", "gen"][..], &at("again", &[])].concat())
-        .current_dir(dir.path())
-        .output()
-        .expect("the binary starts");
-    let one: Value = serde_json::from_slice(&one.stdout).expect("JSON");
+    let one =
+        program::json(&[&["--threads", "1", "lirm", "gen"][..], &at("again", &[])].concat(), dir.path());
     assert_eq!(one["digest"], made["digest"], "one thread");
     let resumed = json(&at("set", &["--resume"]), dir.path());
     assert_eq!((&resumed["rendered"], &resumed["digest"]), (&0.into(), &made["digest"]), "nothing to do");
@@ -108,15 +91,10 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
     assert_eq!(json(&at("set", &["--force"]), dir.path())["digest"], made["digest"], "forced");
 
     // The truth is what `mesh render` needs.
-    let relit = Command::new(env!("CARGO_BIN_EXE_lastlight"))
-        .args(["mesh", "render", "set/object_00001/object.glb"])
-        .args(["--env", "set/object_00001/environment.exr"])
-        .args(["--cameras", "set/object_00001/environment", "--samples", "2", "--out", "relit", "--json"])
-        .current_dir(dir.path())
-        .output()
-        .expect("the binary starts");
-    assert_eq!(relit.status.code(), Some(0), "{}", stderr(&relit));
-    let record: Value = serde_json::from_slice(&relit.stdout).expect("JSON");
+    let mut relight = vec!["mesh", "render", "set/object_00001/object.glb", "--out", "relit", "--json"];
+    relight.extend(["--env", "set/object_00001/environment.exr", "--samples", "2"]);
+    relight.extend(["--cameras", "set/object_00001/environment"]);
+    let record = program::json(&relight, dir.path());
     assert_eq!(record["pictures"], 2, "its cameras");
 
     // Less of everything.

@@ -1,73 +1,33 @@
 //! `mesh render` and `mesh compare` on the command line: what they write, print, refuse, continue and start over; and the light of
 //! `lirm gen` where its options say nothing.
 
+mod common;
 #[path = "samples/gltf.rs"]
 mod samples;
 
+use common::program::{self, code, json, lastlight, stderr, stdout};
+use common::tree;
 use lastlight::io::capture::read_capture;
 use lastlight::io::image_file;
 use lastlight::lirm::exposure::{Photograph, equalise};
 use lastlight::num::order;
 use lastlight::scene::passes::PassImages;
 use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
-
-fn lastlight(args: &[&str], dir: &Path) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lastlight"))
-        .args(args)
-        .current_dir(dir)
-        .output()
-        .expect("the binary starts")
-}
-
-fn stderr(o: &Output) -> String {
-    String::from_utf8(o.stderr.clone()).expect("text")
-}
+use std::path::Path;
 
 /// Runs and expects success; gives stdout.
 fn done(args: &[&str], dir: &Path) -> String {
     let o = lastlight(args, dir);
-    assert_eq!(o.status.code(), Some(0), "{args:?}: {}", stderr(&o));
-    String::from_utf8(o.stdout).expect("text")
-}
-
-fn json(args: &[&str], dir: &Path) -> Value {
-    let text = done(args, dir);
-    serde_json::from_str(&text).unwrap_or_else(|e| panic!("{args:?}: one JSON document, {e}: {text}"))
+    assert_eq!(code(&o), 0, "{args:?}: {}", stderr(&o));
+    stdout(&o)
 }
 
 /// Runs and expects exit code 2 and one error line with all of `parts`; what `--out` names is not made.
 fn refused(args: &[&str], dir: &Path, parts: &[&str]) {
     let out = args.iter().position(|a| *a == "--out").map(|i| dir.join(args[i + 1]));
     let there = out.as_ref().is_some_and(|o| o.exists());
-    let o = lastlight(args, dir);
-    let text = stderr(&o);
-    assert_eq!(o.status.code(), Some(2), "{args:?}: {text}");
-    assert!(text.lines().filter(|l| l.starts_with("error: ")).count() == 1, "{args:?}: one line: {text}");
-    assert!(!text.contains("panicked"), "{args:?}: {text}");
-    for part in parts {
-        assert!(text.contains(part), "{args:?}: '{part}' in '{text}'");
-    }
+    program::refused(args, dir, 2, parts);
     assert_eq!(out.is_some_and(|o| o.exists()), there, "{args:?}: a refused command makes no folder");
-}
-
-fn tree(dir: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut out = Vec::new();
-    let mut folders = vec![dir.to_path_buf()];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).expect("readable") {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = std::fs::read(&path).expect("readable");
-                out.push((path.strip_prefix(dir).expect("inside").to_path_buf(), bytes));
-            }
-        }
-    }
-    out.sort();
-    out
 }
 
 fn write(path: &Path, bytes: impl AsRef<[u8]>) {
@@ -313,24 +273,18 @@ fn a_forced_run_that_was_stopped_continues() {
         base.iter().chain(more).copied().collect::<Vec<_>>()
     };
     done(&long(&["--out", "whole"]), dir);
-    let mut child = Command::new(env!("CARGO_BIN_EXE_lastlight"))
-        .args(long(&["--out", "a", "--force"]))
-        .current_dir(dir)
-        .stderr(std::process::Stdio::piped())
-        .spawn()
-        .expect("the binary starts");
-    while !dir.join("a/.shots/000.json").exists() {
-        assert!(child.try_wait().expect("a child").is_none(), "it ended before its first picture");
-        std::thread::sleep(std::time::Duration::from_millis(2));
-    }
-    assert!(
-        !dir.join("a/transforms.json").exists(),
-        "no record of the run before stands beside new pictures"
-    );
-    assert!(!dir.join("a/depth/001.exr").exists(), "nor its pictures");
-    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("kill runs");
-    assert!(sent.success(), "the signal was sent");
-    let o = child.wait_with_output().expect("it ends");
+    let first_picture = || {
+        let is_there = dir.join("a/.shots/000.json").exists();
+        if is_there {
+            assert!(
+                !dir.join("a/transforms.json").exists(),
+                "no record of the run before stands beside new pictures"
+            );
+            assert!(!dir.join("a/depth/001.exr").exists(), "nor its pictures");
+        }
+        is_there
+    };
+    let o = program::signalled(&long(&["--out", "a", "--force"]), dir, "-INT", &first_picture);
     assert_eq!(o.status.code(), Some(130), "interrupted: {}", stderr(&o));
     assert!(stderr(&o).contains("--resume"), "it says how to go on: {}", stderr(&o));
     assert!(!dir.join("a/transforms.json").exists(), "it was not finished");

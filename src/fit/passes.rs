@@ -34,7 +34,9 @@ use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
 /// Folder of the records of finished pictures.
-const JOURNAL: &str = ".shots";
+pub(super) const JOURNAL: &str = ".shots";
+/// The header in it.
+pub(super) const HEADER: &str = "header.json";
 
 /// Folders that pictures and passes lie in.
 pub const FOLDERS: [&str; 7] = ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"];
@@ -82,7 +84,7 @@ impl Recorder {
     /// When the folder cannot be made, or holds the records of a run with another header.
     pub fn open(dir: &Path, header: Map<String, Value>, resume: bool) -> Result<Self> {
         let journal = dir.join(JOURNAL);
-        let mark = journal.join("header.json");
+        let mark = journal.join(HEADER);
         let mut recorder = Self { dir: dir.to_path_buf(), header, done: Vec::new() };
         let text = format!("{:#}\n", Value::Object(recorder.header.clone()));
         atomic::sweep(dir)?;
@@ -411,7 +413,7 @@ fn is_plain(name: &str) -> bool {
 type Described = (&'static str, Vec<Value>, Value);
 
 /// Files and what they hold.
-const SPLITS: [(&str, Split); 4] = [
+pub(super) const SPLITS: [(&str, Split); 4] = [
     ("transforms.json", Split::Unknown),
     ("transforms_train.json", Split::Train),
     ("transforms_val.json", Split::Val),
@@ -434,7 +436,7 @@ fn hex(bytes: &[u8]) -> String {
     format!("{:016x}", d.value())
 }
 
-fn read_json(path: &Path) -> Result<Value> {
+pub(super) fn read_json(path: &Path) -> Result<Value> {
     let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
     serde_json::from_slice(&bytes).map_err(|e| {
         Error::input(path.display().to_string())

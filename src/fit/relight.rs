@@ -82,7 +82,7 @@ impl Relight<'_> {
         if resume {
             earlier::check_begun(dir)?;
         } else {
-            earlier::remove(dir, &header)?;
+            earlier::check_ours(dir, &header)?;
         }
         header.insert("contents".to_owned(), json!(format!("{:016x}", self.contents(shots))));
         let mut recorder = Recorder::open(dir, header, resume)?;
