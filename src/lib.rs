@@ -20,6 +20,7 @@
 //! 4  nn             layers                        10  last, lirm the two systems
 //!    geometry       rays and triangles            11  oracle     somebody's arrays
 //! 5  splat          Gaussians to pictures         13  cli        commands and reports
+//!    causal         factors and their graph
 //!    shade          materials and light
 //! ```
 //!
@@ -53,6 +54,7 @@ pub mod num;
 pub use error::{Error, Result};
 pub use tape::check;
 pub mod book;
+pub mod causal;
 #[doc(hidden)]
 pub mod cli;
 pub mod fit;

@@ -7,11 +7,12 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, shade, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, shade, causal, optim: the entries
 //! ```
 
 mod call;
 mod case;
+mod causal;
 mod geometry;
 mod loss;
 mod nn;
@@ -47,6 +48,11 @@ pub static LIST: &[&Op] = &[
     &loss::SSIM,
     &shade::GGX,
     &shade::ENVMAP,
+    &causal::ACYCLIC,
+    &causal::MASK,
+    &causal::STRUCTURE,
+    &causal::POSTERIOR_KL,
+    &causal::POSTERIOR,
     &optim::ADAM,
     &optim::ADAMW,
 ];

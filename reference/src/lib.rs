@@ -17,6 +17,7 @@
 
 pub mod array;
 pub mod body;
+pub mod causal;
 pub mod dual;
 pub mod fd;
 pub mod geometry;

@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
+use crate::causal::{acyclic, mask, posterior, posterior_kl, structure};
 use crate::dual::Dual;
 use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
@@ -76,6 +77,11 @@ enum Stage {
     Ssim,
     Ggx,
     Envmap,
+    Acyclic,
+    Mask,
+    Structure,
+    PosteriorKl,
+    Posterior,
     Adam,
     Adamw,
     Trace,
@@ -274,6 +280,51 @@ const TWINS: &[Twin] = &[
         settings: &[],
     },
     Twin {
+        name: "causal.acyclic",
+        stages: &[Stage::Acyclic],
+        inputs: &["a", "alpha"],
+        smooth_inputs: &["a"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &[],
+    },
+    Twin {
+        name: "causal.mask",
+        stages: &[Stage::Mask],
+        inputs: &["logits", "uniform"],
+        smooth_inputs: &["logits"],
+        outputs: &["mask"],
+        smooth_outputs: &["mask"],
+        settings: &["tau"],
+    },
+    Twin {
+        name: "causal.structure",
+        stages: &[Stage::Structure],
+        inputs: &["eps", "mask", "weight", "w0", "b0", "w1", "b1", "w2", "b2"],
+        smooth_inputs: &["eps", "mask", "weight", "w0", "b0", "w1", "b1", "w2"],
+        outputs: &["z"],
+        smooth_outputs: &["z"],
+        settings: &["mode", "slope", "sweeps"],
+    },
+    Twin {
+        name: "causal.posterior_kl",
+        stages: &[Stage::PosteriorKl],
+        inputs: &["mu", "logvar"],
+        smooth_inputs: &["mu", "logvar"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &[],
+    },
+    Twin {
+        name: "causal.posterior",
+        stages: &[Stage::Posterior],
+        inputs: &["mu", "logvar", "eta"],
+        smooth_inputs: &["mu", "logvar"],
+        outputs: &["sample"],
+        smooth_outputs: &["sample"],
+        settings: &[],
+    },
+    Twin {
         name: "optim.adam",
         stages: &[Stage::Adam],
         inputs: &["param", "grads", "active"],
@@ -392,6 +443,11 @@ fn run_stage<S: Scalar>(
         Stage::Ssim => ssim::forward(pool, out),
         Stage::Ggx => ggx::forward(pool, out),
         Stage::Envmap => envmap::forward(pool, out),
+        Stage::Acyclic => acyclic::forward(pool, out),
+        Stage::Mask => mask::forward(pool, settings, out),
+        Stage::Structure => structure::forward(pool, settings, out),
+        Stage::PosteriorKl => posterior_kl::forward(pool, out),
+        Stage::Posterior => posterior::forward(pool, out),
         Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }

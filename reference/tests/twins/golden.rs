@@ -122,6 +122,22 @@ fn nn_conv_is_reproduced() {
 }
 
 #[test]
+fn causal_acyclic_is_reproduced() {
+    check("causal_acyclic", "causal.acyclic", &["a", "alpha"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
+fn causal_structure_is_reproduced() {
+    let inputs = ["eps", "mask", "w0", "b0", "w1", "b1", "w2", "b2"];
+    check("causal_structure", "causal.structure", &inputs, BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
+fn causal_posterior_kl_is_reproduced() {
+    check("causal_posterior_kl", "causal.posterior_kl", &["mu", "logvar"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
 fn loss_ssim_is_reproduced() {
     check("loss_ssim", "loss.ssim", &["x", "y"], BTreeMap::new(), [1e-12, 1e-10]);
 }

@@ -210,6 +210,29 @@ fn cases() -> Vec<Case> {
             &["radiance"],
             1e-13,
         ),
+        splat("acyclic", "causal.acyclic", graph(), &[], &["a"], &["value"], 1e-13),
+        splat("mask", "causal.mask", edges(), &[], &["logits"], &["mask"], 1e-13),
+        splat("structure", "causal.structure", mechanism(false), &[], NETWORKS, &["z"], 1e-13),
+        splat("abduct", "causal.structure", mechanism(false), &[("mode", "abduct")], NETWORKS, &["z"], 1e-13),
+        splat(
+            "structure linear",
+            "causal.structure",
+            mechanism(true),
+            &[("mode", "linear")],
+            &["eps", "mask", "weight"],
+            &["z"],
+            1e-13,
+        ),
+        splat(
+            "posterior kl",
+            "causal.posterior_kl",
+            beliefs(false),
+            &[],
+            &["mu", "logvar"],
+            &["value"],
+            1e-13,
+        ),
+        splat("posterior", "causal.posterior", beliefs(true), &[], &["mu", "logvar"], &["sample"], 1e-13),
         splat("l1", "loss.l1", pictures(), &[], xy, &["value"], 1e-13),
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
@@ -219,6 +242,41 @@ fn cases() -> Vec<Case> {
 /// Normal numbers moved 0.05 away from 0.
 fn apart(shape: &[usize], purpose: u16) -> Arr<f64> {
     normal(shape, purpose).map(|&x| if x > 0.0 { x + 0.05 } else { x - 0.05 })
+}
+
+const NETWORKS: &[&str] = &["eps", "mask", "w0", "b0", "w1", "b1", "w2"];
+
+fn graph() -> Named<f64> {
+    named([("a", uniform(&[4, 4], [0.1, 0.9], 40)), ("alpha", Arr::scalar(1.0))])
+}
+
+fn edges() -> Named<f64> {
+    named([("logits", uniform(&[4, 4], [-0.5, 0.5], 41)), ("uniform", uniform(&[4, 4], [0.3, 0.7], 42))])
+}
+
+/// Three factors of two numbers, by weights or by networks of five hidden units.
+fn mechanism(linear: bool) -> Named<f64> {
+    let mut all = named([("eps", normal(&[3, 3, 2], 43)), ("mask", uniform(&[3, 3], [0.1, 0.9], 44))]);
+    if linear {
+        all.extend(named([("weight", normal(&[3, 3], 45))]));
+    } else {
+        all.extend(named([
+            ("w0", uniform(&[3, 5, 6], [-0.6, 0.6], 46)),
+            ("b0", normal(&[3, 5], 47)),
+            ("w1", uniform(&[3, 5, 5], [-0.6, 0.6], 48)),
+            ("b1", normal(&[3, 5], 49)),
+            ("w2", uniform(&[3, 2, 5], [-0.6, 0.6], 50)),
+        ]));
+    }
+    all
+}
+
+fn beliefs(noise: bool) -> Named<f64> {
+    let mut all = named([("mu", normal(&[3, 2, 4], 51)), ("logvar", uniform(&[3, 2, 4], [-2.0, 1.0], 52))]);
+    if noise {
+        all.extend(named([("eta", normal(&[3, 2, 4], 53))]));
+    }
+    all
 }
 
 /// Points under light, eye and light within 60° of +z and the normal near it; a map of 4 × 6.

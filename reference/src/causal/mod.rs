@@ -1,0 +1,7 @@
+//! Latent causal structure.
+
+pub mod acyclic;
+pub mod mask;
+pub mod posterior;
+pub mod posterior_kl;
+pub mod structure;
