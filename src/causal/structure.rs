@@ -104,7 +104,7 @@ pub fn forward(x: &In<'_>) -> (Vec<f64>, Saved) {
 }
 
 /// [`forward`] with one factor of a sample held at a value: its cause is that value, and no edge enters it.
-pub(super) fn forward_held<'h>(x: &In<'_>, hold: impl Fn(usize) -> Hold<'h>) -> (Vec<f64>, Saved) {
+pub fn forward_held<'h>(x: &In<'_>, hold: impl Fn(usize) -> Hold<'h>) -> (Vec<f64>, Saved) {
     let bank = bank(x);
     let zero = bank.zero();
     let (n, k, d) = (x.n, x.k, x.n * x.k);
@@ -142,7 +142,7 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, z_bar: &[f64], bar: &mut InBar) {
 }
 
 /// [`adjoint`] of the held form: a held factor's cotangent goes to `value_bar` (B, k) and its cause gets none.
-pub(super) fn adjoint_held<'h>(
+pub fn adjoint_held<'h>(
     x: &In<'_>,
     saved: &Saved,
     z_bar: &[f64],

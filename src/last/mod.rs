@@ -13,5 +13,6 @@ pub mod character;
 pub mod figure;
 mod folder;
 pub mod generate;
+pub mod model;
 pub mod sets;
 pub mod subject;

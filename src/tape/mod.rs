@@ -3,6 +3,7 @@
 //! ```text
 //! record   records operators with the closures of their adjoints, replays them in reverse
 //! params   parameters with names
+//! nn       recorders of the layers of networks
 //! check    gradient checks, rungs R0 to R4, for our operators and for anyone's closure
 //! probe    directions, finite differences with Richardson, error measures
 //! report   what a check found: rungs, numbers, the ten worst entries
@@ -14,6 +15,7 @@
 pub mod check;
 pub mod params;
 pub mod probe;
+pub mod nn;
 mod record;
 pub mod report;
 

@@ -1,0 +1,293 @@
+//! The decoder D_θ: from factors to what they show, at any coordinate of the template.
+//!
+//! h₁ = λ(W_t γ(t) + W_z z + b₀),  h₂ = λ(W₁h₁ + b₁),  h₃ = λ(W₂h₂ + b₂),  y = W₃h₃ + b₃,  R(t) = base(t) + scale∘y
+//!
+//! | symbol | shape | |
+//! |--------|-------|-|
+//! | z | (B, d) | factors; W_z z is added once per item |
+//! | γ(t) | (P, F) | code of a coordinate ([`code`], F = 27); none (F = 0, P = 1) for vectors |
+//! | λ | | leaky ReLU 0.2 |
+//! | base, scale | (P, O), (O) | points: (t, ½) and (½, ½, ½, 1, 1, 1) (`last.md` §4.4) |
+//!
+//! The loss of §4.5 is part of the pass: L_b = (1/Q) Σ over q, c of w_c (R − target)² with w = 1/σ², a weight per item, and Q of the P coordinates.
+//!
+//! # How it is fast
+//! An item's activations stay in the cache from the forward pass through its adjoint; nothing is kept. Weights are packed once per batch.
+//!
+//! # Rounding
+//! Layers as `nn.linear`. L_b is a left fold over (q, c) in f64. Gradients of the weights are one chain over q per item, finished before
+//! items are added in index order, so a batch may be split into consecutive parts.
+
+use super::encoder::he_uniform;
+use crate::num::gemm::{Finish, Packed, View, gemm, gemm_packed};
+use crate::num::{elem, par};
+use crate::tape::Params;
+use ndarray::{ArrayD, IxDyn};
+
+/// Slope of the leaky ReLU at 0 and below.
+const SLOPE: f32 = 0.2;
+/// Widths of the hidden layers.
+pub const HIDDEN: [usize; 3] = [128, 128, 64];
+/// Octaves of the code.
+const OCTAVES: usize = 4;
+/// Numbers of the code of a coordinate.
+pub const CODE: usize = 3 + 6 * OCTAVES;
+/// First number of the arrays drawn for the decoder; those of the encoder come before.
+const FIRST_ARRAY: u32 = 64;
+/// Items whose gradients are held at a time.
+const HELD: usize = 32;
+
+/// γ(t) = (t, sin 2ᵐπt, cos 2ᵐπt for m = 0 … 3), t in −1 … 1; (N, 3) to (N, 27).
+pub fn code(points: &[[f32; 3]]) -> Vec<f32> {
+    let mut codes = Vec::with_capacity(points.len() * CODE);
+    for t in points {
+        codes.extend_from_slice(t);
+        for m in 0..OCTAVES {
+            let angles = t.map(|t| std::f64::consts::PI * f64::from(1u32 << m) * f64::from(t));
+            codes.extend(angles.map(|a| elem::f64::sin(a) as f32));
+            codes.extend(angles.map(|a| elem::f64::cos(a) as f32));
+        }
+    }
+    codes
+}
+
+/// Sizes of a decoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Decoder {
+    /// F
+    pub features: usize,
+    /// d
+    pub latent: usize,
+    /// O
+    pub outputs: usize,
+}
+
+/// Where an item is decoded, and what is to come out.
+#[derive(Clone, Copy, Debug)]
+pub struct Target<'a> {
+    /// (Q, F)
+    pub codes: &'a [f32],
+    /// (Q, O)
+    pub base: &'a [f32],
+    /// (Q, O)
+    pub wanted: &'a [f32],
+    /// factor of this item's loss
+    pub weight: f32,
+}
+
+/// The loss of a batch and its gradients.
+#[derive(Clone, Debug)]
+pub struct Passed {
+    /// (B) L_b, without weights
+    pub losses: Vec<f64>,
+    /// (B, d) gradient of Σ weight·L_b
+    pub z_bar: Vec<f32>,
+    /// the same by the parameters, in the order of [`Decoder::shapes`]
+    pub grads: Vec<Vec<f32>>,
+}
+
+/// Weights, packed for products.
+struct Weights<'a> {
+    point: Packed,
+    latent: &'a [f32],
+    layers: [Packed; 3],
+    biases: [&'a [f32]; 4],
+    /// W₁, W₂, W₃ for the way back
+    back: [Packed; 3],
+}
+
+/// Activations of an item: h₁, h₂, h₃, y.
+struct Activations([Vec<f32>; 4]);
+
+fn slice<'a>(params: &'a Params, name: &str) -> &'a [f32] {
+    let array = params.get(name).unwrap_or_else(|| panic!("the decoder has '{name}'"));
+    array.as_slice().expect("parameters are contiguous and row-major")
+}
+
+fn leaky(x: &mut [f32]) {
+    x.iter_mut().for_each(|x| *x = if *x > 0.0 { *x } else { SLOPE * *x });
+}
+
+/// The cotangent of the argument, given activations: those of positive arguments are positive.
+fn leaky_back(h: &[f32], bar: &mut [f32]) {
+    bar.iter_mut().zip(h).for_each(|(bar, h)| *bar = if *h > 0.0 { *bar } else { SLOPE * *bar });
+}
+
+/// Column sums, a left fold over the rows.
+fn column_sums(rows: &[f32], n: usize) -> Vec<f32> {
+    let mut sums = vec![0.0_f32; n];
+    for row in rows.chunks_exact(n) {
+        sums.iter_mut().zip(row).for_each(|(s, g)| *s += *g);
+    }
+    sums
+}
+
+impl Decoder {
+    /// Names and shapes of all parameters.
+    pub fn shapes(&self) -> Vec<(String, Vec<usize>)> {
+        let [a, b, c] = HIDDEN;
+        [
+            ("point.weight", vec![a, self.features]),
+            ("latent.weight", vec![a, self.latent]),
+            ("dense0.bias", vec![a]),
+            ("dense1.weight", vec![b, a]),
+            ("dense1.bias", vec![b]),
+            ("dense2.weight", vec![c, b]),
+            ("dense2.bias", vec![c]),
+            ("dense3.weight", vec![self.outputs, c]),
+            ("dense3.bias", vec![self.outputs]),
+        ]
+        .map(|(name, shape)| (format!("decoder.{name}"), shape))
+        .to_vec()
+    }
+
+    /// First values of all parameters, as the encoder's.
+    pub fn draw(&self, seed: u64, params: &mut Params) {
+        for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
+            let array = if shape.contains(&0) {
+                ArrayD::zeros(IxDyn(&shape))
+            } else {
+                he_uniform(seed, FIRST_ARRAY + at as u32, &shape, SLOPE)
+            };
+            params.set(&name, array);
+        }
+    }
+
+    fn weights<'a>(&self, params: &'a Params) -> Weights<'a> {
+        let get = |name: &str| slice(params, &format!("decoder.{name}"));
+        let [a, b, c] = HIDDEN;
+        let view = |name: &str, n: usize, k: usize| View::new(get(name), n, k);
+        let dense =
+            [("dense1.weight", b, a), ("dense2.weight", c, b), ("dense3.weight", self.outputs, c)];
+        Weights {
+            point: Packed::new(view("point.weight", a, self.features).t()),
+            latent: get("latent.weight"),
+            layers: dense.map(|(name, n, k)| Packed::new(view(name, n, k).t())),
+            biases: ["dense0.bias", "dense1.bias", "dense2.bias", "dense3.bias"].map(get),
+            back: dense.map(|(name, n, k)| Packed::new(view(name, n, k))),
+        }
+    }
+
+    fn activations(&self, w: &Weights<'_>, codes: &[f32], z: &[f32], q: usize) -> Activations {
+        let shift: Vec<f32> = w
+            .latent
+            .chunks_exact(self.latent)
+            .zip(w.biases[0])
+            .map(|(row, bias)| row.iter().zip(z).fold(0.0_f32, |sum, (w, z)| sum + w * z) + bias)
+            .collect();
+        let [a, b, c] = HIDDEN;
+        let mut h = [vec![0.0; q * a], vec![0.0; q * b], vec![0.0; q * c], vec![0.0; q * self.outputs]];
+        gemm_packed(View::new(codes, q, self.features), &w.point, Finish::Bias(&shift), &mut h[0]);
+        leaky(&mut h[0]);
+        for i in 0..3 {
+            let (before, after) = h.split_at_mut(i + 1);
+            let x = View::new(&before[i], q, HIDDEN[i]);
+            gemm_packed(x, &w.layers[i], Finish::Bias(w.biases[i + 1]), &mut after[0]);
+            if i < 2 {
+                leaky(&mut after[0]);
+            }
+        }
+        Activations(h)
+    }
+
+    /// y (B, Q, O) at the same Q coordinates for every item: `codes` (Q, F), `z` (B, d).
+    ///
+    /// # Panics
+    /// When a buffer does not have the size of its shape.
+    pub fn forward(&self, params: &Params, codes: &[f32], z: &[f32]) -> Vec<f32> {
+        let w = self.weights(params);
+        let q = codes.len().checked_div(self.features).unwrap_or(1);
+        let items: Vec<&[f32]> = z.chunks_exact(self.latent).collect();
+        par::map(items.len(), |b| {
+            let Activations([.., y]) = self.activations(&w, codes, items[b], q);
+            y
+        })
+        .concat()
+    }
+
+    /// Loss and gradients of a batch; `scale` (O), `precision` w (O).
+    ///
+    /// # Panics
+    /// When a buffer does not have the size of its shape.
+    pub fn pass(
+        &self,
+        params: &Params,
+        z: &[f32],
+        targets: &[Target<'_>],
+        scale: &[f32],
+        precision: &[f32],
+    ) -> Passed {
+        assert_eq!(z.len(), targets.len() * self.latent, "factors are (B, d)");
+        let w = self.weights(params);
+        let mut out = Passed {
+            losses: Vec::with_capacity(targets.len()),
+            z_bar: Vec::with_capacity(z.len()),
+            grads: self.shapes().iter().map(|(_, shape)| vec![0.0; shape.iter().product()]).collect(),
+        };
+        for first in (0..targets.len()).step_by(HELD) {
+            let part = &targets[first..Ord::min(first + HELD, targets.len())];
+            let items = par::map(part.len(), |i| {
+                let z = &z[(first + i) * self.latent..][..self.latent];
+                self.item(&w, z, &part[i], scale, precision)
+            });
+            for (loss, z_bar, grads) in items {
+                out.losses.push(loss);
+                out.z_bar.extend(z_bar);
+                for (sum, grad) in out.grads.iter_mut().zip(grads) {
+                    sum.iter_mut().zip(grad).for_each(|(s, g)| *s += g);
+                }
+            }
+        }
+        out
+    }
+
+    fn item(
+        &self,
+        w: &Weights<'_>,
+        z: &[f32],
+        target: &Target<'_>,
+        scale: &[f32],
+        precision: &[f32],
+    ) -> (f64, Vec<f32>, Vec<Vec<f32>>) {
+        let o = self.outputs;
+        let q = target.wanted.len() / o;
+        let [a, b, c] = HIDDEN;
+        let Activations([h1, h2, h3, y]) = self.activations(w, target.codes, z, q);
+        let mut loss = 0.0;
+        let share = 1.0 / q as f32;
+        let mut bar = vec![0.0; y.len()];
+        for (at, bar) in bar.iter_mut().enumerate() {
+            let column = at % o;
+            let error = (target.base[at] + scale[column] * y[at]) - target.wanted[at];
+            let weighted = precision[column] * error;
+            loss += f64::from(weighted) * f64::from(error);
+            *bar = ((2.0 * share) * target.weight) * (scale[column] * weighted);
+        }
+        let product = |bar: &[f32], n: usize, x: &[f32], k: usize| -> Vec<f32> {
+            let mut grad = vec![0.0; n * k];
+            gemm(View::new(bar, q, n).t(), View::new(x, q, k), Finish::Store, &mut grad);
+            grad
+        };
+        let back = |bar: &[f32], n: usize, layer: usize, h: &[f32], k: usize| -> Vec<f32> {
+            let mut x_bar = vec![0.0; q * k];
+            gemm_packed(View::new(bar, q, n), &w.back[layer], Finish::Store, &mut x_bar);
+            leaky_back(h, &mut x_bar);
+            x_bar
+        };
+        let (w3, b3) = (product(&bar, o, &h3, c), column_sums(&bar, o));
+        let bar3 = back(&bar, o, 2, &h3, c);
+        let (w2, b2) = (product(&bar3, c, &h2, b), column_sums(&bar3, c));
+        let bar2 = back(&bar3, c, 1, &h2, b);
+        let (w1, b1) = (product(&bar2, b, &h1, a), column_sums(&bar2, b));
+        let bar1 = back(&bar2, b, 0, &h1, a);
+        let point = product(&bar1, a, target.codes, self.features);
+        let sums = column_sums(&bar1, a);
+        let mut z_bar = vec![0.0_f32; self.latent];
+        let mut latent = Vec::with_capacity(a * self.latent);
+        for (row, g) in w.latent.chunks_exact(self.latent).zip(&sums) {
+            z_bar.iter_mut().zip(row).for_each(|(bar, w)| *bar += g * w);
+            latent.extend(z.iter().map(|z| g * z));
+        }
+        (loss / q as f64, z_bar, vec![point, latent, sums, w1, b1, w2, b2, w3, b3])
+    }
+}

@@ -1,0 +1,191 @@
+//! The encoder E_φ: from a picture (or a vector) to the posterior of its factors.
+//!
+//! Pictures (S, S, 3) in −½ … ½: convolutions 4×4 of stride 2, padded by 1, leaky ReLU 0.2 after each, down to 4×4×64; a hidden layer of
+//! 256; a layer of 2·d: μ, then ℓ = ln σ² (`last.md` §4.2). Vectors, which the tests of the structure use in place of pictures: two hidden
+//! layers of 64.
+//!
+//! Weights are drawn He-uniform for the leaky ReLU, U(±√(6/((1 + 0.2²)·inputs))), biases 0; the last layer's weights are scaled by 0.1 and the bias
+//! of ℓ is −2. No batch normalisation: it would couple the items of a batch, and the gradient by one picture would not be its own.
+
+use super::purpose;
+use crate::num::rng::Rng;
+use crate::tape::{Params, Tape, Var, nn};
+use crate::{Error, Result};
+use ndarray::{ArrayD, IxDyn};
+use std::collections::BTreeMap;
+
+/// Slope of the leaky ReLU at 0 and below.
+pub const SLOPE: f32 = 0.2;
+/// Width of the hidden layer behind the convolutions.
+const HIDDEN: usize = 256;
+/// Widths of the hidden layers for vectors.
+const VECTOR_HIDDEN: [usize; 2] = [64, 64];
+/// What the last layer's weights are scaled by.
+const LAST: f32 = 0.1;
+/// First value of ℓ.
+const LOG_VARIANCE: f32 = -2.0;
+
+/// What is encoded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Input {
+    /// (S, S, 3)
+    Picture {
+        /// S: 64, 128 or 256
+        side: usize,
+    },
+    /// numbers
+    Vector {
+        /// how many
+        size: usize,
+    },
+}
+
+impl Input {
+    /// Numbers of an item.
+    pub fn len(self) -> usize {
+        match self {
+            Self::Picture { side } => side * side * 3,
+            Self::Vector { size } => size,
+        }
+    }
+
+    /// Whether an item has no numbers.
+    pub fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// Channels of the convolutions.
+    ///
+    /// # Errors
+    /// A side other than 64, 128, 256.
+    fn channels(self) -> Result<&'static [usize]> {
+        match self {
+            Self::Picture { side: 64 } => Ok(&[32, 32, 64, 64]),
+            Self::Picture { side: 128 } => Ok(&[16, 32, 32, 64, 64]),
+            Self::Picture { side: 256 } => Ok(&[16, 32, 32, 64, 64, 64]),
+            Self::Picture { side } => Err(Error::input("picture of the encoder")
+                .expected("a side of 64, 128 or 256 pixels")
+                .got(side.to_string())),
+            Self::Vector { .. } => Ok(&[]),
+        }
+    }
+}
+
+/// Sizes of an encoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Encoder {
+    input: Input,
+    channels: &'static [usize],
+    /// d
+    latent: usize,
+}
+
+impl Encoder {
+    /// An encoder of `input` into d numbers.
+    ///
+    /// # Errors
+    /// A side that has no network.
+    pub fn new(input: Input, latent: usize) -> Result<Self> {
+        Ok(Self { input, channels: input.channels()?, latent })
+    }
+
+    /// What it encodes.
+    pub fn input(&self) -> Input {
+        self.input
+    }
+
+    /// Widths of the dense layers, inputs first.
+    fn dense(&self) -> Vec<usize> {
+        let mut widths = match self.input {
+            Input::Picture { .. } => vec![16 * self.channels.last().copied().unwrap_or(3), HIDDEN],
+            Input::Vector { size } => [&[size][..], &VECTOR_HIDDEN].concat(),
+        };
+        widths.push(2 * self.latent);
+        widths
+    }
+
+    /// Names and shapes of all parameters.
+    pub fn shapes(&self) -> Vec<(String, Vec<usize>)> {
+        let mut all = Vec::new();
+        let mut before = 3;
+        for (i, &channels) in self.channels.iter().enumerate() {
+            all.push((format!("encoder.conv{i}.weight"), vec![channels, 4, 4, before]));
+            all.push((format!("encoder.conv{i}.bias"), vec![channels]));
+            before = channels;
+        }
+        for (i, pair) in self.dense().windows(2).enumerate() {
+            all.push((format!("encoder.dense{i}.weight"), vec![pair[1], pair[0]]));
+            all.push((format!("encoder.dense{i}.bias"), vec![pair[1]]));
+        }
+        all
+    }
+
+    /// First values of all parameters.
+    pub fn draw(&self, seed: u64, params: &mut Params) {
+        let last = self.dense().len() - 2;
+        for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
+            let is_last = name.starts_with(&format!("encoder.dense{last}."));
+            let mut array = he_uniform(seed, at as u32, &shape, SLOPE);
+            if is_last && shape.len() == 2 {
+                array.mapv_inplace(|w| LAST * w);
+            } else if is_last {
+                array.iter_mut().skip(self.latent).for_each(|b| *b = LOG_VARIANCE);
+            }
+            params.set(&name, array);
+        }
+    }
+
+    /// Records the network: x (B, …) to (B, 2·d).
+    ///
+    /// # Panics
+    /// When a parameter is missing.
+    pub fn record(&self, tape: &mut Tape, vars: &BTreeMap<String, Var>, x: Var) -> Var {
+        let var = |name: String| *vars.get(&name).unwrap_or_else(|| panic!("the encoder has '{name}'"));
+        let mut x = x;
+        for i in 0..self.channels.len() {
+            let [weight, bias] = ["weight", "bias"].map(|part| var(format!("encoder.conv{i}.{part}")));
+            x = nn::conv(tape, x, weight, bias, 2, 1);
+            x = nn::leaky_relu(tape, x, SLOPE);
+        }
+        let dense = self.dense();
+        if !self.channels.is_empty() {
+            let batch = tape.value(x).shape()[0];
+            x = nn::reshape(tape, x, &[batch, dense[0]]);
+        }
+        for i in 0..dense.len() - 1 {
+            let [weight, bias] = ["weight", "bias"].map(|part| var(format!("encoder.dense{i}.{part}")));
+            x = nn::linear(tape, x, weight, bias);
+            if i + 2 < dense.len() {
+                x = nn::leaky_relu(tape, x, SLOPE);
+            }
+        }
+        x
+    }
+
+    /// A batch as the tape takes it.
+    ///
+    /// # Panics
+    /// When the values are not a whole number of items.
+    pub fn batch(&self, values: Vec<f32>) -> ArrayD<f32> {
+        let n = values.len() / self.input.len();
+        let shape = match self.input {
+            Input::Picture { side } => vec![n, side, side, 3],
+            Input::Vector { size } => vec![n, size],
+        };
+        ArrayD::from_shape_vec(IxDyn(&shape), values).expect("whole items")
+    }
+}
+
+/// U(±√(6/((1 + slope²)·inputs))) for weights, whose first axis counts outputs; 0 for biases. `at` numbers the array.
+pub(super) fn he_uniform(seed: u64, at: u32, shape: &[usize], slope: f32) -> ArrayD<f32> {
+    let inputs: usize = shape[1..].iter().product();
+    if shape.len() < 2 {
+        return ArrayD::zeros(IxDyn(shape));
+    }
+    let bound = (6.0 / ((1.0 + slope * slope) * inputs as f32)).sqrt();
+    let rng = Rng::new(seed);
+    let values = (0..shape.iter().product::<usize>())
+        .map(|i| (2.0 * rng.uniform_f32(i as u64, at, purpose::INITIAL, 0) - 1.0) * bound)
+        .collect();
+    ArrayD::from_shape_vec(IxDyn(shape), values).expect("as many values as the shape has")
+}

@@ -1,0 +1,451 @@
+//! From posteriors to what is decoded, with every loss that looks at factors, and back. In double precision.
+//!
+//! ```text
+//! μ, ℓ, η ──► u = μ + e^(ℓ/2) η ──► decoded: L_rec            reference: u given, ε = u − g(Ã∘u)
+//!   │             └─► ε ──► KL                                literal:   ε given, u = S(ε; Ã)
+//!   └─ means ─┬─► ε observed ──► L_MI
+//!             └─► groups: v̄ = mean u′ᵢ ──► L_eq, hinge
+//!                         ε, ε′ ──► L_inv
+//!                         S(ε; do(i, v̄)) ──► decoded: L_int
+//! ```
+//!
+//! A batch holds observed items, then the bases of all groups, then their after-images, group by group (`last.md` §7.3). Group losses
+//! and L_MI take posterior means; the decoder and KL take samples. KL of an after-image leaves out the factor that was set.
+
+use super::settings::{Placement, Reading, Supervision, Weights};
+use super::structure::{Structure, StructureBar};
+use crate::causal::structure::{self, Saved as Swept};
+use crate::causal::{posterior, posterior_kl};
+use crate::num::order;
+
+/// Range of ℓ; beyond it the gradient is 0.
+const LOG_VARIANCE: [f64; 2] = [-8.0, 4.0];
+/// Least variance by which L_eq divides.
+const LEAST_SPREAD: f64 = 1e-4;
+/// Variance that the values of a factor's groups are to have.
+const WANTED_SPREAD: f64 = 0.25;
+
+/// What a batch is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// observed items
+    pub observed: usize,
+    /// factor set in each group
+    pub targets: Vec<usize>,
+    /// items of a group, before and after alike
+    pub members: usize,
+}
+
+impl Layout {
+    /// Pairs of all groups.
+    pub fn pairs(&self) -> usize {
+        self.targets.len() * self.members
+    }
+
+    /// Items in all.
+    pub fn items(&self) -> usize {
+        self.observed + 2 * self.pairs()
+    }
+
+    /// The base of pair `p`.
+    pub fn base(&self, p: usize) -> usize {
+        self.observed + p
+    }
+
+    /// The after-image of pair `p`.
+    pub fn after(&self, p: usize) -> usize {
+        self.observed + self.pairs() + p
+    }
+
+    /// The factor that was set in an after-image.
+    pub fn set_in(&self, item: usize) -> Option<usize> {
+        let pair = item.checked_sub(self.observed + self.pairs())?;
+        Some(self.targets[pair / self.members])
+    }
+}
+
+/// Inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// parameters
+    pub structure: &'a Structure,
+    /// Ã (n, n)
+    pub mask: &'a [f64],
+    /// what the batch is made of
+    pub layout: &'a Layout,
+    /// (B, d)
+    pub mu: &'a [f64],
+    /// (B, d)
+    pub ell: &'a [f64],
+    /// (B, d)
+    pub eta: &'a [f64],
+    /// (n) running variances of the factors
+    pub spread: &'a [f64],
+    /// (G) values that were set; with labels only
+    pub labels: &'a [f64],
+    /// which model
+    pub reading: Reading,
+    /// what groups say
+    pub supervision: Supervision,
+    /// factors of the terms
+    pub weights: Weights,
+}
+
+/// Terms of the loss, without factors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// KL
+    pub kl: f64,
+    /// L_MI
+    pub independence: f64,
+    /// L_eq
+    pub equal: f64,
+    /// L_inv
+    pub invariant: f64,
+    /// spread hinge
+    pub hinge: f64,
+}
+
+/// What is decoded, and what the way back needs.
+#[derive(Clone, Debug)]
+pub struct Out {
+    /// (B + G·M, d): items, then counterfactuals
+    pub decoded: Vec<f64>,
+    /// (B, d) means of the endogenous factors
+    pub means: Vec<f64>,
+    /// the terms
+    pub terms: Terms,
+    log_variance: Vec<f64>,
+    sample: Linked,
+    mean: Linked,
+    held: Vec<f64>,
+    counterfactual: Option<Swept>,
+    equal: Groups,
+}
+
+/// Gradients.
+#[derive(Clone, Debug)]
+pub struct Bars {
+    /// (B, d)
+    pub mu: Vec<f64>,
+    /// (B, d)
+    pub ell: Vec<f64>,
+    /// (n, n)
+    pub mask: Vec<f64>,
+    /// by the parameters of the structure
+    pub structure: StructureBar,
+}
+
+/// Factors and noise that belong together; one is given, the other computed.
+#[derive(Clone, Debug)]
+struct Linked {
+    u: Vec<f64>,
+    eps: Vec<f64>,
+    swept: Option<Swept>,
+}
+
+/// Gradients of the group losses by what they look at.
+#[derive(Clone, Debug, Default)]
+struct Groups {
+    u_after: Vec<f64>,
+    eps_base: Vec<f64>,
+    eps_after: Vec<f64>,
+    /// (G, k) v̄
+    values: Vec<f64>,
+}
+
+impl<'a> In<'a> {
+    fn n(&self) -> usize {
+        self.structure.sizes.factors
+    }
+
+    fn k(&self) -> usize {
+        self.structure.sizes.width
+    }
+
+    fn d(&self) -> usize {
+        self.structure.sizes.latent()
+    }
+
+    fn layer(&self, eps: &'a [f64]) -> structure::In<'a> {
+        structure::In {
+            eps,
+            mask: self.mask,
+            mechanism: self.structure.mechanism(),
+            batch: eps.len() / self.d(),
+            n: self.n(),
+            k: self.k(),
+            sweeps: self.structure.sweeps(),
+        }
+    }
+
+    fn link(&self, given: &'a [f64]) -> Linked {
+        match self.reading {
+            Reading::Reference => {
+                Linked { eps: structure::abduct(&self.layer(given)), u: given.to_vec(), swept: None }
+            }
+            Reading::Literal => {
+                let (u, swept) = structure::forward(&self.layer(given));
+                Linked { u, eps: given.to_vec(), swept: Some(swept) }
+            }
+        }
+    }
+
+    /// The gradient by what was given.
+    fn link_adjoint(
+        &self,
+        linked: &'a Linked,
+        u_bar: Vec<f64>,
+        eps_bar: &[f64],
+        bars: &mut Bars,
+    ) -> Vec<f64> {
+        let (given, through, mut direct) = match self.reading {
+            Reading::Reference => (&linked.u, eps_bar, u_bar),
+            Reading::Literal => (&linked.eps, &u_bar[..], eps_bar.to_vec()),
+        };
+        let layer = self.layer(given);
+        let mut bar = structure::InBar {
+            eps: vec![0.0; given.len()],
+            mask: std::mem::take(&mut bars.mask),
+            mechanism: std::mem::take(&mut bars.structure.mechanism),
+        };
+        match &linked.swept {
+            None => structure::abduct_adjoint(&layer, through, &mut bar),
+            Some(swept) => structure::adjoint(&layer, swept, through, &mut bar),
+        }
+        bars.mask = bar.mask;
+        bars.structure.mechanism = bar.mechanism;
+        direct.iter_mut().zip(bar.eps).for_each(|(d, g)| *d += g);
+        direct
+    }
+
+    /// Whether factor `j` of an item counts in its KL.
+    fn counts(&self, item: usize, j: usize) -> bool {
+        self.layout.set_in(item) != Some(j)
+    }
+
+    fn kl(&self, sample: &Linked, ell: &[f64]) -> f64 {
+        let (d, k, batch) = (self.d(), self.k(), self.layout.items() as f64);
+        match self.reading {
+            Reading::Literal => posterior_kl::forward(self.mu, ell, self.layout.items()),
+            Reading::Reference => {
+                let kept = |at: usize| self.counts(at / d, at % d / k);
+                let term = |at: usize| 0.5 * ((sample.eps[at] * sample.eps[at] - 1.0) - ell[at]);
+                (0..ell.len()).filter(|&at| kept(at)).fold(0.0, |sum, at| sum + term(at)) / batch
+            }
+        }
+    }
+
+    /// Group losses of the means, and their gradients, factors included.
+    fn groups(&self, mean: &Linked, terms: &mut Terms) -> Groups {
+        let (n, k, d, m) = (self.n(), self.k(), self.d(), self.layout.members);
+        let pairs = self.layout.pairs();
+        let mut out = Groups {
+            u_after: vec![0.0; pairs * d],
+            eps_base: vec![0.0; pairs * d],
+            eps_after: vec![0.0; pairs * d],
+            values: Vec::new(),
+        };
+        if pairs == 0 {
+            return out;
+        }
+        let groups = self.layout.targets.len() as f64;
+        let after = |p: usize, j: usize, c: usize| self.layout.after(p) * d + j * k + c;
+        for (g, &i) in self.layout.targets.iter().enumerate() {
+            for c in 0..k {
+                let sum = (0..m).fold(0.0, |sum, l| sum + mean.u[after(g * m + l, i, c)]);
+                out.values.push(sum / m as f64);
+            }
+        }
+        let w = self.weights.groups / groups;
+        for (g, &i) in self.layout.targets.iter().enumerate() {
+            let spread = order::max(self.spread[i], LEAST_SPREAD);
+            for p in g * m..(g + 1) * m {
+                for c in 0..k {
+                    // Deviations from a mean add up to 0, so that of v̄ adds nothing.
+                    let off = mean.u[after(p, i, c)] - out.values[g * k + c];
+                    let scale = 1.0 / ((m * k) as f64 * spread);
+                    terms.equal += scale * (off * off) / groups;
+                    out.u_after[p * d + i * k + c] += w * (2.0 * scale * off);
+                }
+                for j in (0..n).filter(|&j| j != i) {
+                    for c in 0..k {
+                        let [a, b] = [self.layout.base(p), self.layout.after(p)].map(|x| x * d + j * k + c);
+                        let change = mean.eps[a] - mean.eps[b];
+                        let scale = 1.0 / ((m * (n - 1) * k) as f64);
+                        terms.invariant += scale * (change * change) / groups;
+                        out.eps_base[p * d + j * k + c] += w * (2.0 * scale * change);
+                        out.eps_after[p * d + j * k + c] -= w * (2.0 * scale * change);
+                    }
+                }
+            }
+        }
+        self.hinge(terms, &mut out);
+        out
+    }
+
+    /// max(0, ¼ − variance of v̄ over the groups of a factor), mean over the factors that have two groups.
+    fn hinge(&self, terms: &mut Terms, out: &mut Groups) {
+        let (n, k, d, m) = (self.n(), self.k(), self.d(), self.layout.members);
+        let of = |i: usize| -> Vec<usize> {
+            (0..self.layout.targets.len()).filter(|&g| self.layout.targets[g] == i).collect()
+        };
+        let factors: Vec<Vec<usize>> = (0..n).map(of).filter(|groups| groups.len() > 1).collect();
+        for groups in &factors {
+            let share = 1.0 / groups.len() as f64;
+            let mean = |c: usize| groups.iter().fold(0.0, |s, g| s + out.values[g * k + c]) * share;
+            let means: Vec<f64> = (0..k).map(mean).collect();
+            let off = |g: usize, c: usize| out.values[g * k + c] - means[c];
+            let variance = groups
+                .iter()
+                .flat_map(|&g| (0..k).map(move |c| (g, c)))
+                .fold(0.0, |sum, (g, c)| sum + off(g, c) * off(g, c))
+                * (share / k as f64);
+            let lack = WANTED_SPREAD - variance;
+            if lack > 0.0 {
+                terms.hinge += lack / factors.len() as f64;
+                let w = self.weights.groups / factors.len() as f64;
+                for &g in groups {
+                    for p in g * m..(g + 1) * m {
+                        for c in 0..k {
+                            let slope = -2.0 * off(g, c) * (share / k as f64) / m as f64;
+                            out.u_after[p * d + self.layout.targets[g] * k + c] += w * slope;
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// What the factor of pair `p` is set to (k).
+    fn held(&self, mean: &Linked, values: &[f64], p: usize) -> Vec<f64> {
+        let (d, k, m) = (self.d(), self.k(), self.layout.members);
+        let (g, i) = (p / m, self.layout.targets[p / m]);
+        match self.supervision {
+            Supervision::PerSample => mean.u[self.layout.after(p) * d + i * k..][..k].to_vec(),
+            Supervision::Labels => {
+                self.structure.values[i * k..][..k].iter().map(|w| self.labels[g] * w).collect()
+            }
+            Supervision::None | Supervision::Groups => values[g * k..(g + 1) * k].to_vec(),
+        }
+    }
+}
+
+/// What is decoded, and the terms.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn forward(x: &In<'_>) -> Out {
+    let (k, d) = (x.k(), x.d());
+    assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
+    let log_variance: Vec<f64> =
+        x.ell.iter().map(|&l| order::clamp(l, LOG_VARIANCE[0], LOG_VARIANCE[1])).collect();
+    let drawn = posterior::forward(x.mu, &log_variance, x.eta);
+    let linked = |given: &[f64]| -> Linked {
+        // The borrow of `given` ends with the call.
+        In { ..*x }.link(given)
+    };
+    let (sample, mean) = (linked(&drawn), linked(x.mu));
+    let mut terms = Terms { kl: x.kl(&sample, &log_variance), ..Terms::default() };
+    let mut decoded = sample.u.clone();
+    let mut equal = Groups::default();
+    let (mut held, mut counterfactual) = (Vec::new(), None);
+    if x.supervision != Supervision::None && x.layout.pairs() > 0 {
+        equal = x.groups(&mean, &mut terms);
+        let pairs = x.layout.pairs();
+        held = (0..pairs).flat_map(|p| x.held(&mean, &equal.values, p)).collect();
+        let bases = &mean.eps[x.layout.observed * d..][..pairs * d];
+        let hold = |p: usize| Some((x.layout.targets[p / x.layout.members], &held[p * k..(p + 1) * k]));
+        let (z, swept) = structure::forward_held(&x.layer(bases), hold);
+        decoded.extend(z);
+        counterfactual = Some(swept);
+    }
+    let _ = Placement::Noise;
+    Out { decoded, means: mean.u.clone(), terms, log_variance, sample, mean, held, counterfactual, equal }
+}
+
+/// Gradients of the weighted terms, and of what follows `decoded` through its cotangent (B + G·M, d).
+///
+/// # Panics
+/// When the cotangent does not have the size of `decoded`.
+pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
+    let (n, k, d) = (x.n(), x.k(), x.d());
+    let items = x.layout.items();
+    assert_eq!(decoded_bar.len(), out.decoded.len(), "the cotangent has the size of what is decoded");
+    let mut bars = Bars {
+        mu: vec![0.0; items * d],
+        ell: vec![0.0; items * d],
+        mask: vec![0.0; n * n],
+        structure: x.structure.zeros(),
+    };
+    let mut mean_u = vec![0.0; items * d];
+    let mut mean_eps = vec![0.0; items * d];
+    if let Some(swept) = &out.counterfactual {
+        let pairs = x.layout.pairs();
+        let bases = &out.mean.eps[x.layout.observed * d..][..pairs * d];
+        let mut bar = structure::InBar {
+            eps: vec![0.0; pairs * d],
+            mask: std::mem::take(&mut bars.mask),
+            mechanism: std::mem::take(&mut bars.structure.mechanism),
+        };
+        let mut held_bar = vec![0.0; pairs * k];
+        let hold = |p: usize| Some((x.layout.targets[p / x.layout.members], &out.held[p * k..(p + 1) * k]));
+        let z_bar = &decoded_bar[items * d..];
+        structure::adjoint_held(&x.layer(bases), swept, z_bar, hold, &mut bar, &mut held_bar);
+        bars.mask = bar.mask;
+        bars.structure.mechanism = bar.mechanism;
+        let after = x.layout.after(0) * d;
+        add(&mut mean_eps[x.layout.observed * d..], &bar.eps);
+        add(&mut mean_eps[x.layout.observed * d..], &out.equal.eps_base);
+        add(&mut mean_eps[after..], &out.equal.eps_after);
+        add(&mut mean_u[after..], &out.equal.u_after);
+        held_adjoint(x, &held_bar, &mut mean_u, &mut bars.structure.values);
+    }
+    let mut sample_eps = vec![0.0; items * d];
+    let w = x.weights.kl / items as f64;
+    match x.reading {
+        Reading::Literal => {
+            let kl = x.weights.kl;
+            posterior_kl::adjoint(x.mu, &out.log_variance, items, kl, &mut bars.mu, &mut bars.ell);
+        }
+        Reading::Reference => {
+            for at in (0..items * d).filter(|at| x.counts(at / d, at % d / k)) {
+                sample_eps[at] += w * out.sample.eps[at];
+                bars.ell[at] -= 0.5 * w;
+            }
+        }
+    }
+    let given = x.link_adjoint(&out.mean, mean_u, &mean_eps, &mut bars);
+    add(&mut bars.mu, &given);
+    let drawn_bar = x.link_adjoint(&out.sample, decoded_bar[..items * d].to_vec(), &sample_eps, &mut bars);
+    posterior::adjoint(&out.log_variance, x.eta, &drawn_bar, &mut bars.mu, &mut bars.ell);
+    for (bar, ell) in bars.ell.iter_mut().zip(x.ell) {
+        let inside = *ell >= LOG_VARIANCE[0] && *ell <= LOG_VARIANCE[1];
+        *bar = if inside { *bar } else { 0.0 };
+    }
+    bars
+}
+
+/// From the values that factors were held at to where they came from.
+fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [f64]) {
+    let (d, k, m) = (x.d(), x.k(), x.layout.members);
+    for (p, bar) in held_bar.chunks_exact(k).enumerate() {
+        let (g, i) = (p / m, x.layout.targets[p / m]);
+        match x.supervision {
+            Supervision::PerSample => add(&mut mean_u[x.layout.after(p) * d + i * k..], bar),
+            Supervision::Labels => {
+                values[i * k..].iter_mut().zip(bar).for_each(|(w, b)| *w += x.labels[g] * b);
+            }
+            Supervision::None | Supervision::Groups => {
+                let share: Vec<f64> = bar.iter().map(|b| b / m as f64).collect();
+                for member in g * m..(g + 1) * m {
+                    add(&mut mean_u[x.layout.after(member) * d + i * k..], &share);
+                }
+            }
+        }
+    }
+}
+
+fn add(into: &mut [f64], what: &[f64]) {
+    into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
+}

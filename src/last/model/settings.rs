@@ -1,0 +1,146 @@
+//! What can be chosen about the image-to-point model and its training; the defaults are those of `last.md` §8.
+
+use super::structure::Kind;
+
+/// Which reading of the paper (`last.md` §0, 1b).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Reading {
+    /// the encoder gives endogenous factors, their noise is abducted
+    #[default]
+    Reference,
+    /// the encoder gives the noise, the structure acts on the way to the decoder
+    Literal,
+}
+
+/// What the model is told about interventions (`last.md` §7.3).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Supervision {
+    /// nothing
+    None,
+    /// pairs, each with a value of its own (the negative control)
+    PerSample,
+    /// groups that share a value, and which factor was set
+    #[default]
+    Groups,
+    /// the value too
+    Labels,
+}
+
+/// What the loss of dependence looks at (`last.md` §6.1).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Placement {
+    /// exogenous noise
+    #[default]
+    Noise,
+    /// endogenous factors, as printed
+    Factors,
+    /// noise of factors without an edge between them
+    Conditional,
+    /// nothing
+    Off,
+}
+
+/// Factors of the terms of the loss.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Weights {
+    /// w₁
+    pub reconstruction: f64,
+    /// w_KL, after its warm-up
+    pub kl: f64,
+    /// w₂
+    pub independence: f64,
+    /// w₄
+    pub groups: f64,
+    /// w_s
+    pub sparsity: f64,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self { reconstruction: 1.0, kl: 1e-3, independence: 0.1, groups: 1.0, sparsity: 2e-3 }
+    }
+}
+
+/// Everything that a training depends on besides data.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// n
+    pub factors: usize,
+    /// k
+    pub width: usize,
+    /// how parents act
+    pub kind: Kind,
+    /// which model
+    pub reading: Reading,
+    /// what it is told
+    pub supervision: Supervision,
+    /// where dependence is punished
+    pub placement: Placement,
+    /// factors of the terms
+    pub weights: Weights,
+    /// τ of the mask
+    pub tau: f64,
+    /// α of h
+    pub alpha: f64,
+    /// steps of joint training
+    pub steps: u32,
+    /// further steps with the final graph
+    pub refit: u32,
+    /// steps before the logits move
+    pub freeze: u32,
+    /// steps over which w_KL grows
+    pub warm_up: u32,
+    /// steps between updates of the multiplier of h
+    pub round: u32,
+    /// rate of the networks
+    pub lr: f64,
+    /// rate of the logits
+    pub lr_logits: f64,
+    /// observed items of a batch
+    pub observed: usize,
+    /// groups of a batch
+    pub groups: usize,
+    /// coordinates decoded per item
+    pub points: usize,
+    /// of all draws
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            factors: 4,
+            width: 4,
+            kind: Kind::Networks,
+            reading: Reading::default(),
+            supervision: Supervision::default(),
+            placement: Placement::default(),
+            weights: Weights::default(),
+            tau: 0.2,
+            alpha: 1.0,
+            steps: 12_000,
+            refit: 1_000,
+            freeze: 1_000,
+            warm_up: 2_000,
+            round: 500,
+            lr: 1e-3,
+            lr_logits: 3e-2,
+            observed: 64,
+            groups: 8,
+            points: 256,
+            seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// The same schedule in another number of steps: the constants that count steps are scaled alike, at least 1.
+    #[must_use]
+    pub fn scaled(mut self, steps: u32) -> Self {
+        let share = |x: u32| Ord::max(1, (u64::from(x) * u64::from(steps) / u64::from(self.steps)) as u32);
+        [self.refit, self.freeze, self.warm_up, self.round] =
+            [self.refit, self.freeze, self.warm_up, self.round].map(share);
+        self.steps = steps;
+        self
+    }
+}

@@ -1,0 +1,327 @@
+//! One batch: forward, losses, gradients.
+
+use super::data::{Data, Item};
+use super::decoder::{Decoder, Target};
+use super::encoder::Encoder;
+use super::latent::{self, Layout, Terms};
+use super::purpose;
+use super::settings::{Settings, Supervision};
+use super::structure::{Sizes, Structure};
+use crate::Result;
+use crate::causal::{acyclic, mask};
+use crate::num::rng::Rng;
+use crate::tape::{Grads, Params, Tape};
+use ndarray::{ArrayD, IxDyn};
+use std::collections::BTreeMap;
+
+/// The networks and their parameters.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// E
+    pub encoder: Encoder,
+    /// D
+    pub decoder: Decoder,
+    /// A, g
+    pub sizes: Sizes,
+    /// all parameters
+    pub params: Params,
+}
+
+impl Model {
+    /// A model for `data` with its first values.
+    ///
+    /// # Errors
+    /// Pictures of a size that has no encoder.
+    pub fn new(settings: &Settings, data: &dyn Data) -> Result<Self> {
+        let sizes = Sizes { factors: settings.factors, width: settings.width, kind: settings.kind };
+        let frame = data.frame();
+        let encoder = Encoder::new(data.input(), sizes.latent())?;
+        let decoder =
+            Decoder { features: frame.features, latent: sizes.latent(), outputs: frame.outputs };
+        let mut params = Params::new();
+        encoder.draw(settings.seed, &mut params);
+        decoder.draw(settings.seed, &mut params);
+        sizes.draw(settings.seed, &mut params);
+        Ok(Self { encoder, decoder, sizes, params })
+    }
+
+    /// Parameters of the encoder alone: what is put on the tape.
+    fn encoder_params(&self) -> Params {
+        let mut own = Params::new();
+        for (name, array) in self.params.iter().filter(|(name, _)| name.starts_with("encoder.")) {
+            own.set(name, array.clone());
+        }
+        own
+    }
+
+    /// Means μ and logarithms ℓ of the posterior of some items, (B, d) each.
+    pub fn encode(&self, data: &dyn Data, items: &[Item]) -> [Vec<f64>; 2] {
+        let mut halves = [Vec::new(), Vec::new()];
+        for part in items.chunks(256) {
+            let mut tape = Tape::new();
+            let x = tape.constant(self.encoder.batch(inputs(data, part)));
+            let vars: BTreeMap<_, _> = self
+                .encoder_params()
+                .iter()
+                .map(|(name, a)| (name.to_owned(), tape.constant(a.clone())))
+                .collect();
+            let y = self.encoder.record(&mut tape, &vars, x);
+            let [mu, ell] = split(&tape.value(y), self.sizes.latent());
+            halves[0].extend(mu);
+            halves[1].extend(ell);
+        }
+        halves
+    }
+}
+
+/// What the encoder sees of the items.
+fn inputs(data: &dyn Data, items: &[Item]) -> Vec<f32> {
+    let size = data.input().len();
+    let mut x = vec![0.0; items.len() * size];
+    for (item, into) in items.iter().zip(x.chunks_exact_mut(size)) {
+        data.write_input(*item, into);
+    }
+    x
+}
+
+/// (B, 2 d) as μ and ℓ.
+fn split(y: &ArrayD<f32>, d: usize) -> [Vec<f64>; 2] {
+    let mut halves = [Vec::new(), Vec::new()];
+    for (at, &y) in y.iter().enumerate() {
+        halves[at / d % 2].push(f64::from(y));
+    }
+    halves
+}
+
+/// The items of a step and how they are laid out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Batch {
+    /// all items
+    pub items: Vec<Item>,
+    /// what they are
+    pub layout: Layout,
+    /// values that were set, per group
+    pub labels: Vec<f64>,
+}
+
+impl Batch {
+    /// Drawn by counter: observed items at random, groups whose targets go round the factors.
+    pub fn draw(settings: &Settings, data: &dyn Data, step: u32) -> Self {
+        let rng = Rng::new(settings.seed);
+        let mut items: Vec<Item> = (0..settings.observed)
+            .map(|b| Item::Observed(rng.index(data.observed(), b as u64, step, purpose::BATCH, 0)))
+            .collect();
+        let observed = items.len();
+        let count = if settings.supervision == Supervision::None { 0 } else { settings.groups };
+        let mut chosen = Vec::new();
+        let targets = Ord::min(settings.factors, data.groups().iter().map(|g| g.target + 1).max().unwrap_or(0));
+        for slot in 0..if targets > 0 { count } else { 0 } {
+            let target = (slot + step as usize * count) % targets;
+            let of: Vec<usize> =
+                (0..data.groups().len()).filter(|&g| data.groups()[g].target == target).collect();
+            chosen.push(of[rng.index(of.len(), slot as u64, step, purpose::BATCH, 1)]);
+        }
+        let members = data.members();
+        items.extend(chosen.iter().flat_map(|&g| (0..members).map(move |m| Item::Base(g, m))));
+        items.extend(chosen.iter().flat_map(|&g| (0..members).map(move |m| Item::After(g, m))));
+        Self {
+            items,
+            layout: Layout {
+                observed,
+                targets: chosen.iter().map(|&g| data.groups()[g].target).collect(),
+                members,
+            },
+            labels: chosen.iter().map(|&g| data.groups()[g].value).collect(),
+        }
+    }
+}
+
+/// State of the training that a step reads.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Context {
+    /// number of the step
+    pub step: u32,
+    /// w_KL now
+    pub kl: f64,
+    /// multiplier λ_h and penalty ρ; none while the logits are at rest
+    pub lagrange: Option<[f64; 2]>,
+    /// the final graph; none while it is learned
+    pub graph: Option<Vec<f64>>,
+    /// (n) running variances of the factors
+    pub spread: Vec<f64>,
+}
+
+/// Losses of a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// L_rec
+    pub reconstruction: f64,
+    /// L_int
+    pub intervention: f64,
+    /// of factors
+    pub terms: Terms,
+    /// h of the probabilities
+    pub acyclic: f64,
+    /// Σ p
+    pub edges: f64,
+}
+
+/// What a step gives.
+#[derive(Clone, Debug)]
+pub struct Stepped {
+    /// losses, without factors
+    pub losses: Losses,
+    /// by the parameters
+    pub grads: Grads,
+    /// (n) variances of the factors of this batch, mean over their numbers
+    pub spread: Vec<f64>,
+}
+
+/// Losses and gradients of a batch.
+///
+/// # Panics
+/// When the model does not fit the data.
+pub fn run(model: &Model, settings: &Settings, data: &dyn Data, batch: &Batch, context: &Context) -> Stepped {
+    let d = model.sizes.latent();
+    let n = model.sizes.factors;
+    let rng = Rng::new(settings.seed);
+    let step = context.step;
+    // Encoder.
+    let mut tape = Tape::new();
+    let x = tape.constant(model.encoder.batch(inputs(data, &batch.items)));
+    let vars = model.encoder_params().record(&mut tape);
+    let encoded = model.encoder.record(&mut tape, &vars, x);
+    let [mu, ell] = split(&tape.value(encoded), d);
+    // Factors.
+    let structure = Structure::new(model.sizes, &model.params);
+    let uniform: Vec<f64> =
+        (0..n * n).map(|at| rng.uniform_f64(at as u64, step, purpose::MASK, 0)).collect();
+    let sampled = match &context.graph {
+        Some(graph) => graph.clone(),
+        None => mask::forward(&structure.logits, &uniform, n, settings.tau),
+    };
+    let eta: Vec<f64> = (0..mu.len()).map(|at| rng.normal_f64(at as u64, step, purpose::ETA, 0)).collect();
+    let input = latent::In {
+        structure: &structure,
+        mask: &sampled,
+        layout: &batch.layout,
+        mu: &mu,
+        ell: &ell,
+        eta: &eta,
+        spread: &context.spread,
+        labels: &batch.labels,
+        reading: settings.reading,
+        supervision: settings.supervision,
+        weights: super::settings::Weights { kl: context.kl, ..settings.weights },
+    };
+    let out = latent::forward(&input);
+    // Decoder.
+    let frame = data.frame();
+    let chosen = points(settings, frame.points(), out.decoded.len() / d, step);
+    let pick = |table: &[f32], width: usize, of: &[usize]| -> Vec<f32> {
+        of.iter().flat_map(|&p| table[p * width..(p + 1) * width].iter().copied()).collect()
+    };
+    let items = batch.items.len();
+    let pairs = batch.layout.pairs();
+    let rows: Vec<[Vec<f32>; 3]> = chosen
+        .iter()
+        .enumerate()
+        .map(|(b, of)| {
+            let shown = if b < items { batch.items[b] } else { batch.items[batch.layout.after(b - items)] };
+            [
+                pick(&frame.codes, frame.features, of),
+                pick(&frame.base, frame.outputs, of),
+                pick(data.shown(shown), frame.outputs, of),
+            ]
+        })
+        .collect();
+    let weight = |b: usize| {
+        let w = if b < items {
+            settings.weights.reconstruction / items as f64
+        } else {
+            settings.weights.groups / pairs as f64
+        };
+        w as f32
+    };
+    let targets: Vec<Target<'_>> = rows
+        .iter()
+        .enumerate()
+        .map(|(b, [codes, base, wanted])| Target { codes, base, wanted, weight: weight(b) })
+        .collect();
+    let z: Vec<f32> = out.decoded.iter().map(|&z| z as f32).collect();
+    let passed = model.decoder.pass(&model.params, &z, &targets, &frame.scale, &frame.precision);
+    // And back.
+    let z_bar: Vec<f64> = passed.z_bar.iter().map(|&z| f64::from(z)).collect();
+    let mut bars = latent::adjoint(&input, &out, &z_bar);
+    let mean = |losses: &[f64]| losses.iter().fold(0.0, |s, l| s + l) / Ord::max(1, losses.len()) as f64;
+    let mut losses = Losses {
+        reconstruction: mean(&passed.losses[..items]),
+        intervention: mean(&passed.losses[items..]),
+        terms: out.terms,
+        ..Losses::default()
+    };
+    let p = structure.probabilities(settings.tau);
+    let (h, saved) = acyclic::forward(&p, n, settings.alpha);
+    losses.acyclic = h;
+    losses.edges = p.iter().fold(0.0, |s, p| s + p);
+    if context.graph.is_none() {
+        mask::adjoint(&structure.logits, &uniform, n, settings.tau, &bars.mask, &mut bars.structure.logits);
+        if let Some([lambda, rho]) = context.lagrange {
+            let mut p_bar = vec![settings.weights.sparsity; n * n];
+            acyclic::adjoint(&p, n, settings.alpha, &saved, lambda + rho * h, &mut p_bar);
+            for at in (0..n * n).filter(|at| at / n != at % n) {
+                bars.structure.logits[at] += p_bar[at] * (p[at] * (1.0 - p[at]) / settings.tau);
+            }
+        }
+    }
+    let bar: Vec<f32> = (0..mu.len() * 2)
+        .map(|at| {
+            let (row, column) = (at / (2 * d), at % (2 * d));
+            let from = if column < d { &bars.mu } else { &bars.ell };
+            from[row * d + column % d] as f32
+        })
+        .collect();
+    let bar = ArrayD::from_shape_vec(IxDyn(&[items, 2 * d]), bar).expect("(B, 2 d)");
+    let mut grads = tape.backward(encoded, bar);
+    let mut put = |name: &str, shape: &[usize], values: Vec<f32>| {
+        let array = ArrayD::from_shape_vec(IxDyn(shape), values).expect("the shape of the parameter");
+        grads.0.insert(name.to_owned(), array);
+    };
+    for ((name, shape), grad) in model.decoder.shapes().iter().zip(passed.grads) {
+        put(name, shape, grad);
+    }
+    let arrays = bars.structure.arrays(model.sizes.kind);
+    for ((name, shape), grad) in model.sizes.shapes().iter().zip(arrays) {
+        put(name, shape, grad.iter().map(|&g| g as f32).collect());
+    }
+    let spread = spread(&out.means[..batch.layout.observed * d], n, model.sizes.width);
+    Stepped { losses, grads, spread }
+}
+
+/// One coordinate from each of Q runs of the P, per item; all of them where P ≤ Q.
+fn points(settings: &Settings, p: usize, items: usize, step: u32) -> Vec<Vec<usize>> {
+    let rng = Rng::new(settings.seed);
+    let q = Ord::min(settings.points, p);
+    (0..items)
+        .map(|b| {
+            (0..q)
+                .map(|i| {
+                    let (from, to) = (i * p / q, (i + 1) * p / q);
+                    from + rng.index(to - from, (b * q + i) as u64, step, purpose::POINTS, 0)
+                })
+                .collect()
+        })
+        .collect()
+}
+
+/// Variance of each factor over rows (B, n, k), mean over its k numbers.
+fn spread(means: &[f64], n: usize, k: usize) -> Vec<f64> {
+    let d = n * k;
+    let count = (means.len() / d) as f64;
+    let variance = |c: usize| {
+        let column = || means.iter().skip(c).step_by(d);
+        let mean = column().fold(0.0, |s, x| s + x) / count;
+        column().fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count
+    };
+    (0..n).map(|i| (0..k).fold(0.0, |s, c| s + variance(i * k + c)) / k as f64).collect()
+}

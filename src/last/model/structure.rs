@@ -1,0 +1,188 @@
+//! The structure layer: which factor acts on which, and how (`last.md` §5.2).
+//!
+//! | parameter | shape | |
+//! |-----------|-------|-|
+//! | `structure.logits` U | (n, n) | p(i → j) = σ(U/τ); the diagonal is ignored |
+//! | `structure.weight` Ω | (n, n) | effects of the linear mechanism |
+//! | `structure.nodes.w0 … w2` | (n, h, n·k) … (n, k, h) | networks of the nodes, h = 32, leaky ReLU 0.05 |
+//! | `structure.values` | (n, k) | codes of a unit of each factor; only with labels |
+//!
+//! Parameters are stored in single precision like all others; [`Structure`] holds them in double precision, in which everything of this
+//! layer is computed.
+
+use super::encoder::he_uniform;
+use super::purpose;
+use crate::causal::structure::{Mechanism, MechanismBar, Networks};
+use crate::num::elem::f64::sigmoid;
+use crate::num::rng::Rng;
+use crate::tape::Params;
+use ndarray::{ArrayD, IxDyn};
+
+/// Slope of the leaky ReLU of the nodes at 0 and below.
+pub const SLOPE: f64 = 0.05;
+/// Width of the nodes' hidden layers.
+pub const HIDDEN: usize = 32;
+/// First number of the arrays drawn for the structure.
+const FIRST_ARRAY: u32 = 128;
+/// Largest first logit.
+const FIRST_LOGIT: f32 = 1e-10;
+
+/// How parents act on a factor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// by a number per edge (eq. 2)
+    Linear,
+    /// by a network per factor (eq. 3)
+    Networks,
+}
+
+/// Sizes of the structure.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// n
+    pub factors: usize,
+    /// k
+    pub width: usize,
+    /// how parents act
+    pub kind: Kind,
+}
+
+/// Names of the arrays of the networks, in the order of [`Networks`].
+const NODES: [&str; 5] = ["w0", "b0", "w1", "b1", "w2"];
+
+impl Sizes {
+    /// d = n·k
+    pub fn latent(&self) -> usize {
+        self.factors * self.width
+    }
+
+    /// Names and shapes of all parameters.
+    pub fn shapes(&self) -> Vec<(String, Vec<usize>)> {
+        let (n, k, h) = (self.factors, self.width, HIDDEN);
+        let mut all = vec![("structure.logits".to_owned(), vec![n, n])];
+        match self.kind {
+            Kind::Linear => all.push(("structure.weight".into(), vec![n, n])),
+            Kind::Networks => {
+                let shapes = [vec![n, h, n * k], vec![n, h], vec![n, h, h], vec![n, h], vec![n, k, h]];
+                all.extend(NODES.iter().zip(shapes).map(|(name, s)| (format!("structure.nodes.{name}"), s)));
+            }
+        }
+        all.push(("structure.values".into(), vec![n, k]));
+        all
+    }
+
+    /// First values: logits in ±10⁻¹⁰, hidden layers He-uniform, last layers and Ω 0, codes (1, 0, …).
+    pub fn draw(&self, seed: u64, params: &mut Params) {
+        let rng = Rng::new(seed);
+        for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
+            let at = FIRST_ARRAY + at as u32;
+            let array = match name.as_str() {
+                "structure.logits" => ArrayD::from_shape_fn(IxDyn(&shape), |i| {
+                    let item = (i[0] * self.factors + i[1]) as u64;
+                    FIRST_LOGIT * (2.0 * rng.uniform_f32(item, at, purpose::INITIAL, 0) - 1.0)
+                }),
+                "structure.values" => {
+                    ArrayD::from_shape_fn(IxDyn(&shape), |i| if i[1] == 0 { 1.0 } else { 0.0 })
+                }
+                "structure.nodes.w0" | "structure.nodes.w1" => {
+                    let (n, h) = (shape[0], shape[1]);
+                    he_uniform(seed, at, &[n * h, shape[2]], SLOPE as f32)
+                        .into_shape_with_order(IxDyn(&shape))
+                        .expect("the same size")
+                }
+                _ => ArrayD::zeros(IxDyn(&shape)),
+            };
+            params.set(&name, array);
+        }
+    }
+}
+
+/// Parameters of the structure in double precision.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Structure {
+    /// sizes
+    pub sizes: Sizes,
+    /// U (n, n)
+    pub logits: Vec<f64>,
+    /// (n, k)
+    pub values: Vec<f64>,
+    /// Ω, or the arrays of the networks
+    arrays: Vec<Vec<f64>>,
+}
+
+/// Gradients by the parameters of a structure.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StructureBar {
+    /// (n, n)
+    pub logits: Vec<f64>,
+    /// (n, k)
+    pub values: Vec<f64>,
+    /// of the mechanism
+    pub mechanism: MechanismBar,
+}
+
+impl Structure {
+    /// The structure among `params`.
+    ///
+    /// # Panics
+    /// When a parameter is missing.
+    pub fn new(sizes: Sizes, params: &Params) -> Self {
+        let get = |name: &str| -> Vec<f64> {
+            let array = params.get(name).unwrap_or_else(|| panic!("the structure has '{name}'"));
+            array.iter().map(|&x| f64::from(x)).collect()
+        };
+        let arrays = match sizes.kind {
+            Kind::Linear => vec![get("structure.weight")],
+            Kind::Networks => NODES.iter().map(|name| get(&format!("structure.nodes.{name}"))).collect(),
+        };
+        Self { sizes, logits: get("structure.logits"), values: get("structure.values"), arrays }
+    }
+
+    /// How parents act.
+    pub fn mechanism(&self) -> Mechanism<'_> {
+        match (self.sizes.kind, &self.arrays[..]) {
+            (Kind::Networks, [w0, b0, w1, b1, w2]) => {
+                Mechanism::Networks(Networks { w0, b0, w1, b1, w2, hidden: HIDDEN, slope: SLOPE })
+            }
+            _ => Mechanism::Linear { weight: &self.arrays[0] },
+        }
+    }
+
+    /// Passes that reach every descendant.
+    pub fn sweeps(&self) -> usize {
+        match self.sizes.kind {
+            Kind::Linear => self.sizes.factors - 1,
+            Kind::Networks => self.sizes.factors,
+        }
+    }
+
+    /// p = σ(U/τ), zero diagonal.
+    pub fn probabilities(&self, tau: f64) -> Vec<f64> {
+        let n = self.sizes.factors;
+        let p = |at: usize| if at / n == at % n { 0.0 } else { sigmoid(self.logits[at] / tau) };
+        (0..n * n).map(p).collect()
+    }
+
+    /// Zero gradients.
+    pub fn zeros(&self) -> StructureBar {
+        StructureBar {
+            logits: vec![0.0; self.logits.len()],
+            values: vec![0.0; self.values.len()],
+            mechanism: MechanismBar::zeros_like(&self.mechanism()),
+        }
+    }
+}
+
+impl StructureBar {
+    /// The gradients in the order of [`Sizes::shapes`].
+    pub fn arrays(&self, kind: Kind) -> Vec<&[f64]> {
+        let m = &self.mechanism;
+        let mut all: Vec<&[f64]> = vec![&self.logits];
+        match kind {
+            Kind::Linear => all.push(&m.weight),
+            Kind::Networks => all.extend([&m.w0[..], &m.b0, &m.w1, &m.b1, &m.w2]),
+        }
+        all.push(&self.values);
+        all
+    }
+}
