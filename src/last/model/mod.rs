@@ -6,6 +6,7 @@
 //!                     structure                   structure  U, Ω, node networks; Ã
 //! step     one batch: forward, losses, gradients
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
+//! data     what is learned from: pictures (a folder of `last gen`), vectors
 //! vectors  data without pictures, for tests of the structure
 //! ```
 //!
@@ -14,7 +15,9 @@
 pub mod data;
 pub mod decoder;
 pub mod encoder;
+pub mod file;
 pub mod latent;
+pub mod pictures;
 pub mod settings;
 pub mod step;
 pub mod structure;

@@ -1,6 +1,8 @@
 //! What can be chosen about the image-to-point model and its training; the defaults are those of `last.md` §8.
 
 use super::structure::Kind;
+use crate::{Error, Result};
+use serde_json::{Value, json};
 
 /// Which reading of the paper (`last.md` §0, 1b).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -133,7 +135,46 @@ impl Default for Settings {
     }
 }
 
+macro_rules! names {
+    ($type:ident, $what:literal, $($variant:ident => $name:literal),+) => {
+        impl $type {
+            /// Its name in settings and records.
+            pub fn name(self) -> &'static str {
+                match self { $(Self::$variant => $name),+ }
+            }
+
+            /// The one of that name.
+            ///
+            /// # Errors
+            /// When there is none; the error lists the names.
+            pub fn parse(name: &str) -> Result<Self> {
+                match name {
+                    $($name => Ok(Self::$variant),)+
+                    other => Err(Error::input($what).expected([$($name),+].join(", ")).got(other)),
+                }
+            }
+        }
+    };
+}
+names!(Reading, "reading", Reference => "reference", Literal => "literal");
+names!(Supervision, "supervision", None => "none", PerSample => "pairs", Groups => "groups", Labels => "labels");
+names!(Placement, "loss of dependence", Noise => "noise", Factors => "factors", Conditional => "conditional", Off => "off");
+names!(Kind, "mechanism", Linear => "linear", Networks => "networks");
+
 impl Settings {
+    /// Everything, for records and checkpoints.
+    pub fn json(&self) -> Value {
+        let w = &self.weights;
+        json!({
+            "factors": self.factors, "width": self.width, "mechanism": self.kind.name(),
+            "reading": self.reading.name(), "supervision": self.supervision.name(), "dependence": self.placement.name(),
+            "w_reconstruction": w.reconstruction, "w_kl": w.kl, "w_independence": w.independence, "w_groups": w.groups,
+            "w_sparsity": w.sparsity, "tau": self.tau, "alpha": self.alpha, "steps": self.steps, "refit": self.refit,
+            "freeze": self.freeze, "warm_up": self.warm_up, "round": self.round, "lr": self.lr, "lr_logits": self.lr_logits,
+            "observed": self.observed, "groups": self.groups, "points": self.points, "seed": self.seed,
+        })
+    }
+
     /// The same schedule in another number of steps: the constants that count steps are scaled alike, at least 1.
     #[must_use]
     pub fn scaled(mut self, steps: u32) -> Self {

@@ -5,10 +5,10 @@ use super::decoder::{Decoder, Target};
 use super::encoder::Encoder;
 use super::latent::{self, Layout, Terms};
 use super::purpose;
-use super::settings::{Settings, Supervision};
+use super::settings::{Reading, Settings, Supervision};
 use super::structure::{Sizes, Structure};
 use crate::Result;
-use crate::causal::{acyclic, mask};
+use crate::causal::{acyclic, mask, structure};
 use crate::num::rng::Rng;
 use crate::tape::{Grads, Params, Tape};
 use ndarray::{ArrayD, IxDyn};
@@ -71,6 +71,31 @@ impl Model {
             halves[1].extend(ell);
         }
         halves
+    }
+}
+
+impl Model {
+    /// Means of the endogenous factors of some items (B, d): those of the encoder, or what the graph of probable edges makes of its noise.
+    pub fn factors(&self, settings: &Settings, data: &dyn Data, items: &[Item]) -> Vec<f64> {
+        let [mu, _] = self.encode(data, items);
+        match settings.reading {
+            Reading::Reference => mu,
+            Reading::Literal => {
+                let structure = Structure::new(self.sizes, &self.params);
+                let p = structure.probabilities(settings.tau);
+                let mask: Vec<f64> = p.iter().map(|&p| if p > 0.5 { 1.0 } else { 0.0 }).collect();
+                let x = structure::In {
+                    eps: &mu,
+                    mask: &mask,
+                    mechanism: structure.mechanism(),
+                    batch: items.len(),
+                    n: self.sizes.factors,
+                    k: self.sizes.width,
+                    sweeps: structure.sweeps(),
+                };
+                structure::forward(&x).0
+            }
+        }
     }
 }
 

@@ -1,12 +1,30 @@
 //! The schedule of `last.md` §8: batches, Adam, the augmented Lagrangian, the final graph, refit.
+//!
+//! ```text
+//! 0 ── freeze ──────────── steps ─────────── steps + refit/2 ─────────── steps + refit
+//!   U at rest  │ U moves: h, Σp │ graph: p > ½, cycles cut │ graph: search by score │
+//! ```
+//!
+//! The rate of all parameters falls to a tenth at 80 % of the steps; that of U also by 1/log₁₀ρ once ρ exceeds 10. Every 500 steps the
+//! multiplier of h grows by ρh, and ρ tenfold where h has not fallen to a quarter (`last.md` §5.4). The search (§5.5) scores graphs on the means of
+//! all items with splines of the parents, leaving out the mechanism of a factor where it was set.
 
-use super::data::Data;
-use super::settings::Settings;
+use super::data::{Data, Item};
+use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
-use crate::Result;
+use crate::fit::training::{Fit, Step, Watch};
+use crate::last::structure::samples::Samples;
+use crate::last::structure::score::{Features, Table};
+use crate::last::structure::{search, without_cycles};
+use crate::math::digraph::Digraph;
+use crate::num::array::Arrays;
+use crate::num::elem::f64::ln;
 use crate::num::order;
 use crate::optim::adam::{Adam, Counters, Rule};
+use crate::{Error, Result};
+use ndarray::{ArrayD, IxDyn};
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// First penalty ρ of the augmented Lagrangian.
@@ -38,6 +56,8 @@ pub struct Training<'a> {
     last_h: Option<f64>,
     rounds: u32,
     spread: Option<Vec<f64>>,
+    /// of the last step
+    pub losses: Losses,
     /// the final graph, once it is fixed
     pub graph: Option<Vec<f64>>,
 }
@@ -67,6 +87,7 @@ impl<'a> Training<'a> {
             last_h: None,
             rounds: 0,
             spread: None,
+            losses: Losses::default(),
             graph: None,
         })
     }
@@ -84,11 +105,59 @@ impl<'a> Training<'a> {
     fn rates(&self) -> [f64; 2] {
         let late = if self.step * 10 >= self.settings.steps * 8 { 0.1 } else { 1.0 };
         let slowed = if self.rho > GROWTH {
-            1.0 / (crate::num::elem::f64::ln(self.rho) / crate::num::elem::f64::ln(10.0))
+            ln(10.0) / ln(self.rho)
         } else {
             1.0
         };
         [self.settings.lr * late, self.settings.lr_logits * late * slowed]
+    }
+
+    /// The graph as it stands, probable edges without cycles.
+    fn repaired(&self) -> Digraph {
+        without_cycles(&self.probabilities(), self.settings.factors, 0.5)
+    }
+
+    /// Means of all items as samples of factors.
+    fn samples(&self) -> Samples {
+        let (n, k) = (self.settings.factors, self.settings.width);
+        let d = n * k;
+        let mut samples = Samples::new(n, k);
+        let observed: Vec<Item> = (0..self.data.observed()).map(Item::Observed).collect();
+        for row in self.model.factors(&self.settings, self.data, &observed).chunks_exact(d) {
+            samples.observe(row);
+        }
+        if self.settings.supervision == Supervision::None {
+            return samples;
+        }
+        let members = self.data.members();
+        let all = |item: fn(usize, usize) -> Item| -> Vec<Item> {
+            (0..self.data.groups().len()).flat_map(|g| (0..members).map(move |m| item(g, m))).collect()
+        };
+        let [before, after] =
+            [all(Item::Base), all(Item::After)].map(|items| self.model.factors(&self.settings, self.data, &items));
+        for (pair, (b, a)) in before.chunks_exact(d).zip(after.chunks_exact(d)).enumerate() {
+            let target = self.data.groups()[pair / members].target;
+            if target < n {
+                samples.intervene(b, a, target);
+            }
+        }
+        samples
+    }
+
+    /// Fixes the graph where the schedule says so.
+    fn settle(&mut self) -> Result<()> {
+        if self.step == self.settings.steps {
+            self.graph = Some(self.repaired().adjacency());
+        } else if self.step == self.settings.steps + self.settings.refit / 2
+            && self.settings.factors <= crate::last::structure::score::MOST
+        {
+            let n = self.settings.factors;
+            let table = Table::new(&self.samples().standardised()?, Features::Spline)?;
+            let start = self.graph.clone().unwrap_or_else(|| vec![0.0; n * n]);
+            let (best, _) = search::climb(&table, &Digraph::from_weights(&start, n, 0.5));
+            self.graph = Some(best.graph.adjacency());
+        }
+        Ok(())
     }
 
     /// One step.
@@ -96,6 +165,7 @@ impl<'a> Training<'a> {
     /// # Errors
     /// A number that is not finite.
     pub fn advance(&mut self) -> Result<Losses> {
+        self.settle()?;
         let s = &self.settings;
         let moving = self.step >= s.freeze && self.graph.is_none();
         let warmth = order::min(1.0, f64::from(self.step) / f64::from(s.warm_up));
@@ -142,5 +212,87 @@ impl<'a> Training<'a> {
         }
         self.last_h = Some(h);
         self.rounds += 1;
+    }
+}
+
+impl Fit for Training<'_> {
+    fn kind(&self) -> &'static str {
+        "image-to-point model"
+    }
+
+    fn settings(&self) -> Value {
+        self.settings.json()
+    }
+
+    fn iterations(&self) -> usize {
+        (self.settings.steps + self.settings.refit) as usize
+    }
+
+    fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step> {
+        assert_eq!(i, self.step as usize, "steps come in order");
+        let losses = self.advance()?;
+        watch.lap("step");
+        let w = &self.settings.weights;
+        let loss = w.reconstruction * losses.reconstruction + w.groups * losses.intervention;
+        if !loss.is_finite() {
+            return Err(Error::check("image-to-point model")
+                .at(format!("step {i}"))
+                .expected("a finite loss")
+                .got(loss.to_string()));
+        }
+        self.losses = losses;
+        Ok(Step { loss: loss as f32, size: order::round(losses.edges) as usize })
+    }
+
+    fn save(&self, out: &mut Arrays) {
+        for (name, array) in self.model.params.iter() {
+            out.put(&format!("param/{name}"), array.shape(), array.iter().copied().collect());
+        }
+        for (name, adam) in &self.optimisers {
+            adam.save(&format!("adam/{name}"), out);
+        }
+        let last = self.last_h.unwrap_or(-1.0);
+        out.put("state/lagrange", &[4], vec![self.lambda, self.rho, last, f64::from(self.rounds)]);
+        out.put("state/step", &[1], vec![i64::from(self.step)]);
+        if let Some(spread) = &self.spread {
+            out.put("state/spread", &[spread.len()], spread.clone());
+        }
+        if let Some(graph) = &self.graph {
+            let n = self.settings.factors;
+            out.put("state/graph", &[n, n], graph.clone());
+        }
+    }
+
+    fn load(&mut self, from: &Arrays) -> Result<()> {
+        let n = self.settings.factors.to_string();
+        let mut dims = BTreeMap::new();
+        let mut params = self.model.params.clone();
+        for (name, array) in self.model.params.iter() {
+            let pattern: Vec<String> = array.shape().iter().map(ToString::to_string).collect();
+            let stored = from.shape(&format!("param/{name}"), &pattern.join(","), &mut dims)?;
+            let values = ArrayD::from_shape_vec(IxDyn(array.shape()), stored.to_f32());
+            params.set(name, values.expect("the shape was checked"));
+        }
+        for (name, adam) in &mut self.optimisers {
+            *adam = Adam::load(*adam.rule(), &format!("adam/{name}"), from)?;
+        }
+        let lagrange = from.shape("state/lagrange", "4", &mut dims)?.to_f64();
+        let step = from.shape("state/step", "1", &mut dims)?.to_i64();
+        let spread = from.get("state/spread").is_some();
+        let graph = from.get("state/graph").is_some();
+        if spread {
+            self.spread = Some(from.shape("state/spread", &n, &mut dims)?.to_f64());
+        }
+        if graph {
+            self.graph = Some(from.shape("state/graph", &format!("{n},{n}"), &mut dims)?.to_f64());
+        }
+        self.step = step
+            .and_then(|s| u32::try_from(*s.first()?).ok())
+            .ok_or_else(|| Error::input("array 'state/step'").expected("a count"))?;
+        (self.lambda, self.rho) = (lagrange[0], lagrange[1]);
+        self.last_h = (lagrange[2] >= 0.0).then_some(lagrange[2]);
+        self.rounds = lagrange[3] as u32;
+        self.model.params = params;
+        Ok(())
     }
 }

@@ -1,0 +1,240 @@
+//! `last pretrain`: the image-to-point model from pictures of known causes.
+
+use crate::cli::meter::Meter;
+use crate::cli::report::charts::{Lines, Series, bucket};
+use crate::cli::report::{self, Page, Section, Stat};
+use crate::cli::{self, claim};
+use crate::fit::training::{self, Fit, History, Schedule};
+use crate::last::model::data::Data;
+use crate::last::model::pictures::Pictures;
+use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
+use crate::last::model::structure::Kind;
+use crate::last::model::train::Training;
+use crate::last::model::verdict::{self, Verdict};
+use crate::{Error, Result};
+use maud::html;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+
+/// The model in `--out`.
+const MODEL: &str = "model.safetensors";
+/// The checkpoint in `--out`.
+const CHECKPOINT: &str = "checkpoint.safetensors";
+
+/// Train the image-to-point model on pictures of known causes.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last gen --out data                           pictures, points, groups of interventions
+  lastlight last pretrain data --out model                13 000 steps
+  lastlight last pretrain data --out model --resume       go on after an interruption, with the same bits
+  lastlight last pretrain data --out quick --steps 1000   the same schedule in fewer steps
+  lastlight last pretrain data --out control --supervision pairs
+
+DATA is what last gen writes. --out gets model.safetensors (for last tune, fit, intervene), a checkpoint,
+result.json and report/index.html. --reading literal is the paper as printed: the encoder gives noise and
+the structure acts on the way to the decoder.")]
+pub(in crate::cli) struct Args {
+    /// Folder made by last gen, with observational pictures and groups of interventions
+    #[arg(value_name = "DATA")]
+    data: PathBuf,
+    /// Folder for the results; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Steps of joint training; the schedule of 12000 is scaled to it
+    #[arg(long, value_name = "N", default_value_t = 12_000, value_parser = clap::value_parser!(u32).range(1..))]
+    steps: u32,
+    /// Seed of every random draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Go on from the checkpoint in --out; the result has the bits of an uninterrupted run
+    #[arg(long)]
+    resume: bool,
+    /// Replace files in --out that exist
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Number of factors
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=8), help_heading = "Model")]
+    factors: u8,
+    /// Numbers of a factor
+    #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
+    width: u8,
+    /// How parents act on a factor: networks or linear
+    #[arg(long, value_name = "NAME", default_value = "networks", help_heading = "Model")]
+    mechanism: String,
+    /// Reading of the paper: reference or literal
+    #[arg(long, value_name = "NAME", default_value = "reference", help_heading = "Model")]
+    reading: String,
+    /// What is told of interventions: none, pairs (a value of its own for each), groups (a shared value) or labels
+    #[arg(long, value_name = "NAME", default_value = "groups", help_heading = "Training")]
+    supervision: String,
+    /// Where dependence is punished: noise, factors (as printed), conditional or off
+    #[arg(long, value_name = "NAME", default_value = "noise", help_heading = "Training")]
+    dependence: String,
+    /// Coordinates decoded per picture and step
+    #[arg(long, value_name = "Q", default_value_t = 256, help_heading = "Training")]
+    points: usize,
+    /// Observed pictures of a batch
+    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Training")]
+    observed: usize,
+    /// Groups of a batch
+    #[arg(long, value_name = "N", default_value_t = 8, help_heading = "Training")]
+    groups: usize,
+    /// Another factor of a term of the loss, NAME=VALUE: reconstruction, kl, independence, groups, sparsity
+    #[arg(long, value_name = "TERM", num_args = 1.., help_heading = "Training")]
+    weight: Vec<String>,
+    /// Steps between checkpoints
+    #[arg(long, value_name = "N", default_value_t = 250, value_parser = clap::value_parser!(u32).range(1..))]
+    checkpoint_every: u32,
+    /// Print the result record as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl Args {
+    fn settings(&self) -> Result<Settings> {
+        let mut s = Settings {
+            factors: usize::from(self.factors),
+            width: usize::from(self.width),
+            kind: Kind::parse(&self.mechanism)?,
+            reading: Reading::parse(&self.reading)?,
+            supervision: Supervision::parse(&self.supervision)?,
+            placement: Placement::parse(&self.dependence)?,
+            points: self.points,
+            observed: self.observed,
+            groups: self.groups,
+            seed: self.seed,
+            ..Settings::default()
+        };
+        for term in &self.weight {
+            let wrong = || {
+                Error::input("--weight")
+                    .expected("NAME=VALUE: reconstruction, kl, independence, groups or sparsity, and a number not below 0")
+                    .got(term.as_str())
+            };
+            let (name, value) = term.split_once('=').ok_or_else(wrong)?;
+            let value: f64 = value.parse().map_err(|_| wrong())?;
+            if !(value >= 0.0 && value.is_finite()) {
+                return Err(wrong());
+            }
+            let w = &mut s.weights;
+            *match name {
+                "reconstruction" => &mut w.reconstruction,
+                "kl" => &mut w.kl,
+                "independence" => &mut w.independence,
+                "groups" => &mut w.groups,
+                "sparsity" => &mut w.sparsity,
+                _ => return Err(wrong()),
+            } = value;
+        }
+        let s = s.scaled(self.steps);
+        s.validate()?;
+        Ok(s)
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let settings = args.settings()?;
+    claim::check(&args.out, args.resume, args.force)?;
+    let data = Pictures::read(&args.data, settings.supervision != Supervision::None)?;
+    meter.lap("reading pictures");
+    meter.note(&format!(
+        "{}: {} pictures of {2}x{2}, {3} groups of {4}, {5} points each",
+        args.data.display(),
+        data.observed(),
+        data.side(),
+        data.groups().len(),
+        data.members(),
+        data.template.len()
+    ));
+    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    let mut training = Training::new(settings, &data)?;
+    let mut history = History::default();
+    let checkpoint = dir.join(CHECKPOINT);
+    if args.resume && checkpoint.exists() {
+        history = training::resume(&mut training, &checkpoint)?;
+        meter.note(&format!("resuming after step {} of {}", history.len(), training.iterations()));
+    } else if args.resume {
+        meter.note("no checkpoint yet: starting at step 0");
+    }
+    meter.lap("start");
+    cli::stoppable(|stop| {
+        let schedule = Schedule { checkpoint: Some(&checkpoint), every: args.checkpoint_every as usize, stop };
+        training::run(&mut training, &mut history, schedule, &mut meter)
+    })?;
+    meter.done();
+    let trained = training.finish()?;
+    let verdict = verdict::of(&trained, &data, &truth(&args.data))?;
+    meter.lap("evaluation");
+    let remarks = [("command", cli::command_line())];
+    trained.write(&dir.join(MODEL), &remarks)?;
+    let record = json!({
+        "kind": "last pretrain", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
+        "settings": settings.json(), "verdict": verdict.json(), "steps": history.len(),
+        "last_loss": history.loss.last(), "seconds": meter.seconds(),
+    });
+    crate::io::atomic::write_bytes(&dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
+    let page = page(args, &record, &history, &verdict, &meter).write(&dir)?;
+    if args.json {
+        return cli::say_json(&record);
+    }
+    cli::say(&verdict.text())?;
+    cli::say(&format!("digest      {}", trained.digest()?))?;
+    cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
+    cli::say(&format!("model       {}", dir.join(MODEL).display()))?;
+    cli::say(&format!("report      {}", page.display()))
+}
+
+/// The true graph, where the data says it: rows of zeros and ones.
+pub(super) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
+    let text = std::fs::read_to_string(data.join(crate::last::generate::RECORD)).ok()?;
+    let record: Value = serde_json::from_str(&text).ok()?;
+    let rows = record.pointer("/truth/adjacency").or_else(|| record.pointer("/adjacency"))?.as_array()?;
+    rows.iter()
+        .map(|row| {
+            row.as_array()?.iter().map(|x| x.as_bool().or_else(|| x.as_i64().map(|x| x != 0))).collect()
+        })
+        .collect()
+}
+
+fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter: &Meter) -> Page {
+    let (curve, band) = bucket(&history.loss, 300);
+    let edges: Vec<(f64, f64)> =
+        history.size.iter().enumerate().map(|(i, n)| (i as f64, f64::from(*n))).collect();
+    let losses = Lines {
+        title: "L_rec + L_int",
+        x: "step",
+        log: true,
+        series: vec![Series { name: "loss", points: &curve, band: Some(&band), color: 'a' }],
+        ..Lines::default()
+    };
+    let _ = edges;
+    let graph = verdict.table();
+    Page {
+        kind: "last pretrain".into(),
+        title: args.data.display().to_string(),
+        command: cli::command_line(),
+        facts: vec![
+            ("digest", record["digest"].as_str().unwrap_or("").to_owned()),
+            ("seed", args.seed.to_string()),
+        ],
+        stats: vec![
+            Stat { label: "points", value: format!("{:.4}", verdict.space_error), note: "mean error, figure units".into() },
+            Stat { label: "edges", value: verdict.graph.count().to_string(), note: verdict.against_truth() },
+            Stat { label: "targets", value: format!("{:.1} %", 100.0 * verdict.target_accuracy), note: "found from noise alone".into() },
+            Stat { label: "time", value: report::seconds(meter.seconds()), note: format!("{} steps", history.len()) },
+        ],
+        sections: vec![
+            Section {
+                id: "structure",
+                title: "Structure",
+                lead: "Probability of each edge, row to column; what the graph keeps is bold.".into(),
+                body: graph,
+            },
+            Section { id: "loss", title: "Loss", lead: String::new(), body: html! { (losses.html()) } },
+        ],
+    }
+}

@@ -1,0 +1,244 @@
+//! A trained model in a file: safetensors with every parameter, the graph, the statistics that stage 2 needs, and the settings as text.
+//!
+//! | array | shape | |
+//! |-------|-------|-|
+//! | `param/…` | | as in `encoder`, `decoder`, `structure` |
+//! | `graph` | (n, n) | A, 1 at i → j; acyclic |
+//! | `spread/factors`, `spread/noise` | (n, k) | standard deviations of Ẑ and ε over the training set, at least 10⁻³ (`last.md` §11) |
+//!
+//! Metadata: `kind`, `version`, `settings` (JSON of [`Settings::json`]), `input` (`picture 64`), `features`, `outputs`.
+
+use super::decoder::Decoder;
+use super::encoder::{Encoder, Input};
+use super::settings::{Placement, Reading, Settings, Supervision, Weights};
+use super::step::Model;
+use super::structure::{Kind, Sizes};
+use crate::io::safetensors;
+use crate::math::digraph::Digraph;
+use crate::num::array::Arrays;
+use crate::num::bits::Digest;
+use crate::tape::Params;
+use crate::{Error, Result};
+use ndarray::{ArrayD, IxDyn};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// What the file says it is.
+const KIND: &str = "image-to-point model";
+
+/// A trained model.
+#[derive(Clone, Debug)]
+pub struct Trained {
+    /// networks and parameters
+    pub model: Model,
+    /// how it was trained
+    pub settings: Settings,
+    /// A
+    pub graph: Digraph,
+    /// (n, k) standard deviations of the factors
+    pub factor_spread: Vec<f64>,
+    /// (n, k) standard deviations of their noise
+    pub noise_spread: Vec<f64>,
+}
+
+impl Trained {
+    /// Digest of parameters, graph and statistics: 16 hexadecimal digits.
+    ///
+    /// # Errors
+    /// When one of them is NaN.
+    pub fn digest(&self) -> Result<String> {
+        let mut d = Digest::new();
+        for (_, array) in self.model.params.iter() {
+            let values: Vec<f32> = array.iter().copied().collect();
+            d.f32(array.shape(), &values)?;
+        }
+        let n = self.graph.n();
+        d.f64(&[n, n], &self.graph.adjacency())?;
+        let shape = [n, self.settings.width];
+        d.f64(&shape, &self.factor_spread)?;
+        d.f64(&shape, &self.noise_spread)?;
+        Ok(format!("{:016x}", d.value()))
+    }
+
+    /// Writes the file, whole or not at all; `remarks` join the metadata.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub fn write(&self, path: &Path, remarks: &[(&str, String)]) -> Result<()> {
+        let mut arrays = Arrays::new();
+        for (name, array) in self.model.params.iter() {
+            arrays.put(&format!("param/{name}"), array.shape(), array.iter().copied().collect());
+        }
+        let n = self.graph.n();
+        arrays.put("graph", &[n, n], self.graph.adjacency());
+        arrays.put("spread/factors", &[n, self.settings.width], self.factor_spread.clone());
+        arrays.put("spread/noise", &[n, self.settings.width], self.noise_spread.clone());
+        let input = match self.model.encoder.input() {
+            Input::Picture { side } => format!("picture {side}"),
+            Input::Vector { size } => format!("vector {size}"),
+        };
+        let mut meta = BTreeMap::from([
+            ("kind".to_owned(), KIND.to_owned()),
+            ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+            ("settings".to_owned(), self.settings.json().to_string()),
+            ("input".to_owned(), input),
+            ("features".to_owned(), self.model.decoder.features.to_string()),
+            ("outputs".to_owned(), self.model.decoder.outputs.to_string()),
+            ("digest".to_owned(), self.digest()?),
+        ]);
+        meta.extend(remarks.iter().map(|(key, text)| ((*key).to_owned(), text.clone())));
+        safetensors::write(path, &arrays, &meta)
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// When it is not such a file, an array is missing or of another shape, a number is not finite, or the graph has a cycle.
+    pub fn read(path: &Path) -> Result<Self> {
+        let file = safetensors::read(path)?;
+        parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
+    }
+
+    /// Reads bytes; `name` stands for the file.
+    ///
+    /// # Errors
+    /// See [`Self::read`].
+    pub fn from_bytes(bytes: &[u8], name: &str) -> Result<Self> {
+        let file = safetensors::parse(bytes, name)?;
+        parse(&file.arrays, &file.metadata).map_err(|e| e.within(name.to_owned()))
+    }
+}
+
+fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
+    let text = |key: &str| {
+        meta.get(key).map(String::as_str).ok_or_else(|| {
+            Error::input("metadata")
+                .at(key)
+                .expected("a model written by last pretrain or last tune")
+                .got("no such entry")
+        })
+    };
+    if text("kind")? != KIND {
+        return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?));
+    }
+    let count = |key: &str| -> Result<usize> {
+        text(key)?.parse().map_err(|_| Error::input("metadata").at(key).expected("a whole number").got(text(key).unwrap_or("")))
+    };
+    let input = text("input")?;
+    let wrong = || Error::input("metadata").at("input").expected("'picture S' or 'vector N'").got(input);
+    let (kind, size) = input.split_once(' ').ok_or_else(wrong)?;
+    let size: usize = size.parse().map_err(|_| wrong())?;
+    let input = match kind {
+        "picture" => Input::Picture { side: size },
+        "vector" if (1..=4096).contains(&size) => Input::Vector { size },
+        _ => return Err(wrong()),
+    };
+    let settings: Value = serde_json::from_str(text("settings")?)
+        .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
+    let settings = read_settings(&settings)?;
+    let sizes = Sizes { factors: settings.factors, width: settings.width, kind: settings.kind };
+    let encoder = Encoder::new(input, sizes.latent())?;
+    let decoder =
+        Decoder { features: count("features")?, latent: sizes.latent(), outputs: count("outputs")? };
+    if decoder.features > 4096 || !(1..=4096).contains(&decoder.outputs) {
+        return Err(Error::input("metadata").at("features, outputs").expected("1 to 4096"));
+    }
+    let mut dims = BTreeMap::new();
+    let mut params = Params::new();
+    for (name, shape) in [encoder.shapes(), decoder.shapes(), sizes.shapes()].concat() {
+        let pattern: Vec<String> = shape.iter().map(ToString::to_string).collect();
+        let stored = arrays.shape(&format!("param/{name}"), &pattern.join(","), &mut dims)?;
+        let array = ArrayD::from_shape_vec(IxDyn(&shape), stored.to_f32());
+        params.set(&name, array.expect("the shape was checked"));
+    }
+    let names: Vec<&str> = arrays.0.keys().map(String::as_str).collect();
+    arrays.finite(names)?;
+    let (n, k) = (sizes.factors, sizes.width);
+    let adjacency = arrays.shape("graph", &format!("{n},{n}"), &mut dims)?.to_f64();
+    let graph = graph(n, &adjacency)?;
+    let mut spread = |name: &str| -> Result<Vec<f64>> {
+        let values = arrays.shape(name, &format!("{n},{k}"), &mut dims)?.to_f64();
+        match values.iter().find(|s| !(**s > 0.0)) {
+            None => Ok(values),
+            Some(bad) => {
+                Err(Error::input(format!("array '{name}'")).expected("numbers above 0").got(bad.to_string()))
+            }
+        }
+    };
+    Ok(Trained {
+        model: Model { encoder, decoder, sizes, params },
+        settings,
+        graph,
+        factor_spread: spread("spread/factors")?,
+        noise_spread: spread("spread/noise")?,
+    })
+}
+
+/// The graph of an adjacency matrix of zeros and ones.
+///
+/// # Errors
+/// Another number, an edge from a factor to itself, a cycle.
+pub fn graph(n: usize, adjacency: &[f64]) -> Result<Digraph> {
+    let what = || Error::input("array 'graph'");
+    if let Some(at) = adjacency.iter().position(|&a| a != 0.0 && a != 1.0) {
+        let place = format!("entry ({}, {})", at / n, at % n);
+        return Err(what().at(place).expected("0 or 1").got(adjacency[at].to_string()));
+    }
+    if let Some(i) = (0..n).find(|i| adjacency[i * n + i] != 0.0) {
+        return Err(what().at(format!("entry ({i}, {i})")).expected("0: nothing is its own cause").got("1"));
+    }
+    let graph = Digraph::from_weights(adjacency, n, 0.5);
+    if !graph.is_acyclic() {
+        let on_cycle: Vec<String> =
+            (0..n).filter(|&i| graph.reaches(i, i)).map(|i| i.to_string()).collect();
+        return Err(what()
+            .expected("a graph without cycles")
+            .got(format!("a cycle through factors {}", on_cycle.join(", ")))
+            .hint("last tune repairs a graph by deleting the least probable edge of a cycle"));
+    }
+    Ok(graph)
+}
+
+fn read_settings(v: &Value) -> Result<Settings> {
+    let missing = |key: &str, what: &'static str| {
+        let got = v.get(key).map_or_else(|| "nothing".to_owned(), ToString::to_string);
+        Error::input("metadata 'settings'").at(key.to_owned()).expected(what).got(got)
+    };
+    let real = |key: &str| v.get(key).and_then(Value::as_f64).ok_or_else(|| missing(key, "a number"));
+    let whole =
+        |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "a whole number"));
+    let name = |key: &str| v.get(key).and_then(Value::as_str).ok_or_else(|| missing(key, "a name"));
+    let small = |key: &str, most: u64| -> Result<u64> {
+        let x = whole(key)?;
+        if (1..=most).contains(&x) { Ok(x) } else { Err(missing(key, "a small whole number above 0")) }
+    };
+    Ok(Settings {
+        factors: small("factors", 64)? as usize,
+        width: small("width", 64)? as usize,
+        kind: Kind::parse(name("mechanism")?)?,
+        reading: Reading::parse(name("reading")?)?,
+        supervision: Supervision::parse(name("supervision")?)?,
+        placement: Placement::parse(name("dependence")?)?,
+        weights: Weights {
+            reconstruction: real("w_reconstruction")?,
+            kl: real("w_kl")?,
+            independence: real("w_independence")?,
+            groups: real("w_groups")?,
+            sparsity: real("w_sparsity")?,
+        },
+        tau: real("tau")?,
+        alpha: real("alpha")?,
+        steps: whole("steps")? as u32,
+        refit: whole("refit")? as u32,
+        freeze: whole("freeze")? as u32,
+        warm_up: whole("warm_up")? as u32,
+        round: whole("round")? as u32,
+        lr: real("lr")?,
+        lr_logits: real("lr_logits")?,
+        observed: whole("observed")? as usize,
+        groups: whole("groups")? as usize,
+        points: whole("points")? as usize,
+        seed: whole("seed")?,
+    })
+}

@@ -1,0 +1,230 @@
+//! Pictures and points of a folder made by `last gen` (`last::sets` has the layout).
+//!
+//! A picture is seen as it is, on black, in −½ … ½. A point is its template's coordinate t, decoded as (t + Δ/2, ½ + c), and weighed by
+//! 1/σ² with σ = 0.05 in space and 0.2 in colour (`last.md` §4.4, §4.5).
+
+use super::data::{Data, Frame, Group, Item};
+use super::decoder::{CODE, code};
+use super::encoder::Input;
+use crate::io::npz;
+use crate::num::array::Arrays;
+use crate::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// σ of a coordinate.
+const SIGMA_SPACE: f32 = 0.05;
+/// σ of a colour.
+const SIGMA_COLOUR: f32 = 0.2;
+/// What Δ is multiplied by.
+const REACH: f32 = 0.5;
+
+/// Pictures and points of one kind of item.
+#[derive(Clone, Default)]
+struct Set {
+    /// (N, S, S, 3)
+    images: Vec<u8>,
+    /// (N, P, 6) coordinates and colour
+    shown: Vec<f32>,
+    /// (N, n) true factors
+    factors: Vec<f64>,
+}
+
+/// The pictures of a folder.
+#[derive(Clone)]
+pub struct Pictures {
+    side: usize,
+    members: usize,
+    frame: Frame,
+    groups: Vec<Group>,
+    observed: Set,
+    base: Set,
+    after: Set,
+    /// (P, 3) the points at rest
+    pub template: Vec<[f32; 3]>,
+}
+
+impl std::fmt::Debug for Pictures {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Pictures({} observed, {} groups of {})", self.observed(), self.groups.len(), self.members)
+    }
+}
+
+/// The frame of points at `template`.
+pub fn frame(template: &[[f32; 3]]) -> Frame {
+    Frame {
+        features: CODE,
+        outputs: 6,
+        codes: code(template),
+        base: template.iter().flat_map(|t| [t[0], t[1], t[2], 0.5, 0.5, 0.5]).collect(),
+        scale: vec![REACH, REACH, REACH, 1.0, 1.0, 1.0],
+        precision: [SIGMA_SPACE, SIGMA_COLOUR].iter().flat_map(|s| [1.0 / (s * s); 3]).collect(),
+    }
+}
+
+/// Shards of a set, in order.
+fn shards(folder: &Path) -> Result<Vec<PathBuf>> {
+    let entries = std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))?;
+    let mut paths = Vec::new();
+    for entry in entries {
+        let path = entry.map_err(|e| Error::os(folder, &e))?.path();
+        if path.extension().is_some_and(|e| e == "npz") {
+            paths.push(path);
+        }
+    }
+    paths.sort();
+    if paths.is_empty() {
+        return Err(Error::input(folder.display().to_string())
+            .expected("shards 0000.npz, 0001.npz, …")
+            .got("none")
+            .hint("lastlight last gen --out DIR makes them"));
+    }
+    Ok(paths)
+}
+
+impl Set {
+    /// Adds the items of a shard: arrays `prefix`images, points, rgb, u.
+    fn take(&mut self, arrays: &Arrays, prefix: &str, side: usize, points: usize) -> Result<()> {
+        let need = |name: &str| arrays.need(&format!("{prefix}{name}"));
+        let images = need("images")?;
+        let [cloud, rgb] = [need("points")?, need("rgb")?];
+        let items = images.len() / (side * side * 3);
+        let fits = images.len() == items * side * side * 3
+            && cloud.len() == items * points * 3
+            && rgb.len() == cloud.len();
+        if !fits || images.shape().iter().rev().take(3).ne([3, side, side].iter()) {
+            return Err(Error::input(format!("arrays '{prefix}images', '{prefix}points', '{prefix}rgb'"))
+                .expected(format!("pictures of {side}×{side} and {points} points each"))
+                .got(format!("{:?}, {:?}, {:?}", images.shape(), cloud.shape(), rgb.shape())));
+        }
+        arrays.finite([&*format!("{prefix}points"), &format!("{prefix}rgb"), &format!("{prefix}u")])?;
+        self.images.extend(images.to_i64().into_iter().flatten().map(|b| b as u8));
+        for (x, c) in cloud.to_f32().chunks_exact(3).zip(rgb.to_f32().chunks_exact(3)) {
+            self.shown.extend_from_slice(x);
+            self.shown.extend_from_slice(c);
+        }
+        self.factors.extend(need("u")?.to_f64());
+        Ok(())
+    }
+}
+
+impl Pictures {
+    /// Reads a folder; `groups` says whether interventions are needed.
+    ///
+    /// # Errors
+    /// A file that is missing or malformed, pictures or clouds of different sizes.
+    pub fn read(folder: &Path, groups: bool) -> Result<Self> {
+        let template = npz::read(&folder.join("template.npz"))?;
+        let template: Vec<[f32; 3]> =
+            template.need("points")?.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        let p = template.len();
+        let mut all = Self {
+            side: 0,
+            members: 0,
+            frame: frame(&template),
+            groups: Vec::new(),
+            observed: Set::default(),
+            base: Set::default(),
+            after: Set::default(),
+            template,
+        };
+        for path in shards(&folder.join("observational"))? {
+            let arrays = npz::read(&path)?;
+            let within = |e: Error| e.within(path.display().to_string());
+            if all.side == 0 {
+                all.side = arrays.need("images").map_err(within)?.shape().get(1).copied().unwrap_or(0);
+            }
+            all.observed.take(&arrays, "", all.side, p).map_err(within)?;
+        }
+        if groups {
+            for path in shards(&folder.join("interventions"))? {
+                let arrays = npz::read(&path)?;
+                all.take_groups(&arrays).map_err(|e| e.within(path.display().to_string()))?;
+            }
+        }
+        Ok(all)
+    }
+
+    fn take_groups(&mut self, arrays: &Arrays) -> Result<()> {
+        let targets = arrays.need("target")?;
+        let values = arrays.need("value")?.to_f64();
+        let members = arrays.need("base_images")?.shape().get(1).copied().unwrap_or(0);
+        let targets = targets.to_i64().unwrap_or_default();
+        let negative = targets.iter().any(|&t| t < 0);
+        if negative || targets.len() != values.len() || (self.members != 0 && self.members != members) {
+            return Err(Error::input("arrays 'target', 'value', 'base_images'")
+                .expected("one factor and one value per group, groups of one size")
+                .got(format!("{} factors, {} values, groups of {members}", targets.len(), values.len())));
+        }
+        self.members = members;
+        let group = |(&target, &value): (&i64, &f64)| Group { target: target as usize, value };
+        self.groups.extend(targets.iter().zip(&values).map(group));
+        self.base.take(arrays, "base_", self.side, self.template.len())?;
+        self.after.take(arrays, "after_", self.side, self.template.len())
+    }
+
+    /// Side of the pictures.
+    pub fn side(&self) -> usize {
+        self.side
+    }
+
+    /// Number of true factors.
+    pub fn factors(&self) -> usize {
+        self.observed.factors.len() / Ord::max(1, self.observed())
+    }
+
+    fn find(&self, item: Item) -> (&Set, usize) {
+        match item {
+            Item::Observed(i) => (&self.observed, i),
+            Item::Base(g, m) => (&self.base, g * self.members + m),
+            Item::After(g, m) => (&self.after, g * self.members + m),
+        }
+    }
+
+    /// True factors of an item.
+    pub fn truth(&self, item: Item) -> &[f64] {
+        let (set, at) = self.find(item);
+        let n = self.factors();
+        &set.factors[at * n..(at + 1) * n]
+    }
+
+    /// Bytes of a picture (S, S, 3).
+    pub fn image(&self, item: Item) -> &[u8] {
+        let (set, at) = self.find(item);
+        let size = self.side * self.side * 3;
+        &set.images[at * size..][..size]
+    }
+}
+
+impl Data for Pictures {
+    fn input(&self) -> Input {
+        Input::Picture { side: self.side }
+    }
+
+    fn observed(&self) -> usize {
+        self.observed.images.len() / (self.side * self.side * 3)
+    }
+
+    fn groups(&self) -> &[Group] {
+        &self.groups
+    }
+
+    fn members(&self) -> usize {
+        self.members
+    }
+
+    fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    fn write_input(&self, item: Item, into: &mut [f32]) {
+        for (into, byte) in into.iter_mut().zip(self.image(item)) {
+            *into = f32::from(*byte) / 255.0 - 0.5;
+        }
+    }
+
+    fn shown(&self, item: Item) -> &[f32] {
+        let (set, at) = self.find(item);
+        let size = self.template.len() * 6;
+        &set.shown[at * size..][..size]
+    }
+}
