@@ -1,20 +1,21 @@
-//! `nn.conv` at the four layers of the image-to-point encoder (64 pictures of 64²), beside PyTorch on the same threads.
+//! The layers of the image-to-point model against PyTorch on the CPU, in one run.
 //!
-//! `cargo bench --bench conv` prints milliseconds and ratios. PyTorch runs as a subprocess of the Python named by LASTLIGHT_PYTHON (else
-//! `python3`); where it cannot be imported the comparison is skipped and says so. CONV_RUNS sets the repetitions, CONV_THREADS the threads.
+//! ```text
+//! cargo bench --bench conv                                    PyTorch from python3, or from $LASTLIGHT_PYTHON
+//! ```
+//!
+//! `peer.py` does the same work; where PyTorch cannot be imported the comparison is skipped and says so. CONV_RUNS sets the repetitions,
+//! CONV_THREADS the threads. Times are medians; the rates count a product and a sum as two operations.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 
-use lastlight::nn::conv::{In, InBar, Shape, adjoint, forward};
+mod decoder;
+mod encoder;
+
 use lastlight::num::par;
 use lastlight::num::rng::Rng;
 use std::process::Command;
 use std::time::Instant;
-
-const BATCH: usize = 64;
-/// Name as in `peer.py`, side, channels, outputs.
-const LAYERS: [(&str, usize, usize, usize); 4] =
-    [("64x3", 64, 3, 32), ("32x32", 32, 32, 32), ("16x32", 16, 32, 64), ("8x64", 8, 64, 64)];
 
 fn number(name: &str, default: usize) -> usize {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
@@ -39,32 +40,11 @@ fn median(runs: usize, mut f: impl FnMut()) -> f64 {
     times[times.len() / 2]
 }
 
-/// Seconds forward, and forward with adjoint.
-fn layer(side: usize, channels: usize, outputs: usize, runs: usize) -> [f64; 2] {
-    let shape = Shape {
-        batch: BATCH,
-        height: side,
-        width: side,
-        channels,
-        outputs,
-        kernel: [4, 4],
-        stride: 2,
-        pad: 1,
-    };
-    let x = normals(BATCH * side * side * channels, 1);
-    let (weight, bias) = (normals(outputs * shape.taps(), 2), normals(outputs, 3));
-    let input = In { x: &x, weight: &weight, bias: &bias, shape };
-    let size = BATCH * side * side / 4 * outputs;
-    let (mut y, y_bar, mut bar) = (vec![0.0; size], normals(size, 4), InBar::zeros_like(&input));
-    if channels == 3 {
-        bar.x = Vec::new(); // photographs need no gradient
-    }
-    let one = median(runs, || forward(input, &mut y));
-    let both = median(runs, || {
-        forward(input, &mut y);
-        adjoint(input, &y_bar, &mut bar);
-    });
-    [one, both]
+/// What was timed: a name as in `peer.py`, seconds and 10⁹ operations forward, and forward with adjoint.
+struct Timed {
+    name: &'static str,
+    seconds: [f64; 2],
+    work: [f64; 2],
 }
 
 /// PyTorch's lines, if there is one.
@@ -77,22 +57,33 @@ fn peer(threads: usize, runs: usize) -> Option<String> {
 
 fn main() {
     let smoke = std::env::var_os("LASTLIGHT_BENCH_SMOKE").is_some();
-    let (threads, runs) = (number("CONV_THREADS", 2), if smoke { 1 } else { number("CONV_RUNS", 21) });
+    let (threads, runs) = (number("CONV_THREADS", 2), if smoke { 1 } else { number("CONV_RUNS", 11) });
     let theirs = if smoke { None } else { peer(threads, runs) };
     if theirs.is_none() {
         println!("not run: PyTorch, which the Python at hand does not have");
     }
-    println!("{BATCH} pictures, {threads} threads, medians of {runs} runs: forward, forward and adjoint, ms");
-    for (name, side, channels, outputs) in LAYERS {
-        let ours = par::with_threads(threads, || layer(side, channels, outputs, runs))
-            .expect("the threads have the default floating-point environment");
-        print!("{name:>6}  ours {:7.3} {:7.3}", 1e3 * ours[0], 1e3 * ours[1]);
-        let line = theirs.as_deref().unwrap_or_default().lines().find(|l| l.split(' ').next() == Some(name));
-        let theirs: Vec<f64> =
-            line.map(|l| l.split(' ').skip(1).filter_map(|t| t.parse().ok()).collect()).unwrap_or_default();
-        if let [one, both] = theirs[..] {
-            print!("  PyTorch {:7.3} {:7.3}", 1e3 * one, 1e3 * both);
-            print!("  times as fast {:.2} {:.2}", one / ours[0], both / ours[1]);
+    let ours = par::with_threads(threads, || {
+        let mut ours = encoder::layers(runs);
+        ours.push(encoder::whole(runs));
+        ours.push(decoder::whole(runs));
+        ours
+    })
+    .expect("the threads have the default floating-point environment");
+    println!("{threads} threads, medians of {runs} runs: forward, forward and adjoint; ms, 10⁹ operations per second");
+    for Timed { name, seconds, work } in ours {
+        print!("{name:>8}  ours");
+        for (s, w) in seconds.iter().zip(work) {
+            print!(" {:8.2} ({:5.1})", 1e3 * s, w / s);
+        }
+        for line in theirs.as_deref().unwrap_or_default().lines() {
+            let words: Vec<&str> = line.split(' ').collect();
+            let times: Vec<f64> = words.iter().filter_map(|t| t.parse().ok()).collect();
+            if let ([first, layout, ..], [one, both]) = (&words[..], &times[..])
+                && *first == name
+            {
+                print!("  PyTorch {layout} {:8.2} {:8.2}", 1e3 * one, 1e3 * both);
+                print!("  times as fast {:.2} {:.2}", one / seconds[0], both / seconds[1]);
+            }
         }
         println!();
     }

@@ -5,6 +5,7 @@
 //! character a person from a file, likewise
 //! subject   what any moving person must say about itself ──┴─► video     a capture with poses
 //! generate  which of these to make, and the record of it; folder: begun, continued, started over
+//! structure learners of structure on known factors: exact, local, relaxed
 //! ```
 //!
 //! Truth comes from `data_gen::figure` in f64; this folder renders and writes it.
@@ -15,4 +16,5 @@ mod folder;
 pub mod generate;
 pub mod model;
 pub mod sets;
+pub mod structure;
 pub mod subject;
