@@ -1,6 +1,7 @@
-//! `last gen`: data with known causes. Arguments are turned into records of `last`, results into files; nothing is computed here.
+//! `last gen`: data with known causes. `last pretrain`: the image-to-point model. Arguments are turned into records of `last`, results into files; nothing is computed here.
 
 mod generate;
+mod pretrain;
 
 use crate::Result;
 use clap::Subcommand;
@@ -10,6 +11,8 @@ use clap::Subcommand;
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
     Gen(generate::Args),
+    /// Train the image-to-point model on pictures of known causes
+    Pretrain(pretrain::Args),
 }
 
 /// Runs it.
@@ -19,5 +22,6 @@ pub(super) enum Command {
 pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => generate::run(args),
+        Command::Pretrain(args) => pretrain::run(args),
     }
 }

@@ -4,7 +4,7 @@ use crate::cli::meter::Meter;
 use crate::cli::report::charts::{Lines, Series, bucket};
 use crate::cli::report::{self, Page, Section, Stat};
 use crate::cli::{self, claim};
-use crate::fit::training::{self, Fit, History, Schedule};
+use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::last::model::data::Data;
 use crate::last::model::pictures::Pictures;
 use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
@@ -12,7 +12,7 @@ use crate::last::model::structure::Kind;
 use crate::last::model::train::Training;
 use crate::last::model::verdict::{self, Verdict};
 use crate::{Error, Result};
-use maud::html;
+use maud::{Markup, html};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -192,7 +192,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 pub(super) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
     let text = std::fs::read_to_string(data.join(crate::last::generate::RECORD)).ok()?;
     let record: Value = serde_json::from_str(&text).ok()?;
-    let rows = record.pointer("/truth/adjacency").or_else(|| record.pointer("/adjacency"))?.as_array()?;
+    let rows = record["adjacency"].as_array()?;
     rows.iter()
         .map(|row| {
             row.as_array()?.iter().map(|x| x.as_bool().or_else(|| x.as_i64().map(|x| x != 0))).collect()
@@ -201,18 +201,30 @@ pub(super) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
 }
 
 fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter: &Meter) -> Page {
-    let (curve, band) = bucket(&history.loss, 300);
-    let edges: Vec<(f64, f64)> =
-        history.size.iter().enumerate().map(|(i, n)| (i as f64, f64::from(*n))).collect();
+    let (points, band) = bucket(&history.loss, 300);
+    let settings = training_marks(&record["settings"]);
     let losses = Lines {
         title: "L_rec + L_int",
-        x: "step",
-        log: true,
-        series: vec![Series { name: "loss", points: &curve, band: Some(&band), color: 'a' }],
-        ..Lines::default()
+        x_label: "step",
+        log_y: true,
+        from_zero: false,
+        series: vec![Series { name: "loss", color: 'a', points, band }],
+        marks: settings,
     };
-    let _ = edges;
-    let graph = verdict.table();
+    let n = verdict.graph.n();
+    let names: Vec<String> = (0..n).map(|j| format!(">{j}")).collect();
+    let head: Vec<&str> = std::iter::once("from").chain(names.iter().map(String::as_str)).collect();
+    let rows: Vec<Vec<Markup>> = verdict
+        .rows()
+        .enumerate()
+        .map(|(i, row)| {
+            let cell = |(j, p): (usize, &f64)| {
+                let value = format!("{p:.3}");
+                if verdict.graph.has(i, j) { html! { strong { (value) } } } else { html! { (value) } }
+            };
+            std::iter::once(report::text(i)).chain(row.iter().enumerate().map(cell)).collect()
+        })
+        .collect();
     Page {
         kind: "last pretrain".into(),
         title: args.data.display().to_string(),
@@ -232,9 +244,19 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
                 id: "structure",
                 title: "Structure",
                 lead: "Probability of each edge, row to column; what the graph keeps is bold.".into(),
-                body: graph,
+                body: report::table(&head, &rows),
             },
             Section { id: "loss", title: "Loss", lead: String::new(), body: html! { (losses.html()) } },
         ],
     }
+}
+
+/// Where the logits begin to move, the graph is fixed, the search runs.
+fn training_marks(settings: &Value) -> Vec<(f64, String)> {
+    let at = |key: &str| settings[key].as_f64().unwrap_or(0.0);
+    vec![
+        (at("freeze"), "logits move".into()),
+        (at("steps"), "graph fixed".into()),
+        (at("steps") + at("refit") / 2.0, "search".into()),
+    ]
 }

@@ -7,6 +7,8 @@
 //! step     one batch: forward, losses, gradients
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
+//! file     a trained model on disk            verdict  what it is worth, against the truth
+//! sight    what is seen of a picture             guidance  what the model says about a render
 //! vectors  data without pictures, for tests of the structure
 //! ```
 //!
@@ -16,26 +18,29 @@ pub mod data;
 pub mod decoder;
 pub mod encoder;
 pub mod file;
+pub mod guidance;
 pub mod latent;
 pub mod pictures;
 pub mod settings;
+pub mod sight;
 pub mod step;
 pub mod structure;
 pub mod train;
+pub mod verdict;
 pub mod vectors;
 
 /// Purposes of random numbers.
-pub(crate) mod purpose {
+mod purpose {
     /// mask of a step
-    pub const MASK: u16 = 0x0801;
+    pub(super) const MASK: u16 = 0x0801;
     /// noise of the posterior
-    pub const ETA: u16 = 0x0802;
+    pub(super) const ETA: u16 = 0x0802;
     /// items of a batch
-    pub const BATCH: u16 = 0x0803;
+    pub(super) const BATCH: u16 = 0x0803;
     /// coordinates decoded
-    pub const POINTS: u16 = 0x0804;
+    pub(super) const POINTS: u16 = 0x0804;
     /// first values of parameters
-    pub const INITIAL: u16 = 0x0805;
+    pub(super) const INITIAL: u16 = 0x0805;
     /// the map of the vectors of [`super::vectors`]
-    pub const VECTORS: u16 = 0x0806;
+    pub(super) const VECTORS: u16 = 0x0806;
 }

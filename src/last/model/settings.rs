@@ -184,4 +184,31 @@ impl Settings {
         self.steps = steps;
         self
     }
+
+    /// Holds every number to its range.
+    ///
+    /// # Errors
+    /// The first one outside.
+    pub fn validate(&self) -> Result<()> {
+        let whole = [
+            ("factors", self.factors, 1..=8),
+            ("width", self.width, 1..=16),
+            ("observed pictures of a batch", self.observed, 1..=4096),
+            ("groups of a batch", self.groups, 0..=512),
+            ("points", self.points, 1..=1 << 16),
+        ];
+        for (name, value, range) in whole {
+            if !range.contains(&value) {
+                return Err(Error::input(name)
+                    .expected(format!("{} to {}", range.start(), range.end()))
+                    .got(value.to_string()));
+            }
+        }
+        for (name, value) in [("tau", self.tau), ("alpha", self.alpha), ("lr", self.lr), ("lr of logits", self.lr_logits)] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(Error::input(name).expected("a number above 0").got(value.to_string()));
+            }
+        }
+        Ok(())
+    }
 }

@@ -163,6 +163,17 @@ impl Structure {
         (0..n * n).map(p).collect()
     }
 
+    /// The array at that place of [`Sizes::shapes`].
+    #[cfg(test)]
+    pub(super) fn array_mut(&mut self, at: usize) -> &mut Vec<f64> {
+        let last = self.arrays.len() + 1;
+        match at {
+            0 => &mut self.logits,
+            at if at == last => &mut self.values,
+            at => &mut self.arrays[at - 1],
+        }
+    }
+
     /// Zero gradients.
     pub fn zeros(&self) -> StructureBar {
         StructureBar {

@@ -13,6 +13,7 @@ use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
+use super::{file::Trained, verdict};
 use crate::fit::training::{Fit, Step, Watch};
 use crate::last::structure::samples::Samples;
 use crate::last::structure::score::{Features, Table};
@@ -202,6 +203,31 @@ impl<'a> Training<'a> {
         Ok(stepped.losses)
     }
 
+    /// The trained model with its graph and the statistics of the observed items.
+    ///
+    /// # Errors
+    /// When a step is left to do.
+    pub fn finish(self) -> Result<Trained> {
+        let Some(graph) = &self.graph else {
+            return Err(Error::check("image-to-point model")
+                .at(format!("step {}", self.step))
+                .expected("all steps done"));
+        };
+        let mut trained = Trained {
+            graph: Digraph::from_weights(graph, self.settings.factors, 0.5),
+            model: self.model,
+            settings: self.settings,
+            factor_spread: Vec::new(),
+            noise_spread: Vec::new(),
+        };
+        let observed: Vec<Item> = (0..self.data.observed()).map(Item::Observed).collect();
+        let [u, eps] = verdict::posterior(&trained, self.data, &observed);
+        let d = trained.model.sizes.latent();
+        [trained.factor_spread, trained.noise_spread] =
+            [verdict::deviations(&u, d), verdict::deviations(&eps, d)];
+        Ok(trained)
+    }
+
     fn next_round(&mut self, h: f64) {
         if h <= CLOSED || self.rho >= LAST_RHO || self.rounds >= ROUNDS {
             return;
@@ -241,7 +267,7 @@ impl Fit for Training<'_> {
                 .got(loss.to_string()));
         }
         self.losses = losses;
-        Ok(Step { loss: loss as f32, size: order::round(losses.edges) as usize })
+        Ok(Step { loss: loss as f32, size: libm::round(losses.edges) as usize })
     }
 
     fn save(&self, out: &mut Arrays) {

@@ -1,0 +1,286 @@
+//! What a trained model is worth: how well it shows, what it found, against the truth where the data tells it (`last.md` §13.2).
+//!
+//! Blocks are matched with the true factors by canonical correlation before graphs are compared. Targets are guessed from noise alone, as the factor
+//! whose noise changes most in its own units, by the majority of a group.
+
+use super::data::{Data, Item};
+use super::file::Trained;
+use super::latent;
+use super::pictures::Pictures;
+use super::settings::Reading;
+use super::structure::Structure;
+use crate::causal::structure;
+use crate::loss::metric::structure::intervention::{locality, target_accuracy};
+use crate::loss::metric::structure::matching::{Matching, matching};
+use crate::loss::metric::structure::{Blocks, Factors, edges, sid};
+use crate::math::digraph::Digraph;
+use crate::num::order;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+
+/// Items looked at, of each kind, at most.
+const MOST: usize = 2048;
+/// Items decoded in full.
+const DECODED: usize = 64;
+
+/// The findings.
+#[derive(Clone, Debug)]
+pub struct Verdict {
+    /// mean distance of decoded points from the true ones, figure units
+    pub space_error: f64,
+    /// mean absolute error of their colours
+    pub colour_error: f64,
+    /// the same of points moved by an intervention: decoded counterfactuals, unchanged decodings
+    pub counterfactual: Option<[f64; 2]>,
+    /// mean canonical correlation of blocks and true factors
+    pub mcc: f64,
+    /// factor of each block
+    pub matched: Matching,
+    /// over blocks
+    pub graph: Digraph,
+    /// (n, n)
+    pub probabilities: Vec<f64>,
+    /// over the factors of the data; none where the data does not tell
+    pub truth: Option<Digraph>,
+    /// structural Hamming distance and structural intervention distance to the truth
+    pub distances: Option<[usize; 2]>,
+    /// share of groups whose target was found
+    pub target_accuracy: f64,
+    /// displacement of what an intervention must not move, over that of what it moves
+    pub locality: Option<f64>,
+    n: usize,
+}
+
+/// Factors and noise of items, (B, n, k) each, under the graph.
+pub fn posterior(trained: &Trained, data: &dyn Data, items: &[Item]) -> [Vec<f64>; 2] {
+    let [mu, _] = trained.model.encode(data, items);
+    linked(trained, mu)
+}
+
+/// The factors and noise behind the encoder's means.
+pub fn linked(trained: &Trained, mu: Vec<f64>) -> [Vec<f64>; 2] {
+    let s = Structure::new(trained.model.sizes, &trained.model.params);
+    let mask = trained.graph.adjacency();
+    let x = structure::In {
+        eps: &mu,
+        mask: &mask,
+        mechanism: s.mechanism(),
+        batch: mu.len() / trained.model.sizes.latent(),
+        n: trained.model.sizes.factors,
+        k: trained.model.sizes.width,
+        sweeps: s.sweeps(),
+    };
+    match trained.settings.reading {
+        Reading::Reference => {
+            let eps = structure::abduct(&x);
+            [mu, eps]
+        }
+        Reading::Literal => {
+            let u = structure::forward(&x).0;
+            [u, mu]
+        }
+    }
+}
+
+/// Standard deviation of every column of rows (N, d), at least 10⁻³.
+pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
+    let count = Ord::max(1, rows.len() / d) as f64;
+    let column = |c: usize| rows.iter().skip(c).step_by(d);
+    (0..d)
+        .map(|c| {
+            let mean = column(c).fold(0.0, |s, x| s + x) / count;
+            let variance = column(c).fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count;
+            order::max(variance.sqrt(), 1e-3)
+        })
+        .collect()
+}
+
+/// Mean error of decoded points (B, P, 6) in space and colour.
+fn errors(trained: &Trained, data: &Pictures, z: &[f64], shown: &[Item]) -> [f64; 2] {
+    let frame = data.frame();
+    let z: Vec<f32> = z.iter().map(|&z| z as f32).collect();
+    let y = trained.model.decoder.forward(&trained.model.params, &frame.codes, &z);
+    let (mut space, mut colour) = (0.0, 0.0);
+    let p = frame.points();
+    for (b, item) in shown.iter().enumerate() {
+        let wanted = data.shown(*item);
+        for at in 0..p {
+            let error = |c: usize| {
+                let i = at * 6 + c;
+                f64::from(frame.base[i] + frame.scale[c] * y[b * p * 6 + i] - wanted[i])
+            };
+            let [x, y, z] = [error(0), error(1), error(2)];
+            space += (x * x + y * y + z * z).sqrt();
+            colour += (error(3).abs() + error(4).abs() + error(5).abs()) / 3.0;
+        }
+    }
+    let count = Ord::max(1, shown.len() * p) as f64;
+    [space / count, colour / count]
+}
+
+/// Looks at a trained model with the data it was trained on.
+///
+/// # Errors
+/// Factors that do not vary.
+pub fn of(trained: &Trained, data: &Pictures, truth: &Option<Vec<Vec<bool>>>) -> Result<Verdict> {
+    let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
+    let d = n * k;
+    let observed: Vec<Item> = (0..Ord::min(MOST, data.observed())).map(Item::Observed).collect();
+    let [u, _] = posterior(trained, data, &observed);
+    let m = data.factors();
+    let true_factors: Vec<f64> = observed.iter().flat_map(|i| data.truth(*i).to_vec()).collect();
+    let blocks = |values| Blocks { values, n, k };
+    let matched = matching(&blocks(&u), &Factors { values: &true_factors, m })?;
+    let few = &observed[..Ord::min(DECODED, observed.len())];
+    let [space_error, colour_error] = errors(trained, data, &u[..few.len() * d], few);
+    let mut verdict = Verdict {
+        space_error,
+        colour_error,
+        counterfactual: None,
+        mcc: matched.mcc,
+        graph: trained.graph.clone(),
+        probabilities: Structure::new(trained.model.sizes, &trained.model.params)
+            .probabilities(trained.settings.tau),
+        truth: None,
+        distances: None,
+        target_accuracy: 0.0,
+        locality: None,
+        matched,
+        n,
+    };
+    if let Some(rows) = truth {
+        let graph = Digraph::from_fn(rows.len(), |i, j| rows[i].get(j).copied().unwrap_or(false));
+        if graph.n() == m {
+            let estimate = verdict.matched.relabel(&trained.graph);
+            let shd = edges::compare(&graph, &estimate).shd;
+            verdict.distances = Some([shd, sid::distance(&graph, &estimate)]);
+        }
+        verdict.truth = Some(graph);
+    }
+    interventions(trained, data, &mut verdict)?;
+    Ok(verdict)
+}
+
+/// What pairs say: targets, locality, counterfactuals.
+fn interventions(trained: &Trained, data: &Pictures, verdict: &mut Verdict) -> Result<()> {
+    let (groups, members) = (Ord::min(MOST, data.groups().len()), data.members());
+    if groups == 0 {
+        return Ok(());
+    }
+    let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
+    let d = n * k;
+    let all = |item: fn(usize, usize) -> Item| -> Vec<Item> {
+        (0..groups).flat_map(|g| (0..members).map(move |m| item(g, m))).collect()
+    };
+    let (base, after) = (all(Item::Base), all(Item::After));
+    let [u, eps] = posterior(trained, data, &base);
+    let [u2, eps2] = posterior(trained, data, &after);
+    let t = &trained.noise_spread;
+    let guess = |p: usize| -> usize {
+        let change = |j: usize| {
+            (0..k).fold(0.0, |s, c| {
+                let at = j * k + c;
+                let x = (eps2[p * d + at] - eps[p * d + at]) / t[at];
+                s + x * x
+            })
+        };
+        (0..n).fold(0, |best, j| if change(j) > change(best) { j } else { best })
+    };
+    let guesses: Vec<usize> = (0..groups)
+        .map(|g| {
+            let votes = |j: usize| (0..members).filter(|m| guess(g * members + m) == j).count();
+            (0..n).fold(0, |best, j| if votes(j) > votes(best) { j } else { best })
+        })
+        .collect();
+    let targets: Vec<usize> = data.groups()[..groups].iter().map(|g| g.target).collect();
+    verdict.target_accuracy = target_accuracy(&guesses, &targets, &verdict.matched)?;
+    if let Some(truth) = &verdict.truth {
+        if n == truth.n() {
+            let each: Vec<usize> = targets.iter().flat_map(|t| vec![*t; members]).collect();
+            let blocks = |values| Blocks { values, n, k };
+            verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, truth)?;
+        }
+    }
+    // Counterfactuals of the groups' own values.
+    let few = Ord::min(DECODED / members, groups);
+    if targets[..few].iter().any(|t| *t >= n) {
+        return Ok(());
+    }
+    let mut values = Vec::new();
+    for g in 0..few {
+        for _ in 0..members {
+            for c in 0..k {
+                let at = |m: usize| u2[(g * members + m) * d + targets[g] * k + c];
+                values.push((0..members).fold(0.0, |s, m| s + at(m)) / members as f64);
+            }
+        }
+    }
+    let each: Vec<usize> = targets[..few].iter().flat_map(|t| vec![*t; members]).collect();
+    let z = intervened(trained, &eps[..few * members * d], &each, &values)?;
+    let shown = &after[..few * members];
+    let moved = errors(trained, data, &z, shown)[0];
+    let still = errors(trained, data, &u[..few * members * d], shown)[0];
+    verdict.counterfactual = Some([moved, still]);
+    Ok(())
+}
+
+/// Factors (B, n, k) after factor `targets[b]` was set to `values` (B, k), the noise `eps` (B, n, k) of the others kept.
+///
+/// # Errors
+/// A factor that does not exist.
+pub fn intervened(trained: &Trained, eps: &[f64], targets: &[usize], values: &[f64]) -> Result<Vec<f64>> {
+    let n = trained.model.sizes.factors;
+    if let Some(bad) = targets.iter().find(|t| **t >= n) {
+        return Err(Error::input("factor").expected(format!("0 to {}", n - 1)).got(bad.to_string()));
+    }
+    let s = Structure::new(trained.model.sizes, &trained.model.params);
+    let mask = trained.graph.adjacency();
+    Ok(latent::intervene(&s, &mask, eps, targets, values))
+}
+
+impl Verdict {
+    /// Whether the graph is the true one, in a few words.
+    pub fn against_truth(&self) -> String {
+        match self.distances {
+            Some([0, _]) => "exactly the true graph".into(),
+            Some([shd, _]) => format!("{shd} of them or of the true ones wrong (SHD)"),
+            None => "truth unknown".into(),
+        }
+    }
+
+    /// For a terminal.
+    pub fn text(&self) -> String {
+        let mut lines = vec![
+            format!("points      {:.4} off in the mean, colours {:.4}", self.space_error, self.colour_error),
+            format!("factors     MCC {:.3}", self.mcc),
+            format!("targets     {:.1} % found", 100.0 * self.target_accuracy),
+        ];
+        if let Some([moved, still]) = self.counterfactual {
+            lines.push(format!("do          {moved:.4} off, {still:.4} without any change"));
+        }
+        if let Some(locality) = self.locality {
+            lines.push(format!("locality    {locality:.3}"));
+        }
+        let arrows: Vec<String> = self.graph.edges().iter().map(|(i, j)| format!("{i}>{j}")).collect();
+        let arrows = if arrows.is_empty() { "none".into() } else { arrows.join(" ") };
+        lines.push(format!("edges       {arrows}; {}", self.against_truth()));
+        lines.join("\n")
+    }
+
+    /// For records.
+    pub fn json(&self) -> Value {
+        json!({
+            "space_error": self.space_error, "colour_error": self.colour_error, "mcc": self.mcc,
+            "target_accuracy": self.target_accuracy, "locality": self.locality,
+            "counterfactual_error": self.counterfactual.map(|c| c[0]),
+            "unchanged_error": self.counterfactual.map(|c| c[1]),
+            "edges": self.graph.edges(), "probabilities": self.probabilities,
+            "block_of_factor": self.matched.block, "shd": self.distances.map(|d| d[0]), "sid": self.distances.map(|d| d[1]),
+        })
+    }
+
+    /// Rows of probabilities, for reports.
+    pub fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.probabilities.chunks_exact(self.n)
+    }
+}
