@@ -31,7 +31,7 @@
 //! | `transforms` * | (T, K, 4, 4) | posed (world) from rest, row-major, last row 0 0 0 1: x' = Σ_k w_k transforms_k · x |
 //! | `normals` | (P, 3) | at rest |
 //! | `faces` | (F, 3) i32 | triangles over the points |
-//! | `canonical` | (K, 4, 4) | canonical pose from rest; absent: rest is canonical. SMPL: the "big pose", hips ±45°, knees ∓30° |
+//! | `canonical` | (K, 4, 4) | canonical pose from rest; absent: rest is canonical. SMPL: the "big pose", hips ±45°, ankles ∓30° |
 //! | `pose_shapes` | (P, 3, 9(K−1)) | x moves by pose_shapes · vec(R_1 − I, …, R_{K−1} − I) before skinning, R_k = rotation of `poses` |
 //! | `poses` | (T, K, 3) | axis-angle of each joint relative to its parent, rad |
 //! | `global_rotation`, `global_translation` | (T, 3) | Rh, Th: the transforms hold x' = Rodrigues(Rh) x + Th after the chain |
