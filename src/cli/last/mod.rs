@@ -1,6 +1,8 @@
-//! `last gen`: data with known causes. Arguments are turned into records of `last`, results into files; nothing is computed here.
+//! `last gen | import | inspect`: captures of persons. Arguments are turned into records, results into files; nothing is computed here.
 
 mod generate;
+mod import;
+mod inspect;
 
 use crate::Result;
 use clap::Subcommand;
@@ -10,6 +12,10 @@ use clap::Subcommand;
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
     Gen(generate::Args),
+    /// Make a capture of a person from ZJU-MoCap, MonoCap, PeopleSnapshot, DNA-Rendering and the like
+    Import(import::Args),
+    /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
+    Inspect(inspect::Args),
 }
 
 /// Runs it.
@@ -19,5 +25,7 @@ pub(super) enum Command {
 pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => generate::run(args),
+        Command::Import(args) => import::run(args),
+        Command::Inspect(args) => inspect::run(args),
     }
 }

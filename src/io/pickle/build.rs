@@ -22,13 +22,14 @@ pub(super) enum Class {
     Reconstructor,
     Object,
     EmptyBytes,
+    Set,
     Ch,
     Select,
     Csc,
 }
 
 /// Every name that a pickle may contain: module and name. Each stands for a value this reader makes itself.
-pub const NAMES: [(&str, &str); 23] = [
+pub const NAMES: [(&str, &str); 27] = [
     ("numpy.core.multiarray", "_reconstruct"),
     ("numpy._core.multiarray", "_reconstruct"),
     ("numpy.core.multiarray", "scalar"),
@@ -45,6 +46,10 @@ pub const NAMES: [(&str, &str); 23] = [
     ("builtins", "object"),
     ("__builtin__", "bytes"),
     ("builtins", "bytes"),
+    ("__builtin__", "set"),
+    ("builtins", "set"),
+    ("__builtin__", "frozenset"),
+    ("builtins", "frozenset"),
     ("chumpy.ch", "Ch"),
     ("chumpy", "Ch"),
     ("chumpy.reordering", "Select"),
@@ -75,6 +80,7 @@ impl Class {
             "_reconstructor" => Self::Reconstructor,
             "object" => Self::Object,
             "bytes" => Self::EmptyBytes,
+            "set" | "frozenset" => Self::Set,
             "Ch" => Self::Ch,
             "Select" => Self::Select,
             _ => Self::Csc,
@@ -109,6 +115,8 @@ pub(super) enum Node<'a> {
     Shell,
     Array(Array),
     Objects(Vec<usize>, Vec<Id>),
+    /// An array of text.
+    Texts(Vec<usize>, Vec<String>),
     Unread(String),
     Instance(Class, Option<Id>),
 }
@@ -121,6 +129,7 @@ impl Node<'_> {
             Self::Str(b) | Self::Bytes(b) => b.len(),
             Self::Made(b) | Self::Encoded(b) => b.len(),
             Self::Array(a) => 8 * a.len(),
+            Self::Texts(_, t) => t.iter().fold(0, |n, t| n + t.len() + size_of::<Value>()),
             _ => 0,
         }
     }
@@ -305,6 +314,11 @@ impl<'a> Machine<'a> {
                 }
                 Ok(Node::Dict(out))
             }
+            Class::Set => match args.first().map(|&a| self.node(a)) {
+                None => Ok(Node::List(Vec::new())),
+                Some(Node::List(l) | Node::Tuple(l)) => Ok(Node::List(l.clone())),
+                Some(_) => Err(Self::wrong("the members of a set", "another value")),
+            },
             Class::EmptyBytes if args.is_empty() => Ok(Node::Encoded(Vec::new())),
             Class::Reconstructor => {
                 let Some(&first) = args.first() else { return Err(usage(0)) };
@@ -380,6 +394,10 @@ impl<'a> Machine<'a> {
             }
             return Ok(Node::Objects(shape.to_vec(), items.clone()));
         }
+        if let Some(chars) = descr.strip_prefix('U').and_then(|n| n.parse::<usize>().ok()).filter(|n| *n > 0)
+        {
+            return self.texts(shape, chars, *endian == b'>', fortran, raw);
+        }
         if !matches!(descr.as_bytes().first(), Some(b'b' | b'i' | b'u' | b'f')) {
             return Ok(Node::Unread(format!("an array of '{descr}' of shape {shape:?}")));
         }
@@ -388,6 +406,31 @@ impl<'a> Machine<'a> {
         let descr = format!("{}{descr}", char::from(*endian));
         let header = npy::described(&descr, fortran, &dims, "array")?;
         npy::decode(&header, raw, "array").map(Node::Array)
+    }
+}
+
+impl<'a> Machine<'a> {
+    /// An array of text: UTF-32, each element of the same length, padded with zeros.
+    fn texts(&self, shape: &[usize], chars: usize, is_big: bool, fortran: bool, raw: Id) -> Result<Node<'a>> {
+        let raw = self.bytes_of(raw).ok_or_else(|| Self::wrong("the bytes of an array", "another value"))?;
+        let each = chars.checked_mul(4);
+        let size = shape.iter().try_fold(each.unwrap_or(0), |n, &d| n.checked_mul(d));
+        if each.is_none() || size != Some(raw.len()) || fortran && shape.len() > 1 {
+            return Err(Self::wrong(
+                format!("{chars} characters each for shape {shape:?}"),
+                format!("{} bytes", raw.len()),
+            ));
+        }
+        let character = |b: &[u8; 4]| {
+            let code = if is_big { u32::from_be_bytes(*b) } else { u32::from_le_bytes(*b) };
+            char::from_u32(code).ok_or_else(|| Self::wrong("text", format!("the code {code:#x}")))
+        };
+        let text = |element: &[u8]| -> Result<String> {
+            let all: String = element.as_chunks::<4>().0.iter().map(character).collect::<Result<_>>()?;
+            Ok(all.trim_end_matches('\0').to_owned())
+        };
+        let texts = raw.chunks_exact(4 * chars).map(text).collect::<Result<_>>()?;
+        Ok(Node::Texts(shape.to_vec(), texts))
     }
 }
 

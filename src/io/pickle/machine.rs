@@ -459,6 +459,9 @@ impl<'a> Machine<'a> {
             }
             Node::Array(a) => Value::Array(a.clone()),
             Node::Objects(shape, l) => Value::Objects(shape.clone(), all(l)?),
+            Node::Texts(shape, t) => {
+                Value::Objects(shape.clone(), t.iter().map(|t| Value::Text(t.clone())).collect())
+            }
             Node::Unread(what) => Value::Unread(what.clone()),
             Node::Shell => return Err(self.error("array").expected("its shape and elements").got("none")),
             Node::Dtype { descr, .. } => Value::Text(descr.clone()),

@@ -9,7 +9,7 @@
 //! | `numpy.core.multiarray._reconstruct` with `numpy.ndarray`, `numpy.dtype`; `…_frombuffer` | an array |
 //! | `numpy.core.multiarray.scalar` | a number |
 //! | `_codecs.encode` | bytes |
-//! | `collections.OrderedDict` | a dictionary |
+//! | `collections.OrderedDict`, `set`, `frozenset`, `bytes` | a dictionary, a list, bytes |
 //! | `chumpy.ch.Ch`, `chumpy.reordering.Select` (through `copy_reg._reconstructor`) | the array it holds |
 //! | `scipy.sparse.csc.csc_matrix` | a dense array |
 //!
@@ -57,9 +57,9 @@ pub enum Value {
     Dict(Vec<(Value, Value)>),
     /// an array of numbers
     Array(Array),
-    /// an array of objects: shape, and entries row-major
+    /// an array of objects or of text: shape, and entries row-major
     Objects(Vec<usize>, Vec<Value>),
-    /// an array of elements that are not read (text, complex numbers, records), described
+    /// an array of elements that are not read (bytes, complex numbers, records), described
     Unread(String),
 }
 

@@ -52,8 +52,8 @@ pub(super) fn box_mask([low, high]: [[f32; 3]; 2], camera: &Camera) -> Vec<u8> {
     out
 }
 
-/// Pixel position of a point; none behind the camera. A fisheye is not handled: a box is no polygon there.
-pub(crate) fn project(camera: &Camera, x: [f64; 3]) -> Option<[f64; 2]> {
+/// Pixel position of a point; none behind the camera, nor for a fisheye, where a box is no polygon.
+pub fn project(camera: &Camera, x: [f64; 3]) -> Option<[f64; 2]> {
     let v: [f64; 3] = std::array::from_fn(|i| {
         let r = camera.rotation[i].map(f64::from);
         ((r[0] * x[0] + r[1] * x[1]) + r[2] * x[2]) + f64::from(camera.translation[i])
