@@ -3,7 +3,7 @@
 //! ```text
 //! main ──► dispatch ──► demo      fit, evaluate and render a built-in scene
 //!                       splat     fit | render | eval on captures and scene files
-//!                       last      gen: data with known causes
+//!                       last      gen: data with known causes; import, inspect: captures of persons
 //!                       mesh      render | compare glTF and OBJ
 //!                       lirm      gen: rendered objects to learn from
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients

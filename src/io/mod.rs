@@ -19,18 +19,23 @@
 pub mod atomic;
 mod bytes;
 pub mod capture;
+pub mod captures;
 pub mod colmap;
 pub mod colmap_text;
 pub mod gaussian_ply;
 pub mod gltf;
+mod hdf5;
 mod image_exr;
 pub mod image_file;
 pub mod makehuman;
 mod npy;
 pub mod npz;
 pub mod obj;
+pub mod person;
+pub mod pickle;
 pub mod ply;
 pub mod safetensors;
+pub mod smpl;
 pub mod splat_file;
 pub mod transforms;
 

@@ -96,6 +96,11 @@ pub(super) fn plain(descr: &str, shape: &[usize], name: &str) -> Result<Header> 
     checked(descr, false, &shape, name)
 }
 
+/// The header of an array that another file describes.
+pub(super) fn described(descr: &str, fortran: bool, shape: &[u64], name: &str) -> Result<Header> {
+    checked(descr, fortran, shape, name)
+}
+
 fn checked(descr: &str, fortran: bool, shape: &[u64], name: &str) -> Result<Header> {
     let unsupported = || {
         Error::input(name)

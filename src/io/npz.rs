@@ -36,11 +36,23 @@ pub fn read(path: &Path) -> Result<Arrays> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
+/// Reads the arrays of some names from a `.npz` whose others may be anything; those that are not there are left out.
+///
+/// # Errors
+/// When the file is not readable, the archive is malformed, or an array of these names holds something other than numbers.
+pub fn read_some(path: &Path, names: &[&str]) -> Result<Arrays> {
+    parse_wanted(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path), &|key| names.contains(&key))
+}
+
 /// Like [`read`] for bytes in memory; `name` stands for the file.
 ///
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Arrays> {
+    parse_wanted(bytes, name, &|_| true)
+}
+
+fn parse_wanted(bytes: &[u8], name: &str, is_wanted: &dyn Fn(&str) -> bool) -> Result<Arrays> {
     let mut out = Arrays::new();
     if bytes.starts_with(npy::MAGIC) {
         let stem = Path::new(name).file_stem().map_or_else(|| "array".into(), |s| s.to_string_lossy());
@@ -86,6 +98,9 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Arrays> {
                     .at(place)
                     .expected(format!("arrays of at most {most} bytes together"))
                     .got(format!("{declared_total} bytes so far")));
+            }
+            if !is_wanted(&key) {
+                continue;
             }
             let array = read_member(&mut member, declared, packed, name).map_err(|e| e.at(place))?;
             if out.0.insert(key.clone(), array).is_some() {

@@ -6,6 +6,7 @@
 //! subject   what any moving person must say about itself ──┴─► video     a capture with poses
 //! generate  which of these to make, and the record of it; folder: begun, continued, started over
 //! structure learners of structure on known factors: exact, local, relaxed
+//! inspect   what any capture of a person holds and what it lacks, drawn over its pictures
 //! ```
 //!
 //! Truth comes from `data_gen::figure` in f64; this folder renders and writes it.
@@ -14,6 +15,7 @@ pub mod character;
 pub mod figure;
 mod folder;
 pub mod generate;
+pub mod inspect;
 pub mod model;
 pub mod sets;
 pub mod structure;

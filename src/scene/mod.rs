@@ -22,5 +22,6 @@ pub mod material;
 pub mod mesh;
 pub mod model;
 pub mod passes;
+pub mod person;
 pub mod profile;
 pub mod views;

@@ -13,9 +13,9 @@
 //! closure that turns cotangents of the outputs into cotangents of the inputs.
 
 pub mod check;
+pub mod nn;
 pub mod params;
 pub mod probe;
-pub mod nn;
 mod record;
 pub mod report;
 

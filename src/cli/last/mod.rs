@@ -1,6 +1,13 @@
-//! `last gen`: data with known causes. `last pretrain`: the image-to-point model. Arguments are turned into records of `last`, results into files; nothing is computed here.
+//! Commands of LAST. Arguments are turned into records, results into files; nothing is computed here.
+//!
+//! ```text
+//! gen       data with known causes        import, inspect  captures of persons
+//! pretrain  the image-to-point model
+//! ```
 
 mod generate;
+mod import;
+mod inspect;
 mod pretrain;
 
 use crate::Result;
@@ -13,6 +20,10 @@ pub(super) enum Command {
     Gen(generate::Args),
     /// Train the image-to-point model on pictures of known causes
     Pretrain(pretrain::Args),
+    /// Make a capture of a person from ZJU-MoCap, MonoCap, PeopleSnapshot, DNA-Rendering and the like
+    Import(import::Args),
+    /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
+    Inspect(inspect::Args),
 }
 
 /// Runs it.
@@ -23,5 +34,7 @@ pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => generate::run(args),
         Command::Pretrain(args) => pretrain::run(args),
+        Command::Import(args) => import::run(args),
+        Command::Inspect(args) => inspect::run(args),
     }
 }

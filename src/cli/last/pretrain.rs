@@ -162,7 +162,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     meter.lap("start");
     cli::stoppable(|stop| {
-        let schedule = Schedule { checkpoint: Some(&checkpoint), every: args.checkpoint_every as usize, stop };
+        let schedule =
+            Schedule { checkpoint: Some(&checkpoint), every: args.checkpoint_every as usize, stop };
         training::run(&mut training, &mut history, schedule, &mut meter)
     })?;
     meter.done();
@@ -220,7 +221,11 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
         .map(|(i, row)| {
             let cell = |(j, p): (usize, &f64)| {
                 let value = format!("{p:.3}");
-                if verdict.graph.has(i, j) { html! { strong { (value) } } } else { html! { (value) } }
+                if verdict.graph.has(i, j) {
+                    html! { strong { (value) } }
+                } else {
+                    html! { (value) }
+                }
             };
             std::iter::once(report::text(i)).chain(row.iter().enumerate().map(cell)).collect()
         })
@@ -234,10 +239,22 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
             ("seed", args.seed.to_string()),
         ],
         stats: vec![
-            Stat { label: "points", value: format!("{:.4}", verdict.space_error), note: "mean error, figure units".into() },
+            Stat {
+                label: "points",
+                value: format!("{:.4}", verdict.space_error),
+                note: "mean error, figure units".into(),
+            },
             Stat { label: "edges", value: verdict.graph.count().to_string(), note: verdict.against_truth() },
-            Stat { label: "targets", value: format!("{:.1} %", 100.0 * verdict.target_accuracy), note: "found from noise alone".into() },
-            Stat { label: "time", value: report::seconds(meter.seconds()), note: format!("{} steps", history.len()) },
+            Stat {
+                label: "targets",
+                value: format!("{:.1} %", 100.0 * verdict.target_accuracy),
+                note: "found from noise alone".into(),
+            },
+            Stat {
+                label: "time",
+                value: report::seconds(meter.seconds()),
+                note: format!("{} steps", history.len()),
+            },
         ],
         sections: vec![
             Section {

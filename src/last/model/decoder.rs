@@ -157,8 +157,7 @@ impl Decoder {
         let get = |name: &str| slice(params, &format!("decoder.{name}"));
         let [a, b, c] = HIDDEN;
         let view = |name: &str, n: usize, k: usize| View::new(get(name), n, k);
-        let dense =
-            [("dense1.weight", b, a), ("dense2.weight", c, b), ("dense3.weight", self.outputs, c)];
+        let dense = [("dense1.weight", b, a), ("dense2.weight", c, b), ("dense3.weight", self.outputs, c)];
         Weights {
             point: Packed::new(view("point.weight", a, self.features).t()),
             latent: get("latent.weight"),

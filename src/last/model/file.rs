@@ -123,7 +123,9 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?));
     }
     let count = |key: &str| -> Result<usize> {
-        text(key)?.parse().map_err(|_| Error::input("metadata").at(key).expected("a whole number").got(text(key).unwrap_or("")))
+        text(key)?.parse().map_err(|_| {
+            Error::input("metadata").at(key).expected("a whole number").got(text(key).unwrap_or(""))
+        })
     };
     let input = text("input")?;
     let wrong = || Error::input("metadata").at("input").expected("'picture S' or 'vector N'").got(input);
@@ -190,8 +192,7 @@ pub fn graph(n: usize, adjacency: &[f64]) -> Result<Digraph> {
     }
     let graph = Digraph::from_weights(adjacency, n, 0.5);
     if !graph.is_acyclic() {
-        let on_cycle: Vec<String> =
-            (0..n).filter(|&i| graph.reaches(i, i)).map(|i| i.to_string()).collect();
+        let on_cycle: Vec<String> = (0..n).filter(|&i| graph.reaches(i, i)).map(|i| i.to_string()).collect();
         return Err(what()
             .expected("a graph without cycles")
             .got(format!("a cycle through factors {}", on_cycle.join(", ")))
@@ -206,8 +207,7 @@ fn read_settings(v: &Value) -> Result<Settings> {
         Error::input("metadata 'settings'").at(key.to_owned()).expected(what).got(got)
     };
     let real = |key: &str| v.get(key).and_then(Value::as_f64).ok_or_else(|| missing(key, "a number"));
-    let whole =
-        |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "a whole number"));
+    let whole = |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "a whole number"));
     let name = |key: &str| v.get(key).and_then(Value::as_str).ok_or_else(|| missing(key, "a name"));
     let small = |key: &str, most: u64| -> Result<u64> {
         let x = whole(key)?;

@@ -43,8 +43,7 @@ impl Trained {
         let x = self.model.encoder.batch(seen.to_vec());
         let x = if wanted { tape.leaf("picture", x) } else { tape.constant(x) };
         let own = self.model.params.iter().filter(|(name, _)| name.starts_with("encoder."));
-        let vars: BTreeMap<_, _> =
-            own.map(|(name, a)| (name.to_owned(), tape.constant(a.clone()))).collect();
+        let vars: BTreeMap<_, _> = own.map(|(name, a)| (name.to_owned(), tape.constant(a.clone()))).collect();
         let y = self.model.encoder.record(tape, &vars, x);
         let d = self.model.sizes.latent();
         let mu = tape.value(y).iter().take(d).map(|&m| f64::from(m)).collect();
@@ -83,8 +82,7 @@ impl Trained {
                 .collect()
         };
         let u_bar = half(&u, &real.factors, &self.factor_spread);
-        let eps_bar =
-            if literal { vec![0.0; d] } else { half(&eps, &real.noise, &self.noise_spread) };
+        let eps_bar = if literal { vec![0.0; d] } else { half(&eps, &real.noise, &self.noise_spread) };
         let s = Structure::new(self.model.sizes, &self.model.params);
         let mask = self.graph.adjacency();
         let x = structure::In {

@@ -522,8 +522,17 @@ mod tests {
                     let labels = draws(3, layout.targets.len());
                     let weights = Weights { kl: 0.7, groups: 1.3, ..Weights::default() };
                     let x = In {
-                        structure: &structure, mask: &mask, layout: &layout, mu: &mu, ell: &ell, eta: &eta,
-                        spread: &[0.5, 1.5, 1.0], labels: &labels, reading, supervision, weights,
+                        structure: &structure,
+                        mask: &mask,
+                        layout: &layout,
+                        mu: &mu,
+                        ell: &ell,
+                        eta: &eta,
+                        spread: &[0.5, 1.5, 1.0],
+                        labels: &labels,
+                        reading,
+                        supervision,
+                        weights,
                     };
                     let out = forward(&x);
                     let c = draws(4, out.decoded.len());
@@ -536,7 +545,10 @@ mod tests {
                         let difference = (4.0 * fine - coarse) / 3.0;
                         let ours = bar.iter().zip(direction).fold(0.0, |s, (b, d)| s + b * d);
                         let scale = 1e-3 + ours.abs();
-                        assert!((ours - difference).abs() / scale < 1e-7, "{what}, {name}: {ours} against {difference}");
+                        assert!(
+                            (ours - difference).abs() / scale < 1e-7,
+                            "{what}, {name}: {ours} against {difference}"
+                        );
                     };
                     let moved = |values: &[f64], v: &[f64], t: f64| -> Vec<f64> {
                         values.iter().zip(v).map(|(x, v)| x + t * v).collect()

@@ -26,8 +26,8 @@ pub mod sight;
 pub mod step;
 pub mod structure;
 pub mod train;
-pub mod verdict;
 pub mod vectors;
+pub mod verdict;
 
 /// Purposes of random numbers.
 mod purpose {

@@ -204,7 +204,9 @@ impl Settings {
                     .got(value.to_string()));
             }
         }
-        for (name, value) in [("tau", self.tau), ("alpha", self.alpha), ("lr", self.lr), ("lr of logits", self.lr_logits)] {
+        for (name, value) in
+            [("tau", self.tau), ("alpha", self.alpha), ("lr", self.lr), ("lr of logits", self.lr_logits)]
+        {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::input(name).expected("a number above 0").got(value.to_string()));
             }

@@ -104,7 +104,9 @@ mod tests {
             let bar = sight.adjoint(size, &cotangent);
             let moved: Vec<f32> = (0..picture.len()).map(|i| (i % 5) as f32).collect();
             let black = sight.seen(size, &vec![0.0; picture.len()]);
-            let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0, |s, (a, b)| s + f64::from(*a) * f64::from(*b));
+            let dot = |a: &[f32], b: &[f32]| {
+                a.iter().zip(b).fold(0.0, |s, (a, b)| s + f64::from(*a) * f64::from(*b))
+            };
             let change: Vec<f32> = sight.seen(size, &moved).iter().zip(&black).map(|(a, b)| a - b).collect();
             let (left, right) = (dot(&change, &cotangent), dot(&moved, &bar));
             assert!((left - right).abs() <= 1e-4 * (1.0 + left.abs()), "{size:?}: {left} against {right}");

@@ -36,8 +36,7 @@ impl Model {
         let sizes = Sizes { factors: settings.factors, width: settings.width, kind: settings.kind };
         let frame = data.frame();
         let encoder = Encoder::new(data.input(), sizes.latent())?;
-        let decoder =
-            Decoder { features: frame.features, latent: sizes.latent(), outputs: frame.outputs };
+        let decoder = Decoder { features: frame.features, latent: sizes.latent(), outputs: frame.outputs };
         let mut params = Params::new();
         encoder.draw(settings.seed, &mut params);
         decoder.draw(settings.seed, &mut params);
@@ -139,7 +138,8 @@ impl Batch {
         let observed = items.len();
         let count = if settings.supervision == Supervision::None { 0 } else { settings.groups };
         let mut chosen = Vec::new();
-        let targets = Ord::min(settings.factors, data.groups().iter().map(|g| g.target + 1).max().unwrap_or(0));
+        let targets =
+            Ord::min(settings.factors, data.groups().iter().map(|g| g.target + 1).max().unwrap_or(0));
         for slot in 0..if targets > 0 { count } else { 0 } {
             let target = (slot + step as usize * count) % targets;
             let of: Vec<usize> =
@@ -219,8 +219,7 @@ pub fn run(model: &Model, settings: &Settings, data: &dyn Data, batch: &Batch, c
     let [mu, ell] = split(&tape.value(encoded), d);
     // Factors.
     let structure = Structure::new(model.sizes, &model.params);
-    let uniform: Vec<f64> =
-        (0..n * n).map(|at| rng.uniform_f64(at as u64, step, purpose::MASK, 0)).collect();
+    let uniform: Vec<f64> = (0..n * n).map(|at| rng.uniform_f64(at as u64, step, purpose::MASK, 0)).collect();
     let sampled = match &context.graph {
         Some(graph) => graph.clone(),
         None => mask::forward(&structure.logits, &uniform, n, settings.tau),

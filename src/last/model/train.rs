@@ -105,11 +105,7 @@ impl<'a> Training<'a> {
 
     fn rates(&self) -> [f64; 2] {
         let late = if self.step * 10 >= self.settings.steps * 8 { 0.1 } else { 1.0 };
-        let slowed = if self.rho > GROWTH {
-            ln(10.0) / ln(self.rho)
-        } else {
-            1.0
-        };
+        let slowed = if self.rho > GROWTH { ln(10.0) / ln(self.rho) } else { 1.0 };
         [self.settings.lr * late, self.settings.lr_logits * late * slowed]
     }
 
@@ -134,8 +130,8 @@ impl<'a> Training<'a> {
         let all = |item: fn(usize, usize) -> Item| -> Vec<Item> {
             (0..self.data.groups().len()).flat_map(|g| (0..members).map(move |m| item(g, m))).collect()
         };
-        let [before, after] =
-            [all(Item::Base), all(Item::After)].map(|items| self.model.factors(&self.settings, self.data, &items));
+        let [before, after] = [all(Item::Base), all(Item::After)]
+            .map(|items| self.model.factors(&self.settings, self.data, &items));
         for (pair, (b, a)) in before.chunks_exact(d).zip(after.chunks_exact(d)).enumerate() {
             let target = self.data.groups()[pair / members].target;
             if target < n {

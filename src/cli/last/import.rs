@@ -1,0 +1,140 @@
+//! `last import`: published layouts into the one of persons.
+
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim};
+use crate::io::captures::{self, LAYOUTS, Layout, Range, Selection};
+use crate::io::smpl;
+use crate::scene::person::import;
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Make a capture of a person from a data set in one of the published layouts.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last import CoreView_377 --out 377 --body SMPL_NEUTRAL.pkl
+  lastlight last import CoreView_377 --layout zju-refine --out 377 --body SMPL_NEUTRAL.pkl
+  lastlight last import people_snapshot/male-3-casual --out male --body SMPL_MALE.pkl
+  lastlight last import 0012_09.smc --out dancer --body SMPLX_NEUTRAL.npz --frames 0:1:50
+
+Layouts, recognised by their files unless --layout names one:
+  zju              ZJU-MoCap as released          annots.npy, mask_cihp/, new_params/
+  zju-refine       with the refined cameras       annots.npy, mask/, smpl_params/ or new_params/
+  monocap          MonoCap                        the same in images/VIEW/FRAME.jpg; known by lan, marc, olek, vlad
+  arah             ARAH, 3DGS-Avatar              cam_params.json, models/*.npz
+  people-snapshot  PeopleSnapshot                 camera.pkl, masks.hdf5, reconstructed_poses.hdf5, images/ or an mp4
+  instant-avatar   InstantAvatar's version of it  cameras.npz, poses.npz, images/, masks/
+  dna              DNA-Rendering                  NAME.smc, NAME_annots.smc
+Cameras, frames and reduction are those of the programs the sets are known from; the options below change them. Body
+models and data sets have licences of their own. Pickles are read, never run: a file that names anything but arrays is refused.")]
+pub(in crate::cli) struct Args {
+    /// Folder of the data set's subject, or its .smc
+    #[arg(value_name = "DIR")]
+    dir: PathBuf,
+    /// Folder for the capture; new or empty unless --force
+    #[arg(long, value_name = "FOLDER")]
+    out: PathBuf,
+    /// Layout [default: recognised by the files]
+    #[arg(long, value_name = "NAME")]
+    layout: Option<String>,
+    /// Body model: SMPL or SMPL-X as .pkl or .npz, or ARAH's folder body_models/misc
+    #[arg(long, value_name = "FILE")]
+    body: Option<PathBuf>,
+    /// Which body of a folder of several
+    #[arg(long, value_name = "NAME", default_value = "neutral")]
+    gender: String,
+    /// Cameras to learn from
+    #[arg(long, value_name = "N", num_args = 1.., help_heading = "Selection")]
+    train_camera: Option<Vec<usize>>,
+    /// Cameras held out
+    #[arg(long, value_name = "N", num_args = 1.., help_heading = "Selection")]
+    test_camera: Option<Vec<usize>>,
+    /// Frames to learn from
+    #[arg(long, value_name = "START:STEP:COUNT", help_heading = "Selection")]
+    frames: Option<String>,
+    /// Frames held out
+    #[arg(long, value_name = "START:STEP:COUNT", help_heading = "Selection")]
+    test_frames: Option<String>,
+    /// Reduce pictures by this whole factor
+    #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
+    downscale: Option<u16>,
+    /// Replace a capture in a folder that is used
+    #[arg(long)]
+    force: bool,
+    /// Print what was made as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress
+    #[arg(long)]
+    quiet: bool,
+}
+
+impl Args {
+    fn layout(&self) -> Result<Layout> {
+        if let Some(name) = &self.layout {
+            return Layout::parse(name).map_err(|e| e.within("--layout"));
+        }
+        Layout::detect(&self.dir).ok_or_else(|| {
+            let names: Vec<&str> = LAYOUTS.iter().map(|(n, _)| *n).collect();
+            let got = if self.dir.exists() { "files of none of them" } else { "nothing there" };
+            Error::input(self.dir.display().to_string())
+                .expected(format!("a data set in one of the layouts {}", names.join(", ")))
+                .got(got)
+                .hint("last import --help says what each looks like")
+        })
+    }
+
+    fn selection(&self) -> Result<Selection> {
+        let range = |text: &Option<String>, option: &str| {
+            text.as_deref().map(Range::parse).transpose().map_err(|e| e.within(option))
+        };
+        Ok(Selection {
+            train_cameras: self.train_camera.clone(),
+            test_cameras: self.test_camera.clone(),
+            train_frames: range(&self.frames, "--frames")?,
+            test_frames: range(&self.test_frames, "--test-frames")?,
+        })
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let (layout, selection) = (args.layout()?, args.selection()?);
+    claim::check(&args.out, false, args.force)?;
+    let model = args.body.as_ref().map(|p| smpl::read(p, &args.gender)).transpose()?;
+    let source = captures::read(layout, &args.dir, &selection, &args.gender)?;
+    let mut meter = Meter::new(args.quiet);
+    let report = cli::stoppable(|stop| {
+        let downscale = args.downscale.map(usize::from);
+        import::write(&source, model.as_ref(), downscale, &args.out, stop, &mut |done, total| {
+            if done == total {
+                meter.done();
+            } else {
+                meter.count(done, total, "pictures");
+            }
+        })
+    })?;
+    meter.done();
+    if args.json {
+        return cli::say_json(&json!({
+            "capture": args.out, "layout": layout.name(), "kind": source.kind, "train": report.shots[0], "test": report.shots[1],
+            "moments": report.moments, "points": report.points, "joints": report.joints, "size": report.size, "notes": report.notes,
+        }));
+    }
+    cli::say(&format!(
+        "{}: {} pictures to learn from, {} held out, {}x{}; {} moments, {} points, {} joints ({}, {:.1} s)",
+        args.out.display(),
+        report.shots[0],
+        report.shots[1],
+        report.size[0],
+        report.size[1],
+        report.moments,
+        report.points,
+        report.joints,
+        layout.name(),
+        meter.seconds()
+    ))?;
+    for note in &report.notes {
+        cli::say(&format!("note: {note}"))?;
+    }
+    cli::say(&format!("look at it: lastlight last inspect {} --out LOOK", args.out.display()))
+}

@@ -1,0 +1,130 @@
+//! `last inspect`: what a person's capture holds and what is missing.
+
+use crate::cli::{self, claim};
+use crate::io::captures::Layout;
+use crate::io::person;
+use crate::last::inspect::{self, Report};
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Check a capture of a person: what it holds, what is missing, whether poses, cameras and masks agree.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last inspect data/video                       what is there, what is missing
+  lastlight last inspect data/video --out look            and pictures: skeleton, mask and box drawn over frames
+
+Green is the outline of the mask, yellow and red are bones and joints, blue is the box that metrics look at. 'points on
+mask' is the share of the template's points that land on the mask in that picture; where it is small, poses, cameras and
+pictures do not belong together. Exit code 1 when something needed is missing or wrong: every such thing is listed.
+Captures in published layouts are made into this one by last import.")]
+pub(in crate::cli) struct Args {
+    /// Folder with transforms_train.json and body.npz, or one with such a folder 'video'
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Folder for the pictures; new or empty unless --force
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Training pictures to look at
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    count: usize,
+    /// Replace pictures in a folder that is used
+    #[arg(long)]
+    force: bool,
+    /// Print the result as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    if !person::is_person(&args.capture)
+        && let Some(layout) = Layout::detect(&args.capture)
+    {
+        return Err(Error::input(args.capture.display().to_string())
+            .expected("a person's capture, with transforms_train.json and body.npz")
+            .got(format!("the layout {}", layout.name()))
+            .hint(format!("lastlight last import {} --out FOLDER makes one of it", args.capture.display())));
+    }
+    if let Some(out) = &args.out {
+        claim::check(out, false, args.force)?;
+    }
+    let report = inspect::inspect(&args.capture, args.count)?;
+    let pictures = match &args.out {
+        Some(out) => report.write(&claim::folder(out, false, args.force)?)?,
+        None => Vec::new(),
+    };
+    if args.json {
+        let mut record = report.record();
+        record["pictures"] = json!(pictures);
+        cli::say_json(&record)?;
+    } else {
+        for line in lines(args, &report) {
+            cli::say(&line)?;
+        }
+    }
+    match report.problems.len() {
+        0 => Ok(()),
+        n => Err(Error::check("last inspect")
+            .at(args.capture.display().to_string())
+            .expected("nothing that is needed to be missing or wrong")
+            .got(format!("{n} {}", if n == 1 { "problem" } else { "problems" }))),
+    }
+}
+
+fn lines(args: &Args, report: &Report) -> Vec<String> {
+    let mut out = Vec::new();
+    if let Some(c) = &report.capture {
+        let t = &c.template;
+        let record = report.record();
+        let count = |key: &str| record[key].as_array().map_or(0, Vec::len);
+        let sizes: Vec<String> = (record["sizes"].as_array().into_iter().flatten())
+            .map(|s| format!("{}x{}", s[0], s[1]))
+            .collect();
+        out.push(format!("{}: {}", c.folder.display(), t.kind.name()));
+        out.push(format!(
+            "body      {} points, {} faces, {} joints, {} of a metre per unit{}",
+            t.len(),
+            t.faces.len(),
+            t.joints.len(),
+            t.unit_m,
+            if t.pose_shapes.is_some() { ", pose shapes" } else { "" }
+        ));
+        out.push(format!(
+            "pictures  {} to learn from, {} held out; {} cameras, {} moments, {}",
+            c.train.len(),
+            c.test.len(),
+            count("cameras"),
+            c.moments(),
+            sizes.join(", ")
+        ));
+        if let Some(f) = c.factors.first() {
+            out.push(format!("causes    {} factors are known", f.len()));
+        }
+    }
+    if !report.looks.is_empty() {
+        out.push(format!(
+            "{:<28} {:>6} {:>6} {:>15} {:>12}",
+            "looked at", "camera", "moment", "points on mask", "mask in box"
+        ));
+        for l in &report.looks {
+            out.push(format!(
+                "{:<28} {:>6} {:>6} {:>14.1}% {:>11.1}%",
+                l.name,
+                l.camera,
+                l.time,
+                100.0 * l.on_mask,
+                100.0 * l.in_box
+            ));
+        }
+    }
+    out.extend(report.notes.iter().map(|n| format!("note      {n}")));
+    out.extend(report.problems.iter().map(|e| format!("problem   {}", cli::one_line(&e.to_string()))));
+    match &args.out {
+        Some(dir) => out.push(format!("{} pictures in {}", report.looks.len(), dir.display())),
+        None if !report.looks.is_empty() => {
+            out.push("--out DIR writes pictures with skeleton and mask".to_owned())
+        }
+        None => {}
+    }
+    out
+}

@@ -1,0 +1,293 @@
+//! What a capture of a person holds, what is missing, and whether its parts agree: skeleton and mask drawn over pictures.
+//!
+//! | drawn | colour |
+//! |---|---|
+//! | outline of the mask: pixels with coverage ≥ ½ beside one below | green |
+//! | bones, from a joint to the one it hangs on | yellow |
+//! | joints | red |
+//! | outline of the box that metrics look at | blue |
+//!
+//! For every picture looked at, the share of the template's points that land on the mask is measured: poses that belong to other pictures, or cameras in
+//! other units, show in it at once. Small pictures are enlarged by a whole factor before anything is drawn.
+
+use crate::io::image_file;
+use crate::num::order;
+use crate::scene::person::{PersonCapture, Photo, Shot, project};
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// Pictures are enlarged until the longer side has at least so many pixels.
+const SIDE: usize = 384;
+
+/// Test cameras looked at.
+const TEST_CAMERAS: usize = 4;
+
+/// Share of points on the mask below which a picture is worth a note.
+const AGREES: f64 = 0.8;
+
+/// Distance in pixels of the capture within which a point counts as on the mask.
+const SLACK: isize = 2;
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// Everything that must be mended before the capture can be used.
+    pub problems: Vec<Error>,
+    /// What is worth knowing.
+    pub notes: Vec<String>,
+    /// One per picture looked at.
+    pub looks: Vec<Look>,
+    /// The capture, as far as it could be made.
+    pub capture: Option<PersonCapture>,
+}
+
+/// One picture looked at.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Look {
+    /// Name of the picture in the capture.
+    pub name: String,
+    /// Camera and moment.
+    pub camera: usize,
+    /// Moment.
+    pub time: usize,
+    /// Whether it is held out.
+    pub is_test: bool,
+    /// Share of the template's points that land on the mask.
+    pub on_mask: f64,
+    /// Share of the mask that lies in the box.
+    pub in_box: f64,
+    /// Enlarged picture: width, height, bytes (H, W, 3).
+    pub overlay: (usize, usize, Vec<u8>),
+}
+
+/// Examines a capture, looking at `count` training pictures (and one of each of a few test cameras).
+///
+/// # Errors
+/// When there is nothing to examine.
+pub fn inspect(path: &Path, count: usize) -> Result<Report> {
+    let (capture, mut problems) = PersonCapture::examine(path)?;
+    let mut notes = capture.as_ref().map_or_else(Vec::new, |c| c.notes.clone());
+    let mut looks = Vec::new();
+    if let Some(c) = &capture {
+        for i in chosen(c, count) {
+            let shot = &c.shots[i];
+            match shot.photo() {
+                Ok(photo) => looks.push(look(c, shot, &photo)),
+                Err(e) => problems.push(e),
+            }
+        }
+        for l in looks.iter().filter(|l| l.on_mask < AGREES) {
+            notes.push(format!(
+                "{}: only {:.0} % of the posed points land on the mask: do pose, camera and picture belong together?",
+                l.name,
+                100.0 * l.on_mask
+            ));
+        }
+    }
+    Ok(Report { problems, notes, looks, capture })
+}
+
+/// Training pictures spread over time, then one picture of each of the first test cameras.
+fn chosen(c: &PersonCapture, count: usize) -> Vec<usize> {
+    let n = order::min(count, c.train.len());
+    let mut out: Vec<usize> =
+        (0..n).map(|i| c.train[i * (c.train.len() - 1) / order::max(n - 1, 1)]).collect();
+    let mut seen = BTreeSet::new();
+    // Each camera at another moment, as far as there are some.
+    for camera in c.test.iter().map(|&i| c.shots[i].camera_id).filter(|&k| seen.insert(k)).take(TEST_CAMERAS)
+    {
+        let of: Vec<usize> = c.test.iter().copied().filter(|&i| c.shots[i].camera_id == camera).collect();
+        out.push(of[(seen_before(&out, c)) % of.len()]);
+    }
+    out
+}
+
+/// How many of the chosen are held out.
+fn seen_before(out: &[usize], c: &PersonCapture) -> usize {
+    out.iter().filter(|i| c.test.contains(i)).count()
+}
+
+fn look(c: &PersonCapture, shot: &Shot, photo: &Photo) -> Look {
+    let (w, h) = (shot.camera.width, shot.camera.height);
+    let is_on = |x: isize, y: isize| {
+        (0..w as isize).contains(&x)
+            && (0..h as isize).contains(&y)
+            && photo.mask[y as usize * w + x as usize] >= 0.5
+    };
+    let near = |p: [f64; 2]| {
+        let (x, y) = (p[0].floor() as isize, p[1].floor() as isize);
+        (-SLACK..=SLACK).any(|dy| (-SLACK..=SLACK).any(|dx| is_on(x + dx, y + dy)))
+    };
+    let points = c.posed_points(shot.time);
+    let landed = points.iter().filter(|x| project(&shot.camera, x.map(f64::from)).is_some_and(near)).count();
+    let bound = c.box_mask(shot);
+    let covered = (0..w * h).filter(|&i| photo.mask[i] >= 0.5);
+    let (inside, all) = covered.fold((0usize, 0usize), |(i, n), k| (i + usize::from(bound[k] == 1), n + 1));
+    let share = |part: usize, whole: usize| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
+    Look {
+        name: shot.name.clone(),
+        camera: shot.camera_id,
+        time: shot.time,
+        is_test: shot.split != crate::io::capture::Split::Train,
+        on_mask: share(landed, points.len()),
+        in_box: share(inside, all),
+        overlay: overlay(c, shot, photo, &bound),
+    }
+}
+
+fn overlay(c: &PersonCapture, shot: &Shot, photo: &Photo, bound: &[u8]) -> (usize, usize, Vec<u8>) {
+    let (w, h) = (shot.camera.width, shot.camera.height);
+    let zoom = order::max(SIDE.div_ceil(order::max(w, h)), 1);
+    let mut canvas = Canvas::enlarged(&photo.rgb, w, h, zoom);
+    let mask: Vec<u8> = photo.mask.iter().map(|&m| u8::from(m >= 0.5)).collect();
+    canvas.outline(bound, w, h, zoom, [60, 120, 255]);
+    canvas.outline(&mask, w, h, zoom, [60, 230, 90]);
+    let at: Vec<Option<[f64; 2]>> = c
+        .posed_joints(shot.time)
+        .into_iter()
+        .map(|x| project(&shot.camera, x.map(f64::from)).map(|p| p.map(|v| v * zoom as f64)))
+        .collect();
+    for (k, parent) in c.template.parents.iter().enumerate() {
+        if let (Some(a), Some(b)) = (at[k], parent.and_then(|p| at[p])) {
+            canvas.line(a, b, [255, 214, 64]);
+        }
+    }
+    for p in at.into_iter().flatten() {
+        canvas.dot(p, [235, 64, 52]);
+    }
+    (canvas.width, canvas.height, canvas.rgb)
+}
+
+/// A picture to draw on.
+struct Canvas {
+    width: usize,
+    height: usize,
+    rgb: Vec<u8>,
+}
+
+impl Canvas {
+    fn enlarged(rgb: &[u8], w: usize, h: usize, zoom: usize) -> Self {
+        let (width, height) = (w * zoom, h * zoom);
+        let pixel = |i: usize| {
+            let at = 3 * ((i / width / zoom) * w + i % width / zoom);
+            [rgb[at], rgb[at + 1], rgb[at + 2]]
+        };
+        Self { width, height, rgb: (0..width * height).flat_map(pixel).collect() }
+    }
+
+    fn set(&mut self, x: isize, y: isize, colour: [u8; 3]) {
+        if (0..self.width as isize).contains(&x) && (0..self.height as isize).contains(&y) {
+            let at = 3 * (y as usize * self.width + x as usize);
+            self.rgb[at..at + 3].copy_from_slice(&colour);
+        }
+    }
+
+    /// Borders between 1 and 0 of a mask, drawn on the inner side.
+    fn outline(&mut self, mask: &[u8], w: usize, h: usize, zoom: usize, colour: [u8; 3]) {
+        let is_on = |x: isize, y: isize| {
+            (0..w as isize).contains(&x)
+                && (0..h as isize).contains(&y)
+                && mask[y as usize * w + x as usize] == 1
+        };
+        let z = zoom as isize;
+        for y in 0..h as isize {
+            for x in (0..w as isize).filter(|&x| is_on(x, y)) {
+                for i in 0..z {
+                    let sides = [
+                        ((-1, 0), (x * z, y * z + i)),
+                        ((1, 0), (x * z + z - 1, y * z + i)),
+                        ((0, -1), (x * z + i, y * z)),
+                        ((0, 1), (x * z + i, y * z + z - 1)),
+                    ];
+                    for ((dx, dy), (px, py)) in sides {
+                        if !is_on(x + dx, y + dy) {
+                            self.set(px, py, colour);
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    /// A line two pixels wide.
+    fn line(&mut self, a: [f64; 2], b: [f64; 2], colour: [u8; 3]) {
+        let length = order::max((b[0] - a[0]).abs(), (b[1] - a[1]).abs());
+        // What leaves the picture by far is cut short.
+        let steps = order::min(length.ceil(), 4.0 * (self.width + self.height) as f64) as usize;
+        for i in 0..=steps {
+            let t = i as f64 / order::max(steps, 1) as f64;
+            let (x, y) = (a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]));
+            for (dx, dy) in [(0, 0), (1, 0), (0, 1)] {
+                self.set(x.floor() as isize + dx, y.floor() as isize + dy, colour);
+            }
+        }
+    }
+
+    fn dot(&mut self, at: [f64; 2], colour: [u8; 3]) {
+        let (x, y) = (at[0].floor() as isize, at[1].floor() as isize);
+        for dy in -2..=2isize {
+            for dx in -2..=2isize {
+                if dx * dx + dy * dy <= 5 {
+                    self.set(x + dx, y + dy, colour);
+                }
+            }
+        }
+    }
+}
+
+impl Report {
+    /// Whether the capture can be used.
+    pub fn is_usable(&self) -> bool {
+        self.problems.is_empty() && self.capture.is_some()
+    }
+
+    /// Writes the overlays; gives their paths relative to the folder.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn write(&self, dir: &Path) -> Result<Vec<String>> {
+        let mut out = Vec::new();
+        for l in &self.looks {
+            let name = format!("c{:02}_f{:04}.png", l.camera, l.time);
+            let (w, h, rgb) = &l.overlay;
+            image_file::write_png(&dir.join(&name), *w, *h, 3, rgb)?;
+            out.push(name);
+        }
+        Ok(out)
+    }
+
+    /// As JSON.
+    pub fn record(&self) -> Value {
+        let mut record = json!({
+            "usable": self.is_usable(),
+            "problems": self.problems.iter().map(ToString::to_string).collect::<Vec<_>>(),
+            "notes": self.notes,
+            "looked_at": self.looks.iter().map(|l| json!({
+                "picture": l.name, "camera": l.camera, "moment": l.time, "held_out": l.is_test,
+                "points_on_mask": l.on_mask, "mask_in_box": l.in_box,
+            })).collect::<Vec<_>>(),
+        });
+        if let Some(c) = &self.capture {
+            let cameras: BTreeSet<usize> = c.shots.iter().map(|s| s.camera_id).collect();
+            let sizes: BTreeSet<[usize; 2]> =
+                c.shots.iter().map(|s| [s.camera.width, s.camera.height]).collect();
+            let t = &c.template;
+            record["folder"] = json!(c.folder);
+            record["kind"] = json!(t.kind.name());
+            record["metres_per_unit"] = json!(t.unit_m);
+            record["points"] = json!(t.len());
+            record["faces"] = json!(t.faces.len());
+            record["joints"] = json!(t.joints.len());
+            record["pose_shapes"] = json!(t.pose_shapes.is_some());
+            record["moments"] = json!(c.moments());
+            record["cameras"] = json!(cameras);
+            record["sizes"] = json!(sizes);
+            record["train"] = json!(c.train.len());
+            record["test"] = json!(c.test.len());
+            record["factors"] = json!(c.factors.first().map_or(0, Vec::len));
+        }
+        record
+    }
+}

@@ -1,0 +1,305 @@
+//! Poses: transforms of joints, the rotations they imply, and the points they move.
+//!
+//! A joint's transform A_k maps rest to the world. Relative to its parent p it is A_p⁻¹ A_k: a rotation R_k about the joint's place at rest, if the
+//! skeleton is rigid. A correction C of joint k, multiplied on the right of R_k, turns the transform into
+//! A_k T(j_k) C T(−j_k), and those of the joints below it likewise, from the same chain: [`Template::corrected`].
+
+use super::{INFLUENCES, PersonCapture, Template};
+use reference::body::skin;
+
+/// Upper three rows of an affine transform, row-major.
+pub type Affine = skin::Affine<f32>;
+
+/// The body at one moment.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pose {
+    /// (K) world from rest: x' = Σ_k w_k A_k x
+    pub transforms: Vec<Affine>,
+    /// (K) axis-angle of each joint relative to its parent, rad; from the file, or that of the rotations in `transforms` (then the root's holds
+    /// the global rotation)
+    pub axis_angles: Vec<[f32; 3]>,
+    /// Rh and Th, where the file has them: contained in `transforms`.
+    pub global: Option<[[f32; 3]; 2]>,
+}
+
+/// Below this angle sinθ/θ and (1 − cosθ)/θ² are taken from their series.
+const SMALL: f64 = 1e-4;
+
+/// Rodrigues' formula: R = I + (sinθ/θ) [v]ₓ + ((1 − cosθ)/θ²) [v]ₓ², θ = |v|.
+///
+/// # Rounding
+/// f64; squares of the angle summed from the left; for θ < 1e-4 the series 1 − θ²/6 and ½ − θ²/24.
+pub fn rotation_matrix(v: [f64; 3]) -> [[f64; 3]; 3] {
+    let [x, y, z] = v;
+    let square = (x * x + y * y) + z * z;
+    let angle = square.sqrt();
+    let (a, b) = if angle < SMALL {
+        (1.0 - square / 6.0, 0.5 - square / 24.0)
+    } else {
+        (libm::sin(angle) / angle, (1.0 - libm::cos(angle)) / square)
+    };
+    let diagonal = |p: f64, q: f64| 1.0 - b * (p * p + q * q);
+    [
+        [diagonal(y, z), b * x * y - a * z, b * x * z + a * y],
+        [b * x * y + a * z, diagonal(x, z), b * y * z - a * x],
+        [b * x * z - a * y, b * y * z + a * x, diagonal(x, y)],
+    ]
+}
+
+/// The axis-angle of a rotation, |v| ≤ π: inverse of [`rotation_matrix`]. Through the quaternion, whose largest entry is found without
+/// cancellation, so half turns are no exception.
+pub fn rotation_vector(r: &[[f64; 3]; 3]) -> [f64; 3] {
+    let (x, y, z) = (r[0][0], r[1][1], r[2][2]);
+    let candidates = [(1.0 + x) + (y + z), (1.0 + x) - (y + z), (1.0 + y) - (x + z), (1.0 + z) - (x + y)];
+    let best = (1..4).fold(0, |best, k| if candidates[k] > candidates[best] { k } else { best });
+    let (wx, wy, wz) = (r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]);
+    let (xy, xz, yz) = (r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]);
+    let c = candidates[best];
+    let q = match best {
+        0 => [c, wx, wy, wz],
+        1 => [wx, c, xy, xz],
+        2 => [wy, xy, c, yz],
+        _ => [wz, xz, yz, c],
+    };
+    // The half angle is at most a quarter turn.
+    let q = if q[0] < 0.0 { q.map(|x| -x) } else { q };
+    let sine = ((q[1] * q[1] + q[2] * q[2]) + q[3] * q[3]).sqrt();
+    if sine == 0.0 {
+        return [0.0; 3];
+    }
+    let factor = 2.0 * libm::atan2(sine, q[0]) / sine;
+    [factor * q[1], factor * q[2], factor * q[3]]
+}
+
+type M3 = [[f64; 3]; 3];
+
+pub(super) fn wide(a: &Affine) -> skin::Affine<f64> {
+    a.map(|row| row.map(f64::from))
+}
+
+pub(super) fn single(a: &skin::Affine<f64>) -> Affine {
+    a.map(|row| row.map(|x| x as f32))
+}
+
+/// a ∘ b.
+pub(super) fn compose(a: &skin::Affine<f64>, b: &skin::Affine<f64>) -> skin::Affine<f64> {
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let s = (a[i][0] * b[0][j] + a[i][1] * b[1][j]) + a[i][2] * b[2][j];
+            if j == 3 { s + a[i][3] } else { s }
+        })
+    })
+}
+
+fn cofactors(m: &M3) -> M3 {
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| {
+            let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
+            m[a][c] * m[b][d] - m[a][d] * m[b][c]
+        })
+    })
+}
+
+pub(super) fn linear(a: &skin::Affine<f64>) -> M3 {
+    a.map(|r| [r[0], r[1], r[2]])
+}
+
+pub(super) fn determinant(a: &skin::Affine<f64>) -> f64 {
+    let (m, c) = (linear(a), cofactors(&linear(a)));
+    (m[0][0] * c[0][0] + m[0][1] * c[0][1]) + m[0][2] * c[0][2]
+}
+
+/// The inverse of a transform whose determinant is positive.
+pub(super) fn inverse(a: &skin::Affine<f64>) -> skin::Affine<f64> {
+    let (c, det) = (cofactors(&linear(a)), determinant(a));
+    let t = [a[0][3], a[1][3], a[2][3]];
+    std::array::from_fn(|i| {
+        let row: [f64; 3] = std::array::from_fn(|j| c[j][i] / det);
+        [row[0], row[1], row[2], -((row[0] * t[0] + row[1] * t[1]) + row[2] * t[2])]
+    })
+}
+
+/// The rotation nearest to a matrix of positive determinant: Newton's iteration R ← ½(R + R⁻ᵀ), to a fixed number of steps, after division by
+/// the cube root of the determinant.
+fn polar(m: M3) -> M3 {
+    let det = |m: &M3| {
+        let c = cofactors(m);
+        (m[0][0] * c[0][0] + m[0][1] * c[0][1]) + m[0][2] * c[0][2]
+    };
+    let scale = libm::cbrt(det(&m));
+    let mut r = m.map(|row| row.map(|x| x / scale));
+    for _ in 0..12 {
+        let (c, d) = (cofactors(&r), det(&r));
+        r = std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (r[i][j] + c[i][j] / d)));
+    }
+    r
+}
+
+impl Template {
+    /// Number of points P.
+    pub fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Whether there is no point.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
+    }
+
+    /// (K) transforms relative to the parent's: A_p⁻¹ A_k.
+    fn relative(&self, transforms: &[Affine]) -> Vec<skin::Affine<f64>> {
+        (0..self.joints.len())
+            .map(|k| match self.parents[k] {
+                Some(p) => compose(&inverse(&wide(&transforms[p])), &wide(&transforms[k])),
+                None => wide(&transforms[k]),
+            })
+            .collect()
+    }
+
+    /// (K) axis-angle of the rotation in every relative transform.
+    pub fn axis_angles(&self, transforms: &[Affine]) -> Vec<[f32; 3]> {
+        let of = |a: &skin::Affine<f64>| rotation_vector(&polar(linear(a))).map(|x| x as f32);
+        self.relative(transforms).iter().map(of).collect()
+    }
+
+    /// The transforms with a rotation multiplied on the right of each joint's own: (K) axis-angles; all zero changes nothing but rounding.
+    pub fn corrected(&self, transforms: &[Affine], corrections: &[[f32; 3]]) -> Vec<Affine> {
+        let relative = self.relative(transforms);
+        let mut out = vec![[[0.0; 4]; 3]; relative.len()];
+        for &k in &self.order {
+            let j = self.joints[k].map(f64::from);
+            let r = rotation_matrix(corrections[k].map(f64::from));
+            // T(j) C T(−j)
+            let about: skin::Affine<f64> = std::array::from_fn(|i| {
+                let moved = (r[i][0] * j[0] + r[i][1] * j[1]) + r[i][2] * j[2];
+                [r[i][0], r[i][1], r[i][2], j[i] - moved]
+            });
+            let own = compose(&relative[k], &about);
+            out[k] = match self.parents[k] {
+                Some(p) => compose(&out[p], &own),
+                None => own,
+            };
+        }
+        out.iter().map(single).collect()
+    }
+
+    /// (P) how points move before skinning with the rotations of a pose: pose_shapes · vec(R_1 − I, …). `None` where the body has no such shapes.
+    pub fn offsets(&self, axis_angles: &[[f32; 3]]) -> Option<Vec<[f32; 3]>> {
+        let shapes = self.pose_shapes.as_ref()?;
+        let features = pose_features(axis_angles);
+        let n = features.len();
+        Some(
+            (0..self.len())
+                .map(|p| {
+                    std::array::from_fn(|c| {
+                        let row = &shapes[(p * 3 + c) * n..][..n];
+                        let sum = row.iter().zip(&features).fold(0.0f64, |s, (&a, &f)| s + f64::from(a) * f);
+                        sum as f32
+                    })
+                })
+                .collect(),
+        )
+    }
+
+    /// (P) points under transforms, after the pose's own offsets. Left fold over the four joints in f64, rounded once.
+    pub fn posed(&self, transforms: &[Affine], axis_angles: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let offsets = self.offsets(axis_angles);
+        (0..self.len())
+            .map(|p| {
+                let t = self.blended(p, transforms);
+                let x: [f64; 3] = std::array::from_fn(|c| {
+                    let o = offsets.as_ref().map_or(0.0, |o| f64::from(o[p][c]));
+                    f64::from(self.points[p][c]) + o
+                });
+                skin::point(&t, x).map(|v| v as f32)
+            })
+            .collect()
+    }
+
+    /// Σ w A of a point.
+    fn blended(&self, p: usize, transforms: &[Affine]) -> skin::Affine<f64> {
+        let weights = self.weight_of[p].map(f64::from);
+        let of: [skin::Affine<f64>; INFLUENCES] = self.joint_of[p].map(|k| wide(&transforms[usize::from(k)]));
+        skin::blend(&weights, &of)
+    }
+
+    /// (P) points in the canonical pose, where nearest points are looked for: in SMPL's rest pose the thighs nearly touch.
+    pub fn canonical_points(&self) -> Vec<[f32; 3]> {
+        self.posed(&self.canonical, &self.axis_angles(&self.canonical))
+    }
+
+    /// (P, K) all weights, zeros included.
+    pub fn dense_weights(&self) -> Vec<f32> {
+        let k = self.joints.len();
+        let mut out = vec![0.0; self.len() * k];
+        for (p, (joints, weights)) in self.joint_of.iter().zip(&self.weight_of).enumerate() {
+            for (&j, &w) in joints.iter().zip(weights) {
+                if w > 0.0 {
+                    out[p * k + usize::from(j)] = w;
+                }
+            }
+        }
+        out
+    }
+}
+
+/// vec(R_1 − I, …, R_{K−1} − I), row-major; the root is left out.
+pub(super) fn pose_features(axis_angles: &[[f32; 3]]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(9 * axis_angles.len());
+    for v in axis_angles.iter().skip(1) {
+        let r = rotation_matrix(v.map(f64::from));
+        for (i, row) in r.iter().enumerate() {
+            for (j, x) in row.iter().enumerate() {
+                out.push(x - if i == j { 1.0 } else { 0.0 });
+            }
+        }
+    }
+    out
+}
+
+impl PersonCapture {
+    /// (P) the template's points at a moment, in the world.
+    pub fn posed_points(&self, time: usize) -> Vec<[f32; 3]> {
+        let pose = &self.poses[time];
+        self.template.posed(&pose.transforms, &pose.axis_angles)
+    }
+
+    /// (K) the joints at a moment, in the world.
+    pub fn posed_joints(&self, time: usize) -> Vec<[f32; 3]> {
+        let t = &self.template;
+        let of = |(a, j): (&Affine, &[f32; 3])| skin::point(&wide(a), j.map(f64::from)).map(|x| x as f32);
+        self.poses[time].transforms.iter().zip(&t.joints).map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_go_both_ways() {
+        for v in [
+            [0.0, 0.0, 0.0],
+            [1e-9, 0.0, 0.0],
+            [5e-5, -5e-5, 2e-5],
+            [0.3, -1.2, 0.7],
+            [0.0, 3.141_592_653, 0.0],
+            [-1.8, 1.8, 1.8],
+        ] {
+            let back = rotation_vector(&rotation_matrix(v));
+            for k in 0..3 {
+                assert!((back[k] - v[k]).abs() < 1e-9, "{v:?} came back as {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_scaled_and_sheared_matrix_has_a_rotation() {
+        let r = rotation_matrix([0.4, 0.2, -0.9]);
+        let scaled = r.map(|row| row.map(|x| 3.0 * x));
+        let off = rotation_vector(&polar(scaled));
+        for (a, b) in off.iter().zip([0.4, 0.2, -0.9]) {
+            assert!((a - b).abs() < 1e-12, "{off:?}");
+        }
+    }
+}
