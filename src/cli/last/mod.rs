@@ -2,13 +2,16 @@
 //!
 //! ```text
 //! gen       data with known causes        import, inspect  captures of persons
-//! pretrain  the image-to-point model
+//! pretrain  the image-to-point model      tune             its structure on one subject
+//! intervene counterfactual pictures
 //! ```
 
 mod generate;
 mod import;
 mod inspect;
+mod intervene;
 mod pretrain;
+mod tune;
 
 use crate::Result;
 use clap::Subcommand;
@@ -20,6 +23,10 @@ pub(super) enum Command {
     Gen(generate::Args),
     /// Train the image-to-point model on pictures of known causes
     Pretrain(pretrain::Args),
+    /// Fine-tune a model's structure on the training pictures of one person
+    Tune(tune::Args),
+    /// Set one factor and see what changes and what does not
+    Intervene(intervene::Args),
     /// Make a capture of a person from ZJU-MoCap, MonoCap, PeopleSnapshot, DNA-Rendering and the like
     Import(import::Args),
     /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
@@ -34,6 +41,8 @@ pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => generate::run(args),
         Command::Pretrain(args) => pretrain::run(args),
+        Command::Tune(args) => tune::run(args),
+        Command::Intervene(args) => intervene::run(args),
         Command::Import(args) => import::run(args),
         Command::Inspect(args) => inspect::run(args),
     }

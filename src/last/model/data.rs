@@ -58,6 +58,8 @@ pub trait Data: Sync + std::fmt::Debug {
     fn members(&self) -> usize;
     /// Where things are decoded.
     fn frame(&self) -> &Frame;
+    /// (P, 3) the points at rest; none for vectors.
+    fn template(&self) -> &[[f32; 3]];
     /// Writes what the encoder sees of an item.
     fn write_input(&self, item: Item, into: &mut [f32]);
     /// What an item shows (P, O).

@@ -4,12 +4,15 @@
 //! |-------|-------|-|
 //! | `param/…` | | as in `encoder`, `decoder`, `structure` |
 //! | `graph` | (n, n) | A, 1 at i → j; acyclic |
+//! | `codes` | (n, 9, k) | values that each factor has in the training set, for `last intervene` |
+//! | `template` | (P, 3) | the points at rest |
 //! | `spread/factors`, `spread/noise` | (n, k) | standard deviations of Ẑ and ε over the training set, at least 10⁻³ (`last.md` §11) |
 //!
 //! Metadata: `kind`, `version`, `settings` (JSON of [`Settings::json`]), `input` (`picture 64`), `features`, `outputs`.
 
 use super::decoder::Decoder;
 use super::encoder::{Encoder, Input};
+use super::intervene;
 use super::settings::{Placement, Reading, Settings, Supervision, Weights};
 use super::step::Model;
 use super::structure::{Kind, Sizes};
@@ -40,6 +43,10 @@ pub struct Trained {
     pub factor_spread: Vec<f64>,
     /// (n, k) standard deviations of their noise
     pub noise_spread: Vec<f64>,
+    /// (n, 9, k) values that factors have in the training set, from end to end
+    pub codes: Vec<f64>,
+    /// (P, 3) the points at rest
+    pub template: Vec<[f32; 3]>,
 }
 
 impl Trained {
@@ -58,6 +65,8 @@ impl Trained {
         let shape = [n, self.settings.width];
         d.f64(&shape, &self.factor_spread)?;
         d.f64(&shape, &self.noise_spread)?;
+        d.f64(&[n, intervene::VALUES, self.settings.width], &self.codes)?;
+        d.f32(&[self.template.len(), 3], self.template.as_flattened())?;
         Ok(format!("{:016x}", d.value()))
     }
 
@@ -74,6 +83,8 @@ impl Trained {
         arrays.put("graph", &[n, n], self.graph.adjacency());
         arrays.put("spread/factors", &[n, self.settings.width], self.factor_spread.clone());
         arrays.put("spread/noise", &[n, self.settings.width], self.noise_spread.clone());
+        arrays.put("codes", &[n, intervene::VALUES, self.settings.width], self.codes.clone());
+        arrays.put("template", &[self.template.len(), 3], self.template.as_flattened().to_vec());
         let input = match self.model.encoder.input() {
             Input::Picture { side } => format!("picture {side}"),
             Input::Vector { size } => format!("vector {size}"),
@@ -159,6 +170,8 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
     let (n, k) = (sizes.factors, sizes.width);
     let adjacency = arrays.shape("graph", &format!("{n},{n}"), &mut dims)?.to_f64();
     let graph = graph(n, &adjacency)?;
+    let codes = arrays.shape("codes", &format!("{n},{},{k}", intervene::VALUES), &mut dims)?.to_f64();
+    let template = arrays.shape("template", "P,3", &mut dims)?.to_f32();
     let mut spread = |name: &str| -> Result<Vec<f64>> {
         let values = arrays.shape(name, &format!("{n},{k}"), &mut dims)?.to_f64();
         match values.iter().find(|s| !(**s > 0.0)) {
@@ -174,6 +187,8 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         graph,
         factor_spread: spread("spread/factors")?,
         noise_spread: spread("spread/noise")?,
+        codes,
+        template: template.as_chunks().0.to_vec(),
     })
 }
 

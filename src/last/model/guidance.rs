@@ -17,6 +17,7 @@ use super::sight::Sight;
 use super::structure::Structure;
 use super::verdict::linked;
 use crate::causal::structure;
+use crate::scene::person::{PersonCapture, Photo, Shot};
 use crate::tape::Tape;
 use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
@@ -48,6 +49,17 @@ impl Trained {
         let d = self.model.sizes.latent();
         let mu = tape.value(y).iter().take(d).map(|&m| f64::from(m)).collect();
         (y, mu)
+    }
+
+    /// Means and ℓ of what is seen (S, S, 3), d numbers each.
+    ///
+    /// # Panics
+    /// When it does not have the size of the encoder's pictures.
+    pub fn posterior(&self, seen: &[f32]) -> [Vec<f64>; 2] {
+        let mut tape = Tape::new();
+        let (y, mu) = self.encoded(&mut tape, seen, false);
+        let ell = tape.value(y).iter().skip(mu.len()).map(|&l| f64::from(l)).collect();
+        [mu, ell]
     }
 
     /// Factors and noise of what is seen (S, S, 3).
@@ -161,4 +173,27 @@ impl Trained {
     pub fn sight(&self, size: [usize; 2], around: [f64; 4]) -> Sight {
         Sight::new(self.side().expect("a model of pictures"), size, around)
     }
+}
+
+/// The box [x₀, y₀, x₁, y₁] of the person in a shot, in pixels; the whole picture where nothing of it is seen.
+pub fn around(capture: &PersonCapture, shot: &Shot) -> [f64; 4] {
+    let width = shot.camera.width;
+    let mask = capture.box_mask(shot);
+    let mut around: Option<[usize; 4]> = None;
+    for at in (0..mask.len()).filter(|&at| mask[at] != 0) {
+        let (x, y) = (at % width, at / width);
+        let [a, b, c, d] = around.unwrap_or([x, y, x + 1, y + 1]);
+        around = Some([Ord::min(a, x), Ord::min(b, y), Ord::max(c, x + 1), Ord::max(d, y + 1)]);
+    }
+    around.unwrap_or([0, 0, width, shot.camera.height]).map(|x| x as f64)
+}
+
+/// What the model sees of a shot.
+///
+/// # Panics
+/// When the model takes vectors.
+pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Vec<f32> {
+    let size = [shot.camera.width, shot.camera.height];
+    let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
+    trained.sight(size, around(capture, shot)).seen(size, &picture)
 }

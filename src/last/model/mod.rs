@@ -9,6 +9,7 @@
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
 //! file     a trained model on disk            verdict  what it is worth, against the truth
 //! sight    what is seen of a picture             guidance  what the model says about a render
+//! tune     the structure of one subject       intervene  pictures of counterfactuals
 //! vectors  data without pictures, for tests of the structure
 //! ```
 //!
@@ -19,6 +20,7 @@ pub mod decoder;
 pub mod encoder;
 pub mod file;
 pub mod guidance;
+pub mod intervene;
 pub mod latent;
 pub mod pictures;
 pub mod settings;
@@ -26,6 +28,7 @@ pub mod sight;
 pub mod step;
 pub mod structure;
 pub mod train;
+pub mod tune;
 pub mod vectors;
 pub mod verdict;
 

@@ -216,6 +216,10 @@ impl Data for Pictures {
         &self.frame
     }
 
+    fn template(&self) -> &[[f32; 3]] {
+        &self.template
+    }
+
     fn write_input(&self, item: Item, into: &mut [f32]) {
         for (into, byte) in into.iter_mut().zip(self.image(item)) {
             *into = f32::from(*byte) / 255.0 - 0.5;

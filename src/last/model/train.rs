@@ -13,7 +13,7 @@ use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
-use super::{file::Trained, verdict};
+use super::{file::Trained, intervene, verdict};
 use crate::fit::training::{Fit, Step, Watch};
 use crate::last::structure::samples::Samples;
 use crate::last::structure::score::{Features, Table};
@@ -75,7 +75,7 @@ impl<'a> Training<'a> {
             .params
             .iter()
             .filter(|(_, a)| !a.is_empty())
-            .map(|(name, a)| Ok((name.to_owned(), Adam::new(rule, 1, a.len())?)))
+            .map(|(name, a)| Ok((name.to_owned(), Adam::new(rule, a.len(), 1)?)))
             .collect::<Result<_>>()?;
         Ok(Self {
             model,
@@ -215,12 +215,15 @@ impl<'a> Training<'a> {
             settings: self.settings,
             factor_spread: Vec::new(),
             noise_spread: Vec::new(),
+            codes: Vec::new(),
+            template: self.data.template().to_vec(),
         };
         let observed: Vec<Item> = (0..self.data.observed()).map(Item::Observed).collect();
         let [u, eps] = verdict::posterior(&trained, self.data, &observed);
         let d = trained.model.sizes.latent();
         [trained.factor_spread, trained.noise_spread] =
             [verdict::deviations(&u, d), verdict::deviations(&eps, d)];
+        trained.codes = intervene::codes(&u, trained.model.sizes.factors, trained.model.sizes.width);
         Ok(trained)
     }
 

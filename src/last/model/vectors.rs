@@ -124,6 +124,10 @@ impl Data for Vectors {
         &self.frame
     }
 
+    fn template(&self) -> &[[f32; 3]] {
+        &[]
+    }
+
     fn write_input(&self, item: Item, into: &mut [f32]) {
         into.copy_from_slice(self.shown(item));
     }

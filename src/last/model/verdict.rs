@@ -82,6 +82,22 @@ pub fn linked(trained: &Trained, mu: Vec<f64>) -> [Vec<f64>; 2] {
     }
 }
 
+/// What the graph makes of noise (B, n, k): the endogenous factors.
+pub fn predicted(trained: &Trained, eps: &[f64]) -> Vec<f64> {
+    let s = Structure::new(trained.model.sizes, &trained.model.params);
+    let mask = trained.graph.adjacency();
+    let x = structure::In {
+        eps,
+        mask: &mask,
+        mechanism: s.mechanism(),
+        batch: eps.len() / trained.model.sizes.latent(),
+        n: trained.model.sizes.factors,
+        k: trained.model.sizes.width,
+        sweeps: s.sweeps(),
+    };
+    structure::forward(&x).0
+}
+
 /// Standard deviation of every column of rows (N, d), at least 10⁻³.
 pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
     let count = Ord::max(1, rows.len() / d) as f64;

@@ -1,0 +1,112 @@
+//! `last tune`: the structure of a model, fine-tuned on one subject.
+
+use crate::cli;
+use crate::cli::claim;
+use crate::cli::meter::Meter;
+use crate::fit::training::Watch;
+use crate::last::model::decoder::code;
+use crate::last::model::file::Trained;
+use crate::last::model::guidance;
+use crate::last::model::settings::Reading;
+use crate::last::model::tune::{self, Settings, Subject};
+use crate::scene::person::PersonCapture;
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Fine-tune a model's structure on the training pictures of one person.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last tune model/model.safetensors subject/video --out tuned.safetensors
+
+Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 steps, held to
+where they were by 0.1 of the squared change of each probability. The table shows the edges before and after.")]
+pub(in crate::cli) struct Args {
+    /// Model written by last pretrain
+    #[arg(value_name = "MODEL")]
+    model: PathBuf,
+    /// Capture of the person
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// File for the tuned model
+    #[arg(long, value_name = "FILE")]
+    out: PathBuf,
+    /// Steps
+    #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    steps: u32,
+    /// Seed of every draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Replace --out where it exists
+    #[arg(long)]
+    force: bool,
+    /// Print the record as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// What the model makes of the training pictures of a capture.
+///
+/// # Errors
+/// A picture that cannot be read; no training pictures.
+pub(in crate::cli) fn subject(trained: &Trained, capture: &PersonCapture) -> Result<Subject> {
+    let mut subject = Subject::default();
+    if trained.settings.reading == Reading::Literal {
+        subject.rest = capture.template.points.clone();
+        subject.codes = code(&subject.rest);
+    }
+    for &i in &capture.train {
+        let shot = &capture.shots[i];
+        let photo = capture.photo(shot)?;
+        let seen = guidance::seen(trained, capture, shot, &photo);
+        let [mu, ell] = trained.posterior(&seen);
+        subject.mu.extend(mu);
+        subject.ell.extend(ell);
+        if trained.settings.reading == Reading::Literal {
+            subject.posed.push(capture.posed_points(shot.time));
+        }
+    }
+    if subject.mu.is_empty() {
+        return Err(Error::input(capture.folder.display().to_string())
+            .expected("at least one training picture")
+            .got("none"));
+    }
+    Ok(subject)
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    claim::file(&args.out, args.force)?;
+    let mut trained = Trained::read(&args.model)?;
+    let capture = PersonCapture::open(&args.capture)?;
+    let subject = subject(&trained, &capture)?;
+    meter.lap("pictures");
+    let settings = Settings { steps: args.steps, seed: args.seed, ..Settings::default() };
+    let tuned = tune::run(&mut trained, &subject, &settings)?;
+    meter.lap("tuning");
+    trained.write(&args.out, &[("command", cli::command_line())])?;
+    let n = trained.model.sizes.factors;
+    let edges = |e: &[(usize, usize)]| -> String {
+        let all: Vec<String> = e.iter().map(|(i, j)| format!("{i}>{j}")).collect();
+        if all.is_empty() { "none".into() } else { all.join(" ") }
+    };
+    if args.json {
+        return cli::say_json(&json!({
+            "kind": "last tune", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
+            "pictures": capture.train.len(), "before": tuned.before, "after": tuned.after,
+            "edges_before": tuned.edges[0], "edges_after": tuned.edges[1], "losses": tuned.losses,
+            "seconds": meter.seconds(),
+        }));
+    }
+    for i in 0..n {
+        let row = |p: &[f64]| -> String { (0..n).map(|j| format!(" {:.3}", p[i * n + j])).collect() };
+        cli::say(&format!("from {i}    {}   →  {}", row(&tuned.before), row(&tuned.after)))?;
+    }
+    cli::say(&format!("edges       {} → {}", edges(&tuned.edges[0]), edges(&tuned.edges[1])))?;
+    cli::say(&format!("loss        {:.4} → {:.4}", tuned.losses[0], tuned.losses[1]))?;
+    cli::say(&format!("digest      {}", trained.digest()?))?;
+    cli::say(&format!("model       {}", args.out.display()))
+}
