@@ -11,8 +11,11 @@
 //! | `SSIM-g` | [`ssim`] | 11×11 Gaussian, σ = 1.5, zero padding, range 1 |
 //! | `SSIM-g-box` | [`ssim`] on [`Crop`] | the same on the cropped images |
 //! | `MAE` | [`mae`] | mean absolute difference |
+//!
+//! Not of images: [`mutual`], mutual information of samples.
 
 pub mod mae;
+pub mod mutual;
 pub mod psnr;
 pub mod ssim;
 
