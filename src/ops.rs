@@ -53,6 +53,9 @@ pub static LIST: &[&Op] = &[
     &causal::STRUCTURE,
     &causal::POSTERIOR_KL,
     &causal::POSTERIOR,
+    &causal::SCM_KL,
+    &causal::INTERVENE,
+    &causal::INDEPENDENCE,
     &optim::ADAM,
     &optim::ADAMW,
 ];

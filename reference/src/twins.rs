@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
-use crate::causal::{acyclic, mask, posterior, posterior_kl, structure};
+use crate::causal::{acyclic, independence, intervene, mask, posterior, posterior_kl, scm_kl, structure};
 use crate::dual::Dual;
 use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
@@ -82,6 +82,9 @@ enum Stage {
     Structure,
     PosteriorKl,
     Posterior,
+    ScmKl,
+    Intervene,
+    Independence,
     Adam,
     Adamw,
     Trace,
@@ -325,6 +328,33 @@ const TWINS: &[Twin] = &[
         settings: &[],
     },
     Twin {
+        name: "causal.scm_kl",
+        stages: &[Stage::ScmKl],
+        inputs: &["eps", "mu", "logvar", "kept", "mask", "weight"],
+        smooth_inputs: &["eps", "mu", "logvar", "mask", "weight"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &["mode"],
+    },
+    Twin {
+        name: "causal.intervene",
+        stages: &[Stage::Intervene],
+        inputs: &["eps", "mask", "weight", "w0", "b0", "w1", "b1", "w2", "b2", "target", "value"],
+        smooth_inputs: &["eps", "mask", "weight", "w0", "b0", "w1", "b1", "w2", "value"],
+        outputs: &["z"],
+        smooth_outputs: &["z"],
+        settings: &["slope", "sweeps"],
+    },
+    Twin {
+        name: "causal.independence",
+        stages: &[Stage::Independence],
+        inputs: &["mu", "logvar", "mask", "weight", "among", "carried"],
+        smooth_inputs: &["mu", "logvar", "mask", "weight"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &["form", "ridge", "share"],
+    },
+    Twin {
         name: "optim.adam",
         stages: &[Stage::Adam],
         inputs: &["param", "grads", "active"],
@@ -448,6 +478,9 @@ fn run_stage<S: Scalar>(
         Stage::Structure => structure::forward(pool, settings, out),
         Stage::PosteriorKl => posterior_kl::forward(pool, out),
         Stage::Posterior => posterior::forward(pool, out),
+        Stage::ScmKl => scm_kl::forward(pool, settings, out),
+        Stage::Intervene => intervene::forward(pool, settings, out),
+        Stage::Independence => independence::forward(pool, settings, out),
         Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }

@@ -66,16 +66,42 @@ impl MechanismBar {
     }
 }
 
-/// Arguments of both hidden activations, and the result.
+/// Layers of one node with inputs as rows, so that one input meets all outputs at once. An output is still one chain over
+/// its inputs.
+#[derive(Debug)]
+struct Turned {
+    /// (n·k, h)
+    first: Vec<f64>,
+    /// (h, h)
+    second: Vec<f64>,
+    /// (h, k)
+    last: Vec<f64>,
+}
+
+/// What one pass through a network leaves behind.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Pass {
-    hidden: [Vec<f64>; 2],
+    /// input (n·k)
+    x: Vec<f64>,
+    /// arguments of both activations (h)
+    before: [Vec<f64>; 2],
+    /// their results (h)
+    after: [Vec<f64>; 2],
+    /// (k)
     y: Vec<f64>,
 }
 
 /// The networks at 0, one pass per node; empty for a linear mechanism.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Zero(Vec<Pass>);
+
+/// Buffers that all passes of a call share.
+#[derive(Debug)]
+pub(super) struct Work {
+    pass: Pass,
+    /// cotangents of both activations (h) and of the input (n·k)
+    bars: [Vec<f64>; 3],
+}
 
 /// Which node, and the factors of all nodes (n, k).
 #[derive(Clone, Copy)]
@@ -88,6 +114,7 @@ pub(super) struct At<'a> {
 pub(super) struct Bank<'a> {
     mask: &'a [f64],
     mechanism: Mechanism<'a>,
+    turned: Vec<Turned>,
     n: usize,
     k: usize,
 }
@@ -97,105 +124,176 @@ fn dot(row: &[f64], x: &[f64]) -> f64 {
     row.iter().zip(x).fold(0.0, |sum, (w, x)| sum + w * x)
 }
 
-impl Networks<'_> {
-    fn act(&self, x: f64) -> f64 {
-        if x > 0.0 { x } else { self.slope * x }
-    }
+/// Rows and columns exchanged.
+fn turned(w: &[f64], columns: usize) -> Vec<f64> {
+    let rows = w.len() / columns;
+    (0..w.len()).map(|at| w[at % rows * columns + at / rows]).collect()
+}
 
-    fn activated(&self, x: &[f64]) -> Vec<f64> {
-        x.iter().map(|x| self.act(*x)).collect()
-    }
-
-    fn pass(&self, node: usize, x: &[f64], k: usize) -> Pass {
-        let (h, d) = (self.hidden, x.len());
-        let layer = |w: &[f64], b: &[f64], x: &[f64]| -> Vec<f64> {
-            w.chunks_exact(x.len()).zip(b).map(|(row, b)| dot(row, x) + b).collect()
-        };
-        let p0 = layer(&self.w0[node * h * d..][..h * d], &self.b0[node * h..][..h], x);
-        let p1 = layer(&self.w1[node * h * h..][..h * h], &self.b1[node * h..][..h], &self.activated(&p0));
-        let last = self.activated(&p1);
-        let y = self.w2[node * k * h..][..k * h].chunks_exact(h).map(|row| dot(row, &last)).collect();
-        Pass { hidden: [p0, p1], y }
-    }
-
-    /// Adds the gradients of one pass; the result is that of its input.
-    fn pass_adjoint(
-        &self,
-        node: usize,
-        x: &[f64],
-        pass: &Pass,
-        y_bar: &[f64],
-        bar: &mut MechanismBar,
-    ) -> Vec<f64> {
-        let (h, d, k) = (self.hidden, x.len(), y_bar.len());
-        let [p0, p1] = &pass.hidden;
-        let through = |bars: Vec<f64>, p: &[f64]| -> Vec<f64> {
-            bars.into_iter().zip(p).map(|(bar, p)| if *p > 0.0 { bar } else { self.slope * bar }).collect()
-        };
-        let last_bar =
-            outer(&self.w2[node * k * h..][..k * h], &self.activated(p1), y_bar, &mut bar.w2[node * k * h..]);
-        let p1_bar = through(last_bar, p1);
-        bar.b1[node * h..].iter_mut().zip(&p1_bar).for_each(|(b, g)| *b += g);
-        let first_bar = outer(
-            &self.w1[node * h * h..][..h * h],
-            &self.activated(p0),
-            &p1_bar,
-            &mut bar.w1[node * h * h..],
-        );
-        let p0_bar = through(first_bar, p0);
-        bar.b0[node * h..].iter_mut().zip(&p0_bar).for_each(|(b, g)| *b += g);
-        outer(&self.w0[node * h * d..][..h * d], x, &p0_bar, &mut bar.w0[node * h * d..])
+/// y = Wx with W turned: every entry a left fold over x from +0.
+fn product(turned: &[f64], x: &[f64], y: &mut [f64]) {
+    y.fill(0.0);
+    for (row, x) in turned.chunks_exact(y.len()).zip(x) {
+        y.iter_mut().zip(row).for_each(|(y, w)| *y += w * x);
     }
 }
 
-/// W̄ += ȳ·xᵀ; gives Wᵀȳ, a left fold over the rows.
-fn outer(w: &[f64], x: &[f64], y_bar: &[f64], w_bar: &mut [f64]) -> Vec<f64> {
-    let mut x_bar = vec![0.0; x.len()];
+/// Entry by entry, as far as the shorter reaches.
+pub(super) fn add(into: &mut [f64], what: &[f64]) {
+    into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
+}
+
+/// W̄ += ȳ·xᵀ and x̄ = Wᵀȳ, a left fold over the rows.
+fn product_adjoint(w: &[f64], x: &[f64], y_bar: &[f64], w_bar: &mut [f64], x_bar: &mut [f64]) {
+    x_bar.fill(0.0);
     let rows = w.chunks_exact(x.len()).zip(w_bar.chunks_exact_mut(x.len()));
     for ((row, row_bar), g) in rows.zip(y_bar) {
         x_bar.iter_mut().zip(row).for_each(|(bar, w)| *bar += g * w);
         row_bar.iter_mut().zip(x).for_each(|(bar, x)| *bar += g * x);
     }
-    x_bar
+}
+
+impl Pass {
+    fn sized(d: usize, h: usize, k: usize) -> Self {
+        let zeros = |len| vec![0.0; len];
+        Self { x: zeros(d), before: [zeros(h), zeros(h)], after: [zeros(h), zeros(h)], y: zeros(k) }
+    }
+}
+
+impl Networks<'_> {
+    fn turned(&self, node: usize, d: usize, k: usize) -> Turned {
+        let h = self.hidden;
+        Turned {
+            first: turned(&self.w0[node * h * d..][..h * d], d),
+            second: turned(&self.w1[node * h * h..][..h * h], h),
+            last: turned(&self.w2[node * k * h..][..k * h], h),
+        }
+    }
+
+    /// Biases and activation of a hidden layer.
+    fn activate(&self, bias: &[f64], before: &mut [f64], after: &mut [f64]) {
+        for ((before, after), b) in before.iter_mut().zip(after).zip(bias) {
+            *before += b;
+            *after = if *before > 0.0 { *before } else { self.slope * *before };
+        }
+    }
+
+    /// Fills the pass from its input.
+    fn pass(&self, node: usize, turned: &Turned, pass: &mut Pass) {
+        let h = self.hidden;
+        let Pass { x, before: [p0, p1], after: [a0, a1], y } = pass;
+        product(&turned.first, x, p0);
+        self.activate(&self.b0[node * h..], p0, a0);
+        product(&turned.second, a0, p1);
+        self.activate(&self.b1[node * h..], p1, a1);
+        product(&turned.last, a1, y);
+    }
+
+    /// Adds the gradients of one pass; that of its input is left in `bars[2]`.
+    fn pass_adjoint(
+        &self,
+        node: usize,
+        pass: &Pass,
+        y_bar: &[f64],
+        bars: &mut [Vec<f64>; 3],
+        bar: &mut MechanismBar,
+    ) {
+        let (h, d, k) = (self.hidden, pass.x.len(), y_bar.len());
+        let through = |bars: &mut [f64], before: &[f64]| {
+            for (bar, before) in bars.iter_mut().zip(before) {
+                *bar = if *before > 0.0 { *bar } else { self.slope * *bar };
+            }
+        };
+        let [bar1, bar0, x_bar] = bars;
+        product_adjoint(
+            &self.w2[node * k * h..][..k * h],
+            &pass.after[1],
+            y_bar,
+            &mut bar.w2[node * k * h..],
+            bar1,
+        );
+        through(bar1, &pass.before[1]);
+        add(&mut bar.b1[node * h..], bar1);
+        product_adjoint(
+            &self.w1[node * h * h..][..h * h],
+            &pass.after[0],
+            bar1,
+            &mut bar.w1[node * h * h..],
+            bar0,
+        );
+        through(bar0, &pass.before[0]);
+        add(&mut bar.b0[node * h..], bar0);
+        product_adjoint(&self.w0[node * h * d..][..h * d], &pass.x, bar0, &mut bar.w0[node * h * d..], x_bar);
+    }
 }
 
 impl<'a> Bank<'a> {
     pub(super) fn new(mask: &'a [f64], mechanism: Mechanism<'a>, n: usize, k: usize) -> Self {
+        assert!(n > 0 && k > 0, "there are factors, and they hold numbers");
         assert_eq!(mask.len(), n * n, "mask is (n, n)");
+        let mut turned = Vec::new();
         match &mechanism {
             Mechanism::Linear { weight } => assert_eq!(weight.len(), n * n, "weight is (n, n)"),
             Mechanism::Networks(g) => {
                 let h = g.hidden;
+                assert!(h > 0, "networks have hidden units");
                 assert!(g.w0.len() == n * h * n * k && g.b0.len() == n * h, "first layer is (n, h, n·k)");
                 assert!(g.w1.len() == n * h * h && g.b1.len() == n * h, "second layer is (n, h, h)");
                 assert_eq!(g.w2.len(), n * k * h, "last layer is (n, k, h)");
+                turned = (0..n).map(|j| g.turned(j, n * k, k)).collect();
             }
         }
-        Self { mask, mechanism, n, k }
+        Self { mask, mechanism, turned, n, k }
+    }
+
+    fn hidden(&self) -> usize {
+        match &self.mechanism {
+            Mechanism::Linear { .. } => 0,
+            Mechanism::Networks(g) => g.hidden,
+        }
+    }
+
+    /// Buffers for [`Self::effect`] and [`Self::effect_adjoint`].
+    pub(super) fn work(&self) -> Work {
+        let (d, h) = (self.n * self.k, self.hidden());
+        Work { pass: Pass::sized(d, h, self.k), bars: [vec![0.0; h], vec![0.0; h], vec![0.0; d]] }
     }
 
     /// The networks at 0.
     pub(super) fn zero(&self) -> Zero {
         let Mechanism::Networks(g) = &self.mechanism else { return Zero(Vec::new()) };
-        let nothing = vec![0.0; self.n * self.k];
-        Zero((0..self.n).map(|j| g.pass(j, &nothing, self.k)).collect())
+        let at_zero = |(j, turned): (usize, &Turned)| {
+            let mut pass = Pass::sized(self.n * self.k, g.hidden, self.k);
+            g.pass(j, turned, &mut pass);
+            pass
+        };
+        Zero(self.turned.iter().enumerate().map(at_zero).collect())
     }
 
     /// Ã(·,j)∘z, all factors in order.
-    fn masked(&self, j: usize, z: &[f64]) -> Vec<f64> {
-        z.iter().enumerate().map(|(at, z)| self.mask[at / self.k * self.n + j] * z).collect()
+    fn masked(&self, j: usize, z: &[f64], x: &mut [f64]) {
+        for (i, (x, z)) in x.chunks_exact_mut(self.k).zip(z.chunks_exact(self.k)).enumerate() {
+            let m = self.mask[i * self.n + j];
+            x.iter_mut().zip(z).for_each(|(x, z)| *x = m * z);
+        }
     }
 
-    /// What the parents of node j give it (k).
-    pub(super) fn effect(&self, zero: &Zero, j: usize, z: &[f64]) -> Vec<f64> {
+    /// What the parents of a node give it (k).
+    pub(super) fn effect(&self, zero: &Zero, at: At<'_>, work: &mut Work, out: &mut [f64]) {
+        let (n, k, j, z) = (self.n, self.k, at.node, at.z);
         match &self.mechanism {
             Mechanism::Linear { weight } => {
-                let w = |i: usize| self.mask[i * self.n + j] * weight[i * self.n + j];
-                (0..self.k).map(|c| (0..self.n).fold(0.0, |sum, i| sum + w(i) * z[i * self.k + c])).collect()
+                out.fill(0.0);
+                for i in 0..n {
+                    let w = self.mask[i * n + j] * weight[i * n + j];
+                    out.iter_mut().zip(&z[i * k..]).for_each(|(out, z)| *out += w * z);
+                }
             }
             Mechanism::Networks(g) => {
-                let pass = g.pass(j, &self.masked(j, z), self.k);
-                pass.y.iter().zip(&zero.0[j].y).map(|(y, at_zero)| y - at_zero).collect()
+                self.masked(j, z, &mut work.pass.x);
+                g.pass(j, &self.turned[j], &mut work.pass);
+                let both = work.pass.y.iter().zip(&zero.0[j].y);
+                out.iter_mut().zip(both).for_each(|(out, (y, at_zero))| *out = y - at_zero);
             }
         }
     }
@@ -205,6 +303,7 @@ impl<'a> Bank<'a> {
         &self,
         at: At<'_>,
         c: &[f64],
+        work: &mut Work,
         z_bar: &mut [f64],
         mask_bar: &mut [f64],
         bar: &mut MechanismBar,
@@ -221,10 +320,11 @@ impl<'a> Bank<'a> {
                 }
             }
             Mechanism::Networks(g) => {
-                let x = self.masked(j, z);
-                let x_bar = g.pass_adjoint(j, &x, &g.pass(j, &x, k), c, bar);
+                self.masked(j, z, &mut work.pass.x);
+                g.pass(j, &self.turned[j], &mut work.pass);
+                g.pass_adjoint(j, &work.pass, c, &mut work.bars, bar);
                 for i in 0..n {
-                    let (x_bar, z) = (&x_bar[i * k..(i + 1) * k], &z[i * k..(i + 1) * k]);
+                    let (x_bar, z) = (&work.bars[2][i * k..(i + 1) * k], &z[i * k..(i + 1) * k]);
                     mask_bar[i * n + j] += dot(x_bar, z);
                     let m = self.mask[i * n + j];
                     z_bar[i * k..].iter_mut().zip(x_bar).for_each(|(z_bar, x_bar)| *z_bar += m * x_bar);
@@ -233,13 +333,12 @@ impl<'a> Bank<'a> {
         }
     }
 
-    /// Adds the gradients that come through the networks at 0; `sums` (n, k) are the cotangents of the effects.
-    pub(super) fn zero_adjoint(&self, zero: &Zero, sums: &[f64], bar: &mut MechanismBar) {
+    /// Adds the gradients that come through the networks at 0; `sums` (n, k) are the cotangents of a sample's effects.
+    pub(super) fn zero_adjoint(&self, zero: &Zero, sums: &[f64], work: &mut Work, bar: &mut MechanismBar) {
         let Mechanism::Networks(g) = &self.mechanism else { return };
-        let nothing = vec![0.0; self.n * self.k];
         for (j, pass) in zero.0.iter().enumerate() {
             let y_bar: Vec<f64> = sums[j * self.k..(j + 1) * self.k].iter().map(|c| -c).collect();
-            g.pass_adjoint(j, &nothing, pass, &y_bar, bar);
+            g.pass_adjoint(j, pass, &y_bar, &mut work.bars, bar);
         }
     }
 }

@@ -2,9 +2,12 @@
 //!
 //! ```text
 //! logits ── mask ──► Ã ── acyclic ──► h            how far Ã is from a graph without cycles
+//!                    │ └─ repair ───► Graph        the nearest graph without cycles; levels, descendants
 //!                    │
-//! μ, ℓ, η ── posterior ──► sample                  posterior_kl: its divergence from the prior
-//!           ε ── structure ──► Ẑ                   n sweeps of the mechanisms, or a truncated Neumann sum; and back
+//! μ, ℓ, η ── posterior ──► û ── structure, mode abduct ──► ε        the causes behind factors
+//!           ε ── structure ──► Ẑ                   n sweeps of the mechanisms, or a truncated Neumann sum
+//!           ε, (i, v) ── intervene ──► Ẑ           the same with factor i set to v
+//! ε, ℓ ── scm_kl ──► KL     μ, ℓ ── posterior_kl ──► KL from the prior     μ, ℓ ── independence ──► I between the causes
 //! ```
 //!
 //! n factors of k numbers each, row-major (B, n, k). `A[i][j]` is the edge i → j, so the parents of j are column j.
@@ -14,8 +17,12 @@
 //! Sums are left folds from +0 in ascending index unless a file says otherwise; one thread.
 
 pub mod acyclic;
+pub mod independence;
+pub mod intervene;
 pub mod mask;
 mod mechanism;
 pub mod posterior;
 pub mod posterior_kl;
+pub mod repair;
+pub mod scm_kl;
 pub mod structure;

@@ -16,6 +16,7 @@
 //!
 //! # Kinks and domain
 //! At the limits of ℓ: inside and on them the gradient is that of the smooth function, outside it is 0. η gets none: it is noise.
+//! The divergences and `independence` take ℓ as it is: whoever gives them the ℓ of this posterior passes it through [`limited`] first.
 //!
 //! # Adjoint
 //! μ̄ += s̄,   ℓ̄ += s̄·½ e^{ℓ/2} η within the limits
@@ -31,17 +32,27 @@ use crate::num::elem::f64::exp;
 /// Limits of the logarithm of the variance.
 pub const LOGVAR: [f64; 2] = [-8.0, 4.0];
 
-/// Standard deviation.
-fn deviation(logvar: f64) -> f64 {
+/// ℓ within its limits.
+pub fn limited(logvar: f64) -> f64 {
     let [low, high] = LOGVAR;
-    let limited = if logvar < low {
+    if logvar < low {
         low
     } else if logvar > high {
         high
     } else {
         logvar
-    };
-    exp(0.5 * limited)
+    }
+}
+
+/// Whether ℓ has a gradient through [`limited`].
+pub fn within(logvar: f64) -> bool {
+    let [low, high] = LOGVAR;
+    (low..=high).contains(&logvar)
+}
+
+/// Standard deviation.
+fn deviation(logvar: f64) -> f64 {
+    exp(0.5 * limited(logvar))
 }
 
 /// The sample.
@@ -61,7 +72,7 @@ pub fn adjoint(logvar: &[f64], eta: &[f64], sample_bar: &[f64], mu_bar: &mut [f6
     assert!(mu_bar.len() == sample_bar.len() && logvar_bar.len() == sample_bar.len(), "arrays of one shape");
     for (i, g) in sample_bar.iter().enumerate() {
         mu_bar[i] += g;
-        if logvar[i] >= LOGVAR[0] && logvar[i] <= LOGVAR[1] {
+        if within(logvar[i]) {
             logvar_bar[i] += g * (0.5 * deviation(logvar[i]) * eta[i]);
         }
     }

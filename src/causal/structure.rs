@@ -27,9 +27,10 @@
 //! Leaky ReLU has slope 1 above 0 and `slope` at 0 and below.
 //!
 //! # Adjoint
-//! Reverse through the sweeps, samples in ascending order, nodes in ascending order; hidden layers are recomputed from the saved
-//! sweeps. ε̄ collects the cotangent of every sweep. The cotangents at gⱼ(0) are summed over samples and sweeps and go
-//! through the network once.
+//! Samples in ascending order; within one, reverse through the sweeps, nodes in ascending order; hidden layers are recomputed
+//! from the saved sweeps. ε̄ collects the cotangent of every sweep. The cotangents at gⱼ(0) are summed over the sweeps of a
+//! sample and go through the network once per sample, so consecutive parts of a batch, one after the other into the same gradients,
+//! give the bits of the whole.
 //!
 //! # Example
 //! ```
@@ -40,7 +41,7 @@
 //! assert_eq!(forward(&x).0, [1.0, 2.5]);
 //! ```
 
-use super::mechanism::{At, Bank, Zero};
+use super::mechanism::{At, Bank, Zero, add};
 pub use super::mechanism::{Mechanism, MechanismBar, Networks};
 
 /// Inputs.
@@ -63,7 +64,7 @@ pub struct In<'a> {
 }
 
 /// A value that one factor of one sample is held at.
-pub type Hold<'a> = Option<(usize, &'a [f64])>;
+pub(super) type Hold<'a> = Option<(usize, &'a [f64])>;
 
 /// Gradients, accumulated into.
 #[derive(Clone, Debug, PartialEq)]
@@ -106,27 +107,27 @@ pub fn forward(x: &In<'_>) -> (Vec<f64>, Saved) {
 /// [`forward`] with one factor of a sample held at a value: its cause is that value, and no edge enters it.
 pub fn forward_held<'h>(x: &In<'_>, hold: impl Fn(usize) -> Hold<'h>) -> (Vec<f64>, Saved) {
     let bank = bank(x);
-    let zero = bank.zero();
+    let (zero, mut work) = (bank.zero(), bank.work());
     let (n, k, d) = (x.n, x.k, x.n * x.k);
     let mut states = Vec::with_capacity(x.sweeps * x.eps.len());
     let mut z = Vec::with_capacity(x.eps.len());
-    for b in 0..x.batch {
+    let (mut cause, mut state, mut next) = (vec![0.0; d], vec![0.0; d], vec![0.0; d]);
+    for (b, eps) in x.eps.chunks_exact(d).enumerate() {
         let held = hold(b);
-        let mut cause = x.eps[b * d..(b + 1) * d].to_vec();
+        cause.copy_from_slice(eps);
         if let Some((node, value)) = held {
             cause[node * k..(node + 1) * k].copy_from_slice(value);
         }
-        let mut state = cause.clone();
+        state.copy_from_slice(&cause);
         for _ in 0..x.sweeps {
-            let mut next = cause.clone();
-            for j in (0..n).filter(|j| held.is_none_or(|(node, _)| node != *j)) {
-                let effect = bank.effect(&zero, j, &state);
-                for (next, effect) in next[j * k..].iter_mut().zip(&effect) {
-                    *next = effect + *next;
-                }
+            next.copy_from_slice(&cause);
+            for node in (0..n).filter(|j| held.is_none_or(|(node, _)| node != *j)) {
+                let (next, cause) = (&mut next[node * k..(node + 1) * k], &cause[node * k..]);
+                bank.effect(&zero, At { node, z: &state }, &mut work, next);
+                add(next, cause);
             }
             states.extend_from_slice(&state);
-            state = next;
+            std::mem::swap(&mut state, &mut next);
         }
         z.extend_from_slice(&state);
     }
@@ -151,31 +152,29 @@ pub fn adjoint_held<'h>(
     value_bar: &mut [f64],
 ) {
     let bank = bank(x);
+    let mut work = bank.work();
     let (n, k, d) = (x.n, x.k, x.n * x.k);
     assert!(z_bar.len() == x.eps.len() && bar.eps.len() == x.eps.len(), "cotangents have the shape of eps");
-    let mut zero_bar = vec![0.0; d];
+    let zeros = || vec![0.0; d];
+    let (mut state_bar, mut before, mut cause_bar, mut zero_bar) = (zeros(), zeros(), zeros(), zeros());
     for b in 0..x.batch {
         let held = hold(b).map(|(node, _)| node);
-        let mut state_bar = z_bar[b * d..(b + 1) * d].to_vec();
-        let mut cause_bar = vec![0.0; d];
+        state_bar.copy_from_slice(&z_bar[b * d..(b + 1) * d]);
+        cause_bar.fill(0.0);
+        zero_bar.fill(0.0);
         for t in (0..x.sweeps).rev() {
-            let state = &saved.states[(b * x.sweeps + t) * d..][..d];
-            let mut before = vec![0.0; d];
-            for j in 0..n {
-                let c = &state_bar[j * k..(j + 1) * k];
-                add(&mut cause_bar[j * k..], c);
-                if held != Some(j) {
-                    add(&mut zero_bar[j * k..], c);
-                    bank.effect_adjoint(
-                        At { node: j, z: state },
-                        c,
-                        &mut before,
-                        &mut bar.mask,
-                        &mut bar.mechanism,
-                    );
+            let z = &saved.states[(b * x.sweeps + t) * d..][..d];
+            before.fill(0.0);
+            for node in 0..n {
+                let c = &state_bar[node * k..(node + 1) * k];
+                add(&mut cause_bar[node * k..], c);
+                if held != Some(node) {
+                    add(&mut zero_bar[node * k..], c);
+                    let at = At { node, z };
+                    bank.effect_adjoint(at, c, &mut work, &mut before, &mut bar.mask, &mut bar.mechanism);
                 }
             }
-            state_bar = before;
+            std::mem::swap(&mut state_bar, &mut before);
         }
         add(&mut cause_bar, &state_bar);
         if let Some(node) = held {
@@ -183,48 +182,75 @@ pub fn adjoint_held<'h>(
             cause_bar[node * k..(node + 1) * k].fill(0.0);
         }
         add(&mut bar.eps[b * d..], &cause_bar);
+        bank.zero_adjoint(&saved.zero, &zero_bar, &mut work, &mut bar.mechanism);
     }
-    bank.zero_adjoint(&saved.zero, &zero_bar, &mut bar.mechanism);
 }
 
-/// The causes behind factors: `eps` holds u, the result ε.
-///
-/// # Panics
-/// When a buffer does not have the size of its shape.
-pub fn abduct(x: &In<'_>) -> Vec<f64> {
+/// What parents that stand at `state` (B, n, k) give every node (B, n, k).
+fn effects(x: &In<'_>, state: &[f64]) -> Vec<f64> {
     let bank = bank(x);
-    let zero = bank.zero();
-    let d = x.n * x.k;
-    let mut out = Vec::with_capacity(x.eps.len());
-    for u in x.eps.chunks_exact(d) {
-        for j in 0..x.n {
-            let effect = bank.effect(&zero, j, u);
-            out.extend(u[j * x.k..].iter().zip(&effect).map(|(u, effect)| u - effect));
+    let (zero, mut work) = (bank.zero(), bank.work());
+    assert_eq!(state.len(), x.eps.len(), "factors have the shape of eps");
+    let mut out = vec![0.0; state.len()];
+    for (out, z) in out.chunks_exact_mut(x.n * x.k).zip(state.chunks_exact(x.n * x.k)) {
+        for (node, out) in out.chunks_exact_mut(x.k).enumerate() {
+            bank.effect(&zero, At { node, z }, &mut work, out);
         }
     }
     out
 }
 
-/// Adds the gradients of [`abduct`] for the cotangent `out_bar` (B, n, k).
+/// Adds the gradients of [`effects`] for the cotangent `c` (B, n, k).
+fn effects_adjoint(x: &In<'_>, state: &[f64], c: &[f64], state_bar: &mut [f64], bar: &mut InBar) {
+    let bank = bank(x);
+    let (zero, mut work) = (bank.zero(), bank.work());
+    let d = x.n * x.k;
+    assert!(c.len() == x.eps.len() && state.len() == x.eps.len(), "cotangents have the shape of eps");
+    let samples = state.chunks_exact(d).zip(c.chunks_exact(d)).zip(state_bar.chunks_exact_mut(d));
+    for ((z, c), z_bar) in samples {
+        for (node, c) in c.chunks_exact(x.k).enumerate() {
+            let at = At { node, z };
+            bank.effect_adjoint(at, c, &mut work, z_bar, &mut bar.mask, &mut bar.mechanism);
+        }
+        bank.zero_adjoint(&zero, c, &mut work, &mut bar.mechanism);
+    }
+}
+
+/// The causes behind factors: `eps` holds u, the result ε. `sweeps` is not used.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn abduct(x: &In<'_>) -> Vec<f64> {
+    effects(x, x.eps).into_iter().zip(x.eps).map(|(effect, u)| u - effect).collect()
+}
+
+/// Adds the gradients of [`abduct`] for the cotangent `out_bar` (B, n, k); `bar.eps` is that of u.
 ///
 /// # Panics
 /// When a buffer does not have the size of its shape.
 pub fn abduct_adjoint(x: &In<'_>, out_bar: &[f64], bar: &mut InBar) {
-    let bank = bank(x);
-    let (k, d) = (x.k, x.n * x.k);
-    assert!(out_bar.len() == x.eps.len() && bar.eps.len() == x.eps.len(), "cotangents have the shape of eps");
-    let mut zero_bar = vec![0.0; d];
-    for b in 0..x.batch {
-        let u = &x.eps[b * d..(b + 1) * d];
-        let mut u_bar = out_bar[b * d..(b + 1) * d].to_vec();
-        for j in 0..x.n {
-            let c: Vec<f64> = out_bar[b * d + j * k..][..k].iter().map(|c| -c).collect();
-            add(&mut zero_bar[j * k..], &c);
-            bank.effect_adjoint(At { node: j, z: u }, &c, &mut u_bar, &mut bar.mask, &mut bar.mechanism);
-        }
-        add(&mut bar.eps[b * d..], &u_bar);
-    }
-    bank.zero_adjoint(&bank.zero(), &zero_bar, &mut bar.mechanism);
+    let mut u_bar = out_bar.to_vec();
+    let c: Vec<f64> = out_bar.iter().map(|c| -c).collect();
+    effects_adjoint(x, x.eps, &c, &mut u_bar, bar);
+    add(&mut bar.eps, &u_bar);
+}
+
+/// One application of the mechanism to given factors: Zⱼ = gⱼ(Ã(·,j)∘S) − gⱼ(0) + εⱼ, or WᵀS + ε. With S from the linear form
+/// this is the structure as two printed equations, one after the other. `sweeps` is not used.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn apply(x: &In<'_>, state: &[f64]) -> Vec<f64> {
+    effects(x, state).into_iter().zip(x.eps).map(|(effect, e)| effect + e).collect()
+}
+
+/// Adds the gradients of [`apply`] for the cotangent `z_bar` (B, n, k).
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn apply_adjoint(x: &In<'_>, state: &[f64], z_bar: &[f64], state_bar: &mut [f64], bar: &mut InBar) {
+    effects_adjoint(x, state, z_bar, state_bar, bar);
+    add(&mut bar.eps, z_bar);
 }
 
 fn bank<'a>(x: &In<'a>) -> Bank<'a> {
@@ -232,134 +258,80 @@ fn bank<'a>(x: &In<'a>) -> Bank<'a> {
     Bank::new(x.mask, x.mechanism, x.n, x.k)
 }
 
-fn add(into: &mut [f64], what: &[f64]) {
-    into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::num::rng::Rng;
 
-    const N: usize = 4;
+    const N: usize = 3;
     const K: usize = 2;
     const H: usize = 5;
     const D: usize = N * K;
+    const BATCH: usize = 4;
 
-    /// Numbers of one random graph without cycles, whose nodes stand in a random order.
-    struct Draw {
-        order: Vec<usize>,
-        mask: Vec<f64>,
-        weight: Vec<f64>,
-        eps: Vec<f64>,
-        layers: [Vec<f64>; 5],
+    fn normals(draw: u16, len: usize) -> Vec<f64> {
+        (0..len).map(|i| 0.6 * f64::from(Rng::new(7).normal_f32(i as u64, 0, 0x7e57, draw))).collect()
     }
 
-    fn draw(step: u32) -> Draw {
-        let normals = |part: u32, len: usize| -> Vec<f64> {
-            (0..len).map(|i| f64::from(Rng::new(7).normal_f32(i as u64, step, 0x7e57, part))).collect()
+    #[test]
+    fn consecutive_parts_of_a_batch_give_the_bits_of_the_whole() {
+        let (eps, mask, z_bar) = (normals(0, BATCH * D), normals(1, N * N), normals(2, BATCH * D));
+        let lengths = [N * H * D, N * H, N * H * H, N * H, N * K * H];
+        let [w0, b0, w1, b1, w2]: [Vec<f64>; 5] = std::array::from_fn(|i| normals(3 + i as u16, lengths[i]));
+        let networks = Networks { w0: &w0, b0: &b0, w1: &w1, b1: &b1, w2: &w2, hidden: H, slope: 0.05 };
+        let mechanism = Mechanism::Networks(networks);
+        let part = |from: usize, to: usize| In {
+            eps: &eps[from * D..to * D],
+            mask: &mask,
+            mechanism,
+            batch: to - from,
+            n: N,
+            k: K,
+            sweeps: N,
         };
-        let mut order: Vec<usize> = (0..N).collect();
-        let keys = normals(0, N);
-        order.sort_by(|a, b| keys[*a].total_cmp(&keys[*b]));
-        let edges = normals(1, N * N);
-        let mut mask = vec![0.0; N * N];
-        for (place, i) in order.iter().enumerate() {
-            for j in &order[place + 1..] {
-                let edge = edges[i * N + j];
-                mask[i * N + j] = if edge > -0.3 { 1.0 } else { 0.0 };
-            }
-        }
-        let layers = [(2, N * H * D), (3, N * H), (4, N * H * H), (5, N * H), (6, N * K * H)];
-        let layers = layers.map(|(part, len)| normals(part, len).iter().map(|x| 0.5 * x).collect());
-        Draw { order, mask, weight: normals(7, N * N), eps: normals(8, D), layers }
-    }
-
-    impl Draw {
-        fn input(&self, linear: bool) -> In<'_> {
-            let [w0, b0, w1, b1, w2] = &self.layers;
-            let mechanism = if linear {
-                Mechanism::Linear { weight: &self.weight }
-            } else {
-                Mechanism::Networks(Networks { w0, b0, w1, b1, w2, hidden: H, slope: 0.05 })
-            };
-            let sweeps = if linear { N - 1 } else { N };
-            In { eps: &self.eps, mask: &self.mask, mechanism, batch: 1, n: N, k: K, sweeps }
-        }
-    }
-
-    /// Solves (I − Wᵀ) z = ε by elimination with pivots.
-    fn solved(w: &[f64], eps: &[f64]) -> Vec<f64> {
-        let mut rows: Vec<Vec<f64>> = (0..N)
-            .map(|r| {
-                let left = (0..N).map(|c| f64::from(u8::from(r == c)) - w[c * N + r]);
-                left.chain(eps[r * K..(r + 1) * K].iter().copied()).collect()
-            })
-            .collect();
-        for c in 0..N {
-            let best = (c..N).max_by(|a, b| rows[*a][c].abs().total_cmp(&rows[*b][c].abs()));
-            rows.swap(c, best.expect("a row is left"));
-            let pivot = rows[c].clone();
-            for (r, row) in rows.iter_mut().enumerate().filter(|(r, _)| *r != c) {
-                let factor = row[c] / pivot[c];
-                assert!(factor.is_finite(), "row {r}: I − Wᵀ of a graph without cycles has an inverse");
-                row.iter_mut().zip(&pivot).for_each(|(x, p)| *x -= factor * p);
-            }
-        }
-        (0..N).flat_map(|r| (0..K).map(move |c| (r, c))).map(|(r, c)| rows[r][N + c] / rows[r][r]).collect()
-    }
-
-    #[test]
-    fn truncated_sum_is_the_inverse_on_a_thousand_graphs() {
-        let mut worst = 0.0;
-        for step in 0..1000 {
-            let d = draw(step);
-            let w: Vec<f64> = d.mask.iter().zip(&d.weight).map(|(m, w)| m * w).collect();
-            let exact = solved(&w, &d.eps);
-            let z = forward(&d.input(true)).0;
-            let scale = exact.iter().fold(1.0, |m: f64, x| if x.abs() > m { x.abs() } else { m });
-            for (a, b) in z.iter().zip(&exact) {
-                let error = (a - b).abs() / scale;
-                worst = if error > worst { error } else { worst };
-            }
-        }
-        assert!(worst < 1e-12, "largest difference {worst:e}");
-    }
-
-    #[test]
-    fn sweeps_are_ancestral_evaluation_bit_for_bit() {
-        for step in 0..200 {
-            let d = draw(step);
-            for linear in [true, false] {
-                let x = d.input(linear);
-                let bank = bank(&x);
-                let zero = bank.zero();
-                let mut z = vec![0.0; D];
-                for j in &d.order {
-                    let effect = bank.effect(&zero, *j, &z);
-                    for c in 0..K {
-                        z[j * K + c] = effect[c] + d.eps[j * K + c];
-                    }
-                }
-                let swept = forward(&x).0;
-                let bits = |z: &[f64]| z.iter().map(|z| z.to_bits()).collect::<Vec<_>>();
-                assert_eq!(bits(&swept), bits(&z), "graph {step}, linear {linear}");
+        type Gradient = fn(&In<'_>, &[f64], &mut InBar);
+        let forms: [(&str, Gradient); 2] = [
+            ("sweeps", |x, z_bar, bar| adjoint(x, &forward(x).1, z_bar, bar)),
+            ("back", |x, z_bar, bar| abduct_adjoint(x, z_bar, bar)),
+        ];
+        for (name, gradient) in forms {
+            let mut whole = InBar::zeros_like(&part(0, BATCH));
+            gradient(&part(0, BATCH), &z_bar, &mut whole);
+            for cut in 1..BATCH {
+                let (mut first, mut second) =
+                    (InBar::zeros_like(&part(0, cut)), InBar::zeros_like(&part(cut, BATCH)));
+                gradient(&part(0, cut), &z_bar[..cut * D], &mut first);
+                (second.mask, second.mechanism) = (first.mask, first.mechanism);
+                gradient(&part(cut, BATCH), &z_bar[cut * D..], &mut second);
+                assert!(second.mask == whole.mask, "{name}, cut at {cut}: mask");
+                assert!(second.mechanism == whole.mechanism, "{name}, cut at {cut}: networks");
+                assert_eq!([first.eps, second.eps].concat(), whole.eps, "{name}, cut at {cut}: causes");
             }
         }
     }
 
     #[test]
-    fn abduction_is_undone_by_sweeps() {
-        for step in 0..200 {
-            let d = draw(step);
-            for linear in [true, false] {
-                let x = d.input(linear);
-                let causes = abduct(&x);
-                let again = forward(&In { eps: &causes, ..x }).0;
-                for (a, b) in again.iter().zip(&d.eps) {
-                    assert!((a - b).abs() <= 1e-12, "graph {step}, linear {linear}: {a} for {b}");
-                }
-            }
+    fn one_application_and_the_kink() {
+        // one factor with an edge to itself: g(x) − g(0) = act(act(x) + 1) − 1
+        let networks =
+            Networks { w0: &[1.0], b0: &[0.0], w1: &[1.0], b1: &[1.0], w2: &[1.0], hidden: 1, slope: 0.25 };
+        let mechanism = Mechanism::Networks(networks);
+        let x = In { eps: &[3.0], mask: &[1.0], mechanism, batch: 1, n: 1, k: 1, sweeps: 0 };
+        for (state, z, slope) in [(2.0, 5.0, 1.0), (-2.0, 2.5, 0.25), (0.0, 3.0, 0.25)] {
+            assert_eq!(apply(&x, &[state]), [z], "g({state}) + 3");
+            let (mut state_bar, mut bar) = ([0.0], InBar::zeros_like(&x));
+            apply_adjoint(&x, &[state], &[1.0], &mut state_bar, &mut bar);
+            assert_eq!((state_bar[0], bar.eps[0]), (slope, 1.0), "slope at {state}");
         }
+        let weight = [0.0, 2.0, 0.0, 0.0];
+        let linear = In {
+            mechanism: Mechanism::Linear { weight: &weight },
+            eps: &[1.0, 5.0],
+            mask: &[1.0; 4],
+            n: 2,
+            ..x
+        };
+        assert_eq!(apply(&linear, &[10.0, 100.0]), [1.0, 25.0], "0 → 1 with weight 2");
+        assert_eq!(abduct(&In { eps: &[10.0, 25.0], ..linear }), [10.0, 5.0], "and back");
     }
 }

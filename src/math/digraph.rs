@@ -140,6 +140,15 @@ impl Digraph {
         Some(order)
     }
 
+    /// Longest path into every node, in edges: 0 without parents, else 1 + the largest of the parents. `None` when there is a cycle.
+    pub fn levels(&self) -> Option<Vec<usize>> {
+        let mut levels = vec![0; self.n()];
+        for j in self.order()? {
+            levels[j] = nodes(self.parents[j]).map(|i| levels[i] + 1).fold(0, Ord::max);
+        }
+        Some(levels)
+    }
+
     /// Whether there is no cycle.
     pub fn is_acyclic(&self) -> bool {
         self.order().is_some()

@@ -39,6 +39,21 @@ pub struct Ran {
     pub plan: Arrays,
 }
 
+impl Ran {
+    /// The same with every float array rounded to f32: what a run in f32 stores, whatever it computed in.
+    ///
+    /// # Errors
+    /// When a number leaves the range of f32.
+    pub fn stored_in_f32(self, op: &Op) -> Result<Self> {
+        Ok(Self {
+            outputs: cast(&self.outputs, op.outputs, true)?,
+            gradients: cast(&self.gradients, op.inputs, true)?,
+            intermediates: cast(&self.intermediates, op.intermediates, true)?,
+            plan: self.plan,
+        })
+    }
+}
+
 /// Sizes of the axes by letter.
 #[derive(Clone, Debug, Default)]
 pub struct Dims(BTreeMap<String, Vec<usize>>);

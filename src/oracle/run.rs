@@ -3,7 +3,7 @@
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{self, Digest};
-use crate::ops::{self, Call, Op, Ran, Setting, Settings};
+use crate::ops::{self, Call, Op, Ran, Setting, Settings, Width};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -155,14 +155,16 @@ pub fn add_settings(op: &Op, settings: &mut Settings, profile: Option<&str>, set
     Ok(())
 }
 
-/// One call in one precision, through the path every run takes.
+/// One call in one precision, through the path every run takes. A run in f32 gives f32 arrays, also of an operator that
+/// computes in f64.
 ///
 /// # Errors
-/// Bad input.
+/// Bad input; a result beyond the range of f32.
 pub fn call(op: &'static Op, call: &Call, precision: Precision) -> Result<Ran> {
-    match precision {
-        Precision::F32 => ops::run(op, call),
-        Precision::F64 => ops::run_f64(op, call),
+    match (precision, op.width) {
+        (Precision::F32, Width::F32) => ops::run(op, call),
+        (Precision::F32, Width::F64) => ops::run(op, call)?.stored_in_f32(op),
+        (Precision::F64, _) => ops::run_f64(op, call),
     }
 }
 

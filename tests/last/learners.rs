@@ -3,9 +3,10 @@
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
 use data_gen::figure::samples::{group, observed};
+use lastlight::causal::repair::repair;
 use lastlight::last::structure::samples::Samples;
 use lastlight::last::structure::score::{Features, Table};
-use lastlight::last::structure::{dagma, mcsl, oracle, search, without_cycles};
+use lastlight::last::structure::{dagma, mcsl, oracle, search};
 use lastlight::loss::metric::structure::edges;
 use lastlight::math::digraph::{Digraph, all_acyclic};
 use lastlight::num::par::with_threads;
@@ -105,7 +106,7 @@ fn local_search_reaches_the_optimum_of_enumeration() {
                             if graph.adjacency[at / n][at % n] { 0.4 + 0.6 * noise } else { 0.7 * noise }
                         })
                         .collect();
-                    starts.push(without_cycles(&strength, n, 0.5));
+                    starts.push(repair(n, &strength, 0.5).0);
                 }
                 for start in &starts {
                     let (found, changes) = search::climb(&table, start);
@@ -263,18 +264,14 @@ fn learners_give_the_same_bits_for_any_threads() {
 fn strengths_become_acyclic_by_their_weakest_edges() {
     for graph in all_acyclic(4).iter().step_by(9) {
         let strength: Vec<f64> = graph.adjacency().iter().map(|a| 0.6 * a).collect();
-        assert_eq!(without_cycles(&strength, 4, 0.5), *graph, "an acyclic graph stays");
+        assert_eq!(repair(4, &strength, 0.5).0, *graph, "an acyclic graph stays");
     }
     // 0 → 1 → 2 → 0 with 1 → 2 the weakest, 3 → 0 outside of the cycle weaker still
     let mut strength = vec![0.0; 16];
     for (i, j, s) in [(0, 1, 0.9), (1, 2, 0.6), (2, 0, 0.8), (3, 0, 0.55)] {
         strength[4 * i + j] = s;
     }
-    assert_eq!(
-        without_cycles(&strength, 4, 0.5).edges(),
-        [(0, 1), (2, 0), (3, 0)],
-        "the weakest of the cycle"
-    );
+    assert_eq!(repair(4, &strength, 0.5).0.edges(), [(0, 1), (2, 0), (3, 0)], "the weakest of the cycle");
 }
 
 #[test]

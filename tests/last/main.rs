@@ -1,8 +1,14 @@
-//! What LAST rests on and what it must show: metrics, scores of structures, learners on known factors.
+//! What LAST rests on and what it must show: operators, metrics, scores of structures, learners on known factors.
 
 #[path = "../common/mod.rs"]
 mod common;
 
+mod abduction;
+mod acyclicity;
+mod independence;
+mod intervention;
 mod learners;
 mod metrics;
+mod models;
+mod repair;
 mod structure;

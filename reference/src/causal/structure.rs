@@ -28,9 +28,14 @@ pub(super) struct Mechanism<'a, S> {
 }
 
 impl<'a, S: Scalar> Mechanism<'a, S> {
-    /// The mechanism that the arrays hold.
-    pub(super) fn new(arrays: &'a Named<S>, slope: f64, n: usize, k: usize) -> Result<Self, String> {
-        let mask = expect(arrays, "mask", &[n, n])?;
+    /// The mechanism that the arrays hold, behind a mask.
+    pub(super) fn behind(
+        mask: &'a Arr<S>,
+        arrays: &'a Named<S>,
+        slope: f64,
+        n: usize,
+        k: usize,
+    ) -> Result<Self, String> {
         if arrays.contains_key("weight") {
             let weight = Some(expect(arrays, "weight", &[n, n])?);
             return Ok(Self { mask, weight, layers: Vec::new(), slope, n, k });
@@ -44,6 +49,11 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
             expect(arrays, "w2", &[n, k, h])?,
         ];
         Ok(Self { mask, weight: None, layers, slope, n, k })
+    }
+
+    /// Whether it is a number per edge.
+    pub(super) fn linear(&self) -> bool {
+        self.weight.is_some()
     }
 
     /// gⱼ without the bias of its last layer.
@@ -89,8 +99,9 @@ pub fn forward<S: Scalar>(
     let eps = expect(arrays, "eps", &[ANY, ANY, ANY])?;
     let (batch, n, k) = (eps.shape[0], eps.shape[1], eps.shape[2]);
     let mode = settings.text("mode", "nonlinear")?;
-    let mechanism = Mechanism::new(arrays, settings.number("slope", 0.05)?, n, k)?;
-    let sweeps = sweeps(settings, n, mechanism.weight.is_some())?;
+    let mask = expect(arrays, "mask", &[n, n])?;
+    let mechanism = Mechanism::behind(mask, arrays, settings.number("slope", 0.05)?, n, k)?;
+    let sweeps = sweeps(settings, n, mechanism.linear())?;
     let z = out.array("z", &[batch, n, k]);
     for b in 0..batch {
         let given = &eps.data[b * n * k..(b + 1) * n * k];

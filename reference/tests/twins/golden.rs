@@ -138,6 +138,11 @@ fn causal_posterior_kl_is_reproduced() {
 }
 
 #[test]
+fn causal_independence_is_reproduced() {
+    check("causal_independence", "causal.independence", &["mu", "logvar"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
 fn loss_ssim_is_reproduced() {
     check("loss_ssim", "loss.ssim", &["x", "y"], BTreeMap::new(), [1e-12, 1e-10]);
 }

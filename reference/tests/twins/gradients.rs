@@ -233,6 +233,36 @@ fn cases() -> Vec<Case> {
             1e-13,
         ),
         splat("posterior", "causal.posterior", beliefs(true), &[], &["mu", "logvar"], &["sample"], 1e-13),
+        splat("scm kl", "causal.scm_kl", causes(), &[], &["eps", "logvar"], &["value"], 1e-13),
+        splat(
+            "scm kl linear",
+            "causal.scm_kl",
+            linear_beliefs(),
+            &[("mode", "linear")],
+            &["mu", "logvar", "mask", "weight"],
+            &["value"],
+            1e-13,
+        ),
+        splat("intervene", "causal.intervene", intervention(false), &[], INTERVENED, &["z"], 1e-13),
+        splat(
+            "intervene linear",
+            "causal.intervene",
+            intervention(true),
+            &[],
+            &["eps", "mask", "weight", "value"],
+            &["z"],
+            1e-13,
+        ),
+        splat("independence", "causal.independence", spread(), &[], &["mu", "logvar"], &["value"], 1e-13),
+        splat(
+            "independence total",
+            "causal.independence",
+            carried_spread(),
+            &[("form", "total"), ("share", "0.6")],
+            &["mu", "logvar", "mask", "weight"],
+            &["value"],
+            1e-13,
+        ),
         splat("l1", "loss.l1", pictures(), &[], xy, &["value"], 1e-13),
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
@@ -276,6 +306,48 @@ fn beliefs(noise: bool) -> Named<f64> {
     if noise {
         all.extend(named([("eta", normal(&[3, 2, 4], 53))]));
     }
+    all
+}
+
+const INTERVENED: &[&str] = &["eps", "mask", "w0", "b0", "w1", "b1", "w2", "value"];
+
+/// A mechanism whose three samples are held at their second factor, at their third, and not at all.
+fn intervention(linear: bool) -> Named<f64> {
+    let mut all = mechanism(linear);
+    all.extend(named([("target", Arr::new(&[3], vec![1.0, 2.0, -1.0])), ("value", normal(&[3, 2], 54))]));
+    all
+}
+
+fn causes() -> Named<f64> {
+    named([
+        ("eps", normal(&[3, 2, 4], 55)),
+        ("logvar", uniform(&[3, 2, 4], [-2.0, 1.0], 52)),
+        ("kept", Arr::new(&[3, 2], vec![1.0, 1.0, 0.0, 1.0, 1.0, 0.0])),
+    ])
+}
+
+fn linear_beliefs() -> Named<f64> {
+    named([
+        ("mu", normal(&[2, 3, 2], 51)),
+        ("logvar", uniform(&[2, 3, 2], [-2.0, 1.0], 52)),
+        ("mask", uniform(&[3, 3], [0.1, 0.9], 44)),
+        ("weight", normal(&[3, 3], 45)),
+        ("kept", Arr::new(&[2, 3], vec![1.0, 1.0, 1.0, 1.0, 0.0, 1.0])),
+    ])
+}
+
+fn spread() -> Named<f64> {
+    named([("mu", normal(&[9, 3, 2], 56)), ("logvar", uniform(&[9, 3, 2], [-2.0, 1.0], 57))])
+}
+
+fn carried_spread() -> Named<f64> {
+    let mut all = spread();
+    let unit = |at: usize| if at / 6 == at % 6 { 0.4 } else { 0.02 };
+    all.extend(named([
+        ("mask", uniform(&[3, 3], [0.1, 0.9], 44)),
+        ("weight", normal(&[3, 3], 45)),
+        ("carried", Arr::new(&[6, 6], (0..36).map(unit).collect())),
+    ]));
     all
 }
 

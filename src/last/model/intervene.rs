@@ -17,7 +17,7 @@ const ENDS: [f64; 2] = [0.02, 0.98];
 /// Passes of the power iteration: the axis of largest variance only orders pictures.
 const PASSES: usize = 50;
 /// Radius of a disc in units of the mean distance to the three nearest points.
-const DISC: f32 = 0.9;
+const DISC: f64 = 0.9;
 
 /// Axis of largest variance of rows (N, k), of length 1; its largest entry is positive.
 fn axis(rows: &[&[f64]], k: usize) -> Vec<f64> {
@@ -58,7 +58,7 @@ pub fn codes(factors: &[f64], n: usize, k: usize) -> Vec<f64> {
         let axis = axis(&rows, k);
         let along = |row: &[f64]| row.iter().zip(&axis).fold(0.0, |s, (x, a)| s + x * a);
         let mut order: Vec<usize> = (0..rows.len()).collect();
-        order.sort_by_key(|&b| (order::key_f64(along(rows[b])), b));
+        order.sort_by(|&a, &b| along(rows[a]).total_cmp(&along(rows[b])).then(a.cmp(&b)));
         for q in 0..VALUES {
             let share = ENDS[0] + (ENDS[1] - ENDS[0]) * q as f64 / (VALUES - 1) as f64;
             let at = libm::round(share * (rows.len() - 1) as f64) as usize;
@@ -113,7 +113,7 @@ pub fn picture(trained: &Trained, points: &[[f32; 6]], camera: &Camera) -> Resul
     let near = knn::neighbours::<3>(&trained.template)?;
     let radii: Vec<f32> = near
         .iter()
-        .map(|three| DISC * three.iter().fold(0.0_f32, |s, (square, _)| s + square.sqrt()) / 3.0)
+        .map(|three| (DISC * three.iter().fold(0.0, |s, (square, _)| s + square.sqrt()) / 3.0) as f32)
         .collect();
     let means: Vec<[f32; 3]> = points.iter().map(|p| [p[0], p[1], p[2]]).collect();
     let colours: Vec<[f32; 3]> =

@@ -14,8 +14,9 @@
 
 use super::settings::{Placement, Reading, Supervision, Weights};
 use super::structure::{Structure, StructureBar};
+use crate::Result;
 use crate::causal::structure::{self, Saved as Swept};
-use crate::causal::{posterior, posterior_kl};
+use crate::causal::{independence, intervene, posterior, posterior_kl, scm_kl};
 use crate::num::order;
 
 /// Range of ℓ; beyond it the gradient is 0.
@@ -89,6 +90,10 @@ pub struct In<'a> {
     pub supervision: Supervision,
     /// factors of the terms
     pub weights: Weights,
+    /// what L_MI looks at
+    pub placement: Placement,
+    /// (d, d) weighted covariances of earlier batches, and the weight of this one; none at the start
+    pub carried: Option<(&'a [f64], f64)>,
 }
 
 /// Terms of the loss, without factors.
@@ -119,8 +124,18 @@ pub struct Out {
     sample: Linked,
     mean: Linked,
     held: Vec<f64>,
+    set: Vec<Option<usize>>,
     counterfactual: Option<Swept>,
     equal: Groups,
+    dependence: Option<independence::Saved>,
+    among: Option<Vec<f64>>,
+}
+
+impl Out {
+    /// (d, d) covariance of what L_MI looked at, of this batch alone.
+    pub fn covariance(&self) -> Option<&[f64]> {
+        self.dependence.as_ref().map(|saved| &saved.covariance[..])
+    }
 }
 
 /// Gradients.
@@ -219,21 +234,76 @@ impl<'a> In<'a> {
         direct
     }
 
-    /// Whether factor `j` of an item counts in its KL.
-    fn counts(&self, item: usize, j: usize) -> bool {
-        self.layout.set_in(item) != Some(j)
+    /// (B, n) 1 where a factor counts in the KL of an item.
+    fn kept(&self) -> Vec<f64> {
+        let n = self.n();
+        let counts = |at: usize| self.layout.set_in(at / n) != Some(at % n);
+        (0..self.layout.items() * n).map(|at| f64::from(u8::from(counts(at)))).collect()
+    }
+
+    fn sampled<'b>(&self, eps: &'b [f64], logvar: &'b [f64], kept: &'b [f64]) -> scm_kl::Sampled<'b> {
+        let (batch, n, k) = (self.layout.items(), self.n(), self.k());
+        scm_kl::Sampled { eps, logvar, kept: Some(kept), batch, n, k }
     }
 
     fn kl(&self, sample: &Linked, ell: &[f64]) -> f64 {
-        let (d, k, batch) = (self.d(), self.k(), self.layout.items() as f64);
         match self.reading {
             Reading::Literal => posterior_kl::forward(self.mu, ell, self.layout.items()),
-            Reading::Reference => {
-                let kept = |at: usize| self.counts(at / d, at % d / k);
-                let term = |at: usize| 0.5 * ((sample.eps[at] * sample.eps[at] - 1.0) - ell[at]);
-                (0..ell.len()).filter(|&at| kept(at)).fold(0.0, |sum, at| sum + term(at)) / batch
-            }
+            Reading::Reference => scm_kl::sampled(&self.sampled(&sample.eps, ell, &self.kept())),
         }
+    }
+
+    /// What L_MI looks at: the observed items.
+    fn dependence<'b>(
+        &'b self,
+        mean: &'b Linked,
+        logvar: &'b [f64],
+        among: Option<&'b [f64]>,
+    ) -> independence::In<'b> {
+        let len = self.layout.observed * self.d();
+        let mu = match self.placement {
+            Placement::Factors => &mean.u[..len],
+            Placement::Noise | Placement::Conditional | Placement::Off => &mean.eps[..len],
+        };
+        let edges = match (self.structure.mechanism(), self.reading, self.placement) {
+            (structure::Mechanism::Linear { weight }, Reading::Reference, Placement::Noise) => {
+                Some(independence::Edges { mask: self.mask, weight })
+            }
+            _ => None,
+        };
+        independence::In {
+            edges,
+            among,
+            carried: self.carried.map(|(carried, _)| carried),
+            share: self.carried.map_or(1.0, |(_, share)| share),
+            ..independence::In::new(mu, &logvar[..len], self.layout.observed, self.n(), self.k())
+        }
+    }
+
+    /// Pairs without an edge between them, for the conditional placement.
+    fn among(&self) -> Option<Vec<f64>> {
+        let n = self.n();
+        let joined = |i: usize, j: usize| self.mask[i * n + j] > 0.5 || self.mask[j * n + i] > 0.5;
+        (self.placement == Placement::Conditional)
+            .then(|| (0..n * n).map(|at| if joined(at / n, at % n) { 0.0 } else { 1.0 }).collect())
+    }
+
+    fn intervention<'b>(
+        &'b self,
+        eps: &'b [f64],
+        target: &'b [Option<usize>],
+        value: &'b [f64],
+    ) -> intervene::In<'b> {
+        let given = structure::In {
+            eps,
+            mask: self.mask,
+            mechanism: self.structure.mechanism(),
+            batch: target.len(),
+            n: self.n(),
+            k: self.k(),
+            sweeps: self.structure.sweeps(),
+        };
+        intervene::In { given, target, value }
     }
 
     /// Group losses of the means, and their gradients, factors included.
@@ -333,10 +403,13 @@ impl<'a> In<'a> {
 
 /// What is decoded, and the terms.
 ///
+/// # Errors
+/// A covariance of the posterior that is not positive definite.
+///
 /// # Panics
 /// When a buffer does not have the size of its shape.
-pub fn forward(x: &In<'_>) -> Out {
-    let (k, d) = (x.k(), x.d());
+pub fn forward(x: &In<'_>) -> Result<Out> {
+    let d = x.d();
     assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
     let log_variance: Vec<f64> =
         x.ell.iter().map(|&l| order::clamp(l, LOG_VARIANCE[0], LOG_VARIANCE[1])).collect();
@@ -349,19 +422,38 @@ pub fn forward(x: &In<'_>) -> Out {
     let mut terms = Terms { kl: x.kl(&sample, &log_variance), ..Terms::default() };
     let mut decoded = sample.u.clone();
     let mut equal = Groups::default();
-    let (mut held, mut counterfactual) = (Vec::new(), None);
+    let (mut held, mut set, mut counterfactual) = (Vec::new(), Vec::new(), None);
     if x.supervision != Supervision::None && x.layout.pairs() > 0 {
         equal = x.groups(&mean, &mut terms);
         let pairs = x.layout.pairs();
         held = (0..pairs).flat_map(|p| x.held(&mean, &equal.values, p)).collect();
+        set = (0..pairs).map(|p| Some(x.layout.targets[p / x.layout.members])).collect();
         let bases = &mean.eps[x.layout.observed * d..][..pairs * d];
-        let hold = |p: usize| Some((x.layout.targets[p / x.layout.members], &held[p * k..(p + 1) * k]));
-        let (z, swept) = structure::forward_held(&x.layer(bases), hold);
+        let (z, swept) = intervene::forward(&x.intervention(bases, &set, &held));
         decoded.extend(z);
         counterfactual = Some(swept);
     }
-    let _ = Placement::Noise;
-    Out { decoded, means: mean.u.clone(), terms, log_variance, sample, mean, held, counterfactual, equal }
+    let among = x.among();
+    let mut dependence = None;
+    if x.placement != Placement::Off && x.layout.observed > 1 {
+        let (value, saved) = independence::forward(&x.dependence(&mean, &log_variance, among.as_deref()))?;
+        terms.independence = value;
+        dependence = Some(saved);
+    }
+    Ok(Out {
+        decoded,
+        means: mean.u.clone(),
+        terms,
+        log_variance,
+        sample,
+        mean,
+        held,
+        set,
+        counterfactual,
+        equal,
+        dependence,
+        among,
+    })
 }
 
 /// Gradients of the weighted terms, and of what follows `decoded` through its cotangent (B + G·M, d).
@@ -383,36 +475,45 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
     if let Some(swept) = &out.counterfactual {
         let pairs = x.layout.pairs();
         let bases = &out.mean.eps[x.layout.observed * d..][..pairs * d];
-        let mut bar = structure::InBar {
+        let given = structure::InBar {
             eps: vec![0.0; pairs * d],
             mask: std::mem::take(&mut bars.mask),
             mechanism: std::mem::take(&mut bars.structure.mechanism),
         };
-        let mut held_bar = vec![0.0; pairs * k];
-        let hold = |p: usize| Some((x.layout.targets[p / x.layout.members], &out.held[p * k..(p + 1) * k]));
+        let mut bar = intervene::InBar { given, value: vec![0.0; pairs * k] };
         let z_bar = &decoded_bar[items * d..];
-        structure::adjoint_held(&x.layer(bases), swept, z_bar, hold, &mut bar, &mut held_bar);
-        bars.mask = bar.mask;
-        bars.structure.mechanism = bar.mechanism;
+        intervene::adjoint(&x.intervention(bases, &out.set, &out.held), swept, z_bar, &mut bar);
+        bars.mask = bar.given.mask;
+        bars.structure.mechanism = bar.given.mechanism;
         let after = x.layout.after(0) * d;
-        add(&mut mean_eps[x.layout.observed * d..], &bar.eps);
+        add(&mut mean_eps[x.layout.observed * d..], &bar.given.eps);
         add(&mut mean_eps[x.layout.observed * d..], &out.equal.eps_base);
         add(&mut mean_eps[after..], &out.equal.eps_after);
         add(&mut mean_u[after..], &out.equal.u_after);
-        held_adjoint(x, &held_bar, &mut mean_u, &mut bars.structure.values);
+        held_adjoint(x, &bar.value, &mut mean_u, &mut bars.structure.values);
+    }
+    if let Some(saved) = &out.dependence {
+        let input = x.dependence(&out.mean, &out.log_variance, out.among.as_deref());
+        let mut bar = independence::InBar::zeros_like(&input);
+        independence::adjoint(&input, saved, x.weights.independence, &mut bar);
+        let into = if x.placement == Placement::Factors { &mut mean_u } else { &mut mean_eps };
+        add(into, &bar.mu);
+        add(&mut bars.ell, &bar.logvar);
+        add(&mut bars.mask, &bar.mask);
+        add(&mut bars.structure.mechanism.weight, &bar.weight);
     }
     let mut sample_eps = vec![0.0; items * d];
-    let w = x.weights.kl / items as f64;
     match x.reading {
         Reading::Literal => {
             let kl = x.weights.kl;
             posterior_kl::adjoint(x.mu, &out.log_variance, items, kl, &mut bars.mu, &mut bars.ell);
         }
         Reading::Reference => {
-            for at in (0..items * d).filter(|at| x.counts(at / d, at % d / k)) {
-                sample_eps[at] += w * out.sample.eps[at];
-                bars.ell[at] -= 0.5 * w;
-            }
+            let kept = x.kept();
+            let input = x.sampled(&out.sample.eps, &out.log_variance, &kept);
+            let mut bar = scm_kl::SampledBar { eps: sample_eps, logvar: std::mem::take(&mut bars.ell) };
+            scm_kl::sampled_adjoint(&input, x.weights.kl, &mut bar);
+            (sample_eps, bars.ell) = (bar.eps, bar.logvar);
         }
     }
     let given = x.link_adjoint(&out.mean, mean_u, &mean_eps, &mut bars);
@@ -471,7 +572,8 @@ pub fn intervene(
         k,
         sweeps: structure.sweeps(),
     };
-    structure::forward_held(&x, |b| Some((targets[b], &values[b * k..(b + 1) * k]))).0
+    let set: Vec<Option<usize>> = targets.iter().map(|t| Some(*t)).collect();
+    intervene::forward(&intervene::In { given: x, target: &set, value: values }).0
 }
 
 #[cfg(test)]
@@ -489,9 +591,11 @@ mod tests {
 
     /// Σ of weighted terms and ⟨decoded, c⟩, as the step sums them.
     fn value(x: &In<'_>, c: &[f64]) -> f64 {
-        let out = forward(x);
+        let out = forward(x).expect("positive definite");
         let t = out.terms;
-        let own = x.weights.kl * t.kl + x.weights.groups * ((t.equal + t.invariant) + t.hinge);
+        let own = x.weights.kl * t.kl
+            + x.weights.independence * t.independence
+            + x.weights.groups * ((t.equal + t.invariant) + t.hinge);
         out.decoded.iter().zip(c).fold(own, |s, (d, c)| s + d * c)
     }
 
@@ -500,11 +604,16 @@ mod tests {
     fn gradients_are_those_of_differences() {
         let layout = Layout { observed: 4, targets: vec![0, 1, 0, 2, 2], members: 2 };
         let items = layout.items();
-        for kind in [Kind::Networks, Kind::Linear] {
+        let placements = [Placement::Noise, Placement::Factors, Placement::Conditional];
+        for (kind, placement) in
+            [Kind::Networks, Kind::Linear].into_iter().flat_map(|kind| placements.map(|p| (kind, p)))
+        {
             for reading in [Reading::Reference, Reading::Literal] {
                 for supervision in [Supervision::PerSample, Supervision::Groups, Supervision::Labels] {
                     let sizes = Sizes { kind, ..SIZES };
                     let d = sizes.latent();
+                    let carried: Vec<f64> =
+                        (0..d * d).map(|at| if at / d == at % d { 0.5 } else { 0.05 }).collect();
                     let mut params = Params::new();
                     sizes.draw(1, &mut params);
                     for (at, (name, shape)) in sizes.shapes().into_iter().enumerate() {
@@ -533,11 +642,13 @@ mod tests {
                         reading,
                         supervision,
                         weights,
+                        placement,
+                        carried: Some((&carried, 0.6)),
                     };
-                    let out = forward(&x);
+                    let out = forward(&x).expect("positive definite");
                     let c = draws(4, out.decoded.len());
                     let bars = adjoint(&x, &out, &c);
-                    let what = format!("{kind:?} {reading:?} {supervision:?}");
+                    let what = format!("{kind:?} {placement:?} {reading:?} {supervision:?}");
                     let check = |name: &str, bar: &[f64], direction: &[f64], at: &dyn Fn(f64) -> f64| {
                         let h = 1e-4;
                         let coarse = (at(2.0 * h) - at(-2.0 * h)) / (4.0 * h);

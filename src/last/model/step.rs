@@ -174,7 +174,12 @@ pub struct Context {
     pub graph: Option<Vec<f64>>,
     /// (n) running variances of the factors
     pub spread: Vec<f64>,
+    /// (d, d) covariances of what L_MI looked at in earlier batches, latest first
+    pub covariances: Vec<Vec<f64>>,
 }
+
+/// How many batches L_MI remembers.
+pub const REMEMBERED: usize = 3;
 
 /// Losses of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -200,17 +205,29 @@ pub struct Stepped {
     pub grads: Grads,
     /// (n) variances of the factors of this batch, mean over their numbers
     pub spread: Vec<f64>,
+    /// (d, d) covariance of what L_MI looked at
+    pub covariance: Option<Vec<f64>>,
 }
 
 /// Losses and gradients of a batch.
 ///
+/// # Errors
+/// A covariance of the posterior that is not positive definite.
+///
 /// # Panics
 /// When the model does not fit the data.
-pub fn run(model: &Model, settings: &Settings, data: &dyn Data, batch: &Batch, context: &Context) -> Stepped {
+pub fn run(
+    model: &Model,
+    settings: &Settings,
+    data: &dyn Data,
+    batch: &Batch,
+    context: &Context,
+) -> Result<Stepped> {
     let d = model.sizes.latent();
     let n = model.sizes.factors;
     let rng = Rng::new(settings.seed);
     let step = context.step;
+    let carried = carry(&context.covariances);
     // Encoder.
     let mut tape = Tape::new();
     let x = tape.constant(model.encoder.batch(inputs(data, &batch.items)));
@@ -237,8 +254,10 @@ pub fn run(model: &Model, settings: &Settings, data: &dyn Data, batch: &Batch, c
         reading: settings.reading,
         supervision: settings.supervision,
         weights: super::settings::Weights { kl: context.kl, ..settings.weights },
+        placement: settings.placement,
+        carried: carried.as_ref().map(|(sum, share)| (&sum[..], *share)),
     };
-    let out = latent::forward(&input);
+    let out = latent::forward(&input)?;
     // Decoder.
     let frame = data.frame();
     let chosen = points(settings, frame.points(), out.decoded.len() / d, step);
@@ -319,7 +338,18 @@ pub fn run(model: &Model, settings: &Settings, data: &dyn Data, batch: &Batch, c
         put(name, shape, grad.iter().map(|&g| g as f32).collect());
     }
     let spread = spread(&out.means[..batch.layout.observed * d], n, model.sizes.width);
-    Stepped { losses, grads, spread }
+    Ok(Stepped { losses, grads, spread, covariance: out.covariance().map(<[f64]>::to_vec) })
+}
+
+/// The weighted sum of the covariances of earlier batches, latest first, and the weight of the one to come: ½, ¼, ⅛ against 1, normalised.
+fn carry(covariances: &[Vec<f64>]) -> Option<(Vec<f64>, f64)> {
+    let first = covariances.first()?;
+    let weights: Vec<f64> = (1..=covariances.len()).map(|age| 1.0 / f64::from(1u32 << age)).collect();
+    let total = weights.iter().fold(1.0, |s, w| s + w);
+    let sum = (0..first.len())
+        .map(|at| covariances.iter().zip(&weights).fold(0.0, |s, (c, w)| s + w / total * c[at]))
+        .collect();
+    Some((sum, 1.0 / total))
 }
 
 /// One coordinate from each of Q runs of the P, per item; all of them where P ≤ Q.

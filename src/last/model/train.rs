@@ -14,10 +14,11 @@ use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
 use super::{file::Trained, intervene, verdict};
+use crate::causal::repair::repair;
 use crate::fit::training::{Fit, Step, Watch};
 use crate::last::structure::samples::Samples;
 use crate::last::structure::score::{Features, Table};
-use crate::last::structure::{search, without_cycles};
+use crate::last::structure::search;
 use crate::math::digraph::Digraph;
 use crate::num::array::Arrays;
 use crate::num::elem::f64::ln;
@@ -57,6 +58,7 @@ pub struct Training<'a> {
     last_h: Option<f64>,
     rounds: u32,
     spread: Option<Vec<f64>>,
+    covariances: Vec<Vec<f64>>,
     /// of the last step
     pub losses: Losses,
     /// the final graph, once it is fixed
@@ -88,6 +90,7 @@ impl<'a> Training<'a> {
             last_h: None,
             rounds: 0,
             spread: None,
+            covariances: Vec::new(),
             losses: Losses::default(),
             graph: None,
         })
@@ -111,7 +114,7 @@ impl<'a> Training<'a> {
 
     /// The graph as it stands, probable edges without cycles.
     fn repaired(&self) -> Digraph {
-        without_cycles(&self.probabilities(), self.settings.factors, 0.5)
+        repair(self.settings.factors, &self.probabilities(), 0.5).0
     }
 
     /// Means of all items as samples of factors.
@@ -173,8 +176,13 @@ impl<'a> Training<'a> {
             lagrange: moving.then_some([self.lambda, self.rho]),
             graph: self.graph.clone(),
             spread: self.spread.clone().unwrap_or_else(|| vec![1.0; s.factors]),
+            covariances: self.covariances.clone(),
         };
-        let stepped = step::run(&self.model, s, self.data, &batch, &context);
+        let stepped = step::run(&self.model, s, self.data, &batch, &context)?;
+        if let Some(covariance) = stepped.covariance {
+            self.covariances.insert(0, covariance);
+            self.covariances.truncate(step::REMEMBERED);
+        }
         let [lr, lr_logits] = self.rates();
         for (name, adam) in &mut self.optimisers {
             let logits = name == "structure.logits";
@@ -282,6 +290,8 @@ impl Fit for Training<'_> {
         if let Some(spread) = &self.spread {
             out.put("state/spread", &[spread.len()], spread.clone());
         }
+        let d = self.model.sizes.latent();
+        out.put("state/covariances", &[self.covariances.len(), d, d], self.covariances.concat());
         if let Some(graph) = &self.graph {
             let n = self.settings.factors;
             out.put("state/graph", &[n, n], graph.clone());
@@ -303,6 +313,9 @@ impl Fit for Training<'_> {
         }
         let lagrange = from.shape("state/lagrange", "4", &mut dims)?.to_f64();
         let step = from.shape("state/step", "1", &mut dims)?.to_i64();
+        let d = self.model.sizes.latent();
+        let covariances = from.shape("state/covariances", &format!("M,{d},{d}"), &mut dims)?.to_f64();
+        self.covariances = covariances.chunks_exact(d * d).map(<[f64]>::to_vec).collect();
         let spread = from.get("state/spread").is_some();
         let graph = from.get("state/graph").is_some();
         if spread {

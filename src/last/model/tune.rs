@@ -11,8 +11,7 @@ use super::latent::{self, Layout};
 use super::purpose;
 use super::settings::{Reading, Supervision, Weights};
 use super::structure::{Kind, Structure};
-use crate::causal::{acyclic, mask};
-use crate::last::structure::without_cycles;
+use crate::causal::{acyclic, mask, repair};
 use crate::num::rng::Rng;
 use crate::optim::adam::{Adam, Counters, Rule};
 use crate::{Error, Result};
@@ -109,9 +108,11 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
             reading: trained.settings.reading,
             supervision: Supervision::None,
             weights,
+            placement: trained.settings.placement,
+            carried: None,
         };
-        let out = latent::forward(&x);
-        let mut loss = weights.kl * out.terms.kl;
+        let out = latent::forward(&x)?;
+        let mut loss = weights.kl * out.terms.kl + weights.independence * out.terms.independence;
         let mut z_bar = vec![0.0; out.decoded.len()];
         if trained.settings.reading == Reading::Literal {
             loss += reconstruct(trained, subject, &out.decoded, &mut z_bar);
@@ -150,7 +151,7 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
             if had == (before[at] > 0.5) { after[at] } else { f64::from(u8::from(had)) }
         })
         .collect();
-    trained.graph = without_cycles(&moved, n, 0.5);
+    trained.graph = repair::repair(n, &moved, 0.5).0;
     Ok(Tuned { before, after, edges: [edges_before, trained.graph.edges()], losses: [first, last] })
 }
 

@@ -13,8 +13,9 @@
 //! # Rounding
 //! Moments and products are left folds in index order.
 
+use super::Loss;
 use super::samples::Samples;
-use super::{Loss, without_cycles};
+use crate::causal::repair::repair;
 use crate::math::dense;
 use crate::math::digraph::Digraph;
 use crate::{Error, Result};
@@ -193,6 +194,6 @@ pub fn fit(samples: &Samples, settings: &Settings) -> Result<Fit> {
         h = inside.1;
         mu *= settings.mu_factor;
     }
-    let graph = without_cycles(&w, n, settings.threshold);
+    let graph = repair(n, &w, settings.threshold).0;
     Ok(Fit { weights: w, graph, h, steps })
 }

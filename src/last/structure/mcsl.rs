@@ -16,8 +16,9 @@
 //! # Rounding
 //! Products with weights are left folds over inputs; gradients are left folds over the samples of a batch, one node per task.
 
+use super::Loss;
 use super::samples::Samples;
-use super::{Loss, without_cycles};
+use crate::causal::repair::repair;
 use crate::math::dense;
 use crate::math::digraph::Digraph;
 use crate::num::elem::f64::{ln, sigmoid};
@@ -338,7 +339,7 @@ pub fn fit(samples: &Samples, settings: &Settings, seed: u64) -> Result<Fit> {
         }
     }
     let p = probabilities(&logits);
-    let graph = without_cycles(&p, n, 0.5);
+    let graph = repair(n, &p, 0.5).0;
     Ok(Fit { h: penalty(&p, n).0, probabilities: p, graph, rounds })
 }
 

@@ -19,7 +19,6 @@ pub mod samples;
 pub mod score;
 pub mod search;
 
-use crate::math::digraph::Digraph;
 use crate::num::elem::f64::ln;
 
 /// What the mean squared residual Q of a node costs a relaxation.
@@ -39,21 +38,4 @@ impl Loss {
             Self::Likelihood => (0.5 * ln(q), 0.5 / q),
         }
     }
-}
-
-/// The edges with strength above `threshold`, without those that close cycles: while there is one, the weakest edge that lies on a cycle goes, the
-/// first of equals.
-///
-/// # Panics
-/// When there are not n² strengths.
-pub fn without_cycles(strength: &[f64], n: usize, threshold: f64) -> Digraph {
-    let mut graph = Digraph::from_weights(strength, n, threshold);
-    while !graph.is_acyclic() {
-        let closing = graph.edges().into_iter().filter(|&(i, j)| graph.reaches(j, i));
-        let weakest = closing
-            .reduce(|a, b| if strength[b.0 * n + b.1].abs() < strength[a.0 * n + a.1].abs() { b } else { a });
-        let Some((i, j)) = weakest else { break };
-        graph.set(i, j, false);
-    }
-    graph
 }

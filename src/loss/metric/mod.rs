@@ -18,9 +18,11 @@
 //!
 //! [`bound`] makes the projected box of a person; with it as the mask, [`psnr`] gives `PSNR-box` on exactly its pixels. [`person`] takes all of
 //! them at once. [`structure`] scores what was learned about causes.
+//! Not of images: [`mutual`], mutual information of samples.
 
 pub mod bound;
 pub mod mae;
+pub mod mutual;
 pub mod person;
 pub mod psnr;
 pub mod rfd;
