@@ -26,6 +26,15 @@ pub(crate) fn not_run(why: &str) {
     writeln!(std::io::stderr(), "not run: {why}").expect("standard error is open");
 }
 
+/// Whether the long tests run; says so when they do not.
+pub(crate) fn long(what: &str) -> bool {
+    let on = std::env::var_os("LASTLIGHT_LONG").is_some_and(|v| v == "1");
+    if !on {
+        not_run(&format!("{what} (set LASTLIGHT_LONG=1)"));
+    }
+    on
+}
+
 /// Contents of the files below a folder, by their path in it with `/` between names.
 pub(crate) type Tree = BTreeMap<String, Vec<u8>>;
 

@@ -5,6 +5,7 @@ mod common;
 
 mod abduction;
 mod acyclicity;
+mod identification;
 mod independence;
 mod intervention;
 mod learners;

@@ -175,7 +175,7 @@ fn functions_of_one_argument_keep_the_table_on_a_sample() {
 
 #[test]
 fn functions_of_one_argument_keep_the_table_everywhere() {
-    if !super::long("exhaustive sweep of every single-precision argument") {
+    if !super::common::long("exhaustive sweep of every single-precision argument") {
         return;
     }
     for f in &FUNCTIONS {
@@ -230,7 +230,7 @@ fn pair_worst(f: fn(f32, f32) -> f32, truth: fn(f64, f64) -> f64, pair: Pair, n:
 
 #[test]
 fn functions_of_two_arguments_keep_the_table() {
-    let n = if super::long("2³⁰ pairs for atan2 and pow; 2²⁰ are") { 1 << 30 } else { 1 << 20 };
+    let n = if super::common::long("2³⁰ pairs for atan2 and pow; 2²⁰ are") { 1 << 30 } else { 1 << 20 };
     let edges: Vec<f32> = [
         0.0,
         1e-45,

@@ -9,15 +9,6 @@ mod order;
 mod rng;
 mod sum;
 
-/// Whether the exhaustive sweeps run; says so when they do not.
-fn long(what: &str) -> bool {
-    let on = std::env::var_os("LASTLIGHT_LONG").is_some_and(|v| v == "1");
-    if !on {
-        common::not_run(&format!("{what} (set LASTLIGHT_LONG=1)"));
-    }
-    on
-}
-
 /// Numbers in −1..1 with zeros of both signs among them.
 fn values(n: usize, seed: u64) -> Vec<f32> {
     let rng = lastlight::num::rng::Rng::new(seed);

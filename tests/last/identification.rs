@@ -1,0 +1,195 @@
+//! What groups of interventions identify, and what they do not: on known factors by construction, and by training on vectors.
+
+use crate::common;
+use data_gen::figure::graph::Graph;
+use data_gen::figure::mechanism::{Mechanism, Scm};
+use data_gen::figure::samples;
+use lastlight::last::model::latent::{self, Layout, Out};
+use lastlight::last::model::settings::{Placement, Reading, Settings, Supervision, Weights};
+use lastlight::last::model::structure::{Kind, Sizes, Structure};
+use lastlight::last::model::train::Training;
+use lastlight::last::model::vectors::Vectors;
+use lastlight::loss::metric::structure::edges;
+use lastlight::math::digraph::Digraph;
+use lastlight::tape::Params;
+use ndarray::{ArrayD, IxDyn};
+
+const N: usize = 4;
+const GROUPS: usize = 12;
+
+/// Factors and noise of groups, before and after: what a coding may take for its latent numbers.
+struct Pairs {
+    layout: Layout,
+    /// (items, n) factors
+    factors: Vec<f64>,
+    /// (items, n) own causes in units of the factors: u_j − Σ a_ij u_i; of a set factor what is left of it
+    noise: Vec<f64>,
+}
+
+fn pairs(scm: &Scm, seed: u64) -> Pairs {
+    let groups: Vec<samples::Group> = (0..GROUPS).map(|g| samples::group(scm, seed, g, 1)).collect();
+    let frames = || {
+        let all = |after: bool| {
+            groups.iter().flat_map(move |g| if after { g.after.iter() } else { g.bases.iter() })
+        };
+        all(false).chain(all(true))
+    };
+    let factors: Vec<f64> = frames().flat_map(|f| f.u.clone()).collect();
+    let own = |u: &[f64]| -> Vec<f64> {
+        (0..N).map(|j| (0..N).fold(u[j], |s, i| s - scm.a[i][j] * u[i])).collect()
+    };
+    let noise = frames().flat_map(|f| own(&f.u)).collect();
+    let targets = groups.iter().map(|g| g.target).collect();
+    Pairs { layout: Layout { observed: 0, targets, members: samples::BASES }, factors, noise }
+}
+
+/// Losses of a coding (items, n) under a linear structure of weights (n, n).
+fn losses(pairs: &Pairs, coding: &[f64], weight: &[f64], supervision: Supervision) -> Out {
+    let sizes = Sizes { factors: N, width: 1, kind: Kind::Linear };
+    let mut params = Params::new();
+    sizes.draw(0, &mut params);
+    let single: Vec<f32> = weight.iter().map(|&w| w as f32).collect();
+    // Weights of eighths are exact in single precision.
+    assert!(single.iter().zip(weight).all(|(s, w)| f64::from(*s) == *w), "weights are exact");
+    params.set("structure.weight", ArrayD::from_shape_vec(IxDyn(&[N, N]), single).expect("(n, n)"));
+    let structure = Structure::new(sizes, &params);
+    let mask: Vec<f64> = weight.iter().map(|w| if *w == 0.0 { 0.0 } else { 1.0 }).collect();
+    let zeros = vec![0.0; coding.len()];
+    let x = latent::In {
+        structure: &structure,
+        mask: &mask,
+        layout: &pairs.layout,
+        mu: coding,
+        ell: &zeros,
+        eta: &zeros,
+        spread: &[1.0; N],
+        labels: &[],
+        reading: Reading::Reference,
+        supervision,
+        weights: Weights::default(),
+        placement: Placement::Off,
+        carried: None,
+    };
+    latent::forward(&x).expect("no covariance is asked for")
+}
+
+/// A linear model whose coefficients are eighths.
+fn eighths(name: &str, seed: u64) -> Scm {
+    let mut scm = Scm::new(Graph::named(name, N, seed).expect("a name"), Mechanism::Lin, true, seed);
+    scm.a.iter_mut().flatten().for_each(|a| *a = (8.0 * *a).round() / 8.0);
+    scm
+}
+
+/// Largest difference between what is decoded for the after-images and their coding.
+fn off(pairs: &Pairs, coding: &[f64], out: &Out) -> f64 {
+    let after = &coding[pairs.layout.after(0) * N..];
+    let counterfactual = &out.decoded[pairs.layout.items() * N..];
+    after.iter().zip(counterfactual).fold(0.0, |m, (a, b)| if (a - b).abs() > m { (a - b).abs() } else { m })
+}
+
+#[test]
+fn values_per_sample_are_explained_without_a_graph_and_shared_values_are_not() {
+    for name in ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL"] {
+        for seed in 0..5 {
+            let scm = eighths(name, seed);
+            let p = pairs(&scm, seed);
+            let (truth, none) = (scm.a.concat(), vec![0.0; N * N]);
+            for supervision in [Supervision::PerSample, Supervision::Groups] {
+                let out = losses(&p, &p.factors, &truth, supervision);
+                let what = format!("{name} {seed} {supervision:?}: truth");
+                assert!(out.terms.invariant < 1e-24, "{what}: L_inv {:e}", out.terms.invariant);
+                assert!(out.terms.equal < 1e-24, "{what}: L_eq {:e}", out.terms.equal);
+                assert!(off(&p, &p.factors, &out) < 1e-12, "{what}: counterfactuals are the generator's");
+            }
+            let out = losses(&p, &p.noise, &none, Supervision::PerSample);
+            assert!(out.terms.invariant < 1e-24, "{name} {seed}: noise without a graph, L_inv");
+            assert!(off(&p, &p.noise, &out) < 1e-12, "{name} {seed}: noise reproduces every after-image");
+            let out = losses(&p, &p.noise, &none, Supervision::Groups);
+            assert!(
+                out.terms.equal > 0.02,
+                "{name} {seed}: a shared value has many codes, {}",
+                out.terms.equal
+            );
+            assert!(off(&p, &p.noise, &out) > 0.3, "{name} {seed}: and misses the after-images");
+        }
+    }
+}
+
+#[test]
+fn a_factor_that_is_never_set_leaves_its_edges_open() {
+    // DIAMOND P→W, P→O, W→L, O→L without groups that set W: W may be coded by its noise if L listens to P instead.
+    let [posture, occlusion, cloth, light] = [0, 1, 2, 3];
+    for seed in 0..5 {
+        let scm = eighths("DIAMOND", seed);
+        let mut p = pairs(&scm, seed);
+        let kept: Vec<usize> = (0..GROUPS).filter(|&g| p.layout.targets[g] != cloth).collect();
+        let m = samples::BASES;
+        let (pairs_before, width) = (p.layout.pairs(), N);
+        let rows = |x: &[f64]| -> Vec<f64> {
+            let all = |from: usize| {
+                let kept = kept.clone();
+                kept.into_iter().flat_map(move |g| g * m..(g + 1) * m).map(move |r| from + r)
+            };
+            all(0).chain(all(pairs_before)).flat_map(|r| x[r * width..(r + 1) * width].to_vec()).collect()
+        };
+        (p.factors, p.noise) = (rows(&p.factors), rows(&p.noise));
+        p.layout.targets = kept.iter().map(|&g| p.layout.targets[g]).collect();
+        let truth = scm.a.concat();
+        let out = losses(&p, &p.factors, &truth, Supervision::Groups);
+        assert!(out.terms.equal + out.terms.invariant < 1e-24, "{seed}: the truth has no loss");
+        // Another graph: no edge into W, and P→L takes over what came through it. Sixty-fourths are exact too.
+        let mut other = truth.clone();
+        other[posture * N + cloth] = 0.0;
+        other[posture * N + light] = truth[posture * N + cloth] * truth[cloth * N + light];
+        let mut coding = p.factors.clone();
+        coding.chunks_exact_mut(N).for_each(|u| u[cloth] -= truth[posture * N + cloth] * u[posture]);
+        let out = losses(&p, &coding, &other, Supervision::Groups);
+        assert!(out.terms.equal + out.terms.invariant < 1e-24, "{seed}: neither has the other graph");
+        assert!(off(&p, &coding, &out) < 1e-12, "{seed}: and its counterfactuals are right");
+        assert_ne!(other, truth, "{seed}: another graph over P, O ({occlusion}), W, L");
+    }
+}
+
+/// The graph that a training on vectors ends with, against the truth.
+fn trained(
+    name: &str,
+    mechanism: Mechanism,
+    supervision: Supervision,
+    steps: u32,
+    seed: u64,
+) -> (usize, Digraph) {
+    let graph = Graph::named(name, N, seed).expect("a name");
+    let scm = Scm::new(graph.clone(), mechanism, true, seed);
+    let data = Vectors::new(&scm, seed, 1024, 128);
+    let mut s = Settings { supervision, points: 1, seed, width: 1, ..Settings::default() }.scaled(steps);
+    s.refit = steps / 5;
+    if supervision == Supervision::None {
+        s.weights.groups = 0.0;
+    }
+    let mut training = Training::new(s, &data).expect("vectors have an encoder");
+    for _ in 0..s.steps + s.refit {
+        training.advance().expect("finite");
+    }
+    let found = Digraph::from_weights(&training.graph.expect("the end"), N, 0.5);
+    let truth = Digraph::from_fn(N, |i, j| graph.adjacency[i][j]);
+    (edges::compare(&truth, &found).shd, found)
+}
+
+#[test]
+fn training_with_shared_values_finds_the_graph() {
+    let (shd, found) = trained("FORK", Mechanism::Nl, Supervision::Groups, 600, 0);
+    println!("FORK NL: {found}, SHD {shd}");
+    assert!(shd <= 1, "FORK NL: {found}");
+    if !common::long("identification: all graphs, LIN and NL, five seeds") {
+        return;
+    }
+    for name in ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL"] {
+        for mechanism in [Mechanism::Lin, Mechanism::Nl] {
+            let mut all: Vec<usize> =
+                (0..5).map(|seed| trained(name, mechanism, Supervision::Groups, 3000, seed).0).collect();
+            all.sort_unstable();
+            println!("{name} {}: SHD {all:?}", mechanism.name());
+            assert!(all[2] <= 1, "{name} {}: median SHD of {all:?}", mechanism.name());
+        }
+    }
+}
