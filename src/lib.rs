@@ -52,6 +52,7 @@ pub mod num;
 
 pub use error::{Error, Result};
 pub use tape::check;
+pub mod body;
 pub mod book;
 #[doc(hidden)]
 pub mod cli;

@@ -7,16 +7,20 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, shade, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, points, groups, shade,
+//!                                                    body, optim: the entries
 //! ```
 
+mod body;
 mod call;
 mod case;
 mod geometry;
+mod groups;
 mod loss;
 mod nn;
 mod op;
 mod optim;
+mod points;
 mod shade;
 mod splat;
 mod subject;
@@ -45,8 +49,11 @@ pub static LIST: &[&Op] = &[
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,
+    &points::POINTS,
+    &groups::GROUPS,
     &shade::GGX,
     &shade::ENVMAP,
+    &body::SKIN,
     &optim::ADAM,
     &optim::ADAMW,
 ];

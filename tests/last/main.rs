@@ -1,0 +1,3 @@
+//! Acceptance tests of LAST.
+
+mod skin;
