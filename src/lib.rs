@@ -53,6 +53,7 @@ pub mod num;
 
 pub use error::{Error, Result};
 pub use tape::check;
+pub mod body;
 pub mod book;
 pub mod causal;
 #[doc(hidden)]

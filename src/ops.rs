@@ -7,17 +7,21 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, shade, causal, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, points, groups, shade,
+//!                                                    causal, body, optim: the entries
 //! ```
 
+mod body;
 mod call;
 mod case;
 mod causal;
 mod geometry;
+mod groups;
 mod loss;
 mod nn;
 mod op;
 mod optim;
+mod points;
 mod shade;
 mod splat;
 mod subject;
@@ -46,6 +50,8 @@ pub static LIST: &[&Op] = &[
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,
+    &points::POINTS,
+    &groups::GROUPS,
     &shade::GGX,
     &shade::ENVMAP,
     &causal::ACYCLIC,
@@ -56,6 +62,7 @@ pub static LIST: &[&Op] = &[
     &causal::SCM_KL,
     &causal::INTERVENE,
     &causal::INDEPENDENCE,
+    &body::SKIN,
     &optim::ADAM,
     &optim::ADAMW,
 ];

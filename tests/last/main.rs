@@ -12,4 +12,5 @@ mod learners;
 mod metrics;
 mod models;
 mod repair;
+mod skin;
 mod structure;
