@@ -21,6 +21,7 @@
 //!    geometry       rays and triangles            11  oracle     somebody's arrays
 //! 5  splat          Gaussians to pictures         13  cli        commands and reports
 //!    shade          materials and light
+//!    body           joints to transforms
 //! ```
 //!
 //! # Example
@@ -52,6 +53,7 @@ pub mod num;
 
 pub use error::{Error, Result};
 pub use tape::check;
+pub mod body;
 pub mod book;
 #[doc(hidden)]
 pub mod cli;

@@ -7,9 +7,10 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, shade, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, shade, body, optim: the entries
 //! ```
 
+mod body;
 mod call;
 mod case;
 mod geometry;
@@ -47,6 +48,7 @@ pub static LIST: &[&Op] = &[
     &loss::SSIM,
     &shade::GGX,
     &shade::ENVMAP,
+    &body::POSE,
     &optim::ADAM,
     &optim::ADAMW,
 ];

@@ -23,7 +23,8 @@ impl Decoder {
     /// Activations of one item, before and after each nonlinearity, and the bias of its first layer.
     fn forward(&self, codes: &[f32], z: &[f32]) -> (Vec<[Vec<f32>; 2]>, Vec<f32>) {
         let mut shift = vec![0.0; WIDTHS[1]];
-        let latent = linear::In { x: z, weight: &self.latent, bias: &self.biases[0], m: 1, n: WIDTHS[1], k: LATENT };
+        let latent =
+            linear::In { x: z, weight: &self.latent, bias: &self.biases[0], m: 1, n: WIDTHS[1], k: LATENT };
         linear::forward(latent, &mut shift);
         let mut all: Vec<[Vec<f32>; 2]> = Vec::new();
         for i in 0..4 {
@@ -52,7 +53,8 @@ pub(super) fn whole(runs: usize) -> Timed {
     let (codes, z) = (normals(BATCH * POINTS * WIDTHS[0], 25), normals(BATCH * LATENT, 26));
     let y_bar = normals(BATCH * POINTS * WIDTHS[4], 27);
     let _ = (&decoder, &codes, &z, &y_bar, runs);
-    let run = |b: usize| decoder.forward(&codes[b * POINTS * 27..][..POINTS * 27], &z[b * LATENT..][..LATENT]);
+    let run =
+        |b: usize| decoder.forward(&codes[b * POINTS * 27..][..POINTS * 27], &z[b * LATENT..][..LATENT]);
     let one = median(runs, || drop(lastlight::num::par::map(BATCH, |b| run(b).0.pop())));
     Timed { name: "decoder", seconds: [one, one], work: [3.7, 3.7] }
 }

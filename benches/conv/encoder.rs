@@ -127,7 +127,8 @@ impl Encoder {
 
 /// The whole encoder, as one step of training runs it.
 pub(super) fn whole(runs: usize) -> Timed {
-    let (mut encoder, pictures, y_bar) = (Encoder::new(), normals(BATCH * 64 * 64 * 3, 7), normals(BATCH * 32, 8));
+    let (mut encoder, pictures, y_bar) =
+        (Encoder::new(), normals(BATCH * 64 * 64 * 3, 7), normals(BATCH * 32, 8));
     let one = median(runs, || encoder.forward(&pictures));
     let both = median(runs, || {
         encoder.forward(&pictures);

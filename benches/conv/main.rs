@@ -69,7 +69,9 @@ fn main() {
         ours
     })
     .expect("the threads have the default floating-point environment");
-    println!("{threads} threads, medians of {runs} runs: forward, forward and adjoint; ms, 10⁹ operations per second");
+    println!(
+        "{threads} threads, medians of {runs} runs: forward, forward and adjoint; ms, 10⁹ operations per second"
+    );
     for Timed { name, seconds, work } in ours {
         print!("{name:>8}  ours");
         for (s, w) in seconds.iter().zip(work) {

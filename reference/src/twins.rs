@@ -7,6 +7,7 @@
 use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
+use crate::body::pose;
 use crate::dual::Dual;
 use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
@@ -79,6 +80,7 @@ enum Stage {
     Adam,
     Adamw,
     Trace,
+    Pose,
 }
 
 /// `tile` and `cull` say how the fast path works; they change no value and are ignored here.
@@ -274,6 +276,15 @@ const TWINS: &[Twin] = &[
         settings: &[],
     },
     Twin {
+        name: "body.pose",
+        stages: &[Stage::Pose],
+        inputs: &["pose", "correction", "joints", "parents"],
+        smooth_inputs: &["pose", "correction", "joints"],
+        outputs: &["transforms"],
+        smooth_outputs: &["transforms"],
+        settings: &[],
+    },
+    Twin {
         name: "optim.adam",
         stages: &[Stage::Adam],
         inputs: &["param", "grads", "active"],
@@ -392,6 +403,7 @@ fn run_stage<S: Scalar>(
         Stage::Ssim => ssim::forward(pool, out),
         Stage::Ggx => ggx::forward(pool, out),
         Stage::Envmap => envmap::forward(pool, out),
+        Stage::Pose => pose::forward(pool, out),
         Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }

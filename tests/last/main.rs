@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod body;
 mod learners;
 mod metrics;
 mod structure;

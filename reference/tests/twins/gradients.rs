@@ -210,6 +210,15 @@ fn cases() -> Vec<Case> {
             &["radiance"],
             1e-13,
         ),
+        splat(
+            "pose",
+            "body.pose",
+            skeleton(),
+            &[],
+            &["pose", "correction", "joints"],
+            &["transforms"],
+            1e-13,
+        ),
         splat("l1", "loss.l1", pictures(), &[], xy, &["value"], 1e-13),
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
@@ -219,6 +228,19 @@ fn cases() -> Vec<Case> {
 /// Normal numbers moved 0.05 away from 0.
 fn apart(shape: &[usize], purpose: u16) -> Arr<f64> {
     normal(shape, purpose).map(|&x| if x > 0.0 { x + 0.05 } else { x - 0.05 })
+}
+
+/// Five joints with large, small and tiny angles.
+fn skeleton() -> Named<f64> {
+    let mut pose = normal(&[5, 3], 40);
+    pose.data[3..6].iter_mut().for_each(|x| *x *= 1e-3);
+    pose.data[6..9].iter_mut().for_each(|x| *x *= 2e-5);
+    named([
+        ("pose", pose),
+        ("correction", normal(&[5, 3], 41)),
+        ("joints", normal(&[5, 3], 42)),
+        ("parents", Arr::new(&[5], vec![-1.0, 0.0, 1.0, 1.0, 0.0])),
+    ])
 }
 
 /// Points under light, eye and light within 60° of +z and the normal near it; a map of 4 × 6.
