@@ -7,7 +7,7 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, shade, body, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, lpips, shade, body, optim: the entries
 //! ```
 
 mod body;
@@ -15,6 +15,7 @@ mod call;
 mod case;
 mod geometry;
 mod loss;
+mod lpips;
 mod nn;
 mod op;
 mod optim;
@@ -46,6 +47,7 @@ pub static LIST: &[&Op] = &[
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,
+    &lpips::LPIPS,
     &shade::GGX,
     &shade::ENVMAP,
     &body::POSE,

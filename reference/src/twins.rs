@@ -10,7 +10,7 @@ use crate::array::{Arr, Named, Out};
 use crate::body::pose;
 use crate::dual::Dual;
 use crate::geometry::trace;
-use crate::loss::{l1, mse, ssim};
+use crate::loss::{l1, lpips, mse, ssim};
 use crate::nn::{act, conv, linear};
 use crate::optim::{adam, adamw};
 use crate::rev::{self, Rev};
@@ -75,6 +75,7 @@ enum Stage {
     L1,
     Mse,
     Ssim,
+    Lpips(usize),
     Ggx,
     Envmap,
     Adam,
@@ -102,6 +103,59 @@ const SPLAT_SETTINGS: &[&str] = &[
     "cull",
 ];
 const ADAM_SETTINGS: &[&str] = &["lr", "beta1", "beta2", "eps", "weight_decay", "counters"];
+
+/// Convolutions of `loss.lpips`, then its heads.
+const LPIPS_STAGES: &[Stage] = &[
+    Stage::Lpips(0),
+    Stage::Lpips(1),
+    Stage::Lpips(2),
+    Stage::Lpips(3),
+    Stage::Lpips(4),
+    Stage::Lpips(5),
+    Stage::Lpips(6),
+    Stage::Lpips(7),
+    Stage::Lpips(8),
+    Stage::Lpips(9),
+    Stage::Lpips(10),
+    Stage::Lpips(11),
+    Stage::Lpips(12),
+    Stage::Lpips(13),
+];
+const LPIPS_INPUTS: &[&str] = &[
+    "x",
+    "y",
+    "features.0.weight",
+    "features.0.bias",
+    "features.2.weight",
+    "features.2.bias",
+    "features.5.weight",
+    "features.5.bias",
+    "features.7.weight",
+    "features.7.bias",
+    "features.10.weight",
+    "features.10.bias",
+    "features.12.weight",
+    "features.12.bias",
+    "features.14.weight",
+    "features.14.bias",
+    "features.17.weight",
+    "features.17.bias",
+    "features.19.weight",
+    "features.19.bias",
+    "features.21.weight",
+    "features.21.bias",
+    "features.24.weight",
+    "features.24.bias",
+    "features.26.weight",
+    "features.26.bias",
+    "features.28.weight",
+    "features.28.bias",
+    "lin0.model.1.weight",
+    "lin1.model.1.weight",
+    "lin2.model.1.weight",
+    "lin3.model.1.weight",
+    "lin4.model.1.weight",
+];
 
 const TWINS: &[Twin] = &[
     Twin {
@@ -258,6 +312,15 @@ const TWINS: &[Twin] = &[
         settings: &[],
     },
     Twin {
+        name: "loss.lpips",
+        stages: LPIPS_STAGES,
+        inputs: LPIPS_INPUTS,
+        smooth_inputs: &["x", "y"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &["rescale"],
+    },
+    Twin {
         name: "shade.ggx",
         stages: &[Stage::Ggx],
         inputs: &["normal", "view", "light", "albedo", "roughness", "metallic"],
@@ -401,6 +464,7 @@ fn run_stage<S: Scalar>(
         Stage::L1 => l1::forward(pool, out),
         Stage::Mse => mse::forward(pool, out),
         Stage::Ssim => ssim::forward(pool, out),
+        Stage::Lpips(k) => lpips::stage(pool, settings, k, plan, out),
         Stage::Ggx => ggx::forward(pool, out),
         Stage::Envmap => envmap::forward(pool, out),
         Stage::Pose => pose::forward(pool, out),
@@ -570,6 +634,7 @@ pub fn work(request: &Request<'_>) -> u64 {
             let rows = |name: &str| request.inputs.get(name).map_or(0, |x| x.data.len() as u64 / 3);
             rows("origin") * rows("triangles")
         }
+        "loss.lpips" => lpips::products(request.inputs).unwrap_or(0),
         "loss.ssim" => request.inputs.get("x").map_or(0, |x| 121 * x.data.len() as u64),
         _ => entries,
     }

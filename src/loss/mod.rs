@@ -3,7 +3,8 @@
 //! ```text
 //! l1      mean |x − y|            mse     mean (x − y)²
 //! ssim    mean structural similarity, 11×11 Gaussian window
-//! metric  PSNR, SSIM and MAE in f64, every variant named
+//! lpips   learned perceptual distance, with the user's weights
+//! metric  PSNR, SSIM and MAE in f64, every variant named; scores of structures
 //! ```
 //!
 //! All of them take sRGB-encoded images (H, W, 3) and an optional mask (H, W) of zeros and ones.
@@ -20,6 +21,7 @@ use crate::num::{par, sum};
 use crate::{Error, Result};
 
 pub mod l1;
+pub mod lpips;
 pub mod metric;
 pub mod mse;
 pub mod ssim;

@@ -4,6 +4,7 @@
 //! [`crate::twins`].
 
 pub mod l1;
+pub mod lpips;
 pub mod mse;
 pub mod ssim;
 
