@@ -40,7 +40,7 @@ pub use weights::{CONVOLUTIONS, Layer, NO_WEIGHTS, TAPS, Weights, names};
 
 use crate::loss::{CHANNELS, finite, row_sum};
 use crate::nn::conv;
-use crate::num::{par, sum};
+use crate::num::{order, par, sum};
 use crate::{Error, Result};
 
 /// Name with the published input, 2x − 1.
@@ -253,6 +253,22 @@ pub fn forward(x: In<'_>, plan: Option<&Plan>) -> Result<(f32, [f64; 5], Saved)>
     });
     let value = finite("loss.lpips", layers.iter().fold(0.0, |s, t| s + t))?;
     Ok((value as f32, layers, saved))
+}
+
+/// The distance as a metric: the render limited to 0..1, pixels that the mask leaves out black in both images; the sum of the terms in f64.
+///
+/// # Errors
+/// As [`forward`]; a mask value other than 0 and 1, nothing kept.
+pub fn score(x: &super::In<'_>, rescale: bool, weights: &Weights) -> Result<f64> {
+    x.check("loss.lpips")?;
+    let kept = |i: usize| x.mask.is_none_or(|m| m[i / CHANNELS] == 1.0);
+    let limited = |(i, v): (usize, &f32)| if kept(i) { order::clamp(*v, 0.0, 1.0) } else { 0.0 };
+    let black = |(i, v): (usize, &f32)| if kept(i) { *v } else { 0.0 };
+    let render: Vec<f32> = x.x.iter().enumerate().map(limited).collect();
+    let photo: Vec<f32> = x.y.iter().enumerate().map(black).collect();
+    let images = In { x: &render, y: &photo, height: x.height, width: x.width, rescale, weights };
+    let (_, layers, _) = forward(images, None)?;
+    Ok(layers.iter().fold(0.0, |s, t| s + t))
 }
 
 /// Adds the cotangent of tap `l` for item `item` (0: x, 1: y) to `bar`, (H_l, W_l, C_l).

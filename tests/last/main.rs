@@ -5,5 +5,6 @@ mod common;
 
 mod body;
 mod learners;
+mod lpips;
 mod metrics;
 mod structure;
