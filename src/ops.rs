@@ -7,22 +7,24 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, points, groups, shade,
-//!                                                    causal, body, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, points, groups, lpips,
+//!                                                    shade, causal, pose, skin, optim: the entries
 //! ```
 
-mod body;
 mod call;
 mod case;
 mod causal;
 mod geometry;
 mod groups;
 mod loss;
+mod lpips;
 mod nn;
 mod op;
 mod optim;
 mod points;
+mod pose;
 mod shade;
+mod skin;
 mod splat;
 mod subject;
 mod twin;
@@ -52,6 +54,7 @@ pub static LIST: &[&Op] = &[
     &loss::SSIM,
     &points::POINTS,
     &groups::GROUPS,
+    &lpips::LPIPS,
     &shade::GGX,
     &shade::ENVMAP,
     &causal::ACYCLIC,
@@ -62,7 +65,8 @@ pub static LIST: &[&Op] = &[
     &causal::SCM_KL,
     &causal::INTERVENE,
     &causal::INDEPENDENCE,
-    &body::SKIN,
+    &skin::SKIN,
+    &pose::POSE,
     &optim::ADAM,
     &optim::ADAMW,
 ];

@@ -7,11 +7,11 @@
 use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
+use crate::body::{pose, skin};
 use crate::causal::{acyclic, independence, intervene, mask, posterior, posterior_kl, scm_kl, structure};
-use crate::body::skin;
 use crate::dual::Dual;
 use crate::geometry::trace;
-use crate::loss::{groups, l1, mse, points, ssim};
+use crate::loss::{groups, l1, lpips, mse, points, ssim};
 use crate::nn::{act, conv, linear};
 use crate::optim::{adam, adamw};
 use crate::rev::{self, Rev};
@@ -79,6 +79,7 @@ enum Stage {
     Points,
     Groups,
     Skin,
+    Lpips(usize),
     Ggx,
     Envmap,
     Acyclic,
@@ -92,6 +93,7 @@ enum Stage {
     Adam,
     Adamw,
     Trace,
+    Pose,
 }
 
 /// `tile` and `cull` say how the fast path works; they change no value and are ignored here.
@@ -113,6 +115,59 @@ const SPLAT_SETTINGS: &[&str] = &[
     "cull",
 ];
 const ADAM_SETTINGS: &[&str] = &["lr", "beta1", "beta2", "eps", "weight_decay", "counters"];
+
+/// Convolutions of `loss.lpips`, then its heads.
+const LPIPS_STAGES: &[Stage] = &[
+    Stage::Lpips(0),
+    Stage::Lpips(1),
+    Stage::Lpips(2),
+    Stage::Lpips(3),
+    Stage::Lpips(4),
+    Stage::Lpips(5),
+    Stage::Lpips(6),
+    Stage::Lpips(7),
+    Stage::Lpips(8),
+    Stage::Lpips(9),
+    Stage::Lpips(10),
+    Stage::Lpips(11),
+    Stage::Lpips(12),
+    Stage::Lpips(13),
+];
+const LPIPS_INPUTS: &[&str] = &[
+    "x",
+    "y",
+    "features.0.weight",
+    "features.0.bias",
+    "features.2.weight",
+    "features.2.bias",
+    "features.5.weight",
+    "features.5.bias",
+    "features.7.weight",
+    "features.7.bias",
+    "features.10.weight",
+    "features.10.bias",
+    "features.12.weight",
+    "features.12.bias",
+    "features.14.weight",
+    "features.14.bias",
+    "features.17.weight",
+    "features.17.bias",
+    "features.19.weight",
+    "features.19.bias",
+    "features.21.weight",
+    "features.21.bias",
+    "features.24.weight",
+    "features.24.bias",
+    "features.26.weight",
+    "features.26.bias",
+    "features.28.weight",
+    "features.28.bias",
+    "lin0.model.1.weight",
+    "lin1.model.1.weight",
+    "lin2.model.1.weight",
+    "lin3.model.1.weight",
+    "lin4.model.1.weight",
+];
 
 const TWINS: &[Twin] = &[
     Twin {
@@ -296,6 +351,15 @@ const TWINS: &[Twin] = &[
         settings: &[],
     },
     Twin {
+        name: "loss.lpips",
+        stages: LPIPS_STAGES,
+        inputs: LPIPS_INPUTS,
+        smooth_inputs: &["x", "y"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &["rescale"],
+    },
+    Twin {
         name: "shade.ggx",
         stages: &[Stage::Ggx],
         inputs: &["normal", "view", "light", "albedo", "roughness", "metallic"],
@@ -384,6 +448,15 @@ const TWINS: &[Twin] = &[
         outputs: &["value"],
         smooth_outputs: &["value"],
         settings: &["form", "ridge", "share"],
+    },
+    Twin {
+        name: "body.pose",
+        stages: &[Stage::Pose],
+        inputs: &["pose", "correction", "joints", "parents"],
+        smooth_inputs: &["pose", "correction", "joints"],
+        outputs: &["transforms"],
+        smooth_outputs: &["transforms"],
+        settings: &[],
     },
     Twin {
         name: "optim.adam",
@@ -515,6 +588,8 @@ fn run_stage<S: Scalar>(
         Stage::ScmKl => scm_kl::forward(pool, settings, out),
         Stage::Intervene => intervene::forward(pool, settings, out),
         Stage::Independence => independence::forward(pool, settings, out),
+        Stage::Lpips(k) => lpips::stage(pool, settings, k, plan, out),
+        Stage::Pose => pose::forward(pool, out),
         Stage::Adam | Stage::Adamw | Stage::Trace => Err("this stage has no gradient".to_owned()),
     }
 }
@@ -690,6 +765,7 @@ pub fn work(request: &Request<'_>) -> u64 {
             let rows = |name: &str| request.inputs.get(name).map_or(0, |x| x.data.len() as u64 / 3);
             rows("origin") * rows("triangles")
         }
+        "loss.lpips" => lpips::products(request.inputs).unwrap_or(0),
         "loss.ssim" => request.inputs.get("x").map_or(0, |x| 121 * x.data.len() as u64),
         _ => entries,
     }

@@ -5,7 +5,8 @@
 //! ssim    mean structural similarity, 11×11 Gaussian window
 //! points  weighted squares of distances of points, in order or to the nearest
 //! groups  groups of pictures that share an intervention
-//! metric  PSNR, SSIM and MAE in f64, every variant named
+//! lpips   learned perceptual distance, with the user's weights
+//! metric  PSNR, SSIM and MAE in f64, every variant named; scores of structures
 //! ```
 //!
 //! Those of images take them sRGB-encoded, (H, W, 3), and an optional mask (H, W) of zeros and ones.
@@ -23,6 +24,7 @@ use crate::{Error, Result};
 
 pub mod groups;
 pub mod l1;
+pub mod lpips;
 pub mod metric;
 pub mod mse;
 pub mod points;

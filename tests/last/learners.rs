@@ -6,7 +6,7 @@ use data_gen::figure::samples::{group, observed};
 use lastlight::causal::repair::repair;
 use lastlight::last::structure::samples::Samples;
 use lastlight::last::structure::score::{Features, Table};
-use lastlight::last::structure::{dagma, mcsl, oracle, search};
+use lastlight::last::structure::{Loss, dagma, mcsl, oracle, search};
 use lastlight::loss::metric::structure::edges;
 use lastlight::math::digraph::{Digraph, all_acyclic};
 use lastlight::num::par::with_threads;
@@ -215,17 +215,36 @@ fn dagma_finds_linear_structures_from_pairs() {
         assert!(fit.h >= -1e-12 && fit.h < 1e-3, "{name}: h = {:e}", fit.h);
         total += shd;
     }
-    assert!(total <= 2, "SHD {total} over six graphs");
+    assert!(total <= 1, "SHD {total} over six graphs");
+}
+
+#[test]
+fn squares_mislead_on_standardised_factors_and_likelihood_does_not() {
+    // A collider's ends have variance 1 like its cause's, so explaining any of them saves as much: the published loss prefers other graphs.
+    let graph = Graph::named("COLLIDER", 4, 0).expect("a name");
+    let data = samples(&model(&graph, Mechanism::Lin, 1), 1, SIZE);
+    let shd = |loss| {
+        let fit = dagma::fit(&data, &dagma::Settings { loss, ..dagma::Settings::default() }).expect("a fit");
+        edges::compare(&truth(&graph), &fit.graph).shd
+    };
+    assert_eq!((shd(Loss::Likelihood), shd(Loss::Squares)), (0, 2), "SHD of the two losses");
 }
 
 #[test]
 fn masks_find_linear_and_nonlinear_structures_from_pairs() {
-    let settings = mcsl::Settings { steps: 300, batch: 128, ..mcsl::Settings::default() };
+    let settings = mcsl::Settings::default();
     let mut total = 0;
-    let cases = [("FORK", Mechanism::Nl), ("CHAIN", Mechanism::Lin), ("COLLIDER", Mechanism::Nl)];
+    let cases = [
+        ("FORK", Mechanism::Nl),
+        ("CHAIN", Mechanism::Lin),
+        ("COLLIDER", Mechanism::Nl),
+        ("DIAMOND", Mechanism::Lin),
+        ("FULL", Mechanism::Nl),
+        ("EMPTY", Mechanism::Lin),
+    ];
     for (name, mechanism) in cases {
         let graph = Graph::named(name, 4, 0).expect("a name");
-        let data = samples(&model(&graph, mechanism, 1), 1, SIZE);
+        let data = samples(&model(&graph, mechanism, 1), 1, [0, 256]);
         let fit = mcsl::fit(&data, &settings, 3).expect("a fit");
         let shd = edges::compare(&truth(&graph), &fit.graph).shd;
         println!(
@@ -237,7 +256,7 @@ fn masks_find_linear_and_nonlinear_structures_from_pairs() {
         );
         total += shd;
     }
-    assert!(total <= 3, "SHD {total} over {} graphs", cases.len());
+    assert!(total <= 1, "SHD {total} over {} graphs", cases.len());
 }
 
 #[test]
@@ -247,7 +266,8 @@ fn learners_give_the_same_bits_for_any_threads() {
     let run = |threads| {
         with_threads(threads, || {
             let table = Table::new(&data, Features::Spline).expect("a table");
-            let masks = mcsl::Settings { steps: 20, batch: 16, rounds: 2, ..mcsl::Settings::default() };
+            let masks =
+                mcsl::Settings { steps: 20, batch: 16, rounds: 2, frozen: 10, ..mcsl::Settings::default() };
             let masks = mcsl::fit(&data, &masks, 1).expect("a fit").probabilities;
             let path = dagma::Settings { warm_steps: 50, last_steps: 50, ..dagma::Settings::default() };
             let weights = dagma::fit(&data, &path).expect("a fit").weights;

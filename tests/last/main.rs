@@ -5,10 +5,12 @@ mod common;
 
 mod abduction;
 mod acyclicity;
+mod body;
 mod identification;
 mod independence;
 mod intervention;
 mod learners;
+mod lpips;
 mod metrics;
 mod models;
 mod repair;

@@ -10,7 +10,8 @@ use lastlight::{Error, Result};
 fn edges_of_hand_made_graphs_are_counted_as_by_hand() {
     let truth = Digraph::new(4, &[(0, 1), (0, 2), (1, 3), (2, 3)]); // DIAMOND
     let close = |a: f64, b: f64| (a - b).abs() < 1e-15;
-    let cases: [(&[(usize, usize)], usize, [f64; 3]); 7] = [
+    type Case<'a> = (&'a [(usize, usize)], usize, [f64; 3]);
+    let cases: [Case<'_>; 7] = [
         // estimate, SHD, TPR, FDR, FPR
         (&[(0, 1), (0, 2), (1, 3), (2, 3)], 0, [1.0, 0.0, 0.0]),
         (&[], 4, [0.0, 0.0, 0.0]),

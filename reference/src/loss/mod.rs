@@ -5,6 +5,7 @@
 
 pub mod groups;
 pub mod l1;
+pub mod lpips;
 pub mod mse;
 pub mod points;
 pub mod ssim;

@@ -257,6 +257,16 @@ fn cases() -> Vec<Case> {
             &["radiance"],
             1e-13,
         ),
+        splat(
+            "pose",
+            "body.pose",
+            skeleton(),
+            &[],
+            &["pose", "correction", "joints"],
+            &["transforms"],
+            1e-13,
+        ),
+        splat("lpips", "loss.lpips", slim(), &[], xy, &["value"], 1e-11),
         splat("acyclic", "causal.acyclic", graph(), &[], &["a"], &["value"], 1e-13),
         splat("mask", "causal.mask", edges(), &[], &["logits"], &["mask"], 1e-13),
         splat("structure", "causal.structure", mechanism(false), &[], NETWORKS, &["z"], 1e-13),
@@ -319,6 +329,41 @@ fn cases() -> Vec<Case> {
 /// Normal numbers moved 0.05 away from 0.
 fn apart(shape: &[usize], purpose: u16) -> Arr<f64> {
     normal(shape, purpose).map(|&x| if x > 0.0 { x + 0.05 } else { x - 0.05 })
+}
+
+/// Two pictures under the network of `loss.lpips` with few channels.
+fn slim() -> Named<f64> {
+    let places = [0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28];
+    let channels = [3, 4, 4, 5, 5, 4, 6, 5, 5, 6, 5, 5, 6];
+    let mut all =
+        named([("x", uniform(&[16, 17, 3], [0.0, 1.0], 50)), ("y", uniform(&[16, 17, 3], [0.0, 1.0], 51))]);
+    let mut inputs = 3;
+    for (k, (place, outputs)) in places.into_iter().zip(channels).enumerate() {
+        let bound = (6.0 / (9.0 * inputs as f64)).sqrt();
+        let purpose = 52 + 2 * k as u16;
+        let weight = uniform(&[outputs, inputs, 3, 3], [-bound, bound], purpose);
+        all.insert(format!("features.{place}.weight"), weight);
+        all.insert(format!("features.{place}.bias"), uniform(&[outputs], [0.0, 0.3], purpose + 1));
+        inputs = outputs;
+    }
+    for (j, tap) in [1, 3, 6, 9, 12].into_iter().enumerate() {
+        let head = uniform(&[1, channels[tap], 1, 1], [0.1, 1.0], 80 + j as u16);
+        all.insert(format!("lin{j}.model.1.weight"), head);
+    }
+    all
+}
+
+/// Five joints with large, small and tiny angles.
+fn skeleton() -> Named<f64> {
+    let mut pose = normal(&[5, 3], 40);
+    pose.data[3..6].iter_mut().for_each(|x| *x *= 1e-3);
+    pose.data[6..9].iter_mut().for_each(|x| *x *= 2e-5);
+    named([
+        ("pose", pose),
+        ("correction", normal(&[5, 3], 41)),
+        ("joints", normal(&[5, 3], 42)),
+        ("parents", Arr::new(&[5], vec![-1.0, 0.0, 1.0, 1.0, 0.0])),
+    ])
 }
 
 const NETWORKS: &[&str] = &["eps", "mask", "w0", "b0", "w1", "b1", "w2"];

@@ -4,9 +4,11 @@ use super::RenderArgs;
 use super::fit::{score, scores_text, write_renders};
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
-use crate::fit::evaluate::Evaluation;
+use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::render::Scene;
 use crate::fit::training::Watch;
+use crate::loss::{self, lpips};
+use crate::num::sum;
 use crate::scene::convert::read_scene;
 use crate::scene::views::{self, Views};
 use crate::{Error, Result};
@@ -19,6 +21,7 @@ use std::path::PathBuf;
   lastlight splat eval fox/scene.ply photos/
   lastlight splat eval fox/scene.ply photos/ --views all --json
   lastlight splat eval theirs.ply photos/ --profile inria --out theirs --min-psnr 25
+  lastlight splat eval fox/scene.ply photos/ --lpips lpips_vgg.safetensors
 
 With --min-psnr the command is a check: exit code 1 when the mean is lower.")]
 pub(in crate::cli) struct Args {
@@ -37,6 +40,9 @@ pub(in crate::cli) struct Args {
     /// Fail when the mean PSNR is below this many decibels
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
+    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` says how to write the file
+    #[arg(long, value_name = "FILE")]
+    lpips: Option<PathBuf>,
     /// Folder for renders and report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -51,6 +57,27 @@ pub(in crate::cli) struct Args {
     /// No progress, no remarks
     #[arg(long)]
     quiet: bool,
+}
+
+/// LPIPS of every view that was scored.
+fn perceived(
+    views: &Views,
+    which: &[usize],
+    scored: &[Scored],
+    weights: &lpips::Weights,
+) -> Result<Vec<f64>> {
+    let one = |(&at, s): (&usize, &Scored)| {
+        let mask = views.views[at].mask.as_ref();
+        let mask = mask.map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>());
+        let (height, width) = (s.score.height, s.score.width);
+        let x = loss::In { x: &s.image, y: &s.photo, mask: mask.as_deref(), height, width };
+        lpips::score(&x, true, weights).map_err(|e| e.within(s.score.name.clone()))
+    };
+    which.iter().zip(scored).map(one).collect()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    sum::tree_f64(values) / values.len() as f64
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -72,19 +99,26 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
+    let weights = args.lpips.as_deref().map(lpips::Weights::load).transpose()?;
     meter.lap("reading");
     let scene = Scene::new(&stored, settings, background);
     let scored = score(&scene, &views, &which, &mut meter)?;
     let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
+    let perceived = weights.map(|w| perceived(&views, &which, &scored, &w)).transpose()?;
     meter.lap("rendering and scoring");
     let record = json!({
         "scene": args.scene, "capture": args.capture, "views": args.views, "gaussians": stored.len(),
         "profile": args.render.profile, "downscale": args.downscale, "evaluation": evaluation.json(),
+        "lpips": perceived.as_ref().map(|values| json!({"name": lpips::NAME, "mean": mean(values), "views": values})),
     });
     if args.json {
         cli::say_json(&record)?;
     } else {
         cli::say(&scores_text(&evaluation))?;
+        match &perceived {
+            Some(values) => cli::say(&format!("{} {:.4}, mean over views", lpips::NAME, mean(values)))?,
+            None => meter.note(lpips::NO_WEIGHTS),
+        }
     }
     if let Some(dir) = dir {
         let names = write_renders(&dir, &scored)?;

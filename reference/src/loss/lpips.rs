@@ -1,0 +1,260 @@
+//! Learned perceptual distance: VGG16 with the heads of version 0.1.
+//!
+//! value = Σ_l (1/(H_l W_l)) Σ_p Σ_c w_lc (f̂_lpc(x) − f̂_lpc(y))²,   f̂ = f/(‖f‖ + 1e-10)
+//!
+//! | symbol | argument | shape | range |
+//! |---|---|---|---|
+//! | x, y | `x`, `y` | (H, W, 3) | sRGB-encoded, at least 16×16 |
+//! | filters | `features.0.weight`, `features.0.bias` … `features.28.bias` | (O, C, 3, 3), (O) | optional, all or none |
+//! | w | `lin0.model.1.weight` … `lin4.model.1.weight` | (1, C, 1, 1) | optional with the filters |
+//! | – | setting `rescale` | () | 1: 2x − 1 first |
+//! | – | `layers` | (5) | the terms of the sum |
+//! | value | `value` | () | |
+//!
+//! Without weights those of a formula are taken: weight k of `features.i` is (2u − 1) √(6/(9·in)), u = (splitmix64((i+1)·2⁴⁰ + k) ≫ 11)·2⁻⁵³, biases 0; weight
+//! k of head j is u/channels with u from (100+j)·2⁴⁰ + k; rounded to f32.
+//!
+//! The network is a chain of fourteen stages, thirteen convolutions and the heads; every convolution writes what passes max(·, 0) as `relu1_1` … (2, H, W,
+//! C), x first. A stage that sees maxima takes them from the stage before.
+//!
+//! # Plan
+//! `active1_1` … (2, H, W, C): 1 where an output passes; `pool1` … `pool4` (2, H, W, C): 2·row + column of the entry that a maximum takes.
+//!
+//! # Rounding
+//! Left folds in memory order, a convolution's from its bias on; each of its products and sums is one step of the chain.
+//!
+//! # Kinks and domain
+//! An output passes if it is above 0; of equal entries under a maximum the first; √0 has slope 0.
+
+use crate::array::{ANY, Named, Out, expect};
+use crate::scalar::Scalar;
+use crate::settings::Settings;
+
+/// Convolutions: place in `features`, name, outputs in VGG16.
+const CONVOLUTIONS: [(usize, &str, usize); 13] = [
+    (0, "1_1", 64),
+    (2, "1_2", 64),
+    (5, "2_1", 128),
+    (7, "2_2", 128),
+    (10, "3_1", 256),
+    (12, "3_2", 256),
+    (14, "3_3", 256),
+    (17, "4_1", 512),
+    (19, "4_2", 512),
+    (21, "4_3", 512),
+    (24, "5_1", 512),
+    (26, "5_2", 512),
+    (28, "5_3", 512),
+];
+const TAPS: [usize; 5] = [1, 3, 6, 9, 12];
+/// Convolutions that see maxima.
+const POOLED: [usize; 4] = [2, 4, 7, 10];
+const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
+const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
+const EPS: f64 = 1e-10;
+
+fn uniform(seed: u64) -> f64 {
+    let z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
+    let z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+    ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
+}
+
+/// Channels after convolution `k`.
+fn channels<S: Scalar>(x: &Named<S>, k: usize) -> usize {
+    let given = x.get(&format!("features.{}.weight", CONVOLUTIONS[k].0));
+    given.map_or(CONVOLUTIONS[k].2, |w| w.shape.first().copied().unwrap_or(0))
+}
+
+/// Weights (O, C, 3, 3) and biases (O) of convolution `k`.
+fn filters<S: Scalar>(x: &Named<S>, k: usize) -> Result<(Vec<f64>, Vec<f64>), String> {
+    let at = CONVOLUTIONS[k].0;
+    let inputs = if k == 0 { 3 } else { channels(x, k - 1) };
+    let outputs = channels(x, k);
+    if x.contains_key("features.0.weight") {
+        let weight = expect(x, &format!("features.{at}.weight"), &[ANY, inputs, 3, 3])?;
+        let bias = expect(x, &format!("features.{at}.bias"), &[outputs])?;
+        let values = |a: &[S]| a.iter().map(|v| v.value()).collect();
+        return Ok((values(&weight.data), values(&bias.data)));
+    }
+    let scale = (6.0 / (9.0 * inputs as f64)).sqrt();
+    let weight = |k: usize| {
+        let u = uniform(((at as u64 + 1) << 40) + k as u64);
+        f64::from(((2.0 * u - 1.0) * scale) as f32)
+    };
+    Ok(((0..outputs * inputs * 9).map(weight).collect(), vec![0.0; outputs]))
+}
+
+fn head<S: Scalar>(x: &Named<S>, j: usize) -> Result<Vec<f64>, String> {
+    let channels = channels(x, TAPS[j]);
+    if x.contains_key("features.0.weight") {
+        let w = expect(x, &format!("lin{j}.model.1.weight"), &[1, channels, 1, 1])?;
+        return Ok(w.data.iter().map(|v| v.value()).collect());
+    }
+    let weight = |k: usize| {
+        let u = uniform(((100 + j as u64) << 40) + k as u64);
+        f64::from((u / channels as f64) as f32)
+    };
+    Ok((0..channels).map(weight).collect())
+}
+
+/// Rows and columns at convolution `k`.
+fn size<S: Scalar>(x: &Named<S>, k: usize) -> Result<[usize; 2], String> {
+    let image = expect(x, "x", &[ANY, ANY, 3])?;
+    let [mut h, mut w] = [image.shape[0], image.shape[1]];
+    expect(x, "y", &[h, w, 3])?;
+    if h < 16 || w < 16 {
+        return Err(format!("input x: expected at least 16x16 pixels, got {h}x{w}"));
+    }
+    for _ in POOLED.iter().filter(|&&p| p <= k) {
+        (h, w) = (h / 2, w / 2);
+    }
+    Ok([h, w])
+}
+
+/// A decision array of that shape, if the plan has it.
+fn decided<'a>(
+    plan: Option<&'a Named<f64>>,
+    name: &str,
+    shape: &[usize],
+) -> Result<Option<&'a [f64]>, String> {
+    match plan {
+        Some(plan) if plan.contains_key(name) => Ok(Some(&expect(plan, name, shape)?.data)),
+        _ => Ok(None),
+    }
+}
+
+/// What convolution `k` sees, (2, H, W, C): the images, the stage before, or its maxima.
+fn input<S: Scalar>(
+    x: &Named<S>,
+    k: usize,
+    plan: Option<&Named<f64>>,
+    out: &mut Out<S>,
+) -> Result<Vec<S>, String> {
+    let [h, w] = size(x, k)?;
+    if k == 0 {
+        return Ok([x["x"].data.as_slice(), x["y"].data.as_slice()].concat());
+    }
+    let c = channels(x, k - 1);
+    let [rows, columns] = size(x, k - 1)?;
+    let before = expect(x, &format!("relu{}", CONVOLUTIONS[k - 1].1), &[2, rows, columns, c])?;
+    let Some(p) = POOLED.iter().position(|&p| p == k) else { return Ok(before.data.clone()) };
+    let name = format!("pool{}", p + 1);
+    let given = decided(plan, &name, &[2, h, w, c])?;
+    let (mut seen, mut taken) = (Vec::new(), Vec::new());
+    for at in 0..2 * h * w * c {
+        let (item, r, q, channel) = (at / (h * w * c), at / (w * c) % h, at / c % w, at % c);
+        let entry =
+            |e: usize| before.data[((item * rows + 2 * r + e / 2) * columns + 2 * q + e % 2) * c + channel];
+        let best = match given {
+            Some(given) => given[at] as usize,
+            None => (1..4).fold(0, |b, e| if entry(e).value() > entry(b).value() { e } else { b }),
+        };
+        seen.push(entry(best));
+        taken.push(best as f64);
+    }
+    out.plan.insert(name, crate::array::Arr::new(&[2, h, w, c], taken));
+    Ok(seen)
+}
+
+/// Stage `k` of the twin of `loss.lpips`: convolution k, or the heads for k = 13.
+///
+/// # Errors
+/// When an input, a setting or the plan is not what it should be.
+pub fn stage<S: Scalar>(
+    x: &Named<S>,
+    settings: &Settings<'_>,
+    k: usize,
+    plan: Option<&Named<f64>>,
+    out: &mut Out<S>,
+) -> Result<(), String> {
+    if k == CONVOLUTIONS.len() { heads(x, out) } else { convolution(x, settings, k, plan, out) }
+}
+
+fn convolution<S: Scalar>(
+    x: &Named<S>,
+    settings: &Settings<'_>,
+    k: usize,
+    plan: Option<&Named<f64>>,
+    out: &mut Out<S>,
+) -> Result<(), String> {
+    let ([h, w], name) = (size(x, k)?, CONVOLUTIONS[k].1);
+    let (weight, bias) = filters(x, k)?;
+    let (outputs, inputs) = (bias.len(), if k == 0 { 3 } else { channels(x, k - 1) });
+    let shape = [2, h, w, outputs];
+    let seen = input(x, k, plan, out)?;
+    let rescale = settings.flag("rescale", true)?;
+    let normalised = |v: S, c: usize| {
+        let centred = if rescale { v * 2.0 - 1.0 } else { v };
+        if k == 0 { (centred - SHIFT[c]) / SCALE[c] } else { v }
+    };
+    let given = decided(plan, &format!("active{name}"), &shape)?;
+    let slot = out.array(&format!("relu{name}"), &shape);
+    let mut active = Vec::with_capacity(2 * h * w * outputs);
+    for pixel in 0..2 * h * w {
+        let (item, r, q) = (pixel / (h * w), pixel / w % h, pixel % w);
+        // what lies under the filter, by its place in (C, 3, 3)
+        let mut patch = Vec::new();
+        for (c, tap) in (0..9 * inputs).map(|at| (at / 9, at % 9)) {
+            let (row, column) = (r + tap / 3, q + tap % 3);
+            if row >= 1 && row <= h && column >= 1 && column <= w {
+                let v = seen[((item * h + row - 1) * w + column - 1) * inputs + c];
+                patch.push((9 * c + tap, normalised(v, c)));
+            }
+        }
+        for o in 0..outputs {
+            let mut sum = S::from_f64(bias[o]);
+            for &(at, v) in &patch {
+                let factor = weight[9 * inputs * o + at];
+                sum = sum.chain2(v, sum.value() + factor * v.value(), [1.0, factor]);
+            }
+            let at = pixel * outputs + o;
+            let passes = given.map_or(sum.value() > 0.0, |given| given[at] == 1.0);
+            out.put(slot, at, if passes { sum } else { S::zero() });
+            active.push(if passes { 1.0 } else { 0.0 });
+        }
+        out.flush();
+    }
+    out.plan.insert(format!("active{name}"), crate::array::Arr::new(&shape, active));
+    Ok(())
+}
+
+fn heads<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
+    let (value, layers) = (out.array("value", &[]), out.array("layers", &[5]));
+    for (l, tap) in TAPS.into_iter().enumerate() {
+        let ([h, w], weight) = (size(x, tap)?, head(x, l)?);
+        let c = weight.len();
+        let f = expect(x, &format!("relu{}", CONVOLUTIONS[tap].1), &[2, h, w, c])?;
+        for pixel in 0..h * w {
+            let unit = |item: usize| -> Vec<S> {
+                let f = &f.data[(item * h * w + pixel) * c..][..c];
+                let norm = f.iter().fold(S::zero(), |sum, v| sum + *v * *v).sqrt() + EPS;
+                f.iter().map(|v| *v / norm).collect()
+            };
+            let (a, b) = (unit(0), unit(1));
+            let mut term = S::zero();
+            for k in 0..c {
+                let d = a[k] - b[k];
+                term = term + d * d * weight[k];
+            }
+            let term = term / (h * w) as f64;
+            out.add(value, 0, term, 1.0);
+            out.add(layers, l, term, 1.0);
+            out.flush();
+        }
+    }
+    Ok(())
+}
+
+/// Number of products of both images.
+///
+/// # Errors
+/// As [`stage`].
+pub fn products<S: Scalar>(x: &Named<S>) -> Result<u64, String> {
+    let mut sum = 0;
+    for k in 0..CONVOLUTIONS.len() {
+        let ([h, w], inputs) = (size(x, k)?, if k == 0 { 3 } else { channels(x, k - 1) });
+        sum += (2 * h * w * 9 * inputs * channels(x, k)) as u64;
+    }
+    Ok(sum)
+}
