@@ -3,7 +3,7 @@
 //! | drawn | colour |
 //! |---|---|
 //! | outline of the mask: pixels with coverage ≥ ½ beside one below | green |
-//! | bones, from a joint to the one it hangs on | yellow |
+//! | bones, from a joint that moves points, or has such below it, to the one it hangs on | yellow |
 //! | joints | red |
 //! | outline of the box that metrics look at | blue |
 //!
@@ -12,7 +12,7 @@
 
 use crate::io::image_file;
 use crate::num::order;
-use crate::scene::person::{PersonCapture, Photo, Shot, project};
+use crate::scene::person::{PersonCapture, Photo, Shot, Template, project};
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -144,10 +144,13 @@ fn overlay(c: &PersonCapture, shot: &Shot, photo: &Photo, bound: &[u8]) -> (usiz
     let mask: Vec<u8> = photo.mask.iter().map(|&m| u8::from(m >= 0.5)).collect();
     canvas.outline(bound, w, h, zoom, [60, 120, 255]);
     canvas.outline(&mask, w, h, zoom, [60, 230, 90]);
+    let used = used_joints(&c.template);
     let at: Vec<Option<[f64; 2]>> = c
         .posed_joints(shot.time)
         .into_iter()
-        .map(|x| project(&shot.camera, x.map(f64::from)).map(|p| p.map(|v| v * zoom as f64)))
+        .zip(used)
+        .map(|(x, is_used)| project(&shot.camera, x.map(f64::from)).filter(|_| is_used))
+        .map(|p| p.map(|p| p.map(|v| v * zoom as f64)))
         .collect();
     for (k, parent) in c.template.parents.iter().enumerate() {
         if let (Some(a), Some(b)) = (at[k], parent.and_then(|p| at[p])) {
@@ -158,6 +161,22 @@ fn overlay(c: &PersonCapture, shot: &Shot, photo: &Photo, bound: &[u8]) -> (usiz
         canvas.dot(p, [235, 64, 52]);
     }
     (canvas.width, canvas.height, canvas.rgb)
+}
+
+/// (K) whether a joint, or one below it, moves a point: handles of animators do not.
+fn used_joints(t: &Template) -> Vec<bool> {
+    let mut used = vec![false; t.joints.len()];
+    for (joints, weights) in t.joint_of.iter().zip(&t.weight_of) {
+        for (&j, &w) in joints.iter().zip(weights) {
+            used[usize::from(j)] |= w > 0.0;
+        }
+    }
+    for &k in t.order.iter().rev() {
+        if let (true, Some(p)) = (used[k], t.parents[k]) {
+            used[p] = true;
+        }
+    }
+    used
 }
 
 /// A picture to draw on.

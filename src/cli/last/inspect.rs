@@ -36,6 +36,9 @@ pub(in crate::cli) struct Args {
     json: bool,
 }
 
+/// Problems printed.
+const SHOWN: usize = 20;
+
 pub(super) fn run(args: &Args) -> Result<()> {
     if !person::is_person(&args.capture)
         && let Some(layout) = Layout::detect(&args.capture)
@@ -118,7 +121,11 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
         }
     }
     out.extend(report.notes.iter().map(|n| format!("note      {n}")));
-    out.extend(report.problems.iter().map(|e| format!("problem   {}", cli::one_line(&e.to_string()))));
+    let problems = report.problems.iter().take(SHOWN);
+    out.extend(problems.map(|e| format!("problem   {}", cli::one_line(&e.to_string()))));
+    if let Some(more) = report.problems.len().checked_sub(SHOWN).filter(|n| *n > 0) {
+        out.push(format!("problem   and {more} more, which --json lists"));
+    }
     match &args.out {
         Some(dir) => out.push(format!("{} pictures in {}", report.looks.len(), dir.display())),
         None if !report.looks.is_empty() => {

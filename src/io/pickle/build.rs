@@ -290,7 +290,12 @@ impl<'a> Machine<'a> {
             Class::FromBuffer => {
                 let [raw, dtype, shape, order] = args[..] else { return Err(usage(args.len())) };
                 let shape = self.shape(shape)?;
-                let fortran = self.word(order)? == "F";
+                let order = self.word(order)?;
+                let fortran = match order.as_str() {
+                    "C" => false,
+                    "F" => true,
+                    _ => return Err(Self::wrong("the order C or F", order)),
+                };
                 self.elements(dtype, &shape, fortran, raw)
             }
             Class::Encode => {

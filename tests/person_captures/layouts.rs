@@ -1,0 +1,515 @@
+//! Miniatures of the layouts, and what is true of them.
+
+use super::common::person::{Cam, Mini, V, V3, betas, matrix, pairs, rotated, thetas, write_picture};
+use super::common::python::{Py, dump, object_npy};
+use super::{Truth, check, convert, error, same, up};
+use hdf5_pure::{FileBuilder, GroupBuilder};
+use lastlight::io::captures::{Layout, Range, Selection};
+use lastlight::io::image_file;
+use lastlight::io::npz;
+use lastlight::io::smpl::{self, BodyModel};
+use lastlight::num::array::Arrays;
+use serde_json::json;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Distortion that moves pixels of a small picture by up to one.
+const D: [f64; 5] = [-0.08, 0.01, 0.002, -0.001, 0.003];
+
+pub(crate) fn model() -> BodyModel {
+    smpl::from_arrays(&Mini::new().arrays()).expect("a body model")
+}
+
+/// Cameras 0 to learn from, 1 held out, all three frames.
+pub(crate) fn both() -> Selection {
+    let all = Some(Range { start: 0, step: 1, count: 3 });
+    Selection {
+        train_cameras: Some(vec![0]),
+        test_cameras: Some(vec![1]),
+        train_frames: all,
+        test_frames: all,
+    }
+}
+
+fn flat(rows: &[V3]) -> Vec<f64> {
+    rows.iter().flatten().copied().collect()
+}
+
+/// `params/N.npy`.
+pub(crate) fn params(poses: &[f64], rh: V3, th: V3) -> Vec<u8> {
+    object_npy(&Py::Dict(vec![
+        ("poses", Py::Array(vec![1, poses.len()], poses.to_vec())),
+        ("Rh", Py::Array(vec![1, 3], rh.to_vec())),
+        ("Th", Py::Array(vec![1, 3], th.to_vec())),
+        ("shapes", Py::Array(vec![1, 10], betas())),
+    ]))
+}
+
+/// A person standing in a world with z up: Rh turns y up to z up and a little about, Th lifts it.
+fn standing(frame: usize) -> (V3, V3) {
+    let half = std::f64::consts::FRAC_PI_2;
+    // The turn about the vertical after the one about x, as one axis-angle, through matrices.
+    let spin = [0.0, 0.0, 0.4 * frame as f64];
+    let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+        .map(|e| rotated(spin, rotated([half, 0.0, 0.0], e)));
+    let r: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]));
+    (lastlight::scene::person::rotation_vector(&r), [0.05 * frame as f64, -0.1, 0.35])
+}
+
+/// Points of a frame of ZJU-MoCap and MonoCap.
+fn easymocap(frame: usize) -> (Vec<V3>, Vec<f64>, V3, V3) {
+    let (mini, turns, (rh, th)) = (Mini::new(), thetas(frame, [0.0; 3]), standing(frame));
+    let place = move |x: V3| -> V3 {
+        let y = rotated(rh, x);
+        std::array::from_fn(|c| y[c] + th[c])
+    };
+    (mini.posed(&mini.shaped(&betas()), &turns, &place), flat(&turns), rh, th)
+}
+
+fn annots(cameras: &BTreeMap<usize, Cam>, ims: Option<Vec<Vec<String>>>) -> Vec<u8> {
+    let each = |f: &dyn Fn(&Cam) -> Py| Py::List(cameras.values().map(f).collect());
+    let mut entries = vec![(
+        "cams",
+        Py::Dict(vec![
+            ("K", each(&|c| Py::Array(vec![3, 3], flat(&c.k)))),
+            ("D", each(&|c| Py::Array(vec![5, 1], c.d.clone()))),
+            ("R", each(&|c| Py::Array(vec![3, 3], flat(&c.r)))),
+            ("T", each(&|c| Py::Array(vec![3, 1], c.t.iter().map(|x| 1000.0 * x).collect()))),
+        ]),
+    )];
+    if let Some(ims) = ims {
+        let frame = |paths: &Vec<String>| {
+            Py::Dict(vec![("ims", Py::List(paths.iter().map(|p| Py::Str(p.clone())).collect()))])
+        };
+        entries.push(("ims", Py::List(ims.iter().map(frame).collect())));
+    }
+    object_npy(&Py::Dict(entries))
+}
+
+/// ZJU-MoCap.
+pub(crate) fn zju(dir: &Path, refined: bool, count: usize, frames: usize) -> Truth {
+    let side = 32;
+    let cameras: BTreeMap<usize, Cam> =
+        (0..count).map(|c| (c, Cam::around(side, 0.9 * c as f64, true, &D))).collect();
+    let path =
+        |c: usize, f: usize| format!("{}Camera_B{}/{f:06}.jpg", if refined { "images/" } else { "" }, c + 1);
+    let mut points = BTreeMap::new();
+    let (bodies, masks) = if refined { ("smpl_params", "mask") } else { ("new_params", "mask_cihp") };
+    for f in 0..frames {
+        let (x, poses, rh, th) = easymocap(f);
+        std::fs::create_dir_all(dir.join(bodies)).expect("made");
+        std::fs::write(dir.join(format!("{bodies}/{f}.npy")), params(&poses, rh, th)).expect("written");
+        for (c, cam) in &cameras {
+            let (rgb, mask) = cam.photograph(side, &x);
+            write_picture(&dir.join(path(*c, f)), side, 3, &rgb);
+            // Not zero is the person, whatever the label.
+            let labels: Vec<u8> = mask.iter().enumerate().map(|(i, m)| m * (1 + (i % 20) as u8)).collect();
+            write_picture(&dir.join(format!("{masks}/Camera_B{}/{f:06}.png", c + 1)), side, 1, &labels);
+        }
+        points.insert(f as i64, x);
+    }
+    let ims = (0..frames).map(|f| (0..count).map(|c| path(c, f)).collect()).collect();
+    std::fs::write(dir.join("annots.npy"), annots(&cameras, Some(ims))).expect("written");
+    if !refined {
+        // Points of the release, with which the body is compared.
+        let mut a = Arrays::new();
+        a.put("0", &[V, 3], flat(&points[&0]));
+        let zip = npz::to_bytes(&a, npz::Packing::Stored).expect("made");
+        // The member of the archive is the file.
+        let start = zip.windows(6).position(|w| w == b"\x93NUMPY").expect("an array");
+        let end = start + 128 + 8 * 3 * V;
+        std::fs::create_dir_all(dir.join("new_vertices")).expect("made");
+        std::fs::write(dir.join("new_vertices/0.npy"), &zip[start..end]).expect("written");
+    }
+    Truth { points, cameras, world: same, scale: 2, side }
+}
+
+#[test]
+fn zju_mocap() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let truth = zju(dir.path(), false, 2, 3);
+    let c = check(Layout::Zju, dir.path(), &Selection::default(), Some(&model()), &truth);
+    assert_eq!(pairs(&c, &c.train), [(0, 0), (0, 1), (0, 2)], "one camera, all frames");
+    assert_eq!(pairs(&c, &c.test), [(1, 0)], "the other, every thirtieth");
+    let t = &c.template;
+    assert_eq!((t.kind.name(), t.unit_m, t.faces.len()), ("smpl", 1.0, V - 2), "the body");
+    // The canonical pose has its hips turned by 45 degrees, in axes with z up: about −y.
+    let angles = t.axis_angles(&t.canonical);
+    let quarter = std::f32::consts::FRAC_PI_4;
+    let expected = [0.0, -quarter, 0.0];
+    assert!((0..3).all(|i| (angles[1][i] - expected[i]).abs() < 1e-6), "{:?}", angles[1]);
+    let (canonical, feet) = (t.canonical_points(), [7, 8]);
+    let apart = canonical[feet[0]][0] - canonical[feet[1]][0];
+    assert!(apart > 0.9, "legs are apart: {apart}");
+    // Poses in our axes give the transforms again.
+    for pose in &c.poses {
+        let derived = t.axis_angles(&pose.transforms);
+        for k in 1..derived.len() {
+            let off = (0..3)
+                .map(|i| (derived[k][i] - pose.axis_angles[k][i]).abs())
+                .fold(0.0f32, |m, d| if d > m { d } else { m });
+            assert!(off < 2e-6, "joint {k}: {:?} and {:?}", derived[k], pose.axis_angles[k]);
+        }
+        assert!(pose.global.is_some(), "Rh and Th are kept");
+    }
+    let report = {
+        let out = tempfile::tempdir().expect("a temporary folder");
+        convert(Layout::Zju, dir.path(), &both(), Some(&model()), out.path()).expect("imported")
+    };
+    assert!(
+        report.notes.iter().any(|n| n.contains("0.0 mm from the points of")),
+        "compared: {:?}",
+        report.notes
+    );
+    // Another body is noticed.
+    let mut other = model();
+    other.template.iter_mut().for_each(|x| x[1] += 0.1);
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let report = convert(Layout::Zju, dir.path(), &both(), Some(&other), out.path()).expect("imported");
+    assert!(report.notes.iter().any(|n| n.contains("is this the body model")), "{:?}", report.notes);
+}
+
+#[test]
+fn monocap() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = &folder.path().join("lan_images620_1300");
+    let side = 16;
+    let cameras: BTreeMap<usize, Cam> =
+        (0..2).map(|c| (c, Cam::around(side, 1.2 * c as f64, true, &[0.0; 5]))).collect();
+    let mut points = BTreeMap::new();
+    for f in 0..3 {
+        let (x, poses, rh, th) = easymocap(f);
+        std::fs::create_dir_all(dir.join("params")).expect("made");
+        std::fs::write(dir.join(format!("params/{f}.npy")), params(&poses, rh, th)).expect("written");
+        for (c, cam) in &cameras {
+            let (rgb, mask) = cam.photograph(side, &x);
+            write_picture(&dir.join(format!("images/{c:02}/{f:04}.jpg")), side, 3, &rgb);
+            let mask: Vec<u8> = mask.iter().map(|m| 255 * m).collect();
+            write_picture(&dir.join(format!("mask/{c:02}/{f:04}.png")), side, 1, &mask);
+        }
+        points.insert(f as i64, x);
+    }
+    std::fs::write(dir.join("annots.npy"), annots(&cameras, None)).expect("written");
+    let truth = Truth { points, cameras, world: same, scale: 1, side };
+    let c = check(Layout::MonoCap, dir, &both(), Some(&model()), &truth);
+    assert_eq!(pairs(&c, &c.test), [(1, 0), (1, 1), (1, 2)], "as selected");
+    assert_eq!(c.box_margin, 0.1, "MonoCap's margin");
+    // Of its own accord it would look for ten cameras to hold out.
+    let out = tempfile::tempdir().expect("a temporary folder");
+    let e = error(convert(Layout::MonoCap, dir, &Selection::default(), Some(&model()), out.path()));
+    assert!(e.contains("camera 2") && e.contains("2 cameras"), "{e}");
+}
+
+#[test]
+fn arah() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = &folder.path().join("CoreView_377");
+    let side = 32;
+    let mini = Mini::new();
+    mini.misc(&folder.path().join("body_models/misc"));
+    let cameras: BTreeMap<usize, Cam> =
+        (1..3).map(|c| (c, Cam::around(side, 0.7 * c as f64, false, &D))).collect();
+    let mut params = json!({"all_cam_names": ["1", "2"]});
+    for (c, cam) in &cameras {
+        let column = |v: &[f64]| v.iter().map(|x| vec![*x]).collect::<Vec<_>>();
+        params[c.to_string()] = json!({"K": cam.k, "D": column(&cam.d), "R": cam.r, "T": column(&cam.t)});
+    }
+    std::fs::create_dir_all(dir.join("models")).expect("made");
+    std::fs::write(dir.join("cam_params.json"), params.to_string()).expect("written");
+    let mut points = BTreeMap::new();
+    for f in 0..3 {
+        // The world has y down: half a turn about x puts the person upright.
+        let turns = thetas(f, [std::f64::consts::PI, 0.1, 0.0]);
+        let trans = [0.05, -0.1 * f as f64, 0.1];
+        let rest = mini.shaped(&betas());
+        let x = mini.posed(&rest, &turns, &|x| std::array::from_fn(|c| x[c] + trans[c]));
+        let body = model();
+        let joints = lastlight::scene::person::smpl::joints(&body, &rest);
+        let bones = lastlight::scene::person::smpl::chain(&body.parents, &joints, &turns);
+        let squares: Vec<f32> = bones
+            .iter()
+            .flat_map(|a| {
+                a.iter().flatten().copied().chain([0.0, 0.0, 0.0, 1.0]).map(|x| x as f32).collect::<Vec<_>>()
+            })
+            .collect();
+        let angles = flat(&turns);
+        let mut model = Arrays::new()
+            .with("minimal_shape", &[V, 3], flat(&rest))
+            .with("betas", &[1, 10], betas())
+            .with("bone_transforms", &[24, 4, 4], squares)
+            .with("trans", &[3], trans.to_vec())
+            .with("root_orient", &[3], angles[..3].to_vec())
+            .with("pose_body", &[63], angles[3..66].to_vec())
+            .with("pose_hand", &[6], angles[66..].to_vec());
+        model.put("Jtr_posed", &[24, 3], vec![0.0f64; 72]);
+        npz::write(&dir.join(format!("models/{f:06}.npz")), &model).expect("written");
+        for (c, cam) in &cameras {
+            let (rgb, mask) = cam.photograph(side, &x);
+            write_picture(&dir.join(format!("{c}/{f:06}.jpg")), side, 3, &rgb);
+            write_picture(&dir.join(format!("{c}/{f:06}.png")), side, 1, &mask);
+        }
+        points.insert(f as i64, x);
+    }
+    let truth = Truth { points, cameras, world: same, scale: 1, side };
+    let c = check(Layout::Arah, dir, &Selection::default(), None, &truth);
+    assert_eq!(pairs(&c, &c.train), [(1, 0), (1, 1), (1, 2)], "camera 1, all frames");
+    assert_eq!(pairs(&c, &c.test), [(2, 0)], "the others, every thirtieth");
+    assert!(c.template.pose_shapes.is_some(), "pose shapes of body_models/misc");
+}
+
+/// Points of PeopleSnapshot: a camera's axes are the world, the person stands upside down in them.
+fn turning(frame: usize, mini: &Mini, rest: &[V3]) -> (Vec<V3>, Vec<V3>, V3) {
+    let turns = thetas(frame, [std::f64::consts::PI, 0.2 * frame as f64, 0.0]);
+    let trans = [0.02 * frame as f64, 0.1, 3.0];
+    (mini.posed(rest, &turns, &|x| std::array::from_fn(|c| x[c] + trans[c])), turns, trans)
+}
+
+/// The camera of PeopleSnapshot and InstantAvatar: at the origin.
+fn still(side: usize, d: &[f64]) -> Cam {
+    Cam { t: [0.0; 3], r: matrix([0.0; 3]), ..Cam::around(side, 0.0, false, d) }
+}
+
+/// PeopleSnapshot without pictures; gives points, and the pictures to come.
+fn snapshot(dir: &Path, side: usize, frames: usize) -> (Truth, Vec<Vec<u8>>) {
+    std::fs::create_dir_all(dir).expect("made");
+    let (mini, cam) = (Mini::new(), still(side, &D));
+    // The person at rest is not the model's shape: clothes.
+    let rest: Vec<V3> = mini.shaped(&betas()).iter().map(|x| [1.02 * x[0], x[1], 1.05 * x[2]]).collect();
+    let camera = dump(&Py::Dict(vec![
+        ("camera_t", Py::Array(vec![3], cam.t.to_vec())),
+        ("camera_rt", Py::Array(vec![3], vec![0.0; 3])),
+        ("camera_f", Py::Array(vec![2], vec![cam.k[0][0], cam.k[1][1]])),
+        ("camera_c", Py::Array(vec![2], vec![cam.k[0][2], cam.k[1][2]])),
+        ("camera_k", Py::Array(vec![5], cam.d.clone())),
+        ("width", Py::Int(side as i64)),
+        ("height", Py::Int(side as i64)),
+    ]));
+    std::fs::write(dir.join("camera.pkl"), camera).expect("written");
+    let (mut points, mut photographs, mut masks) = (BTreeMap::new(), Vec::new(), Vec::new());
+    let (mut pose, mut trans) = (Vec::new(), Vec::new());
+    for f in 0..frames {
+        let (x, turns, t) = turning(f, &mini, &rest);
+        let (rgb, mask) = cam.photograph(side, &x);
+        photographs.push(rgb);
+        masks.extend(mask);
+        pose.extend(flat(&turns).iter().map(|&x| x as f32));
+        trans.extend(t.map(|x| x as f32));
+        points.insert(f as i64, x);
+    }
+    let n = frames as u64;
+    let mut b = FileBuilder::new();
+    b.create_dataset("masks")
+        .with_u8_data(&masks)
+        .with_shape(&[n, side as u64, side as u64])
+        .with_chunks(&[1, side as u64, side as u64])
+        .with_deflate(4);
+    b.write(dir.join("masks.hdf5")).expect("written");
+    let mut b = FileBuilder::new();
+    b.create_dataset("pose").with_f32_data(&pose).with_shape(&[n, 72]);
+    b.create_dataset("trans").with_f32_data(&trans).with_shape(&[n, 3]);
+    b.create_dataset("betas").with_f64_data(&betas()).with_shape(&[10]);
+    b.write(dir.join("reconstructed_poses.hdf5")).expect("written");
+    let lines: Vec<String> = rest.iter().map(|x| format!("v {:?} {:?} {:?}", x[0], x[1], x[2])).collect();
+    std::fs::write(
+        dir.join("consensus.obj"),
+        format!("# person\n{}\nvt 0 0\nf 1/1 2/1 3/1\n", lines.join("\n")),
+    )
+    .expect("written");
+    (Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side }, photographs)
+}
+
+#[test]
+fn people_snapshot() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = &folder.path().join("somebody");
+    let (truth, photographs) = snapshot(dir, 16, 4);
+    let e =
+        error(convert(Layout::PeopleSnapshot, dir, &Selection::default(), Some(&model()), &dir.join("out")));
+    assert!(e.contains("images") && e.contains("the video beside it"), "{e}");
+    for (f, rgb) in photographs.iter().enumerate() {
+        write_picture(&dir.join(format!("images/image_{f:04}.png")), 16, 3, rgb);
+    }
+    let c = check(Layout::PeopleSnapshot, dir, &Selection::default(), Some(&model()), &truth);
+    assert_eq!(pairs(&c, &c.train), [(0, 0), (0, 1), (0, 2)], "three quarters");
+    assert_eq!(pairs(&c, &c.test), [(0, 3)], "the rest");
+    std::fs::remove_file(dir.join("images/image_0003.png")).expect("removed");
+    let e =
+        error(convert(Layout::PeopleSnapshot, dir, &Selection::default(), Some(&model()), &dir.join("out")));
+    assert!(e.contains("pictures in images/") && e.contains("expected 4") && e.contains("got 3"), "{e}");
+    write_picture(&dir.join("images/image_0003.png"), 16, 3, &photographs[3]);
+    // Bytes of the container changed here and there: an error or a value, never a panic.
+    let poses = std::fs::read(dir.join("reconstructed_poses.hdf5")).expect("there");
+    for i in 0..300 {
+        let mut bytes = poses.clone();
+        let at = (i * 7919) % bytes.len();
+        bytes[at] ^= [1, 0x80, 0xff][i % 3];
+        std::fs::write(dir.join("reconstructed_poses.hdf5"), &bytes).expect("written");
+        let _ = lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &Selection::default(), "neutral");
+    }
+    std::fs::write(dir.join("reconstructed_poses.hdf5"), &poses[..poses.len() / 2]).expect("written");
+    let e =
+        error(convert(Layout::PeopleSnapshot, dir, &Selection::default(), Some(&model()), &dir.join("out")));
+    assert!(e.contains("reconstructed_poses.hdf5"), "{e}");
+    std::fs::write(dir.join("reconstructed_poses.hdf5"), &poses).expect("written");
+    std::fs::write(dir.join("masks.hdf5"), b"\x89HDF\r\n\x1a\nnothing").expect("written");
+    let e =
+        error(convert(Layout::PeopleSnapshot, dir, &Selection::default(), Some(&model()), &dir.join("out")));
+    assert!(e.contains("masks.hdf5") && e.contains("HDF5"), "{e}");
+}
+
+#[test]
+fn the_protocol_of_a_known_subject() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = &folder.path().join("female-4-casual");
+    let (truth, photographs) = snapshot(dir, 16, 11);
+    for (f, rgb) in photographs.iter().enumerate() {
+        write_picture(&dir.join(format!("images/{f:06}.png")), 16, 3, rgb);
+    }
+    let only = Selection { test_frames: Some(Range { start: 1, step: 4, count: 2 }), ..Selection::default() };
+    let c = check(Layout::PeopleSnapshot, dir, &only, Some(&model()), &truth);
+    assert_eq!(pairs(&c, &c.train), [(0, 0), (0, 4), (0, 8)], "every fourth frame of 336");
+    assert_eq!(pairs(&c, &c.test), [(0, 1), (0, 5)], "as selected");
+}
+
+#[test]
+fn instant_avatar() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = &folder.path().join("somebody");
+    let (side, frames) = (16, 4);
+    let (mini, cam) = (Mini::new(), still(side, &[]));
+    let rest = mini.shaped(&betas());
+    let (mut points, mut angles, mut transl) = (BTreeMap::new(), Vec::new(), Vec::new());
+    for f in 0..frames {
+        let (x, turns, t) = turning(f, &mini, &rest);
+        let (rgb, mask) = cam.photograph(side, &x);
+        write_picture(&dir.join(format!("images/image_{f:04}.png")), side, 3, &rgb);
+        let mut a = Arrays::new();
+        a.put("m", &[side, side], mask);
+        let zip = npz::to_bytes(&a, npz::Packing::Stored).expect("made");
+        let start = zip.windows(6).position(|w| w == b"\x93NUMPY").expect("an array");
+        std::fs::create_dir_all(dir.join("masks")).expect("made");
+        std::fs::write(dir.join(format!("masks/mask_{f:04}.npy")), &zip[start..start + 128 + side * side])
+            .expect("written");
+        angles.push(flat(&turns));
+        transl.push(t);
+        points.insert(f as i64, x);
+    }
+    let eye: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
+    let camera = Arrays::new()
+        .with("intrinsic", &[3, 3], flat(&cam.k))
+        .with("extrinsic", &[4, 4], eye)
+        .with("height", &[], vec![side as i64])
+        .with("width", &[], vec![side as i64]);
+    npz::write(&dir.join("cameras.npz"), &camera).expect("written");
+    // Poses of all frames are coarse; those of the training frames are refined.
+    let coarse = Arrays::new()
+        .with("betas", &[10], betas())
+        .with(
+            "thetas",
+            &[frames, 72],
+            angles
+                .iter()
+                .enumerate()
+                .flat_map(|(f, a)| a.iter().map(move |x| if f < 3 { x + 0.3 } else { *x }))
+                .collect::<Vec<f64>>(),
+        )
+        .with("transl", &[frames, 3], flat(&transl));
+    npz::write(&dir.join("poses.npz"), &coarse).expect("written");
+    let fine = Arrays::new()
+        .with("betas", &[1, 10], betas())
+        .with(
+            "global_orient",
+            &[3, 3],
+            angles[..3].iter().flat_map(|a| a[..3].to_vec()).collect::<Vec<f64>>(),
+        )
+        .with("body_pose", &[3, 69], angles[..3].iter().flat_map(|a| a[3..].to_vec()).collect::<Vec<f64>>())
+        .with("transl", &[3, 3], flat(&transl[..3]));
+    std::fs::create_dir_all(dir.join("poses")).expect("made");
+    npz::write(&dir.join("poses/anim_nerf_train.npz"), &fine).expect("written");
+    let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side };
+    let c = check(Layout::InstantAvatar, dir, &Selection::default(), Some(&model()), &truth);
+    assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
+}
+
+#[test]
+fn dna_rendering() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let (dir, side, frames) = (folder.path(), 32, 3);
+    let mini = Mini::new();
+    let rest = mini.shaped(&betas());
+    let cameras: BTreeMap<usize, Cam> =
+        [24, 25, 26, 27, 28].map(|c| (c, Cam::around(side, 0.8 * c as f64, false, &D))).into();
+    let (mut points, mut poses, mut transl) = (BTreeMap::new(), Vec::new(), Vec::new());
+    for f in 0..frames {
+        let turns = thetas(f, [std::f64::consts::PI, 0.3, 0.0]);
+        let t = [0.0, 0.05 * f as f64, 0.1];
+        points.insert(f as i64, mini.posed(&rest, &turns, &|x| std::array::from_fn(|c| 1.1 * x[c] + t[c])));
+        poses.extend(flat(&turns));
+        transl.extend(t);
+    }
+    let encoded = |c: &Cam, f: usize| {
+        let (rgb, mask) = c.photograph(side, &points[&(f as i64)]);
+        let mut jpeg = Vec::new();
+        let mut e = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 98);
+        e.encode(&rgb, side as u32, side as u32, image::ExtendedColorType::Rgb8).expect("encoded");
+        let mask: Vec<u8> = mask.iter().map(|m| 255 * m).collect();
+        (jpeg, image_file::png_bytes(side, side, 1, &mask).expect("encoded"))
+    };
+    let (mut main, mut annots) = (FileBuilder::new(), FileBuilder::new());
+    let mut five = main.create_group("Camera_5mp");
+    let (mut calibration, mut masks) = (annots.create_group("Camera_Parameter"), annots.create_group("Mask"));
+    let nested = |parent: &mut GroupBuilder, names: [String; 2], files: Vec<Vec<u8>>| {
+        let mut outer = parent.create_group(&names[0]);
+        let mut inner = outer.create_group(&names[1]);
+        for (f, bytes) in files.iter().enumerate() {
+            inner.create_dataset(&f.to_string()).with_u8_data(bytes);
+        }
+        outer.add_group(inner.finish());
+        parent.add_group(outer.finish());
+    };
+    for (c, cam) in &cameras {
+        let files: Vec<(Vec<u8>, Vec<u8>)> = (0..frames).map(|f| encoded(cam, f)).collect();
+        nested(&mut five, [c.to_string(), "color".into()], files.iter().map(|f| f.0.clone()).collect());
+        nested(&mut masks, [c.to_string(), "mask".into()], files.iter().map(|f| f.1.clone()).collect());
+        let mut group = calibration.create_group(&format!("{c:02}"));
+        group.create_dataset("K").with_f64_data(&flat(&cam.k)).with_shape(&[3, 3]);
+        group.create_dataset("D").with_f64_data(&cam.d);
+        // Camera to world.
+        let centre = [0, 1, 2].map(|i| -(0..3).fold(0.0, |s, j| s + cam.r[j][i] * cam.t[j]));
+        let mut rt = Vec::new();
+        for i in 0..3 {
+            rt.extend([cam.r[0][i], cam.r[1][i], cam.r[2][i], centre[i]]);
+        }
+        rt.extend([0.0, 0.0, 0.0, 1.0]);
+        group.create_dataset("RT").with_f64_data(&rt).with_shape(&[4, 4]);
+        calibration.add_group(group.finish());
+    }
+    main.add_group(five.finish());
+    annots.add_group(calibration.finish());
+    annots.add_group(masks.finish());
+    let mut body = annots.create_group("SMPLx");
+    body.create_dataset("fullpose").with_f64_data(&poses).with_shape(&[frames as u64, 24, 3]);
+    body.create_dataset("transl").with_f64_data(&transl).with_shape(&[frames as u64, 3]);
+    body.create_dataset("betas").with_f64_data(&betas()).with_shape(&[1, 10]);
+    body.create_dataset("expression").with_f64_data(&vec![0.0; 10 * frames]).with_shape(&[frames as u64, 10]);
+    body.create_dataset("scale").with_f64_data(&[1.1]);
+    annots.add_group(body.finish());
+    main.write(dir.join("0012_09.smc")).expect("written");
+    annots.write(dir.join("0012_09_annots.smc")).expect("written");
+    let truth = Truth { points, cameras, world: same, scale: 2, side };
+    let c = check(Layout::Dna, dir, &Selection::default(), Some(&model()), &truth);
+    assert_eq!(pairs(&c, &c.train), [(26, 0), (26, 1), (26, 2)], "camera 26");
+    assert_eq!(pairs(&c, &c.test), [(24, 0), (25, 0), (27, 0), (28, 0)], "its neighbours, every fifth frame");
+    assert_eq!(c.template.kind.name(), "smplx", "the body");
+    assert!(c.poses[0].global.is_none(), "a scale is part of the transforms");
+    let one = check(Layout::Dna, &dir.join("0012_09.smc"), &Selection::default(), Some(&model()), &truth);
+    assert_eq!(one.train.len(), 3, "by the name of the container");
+    let e = error(convert(
+        Layout::Dna,
+        dir,
+        &Selection { train_cameras: Some(vec![3]), ..Selection::default() },
+        Some(&model()),
+        &dir.join("out"),
+    ));
+    assert!(e.contains("_annots.smc") && e.contains("camera 3"), "{e}");
+}

@@ -1,0 +1,448 @@
+//! The layout of a person's capture: what `last gen` writes is read, everything inconsistent is an error of its own, and `last inspect`
+//! and `last import` say so.
+
+mod common;
+
+use common::person::{Cam, Mini, V3, apart, betas, rotated, thetas, write_picture};
+use common::program::{code, json, lastlight, refused, stderr, stdout};
+use common::python::{Py, dump};
+use data_gen::figure::factors::Drive;
+use data_gen::figure::skeleton::{bones, pose};
+use hdf5_pure::FileBuilder;
+use lastlight::io::npz;
+use lastlight::last::generate::{self, Settings};
+use lastlight::num::array::Arrays;
+use lastlight::scene::person::{Kind, PersonCapture};
+use reference::body::skin;
+use serde_json::Value;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// A small data set of the figure with its video.
+fn settings() -> Settings {
+    Settings {
+        set: "video".into(),
+        points: 256,
+        frames: 4,
+        test_cameras: 2,
+        video_size: 48,
+        samples: 2,
+        mechanism: "LIN".into(),
+        ..Settings::smoke()
+    }
+}
+
+fn make(dir: &Path) {
+    generate::run(&settings(), dir, false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a data set");
+}
+
+#[test]
+fn what_last_gen_writes_is_read() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    make(dir.path());
+    let c = PersonCapture::open(dir.path()).expect("the folder above the video is found");
+    assert_eq!(
+        c,
+        PersonCapture::open(&dir.path().join("video")).expect("the video itself"),
+        "the same capture"
+    );
+    let t = &c.template;
+    assert_eq!((&t.kind, t.len(), t.joints.len(), c.moments()), (&Kind::Figure, 256, 12, 4), "sizes");
+    assert_eq!((t.unit_m, c.box_margin), (0.85, (0.05 / 0.85) as f32), "5 cm in units of 0.85 m");
+    assert_eq!((c.train.len(), c.test.len(), c.factors.len()), (4, 2, 4), "pictures and causes");
+    assert!(c.train.iter().all(|&i| c.shots[i].camera_id == 0), "camera 0 trains");
+    // The points are where the figure's own skinning puts them.
+    let arrays = npz::read(&dir.path().join("video/body.npz")).expect("there");
+    let weights = arrays.need("weights").expect("there").to_f64();
+    for moment in 0..c.moments() {
+        let posed = pose(&bones(), &Drive::new(&c.factors[moment]));
+        let expected: Vec<V3> = t
+            .points
+            .iter()
+            .zip(weights.chunks_exact(12))
+            .map(|(x, w)| skin::point(&skin::blend(w, &posed), x.map(f64::from)))
+            .collect();
+        let off = apart(&c.posed_points(moment), &expected);
+        assert!(off < 1e-6, "moment {moment}: {off:e}");
+        let joints: Vec<V3> = (0..12).map(|k| skin::point(&posed[k], t.joints[k].map(f64::from))).collect();
+        assert!(apart(&c.posed_joints(moment), &joints) < 1e-6, "joints move with their own transforms");
+        // Rotations relative to the parents give the transforms again.
+        let none = vec![[0.0; 3]; 12];
+        let same = t.corrected(&c.poses[moment].transforms, &none);
+        let worst = c.poses[moment].transforms.iter().zip(&same).flat_map(|(a, b)| {
+            (0..12).map(|i| (a[i / 4][i % 4] - b[i / 4][i % 4]).abs()).collect::<Vec<f32>>()
+        });
+        assert!(worst.fold(0.0f32, |m, d| if d > m { d } else { m }) < 1e-6, "no correction changes nothing");
+    }
+    // A correction of one joint moves what hangs on it, about its place.
+    let (k, angle) = (5, 0.3f32);
+    let mut correction = vec![[0.0; 3]; 12];
+    correction[k] = [0.0, angle, 0.0];
+    let before = &c.poses[1].transforms;
+    let after = t.corrected(before, &correction);
+    let mut below = vec![false; 12];
+    for &j in &t.order {
+        below[j] = j == k || t.parents[j].is_some_and(|p| below[p]);
+    }
+    let wide = |a: &[[f32; 4]; 3]| a.map(|r| r.map(f64::from));
+    for j in 0..12 {
+        let x = [0.3, -0.2, 0.7];
+        let pivot = t.joints[k].map(f64::from);
+        let y = rotated([0.0, f64::from(angle), 0.0], std::array::from_fn(|i| x[i] - pivot[i]));
+        let turned: V3 = std::array::from_fn(|i| y[i] + pivot[i]);
+        let expected = skin::point(&wide(&before[j]), if below[j] { turned } else { x });
+        let got = skin::point(&wide(&after[j]), x);
+        assert!((0..3).all(|i| (got[i] - expected[i]).abs() < 1e-5), "joint {j}: {got:?} and {expected:?}");
+    }
+    let report = lastlight::last::inspect::inspect(dir.path(), 3).expect("examined");
+    assert!(report.is_usable() && report.looks.len() == 5, "three training pictures and two cameras");
+    assert!(
+        report.looks.iter().all(|l| l.on_mask > 0.95 && l.in_box > 0.99),
+        "{:?}",
+        report.record()["looked_at"]
+    );
+}
+
+/// A copy of a good capture, spoiled; all of what is said about it.
+fn problems(good: &Path, spoil: &dyn Fn(&Path)) -> String {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    for (name, bytes) in common::tree(good) {
+        let path = dir.path().join(&name);
+        std::fs::create_dir_all(path.parent().expect("in a folder")).expect("made");
+        std::fs::write(path, bytes).expect("written");
+    }
+    spoil(dir.path());
+    let (_, problems) = PersonCapture::examine(dir.path()).expect("examined");
+    let first = PersonCapture::open(dir.path()).expect_err("refused").to_string();
+    assert_eq!(first, problems[0].to_string(), "the first of the problems");
+    problems.iter().map(|e| format!("{e}\n")).collect()
+}
+
+#[test]
+fn every_inconsistency_is_an_error_of_its_own() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    make(folder.path());
+    let good = &folder.path().join("video");
+    let say = |parts: &[&str], spoil: &dyn Fn(&Path)| {
+        let text = problems(good, spoil);
+        parts.iter().for_each(|p| assert!(text.contains(p), "'{p}' in\n{text}"));
+    };
+    let body = |dir: &Path, change: &dyn Fn(&mut Arrays)| {
+        let path = dir.join("body.npz");
+        let mut arrays = npz::read(&path).expect("there");
+        change(&mut arrays);
+        npz::write(&path, &arrays).expect("written");
+    };
+    let cameras = |dir: &Path, change: &dyn Fn(&mut Value)| {
+        let path = dir.join("transforms_train.json");
+        let mut v: Value = serde_json::from_slice(&std::fs::read(&path).expect("there")).expect("JSON");
+        change(&mut v);
+        std::fs::write(path, v.to_string()).expect("written");
+    };
+    say(&["frames[2].file_path", "images/c00_f0002.png", "not there"], &|d| {
+        std::fs::remove_file(d.join("images/c00_f0002.png")).expect("removed");
+    });
+    say(&["frames[1].foreground_path", "not there"], &|d| {
+        std::fs::remove_file(d.join("foreground/c00_f0001.png")).expect("removed");
+    });
+    say(&["frames[0].foreground_path", "the mask of the person", "nothing"], &|d| {
+        cameras(d, &|v| drop(v["frames"][0].as_object_mut().expect("a frame").remove("foreground_path")));
+    });
+    say(&["c00_f0001.png: mask size: expected 48x48, as the photograph, got 24x24"], &|d| {
+        write_picture(&d.join("foreground/c00_f0001.png"), 24, 1, &[255; 24 * 24]);
+    });
+    say(&["c00_f0003.png: picture size: expected 48x48, as the camera says, got 24x24"], &|d| {
+        write_picture(&d.join("images/c00_f0003.png"), 24, 3, &[255; 24 * 24 * 3]);
+    });
+    let shorter = |a: &mut Arrays, name: &str| {
+        let x = a.need(name).expect("there");
+        let (shape, values) = (x.shape().to_vec(), x.to_f64());
+        let n = shape[0] - 1;
+        let rest = values.len() / shape[0] * n;
+        a.put(name, &[&[n], &shape[1..]].concat(), values[..rest].to_vec());
+    };
+    say(&["array 'transforms': expected 4 poses, one for each moment that the cameras name, got 3"], &|d| {
+        body(d, &|a| {
+            shorter(a, "transforms");
+            shorter(a, "factors");
+        });
+    });
+    say(&["array 'factors'", "[4, n]"], &|d| body(d, &|a| shorter(a, "factors")));
+    say(&["array 'poses'", "4 poses, as many as transforms", "got 3"], &|d| {
+        body(d, &|a| a.put("poses", &[3, 12, 3], vec![0.0f32; 108]));
+    });
+    say(&["body.npz", "no such file"], &|d| std::fs::remove_file(d.join("body.npz")).expect("removed"));
+    say(&["array 'weights'", "skinning weights", "cannot be posed"], &|d| {
+        body(d, &|a| drop(a.0.remove("weights")));
+    });
+    say(&["array 'weights': point 0: expected weights that sum to 1, got 2"], &|d| {
+        body(d, &|a| a.put("weights", &[256, 12], vec![2.0f32 / 12.0; 256 * 12]));
+    });
+    say(&["array 'weights': point 0", "not negative"], &|d| {
+        body(d, &|a| {
+            let mut w = a.need("weights").expect("there").to_f32();
+            w[0] -= 1.0;
+            w[1] += 1.0;
+            a.put("weights", &[256, 12], w);
+        });
+    });
+    say(&["array 'points'", "shape (P,3)"], &|d| body(d, &|a| a.put("points", &[256, 2], vec![0.0f32; 512])));
+    say(&["array 'weights'", "P=255"], &|d| body(d, &|a| a.put("points", &[255, 3], vec![0.0f32; 765])));
+    say(&["array 'points'", "index [7, 1]", "NaN"], &|d| {
+        body(d, &|a| {
+            let mut x = a.need("points").expect("there").to_f32();
+            x[22] = f32::NAN;
+            a.put("points", &[256, 3], x);
+        });
+    });
+    let parents = |d: &Path, at: usize, parent: i32| {
+        body(d, &|a| {
+            let mut p: Vec<i32> = a
+                .need("parents")
+                .expect("there")
+                .to_i64()
+                .expect("whole")
+                .iter()
+                .map(|&x| x as i32)
+                .collect();
+            p[at] = parent;
+            a.put("parents", &[12], p);
+        });
+    };
+    say(&["array 'parents'", "without a cycle", "a cycle above the joints"], &|d| {
+        let tree = npz::read(&d.join("body.npz")).expect("there").need("parents").expect("there").to_i64();
+        let child = tree.expect("whole").iter().position(|&p| p == 1).expect("a child of joint 1");
+        parents(d, 1, child as i32);
+    });
+    say(&["array 'parents': joint 2", "got 12"], &|d| parents(d, 2, 12));
+    say(&["array 'parents': joint 3", "got 3"], &|d| parents(d, 3, 3));
+    let transforms = |d: &Path, at: usize, value: f32| {
+        body(d, &|a| {
+            let mut x = a.need("transforms").expect("there").to_f32();
+            x[at] = value;
+            a.put("transforms", &[4, 12, 4, 4], x);
+        });
+    };
+    say(&["array 'transforms': moment 1, joint 0", "last row"], &|d| transforms(d, 12 * 16 + 15, 2.0));
+    say(&["array 'transforms'", "index [2, 3, 0, 1]", "NaN"], &|d| {
+        transforms(d, (2 * 12 + 3) * 16 + 1, f32::NAN);
+    });
+    say(&["array 'transforms': moment 0, joint 0", "mirrors"], &|d| transforms(d, 0, -1.0));
+    say(&["array 'faces'", "below 256", "256 in face 0"], &|d| {
+        body(d, &|a| a.put("faces", &[1, 3], vec![0i32, 1, 256]));
+    });
+    say(&["array 'pose_shapes'", "[256, 3, 99]"], &|d| {
+        body(d, &|a| a.put("pose_shapes", &[256, 3, 9], vec![0.0f32; 256 * 27]));
+    });
+    say(&["array 'canonical'"], &|d| body(d, &|a| a.put("canonical", &[11, 4, 4], vec![0.0f32; 176])));
+    say(&["global_translation", "both or neither"], &|d| {
+        body(d, &|a| a.put("global_rotation", &[4, 3], vec![0.0f32; 12]));
+    });
+    say(&["frames[0].frame", "a whole number", "\"x\""], &|d| {
+        cameras(d, &|v| v["frames"][0]["frame"] = "x".into());
+    });
+    say(&["camera 0, moment 1", "one picture"], &|d| cameras(d, &|v| v["frames"][2]["frame"] = 1.into()));
+    say(&["lens", "without distortion"], &|d| {
+        cameras(d, &|v| {
+            v["camera_model"] = "OPENCV".into();
+            v["frames"][0]["k1"] = 0.1.into();
+        });
+    });
+    say(&["at least one picture to learn from"], &|d| cameras(d, &|v| v["frames"] = Value::Array(vec![])));
+    say(&["transforms_train.json: line 1", "JSON"], &|d| {
+        std::fs::write(d.join("transforms_train.json"), "{").expect("written");
+    });
+    let nothing = PersonCapture::open(&folder.path().join("nothing")).expect_err("refused").to_string();
+    assert!(nothing.contains("nothing there") && nothing.contains("last import"), "{nothing}");
+    // A picture that is whole on the outside only is found when it is read.
+    let c = PersonCapture::open(good).expect("good");
+    let bytes = std::fs::read(good.join("images/c00_f0000.png")).expect("there");
+    std::fs::write(good.join("images/c00_f0000.png"), &bytes[..bytes.len() - 30]).expect("written");
+    let shot = c.shots.iter().find(|s| s.name.ends_with("c00_f0000.png")).expect("there");
+    assert!(shot.photo().expect_err("cut").to_string().contains("c00_f0000.png"), "names the file");
+}
+
+#[test]
+fn inspect_says_what_is_missing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = folder.path();
+    make(&dir.join("data"));
+    let record = json(&["last", "inspect", "data", "--out", "look", "--json"], dir);
+    assert_eq!(
+        (record["usable"].as_bool(), record["kind"].as_str()),
+        (Some(true), Some("figure")),
+        "{record}"
+    );
+    assert_eq!(record["pictures"].as_array().map(Vec::len), Some(6), "four moments, two cameras");
+    for name in record["pictures"].as_array().expect("a list") {
+        let picture = lastlight::io::image_file::read(&dir.join("look").join(name.as_str().expect("a name")));
+        assert_eq!(picture.expect("a picture").width, 384, "enlarged by a whole factor");
+    }
+    refused(&["last", "inspect", "data", "--out", "look"], dir, 2, &["--out", "new or empty"]);
+    let o = lastlight(&["last", "inspect", "data"], dir);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let text = stdout(&o);
+    assert!(text.contains("256 points") && text.contains("points on mask"), "{text}");
+    std::fs::remove_file(dir.join("data/video/images/c00_f0001.png")).expect("removed");
+    std::fs::remove_file(dir.join("data/video/foreground/c00_f0002.png")).expect("removed");
+    let o = lastlight(&["last", "inspect", "data"], dir);
+    assert_eq!(code(&o), 1, "something needed is missing");
+    let text = stdout(&o);
+    assert_eq!(text.lines().filter(|l| l.starts_with("problem ")).count(), 2, "every one is named: {text}");
+    assert!(text.contains("c00_f0001.png") && text.contains("c00_f0002.png"), "{text}");
+    let o = lastlight(&["last", "inspect", "data", "--json"], dir);
+    let record: Value = serde_json::from_slice(&o.stdout).expect("JSON all the same");
+    assert_eq!((code(&o), record["usable"].as_bool()), (1, Some(false)), "not usable");
+    refused(&["last", "inspect", "nothing"], dir, 2, &["transforms_train.json", "nothing there"]);
+}
+
+/// InstantAvatar-like miniature of three frames, for the command line.
+fn snapshot(dir: &Path) -> Vec<Vec<u8>> {
+    std::fs::create_dir_all(dir).expect("made");
+    let (mini, side) = (Mini::new(), 16);
+    let cam = Cam { t: [0.0; 3], ..Cam::around(side, 0.0, false, &[0.0; 5]) };
+    let rest = mini.shaped(&betas());
+    let turns = thetas(0, [std::f64::consts::PI, 0.0, 0.0]);
+    let points = mini.posed(&rest, &turns, &|x| [x[0], x[1], x[2] + 3.0]);
+    let (rgb, mask) = cam.photograph(side, &points);
+    let camera = dump(&Py::Dict(vec![
+        ("camera_t", Py::Array(vec![3], vec![0.0; 3])),
+        ("camera_rt", Py::Array(vec![3], vec![0.0; 3])),
+        ("camera_f", Py::Array(vec![2], vec![cam.k[0][0], cam.k[1][1]])),
+        ("camera_c", Py::Array(vec![2], vec![cam.k[0][2], cam.k[1][2]])),
+        ("camera_k", Py::Array(vec![5], vec![0.0; 5])),
+    ]));
+    std::fs::write(dir.join("camera.pkl"), camera).expect("written");
+    let mut b = FileBuilder::new();
+    b.create_dataset("masks").with_u8_data(&mask.repeat(4)).with_shape(&[4, side as u64, side as u64]);
+    b.write(dir.join("masks.hdf5")).expect("written");
+    let mut b = FileBuilder::new();
+    let pose: Vec<f64> = turns.iter().flatten().copied().collect();
+    b.create_dataset("pose").with_f64_data(&pose.repeat(4)).with_shape(&[4, 72]);
+    b.create_dataset("trans").with_f64_data(&[0.0, 0.0, 3.0].repeat(4)).with_shape(&[4, 3]);
+    b.create_dataset("betas").with_f64_data(&betas());
+    b.write(dir.join("reconstructed_poses.hdf5")).expect("written");
+    std::fs::write(dir.join("body.pkl"), mini.pickle()).expect("written");
+    vec![rgb; 4]
+}
+
+#[test]
+fn import_from_the_command_line() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = folder.path();
+    let photographs = snapshot(&dir.join("person"));
+    for (f, rgb) in photographs.iter().enumerate() {
+        write_picture(&dir.join(format!("person/images/{f:04}.png")), 16, 3, rgb);
+    }
+    let record = json(
+        &["last", "import", "person", "--out", "made", "--body", "person/body.pkl", "--json", "--quiet"],
+        dir,
+    );
+    assert_eq!(
+        (record["layout"].as_str(), record["train"].as_u64()),
+        (Some("people-snapshot"), Some(3)),
+        "{record}"
+    );
+    let record = json(&["last", "inspect", "made", "--json"], dir);
+    assert_eq!((record["usable"].as_bool(), record["kind"].as_str()), (Some(true), Some("smpl")), "{record}");
+    refused(
+        &["last", "import", "person", "--out", "made", "--body", "person/body.pkl"],
+        dir,
+        2,
+        &["--out", "--force"],
+    );
+    refused(&["last", "import", "person", "--out", "b"], dir, 2, &["body model", "--body"]);
+    refused(&["last", "import", "made", "--out", "b"], dir, 2, &["zju", "dna"]);
+    refused(
+        &["last", "import", "person", "--layout", "zip", "--out", "b"],
+        dir,
+        2,
+        &["--layout", "zju-refine", "zip"],
+    );
+    refused(
+        &["last", "import", "person", "--frames", "3", "--out", "b"],
+        dir,
+        2,
+        &["--frames", "START:STEP:COUNT"],
+    );
+    refused(
+        &["last", "inspect", "person"],
+        dir,
+        2,
+        &["people-snapshot", "lastlight last import person --out"],
+    );
+    // What one import wrote, another writes again.
+    let again = [
+        "last",
+        "import",
+        "person",
+        "--out",
+        "again",
+        "--body",
+        "person/body.pkl",
+        "--quiet",
+        "--threads",
+        "1",
+    ];
+    assert_eq!(code(&lastlight(&again, dir)), 0, "imported");
+    common::assert_same(
+        &common::tree(&dir.join("made")),
+        &common::tree(&dir.join("again")),
+        "whatever the threads",
+    );
+    std::fs::write(dir.join("evil.pkl"), b"cposix\nsystem\n(S'touch evil'\ntR.").expect("written");
+    refused(&["last", "import", "person", "--out", "b", "--body", "evil.pkl"], dir, 2, &["posix.system"]);
+    assert!(!dir.join("evil").exists() && !dir.join("b").exists(), "nothing was run or made");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_video_is_taken_apart_or_the_command_is_given() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = folder.path();
+    let photographs = snapshot(&dir.join("somebody"));
+    std::fs::write(dir.join("somebody/somebody.mp4"), b"a video").expect("written");
+    let run = |path: &str| {
+        std::process::Command::new(env!("CARGO_BIN_EXE_lastlight"))
+            .args(["last", "import", "somebody", "--out", "made", "--body", "somebody/body.pkl", "--quiet"])
+            .env("PATH", path)
+            .current_dir(dir)
+            .output()
+            .expect("the binary starts")
+    };
+    let o = run("/nonexistent");
+    let text = stderr(&o);
+    assert_eq!(code(&o), 2, "{text}");
+    let command = "mkdir -p somebody/images && ffmpeg -nostdin -loglevel error -i somebody/somebody.mp4 -start_number 0 somebody/images/image_%04d.png";
+    assert!(text.contains(command), "the exact command: {text}");
+    assert!(
+        !dir.join("somebody/images").exists() && !dir.join("somebody/images.part").exists(),
+        "nothing half"
+    );
+    // A program of that name that does what ffmpeg would.
+    write_picture(&dir.join("frame.png"), 16, 3, &photographs[0]);
+    let bin = dir.join("bin");
+    std::fs::create_dir(&bin).expect("made");
+    let script = format!(
+        "#!/bin/sh\nfor last; do :; done\nfor i in 0000 0001 0002 0003; do /bin/cp {} \"${{last%%%04d.png}}$i.png\"; done\n",
+        dir.join("frame.png").display()
+    );
+    std::fs::write(bin.join("ffmpeg"), script).expect("written");
+    std::fs::set_permissions(bin.join("ffmpeg"), std::fs::Permissions::from_mode(0o755))
+        .expect("made executable");
+    let o = run(bin.to_str().expect("text"));
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    assert_eq!(
+        std::fs::read_dir(dir.join("somebody/images")).expect("made").count(),
+        4,
+        "frames beside the data"
+    );
+    let c = PersonCapture::open(&dir.join("made")).expect("a capture");
+    assert_eq!((c.train.len(), c.test.len()), (3, 1), "imported");
+    std::fs::write(bin.join("ffmpeg"), "#!/bin/sh\necho no such codec >&2\nexit 3\n").expect("written");
+    std::fs::remove_dir_all(dir.join("somebody/images")).expect("removed");
+    std::fs::remove_dir_all(dir.join("made")).expect("removed");
+    let text = stderr(&run(bin.to_str().expect("text")));
+    assert!(text.contains("no such codec") && text.contains(command), "{text}");
+}
