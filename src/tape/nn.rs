@@ -37,23 +37,35 @@ fn linear_in(arrays: &Three) -> linear::In<'_> {
     linear::In { x: flat(&arrays[0]), weight: flat(&arrays[1]), bias: flat(&arrays[2]), m, n, k }
 }
 
-/// y = x·Wᵀ + β, x (M, K), `weight` (N, K), `bias` (N); see [`linear`].
+/// y = x·Wᵀ + β, x (M, K), `weight` (N, K), `bias` (N), and a leaky ReLU of `slope` behind it where one is given; see [`linear`].
 ///
 /// # Panics
 /// When a shape does not fit.
-pub fn linear(tape: &mut Tape, x: Var, weight: Var, bias: Var) -> Var {
+pub fn linear(tape: &mut Tape, x: Var, weight: Var, bias: Var, slope: Option<f32>) -> Var {
     let arrays = [x, weight, bias].map(|v| tape.value(v));
     let input = linear_in(&arrays);
     let mut y = vec![0.0; input.m * input.n];
-    linear::forward(input, &mut y);
-    let y = shaped(&[input.m, input.n], y);
-    tape.record("nn.linear", &[x, weight, bias], vec![y], move |bars, into| {
-        let Some(y_bar) = &bars[0] else { return };
+    match slope {
+        Some(slope) => linear::forward_leaky(input, slope, &mut y),
+        None => linear::forward(input, &mut y),
+    }
+    let y = Arc::new(shaped(&[input.m, input.n], y));
+    let kept = slope.map(|slope| (slope, Arc::clone(&y)));
+    tape.record("nn.linear", &[x, weight, bias], vec![y], move |mut bars, into| {
+        let Some(y_bar) = bars[0].take().map(|bar| before(bar, kept.as_ref())) else { return };
         let [x, weight, bias] = [0, 1, 2].map(|i| room(&into[i], &arrays[i]));
         let mut bar = linear::InBar { x, weight, bias };
-        linear::adjoint(linear_in(&arrays), flat(y_bar), &mut bar);
+        linear::adjoint(linear_in(&arrays), flat(&y_bar), &mut bar);
         hand_over(into, &arrays, [bar.x, bar.weight, bar.bias]);
     })[0]
+}
+
+/// The cotangent in front of a leaky ReLU, from its slope and result; the cotangent itself without one.
+fn before(mut bar: ArrayD<f32>, leaky: Option<&(f32, Arc<ArrayD<f32>>)>) -> ArrayD<f32> {
+    if let Some((slope, y)) = leaky {
+        act::leaky_relu_back(flat(y), *slope, bar.as_slice_mut().expect("contiguous and row-major"));
+    }
+    bar
 }
 
 fn conv_in(arrays: &Three, stride: usize, pad: usize) -> conv::In<'_> {
@@ -65,39 +77,25 @@ fn conv_in(arrays: &Three, stride: usize, pad: usize) -> conv::In<'_> {
     conv::In { x: flat(&arrays[0]), weight: flat(&arrays[1]), bias: flat(&arrays[2]), shape }
 }
 
-/// A convolution, x (B, H, W, C), `weight` (O, KH, KW, C), `bias` (O); see [`conv`].
+/// A convolution, x (B, H, W, C), `weight` (O, KH, KW, C), `bias` (O), with a leaky ReLU of `slope` behind it; see [`conv`].
 ///
 /// # Panics
 /// When a shape does not fit.
-pub fn conv(tape: &mut Tape, x: Var, weight: Var, bias: Var, stride: usize, pad: usize) -> Var {
+pub fn conv(tape: &mut Tape, [x, weight, bias]: [Var; 3], [stride, pad]: [usize; 2], slope: f32) -> Var {
     let arrays = [x, weight, bias].map(|v| tape.value(v));
     let input = conv_in(&arrays, stride, pad);
     let [rows, columns] = input.shape.out().expect("the kernel fits into the padded picture");
     let shape = [input.shape.batch, rows, columns, input.shape.outputs];
     let mut y = vec![0.0; shape.iter().product()];
-    conv::forward(input, &mut y);
-    tape.record("nn.conv", &[x, weight, bias], vec![shaped(&shape, y)], move |bars, into| {
-        let Some(y_bar) = &bars[0] else { return };
+    conv::forward_leaky(input, slope, &mut y);
+    let y = Arc::new(shaped(&shape, y));
+    let kept = (slope, Arc::clone(&y));
+    tape.record("nn.conv", &[x, weight, bias], vec![y], move |mut bars, into| {
+        let Some(y_bar) = bars[0].take().map(|bar| before(bar, Some(&kept))) else { return };
         let [x, weight, bias] = [0, 1, 2].map(|i| room(&into[i], &arrays[i]));
         let mut bar = conv::InBar { x, weight, bias };
-        conv::adjoint(conv_in(&arrays, stride, pad), flat(y_bar), &mut bar);
+        conv::adjoint(conv_in(&arrays, stride, pad), flat(&y_bar), &mut bar);
         hand_over(into, &arrays, [bar.x, bar.weight, bar.bias]);
-    })[0]
-}
-
-/// Negative values by `slope`; see [`act`].
-pub fn leaky_relu(tape: &mut Tape, x: Var, slope: f32) -> Var {
-    let array = tape.value(x);
-    let mut y = vec![0.0; array.len()];
-    act::leaky_relu(flat(&array), slope, &mut y);
-    let y = shaped(array.shape(), y);
-    tape.record("nn.leaky_relu", &[x], vec![y], move |bars, into| {
-        let Some(y_bar) = &bars[0] else { return };
-        if into[0].wanted() {
-            let mut bar = vec![0.0; array.len()];
-            act::leaky_relu_adjoint(flat(&array), slope, flat(y_bar), &mut bar);
-            into[0].add(shaped(array.shape(), bar));
-        }
     })[0]
 }
 

@@ -138,11 +138,11 @@ impl Tape {
         &mut self,
         operator: &'static str,
         inputs: &[Var],
-        outputs: Vec<ArrayD<f32>>,
+        outputs: Vec<impl Into<Arc<ArrayD<f32>>>>,
         adjoint: impl FnOnce(Vec<Option<ArrayD<f32>>>, &mut [Bar<'_>]) + Send + 'static,
     ) -> Vec<Var> {
         let wanted = inputs.iter().any(|v| self.values[v.0].wanted);
-        let outputs: Vec<Var> = outputs.into_iter().map(|a| self.push(Arc::new(a), None, wanted)).collect();
+        let outputs: Vec<Var> = outputs.into_iter().map(|a| self.push(a.into(), None, wanted)).collect();
         if wanted {
             let record = Record {
                 operator,

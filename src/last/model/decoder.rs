@@ -19,6 +19,7 @@
 //! items are added in index order, so a batch may be split into consecutive parts.
 
 use super::encoder::he_uniform;
+use crate::nn::act::leaky_relu_back;
 use crate::num::gemm::{Finish, Packed, View, gemm, gemm_packed};
 use crate::num::{elem, par};
 use crate::tape::Params;
@@ -104,15 +105,6 @@ fn slice<'a>(params: &'a Params, name: &str) -> &'a [f32] {
     array.as_slice().expect("parameters are contiguous and row-major")
 }
 
-fn leaky(x: &mut [f32]) {
-    x.iter_mut().for_each(|x| *x = if *x > 0.0 { *x } else { SLOPE * *x });
-}
-
-/// The cotangent of the argument, given activations: those of positive arguments are positive.
-fn leaky_back(h: &[f32], bar: &mut [f32]) {
-    bar.iter_mut().zip(h).for_each(|(bar, h)| *bar = if *h > 0.0 { *bar } else { SLOPE * *bar });
-}
-
 /// Column sums, a left fold over the rows.
 fn column_sums(rows: &[f32], n: usize) -> Vec<f32> {
     let mut sums = vec![0.0_f32; n];
@@ -176,15 +168,14 @@ impl Decoder {
             .collect();
         let [a, b, c] = HIDDEN;
         let mut h = [vec![0.0; q * a], vec![0.0; q * b], vec![0.0; q * c], vec![0.0; q * self.outputs]];
-        gemm_packed(View::new(codes, q, self.features), &w.point, Finish::Bias(&shift), &mut h[0]);
-        leaky(&mut h[0]);
+        let first = View::new(codes, q, self.features);
+        gemm_packed(first, &w.point, Finish::Leaky(&shift, SLOPE), &mut h[0]);
         for i in 0..3 {
             let (before, after) = h.split_at_mut(i + 1);
             let x = View::new(&before[i], q, HIDDEN[i]);
-            gemm_packed(x, &w.layers[i], Finish::Bias(w.biases[i + 1]), &mut after[0]);
-            if i < 2 {
-                leaky(&mut after[0]);
-            }
+            let bias = w.biases[i + 1];
+            let how = if i < 2 { Finish::Leaky(bias, SLOPE) } else { Finish::Bias(bias) };
+            gemm_packed(x, &w.layers[i], how, &mut after[0]);
         }
         Activations(h)
     }
@@ -270,7 +261,7 @@ impl Decoder {
         let back = |bar: &[f32], n: usize, layer: usize, h: &[f32], k: usize| -> Vec<f32> {
             let mut x_bar = vec![0.0; q * k];
             gemm_packed(View::new(bar, q, n), &w.back[layer], Finish::Store, &mut x_bar);
-            leaky_back(h, &mut x_bar);
+            leaky_relu_back(h, SLOPE, &mut x_bar);
             x_bar
         };
         let (w3, b3) = (product(&bar, o, &h3, c), column_sums(&bar, o));

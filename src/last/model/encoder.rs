@@ -144,8 +144,7 @@ impl Encoder {
         let mut x = x;
         for i in 0..self.channels.len() {
             let [weight, bias] = ["weight", "bias"].map(|part| var(format!("encoder.conv{i}.{part}")));
-            x = nn::conv(tape, x, weight, bias, 2, 1);
-            x = nn::leaky_relu(tape, x, SLOPE);
+            x = nn::conv(tape, [x, weight, bias], [2, 1], SLOPE);
         }
         let dense = self.dense();
         if !self.channels.is_empty() {
@@ -154,10 +153,7 @@ impl Encoder {
         }
         for i in 0..dense.len() - 1 {
             let [weight, bias] = ["weight", "bias"].map(|part| var(format!("encoder.dense{i}.{part}")));
-            x = nn::linear(tape, x, weight, bias);
-            if i + 2 < dense.len() {
-                x = nn::leaky_relu(tape, x, SLOPE);
-            }
+            x = nn::linear(tape, x, weight, bias, (i + 2 < dense.len()).then_some(SLOPE));
         }
         x
     }

@@ -17,14 +17,11 @@ use super::structure::{Structure, StructureBar};
 use crate::Result;
 use crate::causal::structure::{self, Saved as Swept};
 use crate::causal::{independence, intervene, posterior, posterior_kl, scm_kl};
+use crate::loss::groups;
 use crate::num::order;
 
 /// Range of ℓ; beyond it the gradient is 0.
 const LOG_VARIANCE: [f64; 2] = [-8.0, 4.0];
-/// Least variance by which L_eq divides.
-const LEAST_SPREAD: f64 = 1e-4;
-/// Variance that the values of a factor's groups are to have.
-const WANTED_SPREAD: f64 = 0.25;
 
 /// What a batch is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -126,7 +123,7 @@ pub struct Out {
     held: Vec<f64>,
     set: Vec<Option<usize>>,
     counterfactual: Option<Swept>,
-    equal: Groups,
+    shared: groups::Out,
     dependence: Option<independence::Saved>,
     among: Option<Vec<f64>>,
 }
@@ -157,16 +154,6 @@ struct Linked {
     u: Vec<f64>,
     eps: Vec<f64>,
     swept: Option<Swept>,
-}
-
-/// Gradients of the group losses by what they look at.
-#[derive(Clone, Debug, Default)]
-struct Groups {
-    u_after: Vec<f64>,
-    eps_base: Vec<f64>,
-    eps_after: Vec<f64>,
-    /// (G, k) v̄
-    values: Vec<f64>,
 }
 
 impl<'a> In<'a> {
@@ -306,84 +293,18 @@ impl<'a> In<'a> {
         intervene::In { given, target, value }
     }
 
-    /// Group losses of the means, and their gradients, factors included.
-    fn groups(&self, mean: &Linked, terms: &mut Terms) -> Groups {
-        let (n, k, d, m) = (self.n(), self.k(), self.d(), self.layout.members);
-        let pairs = self.layout.pairs();
-        let mut out = Groups {
-            u_after: vec![0.0; pairs * d],
-            eps_base: vec![0.0; pairs * d],
-            eps_after: vec![0.0; pairs * d],
-            values: Vec::new(),
-        };
-        if pairs == 0 {
-            return out;
-        }
-        let groups = self.layout.targets.len() as f64;
-        let after = |p: usize, j: usize, c: usize| self.layout.after(p) * d + j * k + c;
-        for (g, &i) in self.layout.targets.iter().enumerate() {
-            for c in 0..k {
-                let sum = (0..m).fold(0.0, |sum, l| sum + mean.u[after(g * m + l, i, c)]);
-                out.values.push(sum / m as f64);
-            }
-        }
-        let w = self.weights.groups / groups;
-        for (g, &i) in self.layout.targets.iter().enumerate() {
-            let spread = order::max(self.spread[i], LEAST_SPREAD);
-            for p in g * m..(g + 1) * m {
-                for c in 0..k {
-                    // Deviations from a mean add up to 0, so that of v̄ adds nothing.
-                    let off = mean.u[after(p, i, c)] - out.values[g * k + c];
-                    let scale = 1.0 / ((m * k) as f64 * spread);
-                    terms.equal += scale * (off * off) / groups;
-                    out.u_after[p * d + i * k + c] += w * (2.0 * scale * off);
-                }
-                for j in (0..n).filter(|&j| j != i) {
-                    for c in 0..k {
-                        let [a, b] = [self.layout.base(p), self.layout.after(p)].map(|x| x * d + j * k + c);
-                        let change = mean.eps[a] - mean.eps[b];
-                        let scale = 1.0 / ((m * (n - 1) * k) as f64);
-                        terms.invariant += scale * (change * change) / groups;
-                        out.eps_base[p * d + j * k + c] += w * (2.0 * scale * change);
-                        out.eps_after[p * d + j * k + c] -= w * (2.0 * scale * change);
-                    }
-                }
-            }
-        }
-        self.hinge(terms, &mut out);
-        out
-    }
-
-    /// max(0, ¼ − variance of v̄ over the groups of a factor), mean over the factors that have two groups.
-    fn hinge(&self, terms: &mut Terms, out: &mut Groups) {
-        let (n, k, d, m) = (self.n(), self.k(), self.d(), self.layout.members);
-        let of = |i: usize| -> Vec<usize> {
-            (0..self.layout.targets.len()).filter(|&g| self.layout.targets[g] == i).collect()
-        };
-        let factors: Vec<Vec<usize>> = (0..n).map(of).filter(|groups| groups.len() > 1).collect();
-        for groups in &factors {
-            let share = 1.0 / groups.len() as f64;
-            let mean = |c: usize| groups.iter().fold(0.0, |s, g| s + out.values[g * k + c]) * share;
-            let means: Vec<f64> = (0..k).map(mean).collect();
-            let off = |g: usize, c: usize| out.values[g * k + c] - means[c];
-            let variance = groups
-                .iter()
-                .flat_map(|&g| (0..k).map(move |c| (g, c)))
-                .fold(0.0, |sum, (g, c)| sum + off(g, c) * off(g, c))
-                * (share / k as f64);
-            let lack = WANTED_SPREAD - variance;
-            if lack > 0.0 {
-                terms.hinge += lack / factors.len() as f64;
-                let w = self.weights.groups / factors.len() as f64;
-                for &g in groups {
-                    for p in g * m..(g + 1) * m {
-                        for c in 0..k {
-                            let slope = -2.0 * off(g, c) * (share / k as f64) / m as f64;
-                            out.u_after[p * d + self.layout.targets[g] * k + c] += w * slope;
-                        }
-                    }
-                }
-            }
+    /// The groups' means, before and after.
+    fn groups<'b>(&'b self, mean: &'b Linked) -> groups::In<'b> {
+        let (d, after) = (self.d(), self.layout.after(0) * self.d());
+        groups::In {
+            after: &mean.u[after..],
+            eps: &mean.eps[self.layout.observed * d..after],
+            eps_after: &mean.eps[after..],
+            target: &self.layout.targets,
+            variance: self.spread,
+            members: self.layout.members,
+            factors: self.n(),
+            size: self.k(),
         }
     }
 
@@ -421,12 +342,13 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
     let (sample, mean) = (linked(&drawn), linked(x.mu));
     let mut terms = Terms { kl: x.kl(&sample, &log_variance), ..Terms::default() };
     let mut decoded = sample.u.clone();
-    let mut equal = Groups::default();
+    let mut shared = groups::Out::default();
     let (mut held, mut set, mut counterfactual) = (Vec::new(), Vec::new(), None);
     if x.supervision != Supervision::None && x.layout.pairs() > 0 {
-        equal = x.groups(&mean, &mut terms);
+        shared = groups::forward(&x.groups(&mean))?;
+        (terms.equal, terms.invariant, terms.hinge) = (shared.equal, shared.invariant, shared.spread);
         let pairs = x.layout.pairs();
-        held = (0..pairs).flat_map(|p| x.held(&mean, &equal.values, p)).collect();
+        held = (0..pairs).flat_map(|p| x.held(&mean, &shared.shared, p)).collect();
         set = (0..pairs).map(|p| Some(x.layout.targets[p / x.layout.members])).collect();
         let bases = &mean.eps[x.layout.observed * d..][..pairs * d];
         let (z, swept) = intervene::forward(&x.intervention(bases, &set, &held));
@@ -450,7 +372,7 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
         held,
         set,
         counterfactual,
-        equal,
+        shared,
         dependence,
         among,
     })
@@ -487,10 +409,17 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
         bars.structure.mechanism = bar.given.mechanism;
         let after = x.layout.after(0) * d;
         add(&mut mean_eps[x.layout.observed * d..], &bar.given.eps);
-        add(&mut mean_eps[x.layout.observed * d..], &out.equal.eps_base);
-        add(&mut mean_eps[after..], &out.equal.eps_after);
-        add(&mut mean_u[after..], &out.equal.u_after);
-        held_adjoint(x, &bar.value, &mut mean_u, &mut bars.structure.values);
+        let w = x.weights.groups;
+        // Pairs with a value of their own share none.
+        let equal = if x.supervision == Supervision::PerSample { 0.0 } else { w };
+        let shared = held_adjoint(x, &bar.value, &mut mean_u, &mut bars.structure.values);
+        let cotangent = groups::Out { equal, invariant: w, spread: w, shared };
+        let input = x.groups(&out.mean);
+        let mut bar = groups::InBar::zeros_like(&input);
+        groups::adjoint(&input, &out.shared, &cotangent, &mut bar);
+        add(&mut mean_eps[x.layout.observed * d..], &bar.eps);
+        add(&mut mean_eps[after..], &bar.eps_after);
+        add(&mut mean_u[after..], &bar.after);
     }
     if let Some(saved) = &out.dependence {
         let input = x.dependence(&out.mean, &out.log_variance, out.among.as_deref());
@@ -527,9 +456,10 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
     bars
 }
 
-/// From the values that factors were held at to where they came from.
-fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [f64]) {
+/// From the values that factors were held at to where they came from; gives the part of the shared values (G, k).
+fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [f64]) -> Vec<f64> {
     let (d, k, m) = (x.d(), x.k(), x.layout.members);
+    let mut shared = vec![0.0; x.layout.targets.len() * k];
     for (p, bar) in held_bar.chunks_exact(k).enumerate() {
         let (g, i) = (p / m, x.layout.targets[p / m]);
         match x.supervision {
@@ -537,14 +467,10 @@ fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [
             Supervision::Labels => {
                 values[i * k..].iter_mut().zip(bar).for_each(|(w, b)| *w += x.labels[g] * b);
             }
-            Supervision::None | Supervision::Groups => {
-                let share: Vec<f64> = bar.iter().map(|b| b / m as f64).collect();
-                for member in g * m..(g + 1) * m {
-                    add(&mut mean_u[x.layout.after(member) * d + i * k..], &share);
-                }
-            }
+            Supervision::None | Supervision::Groups => add(&mut shared[g * k..], bar),
         }
     }
+    shared
 }
 
 fn add(into: &mut [f64], what: &[f64]) {
@@ -593,9 +519,10 @@ mod tests {
     fn value(x: &In<'_>, c: &[f64]) -> f64 {
         let out = forward(x).expect("positive definite");
         let t = out.terms;
+        let equal = if x.supervision == Supervision::PerSample { 0.0 } else { t.equal };
         let own = x.weights.kl * t.kl
             + x.weights.independence * t.independence
-            + x.weights.groups * ((t.equal + t.invariant) + t.hinge);
+            + x.weights.groups * ((equal + t.invariant) + t.hinge);
         out.decoded.iter().zip(c).fold(own, |s, (d, c)| s + d * c)
     }
 
