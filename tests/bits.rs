@@ -6,6 +6,8 @@
 
 #[path = "bits/ledger.rs"]
 mod ledger;
+#[path = "bits/person.rs"]
+mod person;
 #[path = "bits/runs.rs"]
 mod runs;
 

@@ -5,7 +5,7 @@
 //!                                                                            │
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
-//!                             └──► light_and_rays ──► known_truth
+//!                             └──► light_and_rays ──► known_truth ──► learned_causes
 //! notation       paper symbol, name in the code, shape, unit        bibliography    what is cited
 //! ```
 //!
@@ -50,6 +50,9 @@ pub mod light_and_rays {}
 
 #[doc = include_str!("known_truth.md")]
 pub mod known_truth {}
+
+#[doc = include_str!("learned_causes.md")]
+pub mod learned_causes {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

@@ -21,7 +21,7 @@ pub(crate) struct Entry {
 }
 
 impl Entry {
-    fn new(name: impl Into<String>, arrays: Arrays) -> Self {
+    pub(crate) fn new(name: impl Into<String>, arrays: Arrays) -> Self {
         Self { name: name.into(), arrays }
     }
 
@@ -264,7 +264,8 @@ const AFTER: [usize; 2] = [10, 100];
 /// Names of [`systems`].
 pub(crate) fn system_names() -> Vec<String> {
     let fits = SYSTEMS.iter().flat_map(|(name, _)| AFTER.map(|n| format!("{name} {n} iterations")));
-    [PICTURE, FIGURE, OBJECT, MAP].map(str::to_owned).into_iter().chain(fits).collect()
+    let names = [PICTURE, FIGURE, OBJECT, MAP].into_iter().chain(super::person::NAMES);
+    names.map(str::to_owned).chain(fits).collect()
 }
 
 /// Names of [`generated`].
@@ -301,6 +302,7 @@ pub(crate) fn systems() -> Vec<Entry> {
     let views = built_in::miniature(3, 2, &render::Settings::default()).expect("the built-in scene renders");
     let mut entries = vec![picture()];
     entries.extend(generated());
+    entries.extend(super::person::entries());
     for (name, strategy) in SYSTEMS {
         let settings = Settings {
             iterations: AFTER[1],

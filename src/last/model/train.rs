@@ -250,7 +250,7 @@ impl<'a> Training<'a> {
 
 impl Fit for Training<'_> {
     fn kind(&self) -> &'static str {
-        "image-to-point model"
+        "last pretrain"
     }
 
     fn settings(&self) -> Value {

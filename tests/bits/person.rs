@@ -1,0 +1,80 @@
+//! A small LAST run: pictures of the figure, the model trained on them, its structure tuned on a video of the figure.
+
+use super::runs::Entry;
+use lastlight::fit::training::Fit;
+use lastlight::last::generate::{self, Settings as Making};
+use lastlight::last::figure::Look;
+use lastlight::last::model::file::Trained;
+use lastlight::last::model::guidance;
+use lastlight::last::model::pictures::Pictures;
+use lastlight::last::model::settings::Settings;
+use lastlight::last::model::train::Training;
+use lastlight::last::model::tune::{self, Subject};
+use lastlight::num::array::Arrays;
+use lastlight::scene::person::PersonCapture;
+use std::sync::atomic::AtomicBool;
+
+/// Names of [`entries`].
+pub(crate) const NAMES: [&str; 2] = ["last.pretrain 20 steps", "last.tune 10 steps"];
+
+/// 10 steps and 10 of refit, so that the graph is fixed and searched on the way.
+const STEPS: [u32; 2] = [10, 10];
+
+fn parameters(trained: &Trained) -> Arrays {
+    let mut arrays = Arrays::new();
+    for (name, array) in trained.model.params.iter() {
+        arrays.put(name, array.shape(), array.iter().copied().collect());
+    }
+    let n = trained.graph.n();
+    arrays.put("graph", &[n, n], trained.graph.adjacency());
+    arrays
+}
+
+/// The run.
+pub(crate) fn entries() -> Vec<Entry> {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let making = Making {
+        count: 48,
+        groups: 8,
+        appearances: 1,
+        points: 256,
+        frames: 4,
+        test_cameras: 1,
+        video_look: Look::Discs,
+        video_size: 64,
+        ..Making::smoke()
+    };
+    generate::run(&making, dir.path(), false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("pictures");
+    let data = Pictures::read(dir.path(), true).expect("what was just written");
+    let settings = Settings {
+        steps: STEPS[0],
+        refit: STEPS[1],
+        freeze: 3,
+        warm_up: 5,
+        round: 4,
+        observed: 12,
+        groups: 1,
+        width: 2,
+        seed: 7,
+        ..Settings::default()
+    };
+    let mut training = Training::new(settings, &data).expect("pictures of 64 pixels");
+    for i in 0..training.iterations() {
+        training.step(i, &mut ()).expect("finite");
+    }
+    let mut state = Arrays::new();
+    training.save(&mut state);
+    let mut trained = training.finish().expect("all steps are done");
+    let capture = PersonCapture::open(&dir.path().join("video")).expect("a capture");
+    let mut subject = Subject::default();
+    for &i in &capture.train {
+        let shot = &capture.shots[i];
+        let photo = capture.photo(shot).expect("a picture");
+        let [mu, ell] = trained.posterior(&guidance::seen(&trained, &capture, shot, &photo));
+        subject.mu.extend(mu);
+        subject.ell.extend(ell);
+    }
+    let tuning = tune::Settings { steps: 10, ..tune::Settings::default() };
+    tune::run(&mut trained, &subject, &tuning).expect("a subject");
+    vec![Entry::new(NAMES[0], state), Entry::new(NAMES[1], parameters(&trained))]
+}
