@@ -62,6 +62,10 @@ pub trait Data: Sync + std::fmt::Debug {
     fn template(&self) -> &[[f32; 3]];
     /// Writes what the encoder sees of an item.
     fn write_input(&self, item: Item, into: &mut [f32]);
+    /// Number of true factors.
+    fn true_factors(&self) -> usize;
+    /// True factors of an item.
+    fn truth(&self, item: Item) -> &[f64];
     /// What an item shows (P, O).
     fn shown(&self, item: Item) -> &[f32];
 }

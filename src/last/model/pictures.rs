@@ -167,24 +167,12 @@ impl Pictures {
         self.side
     }
 
-    /// Number of true factors.
-    pub fn factors(&self) -> usize {
-        self.observed.factors.len() / Ord::max(1, self.observed())
-    }
-
     fn find(&self, item: Item) -> (&Set, usize) {
         match item {
             Item::Observed(i) => (&self.observed, i),
             Item::Base(g, m) => (&self.base, g * self.members + m),
             Item::After(g, m) => (&self.after, g * self.members + m),
         }
-    }
-
-    /// True factors of an item.
-    pub fn truth(&self, item: Item) -> &[f64] {
-        let (set, at) = self.find(item);
-        let n = self.factors();
-        &set.factors[at * n..(at + 1) * n]
     }
 
     /// Bytes of a picture (S, S, 3).
@@ -224,6 +212,16 @@ impl Data for Pictures {
         for (into, byte) in into.iter_mut().zip(self.image(item)) {
             *into = f32::from(*byte) / 255.0 - 0.5;
         }
+    }
+
+    fn true_factors(&self) -> usize {
+        self.observed.factors.len() / Ord::max(1, self.observed())
+    }
+
+    fn truth(&self, item: Item) -> &[f64] {
+        let (set, at) = self.find(item);
+        let n = self.true_factors();
+        &set.factors[at * n..(at + 1) * n]
     }
 
     fn shown(&self, item: Item) -> &[f32] {

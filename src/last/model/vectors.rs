@@ -26,10 +26,9 @@ pub struct Vectors {
     observed: Vec<f32>,
     base: Vec<f32>,
     after: Vec<f32>,
-    /// (N, n) true factors of the observed items
-    pub factors: Vec<f64>,
-    /// (G·M, n) true factors before and after
-    pub pairs: [Vec<f64>; 2],
+    n: usize,
+    /// (N, n), (G·M, n), (G·M, n) true factors of the observed items, before and after
+    factors: [Vec<f64>; 3],
 }
 
 /// Columns of a random matrix (SIZE, n), made orthonormal one after the other.
@@ -81,13 +80,13 @@ impl Vectors {
             observed: Vec::new(),
             base: Vec::new(),
             after: Vec::new(),
-            factors: Vec::new(),
-            pairs: [Vec::new(), Vec::new()],
+            n,
+            factors: Default::default(),
         };
         for i in 0..observed {
             let u = samples::observed(scm, seed, i, observed, 1).u;
             all.observed.extend(map.apply(&u));
-            all.factors.extend(u);
+            all.factors[0].extend(u);
         }
         for i in 0..groups {
             let group = samples::group(scm, seed, i, 1);
@@ -95,11 +94,20 @@ impl Vectors {
             for (base, after) in group.bases.iter().zip(&group.after) {
                 all.base.extend(map.apply(&base.u));
                 all.after.extend(map.apply(&after.u));
-                all.pairs[0].extend(&base.u);
-                all.pairs[1].extend(&after.u);
+                all.factors[1].extend(&base.u);
+                all.factors[2].extend(&after.u);
             }
         }
         all
+    }
+}
+
+/// Which set an item is of, and its place there.
+fn place(item: Item) -> (usize, usize) {
+    match item {
+        Item::Observed(i) => (0, i),
+        Item::Base(g, m) => (1, g * samples::BASES + m),
+        Item::After(g, m) => (2, g * samples::BASES + m),
     }
 }
 
@@ -132,12 +140,17 @@ impl Data for Vectors {
         into.copy_from_slice(self.shown(item));
     }
 
+    fn true_factors(&self) -> usize {
+        self.n
+    }
+
+    fn truth(&self, item: Item) -> &[f64] {
+        let (set, at) = place(item);
+        &self.factors[set][at * self.n..][..self.n]
+    }
+
     fn shown(&self, item: Item) -> &[f32] {
-        let (values, at) = match item {
-            Item::Observed(i) => (&self.observed, i),
-            Item::Base(g, m) => (&self.base, g * samples::BASES + m),
-            Item::After(g, m) => (&self.after, g * samples::BASES + m),
-        };
-        &values[at * SIZE..][..SIZE]
+        let (set, at) = place(item);
+        &[&self.observed, &self.base, &self.after][set][at * SIZE..][..SIZE]
     }
 }

@@ -6,7 +6,6 @@
 use super::data::{Data, Item};
 use super::file::Trained;
 use super::latent;
-use super::pictures::Pictures;
 use super::settings::Reading;
 use super::structure::Structure;
 use crate::causal::structure;
@@ -111,23 +110,24 @@ pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Mean error of decoded points (B, P, 6) in space and colour.
-fn errors(trained: &Trained, data: &Pictures, z: &[f64], shown: &[Item]) -> [f64; 2] {
+/// Mean error of what is decoded (B, P, O): the length of the first three numbers' error, the mean size of the others'. Points have their place first, then
+/// their colour.
+fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> [f64; 2] {
     let frame = data.frame();
     let z: Vec<f32> = z.iter().map(|&z| z as f32).collect();
     let y = trained.model.decoder.forward(&trained.model.params, &frame.codes, &z);
     let (mut space, mut colour) = (0.0, 0.0);
-    let p = frame.points();
+    let (p, o) = (frame.points(), frame.outputs);
+    let lead = Ord::min(3, o);
     for (b, item) in shown.iter().enumerate() {
         let wanted = data.shown(*item);
         for at in 0..p {
             let error = |c: usize| {
-                let i = at * 6 + c;
-                f64::from(frame.base[i] + frame.scale[c] * y[b * p * 6 + i] - wanted[i])
+                let i = at * o + c;
+                f64::from(frame.base[i] + frame.scale[c] * y[b * p * o + i] - wanted[i])
             };
-            let [x, y, z] = [error(0), error(1), error(2)];
-            space += (x * x + y * y + z * z).sqrt();
-            colour += (error(3).abs() + error(4).abs() + error(5).abs()) / 3.0;
+            space += (0..lead).fold(0.0, |s, c| s + error(c) * error(c)).sqrt();
+            colour += (lead..o).fold(0.0, |s, c| s + error(c).abs()) / Ord::max(1, o - lead) as f64;
         }
     }
     let count = Ord::max(1, shown.len() * p) as f64;
@@ -138,12 +138,12 @@ fn errors(trained: &Trained, data: &Pictures, z: &[f64], shown: &[Item]) -> [f64
 ///
 /// # Errors
 /// Factors that do not vary.
-pub fn of(trained: &Trained, data: &Pictures, truth: &Option<Vec<Vec<bool>>>) -> Result<Verdict> {
+pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) -> Result<Verdict> {
     let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
     let d = n * k;
     let observed: Vec<Item> = (0..Ord::min(MOST, data.observed())).map(Item::Observed).collect();
     let [u, _] = posterior(trained, data, &observed);
-    let m = data.factors();
+    let m = data.true_factors();
     let true_factors: Vec<f64> = observed.iter().flat_map(|i| data.truth(*i).to_vec()).collect();
     let blocks = |values| Blocks { values, n, k };
     let matched = matching(&blocks(&u), &Factors { values: &true_factors, m })?;
@@ -178,7 +178,7 @@ pub fn of(trained: &Trained, data: &Pictures, truth: &Option<Vec<Vec<bool>>>) ->
 }
 
 /// What pairs say: targets, locality, counterfactuals.
-fn interventions(trained: &Trained, data: &Pictures, verdict: &mut Verdict) -> Result<()> {
+fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> Result<()> {
     let (groups, members) = (Ord::min(MOST, data.groups().len()), data.members());
     if groups == 0 {
         return Ok(());
