@@ -40,6 +40,8 @@ pub static LIST: &[&Op] = &[
     &splat::render::OP,
     &geometry::TRACE,
     &nn::LINEAR,
+    &nn::LEAKY_RELU,
+    &nn::CONV,
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,

@@ -92,6 +92,16 @@ fn golden_nn_linear() {
 }
 
 #[test]
+fn golden_nn_leaky_relu() {
+    check_golden("nn_leaky_relu", "nn.leaky_relu", None, &OTHER);
+}
+
+#[test]
+fn golden_nn_conv() {
+    check_golden("nn_conv", "nn.conv", None, &OTHER);
+}
+
+#[test]
 fn golden_loss_ssim() {
     check_golden("loss_ssim", "loss.ssim", None, &OTHER);
 }

@@ -10,7 +10,7 @@ use crate::array::{Arr, Named, Out};
 use crate::dual::Dual;
 use crate::geometry::trace;
 use crate::loss::{l1, mse, ssim};
-use crate::nn::linear;
+use crate::nn::{act, conv, linear};
 use crate::optim::{adam, adamw};
 use crate::rev::{self, Rev};
 use crate::scalar::Scalar;
@@ -69,6 +69,8 @@ enum Stage {
     RenderProject,
     RenderBlend,
     Linear,
+    LeakyRelu,
+    Conv,
     L1,
     Mse,
     Ssim,
@@ -207,6 +209,24 @@ const TWINS: &[Twin] = &[
         outputs: &["y"],
         smooth_outputs: &["y"],
         settings: &[],
+    },
+    Twin {
+        name: "nn.leaky_relu",
+        stages: &[Stage::LeakyRelu],
+        inputs: &["x"],
+        smooth_inputs: &["x"],
+        outputs: &["y"],
+        smooth_outputs: &["y"],
+        settings: &["slope"],
+    },
+    Twin {
+        name: "nn.conv",
+        stages: &[Stage::Conv],
+        inputs: &["x", "weight", "bias"],
+        smooth_inputs: &["x", "weight", "bias"],
+        outputs: &["y"],
+        smooth_outputs: &["y"],
+        settings: &["stride", "pad"],
     },
     Twin {
         name: "loss.l1",
@@ -365,6 +385,8 @@ fn run_stage<S: Scalar>(
         Stage::RenderProject => render::project_and_color(pool, profile()?, plan, out),
         Stage::RenderBlend => render::blend(pool, &profile()?, plan, out),
         Stage::Linear => linear::forward(pool, out),
+        Stage::LeakyRelu => act::leaky_relu(pool, settings, out),
+        Stage::Conv => conv::forward(pool, settings, out),
         Stage::L1 => l1::forward(pool, out),
         Stage::Mse => mse::forward(pool, out),
         Stage::Ssim => ssim::forward(pool, out),
@@ -503,7 +525,7 @@ fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {
     Ok(())
 }
 
-/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear`, (point, texel) pairs
+/// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear` and `nn.conv`, (point, texel) pairs
 /// for `shade.envmap`, (ray, triangle) pairs for tracing, entries of the inputs elsewhere. 0 for a request that [`value`] would
 /// refuse.
 pub fn work(request: &Request<'_>) -> u64 {
@@ -527,6 +549,7 @@ pub fn work(request: &Request<'_>) -> u64 {
             let rows = request.inputs.get("x").and_then(|x| x.shape.first()).copied().unwrap_or(0) as u64;
             rows * request.inputs.get("weight").map_or(0, |weight| weight.data.len() as u64)
         }
+        "nn.conv" => conv::products(request.inputs, &Settings(request.settings)).unwrap_or(0),
         "shade.envmap" => {
             let points = request.inputs.get("normal").map_or(0, |normal| normal.data.len() as u64 / 3);
             points * request.inputs.get("env").map_or(0, |env| env.data.len() as u64 / 3)

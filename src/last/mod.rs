@@ -5,6 +5,7 @@
 //! character a person from a file, likewise
 //! subject   what any moving person must say about itself ──┴─► video     a capture with poses
 //! generate  which of these to make, and the record of it; folder: begun, continued, started over
+//! structure learners of structure on known factors: exact, local, relaxed
 //! ```
 //!
 //! Truth comes from `data_gen::figure` in f64; this folder renders and writes it.
@@ -14,4 +15,5 @@ pub mod figure;
 mod folder;
 pub mod generate;
 pub mod sets;
+pub mod structure;
 pub mod subject;

@@ -112,6 +112,16 @@ fn nn_linear_is_reproduced() {
 }
 
 #[test]
+fn nn_leaky_relu_is_reproduced() {
+    check("nn_leaky_relu", "nn.leaky_relu", &["x"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
+fn nn_conv_is_reproduced() {
+    check("nn_conv", "nn.conv", &["x", "weight", "bias"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
 fn loss_ssim_is_reproduced() {
     check("loss_ssim", "loss.ssim", &["x", "y"], BTreeMap::new(), [1e-12, 1e-10]);
 }

@@ -171,6 +171,28 @@ fn cases() -> Vec<Case> {
         ),
         splat("linear", "nn.linear", layer, &[], &["x", "weight", "bias"], &["y"], 1e-13),
         splat(
+            "conv",
+            "nn.conv",
+            named([
+                ("x", normal(&[2, 6, 7, 2], 24)),
+                ("weight", normal(&[3, 4, 3, 2], 25)),
+                ("bias", normal(&[3], 26)),
+            ]),
+            &[("stride", "2"), ("pad", "1")],
+            &["x", "weight", "bias"],
+            &["y"],
+            1e-13,
+        ),
+        splat(
+            "leaky relu",
+            "nn.leaky_relu",
+            named([("x", apart(&[6, 5], 23))]),
+            &[("slope", "0.2")],
+            &["x"],
+            &["y"],
+            1e-13,
+        ),
+        splat(
             "ggx",
             "shade.ggx",
             lit(&["normal", "view", "light", "albedo", "roughness", "metallic"]),
@@ -192,6 +214,11 @@ fn cases() -> Vec<Case> {
         splat("mse", "loss.mse", pictures(), &[], xy, &["value"], 1e-13),
         splat("ssim", "loss.ssim", pictures(), &[], xy, &["value"], 1e-13),
     ]
+}
+
+/// Normal numbers moved 0.05 away from 0.
+fn apart(shape: &[usize], purpose: u16) -> Arr<f64> {
+    normal(shape, purpose).map(|&x| if x > 0.0 { x + 0.05 } else { x - 0.05 })
 }
 
 /// Points under light, eye and light within 60° of +z and the normal near it; a map of 4 × 6.

@@ -7,14 +7,26 @@
 //! |---|---|---|
 //! | `PSNR-full` | [`psnr`] | −10 log₁₀ MSE over all values |
 //! | `PSNR-full-ch` | [`psnr`] | mean over the channels of −10 log₁₀ MSE of a channel |
-//! | `PSNR-box` | [`psnr`] on [`Crop`] | MSE over the pixels of a box only |
+//! | `PSNR-box` | [`psnr`] on [`Crop`], or with the box as mask | MSE over the pixels of a box only |
 //! | `SSIM-g` | [`ssim`] | 11×11 Gaussian, σ = 1.5, zero padding, range 1 |
 //! | `SSIM-g-box` | [`ssim`] on [`Crop`] | the same on the cropped images |
+//! | `SSIM-sk`, `SSIM-sk-box` | [`ssim_sk`] | scikit-image's default: 7×7 uniform window, range 1 |
+//! | `SSIM-sk-range2` | [`ssim_sk`] | the same with range 2, as old versions assumed for floats |
+//! | `D-SSIM×1000` | [`ssim`] | 500 (1 − SSIM-g) |
+//! | `RFD (not LPIPS)` | [`rfd`] | distance of responses to random filters |
 //! | `MAE` | [`mae`] | mean absolute difference |
+//!
+//! [`bound`] makes the projected box of a person; with it as the mask, [`psnr`] gives `PSNR-box` on exactly its pixels. [`person`] takes all of
+//! them at once. [`structure`] scores what was learned about causes.
 
+pub mod bound;
 pub mod mae;
+pub mod person;
 pub mod psnr;
+pub mod rfd;
 pub mod ssim;
+pub mod ssim_sk;
+pub mod structure;
 
 use super::In;
 use crate::{Error, Result};

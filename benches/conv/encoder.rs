@@ -1,0 +1,142 @@
+//! The encoder at 64²: four convolutions 4×4 of stride 2, two dense layers, leaky ReLU between.
+
+use super::{Timed, median, normals};
+use lastlight::nn::conv::{self, Shape};
+use lastlight::nn::{act, linear};
+
+const BATCH: usize = 192;
+const SLOPE: f32 = 0.2;
+/// Name, side, channels, outputs.
+const LAYERS: [(&str, usize, usize, usize); 4] =
+    [("64x3", 64, 3, 32), ("32x32", 32, 32, 32), ("16x32", 16, 32, 64), ("8x64", 8, 64, 64)];
+/// Inputs and outputs of the dense layers.
+const DENSE: [[usize; 2]; 2] = [[1024, 256], [256, 32]];
+
+fn shape(side: usize, channels: usize, outputs: usize) -> Shape {
+    Shape { batch: BATCH, height: side, width: side, channels, outputs, kernel: [4, 4], stride: 2, pad: 1 }
+}
+
+/// 10⁹ operations of one pass over a convolution.
+fn work(shape: &Shape) -> f64 {
+    2e-9 * (shape.batch * shape.height * shape.width / 4 * shape.outputs * shape.taps()) as f64
+}
+
+/// Each convolution alone.
+pub(super) fn layers(runs: usize) -> Vec<Timed> {
+    let layer = |&(name, side, channels, outputs): &(&'static str, usize, usize, usize)| {
+        let shape = shape(side, channels, outputs);
+        let x = normals(BATCH * side * side * channels, 1);
+        let (weight, bias) = (normals(outputs * shape.taps(), 2), normals(outputs, 3));
+        let input = conv::In { x: &x, weight: &weight, bias: &bias, shape };
+        let size = BATCH * side * side / 4 * outputs;
+        let (mut y, y_bar, mut bar) = (vec![0.0; size], normals(size, 4), conv::InBar::zeros_like(&input));
+        if channels == 3 {
+            bar.x = Vec::new(); // photographs need no gradient
+        }
+        let one = median(runs, || conv::forward(input, &mut y));
+        let both = median(runs, || {
+            conv::forward(input, &mut y);
+            conv::adjoint(input, &y_bar, &mut bar);
+        });
+        let passes = if channels == 3 { 2.0 } else { 3.0 };
+        Timed { name, seconds: [one, both], work: [work(&shape), passes * work(&shape)] }
+    };
+    LAYERS.iter().map(layer).collect()
+}
+
+/// Weights and biases of all layers, and activations before and after each.
+struct Encoder {
+    weights: Vec<[Vec<f32>; 2]>,
+    before: Vec<Vec<f32>>,
+    after: Vec<Vec<f32>>,
+}
+
+impl Encoder {
+    fn new() -> Self {
+        let scaled = |n, k: usize, purpose| -> Vec<f32> {
+            normals(n, purpose).into_iter().map(|w| w / (k as f32).sqrt()).collect()
+        };
+        let mut weights = Vec::new();
+        let mut before = Vec::new();
+        for (_, side, channels, outputs) in LAYERS {
+            weights.push([scaled(outputs * 16 * channels, 16 * channels, 5), vec![0.1; outputs]]);
+            before.push(vec![0.0; BATCH * side * side / 4 * outputs]);
+        }
+        for [k, n] in DENSE {
+            weights.push([scaled(n * k, k, 6), vec![0.1; n]]);
+            before.push(vec![0.0; BATCH * n]);
+        }
+        Self { weights, after: before.clone(), before }
+    }
+
+    fn conv<'a>(&'a self, i: usize, x: &'a [f32]) -> conv::In<'a> {
+        let (_, side, channels, outputs) = LAYERS[i];
+        let [weight, bias] = &self.weights[i];
+        conv::In { x, weight, bias, shape: shape(side, channels, outputs) }
+    }
+
+    fn dense<'a>(&'a self, i: usize, x: &'a [f32]) -> linear::In<'a> {
+        let [k, n] = DENSE[i - LAYERS.len()];
+        let [weight, bias] = &self.weights[i];
+        linear::In { x, weight, bias, m: BATCH, n, k }
+    }
+
+    fn forward(&mut self, pictures: &[f32]) {
+        for i in 0..self.weights.len() {
+            let mut y = std::mem::take(&mut self.before[i]);
+            let mut h = std::mem::take(&mut self.after[i]);
+            let x = if i == 0 { pictures } else { &self.after[i - 1] };
+            if i < LAYERS.len() {
+                conv::forward(self.conv(i, x), &mut y);
+            } else {
+                linear::forward(self.dense(i, x), &mut y);
+            }
+            act::leaky_relu(&y, SLOPE, &mut h);
+            (self.before[i], self.after[i]) = (y, h);
+        }
+    }
+
+    /// Gradients of all weights.
+    fn adjoint(&self, pictures: &[f32], y_bar: &[f32]) -> Vec<[Vec<f32>; 2]> {
+        let mut grads = Vec::new();
+        let mut bar = y_bar.to_vec();
+        for i in (0..self.weights.len()).rev() {
+            if i + 1 < self.weights.len() {
+                let mut into = vec![0.0; bar.len()];
+                act::leaky_relu_adjoint(&self.before[i], SLOPE, &bar, &mut into);
+                bar = into;
+            }
+            let x = if i == 0 { pictures } else { &self.after[i - 1] };
+            let x_bar = if i == 0 { Vec::new() } else { vec![0.0; x.len()] };
+            let [weight, bias] = [0, 1].map(|k| vec![0.0; self.weights[i][k].len()]);
+            if i < LAYERS.len() {
+                let mut into = conv::InBar { x: x_bar, weight, bias };
+                conv::adjoint(self.conv(i, x), &bar, &mut into);
+                bar = into.x;
+                grads.push([into.weight, into.bias]);
+            } else {
+                let mut into = linear::InBar { x: x_bar, weight, bias };
+                linear::adjoint(self.dense(i, x), &bar, &mut into);
+                bar = into.x;
+                grads.push([into.weight, into.bias]);
+            }
+        }
+        grads
+    }
+}
+
+/// The whole encoder, as one step of training runs it.
+pub(super) fn whole(runs: usize) -> Timed {
+    let (mut encoder, pictures, y_bar) = (Encoder::new(), normals(BATCH * 64 * 64 * 3, 7), normals(BATCH * 32, 8));
+    let one = median(runs, || encoder.forward(&pictures));
+    let both = median(runs, || {
+        encoder.forward(&pictures);
+        std::hint::black_box(encoder.adjoint(&pictures, &y_bar));
+    });
+    let first = work(&shape(64, 3, 32));
+    let mut each = 2e-9 * (BATCH * (1024 * 256 + 256 * 32)) as f64;
+    for (_, side, channels, outputs) in LAYERS {
+        each += work(&shape(side, channels, outputs));
+    }
+    Timed { name: "encoder", seconds: [one, both], work: [each, 3.0 * each - first] }
+}

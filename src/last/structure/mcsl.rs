@@ -1,0 +1,395 @@
+//! A nonlinear structure by masks, after MCSL (Ng, Zhu, Fang, Li, Chen and Wang 2022): one small network per node, its inputs multiplied by a column
+//! of a random mask.
+//!
+//! Ã_ij = σ((U_ij + l_ij)/τ),  l = ln u − ln(1 − u),   p_ij = σ(U_ij/τ),   i ≠ j
+//!
+//! loss = Σ_j ℓ(Q_j) + w_s Σ Ã_ij + λ h(p) + ½ ρ h(p)²,   Q_j = mean of (x_bj − f_j(Ã_·j ∘ x_b))² over samples b in which j was not set
+//!
+//! h = tr((I + p∘p)ⁿ) − n,   ℓ: [`Loss`]
+//!
+//! f_j: n → 16 → 16 → 16 → 16 → 1, leaky ReLU of slope 0.05. Adam for networks and U. After every outer round λ += ρh and ρ grows tenfold
+//! unless h fell to a quarter; it ends when h ≤ the tolerance, after two rounds at the earliest. Edges are those with p > ½, without cycles.
+//!
+//! Two habits of the published code are not kept: u is fresh in every step (there the noise never changes), and the sparsity term is the sum of
+//! the entries (there the largest column sum). A step sees `batch` samples drawn with replacement. Values are standardised first.
+//!
+//! # Rounding
+//! Products with weights are left folds over inputs; gradients are left folds over the samples of a batch, one node per task.
+
+use super::samples::Samples;
+use super::{Loss, without_cycles};
+use crate::math::dense;
+use crate::math::digraph::Digraph;
+use crate::num::elem::f64::{ln, sigmoid};
+use crate::num::rng::Rng;
+use crate::num::{order, par};
+use crate::{Error, Result};
+
+/// Draws.
+mod purpose {
+    /// Weights of networks; item: node · 2³² + weight.
+    pub(super) const NET: u16 = 0x0840;
+    /// Logits at the start; item: edge.
+    pub(super) const LOGIT: u16 = 0x0841;
+    /// Noise of masks; item: edge, step: step.
+    pub(super) const MASK: u16 = 0x0842;
+    /// Samples of a batch; item: place, step: step.
+    pub(super) const BATCH: u16 = 0x0843;
+}
+
+/// Constants of a fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// ℓ
+    pub loss: Loss,
+    /// τ
+    pub temperature: f64,
+    /// w_s
+    pub sparsity: f64,
+    /// Rates of Adam for networks and for U.
+    pub rates: [f64; 2],
+    /// Steps before U moves: networks learn first what any mask leaves.
+    pub frozen: usize,
+    /// Samples per step.
+    pub batch: usize,
+    /// Most outer rounds.
+    pub rounds: usize,
+    /// Steps per round.
+    pub steps: usize,
+    /// ρ at the start, and where it ends.
+    pub rho: [f64; 2],
+    /// h that counts as none.
+    pub tolerance: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            loss: Loss::Likelihood,
+            temperature: 0.2,
+            sparsity: 2e-3,
+            rates: [3e-2, 3e-2],
+            frozen: 0,
+            batch: 256,
+            rounds: 25,
+            steps: 1000,
+            rho: [1e-5, 1e14],
+            tolerance: 1e-10,
+        }
+    }
+}
+
+/// What a fit gives.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fit {
+    /// (n, n) p, the diagonal 0
+    pub probabilities: Vec<f64>,
+    /// The edges with p > ½, without cycles.
+    pub graph: Digraph,
+    /// h(p) at the end.
+    pub h: f64,
+    /// Outer rounds taken.
+    pub rounds: usize,
+}
+
+/// Units of a hidden layer.
+const H: usize = 16;
+/// Hidden layers.
+const LAYERS: usize = 4;
+/// Slope below 0.
+const SLOPE: f64 = 0.05;
+const BETAS: [f64; 2] = [0.9, 0.999];
+const EPS: f64 = 1e-8;
+/// Added to Q, in units of a standardised variance.
+const FLOOR: f64 = 1e-4;
+
+/// Largest |U|: p stays where its slope is not lost, and a cycle of one sure edge and one surely absent is far below any tolerance.
+const LIMIT: f64 = 3.0;
+
+/// Adam over a flat buffer.
+struct Adam {
+    m: Vec<f64>,
+    v: Vec<f64>,
+    powers: [f64; 2],
+}
+
+impl Adam {
+    fn new(len: usize) -> Self {
+        Self { m: vec![0.0; len], v: vec![0.0; len], powers: [1.0; 2] }
+    }
+
+    fn step(&mut self, x: &mut [f64], gradient: &[f64], rate: f64) {
+        self.powers = [self.powers[0] * BETAS[0], self.powers[1] * BETAS[1]];
+        for (i, g) in gradient.iter().enumerate() {
+            self.m[i] = BETAS[0] * self.m[i] + (1.0 - BETAS[0]) * g;
+            self.v[i] = BETAS[1] * self.v[i] + (1.0 - BETAS[1]) * (g * g);
+            let (m, v) = (self.m[i] / (1.0 - self.powers[0]), self.v[i] / (1.0 - self.powers[1]));
+            x[i] -= rate * m / (v.sqrt() + EPS);
+        }
+    }
+}
+
+/// One network: (n, H) weights and (H) biases, three times (H, H) and (H), (H) and 1; inputs are rows.
+struct Net {
+    n: usize,
+    weights: Vec<f64>,
+    adam: Adam,
+}
+
+type Row = [f64; H];
+
+fn row(from: &[f64], at: usize) -> &Row {
+    from[at..].first_chunk().expect("a layer has H columns")
+}
+
+fn row_mut(from: &mut [f64], at: usize) -> &mut Row {
+    from[at..].first_chunk_mut().expect("a layer has H columns")
+}
+
+/// Start of hidden layer `l` and its number of inputs.
+fn layer(n: usize, l: usize) -> (usize, usize) {
+    if l == 0 { (0, n) } else { ((n + 1) * H + (l - 1) * (H + 1) * H, H) }
+}
+
+impl Net {
+    fn new(n: usize, node: usize, rng: Rng) -> Self {
+        let len = (n + 1) * H + (LAYERS - 1) * (H + 1) * H + H + 1;
+        let mut weights: Vec<f64> = (0..len)
+            .map(|at| 2.0 * rng.uniform_f64((node as u64) << 32 | at as u64, 0, purpose::NET, 0) - 1.0)
+            .collect();
+        // uniform within 1/√inputs
+        for l in 0..LAYERS {
+            let (start, inputs) = layer(n, l);
+            let scale = 1.0 / (inputs as f64).sqrt();
+            weights[start..start + (inputs + 1) * H].iter_mut().for_each(|w| *w *= scale);
+        }
+        weights[len - H - 1..].iter_mut().for_each(|w| *w *= 0.25); // 1/√H
+        Self { n, weights, adam: Adam::new(len) }
+    }
+
+    /// Value for inputs x; fills the values before each activation.
+    fn value(&self, x: &[f64], before: &mut [Row; LAYERS]) -> f64 {
+        let mut input = [0.0; H];
+        for l in 0..LAYERS {
+            let (start, inputs) = layer(self.n, l);
+            let mut sums = *row(&self.weights, start + inputs * H);
+            let values = if l == 0 { x } else { &input[..] };
+            for (i, v) in values.iter().enumerate() {
+                for (sum, w) in sums.iter_mut().zip(row(&self.weights, start + i * H)) {
+                    *sum += v * w;
+                }
+            }
+            before[l] = sums;
+            input = sums.map(|s| if s > 0.0 { s } else { SLOPE * s });
+        }
+        let last = self.weights.len() - H - 1;
+        row(&self.weights, last).iter().zip(&input).fold(self.weights[last + H], |s, (w, v)| s + w * v)
+    }
+
+    /// Adds the gradients of weights and inputs for the cotangent `bar` of the value.
+    fn pull_back(&self, x: &[f64], before: &[Row; LAYERS], bar: f64, to: &mut [f64], x_bar: &mut [f64]) {
+        let active = |l: usize| before[l].map(|s| if s > 0.0 { s } else { SLOPE * s });
+        let last = self.weights.len() - H - 1;
+        let mut sums_bar = [0.0; H];
+        let after = active(LAYERS - 1);
+        for o in 0..H {
+            to[last + o] += bar * after[o];
+            sums_bar[o] = bar * self.weights[last + o];
+        }
+        to[last + H] += bar;
+        for l in (0..LAYERS).rev() {
+            for (bar, s) in sums_bar.iter_mut().zip(&before[l]) {
+                *bar *= if *s > 0.0 { 1.0 } else { SLOPE };
+            }
+            let (start, inputs) = layer(self.n, l);
+            for (to, bar) in row_mut(to, start + inputs * H).iter_mut().zip(&sums_bar) {
+                *to += bar;
+            }
+            let hidden = if l > 0 { active(l - 1) } else { [0.0; H] };
+            let values = if l == 0 { x } else { &hidden[..] };
+            let mut input_bar = [0.0; H];
+            for (i, v) in values.iter().enumerate() {
+                for (to, bar) in row_mut(to, start + i * H).iter_mut().zip(&sums_bar) {
+                    *to += v * bar;
+                }
+                let pulled =
+                    row(&self.weights, start + i * H).iter().zip(&sums_bar).fold(0.0, |s, (w, b)| s + w * b);
+                if l == 0 {
+                    x_bar[i] += pulled;
+                } else {
+                    input_bar[i] = pulled;
+                }
+            }
+            sums_bar = input_bar;
+        }
+    }
+}
+
+/// h(p) and its gradient (n, n): 2n ((I + p∘p)ⁿ⁻¹)ᵀ ∘ p.
+fn penalty(p: &[f64], n: usize) -> (f64, Vec<f64>) {
+    let one = |at: usize| f64::from(u8::from(at / n == at % n));
+    let step: Vec<f64> = (0..n * n).map(|at| one(at) + p[at] * p[at]).collect();
+    let mut power: Vec<f64> = (0..n * n).map(one).collect();
+    for _ in 1..n {
+        power = dense::product(&power, &step, n, n, n);
+    }
+    let whole = dense::product(&power, &step, n, n, n);
+    let h = (0..n).fold(0.0, |s, i| s + (whole[i * n + i] - 1.0)); // exactly 0 without cycles
+    let gradient = (0..n * n).map(|at| 2.0 * n as f64 * power[at % n * n + at / n] * p[at]).collect();
+    (h, gradient)
+}
+
+/// A step of one network over a batch; gives the gradient of the mask's column (n).
+fn train_node(
+    net: &mut Net,
+    samples: &Samples,
+    batch: &[usize],
+    j: usize,
+    mask: &[f64],
+    settings: &Settings,
+) -> Vec<f64> {
+    let n = net.n;
+    let mut gradient = vec![0.0; net.weights.len()];
+    let (mut column, mut x, mut before) = (vec![0.0; n], vec![0.0; n], [[0.0; H]; LAYERS]);
+    let (mut squares, mut seen) = (0.0, 0.0);
+    for &s in batch.iter().filter(|&&s| samples.target(s) != Some(j)) {
+        let values = samples.row(s);
+        for (i, x) in x.iter_mut().enumerate() {
+            *x = mask[i * n + j] * values[i];
+        }
+        let error = net.value(&x, &mut before) - values[j];
+        let mut x_bar = vec![0.0; n];
+        net.pull_back(&x, &before, error, &mut gradient, &mut x_bar);
+        squares += error * error;
+        seen += 1.0;
+        for (i, c) in column.iter_mut().enumerate() {
+            *c += x_bar[i] * values[i];
+        }
+    }
+    if seen > 0.0 {
+        let (_, slope) = settings.loss.of(squares / seen + FLOOR);
+        let scale = 2.0 * slope / seen;
+        gradient.iter_mut().chain(&mut column).for_each(|g| *g *= scale);
+        net.adam.step(&mut net.weights, &gradient, settings.rates[0]);
+    }
+    column
+}
+
+/// Fits masks and networks to scalar factors.
+///
+/// # Errors
+/// When factors have more than one dimension, samples are too few, not finite or do not vary.
+pub fn fit(samples: &Samples, settings: &Settings, seed: u64) -> Result<Fit> {
+    let n = samples.n();
+    if samples.k() != 1 || settings.batch == 0 {
+        return Err(Error::input("structure by masks")
+            .expected("factors of one dimension and a batch of at least one")
+            .got(format!("{} dimensions, a batch of {}", samples.k(), settings.batch)));
+    }
+    let samples = samples.standardised()?;
+    let (rng, tau) = (Rng::new(seed), settings.temperature);
+    let edge = |at: usize| at / n != at % n;
+    let mut logits: Vec<f64> =
+        (0..n * n).map(|at| 1e-10 * (2.0 * rng.uniform_f64(at as u64, 0, purpose::LOGIT, 0) - 1.0)).collect();
+    let mut nets: Vec<Net> = (0..n).map(|j| Net::new(n, j, rng)).collect();
+    let mut adam = Adam::new(n * n);
+    let probabilities = |logits: &[f64]| -> Vec<f64> {
+        logits.iter().enumerate().map(|(at, u)| if edge(at) { sigmoid(u / tau) } else { 0.0 }).collect()
+    };
+    let (mut lambda, mut rho, mut earlier, mut rounds) = (0.0, settings.rho[0], f64::INFINITY, 0);
+    while rounds < settings.rounds {
+        for inner in 0..settings.steps {
+            let step = (rounds * settings.steps + inner) as u32;
+            let mask: Vec<f64> = (0..n * n)
+                .map(|at| {
+                    let u = rng.uniform_f64(at as u64, step, purpose::MASK, 0);
+                    if edge(at) { sigmoid((logits[at] + (ln(u) - ln(1.0 - u))) / tau) } else { 0.0 }
+                })
+                .collect();
+            let batch: Vec<usize> = (0..settings.batch)
+                .map(|b| rng.index(samples.count(), b as u64, step, purpose::BATCH, 0))
+                .collect();
+            let columns = par::map_each(nets.iter_mut().collect(), |j, net| {
+                train_node(net, &samples, &batch, j, &mask, settings)
+            });
+            let p = probabilities(&logits);
+            let (h, by_p) = penalty(&p, n);
+            let gradient: Vec<f64> = (0..n * n)
+                .map(|at| {
+                    let by_mask = columns[at % n][at / n] + settings.sparsity;
+                    let slope = |x: f64| x * (1.0 - x) / tau;
+                    by_mask * slope(mask[at]) + (lambda + rho * h) * by_p[at] * slope(p[at])
+                })
+                .collect();
+            if step as usize >= settings.frozen {
+                adam.step(&mut logits, &gradient, settings.rates[1]);
+                logits.iter_mut().for_each(|u| *u = order::clamp(*u, -LIMIT, LIMIT));
+            }
+        }
+        rounds += 1;
+        let (h, _) = penalty(&probabilities(&logits), n);
+        lambda += rho * h;
+        if h > 0.25 * earlier {
+            rho *= 10.0;
+        }
+        earlier = h;
+        if (h <= settings.tolerance && rounds >= 2) || rho >= settings.rho[1] {
+            break;
+        }
+    }
+    let p = probabilities(&logits);
+    let graph = without_cycles(&p, n, 0.5);
+    Ok(Fit { h: penalty(&p, n).0, probabilities: p, graph, rounds })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradients_of_networks_and_of_the_penalty_are_those_of_differences() {
+        let (n, rng) = (3, Rng::new(1));
+        let mut net = Net::new(n, 0, rng);
+        let x = [0.7, -0.4, 1.2];
+        let mut before = [[0.0; H]; LAYERS];
+        net.value(&x, &mut before);
+        let (mut by_weight, mut by_x) = (vec![0.0; net.weights.len()], [0.0; 3]);
+        net.pull_back(&x, &before, 1.0, &mut by_weight, &mut by_x);
+        let h = 1e-6;
+        for at in 0..net.weights.len() {
+            let w = net.weights[at];
+            let [up, down] = [h, -h].map(|h| {
+                net.weights[at] = w + h;
+                net.value(&x, &mut before)
+            });
+            net.weights[at] = w;
+            let difference = (up - down) / (2.0 * h);
+            assert!(
+                (difference - by_weight[at]).abs() < 1e-8,
+                "weight {at}: {difference}, {}",
+                by_weight[at]
+            );
+        }
+        for i in 0..3 {
+            let [up, down] = [h, -h].map(|h| {
+                let mut x = x;
+                x[i] += h;
+                net.value(&x, &mut before)
+            });
+            assert!(((up - down) / (2.0 * h) - by_x[i]).abs() < 1e-8, "input {i}");
+        }
+        let p: Vec<f64> =
+            (0..16).map(|at| if at % 5 == 0 { 0.0 } else { rng.uniform_f64(at, 0, 6, 0) }).collect();
+        let (_, gradient) = penalty(&p, 4);
+        for at in (0..16).filter(|at| at % 5 != 0) {
+            let [up, down] = [h, -h].map(|h| {
+                let mut p = p.clone();
+                p[at] += h;
+                penalty(&p, 4).0
+            });
+            assert!(((up - down) / (2.0 * h) - gradient[at]).abs() < 1e-6, "edge {at}");
+        }
+        let forward_only: Vec<f64> = (0..16).map(|at| f64::from(u8::from(at / 4 < at % 4))).collect();
+        assert_eq!(penalty(&forward_only, 4).0, 0.0, "no cycle, no penalty");
+    }
+}

@@ -1,0 +1,122 @@
+//! Samples of factors, some of them set from outside.
+
+use crate::{Error, Result};
+
+/// Values of n factors of k dimensions, and what was done to each sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Samples {
+    /// (N, n, k)
+    values: Vec<f64>,
+    /// (N) the factor that was set
+    targets: Vec<Option<usize>>,
+    /// (N) which draw of noise: a sample and its counterfactual share one
+    draws: Vec<usize>,
+    n: usize,
+    k: usize,
+}
+
+impl Samples {
+    /// No samples yet.
+    pub fn new(n: usize, k: usize) -> Self {
+        Self { values: Vec::new(), targets: Vec::new(), draws: Vec::new(), n, k }
+    }
+
+    /// Adds a sample (n, k) that nobody touched.
+    pub fn observe(&mut self, values: &[f64]) {
+        let draw = self.draws.last().map_or(0, |d| d + 1);
+        self.push(values, None, draw);
+    }
+
+    /// Adds a sample before and after factor `target` was set; the noise of the others is the same.
+    pub fn intervene(&mut self, before: &[f64], after: &[f64], target: usize) {
+        assert!(target < self.n, "factor {target} of {}", self.n);
+        self.observe(before);
+        let draw = self.draws.last().copied().unwrap_or(0);
+        self.push(after, Some(target), draw);
+    }
+
+    fn push(&mut self, values: &[f64], target: Option<usize>, draw: usize) {
+        assert_eq!(values.len(), self.n * self.k, "{} factors of {} dimensions", self.n, self.k);
+        self.values.extend_from_slice(values);
+        self.targets.push(target);
+        self.draws.push(draw);
+    }
+
+    /// Number of factors.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// Dimensions of a factor.
+    pub fn k(&self) -> usize {
+        self.k
+    }
+
+    /// Number of samples.
+    pub fn count(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// The values (n, k) of sample `s`.
+    pub fn row(&self, s: usize) -> &[f64] {
+        &self.values[s * self.n * self.k..][..self.n * self.k]
+    }
+
+    /// The factor that was set in sample `s`.
+    pub fn target(&self, s: usize) -> Option<usize> {
+        self.targets[s]
+    }
+
+    /// (N) how much each sample says about the mechanism of `j`: nothing where j was set, else one over the number of samples that show the same
+    /// draw of its noise. So their sum is the number of draws, and a pair counts as what it is.
+    pub fn weights(&self, j: usize) -> Vec<f64> {
+        let shows = |s: usize| self.targets[s] != Some(j);
+        let mut weights = vec![0.0; self.count()];
+        let mut start = 0;
+        while start < self.count() {
+            let end =
+                (start..self.count()).find(|&s| self.draws[s] != self.draws[start]).unwrap_or(self.count());
+            let shown = (start..end).filter(|&s| shows(s)).count();
+            for s in (start..end).filter(|&s| shows(s)) {
+                weights[s] = 1.0 / shown as f64;
+            }
+            start = end;
+        }
+        weights
+    }
+
+    /// Every dimension with mean 0 and variance 1 over all samples.
+    ///
+    /// # Errors
+    /// When there are fewer than two samples, a number is not finite, or a dimension does not vary.
+    pub fn standardised(&self) -> Result<Self> {
+        let (dims, count) = (self.n * self.k, self.count());
+        let what = || Error::input("samples of factors");
+        if count < 2 || dims == 0 {
+            return Err(what()
+                .expected("at least two samples of a factor")
+                .got(format!("{count} of {dims}")));
+        }
+        if let Some(at) = self.values.iter().position(|x| !x.is_finite()) {
+            let place = format!("sample {}, dimension {}", at / dims, at % dims);
+            return Err(what().at(place).expected("a finite number").got(self.values[at].to_string()));
+        }
+        let mut out = self.clone();
+        for d in 0..dims {
+            let column = || self.values.iter().skip(d).step_by(dims);
+            let mean = column().fold(0.0, |s, x| s + x) / count as f64;
+            let variance = column().fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count as f64;
+            if !(variance > 1e-24 * (1.0 + mean * mean)) {
+                return Err(what()
+                    .at(format!("dimension {d}"))
+                    .expected("values that vary")
+                    .got("a constant"));
+            }
+            let scale = 1.0 / variance.sqrt();
+            for x in out.values.iter_mut().skip(d).step_by(dims) {
+                *x = (*x - mean) * scale;
+            }
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,105 @@
+//! All image metrics of one view of a person, each under its name.
+//!
+//! The box is the projected box of the person ([`super::bound`]). `PSNR-box` counts its pixels; `SSIM-g-box`, `SSIM-sk-box` and `RFD-box`
+//! look at the smallest rectangle around it. The rest sees the whole image. Whether what lies outside the box was set to the background before
+//! ([`super::bound::clear_outside`]) is the caller's choice and part of a protocol.
+
+use super::{Crop, bound, psnr, rfd, ssim, ssim_sk};
+use crate::loss::In;
+use crate::num::sum;
+use crate::{Error, Result};
+
+/// Scores of one view, or their means over views.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Scores {
+    /// Mean squared error over all values; the level is `PSNR-full`.
+    pub full: psnr::Psnr,
+    /// `PSNR-full-ch`
+    pub full_ch: psnr::Psnr,
+    /// `PSNR-box`
+    pub boxed: psnr::Psnr,
+    /// `SSIM-g`
+    pub ssim_g: f64,
+    /// `SSIM-g-box`
+    pub ssim_g_box: f64,
+    /// `SSIM-sk`
+    pub ssim_sk: f64,
+    /// `SSIM-sk-box`
+    pub ssim_sk_box: f64,
+    /// `SSIM-sk-range2`
+    pub ssim_sk_range_2: f64,
+    /// `RFD (not LPIPS)`
+    pub rfd: f64,
+    /// `RFD-box (not LPIPS)`
+    pub rfd_box: f64,
+}
+
+/// Scores of one view; `mask` (H, W) is the person's box.
+///
+/// # Errors
+/// As those of the metrics; the rectangle around the box has at least 7×7 pixels.
+pub fn forward(x: &In<'_>, mask: &[f32]) -> Result<Scores> {
+    let inside = In { mask: Some(mask), ..*x };
+    inside.check("metrics of a person")?;
+    let Some([from, to]) = bound::rectangle(mask, x.width) else {
+        return Err(Error::input("metrics of a person").expected("a box that covers a pixel").got("none"));
+    };
+    let crop = Crop::new(x, from, to)?;
+    Ok(Scores {
+        full: psnr::forward(x)?,
+        full_ch: psnr::per_channel(x)?,
+        boxed: psnr::forward(&inside)?,
+        ssim_g: ssim::forward(x)?,
+        ssim_g_box: ssim::forward(&crop.view())?,
+        ssim_sk: ssim_sk::forward(x, 1.0)?,
+        ssim_sk_box: ssim_sk::forward(&crop.view(), 1.0)?,
+        ssim_sk_range_2: ssim_sk::forward(x, 2.0)?,
+        rfd: rfd::forward(x)?,
+        rfd_box: rfd::forward(&crop.view())?,
+    })
+}
+
+impl Scores {
+    /// Names and numbers in the order of a table. A level is infinite where nothing differs.
+    pub fn named(&self) -> [(&'static str, f64); 12] {
+        let level = |p: &psnr::Psnr| p.db.finite().unwrap_or(f64::INFINITY);
+        [
+            (psnr::NAME, level(&self.full)),
+            (psnr::NAME_CHANNELS, level(&self.full_ch)),
+            (psnr::NAME_BOX, level(&self.boxed)),
+            (ssim::NAME, self.ssim_g),
+            (ssim::NAME_BOX, self.ssim_g_box),
+            ("D-SSIM×1000", ssim::d_ssim_1000(self.ssim_g)),
+            ("D-SSIM×1000-box", ssim::d_ssim_1000(self.ssim_g_box)),
+            (ssim_sk::NAME, self.ssim_sk),
+            (ssim_sk::NAME_BOX, self.ssim_sk_box),
+            (ssim_sk::NAME_RANGE_2, self.ssim_sk_range_2),
+            (rfd::NAME, self.rfd),
+            ("RFD-box (not LPIPS)", self.rfd_box),
+        ]
+    }
+}
+
+/// Means over views: of levels for PSNR (infinite if one is), of values for the rest. `None` for no view.
+pub fn mean(views: &[Scores]) -> Option<Scores> {
+    let of = |value: &dyn Fn(&Scores) -> f64| {
+        let values: Vec<f64> = views.iter().map(value).collect();
+        sum::tree_f64(&values) / values.len() as f64
+    };
+    let level = |value: &dyn Fn(&Scores) -> psnr::Psnr| {
+        let all: Vec<psnr::Psnr> = views.iter().map(value).collect();
+        psnr::mean_of_psnr(&all).map(|db| psnr::Psnr { mse: of(&|s| value(s).mse), db })
+    };
+    Some(Scores {
+        full: level(&|s| s.full)?,
+        full_ch: level(&|s| s.full_ch)?,
+        boxed: level(&|s| s.boxed)?,
+        ssim_g: of(&|s| s.ssim_g),
+        ssim_g_box: of(&|s| s.ssim_g_box),
+        ssim_sk: of(&|s| s.ssim_sk),
+        ssim_sk_box: of(&|s| s.ssim_sk_box),
+        ssim_sk_range_2: of(&|s| s.ssim_sk_range_2),
+        rfd: of(&|s| s.rfd),
+        rfd_box: of(&|s| s.rfd_box),
+    })
+}
