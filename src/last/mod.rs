@@ -14,6 +14,7 @@ pub mod character;
 pub mod figure;
 mod folder;
 pub mod generate;
+pub mod host;
 pub mod sets;
 pub mod structure;
 pub mod subject;
