@@ -15,6 +15,7 @@ pub mod character;
 pub mod figure;
 mod folder;
 pub mod generate;
+pub mod host;
 pub mod inspect;
 pub mod model;
 pub mod sets;

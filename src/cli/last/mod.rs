@@ -3,15 +3,20 @@
 //! ```text
 //! gen       data with known causes        import, inspect  captures of persons
 //! pretrain  the image-to-point model      tune             its structure on one subject
-//! intervene counterfactual pictures
+//! intervene counterfactual pictures       fit              a person of Gaussians from a capture
+//! render    a fitted person, any view     eval             its score on held-out pictures
 //! ```
 
+mod eval;
+pub(super) mod fit;
 mod generate;
 mod import;
 mod inspect;
 mod intervene;
 mod pretrain;
 mod tune;
+mod render;
+mod scoring;
 
 use crate::Result;
 use clap::Subcommand;
@@ -31,6 +36,12 @@ pub(super) enum Command {
     Import(import::Args),
     /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
     Inspect(inspect::Args),
+    /// Fit an animatable person to a monocular capture
+    Fit(fit::Args),
+    /// Render a fitted person in any pose from any camera
+    Render(render::Args),
+    /// Score a fitted person on the pictures of a capture
+    Eval(eval::Args),
 }
 
 /// Runs it.
@@ -45,5 +56,8 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Intervene(args) => intervene::run(args),
         Command::Import(args) => import::run(args),
         Command::Inspect(args) => inspect::run(args),
+        Command::Fit(args) => fit::run(args),
+        Command::Render(args) => render::run(args),
+        Command::Eval(args) => eval::run(args),
     }
 }

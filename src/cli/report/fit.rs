@@ -302,7 +302,7 @@ fn events(events: &[Event]) -> Markup {
     }
 }
 
-fn time(parts: &[(String, f64)], total: f64) -> Markup {
+pub(super) fn time(parts: &[(String, f64)], total: f64) -> Markup {
     let known = parts.iter().fold(0.0, |s, p| s + p.1);
     let mut all = parts.to_vec();
     if total - known > 0.005 * total {
@@ -325,7 +325,7 @@ fn time(parts: &[(String, f64)], total: f64) -> Markup {
     }
 }
 
-fn settings(settings: &serde_json::Value) -> Markup {
+pub(super) fn settings(settings: &serde_json::Value) -> Markup {
     let rows: Vec<_> = settings
         .as_object()
         .into_iter()

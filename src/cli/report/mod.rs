@@ -10,6 +10,7 @@
 
 pub(crate) mod charts;
 pub(crate) mod fit;
+pub(crate) mod person;
 pub(crate) mod pictures;
 mod style;
 

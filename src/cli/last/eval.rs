@@ -1,0 +1,89 @@
+//! `last eval`: scores of an avatar on the pictures of a capture.
+
+use super::{fit, scoring};
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim, report};
+use crate::last::host::store;
+use crate::scene::person::PersonCapture;
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Score a fitted person on the pictures of a capture.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last eval person subject/video
+  lastlight last eval person subject/video --json
+  lastlight last eval person subject/video --min-psnr 24 --out scores
+
+Every metric is named by its variant; PSNR-box counts the pixels of the projected box of the body. The
+surrogate RFD is not LPIPS. With --min-psnr the command is a check: exit code 1 when the mean PSNR-box of the
+held-out pictures is lower.")]
+pub(in crate::cli) struct Args {
+    /// Folder of `last fit`, or an avatar.safetensors
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// Folder of the capture
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Fail when the mean PSNR-box of held-out pictures is below this many decibels
+    #[arg(long, value_name = "DB")]
+    min_psnr: Option<f64>,
+    /// Folder for report/index.html
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Replace files in --out that exist
+    #[arg(long)]
+    force: bool,
+    /// Print the scores as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let stored = store::read(&fit::avatar_file(&args.run)?)?;
+    let capture = PersonCapture::open(&args.capture)?;
+    let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
+    meter.lap("reading");
+    let groups = scoring::groups(&stored.avatar, &capture, &mut meter)?;
+    meter.lap("rendering and scoring");
+    let digest = stored.avatar.digest()?;
+    if args.json {
+        cli::say_json(&json!({
+            "run": args.run, "capture": args.capture, "digest": digest,
+            "gaussians": stored.avatar.gaussians.len(), "evaluation": scoring::json(&groups),
+        }))?;
+    } else {
+        cli::say(&scoring::text(&groups))?;
+    }
+    if let Some(dir) = dir {
+        let page = report::person::page(&report::person::Input {
+            kind: "last eval",
+            title: scoring::title(&args.capture),
+            command: cli::command_line(),
+            digest,
+            settings: &stored.settings,
+            history: None,
+            events: &[],
+            tally: None,
+            n_gauss: stored.avatar.gaussians.len(),
+            groups: &groups,
+            time: meter.parts(),
+            total_seconds: meter.seconds(),
+            files: Vec::new(),
+        })?;
+        meter.note(&format!("report: {}", page.write(&dir)?.display()));
+    }
+    let held_out = groups.last().map_or(f64::NAN, |g| g.mean.boxed.db.finite().unwrap_or(f64::INFINITY));
+    match args.min_psnr {
+        Some(least) if !(held_out >= least) => Err(Error::check("last eval")
+            .at("mean PSNR-box")
+            .expected(format!("at least {least} dB"))
+            .got(format!("{held_out:.3} dB"))),
+        _ => Ok(()),
+    }
+}

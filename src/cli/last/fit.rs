@@ -1,0 +1,282 @@
+//! `last fit`: an animatable person from a monocular capture.
+
+use super::scoring;
+use crate::cli::meter::Meter;
+use crate::cli::{self, claim, report};
+use crate::fit::training::{self, Fit, History, Schedule};
+use crate::io::atomic;
+use crate::last::host::density::{Density, Mode};
+use crate::last::host::fit::PersonFit;
+use crate::last::host::guide::Guide;
+use crate::last::host::progressive::{Cap, Keys, Order, Progressive};
+use crate::last::host::settings::Settings;
+use crate::last::host::store;
+use crate::scene::person::PersonCapture;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Fit an animatable person to a monocular capture.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last fit subject/video --out person                       1 200 iterations, about a minute
+  lastlight last fit subject/video --out person --resume              go on after an interruption, same bits
+  lastlight last fit subject/video --out plain --iterations 2000 --sh-degree 1
+
+CAPTURE is a folder in the layout of a person's capture: pictures, masks, cameras, a body with skinning
+weights, one pose per moment. --out DIR gets avatar.safetensors (body, Gaussians, poses, cameras; what
+`last render` and `last eval` read), checkpoint.safetensors, result.json and report/index.html.")]
+pub(in crate::cli) struct Args {
+    /// Folder of the capture
+    #[arg(value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Folder for the results; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// Iterations; the schedule of 1200 is scaled to it
+    #[arg(long, value_name = "N", default_value_t = 1200)]
+    iterations: usize,
+    /// Seed of every random draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+    /// Go on from the checkpoint in --out; the result has the bits of an uninterrupted fit
+    #[arg(long)]
+    resume: bool,
+    /// Replace files in --out that exist
+    #[arg(long, conflicts_with = "resume")]
+    force: bool,
+    /// Spherical-harmonics degree of the colours, 0 to 3
+    #[arg(long, value_name = "D", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Host")]
+    sh_degree: u8,
+    /// Largest number of Gaussians
+    #[arg(long, value_name = "N", default_value_t = 8000, help_heading = "Host")]
+    max_gaussians: usize,
+    /// Weight of 1 - SSIM on the box crop [default: that of the host]
+    #[arg(long, value_name = "W", help_heading = "Host")]
+    ssim_weight: Option<f32>,
+    /// Learn corrections of the skinning weights
+    #[arg(long, help_heading = "Host")]
+    weights_network: bool,
+    /// Learn corrections of the poses
+    #[arg(long, help_heading = "Host")]
+    pose_network: bool,
+    #[command(flatten)]
+    guided: Guided,
+    /// Iterations between checkpoints
+    #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..))]
+    checkpoint_every: u32,
+    /// Print the result record as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+/// What the image-to-point model decides. Without a model there is the host alone.
+#[derive(clap::Args, Clone, Debug)]
+pub(in crate::cli) struct Guided {
+    /// Add Gaussians by the host's pixel criterion
+    #[arg(long, help_heading = "Guidance")]
+    pub(in crate::cli) no_density_adapter: bool,
+    /// Update all Gaussians at once
+    #[arg(long, help_heading = "Guidance")]
+    pub(in crate::cli) no_progressive: bool,
+    /// Criterion of the density adapter: replace, or, budget
+    #[arg(long, value_name = "MODE", default_value = "replace", help_heading = "Guidance")]
+    pub(in crate::cli) density: String,
+    /// Threshold of the latent criterion
+    #[arg(long, value_name = "T", default_value_t = 0.003, help_heading = "Guidance")]
+    pub(in crate::cli) tau_rec: f64,
+    /// What the latent gradient is multiplied by before that
+    #[arg(long, value_name = "C", default_value_t = 1.0, help_heading = "Guidance")]
+    pub(in crate::cli) tau_scale: f64,
+    /// Iterations from one latent gradient to the next
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Guidance")]
+    pub(in crate::cli) latent_every: usize,
+    /// Weight of the latent discrepancy in the loss
+    #[arg(long, value_name = "W", default_value_t = 0.0, help_heading = "Guidance")]
+    pub(in crate::cli) latent_weight: f32,
+    /// Bound of the steps of child factors; inf binds nothing
+    #[arg(long, value_name = "L", default_value_t = 0.1, help_heading = "Guidance")]
+    pub(in crate::cli) lambda: f64,
+    /// What it bounds: rel, abs or stop
+    #[arg(long, value_name = "MODE", default_value = "rel", help_heading = "Guidance")]
+    pub(in crate::cli) lambda_mode: String,
+    /// Order of the factors: topo, reverse, random or none
+    #[arg(long, value_name = "ORDER", default_value = "topo", help_heading = "Guidance")]
+    pub(in crate::cli) order: String,
+    /// Key Gaussians: swap, random or all
+    #[arg(long, value_name = "HOW", default_value = "swap", help_heading = "Guidance")]
+    pub(in crate::cli) keys: String,
+    /// Share of the Gaussians that are key to a factor
+    #[arg(long, value_name = "Q", default_value_t = 0.25, help_heading = "Guidance")]
+    pub(in crate::cli) key_share: f64,
+}
+
+impl Guided {
+    /// Puts what was asked for into the settings of a fit that has a model.
+    ///
+    /// # Errors
+    /// When a name is not one of those listed.
+    pub(in crate::cli) fn apply(&self, settings: &mut Settings) -> Result<()> {
+        let mode = Mode::parse(&self.density)?;
+        let progressive = Progressive {
+            lambda: self.lambda,
+            cap: Cap::parse(&self.lambda_mode)?,
+            order: Order::parse(&self.order)?,
+            keys: Keys::parse(&self.keys)?,
+            share: self.key_share,
+            ..Progressive::published()
+        };
+        settings.density = Density {
+            mode: if self.no_density_adapter { Mode::Pixel } else { mode },
+            latent_threshold: self.tau_rec,
+            latent_scale: self.tau_scale,
+            latent_every: self.latent_every,
+            ..settings.density.clone()
+        };
+        settings.progressive = (!self.no_progressive).then_some(progressive);
+        settings.latent_weight = self.latent_weight;
+        Ok(())
+    }
+}
+
+impl Args {
+    fn settings(&self, has_guide: bool) -> Result<Settings> {
+        let host = Settings::host();
+        let mut settings = Settings {
+            iterations: self.iterations,
+            seed: self.seed,
+            sh_degree: usize::from(self.sh_degree),
+            max_gaussians: self.max_gaussians,
+            ssim_weight: self.ssim_weight.unwrap_or(host.ssim_weight),
+            weights_network: self.weights_network,
+            pose_network: self.pose_network,
+            ..host
+        };
+        if has_guide {
+            self.guided.apply(&mut settings)?;
+        }
+        settings.validate()?;
+        Ok(settings)
+    }
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let settings = args.settings(false)?;
+    claim::check(&args.out, args.resume, args.force)?;
+    let capture = PersonCapture::open(&args.capture)?;
+    meter.lap("reading the capture");
+    meter.note(&format!(
+        "{}: {} pictures to fit, {} held out, a body of {} points and {} joints",
+        args.capture.display(),
+        capture.train.len(),
+        capture.test.len(),
+        capture.template.len(),
+        capture.template.joints.len()
+    ));
+    let job = Job {
+        kind: "last fit",
+        title: scoring::title(&args.capture),
+        settings,
+        capture: &capture,
+        guide: None,
+        dir: claim::folder(&args.out, args.resume, args.force)?,
+        checkpoint_every: args.checkpoint_every as usize,
+        resume: args.resume,
+        json: args.json,
+    };
+    job.run(&mut meter).map(|_| ())
+}
+
+/// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.
+pub(in crate::cli) struct Job<'a> {
+    pub(in crate::cli) kind: &'static str,
+    pub(in crate::cli) title: String,
+    pub(in crate::cli) settings: Settings,
+    pub(in crate::cli) capture: &'a PersonCapture,
+    pub(in crate::cli) guide: Option<&'a dyn Guide>,
+    pub(in crate::cli) dir: PathBuf,
+    pub(in crate::cli) checkpoint_every: usize,
+    pub(in crate::cli) resume: bool,
+    pub(in crate::cli) json: bool,
+}
+
+impl Job<'_> {
+    /// Fits, evaluates, writes, reports; gives the record.
+    pub(in crate::cli) fn run(&self, meter: &mut Meter) -> Result<Value> {
+        let mut fit = PersonFit::new(self.settings.clone(), self.capture, self.guide)?;
+        let checkpoint = self.dir.join("checkpoint.safetensors");
+        let mut history = History::default();
+        if self.resume {
+            if checkpoint.exists() {
+                history = training::resume(&mut fit, &checkpoint)?;
+                meter.note(&format!("resuming after iteration {} of {}", history.len(), fit.iterations()));
+            } else {
+                meter.note("no checkpoint yet: starting at iteration 0");
+            }
+        }
+        cli::stoppable(|stop| {
+            let schedule = Schedule { checkpoint: Some(&checkpoint), every: self.checkpoint_every, stop };
+            training::run(&mut fit, &mut history, schedule, meter)
+        })?;
+        meter.done();
+        let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
+        let digest = avatar.digest()?;
+        let groups = scoring::groups(avatar, self.capture, meter)?;
+        meter.lap("evaluation");
+        store::write(&self.dir.join("avatar.safetensors"), avatar, self.capture, &settings)?;
+        let time: serde_json::Map<String, Value> = meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
+        let tally = fit.tally();
+        let record = json!({
+            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest,
+            "gaussians": avatar.gaussians.len(), "iterations": history.len(), "renders": tally.renders,
+            "encoder_passes": tally.encodings, "last_loss": history.loss.last(),
+            "evaluation": scoring::json(&groups), "settings": settings,
+            "seconds": meter.seconds(), "seconds_by_part": time,
+        });
+        atomic::write_bytes(&self.dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
+        meter.lap("writing files");
+        let page = report::person::page(&report::person::Input {
+            kind: self.kind,
+            title: self.title.clone(),
+            command: cli::command_line(),
+            digest: digest.clone(),
+            settings: &record["settings"],
+            history: Some(&history),
+            events: fit.events(),
+            tally: Some(tally),
+            n_gauss: avatar.gaussians.len(),
+            groups: &groups,
+            time: meter.parts(),
+            total_seconds: meter.seconds(),
+            files: scoring::sizes(&self.dir, &["avatar.safetensors", "checkpoint.safetensors", "result.json"]),
+        })?;
+        let page = page.write(&self.dir)?;
+        if self.json {
+            cli::say_json(&record)?;
+        } else {
+            cli::say(&scoring::text(&groups))?;
+            cli::say(&format!("Gaussians   {}", avatar.gaussians.len()))?;
+            cli::say(&format!("digest      {digest}"))?;
+            cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
+            cli::say(&format!("avatar      {}", self.dir.join("avatar.safetensors").display()))?;
+            cli::say(&format!("report      {}", page.display()))?;
+        }
+        Ok(record)
+    }
+}
+
+/// The avatar file of a run: the folder of `last fit`, or the file itself.
+pub(super) fn avatar_file(run: &std::path::Path) -> Result<PathBuf> {
+    let file = if run.is_dir() { run.join("avatar.safetensors") } else { run.to_path_buf() };
+    if file.is_file() {
+        return Ok(file);
+    }
+    Err(Error::input(run.display().to_string())
+        .expected("a folder of `last fit`, or its avatar.safetensors")
+        .got("no such file")
+        .hint("an interrupted fit is completed by last fit CAPTURE --out DIR --resume"))
+}

@@ -1,0 +1,172 @@
+//! `last render`: pictures of a fitted person in any pose from any camera.
+
+use super::fit;
+use crate::cli::meter::Meter;
+use crate::cli::shared::{OrbitArgs, Usual};
+use crate::cli::{self, claim};
+use crate::fit::render::{Orbit, capture_shots};
+use crate::io::image_file;
+use crate::last::host::store::{self, Stored};
+use crate::num::order;
+use crate::scene::camera::Camera;
+use crate::scene::gaussians::Gaussians;
+use crate::scene::person::{PersonCapture, Pose};
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Of an orbit.
+const USUAL: Usual = Usual { size: "512x512", fov: 40.0, elevation: 10.0 };
+
+/// Render a fitted person in any pose from any camera.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight last render person --out film                               every moment of its capture, its camera
+  lastlight last render person --cameras orbit:60 --pose 40 --out turntable   one moment from all sides
+  lastlight last render person --cameras orbit:100 --out both            moments and cameras go on together
+  lastlight last render person --pose-from dancer/video --out dance      the poses of another capture, same body
+  lastlight last render person --cameras 3 --out side                    camera 3 of the capture
+
+Pictures are numbered. With one camera there is one picture per pose, with one pose one per camera; otherwise
+the k-th picture shows the k-th pose from the k-th camera. An orbit has pictures of 512x512 pixels, a field of
+view of 40° and stands 10° above the horizon unless told otherwise.")]
+pub(in crate::cli) struct Args {
+    /// Folder of `last fit`, or an avatar.safetensors
+    #[arg(value_name = "RUN")]
+    run: PathBuf,
+    /// Folder for the pictures; new or empty unless --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// A camera's number in the capture, a capture folder or transforms.json, or orbit:N [default: the training camera]
+    #[arg(long, value_name = "FROM")]
+    cameras: Option<String>,
+    /// Moments: one, or FIRST:LAST [default: all]
+    #[arg(long, value_name = "T")]
+    pose: Option<String>,
+    /// Take the poses of another capture of the same body
+    #[arg(long, value_name = "CAPTURE")]
+    pose_from: Option<PathBuf>,
+    #[command(flatten)]
+    orbit: OrbitArgs,
+    /// Replace files in --out that exist
+    #[arg(long)]
+    force: bool,
+    /// Print what was written as JSON
+    #[arg(long)]
+    json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    quiet: bool,
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new(args.quiet);
+    let stored = store::read(&fit::avatar_file(&args.run)?)?;
+    let poses = poses(args, &stored)?;
+    let cameras = cameras(args, &stored, &poses)?;
+    let pairs = pairs(poses.len(), cameras.len())?;
+    let dir = claim::folder(&args.out, false, args.force)?;
+    let mut names = Vec::with_capacity(pairs.len());
+    for (k, &(p, c)) in pairs.iter().enumerate() {
+        meter.count(k, pairs.len(), "rendering");
+        let camera = &cameras[c];
+        let out = stored.avatar.picture(&poses[p], camera)?;
+        let image: Vec<f32> = out.image.iter().map(|&x| order::clamp(x, 0.0, 1.0)).collect();
+        let name = format!("{k:04}.png");
+        image_file::write_png(&dir.join(&name), camera.width, camera.height, 3, &image_file::to_u8(&image)?)?;
+        names.push(name);
+    }
+    meter.done();
+    if args.json {
+        return cli::say_json(&json!({
+            "run": args.run, "out": args.out, "pictures": names, "poses": poses.len(), "cameras": cameras.len(),
+            "gaussians": stored.avatar.gaussians.len(), "seconds": meter.seconds(),
+        }));
+    }
+    cli::say(&format!(
+        "{} pictures of {} Gaussians: {} ({:.1} pictures/s)",
+        pairs.len(),
+        stored.avatar.gaussians.len(),
+        dir.display(),
+        pairs.len() as f64 / meter.seconds()
+    ))
+}
+
+fn poses(args: &Args, stored: &Stored) -> Result<Vec<Pose>> {
+    let all = match &args.pose_from {
+        None => stored.poses.clone(),
+        Some(folder) => PersonCapture::open(folder)?.poses,
+    };
+    let joints = stored.avatar.body.joints();
+    if let Some(other) = all.iter().find(|p| p.transforms.len() != joints) {
+        return Err(Error::input("--pose-from")
+            .expected(format!("a body of {joints} joints"))
+            .got(other.transforms.len().to_string()));
+    }
+    let Some(text) = &args.pose else { return Ok(all) };
+    let wrong = || {
+        let last = all.len().saturating_sub(1);
+        Error::input("--pose").expected(format!("T or FIRST:LAST within 0 to {last}")).got(text.as_str())
+    };
+    let (first, last) = text.split_once(':').unwrap_or((text, text));
+    let at = |s: &str| s.trim().parse::<usize>().map_err(|_| wrong());
+    let (first, last) = (at(first)?, at(last)?);
+    if first > last { Err(wrong()) } else { all.get(first..=last).map(<[Pose]>::to_vec).ok_or_else(wrong) }
+}
+
+fn cameras(args: &Args, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> {
+    let known: Vec<String> = stored.cameras.iter().map(|(n, _)| n.to_string()).collect();
+    let none = || Error::input("--cameras").expected(format!("a camera of the capture: {}", known.join(", ")));
+    let Some(from) = &args.cameras else {
+        return stored.cameras.first().map(|(_, c)| vec![c.clone()]).ok_or_else(none);
+    };
+    if let Ok(number) = from.parse::<usize>() {
+        let found = stored.cameras.iter().find(|(n, _)| *n == number);
+        return found.map(|(_, c)| vec![c.clone()]).ok_or_else(|| none().got(from.as_str()));
+    }
+    if let Some(orbit) = args.orbit.parse(from, USUAL)? {
+        return around(orbit, stored, poses);
+    }
+    Ok(capture_shots(Path::new(from), 1)?.into_iter().map(|s| s.camera).collect())
+}
+
+/// A circle around the person, wherever the poses take it.
+fn around(orbit: Orbit, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> {
+    let step = Ord::max(1, poses.len() / 8);
+    let mut scene = Gaussians { sh_degree: 0, ..Gaussians::default() };
+    for pose in poses.iter().step_by(step) {
+        let placed = stored.avatar.place(&stored.avatar.rig(pose));
+        scene.means.extend_from_slice(&placed.means);
+    }
+    let n = scene.means.len();
+    scene.quats = vec![[1.0, 0.0, 0.0, 0.0]; n];
+    scene.scales_log = vec![[-6.0; 3]; n];
+    scene.opacity_logits = vec![2.0; n];
+    scene.sh = vec![0.0; 3 * n];
+    Ok(orbit.shots(&scene)?.into_iter().map(|s| s.camera).collect())
+}
+
+/// Which pose with which camera.
+fn pairs(poses: usize, cameras: usize) -> Result<Vec<(usize, usize)>> {
+    if poses == 0 || cameras == 0 {
+        return Err(Error::input("last render").expected("a pose and a camera").got("none"));
+    }
+    Ok(match (poses, cameras) {
+        (n, 1) => (0..n).map(|k| (k, 0)).collect(),
+        (1, n) => (0..n).map(|k| (0, k)).collect(),
+        (a, b) => (0..Ord::min(a, b)).map(|k| (k, k)).collect(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn poses_and_cameras_go_together() {
+        assert_eq!(pairs(3, 1).expect("some"), [(0, 0), (1, 0), (2, 0)], "one camera");
+        assert_eq!(pairs(1, 2).expect("some"), [(0, 0), (0, 1)], "one pose");
+        assert_eq!(pairs(3, 2).expect("some"), [(0, 0), (1, 1)], "side by side");
+        assert!(pairs(0, 2).is_err(), "nothing to show");
+    }
+}

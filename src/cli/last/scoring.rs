@@ -1,0 +1,73 @@
+//! Scores of an avatar, for `last fit` and `last eval`: groups of pictures, tables, records.
+
+use crate::Result;
+use crate::cli::meter::Meter;
+use crate::cli::report::person::{Group, TRAINED};
+use crate::last::host::avatar::Avatar;
+use crate::last::host::evaluate;
+use crate::scene::person::PersonCapture;
+use serde_json::{Map, Value, json};
+use std::path::Path;
+
+/// Training pictures that are scored: evenly spaced, at most.
+const TRAIN_PICTURES: usize = 20;
+
+/// Scores of evenly spaced training pictures, and of the held-out ones if there are any.
+///
+/// # Errors
+/// When a picture cannot be read or rendered.
+pub(super) fn groups(avatar: &Avatar, capture: &PersonCapture, meter: &mut Meter) -> Result<Vec<Group>> {
+    let step = Ord::max(1, capture.train.len().div_ceil(TRAIN_PICTURES));
+    let train: Vec<usize> = capture.train.iter().copied().step_by(step).collect();
+    let total = train.len() + capture.test.len();
+    let (mut done, mut out) = (0, Vec::new());
+    for (name, which) in [(TRAINED, &train), ("held out", &capture.test)] {
+        let mut scored = Vec::with_capacity(which.len());
+        for &shot in which {
+            meter.count(done, total, "scoring");
+            scored.push(evaluate::score(avatar, capture, shot)?);
+            done += 1;
+        }
+        if !scored.is_empty() {
+            let (cameras, mean) = evaluate::means(&scored)?;
+            out.push(Group { name, scored, cameras, mean });
+        }
+    }
+    meter.done();
+    Ok(out)
+}
+
+/// A table for the terminal: the metrics by group.
+pub(super) fn text(groups: &[Group]) -> String {
+    let Some(first) = groups.first() else { return String::new() };
+    let mut lines = vec![groups.iter().fold(format!("{:24}", ""), |line, g| line + &format!("{:>18}", g.name))];
+    for (i, (name, _)) in first.mean.named().iter().enumerate() {
+        lines.push(groups.iter().fold(format!("{name:24}"), |line, g| line + &format!("{:>18.4}", g.mean.named()[i].1)));
+    }
+    lines.join("\n")
+}
+
+/// Means by group, by camera and by picture.
+pub(super) fn json(groups: &[Group]) -> Value {
+    let of = |g: &Group| {
+        let cameras: Map<String, Value> =
+            g.cameras.iter().map(|(c, s)| (c.to_string(), evaluate::json(s))).collect();
+        let pictures: Vec<Value> = (g.scored.iter())
+            .map(|s| json!({"name": s.name, "camera": s.camera, "time": s.time, "scores": evaluate::json(&s.scores)}))
+            .collect();
+        json!({"mean": evaluate::json(&g.mean), "cameras": cameras, "pictures": pictures})
+    };
+    Value::Object(groups.iter().map(|g| (g.name.to_owned(), of(g))).collect())
+}
+
+/// Name and size of those files that are there.
+pub(super) fn sizes(dir: &Path, names: &[&str]) -> Vec<(String, u64)> {
+    let size = |n: &&str| std::fs::metadata(dir.join(n)).ok().map(|m| ((*n).to_owned(), m.len()));
+    names.iter().filter_map(size).collect()
+}
+
+/// The capture's folder by name.
+pub(super) fn title(capture: &Path) -> String {
+    let full = capture.canonicalize().unwrap_or_else(|_| capture.to_path_buf());
+    full.file_name().map_or_else(|| full.display().to_string(), |n| n.to_string_lossy().into_owned())
+}

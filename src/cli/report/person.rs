@@ -1,0 +1,275 @@
+//! The report of a fitted person: held-out pictures, every metric by camera, curves, density events, key Gaussians, time, files.
+
+use super::charts::{self, Lines, Series};
+use super::fit::{settings, time};
+use super::{Page, Section, Stat, bytes, code, pictures, seconds, table, text, thousands};
+use crate::Result;
+use crate::fit::training::History;
+use crate::last::host::density::Event;
+use crate::last::host::evaluate::Scored;
+use crate::last::host::fit::Tally;
+use crate::loss::metric::person::Scores;
+use maud::{Markup, html};
+
+/// Most views shown as pictures.
+const MAX_PICTURES: usize = 12;
+/// Longest side of a picture in the report, in pixels.
+const MAX_SIDE: usize = 512;
+
+/// What the report is made of.
+pub(crate) struct Input<'a> {
+    /// the command, e.g. `last fit`
+    pub(crate) kind: &'a str,
+    /// name of the capture
+    pub(crate) title: String,
+    /// the command line
+    pub(crate) command: String,
+    /// digest of the final parameters
+    pub(crate) digest: String,
+    /// the settings that decide the result
+    pub(crate) settings: &'a serde_json::Value,
+    /// loss and size per iteration, if there was a fit
+    pub(crate) history: Option<&'a History>,
+    /// what density control did
+    pub(crate) events: &'a [Event],
+    /// renders, encodings, bound steps
+    pub(crate) tally: Option<Tally>,
+    /// number of Gaussians
+    pub(crate) n_gauss: usize,
+    /// groups of pictures, by name: pictures and means per camera and over all
+    pub(crate) groups: &'a [Group],
+    /// parts and seconds
+    pub(crate) time: Vec<(String, f64)>,
+    /// seconds in all
+    pub(crate) total_seconds: f64,
+    /// name and size of the files written
+    pub(crate) files: Vec<(String, u64)>,
+}
+
+/// Pictures that are scored together.
+pub(crate) struct Group {
+    /// e.g. `other cameras`
+    pub(crate) name: &'static str,
+    /// each
+    pub(crate) scored: Vec<Scored>,
+    /// means per camera
+    pub(crate) cameras: Vec<(usize, Scores)>,
+    /// means over all
+    pub(crate) mean: Scores,
+}
+
+fn level(scores: &Scores) -> f64 {
+    scores.boxed.db.finite().unwrap_or(f64::INFINITY)
+}
+
+/// The page.
+///
+/// # Errors
+/// When a picture cannot be encoded.
+pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
+    let mut stats: Vec<Stat> = (x.groups.iter())
+        .map(|g| Stat {
+            label: if g.name == TRAINED { "PSNR-box, training camera" } else { "PSNR-box, held out" },
+            value: format!("{:.2} dB", level(&g.mean)),
+            note: format!("{}, {} pictures, SSIM-g-box {:.4}", g.name, g.scored.len(), g.mean.ssim_g_box),
+        })
+        .collect();
+    stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note: String::new() });
+    if let (Some(h), Some(t)) = (x.history, x.tally) {
+        stats.push(Stat {
+            label: "Iterations",
+            value: thousands(h.len()),
+            note: format!("{} renders", thousands(t.renders as usize)),
+        });
+    }
+    stats.push(Stat {
+        label: "Time",
+        value: seconds(x.total_seconds),
+        note: format!("{} threads", crate::num::par::threads()),
+    });
+    let mut sections = vec![
+        Section {
+            id: "views",
+            title: "Pictures",
+            lead: "Photographs, what the person renders to from there, and the mean absolute error over the channels.".into(),
+            body: views(x.groups)?,
+        },
+        Section {
+            id: "scores",
+            title: "Scores",
+            lead: "Means over pictures. PSNR-box counts the pixels of the projected box of the body; -box metrics otherwise look at \
+                   the rectangle around it. Renders are limited to 0..1 and not quantised."
+                .into(),
+            body: scores(x.groups),
+        },
+    ];
+    if let Some(history) = x.history {
+        sections.push(Section {
+            id: "curves",
+            title: "Course of the fit",
+            lead: "The line is the mean of consecutive iterations, the band their range: every iteration sees another picture.".into(),
+            body: curves(history),
+        });
+    }
+    if !x.events.is_empty() {
+        sections.push(Section {
+            id: "density",
+            title: "Density control",
+            lead: "Where Gaussians were added and removed. Candidates reach the pixel criterion, or exceed the latent one.".into(),
+            body: events(x.events),
+        });
+    }
+    if let Some(t) = x.tally.filter(|t| t.encodings > 0) {
+        sections.push(Section {
+            id: "guide",
+            title: "What the model did",
+            lead: "Passes through the encoder, steps of child factors that were bounded by λ, and how much of the picture the encoder does \
+                   not look at."
+                .into(),
+            body: guide(&t),
+        });
+    }
+    sections.push(Section { id: "time", title: "Where the time went", lead: String::new(), body: time(&x.time, x.total_seconds) });
+    if !x.files.is_empty() {
+        let rows: Vec<_> = x.files.iter().map(|(n, b)| vec![code(n), text(bytes(*b))]).collect();
+        sections.push(Section { id: "files", title: "Files", lead: String::new(), body: table(&["file", ">size"], &rows) });
+    }
+    sections.push(Section {
+        id: "settings",
+        title: "Settings",
+        lead: "Everything that decides the result: the same settings and input give the same digest on any machine.".into(),
+        body: settings(x.settings),
+    });
+    Ok(Page {
+        kind: x.kind.to_owned(),
+        title: x.title.clone(),
+        command: x.command.clone(),
+        facts: vec![("digest", x.digest.clone()), ("lastlight", env!("CARGO_PKG_VERSION").to_owned())],
+        stats,
+        sections,
+    })
+}
+
+/// Name of the group of pictures the fit has seen.
+pub(crate) const TRAINED: &str = "training camera";
+
+fn views(groups: &[Group]) -> Result<Markup> {
+    let mut shown = Vec::new();
+    let each = Ord::max(1, MAX_PICTURES / Ord::max(1, groups.len()));
+    for group in groups {
+        let step = Ord::max(1, group.scored.len() / each);
+        for s in group.scored.iter().step_by(step).take(each) {
+            let [w, h] = s.size;
+            shown.push((
+                group.name,
+                s,
+                pictures::data_uri(&s.photo, w, h, MAX_SIDE)?,
+                pictures::data_uri(&s.image, w, h, MAX_SIDE)?,
+                pictures::data_uri(&pictures::error_map(&s.error), w, h, MAX_SIDE)?,
+            ));
+        }
+    }
+    let bar = pictures::scale_bar()?;
+    Ok(html! {
+        div.scale { span { "error 0" } img src=(bar) alt="colour scale of the error maps"; span { (pictures::ERROR_MAX) " and above" } }
+        div.views {
+            @for (group, s, photo, image, error) in &shown {
+                div.view {
+                    h3 { (s.name) span { (group) " · " (format!("{:.2} dB", level(&s.scores))) } }
+                    div.triple.pixelated[Ord::max(s.size[0], s.size[1]) < 256] {
+                        figure { img src=(photo) alt="photograph"; figcaption { "photograph" } }
+                        figure { img src=(image) alt="render"; figcaption { "render" } }
+                        figure { img src=(error) alt="error map"; figcaption { "error" } }
+                    }
+                }
+            }
+        }
+    })
+}
+
+fn scores(groups: &[Group]) -> Markup {
+    let names: Vec<&'static str> =
+        groups.first().map_or_else(Vec::new, |g| g.mean.named().iter().map(|(n, _)| *n).collect());
+    let head: Vec<String> = std::iter::once("metric".to_owned())
+        .chain(groups.iter().map(|g| format!(">{}, {} pictures", g.name, g.scored.len())))
+        .collect();
+    let head: Vec<&str> = head.iter().map(String::as_str).collect();
+    let rows: Vec<Vec<Markup>> = names
+        .iter()
+        .enumerate()
+        .map(|(i, name)| {
+            let of = |g: &Group| text(format!("{:.4}", g.mean.named()[i].1));
+            std::iter::once(text(name)).chain(groups.iter().map(of)).collect()
+        })
+        .collect();
+    let bars: Vec<(String, f64)> = (groups.iter().filter(|g| g.cameras.len() > 1))
+        .flat_map(|g| g.cameras.iter().map(|(c, s)| (format!("camera {c}"), level(s))))
+        .filter(|(_, x)| x.is_finite())
+        .collect();
+    html! {
+        (table(&head, &rows))
+        @if !bars.is_empty() {
+            div style="height:16px" {}
+            (charts::bars("PSNR-box in dB by camera (bars start at 10)", &bars, 'a', 2, 10.0, None))
+        }
+    }
+}
+
+fn curves(history: &History) -> Markup {
+    let (points, band) = charts::bucket(&history.loss, 280);
+    let sizes: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
+    let (size, _) = charts::bucket(&sizes, 560);
+    html! {
+        div.two {
+            (Lines { title: "Loss", x_label: "iteration", log_y: true, from_zero: false,
+                series: vec![Series { name: "loss", color: 'a', points, band }], marks: vec![] }.html())
+            (Lines { title: "Gaussians", x_label: "iteration", log_y: false, from_zero: true,
+                series: vec![Series { name: "Gaussians", color: 'b', points: size, band: vec![] }], marks: vec![] }.html())
+        }
+    }
+}
+
+fn events(events: &[Event]) -> Markup {
+    let rows: Vec<Vec<Markup>> = events
+        .iter()
+        .map(|e| {
+            let counts = [
+                e.iteration,
+                e.pixel_candidates,
+                e.latent_candidates,
+                e.cloned,
+                e.split,
+                e.faint,
+                e.strayed,
+                e.turned_away,
+                e.size,
+            ];
+            counts.iter().map(|&n| text(thousands(n))).collect()
+        })
+        .collect();
+    table(
+        &[
+            "iteration",
+            ">pixel candidates",
+            ">latent candidates",
+            ">cloned",
+            ">split",
+            ">faint",
+            ">strayed",
+            ">turned away",
+            ">Gaussians after",
+        ],
+        &rows,
+    )
+}
+
+fn guide(t: &Tally) -> Markup {
+    let share = |a: f64, b: f64| if b > 0.0 { format!("{:.1} %", 100.0 * a / b) } else { "–".to_owned() };
+    let rows = vec![
+        vec![text("renders"), text(thousands(t.renders as usize))],
+        vec![text("encoder passes"), text(thousands(t.encodings as usize))],
+        vec![text("steps of child factors bounded by λ"), text(share(t.bound as f64, t.capped as f64))],
+        vec![text("picture area without influence on the factors (|g| < 1e-8)"), text(share(t.blind, t.gradients as f64))],
+    ];
+    table(&["what", ">how much"], &rows)
+}

@@ -1,0 +1,34 @@
+//! Stage 2: an animatable person of Gaussians from a monocular capture, guided by an image-to-point model or by nothing (last.md §10–§12).
+//!
+//! ```text
+//!                 capture (scene::person)                  guide (last::model, or none)
+//!                         │                                        │
+//! settings ──► fit ───────┴── one shot per iteration ──────────────┤
+//!               │  ┌───────────────────────────────────────────┐   │
+//!               ├─►│ avatar: rig (pose, mlp) → place (skin)     │   │   body: template, weights, nearest points
+//!               │  │         → splat::render → view: loss       │   │   view: photograph, box, loss in it
+//!               │  └────────────── gradients back ─────────────┘   │
+//!               ├─ update: all at once, or progressive (levels, caps) ◄── graph, key Gaussians
+//!               └─ density: pixel criterion, latent criterion        ◄── ∂L_lat/∂picture
+//! store: an avatar as a file      evaluate: its pictures against the capture's
+//! ```
+//!
+//! [`fit::PersonFit`] is a [`Fit`](crate::fit::training::Fit) and knows the order of things; every other file does one of them and knows none of
+//! its neighbours' reasons. What the learned model must offer is the trait [`guide::Guide`]; with density mode `pixel`, no progressive update and
+//! latent weight 0 the guide is never asked and the fit has the bits of the host alone.
+//!
+//! Random draws have purposes 0x0901 … 0x0906.
+
+pub mod avatar;
+pub mod body;
+pub mod density;
+pub mod evaluate;
+pub mod fit;
+pub mod guide;
+mod mlp;
+pub mod pose;
+pub mod progressive;
+pub mod settings;
+pub mod skin;
+pub mod store;
+pub mod view;

@@ -1,0 +1,180 @@
+//! What decides the result of a fit.
+
+use super::density::Density;
+use super::progressive::Progressive;
+use crate::scene::profile::Profile;
+use crate::splat::render;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+
+/// The published number of iterations; schedules are scaled from it.
+pub const PUBLISHED: usize = 1200;
+
+/// Learning rates of the host. Those of the Gaussians are per scene unit where they have one (extent 1, a single camera spans nothing).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Learning {
+    /// centres, at the first iteration
+    pub means: f64,
+    /// centres, at the last; log-linear between
+    pub means_end: f64,
+    /// logarithms of the scales
+    pub scales_log: f64,
+    /// quaternions
+    pub quats: f64,
+    /// opacity logits
+    pub opacity_logits: f64,
+    /// constant colour
+    pub sh_dc: f64,
+    /// what the rates of scales, rotations, opacities and colours have become at the last iteration, log-linear; 1 keeps them
+    pub decay: f64,
+    /// both networks
+    pub networks: f64,
+}
+
+/// What decides the result, besides the capture and the guide.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// in all; the schedule of 1 200 is scaled to it
+    pub iterations: usize,
+    /// of every random draw
+    pub seed: u64,
+    /// 0 to 3; 0 is the default, one camera shows no dependence on direction
+    pub sh_degree: usize,
+    /// never more Gaussians than this
+    pub max_gaussians: usize,
+    /// the renderer
+    pub render: render::Settings,
+    /// colour behind the person, sRGB-encoded
+    pub background: [f32; 3],
+    /// rates
+    pub learning: Learning,
+    /// weight of 1 − SSIM on the box crop
+    pub ssim_weight: f32,
+    /// weight of the squared error of alpha in the box
+    pub alpha_weight: f32,
+    /// learn what is added to the logarithms of the skinning weights
+    pub weights_network: bool,
+    /// learn a correction of every pose
+    pub pose_network: bool,
+    /// where Gaussians are added
+    pub density: Density,
+    /// in which order they are updated; `None` updates all at once
+    pub progressive: Option<Progressive>,
+    /// weight of the latent discrepancy in the loss
+    pub latent_weight: f32,
+}
+
+impl Settings {
+    /// The host alone, as published but for LPIPS, with the rates of [`Learning`] found on the built-in subject.
+    pub fn host() -> Self {
+        Self {
+            iterations: PUBLISHED,
+            seed: 0,
+            sh_degree: 0,
+            max_gaussians: 8000,
+            render: render::Settings::default(),
+            background: [0.0; 3],
+            learning: Learning {
+                means: 1.6e-4,
+                means_end: 1.6e-4,
+                scales_log: 5e-3,
+                quats: 1e-3,
+                opacity_logits: 0.05,
+                sh_dc: 2.5e-3,
+                decay: 1.0,
+                networks: 5e-5,
+            },
+            ssim_weight: 0.01,
+            alpha_weight: 0.1,
+            weights_network: false,
+            pose_network: false,
+            density: Density::pixel(),
+            progressive: None,
+            latent_weight: 0.0,
+        }
+    }
+
+    /// An iteration constant of the published schedule, in iterations of this run, at least 1.
+    pub fn scaled(&self, constant: usize) -> usize {
+        Ord::max(1, (constant * self.iterations + PUBLISHED / 2) / PUBLISHED)
+    }
+
+    /// Whether anything asks for a guide.
+    pub fn needs_guide(&self) -> bool {
+        self.density.mode.is_latent()
+            || self.latent_weight > 0.0
+            || self.progressive.as_ref().is_some_and(Progressive::needs_guide)
+    }
+
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// Names the setting.
+    pub fn validate(&self) -> Result<()> {
+        let within = |name: &str, n: usize, most: usize| {
+            if (1..=most).contains(&n) {
+                return Ok(());
+            }
+            Err(Error::input(name).expected(format!("1 to {most}")).got(n.to_string()))
+        };
+        within("--iterations", self.iterations, 1_000_000)?;
+        within("--max-gaussians", self.max_gaussians, 1 << 20)?;
+        if self.sh_degree > 3 {
+            return Err(Error::input("--sh-degree").expected("0 to 3").got(self.sh_degree.to_string()));
+        }
+        if self.render.tile != 16 {
+            return Err(Error::input("--tile").expected("16 for a fit").got(self.render.tile.to_string()));
+        }
+        let l = &self.learning;
+        let rates = [l.means, l.means_end, l.scales_log, l.quats, l.opacity_logits, l.sh_dc, l.decay, l.networks];
+        let weights = [self.ssim_weight, self.alpha_weight, self.latent_weight].map(f64::from);
+        for (name, x, positive) in
+            rates.map(|r| ("learning rate", r, true)).into_iter().chain(weights.map(|w| ("loss weight", w, false)))
+        {
+            if !(x.is_finite() && x >= 0.0 && (x > 0.0 || !positive)) {
+                return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));
+            }
+        }
+        if !self.background.iter().all(|x| (0.0..=1.0).contains(x)) {
+            return Err(Error::input("--background")
+                .expected("numbers in 0..1")
+                .got(format!("{:?}", self.background)));
+        }
+        self.density.validate()?;
+        self.progressive.as_ref().map_or(Ok(()), Progressive::validate)
+    }
+
+    /// As a flat JSON object: what a checkpoint is compared by.
+    pub fn json(&self) -> Value {
+        let (p, l) = (&self.render.profile, &self.learning);
+        let mut record = json!({
+            "iterations": self.iterations, "seed": self.seed, "sh_degree": self.sh_degree,
+            "max_gaussians": self.max_gaussians, "profile": p.name, "antialiased": p.antialiased,
+            "background": self.background,
+            "rate_means": l.means, "rate_means_end": l.means_end, "rate_scales": l.scales_log,
+            "rate_quats": l.quats, "rate_opacities": l.opacity_logits, "rate_colors": l.sh_dc,
+            "rate_decay": l.decay, "rate_networks": l.networks,
+            "ssim_weight": self.ssim_weight, "alpha_weight": self.alpha_weight,
+            "weights_network": self.weights_network, "pose_network": self.pose_network,
+            "latent_weight": self.latent_weight,
+        });
+        self.density.describe(&mut record);
+        match &self.progressive {
+            Some(p) => p.describe(&mut record),
+            None => record["progressive"] = Value::from("off"),
+        }
+        record
+    }
+
+    /// What [`Self::json`] says about the renderer, for a run that is read back.
+    ///
+    /// # Errors
+    /// When the record is not one of a fit.
+    pub fn drawing(record: &Value) -> Result<(render::Settings, [f32; 3])> {
+        let wrong = |key: &str| Error::input("settings").at(key.to_owned()).expected("the settings of a fit");
+        let profile = Profile::parse(record["profile"].as_str().ok_or_else(|| wrong("profile"))?)?;
+        let number = |i: usize| record["background"][i].as_f64().ok_or_else(|| wrong("background"));
+        let background = [number(0)? as f32, number(1)? as f32, number(2)? as f32];
+        Ok((render::Settings { profile, ..render::Settings::default() }, background))
+    }
+}
