@@ -2,10 +2,10 @@
 
 use super::runs::Entry;
 use lastlight::fit::training::Fit;
-use lastlight::last::generate::{self, Settings as Making};
 use lastlight::last::figure::Look;
+use lastlight::last::generate::{self, Settings as Making};
 use lastlight::last::model::file::Trained;
-use lastlight::last::model::guidance;
+use lastlight::last::model::guide;
 use lastlight::last::model::pictures::Pictures;
 use lastlight::last::model::settings::Settings;
 use lastlight::last::model::train::Training;
@@ -59,8 +59,8 @@ pub(crate) fn entries() -> Vec<Entry> {
         ..Settings::default()
     };
     let mut training = Training::new(settings, &data).expect("pictures of 64 pixels");
-    for i in 0..training.iterations() {
-        training.step(i, &mut ()).expect("finite");
+    for i in 0..Fit::iterations(&training) {
+        Fit::step(&mut training, i, &mut ()).expect("finite");
     }
     let mut state = Arrays::new();
     training.save(&mut state);
@@ -70,7 +70,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     for &i in &capture.train {
         let shot = &capture.shots[i];
         let photo = capture.photo(shot).expect("a picture");
-        let [mu, ell] = trained.posterior(&guidance::seen(&trained, &capture, shot, &photo));
+        let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo).expect("a square"));
         subject.mu.extend(mu);
         subject.ell.extend(ell);
     }

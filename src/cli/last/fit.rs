@@ -5,12 +5,14 @@ use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
 use crate::fit::training::{self, Fit, History, Schedule};
 use crate::io::atomic;
+use crate::fit::training::Watch;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::fit::PersonFit;
 use crate::last::host::guide::Guide;
 use crate::last::host::progressive::{Cap, Keys, Order, Progressive};
 use crate::last::host::settings::Settings;
 use crate::last::host::store;
+use crate::last::model::file::Trained;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -60,6 +62,9 @@ pub(in crate::cli) struct Args {
     /// Learn corrections of the poses
     #[arg(long, help_heading = "Host")]
     pose_network: bool,
+    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without one the host fits alone
+    #[arg(long, value_name = "FILE", help_heading = "Guidance")]
+    model: Option<PathBuf>,
     #[command(flatten)]
     guided: Guided,
     /// Iterations between checkpoints
@@ -165,7 +170,8 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
-    let settings = args.settings(false)?;
+    let model = args.model.as_deref().map(Trained::read).transpose()?;
+    let settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.resume, args.force)?;
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
@@ -182,7 +188,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         title: scoring::title(&args.capture),
         settings,
         capture: &capture,
-        guide: None,
+        guide: model.as_ref().map(|m| m as &dyn Guide),
         dir: claim::folder(&args.out, args.resume, args.force)?,
         checkpoint_every: args.checkpoint_every as usize,
         resume: args.resume,
@@ -228,7 +234,8 @@ impl Job<'_> {
         let groups = scoring::groups(avatar, self.capture, meter)?;
         meter.lap("evaluation");
         store::write(&self.dir.join("avatar.safetensors"), avatar, self.capture, &settings)?;
-        let time: serde_json::Map<String, Value> = meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
+        let time: serde_json::Map<String, Value> =
+            meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
         let tally = fit.tally();
         let record = json!({
             "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest,
@@ -252,7 +259,10 @@ impl Job<'_> {
             groups: &groups,
             time: meter.parts(),
             total_seconds: meter.seconds(),
-            files: scoring::sizes(&self.dir, &["avatar.safetensors", "checkpoint.safetensors", "result.json"]),
+            files: scoring::sizes(
+                &self.dir,
+                &["avatar.safetensors", "checkpoint.safetensors", "result.json"],
+            ),
         })?;
         let page = page.write(&self.dir)?;
         if self.json {

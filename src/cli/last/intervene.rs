@@ -4,7 +4,7 @@ use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
 use crate::io::image_file;
 use crate::last::model::file::Trained;
-use crate::last::model::guidance;
+use crate::last::model::guide;
 use crate::last::model::intervene::{self, VALUES};
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     let shot = &capture.shots[index];
     let photo = capture.photo(shot)?;
-    let [mu, _] = trained.posterior(&guidance::seen(&trained, &capture, shot, &photo));
+    let [mu, _] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo)?);
     let camera = &shot.camera;
     let (w, h) = (camera.width, camera.height);
     let (columns, rows) = (VALUES, which.len());

@@ -14,9 +14,9 @@ mod import;
 mod inspect;
 mod intervene;
 mod pretrain;
-mod tune;
 mod render;
 mod scoring;
+mod tune;
 
 use crate::Result;
 use clap::Subcommand;

@@ -116,7 +116,8 @@ fn poses(args: &Args, stored: &Stored) -> Result<Vec<Pose>> {
 
 fn cameras(args: &Args, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> {
     let known: Vec<String> = stored.cameras.iter().map(|(n, _)| n.to_string()).collect();
-    let none = || Error::input("--cameras").expected(format!("a camera of the capture: {}", known.join(", ")));
+    let none =
+        || Error::input("--cameras").expected(format!("a camera of the capture: {}", known.join(", ")));
     let Some(from) = &args.cameras else {
         return stored.cameras.first().map(|(_, c)| vec![c.clone()]).ok_or_else(none);
     };

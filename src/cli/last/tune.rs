@@ -6,7 +6,7 @@ use crate::cli::meter::Meter;
 use crate::fit::training::Watch;
 use crate::last::model::decoder::code;
 use crate::last::model::file::Trained;
-use crate::last::model::guidance;
+use crate::last::model::guide;
 use crate::last::model::settings::Reading;
 use crate::last::model::tune::{self, Settings, Subject};
 use crate::scene::person::PersonCapture;
@@ -61,7 +61,7 @@ pub(in crate::cli) fn subject(trained: &Trained, capture: &PersonCapture) -> Res
     for &i in &capture.train {
         let shot = &capture.shots[i];
         let photo = capture.photo(shot)?;
-        let seen = guidance::seen(trained, capture, shot, &photo);
+        let seen = guide::seen(trained, capture, shot, &photo)?;
         let [mu, ell] = trained.posterior(&seen);
         subject.mu.extend(mu);
         subject.ell.extend(ell);

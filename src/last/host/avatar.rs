@@ -159,8 +159,16 @@ impl Avatar {
         (render, background): (render::Settings, [f32; 3]),
     ) -> Result<Self> {
         let [weights_net, pose_net] = networks;
-        let mut avatar =
-            Self { body, gaussians, nearest: Vec::new(), base: Arc::default(), weights_net, pose_net, render, background };
+        let mut avatar = Self {
+            body,
+            gaussians,
+            nearest: Vec::new(),
+            base: Arc::default(),
+            weights_net,
+            pose_net,
+            render,
+            background,
+        };
         avatar.attach_to(nearest)?;
         Ok(avatar)
     }
@@ -312,8 +320,14 @@ impl Avatar {
             &mut scales_log,
             &mut opacity_logits,
         );
-        let gaussians =
-            Gaussians { means: skinned.means, quats, scales_log, opacity_logits, sh: bar.sh, sh_degree: g.sh_degree };
+        let gaussians = Gaussians {
+            means: skinned.means,
+            quats,
+            scales_log,
+            opacity_logits,
+            sh: bar.sh,
+            sh_degree: g.sh_degree,
+        };
         Grad { gaussians, weights: skinned.weights, posed: skinned.posed }
     }
 

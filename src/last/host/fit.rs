@@ -117,7 +117,9 @@ impl<'a> PersonFit<'a> {
             return Err(Error::input("settings")
                 .expected("a trained image-to-point model")
                 .got("none")
-                .hint("--model MODEL.safetensors, or --no-density-adapter --no-progressive for the host alone"));
+                .hint(
+                    "--model MODEL.safetensors, or --no-density-adapter --no-progressive for the host alone",
+                ));
         }
         let plan = match &settings.progressive {
             None => None,
@@ -204,7 +206,8 @@ impl<'a> PersonFit<'a> {
         if let Some(target) = &self.targets[shot] {
             return Ok(Arc::clone(target));
         }
-        let target = Arc::new(Target::read(self.capture, &self.capture.shots[shot], self.settings.background)?);
+        let target =
+            Arc::new(Target::read(self.capture, &self.capture.shots[shot], self.settings.background)?);
         let bytes = target.photo.len() * 4 * 3;
         if self.cached + bytes <= CACHE_BYTES {
             self.cached += bytes;
@@ -236,7 +239,14 @@ impl<'a> PersonFit<'a> {
     }
 
     /// Renders the Gaussians at a moment, compares, and goes all the way back.
-    fn pass(&mut self, target: &Target, rig: &Rig, degree: usize, want: Want, watch: &mut dyn Watch) -> Result<Passed> {
+    fn pass(
+        &mut self,
+        target: &Target,
+        rig: &Rig,
+        degree: usize,
+        want: Want,
+        watch: &mut dyn Watch,
+    ) -> Result<Passed> {
         let placed = self.avatar.place(rig);
         let x = self.avatar.input(&placed, &target.camera, degree);
         watch.lap("pose");
@@ -250,7 +260,8 @@ impl<'a> PersonFit<'a> {
         if (want.latent || self.settings.latent_weight > 0.0)
             && let Some((guide, window)) = self.window(target)?
         {
-            let (value, bar) = guide.discrepancy(&window.take(&work.out.image), &window.take(&target.photo))?;
+            let (value, bar) =
+                guide.discrepancy(&window.take(&work.out.image), &window.take(&target.photo))?;
             let blind = bar.chunks_exact(3).filter(|g| g.iter().all(|x| x.abs() < BLIND)).count();
             self.tally.encodings += 1;
             self.tally.gradients += 1;
@@ -260,7 +271,15 @@ impl<'a> PersonFit<'a> {
             if want.latent {
                 let mut bar = InBar::zeros_like(&x);
                 let out_bar = OutBar { image: Some(&image_bar), ..OutBar::default() };
-                render::adjoint_into(&x, &self.avatar.render, None, &work.saved, out_bar, &mut bar, &mut work.scratch);
+                render::adjoint_into(
+                    &x,
+                    &self.avatar.render,
+                    None,
+                    &work.saved,
+                    out_bar,
+                    &mut bar,
+                    &mut work.scratch,
+                );
                 latent = Some(bar.means);
                 watch.lap("latent adjoint");
             }
@@ -273,9 +292,20 @@ impl<'a> PersonFit<'a> {
             }
         }
         let mut bar = InBar::zeros_like(&x);
-        let out_bar =
-            OutBar { image: Some(&compared.image_bar), alpha: Some(&compared.alpha_bar), ..OutBar::default() };
-        render::adjoint_into(&x, &self.avatar.render, None, &work.saved, out_bar, &mut bar, &mut work.scratch);
+        let out_bar = OutBar {
+            image: Some(&compared.image_bar),
+            alpha: Some(&compared.alpha_bar),
+            ..OutBar::default()
+        };
+        render::adjoint_into(
+            &x,
+            &self.avatar.render,
+            None,
+            &work.saved,
+            out_bar,
+            &mut bar,
+            &mut work.scratch,
+        );
         watch.lap("adjoint");
         let (means_px, radii) = (std::mem::take(&mut bar.means_px), work.saved.radii());
         let grad = self.avatar.adjoint(rig, &placed, bar, want.networks);
@@ -378,7 +408,9 @@ impl<'a> PersonFit<'a> {
             let places = &self.avatar.gaussians.means;
             let scores = guide.swap_scores(&window.take(&out.image), &window.take(&target.photo), places)?;
             if scores.len() != n || scores.iter().any(|s| s.len() != places.len()) {
-                return Err(Error::input("model").expected(format!("{n} scores for each Gaussian")).got("other counts"));
+                return Err(Error::input("model")
+                    .expected(format!("{n} scores for each Gaussian"))
+                    .got("other counts"));
             }
             for (sum, score) in sums.iter_mut().zip(&scores) {
                 for (a, b) in sum.iter_mut().zip(score) {
@@ -446,7 +478,8 @@ impl Fit for PersonFit<'_> {
         let counts = iteration < self.settings.scaled(d.stop);
         let latent = counts && d.mode.is_latent() && i.is_multiple_of(d.latent_every);
         let rig = self.avatar.rig(&self.capture.poses[target.time]);
-        let first = self.pass(&target, &rig, degree, Want { latent, networks: true }, watch).map_err(place)?;
+        let first =
+            self.pass(&target, &rig, degree, Want { latent, networks: true }, watch).map_err(place)?;
         if counts {
             self.stats.add_view(&first.means_px, &first.radii, target.camera.width, target.camera.height);
         }
@@ -477,7 +510,14 @@ impl Fit for PersonFit<'_> {
         out.put("density/events", &[self.events.len(), Event::WIDTH], rows);
         out.put("keys/members", &[self.members.len()], self.members.iter().map(|&m| i64::from(m)).collect());
         let t = &self.tally;
-        let tally = [t.renders as f64, t.encodings as f64, t.capped as f64, t.bound as f64, t.blind, t.gradients as f64];
+        let tally = [
+            t.renders as f64,
+            t.encodings as f64,
+            t.capped as f64,
+            t.bound as f64,
+            t.blind,
+            t.gradients as f64,
+        ];
         out.put("tally", &[6], tally.to_vec());
     }
 
@@ -505,7 +545,8 @@ impl Fit for PersonFit<'_> {
         }
         let events = from.shape("density/events", &format!("E,{}", Event::WIDTH), &mut dims)?.to_f64();
         let events: Option<Vec<Event>> = events.as_chunks().0.iter().map(Event::from_row).collect();
-        let events = events.ok_or_else(|| Error::input("array 'density/events'").expected("rows of counts"))?;
+        let events =
+            events.ok_or_else(|| Error::input("array 'density/events'").expected("rows of counts"))?;
         let t = from.shape("tally", "6", &mut dims)?.to_f64();
         from.finite(["tally", "latent/sums"])?;
         for (name, net) in
@@ -525,7 +566,8 @@ impl Fit for PersonFit<'_> {
             blind: t[4],
             gradients: t[5] as u64,
         };
-        (self.groups, self.stats, self.latent, self.members, self.events) = (groups, stats, latent, members, events);
+        (self.groups, self.stats, self.latent, self.members, self.events) =
+            (groups, stats, latent, members, events);
         Ok(())
     }
 }

@@ -126,10 +126,13 @@ impl Settings {
             return Err(Error::input("--tile").expected("16 for a fit").got(self.render.tile.to_string()));
         }
         let l = &self.learning;
-        let rates = [l.means, l.means_end, l.scales_log, l.quats, l.opacity_logits, l.sh_dc, l.decay, l.networks];
+        let rates =
+            [l.means, l.means_end, l.scales_log, l.quats, l.opacity_logits, l.sh_dc, l.decay, l.networks];
         let weights = [self.ssim_weight, self.alpha_weight, self.latent_weight].map(f64::from);
-        for (name, x, positive) in
-            rates.map(|r| ("learning rate", r, true)).into_iter().chain(weights.map(|w| ("loss weight", w, false)))
+        for (name, x, positive) in rates
+            .map(|r| ("learning rate", r, true))
+            .into_iter()
+            .chain(weights.map(|w| ("loss weight", w, false)))
         {
             if !(x.is_finite() && x >= 0.0 && (x > 0.0 || !positive)) {
                 return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));

@@ -53,7 +53,12 @@ pub struct Compared {
 }
 
 /// Rows of a rectangle of (H, W, C).
-fn cut(image: &[f32], width: usize, channels: usize, [[top, left], [bottom, right]]: [[usize; 2]; 2]) -> Vec<f32> {
+fn cut(
+    image: &[f32],
+    width: usize,
+    channels: usize,
+    [[top, left], [bottom, right]]: [[usize; 2]; 2],
+) -> Vec<f32> {
     (top..bottom)
         .flat_map(|r| &image[(r * width + left) * channels..(r * width + right) * channels])
         .copied()
@@ -153,7 +158,10 @@ impl Target {
         }
         let loss = total as f32;
         if !loss.is_finite() {
-            return Err(Error::check("person fit").at("loss").expected("a finite number").got(loss.to_string()));
+            return Err(Error::check("person fit")
+                .at("loss")
+                .expected("a finite number")
+                .got(loss.to_string()));
         }
         Ok(Compared { loss, image_bar, alpha_bar })
     }

@@ -8,7 +8,7 @@
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
 //! file     a trained model on disk            verdict  what it is worth, against the truth
-//! sight    what is seen of a picture             guidance  what the model says about a render
+//! guide    what the model says about a render
 //! tune     the structure of one subject       intervene  pictures of counterfactuals
 //! vectors  data without pictures, for tests of the structure
 //! ```
@@ -19,12 +19,11 @@ pub mod data;
 pub mod decoder;
 pub mod encoder;
 pub mod file;
-pub mod guidance;
+pub mod guide;
 pub mod intervene;
 pub mod latent;
 pub mod pictures;
 pub mod settings;
-pub mod sight;
 pub mod step;
 pub mod structure;
 pub mod train;

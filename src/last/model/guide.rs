@@ -8,17 +8,23 @@
 //! and the encoder to the render; the photograph is constant.
 //!
 //! s_ig = ‖D(Ẑʳ with factor i of Ẑᵍ)(t_g) − D(Ẑʳ)(t_g)‖, coordinates in units of σ = 0.05, colours of 0.2.
+//!
+//! Pictures are squares of the encoder's side with colours in 0 … 1.
 
 use super::data::Frame;
+use super::encoder::Input;
 use super::file::Trained;
 use super::pictures;
 use super::settings::Reading;
-use super::sight::Sight;
 use super::structure::Structure;
 use super::verdict::linked;
 use crate::causal::structure;
+use crate::last::host::guide::{Framing, Guide, Window};
+use crate::loss::metric::bound;
+use crate::math::digraph::Digraph;
 use crate::scene::person::{PersonCapture, Photo, Shot};
 use crate::tape::Tape;
+use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
 
@@ -32,16 +38,8 @@ pub struct Factors {
 }
 
 impl Trained {
-    /// Side of the pictures that the encoder takes.
-    pub fn side(&self) -> Option<usize> {
-        match self.model.encoder.input() {
-            super::encoder::Input::Picture { side } => Some(side),
-            super::encoder::Input::Vector { .. } => None,
-        }
-    }
-
     fn encoded(&self, tape: &mut Tape, seen: &[f32], wanted: bool) -> (crate::tape::Var, Vec<f64>) {
-        let x = self.model.encoder.batch(seen.to_vec());
+        let x = self.model.encoder.batch(seen.iter().map(|x| x - 0.5).collect());
         let x = if wanted { tape.leaf("picture", x) } else { tape.constant(x) };
         let own = self.model.params.iter().filter(|(name, _)| name.starts_with("encoder."));
         let vars: BTreeMap<_, _> = own.map(|(name, a)| (name.to_owned(), tape.constant(a.clone()))).collect();
@@ -66,7 +64,7 @@ impl Trained {
     ///
     /// # Panics
     /// When it does not have the size of the encoder's pictures.
-    pub fn factors(&self, seen: &[f32]) -> Factors {
+    pub fn encode(&self, seen: &[f32]) -> Factors {
         let (_, mu) = self.encoded(&mut Tape::new(), seen, false);
         let [factors, noise] = linked(self, mu);
         Factors { factors, noise }
@@ -76,7 +74,7 @@ impl Trained {
     ///
     /// # Panics
     /// When it does not have the size of the encoder's pictures.
-    pub fn discrepancy(&self, seen: &[f32], real: &Factors) -> (f64, Vec<f32>) {
+    pub fn latent_loss(&self, seen: &[f32], real: &Factors) -> (f64, Vec<f32>) {
         let mut tape = Tape::new();
         let (y, mu) = self.encoded(&mut tape, seen, true);
         let [u, eps] = linked(self, mu.clone());
@@ -127,7 +125,7 @@ impl Trained {
     }
 
     /// s_ig of every factor (n) and point (G), for one photograph.
-    pub fn swap_scores(&self, rendered: &Factors, real: &Factors, points: &[[f32; 3]]) -> Vec<Vec<f64>> {
+    pub fn swapped(&self, rendered: &Factors, real: &Factors, points: &[[f32; 3]]) -> Vec<Vec<f64>> {
         let (n, k) = (self.model.sizes.factors, self.model.sizes.width);
         let mut z: Vec<f32> = rendered.factors.iter().map(|&z| z as f32).collect();
         let plain = z.clone();
@@ -165,35 +163,58 @@ impl Trained {
         let value = |at: usize, c: usize| frame.base[at * 6 + c] + frame.scale[c] * y[at * 6 + c];
         (0..points.len()).map(|at| std::array::from_fn(|c| value(at, c))).collect()
     }
+}
 
-    /// What is seen of a picture whose person is in the box `around`.
-    ///
-    /// # Panics
-    /// When the model takes vectors.
-    pub fn sight(&self, size: [usize; 2], around: [f64; 4]) -> Sight {
-        Sight::new(self.side().expect("a model of pictures"), size, around)
+impl Guide for Trained {
+    fn factors(&self) -> usize {
+        self.model.sizes.factors
+    }
+
+    fn graph(&self) -> Digraph {
+        self.graph.clone()
+    }
+
+    fn side(&self) -> usize {
+        match self.model.encoder.input() {
+            Input::Picture { side } => side,
+            Input::Vector { .. } => 0,
+        }
+    }
+
+    fn framing(&self) -> Framing {
+        Framing::Whole
+    }
+
+    fn identity(&self) -> String {
+        self.digest().unwrap_or_else(|e| e.to_string())
+    }
+
+    fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)> {
+        let (value, bar) = self.latent_loss(rendered, &self.encode(real));
+        if value.is_finite() && bar.iter().all(|g| g.is_finite()) {
+            return Ok((value, bar));
+        }
+        Err(Error::check("latent discrepancy").expected("finite numbers").got(value.to_string()))
+    }
+
+    fn swap_scores(&self, rendered: &[f32], real: &[f32], places: &[[f32; 3]]) -> Result<Vec<Vec<f64>>> {
+        let scores = self.swapped(&self.encode(rendered), &self.encode(real), places);
+        if scores.iter().flatten().all(|s| s.is_finite()) {
+            return Ok(scores);
+        }
+        Err(Error::check("scores of exchanged factors").expected("finite numbers"))
     }
 }
 
-/// The box [x₀, y₀, x₁, y₁] of the person in a shot, in pixels; the whole picture where nothing of it is seen.
-pub fn around(capture: &PersonCapture, shot: &Shot) -> [f64; 4] {
-    let width = shot.camera.width;
-    let mask = capture.box_mask(shot);
-    let mut around: Option<[usize; 4]> = None;
-    for at in (0..mask.len()).filter(|&at| mask[at] != 0) {
-        let (x, y) = (at % width, at / width);
-        let [a, b, c, d] = around.unwrap_or([x, y, x + 1, y + 1]);
-        around = Some([Ord::min(a, x), Ord::min(b, y), Ord::max(c, x + 1), Ord::max(d, y + 1)]);
-    }
-    around.unwrap_or([0, 0, width, shot.camera.height]).map(|x| x as f64)
-}
-
-/// What the model sees of a shot.
+/// What the model sees of a shot (S, S, 3).
 ///
-/// # Panics
-/// When the model takes vectors.
-pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Vec<f32> {
-    let size = [shot.camera.width, shot.camera.height];
+/// # Errors
+/// When the picture is no square whose side is a multiple of the model's.
+pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Result<Vec<f32>> {
+    let (width, height) = (shot.camera.width, shot.camera.height);
     let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
-    trained.sight(size, around(capture, shot)).seen(size, &picture)
+    let inside: Vec<f32> = capture.box_mask(shot).into_iter().map(f32::from).collect();
+    let rectangle = bound::rectangle(&inside, width).unwrap_or([[0, 0], [height, width]]);
+    let window = Window::new(trained.framing(), trained.side(), [height, width], rectangle)?;
+    Ok(window.take(&picture))
 }
