@@ -7,18 +7,22 @@
 //! ```text
 //! op       what the list knows of an operator        call     from somebody's arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, loss, lpips, shade, body, optim: the entries
+//! case     drawing of generated cases                splat, geometry, nn, loss, lpips, points,
+//!                                                    groups, shade, pose, body, optim: the entries
 //! ```
 
 mod body;
 mod call;
 mod case;
 mod geometry;
+mod groups;
 mod loss;
 mod lpips;
 mod nn;
 mod op;
 mod optim;
+mod points;
+mod pose;
 mod shade;
 mod splat;
 mod subject;
@@ -48,9 +52,12 @@ pub static LIST: &[&Op] = &[
     &loss::MSE,
     &loss::SSIM,
     &lpips::LPIPS,
+    &points::POINTS,
+    &groups::GROUPS,
     &shade::GGX,
     &shade::ENVMAP,
-    &body::POSE,
+    &pose::POSE,
+    &body::SKIN,
     &optim::ADAM,
     &optim::ADAMW,
 ];

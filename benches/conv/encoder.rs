@@ -44,11 +44,10 @@ pub(super) fn layers(runs: usize) -> Vec<Timed> {
     LAYERS.iter().map(layer).collect()
 }
 
-/// Weights and biases of all layers, and activations before and after each.
+/// Weights and biases of all layers, and what each gives.
 struct Encoder {
     weights: Vec<[Vec<f32>; 2]>,
-    before: Vec<Vec<f32>>,
-    after: Vec<Vec<f32>>,
+    results: Vec<Vec<f32>>,
 }
 
 impl Encoder {
@@ -56,17 +55,16 @@ impl Encoder {
         let scaled = |n, k: usize, purpose| -> Vec<f32> {
             normals(n, purpose).into_iter().map(|w| w / (k as f32).sqrt()).collect()
         };
-        let mut weights = Vec::new();
-        let mut before = Vec::new();
+        let (mut weights, mut results) = (Vec::new(), Vec::new());
         for (_, side, channels, outputs) in LAYERS {
             weights.push([scaled(outputs * 16 * channels, 16 * channels, 5), vec![0.1; outputs]]);
-            before.push(vec![0.0; BATCH * side * side / 4 * outputs]);
+            results.push(vec![0.0; BATCH * side * side / 4 * outputs]);
         }
         for [k, n] in DENSE {
             weights.push([scaled(n * k, k, 6), vec![0.1; n]]);
-            before.push(vec![0.0; BATCH * n]);
+            results.push(vec![0.0; BATCH * n]);
         }
-        Self { weights, after: before.clone(), before }
+        Self { weights, results }
     }
 
     fn conv<'a>(&'a self, i: usize, x: &'a [f32]) -> conv::In<'a> {
@@ -83,16 +81,16 @@ impl Encoder {
 
     fn forward(&mut self, pictures: &[f32]) {
         for i in 0..self.weights.len() {
-            let mut y = std::mem::take(&mut self.before[i]);
-            let mut h = std::mem::take(&mut self.after[i]);
-            let x = if i == 0 { pictures } else { &self.after[i - 1] };
+            let mut y = std::mem::take(&mut self.results[i]);
+            let x = if i == 0 { pictures } else { &self.results[i - 1] };
             if i < LAYERS.len() {
-                conv::forward(self.conv(i, x), &mut y);
+                conv::forward_leaky(self.conv(i, x), SLOPE, &mut y);
+            } else if i + 1 < self.weights.len() {
+                linear::forward_leaky(self.dense(i, x), SLOPE, &mut y);
             } else {
                 linear::forward(self.dense(i, x), &mut y);
             }
-            act::leaky_relu(&y, SLOPE, &mut h);
-            (self.before[i], self.after[i]) = (y, h);
+            self.results[i] = y;
         }
     }
 
@@ -101,20 +99,18 @@ impl Encoder {
         let mut grads = Vec::new();
         let mut bar = y_bar.to_vec();
         for i in (0..self.weights.len()).rev() {
-            if i + 1 < self.weights.len() {
-                let mut into = vec![0.0; bar.len()];
-                act::leaky_relu_adjoint(&self.before[i], SLOPE, &bar, &mut into);
-                bar = into;
-            }
-            let x = if i == 0 { pictures } else { &self.after[i - 1] };
+            let x = if i == 0 { pictures } else { &self.results[i - 1] };
             let x_bar = if i == 0 { Vec::new() } else { vec![0.0; x.len()] };
             let [weight, bias] = [0, 1].map(|k| vec![0.0; self.weights[i][k].len()]);
             if i < LAYERS.len() {
                 let mut into = conv::InBar { x: x_bar, weight, bias };
-                conv::adjoint(self.conv(i, x), &bar, &mut into);
+                conv::adjoint_leaky(self.conv(i, x), SLOPE, &self.results[i], &bar, &mut into);
                 bar = into.x;
                 grads.push([into.weight, into.bias]);
             } else {
+                if i + 1 < self.weights.len() {
+                    act::leaky_relu_back(&self.results[i], SLOPE, &mut bar);
+                }
                 let mut into = linear::InBar { x: x_bar, weight, bias };
                 linear::adjoint(self.dense(i, x), &bar, &mut into);
                 bar = into.x;
@@ -126,7 +122,7 @@ impl Encoder {
 }
 
 /// The whole encoder, as one step of training runs it.
-pub(super) fn whole(runs: usize) -> Timed {
+pub(super) fn whole(runs: usize) -> Vec<Timed> {
     let (mut encoder, pictures, y_bar) =
         (Encoder::new(), normals(BATCH * 64 * 64 * 3, 7), normals(BATCH * 32, 8));
     let one = median(runs, || encoder.forward(&pictures));
@@ -139,5 +135,5 @@ pub(super) fn whole(runs: usize) -> Timed {
     for (_, side, channels, outputs) in LAYERS {
         each += work(&shape(side, channels, outputs));
     }
-    Timed { name: "encoder", seconds: [one, both], work: [each, 3.0 * each - first] }
+    vec![Timed { name: "encoder", seconds: [one, both], work: [each, 3.0 * each - first] }]
 }

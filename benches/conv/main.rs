@@ -1,7 +1,7 @@
 //! The layers of the image-to-point model against PyTorch on the CPU, in one run.
 //!
 //! ```text
-//! cargo bench --bench conv                                    PyTorch from python3, or from $LASTLIGHT_PYTHON
+//! cargo bench --bench conv [-- layers | encoder | decoder]    PyTorch from python3, or from $LASTLIGHT_PYTHON
 //! ```
 //!
 //! `peer.py` does the same work; where PyTorch cannot be imported the comparison is skipped and says so. CONV_RUNS sets the repetitions,
@@ -63,10 +63,10 @@ fn main() {
         println!("not run: PyTorch, which the Python at hand does not have");
     }
     let ours = par::with_threads(threads, || {
-        let mut ours = encoder::layers(runs);
-        ours.push(encoder::whole(runs));
-        ours.push(decoder::whole(runs));
-        ours
+        let wanted = std::env::args().skip(1).find(|word| !word.starts_with('-')).unwrap_or_default();
+        let parts: [fn(usize) -> Vec<Timed>; 3] = [encoder::layers, encoder::whole, decoder::whole];
+        let parts = ["layers", "encoder", "decoder"].into_iter().zip(parts);
+        parts.filter(|(name, _)| name.contains(&wanted)).flat_map(|(_, part)| part(runs)).collect::<Vec<_>>()
     })
     .expect("the threads have the default floating-point environment");
     println!(

@@ -7,10 +7,10 @@
 use std::collections::BTreeMap;
 
 use crate::array::{Arr, Named, Out};
-use crate::body::pose;
+use crate::body::{pose, skin};
 use crate::dual::Dual;
 use crate::geometry::trace;
-use crate::loss::{l1, lpips, mse, ssim};
+use crate::loss::{groups, l1, lpips, mse, points, ssim};
 use crate::nn::{act, conv, linear};
 use crate::optim::{adam, adamw};
 use crate::rev::{self, Rev};
@@ -76,6 +76,9 @@ enum Stage {
     Mse,
     Ssim,
     Lpips(usize),
+    Points,
+    Groups,
+    Skin,
     Ggx,
     Envmap,
     Adam,
@@ -321,6 +324,33 @@ const TWINS: &[Twin] = &[
         settings: &["rescale"],
     },
     Twin {
+        name: "loss.points",
+        stages: &[Stage::Points],
+        inputs: &["x", "y"],
+        smooth_inputs: &["x", "y"],
+        outputs: &["value"],
+        smooth_outputs: &["value"],
+        settings: &["mode", "sigma_x", "sigma_c"],
+    },
+    Twin {
+        name: "loss.groups",
+        stages: &[Stage::Groups],
+        inputs: &["after", "eps", "eps_after", "target", "variance"],
+        smooth_inputs: &["after", "eps", "eps_after"],
+        outputs: &["equal", "invariant", "spread", "shared"],
+        smooth_outputs: &["equal", "invariant", "spread", "shared"],
+        settings: &[],
+    },
+    Twin {
+        name: "body.skin",
+        stages: &[Stage::Skin],
+        inputs: &["points", "weights", "transforms", "factors"],
+        smooth_inputs: &["points", "weights", "transforms", "factors"],
+        outputs: &["skinned", "skinned_factors"],
+        smooth_outputs: &["skinned", "skinned_factors"],
+        settings: &[],
+    },
+    Twin {
         name: "shade.ggx",
         stages: &[Stage::Ggx],
         inputs: &["normal", "view", "light", "albedo", "roughness", "metallic"],
@@ -465,6 +495,9 @@ fn run_stage<S: Scalar>(
         Stage::Mse => mse::forward(pool, out),
         Stage::Ssim => ssim::forward(pool, out),
         Stage::Lpips(k) => lpips::stage(pool, settings, k, plan, out),
+        Stage::Points => points::forward(pool, settings, plan, out),
+        Stage::Groups => groups::forward(pool, out),
+        Stage::Skin => skin::forward(pool, out),
         Stage::Ggx => ggx::forward(pool, out),
         Stage::Envmap => envmap::forward(pool, out),
         Stage::Pose => pose::forward(pool, out),
@@ -602,7 +635,7 @@ fn refuse_without_gradient(twin: &Twin) -> Result<(), String> {
 }
 
 /// The amount of work: (Gaussian, pixel) pairs looked at for blending and rendering, products for `nn.linear` and `nn.conv`, (point, texel) pairs
-/// for `shade.envmap`, (ray, triangle) pairs for tracing, entries of the inputs elsewhere. 0 for a request that [`value`] would
+/// for `shade.envmap`, pairs of points compared for `loss.points`, (ray, triangle) pairs for tracing, entries of the inputs elsewhere. 0 for a request that [`value`] would
 /// refuse.
 pub fn work(request: &Request<'_>) -> u64 {
     let entries = request.inputs.values().fold(0, |n, x| n + x.data.len() as u64);
@@ -626,6 +659,15 @@ pub fn work(request: &Request<'_>) -> u64 {
             rows * request.inputs.get("weight").map_or(0, |weight| weight.data.len() as u64)
         }
         "nn.conv" => conv::products(request.inputs, &Settings(request.settings)).unwrap_or(0),
+        "loss.points" => {
+            let size =
+                |name: &str, axis: usize| request.inputs.get(name).and_then(|x| x.shape.get(axis)).copied();
+            let [b, p, q] =
+                [("x", 0), ("x", 1), ("y", 1)].map(|(name, axis)| size(name, axis).unwrap_or(0) as u64);
+            let is_chamfer =
+                Settings(request.settings).text("mode", "ordered").is_ok_and(|mode| mode == "chamfer");
+            if is_chamfer { 2 * b * p * q } else { b * p }
+        }
         "shade.envmap" => {
             let points = request.inputs.get("normal").map_or(0, |normal| normal.data.len() as u64 / 3);
             points * request.inputs.get("env").map_or(0, |env| env.data.len() as u64 / 3)

@@ -1,13 +1,15 @@
-//! Losses between two images, one file per loss, and metrics without adjoints. Level 6.
+//! Losses between two images or two sets of points, one file per loss, and metrics without adjoints. Level 6.
 //!
 //! ```text
 //! l1      mean |x − y|            mse     mean (x − y)²
 //! ssim    mean structural similarity, 11×11 Gaussian window
 //! lpips   learned perceptual distance, with the user's weights
+//! points  weighted squares of distances of points, in order or to the nearest
+//! groups  groups of pictures that share an intervention
 //! metric  PSNR, SSIM and MAE in f64, every variant named; scores of structures
 //! ```
 //!
-//! All of them take sRGB-encoded images (H, W, 3) and an optional mask (H, W) of zeros and ones.
+//! Those of images take them sRGB-encoded, (H, W, 3), and an optional mask (H, W) of zeros and ones.
 //!
 //! `fit` puts `l1` and `ssim` on the tape: picture and photograph in, one number out, and back one gradient per pixel.
 //! `fit::evaluate` calls `metric`, on pictures limited to 0..1.
@@ -20,10 +22,12 @@
 use crate::num::{par, sum};
 use crate::{Error, Result};
 
+pub mod groups;
 pub mod l1;
 pub mod lpips;
 pub mod metric;
 pub mod mse;
+pub mod points;
 pub mod ssim;
 
 /// Two images and, optionally, the pixels that count.

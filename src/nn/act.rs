@@ -59,3 +59,14 @@ pub fn leaky_relu_adjoint(x: &[f32], slope: f32, y_bar: &[f32], x_bar: &mut [f32
         }
     });
 }
+
+/// Turns the cotangent of `y` into that of x in place, from the result y: for a slope that is not negative, y is positive where x is.
+///
+/// # Panics
+/// When the cotangent does not have the size of y.
+pub fn leaky_relu_back(y: &[f32], slope: f32, bar: &mut [f32]) {
+    assert_eq!(bar.len(), y.len(), "the cotangent has the shape of y");
+    for (bar, y) in bar.iter_mut().zip(y) {
+        *bar = if *y > 0.0 { *bar } else { slope * *bar };
+    }
+}

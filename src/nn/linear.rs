@@ -78,6 +78,15 @@ pub fn forward(x: In<'_>, y: &mut [f32]) {
     gemm(View::new(x.x, m, k), View::new(x.weight, n, k).t(), how, y);
 }
 
+/// Writes λ(y) for the leaky ReLU λ of that slope: the bits of [`forward`] and [`leaky_relu`](super::act::leaky_relu) in one pass.
+///
+/// # Panics
+/// As [`forward`]; when there is no bias.
+pub fn forward_leaky(x: In<'_>, slope: f32, y: &mut [f32]) {
+    let In { m, n, k, .. } = x;
+    gemm(View::new(x.x, m, k), View::new(x.weight, n, k).t(), Finish::Leaky(x.bias, slope), y);
+}
+
 /// Adds the gradients for the cotangent `y_bar` (M, N) to `x_bar`.
 ///
 /// # Panics

@@ -19,10 +19,12 @@
 //! assert_eq!(c, [17.0, 23.0, 39.0, 53.0]); // a·bᵀ
 //! ```
 
-use super::lanes::f32x8;
+use super::lanes::{Real, f32x8};
 use super::par;
 use std::cell::Cell;
 use std::ops::Range;
+
+pub mod runs;
 
 /// Longest chain in k; part of the definition.
 pub const CHUNK: usize = 4096;
@@ -110,6 +112,17 @@ pub enum Finish<'a> {
     Add,
     /// c = p + bias of the column, bias (n)
     Bias(&'a [f32]),
+    /// c = p + bias where that is positive, this number times it elsewhere
+    Leaky(&'a [f32], f32),
+}
+
+impl<'a> Finish<'a> {
+    fn bias(self) -> Option<&'a [f32]> {
+        match self {
+            Self::Store | Self::Add => None,
+            Self::Bias(bias) | Self::Leaky(bias, _) => Some(bias),
+        }
+    }
 }
 
 /// Sixteen neighbouring columns of b, row by row.
@@ -136,6 +149,12 @@ impl Packed {
         Self::reusing(Vec::new(), b)
     }
 
+    /// Packs another matrix into the memory of this one.
+    #[must_use]
+    pub fn renewed(self, b: View<'_>) -> Self {
+        Self::reusing(self.panels, b)
+    }
+
     /// Packs into memory that may already be there.
     fn reusing(mut panels: Vec<Columns>, b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
@@ -152,6 +171,58 @@ impl Packed {
     /// Columns 16p..16p+16, k by k.
     fn panel(&self, p: usize) -> &[Columns] {
         &self.panels[p * self.k..(p + 1) * self.k]
+    }
+}
+
+/// A left factor (m, k): how its rows reach the register tiles.
+trait Left: Copy + Sync {
+    /// Makes the rows ready for k in `ks`; `panels` is the number of column panels they will meet. Empty where they are read in place.
+    fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
+    /// Resumes the chains of a tile of the rows from `rows.start` on (at most six, beyond the last anything) over k in `ks`; `packed` is the tile's part of
+    /// what was prepared.
+    fn resume(
+        self,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        packed: &[Rows],
+        columns: &[Columns],
+        tile: &mut Tile,
+    );
+}
+
+impl View<'_> {
+    fn is_in_place(&self, panels: usize) -> bool {
+        self.column_stride == 1 && panels <= IN_PLACE
+    }
+}
+
+impl Left for View<'_> {
+    fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>) {
+        packed.clear();
+        if !self.is_in_place(panels) {
+            pack_rows(self, rows, ks, packed);
+        }
+    }
+
+    #[inline(always)]
+    fn resume(
+        self,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        packed: &[Rows],
+        columns: &[Columns],
+        tile: &mut Tile,
+    ) {
+        if !packed.is_empty() {
+            return resume(packed, columns, tile);
+        }
+        if columns.is_empty() {
+            return;
+        }
+        // Beyond the last row it is read again; those chains are thrown away.
+        let row = |i: usize| (rows.start + i).min(rows.end - 1) * self.row_stride;
+        let slice = |i| &self.values[row(i) + ks.start..row(i) + ks.end];
+        resume_in_place(std::array::from_fn(slice), columns, tile);
     }
 }
 
@@ -213,7 +284,6 @@ fn halves(x: &[f32; COLUMNS]) -> Columns {
 
 /// Rows `rows` and k `ks` of a in panels of six rows; rows beyond the end are zero.
 fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panels: &mut Vec<Rows>) {
-    panels.clear();
     panels.reserve(rows.len().div_ceil(ROWS) * ks.len());
     for first in rows.clone().step_by(ROWS) {
         let height = ROWS.min(rows.end - first);
@@ -286,39 +356,28 @@ fn step(acc: &mut Tile, a: impl Fn(usize) -> f32, b: &Columns) {
 /// Chains over k in `chunk` (at most [`CHUNK`]) for the given rows and column panels; `finished(panel, row panel,
 /// tile)` takes each tile, column panel by column panel, numbered within the block.
 fn chains(
-    a: View<'_>,
+    a: impl Left,
     b: &Packed,
     (rows, panels, chunk): (Range<usize>, Range<usize>, Range<usize>),
     (packed, resting): (&mut Vec<Rows>, &mut Vec<Tile>),
     mut finished: impl FnMut(usize, usize, &Tile),
 ) {
     let row_panels = rows.len().div_ceil(ROWS);
-    let in_place = a.column_stride == 1 && panels.len() <= IN_PLACE;
     // Tiles rest in memory between blocks of k.
     resting.clear();
     resting.resize(if chunk.len() > BLOCK_K { row_panels * panels.len() } else { 0 }, ZERO);
     let mut start = chunk.start;
     loop {
         let end = chunk.end.min(start + BLOCK_K);
-        if !in_place {
-            pack_rows(a, rows.clone(), start..end, packed);
-        }
+        a.prepare(rows.clone(), start..end, panels.len(), packed);
         for (p, panel) in panels.clone().enumerate() {
             let columns = &b.panel(panel)[start..end];
             for r in 0..row_panels {
                 let mut fresh = ZERO;
                 let tile = resting.get_mut(p * row_panels + r).unwrap_or(&mut fresh);
-                if in_place {
-                    // Beyond the last row it is read again; those chains are thrown away.
-                    let row = |i: usize| (rows.start + r * ROWS + i).min(rows.end - 1) * a.row_stride;
-                    resume_in_place(
-                        std::array::from_fn(|i| &a.values[row(i) + start..row(i) + end]),
-                        columns,
-                        tile,
-                    );
-                } else {
-                    resume(&packed[r * columns.len()..][..columns.len()], columns, tile);
-                }
+                let mine =
+                    if packed.is_empty() { &[][..] } else { &packed[r * columns.len()..][..columns.len()] };
+                a.resume(rows.start + r * ROWS..rows.end, start..end, mine, columns, tile);
                 if end == chunk.end {
                     finished(p, r, tile);
                 }
@@ -338,8 +397,13 @@ struct Task<'a> {
     rows: Vec<&'a mut [f32]>,
 }
 
+#[inline(always)]
+fn leaky(x: f32x8, slope: f32) -> f32x8 {
+    f32x8::select(x.gt(f32x8::ZERO), x, f32x8::splat(slope) * x)
+}
+
 /// Computes one block of the output.
-fn block(a: View<'_>, b: &Packed, task: Task<'_>, how: Finish<'_>) {
+fn block(a: impl Left, b: &Packed, task: Task<'_>, how: Finish<'_>) {
     let Task { top, left, mut rows } = task;
     let (mut packed, mut resting) = TASK.take();
     let row_panels = rows.len().div_ceil(ROWS);
@@ -398,10 +462,14 @@ fn finish(tile: &Tile, rows: &mut [&mut [f32]], (at, left): (usize, usize), how:
                     let c = old();
                     [c[0] + tile[0], c[1] + tile[1]]
                 }
-                Finish::Bias(bias) => {
-                    let bias = &bias[left + at..];
+                Finish::Bias(_) | Finish::Leaky(..) => {
+                    let bias = &how.bias().unwrap_or_default()[left + at..];
                     [tile[0] + eight(bias), tile[1] + eight(&bias[8..])]
                 }
+            };
+            let x = match how {
+                Finish::Leaky(_, slope) => x.map(|x| leaky(x, slope)),
+                _ => x,
             };
             c[..8].copy_from_slice(&x[0].to_array());
             c[8..].copy_from_slice(&x[1].to_array());
@@ -413,6 +481,10 @@ fn finish(tile: &Tile, rows: &mut [&mut [f32]], (at, left): (usize, usize), how:
                 Finish::Store => p,
                 Finish::Add => *c + p,
                 Finish::Bias(bias) => p + bias[left + at + j],
+                Finish::Leaky(bias, slope) => {
+                    let x = p + bias[left + at + j];
+                    if x > 0.0 { x } else { slope * x }
+                }
             };
         }
     }
@@ -438,7 +510,7 @@ pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
     let (m, n) = (a.rows, b.n);
     assert_eq!(a.columns, b.k, "both factors have the same k");
     assert_eq!(c.len(), m * n, "the product is a ({m}, {n}) matrix");
-    if let Finish::Bias(bias) = how {
+    if let Some(bias) = how.bias() {
         assert_eq!(bias.len(), n, "one bias per column");
     }
     if m == 0 || n == 0 {

@@ -1,22 +1,26 @@
-//! Bodies.
+//! Bodies that move.
 
 use super::call::{Checked, Ran, rows};
 use super::case::Draw;
-use super::op::{Case, Dtype, Op, Port, Width, no_zeros};
-use crate::Result;
-use crate::body::pose;
+use super::op::{Case, Op, Port, Width};
+use crate::body::skin::{self, In, InBar, Out};
+use crate::tape::check::Prediction;
+use crate::{Error, Result};
 
-/// `body.pose`
-pub(super) static POSE: Op = Op {
-    name: "body.pose",
-    summary: "rotations of joints, with a correction on their right, to transforms along the skeleton",
+/// `body.skin`
+pub(super) static SKIN: Op = Op {
+    name: "body.skin",
+    summary: "linear blend skinning of points and of factors of covariances",
     inputs: &[
-        Port::var("pose", "J,3", "axis times angle, rad"),
-        Port::var("correction", "J,3", "axis times angle, rad; absent: none").or_absent(),
-        Port::var("joints", "J,3", "places at rest, scene units"),
-        Port::int("parents", "J", Dtype::I32, "index of an earlier joint, -1 for none"),
+        Port::var("points", "P,3", "rest positions"),
+        Port::var("weights", "P,K", "of each bone, used as they are"),
+        Port::var("transforms", "K,4,4", "posed from rest; the last row is not read"),
+        Port::var("factors", "P,3,3", "F with covariance F·Fᵀ at rest").or_absent(),
     ],
-    outputs: &[Port::var("transforms", "J,3,4", "upper rows, posed from rest")],
+    outputs: &[
+        Port::var("skinned", "P,3", "posed positions"),
+        Port::var("skinned_factors", "P,3,3", "M·F; with factors").or_absent(),
+    ],
     intermediates: &[],
     plan: &[],
     companions: &[],
@@ -25,85 +29,91 @@ pub(super) static POSE: Op = Op {
     adjoint: true,
     width: Width::F32,
     work_unit: "entries",
-    work_ns: [100.0, 2000.0],
-    check: check_pose,
-    run: run_pose,
-    predict: no_zeros,
+    work_ns: [10.0, 100.0],
+    check,
+    run,
+    predict: last_rows,
     cases: 2,
-    case: case_pose,
+    case,
 };
 
-struct Arrays {
-    pose: Vec<[f32; 3]>,
-    correction: Option<Vec<[f32; 3]>>,
-    joints: Vec<[f32; 3]>,
-    parents: Vec<i32>,
-}
-
-impl Arrays {
-    fn of(x: &Checked<'_>) -> Self {
-        Self {
-            pose: x.rows("pose"),
-            correction: x.has("correction").then(|| x.rows("correction")),
-            joints: x.rows("joints"),
-            parents: x.f64s("parents").into_iter().map(|p| p as i32).collect(),
-        }
+fn check(x: &Checked<'_>) -> Result<()> {
+    if x.dim("K") > 0 {
+        return Ok(());
     }
-
-    fn input(&self) -> pose::In<'_> {
-        pose::In {
-            pose: &self.pose,
-            correction: self.correction.as_deref(),
-            joints: &self.joints,
-            parents: &self.parents,
-        }
-    }
+    Err(Error::input("array 'transforms'").expected("at least one bone").got("none"))
 }
 
-fn check_pose(x: &Checked<'_>) -> Result<()> {
-    Arrays::of(x).input().check()
+fn flat<const K: usize>(rows: &[[f32; K]]) -> Vec<f32> {
+    rows.as_flattened().to_vec()
 }
 
-fn run_pose(x: &Checked<'_>) -> Result<Ran> {
-    let arrays = Arrays::of(x);
-    let (input, n) = (arrays.input(), x.dim("J"));
-    let (transforms, saved) = pose::forward(input)?;
+fn run(x: &Checked<'_>) -> Result<Ran> {
+    let (p, k) = (x.dim("P"), x.dim("K"));
+    let (points, weights, transforms) =
+        (x.rows::<3>("points"), x.f32s("weights"), x.rows::<16>("transforms"));
+    let factors = x.rows::<9>("factors");
+    let input = In { points: &points, weights: &weights, transforms: &transforms, factors: &factors };
+    let out = skin::forward(input);
     let mut ran = Ran::default();
-    ran.outputs.put("transforms", &[n, 3, 4], transforms.as_flattened().as_flattened().to_vec());
-    if let Some(bar) = x.bar("transforms", &[n, 3, 4])? {
-        let rows: Vec<[f32; 4]> = rows(&bar);
-        let mut x_bar = pose::InBar {
-            pose: x.start_rows("pose", n),
-            correction: if x.has("correction") { x.start_rows("correction", n) } else { Vec::new() },
-            joints: x.start_rows("joints", n),
+    ran.outputs.put("skinned", &[p, 3], flat(&out.skinned));
+    if x.has("factors") {
+        ran.outputs.put("skinned_factors", &[p, 3, 3], flat(&out.skinned_factors));
+    }
+    if x.with_gradients() {
+        let skinned = x.bar("skinned", &[p, 3])?.unwrap_or_else(|| vec![0.0; 3 * p]);
+        let factors_bar = x.bar("skinned_factors", &[factors.len(), 3, 3])?.unwrap_or_default();
+        let out_bar = Out { skinned: rows(&skinned), skinned_factors: rows(&factors_bar) };
+        let mut bar = InBar {
+            points: x.start_rows("points", p),
+            weights: x.start("weights", p * k),
+            transforms: x.start_rows("transforms", k),
+            factors: x.start_rows("factors", factors.len()),
         };
-        pose::adjoint(input, &saved, rows.as_chunks().0, &mut x_bar);
-        ran.gradients.put("pose", &[n, 3], x_bar.pose.as_flattened().to_vec());
-        ran.gradients.put("joints", &[n, 3], x_bar.joints.as_flattened().to_vec());
-        if x.has("correction") {
-            ran.gradients.put("correction", &[n, 3], x_bar.correction.as_flattened().to_vec());
+        skin::adjoint(input, &out_bar, &mut bar);
+        ran.gradients.put("points", &[p, 3], flat(&bar.points));
+        ran.gradients.put("weights", &[p, k], bar.weights);
+        ran.gradients.put("transforms", &[k, 4, 4], flat(&bar.transforms));
+        if x.has("factors") {
+            ran.gradients.put("factors", &[p, 3, 3], flat(&bar.factors));
         }
     }
     Ok(ran)
 }
 
-/// A branching skeleton with small and large angles; case 1 has two roots and no correction.
-fn case_pose(case: usize) -> Case {
-    let parents: &[i32] = [&[-1, 0, 1, 1, 3, 0, 5][..], &[-1, 0, -1, 2]][case];
-    let n = parents.len();
+fn last_rows(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
+    let last = (0..16 * x.dim("K")).map(|i| i % 16 >= 12).collect();
+    Ok(Prediction { zeros: [("transforms".to_owned(), last)].into(), ..Prediction::default() })
+}
+
+/// Case 0: five bones, factors, more points than one block; case 1: three bones, no factors, two bones hold each point.
+fn case(case: usize) -> Case {
+    let [p, k] = [[300, 5], [19, 3]][case];
     let draw = |array| Draw::new(70, case, array);
-    let mut pose = draw(0).normals(3 * n);
-    // below and near where series begin
-    pose[3..6].iter_mut().for_each(|x| *x *= 2e-5);
-    pose[6..9].iter_mut().for_each(|x| *x *= 1e-3);
-    let mut made = Case::default();
-    made.inputs.put("pose", &[n, 3], pose);
-    if case == 0 {
-        let mut correction: Vec<f32> = draw(1).normals(3 * n).iter().map(|x| 0.1 * x).collect();
-        correction[9..12].iter_mut().for_each(|x| *x *= 1e-4);
-        made.inputs.put("correction", &[n, 3], correction);
+    let mut weights = draw(0).uniforms(p * k, 0.05, 1.0);
+    for (i, row) in weights.chunks_exact_mut(k).enumerate() {
+        if case == 1 {
+            row[i % k] = 0.0;
+        }
+        let sum = row.iter().fold(0.0, |sum, w| sum + w);
+        row.iter_mut().for_each(|w| *w /= sum);
     }
-    made.inputs.put("joints", &[n, 3], draw(2).normals(3 * n));
-    made.inputs.put("parents", &[n], parents.to_vec());
+    // near rigid: unit matrices with noise, and a shift
+    let noise = draw(1).normals(16 * k);
+    let transforms = (0..16 * k)
+        .map(|i| match i % 16 {
+            0 | 5 | 10 => 1.0 + 0.3 * noise[i],
+            12..15 => 0.0,
+            15 => 1.0,
+            _ => 0.3 * noise[i],
+        })
+        .collect();
+    let mut made = Case::default();
+    made.inputs.put("points", &[p, 3], draw(2).normals(3 * p));
+    made.inputs.put("weights", &[p, k], weights);
+    made.inputs.put("transforms", &[k, 4, 4], transforms);
+    if case == 0 {
+        made.inputs.put("factors", &[p, 3, 3], draw(3).normals(9 * p));
+    }
     made
 }

@@ -306,13 +306,25 @@ impl<'a> Checked<'a> {
     /// # Errors
     /// When its shape is not that of the output.
     pub fn bar(&self, name: &str, shape: &[usize]) -> Result<Option<Vec<f32>>> {
+        Ok(self.cotangent(name, shape)?.map(Array::to_f32))
+    }
+
+    /// [`Self::bar`] for an operator that computes in f64.
+    ///
+    /// # Errors
+    /// When its shape is not that of the output.
+    pub fn bar_f64(&self, name: &str, shape: &[usize]) -> Result<Option<Vec<f64>>> {
+        Ok(self.cotangent(name, shape)?.map(Array::to_f64))
+    }
+
+    fn cotangent(&self, name: &str, shape: &[usize]) -> Result<Option<&Array>> {
         let Some(array) = self.cotangents.get(name) else { return Ok(None) };
         if array.shape() != shape {
             return Err(Error::input(format!("array '{name}_bar'"))
                 .expected(format!("the shape of {name}, ({})", list(shape)))
                 .got(format!("({})", list(array.shape()))));
         }
-        Ok(Some(array.to_f32()))
+        Ok(Some(array))
     }
 
     /// The gradient to accumulate into, zeros unless the call brings one.
@@ -321,6 +333,11 @@ impl<'a> Checked<'a> {
             Some(array) => array.to_f32(),
             None => vec![0.0; len],
         }
+    }
+
+    /// [`Self::start`] for an operator that computes in f64.
+    pub fn start_f64(&self, name: &str, len: usize) -> Vec<f64> {
+        self.call.start.get(name).map_or_else(|| vec![0.0; len], Array::to_f64)
     }
 
     /// [`Self::start`] in rows.

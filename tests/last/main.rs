@@ -1,4 +1,4 @@
-//! What LAST rests on and what it must show: metrics, scores of structures, learners on known factors.
+//! What LAST rests on and what it must show: metrics, scores of structures, learners on known factors, bodies.
 
 #[path = "../common/mod.rs"]
 mod common;
@@ -7,4 +7,5 @@ mod body;
 mod learners;
 mod lpips;
 mod metrics;
+mod skin;
 mod structure;

@@ -3,9 +3,11 @@
 //! Each reads its arguments through [`Pair`], walks the pixels in order and adds to one entry of the output; called by
 //! [`crate::twins`].
 
+pub mod groups;
 pub mod l1;
 pub mod lpips;
 pub mod mse;
+pub mod points;
 pub mod ssim;
 
 use crate::array::{ANY, Arr, Named, expect};

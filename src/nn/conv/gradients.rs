@@ -1,0 +1,238 @@
+//! The adjoint of `nn.conv`: equations and rounding on the page of [`super`].
+
+use super::{In, InBar, PADDED, PIXELS, Shape, Window, checked, items, sized};
+use crate::nn::act;
+use crate::num::gemm::runs::{Grid, Runs, gemm_grid, gemm_runs};
+use crate::num::gemm::{Finish, Packed, View};
+use crate::num::{order, par};
+
+/// Tasks that share the kernel entries in the weight's gradient.
+const SHARES: usize = 8;
+/// Rows of a register tile: what is shared comes in multiples of it.
+const TILE: usize = 6;
+/// Numbers of the padded pictures that are held at a time for the weight's gradient.
+const HELD: usize = 1 << 17;
+
+/// Cotangent of a convolution, seen through a leaky ReLU that followed if there was one.
+#[derive(Clone, Copy)]
+struct Cotangent<'a> {
+    y_bar: &'a [f32],
+    /// Results of the leaky ReLU and its slope.
+    after: Option<(&'a [f32], f32)>,
+}
+
+impl Cotangent<'_> {
+    fn read(&self, first: usize, into: &mut [f32]) {
+        into.copy_from_slice(&self.y_bar[first..][..into.len()]);
+        if let Some((y, slope)) = self.after {
+            act::leaky_relu_back(&y[first..][..into.len()], slope, into);
+        }
+    }
+}
+
+/// Adds the gradients for the cotangent `y_bar` (B, H', W', O) to `x_bar`.
+///
+/// # Panics
+/// When the kernel does not fit, or a buffer does not have the size of its shape.
+pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
+    gradients(&x, Cotangent { y_bar, after: None }, x_bar);
+}
+
+/// The adjoint of [`forward_leaky`], of which `y` is the result; the slope is not negative, so that the sign of y tells the side.
+///
+/// # Panics
+/// As [`adjoint`]; when the slope is negative.
+pub fn adjoint_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], x_bar: &mut InBar) {
+    assert!(slope >= 0.0, "the sign of the result tells the side");
+    assert_eq!(y.len(), y_bar.len(), "the cotangent has the size of y");
+    gradients(&x, Cotangent { y_bar, after: Some((y, slope)) }, x_bar);
+}
+
+fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, x_bar: &mut InBar) {
+    let [rows, columns] = checked(x);
+    let size = x.shape.batch * rows * columns * x.shape.outputs;
+    assert_eq!(cotangent.y_bar.len(), size, "the cotangent has the size of y");
+    if size == 0 {
+        return;
+    }
+    if !x_bar.x.is_empty() {
+        picture(x, cotangent, &mut x_bar.x);
+    }
+    if !x_bar.weight.is_empty() || !x_bar.bias.is_empty() {
+        filters(x, cotangent, &mut x_bar.weight, &mut x_bar.bias);
+    }
+}
+
+/// What the gradients of weight and bias need of one item.
+#[derive(Default)]
+struct Item {
+    /// the picture with zeros around, and as many numbers beyond as lie between two patches
+    padded: Vec<f32>,
+    /// ȳ (H'·W', O)
+    cotangent: Option<Packed>,
+    /// the bias's gradient, a left fold over the pixels
+    sums: Vec<f32>,
+}
+
+impl Item {
+    fn new(mut self, x: &In<'_>, cotangent: Cotangent<'_>, b: usize, window: &Window) -> Self {
+        let Shape { height, width, channels, outputs, stride, .. } = x.shape;
+        let [rows, columns] = x.shape.fitting();
+        self.padded = sized(self.padded, (window.pixels() + stride) * channels);
+        let picture = &x.x[b * height * width * channels..][..height * width * channels];
+        window.copy([height, width, channels], &mut self.padded, |first, into| {
+            into.copy_from_slice(&picture[first..][..into.len()]);
+        });
+        let size = rows * columns * outputs;
+        let mut bar = sized(PADDED.take(), size);
+        cotangent.read(b * size, &mut bar[..size]);
+        self.sums.clear();
+        self.sums.resize(outputs, 0.0);
+        for pixel in bar[..size].chunks_exact(outputs) {
+            self.sums.iter_mut().zip(pixel).for_each(|(sum, g)| *sum += *g);
+        }
+        let view = View::new(&bar[..size], rows * columns, outputs);
+        self.cotangent = Some(match self.cotangent {
+            Some(before) => before.renewed(view),
+            None => Packed::new(view),
+        });
+        PADDED.set(bar);
+        self
+    }
+}
+
+/// W̄ and β̄: a few items at a time are made ready, then each task owns some entries (i, j, c) of the kernel, for all outputs, and goes
+/// through the items in order.
+fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_bar: &mut [f32]) {
+    let Shape { batch, channels, outputs, kernel: [kh, kw], stride, pad, .. } = x.shape;
+    let ([rows, columns], taps) = (x.shape.fitting(), x.shape.taps());
+    assert!(weight_bar.is_empty() || weight_bar.len() == outputs * taps, "one gradient per weight");
+    assert!(bias_bar.is_empty() || bias_bar.len() == outputs, "one gradient per bias");
+    let reach = |outputs: usize, kernel: usize| {
+        -(pad as isize)..((outputs - 1) * stride + kernel) as isize - pad as isize
+    };
+    let window = Window { rows: reach(rows, kh), columns: reach(columns, kw) };
+    let line = window.width() * channels;
+    let offsets: Vec<usize> = (0..kh).map(|i| i * line).collect();
+    // (taps, O): the transpose of what the caller holds
+    let mut sums: Vec<f32> =
+        (0..weight_bar.len()).map(|at| weight_bar[at % outputs * taps + at / outputs]).collect();
+    let share = taps.div_ceil(SHARES).next_multiple_of(TILE);
+    let at_once = order::clamp(HELD / (window.pixels() * channels), 1, batch);
+    let mut held: Vec<Item> = (0..at_once).map(|_| Item::default()).collect();
+    for first in (0..batch).step_by(at_once) {
+        held.truncate(batch - first);
+        held = par::map_each(held, |i, item| item.new(x, cotangent, first + i, &window));
+        par::chunks_mut(&mut sums, share * outputs, |task, sums| {
+            for item in &held {
+                let patches = Grid {
+                    values: &item.padded,
+                    rows,
+                    columns,
+                    down: stride * line,
+                    along: stride * channels,
+                    offsets: &offsets,
+                    len: kw * channels,
+                };
+                let cotangent = item.cotangent.as_ref().expect("made ready before");
+                let sums = sums.chunks_exact_mut(outputs).collect();
+                gemm_grid(patches, task * share, cotangent, Finish::Add, sums);
+            }
+        });
+        for item in &held {
+            bias_bar.iter_mut().zip(&item.sums).for_each(|(bar, sum)| *bar += *sum);
+        }
+    }
+    for (at, bar) in weight_bar.iter_mut().enumerate() {
+        *bar = sums[at % taps * outputs + at / taps];
+    }
+}
+
+/// The taps that pixels of one class see: those with i ≡ `phase[0]`, j ≡ `phase[1]` (mod s).
+struct Class {
+    phase: [usize; 2],
+    /// number of such i and j
+    count: [usize; 2],
+    /// (count·O, C), rows in the order (i, j, o)
+    weight: Packed,
+}
+
+fn classes(x: &In<'_>) -> Vec<Class> {
+    let Shape { channels, outputs, kernel: [kh, kw], stride, .. } = x.shape;
+    let mut classes = Vec::new();
+    for phase in (0..stride * stride).map(|k| [k / stride, k % stride]) {
+        let [is, js] = [(phase[0]..kh).step_by(stride), (phase[1]..kw).step_by(stride)];
+        let count = [is.len(), js.len()];
+        if count[0] * count[1] == 0 {
+            continue; // no output reads these pixels
+        }
+        let mut rows = Vec::with_capacity(count[0] * count[1] * outputs * channels);
+        for i in is {
+            for j in js.clone() {
+                for o in 0..outputs {
+                    rows.extend_from_slice(&x.weight[((o * kh + i) * kw + j) * channels..][..channels]);
+                }
+            }
+        }
+        let weight = Packed::new(View::new(&rows, count[0] * count[1] * outputs, channels));
+        classes.push(Class { phase, count, weight });
+    }
+    classes
+}
+
+/// x̄: each task owns some rows of pixels, class by class.
+fn picture(x: &In<'_>, cotangent: Cotangent<'_>, bar: &mut [f32]) {
+    let Shape { batch, height, width, channels, outputs, kernel: [kh, kw], stride, pad } = x.shape;
+    assert_eq!(bar.len(), batch * height * width * channels, "one gradient per value of x");
+    if bar.is_empty() {
+        return;
+    }
+    let [rows, columns] = x.shape.fitting();
+    let classes = classes(x);
+    let lines = order::max(1, PIXELS * stride * stride / width);
+    // The first tap of a class sees output (h + p)/s, each further one the output before.
+    let [above, before] = [kh, kw].map(|taps| taps.div_ceil(stride) - 1);
+    let wide = -(before as isize)..((width - 1 + pad) / stride + 1) as isize;
+    let line = wide.len() * outputs;
+    par::chunks_mut(bar, lines * width * channels, |task, bar| {
+        let mut padded = PADDED.take();
+        let (mut used, mut begins) = (0, Vec::new());
+        let mine = task * lines..task * lines + bar.len() / (width * channels);
+        for (b, mine) in items(mine, height) {
+            let [top, bottom] = [mine.start, mine.end - 1].map(|h| ((h + pad) / stride) as isize);
+            let window = Window { rows: top - above as isize..bottom + 1, columns: wide.clone() };
+            padded = sized(padded, used + window.pixels() * outputs);
+            let first = b * rows * columns * outputs;
+            window.copy([rows, columns, outputs], &mut padded[used..], |at, into| {
+                cotangent.read(first + at, into);
+            });
+            begins.extend(mine.map(|h| (h, used + ((h + pad) / stride - top.unsigned_abs()) * line)));
+            used += window.pixels() * outputs;
+        }
+        // Pixels of each class among those of this task: where they begin, and where their gradients go.
+        let mut pixels: Vec<(Vec<usize>, Vec<&mut [f32]>)> =
+            classes.iter().map(|_| Default::default()).collect();
+        let class: Vec<Option<usize>> = (0..stride * stride)
+            .map(|k| classes.iter().position(|class| class.phase == [k / stride, k % stride]))
+            .collect();
+        for (bar, (h, begin)) in bar.chunks_exact_mut(width * channels).zip(begins) {
+            let phase = (h + pad) % stride * stride;
+            for (w, bar) in bar.chunks_exact_mut(channels).enumerate() {
+                if let Some(class) = class[phase + (w + pad) % stride] {
+                    pixels[class].0.push(begin + (w + pad) / stride * outputs);
+                    pixels[class].1.push(bar);
+                }
+            }
+        }
+        for (class, (starts, bars)) in classes.iter().zip(pixels) {
+            let offset = |tap: usize| {
+                let [i, j] = [tap / class.count[1], tap % class.count[1]];
+                (above - i) * line + (before - j) * outputs
+            };
+            let offsets: Vec<usize> = (0..class.count[0] * class.count[1]).map(offset).collect();
+            let seen = Runs { values: &padded[..used], starts: &starts, offsets: &offsets, len: outputs };
+            gemm_runs(seen, &class.weight, Finish::Add, bars);
+        }
+        PADDED.set(padded);
+    });
+}

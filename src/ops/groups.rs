@@ -1,0 +1,149 @@
+//! The losses of groups that share an intervention.
+
+use super::call::{Checked, Ran};
+use super::case::Draw;
+use super::op::{Case, Dtype, Op, Port, Width};
+use crate::loss::groups::{self, In, InBar, Out};
+use crate::tape::check::Prediction;
+use crate::{Error, Result};
+
+/// `loss.groups`
+pub(super) static GROUPS: Op = Op {
+    name: "loss.groups",
+    summary: "groups of pictures that share one intervention: one code, no other cause changed, no collapse",
+    inputs: &[
+        Port::var("after", "G,M,N,K", "factors after the intervention, posterior means"),
+        Port::var("eps", "G,M,N,K", "causes before"),
+        Port::var("eps_after", "G,M,N,K", "causes after"),
+        Port::int("target", "G", Dtype::I32, "factor that the group set, 0 to N − 1"),
+        Port::fixed("variance", "N", "running variance of each factor, 0 or more; at least 1e-4 is used"),
+    ],
+    outputs: &[
+        Port::var(
+            "equal",
+            "",
+            "mean square of the distance from the group's value, in units of the variance",
+        ),
+        Port::var("invariant", "", "mean square of the change of all other causes"),
+        Port::var("spread", "", "mean over the factors of what the variance of the values lacks to 1/4"),
+        Port::var("shared", "G,K", "the value of each group"),
+    ],
+    intermediates: &[],
+    plan: &[],
+    companions: &[],
+    settings: &[],
+    stages: &[],
+    adjoint: true,
+    width: Width::F64,
+    work_unit: "entries",
+    work_ns: [10.0, 100.0],
+    check,
+    run,
+    predict,
+    cases: 2,
+    case,
+};
+
+/// The arrays of a call.
+struct Arrays {
+    values: [Vec<f64>; 3],
+    target: Vec<usize>,
+    variance: Vec<f64>,
+    sizes: [usize; 3],
+}
+
+impl Arrays {
+    fn of(x: &Checked<'_>) -> Result<Self> {
+        x.rule("target", "a factor, 0 or more", |i| i >= 0.0)?;
+        Ok(Self {
+            values: ["after", "eps", "eps_after"].map(|name| x.f64s(name)),
+            target: x.f64s("target").into_iter().map(|i| i as usize).collect(),
+            variance: x.f64s("variance"),
+            sizes: ["M", "N", "K"].map(|letter| x.dim(letter)),
+        })
+    }
+
+    fn input(&self) -> In<'_> {
+        let [after, eps, eps_after] = &self.values;
+        let [members, factors, size] = self.sizes;
+        In { after, eps, eps_after, target: &self.target, variance: &self.variance, members, factors, size }
+    }
+}
+
+fn check(x: &Checked<'_>) -> Result<()> {
+    if x.dim("G") == 0 {
+        return Err(Error::input("array 'target'").expected("at least one group").got("none"));
+    }
+    Arrays::of(x)?.input().check()
+}
+
+fn run(x: &Checked<'_>) -> Result<Ran> {
+    let arrays = Arrays::of(x)?;
+    let input = arrays.input();
+    let out = groups::forward(&input)?;
+    let shape = [x.dim("G"), x.dim("K")];
+    let mut ran = Ran::default();
+    for (name, value) in [("equal", out.equal), ("invariant", out.invariant), ("spread", out.spread)] {
+        ran.outputs.put(name, &[], vec![value]);
+    }
+    ran.outputs.put("shared", &shape, out.shared.clone());
+    if x.with_gradients() {
+        let one = |name: &str| Ok::<f64, Error>(x.bar_f64(name, &[])?.map_or(0.0, |bar| bar[0]));
+        let out_bar = Out {
+            equal: one("equal")?,
+            invariant: one("invariant")?,
+            spread: one("spread")?,
+            shared: x.bar_f64("shared", &shape)?.unwrap_or_else(|| vec![0.0; out.shared.len()]),
+        };
+        let n = input.after.len();
+        let [after, eps, eps_after] = ["after", "eps", "eps_after"].map(|name| x.start_f64(name, n));
+        let mut bar = InBar { after, eps, eps_after };
+        groups::adjoint(&input, &out, &out_bar, &mut bar);
+        for (name, values) in [("after", bar.after), ("eps", bar.eps), ("eps_after", bar.eps_after)] {
+            ran.gradients.put(name, &x.shape("after"), values);
+        }
+    }
+    Ok(ran)
+}
+
+/// Factors that were not set have no part in the codes, those that were none in the causes.
+fn predict(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
+    let target = x.f64s("target");
+    let [m, n, k] = ["M", "N", "K"].map(|letter| x.dim(letter));
+    let is_set = |i: usize| target[i / (m * n * k)] == (i / k % n) as f64;
+    let all = 0..x.f64s("after").len();
+    let others: Vec<bool> = all.clone().map(|i| !is_set(i)).collect();
+    let set: Vec<bool> = all.map(is_set).collect();
+    let zeros = [("after", others), ("eps", set.clone()), ("eps_after", set)];
+    Ok(Prediction {
+        zeros: zeros.map(|(name, mask)| (name.to_owned(), mask)).into(),
+        ..Prediction::default()
+    })
+}
+
+/// Case 0: every factor set by two groups, the values of one close together, a variance below the floor; case 1: one factor set by a single
+/// group, one by none.
+fn case(case: usize) -> Case {
+    let (target, [m, n, k]): (&[i32], _) =
+        [(&[0, 1, 2, 0, 1, 2][..], [3, 3, 2]), (&[2, 0, 2, 2], [2, 4, 3])][case];
+    let g = target.len();
+    let draw = |array, len| Draw::new(65, case, array).normals(len);
+    // far apart, but for factor 2: near ±0.1
+    let wide: Vec<f32> = draw(0, g * m * n * k)
+        .into_iter()
+        .enumerate()
+        .map(|(i, x)| {
+            let (group, factor) = (i / (m * n * k), i / k % n);
+            let size = if factor == 2 { 0.1 } else { 1.5 };
+            0.2 * x + if group < g / 2 { size } else { -size }
+        })
+        .collect();
+    let variance = if case == 0 { vec![0.8_f32, 3e-5, 0.3] } else { vec![0.6_f32, 0.9, 0.05, 1.3] };
+    let mut made = Case::default();
+    made.inputs.put("after", &[g, m, n, k], wide);
+    made.inputs.put("eps", &[g, m, n, k], draw(1, g * m * n * k));
+    made.inputs.put("eps_after", &[g, m, n, k], draw(2, g * m * n * k));
+    made.inputs.put("target", &[g], target.to_vec());
+    made.inputs.put("variance", &[n], variance);
+    made
+}
