@@ -246,6 +246,18 @@ pub fn forward(x: In<'_>) -> Result<(Vec<Affine>, Saved)> {
     Ok((transforms, Saved { own, world }))
 }
 
+/// The transforms (J, 4, 4) with their last rows 0 0 0 1, as [`super::skin`] takes them.
+pub fn squared(transforms: &[Affine]) -> Vec<[f32; 16]> {
+    let entry =
+        |t: &Affine, at: usize| t.get(at / 4).map_or(f32::from(u8::from(at == 15)), |row| row[at % 4]);
+    transforms.iter().map(|t| std::array::from_fn(|at| entry(t, at))).collect()
+}
+
+/// Cotangents of [`squared`] as those of the transforms: the last rows are constant.
+pub fn squared_adjoint(bar: &[[f32; 16]]) -> Vec<Affine> {
+    bar.iter().map(|b| std::array::from_fn(|i| std::array::from_fn(|j| b[4 * i + j]))).collect()
+}
+
 /// Adds the gradients for the cotangent `transforms_bar` (J) to `x_bar`.
 ///
 /// # Panics

@@ -1,4 +1,4 @@
-//! Bodies.
+//! Joints.
 
 use super::call::{Checked, Ran, rows};
 use super::case::Draw;

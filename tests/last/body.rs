@@ -2,6 +2,7 @@
 
 use lastlight::body::correction::{HIDDEN, LAST, Weights};
 use lastlight::body::pose::{self, Affine, In, InBar};
+use lastlight::body::skin;
 use lastlight::num::par::with_threads;
 use lastlight::num::rng::Rng;
 use std::f32::consts::{FRAC_PI_2, PI};
@@ -42,6 +43,29 @@ fn an_arm_bends_at_its_joints() {
     assert!(close(posed([quarter, quarter]), [-1.0, 1.0, 0.0]), "at both");
     assert!(close(posed([[0.0; 3], [0.0, 0.0, PI]]), [0.0; 3]), "folded back");
     assert!(close(posed([quarter, [FRAC_PI_2, 0.0, 0.0]]), [0.0, 2.0, 0.0]), "about the arm itself");
+}
+
+#[test]
+fn a_posed_skeleton_carries_its_skin() {
+    // two bones along x, the second bent by a quarter turn about z at 1; the middle point hangs on both
+    let (joints, quarter) = ([[0.0; 3], [1.0, 0.0, 0.0]], [[0.0; 3], [0.0, 0.0, FRAC_PI_2]]);
+    let x = In { pose: &quarter, correction: None, joints: &joints, parents: &[-1, 0] };
+    let (t, saved) = pose::forward(x).unwrap();
+    let transforms = pose::squared(&t);
+    assert!(transforms.iter().all(|t| t[12..] == [0.0, 0.0, 0.0, 1.0]), "last rows");
+    let points = [[0.5, 0.0, 0.0], [1.0, 0.2, 0.0], [2.0, 0.0, 0.0]];
+    let weights = [1.0, 0.0, 0.5, 0.5, 0.0, 1.0];
+    let input = skin::In { points: &points, weights: &weights, transforms: &transforms, factors: &[] };
+    let out = skin::forward(input);
+    let want = [[0.5, 0.0, 0.0], [0.9, 0.1, 0.0], [1.0, 1.0, 0.0]];
+    assert!(out.skinned.iter().zip(want).all(|(a, b)| close(*a, b)), "{:?}", out.skinned);
+    // pulling the last point along −x turns the elbow further
+    let bar = skin::Out { skinned: vec![[0.0; 3], [0.0; 3], [1.0, 0.0, 0.0]], skinned_factors: Vec::new() };
+    let mut through = skin::InBar::zeros_like(&input);
+    skin::adjoint(input, &bar, &mut through);
+    let mut x_bar = InBar::zeros_like(&x);
+    pose::adjoint(x, &saved, &pose::squared_adjoint(&through.transforms), &mut x_bar);
+    assert!(close(x_bar.pose[1], [0.0, 0.0, -1.0]), "{:?}", x_bar.pose);
 }
 
 #[test]
