@@ -80,7 +80,7 @@ fn what_last_gen_writes_is_read() {
     correction[k] = [0.0, angle, 0.0];
     let before = &c.poses[1].transforms;
     let after = t.corrected(before, &correction);
-    let mut below = vec![false; 12];
+    let mut below = [false; 12];
     for &j in &t.order {
         below[j] = j == k || t.parents[j].is_some_and(|p| below[p]);
     }
@@ -181,8 +181,8 @@ fn every_inconsistency_is_an_error_of_its_own() {
     say(&["array 'weights': point 0", "not negative"], &|d| {
         body(d, &|a| {
             let mut w = a.need("weights").expect("there").to_f32();
-            w[0] -= 1.0;
-            w[1] += 1.0;
+            w[0] -= 2.0;
+            w[1] += 2.0;
             a.put("weights", &[256, 12], w);
         });
     });

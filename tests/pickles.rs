@@ -199,7 +199,7 @@ fn cut_or_spoiled_files_end_in_an_error() {
         (b"K\x01a.", "a value on the stack"),
         (b"K\x01K\x02a.", "a list to append to"),
         (b"t.", "a mark"),
-        (b"(K\x01u.", "a value"),
+        (b"(K\x01u.", "in turn"),
         (b"}(K\x01u.", "in turn"),
         (b"h\x07.", "memo 7"),
         (b"\x8a\x09\x00\x00\x00\x00\x00\x00\x00\x00\x01.", "64 bits"),
@@ -208,7 +208,8 @@ fn cut_or_spoiled_files_end_in_an_error() {
         (b"X\x01\x00\x00\x00\xff.", "UTF-8"),
         (b"S'open\n.", "quoted"),
         (b"\xee.", "opcode"),
-        (b"c_codecs\nencode\n(V\\u0394\nV latin1\ntR.", "latin1"),
+        (b"c_codecs\nencode\n(V\\u0394\nVlatin1\ntR.", "below 256"),
+        (b"c_codecs\nencode\n(Va\nVrot13\ntR.", "latin1"),
     ] {
         refused(bytes, &[part]);
     }

@@ -8,6 +8,9 @@
 //! gltf           meshes, materials, skins, animations; .gltf and .glb       obj      OBJ with MTL
 //! makehuman      the open body: mesh, rig, skinning weights
 //! capture        which of the two a folder is          atomic  whole files or none
+//! person         captures of moving people: the one layout    captures   published layouts of such captures
+//! smpl           body models                           pickle  Python's pickles, without running anything
+//! hdf5           arrays in HDF5 files, piece by piece
 //! ```
 //!
 //! Every reader has two forms: `read(path)`, and `parse(bytes, name)` for bytes already in memory, where `name` stands

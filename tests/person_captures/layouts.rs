@@ -148,7 +148,7 @@ fn zju_mocap() {
             let off = (0..3)
                 .map(|i| (derived[k][i] - pose.axis_angles[k][i]).abs())
                 .fold(0.0f32, |m, d| if d > m { d } else { m });
-            assert!(off < 2e-6, "joint {k}: {:?} and {:?}", derived[k], pose.axis_angles[k]);
+            assert!(off < 5e-6, "joint {k}: {:?} and {:?}", derived[k], pose.axis_angles[k]);
         }
         assert!(pose.global.is_some(), "Rh and Th are kept");
     }

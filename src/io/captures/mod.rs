@@ -35,17 +35,17 @@ pub mod dna;
 pub mod instant_avatar;
 pub mod monocap;
 pub mod people_snapshot;
+mod pixels;
 pub mod zju;
 
 use super::capture::{Lens, Split, nearest_rotation, rigid};
-use super::hdf5::Hdf5;
-use super::image_file::{self, Samples};
+use super::name_of;
 use super::smpl::BodyModel;
-use super::{MAX_SMALL_FILE_BYTES, name_of, npz, read_bytes};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+
+pub use pixels::{Container, Pixels};
 
 /// Which layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -172,23 +172,6 @@ pub struct Selection {
     /// Frames held out.
     pub test_frames: Option<Range>,
 }
-
-/// Where pixels come from.
-#[derive(Clone, Debug)]
-pub enum Pixels {
-    /// A picture file.
-    Picture(PathBuf),
-    /// An encoded picture in a container: path of the data set.
-    Encoded(Arc<Container>, String),
-    /// A row of a data set (n, H, W).
-    Row(Arc<Container>, String, usize),
-    /// A `.npy` of shape (H, W).
-    Array(PathBuf),
-}
-
-/// An open HDF5 file that pixels come from.
-#[derive(Debug)]
-pub struct Container(pub(super) Hdf5);
 
 /// One picture of a source, as it is in the files.
 #[derive(Clone, Debug)]
@@ -456,68 +439,4 @@ fn three(values: &[f64], key: &str, name: &str) -> Result<[f64; 3]> {
     <[f64; 3]>::try_from(values).map_err(|_| {
         Error::input(name).at(format!("'{key}'")).expected("three numbers").got(values.len().to_string())
     })
-}
-
-impl Pixels {
-    /// Name in messages.
-    pub fn name(&self) -> String {
-        match self {
-            Self::Picture(p) | Self::Array(p) => name_of(p),
-            Self::Encoded(c, at) | Self::Row(c, at, _) => format!("{}: '{at}'", c.0.name()),
-        }
-    }
-
-    /// A photograph: bytes (H, W, 3) with width and height.
-    ///
-    /// # Errors
-    /// When it cannot be read or is no picture of colours or greys in 8 bits.
-    pub fn photograph(&self) -> Result<(Vec<u8>, [usize; 2])> {
-        let name = self.name();
-        let bytes = match self {
-            Self::Picture(p) => read_bytes(p, MAX_SMALL_FILE_BYTES)?,
-            Self::Encoded(c, at) => c.0.bytes(at)?,
-            _ => return Err(Error::input(name).expected("an encoded picture").got("an array")),
-        };
-        let p = image_file::parse(&bytes, &name)?;
-        let Samples::U8(values) = &p.samples else {
-            return Err(Error::input(name).at("samples").expected("8 bits").got("more"));
-        };
-        let c = p.channels.len();
-        // Colours as they are: alpha, where a file has it, is the mask's business.
-        let rgb =
-            values.chunks_exact(c).flat_map(|px| if c < 3 { [px[0]; 3] } else { [px[0], px[1], px[2]] });
-        Ok((rgb.collect(), [p.width, p.height]))
-    }
-
-    /// A mask: 1 where a value is not zero (in a picture of colours: any channel but alpha), with width and height.
-    ///
-    /// # Errors
-    /// When it cannot be read.
-    pub fn mask(&self) -> Result<(Vec<u8>, [usize; 2])> {
-        let name = self.name();
-        let of_picture = |bytes: &[u8]| {
-            let p = image_file::parse(bytes, &name)?;
-            let c = p.channels.len();
-            let colours = if c.is_multiple_of(2) { c - 1 } else { c };
-            let any = |i: usize| u8::from((0..colours).any(|k| p.value(i * c + k) > 0.0));
-            Ok(((0..p.width * p.height).map(any).collect(), [p.width, p.height]))
-        };
-        match self {
-            Self::Picture(p) => of_picture(&read_bytes(p, MAX_SMALL_FILE_BYTES)?),
-            Self::Encoded(c, at) => of_picture(&c.0.bytes(at)?),
-            Self::Row(c, at, i) => {
-                let (values, [h, w]) = c.0.row(at, *i)?;
-                Ok((values.iter().map(|&v| u8::from(v != 0)).collect(), [w, h]))
-            }
-            Self::Array(path) => {
-                let arrays = npz::read(path)?;
-                let a = arrays.0.into_values().next();
-                let a = a.ok_or_else(|| Error::input(name.clone()).expected("an array").got("none"))?;
-                let &[h, w] = a.shape() else {
-                    return Err(Error::input(name).expected("shape (H, W)").got(format!("{:?}", a.shape())));
-                };
-                Ok((a.to_f64().iter().map(|&v| u8::from(v > 0.0)).collect(), [w, h]))
-            }
-        }
-    }
 }

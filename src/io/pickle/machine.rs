@@ -2,6 +2,7 @@
 
 use super::Value;
 use super::build::{self, Class, Node};
+use super::instance;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
@@ -44,7 +45,7 @@ pub(super) fn run(bytes: &[u8], name: &str) -> Result<Value> {
         let start = m.at;
         let code = m.take(1, "an opcode")?[0];
         if code == b'.' {
-            let top = m.pop("STOP")?;
+            let top = m.pop("STOP").map_err(|e| e.within(format!("{name}: byte {start}")))?;
             let mut budget = bytes.len().saturating_mul(8).saturating_add(SLACK);
             return m.tree(top, MAX_DEPTH, &mut budget);
         }
@@ -267,8 +268,9 @@ impl<'a> Machine<'a> {
                 self.push(Node::Str(b));
             }
             b'V' => {
-                let line = self.text_line()?;
-                let text = build::unescaped(line)?;
+                // Raw: characters below 256 stand for themselves, others are escaped.
+                let line: String = self.line()?.iter().map(|&b| char::from(b)).collect();
+                let text = build::unescaped(&line)?;
                 self.push(Node::Text(text));
             }
             b'X' | 0x8c | 0x8d => {
@@ -473,7 +475,7 @@ impl<'a> Machine<'a> {
                     self.error("values").expected(format!("what the {class:?} holds")).got("nothing")
                 })?;
                 let state = self.tree(state, deeper, budget)?;
-                build::instance(*class, &state).map_err(|e| e.within(self.name))?
+                instance::instance(*class, &state).map_err(|e| e.within(self.name))?
             }
         })
     }

@@ -24,6 +24,7 @@
 //! `camera.pkl`) consist of such arrays.
 
 mod build;
+mod instance;
 mod machine;
 
 use super::{MAX_FILE_BYTES, name_of, npy, read_bytes};

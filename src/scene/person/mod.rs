@@ -153,7 +153,7 @@ pub struct PersonCapture {
 }
 
 impl PersonCapture {
-    /// Opens a capture and checks everything but the pixels. Pictures are read by [`Self::photo`].
+    /// Opens a capture and checks everything but the pixels. Pictures are read by [`Shot::photo`].
     ///
     /// # Errors
     /// With the first of the problems that [`Self::examine`] finds.
@@ -179,18 +179,10 @@ impl PersonCapture {
     pub fn moments(&self) -> usize {
         self.poses.len()
     }
-
-    /// Reads the pixels of a shot.
-    ///
-    /// # Errors
-    /// When a picture is damaged, not sRGB-encoded, or of another size than its camera's.
-    pub fn photo(&self, shot: &Shot) -> Result<Photo> {
-        shot.photo()
-    }
 }
 
 impl Shot {
-    /// Reads its pixels; see [`PersonCapture::photo`].
+    /// Reads its pixels.
     ///
     /// # Errors
     /// When a picture is damaged, not sRGB-encoded, or of another size than the camera's.

@@ -25,7 +25,7 @@ pub struct Pose {
 /// Below this angle sinθ/θ and (1 − cosθ)/θ² are taken from their series.
 const SMALL: f64 = 1e-4;
 
-/// Rodrigues' formula: R = I + (sinθ/θ) [v]ₓ + ((1 − cosθ)/θ²) [v]ₓ², θ = |v|.
+/// Rodrigues' formula: R = I + (sinθ/θ) V + ((1 − cosθ)/θ²) V², θ = |v|, V x = v × x.
 ///
 /// # Rounding
 /// f64; squares of the angle summed from the left; for θ < 1e-4 the series 1 − θ²/6 and ½ − θ²/24.
