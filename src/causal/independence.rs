@@ -6,7 +6,7 @@
 //! form total:   L = ½ (Σᵢ ln det Σᵢᵢ − ln det Σ)
 //!
 //! Source: law of total covariance; Cover & Thomas 2006, §8.4. Nothing is sampled. L = 0 exactly when the blocks are uncorrelated; for
-//! aggregates that are not Gaussian it measures second moments only. Under independence E[Iᵢⱼ] ≈ k²/(2B).
+//! aggregates that are not Gaussian it measures second moments only. Under independence Iᵢⱼ is k²/(2B) on average.
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
