@@ -472,6 +472,47 @@ fn bad_input_is_refused_with_its_place() {
 }
 
 #[test]
+fn bad_causal_input_is_refused_with_its_place() {
+    type Spoil = fn(&mut Call);
+    let cases: &[(&str, usize, &str, Spoil)] = &[
+        ("causal.acyclic", 0, "'alpha'", |c| c.inputs.put("alpha", &[], vec![0.0])),
+        ("causal.mask", 0, "'uniform': entry 3", |c| c.inputs.put("uniform", &[4, 4], near_one())),
+        ("causal.structure", 0, "w0 b0 w1 b1 w2", |c| drop(c.inputs.0.remove("w1"))),
+        ("causal.structure", 1, "setting mode", |c| drop(c.settings.remove("mode"))),
+        ("causal.structure", 0, "'w0'", |c| c.inputs.put("w0", &[3, 4, 5], vec![0.5; 60])),
+        ("causal.posterior_kl", 0, "'logvar': entry 0", |c| {
+            c.inputs.put("logvar", &[5, 4, 4], vec![701.0; 80])
+        }),
+        ("causal.scm_kl", 0, "setting mode", |c| drop(c.inputs.0.remove("eps"))),
+        ("causal.scm_kl", 1, "'kept': entry 0", |c| c.inputs.put("kept", &[3, 2], vec![0.5; 6])),
+        ("causal.intervene", 0, "'target': entry 0", |c| c.inputs.put("target", &[8], vec![3_i32; 8])),
+        ("causal.independence", 0, "setting ridge", |c| {
+            drop(c.settings.insert("ridge".into(), ops::Setting::Number(-1.0)));
+        }),
+        ("causal.independence", 2, "'mask' and 'weight'", |c| drop(c.inputs.0.remove("mask"))),
+        ("causal.independence", 1, "positive definite", |c| {
+            let indefinite = |at: usize| if at / 8 == at % 8 { -9.0 } else { 0.0 };
+            c.inputs.put("carried", &[8, 8], (0..64).map(indefinite).collect());
+        }),
+    ];
+    for (name, case, place, spoil) in cases {
+        let op = ops::find(name).expect("on the list");
+        let mut call = full_call(op, *case);
+        spoil(&mut call);
+        for precision in [Precision::F32, Precision::F64] {
+            let e = run::call(op, &call, precision).expect_err(place);
+            assert_eq!(e.exit_code(), 2, "{name}: bad input");
+            assert!(e.to_string().contains(place), "{name} {precision:?}: expected {place:?} in: {e}");
+        }
+    }
+}
+
+/// A matrix whose entry 3 is no noise between 0 and 1.
+fn near_one() -> Vec<f64> {
+    (0..16).map(|at| if at == 3 { 1.0 } else { 0.5 }).collect()
+}
+
+#[test]
 fn a_cotangent_must_have_the_shape_of_its_output() {
     for op in ops::LIST.iter().filter(|op| op.adjoint) {
         let mut call = full_call(op, 0);

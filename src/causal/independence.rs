@@ -6,12 +6,12 @@
 //! form total:   L = ½ (Σᵢ ln det Σᵢᵢ − ln det Σ)
 //!
 //! Source: law of total covariance; Cover & Thomas 2006, §8.4. Nothing is sampled. L = 0 exactly when the blocks are uncorrelated; for
-//! aggregates that are not Gaussian it measures second moments only. Under independence E[Iᵢⱼ] ≈ k²/(2B).
+//! aggregates that are not Gaussian it measures second moments only. Under independence Iᵢⱼ is k²/(2B) on average.
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
 //! | m      | `mu`     | (B, n, k) | posterior means: of the causes, or of the factors for a literal reading |
-//! | ℓ      | `logvar` | (B, n, k) | ln of the posterior variance |
+//! | ℓ      | `logvar` | (B, n, k) | ln of the posterior variance, at most 700 |
 //! | W      | `mask`, `weight` | (n, n) | Ã∘Ω without its diagonal: ℓ is that of the factors, and reaches the causes through edges; absent: W = 0 |
 //! | a      | `among`  | (n, n) | weights of the pairs, read above the diagonal; absent: 1 |
 //! |        | `carried` | (d, d) | weighted covariances of earlier batches, d = n·k; constant; absent: 0 |
@@ -168,7 +168,7 @@ impl Cholesky {
                 let left = matrix[at[r] * d + at[c]] - known;
                 if c < r {
                     l[r * size + c] = left / l[c * size + c];
-                } else if left > 0.0 {
+                } else if left > 0.0 && left.is_finite() {
                     l[r * size + r] = left.sqrt();
                 } else {
                     return Err(Error::input("causal.independence")

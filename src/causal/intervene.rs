@@ -1,6 +1,6 @@
 //! `causal.intervene`: the structure with one factor of every sample set to a value.
 //!
-//! Z = S(ε; do(i, v)):   Ã(·,i) := 0,   εᵢ := v,   then the sweeps of [`structure`](super::structure)
+//! Z = S(ε; do(i, v)):   Ã(·,i) := 0,   εᵢ := v,   then the sweeps of [`super::structure`]
 //!
 //! Source: Pearl 2009, §3.2: the equation of the factor is replaced, all others stay. Targets and values differ from
 //! sample to sample; a sample may have none.

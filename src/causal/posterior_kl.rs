@@ -7,14 +7,14 @@
 //! | symbol | argument | shape     | range |
 //! |--------|----------|-----------|-------|
 //! | μ      | `mu`     | (B, n, k) | finite |
-//! | ℓ      | `logvar` | (B, n, k) | finite; ln of the variance |
+//! | ℓ      | `logvar` | (B, n, k) | finite, at most 700; ln of the variance |
 //! | KL     | `value`  | ()        | nats, ≥ 0 |
 //!
 //! # Rounding
 //! Terms ½·(μ² + (expm1(ℓ) − ℓ)): near ℓ = 0 nothing cancels but what must. A left fold over all entries from +0, one division.
 //!
 //! # Kinks and domain
-//! Smooth. An empty batch is refused by the operator list.
+//! Smooth. An empty batch and an ℓ whose exponential overflows are refused by the operator list.
 //!
 //! # Adjoint
 //! μ̄ += v̄/B·μ,   ℓ̄ += v̄/B·½ expm1(ℓ)

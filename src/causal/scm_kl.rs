@@ -11,7 +11,7 @@
 //! |--------|----------|-----------|-------|
 //! | ε      | `eps`    | (B, n, k) | finite; causes, as abduction gives them |
 //! | μ      | `mu`     | (B, n, k) | finite; means of the factors |
-//! | ℓ      | `logvar` | (B, n, k) | finite; ln of the variance of the factors |
+//! | ℓ      | `logvar` | (B, n, k) | finite, at most 700; ln of the variance of the factors |
 //! | κ      | `kept`   | (B, n)    | 0 or 1; absent = 1 |
 //! | Ã, Ω   | `mask`, `weight` | (n, n) | edge i → j |
 //! | KL     | `value`  | ()        | nats |
@@ -21,7 +21,7 @@
 //! from +0. A left fold over all kept entries from +0, one division.
 //!
 //! # Kinks and domain
-//! Smooth. An empty batch is refused by the operator list. The sampled value may be negative.
+//! Smooth. An empty batch and an ℓ whose exponential overflows are refused by the operator list. The sampled value may be negative.
 //!
 //! # Adjoint
 //! With v = KL̄/B and sums over kept factors only:

@@ -62,6 +62,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     if x.has("among") && x.word("form") == Some("total") {
         return Err(Error::input("array 'among'").expected("form pairs").got("form total"));
     }
+    super::bounded(x)?;
     match x.number("ridge") {
         Some(ridge) if !(ridge >= 0.0) => {
             Err(Error::input("setting ridge").expected("0 or more").got(ridge.to_string()))

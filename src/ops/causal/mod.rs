@@ -118,6 +118,11 @@ fn no_loops(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
     Ok(Prediction { zeros: [("logits".to_owned(), diagonal(x.dim("N")))].into(), ..Prediction::default() })
 }
 
+/// Variances whose logarithm is at most 700 have a value in f64.
+fn bounded(x: &Checked<'_>) -> Result<()> {
+    x.rule("logvar", "a number of at most 700", |l| l <= 700.0)
+}
+
 /// True on the diagonal of an (n, n) matrix.
 fn diagonal(n: usize) -> Vec<bool> {
     (0..n * n).map(|at| at / n == at % n).collect()

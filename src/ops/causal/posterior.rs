@@ -1,6 +1,6 @@
 //! `causal.posterior`, `causal.posterior_kl`, `causal.scm_kl`.
 
-use super::{diagonal, entry};
+use super::{bounded, diagonal, entry};
 use crate::causal::{posterior, posterior_kl, scm_kl};
 use crate::ops::call::{Checked, Ran};
 use crate::ops::case::Draw;
@@ -22,12 +22,12 @@ pub(crate) static POSTERIOR_KL: Op = Op {
     ..entry("causal.posterior_kl", "divergence of diagonal Gaussians from the standard normal prior")
 };
 
-/// A mean over nothing is refused.
+/// A mean over nothing is refused, and so are variances without bound.
 fn some_sample(x: &Checked<'_>) -> Result<()> {
     if x.dim("B") == 0 {
         return Err(Error::input("array 'logvar'").expected("at least one sample").got("none"));
     }
-    Ok(())
+    bounded(x)
 }
 
 fn run_posterior_kl(x: &Checked<'_>) -> Result<Ran> {
