@@ -69,7 +69,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     let mut subject = Subject::default();
     for &i in &capture.train {
         let shot = &capture.shots[i];
-        let photo = capture.photo(shot).expect("a picture");
+        let photo = shot.photo().expect("a picture");
         let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo).expect("a square"));
         subject.mu.extend(mu);
         subject.ell.extend(ell);

@@ -3,9 +3,9 @@
 use super::scoring;
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
+use crate::fit::training::Watch;
 use crate::fit::training::{self, Fit, History, Schedule};
 use crate::io::atomic;
-use crate::fit::training::Watch;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::fit::PersonFit;
 use crate::last::host::guide::Guide;

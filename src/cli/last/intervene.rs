@@ -67,7 +67,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got(args.frame.to_string())
     })?;
     let shot = &capture.shots[index];
-    let photo = capture.photo(shot)?;
+    let photo = shot.photo()?;
     let [mu, _] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo)?);
     let camera = &shot.camera;
     let (w, h) = (camera.width, camera.height);

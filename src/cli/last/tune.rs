@@ -60,7 +60,7 @@ pub(in crate::cli) fn subject(trained: &Trained, capture: &PersonCapture) -> Res
     }
     for &i in &capture.train {
         let shot = &capture.shots[i];
-        let photo = capture.photo(shot)?;
+        let photo = shot.photo()?;
         let seen = guide::seen(trained, capture, shot, &photo)?;
         let [mu, ell] = trained.posterior(&seen);
         subject.mu.extend(mu);

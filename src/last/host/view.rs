@@ -71,7 +71,7 @@ impl Target {
     /// # Errors
     /// When they cannot be read, or the person is nowhere in the picture.
     pub fn read(capture: &PersonCapture, shot: &Shot, background: [f32; 3]) -> Result<Self> {
-        let pixels = capture.photo(shot)?;
+        let pixels = shot.photo()?;
         let camera = shot.camera.clone();
         let width = camera.width;
         let mut photo: Vec<f32> = pixels.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
