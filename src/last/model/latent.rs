@@ -18,10 +18,6 @@ use crate::Result;
 use crate::causal::structure::{self, Saved as Swept};
 use crate::causal::{independence, intervene, posterior, posterior_kl, scm_kl};
 use crate::loss::groups;
-use crate::num::order;
-
-/// Range of ℓ; beyond it the gradient is 0.
-const LOG_VARIANCE: [f64; 2] = [-8.0, 4.0];
 
 /// What a batch is made of.
 #[derive(Clone, Debug, PartialEq)]
@@ -332,8 +328,7 @@ impl<'a> In<'a> {
 pub fn forward(x: &In<'_>) -> Result<Out> {
     let d = x.d();
     assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
-    let log_variance: Vec<f64> =
-        x.ell.iter().map(|&l| order::clamp(l, LOG_VARIANCE[0], LOG_VARIANCE[1])).collect();
+    let log_variance: Vec<f64> = x.ell.iter().map(|l| posterior::limited(*l)).collect();
     let drawn = posterior::forward(x.mu, &log_variance, x.eta);
     let linked = |given: &[f64]| -> Linked {
         // The borrow of `given` ends with the call.
@@ -450,8 +445,7 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
     let drawn_bar = x.link_adjoint(&out.sample, decoded_bar[..items * d].to_vec(), &sample_eps, &mut bars);
     posterior::adjoint(&out.log_variance, x.eta, &drawn_bar, &mut bars.mu, &mut bars.ell);
     for (bar, ell) in bars.ell.iter_mut().zip(x.ell) {
-        let inside = *ell >= LOG_VARIANCE[0] && *ell <= LOG_VARIANCE[1];
-        *bar = if inside { *bar } else { 0.0 };
+        *bar = if posterior::within(*ell) { *bar } else { 0.0 };
     }
     bars
 }

@@ -8,7 +8,7 @@ use super::purpose;
 use super::settings::{Reading, Settings, Supervision};
 use super::structure::{Sizes, Structure};
 use crate::Result;
-use crate::causal::{acyclic, mask, structure};
+use crate::causal::{acyclic, independence, mask, structure};
 use crate::num::rng::Rng;
 use crate::tape::{Grads, Params, Tape};
 use ndarray::{ArrayD, IxDyn};
@@ -174,12 +174,9 @@ pub struct Context {
     pub graph: Option<Vec<f64>>,
     /// (n) running variances of the factors
     pub spread: Vec<f64>,
-    /// (d, d) covariances of what L_MI looked at in earlier batches, latest first
-    pub covariances: Vec<Vec<f64>>,
+    /// what L_MI looked at in earlier batches
+    pub history: independence::History,
 }
-
-/// How many batches L_MI remembers.
-pub const REMEMBERED: usize = 3;
 
 /// Losses of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -227,7 +224,7 @@ pub fn run(
     let n = model.sizes.factors;
     let rng = Rng::new(settings.seed);
     let step = context.step;
-    let carried = carry(&context.covariances);
+    let (share, carried) = context.history.carried();
     // Encoder.
     let mut tape = Tape::new();
     let x = tape.constant(model.encoder.batch(inputs(data, &batch.items)));
@@ -255,7 +252,7 @@ pub fn run(
         supervision: settings.supervision,
         weights: super::settings::Weights { kl: context.kl, ..settings.weights },
         placement: settings.placement,
-        carried: carried.as_ref().map(|(sum, share)| (&sum[..], *share)),
+        carried: carried.as_deref().map(|sum| (sum, share)),
     };
     let out = latent::forward(&input)?;
     // Decoder.
@@ -339,17 +336,6 @@ pub fn run(
     }
     let spread = spread(&out.means[..batch.layout.observed * d], n, model.sizes.width);
     Ok(Stepped { losses, grads, spread, covariance: out.covariance().map(<[f64]>::to_vec) })
-}
-
-/// The weighted sum of the covariances of earlier batches, latest first, and the weight of the one to come: ½, ¼, ⅛ against 1, normalised.
-fn carry(covariances: &[Vec<f64>]) -> Option<(Vec<f64>, f64)> {
-    let first = covariances.first()?;
-    let weights: Vec<f64> = (1..=covariances.len()).map(|age| 1.0 / f64::from(1u32 << age)).collect();
-    let total = weights.iter().fold(1.0, |s, w| s + w);
-    let sum = (0..first.len())
-        .map(|at| covariances.iter().zip(&weights).fold(0.0, |s, (c, w)| s + w / total * c[at]))
-        .collect();
-    Some((sum, 1.0 / total))
 }
 
 /// One coordinate from each of Q runs of the P, per item; all of them where P ≤ Q.

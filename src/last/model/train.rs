@@ -14,6 +14,7 @@ use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
 use super::{file::Trained, intervene, verdict};
+use crate::causal::independence::History;
 use crate::causal::repair::repair;
 use crate::fit::training::{Fit, Step, Watch};
 use crate::last::structure::samples::Samples;
@@ -58,7 +59,7 @@ pub struct Training<'a> {
     last_h: Option<f64>,
     rounds: u32,
     spread: Option<Vec<f64>>,
-    covariances: Vec<Vec<f64>>,
+    history: History,
     /// of the last step
     pub losses: Losses,
     /// the final graph, once it is fixed
@@ -90,7 +91,7 @@ impl<'a> Training<'a> {
             last_h: None,
             rounds: 0,
             spread: None,
-            covariances: Vec::new(),
+            history: History::default(),
             losses: Losses::default(),
             graph: None,
         })
@@ -176,12 +177,11 @@ impl<'a> Training<'a> {
             lagrange: moving.then_some([self.lambda, self.rho]),
             graph: self.graph.clone(),
             spread: self.spread.clone().unwrap_or_else(|| vec![1.0; s.factors]),
-            covariances: self.covariances.clone(),
+            history: self.history.clone(),
         };
         let stepped = step::run(&self.model, s, self.data, &batch, &context)?;
         if let Some(covariance) = stepped.covariance {
-            self.covariances.insert(0, covariance);
-            self.covariances.truncate(step::REMEMBERED);
+            self.history.push(covariance);
         }
         let [lr, lr_logits] = self.rates();
         for (name, adam) in &mut self.optimisers {
@@ -291,7 +291,7 @@ impl Fit for Training<'_> {
             out.put("state/spread", &[spread.len()], spread.clone());
         }
         let d = self.model.sizes.latent();
-        out.put("state/covariances", &[self.covariances.len(), d, d], self.covariances.concat());
+        out.put("state/covariances", &[self.history.past.len(), d, d], self.history.past.concat());
         if let Some(graph) = &self.graph {
             let n = self.settings.factors;
             out.put("state/graph", &[n, n], graph.clone());
@@ -315,7 +315,7 @@ impl Fit for Training<'_> {
         let step = from.shape("state/step", "1", &mut dims)?.to_i64();
         let d = self.model.sizes.latent();
         let covariances = from.shape("state/covariances", &format!("M,{d},{d}"), &mut dims)?.to_f64();
-        self.covariances = covariances.chunks_exact(d * d).map(<[f64]>::to_vec).collect();
+        self.history.past = covariances.chunks_exact(d * d).map(<[f64]>::to_vec).collect();
         let spread = from.get("state/spread").is_some();
         let graph = from.get("state/graph").is_some();
         if spread {
