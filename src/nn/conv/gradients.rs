@@ -88,7 +88,7 @@ struct Item {
 }
 
 impl Item {
-    fn new(mut self, x: &In<'_>, cotangent: Cotangent<'_>, b: usize, window: &Window) -> Self {
+    fn made_ready(mut self, x: &In<'_>, cotangent: Cotangent<'_>, b: usize, window: &Window) -> Self {
         let Shape { height, width, channels, outputs, stride, .. } = x.shape;
         let [rows, columns] = x.shape.fitting();
         self.padded = sized(self.padded, (window.pixels() + stride) * channels);
@@ -140,7 +140,7 @@ fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_ba
     let mut held: Vec<Item> = (0..at_once).map(|_| Item::default()).collect();
     for first in (0..batch).step_by(at_once) {
         held.truncate(batch - first);
-        held = par::map_each(held, |i, item| item.new(x, cotangent, first + i, &window));
+        held = par::map_each(held, |i, item| item.made_ready(x, cotangent, first + i, &window));
         par::chunks_mut(&mut sums, share * outputs, |task, sums| {
             for item in &held {
                 let patches = Grid {
