@@ -21,7 +21,7 @@
 //!    geometry       rays and triangles            11  oracle     somebody's arrays
 //! 5  splat          Gaussians to pictures         13  cli        commands and reports
 //!    shade          materials and light
-//!    body           joints to transforms
+//!    body           joints to transforms, skinning
 //! ```
 //!
 //! # Example

@@ -8,6 +8,8 @@ use crate::num::{order, par};
 
 /// Tasks that share the kernel entries in the weight's gradient.
 const SHARES: usize = 8;
+/// Columns summed at a time.
+const SUMS: usize = 16;
 /// Rows of a register tile: what is shared comes in multiples of it.
 const TILE: usize = 6;
 /// Numbers of the padded pictures that are held at a time for the weight's gradient.
@@ -63,6 +65,17 @@ fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, x_bar: &mut InBar) {
     }
 }
 
+/// Sums of columns `first..first + N` of a matrix of `n` columns, each a left fold.
+fn column_sums<const N: usize>(values: &[f32], n: usize, first: usize) -> [f32; N] {
+    values.chunks_exact(n).fold([0.0; N], |mut sums, row| {
+        let row: &[f32; N] = row[first..first + N].try_into().expect("as many numbers as sums");
+        for (sum, x) in sums.iter_mut().zip(row) {
+            *sum += *x;
+        }
+        sums
+    })
+}
+
 /// What the gradients of weight and bias need of one item.
 #[derive(Default)]
 struct Item {
@@ -88,8 +101,13 @@ impl Item {
         cotangent.read(b * size, &mut bar[..size]);
         self.sums.clear();
         self.sums.resize(outputs, 0.0);
-        for pixel in bar[..size].chunks_exact(outputs) {
-            self.sums.iter_mut().zip(pixel).for_each(|(sum, g)| *sum += *g);
+        let (some, rest) = self.sums.as_chunks_mut::<SUMS>();
+        let done = some.len() * SUMS;
+        for (i, sums) in some.iter_mut().enumerate() {
+            *sums = column_sums(&bar[..size], outputs, i * SUMS);
+        }
+        for (i, sum) in rest.iter_mut().enumerate() {
+            [*sum] = column_sums(&bar[..size], outputs, done + i);
         }
         let view = View::new(&bar[..size], rows * columns, outputs);
         self.cotangent = Some(match self.cotangent {

@@ -143,9 +143,14 @@ impl Left for Grid<'_> {
     }
 }
 
-/// Rows of a product from row `top` on, by this thread; they may lie apart.
-fn product(a: impl Left, k: usize, b: &Packed, how: Finish<'_>, mut top: usize, mut rows: Vec<&mut [f32]>) {
-    assert_eq!(k, b.k, "both factors have the same k");
+/// Rows of a product from row `top` on, at most `at_once` in a block, by this thread; they may lie apart.
+fn product(
+    a: impl Left,
+    b: &Packed,
+    how: Finish<'_>,
+    (mut top, at_once): (usize, usize),
+    mut rows: Vec<&mut [f32]>,
+) {
     assert!(rows.iter().all(|row| row.len() == b.n), "a row of the product per row of the left factor");
     if let Some(bias) = how.bias() {
         assert_eq!(bias.len(), b.n, "one bias per column");
@@ -153,11 +158,13 @@ fn product(a: impl Left, k: usize, b: &Packed, how: Finish<'_>, mut top: usize, 
     if b.n == 0 {
         return;
     }
-    while !rows.is_empty() {
-        let rest = rows.split_off(rows.len().min(BLOCK_ROWS));
-        let n = rows.len();
+    while rows.len() > at_once {
+        let rest = rows.split_off(at_once);
         block(a, b, Task { top, left: 0, rows }, how);
-        (top, rows) = (top + n, rest);
+        (top, rows) = (top + at_once, rest);
+    }
+    if !rows.is_empty() {
+        block(a, b, Task { top, left: 0, rows }, how);
     }
 }
 
@@ -167,7 +174,8 @@ fn product(a: impl Left, k: usize, b: &Packed, how: Finish<'_>, mut top: usize, 
 /// When the shapes do not fit, or a run lies outside the memory.
 pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, rows: Vec<&mut [f32]>) {
     assert_eq!(a.starts.len(), rows.len(), "a row of the product per row of the left factor");
-    product(a, a.k(), b, how, 0, rows);
+    assert_eq!(a.k(), b.k, "both factors have the same k");
+    product(a, b, how, (0, BLOCK_ROWS), rows);
 }
 
 /// Rows of a·b from row `top` on for a picture's patches taken the other way round, on this thread; `rows` are those of the product,
@@ -177,5 +185,6 @@ pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, rows: Vec<&mut [f32]>
 /// When the shapes do not fit, or a run lies outside the memory.
 pub fn gemm_grid(a: Grid<'_>, top: usize, b: &Packed, how: Finish<'_>, rows: Vec<&mut [f32]>) {
     assert!(top + rows.len() <= a.m(), "a row of the product per row of the left factor");
-    product(a, a.k(), b, how, top, rows);
+    assert_eq!(a.k(), b.k, "both factors have the same k");
+    product(a, b, how, (top, rows.len()), rows);
 }
