@@ -22,7 +22,7 @@
 //! 5  splat          Gaussians to pictures         13  cli        commands and reports
 //!    causal         factors and their graph
 //!    shade          materials and light
-//!    body           joints to transforms
+//!    body           joints to transforms, skinning
 //! ```
 //!
 //! # Example

@@ -3,9 +3,13 @@
 mod common;
 
 use common::program::{code, json, lastlight, refused, stderr, stdout};
+use lastlight::io::safetensors;
+use lastlight::loss::lpips::{CONVOLUTIONS, NO_WEIGHTS, Weights};
+use lastlight::num::array::Arrays;
 use lastlight::scene::convert::write_scene;
 use lastlight::scene::gaussians::Gaussians;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// A ball of 200 coloured Gaussians, in `dir/ball.ply`.
@@ -52,6 +56,40 @@ fn workplace() -> tempfile::TempDir {
     ];
     assert_eq!(json(&args, dir.path())["pictures"], 10, "ten pictures");
     dir
+}
+
+/// The formula's weights of LPIPS as a file under torchvision's names.
+fn write_formula(path: &Path) {
+    let formula = Weights::by_formula();
+    let mut arrays = Arrays::new();
+    for (layer, (at, ..)) in formula.layers.iter().zip(CONVOLUTIONS) {
+        let (o, i) = (layer.outputs, layer.inputs);
+        let torch = (0..o * i * 9).map(|k| layer.weight[(k / (9 * i) * 9 + k % 9) * i + k / 9 % i]).collect();
+        arrays.put::<f32>(&format!("features.{at}.weight"), &[o, i, 3, 3], torch);
+        arrays.put(&format!("features.{at}.bias"), &[o], layer.bias.clone());
+    }
+    for (j, head) in formula.heads.into_iter().enumerate() {
+        arrays.put(&format!("lin{j}.model.1.weight"), &[1, head.len(), 1, 1], head);
+    }
+    safetensors::write(path, &arrays, &BTreeMap::new()).expect("writes");
+}
+
+#[test]
+fn lpips_needs_weights_and_says_so() {
+    let (place, eval) = (workplace(), ["splat", "eval", "ball.ply", "capture", "--views", "all"]);
+    let dir = place.path();
+    let without = lastlight(&eval, dir);
+    assert!(stderr(&without).lines().any(|l| l == NO_WEIGHTS), "{}", stderr(&without));
+    assert!(!stdout(&without).contains("LPIPS"), "no number under that name: {}", stdout(&without));
+    let with = |more: &[&'static str]| [&eval[..], more].concat();
+    assert!(json(&with(&["--json", "--quiet"]), dir)["lpips"].is_null(), "nor in the record");
+    refused(&with(&["--lpips", "none.safetensors"]), dir, 2, &["none.safetensors"]);
+    write_formula(&dir.join("vgg.safetensors"));
+    let record = json(&with(&["--lpips", "vgg.safetensors", "--json", "--quiet"]), dir)["lpips"].clone();
+    assert_eq!(record["name"], "LPIPS-vgg", "{record}");
+    let views = record["views"].as_array().expect("one number per view");
+    assert!(views.len() == 10 && views.iter().all(|v| v.as_f64().is_some_and(|v| v >= 0.0)), "{record}");
+    assert!(record["mean"].as_f64().is_some_and(|m| m < 0.01), "quantised renders of itself: {record}");
 }
 
 #[test]

@@ -5,7 +5,7 @@
 //! A joint without a parent has Q_k = ℛ(θ_k) ℛ(δ_k) and c_k = j_k. T_k takes a point at rest to its posed place (SMPL; the correction is that of
 //! GauHuman). ℛ is Rodrigues' formula,
 //!
-//! ℛ(w) = I + a [w]ₓ + b [w]ₓ²,   a = sin θ/θ,   b = (1 − cos θ)/θ² = ½ (sin ½θ/½θ)²,   θ = ‖w‖
+//! ℛ(w) = I + a K + b K²,   K v = w × v,   a = sin θ/θ,   b = (1 − cos θ)/θ² = ½ (sin ½θ/½θ)²,   θ = ‖w‖
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|

@@ -2,7 +2,7 @@
 //!
 //! Q_k = Q_p ℛ(θ_k) ℛ(δ_k),   c_k = c_p + Q_p (j_k − j_p),   T_k = [Q_k | c_k − Q_k j_k],   p = parent of k; without one Q_k = ℛℛ, c_k = j_k
 //!
-//! ℛ(w) = I + a [w]ₓ + b [w]ₓ²,   a = sin θ/θ,   b = (1 − cos θ)/θ²,   θ = ‖w‖
+//! ℛ(w) = I + a K + b K²,   K v = w × v,   a = sin θ/θ,   b = (1 − cos θ)/θ²,   θ = ‖w‖
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
