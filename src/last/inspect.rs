@@ -27,6 +27,9 @@ const TEST_CAMERAS: usize = 4;
 /// Share of points on the mask below which a picture is worth a note.
 const AGREES: f64 = 0.8;
 
+/// Share of the mask in the box below which a picture is worth a note.
+const CONTAINS: f64 = 0.9;
+
 /// Distance in pixels of the capture within which a point counts as on the mask.
 const SLACK: isize = 2;
 
@@ -77,6 +80,13 @@ pub fn inspect(path: &Path, count: usize) -> Result<Report> {
                 Ok(photo) => looks.push(look(c, shot, &photo)),
                 Err(e) => problems.push(e),
             }
+        }
+        for l in looks.iter().filter(|l| l.in_box < CONTAINS) {
+            notes.push(format!(
+                "{}: only {:.0} % of the mask lie in the box around the posed points, where metrics look",
+                l.name,
+                100.0 * l.in_box
+            ));
         }
         for l in looks.iter().filter(|l| l.on_mask < AGREES) {
             notes.push(format!(

@@ -85,7 +85,7 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
             .collect();
         out.push(format!("{}: {}", c.folder.display(), t.kind.name()));
         out.push(format!(
-            "body      {} points, {} faces, {} joints, {} of a metre per unit{}",
+            "body      {} points, {} faces, {} joints, {} m per unit{}",
             t.len(),
             t.faces.len(),
             t.joints.len(),
