@@ -86,7 +86,7 @@ pub fn conv(tape: &mut Tape, [x, weight, bias]: [Var; 3], [stride, pad]: [usize;
     let input = conv_in(&arrays, stride, pad);
     let [rows, columns] = input.shape.out().expect("the kernel fits into the padded picture");
     let shape = [input.shape.batch, rows, columns, input.shape.outputs];
-    let mut y = vec![0.0; shape.iter().product()];
+    let mut y = vec![0.0; shape.iter().fold(1, |n, s| n * s)];
     conv::forward_leaky(input, slope, &mut y);
     let y = Arc::new(shaped(&shape, y));
     let kept = (slope, Arc::clone(&y));

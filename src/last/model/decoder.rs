@@ -18,7 +18,7 @@
 //! Layers as `nn.linear`. L_b is a left fold over (q, c) in f64. Gradients of the weights are one chain over q per item, finished before
 //! items are added in index order, so a batch may be split into consecutive parts.
 
-use super::encoder::he_uniform;
+use super::encoder::{he_uniform, size};
 use crate::nn::act::leaky_relu_back;
 use crate::num::gemm::{Finish, Packed, View, gemm, gemm_packed};
 use crate::num::{elem, par};
@@ -212,7 +212,7 @@ impl Decoder {
         let mut out = Passed {
             losses: Vec::with_capacity(targets.len()),
             z_bar: Vec::with_capacity(z.len()),
-            grads: self.shapes().iter().map(|(_, shape)| vec![0.0; shape.iter().product()]).collect(),
+            grads: self.shapes().iter().map(|(_, shape)| vec![0.0; size(shape)]).collect(),
         };
         for first in (0..targets.len()).step_by(HELD) {
             let part = &targets[first..Ord::min(first + HELD, targets.len())];

@@ -172,15 +172,20 @@ impl Encoder {
     }
 }
 
+/// Number of entries of an array.
+pub(super) fn size(shape: &[usize]) -> usize {
+    shape.iter().fold(1, |n, s| n * s)
+}
+
 /// U(±√(6/((1 + slope²)·inputs))) for weights, whose first axis counts outputs; 0 for biases. `at` numbers the array.
 pub(super) fn he_uniform(seed: u64, at: u32, shape: &[usize], slope: f32) -> ArrayD<f32> {
-    let inputs: usize = shape[1..].iter().product();
+    let inputs = size(shape.get(1..).unwrap_or_default());
     if shape.len() < 2 {
         return ArrayD::zeros(IxDyn(shape));
     }
     let bound = (6.0 / ((1.0 + slope * slope) * inputs as f32)).sqrt();
     let rng = Rng::new(seed);
-    let values = (0..shape.iter().product::<usize>())
+    let values = (0..size(shape))
         .map(|i| (2.0 * rng.uniform_f32(i as u64, at, purpose::INITIAL, 0) - 1.0) * bound)
         .collect();
     ArrayD::from_shape_vec(IxDyn(shape), values).expect("as many values as the shape has")

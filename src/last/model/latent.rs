@@ -538,7 +538,7 @@ mod tests {
                     let mut params = Params::new();
                     sizes.draw(1, &mut params);
                     for (at, (name, shape)) in sizes.shapes().into_iter().enumerate() {
-                        let values = draws(50 + at as u16, shape.iter().product());
+                        let values = draws(50 + at as u16, super::super::encoder::size(&shape));
                         let array = params.get_mut(&name).expect("drawn");
                         array.iter_mut().zip(values).for_each(|(a, v)| *a = (0.3 * v) as f32);
                     }

@@ -201,7 +201,7 @@ impl<'a> Training<'a> {
             Some(old) => old.iter().zip(&stepped.spread).map(|(o, n)| mix(*o, *n)).collect(),
         });
         self.step += 1;
-        if moving && (self.step - self.settings.freeze) % self.settings.round == 0 {
+        if moving && (self.step - self.settings.freeze).is_multiple_of(self.settings.round) {
             self.next_round(stepped.losses.acyclic);
         }
         Ok(stepped.losses)

@@ -210,12 +210,10 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
         .collect();
     let targets: Vec<usize> = data.groups()[..groups].iter().map(|g| g.target).collect();
     verdict.target_accuracy = target_accuracy(&guesses, &targets, &verdict.matched)?;
-    if let Some(truth) = &verdict.truth {
-        if n == truth.n() {
-            let each: Vec<usize> = targets.iter().flat_map(|t| vec![*t; members]).collect();
-            let blocks = |values| Blocks { values, n, k };
-            verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, truth)?;
-        }
+    if let Some(truth) = verdict.truth.as_ref().filter(|truth| truth.n() == n) {
+        let each: Vec<usize> = targets.iter().flat_map(|t| vec![*t; members]).collect();
+        let blocks = |values| Blocks { values, n, k };
+        verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, truth)?;
     }
     // Counterfactuals of the groups' own values.
     let few = Ord::min(DECODED / members, groups);
