@@ -229,7 +229,8 @@ fn run_conv(x: &Checked<'_>) -> Result<Ran> {
 fn unread(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
     let shape = conv_shape(x)?;
     let read = |size: usize, kernel: usize, outputs: usize| -> Vec<bool> {
-        let sees = |at: usize, r: usize| (r * shape.stride..r * shape.stride + kernel).contains(&(at + shape.pad));
+        let sees =
+            |at: usize, r: usize| (r * shape.stride..r * shape.stride + kernel).contains(&(at + shape.pad));
         (0..size).map(|at| (0..outputs).any(|r| sees(at, r))).collect()
     };
     let [rows, columns] = shape.out().expect("checked before");

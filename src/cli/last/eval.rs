@@ -3,6 +3,7 @@
 use super::{fit, scoring};
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
+use crate::fit::training::Watch;
 use crate::last::host::store;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};

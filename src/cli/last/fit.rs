@@ -3,7 +3,7 @@
 use super::scoring;
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
-use crate::fit::training::{self, Fit, History, Schedule};
+use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::io::atomic;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::fit::PersonFit;
@@ -54,6 +54,9 @@ pub(in crate::cli) struct Args {
     /// Weight of 1 - SSIM on the box crop [default: that of the host]
     #[arg(long, value_name = "W", help_heading = "Host")]
     ssim_weight: Option<f32>,
+    /// The host as published: one background, no assumptions about the hidden side, no gains
+    #[arg(long, help_heading = "Host")]
+    published: bool,
     /// Learn corrections of the skinning weights
     #[arg(long, help_heading = "Host")]
     weights_network: bool,
@@ -144,7 +147,7 @@ impl Guided {
 
 impl Args {
     fn settings(&self, has_guide: bool) -> Result<Settings> {
-        let host = Settings::host();
+        let host = if self.published { Settings::published() } else { Settings::host() };
         let mut settings = Settings {
             iterations: self.iterations,
             seed: self.seed,
@@ -228,7 +231,8 @@ impl Job<'_> {
         let groups = scoring::groups(avatar, self.capture, meter)?;
         meter.lap("evaluation");
         store::write(&self.dir.join("avatar.safetensors"), avatar, self.capture, &settings)?;
-        let time: serde_json::Map<String, Value> = meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
+        let time: serde_json::Map<String, Value> =
+            meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
         let tally = fit.tally();
         let record = json!({
             "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest,
@@ -252,7 +256,10 @@ impl Job<'_> {
             groups: &groups,
             time: meter.parts(),
             total_seconds: meter.seconds(),
-            files: scoring::sizes(&self.dir, &["avatar.safetensors", "checkpoint.safetensors", "result.json"]),
+            files: scoring::sizes(
+                &self.dir,
+                &["avatar.safetensors", "checkpoint.safetensors", "result.json"],
+            ),
         })?;
         let page = page.write(&self.dir)?;
         if self.json {

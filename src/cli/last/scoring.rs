@@ -40,9 +40,14 @@ pub(super) fn groups(avatar: &Avatar, capture: &PersonCapture, meter: &mut Meter
 /// A table for the terminal: the metrics by group.
 pub(super) fn text(groups: &[Group]) -> String {
     let Some(first) = groups.first() else { return String::new() };
-    let mut lines = vec![groups.iter().fold(format!("{:24}", ""), |line, g| line + &format!("{:>18}", g.name))];
+    let mut lines =
+        vec![groups.iter().fold(format!("{:24}", ""), |line, g| line + &format!("{:>18}", g.name))];
     for (i, (name, _)) in first.mean.named().iter().enumerate() {
-        lines.push(groups.iter().fold(format!("{name:24}"), |line, g| line + &format!("{:>18.4}", g.mean.named()[i].1)));
+        lines.push(
+            groups
+                .iter()
+                .fold(format!("{name:24}"), |line, g| line + &format!("{:>18.4}", g.mean.named()[i].1)),
+        );
     }
     lines.join("\n")
 }

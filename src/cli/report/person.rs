@@ -129,10 +129,20 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             body: guide(&t),
         });
     }
-    sections.push(Section { id: "time", title: "Where the time went", lead: String::new(), body: time(&x.time, x.total_seconds) });
+    sections.push(Section {
+        id: "time",
+        title: "Where the time went",
+        lead: String::new(),
+        body: time(&x.time, x.total_seconds),
+    });
     if !x.files.is_empty() {
         let rows: Vec<_> = x.files.iter().map(|(n, b)| vec![code(n), text(bytes(*b))]).collect();
-        sections.push(Section { id: "files", title: "Files", lead: String::new(), body: table(&["file", ">size"], &rows) });
+        sections.push(Section {
+            id: "files",
+            title: "Files",
+            lead: String::new(),
+            body: table(&["file", ">size"], &rows),
+        });
     }
     sections.push(Section {
         id: "settings",
@@ -269,7 +279,10 @@ fn guide(t: &Tally) -> Markup {
         vec![text("renders"), text(thousands(t.renders as usize))],
         vec![text("encoder passes"), text(thousands(t.encodings as usize))],
         vec![text("steps of child factors bounded by λ"), text(share(t.bound as f64, t.capped as f64))],
-        vec![text("picture area without influence on the factors (|g| < 1e-8)"), text(share(t.blind, t.gradients as f64))],
+        vec![
+            text("picture area without influence on the factors (|g| < 1e-8)"),
+            text(share(t.blind, t.gradients as f64)),
+        ],
     ];
     table(&["what", ">how much"], &rows)
 }

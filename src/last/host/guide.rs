@@ -91,7 +91,8 @@ impl Window {
     /// Pixels of the picture in block (r, c), as indices.
     fn block(&self, r: usize, c: usize) -> impl Iterator<Item = usize> + '_ {
         let f = self.factor;
-        let inside = |start: isize, i: usize, n: usize| usize::try_from(start + i as isize).ok().filter(|&x| x < n);
+        let inside =
+            |start: isize, i: usize, n: usize| usize::try_from(start + i as isize).ok().filter(|&x| x < n);
         (0..f * f).filter_map(move |e| {
             let y = inside(self.top, r * f + e / f, self.height)?;
             let x = inside(self.left, c * f + e % f, self.width)?;
@@ -139,7 +140,11 @@ mod tests {
     fn averages_and_their_adjoint_agree() {
         let image: Vec<f32> = (0..6 * 6 * 3).map(|i| (i % 17) as f32).collect();
         let whole = Window::new(Framing::Whole, 3, [6, 6], [[0, 0], [6, 6]]).expect("6 = 2·3");
-        assert_eq!(whole.take(&image)[0], (image[0] + image[3] + image[18] + image[21]) / 4.0, "a block's mean");
+        assert_eq!(
+            whole.take(&image)[0],
+            (image[0] + image[3] + image[18] + image[21]) / 4.0,
+            "a block's mean"
+        );
         let person = Window::new(Framing::Person, 3, [6, 6], [[1, 2], [4, 5]]).expect("always fits");
         for window in [whole, person] {
             let bar: Vec<f32> = (0..27).map(|i| (i % 5) as f32 - 2.0).collect();

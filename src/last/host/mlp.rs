@@ -113,7 +113,11 @@ impl Mlp {
             layer.adam[1].step(&mut layer.bias, &grad.bias, &[rate], None).map_err(named)?;
             if l > 0 {
                 let (k, n) = (layer.k, layer.k - if self.skip == Some(l) { self.input } else { 0 });
-                bar = if n == k { grad.x } else { grad.x.chunks_exact(k).flat_map(|r| &r[..n]).copied().collect() };
+                bar = if n == k {
+                    grad.x
+                } else {
+                    grad.x.chunks_exact(k).flat_map(|r| &r[..n]).copied().collect()
+                };
                 // What left the layer before is what entered this one: above 0 where it passed.
                 par::chunks_mut(&mut bar, n * 64, |c, bar| {
                     for (r, row) in bar.chunks_exact_mut(n).enumerate() {

@@ -53,7 +53,9 @@ fn inverse(a: &A64) -> A64 {
 
 /// Cotangent of b in a ∘ b.
 fn right_bar(a: &A64, bar: &A64) -> A64 {
-    std::array::from_fn(|i| std::array::from_fn(|j| (a[0][i] * bar[0][j] + a[1][i] * bar[1][j]) + a[2][i] * bar[2][j]))
+    std::array::from_fn(|i| {
+        std::array::from_fn(|j| (a[0][i] * bar[0][j] + a[1][i] * bar[1][j]) + a[2][i] * bar[2][j])
+    })
 }
 
 /// Cotangent of a in a ∘ b.
@@ -138,7 +140,12 @@ pub fn forward(template: &Template, transforms: &[Affine], corrections: &[[f64; 
 }
 
 /// (K) v̄ from the cotangents of B.
-pub fn adjoint(template: &Template, corrections: &[[f64; 3]], saved: &Corrected, bar: &[A64]) -> Vec<[f64; 3]> {
+pub fn adjoint(
+    template: &Template,
+    corrections: &[[f64; 3]],
+    saved: &Corrected,
+    bar: &[A64],
+) -> Vec<[f64; 3]> {
     let mut bar = bar.to_vec();
     let mut v_bar = vec![[0.0; 3]; bar.len()];
     for &k in template.order.iter().rev() {
@@ -168,8 +175,11 @@ mod tests {
 
     #[test]
     fn rotations_differentiate() {
-        for v in [[0.0, 0.0, 0.0], [1e-3, -2e-3, 5e-4], [0.006, -0.004, 0.003], [0.4, -1.1, 0.7], [-1.8, 1.2, 2.0]] {
-            let seeds: M3 = std::array::from_fn(|i| std::array::from_fn(|j| 0.2 + 0.37 * i as f64 - 0.21 * j as f64));
+        for v in
+            [[0.0, 0.0, 0.0], [1e-3, -2e-3, 5e-4], [0.006, -0.004, 0.003], [0.4, -1.1, 0.7], [-1.8, 1.2, 2.0]]
+        {
+            let seeds: M3 =
+                std::array::from_fn(|i| std::array::from_fn(|j| 0.2 + 0.37 * i as f64 - 0.21 * j as f64));
             let value = |v: [f64; 3]| {
                 let r = rotation_matrix(v);
                 (0..9).fold(0.0, |s, e| s + seeds[e / 3][e % 3] * r[e / 3][e % 3])

@@ -92,8 +92,13 @@ macro_rules! named {
 
 named!(Cap, "--lambda-mode", "rel, abs or stop", Relative = "rel", Absolute = "abs", Stop = "stop");
 named!(
-    Order, "--order", "topo, reverse, random or none",
-    Topological = "topo", Reverse = "reverse", Random = "random", None = "none"
+    Order,
+    "--order",
+    "topo, reverse, random or none",
+    Topological = "topo",
+    Reverse = "reverse",
+    Random = "random",
+    None = "none"
 );
 named!(Keys, "--keys", "swap, random or all", Swap = "swap", Random = "random", All = "all");
 
@@ -148,7 +153,9 @@ impl Progressive {
                 .got(self.lambda.to_string()));
         }
         if !(self.share > 0.0 && self.share <= 1.0) {
-            return Err(Error::input("--key-share").expected("above 0, at most 1").got(self.share.to_string()));
+            return Err(Error::input("--key-share")
+                .expected("above 0, at most 1")
+                .got(self.share.to_string()));
         }
         for (name, n) in [("--key-every", self.every), ("--key-views", self.views)] {
             if n == 0 {
@@ -282,7 +289,13 @@ fn attribute_mut(g: &mut Gaussians, a: usize) -> &mut [f32] {
 }
 
 /// RMS of u over the keys of factor i, per attribute; 0 without keys.
-pub fn sizes(before: &Gaussians, after: &Gaussians, rates: &Rates, members: &[u32], i: usize) -> [f64; ATTRIBUTES] {
+pub fn sizes(
+    before: &Gaussians,
+    after: &Gaussians,
+    rates: &Rates,
+    members: &[u32],
+    i: usize,
+) -> [f64; ATTRIBUTES] {
     std::array::from_fn(|a| {
         let ((x, width, rate), (y, ..)) = (attribute(before, rates, a), attribute(after, rates, a));
         let (mut sum, mut count) = (0.0f64, 0usize);
@@ -362,7 +375,13 @@ pub fn norm(grad: &Gaussians, members: &[u32], i: usize) -> f64 {
 }
 
 /// The step −clip_norm(∇, λ) of a level's blocks, with rate 1. Gives how many factors were bound.
-pub fn clipped(g: &mut Gaussians, grad: &Gaussians, members: &[u32], factors: &[usize], lambda: f64) -> usize {
+pub fn clipped(
+    g: &mut Gaussians,
+    grad: &Gaussians,
+    members: &[u32],
+    factors: &[usize],
+    lambda: f64,
+) -> usize {
     let mut scale = vec![[1.0; ATTRIBUTES]; factors.iter().fold(0, |m, &i| Ord::max(m, i + 1))];
     let mut bound = 0;
     for &i in factors {
@@ -423,7 +442,8 @@ mod tests {
             sh: vec![d; 12],
             sh_degree: 0,
         };
-        let rates = Rates { means: 0.25, quats: 0.5, scales_log: 0.5, opacity_logits: 0.5, sh_dc: 0.5, sh_rest: 0.5 };
+        let rates =
+            Rates { means: 0.25, quats: 0.5, scales_log: 0.5, opacity_logits: 0.5, sh_dc: 0.5, sh_rest: 0.5 };
         let (before, after) = (g(0.0), g(0.5));
         let plan = Plan::new(&Digraph::new(2, &[(0, 1)]), Order::Topological, 0).expect("no cycle");
         let members = [1, 3, 2, 0];
@@ -444,7 +464,13 @@ mod tests {
         assert_eq!(direct.means[0], before.means[0], "not in the block");
         let mut clip = before.clone();
         assert_eq!(clipped(&mut clip, &after, &members, &[1], 0.1), 1, "bound");
-        let moved: f64 = clip.means.as_flattened().iter().zip(before.means.as_flattened()).map(|(a, b)| f64::from((a - b) * (a - b))).sum();
+        let moved: f64 = clip
+            .means
+            .as_flattened()
+            .iter()
+            .zip(before.means.as_flattened())
+            .map(|(a, b)| f64::from((a - b) * (a - b)))
+            .sum();
         assert!(moved.sqrt() < 0.1001, "no longer than λ");
     }
 }

@@ -217,8 +217,8 @@ pub fn adjoint(
             let outer = |u: [f32; 3], v: [f32; 3], f: &[f32; 9]| -> [f32; 9] {
                 std::array::from_fn(|e| {
                     let (i, j) = (e / 3, e % 3);
-                    let along =
-                        (f[3 * i] * row.h[3 * j] + f[3 * i + 1] * row.h[3 * j + 1]) + f[3 * i + 2] * row.h[3 * j + 2];
+                    let along = (f[3 * i] * row.h[3 * j] + f[3 * i + 1] * row.h[3 * j + 1])
+                        + f[3 * i + 2] * row.h[3 * j + 2];
                     u[i] * v[j] + along
                 })
             };
@@ -270,7 +270,13 @@ mod tests {
             canonical: canonical.then(|| vec![turn(0.2, [0.0, 0.1, 0.0]), turn(-0.3, [0.3, 0.0, 0.0])]),
         };
         let f = [0.5, 0.1, -0.2, 0.05, 0.7, 0.3, -0.1, 0.2, 0.9];
-        (bones, vec![0.3, 0.7, 0.9, 0.1], vec![[0.2, 0.5, -0.1], [1.0, -0.3, 0.4]], vec![f; 2], vec![[0.01, 0.02, -0.03]; 2])
+        (
+            bones,
+            vec![0.3, 0.7, 0.9, 0.1],
+            vec![[0.2, 0.5, -0.1], [1.0, -0.3, 0.4]],
+            vec![f; 2],
+            vec![[0.01, 0.02, -0.03]; 2],
+        )
     }
 
     /// Σ of fixed multiples of every output.

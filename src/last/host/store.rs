@@ -2,9 +2,11 @@
 
 use super::avatar::Avatar;
 use super::body::Body;
+use super::light::Light;
 use super::settings::Settings;
 use crate::io::safetensors;
 use crate::num::array::{Array, Arrays};
+use crate::optim::adam::{Adam, Rule};
 use crate::scene::camera::{Camera, Model};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::person::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Template};
@@ -44,6 +46,28 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
             net.save(name, state, out);
         }
     }
+    if let Some(light) = &avatar.light {
+        out.put("light/gains", &[light.gains.len(), 3], light.gains.as_flattened().to_vec());
+        if state {
+            light.adam.save("light/adam", out);
+        }
+    }
+}
+
+/// Takes back the gains that [`put`] put, as many as there are.
+pub(super) fn get_light(light: &mut Light, state: bool, from: &Arrays) -> Result<()> {
+    let moments = light.gains.len();
+    let gains = from.shape("light/gains", &format!("{moments},3"), &mut BTreeMap::new())?.to_f32();
+    from.finite(["light/gains"])?;
+    light.gains = gains.as_chunks().0.to_vec();
+    if state {
+        let adam = Adam::load(Rule::SPLAT, "light/adam", from)?;
+        if (adam.rows(), adam.width()) != (moments, 3) {
+            return Err(Error::input("array 'light/adam.m'").expected(format!("shape [{moments}, 3]")));
+        }
+        light.adam = adam;
+    }
+    Ok(())
 }
 
 /// Counts below 2³² of an integer array.
@@ -80,7 +104,11 @@ fn flat(a: &[Affine]) -> Vec<f32> {
 }
 
 fn affines(a: &[f32]) -> Vec<Affine> {
-    a.as_chunks::<12>().0.iter().map(|m| std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j]))).collect()
+    a.as_chunks::<12>()
+        .0
+        .iter()
+        .map(|m| std::array::from_fn(|i| std::array::from_fn(|j| m[4 * i + j])))
+        .collect()
 }
 
 /// Writes an avatar with the poses and the training cameras of its capture.
@@ -93,7 +121,11 @@ pub fn write(path: &Path, avatar: &Avatar, capture: &PersonCapture, settings: &V
     let t = &avatar.body.template;
     let (p, k, moments) = (t.len(), t.joints.len(), capture.poses.len());
     out.put("body/points", &[p, 3], t.points.as_flattened().to_vec());
-    out.put("body/joint_of", &[p, INFLUENCES], t.joint_of.as_flattened().iter().map(|&j| i64::from(j)).collect());
+    out.put(
+        "body/joint_of",
+        &[p, INFLUENCES],
+        t.joint_of.as_flattened().iter().map(|&j| i64::from(j)).collect(),
+    );
     out.put("body/weight_of", &[p, INFLUENCES], t.weight_of.as_flattened().to_vec());
     out.put("body/joints", &[k, 3], t.joints.as_flattened().to_vec());
     out.put("body/parents", &[k], t.parents.iter().map(|p| p.map_or(-1, |p| p as i64)).collect());
@@ -112,11 +144,13 @@ pub fn write(path: &Path, avatar: &Avatar, capture: &PersonCapture, settings: &V
         }
     }
     let rows = cameras.iter().flat_map(|(_, c)| {
-        let view = c.rotation.as_flattened().iter().chain(&c.translation).chain(&c.focal_px).chain(&c.center_px);
+        let view =
+            c.rotation.as_flattened().iter().chain(&c.translation).chain(&c.focal_px).chain(&c.center_px);
         view.copied().collect::<Vec<f32>>()
     });
     out.put("cameras/numbers", &[cameras.len(), 16], rows.collect());
-    let sizes = cameras.iter().flat_map(|(id, c)| [*id as i64, c.width as i64, c.height as i64, c.model as i64]);
+    let sizes =
+        cameras.iter().flat_map(|(id, c)| [*id as i64, c.width as i64, c.height as i64, c.model as i64]);
     out.put("cameras/sizes", &[cameras.len(), 4], sizes.collect());
     let meta = BTreeMap::from([
         ("kind".to_owned(), KIND.to_owned()),
@@ -139,9 +173,9 @@ pub fn read(path: &Path) -> Result<Stored> {
 
 fn from_parts(a: &Arrays, meta: &BTreeMap<String, String>) -> Result<Stored> {
     let text = |key: &str| {
-        meta.get(key)
-            .map(String::as_str)
-            .ok_or_else(|| Error::input("metadata").at(key).expected("an avatar written by a fit").got("no such entry"))
+        meta.get(key).map(String::as_str).ok_or_else(|| {
+            Error::input("metadata").at(key).expected("an avatar written by a fit").got("no such entry")
+        })
     };
     if text("kind")? != KIND {
         return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?));
@@ -155,13 +189,14 @@ fn from_parts(a: &Arrays, meta: &BTreeMap<String, String>) -> Result<Stored> {
     let mut dims = BTreeMap::new();
     let transforms = a.shape("poses/transforms", &format!("T,{k},3,4"), &mut dims)?.to_f32();
     let angles = a.shape("poses/axis_angles", &format!("T,{k},3"), &mut dims)?.to_f32();
-    let poses = affines(&transforms)
+    let poses: Vec<Pose> = affines(&transforms)
         .chunks(k)
         .zip(angles.as_chunks::<3>().0.chunks(k))
         .map(|(t, v)| Pose { transforms: t.to_vec(), axis_angles: v.to_vec(), global: None })
         .collect();
     let cameras = cameras(a)?;
-    let degree = settings["sh_degree"].as_u64().filter(|d| *d <= 3).ok_or_else(|| wrong("sh_degree"))? as usize;
+    let degree =
+        settings["sh_degree"].as_u64().filter(|d| *d <= 3).ok_or_else(|| wrong("sh_degree"))? as usize;
     let (gaussians, nearest) = get(degree, a)?;
     let body = Body::new(&template);
     let [mut weights, mut pose] = Avatar::networks(&body)?;
@@ -174,7 +209,16 @@ fn from_parts(a: &Arrays, meta: &BTreeMap<String, String>) -> Result<Stored> {
     };
     let there = [has("network/weights", &mut weights)?, has("network/pose", &mut pose)?];
     let networks = [there[0].then_some(weights), there[1].then_some(pose)];
-    let avatar = Avatar::from_parts(body, gaussians, nearest, networks, Settings::drawing(&settings)?)?;
+    let light = match a.get("light/gains") {
+        None => None,
+        Some(_) => {
+            let mut light = Light::new(poses.len())?;
+            get_light(&mut light, false, a)?;
+            Some(light)
+        }
+    };
+    let avatar =
+        Avatar::from_parts(body, gaussians, nearest, networks, light, Settings::drawing(&settings)?)?;
     Ok(Stored { avatar, poses, cameras, settings })
 }
 
@@ -188,7 +232,8 @@ fn template(a: &Arrays, kind: Kind, unit_m: f64) -> Result<Template> {
     let joint_of = counts(a.shape("body/joint_of", "P,4", &mut dims)?, "body/joint_of")?;
     let parents = a.shape("body/parents", "K", &mut dims)?.to_i64().unwrap_or_default();
     let (p, k) = (dims[&'P'], dims[&'K']);
-    let bad = |name: &str, expected: &str| Error::input(format!("array '{name}'")).expected(expected.to_owned());
+    let bad =
+        |name: &str, expected: &str| Error::input(format!("array '{name}'")).expected(expected.to_owned());
     if joint_of.iter().any(|&j| j as usize >= k) || p == 0 {
         return Err(bad("body/joint_of", "joints of the body"));
     }
@@ -237,7 +282,8 @@ fn cameras(a: &Arrays) -> Result<Vec<(usize, Camera)>> {
     let mut dims = BTreeMap::new();
     let numbers = a.shape("cameras/numbers", "C,16", &mut dims)?.to_f32();
     let sizes = counts(a.shape("cameras/sizes", "C,4", &mut dims)?, "cameras/sizes")?;
-    let model = |m: u32| [Model::Pinhole, Model::Orthographic, Model::Fisheye].into_iter().find(|x| *x as u32 == m);
+    let model =
+        |m: u32| [Model::Pinhole, Model::Orthographic, Model::Fisheye].into_iter().find(|x| *x as u32 == m);
     let of = |(v, s): (&[f32; 16], &[u32; 4])| {
         let camera = Camera {
             rotation: [[v[0], v[1], v[2]], [v[3], v[4], v[5]], [v[6], v[7], v[8]]],
@@ -246,7 +292,8 @@ fn cameras(a: &Arrays) -> Result<Vec<(usize, Camera)>> {
             center_px: [v[14], v[15]],
             width: s[1] as usize,
             height: s[2] as usize,
-            model: model(s[3]).ok_or_else(|| Error::input("array 'cameras/sizes'").expected("a model 0 to 2"))?,
+            model: model(s[3])
+                .ok_or_else(|| Error::input("array 'cameras/sizes'").expected("a model 0 to 2"))?,
         };
         camera.validate()?;
         Ok((s[0] as usize, camera))
