@@ -3,8 +3,7 @@
 use super::scoring;
 use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
-use crate::fit::training::Watch;
-use crate::fit::training::{self, Fit, History, Schedule};
+use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::io::atomic;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::fit::PersonFit;
@@ -56,6 +55,9 @@ pub(in crate::cli) struct Args {
     /// Weight of 1 - SSIM on the box crop [default: that of the host]
     #[arg(long, value_name = "W", help_heading = "Host")]
     ssim_weight: Option<f32>,
+    /// The host as published: one background, no assumptions about the hidden side, no gains
+    #[arg(long, help_heading = "Host")]
+    published: bool,
     /// Learn corrections of the skinning weights
     #[arg(long, help_heading = "Host")]
     weights_network: bool,
@@ -149,7 +151,7 @@ impl Guided {
 
 impl Args {
     fn settings(&self, has_guide: bool) -> Result<Settings> {
-        let host = Settings::host();
+        let host = if self.published { Settings::published() } else { Settings::host() };
         let mut settings = Settings {
             iterations: self.iterations,
             seed: self.seed,

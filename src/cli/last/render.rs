@@ -62,7 +62,7 @@ pub(in crate::cli) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let stored = store::read(&fit::avatar_file(&args.run)?)?;
-    let poses = poses(args, &stored)?;
+    let (poses, first) = poses(args, &stored)?;
     let cameras = cameras(args, &stored, &poses)?;
     let pairs = pairs(poses.len(), cameras.len())?;
     let dir = claim::folder(&args.out, false, args.force)?;
@@ -70,7 +70,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     for (k, &(p, c)) in pairs.iter().enumerate() {
         meter.count(k, pairs.len(), "rendering");
         let camera = &cameras[c];
-        let out = stored.avatar.picture(&poses[p], camera)?;
+        let out = stored.avatar.picture(&poses[p], first.map(|t| t + p), camera)?;
         let image: Vec<f32> = out.image.iter().map(|&x| order::clamp(x, 0.0, 1.0)).collect();
         let name = format!("{k:04}.png");
         image_file::write_png(&dir.join(&name), camera.width, camera.height, 3, &image_file::to_u8(&image)?)?;
@@ -92,7 +92,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ))
 }
 
-fn poses(args: &Args, stored: &Stored) -> Result<Vec<Pose>> {
+/// The poses, and the moment of the first if they are those of the fit.
+fn poses(args: &Args, stored: &Stored) -> Result<(Vec<Pose>, Option<usize>)> {
     let all = match &args.pose_from {
         None => stored.poses.clone(),
         Some(folder) => PersonCapture::open(folder)?.poses,
@@ -103,7 +104,8 @@ fn poses(args: &Args, stored: &Stored) -> Result<Vec<Pose>> {
             .expected(format!("a body of {joints} joints"))
             .got(other.transforms.len().to_string()));
     }
-    let Some(text) = &args.pose else { return Ok(all) };
+    let moment = |t: usize| args.pose_from.is_none().then_some(t);
+    let Some(text) = &args.pose else { return Ok((all, moment(0))) };
     let wrong = || {
         let last = all.len().saturating_sub(1);
         Error::input("--pose").expected(format!("T or FIRST:LAST within 0 to {last}")).got(text.as_str())
@@ -111,7 +113,8 @@ fn poses(args: &Args, stored: &Stored) -> Result<Vec<Pose>> {
     let (first, last) = text.split_once(':').unwrap_or((text, text));
     let at = |s: &str| s.trim().parse::<usize>().map_err(|_| wrong());
     let (first, last) = (at(first)?, at(last)?);
-    if first > last { Err(wrong()) } else { all.get(first..=last).map(<[Pose]>::to_vec).ok_or_else(wrong) }
+    let some = if first > last { None } else { all.get(first..=last) };
+    some.map(|p| (p.to_vec(), moment(first))).ok_or_else(wrong)
 }
 
 fn cameras(args: &Args, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> {

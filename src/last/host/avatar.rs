@@ -8,6 +8,7 @@
 //! once per iteration and used by every render of it.
 
 use super::body::Body;
+use super::light::{self, Light};
 use super::mlp::{Mlp, Passed};
 use super::pose::{self, Corrected};
 use super::settings::Settings;
@@ -31,8 +32,6 @@ const PURPOSE_WEIGHTS: u16 = 0x0902;
 const PURPOSE_POSE: u16 = 0x0903;
 /// Smallest squared distance to neighbours that a first scale is made of.
 const LEAST_SQUARE: f32 = 1e-7;
-/// Opacity of a first Gaussian.
-const FIRST_OPACITY: f32 = 0.1;
 /// Keeps the logarithm of an absent weight finite.
 const WEIGHT_FLOOR: f32 = 1e-9;
 /// Octaves of the code of a place.
@@ -56,6 +55,8 @@ pub struct Avatar {
     pub weights_net: Option<Mlp>,
     /// axis-angles of a pose → axis-angles of its correction; joints without a parent are left out
     pub pose_net: Option<Mlp>,
+    /// How bright each moment is.
+    pub light: Option<Light>,
     /// How to render.
     pub render: render::Settings,
     /// Behind the person.
@@ -100,16 +101,19 @@ pub struct Grad {
     posed: Vec<[[f64; 4]; 3]>,
 }
 
+/// What the network of the poses gave: its activations, the corrections, the corrected pose.
+type Correction = (Passed, Vec<[f64; 3]>, Corrected);
+
 impl Avatar {
-    /// One Gaussian per point of the template, grey, of the size of the distance to its neighbours.
+    /// One Gaussian per point of the template, grey, of the size of the distance to its neighbours; T moments.
     ///
     /// # Errors
     /// When points are not finite.
-    pub fn new(template: &Template, settings: &Settings) -> Result<Self> {
+    pub fn new(template: &Template, moments: usize, settings: &Settings) -> Result<Self> {
         let body = Body::new(template);
         let n = body.points.len();
         let squares = knn::mean_squared_distance(&body.points)?;
-        let scale = |d: f32| elem::ln(order::max(d, LEAST_SQUARE).sqrt());
+        let scale = |d: f32| elem::ln(settings.first_scale * order::max(d, LEAST_SQUARE).sqrt());
         let k = (settings.sh_degree + 1) * (settings.sh_degree + 1);
         let mut sh = vec![0.0; n * k * 3];
         let rng = Rng::new(settings.seed);
@@ -122,7 +126,7 @@ impl Avatar {
             means: body.points.clone(),
             quats: vec![[1.0, 0.0, 0.0, 0.0]; n],
             scales_log: squares.iter().map(|&d| [scale(d); 3]).collect(),
-            opacity_logits: vec![elem::logit(FIRST_OPACITY); n],
+            opacity_logits: vec![elem::logit(settings.first_opacity); n],
             sh,
             sh_degree: settings.sh_degree,
         };
@@ -140,6 +144,7 @@ impl Avatar {
             base: Arc::default(),
             weights_net: weights_net.transpose()?,
             pose_net: pose_net.transpose()?,
+            light: if settings.learning.gains > 0.0 { Some(Light::new(moments)?) } else { None },
             render: settings.render.clone(),
             background: settings.background,
         };
@@ -156,16 +161,19 @@ impl Avatar {
         gaussians: Gaussians,
         nearest: Vec<u32>,
         networks: [Option<Mlp>; 2],
+        light: Option<Light>,
         (render, background): (render::Settings, [f32; 3]),
     ) -> Result<Self> {
         let [weights_net, pose_net] = networks;
+        let (nearest_of, base) = (Vec::new(), Arc::default());
         let mut avatar = Self {
             body,
             gaussians,
-            nearest: Vec::new(),
-            base: Arc::default(),
+            nearest: nearest_of,
+            base,
             weights_net,
             pose_net,
+            light,
             render,
             background,
         };
@@ -229,7 +237,7 @@ impl Avatar {
         }
     }
 
-    fn corrected(&self, pose: &Pose) -> (Vec<Affine>, Option<(Passed, Vec<[f64; 3]>, Corrected)>) {
+    fn corrected(&self, pose: &Pose) -> (Vec<Affine>, Option<Correction>) {
         let Some(net) = &self.pose_net else { return (pose.transforms.clone(), None) };
         let template = &self.body.template;
         let moving = moving(template);
@@ -285,11 +293,11 @@ impl Avatar {
         }
     }
 
-    /// A picture of a pose from a camera.
+    /// A picture of a pose from a camera, as bright as a moment of the capture or as their mean.
     ///
     /// # Errors
     /// When the camera is not valid or the pose belongs to another body.
-    pub fn picture(&self, pose: &Pose, camera: &Camera) -> Result<Out> {
+    pub fn picture(&self, pose: &Pose, moment: Option<usize>, camera: &Camera) -> Result<Out> {
         if pose.transforms.len() != self.body.joints() {
             return Err(Error::input("pose")
                 .expected(format!("{} joints", self.body.joints()))
@@ -300,6 +308,9 @@ impl Avatar {
         x.validate(&self.render)?;
         let (mut out, mut saved) = (Out::default(), Saved::default());
         render::forward_into(&x, &self.render, None, &mut out, &mut saved);
+        if let Some(light) = &self.light {
+            light::apply(&mut out, self.background, light.at(moment));
+        }
         Ok(out)
     }
 
@@ -364,6 +375,9 @@ impl Avatar {
             for (values, shape) in net.values() {
                 d.f32(&shape, values)?;
             }
+        }
+        if let Some(light) = &self.light {
+            d.f32(&[light.gains.len(), 3], light.gains.as_flattened())?;
         }
         for &p in &self.nearest {
             d.u64(u64::from(p));

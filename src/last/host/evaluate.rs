@@ -36,13 +36,14 @@ pub struct Scored {
 /// When it cannot be read, or the render is not finite.
 pub fn score(avatar: &Avatar, capture: &PersonCapture, shot: usize) -> Result<Scored> {
     let shot = &capture.shots[shot];
-    let target = Target::read(capture, shot, avatar.background)?;
-    let out = avatar.picture(&capture.poses[shot.time], &shot.camera)?;
+    let target = Target::read(capture, shot)?;
+    let photo = target.before(avatar.background);
+    let out = avatar.picture(&capture.poses[shot.time], Some(shot.time), &shot.camera)?;
     let (height, width) = (shot.camera.height, shot.camera.width);
-    let x = In { x: &out.image, y: &target.photo, mask: None, height, width };
+    let x = In { x: &out.image, y: &photo, mask: None, height, width };
     let scores = person::forward(&x, &target.inside).map_err(|e| e.at(shot.name.clone()))?;
     let image: Vec<f32> = out.image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
-    let pairs = image.chunks_exact(3).zip(target.photo.chunks_exact(3));
+    let pairs = image.chunks_exact(3).zip(photo.chunks_exact(3));
     let error = pairs
         .map(|(a, b)| (((a[0] - b[0]).abs() + (a[1] - b[1]).abs()) + (a[2] - b[2]).abs()) / 3.0)
         .collect();
@@ -51,7 +52,7 @@ pub fn score(avatar: &Avatar, capture: &PersonCapture, shot: usize) -> Result<Sc
         camera: shot.camera_id,
         time: shot.time,
         scores,
-        photo: target.photo,
+        photo: photo.into_owned(),
         image,
         error,
         size: [width, height],

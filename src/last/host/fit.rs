@@ -6,6 +6,8 @@
 use super::avatar::{Avatar, Grad, Rig};
 use super::density::{self, Event, Latent};
 use super::guide::{Guide, Window};
+use super::light;
+use super::prior::{self, NEAR, Near};
 use super::progressive::{self, Cap, Keys, Plan};
 use super::settings::Settings;
 use super::store;
@@ -27,6 +29,8 @@ use std::sync::Arc;
 
 /// Purpose number of the order of the pictures.
 const PURPOSE_ORDER: u16 = 0x0904;
+/// Purpose number of the colours behind the person.
+const PURPOSE_BACKGROUND: u16 = 0x0907;
 /// Pictures are kept while they fit into this many bytes; others are read when they are seen.
 const CACHE_BYTES: usize = 1 << 30;
 /// |∂L_lat/∂X| below it: the encoder does not look there.
@@ -63,15 +67,21 @@ struct Workspace {
 struct Passed {
     loss: f32,
     grad: Grad,
+    /// by the gains of the moment
+    gain: Option<[f32; 3]>,
     means_px: Vec<[f32; 2]>,
     radii: Vec<[i32; 2]>,
     /// (G, 3) ∂L_lat/∂μ_world, where asked for
     latent: Option<Vec<[f32; 3]>>,
 }
 
-/// What to make of a render.
+/// How to render, and what to make of it.
 #[derive(Clone, Copy)]
 struct Want {
+    /// SH bands in use
+    degree: usize,
+    /// behind the person
+    background: [f32; 3],
     /// gradients of L_lat by the posed centres
     latent: bool,
     /// gradients of the networks
@@ -90,6 +100,8 @@ pub struct PersonFit<'a> {
     groups: Groups,
     stats: Stats,
     latent: Latent,
+    /// (G) nearest Gaussians when their number last changed
+    near: Near,
     /// (G) factors that a Gaussian is key to, as bits; empty before keys were found
     members: Vec<u32>,
     events: Vec<Event>,
@@ -139,7 +151,7 @@ impl<'a> PersonFit<'a> {
                 Some(Plan::new(&graph, p.order, settings.seed)?)
             }
         };
-        let avatar = Avatar::new(&capture.template, &settings)?;
+        let avatar = Avatar::new(&capture.template, capture.moments(), &settings)?;
         let n = avatar.gaussians.len();
         if n > settings.max_gaussians {
             return Err(Error::input("--max-gaussians")
@@ -151,6 +163,7 @@ impl<'a> PersonFit<'a> {
             groups: Groups::new(Rule::SPLAT, &avatar.gaussians)?,
             stats: Stats::new(n),
             latent: Latent::new(if settings.density.mode.is_latent() { n } else { 0 }),
+            near: Near::new(&avatar.gaussians)?,
             members: Vec::new(),
             events: Vec::new(),
             tally: Tally::default(),
@@ -206,8 +219,7 @@ impl<'a> PersonFit<'a> {
         if let Some(target) = &self.targets[shot] {
             return Ok(Arc::clone(target));
         }
-        let target =
-            Arc::new(Target::read(self.capture, &self.capture.shots[shot], self.settings.background)?);
+        let target = Arc::new(Target::read(self.capture, &self.capture.shots[shot])?);
         let bytes = target.photo.len() * 4 * 3;
         if self.cached + bytes <= CACHE_BYTES {
             self.cached += bytes;
@@ -239,38 +251,56 @@ impl<'a> PersonFit<'a> {
     }
 
     /// Renders the Gaussians at a moment, compares, and goes all the way back.
-    fn pass(
-        &mut self,
-        target: &Target,
-        rig: &Rig,
-        degree: usize,
-        want: Want,
-        watch: &mut dyn Watch,
-    ) -> Result<Passed> {
+    fn pass(&mut self, target: &Target, rig: &Rig, want: Want, watch: &mut dyn Watch) -> Result<Passed> {
         let placed = self.avatar.place(rig);
-        let x = self.avatar.input(&placed, &target.camera, degree);
+        let background = want.background;
+        let x = render::In { background, ..self.avatar.input(&placed, &target.camera, want.degree) };
         watch.lap("pose");
         let mut work = std::mem::take(&mut self.work);
         render::forward_into(&x, &self.avatar.render, None, &mut work.out, &mut work.saved);
         self.tally.renders += 1;
+        let gain = self.avatar.light.as_ref().map(|l| l.at(Some(target.time)));
+        if let Some(gain) = gain {
+            light::apply(&mut work.out, background, gain);
+        }
         watch.lap("render");
-        let mut compared = target.compare(&work.out, &self.settings)?;
+        let width = target.camera.width;
+        let mut compared = target.compare(&work.out, background, &self.settings)?;
         watch.lap("loss");
         let mut latent = None;
         if (want.latent || self.settings.latent_weight > 0.0)
             && let Some((guide, window)) = self.window(target)?
         {
-            let (value, bar) =
-                guide.discrepancy(&window.take(&work.out.image), &window.take(&target.photo))?;
+            let mut seen = work.out.image.clone();
+            before_black(&mut seen, &work.out.alpha, background);
+            let (value, bar) = guide.discrepancy(&window.take(&seen), &window.take(&target.photo))?;
             let blind = bar.chunks_exact(3).filter(|g| g.iter().all(|x| x.abs() < BLIND)).count();
             self.tally.encodings += 1;
             self.tally.gradients += 1;
             self.tally.blind += blind as f64 / (bar.len() / 3) as f64;
             let image_bar = window.spread(&bar);
+            let mut alpha_bar: Vec<f32> = (image_bar.chunks_exact(3))
+                .map(|g| (g[0] * background[0] + g[1] * background[1]) + g[2] * background[2])
+                .collect();
             watch.lap("latent discrepancy");
+            if self.settings.latent_weight > 0.0 {
+                let w = self.settings.latent_weight;
+                compared.loss += w * value as f32;
+                for (to, from) in compared.image_bar.iter_mut().zip(&image_bar) {
+                    *to += w * from;
+                }
+                for (to, from) in compared.alpha_bar.iter_mut().zip(&alpha_bar) {
+                    *to += w * from;
+                }
+            }
             if want.latent {
+                let mut image_bar = image_bar.clone();
+                if let Some(gain) = gain {
+                    light::adjoint(&work.out, width, background, gain, &mut image_bar, &mut alpha_bar);
+                }
                 let mut bar = InBar::zeros_like(&x);
-                let out_bar = OutBar { image: Some(&image_bar), ..OutBar::default() };
+                let out_bar =
+                    OutBar { image: Some(&image_bar), alpha: Some(&alpha_bar), ..OutBar::default() };
                 render::adjoint_into(
                     &x,
                     &self.avatar.render,
@@ -283,14 +313,11 @@ impl<'a> PersonFit<'a> {
                 latent = Some(bar.means);
                 watch.lap("latent adjoint");
             }
-            if self.settings.latent_weight > 0.0 {
-                let w = self.settings.latent_weight;
-                compared.loss += w * value as f32;
-                for (to, from) in compared.image_bar.iter_mut().zip(&image_bar) {
-                    *to += w * from;
-                }
-            }
         }
+        let gain = gain.map(|gain| {
+            let bars = (&mut compared.image_bar, &mut compared.alpha_bar);
+            light::adjoint(&work.out, width, background, gain, bars.0, bars.1)
+        });
         let mut bar = InBar::zeros_like(&x);
         let out_bar = OutBar {
             image: Some(&compared.image_bar),
@@ -308,10 +335,13 @@ impl<'a> PersonFit<'a> {
         );
         watch.lap("adjoint");
         let (means_px, radii) = (std::mem::take(&mut bar.means_px), work.saved.radii());
-        let grad = self.avatar.adjoint(rig, &placed, bar, want.networks);
+        let mut grad = self.avatar.adjoint(rig, &placed, bar, want.networks);
         self.work = work;
+        let reach = self.settings.density.prune_distance_m / self.avatar.body.template.unit_m;
+        let assumed = prior::add(&self.settings.prior, &self.avatar, &self.near, reach, &mut grad.gaussians);
         watch.lap("pose");
-        Ok(Passed { loss: compared.loss, grad, means_px, radii, latent })
+        let loss = compared.loss + assumed as f32;
+        Ok(Passed { loss, grad, gain, means_px, radii, latent })
     }
 
     /// The update of one iteration, after the render of level 0.
@@ -319,7 +349,7 @@ impl<'a> PersonFit<'a> {
         &mut self,
         target: &Target,
         rig: &Rig,
-        degree: usize,
+        want: Want,
         rates: &Rates,
         first: &Passed,
         watch: &mut dyn Watch,
@@ -339,8 +369,8 @@ impl<'a> PersonFit<'a> {
                 }
                 continue;
             }
-            let want = Want { latent: false, networks: false };
-            let passed = self.pass(target, rig, degree, want, watch)?;
+            let want = Want { latent: false, networks: false, ..want };
+            let passed = self.pass(target, rig, want, watch)?;
             let grad = &passed.grad.gaussians;
             match p.cap {
                 Cap::Relative => {
@@ -366,7 +396,7 @@ impl<'a> PersonFit<'a> {
                         if factors.iter().all(|i| norm(i) < p.lambda) {
                             break;
                         }
-                        last = self.pass(target, rig, degree, want, watch)?;
+                        last = self.pass(target, rig, want, watch)?;
                         let g = &mut self.avatar.gaussians;
                         self.groups.step(g, &last.grad.gaussians, rates, Some(&active))?;
                     }
@@ -401,12 +431,15 @@ impl<'a> PersonFit<'a> {
         for v in 0..views {
             let shot = self.capture.train[v * train / views];
             let target = self.target(shot)?;
-            let out = self.avatar.picture(&self.capture.poses[target.time], &target.camera)?;
+            let out =
+                self.avatar.picture(&self.capture.poses[target.time], Some(target.time), &target.camera)?;
             let Some((guide, window)) = self.window(&target)? else { continue };
             self.tally.renders += 1;
             self.tally.encodings += 1;
             let places = &self.avatar.gaussians.means;
-            let scores = guide.swap_scores(&window.take(&out.image), &window.take(&target.photo), places)?;
+            let mut seen = out.image;
+            before_black(&mut seen, &out.alpha, self.avatar.background);
+            let scores = guide.swap_scores(&window.take(&seen), &window.take(&target.photo), places)?;
             if scores.len() != n || scores.iter().any(|s| s.len() != places.len()) {
                 return Err(Error::input("model")
                     .expected(format!("{n} scores for each Gaussian"))
@@ -434,6 +467,7 @@ impl<'a> PersonFit<'a> {
         let (event, parents) =
             density::refine(s, iteration, avatar, groups, &mut self.stats, &mut self.latent)?;
         self.events.push(event);
+        self.near = Near::new(&self.avatar.gaussians)?;
         if !self.members.is_empty() {
             self.members = parents.iter().map(|&p| self.members[p as usize]).collect();
         }
@@ -478,8 +512,15 @@ impl Fit for PersonFit<'_> {
         let counts = iteration < self.settings.scaled(d.stop);
         let latent = counts && d.mode.is_latent() && i.is_multiple_of(d.latent_every);
         let rig = self.avatar.rig(&self.capture.poses[target.time]);
-        let first =
-            self.pass(&target, &rig, degree, Want { latent, networks: true }, watch).map_err(place)?;
+        let draw =
+            |c: usize| Rng::new(self.settings.seed).uniform_f32(c as u64, count, PURPOSE_BACKGROUND, 0);
+        let background = if self.settings.random_background {
+            std::array::from_fn(draw)
+        } else {
+            self.settings.background
+        };
+        let want = Want { degree, background, latent, networks: true };
+        let first = self.pass(&target, &rig, want, watch).map_err(place)?;
         if counts {
             self.stats.add_view(&first.means_px, &first.radii, target.camera.width, target.camera.height);
         }
@@ -487,8 +528,11 @@ impl Fit for PersonFit<'_> {
             self.latent.add(means_bar, &first.radii);
         }
         let place = |e: Error| e.at(format!("iteration {iteration}"));
-        self.update(&target, &rig, degree, &rates, &first, watch).map_err(place)?;
+        self.update(&target, &rig, want, &rates, &first, watch).map_err(place)?;
         self.avatar.step_networks(&rig, &first.grad, self.settings.learning.networks).map_err(place)?;
+        if let (Some(light), Some(gain)) = (&mut self.avatar.light, first.gain) {
+            light.step(target.time, gain, self.settings.learning.gains)?;
+        }
         watch.lap("optimiser");
         self.control(iteration)?;
         watch.lap("density control");
@@ -509,6 +553,9 @@ impl Fit for PersonFit<'_> {
         let rows: Vec<f64> = self.events.iter().flat_map(Event::row).collect();
         out.put("density/events", &[self.events.len(), Event::WIDTH], rows);
         out.put("keys/members", &[self.members.len()], self.members.iter().map(|&m| i64::from(m)).collect());
+        let near = self.near.of.as_flattened().iter().map(|&j| i64::from(j)).collect();
+        out.put("prior/near", &[self.near.of.len(), NEAR], near);
+        out.put("prior/gap", &[self.near.gap.len()], self.near.gap.clone());
         let t = &self.tally;
         let tally = [
             t.renders as f64,
@@ -543,18 +590,26 @@ impl Fit for PersonFit<'_> {
                 .expected(format!("{n} entries, or none"))
                 .got(members.len().to_string()));
         }
+        let near = counts("prior/near", &mut dims, &format!("{n},{NEAR}"))?;
+        if near.iter().any(|&j| j != u32::MAX && j as usize >= n) {
+            return Err(Error::input("array 'prior/near'").expected(format!("rows of {n} Gaussians")));
+        }
+        let gap = from.shape("prior/gap", &rows, &mut dims)?.to_f32();
         let events = from.shape("density/events", &format!("E,{}", Event::WIDTH), &mut dims)?.to_f64();
         let events: Option<Vec<Event>> = events.as_chunks().0.iter().map(Event::from_row).collect();
         let events =
             events.ok_or_else(|| Error::input("array 'density/events'").expected("rows of counts"))?;
         let t = from.shape("tally", "6", &mut dims)?.to_f64();
-        from.finite(["tally", "latent/sums"])?;
+        from.finite(["tally", "latent/sums", "prior/gap"])?;
         for (name, net) in
             [("network/weights", &mut self.avatar.weights_net), ("network/pose", &mut self.avatar.pose_net)]
         {
             if let Some(net) = net {
                 net.load(name, true, from)?;
             }
+        }
+        if let Some(light) = &mut self.avatar.light {
+            store::get_light(light, true, from)?;
         }
         self.avatar.gaussians = gaussians;
         self.avatar.attach_to(nearest)?;
@@ -566,9 +621,19 @@ impl Fit for PersonFit<'_> {
             blind: t[4],
             gradients: t[5] as u64,
         };
+        self.near = Near { of: near.as_chunks().0.to_vec(), gap };
         (self.groups, self.stats, self.latent, self.members, self.events) =
             (groups, stats, latent, members, events);
         Ok(())
+    }
+}
+
+/// Takes the background out of a render, since the model knows people before black: x − (1 − α) b.
+fn before_black(image: &mut [f32], alpha: &[f32], background: [f32; 3]) {
+    for (rgb, a) in image.chunks_exact_mut(3).zip(alpha) {
+        for k in 0..3 {
+            rgb[k] -= (1.0 - a) * background[k];
+        }
     }
 }
 

@@ -8,6 +8,8 @@
 //!               ├─►│ avatar: rig (pose, mlp) → place (skin)     │   │   body: template, weights, nearest points
 //!               │  │         → splat::render → view: loss       │   │   view: photograph, box, loss in it
 //!               │  └────────────── gradients back ─────────────┘   │
+//!               ├─ light: a gain per moment
+//!               ├─ prior: what one camera cannot see
 //!               ├─ update: all at once, or progressive (levels, caps) ◄── graph, key Gaussians
 //!               └─ density: pixel criterion, latent criterion        ◄── ∂L_lat/∂picture
 //! store: an avatar as a file      evaluate: its pictures against the capture's
@@ -17,7 +19,7 @@
 //! its neighbours' reasons. What the learned model must offer is the trait [`guide::Guide`]; with density mode `pixel`, no progressive update and
 //! latent weight 0 the guide is never asked and the fit has the bits of the host alone.
 //!
-//! Random draws have purposes 0x0901 … 0x0906.
+//! Random draws have purposes 0x0901 … 0x0907.
 
 pub mod avatar;
 pub mod body;
@@ -25,8 +27,10 @@ pub mod density;
 pub mod evaluate;
 pub mod fit;
 pub mod guide;
+pub mod light;
 mod mlp;
 pub mod pose;
+pub mod prior;
 pub mod progressive;
 pub mod settings;
 pub mod skin;

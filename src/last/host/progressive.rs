@@ -470,7 +470,7 @@ mod tests {
             .iter()
             .zip(before.means.as_flattened())
             .map(|(a, b)| f64::from((a - b) * (a - b)))
-            .sum();
+            .fold(0.0, |sum, x| sum + x);
         assert!(moved.sqrt() < 0.1001, "no longer than λ");
     }
 }

@@ -1,6 +1,7 @@
 //! What decides the result of a fit.
 
 use super::density::Density;
+use super::prior::Prior;
 use super::progressive::Progressive;
 use crate::scene::profile::Profile;
 use crate::splat::render;
@@ -29,6 +30,8 @@ pub struct Learning {
     pub decay: f64,
     /// both networks
     pub networks: f64,
+    /// gains of the moments; 0 keeps them at 1
+    pub gains: f64,
 }
 
 /// What decides the result, besides the capture and the guide.
@@ -40,18 +43,27 @@ pub struct Settings {
     pub seed: u64,
     /// 0 to 3; 0 is the default, one camera shows no dependence on direction
     pub sh_degree: usize,
+    /// scale of a first Gaussian, in root mean squared distances to its three neighbours
+    pub first_scale: f32,
+    /// its opacity
+    pub first_opacity: f32,
     /// never more Gaussians than this
     pub max_gaussians: usize,
     /// the renderer
     pub render: render::Settings,
-    /// colour behind the person, sRGB-encoded
+    /// colour behind the person in finished pictures, sRGB-encoded
     pub background: [f32; 3],
+    /// Draw another colour behind person and photograph in every iteration. Before one colour, a Gaussian outside the person may take that colour
+    /// instead of vanishing, and shows from other sides.
+    pub random_background: bool,
     /// rates
     pub learning: Learning,
     /// weight of 1 − SSIM on the box crop
     pub ssim_weight: f32,
     /// weight of the squared error of alpha in the box
     pub alpha_weight: f32,
+    /// what is assumed of what the camera does not see
+    pub prior: Prior,
     /// learn what is added to the logarithms of the skinning weights
     pub weights_network: bool,
     /// learn a correction of every pose
@@ -65,15 +77,41 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The host alone, as published but for LPIPS, with the rates of [`Learning`] found on the built-in subject.
+    /// The host: [`Self::published`] and what a person asks for who never turns round: another background in every iteration, the assumptions of
+    /// [`Prior`], gains of the moments. Constants found on the built-in subject.
     pub fn host() -> Self {
+        let published = Self::published();
+        Self {
+            random_background: true,
+            first_scale: 0.6,
+            first_opacity: 0.5,
+            prior: Prior {
+                color: 0.1,
+                opacity: 0.1,
+                scale: 0.0,
+                round: 0.1,
+                fill: 0.1,
+                reach: 0.6,
+                anchor: 0.1,
+                solid: 0.0,
+            },
+            learning: Learning { gains: 0.01, ..published.learning },
+            ..published
+        }
+    }
+
+    /// GauHuman's host but for LPIPS and the merging of pairs (last.md §10.2), SH degree 0.
+    pub fn published() -> Self {
         Self {
             iterations: PUBLISHED,
             seed: 0,
             sh_degree: 0,
+            first_scale: 1.0,
+            first_opacity: 0.1,
             max_gaussians: 8000,
             render: render::Settings::default(),
             background: [0.0; 3],
+            random_background: false,
             learning: Learning {
                 means: 1.6e-4,
                 means_end: 1.6e-4,
@@ -83,9 +121,11 @@ impl Settings {
                 sh_dc: 2.5e-3,
                 decay: 1.0,
                 networks: 5e-5,
+                gains: 0.0,
             },
             ssim_weight: 0.01,
             alpha_weight: 0.1,
+            prior: Prior::NONE,
             weights_network: false,
             pose_network: false,
             density: Density::pixel(),
@@ -125,14 +165,24 @@ impl Settings {
         if self.render.tile != 16 {
             return Err(Error::input("--tile").expected("16 for a fit").got(self.render.tile.to_string()));
         }
+        if !(self.first_scale > 0.0
+            && self.first_scale.is_finite()
+            && self.first_opacity > 0.0
+            && self.first_opacity < 1.0)
+        {
+            return Err(Error::input("first Gaussians")
+                .expected("a positive scale and an opacity between 0 and 1")
+                .got(format!("{} and {}", self.first_scale, self.first_opacity)));
+        }
         let l = &self.learning;
         let rates =
             [l.means, l.means_end, l.scales_log, l.quats, l.opacity_logits, l.sh_dc, l.decay, l.networks];
-        let weights = [self.ssim_weight, self.alpha_weight, self.latent_weight].map(f64::from);
+        let [a, b, c] = [self.ssim_weight, self.alpha_weight, self.latent_weight].map(f64::from);
+        let weights = [a, b, c, l.gains];
         for (name, x, positive) in rates
             .map(|r| ("learning rate", r, true))
             .into_iter()
-            .chain(weights.map(|w| ("loss weight", w, false)))
+            .chain(weights.map(|w| ("loss weight or rate of gains", w, false)))
         {
             if !(x.is_finite() && x >= 0.0 && (x > 0.0 || !positive)) {
                 return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));
@@ -143,6 +193,7 @@ impl Settings {
                 .expected("numbers in 0..1")
                 .got(format!("{:?}", self.background)));
         }
+        self.prior.validate()?;
         self.density.validate()?;
         self.progressive.as_ref().map_or(Ok(()), Progressive::validate)
     }
@@ -152,15 +203,17 @@ impl Settings {
         let (p, l) = (&self.render.profile, &self.learning);
         let mut record = json!({
             "iterations": self.iterations, "seed": self.seed, "sh_degree": self.sh_degree,
-            "max_gaussians": self.max_gaussians, "profile": p.name, "antialiased": p.antialiased,
-            "background": self.background,
+            "max_gaussians": self.max_gaussians, "first_scale": self.first_scale, "first_opacity": self.first_opacity,
+            "profile": p.name, "antialiased": p.antialiased,
+            "background": self.background, "random_background": self.random_background,
             "rate_means": l.means, "rate_means_end": l.means_end, "rate_scales": l.scales_log,
             "rate_quats": l.quats, "rate_opacities": l.opacity_logits, "rate_colors": l.sh_dc,
-            "rate_decay": l.decay, "rate_networks": l.networks,
+            "rate_decay": l.decay, "rate_networks": l.networks, "rate_gains": l.gains,
             "ssim_weight": self.ssim_weight, "alpha_weight": self.alpha_weight,
             "weights_network": self.weights_network, "pose_network": self.pose_network,
             "latent_weight": self.latent_weight,
         });
+        self.prior.describe(&mut record);
         self.density.describe(&mut record);
         match &self.progressive {
             Some(p) => p.describe(&mut record),

@@ -264,7 +264,10 @@ mod tests {
         [[c, -s, 0.0, t[0]], [s, c, 0.0, t[1]], [0.0, 0.0, 1.0, t[2]]]
     }
 
-    fn sample(canonical: bool) -> (Bones, Vec<f32>, Vec<[f32; 3]>, Vec<[f32; 9]>, Vec<[f32; 3]>) {
+    /// Bones, weights, points, factors, offsets.
+    type Sample = (Bones, Vec<f32>, Vec<[f32; 3]>, Vec<[f32; 9]>, Vec<[f32; 3]>);
+
+    fn sample(canonical: bool) -> Sample {
         let bones = Bones {
             posed: vec![turn(0.4, [0.1, 0.2, 0.3]), turn(-0.9, [0.0, -0.4, 1.0])],
             canonical: canonical.then(|| vec![turn(0.2, [0.0, 0.1, 0.0]), turn(-0.3, [0.3, 0.0, 0.0])]),

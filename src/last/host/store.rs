@@ -2,9 +2,11 @@
 
 use super::avatar::Avatar;
 use super::body::Body;
+use super::light::Light;
 use super::settings::Settings;
 use crate::io::safetensors;
 use crate::num::array::{Array, Arrays};
+use crate::optim::adam::{Adam, Rule};
 use crate::scene::camera::{Camera, Model};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::person::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Template};
@@ -44,6 +46,28 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
             net.save(name, state, out);
         }
     }
+    if let Some(light) = &avatar.light {
+        out.put("light/gains", &[light.gains.len(), 3], light.gains.as_flattened().to_vec());
+        if state {
+            light.adam.save("light/adam", out);
+        }
+    }
+}
+
+/// Takes back the gains that [`put`] put, as many as there are.
+pub(super) fn get_light(light: &mut Light, state: bool, from: &Arrays) -> Result<()> {
+    let moments = light.gains.len();
+    let gains = from.shape("light/gains", &format!("{moments},3"), &mut BTreeMap::new())?.to_f32();
+    from.finite(["light/gains"])?;
+    light.gains = gains.as_chunks().0.to_vec();
+    if state {
+        let adam = Adam::load(Rule::SPLAT, "light/adam", from)?;
+        if (adam.rows(), adam.width()) != (moments, 3) {
+            return Err(Error::input("array 'light/adam.m'").expected(format!("shape [{moments}, 3]")));
+        }
+        light.adam = adam;
+    }
+    Ok(())
 }
 
 /// Counts below 2³² of an integer array.
@@ -165,7 +189,7 @@ fn from_parts(a: &Arrays, meta: &BTreeMap<String, String>) -> Result<Stored> {
     let mut dims = BTreeMap::new();
     let transforms = a.shape("poses/transforms", &format!("T,{k},3,4"), &mut dims)?.to_f32();
     let angles = a.shape("poses/axis_angles", &format!("T,{k},3"), &mut dims)?.to_f32();
-    let poses = affines(&transforms)
+    let poses: Vec<Pose> = affines(&transforms)
         .chunks(k)
         .zip(angles.as_chunks::<3>().0.chunks(k))
         .map(|(t, v)| Pose { transforms: t.to_vec(), axis_angles: v.to_vec(), global: None })
@@ -185,7 +209,16 @@ fn from_parts(a: &Arrays, meta: &BTreeMap<String, String>) -> Result<Stored> {
     };
     let there = [has("network/weights", &mut weights)?, has("network/pose", &mut pose)?];
     let networks = [there[0].then_some(weights), there[1].then_some(pose)];
-    let avatar = Avatar::from_parts(body, gaussians, nearest, networks, Settings::drawing(&settings)?)?;
+    let light = match a.get("light/gains") {
+        None => None,
+        Some(_) => {
+            let mut light = Light::new(poses.len())?;
+            get_light(&mut light, false, a)?;
+            Some(light)
+        }
+    };
+    let avatar =
+        Avatar::from_parts(body, gaussians, nearest, networks, light, Settings::drawing(&settings)?)?;
     Ok(Stored { avatar, poses, cameras, settings })
 }
 

@@ -5,7 +5,7 @@
 //! | symbol | shape | meaning |
 //! |---|---|---|
 //! | x, α | (H, W, 3), (H, W) | render and its coverage |
-//! | y, m | (H, W, 3), (H, W) | photograph over the background, mask 0..1 |
+//! | y, m | (H, W, 3), (H, W) | photograph, mask 0..1; y is taken before the background of the render: y + (1 − m) b |
 //!
 //! # Rounding
 //! L1 and SSIM as in [`crate::loss`]; the squared error of alpha is summed per row in f64 from the left, rows by the pairwise tree.
@@ -18,6 +18,7 @@ use crate::scene::camera::Camera;
 use crate::scene::person::{PersonCapture, Shot};
 use crate::splat::blend::Out;
 use crate::{Error, Result};
+use std::borrow::Cow;
 
 /// A photograph made ready.
 #[derive(Clone, Debug)]
@@ -26,7 +27,7 @@ pub struct Target {
     pub camera: Camera,
     /// Index of its pose.
     pub time: usize,
-    /// (H, W, 3) over the background
+    /// (H, W, 3) the person before black, already weighted by the mask
     pub photo: Vec<f32>,
     /// (H, W) 0..1
     pub mask: Vec<f32>,
@@ -34,8 +35,6 @@ pub struct Target {
     pub inside: Vec<f32>,
     /// of the ones of `inside`: `[top, left]`, `[bottom, right]`
     pub rectangle: [[usize; 2]; 2],
-    /// the photograph in the rectangle
-    crop: Vec<f32>,
     /// 1 where a pixel of the rectangle counts; absent if all do
     crop_mask: Option<Vec<f32>>,
     kept: usize,
@@ -70,18 +69,11 @@ impl Target {
     ///
     /// # Errors
     /// When they cannot be read, or the person is nowhere in the picture.
-    pub fn read(capture: &PersonCapture, shot: &Shot, background: [f32; 3]) -> Result<Self> {
+    pub fn read(capture: &PersonCapture, shot: &Shot) -> Result<Self> {
         let pixels = shot.photo()?;
         let camera = shot.camera.clone();
         let width = camera.width;
-        let mut photo: Vec<f32> = pixels.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
-        if background != [0.0; 3] {
-            for (rgb, m) in photo.chunks_exact_mut(3).zip(&pixels.mask) {
-                for k in 0..3 {
-                    rgb[k] += (1.0 - m) * background[k];
-                }
-            }
-        }
+        let photo: Vec<f32> = pixels.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
         let mut inside: Vec<f32> = capture.box_mask(shot).into_iter().map(f32::from).collect();
         if let Some(valid) = &pixels.valid {
             for (x, &v) in inside.iter_mut().zip(valid) {
@@ -99,7 +91,6 @@ impl Target {
             cut(&all, width, 1, rectangle)
         });
         Ok(Self {
-            crop: cut(&photo, width, 3, rectangle),
             crop_mask,
             kept: inside.iter().filter(|x| **x == 1.0).count(),
             camera,
@@ -111,13 +102,28 @@ impl Target {
         })
     }
 
-    /// Compares a render.
+    /// (H, W, 3) the photograph before a colour: y + (1 − m) b.
+    pub fn before(&self, background: [f32; 3]) -> Cow<'_, [f32]> {
+        if background == [0.0; 3] {
+            return Cow::Borrowed(&self.photo);
+        }
+        let mut photo = self.photo.clone();
+        for (rgb, m) in photo.chunks_exact_mut(3).zip(&self.mask) {
+            for k in 0..3 {
+                rgb[k] += (1.0 - m) * background[k];
+            }
+        }
+        Cow::Owned(photo)
+    }
+
+    /// Compares a render before a background.
     ///
     /// # Errors
     /// When a number is not finite.
-    pub fn compare(&self, out: &Out, settings: &Settings) -> Result<Compared> {
+    pub fn compare(&self, out: &Out, background: [f32; 3], settings: &Settings) -> Result<Compared> {
         let (height, width) = (self.camera.height, self.camera.width);
-        let pair = In { x: &out.image, y: &self.photo, mask: Some(&self.inside), height, width };
+        let photo = self.before(background);
+        let pair = In { x: &out.image, y: &photo, mask: Some(&self.inside), height, width };
         let (l1, saved) = loss::l1::forward(&pair)?;
         let mut image_bar = vec![0.0; out.image.len()];
         loss::l1::adjoint(&pair, &saved, 1.0, &mut image_bar, None);
@@ -142,9 +148,9 @@ impl Target {
         }
         if settings.ssim_weight > 0.0 {
             let [[top, left], [bottom, right]] = self.rectangle;
-            let x = cut(&out.image, width, 3, self.rectangle);
+            let [x, y] = [&out.image[..], &photo[..]].map(|i| cut(i, width, 3, self.rectangle));
             let (h, w) = (bottom - top, right - left);
-            let pair = In { x: &x, y: &self.crop, mask: self.crop_mask.as_deref(), height: h, width: w };
+            let pair = In { x: &x, y: &y, mask: self.crop_mask.as_deref(), height: h, width: w };
             let (ssim, saved) = loss::ssim::forward(&pair)?;
             total += f64::from(settings.ssim_weight) * (1.0 - f64::from(ssim));
             let mut bar = vec![0.0; x.len()];

@@ -1,0 +1,151 @@
+//! How bright each moment is: a gain per moment and channel, since one colour per Gaussian cannot follow a light that moves.
+//!
+//! x' = e^γ (x − (1 − α) b) + (1 − α) b,   γ (T, 3) from 0
+//!
+//! | symbol | shape | meaning |
+//! |---|---|---|
+//! | x, α, b | (H, W, 3), (H, W), (3) | render, its coverage, the background, which has no gain |
+//! | γ | (T, 3) | logarithms of the gains; a moment the fit has not seen takes their mean |
+//!
+//! # Rounding
+//! f32 per pixel; γ̄ per row in f64 from the left, rows by the pairwise tree.
+//!
+//! # Adjoint
+//! x̄ = e^γ x̄',  ᾱ −= Σ_c (1 − e^γ_c) b_c x̄'_c,  γ̄_c = Σ e^γ_c (x − (1 − α) b)_c x̄'_c.
+
+use crate::num::{elem, sum};
+use crate::optim::adam::{Adam, Rule};
+use crate::splat::blend::Out;
+use crate::{Error, Result};
+
+/// Gains of every moment, and their optimiser.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// (T) γ
+    pub gains: Vec<[f32; 3]>,
+    pub(super) adam: Adam,
+}
+
+impl Light {
+    /// No gain for T moments.
+    ///
+    /// # Errors
+    /// Never.
+    pub fn new(moments: usize) -> Result<Self> {
+        Ok(Self { gains: vec![[0.0; 3]; moments], adam: Adam::new(Rule::SPLAT, moments, 3)? })
+    }
+
+    /// γ of a moment; the mean where it is none of the capture.
+    pub fn at(&self, moment: Option<usize>) -> [f32; 3] {
+        match moment.and_then(|t| self.gains.get(t)) {
+            Some(gain) => *gain,
+            None => std::array::from_fn(|c| {
+                let all = self.gains.iter().fold(0.0, |s, g| s + f64::from(g[c]));
+                (all / Ord::max(1, self.gains.len()) as f64) as f32
+            }),
+        }
+    }
+
+    /// One step of the optimiser for a moment.
+    ///
+    /// # Errors
+    /// A result that is not finite.
+    pub(super) fn step(&mut self, moment: usize, bar: [f32; 3], rate: f64) -> Result<()> {
+        let (mut grad, mut active) = (vec![[0.0; 3]; self.gains.len()], vec![0; self.gains.len()]);
+        (grad[moment], active[moment]) = (bar, 1);
+        self.adam
+            .step(self.gains.as_flattened_mut(), grad.as_flattened(), &[rate], Some(&active))
+            .map_err(|e: Error| e.within("gains"))
+    }
+}
+
+/// The picture with its gain.
+pub(super) fn apply(out: &mut Out, background: [f32; 3], gain: [f32; 3]) {
+    let g = gain.map(elem::exp);
+    for (rgb, a) in out.image.chunks_exact_mut(3).zip(&out.alpha) {
+        for c in 0..3 {
+            let behind = (1.0 - a) * background[c];
+            rgb[c] = g[c] * (rgb[c] - behind) + behind;
+        }
+    }
+}
+
+/// Turns the cotangent of the picture with its gain (already applied to `out`) into that of the render, adds to that of alpha, and gives γ̄.
+pub(super) fn adjoint(
+    out: &Out,
+    width: usize,
+    background: [f32; 3],
+    gain: [f32; 3],
+    image_bar: &mut [f32],
+    alpha_bar: &mut [f32],
+) -> [f32; 3] {
+    let g = gain.map(elem::exp);
+    let rows = image_bar.chunks_exact_mut(3 * width).zip(alpha_bar.chunks_exact_mut(width)).enumerate();
+    let sums: Vec<[f64; 3]> = rows
+        .map(|(r, (image_bar, alpha_bar))| {
+            let mut row = [0.0f64; 3];
+            for (i, (bar, alpha_bar)) in image_bar.chunks_exact_mut(3).zip(alpha_bar).enumerate() {
+                let at = r * width + i;
+                let uncovered = 1.0 - out.alpha[at];
+                for c in 0..3 {
+                    let lit = out.image[3 * at + c] - uncovered * background[c];
+                    row[c] += f64::from(lit) * f64::from(bar[c]);
+                    *alpha_bar -= (1.0 - g[c]) * background[c] * bar[c];
+                    bar[c] *= g[c];
+                }
+            }
+            row
+        })
+        .collect();
+    std::array::from_fn(|c| sum::tree_f64(&sums.iter().map(|s| s[c]).collect::<Vec<f64>>()) as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gains_differentiate() {
+        let out = Out {
+            image: (0..12).map(|i| 0.2 + 0.05 * i as f32).collect(),
+            alpha: vec![1.0, 0.5, 0.25, 0.9],
+            depth: vec![0.0; 4],
+        };
+        let (b, gain) = ([0.2, 0.4, 0.6], [0.1, -0.3, 0.2]);
+        let seeds: Vec<f32> = (0..12).map(|i| ((i * 5) % 7) as f32 - 3.0).collect();
+        let value = |out: &Out, gain| {
+            let mut out = out.clone();
+            apply(&mut out, b, gain);
+            out.image.iter().zip(&seeds).fold(0.0, |s, (x, w)| s + f64::from(*x) * f64::from(*w))
+        };
+        let mut lit = out.clone();
+        apply(&mut lit, b, gain);
+        let (mut image_bar, mut alpha_bar) = (seeds.clone(), vec![0.0; 4]);
+        let bar = adjoint(&lit, 2, b, gain, &mut image_bar, &mut alpha_bar);
+        let h = 1e-2f32;
+        let close = |got: f32, up: f64, down: f64| {
+            let slope = (up - down) / (2.0 * f64::from(h));
+            assert!((f64::from(got) - slope).abs() < 2e-3 * (1.0 + slope.abs()), "{got} against {slope}");
+        };
+        for c in 0..3 {
+            let moved = |d: f32| value(&out, std::array::from_fn(|k| gain[k] + if k == c { d } else { 0.0 }));
+            close(bar[c], moved(h), moved(-h));
+        }
+        for i in 0..4 {
+            let moved = |d: f32| {
+                let mut out = out.clone();
+                out.alpha[i] += d;
+                value(&out, gain)
+            };
+            close(alpha_bar[i], moved(h), moved(-h));
+        }
+        for i in 0..12 {
+            let moved = |d: f32| {
+                let mut out = out.clone();
+                out.image[i] += d;
+                value(&out, gain)
+            };
+            close(image_bar[i], moved(h), moved(-h));
+        }
+    }
+}
