@@ -174,7 +174,11 @@ impl Encoder {
 
 /// Number of entries of an array.
 pub(super) fn size(shape: &[usize]) -> usize {
-    shape.iter().fold(1, |n, s| n * s)
+    let mut entries = 1;
+    for side in shape {
+        entries *= side;
+    }
+    entries
 }
 
 /// U(±√(6/((1 + slope²)·inputs))) for weights, whose first axis counts outputs; 0 for biases. `at` numbers the array.
