@@ -123,8 +123,8 @@ fn check(
         assert!(bound.contains(&0) || side <= 16, "{name}: the box is not everything");
     }
     println!("{name}: points {worst_point:.1e}, pixels {worst_pixel:.1e}");
-    assert!(worst_point < 3e-6, "{name}: points within rounding of f32: {worst_point:e}");
-    assert!(worst_pixel < 5e-5, "{name}: pixels within rounding of f32: {worst_pixel:e}");
+    assert!(worst_point < 1e-6, "{name}: points within rounding of f32: {worst_point:e}");
+    assert!(worst_pixel < 2e-6, "{name}: pixels within rounding of f32: {worst_pixel:e}");
     let looked = inspect::inspect(out.path(), 4).expect("examined");
     assert!(
         looked.is_usable(),
