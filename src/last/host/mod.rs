@@ -36,3 +36,6 @@ pub mod settings;
 pub mod skin;
 pub mod store;
 pub mod view;
+
+#[cfg(test)]
+mod trials;

@@ -1,0 +1,285 @@
+//! What the fit must show, on a body of two joints and a guide whose factors are known (last.md §16, T11, T12, T15).
+
+use super::density::{Density, Mode};
+use super::fit::PersonFit;
+use super::guide::{Framing, Guide};
+use super::progressive::{Cap, Keys, Order, Progressive};
+use super::settings::Settings;
+use crate::fit::training::{self, Fit, History, Schedule};
+use crate::io::image_file;
+use crate::io::npz;
+use crate::math::digraph::Digraph;
+use crate::num::array::Arrays;
+use crate::num::par;
+use crate::scene::person::PersonCapture;
+use crate::{Error, Result};
+use serde_json::json;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// Side of the pictures.
+const SIDE: usize = 24;
+
+/// Two factors: the left half of a picture, and the right half, which depends on it. A place belongs to the factor of its side.
+struct Halves {
+    edge: bool,
+    /// the two pictures are said to be equal
+    blind: bool,
+}
+
+impl Guide for Halves {
+    fn factors(&self) -> usize {
+        2
+    }
+    fn graph(&self) -> Digraph {
+        if self.edge { Digraph::new(2, &[(0, 1)]) } else { Digraph::empty(2) }
+    }
+    fn side(&self) -> usize {
+        SIDE / 2
+    }
+    fn framing(&self) -> Framing {
+        Framing::Whole
+    }
+    fn identity(&self) -> String {
+        format!("halves {} {}", self.edge, self.blind)
+    }
+    fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)> {
+        let scale = if self.blind { 0.0 } else { 1.0 / rendered.len() as f32 };
+        let bar: Vec<f32> = rendered.iter().zip(real).map(|(a, b)| 2.0 * scale * (a - b)).collect();
+        let value = rendered.iter().zip(real).fold(0.0, |s, (a, b)| s + f64::from(scale * (a - b) * (a - b)));
+        Ok((value, bar))
+    }
+    fn swap_scores(&self, rendered: &[f32], real: &[f32], places: &[[f32; 3]]) -> Result<Vec<Vec<f64>>> {
+        if rendered.len() != real.len() {
+            return Err(Error::input("pictures").expected("one size"));
+        }
+        let score = |side: f32| places.iter().map(|p| f64::from((side * p[0]).max(0.0))).collect();
+        Ok(vec![score(-1.0), score(1.0)])
+    }
+}
+
+/// A bar of two joints, bent over four moments, before one camera; the pictures are discs of two colours.
+fn capture(dir: &Path) -> PersonCapture {
+    let columns = 12;
+    let points: Vec<f32> = (0..columns * 4)
+        .flat_map(|i| {
+            let (x, y) = ((i % columns) as f32 / 11.0 - 0.5, (i / columns) as f32 * 0.06 - 0.09);
+            [1.4 * x, y, 0.0]
+        })
+        .collect();
+    let n = points.len() / 3;
+    let weights: Vec<f32> =
+        points.chunks(3).flat_map(|p| if p[0] < 0.0 { [1.0, 0.0] } else { [0.0, 1.0] }).collect();
+    let moments = 4;
+    let transforms: Vec<f32> = (0..moments)
+        .flat_map(|t| {
+            let still = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
+            let (s, c) = (libm::sin(0.2 * t as f64) as f32, libm::cos(0.2 * t as f64) as f32);
+            [still, [c, -s, 0., 0., s, c, 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.]].concat()
+        })
+        .collect();
+    let body = Arrays::new()
+        .with("points", &[n, 3], points.clone())
+        .with("weights", &[n, 2], weights)
+        .with("parents", &[2], vec![-1i32, 0])
+        .with("joints", &[2, 3], vec![0.0f32, 0.0, 0.0, 0.0, 0.0, 0.0])
+        .with("transforms", &[moments, 2, 4, 4], transforms);
+    let bytes = npz::to_bytes(&body, npz::Packing::Stored).expect("an archive");
+    for folder in ["images", "foreground"] {
+        std::fs::create_dir_all(dir.join(folder)).expect("a folder");
+    }
+    std::fs::write(dir.join("body.npz"), bytes).expect("written");
+    let frames: Vec<_> = (0..moments)
+        .map(|t| {
+            let (mut rgb, mut mask) = (vec![0u8; SIDE * SIDE * 3], vec![0u8; SIDE * SIDE]);
+            let angle = 0.2 * t as f64;
+            for i in 0..SIDE * SIDE {
+                let (x, y) = ((i % SIDE) as f64 - 11.5, 11.5 - (i / SIDE) as f64);
+                let across = if x < 0.0 { y } else { y * libm::cos(angle) - x * libm::sin(angle) };
+                if across.abs() < 2.5 && x * x + y * y < 64.0 {
+                    rgb[3 * i..3 * i + 3].copy_from_slice(if x < 0.0 {
+                        &[220, 60, 40]
+                    } else {
+                        &[50, 90, 230]
+                    });
+                    mask[i] = 255;
+                }
+            }
+            let name = format!("c00_f{t:04}.png");
+            image_file::write_png(&dir.join("images").join(&name), SIDE, SIDE, 3, &rgb).expect("written");
+            image_file::write_png(&dir.join("foreground").join(&name), SIDE, SIDE, 1, &mask)
+                .expect("written");
+            json!({
+                "file_path": format!("images/{name}"), "foreground_path": format!("foreground/{name}"),
+                "transform_matrix": [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 4.], [0., 0., 0., 1.]],
+                "frame": t, "time": t as f64 / moments as f64, "camera": 0,
+            })
+        })
+        .collect();
+    let train = json!({
+        "w": SIDE, "h": SIDE, "fl_x": 46.0, "fl_y": 46.0, "cx": 12.0, "cy": 12.0, "camera_model": "PINHOLE",
+        "frames": frames,
+    });
+    std::fs::write(dir.join("transforms_train.json"), train.to_string()).expect("written");
+    PersonCapture::open(dir).expect("a capture")
+}
+
+fn settings() -> Settings {
+    let host = Settings::host();
+    Settings {
+        iterations: 60,
+        max_gaussians: 200,
+        weights_network: true,
+        pose_network: true,
+        density: Density { prune_distance_m: 0.5, ..host.density.clone() },
+        ..host
+    }
+}
+
+fn guided(lambda: f64) -> Settings {
+    Settings {
+        density: Density { mode: Mode::Or, ..settings().density },
+        progressive: Some(Progressive { lambda, ..Progressive::published() }),
+        latent_weight: 0.1,
+        ..settings()
+    }
+}
+
+fn finish(fit: &mut PersonFit<'_>) -> History {
+    let stop = AtomicBool::new(false);
+    let mut history = History::default();
+    let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+    training::run(fit, &mut history, schedule, &mut ()).expect("runs");
+    history
+}
+
+fn digest(settings: Settings, capture: &PersonCapture, guide: Option<&dyn Guide>) -> String {
+    let mut fit = PersonFit::new(settings, capture, guide).expect("valid");
+    finish(&mut fit);
+    fit.avatar().digest().expect("finite")
+}
+
+#[test]
+fn a_guide_that_is_not_asked_changes_no_bit() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    let host = digest(settings(), &capture, None);
+    let guide = Halves { edge: true, blind: false };
+    assert_eq!(digest(settings(), &capture, Some(&guide)), host, "all off");
+    let of = |p: Progressive| digest(Settings { progressive: Some(p), ..settings() }, &capture, Some(&guide));
+    let one_level = Progressive { lambda: f64::INFINITY, order: Order::None, ..Progressive::published() };
+    assert_eq!(of(one_level.clone()), host, "λ = ∞ and one level");
+    assert_eq!(of(Progressive { graph: Some(Digraph::empty(2)), ..one_level }), host, "no edges");
+    assert_ne!(of(Progressive::published()), host, "two levels do something");
+}
+
+#[test]
+fn frozen_children_stay_and_parents_move() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    let guide = Halves { edge: true, blind: false };
+    for (cap, lambda) in [(Cap::Relative, 0.0), (Cap::Absolute, 0.0), (Cap::Relative, 0.1)] {
+        let progressive = Progressive { cap, lambda, ..Progressive::published() };
+        let s = Settings { progressive: Some(progressive), ..settings() };
+        let mut fit = PersonFit::new(s, &capture, Some(&guide)).expect("valid");
+        // Keys are there after iteration 10; density control acts after 20.
+        for i in 0..12 {
+            fit.step(i, &mut ()).expect("runs");
+        }
+        let (before, members) = (fit.avatar().gaussians.clone(), fit.members().to_vec());
+        let parent: Vec<usize> = (0..members.len()).filter(|&g| members[g] & 1 == 1).collect();
+        let child: Vec<usize> = (0..members.len()).filter(|&g| members[g] == 2).collect();
+        assert!(!parent.is_empty() && !child.is_empty(), "keys of both factors");
+        assert!(members.contains(&0), "some are key to nothing");
+        fit.step(12, &mut ()).expect("runs");
+        let after = &fit.avatar().gaussians;
+        let moved =
+            |g: usize| after.means[g] != before.means[g] || after.scales_log[g] != before.scales_log[g];
+        assert!(parent.iter().all(|&g| moved(g)), "parents move");
+        assert_eq!(child.iter().any(|&g| moved(g)), lambda > 0.0, "children, {cap:?} λ = {lambda}");
+        assert_eq!(
+            fit.tally().renders,
+            13 + 3 + 4,
+            "a render per level and iteration, and one per picture for keys"
+        );
+    }
+}
+
+#[test]
+fn no_discrepancy_adds_nothing() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    for (blind, mode) in [(true, Mode::Replace), (true, Mode::Budget), (false, Mode::Replace)] {
+        let density = Density { mode, latent_threshold: 1e-7, pixel_threshold: 1e-6, ..settings().density };
+        let s = Settings { density, ..settings() };
+        let guide = Halves { edge: true, blind };
+        let mut fit = PersonFit::new(s, &capture, Some(&guide)).expect("valid");
+        finish(&mut fit);
+        let added = fit.events().iter().fold(0, |n, e| n + e.cloned + e.split);
+        assert_eq!(added > 0, !blind, "{mode:?}, blind {blind}: {added} added");
+        let t = fit.tally();
+        assert!(!blind || t.blind == t.gradients as f64, "the whole picture is blind");
+    }
+}
+
+#[test]
+fn an_interrupted_fit_and_other_threads_give_the_same_bits() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    let guide = Halves { edge: true, blind: false };
+    let whole = digest(guided(0.1), &capture, Some(&guide));
+    for threads in [1, 7] {
+        let other = par::with_threads(threads, || digest(guided(0.1), &capture, Some(&guide)));
+        assert_eq!(other.expect("threads"), whole, "{threads} threads");
+    }
+    let path = dir.path().join("checkpoint.safetensors");
+    let mut first = PersonFit::new(guided(0.1), &capture, Some(&guide)).expect("valid");
+    let mut history = History::default();
+    for i in 0..33 {
+        let step = first.step(i, &mut ()).expect("runs");
+        history.loss.push(step.loss);
+        history.size.push(step.size as i32);
+    }
+    training::save(&first, &history, &path).expect("written");
+    let mut second = PersonFit::new(guided(0.1), &capture, Some(&guide)).expect("valid");
+    let mut history = training::resume(&mut second, &path).expect("complete");
+    let stop = AtomicBool::new(false);
+    let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+    training::run(&mut second, &mut history, schedule, &mut ()).expect("runs");
+    assert_eq!(second.avatar().digest().expect("finite"), whole, "resumed");
+    let mut other = PersonFit::new(guided(0.2), &capture, Some(&guide)).expect("valid");
+    assert!(training::resume(&mut other, &path).is_err(), "another λ is refused");
+
+    // The avatar's file holds the same person.
+    let file = dir.path().join("avatar.safetensors");
+    super::store::write(&file, second.avatar(), &capture, &Fit::settings(&second)).expect("written");
+    let stored = super::store::read(&file).expect("an avatar");
+    assert_eq!(stored.avatar.digest().expect("finite"), whole, "stored and read");
+    let camera = &capture.shots[0].camera;
+    let picture = |a: &super::avatar::Avatar, pose| a.picture(pose, Some(2), camera).expect("renders").image;
+    let same = picture(&stored.avatar, &stored.poses[2]) == picture(second.avatar(), &capture.poses[2]);
+    assert!(same, "the same picture from the file");
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    let missing = PersonFit::new(guided(0.1), &capture, None).err().expect("no guide").to_string();
+    assert!(missing.contains("model"), "{missing}");
+    let guide = Halves { edge: true, blind: false };
+    let graph = Some(Digraph::new(2, &[(0, 1), (1, 0)]));
+    let progressive = Some(Progressive { graph, keys: Keys::All, ..Progressive::published() });
+    let cyclic = PersonFit::new(Settings { progressive, ..settings() }, &capture, Some(&guide));
+    assert!(cyclic.err().expect("a cycle").to_string().contains("cycle"), "a cyclic graph");
+    let few = PersonFit::new(Settings { max_gaussians: 5, ..settings() }, &capture, None);
+    assert!(few.err().expect("too few").to_string().contains("--max-gaussians"), "fewer than points");
+    for bad in [
+        Settings { iterations: 0, ..settings() },
+        Settings { first_opacity: 1.0, ..settings() },
+        Settings { ssim_weight: f32::NAN, ..settings() },
+        Settings { latent_weight: -1.0, ..settings() },
+    ] {
+        assert!(bad.validate().is_err(), "{bad:?} is refused");
+    }
+}
