@@ -13,6 +13,7 @@ mod learners;
 mod lpips;
 mod metrics;
 mod models;
+mod networks;
 mod repair;
 mod skin;
 mod structure;
