@@ -1,7 +1,6 @@
 //! The adjoint of `nn.conv`: equations and rounding on the page of [`super`].
 
 use super::{In, InBar, PADDED, PIXELS, Shape, Window, checked, items, sized};
-use crate::nn::act;
 use crate::num::gemm::runs::{Grid, Runs, gemm_grid, gemm_runs};
 use crate::num::gemm::{Finish, Packed, View};
 use crate::num::{order, par};
@@ -25,9 +24,14 @@ struct Cotangent<'a> {
 
 impl Cotangent<'_> {
     fn read(&self, first: usize, into: &mut [f32]) {
-        into.copy_from_slice(&self.y_bar[first..][..into.len()]);
-        if let Some((y, slope)) = self.after {
-            act::leaky_relu_back(&y[first..][..into.len()], slope, into);
+        let y_bar = &self.y_bar[first..][..into.len()];
+        match self.after {
+            None => into.copy_from_slice(y_bar),
+            Some((y, slope)) => {
+                for (into, (y, bar)) in into.iter_mut().zip(y[first..].iter().zip(y_bar)) {
+                    *into = if *y > 0.0 { *bar } else { slope * *bar };
+                }
+            }
         }
     }
 }
