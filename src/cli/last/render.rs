@@ -6,6 +6,7 @@ use crate::cli::shared::{OrbitArgs, Usual};
 use crate::cli::{self, claim};
 use crate::fit::render::{Orbit, capture_shots};
 use crate::io::image_file;
+use crate::last::host::light::Moment;
 use crate::last::host::store::{self, Stored};
 use crate::num::order;
 use crate::scene::camera::Camera;
@@ -139,7 +140,7 @@ fn around(orbit: Orbit, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> 
     let step = Ord::max(1, poses.len() / 8);
     let mut scene = Gaussians { sh_degree: 0, ..Gaussians::default() };
     for pose in poses.iter().step_by(step) {
-        let placed = stored.avatar.place(&stored.avatar.rig(pose));
+        let placed = stored.avatar.place(&stored.avatar.rig(pose), Moment::default());
         scene.means.extend_from_slice(&placed.means);
     }
     let n = scene.means.len();

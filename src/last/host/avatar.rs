@@ -8,7 +8,7 @@
 //! once per iteration and used by every render of it.
 
 use super::body::Body;
-use super::light::{self, Light};
+use super::light::{self, Light, Moment};
 use super::mlp::{Mlp, Passed};
 use super::pose::{self, Corrected};
 use super::settings::Settings;
@@ -34,6 +34,8 @@ const PURPOSE_POSE: u16 = 0x0903;
 const LEAST_SQUARE: f32 = 1e-7;
 /// Keeps the logarithm of an absent weight finite.
 const WEIGHT_FLOOR: f32 = 1e-9;
+/// The constant spherical harmonic.
+const Y0: f32 = 0.282_094_79;
 /// Octaves of the code of a place.
 const OCTAVES: usize = 10;
 const CODE: usize = 3 + 6 * OCTAVES;
@@ -72,6 +74,8 @@ pub struct Rig {
     pub weights: Arc<Vec<f32>>,
     /// (G, 3)
     pub offsets: Option<Vec<[f32; 3]>>,
+    /// (G, 3) of the nearest points, in the world; empty where colours are not shaded
+    normals: Vec<[f32; 3]>,
     weights_passed: Option<Passed>,
     pose_passed: Option<(Passed, Vec<[f64; 3]>, Corrected)>,
 }
@@ -88,6 +92,8 @@ pub struct Placed {
     scales: Vec<[f32; 3]>,
     /// (G)
     pub opacities: Vec<f32>,
+    /// (G) shaded colours and their shades, where there is light
+    shaded: Option<(Vec<[f32; 3]>, Vec<f32>)>,
 }
 
 /// Gradients of a moment's picture by what is stored.
@@ -99,6 +105,8 @@ pub struct Grad {
     weights: Vec<f32>,
     /// by joints (K); empty without a pose network
     posed: Vec<[[f64; 4]; 3]>,
+    /// by the direction of the light
+    pub toward: [f32; 3],
 }
 
 /// What the network of the poses gave: its activations, the corrections, the corrected pose.
@@ -228,7 +236,9 @@ impl Avatar {
                 (Arc::new(softmax(&self.base, &delta, self.body.joints())), Some(passed))
             }
         };
+        let normals = self.normals(&posed);
         Rig {
+            normals,
             bones: self.body.bones(posed),
             weights,
             offsets: self.body.offsets(&self.nearest, &pose.axis_angles),
@@ -251,8 +261,23 @@ impl Avatar {
         (corrected.transforms.clone(), Some((passed, corrections, corrected)))
     }
 
-    /// The Gaussians at the moment of a rig.
-    pub fn place(&self, rig: &Rig) -> Placed {
+    /// (G, 3) unit normals of the nearest points, turned with the joint they hang on most.
+    fn normals(&self, posed: &[Affine]) -> Vec<[f32; 3]> {
+        let t = &self.body.template;
+        if self.light.is_none() || t.normals.len() != t.points.len() || self.gaussians.sh_degree > 0 {
+            return Vec::new();
+        }
+        let turn = |&p: &u32| {
+            let (n, a) = (t.normals[p as usize], &posed[usize::from(t.joint_of[p as usize][0])]);
+            let m: [f32; 3] = std::array::from_fn(|i| (a[i][0] * n[0] + a[i][1] * n[1]) + a[i][2] * n[2]);
+            let length = ((m[0] * m[0] + m[1] * m[1]) + m[2] * m[2]).sqrt();
+            if length > 0.0 { m.map(|x| x / length) } else { [0.0; 3] }
+        };
+        self.nearest.iter().map(turn).collect()
+    }
+
+    /// The Gaussians at the moment of a rig, in the light of a moment.
+    pub fn place(&self, rig: &Rig, light: Moment) -> Placed {
         let g = &self.gaussians;
         let n = g.len();
         let mut placed = Placed {
@@ -264,6 +289,12 @@ impl Avatar {
         activate::forward(&g.scales_log, &g.opacity_logits, &mut placed.scales, &mut placed.opacities);
         covariance::forward(&g.quats, &placed.scales, &mut placed.rest);
         (placed.means, placed.factors) = skin::forward(&self.skin_in(rig, &placed.rest));
+        if !rig.normals.is_empty() {
+            let shades: Vec<f32> = rig.normals.iter().map(|&m| light::shade(m, light.toward)).collect();
+            let colors = g.sh.as_chunks::<3>().0.iter().zip(&shades);
+            let shaded = colors.map(|(c, s)| c.map(|c| order::max(0.5 + Y0 * c, 0.0) * s)).collect();
+            placed.shaded = Some((shaded, shades));
+        }
         placed
     }
 
@@ -283,11 +314,14 @@ impl Avatar {
             means: &placed.means,
             shape: Shape::Factors(&placed.factors),
             opacities: &placed.opacities,
-            color: Color::Sh(Sh {
-                values: &self.gaussians.sh,
-                coefficients: self.gaussians.sh_coefficients(),
-                degree,
-            }),
+            color: match &placed.shaded {
+                Some((rgb, _)) => Color::Rgb(rgb),
+                None => Color::Sh(Sh {
+                    values: &self.gaussians.sh,
+                    coefficients: self.gaussians.sh_coefficients(),
+                    degree,
+                }),
+            },
             cameras: std::slice::from_ref(camera),
             background: self.background,
         }
@@ -303,13 +337,14 @@ impl Avatar {
                 .expected(format!("{} joints", self.body.joints()))
                 .got(pose.transforms.len().to_string()));
         }
-        let placed = self.place(&self.rig(pose));
+        let light = self.light.as_ref().map(|l| l.at(moment));
+        let placed = self.place(&self.rig(pose), light.unwrap_or_default());
         let x = self.input(&placed, camera, self.gaussians.sh_degree);
         x.validate(&self.render)?;
         let (mut out, mut saved) = (Out::default(), Saved::default());
         render::forward_into(&x, &self.render, None, &mut out, &mut saved);
-        if let Some(light) = &self.light {
-            light::apply(&mut out, self.background, light.at(moment));
+        if let Some(light) = light {
+            light::apply(&mut out, self.background, light.gain);
         }
         Ok(out)
     }
@@ -331,15 +366,24 @@ impl Avatar {
             &mut scales_log,
             &mut opacity_logits,
         );
-        let gaussians = Gaussians {
-            means: skinned.means,
-            quats,
-            scales_log,
-            opacity_logits,
-            sh: bar.sh,
-            sh_degree: g.sh_degree,
-        };
-        Grad { gaussians, weights: skinned.weights, posed: skinned.posed }
+        let (mut sh, mut toward) = (bar.sh, [0.0; 3]);
+        if let Some((_, shades)) = &placed.shaded {
+            let mut shades_bar = vec![0.0; n];
+            sh = vec![0.0; 3 * n];
+            for i in 0..n {
+                for c in 0..3 {
+                    let base = 0.5 + Y0 * g.sh[3 * i + c];
+                    if base > 0.0 {
+                        sh[3 * i + c] = Y0 * shades[i] * bar.rgb[i][c];
+                        shades_bar[i] += base * bar.rgb[i][c];
+                    }
+                }
+            }
+            toward = light::shade_adjoint(&rig.normals, shades, &shades_bar);
+        }
+        let gaussians =
+            Gaussians { means: skinned.means, quats, scales_log, opacity_logits, sh, sh_degree: g.sh_degree };
+        Grad { gaussians, weights: skinned.weights, posed: skinned.posed, toward }
     }
 
     /// One step of the networks.
@@ -378,6 +422,7 @@ impl Avatar {
         }
         if let Some(light) = &self.light {
             d.f32(&[light.gains.len(), 3], light.gains.as_flattened())?;
+            d.f32(&[light.toward.len(), 3], light.toward.as_flattened())?;
         }
         for &p in &self.nearest {
             d.u64(u64::from(p));

@@ -6,7 +6,7 @@
 use super::avatar::{Avatar, Grad, Rig};
 use super::density::{self, Event, Latent};
 use super::guide::{Guide, Window};
-use super::light;
+use super::light::{self, Moment};
 use super::prior::{self, NEAR, Near};
 use super::progressive::{self, Cap, Keys, Plan};
 use super::settings::Settings;
@@ -67,8 +67,8 @@ struct Workspace {
 struct Passed {
     loss: f32,
     grad: Grad,
-    /// by the gains of the moment
-    gain: Option<[f32; 3]>,
+    /// by the light of the moment
+    light: Option<Moment>,
     means_px: Vec<[f32; 2]>,
     radii: Vec<[i32; 2]>,
     /// (G, 3) ∂L_lat/∂μ_world, where asked for
@@ -151,7 +151,10 @@ impl<'a> PersonFit<'a> {
                 Some(Plan::new(&graph, p.order, settings.seed)?)
             }
         };
-        let avatar = Avatar::new(&capture.template, capture.moments(), &settings)?;
+        let mut avatar = Avatar::new(&capture.template, capture.moments(), &settings)?;
+        if let Some(light) = &mut avatar.light {
+            light.toward = first_light(capture, settings.first_light);
+        }
         let n = avatar.gaussians.len();
         if n > settings.max_gaussians {
             return Err(Error::input("--max-gaussians")
@@ -252,14 +255,15 @@ impl<'a> PersonFit<'a> {
 
     /// Renders the Gaussians at a moment, compares, and goes all the way back.
     fn pass(&mut self, target: &Target, rig: &Rig, want: Want, watch: &mut dyn Watch) -> Result<Passed> {
-        let placed = self.avatar.place(rig);
+        let light = self.avatar.light.as_ref().map(|l| l.at(Some(target.time)));
+        let placed = self.avatar.place(rig, light.unwrap_or_default());
         let background = want.background;
         let x = render::In { background, ..self.avatar.input(&placed, &target.camera, want.degree) };
         watch.lap("pose");
         let mut work = std::mem::take(&mut self.work);
         render::forward_into(&x, &self.avatar.render, None, &mut work.out, &mut work.saved);
         self.tally.renders += 1;
-        let gain = self.avatar.light.as_ref().map(|l| l.at(Some(target.time)));
+        let gain = light.map(|l| l.gain);
         if let Some(gain) = gain {
             light::apply(&mut work.out, background, gain);
         }
@@ -337,11 +341,12 @@ impl<'a> PersonFit<'a> {
         let (means_px, radii) = (std::mem::take(&mut bar.means_px), work.saved.radii());
         let mut grad = self.avatar.adjoint(rig, &placed, bar, want.networks);
         self.work = work;
+        let light = gain.map(|gain| Moment { gain, toward: grad.toward });
         let reach = self.settings.density.prune_distance_m / self.avatar.body.template.unit_m;
         let assumed = prior::add(&self.settings.prior, &self.avatar, &self.near, reach, &mut grad.gaussians);
         watch.lap("pose");
         let loss = compared.loss + assumed as f32;
-        Ok(Passed { loss, grad, gain, means_px, radii, latent })
+        Ok(Passed { loss, grad, light, means_px, radii, latent })
     }
 
     /// The update of one iteration, after the render of level 0.
@@ -530,8 +535,8 @@ impl Fit for PersonFit<'_> {
         let place = |e: Error| e.at(format!("iteration {iteration}"));
         self.update(&target, &rig, want, &rates, &first, watch).map_err(place)?;
         self.avatar.step_networks(&rig, &first.grad, self.settings.learning.networks).map_err(place)?;
-        if let (Some(light), Some(gain)) = (&mut self.avatar.light, first.gain) {
-            light.step(target.time, gain, self.settings.learning.gains)?;
+        if let (Some(light), Some(bar)) = (&mut self.avatar.light, first.light) {
+            light.step(target.time, bar, self.settings.learning.gains)?;
         }
         watch.lap("optimiser");
         self.control(iteration)?;
@@ -626,6 +631,18 @@ impl Fit for PersonFit<'_> {
             (groups, stats, latent, members, events);
         Ok(())
     }
+}
+
+/// (T) d of the given length, toward the first training camera.
+fn first_light(capture: &PersonCapture, length: f32) -> Vec<[f32; 3]> {
+    let eye = capture.shots[capture.train[0]].camera.center();
+    let toward = |time: usize| {
+        let [low, high] = capture.bounds(time);
+        let v: [f32; 3] = std::array::from_fn(|k| eye[k] - 0.5 * (low[k] + high[k]));
+        let norm = ((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]).sqrt();
+        if norm > 0.0 { v.map(|x| length * (x / norm)) } else { [0.0; 3] }
+    };
+    (0..capture.moments()).map(toward).collect()
 }
 
 /// Takes the background out of a render, since the model knows people before black: x − (1 − α) b.

@@ -1,17 +1,25 @@
-//! How bright each moment is: a gain per moment and channel, since one colour per Gaussian cannot follow a light that moves.
+//! How bright each moment is, and from where: one colour per Gaussian cannot follow a light that moves.
 //!
 //! x' = e^γ (x − (1 − α) b) + (1 − α) b,   γ (T, 3) from 0
+//!
+//! and, with colours of degree 0, before that c' = s·c with the shade s = max(¼, 1 + n·d), d (T, 3) from 0: light of the first order in the normal n of
+//! the nearest point of the template. What the front shows of it says how bright the side is that the camera never sees.
 //!
 //! | symbol | shape | meaning |
 //! |---|---|---|
 //! | x, α, b | (H, W, 3), (H, W), (3) | render, its coverage, the background, which has no gain |
 //! | γ | (T, 3) | logarithms of the gains; a moment the fit has not seen takes their mean |
+//! | d | (T, 3) | where the light comes from, world axes, likewise |
 //!
 //! # Rounding
 //! f32 per pixel; γ̄ per row in f64 from the left, rows by the pairwise tree.
 //!
+//! # Kinks and domain
+//! A shade at ¼ has no gradient.
+//!
 //! # Adjoint
-//! x̄ = e^γ x̄',  ᾱ −= Σ_c (1 − e^γ_c) b_c x̄'_c,  γ̄_c = Σ e^γ_c (x − (1 − α) b)_c x̄'_c.
+//! x̄ = e^γ x̄',  ᾱ −= Σ_c (1 − e^γ_c) b_c x̄'_c,  γ̄_c = Σ e^γ_c (x − (1 − α) b)_c x̄'_c;
+//! c̄ = s c̄', s̄ = Σ_c c c̄', d̄ = Σ_g s̄_g n_g: sums over Gaussians from the left in f64.
 
 use crate::num::{elem, sum};
 use crate::optim::adam::{Adam, Rule};
@@ -23,8 +31,23 @@ use crate::{Error, Result};
 pub struct Light {
     /// (T) γ
     pub gains: Vec<[f32; 3]>,
-    pub(super) adam: Adam,
+    /// (T) d
+    pub toward: Vec<[f32; 3]>,
+    /// of γ and d
+    pub(super) adam: [Adam; 2],
 }
+
+/// γ and d of a moment, or their gradients.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// γ
+    pub gain: [f32; 3],
+    /// d
+    pub toward: [f32; 3],
+}
+
+/// Least shade.
+const LEAST: f32 = 0.25;
 
 impl Light {
     /// No gain for T moments.
@@ -32,31 +55,55 @@ impl Light {
     /// # Errors
     /// Never.
     pub fn new(moments: usize) -> Result<Self> {
-        Ok(Self { gains: vec![[0.0; 3]; moments], adam: Adam::new(Rule::SPLAT, moments, 3)? })
+        let adam = || Adam::new(Rule::SPLAT, moments, 3);
+        Ok(Self { gains: vec![[0.0; 3]; moments], toward: vec![[0.0; 3]; moments], adam: [adam()?, adam()?] })
     }
 
-    /// γ of a moment; the mean where it is none of the capture.
-    pub fn at(&self, moment: Option<usize>) -> [f32; 3] {
-        match moment.and_then(|t| self.gains.get(t)) {
-            Some(gain) => *gain,
+    /// γ and d of a moment; the means where it is none of the capture.
+    pub fn at(&self, moment: Option<usize>) -> Moment {
+        let of = |all: &[[f32; 3]]| match moment.and_then(|t| all.get(t)) {
+            Some(own) => *own,
             None => std::array::from_fn(|c| {
-                let all = self.gains.iter().fold(0.0, |s, g| s + f64::from(g[c]));
-                (all / Ord::max(1, self.gains.len()) as f64) as f32
+                let sum = all.iter().fold(0.0, |s, g| s + f64::from(g[c]));
+                (sum / Ord::max(1, all.len()) as f64) as f32
             }),
-        }
+        };
+        Moment { gain: of(&self.gains), toward: of(&self.toward) }
     }
 
     /// One step of the optimiser for a moment.
     ///
     /// # Errors
     /// A result that is not finite.
-    pub(super) fn step(&mut self, moment: usize, bar: [f32; 3], rate: f64) -> Result<()> {
-        let (mut grad, mut active) = (vec![[0.0; 3]; self.gains.len()], vec![0; self.gains.len()]);
-        (grad[moment], active[moment]) = (bar, 1);
-        self.adam
-            .step(self.gains.as_flattened_mut(), grad.as_flattened(), &[rate], Some(&active))
-            .map_err(|e: Error| e.within("gains"))
+    pub(super) fn step(&mut self, moment: usize, bar: Moment, rate: f64) -> Result<()> {
+        let mut active = vec![0; self.gains.len()];
+        active[moment] = 1;
+        let all = [(&mut self.gains, bar.gain), (&mut self.toward, bar.toward)];
+        for ((values, bar), adam) in all.into_iter().zip(&mut self.adam) {
+            let mut grad = vec![[0.0; 3]; values.len()];
+            grad[moment] = bar;
+            adam.step(values.as_flattened_mut(), grad.as_flattened(), &[rate], Some(&active))
+                .map_err(|e: Error| e.within("light"))?;
+        }
+        Ok(())
     }
+}
+
+/// Shade of a normal.
+pub(super) fn shade(normal: [f32; 3], toward: [f32; 3]) -> f32 {
+    let s = 1.0 + ((normal[0] * toward[0] + normal[1] * toward[1]) + normal[2] * toward[2]);
+    if s > LEAST { s } else { LEAST }
+}
+
+/// d̄ from the cotangents of the shades (G).
+pub(super) fn shade_adjoint(normals: &[[f32; 3]], shades: &[f32], bar: &[f32]) -> [f32; 3] {
+    let mut sum = [0.0f64; 3];
+    for ((n, _), b) in normals.iter().zip(shades).zip(bar).filter(|((_, s), _)| **s > LEAST) {
+        for c in 0..3 {
+            sum[c] += f64::from(n[c]) * f64::from(*b);
+        }
+    }
+    sum.map(|x| x as f32)
 }
 
 /// The picture with its gain.

@@ -58,6 +58,9 @@ pub struct Settings {
     pub random_background: bool,
     /// rates
     pub learning: Learning,
+    /// length of the first d of every moment, toward the first training camera: a person is photographed from where the light is. Colours take up
+    /// what it makes of the front, the hidden side stays as dark as it says.
+    pub first_light: f32,
     /// weight of 1 − SSIM on the box crop
     pub ssim_weight: f32,
     /// weight of the squared error of alpha in the box
@@ -85,6 +88,7 @@ impl Settings {
             random_background: true,
             first_scale: 0.6,
             first_opacity: 0.5,
+            first_light: 0.2,
             prior: Prior {
                 color: 0.1,
                 opacity: 0.1,
@@ -123,6 +127,7 @@ impl Settings {
                 networks: 5e-5,
                 gains: 0.0,
             },
+            first_light: 0.0,
             ssim_weight: 0.01,
             alpha_weight: 0.1,
             prior: Prior::NONE,
@@ -177,12 +182,12 @@ impl Settings {
         let l = &self.learning;
         let rates =
             [l.means, l.means_end, l.scales_log, l.quats, l.opacity_logits, l.sh_dc, l.decay, l.networks];
-        let [a, b, c] = [self.ssim_weight, self.alpha_weight, self.latent_weight].map(f64::from);
-        let weights = [a, b, c, l.gains];
+        let w = [self.ssim_weight, self.alpha_weight, self.latent_weight, self.first_light].map(f64::from);
+        let weights = [w[0], w[1], w[2], w[3], l.gains];
         for (name, x, positive) in rates
             .map(|r| ("learning rate", r, true))
             .into_iter()
-            .chain(weights.map(|w| ("loss weight or rate of gains", w, false)))
+            .chain(weights.map(|w| ("loss weight, first light or rate of gains", w, false)))
         {
             if !(x.is_finite() && x >= 0.0 && (x > 0.0 || !positive)) {
                 return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));
@@ -209,7 +214,7 @@ impl Settings {
             "rate_means": l.means, "rate_means_end": l.means_end, "rate_scales": l.scales_log,
             "rate_quats": l.quats, "rate_opacities": l.opacity_logits, "rate_colors": l.sh_dc,
             "rate_decay": l.decay, "rate_networks": l.networks, "rate_gains": l.gains,
-            "ssim_weight": self.ssim_weight, "alpha_weight": self.alpha_weight,
+            "first_light": self.first_light, "ssim_weight": self.ssim_weight, "alpha_weight": self.alpha_weight,
             "weights_network": self.weights_network, "pose_network": self.pose_network,
             "latent_weight": self.latent_weight,
         });

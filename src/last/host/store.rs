@@ -47,9 +47,13 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
         }
     }
     if let Some(light) = &avatar.light {
-        out.put("light/gains", &[light.gains.len(), 3], light.gains.as_flattened().to_vec());
-        if state {
-            light.adam.save("light/adam", out);
+        for (name, values, adam) in
+            [("light/gains", &light.gains, &light.adam[0]), ("light/toward", &light.toward, &light.adam[1])]
+        {
+            out.put(name, &[values.len(), 3], values.as_flattened().to_vec());
+            if state {
+                adam.save(&format!("{name}.adam"), out);
+            }
         }
     }
 }
@@ -57,15 +61,22 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
 /// Takes back the gains that [`put`] put, as many as there are.
 pub(super) fn get_light(light: &mut Light, state: bool, from: &Arrays) -> Result<()> {
     let moments = light.gains.len();
-    let gains = from.shape("light/gains", &format!("{moments},3"), &mut BTreeMap::new())?.to_f32();
-    from.finite(["light/gains"])?;
-    light.gains = gains.as_chunks().0.to_vec();
-    if state {
-        let adam = Adam::load(Rule::SPLAT, "light/adam", from)?;
-        if (adam.rows(), adam.width()) != (moments, 3) {
-            return Err(Error::input("array 'light/adam.m'").expected(format!("shape [{moments}, 3]")));
+    let [gains, toward] = &mut light.adam;
+    for (name, values, adam) in
+        [("light/gains", &mut light.gains, gains), ("light/toward", &mut light.toward, toward)]
+    {
+        let stored = from.shape(name, &format!("{moments},3"), &mut BTreeMap::new())?.to_f32();
+        from.finite([name])?;
+        *values = stored.as_chunks().0.to_vec();
+        if state {
+            let loaded = Adam::load(Rule::SPLAT, &format!("{name}.adam"), from)?;
+            if (loaded.rows(), loaded.width()) != (moments, 3) {
+                return Err(
+                    Error::input(format!("array '{name}.adam.m'")).expected(format!("shape [{moments}, 3]"))
+                );
+            }
+            *adam = loaded;
         }
-        light.adam = adam;
     }
     Ok(())
 }
@@ -121,6 +132,7 @@ pub fn write(path: &Path, avatar: &Avatar, capture: &PersonCapture, settings: &V
     let t = &avatar.body.template;
     let (p, k, moments) = (t.len(), t.joints.len(), capture.poses.len());
     out.put("body/points", &[p, 3], t.points.as_flattened().to_vec());
+    out.put("body/normals", &[t.normals.len(), 3], t.normals.as_flattened().to_vec());
     out.put(
         "body/joint_of",
         &[p, INFLUENCES],
@@ -226,6 +238,7 @@ fn template(a: &Arrays, kind: Kind, unit_m: f64) -> Result<Template> {
     let mut dims = BTreeMap::new();
     let mut floats = |name: &str, shape: &str| Ok::<_, Error>(a.shape(name, shape, &mut dims)?.to_f32());
     let points = floats("body/points", "P,3")?;
+    let normals = floats("body/normals", "N,3")?;
     let weight_of = floats("body/weight_of", "P,4")?;
     let joints = floats("body/joints", "K,3")?;
     let canonical = floats("body/canonical", "K,3,4")?;
@@ -255,7 +268,7 @@ fn template(a: &Arrays, kind: Kind, unit_m: f64) -> Result<Template> {
         kind,
         unit_m,
         points: points.as_chunks().0.to_vec(),
-        normals: Vec::new(),
+        normals: normals.as_chunks().0.to_vec(),
         faces: Vec::new(),
         joint_of: joint_of.as_chunks::<INFLUENCES>().0.iter().map(|r| r.map(|j| j as u16)).collect(),
         weight_of: weight_of.as_chunks().0.to_vec(),
