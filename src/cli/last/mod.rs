@@ -14,9 +14,9 @@ use clap::Subcommand;
 #[derive(Subcommand)]
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
-    Gen(generate::Args),
+    Gen(Box<generate::Args>),
     /// Fit an animatable person to a monocular capture
-    Fit(fit::Args),
+    Fit(Box<fit::Args>),
     /// Render a fitted person in any pose from any camera
     Render(render::Args),
     /// Score a fitted person on the pictures of a capture
