@@ -90,12 +90,12 @@ pub fn conv(tape: &mut Tape, [x, weight, bias]: [Var; 3], [stride, pad]: [usize;
     let mut y = vec![0.0; batch * rows * columns * outputs];
     conv::forward_leaky(input, slope, &mut y);
     let y = Arc::new(shaped(&shape, y));
-    let kept = (slope, Arc::clone(&y));
-    tape.record("nn.conv", &[x, weight, bias], vec![y], move |mut bars, into| {
-        let Some(y_bar) = bars[0].take().map(|bar| before(bar, Some(&kept))) else { return };
+    let result = Arc::clone(&y);
+    tape.record("nn.conv", &[x, weight, bias], vec![y], move |bars, into| {
+        let Some(y_bar) = &bars[0] else { return };
         let [x, weight, bias] = [0, 1, 2].map(|i| room(&into[i], &arrays[i]));
         let mut bar = conv::InBar { x, weight, bias };
-        conv::adjoint(conv_in(&arrays, stride, pad), flat(&y_bar), &mut bar);
+        conv::adjoint_leaky(conv_in(&arrays, stride, pad), slope, flat(&result), flat(y_bar), &mut bar);
         hand_over(into, &arrays, [bar.x, bar.weight, bar.bias]);
     })[0]
 }

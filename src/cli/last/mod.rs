@@ -23,12 +23,11 @@ use clap::Subcommand;
 
 /// A person from a video, guided by a learned causal structure.
 #[derive(Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
-    Gen(generate::Args),
+    Gen(Box<generate::Args>),
     /// Train the image-to-point model on pictures of known causes
-    Pretrain(pretrain::Args),
+    Pretrain(Box<pretrain::Args>),
     /// Fine-tune a model's structure on the training pictures of one person
     Tune(tune::Args),
     /// Set one factor and see what changes and what does not
@@ -38,7 +37,7 @@ pub(super) enum Command {
     /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
     Inspect(inspect::Args),
     /// Fit an animatable person to a monocular capture
-    Fit(fit::Args),
+    Fit(Box<fit::Args>),
     /// Render a fitted person in any pose from any camera
     Render(render::Args),
     /// Score a fitted person on the pictures of a capture

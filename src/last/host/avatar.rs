@@ -65,6 +65,9 @@ pub struct Avatar {
     pub background: [f32; 3],
 }
 
+/// What the adjoint of the pose network needs: its own, the corrections (K), and the chain they went through.
+type PosePassed = (Passed, Vec<[f64; 3]>, Corrected);
+
 /// How Gaussians follow a pose.
 #[derive(Clone, Debug)]
 pub struct Rig {
@@ -77,7 +80,7 @@ pub struct Rig {
     /// (G, 3) of the nearest points, in the world; empty where colours are not shaded
     normals: Vec<[f32; 3]>,
     weights_passed: Option<Passed>,
-    pose_passed: Option<(Passed, Vec<[f64; 3]>, Corrected)>,
+    pose_passed: Option<PosePassed>,
 }
 
 /// Gaussians at a moment.
@@ -108,9 +111,6 @@ pub struct Grad {
     /// by the direction of the light
     pub toward: [f32; 3],
 }
-
-/// What the network of the poses gave: its activations, the corrections, the corrected pose.
-type Correction = (Passed, Vec<[f64; 3]>, Corrected);
 
 impl Avatar {
     /// One Gaussian per point of the template, grey, of the size of the distance to its neighbours; T moments.
@@ -247,7 +247,7 @@ impl Avatar {
         }
     }
 
-    fn corrected(&self, pose: &Pose) -> (Vec<Affine>, Option<Correction>) {
+    fn corrected(&self, pose: &Pose) -> (Vec<Affine>, Option<PosePassed>) {
         let Some(net) = &self.pose_net else { return (pose.transforms.clone(), None) };
         let template = &self.body.template;
         let moving = moving(template);

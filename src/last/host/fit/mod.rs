@@ -3,12 +3,14 @@
 //! Iteration i (from 1) sees the shot at position (i−1) mod n of the permutation of epoch ⌊(i−1)/n⌋, drawn with Philox. What an iteration needs is a
 //! function of the state and i alone; the state is what a checkpoint holds.
 
-use super::avatar::{Avatar, Grad, Rig};
+mod pass;
+mod update;
+
+use super::avatar::Avatar;
 use super::density::{self, Event, Latent};
-use super::guide::{Guide, Window};
-use super::light::{self, Moment};
-use super::prior::{self, NEAR, Near};
-use super::progressive::{self, Cap, Keys, Plan};
+use super::guide::Guide;
+use super::prior::{NEAR, Near};
+use super::progressive::Plan;
 use super::settings::Settings;
 use super::store;
 use super::view::Target;
@@ -21,8 +23,8 @@ use crate::optim::density::Stats;
 use crate::optim::groups::{Groups, Rates};
 use crate::optim::schedule::{LogLinear, sh_degree};
 use crate::scene::person::{PersonCapture, Pose};
-use crate::splat::render::{self, InBar, Out, OutBar, Saved, Scratch};
 use crate::{Error, Result};
+use pass::{Want, Workspace};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -53,39 +55,6 @@ pub struct Tally {
     pub blind: f64,
     /// number of those gradients
     pub gradients: u64,
-}
-
-/// Memory kept between renders.
-#[derive(Default)]
-struct Workspace {
-    out: Out,
-    saved: Saved,
-    scratch: Scratch,
-}
-
-/// One render and what came back from it.
-struct Passed {
-    loss: f32,
-    grad: Grad,
-    /// by the light of the moment
-    light: Option<Moment>,
-    means_px: Vec<[f32; 2]>,
-    radii: Vec<[i32; 2]>,
-    /// (G, 3) ∂L_lat/∂μ_world, where asked for
-    latent: Option<Vec<[f32; 3]>>,
-}
-
-/// How to render, and what to make of it.
-#[derive(Clone, Copy)]
-struct Want {
-    /// SH bands in use
-    degree: usize,
-    /// behind the person
-    background: [f32; 3],
-    /// gradients of L_lat by the posed centres
-    latent: bool,
-    /// gradients of the networks
-    networks: bool,
 }
 
 /// A fit in work.
@@ -244,222 +213,6 @@ impl<'a> PersonFit<'a> {
             sh_dc: l.sh_dc * fade,
             sh_rest: l.sh_dc / 20.0 * fade,
         })
-    }
-
-    /// The guide and its window on a picture.
-    fn window(&self, target: &Target) -> Result<Option<(&'a dyn Guide, Window)>> {
-        let Some(guide) = self.guide else { return Ok(None) };
-        let size = [target.camera.height, target.camera.width];
-        Ok(Some((guide, Window::new(guide.framing(), guide.side(), size, target.rectangle)?)))
-    }
-
-    /// Renders the Gaussians at a moment, compares, and goes all the way back.
-    fn pass(&mut self, target: &Target, rig: &Rig, want: Want, watch: &mut dyn Watch) -> Result<Passed> {
-        let light = self.avatar.light.as_ref().map(|l| l.at(Some(target.time)));
-        let placed = self.avatar.place(rig, light.unwrap_or_default());
-        let background = want.background;
-        let x = render::In { background, ..self.avatar.input(&placed, &target.camera, want.degree) };
-        watch.lap("pose");
-        let mut work = std::mem::take(&mut self.work);
-        render::forward_into(&x, &self.avatar.render, None, &mut work.out, &mut work.saved);
-        self.tally.renders += 1;
-        let gain = light.map(|l| l.gain);
-        if let Some(gain) = gain {
-            light::apply(&mut work.out, background, gain);
-        }
-        watch.lap("render");
-        let width = target.camera.width;
-        let mut compared = target.compare(&work.out, background, &self.settings)?;
-        watch.lap("loss");
-        let mut latent = None;
-        if (want.latent || self.settings.latent_weight > 0.0)
-            && let Some((guide, window)) = self.window(target)?
-        {
-            let mut seen = work.out.image.clone();
-            before_black(&mut seen, &work.out.alpha, background);
-            let (value, bar) = guide.discrepancy(&window.take(&seen), &window.take(&target.photo))?;
-            let blind = bar.chunks_exact(3).filter(|g| g.iter().all(|x| x.abs() < BLIND)).count();
-            self.tally.encodings += 1;
-            self.tally.gradients += 1;
-            self.tally.blind += blind as f64 / (bar.len() / 3) as f64;
-            let image_bar = window.spread(&bar);
-            let mut alpha_bar: Vec<f32> = (image_bar.chunks_exact(3))
-                .map(|g| (g[0] * background[0] + g[1] * background[1]) + g[2] * background[2])
-                .collect();
-            watch.lap("latent discrepancy");
-            if self.settings.latent_weight > 0.0 {
-                let w = self.settings.latent_weight;
-                compared.loss += w * value as f32;
-                for (to, from) in compared.image_bar.iter_mut().zip(&image_bar) {
-                    *to += w * from;
-                }
-                for (to, from) in compared.alpha_bar.iter_mut().zip(&alpha_bar) {
-                    *to += w * from;
-                }
-            }
-            if want.latent {
-                let mut image_bar = image_bar.clone();
-                if let Some(gain) = gain {
-                    light::adjoint(&work.out, width, background, gain, &mut image_bar, &mut alpha_bar);
-                }
-                let mut bar = InBar::zeros_like(&x);
-                let out_bar =
-                    OutBar { image: Some(&image_bar), alpha: Some(&alpha_bar), ..OutBar::default() };
-                render::adjoint_into(
-                    &x,
-                    &self.avatar.render,
-                    None,
-                    &work.saved,
-                    out_bar,
-                    &mut bar,
-                    &mut work.scratch,
-                );
-                latent = Some(bar.means);
-                watch.lap("latent adjoint");
-            }
-        }
-        let gain = gain.map(|gain| {
-            let bars = (&mut compared.image_bar, &mut compared.alpha_bar);
-            light::adjoint(&work.out, width, background, gain, bars.0, bars.1)
-        });
-        let mut bar = InBar::zeros_like(&x);
-        let out_bar = OutBar {
-            image: Some(&compared.image_bar),
-            alpha: Some(&compared.alpha_bar),
-            ..OutBar::default()
-        };
-        render::adjoint_into(
-            &x,
-            &self.avatar.render,
-            None,
-            &work.saved,
-            out_bar,
-            &mut bar,
-            &mut work.scratch,
-        );
-        watch.lap("adjoint");
-        let (means_px, radii) = (std::mem::take(&mut bar.means_px), work.saved.radii());
-        let mut grad = self.avatar.adjoint(rig, &placed, bar, want.networks);
-        self.work = work;
-        let light = gain.map(|gain| Moment { gain, toward: grad.toward });
-        let reach = self.settings.density.prune_distance_m / self.avatar.body.template.unit_m;
-        let assumed = prior::add(&self.settings.prior, &self.avatar, &self.near, reach, &mut grad.gaussians);
-        watch.lap("pose");
-        let loss = compared.loss + assumed as f32;
-        Ok(Passed { loss, grad, light, means_px, radii, latent })
-    }
-
-    /// The update of one iteration, after the render of level 0.
-    fn update(
-        &mut self,
-        target: &Target,
-        rig: &Rig,
-        want: Want,
-        rates: &Rates,
-        first: &Passed,
-        watch: &mut dyn Watch,
-    ) -> Result<()> {
-        let (Some(plan), false) = (self.plan.clone(), self.members.is_empty()) else {
-            return self.groups.step(&mut self.avatar.gaussians, &first.grad.gaussians, rates, None);
-        };
-        let p = self.settings.progressive.clone().expect("there is a plan");
-        let mut r = vec![[0.0; progressive::ATTRIBUTES]; plan.parents.len()];
-        for (level, factors) in plan.levels.iter().enumerate() {
-            let active = progressive::block(&self.members, factors, level);
-            if level == 0 {
-                let before = self.avatar.gaussians.clone();
-                self.groups.step(&mut self.avatar.gaussians, &first.grad.gaussians, rates, Some(&active))?;
-                for &i in factors {
-                    r[i] = progressive::sizes(&before, &self.avatar.gaussians, rates, &self.members, i);
-                }
-                continue;
-            }
-            let want = Want { latent: false, networks: false, ..want };
-            let passed = self.pass(target, rig, want, watch)?;
-            let grad = &passed.grad.gaussians;
-            match p.cap {
-                Cap::Relative => {
-                    let before = self.avatar.gaussians.clone();
-                    let g = &mut self.avatar.gaussians;
-                    self.groups.step(g, grad, rates, Some(&active))?;
-                    let bound =
-                        progressive::cap(&before, g, rates, &self.members, &plan, factors, p.lambda, &mut r);
-                    self.tally.bound += bound as u64;
-                    self.tally.capped += (factors.len() * progressive::ATTRIBUTES) as u64;
-                }
-                Cap::Absolute => {
-                    let g = &mut self.avatar.gaussians;
-                    let bound = progressive::clipped(g, grad, &self.members, factors, p.lambda);
-                    self.tally.bound += bound as u64;
-                    self.tally.capped += factors.len() as u64;
-                }
-                Cap::Stop => {
-                    self.groups.step(&mut self.avatar.gaussians, grad, rates, Some(&active))?;
-                    let mut last = passed;
-                    for _ in 1..LOCAL_STEPS {
-                        let norm = |&i: &usize| progressive::norm(&last.grad.gaussians, &self.members, i);
-                        if factors.iter().all(|i| norm(i) < p.lambda) {
-                            break;
-                        }
-                        last = self.pass(target, rig, want, watch)?;
-                        let g = &mut self.avatar.gaussians;
-                        self.groups.step(g, &last.grad.gaussians, rates, Some(&active))?;
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Finds the key Gaussians anew where the schedule asks for it.
-    fn find_keys(&mut self, iteration: usize) -> Result<()> {
-        let (Some(p), Some(plan)) = (&self.settings.progressive, &self.plan) else { return Ok(()) };
-        let (every, first) = (self.settings.scaled(p.every), self.settings.scaled(p.first));
-        if !iteration.is_multiple_of(every) || iteration < first {
-            return Ok(());
-        }
-        let (n, rows, share, keys, views) =
-            (plan.parents.len(), self.avatar.gaussians.len(), p.share, p.keys, p.views);
-        self.members = match keys {
-            Keys::All => vec![((1u64 << n) - 1) as u32; rows],
-            Keys::Random => progressive::random_keys(n, rows, share, self.settings.seed, iteration),
-            Keys::Swap => progressive::keys(&self.scores(n, views)?, share),
-        };
-        Ok(())
-    }
-
-    /// (n, G) mean over evenly spaced training pictures of how far exchanging a factor moves each Gaussian's decoded point.
-    fn scores(&mut self, n: usize, views: usize) -> Result<Vec<Vec<f64>>> {
-        let train = self.capture.train.len();
-        let views = Ord::min(views, train);
-        let mut sums = vec![vec![0.0; self.avatar.gaussians.len()]; n];
-        for v in 0..views {
-            let shot = self.capture.train[v * train / views];
-            let target = self.target(shot)?;
-            let out =
-                self.avatar.picture(&self.capture.poses[target.time], Some(target.time), &target.camera)?;
-            let Some((guide, window)) = self.window(&target)? else { continue };
-            self.tally.renders += 1;
-            self.tally.encodings += 1;
-            let places = &self.avatar.gaussians.means;
-            let mut seen = out.image;
-            before_black(&mut seen, &out.alpha, self.avatar.background);
-            let scores = guide.swap_scores(&window.take(&seen), &window.take(&target.photo), places)?;
-            if scores.len() != n || scores.iter().any(|s| s.len() != places.len()) {
-                return Err(Error::input("model")
-                    .expected(format!("{n} scores for each Gaussian"))
-                    .got("other counts"));
-            }
-            for (sum, score) in sums.iter_mut().zip(&scores) {
-                for (a, b) in sum.iter_mut().zip(score) {
-                    *a += *b;
-                }
-            }
-        }
-        for x in sums.iter_mut().flatten() {
-            *x /= views as f64;
-        }
-        Ok(sums)
     }
 
     fn control(&mut self, iteration: usize) -> Result<()> {
@@ -643,15 +396,6 @@ fn first_light(capture: &PersonCapture, length: f32) -> Vec<[f32; 3]> {
         if norm > 0.0 { v.map(|x| length * (x / norm)) } else { [0.0; 3] }
     };
     (0..capture.moments()).map(toward).collect()
-}
-
-/// Takes the background out of a render, since the model knows people before black: x − (1 − α) b.
-fn before_black(image: &mut [f32], alpha: &[f32], background: [f32; 3]) {
-    for (rgb, a) in image.chunks_exact_mut(3).zip(alpha) {
-        for k in 0..3 {
-            rgb[k] -= (1.0 - a) * background[k];
-        }
-    }
 }
 
 /// Digest of the training pictures' names, cameras and poses, and of the template.
