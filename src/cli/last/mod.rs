@@ -12,11 +12,12 @@ use clap::Subcommand;
 
 /// A person from a video, guided by a learned causal structure.
 #[derive(Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
-    Gen(Box<generate::Args>),
+    Gen(generate::Args),
     /// Fit an animatable person to a monocular capture
-    Fit(Box<fit::Args>),
+    Fit(fit::Args),
     /// Render a fitted person in any pose from any camera
     Render(render::Args),
     /// Score a fitted person on the pictures of a capture
