@@ -37,7 +37,7 @@ pub(super) enum Command {
     /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
     Inspect(inspect::Args),
     /// Fit an animatable person to a monocular capture
-    Fit(Box<fit::Args>),
+    Fit(fit::Args),
     /// Render a fitted person in any pose from any camera
     Render(render::Args),
     /// Score a fitted person on the pictures of a capture
