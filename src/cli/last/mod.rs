@@ -23,11 +23,12 @@ use clap::Subcommand;
 
 /// A person from a video, guided by a learned causal structure.
 #[derive(Subcommand)]
+#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
-    Gen(Box<generate::Args>),
+    Gen(generate::Args),
     /// Train the image-to-point model on pictures of known causes
-    Pretrain(Box<pretrain::Args>),
+    Pretrain(pretrain::Args),
     /// Fine-tune a model's structure on the training pictures of one person
     Tune(tune::Args),
     /// Set one factor and see what changes and what does not

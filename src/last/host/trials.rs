@@ -53,7 +53,8 @@ impl Guide for Halves {
         if rendered.len() != real.len() {
             return Err(Error::input("pictures").expected("one size"));
         }
-        let score = |side: f32| places.iter().map(|p| f64::from((side * p[0]).max(0.0))).collect();
+        let score =
+            |side: f32| places.iter().map(|p| f64::from(crate::num::order::max(side * p[0], 0.0))).collect();
         Ok(vec![score(-1.0), score(1.0)])
     }
 }
