@@ -37,7 +37,7 @@ fn linear_in(arrays: &Three) -> linear::In<'_> {
     linear::In { x: flat(&arrays[0]), weight: flat(&arrays[1]), bias: flat(&arrays[2]), m, n, k }
 }
 
-/// y = x·Wᵀ + β, x (M, K), `weight` (N, K), `bias` (N), and a leaky ReLU of `slope` behind it where one is given; see [`linear`].
+/// y = x·Wᵀ + β, x (M, K), `weight` (N, K), `bias` (N), and a leaky ReLU of `slope` behind it where one is given; see [`crate::nn::linear`].
 ///
 /// # Panics
 /// When a shape does not fit.
@@ -77,7 +77,7 @@ fn conv_in(arrays: &Three, stride: usize, pad: usize) -> conv::In<'_> {
     conv::In { x: flat(&arrays[0]), weight: flat(&arrays[1]), bias: flat(&arrays[2]), shape }
 }
 
-/// A convolution, x (B, H, W, C), `weight` (O, KH, KW, C), `bias` (O), with a leaky ReLU of `slope` behind it; see [`conv`].
+/// A convolution, x (B, H, W, C), `weight` (O, KH, KW, C), `bias` (O), with a leaky ReLU of `slope` behind it; see [`crate::nn::conv`].
 ///
 /// # Panics
 /// When a shape does not fit.

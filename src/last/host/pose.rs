@@ -13,7 +13,7 @@
 //!
 //! # Adjoint
 //! Children before parents: with N_k = (A_p⁻¹ A_k) Q_k, Q_k = T R T⁻¹: N̄ = B_pᵀ B̄_k and B̄_p += B̄_k Nᵀ (as 4×4 matrices); Q̄ = (A_p⁻¹ A_k)ᵀ N̄;
-//! R̄ = Q̄_M − Q̄_t jᵀ. With R = I + a[v]ₓ + b[v]ₓ²: v̄ from the skew part of R̄, its product with [v]ₓ, and a' = da/dθ², b' = db/dθ².
+//! R̄ = Q̄_M − Q̄_t jᵀ. With R = I + a⌊v⌋ₓ + b⌊v⌋ₓ²: v̄ from the skew part of R̄, its product with ⌊v⌋ₓ, and a' = da/dθ², b' = db/dθ².
 
 use crate::scene::person::{Affine, Template, rotation_matrix};
 

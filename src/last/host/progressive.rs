@@ -4,9 +4,9 @@
 //! are level 0, children one above their highest parent. An iteration goes through the levels; each renders anew, and steps its own keys alone. Gaussians
 //! that are key to nothing, and the networks, belong to level 0. From level 1 on the step of factor i's keys in attribute a is c·lr·u with
 //!
-//! u = m̂/(√v̂ + ε),   c = min(1, λ r_ref / RMS_{K_i}(u)),   r_ref = max(1e-3, max over parents j of r_j[a]),   r_i[a] = c·RMS_{K_i}(u)
+//! u = m̂/(√v̂ + ε),   c = min(1, λ r_ref / RMS_{K_i}(u)),   r_ref = max(1e-3, max over parents j of r_j(a)),   r_i(a) = c·RMS_{K_i}(u)
 //!
-//! and r_i[a] = RMS_{K_i}(u) at level 0. Attributes: centres, scales, rotations, opacities, colours. A Gaussian in two blocks of a level moves
+//! and r_i(a) = RMS_{K_i}(u) at level 0. Attributes: centres, scales, rotations, opacities, colours. A Gaussian in two blocks of a level moves
 //! once, with the smaller c.
 //!
 //! # Rounding

@@ -177,7 +177,7 @@ pub fn write(path: &Path, avatar: &Avatar, capture: &PersonCapture, settings: &V
 /// Reads an avatar.
 ///
 /// # Errors
-/// When the file is not one that [`write`] wrote.
+/// When the file is not one that [`write()`] wrote.
 pub fn read(path: &Path) -> Result<Stored> {
     let file = safetensors::read(path)?;
     from_parts(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))

@@ -44,7 +44,7 @@ pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
     gradients(&x, Cotangent { y_bar, after: None }, x_bar);
 }
 
-/// The adjoint of [`forward_leaky`], of which `y` is the result; the slope is not negative, so that the sign of y tells the side.
+/// The adjoint of [`forward_leaky`](super::forward_leaky), of which `y` is the result; the slope is not negative, so that the sign of y tells the side.
 ///
 /// # Panics
 /// As [`adjoint`]; when the slope is negative.
