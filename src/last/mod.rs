@@ -6,6 +6,8 @@
 //! subject   what any moving person must say about itself ──┴─► video     a capture with poses
 //! generate  which of these to make, and the record of it; folder: begun, continued, started over
 //! structure learners of structure on known factors: exact, local, relaxed
+//! model     the image-to-point model and its graph     host      a person of Gaussians, guided by it
+//! study     the experiments
 //! inspect   what any capture of a person holds and what it lacks, drawn over its pictures
 //! ```
 //!
@@ -20,4 +22,5 @@ pub mod inspect;
 pub mod model;
 pub mod sets;
 pub mod structure;
+pub mod study;
 pub mod subject;

@@ -16,6 +16,7 @@ mod intervene;
 mod pretrain;
 mod render;
 mod scoring;
+mod study;
 mod tune;
 
 use crate::Result;
@@ -43,6 +44,8 @@ pub(super) enum Command {
     Render(render::Args),
     /// Score a fitted person on the pictures of a capture
     Eval(eval::Args),
+    /// Run the experiments: what the paper claims, what is found
+    Study(study::Args),
 }
 
 /// Runs it.
@@ -60,5 +63,6 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Fit(args) => fit::run(args),
         Command::Render(args) => render::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Study(args) => study::run(args),
     }
 }
