@@ -5,12 +5,17 @@ use crate::cli::report::charts::{Lines, Series, bucket};
 use crate::cli::report::{self, Page, Section, Stat};
 use crate::cli::{self, claim};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
-use crate::last::model::data::Data;
+use crate::io::image_file;
+use crate::last::model::data::{Data, Item};
+use crate::last::model::file::Trained;
+use crate::last::model::intervene;
 use crate::last::model::pictures::Pictures;
 use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
 use crate::last::model::structure::Kind;
 use crate::last::model::train::Training;
 use crate::last::model::verdict::{self, Verdict};
+use crate::scene::camera::Model;
+use crate::scene::from_data_gen;
 use crate::{Error, Result};
 use maud::{Markup, html};
 use serde_json::{Value, json};
@@ -178,7 +183,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
         "last_loss": history.loss.last(), "seconds": meter.seconds(),
     });
     crate::io::atomic::write_bytes(&dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
-    let page = page(args, &record, &history, &verdict, &meter).write(&dir)?;
+    let (grid, size) = samples(&trained, &data)?;
+    image_file::write_png(&dir.join("samples.png"), size[0], size[1], 3, &image_file::to_u8(&grid)?)?;
+    let mut page = page(args, &record, &history, &verdict, &meter);
+    let picture = report::pictures::data_uri(&grid, size[0], size[1], 2400)?;
+    page.sections.push(Section {
+        id: "samples",
+        title: "Pictures and what is decoded",
+        lead: "Above what the encoder sees, below the points that the decoder gives back, as discs, through the same camera.".into(),
+        body: html! { img src=(picture) alt="pictures and decoded points" style="width:100%;image-rendering:pixelated"; },
+    });
+    let page = page.write(&dir)?;
     if args.json {
         return cli::say_json(&record);
     }
@@ -187,6 +202,31 @@ pub(super) fn run(args: &Args) -> Result<()> {
     cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
     cli::say(&format!("model       {}", dir.join(MODEL).display()))?;
     cli::say(&format!("report      {}", page.display()))
+}
+
+/// Pictures of some observed items, and below each the decoded points through the camera of the sets; (width, height).
+fn samples(trained: &Trained, data: &Pictures) -> Result<(Vec<f32>, [usize; 2])> {
+    const COUNT: usize = 10;
+    let side = data.side();
+    let camera = from_data_gen::camera(&data_gen::figure::video::camera(0, side), Model::Pinhole);
+    let count = Ord::min(COUNT, data.observed());
+    let items: Vec<Item> = (0..count).map(|i| Item::Observed(i * data.observed() / count)).collect();
+    let d = trained.model.sizes.latent();
+    let [factors, _] = verdict::posterior(trained, data, &items);
+    let width = count * side;
+    let mut grid = vec![0.0_f32; width * 2 * side * 3];
+    for (i, item) in items.iter().enumerate() {
+        let seen: Vec<f32> = data.image(*item).iter().map(|&b| f32::from(b) / 255.0).collect();
+        let points = trained.decoded(&factors[i * d..(i + 1) * d], &trained.template);
+        let shown = intervene::picture(trained, &points, &camera)?;
+        for (half, picture) in [seen, shown].iter().enumerate() {
+            for (y, line) in picture.chunks_exact(side * 3).enumerate() {
+                let at = ((half * side + y) * width + i * side) * 3;
+                grid[at..at + side * 3].copy_from_slice(line);
+            }
+        }
+    }
+    Ok((grid, [width, 2 * side]))
 }
 
 /// The true graph, where the data says it: rows of zeros and ones.
