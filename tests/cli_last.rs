@@ -138,7 +138,7 @@ fn bad_input_is_refused() {
         2,
         &["kind", "image-to-point"],
     );
-    refused(&["last", "intervene", "m/model.safetensors", "data", "--out", "d"], at, 2, &["data"]);
+    refused(&["last", "intervene", "m/model.safetensors", "none", "--out", "d"], at, 2, &["none"]);
     refused(
         &["last", "intervene", "m/model.safetensors", "data/video", "--out", "d", "--factor", "4"],
         at,

@@ -34,15 +34,15 @@ pub mod verdict;
 /// Purposes of random numbers.
 mod purpose {
     /// mask of a step
-    pub(super) const MASK: u16 = 0x0801;
+    pub(super) const MASK: u16 = 0x0821;
     /// noise of the posterior
-    pub(super) const ETA: u16 = 0x0802;
+    pub(super) const ETA: u16 = 0x0822;
     /// items of a batch
-    pub(super) const BATCH: u16 = 0x0803;
+    pub(super) const BATCH: u16 = 0x0823;
     /// coordinates decoded
-    pub(super) const POINTS: u16 = 0x0804;
+    pub(super) const POINTS: u16 = 0x0824;
     /// first values of parameters
-    pub(super) const INITIAL: u16 = 0x0805;
+    pub(super) const INITIAL: u16 = 0x0825;
     /// the map of the vectors of [`super::vectors`]
-    pub(super) const VECTORS: u16 = 0x0806;
+    pub(super) const VECTORS: u16 = 0x0826;
 }
