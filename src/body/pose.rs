@@ -16,20 +16,15 @@
 //! | T | `transforms` | (J, 3, 4) | upper rows of affine transforms, posed from rest |
 //!
 //! # Rounding
-//! Everything in f64; entries of T and what is added to a gradient are rounded once. A product of matrices is (x₀y₀ + x₁y₁) + x₂y₂; for
-//! θ < 1e-4 the series a = 1 − θ²/6, b = ½ − θ²/24 (and their derivatives −⅓ + θ²/30, −1/12 + θ²/180) are exact to the last place. Children
-//! are added to their parents from the last joint to the first.
+//! Everything in f64; entries of T and what is added to a gradient are rounded once. A product of matrices is (x₀y₀ + x₁y₁) + x₂y₂; ℛ and its
+//! adjoint are those of [`rodrigues`](crate::math::rodrigues). Children are added to their parents from the last joint to the first.
 //!
 //! # Kinks and domain
 //! None: ℛ is smooth in w, at 0 too. The chain is linear in the joints. At least one joint.
 //!
 //! # Adjoint
 //! With T̄_k = [M̄ | t̄]: Q̄_k += M̄ − t̄ j_kᵀ, c̄_k += t̄, j̄_k −= Q_kᵀ t̄; then from the last joint to the first Q̄_p += Q̄_k R_kᵀ + c̄_k (j_k − j_p)ᵀ,
-//! c̄_p += c̄_k, j̄_k += Q_pᵀ c̄_k, j̄_p −= Q_pᵀ c̄_k, R̄_k = Q_pᵀ Q̄_k. For R̄ = cotangent of ℛ(w) and s = (R̄₂₁ − R̄₁₂, R̄₀₂ − R̄₂₀, R̄₁₀ − R̄₀₁),
-//!
-//! w̄ = a s + b ((R̄ + R̄ᵀ) w − 2 tr(R̄) w) + (a' (w·s) + b' (wᵀR̄w − θ² tr R̄)) w,   a' = (θ cos θ − sin θ)/θ³,   b' = (a − 2b)/θ²
-//!
-//! The rotations are saved.
+//! c̄_p += c̄_k, j̄_k += Q_pᵀ c̄_k, j̄_p −= Q_pᵀ c̄_k, R̄_k = Q_pᵀ Q̄_k, from which ℛ's own adjoint gives θ̄_k and δ̄_k. The rotations are saved.
 //!
 //! Twin: `reference::body::pose`.
 //!
@@ -45,13 +40,11 @@
 //! # Ok::<(), lastlight::Error>(())
 //! ```
 
+use crate::math::rodrigues::{matrix as rotation, matrix_adjoint as rotation_adjoint};
 use crate::{Error, Result};
 
 /// Upper three rows of an affine transform.
 pub type Affine = [[f32; 4]; 3];
-
-/// Below this angle, in rad, series stand for the quotients.
-pub const SERIES: f64 = 1e-4;
 
 type Vec3 = [f64; 3];
 type Mat3 = [Vec3; 3];
@@ -131,46 +124,6 @@ fn add_matrix(to: &mut Mat3, m: Mat3) {
     for (to, row) in to.iter_mut().zip(m) {
         add(to, row);
     }
-}
-
-/// a, b, a', b': ∂a/∂w = a' w, ∂b/∂w = b' w.
-fn quotients(square: f64) -> [f64; 4] {
-    if square < SERIES * SERIES {
-        return [
-            1.0 - square / 6.0,
-            0.5 - square / 24.0,
-            square / 30.0 - 1.0 / 3.0,
-            square / 180.0 - 1.0 / 12.0,
-        ];
-    }
-    let theta = square.sqrt();
-    let (sin, cos, half) = (libm::sin(theta), libm::cos(theta), libm::sin(0.5 * theta) / (0.5 * theta));
-    let (a, b) = (sin / theta, 0.5 * (half * half));
-    [a, b, (theta * cos - sin) / (square * theta), (a - 2.0 * b) / square]
-}
-
-/// ℛ(w).
-fn rotation(w: Vec3) -> Mat3 {
-    let square = dot(w, w);
-    let [a, b, ..] = quotients(square);
-    let cross = [[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]];
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let one = IDENTITY[i][j];
-            one + (a * cross[i][j] + b * (w[i] * w[j] - square * one))
-        })
-    })
-}
-
-/// w̄ of ℛ(w).
-fn rotation_adjoint(w: Vec3, r_bar: &Mat3) -> Vec3 {
-    let square = dot(w, w);
-    let [a, b, a_slope, b_slope] = quotients(square);
-    let s = [r_bar[2][1] - r_bar[1][2], r_bar[0][2] - r_bar[2][0], r_bar[1][0] - r_bar[0][1]];
-    let trace = (r_bar[0][0] + r_bar[1][1]) + r_bar[2][2];
-    let (there, back) = (apply(r_bar, w), apply(&transposed(r_bar), w));
-    let radial = a_slope * dot(w, s) + b_slope * (dot(w, there) - square * trace);
-    std::array::from_fn(|i| (a * s[i] + b * ((there[i] + back[i]) - 2.0 * (trace * w[i]))) + radial * w[i])
 }
 
 impl In<'_> {

@@ -5,6 +5,7 @@
 //! A_k T(j_k) C T(−j_k), and those of the joints below it likewise, from the same chain: [`Template::corrected`].
 
 use super::{INFLUENCES, PersonCapture, Template};
+pub use crate::math::rodrigues::{matrix as rotation_matrix, vector as rotation_vector};
 use reference::body::skin;
 
 /// Upper three rows of an affine transform, row-major.
@@ -20,55 +21,6 @@ pub struct Pose {
     pub axis_angles: Vec<[f32; 3]>,
     /// Rh and Th, where the file has them: contained in `transforms`.
     pub global: Option<[[f32; 3]; 2]>,
-}
-
-/// Below this angle sinθ/θ and (1 − cosθ)/θ² are taken from their series.
-const SMALL: f64 = 1e-4;
-
-/// Rodrigues' formula: R = I + (sinθ/θ) V + ((1 − cosθ)/θ²) V², θ = |v|, V x = v × x.
-///
-/// # Rounding
-/// f64; squares of the angle summed from the left; for θ < 1e-4 the series 1 − θ²/6 and ½ − θ²/24.
-pub fn rotation_matrix(v: [f64; 3]) -> [[f64; 3]; 3] {
-    let [x, y, z] = v;
-    let square = (x * x + y * y) + z * z;
-    let angle = square.sqrt();
-    let (a, b) = if angle < SMALL {
-        (1.0 - square / 6.0, 0.5 - square / 24.0)
-    } else {
-        (libm::sin(angle) / angle, (1.0 - libm::cos(angle)) / square)
-    };
-    let diagonal = |p: f64, q: f64| 1.0 - b * (p * p + q * q);
-    [
-        [diagonal(y, z), b * x * y - a * z, b * x * z + a * y],
-        [b * x * y + a * z, diagonal(x, z), b * y * z - a * x],
-        [b * x * z - a * y, b * y * z + a * x, diagonal(x, y)],
-    ]
-}
-
-/// The axis-angle of a rotation, |v| ≤ π: inverse of [`rotation_matrix`]. Through the quaternion, whose largest entry is found without
-/// cancellation, so half turns are no exception.
-pub fn rotation_vector(r: &[[f64; 3]; 3]) -> [f64; 3] {
-    let (x, y, z) = (r[0][0], r[1][1], r[2][2]);
-    let candidates = [(1.0 + x) + (y + z), (1.0 + x) - (y + z), (1.0 + y) - (x + z), (1.0 + z) - (x + y)];
-    let best = (1..4).fold(0, |best, k| if candidates[k] > candidates[best] { k } else { best });
-    let (wx, wy, wz) = (r[2][1] - r[1][2], r[0][2] - r[2][0], r[1][0] - r[0][1]);
-    let (xy, xz, yz) = (r[0][1] + r[1][0], r[0][2] + r[2][0], r[1][2] + r[2][1]);
-    let c = candidates[best];
-    let q = match best {
-        0 => [c, wx, wy, wz],
-        1 => [wx, c, xy, xz],
-        2 => [wy, xy, c, yz],
-        _ => [wz, xz, yz, c],
-    };
-    // The half angle is at most a quarter turn.
-    let q = if q[0] < 0.0 { q.map(|x| -x) } else { q };
-    let sine = ((q[1] * q[1] + q[2] * q[2]) + q[3] * q[3]).sqrt();
-    if sine == 0.0 {
-        return [0.0; 3];
-    }
-    let factor = 2.0 * libm::atan2(sine, q[0]) / sine;
-    [factor * q[1], factor * q[2], factor * q[3]]
 }
 
 type M3 = [[f64; 3]; 3];
@@ -275,23 +227,6 @@ impl PersonCapture {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn rotations_go_both_ways() {
-        for v in [
-            [0.0, 0.0, 0.0],
-            [1e-9, 0.0, 0.0],
-            [5e-5, -5e-5, 2e-5],
-            [0.3, -1.2, 0.7],
-            [0.0, std::f64::consts::PI - 6e-10, 0.0],
-            [-1.8, 1.8, 1.8],
-        ] {
-            let back = rotation_vector(&rotation_matrix(v));
-            for k in 0..3 {
-                assert!((back[k] - v[k]).abs() < 1e-9, "{v:?} came back as {back:?}");
-            }
-        }
-    }
 
     #[test]
     fn a_scaled_and_sheared_matrix_has_a_rotation() {
