@@ -6,10 +6,9 @@
 //! joints, parents ────┘                                                 │
 //!      ▲                                rest points, rest factors ──────┤
 //!      │                                weights ────────────────────────┴─ skin ──► posed points, posed factors
-//! correction: a small network of the pose, trained with the pictures                       │
+//! correction: what a network of the pose asks for                                          │
 //!                                                                                          ▼ splat::project
 //! ```
 
-pub mod correction;
 pub mod pose;
 pub mod skin;

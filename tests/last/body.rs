@@ -1,9 +1,7 @@
 //! Joints to transforms in closed form, and the network that corrects a pose.
 
-use lastlight::body::correction::{HIDDEN, LAST, Weights};
 use lastlight::body::pose::{self, Affine, In, InBar};
 use lastlight::body::skin;
-use lastlight::num::par::with_threads;
 use lastlight::num::rng::Rng;
 use std::f32::consts::{FRAC_PI_2, PI};
 
@@ -143,52 +141,6 @@ fn skeletons_that_are_none_are_refused() {
         let e = pose::forward(x).map(|_| ()).expect_err(name);
         assert!(e.to_string().contains(text), "{name}: {e}");
     }
-}
-
-#[test]
-fn the_network_begins_without_correcting_and_its_gradients_are_those_of_differences() {
-    let size = 69;
-    let mut net = Weights::new(size, 3);
-    assert_eq!(net.weight.each_ref().map(Vec::len), [69 * 128, 128 * 128, 128 * 69], "69 → 128 → 128 → 69");
-    assert!(
-        net.weight[2].iter().all(|w| w.abs() <= LAST) && net.bias[2].iter().all(|b| *b == 0.0),
-        "last layer"
-    );
-    let rng = Rng::new(4);
-    let draws = |n: usize, d: u16| (0..n).map(|i| rng.normal_f32(i as u64, 0, 12, d)).collect::<Vec<f32>>();
-    let theta: Vec<f32> = draws(2 * size, 0).iter().map(|x| 0.3 * x).collect();
-    let (first, _) = net.forward(&theta);
-    assert!(first.iter().all(|d| d.abs() < 1e-3), "nothing is corrected at first");
-    net.weight[2].iter_mut().for_each(|w| *w *= 1e4);
-    let (y, saved) = net.forward(&theta);
-    let y_bar = draws(y.len(), 1);
-    let (mut bar, mut theta_bar) = (net.zeros_like(), vec![0.0; theta.len()]);
-    net.adjoint(&theta, &saved, &y_bar, &mut bar, &mut theta_bar);
-    let loss = |net: &Weights, theta: &[f32]| {
-        net.forward(theta).0.iter().zip(&y_bar).fold(0.0, |s, (y, g)| s + f64::from(*y) * f64::from(*g))
-    };
-    // along a direction of all weights, and of the poses
-    for l in 0..3 {
-        let v = draws(net.weight[l].len(), 2 + l as u16);
-        let moved = |h: f32| {
-            let mut net = net.clone();
-            net.weight[l].iter_mut().zip(&v).for_each(|(w, v)| *w += h * v);
-            loss(&net, &theta)
-        };
-        let h = 2e-4;
-        let difference = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
-        let derivative =
-            bar.weight[l].iter().zip(&v).fold(0.0, |s, (g, v)| s + f64::from(*g) * f64::from(*v));
-        let size = bar.weight[l].iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g));
-        let error = (difference - derivative).abs() / size.sqrt();
-        assert!(error < 0.02, "layer {l}: {difference} and {derivative}, {error:e}");
-    }
-    let mut alone = net.zeros_like();
-    net.adjoint(&theta, &saved, &y_bar, &mut alone, &mut []);
-    assert_eq!(alone, bar, "weights do not ask whether poses are wanted");
-    assert!(theta_bar.iter().any(|g| *g != 0.0) && HIDDEN == 128, "poses have a gradient");
-    let run = |threads| with_threads(threads, || net.forward(&theta).0).unwrap();
-    assert!(run(1) == run(7), "the same bits for any threads");
 }
 
 #[test]

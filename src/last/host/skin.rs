@@ -1,6 +1,6 @@
-//! Linear blend skinning from the canonical pose to a moment, of centres and of factors of covariances, with its adjoint.
+//! From the canonical pose to a moment: what `body.skin` moves, brought to rest first, with its adjoint.
 //!
-//! y = M_C⁻¹ (x − t_C) + o,   x' = M_A y + t_A,   F' = M_A M_C⁻¹ F,   T_C = Σ_b w_b C_b,   T_A = Σ_b w_b A_b        (last.md §10.2)
+//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b;   then `body.skin` of y, H by the transforms A        (last.md §10.2)
 //!
 //! | symbol | argument | shape | meaning |
 //! |---|---|---|---|
@@ -11,21 +11,20 @@
 //! | o | `offsets` | (G, 3) or absent | what the pose adds to the point at rest, a constant |
 //!
 //! # Rounding
-//! f32; T is a left fold over the joints from +0; M_C⁻¹ by cofactors over the determinant; rows of three as (a + b) + c. Sums over Gaussians
-//! (the gradient of A) are left folds over blocks of [`BLOCK`] rows in f64, blocks added by the pairwise tree.
+//! That of [`skin`](crate::body::skin); T_C is a left fold over the joints from +0; M_C⁻¹ by cofactors over the determinant; rows of three as (a + b) + c.
 //!
 //! # Kinks and domain
 //! A blend of canonical rotations that is singular has no inverse; big poses are far from it.
 //!
 //! # Adjoint
-//! With H = M_C⁻¹ F: ȳ = M_Aᵀ x̄', H̄ = M_Aᵀ F̄'; T̄_A = (x̄' yᵀ + F̄' Hᵀ, x̄'); x̄ = M_C⁻ᵀ ȳ, F̄ = M_C⁻ᵀ H̄;
-//! T̄_C = −M_C⁻ᵀ (ȳ y₀ᵀ + H̄ Hᵀ, ȳ) with y₀ = y − o; w̄_b = ⟨T̄_A, A_b⟩ + ⟨T̄_C, C_b⟩; Ā_b = Σ_g w_gb T̄_A.
+//! ȳ, H̄, w̄, Ā from `body.skin`; x̄ = M_C⁻ᵀ ȳ, F̄ = M_C⁻ᵀ H̄; w̄_b += ⟨T̄_C, C_b⟩, T̄_C = −M_C⁻ᵀ (ȳ y₀ᵀ + H̄ Hᵀ, ȳ) with y₀ = y − o.
 
-use crate::num::{par, sum};
+use crate::body::{pose, skin};
+use crate::num::par;
 use crate::scene::person::Affine;
 
 /// Gaussians of one task.
-pub const BLOCK: usize = 256;
+const BLOCK: usize = 256;
 
 /// The joints' transforms at a moment.
 #[derive(Clone, Debug, PartialEq)]
@@ -114,57 +113,68 @@ fn product_t(a: &[f32; 9], b: &[f32; 9]) -> [f32; 9] {
     })
 }
 
-fn linear(t: &Affine) -> [f32; 9] {
-    std::array::from_fn(|e| t[e / 3][e % 3])
-}
-
-/// One Gaussian on its way.
-struct Row {
-    /// M_A
-    a: [f32; 9],
-    t: [f32; 3],
-    /// M_C⁻¹ and t_C
-    c: Option<([f32; 9], [f32; 3])>,
+/// A Gaussian at rest, and what took it there.
+struct Rest {
     /// y − o
-    rest: [f32; 3],
+    place: [f32; 3],
     y: [f32; 3],
     /// M_C⁻¹ F
     h: [f32; 9],
+    /// M_C⁻¹; absent where rest is canonical
+    inverse: Option<[f32; 9]>,
 }
 
 impl In<'_> {
-    fn row(&self, g: usize) -> Row {
+    fn weights_of(&self, g: usize) -> &[f32] {
         let k = self.bones.posed.len();
-        let weights = &self.weights[g * k..][..k];
-        let t_a = blend(weights, &self.bones.posed);
+        &self.weights[g * k..][..k]
+    }
+
+    fn at_rest(&self, g: usize) -> Rest {
         let (x, f) = (self.means[g], self.factors[g]);
-        let c = self.bones.canonical.as_ref().map(|bones| {
-            let t = blend(weights, bones);
-            (inverse(&t), [t[0][3], t[1][3], t[2][3]])
-        });
-        let (rest, h) = match &c {
-            Some((m, t)) => (apply(m, [x[0] - t[0], x[1] - t[1], x[2] - t[2]]), product(m, &f)),
-            None => (x, f),
+        let (place, h, inverse) = match &self.bones.canonical {
+            Some(bones) => {
+                let t = blend(self.weights_of(g), bones);
+                let m = inverse(&t);
+                (apply(&m, [x[0] - t[0][3], x[1] - t[1][3], x[2] - t[2][3]]), product(&m, &f), Some(m))
+            }
+            None => (x, f, None),
         };
         let o = self.offsets.map_or([0.0; 3], |o| o[g]);
-        let y = [rest[0] + o[0], rest[1] + o[1], rest[2] + o[2]];
-        Row { a: linear(&t_a), t: [t_a[0][3], t_a[1][3], t_a[2][3]], c, rest, y, h }
+        Rest { place, y: [place[0] + o[0], place[1] + o[1], place[2] + o[2]], h, inverse }
+    }
+
+    fn rest(&self) -> Vec<Rest> {
+        par::map_batched(self.means.len(), BLOCK, |g| self.at_rest(g))
+    }
+}
+
+/// What `body.skin` takes: places, factors, transforms.
+struct Skinned {
+    points: Vec<[f32; 3]>,
+    factors: Vec<[f32; 9]>,
+    transforms: Vec<[f32; 16]>,
+}
+
+impl Skinned {
+    fn new(rest: &[Rest], posed: &[Affine]) -> Self {
+        Self {
+            points: rest.iter().map(|r| r.y).collect(),
+            factors: rest.iter().map(|r| r.h).collect(),
+            transforms: pose::squared(posed),
+        }
+    }
+
+    fn input<'a>(&'a self, weights: &'a [f32]) -> skin::In<'a> {
+        skin::In { points: &self.points, weights, transforms: &self.transforms, factors: &self.factors }
     }
 }
 
 /// Posed centres (G, 3) and factors (G, 3, 3).
 pub fn forward(x: &In<'_>) -> (Vec<[f32; 3]>, Vec<[f32; 9]>) {
-    let n = x.means.len();
-    let (mut means, mut factors) = (vec![[0.0; 3]; n], vec![[0.0; 9]; n]);
-    par::chunks_mut2(&mut means, BLOCK, &mut factors, BLOCK, |b, means, factors| {
-        for (i, (mean, factor)) in means.iter_mut().zip(factors).enumerate() {
-            let row = x.row(b * BLOCK + i);
-            let m = apply(&row.a, row.y);
-            *mean = [m[0] + row.t[0], m[1] + row.t[1], m[2] + row.t[2]];
-            *factor = product(&row.a, &row.h);
-        }
-    });
-    (means, factors)
+    let skinned = Skinned::new(&x.rest(), &x.bones.posed);
+    let out = skin::forward(skinned.input(x.weights));
+    (out.skinned, out.skinned_factors)
 }
 
 /// ⟨T̄, G⟩ of two affine transforms.
@@ -187,70 +197,47 @@ pub fn adjoint(
     wants_weights: bool,
     wants_bones: bool,
 ) -> InBar {
+    let rest = x.rest();
+    let skinned = Skinned::new(&rest, &x.bones.posed);
     let (n, k) = (x.means.len(), x.bones.posed.len());
-    let mut bar = InBar {
-        means: vec![[0.0; 3]; n],
+    let mut bar = skin::InBar {
+        points: vec![[0.0; 3]; n],
         factors: vec![[0.0; 9]; n],
         weights: if wants_weights { vec![0.0; n * k] } else { Vec::new() },
-        posed: Vec::new(),
+        transforms: if wants_bones { vec![[0.0; 16]; k] } else { Vec::new() },
     };
-    let mut weights = bar.weights.chunks_mut(BLOCK * k);
-    let tasks: Vec<_> = (bar.means.chunks_mut(BLOCK))
-        .zip(bar.factors.chunks_mut(BLOCK))
-        .map(|(m, f)| (m, f, weights.next().unwrap_or_default()))
-        .collect();
-    let sums = par::map_each(tasks, |b, (means, factors, weights)| {
-        let mut sums = if wants_bones { vec![0.0f64; 12 * k] } else { Vec::new() };
-        for (i, (mean, factor)) in means.iter_mut().zip(factors).enumerate() {
-            let g = b * BLOCK + i;
-            let row = x.row(g);
-            let (x_bar, f_bar) = (means_bar[g], &factors_bar[g]);
-            let (y_bar, h_bar) = (apply_t(&row.a, x_bar), product_t(&row.a, f_bar));
-            (*mean, *factor) = match &row.c {
-                Some((m, _)) => (apply_t(m, y_bar), product_t(m, &h_bar)),
-                None => (y_bar, h_bar),
-            };
-            if !(wants_weights || wants_bones) {
-                continue;
-            }
-            // T̄_A = (x̄' yᵀ + F̄' Hᵀ, x̄')
-            let outer = |u: [f32; 3], v: [f32; 3], f: &[f32; 9]| -> [f32; 9] {
-                std::array::from_fn(|e| {
-                    let (i, j) = (e / 3, e % 3);
-                    let along = (f[3 * i] * row.h[3 * j] + f[3 * i + 1] * row.h[3 * j + 1])
-                        + f[3 * i + 2] * row.h[3 * j + 2];
-                    u[i] * v[j] + along
-                })
-            };
-            let a_bar = outer(x_bar, row.y, f_bar);
-            if wants_weights {
-                let c_bar = row.c.as_ref().map(|(m, _)| {
-                    let inside = outer(y_bar, row.rest, &h_bar);
-                    (product_t(m, &inside).map(|v| -v), apply_t(m, y_bar).map(|v| -v))
-                });
-                for (j, w) in weights[i * k..][..k].iter_mut().enumerate() {
-                    *w = inner(&a_bar, x_bar, &x.bones.posed[j]);
-                    if let (Some((m, t)), Some(bones)) = (&c_bar, &x.bones.canonical) {
-                        *w += inner(m, *t, &bones[j]);
-                    }
-                }
-            }
-            if wants_bones {
-                for (j, &w) in x.weights[g * k..][..k].iter().enumerate() {
-                    for e in 0..12 {
-                        let v = if e % 4 == 3 { x_bar[e / 4] } else { a_bar[e / 4 * 3 + e % 4] };
-                        sums[12 * j + e] += f64::from(w) * f64::from(v);
-                    }
-                }
-            }
-        }
-        sums
-    });
-    if wants_bones {
-        let total = sum::tree_arrays(sums);
-        bar.posed = (0..k)
-            .map(|j| std::array::from_fn(|i| std::array::from_fn(|c| total[12 * j + 4 * i + c])))
+    let out_bar = skin::Out { skinned: means_bar.to_vec(), skinned_factors: factors_bar.to_vec() };
+    skin::adjoint(skinned.input(x.weights), &out_bar, &mut bar);
+    let posed =
+        pose::squared_adjoint(&bar.transforms).iter().map(|t| t.map(|row| row.map(f64::from))).collect();
+    let mut bar = InBar { means: bar.points, factors: bar.factors, weights: bar.weights, posed };
+    if let Some(bones) = &x.bones.canonical {
+        let mut weights = bar.weights.chunks_mut(BLOCK * k);
+        let tasks = (bar.means.chunks_mut(BLOCK))
+            .zip(bar.factors.chunks_mut(BLOCK))
+            .map(|(m, f)| (m, f, weights.next().unwrap_or_default()))
             .collect();
+        par::each(tasks, |b, (means, factors, weights)| {
+            for (i, (mean, factor)) in means.iter_mut().zip(factors).enumerate() {
+                let r = &rest[b * BLOCK + i];
+                let m = r.inverse.as_ref().expect("there is a canonical pose");
+                let (y_bar, h_bar) = (*mean, *factor);
+                (*mean, *factor) = (apply_t(m, y_bar), product_t(m, &h_bar));
+                if weights.is_empty() {
+                    continue;
+                }
+                let inside: [f32; 9] = std::array::from_fn(|e| {
+                    let (i, j) = (e / 3, e % 3);
+                    let along = (h_bar[3 * i] * r.h[3 * j] + h_bar[3 * i + 1] * r.h[3 * j + 1])
+                        + h_bar[3 * i + 2] * r.h[3 * j + 2];
+                    y_bar[i] * r.place[j] + along
+                });
+                let (m_bar, t_bar) = (product_t(m, &inside).map(|v| -v), mean.map(|v| -v));
+                for (w, bone) in weights[i * k..][..k].iter_mut().zip(bones) {
+                    *w += inner(&m_bar, t_bar, bone);
+                }
+            }
+        });
     }
     bar
 }
@@ -299,7 +286,8 @@ mod tests {
         }
         let turned = Bones { posed: vec![turn(0.7, [1.0, 2.0, 3.0]); 2], canonical: None };
         let (m, g) = forward(&In { bones: &turned, weights: &w, means: &x, factors: &f, offsets: None });
-        let r = linear(&turn(0.7, [0.0; 3]));
+        let turned = turn(0.7, [0.0; 3]);
+        let r: [f32; 9] = std::array::from_fn(|e| turned[e / 3][e % 3]);
         let direct = apply(&r, x[1]);
         for k in 0..3 {
             assert!((m[1][k] - direct[k] - [1.0, 2.0, 3.0][k]).abs() < 1e-6, "rigid motion of a point");
