@@ -5,7 +5,7 @@ use crate::cli::report::charts::{Lines, Series, bars};
 use crate::cli::report::{self, Page, Section, Stat};
 use crate::cli::{self, claim};
 use crate::fit::training::Watch;
-use crate::last::study::learn::{Correct, Dependence, Number, Size, Spurious};
+use crate::last::study::learn::{self, Learning, Size};
 use crate::last::study::plan::{Experiment, Report};
 use crate::last::study::run;
 use crate::{Error, Result};
@@ -19,10 +19,10 @@ const RECORD: &str = "study.json";
 /// Run the experiments: what the paper claims, what is found.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last study --out study                    everything; hours on two cores
+  lastlight last study --out study                    everything; long
   lastlight last study --out study --resume           go on where it stopped
   lastlight last study E10 E12 --out study
-  lastlight last study E10 --out look --quick         small sizes, one seed, minutes
+  lastlight last study E10 --out look --quick         small sizes, one seed
 
 E4 number of factors · E10 is the structure found · E11 the spurious edge of a fork · E12 where dependence is
 punished. Every cell (one training with one seed) is a file under --out; the reports are made from these
@@ -54,12 +54,8 @@ pub(in crate::cli) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let size = if args.quick { Size::quick() } else { Size::full() };
-    let all: Vec<Box<dyn Experiment>> = vec![
-        Box::new(Number::new(size)),
-        Box::new(Correct::new(size)),
-        Box::new(Spurious::new(size)),
-        Box::new(Dependence::new(size)),
-    ];
+    let all: [Learning; 4] =
+        [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(size));
     for id in &args.ids {
         if !all.iter().any(|x| x.id() == id) {
             let names: Vec<&str> = all.iter().map(|x| x.id()).collect();
@@ -69,7 +65,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let chosen: Vec<&dyn Experiment> = all
         .iter()
         .filter(|x| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id()))
-        .map(|x| &**x)
+        .map(|x| x as &dyn Experiment)
         .collect();
     let dir = claim::folder(&args.out, args.resume, args.force)?;
     let settings = json!({

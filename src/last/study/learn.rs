@@ -1,4 +1,4 @@
-//! E4, E10, E11, E12: structure learned from vectors of known factors, seconds each (`last.md` §14, sizes).
+//! E4, E10, E11, E12: structure learned from vectors of known factors, as `last.md` §14 asks.
 //!
 //! A trial trains a model on [`Vectors`] of a generator and compares its graph with the truth. Beside every row stands what the same search finds on the
 //! true factors, because some scores cannot reach 1 even for a perfect model.
@@ -40,7 +40,7 @@ impl Size {
         Self { steps: 1800, refit: 300, freeze: 150, data: [2048, 256], seeds: 5 }
     }
 
-    /// For a look, in minutes.
+    /// For a look.
     pub fn quick() -> Self {
         Self { steps: 300, refit: 60, freeze: 40, data: [512, 64], seeds: 1 }
     }
@@ -187,6 +187,40 @@ impl Trials {
     }
 }
 
+/// An experiment of trials.
+#[derive(Clone, Debug)]
+pub struct Learning {
+    id: &'static str,
+    trials: Trials,
+    report: fn(&[(Cell, Values)]) -> Report,
+}
+
+impl Experiment for Learning {
+    fn id(&self) -> &'static str {
+        self.id
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        self.trials.cells()
+    }
+
+    fn run(&self, cell: usize) -> Result<Values> {
+        self.trials.run(cell)
+    }
+
+    fn report(&self, results: &[(Cell, Values)]) -> Report {
+        (self.report)(results)
+    }
+}
+
+/// A row's name, and means with deviations of its values of these names.
+fn summaries(results: &[(Cell, Values)], row: &str, names: &[&str]) -> Vec<String> {
+    std::iter::once(row.to_owned()).chain(names.iter().map(|name| three(&of(results, row, name)))).collect()
+}
+
+/// n of E4.
+const NUMBERS: [usize; 7] = [1, 2, 3, 4, 5, 6, 8];
+
 const GRAPHS: [&str; 6] = ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"];
 
 fn three(values: &[f64]) -> String {
@@ -194,288 +228,190 @@ fn three(values: &[f64]) -> String {
 }
 
 /// E10: is the structure learned correctly?
-#[derive(Clone, Debug)]
-pub struct Correct(Trials);
-
-impl Correct {
-    /// Of that size.
-    pub fn new(size: Size) -> Self {
-        let kinds = [Supervision::Groups, Supervision::Labels, Supervision::PerSample, Supervision::None];
-        let mut list = Vec::new();
-        for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
-            for graph in GRAPHS {
-                for supervision in kinds {
-                    let row = format!("{graph} {} {}", mechanism.name(), supervision.name());
-                    list.push((row, Trial { supervision, ..Trial::new(graph, mechanism, 0) }));
-                }
-            }
-        }
+pub fn correct(size: Size) -> Learning {
+    let kinds = [Supervision::Groups, Supervision::Labels, Supervision::PerSample, Supervision::None];
+    let mut list = Vec::new();
+    for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
         for graph in GRAPHS {
-            for supervision in [Supervision::Groups, Supervision::None] {
-                let row = format!("{graph} NL {} raw", supervision.name());
-                list.push((row, Trial { supervision, raw: true, ..Trial::new(graph, Mechanism::Nl, 0) }));
+            for supervision in kinds {
+                let row = format!("{graph} {} {}", mechanism.name(), supervision.name());
+                list.push((row, Trial { supervision, ..Trial::new(graph, mechanism, 0) }));
             }
-            let row = format!("{graph} NL groups literal");
-            list.push((row, Trial { reading: Reading::Literal, ..Trial::new(graph, Mechanism::Nl, 0) }));
         }
-        Self(Trials::new(size, list))
     }
+    for graph in GRAPHS {
+        for supervision in [Supervision::Groups, Supervision::None] {
+            let row = format!("{graph} NL {} raw", supervision.name());
+            list.push((row, Trial { supervision, raw: true, ..Trial::new(graph, Mechanism::Nl, 0) }));
+        }
+        let row = format!("{graph} NL groups literal");
+        list.push((row, Trial { reading: Reading::Literal, ..Trial::new(graph, Mechanism::Nl, 0) }));
+    }
+    Learning { id: "E10", trials: Trials::new(size, list), report: report_e10 }
 }
 
-impl Experiment for Correct {
-    fn id(&self) -> &'static str {
-        "E10"
-    }
-
-    fn cells(&self) -> Vec<Cell> {
-        self.0.cells()
-    }
-
-    fn run(&self, cell: usize) -> Result<Values> {
-        self.0.run(cell)
-    }
-
-    fn report(&self, results: &[(Cell, Values)]) -> Report {
-        let names = rows(results);
-        let line = |row: &String| -> Vec<String> {
-            let get = |name: &str| of(results, row, name);
-            let mut cells = vec![row.clone(), format!("{}", median(&get("shd")))];
-            cells.extend(
-                ["shd", "sid", "mcc", "targets", "tpr", "fdr", "oracle_shd"].map(|name| three(&get(name))),
-            );
-            cells
-        };
-        let wanted =
-            |row: &&String| row.ends_with(" groups") && !row.starts_with("EMPTY") && !row.contains(" NG ");
-        let good: Vec<&String> = names.iter().filter(wanted).collect();
-        let missed: Vec<&str> = good
-            .iter()
-            .filter(|row| !(median(&of(results, row, "shd")) <= 1.0))
-            .map(|row| row.as_str())
-            .collect();
-        Report {
-            id: "E10",
-            claim: "The structure is learned correctly; the paper does not measure it. Asked: with groups, SHD ≤ 1 at n = 4.",
-            head: vec![
-                "graph, mechanism, told",
-                ">median SHD",
-                ">SHD",
-                ">SID",
-                ">MCC",
-                ">targets",
-                ">TPR",
-                ">FDR",
-                ">SHD of true factors",
-            ],
-            rows: names.iter().map(line).collect(),
-            chart: ["median SHD", "row"],
-            curves: Vec::new(),
-            bars: names.iter().map(|row| (row.clone(), median(&of(results, row, "shd")))).collect(),
-            holds: (!good.is_empty()).then_some(missed.is_empty()),
-            verdict: if missed.is_empty() {
-                "With groups that share a value the median SHD is at most 1 on every graph; what is told less stands beside it.".into()
-            } else {
-                format!("With groups the median SHD exceeds 1 for {}.", missed.join(", "))
-            },
-        }
+fn report_e10(results: &[(Cell, Values)]) -> Report {
+    let names = rows(results);
+    let line = |row: &String| -> Vec<String> {
+        let get = |name: &str| of(results, row, name);
+        let mut cells = vec![row.clone(), format!("{}", median(&get("shd")))];
+        cells.extend(
+            ["shd", "sid", "mcc", "targets", "tpr", "fdr", "oracle_shd"].map(|name| three(&get(name))),
+        );
+        cells
+    };
+    let wanted =
+        |row: &&String| row.ends_with(" groups") && !row.starts_with("EMPTY") && !row.contains(" NG ");
+    let good: Vec<&String> = names.iter().filter(wanted).collect();
+    let missed: Vec<&str> = good
+        .iter()
+        .filter(|row| !(median(&of(results, row, "shd")) <= 1.0))
+        .map(|row| row.as_str())
+        .collect();
+    Report {
+        id: "E10",
+        claim: "The structure is learned correctly; the paper does not measure it. Asked: with groups, SHD ≤ 1 at n = 4.",
+        head: vec![
+            "graph, mechanism, told",
+            ">median SHD",
+            ">SHD",
+            ">SID",
+            ">MCC",
+            ">targets",
+            ">TPR",
+            ">FDR",
+            ">SHD of true factors",
+        ],
+        rows: names.iter().map(line).collect(),
+        chart: ["median SHD", "row"],
+        curves: Vec::new(),
+        bars: names.iter().map(|row| (row.clone(), median(&of(results, row, "shd")))).collect(),
+        holds: (!good.is_empty()).then_some(missed.is_empty()),
+        verdict: if missed.is_empty() {
+            "With groups that share a value the median SHD is at most 1 on every graph; what is told less stands beside it.".into()
+        } else {
+            format!("With groups the median SHD exceeds 1 for {}.", missed.join(", "))
+        },
     }
 }
 
 /// E11: the spurious edge between two effects of one cause.
-#[derive(Clone, Debug)]
-pub struct Spurious(Trials);
-
-impl Spurious {
-    /// Of that size.
-    pub fn new(size: Size) -> Self {
-        let list = [Supervision::Groups, Supervision::None].into_iter().flat_map(|supervision| {
-            [Mechanism::Lin, Mechanism::Nl].map(|mechanism| {
-                let row = format!("FORK {} {}", mechanism.name(), supervision.name());
-                (row, Trial { supervision, ..Trial::new("FORK", mechanism, 0) })
-            })
-        });
-        Self(Trials::new(size, list))
-    }
+pub fn spurious(size: Size) -> Learning {
+    let list = [Supervision::Groups, Supervision::None].into_iter().flat_map(|supervision| {
+        [Mechanism::Lin, Mechanism::Nl].map(|mechanism| {
+            let row = format!("FORK {} {}", mechanism.name(), supervision.name());
+            (row, Trial { supervision, ..Trial::new("FORK", mechanism, 0) })
+        })
+    });
+    Learning { id: "E11", trials: Trials::new(size, list), report: report_e11 }
 }
 
-impl Experiment for Spurious {
-    fn id(&self) -> &'static str {
-        "E11"
-    }
-
-    fn cells(&self) -> Vec<Cell> {
-        self.0.cells()
-    }
-
-    fn run(&self, cell: usize) -> Result<Values> {
-        self.0.run(cell)
-    }
-
-    fn report(&self, results: &[(Cell, Values)]) -> Report {
-        let names = rows(results);
-        let line = |row: &String| -> Vec<String> {
-            let get = |name: &str| of(results, row, name);
-            [vec![row.clone()], ["p_wo", "p_ow", "nnz", "shd"].map(|name| three(&get(name))).to_vec()]
-                .concat()
-        };
-        let low = |row: &&String| {
-            ["p_wo", "p_ow"].iter().all(|name| Summary::of(&of(results, row, name)).mean < 0.5)
-        };
-        let told: Vec<&String> = names.iter().filter(|row| row.ends_with("groups")).collect();
-        let holds = told.iter().all(low);
-        Report {
-            id: "E11",
-            claim: "W and O share the cause P; an edge between them is avoided: p(W→O), p(O→W) < ½ with interventions, undetermined without.",
-            head: vec!["mechanism, told", ">p(W→O)", ">p(O→W)", ">edges of the graph", ">SHD of the graph"],
-            rows: names.iter().map(line).collect(),
-            chart: ["mean of p(W→O)", "row"],
-            curves: Vec::new(),
-            bars: names
-                .iter()
-                .map(|row| (row.clone(), Summary::of(&of(results, row, "p_wo")).mean))
-                .collect(),
-            holds: (!told.is_empty()).then_some(holds),
-            verdict: if holds {
-                "No spurious edge is probable with interventions.".into()
-            } else {
-                "A spurious edge stays probable in the mask; the search by score takes it out where SHD is 0."
-                    .into()
-            },
-        }
+fn report_e11(results: &[(Cell, Values)]) -> Report {
+    let names = rows(results);
+    let line = |row: &String| summaries(results, row, &["p_wo", "p_ow", "nnz", "shd"]);
+    let low =
+        |row: &&String| ["p_wo", "p_ow"].iter().all(|name| Summary::of(&of(results, row, name)).mean < 0.5);
+    let told: Vec<&String> = names.iter().filter(|row| row.ends_with("groups")).collect();
+    let holds = told.iter().all(low);
+    Report {
+        id: "E11",
+        claim: "W and O share the cause P; an edge between them is avoided: p(W→O), p(O→W) < ½ with interventions, undetermined without.",
+        head: vec!["mechanism, told", ">p(W→O)", ">p(O→W)", ">edges of the graph", ">SHD of the graph"],
+        rows: names.iter().map(line).collect(),
+        chart: ["mean of p(W→O)", "row"],
+        curves: Vec::new(),
+        bars: names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "p_wo")).mean)).collect(),
+        holds: (!told.is_empty()).then_some(holds),
+        verdict: if holds {
+            "No spurious edge is probable with interventions.".into()
+        } else {
+            "A spurious edge stays probable in the mask; the search by score takes it out where SHD is 0."
+                .into()
+        },
     }
 }
 
 /// E12: where dependence is punished.
-#[derive(Clone, Debug)]
-pub struct Dependence(Trials);
-
-impl Dependence {
-    /// Of that size.
-    pub fn new(size: Size) -> Self {
-        let places = [Placement::Noise, Placement::Factors, Placement::Conditional, Placement::Off];
-        let list = ["FORK", "CHAIN", "FULL"].into_iter().flat_map(|graph| {
-            places.map(|placement| {
-                let row = format!("{graph} NL {}", placement.name());
-                (row, Trial { placement, ..Trial::new(graph, Mechanism::Nl, 0) })
-            })
-        });
-        Self(Trials::new(size, list))
-    }
+pub fn dependence(size: Size) -> Learning {
+    let places = [Placement::Noise, Placement::Factors, Placement::Conditional, Placement::Off];
+    let list = ["FORK", "CHAIN", "FULL"].into_iter().flat_map(|graph| {
+        places.map(|placement| {
+            let row = format!("{graph} NL {}", placement.name());
+            (row, Trial { placement, ..Trial::new(graph, Mechanism::Nl, 0) })
+        })
+    });
+    Learning { id: "E12", trials: Trials::new(size, list), report: report_e12 }
 }
 
-impl Experiment for Dependence {
-    fn id(&self) -> &'static str {
-        "E12"
-    }
-
-    fn cells(&self) -> Vec<Cell> {
-        self.0.cells()
-    }
-
-    fn run(&self, cell: usize) -> Result<Values> {
-        self.0.run(cell)
-    }
-
-    fn report(&self, results: &[(Cell, Values)]) -> Report {
-        let names = rows(results);
-        let line = |row: &String| -> Vec<String> {
-            let get = |name: &str| of(results, row, name);
-            [vec![row.clone()], ["tpr", "fdr", "shd", "mcc"].map(|name| three(&get(name))).to_vec()].concat()
-        };
-        let all = |placement: &str| -> Vec<f64> {
-            let of_graph = |graph: &str| of(results, &format!("{graph} NL {placement}"), "tpr");
-            ["FORK", "CHAIN", "FULL"].iter().flat_map(|graph| of_graph(graph)).collect()
-        };
-        let (noise, factors) = (all("noise"), all("factors"));
-        let paired =
-            (noise.len() == factors.len() && !noise.is_empty()).then(|| Summary::of_pairs(&noise, &factors));
-        Report {
-            id: "E12",
-            claim: "L_MI on endogenous factors, as printed, punishes the dependence that edges create and lowers the share of true edges found.",
-            head: vec!["graph, L_MI on", ">TPR", ">FDR", ">SHD", ">MCC"],
-            rows: names.iter().map(line).collect(),
-            chart: ["mean TPR", "row"],
-            curves: Vec::new(),
-            bars: names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "tpr")).mean)).collect(),
-            holds: paired.map(|p| p.is_positive()),
-            verdict: paired.map_or_else(String::new, |p| {
-                format!("TPR on noise minus on factors: {:.3}, 95 % interval ± {:.3}.", p.mean, p.half_width)
-            }),
-        }
+fn report_e12(results: &[(Cell, Values)]) -> Report {
+    let names = rows(results);
+    let line = |row: &String| summaries(results, row, &["tpr", "fdr", "shd", "mcc"]);
+    let all = |placement: &str| -> Vec<f64> {
+        let of_graph = |graph: &str| of(results, &format!("{graph} NL {placement}"), "tpr");
+        ["FORK", "CHAIN", "FULL"].iter().flat_map(|graph| of_graph(graph)).collect()
+    };
+    let (noise, factors) = (all("noise"), all("factors"));
+    let paired =
+        (noise.len() == factors.len() && !noise.is_empty()).then(|| Summary::of_pairs(&noise, &factors));
+    Report {
+        id: "E12",
+        claim: "L_MI on endogenous factors, as printed, punishes the dependence that edges create and lowers the share of true edges found.",
+        head: vec!["graph, L_MI on", ">TPR", ">FDR", ">SHD", ">MCC"],
+        rows: names.iter().map(line).collect(),
+        chart: ["mean TPR", "row"],
+        curves: Vec::new(),
+        bars: names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "tpr")).mean)).collect(),
+        holds: paired.map(|p| p.is_positive()),
+        verdict: paired.map_or_else(String::new, |p| {
+            format!("TPR on noise minus on factors: {:.3}, 95 % interval ± {:.3}.", p.mean, p.half_width)
+        }),
     }
 }
 
 /// E4: the number of factors.
-#[derive(Clone, Debug)]
-pub struct Number(Trials);
-
-/// n of E4.
-const NUMBERS: [usize; 7] = [1, 2, 3, 4, 5, 6, 8];
-
-impl Number {
-    /// Of that size.
-    pub fn new(size: Size) -> Self {
-        let graphs: [(usize, &'static str); 3] = [(4, "DIAMOND"), (2, "ER-1"), (6, "ER-6")];
-        let list = graphs.into_iter().flat_map(|(truth, graph)| {
-            NUMBERS.map(|factors| {
-                let row = format!("n* {truth}, n {factors}");
-                (row, Trial { truth, factors, ..Trial::new(graph, Mechanism::Nl, 0) })
-            })
-        });
-        Self(Trials::new(size, list))
-    }
+pub fn number(size: Size) -> Learning {
+    let graphs: [(usize, &'static str); 3] = [(4, "DIAMOND"), (2, "ER-1"), (6, "ER-6")];
+    let list = graphs.into_iter().flat_map(|(truth, graph)| {
+        NUMBERS.map(|factors| {
+            let row = format!("n* {truth}, n {factors}");
+            (row, Trial { truth, factors, ..Trial::new(graph, Mechanism::Nl, 0) })
+        })
+    });
+    Learning { id: "E4", trials: Trials::new(size, list), report: report_e4 }
 }
 
-impl Experiment for Number {
-    fn id(&self) -> &'static str {
-        "E4"
-    }
-
-    fn cells(&self) -> Vec<Cell> {
-        self.0.cells()
-    }
-
-    fn run(&self, cell: usize) -> Result<Values> {
-        self.0.run(cell)
-    }
-
-    fn report(&self, results: &[(Cell, Values)]) -> Report {
-        let names = rows(results);
-        let line = |row: &String| -> Vec<String> {
-            let get = |name: &str| of(results, row, name);
-            let numbers = ["reconstruction", "counterfactual", "mcc", "nnz"].map(|name| three(&get(name)));
-            [vec![row.clone()], numbers.to_vec()].concat()
+fn report_e4(results: &[(Cell, Values)]) -> Report {
+    let names = rows(results);
+    let line = |row: &String| summaries(results, row, &["reconstruction", "counterfactual", "mcc", "nnz"]);
+    let curve = |truth: usize| -> Curve {
+        let point = |n: usize| {
+            let s = Summary::of(&of(results, &format!("n* {truth}, n {n}"), "reconstruction"));
+            (s.count > 0).then_some((n as f64, s.mean, s.deviation))
         };
-        let curve = |truth: usize| -> Curve {
-            let point = |n: usize| {
-                let s = Summary::of(&of(results, &format!("n* {truth}, n {n}"), "reconstruction"));
-                (s.count > 0).then_some((n as f64, s.mean, s.deviation))
-            };
-            Curve { name: format!("n* = {truth}"), points: NUMBERS.into_iter().filter_map(point).collect() }
-        };
-        let curves: Vec<Curve> = [4, 2, 6].map(curve).to_vec();
-        // The smallest n within 10 % of the best reconstruction.
-        let knee = |c: &Curve| -> Option<f64> {
-            let best = c.points.iter().fold(f64::INFINITY, |m, p| if p.1 < m { p.1 } else { m });
-            c.points.iter().find(|p| p.1 <= 1.1 * best).map(|p| p.0)
-        };
-        let found: Vec<Option<f64>> = curves.iter().map(knee).collect();
-        let follows = found == [Some(4.0), Some(2.0), Some(6.0)];
-        let shown: Vec<String> = curves
-            .iter()
-            .zip(&found)
-            .map(|(c, n)| format!("{}: {}", c.name, n.map_or("–".into(), |n| n.to_string())))
-            .collect();
-        Report {
-            id: "E4",
-            claim: "n = 4 is best (Fig. 5). If the optimum follows the true number n*, the 4 is a property of the data.",
-            head: vec!["true and model", ">L_rec", ">counterfactual error over none", ">MCC", ">edges"],
-            rows: names.iter().map(line).collect(),
-            chart: ["L_rec", "n"],
-            curves,
-            bars: Vec::new(),
-            holds: (!results.is_empty()).then_some(follows),
-            verdict: format!("Smallest n within 10 % of the best L_rec: {}.", shown.join("; ")),
-        }
+        Curve { name: format!("n* = {truth}"), points: NUMBERS.into_iter().filter_map(point).collect() }
+    };
+    let curves: Vec<Curve> = [4, 2, 6].map(curve).to_vec();
+    // The smallest n within 10 % of the best reconstruction.
+    let knee = |c: &Curve| -> Option<f64> {
+        let best = c.points.iter().fold(f64::INFINITY, |m, p| if p.1 < m { p.1 } else { m });
+        c.points.iter().find(|p| p.1 <= 1.1 * best).map(|p| p.0)
+    };
+    let found: Vec<Option<f64>> = curves.iter().map(knee).collect();
+    let follows = found == [Some(4.0), Some(2.0), Some(6.0)];
+    let shown: Vec<String> = curves
+        .iter()
+        .zip(&found)
+        .map(|(c, n)| format!("{}: {}", c.name, n.map_or("–".into(), |n| n.to_string())))
+        .collect();
+    Report {
+        id: "E4",
+        claim: "n = 4 is best (Fig. 5). If the optimum follows the true number n*, the 4 is a property of the data.",
+        head: vec!["true and model", ">L_rec", ">counterfactual error over none", ">MCC", ">edges"],
+        rows: names.iter().map(line).collect(),
+        chart: ["L_rec", "n"],
+        curves,
+        bars: Vec::new(),
+        holds: (!results.is_empty()).then_some(follows),
+        verdict: format!("Smallest n within 10 % of the best L_rec: {}.", shown.join("; ")),
     }
 }
