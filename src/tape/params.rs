@@ -35,6 +35,17 @@ impl Params {
         self.0.iter().map(|(name, a)| (name.as_str(), &**a))
     }
 
+    /// The parameters whose names begin with `prefix`; nothing is copied.
+    pub fn of(&self, prefix: &str) -> Self {
+        let own = self.0.iter().filter(|(name, _)| name.starts_with(prefix));
+        Self(own.map(|(name, a)| (name.clone(), Arc::clone(a))).collect())
+    }
+
+    /// Puts every parameter on the tape as a constant; nothing is copied.
+    pub fn constants(&self, tape: &mut Tape) -> BTreeMap<String, Var> {
+        self.0.iter().map(|(name, a)| (name.clone(), tape.constant(Arc::clone(a)))).collect()
+    }
+
     /// Number of parameters (arrays, not entries).
     pub fn len(&self) -> usize {
         self.0.len()

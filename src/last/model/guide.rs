@@ -26,7 +26,6 @@ use crate::scene::person::{PersonCapture, Photo, Shot};
 use crate::tape::Tape;
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
-use std::collections::BTreeMap;
 
 /// Factors and noise of a picture, (n, k) each.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,8 +40,7 @@ impl Trained {
     fn encoded(&self, tape: &mut Tape, seen: &[f32], wanted: bool) -> (crate::tape::Var, Vec<f64>) {
         let x = self.model.encoder.batch(seen.iter().map(|x| x - 0.5).collect());
         let x = if wanted { tape.leaf("picture", x) } else { tape.constant(x) };
-        let own = self.model.params.iter().filter(|(name, _)| name.starts_with("encoder."));
-        let vars: BTreeMap<_, _> = own.map(|(name, a)| (name.to_owned(), tape.constant(a.clone()))).collect();
+        let vars = self.model.params.of("encoder.").constants(tape);
         let y = self.model.encoder.record(tape, &vars, x);
         let d = self.model.sizes.latent();
         let mu = tape.value(y).iter().take(d).map(|&m| f64::from(m)).collect();

@@ -12,7 +12,6 @@ use crate::causal::{acyclic, independence, mask, structure};
 use crate::num::rng::Rng;
 use crate::tape::{Grads, Params, Tape};
 use ndarray::{ArrayD, IxDyn};
-use std::collections::BTreeMap;
 
 /// The networks and their parameters.
 #[derive(Clone, Debug)]
@@ -44,26 +43,13 @@ impl Model {
         Ok(Self { encoder, decoder, sizes, params })
     }
 
-    /// Parameters of the encoder alone: what is put on the tape.
-    fn encoder_params(&self) -> Params {
-        let mut own = Params::new();
-        for (name, array) in self.params.iter().filter(|(name, _)| name.starts_with("encoder.")) {
-            own.set(name, array.clone());
-        }
-        own
-    }
-
     /// Means μ and logarithms ℓ of the posterior of some items, (B, d) each.
     pub fn encode(&self, data: &dyn Data, items: &[Item]) -> [Vec<f64>; 2] {
         let mut halves = [Vec::new(), Vec::new()];
         for part in items.chunks(256) {
             let mut tape = Tape::new();
             let x = tape.constant(self.encoder.batch(inputs(data, part)));
-            let vars: BTreeMap<_, _> = self
-                .encoder_params()
-                .iter()
-                .map(|(name, a)| (name.to_owned(), tape.constant(a.clone())))
-                .collect();
+            let vars = self.params.of("encoder.").constants(&mut tape);
             let y = self.encoder.record(&mut tape, &vars, x);
             let [mu, ell] = split(&tape.value(y), self.sizes.latent());
             halves[0].extend(mu);
@@ -228,7 +214,7 @@ pub fn run(
     // Encoder.
     let mut tape = Tape::new();
     let x = tape.constant(model.encoder.batch(inputs(data, &batch.items)));
-    let vars = model.encoder_params().record(&mut tape);
+    let vars = model.params.of("encoder.").record(&mut tape);
     let encoded = model.encoder.record(&mut tape, &vars, x);
     let [mu, ell] = split(&tape.value(encoded), d);
     // Factors.

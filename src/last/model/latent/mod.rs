@@ -1,0 +1,329 @@
+//! From posteriors to what is decoded, with every loss that looks at factors, and back. In double precision.
+//!
+//! ```text
+//! μ, ℓ, η ──► u = μ + e^(ℓ/2) η ──► decoded: L_rec            reference: u given, ε = u − g(Ã∘u)
+//!   │             └─► ε ──► KL                                literal:   ε given, u = S(ε; Ã)
+//!   └─ means ─┬─► ε observed ──► L_MI
+//!             └─► groups: v̄ = mean u′ᵢ ──► L_eq, hinge
+//!                         ε, ε′ ──► L_inv
+//!                         S(ε; do(i, v̄)) ──► decoded: L_int
+//! ```
+//!
+//! A batch holds observed items, then the bases of all groups, then their after-images, group by group (`last.md` §7.3). Group losses
+//! and L_MI take posterior means; the decoder and KL take samples. KL of an after-image leaves out the factor that was set.
+
+mod pieces;
+
+use super::settings::{Placement, Reading, Supervision, Weights};
+use super::structure::{Structure, StructureBar};
+use crate::Result;
+use crate::causal::structure::{self, Saved as Swept};
+use crate::causal::{independence, intervene, posterior, posterior_kl, scm_kl};
+use crate::loss::groups;
+use pieces::Linked;
+
+/// What a batch is made of.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layout {
+    /// observed items
+    pub observed: usize,
+    /// factor set in each group
+    pub targets: Vec<usize>,
+    /// items of a group, before and after alike
+    pub members: usize,
+}
+
+impl Layout {
+    /// Pairs of all groups.
+    pub fn pairs(&self) -> usize {
+        self.targets.len() * self.members
+    }
+
+    /// Items in all.
+    pub fn items(&self) -> usize {
+        self.observed + 2 * self.pairs()
+    }
+
+    /// The base of pair `p`.
+    pub fn base(&self, p: usize) -> usize {
+        self.observed + p
+    }
+
+    /// The after-image of pair `p`.
+    pub fn after(&self, p: usize) -> usize {
+        self.observed + self.pairs() + p
+    }
+
+    /// The factor that was set in an after-image.
+    pub fn set_in(&self, item: usize) -> Option<usize> {
+        let pair = item.checked_sub(self.observed + self.pairs())?;
+        Some(self.targets[pair / self.members])
+    }
+}
+
+/// Inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// parameters
+    pub structure: &'a Structure,
+    /// Ã (n, n)
+    pub mask: &'a [f64],
+    /// what the batch is made of
+    pub layout: &'a Layout,
+    /// (B, d)
+    pub mu: &'a [f64],
+    /// (B, d)
+    pub ell: &'a [f64],
+    /// (B, d)
+    pub eta: &'a [f64],
+    /// (n) running variances of the factors
+    pub spread: &'a [f64],
+    /// (G) values that were set; with labels only
+    pub labels: &'a [f64],
+    /// which model
+    pub reading: Reading,
+    /// what groups say
+    pub supervision: Supervision,
+    /// factors of the terms
+    pub weights: Weights,
+    /// what L_MI looks at
+    pub placement: Placement,
+    /// (d, d) weighted covariances of earlier batches, and the weight of this one; none at the start
+    pub carried: Option<(&'a [f64], f64)>,
+}
+
+/// Terms of the loss, without factors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Terms {
+    /// KL
+    pub kl: f64,
+    /// L_MI
+    pub independence: f64,
+    /// L_eq
+    pub equal: f64,
+    /// L_inv
+    pub invariant: f64,
+    /// spread hinge
+    pub hinge: f64,
+}
+
+/// What is decoded, and what the way back needs.
+#[derive(Clone, Debug)]
+pub struct Out {
+    /// (B + G·M, d): items, then counterfactuals
+    pub decoded: Vec<f64>,
+    /// (B, d) means of the endogenous factors
+    pub means: Vec<f64>,
+    /// the terms
+    pub terms: Terms,
+    log_variance: Vec<f64>,
+    sample: Linked,
+    mean: Linked,
+    held: Vec<f64>,
+    set: Vec<Option<usize>>,
+    counterfactual: Option<Swept>,
+    shared: groups::Out,
+    dependence: Option<independence::Saved>,
+    among: Option<Vec<f64>>,
+}
+
+impl Out {
+    /// (d, d) covariance of what L_MI looked at, of this batch alone.
+    pub fn covariance(&self) -> Option<&[f64]> {
+        self.dependence.as_ref().map(|saved| &saved.covariance[..])
+    }
+}
+
+/// Gradients.
+#[derive(Clone, Debug)]
+pub struct Bars {
+    /// (B, d)
+    pub mu: Vec<f64>,
+    /// (B, d)
+    pub ell: Vec<f64>,
+    /// (n, n)
+    pub mask: Vec<f64>,
+    /// by the parameters of the structure
+    pub structure: StructureBar,
+}
+
+/// What is decoded, and the terms.
+///
+/// # Errors
+/// A covariance of the posterior that is not positive definite.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn forward(x: &In<'_>) -> Result<Out> {
+    let d = x.d();
+    assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
+    let log_variance: Vec<f64> = x.ell.iter().map(|l| posterior::limited(*l)).collect();
+    let drawn = posterior::forward(x.mu, &log_variance, x.eta);
+    let linked = |given: &[f64]| -> Linked {
+        // The borrow of `given` ends with the call.
+        In { ..*x }.link(given)
+    };
+    let (sample, mean) = (linked(&drawn), linked(x.mu));
+    let mut terms = Terms { kl: x.kl(&sample, &log_variance), ..Terms::default() };
+    let mut decoded = sample.u.clone();
+    let mut shared = groups::Out::default();
+    let (mut held, mut set, mut counterfactual) = (Vec::new(), Vec::new(), None);
+    if x.supervision != Supervision::None && x.layout.pairs() > 0 {
+        shared = groups::forward(&x.groups(&mean))?;
+        (terms.equal, terms.invariant, terms.hinge) = (shared.equal, shared.invariant, shared.spread);
+        let pairs = x.layout.pairs();
+        held = (0..pairs).flat_map(|p| x.held(&mean, &shared.shared, p)).collect();
+        set = (0..pairs).map(|p| Some(x.layout.targets[p / x.layout.members])).collect();
+        let bases = &mean.eps[x.layout.observed * d..][..pairs * d];
+        let (z, swept) = intervene::forward(&x.intervention(bases, &set, &held));
+        decoded.extend(z);
+        counterfactual = Some(swept);
+    }
+    let among = x.among();
+    let mut dependence = None;
+    if x.placement != Placement::Off && x.layout.observed > 1 {
+        let (value, saved) = independence::forward(&x.dependence(&mean, &log_variance, among.as_deref()))?;
+        terms.independence = value;
+        dependence = Some(saved);
+    }
+    Ok(Out {
+        decoded,
+        means: mean.u.clone(),
+        terms,
+        log_variance,
+        sample,
+        mean,
+        held,
+        set,
+        counterfactual,
+        shared,
+        dependence,
+        among,
+    })
+}
+
+/// Gradients of the weighted terms, and of what follows `decoded` through its cotangent (B + G·M, d).
+///
+/// # Panics
+/// When the cotangent does not have the size of `decoded`.
+pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
+    let (n, k, d) = (x.n(), x.k(), x.d());
+    let items = x.layout.items();
+    assert_eq!(decoded_bar.len(), out.decoded.len(), "the cotangent has the size of what is decoded");
+    let mut bars = Bars {
+        mu: vec![0.0; items * d],
+        ell: vec![0.0; items * d],
+        mask: vec![0.0; n * n],
+        structure: x.structure.zeros(),
+    };
+    let mut mean_u = vec![0.0; items * d];
+    let mut mean_eps = vec![0.0; items * d];
+    if let Some(swept) = &out.counterfactual {
+        let pairs = x.layout.pairs();
+        let bases = &out.mean.eps[x.layout.observed * d..][..pairs * d];
+        let given = structure::InBar {
+            eps: vec![0.0; pairs * d],
+            mask: std::mem::take(&mut bars.mask),
+            mechanism: std::mem::take(&mut bars.structure.mechanism),
+        };
+        let mut bar = intervene::InBar { given, value: vec![0.0; pairs * k] };
+        let z_bar = &decoded_bar[items * d..];
+        intervene::adjoint(&x.intervention(bases, &out.set, &out.held), swept, z_bar, &mut bar);
+        bars.mask = bar.given.mask;
+        bars.structure.mechanism = bar.given.mechanism;
+        let after = x.layout.after(0) * d;
+        add(&mut mean_eps[x.layout.observed * d..], &bar.given.eps);
+        let w = x.weights.groups;
+        // Pairs with a value of their own share none.
+        let equal = if x.supervision == Supervision::PerSample { 0.0 } else { w };
+        let shared = held_adjoint(x, &bar.value, &mut mean_u, &mut bars.structure.values);
+        let cotangent = groups::Out { equal, invariant: w, spread: w, shared };
+        let input = x.groups(&out.mean);
+        let mut bar = groups::InBar::zeros_like(&input);
+        groups::adjoint(&input, &out.shared, &cotangent, &mut bar);
+        add(&mut mean_eps[x.layout.observed * d..], &bar.eps);
+        add(&mut mean_eps[after..], &bar.eps_after);
+        add(&mut mean_u[after..], &bar.after);
+    }
+    if let Some(saved) = &out.dependence {
+        let input = x.dependence(&out.mean, &out.log_variance, out.among.as_deref());
+        let mut bar = independence::InBar::zeros_like(&input);
+        independence::adjoint(&input, saved, x.weights.independence, &mut bar);
+        let into = if x.placement == Placement::Factors { &mut mean_u } else { &mut mean_eps };
+        add(into, &bar.mu);
+        add(&mut bars.ell, &bar.logvar);
+        add(&mut bars.mask, &bar.mask);
+        add(&mut bars.structure.mechanism.weight, &bar.weight);
+    }
+    let mut sample_eps = vec![0.0; items * d];
+    match x.reading {
+        Reading::Literal => {
+            let kl = x.weights.kl;
+            posterior_kl::adjoint(x.mu, &out.log_variance, items, kl, &mut bars.mu, &mut bars.ell);
+        }
+        Reading::Reference => {
+            let kept = x.kept();
+            let input = x.sampled(&out.sample.eps, &out.log_variance, &kept);
+            let mut bar = scm_kl::SampledBar { eps: sample_eps, logvar: std::mem::take(&mut bars.ell) };
+            scm_kl::sampled_adjoint(&input, x.weights.kl, &mut bar);
+            (sample_eps, bars.ell) = (bar.eps, bar.logvar);
+        }
+    }
+    let given = x.link_adjoint(&out.mean, mean_u, &mean_eps, &mut bars);
+    add(&mut bars.mu, &given);
+    let drawn_bar = x.link_adjoint(&out.sample, decoded_bar[..items * d].to_vec(), &sample_eps, &mut bars);
+    posterior::adjoint(&out.log_variance, x.eta, &drawn_bar, &mut bars.mu, &mut bars.ell);
+    for (bar, ell) in bars.ell.iter_mut().zip(x.ell) {
+        *bar = if posterior::within(*ell) { *bar } else { 0.0 };
+    }
+    bars
+}
+
+/// From the values that factors were held at to where they came from; gives the part of the shared values (G, k).
+fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [f64]) -> Vec<f64> {
+    let (d, k, m) = (x.d(), x.k(), x.layout.members);
+    let mut shared = vec![0.0; x.layout.targets.len() * k];
+    for (p, bar) in held_bar.chunks_exact(k).enumerate() {
+        let (g, i) = (p / m, x.layout.targets[p / m]);
+        match x.supervision {
+            Supervision::PerSample => add(&mut mean_u[x.layout.after(p) * d + i * k..], bar),
+            Supervision::Labels => {
+                values[i * k..].iter_mut().zip(bar).for_each(|(w, b)| *w += x.labels[g] * b);
+            }
+            Supervision::None | Supervision::Groups => add(&mut shared[g * k..], bar),
+        }
+    }
+    shared
+}
+
+fn add(into: &mut [f64], what: &[f64]) {
+    into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
+}
+
+/// Factors (B, n, k) after `targets[b]` was set to `values` (B, k) under the graph `mask`, the other noise `eps` (B, n, k) kept.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn intervene(
+    structure: &Structure,
+    mask: &[f64],
+    eps: &[f64],
+    targets: &[usize],
+    values: &[f64],
+) -> Vec<f64> {
+    let k = structure.sizes.width;
+    let x = structure::In {
+        eps,
+        mask,
+        mechanism: structure.mechanism(),
+        batch: targets.len(),
+        n: structure.sizes.factors,
+        k,
+        sweeps: structure.sweeps(),
+    };
+    let set: Vec<Option<usize>> = targets.iter().map(|t| Some(*t)).collect();
+    intervene::forward(&intervene::In { given: x, target: &set, value: values }).0
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,186 @@
+//! The pieces of [`super::forward`] and [`super::adjoint`]: each what one term looks at, as the operators take it.
+
+use super::super::settings::{Placement, Reading, Supervision};
+use super::{Bars, In};
+use crate::causal::structure::{self, Saved as Swept};
+use crate::causal::{independence, intervene, posterior_kl, scm_kl};
+use crate::loss::groups;
+
+/// Factors and noise that belong together; one is given, the other computed.
+#[derive(Clone, Debug)]
+pub(super) struct Linked {
+    pub(super) u: Vec<f64>,
+    pub(super) eps: Vec<f64>,
+    swept: Option<Swept>,
+}
+
+impl<'a> In<'a> {
+    pub(super) fn n(&self) -> usize {
+        self.structure.sizes.factors
+    }
+
+    pub(super) fn k(&self) -> usize {
+        self.structure.sizes.width
+    }
+
+    pub(super) fn d(&self) -> usize {
+        self.structure.sizes.latent()
+    }
+
+    pub(super) fn layer(&self, eps: &'a [f64]) -> structure::In<'a> {
+        structure::In {
+            eps,
+            mask: self.mask,
+            mechanism: self.structure.mechanism(),
+            batch: eps.len() / self.d(),
+            n: self.n(),
+            k: self.k(),
+            sweeps: self.structure.sweeps(),
+        }
+    }
+
+    pub(super) fn link(&self, given: &'a [f64]) -> Linked {
+        match self.reading {
+            Reading::Reference => {
+                Linked { eps: structure::abduct(&self.layer(given)), u: given.to_vec(), swept: None }
+            }
+            Reading::Literal => {
+                let (u, swept) = structure::forward(&self.layer(given));
+                Linked { u, eps: given.to_vec(), swept: Some(swept) }
+            }
+        }
+    }
+
+    /// The gradient by what was given.
+    pub(super) fn link_adjoint(
+        &self,
+        linked: &'a Linked,
+        u_bar: Vec<f64>,
+        eps_bar: &[f64],
+        bars: &mut Bars,
+    ) -> Vec<f64> {
+        let (given, through, mut direct) = match self.reading {
+            Reading::Reference => (&linked.u, eps_bar, u_bar),
+            Reading::Literal => (&linked.eps, &u_bar[..], eps_bar.to_vec()),
+        };
+        let layer = self.layer(given);
+        let mut bar = structure::InBar {
+            eps: vec![0.0; given.len()],
+            mask: std::mem::take(&mut bars.mask),
+            mechanism: std::mem::take(&mut bars.structure.mechanism),
+        };
+        match &linked.swept {
+            None => structure::abduct_adjoint(&layer, through, &mut bar),
+            Some(swept) => structure::adjoint(&layer, swept, through, &mut bar),
+        }
+        bars.mask = bar.mask;
+        bars.structure.mechanism = bar.mechanism;
+        direct.iter_mut().zip(bar.eps).for_each(|(d, g)| *d += g);
+        direct
+    }
+
+    /// (B, n) 1 where a factor counts in the KL of an item.
+    pub(super) fn kept(&self) -> Vec<f64> {
+        let n = self.n();
+        let counts = |at: usize| self.layout.set_in(at / n) != Some(at % n);
+        (0..self.layout.items() * n).map(|at| f64::from(u8::from(counts(at)))).collect()
+    }
+
+    pub(super) fn sampled<'b>(
+        &self,
+        eps: &'b [f64],
+        logvar: &'b [f64],
+        kept: &'b [f64],
+    ) -> scm_kl::Sampled<'b> {
+        let (batch, n, k) = (self.layout.items(), self.n(), self.k());
+        scm_kl::Sampled { eps, logvar, kept: Some(kept), batch, n, k }
+    }
+
+    pub(super) fn kl(&self, sample: &Linked, ell: &[f64]) -> f64 {
+        match self.reading {
+            Reading::Literal => posterior_kl::forward(self.mu, ell, self.layout.items()),
+            Reading::Reference => scm_kl::sampled(&self.sampled(&sample.eps, ell, &self.kept())),
+        }
+    }
+
+    /// What L_MI looks at: the observed items.
+    pub(super) fn dependence<'b>(
+        &'b self,
+        mean: &'b Linked,
+        logvar: &'b [f64],
+        among: Option<&'b [f64]>,
+    ) -> independence::In<'b> {
+        let len = self.layout.observed * self.d();
+        let mu = match self.placement {
+            Placement::Factors => &mean.u[..len],
+            Placement::Noise | Placement::Conditional | Placement::Off => &mean.eps[..len],
+        };
+        let edges = match (self.structure.mechanism(), self.reading, self.placement) {
+            (structure::Mechanism::Linear { weight }, Reading::Reference, Placement::Noise) => {
+                Some(independence::Edges { mask: self.mask, weight })
+            }
+            _ => None,
+        };
+        independence::In {
+            edges,
+            among,
+            carried: self.carried.map(|(carried, _)| carried),
+            share: self.carried.map_or(1.0, |(_, share)| share),
+            ..independence::In::new(mu, &logvar[..len], self.layout.observed, self.n(), self.k())
+        }
+    }
+
+    /// Pairs without an edge between them, for the conditional placement.
+    pub(super) fn among(&self) -> Option<Vec<f64>> {
+        let n = self.n();
+        let joined = |i: usize, j: usize| self.mask[i * n + j] > 0.5 || self.mask[j * n + i] > 0.5;
+        (self.placement == Placement::Conditional)
+            .then(|| (0..n * n).map(|at| if joined(at / n, at % n) { 0.0 } else { 1.0 }).collect())
+    }
+
+    pub(super) fn intervention<'b>(
+        &'b self,
+        eps: &'b [f64],
+        target: &'b [Option<usize>],
+        value: &'b [f64],
+    ) -> intervene::In<'b> {
+        let given = structure::In {
+            eps,
+            mask: self.mask,
+            mechanism: self.structure.mechanism(),
+            batch: target.len(),
+            n: self.n(),
+            k: self.k(),
+            sweeps: self.structure.sweeps(),
+        };
+        intervene::In { given, target, value }
+    }
+
+    /// The groups' means, before and after.
+    pub(super) fn groups<'b>(&'b self, mean: &'b Linked) -> groups::In<'b> {
+        let (d, after) = (self.d(), self.layout.after(0) * self.d());
+        groups::In {
+            after: &mean.u[after..],
+            eps: &mean.eps[self.layout.observed * d..after],
+            eps_after: &mean.eps[after..],
+            target: &self.layout.targets,
+            variance: self.spread,
+            members: self.layout.members,
+            factors: self.n(),
+            size: self.k(),
+        }
+    }
+
+    /// What the factor of pair `p` is set to (k).
+    pub(super) fn held(&self, mean: &Linked, values: &[f64], p: usize) -> Vec<f64> {
+        let (d, k, m) = (self.d(), self.k(), self.layout.members);
+        let (g, i) = (p / m, self.layout.targets[p / m]);
+        match self.supervision {
+            Supervision::PerSample => mean.u[self.layout.after(p) * d + i * k..][..k].to_vec(),
+            Supervision::Labels => {
+                self.structure.values[i * k..][..k].iter().map(|w| self.labels[g] * w).collect()
+            }
+            Supervision::None | Supervision::Groups => values[g * k..(g + 1) * k].to_vec(),
+        }
+    }
+}

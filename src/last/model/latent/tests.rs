@@ -1,0 +1,115 @@
+//! Gradients of factors, of every reading, kind of supervision, mechanism and placement, by differences.
+
+use super::*;
+use crate::last::model::structure::{Kind, Sizes};
+use crate::num::order;
+use crate::num::rng::Rng;
+use crate::tape::Params;
+
+const SIZES: Sizes = Sizes { factors: 3, width: 2, kind: Kind::Networks };
+
+fn draws(part: u16, len: usize) -> Vec<f64> {
+    (0..len).map(|i| Rng::new(3).normal_f64(i as u64, 0, 0x7e58, part)).collect()
+}
+
+/// Σ of weighted terms and ⟨decoded, c⟩, as the step sums them.
+fn value(x: &In<'_>, c: &[f64]) -> f64 {
+    let out = forward(x).expect("positive definite");
+    let t = out.terms;
+    let equal = if x.supervision == Supervision::PerSample { 0.0 } else { t.equal };
+    let own = x.weights.kl * t.kl
+        + x.weights.independence * t.independence
+        + x.weights.groups * ((equal + t.invariant) + t.hinge);
+    out.decoded.iter().zip(c).fold(own, |s, (d, c)| s + d * c)
+}
+
+/// Gradients of everything by central differences along one direction per input, for every reading, kind of supervision and mechanism.
+#[test]
+fn gradients_are_those_of_differences() {
+    let layout = Layout { observed: 4, targets: vec![0, 1, 0, 2, 2], members: 2 };
+    let items = layout.items();
+    let placements = [Placement::Noise, Placement::Factors, Placement::Conditional];
+    for (kind, placement) in
+        [Kind::Networks, Kind::Linear].into_iter().flat_map(|kind| placements.map(|p| (kind, p)))
+    {
+        for reading in [Reading::Reference, Reading::Literal] {
+            for supervision in [Supervision::PerSample, Supervision::Groups, Supervision::Labels] {
+                let sizes = Sizes { kind, ..SIZES };
+                let d = sizes.latent();
+                let carried: Vec<f64> =
+                    (0..d * d).map(|at| if at / d == at % d { 0.5 } else { 0.05 }).collect();
+                let mut params = Params::new();
+                sizes.draw(1, &mut params);
+                for (at, (name, shape)) in sizes.shapes().into_iter().enumerate() {
+                    let values = draws(50 + at as u16, crate::last::model::encoder::size(&shape));
+                    let array = params.get_mut(&name).expect("drawn");
+                    array.iter_mut().zip(values).for_each(|(a, v)| *a = (0.3 * v) as f32);
+                }
+                let structure = Structure::new(sizes, &params);
+                let n = sizes.factors;
+                let mask: Vec<f64> = (0..n * n)
+                    .map(|at| if at / n == at % n { 0.0 } else { 0.2 + 0.07 * at as f64 })
+                    .collect();
+                let (mu, eta) = (draws(0, items * d), draws(2, items * d));
+                let ell: Vec<f64> = draws(1, items * d).iter().map(|l| 0.3 * l - 1.0).collect();
+                let labels = draws(3, layout.targets.len());
+                let weights = Weights { kl: 0.7, groups: 1.3, ..Weights::default() };
+                let x = In {
+                    structure: &structure,
+                    mask: &mask,
+                    layout: &layout,
+                    mu: &mu,
+                    ell: &ell,
+                    eta: &eta,
+                    spread: &[0.5, 1.5, 1.0],
+                    labels: &labels,
+                    reading,
+                    supervision,
+                    weights,
+                    placement,
+                    carried: Some((&carried, 0.6)),
+                };
+                let out = forward(&x).expect("positive definite");
+                let c = draws(4, out.decoded.len());
+                let bars = adjoint(&x, &out, &c);
+                let what = format!("{kind:?} {placement:?} {reading:?} {supervision:?}");
+                let check = |name: &str, bar: &[f64], direction: &[f64], at: &dyn Fn(f64) -> f64| {
+                    let ours = bar.iter().zip(direction).fold(0.0, |s, (b, d)| s + b * d);
+                    // Kinks of the networks lie close to one another; the step that meets none tells.
+                    let error = |h: f64| {
+                        let coarse = (at(2.0 * h) - at(-2.0 * h)) / (4.0 * h);
+                        let fine = (at(h) - at(-h)) / (2.0 * h);
+                        (ours - (4.0 * fine - coarse) / 3.0).abs() / (1e-3 + ours.abs())
+                    };
+                    let least =
+                        [1e-4, 1e-5, 1e-6, 1e-7].map(error).into_iter().fold(f64::INFINITY, order::min);
+                    assert!(least < 1e-7, "{what}, {name}: {ours} is off by {least:e}");
+                };
+                let moved = |values: &[f64], v: &[f64], t: f64| -> Vec<f64> {
+                    values.iter().zip(v).map(|(x, v)| x + t * v).collect()
+                };
+                let v = draws(9, items * d);
+                check("mu", &bars.mu, &v, &|t| value(&In { mu: &moved(&mu, &v, t), ..x }, &c));
+                check("ell", &bars.ell, &v, &|t| value(&In { ell: &moved(&ell, &v, t), ..x }, &c));
+                let mut w = draws(10, n * n);
+                (0..n).for_each(|i| w[i * n + i] = 0.0);
+                check("mask", &bars.mask, &w, &|t| value(&In { mask: &moved(&mask, &w, t), ..x }, &c));
+                // Parameters in double precision, one array after the other.
+                let shapes = sizes.shapes();
+                for (at, bar) in bars.structure.arrays(kind).into_iter().enumerate() {
+                    let name = &shapes[at].0;
+                    if name == "structure.logits" {
+                        continue; // they act through the mask
+                    }
+                    let v = draws(20 + at as u16, bar.len());
+                    check(name, bar, &v, &|t| {
+                        let mut other = structure.clone();
+                        let into = other.array_mut(at);
+                        into.iter_mut().zip(&v).for_each(|(x, v)| *x += t * v);
+                        value(&In { structure: &other, ..x }, &c)
+                    });
+                }
+            }
+        }
+    }
+}
