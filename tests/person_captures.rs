@@ -9,7 +9,8 @@ use common::person::{B, Cam, K, Mini, PERSON, V, V3, apart, pairs};
 use lastlight::io::captures::{self, Layout, Selection};
 use lastlight::io::smpl::{self, BodyModel};
 use lastlight::last::inspect;
-use lastlight::scene::person::{PersonCapture, import, project};
+use lastlight::loss::metric::bound::project;
+use lastlight::scene::person::{PersonCapture, import};
 use lastlight::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -120,7 +121,7 @@ fn check(
             shot.name
         );
         let bound = c.box_mask(shot);
-        assert!(bound.contains(&0) || side <= 16, "{name}: the box is not everything");
+        assert!(bound.contains(&0.0) || side <= 16, "{name}: the box is not everything");
     }
     println!("{name}: points {worst_point:.1e}, pixels {worst_pixel:.1e}");
     assert!(worst_point < 1e-6, "{name}: points within rounding of f32: {worst_point:e}");

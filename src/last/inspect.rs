@@ -11,8 +11,9 @@
 //! other units, show in it at once. Small pictures are enlarged by a whole factor before anything is drawn.
 
 use crate::io::image_file;
+use crate::loss::metric::bound::project;
 use crate::num::order;
-use crate::scene::person::{PersonCapture, Photo, Shot, Template, project};
+use crate::scene::person::{PersonCapture, Photo, Shot, Template};
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
@@ -134,7 +135,7 @@ fn look(c: &PersonCapture, shot: &Shot, photo: &Photo) -> Look {
     let landed = points.iter().filter(|x| project(&shot.camera, x.map(f64::from)).is_some_and(near)).count();
     let bound = c.box_mask(shot);
     let covered = (0..w * h).filter(|&i| photo.mask[i] >= 0.5);
-    let (inside, all) = covered.fold((0usize, 0usize), |(i, n), k| (i + usize::from(bound[k] == 1), n + 1));
+    let (inside, all) = covered.fold((0usize, 0usize), |(i, n), k| (i + usize::from(bound[k] == 1.0), n + 1));
     let share = |part: usize, whole: usize| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
     Look {
         name: shot.name.clone(),
@@ -147,12 +148,13 @@ fn look(c: &PersonCapture, shot: &Shot, photo: &Photo) -> Look {
     }
 }
 
-fn overlay(c: &PersonCapture, shot: &Shot, photo: &Photo, bound: &[u8]) -> (usize, usize, Vec<u8>) {
+fn overlay(c: &PersonCapture, shot: &Shot, photo: &Photo, bound: &[f32]) -> (usize, usize, Vec<u8>) {
     let (w, h) = (shot.camera.width, shot.camera.height);
     let zoom = order::max(SIDE.div_ceil(order::max(w, h)), 1);
     let mut canvas = Canvas::enlarged(&photo.rgb, w, h, zoom);
     let mask: Vec<u8> = photo.mask.iter().map(|&m| u8::from(m >= 0.5)).collect();
-    canvas.outline(bound, w, h, zoom, [60, 120, 255]);
+    let bound: Vec<u8> = bound.iter().map(|&m| u8::from(m == 1.0)).collect();
+    canvas.outline(&bound, w, h, zoom, [60, 120, 255]);
     canvas.outline(&mask, w, h, zoom, [60, 230, 90]);
     let used = used_joints(&c.template);
     let at: Vec<Option<[f64; 2]>> = c

@@ -2,6 +2,7 @@
 
 use lastlight::last::model::decoder::{Decoder, HIDDEN, Target};
 use lastlight::last::model::encoder::{Encoder, Input};
+use lastlight::loss::points::{self, Sigmas};
 use lastlight::num::rng::Rng;
 use lastlight::tape::{Params, Tape};
 use ndarray::{ArrayD, IxDyn};
@@ -108,6 +109,7 @@ fn the_decoders_gradients_are_those_of_its_loss() {
         total
     };
     check("decoder", &values, &grads, &value);
+    the_loss_is_that_of_loss_points(&decoder, &params, &z, &targets[..]);
     let total = passed.losses.iter().zip(weights).fold(0.0, |s, (l, w)| s + f64::from(w) * l);
     assert!((total / value(&values) - 1.0).abs() < 1e-5, "the loss itself: {total}");
 }
@@ -159,4 +161,20 @@ fn the_encoders_gradients_are_those_of_its_outputs() {
         y.iter().zip(&cotangent).fold(0.0, |s, (y, c)| s + y * f64::from(*c))
     };
     check("encoder", &values, &grads, &value);
+}
+
+/// The pass folds points and channels in one order of its own; what it sums is the operator's loss.
+fn the_loss_is_that_of_loss_points(decoder: &Decoder, params: &Params, z: &[f32], targets: &[Target<'_>]) {
+    let sigmas = Sigmas { xyz: 0.05, rgb: 0.2 };
+    let precision = [sigmas.xyz, sigmas.rgb].map(|s| [(1.0 / (s * s)) as f32; 3]).concat();
+    let scale = [0.5, 0.5, 0.5, 1.0, 1.0, 1.0];
+    let passed = decoder.pass(params, z, targets, &scale, &precision);
+    let y = decoder.forward(params, targets[0].codes, z);
+    for ((target, y), loss) in targets.iter().zip(y.chunks_exact(targets[0].wanted.len())).zip(passed.losses)
+    {
+        let x: Vec<f32> = (0..y.len()).map(|at| target.base[at] + scale[at % 6] * y[at]).collect();
+        let input = points::In { x: &x, y: target.wanted, batch: 1, channels: [6, 6], sigmas };
+        let operator = f64::from(points::ordered(&input).expect("finite points"));
+        assert!((loss - operator).abs() <= 1e-6 * operator, "the pass {loss}, loss.points {operator}");
+    }
 }

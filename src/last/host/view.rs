@@ -74,7 +74,7 @@ impl Target {
         let camera = shot.camera.clone();
         let width = camera.width;
         let photo: Vec<f32> = pixels.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
-        let mut inside: Vec<f32> = capture.box_mask(shot).into_iter().map(f32::from).collect();
+        let mut inside = capture.box_mask(shot);
         if let Some(valid) = &pixels.valid {
             for (x, &v) in inside.iter_mut().zip(valid) {
                 *x *= f32::from(v);

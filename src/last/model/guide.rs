@@ -211,7 +211,7 @@ impl Guide for Trained {
 pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Result<Vec<f32>> {
     let (width, height) = (shot.camera.width, shot.camera.height);
     let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
-    let inside: Vec<f32> = capture.box_mask(shot).into_iter().map(f32::from).collect();
+    let inside = capture.box_mask(shot);
     let rectangle = bound::rectangle(&inside, width).unwrap_or([[0, 0], [height, width]]);
     let window = Window::new(trained.framing(), trained.side(), [height, width], rectangle)?;
     Ok(window.take(&picture))

@@ -38,8 +38,7 @@ pub fn bounds(points: &[[f32; 3]], margin: f32) -> Result<[[f32; 3]; 2]> {
 }
 
 /// A point of the world in pixels; `None` where it has no place in the picture.
-fn projected(camera: &Camera, p: [f32; 3]) -> Option<[f64; 2]> {
-    let p = p.map(f64::from);
+pub fn project(camera: &Camera, p: [f64; 3]) -> Option<[f64; 2]> {
     let view: [f64; 3] = std::array::from_fn(|i| {
         let r = camera.rotation[i].map(f64::from);
         ((r[0] * p[0] + r[1] * p[1]) + r[2] * p[2]) + f64::from(camera.translation[i])
@@ -84,7 +83,7 @@ pub fn bound_mask(camera: &Camera, [low, high]: [[f32; 3]; 2]) -> Result<Vec<f32
     let mut corners = [[0.0; 2]; 8];
     for (bits, corner) in corners.iter_mut().enumerate() {
         let p: [f32; 3] = std::array::from_fn(|k| if bits >> k & 1 == 1 { high[k] } else { low[k] });
-        *corner = projected(camera, p).ok_or_else(|| {
+        *corner = project(camera, p.map(f64::from)).ok_or_else(|| {
             Error::input(WHAT)
                 .at(format!("corner {p:?}"))
                 .expected("a box in front of the camera")

@@ -18,7 +18,6 @@ mod region;
 pub mod smpl;
 
 pub use pose::{Affine, Pose, rotation_matrix, rotation_vector};
-pub use region::project;
 
 use super::camera::Camera;
 use crate::io::capture::Split;

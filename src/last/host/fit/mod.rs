@@ -122,7 +122,7 @@ impl<'a> PersonFit<'a> {
         };
         let mut avatar = Avatar::new(&capture.template, capture.moments(), &settings)?;
         if let Some(light) = &mut avatar.light {
-            light.toward = first_light(capture, settings.first_light);
+            light.toward = first_light(capture, settings.first_light)?;
         }
         let n = avatar.gaussians.len();
         if n > settings.max_gaussians {
@@ -387,18 +387,18 @@ impl Fit for PersonFit<'_> {
 }
 
 /// (T) d of the given length, toward the first training camera.
-fn first_light(capture: &PersonCapture, length: f32) -> Vec<[f32; 3]> {
+fn first_light(capture: &PersonCapture, length: f32) -> Result<Vec<[f32; 3]>> {
     let eye = capture.shots[capture.train[0]].camera.center();
     let toward = |time: usize| {
-        let [low, high] = capture.bounds(time);
+        let [low, high] = capture.bounds(time)?;
         let v: [f32; 3] = std::array::from_fn(|k| eye[k] - 0.5 * (low[k] + high[k]));
         let norm = ((v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]).sqrt();
-        if norm > 0.0 { v.map(|x| length * (x / norm)) } else { [0.0; 3] }
+        Ok(if norm > 0.0 { v.map(|x| length * (x / norm)) } else { [0.0; 3] })
     };
     (0..capture.moments()).map(toward).collect()
 }
 
-/// Digest of the training pictures' names, cameras and poses, and of the template.
+/// Digest of the training pictures, their names, masks, cameras and poses, and of the template.
 fn input_digest(capture: &PersonCapture) -> Result<u64> {
     let mut d = Digest::new();
     let t = &capture.template;
@@ -413,6 +413,12 @@ fn input_digest(capture: &PersonCapture) -> Result<u64> {
         d.f32(&[2], &c.center_px)?;
         d.u64(c.model as u64);
         d.head(1, &[c.height, c.width, 3]);
+        let photo = shot.photo()?;
+        d.bytes(&photo.rgb);
+        d.f32(&[c.height, c.width], &photo.mask)?;
+        if let Some(valid) = &photo.valid {
+            d.bytes(valid);
+        }
         for a in &capture.poses[shot.time].transforms {
             d.f32(&[3, 4], a.as_flattened())?;
         }
