@@ -10,6 +10,48 @@ pub enum Mechanism<'a> {
     },
     /// a network per node
     Networks(Networks<'a>),
+    /// both, as printed one after the other: numbers in every sweep but the last, the networks in the last
+    Printed {
+        /// Ω (n, n)
+        weight: &'a [f64],
+        /// of the last sweep, and of a single application
+        networks: Networks<'a>,
+    },
+}
+
+/// What acts in one sweep.
+enum Acting<'b, 'a> {
+    Weight(&'a [f64]),
+    Networks(&'b Networks<'a>),
+}
+
+impl<'a> Mechanism<'a> {
+    fn networks(&self) -> Option<&Networks<'a>> {
+        match self {
+            Self::Linear { .. } => None,
+            Self::Networks(networks) | Self::Printed { networks, .. } => Some(networks),
+        }
+    }
+
+    fn weight(&self) -> Option<&'a [f64]> {
+        match self {
+            Self::Networks(_) => None,
+            Self::Linear { weight } | Self::Printed { weight, .. } => Some(weight),
+        }
+    }
+
+    /// Whether the networks at 0 enter a sweep.
+    pub(super) fn is_centred(&self, is_last: bool) -> bool {
+        matches!(self.acting(is_last), Acting::Networks(_))
+    }
+
+    fn acting(&self, is_last: bool) -> Acting<'_, 'a> {
+        match self {
+            Self::Linear { weight } => Acting::Weight(weight),
+            Self::Printed { weight, .. } if !is_last => Acting::Weight(weight),
+            Self::Networks(networks) | Self::Printed { networks, .. } => Acting::Networks(networks),
+        }
+    }
 }
 
 /// One network of two hidden layers per node; the bias of the last layer cancels and is left out.
@@ -52,16 +94,14 @@ impl MechanismBar {
     /// Zeros in the shapes of the mechanism.
     pub fn zeros_like(x: &Mechanism<'_>) -> Self {
         let zeros = |x: &[f64]| vec![0.0; x.len()];
-        match x {
-            Mechanism::Linear { weight } => Self { weight: zeros(weight), ..Self::default() },
-            Mechanism::Networks(g) => Self {
-                w0: zeros(g.w0),
-                b0: zeros(g.b0),
-                w1: zeros(g.w1),
-                b1: zeros(g.b1),
-                w2: zeros(g.w2),
-                ..Self::default()
-            },
+        let of = |get: fn(&Networks<'_>) -> usize| vec![0.0; x.networks().map_or(0, get)];
+        Self {
+            weight: x.weight().map(zeros).unwrap_or_default(),
+            w0: of(|g| g.w0.len()),
+            b0: of(|g| g.b0.len()),
+            w1: of(|g| g.w1.len()),
+            b1: of(|g| g.b1.len()),
+            w2: of(|g| g.w2.len()),
         }
     }
 }
@@ -103,10 +143,11 @@ pub(super) struct Work {
     bars: [Vec<f64>; 3],
 }
 
-/// Which node, and the factors of all nodes (n, k).
+/// Which node in which sweep, and the factors of all nodes (n, k).
 #[derive(Clone, Copy)]
 pub(super) struct At<'a> {
     pub(super) node: usize,
+    pub(super) is_last: bool,
     pub(super) z: &'a [f64],
 }
 
@@ -232,25 +273,22 @@ impl<'a> Bank<'a> {
         assert!(n > 0 && k > 0, "there are factors, and they hold numbers");
         assert_eq!(mask.len(), n * n, "mask is (n, n)");
         let mut turned = Vec::new();
-        match &mechanism {
-            Mechanism::Linear { weight } => assert_eq!(weight.len(), n * n, "weight is (n, n)"),
-            Mechanism::Networks(g) => {
-                let h = g.hidden;
-                assert!(h > 0, "networks have hidden units");
-                assert!(g.w0.len() == n * h * n * k && g.b0.len() == n * h, "first layer is (n, h, n·k)");
-                assert!(g.w1.len() == n * h * h && g.b1.len() == n * h, "second layer is (n, h, h)");
-                assert_eq!(g.w2.len(), n * k * h, "last layer is (n, k, h)");
-                turned = (0..n).map(|j| g.turned(j, n * k, k)).collect();
-            }
+        if let Some(weight) = mechanism.weight() {
+            assert_eq!(weight.len(), n * n, "weight is (n, n)");
+        }
+        if let Some(g) = mechanism.networks() {
+            let h = g.hidden;
+            assert!(h > 0, "networks have hidden units");
+            assert!(g.w0.len() == n * h * n * k && g.b0.len() == n * h, "first layer is (n, h, n·k)");
+            assert!(g.w1.len() == n * h * h && g.b1.len() == n * h, "second layer is (n, h, h)");
+            assert_eq!(g.w2.len(), n * k * h, "last layer is (n, k, h)");
+            turned = (0..n).map(|j| g.turned(j, n * k, k)).collect();
         }
         Self { mask, mechanism, turned, n, k }
     }
 
     fn hidden(&self) -> usize {
-        match &self.mechanism {
-            Mechanism::Linear { .. } => 0,
-            Mechanism::Networks(g) => g.hidden,
-        }
+        self.mechanism.networks().map_or(0, |g| g.hidden)
     }
 
     /// Buffers for [`Self::effect`] and [`Self::effect_adjoint`].
@@ -261,7 +299,7 @@ impl<'a> Bank<'a> {
 
     /// The networks at 0.
     pub(super) fn zero(&self) -> Zero {
-        let Mechanism::Networks(g) = &self.mechanism else { return Zero(Vec::new()) };
+        let Some(g) = self.mechanism.networks() else { return Zero(Vec::new()) };
         let at_zero = |(j, turned): (usize, &Turned)| {
             let mut pass = Pass::sized(self.n * self.k, g.hidden, self.k);
             g.pass(j, turned, &mut pass);
@@ -281,15 +319,15 @@ impl<'a> Bank<'a> {
     /// What the parents of a node give it (k).
     pub(super) fn effect(&self, zero: &Zero, at: At<'_>, work: &mut Work, out: &mut [f64]) {
         let (n, k, j, z) = (self.n, self.k, at.node, at.z);
-        match &self.mechanism {
-            Mechanism::Linear { weight } => {
+        match self.mechanism.acting(at.is_last) {
+            Acting::Weight(weight) => {
                 out.fill(0.0);
                 for i in 0..n {
                     let w = self.mask[i * n + j] * weight[i * n + j];
                     out.iter_mut().zip(&z[i * k..]).for_each(|(out, z)| *out += w * z);
                 }
             }
-            Mechanism::Networks(g) => {
+            Acting::Networks(g) => {
                 self.masked(j, z, &mut work.pass.x);
                 g.pass(j, &self.turned[j], &mut work.pass);
                 let both = work.pass.y.iter().zip(&zero.0[j].y);
@@ -309,8 +347,8 @@ impl<'a> Bank<'a> {
         bar: &mut MechanismBar,
     ) {
         let (n, k, j, z) = (self.n, self.k, at.node, at.z);
-        match &self.mechanism {
-            Mechanism::Linear { weight } => {
+        match self.mechanism.acting(at.is_last) {
+            Acting::Weight(weight) => {
                 for i in 0..n {
                     let (m, w) = (self.mask[i * n + j], weight[i * n + j]);
                     let both = dot(c, &z[i * k..(i + 1) * k]);
@@ -319,7 +357,7 @@ impl<'a> Bank<'a> {
                     z_bar[i * k..].iter_mut().zip(c).for_each(|(z_bar, c)| *z_bar += m * w * c);
                 }
             }
-            Mechanism::Networks(g) => {
+            Acting::Networks(g) => {
                 self.masked(j, z, &mut work.pass.x);
                 g.pass(j, &self.turned[j], &mut work.pass);
                 g.pass_adjoint(j, &work.pass, c, &mut work.bars, bar);
@@ -335,7 +373,7 @@ impl<'a> Bank<'a> {
 
     /// Adds the gradients that come through the networks at 0; `sums` (n, k) are the cotangents of a sample's effects.
     pub(super) fn zero_adjoint(&self, zero: &Zero, sums: &[f64], work: &mut Work, bar: &mut MechanismBar) {
-        let Mechanism::Networks(g) = &self.mechanism else { return };
+        let Some(g) = self.mechanism.networks() else { return };
         for (j, pass) in zero.0.iter().enumerate() {
             let y_bar: Vec<f64> = sums[j * self.k..(j + 1) * self.k].iter().map(|c| -c).collect();
             g.pass_adjoint(j, pass, &y_bar, &mut work.bars, bar);

@@ -2,6 +2,7 @@
 //!
 //! nonlinear   Z⁰ = ε;   Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ,  t = 0 … sweeps − 1
 //! linear      Z⁰ = ε;   Zᵗ⁺¹ = WᵀZᵗ + ε,  W = Ã∘Ω,          t = 0 … sweeps − 1   (Z = Σₜ (Wᵀ)ᵗ ε)
+//! printed     the linear form with n − 1 sweeps, then one of the nonlinear form upon it: eq. 2, then eq. 3
 //! abduct      εⱼ = uⱼ − (gⱼ(Ã(·,j)∘u) − gⱼ(0)), or ε = u − Wᵀu
 //!
 //! Source: structural causal models with additive noise; the linear form is that of NOTEARS and DAG-GNN. gⱼ is a network of two
@@ -119,11 +120,11 @@ pub fn forward_held<'h>(x: &In<'_>, hold: impl Fn(usize) -> Hold<'h>) -> (Vec<f6
             cause[node * k..(node + 1) * k].copy_from_slice(value);
         }
         state.copy_from_slice(&cause);
-        for _ in 0..x.sweeps {
+        for t in 0..x.sweeps {
             next.copy_from_slice(&cause);
             for node in (0..n).filter(|j| held.is_none_or(|(node, _)| node != *j)) {
                 let (next, cause) = (&mut next[node * k..(node + 1) * k], &cause[node * k..]);
-                bank.effect(&zero, At { node, z: &state }, &mut work, next);
+                bank.effect(&zero, At { node, is_last: t + 1 == x.sweeps, z: &state }, &mut work, next);
                 add(next, cause);
             }
             states.extend_from_slice(&state);
@@ -164,13 +165,16 @@ pub fn adjoint_held<'h>(
         zero_bar.fill(0.0);
         for t in (0..x.sweeps).rev() {
             let z = &saved.states[(b * x.sweeps + t) * d..][..d];
+            let is_last = t + 1 == x.sweeps;
             before.fill(0.0);
             for node in 0..n {
                 let c = &state_bar[node * k..(node + 1) * k];
                 add(&mut cause_bar[node * k..], c);
                 if held != Some(node) {
-                    add(&mut zero_bar[node * k..], c);
-                    let at = At { node, z };
+                    if x.mechanism.is_centred(is_last) {
+                        add(&mut zero_bar[node * k..], c);
+                    }
+                    let at = At { node, is_last, z };
                     bank.effect_adjoint(at, c, &mut work, &mut before, &mut bar.mask, &mut bar.mechanism);
                 }
             }
@@ -194,7 +198,7 @@ fn effects(x: &In<'_>, state: &[f64]) -> Vec<f64> {
     let mut out = vec![0.0; state.len()];
     for (out, z) in out.chunks_exact_mut(x.n * x.k).zip(state.chunks_exact(x.n * x.k)) {
         for (node, out) in out.chunks_exact_mut(x.k).enumerate() {
-            bank.effect(&zero, At { node, z }, &mut work, out);
+            bank.effect(&zero, At { node, is_last: true, z }, &mut work, out);
         }
     }
     out
@@ -209,7 +213,7 @@ fn effects_adjoint(x: &In<'_>, state: &[f64], c: &[f64], state_bar: &mut [f64], 
     let samples = state.chunks_exact(d).zip(c.chunks_exact(d)).zip(state_bar.chunks_exact_mut(d));
     for ((z, c), z_bar) in samples {
         for (node, c) in c.chunks_exact(x.k).enumerate() {
-            let at = At { node, z };
+            let at = At { node, is_last: true, z };
             bank.effect_adjoint(at, c, &mut work, z_bar, &mut bar.mask, &mut bar.mechanism);
         }
         bank.zero_adjoint(&zero, c, &mut work, &mut bar.mechanism);

@@ -37,7 +37,7 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 
 DATA is what last gen writes. --out gets model.safetensors (for last tune, fit, intervene), a checkpoint,
 result.json and report/index.html. --reading literal is the paper as printed: the encoder gives noise and
-the structure acts on the way to the decoder.")]
+eq. 2, then eq. 3, act on it on the way to the decoder.")]
 pub(in crate::cli) struct Args {
     /// Folder made by last gen, with observational pictures and groups of interventions
     #[arg(value_name = "DATA")]
@@ -63,13 +63,15 @@ pub(in crate::cli) struct Args {
     /// Numbers of a factor
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
     width: u8,
-    /// How parents act on a factor: networks or linear
-    #[arg(long, value_name = "NAME", default_value = "networks", help_heading = "Model")]
-    mechanism: String,
+    /// How parents act on a factor: networks, linear, or printed (linear, then networks; the literal reading alone)
+    /// [default: networks; printed for the literal reading]
+    #[arg(long, value_name = "NAME", help_heading = "Model")]
+    mechanism: Option<String>,
     /// Reading of the paper: reference or literal
     #[arg(long, value_name = "NAME", default_value = "reference", help_heading = "Model")]
     reading: String,
-    /// What is told of interventions: none, pairs (a value of its own for each), groups (a shared value) or labels
+    /// What is told of interventions: none, pairs (a value of its own for each), groups (a shared value), unknown (its
+    /// target is guessed) or labels
     #[arg(long, value_name = "NAME", default_value = "groups", help_heading = "Training")]
     supervision: String,
     /// Where dependence is punished: noise, factors (as printed), conditional or off
@@ -100,11 +102,13 @@ pub(in crate::cli) struct Args {
 
 impl Args {
     fn settings(&self) -> Result<Settings> {
+        let reading = Reading::parse(&self.reading)?;
+        let kind = self.mechanism.as_ref().map_or(Ok(reading.mechanism()), |name| Kind::parse(name))?;
         let mut s = Settings {
             factors: usize::from(self.factors),
             width: usize::from(self.width),
-            kind: Kind::parse(&self.mechanism)?,
-            reading: Reading::parse(&self.reading)?,
+            kind,
+            reading,
             supervision: Supervision::parse(&self.supervision)?,
             placement: Placement::parse(&self.dependence)?,
             points: self.points,

@@ -6,6 +6,7 @@
 //!                     structure                   structure  U, Ω, node networks; Ã
 //! step     one batch: forward, losses, gradients
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
+//! targets  which factor was set, where it is not told
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
 //! file     a trained model on disk            verdict  what it is worth, against the truth
 //! guide    what the model says about a render
@@ -26,6 +27,7 @@ pub mod pictures;
 pub mod settings;
 pub mod step;
 pub mod structure;
+pub mod targets;
 pub mod train;
 pub mod tune;
 pub mod vectors;

@@ -14,6 +14,16 @@ pub enum Reading {
     Literal,
 }
 
+impl Reading {
+    /// The mechanism that belongs to it.
+    pub fn mechanism(self) -> Kind {
+        match self {
+            Self::Reference => Kind::Networks,
+            Self::Literal => Kind::Printed,
+        }
+    }
+}
+
 /// What the model is told about interventions (`last.md` §7.3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Supervision {
@@ -26,6 +36,8 @@ pub enum Supervision {
     Groups,
     /// the value too
     Labels,
+    /// groups that share a value; which factor was set is guessed from the noise
+    Unknown,
 }
 
 /// What the loss of dependence looks at (`last.md` §6.1).
@@ -157,9 +169,9 @@ macro_rules! names {
     };
 }
 names!(Reading, "reading", Reference => "reference", Literal => "literal");
-names!(Supervision, "supervision", None => "none", PerSample => "pairs", Groups => "groups", Labels => "labels");
+names!(Supervision, "supervision", None => "none", PerSample => "pairs", Groups => "groups", Labels => "labels", Unknown => "unknown");
 names!(Placement, "loss of dependence", Noise => "noise", Factors => "factors", Conditional => "conditional", Off => "off");
-names!(Kind, "mechanism", Linear => "linear", Networks => "networks");
+names!(Kind, "mechanism", Linear => "linear", Networks => "networks", Printed => "printed");
 
 impl Settings {
     /// Everything, for records and checkpoints.
@@ -210,6 +222,11 @@ impl Settings {
             if !(value > 0.0 && value.is_finite()) {
                 return Err(Error::input(name).expected("a number above 0").got(value.to_string()));
             }
+        }
+        if self.kind == Kind::Printed && self.reading == Reading::Reference {
+            return Err(Error::input("mechanism printed")
+                .expected("reading literal: eq. 2 followed by eq. 3 has no abduction")
+                .got("reading reference"));
         }
         Ok(())
     }

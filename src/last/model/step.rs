@@ -7,8 +7,10 @@ use super::latent::{self, Layout, Terms};
 use super::purpose;
 use super::settings::{Reading, Settings, Supervision};
 use super::structure::{Sizes, Structure};
+use super::targets::{self, Pairs};
 use crate::Result;
 use crate::causal::{acyclic, independence, mask, structure};
+use crate::num::order;
 use crate::num::rng::Rng;
 use crate::tape::{Grads, Params, Tape};
 use ndarray::{ArrayD, IxDyn};
@@ -60,25 +62,26 @@ impl Model {
 }
 
 impl Model {
-    /// Means of the endogenous factors of some items (B, d): those of the encoder, or what the graph of probable edges makes of its noise.
-    pub fn factors(&self, settings: &Settings, data: &dyn Data, items: &[Item]) -> Vec<f64> {
-        let [mu, _] = self.encode(data, items);
-        match settings.reading {
-            Reading::Reference => mu,
+    /// Factors u and noise ε (B, d) behind means of the encoder, along the edges of `mask` (n, n).
+    pub fn linked(&self, reading: Reading, mask: &[f64], mu: Vec<f64>) -> [Vec<f64>; 2] {
+        let structure = Structure::new(self.sizes, &self.params);
+        let x = structure::In {
+            eps: &mu,
+            mask,
+            mechanism: structure.mechanism(),
+            batch: mu.len() / self.sizes.latent(),
+            n: self.sizes.factors,
+            k: self.sizes.width,
+            sweeps: structure.sweeps(),
+        };
+        match reading {
+            Reading::Reference => {
+                let eps = structure::abduct(&x);
+                [mu, eps]
+            }
             Reading::Literal => {
-                let structure = Structure::new(self.sizes, &self.params);
-                let p = structure.probabilities(settings.tau);
-                let mask: Vec<f64> = p.iter().map(|&p| if p > 0.5 { 1.0 } else { 0.0 }).collect();
-                let x = structure::In {
-                    eps: &mu,
-                    mask: &mask,
-                    mechanism: structure.mechanism(),
-                    batch: items.len(),
-                    n: self.sizes.factors,
-                    k: self.sizes.width,
-                    sweeps: structure.sweeps(),
-                };
-                structure::forward(&x).0
+                let u = structure::forward(&x).0;
+                [u, mu]
             }
         }
     }
@@ -128,8 +131,10 @@ impl Batch {
             Ord::min(settings.factors, data.groups().iter().map(|g| g.target + 1).max().unwrap_or(0));
         for slot in 0..if targets > 0 { count } else { 0 } {
             let target = (slot + step as usize * count) % targets;
+            // Where targets are not told, they do not choose either.
+            let is_told = settings.supervision != Supervision::Unknown;
             let of: Vec<usize> =
-                (0..data.groups().len()).filter(|&g| data.groups()[g].target == target).collect();
+                (0..data.groups().len()).filter(|&g| !is_told || data.groups()[g].target == target).collect();
             chosen.push(of[rng.index(of.len(), slot as u64, step, purpose::BATCH, 1)]);
         }
         let members = data.members();
@@ -224,11 +229,15 @@ pub fn run(
         Some(graph) => graph.clone(),
         None => mask::forward(&structure.logits, &uniform, n, settings.tau),
     };
+    let layout = &Layout {
+        targets: targets(model, settings, batch, &sampled, &mu, &context.spread),
+        ..batch.layout.clone()
+    };
     let eta: Vec<f64> = (0..mu.len()).map(|at| rng.normal_f64(at as u64, step, purpose::ETA, 0)).collect();
     let input = latent::In {
         structure: &structure,
         mask: &sampled,
-        layout: &batch.layout,
+        layout,
         mu: &mu,
         ell: &ell,
         eta: &eta,
@@ -322,6 +331,32 @@ pub fn run(
     }
     let spread = spread(&out.means[..batch.layout.observed * d], n, model.sizes.width);
     Ok(Stepped { losses, grads, spread, covariance: out.covariance().map(<[f64]>::to_vec) })
+}
+
+/// The factor set in each group: as told, or as the noise of the means says.
+fn targets(
+    model: &Model,
+    settings: &Settings,
+    batch: &Batch,
+    mask: &[f64],
+    mu: &[f64],
+    spread: &[f64],
+) -> Vec<usize> {
+    let (layout, k) = (&batch.layout, model.sizes.width);
+    if settings.supervision != Supervision::Unknown || layout.pairs() == 0 {
+        return layout.targets.clone();
+    }
+    let pairs = &mu[layout.base(0) * model.sizes.latent()..];
+    let [_, eps] = model.linked(settings.reading, mask, pairs.to_vec());
+    let (before, after) = eps.split_at(eps.len() / 2);
+    let spread: Vec<f64> = spread.iter().flat_map(|v| vec![order::max(v.sqrt(), 1e-3); k]).collect();
+    targets::voted(&Pairs {
+        eps: before,
+        eps_after: after,
+        spread: &spread,
+        factors: model.sizes.factors,
+        members: layout.members,
+    })
 }
 
 /// One coordinate from each of Q runs of the P, per item; all of them where P ≤ Q.

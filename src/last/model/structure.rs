@@ -34,6 +34,8 @@ pub enum Kind {
     Linear,
     /// by a network per factor (eq. 3)
     Networks,
+    /// by numbers along all paths, then once by the networks: eq. 2 and eq. 3 as printed, one after the other
+    Printed,
 }
 
 /// Sizes of the structure.
@@ -60,12 +62,12 @@ impl Sizes {
     pub fn shapes(&self) -> Vec<(String, Vec<usize>)> {
         let (n, k, h) = (self.factors, self.width, HIDDEN);
         let mut all = vec![("structure.logits".to_owned(), vec![n, n])];
-        match self.kind {
-            Kind::Linear => all.push(("structure.weight".into(), vec![n, n])),
-            Kind::Networks => {
-                let shapes = [vec![n, h, n * k], vec![n, h], vec![n, h, h], vec![n, h], vec![n, k, h]];
-                all.extend(NODES.iter().zip(shapes).map(|(name, s)| (format!("structure.nodes.{name}"), s)));
-            }
+        if self.kind != Kind::Networks {
+            all.push(("structure.weight".into(), vec![n, n]));
+        }
+        if self.kind != Kind::Linear {
+            let shapes = [vec![n, h, n * k], vec![n, h], vec![n, h, h], vec![n, h], vec![n, k, h]];
+            all.extend(NODES.iter().zip(shapes).map(|(name, s)| (format!("structure.nodes.{name}"), s)));
         }
         all.push(("structure.values".into(), vec![n, k]));
         all
@@ -97,6 +99,10 @@ impl Sizes {
     }
 }
 
+fn networks([w0, b0, w1, b1, w2]: [&Vec<f64>; 5]) -> Networks<'_> {
+    Networks { w0, b0, w1, b1, w2, hidden: HIDDEN, slope: SLOPE }
+}
+
 /// Parameters of the structure in double precision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
@@ -106,7 +112,7 @@ pub struct Structure {
     pub logits: Vec<f64>,
     /// (n, k)
     pub values: Vec<f64>,
-    /// Ω, or the arrays of the networks
+    /// Ω, the arrays of the networks
     arrays: Vec<Vec<f64>>,
 }
 
@@ -131,20 +137,21 @@ impl Structure {
             let array = params.get(name).unwrap_or_else(|| panic!("the structure has '{name}'"));
             array.iter().map(|&x| f64::from(x)).collect()
         };
-        let arrays = match sizes.kind {
-            Kind::Linear => vec![get("structure.weight")],
-            Kind::Networks => NODES.iter().map(|name| get(&format!("structure.nodes.{name}"))).collect(),
-        };
+        let mut between = sizes.shapes();
+        between.pop();
+        let arrays = between[1..].iter().map(|(name, _)| get(name)).collect();
         Self { sizes, logits: get("structure.logits"), values: get("structure.values"), arrays }
     }
 
     /// How parents act.
     pub fn mechanism(&self) -> Mechanism<'_> {
-        match (self.sizes.kind, &self.arrays[..]) {
-            (Kind::Networks, [w0, b0, w1, b1, w2]) => {
-                Mechanism::Networks(Networks { w0, b0, w1, b1, w2, hidden: HIDDEN, slope: SLOPE })
+        match &self.arrays[..] {
+            [weight] => Mechanism::Linear { weight },
+            [w0, b0, w1, b1, w2] => Mechanism::Networks(networks([w0, b0, w1, b1, w2])),
+            [weight, w0, b0, w1, b1, w2] => {
+                Mechanism::Printed { weight, networks: networks([w0, b0, w1, b1, w2]) }
             }
-            _ => Mechanism::Linear { weight: &self.arrays[0] },
+            other => unreachable!("a mechanism of {} arrays", other.len()),
         }
     }
 
@@ -152,7 +159,7 @@ impl Structure {
     pub fn sweeps(&self) -> usize {
         match self.sizes.kind {
             Kind::Linear => self.sizes.factors - 1,
-            Kind::Networks => self.sizes.factors,
+            Kind::Networks | Kind::Printed => self.sizes.factors,
         }
     }
 
@@ -189,9 +196,11 @@ impl StructureBar {
     pub fn arrays(&self, kind: Kind) -> Vec<&[f64]> {
         let m = &self.mechanism;
         let mut all: Vec<&[f64]> = vec![&self.logits];
-        match kind {
-            Kind::Linear => all.push(&m.weight),
-            Kind::Networks => all.extend([&m.w0[..], &m.b0, &m.w1, &m.b1, &m.w2]),
+        if kind != Kind::Networks {
+            all.push(&m.weight);
+        }
+        if kind != Kind::Linear {
+            all.extend([&m.w0[..], &m.b0, &m.w1, &m.b1, &m.w2]);
         }
         all.push(&self.values);
         all

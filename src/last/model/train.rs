@@ -13,6 +13,7 @@ use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
+use super::targets::{Pairs, voted};
 use super::{file::Trained, intervene, verdict};
 use crate::causal::independence::History;
 use crate::causal::repair::repair;
@@ -122,9 +123,14 @@ impl<'a> Training<'a> {
     fn samples(&self) -> Samples {
         let (n, k) = (self.settings.factors, self.settings.width);
         let d = n * k;
+        let mask = self.graph.clone().unwrap_or_else(|| self.repaired().adjacency());
+        let linked = |items: &[Item]| {
+            let [mu, _] = self.model.encode(self.data, items);
+            self.model.linked(self.settings.reading, &mask, mu)
+        };
         let mut samples = Samples::new(n, k);
         let observed: Vec<Item> = (0..self.data.observed()).map(Item::Observed).collect();
-        for row in self.model.factors(&self.settings, self.data, &observed).chunks_exact(d) {
+        for row in linked(&observed)[0].chunks_exact(d) {
             samples.observe(row);
         }
         if self.settings.supervision == Supervision::None {
@@ -134,10 +140,16 @@ impl<'a> Training<'a> {
         let all = |item: fn(usize, usize) -> Item| -> Vec<Item> {
             (0..self.data.groups().len()).flat_map(|g| (0..members).map(move |m| item(g, m))).collect()
         };
-        let [before, after] = [all(Item::Base), all(Item::After)]
-            .map(|items| self.model.factors(&self.settings, self.data, &items));
+        let [[before, eps], [after, eps_after]] =
+            [all(Item::Base), all(Item::After)].map(|items| linked(&items));
+        let targets: Vec<usize> = if self.settings.supervision == Supervision::Unknown {
+            let spread = verdict::deviations(&eps, d);
+            voted(&Pairs { eps: &eps, eps_after: &eps_after, spread: &spread, factors: n, members })
+        } else {
+            self.data.groups().iter().map(|g| g.target).collect()
+        };
         for (pair, (b, a)) in before.chunks_exact(d).zip(after.chunks_exact(d)).enumerate() {
-            let target = self.data.groups()[pair / members].target;
+            let target = targets[pair / members];
             if target < n {
                 samples.intervene(b, a, target);
             }

@@ -79,7 +79,7 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
     let edges_before = trained.graph.edges();
     let layout = Layout { observed: frames, targets: Vec::new(), members: 0 };
     let mut names = vec!["structure.logits"];
-    if sizes.kind == Kind::Linear {
+    if sizes.kind != Kind::Networks {
         names.push("structure.weight");
     }
     let rule = Rule { counters: Counters::Global, ..Rule::default() };

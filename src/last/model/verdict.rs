@@ -6,8 +6,8 @@
 use super::data::{Data, Item};
 use super::file::Trained;
 use super::latent;
-use super::settings::Reading;
 use super::structure::Structure;
+use super::targets::{Pairs, voted};
 use crate::causal::structure;
 use crate::loss::metric::structure::intervention::{locality, target_accuracy};
 use crate::loss::metric::structure::matching::{Matching, matching};
@@ -58,27 +58,7 @@ pub fn posterior(trained: &Trained, data: &dyn Data, items: &[Item]) -> [Vec<f64
 
 /// The factors and noise behind the encoder's means.
 pub fn linked(trained: &Trained, mu: Vec<f64>) -> [Vec<f64>; 2] {
-    let s = Structure::new(trained.model.sizes, &trained.model.params);
-    let mask = trained.graph.adjacency();
-    let x = structure::In {
-        eps: &mu,
-        mask: &mask,
-        mechanism: s.mechanism(),
-        batch: mu.len() / trained.model.sizes.latent(),
-        n: trained.model.sizes.factors,
-        k: trained.model.sizes.width,
-        sweeps: s.sweeps(),
-    };
-    match trained.settings.reading {
-        Reading::Reference => {
-            let eps = structure::abduct(&x);
-            [mu, eps]
-        }
-        Reading::Literal => {
-            let u = structure::forward(&x).0;
-            [u, mu]
-        }
-    }
+    trained.model.linked(trained.settings.reading, &trained.graph.adjacency(), mu)
 }
 
 /// What the graph makes of noise (B, n, k): the endogenous factors.
@@ -191,23 +171,8 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
     let (base, after) = (all(Item::Base), all(Item::After));
     let [u, eps] = posterior(trained, data, &base);
     let [u2, eps2] = posterior(trained, data, &after);
-    let t = &trained.noise_spread;
-    let guess = |p: usize| -> usize {
-        let change = |j: usize| {
-            (0..k).fold(0.0, |s, c| {
-                let at = j * k + c;
-                let x = (eps2[p * d + at] - eps[p * d + at]) / t[at];
-                s + x * x
-            })
-        };
-        (0..n).fold(0, |best, j| if change(j) > change(best) { j } else { best })
-    };
-    let guesses: Vec<usize> = (0..groups)
-        .map(|g| {
-            let votes = |j: usize| (0..members).filter(|m| guess(g * members + m) == j).count();
-            (0..n).fold(0, |best, j| if votes(j) > votes(best) { j } else { best })
-        })
-        .collect();
+    let spread = &trained.noise_spread;
+    let guesses = voted(&Pairs { eps: &eps, eps_after: &eps2, spread, factors: n, members });
     let targets: Vec<usize> = data.groups()[..groups].iter().map(|g| g.target).collect();
     verdict.target_accuracy = target_accuracy(&guesses, &targets, &verdict.matched)?;
     if let Some(truth) = verdict.truth.as_ref().filter(|truth| truth.n() == n) {

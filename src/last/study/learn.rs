@@ -87,6 +87,7 @@ impl Trial {
             width: 1,
             supervision: self.supervision,
             reading: self.reading,
+            kind: self.reading.mechanism(),
             placement: self.placement,
             points: 1,
             seed: self.seed,
@@ -244,6 +245,9 @@ pub fn correct(size: Size) -> Learning {
             let row = format!("{graph} NL {} raw", supervision.name());
             list.push((row, Trial { supervision, raw: true, ..Trial::new(graph, Mechanism::Nl, 0) }));
         }
+        let row = format!("{graph} NL unknown");
+        let supervision = Supervision::Unknown;
+        list.push((row, Trial { supervision, ..Trial::new(graph, Mechanism::Nl, 0) }));
         let row = format!("{graph} NL groups literal");
         list.push((row, Trial { reading: Reading::Literal, ..Trial::new(graph, Mechanism::Nl, 0) }));
     }

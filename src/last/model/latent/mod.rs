@@ -290,7 +290,7 @@ fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [
             Supervision::Labels => {
                 values[i * k..].iter_mut().zip(bar).for_each(|(w, b)| *w += x.labels[g] * b);
             }
-            Supervision::None | Supervision::Groups => add(&mut shared[g * k..], bar),
+            Supervision::None | Supervision::Groups | Supervision::Unknown => add(&mut shared[g * k..], bar),
         }
     }
     shared

@@ -180,7 +180,9 @@ impl<'a> In<'a> {
             Supervision::Labels => {
                 self.structure.values[i * k..][..k].iter().map(|w| self.labels[g] * w).collect()
             }
-            Supervision::None | Supervision::Groups => values[g * k..(g + 1) * k].to_vec(),
+            Supervision::None | Supervision::Groups | Supervision::Unknown => {
+                values[g * k..(g + 1) * k].to_vec()
+            }
         }
     }
 }
