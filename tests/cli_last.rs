@@ -1,9 +1,13 @@
-//! `last pretrain`, `tune`, `intervene` at the command line: a small model from pictures, continued, tuned, looked at, refused.
+//! `last pretrain`, `tune`, `intervene` at the command line: a small model from pictures, continued, tuned, looked at, refused. `last fit`
+//! and `render`: a person seen from farther and nearer than it was photographed.
 
 mod common;
 
 use common::program::{json, lastlight, refused};
+use lastlight::fit::render::Orbit;
 use lastlight::io::safetensors;
+use lastlight::last::host::store;
+use lastlight::scene::camera::Camera;
 use std::path::Path;
 
 /// Pictures, groups and a video of the figure.
@@ -161,4 +165,63 @@ fn bad_input_is_refused() {
     file.arrays.put("graph", &[4, 4], vec![0.5; 16]);
     safetensors::write(&at.join("half.safetensors"), &file.arrays, &file.metadata).expect("written");
     refused(&["last", "tune", "half.safetensors", "data/video", "--out", "t"], at, 2, &["0 or 1", "0.5"]);
+}
+
+/// Mean squared difference.
+fn apart(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).fold(0.0, |s, (a, b)| s + (a - b) * (a - b)) / a.len() as f32
+}
+
+#[test]
+fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
+    const TIMES: usize = 4;
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    data(at);
+    json(&["last", "fit", "data/video", "--out", "fit", "--iterations", "120", "--json"], at);
+    let stored = store::read(&at.join("fit/avatar.safetensors")).expect("an avatar");
+    let camera = &stored.cameras[0].1;
+    let pose = &stored.poses[0];
+    let small = stored.picture(pose, Some(0), camera).expect("a picture").image;
+    let scored = stored.avatar.picture(pose, Some(0), camera).expect("a picture").image;
+    assert_eq!(small, scored, "from a camera of the capture: what is scored, to the bit");
+    let times = TIMES as f32;
+    let near = Camera {
+        focal_px: camera.focal_px.map(|f| times * f),
+        center_px: camera.center_px.map(|c| times * c),
+        width: TIMES * camera.width,
+        height: TIMES * camera.height,
+        ..camera.clone()
+    };
+    // Blocks of the magnified picture have the colours of the pixels that the fit learned.
+    let mean = |image: &[f32]| -> Vec<f32> {
+        let (w, side) = (camera.width, near.width);
+        (0..small.len())
+            .map(|at| {
+                let (pixel, c) = (at / 3, at % 3);
+                let corner = (pixel / w * side + pixel % w) * TIMES;
+                let block = (0..TIMES * TIMES).map(|k| corner + k / TIMES * side + k % TIMES);
+                block.fold(0.0, |s, p| s + image[3 * p + c]) / (TIMES * TIMES) as f32
+            })
+            .collect()
+    };
+    let magnified = mean(&stored.picture(pose, Some(0), &near).expect("a picture").image);
+    let unwidened = mean(&stored.avatar.picture(pose, Some(0), &near).expect("a picture").image);
+    let (off, fog) = (apart(&magnified, &small), apart(&unwidened, &small));
+    println!(
+        "mean squared difference to what was learned: {off:.1e}, with the footprint of a smaller pixel {fog:.1e}"
+    );
+    assert!(off < 2e-4 && off < fog / 4.0, "blocks of the magnified picture: {off:.1e}, unwidened {fog:.1e}");
+
+    let orbit =
+        Orbit { count: 5, center: None, radius: None, elevation_rad: 0.2, fov_x_rad: 0.7, size: [96, 64] };
+    for (k, camera) in stored.around(orbit, &stored.poses).expect("cameras").iter().enumerate() {
+        let out = stored.picture(pose, Some(0), camera).expect("a picture");
+        let (w, h) = (camera.width, camera.height);
+        let border = |p: &usize| [p % w, p / w].iter().any(|&x| x == 0) || p % w == w - 1 || p / w == h - 1;
+        let cut = (0..w * h).filter(border).filter(|&p| out.alpha[p] > 0.05).count();
+        assert_eq!(cut, 0, "view {k}: nothing is cut by the border");
+        let rows = (0..h).filter(|y| (0..w).any(|x| out.alpha[y * w + x] > 0.1)).count();
+        assert!(rows > h / 2, "view {k}: the person fills the picture: {rows} of {h} rows");
+    }
 }

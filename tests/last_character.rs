@@ -1,14 +1,21 @@
-//! `last gen --character`: the record is of the motion that is seen, and `body.npz` has all that the figure's has.
+//! `last gen --character`: the record is of the motion that is seen, `body.npz` has all that the figure's has, and the image-to-point model
+//! learns from its sets.
 
 #[path = "samples/gltf.rs"]
 mod samples;
 
+use data_gen::figure::samples::{BASES, group};
 use data_gen::figure::sortability::{r2_sortability, varsortability};
 use data_gen::figure::video;
 use lastlight::io::npz;
 use lastlight::last::character::{Actor, Casting};
-use lastlight::last::figure::SIGMA;
+use lastlight::last::figure::{Look, SIGMA};
 use lastlight::last::generate::{self, Settings};
+use lastlight::last::model::data::{Data, Item};
+use lastlight::last::model::pictures::Pictures;
+use lastlight::last::model::settings::Settings as Learning;
+use lastlight::last::model::train::Training;
+use lastlight::last::sets::Sitter;
 use lastlight::last::subject::Subject;
 use lastlight::num::array::Arrays;
 use std::path::Path;
@@ -117,4 +124,103 @@ fn the_body_has_bones_spacing_and_the_size_of_its_gaussians() {
         assert_eq!(bone[i] as usize, heaviest, "point {i}: weights {row:?}");
     }
     assert!(bone.contains(&0.0) && bone.contains(&1.0), "both joints have points");
+}
+
+/// Sets of the arm: ten frames, two groups.
+fn sets(casting: &Casting) -> Settings {
+    Settings {
+        set: "all".into(),
+        count: 10,
+        groups: 2,
+        appearances: 1,
+        frames: 2,
+        set_size: 64,
+        ..settings(casting, 0)
+    }
+}
+
+#[test]
+fn the_sets_of_a_character_are_what_the_model_learns_from() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (casting, dir) = (cast(folder.path()), folder.path().join("out"));
+    let settings = sets(&casting);
+    make(&settings, &dir);
+    let data = Pictures::read(&dir, true).expect("what pretraining reads");
+    assert_eq!(
+        (data.observed(), data.groups().len(), data.members(), data.side()),
+        (10, 2, BASES, 64),
+        "sizes"
+    );
+    let scm = settings.scm().expect("a model");
+    let actor = Actor::new(&casting, &scm, &settings).expect("plays");
+    assert_eq!(data.camera(), Sitter::camera(&actor, 64), "the camera that took the pictures");
+    assert_eq!(Subject::camera(&actor, 0, 64), Sitter::camera(&actor, 64), "which is that of the video");
+    // What is written of a group is what its factors make of the character, with one value shared after the intervention.
+    let truth = group(&scm, settings.seed, 1, 1);
+    for (m, frame) in truth.after.iter().enumerate() {
+        let item = Item::After(1, m);
+        assert_eq!(data.truth(item), frame.u, "member {m}: factors");
+        assert_eq!(data.truth(item)[truth.target], truth.value, "member {m}: the shared value");
+        let points = actor.points(frame).expect("a pose");
+        let shown: Vec<f32> =
+            points.points.iter().zip(&points.rgb).flat_map(|(x, c)| [*x, *c].concat()).collect();
+        assert_eq!(data.shown(item), shown, "member {m}: points and colours");
+        let lit = data.image(item).iter().filter(|b| **b > 0).count();
+        assert!(lit > 200, "member {m}: somebody is seen: {lit} bytes");
+    }
+    assert_ne!(data.image(Item::Base(1, 0)), data.image(Item::After(1, 0)), "the intervention is seen");
+    let learning = Learning {
+        steps: 2,
+        refit: 1,
+        freeze: 1,
+        observed: 4,
+        groups: 1,
+        points: 32,
+        width: 2,
+        ..Learning::default()
+    };
+    let mut training = Training::new(learning, &data).expect("pictures of 64 pixels");
+    for _ in 0..3 {
+        training.advance().expect("finite");
+    }
+    training.finish().expect("all steps are done");
+
+    // Surfaces instead of points, through the same camera.
+    let surfaces = folder.path().join("surfaces");
+    make(
+        &Settings { set_look: Look::Mesh, count: 2, groups: 1, set_size: 16, ..settings.clone() },
+        &surfaces,
+    );
+    let shard = npz::read(&surfaces.join("observational/0000.npz")).expect("readable");
+    let covered = shard.need("mask").expect("there").to_f64().iter().filter(|a| **a > 0.0).count();
+    assert!(covered > 10, "surfaces are seen: {covered} pixels");
+
+    for (wrong, what) in [
+        (Settings { appearances: 2, ..settings.clone() }, "one look"),
+        (
+            Settings { character: Some(Casting { play: true, ..casting.clone() }), ..settings.clone() },
+            "no time in the sets",
+        ),
+        (Settings { video_look: Look::Discs, ..settings.clone() }, "mesh for a character"),
+    ] {
+        let refused = wrong.validate().expect_err("refused").to_string();
+        assert!(refused.contains(what), "'{what}' in '{refused}'");
+    }
+}
+
+#[test]
+fn the_sets_of_a_character_are_continued_byte_by_byte() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let settings = Settings { count: 70, set_size: 16, points: 64, ..sets(&cast(folder.path())) };
+    let whole = make(&settings, &folder.path().join("whole")).0;
+    let dir = folder.path().join("parts");
+    let stop = AtomicBool::new(false);
+    let half = generate::run(&settings, &dir, false, &stop, &mut |done, _, what| {
+        if what == "observational" && done > 0 {
+            stop.store(true, std::sync::atomic::Ordering::Relaxed);
+        }
+    });
+    assert!(half.is_err(), "interrupted after the first shard");
+    let resumed = generate::run(&settings, &dir, true, &AtomicBool::new(false), &mut |_, _, _| {});
+    assert_eq!(resumed.expect("continued").files, whole.files, "the same files with the same digests");
 }

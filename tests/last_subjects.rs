@@ -13,6 +13,8 @@ use lastlight::io::{capture, npz};
 use lastlight::last::character::{Actor, Casting};
 use lastlight::last::figure::{self, Dressed};
 use lastlight::last::generate::{self, Settings};
+use lastlight::last::model::data::Data;
+use lastlight::last::model::pictures::Pictures;
 use lastlight::last::subject::Subject;
 use lastlight::num::array::Arrays;
 use lastlight::scene::camera::Model;
@@ -246,6 +248,50 @@ fn the_open_body_plays_its_part() {
     assert_eq!(largest(&moved([0.0, 0.0, 0.0, 1.5])), 0.0, "light moves nothing");
     let azimuths: Vec<f64> = (0..settings.frames).map(|t| actor.light_azimuth(t)).collect();
     assert!(azimuths.iter().enumerate().all(|(t, a)| *a == 0.8 * factors[n * t + 3]), "light: {azimuths:?}");
+}
+
+#[test]
+fn sets_of_the_knight_and_of_the_open_body_show_all_of_them() {
+    for (file, animations) in [("characters/Knight.glb", vec!["Walking_A"]), ("body", vec!["Stand", "Reach"])]
+    {
+        let Some(file) = data(file) else { continue };
+        let casting = Casting {
+            file: file.clone(),
+            animations: animations.into_iter().map(str::to_owned).collect(),
+            elbow: None,
+            hide: Vec::new(),
+            play: false,
+        };
+        let settings = Settings {
+            set: "all".into(),
+            character: Some(casting),
+            count: 24,
+            groups: 4,
+            appearances: 1,
+            set_size: 64,
+            points: 512,
+            frames: 2,
+            ..small()
+        };
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        make(&settings, folder.path());
+        let pictures = Pictures::read(folder.path(), true).expect("what pretraining reads");
+        assert_eq!((pictures.observed(), pictures.groups().len()), (24, 4), "{}: all items", file.display());
+        let observed = npz::read(&folder.path().join("observational/0000.npz")).expect("readable");
+        let groups = npz::read(&folder.path().join("interventions/0000.npz")).expect("readable");
+        let side = settings.set_size;
+        for (arrays, name) in [(&observed, "mask"), (&groups, "base_mask"), (&groups, "after_mask")] {
+            let masks = floats(arrays, name);
+            for (i, mask) in masks.chunks(side * side).enumerate() {
+                let covered = mask.iter().filter(|a| **a > 127.0).count();
+                let share = covered as f64 / (side * side) as f64;
+                assert!((0.05..0.5).contains(&share), "{}, {name} {i}: {share} covered", file.display());
+                let is_border = |i: usize| [i % side, i / side].iter().any(|&k| k == 0 || k == side - 1);
+                let cut = (0..side * side).filter(|&i| is_border(i) && mask[i] > 0.0).count();
+                assert_eq!(cut, 0, "{}, {name} {i}: cut by the border", file.display());
+            }
+        }
+    }
 }
 
 #[test]

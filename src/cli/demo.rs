@@ -83,9 +83,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         dir: dir.clone(),
         checkpoint_every: 500,
         resume: false,
-        json: args.json,
     };
-    let psnr = job.run(first, &mut meter)?;
+    let outcome = job.run(first, &mut meter)?;
+    outcome.publish(&dir, args.json)?;
+    let psnr = outcome.held_out_db;
     if !args.json {
         say("")?;
         say("Next:")?;

@@ -1,7 +1,10 @@
 //! Arguments that several commands have.
 
+use super::report::Page;
 use crate::fit::render::Orbit;
 use crate::{Error, Result};
+use serde_json::Value;
+use std::path::Path;
 
 /// How a folder is filled with what draws made.
 #[derive(clap::Args)]
@@ -9,7 +12,7 @@ pub(super) struct Filling {
     /// Seed of every draw
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// Continue an interrupted run with the same settings; what is damaged is made again
+    /// Go on where an interrupted run with the same settings stopped; the result has the bits of one that was not
     #[arg(long)]
     pub(super) resume: bool,
     /// Start over in a folder that is used, replacing the files of the run before
@@ -21,6 +24,47 @@ pub(super) struct Filling {
     /// No progress, no remarks
     #[arg(long)]
     pub(super) quiet: bool,
+}
+
+/// What is replaced and what is said.
+#[derive(clap::Args)]
+pub(super) struct Manner {
+    /// Replace what is in --out
+    #[arg(long)]
+    pub(super) force: bool,
+    /// Print the record as JSON
+    #[arg(long)]
+    pub(super) json: bool,
+    /// No progress, no remarks
+    #[arg(long)]
+    pub(super) quiet: bool,
+}
+
+/// What a run leaves behind, files apart.
+pub(super) struct Outcome {
+    /// the result
+    pub(super) record: Value,
+    /// the report
+    pub(super) page: Page,
+    /// the result for a terminal
+    pub(super) lines: Vec<String>,
+    /// mean PSNR of the held-out pictures in dB, that of the box for a person; NaN where nothing is held out
+    pub(super) held_out_db: f64,
+}
+
+impl Outcome {
+    /// Writes the report into `dir`; prints the record as JSON, or the lines and where the report is.
+    ///
+    /// # Errors
+    /// When the report or standard output cannot be written.
+    pub(super) fn publish(&self, dir: &Path, json: bool) -> Result<()> {
+        let report = self.page.write(dir)?;
+        if json {
+            return super::say_json(&self.record);
+        }
+        self.lines.iter().try_for_each(|line| super::say(line))?;
+        super::say(&format!("report      {}", report.display()))
+    }
 }
 
 /// A circle of cameras. What is not given is as usual for the command, whose help says it.

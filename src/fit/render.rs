@@ -248,6 +248,15 @@ pub struct Orbit {
 }
 
 impl Orbit {
+    /// Distance from which a ball of that radius, at least 1e-3, just fits into the picture.
+    pub fn distance(&self, reach: f32) -> f32 {
+        let narrow = order::min(
+            self.fov_x_rad,
+            2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64),
+        );
+        order::max(reach, 1e-3) / libm::sin(narrow * 0.5) as f32
+    }
+
     /// The cameras.
     ///
     /// # Errors
@@ -284,11 +293,7 @@ impl Orbit {
                 }),
                 0.8,
             );
-            let narrow = order::min(
-                self.fov_x_rad,
-                2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64),
-            );
-            order::max(reach, 1e-3) / libm::sin(narrow * 0.5) as f32
+            self.distance(reach)
         });
         if !(radius > 0.0 && radius.is_finite()) {
             return Err(Error::input("orbit")

@@ -2,10 +2,12 @@
 //!
 //! The factors act as `scene::character` says: u_P mixes two poses, u_O bends an elbow, u_W folds the surface, u_L moves the light; further factors act
 //! on nothing. The pose of a frame is a function of its factors alone, so the graph is the truth about the pictures; with `play` the
-//! animations also run on, one loop of the first over the video.
+//! animations also run on, one loop of the first over the video. Pictures of the sets are taken through the camera of the video; a pose far from all
+//! of the video's may be cut by their border.
 
-use super::figure::SIGMA;
+use super::figure::{Dots, Points, SIGMA};
 use super::generate::Settings;
+use super::sets::{Sitter, Surfaces};
 use super::subject::Subject;
 use crate::math::knn;
 use crate::num::array::Arrays;
@@ -18,6 +20,7 @@ use crate::scene::mesh::Object;
 use crate::{Error, Result};
 use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
+use data_gen::figure::samples::Frame;
 use data_gen::figure::video;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -127,8 +130,7 @@ fn digest(c: &Character, poses: &[Pose]) -> u64 {
 pub struct Actor {
     character: Character,
     template: Template,
-    /// (P) mean distance to the three nearest other points at rest
-    spacing: Vec<f64>,
+    dots: Dots,
     factors: Factors,
     /// (T) factors of the frames
     frames: Vec<Vec<f64>>,
@@ -159,7 +161,7 @@ impl Actor {
         };
         let factors = Factors::of(&character, first, second, casting.elbow.as_deref())?;
         let template = character.template(settings.points, settings.seed)?;
-        let spacing = spacing(&single(template.points.iter().map(|p| p.position)))?;
+        let dots = Dots::new(spacing(&single(template.points.iter().map(|p| p.position)))?);
         let loop_length = character.duration(factors.first.0);
         let (seed, subject, count) = (settings.seed, settings.subject, settings.frames);
         let frames: Vec<Vec<f64>> =
@@ -197,7 +199,7 @@ impl Actor {
             "hide": casting.hide, "play": casting.play, "joints": character.joints().iter().map(|j| &j.name).collect::<Vec<_>>(),
             "vertices": character.object().mesh.positions.len(), "triangles": character.object().mesh.triangles.len(),
         });
-        Ok(Self { character, template, spacing, factors, frames, poses, zoom, record })
+        Ok(Self { character, template, dots, factors, frames, poses, zoom, record })
     }
 
     /// What its factors mean.
@@ -251,8 +253,8 @@ impl Subject for Actor {
                 joints.iter().map(|j| j.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
             )
             .with("joints", &[k, 3], single(joints.iter().map(|j| j.position())).into_flattened())
-            .with("spacing", &[p], self.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
-            .with("sigma", &[p], self.spacing.iter().map(|s| (SIGMA * s) as f32).collect::<Vec<f32>>())
+            .with("spacing", &[p], self.dots.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
+            .with("sigma", &[p], self.dots.spacing.iter().map(|s| (SIGMA * s) as f32).collect::<Vec<f32>>())
             .with("rest", &[k, 4, 4], rest)
     }
 
@@ -280,6 +282,35 @@ impl Subject for Actor {
 
     fn record(&self) -> Value {
         self.record.clone()
+    }
+}
+
+impl Sitter for Actor {
+    fn dots(&self) -> &Dots {
+        &self.dots
+    }
+
+    fn rest(&self) -> Arrays {
+        let mut arrays = self.body();
+        let side = 2;
+        arrays.put("focal", &[1], vec![Sitter::camera(self, side).focal_px[0] / side as f32]);
+        arrays
+    }
+
+    fn points(&self, frame: &Frame) -> Result<Points> {
+        let pose = self.character.pose_of(&self.factors, 0.0, &frame.u)?;
+        Ok(Points::from(&self.character.cloud(&self.template, &pose, &Drive::new(&frame.u))))
+    }
+
+    fn camera(&self, side: usize) -> Camera {
+        Subject::camera(self, 0, side)
+    }
+
+    fn surfaces<'a>(&'a self, frames: &'a [&'a Frame]) -> Surfaces<'a> {
+        Box::new(|i| {
+            let pose = self.character.pose_of(&self.factors, 0.0, &frames[i].u)?;
+            self.character.posed(&pose, &Drive::new(&frames[i].u))
+        })
     }
 }
 

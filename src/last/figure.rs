@@ -5,10 +5,13 @@
 //! radiance about 0.35, so that a white surface facing the sun is white in both.
 
 use super::generate::BOUNCES;
+use super::sets::{self, Sitter, Surfaces};
 use crate::geometry::bvh::Bvh;
 use crate::io::image_file;
+use crate::num::array::Arrays;
+use crate::num::par;
 use crate::num::rng::Rng;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
 use crate::scene::light::{Environment, Lamp, Lights};
 use crate::scene::mesh::Object;
@@ -19,8 +22,10 @@ use crate::splat::render::{Color, In, Settings, Shape};
 use crate::{Error, Result};
 use data_gen::figure::appearance::Appearance;
 use data_gen::figure::factors::{AMBIENT, Drive};
+use data_gen::figure::samples::Frame;
 use data_gen::figure::surface::Figure;
 use data_gen::figure::template::{Cloud, Template};
+use data_gen::figure::video;
 
 /// Radius of a disc in units of the mean distance to the three nearest points.
 pub const DISC: f64 = 0.9;
@@ -91,11 +96,9 @@ impl From<&Cloud> for Points {
     }
 }
 
-/// The points of the template and how large they are drawn.
+/// How large points are drawn.
 #[derive(Clone, Debug)]
 pub struct Dots {
-    /// At rest.
-    pub template: Template,
     /// (P) mean distance to the three nearest other points at rest
     pub spacing: Vec<f64>,
     radii: Vec<f32>,
@@ -103,21 +106,13 @@ pub struct Dots {
 }
 
 impl Dots {
-    /// A template of P points.
-    pub fn new(p: usize) -> Self {
-        let template = Template::new(p);
-        let spacing = template.spacing();
+    /// For points of that spacing.
+    pub fn new(spacing: Vec<f64>) -> Self {
         Self {
             radii: spacing.iter().map(|s| (DISC * s) as f32).collect(),
             sigmas: spacing.iter().map(|s| [(SIGMA * s) as f32; 3]).collect(),
-            template,
             spacing,
         }
-    }
-
-    /// The points of a frame.
-    pub fn posed(&self, drive: &Drive, appearance: &Appearance) -> Points {
-        Points::from(&self.template.posed(drive, appearance))
     }
 
     /// A picture of them, as discs or as Gaussians.
@@ -152,6 +147,56 @@ impl Dots {
             Look::Mesh => unreachable!("surfaces are rendered from an object"),
         };
         Ok(Photo { image: image_file::to_u8(&image)?, mask: image_file::to_u8(&alpha)? })
+    }
+}
+
+/// The persons of the sets: one template, many looks.
+#[derive(Clone, Debug)]
+pub struct Figures {
+    /// At rest.
+    pub template: Template,
+    /// How large its points are drawn.
+    pub dots: Dots,
+    /// Of the looks.
+    pub seed: u64,
+}
+
+impl Figures {
+    /// With a template of P points.
+    pub fn new(p: usize, seed: u64) -> Self {
+        let template = Template::new(p);
+        Self { dots: Dots::new(template.spacing()), template, seed }
+    }
+}
+
+impl Sitter for Figures {
+    fn dots(&self) -> &Dots {
+        &self.dots
+    }
+
+    fn rest(&self) -> Arrays {
+        sets::template_arrays(self)
+    }
+
+    fn points(&self, frame: &Frame) -> Result<Points> {
+        let look = Appearance::new(self.seed, frame.appearance);
+        Ok(Points::from(&self.template.posed(&Drive::new(&frame.u), &look)))
+    }
+
+    fn camera(&self, side: usize) -> Camera {
+        from_data_gen::camera(&video::camera(0, side), Model::Pinhole)
+    }
+
+    fn surfaces<'a>(&'a self, frames: &'a [&'a Frame]) -> Surfaces<'a> {
+        let mut looks: Vec<u64> = frames.iter().map(|f| f.appearance).collect();
+        looks.sort_unstable();
+        looks.dedup();
+        // Making clothes takes longer than wearing them.
+        let wardrobe = par::map(looks.len(), |i| Dressed::new(&Appearance::new(self.seed, looks[i])));
+        Box::new(move |i| {
+            let look = looks.binary_search(&frames[i].appearance).expect("the look of one of these frames");
+            Ok(wardrobe[look].object(&Drive::new(&frames[i].u)))
+        })
     }
 }
 
@@ -258,11 +303,10 @@ pub fn passes(
 /// A small picture of surfaces.
 ///
 /// # Errors
-/// When the camera is not valid.
-pub fn photo(person: &Dressed, drive: &Drive, camera: &Camera, settings: &render::Settings) -> Result<Photo> {
-    let object = person.object(drive);
+/// When the object or the camera is not valid.
+pub fn photo(object: &Object, azimuth: f64, camera: &Camera, settings: &render::Settings) -> Result<Photo> {
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
-    let passes = passes(&object, &bvh, drive.light_azimuth, camera, settings)?;
+    let passes = passes(object, &bvh, azimuth, camera, settings)?;
     let alpha = image_file::to_u8(&passes.alpha)?;
     Ok(Photo { image: tonemap::srgb_u8(&passes.color, 1.0), mask: alpha })
 }

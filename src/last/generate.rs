@@ -11,9 +11,9 @@
 //! How a folder is begun, continued and started over: `folder`.
 
 use super::character::{Actor, Casting};
-use super::figure::{Dots, Look};
+use super::figure::{Figures, Look};
 use super::folder::{self, JOURNAL, digest, hex, slashed};
-use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Studio};
+use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Sitter, Studio};
 use super::subject::{self, BuiltIn, Subject};
 use crate::io::{atomic, read_bytes};
 use crate::{Error, Result};
@@ -105,7 +105,7 @@ pub struct Settings {
     pub passes: bool,
     /// look of the video's subject
     pub subject: u64,
-    /// a character instead of the built-in figure; video alone
+    /// a character instead of the built-in figure
     pub character: Option<Casting>,
     /// of every draw
     pub seed: u64,
@@ -158,13 +158,33 @@ impl Settings {
     /// Names the setting.
     pub fn validate(&self) -> Result<()> {
         let which = Which::parse(&self.set)?;
-        if self.character.is_some()
-            && (which.observational || which.interventions || self.video_look != Look::Mesh)
-        {
-            return Err(Error::input("setting character")
-                .expected("the set video with the look mesh")
-                .got(format!("set {}, look {}", self.set, self.video_look.name())));
-        }
+        let of_character = |is_wrong: bool, name: &str, expected: &str, got: String| match &self.character {
+            Some(_) if is_wrong => {
+                Err(Error::input(format!("setting {name}")).expected(expected.to_owned()).got(got))
+            }
+            _ => Ok(()),
+        };
+        let sets = which.observational || which.interventions;
+        let plays = self.character.as_ref().is_some_and(|c| c.play);
+        let look = self.video_look;
+        of_character(
+            which.video && look != Look::Mesh,
+            "video look",
+            "mesh for a character",
+            look.name().into(),
+        )?;
+        of_character(
+            sets && self.appearances != 1,
+            "appearances",
+            "1: a character has one look",
+            self.appearances.to_string(),
+        )?;
+        of_character(
+            sets && plays,
+            "play",
+            "no time in the sets: their pictures have no order",
+            "animations that run on".into(),
+        )?;
         let within = |name: &str, x: usize, low: usize, high: usize| {
             if (low..=high).contains(&x) {
                 Ok(())
@@ -268,9 +288,9 @@ impl Settings {
             if self.passes {
                 words.push("--passes".into());
             }
-            if let Some(c) = &self.character {
-                words.push(c.options().trim_start().to_owned());
-            }
+        }
+        if let Some(c) = &self.character {
+            words.push(c.options().trim_start().to_owned());
         }
         words.join(" ")
     }
@@ -331,13 +351,13 @@ pub fn run(
             "set": s.set, "samples": s.samples, "varsortability": s.varsortability, "r2_sortability": s.r2_sortability,
         })).collect::<Vec<_>>(),
     });
-    let subject: Option<Box<dyn Subject>> = match (&settings.character, which.video) {
-        (_, false) => None,
-        (None, true) => Some(Box::new(BuiltIn::new(settings, &scm))),
-        (Some(c), true) => Some(Box::new(Actor::new(c, &scm, settings)?)),
-    };
-    if let Some(subject) = &subject {
+    let actor = settings.character.as_ref().map(|c| Actor::new(c, &scm, settings)).transpose()?;
+    let figure = (which.video && actor.is_none()).then(|| BuiltIn::new(settings, &scm));
+    let subject = actor.as_ref().map(|a| a as &dyn Subject).or(figure.as_ref().map(|f| f as &dyn Subject));
+    if let Some(subject) = subject {
         record["subject"] = subject.record();
+    }
+    if which.video {
         record["video_causes_are_balanced"] = json!(video::is_balanced(settings.factors, settings.frames));
     }
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
@@ -355,9 +375,17 @@ pub fn run(
     folder::write_record(dir, &record)?;
     let mut files: Vec<(PathBuf, u64)> = Vec::new();
     if which.observational || which.interventions {
-        files.extend(write_sets(settings, which, &scm, dir, &known, stop, progress)?);
+        let figures;
+        let sitter: &dyn Sitter = match &actor {
+            Some(actor) => actor,
+            None => {
+                figures = Figures::new(settings.points, settings.seed);
+                &figures
+            }
+        };
+        files.extend(write_sets(settings, which, (&scm, sitter), dir, &known, stop, progress)?);
     }
-    if let Some(subject) = &subject {
+    if let Some(subject) = subject.filter(|_| which.video) {
         let shoot = subject::Shoot {
             size: settings.video_size,
             samples: settings.samples,
@@ -366,7 +394,7 @@ pub fn run(
             passes: settings.passes,
             seed: settings.seed,
         };
-        files.extend(subject::write(&**subject, &shoot, &dir.join("video"), resume, stop, progress)?);
+        files.extend(subject::write(subject, &shoot, &dir.join("video"), resume, stop, progress)?);
     }
     record["files"] =
         files.iter().map(|(path, digest)| json!({"file": slashed(path), "digest": hex(*digest)})).collect();
@@ -387,7 +415,7 @@ pub(super) fn check_stop(stop: &AtomicBool) -> Result<()> {
 fn write_sets(
     settings: &Settings,
     which: Which,
-    scm: &Scm,
+    (scm, sitter): (&Scm, &dyn Sitter),
     dir: &Path,
     known: &BTreeMap<String, String>,
     stop: &AtomicBool,
@@ -395,17 +423,16 @@ fn write_sets(
 ) -> Result<Vec<(PathBuf, u64)>> {
     let journal = dir.join(JOURNAL);
     std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
-    let dots = Dots::new(settings.points);
     let studio = Studio {
         scm,
-        dots: &dots,
+        sitter,
         seed: settings.seed,
         appearances: settings.appearances,
         look: settings.set_look,
         size: settings.set_size,
         samples: settings.samples,
     };
-    let template = sets::bytes(&sets::template_arrays(&dots))?;
+    let template = sets::bytes(&sitter.rest())?;
     atomic::write_bytes(&dir.join("template.npz"), &template)?;
     let mut files = vec![(PathBuf::from("template.npz"), digest(&template))];
     let jobs = [

@@ -8,7 +8,8 @@
 //! ```
 //! `template.npz`: `points`, `normals` (P,3), `weights` (P,K), `bone` (P) i32, `parents` (K) i32 (−1: none), `joints` (K,3), `rest`
 //! (K,4,4) world-from-bone at rest, `spacing` (P) mean distance to the three nearest points, `sigma` (P) standard deviation of the isotropic
-//! Gaussians that show the points, whose opacity is [`figure::OPACITY`].
+//! Gaussians that show the points, whose opacity is [`figure::OPACITY`]; of a character also `focal` (1), the focal length of its camera in sides of a
+//! picture (the figure's camera is always the same).
 //!
 //! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded on black, `mask` (N,S,S) u8 covered share, `points`, `rgb`
 //! (N,P,3) f32 (the figure's frame; sRGB-encoded, shaded), `u`, `e` (N,n) f64, `appearance`, `index` (N) i64.
@@ -18,33 +19,54 @@
 //!
 //! A shard depends on the settings and its number alone; it is written whole or not at all.
 
-use super::figure::{self, Dots, Dressed, Look, Photo, Points};
+use super::figure::{self, Dots, Figures, Look, Photo, Points};
 use crate::Result;
 use crate::io::npz;
 use crate::num::array::Arrays;
 use crate::num::par;
-use crate::scene::camera::{Camera, Model};
-use crate::scene::from_data_gen;
-use data_gen::figure::appearance::Appearance;
+use crate::scene::camera::Camera;
+use crate::scene::mesh::Object;
 use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
 use data_gen::figure::purpose::{PICTURE_AFTER, PICTURE_BASE, PICTURE_OBSERVED};
 use data_gen::figure::samples::{self, BASES, Frame};
 use data_gen::figure::skeleton::{BONES, bones};
-use data_gen::figure::video;
 
 /// Observational frames of a shard.
 pub const FRAMES_PER_SHARD: usize = 64;
 /// Intervention groups of a shard.
 pub const GROUPS_PER_SHARD: usize = 8;
 
+/// Surfaces of some frames, by their place among them.
+pub type Surfaces<'a> = Box<dyn Fn(usize) -> Result<Object> + Sync + 'a>;
+
+/// Who is photographed for the sets: the figure in its looks, or a character from a file.
+pub trait Sitter: Sync {
+    /// How large its points are drawn.
+    fn dots(&self) -> &Dots;
+
+    /// The arrays of `template.npz`.
+    fn rest(&self) -> Arrays;
+
+    /// The points of a frame, shaded.
+    ///
+    /// # Errors
+    /// When it cannot take the pose.
+    fn points(&self, frame: &Frame) -> Result<Points>;
+
+    /// The camera of every picture, the one that trains in a video; square pictures of the given side.
+    fn camera(&self, side: usize) -> Camera;
+
+    /// Prepares the surfaces of some frames.
+    fn surfaces<'a>(&'a self, frames: &'a [&'a Frame]) -> Surfaces<'a>;
+}
+
 /// What every frame of the sets has in common.
-#[derive(Debug)]
 pub struct Studio<'a> {
     /// The truth.
     pub scm: &'a Scm,
-    /// The points.
-    pub dots: &'a Dots,
+    /// Who is photographed.
+    pub sitter: &'a dyn Sitter,
     /// Of the run.
     pub seed: u64,
     /// Number of looks.
@@ -64,28 +86,21 @@ struct Exposure {
 }
 
 impl Studio<'_> {
-    /// The camera that trains.
-    pub fn camera(&self) -> Camera {
-        from_data_gen::camera(&video::camera(0, self.size), Model::Pinhole)
-    }
-
     /// `purpose` and `item` say which draws of light the picture takes.
     fn expose(
         &self,
         frame: &Frame,
         (purpose, item): (u16, u64),
         camera: &Camera,
-        person: Option<&Dressed>,
+        object: Option<Object>,
     ) -> Result<Exposure> {
-        let drive = Drive::new(&frame.u);
-        let look = Appearance::new(self.seed, frame.appearance);
-        let points = self.dots.posed(&drive, &look);
-        let photo = match person {
-            None => self.dots.photo(&points, camera, self.look)?,
-            Some(person) => {
+        let points = self.sitter.points(frame)?;
+        let photo = match object {
+            None => self.sitter.dots().photo(&points, camera, self.look)?,
+            Some(object) => {
                 let seed = figure::picture_seed(self.seed, purpose, item);
-                let settings = figure::lighting(self.samples, seed);
-                figure::photo(person, &drive, camera, &settings)?
+                let azimuth = Drive::new(&frame.u).light_azimuth;
+                figure::photo(&object, azimuth, camera, &figure::lighting(self.samples, seed))?
             }
         };
         Ok(Exposure { photo, points })
@@ -93,18 +108,14 @@ impl Studio<'_> {
 
     /// `purpose` and `first` as for [`Self::expose`]; items are counted through.
     fn expose_all(&self, frames: &[&Frame], purpose: u16, first: usize) -> Result<Vec<Exposure>> {
-        let camera = self.camera();
-        let mut looks: Vec<u64> = frames.iter().map(|f| f.appearance).collect();
-        looks.sort_unstable();
-        looks.dedup();
-        // Making clothes takes longer than wearing them.
-        let wardrobe = match self.look {
-            Look::Mesh => par::map(looks.len(), |i| Dressed::new(&Appearance::new(self.seed, looks[i]))),
-            Look::Discs | Look::Splats => Vec::new(),
+        let camera = self.sitter.camera(self.size);
+        let surfaces = match self.look {
+            Look::Mesh => Some(self.sitter.surfaces(frames)),
+            Look::Discs | Look::Splats => None,
         };
-        let person = |f: &Frame| looks.binary_search(&f.appearance).ok().and_then(|i| wardrobe.get(i));
         par::map(frames.len(), |i| {
-            self.expose(frames[i], (purpose, (first + i) as u64), &camera, person(frames[i]))
+            let object = surfaces.as_ref().map(|of| of(i)).transpose()?;
+            self.expose(frames[i], (purpose, (first + i) as u64), &camera, object)
         })
         .into_iter()
         .collect()
@@ -160,7 +171,7 @@ impl Studio<'_> {
     }
 
     fn put_exposures(&self, arrays: &mut Arrays, prefix: &str, lead: &[usize], exposures: &[Exposure]) {
-        let (s, p) = (self.size, self.dots.template.points.len());
+        let (s, p) = (self.size, self.sitter.dots().spacing.len());
         let shape = |tail: &[usize]| -> Vec<usize> { lead.iter().chain(tail).copied().collect() };
         let bytes = |get: fn(&Photo) -> &Vec<u8>| -> Vec<u8> {
             exposures.iter().flat_map(|x| get(&x.photo).iter().copied()).collect()
@@ -175,9 +186,9 @@ impl Studio<'_> {
     }
 }
 
-/// The template as arrays.
-pub fn template_arrays(dots: &Dots) -> Arrays {
-    let t = &dots.template;
+/// The figure's template as arrays.
+pub fn template_arrays(figures: &Figures) -> Arrays {
+    let (t, dots) = (&figures.template, &figures.dots);
     let p = t.points.len();
     let flat = |x: &[[f64; 3]]| -> Vec<f32> { x.iter().flatten().map(|&x| x as f32).collect() };
     let bones = bones();

@@ -17,7 +17,7 @@
 //! (T,n) f64. A posed point is Σ_b w_b transforms_b · x; what displaces the surface (folds, width, skirt) moves x before that, see
 //! `data_gen::figure::template::Template::canonical`.
 
-use super::figure::{self, Dots, Dressed, Look, Photo};
+use super::figure::{self, Dressed, Figures, Look, Photo, Points};
 use super::folder::digest;
 use super::generate::{Progress, Settings, check_stop};
 use super::sets;
@@ -244,7 +244,7 @@ pub struct BuiltIn {
     frames: Vec<Frame>,
     appearance: Appearance,
     person: Dressed,
-    dots: Dots,
+    figures: Figures,
     look: Look,
     number: u64,
 }
@@ -259,7 +259,7 @@ impl BuiltIn {
                 .collect(),
             person: Dressed::new(&appearance),
             appearance,
-            dots: Dots::new(settings.points),
+            figures: Figures::new(settings.points, settings.seed),
             look: settings.video_look,
             number: settings.subject,
         }
@@ -276,7 +276,7 @@ impl Subject for BuiltIn {
     }
 
     fn body(&self) -> Arrays {
-        sets::template_arrays(&self.dots)
+        sets::template_arrays(&self.figures)
     }
 
     fn transforms(&self, t: usize) -> Vec<[[f32; 4]; 4]> {
@@ -314,9 +314,9 @@ impl Subject for BuiltIn {
         if self.look == Look::Mesh {
             return surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples, taken);
         }
-        let points = self.dots.posed(&self.drive(t), &self.appearance);
+        let points = Points::from(&self.figures.template.posed(&self.drive(t), &self.appearance));
         cameras.iter().enumerate().try_for_each(|(i, (camera, _))| {
-            taken(i, flat(&self.dots.photo(&points, camera, self.look)?, camera))
+            taken(i, flat(&self.figures.dots.photo(&points, camera, self.look)?, camera))
         })
     }
 }

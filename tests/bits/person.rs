@@ -1,9 +1,15 @@
-//! A small LAST run: pictures of the figure, the model trained on them, its structure tuned on a video of the figure.
+//! A small LAST run: pictures of the figure, the model trained on them, its structure tuned on a video of the figure, the figure fitted to
+//! the video with the model as guide, and its scores.
 
 use super::runs::Entry;
 use lastlight::fit::training::Fit;
 use lastlight::last::figure::Look;
 use lastlight::last::generate::{self, Settings as Making};
+use lastlight::last::host::density::{Density, Mode};
+use lastlight::last::host::evaluate;
+use lastlight::last::host::fit::PersonFit;
+use lastlight::last::host::progressive::Progressive;
+use lastlight::last::host::settings::Settings as Fitting;
 use lastlight::last::model::file::Trained;
 use lastlight::last::model::guide;
 use lastlight::last::model::pictures::Pictures;
@@ -15,7 +21,8 @@ use lastlight::scene::person::PersonCapture;
 use std::sync::atomic::AtomicBool;
 
 /// Names of [`entries`].
-pub(crate) const NAMES: [&str; 2] = ["last.pretrain 20 steps", "last.tune 10 steps"];
+pub(crate) const NAMES: [&str; 5] =
+    ["last.pretrain 20 steps", "last.tune 10 steps", "last.fit 50 iterations", "last.eval", "last whole run"];
 
 /// 10 steps and 10 of refit, so that the graph is fixed and searched on the way.
 const STEPS: [u32; 2] = [10, 10];
@@ -44,7 +51,8 @@ pub(crate) fn entries() -> Vec<Entry> {
         video_size: 64,
         ..Making::smoke()
     };
-    generate::run(&making, dir.path(), false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("pictures");
+    let made = generate::run(&making, dir.path(), false, &AtomicBool::new(false), &mut |_, _, _| {});
+    let made = made.expect("pictures");
     let data = Pictures::read(dir.path(), true).expect("what was just written");
     let settings = Settings {
         steps: STEPS[0],
@@ -76,5 +84,46 @@ pub(crate) fn entries() -> Vec<Entry> {
     }
     let tuning = tune::Settings { steps: 10, ..tune::Settings::default() };
     tune::run(&mut trained, &subject, &tuning).expect("a subject");
-    vec![Entry::new(NAMES[0], state), Entry::new(NAMES[1], parameters(&trained))]
+    let mut entries = vec![Entry::new(NAMES[0], state), Entry::new(NAMES[1], parameters(&trained))];
+    let mut fit = PersonFit::new(fitting(), &capture, Some(&trained)).expect("valid settings");
+    let losses = (0..Fit::iterations(&fit)).map(|i| Fit::step(&mut fit, i, &mut ()).expect("finite").loss);
+    let losses: Vec<f32> = losses.collect();
+    assert!(fit.tally().encodings > 0 && !fit.events().is_empty(), "the guide is asked, Gaussians are added");
+    let mut state = Arrays::new();
+    fit.save(&mut state);
+    state.put("loss", &[losses.len()], losses);
+    entries.push(Entry::new(NAMES[2], state));
+    entries.push(Entry::new(NAMES[3], scores(&fit, &capture)));
+    // One digest for all of it, the written files included.
+    let digests: Vec<i64> = (made.files.iter().map(|(_, digest)| *digest))
+        .chain(entries.iter().map(|e| u64::from_str_radix(&e.digest(), 16).expect("hexadecimal digits")))
+        .map(u64::cast_signed)
+        .collect();
+    entries.push(Entry::new(NAMES[4], Arrays::new().with("digests", &[digests.len()], digests)));
+    entries
+}
+
+/// A guided fit of 50 iterations.
+fn fitting() -> Fitting {
+    let host = Fitting::host();
+    Fitting {
+        iterations: 50,
+        seed: 7,
+        max_gaussians: 600,
+        density: Density { mode: Mode::Replace, latent_threshold: 1e-5, ..host.density.clone() },
+        progressive: Some(Progressive::published()),
+        ..host
+    }
+}
+
+/// Pictures and scores of a training and a held-out shot.
+fn scores(fit: &PersonFit<'_>, capture: &PersonCapture) -> Arrays {
+    let mut arrays = Arrays::new();
+    for (name, shot) in [("train", capture.train[1]), ("test", capture.test[0])] {
+        let scored = evaluate::score(fit.avatar(), capture, shot).expect("a score");
+        let values: Vec<f64> = scored.scores.named().iter().map(|(_, x)| *x).collect();
+        arrays.put(&format!("{name}.image"), &[scored.image.len()], scored.image);
+        arrays.put(&format!("{name}.scores"), &[values.len()], values);
+    }
+    arrays
 }

@@ -2,6 +2,8 @@
 
 use super::{fit, scoring};
 use crate::cli::meter::Meter;
+use crate::cli::report::run::Run;
+use crate::cli::shared::Manner;
 use crate::cli::{self, claim, report};
 use crate::fit::training::Watch;
 use crate::last::host::store;
@@ -33,27 +35,20 @@ pub(in crate::cli) struct Args {
     /// Folder for report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in --out that exist
-    #[arg(long)]
-    force: bool,
-    /// Print the scores as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    manner: Manner,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.manner.quiet);
     let stored = store::read(&fit::avatar_file(&args.run)?)?;
     let capture = PersonCapture::open(&args.capture)?;
-    let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
+    let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.manner.force)).transpose()?;
     meter.lap("reading");
     let groups = scoring::groups(&stored.avatar, &capture, &mut meter)?;
     meter.lap("rendering and scoring");
     let digest = stored.avatar.digest()?;
-    if args.json {
+    if args.manner.json {
         cli::say_json(&json!({
             "run": args.run, "capture": args.capture, "digest": digest,
             "gaussians": stored.avatar.gaussians.len(), "evaluation": scoring::json(&groups),
@@ -67,19 +62,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
             title: scoring::title(&args.capture),
             command: cli::command_line(),
             digest,
-            settings: &stored.settings,
-            history: None,
             events: &[],
             tally: None,
             n_gauss: stored.avatar.gaussians.len(),
             groups: &groups,
-            time: meter.parts(),
-            total_seconds: meter.seconds(),
-            files: Vec::new(),
+            run: Run::new::<&str>(&stored.settings, None, &meter, &dir, &[]),
         })?;
         meter.note(&format!("report: {}", page.write(&dir)?.display()));
     }
-    let held_out = groups.last().map_or(f64::NAN, |g| g.mean.boxed.db.finite().unwrap_or(f64::INFINITY));
+    let held_out = scoring::held_out_db(&groups);
     match args.min_psnr {
         Some(least) if !(held_out >= least) => Err(Error::check("last eval")
             .at("mean PSNR-box")

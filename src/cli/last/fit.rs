@@ -2,6 +2,8 @@
 
 use super::scoring;
 use crate::cli::meter::Meter;
+use crate::cli::report::run::Run;
+use crate::cli::shared::{Filling, Outcome};
 use crate::cli::{self, claim, report};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::io::atomic;
@@ -37,15 +39,6 @@ pub(in crate::cli) struct Args {
     /// Iterations; the schedule of 1200 is scaled to it
     #[arg(long, value_name = "N", default_value_t = 1200)]
     iterations: usize,
-    /// Seed of every random draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Go on from the checkpoint in --out; the result has the bits of an uninterrupted fit
-    #[arg(long)]
-    resume: bool,
-    /// Replace files in --out that exist
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
     /// Spherical-harmonics degree of the colours, 0 to 3
     #[arg(long, value_name = "D", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Host")]
     sh_degree: u8,
@@ -72,12 +65,8 @@ pub(in crate::cli) struct Args {
     /// Iterations between checkpoints
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
-    /// Print the result record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    filling: Filling,
 }
 
 /// What the image-to-point model decides. Without a model there is the host alone.
@@ -122,6 +111,16 @@ pub(in crate::cli) struct Guided {
 }
 
 impl Guided {
+    /// What `last fit --model` does unless told otherwise.
+    pub(in crate::cli) fn usual() -> Self {
+        #[derive(clap::Parser)]
+        struct Alone {
+            #[command(flatten)]
+            guided: Guided,
+        }
+        <Alone as clap::Parser>::parse_from(["last fit"]).guided
+    }
+
     /// Puts what was asked for into the settings of a fit that has a model.
     ///
     /// # Errors
@@ -154,7 +153,7 @@ impl Args {
         let host = if self.published { Settings::published() } else { Settings::host() };
         let mut settings = Settings {
             iterations: self.iterations,
-            seed: self.seed,
+            seed: self.filling.seed,
             sh_degree: usize::from(self.sh_degree),
             max_gaussians: self.max_gaussians,
             ssim_weight: self.ssim_weight.unwrap_or(host.ssim_weight),
@@ -171,10 +170,10 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.filling.quiet);
     let model = args.model.as_deref().map(Trained::read).transpose()?;
     let settings = args.settings(model.is_some())?;
-    claim::check(&args.out, args.resume, args.force)?;
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
@@ -191,12 +190,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         settings,
         capture: &capture,
         guide: model.as_ref().map(|m| m as &dyn Guide),
-        dir: claim::folder(&args.out, args.resume, args.force)?,
+        dir: claim::folder(&args.out, args.filling.resume, args.filling.force)?,
         checkpoint_every: args.checkpoint_every as usize,
-        resume: args.resume,
-        json: args.json,
+        resume: args.filling.resume,
     };
-    job.run(&mut meter).map(|_| ())
+    job.run(&mut meter)?.publish(&job.dir, args.filling.json)
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.
@@ -209,12 +207,11 @@ pub(in crate::cli) struct Job<'a> {
     pub(in crate::cli) dir: PathBuf,
     pub(in crate::cli) checkpoint_every: usize,
     pub(in crate::cli) resume: bool,
-    pub(in crate::cli) json: bool,
 }
 
 impl Job<'_> {
-    /// Fits, evaluates, writes, reports; gives the record.
-    pub(in crate::cli) fn run(&self, meter: &mut Meter) -> Result<Value> {
+    /// Fits, evaluates, writes all but the report.
+    pub(in crate::cli) fn run(&self, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = PersonFit::new(self.settings.clone(), self.capture, self.guide)?;
         let checkpoint = self.dir.join("checkpoint.safetensors");
         let mut history = History::default();
@@ -253,31 +250,26 @@ impl Job<'_> {
             title: self.title.clone(),
             command: cli::command_line(),
             digest: digest.clone(),
-            settings: &record["settings"],
-            history: Some(&history),
             events: fit.events(),
             tally: Some(tally),
             n_gauss: avatar.gaussians.len(),
             groups: &groups,
-            time: meter.parts(),
-            total_seconds: meter.seconds(),
-            files: scoring::sizes(
+            run: Run::new(
+                &record["settings"],
+                Some(&history),
+                meter,
                 &self.dir,
                 &["avatar.safetensors", "checkpoint.safetensors", "result.json"],
             ),
         })?;
-        let page = page.write(&self.dir)?;
-        if self.json {
-            cli::say_json(&record)?;
-        } else {
-            cli::say(&scoring::text(&groups))?;
-            cli::say(&format!("Gaussians   {}", avatar.gaussians.len()))?;
-            cli::say(&format!("digest      {digest}"))?;
-            cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
-            cli::say(&format!("avatar      {}", self.dir.join("avatar.safetensors").display()))?;
-            cli::say(&format!("report      {}", page.display()))?;
-        }
-        Ok(record)
+        let lines = vec![
+            scoring::text(&groups),
+            format!("Gaussians   {}", avatar.gaussians.len()),
+            format!("digest      {digest}"),
+            format!("time        {}", report::seconds(meter.seconds())),
+            format!("avatar      {}", self.dir.join("avatar.safetensors").display()),
+        ];
+        Ok(Outcome { record, page, lines, held_out_db: scoring::held_out_db(&groups) })
     }
 }
 

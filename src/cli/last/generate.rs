@@ -17,6 +17,7 @@ use std::path::PathBuf;
   lastlight last gen --set interventions --graph ER-6 --factors 6 --mechanism LIN --out six
   lastlight last gen --profile smoke --out small             seconds instead of minutes
   lastlight last gen --character Knight.glb --animation Walking_A --out knight     a video of somebody else
+  lastlight last gen --character Knight.glb --animation Walking_A --set all --out knight    and what last pretrain learns from
 
 Graphs over posture P, self-occlusion O, wrinkles W, light L (more factors: body width B, skirt length S,
 hue H, head yaw Y): FORK P>W P>O, CHAIN P>W>O>L, COLLIDER P>W<O, DIAMOND P>W P>O W>L O>L, FULL, EMPTY, and
@@ -27,7 +28,7 @@ pub(in crate::cli) struct Args {
     /// Folder for the data; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What to make: video, observational, interventions or all
+    /// What to make: video, observational, interventions or all [of a character: video unless told otherwise]
     #[arg(
         long,
         value_name = "WHICH",
@@ -56,7 +57,7 @@ pub(in crate::cli) struct Args {
     /// Intervention groups of eight bases [default: 256; smoke 16]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     groups: Option<usize>,
-    /// Different persons in the sets [default: 64; smoke 8]
+    /// Different persons in the sets [default: 64; smoke 8; a character 1]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     appearances: Option<usize>,
     /// Points of the template [default: 2048; smoke 1024]
@@ -71,7 +72,7 @@ pub(in crate::cli) struct Args {
     /// Which person the video shows
     #[arg(long, value_name = "N", default_value_t = 0)]
     subject: u64,
-    /// A character instead of the built-in figure: .gltf, .glb, or the folder of the open body; video alone
+    /// A character instead of the built-in figure: .gltf, .glb, or the folder of the open body
     #[arg(long, value_name = "FILE", requires = "animation", help_heading = "Character")]
     character: Option<PathBuf>,
     /// Its pose for posture: one animation (two opposite moments are mixed), or two (mixed with each other)
@@ -140,7 +141,11 @@ impl Args {
             samples: self.samples.unwrap_or(base.samples),
             count: self.count.unwrap_or(base.count),
             groups: self.groups.unwrap_or(base.groups),
-            appearances: self.appearances.unwrap_or(base.appearances),
+            appearances: self.appearances.unwrap_or(if self.character.is_some() {
+                1
+            } else {
+                base.appearances
+            }),
             points: self.points.unwrap_or(base.points),
             frames: self.frames.unwrap_or(base.frames),
             test_cameras: self.test_cameras.unwrap_or(base.test_cameras),

@@ -1,6 +1,7 @@
 //! `last import`: published layouts into the one of persons.
 
 use crate::cli::meter::Meter;
+use crate::cli::shared::Manner;
 use crate::cli::{self, claim};
 use crate::io::captures::{self, LAYOUTS, Layout, Range, Selection};
 use crate::io::smpl;
@@ -58,15 +59,8 @@ pub(in crate::cli) struct Args {
     /// Reduce pictures by this whole factor
     #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
     downscale: Option<u16>,
-    /// Replace a capture in a folder that is used
-    #[arg(long)]
-    force: bool,
-    /// Print what was made as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    manner: Manner,
 }
 
 impl Args {
@@ -99,10 +93,10 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let (layout, selection) = (args.layout()?, args.selection()?);
-    claim::check(&args.out, false, args.force)?;
+    claim::check(&args.out, false, args.manner.force)?;
     let model = args.body.as_ref().map(|p| smpl::read(p, &args.gender)).transpose()?;
     let source = captures::read(layout, &args.dir, &selection, &args.gender)?;
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.manner.quiet);
     let report = cli::stoppable(|stop| {
         let downscale = args.downscale.map(usize::from);
         import::write(&source, model.as_ref(), downscale, &args.out, stop, &mut |done, total| {
@@ -114,7 +108,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         })
     })?;
     meter.done();
-    if args.json {
+    if args.manner.json {
         return cli::say_json(&json!({
             "capture": args.out, "layout": layout.name(), "kind": source.kind, "train": report.shots[0], "test": report.shots[1],
             "moments": report.moments, "points": report.points, "joints": report.joints, "size": report.size, "notes": report.notes,

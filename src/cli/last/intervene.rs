@@ -1,16 +1,19 @@
 //! `last intervene`: one factor set, a grid of pictures of what changes.
 
+use super::tune;
 use crate::cli::meter::Meter;
-use crate::cli::{self, claim, report};
-use crate::io::image_file;
+use crate::cli::report::pictures::Sheet;
+use crate::cli::report::{self, Page, Section};
+use crate::cli::shared::{Manner, Outcome};
+use crate::cli::{self, claim};
 use crate::last::model::file::Trained;
 use crate::last::model::guide;
 use crate::last::model::intervene::{self, VALUES};
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
-use maud::{Markup, html};
+use maud::Markup;
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Set one factor and see what changes and what does not.
 #[derive(clap::Args)]
@@ -37,23 +40,102 @@ pub(in crate::cli) struct Args {
     /// Which training picture to start from, counted from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
-    /// Replace files in --out that exist
-    #[arg(long)]
-    force: bool,
-    /// Print the record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    manner: Manner,
 }
 
 /// Pixels between pictures.
 const GAP: usize = 2;
 
+/// Counterfactuals of one picture: one row per factor that is set, one column per value.
+pub(in crate::cli) struct Grid {
+    sheet: Sheet,
+    /// The factors that are set, each with the farthest that every factor moves, in standard deviations.
+    pub(in crate::cli) moved: Vec<(usize, Vec<f64>)>,
+    csv: String,
+}
+
+impl Grid {
+    /// Sets the factors `which`, one after the other, in what the model makes of a shot of the capture.
+    ///
+    /// # Errors
+    /// A picture the model cannot look at; a camera that is not valid.
+    pub(in crate::cli) fn new(
+        trained: &Trained,
+        capture: &PersonCapture,
+        shot: usize,
+        which: &[usize],
+    ) -> Result<Self> {
+        let n = trained.model.sizes.factors;
+        let shot = &capture.shots[shot];
+        let photo = shot.photo()?;
+        let [mu, _] = trained.posterior(&guide::seen(trained, capture, shot, &photo)?);
+        let camera = &shot.camera;
+        let mut sheet = Sheet::new([VALUES, which.len()], [camera.width, camera.height], GAP);
+        let mut moved = Vec::new();
+        let mut csv = String::from("factor,value");
+        (0..n).for_each(|j| csv.push_str(&format!(",moved_{j}")));
+        csv.push('\n');
+        for (r, &i) in which.iter().enumerate() {
+            let cells = intervene::row(trained, &mu, i)?;
+            for (c, cell) in cells.iter().enumerate() {
+                sheet.put([c, r], &intervene::picture(trained, &cell.points, camera)?);
+                let far: Vec<String> = cell.moved.iter().map(|m| format!("{m:e}")).collect();
+                csv.push_str(&format!("{i},{c},{}\n", far.join(",")));
+            }
+            let most = |j: usize| cells.iter().fold(0.0, |m, c| crate::num::order::max(m, c.moved[j]));
+            moved.push((i, (0..n).map(most).collect()));
+        }
+        Ok(Self { sheet, moved, csv })
+    }
+
+    /// Writes `grid.png` and `moved.csv`.
+    ///
+    /// # Errors
+    /// When they cannot be written.
+    pub(in crate::cli) fn write(&self, dir: &Path) -> Result<()> {
+        self.sheet.write(&dir.join("grid.png"))?;
+        crate::io::atomic::write_bytes(&dir.join("moved.csv"), self.csv.as_bytes())
+    }
+
+    /// Pictures and numbers for a report; `name` says what a factor is called.
+    ///
+    /// # Errors
+    /// When a picture cannot be encoded.
+    pub(in crate::cli) fn sections(&self, name: &dyn Fn(usize) -> String) -> Result<Vec<Section>> {
+        let n = self.moved.first().map_or(0, |(_, moved)| moved.len());
+        let names: Vec<String> = (0..n).map(|j| format!(">{}", name(j))).collect();
+        let head: Vec<&str> = std::iter::once("set").chain(names.iter().map(String::as_str)).collect();
+        let row = |(i, moved): &(usize, Vec<f64>)| -> Vec<Markup> {
+            std::iter::once(report::text(name(*i)))
+                .chain(moved.iter().map(|m| report::text(format!("{m:.3}"))))
+                .collect()
+        };
+        Ok(vec![
+            Section {
+                id: "grid",
+                title: "Counterfactuals",
+                lead: format!(
+                    "What the model decodes when one factor is set to values from end to end of the training set. Rows: {}. Everything else keeps its noise.",
+                    self.moved.iter().map(|(i, _)| name(*i)).collect::<Vec<_>>().join(", ")
+                ),
+                body: self.sheet.html("pictures of counterfactuals")?,
+            },
+            Section {
+                id: "moved",
+                title: "What moved",
+                lead:
+                    "The farthest each factor moved, in standard deviations of the training set; 0 is exact."
+                        .into(),
+                body: report::table(&head, &self.moved.iter().map(row).collect::<Vec<_>>()),
+            },
+        ])
+    }
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
-    let meter = Meter::new(args.quiet);
-    claim::check(&args.out, false, args.force)?;
+    let meter = Meter::new(args.manner.quiet);
+    claim::check(&args.out, false, args.manner.force)?;
     let trained = Trained::read(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let n = trained.model.sizes.factors;
@@ -61,96 +143,34 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--factor").expected(format!("0 to {}", n - 1)).got(bad.to_string()));
     }
     let which: Vec<usize> = if args.factor.is_empty() { (0..n).collect() } else { args.factor.clone() };
-    let index = *capture.train.get(args.frame).ok_or_else(|| {
+    let shot = *capture.train.get(args.frame).ok_or_else(|| {
         Error::input("--frame")
             .expected(format!("below {}, the number of training pictures", capture.train.len()))
             .got(args.frame.to_string())
     })?;
-    let shot = &capture.shots[index];
-    let photo = shot.photo()?;
-    let [mu, _] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo)?);
-    let camera = &shot.camera;
-    let (w, h) = (camera.width, camera.height);
-    let (columns, rows) = (VALUES, which.len());
-    let (width, height) = (columns * (w + GAP) - GAP, rows * (h + GAP) - GAP);
-    let mut grid = vec![1.0_f32; width * height * 3];
-    let mut table = Vec::new();
-    let mut csv = String::from("factor,value");
-    (0..n).for_each(|j| csv.push_str(&format!(",moved_{j}")));
-    csv.push('\n');
-    for (r, &i) in which.iter().enumerate() {
-        let cells = intervene::row(&trained, &mu, i)?;
-        for (c, cell) in cells.iter().enumerate() {
-            let picture = intervene::picture(&trained, &cell.points, camera)?;
-            for (y, line) in picture.chunks_exact(w * 3).enumerate() {
-                let at = ((r * (h + GAP) + y) * width + c * (w + GAP)) * 3;
-                grid[at..at + w * 3].copy_from_slice(line);
-            }
-            let moved: Vec<String> = cell.moved.iter().map(|m| format!("{m:e}")).collect();
-            csv.push_str(&format!("{i},{c},{}\n", moved.join(",")));
-        }
-        let most = |j: usize| cells.iter().fold(0.0, |m, c| crate::num::order::max(m, c.moved[j]));
-        table.push((i, (0..n).map(most).collect::<Vec<f64>>()));
-    }
-    let dir = claim::folder(&args.out, false, args.force)?;
-    image_file::write_png(&dir.join("grid.png"), width, height, 3, &image_file::to_u8(&grid)?)?;
-    crate::io::atomic::write_bytes(&dir.join("moved.csv"), csv.as_bytes())?;
-    let page = page(args, &trained, &table, &grid, [width, height])?.write(&dir)?;
-    if args.json {
-        return cli::say_json(&json!({
-            "kind": "last intervene", "lastlight": env!("CARGO_PKG_VERSION"), "edges": trained.graph.edges(),
-            "picture": shot.name, "moved": table.iter().map(|(i, m)| json!({"factor": i, "most": m})).collect::<Vec<_>>(),
-            "seconds": meter.seconds(),
-        }));
-    }
-    let head: String = (0..n).map(|j| format!("{j:>9}")).collect();
-    cli::say(&format!("do \\ moved{head}"))?;
-    for (i, moved) in &table {
-        let row: String = moved.iter().map(|m| format!("{m:9.3}")).collect();
-        cli::say(&format!("{i:<10}{row}"))?;
-    }
-    cli::say(&format!("grid        {}", dir.join("grid.png").display()))?;
-    cli::say(&format!("report      {}", page.display()))
-}
-
-fn page(
-    args: &Args,
-    trained: &Trained,
-    table: &[(usize, Vec<f64>)],
-    grid: &[f32],
-    [width, height]: [usize; 2],
-) -> Result<report::Page> {
-    let n = trained.model.sizes.factors;
-    let names: Vec<String> = (0..n).map(|j| format!(">factor {j}")).collect();
-    let head: Vec<&str> = std::iter::once("set").chain(names.iter().map(String::as_str)).collect();
-    let rows: Vec<Vec<Markup>> = table
-        .iter()
-        .map(|(i, moved)| {
-            std::iter::once(report::text(format!("factor {i}")))
-                .chain(moved.iter().map(|m| report::text(format!("{m:.3}"))))
-                .collect()
-        })
-        .collect();
-    let picture = report::pictures::data_uri(grid, width, height, 2400)?;
-    Ok(report::Page {
+    let grid = Grid::new(&trained, &capture, shot, &which)?;
+    let dir = claim::folder(&args.out, false, args.manner.force)?;
+    grid.write(&dir)?;
+    let record = json!({
+        "kind": "last intervene", "lastlight": env!("CARGO_PKG_VERSION"), "edges": trained.graph.edges(),
+        "picture": capture.shots[shot].name,
+        "moved": grid.moved.iter().map(|(i, m)| json!({"factor": i, "most": m})).collect::<Vec<_>>(),
+        "seconds": meter.seconds(),
+    });
+    let page = Page {
         kind: "last intervene".into(),
         title: args.model.display().to_string(),
         command: cli::command_line(),
-        facts: vec![("edges", trained.graph.edges().iter().map(|(i, j)| format!("{i}>{j}")).collect::<Vec<_>>().join(" "))],
+        facts: vec![("edges", tune::edges(&trained.graph.edges()))],
         stats: Vec::new(),
-        sections: vec![
-            report::Section {
-                id: "grid",
-                title: "Counterfactuals",
-                lead: "One row per factor that is set, its values from end to end of the training set. Everything else keeps its noise.".into(),
-                body: html! { img src=(picture) alt="pictures of counterfactuals" style="width:100%;image-rendering:pixelated"; },
-            },
-            report::Section {
-                id: "moved",
-                title: "What moved",
-                lead: "The farthest each factor moved, in standard deviations of the training set; 0 is exact.".into(),
-                body: report::table(&head, &rows),
-            },
-        ],
-    })
+        sections: grid.sections(&|i| format!("factor {i}"))?,
+    };
+    let head: String = (0..n).map(|j| format!("{j:>9}")).collect();
+    let mut lines = vec![format!("do \\ moved{head}")];
+    for (i, moved) in &grid.moved {
+        let row: String = moved.iter().map(|m| format!("{m:9.3}")).collect();
+        lines.push(format!("{i:<10}{row}"));
+    }
+    lines.push(format!("grid        {}", dir.join("grid.png").display()));
+    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir, args.manner.json)
 }

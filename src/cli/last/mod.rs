@@ -12,12 +12,12 @@ pub(super) mod fit;
 mod generate;
 mod import;
 mod inspect;
-mod intervene;
-mod pretrain;
+pub(super) mod intervene;
+pub(super) mod pretrain;
 mod render;
 mod scoring;
 mod study;
-mod tune;
+pub(super) mod tune;
 
 use crate::Result;
 use clap::Subcommand;

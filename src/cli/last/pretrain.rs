@@ -2,10 +2,11 @@
 
 use crate::cli::meter::Meter;
 use crate::cli::report::charts::{Lines, Series, bucket};
+use crate::cli::report::pictures::Sheet;
 use crate::cli::report::{self, Page, Section, Stat};
+use crate::cli::shared::Filling;
 use crate::cli::{self, claim};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
-use crate::io::image_file;
 use crate::last::model::data::{Data, Item};
 use crate::last::model::file::Trained;
 use crate::last::model::intervene;
@@ -14,8 +15,6 @@ use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
 use crate::last::model::structure::Kind;
 use crate::last::model::train::Training;
 use crate::last::model::verdict::{self, Verdict};
-use crate::scene::camera::Model;
-use crate::scene::from_data_gen;
 use crate::{Error, Result};
 use maud::{Markup, html};
 use serde_json::{Value, json};
@@ -48,15 +47,6 @@ pub(in crate::cli) struct Args {
     /// Steps of joint training; the schedule of 12000 is scaled to it
     #[arg(long, value_name = "N", default_value_t = 12_000, value_parser = clap::value_parser!(u32).range(1..))]
     steps: u32,
-    /// Seed of every random draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Go on from the checkpoint in --out; the result has the bits of an uninterrupted run
-    #[arg(long)]
-    resume: bool,
-    /// Replace files in --out that exist
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
     /// Number of factors
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=8), help_heading = "Model")]
     factors: u8,
@@ -92,12 +82,8 @@ pub(in crate::cli) struct Args {
     /// Steps between checkpoints
     #[arg(long, value_name = "N", default_value_t = 250, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
-    /// Print the result record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    filling: Filling,
 }
 
 impl Args {
@@ -114,7 +100,7 @@ impl Args {
             points: self.points,
             observed: self.observed,
             groups: self.groups,
-            seed: self.seed,
+            seed: self.filling.seed,
             ..Settings::default()
         };
         for term in &self.weight {
@@ -145,9 +131,9 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.filling.quiet);
     let settings = args.settings()?;
-    claim::check(&args.out, args.resume, args.force)?;
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let data = Pictures::read(&args.data, settings.supervision != Supervision::None)?;
     meter.lap("reading pictures");
     meter.note(&format!(
@@ -159,14 +145,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
         data.members(),
         data.template.len()
     ));
-    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    let dir = claim::folder(&args.out, args.filling.resume, args.filling.force)?;
     let mut training = Training::new(settings, &data)?;
     let mut history = History::default();
     let checkpoint = dir.join(CHECKPOINT);
-    if args.resume && checkpoint.exists() {
+    if args.filling.resume && checkpoint.exists() {
         history = training::resume(&mut training, &checkpoint)?;
         meter.note(&format!("resuming after step {} of {}", history.len(), training.iterations()));
-    } else if args.resume {
+    } else if args.filling.resume {
         meter.note("no checkpoint yet: starting at step 0");
     }
     meter.lap("start");
@@ -187,18 +173,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
         "last_loss": history.loss.last(), "seconds": meter.seconds(),
     });
     crate::io::atomic::write_bytes(&dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
-    let (grid, size) = samples(&trained, &data)?;
-    image_file::write_png(&dir.join("samples.png"), size[0], size[1], 3, &image_file::to_u8(&grid)?)?;
+    let sheet = samples(&trained, &data)?;
+    sheet.write(&dir.join("samples.png"))?;
     let mut page = page(args, &record, &history, &verdict, &meter);
-    let picture = report::pictures::data_uri(&grid, size[0], size[1], 2400)?;
     page.sections.push(Section {
         id: "samples",
         title: "Pictures and what is decoded",
         lead: "Above what the encoder sees, below the points that the decoder gives back, as discs, through the same camera.".into(),
-        body: html! { img src=(picture) alt="pictures and decoded points" style="width:100%;image-rendering:pixelated"; },
+        body: sheet.html("pictures and decoded points")?,
     });
     let page = page.write(&dir)?;
-    if args.json {
+    if args.filling.json {
         return cli::say_json(&record);
     }
     cli::say(&verdict.text())?;
@@ -208,33 +193,27 @@ pub(super) fn run(args: &Args) -> Result<()> {
     cli::say(&format!("report      {}", page.display()))
 }
 
-/// Pictures of some observed items, and below each the decoded points through the camera of the sets; (width, height).
-fn samples(trained: &Trained, data: &Pictures) -> Result<(Vec<f32>, [usize; 2])> {
+/// Pictures of some observed items, and below each the decoded points through the camera of the sets.
+fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
     const COUNT: usize = 10;
     let side = data.side();
-    let camera = from_data_gen::camera(&data_gen::figure::video::camera(0, side), Model::Pinhole);
+    let camera = data.camera();
     let count = Ord::min(COUNT, data.observed());
     let items: Vec<Item> = (0..count).map(|i| Item::Observed(i * data.observed() / count)).collect();
     let d = trained.model.sizes.latent();
     let [factors, _] = verdict::posterior(trained, data, &items);
-    let width = count * side;
-    let mut grid = vec![0.0_f32; width * 2 * side * 3];
+    let mut sheet = Sheet::new([count, 2], [side, side], 0);
     for (i, item) in items.iter().enumerate() {
         let seen: Vec<f32> = data.image(*item).iter().map(|&b| f32::from(b) / 255.0).collect();
         let points = trained.decoded(&factors[i * d..(i + 1) * d], &trained.template);
-        let shown = intervene::picture(trained, &points, &camera)?;
-        for (half, picture) in [seen, shown].iter().enumerate() {
-            for (y, line) in picture.chunks_exact(side * 3).enumerate() {
-                let at = ((half * side + y) * width + i * side) * 3;
-                grid[at..at + side * 3].copy_from_slice(line);
-            }
-        }
+        sheet.put([i, 0], &seen);
+        sheet.put([i, 1], &intervene::picture(trained, &points, &camera)?);
     }
-    Ok((grid, [width, 2 * side]))
+    Ok(sheet)
 }
 
 /// The true graph, where the data says it: rows of zeros and ones.
-pub(super) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
+pub(in crate::cli) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
     let text = std::fs::read_to_string(data.join(crate::last::generate::RECORD)).ok()?;
     let record: Value = serde_json::from_str(&text).ok()?;
     let rows = record["adjacency"].as_array()?;
@@ -280,7 +259,7 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
         command: cli::command_line(),
         facts: vec![
             ("digest", record["digest"].as_str().unwrap_or("").to_owned()),
-            ("seed", args.seed.to_string()),
+            ("seed", args.filling.seed.to_string()),
         ],
         stats: vec![
             Stat {

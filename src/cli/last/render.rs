@@ -2,15 +2,13 @@
 
 use super::fit;
 use crate::cli::meter::Meter;
-use crate::cli::shared::{OrbitArgs, Usual};
+use crate::cli::shared::{Manner, OrbitArgs, Usual};
 use crate::cli::{self, claim};
-use crate::fit::render::{Orbit, capture_shots};
+use crate::fit::render::capture_shots;
 use crate::io::image_file;
-use crate::last::host::light::Moment;
 use crate::last::host::store::{self, Stored};
 use crate::num::order;
 use crate::scene::camera::Camera;
-use crate::scene::gaussians::Gaussians;
 use crate::scene::person::{PersonCapture, Pose};
 use crate::{Error, Result};
 use serde_json::json;
@@ -49,36 +47,29 @@ pub(in crate::cli) struct Args {
     pose_from: Option<PathBuf>,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Replace files in --out that exist
-    #[arg(long)]
-    force: bool,
-    /// Print what was written as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    manner: Manner,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.manner.quiet);
     let stored = store::read(&fit::avatar_file(&args.run)?)?;
     let (poses, first) = poses(args, &stored)?;
     let cameras = cameras(args, &stored, &poses)?;
     let pairs = pairs(poses.len(), cameras.len())?;
-    let dir = claim::folder(&args.out, false, args.force)?;
+    let dir = claim::folder(&args.out, false, args.manner.force)?;
     let mut names = Vec::with_capacity(pairs.len());
     for (k, &(p, c)) in pairs.iter().enumerate() {
         meter.count(k, pairs.len(), "rendering");
         let camera = &cameras[c];
-        let out = stored.avatar.picture(&poses[p], first.map(|t| t + p), camera)?;
+        let out = stored.picture(&poses[p], first.map(|t| t + p), camera)?;
         let image: Vec<f32> = out.image.iter().map(|&x| order::clamp(x, 0.0, 1.0)).collect();
         let name = format!("{k:04}.png");
         image_file::write_png(&dir.join(&name), camera.width, camera.height, 3, &image_file::to_u8(&image)?)?;
         names.push(name);
     }
     meter.done();
-    if args.json {
+    if args.manner.json {
         return cli::say_json(&json!({
             "run": args.run, "out": args.out, "pictures": names, "poses": poses.len(), "cameras": cameras.len(),
             "gaussians": stored.avatar.gaussians.len(), "seconds": meter.seconds(),
@@ -130,25 +121,9 @@ fn cameras(args: &Args, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> 
         return found.map(|(_, c)| vec![c.clone()]).ok_or_else(|| none().got(from.as_str()));
     }
     if let Some(orbit) = args.orbit.parse(from, USUAL)? {
-        return around(orbit, stored, poses);
+        return stored.around(orbit, poses);
     }
     Ok(capture_shots(Path::new(from), 1)?.into_iter().map(|s| s.camera).collect())
-}
-
-/// A circle around the person, wherever the poses take it.
-fn around(orbit: Orbit, stored: &Stored, poses: &[Pose]) -> Result<Vec<Camera>> {
-    let step = Ord::max(1, poses.len() / 8);
-    let mut scene = Gaussians { sh_degree: 0, ..Gaussians::default() };
-    for pose in poses.iter().step_by(step) {
-        let placed = stored.avatar.place(&stored.avatar.rig(pose), Moment::default());
-        scene.means.extend_from_slice(&placed.means);
-    }
-    let n = scene.means.len();
-    scene.quats = vec![[1.0, 0.0, 0.0, 0.0]; n];
-    scene.scales_log = vec![[-6.0; 3]; n];
-    scene.opacity_logits = vec![2.0; n];
-    scene.sh = vec![0.0; 3 * n];
-    Ok(orbit.shots(&scene)?.into_iter().map(|s| s.camera).collect())
 }
 
 /// Which pose with which camera.

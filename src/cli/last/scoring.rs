@@ -65,10 +65,9 @@ pub(super) fn json(groups: &[Group]) -> Value {
     Value::Object(groups.iter().map(|g| (g.name.to_owned(), of(g))).collect())
 }
 
-/// Name and size of those files that are there.
-pub(super) fn sizes(dir: &Path, names: &[&str]) -> Vec<(String, u64)> {
-    let size = |n: &&str| std::fs::metadata(dir.join(n)).ok().map(|m| ((*n).to_owned(), m.len()));
-    names.iter().filter_map(size).collect()
+/// Mean PSNR-box of the last group, dB: the held-out pictures where there are any.
+pub(super) fn held_out_db(groups: &[Group]) -> f64 {
+    groups.last().map_or(f64::NAN, |g| g.mean.boxed.db.finite().unwrap_or(f64::INFINITY))
 }
 
 /// The capture's folder by name.

@@ -3,6 +3,7 @@
 use crate::cli::meter::Meter;
 use crate::cli::report::charts::{Lines, Series, bars};
 use crate::cli::report::{self, Page, Section, Stat};
+use crate::cli::shared::Manner;
 use crate::cli::{self, claim};
 use crate::fit::training::Watch;
 use crate::last::study::learn::{self, Learning, Size};
@@ -38,21 +39,14 @@ pub(in crate::cli) struct Args {
     #[arg(long)]
     quick: bool,
     /// Go on where an interrupted study stopped
-    #[arg(long)]
+    #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Use a folder that holds other files
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
-    /// Print the record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    manner: Manner,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.manner.quiet);
     let size = if args.quick { Size::quick() } else { Size::full() };
     let all: [Learning; 4] =
         [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(size));
@@ -67,7 +61,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         .filter(|x| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id()))
         .map(|x| x as &dyn Experiment)
         .collect();
-    let dir = claim::folder(&args.out, args.resume, args.force)?;
+    let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
     let settings = json!({
         "steps": size.steps, "refit": size.refit, "freeze": size.freeze, "data": size.data, "seeds": size.seeds,
         "lastlight": env!("CARGO_PKG_VERSION"),
@@ -92,7 +86,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     });
     crate::io::atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
     let page = page(&reports, args.quick).write(&dir)?;
-    if args.json {
+    if args.manner.json {
         return cli::say_json(&record);
     }
     for r in &reports {

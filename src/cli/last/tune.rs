@@ -3,6 +3,7 @@
 use crate::cli;
 use crate::cli::claim;
 use crate::cli::meter::Meter;
+use crate::cli::shared::Manner;
 use crate::fit::training::Watch;
 use crate::last::model::decoder::code;
 use crate::last::model::file::Trained;
@@ -37,15 +38,8 @@ pub(in crate::cli) struct Args {
     /// Seed of every draw
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Replace --out where it exists
-    #[arg(long)]
-    force: bool,
-    /// Print the record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    manner: Manner,
 }
 
 /// What the model makes of the training pictures of a capture.
@@ -77,9 +71,15 @@ pub(in crate::cli) fn subject(trained: &Trained, capture: &PersonCapture) -> Res
     Ok(subject)
 }
 
+/// Edges as text: `0>1 0>2`, or `none`.
+pub(in crate::cli) fn edges(edges: &[(usize, usize)]) -> String {
+    let all: Vec<String> = edges.iter().map(|(i, j)| format!("{i}>{j}")).collect();
+    if all.is_empty() { "none".into() } else { all.join(" ") }
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
-    claim::file(&args.out, args.force)?;
+    let mut meter = Meter::new(args.manner.quiet);
+    claim::file(&args.out, args.manner.force)?;
     let mut trained = Trained::read(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let subject = subject(&trained, &capture)?;
@@ -89,11 +89,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.lap("tuning");
     trained.write(&args.out, &[("command", cli::command_line())])?;
     let n = trained.model.sizes.factors;
-    let edges = |e: &[(usize, usize)]| -> String {
-        let all: Vec<String> = e.iter().map(|(i, j)| format!("{i}>{j}")).collect();
-        if all.is_empty() { "none".into() } else { all.join(" ") }
-    };
-    if args.json {
+    if args.manner.json {
         return cli::say_json(&json!({
             "kind": "last tune", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
             "pictures": capture.train.len(), "before": tuned.before, "after": tuned.after,

@@ -1,11 +1,10 @@
 //! The report of one fit: held-out pictures, numbers per view, curves, density events, time, files.
 
-use super::charts::{self, Lines, Series};
-use super::{Page, Section, Stat, bytes, code, pictures, seconds, table, text, thousands};
+use super::run::{self, Compared, Run};
+use super::{Page, Section, Stat, charts, table, text, thousands};
 use crate::Result;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::splat::Event;
-use crate::fit::training::History;
 use maud::{Markup, html};
 
 /// Most views shown as pictures; the table has all.
@@ -23,10 +22,6 @@ pub(crate) struct Input<'a> {
     pub(crate) command: String,
     /// digest of the final parameters
     pub(crate) digest: Option<String>,
-    /// the settings that decide the result
-    pub(crate) settings: &'a serde_json::Value,
-    /// loss and size per iteration, if there was a fit
-    pub(crate) history: Option<&'a History>,
     /// what density control did
     pub(crate) events: &'a [Event],
     /// number of Gaussians
@@ -35,12 +30,8 @@ pub(crate) struct Input<'a> {
     pub(crate) scored: &'a [Scored],
     /// the numbers
     pub(crate) evaluation: &'a Evaluation,
-    /// parts and seconds
-    pub(crate) time: Vec<(String, f64)>,
-    /// seconds in all
-    pub(crate) total_seconds: f64,
-    /// name and size of the files written
-    pub(crate) files: Vec<(String, u64)>,
+    /// settings, course, time, files
+    pub(crate) run: Run<'a>,
 }
 
 /// The page.
@@ -53,10 +44,10 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     if let Some(digest) = &x.digest {
         facts.push(("digest", digest.clone()));
     }
-    if let Some(seed) = x.settings.get("seed") {
+    if let Some(seed) = x.run.settings.get("seed") {
         facts.push(("seed", seed.to_string()));
     }
-    if let Some(profile) = x.settings.get("profile").and_then(|p| p.as_str()) {
+    if let Some(profile) = x.run.settings.get("profile").and_then(|p| p.as_str()) {
         facts.push(("profile", profile.to_owned()));
     }
     facts.push(("lastlight", env!("CARGO_PKG_VERSION").to_owned()));
@@ -72,20 +63,12 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             value: format!("{:.4}", e.mean_ssim),
             note: "11×11 window, σ 1.5".into(),
         },
-        Stat { label: "Gaussians", value: thousands(x.n_gauss), note: size_note(x.history) },
+        Stat { label: "Gaussians", value: thousands(x.n_gauss), note: size_note(&x.run) },
     ];
-    if let Some(h) = x.history {
-        stats.push(Stat {
-            label: "Iterations",
-            value: thousands(h.len()),
-            note: h.loss.last().map_or(String::new(), |l| format!("last loss {l:.4}")),
-        });
+    if let Some(h) = x.run.history {
+        stats.push(run::iterations(h, h.loss.last().map_or(String::new(), |l| format!("last loss {l:.4}"))));
     }
-    stats.push(Stat {
-        label: "Time",
-        value: seconds(x.total_seconds),
-        note: format!("{} threads", crate::num::par::threads()),
-    });
+    stats.push(x.run.card());
 
     let mut sections = vec![
         Section {
@@ -98,45 +81,26 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         },
         Section { id: "scores", title: "Scores", lead: format!("{}.", e.protocol), body: scores(e) },
     ];
-    if let Some(history) = x.history {
+    let resets: Vec<(f64, String)> = x
+        .events
+        .iter()
+        .filter(|e| e.reset > 0)
+        .map(|e| (e.iteration as f64, format!("opacity reset at iteration {}", e.iteration)))
+        .collect();
+    sections.extend(x.run.course(
+        "Loss (0.8 L1 + 0.2 (1 − SSIM))",
+        " Dotted marks are opacity resets.",
+        &resets,
+    ));
+    if x.run.history.is_some() && !x.events.is_empty() {
         sections.push(Section {
-            id: "curves",
-            title: "Course of the fit",
-            lead: "The line is the mean of consecutive iterations, the band their range: every iteration sees another \
-                   photograph. Dotted marks are opacity resets."
-                .into(),
-            body: curves(history, x.events),
-        });
-        if !x.events.is_empty() {
-            sections.push(Section {
-                id: "density",
-                title: "Density control",
-                lead: "Where Gaussians were added and removed; the last row is the sum.".into(),
-                body: events(x.events),
-            });
-        }
-    }
-    sections.push(Section {
-        id: "time",
-        title: "Where the time went",
-        lead: String::new(),
-        body: time(&x.time, x.total_seconds),
-    });
-    if !x.files.is_empty() {
-        let rows: Vec<_> = x.files.iter().map(|(n, b)| vec![code(n), text(bytes(*b))]).collect();
-        sections.push(Section {
-            id: "files",
-            title: "Files",
-            lead: String::new(),
-            body: table(&["file", ">size"], &rows),
+            id: "density",
+            title: "Density control",
+            lead: "Where Gaussians were added and removed; the last row is the sum.".into(),
+            body: events(x.events),
         });
     }
-    sections.push(Section {
-        id: "settings",
-        title: "Settings",
-        lead: "Everything that decides the result: the same settings and input give the same digest on any machine.".into(),
-        body: settings(x.settings),
-    });
+    sections.extend(x.run.tail());
     Ok(Page {
         kind: x.kind.to_owned(),
         title: x.title.clone(),
@@ -151,38 +115,29 @@ fn decibel(x: f64) -> String {
     if x.is_finite() { format!("{x:.2} dB") } else { "∞ dB".into() }
 }
 
-fn size_note(history: Option<&History>) -> String {
-    history
+fn size_note(run: &Run<'_>) -> String {
+    run.history
         .and_then(|h| h.size.first())
         .map_or(String::new(), |&n| format!("from {} at the start", thousands(n.max(0) as usize)))
 }
 
 fn views(scored: &[Scored]) -> Result<Markup> {
-    let mut shown = Vec::new();
-    for s in scored.iter().take(MAX_PICTURES) {
-        let (w, h) = (s.score.width, s.score.height);
-        shown.push((
-            s,
-            pictures::data_uri(&s.photo, w, h, MAX_SIDE)?,
-            pictures::data_uri(&s.image, w, h, MAX_SIDE)?,
-            pictures::data_uri(&pictures::error_map(&s.error), w, h, MAX_SIDE)?,
-        ));
-    }
-    let bar = pictures::scale_bar()?;
-    Ok(html! {
-        div.scale { span { "error 0" } img src=(bar) alt="colour scale of the error maps"; span { (pictures::ERROR_MAX) " and above" } }
-        div.views {
-            @for (s, photo, image, error) in &shown {
-                div.view {
-                    h3 { (s.score.name) span { (decibel(s.score.psnr_db)) " · SSIM " (format!("{:.4}", s.score.ssim)) } }
-                    div.triple.pixelated[s.score.width.max(s.score.height) < 256] {
-                        figure { img src=(photo) alt="photograph"; figcaption { "photograph" } }
-                        figure { img src=(image) alt="render"; figcaption { "render" } }
-                        figure { img src=(error) alt="error map"; figcaption { "error, mean " (format!("{:.4}", s.score.mae)) } }
-                    }
-                }
-            }
+    let compare = |s| {
+        let Scored { score, photo, image, error }: &Scored = s;
+        Compared {
+            name: &score.name,
+            remark: format!("{} · SSIM {:.4}", decibel(score.psnr_db), score.ssim),
+            photo,
+            image,
+            error,
+            caption: format!("error, mean {:.4}", score.mae),
+            size: [score.width, score.height],
         }
+    };
+    let shown: Vec<Compared<'_>> = scored.iter().take(MAX_PICTURES).map(compare).collect();
+    let pictures = run::compared(&shown, MAX_SIDE)?;
+    Ok(html! {
+        (pictures)
         @if scored.len() > shown.len() { p.note { "Pictures of " (shown.len()) " of " (scored.len()) " views; the table below has all." } }
     })
 }
@@ -234,25 +189,6 @@ fn short_name(name: &str) -> String {
     name.rsplit('/').next().unwrap_or(name).to_owned()
 }
 
-fn curves(history: &History, events: &[Event]) -> Markup {
-    let (points, band) = charts::bucket(&history.loss, 280);
-    let sizes: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
-    let (size, _) = charts::bucket(&sizes, 560);
-    let resets: Vec<(f64, String)> = events
-        .iter()
-        .filter(|e| e.reset > 0)
-        .map(|e| (e.iteration as f64, format!("opacity reset at iteration {}", e.iteration)))
-        .collect();
-    html! {
-        div.two {
-            (Lines { title: "Loss (0.8 L1 + 0.2 (1 − SSIM))", x_label: "iteration", log_y: true, from_zero: false,
-                series: vec![Series { name: "loss", color: 'a', points, band }], marks: resets.clone() }.html())
-            (Lines { title: "Gaussians", x_label: "iteration", log_y: false, from_zero: true,
-                series: vec![Series { name: "Gaussians", color: 'b', points: size, band: vec![] }], marks: resets }.html())
-        }
-    }
-}
-
 /// Rows of the event table that are shown without being asked for.
 const MAX_EVENT_ROWS: usize = 12;
 
@@ -300,37 +236,4 @@ fn events(events: &[Event]) -> Markup {
         (table(&head, &[sum]))
         details { summary { "All " (n) " events" } (table(&head, &rows)) }
     }
-}
-
-pub(super) fn time(parts: &[(String, f64)], total: f64) -> Markup {
-    let known = parts.iter().fold(0.0, |s, p| s + p.1);
-    let mut all = parts.to_vec();
-    if total - known > 0.005 * total {
-        all.push(("other".into(), total - known));
-    }
-    let rows: Vec<_> = all
-        .iter()
-        .map(|(n, s)| {
-            vec![
-                text(n),
-                text(seconds(*s)),
-                text(format!("{:.1} %", if total > 0.0 { s / total * 100.0 } else { 0.0 })),
-            ]
-        })
-        .collect();
-    html! {
-        div.panel { (charts::parts(&all)) }
-        div style="height:16px" {}
-        (table(&["part", ">time", ">share"], &rows))
-    }
-}
-
-pub(super) fn settings(settings: &serde_json::Value) -> Markup {
-    let rows: Vec<_> = settings
-        .as_object()
-        .into_iter()
-        .flatten()
-        .map(|(k, v)| vec![text(k), code(v.as_str().map_or_else(|| v.to_string(), str::to_owned))])
-        .collect();
-    table(&["setting", "value"], &rows)
 }

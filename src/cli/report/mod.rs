@@ -3,6 +3,7 @@
 //! ```text
 //! mod       the page: header, stat cards, sections, tables       charts    line and bar charts as inline SVG
 //! fit       the report of one fit                                pictures  pixels to PNG data URIs, error maps
+//! person    the report of a fitted person                        run       what those two share
 //! style     the style sheet
 //! ```
 //!
@@ -12,6 +13,7 @@ pub(crate) mod charts;
 pub(crate) mod fit;
 pub(crate) mod person;
 pub(crate) mod pictures;
+pub(crate) mod run;
 mod style;
 
 use crate::{Error, Result};
@@ -19,6 +21,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::path::Path;
 
 /// One large number at the top of the page.
+#[derive(Clone)]
 pub(crate) struct Stat {
     /// what it is
     pub(crate) label: &'static str,
@@ -29,6 +32,7 @@ pub(crate) struct Stat {
 }
 
 /// A titled part of the page.
+#[derive(Clone)]
 pub(crate) struct Section {
     /// anchor, also in the navigation
     pub(crate) id: &'static str,

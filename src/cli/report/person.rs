@@ -1,10 +1,8 @@
 //! The report of a fitted person: held-out pictures, every metric by camera, curves, density events, key Gaussians, time, files.
 
-use super::charts::{self, Lines, Series};
-use super::fit::{settings, time};
-use super::{Page, Section, Stat, bytes, code, pictures, seconds, table, text, thousands};
+use super::run::{self, Compared, Run};
+use super::{Page, Section, Stat, charts, table, text, thousands};
 use crate::Result;
-use crate::fit::training::History;
 use crate::last::host::density::Event;
 use crate::last::host::evaluate::Scored;
 use crate::last::host::fit::Tally;
@@ -26,10 +24,6 @@ pub(crate) struct Input<'a> {
     pub(crate) command: String,
     /// digest of the final parameters
     pub(crate) digest: String,
-    /// the settings that decide the result
-    pub(crate) settings: &'a serde_json::Value,
-    /// loss and size per iteration, if there was a fit
-    pub(crate) history: Option<&'a History>,
     /// what density control did
     pub(crate) events: &'a [Event],
     /// renders, encodings, bound steps
@@ -38,12 +32,8 @@ pub(crate) struct Input<'a> {
     pub(crate) n_gauss: usize,
     /// groups of pictures, by name: pictures and means per camera and over all
     pub(crate) groups: &'a [Group],
-    /// parts and seconds
-    pub(crate) time: Vec<(String, f64)>,
-    /// seconds in all
-    pub(crate) total_seconds: f64,
-    /// name and size of the files written
-    pub(crate) files: Vec<(String, u64)>,
+    /// settings, course, time, files
+    pub(crate) run: Run<'a>,
 }
 
 /// Pictures that are scored together.
@@ -75,18 +65,10 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         })
         .collect();
     stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note: String::new() });
-    if let (Some(h), Some(t)) = (x.history, x.tally) {
-        stats.push(Stat {
-            label: "Iterations",
-            value: thousands(h.len()),
-            note: format!("{} renders", thousands(t.renders as usize)),
-        });
+    if let (Some(h), Some(t)) = (x.run.history, x.tally) {
+        stats.push(run::iterations(h, format!("{} renders", thousands(t.renders as usize))));
     }
-    stats.push(Stat {
-        label: "Time",
-        value: seconds(x.total_seconds),
-        note: format!("{} threads", crate::num::par::threads()),
-    });
+    stats.push(x.run.card());
     let mut sections = vec![
         Section {
             id: "views",
@@ -103,14 +85,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             body: scores(x.groups),
         },
     ];
-    if let Some(history) = x.history {
-        sections.push(Section {
-            id: "curves",
-            title: "Course of the fit",
-            lead: "The line is the mean of consecutive iterations, the band their range: every iteration sees another picture.".into(),
-            body: curves(history),
-        });
-    }
+    sections.extend(x.run.course("Loss", "", &[]));
     if !x.events.is_empty() {
         sections.push(Section {
             id: "density",
@@ -129,27 +104,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             body: guide(&t),
         });
     }
-    sections.push(Section {
-        id: "time",
-        title: "Where the time went",
-        lead: String::new(),
-        body: time(&x.time, x.total_seconds),
-    });
-    if !x.files.is_empty() {
-        let rows: Vec<_> = x.files.iter().map(|(n, b)| vec![code(n), text(bytes(*b))]).collect();
-        sections.push(Section {
-            id: "files",
-            title: "Files",
-            lead: String::new(),
-            body: table(&["file", ">size"], &rows),
-        });
-    }
-    sections.push(Section {
-        id: "settings",
-        title: "Settings",
-        lead: "Everything that decides the result: the same settings and input give the same digest on any machine.".into(),
-        body: settings(x.settings),
-    });
+    sections.extend(x.run.tail());
     Ok(Page {
         kind: x.kind.to_owned(),
         title: x.title.clone(),
@@ -168,33 +123,17 @@ fn views(groups: &[Group]) -> Result<Markup> {
     let each = Ord::max(1, MAX_PICTURES / Ord::max(1, groups.len()));
     for group in groups {
         let step = Ord::max(1, group.scored.len() / each);
-        for s in group.scored.iter().step_by(step).take(each) {
-            let [w, h] = s.size;
-            shown.push((
-                group.name,
-                s,
-                pictures::data_uri(&s.photo, w, h, MAX_SIDE)?,
-                pictures::data_uri(&s.image, w, h, MAX_SIDE)?,
-                pictures::data_uri(&pictures::error_map(&s.error), w, h, MAX_SIDE)?,
-            ));
-        }
+        shown.extend(group.scored.iter().step_by(step).take(each).map(|s| Compared {
+            name: &s.name,
+            remark: format!("{} · {:.2} dB", group.name, level(&s.scores)),
+            photo: &s.photo,
+            image: &s.image,
+            error: &s.error,
+            caption: "error".to_owned(),
+            size: s.size,
+        }));
     }
-    let bar = pictures::scale_bar()?;
-    Ok(html! {
-        div.scale { span { "error 0" } img src=(bar) alt="colour scale of the error maps"; span { (pictures::ERROR_MAX) " and above" } }
-        div.views {
-            @for (group, s, photo, image, error) in &shown {
-                div.view {
-                    h3 { (s.name) span { (group) " · " (format!("{:.2} dB", level(&s.scores))) } }
-                    div.triple.pixelated[Ord::max(s.size[0], s.size[1]) < 256] {
-                        figure { img src=(photo) alt="photograph"; figcaption { "photograph" } }
-                        figure { img src=(image) alt="render"; figcaption { "render" } }
-                        figure { img src=(error) alt="error map"; figcaption { "error" } }
-                    }
-                }
-            }
-        }
-    })
+    run::compared(&shown, MAX_SIDE)
 }
 
 fn scores(groups: &[Group]) -> Markup {
@@ -221,20 +160,6 @@ fn scores(groups: &[Group]) -> Markup {
         @if !bars.is_empty() {
             div style="height:16px" {}
             (charts::bars("PSNR-box in dB by camera (bars start at 10)", &bars, 'a', 2, 10.0, None))
-        }
-    }
-}
-
-fn curves(history: &History) -> Markup {
-    let (points, band) = charts::bucket(&history.loss, 280);
-    let sizes: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
-    let (size, _) = charts::bucket(&sizes, 560);
-    html! {
-        div.two {
-            (Lines { title: "Loss", x_label: "iteration", log_y: true, from_zero: false,
-                series: vec![Series { name: "loss", color: 'a', points, band }], marks: vec![] }.html())
-            (Lines { title: "Gaussians", x_label: "iteration", log_y: false, from_zero: true,
-                series: vec![Series { name: "Gaussians", color: 'b', points: size, band: vec![] }], marks: vec![] }.html())
         }
     }
 }

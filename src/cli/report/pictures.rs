@@ -1,8 +1,10 @@
-//! Pixels to PNG data URIs; the colour map of error maps.
+//! Pixels to PNG data URIs; sheets of pictures; the colour map of error maps.
 
 use crate::Result;
 use crate::io::image_file;
 use base64::Engine;
+use maud::{Markup, html};
+use std::path::Path;
 
 /// Anchors of the perceptually uniform map *inferno* (Smith and van der Walt 2015) at 0, 0.1, …, 1, sRGB-encoded.
 const INFERNO: [[f32; 3]; 11] = [
@@ -68,6 +70,52 @@ fn shrink(rgb: &[f32], width: usize, height: usize, factor: usize) -> (Option<Ve
     (Some(out), w, h)
 }
 
+/// Pictures of one size in rows and columns.
+pub(crate) struct Sheet {
+    /// (H, W, 3)
+    rgb: Vec<f32>,
+    /// W, H of the sheet
+    size: [usize; 2],
+    /// w, h of a picture
+    cell: [usize; 2],
+    gap: usize,
+}
+
+impl Sheet {
+    /// A sheet for `columns` × `rows` pictures of `cell` pixels, `gap` white pixels between them.
+    pub(crate) fn new([columns, rows]: [usize; 2], cell: [usize; 2], gap: usize) -> Self {
+        let side = |count: usize, length: usize| count * (length + gap) - if count > 0 { gap } else { 0 };
+        let size = [side(columns, cell[0]), side(rows, cell[1])];
+        Self { rgb: vec![1.0; size[0] * size[1] * 3], size, cell, gap }
+    }
+
+    /// Puts a picture (h, w, 3) at a column and a row.
+    pub(crate) fn put(&mut self, [column, row]: [usize; 2], picture: &[f32]) {
+        let [w, h] = self.cell;
+        for (y, line) in picture.chunks_exact(w * 3).enumerate() {
+            let at = ((row * (h + self.gap) + y) * self.size[0] + column * (w + self.gap)) * 3;
+            self.rgb[at..at + w * 3].copy_from_slice(line);
+        }
+    }
+
+    /// As an element as wide as the page.
+    ///
+    /// # Errors
+    /// When it cannot be encoded.
+    pub(crate) fn html(&self, alt: &str) -> Result<Markup> {
+        let uri = data_uri(&self.rgb, self.size[0], self.size[1], 2400)?;
+        Ok(html! { img src=(uri) alt=(alt) style="width:100%;image-rendering:pixelated"; })
+    }
+
+    /// As a file.
+    ///
+    /// # Errors
+    /// When it cannot be written.
+    pub(crate) fn write(&self, path: &Path) -> Result<()> {
+        image_file::write_png(path, self.size[0], self.size[1], 3, &image_file::to_u8(&self.rgb)?)
+    }
+}
+
 /// The colour map as a picture 256×1.
 ///
 /// # Errors
@@ -92,6 +140,15 @@ mod tests {
         }
         assert_eq!(inferno(-1.0), inferno(0.0), "below the range");
         assert_eq!(inferno(2.0), inferno(1.0), "above the range");
+    }
+
+    #[test]
+    fn a_sheet_has_its_pictures_in_their_places() {
+        let mut sheet = Sheet::new([2, 2], [2, 1], 1);
+        assert_eq!((sheet.size, sheet.rgb.len()), ([5, 3], 45), "gaps between pictures alone");
+        sheet.put([1, 1], &[0.25; 6]);
+        let dark: Vec<usize> = (0..15).filter(|i| sheet.rgb[3 * i] < 1.0).collect();
+        assert_eq!(dark, [13, 14], "the last two pixels of the last row");
     }
 
     #[test]

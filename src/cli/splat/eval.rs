@@ -3,6 +3,7 @@
 use super::RenderArgs;
 use super::fit::{score, scores_text, write_renders};
 use crate::cli::meter::Meter;
+use crate::cli::report::run::Run;
 use crate::cli::{self, claim, report};
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::render::Scene;
@@ -122,25 +123,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     if let Some(dir) = dir {
         let names = write_renders(&dir, &scored)?;
-        let listed = names
-            .iter()
-            .filter_map(|n| std::fs::metadata(dir.join(n)).ok().map(|m| (n.clone(), m.len())))
-            .collect();
+        let settings = json!({"scene": args.scene, "capture": args.capture, "views": args.views,
+            "profile": args.render.profile, "background": background, "downscale": args.downscale});
         let page = report::fit::page(&report::fit::Input {
             kind: "splat eval",
             title: args.scene.display().to_string(),
             command: cli::command_line(),
             digest: None,
-            settings: &json!({"scene": args.scene, "capture": args.capture, "views": args.views,
-                "profile": args.render.profile, "background": background, "downscale": args.downscale}),
-            history: None,
             events: &[],
             n_gauss: stored.len(),
             scored: &scored,
             evaluation: &evaluation,
-            time: meter.parts(),
-            total_seconds: meter.seconds(),
-            files: listed,
+            run: Run::new(&settings, None, &meter, &dir, &names),
         })?;
         let path = page.write(&dir)?;
         meter.note(&format!("report: {}", path.display()));

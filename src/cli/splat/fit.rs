@@ -2,6 +2,8 @@
 
 use super::RenderArgs;
 use crate::cli::meter::Meter;
+use crate::cli::report::run::Run;
+use crate::cli::shared::Outcome;
 use crate::cli::{self, claim, report};
 use crate::fit::evaluate::{self, Evaluation, Scored};
 use crate::fit::render::{Scene, flat_name};
@@ -131,9 +133,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         dir: claim::folder(&args.out, args.resume, args.force)?,
         checkpoint_every: args.checkpoint_every as usize,
         resume: args.resume,
-        json: args.json,
     };
-    job.run(first, &mut meter).map(|_| ())
+    job.run(first, &mut meter)?.publish(&job.dir, args.json)
 }
 
 /// Says what the fit may take; refuses it above the limit.
@@ -194,12 +195,11 @@ pub(in crate::cli) struct Job<'a> {
     pub(in crate::cli) dir: PathBuf,
     pub(in crate::cli) checkpoint_every: usize,
     pub(in crate::cli) resume: bool,
-    pub(in crate::cli) json: bool,
 }
 
 impl Job<'_> {
-    /// Fits, evaluates, writes, reports; gives the mean PSNR.
-    pub(in crate::cli) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<f64> {
+    /// Fits, evaluates, writes all but the report.
+    pub(in crate::cli) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = SplatFit::new(self.settings.clone(), self.views, first)?;
         let checkpoint = self.dir.join("checkpoint.safetensors");
         let mut history = History::default();
@@ -244,32 +244,25 @@ impl Job<'_> {
         crate::io::atomic::write_bytes(&self.dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
         names.push("result.json".to_owned());
         meter.lap("writing files");
-        let listed = names
-            .iter()
-            .filter_map(|n| std::fs::metadata(self.dir.join(n)).ok().map(|m| (n.clone(), m.len())))
-            .collect();
         let page = report::fit::page(&report::fit::Input {
             kind: self.kind,
             title: self.title.clone(),
             command: cli::command_line(),
             digest: Some(digest.clone()),
-            settings: &record["settings"],
-            history: Some(&history),
             events: fit.events(),
             n_gauss: scene_values.len(),
             scored: &scored,
             evaluation: &evaluation,
-            time: meter.parts(),
-            total_seconds: meter.seconds(),
-            files: listed,
+            run: Run::new(&record["settings"], Some(&history), meter, &self.dir, &names),
         })?;
-        let report_file = page.write(&self.dir)?;
-        if self.json {
-            cli::say_json(&record)?;
-        } else {
-            self.table(&digest, scene_values.len(), &evaluation, meter, &report_file)?;
-        }
-        Ok(evaluation.mean_psnr_db)
+        let lines = vec![
+            scores_text(&evaluation),
+            format!("Gaussians   {}", scene_values.len()),
+            format!("digest      {digest}"),
+            format!("time        {}", report::seconds(meter.seconds())),
+            format!("scene       {}", self.dir.join("scene.ply").display()),
+        ];
+        Ok(Outcome { record, page, lines, held_out_db: evaluation.mean_psnr_db })
     }
 
     fn record(
@@ -296,15 +289,6 @@ impl Job<'_> {
             "seconds": meter.seconds(),
             "seconds_by_part": time,
         })
-    }
-
-    fn table(&self, digest: &str, n: usize, e: &Evaluation, meter: &Meter, report_file: &Path) -> Result<()> {
-        cli::say(&scores_text(e))?;
-        cli::say(&format!("Gaussians   {n}"))?;
-        cli::say(&format!("digest      {digest}"))?;
-        cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
-        cli::say(&format!("scene       {}", self.dir.join("scene.ply").display()))?;
-        cli::say(&format!("report      {}", report_file.display()))
     }
 }
 

@@ -332,6 +332,17 @@ impl Avatar {
     /// # Errors
     /// When the camera is not valid or the pose belongs to another body.
     pub fn picture(&self, pose: &Pose, moment: Option<usize>, camera: &Camera) -> Result<Out> {
+        self.drawn(pose, moment, camera, &self.render)
+    }
+
+    /// [`Self::picture`] with other settings of the renderer.
+    pub(super) fn drawn(
+        &self,
+        pose: &Pose,
+        moment: Option<usize>,
+        camera: &Camera,
+        render: &render::Settings,
+    ) -> Result<Out> {
         if pose.transforms.len() != self.body.joints() {
             return Err(Error::input("pose")
                 .expected(format!("{} joints", self.body.joints()))
@@ -340,9 +351,9 @@ impl Avatar {
         let light = self.light.as_ref().map(|l| l.at(moment));
         let placed = self.place(&self.rig(pose), light.unwrap_or_default());
         let x = self.input(&placed, camera, self.gaussians.sh_degree);
-        x.validate(&self.render)?;
+        x.validate(render)?;
         let (mut out, mut saved) = (Out::default(), Saved::default());
-        render::forward_into(&x, &self.render, None, &mut out, &mut saved);
+        render::forward_into(&x, render, None, &mut out, &mut saved);
         if let Some(light) = light {
             light::apply(&mut out, self.background, light.gain);
         }

@@ -12,7 +12,7 @@
 //!               ├─ prior: what one camera cannot see
 //!               ├─ update: all at once, or progressive (levels, caps) ◄── graph, key Gaussians
 //!               └─ density: pixel criterion, latent criterion        ◄── ∂L_lat/∂picture
-//! store: an avatar as a file      evaluate: its pictures against the capture's
+//! store: an avatar as a file      evaluate: its pictures against the capture's      show: it from anywhere
 //! ```
 //!
 //! [`fit::PersonFit`] is a [`Fit`](crate::fit::training::Fit) and knows the order of things; every other file does one of them and knows none of
@@ -33,6 +33,7 @@ pub mod pose;
 pub mod prior;
 pub mod progressive;
 pub mod settings;
+mod show;
 pub mod skin;
 pub mod store;
 pub mod view;

@@ -25,7 +25,7 @@ pub struct Stored {
     pub avatar: Avatar,
     /// (T) poses of the capture
     pub poses: Vec<Pose>,
-    /// The training cameras, by number.
+    /// The cameras, by number, those that train first.
     pub cameras: Vec<(usize, Camera)>,
     /// Settings of the fit.
     pub settings: Value,
@@ -122,7 +122,7 @@ fn affines(a: &[f32]) -> Vec<Affine> {
         .collect()
 }
 
-/// Writes an avatar with the poses and the training cameras of its capture.
+/// Writes an avatar with the poses and the cameras of its capture.
 ///
 /// # Errors
 /// When the file cannot be written.

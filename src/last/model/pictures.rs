@@ -8,6 +8,8 @@ use super::decoder::{CODE, code};
 use super::encoder::Input;
 use crate::io::npz;
 use crate::num::array::Arrays;
+use crate::scene::camera::{Camera, Model};
+use crate::scene::from_data_gen;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -41,6 +43,8 @@ pub struct Pictures {
     after: Set,
     /// (P, 3) the points at rest
     pub template: Vec<[f32; 3]>,
+    /// Focal length of the camera in sides of a picture; `None`: the figure's camera.
+    focal: Option<f32>,
 }
 
 impl std::fmt::Debug for Pictures {
@@ -113,9 +117,10 @@ impl Pictures {
     /// # Errors
     /// A file that is missing or malformed, pictures or clouds of different sizes.
     pub fn read(folder: &Path, groups: bool) -> Result<Self> {
-        let template = npz::read(&folder.join("template.npz"))?;
+        let rest = npz::read(&folder.join("template.npz"))?;
+        let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
         let template: Vec<[f32; 3]> =
-            template.need("points")?.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+            rest.need("points")?.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let p = template.len();
         let mut all = Self {
             side: 0,
@@ -126,6 +131,7 @@ impl Pictures {
             base: Set::default(),
             after: Set::default(),
             template,
+            focal,
         };
         for path in shards(&folder.join("observational"))? {
             let arrays = npz::read(&path)?;
@@ -165,6 +171,13 @@ impl Pictures {
     /// Side of the pictures.
     pub fn side(&self) -> usize {
         self.side
+    }
+
+    /// The camera that took them.
+    pub fn camera(&self) -> Camera {
+        let camera = from_data_gen::camera(&data_gen::figure::video::camera(0, self.side), Model::Pinhole);
+        let focal_px = self.focal.map_or(camera.focal_px, |f| [f * self.side as f32; 2]);
+        Camera { focal_px, ..camera }
     }
 
     fn find(&self, item: Item) -> (&Set, usize) {

@@ -1,0 +1,95 @@
+//! A fitted person before any camera: the footprint that the fit saw, magnified; cameras around it.
+//!
+//! The renderer widens every Gaussian by a fixed part of a pixel (`blur_px2`, b), and a fit learns shapes that are right with it at the resolution of its
+//! photographs: many are thinner than a pixel, and colour and cover it because of b. Seen larger, a pixel is smaller, the same b is less
+//! of the person, and its surface falls apart into fog and dots. So a picture that is larger than what the fit saw gets the width that the fit
+//! saw, in its own pixels:
+//!
+//! b′ = b · max(1, m)²,   m = s(camera) / max over the capture's cameras of s,   s = √(f_x f_y) / z
+//!
+//! with z the depth of the person's middle; an orthographic camera has s = √(f_x f_y). From a camera of the capture the picture is the one that is
+//! scored, to the bit.
+
+use super::store::Stored;
+use crate::Result;
+use crate::fit::render::Orbit;
+use crate::num::order;
+use crate::scene::camera::{Camera, Model};
+use crate::scene::person::Pose;
+use crate::splat::render::{Out, Settings};
+
+/// What is left free around a person in an orbit, as a share of its reach.
+const MARGIN: f32 = 0.05;
+
+/// Pixels per unit of length at a place; 0 where the camera does not see it.
+fn scale(camera: &Camera, place: [f32; 3], near: f32) -> f32 {
+    let r = camera.rotation[2];
+    let z = ((r[0] * place[0] + r[1] * place[1]) + r[2] * place[2]) + camera.translation[2];
+    let focal = (camera.focal_px[0] * camera.focal_px[1]).sqrt();
+    match camera.model {
+        _ if !(z >= near) => 0.0,
+        Model::Orthographic => focal,
+        Model::Pinhole | Model::Fisheye => focal / z,
+    }
+}
+
+impl Stored {
+    /// Picture of a pose from a camera; `moment` is that of the capture, if the pose is one of it.
+    ///
+    /// # Errors
+    /// When the camera is not valid or the pose belongs to another body.
+    pub fn picture(&self, pose: &Pose, moment: Option<usize>, camera: &Camera) -> Result<Out> {
+        self.avatar.drawn(pose, moment, camera, &self.settings_for(pose, camera))
+    }
+
+    fn settings_for(&self, pose: &Pose, camera: &Camera) -> Settings {
+        let mut settings = self.avatar.render.clone();
+        let near = settings.profile.near;
+        let middle = self.middle(std::slice::from_ref(pose)).0;
+        let most =
+            |place| self.cameras.iter().fold(0.0, |most, (_, c)| order::max(most, scale(c, place, near)));
+        let mut seen = most(middle);
+        if seen == 0.0
+            && let Some(first) = self.poses.first()
+        {
+            // A pose of somebody who stands elsewhere.
+            seen = most(self.middle(std::slice::from_ref(first)).0);
+        }
+        let magnified = scale(camera, middle, near) / seen;
+        if magnified > 1.0 && magnified.is_finite() {
+            settings.profile.blur_px2 *= magnified * magnified;
+        }
+        settings
+    }
+
+    /// Middle of the box around the body in some poses, and the largest distance of a point from it.
+    fn middle(&self, poses: &[Pose]) -> ([f32; 3], f32) {
+        let template = &self.avatar.body.template;
+        let points: Vec<[f32; 3]> =
+            poses.iter().flat_map(|p| template.posed(&p.transforms, &p.axis_angles)).collect();
+        let middle = std::array::from_fn(|k| {
+            let low = points.iter().fold(f32::INFINITY, |m, x| order::min(m, x[k]));
+            let high = points.iter().fold(f32::NEG_INFINITY, |m, x| order::max(m, x[k]));
+            0.5 * (low + high)
+        });
+        let far = points.iter().fold(0.0, |m, x| {
+            let d: [f32; 3] = std::array::from_fn(|k| x[k] - middle[k]);
+            order::max(m, (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2])
+        });
+        (middle, far.sqrt())
+    }
+
+    /// A circle of cameras in whose pictures the whole person is, in every of these poses; a given centre or distance stays.
+    ///
+    /// # Errors
+    /// When a number of the orbit is out of range.
+    pub fn around(&self, orbit: Orbit, poses: &[Pose]) -> Result<Vec<Camera>> {
+        let (middle, reach) = self.middle(poses);
+        let orbit = Orbit {
+            center: orbit.center.or(Some(middle)),
+            radius: orbit.radius.or_else(|| Some(orbit.distance((1.0 + MARGIN) * reach))),
+            ..orbit
+        };
+        Ok(orbit.shots(&self.avatar.gaussians)?.into_iter().map(|s| s.camera).collect())
+    }
+}
