@@ -5,6 +5,7 @@ use crate::cli::meter::Meter;
 use crate::cli::{self, claim, report};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::io::atomic;
+use crate::last::host::calibrate;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::fit::PersonFit;
 use crate::last::host::guide::Guide;
@@ -95,9 +96,9 @@ pub(in crate::cli) struct Guided {
     /// Threshold of the latent criterion
     #[arg(long, value_name = "T", default_value_t = 0.003, help_heading = "Guidance")]
     pub(in crate::cli) tau_rec: f64,
-    /// What the latent gradient is multiplied by before that
-    #[arg(long, value_name = "C", default_value_t = 1.0, help_heading = "Guidance")]
-    pub(in crate::cli) tau_scale: f64,
+    /// What the latent gradient is multiplied by before that [default: found by a calibration on the capture]
+    #[arg(long, value_name = "C", help_heading = "Guidance")]
+    pub(in crate::cli) tau_scale: Option<f64>,
     /// Iterations from one latent gradient to the next
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Guidance")]
     pub(in crate::cli) latent_every: usize,
@@ -122,6 +123,25 @@ pub(in crate::cli) struct Guided {
 }
 
 impl Guided {
+    /// Finds the scale of the latent criterion where the settings depend on it and none was given; it is part of the record of the run.
+    ///
+    /// # Errors
+    /// What the calibration reports.
+    pub(in crate::cli) fn calibrate(
+        &self,
+        settings: &mut Settings,
+        capture: &PersonCapture,
+        guide: &dyn Guide,
+        meter: &mut Meter,
+    ) -> Result<()> {
+        if self.tau_scale.is_none() && matches!(settings.density.mode, Mode::Replace | Mode::Or) {
+            settings.density.latent_scale = calibrate::latent_scale(settings, capture, guide, &mut ())?;
+            meter.lap("calibration");
+            meter.note(&format!("latent criterion times {:.6}", settings.density.latent_scale));
+        }
+        Ok(())
+    }
+
     /// Puts what was asked for into the settings of a fit that has a model.
     ///
     /// # Errors
@@ -139,7 +159,7 @@ impl Guided {
         settings.density = Density {
             mode: if self.no_density_adapter { Mode::Pixel } else { mode },
             latent_threshold: self.tau_rec,
-            latent_scale: self.tau_scale,
+            latent_scale: self.tau_scale.unwrap_or(1.0),
             latent_every: self.latent_every,
             ..settings.density.clone()
         };
@@ -173,7 +193,7 @@ impl Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let model = args.model.as_deref().map(Trained::read).transpose()?;
-    let settings = args.settings(model.is_some())?;
+    let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.resume, args.force)?;
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
@@ -185,6 +205,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         capture.template.len(),
         capture.template.joints.len()
     ));
+    if let Some(model) = &model {
+        args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;
+    }
     let job = Job {
         kind: "last fit",
         title: scoring::title(&args.capture),
