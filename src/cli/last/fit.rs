@@ -135,9 +135,13 @@ impl Guided {
         meter: &mut Meter,
     ) -> Result<()> {
         if self.tau_scale.is_none() && matches!(settings.density.mode, Mode::Replace | Mode::Or) {
-            settings.density.latent_scale = calibrate::latent_scale(settings, capture, guide, &mut ())?;
+            let found = calibrate::latent_scale(settings, capture, guide, &mut ())?;
             meter.lap("calibration");
-            meter.note(&format!("latent criterion times {:.6}", settings.density.latent_scale));
+            settings.density.latent_scale = found.unwrap_or(1.0);
+            meter.note(&match found {
+                Some(scale) => format!("latent criterion times {scale:.6}"),
+                None => "nothing to calibrate the latent criterion by: it is taken as it is".into(),
+            });
         }
         Ok(())
     }

@@ -322,8 +322,12 @@ fn drawing(r: &Report) -> Markup {
 
 fn page(args: &Args, reports: &[Report], costs: &[(String, Summary)]) -> Page {
     let section = |r: &Report| -> Section {
+        // A row's name stays on one line.
+        let text = |(i, cell): (usize, &String)| {
+            report::text(if i == 0 { cell.replace(' ', "\u{a0}") } else { cell.clone() })
+        };
         let rows: Vec<Vec<Markup>> =
-            r.rows.iter().map(|row| row.iter().map(report::text).collect()).collect();
+            r.rows.iter().map(|row| row.iter().enumerate().map(text).collect()).collect();
         let seconds: Vec<Vec<Markup>> = costs
             .iter()
             .filter(|_| r.id == "E14")
@@ -335,8 +339,10 @@ fn page(args: &Args, reports: &[Report], costs: &[(String, Summary)]) -> Page {
             lead: format!("{} — {}: {}", r.claim, r.outcome.name(), r.verdict),
             body: html! {
                 @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
-                (drawing(r))
-                @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
+                div.two style="margin-top:16px" {
+                    (drawing(r))
+                    @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
+                }
             },
         }
     };

@@ -12,25 +12,26 @@ use super::density::{Density, Mode};
 use super::fit::PersonFit;
 use super::guide::Guide;
 use super::settings::Settings;
+use crate::Result;
 use crate::fit::training::{Fit, Watch};
 use crate::scene::person::PersonCapture;
-use crate::{Error, Result};
 
 /// The iteration of the published schedule at which counts are made equal.
 const AT: usize = 600;
 /// The τ_rec for which they are.
 const TAU: f64 = 0.003;
 
-/// c_τ of a model on a capture, by a fit of half the iterations that `settings` asks for, without the progressive update.
+/// c_τ of a model on a capture, by a fit of half the iterations that `settings` asks for, without the progressive update. None where there is nothing to
+/// make equal: no refinement so early, no Gaussian that reaches the pixel criterion, or as many without a latent gradient.
 ///
 /// # Errors
-/// What the fit reports; when no Gaussian reaches the pixel criterion or none has a latent gradient.
+/// What the fit reports.
 pub fn latent_scale(
     settings: &Settings,
     capture: &PersonCapture,
     guide: &dyn Guide,
     watch: &mut dyn Watch,
-) -> Result<f64> {
+) -> Result<Option<f64>> {
     let density = Density { mode: Mode::Budget, latent_scale: 1.0, ..settings.density.clone() };
     let settings = Settings { density, progressive: None, latent_weight: 0.0, ..settings.clone() };
     let iterations = settings.scaled(AT);
@@ -39,12 +40,5 @@ pub fn latent_scale(
         fit.step(i, watch)?;
     }
     let at = fit.events().last().map_or(0.0, |event| event.latent_at_count);
-    if !(at > 0.0) {
-        return Err(Error::check("calibration of the density adapter")
-            .at(format!("iteration {iterations}"))
-            .expected("Gaussians that reach the pixel criterion and have a latent gradient")
-            .got("none")
-            .hint("more iterations, or --tau-scale C"));
-    }
-    Ok(TAU / at)
+    Ok((at > 0.0).then_some(TAU / at))
 }

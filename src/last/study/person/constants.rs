@@ -20,12 +20,12 @@ use super::super::stats::Summary;
 use super::budget;
 use super::stage::{Model, Stage};
 use super::trial::{Structure, Trial};
-use crate::Result;
 use crate::fit::training::Watch;
 use crate::last::host::calibrate;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::progressive::{Cap, Progressive};
 use crate::last::host::settings::Settings;
+use crate::{Error, Result};
 use serde_json::{Value, json};
 
 /// The subject that constants are found on.
@@ -155,7 +155,13 @@ impl Experiment for Calibration<'_> {
     fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values> {
         let model = &self.stage.models[cell];
         let capture = self.stage.capture(model, SUBJECT)?;
-        let scale = calibrate::latent_scale(&self.stage.size.host(), &capture, &model.trained, watch)?;
+        let found = calibrate::latent_scale(&self.stage.size.host(), &capture, &model.trained, watch)?;
+        let scale = found.ok_or_else(|| {
+            Error::check("calibration")
+                .at(model.graph.clone())
+                .expected("Gaussians that reach the pixel criterion and have a latent gradient")
+                .got("none")
+        })?;
         Ok(Values::from([("c_tau".into(), scale)]))
     }
 
@@ -329,9 +335,11 @@ impl Experiment for Search<'_> {
     fn report(&self, results: &[(Cell, Values)]) -> Report {
         let (means, best) = (self.means(results), self.best(results));
         let mut rows = Vec::new();
-        let mut bars = Vec::new();
+        let mut drawn = Vec::new();
         for (a, (name, candidates)) in self.axes.iter().enumerate() {
             let top = means[a][best[a]].mean;
+            // Every candidate of a constant has as many fits.
+            let middle = Summary::of(&means[a].iter().map(|s| s.mean).collect::<Vec<_>>()).mean;
             for (c, (candidate, _)) in candidates.iter().enumerate() {
                 let s = means[a][c];
                 let taken = if best[a] == c { "taken" } else { "" };
@@ -343,7 +351,10 @@ impl Experiment for Search<'_> {
                     count,
                     taken.into(),
                 ]);
-                bars.push((format!("{name} {candidate}"), s.mean));
+                drawn.push((
+                    format!("{name} {candidate}"),
+                    Summary { mean: s.mean - middle, half_width: f64::INFINITY, ..s },
+                ));
             }
         }
         let complete = results.to_vec();
@@ -352,8 +363,8 @@ impl Experiment for Search<'_> {
             claim: "The strongest honest setting: constants found on subject 0, evaluated on others.",
             head: vec!["constant", ">mean PSNR-box at equal renders", ">below the best", ">fits", "choice"],
             rows,
-            chart: ["mean PSNR-box at equal renders, dB", ""],
-            drawing: Drawing::Bars(bars),
+            chart: ["mean PSNR-box at equal renders, above the mean of the constant's candidates, dB", ""],
+            drawing: Drawing::Intervals(drawn),
             outcome: Outcome::Reported,
             verdict: self.found(&complete).map_or_else(
                 || format!("{} of {} fits are there.", results.len(), self.trials.len()),

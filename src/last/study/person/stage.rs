@@ -61,7 +61,7 @@ impl Size {
             gaussians: 1500,
             iterations: 120,
             subjects: 2,
-            candidates: 3,
+            candidates: 5,
             tuning: 100,
             ..Self::full()
         }
@@ -75,7 +75,7 @@ impl Size {
             points: 128,
             gaussians: 300,
             iterations: 24,
-            candidates: 2,
+            candidates: 3,
             tuning: 3,
             ..Self::quick()
         }

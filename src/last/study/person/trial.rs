@@ -24,9 +24,9 @@ use data_gen::figure::graph::Graph;
 use serde_json::{Value, json};
 
 /// Times at which the held-out pictures are looked at during a fit.
-pub const LOOKS: usize = 6;
+const LOOKS: usize = 6;
 /// Times at which factors are compared in E13.
-pub const STEPS: usize = 24;
+const STEPS: usize = 24;
 /// Training pictures scored, or compared in factors, at most.
 const PICTURES: usize = 8;
 /// Part of a clock that is not the fit at the study's iterations.
