@@ -7,6 +7,7 @@ use crate::cli::shared::{Filling, Outcome};
 use crate::cli::{self, claim, report};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::io::atomic;
+use crate::last::host::calibrate;
 use crate::last::host::density::{Density, Mode};
 use crate::last::host::fit::PersonFit;
 use crate::last::host::guide::Guide;
@@ -84,9 +85,9 @@ pub(in crate::cli) struct Guided {
     /// Threshold of the latent criterion
     #[arg(long, value_name = "T", default_value_t = 0.003, help_heading = "Guidance")]
     pub(in crate::cli) tau_rec: f64,
-    /// What the latent gradient is multiplied by before that
-    #[arg(long, value_name = "C", default_value_t = 1.0, help_heading = "Guidance")]
-    pub(in crate::cli) tau_scale: f64,
+    /// What the latent gradient is multiplied by before that [default: found by a calibration on the capture]
+    #[arg(long, value_name = "C", help_heading = "Guidance")]
+    pub(in crate::cli) tau_scale: Option<f64>,
     /// Iterations from one latent gradient to the next
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Guidance")]
     pub(in crate::cli) latent_every: usize,
@@ -121,6 +122,29 @@ impl Guided {
         <Alone as clap::Parser>::parse_from(["last fit"]).guided
     }
 
+    /// Finds the scale of the latent criterion where the settings depend on it and none was given; it is part of the record of the run.
+    ///
+    /// # Errors
+    /// What the calibration reports.
+    pub(in crate::cli) fn calibrate(
+        &self,
+        settings: &mut Settings,
+        capture: &PersonCapture,
+        guide: &dyn Guide,
+        meter: &mut Meter,
+    ) -> Result<()> {
+        if self.tau_scale.is_none() && matches!(settings.density.mode, Mode::Replace | Mode::Or) {
+            let found = calibrate::latent_scale(settings, capture, guide, &mut ())?;
+            meter.lap("calibration");
+            settings.density.latent_scale = found.unwrap_or(1.0);
+            meter.note(&match found {
+                Some(scale) => format!("latent criterion times {scale:.6}"),
+                None => "nothing to calibrate the latent criterion by: it is taken as it is".into(),
+            });
+        }
+        Ok(())
+    }
+
     /// Puts what was asked for into the settings of a fit that has a model.
     ///
     /// # Errors
@@ -138,7 +162,7 @@ impl Guided {
         settings.density = Density {
             mode: if self.no_density_adapter { Mode::Pixel } else { mode },
             latent_threshold: self.tau_rec,
-            latent_scale: self.tau_scale,
+            latent_scale: self.tau_scale.unwrap_or(1.0),
             latent_every: self.latent_every,
             ..settings.density.clone()
         };
@@ -172,7 +196,7 @@ impl Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.filling.quiet);
     let model = args.model.as_deref().map(Trained::read).transpose()?;
-    let settings = args.settings(model.is_some())?;
+    let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
@@ -184,6 +208,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         capture.template.len(),
         capture.template.joints.len()
     ));
+    if let Some(model) = &model {
+        args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;
+    }
     let job = Job {
         kind: "last fit",
         title: scoring::title(&args.capture),

@@ -1,33 +1,54 @@
 //! `last study`: the experiments of LAST, one table and one chart each.
 
 use crate::cli::meter::Meter;
-use crate::cli::report::charts::{Lines, Series, bars};
+use crate::cli::report::charts::{Lines, Series, bars, intervals};
 use crate::cli::report::{self, Page, Section, Stat};
 use crate::cli::shared::Manner;
 use crate::cli::{self, claim};
-use crate::fit::training::Watch;
-use crate::last::study::learn::{self, Learning, Size};
-use crate::last::study::plan::{Experiment, Report};
-use crate::last::study::run;
+use crate::fit::training::{Step, Watch};
+use crate::io::atomic;
+use crate::last::model::file::Trained;
+use crate::last::study::learn::{self, Learning};
+use crate::last::study::person::constants::{Calibration, Constants, Search};
+use crate::last::study::person::experiments::{self, CLAIMS};
+use crate::last::study::person::stage::{self, Model, Stage};
+use crate::last::study::person::trial::AROUND;
+use crate::last::study::plan::{Cell, Drawing, Experiment, Outcome, Report, Results};
+use crate::last::study::run::{self, Onlooker};
+use crate::last::study::stats::Summary;
 use crate::{Error, Result};
 use maud::{Markup, html};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
 
 /// The record in `--out`.
 const RECORD: &str = "study.json";
+/// Seconds of the fits that ran, in `--out`: nothing else here depends on a clock.
+const SECONDS: &str = "seconds.csv";
+/// What the constants are found by.
+const FOUND_BY: [(&str, &str); 2] = [
+    ("calibration", "c_τ makes τ_rec a number without a scale."),
+    ("search", "The strongest honest setting: constants found on subject 0, evaluated on others."),
+];
 
 /// Run the experiments: what the paper claims, what is found.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last study --out study                    everything; long
-  lastlight last study --out study --resume           go on where it stopped
-  lastlight last study E10 E12 --out study
-  lastlight last study E10 --out look --quick         small sizes, one seed
+  lastlight last study --out study --model FORK=model/model.safetensors    everything; hours
+  lastlight last study --out study --model FORK=model/model.safetensors --resume   go on where it stopped
+  lastlight last study E1 --out study --model FORK=a.safetensors --model FULL=b.safetensors
+  lastlight last study E10 --out look --quick                              small sizes, few seeds
 
-E4 number of factors · E10 is the structure found · E11 the spurious edge of a fork · E12 where dependence is
-punished. Every cell (one training with one seed) is a file under --out; the reports are made from these
-files. --out gets study.json, one CSV per experiment and report/index.html.")]
+E1 full system against host · E2 what each part does · E3 wrong structures · E4 number of factors · E5 τ_rec
+E6 where the latent criterion adds · E7 λ · E8 order of the updates · E9 tuning · E10 is the structure found
+E11 the spurious edge of a fork · E12 where dependence is punished · E13 errors of child factors · E14 cost
+E15 latent factors in the loss. Those with persons need a model that was trained on pictures of
+`last gen --graph GRAPH` with its default seed; the first one serves where an experiment asks for one.
+Before them the scale of the latent criterion and the strongest constants are found on a subject that is in no
+experiment (calibration, search). Every cell (one training or fit) is a file under --out; the reports are
+made from these files. --out gets study.json, one CSV per experiment and report/index.html.")]
 pub(in crate::cli) struct Args {
     /// Experiments [default: all]
     #[arg(value_name = "ID")]
@@ -35,42 +56,191 @@ pub(in crate::cli) struct Args {
     /// Folder for results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Small sizes and one seed
+    /// Image-to-point model of last pretrain and the graph of its data; once for each graph
+    #[arg(long, value_name = "GRAPH=FILE")]
+    model: Vec<String>,
+    /// The constants of the specification instead of a search
+    #[arg(long)]
+    no_search: bool,
+    /// Small sizes and few seeds
     #[arg(long)]
     quick: bool,
+    /// The smallest sizes: shows that everything runs, in seconds
+    #[arg(long, conflicts_with = "quick")]
+    smoke: bool,
     /// Go on where an interrupted study stopped
     #[arg(long, conflicts_with = "force")]
     resume: bool,
+    /// Run nothing: report what is there
+    #[arg(long, requires = "resume")]
+    stored: bool,
     #[command(flatten)]
     manner: Manner,
 }
 
+/// Tells the terminal and writes down how long fits take.
+struct Clock<'a> {
+    meter: &'a mut Meter,
+    file: PathBuf,
+    before: f64,
+}
+
+impl Clock<'_> {
+    fn seconds(&self) -> f64 {
+        self.meter.parts().iter().filter(|(part, _)| part != AROUND).fold(0.0, |s, (_, x)| s + x)
+    }
+}
+
+impl Watch for Clock<'_> {
+    fn lap(&mut self, part: &'static str) {
+        self.meter.lap(part);
+    }
+
+    fn progress(&mut self, _: usize, _: usize, _: Step) {}
+}
+
+impl Onlooker for Clock<'_> {
+    fn next(&mut self, done: usize, total: usize, what: &str) {
+        self.meter.lap(AROUND);
+        self.before = self.seconds();
+        self.meter.count(done, total, what);
+    }
+
+    fn ran(&mut self, folder: &str, key: &str) {
+        let line = format!("{folder},{key},{:.3}\n", self.seconds() - self.before);
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(&self.file);
+        if let Err(e) = file.and_then(|mut f| f.write_all(line.as_bytes())) {
+            self.meter.note(&format!("{}: {e}", self.file.display()));
+        }
+    }
+}
+
+/// Seconds by key, the last word of each.
+fn seconds(dir: &Path) -> BTreeMap<String, f64> {
+    let text = std::fs::read_to_string(dir.join(SECONDS)).unwrap_or_default();
+    let entry = |line: &str| {
+        let mut parts = line.split(',').skip(1);
+        Some((parts.next()?.to_owned(), parts.next()?.parse().ok()?))
+    };
+    text.lines().filter_map(entry).collect()
+}
+
+impl Args {
+    fn sizes(&self) -> (learn::Size, stage::Size) {
+        match (self.quick, self.smoke) {
+            (true, _) => (learn::Size::quick(), stage::Size::quick()),
+            (_, true) => (learn::Size::smoke(), stage::Size::smoke()),
+            _ => (learn::Size::full(), stage::Size::full()),
+        }
+    }
+
+    fn wants(&self, id: &str) -> bool {
+        self.ids.is_empty() || self.ids.iter().any(|x| x == id)
+    }
+
+    fn models(&self) -> Result<Vec<Model>> {
+        let mut models: Vec<Model> = Vec::new();
+        for text in &self.model {
+            let wrong =
+                |got: &str| Error::input("--model").expected("GRAPH=FILE, one for each graph").got(got);
+            let (graph, file) = text.split_once('=').ok_or_else(|| wrong(text))?;
+            if models.iter().any(|m| m.graph == graph) {
+                return Err(wrong(&format!("{graph} twice")));
+            }
+            models.push(Model::new(graph, Trained::read(Path::new(file))?)?);
+        }
+        Ok(models)
+    }
+}
+
+/// Experiments in work: where, and with whom looking on.
+struct Study<'a> {
+    dir: PathBuf,
+    only_stored: bool,
+    meter: &'a mut Meter,
+    reports: Vec<Report>,
+}
+
+impl Study<'_> {
+    /// Runs what is missing of some experiments and reports them.
+    fn run(&mut self, experiments: &[&dyn Experiment]) -> Result<Vec<Results>> {
+        let mut clock = Clock { meter: self.meter, file: self.dir.join(SECONDS), before: 0.0 };
+        let results =
+            cli::stoppable(|stop| run::run(experiments, &self.dir, self.only_stored, stop, &mut clock));
+        self.meter.done();
+        let results = results?;
+        self.reports.extend(experiments.iter().zip(&results).map(|(x, r)| x.report(r)));
+        Ok(results)
+    }
+
+    /// Says of those that are wanted why they did not run.
+    fn cannot(&mut self, args: &Args, claims: &[(&'static str, &'static str)], why: &str) {
+        let wanted = claims.iter().filter(|(id, _)| args.wants(id));
+        self.reports.extend(wanted.map(|(id, claim)| Report::not_run(id, claim, why)));
+    }
+
+    /// The constants of the guided fit; none while results are missing.
+    fn constants(&mut self, stage: &Stage, published: bool) -> Result<Option<Constants>> {
+        let calibration = Calibration { stage };
+        let results = self.run(&[&calibration])?.remove(0);
+        let Some(scales) = calibration.found(&results) else { return Ok(None) };
+        if published {
+            return Ok(Some(Constants::published(scales)));
+        }
+        let search = Search::new(stage, scales)?;
+        let results = self.run(&[&search])?.remove(0);
+        Ok(search.found(&results))
+    }
+}
+
+/// Of `E7`, 7; what comes before the experiments is 0.
+fn number(id: &str) -> u32 {
+    id.strip_prefix('E').and_then(|n| n.parse().ok()).unwrap_or(0)
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.manner.quiet);
-    let size = if args.quick { Size::quick() } else { Size::full() };
-    let all: [Learning; 4] =
-        [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(size));
+    let (vectors, persons) = args.sizes();
+    let learning: [Learning; 4] =
+        [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(vectors));
+    let guided: Vec<&str> = FOUND_BY.iter().chain(&CLAIMS).map(|(id, _)| *id).collect();
     for id in &args.ids {
-        if !all.iter().any(|x| x.id() == id) {
-            let names: Vec<&str> = all.iter().map(|x| x.id()).collect();
+        if !learning.iter().any(|x| x.id() == id) && !guided.contains(&id.as_str()) {
+            let mut names: Vec<&str> =
+                learning.iter().map(|x| x.id()).chain(guided.iter().copied()).collect();
+            names.sort_by_key(|id| number(id));
             return Err(Error::input("experiment").expected(names.join(", ")).got(id.as_str()));
         }
     }
-    let chosen: Vec<&dyn Experiment> = all
-        .iter()
-        .filter(|x| args.ids.is_empty() || args.ids.iter().any(|id| id == x.id()))
-        .map(|x| x as &dyn Experiment)
-        .collect();
+    let models = args.models()?;
     let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
-    let settings = json!({
-        "steps": size.steps, "refit": size.refit, "freeze": size.freeze, "data": size.data, "seeds": size.seeds,
-        "lastlight": env!("CARGO_PKG_VERSION"),
-    });
-    let reports = cli::stoppable(|stop| {
-        run::run(&chosen, &settings, &dir, stop, &mut |done, total, what| meter.count(done, total, what))
-    })?;
-    meter.done();
-    meter.lap("cells");
+    let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
+    let mut study =
+        Study { dir: dir.clone(), only_stored: args.stored, meter: &mut meter, reports: Vec::new() };
+    let mut constants = None;
+    let mut costs = Vec::new();
+    if guided.iter().any(|id| args.wants(id)) {
+        let stage = Stage { size: persons, models, dir: dir.clone() };
+        if stage.models.is_empty() {
+            study.cannot(args, &FOUND_BY, "no model");
+            study.cannot(args, &CLAIMS, "no model");
+        } else if let Some(found) = study.constants(&stage, args.no_search)? {
+            let all = experiments::all(&stage, &found)?;
+            let chosen: Vec<&dyn Experiment> =
+                all.iter().filter(|x| args.wants(x.id())).map(|x| x as &dyn Experiment).collect();
+            study.run(&chosen)?;
+            constants = Some(found.text());
+            let cost = all.iter().find(|x| x.id() == "E14");
+            costs = cost.map_or_else(Vec::new, |x| durations(&x.cells(), &seconds(&dir)));
+        } else {
+            study.cannot(args, &CLAIMS, "the search for constants is not complete");
+        }
+    }
+    let chosen: Vec<&dyn Experiment> =
+        learning.iter().filter(|x| args.wants(x.id())).map(|x| x as &dyn Experiment).collect();
+    study.run(&chosen)?;
+    let mut reports = study.reports;
+    reports.sort_by_key(|r| number(r.id));
     for r in &reports {
         let quoted = |row: &[String]| -> String {
             row.iter().map(|c| format!("\"{}\"", c.replace('"', "\"\""))).collect::<Vec<_>>().join(",")
@@ -78,43 +248,54 @@ pub(super) fn run(args: &Args) -> Result<()> {
         let head: Vec<String> = r.head.iter().map(|h| h.trim_start_matches('>').to_owned()).collect();
         let lines: Vec<String> = std::iter::once(&head).chain(&r.rows).map(|row| quoted(row)).collect();
         let file = dir.join(format!("{}.csv", r.id));
-        crate::io::atomic::write_bytes(&file, format!("{}\n", lines.join("\n")).as_bytes())?;
+        atomic::write_bytes(&file, format!("{}\n", lines.join("\n")).as_bytes())?;
     }
     let record = json!({
-        "kind": "last study", "settings": settings, "seconds": meter.seconds(),
-        "experiments": reports.iter().map(summary).collect::<Vec<_>>(),
+        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "models": named, "constants": constants,
+        "experiments": reports.iter().map(summary).collect::<Vec<_>>(), "seconds": meter.seconds(),
     });
-    crate::io::atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
-    let page = page(&reports, args.quick).write(&dir)?;
+    atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
+    let page = page(args, &reports, &costs).write(&dir)?;
     if args.manner.json {
         return cli::say_json(&record);
     }
     for r in &reports {
-        cli::say(&format!("{:4} {:11} {}", r.id, outcome(r), r.verdict))?;
+        cli::say(&format!("{:11} {:9} {}", r.id, r.outcome.name(), r.verdict))?;
     }
     cli::say(&format!("report {}", page.display()))
 }
 
-fn outcome(r: &Report) -> &'static str {
-    match r.holds {
-        Some(true) => "holds",
-        Some(false) => "does not",
-        None => "reported",
+/// Mean seconds of a fit by row.
+fn durations(cells: &[Cell], seconds: &BTreeMap<String, f64>) -> Vec<(String, Summary)> {
+    let mut rows: Vec<(String, Vec<f64>)> = Vec::new();
+    for cell in cells {
+        let Some(&s) = seconds.get(&cell.key) else { continue };
+        match rows.iter_mut().find(|(row, _)| *row == cell.row) {
+            Some((_, all)) => all.push(s),
+            None => rows.push((cell.row.clone(), vec![s])),
+        }
     }
+    rows.into_iter().map(|(row, all)| (row, Summary::of(&all))).collect()
 }
 
 fn summary(r: &Report) -> Value {
-    json!({ "id": r.id, "claim": r.claim, "holds": r.holds, "verdict": r.verdict, "head": r.head, "rows": r.rows })
+    json!({
+        "id": r.id, "claim": r.claim, "outcome": r.outcome.name(), "verdict": r.verdict, "head": r.head,
+        "rows": r.rows,
+    })
 }
 
-fn page(reports: &[Report], quick: bool) -> Page {
-    let section = |r: &Report| -> Section {
-        let rows: Vec<Vec<Markup>> =
-            r.rows.iter().map(|row| row.iter().map(report::text).collect()).collect();
-        let chart = if r.curves.is_empty() {
-            bars(r.chart[0], &r.bars, 'a', 2, 0.0, None)
-        } else {
-            let series = r.curves.iter().enumerate().map(|(i, c)| Series {
+fn drawing(r: &Report) -> Markup {
+    match &r.drawing {
+        Drawing::Bars(rows) if rows.is_empty() => html! {},
+        Drawing::Bars(rows) => bars(r.chart[0], rows, 'a', 2, 0.0, None),
+        Drawing::Intervals(rows) => {
+            let rows: Vec<(String, f64, f64)> =
+                rows.iter().map(|(name, s)| (name.clone(), s.mean, s.half_width)).collect();
+            intervals(r.chart[0], &rows, 'a')
+        }
+        Drawing::Lines { curves, from_zero } => {
+            let series = curves.iter().enumerate().map(|(i, c)| Series {
                 name: &c.name,
                 color: (b'a' + (i % 8) as u8) as char,
                 points: c.points.iter().map(|p| (p.0, p.1)).collect(),
@@ -124,29 +305,61 @@ fn page(reports: &[Report], quick: bool) -> Page {
                 title: r.chart[0],
                 x_label: r.chart[1],
                 log_y: false,
-                from_zero: true,
+                from_zero: *from_zero,
                 series: series.collect(),
                 marks: Vec::new(),
             };
             lines.html()
+        }
+    }
+}
+
+fn page(args: &Args, reports: &[Report], costs: &[(String, Summary)]) -> Page {
+    let section = |r: &Report| -> Section {
+        // A row's name stays on one line.
+        let text = |(i, cell): (usize, &String)| {
+            report::text(if i == 0 { cell.replace(' ', "\u{a0}") } else { cell.clone() })
         };
+        let rows: Vec<Vec<Markup>> =
+            r.rows.iter().map(|row| row.iter().enumerate().map(text).collect()).collect();
+        let seconds: Vec<Vec<Markup>> = costs
+            .iter()
+            .filter(|_| r.id == "E14")
+            .map(|(row, s)| vec![report::text(row), report::text(format!("{s:.2}"))])
+            .collect();
         Section {
             id: r.id,
             title: r.id,
-            lead: format!("{} — {}: {}", r.claim, outcome(r), r.verdict),
-            body: html! { (report::table(&r.head, &rows)) (chart) },
+            lead: format!("{} — {}: {}", r.claim, r.outcome.name(), r.verdict),
+            body: html! {
+                @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
+                div.two style="margin-top:16px" {
+                    (drawing(r))
+                    @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
+                }
+            },
         }
     };
-    let count = |wanted: Option<bool>| reports.iter().filter(|r| r.holds == wanted).count().to_string();
+    let count = |wanted: Outcome| reports.iter().filter(|r| r.outcome == wanted).count().to_string();
+    let stat = |wanted: Outcome, note: &str| Stat {
+        label: wanted.name(),
+        value: count(wanted),
+        note: note.to_owned(),
+    };
     Page {
         kind: "last study".into(),
-        title: if quick { "small sizes, one seed: a look, no evidence".into() } else { "experiments".into() },
+        title: match (args.quick, args.smoke) {
+            (true, _) => "small sizes, few seeds: a look, no evidence".into(),
+            (_, true) => "the smallest sizes: everything runs, nothing is shown".into(),
+            _ => "experiments".into(),
+        },
         command: cli::command_line(),
         facts: Vec::new(),
         stats: vec![
-            Stat { label: "hold", value: count(Some(true)), note: "of what counts as reproduced".into() },
-            Stat { label: "do not", value: count(Some(false)), note: String::new() },
-            Stat { label: "reported", value: count(None), note: "without a criterion".into() },
+            stat(Outcome::Holds, "what counts as reproduced came out"),
+            stat(Outcome::Fails, "it did not"),
+            stat(Outcome::Reported, "without a criterion"),
+            stat(Outcome::NotRun, "something is missing"),
         ],
         sections: reports.iter().map(section).collect(),
     }

@@ -1,17 +1,14 @@
 //! `last tune`: the structure of a model, fine-tuned on one subject.
 
+use crate::Result;
 use crate::cli;
 use crate::cli::claim;
 use crate::cli::meter::Meter;
 use crate::cli::shared::Manner;
 use crate::fit::training::Watch;
-use crate::last::model::decoder::code;
 use crate::last::model::file::Trained;
-use crate::last::model::guide;
-use crate::last::model::settings::Reading;
 use crate::last::model::tune::{self, Settings, Subject};
 use crate::scene::person::PersonCapture;
-use crate::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -42,35 +39,6 @@ pub(in crate::cli) struct Args {
     manner: Manner,
 }
 
-/// What the model makes of the training pictures of a capture.
-///
-/// # Errors
-/// A picture that cannot be read; no training pictures.
-pub(in crate::cli) fn subject(trained: &Trained, capture: &PersonCapture) -> Result<Subject> {
-    let mut subject = Subject::default();
-    if trained.settings.reading == Reading::Literal {
-        subject.rest = capture.template.points.clone();
-        subject.codes = code(&subject.rest);
-    }
-    for &i in &capture.train {
-        let shot = &capture.shots[i];
-        let photo = shot.photo()?;
-        let seen = guide::seen(trained, capture, shot, &photo)?;
-        let [mu, ell] = trained.posterior(&seen);
-        subject.mu.extend(mu);
-        subject.ell.extend(ell);
-        if trained.settings.reading == Reading::Literal {
-            subject.posed.push(capture.posed_points(shot.time));
-        }
-    }
-    if subject.mu.is_empty() {
-        return Err(Error::input(capture.folder.display().to_string())
-            .expected("at least one training picture")
-            .got("none"));
-    }
-    Ok(subject)
-}
-
 /// Edges as text: `0>1 0>2`, or `none`.
 pub(in crate::cli) fn edges(edges: &[(usize, usize)]) -> String {
     let all: Vec<String> = edges.iter().map(|(i, j)| format!("{i}>{j}")).collect();
@@ -82,7 +50,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     claim::file(&args.out, args.manner.force)?;
     let mut trained = Trained::read(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
-    let subject = subject(&trained, &capture)?;
+    let subject = Subject::new(&trained, &capture)?;
     meter.lap("pictures");
     let settings = Settings { steps: args.steps, seed: args.seed, ..Settings::default() };
     let tuned = tune::run(&mut trained, &subject, &settings)?;

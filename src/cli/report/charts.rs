@@ -231,6 +231,40 @@ pub(crate) fn bars(
     }
 }
 
+/// Means with their intervals as dots with whiskers, one row each, before a line at 0. A half-width that is not finite has no whisker.
+pub(crate) fn intervals(title: &str, rows: &[(String, f64, f64)], color: char) -> Markup {
+    let row_height = 24.0;
+    let (label, right) = (170.0, 110.0);
+    let height = rows.len() as f64 * row_height + 28.0;
+    let half = |h: f64| if h.is_finite() { h } else { 0.0 };
+    let low = rows.iter().fold(0.0, |m, r| crate::num::order::min(m, r.1 - half(r.2)));
+    let high = rows.iter().fold(0.0, |m, r| crate::num::order::max(m, r.1 + half(r.2)));
+    let span = if high > low { high - low } else { 1.0 };
+    let px = |x: f64| label + (x - low) / span * (W - label - right);
+    let bottom = height - 24.0;
+    html! {
+        div.panel {
+            h3 { (title) }
+            svg viewBox={ "0 0 " (W) " " (height) } role="img" aria-label=(title) {
+                @for x in ticks(low, high, 4) {
+                    line x1=(num(px(x))) x2=(num(px(x))) y1="0" y2=(num(bottom)) stroke="var(--line)" {}
+                    text x=(num(px(x))) y=(num(height - 6.0)) text-anchor="middle" { (short(x)) }
+                }
+                line x1=(num(px(0.0))) x2=(num(px(0.0))) y1="0" y2=(num(bottom)) stroke="var(--ink)" stroke-opacity="0.55" {}
+                @for (i, (name, mean, width)) in rows.iter().enumerate() {
+                    @let y = i as f64 * row_height + 12.0;
+                    text x=(label - 10.0) y=(num(y + 4.0)) text-anchor="end" { (clip(name, 26)) title { (name) } }
+                    line x1=(num(px(mean - half(*width)))) x2=(num(px(mean + half(*width)))) y1=(num(y)) y2=(num(y)) stroke={ "var(--" (color) ")" } stroke-width="2" {}
+                    circle cx=(num(px(*mean))) cy=(num(y)) r="4" fill={ "var(--" (color) ")" } { title { (name) } }
+                    text x=(W - 2.0) y=(num(y + 4.0)) text-anchor="end" {
+                        (format!("{mean:+.2}")) @if width.is_finite() { " ± " (format!("{width:.2}")) }
+                    }
+                }
+            }
+        }
+    }
+}
+
 /// Colours of a bar of parts; the last is for the rest.
 const COLORS: usize = 8;
 
@@ -312,6 +346,9 @@ mod tests {
         assert!(chart(vec![]).html().into_string().contains("Nothing recorded"), "empty");
         let flat = chart(vec![(0.0, 0.1), (1.0, 0.1)]).html().into_string();
         assert!(!flat.contains("NaN") && !flat.contains("inf"), "finite coordinates: {flat}");
+        let rows = [("a".to_owned(), 0.5, f64::INFINITY), ("b".to_owned(), -0.25, 0.5)];
+        let drawn = intervals("t", &rows, 'a').into_string();
+        assert!(!drawn.contains("NaN") && !drawn.contains("inf"), "finite coordinates: {drawn}");
         assert_eq!(clip("images/a_very_long_name.png", 16).chars().count(), 16, "clipped");
     }
 }

@@ -65,7 +65,7 @@ pub struct Density {
     pub pixel_threshold: f32,
     /// τ_rec
     pub latent_threshold: f64,
-    /// c_τ, multiplies the latent mean
+    /// c_τ, multiplies the latent mean; see [`calibrate`](super::calibrate)
     pub latent_scale: f64,
     /// L_lat is asked for at multiples of this
     pub latent_every: usize,

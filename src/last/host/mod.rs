@@ -12,7 +12,8 @@
 //!               ├─ prior: what one camera cannot see
 //!               ├─ update: all at once, or progressive (levels, caps) ◄── graph, key Gaussians
 //!               └─ density: pixel criterion, latent criterion        ◄── ∂L_lat/∂picture
-//! store: an avatar as a file      evaluate: its pictures against the capture's      show: it from anywhere
+//! store: an avatar as a file      evaluate: its pictures against the capture's
+//! show: it from anywhere           calibrate: the scale of the latent criterion
 //! ```
 //!
 //! [`fit::PersonFit`] is a [`Fit`](crate::fit::training::Fit) and knows the order of things; every other file does one of them and knows none of
@@ -23,6 +24,7 @@
 
 pub mod avatar;
 pub mod body;
+pub mod calibrate;
 pub mod density;
 pub mod evaluate;
 pub mod fit;

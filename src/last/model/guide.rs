@@ -204,15 +204,23 @@ impl Guide for Trained {
     }
 }
 
-/// What the model sees of a shot (S, S, 3).
+/// What the model sees of the photograph of a shot (S, S, 3).
 ///
 /// # Errors
 /// When the picture is no square whose side is a multiple of the model's.
 pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Result<Vec<f32>> {
-    let (width, height) = (shot.camera.width, shot.camera.height);
     let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
+    cut(trained, capture, shot, &picture)
+}
+
+/// What the model sees of a picture (H, W, 3) of a shot's camera and moment (S, S, 3).
+///
+/// # Errors
+/// When the picture is no square whose side is a multiple of the model's.
+pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f32]) -> Result<Vec<f32>> {
+    let (width, height) = (shot.camera.width, shot.camera.height);
     let inside = capture.box_mask(shot);
     let rectangle = bound::rectangle(&inside, width).unwrap_or([[0, 0], [height, width]]);
     let window = Window::new(trained.framing(), trained.side(), [height, width], rectangle)?;
-    Ok(window.take(&picture))
+    Ok(window.take(picture))
 }

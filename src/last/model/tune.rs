@@ -5,8 +5,9 @@
 //! template, in space alone. Both add 0.1 Σ (p − p₀)², so that A does not drift without evidence. All pictures are one batch; a step draws a
 //! mask and the noise of the posterior.
 
-use super::decoder::Target;
+use super::decoder::{Target, code};
 use super::file::Trained;
+use super::guide;
 use super::latent::{self, Layout};
 use super::purpose;
 use super::settings::{Reading, Supervision, Weights};
@@ -14,6 +15,7 @@ use super::structure::{Kind, Structure};
 use crate::causal::{acyclic, mask, repair};
 use crate::num::rng::Rng;
 use crate::optim::adam::{Adam, Counters, Rule};
+use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
 
 /// How long and how fast.
@@ -48,6 +50,35 @@ pub struct Subject {
     pub rest: Vec<[f32; 3]>,
     /// (T, P, 3) the posed template
     pub posed: Vec<Vec<[f32; 3]>>,
+}
+
+impl Subject {
+    /// What the model makes of the training pictures of a capture.
+    ///
+    /// # Errors
+    /// A picture that cannot be read; no training pictures.
+    pub fn new(trained: &Trained, capture: &PersonCapture) -> Result<Self> {
+        let mut subject = Self::default();
+        if trained.settings.reading == Reading::Literal {
+            subject.rest = capture.template.points.clone();
+            subject.codes = code(&subject.rest);
+        }
+        for &i in &capture.train {
+            let shot = &capture.shots[i];
+            let [mu, ell] = trained.posterior(&guide::seen(trained, capture, shot, &shot.photo()?)?);
+            subject.mu.extend(mu);
+            subject.ell.extend(ell);
+            if trained.settings.reading == Reading::Literal {
+                subject.posed.push(capture.posed_points(shot.time));
+            }
+        }
+        if subject.mu.is_empty() {
+            return Err(Error::input(capture.folder.display().to_string())
+                .expected("at least one training picture")
+                .got("none"));
+        }
+        Ok(subject)
+    }
 }
 
 /// What tuning did.

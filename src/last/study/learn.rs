@@ -3,8 +3,9 @@
 //! A trial trains a model on [`Vectors`] of a generator and compares its graph with the truth. Beside every row stands what the same search finds on the
 //! true factors, because some scores cannot reach 1 even for a perfect model.
 
-use super::plan::{Cell, Curve, Experiment, Report, Values, of, rows};
+use super::plan::{Cell, Curve, Drawing, Experiment, Outcome, Report, Values, of, rows};
 use super::stats::{Summary, median};
+use crate::fit::training::Watch;
 use crate::last::model::data::{Data, Item};
 use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
 use crate::last::model::train::Training;
@@ -18,6 +19,7 @@ use crate::math::digraph::Digraph;
 use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
+use serde_json::{Value, json};
 
 /// Sizes of the trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,6 +45,11 @@ impl Size {
     /// For a look.
     pub fn quick() -> Self {
         Self { steps: 300, refit: 60, freeze: 40, data: [512, 64], seeds: 1 }
+    }
+
+    /// For a test that everything runs.
+    pub fn smoke() -> Self {
+        Self { steps: 4, refit: 2, freeze: 1, data: [64, 8], seeds: 1 }
     }
 }
 
@@ -120,7 +127,9 @@ impl Trial {
         if let Some([_, sid]) = verdict.distances {
             values.insert("sid".into(), sid as f64);
         }
-        if let Some([moved, still]) = verdict.counterfactual {
+        if let Some([moved, still]) = verdict.counterfactual
+            && still > 0.0
+        {
             values.insert("counterfactual".into(), moved / still);
         }
         if self.factors == 4 && self.truth == 4 {
@@ -150,7 +159,7 @@ fn known(data: &Vectors, n: usize) -> Samples {
 }
 
 /// A name for keys of files.
-fn plain(row: &str) -> String {
+pub(super) fn plain(row: &str) -> String {
     row.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }
 
@@ -182,10 +191,6 @@ impl Trials {
             })
             .collect()
     }
-
-    fn run(&self, cell: usize) -> Result<Values> {
-        self.list[cell].1.run(&self.size)
-    }
 }
 
 /// An experiment of trials.
@@ -205,8 +210,17 @@ impl Experiment for Learning {
         self.trials.cells()
     }
 
-    fn run(&self, cell: usize) -> Result<Values> {
-        self.trials.run(cell)
+    fn settings(&self, _: usize) -> Value {
+        let s = &self.trials.size;
+        json!({
+            "steps": s.steps, "refit": s.refit, "freeze": s.freeze, "data": s.data,
+            "lastlight": env!("CARGO_PKG_VERSION"),
+        })
+    }
+
+    fn run(&self, cell: usize, _: &mut dyn Watch) -> Result<Values> {
+        let (_, trial) = &self.trials.list[cell];
+        trial.run(&self.trials.size)
     }
 
     fn report(&self, results: &[(Cell, Values)]) -> Report {
@@ -288,9 +302,10 @@ fn report_e10(results: &[(Cell, Values)]) -> Report {
         ],
         rows: names.iter().map(line).collect(),
         chart: ["median SHD", "row"],
-        curves: Vec::new(),
-        bars: names.iter().map(|row| (row.clone(), median(&of(results, row, "shd")))).collect(),
-        holds: (!good.is_empty()).then_some(missed.is_empty()),
+        drawing: Drawing::Bars(
+            names.iter().map(|row| (row.clone(), median(&of(results, row, "shd")))).collect(),
+        ),
+        outcome: Outcome::of((!good.is_empty()).then_some(missed.is_empty())),
         verdict: if missed.is_empty() {
             "With groups that share a value the median SHD is at most 1 on every graph; what is told less stands beside it.".into()
         } else {
@@ -323,9 +338,10 @@ fn report_e11(results: &[(Cell, Values)]) -> Report {
         head: vec!["mechanism, told", ">p(W→O)", ">p(O→W)", ">edges of the graph", ">SHD of the graph"],
         rows: names.iter().map(line).collect(),
         chart: ["mean of p(W→O)", "row"],
-        curves: Vec::new(),
-        bars: names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "p_wo")).mean)).collect(),
-        holds: (!told.is_empty()).then_some(holds),
+        drawing: Drawing::Bars(
+            names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "p_wo")).mean)).collect(),
+        ),
+        outcome: Outcome::of((!told.is_empty()).then_some(holds)),
         verdict: if holds {
             "No spurious edge is probable with interventions.".into()
         } else {
@@ -363,9 +379,10 @@ fn report_e12(results: &[(Cell, Values)]) -> Report {
         head: vec!["graph, L_MI on", ">TPR", ">FDR", ">SHD", ">MCC"],
         rows: names.iter().map(line).collect(),
         chart: ["mean TPR", "row"],
-        curves: Vec::new(),
-        bars: names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "tpr")).mean)).collect(),
-        holds: paired.map(|p| p.is_positive()),
+        drawing: Drawing::Bars(
+            names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "tpr")).mean)).collect(),
+        ),
+        outcome: Outcome::of(paired.map(|p| p.is_positive())),
         verdict: paired.map_or_else(String::new, |p| {
             format!("TPR on noise minus on factors: {:.3}, 95 % interval ± {:.3}.", p.mean, p.half_width)
         }),
@@ -413,9 +430,8 @@ fn report_e4(results: &[(Cell, Values)]) -> Report {
         head: vec!["true and model", ">L_rec", ">counterfactual error over none", ">MCC", ">edges"],
         rows: names.iter().map(line).collect(),
         chart: ["L_rec", "n"],
-        curves,
-        bars: Vec::new(),
-        holds: (!results.is_empty()).then_some(follows),
+        drawing: Drawing::Lines { curves, from_zero: true },
+        outcome: Outcome::of((!results.is_empty()).then_some(follows)),
         verdict: format!("Smallest n within 10 % of the best L_rec: {}.", shown.join("; ")),
     }
 }

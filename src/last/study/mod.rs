@@ -11,6 +11,7 @@
 //! study that was interrupted goes on where it stopped, and two studies of one seed are the same files. Reports are made from these files alone.
 
 pub mod learn;
+pub mod person;
 pub mod plan;
 pub mod run;
 pub mod stats;

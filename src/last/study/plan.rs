@@ -1,6 +1,9 @@
 //! What an experiment is.
 
+use super::stats::Summary;
 use crate::Result;
+use crate::fit::training::Watch;
+use serde_json::Value;
 use std::collections::BTreeMap;
 
 /// Numbers of one cell by name.
@@ -13,7 +16,7 @@ pub struct Cell {
     pub key: String,
     /// what it belongs to in the table; cells of one row differ in their seed
     pub row: String,
-    /// which repetition
+    /// which repetition; cells of two rows with the same seed are a pair
     pub seed: u64,
 }
 
@@ -24,6 +27,56 @@ pub struct Curve {
     pub name: String,
     /// (x, mean, deviation)
     pub points: Vec<(f64, f64, f64)>,
+}
+
+/// The chart of an experiment.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Drawing {
+    /// one bar per row
+    Bars(Vec<(String, f64)>),
+    /// curves over a number
+    Lines {
+        /// what is drawn
+        curves: Vec<Curve>,
+        /// whether the y axis begins at 0
+        from_zero: bool,
+    },
+    /// means with their 95 % intervals, before a line at 0
+    Intervals(Vec<(String, Summary)>),
+}
+
+/// Whether what counts as reproduced came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// It did.
+    Holds,
+    /// It did not.
+    Fails,
+    /// There is no criterion.
+    Reported,
+    /// Something that it needs is not there.
+    NotRun,
+}
+
+impl Outcome {
+    /// As a word of a table.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Holds => "holds",
+            Self::Fails => "does not",
+            Self::Reported => "reported",
+            Self::NotRun => "not run",
+        }
+    }
+
+    /// Of a criterion that was met, was not, or could not be looked at.
+    pub fn of(met: Option<bool>) -> Self {
+        match met {
+            Some(true) => Self::Holds,
+            Some(false) => Self::Fails,
+            None => Self::Reported,
+        }
+    }
 }
 
 /// What an experiment found.
@@ -37,29 +90,52 @@ pub struct Report {
     pub head: Vec<&'static str>,
     /// its rows
     pub rows: Vec<Vec<String>>,
-    /// title and label of the chart
+    /// title of the chart, label of its x axis
     pub chart: [&'static str; 2],
-    /// its curves, or one bar per row
-    pub curves: Vec<Curve>,
-    /// (row, value)
-    pub bars: Vec<(String, f64)>,
-    /// whether what counts as reproduced came out; none where there is only a report
-    pub holds: Option<bool>,
+    /// the chart
+    pub drawing: Drawing,
+    /// whether what counts as reproduced came out
+    pub outcome: Outcome,
     /// the finding in words
     pub verdict: String,
 }
+
+impl Report {
+    /// Of an experiment that could not run.
+    pub fn not_run(id: &'static str, claim: &'static str, why: &str) -> Self {
+        Self {
+            id,
+            claim,
+            head: Vec::new(),
+            rows: Vec::new(),
+            chart: ["", ""],
+            drawing: Drawing::Bars(Vec::new()),
+            outcome: Outcome::NotRun,
+            verdict: format!("Not run: {why}."),
+        }
+    }
+}
+
+/// Results of an experiment, in the order of its cells.
+pub type Results = Vec<(Cell, Values)>;
 
 /// An experiment.
 pub trait Experiment: Sync {
     /// E1 … E15
     fn id(&self) -> &'static str;
+    /// Folder of its results; experiments with the same one share cells that have the same key.
+    fn folder(&self) -> &'static str {
+        self.id()
+    }
     /// Everything it runs, in order.
     fn cells(&self) -> Vec<Cell>;
+    /// Everything that the result of a cell depends on.
+    fn settings(&self, cell: usize) -> Value;
     /// Runs a cell of [`Self::cells`].
     ///
     /// # Errors
     /// What the training or fit reports.
-    fn run(&self, cell: usize) -> Result<Values>;
+    fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values>;
     /// What the results say; cells that are missing are left out.
     fn report(&self, results: &[(Cell, Values)]) -> Report;
 }
@@ -78,4 +154,45 @@ pub fn rows(results: &[(Cell, Values)]) -> Vec<String> {
         }
     }
     rows
+}
+
+/// Differences of a value between two rows, over the seeds that both have.
+pub fn differences(results: &[(Cell, Values)], [a, b]: [&str; 2], name: &str) -> Vec<f64> {
+    let of = |row: &str, seed: u64| {
+        results.iter().find(|(c, _)| c.row == row && c.seed == seed).and_then(|(_, v)| v.get(name).copied())
+    };
+    let seeds = results.iter().filter(|(c, _)| c.row == a).map(|(c, _)| c.seed);
+    seeds.filter_map(|s| Some(of(a, s)? - of(b, s)?)).collect()
+}
+
+/// Their mean and interval.
+pub fn paired(results: &[(Cell, Values)], rows: [&str; 2], name: &str) -> Summary {
+    Summary::of(&differences(results, rows, name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_have_the_same_seed() {
+        let cell = |row: &str, seed: u64, x: f64| {
+            let cell = Cell { key: format!("{row}{seed}"), row: row.into(), seed };
+            (cell, Values::from([("x".into(), x)]))
+        };
+        // Seed 3 has no partner; the order does not matter.
+        let results = [
+            cell("a", 1, 5.0),
+            cell("a", 2, 7.0),
+            cell("a", 3, 99.0),
+            cell("b", 2, 6.0),
+            cell("b", 1, 2.0),
+            cell("b", 4, -99.0),
+        ];
+        let d = paired(&results, ["a", "b"], "x");
+        assert_eq!((d.count, d.mean), (2, 2.0), "5 − 2 and 7 − 6");
+        assert_eq!(paired(&results, ["b", "a"], "x").mean, -2.0, "the other way round");
+        assert_eq!(paired(&results, ["a", "b"], "y").count, 0, "no such value");
+        assert!(!paired(&results, ["a", "c"], "x").is_positive(), "no such row");
+    }
 }
