@@ -218,7 +218,7 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     for (k, camera) in stored.around(orbit, &stored.poses).expect("cameras").iter().enumerate() {
         let out = stored.picture(pose, Some(0), camera).expect("a picture");
         let (w, h) = (camera.width, camera.height);
-        let border = |p: &usize| [p % w, p / w].iter().any(|&x| x == 0) || p % w == w - 1 || p / w == h - 1;
+        let border = |p: &usize| [p % w, p / w].contains(&0) || p % w == w - 1 || p / w == h - 1;
         let cut = (0..w * h).filter(border).filter(|&p| out.alpha[p] > 0.05).count();
         assert_eq!(cut, 0, "view {k}: nothing is cut by the border");
         let rows = (0..h).filter(|y| (0..w).any(|x| out.alpha[y * w + x] > 0.1)).count();

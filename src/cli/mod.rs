@@ -1,7 +1,7 @@
 //! Commands, progress, reports. Level 13: the only place that prints, reads the clock, and knows exit codes.
 //!
 //! ```text
-//! main ──► dispatch ──► demo      fit, evaluate and render a built-in scene
+//! main ──► dispatch ──► demo      a built-in person by LAST, a built-in scene
 //!                       splat     fit | render | eval on captures and scene files
 //!                       last      gen: data with known causes; import, inspect: captures of persons
 //!                       mesh      render | compare glTF and OBJ
@@ -38,7 +38,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 const EXAMPLES: &str = "\
 Examples:
-  lastlight demo                                    a small scene end to end, with a report
+  lastlight demo                                    a person and a scene end to end, with a report
   lastlight splat fit photos/ --out fox             Gaussians from posed photographs
   lastlight splat render fox/scene.ply --cameras orbit:60 --out turntable
   lastlight splat eval fox/scene.ply photos/        PSNR and SSIM on the held-out photographs
@@ -63,7 +63,7 @@ struct Cli {
 #[derive(Subcommand)]
 #[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 enum Command {
-    /// Splat a small built-in scene end to end and write a report with pictures
+    /// Fit a built-in person from a video and a built-in scene from photographs; one report with pictures
     Demo(demo::Args),
     /// Gaussian splatting of a static capture: fit, render, evaluate
     #[command(subcommand)]

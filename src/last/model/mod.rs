@@ -11,6 +11,7 @@
 //! file     a trained model on disk            verdict  what it is worth, against the truth
 //! guide    what the model says about a render
 //! tune     the structure of one subject       intervene  pictures of counterfactuals
+//! shipped  the model that comes with the program
 //! vectors  data without pictures, for tests of the structure
 //! ```
 //!
@@ -25,6 +26,7 @@ pub mod intervene;
 pub mod latent;
 pub mod pictures;
 pub mod settings;
+pub mod shipped;
 pub mod step;
 pub mod structure;
 pub mod targets;
