@@ -44,7 +44,7 @@ const LARGE: f64 = 0.5;
 
 /// Name of the row of a τ_rec.
 pub(super) fn threshold(tau: f64) -> String {
-    format!("τ_rec {tau:e}")
+    format!("τ_rec {tau}")
 }
 
 /// Δ with its interval.
@@ -262,7 +262,7 @@ fn thresholds(taus: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
         .reduce(|a, b| if b.0 > a.0 { b } else { a })
         .map_or(0.0, |b| b.1);
     let text = format!(
-        "The number of Gaussians {} with τ_rec, from {:.0} to {:.0}. PSNR-box is largest at {best:e}; inside 0.001 … 0.005 it is {}above both ends by more than the deviation over subjects.",
+        "The number of Gaussians {} with τ_rec, from {:.0} to {:.0}. PSNR-box is largest at {best}; inside 0.001 … 0.005 it is {}above both ends by more than the deviation over subjects.",
         if falls { "falls" } else { "does not fall" },
         count.first().copied().unwrap_or(0.0),
         count.last().copied().unwrap_or(0.0),
