@@ -169,7 +169,15 @@ impl Study<'_> {
             cli::stoppable(|stop| run::run(experiments, &self.dir, self.only_stored, stop, &mut clock));
         self.meter.done();
         let results = results?;
-        self.reports.extend(experiments.iter().zip(&results).map(|(x, r)| x.report(r)));
+        for (x, results) in experiments.iter().zip(&results) {
+            let (mut report, total) = (x.report(results), x.cells().len());
+            if results.is_empty() {
+                report = Report::not_run(report.id, report.claim, "no result is there");
+            } else if results.len() < total {
+                report.verdict += &format!(" So far {} of {total} cells.", results.len());
+            }
+            self.reports.push(report);
+        }
         Ok(results)
     }
 
@@ -288,7 +296,10 @@ fn summary(r: &Report) -> Value {
 fn drawing(r: &Report) -> Markup {
     match &r.drawing {
         Drawing::Bars(rows) if rows.is_empty() => html! {},
-        Drawing::Bars(rows) => bars(r.chart[0], rows, 'a', 2, 0.0, None),
+        Drawing::Bars(rows) => {
+            let decimals = if rows.iter().all(|(_, x)| x.abs() >= 100.0) { 0 } else { 2 };
+            bars(r.chart[0], rows, 'a', decimals, 0.0, None)
+        }
         Drawing::Intervals(rows) => {
             let rows: Vec<(String, f64, f64)> =
                 rows.iter().map(|(name, s)| (name.clone(), s.mean, s.half_width)).collect();
@@ -333,7 +344,7 @@ fn page(args: &Args, reports: &[Report], costs: &[(String, Summary)]) -> Page {
             lead: format!("{} — {}: {}", r.claim, r.outcome.name(), r.verdict),
             body: html! {
                 @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
-                div.two style="margin-top:16px" {
+                div.two style="margin-top:16px;grid-template-columns:repeat(auto-fill,minmax(min(100%,460px),1fr))" {
                     (drawing(r))
                     @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
                 }

@@ -1,5 +1,6 @@
 //! What the fit must show, on a body of two joints and a guide whose factors are known (last.md §16, T11, T12, T15).
 
+use super::calibrate;
 use super::density::{Density, Mode};
 use super::fit::PersonFit;
 use super::guide::{Framing, Guide};
@@ -221,6 +222,28 @@ fn no_discrepancy_adds_nothing() {
         let t = fit.tally();
         assert!(!blind || t.blind == t.gradients as f64, "the whole picture is blind");
     }
+}
+
+#[test]
+fn calibration_makes_the_counts_equal() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    let guide = Halves { edge: true, blind: false };
+    let s = Settings { density: Density { pixel_threshold: 1e-4, ..settings().density }, ..settings() };
+    let scale = calibrate::latent_scale(&s, &capture, &guide, &mut ()).expect("runs").expect("candidates");
+    // Just beyond the one that lies exactly at the threshold.
+    let density = Density { mode: Mode::Budget, latent_scale: scale * (1.0 + 1e-9), ..s.density.clone() };
+    let mut fit = PersonFit::new(Settings { density, ..s.clone() }, &capture, Some(&guide)).expect("valid");
+    for i in 0..30 {
+        fit.step(i, &mut ()).expect("runs");
+    }
+    let event = fit.events().last().expect("a refinement at iteration 30 of 60");
+    assert_eq!(event.iteration, 30, "half of the fit");
+    assert!(event.pixel_candidates > 0, "something to make equal");
+    assert_eq!(event.latent_candidates, event.pixel_candidates, "with c_τ = {scale}");
+    let blind = Halves { edge: true, blind: true };
+    let none = calibrate::latent_scale(&s, &capture, &blind, &mut ()).expect("runs");
+    assert_eq!(none, None, "nothing to make equal");
 }
 
 #[test]

@@ -6,7 +6,7 @@
 //! budget       how many pictures a fit renders, and how long it may be for a number of them
 //! constants    the scale of the latent criterion, the search for the strongest setting
 //! experiments  which trials each experiment compares
-//! report       what their results say
+//! report       tables and charts of their results; judge: whether a claim holds
 //! ```
 //!
 //! # A cell
@@ -42,6 +42,7 @@
 pub mod budget;
 pub mod constants;
 pub mod experiments;
+mod judge;
 mod report;
 pub mod stage;
 pub mod trial;

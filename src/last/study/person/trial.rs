@@ -297,3 +297,21 @@ fn factor_errors(avatar: &Avatar, capture: &PersonCapture, guide: &Trained) -> R
     }
     Ok(sums)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_random_graph_is_another_one() {
+        let fork = Digraph::new(4, &[(0, 1), (0, 2)]);
+        for subject in 1..=20 {
+            let graph = random(&fork, &fork, subject).expect("drawn");
+            assert!(graph.is_acyclic() && graph.count() == 2 && graph != fork, "{:?}", graph.edges());
+            assert_eq!(random(&fork, &fork, subject).expect("drawn"), graph, "the same for one subject");
+            assert_ne!(random(&fork, &graph, subject).expect("drawn"), graph, "nor the learned one");
+        }
+        let none = random(&Digraph::empty(4), &Digraph::empty(4), 1).expect("drawn");
+        assert_eq!(none.count(), 0, "there is only one without edges");
+    }
+}
