@@ -15,7 +15,7 @@ use crate::last::generate::{self, Settings as Making};
 use crate::last::host::settings::Settings as Fitting;
 use crate::last::host::store;
 use crate::last::model::shipped;
-use crate::last::model::tune::{self, Tuned};
+use crate::last::model::tune::{self, Subject, Tuned};
 use crate::num::order;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     meter.lap("filming the person");
 
     let mut trained = shipped::figure()?;
-    let subject = command::subject(&trained, &capture)?;
+    let subject = Subject::new(&trained, &capture)?;
     let tuned =
         tune::run(&mut trained, &subject, &tune::Settings { seed: args.seed, ..tune::Settings::default() })?;
     trained.write(&dir.join("tuned.safetensors"), &[("command", cli::command_line())])?;
@@ -68,8 +68,10 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
 
     let mut settings =
         Fitting { iterations: args.iterations.unwrap_or(ITERATIONS), seed: args.seed, ..Fitting::host() };
-    Guided::usual().apply(&mut settings)?;
+    let guided = Guided::usual();
+    guided.apply(&mut settings)?;
     settings.validate()?;
+    guided.calibrate(&mut settings, &capture, &trained, meter)?;
     let job = Job {
         kind: "demo",
         title: "A built-in person".to_owned(),
