@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight demo
-  lastlight demo --only last --size 64 --iterations 400       the person alone, smaller, in seconds
+  lastlight demo --only last --size 128 --iterations 1200     the person alone, larger and longer
   lastlight demo --only splat --out /tmp/demo --seed 1")]
 pub(super) struct Args {
     /// Folder for the results [default: demo; an earlier demo there is replaced]
@@ -36,11 +36,11 @@ pub(super) struct Args {
     /// One part alone: last, the person, or splat, the scene
     #[arg(long, value_name = "PART", value_parser = ["last", "splat"])]
     only: Option<String>,
-    /// Iterations of a fit [default: 1200 for the person, 1500 for the scene]
+    /// Iterations of a fit [default: 400 for the person, 1500 for the scene]
     #[arg(long, value_name = "N")]
     iterations: Option<usize>,
     /// Side of the person's pictures in pixels, a multiple of 64
-    #[arg(long, value_name = "S", default_value_t = 128)]
+    #[arg(long, value_name = "S", default_value_t = 64)]
     size: usize,
     /// Seed of every random draw
     #[arg(long, value_name = "N", default_value_t = 0)]
