@@ -9,7 +9,7 @@
 //!
 //! | constant | candidates |
 //! |---|---|
-//! | density | `replace` at τ_rec 0.003, 0.001, 0.005; `budget`; `or` at 0.003 |
+//! | density | `replace` at τ_rec 0.003, 0.001, 0.005, 0.01; `budget`; `or` at 0.003 |
 //! | λ | `rel` 0.1, 0.5, ∞; `abs` 0.1 |
 //! | q | 0.25, 0.1, 0.5 |
 //! | first keys | iteration 200, 400 of 1 200 |
@@ -197,6 +197,7 @@ fn axes(stage: &Stage) -> Vec<(&'static str, Vec<Candidate>)> {
         (Mode::Replace, 0.003),
         (Mode::Replace, 0.001),
         (Mode::Replace, 0.005),
+        (Mode::Replace, 0.01),
         (Mode::Budget, 0.003),
         (Mode::Or, 0.003),
     ];
