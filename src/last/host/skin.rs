@@ -11,7 +11,7 @@
 //! | o | `offsets` | (G, 3) or absent | what the pose adds to the point at rest, a constant |
 //!
 //! # Rounding
-//! That of [`skin`](crate::body::skin); T_C is a left fold over the joints from +0; M_C⁻¹ by cofactors over the determinant; rows of three as (a + b) + c.
+//! That of [`mod@crate::body::skin`]; T_C is a left fold over the joints from +0; M_C⁻¹ by cofactors over the determinant; rows of three as (a + b) + c.
 //!
 //! # Kinks and domain
 //! A blend of canonical rotations that is singular has no inverse; big poses are far from it.
