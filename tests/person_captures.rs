@@ -9,7 +9,7 @@ use common::person::{B, Cam, K, Mini, PERSON, V, V3, apart, pairs};
 use lastlight::io::captures::{self, Layout, Selection};
 use lastlight::io::smpl::{self, BodyModel};
 use lastlight::last::inspect;
-use lastlight::loss::metric::bound::project;
+use lastlight::scene::bound::project;
 use lastlight::scene::person::{PersonCapture, import};
 use lastlight::{Error, Result};
 use std::collections::BTreeMap;

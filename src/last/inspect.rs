@@ -11,8 +11,8 @@
 //! other units, show in it at once. Small pictures are enlarged by a whole factor before anything is drawn.
 
 use crate::io::image_file;
-use crate::loss::metric::bound::project;
 use crate::num::order;
+use crate::scene::bound::project;
 use crate::scene::person::{PersonCapture, Photo, Shot, Template};
 use crate::{Error, Result};
 use serde_json::{Value, json};

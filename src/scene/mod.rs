@@ -6,10 +6,11 @@
 //! gaussians  stored, unconstrained parameters of a scene    views      photographs with cameras, undistorted
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
-//! passes     what a renderer knew about a photograph
+//! passes     what a renderer knew about a photograph        bound      the projected box of what a camera sees
 //! from_data_gen  generated surfaces, maps and views as objects, environments and cameras
 //! ```
 
+pub mod bound;
 pub mod camera;
 pub mod character;
 pub mod convert;

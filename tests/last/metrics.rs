@@ -1,8 +1,9 @@
 //! T14: image metrics in closed form, against scikit-image, and the box of a person.
 
 use lastlight::loss::In;
-use lastlight::loss::metric::{bound, person, psnr, rfd, ssim, ssim_sk};
+use lastlight::loss::metric::{person, psnr, rfd, ssim, ssim_sk};
 use lastlight::num::par::with_threads;
+use lastlight::scene::bound;
 use lastlight::scene::camera::{Camera, Model};
 
 /// The image of `ssim_sk.py`.

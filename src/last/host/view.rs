@@ -11,9 +11,9 @@
 //! L1 and SSIM as in [`crate::loss`]; the squared error of alpha is summed per row in f64 from the left, rows by the pairwise tree.
 
 use super::settings::Settings;
-use crate::loss::metric::bound;
 use crate::loss::{self, In};
 use crate::num::sum;
+use crate::scene::bound;
 use crate::scene::camera::Camera;
 use crate::scene::person::{PersonCapture, Shot};
 use crate::splat::blend::Out;

@@ -16,11 +16,10 @@
 //! | `RFD (not LPIPS)` | [`rfd`] | distance of responses to random filters |
 //! | `MAE` | [`mae`] | mean absolute difference |
 //!
-//! [`bound`] makes the projected box of a person; with it as the mask, [`psnr`] gives `PSNR-box` on exactly its pixels. [`person`] takes all of
+//! [`crate::scene::bound`] makes the projected box of a person; with it as the mask, [`psnr`] gives `PSNR-box` on exactly its pixels. [`person`] takes all of
 //! them at once. [`structure`] scores what was learned about causes.
 //! Not of images: [`mutual`], mutual information of samples.
 
-pub mod bound;
 pub mod mae;
 pub mod mutual;
 pub mod person;

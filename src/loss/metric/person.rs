@@ -1,12 +1,13 @@
 //! All image metrics of one view of a person, each under its name.
 //!
-//! The box is the projected box of the person ([`super::bound`]). `PSNR-box` counts its pixels; `SSIM-g-box`, `SSIM-sk-box` and `RFD-box`
+//! The box is the projected box of the person ([`crate::scene::bound`]). `PSNR-box` counts its pixels; `SSIM-g-box`, `SSIM-sk-box` and `RFD-box`
 //! look at the smallest rectangle around it. The rest sees the whole image. Whether what lies outside the box was set to the background before
-//! ([`super::bound::clear_outside`]) is the caller's choice and part of a protocol.
+//! ([`crate::scene::bound::clear_outside`]) is the caller's choice and part of a protocol.
 
-use super::{Crop, bound, psnr, rfd, ssim, ssim_sk};
+use super::{Crop, psnr, rfd, ssim, ssim_sk};
 use crate::loss::In;
 use crate::num::sum;
+use crate::scene::bound;
 use crate::{Error, Result};
 
 /// Scores of one view, or their means over views.

@@ -2,7 +2,7 @@
 
 use super::{PersonCapture, Shot};
 use crate::Result;
-use crate::loss::metric::bound;
+use crate::scene::bound;
 
 impl PersonCapture {
     /// Lower and upper corner of the box of a moment.

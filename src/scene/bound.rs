@@ -105,7 +105,7 @@ pub fn bound_mask(camera: &Camera, [low, high]: [[f32; 3]; 2]) -> Result<Vec<f32
 }
 
 /// The smallest rectangle around the ones of a mask (H, W) of width `width`: `[top, left]` and, one beyond, `[bottom, right]`, as
-/// [`super::Crop::new`] takes them. `None` for a mask without a one.
+/// a crop takes them. `None` for a mask without a one.
 pub fn rectangle(mask: &[f32], width: usize) -> Option<[[usize; 2]; 2]> {
     let mut found: Option<[[usize; 2]; 2]> = None;
     for i in (0..mask.len()).filter(|&i| mask[i] == 1.0) {
