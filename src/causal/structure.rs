@@ -2,7 +2,7 @@
 //!
 //! nonlinear   Z⁰ = ε;   Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ,  t = 0 … sweeps − 1
 //! linear      Z⁰ = ε;   Zᵗ⁺¹ = WᵀZᵗ + ε,  W = Ã∘Ω,          t = 0 … sweeps − 1   (Z = Σₜ (Wᵀ)ᵗ ε)
-//! printed     the linear form with n − 1 sweeps, then one of the nonlinear form upon it: eq. 2, then eq. 3
+//! printed     linear for t = 0 … sweeps − 2, nonlinear for the last: with n sweeps eq. 2, then eq. 3 once
 //! abduct      εⱼ = uⱼ − (gⱼ(Ã(·,j)∘u) − gⱼ(0)), or ε = u − Wᵀu
 //!
 //! Source: structural causal models with additive noise; the linear form is that of NOTEARS and DAG-GNN. gⱼ is a network of two

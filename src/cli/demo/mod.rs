@@ -23,7 +23,7 @@ use std::path::{Path, PathBuf};
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
 /// to the video and guides the fit of an animatable person of Gaussians; pictures that were held out are compared, the
 /// person is shown from all sides, and one factor after the other is set. Then new Gaussians are fitted to
-/// photographs of a scene of known Gaussians. Takes a minute or two on two cores and needs no input.
+/// photographs of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight demo

@@ -3,6 +3,7 @@
 use super::{PersonCapture, Shot};
 use crate::Result;
 use crate::scene::bound;
+use crate::scene::camera::Model;
 
 impl PersonCapture {
     /// Lower and upper corner of the box of a moment.
@@ -13,11 +14,14 @@ impl PersonCapture {
         bound::bounds(&self.posed_points(time), self.box_margin)
     }
 
-    /// (H, W) 1 inside the projected box of the shot's moment, 0 outside. A box that reaches behind the camera covers the whole picture.
+    /// (H, W) 1 inside the projected box of the shot's moment, 0 outside. The whole picture counts where the box is no polygon (a fisheye bends its
+    /// edges) or reaches behind the camera.
     pub fn box_mask(&self, shot: &Shot) -> Vec<f32> {
         let camera = &shot.camera;
-        self.bounds(shot.time)
-            .and_then(|bounds| bound::bound_mask(camera, bounds))
-            .unwrap_or_else(|_| vec![1.0; camera.height * camera.width])
+        let mask = self.bounds(shot.time).and_then(|bounds| bound::bound_mask(camera, bounds));
+        match mask {
+            Ok(mask) if camera.model != Model::Fisheye => mask,
+            _ => vec![1.0; camera.height * camera.width],
+        }
     }
 }
