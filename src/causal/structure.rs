@@ -190,7 +190,7 @@ pub fn adjoint_held<'h>(
     }
 }
 
-/// What parents that stand at `state` (B, n, k) give every node (B, n, k).
+/// What parents that stand at `state` (B, n, k) give every node (B, n, k), in the last sweep.
 fn effects(x: &In<'_>, state: &[f64]) -> Vec<f64> {
     let bank = bank(x);
     let (zero, mut work) = (bank.zero(), bank.work());
@@ -239,22 +239,13 @@ pub fn abduct_adjoint(x: &In<'_>, out_bar: &[f64], bar: &mut InBar) {
     add(&mut bar.eps, &u_bar);
 }
 
-/// One application of the mechanism to given factors: Zⱼ = gⱼ(Ã(·,j)∘S) − gⱼ(0) + εⱼ, or WᵀS + ε. With S from the linear form
-/// this is the structure as two printed equations, one after the other. `sweeps` is not used.
+/// One application of the mechanism to given factors, as the last sweep does it: Zⱼ = gⱼ(Ã(·,j)∘S) − gⱼ(0) + εⱼ, or WᵀS + ε. Node by node
+/// in causal order this is ancestral evaluation. `sweeps` is not used.
 ///
 /// # Panics
 /// When a buffer does not have the size of its shape.
 pub fn apply(x: &In<'_>, state: &[f64]) -> Vec<f64> {
     effects(x, state).into_iter().zip(x.eps).map(|(effect, e)| effect + e).collect()
-}
-
-/// Adds the gradients of [`apply`] for the cotangent `z_bar` (B, n, k).
-///
-/// # Panics
-/// When a buffer does not have the size of its shape.
-pub fn apply_adjoint(x: &In<'_>, state: &[f64], z_bar: &[f64], state_bar: &mut [f64], bar: &mut InBar) {
-    effects_adjoint(x, state, z_bar, state_bar, bar);
-    add(&mut bar.eps, z_bar);
 }
 
 fn bank<'a>(x: &In<'a>) -> Bank<'a> {
@@ -320,22 +311,41 @@ mod tests {
         let networks =
             Networks { w0: &[1.0], b0: &[0.0], w1: &[1.0], b1: &[1.0], w2: &[1.0], hidden: 1, slope: 0.25 };
         let mechanism = Mechanism::Networks(networks);
-        let x = In { eps: &[3.0], mask: &[1.0], mechanism, batch: 1, n: 1, k: 1, sweeps: 0 };
-        for (state, z, slope) in [(2.0, 5.0, 1.0), (-2.0, 2.5, 0.25), (0.0, 3.0, 0.25)] {
-            assert_eq!(apply(&x, &[state]), [z], "g({state}) + 3");
-            let (mut state_bar, mut bar) = ([0.0], InBar::zeros_like(&x));
-            apply_adjoint(&x, &[state], &[1.0], &mut state_bar, &mut bar);
-            assert_eq!((state_bar[0], bar.eps[0]), (slope, 1.0), "slope at {state}");
+        let x = In { eps: &[], mask: &[1.0], mechanism, batch: 1, n: 1, k: 1, sweeps: 0 };
+        for (state, effect, slope) in [(2.0, 2.0, 1.0), (-2.0, -0.5, 0.25), (0.0, 0.0, 0.25)] {
+            let x = In { eps: &[state], ..x };
+            assert_eq!(abduct(&x), [state - effect], "{state} − g({state})");
+            let mut bar = InBar::zeros_like(&x);
+            abduct_adjoint(&x, &[1.0], &mut bar);
+            assert_eq!(bar.eps[0], 1.0 - slope, "slope at {state}");
         }
         let weight = [0.0, 2.0, 0.0, 0.0];
         let linear = In {
             mechanism: Mechanism::Linear { weight: &weight },
-            eps: &[1.0, 5.0],
+            eps: &[10.0, 5.0],
             mask: &[1.0; 4],
             n: 2,
+            sweeps: 1,
             ..x
         };
-        assert_eq!(apply(&linear, &[10.0, 100.0]), [1.0, 25.0], "0 → 1 with weight 2");
+        assert_eq!(forward(&linear).0, [10.0, 25.0], "0 → 1 with weight 2");
         assert_eq!(abduct(&In { eps: &[10.0, 25.0], ..linear }), [10.0, 5.0], "and back");
+        // Weights in every sweep but the last, where networks that are the identity add up what enters.
+        let (one, none) = ([1.0, 0.0, 0.0, 1.0], [0.0; 4]);
+        let networks = Networks {
+            w0: &[1.0, 0.0, 1.0, 0.0],
+            b0: &none[..2],
+            w1: &[1.0; 2],
+            b1: &none[..2],
+            w2: &[1.0; 2],
+            hidden: 1,
+            slope: 1.0,
+        };
+        let mechanism = Mechanism::Printed { weight: &weight, networks };
+        let printed = |sweeps| forward(&In { mechanism, mask: &[0.0, 1.0, 0.0, 0.0], sweeps, ..linear }).0;
+        assert_eq!(printed(1), [10.0, 15.0], "the networks alone: the mask lets 10 into 1");
+        assert_eq!(printed(2), [10.0, 15.0], "eq. 2 makes (10, 25), eq. 3 reads the 10");
+        let back = In { mechanism, mask: &one, ..linear };
+        assert_eq!(abduct(&back), [0.0, 5.0], "back through the networks alone");
     }
 }

@@ -1,6 +1,7 @@
 //! Causes to factors and back, sample by sample.
 //!
-//! nonlinear: Z⁰ = ε, Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ; linear: Zᵗ⁺¹ = WᵀZᵗ + ε, W = Ã∘Ω; abduct: εⱼ = uⱼ − the effect on j at u.
+//! nonlinear: Z⁰ = ε, Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ; linear: Zᵗ⁺¹ = WᵀZᵗ + ε, W = Ã∘Ω; abduct: εⱼ = uⱼ − the effect on j at u;
+//! printed: the paper's eq. 2, then its eq. 3: Z = Σₜ (Wᵀ)ᵗ ε by the linear form, then gⱼ(Ã(·,j)∘Z) − gⱼ(0) + εⱼ once.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -36,8 +37,8 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
         n: usize,
         k: usize,
     ) -> Result<Self, String> {
-        if arrays.contains_key("weight") {
-            let weight = Some(expect(arrays, "weight", &[n, n])?);
+        let weight = arrays.contains_key("weight").then(|| expect(arrays, "weight", &[n, n])).transpose()?;
+        if weight.is_some() && !arrays.contains_key("w0") {
             return Ok(Self { mask, weight, layers: Vec::new(), slope, n, k });
         }
         let h = expect(arrays, "b0", &[n, ANY])?.shape[1];
@@ -48,12 +49,17 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
             expect(arrays, "b1", &[n, h])?,
             expect(arrays, "w2", &[n, k, h])?,
         ];
-        Ok(Self { mask, weight: None, layers, slope, n, k })
+        Ok(Self { mask, weight, layers, slope, n, k })
     }
 
-    /// Whether it is a number per edge.
+    /// Whether it is a number per edge and nothing else.
     pub(super) fn linear(&self) -> bool {
-        self.weight.is_some()
+        self.layers.is_empty()
+    }
+
+    /// The number per edge of a mechanism that has networks too.
+    fn eq2(&self) -> Self {
+        Self { layers: Vec::new(), ..*self }
     }
 
     /// gⱼ without the bias of its last layer.
@@ -77,7 +83,7 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
     /// What the parents of node j give it.
     pub(super) fn effect(&self, j: usize, z: &[S]) -> Vec<S> {
         let (n, k) = (self.n, self.k);
-        if let Some(weight) = self.weight {
+        if let Some(weight) = self.weight.filter(|_| self.linear()) {
             let term = |i: usize, c: usize| self.mask.data[i * n + j] * weight.data[i * n + j] * z[i * k + c];
             return (0..k).map(|c| (0..n).fold(S::zero(), |sum, i| sum + term(i, c))).collect();
         }
@@ -105,14 +111,27 @@ pub fn forward<S: Scalar>(
     let z = out.array("z", &[batch, n, k]);
     for b in 0..batch {
         let given = &eps.data[b * n * k..(b + 1) * n * k];
-        let effects = |z: &[S]| -> Vec<S> { (0..n).flat_map(|j| mechanism.effect(j, z)).collect() };
+        let effects =
+            |by: &Mechanism<'_, S>, z: &[S]| -> Vec<S> { (0..n).flat_map(|j| by.effect(j, z)).collect() };
+        let swept = |by: &Mechanism<'_, S>, z: &[S]| -> Vec<S> {
+            effects(by, z).into_iter().zip(given).map(|(effect, e)| effect + *e).collect()
+        };
         let mut state = given.to_vec();
-        if mode == "abduct" {
-            state = given.iter().zip(effects(given)).map(|(u, effect)| *u - effect).collect();
-        } else {
-            for _ in 0..sweeps {
-                state = effects(&state).into_iter().zip(given).map(|(effect, e)| effect + *e).collect();
+        match mode.as_str() {
+            "abduct" => {
+                let all = effects(&mechanism, given);
+                state = given.iter().zip(all).map(|(u, effect)| *u - effect).collect();
             }
+            "printed" => {
+                let eq2 = mechanism.eq2();
+                for _ in 1..sweeps {
+                    state = swept(&eq2, &state);
+                }
+                if sweeps > 0 {
+                    state = swept(&mechanism, &state);
+                }
+            }
+            _ => (0..sweeps).for_each(|_| state = swept(&mechanism, &state)),
         }
         for (at, x) in state.into_iter().enumerate() {
             out.put(z, b * n * k + at, x);

@@ -40,9 +40,9 @@ pub(crate) static STRUCTURE: Op = Op {
     settings: &[
         SettingSpec {
             key: "mode",
-            kind: Kind::Choice(&["nonlinear", "linear", "abduct"]),
+            kind: Kind::Choice(&["nonlinear", "linear", "printed", "abduct"]),
             default: "nonlinear",
-            doc: "networks, weights, or the way back through whichever of them is given",
+            doc: "networks, weights, weights and in the last sweep networks, or the way back through what is given",
         },
         SLOPE,
         SWEEPS,
@@ -52,7 +52,7 @@ pub(crate) static STRUCTURE: Op = Op {
     check: check_structure,
     run: run_structure,
     predict: no_zeros,
-    cases: 4,
+    cases: 5,
     case: case_structure,
     ..entry("causal.structure", "from independent causes to factors along a graph, and back")
 };
@@ -60,26 +60,27 @@ pub(crate) static STRUCTURE: Op = Op {
 const NETWORK: [&str; 5] = ["w0", "b0", "w1", "b1", "w2"];
 
 fn check_structure(x: &Checked<'_>) -> Result<()> {
-    let weights = x.has("weight");
+    let given = (x.has("weight"), NETWORK.iter().any(|name| x.has(name)));
     let fits = match x.word("mode").unwrap_or("nonlinear") {
-        "linear" => weights,
-        "nonlinear" => !weights,
-        _ => true,
+        "linear" => given == (true, false),
+        "nonlinear" => given == (false, true),
+        "printed" => given == (true, true),
+        _ => given != (true, true),
     };
     if !fits {
         return Err(Error::input("setting mode")
-            .expected("'weight' for mode linear, networks for nonlinear, either for abduct")
-            .got(format!("mode {} with the other", x.word("mode").unwrap_or("nonlinear"))));
+            .expected("'weight' for mode linear, networks for nonlinear, both for printed, either for abduct")
+            .got(format!("mode {} with others", x.word("mode").unwrap_or("nonlinear"))));
     }
     check_mechanism(x)
 }
 
-/// Weights or networks, of the right sizes.
+/// Weights, networks or both, of the right sizes.
 fn check_mechanism(x: &Checked<'_>) -> Result<()> {
     let count = NETWORK.iter().filter(|name| x.has(name)).count();
-    if !matches!((x.has("weight"), count), (true, 0) | (false, 5)) {
+    if !matches!((x.has("weight"), count), (true, 0) | (_, 5)) {
         return Err(Error::input("mechanism")
-            .expected("'weight', or all of w0 b0 w1 b1 w2")
+            .expected("'weight', all of w0 b0 w1 b1 w2, or both")
             .got(format!("{}{count} layers of networks", if x.has("weight") { "weight and " } else { "" })));
     }
     if ["N", "K", "H"].iter().any(|axis| x.dims.get(axis) == Some(0)) {
@@ -115,14 +116,18 @@ impl Given {
     }
 
     fn input(&self, x: &Checked<'_>) -> In<'_> {
-        let linear = x.has("weight");
+        let linear = !x.has("w0");
         let (batch, n, k) = (x.dim("B"), x.dim("N"), x.dim("K"));
-        let mechanism = if linear {
-            Mechanism::Linear { weight: &self.weight }
-        } else {
+        let networks = || {
             let [w0, b0, w1, b1, w2] = &self.layers;
             let slope = x.number("slope").unwrap_or(0.05);
-            Mechanism::Networks(Networks { w0, b0, w1, b1, w2, hidden: x.dim("H"), slope })
+            Networks { w0, b0, w1, b1, w2, hidden: x.dim("H"), slope }
+        };
+        let weight = &self.weight[..];
+        let mechanism = match (x.has("weight"), linear) {
+            (_, true) => Mechanism::Linear { weight },
+            (false, false) => Mechanism::Networks(networks()),
+            (true, false) => Mechanism::Printed { weight, networks: networks() },
         };
         let sweeps = x.number("sweeps").map_or(if linear { n - 1 } else { n }, |s| s as usize);
         In { eps: &self.eps, mask: &self.mask, mechanism, batch, n, k, sweeps }
@@ -176,7 +181,7 @@ const BATCH: usize = 8;
 
 /// Causes, mask, and networks or weights of a case. Draws with networks are such that no argument of an activation is near the
 /// kink at 0: nearer than a finite difference would move it.
-fn mechanism(seed: u64, case: usize, linear: bool) -> Case {
+fn mechanism(seed: u64, case: usize, [weight, networks]: [bool; 2]) -> Case {
     let (batch, n, k, h) = (BATCH, 3, 2, 4);
     let draw = |array, len, scale: f32| -> Vec<f32> {
         Draw::new(seed, case, array).normals(len).into_iter().map(|x| scale * x).collect()
@@ -184,9 +189,10 @@ fn mechanism(seed: u64, case: usize, linear: bool) -> Case {
     let mut made = Case::default();
     made.inputs.put("eps", &[batch, n, k], draw(0, batch * n * k, 1.0));
     made.inputs.put("mask", &[n, n], Draw::new(seed, case, 1).uniforms(n * n, 0.2, 0.9));
-    if linear {
+    if weight {
         made.inputs.put("weight", &[n, n], draw(7, n * n, 0.8));
-    } else {
+    }
+    if networks {
         made.inputs.put("w0", &[n, h, n * k], draw(2, n * h * n * k, 0.6));
         made.inputs.put("b0", &[n, h], draw(3, n * h, 0.15));
         made.inputs.put("w1", &[n, h, h], draw(4, n * h * h, 0.6));
@@ -196,11 +202,11 @@ fn mechanism(seed: u64, case: usize, linear: bool) -> Case {
     made
 }
 
-/// Cases 0 to 3: networks, weights, back through networks, back through weights.
+/// Cases 0 to 4: networks, weights, back through networks, back through weights, weights and then networks.
 fn case_structure(case: usize) -> Case {
-    let (seed, draw) = [(181, 0), (62, 1), (226, 1), (62, 3)][case];
-    let mut made = mechanism(seed, draw, case % 2 == 1);
-    let mode = ["nonlinear", "linear", "abduct", "abduct"][case];
+    let (seed, draw) = [(181, 0), (62, 1), (226, 1), (62, 3), (200, 4)][case];
+    let mut made = mechanism(seed, draw, [case % 2 == 1 || case == 4, case % 2 == 0]);
+    let mode = ["nonlinear", "linear", "abduct", "abduct", "printed"][case];
     made.settings.insert("mode".to_owned(), Setting::Text(mode.to_owned()));
     made
 }
@@ -233,6 +239,9 @@ pub(crate) static INTERVENE: Op = Op {
 
 fn check_intervene(x: &Checked<'_>) -> Result<()> {
     check_mechanism(x)?;
+    if x.has("weight") && x.has("w0") {
+        return Err(Error::input("mechanism").expected("'weight' or networks").got("both"));
+    }
     let n = x.dim("N") as f64;
     x.rule("target", "a factor, or -1", |target| target >= -1.0 && target < n)
 }
@@ -272,7 +281,7 @@ const TARGETS: [[i32; BATCH]; 2] = [[1, 2, -1, 0, 2, 1, 0, -1], [0, -1, 2, 1, 1,
 
 /// Case 0: networks; case 1: weights. Every factor is a target, and some samples have none.
 fn case_intervene(case: usize) -> Case {
-    let mut made = mechanism(174, case, case == 1);
+    let mut made = mechanism(174, case, [case == 1, case == 0]);
     made.inputs.put("target", &[BATCH], TARGETS[case].to_vec());
     made.inputs.put("value", &[BATCH, 2], Draw::new(174, case, 8).normals(2 * BATCH));
     made
