@@ -21,6 +21,7 @@ pub(crate) struct Meter {
     bar: Option<ProgressBar>,
     last_line: Instant,
     counted: Option<(Instant, usize)>,
+    primitives: &'static str,
     quiet: bool,
 }
 
@@ -28,7 +29,22 @@ impl Meter {
     /// Starts the clock; `quiet` shows nothing.
     pub(crate) fn new(quiet: bool) -> Self {
         let now = Instant::now();
-        Self { started: now, lap: now, parts: Vec::new(), bar: None, last_line: now, counted: None, quiet }
+        Self {
+            started: now,
+            lap: now,
+            parts: Vec::new(),
+            bar: None,
+            last_line: now,
+            counted: None,
+            primitives: "Gaussians",
+            quiet,
+        }
+    }
+
+    /// What the steps that it watches have a number of, where these are not Gaussians.
+    pub(crate) fn of(mut self, primitives: &'static str) -> Self {
+        self.primitives = primitives;
+        self
     }
 
     /// A remark for the person at the terminal.
@@ -108,7 +124,7 @@ impl Watch for Meter {
 
     fn progress(&mut self, done: usize, total: usize, step: Step) {
         if !self.quiet {
-            self.count(done, total, &format!("loss {:.4} · {} Gaussians", step.loss, step.size));
+            self.count(done, total, &format!("loss {:.4} · {} {}", step.loss, step.size, self.primitives));
         }
     }
 }
