@@ -4,17 +4,19 @@
 //! dense     triangles, solutions and inverses of small f64 matrices
 //! digraph   directed graphs on a few nodes: order, descendants, d-separation
 //! knn       mean squared distance to the three nearest neighbours: initial scales
+//! principal the axis along which points vary most
 //! quat      rotation matrix of a quaternion of any length
 //! rodrigues rotation matrix of an axis times an angle, and back
 //! sh        real spherical harmonics up to degree 3
 //! ```
 //!
 //! Called by `splat` (quat, sh) and `fit` (knn), where the caller owns the loops and these are the bodies; by scores and learners of causal
-//! structure (dense, digraph); by poses of bodies (rodrigues).
+//! structure (dense, digraph, principal); by poses of bodies (rodrigues).
 
 pub mod dense;
 pub mod digraph;
 pub mod knn;
+pub mod principal;
 pub mod quat;
 pub mod rodrigues;
 pub mod sh;

@@ -5,7 +5,7 @@
 use super::file::Trained;
 use super::verdict::{intervened, linked};
 use crate::Result;
-use crate::math::knn;
+use crate::math::{knn, principal};
 use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::splat::discs;
@@ -14,37 +14,8 @@ use crate::splat::discs;
 pub const VALUES: usize = 9;
 /// Shares of the pictures below the first and the last value.
 const ENDS: [f64; 2] = [0.02, 0.98];
-/// Passes of the power iteration: the axis of largest variance only orders pictures.
-const PASSES: usize = 50;
 /// Radius of a disc in units of the mean distance to the three nearest points.
 const DISC: f64 = 0.9;
-
-/// Axis of largest variance of rows (N, k), of length 1; its largest entry is positive.
-fn axis(rows: &[&[f64]], k: usize) -> Vec<f64> {
-    let count = rows.len() as f64;
-    let mean: Vec<f64> = (0..k).map(|c| rows.iter().fold(0.0, |s, r| s + r[c]) / count).collect();
-    let mut covariance = vec![0.0; k * k];
-    for row in rows {
-        for a in 0..k {
-            for b in 0..k {
-                covariance[a * k + b] += (row[a] - mean[a]) * (row[b] - mean[b]);
-            }
-        }
-    }
-    let start =
-        (0..k).fold(0, |best, c| if covariance[c * k + c] > covariance[best * k + best] { c } else { best });
-    let mut v: Vec<f64> = (0..k).map(|c| if c == start { 1.0 } else { 0.0 }).collect();
-    for _ in 0..PASSES {
-        let next: Vec<f64> =
-            (0..k).map(|a| (0..k).fold(0.0, |s, b| s + covariance[a * k + b] * v[b])).collect();
-        let length = next.iter().fold(0.0, |s, x| s + x * x).sqrt();
-        if !(length > 0.0) {
-            break;
-        }
-        v = next.iter().map(|x| x / length).collect();
-    }
-    v
-}
 
 /// Codes (n, [`VALUES`], k) of rows of factors (N, n, k): those of the pictures at the quantiles along each factor's axis.
 ///
@@ -55,7 +26,7 @@ pub fn codes(factors: &[f64], n: usize, k: usize) -> Vec<f64> {
     for i in 0..n {
         let rows: Vec<&[f64]> = factors.chunks_exact(n * k).map(|row| &row[i * k..(i + 1) * k]).collect();
         assert!(!rows.is_empty(), "there are pictures");
-        let axis = axis(&rows, k);
+        let axis = principal::axis(&rows, k);
         let along = |row: &[f64]| row.iter().zip(&axis).fold(0.0, |s, (x, a)| s + x * a);
         let mut order: Vec<usize> = (0..rows.len()).collect();
         order.sort_by(|&a, &b| along(rows[a]).total_cmp(&along(rows[b])).then(a.cmp(&b)));
