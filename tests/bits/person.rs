@@ -57,14 +57,15 @@ pub(crate) fn entries() -> Vec<Entry> {
     let settings = Settings {
         steps: STEPS[0],
         refit: STEPS[1],
-        freeze: 3,
+        alone: 2,
+        freeze: 5,
         warm_up: 5,
         round: 4,
         observed: 12,
         groups: 1,
         width: 2,
         seed: 7,
-        ..Settings::default()
+        ..Settings::of_pictures()
     };
     let mut training = Training::new(settings, &data).expect("pictures of 64 pixels");
     for i in 0..Fit::iterations(&training) {

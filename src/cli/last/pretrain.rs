@@ -76,7 +76,14 @@ pub(in crate::cli) struct Args {
     /// Groups of a batch
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "Training")]
     groups: usize,
-    /// Another factor of a term of the loss, NAME=VALUE: reconstruction, kl, independence, groups, sparsity
+    /// Steps of the schedule of 12000 before groups count; from there they count more and more, until edges move
+    #[arg(long, value_name = "N", default_value_t = 4_000, help_heading = "Training")]
+    alone: u32,
+    /// Steps of the schedule of 12000 before edges move
+    #[arg(long, value_name = "N", default_value_t = 8_000, help_heading = "Training")]
+    freeze: u32,
+    /// Another factor of a term of the loss, NAME=VALUE: reconstruction, kl, independence, groups, intervention (of
+    /// decoded counterfactuals, times groups), spread (of the hinge, times groups), sparsity
     #[arg(long, value_name = "TERM", num_args = 1.., help_heading = "Training")]
     weight: Vec<String>,
     /// Steps between checkpoints
@@ -101,12 +108,14 @@ impl Args {
             observed: self.observed,
             groups: self.groups,
             seed: self.filling.seed,
-            ..Settings::default()
+            freeze: self.freeze,
+            alone: self.alone,
+            ..Settings::of_pictures()
         };
         for term in &self.weight {
             let wrong = || {
                 Error::input("--weight")
-                    .expected("NAME=VALUE: reconstruction, kl, independence, groups or sparsity, and a number not below 0")
+                    .expected("NAME=VALUE: reconstruction, kl, independence, groups, intervention, spread or sparsity, and a number not below 0")
                     .got(term.as_str())
             };
             let (name, value) = term.split_once('=').ok_or_else(wrong)?;
@@ -120,6 +129,8 @@ impl Args {
                 "kl" => &mut w.kl,
                 "independence" => &mut w.independence,
                 "groups" => &mut w.groups,
+                "intervention" => &mut w.intervention,
+                "spread" => &mut w.spread,
                 "sparsity" => &mut w.sparsity,
                 _ => return Err(wrong()),
             } = value;
@@ -131,7 +142,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new(args.filling.quiet).of("edges");
     let settings = args.settings()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let data = Pictures::read(&args.data, settings.supervision != Supervision::None)?;
@@ -295,6 +306,7 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
 fn training_marks(settings: &Value) -> Vec<(f64, String)> {
     let at = |key: &str| settings[key].as_f64().unwrap_or(0.0);
     vec![
+        (at("alone"), "groups begin".into()),
         (at("freeze"), "logits move".into()),
         (at("steps"), "graph fixed".into()),
         (at("steps") + at("refit") / 2.0, "search".into()),

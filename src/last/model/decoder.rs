@@ -18,7 +18,7 @@
 //! Layers as `nn.linear`. L_b is a left fold over (q, c) in f64. Gradients of the weights are one chain over q per item, finished before
 //! items are added in index order, so a batch may be split into consecutive parts.
 
-use super::encoder::{he_uniform, size};
+use super::encoder::{LAST, he_uniform, size};
 use crate::nn::act::leaky_relu_back;
 use crate::num::gemm::{Finish, Packed, View, gemm, gemm_packed};
 use crate::num::{elem, par};
@@ -133,14 +133,19 @@ impl Decoder {
         .to_vec()
     }
 
-    /// First values of all parameters, as the encoder's.
+    /// First values of all parameters, as the encoder's: the last layer's weights are scaled by 0.1 here too, so that the first loss is that of the
+    /// template at rest. Without it the first gradients are a hundred times those that follow, and Adam's second moments (0.999) remember them for
+    /// thousands of steps.
     pub fn draw(&self, seed: u64, params: &mut Params) {
         for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
-            let array = if shape.contains(&0) {
+            let mut array = if shape.contains(&0) {
                 ArrayD::zeros(IxDyn(&shape))
             } else {
                 he_uniform(seed, FIRST_ARRAY + at as u32, &shape, SLOPE)
             };
+            if name == "decoder.dense3.weight" {
+                array.mapv_inplace(|w| LAST * w);
+            }
             params.set(&name, array);
         }
     }

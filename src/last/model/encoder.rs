@@ -21,7 +21,7 @@ const HIDDEN: usize = 256;
 /// Widths of the hidden layers for vectors.
 const VECTOR_HIDDEN: [usize; 2] = [64, 64];
 /// What the last layer's weights are scaled by.
-const LAST: f32 = 0.1;
+pub(super) const LAST: f32 = 0.1;
 /// First value of ℓ.
 const LOG_VARIANCE: f32 = -2.0;
 

@@ -5,7 +5,7 @@ use super::decoder::{Decoder, Target};
 use super::encoder::Encoder;
 use super::latent::{self, Layout, Terms};
 use super::purpose;
-use super::settings::{Reading, Settings, Supervision};
+use super::settings::{Reading, Settings, Supervision, Weights};
 use super::structure::{Sizes, Structure};
 use super::targets::{self, Pairs};
 use crate::Result;
@@ -159,6 +159,8 @@ pub struct Context {
     pub step: u32,
     /// w_KL now
     pub kl: f64,
+    /// w₄ now
+    pub groups: f64,
     /// multiplier λ_h and penalty ρ; none while the logits are at rest
     pub lagrange: Option<[f64; 2]>,
     /// the final graph; none while it is learned
@@ -245,7 +247,7 @@ pub fn run(
         labels: &batch.labels,
         reading: settings.reading,
         supervision: settings.supervision,
-        weights: super::settings::Weights { kl: context.kl, ..settings.weights },
+        weights: Weights { kl: context.kl, groups: context.groups, ..settings.weights },
         placement: settings.placement,
         carried: carried.as_deref().map(|sum| (sum, share)),
     };
@@ -274,7 +276,7 @@ pub fn run(
         let w = if b < items {
             settings.weights.reconstruction / items as f64
         } else {
-            settings.weights.groups / pairs as f64
+            context.groups * settings.weights.intervention / pairs as f64
         };
         w as f32
     };

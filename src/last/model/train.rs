@@ -1,13 +1,13 @@
 //! The schedule of `last.md` §8: batches, Adam, the augmented Lagrangian, the final graph, refit.
 //!
 //! ```text
-//! 0 ── freeze ──────────── steps ─────────── steps + refit/2 ─────────── steps + refit
-//!   U at rest  │ U moves: h, Σp │ graph: p > ½, cycles cut │ graph: search by score │
+//! 0 ── alone ── freeze ──────────── steps ─────────── steps + refit/2 ─────────── steps + refit
+//!  w₄ 0 │ w₄ grows │ U moves: h, Σp │ graph: p > ½, cycles cut │ graph: search by score │
 //! ```
 //!
 //! The rate of all parameters falls to a tenth at 80 % of the steps; that of U also by 1/log₁₀ρ once ρ exceeds 10. Every 500 steps the
 //! multiplier of h grows by ρh, and ρ tenfold where h has not fallen to a quarter (`last.md` §5.4). The search (§5.5) scores graphs on the means of
-//! all items with splines of the parents, leaving out the mechanism of a factor where it was set.
+//! all items, each block along its main axis, with splines of the parents, leaving out the mechanism of a factor where it was set.
 
 use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
@@ -165,7 +165,7 @@ impl<'a> Training<'a> {
             && self.settings.factors <= crate::last::structure::score::MOST
         {
             let n = self.settings.factors;
-            let table = Table::new(&self.samples().standardised()?, Features::Spline)?;
+            let table = Table::new(&self.samples().along_axes(), Features::Spline)?;
             let start = self.graph.clone().unwrap_or_else(|| vec![0.0; n * n]);
             let (best, _) = search::climb(&table, &Digraph::from_weights(&start, n, 0.5));
             self.graph = Some(best.graph.adjacency());
@@ -182,10 +182,17 @@ impl<'a> Training<'a> {
         let s = &self.settings;
         let moving = self.step >= s.freeze && self.graph.is_none();
         let warmth = order::min(1.0, f64::from(self.step) / f64::from(s.warm_up));
-        let batch = Batch::draw(s, self.data, self.step);
+        let told = s.told(self.step);
+        // Groups that do not count are not drawn either: a step of a third of the pictures.
+        let batch = Batch::draw(
+            &Settings { groups: if told > 0.0 { s.groups } else { 0 }, ..*s },
+            self.data,
+            self.step,
+        );
         let context = Context {
             step: self.step,
             kl: s.weights.kl * warmth,
+            groups: s.weights.groups * told,
             lagrange: moving.then_some([self.lambda, self.rho]),
             graph: self.graph.clone(),
             spread: self.spread.clone().unwrap_or_else(|| vec![1.0; s.factors]),
@@ -278,7 +285,7 @@ impl Fit for Training<'_> {
         let losses = self.advance()?;
         watch.lap("step");
         let w = &self.settings.weights;
-        let loss = w.reconstruction * losses.reconstruction + w.groups * losses.intervention;
+        let loss = w.reconstruction * losses.reconstruction + w.groups * w.intervention * losses.intervention;
         if !loss.is_finite() {
             return Err(Error::check("image-to-point model")
                 .at(format!("step {i}"))

@@ -237,7 +237,7 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
         // Pairs with a value of their own share none.
         let equal = if x.supervision == Supervision::PerSample { 0.0 } else { w };
         let shared = held_adjoint(x, &bar.value, &mut mean_u, &mut bars.structure.values);
-        let cotangent = groups::Out { equal, invariant: w, spread: w, shared };
+        let cotangent = groups::Out { equal, invariant: w, spread: w * x.weights.spread, shared };
         let input = x.groups(&out.mean);
         let mut bar = groups::InBar::zeros_like(&input);
         groups::adjoint(&input, &out.shared, &cotangent, &mut bar);

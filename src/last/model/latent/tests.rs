@@ -19,7 +19,7 @@ fn value(x: &In<'_>, c: &[f64]) -> f64 {
     let equal = if x.supervision == Supervision::PerSample { 0.0 } else { t.equal };
     let own = x.weights.kl * t.kl
         + x.weights.independence * t.independence
-        + x.weights.groups * ((equal + t.invariant) + t.hinge);
+        + x.weights.groups * ((equal + t.invariant) + x.weights.spread * t.hinge);
     out.decoded.iter().zip(c).fold(own, |s, (d, c)| s + d * c)
 }
 
