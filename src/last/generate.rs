@@ -48,7 +48,7 @@ pub struct Which {
 }
 
 impl Which {
-    /// `video`, `observational`, `interventions` or `all`.
+    /// `video`, `observational`, `interventions`, `training` (both of these) or `all`.
     ///
     /// # Errors
     /// For any other name.
@@ -58,10 +58,11 @@ impl Which {
             "video" => Ok(only(true, false, false)),
             "observational" => Ok(only(false, true, false)),
             "interventions" => Ok(only(false, false, true)),
+            "training" => Ok(only(false, true, true)),
             "all" => Ok(only(true, true, true)),
-            other => {
-                Err(Error::input("set").expected("video, observational, interventions or all").got(other))
-            }
+            other => Err(Error::input("set")
+                .expected("video, observational, interventions, training (both of these) or all")
+                .got(other)),
         }
     }
 }
@@ -69,7 +70,7 @@ impl Which {
 /// Everything a data set depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// `video`, `observational`, `interventions` or `all`
+    /// as [`Which::parse`] reads it
     pub set: String,
     /// `FORK` … `EMPTY`, `ER-m`
     pub graph: String,
@@ -322,6 +323,21 @@ pub struct Report {
 
 /// Counts finished pieces of work: done, total, of what.
 pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
+
+/// Makes the data in a folder, or goes on with them, unless they are there, whole. The folder's name must say what matters of the settings.
+///
+/// # Errors
+/// As [`run`].
+pub fn ensure(settings: &Settings, dir: &Path) -> Result<()> {
+    let record = std::fs::read(dir.join(RECORD)).ok();
+    let complete = record
+        .and_then(|b| serde_json::from_slice::<Value>(&b).ok())
+        .is_some_and(|record| record["complete"] == true);
+    if !complete {
+        run(settings, dir, true, &AtomicBool::new(false), &mut |_, _, _| ())?;
+    }
+    Ok(())
+}
 
 /// Makes the data in a folder, which is made if need be. With `resume` it continues the run that left the folder; otherwise it first removes what
 /// an earlier run left there.

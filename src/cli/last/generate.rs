@@ -28,7 +28,7 @@ pub(in crate::cli) struct Args {
     /// Folder for the data; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What to make: video, observational, interventions or all [of a character: video unless told otherwise]
+    /// What to make: video, observational, interventions, training (both of these) or all [of a character: video unless told otherwise]
     #[arg(
         long,
         value_name = "WHICH",

@@ -13,6 +13,7 @@ use crate::last::study::person::constants::{Calibration, Constants, Search};
 use crate::last::study::person::experiments::{self, CLAIMS};
 use crate::last::study::person::stage::{self, Model, Stage};
 use crate::last::study::person::trial::AROUND;
+use crate::last::study::pictures::{self, Seen};
 use crate::last::study::plan::{Cell, Drawing, Experiment, Outcome, Report, Results};
 use crate::last::study::run::{self, Onlooker};
 use crate::last::study::stats::Summary;
@@ -43,7 +44,7 @@ const FOUND_BY: [(&str, &str); 2] = [
 
 E1 full system against host · E2 what each part does · E3 wrong structures · E4 number of factors · E5 τ_rec
 E6 where the latent criterion adds · E7 λ · E8 order of the updates · E9 tuning · E10 is the structure found
-E11 the spurious edge of a fork · E12 where dependence is punished · E13 errors of child factors · E14 cost
+(E10p from pictures) · E11 the spurious edge of a fork · E12 where dependence is punished · E13 errors of child factors · E14 cost
 E15 latent factors in the loss. Those with persons need a model that was trained on pictures of
 `last gen --graph GRAPH` with its default seed; the first one serves where an experiment asks for one.
 Before them the scale of the latent criterion and the strongest constants are found on a subject that is in no
@@ -126,11 +127,11 @@ fn seconds(dir: &Path) -> BTreeMap<String, f64> {
 }
 
 impl Args {
-    fn sizes(&self) -> (learn::Size, stage::Size) {
+    fn sizes(&self) -> (learn::Size, pictures::Size, stage::Size) {
         match (self.quick, self.smoke) {
-            (true, _) => (learn::Size::quick(), stage::Size::quick()),
-            (_, true) => (learn::Size::smoke(), stage::Size::smoke()),
-            _ => (learn::Size::full(), stage::Size::full()),
+            (true, _) => (learn::Size::quick(), pictures::Size::quick(), stage::Size::quick()),
+            (_, true) => (learn::Size::smoke(), pictures::Size::smoke(), stage::Size::smoke()),
+            _ => (learn::Size::full(), pictures::Size::full(), stage::Size::full()),
         }
     }
 
@@ -203,14 +204,17 @@ impl Study<'_> {
 
 /// Of `E7`, 7; what comes before the experiments is 0.
 fn number(id: &str) -> u32 {
-    id.strip_prefix('E').and_then(|n| n.parse().ok()).unwrap_or(0)
+    id.trim_matches(|c: char| !c.is_ascii_digit()).parse().unwrap_or(0)
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.manner.quiet);
-    let (vectors, persons) = args.sizes();
-    let learning: [Learning; 4] =
+    let (vectors, seen, persons) = args.sizes();
+    let of_vectors: [Learning; 4] =
         [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(vectors));
+    let of_pictures = Seen::new(seen, &args.out);
+    let learning: Vec<&dyn Experiment> =
+        of_vectors.iter().map(|x| x as &dyn Experiment).chain([&of_pictures as &dyn Experiment]).collect();
     let guided: Vec<&str> = FOUND_BY.iter().chain(&CLAIMS).map(|(id, _)| *id).collect();
     for id in &args.ids {
         if !learning.iter().any(|x| x.id() == id) && !guided.contains(&id.as_str()) {
@@ -244,8 +248,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             study.cannot(args, &CLAIMS, "the search for constants is not complete");
         }
     }
-    let chosen: Vec<&dyn Experiment> =
-        learning.iter().filter(|x| args.wants(x.id())).map(|x| x as &dyn Experiment).collect();
+    let chosen: Vec<&dyn Experiment> = learning.iter().copied().filter(|x| args.wants(x.id())).collect();
     study.run(&chosen)?;
     let mut reports = study.reports;
     reports.sort_by_key(|r| number(r.id));

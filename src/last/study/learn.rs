@@ -7,10 +7,11 @@ use super::plan::{Cell, Curve, Drawing, Experiment, Outcome, Report, Values, of,
 use super::stats::{Summary, median};
 use crate::fit::training::Watch;
 use crate::last::model::data::{Data, Item};
+use crate::last::model::file::Trained;
 use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
 use crate::last::model::train::Training;
 use crate::last::model::vectors::Vectors;
-use crate::last::model::verdict;
+use crate::last::model::verdict::{self, Verdict};
 use crate::last::structure::oracle;
 use crate::last::structure::samples::Samples;
 use crate::last::structure::score::{Features, Table};
@@ -107,36 +108,11 @@ impl Trial {
         for _ in 0..settings.steps + settings.refit {
             last = training.advance()?.reconstruction;
         }
-        let probabilities = training.probabilities();
         let trained = training.finish()?;
         let verdict = verdict::of(&trained, &data, &Some(graph.adjacency.clone()))?;
         let truth = Digraph::from_fn(self.truth, |i, j| graph.adjacency[i][j]);
-        let estimate = verdict.matched.relabel(&trained.graph);
-        let found = edges::compare(&truth, &estimate);
-        let mut values = Values::from([
-            ("shd".into(), found.shd as f64),
-            ("nnz".into(), found.nnz as f64),
-            ("mcc".into(), verdict.mcc),
-            ("targets".into(), verdict.target_accuracy),
-            ("reconstruction".into(), last),
-        ]);
-        if let Some(rates) = found.rates {
-            values.insert("tpr".into(), rates.tpr);
-            values.insert("fdr".into(), rates.fdr);
-        }
-        if let Some([_, sid]) = verdict.distances {
-            values.insert("sid".into(), sid as f64);
-        }
-        if let Some([moved, still]) = verdict.counterfactual
-            && still > 0.0
-        {
-            values.insert("counterfactual".into(), moved / still);
-        }
-        if self.factors == 4 && self.truth == 4 {
-            // P, O, W, L: what E11 asks for
-            values.insert("p_wo".into(), probabilities[2 * 4 + 1]);
-            values.insert("p_ow".into(), probabilities[4 + 2]);
-        }
+        let mut values = measured(&trained, &verdict, &truth);
+        values.insert("reconstruction".into(), last);
         if self.truth <= 5 {
             let best =
                 oracle::enumerate(&Table::new(&known(&data, self.truth).standardised()?, Features::Spline)?)?;
@@ -144,6 +120,35 @@ impl Trial {
         }
         Ok(values)
     }
+}
+
+/// What a model found, beside the truth.
+pub(super) fn measured(trained: &Trained, verdict: &Verdict, truth: &Digraph) -> Values {
+    let found = edges::compare(truth, &verdict.matched.relabel(&trained.graph));
+    let mut values = Values::from([
+        ("shd".into(), found.shd as f64),
+        ("nnz".into(), found.nnz as f64),
+        ("mcc".into(), verdict.mcc),
+        ("targets".into(), verdict.target_accuracy),
+    ]);
+    if let Some(rates) = found.rates {
+        values.insert("tpr".into(), rates.tpr);
+        values.insert("fdr".into(), rates.fdr);
+    }
+    if let Some([_, sid]) = verdict.distances {
+        values.insert("sid".into(), sid as f64);
+    }
+    if let Some([moved, still]) = verdict.counterfactual
+        && still > 0.0
+    {
+        values.insert("counterfactual".into(), moved / still);
+    }
+    if trained.settings.factors == 4 && truth.n() == 4 {
+        // P, O, W, L: what E11 asks for
+        values.insert("p_wo".into(), verdict.probabilities[2 * 4 + 1]);
+        values.insert("p_ow".into(), verdict.probabilities[4 + 2]);
+    }
+    values
 }
 
 /// The true factors as samples, pairs among them.
@@ -238,7 +243,7 @@ const NUMBERS: [usize; 7] = [1, 2, 3, 4, 5, 6, 8];
 
 const GRAPHS: [&str; 6] = ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"];
 
-fn three(values: &[f64]) -> String {
+pub(super) fn three(values: &[f64]) -> String {
     if values.is_empty() { "–".into() } else { format!("{:.2}", Summary::of(values)) }
 }
 

@@ -3,6 +3,7 @@
 //! ```text
 //! plan     an experiment: cells, each a function of its key; what its results mean
 //! learn    E4, E10, E11, E12: structure learned from vectors of known factors
+//! pictures E10 and E11 on pictures of them
 //! stats    means, deviations, paired intervals
 //! run      cells that are not there yet are run, one file each; all together make the reports
 //! ```
@@ -12,6 +13,7 @@
 
 pub mod learn;
 pub mod person;
+pub mod pictures;
 pub mod plan;
 pub mod run;
 pub mod stats;

@@ -1,7 +1,7 @@
 //! What the experiments with persons share: sizes, models, captures.
 
 use crate::last::figure::Look;
-use crate::last::generate::{self, RECORD};
+use crate::last::generate;
 use crate::last::host::settings::Settings;
 use crate::last::model::encoder::Input;
 use crate::last::model::file::Trained;
@@ -11,7 +11,6 @@ use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use serde_json::{Value, json};
 use std::path::PathBuf;
-use std::sync::atomic::AtomicBool;
 
 /// Sizes of subjects and fits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -151,25 +150,19 @@ impl Stage {
         let s = &self.size;
         let name = format!("{}-{subject}-{}x{}-{}-{}", model.graph, s.side, s.frames, s.cameras, s.points);
         let dir = self.dir.join("subjects").join(name);
-        let complete = std::fs::read(dir.join(RECORD))
-            .ok()
-            .and_then(|b| serde_json::from_slice::<Value>(&b).ok())
-            .is_some_and(|r| r["complete"] == true);
-        if !complete {
-            let settings = generate::Settings {
-                set: "video".into(),
-                graph: model.graph.clone(),
-                factors: model.truth.n(),
-                video_look: Look::Mesh,
-                video_size: s.side,
-                points: s.points,
-                frames: s.frames,
-                test_cameras: s.cameras,
-                subject,
-                ..generate::Settings::full()
-            };
-            generate::run(&settings, &dir, true, &AtomicBool::new(false), &mut |_, _, _| ())?;
-        }
+        let settings = generate::Settings {
+            set: "video".into(),
+            graph: model.graph.clone(),
+            factors: model.truth.n(),
+            video_look: Look::Mesh,
+            video_size: s.side,
+            points: s.points,
+            frames: s.frames,
+            test_cameras: s.cameras,
+            subject,
+            ..generate::Settings::full()
+        };
+        generate::ensure(&settings, &dir)?;
         PersonCapture::open(&dir.join("video"))
     }
 }
