@@ -34,7 +34,7 @@ fn the_shipped_model_is_the_recorded_one() {
 
 #[test]
 fn the_commands_of_its_page_make_it() {
-    if !long("training the shipped model anew, about two hours") {
+    if !long("training the shipped model anew, about half an hour") {
         return;
     }
     let dir = tempfile::tempdir().expect("a temporary folder");
