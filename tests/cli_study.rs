@@ -111,3 +111,23 @@ fn without_a_model_it_says_so() {
     refused(&["last", "study", "--out", "t", "--model", "model.safetensors"], at, 2, &["GRAPH=FILE"]);
     refused(&["last", "study", "--out", "t", "--model", "FORK=none"], at, 2, &["none"]);
 }
+
+#[test]
+fn structure_from_pictures_is_measured() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    let study = |more: &[&str]| {
+        let words = [&["last", "study", "E10p", "--smoke", "--json", "--out", "s"], more].concat();
+        json(&words, at)["experiments"][0].clone()
+    };
+    let made = study(&[]);
+    assert_eq!(made["id"], "E10p");
+    let rows: Vec<Vec<String>> = serde_json::from_value(made["rows"].clone()).expect("rows of text");
+    let names: Vec<&str> = rows.iter().map(|r| r[0].as_str()).collect();
+    let wanted = ["FORK NL groups", "FORK NL pairs", "FULL NL groups", "FULL NL pairs"];
+    assert_eq!(names, wanted.map(|name| format!("{name} pictures")), "two graphs, told in two ways");
+    assert_ne!(made["outcome"], "holds", "four steps find nothing");
+    let sets = std::fs::read_dir(at.join("s/sets")).expect("pictures").count();
+    assert_eq!(sets, 2, "one set a graph, whatever is told");
+    assert_eq!(study(&["--resume", "--stored"])["rows"], made["rows"], "the report is made from the files");
+}

@@ -77,10 +77,10 @@ pub(in crate::cli) struct Args {
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "Training")]
     groups: usize,
     /// Steps of the schedule of 12000 before groups count; from there they count more and more, until edges move
-    #[arg(long, value_name = "N", default_value_t = 4_000, help_heading = "Training")]
+    #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().alone, help_heading = "Training")]
     alone: u32,
     /// Steps of the schedule of 12000 before edges move
-    #[arg(long, value_name = "N", default_value_t = 8_000, help_heading = "Training")]
+    #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().freeze, help_heading = "Training")]
     freeze: u32,
     /// Another factor of a term of the loss, NAME=VALUE: reconstruction, kl, independence, groups, intervention (of
     /// decoded counterfactuals, times groups), spread (of the hinge, times groups), sparsity

@@ -222,8 +222,6 @@ fn read_settings(v: &Value) -> Result<Settings> {
         Error::input("metadata 'settings'").at(key.to_owned()).expected(what).got(got)
     };
     let real = |key: &str| v.get(key).and_then(Value::as_f64).ok_or_else(|| missing(key, "a number"));
-    // What the first files do not name.
-    let later = |key: &str, then: f64| if v.get(key).is_none() { Ok(then) } else { real(key) };
     let whole = |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "a whole number"));
     let name = |key: &str| v.get(key).and_then(Value::as_str).ok_or_else(|| missing(key, "a name"));
     let small = |key: &str, most: u64| -> Result<u64> {
@@ -242,8 +240,8 @@ fn read_settings(v: &Value) -> Result<Settings> {
             kl: real("w_kl")?,
             independence: real("w_independence")?,
             groups: real("w_groups")?,
-            intervention: later("w_intervention", 1.0)?,
-            spread: later("w_spread", 1.0)?,
+            intervention: real("w_intervention")?,
+            spread: real("w_spread")?,
             sparsity: real("w_sparsity")?,
         },
         tau: real("tau")?,
@@ -251,7 +249,7 @@ fn read_settings(v: &Value) -> Result<Settings> {
         steps: whole("steps")? as u32,
         refit: whole("refit")? as u32,
         freeze: whole("freeze")? as u32,
-        alone: later("alone", 0.0)? as u32,
+        alone: whole("alone")? as u32,
         warm_up: whole("warm_up")? as u32,
         round: whole("round")? as u32,
         lr: real("lr")?,

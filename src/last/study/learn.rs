@@ -243,7 +243,7 @@ const NUMBERS: [usize; 7] = [1, 2, 3, 4, 5, 6, 8];
 
 const GRAPHS: [&str; 6] = ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"];
 
-pub(super) fn three(values: &[f64]) -> String {
+fn three(values: &[f64]) -> String {
     if values.is_empty() { "–".into() } else { format!("{:.2}", Summary::of(values)) }
 }
 
@@ -273,16 +273,24 @@ pub fn correct(size: Size) -> Learning {
     Learning { id: "E10", trials: Trials::new(size, list), report: report_e10 }
 }
 
-fn report_e10(results: &[(Cell, Values)]) -> Report {
+/// Scores of all rows, the median SHD first: a table and a chart.
+pub(super) fn scores(results: &[(Cell, Values)], columns: &[&str]) -> (Vec<Vec<String>>, Drawing) {
     let names = rows(results);
+    let shd = |row: &String| median(&of(results, row, "shd"));
     let line = |row: &String| -> Vec<String> {
-        let get = |name: &str| of(results, row, name);
-        let mut cells = vec![row.clone(), format!("{}", median(&get("shd")))];
-        cells.extend(
-            ["shd", "sid", "mcc", "targets", "tpr", "fdr", "oracle_shd"].map(|name| three(&get(name))),
-        );
+        let mut cells = summaries(results, row, columns);
+        cells.insert(1, format!("{}", shd(row)));
         cells
     };
+    (
+        names.iter().map(line).collect(),
+        Drawing::Bars(names.iter().map(|row| (row.clone(), shd(row))).collect()),
+    )
+}
+
+fn report_e10(results: &[(Cell, Values)]) -> Report {
+    let names = rows(results);
+    let (rows, drawing) = scores(results, &["shd", "sid", "mcc", "targets", "tpr", "fdr", "oracle_shd"]);
     let wanted =
         |row: &&String| row.ends_with(" groups") && !row.starts_with("EMPTY") && !row.contains(" NG ");
     let good: Vec<&String> = names.iter().filter(wanted).collect();
@@ -305,11 +313,9 @@ fn report_e10(results: &[(Cell, Values)]) -> Report {
             ">FDR",
             ">SHD of true factors",
         ],
-        rows: names.iter().map(line).collect(),
+        rows,
         chart: ["median SHD", "row"],
-        drawing: Drawing::Bars(
-            names.iter().map(|row| (row.clone(), median(&of(results, row, "shd")))).collect(),
-        ),
+        drawing,
         outcome: Outcome::of((!good.is_empty()).then_some(missed.is_empty())),
         verdict: if missed.is_empty() {
             "With groups that share a value the median SHD is at most 1 on every graph; what is told less stands beside it.".into()

@@ -53,7 +53,7 @@ fn gradients_are_those_of_differences() {
                 let (mu, eta) = (draws(0, items * d), draws(2, items * d));
                 let ell: Vec<f64> = draws(1, items * d).iter().map(|l| 0.3 * l - 1.0).collect();
                 let labels = draws(3, layout.targets.len());
-                let weights = Weights { kl: 0.7, groups: 1.3, ..Weights::default() };
+                let weights = Weights { kl: 0.7, groups: 1.3, spread: 1.7, ..Weights::default() };
                 let x = In {
                     structure: &structure,
                     mask: &mask,
