@@ -13,11 +13,42 @@ use std::time::{Duration, Instant};
 /// Seconds between lines where stderr is not a terminal.
 const LINE_SECONDS: u64 = 15;
 
-/// A stopwatch with named parts and a progress display: a bar on a terminal, else a line every 15 seconds.
+/// A stopwatch with named parts.
+pub(crate) struct Laps {
+    last: Instant,
+    parts: Vec<(&'static str, Duration)>,
+}
+
+impl Default for Laps {
+    /// Starts the clock.
+    fn default() -> Self {
+        Self { last: Instant::now(), parts: Vec::new() }
+    }
+}
+
+impl Laps {
+    /// Parts and their seconds, in the order in which they first came.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = (&'static str, f64)> {
+        self.parts.iter().map(|(name, d)| (*name, d.as_secs_f64()))
+    }
+}
+
+impl Watch for Laps {
+    fn lap(&mut self, part: &'static str) {
+        let now = Instant::now();
+        let d = now - self.last;
+        self.last = now;
+        match self.parts.iter_mut().find(|p| p.0 == part) {
+            Some(p) => p.1 += d,
+            None => self.parts.push((part, d)),
+        }
+    }
+}
+
+/// A stopwatch and a progress display: a bar on a terminal, else a line every 15 seconds.
 pub(crate) struct Meter {
     started: Instant,
-    lap: Instant,
-    parts: Vec<(&'static str, Duration)>,
+    laps: Laps,
     bar: Option<ProgressBar>,
     last_line: Instant,
     counted: Option<(Instant, usize)>,
@@ -31,8 +62,7 @@ impl Meter {
         let now = Instant::now();
         Self {
             started: now,
-            lap: now,
-            parts: Vec::new(),
+            laps: Laps::default(),
             bar: None,
             last_line: now,
             counted: None,
@@ -73,7 +103,7 @@ impl Meter {
 
     /// Parts and their seconds, longest first.
     pub(crate) fn parts(&self) -> Vec<(String, f64)> {
-        let mut parts: Vec<_> = self.parts.iter().map(|(n, d)| ((*n).to_owned(), d.as_secs_f64())).collect();
+        let mut parts: Vec<_> = self.laps.parts().map(|(name, s)| (name.to_owned(), s)).collect();
         parts.sort_by(|a, b| b.1.total_cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
         parts
     }
@@ -113,13 +143,7 @@ impl Meter {
 
 impl Watch for Meter {
     fn lap(&mut self, part: &'static str) {
-        let now = Instant::now();
-        let d = now - self.lap;
-        self.lap = now;
-        match self.parts.iter_mut().find(|p| p.0 == part) {
-            Some(p) => p.1 += d,
-            None => self.parts.push((part, d)),
-        }
+        self.laps.lap(part);
     }
 
     fn progress(&mut self, done: usize, total: usize, step: Step) {

@@ -27,6 +27,7 @@ use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, PoisonError};
 
 pub use super::folder::RECORD;
 
@@ -329,6 +330,9 @@ pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
 /// # Errors
 /// As [`run`].
 pub fn ensure(settings: &Settings, dir: &Path) -> Result<()> {
+    // Two that want the same data at a time: the second finds them.
+    static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
+    let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let record = std::fs::read(dir.join(RECORD)).ok();
     let complete = record
         .and_then(|b| serde_json::from_slice::<Value>(&b).ok())

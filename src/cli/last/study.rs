@@ -1,11 +1,10 @@
 //! `last study`: the experiments of LAST, one table and one chart each.
 
-use crate::cli::meter::Meter;
+use crate::cli::meter::{Laps, Meter};
 use crate::cli::report::charts::{Lines, Series, bars, intervals};
 use crate::cli::report::{self, Page, Section, Stat};
 use crate::cli::shared::Manner;
 use crate::cli::{self, claim};
-use crate::fit::training::{Step, Watch};
 use crate::io::atomic;
 use crate::last::model::file::Trained;
 use crate::last::study::learn::{self, Learning};
@@ -15,8 +14,9 @@ use crate::last::study::person::stage::{self, Model, Stage};
 use crate::last::study::person::trial::AROUND;
 use crate::last::study::pictures::{self, Seen};
 use crate::last::study::plan::{Cell, Drawing, Experiment, Outcome, Report, Results};
-use crate::last::study::run::{self, Onlooker};
+use crate::last::study::run::{self, Onlooker, Plan};
 use crate::last::study::stats::Summary;
+use crate::num::par;
 use crate::{Error, Result};
 use maud::{Markup, html};
 use serde_json::{Value, json};
@@ -69,6 +69,9 @@ pub(in crate::cli) struct Args {
     /// The smallest sizes: shows that everything runs, in seconds
     #[arg(long, conflicts_with = "quick")]
     smoke: bool,
+    /// Cells to run at a time; they share the threads and change no bit [default: as many as threads]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    jobs: Option<u16>,
     /// Go on where an interrupted study stopped
     #[arg(long, conflicts_with = "force")]
     resume: bool,
@@ -83,32 +86,18 @@ pub(in crate::cli) struct Args {
 struct Clock<'a> {
     meter: &'a mut Meter,
     file: PathBuf,
-    before: f64,
-}
-
-impl Clock<'_> {
-    fn seconds(&self) -> f64 {
-        self.meter.parts().iter().filter(|(part, _)| part != AROUND).fold(0.0, |s, (_, x)| s + x)
-    }
-}
-
-impl Watch for Clock<'_> {
-    fn lap(&mut self, part: &'static str) {
-        self.meter.lap(part);
-    }
-
-    fn progress(&mut self, _: usize, _: usize, _: Step) {}
 }
 
 impl Onlooker for Clock<'_> {
+    type Inside = Laps;
+
     fn next(&mut self, done: usize, total: usize, what: &str) {
-        self.meter.lap(AROUND);
-        self.before = self.seconds();
         self.meter.count(done, total, what);
     }
 
-    fn ran(&mut self, folder: &str, key: &str) {
-        let line = format!("{folder},{key},{:.3}\n", self.seconds() - self.before);
+    fn ran(&mut self, folder: &str, key: &str, inside: Laps) {
+        let seconds = inside.parts().filter(|(part, _)| *part != AROUND).fold(0.0, |s, (_, x)| s + x);
+        let line = format!("{folder},{key},{seconds:.3}\n");
         let file = std::fs::OpenOptions::new().create(true).append(true).open(&self.file);
         if let Err(e) = file.and_then(|mut f| f.write_all(line.as_bytes())) {
             self.meter.note(&format!("{}: {e}", self.file.display()));
@@ -157,7 +146,7 @@ impl Args {
 /// Experiments in work: where, and with whom looking on.
 struct Study<'a> {
     dir: PathBuf,
-    only_stored: bool,
+    plan: Plan,
     meter: &'a mut Meter,
     reports: Vec<Report>,
 }
@@ -165,9 +154,8 @@ struct Study<'a> {
 impl Study<'_> {
     /// Runs what is missing of some experiments and reports them.
     fn run(&mut self, experiments: &[&dyn Experiment]) -> Result<Vec<Results>> {
-        let mut clock = Clock { meter: self.meter, file: self.dir.join(SECONDS), before: 0.0 };
-        let results =
-            cli::stoppable(|stop| run::run(experiments, &self.dir, self.only_stored, stop, &mut clock));
+        let mut clock = Clock { meter: self.meter, file: self.dir.join(SECONDS) };
+        let results = cli::stoppable(|stop| run::run(experiments, &self.dir, self.plan, stop, &mut clock));
         self.meter.done();
         let results = results?;
         for (x, results) in experiments.iter().zip(&results) {
@@ -227,8 +215,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let models = args.models()?;
     let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
-    let mut study =
-        Study { dir: dir.clone(), only_stored: args.stored, meter: &mut meter, reports: Vec::new() };
+    let plan = Plan { only_stored: args.stored, jobs: args.jobs.map_or_else(par::threads, usize::from) };
+    let mut study = Study { dir: dir.clone(), plan, meter: &mut meter, reports: Vec::new() };
     let mut constants = None;
     let mut costs = Vec::new();
     if guided.iter().any(|id| args.wants(id)) {

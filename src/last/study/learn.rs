@@ -21,6 +21,7 @@ use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
 use serde_json::{Value, json};
+use std::sync::atomic::AtomicBool;
 
 /// Sizes of the trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -223,7 +224,7 @@ impl Experiment for Learning {
         })
     }
 
-    fn run(&self, cell: usize, _: &mut dyn Watch) -> Result<Values> {
+    fn run(&self, cell: usize, _: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         let (_, trial) = &self.trials.list[cell];
         trial.run(&self.trials.size)
     }

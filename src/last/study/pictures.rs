@@ -1,12 +1,12 @@
 //! E10 and E11 on pictures: FORK and FULL, NL, groups that share a value against pairs, as `last.md` §14 asks.
 //!
 //! A trial makes the pictures of a figure with one look (`sets/` in the folder of the study, once for all that is told), trains a model on them and
-//! compares its graph with the truth. What the search finds on the true factors stands in E10, whose vectors are of the same generators.
+//! compares its graph with the truth. Interrupted, it goes on from its checkpoint (`unfinished/`). What the search finds on the true factors stands in E10, whose vectors are of the same generators.
 
 use super::learn::{measured, plain, scores};
 use super::plan::{Cell, Experiment, Outcome, Report, Values, of, rows};
 use super::stats::median;
-use crate::fit::training::Watch;
+use crate::fit::training::{self, History, Schedule, Watch};
 use crate::last::generate;
 use crate::last::model::pictures::Pictures;
 use crate::last::model::settings::{Settings, Supervision};
@@ -17,6 +17,7 @@ use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 /// Sizes of the trials.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +50,10 @@ impl Size {
 }
 
 const GRAPHS: [&str; 2] = ["FORK", "FULL"];
+/// Folder of checkpoints.
+const UNFINISHED: &str = "unfinished";
+/// Steps between checkpoints of a training.
+const EVERY: usize = 500;
 
 /// One training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -61,6 +66,10 @@ struct Trial {
 impl Trial {
     fn row(&self) -> String {
         format!("{} NL {} pictures", self.graph, self.supervision.name())
+    }
+
+    fn key(&self) -> String {
+        format!("{}_{}", plain(&self.row()), self.seed)
     }
 }
 
@@ -118,10 +127,7 @@ impl Experiment for Seen {
     }
 
     fn cells(&self) -> Vec<Cell> {
-        self.trials
-            .iter()
-            .map(|t| Cell { key: format!("{}_{}", plain(&t.row()), t.seed), row: t.row(), seed: t.seed })
-            .collect()
+        self.trials.iter().map(|t| Cell { key: t.key(), row: t.row(), seed: t.seed }).collect()
     }
 
     fn settings(&self, cell: usize) -> Value {
@@ -129,22 +135,32 @@ impl Experiment for Seen {
         json!({ "data": self.size.data, "training": training, "lastlight": env!("CARGO_PKG_VERSION") })
     }
 
-    fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values> {
+    fn run(&self, cell: usize, watch: &mut dyn Watch, stop: &AtomicBool) -> Result<Values> {
         let trial = self.trials[cell];
         let data = Pictures::read(&self.pictures(trial.graph, trial.seed)?, true)?;
         watch.lap("pictures");
         let settings = self.training(&trial);
         let mut training = Training::new(settings, &data)?;
-        for _ in 0..settings.steps + settings.refit {
-            training.advance()?;
-            watch.lap("step");
+        let checkpoint = self.dir.join(UNFINISHED).join(format!("{}.safetensors", trial.key()));
+        let mut history = History::default();
+        if checkpoint.exists() {
+            match training::resume(&mut training, &checkpoint) {
+                Ok(so_far) => history = so_far,
+                // Of other settings: no part of this training.
+                Err(_) => training = Training::new(settings, &data)?,
+            }
         }
+        let folder = self.dir.join(UNFINISHED);
+        std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
+        let schedule = Schedule { checkpoint: Some(&checkpoint), every: EVERY, stop };
+        training::run(&mut training, &mut history, schedule, watch)?;
         let fail = |e: String| Error::input("trial").expected("a graph of the list").got(e);
         let graph = Graph::named(trial.graph, settings.factors, trial.seed).map_err(fail)?;
         let truth = Digraph::from_fn(settings.factors, |i, j| graph.adjacency[i][j]);
         let trained = training.finish()?;
         let verdict = verdict::of(&trained, &data, &Some(graph.adjacency))?;
         let mut values = measured(&trained, &verdict, &truth);
+        let _ = std::fs::remove_file(&checkpoint);
         values.insert("space".into(), verdict.space_error);
         values.insert("colour".into(), verdict.colour_error);
         Ok(values)
@@ -188,5 +204,48 @@ impl Experiment for Seen {
                 format!("Not found with groups: {}.", missed.join(", "))
             },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::error::Kind;
+    use crate::fit::training::Step;
+    use std::sync::atomic::Ordering;
+
+    /// Stops a training after some steps.
+    struct Impatient<'a>(usize, &'a AtomicBool);
+
+    impl Watch for Impatient<'_> {
+        fn progress(&mut self, done: usize, _: usize, _: Step) {
+            self.1.store(done == self.0, Ordering::Relaxed);
+        }
+    }
+
+    /// Remembers the first step.
+    struct First<'a>(&'a mut Option<usize>);
+
+    impl Watch for First<'_> {
+        fn progress(&mut self, done: usize, _: usize, _: Step) {
+            self.0.get_or_insert(done);
+        }
+    }
+
+    #[test]
+    fn a_training_that_was_stopped_goes_on() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let x = Seen::new(Size::smoke(), dir.path());
+        let stop = AtomicBool::new(false);
+        let e = x.run(0, &mut Impatient(2, &stop), &stop).expect_err("stopped");
+        assert_eq!(e.kind(), Kind::Interrupted);
+        let left = || std::fs::read_dir(dir.path().join(UNFINISHED)).expect("a folder").count();
+        assert_eq!(left(), 1, "a checkpoint");
+        stop.store(false, Ordering::Relaxed);
+        let mut first = None;
+        let resumed = x.run(0, &mut First(&mut first), &stop).expect("runs");
+        assert_eq!(first, Some(3), "from where it stopped");
+        assert_eq!(left(), 0, "the checkpoint is gone");
+        assert_eq!(x.run(0, &mut (), &stop).expect("runs"), resumed, "the bits of one that was not stopped");
     }
 }

@@ -5,6 +5,7 @@ use crate::Result;
 use crate::fit::training::Watch;
 use serde_json::Value;
 use std::collections::BTreeMap;
+use std::sync::atomic::AtomicBool;
 
 /// Numbers of one cell by name.
 pub type Values = BTreeMap<String, f64>;
@@ -131,11 +132,11 @@ pub trait Experiment: Sync {
     fn cells(&self) -> Vec<Cell>;
     /// Everything that the result of a cell depends on.
     fn settings(&self, cell: usize) -> Value;
-    /// Runs a cell of [`Self::cells`].
+    /// Runs a cell of [`Self::cells`]; one that takes long looks at `stop`.
     ///
     /// # Errors
-    /// What the training or fit reports.
-    fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values>;
+    /// What the training or fit reports; [`crate::error::Kind::Interrupted`] when `stop` was set.
+    fn run(&self, cell: usize, watch: &mut dyn Watch, stop: &AtomicBool) -> Result<Values>;
     /// What the results say; cells that are missing are left out.
     fn report(&self, results: &[(Cell, Values)]) -> Report;
 }

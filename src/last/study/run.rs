@@ -1,105 +1,230 @@
 //! Runs the cells of experiments that have no result yet.
+//!
+//! Cells know nothing of each other, and most are small: their matrices leave several threads little to share. So several run at a time, each in a pool of
+//! its own. One thread writes the files and tells who looks on; which cell ends first decides nothing, because all results are read from the files.
 
 use super::plan::{Cell, Experiment, Results, Values};
 use crate::fit::training::Watch;
 use crate::io::{atomic, read_bytes};
+use crate::num::par;
 use crate::{Error, Result};
 use serde_json::{Value, json};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::mpsc;
 
 /// Largest file of a result.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Who looks on: at the work inside a cell, and from cell to cell. Nothing flows back.
-pub trait Onlooker: Watch {
-    /// The next of `total` cells, `done` of which are there.
+/// Who looks on from cell to cell. Nothing flows back.
+pub trait Onlooker {
+    /// Who looks on inside a cell, from its start, on its thread.
+    type Inside: Watch + Default + Send;
+
+    /// Of `total` cells, `done` are there and `what` begins.
     fn next(&mut self, done: usize, total: usize, what: &str) {
         let _ = (done, total, what);
     }
 
     /// A cell has run; those that were there already are not told.
-    fn ran(&mut self, folder: &str, key: &str) {
-        let _ = (folder, key);
+    fn ran(&mut self, folder: &str, key: &str, inside: Self::Inside) {
+        let _ = (folder, key, inside);
     }
 }
 
 /// Nobody looks on.
-impl Onlooker for () {}
-
-fn path(dir: &Path, folder: &str, key: &str) -> PathBuf {
-    dir.join("cells").join(folder).join(format!("{key}.json"))
+impl Onlooker for () {
+    type Inside = ();
 }
 
-/// The result of a cell, if it is there and of these settings.
-fn stored(file: &Path, settings: &Value) -> Option<Values> {
-    let record: Value = serde_json::from_slice(&read_bytes(file, MOST_BYTES).ok()?).ok()?;
-    if record["settings"] != *settings {
-        return None;
+/// How cells are run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Plan {
+    /// what is missing is left out instead of run
+    pub only_stored: bool,
+    /// cells at a time, at most; they share the threads
+    pub jobs: usize,
+}
+
+/// A cell, and where its result is.
+struct Place<'a> {
+    experiment: &'a dyn Experiment,
+    /// of the experiment
+    index: usize,
+    cell: Cell,
+    file: PathBuf,
+}
+
+impl<'a> Place<'a> {
+    fn all(experiment: &'a dyn Experiment, dir: &Path) -> Vec<Self> {
+        let folder = dir.join("cells").join(experiment.folder());
+        let place = |(index, cell): (usize, Cell)| {
+            let file = folder.join(format!("{}.json", cell.key));
+            Self { experiment, index, cell, file }
+        };
+        experiment.cells().into_iter().enumerate().map(place).collect()
     }
-    let values = record["values"].as_object()?;
-    values.iter().map(|(name, x)| Some((name.clone(), x.as_f64()?))).collect()
+
+    fn name(&self) -> String {
+        format!("{} {}", self.experiment.id(), self.cell.row)
+    }
+
+    /// The result, if it is there and of these settings.
+    fn stored(&self) -> Option<Values> {
+        let record: Value = serde_json::from_slice(&read_bytes(&self.file, MOST_BYTES).ok()?).ok()?;
+        if record["settings"] != self.experiment.settings(self.index) {
+            return None;
+        }
+        let values = record["values"].as_object()?;
+        values.iter().map(|(name, x)| Some((name.clone(), x.as_f64()?))).collect()
+    }
+
+    fn run(&self, watch: &mut dyn Watch, stop: &AtomicBool) -> Result<Values> {
+        let values = self.experiment.run(self.index, watch, stop).map_err(|x| x.within(self.name()))?;
+        match values.iter().find(|(_, x)| !x.is_finite()) {
+            Some((name, x)) => {
+                Err(Error::check(self.name()).at(name.clone()).expected("a finite number").got(x.to_string()))
+            }
+            None => Ok(values),
+        }
+    }
+
+    fn store(&self, values: &Values) -> Result<()> {
+        if let Some(folder) = self.file.parent() {
+            std::fs::create_dir_all(folder).map_err(|x| Error::os(folder, &x))?;
+        }
+        let record = json!({ "settings": self.experiment.settings(self.index), "values": values });
+        atomic::write_bytes(&self.file, format!("{record:#}\n").as_bytes())
+    }
 }
 
-/// Runs what is missing; with `only_stored` it is left out instead. Gives the results of each experiment.
+/// What a thread that runs cells says of one of them.
+enum Word<W> {
+    Begun(usize),
+    Ended(usize, Result<Values>, W),
+}
+
+/// Runs cells, `jobs` at a time, and stores what comes out. After an error, or when `stop` is set, no other begins, and those under way end.
+fn run_all<L: Onlooker>(
+    missing: &[&Place<'_>],
+    there: usize,
+    jobs: usize,
+    stop: &AtomicBool,
+    look: &mut L,
+) -> Result<()> {
+    let total = there + missing.len();
+    let (jobs, threads) = (Ord::clamp(jobs, 1, Ord::max(1, missing.len())), par::threads());
+    let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let work = |job: usize, say: mpsc::Sender<Word<L::Inside>>| {
+        let threads = Ord::max(1, threads / jobs + usize::from(job < threads % jobs));
+        par::with_threads(threads, || {
+            while !stop.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed) {
+                let i = next.fetch_add(1, Ordering::Relaxed);
+                let Some(place) = missing.get(i) else { break };
+                let mut inside = L::Inside::default();
+                let heard = say.send(Word::Begun(i)).and_then(|()| {
+                    let outcome = place.run(&mut inside, stop);
+                    if outcome.is_err() {
+                        failed.store(true, Ordering::Relaxed);
+                    }
+                    say.send(Word::Ended(i, outcome, inside))
+                });
+                if heard.is_err() {
+                    break;
+                }
+            }
+        })
+    };
+    let mut done = there;
+    std::thread::scope(|scope| {
+        let mut outcome = Ok(());
+        let (say, hear) = mpsc::channel();
+        let work = &work;
+        let threads: Vec<_> = (0..jobs)
+            .map(|job| {
+                let say = say.clone();
+                scope.spawn(move || work(job, say))
+            })
+            .collect();
+        drop(say);
+        for word in hear {
+            match word {
+                Word::Begun(i) => look.next(done, total, &missing[i].name()),
+                Word::Ended(i, values, inside) => match values.and_then(|values| missing[i].store(&values)) {
+                    Ok(()) => {
+                        done += 1;
+                        look.ran(missing[i].experiment.folder(), &missing[i].cell.key, inside);
+                    }
+                    Err(e) => {
+                        failed.store(true, Ordering::Relaxed);
+                        outcome = outcome.and(Err(e));
+                    }
+                },
+            }
+        }
+        for thread in threads {
+            match thread.join() {
+                Ok(started) => outcome = outcome.and(started),
+                Err(panic) => std::panic::resume_unwind(panic),
+            }
+        }
+        outcome
+    })?;
+    if done < total {
+        return Err(Error::interrupted("last study")
+            .at(format!("{done} of {total} cells done"))
+            .hint("run the same command with --resume to go on"));
+    }
+    look.next(total, total, "");
+    Ok(())
+}
+
+/// Runs what is missing, or leaves it out; gives the results of each experiment. Experiments that share a cell share its result.
 ///
 /// # Errors
-/// [`crate::error::Kind::Interrupted`] when `stop` is set between two cells; what a cell or the file system reports.
+/// [`crate::error::Kind::Interrupted`] when `stop` is set while cells are missing: those under way end first; what a cell or the file system reports.
 pub fn run(
     experiments: &[&dyn Experiment],
     dir: &Path,
-    only_stored: bool,
+    plan: Plan,
     stop: &AtomicBool,
-    look: &mut dyn Onlooker,
+    look: &mut impl Onlooker,
 ) -> Result<Vec<Results>> {
-    let cells: Vec<(usize, usize, Cell)> = experiments
-        .iter()
-        .enumerate()
-        .flat_map(|(e, x)| x.cells().into_iter().enumerate().map(move |(c, cell)| (e, c, cell)))
-        .collect();
-    let mut results: Vec<Results> = vec![Vec::new(); experiments.len()];
-    for (done, (e, c, cell)) in cells.iter().enumerate() {
-        let (id, folder) = (experiments[*e].id(), experiments[*e].folder());
-        look.next(done, cells.len(), &format!("{id} {}", cell.row));
-        let settings = experiments[*e].settings(*c);
-        let file = path(dir, folder, &cell.key);
-        let values = match stored(&file, &settings) {
-            Some(values) => values,
-            None if only_stored => continue,
-            None => {
-                if stop.load(Ordering::Relaxed) {
-                    return Err(Error::interrupted("last study")
-                        .at(format!("before {id} {}, {done} of {} cells done", cell.row, cells.len()))
-                        .hint("run the same command with --resume to go on"));
-                }
-                let values =
-                    experiments[*e].run(*c, look).map_err(|x| x.within(format!("{id} {}", cell.row)))?;
-                if let Some(bad) = values.iter().find(|(_, x)| !x.is_finite()) {
-                    return Err(Error::check(format!("{id} {}", cell.row))
-                        .at(bad.0.clone())
-                        .expected("a finite number")
-                        .got(bad.1.to_string()));
-                }
-                if let Some(folder) = file.parent() {
-                    std::fs::create_dir_all(folder).map_err(|x| Error::os(folder, &x))?;
-                }
-                let record = json!({ "settings": settings, "values": values });
-                atomic::write_bytes(&file, format!("{record:#}\n").as_bytes())?;
-                look.ran(folder, &cell.key);
-                values
-            }
-        };
-        results[*e].push((cell.clone(), values));
+    let places: Vec<Vec<Place<'_>>> = experiments.iter().map(|x| Place::all(*x, dir)).collect();
+    let mut files = BTreeSet::new();
+    let different: Vec<&Place<'_>> = places.iter().flatten().filter(|p| files.insert(&p.file)).collect();
+    let missing: Vec<&Place<'_>> = different.iter().copied().filter(|p| p.stored().is_none()).collect();
+    if !plan.only_stored {
+        run_all(&missing, different.len() - missing.len(), plan.jobs, stop, look)?;
     }
-    look.next(cells.len(), cells.len(), "");
-    Ok(results)
+    let results = |places: Vec<Place<'_>>| -> Results {
+        places.into_iter().filter_map(|p| p.stored().map(|values| (p.cell, values))).collect()
+    };
+    Ok(places.into_iter().map(results).collect())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::last::study::plan::{Drawing, Outcome, Report};
-    use std::sync::atomic::AtomicUsize;
+
+    /// A version whose cell 1 fails.
+    const FAILS: u32 = 9;
+
+    /// What is told.
+    #[derive(Default)]
+    struct Heard(Vec<String>);
+
+    impl Onlooker for Heard {
+        type Inside = ();
+        fn next(&mut self, done: usize, total: usize, _: &str) {
+            self.0.push(format!("{done}/{total}"));
+        }
+        fn ran(&mut self, _: &str, key: &str, (): ()) {
+            self.0.push(key.to_owned());
+        }
+    }
 
     /// Counts how often a cell runs.
     struct Squares {
@@ -117,8 +242,11 @@ mod tests {
         fn settings(&self, cell: usize) -> Value {
             json!({ "cell": cell, "version": if cell == 1 { self.version } else { 0 } })
         }
-        fn run(&self, cell: usize, _: &mut dyn Watch) -> Result<Values> {
+        fn run(&self, cell: usize, _: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
             self.ran.fetch_add(1, Ordering::Relaxed);
+            if cell == 1 && self.version == FAILS {
+                return Err(Error::check("toy").at("cell 1").expected("no failure").got("one"));
+            }
             Ok(Values::from([("x".into(), (cell * cell) as f64)]))
         }
         fn report(&self, results: &[(Cell, Values)]) -> Report {
@@ -130,27 +258,54 @@ mod tests {
         }
     }
 
+    fn plan(only_stored: bool) -> Plan {
+        Plan { only_stored, jobs: 2 }
+    }
+
     #[test]
     fn what_is_there_is_not_run_again() {
         let dir = tempfile::tempdir().expect("a folder");
         let stop = AtomicBool::new(false);
         let x = Squares { ran: AtomicUsize::new(0), version: 0 };
         let go = |x: &Squares, only_stored: bool| {
-            let results = run(&[x], dir.path(), only_stored, &stop, &mut ()).expect("runs").remove(0);
+            let results = run(&[x], dir.path(), plan(only_stored), &stop, &mut ()).expect("runs").remove(0);
             (results, x.ran.swap(0, Ordering::Relaxed))
         };
         assert!(go(&x, true).0.is_empty(), "nothing there, nothing run");
         let (first, ran) = go(&x, false);
         assert_eq!((first.len(), ran), (3, 3), "all");
         assert_eq!(go(&x, false), (first.clone(), 0), "all there");
-        std::fs::remove_file(path(dir.path(), "E0", "s2")).expect("there");
+        let lost = dir.path().join("cells/E0/s2.json");
+        std::fs::remove_file(&lost).expect("there");
         assert_eq!(go(&x, true).0, first[..2], "what is there");
         assert_eq!(go(&x, false), (first.clone(), 1), "the missing one");
         let changed = Squares { version: 1, ..x };
         assert_eq!(go(&changed, false), (first, 1), "other settings: that cell alone");
+        let both = run(&[&changed, &changed], dir.path(), plan(true), &stop, &mut ()).expect("stored");
+        assert_eq!(both[0], both[1], "a result that two experiments share");
+        std::fs::remove_file(&lost).expect("there");
+        run(&[&changed, &changed], dir.path(), plan(false), &stop, &mut ()).expect("runs");
+        assert_eq!(changed.ran.swap(0, Ordering::Relaxed), 1, "and it is run once");
         stop.store(true, Ordering::Relaxed);
-        assert!(run(&[&changed], dir.path(), false, &stop, &mut ()).is_ok(), "nothing left to do");
-        std::fs::remove_file(path(dir.path(), "E0", "s0")).expect("there");
-        assert!(run(&[&changed], dir.path(), false, &stop, &mut ()).is_err(), "stopped before a cell");
+        assert!(run(&[&changed], dir.path(), plan(false), &stop, &mut ()).is_ok(), "nothing left to do");
+        std::fs::remove_file(&lost).expect("there");
+        let e = run(&[&changed], dir.path(), plan(false), &stop, &mut ()).expect_err("stopped before a cell");
+        assert_eq!(e.kind(), crate::error::Kind::Interrupted);
+        assert!(e.to_string().contains("2 of 3 cells done"), "{e}");
+    }
+
+    #[test]
+    fn an_error_ends_the_study_and_keeps_what_is_done() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let stop = AtomicBool::new(false);
+        let x = Squares { ran: AtomicUsize::new(0), version: FAILS };
+        let mut heard = Heard::default();
+        let go = Plan { only_stored: false, jobs: 1 };
+        let e = run(&[&x], dir.path(), go, &stop, &mut heard).expect_err("a cell fails");
+        assert!(e.to_string().contains("E0 square"), "{e}");
+        assert_eq!(x.ran.load(Ordering::Relaxed), 2, "the cell before it and itself");
+        assert_eq!(heard.0, ["0/3", "s0", "1/3"], "what is told, in order");
+        let stored = run(&[&x], dir.path(), plan(true), &stop, &mut ()).expect("stored");
+        assert_eq!(stored[0].len(), 1, "the one before it");
     }
 }

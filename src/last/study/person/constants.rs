@@ -27,6 +27,7 @@ use crate::last::host::progressive::{Cap, Progressive};
 use crate::last::host::settings::Settings;
 use crate::{Error, Result};
 use serde_json::{Value, json};
+use std::sync::atomic::AtomicBool;
 
 /// The subject that constants are found on.
 const SUBJECT: u64 = 0;
@@ -152,7 +153,7 @@ impl Experiment for Calibration<'_> {
         })
     }
 
-    fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values> {
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         let model = &self.stage.models[cell];
         let capture = self.stage.capture(model, SUBJECT)?;
         let found = calibrate::latent_scale(&self.stage.size.host(), &capture, &model.trained, watch)?;
@@ -329,7 +330,7 @@ impl Experiment for Search<'_> {
         self.trials[cell].1.record(self.stage)
     }
 
-    fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values> {
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         self.trials[cell].1.run(self.stage, watch)
     }
 

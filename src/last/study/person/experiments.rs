@@ -11,6 +11,7 @@ use crate::last::host::density::{Density, Mode};
 use crate::last::host::progressive::{Cap, Keys, Order, Progressive};
 use crate::last::host::settings::Settings;
 use serde_json::Value;
+use std::sync::atomic::AtomicBool;
 
 /// Folder of the cells, shared by these experiments and the search.
 pub const FOLDER: &str = "persons";
@@ -78,7 +79,7 @@ impl Experiment for Persons<'_> {
         self.list[cell].1.record(self.stage)
     }
 
-    fn run(&self, cell: usize, watch: &mut dyn Watch) -> Result<Values> {
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
         self.list[cell].1.run(self.stage, watch)
     }
 
