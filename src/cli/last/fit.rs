@@ -94,7 +94,7 @@ pub(in crate::cli) struct Guided {
     /// Weight of the latent discrepancy in the loss
     #[arg(long, value_name = "W", default_value_t = 0.0, help_heading = "Guidance")]
     pub(in crate::cli) latent_weight: f32,
-    /// Bound of the steps of child factors; inf binds nothing. The paper's 0.1 costs 0.2 to 0.9 dB on the built-in subjects
+    /// Bound of the steps of child factors; inf binds nothing. The paper's 0.1 costs up to 0.4 dB on the built-in subjects
     #[arg(long, value_name = "L", default_value_t = f64::INFINITY, help_heading = "Guidance")]
     pub(in crate::cli) lambda: f64,
     /// What it bounds: rel, abs or stop
