@@ -32,3 +32,4 @@ pub mod settings;
 pub mod shade;
 pub mod splat;
 pub mod twins;
+pub mod weights;

@@ -42,8 +42,9 @@
 //! # Ok::<(), lastlight::Error>(())
 //! ```
 
+use crate::Result;
+use crate::math::dense::{self, NotPositive};
 use crate::num::elem::f64::{exp, ln};
-use crate::{Error, Result};
 
 /// δ where nothing else is said.
 pub const RIDGE: f64 = 1e-4;
@@ -151,35 +152,21 @@ pub struct Saved {
     slope: Vec<f64>,
 }
 
-/// A lower triangle with A = LLᵀ.
-struct Cholesky {
+/// The triangle of some rows and columns of Σ.
+struct Triangle {
     size: usize,
     l: Vec<f64>,
 }
 
-impl Cholesky {
+impl Triangle {
     /// Of the rows and columns `at` of a (d, d) matrix.
     fn new(matrix: &[f64], d: usize, at: &[usize]) -> Result<Self> {
-        let size = at.len();
-        let mut l = vec![0.0; size * size];
-        for r in 0..size {
-            for c in 0..=r {
-                let known = (0..c).fold(0.0, |sum, t| sum + l[r * size + t] * l[c * size + t]);
-                let left = matrix[at[r] * d + at[c]] - known;
-                if c < r {
-                    l[r * size + c] = left / l[c * size + c];
-                } else if left > 0.0 && left.is_finite() {
-                    l[r * size + r] = left.sqrt();
-                } else {
-                    return Err(Error::input("causal.independence")
-                        .at(format!("row {} of the covariance", at[r]))
-                        .expected("a positive definite matrix")
-                        .got(format!("pivot {left:e}"))
-                        .hint("a larger ridge, or more samples than numbers"));
-                }
-            }
-        }
-        Ok(Self { size, l })
+        let part: Vec<f64> = at.iter().flat_map(|r| at.iter().map(move |c| matrix[r * d + c])).collect();
+        let l = dense::cholesky(&part, at.len()).map_err(|e| {
+            let e = NotPositive { row: at[e.row], ..e };
+            e.of("causal.independence").hint("a larger ridge, or more samples than numbers")
+        })?;
+        Ok(Self { size: at.len(), l })
     }
 
     fn pivot(&self, r: usize) -> f64 {
@@ -188,20 +175,13 @@ impl Cholesky {
 
     /// Adds scale·A⁻¹ to the rows and columns `at` of a (d, d) matrix.
     fn add_inverse(&self, scale: f64, d: usize, at: &[usize], into: &mut [f64]) {
-        let (size, l) = (self.size, &self.l);
-        for column in 0..size {
-            let mut x = vec![0.0; size];
-            for r in column..size {
-                let known = (column..r).fold(0.0, |sum, t| sum + l[r * size + t] * x[t]);
-                x[r] = (if r == column { 1.0 } else { 0.0 } - known) / self.pivot(r);
+        let mut one = vec![0.0; self.size];
+        for column in 0..self.size {
+            one[column] = 1.0;
+            for (r, x) in dense::solve(&self.l, self.size, &one).into_iter().enumerate() {
+                into[at[r] * d + at[column]] += scale * x;
             }
-            for r in (0..size).rev() {
-                let known = (r + 1..size).fold(0.0, |sum, t| sum + l[t * size + r] * x[t]);
-                x[r] = (x[r] - known) / self.pivot(r);
-            }
-            for r in 0..size {
-                into[at[r] * d + at[column]] += scale * x[r];
-            }
+            one[column] = 0.0;
         }
     }
 }
@@ -253,15 +233,15 @@ pub fn forward(x: &In<'_>) -> Result<(f64, Saved)> {
     let ridge = |at: usize| if at / d == at % d { x.ridge } else { 0.0 };
     let sum: Vec<f64> = (0..d * d).map(|at| (x.share * covariance[at] + carried(at)) + ridge(at)).collect();
     let rows = |i: usize| (i * k..(i + 1) * k).collect::<Vec<_>>();
-    let blocks = (0..n).map(|i| Cholesky::new(&sum, d, &rows(i))).collect::<Result<Vec<_>>>()?;
+    let blocks = (0..n).map(|i| Triangle::new(&sum, d, &rows(i))).collect::<Result<Vec<_>>>()?;
     let (mut information, mut slope, mut value) = (vec![0.0; n * n], vec![0.0; d * d], 0.0);
     // Σ_c ln(pivot alone / pivot after others) over the rows of a block that begin at `from` in the larger matrix
-    let gained = |alone: &Cholesky, after: &Cholesky, from: usize| {
+    let gained = |alone: &Triangle, after: &Triangle, from: usize| {
         (0..k).fold(0.0, |sum, c| sum + ln(alone.pivot(c) / after.pivot(from + c)))
     };
     for (i, j) in (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))) {
         let at = [rows(i), rows(j)].concat();
-        let pair = Cholesky::new(&sum, d, &at)?;
+        let pair = Triangle::new(&sum, d, &at)?;
         let nats = gained(&blocks[j], &pair, k);
         information[i * n + j] = nats;
         information[j * n + i] = nats;
@@ -275,7 +255,7 @@ pub fn forward(x: &In<'_>) -> Result<(f64, Saved)> {
     }
     if x.form == Form::Total {
         let at: Vec<usize> = (0..d).collect();
-        let all = Cholesky::new(&sum, d, &at)?;
+        let all = Triangle::new(&sum, d, &at)?;
         for (j, block) in blocks.iter().enumerate() {
             value += gained(block, &all, j * k);
             block.add_inverse(0.5, d, &rows(j), &mut slope);

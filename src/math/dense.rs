@@ -3,7 +3,7 @@
 //! For statistics over a handful of factors (n up to a few dozen), where one thread and plain loops are right.
 //!
 //! # Rounding
-//! Every sum is a left fold in index order. [`cholesky`] is row by row; [`inverse`] is Gauss–Jordan with the largest pivot of each column,
+//! Every sum is a left fold in index order, from 0; an entry less such a sum is one subtraction. [`cholesky`] is row by row; [`inverse`] is Gauss–Jordan with the largest pivot of each column,
 //! ties to the lowest row.
 //!
 //! ```
@@ -13,30 +13,54 @@
 //! assert_eq!(dense::solve(&l, 2, &[2.0, 5.0]), [0.0, 1.0]);
 //! ```
 
-/// The lower triangle L with A = L·Lᵀ of a symmetric matrix (n, n), whose lower half is read; `None` unless it is positive definite.
-pub fn cholesky(a: &[f64], n: usize) -> Option<Vec<f64>> {
+use crate::Error;
+
+/// Why a matrix has no triangle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NotPositive {
+    /// of the first pivot that is not a finite number above 0
+    pub row: usize,
+    /// that pivot
+    pub pivot: f64,
+}
+
+impl NotPositive {
+    /// As an error of `what` works on the matrix.
+    pub fn of(self, what: &str) -> Error {
+        Error::input(what)
+            .at(format!("row {} of the covariance", self.row))
+            .expected("a positive definite matrix")
+            .got(format!("pivot {:e}", self.pivot))
+    }
+}
+
+/// The lower triangle L with A = L·Lᵀ of a symmetric matrix (n, n), whose lower half is read.
+///
+/// # Errors
+/// When it is not positive definite.
+pub fn cholesky(a: &[f64], n: usize) -> Result<Vec<f64>, NotPositive> {
     assert_eq!(a.len(), n * n, "a square matrix");
     let mut l = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..=i {
-            let rest = (0..j).fold(a[i * n + j], |rest, k| rest - l[i * n + k] * l[j * n + k]);
+            let rest = a[i * n + j] - (0..j).fold(0.0, |sum, k| sum + l[i * n + k] * l[j * n + k]);
             if i > j {
                 l[i * n + j] = rest / l[j * n + j];
             } else if rest > 0.0 && rest.is_finite() {
                 l[i * n + i] = rest.sqrt();
             } else {
-                return None;
+                return Err(NotPositive { row: i, pivot: rest });
             }
         }
     }
-    Some(l)
+    Ok(l)
 }
 
 /// x with L·Lᵀ·x = b.
 pub fn solve(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
     let mut x = forward(l, n, b);
     for i in (0..n).rev() {
-        let rest = (i + 1..n).fold(x[i], |rest, k| rest - l[k * n + i] * x[k]);
+        let rest = x[i] - (i + 1..n).fold(0.0, |sum, k| sum + l[k * n + i] * x[k]);
         x[i] = rest / l[i * n + i];
     }
     x
@@ -47,7 +71,7 @@ pub fn forward(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
     assert!(l.len() == n * n && b.len() == n, "a triangle and a side of one size");
     let mut x = vec![0.0; n];
     for i in 0..n {
-        let rest = (0..i).fold(b[i], |rest, k| rest - l[i * n + k] * x[k]);
+        let rest = b[i] - (0..i).fold(0.0, |sum, k| sum + l[i * n + k] * x[k]);
         x[i] = rest / l[i * n + i];
     }
     x
@@ -127,7 +151,8 @@ mod tests {
         for (got, want) in back.iter().zip([1.0, -2.0, 0.5]) {
             assert!((got - want).abs() < 1e-15, "{got} instead of {want}");
         }
-        assert!(cholesky(&[1.0, 2.0, 2.0, 1.0], 2).is_none(), "an indefinite matrix has no triangle");
+        let no_triangle = NotPositive { row: 1, pivot: -3.0 };
+        assert_eq!(cholesky(&[1.0, 2.0, 2.0, 1.0], 2), Err(no_triangle), "an indefinite matrix has none");
         assert!(super::inverse(&[1.0, 2.0, 2.0, 4.0], 2).is_none(), "a singular matrix has no inverse");
     }
 }

@@ -7,6 +7,7 @@ use crate::cli::shared::Manner;
 use crate::cli::{self, claim};
 use crate::io::atomic;
 use crate::last::model::file::Trained;
+use crate::last::model::shipped;
 use crate::last::study::learn::{self, Learning};
 use crate::last::study::person::constants::{Calibration, Constants, Search};
 use crate::last::study::person::experiments::{self, CLAIMS};
@@ -28,6 +29,8 @@ use std::path::{Path, PathBuf};
 const RECORD: &str = "study.json";
 /// Seconds of the fits that ran, in `--out`: nothing else here depends on a clock.
 const SECONDS: &str = "seconds.csv";
+/// Graph of the data of the model that comes with the program.
+const SHIPPED: &str = "FORK";
 /// What the constants are found by.
 const FOUND_BY: [(&str, &str); 2] = [
     ("calibration", "c_τ makes τ_rec a number without a scale."),
@@ -37,16 +40,17 @@ const FOUND_BY: [(&str, &str); 2] = [
 /// Run the experiments: what the paper claims, what is found.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last study --out study --model FORK=model/model.safetensors    everything; hours
-  lastlight last study --out study --model FORK=model/model.safetensors --resume   go on where it stopped
+  lastlight last study --out study                       everything; hours
+  lastlight last study --out study --resume              go on where it stopped
+  lastlight last study E10 --out look --quick            small sizes, few seeds
   lastlight last study E1 --out study --model FORK=a.safetensors --model FULL=b.safetensors
-  lastlight last study E10 --out look --quick                              small sizes, few seeds
 
 E1 full system against host · E2 what each part does · E3 wrong structures · E4 number of factors · E5 τ_rec
 E6 where the latent criterion adds · E7 λ · E8 order of the updates · E9 tuning · E10 is the structure found
-(E10p from pictures) · E11 the spurious edge of a fork · E12 where dependence is punished · E13 errors of child factors · E14 cost
-E15 latent factors in the loss. Those with persons need a model that was trained on pictures of
-`last gen --graph GRAPH` with its default seed; the first one serves where an experiment asks for one.
+(E10p from pictures; its models stay in models/) · E11 the spurious edge of a fork · E12 where dependence is
+punished · E13 errors of child factors · E14 cost · E15 latent factors in the loss.
+Those with persons need a model that was trained on pictures of `last gen --graph GRAPH` with its default seed: the
+one that comes with the program, or those of --model, the first of which serves where an experiment asks for one.
 Before them the scale of the latent criterion and the strongest constants are found on a subject that is in no
 experiment (calibration, search). Every cell (one training or fit) is a file under --out; the reports are
 made from these files. --out gets study.json, one CSV per experiment and report/index.html.")]
@@ -57,7 +61,8 @@ pub(in crate::cli) struct Args {
     /// Folder for results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Image-to-point model of last pretrain and the graph of its data; once for each graph
+    /// Image-to-point model of last pretrain and the graph of its data; once for each graph [default: FORK and the
+    /// model that comes with the program]
     #[arg(long, value_name = "GRAPH=FILE")]
     model: Vec<String>,
     /// The constants of the specification instead of a search
@@ -139,6 +144,9 @@ impl Args {
             }
             models.push(Model::new(graph, Trained::read(Path::new(file))?)?);
         }
+        if models.is_empty() {
+            models.push(Model::new(SHIPPED, shipped::figure()?)?);
+        }
         Ok(models)
     }
 }
@@ -168,12 +176,6 @@ impl Study<'_> {
             self.reports.push(report);
         }
         Ok(results)
-    }
-
-    /// Says of those that are wanted why they did not run.
-    fn cannot(&mut self, args: &Args, claims: &[(&'static str, &'static str)], why: &str) {
-        let wanted = claims.iter().filter(|(id, _)| args.wants(id));
-        self.reports.extend(wanted.map(|(id, claim)| Report::not_run(id, claim, why)));
     }
 
     /// The constants of the guided fit; none while results are missing.
@@ -221,10 +223,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut costs = Vec::new();
     if guided.iter().any(|id| args.wants(id)) {
         let stage = Stage { size: persons, models, dir: dir.clone() };
-        if stage.models.is_empty() {
-            study.cannot(args, &FOUND_BY, "no model");
-            study.cannot(args, &CLAIMS, "no model");
-        } else if let Some(found) = study.constants(&stage, args.no_search)? {
+        if let Some(found) = study.constants(&stage, args.no_search)? {
             let all = experiments::all(&stage, &found)?;
             let chosen: Vec<&dyn Experiment> =
                 all.iter().filter(|x| args.wants(x.id())).map(|x| x as &dyn Experiment).collect();
@@ -233,7 +232,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
             let cost = all.iter().find(|x| x.id() == "E14");
             costs = cost.map_or_else(Vec::new, |x| durations(&x.cells(), &seconds(&dir)));
         } else {
-            study.cannot(args, &CLAIMS, "the search for constants is not complete");
+            let wanted = CLAIMS.iter().filter(|(id, _)| args.wants(id));
+            let why = "the search for constants is not complete";
+            study.reports.extend(wanted.map(|(id, claim)| Report::not_run(id, claim, why)));
         }
     }
     let chosen: Vec<&dyn Experiment> = learning.iter().copied().filter(|x| args.wants(x.id())).collect();

@@ -7,7 +7,7 @@ use crate::Result;
 pub const NAME: &str = "figure64.safetensors";
 
 /// Its bytes, part of the program.
-pub const BYTES: &[u8] = include_bytes!("../../../reference/weights/figure64.safetensors");
+pub const BYTES: &[u8] = reference::weights::FIGURE64;
 
 /// Reads it.
 ///

@@ -154,7 +154,7 @@ fn local(moments: &[f64], j: usize, set: Nodes, [n, k, f]: [usize; 3], mass: f64
     let normal: Vec<f64> = (0..p * p)
         .map(|c| at(regressors[c / p], regressors[c % p]) + if c / p == c % p { FLOOR } else { 0.0 })
         .collect();
-    let Some(l) = dense::cholesky(&normal, p) else { return f64::NEG_INFINITY };
+    let Ok(l) = dense::cholesky(&normal, p) else { return f64::NEG_INFINITY };
     let halves: Vec<Vec<f64>> = own
         .iter()
         .map(|&t| dense::forward(&l, p, &regressors.iter().map(|&r| at(r, t)).collect::<Vec<f64>>()))
@@ -166,7 +166,7 @@ fn local(moments: &[f64], j: usize, set: Nodes, [n, k, f]: [usize; 3], mass: f64
             at(own[a], own[b]) - explained + if a == b { FLOOR } else { 0.0 }
         })
         .collect();
-    let Some(triangle) = dense::cholesky(&residual, k) else { return f64::NEG_INFINITY };
+    let Ok(triangle) = dense::cholesky(&residual, k) else { return f64::NEG_INFINITY };
     let dims = k as f64;
     let fit = dims * libm::log(std::f64::consts::TAU) + dense::log_det(&triangle, k) + dims;
     let parameters = dims * p as f64 + 0.5 * dims * (dims + 1.0);

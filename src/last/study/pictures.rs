@@ -1,7 +1,8 @@
 //! E10 and E11 on pictures: FORK and FULL, NL, groups that share a value against pairs, as `last.md` §14 asks.
 //!
 //! A trial makes the pictures of a figure with one look (`sets/` in the folder of the study, once for all that is told), trains a model on them and
-//! compares its graph with the truth. Interrupted, it goes on from its checkpoint (`unfinished/`). What the search finds on the true factors stands in E10, whose vectors are of the same generators.
+//! compares its graph with the truth. Interrupted, it goes on from its checkpoint (`unfinished/`); the model stays (`models/`).
+//! What the search finds on the true factors stands in E10, whose vectors are of the same generators.
 
 use super::learn::{measured, plain, scores};
 use super::plan::{Cell, Experiment, Outcome, Report, Values, of, rows};
@@ -50,6 +51,8 @@ impl Size {
 }
 
 const GRAPHS: [&str; 2] = ["FORK", "FULL"];
+/// Folder of what is trained: E1 to E15 take such models.
+const MODELS: &str = "models";
 /// Folder of checkpoints.
 const UNFINISHED: &str = "unfinished";
 /// Steps between checkpoints of a training.
@@ -150,8 +153,9 @@ impl Experiment for Seen {
                 Err(_) => training = Training::new(settings, &data)?,
             }
         }
-        let folder = self.dir.join(UNFINISHED);
-        std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
+        for folder in [UNFINISHED, MODELS].map(|name| self.dir.join(name)) {
+            std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
+        }
         let schedule = Schedule { checkpoint: Some(&checkpoint), every: EVERY, stop };
         training::run(&mut training, &mut history, schedule, watch)?;
         let fail = |e: String| Error::input("trial").expected("a graph of the list").got(e);
@@ -160,6 +164,7 @@ impl Experiment for Seen {
         let trained = training.finish()?;
         let verdict = verdict::of(&trained, &data, &Some(graph.adjacency))?;
         let mut values = measured(&trained, &verdict, &truth);
+        trained.write(&self.dir.join(MODELS).join(format!("{}.safetensors", trial.key())), &[])?;
         let _ = std::fs::remove_file(&checkpoint);
         values.insert("space".into(), verdict.space_error);
         values.insert("colour".into(), verdict.colour_error);
@@ -212,6 +217,7 @@ mod tests {
     use super::*;
     use crate::error::Kind;
     use crate::fit::training::Step;
+    use crate::last::model::file::Trained;
     use std::sync::atomic::Ordering;
 
     /// Stops a training after some steps.
@@ -246,6 +252,8 @@ mod tests {
         let resumed = x.run(0, &mut First(&mut first), &stop).expect("runs");
         assert_eq!(first, Some(3), "from where it stopped");
         assert_eq!(left(), 0, "the checkpoint is gone");
+        let model = dir.path().join(MODELS).join("FORK-NL-groups-pictures_0.safetensors");
+        assert_eq!(Trained::read(&model).expect("a model").model.sizes.factors, 4, "a model of four factors");
         assert_eq!(x.run(0, &mut (), &stop).expect("runs"), resumed, "the bits of one that was not stopped");
     }
 }

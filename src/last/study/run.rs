@@ -125,6 +125,7 @@ fn run_all<L: Onlooker>(
                 let mut inside = L::Inside::default();
                 let heard = say.send(Word::Begun(i)).and_then(|()| {
                     let outcome = place.run(&mut inside, stop);
+                    inside.lap("end");
                     if outcome.is_err() {
                         failed.store(true, Ordering::Relaxed);
                     }

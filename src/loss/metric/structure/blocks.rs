@@ -67,8 +67,7 @@ pub fn dci(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Dci> {
     for d in 0..dims {
         own[d * dims + d] += RIDGE;
     }
-    let l = dense::cholesky(&own, dims)
-        .ok_or_else(|| Error::input("disentanglement").got("correlations that are not positive definite"))?;
+    let l = dense::cholesky(&own, dims).map_err(|e| e.of("disentanglement"))?;
     let with = correlations(&rows, dims, &factors, m);
     let mut importance = vec![0.0; n * m];
     for j in 0..m {

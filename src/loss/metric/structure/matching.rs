@@ -45,8 +45,7 @@ pub fn canonical(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Vec<f64>> {
         for d in 0..k {
             own[d * k + d] += RIDGE;
         }
-        let l = dense::cholesky(&own, k)
-            .ok_or_else(|| Error::input("matching").got("correlations that are not positive definite"))?;
+        let l = dense::cholesky(&own, k).map_err(|e| e.of("matching"))?;
         let with = correlations(&block, k, &factors, m);
         for j in 0..m {
             let c: Vec<f64> = (0..k).map(|d| with[d * m + j]).collect();
