@@ -11,6 +11,7 @@ use data_gen::figure::skeleton::{bones, pose};
 use hdf5_pure::FileBuilder;
 use lastlight::io::npz;
 use lastlight::last::generate::{self, Settings};
+use lastlight::last::host::pose;
 use lastlight::num::array::Arrays;
 use lastlight::scene::person::{Kind, PersonCapture};
 use reference::body::skin;
@@ -68,18 +69,18 @@ fn what_last_gen_writes_is_read() {
         assert!(apart(&c.posed_joints(moment), &joints) < 1e-6, "joints move with their own transforms");
         // Rotations relative to the parents give the transforms again.
         let none = vec![[0.0; 3]; 12];
-        let same = t.corrected(&c.poses[moment].transforms, &none);
+        let same = pose::forward(t, &c.poses[moment].transforms, &none).transforms;
         let worst = c.poses[moment].transforms.iter().zip(&same).flat_map(|(a, b)| {
             (0..12).map(|i| (a[i / 4][i % 4] - b[i / 4][i % 4]).abs()).collect::<Vec<f32>>()
         });
         assert!(worst.fold(0.0f32, |m, d| if d > m { d } else { m }) < 1e-6, "no correction changes nothing");
     }
     // A correction of one joint moves what hangs on it, about its place.
-    let (k, angle) = (5, 0.3f32);
+    let (k, angle) = (5, 0.3);
     let mut correction = vec![[0.0; 3]; 12];
     correction[k] = [0.0, angle, 0.0];
     let before = &c.poses[1].transforms;
-    let after = t.corrected(before, &correction);
+    let after = pose::forward(t, before, &correction).transforms;
     let mut below = [false; 12];
     for &j in &t.order {
         below[j] = j == k || t.parents[j].is_some_and(|p| below[p]);
@@ -88,7 +89,7 @@ fn what_last_gen_writes_is_read() {
     for j in 0..12 {
         let x = [0.3, -0.2, 0.7];
         let pivot = t.joints[k].map(f64::from);
-        let y = rotated([0.0, f64::from(angle), 0.0], std::array::from_fn(|i| x[i] - pivot[i]));
+        let y = rotated([0.0, angle, 0.0], std::array::from_fn(|i| x[i] - pivot[i]));
         let turned: V3 = std::array::from_fn(|i| y[i] + pivot[i]);
         let expected = skin::point(&wide(&before[j]), if below[j] { turned } else { x });
         let got = skin::point(&wide(&after[j]), x);

@@ -2,6 +2,7 @@
 
 use super::gaussian_ply::Points;
 use super::{colmap, transforms};
+use crate::math::affine::{cofactors, determinant};
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -293,7 +294,7 @@ pub(super) fn nearest_rotation(m: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3
     let mut r = m;
     for _ in 0..5 {
         let c = cofactors(&r);
-        let det = r[0][0] * c[0][0] + r[0][1] * c[0][1] + r[0][2] * c[0][2];
+        let det = determinant(&r);
         if !(f64::MIN_POSITIVE..).contains(&det) {
             return Err(format!("a reflection (determinant {det})"));
         }
@@ -304,16 +305,6 @@ pub(super) fn nearest_rotation(m: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3
         }
     }
     Ok(r)
-}
-
-/// Cofactors; over the determinant they are the inverse transposed.
-fn cofactors(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-            m[a][c] * m[b][d] - m[a][d] * m[b][c]
-        })
-    })
 }
 
 /// Rotation and translation as a 4×4 matrix.

@@ -1,6 +1,7 @@
 //! Small geometry, one body for `f32` and `f32x8` where lanes pay, each function beside its adjoint. Level 1.
 //!
 //! ```text
+//! affine    transforms of space, their composition and inverse, with adjoints
 //! dense     triangles, solutions and inverses of small f64 matrices
 //! digraph   directed graphs on a few nodes: order, descendants, d-separation
 //! knn       mean squared distance to the three nearest neighbours: initial scales
@@ -11,8 +12,9 @@
 //! ```
 //!
 //! Called by `splat` (quat, sh) and `fit` (knn), where the caller owns the loops and these are the bodies; by scores and learners of causal
-//! structure (dense, digraph, principal); by poses of bodies (rodrigues).
+//! structure (dense, digraph, principal); by poses of bodies (affine, rodrigues).
 
+pub mod affine;
 pub mod dense;
 pub mod digraph;
 pub mod knn;

@@ -15,96 +15,36 @@
 //! Children before parents: with N_k = (A_p⁻¹ A_k) Q_k, Q_k = T R T⁻¹: N̄ = B_pᵀ B̄_k and B̄_p += B̄_k Nᵀ (as 4×4 matrices); Q̄ = (A_p⁻¹ A_k)ᵀ N̄;
 //! R̄ = Q̄_M − Q̄_t jᵀ. v̄ as [`rodrigues::matrix_adjoint`] gives it.
 
+use crate::math::affine::{self, Linear, about, compose, left_bar, right_bar};
 use crate::math::rodrigues;
 use crate::scene::person::{Affine, Template};
-
-type A64 = [[f64; 4]; 3];
-type M3 = [[f64; 3]; 3];
-
-fn wide(a: &Affine) -> A64 {
-    a.map(|r| r.map(f64::from))
-}
-
-/// a ∘ b.
-fn compose(a: &A64, b: &A64) -> A64 {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let s = (a[i][0] * b[0][j] + a[i][1] * b[1][j]) + a[i][2] * b[2][j];
-            if j == 3 { s + a[i][3] } else { s }
-        })
-    })
-}
-
-fn inverse(a: &A64) -> A64 {
-    let c: M3 = std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let (p, q, r, s) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-            a[p][r] * a[q][s] - a[p][s] * a[q][r]
-        })
-    });
-    let det = (a[0][0] * c[0][0] + a[0][1] * c[0][1]) + a[0][2] * c[0][2];
-    std::array::from_fn(|i| {
-        let r: [f64; 3] = std::array::from_fn(|j| c[j][i] / det);
-        [r[0], r[1], r[2], -((r[0] * a[0][3] + r[1] * a[1][3]) + r[2] * a[2][3])]
-    })
-}
-
-/// Cotangent of b in a ∘ b.
-fn right_bar(a: &A64, bar: &A64) -> A64 {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| (a[0][i] * bar[0][j] + a[1][i] * bar[1][j]) + a[2][i] * bar[2][j])
-    })
-}
-
-/// Cotangent of a in a ∘ b.
-fn left_bar(b: &A64, bar: &A64) -> A64 {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            if j == 3 {
-                return bar[i][3];
-            }
-            ((bar[i][0] * b[j][0] + bar[i][1] * b[j][1]) + bar[i][2] * b[j][2]) + bar[i][3] * b[j][3]
-        })
-    })
-}
-
-/// T(j) R(v) T(−j).
-fn about(v: [f64; 3], j: [f64; 3]) -> A64 {
-    let r = rodrigues::matrix(v);
-    std::array::from_fn(|i| {
-        let moved = (r[i][0] * j[0] + r[i][1] * j[1]) + r[i][2] * j[2];
-        [r[i][0], r[i][1], r[i][2], j[i] - moved]
-    })
-}
 
 /// Transforms of a moment under corrections, and what the adjoint needs.
 #[derive(Clone, Debug)]
 pub struct Corrected {
     /// (K) world from rest
     pub transforms: Vec<Affine>,
-    wide: Vec<A64>,
-    relative: Vec<A64>,
-    own: Vec<A64>,
+    wide: Vec<affine::Affine>,
+    relative: Vec<affine::Affine>,
+    own: Vec<affine::Affine>,
 }
 
 /// B_k for corrections (K) of the transforms of a capture.
 pub fn forward(template: &Template, transforms: &[Affine], corrections: &[[f64; 3]]) -> Corrected {
     let k = transforms.len();
-    let relative: Vec<A64> = (0..k)
-        .map(|k| match template.parents[k] {
-            Some(p) => compose(&inverse(&wide(&transforms[p])), &wide(&transforms[k])),
-            None => wide(&transforms[k]),
-        })
-        .collect();
+    let relative = template.relative(transforms);
     let (mut out, mut own) = (vec![[[0.0; 4]; 3]; k], vec![[[0.0; 4]; 3]; k]);
     for &k in &template.order {
-        own[k] = compose(&relative[k], &about(corrections[k], template.joints[k].map(f64::from)));
+        own[k] = compose(
+            &relative[k],
+            &about(&rodrigues::matrix(corrections[k]), template.joints[k].map(f64::from)),
+        );
         out[k] = match template.parents[k] {
             Some(p) => compose(&out[p], &own[k]),
             None => own[k],
         };
     }
-    let transforms = out.iter().map(|a| a.map(|r| r.map(|x| x as f32))).collect();
+    let transforms = out.iter().map(affine::single).collect();
     Corrected { transforms, wide: out, relative, own }
 }
 
@@ -113,7 +53,7 @@ pub fn adjoint(
     template: &Template,
     corrections: &[[f64; 3]],
     saved: &Corrected,
-    bar: &[A64],
+    bar: &[affine::Affine],
 ) -> Vec<[f64; 3]> {
     let mut bar = bar.to_vec();
     let mut v_bar = vec![[0.0; 3]; bar.len()];
@@ -132,8 +72,68 @@ pub fn adjoint(
         };
         let q = right_bar(&saved.relative[k], &own_bar);
         let j = template.joints[k].map(f64::from);
-        let r_bar: M3 = std::array::from_fn(|r| std::array::from_fn(|c| q[r][c] - q[r][3] * j[c]));
+        let r_bar: Linear = std::array::from_fn(|r| std::array::from_fn(|c| q[r][c] - q[r][3] * j[c]));
         v_bar[k] = rodrigues::matrix_adjoint(corrections[k], &r_bar);
     }
     v_bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::person::Kind;
+
+    /// A root with a chain of two and a second branch; the joints are not stored parents first.
+    fn template() -> Template {
+        Template {
+            kind: Kind::Figure,
+            unit_m: 1.0,
+            points: Vec::new(),
+            normals: Vec::new(),
+            faces: Vec::new(),
+            joint_of: Vec::new(),
+            weight_of: Vec::new(),
+            joints: vec![[0.5, 1.5, 0.25], [0.0, 0.0, 0.0], [0.25, 1.0, -0.5], [-0.75, 0.5, 0.0]],
+            parents: vec![Some(2), None, Some(1), Some(1)],
+            order: vec![1, 2, 0, 3],
+            canonical: Vec::new(),
+            pose_shapes: None,
+        }
+    }
+
+    /// A pose of the four joints, world from rest.
+    fn transforms(t: &Template) -> Vec<Affine> {
+        let turns = [[0.2, -0.4, 0.1], [0.0, 0.7, 0.3], [-0.5, 0.1, 0.9], [0.3, 0.3, -0.2]];
+        let still = vec![[[1.0, 0.0, 0.0, 0.5], [0.0, 1.0, 0.0, -0.25], [0.0, 0.0, 1.0, 2.0]]; 4];
+        forward(t, &still, &turns).transforms
+    }
+
+    #[test]
+    fn gradients_are_those_of_differences() {
+        let t = template();
+        let posed = transforms(&t);
+        // The second joint has no correction: the limit of small angles.
+        let v = [[0.1, -0.2, 0.05], [0.3, 0.1, -0.4], [0.0; 3], [-0.6, 0.2, 0.7]];
+        let entry = |k: usize, i: usize, j: usize| 0.25 * ((5 * k + 3 * i + j) % 7) as f64 - 0.7;
+        let bar: Vec<affine::Affine> =
+            (0..4).map(|k| std::array::from_fn(|i| std::array::from_fn(|j| entry(k, i, j)))).collect();
+        let loss = |v: &[[f64; 3]]| {
+            let b = forward(&t, &posed, v).wide;
+            let terms = (0..48).map(|e| (e / 12, e / 4 % 3, e % 4));
+            terms.fold(0.0, |s, (k, i, j)| s + bar[k][i][j] * b[k][i][j])
+        };
+        let grad = adjoint(&t, &v, &forward(&t, &posed, &v), &bar);
+        for (k, c) in (0..12).map(|e| (e / 3, e % 3)) {
+            let at = |by: f64| {
+                let mut v = v;
+                v[k][c] += by;
+                loss(&v)
+            };
+            // Fourth order: the error is of order h⁴ and of rounding over h.
+            let h = 1e-3;
+            let slope = (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h);
+            let g = grad[k][c];
+            assert!((slope - g).abs() < 1e-10, "joint {k}, axis {c}: {g} and {slope} by differences");
+        }
+    }
 }

@@ -1,10 +1,10 @@
 //! From records to a capture: every inconsistency is an error of its own, and all of them are found.
 
-use super::pose::{determinant, single, wide};
 use super::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Shot, Template};
 use crate::io::capture::{Lens, Split};
 use crate::io::person::{self, Person};
 use crate::io::{MAX_SMALL_FILE_BYTES, image_file, read_bytes};
+use crate::math::affine::{determinant, linear, single, wide};
 use crate::num::array::Arrays;
 use crate::num::{order, par};
 use crate::scene::camera::{Camera, Model};
@@ -278,7 +278,7 @@ fn affines(name: &str, flat: &[f32], per_row: usize) -> Result<Vec<Affine>> {
             return Err(wrong(i, "a last row of 0 0 0 1", format!("{:?}", &m[12..])));
         }
         let a: Affine = std::array::from_fn(|r| std::array::from_fn(|c| m[4 * r + c]));
-        let d = determinant(&wide(&a));
+        let d = determinant(&linear(&wide(&a)));
         if !(d > 1e-12 && d < 1e12) {
             return Err(wrong(
                 i,

@@ -11,12 +11,13 @@
 //! * Reduced by a whole factor s, a colour is the mean of s×s pixels, the mask the upper left of them; focal lengths and principal point are divided
 //!   by s. Rows and columns that do not fill a block are cut.
 
-use super::pose::{compose, inverse, rotation_matrix, rotation_vector};
+use super::pose::{rotation_matrix, rotation_vector};
 use super::smpl::{big_pose, chain, joints, placement, shaped};
 use crate::io::captures::{Source, SourceShot};
 use crate::io::image_file;
 use crate::io::person::{NewShot, Writer};
 use crate::io::smpl::BodyModel;
+use crate::math::affine::{compose, inverse};
 use crate::num::array::Arrays;
 use crate::num::{order, par};
 use crate::scene::lens;

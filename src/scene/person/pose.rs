@@ -1,10 +1,10 @@
 //! Poses: transforms of joints, the rotations they imply, and the points they move.
 //!
 //! A joint's transform A_k maps rest to the world. Relative to its parent p it is A_p⁻¹ A_k: a rotation R_k about the joint's place at rest, if the
-//! skeleton is rigid. A correction C of joint k, multiplied on the right of R_k, turns the transform into
-//! A_k T(j_k) C T(−j_k), and those of the joints below it likewise, from the same chain: [`Template::corrected`].
+//! skeleton is rigid. What corrects such rotations is `last::host::pose`.
 
 use super::{INFLUENCES, PersonCapture, Template};
+use crate::math::affine::{self, Linear, cofactors, compose, determinant, inverse, linear, wide};
 pub use crate::math::rodrigues::{matrix as rotation_matrix, vector as rotation_vector};
 use reference::body::skin;
 
@@ -23,65 +23,13 @@ pub struct Pose {
     pub global: Option<[[f32; 3]; 2]>,
 }
 
-type M3 = [[f64; 3]; 3];
-
-pub(super) fn wide(a: &Affine) -> skin::Affine<f64> {
-    a.map(|row| row.map(f64::from))
-}
-
-pub(super) fn single(a: &skin::Affine<f64>) -> Affine {
-    a.map(|row| row.map(|x| x as f32))
-}
-
-/// a ∘ b.
-pub(super) fn compose(a: &skin::Affine<f64>, b: &skin::Affine<f64>) -> skin::Affine<f64> {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let s = (a[i][0] * b[0][j] + a[i][1] * b[1][j]) + a[i][2] * b[2][j];
-            if j == 3 { s + a[i][3] } else { s }
-        })
-    })
-}
-
-fn cofactors(m: &M3) -> M3 {
-    std::array::from_fn(|i| {
-        std::array::from_fn(|j| {
-            let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-            m[a][c] * m[b][d] - m[a][d] * m[b][c]
-        })
-    })
-}
-
-pub(super) fn linear(a: &skin::Affine<f64>) -> M3 {
-    a.map(|r| [r[0], r[1], r[2]])
-}
-
-pub(super) fn determinant(a: &skin::Affine<f64>) -> f64 {
-    let (m, c) = (linear(a), cofactors(&linear(a)));
-    (m[0][0] * c[0][0] + m[0][1] * c[0][1]) + m[0][2] * c[0][2]
-}
-
-/// The inverse of a transform whose determinant is positive.
-pub(super) fn inverse(a: &skin::Affine<f64>) -> skin::Affine<f64> {
-    let (c, det) = (cofactors(&linear(a)), determinant(a));
-    let t = [a[0][3], a[1][3], a[2][3]];
-    std::array::from_fn(|i| {
-        let row: [f64; 3] = std::array::from_fn(|j| c[j][i] / det);
-        [row[0], row[1], row[2], -((row[0] * t[0] + row[1] * t[1]) + row[2] * t[2])]
-    })
-}
-
 /// The rotation nearest to a matrix of positive determinant: Newton's iteration R ← ½(R + R⁻ᵀ), to a fixed number of steps, after division by
 /// the cube root of the determinant.
-fn polar(m: M3) -> M3 {
-    let det = |m: &M3| {
-        let c = cofactors(m);
-        (m[0][0] * c[0][0] + m[0][1] * c[0][1]) + m[0][2] * c[0][2]
-    };
-    let scale = libm::cbrt(det(&m));
+fn polar(m: Linear) -> Linear {
+    let scale = libm::cbrt(determinant(&m));
     let mut r = m.map(|row| row.map(|x| x / scale));
     for _ in 0..12 {
-        let (c, d) = (cofactors(&r), det(&r));
+        let (c, d) = (cofactors(&r), determinant(&r));
         r = std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (r[i][j] + c[i][j] / d)));
     }
     r
@@ -99,7 +47,7 @@ impl Template {
     }
 
     /// (K) transforms relative to the parent's: A_p⁻¹ A_k.
-    fn relative(&self, transforms: &[Affine]) -> Vec<skin::Affine<f64>> {
+    pub fn relative(&self, transforms: &[Affine]) -> Vec<affine::Affine> {
         (0..self.joints.len())
             .map(|k| match self.parents[k] {
                 Some(p) => compose(&inverse(&wide(&transforms[p])), &wide(&transforms[k])),
@@ -110,29 +58,8 @@ impl Template {
 
     /// (K) axis-angle of the rotation in every relative transform.
     pub fn axis_angles(&self, transforms: &[Affine]) -> Vec<[f32; 3]> {
-        let of = |a: &skin::Affine<f64>| rotation_vector(&polar(linear(a))).map(|x| x as f32);
+        let of = |a: &affine::Affine| rotation_vector(&polar(linear(a))).map(|x| x as f32);
         self.relative(transforms).iter().map(of).collect()
-    }
-
-    /// The transforms with a rotation multiplied on the right of each joint's own: (K) axis-angles; all zero changes nothing but rounding.
-    pub fn corrected(&self, transforms: &[Affine], corrections: &[[f32; 3]]) -> Vec<Affine> {
-        let relative = self.relative(transforms);
-        let mut out = vec![[[0.0; 4]; 3]; relative.len()];
-        for &k in &self.order {
-            let j = self.joints[k].map(f64::from);
-            let r = rotation_matrix(corrections[k].map(f64::from));
-            // T(j) C T(−j)
-            let about: skin::Affine<f64> = std::array::from_fn(|i| {
-                let moved = (r[i][0] * j[0] + r[i][1] * j[1]) + r[i][2] * j[2];
-                [r[i][0], r[i][1], r[i][2], j[i] - moved]
-            });
-            let own = compose(&relative[k], &about);
-            out[k] = match self.parents[k] {
-                Some(p) => compose(&out[p], &own),
-                None => own,
-            };
-        }
-        out.iter().map(single).collect()
     }
 
     /// (P) how points move before skinning with the rotations of a pose: pose_shapes · vec(R_1 − I, …). `None` where the body has no such shapes.
@@ -169,9 +96,9 @@ impl Template {
     }
 
     /// Σ w A of a point.
-    fn blended(&self, p: usize, transforms: &[Affine]) -> skin::Affine<f64> {
+    fn blended(&self, p: usize, transforms: &[Affine]) -> affine::Affine {
         let weights = self.weight_of[p].map(f64::from);
-        let of: [skin::Affine<f64>; INFLUENCES] = self.joint_of[p].map(|k| wide(&transforms[usize::from(k)]));
+        let of: [affine::Affine; INFLUENCES] = self.joint_of[p].map(|k| wide(&transforms[usize::from(k)]));
         skin::blend(&weights, &of)
     }
 

@@ -16,8 +16,9 @@
 //! # Rounding
 //! f64; sums over coefficients and points are left folds in index order.
 
-use super::pose::{compose, rotation_matrix};
+use super::pose::rotation_matrix;
 use crate::io::smpl::BodyModel;
+use crate::math::affine::compose;
 use crate::{Error, Result};
 use reference::body::skin::Affine;
 
