@@ -163,11 +163,42 @@ fn bombs_end_in_an_error() {
     let mut huge = dump(&Py::Csc(2, 2, vec![1.0; 4]));
     let at = huge.windows(5).position(|w| w == b"(K\x02K\x02").expect("the shape is there");
     huge.splice(at + 1..at + 5, *b"J\xff\xff\xff\x7fJ\xff\xff\xff\x7f");
-    refused(&huge, &["2^24"]);
+    refused(&huge, &["2^22"]);
     // Elements that are not there.
     let array = dump(&Py::Array(vec![3], vec![1.0, 2.0]));
     refused(&array, &["24 bytes", "16"]);
     refused(&dump(&Py::Array(vec![1 << 31, 1 << 31, 1 << 31], vec![])), &["size that can be held"]);
+    // A text of a megabyte, turned into bytes again and again: each time a copy of its own, six bytes of file.
+    let mut copies = b"\x80\x02c_codecs\nencode\nq\x00X\x00\x00\x10\x00".to_vec();
+    copies.extend(vec![b'a'; 1 << 20]);
+    copies.extend(b"X\x06\x00\x00\x00latin1\x86q\x010");
+    (0..1000).for_each(|_| copies.extend(b"h\x00h\x01R0"));
+    copies.extend(b"N.");
+    refused(&copies, &["many times"]);
+    // The same with a long tuple of arguments that a call refuses only after it was looked at.
+    let mut sets = b"\x80\x02c__builtin__\nset\nq\x00(".to_vec();
+    sets.extend(vec![b'N'; 1 << 18]);
+    sets.extend(b"l\x85q\x010");
+    (0..1000).for_each(|_| sets.extend(b"h\x00h\x01R0"));
+    sets.extend(b"N.");
+    refused(&sets, &["many times"]);
+    // Columns without entries: some hundred bytes of file, 32 MiB of zeros, three times.
+    let empty = dump(&Py::Csc(1, 1, vec![0.0]));
+    let at = empty.windows(5).position(|w| w == b"(K\x01K\x01").expect("the shape is there");
+    let mut tall = empty;
+    tall.splice(at + 1..at + 3, *b"J\x00\x00\x40\x00");
+    let end = tall.pop();
+    assert_eq!(end, Some(b'.'), "STOP");
+    assert!(parse(&[&tall[..], b"."].concat(), "one.pkl").is_ok(), "one of them may be");
+    tall.extend(b"q\xf00(h\xf0h\xf0h\xf0l.");
+    refused(&tall, &["many times"]);
+    // Nothing, in more places than can be counted: a list, but no array.
+    let mut flat = dump(&Py::Array(vec![0, 1 << 43], vec![]));
+    assert_eq!(flat.pop(), Some(b'.'), "STOP");
+    flat.extend(b"q\xf00(");
+    (0..1 << 20).for_each(|_| flat.extend(b"h\xf0"));
+    flat.extend(b"l.");
+    assert!(parse(&flat, "flat.pkl").expect("a list").to_array().is_none(), "no array of 2^63 columns");
     let many = [vec![b'N'; (1 << 22) + 2], b".".to_vec()].concat();
     refused(&many, &["values"]);
     refused(&[vec![b'('; 1 << 24], b".".to_vec()].concat(), &["opcodes"]);

@@ -61,6 +61,11 @@ impl Array {
         T::wrap(a)
     }
 
+    /// Like [`Self::new`] for a shape that somebody else has written; `None` where it does not hold these values, or is beyond what can be indexed.
+    pub fn of_shape<T: Element>(shape: &[usize], values: Vec<T>) -> Option<Self> {
+        ArrayD::from_shape_vec(IxDyn(shape), values).ok().map(T::wrap)
+    }
+
     /// The shape; `[]` for a 0-d array.
     pub fn shape(&self) -> &[usize] {
         with_array!(self, a => a.shape())

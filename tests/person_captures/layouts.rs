@@ -108,7 +108,9 @@ pub(crate) fn zju(dir: &Path, refined: bool, count: usize, frames: usize) -> Tru
         }
         points.insert(f as i64, x);
     }
-    let ims = (0..frames).map(|f| (0..count).map(|c| path(c, f)).collect()).collect();
+    // Copies of the refined set were written on Windows.
+    let stored = |p: String| if refined { p.replace('/', "\\") } else { p };
+    let ims = (0..frames).map(|f| (0..count).map(|c| stored(path(c, f))).collect()).collect();
     std::fs::write(dir.join("annots.npy"), annots(&cameras, Some(ims))).expect("written");
     if !refined {
         // Points of the release, with which the body is compared.

@@ -66,12 +66,22 @@ pub fn read(path: &Path, selection: &Selection) -> Result<Source> {
         return Err(wrong("SMPLx/scale", "positive numbers".into(), format!("{scale:?}")));
     }
     let (shape, betas) = annots.0.numbers("SMPLx/betas")?;
-    let betas = if shape.len() == 2 { betas[..shape[1]].to_vec() } else { betas };
+    // One row, or one for every frame.
+    let width = if shape.len() == 2 { shape[1] } else { betas.len() };
+    if width == 0 || betas.is_empty() {
+        return Err(wrong(
+            "SMPLx/betas",
+            "at least one shape coefficient".into(),
+            format!("shape {shape:?}"),
+        ));
+    }
     let to_train = selection.train_frames.unwrap_or(Range { start: 0, step: 1, count: 100 }).frames(count);
     let to_test = selection.test_frames.unwrap_or(Range { start: 0, step: 5, count: 20 }).frames(count);
     let plan = Plan::new((&train, &to_train), (&test, &to_test));
-    let mut out = Source { kind: "smplx", betas, downscale: 2, ..Source::new(Layout::Dna) };
+    let mut out = Source { kind: "smplx", downscale: 2, ..Source::new(Layout::Dna) };
+    let rows: Vec<&[f64]> = betas.chunks_exact(width).collect();
     for &f in &plan.frames {
+        out.same_shape(rows.get(f).unwrap_or(&rows[0]), f as i64);
         out.moments.push(super::Moment {
             rotations: triples(&poses[f * per..(f + 1) * per]),
             global_rotation: [0.0; 3],

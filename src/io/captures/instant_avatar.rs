@@ -43,7 +43,7 @@ impl Poses {
         let mut thetas: Vec<Vec<f64>> = vec![Vec::new(); n];
         for key in parts {
             let (_, flat) = need(&arrays, key)?;
-            if n == 0 || !flat.len().is_multiple_of(n) || !transl.len().is_multiple_of(3) {
+            if n == 0 || flat.is_empty() || !flat.len().is_multiple_of(n) || !transl.len().is_multiple_of(3) {
                 return Err(Error::input(name)
                     .at(format!("array '{key}'"))
                     .expected(format!("{n} poses, as many as transl"))

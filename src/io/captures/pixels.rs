@@ -7,6 +7,9 @@ use crate::{Error, Result};
 use std::path::PathBuf;
 use std::sync::Arc;
 
+/// First bytes of a JPEG.
+const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
+
 /// Where pixels come from.
 #[derive(Clone, Debug)]
 pub enum Pixels {
@@ -55,7 +58,8 @@ impl Pixels {
         Ok((rgb.collect(), [p.width, p.height]))
     }
 
-    /// A mask: 1 where a value is not zero (in a picture of colours: any channel but alpha), with width and height.
+    /// A mask: 1 where a value is not zero (in a picture of colours: any channel but alpha), with width and height. In a JPEG, whose edges ring, 1 where it
+    /// is above ½.
     ///
     /// # Errors
     /// When it cannot be read.
@@ -65,7 +69,8 @@ impl Pixels {
             let p = image_file::parse(bytes, &name)?;
             let c = p.channels.len();
             let colours = if c.is_multiple_of(2) { c - 1 } else { c };
-            let any = |i: usize| u8::from((0..colours).any(|k| p.value(i * c + k) > 0.0));
+            let above = if bytes.starts_with(&JPEG) { 0.5 } else { 0.0 };
+            let any = |i: usize| u8::from((0..colours).any(|k| p.value(i * c + k) > above));
             Ok(((0..p.width * p.height).map(any).collect(), [p.width, p.height]))
         };
         match self {
@@ -84,6 +89,28 @@ impl Pixels {
                 };
                 Ok((a.to_f64().iter().map(|&v| u8::from(v > 0.0)).collect(), [w, h]))
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::{GrayImage, Luma};
+
+    #[test]
+    fn edges_of_a_jpeg_are_no_part_of_the_mask() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let is_inside = |x: u32, y: u32| (x as i32 - 15).pow(2) + (y as i32 - 17).pow(2) < 90;
+        let picture = GrayImage::from_fn(32, 32, |x, y| Luma([if is_inside(x, y) { 255 } else { 0 }]));
+        for name in ["mask.png", "mask.jpg"] {
+            let path = dir.path().join(name);
+            picture.save(&path).expect("written");
+            let (mask, size) = Pixels::Picture(path).mask().expect("read");
+            assert_eq!(size, [32, 32]);
+            let wrong =
+                (0..1024u32).filter(|i| (mask[*i as usize] == 1) != is_inside(i % 32, i / 32)).count();
+            assert!(wrong <= if name == "mask.png" { 0 } else { 10 }, "{name}: {wrong} pixels");
         }
     }
 }

@@ -27,7 +27,8 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
     };
     let ims = annots.need("ims", &name)?;
     let frames = ims.items().ok_or_else(|| wrong("ims".into(), "a list of frames", ims))?;
-    let path_of = |frame: usize, camera: usize| -> Result<&str> {
+    // Some copies were written on Windows.
+    let path_of = |frame: usize, camera: usize| -> Result<String> {
         let entry = frames.get(frame).ok_or_else(|| {
             Error::input(name.clone())
                 .at("ims")
@@ -36,7 +37,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
         })?;
         let paths = entry.need("ims", &name).map_err(|e| e.at(format!("ims[{frame}]")))?;
         match paths.items().and_then(|p| p.get(camera)) {
-            Some(Value::Text(t)) => Ok(t),
+            Some(Value::Text(t)) => Ok(t.replace('\\', "/")),
             _ => Err(wrong(format!("ims[{frame}].ims"), &format!("the path of camera {camera}"), paths)),
         }
     };
@@ -74,7 +75,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
     let mut out = Source { downscale: 2, ..Source::new(layout) };
     for &frame in &plan.frames {
         let path = path_of(frame, 0)?;
-        let number = frame_number(path).unwrap_or(frame);
+        let number = frame_number(&path).unwrap_or(frame);
         let (moment, shape) =
             annots::params(&numbered_file(&of_body, number, &bodies, "body parameters of frame")?)?;
         out.same_shape(&shape, number as i64);
@@ -83,8 +84,8 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
     }
     for &(camera, frame, split) in &plan.shots {
         let path = path_of(frame, camera)?;
-        let image = find_below(dir, path, "picture")?;
-        let relative = ["images/", "./"].iter().find_map(|p| path.strip_prefix(p)).unwrap_or(path);
+        let image = find_below(dir, &path, "picture")?;
+        let relative = ["images/", "./"].iter().find_map(|p| path.strip_prefix(p)).unwrap_or(&path);
         // The same name below the folder of masks, whatever its extension.
         let bare = Path::new(relative).with_extension("");
         let mask = find_below(&masks, &bare.to_string_lossy(), "mask")?;

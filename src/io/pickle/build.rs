@@ -119,6 +119,15 @@ pub(super) enum Node<'a> {
 }
 
 impl Node<'_> {
+    /// Bytes of the references to others.
+    pub(super) fn references(&self) -> usize {
+        match self {
+            Self::List(ids) | Self::Tuple(ids) | Self::Objects(_, ids) => size_of_val(&ids[..]),
+            Self::Dict(pairs) => size_of_val(&pairs[..]),
+            _ => 0,
+        }
+    }
+
     /// Bytes it holds itself.
     pub(super) fn payload(&self) -> usize {
         match self {
@@ -262,6 +271,7 @@ impl<'a> Machine<'a> {
             return Err(Self::wrong("a known name to call", "another value"));
         };
         let args = self.tuple(args)?.to_vec();
+        self.charge(size_of_val(&args[..]))?;
         let usage = |got: usize| Self::wrong(format!("the usual arguments of {class:?}"), format!("{got}"));
         match class {
             Class::Reconstruct => match args.first().map(|&a| self.node(a)) {
@@ -365,6 +375,7 @@ impl<'a> Machine<'a> {
             Node::Dict(_) => return Ok(()),
             _ => return Err(Self::wrong("an array or a known object to build", "another value")),
         };
+        self.charge(replacement.payload() + replacement.references())?;
         self.nodes[object as usize] = replacement;
         Ok(())
     }

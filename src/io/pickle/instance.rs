@@ -6,7 +6,7 @@ use crate::num::array::Array;
 use crate::{Error, Result};
 
 /// Largest dense matrix made from a sparse one, in elements.
-const MAX_DENSE: usize = 1 << 24;
+const MAX_DENSE: usize = 1 << 22;
 
 /// The array that an object holds.
 pub(super) fn instance(class: Class, state: &Value) -> Result<Value> {
@@ -31,15 +31,14 @@ pub(super) fn instance(class: Class, state: &Value) -> Result<Value> {
             })?;
             let shape = match state.get("preferred_shape").and_then(Value::to_array).and_then(|a| a.to_i64())
             {
-                Some(s) => s.iter().map(|&d| d as usize).collect(),
-                None => vec![picked.len()],
+                Some(s) => s,
+                None => vec![picked.len() as i64],
             };
-            if shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d)) != Some(picked.len()) {
-                return Err(Error::input("Select")
-                    .expected(format!("shape {shape:?}"))
-                    .got(picked.len().to_string()));
-            }
-            Ok(Value::Array(Array::new(&shape, picked)))
+            let count = picked.len();
+            let sides: Option<Vec<usize>> = shape.iter().map(|&d| usize::try_from(d).ok()).collect();
+            sides.and_then(|sides| Array::of_shape(&sides, picked)).map(Value::Array).ok_or_else(|| {
+                Error::input("Select").expected(format!("shape {shape:?}")).got(count.to_string())
+            })
         }
         _ => dense(&array("data")?, &array("indices")?, &array("indptr")?, state),
     }
@@ -56,7 +55,7 @@ fn dense(data: &Array, indices: &Array, starts: &Array, state: &Value) -> Result
     let side = |d: i64| usize::try_from(d).ok();
     let size = side(rows).zip(side(columns)).and_then(|(r, c)| Some((r, c, r.checked_mul(c)?)));
     let Some((rows, columns, size)) = size.filter(|s| s.2 <= MAX_DENSE) else {
-        return Err(wrong("at most 2^24 elements", format!("{rows}x{columns}")));
+        return Err(wrong("at most 2^22 elements", format!("{rows}x{columns}")));
     };
     let (data, indices, starts) = (data.to_f64(), indices.to_i64(), starts.to_i64());
     let (Some(indices), Some(starts)) = (indices, starts) else {

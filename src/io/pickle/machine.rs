@@ -12,7 +12,7 @@ const MAX_OPS: usize = 1 << 24;
 const MAX_NODES: usize = 1 << 22;
 /// Depth of the tree.
 const MAX_DEPTH: usize = 100;
-/// Bytes a tree may take beyond eight times the file.
+/// Bytes that nodes, and a tree of them, may take beyond eight times the file.
 const SLACK: usize = 64 << 20;
 /// What a node of the tree costs.
 const NODE_COST: usize = 64;
@@ -29,6 +29,13 @@ pub(super) struct Machine<'a> {
     stack: Vec<Id>,
     marks: Vec<usize>,
     memo: BTreeMap<u32, Id>,
+    /// bytes that nodes may still take
+    left: usize,
+}
+
+/// Bytes that the nodes of a file of that size may take, and its tree.
+fn most(bytes: usize) -> usize {
+    bytes.saturating_mul(8).saturating_add(SLACK)
 }
 
 pub(super) fn run(bytes: &[u8], name: &str) -> Result<Value> {
@@ -40,13 +47,14 @@ pub(super) fn run(bytes: &[u8], name: &str) -> Result<Value> {
         stack: Vec::new(),
         marks: Vec::new(),
         memo: BTreeMap::new(),
+        left: most(bytes.len()),
     };
     for _ in 0..MAX_OPS {
         let start = m.at;
         let code = m.take(1, "an opcode")?[0];
         if code == b'.' {
             let top = m.pop("STOP").map_err(|e| e.within(format!("{name}: byte {start}")))?;
-            let mut budget = bytes.len().saturating_mul(8).saturating_add(SLACK);
+            let mut budget = most(bytes.len());
             return m.tree(top, MAX_DEPTH, &mut budget);
         }
         m.step(code).map_err(|e| e.within(format!("{name}: byte {start}")))?;
@@ -111,15 +119,22 @@ impl<'a> Machine<'a> {
         std::str::from_utf8(line).map_err(|_| Self::wrong("text", "bytes that are not UTF-8"))
     }
 
-    pub(super) fn make(&mut self, node: Node<'a>) -> Id {
-        self.nodes.push(node);
-        // Bounded by MAX_NODES plus one.
-        (self.nodes.len() - 1) as Id
+    /// Counts bytes that are made; a step makes no more than one value that is there already holds.
+    pub(super) fn charge(&mut self, bytes: usize) -> Result<()> {
+        self.left = self.left.checked_sub(bytes).ok_or_else(|| self.too_much())?;
+        Ok(())
+    }
+
+    fn too_much(&self) -> Error {
+        self.error("values")
+            .expected(format!("at most {} bytes once shared parts are written out", most(self.bytes.len())))
+            .got("more: parts of the pickle refer to each other many times")
     }
 
     fn push(&mut self, node: Node<'a>) {
-        let id = self.make(node);
-        self.stack.push(id);
+        self.nodes.push(node);
+        // Bounded by MAX_NODES plus one.
+        self.stack.push((self.nodes.len() - 1) as Id);
     }
 
     fn pop(&mut self, what: &str) -> Result<Id> {
@@ -363,6 +378,7 @@ impl<'a> Machine<'a> {
             b'R' | 0x81 => {
                 let (args, class) = (self.pop("REDUCE")?, self.pop("REDUCE")?);
                 let node = self.call(class, args)?;
+                self.charge(node.payload() + node.references())?;
                 self.push(node);
             }
             b'b' => {
@@ -422,14 +438,7 @@ impl<'a> Machine<'a> {
     pub(super) fn tree(&self, id: Id, depth: usize, budget: &mut usize) -> Result<Value> {
         let node = &self.nodes[id as usize];
         let cost = NODE_COST + node.payload();
-        *budget = budget.checked_sub(cost).ok_or_else(|| {
-            self.error("values")
-                .expected(format!(
-                    "at most {} bytes once shared parts are written out",
-                    self.bytes.len() * 8 + SLACK
-                ))
-                .got("more: parts of the pickle refer to each other many times")
-        })?;
+        *budget = budget.checked_sub(cost).ok_or_else(|| self.too_much())?;
         let deeper = depth.checked_sub(1).ok_or_else(|| {
             self.error("values")
                 .expected(format!("at most {MAX_DEPTH} levels"))
@@ -475,7 +484,11 @@ impl<'a> Machine<'a> {
                     self.error("values").expected(format!("what the {class:?} holds")).got("nothing")
                 })?;
                 let state = self.tree(state, deeper, budget)?;
-                instance::instance(*class, &state).map_err(|e| e.within(self.name))?
+                let value = instance::instance(*class, &state).map_err(|e| e.within(self.name))?;
+                if let Value::Array(a) = &value {
+                    *budget = budget.checked_sub(8 * a.len()).ok_or_else(|| self.too_much())?;
+                }
+                value
             }
         })
     }

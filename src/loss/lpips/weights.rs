@@ -1,8 +1,9 @@
 //! Weights of the network and of the heads: from a file, from arrays, or by a formula.
 //!
-//! Two lines of Python write the file (with `torch`, `torchvision`, `lpips` and `safetensors` installed):
+//! Three lines of Python write the file (with `torch`, `torchvision`, `lpips` and `safetensors` installed):
 //!
 //! ```text
+//! import lpips, torchvision, safetensors.torch
 //! w = {**torchvision.models.vgg16(weights="DEFAULT").features.state_dict(prefix="features."), **{k: v for k, v in lpips.LPIPS(net="vgg").state_dict().items() if k[:3] == "lin" and k[3].isdigit()}}
 //! safetensors.torch.save_file({k: v.contiguous() for k, v in w.items()}, "lpips_vgg.safetensors")
 //! ```
@@ -15,7 +16,7 @@ use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// What tools print where there are no weights; then they use the surrogate [`crate::loss::metric::rfd`] under its own name.
+/// What tools print where there are no weights; the surrogate [`crate::loss::metric::rfd`] has its own name.
 pub const NO_WEIGHTS: &str = "LPIPS: no weights";
 
 /// Convolutions: place in torchvision's `features`, name as in the paper, outputs in VGG16.
