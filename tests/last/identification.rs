@@ -176,6 +176,18 @@ fn trained(
 }
 
 #[test]
+fn training_without_shared_values_does_not_find_the_graph() {
+    // T7 (a) and (b): if it did, order, variance or labels would leak.
+    for supervision in [Supervision::None, Supervision::PerSample] {
+        let all = [0, 1, 2].map(|seed| trained("FORK", Mechanism::Nl, supervision, 600, seed));
+        let shown =
+            all.iter().map(|(shd, found)| format!("{found}, SHD {shd}")).collect::<Vec<_>>().join("; ");
+        println!("FORK NL, {}: {shown}", supervision.name());
+        assert!(all.iter().filter(|(shd, _)| *shd == 0).count() <= 1, "{}: {shown}", supervision.name());
+    }
+}
+
+#[test]
 fn training_with_shared_values_finds_the_graph() {
     let (shd, found) = trained("FORK", Mechanism::Nl, Supervision::Groups, 600, 0);
     println!("FORK NL: {found}, SHD {shd}");

@@ -43,6 +43,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.manner.quiet);
     let stored = store::read(&fit::avatar_file(&args.run)?)?;
     let capture = PersonCapture::open(&args.capture)?;
+    if args.min_psnr.is_some() && capture.test.is_empty() {
+        return Err(Error::input("--min-psnr")
+            .at(args.capture.display().to_string())
+            .expected("a capture with held-out pictures")
+            .got("none"));
+    }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.manner.force)).transpose()?;
     meter.lap("reading");
     let groups = scoring::groups(&stored.avatar, &capture, &mut meter)?;

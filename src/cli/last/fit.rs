@@ -49,7 +49,7 @@ pub(in crate::cli) struct Args {
     /// Weight of 1 - SSIM on the box crop [default: that of the host]
     #[arg(long, value_name = "W", help_heading = "Host")]
     ssim_weight: Option<f32>,
-    /// The host as published: one background, no assumptions about the hidden side, no gains
+    /// Losses, rates and schedules of the published host: one background, no assumptions about the hidden side, no gains
     #[arg(long, help_heading = "Host")]
     published: bool,
     /// Learn corrections of the skinning weights
@@ -58,9 +58,6 @@ pub(in crate::cli) struct Args {
     /// Learn corrections of the poses
     #[arg(long, help_heading = "Host")]
     pose_network: bool,
-    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without one the host fits alone
-    #[arg(long, value_name = "FILE", help_heading = "Guidance")]
-    model: Option<PathBuf>,
     #[command(flatten)]
     guided: Guided,
     /// Iterations between checkpoints
@@ -73,41 +70,50 @@ pub(in crate::cli) struct Args {
 /// What the image-to-point model decides. Without a model there is the host alone.
 #[derive(clap::Args, Clone, Debug)]
 pub(in crate::cli) struct Guided {
+    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without one the host fits alone
+    #[arg(long, value_name = "FILE", help_heading = "Guidance")]
+    model: Option<PathBuf>,
     /// Add Gaussians by the host's pixel criterion
-    #[arg(long, help_heading = "Guidance")]
+    #[arg(long, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) no_density_adapter: bool,
     /// Update all Gaussians at once
-    #[arg(long, help_heading = "Guidance")]
+    #[arg(long, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) no_progressive: bool,
     /// Criterion of the density adapter: replace, or, budget
-    #[arg(long, value_name = "MODE", default_value = "replace", help_heading = "Guidance")]
+    #[arg(
+        long,
+        value_name = "MODE",
+        default_value = "replace",
+        requires = "model",
+        help_heading = "Guidance"
+    )]
     pub(in crate::cli) density: String,
     /// Threshold of the latent criterion
-    #[arg(long, value_name = "T", default_value_t = 0.003, help_heading = "Guidance")]
+    #[arg(long, value_name = "T", default_value_t = 0.003, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) tau_rec: f64,
     /// What the latent gradient is multiplied by before that [default: found by a calibration on the capture]
-    #[arg(long, value_name = "C", help_heading = "Guidance")]
+    #[arg(long, value_name = "C", requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) tau_scale: Option<f64>,
     /// Iterations from one latent gradient to the next
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Guidance")]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) latent_every: usize,
     /// Weight of the latent discrepancy in the loss
-    #[arg(long, value_name = "W", default_value_t = 0.0, help_heading = "Guidance")]
+    #[arg(long, value_name = "W", default_value_t = 0.0, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) latent_weight: f32,
     /// Bound of the steps of child factors; inf binds nothing. The paper's 0.1 costs up to 0.4 dB on the built-in subjects
-    #[arg(long, value_name = "L", default_value_t = f64::INFINITY, help_heading = "Guidance")]
+    #[arg(long, value_name = "L", default_value_t = f64::INFINITY, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) lambda: f64,
     /// What it bounds: rel, abs or stop
-    #[arg(long, value_name = "MODE", default_value = "rel", help_heading = "Guidance")]
+    #[arg(long, value_name = "MODE", default_value = "rel", requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) lambda_mode: String,
     /// Order of the factors: topo, reverse, random or none
-    #[arg(long, value_name = "ORDER", default_value = "topo", help_heading = "Guidance")]
+    #[arg(long, value_name = "ORDER", default_value = "topo", requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) order: String,
     /// Key Gaussians: swap, random or all
-    #[arg(long, value_name = "HOW", default_value = "swap", help_heading = "Guidance")]
+    #[arg(long, value_name = "HOW", default_value = "swap", requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) keys: String,
     /// Share of the Gaussians that are key to a factor
-    #[arg(long, value_name = "Q", default_value_t = 0.25, help_heading = "Guidance")]
+    #[arg(long, value_name = "Q", default_value_t = 0.25, requires = "model", help_heading = "Guidance")]
     pub(in crate::cli) key_share: f64,
 }
 
@@ -195,7 +201,7 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.filling.quiet);
-    let model = args.model.as_deref().map(Trained::read).transpose()?;
+    let model = args.guided.model.as_deref().map(Trained::read).transpose()?;
     let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let capture = PersonCapture::open(&args.capture)?;

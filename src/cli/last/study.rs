@@ -129,6 +129,23 @@ impl Args {
         }
     }
 
+    fn sizes_name(&self) -> &'static str {
+        match (self.quick, self.smoke) {
+            (true, _) => "quick",
+            (_, true) => "smoke",
+            _ => "full",
+        }
+    }
+
+    /// What sizes other than the study's are worth.
+    fn warning(&self) -> Option<&'static str> {
+        match (self.quick, self.smoke) {
+            (true, _) => Some("small sizes, few seeds: a look, no evidence"),
+            (_, true) => Some("the smallest sizes: everything runs, nothing is shown"),
+            _ => None,
+        }
+    }
+
     fn wants(&self, id: &str) -> bool {
         self.ids.is_empty() || self.ids.iter().any(|x| x == id)
     }
@@ -251,13 +268,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
         atomic::write_bytes(&file, format!("{}\n", lines.join("\n")).as_bytes())?;
     }
     let record = json!({
-        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "models": named, "constants": constants,
+        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.sizes_name(),
+        "threads": par::threads(), "jobs": plan.jobs, "models": named, "constants": constants,
         "experiments": reports.iter().map(summary).collect::<Vec<_>>(), "seconds": meter.seconds(),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
     let page = page(args, &reports, &costs).write(&dir)?;
     if args.manner.json {
         return cli::say_json(&record);
+    }
+    if let Some(warning) = args.warning() {
+        cli::say(warning)?;
     }
     for r in &reports {
         cli::say(&format!("{:11} {:9} {}", r.id, r.outcome.name(), r.verdict))?;
@@ -351,11 +372,7 @@ fn page(args: &Args, reports: &[Report], costs: &[(String, Summary)]) -> Page {
     };
     Page {
         kind: "last study".into(),
-        title: match (args.quick, args.smoke) {
-            (true, _) => "small sizes, few seeds: a look, no evidence".into(),
-            (_, true) => "the smallest sizes: everything runs, nothing is shown".into(),
-            _ => "experiments".into(),
-        },
+        title: args.warning().unwrap_or("experiments").into(),
         command: cli::command_line(),
         facts: Vec::new(),
         stats: vec![

@@ -434,6 +434,9 @@ impl Avatar {
         if let Some(light) = &self.light {
             d.f32(&[light.gains.len(), 3], light.gains.as_flattened())?;
             d.f32(&[light.toward.len(), 3], light.toward.as_flattened())?;
+            for (t, _) in light.seen.iter().enumerate().filter(|(_, seen)| !**seen) {
+                d.u64(t as u64);
+            }
         }
         for &p in &self.nearest {
             d.u64(u64::from(p));

@@ -33,6 +33,8 @@ pub struct Light {
     pub gains: Vec<[f32; 3]>,
     /// (T) d
     pub toward: Vec<[f32; 3]>,
+    /// (T) whether a fit has pictures of it
+    pub seen: Vec<bool>,
     /// of γ and d
     pub(super) adam: [Adam; 2],
 }
@@ -50,22 +52,25 @@ pub struct Moment {
 const LEAST: f32 = 0.25;
 
 impl Light {
-    /// No gain for T moments.
+    /// No gain for T moments, all of them seen.
     ///
     /// # Errors
     /// Never.
     pub fn new(moments: usize) -> Result<Self> {
         let adam = || Adam::new(Rule::SPLAT, moments, 3);
-        Ok(Self { gains: vec![[0.0; 3]; moments], toward: vec![[0.0; 3]; moments], adam: [adam()?, adam()?] })
+        let zeros = || vec![[0.0; 3]; moments];
+        Ok(Self { gains: zeros(), toward: zeros(), seen: vec![true; moments], adam: [adam()?, adam()?] })
     }
 
-    /// γ and d of a moment; the means where it is none of the capture.
+    /// γ and d of a moment; the means of those the fit has seen where it is none of them.
     pub fn at(&self, moment: Option<usize>) -> Moment {
-        let of = |all: &[[f32; 3]]| match moment.and_then(|t| all.get(t)) {
-            Some(own) => *own,
+        let own = moment.filter(|t| self.seen.get(*t) == Some(&true));
+        let of = |all: &[[f32; 3]]| match own {
+            Some(t) => all[t],
             None => std::array::from_fn(|c| {
-                let sum = all.iter().fold(0.0, |s, g| s + f64::from(g[c]));
-                (sum / Ord::max(1, all.len()) as f64) as f32
+                let seen = all.iter().zip(&self.seen).filter(|(_, seen)| **seen);
+                let (sum, count) = seen.fold((0.0, 0usize), |(s, n), (g, _)| (s + f64::from(g[c]), n + 1));
+                (sum / Ord::max(1, count) as f64) as f32
             }),
         };
         Moment { gain: of(&self.gains), toward: of(&self.toward) }
@@ -150,6 +155,18 @@ pub(super) fn adjoint(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_moment_without_pictures_takes_the_mean_of_those_with() {
+        let mut light = Light::new(4).expect("a light");
+        light.gains = vec![[1.0, 0.0, 2.0], [9.0; 3], [3.0, 1.0, -2.0], [9.0; 3]];
+        light.toward = vec![[0.5; 3], [9.0; 3], [0.25; 3], [9.0; 3]];
+        light.seen = vec![true, false, true, false];
+        assert_eq!(light.at(Some(2)), Moment { gain: [3.0, 1.0, -2.0], toward: [0.25; 3] });
+        for moment in [Some(1), Some(3), Some(4), None] {
+            assert_eq!(light.at(moment), Moment { gain: [2.0, 0.5, 0.0], toward: [0.375; 3] }, "{moment:?}");
+        }
+    }
 
     #[test]
     fn gains_differentiate() {

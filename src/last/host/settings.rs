@@ -104,7 +104,9 @@ impl Settings {
         }
     }
 
-    /// GauHuman's host but for LPIPS and the merging of pairs (last.md §10.2), SH degree 0.
+    /// What is left of GauHuman's host (last.md §10.2) without LPIPS, SH degree 0: its losses, rates and schedules. Not taken over: the
+    /// networks (here by `weights_network` and `pose_network`), the divergence from neighbours as a further condition for refinement, clones drawn
+    /// beside their original, the merging of pairs.
     pub fn published() -> Self {
         Self {
             iterations: PUBLISHED,
@@ -182,13 +184,15 @@ impl Settings {
         let l = &self.learning;
         let rates =
             [l.means, l.means_end, l.scales_log, l.quats, l.opacity_logits, l.sh_dc, l.decay, l.networks];
-        let w = [self.ssim_weight, self.alpha_weight, self.latent_weight, self.first_light].map(f64::from);
-        let weights = [w[0], w[1], w[2], w[3], l.gains];
-        for (name, x, positive) in rates
-            .map(|r| ("learning rate", r, true))
-            .into_iter()
-            .chain(weights.map(|w| ("loss weight, first light or rate of gains", w, false)))
-        {
+        let weights = [
+            ("weight of 1 - SSIM", f64::from(self.ssim_weight)),
+            ("weight of alpha", f64::from(self.alpha_weight)),
+            ("weight of the latent discrepancy", f64::from(self.latent_weight)),
+            ("first light", f64::from(self.first_light)),
+            ("rate of gains", l.gains),
+        ];
+        let named = rates.map(|r| ("learning rate", r, true)).into_iter();
+        for (name, x, positive) in named.chain(weights.map(|(name, w)| (name, w, false))) {
             if !(x.is_finite() && x >= 0.0 && (x > 0.0 || !positive)) {
                 return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));
             }

@@ -47,6 +47,7 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
         }
     }
     if let Some(light) = &avatar.light {
+        out.put("light/seen", &[light.seen.len()], light.seen.iter().map(|&s| i64::from(s)).collect());
         for (name, values, adam) in
             [("light/gains", &light.gains, &light.adam[0]), ("light/toward", &light.toward, &light.adam[1])]
         {
@@ -61,6 +62,13 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
 /// Takes back the gains that [`put`] put, as many as there are.
 pub(super) fn get_light(light: &mut Light, state: bool, from: &Arrays) -> Result<()> {
     let moments = light.gains.len();
+    let wrong = || Error::input("array 'light/seen'").expected("0 or 1 for every moment");
+    let seen =
+        from.shape("light/seen", &moments.to_string(), &mut BTreeMap::new())?.to_i64().ok_or_else(wrong)?;
+    if seen.iter().any(|s| !(0..=1).contains(s)) {
+        return Err(wrong());
+    }
+    light.seen = seen.into_iter().map(|s| s == 1).collect();
     let [gains, toward] = &mut light.adam;
     for (name, values, adam) in
         [("light/gains", &mut light.gains, gains), ("light/toward", &mut light.toward, toward)]

@@ -150,6 +150,7 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
     let settings: Value = serde_json::from_str(text("settings")?)
         .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
     let settings = read_settings(&settings)?;
+    settings.validate()?;
     let sizes = Sizes { factors: settings.factors, width: settings.width, kind: settings.kind };
     let encoder = Encoder::new(input, sizes.latent())?;
     let decoder =

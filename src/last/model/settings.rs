@@ -265,6 +265,14 @@ impl Settings {
                 return Err(Error::input(name).expected("a number above 0").got(value.to_string()));
             }
         }
+        if self.freeze >= self.steps || self.refit == 0 {
+            return Err(Error::input("steps")
+                .expected(format!(
+                    "more than the {} before edges move, and at least one to refit",
+                    self.freeze
+                ))
+                .got(format!("{} and {}", self.steps, self.refit)));
+        }
         if self.alone > self.freeze {
             return Err(Error::input("steps before groups count")
                 .expected(format!("no more than the {} before edges move", self.freeze))

@@ -127,10 +127,11 @@ impl Batch {
         let observed = items.len();
         let count = if settings.supervision == Supervision::None { 0 } else { settings.groups };
         let mut chosen = Vec::new();
-        let targets =
-            Ord::min(settings.factors, data.groups().iter().map(|g| g.target + 1).max().unwrap_or(0));
-        for slot in 0..if targets > 0 { count } else { 0 } {
-            let target = (slot + step as usize * count) % targets;
+        // Factors that some group sets: others are never asked for.
+        let is_set = |target: &usize| data.groups().iter().any(|g| g.target == *target);
+        let targets: Vec<usize> = (0..settings.factors).filter(is_set).collect();
+        for slot in 0..if targets.is_empty() { 0 } else { count } {
+            let target = targets[(slot + step as usize * count) % targets.len()];
             // Where targets are not told, they do not choose either.
             let is_told = settings.supervision != Supervision::Unknown;
             let of: Vec<usize> =

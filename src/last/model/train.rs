@@ -231,10 +231,11 @@ impl<'a> Training<'a> {
     /// # Errors
     /// When a step is left to do.
     pub fn finish(self) -> Result<Trained> {
-        let Some(graph) = &self.graph else {
+        let all = self.settings.steps + self.settings.refit;
+        let Some(graph) = self.graph.as_ref().filter(|_| self.step == all) else {
             return Err(Error::check("image-to-point model")
                 .at(format!("step {}", self.step))
-                .expected("all steps done"));
+                .expected(format!("all {all} steps done")));
         };
         let mut trained = Trained {
             graph: Digraph::from_weights(graph, self.settings.factors, 0.5),

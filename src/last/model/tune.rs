@@ -3,7 +3,8 @@
 //! The subject's pictures are encoded once. `reference`: reconstruction does not depend on A, so what moves it is the likelihood of the subject's
 //! factors under the graph (KL), the dependence of their noise, h and Σp; no points are needed. `literal`: the decoded points are held to the posed
 //! template, in space alone. Both add 0.1 Σ (p − p₀)², so that A does not drift without evidence. All pictures are one batch; a step draws a
-//! mask and the noise of the posterior.
+//! mask and the noise of the posterior. Before the first, logits of edges that the search took or added are mirrored: masks are drawn from the graph's own
+//! probabilities. After the last, the deviations of factors and noise follow the graph.
 
 use super::decoder::{Target, code};
 use super::file::Trained;
@@ -12,6 +13,7 @@ use super::latent::{self, Layout};
 use super::purpose;
 use super::settings::{Reading, Supervision, Weights};
 use super::structure::{Kind, Structure};
+use super::verdict;
 use crate::causal::{acyclic, mask, repair};
 use crate::num::rng::Rng;
 use crate::optim::adam::{Adam, Counters, Rule};
@@ -106,6 +108,10 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
         return Err(Error::input("subject").expected("at least one picture").got("none"));
     }
     let tau = trained.settings.tau;
+    let deviations =
+        |t: &Trained| verdict::linked(t, subject.mu.clone()).map(|rows| verdict::deviations(&rows, d));
+    let spread_before = deviations(trained);
+    agree(trained);
     let before = Structure::new(sizes, &trained.model.params).probabilities(tau);
     let edges_before = trained.graph.edges();
     let layout = Layout { observed: frames, targets: Vec::new(), members: 0 };
@@ -175,15 +181,27 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
         }
     }
     let after = Structure::new(sizes, &trained.model.params).probabilities(tau);
-    // An edge of the graph stays unless its probability has fallen; the search of the pre-training may have taken or added others.
-    let moved: Vec<f64> = (0..n * n)
-        .map(|at| {
-            let had = trained.graph.has(at / n, at % n);
-            if had == (before[at] > 0.5) { after[at] } else { f64::from(u8::from(had)) }
-        })
-        .collect();
-    trained.graph = repair::repair(n, &moved, 0.5).0;
+    trained.graph = repair::repair(n, &after, 0.5).0;
+    // Deviations are those of the training set; what another graph makes of them is measured on the subject.
+    let spread_after = deviations(trained);
+    let spreads = [&mut trained.factor_spread, &mut trained.noise_spread];
+    for (spread, (new, old)) in spreads.into_iter().zip(spread_after.iter().zip(&spread_before)) {
+        for (s, (new, old)) in spread.iter_mut().zip(new.iter().zip(old)) {
+            *s *= new / old;
+        }
+    }
     Ok(Tuned { before, after, edges: [edges_before, trained.graph.edges()], losses: [first, last] })
+}
+
+/// Mirrors the logits of edges that the search of the pre-training took or added, so that masks are drawn from the graph's own probabilities.
+fn agree(trained: &mut Trained) {
+    let n = trained.model.sizes.factors;
+    let logits = trained.model.params.get_mut("structure.logits").expect("a parameter of the structure");
+    for (at, u) in logits.iter_mut().enumerate() {
+        if at / n != at % n && trained.graph.has(at / n, at % n) != (*u > 0.0) {
+            *u = -*u;
+        }
+    }
 }
 
 /// Loss of the decoded points against the posed template, in space alone, and its gradient by the factors.

@@ -65,8 +65,13 @@ impl Map {
 impl Vectors {
     /// `observed` items and `groups` groups of a model.
     pub fn new(scm: &Scm, seed: u64, observed: usize, groups: usize) -> Self {
+        Self::drawn(scm, [seed, seed], observed, groups)
+    }
+
+    /// The same with a seed of its own for the map and another for the draws: other data of one source.
+    pub fn drawn(scm: &Scm, [map, seed]: [u64; 2], observed: usize, groups: usize) -> Self {
         let n = scm.graph.n();
-        let map = Map([orthonormal(seed, n, 0), orthonormal(seed, SIZE, 1)]);
+        let map = Map([orthonormal(map, n, 0), orthonormal(map, SIZE, 1)]);
         let mut all = Self {
             frame: Frame {
                 features: 0,

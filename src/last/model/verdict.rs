@@ -29,8 +29,8 @@ pub struct Verdict {
     pub space_error: f64,
     /// mean absolute error of their colours
     pub colour_error: f64,
-    /// the same of points moved by an intervention: decoded counterfactuals, unchanged decodings
-    pub counterfactual: Option<[f64; 2]>,
+    /// after-pictures of interventions against decoded counterfactuals, and against unchanged decodings
+    pub counterfactual: Option<[Errors; 2]>,
     /// mean canonical correlation of blocks and true factors
     pub mcc: f64,
     /// factor of each block
@@ -90,13 +90,23 @@ pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Mean error of what is decoded (B, P, O): the length of the first three numbers' error, the mean size of the others'. Points have their place first, then
-/// their colour.
-fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> [f64; 2] {
+/// Errors of what is decoded, means over items and coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Errors {
+    /// length of the error of the first three numbers: places, figure units
+    pub space: f64,
+    /// mean size of the errors of the others: colours
+    pub colour: f64,
+    /// Σ_c w_c (R − R')², what L_rec measures
+    pub weighted: f64,
+}
+
+/// Errors of what factors (B, n, k) decode to, against what items show.
+pub fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> Errors {
     let frame = data.frame();
     let z: Vec<f32> = z.iter().map(|&z| z as f32).collect();
     let y = trained.model.decoder.forward(&trained.model.params, &frame.codes, &z);
-    let (mut space, mut colour) = (0.0, 0.0);
+    let (mut space, mut colour, mut weighted) = (0.0, 0.0, 0.0);
     let (p, o) = (frame.points(), frame.outputs);
     let lead = Ord::min(3, o);
     for (b, item) in shown.iter().enumerate() {
@@ -108,13 +118,14 @@ fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> [f64
             };
             space += (0..lead).fold(0.0, |s, c| s + error(c) * error(c)).sqrt();
             colour += (lead..o).fold(0.0, |s, c| s + error(c).abs()) / Ord::max(1, o - lead) as f64;
+            weighted += (0..o).fold(0.0, |s, c| s + f64::from(frame.precision[c]) * (error(c) * error(c)));
         }
     }
     let count = Ord::max(1, shown.len() * p) as f64;
-    [space / count, colour / count]
+    Errors { space: space / count, colour: colour / count, weighted: weighted / count }
 }
 
-/// Looks at a trained model with the data it was trained on.
+/// Looks at a trained model with data, those it was trained on or others.
 ///
 /// # Errors
 /// Factors that do not vary.
@@ -128,10 +139,10 @@ pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) ->
     let blocks = |values| Blocks { values, n, k };
     let matched = matching(&blocks(&u), &Factors { values: &true_factors, m })?;
     let few = &observed[..Ord::min(DECODED, observed.len())];
-    let [space_error, colour_error] = errors(trained, data, &u[..few.len() * d], few);
+    let shown = errors(trained, data, &u[..few.len() * d], few);
     let mut verdict = Verdict {
-        space_error,
-        colour_error,
+        space_error: shown.space,
+        colour_error: shown.colour,
         counterfactual: None,
         mcc: matched.mcc,
         graph: trained.graph.clone(),
@@ -175,16 +186,20 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
     let guesses = voted(&Pairs { eps: &eps, eps_after: &eps2, spread, factors: n, members });
     let targets: Vec<usize> = data.groups()[..groups].iter().map(|g| g.target).collect();
     verdict.target_accuracy = target_accuracy(&guesses, &targets, &verdict.matched)?;
+    // From here on a factor is the block that was matched with it; without one there is nothing to set.
+    let block = &verdict.matched.block;
+    let targets: Option<Vec<usize>> = targets.iter().map(|t| block.get(*t).copied().flatten()).collect();
+    let Some(targets) = targets else { return Ok(()) };
     if let Some(truth) = verdict.truth.as_ref().filter(|truth| truth.n() == n) {
+        let mut factor = vec![0; n];
+        (0..n).filter_map(|f| Some((f, block[f]?))).for_each(|(f, b)| factor[b] = f);
+        let truth = Digraph::from_fn(n, |i, j| truth.has(factor[i], factor[j]));
         let each: Vec<usize> = targets.iter().flat_map(|t| vec![*t; members]).collect();
         let blocks = |values| Blocks { values, n, k };
-        verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, truth)?;
+        verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, &truth)?;
     }
     // Counterfactuals of the groups' own values.
     let few = Ord::min(DECODED / members, groups);
-    if targets[..few].iter().any(|t| *t >= n) {
-        return Ok(());
-    }
     let mut values = Vec::new();
     for g in 0..few {
         for _ in 0..members {
@@ -197,8 +212,8 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
     let each: Vec<usize> = targets[..few].iter().flat_map(|t| vec![*t; members]).collect();
     let z = intervened(trained, &eps[..few * members * d], &each, &values)?;
     let shown = &after[..few * members];
-    let moved = errors(trained, data, &z, shown)[0];
-    let still = errors(trained, data, &u[..few * members * d], shown)[0];
+    let moved = errors(trained, data, &z, shown);
+    let still = errors(trained, data, &u[..few * members * d], shown);
     verdict.counterfactual = Some([moved, still]);
     Ok(())
 }
@@ -235,7 +250,12 @@ impl Verdict {
             format!("targets     {:.1} % found", 100.0 * self.target_accuracy),
         ];
         if let Some([moved, still]) = self.counterfactual {
-            lines.push(format!("do          {moved:.4} off, {still:.4} without any change"));
+            lines.push(format!(
+                "do          {:.4} off, {:.4} without any change; of what L_rec measures, {:.3} is left",
+                moved.space,
+                still.space,
+                moved.weighted / still.weighted
+            ));
         }
         if let Some(locality) = self.locality {
             lines.push(format!("locality    {locality:.3}"));
@@ -251,8 +271,10 @@ impl Verdict {
         json!({
             "space_error": self.space_error, "colour_error": self.colour_error, "mcc": self.mcc,
             "target_accuracy": self.target_accuracy, "locality": self.locality,
-            "counterfactual_error": self.counterfactual.map(|c| c[0]),
-            "unchanged_error": self.counterfactual.map(|c| c[1]),
+            "counterfactual_error": self.counterfactual.map(|c| c[0].space),
+            "unchanged_error": self.counterfactual.map(|c| c[1].space),
+            "counterfactual_loss": self.counterfactual.map(|c| c[0].weighted),
+            "unchanged_loss": self.counterfactual.map(|c| c[1].weighted),
             "edges": self.graph.edges(), "probabilities": self.probabilities,
             "block_of_factor": self.matched.block, "shd": self.distances.map(|d| d[0]), "sid": self.distances.map(|d| d[1]),
         })

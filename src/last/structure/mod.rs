@@ -10,7 +10,8 @@
 //! All in f64 and without state: the same samples and seed give the same bits for any number of threads.
 //!
 //! # Edges
-//! i → j means: i is an argument of j's mechanism. Wherever scores are equal the first in lexicographic order of (i, j) is taken.
+//! i → j means: i is an argument of j's mechanism. Where scores are equal, enumeration and search take the first in
+//! lexicographic order of (i, j).
 
 pub mod dagma;
 pub mod mcsl;

@@ -184,7 +184,7 @@ impl Experiment for Seen {
         let missed: Vec<&str> = told.iter().map(String::as_str).filter(|row| !is_found(row)).collect();
         Report {
             id: "E10p",
-            claim: "The structure is learned correctly from pictures. Asked with groups, as medians: SHD ≤ 1, targets ≥ 95 %, no edge between the effects of a fork.",
+            claim: "The structure is learned correctly from pictures. Asked with groups, as medians: SHD ≤ 1, targets ≥ 95 %, no edge between the effects of a fork. Scores are of the pictures it learned from.",
             head: vec![
                 "graph, mechanism, told",
                 ">median SHD",

@@ -123,6 +123,8 @@ impl<'a> PersonFit<'a> {
         let mut avatar = Avatar::new(&capture.template, capture.moments(), &settings)?;
         if let Some(light) = &mut avatar.light {
             light.toward = first_light(capture, settings.first_light)?;
+            light.seen = vec![false; capture.moments()];
+            capture.train.iter().for_each(|&shot| light.seen[capture.shots[shot].time] = true);
         }
         let n = avatar.gaussians.len();
         if n > settings.max_gaussians {

@@ -55,17 +55,25 @@ impl PersonFit<'_> {
                     self.tally.capped += factors.len() as u64;
                 }
                 Cap::Stop => {
-                    self.groups.step(&mut self.avatar.gaussians, grad, rates, Some(&active))?;
+                    // A factor whose gradient is below λ stops; its turn is over even if the others move it up again.
+                    let mut moving = factors.clone();
                     let mut last = passed;
-                    for _ in 1..LOCAL_STEPS {
-                        let norm = |&i: &usize| progressive::norm(&last.grad.gaussians, &self.members, i);
-                        if factors.iter().all(|i| norm(i) < p.lambda) {
+                    for step in 0..LOCAL_STEPS {
+                        moving.retain(|&i| {
+                            progressive::norm(&last.grad.gaussians, &self.members, i) >= p.lambda
+                        });
+                        if moving.is_empty() {
                             break;
                         }
-                        last = self.pass(target, rig, want, watch)?;
+                        let active = progressive::block(&self.members, &moving, level);
                         let g = &mut self.avatar.gaussians;
                         self.groups.step(g, &last.grad.gaussians, rates, Some(&active))?;
+                        if step + 1 < LOCAL_STEPS {
+                            last = self.pass(target, rig, want, watch)?;
+                        }
                     }
+                    self.tally.bound += (factors.len() - moving.len()) as u64;
+                    self.tally.capped += factors.len() as u64;
                 }
             }
         }

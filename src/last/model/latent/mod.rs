@@ -258,8 +258,11 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
     let mut sample_eps = vec![0.0; items * d];
     match x.reading {
         Reading::Literal => {
-            let kl = x.weights.kl;
-            posterior_kl::adjoint(x.mu, &out.log_variance, items, kl, &mut bars.mu, &mut bars.ell);
+            let (mu, ell) = (x.free(x.mu), x.free(&out.log_variance));
+            let [mut mu_bar, mut ell_bar] = [vec![0.0; mu.len()], vec![0.0; ell.len()]];
+            posterior_kl::adjoint(&mu, &ell, items, x.weights.kl, &mut mu_bar, &mut ell_bar);
+            x.add_free(&mu_bar, &mut bars.mu);
+            x.add_free(&ell_bar, &mut bars.ell);
         }
         Reading::Reference => {
             let kept = x.kept();

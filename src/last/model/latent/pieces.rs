@@ -96,9 +96,26 @@ impl<'a> In<'a> {
         scm_kl::Sampled { eps, logvar, kept: Some(kept), batch, n, k }
     }
 
+    /// Blocks of all items but those that were set.
+    pub(super) fn free(&self, values: &[f64]) -> Vec<f64> {
+        let blocks = values.chunks_exact(self.k()).zip(self.kept());
+        blocks.filter(|(_, kept)| *kept > 0.0).flat_map(|(block, _)| block).copied().collect()
+    }
+
+    /// Adds what belongs to such blocks.
+    pub(super) fn add_free(&self, what: &[f64], into: &mut [f64]) {
+        let k = self.k();
+        let blocks = into.chunks_exact_mut(k).zip(self.kept()).filter(|(_, kept)| *kept > 0.0);
+        for ((into, _), what) in blocks.zip(what.chunks_exact(k)) {
+            into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
+        }
+    }
+
     pub(super) fn kl(&self, sample: &Linked, ell: &[f64]) -> f64 {
         match self.reading {
-            Reading::Literal => posterior_kl::forward(self.mu, ell, self.layout.items()),
+            Reading::Literal => {
+                posterior_kl::forward(&self.free(self.mu), &self.free(ell), self.layout.items())
+            }
             Reading::Reference => scm_kl::sampled(&self.sampled(&sample.eps, ell, &self.kept())),
         }
     }
@@ -116,9 +133,11 @@ impl<'a> In<'a> {
             Placement::Noise | Placement::Conditional | Placement::Off => &mean.eps[..len],
         };
         let edges = match (self.structure.mechanism(), self.reading, self.placement) {
-            (structure::Mechanism::Linear { weight }, Reading::Reference, Placement::Noise) => {
-                Some(independence::Edges { mask: self.mask, weight })
-            }
+            (
+                structure::Mechanism::Linear { weight },
+                Reading::Reference,
+                Placement::Noise | Placement::Conditional,
+            ) => Some(independence::Edges { mask: self.mask, weight }),
             _ => None,
         };
         independence::In {

@@ -48,9 +48,13 @@ pub(super) fn judge(question: &Question, results: Rows<'_>) -> (Option<bool>, St
 }
 
 fn better(graphs: &[String], results: Rows<'_>) -> (Option<bool>, String) {
+    // A subject has one look and one motion under all graphs: it counts once.
     let pooled = |name: &str| -> Summary {
         let of_graph = |g: &String| differences(results, [&format!("{g} LAST"), &format!("{g} host")], name);
-        Summary::of(&graphs.iter().flat_map(of_graph).collect::<Vec<_>>())
+        let all: Vec<Vec<f64>> = graphs.iter().map(of_graph).filter(|d| !d.is_empty()).collect();
+        let subjects = all.iter().map(Vec::len).min().unwrap_or(0);
+        let mean = |s: usize| all.iter().fold(0.0, |sum, d| sum + d[s]) / all.len() as f64;
+        Summary::of(&(0..subjects).map(mean).collect::<Vec<_>>())
     };
     let (equal, fair) = (pooled(VALUE), pooled(FAIR));
     let list = |suffix: &str| -> String {
@@ -63,7 +67,7 @@ fn better(graphs: &[String], results: Rows<'_>) -> (Option<bool>, String) {
     let missing: Vec<&str> =
         ["FORK", "FULL"].into_iter().filter(|g| !graphs.iter().any(|have| have == g)).collect();
     let mut text = format!(
-        "LAST minus host over {} subjects. Equal iterations: {}. Equal renders: {}.",
+        "LAST minus host over {} subjects, one trained model per graph. Equal iterations: {}. Equal renders: {}.",
         equal.count,
         list(""),
         list("@renders")
@@ -123,7 +127,8 @@ fn structures(results: Rows<'_>) -> (Option<bool>, String) {
 fn thresholds(taus: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
     let count: Vec<f64> = taus.iter().map(|&t| mean(results, &threshold(t), "gaussians")).collect();
     // At the largest number, what is pruned after the last refinement decides: a hundredth is no rise.
-    let falls = count.windows(2).all(|w| w[1] <= 1.01 * w[0]);
+    let falls = count.windows(2).all(|w| w[1] <= 1.01 * w[0])
+        && count.first().zip(count.last()).is_some_and(|(first, last)| *last < 0.99 * first);
     let [Some(&low), Some(&high)] = [taus.first(), taus.last()] else { return (None, String::new()) };
     let inside: Vec<f64> = taus.iter().copied().filter(|t| (1e-3..=5e-3).contains(t)).collect();
     // The worst of the range against the better of the ends.
@@ -325,13 +330,21 @@ mod tests {
                 (names[2].as_str(), vec![20.1, 20.2]),
             ]
         };
-        let outcome = |mid: f64| {
-            let owned = list(mid);
-            let rows: Vec<(&str, &[f64])> = owned.iter().map(|(n, x)| (*n, &x[..])).collect();
-            judged(&Question::Thresholds(taus.clone()), &rows).0
+        let outcome = |mid: f64, counts: [f64; 3]| {
+            let mut results: Vec<_> = list(mid).iter().flat_map(|(name, x)| row(name, x)).collect();
+            for (cell, values) in &mut results {
+                if let Some(at) = names.iter().position(|name| *name == cell.row) {
+                    values.insert("gaussians".into(), counts[at]);
+                }
+            }
+            of("E0", "", &Question::Thresholds(taus.clone()), &results).outcome
         };
-        assert_eq!(outcome(21.0), Outcome::Holds, "a plateau, and as many Gaussians everywhere");
-        assert_eq!(outcome(20.0), Outcome::Fails, "no plateau");
+        let falling = [300.0, 200.0, 100.0];
+        assert_eq!(outcome(21.0, falling), Outcome::Holds, "a plateau, and fewer and fewer Gaussians");
+        assert_eq!(outcome(21.0, [300.0, 300.5, 100.0]), Outcome::Holds, "at the cap pruning decides");
+        assert_eq!(outcome(20.0, falling), Outcome::Fails, "no plateau");
+        assert_eq!(outcome(21.0, [100.0; 3]), Outcome::Fails, "a count that never falls");
+        assert_eq!(outcome(21.0, [300.0, 310.0, 100.0]), Outcome::Fails, "one that rises");
         let values: Values = [
             ("factor 1 10", 9.0),
             ("factor 1 20", 1.0),

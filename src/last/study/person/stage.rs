@@ -5,6 +5,7 @@ use crate::last::generate;
 use crate::last::host::settings::Settings;
 use crate::last::model::encoder::Input;
 use crate::last::model::file::Trained;
+use crate::last::model::settings::Supervision;
 use crate::math::digraph::Digraph;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
@@ -120,6 +121,12 @@ impl Model {
         let truth = Graph::named(graph, n, 0).map_err(fail)?.adjacency;
         if !matches!(trained.model.encoder.input(), Input::Picture { .. }) {
             return Err(Error::input("--model").expected("a model of pictures").got("one of vectors"));
+        }
+        let told = trained.settings.supervision;
+        if !matches!(told, Supervision::Groups | Supervision::Labels | Supervision::PerSample) {
+            return Err(Error::input("--model")
+                .expected("a model that was told which factor was set: its blocks are the factors")
+                .got(format!("one of supervision {}", told.name())));
         }
         Ok(Self {
             graph: graph.to_owned(),
