@@ -9,6 +9,7 @@ use lastlight::last::model::settings::{Placement, Reading, Settings, Supervision
 use lastlight::last::model::structure::{Kind, Sizes, Structure};
 use lastlight::last::model::train::Training;
 use lastlight::last::model::vectors::Vectors;
+use lastlight::last::model::verdict;
 use lastlight::loss::metric::structure::edges;
 use lastlight::math::digraph::Digraph;
 use lastlight::tape::Params;
@@ -202,6 +203,53 @@ fn training_with_shared_values_finds_the_graph() {
             all.sort_unstable();
             println!("{name} {}: SHD {all:?}", mechanism.name());
             assert!(all[2] <= 1, "{name} {}: median SHD of {all:?}", mechanism.name());
+        }
+    }
+}
+
+#[test]
+fn every_way_to_tell_and_every_place_of_dependence_trains() {
+    let scm = Scm::new(Graph::named("FORK", N, 3).expect("a name"), Mechanism::Lin, true, 3);
+    let data = Vectors::new(&scm, 3, 64, 16);
+    let told = ["none", "pairs", "groups", "labels", "unknown"]
+        .map(|name| Supervision::parse(name).expect("a name"));
+    let places =
+        ["noise", "factors", "conditional", "off"].map(|name| Placement::parse(name).expect("a name"));
+    let kinds = [
+        (Reading::Reference, Kind::Linear),
+        (Reading::Reference, Kind::Networks),
+        (Reading::Literal, Kind::Printed),
+    ];
+    for (reading, kind) in kinds {
+        for supervision in told {
+            for placement in places {
+                let base = Settings {
+                    supervision,
+                    placement,
+                    reading,
+                    kind,
+                    points: 1,
+                    width: 2,
+                    ..Settings::default()
+                };
+                let s = Settings { observed: 16, groups: 4, ..base }.scaled(12);
+                let what =
+                    format!("{} {} {} {}", reading.name(), kind.name(), supervision.name(), placement.name());
+                let mut training = Training::new(s, &data).unwrap_or_else(|e| panic!("{what}: {e}"));
+                let before = training.model.params.clone();
+                for step in 0..s.steps + s.refit {
+                    let losses = training.advance().unwrap_or_else(|e| panic!("{what}, step {step}: {e}"));
+                    assert!(losses.reconstruction.is_finite() && losses.intervention.is_finite(), "{what}");
+                }
+                let trained = training.finish().unwrap_or_else(|e| panic!("{what}: {e}"));
+                assert!(trained.graph.is_acyclic(), "{what}: a graph without cycles");
+                let moved =
+                    before.iter().filter(|(name, x)| trained.model.params.get(name) != Some(*x)).count();
+                assert!(moved > 8, "{what}: {moved} arrays have moved");
+                let verdict =
+                    verdict::of(&trained, &data, &Some(scm.graph.adjacency.clone())).expect("scored");
+                assert!(verdict.mcc.is_finite() && verdict.distances.is_some(), "{what}");
+            }
         }
     }
 }

@@ -6,6 +6,7 @@ mod common;
 mod abduction;
 mod acyclicity;
 mod body;
+mod guidance;
 mod identification;
 mod independence;
 mod intervention;

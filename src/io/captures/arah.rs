@@ -43,11 +43,10 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
             .got(e.to_string())
     })?;
     let models = super::numbered(&dir.join("models"), "")?;
-    let mut numbers: Vec<usize> = models.keys().copied().collect();
-    let of_name = |n: &str| dir.components().any(|c| c.as_os_str().to_string_lossy().contains(n));
-    if let Some((_, length)) = LENGTHS.iter().find(|(n, _)| of_name(n)) {
-        numbers.truncate(*length);
-    }
+    let numbers: Vec<usize> = models.keys().copied().collect();
+    let names = super::called(dir);
+    let known = LENGTHS.iter().find(|(n, _)| names.iter().any(|name| name.contains(n)));
+    let length = known.map_or(usize::MAX, |(_, length)| *length);
     let mut cameras: Vec<usize> = json["all_cam_names"]
         .as_array()
         .into_iter()
@@ -58,7 +57,7 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
     let train = selection.train_cameras.clone().unwrap_or_else(|| vec![1]);
     let others = || cameras.iter().copied().filter(|c| !train.contains(c)).collect();
     let test = selection.test_cameras.clone().unwrap_or_else(others);
-    let all = |step| Range { start: 0, step, count: usize::MAX };
+    let all = |step: usize| Range { start: 0, step, count: length.div_ceil(step) };
     let to_train = selection.train_frames.unwrap_or(all(1)).frames(numbers.len());
     let to_test = selection.test_frames.unwrap_or(all(30)).frames(numbers.len());
     let plan = Plan::new((&train, &to_train), (&test, &to_test));

@@ -92,9 +92,14 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
     let mut out =
         Source { betas: all.betas.clone(), world: UP_FROM_CAMERA, ..Source::new(Layout::InstantAvatar) };
     let mut refined = Vec::new();
-    for (split, frames) in [("train", &train), ("test", &test)] {
+    let asked = [("train", &train, selection.train_frames), ("test", &test, selection.test_frames)];
+    for (split, frames, chosen) in asked {
         let file = dir.join(format!("poses/anim_nerf_{split}.npz"));
         if !file.is_file() {
+            continue;
+        }
+        if chosen.is_some() {
+            out.notes.push(format!("{} is of the protocol's frames and is not used", name_of(&file)));
             continue;
         }
         let poses = Poses::read(&file, &["global_orient", "body_pose"])?;

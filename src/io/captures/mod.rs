@@ -277,6 +277,12 @@ impl Source {
     }
 }
 
+/// Names by which a subject is known: those of its folder and of the one above, lower case, however the path is spelled.
+pub(super) fn called(dir: &Path) -> Vec<String> {
+    let full = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
+    full.components().rev().take(2).map(|c| c.as_os_str().to_string_lossy().to_lowercase()).collect()
+}
+
 /// No rotation.
 pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 

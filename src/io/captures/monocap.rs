@@ -18,8 +18,7 @@ const MARGIN_M: f64 = 0.1;
 
 /// Which of the four a folder is.
 pub(super) fn subject(dir: &Path) -> Option<&'static str> {
-    let names: Vec<String> =
-        dir.components().rev().take(2).map(|c| c.as_os_str().to_string_lossy().to_lowercase()).collect();
+    let names = super::called(dir);
     ["lan", "marc", "olek", "vlad"]
         .into_iter()
         .find(|s| names.iter().any(|n| n.split(['_', '-', '.']).any(|part| part == *s)))

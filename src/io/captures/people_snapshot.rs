@@ -34,8 +34,10 @@ const FRAMES: usize = 120;
 
 /// Training and test frames of a video of `count` frames. A frame that is in both is for training.
 pub(super) fn frames(dir: &Path, count: usize, selection: &Selection) -> (Vec<usize>, Vec<usize>) {
-    let called = |n: &str| dir.components().any(|c| c.as_os_str() == n);
-    let known = PROTOCOLS.iter().find(|(n, ..)| called(n)).map(|&(_, train, test, step)| (train, test, step));
+    let names = super::called(dir);
+    let is_called = |n: &str| names.iter().any(|name| name == n);
+    let known =
+        PROTOCOLS.iter().find(|(n, ..)| is_called(n)).map(|&(_, train, test, step)| (train, test, step));
     let cut = 3 * count / 4;
     let usual = ([0, cut], [cut, count], crate::num::order::max(cut / FRAMES, 1));
     let (train, test, step) = known.unwrap_or(usual);
@@ -94,22 +96,33 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
     let masks = Hdf5::open(&dir.join("masks.hdf5"))?;
     let of_masks = masks.shape("masks")?;
     let images = pictures(dir)?;
+    // Some videos are a frame longer or shorter than what was made of them.
+    let mut usable = count;
     for (what, n) in [
         ("masks in masks.hdf5", of_masks.first().copied().unwrap_or(0)),
         ("translations", trans.len() / 3),
         ("pictures in images/", images.len()),
     ] {
-        if n != count {
+        if 100 * n.abs_diff(count) > count {
             return Err(Error::input(name_of(dir))
                 .at(what)
                 .expected(format!("{count}, as many as poses"))
                 .got(n.to_string()));
         }
+        usable = Ord::min(usable, n);
     }
+    let longest = [count, images.len(), of_masks.first().copied().unwrap_or(0), trans.len() / 3];
+    let is_uneven = longest.iter().any(|n| *n != usable);
+    let count = usable;
     let (train, test) = frames(dir, count, selection);
     let plan = Plan::new((&[0], &train), (&[0], &test));
     let (_, betas) = body.numbers("betas")?;
     let mut out = Source { betas, world: UP_FROM_CAMERA, ..Source::new(Layout::PeopleSnapshot) };
+    if is_uneven {
+        out.notes.push(format!(
+            "pictures, masks and poses are not equally many; the first {count} frames have all of them"
+        ));
+    }
     for &f in &plan.frames {
         out.moments.push(super::Moment {
             rotations: triples(&poses[f * per..(f + 1) * per]),
