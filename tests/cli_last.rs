@@ -149,6 +149,11 @@ fn bad_input_is_refused() {
         2,
         &["0 to 3"],
     );
+    // What a model decides, without one; a check of pictures that are not there.
+    let fit = |more: &[&'static str]| [&["last", "fit", "data/video", "--out", "f"], more].concat();
+    for word in [&["--lambda", "0.1"][..], &["--density", "or"], &["--no-progressive"]] {
+        refused(&fit(word), at, 2, &["required arguments"]);
+    }
     // A graph with a cycle.
     let path = at.join("m/model.safetensors");
     let mut file = safetensors::read(&path).expect("a model");

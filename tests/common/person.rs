@@ -129,8 +129,19 @@ impl Mini {
 
     /// Every joint turns what hangs on it about its own place at rest, from the point upwards: no matrices of chains.
     pub(crate) fn posed(&self, rest: &[V3], thetas: &[V3], place: &dyn Fn(V3) -> V3) -> Vec<V3> {
+        self.posed_about(rest, rest, thetas, place)
+    }
+
+    /// Points at rest that turn about the joints of a body: clothes.
+    pub(crate) fn posed_about(
+        &self,
+        body: &[V3],
+        rest: &[V3],
+        thetas: &[V3],
+        place: &dyn Fn(V3) -> V3,
+    ) -> Vec<V3> {
         let joint = |k: usize| -> V3 {
-            std::array::from_fn(|c| (0..V).fold(0.0, |s, v| s + self.regressor[k * V + v] * rest[v][c]))
+            std::array::from_fn(|c| (0..V).fold(0.0, |s, v| s + self.regressor[k * V + v] * body[v][c]))
         };
         let joints: Vec<V3> = (0..K).map(joint).collect();
         let turned = |mut x: V3, mut k: usize| {

@@ -263,7 +263,8 @@ fn arah() {
 fn turning(frame: usize, mini: &Mini, rest: &[V3]) -> (Vec<V3>, Vec<V3>, V3) {
     let turns = thetas(frame, [std::f64::consts::PI, 0.2 * frame as f64, 0.0]);
     let trans = [0.02 * frame as f64, 0.1, 3.0];
-    (mini.posed(rest, &turns, &|x| std::array::from_fn(|c| x[c] + trans[c])), turns, trans)
+    let body = mini.shaped(&betas());
+    (mini.posed_about(&body, rest, &turns, &|x| std::array::from_fn(|c| x[c] + trans[c])), turns, trans)
 }
 
 /// The camera of PeopleSnapshot and InstantAvatar: at the origin.

@@ -13,7 +13,7 @@
 
 use super::pose::{rotation_matrix, rotation_vector};
 use super::smpl::{big_pose, chain, joints, placement, shaped};
-use crate::io::captures::{Source, SourceShot};
+use crate::io::captures::{Layout, Source, SourceShot};
 use crate::io::image_file;
 use crate::io::person::{NewShot, Writer};
 use crate::io::smpl::BodyModel;
@@ -157,9 +157,19 @@ impl<'a> Body<'a> {
                     .expected(format!("{} points, as the person at rest has", points.len()))
                     .got(model.template.len().to_string()));
             }
+            None if model.template.iter().all(|x| *x == [0.0; 3]) => {
+                return Err(Error::input("body model")
+                    .expected("a template: the layout brings no points of its own")
+                    .got("none")
+                    .hint("add v_templates.npz to ARAH's folder, or give the model itself"));
+            }
             None => shaped(model, &source.betas)?,
         };
-        let joints = joints(model, &rest);
+        // PeopleSnapshot's person at rest wears clothes; its joints are those of the body underneath.
+        let joints = match source.layout {
+            Layout::PeopleSnapshot => joints(model, &shaped(model, &source.betas)?),
+            _ => joints(model, &rest),
+        };
         Ok(Self { model, rest, joints })
     }
 
