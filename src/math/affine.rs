@@ -1,6 +1,6 @@
 //! Affine transforms of space in f64: composition and its adjoint, inverse, a rotation about a place.
 //!
-//! A transform is its upper three rows [M | t], row-major: x' = M x + t. In files and between operators they are f32; [`wide`] and [`single`] go there and back.
+//! A transform is its upper three rows [M | t], row-major: x' = M x + t. In files and between operators they are f32; [`wide()`] and [`single()`] go there and back.
 //!
 //! # Rounding
 //! A sum of three products is (x₀y₀ + x₁y₁) + x₂y₂; a translation is added last. An inverse is cofactors over the determinant, whose sum goes along the

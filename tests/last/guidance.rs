@@ -20,7 +20,8 @@ fn picture(seed: u64) -> Vec<f32> {
     let value = |i: usize| {
         let (r, c) = ((i / 3 / SIDE) as f32, (i / 3 % SIDE) as f32);
         let (dr, dc) = ((r - 34.0) / 22.0, (c - 30.0 - seed as f32) / 9.0);
-        let body = 1.0 / (1.0 + (dr * dr + dc * dc).powi(3));
+        let q = dr * dr + dc * dc;
+        let body = 1.0 / (1.0 + q * q * q);
         body * (0.35 + 0.4 * rng.uniform_f32(i as u64, 0, 0x7e5b, 0))
     };
     (0..SIDE * SIDE * 3).map(value).collect()
