@@ -249,6 +249,8 @@ fn every_way_to_tell_and_every_place_of_dependence_trains() {
                 let verdict =
                     verdict::of(&trained, &data, &Some(scm.graph.adjacency.clone())).expect("scored");
                 assert!(verdict.mcc.is_finite() && verdict.distances.is_some(), "{what}");
+                assert_eq!(verdict.variances.len(), N, "{what}: a variance for each block");
+                assert!(verdict.active <= 2 * N && verdict.variances.iter().all(|v| *v > 0.0), "{what}");
             }
         }
     }

@@ -21,6 +21,8 @@ use serde_json::{Value, json};
 const MOST: usize = 2048;
 /// Items decoded in full.
 const DECODED: usize = 64;
+/// Variance above which a number of the code is an active unit (Burda et al. 2016).
+pub const ACTIVE: f64 = 0.01;
 
 /// The findings.
 #[derive(Clone, Debug)]
@@ -31,6 +33,10 @@ pub struct Verdict {
     pub colour_error: f64,
     /// after-pictures of interventions against decoded counterfactuals, and against unchanged decodings
     pub counterfactual: Option<[Errors; 2]>,
+    /// (n) variance of the posterior means, mean over a block's numbers; near 0 the code says nothing
+    pub variances: Vec<f64>,
+    /// active units: numbers of the code whose posterior means have a variance above [`ACTIVE`]
+    pub active: usize,
     /// mean canonical correlation of blocks and true factors
     pub mcc: f64,
     /// factor of each block
@@ -138,12 +144,16 @@ pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) ->
     let true_factors: Vec<f64> = observed.iter().flat_map(|i| data.truth(*i).to_vec()).collect();
     let blocks = |values| Blocks { values, n, k };
     let matched = matching(&blocks(&u), &Factors { values: &true_factors, m })?;
+    let [mu, _] = trained.model.encode(data, &observed);
+    let each: Vec<f64> = deviations(&mu, d).iter().map(|s| s * s).collect();
     let few = &observed[..Ord::min(DECODED, observed.len())];
     let shown = errors(trained, data, &u[..few.len() * d], few);
     let mut verdict = Verdict {
         space_error: shown.space,
         colour_error: shown.colour,
         counterfactual: None,
+        variances: each.chunks_exact(k).map(|b| b.iter().fold(0.0, |s, v| s + v) / k as f64).collect(),
+        active: each.iter().filter(|v| **v > ACTIVE).count(),
         mcc: matched.mcc,
         graph: trained.graph.clone(),
         probabilities: Structure::new(trained.model.sizes, &trained.model.params)
@@ -246,6 +256,11 @@ impl Verdict {
     pub fn text(&self) -> String {
         let mut lines = vec![
             format!("points      {:.4} off in the mean, colours {:.4}", self.space_error, self.colour_error),
+            format!(
+                "codes       variances {}; {} numbers active",
+                self.variances.iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>().join(" "),
+                self.active
+            ),
             format!("factors     MCC {:.3}", self.mcc),
             format!("targets     {:.1} % found", 100.0 * self.target_accuracy),
         ];
@@ -270,6 +285,7 @@ impl Verdict {
     pub fn json(&self) -> Value {
         json!({
             "space_error": self.space_error, "colour_error": self.colour_error, "mcc": self.mcc,
+            "code_variances": self.variances, "active_units": self.active,
             "target_accuracy": self.target_accuracy, "locality": self.locality,
             "counterfactual_error": self.counterfactual.map(|c| c[0].space),
             "unchanged_error": self.counterfactual.map(|c| c[1].space),
