@@ -2,7 +2,7 @@
 
 use super::gaussian_ply::Points;
 use super::{colmap, transforms};
-use crate::math::affine::{cofactors, determinant};
+use crate::math::affine::newton_to_rotation;
 use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
@@ -293,16 +293,11 @@ pub(super) fn nearest_rotation(m: [[f64; 3]; 3]) -> std::result::Result<[[f64; 3
     }
     let mut r = m;
     for _ in 0..5 {
-        let c = cofactors(&r);
-        let det = determinant(&r);
+        let (next, det) = newton_to_rotation(&r);
         if !(f64::MIN_POSITIVE..).contains(&det) {
             return Err(format!("a reflection (determinant {det})"));
         }
-        for i in 0..3 {
-            for j in 0..3 {
-                r[i][j] = 0.5 * (r[i][j] + c[i][j] / det);
-            }
-        }
+        r = next;
     }
     Ok(r)
 }

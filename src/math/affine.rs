@@ -85,6 +85,14 @@ pub fn determinant(m: &Linear) -> f64 {
     along_first_row(m, &cofactors(m))
 }
 
+/// One step of Newton's iteration to the nearest rotation, R ← ½(R + R⁻ᵀ), and det R before it (Higham 1986).
+pub fn newton_to_rotation(r: &Linear) -> (Linear, f64) {
+    let c = cofactors(r);
+    let det = along_first_row(r, &c);
+    let next = std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (r[i][j] + c[i][j] / det)));
+    (next, det)
+}
+
 /// The inverse of a transform whose determinant is not 0.
 pub fn inverse(a: &Affine) -> Affine {
     let m = linear(a);
@@ -123,6 +131,25 @@ mod tests {
         }
         let both = determinant(&linear(&compose(&A, &B)));
         assert!((both - determinant(&linear(&A)) * determinant(&linear(&B))).abs() < 1e-14, "{both}");
+    }
+
+    #[test]
+    fn newtons_steps_end_at_a_rotation() {
+        let mut r = linear(&A);
+        let first = determinant(&r);
+        assert_eq!(newton_to_rotation(&r).1, first, "the determinant before the step");
+        for _ in 0..12 {
+            r = newton_to_rotation(&r).0;
+        }
+        for (i, j) in (0..9).map(|e| (e / 3, e % 3)) {
+            let dot = r[0][i] * r[0][j] + r[1][i] * r[1][j] + r[2][i] * r[2][j];
+            assert!((dot - f64::from(u8::from(i == j))).abs() < 1e-15, "orthonormal at ({i}, {j}): {dot}");
+        }
+        // The nearest one: RᵀA is symmetric (polar decomposition).
+        let product = |i: usize, j: usize| (0..3).fold(0.0, |s, k| s + r[k][i] * A[k][j]);
+        for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+            assert!((product(i, j) - product(j, i)).abs() < 1e-14, "RᵀA at ({i}, {j})");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@
 //! skeleton is rigid. What corrects such rotations is `last::host::pose`.
 
 use super::{INFLUENCES, PersonCapture, Template};
-use crate::math::affine::{self, Linear, cofactors, compose, determinant, inverse, linear, wide};
+use crate::math::affine::{self, Linear, compose, determinant, inverse, linear, newton_to_rotation, wide};
 pub use crate::math::rodrigues::{matrix as rotation_matrix, vector as rotation_vector};
 use reference::body::skin;
 
@@ -23,14 +23,13 @@ pub struct Pose {
     pub global: Option<[[f32; 3]; 2]>,
 }
 
-/// The rotation nearest to a matrix of positive determinant: Newton's iteration R ← ½(R + R⁻ᵀ), to a fixed number of steps, after division by
-/// the cube root of the determinant.
+/// The rotation nearest to a matrix of positive determinant: a fixed number of Newton's steps after division by the cube root of
+/// the determinant.
 fn polar(m: Linear) -> Linear {
     let scale = libm::cbrt(determinant(&m));
     let mut r = m.map(|row| row.map(|x| x / scale));
     for _ in 0..12 {
-        let (c, d) = (cofactors(&r), determinant(&r));
-        r = std::array::from_fn(|i| std::array::from_fn(|j| 0.5 * (r[i][j] + c[i][j] / d)));
+        r = newton_to_rotation(&r).0;
     }
     r
 }
