@@ -6,6 +6,8 @@
 use super::{guard, name_of, npy};
 use crate::num::array::Array;
 use crate::{Error, Result};
+use hdf5_reader::filters::FilterRegistry;
+use hdf5_reader::messages::filter_pipeline::FilterDescription;
 use hdf5_reader::{ByteOrder, Datatype, FileStorage, Hdf5File, OpenOptions, SliceInfo, SliceInfoElem};
 use std::path::Path;
 use std::sync::Arc;
@@ -14,6 +16,20 @@ use std::sync::Arc;
 const MAX_READ: usize = 1 << 30;
 /// Most bytes of one chunk.
 const MAX_CHUNK: usize = 1 << 28;
+
+/// h5py's number of its own compression.
+const LZF: u16 = 32000;
+
+/// Undoes [`LZF`]; its third number is the size of a chunk.
+fn lzf(
+    filter: &FilterDescription,
+    stream: &[u8],
+    _: usize,
+) -> std::result::Result<Vec<u8>, hdf5_reader::error::Error> {
+    let size = filter.client_data.get(2).map_or(MAX_CHUNK, |size| *size as usize);
+    super::lzf::decoded(stream, Ord::min(size, MAX_CHUNK))
+        .ok_or_else(|| hdf5_reader::error::Error::DecompressionError("LZF".into()))
+}
 
 /// An open file.
 pub(super) struct Hdf5 {
@@ -40,7 +56,10 @@ impl Hdf5 {
                 Error::input(name.clone()).expected("an HDF5 file").got(e.to_string())
             };
             let storage = Arc::new(FileStorage::open(path).map_err(broken)?);
+            let mut filters = FilterRegistry::new();
+            filters.register(LZF, Box::new(lzf));
             let options = OpenOptions {
+                filter_registry: Some(filters),
                 max_read_bytes: MAX_READ,
                 max_chunk_bytes: MAX_CHUNK,
                 ..OpenOptions::default()
@@ -132,9 +151,16 @@ impl Hdf5 {
             let all = |_| SliceInfoElem::Slice { start: 0, end: u64::MAX, step: 1 };
             let mut selections: Vec<SliceInfoElem> = (0..3).map(all).collect();
             selections[0] = SliceInfoElem::Index(i as u64);
-            let row: ndarray::ArrayD<u8> =
-                set.read_slice(&SliceInfo { selections }).map_err(|e| self.error(at, "rows of bytes", &e))?;
-            Ok((row.iter().copied().collect(), [h as usize, w as usize]))
+            let which = SliceInfo { selections };
+            // Masks are written as signed bytes too; not 0 is not 0.
+            let row: Vec<u8> = match set.dtype() {
+                Datatype::FixedPoint { signed: true, .. } => {
+                    set.read_slice::<i8>(&which).map(|row| row.iter().map(|x| x.cast_unsigned()).collect())
+                }
+                _ => set.read_slice::<u8>(&which).map(|row| row.iter().copied().collect()),
+            }
+            .map_err(|e| self.error(at, "rows of bytes", &e))?;
+            Ok((row, [h as usize, w as usize]))
         })
     }
 }

@@ -30,6 +30,7 @@ pub mod gltf;
 mod hdf5;
 mod image_exr;
 pub mod image_file;
+mod lzf;
 pub mod makehuman;
 mod npy;
 pub mod npz;

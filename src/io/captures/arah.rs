@@ -18,6 +18,7 @@ use crate::io::{MAX_SMALL_FILE_BYTES, name_of, npz, read_bytes, smpl};
 use crate::num::array::Arrays;
 use crate::{Error, Result};
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Frames that 3DGS-Avatar uses of a subject; of others, all.
@@ -47,15 +48,15 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
     let names = super::called(dir);
     let known = LENGTHS.iter().find(|(n, _)| names.iter().any(|name| name.contains(n)));
     let length = known.map_or(usize::MAX, |(_, length)| *length);
-    let mut cameras: Vec<usize> = json["all_cam_names"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|n| n.as_str().map_or_else(|| n.as_u64().map(|n| n as usize), |s| s.parse().ok()))
-        .collect();
-    cameras.sort_unstable();
+    // A camera is called by its number, which may be written "1" or "01".
+    let named = |n: &Value| -> Option<(usize, String)> {
+        let name = n.as_str().map_or_else(|| n.as_u64().map(|n| n.to_string()), |s| Some(s.to_owned()))?;
+        Some((name.parse().ok()?, name))
+    };
+    let cameras: BTreeMap<usize, String> =
+        json["all_cam_names"].as_array().into_iter().flatten().filter_map(named).collect();
     let train = selection.train_cameras.clone().unwrap_or_else(|| vec![1]);
-    let others = || cameras.iter().copied().filter(|c| !train.contains(c)).collect();
+    let others = || cameras.keys().copied().filter(|c| !train.contains(c)).collect();
     let test = selection.test_cameras.clone().unwrap_or_else(others);
     let all = |step: usize| Range { start: 0, step, count: length.div_ceil(step) };
     let to_train = selection.train_frames.unwrap_or(all(1)).frames(numbers.len());
@@ -65,9 +66,10 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
     for &frame in &plan.frames {
         moment(&models[&numbers[frame]], numbers[frame], &mut out)?;
     }
-    let mut calibrated = std::collections::BTreeMap::new();
+    let mut calibrated = BTreeMap::new();
     for &camera in train.iter().chain(&test) {
-        calibrated.insert(camera, Folder::read(&json[camera.to_string()], camera, dir, &name)?);
+        let called = cameras.get(&camera).cloned().unwrap_or_else(|| camera.to_string());
+        calibrated.insert(camera, Folder::read(&json[&called], &called, dir, &name)?);
     }
     for &(camera, frame, split) in &plan.shots {
         let shot = calibrated[&camera].shot(numbers[frame], camera, plan.time(frame), split)?;
@@ -143,15 +145,15 @@ fn moment(path: &Path, number: usize, out: &mut Source) -> Result<()> {
 /// A camera with its folder.
 struct Folder {
     dir: PathBuf,
-    images: std::collections::BTreeMap<usize, PathBuf>,
-    masks: std::collections::BTreeMap<usize, PathBuf>,
+    images: BTreeMap<usize, PathBuf>,
+    masks: BTreeMap<usize, PathBuf>,
     view_from_world: [[f64; 4]; 4],
     intrinsics: [f64; 4],
     lens: crate::io::capture::Lens,
 }
 
 impl Folder {
-    fn read(entry: &Value, camera: usize, dir: &Path, name: &str) -> Result<Self> {
+    fn read(entry: &Value, camera: &str, dir: &Path, name: &str) -> Result<Self> {
         let numbers = |key: &str| -> Result<Vec<f64>> {
             let mut out = Vec::new();
             flatten(&entry[key], &mut out).filter(|()| !out.is_empty()).ok_or_else(|| {
@@ -160,7 +162,7 @@ impl Folder {
             })?;
             Ok(out)
         };
-        let dir = dir.join(camera.to_string());
+        let dir = dir.join(camera);
         let files = super::numbered(&dir, "")?;
         let is = |p: &Path, ends: &[&str]| {
             p.extension().and_then(|e| e.to_str()).is_some_and(|e| ends.contains(&e.to_lowercase().as_str()))

@@ -446,3 +446,23 @@ fn three(values: &[f64], key: &str, name: &str) -> Result<[f64; 3]> {
         Error::input(name).at(format!("'{key}'")).expected("three numbers").got(values.len().to_string())
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::called;
+    use std::path::Path;
+
+    #[test]
+    fn a_folder_has_its_name_however_its_path_is_spelled() {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let dir = folder.path().join("People-Snapshot/Female-4-Casual");
+        std::fs::create_dir_all(dir.join("images")).expect("made");
+        for path in
+            [dir.clone(), dir.join("images/.."), dir.join("."), dir.join("images/../../Female-4-Casual")]
+        {
+            assert_eq!(called(&path), ["female-4-casual", "people-snapshot"], "{}", path.display());
+        }
+        assert_eq!(called(Path::new("src")).first().map(String::as_str), Some("src"), "a relative one");
+        assert_eq!(called(Path::new("nowhere/x")), ["x", "nowhere"], "one that is not there");
+    }
+}

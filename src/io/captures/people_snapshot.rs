@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! camera.pkl                  {camera_f (2), camera_c (2), camera_k (5), camera_rt (3), camera_t (3), width, height}
-//! masks.hdf5                  masks (n, H, W), not zero: person
+//! masks.hdf5                  masks (n, H, W) bytes, by LZF or deflate; not zero: person
 //! reconstructed_poses.hdf5    pose (n, 72), betas (10), trans (n, 3)
 //! consensus.obj               the person at rest, optional
 //! images/                     the frames of the video, in the order of their numbers
@@ -97,22 +97,22 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
     let of_masks = masks.shape("masks")?;
     let images = pictures(dir)?;
     // Some videos are a frame longer or shorter than what was made of them.
-    let mut usable = count;
-    for (what, n) in [
+    let counts = [
+        ("poses", count),
         ("masks in masks.hdf5", of_masks.first().copied().unwrap_or(0)),
         ("translations", trans.len() / 3),
         ("pictures in images/", images.len()),
-    ] {
+    ];
+    for (what, n) in counts {
         if 100 * n.abs_diff(count) > count {
             return Err(Error::input(name_of(dir))
                 .at(what)
                 .expected(format!("{count}, as many as poses"))
                 .got(n.to_string()));
         }
-        usable = Ord::min(usable, n);
     }
-    let longest = [count, images.len(), of_masks.first().copied().unwrap_or(0), trans.len() / 3];
-    let is_uneven = longest.iter().any(|n| *n != usable);
+    let usable = counts.iter().fold(count, |least, &(_, n)| Ord::min(least, n));
+    let is_uneven = counts.iter().any(|&(_, n)| n != usable);
     let count = usable;
     let (train, test) = frames(dir, count, selection);
     let plan = Plan::new((&[0], &train), (&[0], &test));

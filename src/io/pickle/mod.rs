@@ -15,9 +15,9 @@
 //!
 //! # Bounds
 //! Payloads are slices of the file; every declared length is checked against the bytes that are left before it is used. A file has at most 2²⁴
-//! opcodes and 2²² nodes, and what nodes hold, copies of one payload counted each time, is limited to a multiple of the file's size. Nodes may be shared and refer to themselves; the tree that comes out may be at most 100 deep and
-//! its size is limited likewise, matrices written out included, so repeating a list of itself ten times in ten levels ends in an error, not in 10¹⁰
-//! values.
+//! opcodes and 2²² nodes, and what nodes hold, copies of one payload counted each time, is limited to a multiple of the file's size. Nodes may
+//! be shared and refer to themselves; the tree that comes out may be at most 100 deep and its size is limited likewise, matrices written out
+//! included, so repeating a list of itself ten times in ten levels ends in an error, not in 10¹⁰ values.
 //!
 //! # Why own code
 //! `serde-pickle` reads built-in types only: a global either fails the whole file or becomes nothing, and an array that was pickled through

@@ -150,18 +150,23 @@ impl<'a> Body<'a> {
                     .hint("SMPL has 24 joints, SMPL-X 55"));
             }
         }
+        let is_shapeless = model.template.iter().all(|x| *x == [0.0; 3]);
+        let needs_shape = source.rest.is_none() || source.layout == Layout::PeopleSnapshot;
+        if is_shapeless && needs_shape {
+            return Err(Error::input("body model")
+                .expected(match source.rest {
+                    None => "a template: the layout brings no points of its own",
+                    Some(_) => "a template: the joints are those of the body under the clothes",
+                })
+                .got("none")
+                .hint("add v_templates.npz to ARAH's folder, or give the model itself"));
+        }
         let rest = match &source.rest {
             Some(points) if points.len() == model.template.len() => points.clone(),
             Some(points) => {
                 return Err(Error::input("body model")
                     .expected(format!("{} points, as the person at rest has", points.len()))
                     .got(model.template.len().to_string()));
-            }
-            None if model.template.iter().all(|x| *x == [0.0; 3]) => {
-                return Err(Error::input("body model")
-                    .expected("a template: the layout brings no points of its own")
-                    .got("none")
-                    .hint("add v_templates.npz to ARAH's folder, or give the model itself"));
             }
             None => shaped(model, &source.betas)?,
         };
