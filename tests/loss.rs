@@ -465,6 +465,7 @@ mod sets {
             eps_after: &[0.5; 12],
             target: &[0, 1, 0],
             variance: &[0.0, 4.0],
+            given: None,
             members: 2,
             factors: 2,
             size: 1,
@@ -497,6 +498,27 @@ mod sets {
     }
 
     #[test]
+    fn given_values_are_what_members_are_held_to() {
+        let after = [0.0, 9.0, 1.0, 9.0, 9.0, 2.0, 9.0, 4.0, 1.5, 9.0, 1.5, 9.0];
+        let given = [0.25, 3.0, 0.25];
+        let x = groups::In { given: Some(&given), ..three(&after) };
+        let x = groups::In { variance: &[1.0, 4.0], ..x };
+        let out = groups::forward(&x).expect("losses");
+        assert_eq!(out.shared, given, "not the means 0.5, 3, 1.5");
+        // (0.25² + 0.75²) + 2·1.25² in the units of factor 0, (1 + 1)/4 of factor 1
+        assert_eq!(out.equal, (0.0625 + 0.5625 + 3.125 + 0.5) / 6.0, "distances from what was given");
+        assert_eq!(out.spread, SPREAD, "two equal values do not vary");
+        let mut bar = groups::InBar::zeros_like(&x);
+        let cotangent = groups::Out { equal: 3.0, shared: vec![0.0, 0.0, 7.0], ..groups::Out::default() };
+        groups::adjoint(&x, &out, &cotangent, &mut bar);
+        let want = [-0.25, 0.0, 0.75, 0.0, 0.0, -0.25, 0.0, 0.25, 1.25, 0.0, 1.25, 0.0];
+        assert_eq!(bar.after, want, "towards what was given; nothing of the value's own gradient");
+        assert_eq!(bar.given, [-0.5, 0.0, -2.5 + 7.0], "the opposite, and the value's own");
+        let e = groups::forward(&groups::In { given: Some(&[1.0]), ..x }).expect_err("too few").to_string();
+        assert!(e.contains("'given'"), "{e}");
+    }
+
+    #[test]
     fn one_factor_has_no_others() {
         let x = groups::In {
             after: &[1.0, 2.0],
@@ -504,6 +526,7 @@ mod sets {
             eps_after: &[3.0, 4.0],
             target: &[0, 0],
             variance: &[1.0],
+            given: None,
             members: 1,
             factors: 1,
             size: 1,

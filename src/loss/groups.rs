@@ -2,6 +2,8 @@
 //!
 //! Group g set factor i = i(g) to a value nobody told: members m = 1 … M were seen before and after it. With v_g = (1/M) Σ_m û'(g,m,i), for G groups
 //!
+//! Where the codes of the values are given, v_g is the given one instead of the mean.
+//!
 //! L_eq  = 1/(G·M·k) · Σ over g, m of ‖û'(g,m,i) − v_g‖² / max(s_i², 10⁻⁴)        one value has one code
 //!
 //! L_inv = 1/(G·M·(n−1)·k) · Σ over g, m, j ≠ i of ‖ε(g,m,j) − ε'(g,m,j)‖²        no other cause changed
@@ -17,6 +19,7 @@
 //! | ε, ε' | `eps`, `eps_after` | (G, M, n, k) | causes before and after |
 //! | i | `target` | (G) | 0 … n−1 |
 //! | s² | `variance` | (n) | ≥ 0, running variance of each factor; not differentiated |
+//! | v | `given` | (G, k) | codes of the values, optional |
 //! | L_eq | `equal` | () | ≥ 0 |
 //! | L_inv | `invariant` | () | ≥ 0; 0 for n = 1 |
 //! | L_spr | `spread` | () | 0 … ¼ |
@@ -34,7 +37,9 @@
 //!
 //! ū'(g,m,i) += a·(û'(g,m,i) − v_g) + (c·(v_g − mean) + v̄_g)/M,   ε̄(g,m,j) += b·(ε − ε'),   ε̄'(g,m,j) −= the same, j ≠ i
 //!
-//! The way of L_eq through v_g vanishes, because the differences from a mean add up to 0.
+//! The way of L_eq through v_g vanishes, because the differences from a mean add up to 0. With v given, nothing goes through it to û', and
+//!
+//! v̄(g) += c·(v_g − mean) + v̄_g − a·Σ_m (û'(g,m,i) − v_g)
 //!
 //! Twin: `reference::loss::groups`.
 //!
@@ -44,7 +49,7 @@
 //! // one group of two members, two factors of one number; factor 0 was set
 //! let x = In {
 //!     after: &[1.0, 7.0, 3.0, 7.0], eps: &[0.0, 1.0, 0.0, 2.0], eps_after: &[5.0, 1.5, 5.0, 2.0],
-//!     target: &[0], variance: &[1.0, 1.0], members: 2, factors: 2, size: 1,
+//!     target: &[0], variance: &[1.0, 1.0], given: None, members: 2, factors: 2, size: 1,
 //! };
 //! let out = forward(&x)?;
 //! assert_eq!((out.shared[0], out.equal, out.invariant, out.spread), (2.0, 1.0, 0.125, 0.0));
@@ -71,6 +76,8 @@ pub struct In<'a> {
     pub target: &'a [usize],
     /// (n)
     pub variance: &'a [f64],
+    /// (G, k) codes of the values; none: the means of the members
+    pub given: Option<&'a [f64]>,
     /// M
     pub members: usize,
     /// n
@@ -101,13 +108,16 @@ pub struct InBar {
     pub eps: Vec<f64>,
     /// (G, M, n, k)
     pub eps_after: Vec<f64>,
+    /// (G, k); empty where nothing is given
+    pub given: Vec<f64>,
 }
 
 impl InBar {
     /// Zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         let zeros = vec![0.0; x.after.len()];
-        Self { after: zeros.clone(), eps: zeros.clone(), eps_after: zeros }
+        let given = vec![0.0; x.given.map_or(0, <[f64]>::len)];
+        Self { after: zeros.clone(), eps: zeros.clone(), eps_after: zeros, given }
     }
 }
 
@@ -148,6 +158,9 @@ impl In<'_> {
         }
         if self.variance.len() != n || !self.variance.iter().all(|s| *s >= 0.0 && s.is_finite()) {
             return Err(what("variance").expected(format!("{n} finite numbers from 0 on")));
+        }
+        if let Some(given) = self.given.filter(|given| given.len() != g * k) {
+            return Err(what("given").expected(format!("({g}, {k}) numbers")).got(given.len().to_string()));
         }
         Ok(())
     }
@@ -213,10 +226,14 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
     let mut out = Out { shared: vec![0.0; x.target.len() * k], ..Out::default() };
     for g in 0..x.target.len() {
         let v = &mut out.shared[g * k..][..k];
-        for m in 0..members {
-            v.iter_mut().zip(x.set(g, m)).for_each(|(v, u)| *v += u);
+        if let Some(given) = x.given {
+            v.copy_from_slice(&given[g * k..][..k]);
+        } else {
+            for m in 0..members {
+                v.iter_mut().zip(x.set(g, m)).for_each(|(v, u)| *v += u);
+            }
+            v.iter_mut().for_each(|v| *v /= members as f64);
         }
-        v.iter_mut().for_each(|v| *v /= members as f64);
         let (mut squares, mut changes) = (0.0, out.invariant);
         for m in 0..members {
             for (u, v) in x.set(g, m).iter().zip(&*v) {
@@ -254,7 +271,7 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
 pub fn adjoint(x: &In<'_>, out: &Out, out_bar: &Out, x_bar: &mut InBar) {
     let (k, members) = (x.size, x.members);
     assert_eq!(out_bar.shared.len(), out.shared.len(), "a cotangent per number of each group's value");
-    // (G, k): what comes back to v_g, shared among the members
+    // (G, k): what comes back to v_g, shared among the members where it is their mean
     let mut value_bar = out_bar.shared.clone();
     let spreads = x.spreads(&out.shared);
     for factor in spreads.iter().filter(|factor| factor.variance < SPREAD) {
@@ -271,8 +288,13 @@ pub fn adjoint(x: &In<'_>, out: &Out, out_bar: &Out, x_bar: &mut InBar) {
         for m in 0..members {
             let at = x.place(g, m, x.target[g]);
             for (c, u) in x.set(g, m).iter().enumerate() {
-                let way = value_bar[g * k + c] / members as f64;
-                x_bar.after[at + c] += same * (u - out.shared[g * k + c]) + way;
+                let apart = same * (u - out.shared[g * k + c]);
+                if x.given.is_some() {
+                    x_bar.after[at + c] += apart;
+                    value_bar[g * k + c] -= apart;
+                } else {
+                    x_bar.after[at + c] += apart + value_bar[g * k + c] / members as f64;
+                }
             }
             for j in (0..x.factors).filter(|j| *j != x.target[g]) {
                 let at = x.place(g, m, j);
@@ -284,4 +306,5 @@ pub fn adjoint(x: &In<'_>, out: &Out, out_bar: &Out, x_bar: &mut InBar) {
             }
         }
     }
+    x_bar.given.iter_mut().zip(value_bar).for_each(|(bar, v)| *bar += v);
 }

@@ -17,6 +17,7 @@ pub(super) static GROUPS: Op = Op {
         Port::var("eps_after", "G,M,N,K", "causes after"),
         Port::int("target", "G", Dtype::I32, "factor that the group set, 0 to N − 1"),
         Port::fixed("variance", "N", "running variance of each factor, 0 or more; at least 1e-4 is used"),
+        Port::var("given", "G,K", "codes of the values; the means of the members if absent").or_absent(),
     ],
     outputs: &[
         Port::var(
@@ -40,15 +41,19 @@ pub(super) static GROUPS: Op = Op {
     check,
     run,
     predict,
-    cases: 2,
+    cases: 3,
     case,
 };
+
+/// Inputs with gradients.
+const NAMES: [&str; 4] = ["after", "eps", "eps_after", "given"];
 
 /// The arrays of a call.
 struct Arrays {
     values: [Vec<f64>; 3],
     target: Vec<usize>,
     variance: Vec<f64>,
+    given: Option<Vec<f64>>,
     sizes: [usize; 3],
 }
 
@@ -59,6 +64,7 @@ impl Arrays {
             values: ["after", "eps", "eps_after"].map(|name| x.f64s(name)),
             target: x.f64s("target").into_iter().map(|i| i as usize).collect(),
             variance: x.f64s("variance"),
+            given: x.has("given").then(|| x.f64s("given")),
             sizes: ["M", "N", "K"].map(|letter| x.dim(letter)),
         })
     }
@@ -66,7 +72,8 @@ impl Arrays {
     fn input(&self) -> In<'_> {
         let [after, eps, eps_after] = &self.values;
         let [members, factors, size] = self.sizes;
-        In { after, eps, eps_after, target: &self.target, variance: &self.variance, members, factors, size }
+        let (target, variance, given) = (&self.target, &self.variance, self.given.as_deref());
+        In { after, eps, eps_after, target, variance, given, members, factors, size }
     }
 }
 
@@ -95,12 +102,12 @@ fn run(x: &Checked<'_>) -> Result<Ran> {
             spread: one("spread")?,
             shared: x.bar_f64("shared", &shape)?.unwrap_or_else(|| vec![0.0; out.shared.len()]),
         };
-        let n = input.after.len();
-        let [after, eps, eps_after] = ["after", "eps", "eps_after"].map(|name| x.start_f64(name, n));
-        let mut bar = InBar { after, eps, eps_after };
+        let [after, eps, eps_after, given] = NAMES.map(|name| x.start_f64(name, x.f64s(name).len()));
+        let mut bar = InBar { after, eps, eps_after, given };
         groups::adjoint(&input, &out, &out_bar, &mut bar);
-        for (name, values) in [("after", bar.after), ("eps", bar.eps), ("eps_after", bar.eps_after)] {
-            ran.gradients.put(name, &x.shape("after"), values);
+        let all = [bar.after, bar.eps, bar.eps_after, bar.given];
+        for (name, values) in NAMES.into_iter().zip(all).filter(|(name, _)| x.has(name)) {
+            ran.gradients.put(name, &x.shape(name), values);
         }
     }
     Ok(ran)
@@ -122,10 +129,11 @@ fn predict(x: &Checked<'_>, _: &Ran) -> Result<Prediction> {
 }
 
 /// Case 0: every factor set by two groups, the values of one close together, a variance below the floor; case 1: one factor set by a single
-/// group, one by none.
+/// group, one by none; case 2: codes given.
 fn case(case: usize) -> Case {
     let (target, [m, n, k]): (&[i32], _) =
-        [(&[0, 1, 2, 0, 1, 2][..], [3, 3, 2]), (&[2, 0, 2, 2], [2, 4, 3])][case];
+        [(&[0, 1, 2, 0, 1, 2][..], [3, 3, 2]), (&[2, 0, 2, 2], [2, 4, 3]), (&[1, 2, 0, 2, 1], [2, 3, 2])]
+            [case];
     let g = target.len();
     let draw = |array, len| Draw::new(65, case, array).normals(len);
     // far apart, but for factor 2: near ±0.1
@@ -138,12 +146,22 @@ fn case(case: usize) -> Case {
             0.2 * x + if group < g / 2 { size } else { -size }
         })
         .collect();
-    let variance = if case == 0 { vec![0.8_f32, 3e-5, 0.3] } else { vec![0.6_f32, 0.9, 0.05, 1.3] };
+    let variance =
+        [vec![0.8_f32, 3e-5, 0.3], vec![0.6_f32, 0.9, 0.05, 1.3], vec![1.1_f32, 0.7, 0.4]][case].clone();
     let mut made = Case::default();
     made.inputs.put("after", &[g, m, n, k], wide);
     made.inputs.put("eps", &[g, m, n, k], draw(1, g * m * n * k));
     made.inputs.put("eps_after", &[g, m, n, k], draw(2, g * m * n * k));
     made.inputs.put("target", &[g], target.to_vec());
     made.inputs.put("variance", &[n], variance);
+    if case == 2 {
+        // the values of factor 1 close together, those of factor 2 far apart
+        let codes: Vec<f32> = draw(3, g * k)
+            .iter()
+            .enumerate()
+            .map(|(i, x)| if target[i / k] == 1 { 0.1 * x } else { 2.0 * x })
+            .collect();
+        made.inputs.put("given", &[g, k], codes);
+    }
     made
 }

@@ -1,6 +1,6 @@
 //! What groups of pictures say that share one intervention.
 //!
-//! v_g = (1/M) Σ_m û'(g,m,i),   i = i(g) the factor that group g set
+//! v_g = (1/M) Σ_m û'(g,m,i), or what is given,   i = i(g) the factor that group g set
 //!
 //! L_eq = mean of ‖û'(g,m,i) − v_g‖²/(k·max(s_i², 10⁻⁴)),   L_inv = mean over j ≠ i of ‖ε(g,m,j) − ε'(g,m,j)‖²/k
 //!
@@ -11,6 +11,7 @@
 //! | û', ε, ε' | `after`, `eps`, `eps_after` | (G, M, n, k) |
 //! | i | `target` | (G) |
 //! | s² | `variance` | (n) |
+//! | v | `given`, optional | (G, k) |
 //! | L_eq, L_inv, L_spr | `equal`, `invariant`, `spread` | () |
 //! | v | `shared` | (G, k) |
 //!
@@ -49,6 +50,7 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
     if !variance.iter().all(|s| *s >= 0.0) {
         return Err(format!("input variance: expected numbers from 0 on, got {variance:?}"));
     }
+    let given = if arrays.contains_key("given") { Some(expect(arrays, "given", &[g, k])?) } else { None };
     let at =
         |group: usize, member: usize, factor: usize, c: usize| ((group * m + member) * n + factor) * k + c;
     let mut shared = vec![S::zero(); g * k];
@@ -59,7 +61,7 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
             for member in 0..m {
                 sum = sum + after.data[at(group, member, i, c)];
             }
-            shared[group * k + c] = sum / m as f64;
+            shared[group * k + c] = given.map_or(sum / m as f64, |given| given.data[group * k + c]);
         }
         let scale = if variance[i] > VARIANCE_FLOOR { variance[i] } else { VARIANCE_FLOOR };
         for member in 0..m {

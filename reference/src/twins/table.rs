@@ -289,8 +289,8 @@ pub(super) const TWINS: &[Twin] = &[
     Twin {
         name: "loss.groups",
         stages: &[Stage::Groups],
-        inputs: &["after", "eps", "eps_after", "target", "variance"],
-        smooth_inputs: &["after", "eps", "eps_after"],
+        inputs: &["after", "eps", "eps_after", "target", "variance", "given"],
+        smooth_inputs: &["after", "eps", "eps_after", "given"],
         outputs: &["equal", "invariant", "spread", "shared"],
         smooth_outputs: &["equal", "invariant", "spread", "shared"],
         settings: &[],

@@ -199,6 +199,22 @@ fn cases() -> Vec<Case> {
             1e-13,
         ),
         splat(
+            "groups given",
+            "loss.groups",
+            named([
+                ("after", normal(&[5, 3, 3, 2], 50)),
+                ("eps", normal(&[5, 3, 3, 2], 51)),
+                ("eps_after", normal(&[5, 3, 3, 2], 52)),
+                ("target", Arr::new(&[5], vec![0.0, 2.0, 0.0, 1.0, 2.0])),
+                ("variance", uniform(&[3], [0.5, 1.5], 53)),
+                ("given", uniform(&[5, 2], [-0.4, 0.4], 58)),
+            ]),
+            &[],
+            &["after", "eps", "eps_after", "given"],
+            &["equal", "invariant", "spread", "shared"],
+            1e-13,
+        ),
+        splat(
             "skin",
             "body.skin",
             named([

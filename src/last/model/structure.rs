@@ -5,7 +5,7 @@
 //! | `structure.logits` U | (n, n) | p(i → j) = σ(U/τ); the diagonal is ignored |
 //! | `structure.weight` Ω | (n, n) | effects of the linear mechanism |
 //! | `structure.nodes.w0 … w2` | (n, h, n·k) … (n, k, h) | networks of the nodes, h = 32, leaky ReLU 0.05 |
-//! | `structure.values` | (n, k) | codes of a unit of each factor; only with labels |
+//! | `structure.values` w | (n, k) | codes of a unit of each factor, the first number 1 and fixed; only with labels |
 //!
 //! Parameters are stored in single precision like all others; [`Structure`] holds them in double precision, in which everything of this
 //! layer is computed.

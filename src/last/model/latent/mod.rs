@@ -4,7 +4,7 @@
 //! μ, ℓ, η ──► u = μ + e^(ℓ/2) η ──► decoded: L_rec            reference: u given, ε = u − g(Ã∘u)
 //!   │             └─► ε ──► KL                                literal:   ε given, u = S(ε; Ã)
 //!   └─ means ─┬─► ε observed ──► L_MI
-//!             └─► groups: v̄ = mean u′ᵢ ──► L_eq, hinge
+//!             └─► groups: v̄ = mean u′ᵢ, or v·w_i with labels ──► L_eq, hinge
 //!                         ε, ε′ ──► L_inv
 //!                         S(ε; do(i, v̄)) ──► decoded: L_int
 //! ```
@@ -123,6 +123,7 @@ pub struct Out {
     set: Vec<Option<usize>>,
     counterfactual: Option<Swept>,
     shared: groups::Out,
+    told: Option<Vec<f64>>,
     dependence: Option<independence::Saved>,
     among: Option<Vec<f64>>,
 }
@@ -168,8 +169,9 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
     let mut decoded = sample.u.clone();
     let mut shared = groups::Out::default();
     let (mut held, mut set, mut counterfactual) = (Vec::new(), Vec::new(), None);
+    let told = x.told();
     if x.supervision != Supervision::None && x.layout.pairs() > 0 {
-        shared = groups::forward(&x.groups(&mean))?;
+        shared = groups::forward(&x.groups(&mean, told.as_deref()))?;
         (terms.equal, terms.invariant, terms.hinge) = (shared.equal, shared.invariant, shared.spread);
         let pairs = x.layout.pairs();
         held = (0..pairs).flat_map(|p| x.held(&mean, &shared.shared, p)).collect();
@@ -197,6 +199,7 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
         set,
         counterfactual,
         shared,
+        told,
         dependence,
         among,
     })
@@ -236,14 +239,15 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
         let w = x.weights.groups;
         // Pairs with a value of their own share none.
         let equal = if x.supervision == Supervision::PerSample { 0.0 } else { w };
-        let shared = held_adjoint(x, &bar.value, &mut mean_u, &mut bars.structure.values);
+        let shared = held_adjoint(x, &bar.value, &mut mean_u);
         let cotangent = groups::Out { equal, invariant: w, spread: w * x.weights.spread, shared };
-        let input = x.groups(&out.mean);
+        let input = x.groups(&out.mean, out.told.as_deref());
         let mut bar = groups::InBar::zeros_like(&input);
         groups::adjoint(&input, &out.shared, &cotangent, &mut bar);
         add(&mut mean_eps[x.layout.observed * d..], &bar.eps);
         add(&mut mean_eps[after..], &bar.eps_after);
         add(&mut mean_u[after..], &bar.after);
+        x.told_adjoint(&bar.given, &mut bars.structure.values);
     }
     if let Some(saved) = &out.dependence {
         let input = x.dependence(&out.mean, &out.log_variance, out.among.as_deref());
@@ -283,17 +287,14 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
 }
 
 /// From the values that factors were held at to where they came from; gives the part of the shared values (G, k).
-fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64], values: &mut [f64]) -> Vec<f64> {
+fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64]) -> Vec<f64> {
     let (d, k, m) = (x.d(), x.k(), x.layout.members);
     let mut shared = vec![0.0; x.layout.targets.len() * k];
     for (p, bar) in held_bar.chunks_exact(k).enumerate() {
         let (g, i) = (p / m, x.layout.targets[p / m]);
         match x.supervision {
             Supervision::PerSample => add(&mut mean_u[x.layout.after(p) * d + i * k..], bar),
-            Supervision::Labels => {
-                values[i * k..].iter_mut().zip(bar).for_each(|(w, b)| *w += x.labels[g] * b);
-            }
-            Supervision::None | Supervision::Groups | Supervision::Unknown => add(&mut shared[g * k..], bar),
+            _ => add(&mut shared[g * k..], bar),
         }
     }
     shared

@@ -175,8 +175,28 @@ impl<'a> In<'a> {
         intervene::In { given, target, value }
     }
 
-    /// The groups' means, before and after.
-    pub(super) fn groups<'b>(&'b self, mean: &'b Linked) -> groups::In<'b> {
+    /// Codes of the values that groups set, where they are told: v·w_i, the first number of w_i being 1 (G, k).
+    pub(super) fn told(&self) -> Option<Vec<f64>> {
+        let k = self.k();
+        let code = |i: usize, c: usize| if c == 0 { 1.0 } else { self.structure.values[i * k + c] };
+        (self.supervision == Supervision::Labels).then(|| {
+            let groups = self.layout.targets.iter().zip(self.labels);
+            groups.flat_map(|(&i, v)| (0..k).map(move |c| v * code(i, c))).collect()
+        })
+    }
+
+    /// The gradient by w, from that by v·w_i.
+    pub(super) fn told_adjoint(&self, told_bar: &[f64], values: &mut [f64]) {
+        let k = self.k();
+        for ((bar, i), v) in told_bar.chunks_exact(k).zip(&self.layout.targets).zip(self.labels) {
+            for c in 1..k {
+                values[i * k + c] += v * bar[c];
+            }
+        }
+    }
+
+    /// The groups' means, before and after, and what is told of them.
+    pub(super) fn groups<'b>(&'b self, mean: &'b Linked, told: Option<&'b [f64]>) -> groups::In<'b> {
         let (d, after) = (self.d(), self.layout.after(0) * self.d());
         groups::In {
             after: &mean.u[after..],
@@ -184,6 +204,7 @@ impl<'a> In<'a> {
             eps_after: &mean.eps[after..],
             target: &self.layout.targets,
             variance: self.spread,
+            given: told,
             members: self.layout.members,
             factors: self.n(),
             size: self.k(),
@@ -196,12 +217,7 @@ impl<'a> In<'a> {
         let (g, i) = (p / m, self.layout.targets[p / m]);
         match self.supervision {
             Supervision::PerSample => mean.u[self.layout.after(p) * d + i * k..][..k].to_vec(),
-            Supervision::Labels => {
-                self.structure.values[i * k..][..k].iter().map(|w| self.labels[g] * w).collect()
-            }
-            Supervision::None | Supervision::Groups | Supervision::Unknown => {
-                values[g * k..(g + 1) * k].to_vec()
-            }
+            _ => values[g * k..(g + 1) * k].to_vec(),
         }
     }
 }

@@ -23,6 +23,54 @@ fn value(x: &In<'_>, c: &[f64]) -> f64 {
     out.decoded.iter().zip(c).fold(own, |s, (d, c)| s + d * c)
 }
 
+/// The literal reading's KL of an after-image does not ask how far the factor that was set lies from the prior.
+#[test]
+fn what_was_set_has_no_prior() {
+    let layout = Layout { observed: 1, targets: vec![2], members: 2 };
+    let sizes = Sizes { kind: Kind::Printed, ..SIZES };
+    let (n, k, d) = (sizes.factors, sizes.width, sizes.latent());
+    let mut params = Params::new();
+    sizes.draw(1, &mut params);
+    let structure = Structure::new(sizes, &params);
+    let mu = draws(0, layout.items() * d);
+    let zeros = vec![0.0; mu.len()];
+    let mask = vec![0.0; n * n];
+    let kl = |item: usize, factor: usize| {
+        let mut mu = mu.clone();
+        (0..k).for_each(|c| mu[item * d + factor * k + c] += 1.0);
+        let x = In {
+            structure: &structure,
+            mask: &mask,
+            layout: &layout,
+            mu: &mu,
+            ell: &zeros,
+            eta: &zeros,
+            spread: &[1.0; 3],
+            labels: &[],
+            reading: Reading::Literal,
+            supervision: Supervision::Groups,
+            weights: Weights::default(),
+            placement: Placement::Off,
+            carried: None,
+        };
+        forward(&x).expect("finite").terms.kl
+    };
+    let (base, after) = (layout.base(1), layout.after(1));
+    let untouched = kl(after, 2);
+    for (item, factor) in [(after, 0), (after, 1), (base, 2), (0, 2)] {
+        assert_ne!(kl(item, factor), untouched, "factor {factor} of item {item} counts");
+    }
+    let mut other = mu.clone();
+    (0..k).for_each(|c| other[after * d + 2 * k + c] = 17.0);
+    let free = |mu: &[f64]| -> Vec<f64> {
+        let blocks = mu.chunks_exact(k).enumerate();
+        let is_set = |at: usize| layout.set_in(at / n) == Some(at % n);
+        blocks.filter(|(at, _)| !is_set(*at)).flat_map(|(_, b)| b).copied().collect()
+    };
+    assert_eq!(free(&other), free(&mu), "only blocks of the factor that was set differ");
+    assert_eq!(untouched, posterior_kl::forward(&free(&mu), &vec![0.0; free(&mu).len()], layout.items()));
+}
+
 /// Gradients of everything by central differences along one direction per input, for every reading, kind of supervision and mechanism.
 #[test]
 fn gradients_are_those_of_differences() {
