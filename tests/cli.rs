@@ -80,16 +80,25 @@ fn lpips_needs_weights_and_says_so() {
     let dir = place.path();
     let without = lastlight(&eval, dir);
     assert!(stderr(&without).lines().any(|l| l == NO_WEIGHTS), "{}", stderr(&without));
-    assert!(!stdout(&without).contains("LPIPS"), "no number under that name: {}", stdout(&without));
+    assert!(
+        !stdout(&without).replace("not LPIPS", "").contains("LPIPS"),
+        "no number under that name: {}",
+        stdout(&without)
+    );
     let with = |more: &[&'static str]| [&eval[..], more].concat();
-    assert!(json(&with(&["--json", "--quiet"]), dir)["lpips"].is_null(), "nor in the record");
+    assert!(stdout(&without).contains("RFD (not LPIPS)"), "the surrogate: {}", stdout(&without));
+    let surrogate = json(&with(&["--json", "--quiet"]), dir)["perception"].clone();
+    assert_eq!(surrogate["name"], "RFD (not LPIPS)", "{surrogate}");
     refused(&with(&["--lpips", "none.safetensors"]), dir, 2, &["none.safetensors"]);
     write_formula(&dir.join("vgg.safetensors"));
-    let record = json(&with(&["--lpips", "vgg.safetensors", "--json", "--quiet"]), dir)["lpips"].clone();
+    let record = json(&with(&["--lpips", "vgg.safetensors", "--json", "--quiet"]), dir)["perception"].clone();
     assert_eq!(record["name"], "LPIPS-vgg", "{record}");
     let views = record["views"].as_array().expect("one number per view");
     assert!(views.len() == 10 && views.iter().all(|v| v.as_f64().is_some_and(|v| v >= 0.0)), "{record}");
     assert!(record["mean"].as_f64().is_some_and(|m| m < 0.01), "quantised renders of itself: {record}");
+    let raw = with(&["--lpips", "vgg.safetensors", "--lpips-raw", "--json", "--quiet"]);
+    assert_eq!(json(&raw, dir)["perception"]["name"], "LPIPS-vgg-raw", "named by its variant");
+    refused(&with(&["--lpips-raw"]), dir, 2, &["--lpips"]);
 }
 
 #[test]

@@ -3,10 +3,11 @@
 
 mod common;
 
-use common::program::{json, lastlight, refused};
+use common::program::{json, lastlight, refused, stderr, stdout};
 use lastlight::fit::render::Orbit;
 use lastlight::io::safetensors;
 use lastlight::last::host::store;
+use lastlight::loss::lpips::NO_WEIGHTS;
 use lastlight::scene::camera::Camera;
 use std::path::Path;
 
@@ -229,4 +230,19 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
         let rows = (0..h).filter(|y| (0..w).any(|x| out.alpha[y * w + x] > 0.1)).count();
         assert!(rows > h / 2, "view {k}: the person fills the picture: {rows} of {h} rows");
     }
+    // Without weights the surrogate stands where LPIPS would, under its own name.
+    let scores = lastlight(&["last", "eval", "fit", "data/video"], at);
+    assert!(stderr(&scores).lines().any(|l| l == NO_WEIGHTS), "{}", stderr(&scores));
+    assert!(stdout(&scores).contains("RFD-box (not LPIPS)"), "{}", stdout(&scores));
+    refused(
+        &["last", "eval", "fit", "data/video", "--lpips", "none.safetensors"],
+        at,
+        2,
+        &["none.safetensors"],
+    );
+    // A check of held-out pictures needs some.
+    let eval = ["last", "eval", "fit", "data/video", "--min-psnr", "1"];
+    assert!(lastlight(&eval, at).status.success(), "one decibel is reached");
+    std::fs::remove_file(at.join("data/video/transforms_test.json")).expect("there");
+    refused(&eval, at, 2, &["--min-psnr"]);
 }

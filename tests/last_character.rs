@@ -11,6 +11,7 @@ use lastlight::io::npz;
 use lastlight::last::character::{Actor, Casting};
 use lastlight::last::figure::{Look, SIGMA};
 use lastlight::last::generate::{self, Settings};
+use lastlight::last::host::guide::Framing;
 use lastlight::last::model::data::{Data, Item};
 use lastlight::last::model::pictures::Pictures;
 use lastlight::last::model::settings::Settings as Learning;
@@ -145,7 +146,7 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
     let (casting, dir) = (cast(folder.path()), folder.path().join("out"));
     let settings = sets(&casting);
     make(&settings, &dir);
-    let data = Pictures::read(&dir, true).expect("what pretraining reads");
+    let data = Pictures::read(&dir, true, Framing::Whole).expect("what pretraining reads");
     assert_eq!(
         (data.observed(), data.groups().len(), data.members(), data.side()),
         (10, 2, BASES, 64),
@@ -165,10 +166,10 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
         let shown: Vec<f32> =
             points.points.iter().zip(&points.rgb).flat_map(|(x, c)| [*x, *c].concat()).collect();
         assert_eq!(data.shown(item), shown, "member {m}: points and colours");
-        let lit = data.image(item).iter().filter(|b| **b > 0).count();
-        assert!(lit > 200, "member {m}: somebody is seen: {lit} bytes");
+        let lit = data.seen(item).iter().filter(|x| **x > 0.0).count();
+        assert!(lit > 200, "member {m}: somebody is seen: {lit} numbers");
     }
-    assert_ne!(data.image(Item::Base(1, 0)), data.image(Item::After(1, 0)), "the intervention is seen");
+    assert_ne!(data.seen(Item::Base(1, 0)), data.seen(Item::After(1, 0)), "the intervention is seen");
     let learning = Learning {
         steps: 2,
         refit: 1,

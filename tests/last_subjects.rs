@@ -13,6 +13,7 @@ use lastlight::io::{capture, npz};
 use lastlight::last::character::{Actor, Casting};
 use lastlight::last::figure::{self, Dressed};
 use lastlight::last::generate::{self, Settings};
+use lastlight::last::host::guide::Framing;
 use lastlight::last::model::data::Data;
 use lastlight::last::model::pictures::Pictures;
 use lastlight::last::subject::Subject;
@@ -275,7 +276,8 @@ fn sets_of_the_knight_and_of_the_open_body_show_all_of_them() {
         };
         let folder = tempfile::tempdir().expect("a temporary folder");
         make(&settings, folder.path());
-        let pictures = Pictures::read(folder.path(), true).expect("what pretraining reads");
+        let pictures =
+            Pictures::read(folder.path(), true, Framing::default()).expect("what pretraining reads");
         assert_eq!((pictures.observed(), pictures.groups().len()), (24, 4), "{}: all items", file.display());
         let observed = npz::read(&folder.path().join("observational/0000.npz")).expect("readable");
         let groups = npz::read(&folder.path().join("interventions/0000.npz")).expect("readable");

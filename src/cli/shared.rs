@@ -1,10 +1,12 @@
 //! Arguments that several commands have.
 
+use super::meter::Meter;
 use super::report::Page;
 use crate::fit::render::Orbit;
+use crate::loss::lpips;
 use crate::{Error, Result};
 use serde_json::Value;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// How a folder is filled with what draws made.
 #[derive(clap::Args)]
@@ -38,6 +40,30 @@ pub(super) struct Manner {
     /// No progress, no remarks
     #[arg(long)]
     pub(super) quiet: bool,
+}
+
+/// How likeness is measured as people see it.
+#[derive(clap::Args)]
+pub(super) struct Perception {
+    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` says how to write the file
+    #[arg(long, value_name = "FILE")]
+    lpips: Option<PathBuf>,
+    /// Feed LPIPS values in 0 … 1 without 2x − 1, as GauHuman and Instant-NVR do
+    #[arg(long, requires = "lpips")]
+    lpips_raw: bool,
+}
+
+impl Perception {
+    /// The weights, or a remark that there are none.
+    ///
+    /// # Errors
+    /// When the file is missing or malformed.
+    pub(super) fn load(&self, meter: &Meter) -> Result<Option<lpips::Metric>> {
+        if self.lpips.is_none() {
+            meter.note(lpips::NO_WEIGHTS);
+        }
+        self.lpips.as_deref().map(|path| lpips::Metric::load(path, !self.lpips_raw)).transpose()
+    }
 }
 
 /// What a run leaves behind, files apart.

@@ -42,11 +42,16 @@ use crate::loss::{CHANNELS, finite, row_sum};
 use crate::nn::conv;
 use crate::num::{order, par, sum};
 use crate::{Error, Result};
+use std::path::Path;
 
 /// Name with the published input, 2x − 1.
 pub const NAME: &str = "LPIPS-vgg";
 /// Name without it.
 pub const NAME_RAW: &str = "LPIPS-vgg-raw";
+/// [`NAME`] of the smallest rectangle around a person's box.
+pub const NAME_BOX: &str = "LPIPS-vgg-box";
+/// [`NAME_RAW`] of it.
+pub const NAME_RAW_BOX: &str = "LPIPS-vgg-raw-box";
 /// Added to norms.
 pub const EPS: f64 = 1e-10;
 /// Subtracted from and divided into normalised images.
@@ -269,6 +274,38 @@ pub fn score(x: &super::In<'_>, rescale: bool, weights: &Weights) -> Result<f64>
     let images = In { x: &render, y: &photo, height: x.height, width: x.width, rescale, weights };
     let (_, layers, _) = forward(images, None)?;
     Ok(layers.iter().fold(0.0, |s, t| s + t))
+}
+
+/// Weights, and how images are fed to them.
+#[derive(Clone, Debug)]
+pub struct Metric {
+    /// filters and heads
+    pub weights: Weights,
+    /// 2x − 1 first
+    pub rescale: bool,
+}
+
+impl Metric {
+    /// The user's weights.
+    ///
+    /// # Errors
+    /// As [`Weights::load`].
+    pub fn load(path: &Path, rescale: bool) -> Result<Self> {
+        Ok(Self { weights: Weights::load(path)?, rescale })
+    }
+
+    /// Name of the variant, of whole images and of boxes.
+    pub fn names(&self) -> [&'static str; 2] {
+        if self.rescale { [NAME, NAME_BOX] } else { [NAME_RAW, NAME_RAW_BOX] }
+    }
+
+    /// The distance, as [`score`].
+    ///
+    /// # Errors
+    /// As [`score`].
+    pub fn score(&self, x: &super::In<'_>) -> Result<f64> {
+        score(x, self.rescale, &self.weights)
+    }
 }
 
 /// Adds the cotangent of tap `l` for item `item` (0: x, 1: y) to `bar`, (H_l, W_l, C_l).

@@ -6,8 +6,9 @@ use lastlight::fit::training::Fit;
 use lastlight::last::figure::Look;
 use lastlight::last::generate::{self, Settings as Making};
 use lastlight::last::host::density::{Density, Mode};
-use lastlight::last::host::evaluate;
+use lastlight::last::host::evaluate::Evaluation;
 use lastlight::last::host::fit::PersonFit;
+use lastlight::last::host::guide::Framing;
 use lastlight::last::host::progressive::Progressive;
 use lastlight::last::host::settings::Settings as Fitting;
 use lastlight::last::model::file::Trained;
@@ -53,7 +54,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     };
     let made = generate::run(&making, dir.path(), false, &AtomicBool::new(false), &mut |_, _, _| {});
     let made = made.expect("pictures");
-    let data = Pictures::read(dir.path(), true).expect("what was just written");
+    let data = Pictures::read(dir.path(), true, Framing::default()).expect("what was just written");
     let settings = Settings {
         steps: STEPS[0],
         refit: STEPS[1],
@@ -79,7 +80,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     for &i in &capture.train {
         let shot = &capture.shots[i];
         let photo = shot.photo().expect("a picture");
-        let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo).expect("a square"));
+        let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo));
         subject.mu.extend(mu);
         subject.ell.extend(ell);
     }
@@ -121,7 +122,7 @@ fn fitting() -> Fitting {
 fn scores(fit: &PersonFit<'_>, capture: &PersonCapture) -> Arrays {
     let mut arrays = Arrays::new();
     for (name, shot) in [("train", capture.train[1]), ("test", capture.test[0])] {
-        let scored = evaluate::score(fit.avatar(), capture, shot).expect("a score");
+        let scored = Evaluation::of(fit.avatar(), capture).score(shot).expect("a score");
         let values: Vec<f64> = scored.scores.named().iter().map(|(_, x)| *x).collect();
         arrays.put(&format!("{name}.image"), &[scored.image.len()], scored.image);
         arrays.put(&format!("{name}.scores"), &[values.len()], values);

@@ -4,8 +4,11 @@ use crate::common;
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
 use data_gen::figure::samples;
+use lastlight::last::model::data::{Data, Frame, Group, Item};
+use lastlight::last::model::encoder::Input;
 use lastlight::last::model::latent::{self, Layout, Out};
 use lastlight::last::model::settings::{Placement, Reading, Settings, Supervision, Weights};
+use lastlight::last::model::step::Batch;
 use lastlight::last::model::structure::{Kind, Sizes, Structure};
 use lastlight::last::model::train::Training;
 use lastlight::last::model::vectors::Vectors;
@@ -46,6 +49,17 @@ fn pairs(scm: &Scm, seed: u64) -> Pairs {
 
 /// Losses of a coding (items, n) under a linear structure of weights (n, n).
 fn losses(pairs: &Pairs, coding: &[f64], weight: &[f64], supervision: Supervision) -> Out {
+    losses_with(pairs, coding, weight, supervision, &[])
+}
+
+/// The same where the values of the groups are told.
+fn losses_with(
+    pairs: &Pairs,
+    coding: &[f64],
+    weight: &[f64],
+    supervision: Supervision,
+    labels: &[f64],
+) -> Out {
     let sizes = Sizes { factors: N, width: 1, kind: Kind::Linear };
     let mut params = Params::new();
     sizes.draw(0, &mut params);
@@ -64,7 +78,7 @@ fn losses(pairs: &Pairs, coding: &[f64], weight: &[f64], supervision: Supervisio
         ell: &zeros,
         eta: &zeros,
         spread: &[1.0; N],
-        labels: &[],
+        labels,
         reading: Reading::Reference,
         supervision,
         weights: Weights::default(),
@@ -149,6 +163,84 @@ fn a_factor_that_is_never_set_leaves_its_edges_open() {
         assert!(off(&p, &coding, &out) < 1e-12, "{seed}: and its counterfactuals are right");
         assert_ne!(other, truth, "{seed}: another graph over P, O ({occlusion}), W, L");
     }
+}
+
+#[test]
+fn told_values_hold_codes_to_one_scale() {
+    // v·w_i with w_i = 1 for one number: the factors themselves cost nothing, twice the factors do.
+    let scm = eighths("FORK", 1);
+    let p = pairs(&scm, 1);
+    let m = samples::BASES;
+    let value = |g: usize| p.factors[p.layout.after(g * m) * N + p.layout.targets[g]];
+    let labels: Vec<f64> = (0..GROUPS).map(value).collect();
+    let truth = scm.a.concat();
+    let equal = |coding: &[f64]| losses_with(&p, coding, &truth, Supervision::Labels, &labels).terms.equal;
+    assert!(equal(&p.factors) < 1e-24, "codes are the values: {:e}", equal(&p.factors));
+    let twice: Vec<f64> = p.factors.iter().map(|u| 2.0 * u).collect();
+    let mean_square = labels.iter().fold(0.0, |s, v| s + v * v) / labels.len() as f64;
+    assert!((equal(&twice) - mean_square).abs() < 1e-12, "{} and {mean_square}", equal(&twice));
+    let groups = losses(&p, &twice, &truth, Supervision::Groups).terms.equal;
+    assert!(groups < 1e-24, "without labels any scale does: {groups:e}");
+}
+
+/// Data of which some factor is never set.
+#[derive(Debug)]
+struct Unset<'a>(&'a Vectors, Vec<Group>);
+
+impl Data for Unset<'_> {
+    fn input(&self) -> Input {
+        self.0.input()
+    }
+    fn observed(&self) -> usize {
+        self.0.observed()
+    }
+    fn groups(&self) -> &[Group] {
+        &self.1
+    }
+    fn members(&self) -> usize {
+        self.0.members()
+    }
+    fn frame(&self) -> &Frame {
+        self.0.frame()
+    }
+    fn template(&self) -> &[[f32; 3]] {
+        self.0.template()
+    }
+    fn write_input(&self, item: Item, into: &mut [f32]) {
+        self.0.write_input(item, into);
+    }
+    fn true_factors(&self) -> usize {
+        self.0.true_factors()
+    }
+    fn truth(&self, item: Item) -> &[f64] {
+        self.0.truth(item)
+    }
+    fn shown(&self, item: Item) -> &[f32] {
+        self.0.shown(item)
+    }
+}
+
+#[test]
+fn batches_ask_only_for_what_was_set() {
+    let scm = Scm::new(Graph::named("FORK", N, 3).expect("a name"), Mechanism::Lin, true, 3);
+    let all = Vectors::new(&scm, 3, 64, 32);
+    // A prefix without factor 1 would not do: groups go round the factors. Their targets are what is asked.
+    let groups =
+        all.groups().iter().map(|g| Group { target: if g.target == 1 { 3 } else { g.target }, ..*g });
+    let data = Unset(&all, groups.collect());
+    let s = Settings { points: 1, width: 1, groups: 5, ..Settings::default() };
+    let mut counts = [0; N];
+    for step in 0..60 {
+        let batch = Batch::draw(&s, &data, step);
+        assert_eq!(batch.layout.targets.len(), 5, "all places are taken");
+        batch.layout.targets.iter().for_each(|t| counts[*t] += 1);
+        let chosen = batch.items.iter().filter_map(|i| match i {
+            Item::After(g, 0) => Some(data.groups()[*g].target),
+            _ => None,
+        });
+        assert!(chosen.eq(batch.layout.targets.iter().copied()), "groups of the factor that is asked for");
+    }
+    assert_eq!(counts, [100, 0, 100, 100], "in turn, the factor that is never set left out");
 }
 
 /// The graph that a training on vectors ends with, against the truth.

@@ -18,3 +18,4 @@ mod networks;
 mod repair;
 mod skin;
 mod structure;
+mod tuning;

@@ -1,7 +1,7 @@
 //! T14: image metrics in closed form, against scikit-image, and the box of a person.
 
-use lastlight::loss::In;
 use lastlight::loss::metric::{person, psnr, rfd, ssim, ssim_sk};
+use lastlight::loss::{In, lpips};
 use lastlight::num::par::with_threads;
 use lastlight::scene::bound;
 use lastlight::scene::camera::{Camera, Model};
@@ -186,17 +186,33 @@ fn scores_of_a_person_are_those_of_the_metrics() {
     let [x, y] = pair(24, 32);
     let mask = bound::bound_mask(&camera(), [[-0.5, -0.4, 2.0], [0.5, 0.4, 3.0]]).unwrap();
     let full = of(&x, &y, 24, 32);
-    let scores = person::forward(&full, &mask).unwrap();
+    let scores = person::forward(&full, &mask, None).unwrap();
     assert_eq!(scores.boxed, psnr::forward(&In { mask: Some(&mask), ..full }).unwrap(), "PSNR-box");
     assert_eq!(scores.ssim_sk, ssim_sk::forward(&full, 1.0).unwrap(), "SSIM-sk");
     let names: Vec<&str> = scores.named().iter().map(|(name, _)| *name).collect();
     assert!(names.iter().enumerate().all(|(i, n)| !names[..i].contains(n)), "every name once: {names:?}");
     assert!(names.iter().all(|n| !n.starts_with("LPIPS")), "the surrogate is never called LPIPS");
     assert!(scores.named().iter().all(|(_, v)| v.is_finite()), "numbers: {scores:?}");
+    for rescale in [true, false] {
+        let metric = lpips::Metric { weights: lpips::Weights::by_formula(), rescale };
+        let with = person::forward(&full, &mask, Some(&metric)).unwrap();
+        let named = with.named();
+        assert_eq!(named[..names.len()], scores.named(), "the others are the same");
+        let [whole, boxed] = metric.names();
+        assert_eq!(named[names.len()], (whole, metric.score(&full).unwrap()), "of the whole image");
+        assert_eq!(named.len(), names.len() + 1, "a box of {} pixels has none", lpips::SMALLEST - 1);
+        let everywhere = person::forward(&full, &[1.0; 24 * 32], Some(&metric)).unwrap();
+        let [.., a, b] = &everywhere.named()[..] else { panic!("two of them") };
+        assert_eq!((a.0, b.0, a.1), (whole, boxed, b.1), "a box around everything");
+        let both = [with.clone(), everywhere];
+        let mean = person::mean(&both).unwrap().named();
+        assert_eq!((mean.len(), mean[names.len()].0), (names.len() + 1, whole), "what all views have");
+        assert_eq!(person::mean(&[with.clone(), with.clone()]), Some(with), "a mean of it");
+    }
     let mean = person::mean(&[scores.clone(), scores.clone()]).unwrap();
     assert_eq!(mean, scores, "the mean of two equal views is each of them");
     assert!(person::mean(&[]).is_none(), "nothing has no mean");
-    assert!(person::forward(&full, &[0.0; 24 * 32]).is_err(), "a box that covers nothing");
+    assert!(person::forward(&full, &[0.0; 24 * 32], None).is_err(), "a box that covers nothing");
     let mut cleared = x.clone();
     bound::clear_outside(&mut cleared, &mask, [0.0, 0.5, 1.0]);
     assert_eq!(cleared[..3], [0.0, 0.5, 1.0], "outside is the background");

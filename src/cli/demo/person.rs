@@ -16,6 +16,7 @@ use crate::last::host::settings::Settings as Fitting;
 use crate::last::host::store;
 use crate::last::model::shipped;
 use crate::last::model::tune::{self, Subject, Tuned};
+use crate::loss::lpips;
 use crate::num::order;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
@@ -72,12 +73,14 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     guided.apply(&mut settings)?;
     settings.validate()?;
     guided.calibrate(&mut settings, &capture, &trained, meter)?;
+    meter.note(lpips::NO_WEIGHTS);
     let job = Job {
         kind: "demo",
         title: "A built-in person".to_owned(),
         settings,
         capture: &capture,
         guide: Some(&trained),
+        perception: None,
         dir: dir.join("person"),
         checkpoint_every: 400,
         resume: false,

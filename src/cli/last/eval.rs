@@ -3,9 +3,10 @@
 use super::{fit, scoring};
 use crate::cli::meter::Meter;
 use crate::cli::report::run::Run;
-use crate::cli::shared::Manner;
+use crate::cli::shared::{Manner, Perception};
 use crate::cli::{self, claim, report};
 use crate::fit::training::Watch;
+use crate::last::host::evaluate::Evaluation;
 use crate::last::host::store;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
@@ -18,6 +19,7 @@ use std::path::PathBuf;
   lastlight last eval person subject/video
   lastlight last eval person subject/video --json
   lastlight last eval person subject/video --min-psnr 24 --out scores
+  lastlight last eval person subject/video --lpips lpips_vgg.safetensors
 
 Every metric is named by its variant; PSNR-box counts the pixels of the projected box of the body. The
 surrogate RFD is not LPIPS. With --min-psnr the command is a check: exit code 1 when the mean PSNR-box of the
@@ -32,6 +34,8 @@ pub(in crate::cli) struct Args {
     /// Fail when the mean PSNR-box of held-out pictures is below this many decibels
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
+    #[command(flatten)]
+    perception: Perception,
     /// Folder for report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -50,8 +54,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.manner.force)).transpose()?;
+    let perception = args.perception.load(&meter)?;
     meter.lap("reading");
-    let groups = scoring::groups(&stored.avatar, &capture, &mut meter)?;
+    let of = Evaluation {
+        learned_at: Some(&stored.poses),
+        perception: perception.as_ref(),
+        ..Evaluation::of(&stored.avatar, &capture)
+    };
+    let groups = scoring::groups(of, &mut meter)?;
     meter.lap("rendering and scoring");
     let digest = stored.avatar.digest()?;
     if args.manner.json {

@@ -3,18 +3,20 @@
 use super::scoring;
 use crate::cli::meter::Meter;
 use crate::cli::report::run::Run;
-use crate::cli::shared::{Filling, Outcome};
+use crate::cli::shared::{Filling, Outcome, Perception};
 use crate::cli::{self, claim, report};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
 use crate::io::atomic;
 use crate::last::host::calibrate;
 use crate::last::host::density::{Density, Mode};
+use crate::last::host::evaluate::Evaluation;
 use crate::last::host::fit::PersonFit;
 use crate::last::host::guide::Guide;
 use crate::last::host::progressive::{Cap, Keys, Order, Progressive};
 use crate::last::host::settings::Settings;
 use crate::last::host::store;
 use crate::last::model::file::Trained;
+use crate::loss::lpips;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -60,6 +62,8 @@ pub(in crate::cli) struct Args {
     pose_network: bool,
     #[command(flatten)]
     guided: Guided,
+    #[command(flatten)]
+    perception: Perception,
     /// Iterations between checkpoints
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
@@ -204,6 +208,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let model = args.guided.model.as_deref().map(Trained::read).transpose()?;
     let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
+    let perception = args.perception.load(&meter)?;
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
@@ -223,6 +228,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         settings,
         capture: &capture,
         guide: model.as_ref().map(|m| m as &dyn Guide),
+        perception: perception.as_ref(),
         dir: claim::folder(&args.out, args.filling.resume, args.filling.force)?,
         checkpoint_every: args.checkpoint_every as usize,
         resume: args.filling.resume,
@@ -237,6 +243,7 @@ pub(in crate::cli) struct Job<'a> {
     pub(in crate::cli) settings: Settings,
     pub(in crate::cli) capture: &'a PersonCapture,
     pub(in crate::cli) guide: Option<&'a dyn Guide>,
+    pub(in crate::cli) perception: Option<&'a lpips::Metric>,
     pub(in crate::cli) dir: PathBuf,
     pub(in crate::cli) checkpoint_every: usize,
     pub(in crate::cli) resume: bool,
@@ -263,7 +270,10 @@ impl Job<'_> {
         meter.done();
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
-        let groups = scoring::groups(avatar, self.capture, meter)?;
+        let groups = scoring::groups(
+            Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) },
+            meter,
+        )?;
         meter.lap("evaluation");
         store::write(&self.dir.join("avatar.safetensors"), avatar, self.capture, &settings)?;
         let time: serde_json::Map<String, Value> =

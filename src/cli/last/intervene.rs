@@ -69,7 +69,7 @@ impl Grid {
         let n = trained.model.sizes.factors;
         let shot = &capture.shots[shot];
         let photo = shot.photo()?;
-        let [mu, _] = trained.posterior(&guide::seen(trained, capture, shot, &photo)?);
+        let [mu, _] = trained.posterior(&guide::seen(trained, capture, shot, &photo));
         let camera = &shot.camera;
         let mut sheet = Sheet::new([VALUES, which.len()], [camera.width, camera.height], GAP);
         let mut moved = Vec::new();

@@ -24,7 +24,6 @@ use clap::Subcommand;
 
 /// A person from a video, guided by a learned causal structure.
 #[derive(Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 pub(super) enum Command {
     /// Make pictures, points and a video of a person whose causes are known
     Gen(generate::Args),

@@ -7,6 +7,7 @@ use crate::cli::report::{self, Page, Section, Stat};
 use crate::cli::shared::Filling;
 use crate::cli::{self, claim};
 use crate::fit::training::{self, Fit, History, Schedule, Watch};
+use crate::last::host::guide::Framing;
 use crate::last::model::data::{Data, Item};
 use crate::last::model::file::Trained;
 use crate::last::model::intervene;
@@ -60,6 +61,9 @@ pub(in crate::cli) struct Args {
     /// Reading of the paper: reference or literal
     #[arg(long, value_name = "NAME", default_value = "reference", help_heading = "Model")]
     reading: String,
+    /// What the encoder sees of a picture: person (the square around the projected body, a tenth wider on either side) or whole
+    #[arg(long, value_name = "NAME", default_value = "person", help_heading = "Model")]
+    framing: String,
     /// What is told of interventions: none, pairs (a value of its own for each), groups (a shared value), unknown (its
     /// target is guessed) or labels
     #[arg(long, value_name = "NAME", default_value = "groups", help_heading = "Training")]
@@ -102,6 +106,7 @@ impl Args {
             width: usize::from(self.width),
             kind,
             reading,
+            framing: Framing::parse(&self.framing)?,
             supervision: Supervision::parse(&self.supervision)?,
             placement: Placement::parse(&self.dependence)?,
             points: self.points,
@@ -145,7 +150,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.filling.quiet).of("edges");
     let settings = args.settings()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let data = Pictures::read(&args.data, settings.supervision != Supervision::None)?;
+    let data = Pictures::read(&args.data, settings.supervision != Supervision::None, settings.framing)?;
     meter.lap("reading pictures");
     meter.note(&format!(
         "{}: {} pictures of {2}x{2}, {3} groups of {4}, {5} points each",
@@ -215,9 +220,8 @@ fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
     let [factors, _] = verdict::posterior(trained, data, &items);
     let mut sheet = Sheet::new([count, 2], [side, side], 0);
     for (i, item) in items.iter().enumerate() {
-        let seen: Vec<f32> = data.image(*item).iter().map(|&b| f32::from(b) / 255.0).collect();
         let points = trained.decoded(&factors[i * d..(i + 1) * d], &trained.template);
-        sheet.put([i, 0], &seen);
+        sheet.put([i, 0], data.seen(*item));
         sheet.put([i, 1], &intervene::picture(trained, &points, &camera)?);
     }
     Ok(sheet)

@@ -3,9 +3,7 @@
 use crate::Result;
 use crate::cli::meter::Meter;
 use crate::cli::report::person::{Group, TRAINED};
-use crate::last::host::avatar::Avatar;
-use crate::last::host::evaluate;
-use crate::scene::person::PersonCapture;
+use crate::last::host::evaluate::{self, Evaluation};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
@@ -16,7 +14,8 @@ const TRAIN_PICTURES: usize = 20;
 ///
 /// # Errors
 /// When a picture cannot be read or rendered.
-pub(super) fn groups(avatar: &Avatar, capture: &PersonCapture, meter: &mut Meter) -> Result<Vec<Group>> {
+pub(super) fn groups(of: Evaluation<'_>, meter: &mut Meter) -> Result<Vec<Group>> {
+    let capture = of.capture;
     let step = Ord::max(1, capture.train.len().div_ceil(TRAIN_PICTURES));
     let train: Vec<usize> = capture.train.iter().copied().step_by(step).collect();
     let total = train.len() + capture.test.len();
@@ -25,7 +24,7 @@ pub(super) fn groups(avatar: &Avatar, capture: &PersonCapture, meter: &mut Meter
         let mut scored = Vec::with_capacity(which.len());
         for &shot in which {
             meter.count(done, total, "scoring");
-            scored.push(evaluate::score(avatar, capture, shot)?);
+            scored.push(of.score(shot)?);
             done += 1;
         }
         if !scored.is_empty() {
@@ -42,12 +41,10 @@ pub(super) fn text(groups: &[Group]) -> String {
     let Some(first) = groups.first() else { return String::new() };
     let mut lines =
         vec![groups.iter().fold(format!("{:24}", ""), |line, g| line + &format!("{:>18}", g.name))];
+    let numbers: Vec<_> = groups.iter().map(|g| g.mean.named()).collect();
     for (i, (name, _)) in first.mean.named().iter().enumerate() {
-        lines.push(
-            groups
-                .iter()
-                .fold(format!("{name:24}"), |line, g| line + &format!("{:>18.4}", g.mean.named()[i].1)),
-        );
+        let row = |line: String, of: &Vec<(&str, f64)>| line + &format!("{:>18.4}", of[i].1);
+        lines.push(numbers.iter().fold(format!("{name:24}"), row));
     }
     lines.join("\n")
 }

@@ -17,6 +17,7 @@ use crate::last::study::pictures::{self, Seen};
 use crate::last::study::plan::{Cell, Drawing, Experiment, Outcome, Report, Results};
 use crate::last::study::run::{self, Onlooker, Plan};
 use crate::last::study::stats::Summary;
+use crate::loss::lpips;
 use crate::num::par;
 use crate::{Error, Result};
 use maud::{Markup, html};
@@ -232,6 +233,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     }
     let models = args.models()?;
+    meter.note(lpips::NO_WEIGHTS);
     let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let plan = Plan { only_stored: args.stored, jobs: args.jobs.map_or_else(par::threads, usize::from) };

@@ -4,10 +4,12 @@ use super::RenderArgs;
 use super::fit::{score, scores_text, write_renders};
 use crate::cli::meter::Meter;
 use crate::cli::report::run::Run;
+use crate::cli::shared::Perception;
 use crate::cli::{self, claim, report};
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::render::Scene;
 use crate::fit::training::Watch;
+use crate::loss::metric::rfd;
 use crate::loss::{self, lpips};
 use crate::num::sum;
 use crate::scene::convert::read_scene;
@@ -41,9 +43,8 @@ pub(in crate::cli) struct Args {
     /// Fail when the mean PSNR is below this many decibels
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
-    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` says how to write the file
-    #[arg(long, value_name = "FILE")]
-    lpips: Option<PathBuf>,
+    #[command(flatten)]
+    perception: Perception,
     /// Folder for renders and report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
@@ -60,19 +61,20 @@ pub(in crate::cli) struct Args {
     quiet: bool,
 }
 
-/// LPIPS of every view that was scored.
+/// LPIPS of every view that was scored, or its surrogate.
 fn perceived(
     views: &Views,
     which: &[usize],
     scored: &[Scored],
-    weights: &lpips::Weights,
+    metric: Option<&lpips::Metric>,
 ) -> Result<Vec<f64>> {
     let one = |(&at, s): (&usize, &Scored)| {
         let mask = views.views[at].mask.as_ref();
         let mask = mask.map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>());
         let (height, width) = (s.score.height, s.score.width);
         let x = loss::In { x: &s.image, y: &s.photo, mask: mask.as_deref(), height, width };
-        lpips::score(&x, true, weights).map_err(|e| e.within(s.score.name.clone()))
+        let value = metric.map_or_else(|| rfd::forward(&x), |metric| metric.score(&x));
+        value.map_err(|e| e.within(s.score.name.clone()))
     };
     which.iter().zip(scored).map(one).collect()
 }
@@ -100,26 +102,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
-    let weights = args.lpips.as_deref().map(lpips::Weights::load).transpose()?;
+    let metric = args.perception.load(&meter)?;
     meter.lap("reading");
     let scene = Scene::new(&stored, settings, background);
     let scored = score(&scene, &views, &which, &mut meter)?;
     let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
-    let perceived = weights.map(|w| perceived(&views, &which, &scored, &w)).transpose()?;
+    let perceived = perceived(&views, &which, &scored, metric.as_ref())?;
+    let name = metric.as_ref().map_or(rfd::NAME, |metric| metric.names()[0]);
     meter.lap("rendering and scoring");
     let record = json!({
         "scene": args.scene, "capture": args.capture, "views": args.views, "gaussians": stored.len(),
         "profile": args.render.profile, "downscale": args.downscale, "evaluation": evaluation.json(),
-        "lpips": perceived.as_ref().map(|values| json!({"name": lpips::NAME, "mean": mean(values), "views": values})),
+        "perception": {"name": name, "mean": mean(&perceived), "views": perceived},
     });
     if args.json {
         cli::say_json(&record)?;
     } else {
         cli::say(&scores_text(&evaluation))?;
-        match &perceived {
-            Some(values) => cli::say(&format!("{} {:.4}, mean over views", lpips::NAME, mean(values)))?,
-            None => meter.note(lpips::NO_WEIGHTS),
-        }
+        cli::say(&format!("{name} {:.4}, mean over views", mean(&perceived)))?;
     }
     if let Some(dir) = dir {
         let names = write_renders(&dir, &scored)?;

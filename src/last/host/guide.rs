@@ -1,18 +1,71 @@
 //! What the host asks of an image-to-point model, and the window through which the model sees pictures.
 //!
 //! A [`Guide`] has n factors and a graph over them. It compares two pictures in the space of its factors, and says which places of the body a factor
-//! moves. It sees squares of its own side: [`Window`] cuts them out of a picture and averages whole blocks of pixels, and spreads gradients back.
+//! moves. It sees squares of its own side: a [`Framing`] says which [`Square`] of a picture, [`Window`] brings it to that side, and gradients back.
+//!
+//! # The window
+//! Pixels are squares of one colour, and black lies around the picture. With a square from (l, t) of side a, a number of the window is the mean over its cell:
+//!
+//! y(r, c) = Σ over pixels of v(r, row) · h(c, column) · x(row, column),   h(c, j) = (S/a) · |\[l + c·a/S, l + (c + 1)·a/S\] ∩ \[j, j + 1\]|, v likewise from t
+//!
+//! The map is linear; [`Window::spread`] is its transpose.
+//!
+//! # Rounding
+//! Weights in f64, rounded to f32 once. Rows first: a left fold over the rows of v·x, then over the columns of h times that; back in the opposite order.
 
+use crate::Result;
 use crate::math::digraph::Digraph;
-use crate::{Error, Result};
+use crate::num::order;
+use crate::scene::bound;
+use crate::scene::camera::Camera;
 
 /// Which part of a picture the guide was trained on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Framing {
+    /// The square around the person's projected points, with a margin of a tenth of their extent on either side (`last.md` §4.2).
+    #[default]
+    Person,
     /// The whole picture: the training camera's own framing.
     Whole,
-    /// The square around the person's box, with a margin of a tenth.
-    Person,
+}
+
+impl Framing {
+    /// The square of a picture (H, W) with somebody in `person`; where that is not known, the whole picture's.
+    pub fn square(self, size: [usize; 2], person: Option<Square>) -> Square {
+        person.filter(|_| self == Self::Person).unwrap_or_else(|| Square::whole(size))
+    }
+}
+
+/// A square of a picture, pixels; it may reach beyond the borders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Square {
+    /// left and top
+    pub corner: [f64; 2],
+    /// side
+    pub side: f64,
+}
+
+impl Square {
+    /// The least that holds a picture (H, W), about its centre.
+    pub fn whole([height, width]: [usize; 2]) -> Self {
+        let side = Ord::max(height, width) as f64;
+        Self { corner: [width, height].map(|n| 0.5 * (n as f64 - side)), side }
+    }
+
+    /// About the smallest upright rectangle around projected points, a tenth wider on either side than the longer of its sides. None if there is no point,
+    /// one has no place in the picture, or all have the same.
+    pub fn around(camera: &Camera, points: &[[f32; 3]]) -> Option<Self> {
+        let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+        for p in points {
+            let at = bound::project(camera, p.map(f64::from))?;
+            for k in 0..2 {
+                (low[k], high[k]) = (order::min(low[k], at[k]), order::max(high[k], at[k]));
+            }
+        }
+        let side = 1.2 * order::max(high[0] - low[0], high[1] - low[1]);
+        let corner = [0, 1].map(|k| 0.5 * (low[k] + high[k] - side));
+        (side > 0.0 && side.is_finite()).then_some(Self { corner, side })
+    }
 }
 
 /// A trained image-to-point model, weights frozen, posterior means only.
@@ -45,87 +98,81 @@ pub trait Guide: Sync {
     fn swap_scores(&self, rendered: &[f32], real: &[f32], places: &[[f32; 3]]) -> Result<Vec<Vec<f64>>>;
 }
 
-/// A square of a picture (H, W, 3) as S×S averages of f×f pixels. What lies outside the picture is black.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A square of a picture (H, W, 3), brought to S×S.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Window {
-    top: isize,
-    left: isize,
-    factor: usize,
     side: usize,
-    height: usize,
     width: usize,
+    height: usize,
+    /// (S) rows with weights
+    rows: Vec<Vec<(usize, f32)>>,
+    /// (S) columns with weights
+    columns: Vec<Vec<(usize, f32)>>,
+}
+
+/// Pixels of `count` in each of `side` cells of an interval, with the share of the cell that they cover.
+fn cells(start: f64, length: f64, side: usize, count: usize) -> Vec<Vec<(usize, f32)>> {
+    let cell = length / side as f64;
+    (0..side)
+        .map(|i| {
+            let (from, to) = (start + i as f64 * cell, start + (i + 1) as f64 * cell);
+            let first = order::max(from.floor(), 0.0) as usize;
+            let last = Ord::min(count, order::max(to.ceil(), 0.0) as usize);
+            let share = |p: usize| (order::min(to, (p + 1) as f64) - order::max(from, p as f64)) / cell;
+            (first..last).map(|p| (p, share(p) as f32)).filter(|(_, w)| *w > 0.0).collect()
+        })
+        .collect()
 }
 
 impl Window {
-    /// The window of a framing; `rectangle` is `[top, left], [bottom, right]` of the person's box.
+    /// The window of a square of pictures (H, W) on `side` pixels.
+    pub fn new(side: usize, [height, width]: [usize; 2], square: Square) -> Self {
+        let [left, top] = square.corner;
+        let (rows, columns) = (cells(top, square.side, side, height), cells(left, square.side, side, width));
+        Self { side, width, height, rows, columns }
+    }
+
+    /// (S, S, 3) what is seen of a picture (H, W, 3).
     ///
-    /// # Errors
-    /// When the whole picture is not a whole multiple of the side.
-    pub fn new(
-        framing: Framing,
-        side: usize,
-        [height, width]: [usize; 2],
-        rectangle: [[usize; 2]; 2],
-    ) -> Result<Self> {
-        match framing {
-            Framing::Whole => {
-                if height != width || !height.is_multiple_of(side) || height == 0 {
-                    return Err(Error::input("pictures for the model")
-                        .expected(format!("squares, a whole multiple of {side} pixels"))
-                        .got(format!("{width}x{height}"))
-                        .hint("the model was trained on whole pictures of the training camera"));
-                }
-                Ok(Self { top: 0, left: 0, factor: height / side, side, height, width })
-            }
-            Framing::Person => {
-                let [[top, left], [bottom, right]] = rectangle;
-                let most = Ord::max(bottom - top, right - left);
-                // The square with a tenth on either side, in whole blocks.
-                let factor = Ord::max(1, (12 * most).div_ceil(10 * side));
-                let start = |a: usize, b: usize| ((a + b) as isize - (factor * side) as isize).div_euclid(2);
-                Ok(Self { top: start(top, bottom), left: start(left, right), factor, side, height, width })
-            }
-        }
-    }
-
-    /// Pixels of the picture in block (r, c), as indices.
-    fn block(&self, r: usize, c: usize) -> impl Iterator<Item = usize> + '_ {
-        let f = self.factor;
-        let inside =
-            |start: isize, i: usize, n: usize| usize::try_from(start + i as isize).ok().filter(|&x| x < n);
-        (0..f * f).filter_map(move |e| {
-            let y = inside(self.top, r * f + e / f, self.height)?;
-            let x = inside(self.left, c * f + e % f, self.width)?;
-            Some(y * self.width + x)
-        })
-    }
-
-    /// (S, S, 3) averages: left folds over the block, row by row, times 1/f².
+    /// # Panics
+    /// When the picture has another size.
     pub fn take(&self, image: &[f32]) -> Vec<f32> {
-        let (s, scale) = (self.side, 1.0 / (self.factor * self.factor) as f32);
-        let mut out = vec![0.0; s * s * 3];
-        for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
-            for at in self.block(i / s, i % s) {
-                for k in 0..3 {
-                    pixel[k] += image[3 * at + k];
-                }
+        assert_eq!(image.len(), self.height * self.width * 3, "a picture of the window's size");
+        let mut out = vec![0.0; self.side * self.side * 3];
+        let mut line = vec![0.0; self.width * 3];
+        for (row, out) in self.rows.iter().zip(out.chunks_exact_mut(self.side * 3)) {
+            line.fill(0.0);
+            for &(r, v) in row {
+                let image = &image[r * self.width * 3..][..self.width * 3];
+                line.iter_mut().zip(image).for_each(|(l, x)| *l += v * x);
             }
-            for x in pixel {
-                *x *= scale;
+            for (column, pixel) in self.columns.iter().zip(out.as_chunks_mut::<3>().0) {
+                for &(c, h) in column {
+                    (0..3).for_each(|k| pixel[k] += h * line[3 * c + k]);
+                }
             }
         }
         out
     }
 
     /// (H, W, 3): the adjoint of [`Self::take`].
+    ///
+    /// # Panics
+    /// When the cotangent is not (S, S, 3).
     pub fn spread(&self, bar: &[f32]) -> Vec<f32> {
-        let (s, scale) = (self.side, 1.0 / (self.factor * self.factor) as f32);
+        assert_eq!(bar.len(), self.side * self.side * 3, "a cotangent of the window's side");
         let mut out = vec![0.0; self.height * self.width * 3];
-        for (i, pixel) in bar.chunks_exact(3).enumerate() {
-            for at in self.block(i / s, i % s) {
-                for k in 0..3 {
-                    out[3 * at + k] = pixel[k] * scale;
+        let mut line = vec![0.0; self.width * 3];
+        for (row, bar) in self.rows.iter().zip(bar.chunks_exact(self.side * 3)) {
+            line.fill(0.0);
+            for (column, pixel) in self.columns.iter().zip(bar.as_chunks::<3>().0) {
+                for &(c, h) in column {
+                    (0..3).for_each(|k| line[3 * c + k] += h * pixel[k]);
                 }
+            }
+            for &(r, v) in row {
+                let out = &mut out[r * self.width * 3..][..self.width * 3];
+                out.iter_mut().zip(&line).for_each(|(o, l)| *o += v * l);
             }
         }
         out
@@ -135,23 +182,52 @@ impl Window {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::camera::Model;
 
     #[test]
-    fn averages_and_their_adjoint_agree() {
-        let image: Vec<f32> = (0..6 * 6 * 3).map(|i| (i % 17) as f32).collect();
-        let whole = Window::new(Framing::Whole, 3, [6, 6], [[0, 0], [6, 6]]).expect("6 = 2·3");
-        assert_eq!(
-            whole.take(&image)[0],
-            (image[0] + image[3] + image[18] + image[21]) / 4.0,
-            "a block's mean"
-        );
-        let person = Window::new(Framing::Person, 3, [6, 6], [[1, 2], [4, 5]]).expect("always fits");
-        for window in [whole, person] {
+    fn means_of_cells_and_their_adjoint_agree() {
+        let image: Vec<f32> = (0..6 * 8 * 3).map(|i| (i % 17) as f32).collect();
+        let square = |corner: [f64; 2], side: f64| Window::new(3, [6, 8], Square { corner, side });
+        let inside = square([1.0, 0.0], 6.0);
+        let at = |r: usize, c: usize| image[3 * (8 * r + c)];
+        assert_eq!(inside.take(&image)[0], (at(0, 1) + at(0, 2) + at(1, 1) + at(1, 2)) / 4.0, "four pixels");
+        let fine = square([2.0, 1.0], 1.5);
+        assert_eq!(fine.take(&image)[0], at(1, 2), "a cell within a pixel");
+        let between = fine.take(&image)[3 * (3 + 1)];
+        let mixed = [at(1, 2), at(1, 3), at(2, 2), at(2, 3)].iter().fold(0.0, |s, x| s + x / 4.0);
+        assert_ne!(between, mixed, "the second cell ends where the pixel does: {between}");
+        assert_eq!(square([2.25, 1.25], 1.5).take(&image)[3 * (3 + 1)], mixed, "a cell over four pixels");
+        for window in [inside, fine, square([-2.3, -1.1], 9.7), square([4.2, 3.9], 5.0)] {
             let bar: Vec<f32> = (0..27).map(|i| (i % 5) as f32 - 2.0).collect();
             let (taken, spread) = (window.take(&image), window.spread(&bar));
             let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0, |s, (a, b)| s + a * b);
             assert!((dot(&taken, &bar) - dot(&image, &spread)).abs() < 1e-3, "⟨Ax, b⟩ = ⟨x, Aᵀb⟩");
         }
-        assert!(Window::new(Framing::Whole, 4, [6, 6], [[0, 0], [6, 6]]).is_err(), "6 is no multiple of 4");
+        let white = square([-3.0, 0.0], 6.0).take(&[1.0; 6 * 8 * 3]);
+        assert_eq!((white[0], white[3], white[6]), (0.0, 0.5, 1.0), "black lies around the picture");
+    }
+
+    #[test]
+    fn squares_are_about_the_person_or_the_picture() {
+        let camera = Camera {
+            model: Model::Orthographic,
+            focal_px: [10.0; 2],
+            center_px: [4.0, 3.0],
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [0.0; 3],
+            width: 8,
+            height: 6,
+        };
+        let points = [[-0.25, 0.0, 2.0], [0.25, 0.125, 3.0]];
+        let person = Square::around(&camera, &points);
+        // x from 1.5 to 6.5, y from 3 to 4.25: side 5 with a tenth on either side.
+        assert_eq!(person, Some(Square { corner: [1.0, 0.625], side: 6.0 }), "about the points");
+        let behind = Camera { model: Model::Pinhole, ..camera.clone() };
+        assert_eq!(Square::around(&behind, &[[0.0, 0.0, -1.0]]), None, "a point behind the camera");
+        assert_eq!(Square::around(&camera, &[]), None, "nobody");
+        let whole = Square { corner: [0.0, -1.0], side: 8.0 };
+        assert_eq!(Framing::Whole.square([6, 8], person), whole, "about the picture");
+        assert_eq!(Framing::Person.square([6, 8], None), whole, "where it is not known who is where");
+        assert_eq!(Some(Framing::Person.square([6, 8], person)), person, "about the person");
     }
 }

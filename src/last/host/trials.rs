@@ -2,6 +2,7 @@
 
 use super::calibrate;
 use super::density::{Density, Mode};
+use super::evaluate::Evaluation;
 use super::fit::PersonFit;
 use super::guide::{Framing, Guide};
 use super::progressive::{Cap, Keys, Order, Progressive};
@@ -208,6 +209,30 @@ fn frozen_children_stay_and_parents_move() {
 }
 
 #[test]
+fn children_that_stop_take_no_step_and_others_take_five() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture(dir.path());
+    let guide = Halves { edge: true, blind: false };
+    for (lambda, renders) in [(f64::INFINITY, 1), (0.0, 5)] {
+        let progressive = Progressive { cap: Cap::Stop, lambda, ..Progressive::published() };
+        let s = Settings { progressive: Some(progressive), ..settings() };
+        let mut fit = PersonFit::new(s, &capture, Some(&guide)).expect("valid");
+        for i in 0..12 {
+            fit.step(i, &mut ()).expect("runs");
+        }
+        let (before, members, rendered) =
+            (fit.avatar().gaussians.clone(), fit.members().to_vec(), fit.tally().renders);
+        fit.step(12, &mut ()).expect("runs");
+        // One for level 0; of the child's level one to know its gradient, and one before each further step.
+        assert_eq!(fit.tally().renders - rendered, 1 + renders, "renders at λ = {lambda}");
+        let after = &fit.avatar().gaussians;
+        let children = (0..members.len()).filter(|&g| members[g] == 2);
+        let moved = children.filter(|&g| after.means[g] != before.means[g]).count();
+        assert_eq!(moved > 0, lambda == 0.0, "{moved} children moved at λ = {lambda}");
+    }
+}
+
+#[test]
 fn no_discrepancy_adds_nothing() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
@@ -283,6 +308,17 @@ fn an_interrupted_fit_and_other_threads_give_the_same_bits() {
     let picture = |a: &super::avatar::Avatar, pose| a.picture(pose, Some(2), camera).expect("renders").image;
     let same = picture(&stored.avatar, &stored.poses[2]) == picture(second.avatar(), &capture.poses[2]);
     assert!(same, "the same picture from the file");
+    // A moment of another capture is not one of the fit, though it has the same number.
+    let with = |poses| Evaluation { learned_at: Some(poses), ..Evaluation::of(&stored.avatar, &capture) };
+    let mut others = stored.poses.clone();
+    others[1].transforms[0][0][3] += 0.5;
+    others.truncate(3);
+    assert_eq!(
+        [0, 1, 2, 3].map(|t| with(&stored.poses).moment(t)),
+        [0, 1, 2, 3].map(Some),
+        "those of the fit"
+    );
+    assert_eq!([0, 1, 2, 3].map(|t| with(&others).moment(t)), [Some(0), None, Some(2), None], "others");
 }
 
 #[test]

@@ -10,6 +10,7 @@
 //! # Rounding
 //! L1 and SSIM as in [`crate::loss`]; the squared error of alpha is summed per row in f64 from the left, rows by the pairwise tree.
 
+use super::guide::Square;
 use super::settings::Settings;
 use crate::loss::{self, In};
 use crate::num::sum;
@@ -31,6 +32,8 @@ pub struct Target {
     pub photo: Vec<f32>,
     /// (H, W) 0..1
     pub mask: Vec<f32>,
+    /// around the projected points
+    pub person: Option<Square>,
     /// (H, W) 1 inside the person's box where the pixel counts
     pub inside: Vec<f32>,
     /// of the ones of `inside`: `[top, left]`, `[bottom, right]`
@@ -93,6 +96,7 @@ impl Target {
         Ok(Self {
             crop_mask,
             kept: inside.iter().filter(|x| **x == 1.0).count(),
+            person: Square::around(&camera, &capture.posed_points(shot.time)),
             camera,
             time: shot.time,
             photo,

@@ -368,6 +368,17 @@ mod tests {
     use crate::num::rng::Rng;
 
     #[test]
+    fn an_empty_batch_has_no_loss_and_no_gradient() {
+        let decoder = Decoder { features: 5, latent: 6, outputs: 3 };
+        let mut params = Params::default();
+        decoder.draw(1, &mut params);
+        let passed = decoder.pass(&params, &[], &[], &[1.0; 3], &[1.0; 3]);
+        assert!(passed.losses.is_empty() && passed.z_bar.is_empty(), "nothing went in");
+        assert_eq!(passed.grads.len(), decoder.shapes().len(), "every parameter has a gradient");
+        assert!(passed.grads.iter().flatten().all(|g| *g == 0.0), "which is 0");
+    }
+
+    #[test]
     fn items_of_one_coordinate_have_the_bits_of_items_one_by_one() {
         for features in [0, 5] {
             let decoder = Decoder { features, latent: 6, outputs: 3 };

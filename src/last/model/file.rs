@@ -17,6 +17,7 @@ use super::settings::{Placement, Reading, Settings, Supervision, Weights};
 use super::step::Model;
 use super::structure::{Kind, Sizes};
 use crate::io::safetensors;
+use crate::last::host::guide::Framing;
 use crate::math::digraph::Digraph;
 use crate::num::array::Arrays;
 use crate::num::bits::Digest;
@@ -234,6 +235,7 @@ fn read_settings(v: &Value) -> Result<Settings> {
         width: small("width", 64)? as usize,
         kind: Kind::parse(name("mechanism")?)?,
         reading: Reading::parse(name("reading")?)?,
+        framing: Framing::parse(name("framing")?)?,
         supervision: Supervision::parse(name("supervision")?)?,
         placement: Placement::parse(name("dependence")?)?,
         weights: Weights {

@@ -19,9 +19,8 @@ use super::settings::Reading;
 use super::structure::Structure;
 use super::verdict::linked;
 use crate::causal::structure;
-use crate::last::host::guide::{Framing, Guide, Window};
+use crate::last::host::guide::{Framing, Guide, Square, Window};
 use crate::math::digraph::Digraph;
-use crate::scene::bound;
 use crate::scene::person::{PersonCapture, Photo, Shot};
 use crate::tape::Tape;
 use crate::{Error, Result};
@@ -180,7 +179,7 @@ impl Guide for Trained {
     }
 
     fn framing(&self) -> Framing {
-        Framing::Whole
+        self.settings.framing
     }
 
     fn identity(&self) -> String {
@@ -205,22 +204,17 @@ impl Guide for Trained {
 }
 
 /// What the model sees of the photograph of a shot (S, S, 3).
-///
-/// # Errors
-/// When the picture is no square whose side is a multiple of the model's.
-pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Result<Vec<f32>> {
+pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Vec<f32> {
     let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
     cut(trained, capture, shot, &picture)
 }
 
 /// What the model sees of a picture (H, W, 3) of a shot's camera and moment (S, S, 3).
 ///
-/// # Errors
-/// When the picture is no square whose side is a multiple of the model's.
-pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f32]) -> Result<Vec<f32>> {
-    let (width, height) = (shot.camera.width, shot.camera.height);
-    let inside = capture.box_mask(shot);
-    let rectangle = bound::rectangle(&inside, width).unwrap_or([[0, 0], [height, width]]);
-    let window = Window::new(trained.framing(), trained.side(), [height, width], rectangle)?;
-    Ok(window.take(picture))
+/// # Panics
+/// When the picture does not have the camera's size.
+pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f32]) -> Vec<f32> {
+    let size = [shot.camera.height, shot.camera.width];
+    let person = Square::around(&shot.camera, &capture.posed_points(shot.time));
+    Window::new(trained.side(), size, trained.framing().square(size, person)).take(picture)
 }

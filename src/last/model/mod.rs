@@ -8,7 +8,7 @@
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
 //! targets  which factor was set, where it is not told
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
-//! file     a trained model on disk            verdict  what it is worth, against the truth
+//! file     a trained model on disk            verdict  what it is worth, against the truth (likeness: blocks against factors)
 //! guide    what the model says about a render
 //! tune     the structure of one subject       intervene  pictures of counterfactuals
 //! shipped  the model that comes with the program
@@ -24,6 +24,7 @@ pub mod file;
 pub mod guide;
 pub mod intervene;
 pub mod latent;
+pub mod likeness;
 pub mod pictures;
 pub mod settings;
 pub mod shipped;
@@ -39,6 +40,8 @@ pub mod verdict;
 mod purpose {
     /// mask of a step
     pub(super) const MASK: u16 = 0x0821;
+    /// order of the factors in a mask
+    pub(super) const ORDER: u16 = 0x0827;
     /// noise of the posterior
     pub(super) const ETA: u16 = 0x0822;
     /// items of a batch

@@ -1,13 +1,15 @@
 //! Pictures and points of a folder made by `last gen` (`last::sets` has the layout).
 //!
-//! A picture is seen as it is, on black, in −½ … ½. A point is its template's coordinate t, decoded as (t + Δ/2, ½ + c), and weighed by
-//! 1/σ² with σ = 0.05 in space and 0.2 in colour (`last.md` §4.4, §4.5).
+//! A picture is seen through a [`Window`], the square around the projected points or the whole, on black, in −½ … ½. A point is its template's
+//! coordinate t, decoded as (t + Δ/2, ½ + c), and weighed by 1/σ² with σ = 0.05 in space and 0.2 in colour (`last.md` §4.2, §4.4, §4.5).
 
 use super::data::{Data, Frame, Group, Item};
 use super::decoder::{CODE, code};
 use super::encoder::Input;
 use crate::io::npz;
+use crate::last::host::guide::{Framing, Square, Window};
 use crate::num::array::Arrays;
+use crate::num::par;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
 use crate::{Error, Result};
@@ -23,8 +25,8 @@ const REACH: f32 = 0.5;
 /// Pictures and points of one kind of item.
 #[derive(Clone, Default)]
 struct Set {
-    /// (N, S, S, 3)
-    images: Vec<u8>,
+    /// (N, S, S, 3) what is seen, 0 … 1
+    seen: Vec<f32>,
     /// (N, P, 6) coordinates and colour
     shown: Vec<f32>,
     /// (N, n) true factors
@@ -35,6 +37,7 @@ struct Set {
 #[derive(Clone)]
 pub struct Pictures {
     side: usize,
+    framing: Framing,
     members: usize,
     frame: Frame,
     groups: Vec<Group>,
@@ -85,9 +88,24 @@ fn shards(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
+/// How pictures are seen.
+struct Seeing {
+    camera: Camera,
+    framing: Framing,
+}
+
+impl Seeing {
+    /// The window on a picture of points.
+    fn window(&self, points: &[[f32; 3]]) -> Window {
+        let size = [self.camera.height, self.camera.width];
+        Window::new(size[0], size, self.framing.square(size, Square::around(&self.camera, points)))
+    }
+}
+
 impl Set {
     /// Adds the items of a shard: arrays `prefix`images, points, rgb, u.
-    fn take(&mut self, arrays: &Arrays, prefix: &str, side: usize, points: usize) -> Result<()> {
+    fn take(&mut self, arrays: &Arrays, prefix: &str, how: &Seeing, points: usize) -> Result<()> {
+        let side = how.camera.width;
         let need = |name: &str| arrays.need(&format!("{prefix}{name}"));
         let images = need("images")?;
         let [cloud, rgb] = [need("points")?, need("rgb")?];
@@ -101,8 +119,14 @@ impl Set {
                 .got(format!("{:?}, {:?}, {:?}", images.shape(), cloud.shape(), rgb.shape())));
         }
         arrays.finite([&*format!("{prefix}points"), &format!("{prefix}rgb"), &format!("{prefix}u")])?;
-        self.images.extend(images.to_i64().into_iter().flatten().map(|b| b as u8));
-        for (x, c) in cloud.to_f32().chunks_exact(3).zip(rgb.to_f32().chunks_exact(3)) {
+        let pixels: Vec<f32> = images.to_f32().iter().map(|b| b / 255.0).collect();
+        let cloud = cloud.to_f32();
+        let seen = par::map(items, |i| {
+            let picture = &pixels[i * side * side * 3..][..side * side * 3];
+            how.window(cloud[i * points * 3..][..points * 3].as_chunks().0).take(picture)
+        });
+        self.seen.extend(seen.into_iter().flatten());
+        for (x, c) in cloud.chunks_exact(3).zip(rgb.to_f32().chunks_exact(3)) {
             self.shown.extend_from_slice(x);
             self.shown.extend_from_slice(c);
         }
@@ -112,11 +136,11 @@ impl Set {
 }
 
 impl Pictures {
-    /// Reads a folder; `groups` says whether interventions are needed.
+    /// Reads a folder; `groups` says whether interventions are needed, `framing` what is seen.
     ///
     /// # Errors
     /// A file that is missing or malformed, pictures or clouds of different sizes.
-    pub fn read(folder: &Path, groups: bool) -> Result<Self> {
+    pub fn read(folder: &Path, groups: bool, framing: Framing) -> Result<Self> {
         let rest = npz::read(&folder.join("template.npz"))?;
         let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
         let template: Vec<[f32; 3]> =
@@ -124,6 +148,7 @@ impl Pictures {
         let p = template.len();
         let mut all = Self {
             side: 0,
+            framing,
             members: 0,
             frame: frame(&template),
             groups: Vec::new(),
@@ -139,7 +164,13 @@ impl Pictures {
             if all.side == 0 {
                 all.side = arrays.need("images").map_err(within)?.shape().get(1).copied().unwrap_or(0);
             }
-            all.observed.take(&arrays, "", all.side, p).map_err(within)?;
+            if all.side == 0 {
+                return Err(within(
+                    Error::input("array 'images'").expected("pictures").got("sides of 0 pixels"),
+                ));
+            }
+            let how = all.seeing();
+            all.observed.take(&arrays, "", &how, p).map_err(within)?;
         }
         if groups {
             for path in shards(&folder.join("interventions"))? {
@@ -164,8 +195,13 @@ impl Pictures {
         self.members = members;
         let group = |(&target, &value): (&i64, &f64)| Group { target: target as usize, value };
         self.groups.extend(targets.iter().zip(&values).map(group));
-        self.base.take(arrays, "base_", self.side, self.template.len())?;
-        self.after.take(arrays, "after_", self.side, self.template.len())
+        let how = self.seeing();
+        self.base.take(arrays, "base_", &how, self.template.len())?;
+        self.after.take(arrays, "after_", &how, self.template.len())
+    }
+
+    fn seeing(&self) -> Seeing {
+        Seeing { camera: self.camera(), framing: self.framing }
     }
 
     /// Side of the pictures.
@@ -188,11 +224,11 @@ impl Pictures {
         }
     }
 
-    /// Bytes of a picture (S, S, 3).
-    pub fn image(&self, item: Item) -> &[u8] {
+    /// What is seen of a picture (S, S, 3), 0 … 1.
+    pub fn seen(&self, item: Item) -> &[f32] {
         let (set, at) = self.find(item);
         let size = self.side * self.side * 3;
-        &set.images[at * size..][..size]
+        &set.seen[at * size..][..size]
     }
 }
 
@@ -202,7 +238,7 @@ impl Data for Pictures {
     }
 
     fn observed(&self) -> usize {
-        self.observed.images.len() / (self.side * self.side * 3)
+        self.observed.seen.len() / (self.side * self.side * 3)
     }
 
     fn groups(&self) -> &[Group] {
@@ -222,8 +258,8 @@ impl Data for Pictures {
     }
 
     fn write_input(&self, item: Item, into: &mut [f32]) {
-        for (into, byte) in into.iter_mut().zip(self.image(item)) {
-            *into = f32::from(*byte) / 255.0 - 0.5;
+        for (into, seen) in into.iter_mut().zip(self.seen(item)) {
+            *into = seen - 0.5;
         }
     }
 

@@ -1,6 +1,7 @@
 //! What can be chosen about the image-to-point model and its training; the defaults are those of `last.md` §8.
 
 use super::structure::Kind;
+use crate::last::host::guide::Framing;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
@@ -98,6 +99,8 @@ pub struct Settings {
     pub kind: Kind,
     /// which model
     pub reading: Reading,
+    /// what it sees of a picture
+    pub framing: Framing,
     /// what it is told
     pub supervision: Supervision,
     /// where dependence is punished
@@ -141,6 +144,7 @@ impl Default for Settings {
             width: 4,
             kind: Kind::Networks,
             reading: Reading::default(),
+            framing: Framing::default(),
             supervision: Supervision::default(),
             placement: Placement::default(),
             weights: Weights::default(),
@@ -184,6 +188,7 @@ macro_rules! names {
     };
 }
 names!(Reading, "reading", Reference => "reference", Literal => "literal");
+names!(Framing, "framing", Person => "person", Whole => "whole");
 names!(Supervision, "supervision", None => "none", PerSample => "pairs", Groups => "groups", Labels => "labels", Unknown => "unknown");
 names!(Placement, "loss of dependence", Noise => "noise", Factors => "factors", Conditional => "conditional", Off => "off");
 names!(Kind, "mechanism", Linear => "linear", Networks => "networks", Printed => "printed");
@@ -220,7 +225,7 @@ impl Settings {
         let w = &self.weights;
         json!({
             "factors": self.factors, "width": self.width, "mechanism": self.kind.name(),
-            "reading": self.reading.name(), "supervision": self.supervision.name(), "dependence": self.placement.name(),
+            "reading": self.reading.name(), "framing": self.framing.name(), "supervision": self.supervision.name(), "dependence": self.placement.name(),
             "w_reconstruction": w.reconstruction, "w_kl": w.kl, "w_independence": w.independence, "w_groups": w.groups,
             "w_intervention": w.intervention, "w_spread": w.spread, "w_sparsity": w.sparsity, "tau": self.tau, "alpha": self.alpha, "steps": self.steps, "refit": self.refit,
             "freeze": self.freeze, "alone": self.alone, "warm_up": self.warm_up, "round": self.round, "lr": self.lr, "lr_logits": self.lr_logits,

@@ -1,4 +1,8 @@
 //! One batch: forward, losses, gradients.
+//!
+//! Prediction by n sweeps gives back what abduction took apart on graphs without cycles only. Masks are drawn while edges are not settled, and along a cycle a counterfactual
+//! can grow from sweep to sweep. Where counterfactuals lie ten times as far out as factors (root mean squares), the mask keeps only edges along an order of the factors
+//! that is drawn for the step, and the step is computed anew.
 
 use super::data::{Data, Item};
 use super::decoder::{Decoder, Target};
@@ -200,6 +204,23 @@ pub struct Stepped {
     pub covariance: Option<Vec<f64>>,
 }
 
+/// Counterfactuals so many times as far out as factors come from a mask with a cycle.
+const FAR: f64 = 10.0;
+
+/// Whether counterfactuals have grown along a cycle.
+fn grows(out: &latent::Out) -> bool {
+    let mean_square = |x: &[f64]| x.iter().fold(0.0, |s, x| s + x * x) / Ord::max(1, x.len()) as f64;
+    let (factors, counterfactuals) = out.decoded.split_at(out.means.len());
+    // A NaN grows, too.
+    !(mean_square(counterfactuals) <= FAR * FAR * mean_square(factors))
+}
+
+/// (n, n) 1 where the first factor comes before the second in an order drawn for the step.
+fn ordered(rng: &Rng, n: usize, step: u32) -> Vec<f64> {
+    let place: Vec<f64> = (0..n).map(|i| rng.uniform_f64(i as u64, step, purpose::ORDER, 0)).collect();
+    (0..n * n).map(|at| f64::from(u8::from(place[at / n] < place[at % n]))).collect()
+}
+
 /// Losses and gradients of a batch.
 ///
 /// # Errors
@@ -228,7 +249,7 @@ pub fn run(
     // Factors.
     let structure = Structure::new(model.sizes, &model.params);
     let uniform: Vec<f64> = (0..n * n).map(|at| rng.uniform_f64(at as u64, step, purpose::MASK, 0)).collect();
-    let sampled = match &context.graph {
+    let mut sampled = match &context.graph {
         Some(graph) => graph.clone(),
         None => mask::forward(&structure.logits, &uniform, n, settings.tau),
     };
@@ -237,9 +258,9 @@ pub fn run(
         ..batch.layout.clone()
     };
     let eta: Vec<f64> = (0..mu.len()).map(|at| rng.normal_f64(at as u64, step, purpose::ETA, 0)).collect();
-    let input = latent::In {
+    let unmasked = latent::In {
         structure: &structure,
-        mask: &sampled,
+        mask: &[],
         layout,
         mu: &mu,
         ell: &ell,
@@ -252,7 +273,12 @@ pub fn run(
         placement: settings.placement,
         carried: carried.as_deref().map(|sum| (sum, share)),
     };
-    let out = latent::forward(&input)?;
+    let mut out = latent::forward(&latent::In { mask: &sampled, ..unmasked })?;
+    let along = (context.graph.is_none() && grows(&out)).then(|| ordered(&rng, n, step));
+    if let Some(along) = &along {
+        sampled.iter_mut().zip(along).for_each(|(drawn, along)| *drawn *= along);
+        out = latent::forward(&latent::In { mask: &sampled, ..unmasked })?;
+    }
     // Decoder.
     let frame = data.frame();
     let chosen = points(settings, frame.points(), out.decoded.len() / d, step);
@@ -290,7 +316,7 @@ pub fn run(
     let passed = model.decoder.pass(&model.params, &z, &targets, &frame.scale, &frame.precision);
     // And back.
     let z_bar: Vec<f64> = passed.z_bar.iter().map(|&z| f64::from(z)).collect();
-    let mut bars = latent::adjoint(&input, &out, &z_bar);
+    let mut bars = latent::adjoint(&latent::In { mask: &sampled, ..unmasked }, &out, &z_bar);
     let mean = |losses: &[f64]| losses.iter().fold(0.0, |s, l| s + l) / Ord::max(1, losses.len()) as f64;
     let mut losses = Losses {
         reconstruction: mean(&passed.losses[..items]),
@@ -303,6 +329,9 @@ pub fn run(
     losses.acyclic = h;
     losses.edges = p.iter().fold(0.0, |s, p| s + p);
     if context.graph.is_none() {
+        if let Some(along) = &along {
+            bars.mask.iter_mut().zip(along).for_each(|(bar, along)| *bar *= along);
+        }
         mask::adjoint(&structure.logits, &uniform, n, settings.tau, &bars.mask, &mut bars.structure.logits);
         if let Some([lambda, rho]) = context.lagrange {
             let mut p_bar = vec![settings.weights.sparsity; n * n];
@@ -388,4 +417,60 @@ fn spread(means: &[f64], n: usize, k: usize) -> Vec<f64> {
         column().fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count
     };
     (0..n).map(|i| (0..k).fold(0.0, |s, c| s + variance(i * k + c)) / k as f64).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::last::model::vectors::Vectors;
+    use data_gen::figure::graph::Graph;
+    use data_gen::figure::mechanism::{Mechanism, Scm};
+
+    #[test]
+    fn masks_along_which_counterfactuals_grow_lose_their_cycles() {
+        let scm = Scm::new(Graph::named("FORK", 4, 1).expect("a name"), Mechanism::Lin, true, 1);
+        let data = Vectors::new(&scm, 1, 64, 16);
+        let settings = Settings {
+            points: 1,
+            width: 1,
+            observed: 16,
+            groups: 4,
+            kind: super::super::structure::Kind::Linear,
+            ..Settings::default()
+        };
+        let mut model = Model::new(&settings, &data).expect("a model");
+        let losses = |model: &Model, step: u32, graph: Option<Vec<f64>>| {
+            let batch = Batch::draw(&settings, &data, step);
+            let history = independence::History::default();
+            let context =
+                Context { step, kl: 1e-3, groups: 1.0, lagrange: None, graph, spread: vec![1.0; 4], history };
+            run(model, &settings, &data, &batch, &context).expect("finite")
+        };
+        let weight = |model: &mut Model, size: f32| {
+            model.params.get_mut("structure.weight").expect("linear").fill(size);
+        };
+        let cycle: Vec<f64> = (0..16).map(|at| f64::from(u8::from(at / 4 != at % 4))).collect();
+        let calm = losses(&model, 3, Some(cycle.clone())).losses.intervention;
+        weight(&mut model, 30.0);
+        let wild = losses(&model, 3, Some(cycle)).losses.intervention;
+        assert!(wild > 1e6 * calm, "a given graph is as it is: {wild:e} and {calm:e}");
+        for step in 3..9 {
+            let stepped = losses(&model, step, None);
+            let drawn = stepped.losses.intervention;
+            assert!(drawn < 1e-2 * wild, "step {step}: {drawn:e} instead of {wild:e}");
+            // Half of the edges, at least, are not there and have no gradient.
+            let still =
+                stepped.grads.get("structure.logits").expect("U").iter().filter(|g| **g == 0.0).count();
+            assert!(still >= 4 + 6, "step {step}: {still} of 16 are 0");
+        }
+        weight(&mut model, 0.1);
+        let still = losses(&model, 3, None)
+            .grads
+            .get("structure.logits")
+            .expect("U")
+            .iter()
+            .filter(|g| **g == 0.0)
+            .count();
+        assert_eq!(still, 4, "without growth all edges but the diagonal are there");
+    }
 }

@@ -8,6 +8,9 @@
 //! The rate of all parameters falls to a tenth at 80 % of the steps; that of U also by 1/log₁₀ρ once ρ exceeds 10. Every 500 steps the
 //! multiplier of h grows by ρh, and ρ tenfold where h has not fallen to a quarter (`last.md` §5.4). The search (§5.5) scores graphs on the means of
 //! all items, each block along its main axis, with splines of the parents, leaving out the mechanism of a factor where it was set.
+//!
+//! Adam's second moments remember a gradient that bursts for thousands of steps. So a gradient by all parameters but U that is longer than ten times the
+//! running mean of these lengths is shortened to that.
 
 use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
@@ -29,6 +32,7 @@ use crate::optim::adam::{Adam, Counters, Rule};
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// First penalty ρ of the augmented Lagrangian.
@@ -46,6 +50,11 @@ const ROUNDS: u32 = 25;
 /// Share of the running variances that a step keeps.
 const MEMORY: f64 = 0.99;
 
+/// A gradient longer than so many times the running mean is shortened.
+const BURST: f64 = 10.0;
+/// The edges' logits, which have a rate of their own.
+const LOGITS: &str = "structure.logits";
+
 /// A training on its way.
 #[derive(Debug)]
 pub struct Training<'a> {
@@ -60,6 +69,8 @@ pub struct Training<'a> {
     last_h: Option<f64>,
     rounds: u32,
     spread: Option<Vec<f64>>,
+    /// running mean of the gradient's length
+    length: Option<f64>,
     history: History,
     /// of the last step
     pub losses: Losses,
@@ -92,6 +103,7 @@ impl<'a> Training<'a> {
             last_h: None,
             rounds: 0,
             spread: None,
+            length: None,
             history: History::default(),
             losses: Losses::default(),
             graph: None,
@@ -202,19 +214,31 @@ impl<'a> Training<'a> {
         if let Some(covariance) = stepped.covariance {
             self.history.push(covariance);
         }
+        let mix = |old: f64, new: f64| MEMORY * old + (1.0 - MEMORY) * new;
+        let length = self.optimisers.keys().filter(|name| *name != LOGITS).fold(0.0, |sum, name| {
+            let grad = stepped.grads.get(name).expect("every parameter has a gradient");
+            grad.iter().fold(sum, |sum, g| sum + f64::from(*g) * f64::from(*g))
+        });
+        let length = length.sqrt();
+        // A first gradient of 0 says nothing about the next ones.
+        let usual = self.length.filter(|usual| *usual > 0.0).unwrap_or(length);
+        let shorter = (length > BURST * usual).then(|| (BURST * usual / length) as f32);
+        self.length = Some(mix(usual, order::min(length, BURST * usual)));
         let [lr, lr_logits] = self.rates();
         for (name, adam) in &mut self.optimisers {
-            let logits = name == "structure.logits";
+            let logits = name == LOGITS;
             if logits && !moving {
                 continue;
             }
             let rate = if logits { lr_logits } else { lr };
             let grad = stepped.grads.get(name).expect("every parameter has a gradient");
+            let mut grad = Cow::Borrowed(grad.as_slice().expect("contiguous"));
+            if let Some(factor) = shorter.filter(|_| !logits) {
+                grad.to_mut().iter_mut().for_each(|g| *g *= factor);
+            }
             let param = self.model.params.get_mut(name).expect("every state has its parameter");
-            let param = param.as_slice_mut().expect("contiguous");
-            adam.step(param, grad.as_slice().expect("contiguous"), &[rate], None)?;
+            adam.step(param.as_slice_mut().expect("contiguous"), &grad, &[rate], None)?;
         }
-        let mix = |old: f64, new: f64| MEMORY * old + (1.0 - MEMORY) * new;
         self.spread = Some(match &self.spread {
             None => stepped.spread,
             Some(old) => old.iter().zip(&stepped.spread).map(|(o, n)| mix(*o, *n)).collect(),
@@ -310,6 +334,9 @@ impl Fit for Training<'_> {
         if let Some(spread) = &self.spread {
             out.put("state/spread", &[spread.len()], spread.clone());
         }
+        if let Some(length) = self.length {
+            out.put("state/gradient", &[1], vec![length]);
+        }
         let d = self.model.sizes.latent();
         out.put("state/covariances", &[self.history.past.len(), d, d], self.history.past.concat());
         if let Some(graph) = &self.graph {
@@ -338,6 +365,10 @@ impl Fit for Training<'_> {
         self.history.past = covariances.chunks_exact(d * d).map(<[f64]>::to_vec).collect();
         let spread = from.get("state/spread").is_some();
         let graph = from.get("state/graph").is_some();
+        self.length = None;
+        if from.get("state/gradient").is_some() {
+            self.length = from.shape("state/gradient", "1", &mut dims)?.to_f64().first().copied();
+        }
         if spread {
             self.spread = Some(from.shape("state/spread", &n, &mut dims)?.to_f64());
         }
@@ -352,5 +383,40 @@ impl Fit for Training<'_> {
         self.rounds = lagrange[3] as u32;
         self.model.params = params;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::last::model::vectors::Vectors;
+    use data_gen::figure::graph::Graph;
+    use data_gen::figure::mechanism::{Mechanism, Scm};
+
+    #[test]
+    fn a_gradient_far_longer_than_usual_is_shortened() {
+        let scm = Scm::new(Graph::named("FORK", 4, 1).expect("a name"), Mechanism::Lin, true, 1);
+        let data = Vectors::new(&scm, 1, 64, 16);
+        let settings = Settings { points: 1, width: 1, observed: 16, groups: 4, ..Settings::default() };
+        // What Adam has seen after a first step: m = (1 − β₁) g.
+        let seen = |usual: Option<f64>| {
+            let mut training = Training::new(settings.scaled(40), &data).expect("a model");
+            training.length = usual;
+            training.advance().expect("finite");
+            let mut state = Arrays::new();
+            training.save(&mut state);
+            let squares = training.optimisers.keys().filter(|name| *name != LOGITS).map(|name| {
+                let m = state.get(&format!("adam/{name}.m")).expect("its moments").to_f64();
+                m.iter().fold(0.0, |s, x| s + x * x)
+            });
+            (squares.fold(0.0, |s, x| s + x).sqrt() / 0.1, training.length.expect("a mean"))
+        };
+        let (own, mean) = seen(None);
+        assert!((own / mean - 1.0).abs() < 1e-5, "the first is as usual: {own} and {mean}");
+        assert_eq!(seen(Some(own)).0, own, "one of the usual length stays");
+        assert_eq!(seen(Some(0.0)).0, own, "as does one after 0");
+        let (short, after) = seen(Some(own / 1000.0));
+        assert!((short / own - 0.01).abs() < 1e-5, "ten times a thousandth of it: {short} of {own}");
+        assert!((after / (own / 1000.0) - 1.09).abs() < 1e-5, "and counts as that in the mean: {after}");
     }
 }

@@ -6,6 +6,7 @@
 use super::data::{Data, Item};
 use super::file::Trained;
 use super::latent;
+use super::likeness::Likeness;
 use super::structure::Structure;
 use super::targets::{Pairs, voted};
 use crate::causal::structure;
@@ -33,6 +34,10 @@ pub struct Verdict {
     pub colour_error: f64,
     /// after-pictures of interventions against decoded counterfactuals, and against unchanged decodings
     pub counterfactual: Option<[Errors; 2]>,
+    /// against decoded counterfactuals under the true graph, where it is known and every factor has its block
+    pub under_truth: Option<Errors>,
+    /// blocks against factors, and what the true factors score
+    pub likeness: [Likeness; 2],
     /// (n) variance of the posterior means, mean over a block's numbers; near 0 the code says nothing
     pub variances: Vec<f64>,
     /// active units: numbers of the code whose posterior means have a variance above [`ACTIVE`]
@@ -83,17 +88,21 @@ pub fn predicted(trained: &Trained, eps: &[f64]) -> Vec<f64> {
     structure::forward(&x).0
 }
 
-/// Standard deviation of every column of rows (N, d), at least 10⁻³.
-pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
+/// Variance of every column of rows (N, d), N below.
+pub fn variances(rows: &[f64], d: usize) -> Vec<f64> {
     let count = Ord::max(1, rows.len() / d) as f64;
     let column = |c: usize| rows.iter().skip(c).step_by(d);
     (0..d)
         .map(|c| {
             let mean = column(c).fold(0.0, |s, x| s + x) / count;
-            let variance = column(c).fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count;
-            order::max(variance.sqrt(), 1e-3)
+            column(c).fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count
         })
         .collect()
+}
+
+/// Standard deviation of every column of rows (N, d), at least 10⁻³: a unit to measure in.
+pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
+    variances(rows, d).iter().map(|v| order::max(v.sqrt(), 1e-3)).collect()
 }
 
 /// Errors of what is decoded, means over items and coordinates.
@@ -105,6 +114,13 @@ pub struct Errors {
     pub colour: f64,
     /// Σ_c w_c (R − R')², what L_rec measures
     pub weighted: f64,
+}
+
+impl Errors {
+    /// Share of what L_rec measures of others; none where they have no error.
+    pub fn over(&self, others: &Self) -> Option<f64> {
+        (others.weighted > 0.0).then(|| self.weighted / others.weighted)
+    }
 }
 
 /// Errors of what factors (B, n, k) decode to, against what items show.
@@ -139,19 +155,23 @@ pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) ->
     let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
     let d = n * k;
     let observed: Vec<Item> = (0..Ord::min(MOST, data.observed())).map(Item::Observed).collect();
-    let [u, _] = posterior(trained, data, &observed);
+    let [mu, _] = trained.model.encode(data, &observed);
+    let each = variances(&mu, d);
+    let [u, _] = linked(trained, mu);
     let m = data.true_factors();
     let true_factors: Vec<f64> = observed.iter().flat_map(|i| data.truth(*i).to_vec()).collect();
     let blocks = |values| Blocks { values, n, k };
-    let matched = matching(&blocks(&u), &Factors { values: &true_factors, m })?;
-    let [mu, _] = trained.model.encode(data, &observed);
-    let each: Vec<f64> = deviations(&mu, d).iter().map(|s| s * s).collect();
+    let factors = Factors { values: &true_factors, m };
+    let matched = matching(&blocks(&u), &factors)?;
+    let likeness = [Likeness::of(&blocks(&u), &factors)?, Likeness::of_truth(&factors)?];
     let few = &observed[..Ord::min(DECODED, observed.len())];
     let shown = errors(trained, data, &u[..few.len() * d], few);
     let mut verdict = Verdict {
         space_error: shown.space,
         colour_error: shown.colour,
         counterfactual: None,
+        under_truth: None,
+        likeness,
         variances: each.chunks_exact(k).map(|b| b.iter().fold(0.0, |s, v| s + v) / k as f64).collect(),
         active: each.iter().filter(|v| **v > ACTIVE).count(),
         mcc: matched.mcc,
@@ -200,13 +220,15 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
     let block = &verdict.matched.block;
     let targets: Option<Vec<usize>> = targets.iter().map(|t| block.get(*t).copied().flatten()).collect();
     let Some(targets) = targets else { return Ok(()) };
-    if let Some(truth) = verdict.truth.as_ref().filter(|truth| truth.n() == n) {
+    let truth = verdict.truth.as_ref().filter(|truth| truth.n() == n).map(|truth| {
         let mut factor = vec![0; n];
-        (0..n).filter_map(|f| Some((f, block[f]?))).for_each(|(f, b)| factor[b] = f);
-        let truth = Digraph::from_fn(n, |i, j| truth.has(factor[i], factor[j]));
+        (0..n).filter_map(|f| Some((f, block.get(f).copied().flatten()?))).for_each(|(f, b)| factor[b] = f);
+        Digraph::from_fn(n, |i, j| truth.has(factor[i], factor[j]))
+    });
+    if let Some(truth) = &truth {
         let each: Vec<usize> = targets.iter().flat_map(|t| vec![*t; members]).collect();
         let blocks = |values| Blocks { values, n, k };
-        verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, &truth)?;
+        verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, truth)?;
     }
     // Counterfactuals of the groups' own values.
     let few = Ord::min(DECODED / members, groups);
@@ -225,6 +247,13 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
     let moved = errors(trained, data, &z, shown);
     let still = errors(trained, data, &u[..few * members * d], shown);
     verdict.counterfactual = Some([moved, still]);
+    if let Some(truth) = truth.filter(Digraph::is_acyclic) {
+        // Its noise is what this graph makes of the same factors.
+        let oracle = Trained { graph: truth, ..trained.clone() };
+        let [_, eps] = posterior(&oracle, data, &base[..few * members]);
+        let z = intervened(&oracle, &eps, &each, &values)?;
+        verdict.under_truth = Some(errors(trained, data, &z, shown));
+    }
     Ok(())
 }
 
@@ -265,12 +294,21 @@ impl Verdict {
             format!("targets     {:.1} % found", 100.0 * self.target_accuracy),
         ];
         if let Some([moved, still]) = self.counterfactual {
-            lines.push(format!(
-                "do          {:.4} off, {:.4} without any change; of what L_rec measures, {:.3} is left",
-                moved.space,
-                still.space,
-                moved.weighted / still.weighted
-            ));
+            let mut line =
+                format!("do          {:.4} off, {:.4} without any change", moved.space, still.space);
+            if let Some(left) = moved.over(&still) {
+                line += &format!("; of what L_rec measures, {left:.3} is left");
+            }
+            lines.push(line);
+        }
+        if let Some(oracle) = self.under_truth {
+            lines.push(format!("            {:.4} under the true graph", oracle.space));
+        }
+        let score = |x: Option<f64>| x.map_or_else(|| "–".into(), |x| format!("{x:.3}"));
+        let [own, best] = self.likeness.map(|l| l.named());
+        for ((name, own), (_, best)) in own.into_iter().zip(best) {
+            let name = name.replace('_', " ");
+            lines.push(format!("{name:<16}{} (the true factors themselves: {})", score(own), score(best)));
         }
         if let Some(locality) = self.locality {
             lines.push(format!("locality    {locality:.3}"));
@@ -287,6 +325,8 @@ impl Verdict {
             "space_error": self.space_error, "colour_error": self.colour_error, "mcc": self.mcc,
             "code_variances": self.variances, "active_units": self.active,
             "target_accuracy": self.target_accuracy, "locality": self.locality,
+            "likeness": self.likeness[0].json(), "likeness_of_truth": self.likeness[1].json(),
+            "counterfactual_error_under_truth": self.under_truth.map(|e| e.space),
             "counterfactual_error": self.counterfactual.map(|c| c[0].space),
             "unchanged_error": self.counterfactual.map(|c| c[1].space),
             "counterfactual_loss": self.counterfactual.map(|c| c[0].weighted),

@@ -1,7 +1,7 @@
 //! E4, E10, E11, E12: structure learned from vectors of known factors, as `last.md` §14 asks.
 //!
-//! A trial trains a model on [`Vectors`] of a generator and compares its graph with the truth. Beside every row stands what the same search finds on the
-//! true factors, because some scores cannot reach 1 even for a perfect model.
+//! A trial trains a model on [`Vectors`] of a generator and compares its graph with the truth; other vectors of the same generator say what it is worth. In
+//! E10's table stands beside every row what the same search finds on the true factors, because some scores cannot reach 1 even for a perfect model.
 
 use super::plan::{Cell, Curve, Drawing, Experiment, Outcome, Report, Values, differences, of, rows};
 use super::stats::{Summary, median};
@@ -143,13 +143,15 @@ pub(super) fn measured(trained: &Trained, verdict: &Verdict, truth: &Digraph) ->
         values.insert("tpr".into(), rates.tpr);
         values.insert("fdr".into(), rates.fdr);
     }
+    for (suffix, likeness) in ["", " of truth"].into_iter().zip(&verdict.likeness) {
+        let defined = likeness.named().into_iter().filter_map(|(name, x)| Some((name, x?)));
+        values.extend(defined.map(|(name, x)| (format!("{name}{suffix}"), x)));
+    }
     if let Some([_, sid]) = verdict.distances {
         values.insert("sid".into(), sid as f64);
     }
-    if let Some([moved, still]) = verdict.counterfactual
-        && still.weighted > 0.0
-    {
-        values.insert("counterfactual".into(), moved.weighted / still.weighted);
+    if let Some(left) = verdict.counterfactual.and_then(|[moved, still]| moved.over(&still)) {
+        values.insert("counterfactual".into(), left);
     }
     if trained.settings.factors == 4 && truth.n() == 4 {
         // P, O, W, L: what E11 asks for. Without interventions any block may have become a factor.
@@ -228,7 +230,7 @@ impl Experiment for Learning {
     fn settings(&self, _: usize) -> Value {
         let s = &self.trials.size;
         json!({
-            "steps": s.steps, "refit": s.refit, "freeze": s.freeze, "data": s.data,
+            "steps": s.steps, "refit": s.refit, "freeze": s.freeze, "data": s.data, "fresh": FRESH,
             "lastlight": env!("CARGO_PKG_VERSION"),
         })
     }
@@ -300,7 +302,20 @@ pub(super) fn scores(results: &[(Cell, Values)], columns: &[&str]) -> (Vec<Vec<S
 
 fn report_e10(results: &[(Cell, Values)]) -> Report {
     let names = rows(results);
-    let (rows, drawing) = scores(results, &["shd", "sid", "mcc", "targets", "tpr", "fdr", "oracle_shd"]);
+    let columns = [
+        "shd",
+        "sid",
+        "mcc",
+        "targets",
+        "tpr",
+        "fdr",
+        "disentanglement",
+        "disentanglement of truth",
+        "information_gap",
+        "information_gap of truth",
+        "oracle_shd",
+    ];
+    let (rows, drawing) = scores(results, &columns);
     let is_found = |row: &str| median(&of(results, row, "shd")) <= 1.0;
     let told = |how: &str| -> Vec<&str> {
         names.iter().map(String::as_str).filter(|row| row.ends_with(how)).collect()
@@ -309,15 +324,13 @@ fn report_e10(results: &[(Cell, Values)]) -> Report {
     let missed: Vec<&str> = good.iter().copied().filter(|row| !is_found(row)).collect();
     // Without shared values nothing tells edges: a graph with edges that is found all the same would be a leak.
     let has_edges = |row: &&str| !row.starts_with("EMPTY");
-    let leaks: Vec<&str> = [" none", " pairs"]
-        .iter()
-        .flat_map(|how| told(how))
-        .filter(|row| has_edges(row) && is_found(row))
-        .collect();
-    let leaks = if leaks.is_empty() {
-        String::from("Told nothing, or pairs, no graph with edges is found.")
-    } else {
-        format!("Told nothing, or pairs, these are at most 1 too: {}.", leaks.join(", "))
+    let controls: Vec<&str> =
+        [" none", " pairs"].iter().flat_map(|how| told(how)).filter(|row| has_edges(row)).collect();
+    let leaks: Vec<&str> = controls.iter().copied().filter(|row| is_found(row)).collect();
+    let leaks = match (controls.is_empty(), leaks.is_empty()) {
+        (true, _) => String::new(),
+        (false, true) => " Told nothing, or pairs, no graph with edges is found.".into(),
+        (false, false) => format!(" Told nothing, or pairs, these are at most 1 too: {}.", leaks.join(", ")),
     };
     Report {
         id: "E10",
@@ -331,16 +344,22 @@ fn report_e10(results: &[(Cell, Values)]) -> Report {
             ">targets",
             ">TPR",
             ">FDR",
+            ">disentanglement",
+            ">of true factors",
+            ">information gap",
+            ">of true factors",
             ">SHD of true factors",
         ],
         rows,
         chart: ["median SHD", "row"],
         drawing,
         outcome: Outcome::of((!good.is_empty()).then_some(missed.is_empty())),
-        verdict: if missed.is_empty() {
-            format!("With groups that share a value the median SHD is at most 1 on every graph. {leaks}")
+        verdict: if good.is_empty() {
+            leaks.trim_start().to_owned()
+        } else if missed.is_empty() {
+            format!("With groups that share a value the median SHD is at most 1 on every graph.{leaks}")
         } else {
-            format!("With groups the median SHD exceeds 1 for {}. {leaks}", missed.join(", "))
+            format!("With groups the median SHD exceeds 1 for {}.{leaks}", missed.join(", "))
         },
     }
 }
@@ -373,7 +392,9 @@ fn report_e11(results: &[(Cell, Values)]) -> Report {
             names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "p_wo")).mean)).collect(),
         ),
         outcome: Outcome::of((!told.is_empty()).then_some(holds)),
-        verdict: if holds {
+        verdict: if told.is_empty() {
+            String::new()
+        } else if holds {
             "No spurious edge is probable with interventions.".into()
         } else {
             "A spurious edge stays probable in the mask; the search by score takes it out where SHD is 0."

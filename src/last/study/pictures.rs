@@ -140,16 +140,16 @@ impl Experiment for Seen {
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, stop: &AtomicBool) -> Result<Values> {
         let trial = self.trials[cell];
-        let data = Pictures::read(&self.pictures(trial.graph, trial.seed)?, true)?;
-        watch.lap("pictures");
         let settings = self.training(&trial);
+        let data = Pictures::read(&self.pictures(trial.graph, trial.seed)?, true, settings.framing)?;
+        watch.lap("pictures");
         let mut training = Training::new(settings, &data)?;
         let checkpoint = self.dir.join(UNFINISHED).join(format!("{}.safetensors", trial.key()));
         let mut history = History::default();
         if checkpoint.exists() {
             match training::resume(&mut training, &checkpoint) {
                 Ok(so_far) => history = so_far,
-                // Of other settings: no part of this training.
+                // Of other settings, or not whole: no part of this training.
                 Err(_) => training = Training::new(settings, &data)?,
             }
         }

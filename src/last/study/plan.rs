@@ -157,13 +157,19 @@ pub fn rows(results: &[(Cell, Values)]) -> Vec<String> {
     rows
 }
 
-/// Differences of a value between two rows, over the seeds that both have.
-pub fn differences(results: &[(Cell, Values)], [a, b]: [&str; 2], name: &str) -> Vec<f64> {
-    let of = |row: &str, seed: u64| {
-        results.iter().find(|(c, _)| c.row == row && c.seed == seed).and_then(|(_, v)| v.get(name).copied())
+/// Differences of a value between two rows, for the seeds that both have.
+pub fn differences_by_seed(results: &[(Cell, Values)], [a, b]: [&str; 2], name: &str) -> BTreeMap<u64, f64> {
+    let of = |row: &str| -> BTreeMap<u64, f64> {
+        let cells = results.iter().filter(|(cell, _)| cell.row == row);
+        cells.filter_map(|(cell, values)| Some((cell.seed, *values.get(name)?))).collect()
     };
-    let seeds = results.iter().filter(|(c, _)| c.row == a).map(|(c, _)| c.seed);
-    seeds.filter_map(|s| Some(of(a, s)? - of(b, s)?)).collect()
+    let b = of(b);
+    of(a).into_iter().filter_map(|(seed, x)| Some((seed, x - b.get(&seed)?))).collect()
+}
+
+/// The differences alone.
+pub fn differences(results: &[(Cell, Values)], rows: [&str; 2], name: &str) -> Vec<f64> {
+    differences_by_seed(results, rows, name).into_values().collect()
 }
 
 /// Their mean and interval.

@@ -1,12 +1,12 @@
 //! All image metrics of one view of a person, each under its name.
 //!
 //! The box is the projected box of the person ([`crate::scene::bound`]). `PSNR-box` counts its pixels; `SSIM-g-box`, `SSIM-sk-box` and `RFD-box`
-//! look at the smallest rectangle around it. The rest sees the whole image. Whether what lies outside the box was set to the background before
+//! look at the smallest rectangle around it, as does LPIPS beside the whole image where there are weights for it. The rest sees the whole image. Whether what lies outside the box was set to the background before
 //! ([`crate::scene::bound::clear_outside`]) is the caller's choice and part of a protocol.
 
 use super::{Crop, psnr, rfd, ssim, ssim_sk};
-use crate::loss::In;
-use crate::num::sum;
+use crate::loss::{In, lpips};
+use crate::num::{order, sum};
 use crate::scene::bound;
 use crate::{Error, Result};
 
@@ -33,19 +33,30 @@ pub struct Scores {
     pub rfd: f64,
     /// `RFD-box (not LPIPS)`
     pub rfd_box: f64,
+    /// With the user's weights: name and value of the whole image, and of the box where its rectangle is large enough.
+    pub lpips: Vec<(&'static str, f64)>,
 }
 
-/// Scores of one view; `mask` (H, W) is the person's box.
+/// Scores of one view; `mask` (H, W) is the person's box, `perception` what LPIPS needs.
 ///
 /// # Errors
 /// As those of the metrics; the rectangle around the box has at least 7×7 pixels.
-pub fn forward(x: &In<'_>, mask: &[f32]) -> Result<Scores> {
+pub fn forward(x: &In<'_>, mask: &[f32], perception: Option<&lpips::Metric>) -> Result<Scores> {
     let inside = In { mask: Some(mask), ..*x };
     inside.check("metrics of a person")?;
     let Some([from, to]) = bound::rectangle(mask, x.width) else {
         return Err(Error::input("metrics of a person").expected("a box that covers a pixel").got("none"));
     };
     let crop = Crop::new(x, from, to)?;
+    let mut perceived = Vec::new();
+    if let Some(metric) = perception {
+        let [whole, boxed] = metric.names();
+        perceived.push((whole, metric.score(x)?));
+        let rectangle = In { mask: None, ..crop.view() };
+        if order::min(rectangle.height, rectangle.width) >= lpips::SMALLEST {
+            perceived.push((boxed, metric.score(&rectangle)?));
+        }
+    }
     Ok(Scores {
         full: psnr::forward(x)?,
         full_ch: psnr::per_channel(x)?,
@@ -57,14 +68,15 @@ pub fn forward(x: &In<'_>, mask: &[f32]) -> Result<Scores> {
         ssim_sk_range_2: ssim_sk::forward(x, 2.0)?,
         rfd: rfd::forward(x)?,
         rfd_box: rfd::forward(&crop.view())?,
+        lpips: perceived,
     })
 }
 
 impl Scores {
     /// Names and numbers in the order of a table. A level is infinite where nothing differs.
-    pub fn named(&self) -> [(&'static str, f64); 12] {
+    pub fn named(&self) -> Vec<(&'static str, f64)> {
         let level = |p: &psnr::Psnr| p.db.finite().unwrap_or(f64::INFINITY);
-        [
+        let mut all = vec![
             (psnr::NAME, level(&self.full)),
             (psnr::NAME_CHANNELS, level(&self.full_ch)),
             (psnr::NAME_BOX, level(&self.boxed)),
@@ -77,7 +89,9 @@ impl Scores {
             (ssim_sk::NAME_RANGE_2, self.ssim_sk_range_2),
             (rfd::NAME, self.rfd),
             ("RFD-box (not LPIPS)", self.rfd_box),
-        ]
+        ];
+        all.extend(&self.lpips);
+        all
     }
 }
 
@@ -102,5 +116,16 @@ pub fn mean(views: &[Scores]) -> Option<Scores> {
         ssim_sk_range_2: of(&|s| s.ssim_sk_range_2),
         rfd: of(&|s| s.rfd),
         rfd_box: of(&|s| s.rfd_box),
+        lpips: lpips_means(views),
     })
+}
+
+/// Means of the variants of LPIPS that all views have.
+fn lpips_means(views: &[Scores]) -> Vec<(&'static str, f64)> {
+    let of = |view: &Scores, name: &str| view.lpips.iter().find(|(n, _)| *n == name).map(|(_, x)| *x);
+    let mean = |name: &'static str| {
+        let values: Vec<f64> = views.iter().map(|view| of(view, name)).collect::<Option<_>>()?;
+        Some((name, sum::tree_f64(&values) / values.len() as f64))
+    };
+    views.first().map_or_else(Vec::new, |v| v.lpips.iter().filter_map(|(name, _)| mean(name)).collect())
 }

@@ -45,10 +45,11 @@ pub(super) struct Want {
 
 impl<'a> PersonFit<'a> {
     /// The guide and its window on a picture.
-    pub(super) fn window(&self, target: &Target) -> Result<Option<(&'a dyn Guide, Window)>> {
-        let Some(guide) = self.guide else { return Ok(None) };
+    pub(super) fn window(&self, target: &Target) -> Option<(&'a dyn Guide, Window)> {
+        let guide = self.guide?;
         let size = [target.camera.height, target.camera.width];
-        Ok(Some((guide, Window::new(guide.framing(), guide.side(), size, target.rectangle)?)))
+        let square = guide.framing().square(size, target.person);
+        Some((guide, Window::new(guide.side(), size, square)))
     }
 
     /// Renders the Gaussians at a moment, compares, and goes all the way back.
@@ -77,7 +78,7 @@ impl<'a> PersonFit<'a> {
         watch.lap("loss");
         let mut latent = None;
         if (want.latent || self.settings.latent_weight > 0.0)
-            && let Some((guide, window)) = self.window(target)?
+            && let Some((guide, window)) = self.window(target)
         {
             let mut seen = work.out.image.clone();
             before_black(&mut seen, &work.out.alpha, background);

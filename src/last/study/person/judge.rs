@@ -1,10 +1,11 @@
 //! Whether what an experiment asks for came out. A claim holds only if the interval of its paired differences lies above 0 where the study asks for that; what is
 //! better in the mean of some subjects alone is called that.
 
-use super::super::plan::{Cell, Values, differences, paired, rows};
+use super::super::plan::{Cell, Values, differences_by_seed, paired, rows};
 use super::super::stats::Summary;
 use super::report::{FAIR, Question, Rows, VALUE, curve, delta, mean, threshold};
 use crate::num::order;
+use std::collections::BTreeMap;
 
 /// λ whose growing error is asked for.
 const LARGE: f64 = 0.5;
@@ -50,11 +51,14 @@ pub(super) fn judge(question: &Question, results: Rows<'_>) -> (Option<bool>, St
 fn better(graphs: &[String], results: Rows<'_>) -> (Option<bool>, String) {
     // A subject has one look and one motion under all graphs: it counts once.
     let pooled = |name: &str| -> Summary {
-        let of_graph = |g: &String| differences(results, [&format!("{g} LAST"), &format!("{g} host")], name);
-        let all: Vec<Vec<f64>> = graphs.iter().map(of_graph).filter(|d| !d.is_empty()).collect();
-        let subjects = all.iter().map(Vec::len).min().unwrap_or(0);
-        let mean = |s: usize| all.iter().fold(0.0, |sum, d| sum + d[s]) / all.len() as f64;
-        Summary::of(&(0..subjects).map(mean).collect::<Vec<_>>())
+        let mut of_subject = BTreeMap::<u64, Vec<f64>>::new();
+        for g in graphs {
+            let rows = [&*format!("{g} LAST"), &*format!("{g} host")];
+            for (seed, difference) in differences_by_seed(results, rows, name) {
+                of_subject.entry(seed).or_default().push(difference);
+            }
+        }
+        Summary::of(&of_subject.values().map(|all| Summary::of(all).mean).collect::<Vec<_>>())
     };
     let (equal, fair) = (pooled(VALUE), pooled(FAIR));
     let list = |suffix: &str| -> String {
@@ -286,6 +290,13 @@ mod tests {
         let (outcome, text) = judged(&q, rows);
         assert_eq!(outcome, Outcome::Holds, "{text}");
         assert!(text.contains("Not run for FULL"), "says what is missing: {text}");
+        // A subject under two graphs counts once, with its mean; one under a single graph counts too.
+        let both = Question::Better { graphs: vec!["FORK".into(), "FULL".into()] };
+        let more: &[(&str, &[f64])] =
+            &[rows[0], rows[1], ("FULL host", &[20.0, 21.0]), ("FULL LAST", &[20.7, 21.4])];
+        let text = judged(&both, more).1;
+        assert!(text.contains("over 3 subjects"), "not 5: {text}");
+        assert!(text.contains("PSNR-box +0.50 ± "), "(0.6 + 0.5 + 0.4)/3: {text}");
         // The host has twice the iterations and overtakes.
         let mut results: Vec<_> = rows.iter().flat_map(|(name, x)| row(name, x)).collect();
         for (cell, values) in &mut results {

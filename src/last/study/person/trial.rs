@@ -5,7 +5,7 @@ use super::budget;
 use super::stage::{Model, Stage};
 use crate::fit::training::{Fit, Watch};
 use crate::last::host::avatar::Avatar;
-use crate::last::host::evaluate::{self, Scored};
+use crate::last::host::evaluate::{self, Evaluation, Scored};
 use crate::last::host::fit::PersonFit;
 use crate::last::host::guide::Guide;
 use crate::last::host::settings::Settings;
@@ -261,7 +261,7 @@ impl Trial {
 }
 
 fn scores(avatar: &Avatar, capture: &PersonCapture, which: &[usize]) -> Result<Vec<Scored>> {
-    which.iter().map(|&shot| evaluate::score(avatar, capture, shot)).collect()
+    which.iter().map(|&shot| Evaluation::of(avatar, capture).score(shot)).collect()
 }
 
 /// Mean PSNR-box of the held-out pictures.
@@ -287,8 +287,8 @@ fn factor_errors(avatar: &Avatar, capture: &PersonCapture, guide: &Trained) -> R
     for v in 0..count {
         let shot = &capture.shots[capture.train[v * train / count]];
         let out = avatar.picture(&capture.poses[shot.time], Some(shot.time), &shot.camera)?;
-        let real = seen(guide, capture, shot, &shot.photo()?)?;
-        let rendered = cut(guide, capture, shot, &out.image)?;
+        let real = seen(guide, capture, shot, &shot.photo()?);
+        let rendered = cut(guide, capture, shot, &out.image);
         let scores = guide.swap_scores(&rendered, &real, &guide.template)?;
         for (sum, of_points) in sums.iter_mut().zip(&scores) {
             let total = of_points.iter().fold(0.0, |s, x| s + x);
