@@ -131,6 +131,7 @@ fn bad_input_is_refused() {
     data(at);
     refused(&pretrain(&["--out", "m", "--reading", "free"]), at, 2, &["reference, literal"]);
     refused(&pretrain(&["--out", "m", "--supervision", "all"]), at, 2, &["none, pairs, groups, labels"]);
+    refused(&pretrain(&["--out", "m", "--framing", "half"]), at, 2, &["person, whole"]);
     refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["NAME=VALUE"]);
     refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["NAME=VALUE"]);
     std::fs::remove_dir_all(at.join("data/interventions")).expect("removed");

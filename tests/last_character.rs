@@ -11,7 +11,7 @@ use lastlight::io::npz;
 use lastlight::last::character::{Actor, Casting};
 use lastlight::last::figure::{Look, SIGMA};
 use lastlight::last::generate::{self, Settings};
-use lastlight::last::host::guide::Framing;
+use lastlight::last::host::guide::{Framing, Square, Window};
 use lastlight::last::model::data::{Data, Item};
 use lastlight::last::model::pictures::Pictures;
 use lastlight::last::model::settings::Settings as Learning;
@@ -170,6 +170,15 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
         assert!(lit > 200, "member {m}: somebody is seen: {lit} numbers");
     }
     assert_ne!(data.seen(Item::Base(1, 0)), data.seen(Item::After(1, 0)), "the intervention is seen");
+    // The square around the person, of the same pictures.
+    let near = Pictures::read(&dir, true, Framing::Person).expect("the same folder");
+    for item in [Item::Observed(3), Item::Base(1, 0), Item::After(0, 2)] {
+        let posed: Vec<[f32; 3]> = data.shown(item).chunks_exact(6).map(|p| [p[0], p[1], p[2]]).collect();
+        let square = Square::around(&data.camera(), &posed).expect("before the camera");
+        assert_eq!(near.seen(item), Window::new(64, [64; 2], square).take(data.seen(item)), "{item:?}");
+        let covered = |x: &[f32]| x.chunks_exact(3).filter(|p| p.iter().any(|c| *c > 0.02)).count();
+        assert!(covered(near.seen(item)) > covered(data.seen(item)), "{item:?}: the person fills more of it");
+    }
     let learning = Learning {
         steps: 2,
         refit: 1,

@@ -233,7 +233,6 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     }
     let models = args.models()?;
-    meter.note(lpips::NO_WEIGHTS);
     let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let plan = Plan { only_stored: args.stored, jobs: args.jobs.map_or_else(par::threads, usize::from) };
@@ -241,6 +240,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut constants = None;
     let mut costs = Vec::new();
     if guided.iter().any(|id| args.wants(id)) {
+        study.meter.note(lpips::NO_WEIGHTS);
         let stage = Stage { size: persons, models, dir: dir.clone() };
         if let Some(found) = study.constants(&stage, args.no_search)? {
             let all = experiments::all(&stage, &found)?;
