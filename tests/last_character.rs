@@ -175,9 +175,12 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
     for item in [Item::Observed(3), Item::Base(1, 0), Item::After(0, 2)] {
         let posed: Vec<[f32; 3]> = data.shown(item).chunks_exact(6).map(|p| [p[0], p[1], p[2]]).collect();
         let square = Square::around(&data.camera(), &posed).expect("before the camera");
-        assert_eq!(near.seen(item), Window::new(64, [64; 2], square).take(data.seen(item)), "{item:?}");
+        assert_eq!(near.seen(item), Window::new(64, [64; 2], square).take(&data.seen(item)), "{item:?}");
         let covered = |x: &[f32]| x.chunks_exact(3).filter(|p| p.iter().any(|c| *c > 0.02)).count();
-        assert!(covered(near.seen(item)) > covered(data.seen(item)), "{item:?}: the person fills more of it");
+        assert!(
+            covered(&near.seen(item)) > covered(&data.seen(item)),
+            "{item:?}: the person fills more of it"
+        );
     }
     let learning = Learning {
         steps: 2,

@@ -80,7 +80,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     for &i in &capture.train {
         let shot = &capture.shots[i];
         let photo = shot.photo().expect("a picture");
-        let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo));
+        let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo).expect("a person"));
         subject.mu.extend(mu);
         subject.ell.extend(ell);
     }

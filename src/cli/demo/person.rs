@@ -43,7 +43,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         set: "video".into(),
         subject: SUBJECT,
         seed: args.seed,
-        video_size: args.size,
+        video_size: usize::from(args.size),
         ..Making::smoke()
     };
     let film = dir.join("subject");

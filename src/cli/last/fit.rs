@@ -205,7 +205,7 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.filling.quiet);
-    let model = args.guided.model.as_deref().map(Trained::read).transpose()?;
+    let model = args.guided.model.as_deref().map(Trained::of_pictures).transpose()?;
     let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let perception = args.perception.load(&meter)?;

@@ -59,7 +59,7 @@ impl Grid {
     /// Sets the factors `which`, one after the other, in what the model makes of a shot of the capture.
     ///
     /// # Errors
-    /// A picture the model cannot look at; a camera that is not valid.
+    /// A picture that cannot be read, or without the person; a camera that is not valid.
     pub(in crate::cli) fn new(
         trained: &Trained,
         capture: &PersonCapture,
@@ -69,7 +69,7 @@ impl Grid {
         let n = trained.model.sizes.factors;
         let shot = &capture.shots[shot];
         let photo = shot.photo()?;
-        let [mu, _] = trained.posterior(&guide::seen(trained, capture, shot, &photo));
+        let [mu, _] = trained.posterior(&guide::seen(trained, capture, shot, &photo)?);
         let camera = &shot.camera;
         let mut sheet = Sheet::new([VALUES, which.len()], [camera.width, camera.height], GAP);
         let mut moved = Vec::new();
@@ -136,7 +136,7 @@ impl Grid {
 pub(super) fn run(args: &Args) -> Result<()> {
     let meter = Meter::new(args.manner.quiet);
     claim::check(&args.out, false, args.manner.force)?;
-    let trained = Trained::read(&args.model)?;
+    let trained = Trained::of_pictures(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let n = trained.model.sizes.factors;
     if let Some(bad) = args.factor.iter().find(|i| **i >= n) {

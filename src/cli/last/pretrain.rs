@@ -195,7 +195,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     page.sections.push(Section {
         id: "samples",
         title: "Pictures and what is decoded",
-        lead: "Above what the encoder sees, below the points that the decoder gives back, as discs, through the same camera.".into(),
+        lead: "Above what the encoder sees, below the points that the decoder gives back, as discs, through the same camera and the same window.".into(),
         body: sheet.html("pictures and decoded points")?,
     });
     let page = page.write(&dir)?;
@@ -221,8 +221,8 @@ fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
     let mut sheet = Sheet::new([count, 2], [side, side], 0);
     for (i, item) in items.iter().enumerate() {
         let points = trained.decoded(&factors[i * d..(i + 1) * d], &trained.template);
-        sheet.put([i, 0], data.seen(*item));
-        sheet.put([i, 1], &intervene::picture(trained, &points, &camera)?);
+        sheet.put([i, 0], &data.seen(*item));
+        sheet.put([i, 1], &data.window(*item).take(&intervene::picture(trained, &points, &camera)?));
     }
     Ok(sheet)
 }

@@ -2,6 +2,7 @@
 
 use crate::Result;
 use crate::cli::meter::Meter;
+use crate::cli::report;
 use crate::cli::report::person::{Group, TRAINED};
 use crate::last::host::evaluate::{self, Evaluation};
 use serde_json::{Map, Value, json};
@@ -38,13 +39,11 @@ pub(super) fn groups(of: Evaluation<'_>, meter: &mut Meter) -> Result<Vec<Group>
 
 /// A table for the terminal: the metrics by group.
 pub(super) fn text(groups: &[Group]) -> String {
-    let Some(first) = groups.first() else { return String::new() };
     let mut lines =
         vec![groups.iter().fold(format!("{:24}", ""), |line, g| line + &format!("{:>18}", g.name))];
-    let numbers: Vec<_> = groups.iter().map(|g| g.mean.named()).collect();
-    for (i, (name, _)) in first.mean.named().iter().enumerate() {
-        let row = |line: String, of: &Vec<(&str, f64)>| line + &format!("{:>18.4}", of[i].1);
-        lines.push(numbers.iter().fold(format!("{name:24}"), row));
+    for (name, values) in report::person::by_metric(groups) {
+        let cell = |x: &Option<f64>| x.map_or_else(|| format!("{:>18}", "–"), |x| format!("{x:>18.4}"));
+        lines.push(values.iter().fold(format!("{name:24}"), |line, x| line + &cell(x)));
     }
     lines.join("\n")
 }

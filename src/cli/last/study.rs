@@ -160,7 +160,7 @@ impl Args {
             if models.iter().any(|m| m.graph == graph) {
                 return Err(wrong(&format!("{graph} twice")));
             }
-            models.push(Model::new(graph, Trained::read(Path::new(file))?)?);
+            models.push(Model::new(graph, Trained::of_pictures(Path::new(file))?)?);
         }
         if models.is_empty() {
             models.push(Model::new(SHIPPED, shipped::figure()?)?);

@@ -48,7 +48,7 @@ pub(in crate::cli) fn edges(edges: &[(usize, usize)]) -> String {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.manner.quiet);
     claim::file(&args.out, args.manner.force)?;
-    let mut trained = Trained::read(&args.model)?;
+    let mut trained = Trained::of_pictures(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let subject = Subject::new(&trained, &capture)?;
     meter.lap("pictures");

@@ -136,21 +136,29 @@ fn views(groups: &[Group]) -> Result<Markup> {
     run::compared(&shown, MAX_SIDE)
 }
 
+/// Every metric that some group has, in the order of the first that has it, with the means of all groups.
+pub(in crate::cli) fn by_metric(groups: &[Group]) -> Vec<(&'static str, Vec<Option<f64>>)> {
+    let means: Vec<Vec<(&'static str, f64)>> = groups.iter().map(|g| g.mean.named()).collect();
+    let mut names: Vec<&'static str> = Vec::new();
+    for (name, _) in means.iter().flatten() {
+        if !names.contains(name) {
+            names.push(name);
+        }
+    }
+    let of = |mean: &Vec<(&'static str, f64)>, name: &str| mean.iter().find(|m| m.0 == name).map(|m| m.1);
+    names.into_iter().map(|name| (name, means.iter().map(|m| of(m, name)).collect())).collect()
+}
+
 fn scores(groups: &[Group]) -> Markup {
-    let names: Vec<&'static str> =
-        groups.first().map_or_else(Vec::new, |g| g.mean.named().iter().map(|(n, _)| *n).collect());
     let head: Vec<String> = std::iter::once("metric".to_owned())
         .chain(groups.iter().map(|g| format!(">{}, {} pictures", g.name, g.scored.len())))
         .collect();
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
-    let rows: Vec<Vec<Markup>> = names
-        .iter()
-        .enumerate()
-        .map(|(i, name)| {
-            let of = |g: &Group| text(format!("{:.4}", g.mean.named()[i].1));
-            std::iter::once(text(name)).chain(groups.iter().map(of)).collect()
-        })
-        .collect();
+    let cell = |x: Option<f64>| text(x.map_or_else(|| "–".to_owned(), |x| format!("{x:.4}")));
+    let row = |(name, values): (&'static str, Vec<Option<f64>>)| {
+        std::iter::once(text(name)).chain(values.into_iter().map(cell)).collect()
+    };
+    let rows: Vec<Vec<Markup>> = by_metric(groups).into_iter().map(row).collect();
     let bars: Vec<(String, f64)> = (groups.iter().filter(|g| g.cameras.len() > 1))
         .flat_map(|g| g.cameras.iter().map(|(c, s)| (format!("camera {c}"), level(s))))
         .filter(|(_, x)| x.is_finite())
@@ -205,9 +213,51 @@ fn guide(t: &Tally) -> Markup {
         vec![text("encoder passes"), text(thousands(t.encodings as usize))],
         vec![text("steps of child factors bounded by λ"), text(share(t.bound as f64, t.capped as f64))],
         vec![
-            text("picture area without influence on the factors (|g| < 1e-8)"),
+            text("of what the model sees, area without influence on the factors (|g| < 1e-8)"),
             text(share(t.blind, t.gradients as f64)),
         ],
     ];
     table(&["what", ">how much"], &rows)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::last::host::evaluate::means;
+    use crate::loss::In;
+    use crate::loss::lpips::{Metric, Weights};
+    use crate::loss::metric::person;
+
+    #[test]
+    fn metrics_that_one_group_lacks_have_no_number_there() {
+        let (x, y): (Vec<f32>, Vec<f32>) =
+            (0..24 * 24 * 3).map(|i| ((i % 7) as f32 / 7.0, (i % 5) as f32 / 5.0)).unzip();
+        let images = In { x: &x, y: &y, mask: None, height: 24, width: 24 };
+        let metric = Metric { weights: Weights::by_formula(), rescale: true };
+        let group = |name, columns: usize| {
+            let mask: Vec<f32> = (0..24 * 24).map(|i| f32::from(u8::from(i % 24 < columns))).collect();
+            let scores = person::forward(&images, &mask, Some(&metric)).expect("scores");
+            let of = Scored {
+                name: String::new(),
+                camera: 0,
+                time: 0,
+                scores,
+                photo: y.clone(),
+                image: x.clone(),
+                error: vec![0.0; 24 * 24],
+                size: [24; 2],
+            };
+            let (cameras, mean) = means(std::slice::from_ref(&of)).expect("a picture");
+            Group { name, scored: vec![of], cameras, mean }
+        };
+        for columns in [[24, 10], [10, 24]] {
+            let groups = [group("training", columns[0]), group("held out", columns[1])];
+            let table = by_metric(&groups);
+            assert_eq!(table.len(), 14, "each metric once");
+            let (name, values) = &table[13];
+            assert_eq!(*name, "LPIPS-vgg-box", "the one that needs 16 pixels");
+            assert_eq!([values[0].is_some(), values[1].is_some()], columns.map(|c| c >= 16), "{columns:?}");
+            assert!(table[..13].iter().all(|(_, v)| v.iter().all(Option::is_some)), "all others");
+        }
+    }
 }

@@ -68,7 +68,9 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
     }
     let mut calibrated = BTreeMap::new();
     for &camera in train.iter().chain(&test) {
-        let called = cameras.get(&camera).cloned().unwrap_or_else(|| camera.to_string());
+        // As listed, unless its entry is under the plain number.
+        let listed = cameras.get(&camera).filter(|name| json.get(name.as_str()).is_some());
+        let called = listed.cloned().unwrap_or_else(|| camera.to_string());
         calibrated.insert(camera, Folder::read(&json[&called], &called, dir, &name)?);
     }
     for &(camera, frame, split) in &plan.shots {

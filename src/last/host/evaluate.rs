@@ -52,7 +52,9 @@ impl<'a> Evaluation<'a> {
     /// The moment of the fit that a moment of the capture is.
     pub(super) fn moment(&self, time: usize) -> Option<usize> {
         let pose = &self.capture.poses[time];
-        self.learned_at.is_none_or(|poses| poses.get(time) == Some(pose)).then_some(time)
+        // A file of an avatar does not hold the global rotation apart.
+        let same = |x: &Pose| x.transforms == pose.transforms && x.axis_angles == pose.axis_angles;
+        self.learned_at.is_none_or(|poses| poses.get(time).is_some_and(same)).then_some(time)
     }
 
     /// Scores a shot of the capture, by its index.

@@ -10,14 +10,18 @@
 //!
 //! The map is linear; [`Window::spread`] is its transpose.
 //!
+//! It departs from `last.md` in three places. The square is that of the projected points, not of the projected box of the body with its 0.05 m (§4.2): it follows the
+//! pose more closely. It is brought to S×S by means over cells of any size, not by averages of whole blocks (§11), so that pictures of any size serve and a person has one size. And the points
+//! are those of the body as it is posed, in training with the folds of its clothes, in a capture without.
+//!
 //! # Rounding
 //! Weights in f64, rounded to f32 once. Rows first: a left fold over the rows of v·x, then over the columns of h times that; back in the opposite order.
 
-use crate::Result;
 use crate::math::digraph::Digraph;
 use crate::num::order;
 use crate::scene::bound;
 use crate::scene::camera::Camera;
+use crate::{Error, Result};
 
 /// Which part of a picture the guide was trained on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -25,15 +29,25 @@ pub enum Framing {
     /// The square around the person's projected points, with a margin of a tenth of their extent on either side (`last.md` §4.2).
     #[default]
     Person,
-    /// The whole picture: the training camera's own framing.
+    /// The least square around the whole picture: the training camera's own framing.
     Whole,
 }
 
 impl Framing {
-    /// The square of a picture (H, W) with somebody in `person`; where that is not known, the whole picture's.
-    pub fn square(self, size: [usize; 2], person: Option<Square>) -> Square {
-        person.filter(|_| self == Self::Person).unwrap_or_else(|| Square::whole(size))
+    /// The square of a picture (H, W) with somebody in `person`; none where a person is asked for who is nowhere in it.
+    pub fn square(self, size: [usize; 2], person: Option<Square>) -> Option<Square> {
+        match self {
+            Self::Whole => Some(Square::whole(size)),
+            Self::Person => person.filter(|square| square.meets(size)),
+        }
     }
+}
+
+/// Who should be seen is nowhere in a picture.
+pub fn nowhere(picture: &str) -> Error {
+    Error::input(picture)
+        .expected("a person in front of the camera and in the picture, for the model to look at")
+        .got("points behind the camera, or none in the picture")
 }
 
 /// A square of a picture, pixels; it may reach beyond the borders.
@@ -50,6 +64,11 @@ impl Square {
     pub fn whole([height, width]: [usize; 2]) -> Self {
         let side = Ord::max(height, width) as f64;
         Self { corner: [width, height].map(|n| 0.5 * (n as f64 - side)), side }
+    }
+
+    /// Whether it shares a pixel with a picture (H, W).
+    fn meets(&self, [height, width]: [usize; 2]) -> bool {
+        [width, height].iter().zip(self.corner).all(|(n, from)| from < *n as f64 && from + self.side > 0.0)
     }
 
     /// About the smallest upright rectangle around projected points, a tenth wider on either side than the longer of its sides. None if there is no point,
@@ -226,8 +245,12 @@ mod tests {
         assert_eq!(Square::around(&behind, &[[0.0, 0.0, -1.0]]), None, "a point behind the camera");
         assert_eq!(Square::around(&camera, &[]), None, "nobody");
         let whole = Square { corner: [0.0, -1.0], side: 8.0 };
-        assert_eq!(Framing::Whole.square([6, 8], person), whole, "about the picture");
-        assert_eq!(Framing::Person.square([6, 8], None), whole, "where it is not known who is where");
-        assert_eq!(Some(Framing::Person.square([6, 8], person)), person, "about the person");
+        assert_eq!(Framing::Whole.square([6, 8], None), Some(whole), "about the picture");
+        assert_eq!(Framing::Person.square([6, 8], None), None, "nobody is there");
+        assert_eq!(Framing::Person.square([6, 8], person), person, "about the person");
+        let beside = Square { corner: [8.0, 0.0], side: 5.0 };
+        assert_eq!(Framing::Person.square([6, 8], Some(beside)), None, "beside the picture");
+        let partly = Some(Square { corner: [-4.5, -3.0], side: 5.0 });
+        assert_eq!(Framing::Person.square([6, 8], partly), partly, "half in it");
     }
 }

@@ -27,6 +27,24 @@ struct Halves {
     edge: bool,
     /// the two pictures are said to be equal
     blind: bool,
+    framing: Framing,
+    /// refuses photographs of somebody who is not in the middle
+    strict: bool,
+}
+
+fn halves(blind: bool) -> Halves {
+    Halves { edge: true, blind, framing: Framing::Whole, strict: false }
+}
+
+/// Where the light of a square picture is, from its middle, in sides.
+fn off_centre(picture: &[f32], side: usize) -> [f32; 2] {
+    let light = |i: usize| picture[3 * i] + picture[3 * i + 1] + picture[3 * i + 2];
+    let mut sums = [0.0; 3];
+    for i in 0..side * side {
+        let at = [i % side, i / side].map(|x| (x as f32 + 0.5) / side as f32 - 0.5);
+        sums = [sums[0] + light(i), sums[1] + light(i) * at[0], sums[2] + light(i) * at[1]];
+    }
+    [sums[1] / sums[0], sums[2] / sums[0]]
 }
 
 impl Guide for Halves {
@@ -40,12 +58,18 @@ impl Guide for Halves {
         SIDE / 2
     }
     fn framing(&self) -> Framing {
-        Framing::Whole
+        self.framing
     }
     fn identity(&self) -> String {
         format!("halves {} {}", self.edge, self.blind)
     }
     fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)> {
+        let off = off_centre(real, self.side());
+        if self.strict && off.iter().any(|x| x.abs() > 0.1) {
+            return Err(Error::check("photograph")
+                .expected("somebody in the middle")
+                .got(format!("{off:?}")));
+        }
         let scale = if self.blind { 0.0 } else { 1.0 / rendered.len() as f32 };
         let bar: Vec<f32> = rendered.iter().zip(real).map(|(a, b)| 2.0 * scale * (a - b)).collect();
         let value = rendered.iter().zip(real).fold(0.0, |s, (a, b)| s + f64::from(scale * (a - b) * (a - b)));
@@ -61,8 +85,13 @@ impl Guide for Halves {
     }
 }
 
-/// A bar of two joints, bent over four moments, before one camera; the pictures are discs of two colours.
 fn capture(dir: &Path) -> PersonCapture {
+    capture_in(dir, SIDE, 0)
+}
+
+/// A bar of two joints, bent over four moments, before one camera; the pictures are discs of two colours, so many columns wide and the person so many
+/// to the right of where it is in a square.
+fn capture_in(dir: &Path, width: usize, right: usize) -> PersonCapture {
     let columns = 12;
     let points: Vec<f32> = (0..columns * 4)
         .flat_map(|i| {
@@ -86,7 +115,9 @@ fn capture(dir: &Path) -> PersonCapture {
         .with("weights", &[n, 2], weights)
         .with("parents", &[2], vec![-1i32, 0])
         .with("joints", &[2, 3], vec![0.0f32, 0.0, 0.0, 0.0, 0.0, 0.0])
-        .with("transforms", &[moments, 2, 4, 4], transforms);
+        .with("transforms", &[moments, 2, 4, 4], transforms)
+        .with("global_rotation", &[moments, 3], vec![0.0f32; 3 * moments])
+        .with("global_translation", &[moments, 3], vec![0.0f32; 3 * moments]);
     let bytes = npz::to_bytes(&body, npz::Packing::Stored).expect("an archive");
     for folder in ["images", "foreground"] {
         std::fs::create_dir_all(dir.join(folder)).expect("a folder");
@@ -94,10 +125,10 @@ fn capture(dir: &Path) -> PersonCapture {
     std::fs::write(dir.join("body.npz"), bytes).expect("written");
     let frames: Vec<_> = (0..moments)
         .map(|t| {
-            let (mut rgb, mut mask) = (vec![0u8; SIDE * SIDE * 3], vec![0u8; SIDE * SIDE]);
+            let (mut rgb, mut mask) = (vec![0u8; SIDE * width * 3], vec![0u8; SIDE * width]);
             let angle = 0.2 * t as f64;
-            for i in 0..SIDE * SIDE {
-                let (x, y) = ((i % SIDE) as f64 - 11.5, 11.5 - (i / SIDE) as f64);
+            for i in 0..SIDE * width {
+                let (x, y) = ((i % width) as f64 - right as f64 - 11.5, 11.5 - (i / width) as f64);
                 let across = if x < 0.0 { y } else { y * libm::cos(angle) - x * libm::sin(angle) };
                 if across.abs() < 2.5 && x * x + y * y < 64.0 {
                     rgb[3 * i..3 * i + 3].copy_from_slice(if x < 0.0 {
@@ -109,8 +140,8 @@ fn capture(dir: &Path) -> PersonCapture {
                 }
             }
             let name = format!("c00_f{t:04}.png");
-            image_file::write_png(&dir.join("images").join(&name), SIDE, SIDE, 3, &rgb).expect("written");
-            image_file::write_png(&dir.join("foreground").join(&name), SIDE, SIDE, 1, &mask)
+            image_file::write_png(&dir.join("images").join(&name), width, SIDE, 3, &rgb).expect("written");
+            image_file::write_png(&dir.join("foreground").join(&name), width, SIDE, 1, &mask)
                 .expect("written");
             json!({
                 "file_path": format!("images/{name}"), "foreground_path": format!("foreground/{name}"),
@@ -120,7 +151,7 @@ fn capture(dir: &Path) -> PersonCapture {
         })
         .collect();
     let train = json!({
-        "w": SIDE, "h": SIDE, "fl_x": 46.0, "fl_y": 46.0, "cx": 12.0, "cy": 12.0, "camera_model": "PINHOLE",
+        "w": width, "h": SIDE, "fl_x": 46.0, "fl_y": 46.0, "cx": 12.0 + right as f64, "cy": 12.0, "camera_model": "PINHOLE",
         "frames": frames,
     });
     std::fs::write(dir.join("transforms_train.json"), train.to_string()).expect("written");
@@ -167,7 +198,7 @@ fn a_guide_that_is_not_asked_changes_no_bit() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
     let host = digest(settings(), &capture, None);
-    let guide = Halves { edge: true, blind: false };
+    let guide = halves(false);
     assert_eq!(digest(settings(), &capture, Some(&guide)), host, "all off");
     let of = |p: Progressive| digest(Settings { progressive: Some(p), ..settings() }, &capture, Some(&guide));
     let one_level = Progressive { lambda: f64::INFINITY, order: Order::None, ..Progressive::published() };
@@ -180,7 +211,7 @@ fn a_guide_that_is_not_asked_changes_no_bit() {
 fn frozen_children_stay_and_parents_move() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
-    let guide = Halves { edge: true, blind: false };
+    let guide = halves(false);
     for (cap, lambda) in [(Cap::Relative, 0.0), (Cap::Absolute, 0.0), (Cap::Relative, 0.1)] {
         let progressive = Progressive { cap, lambda, ..Progressive::published() };
         let s = Settings { progressive: Some(progressive), ..settings() };
@@ -212,7 +243,7 @@ fn frozen_children_stay_and_parents_move() {
 fn children_that_stop_take_no_step_and_others_take_five() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
-    let guide = Halves { edge: true, blind: false };
+    let guide = halves(false);
     for (lambda, renders) in [(f64::INFINITY, 1), (0.0, 5)] {
         let progressive = Progressive { cap: Cap::Stop, lambda, ..Progressive::published() };
         let s = Settings { progressive: Some(progressive), ..settings() };
@@ -233,13 +264,42 @@ fn children_that_stop_take_no_step_and_others_take_five() {
 }
 
 #[test]
+fn the_person_is_seen_wherever_it_stands() {
+    let dir = tempfile::tempdir().expect("a folder");
+    let capture = capture_in(dir.path(), 40, 15);
+    let settings = Settings { latent_weight: 0.1, ..settings() };
+    let run = |framing: Framing| {
+        let guide = Halves { framing, strict: true, ..halves(false) };
+        let mut fit = PersonFit::new(settings.clone(), &capture, Some(&guide)).expect("valid");
+        (0..8).try_for_each(|i| fit.step(i, &mut ()).map(|_| ())).map(|()| fit.tally().encodings)
+    };
+    assert_eq!(
+        run(Framing::Person).expect("in the middle of what is seen"),
+        8,
+        "a passage of the encoder per step"
+    );
+    let whole = run(Framing::Whole).expect_err("to the right of the middle of the picture").to_string();
+    assert!(whole.contains("somebody in the middle"), "{whole}");
+    // Half of the person has left the picture, then all of it.
+    let mut gone = capture.clone();
+    for (shift, is_seen) in [(-20.0, true), (-60.0, false)] {
+        for shot in &mut gone.shots {
+            shot.camera.center_px[0] = 27.0 + shift;
+        }
+        let guide = Halves { framing: Framing::Person, ..halves(false) };
+        let mut fit = PersonFit::new(settings.clone(), &gone, Some(&guide)).expect("valid");
+        assert_eq!(fit.step(0, &mut ()).is_ok(), is_seen, "moved by {shift} pixels");
+    }
+}
+
+#[test]
 fn no_discrepancy_adds_nothing() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
     for (blind, mode) in [(true, Mode::Replace), (true, Mode::Budget), (false, Mode::Replace)] {
         let density = Density { mode, latent_threshold: 1e-7, pixel_threshold: 1e-6, ..settings().density };
         let s = Settings { density, ..settings() };
-        let guide = Halves { edge: true, blind };
+        let guide = halves(blind);
         let mut fit = PersonFit::new(s, &capture, Some(&guide)).expect("valid");
         finish(&mut fit);
         let added = fit.events().iter().fold(0, |n, e| n + e.cloned + e.split);
@@ -253,7 +313,7 @@ fn no_discrepancy_adds_nothing() {
 fn calibration_makes_the_counts_equal() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
-    let guide = Halves { edge: true, blind: false };
+    let guide = halves(false);
     let s = Settings { density: Density { pixel_threshold: 1e-4, ..settings().density }, ..settings() };
     let scale = calibrate::latent_scale(&s, &capture, &guide, &mut ()).expect("runs").expect("candidates");
     // Just beyond the one that lies exactly at the threshold.
@@ -266,7 +326,7 @@ fn calibration_makes_the_counts_equal() {
     assert_eq!(event.iteration, 30, "half of the fit");
     assert!(event.pixel_candidates > 0, "something to make equal");
     assert_eq!(event.latent_candidates, event.pixel_candidates, "with c_τ = {scale}");
-    let blind = Halves { edge: true, blind: true };
+    let blind = halves(true);
     let none = calibrate::latent_scale(&s, &capture, &blind, &mut ()).expect("runs");
     assert_eq!(none, None, "nothing to make equal");
 }
@@ -275,7 +335,7 @@ fn calibration_makes_the_counts_equal() {
 fn an_interrupted_fit_and_other_threads_give_the_same_bits() {
     let dir = tempfile::tempdir().expect("a folder");
     let capture = capture(dir.path());
-    let guide = Halves { edge: true, blind: false };
+    let guide = halves(false);
     let whole = digest(guided(0.1), &capture, Some(&guide));
     for threads in [1, 7] {
         let other = par::with_threads(threads, || digest(guided(0.1), &capture, Some(&guide)));
@@ -327,7 +387,7 @@ fn what_cannot_be_is_refused() {
     let capture = capture(dir.path());
     let missing = PersonFit::new(guided(0.1), &capture, None).err().expect("no guide").to_string();
     assert!(missing.contains("model"), "{missing}");
-    let guide = Halves { edge: true, blind: false };
+    let guide = halves(false);
     let graph = Some(Digraph::new(2, &[(0, 1), (1, 0)]));
     let progressive = Some(Progressive { graph, keys: Keys::All, ..Progressive::published() });
     let cyclic = PersonFit::new(Settings { progressive, ..settings() }, &capture, Some(&guide));

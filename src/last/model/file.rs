@@ -112,6 +112,20 @@ impl Trained {
         parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
     }
 
+    /// Reads a file of a model that looks at pictures.
+    ///
+    /// # Errors
+    /// As [`Self::read`]; a model of vectors.
+    pub fn of_pictures(path: &Path) -> Result<Self> {
+        let trained = Self::read(path)?;
+        match trained.model.encoder.input() {
+            Input::Picture { .. } => Ok(trained),
+            Input::Vector { size } => Err(Error::input(path.display().to_string())
+                .expected("a model that looks at pictures")
+                .got(format!("one of vectors of {size} numbers"))),
+        }
+    }
+
     /// Reads bytes; `name` stands for the file.
     ///
     /// # Errors

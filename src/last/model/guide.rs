@@ -19,7 +19,7 @@ use super::settings::Reading;
 use super::structure::Structure;
 use super::verdict::linked;
 use crate::causal::structure;
-use crate::last::host::guide::{Framing, Guide, Square, Window};
+use crate::last::host::guide::{Framing, Guide, Square, Window, nowhere};
 use crate::math::digraph::Digraph;
 use crate::scene::person::{PersonCapture, Photo, Shot};
 use crate::tape::Tape;
@@ -183,7 +183,8 @@ impl Guide for Trained {
     }
 
     fn identity(&self) -> String {
-        self.digest().unwrap_or_else(|e| e.to_string())
+        let digest = self.digest().unwrap_or_else(|e| e.to_string());
+        if self.settings.framing == Framing::Whole { digest + " whole" } else { digest }
     }
 
     fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)> {
@@ -204,17 +205,24 @@ impl Guide for Trained {
 }
 
 /// What the model sees of the photograph of a shot (S, S, 3).
-pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Vec<f32> {
+///
+/// # Errors
+/// When the person has no place in the picture.
+pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Result<Vec<f32>> {
     let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
     cut(trained, capture, shot, &picture)
 }
 
 /// What the model sees of a picture (H, W, 3) of a shot's camera and moment (S, S, 3).
 ///
+/// # Errors
+/// When the person has no place in the picture.
+///
 /// # Panics
 /// When the picture does not have the camera's size.
-pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f32]) -> Vec<f32> {
+pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f32]) -> Result<Vec<f32>> {
     let size = [shot.camera.height, shot.camera.width];
     let person = Square::around(&shot.camera, &capture.posed_points(shot.time));
-    Window::new(trained.side(), size, trained.framing().square(size, person)).take(picture)
+    let square = trained.framing().square(size, person).ok_or_else(|| nowhere(&shot.name))?;
+    Ok(Window::new(trained.side(), size, square).take(picture))
 }

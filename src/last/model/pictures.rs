@@ -25,8 +25,10 @@ const REACH: f32 = 0.5;
 /// Pictures and points of one kind of item.
 #[derive(Clone, Default)]
 struct Set {
-    /// (N, S, S, 3) what is seen, 0 … 1
-    seen: Vec<f32>,
+    /// (N, S, S, 3)
+    images: Vec<u8>,
+    /// (N) what is seen of them
+    squares: Vec<Square>,
     /// (N, P, 6) coordinates and colour
     shown: Vec<f32>,
     /// (N, n) true factors
@@ -95,10 +97,11 @@ struct Seeing {
 }
 
 impl Seeing {
-    /// The window on a picture of points.
-    fn window(&self, points: &[[f32; 3]]) -> Window {
+    /// What is seen of a picture of points; all of it where they have no place in it.
+    fn square(&self, points: &[[f32; 3]]) -> Square {
         let size = [self.camera.height, self.camera.width];
-        Window::new(size[0], size, self.framing.square(size, Square::around(&self.camera, points)))
+        let person = Square::around(&self.camera, points);
+        self.framing.square(size, person).unwrap_or_else(|| Square::whole(size))
     }
 }
 
@@ -119,13 +122,10 @@ impl Set {
                 .got(format!("{:?}, {:?}, {:?}", images.shape(), cloud.shape(), rgb.shape())));
         }
         arrays.finite([&*format!("{prefix}points"), &format!("{prefix}rgb"), &format!("{prefix}u")])?;
-        let pixels: Vec<f32> = images.to_f32().iter().map(|b| b / 255.0).collect();
+        self.images.extend(images.to_i64().into_iter().flatten().map(|b| b as u8));
         let cloud = cloud.to_f32();
-        let seen = par::map(items, |i| {
-            let picture = &pixels[i * side * side * 3..][..side * side * 3];
-            how.window(cloud[i * points * 3..][..points * 3].as_chunks().0).take(picture)
-        });
-        self.seen.extend(seen.into_iter().flatten());
+        self.squares
+            .extend(par::map(items, |i| how.square(cloud[i * points * 3..][..points * 3].as_chunks().0)));
         for (x, c) in cloud.chunks_exact(3).zip(rgb.to_f32().chunks_exact(3)) {
             self.shown.extend_from_slice(x);
             self.shown.extend_from_slice(c);
@@ -224,11 +224,19 @@ impl Pictures {
         }
     }
 
+    /// The window through which a picture is seen.
+    pub fn window(&self, item: Item) -> Window {
+        let (set, at) = self.find(item);
+        Window::new(self.side, [self.side; 2], set.squares[at])
+    }
+
     /// What is seen of a picture (S, S, 3), 0 … 1.
-    pub fn seen(&self, item: Item) -> &[f32] {
+    pub fn seen(&self, item: Item) -> Vec<f32> {
         let (set, at) = self.find(item);
         let size = self.side * self.side * 3;
-        &set.seen[at * size..][..size]
+        let picture: Vec<f32> =
+            set.images[at * size..][..size].iter().map(|b| f32::from(*b) / 255.0).collect();
+        self.window(item).take(&picture)
     }
 }
 
@@ -238,7 +246,7 @@ impl Data for Pictures {
     }
 
     fn observed(&self) -> usize {
-        self.observed.seen.len() / (self.side * self.side * 3)
+        self.observed.squares.len()
     }
 
     fn groups(&self) -> &[Group] {

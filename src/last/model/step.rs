@@ -1,8 +1,8 @@
 //! One batch: forward, losses, gradients.
 //!
 //! Prediction by n sweeps gives back what abduction took apart on graphs without cycles only. Masks are drawn while edges are not settled, and along a cycle a counterfactual
-//! can grow from sweep to sweep. Where counterfactuals lie ten times as far out as factors (root mean squares), the mask keeps only edges along an order of the factors
-//! that is drawn for the step, and the step is computed anew.
+//! can grow from sweep to sweep. Where counterfactuals lie ten times as far out as the posterior means, and as values that are told (root mean squares), the mask keeps
+//! only edges along an order of the factors that is drawn for the step, and factors and counterfactuals are computed anew.
 
 use super::data::{Data, Item};
 use super::decoder::{Decoder, Target};
@@ -14,8 +14,8 @@ use super::structure::{Sizes, Structure};
 use super::targets::{self, Pairs};
 use crate::Result;
 use crate::causal::{acyclic, independence, mask, structure};
-use crate::num::order;
 use crate::num::rng::Rng;
+use crate::num::{order, par};
 use crate::tape::{Grads, Params, Tape};
 use ndarray::{ArrayD, IxDyn};
 
@@ -95,9 +95,7 @@ impl Model {
 fn inputs(data: &dyn Data, items: &[Item]) -> Vec<f32> {
     let size = data.input().len();
     let mut x = vec![0.0; items.len() * size];
-    for (item, into) in items.iter().zip(x.chunks_exact_mut(size)) {
-        data.write_input(*item, into);
-    }
+    par::chunks_mut(&mut x, size, |i, into| data.write_input(items[i], into));
     x
 }
 
@@ -204,15 +202,15 @@ pub struct Stepped {
     pub covariance: Option<Vec<f64>>,
 }
 
-/// Counterfactuals so many times as far out as factors come from a mask with a cycle.
+/// Counterfactuals so many times as far out as what is encoded come from a mask with a cycle.
 const FAR: f64 = 10.0;
 
-/// Whether counterfactuals have grown along a cycle.
-fn grows(out: &latent::Out) -> bool {
+/// Whether counterfactuals have grown along a cycle, beyond what is encoded and what is told.
+fn grows(counterfactuals: &[f64], encoded: &[f64], told: &[f64]) -> bool {
     let mean_square = |x: &[f64]| x.iter().fold(0.0, |s, x| s + x * x) / Ord::max(1, x.len()) as f64;
-    let (factors, counterfactuals) = out.decoded.split_at(out.means.len());
+    let usual = order::max(mean_square(encoded), mean_square(told));
     // A NaN grows, too.
-    !(mean_square(counterfactuals) <= FAR * FAR * mean_square(factors))
+    !(mean_square(counterfactuals) <= FAR * FAR * usual)
 }
 
 /// (n, n) 1 where the first factor comes before the second in an order drawn for the step.
@@ -274,7 +272,9 @@ pub fn run(
         carried: carried.as_deref().map(|sum| (sum, share)),
     };
     let mut out = latent::forward(&latent::In { mask: &sampled, ..unmasked })?;
-    let along = (context.graph.is_none() && grows(&out)).then(|| ordered(&rng, n, step));
+    let told: &[f64] = if settings.supervision == Supervision::Labels { &batch.labels } else { &[] };
+    let far = context.graph.is_none() && grows(&out.decoded[mu.len()..], &mu, told);
+    let along = far.then(|| ordered(&rng, n, step));
     if let Some(along) = &along {
         sampled.iter_mut().zip(along).for_each(|(drawn, along)| *drawn *= along);
         out = latent::forward(&latent::In { mask: &sampled, ..unmasked })?;

@@ -415,6 +415,19 @@ mod tests {
         assert!((own / mean - 1.0).abs() < 1e-5, "the first is as usual: {own} and {mean}");
         assert_eq!(seen(Some(own)).0, own, "one of the usual length stays");
         assert_eq!(seen(Some(0.0)).0, own, "as does one after 0");
+        // The logits have a rate of their own and keep their gradient.
+        let logits = |usual: Option<f64>| {
+            let mut training = Training::new(Settings { freeze: 0, alone: 0, ..settings.scaled(40) }, &data)
+                .expect("a model");
+            training.length = usual;
+            training.advance().expect("finite");
+            let mut state = Arrays::new();
+            training.save(&mut state);
+            state.get("adam/structure.logits.m").expect("its moments").to_f64()
+        };
+        let free = logits(None);
+        assert!(free.iter().any(|m| *m != 0.0), "they move from the first step on");
+        assert_eq!(logits(Some(own / 1000.0)), free, "whatever the others do");
         let (short, after) = seen(Some(own / 1000.0));
         assert!((short / own - 0.01).abs() < 1e-5, "ten times a thousandth of it: {short} of {own}");
         assert!((after / (own / 1000.0) - 1.09).abs() < 1e-5, "and counts as that in the mean: {after}");

@@ -67,7 +67,7 @@ impl Subject {
         }
         for &i in &capture.train {
             let shot = &capture.shots[i];
-            let [mu, ell] = trained.posterior(&guide::seen(trained, capture, shot, &shot.photo()?));
+            let [mu, ell] = trained.posterior(&guide::seen(trained, capture, shot, &shot.photo()?)?);
             subject.mu.extend(mu);
             subject.ell.extend(ell);
             if trained.settings.reading == Reading::Literal {

@@ -34,7 +34,8 @@ pub struct Verdict {
     pub colour_error: f64,
     /// after-pictures of interventions against decoded counterfactuals, and against unchanged decodings
     pub counterfactual: Option<[Errors; 2]>,
-    /// against decoded counterfactuals under the true graph, where it is known and every factor has its block
+    /// against counterfactuals decoded along the true edges by the same networks, where the truth is known and every factor has its block. Networks of edges that the
+    /// model does not have were not refitted: a larger error does not speak against the truth
     pub under_truth: Option<Errors>,
     /// blocks against factors, and what the true factors score
     pub likeness: [Likeness; 2],
@@ -220,10 +221,10 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> R
     let block = &verdict.matched.block;
     let targets: Option<Vec<usize>> = targets.iter().map(|t| block.get(*t).copied().flatten()).collect();
     let Some(targets) = targets else { return Ok(()) };
-    let truth = verdict.truth.as_ref().filter(|truth| truth.n() == n).map(|truth| {
-        let mut factor = vec![0; n];
-        (0..n).filter_map(|f| Some((f, block.get(f).copied().flatten()?))).for_each(|(f, b)| factor[b] = f);
-        Digraph::from_fn(n, |i, j| truth.has(factor[i], factor[j]))
+    let whole: Option<Vec<usize>> = block.iter().copied().collect();
+    let truth = verdict.truth.as_ref().filter(|truth| truth.n() == n).zip(whole).map(|(truth, blocks)| {
+        let factor = |b: usize| blocks.iter().position(|x| *x == b).expect("n blocks for n factors");
+        Digraph::from_fn(n, |i, j| truth.has(factor(i), factor(j)))
     });
     if let Some(truth) = &truth {
         let each: Vec<usize> = targets.iter().flat_map(|t| vec![*t; members]).collect();
@@ -302,7 +303,7 @@ impl Verdict {
             lines.push(line);
         }
         if let Some(oracle) = self.under_truth {
-            lines.push(format!("            {:.4} under the true graph", oracle.space));
+            lines.push(format!("            {:.4} off along the true edges", oracle.space));
         }
         let score = |x: Option<f64>| x.map_or_else(|| "–".into(), |x| format!("{x:.3}"));
         let [own, best] = self.likeness.map(|l| l.named());

@@ -263,9 +263,10 @@ fn three(values: &[f64]) -> String {
 pub fn correct(size: Size) -> Learning {
     let kinds = [Supervision::Groups, Supervision::Labels, Supervision::PerSample, Supervision::None];
     let mut list = Vec::new();
-    for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
-        for graph in GRAPHS {
-            for supervision in kinds {
+    // What is asked first, then the controls.
+    for supervision in kinds {
+        for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
+            for graph in GRAPHS {
                 let row = format!("{graph} {} {}", mechanism.name(), supervision.name());
                 list.push((row, Trial { supervision, ..Trial::new(graph, mechanism, 0) }));
             }

@@ -1,7 +1,7 @@
 //! One render of a moment and everything that comes back from it.
 
 use super::super::avatar::{Grad, Rig};
-use super::super::guide::{Guide, Window};
+use super::super::guide::{Guide, Window, nowhere};
 use super::super::light::{self, Moment};
 use super::super::prior;
 use super::super::view::Target;
@@ -45,11 +45,12 @@ pub(super) struct Want {
 
 impl<'a> PersonFit<'a> {
     /// The guide and its window on a picture.
-    pub(super) fn window(&self, target: &Target) -> Option<(&'a dyn Guide, Window)> {
-        let guide = self.guide?;
+    pub(super) fn window(&self, target: &Target) -> Result<Option<(&'a dyn Guide, Window)>> {
+        let Some(guide) = self.guide else { return Ok(None) };
         let size = [target.camera.height, target.camera.width];
         let square = guide.framing().square(size, target.person);
-        Some((guide, Window::new(guide.side(), size, square)))
+        let square = square.ok_or_else(|| nowhere(&format!("a picture of moment {}", target.time)))?;
+        Ok(Some((guide, Window::new(guide.side(), size, square))))
     }
 
     /// Renders the Gaussians at a moment, compares, and goes all the way back.
@@ -78,7 +79,7 @@ impl<'a> PersonFit<'a> {
         watch.lap("loss");
         let mut latent = None;
         if (want.latent || self.settings.latent_weight > 0.0)
-            && let Some((guide, window)) = self.window(target)
+            && let Some((guide, window)) = self.window(target)?
         {
             let mut seen = work.out.image.clone();
             before_black(&mut seen, &work.out.alpha, background);

@@ -107,7 +107,7 @@ impl PersonFit<'_> {
             let target = self.target(shot)?;
             let out =
                 self.avatar.picture(&self.capture.poses[target.time], Some(target.time), &target.camera)?;
-            let Some((guide, window)) = self.window(&target) else { continue };
+            let Some((guide, window)) = self.window(&target)? else { continue };
             self.tally.renders += 1;
             self.tally.encodings += 1;
             let places = &self.avatar.gaussians.means;

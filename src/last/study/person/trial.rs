@@ -287,8 +287,8 @@ fn factor_errors(avatar: &Avatar, capture: &PersonCapture, guide: &Trained) -> R
     for v in 0..count {
         let shot = &capture.shots[capture.train[v * train / count]];
         let out = avatar.picture(&capture.poses[shot.time], Some(shot.time), &shot.camera)?;
-        let real = seen(guide, capture, shot, &shot.photo()?);
-        let rendered = cut(guide, capture, shot, &out.image);
+        let real = seen(guide, capture, shot, &shot.photo()?)?;
+        let rendered = cut(guide, capture, shot, &out.image)?;
         let scores = guide.swap_scores(&rendered, &real, &guide.template)?;
         for (sum, of_points) in sums.iter_mut().zip(&scores) {
             let total = of_points.iter().fold(0.0, |s, x| s + x);
