@@ -177,6 +177,12 @@ fn unimodal(values: &[f64]) -> bool {
 }
 
 fn bounded(bounds: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
+    // What has not run has no level.
+    let has_run = |l: &f64| results.iter().any(|(cell, _)| cell.row == format!("rel {l}"));
+    let bounds: Vec<f64> = bounds.iter().copied().filter(has_run).collect();
+    if bounds.is_empty() {
+        return (None, "No λ of mode rel has run.".into());
+    }
     let level: Vec<f64> = bounds.iter().map(|l| mean(results, &format!("rel {l}"), VALUE)).collect();
     let top = (1..level.len()).fold(0, |t, i| if level[i] > level[t] { i } else { t });
     let inside = bounds.get(top).is_some_and(|l| (0.05..=0.2).contains(l));
@@ -325,6 +331,17 @@ mod tests {
         assert_eq!(of(rows(32.45, 31.68, 31.44, 29.78, 31.0)), Outcome::Holds, "the paper's numbers");
         assert_eq!(of(rows(32.45, 31.68, 31.44, 31.5, 31.0)), Outcome::Fails, "structure between the others");
         assert_eq!(of(rows(31.0, 31.68, 30.44, 29.0, 31.0)), Outcome::Fails, "full is not best");
+    }
+
+    #[test]
+    fn bounds_that_have_not_run_have_no_level() {
+        let cells: Vec<_> = [("rel 0.05", [20.0, 21.0]), ("rel 0.1", [20.2, 21.3])]
+            .iter()
+            .flat_map(|(name, x)| row(name, x))
+            .collect();
+        let text = bounded(&[0.0, 0.05, 0.1, f64::INFINITY], &cells).1;
+        assert!(text.contains("best at λ = 0.1") && text.contains("0.25 dB between"), "{text}");
+        assert_eq!(bounded(&[0.5], &cells).0, None, "nothing to compare");
     }
 
     #[test]
