@@ -1,8 +1,9 @@
 //! All image metrics of one view of a person, each under its name.
 //!
 //! The box is the projected box of the person ([`crate::scene::bound`]). `PSNR-box` counts its pixels; `SSIM-g-box`, `SSIM-sk-box` and `RFD-box`
-//! look at the smallest rectangle around it, as does LPIPS beside the whole image where there are weights for it. The rest sees the whole image. Whether what lies outside the box was set to the background before
-//! ([`crate::scene::bound::clear_outside`]) is the caller's choice and part of a protocol.
+//! look at the smallest rectangle around it, as does LPIPS beside the whole image where there are weights for it. The rest sees the whole image.
+//! Whether what lies outside the box was set to the background before ([`crate::scene::bound::clear_outside`]) is the caller's choice and part
+//! of a protocol.
 
 use super::{Crop, psnr, rfd, ssim, ssim_sk};
 use crate::loss::{In, lpips};
