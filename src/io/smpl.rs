@@ -10,6 +10,7 @@
 //! | `weights` | (6890, 24) | skinning weights |
 //! | `kintree_table` | (2, 24) | parents; the root's is 4294967295 or −1 |
 //! | `f` | (13776, 3) | triangles |
+//! | `hands_meanl`, `hands_meanr` | (45) | rotations of the last 30 joints in the mean hand (SMPL-H, SMPL-X) |
 //!
 //! The files are licensed to their users and are not part of this program. A pickle is read by [`super::pickle`]: nothing in it is run.
 
@@ -46,6 +47,8 @@ pub struct BodyModel {
     pub parents: Vec<Option<usize>>,
     /// (F)
     pub faces: Vec<[u32; 3]>,
+    /// (30) axis-angles of the mean hands, left then right: the last joints
+    pub mean_hands: Option<Vec<[f64; 3]>>,
 }
 
 impl BodyModel {
@@ -55,8 +58,20 @@ impl BodyModel {
     }
 }
 
-const KEYS: [&str; 7] =
-    ["v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f"];
+const KEYS: [&str; 9] = [
+    "v_template",
+    "shapedirs",
+    "posedirs",
+    "J_regressor",
+    "weights",
+    "kintree_table",
+    "f",
+    HANDS[0],
+    HANDS[1],
+];
+const HANDS: [&str; 2] = ["hands_meanl", "hands_meanr"];
+/// Joints of a hand.
+const HAND: usize = 15;
 
 /// Reads a model: `.pkl`, `.npz`, or a folder with ARAH's `skinning_weights_all.npz` and its neighbours (of which `gender` chooses).
 ///
@@ -203,6 +218,14 @@ pub fn from_arrays(arrays: &Arrays) -> Result<BodyModel> {
             }
         }
     };
+    let mean_hands = match HANDS.map(|key| arrays.get(key)) {
+        [Some(_), Some(_)] if k > 2 * HAND => {
+            let flat = HANDS.map(|key| shaped(key, &[3 * HAND]));
+            let [left, right] = flat;
+            Some([left?, right?].concat().as_chunks::<3>().0.to_vec())
+        }
+        _ => None,
+    };
     Ok(BodyModel {
         template,
         shapes,
@@ -212,5 +235,6 @@ pub fn from_arrays(arrays: &Arrays) -> Result<BodyModel> {
         weights: shaped("weights", &[v, k])?,
         parents,
         faces,
+        mean_hands,
     })
 }

@@ -1,4 +1,4 @@
-//! A body of 24 joints and 48 points under the keys of SMPL, posed by formulas of its own, and pictures of it of 16² or 32².
+//! A body of 24 joints and 48 points under the keys of SMPL, or of 55 and 110 under those of SMPL-X, posed by formulas of its own, and pictures of it of 16² or 32².
 
 use super::python::{Py, dump};
 use lastlight::io::image_file;
@@ -10,10 +10,12 @@ use std::path::Path;
 pub(crate) type V3 = [f64; 3];
 pub(crate) type M3 = [[f64; 3]; 3];
 
-/// Joints.
+/// Joints of SMPL.
 pub(crate) const K: usize = 24;
 /// Points: two per joint.
 pub(crate) const V: usize = 2 * K;
+/// Joints of SMPL-X: 22 of the body, jaw, eyes, 15 of either hand.
+pub(crate) const KX: usize = 55;
 /// Shape coefficients.
 pub(crate) const B: usize = 10;
 /// Parents.
@@ -29,6 +31,28 @@ const JOINTS: [V3; K] = [
     [0.45, 0.2, 0.0], [-0.45, 0.2, 0.0], [0.7, 0.2, 0.0], [-0.7, 0.2, 0.0], [0.8, 0.2, 0.0], [-0.8, 0.2, 0.0],
 ];
 
+/// Parents and places of K or KX joints.
+fn skeleton(k: usize) -> (Vec<usize>, Vec<V3>) {
+    let (mut parents, mut places) = (PARENTS.to_vec(), JOINTS.to_vec());
+    if k == KX {
+        parents.truncate(22);
+        places.truncate(22);
+        for x in [0.0, 0.03, -0.03] {
+            parents.push(15);
+            places.push([x, 0.5, 0.1]);
+        }
+        for (wrist, side) in [(20, 1.0), (21, -1.0)] {
+            for joint in 0..15 {
+                // Five fingers of three joints.
+                let (finger, phalanx) = (joint / 3, joint % 3);
+                parents.push(if phalanx == 0 { wrist } else { parents.len() - 1 });
+                places.push([side * (0.76 + 0.03 * phalanx as f64), 0.2, 0.04 - 0.02 * finger as f64]);
+            }
+        }
+    }
+    (parents, places)
+}
+
 /// Numbers in −1..1 that depend on their index alone.
 fn noise(i: usize) -> f64 {
     let x = (i as u64 + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -38,6 +62,7 @@ fn noise(i: usize) -> f64 {
 
 /// The body model.
 pub(crate) struct Mini {
+    parents: Vec<usize>,
     pub(crate) template: Vec<V3>,
     pub(crate) shapes: Vec<f64>,
     pub(crate) pose_shapes: Vec<f64>,
@@ -48,31 +73,46 @@ pub(crate) struct Mini {
 
 impl Mini {
     pub(crate) fn new() -> Self {
+        Self::of(K)
+    }
+
+    /// With K or KX joints.
+    pub(crate) fn of(k: usize) -> Self {
+        let (parents, places) = skeleton(k);
+        let v = 2 * k;
         // The points of a joint lie on opposite sides of it, so that their mean is the joint.
-        let template = (0..V).map(|v| {
-            let side = if v < K { 0.05 } else { -0.05 };
-            let j = JOINTS[v % K];
+        let template = (0..v).map(|p| {
+            let side = if p < k { 0.05 } else { -0.05 };
+            let j = places[p % k];
             [j[0] + 0.3 * side, j[1] + 0.4 * side, j[2] + side]
         });
-        let mut regressor = vec![0.0; K * V];
-        let mut weights = vec![0.0; V * K];
-        for v in 0..V {
-            regressor[(v % K) * V + v] = 0.5;
-            weights[v * K + v % K] += 0.75;
-            weights[v * K + PARENTS[v % K]] += 0.25;
+        let mut regressor = vec![0.0; k * v];
+        let mut weights = vec![0.0; v * k];
+        for p in 0..v {
+            regressor[(p % k) * v + p] = 0.5;
+            weights[p * k + p % k] += 0.75;
+            weights[p * k + parents[p % k]] += 0.25;
         }
         Self {
             template: template.collect(),
-            shapes: (0..V * 3 * B).map(|i| 0.02 * noise(i)).collect(),
-            pose_shapes: (0..V * 3 * 9 * (K - 1)).map(|i| 0.01 * noise(i + 77)).collect(),
+            shapes: (0..v * 3 * B).map(|i| 0.02 * noise(i)).collect(),
+            pose_shapes: (0..v * 3 * 9 * (k - 1)).map(|i| 0.01 * noise(i + 77)).collect(),
             regressor,
             weights,
-            faces: (0..V as u32 - 2).flat_map(|v| [v, v + 1, v + 2]).collect(),
+            parents,
+            faces: (0..v as u32 - 2).flat_map(|i| [i, i + 1, i + 2]).collect(),
         }
     }
 
-    fn parents(&self) -> Vec<u32> {
-        (0..K).map(|k| if k == 0 { u32::MAX } else { PARENTS[k] as u32 }).chain(0..K as u32).collect()
+    /// Joints and points.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.parents.len(), self.template.len()]
+    }
+
+    fn kintree(&self) -> Vec<u32> {
+        let [joints, _] = self.size();
+        let up = |k: usize| if k == 0 { u32::MAX } else { self.parents[k] as u32 };
+        (0..joints).map(up).chain(0..joints as u32).collect()
     }
 
     /// As `SMPL_NEUTRAL.pkl` has it.
@@ -81,7 +121,7 @@ impl Mini {
         dump(&Py::Dict(vec![
             ("J_regressor", Py::Csc(K, V, self.regressor.clone())),
             ("f", Py::Counts(vec![V - 2, 3], self.faces.clone())),
-            ("kintree_table", Py::Counts(vec![2, K], self.parents())),
+            ("kintree_table", Py::Counts(vec![2, K], self.kintree())),
             ("weights", Py::Array(vec![V, K], self.weights.clone())),
             ("posedirs", Py::Array(vec![V, 3, 9 * (K - 1)], self.pose_shapes.clone())),
             ("bs_style", Py::Str("lbs".into())),
@@ -93,14 +133,20 @@ impl Mini {
 
     /// As an `.npz` has it.
     pub(crate) fn arrays(&self) -> Arrays {
-        Arrays::new()
-            .with("v_template", &[V, 3], self.template.iter().flatten().copied().collect::<Vec<f64>>())
-            .with("shapedirs", &[V, 3, B], self.shapes.clone())
-            .with("posedirs", &[V, 3, 9 * (K - 1)], self.pose_shapes.clone())
-            .with("J_regressor", &[K, V], self.regressor.clone())
-            .with("weights", &[V, K], self.weights.clone())
-            .with("kintree_table", &[2, K], self.parents().into_iter().map(i64::from).collect::<Vec<i64>>())
-            .with("f", &[V - 2, 3], self.faces.iter().map(|&i| i as i32).collect::<Vec<i32>>())
+        let [k, v] = self.size();
+        let mut out = Arrays::new()
+            .with("v_template", &[v, 3], self.template.iter().flatten().copied().collect::<Vec<f64>>())
+            .with("shapedirs", &[v, 3, B], self.shapes.clone())
+            .with("posedirs", &[v, 3, 9 * (k - 1)], self.pose_shapes.clone())
+            .with("J_regressor", &[k, v], self.regressor.clone())
+            .with("weights", &[v, k], self.weights.clone())
+            .with("kintree_table", &[2, k], self.kintree().into_iter().map(i64::from).collect::<Vec<i64>>())
+            .with("f", &[v - 2, 3], self.faces.iter().map(|&i| i as i32).collect::<Vec<i32>>());
+        if k == KX {
+            let [left, right] = mean_hands();
+            out = out.with("hands_meanl", &[45], left).with("hands_meanr", &[45], right);
+        }
+        out
     }
 
     /// As ARAH's folder has it.
@@ -124,7 +170,7 @@ impl Mini {
         let at = |v: usize, c: usize| {
             (0..betas.len()).fold(self.template[v][c], |s, b| s + self.shapes[(3 * v + c) * B + b] * betas[b])
         };
-        (0..V).map(|v| [at(v, 0), at(v, 1), at(v, 2)]).collect()
+        (0..self.template.len()).map(|v| [at(v, 0), at(v, 1), at(v, 2)]).collect()
     }
 
     /// Every joint turns what hangs on it about its own place at rest, from the point upwards: no matrices of chains.
@@ -140,10 +186,12 @@ impl Mini {
         thetas: &[V3],
         place: &dyn Fn(V3) -> V3,
     ) -> Vec<V3> {
+        let [count, points] = self.size();
         let joint = |k: usize| -> V3 {
-            std::array::from_fn(|c| (0..V).fold(0.0, |s, v| s + self.regressor[k * V + v] * body[v][c]))
+            let row = &self.regressor[k * points..][..points];
+            std::array::from_fn(|c| row.iter().zip(body).fold(0.0, |s, (r, x)| s + r * x[c]))
         };
-        let joints: Vec<V3> = (0..K).map(joint).collect();
+        let joints: Vec<V3> = (0..count).map(joint).collect();
         let turned = |mut x: V3, mut k: usize| {
             loop {
                 let j = joints[k];
@@ -152,25 +200,25 @@ impl Mini {
                 if k == 0 {
                     return x;
                 }
-                k = PARENTS[k];
+                k = self.parents[k];
             }
         };
-        (0..V)
+        (0..points)
             .map(|v| {
                 let mut x = rest[v];
-                for k in 1..K {
+                for k in 1..count {
                     for i in 0..9 {
                         let r = rotated(thetas[k], [0, 1, 2].map(|c| f64::from(u8::from(c == i % 3))))[i / 3];
                         let f = r - f64::from(u8::from(i % 4 == 0));
                         for c in 0..3 {
-                            x[c] += self.pose_shapes[(3 * v + c) * 9 * (K - 1) + 9 * (k - 1) + i] * f;
+                            x[c] += self.pose_shapes[(3 * v + c) * 9 * (count - 1) + 9 * (k - 1) + i] * f;
                         }
                     }
                 }
                 let mut out = [0.0; 3];
-                for k in 0..K {
+                for k in 0..count {
                     let y = turned(x, k);
-                    (0..3).for_each(|c| out[c] += self.weights[v * K + k] * y[c]);
+                    (0..3).for_each(|c| out[c] += self.weights[v * count + k] * y[c]);
                 }
                 place(out)
             })
@@ -197,9 +245,19 @@ pub(crate) fn matrix(v: V3) -> M3 {
     std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]))
 }
 
+/// Rotations of the mean hands, 45 numbers each.
+pub(crate) fn mean_hands() -> [Vec<f64>; 2] {
+    [300, 400].map(|from| (0..45).map(|i| 0.4 * noise(from + i)).collect())
+}
+
 /// Axis-angles of moment t; the root's is `root`.
 pub(crate) fn thetas(t: usize, root: V3) -> Vec<V3> {
-    (0..K)
+    thetas_of(K, t, root)
+}
+
+/// The same of `joints`.
+pub(crate) fn thetas_of(joints: usize, t: usize, root: V3) -> Vec<V3> {
+    (0..joints)
         .map(|k| if k == 0 { root } else { [0, 1, 2].map(|c| 0.25 * noise(1000 * t + 3 * k + c)) })
         .collect()
 }

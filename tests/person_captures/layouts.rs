@@ -1,17 +1,21 @@
 //! Miniatures of the layouts, and what is true of them.
 
-use super::common::person::{Cam, Mini, V, V3, betas, matrix, pairs, rotated, thetas, write_picture};
+use super::common::person::{
+    Cam, KX, Mini, V, V3, apart, betas, matrix, mean_hands, pairs, rotated, thetas, thetas_of, write_picture,
+};
 use super::common::python::{Py, dump, object_npy};
-use super::{Truth, check, convert, error, same, up};
+use super::{BODY, Truth, check, convert, error, same, up};
 use hdf5_pure::{FileBuilder, GroupBuilder};
-use lastlight::io::captures::{Layout, Range, Selection};
+use lastlight::io::captures::{self, Layout, Range, Selection};
 use lastlight::io::image_file;
 use lastlight::io::npz;
 use lastlight::io::smpl::{self, BodyModel};
 use lastlight::num::array::Arrays;
+use lastlight::scene::person::{PersonCapture, import};
 use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 /// Distortion that moves pixels of a small picture by up to one.
 const D: [f64; 5] = [-0.08, 0.01, 0.002, -0.001, 0.003];
@@ -123,7 +127,7 @@ pub(crate) fn zju(dir: &Path, refined: bool, count: usize, frames: usize) -> Tru
         std::fs::create_dir_all(dir.join("new_vertices")).expect("made");
         std::fs::write(dir.join("new_vertices/0.npy"), &zip[start..end]).expect("written");
     }
-    Truth { points, cameras, world: same, scale: 2, side }
+    Truth { points, cameras, world: same, scale: 2, side, body: BODY }
 }
 
 #[test]
@@ -192,7 +196,7 @@ fn monocap() {
         points.insert(f as i64, x);
     }
     std::fs::write(dir.join("annots.npy"), annots(&cameras, None)).expect("written");
-    let truth = Truth { points, cameras, world: same, scale: 1, side };
+    let truth = Truth { points, cameras, world: same, scale: 1, side, body: BODY };
     let c = check(Layout::MonoCap, dir, &both(), Some(&model()), &truth);
     assert_eq!(pairs(&c, &c.test), [(1, 0), (1, 1), (1, 2)], "as selected");
     assert_eq!(c.box_margin, 0.1, "MonoCap's margin");
@@ -200,6 +204,28 @@ fn monocap() {
     let out = tempfile::tempdir().expect("a temporary folder");
     let e = error(convert(Layout::MonoCap, dir, &Selection::default(), Some(&model()), out.path()));
     assert!(e.contains("camera 2") && e.contains("2 cameras"), "{e}");
+}
+
+/// A moment as ARAH and 3DGS-Avatar have it.
+fn posed_model(path: &Path, rest: &[V3], turns: &[V3], trans: V3) {
+    let body = model();
+    let joints = lastlight::scene::person::smpl::joints(&body, rest);
+    let bones = lastlight::scene::person::smpl::chain(&body.parents, &joints, turns);
+    let square = |a: &[[f64; 4]; 3]| -> Vec<f32> {
+        a.iter().flatten().copied().chain([0.0, 0.0, 0.0, 1.0]).map(|x| x as f32).collect()
+    };
+    let squares: Vec<f32> = bones.iter().flat_map(square).collect();
+    let angles = flat(turns);
+    let model = Arrays::new()
+        .with("minimal_shape", &[V, 3], flat(rest))
+        .with("betas", &[1, 10], betas())
+        .with("bone_transforms", &[24, 4, 4], squares)
+        .with("trans", &[3], trans.to_vec())
+        .with("root_orient", &[3], angles[..3].to_vec())
+        .with("pose_body", &[63], angles[3..66].to_vec())
+        .with("pose_hand", &[6], angles[66..].to_vec())
+        .with("Jtr_posed", &[24, 3], vec![0.0f64; 72]);
+    npz::write(path, &model).expect("written");
 }
 
 #[test]
@@ -227,26 +253,7 @@ fn arah() {
         let trans = [0.05, -0.1 * f as f64, 0.1];
         let rest = mini.shaped(&betas());
         let x = mini.posed(&rest, &turns, &|x| std::array::from_fn(|c| x[c] + trans[c]));
-        let body = model();
-        let joints = lastlight::scene::person::smpl::joints(&body, &rest);
-        let bones = lastlight::scene::person::smpl::chain(&body.parents, &joints, &turns);
-        let squares: Vec<f32> = bones
-            .iter()
-            .flat_map(|a| {
-                a.iter().flatten().copied().chain([0.0, 0.0, 0.0, 1.0]).map(|x| x as f32).collect::<Vec<_>>()
-            })
-            .collect();
-        let angles = flat(&turns);
-        let mut model = Arrays::new()
-            .with("minimal_shape", &[V, 3], flat(&rest))
-            .with("betas", &[1, 10], betas())
-            .with("bone_transforms", &[24, 4, 4], squares)
-            .with("trans", &[3], trans.to_vec())
-            .with("root_orient", &[3], angles[..3].to_vec())
-            .with("pose_body", &[63], angles[3..66].to_vec())
-            .with("pose_hand", &[6], angles[66..].to_vec());
-        model.put("Jtr_posed", &[24, 3], vec![0.0f64; 72]);
-        npz::write(&dir.join(format!("models/{f:06}.npz")), &model).expect("written");
+        posed_model(&dir.join(format!("models/{f:06}.npz")), &rest, &turns, trans);
         for (c, cam) in &cameras {
             let (rgb, mask) = cam.photograph(side, &x);
             write_picture(&dir.join(format!("{}/{f:06}.jpg", called(*c))), side, 3, &rgb);
@@ -254,7 +261,7 @@ fn arah() {
         }
         points.insert(f as i64, x);
     }
-    let truth = Truth { points, cameras, world: same, scale: 1, side };
+    let truth = Truth { points, cameras, world: same, scale: 1, side, body: BODY };
     let c = check(Layout::Arah, dir, &Selection::default(), None, &truth);
     assert_eq!(pairs(&c, &c.train), [(1, 0), (1, 1), (1, 2)], "camera 1, all frames");
     assert_eq!(pairs(&c, &c.test), [(2, 0)], "the others, every thirtieth");
@@ -274,13 +281,9 @@ fn still(side: usize, d: &[f64]) -> Cam {
     Cam { t: [0.0; 3], r: matrix([0.0; 3]), ..Cam::around(side, 0.0, false, d) }
 }
 
-/// PeopleSnapshot without pictures; gives points, and the pictures to come.
-fn snapshot(dir: &Path, side: usize, frames: usize) -> (Truth, Vec<Vec<u8>>) {
-    std::fs::create_dir_all(dir).expect("made");
-    let (mini, cam) = (Mini::new(), still(side, &D));
-    // The person at rest is not the model's shape: clothes.
-    let rest: Vec<V3> = mini.shaped(&betas()).iter().map(|x| [1.02 * x[0], x[1], 1.05 * x[2]]).collect();
-    let camera = dump(&Py::Dict(vec![
+/// `camera.pkl`.
+fn camera_pkl(cam: &Cam, side: usize) -> Vec<u8> {
+    dump(&Py::Dict(vec![
         ("camera_t", Py::Array(vec![3], cam.t.to_vec())),
         ("camera_rt", Py::Array(vec![3], vec![0.0; 3])),
         ("camera_f", Py::Array(vec![2], vec![cam.k[0][0], cam.k[1][1]])),
@@ -288,8 +291,16 @@ fn snapshot(dir: &Path, side: usize, frames: usize) -> (Truth, Vec<Vec<u8>>) {
         ("camera_k", Py::Array(vec![5], cam.d.clone())),
         ("width", Py::Int(side as i64)),
         ("height", Py::Int(side as i64)),
-    ]));
-    std::fs::write(dir.join("camera.pkl"), camera).expect("written");
+    ]))
+}
+
+/// PeopleSnapshot without pictures; gives points, and the pictures to come.
+fn snapshot(dir: &Path, side: usize, frames: usize) -> (Truth, Vec<Vec<u8>>) {
+    std::fs::create_dir_all(dir).expect("made");
+    let (mini, cam) = (Mini::new(), still(side, &D));
+    // The person at rest is not the model's shape: clothes.
+    let rest: Vec<V3> = mini.shaped(&betas()).iter().map(|x| [1.02 * x[0], x[1], 1.05 * x[2]]).collect();
+    std::fs::write(dir.join("camera.pkl"), camera_pkl(&cam, side)).expect("written");
     let (mut points, mut photographs, mut masks) = (BTreeMap::new(), Vec::new(), Vec::new());
     let (mut pose, mut trans) = (Vec::new(), Vec::new());
     for f in 0..frames {
@@ -323,7 +334,10 @@ fn snapshot(dir: &Path, side: usize, frames: usize) -> (Truth, Vec<Vec<u8>>) {
         format!("# person\n{}\nvt 0 0\nf 1/1 2/1 3/1\n", lines.join("\n")),
     )
     .expect("written");
-    (Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side }, photographs)
+    (
+        Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY },
+        photographs,
+    )
 }
 
 #[test]
@@ -469,25 +483,69 @@ fn instant_avatar() {
         .with("transl", &[3, 3], flat(&transl[..3]));
     std::fs::create_dir_all(dir.join("poses")).expect("made");
     npz::write(&dir.join("poses/anim_nerf_train.npz"), &fine).expect("written");
-    let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side };
+    let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY };
     let c = check(Layout::InstantAvatar, dir, &Selection::default(), Some(&model()), &truth);
     assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
+}
+
+#[test]
+fn anim_nerf() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let dir = &folder.path().join("somebody");
+    let (side, frames) = (32, 4);
+    let (mini, cam) = (Mini::new(), still(side, &D));
+    mini.misc(&folder.path().join("body_models/misc"));
+    std::fs::create_dir_all(dir.join("animnerf_models")).expect("made");
+    std::fs::write(dir.join("camera.pkl"), camera_pkl(&cam, side)).expect("written");
+    let rest = mini.shaped(&betas());
+    let mut points = BTreeMap::new();
+    for f in 0..frames {
+        let (x, turns, trans) = turning(f, &mini, &rest);
+        posed_model(&dir.join(format!("animnerf_models/{f:06}.npz")), &rest, &turns, trans);
+        let (rgb, mask) = cam.photograph(side, &x);
+        // Pictures are counted, models are named: their numbers need not agree.
+        write_picture(&dir.join(format!("image/{:06}.jpg", f + 1)), side, 3, &rgb);
+        write_picture(&dir.join(format!("mask/{:06}.png", f + 1)), side, 1, &mask);
+        points.insert(f as i64, x);
+    }
+    let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY };
+    let c = check(Layout::AnimNerf, dir, &Selection::default(), None, &truth);
+    assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
+    // Its name says who it is; the folder has no body of that sex.
+    let male = &folder.path().join("male-3-casual");
+    std::fs::rename(dir, male).expect("renamed");
+    let e = error(convert(Layout::AnimNerf, male, &Selection::default(), None, &folder.path().join("out")));
+    assert!(e.contains("'male'"), "{e}");
+    std::fs::rename(male, dir).expect("renamed");
+    std::fs::remove_file(dir.join("animnerf_models/000002.npz")).expect("removed");
+    let e = error(convert(Layout::AnimNerf, dir, &Selection::default(), None, &folder.path().join("out")));
+    assert!(e.contains("the model of frame 2"), "{e}");
+    std::fs::remove_file(dir.join("mask/000004.png")).expect("removed");
+    let e = error(convert(Layout::AnimNerf, dir, &Selection::default(), None, &folder.path().join("out")));
+    assert!(e.contains("mask/") && e.contains("expected 4") && e.contains("got 3"), "{e}");
 }
 
 #[test]
 fn dna_rendering() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (dir, side, frames) = (folder.path(), 32, 3);
-    let mini = Mini::new();
+    let mini = Mini::of(KX);
+    let model = smpl::from_arrays(&mini.arrays()).expect("a body model");
+    let hands = mean_hands().concat();
     let rest = mini.shaped(&betas());
     let cameras: BTreeMap<usize, Cam> =
         [24, 25, 26, 27, 28].map(|c| (c, Cam::around(side, 0.8 * c as f64, false, &D))).into();
     let (mut points, mut poses, mut transl) = (BTreeMap::new(), Vec::new(), Vec::new());
     for f in 0..frames {
-        let turns = thetas(f, [std::f64::consts::PI, 0.3, 0.0]);
-        let t = [0.0, 0.05 * f as f64, 0.1];
-        points.insert(f as i64, mini.posed(&rest, &turns, &|x| std::array::from_fn(|c| 1.1 * x[c] + t[c])));
+        let turns = thetas_of(KX, f, [std::f64::consts::PI, 0.3, 0.0]);
         poses.extend(flat(&turns));
+        let t = [0.0, 0.05 * f as f64, 0.1];
+        // What is stored of the hands comes on top of their mean.
+        let mut turns = turns;
+        for (v, mean) in turns[KX - 30..].iter_mut().zip(hands.as_chunks::<3>().0) {
+            *v = std::array::from_fn(|c| v[c] + mean[c]);
+        }
+        points.insert(f as i64, mini.posed(&rest, &turns, &|x| std::array::from_fn(|c| 1.1 * x[c] + t[c])));
         transl.extend(t);
     }
     let encoded = |c: &Cam, f: usize| {
@@ -531,7 +589,7 @@ fn dna_rendering() {
     annots.add_group(calibration.finish());
     annots.add_group(masks.finish());
     let mut body = annots.create_group("SMPLx");
-    body.create_dataset("fullpose").with_f64_data(&poses).with_shape(&[frames as u64, 24, 3]);
+    body.create_dataset("fullpose").with_f64_data(&poses).with_shape(&[frames as u64, 55, 3]);
     body.create_dataset("transl").with_f64_data(&transl).with_shape(&[frames as u64, 3]);
     body.create_dataset("betas").with_f64_data(&betas()).with_shape(&[1, 10]);
     body.create_dataset("expression").with_f64_data(&vec![0.0; 10 * frames]).with_shape(&[frames as u64, 10]);
@@ -539,20 +597,30 @@ fn dna_rendering() {
     annots.add_group(body.finish());
     main.write(dir.join("0012_09.smc")).expect("written");
     annots.write(dir.join("0012_09_annots.smc")).expect("written");
-    let truth = Truth { points, cameras, world: same, scale: 2, side };
-    let c = check(Layout::Dna, dir, &Selection::default(), Some(&model()), &truth);
+    let truth = Truth { points, cameras, world: same, scale: 2, side, body: mini.size() };
+    let c = check(Layout::Dna, dir, &Selection::default(), Some(&model), &truth);
     assert_eq!(pairs(&c, &c.train), [(26, 0), (26, 1), (26, 2)], "camera 26");
     assert_eq!(pairs(&c, &c.test), [(24, 0), (25, 0), (27, 0), (28, 0)], "its neighbours, every fifth frame");
     assert_eq!(c.template.kind.name(), "smplx", "the body");
     assert!(c.poses[0].global.is_none(), "a scale is part of the transforms");
-    let one = check(Layout::Dna, &dir.join("0012_09.smc"), &Selection::default(), Some(&model()), &truth);
+    let one = check(Layout::Dna, &dir.join("0012_09.smc"), &Selection::default(), Some(&model), &truth);
     assert_eq!(one.train.len(), 3, "by the name of the container");
     let e = error(convert(
         Layout::Dna,
         dir,
         &Selection { train_cameras: Some(vec![3]), ..Selection::default() },
-        Some(&model()),
+        Some(&model),
         &dir.join("out"),
     ));
     assert!(e.contains("_annots.smc") && e.contains("camera 3"), "{e}");
+    let mut flat_handed = model.clone();
+    flat_handed.mean_hands = None;
+    let source = captures::read(Layout::Dna, dir, &Selection::default(), "neutral").expect("read");
+    let to = tempfile::tempdir().expect("a temporary folder");
+    let report =
+        import::write(&source, Some(&flat_handed), None, to.path(), &AtomicBool::new(false), &mut |_, _| {})
+            .expect("written");
+    assert!(report.notes.iter().any(|n| n.contains("hands_meanl")), "{:?}", report.notes);
+    let missed = apart(&PersonCapture::open(to.path()).expect("opens").posed_points(0), &truth.points[&0]);
+    assert!(missed > 1e-3, "without their mean hands are elsewhere: {missed:e}");
 }

@@ -25,6 +25,7 @@ Layouts, recognised by their files unless --layout names one:
   arah             ARAH, 3DGS-Avatar              cam_params.json, models/*.npz
   people-snapshot  PeopleSnapshot                 camera.pkl, masks.hdf5, reconstructed_poses.hdf5, images/ or an mp4
   instant-avatar   InstantAvatar's version of it  cameras.npz, poses.npz, images/, masks/
+  anim-nerf        3DGS-Avatar's version of it    camera.pkl, animnerf_models/*.npz, image/, mask/
   dna              DNA-Rendering                  NAME.smc, NAME_annots.smc
 Cameras, frames and reduction are those of the programs the sets are known from; the options below change them. Body
 models and data sets have licences of their own. Pickles are read, never run: a file that names anything but arrays is refused.")]

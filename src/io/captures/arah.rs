@@ -14,6 +14,7 @@ use super::{
     Layout, Pixels, Plan, Range, Selection, Source, SourceShot, distortion, intrinsics, pose, triples,
 };
 use crate::io::capture::Split;
+use crate::io::smpl::BodyModel;
 use crate::io::{MAX_SMALL_FILE_BYTES, name_of, npz, read_bytes, smpl};
 use crate::num::array::Arrays;
 use crate::{Error, Result};
@@ -79,20 +80,25 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
     }
     let gender =
         std::fs::read_to_string(dir.join("gender.txt")).map_or(gender.to_owned(), |g| g.trim().to_owned());
+    out.model = body_model(dir, &gender)?;
+    Ok(out)
+}
+
+/// The body in `body_models/misc`, here or up to two folders above, if there is one.
+pub(super) fn body_model(dir: &Path, gender: &str) -> Result<Option<BodyModel>> {
     let mut above = dir.to_path_buf();
     for _ in 0..3 {
         let misc = above.join("body_models/misc");
         if misc.is_dir() {
-            out.model = Some(smpl::read(&misc, &gender)?);
-            break;
+            return smpl::read(&misc, gender).map(Some);
         }
         above.push("..");
     }
-    Ok(out)
+    Ok(None)
 }
 
 /// One model file.
-fn moment(path: &Path, number: usize, out: &mut Source) -> Result<()> {
+pub(super) fn moment(path: &Path, number: usize, out: &mut Source) -> Result<()> {
     let name = name_of(path);
     let arrays = npz::read_some(path, &KEYS)?;
     arrays.finite(KEYS).map_err(|e| e.within(name.clone()))?;

@@ -7,7 +7,8 @@
 //!                  SMPLx/{betas, expression, fullpose (n, 55, 3), transl (n, 3), scale}
 //! ```
 //!
-//! All may also be in one file. The body is scaled before it is moved. Expressions and colour calibration are not used.
+//! All may also be in one file. The body is scaled before it is moved. Rotations of the hands are those that the SMPL-X library takes with
+//! `flat_hand_mean=False`: they come on top of the body model's mean hands. Expressions and colour calibration are not used.
 
 use super::{
     Container, Layout, Pixels, Plan, Range, Selection, Source, SourceShot, distortion, intrinsics, three,
@@ -78,7 +79,7 @@ pub fn read(path: &Path, selection: &Selection) -> Result<Source> {
     let to_train = selection.train_frames.unwrap_or(Range { start: 0, step: 1, count: 100 }).frames(count);
     let to_test = selection.test_frames.unwrap_or(Range { start: 0, step: 5, count: 20 }).frames(count);
     let plan = Plan::new((&train, &to_train), (&test, &to_test));
-    let mut out = Source { kind: "smplx", downscale: 2, ..Source::new(Layout::Dna) };
+    let mut out = Source { kind: "smplx", downscale: 2, on_mean_hands: true, ..Source::new(Layout::Dna) };
     let rows: Vec<&[f64]> = betas.chunks_exact(width).collect();
     for &f in &plan.frames {
         out.same_shape(rows.get(f).unwrap_or(&rows[0]), f as i64);

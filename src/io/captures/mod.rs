@@ -7,6 +7,7 @@
 //! arah             ARAH / 3DGS-Avatar preprocessing: cam_params.json, models/*.npz
 //! people_snapshot  PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5, consensus.obj
 //! instant_avatar   InstantAvatar's preprocessing of it: cameras.npz, poses.npz
+//! anim_nerf        3DGS-Avatar's preprocessing of it: camera.pkl, animnerf_models/*.npz
 //! dna              DNA-Rendering: .smc containers (HDF5)
 //! annots           cameras and body parameters that ZJU-MoCap and MonoCap share
 //! ```
@@ -26,9 +27,10 @@
 //! | `zju` | camera 0 ("1"), all frames | the other cameras, every 30th frame | ½ |
 //! | `monocap` | camera 0 (olek 44, vlad 66), 100 frames step 5 (olek, vlad from frame 1) | lan, marc: 1 … 10; olek: 45; vlad: 0, 10, …, 100; 17 frames step 30 | 1 |
 //! | `arah` | camera 1, all frames | the other cameras, every 30th frame | to 512 |
-//! | `people-snapshot`, `instant-avatar` | one camera, the frames of InstantAvatar for the four subjects it names; else the first three quarters | the rest | 1 |
+//! | `people-snapshot`, `instant-avatar`, `anim-nerf` | one camera, the frames of InstantAvatar for the four subjects it names; else the first three quarters | the rest | 1, `anim-nerf` to 540 |
 //! | `dna` | camera 26, 100 frames step 1 | cameras 24, 25, 27, 28, 20 frames step 5 | ½ |
 
+pub mod anim_nerf;
 mod annots;
 pub mod arah;
 pub mod dna;
@@ -62,18 +64,21 @@ pub enum Layout {
     PeopleSnapshot,
     /// InstantAvatar's PeopleSnapshot
     InstantAvatar,
+    /// 3DGS-Avatar's PeopleSnapshot
+    AnimNerf,
     /// DNA-Rendering
     Dna,
 }
 
 /// All layouts with their names.
-pub const LAYOUTS: [(&str, Layout); 7] = [
+pub const LAYOUTS: [(&str, Layout); 8] = [
     ("zju", Layout::Zju),
     ("zju-refine", Layout::ZjuRefine),
     ("monocap", Layout::MonoCap),
     ("arah", Layout::Arah),
     ("people-snapshot", Layout::PeopleSnapshot),
     ("instant-avatar", Layout::InstantAvatar),
+    ("anim-nerf", Layout::AnimNerf),
     ("dna", Layout::Dna),
 ];
 
@@ -111,6 +116,8 @@ impl Layout {
             Some(Self::Arah)
         } else if has("cameras.npz") {
             Some(Self::InstantAvatar)
+        } else if has("animnerf_models") {
+            Some(Self::AnimNerf)
         } else if has("camera.pkl") {
             Some(Self::PeopleSnapshot)
         } else if has("annots.npy") {
@@ -238,6 +245,8 @@ pub struct Source {
     pub margin_m: f64,
     /// Our world from the source's
     pub world: [[f64; 3]; 3],
+    /// Rotations of the hands come on top of the body model's mean hands
+    pub on_mean_hands: bool,
     /// What the user should know, a sentence each
     pub notes: Vec<String>,
 }
@@ -259,6 +268,7 @@ impl Source {
             downscale: 1,
             margin_m: 0.05,
             world: IDENTITY,
+            on_mean_hands: false,
             notes: Vec::new(),
         }
     }
@@ -305,6 +315,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection, gender: &str) -> 
         Layout::Arah => arah::read(dir, selection, gender),
         Layout::PeopleSnapshot => people_snapshot::read(dir, selection),
         Layout::InstantAvatar => instant_avatar::read(dir, selection),
+        Layout::AnimNerf => anim_nerf::read(dir, selection, gender),
         Layout::Dna => dna::read(dir, selection),
     }?;
     if !source.shots.iter().any(|s| s.split == Split::Train) {

@@ -13,7 +13,7 @@ use super::{
     Container, Layout, Pixels, Plan, Range, Selection, Source, SourceShot, UP_FROM_CAMERA, distortion, three,
     triples,
 };
-use crate::io::capture::{Split, nearest_rotation, rigid};
+use crate::io::capture::{Lens, Split, nearest_rotation, rigid};
 use crate::io::hdf5::Hdf5;
 use crate::io::{MAX_SMALL_FILE_BYTES, name_of, pickle, read_bytes};
 use crate::{Error, Result};
@@ -53,34 +53,8 @@ pub(super) fn frames(dir: &Path, count: usize, selection: &Selection) -> (Vec<us
 /// # Errors
 /// When a file is missing or malformed, counts differ, or the video must be taken apart and cannot.
 pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
-    let path = dir.join("camera.pkl");
-    let name = name_of(&path);
-    let camera = pickle::read(&path)?;
-    let numbers = |key: &str, len: usize| -> Result<Vec<f64>> {
-        let (_, v) = camera.numbers(key, &name)?;
-        if v.len() == len {
-            Ok(v)
-        } else {
-            Err(Error::input(name.clone())
-                .at(format!("key '{key}'"))
-                .expected(format!("{len} numbers"))
-                .got(v.len().to_string()))
-        }
-    };
-    let (f, c, k) = (numbers("camera_f", 2)?, numbers("camera_c", 2)?, numbers("camera_k", 5)?);
-    let (rt, t) = (numbers("camera_rt", 3)?, numbers("camera_t", 3)?);
-    let view = rigid(
-        rodrigues([rt[0], rt[1], rt[2]])
-            .map_err(|got| Error::input(name.clone()).at("camera_rt").expected("a rotation").got(got))?,
-        [t[0], t[1], t[2]],
-    );
-    if !(f[0] > 0.0 && f[1] > 0.0) {
-        return Err(Error::input(name)
-            .at("camera_f")
-            .expected("positive focal lengths")
-            .got(format!("{f:?}")));
-    }
-    let lens = distortion(&k, &name)?;
+    let camera = Calibration::read(&dir.join("camera.pkl"))?;
+    let (view, lens) = (camera.view()?, camera.lens()?);
     let body = Hdf5::open(&dir.join("reconstructed_poses.hdf5"))?;
     let (shape, poses) = body.numbers("pose")?;
     let (count, per) = match shape[..] {
@@ -140,7 +114,7 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
             camera: 0,
             split,
             view_from_world: view,
-            intrinsics: [f[0], f[1], c[0] + 0.5, c[1] + 0.5],
+            intrinsics: camera.intrinsics()?,
             lens,
             image: Pixels::Picture(images[frame].clone()),
             mask: Pixels::Row(masks.clone(), "masks".to_owned(), frame),
@@ -158,6 +132,51 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
         out.notes.push("no frames are held out".to_owned());
     }
     Ok(out)
+}
+
+/// `camera.pkl`.
+pub(super) struct Calibration {
+    name: String,
+    values: pickle::Value,
+}
+
+impl Calibration {
+    pub(super) fn read(path: &Path) -> Result<Self> {
+        Ok(Self { name: name_of(path), values: pickle::read(path)? })
+    }
+
+    fn numbers<const N: usize>(&self, key: &str) -> Result<[f64; N]> {
+        let (_, v) = self.values.numbers(key, &self.name)?;
+        <[f64; N]>::try_from(v).map_err(|v| {
+            Error::input(self.name.clone())
+                .at(format!("key '{key}'"))
+                .expected(format!("{N} numbers"))
+                .got(v.len().to_string())
+        })
+    }
+
+    /// f_x, f_y, c_x, c_y, pixel centres at halves.
+    pub(super) fn intrinsics(&self) -> Result<[f64; 4]> {
+        let (f, c) = (self.numbers::<2>("camera_f")?, self.numbers::<2>("camera_c")?);
+        if !(f[0] > 0.0 && f[1] > 0.0) {
+            return Err(Error::input(self.name.clone())
+                .at("camera_f")
+                .expected("positive focal lengths")
+                .got(format!("{f:?}")));
+        }
+        Ok([f[0], f[1], c[0] + 0.5, c[1] + 0.5])
+    }
+
+    pub(super) fn lens(&self) -> Result<Lens> {
+        distortion(&self.numbers::<5>("camera_k")?, &self.name)
+    }
+
+    /// View from world.
+    fn view(&self) -> Result<[[f64; 4]; 4]> {
+        let rotation = rodrigues(self.numbers("camera_rt")?)
+            .map_err(|got| Error::input(self.name.clone()).at("camera_rt").expected("a rotation").got(got))?;
+        Ok(rigid(rotation, self.numbers("camera_t")?))
+    }
 }
 
 /// A rotation from its axis-angle, with std's series for small angles left to the caller's check of orthonormality.
@@ -185,9 +204,14 @@ fn pictures(dir: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         take_apart(dir, &folder)?;
     }
+    in_order(&folder)
+}
+
+/// Pictures of a folder in the order of the numbers in their names.
+pub(super) fn in_order(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut out: Vec<(usize, PathBuf)> = Vec::new();
-    for entry in std::fs::read_dir(&folder).map_err(|e| Error::os(&folder, &e))? {
-        let path = entry.map_err(|e| Error::os(&folder, &e))?.path();
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
+        let path = entry.map_err(|e| Error::os(folder, &e))?.path();
         let is_picture = path
             .extension()
             .and_then(|e| e.to_str())

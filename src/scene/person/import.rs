@@ -73,6 +73,12 @@ pub fn write(
     if let Some((path, time, points)) = &source.reference {
         notes.push(body.compared(source, path, *time, points));
     }
+    if source.on_mean_hands && body.model.mean_hands.is_none() {
+        notes.push(
+            "the body model has no hands_meanl and hands_meanr: hands are taken as if flat were their mean"
+                .to_owned(),
+        );
+    }
     let arrays = body.arrays(source);
     // The body first: what does not fit shows before hours of pictures.
     let mut writer = Writer::create(dir)?;
@@ -122,6 +128,8 @@ struct Body<'a> {
     model: &'a BodyModel,
     rest: Vec<[f64; 3]>,
     joints: Vec<[f64; 3]>,
+    /// (T, K) axis-angles, those of the mean hands included
+    rotations: Vec<Vec<[f64; 3]>>,
 }
 
 impl<'a> Body<'a> {
@@ -175,7 +183,17 @@ impl<'a> Body<'a> {
             Layout::PeopleSnapshot => joints(model, &shaped(model, &source.betas)?),
             _ => joints(model, &rest),
         };
-        Ok(Self { model, rest, joints })
+        let rotations = source.moments.iter().map(|m| {
+            let mut all = m.rotations.clone();
+            if let Some(hands) = model.mean_hands.as_ref().filter(|_| source.on_mean_hands) {
+                let first = all.len() - hands.len();
+                for (v, mean) in all[first..].iter_mut().zip(hands) {
+                    *v = std::array::from_fn(|c| v[c] + mean[c]);
+                }
+            }
+            all
+        });
+        Ok(Self { model, rest, joints, rotations: rotations.collect() })
     }
 
     /// (K) world from rest in the model's axes, source's world.
@@ -183,7 +201,7 @@ impl<'a> Body<'a> {
         let m = &source.moments[t];
         let own = match &m.transforms {
             Some(given) => given.clone(),
-            None => chain(&self.model.parents, &self.joints, &m.rotations),
+            None => chain(&self.model.parents, &self.joints, &self.rotations[t]),
         };
         let place = placement(m.global_rotation, m.global_translation, m.scale);
         own.iter().map(|a| compose(&place, a)).collect()
@@ -196,7 +214,7 @@ impl<'a> Body<'a> {
             return format!("{name} has {} points, the body {}: not compared", points.len(), self.rest.len());
         }
         let transforms = self.transforms(source, t);
-        let features = features(&source.moments[t].rotations);
+        let features = features(&self.rotations[t]);
         let mut sum = 0.0f64;
         for (p, want) in points.iter().enumerate() {
             let x = moved(self.model, p, self.rest[p], &features);
@@ -232,7 +250,7 @@ impl<'a> Body<'a> {
             let posed = self.transforms(source, i);
             transforms.extend(squares(&mut posed.iter().map(|a| compose(&world, &compose(a, &back)))));
             let m = &source.moments[i];
-            angles.extend(flat(&m.rotations));
+            angles.extend(flat(&self.rotations[i]));
             // x' = W (R Z⁻¹ (Z x) + Th)
             let whole =
                 compose(&world, &compose(&placement(m.global_rotation, m.global_translation, 1.0), &back));
