@@ -102,6 +102,19 @@ fn what_last_gen_writes_is_read() {
         "{:?}",
         report.record()["looked_at"]
     );
+    // Every joint that moves points has its dot where the camera sees it.
+    for look in &report.looks {
+        let is_it = |s: &&lastlight::scene::person::Shot| s.camera_id == look.camera && s.time == look.time;
+        let shot = c.shots.iter().find(is_it).expect("the picture looked at");
+        let (w, h, rgb) = &look.overlay;
+        let zoom = w / shot.camera.width;
+        assert_eq!((*w, *h), (zoom * shot.camera.width, zoom * shot.camera.height), "whole pixels");
+        for joint in c.posed_joints(shot.time) {
+            let at = lastlight::scene::bound::project(&shot.camera, joint.map(f64::from)).expect("in front");
+            let [x, y] = at.map(|v| (v * zoom as f64).floor() as usize);
+            assert_eq!(rgb[3 * (y * w + x)..][..3], [235, 64, 52], "{}: a joint at {x}, {y}", look.name);
+        }
+    }
 }
 
 /// A copy of a good capture, spoiled; all of what is said about it.

@@ -322,3 +322,42 @@ impl Report {
         record
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_dots_and_borders_are_where_they_belong() {
+        const ON: [u8; 3] = [255, 0, 0];
+        let is_on = |canvas: &Canvas, x: usize, y: usize| canvas.rgb[3 * (y * canvas.width + x)..][..3] == ON;
+        // 3×2 pixels, each four times four.
+        let rgb: Vec<u8> = (0..6).flat_map(|i| [0, 10 * i, 0]).collect();
+        let fresh = || Canvas::enlarged(&rgb, 3, 2, 4);
+        let mut canvas = fresh();
+        assert_eq!((canvas.width, canvas.height, canvas.rgb.len()), (12, 8, 288));
+        assert_eq!(canvas.rgb[3 * (5 * 12 + 9) + 1], 50, "pixel (2, 1) is the sixth");
+        // The mask is the pixel in the middle above: its border is drawn inside of it, and the picture's edge is one.
+        canvas.outline(&[0, 1, 0, 0, 0, 0], 3, 2, 4, ON);
+        for y in 0..8 {
+            for x in 0..12 {
+                let within = (4..8).contains(&x) && y < 4;
+                let rim = x == 4 || x == 7 || y == 0 || y == 3;
+                assert_eq!(is_on(&canvas, x, y), within && rim, "({x}, {y})");
+            }
+        }
+        let mut canvas = fresh();
+        canvas.line([1.5, 1.5], [9.5, 5.5], ON);
+        for i in 0..=8 {
+            assert!(is_on(&canvas, 1 + i, 1 + i / 2), "half a pixel down per pixel, at {i}");
+        }
+        assert!(!is_on(&canvas, 1, 5) && !is_on(&canvas, 9, 1), "and nowhere else");
+        let mut canvas = fresh();
+        canvas.dot([0.2, 0.9], ON);
+        assert!(
+            is_on(&canvas, 0, 0) && is_on(&canvas, 2, 1) && !is_on(&canvas, 3, 0) && !is_on(&canvas, 2, 2)
+        );
+        // What lies far outside takes no time and draws nothing there.
+        canvas.line([-1e9, 4.0], [1e9, 4.0], ON);
+    }
+}

@@ -293,6 +293,14 @@ impl Adam {
         }
     }
 
+    /// Follows a change of units: parameter i of (N · W) has become `by(i)` times as large, so its gradients 1/`by(i)` times.
+    pub fn rescale(&mut self, by: impl Fn(usize) -> f32) {
+        for (i, (m, v)) in self.m.iter_mut().zip(&mut self.v).enumerate() {
+            let by = by(i);
+            (*m, *v) = (*m / by, *v / by / by);
+        }
+    }
+
     /// Keeps the rows where `keep` is true, in their order.
     pub fn keep_rows(&mut self, keep: &[bool]) {
         assert_eq!(keep.len(), self.rows(), "one verdict per row");

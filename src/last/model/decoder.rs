@@ -30,6 +30,8 @@ use ndarray::{ArrayD, IxDyn};
 const SLOPE: f32 = 0.2;
 /// Widths of the hidden layers.
 pub const HIDDEN: [usize; 3] = [128, 128, 64];
+/// Name of the weights that meet the factors, (128, d).
+pub(super) const LATENT: &str = "decoder.latent.weight";
 /// Octaves of the code.
 const OCTAVES: usize = 4;
 /// Numbers of the code of a coordinate.

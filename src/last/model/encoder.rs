@@ -120,6 +120,11 @@ impl Encoder {
         all
     }
 
+    /// Names of weights and biases of the last layer, (2·d, inputs) and (2·d): rows of μ, then of ℓ.
+    pub fn last(&self) -> [String; 2] {
+        ["weight", "bias"].map(|part| format!("encoder.dense{}.{part}", self.dense().len() - 2))
+    }
+
     /// First values of all parameters.
     pub fn draw(&self, seed: u64, params: &mut Params) {
         let last = self.dense().len() - 2;

@@ -51,7 +51,7 @@ pub struct Trained {
 }
 
 impl Trained {
-    /// Digest of parameters, graph and statistics: 16 hexadecimal digits.
+    /// Digest of parameters, graph, statistics, reading and framing: 16 hexadecimal digits.
     ///
     /// # Errors
     /// When one of them is NaN.
@@ -68,6 +68,8 @@ impl Trained {
         d.f64(&shape, &self.noise_spread)?;
         d.f64(&[n, intervene::VALUES, self.settings.width], &self.codes)?;
         d.f32(&[self.template.len(), 3], self.template.as_flattened())?;
+        d.bytes(self.settings.reading.name().as_bytes());
+        d.bytes(self.settings.framing.name().as_bytes());
         Ok(format!("{:016x}", d.value()))
     }
 

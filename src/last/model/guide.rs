@@ -183,8 +183,7 @@ impl Guide for Trained {
     }
 
     fn identity(&self) -> String {
-        let digest = self.digest().unwrap_or_else(|e| e.to_string());
-        if self.settings.framing == Framing::Whole { digest + " whole" } else { digest }
+        self.digest().unwrap_or_else(|e| e.to_string())
     }
 
     fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)> {

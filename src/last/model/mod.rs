@@ -6,6 +6,7 @@
 //!                     structure                   structure  U, Ω, node networks; Ã
 //! step     one batch: forward, losses, gradients
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
+//! units    how large codes are, when groups come in
 //! targets  which factor was set, where it is not told
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
 //! file     a trained model on disk            verdict  what it is worth, against the truth (likeness: blocks against factors)
@@ -33,6 +34,7 @@ pub mod structure;
 pub mod targets;
 pub mod train;
 pub mod tune;
+pub mod units;
 pub mod vectors;
 pub mod verdict;
 

@@ -49,6 +49,13 @@ pub struct Sizes {
     pub kind: Kind,
 }
 
+/// Name of the first layers of the networks, (n, h, n·k).
+pub(super) const FIRST: &str = "structure.nodes.w0";
+/// Name of their last layers, (n, k, h).
+pub(super) const LAST: &str = "structure.nodes.w2";
+/// Name of Ω.
+pub(super) const EFFECTS: &str = "structure.weight";
+
 /// Names of the arrays of the networks, in the order of [`Networks`].
 const NODES: [&str; 5] = ["w0", "b0", "w1", "b1", "w2"];
 

@@ -5,6 +5,8 @@
 //!  w₄ 0 │ w₄ grows │ U moves: h, Σp │ graph: p > ½, cycles cut │ graph: search by score │
 //! ```
 //!
+//! Where groups come in only after a while, `alone`, and a code is too small by then, codes are counted in new units ([`super::units`]).
+//!
 //! The rate of all parameters falls to a tenth at 80 % of the steps; that of U also by 1/log₁₀ρ once ρ exceeds 10. Every 500 steps the
 //! multiplier of h grows by ρh, and ρ tenfold where h has not fallen to a quarter (`last.md` §5.4). The search (§5.5) scores graphs on the means of
 //! all items, each block along its main axis, with splines of the parents, leaving out the mechanism of a factor where it was set.
@@ -17,7 +19,7 @@ use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::Structure;
 use super::targets::{Pairs, voted};
-use super::{file::Trained, intervene, verdict};
+use super::{file::Trained, intervene, units, verdict};
 use crate::causal::independence::History;
 use crate::causal::repair::repair;
 use crate::fit::training::{Fit, Step, Watch};
@@ -191,6 +193,9 @@ impl<'a> Training<'a> {
     /// A number that is not finite.
     pub fn advance(&mut self) -> Result<Losses> {
         self.settle()?;
+        if self.settings.alone > 0 && self.step == self.settings.alone {
+            self.change_units();
+        }
         let s = &self.settings;
         let moving = self.step >= s.freeze && self.graph.is_none();
         let warmth = order::min(1.0, f64::from(self.step) / f64::from(s.warm_up));
@@ -248,6 +253,14 @@ impl<'a> Training<'a> {
             self.next_round(stepped.losses.acyclic);
         }
         Ok(stepped.losses)
+    }
+
+    /// Gives codes a variance of about 1, where one of them says next to nothing.
+    fn change_units(&mut self) {
+        let Some(spread) = self.spread.as_mut().filter(|spread| units::are_needed(spread)) else { return };
+        let c = units::of(spread);
+        units::change(&mut self.model, &mut self.optimisers, &mut self.history, &c);
+        spread.iter_mut().zip(c).for_each(|(s, c)| *s *= c * c);
     }
 
     /// The trained model with its graph and the statistics of the observed items.

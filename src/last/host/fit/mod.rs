@@ -51,7 +51,7 @@ pub struct Tally {
     pub capped: u64,
     /// those that λ bound
     pub bound: u64,
-    /// sum over L_lat's gradients of the share of the window with |g| < 1e-8
+    /// sum over L_lat's gradients of the share of the picture with |g| < 1e-8
     pub blind: f64,
     /// number of those gradients
     pub gradients: u64,

@@ -84,11 +84,11 @@ impl<'a> PersonFit<'a> {
             let mut seen = work.out.image.clone();
             before_black(&mut seen, &work.out.alpha, background);
             let (value, bar) = guide.discrepancy(&window.take(&seen), &window.take(&target.photo))?;
-            let blind = bar.chunks_exact(3).filter(|g| g.iter().all(|x| x.abs() < BLIND)).count();
+            let image_bar = window.spread(&bar);
+            let blind = image_bar.chunks_exact(3).filter(|g| g.iter().all(|x| x.abs() < BLIND)).count();
             self.tally.encodings += 1;
             self.tally.gradients += 1;
-            self.tally.blind += blind as f64 / (bar.len() / 3) as f64;
-            let image_bar = window.spread(&bar);
+            self.tally.blind += blind as f64 / (image_bar.len() / 3) as f64;
             let mut alpha_bar: Vec<f32> = (image_bar.chunks_exact(3))
                 .map(|g| (g[0] * background[0] + g[1] * background[1]) + g[2] * background[2])
                 .collect();

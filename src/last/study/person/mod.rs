@@ -24,7 +24,7 @@
 //! | `PSNR-box`, `SSIM-g`, … | means over the held-out pictures, names of [`Scores::named`](crate::loss::metric::person::Scores::named) |
 //! | `PSNR-box training` | of some training pictures |
 //! | `gaussians`, `iterations`, `renders`, `encodings` | at the end of the fit; encodings are passes of the model's encoder |
-//! | `bound`, `blind`, `turned away` | share of child steps that λ bound, of what the encoder sees where it does not look, candidates beyond the largest number |
+//! | `bound`, `blind`, `turned away` | share of child steps that λ bound, of the picture where the encoder does not look, candidates beyond the largest number |
 //! | `curve I` | PSNR-box of the held-out pictures after I iterations |
 //! | `factor J I` | E13: mean distance of points decoded with factor J of the photograph instead of the render's |
 //! | `edges`, `changed`, `moved` | edges of the graph; E9: how many tuning changed, Σ of the change of the probabilities |

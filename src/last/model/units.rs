@@ -1,0 +1,215 @@
+//! A change of the units in which factors are counted.
+//!
+//! Nothing in L_rec says how large codes are: û·c with the decoder's first weights divided by c is the same function. While encoder and decoder
+//! learn alone codes stay about as small as they were drawn, and what groups say of them is not free of units: the spread hinge asks for a
+//! variance of ¼, with a gradient proportional to the code, and s² in L_eq has a floor (`last.md` §7.3). So when groups come in and a factor's code is
+//! no active unit by then (a variance below 0.01, Burda et al. 2016), every factor gets a unit in which its variance is about 1:
+//!
+//! ```text
+//! c = 2^round(−½ log₂ s²)      μ ← c·μ: the rows of the encoder's last layer and their biases
+//!                              ℓ ← ℓ + 2 ln c: their biases
+//!                              decoder: the columns of the first layer that meet the factor, divided by c
+//!                              mechanisms: columns of the first layer that meet a parent, divided by its c;
+//!                                          rows of the last layer of a child, times its c; Ωᵢⱼ times cⱼ/cᵢ
+//! ```
+//!
+//! Adam's moments go with their parameters (m by 1/c where the parameter goes by c, v by 1/c²), so do the covariances of earlier batches. Powers of two
+//! round nothing: what a mean decodes to, and what an intervention makes of it, has the same bits before and after.
+
+use super::decoder::LATENT;
+use super::step::Model;
+use super::structure::{self, Sizes};
+use super::verdict::ACTIVE;
+use crate::causal::independence::History;
+use crate::num::elem::f64::{exp2, ln};
+use crate::num::order;
+use crate::optim::adam::Adam;
+use std::collections::BTreeMap;
+
+/// Variances are counted as no smaller: c ≤ 2¹⁰.
+const SMALLEST: f64 = 1e-6;
+
+/// Whether some factor's code says next to nothing.
+pub fn are_needed(spread: &[f64]) -> bool {
+    spread.iter().any(|s| *s < ACTIVE)
+}
+
+/// c of each factor, from the variances of their codes.
+pub fn of(spread: &[f64]) -> Vec<f64> {
+    spread.iter().map(|s| exp2(libm::round(-0.5 * ln(order::max(*s, SMALLEST)) / ln(2.0)))).collect()
+}
+
+/// Counts every factor i in the unit 1/cᵢ.
+pub fn change(model: &mut Model, optimisers: &mut BTreeMap<String, Adam>, history: &mut History, c: &[f64]) {
+    let Sizes { factors: n, width: k, .. } = model.sizes;
+    let d = n * k;
+    let unit = |column: usize| c[column / k];
+    let [weight, bias] = model.encoder.last();
+    let inputs = model.params.get(&weight).map_or(0, |w| w.shape()[1]);
+    let rows = |row: usize| if row < d { unit(row) } else { 1.0 };
+    type Factor<'a> = &'a dyn Fn(usize) -> f64;
+    let scales: [(&str, Factor<'_>); 6] = [
+        (&weight, &|at| rows(at / inputs)),
+        (&bias, &rows),
+        (LATENT, &|at| 1.0 / unit(at % d)),
+        (structure::FIRST, &|at| 1.0 / unit(at % d)),
+        (structure::LAST, &|at| unit(at / structure::HIDDEN)),
+        (structure::EFFECTS, &|at| c[at % n] / c[at / n]),
+    ];
+    for (name, by) in scales {
+        // Which mechanisms there are is a setting.
+        let Some(param) = model.params.get_mut(name) else { continue };
+        for (at, value) in param.iter_mut().enumerate() {
+            *value = (f64::from(*value) * by(at)) as f32;
+        }
+        if let Some(adam) = optimisers.get_mut(name) {
+            adam.rescale(|at| by(at) as f32);
+        }
+    }
+    let bias = model.params.get_mut(&bias).expect("the last layer has biases");
+    for (column, ell) in bias.iter_mut().skip(d).enumerate() {
+        *ell = (f64::from(*ell) + 2.0 * ln(unit(column))) as f32;
+    }
+    for covariance in &mut history.past {
+        for (at, value) in covariance.iter_mut().enumerate() {
+            *value *= unit(at / d) * unit(at % d);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::last::model::data::{Data, Item};
+    use crate::last::model::settings::Settings;
+    use crate::last::model::step::{self, Batch, Context};
+    use crate::last::model::structure::Kind;
+    use crate::last::model::vectors::Vectors;
+    use crate::optim::adam::{Counters, Rule};
+    use data_gen::figure::graph::Graph;
+    use data_gen::figure::mechanism::{Mechanism, Scm};
+
+    #[test]
+    fn units_are_powers_of_two_that_give_variances_about_one() {
+        assert_eq!(of(&[1.0, 0.25, 0.01, 64.0]), [1.0, 2.0, 8.0, 0.125]);
+        assert_eq!(of(&[0.0]), [1024.0], "codes that are 0 have no unit");
+        assert!(are_needed(&[1.0, 0.009]) && !are_needed(&[1.0, 0.02]), "one is enough");
+        for s in [1e-5, 0.003, 0.7, 3.0, 1e4] {
+            let c = of(&[s])[0];
+            assert!((0.49..=2.01).contains(&(s * c * c)), "{s} becomes {}", s * c * c);
+        }
+    }
+
+    /// A model for vectors, its data and 8 of their items.
+    fn small() -> (Settings, Vectors, Model, Vec<Item>) {
+        let scm = Scm::new(Graph::named("FORK", 4, 1).expect("a name"), Mechanism::Lin, true, 1);
+        let data = Vectors::new(&scm, 1, 64, 16);
+        let settings = Settings { points: 1, width: 2, observed: 16, groups: 4, ..Settings::default() };
+        let model = Model::new(&settings, &data).expect("a model");
+        (settings, data, model, (0..8).map(Item::Observed).collect())
+    }
+
+    #[test]
+    fn what_is_decoded_keeps_its_bits() {
+        let (_, data, mut model, items) = small();
+        let c = [4.0, 1.0, 0.5, 8.0];
+        let see = |model: &Model| {
+            let [mu, ell] = model.encode(&data, &items);
+            let z: Vec<f32> = mu.iter().map(|m| *m as f32).collect();
+            let y = model.decoder.forward(&model.params, &data.frame().codes, &z);
+            (mu, ell, y)
+        };
+        let (mu, ell, y) = see(&model);
+        let mut history = History::default();
+        history.push((0..64).map(f64::from).collect());
+        change(&mut model, &mut BTreeMap::new(), &mut history, &c);
+        let (scaled, widened, again) = see(&model);
+        assert_eq!(again, y, "the same points from the same pictures, to the bit");
+        let unit = |at: usize| c[at % 8 / 2];
+        for at in 0..mu.len() {
+            assert_eq!(scaled[at], mu[at] * unit(at), "mean {at}");
+            let ratio = (widened[at] - ell[at]) / 2.0;
+            assert!((ratio - ln(unit(at))).abs() < 1e-6, "deviation {at} grows by {ratio}");
+        }
+        assert_eq!(
+            history.past[0][8 * 3 + 6],
+            (8.0 * 3.0 + 6.0) * 1.0 * 8.0,
+            "a covariance of factors 1 and 3"
+        );
+    }
+
+    #[test]
+    fn noise_behind_the_codes_keeps_its_bits() {
+        let (settings, data, _, items) = small();
+        for kind in [Kind::Networks, Kind::Linear] {
+            let mut model = Model::new(&Settings { kind, ..settings }, &data).expect("a model");
+            let last = if kind == Kind::Linear { structure::EFFECTS } else { structure::LAST };
+            let weights = model.params.get_mut(last).expect("the mechanism");
+            weights.iter_mut().enumerate().for_each(|(at, w)| *w = 0.3 * libm::sinf(at as f32));
+            let mask: Vec<f64> = (0..16).map(|at| if at / 4 < at % 4 { 0.75 } else { 0.0 }).collect();
+            let noise = |model: &Model| {
+                let [mu, _] = model.encode(&data, &items);
+                model.linked(settings.reading, &mask, mu)
+            };
+            let [u, eps] = noise(&model);
+            assert!(u.iter().zip(&eps).any(|(u, e)| (u - e).abs() > 1e-3), "parents act");
+            let c = [4.0, 1.0, 0.5, 8.0];
+            change(&mut model, &mut BTreeMap::new(), &mut History::default(), &c);
+            for (at, (new, old)) in noise(&model)[1].iter().zip(&eps).enumerate() {
+                assert_eq!(*new, old * c[at % 8 / 2], "{kind:?}, {at}");
+            }
+        }
+    }
+
+    #[test]
+    fn moments_of_adam_follow_their_parameters() {
+        let (settings, data, mut model, _) = small();
+        let c = [4.0, 1.0, 0.5, 8.0];
+        // L_rec alone: its gradient knows no unit.
+        let slope = |model: &Model| {
+            let mut settings = settings;
+            settings.weights.independence = 0.0;
+            settings.groups = 0;
+            let batch = Batch::draw(&settings, &data, 0);
+            let context = Context {
+                step: 0,
+                kl: 0.0,
+                groups: 0.0,
+                lagrange: None,
+                graph: None,
+                spread: vec![1.0; 4],
+                history: History::default(),
+            };
+            step::run(model, &settings, &data, &batch, &context).expect("finite").grads
+        };
+        let before = slope(&model);
+        let [weight, bias] = model.encoder.last();
+        let names = [weight, bias, LATENT.to_owned()];
+        let mut optimisers = BTreeMap::new();
+        for name in &names {
+            let grad = before.get(name).expect("a gradient");
+            let mut adam = Adam::new(Rule { counters: Counters::Global, ..Rule::default() }, grad.len(), 1)
+                .expect("a rule");
+            let mut param = vec![0.0; grad.len()];
+            adam.step(&mut param, grad.as_slice().expect("contiguous"), &[0.0], None).expect("finite");
+            optimisers.insert(name.clone(), adam);
+        }
+        change(&mut model, &mut optimisers, &mut History::default(), &c);
+        let after = slope(&model);
+        for name in &names {
+            let grad = after.get(name).expect("a gradient").as_slice().expect("contiguous");
+            let mut fresh = Adam::new(Rule { counters: Counters::Global, ..Rule::default() }, grad.len(), 1)
+                .expect("a rule");
+            fresh.step(&mut vec![0.0; grad.len()], grad, &[0.0], None).expect("finite");
+            // As if the step had been made in the new unit; ℓ is rounded, so the noise is not quite the same.
+            let [(m, v), (m_new, v_new)] = [&optimisers[name], &fresh].map(Adam::moments);
+            for (old, new) in [(m, m_new), (v, v_new)] {
+                let most = new.iter().fold(0.0, |most, x| if x.abs() > most { x.abs() } else { most });
+                assert!(most > 0.0, "{name} has gradients");
+                for (at, (old, new)) in old.iter().zip(new).enumerate() {
+                    assert!((old - new).abs() < 1e-4 * most, "{name}, {at}: {old:e} and {new:e}");
+                }
+            }
+        }
+    }
+}
