@@ -2,7 +2,10 @@
 
 mod common;
 
+use common::lpips::torchvision;
 use common::program::{json, lastlight, refused};
+use lastlight::io::safetensors;
+use lastlight::loss::lpips::Weights;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -111,6 +114,35 @@ fn the_model_that_comes_with_the_program_serves() {
     refused(&["last", "study", "E99", "--out", "t"], at, 2, &["E1, E2, E3, E4", "E99"]);
     refused(&["last", "study", "--out", "t", "--model", "model.safetensors"], at, 2, &["GRAPH=FILE"]);
     refused(&["last", "study", "--out", "t", "--model", "FORK=none"], at, 2, &["none"]);
+}
+
+#[test]
+fn weights_of_lpips_add_columns_and_cells_of_their_own() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    let file = at.join("vgg.safetensors");
+    safetensors::write(&file, &torchvision(&Weights::by_formula()), &BTreeMap::new()).expect("written");
+    let study = |more: &[&str]| -> (Vec<String>, Vec<Vec<String>>, usize) {
+        let words = [&["last", "study", "E6", "--smoke", "--no-search", "--json", "--out", "s"], more];
+        let made = json(&words.concat(), at);
+        let e6 = made["experiments"].as_array().expect("a list").last().expect("E6").clone();
+        let rows: Vec<Vec<String>> = serde_json::from_value(e6["rows"].clone()).expect("rows of text");
+        let head: Vec<String> = serde_json::from_value(e6["head"].clone()).expect("names of columns");
+        let columns = head.iter().zip(&rows[0]).filter(|(name, _)| name.starts_with("LPIPS"));
+        for (name, value) in columns.clone() {
+            assert!(value.parse::<f64>().is_ok_and(|x| x > 0.0), "{name} is {value}");
+        }
+        (columns.map(|(name, _)| name.clone()).collect(), rows, files(&at.join("s")).len())
+    };
+    let (without, plain, few) = study(&[]);
+    assert_eq!(without, [""; 0], "none without weights");
+    let (with, _, more) = study(&["--resume", "--lpips", "vgg.safetensors"]);
+    assert_eq!(with, ["LPIPS-vgg", "LPIPS-vgg-box"]);
+    let (raw, _, most) = study(&["--resume", "--lpips", "vgg.safetensors", "--lpips-raw"]);
+    assert_eq!(raw, ["LPIPS-vgg-raw", "LPIPS-vgg-raw-box"]);
+    assert!(few < more && more < most, "cells of their own: {few}, {more}, {most}");
+    assert_eq!(study(&["--resume", "--stored"]).1, plain, "those without are as they were");
+    refused(&["last", "study", "E6", "--out", "t", "--lpips", "none"], at, 2, &["none"]);
 }
 
 #[test]

@@ -40,6 +40,7 @@ pub use weights::{CONVOLUTIONS, Layer, NO_WEIGHTS, TAPS, Weights, names};
 
 use crate::loss::{CHANNELS, finite, row_sum};
 use crate::nn::conv;
+use crate::num::bits::Digest;
 use crate::num::{order, par, sum};
 use crate::{Error, Result};
 use std::path::Path;
@@ -292,6 +293,21 @@ impl Metric {
     /// As [`Weights::load`].
     pub fn load(path: &Path, rescale: bool) -> Result<Self> {
         Ok(Self { weights: Weights::load(path)?, rescale })
+    }
+
+    /// Digest of the weights and of how images are fed to them.
+    ///
+    /// # Errors
+    /// Weights that are NaN.
+    pub fn digest(&self) -> Result<u64> {
+        let mut d = Digest::new();
+        for layer in &self.weights.layers {
+            d.f32(&[layer.weight.len()], &layer.weight)?;
+            d.f32(&[layer.bias.len()], &layer.bias)?;
+        }
+        self.weights.heads.iter().try_for_each(|head| d.f32(&[head.len()], head))?;
+        d.bytes(&[u8::from(self.rescale)]);
+        Ok(d.value())
     }
 
     /// Name of the variant, of whole images and of boxes.

@@ -1,6 +1,7 @@
 //! What several test programs share: the golden arrays, saying that a test did not run, folders as what is in them.
 #![allow(dead_code, reason = "each test program uses its part")]
 
+pub(crate) mod lpips;
 pub(crate) mod person;
 pub(crate) mod program;
 pub(crate) mod python;

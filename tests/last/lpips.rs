@@ -1,5 +1,6 @@
 //! `loss.lpips` beyond the golden arrays: what it must be for any weights, the file of weights, and what is refused.
 
+use super::common::lpips::torchvision;
 use lastlight::io::safetensors;
 use lastlight::loss::lpips::{self, CONVOLUTIONS, In, Plan, TAPS, Weights};
 use lastlight::num::array::Arrays;
@@ -95,19 +96,8 @@ fn of_equal_entries_a_maximum_takes_the_first() {
 fn weights_come_from_a_file_by_their_torchvision_names() {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("vgg.safetensors");
-    // the formula's weights, in torch's order
     let formula = Weights::by_formula();
-    let mut arrays = Arrays::new();
-    for (layer, (at, ..)) in formula.layers.iter().zip(CONVOLUTIONS) {
-        let (o, i) = (layer.outputs, layer.inputs);
-        let torch: Vec<f32> =
-            (0..o * i * 9).map(|k| layer.weight[(k / (9 * i) * 9 + k % 9) * i + k / 9 % i]).collect();
-        arrays.put(&format!("features.{at}.weight"), &[o, i, 3, 3], torch);
-        arrays.put(&format!("features.{at}.bias"), &[o], layer.bias.clone());
-    }
-    for (j, head) in formula.heads.iter().enumerate() {
-        arrays.put(&format!("lin{j}.model.1.weight"), &[1, head.len(), 1, 1], head.clone());
-    }
+    let mut arrays = torchvision(&formula);
     let written: BTreeSet<String> = arrays.0.keys().cloned().collect();
     assert_eq!(written, lpips::names().into_iter().collect(), "all names");
     arrays.put("features.30.unused", &[1], vec![0.0_f32]);

@@ -3,7 +3,7 @@
 use crate::cli::meter::{Laps, Meter};
 use crate::cli::report::charts::{Lines, Series, bars, intervals};
 use crate::cli::report::{self, Page, Section, Stat};
-use crate::cli::shared::Manner;
+use crate::cli::shared::{Manner, Perception};
 use crate::cli::{self, claim};
 use crate::io::atomic;
 use crate::last::model::file::Trained;
@@ -17,7 +17,6 @@ use crate::last::study::pictures::{self, Seen};
 use crate::last::study::plan::{Cell, Drawing, Experiment, Outcome, Report, Results};
 use crate::last::study::run::{self, Onlooker, Plan};
 use crate::last::study::stats::Summary;
-use crate::loss::lpips;
 use crate::num::par;
 use crate::{Error, Result};
 use maud::{Markup, html};
@@ -84,6 +83,8 @@ pub(in crate::cli) struct Args {
     /// Run nothing: report what is there
     #[arg(long, requires = "resume")]
     stored: bool,
+    #[command(flatten)]
+    perception: Perception,
     #[command(flatten)]
     manner: Manner,
 }
@@ -240,8 +241,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut constants = None;
     let mut costs = Vec::new();
     if guided.iter().any(|id| args.wants(id)) {
-        study.meter.note(lpips::NO_WEIGHTS);
-        let stage = Stage { size: persons, models, dir: dir.clone() };
+        let perception = args.perception.load(study.meter)?;
+        let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
+        let stage = Stage { size: persons, models, dir: dir.clone(), perception };
         if let Some(found) = study.constants(&stage, args.no_search)? {
             let all = experiments::all(&stage, &found)?;
             let chosen: Vec<&dyn Experiment> =

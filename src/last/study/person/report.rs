@@ -4,6 +4,7 @@
 use super::super::plan::{Cell, Curve, Drawing, Outcome, Report, Values, of as values_of, paired, rows};
 use super::super::stats::Summary;
 use super::judge;
+use crate::loss::lpips;
 
 /// What an experiment asks.
 pub(super) enum Question {
@@ -111,6 +112,9 @@ const COLUMNS: [(&str, &str, usize); 7] = [
     (">encodings", "encodings", 0),
 ];
 
+/// Variants of LPIPS.
+const PERCEIVED: [&str; 4] = [lpips::NAME, lpips::NAME_BOX, lpips::NAME_RAW, lpips::NAME_RAW_BOX];
+
 pub(super) fn of(id: &'static str, claim: &'static str, question: &Question, results: Rows<'_>) -> Report {
     let names = rows(results);
     let cell = |row: &str, value: &str, digits: usize| {
@@ -122,11 +126,16 @@ pub(super) fn of(id: &'static str, claim: &'static str, question: &Question, res
     };
     let mut head = vec!["", ">PSNR-box", ">Δ", ">at equal renders", ">Δ", ">iterations of that"];
     head.extend(COLUMNS.iter().map(|c| c.0));
+    // Where there were weights for it.
+    let is_there = |name: &&str| results.iter().any(|(_, values)| values.contains_key(*name));
+    let perceived: Vec<&str> = PERCEIVED.into_iter().filter(is_there).collect();
+    head.extend(&perceived);
     head.extend(extra(question).iter().map(|c| c.0));
     let line = |row: &String| -> Vec<String> {
         let mut line = vec![row.clone(), cell(row, VALUE, 2), against(row, VALUE), cell(row, FAIR, 2)];
         line.extend([against(row, FAIR), cell(row, "iterations@renders", 0)]);
         line.extend(COLUMNS.iter().map(|(_, value, digits)| cell(row, value, *digits)));
+        line.extend(perceived.iter().map(|name| cell(row, name, 4)));
         line.extend(extra(question).iter().map(|(_, value, digits)| cell(row, value, *digits)));
         line
     };

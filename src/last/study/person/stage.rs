@@ -6,6 +6,7 @@ use crate::last::host::settings::Settings;
 use crate::last::model::encoder::Input;
 use crate::last::model::file::Trained;
 use crate::last::model::settings::Supervision;
+use crate::loss::lpips::Metric;
 use crate::math::digraph::Digraph;
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
@@ -146,6 +147,8 @@ pub struct Stage {
     pub models: Vec<Model>,
     /// folder of the study
     pub dir: PathBuf,
+    /// what LPIPS needs, with its digest
+    pub perception: Option<(Metric, u64)>,
 }
 
 impl Stage {

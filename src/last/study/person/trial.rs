@@ -15,6 +15,7 @@ use crate::last::model::guide::{cut, seen};
 use crate::last::model::tune::{self, Subject};
 use crate::last::model::verdict::{deviations, linked};
 use crate::loss::In;
+use crate::loss::lpips::Metric;
 use crate::loss::metric::psnr;
 use crate::math::digraph::Digraph;
 use crate::num::bits::Digest;
@@ -132,12 +133,16 @@ impl Trial {
     pub fn record(&self, stage: &Stage) -> Value {
         let model = &stage.models[self.model];
         let said = |text: &str| if self.is_guided() { text.to_owned() } else { "none".to_owned() };
-        json!({
+        let mut record = json!({
             "lastlight": env!("CARGO_PKG_VERSION"), "size": stage.size.record(), "graph": model.graph,
             "subject": self.subject, "model": said(&model.digest), "structure": said(self.structure.name()),
             "tuning": if self.structure == Structure::Tuned { stage.size.tuning } else { 0 },
             "factors": self.factors, "renders": self.renders, "host": self.settings.json(),
-        })
+        });
+        if let Some((_, digest)) = &stage.perception {
+            record["lpips"] = format!("{digest:016x}").into();
+        }
+        record
     }
 
     /// The model under the graph of this trial, and what tuning did to it.
@@ -191,13 +196,14 @@ impl Trial {
         let train = capture.train.len();
         let levels = budget::levels(&self.settings, &guide.graph)?;
         watch.lap(AROUND);
-        let first = self.fit(&self.settings, &capture, &guide, true, watch)?;
+        let on = On { capture: &capture, guide: &guide, perception: stage.perception.as_ref().map(|p| &p.0) };
+        let first = self.fit(&self.settings, &on, true, watch)?;
         let longer = budget::iterations(&self.settings, levels, train, self.renders);
         let second = match longer {
             None => Values::new(),
             Some(n) if n == self.settings.iterations => first.clone(),
             Some(iterations) => {
-                self.fit(&Settings { iterations, ..self.settings.clone() }, &capture, &guide, false, &mut ())?
+                self.fit(&Settings { iterations, ..self.settings.clone() }, &on, false, &mut ())?
             }
         };
         let plain = |name: &String| !name.starts_with("curve") && !name.starts_with("factor");
@@ -209,14 +215,8 @@ impl Trial {
     }
 
     /// Fits and scores; looks on during the fit where asked for.
-    fn fit(
-        &self,
-        settings: &Settings,
-        capture: &PersonCapture,
-        guide: &Trained,
-        curves: bool,
-        watch: &mut dyn Watch,
-    ) -> Result<Values> {
+    fn fit(&self, settings: &Settings, on: &On<'_>, curves: bool, watch: &mut dyn Watch) -> Result<Values> {
+        let On { capture, guide, .. } = *on;
         let mut values = Values::new();
         let mut fit = PersonFit::new(settings.clone(), capture, Some(guide))?;
         let n = fit.iterations();
@@ -234,13 +234,13 @@ impl Trial {
             }
             watch.lap(AROUND);
         }
-        let test = scores(fit.avatar(), capture, &capture.test)?;
+        let test = on.scores(fit.avatar(), &capture.test)?;
         let (_, mean) = evaluate::means(&test)?;
         values
             .extend(mean.named().into_iter().filter(|(_, x)| x.is_finite()).map(|(n, x)| (n.to_owned(), x)));
         let step = Ord::max(1, capture.train.len().div_ceil(PICTURES));
         let some: Vec<usize> = capture.train.iter().copied().step_by(step).collect();
-        let (_, mean) = evaluate::means(&scores(fit.avatar(), capture, &some)?)?;
+        let (_, mean) = evaluate::means(&on.scores(fit.avatar(), &some)?)?;
         let t = fit.tally();
         let share = |a: f64, b: u64| if b == 0 { 0.0 } else { a / b as f64 };
         values.extend(
@@ -260,8 +260,18 @@ impl Trial {
     }
 }
 
-fn scores(avatar: &Avatar, capture: &PersonCapture, which: &[usize]) -> Result<Vec<Scored>> {
-    which.iter().map(|&shot| Evaluation::of(avatar, capture).score(shot)).collect()
+/// What a fit is made from and scored with.
+struct On<'a> {
+    capture: &'a PersonCapture,
+    guide: &'a Trained,
+    perception: Option<&'a Metric>,
+}
+
+impl On<'_> {
+    fn scores(&self, avatar: &Avatar, which: &[usize]) -> Result<Vec<Scored>> {
+        let all = Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) };
+        which.iter().map(|&shot| all.score(shot)).collect()
+    }
 }
 
 /// Mean PSNR-box of the held-out pictures.
