@@ -128,7 +128,7 @@ fn weights_of_lpips_add_columns_and_cells_of_their_own() {
         let e6 = made["experiments"].as_array().expect("a list").last().expect("E6").clone();
         let rows: Vec<Vec<String>> = serde_json::from_value(e6["rows"].clone()).expect("rows of text");
         let head: Vec<String> = serde_json::from_value(e6["head"].clone()).expect("names of columns");
-        let columns = head.iter().zip(&rows[0]).filter(|(name, _)| name.starts_with("LPIPS"));
+        let columns = head.iter().zip(&rows[0]).filter(|(name, _)| name.starts_with(">LPIPS"));
         for (name, value) in columns.clone() {
             assert!(value.parse::<f64>().is_ok_and(|x| x > 0.0), "{name} is {value}");
         }
@@ -137,9 +137,9 @@ fn weights_of_lpips_add_columns_and_cells_of_their_own() {
     let (without, plain, few) = study(&[]);
     assert_eq!(without, [""; 0], "none without weights");
     let (with, _, more) = study(&["--resume", "--lpips", "vgg.safetensors"]);
-    assert_eq!(with, ["LPIPS-vgg", "LPIPS-vgg-box"]);
+    assert_eq!(with, [">LPIPS-vgg", ">LPIPS-vgg-box"]);
     let (raw, _, most) = study(&["--resume", "--lpips", "vgg.safetensors", "--lpips-raw"]);
-    assert_eq!(raw, ["LPIPS-vgg-raw", "LPIPS-vgg-raw-box"]);
+    assert_eq!(raw, [">LPIPS-vgg-raw", ">LPIPS-vgg-raw-box"]);
     assert!(few < more && more < most, "cells of their own: {few}, {more}, {most}");
     assert_eq!(study(&["--resume", "--stored"]).1, plain, "those without are as they were");
     refused(&["last", "study", "E6", "--out", "t", "--lpips", "none"], at, 2, &["none"]);

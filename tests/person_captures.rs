@@ -50,7 +50,7 @@ fn convert(
     model: Option<&BodyModel>,
     out: &Path,
 ) -> Result<import::Report> {
-    let source = captures::read(layout, dir, selection, "neutral")?;
+    let source = captures::read(layout, dir, selection, None)?;
     import::write(&source, model, None, out, &AtomicBool::new(false), &mut |_, _| {})
 }
 

@@ -366,7 +366,7 @@ fn people_snapshot() {
         let at = (i * 7919) % bytes.len();
         bytes[at] ^= [1, 0x80, 0xff][i % 3];
         std::fs::write(dir.join("reconstructed_poses.hdf5"), &bytes).expect("written");
-        let _ = lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &Selection::default(), "neutral");
+        let _ = lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &Selection::default(), None);
     }
     std::fs::write(dir.join("reconstructed_poses.hdf5"), &poses[..poses.len() / 2]).expect("written");
     let e =
@@ -390,8 +390,7 @@ fn a_picture_missing_among_a_hundred_is_a_note() {
     // Later the person has walked out of the picture.
     let early = |start, count| Some(Range { start, step: 1, count });
     let some = Selection { train_frames: early(0, 4), test_frames: early(5, 2), ..Selection::default() };
-    let source =
-        lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &some, "neutral").expect("enough");
+    let source = lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &some, None).expect("enough");
     assert!(source.notes.iter().any(|n| n.contains("first 100 frames")), "{:?}", source.notes);
     let c = check(Layout::PeopleSnapshot, dir, &some, Some(&model()), &truth);
     assert_eq!((c.train.len(), c.test.len()), (4, 2), "as selected");
@@ -516,7 +515,16 @@ fn anim_nerf() {
     std::fs::rename(dir, male).expect("renamed");
     let e = error(convert(Layout::AnimNerf, male, &Selection::default(), None, &folder.path().join("out")));
     assert!(e.contains("'male'"), "{e}");
+    let to = folder.path().join("told");
+    let told = captures::read(Layout::AnimNerf, male, &Selection::default(), Some("neutral"))
+        .expect("told otherwise");
+    assert_eq!(told.gender, "neutral", "what is told counts");
+    import::write(&told, None, None, &to, &AtomicBool::new(false), &mut |_, _| {}).expect("written");
     std::fs::rename(male, dir).expect("renamed");
+    std::fs::rename(dir.join("mask/000004.png"), dir.join("mask/000005.png")).expect("renamed");
+    let e = error(convert(Layout::AnimNerf, dir, &Selection::default(), None, &folder.path().join("out")));
+    assert!(e.contains("a mask 4") && e.contains("mask 5"), "{e}");
+    std::fs::rename(dir.join("mask/000005.png"), dir.join("mask/000004.png")).expect("renamed");
     std::fs::remove_file(dir.join("animnerf_models/000002.npz")).expect("removed");
     let e = error(convert(Layout::AnimNerf, dir, &Selection::default(), None, &folder.path().join("out")));
     assert!(e.contains("the model of frame 2"), "{e}");
@@ -615,7 +623,7 @@ fn dna_rendering() {
     assert!(e.contains("_annots.smc") && e.contains("camera 3"), "{e}");
     let mut flat_handed = model.clone();
     flat_handed.mean_hands = None;
-    let source = captures::read(Layout::Dna, dir, &Selection::default(), "neutral").expect("read");
+    let source = captures::read(Layout::Dna, dir, &Selection::default(), None).expect("read");
     let to = tempfile::tempdir().expect("a temporary folder");
     let report =
         import::write(&source, Some(&flat_handed), None, to.path(), &AtomicBool::new(false), &mut |_, _| {})

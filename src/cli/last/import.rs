@@ -42,9 +42,9 @@ pub(in crate::cli) struct Args {
     /// Body model: SMPL or SMPL-X as .pkl or .npz, or ARAH's folder body_models/misc
     #[arg(long, value_name = "FILE")]
     body: Option<PathBuf>,
-    /// Which body of a folder of several
-    #[arg(long, value_name = "NAME", default_value = "neutral")]
-    gender: String,
+    /// Which body of a folder of several: neutral, female, male [default: what the layout says, else neutral]
+    #[arg(long, value_name = "NAME")]
+    gender: Option<String>,
     /// Cameras to learn from
     #[arg(long, value_name = "N", num_args = 1.., help_heading = "Selection")]
     train_camera: Option<Vec<usize>>,
@@ -95,8 +95,8 @@ impl Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let (layout, selection) = (args.layout()?, args.selection()?);
     claim::check(&args.out, false, args.manner.force)?;
-    let model = args.body.as_ref().map(|p| smpl::read(p, &args.gender)).transpose()?;
-    let source = captures::read(layout, &args.dir, &selection, &args.gender)?;
+    let source = captures::read(layout, &args.dir, &selection, args.gender.as_deref())?;
+    let model = args.body.as_ref().map(|p| smpl::read(p, &source.gender)).transpose()?;
     let mut meter = Meter::new(args.manner.quiet);
     let report = cli::stoppable(|stop| {
         let downscale = args.downscale.map(usize::from);

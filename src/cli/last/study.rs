@@ -234,17 +234,20 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }
     }
     let models = args.models()?;
+    let with_persons = guided.iter().any(|id| args.wants(id));
+    let perception = if with_persons { args.perception.load(&meter)? } else { None };
+    let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
     let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let plan = Plan { only_stored: args.stored, jobs: args.jobs.map_or_else(par::threads, usize::from) };
     let mut study = Study { dir: dir.clone(), plan, meter: &mut meter, reports: Vec::new() };
     let mut constants = None;
     let mut costs = Vec::new();
-    if guided.iter().any(|id| args.wants(id)) {
-        let perception = args.perception.load(study.meter)?;
-        let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
-        let stage = Stage { size: persons, models, dir: dir.clone(), perception };
+    if with_persons {
+        // Constants are found without LPIPS, whose weights make no difference to them.
+        let mut stage = Stage { size: persons, models, dir: dir.clone(), perception: None };
         if let Some(found) = study.constants(&stage, args.no_search)? {
+            stage.perception = perception;
             let all = experiments::all(&stage, &found)?;
             let chosen: Vec<&dyn Experiment> =
                 all.iter().filter(|x| args.wants(x.id())).map(|x| x as &dyn Experiment).collect();

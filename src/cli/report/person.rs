@@ -213,7 +213,7 @@ fn guide(t: &Tally) -> Markup {
         vec![text("encoder passes"), text(thousands(t.encodings as usize))],
         vec![text("steps of child factors bounded by λ"), text(share(t.bound as f64, t.capped as f64))],
         vec![
-            text("of what the model sees, area without influence on the factors (|g| < 1e-8)"),
+            text("of the picture, area without influence on the factors (|g| < 1e-8)"),
             text(share(t.blind, t.gradients as f64)),
         ],
     ];

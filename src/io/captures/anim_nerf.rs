@@ -8,15 +8,17 @@
 //! body_models/misc             as in `arah`: here, or one or two folders above; else a body model is given
 //! ```
 //!
-//! A frame is a place in the order of the pictures; its model is the one of that number. A subject is female or male by its name.
+//! A frame is a place in the order of the pictures; its model is the one of that number. A subject is female or male by the name of its
+//! folder, unless told otherwise.
 
 use super::people_snapshot::{Calibration, frames, in_order};
 use super::{
     IDENTITY, Layout, Pixels, Plan, Selection, Source, SourceShot, UP_FROM_CAMERA, arah, called,
     first_folder, numbered, numbered_file,
 };
-use crate::Result;
 use crate::io::capture::{Split, rigid};
+use crate::io::name_of;
+use crate::{Error, Result};
 use std::path::Path;
 
 /// Side pictures are reduced to.
@@ -26,18 +28,22 @@ const SIDE: usize = 540;
 ///
 /// # Errors
 /// When a file is missing or malformed, or counts differ.
-pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
+pub fn read(dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<Source> {
     let camera = Calibration::read(&dir.join("camera.pkl"))?;
     let (intrinsics, lens) = (camera.intrinsics()?, camera.lens()?);
     let images = in_order(&first_folder(dir, &["image"], "the pictures")?)?;
     let masks = in_order(&first_folder(dir, &["mask"], "the masks")?)?;
     let folder = dir.join("animnerf_models");
     let models = numbered(&folder, "")?;
+    let wrong = |expected: String, got: String| {
+        Err(Error::input(name_of(dir)).at("mask/").expected(expected).got(got))
+    };
     if masks.len() != images.len() {
-        return Err(crate::Error::input(crate::io::name_of(dir))
-            .at("mask/")
-            .expected(format!("{} masks, as many as pictures in image/", images.len()))
-            .got(masks.len().to_string()));
+        let expected = format!("{} masks, as many as pictures in image/", images.len());
+        return wrong(expected, masks.len().to_string());
+    }
+    if let Some(((image, _), (mask, _))) = images.iter().zip(&masks).find(|(image, mask)| image.0 != mask.0) {
+        return wrong(format!("a mask {image}, as there is a picture"), format!("mask {mask}"));
     }
     let (train, test) = frames(dir, images.len(), selection);
     let plan = Plan::new((&[0], &train), (&[0], &test));
@@ -53,14 +59,15 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
             view_from_world: rigid(IDENTITY, [0.0; 3]),
             intrinsics,
             lens,
-            image: Pixels::Picture(images[frame].clone()),
-            mask: Pixels::Picture(masks[frame].clone()),
+            image: Pixels::Picture(images[frame].1.clone()),
+            mask: Pixels::Picture(masks[frame].1.clone()),
         });
     }
     let names = called(dir);
-    let is = |sex: &str| names.iter().any(|name| name.split('-').any(|part| part == sex));
-    let gender = ["female", "male"].into_iter().find(|sex| is(sex)).unwrap_or(gender);
-    out.model = arah::body_model(dir, gender)?;
+    if let Some(sex) = ["female", "male"].into_iter().find(|sex| names[0].contains(sex)) {
+        sex.clone_into(&mut out.gender);
+    }
+    out.model = arah::body_model(dir, gender.unwrap_or(&out.gender))?;
     if !plan.shots.iter().any(|s| s.2 == Split::Test) {
         out.notes.push("no frames are held out".to_owned());
     }

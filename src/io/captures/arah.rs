@@ -35,7 +35,7 @@ const KEYS: [&str; 7] =
 ///
 /// # Errors
 /// When a file is missing or malformed.
-pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
+pub fn read(dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<Source> {
     let path = dir.join("cam_params.json");
     let name = name_of(&path);
     let json: Value = serde_json::from_slice(&read_bytes(&path, MAX_SMALL_FILE_BYTES)?).map_err(|e| {
@@ -78,9 +78,10 @@ pub fn read(dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
         let shot = calibrated[&camera].shot(numbers[frame], camera, plan.time(frame), split)?;
         out.shots.push(shot);
     }
-    let gender =
-        std::fs::read_to_string(dir.join("gender.txt")).map_or(gender.to_owned(), |g| g.trim().to_owned());
-    out.model = body_model(dir, &gender)?;
+    if let Ok(gender) = std::fs::read_to_string(dir.join("gender.txt")) {
+        gender.trim().clone_into(&mut out.gender);
+    }
+    out.model = body_model(dir, gender.unwrap_or(&out.gender))?;
     Ok(out)
 }
 

@@ -229,6 +229,8 @@ pub struct Source {
     pub moments: Vec<Moment>,
     /// (T) numbers of the moments
     pub numbers: Vec<i64>,
+    /// Which of several bodies is the person's: `neutral`, `female`, `male`
+    pub gender: String,
     /// Coefficients of shape (and expression)
     pub betas: Vec<f64>,
     /// Points at rest that belong to this person; else the model's under `betas`
@@ -260,6 +262,7 @@ impl Source {
             shots: Vec::new(),
             moments: Vec::new(),
             numbers: Vec::new(),
+            gender: "neutral".to_owned(),
             betas: Vec::new(),
             rest: None,
             model: None,
@@ -299,17 +302,17 @@ pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0
 /// z up from a camera's axes (x right, y down, z forward): (x, y, z) → (x, z, −y).
 pub(super) const UP_FROM_CAMERA: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]];
 
-/// Reads a capture of a layout. `gender` chooses among the bodies of a layout that brings them.
+/// Reads a capture of a layout. `gender` is the person's, which chooses among bodies; without one it is what the layout says.
 ///
 /// # Errors
 /// When a file is missing or malformed, or nothing is selected.
-pub fn read(layout: Layout, dir: &Path, selection: &Selection, gender: &str) -> Result<Source> {
+pub fn read(layout: Layout, dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<Source> {
     if !dir.exists() {
         return Err(Error::input(name_of(dir))
             .expected(format!("a capture in the layout {}", layout.name()))
             .got("nothing there"));
     }
-    let source = match layout {
+    let mut source = match layout {
         Layout::Zju | Layout::ZjuRefine => zju::read(layout, dir, selection),
         Layout::MonoCap => monocap::read(dir, selection),
         Layout::Arah => arah::read(dir, selection, gender),
@@ -318,6 +321,9 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection, gender: &str) -> 
         Layout::AnimNerf => anim_nerf::read(dir, selection, gender),
         Layout::Dna => dna::read(dir, selection),
     }?;
+    if let Some(given) = gender {
+        given.clone_into(&mut source.gender);
+    }
     if !source.shots.iter().any(|s| s.split == Split::Train) {
         return Err(Error::input(name_of(dir))
             .expected("at least one picture to learn from")

@@ -54,7 +54,7 @@ pub(super) fn frames(dir: &Path, count: usize, selection: &Selection) -> (Vec<us
 /// When a file is missing or malformed, counts differ, or the video must be taken apart and cannot.
 pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
     let camera = Calibration::read(&dir.join("camera.pkl"))?;
-    let (view, lens) = (camera.view()?, camera.lens()?);
+    let (view, intrinsics, lens) = (camera.view()?, camera.intrinsics()?, camera.lens()?);
     let body = Hdf5::open(&dir.join("reconstructed_poses.hdf5"))?;
     let (shape, poses) = body.numbers("pose")?;
     let (count, per) = match shape[..] {
@@ -114,7 +114,7 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
             camera: 0,
             split,
             view_from_world: view,
-            intrinsics: camera.intrinsics()?,
+            intrinsics,
             lens,
             image: Pixels::Picture(images[frame].clone()),
             mask: Pixels::Row(masks.clone(), "masks".to_owned(), frame),
@@ -204,11 +204,11 @@ fn pictures(dir: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         take_apart(dir, &folder)?;
     }
-    in_order(&folder)
+    Ok(in_order(&folder)?.into_iter().map(|(_, path)| path).collect())
 }
 
-/// Pictures of a folder in the order of the numbers in their names.
-pub(super) fn in_order(folder: &Path) -> Result<Vec<PathBuf>> {
+/// Pictures of a folder with the numbers in their names, ascending.
+pub(super) fn in_order(folder: &Path) -> Result<Vec<(usize, PathBuf)>> {
     let mut out: Vec<(usize, PathBuf)> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
         let path = entry.map_err(|e| Error::os(folder, &e))?.path();
@@ -223,7 +223,7 @@ pub(super) fn in_order(folder: &Path) -> Result<Vec<PathBuf>> {
         }
     }
     out.sort();
-    Ok(out.into_iter().map(|(_, p)| p).collect())
+    Ok(out)
 }
 
 /// Runs ffmpeg on the video beside the data; the folder appears whole or not at all.

@@ -193,7 +193,9 @@ impl<'a> Training<'a> {
     /// A number that is not finite.
     pub fn advance(&mut self) -> Result<Losses> {
         self.settle()?;
-        if self.settings.alone > 0 && self.step == self.settings.alone {
+        let s = &self.settings;
+        let come = s.supervision != Supervision::None && s.groups > 0 && s.weights.groups > 0.0;
+        if come && s.alone > 0 && self.step == s.alone {
             self.change_units();
         }
         let s = &self.settings;
@@ -405,6 +407,37 @@ mod tests {
     use crate::last::model::vectors::Vectors;
     use data_gen::figure::graph::Graph;
     use data_gen::figure::mechanism::{Mechanism, Scm};
+
+    #[test]
+    fn units_change_once_and_only_where_a_code_is_too_small() {
+        let scm = Scm::new(Graph::named("FORK", 4, 1).expect("a name"), Mechanism::Lin, true, 1);
+        let data = Vectors::new(&scm, 1, 64, 16);
+        let settings = Settings { points: 1, width: 1, observed: 16, groups: 4, ..Settings::of_pictures() };
+        let settings = Settings { alone: 1, freeze: 2, ..settings.scaled(40) };
+        // The decoder's first weights after a step, with these variances before it.
+        let after = |settings: Settings, spread: [f64; 4]| {
+            let mut training = Training::new(settings, &data).expect("a model");
+            training.advance().expect("finite");
+            training.spread = Some(spread.to_vec());
+            let before = training.model.params.get("decoder.latent.weight").expect("weights").clone();
+            training.advance().expect("finite");
+            let now = training.model.params.get("decoder.latent.weight").expect("weights").clone();
+            let ratio = |c: usize| {
+                let sum = |a: &ArrayD<f32>| a.iter().skip(c).step_by(4).fold(0.0, |s, w| s + w.abs());
+                sum(&before) / sum(&now)
+            };
+            ([0, 1, 2, 3].map(ratio), training.spread.clone().expect("variances"))
+        };
+        let near = |ratios: [f32; 4], c: [f32; 4]| {
+            assert!(ratios.iter().zip(c).all(|(r, c)| (r / c - 1.0).abs() < 0.3), "{ratios:?} for {c:?}");
+        };
+        let (ratios, spread) = after(settings, [0.004, 0.06, 1.0, 0.25]);
+        near(ratios, [16.0, 4.0, 1.0, 2.0]);
+        assert!(spread.iter().all(|s| (0.5..2.1).contains(s)), "variances in new units: {spread:?}");
+        near(after(settings, [0.02, 0.06, 1.0, 0.25]).0, [1.0; 4]);
+        let alone = Settings { supervision: Supervision::None, ..settings };
+        near(after(alone, [0.004, 0.06, 1.0, 0.25]).0, [1.0; 4]);
+    }
 
     #[test]
     fn a_gradient_far_longer_than_usual_is_shortened() {

@@ -2,16 +2,18 @@
 //!
 //! Nothing in L_rec says how large codes are: û·c with the decoder's first weights divided by c is the same function. While encoder and decoder
 //! learn alone codes stay about as small as they were drawn, and what groups say of them is not free of units: the spread hinge asks for a
-//! variance of ¼, with a gradient proportional to the code, and s² in L_eq has a floor (`last.md` §7.3). So when groups come in and a factor's code is
-//! no active unit by then (a variance below 0.01, Burda et al. 2016), every factor gets a unit in which its variance is about 1:
+//! variance of ¼, with a gradient proportional to the code, and s² in L_eq has a floor (`last.md` §7.3). So when groups come in and the variance of a
+//! factor, mean over its numbers, is below that of an active unit by then (0.01, Burda et al. 2016), every factor gets a unit in which it is about 1:
 //!
 //! ```text
-//! c = 2^round(−½ log₂ s²)      μ ← c·μ: the rows of the encoder's last layer and their biases
+//! c = 2^round(−½ log₂ s²) ≤ 16 μ ← c·μ: the rows of the encoder's last layer and their biases
 //!                              ℓ ← ℓ + 2 ln c: their biases
 //!                              decoder: the columns of the first layer that meet the factor, divided by c
 //!                              mechanisms: columns of the first layer that meet a parent, divided by its c;
 //!                                          rows of the last layer of a child, times its c; Ωᵢⱼ times cⱼ/cᵢ
 //! ```
+//!
+//! The limit keeps ℓ, which begins at −2, below the 4 above which it has no gradient ([`crate::causal::posterior::LOGVAR`]).
 //!
 //! Adam's moments go with their parameters (m by 1/c where the parameter goes by c, v by 1/c²), so do the covariances of earlier batches. Powers of two
 //! round nothing: what a mean decodes to, and what an intervention makes of it, has the same bits before and after.
@@ -26,8 +28,8 @@ use crate::num::order;
 use crate::optim::adam::Adam;
 use std::collections::BTreeMap;
 
-/// Variances are counted as no smaller: c ≤ 2¹⁰.
-const SMALLEST: f64 = 1e-6;
+/// Variances are counted as no smaller: c ≤ 16.
+const SMALLEST: f64 = 1.0 / 256.0;
 
 /// Whether some factor's code says next to nothing.
 pub fn are_needed(spread: &[f64]) -> bool {
@@ -81,7 +83,7 @@ pub fn change(model: &mut Model, optimisers: &mut BTreeMap<String, Adam>, histor
 mod tests {
     use super::*;
     use crate::last::model::data::{Data, Item};
-    use crate::last::model::settings::Settings;
+    use crate::last::model::settings::{Reading, Settings};
     use crate::last::model::step::{self, Batch, Context};
     use crate::last::model::structure::Kind;
     use crate::last::model::vectors::Vectors;
@@ -92,9 +94,11 @@ mod tests {
     #[test]
     fn units_are_powers_of_two_that_give_variances_about_one() {
         assert_eq!(of(&[1.0, 0.25, 0.01, 64.0]), [1.0, 2.0, 8.0, 0.125]);
-        assert_eq!(of(&[0.0]), [1024.0], "codes that are 0 have no unit");
+        assert_eq!(of(&[0.0, 1e-5]), [16.0; 2], "no factor is larger");
+        let [_, most] = crate::causal::posterior::LOGVAR;
+        assert!(-2.0 + 2.0 * ln(16.0) < most, "the first logarithm of a variance keeps its gradient");
         assert!(are_needed(&[1.0, 0.009]) && !are_needed(&[1.0, 0.02]), "one is enough");
-        for s in [1e-5, 0.003, 0.7, 3.0, 1e4] {
+        for s in [0.004, 0.03, 0.7, 3.0, 1e4] {
             let c = of(&[s])[0];
             assert!((0.49..=2.01).contains(&(s * c * c)), "{s} becomes {}", s * c * c);
         }
@@ -139,24 +143,33 @@ mod tests {
     }
 
     #[test]
-    fn noise_behind_the_codes_keeps_its_bits() {
+    fn factors_and_noise_keep_their_bits() {
         let (settings, data, _, items) = small();
-        for kind in [Kind::Networks, Kind::Linear] {
+        for (kind, reading) in [
+            (Kind::Networks, Reading::Reference),
+            (Kind::Linear, Reading::Reference),
+            (Kind::Linear, Reading::Literal),
+            (Kind::Printed, Reading::Literal),
+        ] {
             let mut model = Model::new(&Settings { kind, ..settings }, &data).expect("a model");
-            let last = if kind == Kind::Linear { structure::EFFECTS } else { structure::LAST };
-            let weights = model.params.get_mut(last).expect("the mechanism");
-            weights.iter_mut().enumerate().for_each(|(at, w)| *w = 0.3 * libm::sinf(at as f32));
+            for last in [structure::EFFECTS, structure::LAST] {
+                let Some(weights) = model.params.get_mut(last) else { continue };
+                weights.iter_mut().enumerate().for_each(|(at, w)| *w = 0.3 * libm::sinf(at as f32));
+            }
             let mask: Vec<f64> = (0..16).map(|at| if at / 4 < at % 4 { 0.75 } else { 0.0 }).collect();
             let noise = |model: &Model| {
                 let [mu, _] = model.encode(&data, &items);
-                model.linked(settings.reading, &mask, mu)
+                model.linked(reading, &mask, mu)
             };
-            let [u, eps] = noise(&model);
-            assert!(u.iter().zip(&eps).any(|(u, e)| (u - e).abs() > 1e-3), "parents act");
+            let before = noise(&model);
+            let [u, eps] = &before;
+            assert!(u.iter().zip(eps).any(|(u, e)| (u - e).abs() > 1e-3), "parents act");
             let c = [4.0, 1.0, 0.5, 8.0];
             change(&mut model, &mut BTreeMap::new(), &mut History::default(), &c);
-            for (at, (new, old)) in noise(&model)[1].iter().zip(&eps).enumerate() {
-                assert_eq!(*new, old * c[at % 8 / 2], "{kind:?}, {at}");
+            for (new, old) in noise(&model).iter().zip(&before) {
+                for (at, (new, old)) in new.iter().zip(old).enumerate() {
+                    assert_eq!(*new, old * c[at % 8 / 2], "{kind:?}, {reading:?}, {at}");
+                }
             }
         }
     }

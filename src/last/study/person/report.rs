@@ -112,8 +112,13 @@ const COLUMNS: [(&str, &str, usize); 7] = [
     (">encodings", "encodings", 0),
 ];
 
-/// Variants of LPIPS.
-const PERCEIVED: [&str; 4] = [lpips::NAME, lpips::NAME_BOX, lpips::NAME_RAW, lpips::NAME_RAW_BOX];
+/// Columns of LPIPS: head and value.
+const PERCEIVED: [[&str; 2]; 4] = [
+    [">LPIPS-vgg", lpips::NAME],
+    [">LPIPS-vgg-box", lpips::NAME_BOX],
+    [">LPIPS-vgg-raw", lpips::NAME_RAW],
+    [">LPIPS-vgg-raw-box", lpips::NAME_RAW_BOX],
+];
 
 pub(super) fn of(id: &'static str, claim: &'static str, question: &Question, results: Rows<'_>) -> Report {
     let names = rows(results);
@@ -127,15 +132,15 @@ pub(super) fn of(id: &'static str, claim: &'static str, question: &Question, res
     let mut head = vec!["", ">PSNR-box", ">Δ", ">at equal renders", ">Δ", ">iterations of that"];
     head.extend(COLUMNS.iter().map(|c| c.0));
     // Where there were weights for it.
-    let is_there = |name: &&str| results.iter().any(|(_, values)| values.contains_key(*name));
-    let perceived: Vec<&str> = PERCEIVED.into_iter().filter(is_there).collect();
-    head.extend(&perceived);
+    let is_there = |[_, name]: &[&str; 2]| results.iter().any(|(_, values)| values.contains_key(*name));
+    let perceived: Vec<[&str; 2]> = PERCEIVED.into_iter().filter(is_there).collect();
+    head.extend(perceived.iter().map(|[head, _]| *head));
     head.extend(extra(question).iter().map(|c| c.0));
     let line = |row: &String| -> Vec<String> {
         let mut line = vec![row.clone(), cell(row, VALUE, 2), against(row, VALUE), cell(row, FAIR, 2)];
         line.extend([against(row, FAIR), cell(row, "iterations@renders", 0)]);
         line.extend(COLUMNS.iter().map(|(_, value, digits)| cell(row, value, *digits)));
-        line.extend(perceived.iter().map(|name| cell(row, name, 4)));
+        line.extend(perceived.iter().map(|[_, name]| cell(row, name, 4)));
         line.extend(extra(question).iter().map(|(_, value, digits)| cell(row, value, *digits)));
         line
     };

@@ -196,14 +196,15 @@ impl Trial {
         let train = capture.train.len();
         let levels = budget::levels(&self.settings, &guide.graph)?;
         watch.lap(AROUND);
-        let on = On { capture: &capture, guide: &guide, perception: stage.perception.as_ref().map(|p| &p.0) };
-        let first = self.fit(&self.settings, &on, true, watch)?;
+        let inputs =
+            Inputs { capture: &capture, guide: &guide, perception: stage.perception.as_ref().map(|p| &p.0) };
+        let first = self.fit(&self.settings, &inputs, true, watch)?;
         let longer = budget::iterations(&self.settings, levels, train, self.renders);
         let second = match longer {
             None => Values::new(),
             Some(n) if n == self.settings.iterations => first.clone(),
             Some(iterations) => {
-                self.fit(&Settings { iterations, ..self.settings.clone() }, &on, false, &mut ())?
+                self.fit(&Settings { iterations, ..self.settings.clone() }, &inputs, false, &mut ())?
             }
         };
         let plain = |name: &String| !name.starts_with("curve") && !name.starts_with("factor");
@@ -215,8 +216,14 @@ impl Trial {
     }
 
     /// Fits and scores; looks on during the fit where asked for.
-    fn fit(&self, settings: &Settings, on: &On<'_>, curves: bool, watch: &mut dyn Watch) -> Result<Values> {
-        let On { capture, guide, .. } = *on;
+    fn fit(
+        &self,
+        settings: &Settings,
+        inputs: &Inputs<'_>,
+        curves: bool,
+        watch: &mut dyn Watch,
+    ) -> Result<Values> {
+        let Inputs { capture, guide, .. } = *inputs;
         let mut values = Values::new();
         let mut fit = PersonFit::new(settings.clone(), capture, Some(guide))?;
         let n = fit.iterations();
@@ -234,13 +241,13 @@ impl Trial {
             }
             watch.lap(AROUND);
         }
-        let test = on.scores(fit.avatar(), &capture.test)?;
+        let test = inputs.scores(fit.avatar(), &capture.test)?;
         let (_, mean) = evaluate::means(&test)?;
         values
             .extend(mean.named().into_iter().filter(|(_, x)| x.is_finite()).map(|(n, x)| (n.to_owned(), x)));
         let step = Ord::max(1, capture.train.len().div_ceil(PICTURES));
         let some: Vec<usize> = capture.train.iter().copied().step_by(step).collect();
-        let (_, mean) = evaluate::means(&on.scores(fit.avatar(), &some)?)?;
+        let (_, mean) = evaluate::means(&inputs.scores(fit.avatar(), &some)?)?;
         let t = fit.tally();
         let share = |a: f64, b: u64| if b == 0 { 0.0 } else { a / b as f64 };
         values.extend(
@@ -261,13 +268,13 @@ impl Trial {
 }
 
 /// What a fit is made from and scored with.
-struct On<'a> {
+struct Inputs<'a> {
     capture: &'a PersonCapture,
     guide: &'a Trained,
     perception: Option<&'a Metric>,
 }
 
-impl On<'_> {
+impl Inputs<'_> {
     fn scores(&self, avatar: &Avatar, which: &[usize]) -> Result<Vec<Scored>> {
         let all = Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) };
         which.iter().map(|&shot| all.score(shot)).collect()
