@@ -4,6 +4,8 @@
 mod common;
 #[path = "person_captures/layouts.rs"]
 mod layouts;
+#[path = "person_captures/snapshot.rs"]
+mod snapshot;
 
 use common::person::{B, Cam, K, Mini, PERSON, V, V3, apart, pairs};
 use lastlight::io::captures::{self, Layout, Selection};
