@@ -6,7 +6,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::nn::linear;
-use lastlight::num::{lanes::f32x8, order, par, rng::Rng};
+use lastlight::num::{gemm, order, par, rng::Rng};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -19,18 +19,42 @@ fn values(n: usize, item: u64) -> Vec<f32> {
     (0..n).map(|i| rng.uniform_f32(i as u64, 0, 1, item as u16) - 0.5).collect()
 }
 
-/// 14 independent chains of unfused multiply-adds in registers; floating-point operations per second of one thread.
-#[inline(never)]
-fn chains(rounds: usize) -> f32x8 {
-    let x = black_box(f32x8::splat(0.999_9));
-    let y = black_box(f32x8::splat(1e-4));
-    let mut acc = [f32x8::ZERO; 14];
-    for _ in 0..rounds {
-        for a in &mut acc {
-            *a = *a * x + y;
+/// Independent chains of unfused multiply-adds in registers, as many as hide their latency.
+struct Peak {
+    rounds: usize,
+}
+
+/// Chains of [`Peak`].
+const CHAINS: usize = 14;
+
+impl pulp::WithSimd for Peak {
+    /// Lanes that were busy.
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> usize {
+        let [x, y] = [0.999_9, 1e-4].map(|x| simd.splat_f32s(black_box(x)));
+        let mut acc = [simd.splat_f32s(0.0); CHAINS];
+        for _ in 0..self.rounds {
+            for a in &mut acc {
+                *a = simd.add_f32s(simd.mul_f32s(*a, x), y);
+            }
         }
+        black_box(&acc);
+        S::F32_LANES
     }
-    acc.into_iter().fold(f32x8::ZERO, |s, a| s + a)
+}
+
+/// With the registers that products have.
+fn chains(rounds: usize) -> usize {
+    let work = Peak { rounds };
+    #[cfg(target_arch = "x86_64")]
+    if gemm::lanes() == 8
+        && let Some(eight) = pulp::x86::V3::try_new()
+    {
+        return pulp::Simd::vectorize(eight, work);
+    }
+    pulp::Arch::new().dispatch(work)
 }
 
 fn seconds(f: impl FnOnce()) -> f64 {
@@ -42,10 +66,9 @@ fn seconds(f: impl FnOnce()) -> f64 {
 /// Multiply-add peak of `threads` threads together, in GFLOP/s.
 fn peak(threads: usize) -> f64 {
     const ROUNDS: usize = 400_000;
-    let s = seconds(|| {
-        black_box(par::map(threads, |_| chains(ROUNDS)));
-    });
-    (threads * ROUNDS * 14 * 8 * 2) as f64 / s * 1e-9
+    let mut lanes = Vec::new();
+    let s = seconds(|| lanes = par::map(threads, |_| chains(ROUNDS)));
+    (threads * ROUNDS * CHAINS * lanes[0] * 2) as f64 / s * 1e-9
 }
 
 fn median(mut x: Vec<f64>) -> f64 {
@@ -64,7 +87,8 @@ fn linear_rate(m: usize, n: usize, k: usize, buffers: &mut [Vec<f32>; 4]) -> f64
 fn ratios(threads: usize) {
     let runs = if smoke() { 3 } else { 21 };
     println!(
-        "threads {threads}: unfused multiply-add peak and nn.linear forward, GFLOP/s, medians of {runs} interleaved runs"
+        "threads {threads}, {} lanes: unfused multiply-add peak and nn.linear forward, GFLOP/s, medians of {runs} interleaved runs",
+        gemm::lanes()
     );
     for (m, n, k) in [
         (256, 256, 256),

@@ -84,6 +84,7 @@ fn operators() {
         return;
     }
     println!("built as: {}", cell());
+    println!("products: {} lanes", lastlight::num::gemm::lanes());
     let lines = ledger::load();
     for n in THREADS {
         compare(&lines, &in_threads(n, runs::foundations), n);

@@ -100,18 +100,16 @@ impl Encoder {
         let mut bar = y_bar.to_vec();
         for i in (0..self.weights.len()).rev() {
             let x = if i == 0 { pictures } else { &self.results[i - 1] };
-            let x_bar = if i == 0 { Vec::new() } else { vec![0.0; x.len()] };
-            let [weight, bias] = [0, 1].map(|k| vec![0.0; self.weights[i][k].len()]);
             if i < LAYERS.len() {
-                let mut into = conv::InBar { x: x_bar, weight, bias };
-                conv::adjoint_leaky(self.conv(i, x), SLOPE, &self.results[i], &bar, &mut into);
+                let wanted = [i > 0, true, true]; // photographs need no gradient
+                let into = conv::gradients_leaky(self.conv(i, x), SLOPE, &self.results[i], &bar, wanted);
                 bar = into.x;
                 grads.push([into.weight, into.bias]);
             } else {
                 if i + 1 < self.weights.len() {
                     act::leaky_relu_back(&self.results[i], SLOPE, &mut bar);
                 }
-                let mut into = linear::InBar { x: x_bar, weight, bias };
+                let mut into = linear::InBar::zeros_like(&self.dense(i, x));
                 linear::adjoint(self.dense(i, x), &bar, &mut into);
                 bar = into.x;
                 grads.push([into.weight, into.bias]);

@@ -2,7 +2,7 @@
 
 use crate::num::bits::Digest;
 use crate::num::rng::Rng;
-use crate::num::{env, par};
+use crate::num::{env, gemm, par};
 use crate::scene::camera::{Camera, Model};
 
 use crate::splat::color::Sh;
@@ -45,6 +45,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "built_for": built_for(),
             "cpu": cpu_features(),
             "lanes": LANES,
+            "product_lanes": gemm::lanes(),
             "threads": par::threads(),
             "probe": probe.as_ref().map_or_else(ToString::to_string, |()| "default floating-point environment".into()),
             "digests": {"picture": hex(picture), "gradients": hex(gradients)},
@@ -60,7 +61,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         line("cpu has", cpu_features().join(" "))?;
         line(
             "lanes",
-            format!("{LANES} of f32 in one register; sums have 16 logical lanes on every machine"),
+            format!(
+                "{LANES} of f32 in one register, {} in matrix products; sums have 16 logical lanes on every machine",
+                gemm::lanes()
+            ),
         )?;
         line("threads", par::threads().to_string())?;
         line(

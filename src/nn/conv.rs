@@ -32,7 +32,7 @@
 //! # How it is fast
 //! A task copies the rows it needs with zeros around them; patches are then runs of that copy, multiplied where they lie
 //! ([`crate::num::gemm::runs`]). x̄ is a product too: pixels that have the same (h + p) mod s and (w + p) mod s see the same taps of the
-//! kernel, so each such class is one product without zeros between. [`forward_leaky`] and [`adjoint_leaky`] spare the passes of a
+//! kernel, so each such class is one product without zeros between. [`forward_leaky`] and [`gradients_leaky`] spare the passes of a
 //! [`leaky_relu`](super::act::leaky_relu) that follows. None of this changes a bit.
 //!
 //! Twin: `reference::nn::conv`.
@@ -50,7 +50,7 @@ mod gradients;
 #[cfg(test)]
 mod tests;
 
-pub use gradients::{adjoint, adjoint_leaky};
+pub use gradients::{adjoint, gradients_leaky};
 
 use crate::num::gemm::runs::{Runs, gemm_runs};
 use crate::num::gemm::{Finish, Packed, View};

@@ -8,7 +8,15 @@
 //! How it is fast changes no bit: both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns of
 //! b), a tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
 //! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels and are thrown away;
-//! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0.
+//! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. Where the processor has AVX-512, whatever the build was made for, two panels
+//! of columns are taken at once in registers of sixteen lanes ([`lanes`]).
+//!
+//! ```text
+//! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of pictures
+//!   pack    panels of both factors
+//!   block   a block of the output along k, block by block, chunk by chunk
+//!   tile    chains in registers, eight lanes or sixteen
+//! ```
 //!
 //! ```
 //! use lastlight::num::gemm::{Finish, View, gemm};
@@ -19,25 +27,24 @@
 //! assert_eq!(c, [17.0, 23.0, 39.0, 53.0]); // a·bᵀ
 //! ```
 
-use super::lanes::{Real, f32x8};
 use super::par;
 use std::cell::Cell;
 use std::ops::Range;
 
+mod block;
 mod pack;
 pub mod runs;
+#[cfg(test)]
+mod tests;
+mod tile;
 
-use pack::{eight, halves, pack_columns, pack_rows};
+use block::{Left, Task, block};
+use pack::{pack_columns, pack_rows};
+use tile::{COLUMNS, Chains, Columns, ROWS, Rows, Sixteen};
 
 /// Longest chain in k; part of the definition.
 pub const CHUNK: usize = 4096;
 
-/// Rows of a register tile.
-const ROWS: usize = 6;
-/// Columns of a register tile: two registers of eight lanes.
-const COLUMNS: usize = 16;
-/// k per block: a panel of a (8 KiB) and one of b (16 KiB) stay in the first-level cache.
-const BLOCK_K: usize = 256;
 /// Rows per task: the packed rows of a and the resting tiles stay in the second-level cache.
 const BLOCK_ROWS: usize = 8 * ROWS;
 /// Columns per task.
@@ -106,6 +113,16 @@ impl<'a> View<'a> {
     }
 }
 
+/// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the environment is not 8, else 8 (of which the compiler
+/// makes what the target has). A matter of speed: the bits are the same.
+pub fn lanes() -> usize {
+    #[cfg(target_arch = "x86_64")]
+    if tile::avx512().is_some() {
+        return 16;
+    }
+    8
+}
+
 /// What happens to a finished element p of the product, after its chain.
 #[derive(Clone, Copy, Debug)]
 pub enum Finish<'a> {
@@ -113,6 +130,8 @@ pub enum Finish<'a> {
     Store,
     /// c = c + p
     Add,
+    /// c = 0 + p: the same where c is known to hold +0, which is then not read
+    AddToZero,
     /// c = p + bias of the column, bias (n)
     Bias(&'a [f32]),
     /// c = p + bias where that is positive, this number times it elsewhere
@@ -122,23 +141,14 @@ pub enum Finish<'a> {
 impl<'a> Finish<'a> {
     fn bias(self) -> Option<&'a [f32]> {
         match self {
-            Self::Store | Self::Add => None,
+            Self::Store | Self::Add | Self::AddToZero => None,
             Self::Bias(bias) | Self::Leaky(bias, _) => Some(bias),
         }
     }
 }
 
-/// Sixteen neighbouring columns of b, row by row.
-type Columns = [f32x8; 2];
-/// Six neighbouring rows of a, column by column; the last two are not used.
-type Rows = [f32; 8];
-/// One register tile: 6×16 chains.
-type Tile = [[f32x8; 2]; ROWS];
-
-const ZERO: Tile = [[f32x8::ZERO; 2]; ROWS];
-
 /// A right factor (k, n) packed once, for use with many left factors.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Packed {
     /// (⌈n/16⌉, k): panel p holds columns 16p..16p+16 for every k
     panels: Vec<Columns>,
@@ -158,10 +168,41 @@ impl Packed {
         Self::reusing(self.panels, b)
     }
 
+    /// Packs a row-major (k, n) matrix of which `read(first, into)` gives the numbers from `first` on, on this thread, into the memory of this one.
+    #[must_use]
+    pub fn renewed_from(self, (k, n): (usize, usize), read: impl Fn(usize, &mut [f32])) -> Self {
+        let mut panels = self.panels;
+        panels.clear();
+        panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
+        for (p, panel) in panels.chunks_exact_mut(k.max(1)).enumerate() {
+            let (first, width) = (p * COLUMNS, COLUMNS.min(n - p * COLUMNS));
+            for (row, columns) in panel.iter_mut().enumerate() {
+                let at = row * n + first;
+                if width == COLUMNS {
+                    read(at, &mut columns.0); // of a known size: a few instructions
+                } else {
+                    read(at, &mut columns.0[..width]);
+                }
+            }
+        }
+        Self { panels, k, n }
+    }
+
+    /// Sums of the columns, each a left fold from +0.
+    pub fn column_sums(&self) -> impl Iterator<Item = f32> {
+        let panels = (0..self.n.div_ceil(COLUMNS)).map(|p| {
+            self.panel(p).iter().fold([0.0; COLUMNS], |mut sums, columns| {
+                sums.iter_mut().zip(columns.0).for_each(|(sum, x)| *sum += x);
+                sums
+            })
+        });
+        panels.flatten().take(self.n)
+    }
+
     /// Packs into memory that may already be there.
     fn reusing(mut panels: Vec<Columns>, b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
-        panels.resize(n.div_ceil(COLUMNS) * k, [f32x8::ZERO; 2]);
+        panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
         let pack = |p: usize, panel: &mut [Columns]| pack_columns(b, p * COLUMNS, panel);
         if k * n < PARALLEL / 4 {
             panels.chunks_mut(k.max(1)).enumerate().for_each(|(p, panel)| pack(p, panel));
@@ -175,22 +216,6 @@ impl Packed {
     fn panel(&self, p: usize) -> &[Columns] {
         &self.panels[p * self.k..(p + 1) * self.k]
     }
-}
-
-/// A left factor (m, k): how its rows reach the register tiles.
-trait Left: Copy + Sync {
-    /// Makes the rows ready for k in `ks`; `panels` is the number of column panels they will meet. Empty where they are read in place.
-    fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
-    /// Resumes the chains of a tile of the rows from `rows.start` on (at most six, beyond the last anything) over k in `ks`; `packed` is the tile's part of
-    /// what was prepared.
-    fn resume(
-        self,
-        rows: Range<usize>,
-        ks: Range<usize>,
-        packed: &[Rows],
-        columns: &[Columns],
-        tile: &mut Tile,
-    );
 }
 
 impl View<'_> {
@@ -208,219 +233,37 @@ impl Left for View<'_> {
     }
 
     #[inline(always)]
-    fn resume(
+    fn resume<S: Sixteen, const P: usize>(
         self,
+        chains: &mut Chains<S, P>,
         rows: Range<usize>,
         ks: Range<usize>,
         packed: &[Rows],
-        columns: &[Columns],
-        tile: &mut Tile,
+        columns: [&[Columns]; P],
     ) {
-        if !packed.is_empty() {
-            return resume(packed, columns, tile);
-        }
-        if columns.is_empty() {
+        if ks.is_empty() {
             return;
         }
+        if !packed.is_empty() {
+            return chains.packed(packed, columns);
+        }
         // Beyond the last row it is read again; those chains are thrown away.
-        let row = |i: usize| (rows.start + i).min(rows.end - 1) * self.row_stride;
-        let slice = |i| &self.values[row(i) + ks.start..row(i) + ks.end];
-        resume_in_place(std::array::from_fn(slice), columns, tile);
+        let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+        for (i, a) in a.iter_mut().enumerate() {
+            let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
+            *a = &self.values[row + ks.start..row + ks.end];
+        }
+        chains.in_place(a, columns);
     }
 }
 
 thread_local! {
     /// Memory of the last packed right factor, so that repeated products touch no fresh pages.
     static PANELS: Cell<Vec<Columns>> = const { Cell::new(Vec::new()) };
-    /// Memory of a task: packed rows of the left factor, and tiles resting between blocks of k.
-    static TASK: Cell<(Vec<Rows>, Vec<Tile>)> = const { Cell::new((Vec::new(), Vec::new())) };
 }
 
 /// Vectors kept for the next product at most: 64 MiB.
 const KEEP: usize = 1 << 20;
-
-/// Resumes the chains of a tile over one block of k with packed rows.
-#[inline(never)]
-fn resume(a: &[Rows], b: &[Columns], tile: &mut Tile) {
-    let mut acc = *tile;
-    // Four k at a time: the loop's own instructions would otherwise take issue slots from the arithmetic.
-    let ((a4, a1), (b4, b1)) = (a.as_chunks::<4>(), b.as_chunks::<4>());
-    for (a, b) in a4.iter().zip(b4) {
-        for i in 0..4 {
-            step(&mut acc, |r| a[i][r], &b[i]);
-        }
-    }
-    for (a, b) in a1.iter().zip(b1) {
-        step(&mut acc, |r| a[r], b);
-    }
-    *tile = acc;
-}
-
-/// The same with the rows where they are, each contiguous in k: for few columns, where packing does not pay.
-#[inline(never)]
-fn resume_in_place(a: [&[f32]; ROWS], b: &[Columns], tile: &mut Tile) {
-    let mut acc = *tile;
-    let (b4, b1) = b.as_chunks::<4>();
-    let quads = |r: usize| &a[r].as_chunks::<4>().0[..b4.len()];
-    let (a0, a1, a2, a3, a4, a5) = (quads(0), quads(1), quads(2), quads(3), quads(4), quads(5));
-    for (k, b) in b4.iter().enumerate() {
-        let a = [&a0[k], &a1[k], &a2[k], &a3[k], &a4[k], &a5[k]];
-        for i in 0..4 {
-            step(&mut acc, |r| a[r][i], &b[i]);
-        }
-    }
-    for (k, b) in b1.iter().enumerate() {
-        step(&mut acc, |r| a[r][4 * b4.len() + k], b);
-    }
-    *tile = acc;
-}
-
-/// One k: adds a product to each of the 96 chains.
-#[inline(always)]
-fn step(acc: &mut Tile, a: impl Fn(usize) -> f32, b: &Columns) {
-    for (r, acc) in acc.iter_mut().enumerate() {
-        let x = f32x8::splat(a(r));
-        acc[0] += x * b[0];
-        acc[1] += x * b[1];
-    }
-}
-
-/// Chains over k in `chunk` (at most [`CHUNK`]) for the given rows and column panels; `finished(panel, row panel,
-/// tile)` takes each tile, column panel by column panel, numbered within the block.
-fn chains(
-    a: impl Left,
-    b: &Packed,
-    (rows, panels, chunk): (Range<usize>, Range<usize>, Range<usize>),
-    (packed, resting): (&mut Vec<Rows>, &mut Vec<Tile>),
-    mut finished: impl FnMut(usize, usize, &Tile),
-) {
-    let row_panels = rows.len().div_ceil(ROWS);
-    // Tiles rest in memory between blocks of k.
-    resting.clear();
-    resting.resize(if chunk.len() > BLOCK_K { row_panels * panels.len() } else { 0 }, ZERO);
-    let mut start = chunk.start;
-    loop {
-        let end = chunk.end.min(start + BLOCK_K);
-        a.prepare(rows.clone(), start..end, panels.len(), packed);
-        for (p, panel) in panels.clone().enumerate() {
-            let columns = &b.panel(panel)[start..end];
-            for r in 0..row_panels {
-                let mut fresh = ZERO;
-                let tile = resting.get_mut(p * row_panels + r).unwrap_or(&mut fresh);
-                let mine =
-                    if packed.is_empty() { &[][..] } else { &packed[r * columns.len()..][..columns.len()] };
-                a.resume(rows.start + r * ROWS..rows.end, start..end, mine, columns, tile);
-                if end == chunk.end {
-                    finished(p, r, tile);
-                }
-            }
-        }
-        if end == chunk.end {
-            return;
-        }
-        start = end;
-    }
-}
-
-/// One block of the output: where it begins, and its part of every row.
-struct Task<'a> {
-    top: usize,
-    left: usize,
-    rows: Vec<&'a mut [f32]>,
-}
-
-#[inline(always)]
-fn leaky(x: f32x8, slope: f32) -> f32x8 {
-    f32x8::select(x.gt(f32x8::ZERO), x, f32x8::splat(slope) * x)
-}
-
-/// Computes one block of the output.
-fn block(a: impl Left, b: &Packed, task: Task<'_>, how: Finish<'_>) {
-    let Task { top, left, mut rows } = task;
-    let (mut packed, mut resting) = TASK.take();
-    let row_panels = rows.len().div_ceil(ROWS);
-    let panels = left / COLUMNS..(left + rows[0].len()).div_ceil(COLUMNS);
-    let part = |chunk: Range<usize>| (top..top + rows.len(), panels.clone(), chunk);
-    if b.k <= CHUNK {
-        let part = part(0..b.k);
-        chains(a, b, part, (&mut packed, &mut resting), |p, r, tile| {
-            finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how)
-        });
-        TASK.set((packed, resting));
-        return;
-    }
-    // The pairwise tree over the chunks as they come: two neighbours of one level make one of the next, and at the end
-    // the last, smaller ones are added from the right.
-    let add = |left: &mut [Tile], right: &[Tile]| {
-        for (x, y) in left.iter_mut().flatten().flatten().zip(right.iter().flatten().flatten()) {
-            *x += *y;
-        }
-    };
-    let mut stack: Vec<(u32, Vec<Tile>)> = Vec::new();
-    for start in (0..b.k).step_by(CHUNK) {
-        let (mut level, mut right) = (0, Vec::with_capacity(row_panels * panels.len()));
-        let part = part(start..b.k.min(start + CHUNK));
-        chains(a, b, part, (&mut packed, &mut resting), |_, _, tile| right.push(*tile));
-        while stack.last().is_some_and(|(l, _)| *l == level) {
-            let (_, mut left) = stack.pop().expect("the last entry was just seen");
-            add(&mut left, &right);
-            (level, right) = (level + 1, left);
-        }
-        stack.push((level, right));
-    }
-    TASK.set((packed, resting));
-    let (_, mut tiles) = stack.pop().expect("there is at least one chunk");
-    while let Some((_, mut left)) = stack.pop() {
-        add(&mut left, &tiles);
-        tiles = left;
-    }
-    for (i, tile) in tiles.iter().enumerate() {
-        let (p, r) = (i / row_panels, i % row_panels);
-        finish(tile, &mut rows[r * ROWS..], (p * COLUMNS, left), how);
-    }
-}
-
-/// Writes a tile to (at most six) rows of c from column `at` of the block on, which begins at column `left`.
-#[inline(always)]
-fn finish(tile: &Tile, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
-    for (tile, row) in tile.iter().zip(rows) {
-        let end = row.len().min(at + COLUMNS);
-        let c = &mut row[at..end];
-        if let Ok(c) = <&mut [f32; COLUMNS]>::try_from(&mut *c) {
-            let old = || halves(c);
-            let x = match how {
-                Finish::Store => *tile,
-                Finish::Add => {
-                    let c = old();
-                    [c[0] + tile[0], c[1] + tile[1]]
-                }
-                Finish::Bias(_) | Finish::Leaky(..) => {
-                    let bias = &how.bias().unwrap_or_default()[left + at..];
-                    [tile[0] + eight(bias), tile[1] + eight(&bias[8..])]
-                }
-            };
-            let x = match how {
-                Finish::Leaky(_, slope) => x.map(|x| leaky(x, slope)),
-                _ => x,
-            };
-            c[..8].copy_from_slice(&x[0].to_array());
-            c[8..].copy_from_slice(&x[1].to_array());
-            continue;
-        }
-        for (j, c) in c.iter_mut().enumerate() {
-            let p = tile[j / 8].to_array()[j % 8];
-            *c = match how {
-                Finish::Store => p,
-                Finish::Add => *c + p,
-                Finish::Bias(bias) => p + bias[left + at + j],
-                Finish::Leaky(bias, slope) => {
-                    let x = p + bias[left + at + j];
-                    if x > 0.0 { x } else { slope * x }
-                }
-            };
-        }
-    }
-}
 
 /// c (m, n, row-major) from the product of a (m, k) and b (k, n).
 ///

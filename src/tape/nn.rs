@@ -93,9 +93,9 @@ pub fn conv(tape: &mut Tape, [x, weight, bias]: [Var; 3], [stride, pad]: [usize;
     let result = Arc::clone(&y);
     tape.record("nn.conv", &[x, weight, bias], vec![y], move |bars, into| {
         let Some(y_bar) = &bars[0] else { return };
-        let [x, weight, bias] = [0, 1, 2].map(|i| room(&into[i], &arrays[i]));
-        let mut bar = conv::InBar { x, weight, bias };
-        conv::adjoint_leaky(conv_in(&arrays, stride, pad), slope, flat(&result), flat(y_bar), &mut bar);
+        let wanted = [0, 1, 2].map(|i| into[i].wanted());
+        let input = conv_in(&arrays, stride, pad);
+        let bar = conv::gradients_leaky(input, slope, flat(&result), flat(y_bar), wanted);
         hand_over(into, &arrays, [bar.x, bar.weight, bar.bias]);
     })[0]
 }

@@ -1,18 +1,18 @@
 //! The adjoint of `nn.conv`: equations and rounding on the page of [`super`].
 
 use super::{In, InBar, PADDED, PIXELS, Shape, Window, checked, items, sized};
-use crate::num::gemm::runs::{Grid, Runs, gemm_grid, gemm_runs};
+use crate::num::gemm::runs::{Grid, Runs, add_grids, gemm_runs};
 use crate::num::gemm::{Finish, Packed, View};
 use crate::num::{order, par};
 
 /// Tasks that share the kernel entries in the weight's gradient.
 const SHARES: usize = 8;
-/// Columns summed at a time.
-const SUMS: usize = 16;
 /// Rows of a register tile: what is shared comes in multiples of it.
 const TILE: usize = 6;
-/// Numbers of the padded pictures that are held at a time for the weight's gradient.
-const HELD: usize = 1 << 17;
+/// Items made ready together for the weight's gradient, at most: enough for all threads to have some.
+const ITEMS: usize = 16;
+/// Numbers of these items, at most.
+const HELD: usize = 1 << 20;
 
 /// Cotangent of a convolution, seen through a leaky ReLU that followed if there was one.
 #[derive(Clone, Copy)]
@@ -23,6 +23,7 @@ struct Cotangent<'a> {
 }
 
 impl Cotangent<'_> {
+    #[inline(always)]
     fn read(&self, first: usize, into: &mut [f32]) {
         let y_bar = &self.y_bar[first..][..into.len()];
         match self.after {
@@ -41,20 +42,30 @@ impl Cotangent<'_> {
 /// # Panics
 /// When the kernel does not fit, or a buffer does not have the size of its shape.
 pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
-    gradients(&x, Cotangent { y_bar, after: None }, x_bar);
+    gradients(&x, Cotangent { y_bar, after: None }, Finish::Add, x_bar);
 }
 
-/// The adjoint of [`forward_leaky`](super::forward_leaky), of which `y` is the result; the slope is not negative, so that the sign of y tells the side.
+/// What the adjoint of [`forward_leaky`](super::forward_leaky), of which `y` is the result, adds to zeros, for those of x, weight and bias that are
+/// `wanted` (the others are empty). The slope is not negative, so that the sign of y tells the side.
 ///
 /// # Panics
 /// As [`adjoint`]; when the slope is negative.
-pub fn adjoint_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], x_bar: &mut InBar) {
+pub fn gradients_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], wanted: [bool; 3]) -> InBar {
     assert!(slope >= 0.0, "the sign of the result tells the side");
     assert_eq!(y.len(), y_bar.len(), "the cotangent has the size of y");
-    gradients(&x, Cotangent { y_bar, after: Some((y, slope)) }, x_bar);
+    let room = |is_wanted: bool, len: usize| if is_wanted { vec![0.0; len] } else { Vec::new() };
+    let mut bar = InBar {
+        x: room(wanted[0], x.x.len()),
+        weight: room(wanted[1], x.weight.len()),
+        bias: room(wanted[2], x.bias.len()),
+    };
+    // Zeros fresh from the system are not touched before they are written.
+    gradients(&x, Cotangent { y_bar, after: Some((y, slope)) }, Finish::AddToZero, &mut bar);
+    bar
 }
 
-fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, x_bar: &mut InBar) {
+/// `how` the gradient of the pictures meets what is there.
+fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, x_bar: &mut InBar) {
     let [rows, columns] = checked(x);
     let size = x.shape.batch * rows * columns * x.shape.outputs;
     assert_eq!(cotangent.y_bar.len(), size, "the cotangent has the size of y");
@@ -62,22 +73,11 @@ fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, x_bar: &mut InBar) {
         return;
     }
     if !x_bar.x.is_empty() {
-        picture(x, cotangent, &mut x_bar.x);
+        picture(x, cotangent, how, &mut x_bar.x);
     }
     if !x_bar.weight.is_empty() || !x_bar.bias.is_empty() {
         filters(x, cotangent, &mut x_bar.weight, &mut x_bar.bias);
     }
-}
-
-/// Sums of columns `first..first + N` of a matrix of `n` columns, each a left fold.
-fn column_sums<const N: usize>(values: &[f32], n: usize, first: usize) -> [f32; N] {
-    values.chunks_exact(n).fold([0.0; N], |mut sums, row| {
-        let row: &[f32; N] = row[first..first + N].try_into().expect("as many numbers as sums");
-        for (sum, x) in sums.iter_mut().zip(row) {
-            *sum += *x;
-        }
-        sums
-    })
 }
 
 /// What the gradients of weight and bias need of one item.
@@ -86,7 +86,7 @@ struct Item {
     /// the picture with zeros around, and as many numbers beyond as lie between two patches
     padded: Vec<f32>,
     /// ȳ (H'·W', O)
-    cotangent: Option<Packed>,
+    cotangent: Packed,
     /// the bias's gradient, a left fold over the pixels
     sums: Vec<f32>,
 }
@@ -101,24 +101,11 @@ impl Item {
             into.copy_from_slice(&picture[first..][..into.len()]);
         });
         let size = rows * columns * outputs;
-        let mut bar = sized(PADDED.take(), size);
-        cotangent.read(b * size, &mut bar[..size]);
+        self.cotangent = self
+            .cotangent
+            .renewed_from((rows * columns, outputs), |at, into| cotangent.read(b * size + at, into));
         self.sums.clear();
-        self.sums.resize(outputs, 0.0);
-        let (some, rest) = self.sums.as_chunks_mut::<SUMS>();
-        let done = some.len() * SUMS;
-        for (i, sums) in some.iter_mut().enumerate() {
-            *sums = column_sums(&bar[..size], outputs, i * SUMS);
-        }
-        for (i, sum) in rest.iter_mut().enumerate() {
-            [*sum] = column_sums(&bar[..size], outputs, done + i);
-        }
-        let view = View::new(&bar[..size], rows * columns, outputs);
-        self.cotangent = Some(match self.cotangent {
-            Some(before) => before.renewed(view),
-            None => Packed::new(view),
-        });
-        PADDED.set(bar);
+        self.sums.extend(self.cotangent.column_sums());
         self
     }
 }
@@ -140,13 +127,15 @@ fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_ba
     let mut sums: Vec<f32> =
         (0..weight_bar.len()).map(|at| weight_bar[at % outputs * taps + at / outputs]).collect();
     let share = taps.div_ceil(SHARES).next_multiple_of(TILE);
-    let at_once = order::clamp(HELD / (window.pixels() * channels), 1, batch);
+    let numbers = window.pixels() * channels + rows * columns * outputs;
+    let at_once = order::clamp(HELD / numbers, 1, order::min(ITEMS, batch));
     let mut held: Vec<Item> = (0..at_once).map(|_| Item::default()).collect();
     for first in (0..batch).step_by(at_once) {
         held.truncate(batch - first);
         held = par::map_each(held, |i, item| item.made_ready(x, cotangent, first + i, &window));
-        par::chunks_mut(&mut sums, share * outputs, |task, sums| {
-            for item in &held {
+        let patches: Vec<(Grid<'_>, &Packed)> = held
+            .iter()
+            .map(|item| {
                 let patches = Grid {
                     values: &item.padded,
                     rows,
@@ -156,10 +145,11 @@ fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_ba
                     offsets: &offsets,
                     len: kw * channels,
                 };
-                let cotangent = item.cotangent.as_ref().expect("made ready before");
-                let sums = sums.chunks_exact_mut(outputs).collect();
-                gemm_grid(patches, task * share, cotangent, Finish::Add, sums);
-            }
+                (patches, &item.cotangent)
+            })
+            .collect();
+        par::chunks_mut(&mut sums, share * outputs, |task, sums| {
+            add_grids(&patches, task * share, sums.chunks_exact_mut(outputs).collect());
         });
         for item in &held {
             bias_bar.iter_mut().zip(&item.sums).for_each(|(bar, sum)| *bar += *sum);
@@ -203,7 +193,7 @@ fn classes(x: &In<'_>) -> Vec<Class> {
 }
 
 /// x̄: each task owns some rows of pixels, class by class.
-fn picture(x: &In<'_>, cotangent: Cotangent<'_>, bar: &mut [f32]) {
+fn picture(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, bar: &mut [f32]) {
     let Shape { batch, height, width, channels, outputs, kernel: [kh, kw], stride, pad } = x.shape;
     assert_eq!(bar.len(), batch * height * width * channels, "one gradient per value of x");
     if bar.is_empty() {
@@ -253,7 +243,7 @@ fn picture(x: &In<'_>, cotangent: Cotangent<'_>, bar: &mut [f32]) {
             };
             let offsets: Vec<usize> = (0..class.count[0] * class.count[1]).map(offset).collect();
             let seen = Runs { values: &padded[..used], starts: &starts, offsets: &offsets, len: outputs };
-            gemm_runs(seen, &class.weight, Finish::Add, bars);
+            gemm_runs(seen, &class.weight, how, bars);
         }
         PADDED.set(padded);
     });

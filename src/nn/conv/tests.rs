@@ -72,10 +72,13 @@ fn one_pass_with_the_leaky_relu_has_the_bits_of_two() {
         let y_bar = normals(size, 6);
         let mut middle = vec![0.0; size];
         crate::nn::act::leaky_relu_adjoint(&before, 0.2, &y_bar, &mut middle);
-        let [mut two, mut one] = [InBar::zeros_like(&input), InBar::zeros_like(&input)];
+        let mut two = InBar::zeros_like(&input);
         adjoint(input, &middle, &mut two);
-        adjoint_leaky(input, 0.2, &once, &y_bar, &mut one);
+        let one = gradients_leaky(input, 0.2, &once, &y_bar, [true; 3]);
         assert_eq!(one, two, "{shape:?}: gradients");
+        let some = gradients_leaky(input, 0.2, &once, &y_bar, [false, true, false]);
+        assert_eq!(some.weight, two.weight, "{shape:?}: the weight's gradient alone");
+        assert!(some.x.is_empty() && some.bias.is_empty(), "{shape:?}: what is not wanted");
     }
 }
 

@@ -1,6 +1,7 @@
 //! Panels of both factors, as the register tiles read them.
 
-use super::{COLUMNS, Columns, ROWS, Rows, View};
+use super::View;
+use super::tile::{COLUMNS, Columns, ROWS, Rows};
 use crate::num::lanes::f32x8;
 use std::ops::Range;
 
@@ -8,11 +9,11 @@ use std::ops::Range;
 pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
     let width = COLUMNS.min(b.columns - first);
     let at = |k: usize, j: usize| b.values[k * b.row_stride + (first + j) * b.column_stride];
-    let slow = |k: usize| halves(&std::array::from_fn(|j| if j < width { at(k, j) } else { 0.0 }));
+    let slow = |k: usize| Columns(std::array::from_fn(|j| if j < width { at(k, j) } else { 0.0 }));
     if width == COLUMNS && b.column_stride == 1 {
         for (k, row) in panel.iter_mut().enumerate() {
             let sixteen = &b.values[k * b.row_stride + first..][..COLUMNS];
-            *row = halves(sixteen.try_into().expect("sixteen numbers"));
+            *row = Columns(sixteen.try_into().expect("sixteen numbers"));
         }
         return;
     }
@@ -30,7 +31,7 @@ pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
             for k in [k, k + 8] {
                 let load = |j: usize| eight(&b.values[(first + 8 * half + j) * b.column_stride + k..]);
                 for (i, row) in f32x8::transpose(std::array::from_fn(load)).into_iter().enumerate() {
-                    panel[k + i][half] = row;
+                    panel[k + i].0[8 * half..8 * half + 8].copy_from_slice(&row.to_array());
                 }
             }
         }
@@ -43,11 +44,6 @@ pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
 #[inline(always)]
 pub(super) fn eight(x: &[f32]) -> f32x8 {
     f32x8::new(x[..8].try_into().expect("eight numbers"))
-}
-
-#[inline(always)]
-pub(super) fn halves(x: &[f32; COLUMNS]) -> Columns {
-    [eight(&x[..8]), eight(&x[8..])]
 }
 
 /// Rows `rows` and k `ks` of a in panels of six rows; rows beyond the end are zero.

@@ -16,7 +16,9 @@
 //! assert_eq!(sums, [12.0, 16.0]);
 //! ```
 
-use super::{BLOCK_ROWS, Columns, Finish, Left, Packed, ROWS, Rows, Task, Tile, block, step};
+use super::block::{Left, Task, block};
+use super::tile::{COLUMNS, Chains, Columns, Job, ROWS, Rows, Sixteen, each, widest};
+use super::{BLOCK_ROWS, Finish, Packed};
 use std::ops::Range;
 
 /// A matrix whose rows consist of runs.
@@ -44,32 +46,31 @@ impl Left for Runs<'_> {
         packed.clear();
     }
 
-    #[inline(never)]
-    fn resume(self, rows: Range<usize>, ks: Range<usize>, _: &[Rows], columns: &[Columns], tile: &mut Tile) {
-        let starts: [usize; ROWS] = std::array::from_fn(|i| self.starts[(rows.start + i).min(rows.end - 1)]);
-        let mut acc = *tile;
-        let (mut run, mut at, mut left) = (ks.start / self.len.max(1), ks.start % self.len.max(1), columns);
-        while !left.is_empty() {
-            let n = left.len().min(self.len - at);
-            let (now, rest) = left.split_at(n);
-            let from = self.offsets[run] + at;
-            let slice = |r: usize| &self.values[starts[r] + from..][..n];
-            let a: [&[f32]; ROWS] = std::array::from_fn(slice);
-            let (b4, b1) = now.as_chunks::<4>();
-            let quads = |r: usize| &a[r].as_chunks::<4>().0[..b4.len()];
-            let (a0, a1, a2, a3, a4, a5) = (quads(0), quads(1), quads(2), quads(3), quads(4), quads(5));
-            for (k, b) in b4.iter().enumerate() {
-                let a = [&a0[k], &a1[k], &a2[k], &a3[k], &a4[k], &a5[k]];
-                for i in 0..4 {
-                    step(&mut acc, |r| a[r][i], &b[i]);
-                }
-            }
-            for (k, b) in b1.iter().enumerate() {
-                step(&mut acc, |r| a[r][4 * b4.len() + k], b);
-            }
-            (run, at, left) = (run + 1, 0, rest);
+    #[inline(always)]
+    fn resume<S: Sixteen, const P: usize>(
+        self,
+        chains: &mut Chains<S, P>,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        _: &[Rows],
+        columns: [&[Columns]; P],
+    ) {
+        let mut starts = [0; ROWS];
+        for (i, start) in starts.iter_mut().enumerate() {
+            *start = self.starts[(rows.start + i).min(rows.end - 1)];
         }
-        *tile = acc;
+        let (mut run, mut at) = (ks.start / self.len.max(1), ks.start % self.len.max(1));
+        let (mut done, all) = (0, ks.len());
+        while done < all {
+            let n = (all - done).min(self.len - at);
+            let from = self.offsets[run] + at;
+            let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+            for (a, start) in a.iter_mut().zip(starts) {
+                *a = &self.values[start + from..][..n];
+            }
+            chains.in_place(a, each(columns, |b| &b[done..done + n]));
+            (run, at, done) = (run + 1, 0, done + n);
+        }
     }
 }
 
@@ -104,10 +105,54 @@ impl Grid<'_> {
         self.rows * self.columns
     }
 
-    /// Where a patch holds row `row`.
-    fn place(&self, row: usize) -> usize {
-        self.offsets[row / self.len] + row % self.len
+    /// Where patches hold the rows from `rows.start` on, at most six; beyond the last, the last again.
+    #[inline(always)]
+    fn places(&self, rows: Range<usize>) -> Places {
+        let mut at = [0; ROWS];
+        for (i, at) in at.iter_mut().enumerate() {
+            let row = (rows.start + i).min(rows.end - 1);
+            *at = self.offsets[row / self.len] + row % self.len;
+        }
+        Places { at, together: rows.start % self.len + ROWS <= self.len && ROWS <= self.along }
     }
+
+    /// Resumes the chains of these rows over the patches `ks`.
+    #[inline(always)]
+    fn resume_at<S: Sixteen, const P: usize>(
+        &self,
+        chains: &mut Chains<S, P>,
+        places: &Places,
+        ks: Range<usize>,
+        columns: [&[Columns]; P],
+    ) {
+        let (mut row, mut column) = (ks.start / self.columns, ks.start % self.columns);
+        let (mut done, all) = (0, ks.len());
+        while done < all {
+            let n = (all - done).min(self.columns - column);
+            let now = each(columns, |b| &b[done..done + n]);
+            let start = row * self.down + column * self.along;
+            if places.together {
+                let line = &self.values[start + places.at[0]..][..n * self.along];
+                for (i, patch) in line.chunks_exact(self.along).enumerate() {
+                    let a: &[f32; ROWS] = patch[..ROWS].try_into().expect("six numbers");
+                    chains.step(|r| a[r], |p| &now[p][i]);
+                }
+            } else {
+                for i in 0..n {
+                    chains.step(|r| self.values[start + i * self.along + places.at[r]], |p| &now[p][i]);
+                }
+            }
+            (row, column, done) = (row + 1, 0, done + n);
+        }
+    }
+}
+
+/// Six rows of a factor within a patch.
+struct Places {
+    /// where each begins
+    at: [usize; ROWS],
+    /// They are neighbours, and none is beyond the next patch: read without looking up each.
+    together: bool,
 }
 
 impl Left for Grid<'_> {
@@ -115,56 +160,16 @@ impl Left for Grid<'_> {
         packed.clear();
     }
 
-    #[inline(never)]
-    fn resume(self, rows: Range<usize>, ks: Range<usize>, _: &[Rows], columns: &[Columns], tile: &mut Tile) {
-        let mut acc = *tile;
-        let from = self.place(rows.start);
-        // Six rows of one run, none of which is beyond the next patch, are read without looking up each.
-        let is_together = rows.start % self.len + ROWS <= self.len && ROWS <= self.along;
-        let places: [usize; ROWS] = std::array::from_fn(|i| self.place((rows.start + i).min(rows.end - 1)));
-        let (mut row, mut column, mut left) = (ks.start / self.columns, ks.start % self.columns, columns);
-        while !left.is_empty() {
-            let (now, rest) = left.split_at(left.len().min(self.columns - column));
-            let start = row * self.down + column * self.along;
-            if is_together {
-                let line = &self.values[start + from..][..now.len() * self.along];
-                for (patch, b) in line.chunks_exact(self.along).zip(now) {
-                    let a: &[f32; ROWS] = patch[..ROWS].try_into().expect("six numbers");
-                    step(&mut acc, |r| a[r], b);
-                }
-            } else {
-                for (i, b) in now.iter().enumerate() {
-                    step(&mut acc, |r| self.values[start + i * self.along + places[r]], b);
-                }
-            }
-            (row, column, left) = (row + 1, 0, rest);
-        }
-        *tile = acc;
-    }
-}
-
-/// Rows of a product from row `top` on, at most `at_once` in a block, by this thread; they may lie apart.
-fn product(
-    a: impl Left,
-    b: &Packed,
-    how: Finish<'_>,
-    (mut top, at_once): (usize, usize),
-    mut rows: Vec<&mut [f32]>,
-) {
-    assert!(rows.iter().all(|row| row.len() == b.n), "a row of the product per row of the left factor");
-    if let Some(bias) = how.bias() {
-        assert_eq!(bias.len(), b.n, "one bias per column");
-    }
-    if b.n == 0 {
-        return;
-    }
-    while rows.len() > at_once {
-        let rest = rows.split_off(at_once);
-        block(a, b, Task { top, left: 0, rows }, how);
-        (top, rows) = (top + at_once, rest);
-    }
-    if !rows.is_empty() {
-        block(a, b, Task { top, left: 0, rows }, how);
+    #[inline(always)]
+    fn resume<S: Sixteen, const P: usize>(
+        self,
+        chains: &mut Chains<S, P>,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        _: &[Rows],
+        columns: [&[Columns]; P],
+    ) {
+        self.resume_at(chains, &self.places(rows), ks, columns);
     }
 }
 
@@ -172,19 +177,100 @@ fn product(
 ///
 /// # Panics
 /// When the shapes do not fit, or a run lies outside the memory.
-pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, rows: Vec<&mut [f32]>) {
+pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, mut rows: Vec<&mut [f32]>) {
     assert_eq!(a.starts.len(), rows.len(), "a row of the product per row of the left factor");
     assert_eq!(a.k(), b.k, "both factors have the same k");
-    product(a, b, how, (0, BLOCK_ROWS), rows);
+    assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
+    if let Some(bias) = how.bias() {
+        assert_eq!(bias.len(), b.n, "one bias per column");
+    }
+    let mut top = 0;
+    while !rows.is_empty() && b.n > 0 {
+        let rest = rows.split_off(rows.len().min(BLOCK_ROWS));
+        block(a, b, Task { top, left: 0, rows }, how);
+        (top, rows) = (top + BLOCK_ROWS, rest);
+    }
 }
 
-/// Rows of a·b from row `top` on for a picture's patches taken the other way round, on this thread; `rows` are those of the product,
-/// wherever they lie.
+/// Adds to rows of c, which are those of the product from row `top` on, the products of several pictures' patches taken the other way
+/// round, c = (c + a₀·b₀) + a₁·b₁ …, each with its factor on the right, on this thread.
 ///
 /// # Panics
 /// When the shapes do not fit, or a run lies outside the memory.
-pub fn gemm_grid(a: Grid<'_>, top: usize, b: &Packed, how: Finish<'_>, rows: Vec<&mut [f32]>) {
-    assert!(top + rows.len() <= a.m(), "a row of the product per row of the left factor");
-    assert_eq!(a.k(), b.k, "both factors have the same k");
-    product(a, b, how, (top, rows.len()), rows);
+pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [f32]>) {
+    for (a, b) in items {
+        assert!(top + rows.len() <= a.m(), "a row of the product per row of the left factor");
+        assert_eq!(a.k(), b.k, "both factors have the same k");
+        assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
+    }
+    if items.iter().all(|(a, _)| a.k() <= TOGETHER) {
+        return widest(AddGrids { items, task: Task { top, left: 0, rows } });
+    }
+    for (a, b) in items {
+        block(
+            *a,
+            b,
+            Task { top, left: 0, rows: rows.iter_mut().map(|row| &mut **row).collect() },
+            Finish::Add,
+        );
+    }
+}
+
+/// k up to which the sums of [`add_grids`] stay in registers while the items pass by.
+const TOGETHER: usize = 256;
+/// Columns of a panel, for one k each, that are to stay in the first-level cache: 16 KiB.
+const RESIDENT: usize = 256;
+
+pub(super) struct AddGrids<'a, 'b> {
+    pub(super) items: &'a [(Grid<'b>, &'b Packed)],
+    pub(super) task: Task<'a>,
+}
+
+impl Job for AddGrids<'_, '_> {
+    fn by<S: Sixteen>(mut self, simd: S) {
+        let Range { start: mut p, end } = self.task.panels();
+        while p < end {
+            let together = if p + 1 < end { S::PANELS } else { 1 };
+            if together == 2 {
+                simd.run(
+                    #[inline(always)]
+                    || self.panels(simd, [p, p + 1]),
+                );
+            } else {
+                simd.run(
+                    #[inline(always)]
+                    || self.panels(simd, [p]),
+                );
+            }
+            p += together;
+        }
+    }
+}
+
+impl AddGrids<'_, '_> {
+    /// The tiles of one panel, or of two beside each other, for all rows.
+    #[inline(always)]
+    fn panels<S: Sixteen, const P: usize>(&mut self, simd: S, panels: [usize; P]) {
+        let Task { top, rows, .. } = &mut self.task;
+        let (end, at) = (*top + rows.len(), panels[0] * COLUMNS);
+        // As many items at a time as leave their columns in the first-level cache.
+        let k = self.items.first().map_or(1, |(_, b)| b.k);
+        for items in self.items.chunks((RESIDENT / (P * k.max(1))).max(1)) {
+            for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
+                let mut sums = Chains::of_rows(simd, rows, at);
+                // The patches of all items lie alike.
+                let places = items[0].0.places(*top + r * ROWS..end);
+                for (a, b) in items {
+                    let mut chains = Chains::fresh(simd);
+                    let mut columns: [&[Columns]; P] = [&[]; P];
+                    for (columns, p) in columns.iter_mut().zip(panels) {
+                        *columns = b.panel(p);
+                    }
+                    a.resume_at(&mut chains, &places, 0..b.k, columns);
+                    sums.add(&chains);
+                }
+                sums.finish(rows, (at, 0), Finish::Store);
+            }
+        }
+    }
 }
