@@ -135,7 +135,11 @@ impl Meter {
             let rate = (done - first) as f64 / since.elapsed().as_secs_f64();
             if rate > 0.0 {
                 let left = super::report::seconds((total - done) as f64 / rate);
-                eprintln!("{done}/{total} · {rate:.1}/s · {left} left · {message}");
+                let pace =
+                    if rate < 0.1 { format!("{:.1}/min", 60.0 * rate) } else { format!("{rate:.1}/s") };
+                eprintln!("{done}/{total} · {pace} · {left} left · {message}");
+            } else {
+                eprintln!("{done}/{total} · {message}");
             }
         }
     }

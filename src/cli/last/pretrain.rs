@@ -178,6 +178,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         training::run(&mut training, &mut history, schedule, &mut meter)
     })?;
     meter.done();
+    let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
     let verdict = verdict::of(&trained, &data, &truth(&args.data))?;
     meter.lap("evaluation");
@@ -185,7 +186,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     trained.write(&dir.join(MODEL), &remarks)?;
     let record = json!({
         "kind": "last pretrain", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
-        "settings": settings.json(), "verdict": verdict.json(), "steps": history.len(),
+        "settings": settings.json(), "verdict": verdict.json(), "steps": history.len(), "units": &units,
         "last_loss": history.loss.last(), "seconds": meter.seconds(),
     });
     crate::io::atomic::write_bytes(&dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
@@ -203,10 +204,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return cli::say_json(&record);
     }
     cli::say(&verdict.text())?;
+    if let Some(units) = &units {
+        cli::say(&format!("units       {}", changed(units, settings.alone)))?;
+    }
     cli::say(&format!("digest      {}", trained.digest()?))?;
     cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
     cli::say(&format!("model       {}", dir.join(MODEL).display()))?;
     cli::say(&format!("report      {}", page.display()))
+}
+
+/// A change of units in words.
+fn changed(units: &[f64], step: u32) -> String {
+    let times: Vec<String> = units.iter().map(ToString::to_string).collect();
+    format!("codes too small when groups came in, at step {step}: times {}", times.join(", "))
 }
 
 /// Pictures of some observed items, and below each the decoded points through the camera of the sets.
@@ -250,6 +260,9 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
         series: vec![Series { name: "loss", color: 'a', points, band }],
         marks: settings,
     };
+    let units: Option<Vec<f64>> = serde_json::from_value(record["units"].clone()).ok().flatten();
+    let alone = record["settings"]["alone"].as_u64().and_then(|step| u32::try_from(step).ok());
+    let units = units.map_or_else(String::new, |units| changed(&units, alone.unwrap_or(0)) + ".");
     let n = verdict.graph.n();
     let names: Vec<String> = (0..n).map(|j| format!(">{j}")).collect();
     let head: Vec<&str> = std::iter::once("from").chain(names.iter().map(String::as_str)).collect();
@@ -301,7 +314,7 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
                 lead: "Probability of each edge, row to column; what the graph keeps is bold.".into(),
                 body: report::table(&head, &rows),
             },
-            Section { id: "loss", title: "Loss", lead: String::new(), body: html! { (losses.html()) } },
+            Section { id: "loss", title: "Loss", lead: units, body: html! { (losses.html()) } },
         ],
     }
 }

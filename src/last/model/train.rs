@@ -74,6 +74,8 @@ pub struct Training<'a> {
     /// running mean of the gradient's length
     length: Option<f64>,
     history: History,
+    /// c of the change of units, if there was one
+    units: Option<Vec<f64>>,
     /// of the last step
     pub losses: Losses,
     /// the final graph, once it is fixed
@@ -107,6 +109,7 @@ impl<'a> Training<'a> {
             spread: None,
             length: None,
             history: History::default(),
+            units: None,
             losses: Losses::default(),
             graph: None,
         })
@@ -262,7 +265,13 @@ impl<'a> Training<'a> {
         let Some(spread) = self.spread.as_mut().filter(|spread| units::are_needed(spread)) else { return };
         let c = units::of(spread);
         units::change(&mut self.model, &mut self.optimisers, &mut self.history, &c);
-        spread.iter_mut().zip(c).for_each(|(s, c)| *s *= c * c);
+        spread.iter_mut().zip(&c).for_each(|(s, c)| *s *= c * c);
+        self.units = Some(c);
+    }
+
+    /// What the codes of the factors were multiplied by when groups came in; `None` where they were large enough.
+    pub fn units(&self) -> Option<&[f64]> {
+        self.units.as_deref()
     }
 
     /// The trained model with its graph and the statistics of the observed items.
@@ -349,6 +358,9 @@ impl Fit for Training<'_> {
         if let Some(spread) = &self.spread {
             out.put("state/spread", &[spread.len()], spread.clone());
         }
+        if let Some(units) = &self.units {
+            out.put("state/units", &[units.len()], units.clone());
+        }
         if let Some(length) = self.length {
             out.put("state/gradient", &[1], vec![length]);
         }
@@ -383,6 +395,10 @@ impl Fit for Training<'_> {
         self.length = None;
         if from.get("state/gradient").is_some() {
             self.length = from.shape("state/gradient", "1", &mut dims)?.to_f64().first().copied();
+        }
+        self.units = None;
+        if from.get("state/units").is_some() {
+            self.units = Some(from.shape("state/units", &n, &mut dims)?.to_f64());
         }
         if spread {
             self.spread = Some(from.shape("state/spread", &n, &mut dims)?.to_f64());
@@ -426,12 +442,19 @@ mod tests {
                 let sum = |a: &ArrayD<f32>| a.iter().skip(c).step_by(4).fold(0.0, |s, w| s + w.abs());
                 sum(&before) / sum(&now)
             };
-            ([0, 1, 2, 3].map(ratio), training.spread.clone().expect("variances"))
+            let units = training.units().map(<[f64]>::to_vec);
+            let mut saved = Arrays::default();
+            training.save(&mut saved);
+            let mut resumed = Training::new(settings, &data).expect("a model");
+            resumed.load(&saved).expect("a checkpoint");
+            assert_eq!(resumed.units().map(<[f64]>::to_vec), units, "units of a resumed training");
+            ([0, 1, 2, 3].map(ratio), training.spread.clone().expect("variances"), units)
         };
         let near = |ratios: [f32; 4], c: [f32; 4]| {
             assert!(ratios.iter().zip(c).all(|(r, c)| (r / c - 1.0).abs() < 0.3), "{ratios:?} for {c:?}");
         };
-        let (ratios, spread) = after(settings, [0.004, 0.06, 1.0, 0.25]);
+        let (ratios, spread, units) = after(settings, [0.004, 0.06, 1.0, 0.25]);
+        assert_eq!(units, Some(vec![16.0, 4.0, 1.0, 2.0]), "what it says of them");
         near(ratios, [16.0, 4.0, 1.0, 2.0]);
         assert!(spread.iter().all(|s| (0.5..2.1).contains(s)), "variances in new units: {spread:?}");
         near(after(settings, [0.02, 0.06, 1.0, 0.25]).0, [1.0; 4]);

@@ -4,7 +4,7 @@
 //! its own. One thread writes the files and tells who looks on; which cell ends first decides nothing, because all results are read from the files.
 
 use super::plan::{Cell, Experiment, Results, Values};
-use crate::fit::training::Watch;
+use crate::fit::training::{Step, Watch};
 use crate::io::{atomic, read_bytes};
 use crate::num::par;
 use crate::{Error, Result};
@@ -22,7 +22,7 @@ pub trait Onlooker {
     /// Who looks on inside a cell, from its start, on its thread.
     type Inside: Watch + Default + Send;
 
-    /// Of `total` cells, `done` are there and `what` begins.
+    /// Of `total` cells, `done` are there and `what` is under way: told when it begins, and from time to time inside long ones.
     fn next(&mut self, done: usize, total: usize, what: &str) {
         let _ = (done, total, what);
     }
@@ -102,7 +102,33 @@ impl<'a> Place<'a> {
 /// What a thread that runs cells says of one of them.
 enum Word<W> {
     Begun(usize),
+    /// So many of so many steps are done.
+    At(usize, usize, usize),
     Ended(usize, Result<Values>, W),
+}
+
+/// Looks on inside a cell and says how far it is, a hundred times.
+struct Teller<W> {
+    inside: W,
+    cell: usize,
+    say: mpsc::Sender<Word<W>>,
+    told: usize,
+}
+
+impl<W: Watch> Watch for Teller<W> {
+    fn lap(&mut self, part: &'static str) {
+        self.inside.lap(part);
+    }
+
+    fn progress(&mut self, done: usize, total: usize, step: Step) {
+        self.inside.progress(done, total, step);
+        let percent = 100 * done / Ord::max(1, total);
+        if percent != self.told {
+            self.told = percent;
+            // Where nobody hears it any more, the cell's own word fails too.
+            let _ = self.say.send(Word::At(self.cell, done, total));
+        }
+    }
 }
 
 /// Runs cells, `jobs` at a time, and stores what comes out. After an error, or when `stop` is set, no other begins, and those under way end.
@@ -122,14 +148,14 @@ fn run_all<L: Onlooker>(
             while !stop.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed) {
                 let i = next.fetch_add(1, Ordering::Relaxed);
                 let Some(place) = missing.get(i) else { break };
-                let mut inside = L::Inside::default();
+                let mut teller = Teller { inside: L::Inside::default(), cell: i, say: say.clone(), told: 0 };
                 let heard = say.send(Word::Begun(i)).and_then(|()| {
-                    let outcome = place.run(&mut inside, stop);
-                    inside.lap("end");
+                    let outcome = place.run(&mut teller, stop);
+                    teller.lap("end");
                     if outcome.is_err() {
                         failed.store(true, Ordering::Relaxed);
                     }
-                    say.send(Word::Ended(i, outcome, inside))
+                    say.send(Word::Ended(i, outcome, teller.inside))
                 });
                 if heard.is_err() {
                     break;
@@ -152,6 +178,9 @@ fn run_all<L: Onlooker>(
         for word in hear {
             match word {
                 Word::Begun(i) => look.next(done, total, &missing[i].name()),
+                Word::At(i, step, of) => {
+                    look.next(done, total, &format!("{}, step {step} of {of}", missing[i].name()));
+                }
                 Word::Ended(i, values, inside) => match values.and_then(|values| missing[i].store(&values)) {
                     Ok(()) => {
                         done += 1;
@@ -219,8 +248,9 @@ mod tests {
 
     impl Onlooker for Heard {
         type Inside = ();
-        fn next(&mut self, done: usize, total: usize, _: &str) {
-            self.0.push(format!("{done}/{total}"));
+        fn next(&mut self, done: usize, total: usize, what: &str) {
+            let step = what.split_once(", ").map_or("", |(_, step)| step);
+            self.0.push(format!("{done}/{total} {step}").trim().to_owned());
         }
         fn ran(&mut self, _: &str, key: &str, (): ()) {
             self.0.push(key.to_owned());
@@ -243,8 +273,12 @@ mod tests {
         fn settings(&self, cell: usize) -> Value {
             json!({ "cell": cell, "version": if cell == 1 { self.version } else { 0 } })
         }
-        fn run(&self, cell: usize, _: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
+        fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
             self.ran.fetch_add(1, Ordering::Relaxed);
+            // one long cell, of which every hundredth part is told
+            for done in 0..if cell == 0 { 250 } else { 0 } {
+                watch.progress(done, 10_000, Step { loss: 0.0, size: 0 });
+            }
             if cell == 1 && self.version == FAILS {
                 return Err(Error::check("toy").at("cell 1").expected("no failure").got("one"));
             }
@@ -305,7 +339,7 @@ mod tests {
         let e = run(&[&x], dir.path(), go, &stop, &mut heard).expect_err("a cell fails");
         assert!(e.to_string().contains("E0 square"), "{e}");
         assert_eq!(x.ran.load(Ordering::Relaxed), 2, "the cell before it and itself");
-        assert_eq!(heard.0, ["0/3", "s0", "1/3"], "what is told, in order");
+        assert_eq!(heard.0, ["0/3", "0/3 step 100 of 10000", "0/3 step 200 of 10000", "s0", "1/3"], "what is told, in order");
         let stored = run(&[&x], dir.path(), plan(true), &stop, &mut ()).expect("stored");
         assert_eq!(stored[0].len(), 1, "the one before it");
     }
