@@ -6,7 +6,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::nn::linear;
-use lastlight::num::{gemm, order, par, rng::Rng};
+use lastlight::num::{gemm, lanes::f32x8, order, par, rng::Rng};
 use std::hint::black_box;
 use std::time::{Duration, Instant};
 
@@ -19,15 +19,28 @@ fn values(n: usize, item: u64) -> Vec<f32> {
     (0..n).map(|i| rng.uniform_f32(i as u64, 0, 1, item as u16) - 0.5).collect()
 }
 
-/// Independent chains of unfused multiply-adds in registers, as many as hide their latency.
-struct Peak {
+/// Chains of unfused multiply-adds in registers, as many as hide their latency.
+const CHAINS: usize = 14;
+
+/// With eight lanes.
+#[inline(never)]
+fn eight(rounds: usize) -> f32x8 {
+    let [x, y] = [0.999_9, 1e-4].map(|x| black_box(f32x8::splat(x)));
+    let mut acc = [f32x8::ZERO; CHAINS];
+    for _ in 0..rounds {
+        for a in &mut acc {
+            *a = *a * x + y;
+        }
+    }
+    acc.into_iter().fold(f32x8::ZERO, |s, a| s + a)
+}
+
+/// With the widest registers.
+struct Wide {
     rounds: usize,
 }
 
-/// Chains of [`Peak`].
-const CHAINS: usize = 14;
-
-impl pulp::WithSimd for Peak {
+impl pulp::WithSimd for Wide {
     /// Lanes that were busy.
     type Output = usize;
 
@@ -45,16 +58,13 @@ impl pulp::WithSimd for Peak {
     }
 }
 
-/// With the registers that products have.
+/// As wide as products are; the number of lanes.
 fn chains(rounds: usize) -> usize {
-    let work = Peak { rounds };
-    #[cfg(target_arch = "x86_64")]
-    if gemm::lanes() == 8
-        && let Some(eight) = pulp::x86::V3::try_new()
-    {
-        return pulp::Simd::vectorize(eight, work);
+    if gemm::product_lanes() == 8 {
+        black_box(eight(rounds));
+        return 8;
     }
-    pulp::Arch::new().dispatch(work)
+    pulp::Arch::new().dispatch(Wide { rounds })
 }
 
 fn seconds(f: impl FnOnce()) -> f64 {
@@ -88,7 +98,7 @@ fn ratios(threads: usize) {
     let runs = if smoke() { 3 } else { 21 };
     println!(
         "threads {threads}, {} lanes: unfused multiply-add peak and nn.linear forward, GFLOP/s, medians of {runs} interleaved runs",
-        gemm::lanes()
+        gemm::product_lanes()
     );
     for (m, n, k) in [
         (256, 256, 256),

@@ -33,7 +33,8 @@ fn cell() -> String {
     } else {
         "narrow"
     };
-    format!("{} {vectors}", if cfg!(debug_assertions) { "debug" } else { "release" })
+    let build = if cfg!(debug_assertions) { "debug" } else { "release" };
+    format!("{build} {vectors}, products of {} lanes", lastlight::num::gemm::product_lanes())
 }
 
 fn in_threads<T: Send>(n: usize, f: impl FnOnce() -> T + Send) -> T {
@@ -84,7 +85,6 @@ fn operators() {
         return;
     }
     println!("built as: {}", cell());
-    println!("products: {} lanes", lastlight::num::gemm::lanes());
     let lines = ledger::load();
     for n in THREADS {
         compare(&lines, &in_threads(n, runs::foundations), n);

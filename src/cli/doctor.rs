@@ -45,7 +45,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "built_for": built_for(),
             "cpu": cpu_features(),
             "lanes": LANES,
-            "product_lanes": gemm::lanes(),
+            "product_lanes": gemm::product_lanes(),
             "threads": par::threads(),
             "probe": probe.as_ref().map_or_else(ToString::to_string, |()| "default floating-point environment".into()),
             "digests": {"picture": hex(picture), "gradients": hex(gradients)},
@@ -62,8 +62,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         line(
             "lanes",
             format!(
-                "{LANES} of f32 in one register, {} in matrix products; sums have 16 logical lanes on every machine",
-                gemm::lanes()
+                "{LANES} of f32 in one register of this build, matrix products in lanes of {}{}; sums have 16 logical lanes on every machine",
+                gemm::product_lanes(),
+                std::env::var("LASTLIGHT_LANES")
+                    .map_or_else(|_| String::new(), |x| format!(" (LASTLIGHT_LANES={x})"))
             ),
         )?;
         line("threads", par::threads().to_string())?;

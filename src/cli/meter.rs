@@ -6,7 +6,7 @@
 )]
 
 use crate::fit::training::{Step, Watch};
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
@@ -118,8 +118,11 @@ impl Meter {
         if std::io::stderr().is_terminal() {
             let bar = self.bar.get_or_insert_with(|| {
                 let style =
-                    ProgressStyle::with_template("{bar:32} {pos}/{len} · {per_sec:.1} · {eta} left · {msg}")
+                    ProgressStyle::with_template("{bar:32} {pos}/{len} · {pace} · {eta} left · {msg}")
                         .unwrap_or_else(|_| ProgressStyle::default_bar())
+                        .with_key("pace", |state: &ProgressState, to: &mut dyn std::fmt::Write| {
+                            let _ = to.write_str(&pace(state.per_sec()));
+                        })
                         .progress_chars("━━─");
                 let bar =
                     ProgressBar::with_draw_target(Some(total as u64), ProgressDrawTarget::stderr_with_hz(8));
@@ -135,13 +138,20 @@ impl Meter {
             let rate = (done - first) as f64 / since.elapsed().as_secs_f64();
             if rate > 0.0 {
                 let left = super::report::seconds((total - done) as f64 / rate);
-                let pace =
-                    if rate < 0.1 { format!("{:.1}/min", 60.0 * rate) } else { format!("{rate:.1}/s") };
-                eprintln!("{done}/{total} · {pace} · {left} left · {message}");
+                eprintln!("{done}/{total} · {} · {left} left · {message}", pace(rate));
             } else {
                 eprintln!("{done}/{total} · {message}");
             }
         }
+    }
+}
+
+/// A rate per second in words: of slow work what one piece takes.
+fn pace(rate: f64) -> String {
+    if rate > 0.0 && rate < 0.1 {
+        format!("{} each", super::report::seconds(1.0 / rate))
+    } else {
+        format!("{rate:.1}/s")
     }
 }
 

@@ -4,7 +4,7 @@
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
-//! | x | `x`      | (B, H, W, C)        | finite |
+//! | x | `x`      | (B, H, W, C)        | finite, C ≥ 1 |
 //! | W | `weight` | (O, KH, KW, C)      | finite |
 //! | β | `bias`   | (O)                 | finite |
 //! | s | `stride` | ()                  | ≥ 1, both axes |
@@ -201,7 +201,7 @@ fn items(rows: Range<usize>, height: usize) -> impl Iterator<Item = (usize, Rang
 /// Writes y (B, H', W', O).
 ///
 /// # Panics
-/// When the kernel does not fit, or a buffer does not have the size of its shape.
+/// When the kernel does not fit, there is no channel, or a buffer does not have the size of its shape.
 pub fn forward(x: In<'_>, y: &mut [f32]) {
     let how = if x.bias.is_empty() { Finish::Store } else { Finish::Bias(x.bias) };
     products(&x, how, y);
@@ -259,5 +259,6 @@ fn checked(x: &In<'_>) -> [usize; 2] {
     assert_eq!(x.x.len(), batch * height * width * channels, "x has the size of its shape");
     assert_eq!(x.weight.len(), outputs * x.shape.taps(), "the weight has the size of its shape");
     assert!(x.bias.is_empty() || x.bias.len() == outputs, "one bias per output");
+    assert!(channels > 0, "a picture has a channel");
     x.shape.fitting()
 }

@@ -9,7 +9,7 @@
 //! b), a tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
 //! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels and are thrown away;
 //! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. Where the processor has AVX-512, whatever the build was made for, two panels
-//! of columns are taken at once in registers of sixteen lanes ([`lanes`]).
+//! of columns are taken at once in registers of sixteen lanes ([`product_lanes`]).
 //!
 //! ```text
 //! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of pictures
@@ -115,7 +115,7 @@ impl<'a> View<'a> {
 
 /// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the environment is not 8, else 8 (of which the compiler
 /// makes what the target has). A matter of speed: the bits are the same.
-pub fn lanes() -> usize {
+pub fn product_lanes() -> usize {
     #[cfg(target_arch = "x86_64")]
     if tile::avx512().is_some() {
         return 16;
@@ -162,17 +162,10 @@ impl Packed {
         Self::reusing(Vec::new(), b)
     }
 
-    /// Packs another matrix into the memory of this one.
-    #[must_use]
-    pub fn renewed(self, b: View<'_>) -> Self {
-        Self::reusing(self.panels, b)
-    }
-
     /// Packs a row-major (k, n) matrix of which `read(first, into)` gives the numbers from `first` on, on this thread, into the memory of this one.
     #[must_use]
-    pub fn renewed_from(self, (k, n): (usize, usize), read: impl Fn(usize, &mut [f32])) -> Self {
+    pub fn renewed(self, (k, n): (usize, usize), read: impl Fn(usize, &mut [f32])) -> Self {
         let mut panels = self.panels;
-        panels.clear();
         panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
         for (p, panel) in panels.chunks_exact_mut(k.max(1)).enumerate() {
             let (first, width) = (p * COLUMNS, COLUMNS.min(n - p * COLUMNS));
@@ -181,6 +174,7 @@ impl Packed {
                 if width == COLUMNS {
                     read(at, &mut columns.0); // of a known size: a few instructions
                 } else {
+                    columns.0[width..].fill(0.0);
                     read(at, &mut columns.0[..width]);
                 }
             }

@@ -192,7 +192,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     crate::io::atomic::write_bytes(&dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
     let sheet = samples(&trained, &data)?;
     sheet.write(&dir.join("samples.png"))?;
-    let mut page = page(args, &record, &history, &verdict, &meter);
+    let told = units.as_ref().map(|units| changed(units, settings.alone));
+    let mut page = page(args, &record, &history, &verdict, told.clone(), &meter);
     page.sections.push(Section {
         id: "samples",
         title: "Pictures and what is decoded",
@@ -204,8 +205,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return cli::say_json(&record);
     }
     cli::say(&verdict.text())?;
-    if let Some(units) = &units {
-        cli::say(&format!("units       {}", changed(units, settings.alone)))?;
+    if let Some(told) = told {
+        cli::say(&format!("units       {told}"))?;
     }
     cli::say(&format!("digest      {}", trained.digest()?))?;
     cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
@@ -249,7 +250,15 @@ pub(in crate::cli) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
         .collect()
 }
 
-fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter: &Meter) -> Page {
+/// `units` says in words that they changed, if they did.
+fn page(
+    args: &Args,
+    record: &Value,
+    history: &History,
+    verdict: &Verdict,
+    units: Option<String>,
+    meter: &Meter,
+) -> Page {
     let (points, band) = bucket(&history.loss, 300);
     let settings = training_marks(&record["settings"]);
     let losses = Lines {
@@ -260,9 +269,6 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
         series: vec![Series { name: "loss", color: 'a', points, band }],
         marks: settings,
     };
-    let units: Option<Vec<f64>> = serde_json::from_value(record["units"].clone()).ok().flatten();
-    let alone = record["settings"]["alone"].as_u64().and_then(|step| u32::try_from(step).ok());
-    let units = units.map_or_else(String::new, |units| changed(&units, alone.unwrap_or(0)) + ".");
     let n = verdict.graph.n();
     let names: Vec<String> = (0..n).map(|j| format!(">{j}")).collect();
     let head: Vec<&str> = std::iter::once("from").chain(names.iter().map(String::as_str)).collect();
@@ -314,7 +320,12 @@ fn page(args: &Args, record: &Value, history: &History, verdict: &Verdict, meter
                 lead: "Probability of each edge, row to column; what the graph keeps is bold.".into(),
                 body: report::table(&head, &rows),
             },
-            Section { id: "loss", title: "Loss", lead: units, body: html! { (losses.html()) } },
+            Section {
+                id: "loss",
+                title: "Loss",
+                lead: units.map_or_else(String::new, |text| text + "."),
+                body: html! { (losses.html()) },
+            },
         ],
     }
 }

@@ -269,7 +269,8 @@ impl<'a> Training<'a> {
         self.units = Some(c);
     }
 
-    /// What the codes of the factors were multiplied by when groups came in; `None` where they were large enough.
+    /// What the codes of the factors were multiplied by when groups came in; `None` where they were large enough, and where a checkpoint of an earlier
+    /// program did not say.
     pub fn units(&self) -> Option<&[f64]> {
         self.units.as_deref()
     }

@@ -22,7 +22,7 @@ pub trait Onlooker {
     /// Who looks on inside a cell, from its start, on its thread.
     type Inside: Watch + Default + Send;
 
-    /// Of `total` cells, `done` are there and `what` is under way: told when it begins, and from time to time inside long ones.
+    /// Of `total` cells, `done` are there and `what` is under way: told when it begins, and from time to time in trainings and fits.
     fn next(&mut self, done: usize, total: usize, what: &str) {
         let _ = (done, total, what);
     }
@@ -107,7 +107,7 @@ enum Word<W> {
     Ended(usize, Result<Values>, W),
 }
 
-/// Looks on inside a cell and says how far it is, a hundred times.
+/// Looks on inside a cell and says how far it is, a hundred times a training or fit.
 struct Teller<W> {
     inside: W,
     cell: usize,
@@ -339,7 +339,11 @@ mod tests {
         let e = run(&[&x], dir.path(), go, &stop, &mut heard).expect_err("a cell fails");
         assert!(e.to_string().contains("E0 square"), "{e}");
         assert_eq!(x.ran.load(Ordering::Relaxed), 2, "the cell before it and itself");
-        assert_eq!(heard.0, ["0/3", "0/3 step 100 of 10000", "0/3 step 200 of 10000", "s0", "1/3"], "what is told, in order");
+        assert_eq!(
+            heard.0,
+            ["0/3", "0/3 step 100 of 10000", "0/3 step 200 of 10000", "s0", "1/3"],
+            "what is told, in order"
+        );
         let stored = run(&[&x], dir.path(), plan(true), &stop, &mut ()).expect("stored");
         assert_eq!(stored[0].len(), 1, "the one before it");
     }

@@ -9,9 +9,9 @@ use crate::num::{order, par};
 const SHARES: usize = 8;
 /// Rows of a register tile: what is shared comes in multiples of it.
 const TILE: usize = 6;
-/// Items made ready together for the weight's gradient, at most: enough for all threads to have some.
+/// Items made ready together for the weight's gradient, at most: so that a few threads have some each.
 const ITEMS: usize = 16;
-/// Numbers of these items, at most.
+/// Numbers of these items, where there is more than one, about.
 const HELD: usize = 1 << 20;
 
 /// Cotangent of a convolution, seen through a leaky ReLU that followed if there was one.
@@ -40,7 +40,7 @@ impl Cotangent<'_> {
 /// Adds the gradients for the cotangent `y_bar` (B, H', W', O) to `x_bar`.
 ///
 /// # Panics
-/// When the kernel does not fit, or a buffer does not have the size of its shape.
+/// When the kernel does not fit, there is no channel, or a buffer does not have the size of its shape.
 pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
     gradients(&x, Cotangent { y_bar, after: None }, Finish::Add, x_bar);
 }
@@ -101,9 +101,8 @@ impl Item {
             into.copy_from_slice(&picture[first..][..into.len()]);
         });
         let size = rows * columns * outputs;
-        self.cotangent = self
-            .cotangent
-            .renewed_from((rows * columns, outputs), |at, into| cotangent.read(b * size + at, into));
+        self.cotangent =
+            self.cotangent.renewed((rows * columns, outputs), |at, into| cotangent.read(b * size + at, into));
         self.sums.clear();
         self.sums.extend(self.cotangent.column_sums());
         self

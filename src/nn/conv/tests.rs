@@ -9,12 +9,15 @@ fn normals(n: usize, draw: u32) -> Vec<f32> {
     (0..n).map(|i| rng.normal_f32(i as u64, draw, 12, 0)).collect()
 }
 
-const SHAPES: [Shape; 4] = [
+const SHAPES: [Shape; 6] = [
     Shape { batch: 5, height: 16, width: 12, channels: 3, outputs: 20, kernel: [4, 4], stride: 2, pad: 1 },
     Shape { batch: 2, height: 9, width: 7, channels: 33, outputs: 5, kernel: [3, 2], stride: 1, pad: 2 },
     Shape { batch: 3, height: 11, width: 13, channels: 2, outputs: 17, kernel: [2, 3], stride: 4, pad: 0 },
     // a pad wider than the kernel, windows that see nothing, and filters longer than one chunk of a chain
     Shape { batch: 1, height: 3, width: 2, channels: 700, outputs: 3, kernel: [3, 2], stride: 2, pad: 4 },
+    // more items than are made ready together; more pixels than are summed at hand
+    Shape { batch: 18, height: 6, width: 8, channels: 4, outputs: 33, kernel: [4, 4], stride: 2, pad: 1 },
+    Shape { batch: 2, height: 40, width: 36, channels: 3, outputs: 32, kernel: [4, 4], stride: 2, pad: 1 },
 ];
 
 /// Every entry by the chain that the page describes.
@@ -53,6 +56,44 @@ fn outputs_are_the_chains_of_the_page_in_bits() {
             let want = by_the_page(&input, [pixel / columns, pixel % columns, o]);
             assert_eq!(y.to_bits(), want.to_bits(), "{shape:?} entry {at}");
         }
+    }
+}
+
+#[test]
+fn gradients_of_weight_and_bias_are_the_chains_of_the_page_in_bits() {
+    for shape in SHAPES {
+        let Shape { batch, height, width, channels, outputs, kernel: [_, kw], stride, pad } = shape;
+        let [rows, columns] = shape.out().expect("the kernel fits");
+        let x = normals(batch * height * width * channels, 13);
+        let (weight, bias) = (normals(outputs * shape.taps(), 14), normals(outputs, 15));
+        let y_bar = normals(batch * rows * columns * outputs, 16);
+        let mut bar = InBar { x: Vec::new(), weight: normals(weight.len(), 17), bias: normals(outputs, 18) };
+        let mut want = bar.clone();
+        assert!(rows * columns <= 4096, "one chunk");
+        for b in 0..batch {
+            let g = |pixel: usize, o: usize| y_bar[(b * rows * columns + pixel) * outputs + o];
+            for (at, want) in want.weight.iter_mut().enumerate() {
+                let (o, tap) = (at / shape.taps(), at % shape.taps());
+                let (i, j, c) = (tap / channels / kw, tap / channels % kw, tap % channels);
+                *want += (0..rows * columns).fold(0.0_f32, |sum, pixel| {
+                    let at = [pixel / columns * stride + i, pixel % columns * stride + j];
+                    let seen = match at.map(|at| at.checked_sub(pad)) {
+                        [Some(h), Some(w)] if h < height && w < width => {
+                            x[((b * height + h) * width + w) * channels + c]
+                        }
+                        _ => 0.0,
+                    };
+                    sum + seen * g(pixel, o)
+                });
+            }
+            for (o, want) in want.bias.iter_mut().enumerate() {
+                *want += (0..rows * columns).fold(0.0_f32, |sum, pixel| sum + g(pixel, o));
+            }
+        }
+        adjoint(In { x: &x, weight: &weight, bias: &bias, shape }, &y_bar, &mut bar);
+        let bits = |x: &[f32]| -> Vec<u32> { x.iter().map(|x| x.to_bits()).collect() };
+        assert_eq!(bits(&bar.weight), bits(&want.weight), "{shape:?}: weight");
+        assert_eq!(bits(&bar.bias), bits(&want.bias), "{shape:?}: bias");
     }
 }
 

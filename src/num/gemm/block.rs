@@ -6,7 +6,7 @@ use prefetch_index::prefetch_index;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// k per block: a panel of a (8 KiB) and one of b (16 KiB) stay in the first-level cache.
+/// k per block: a panel of a (8 KiB) and one of b (16 KiB), or two with sixteen lanes, stay in the first-level cache.
 pub(super) const BLOCK_K: usize = 256;
 
 thread_local! {
@@ -138,10 +138,10 @@ impl<L: Left> Block<'_, L> {
         let columns = |p: usize| &b.panel(p)[leg.ks.clone()];
         let (mut p, mut tiles) = (panels.start, tiles);
         while p < panels.end {
-            let together = if p + 1 < panels.end { S::PANELS } else { 1 };
-            let (mine, rest) = tiles.split_at_mut(together * tiles_of);
+            let width = S::PANELS.min(panels.end - p);
+            let (mine, rest) = tiles.split_at_mut(width * tiles_of);
             let at = p * COLUMNS - self.task.left;
-            if together == 2 {
+            if width == 2 {
                 simd.run(
                     #[inline(always)]
                     || self.panels(simd, leg, packed, [columns(p), columns(p + 1)], at, mine),
@@ -152,7 +152,7 @@ impl<L: Left> Block<'_, L> {
                     || self.panels(simd, leg, packed, [columns(p)], at, mine),
                 );
             }
-            (p, tiles) = (p + together, rest);
+            (p, tiles) = (p + width, rest);
         }
     }
 

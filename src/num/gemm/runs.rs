@@ -113,7 +113,7 @@ impl Grid<'_> {
             let row = (rows.start + i).min(rows.end - 1);
             *at = self.offsets[row / self.len] + row % self.len;
         }
-        Places { at, together: rows.start % self.len + ROWS <= self.len && ROWS <= self.along }
+        Places { at, are_neighbours: rows.start % self.len + ROWS <= self.len && ROWS <= self.along }
     }
 
     /// Resumes the chains of these rows over the patches `ks`.
@@ -125,13 +125,16 @@ impl Grid<'_> {
         ks: Range<usize>,
         columns: [&[Columns]; P],
     ) {
+        if ks.is_empty() {
+            return;
+        }
         let (mut row, mut column) = (ks.start / self.columns, ks.start % self.columns);
         let (mut done, all) = (0, ks.len());
         while done < all {
             let n = (all - done).min(self.columns - column);
             let now = each(columns, |b| &b[done..done + n]);
             let start = row * self.down + column * self.along;
-            if places.together {
+            if places.are_neighbours {
                 let line = &self.values[start + places.at[0]..][..n * self.along];
                 for (i, patch) in line.chunks_exact(self.along).enumerate() {
                     let a: &[f32; ROWS] = patch[..ROWS].try_into().expect("six numbers");
@@ -152,7 +155,7 @@ struct Places {
     /// where each begins
     at: [usize; ROWS],
     /// They are neighbours, and none is beyond the next patch: read without looking up each.
-    together: bool,
+    are_neighbours: bool,
 }
 
 impl Left for Grid<'_> {
@@ -196,14 +199,19 @@ pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, mut rows: Vec<&mut [f
 /// round, c = (c + a₀·b₀) + a₁·b₁ …, each with its factor on the right, on this thread.
 ///
 /// # Panics
-/// When the shapes do not fit, or a run lies outside the memory.
+/// When the shapes do not fit, patches do not lie alike in all pictures, or a run lies outside the memory.
 pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [f32]>) {
     for (a, b) in items {
+        let lies = |a: &Grid<'_>| (a.rows, a.columns, a.down, a.along, a.len);
+        assert!(
+            lies(a) == lies(&items[0].0) && a.offsets == items[0].0.offsets,
+            "patches lie alike in all pictures"
+        );
         assert!(top + rows.len() <= a.m(), "a row of the product per row of the left factor");
         assert_eq!(a.k(), b.k, "both factors have the same k");
         assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
     }
-    if items.iter().all(|(a, _)| a.k() <= TOGETHER) {
+    if items.iter().all(|(a, _)| a.k() <= SHORT) {
         return widest(AddGrids { items, task: Task { top, left: 0, rows } });
     }
     for (a, b) in items {
@@ -216,8 +224,8 @@ pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [
     }
 }
 
-/// k up to which the sums of [`add_grids`] stay in registers while the items pass by.
-const TOGETHER: usize = 256;
+/// k up to which [`add_grids`] keeps sums at hand (in registers, where these are sixteen lanes wide) while a few items pass by.
+const SHORT: usize = 256;
 /// Columns of a panel, for one k each, that are to stay in the first-level cache: 16 KiB.
 const RESIDENT: usize = 256;
 
@@ -230,8 +238,8 @@ impl Job for AddGrids<'_, '_> {
     fn by<S: Sixteen>(mut self, simd: S) {
         let Range { start: mut p, end } = self.task.panels();
         while p < end {
-            let together = if p + 1 < end { S::PANELS } else { 1 };
-            if together == 2 {
+            let width = S::PANELS.min(end - p);
+            if width == 2 {
                 simd.run(
                     #[inline(always)]
                     || self.panels(simd, [p, p + 1]),
@@ -242,7 +250,7 @@ impl Job for AddGrids<'_, '_> {
                     || self.panels(simd, [p]),
                 );
             }
-            p += together;
+            p += width;
         }
     }
 }

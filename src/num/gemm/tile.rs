@@ -48,7 +48,7 @@ pub(super) trait Sixteen: Copy + Send + Sync {
     fn product(self, x: Self::V, y: Self::V) -> Self::V;
     /// x where it is positive, slope·x elsewhere
     fn leaky(self, x: Self::V, slope: f32) -> Self::V;
-    /// Runs code made for these registers, out of line; all of it has to be `inline(always)`, closures too.
+    /// Runs code made for these registers, out of line; all of it has to be put in line there (`inline(always)`, the closure too, where it is more than a few instructions).
     fn run(self, work: impl FnOnce());
 }
 

@@ -229,8 +229,9 @@ impl Trial {
         let n = fit.iterations();
         let is_at = |done: usize, parts: usize| (1..=parts).any(|k| k * n / parts == done);
         for i in 0..n {
-            fit.step(i, watch)?;
+            let step = fit.step(i, watch)?;
             let done = i + 1;
+            watch.progress(done, n, step);
             if curves && is_at(done, LOOKS) {
                 values.insert(format!("curve {done}"), level(fit.avatar(), capture)?);
             }
