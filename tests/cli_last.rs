@@ -247,3 +247,58 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     std::fs::remove_file(at.join("data/video/transforms_test.json")).expect("there");
     refused(&eval, at, 2, &["--min-psnr"]);
 }
+
+#[test]
+fn the_paper_as_printed_goes_all_the_way() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    data(at);
+    let made = json(&pretrain(&["--out", "model", "--reading", "literal", "--json"]), at);
+    assert_eq!(made["settings"]["reading"], "literal", "what was asked for");
+    assert_eq!(made["settings"]["mechanism"], "printed", "eq. 3: linear, then networks");
+    let run = |words: &[&str]| json(&[words, &["--json"]].concat(), at);
+    // The model's file carries the reading; nothing after it has to be told.
+    let model = "model/model.safetensors";
+    let tuned = run(&["last", "tune", model, "data/video", "--out", "tuned.safetensors", "--steps", "3"]);
+    assert_eq!(tuned["pictures"], 3, "every training picture");
+    run(&["last", "intervene", "tuned.safetensors", "data/video", "--out", "do"]);
+    let fit = ["last", "fit", "data/video", "--out", "fit", "--model", "tuned.safetensors"];
+    run(&[&fit[..], &["--iterations", "60"]].concat());
+    let stored = store::read(&at.join("fit/avatar.safetensors")).expect("an avatar");
+    assert!(!stored.avatar.gaussians.is_empty(), "a person of Gaussians");
+}
+
+#[test]
+fn poses_and_cameras_of_a_film_go_together() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    data(at);
+    json(&["last", "fit", "data/video", "--out", "fit", "--iterations", "40", "--json"], at);
+    let film = |out: &str, more: &[&str]| -> Vec<Vec<u8>> {
+        let out = format!("films/{out}");
+        let words = [&["last", "render", "fit", "--out", &out, "--json"], more].concat();
+        json(&words, at);
+        let folder = std::fs::read_dir(at.join(&out)).expect("a folder");
+        let mut files: Vec<_> = folder.map(|file| file.expect("a file").path()).collect();
+        files.retain(|file| file.extension().is_some_and(|x| x == "png"));
+        files.sort();
+        files.iter().map(|file| std::fs::read(file).expect("a picture")).collect()
+    };
+    let all = film("all", &[]);
+    assert_eq!(all.len(), 3, "a picture for each moment");
+    assert!(film("one", &["--pose", "1"])[..] == all[1..2], "one moment of them");
+    let around = film("around", &["--cameras", "orbit:3", "--pose", "1", "--size", "48x40"]);
+    assert_eq!(around.len(), 3, "one moment from all sides");
+    assert!(around[0] != around[1] && around[1] != around[2], "the sides differ");
+    let both = film("both", &["--cameras", "orbit:3", "--size", "48x40"]);
+    assert_eq!(both.len(), 3, "moments and cameras go on together");
+    let side = film("side", &["--cameras", "12", "--pose", "1"]);
+    assert!(side.len() == 1 && side[0] != all[1], "another camera of the capture");
+    // The same body in another animation.
+    let made = "last gen --profile smoke --set video --out dancer --seed 5 --frames 2 --test-cameras 1 --points 128 --json";
+    json(&made.split(' ').collect::<Vec<_>>(), at);
+    let dance = film("dance", &["--pose-from", "dancer/video"]);
+    assert_eq!(dance.len(), 2, "the moments of the other animation");
+    assert!(dance.iter().all(|picture| !all.contains(picture)), "poses that the fit has not seen");
+    refused(&["last", "render", "fit", "--out", "r", "--pose", "3"], at, 2, &["--pose"]);
+}

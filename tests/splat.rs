@@ -150,6 +150,58 @@ fn culling_and_tile_size_do_not_show() {
     }
 }
 
+#[test]
+fn profiles_differ_only_in_their_constants() {
+    type Change = (&'static str, fn(&mut Profile));
+    let gsplat = Profile::GSPLAT;
+    // What §9 of the specification tells apart; each back to gsplat's.
+    let changes: [Change; 4] = [
+        ("stop", |p| p.stop = Profile::GSPLAT.stop),
+        ("near", |p| p.near = Profile::GSPLAT.near),
+        ("clamp", |p| p.clamp = Profile::GSPLAT.clamp),
+        ("footprint", |p| p.footprint = Profile::GSPLAT.footprint),
+    ];
+    let changed = |but: &str| {
+        let mut profile = Profile::INRIA;
+        changes.iter().filter(|(name, _)| *name != but).for_each(|(_, change)| change(&mut profile));
+        profile
+    };
+    let mut seen = Vec::new();
+    for name in ["splat_random", "splat_hard", "splat_garden"] {
+        let Some(a) = golden(name) else { continue };
+        let mut case = Case::new(&a);
+        // One right before the first camera, nearer than inria looks.
+        let Camera { rotation: r, translation: t, .. } = case.cameras[0];
+        let there = [t[0], t[1], t[2] - 0.1];
+        let near = [0, 1, 2].map(|c| -(r[0][c] * there[0] + r[1][c] * there[1] + r[2][c] * there[2]));
+        case.means.push(near);
+        case.quats.push([1.0, 0.0, 0.0, 0.0]);
+        case.scales.push([0.002; 3]);
+        case.opacities.push(0.5);
+        case.sh.extend(vec![0.1; 3 * case.coefficients]);
+        let x = case.input();
+        let drawn = |profile: Profile| {
+            let settings = Settings { profile, ..Settings::default() };
+            let (out, saved) = render::forward(&x, &settings);
+            let ones = vec![1.0; out.image.len()];
+            let mut bar = InBar::zeros_like(&x);
+            let out_bar = OutBar { image: Some(&ones), ..OutBar::default() };
+            render::adjoint(&x, &settings, &saved, out_bar, &mut bar);
+            (out, bar)
+        };
+        let theirs = drawn(gsplat.clone());
+        assert!(
+            drawn(changed("")) == theirs,
+            "{name}: with gsplat's constants inria is gsplat, gradients too"
+        );
+        seen.extend(changes.iter().map(|(what, _)| *what).filter(|what| drawn(changed(what)) != theirs));
+    }
+    // T(1 − α) is hardly ever 1e-4 to the bit, which is all that the two rules of stopping disagree on.
+    for what in ["near", "clamp", "footprint"] {
+        assert!(seen.contains(&what), "{what} shows somewhere: {seen:?}");
+    }
+}
+
 /// The picture that gsplat's CUDA rasterizer made of four Gaussians, as the Brush project keeps it.
 #[test]
 fn brush_case_in_profile_gsplat() {

@@ -57,8 +57,21 @@ fn deviations_follow_a_graph_that_changed() {
     // Edges that cost a thousand times as much as usual do not stay.
     trained.settings.weights.sparsity = 2.0;
     let settings = Settings { steps: 400, lr: 3e-2, anchor: 0.0, ..Settings::default() };
+    let frozen = |t: &Trained| -> Vec<(String, Vec<u32>)> {
+        let bits = |name: &str, array: &ndarray::ArrayD<f32>| {
+            (name.to_owned(), array.iter().map(|x| x.to_bits()).collect())
+        };
+        t.model
+            .params
+            .iter()
+            .filter(|(name, _)| *name != "structure.logits")
+            .map(|(n, a)| bits(n, a))
+            .collect()
+    };
+    let kept = frozen(&trained);
     let tuned = tune::run(&mut trained, &subject, &settings).expect("a subject");
     assert_ne!(tuned.edges[0], tuned.edges[1], "the graph changed");
+    assert_eq!(frozen(&trained), kept, "encoder, decoder and mechanisms are frozen to the bit");
     let after = of(&trained);
     for c in 0..d {
         let want = noise[c] * (after[1][c] / before[1][c]);

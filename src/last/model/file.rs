@@ -229,7 +229,7 @@ pub fn graph(n: usize, adjacency: &[f64]) -> Result<Digraph> {
         return Err(what()
             .expected("a graph without cycles")
             .got(format!("a cycle through factors {}", on_cycle.join(", ")))
-            .hint("last tune repairs a graph by deleting the least probable edge of a cycle"));
+            .hint("last pretrain and last tune write none: this file was changed; last tune makes a graph of its own from one without cycles"));
     }
     Ok(graph)
 }

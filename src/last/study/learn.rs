@@ -282,6 +282,14 @@ pub fn correct(size: Size) -> Learning {
         list.push((row, Trial { supervision, ..Trial::new(graph, Mechanism::Nl, 0) }));
         let row = format!("{graph} NL groups literal");
         list.push((row, Trial { reading: Reading::Literal, ..Trial::new(graph, Mechanism::Nl, 0) }));
+        // The equations as printed: nothing told, dependence of the factors.
+        let row = format!("{graph} NL none literal");
+        let printed = Trial {
+            supervision: Supervision::None,
+            placement: Placement::Factors,
+            ..Trial::new(graph, Mechanism::Nl, 0)
+        };
+        list.push((row, Trial { reading: Reading::Literal, ..printed }));
     }
     Learning { id: "E10", trials: Trials::new(size, list), report: report_e10 }
 }
