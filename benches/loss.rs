@@ -1,6 +1,6 @@
 //! The losses of one training iteration at 480×270, beside a plain version of SSIM, and one optimiser step.
 //!
-//! `cargo bench --bench loss`. Compare ratios of one run, never absolute times of two machines.
+//! `cargo bench --workspace --bench loss`. Compare ratios of one run, never absolute times of two machines.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::loss::{In, l1, metric, ssim};

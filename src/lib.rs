@@ -10,20 +10,23 @@
 //! * Learning what is computed and why: [`book`].
 //!
 //! # Levels
-//! A module may use itself and any level of a smaller number (`tests/levels.rs` reads the source and says so).
+//! The library is made of member crates under `src/`, re-exported here under one set of paths. A module may use itself and any level of a
+//! smaller number; the compiler enforces it between members, `tests/house` inside them (`ARCHITECTURE.md`).
 //!
 //! ```text
-//! 0  error, num     where bits are decided         6  loss       between pictures
-//! 1  math           small geometry                 7  tape       strings operators; gradient checks
+//! 0  error, num     where bits are decided         6  loss       between images
+//! 1  math           small geometry                 7  tape       records operators; gradient checks
 //! 2  io             bytes <-> plain records        8  optim      Adam, schedules, density control
 //! 3  scene          validated, typed               9  ops        the operator list      fit   training
-//! 4  nn             layers                        10  last, lirm the two systems
-//!    geometry       rays and triangles            11  oracle     somebody's arrays
-//! 5  splat          Gaussians to pictures         13  cli        commands and reports
-//!    causal         factors and their graph
+//! 4  nn             layers                        10  last, lirm the two systems    experiment   the study engine
+//!    geometry       rays and triangles            11  oracle     operators on user-supplied arrays
+//! 5  splat          Gaussians to images           12  last::study  experiments
+//!    causal         factors and their graph       13  cli        commands and reports
 //!    shade          materials and light
 //!    body           joints to transforms, skinning
 //! ```
+//!
+//! The feature `cli` (on by default) adds the commands and the binary; a program that uses the library alone does without it.
 //!
 //! # Example
 //! One Gaussian, one pixel; [`book::one_gaussian`] does it by hand.
@@ -49,28 +52,22 @@
 //! ```
 #![forbid(unsafe_code)]
 
-pub mod error;
-pub mod num;
-
-pub use error::{Error, Result};
-pub use tape::check;
-pub mod body;
 pub mod book;
-pub mod causal;
+
+#[cfg(feature = "cli")]
 #[doc(hidden)]
-pub mod cli;
-pub mod fit;
-pub mod geometry;
-pub mod io;
-pub mod last;
-pub mod lirm;
-pub mod loss;
-pub mod math;
-pub mod nn;
-pub mod ops;
-pub mod optim;
-pub mod oracle;
-pub mod scene;
-pub mod shade;
-pub mod splat;
-pub mod tape;
+pub use lastlight_cli as cli;
+pub use lastlight_import::{io, scene};
+pub use lastlight_kernels::{body, causal, geometry, loss, nn, shade, splat};
+pub use lastlight_lirm as lirm;
+pub use lastlight_num::{Error, Result, error, math, num, with_array};
+pub use lastlight_oracle::{ops, oracle};
+pub use lastlight_train::{check, experiment, fit, optim, tape};
+
+/// The LAST system. Level 10; its experiments are of level 12.
+pub mod last {
+    #[doc(no_inline)]
+    pub use lastlight_last::*;
+    #[doc(inline)]
+    pub use lastlight_study::last as study;
+}

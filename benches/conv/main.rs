@@ -1,7 +1,7 @@
 //! The layers of the image-to-point model against PyTorch on the CPU, in one run.
 //!
 //! ```text
-//! cargo bench --bench conv [-- layers | encoder | decoder]    PyTorch from python3, or from $LASTLIGHT_PYTHON
+//! cargo bench --workspace --bench conv [-- layers | encoder | decoder]    PyTorch from python3, or from $LASTLIGHT_PYTHON
 //! ```
 //!
 //! `peer.py` does the same work; where PyTorch cannot be imported the comparison is skipped and says so. CONV_RUNS sets the repetitions,
@@ -50,7 +50,7 @@ struct Timed {
 /// PyTorch's lines, if there is one.
 fn peer(threads: usize, runs: usize) -> Option<String> {
     let python = std::env::var("LASTLIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/conv/peer.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/conv/peer.py");
     let out = Command::new(python).args([script, &threads.to_string(), &runs.to_string()]).output().ok()?;
     out.status.success().then(|| String::from_utf8_lossy(&out.stdout).into_owned())
 }

@@ -1,6 +1,6 @@
 //! Pictures of a mesh of one million triangles, beside Mitsuba 3 in the same run; and the views of a training object.
 //!
-//! `cargo bench --bench shade` prints samples per second and ratios. Mitsuba comes from PyPI and runs as a subprocess of the Python named by
+//! `cargo bench --workspace --bench shade` prints samples per second and ratios. Mitsuba comes from PyPI and runs as a subprocess of the Python named by
 //! LASTLIGHT_PYTHON (else `python3`); where it cannot be imported the comparison is skipped and says so. SHADE_RUNS sets the repetitions.
 //! SHADE_HIGH=1 compares pictures of 256 samples instead of times.
 
@@ -81,7 +81,7 @@ fn mitsuba(high: bool) -> Option<(Vec<(String, f64)>, tempfile::TempDir)> {
         return None;
     }
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/shade/peer.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/shade/peer.py");
     let mut command = Command::new(&python);
     command.arg(script).arg(folder.path()).arg(par::threads().to_string());
     if high {

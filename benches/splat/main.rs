@@ -1,6 +1,6 @@
 //! Forward plus all gradients of the splat renderer on the scene of the record, beside a yardstick in the same run.
 //!
-//! `cargo bench --bench splat` prints milliseconds, ratios and the roofline counts; `-- --quick` does the small case.
+//! `cargo bench --workspace --bench splat` prints milliseconds, ratios and the roofline counts; `-- --quick` does the small case.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 

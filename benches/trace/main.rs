@@ -1,6 +1,6 @@
 //! Rays against one million triangles, beside Embree (`embreex`) and `obvhs` in the same run.
 //!
-//! `cargo bench --bench trace` prints Mrays/s and ratios; `-- --quick` does a small mesh and few rays. The peer needs a Python with
+//! `cargo bench --workspace --bench trace` prints Mrays/s and ratios; `-- --quick` does a small mesh and few rays. The peer needs a Python with
 //! `embreex` and `numpy`, named by `LASTLIGHT_PYTHON` or `python3`; without one there is - in its columns.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]

@@ -52,24 +52,6 @@ impl<S: Copy> Arr<S> {
     }
 }
 
-/// The array of that name with the given shape; a length of `usize::MAX` in `shape` matches any.
-///
-/// # Errors
-/// When it is absent or shaped otherwise.
-pub fn expect<'a, S>(arrays: &'a Named<S>, name: &str, shape: &[usize]) -> Result<&'a Arr<S>, String> {
-    let x = arrays.get(name).ok_or_else(|| format!("input {name} is missing"))?;
-    let fits = x.shape.len() == shape.len() && x.shape.iter().zip(shape).all(|(&a, &b)| b == ANY || a == b);
-    if fits {
-        return Ok(x);
-    }
-    let wanted: Vec<String> =
-        shape.iter().map(|&d| if d == ANY { "any".to_owned() } else { d.to_string() }).collect();
-    Err(format!("input {name}: expected shape [{}], got {:?}", wanted.join(", "), x.shape))
-}
-
-/// In a shape handed to [`expect`]: any length.
-pub const ANY: usize = usize::MAX;
-
 /// Where a twin writes its results.
 ///
 /// `put` stores the value; in reverse mode it also seeds it with the cotangent of that entry, and [`Out::flush`]

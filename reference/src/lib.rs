@@ -3,7 +3,8 @@
 //! It exists to be trusted, not to be fast. It is written from the equations alone, depends on `libm` and nothing else, and
 //! cannot see the code it is compared with. Each operator is one function over [`scalar::Scalar`]; with `f64` it gives
 //! values, with [`dual::Dual`] directional derivatives, with [`rev::Rev`] gradients, so nobody derives a gradient by hand here.
-//! The path and name of a twin are those of its operator.
+//! The path and name of a twin are those of its operator, and so are the names and the order of its inputs. Beside its
+//! function every twin has a [`ports::Signature`]: the table of its inputs, outputs and settings, read by both sides.
 //!
 //! ```
 //! use reference::{array::Arr, twins};
@@ -21,10 +22,12 @@ pub mod causal;
 pub mod dual;
 pub mod fd;
 pub mod geometry;
+pub mod inputs;
 pub mod loss;
 pub mod nn;
 pub mod num;
 pub mod optim;
+pub mod ports;
 pub mod rev;
 pub mod scalar;
 pub mod scene;

@@ -1,6 +1,8 @@
-//! Settings of an operator: numbers and words by name.
+//! Settings of an operator: numbers and words by name, checked against its signature.
 
 use std::collections::BTreeMap;
+
+use crate::ports::{Kind, SettingSpec};
 
 /// One setting.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,58 +13,108 @@ pub enum Setting {
     Text(String),
 }
 
-/// The settings of one request.
+/// The settings of one request; those that are not given have the defaults of the signature.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings<'a>(pub &'a BTreeMap<String, Setting>);
+pub struct Settings<'a> {
+    specs: &'static [SettingSpec],
+    given: &'a BTreeMap<String, Setting>,
+}
 
-impl Settings<'_> {
-    /// The number of that name, or the default.
+/// A finite number.
+fn finite(key: &str, setting: &Setting) -> Result<f64, String> {
+    let x = match setting {
+        Setting::Number(x) => *x,
+        Setting::Text(text) => {
+            text.parse().map_err(|_| format!("setting {key}: expected a number, got {text}"))?
+        }
+    };
+    if x.is_finite() { Ok(x) } else { Err(format!("setting {key}: expected a finite number, got {x}")) }
+}
+
+impl<'a> Settings<'a> {
+    /// Checks names and values.
     ///
     /// # Errors
-    /// When it is no finite number.
-    pub fn number(&self, name: &str, default: f64) -> Result<f64, String> {
-        let x = match self.0.get(name) {
-            None => return Ok(default),
-            Some(Setting::Number(x)) => *x,
-            Some(Setting::Text(text)) => {
-                text.parse().map_err(|_| format!("setting {name}: expected a number, got {text}"))?
+    /// Names the first setting that the operator does not have, or that has a value it cannot have.
+    pub fn new(specs: &'static [SettingSpec], given: &'a BTreeMap<String, Setting>) -> Result<Self, String> {
+        for (key, setting) in given {
+            let Some(spec) = specs.iter().find(|spec| spec.key == key) else {
+                let known: Vec<_> = specs.iter().map(|spec| spec.key).collect();
+                return Err(format!("setting {key}: unknown here; known: {}", known.join(", ")));
+            };
+            match (spec.kind, setting) {
+                (Kind::Number, _) => drop(finite(key, setting)?),
+                (Kind::Flag, _) => match finite(key, setting)? {
+                    0.0 | 1.0 => {}
+                    other => return Err(format!("setting {key}: expected 0 or 1, got {other}")),
+                },
+                (Kind::Choice(words), Setting::Text(text)) if words.contains(&text.as_str()) => {}
+                (Kind::Choice(words), Setting::Text(text)) => {
+                    return Err(format!("setting {key}: expected one of {}, got {text}", words.join(", ")));
+                }
+                (Kind::Choice(_), Setting::Number(x)) => {
+                    return Err(format!("setting {key}: expected a word, got {x}"));
+                }
             }
-        };
-        if x.is_finite() { Ok(x) } else { Err(format!("setting {name}: expected a finite number, got {x}")) }
+        }
+        Ok(Self { specs, given })
     }
 
-    /// The word of that name, or the default.
-    ///
-    /// # Errors
-    /// When it is a number.
-    pub fn text(&self, name: &str, default: &str) -> Result<String, String> {
-        match self.0.get(name) {
-            None => Ok(default.to_owned()),
-            Some(Setting::Text(text)) => Ok(text.clone()),
-            Some(Setting::Number(x)) => Err(format!("setting {name}: expected a word, got {x}")),
+    fn default(&self, key: &str) -> &'static str {
+        let spec = self.specs.iter().find(|spec| spec.key == key);
+        spec.unwrap_or_else(|| panic!("the signature has no setting {key}")).default
+    }
+
+    /// The number of that name, if it is given.
+    pub fn given_number(&self, key: &str) -> Option<f64> {
+        finite(key, self.given.get(key)?).ok()
+    }
+
+    /// The word of that name, if it is given.
+    pub fn given_word(&self, key: &str) -> Option<&'a str> {
+        match self.given.get(key)? {
+            Setting::Text(text) => Some(text),
+            Setting::Number(_) => None,
         }
     }
 
-    /// Whether the setting of that name is 1, or the default.
+    /// The number of that name, or its default.
     ///
-    /// # Errors
-    /// When it is neither 0 nor 1.
-    pub fn flag(&self, name: &str, default: bool) -> Result<bool, String> {
-        match self.number(name, f64::from(u8::from(default)))? {
-            0.0 => Ok(false),
-            1.0 => Ok(true),
-            other => Err(format!("setting {name}: expected 0 or 1, got {other}")),
-        }
+    /// # Panics
+    /// When the signature has no such setting, or its default is no number.
+    pub fn number(&self, key: &str) -> f64 {
+        self.given_number(key)
+            .unwrap_or_else(|| self.default(key).parse().expect("the default of the setting is a number"))
     }
 
-    /// Refuses settings the operator does not know.
+    /// The word of that name, or its default.
+    ///
+    /// # Panics
+    /// When the signature has no such setting.
+    pub fn word(&self, key: &str) -> &'a str {
+        self.given_word(key).unwrap_or_else(|| self.default(key))
+    }
+
+    /// Whether the setting of that name, or its default, is 1.
+    ///
+    /// # Panics
+    /// When the signature has no such setting, or its default is no number.
+    pub fn flag(&self, key: &str) -> bool {
+        self.number(key) == 1.0
+    }
+
+    /// The whole number of that name, or its default.
     ///
     /// # Errors
-    /// Names the first unknown setting.
-    pub fn only(&self, known: &[&str]) -> Result<(), String> {
-        match self.0.keys().find(|name| !known.contains(&name.as_str())) {
-            None => Ok(()),
-            Some(name) => Err(format!("setting {name}: unknown here; known: {}", known.join(", "))),
+    /// When it is no whole number from `least` to 65536.
+    ///
+    /// # Panics
+    /// When the signature has no such setting, or its default is no number.
+    pub fn whole(&self, key: &str, least: f64) -> Result<usize, String> {
+        let x = self.number(key);
+        if x >= least && x <= 65_536.0 && x == x.trunc() {
+            return Ok(x as usize);
         }
+        Err(format!("setting {key}: expected a whole number from {least} to 65536, got {x}"))
     }
 }

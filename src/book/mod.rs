@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Every chapter goes the same way: the problem, the equation, the twin, numbers to check by hand, the product version and what it
-//! adds. Listings are doctests: `cargo test --doc` runs them, so a chapter that no longer holds is a failing test. Where an equation is
+//! adds. Listings are doctests: `cargo test --release --doc` runs them, so a chapter that no longer holds is a failing test. Where an equation is
 //! too large for a listing, the test that evaluates it is named.
 //!
 //! Runnable programs stand in `src/book/examples/`:

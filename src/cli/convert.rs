@@ -35,11 +35,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let scene = convert(&args.input, &args.output)?;
     let size = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if args.json {
-        super::say_json(&json!({
+        crate::console::say_json(&json!({
             "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "bytes": size,
         }))
     } else {
-        super::say(&format!(
+        crate::console::say(&format!(
             "{} Gaussians, SH degree {}: {} ({})",
             report::thousands(scene.len()),
             scene.sh_degree,

@@ -5,9 +5,9 @@ use crate::num::rng::Rng;
 use crate::num::{env, gemm, par};
 use crate::scene::camera::{Camera, Model};
 
-use crate::splat::color::Sh;
-use crate::splat::render::{self, Color, In, InBar, OutBar, Settings, Shape};
 use crate::{Error, Result};
+use lastlight_kernels::splat::color::Sh;
+use lastlight_kernels::splat::render::{self, Color, In, InBar, OutBar, Settings, Shape};
 use serde_json::json;
 
 /// Print what this build and this machine are, and check that they compute the right bits.
@@ -37,7 +37,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let probe = env::probe();
     let hex = |x: u64| format!("{x:016x}");
     if args.json {
-        super::say_json(&json!({
+        crate::console::say_json(&json!({
             "lastlight": env!("CARGO_PKG_VERSION"),
             "architecture": std::env::consts::ARCH,
             "os": std::env::consts::OS,
@@ -53,7 +53,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "ok": right && probe.is_ok(),
         }))?;
     } else {
-        let line = |name: &str, value: String| super::say(&format!("{name:<14}{value}"));
+        let line = |name: &str, value: String| crate::console::say(&format!("{name:<14}{value}"));
         line("lastlight", env!("CARGO_PKG_VERSION").to_owned())?;
         line("machine", format!("{} {}", std::env::consts::ARCH, std::env::consts::OS))?;
         line("build", if cfg!(debug_assertions) { "debug".into() } else { "release".to_owned() })?;

@@ -1,8 +1,8 @@
 //! `lastlight gradcheck`.
 
-use super::{say, say_json};
-use crate::oracle::gradcheck;
+use crate::console::{say, say_json};
 use crate::{Error, Result};
+use lastlight_oracle::oracle::gradcheck;
 use std::path::PathBuf;
 
 /// Check gradients: of our operators, or of somebody else's program.

@@ -137,7 +137,7 @@ impl Meter {
             self.last_line = Instant::now();
             let rate = (done - first) as f64 / since.elapsed().as_secs_f64();
             if rate > 0.0 {
-                let left = super::report::seconds((total - done) as f64 / rate);
+                let left = super::units::seconds((total - done) as f64 / rate);
                 eprintln!("{done}/{total} · {} · {left} left · {message}", pace(rate));
             } else {
                 eprintln!("{done}/{total} · {message}");
@@ -149,7 +149,7 @@ impl Meter {
 /// A rate per second in words: of slow work what one piece takes.
 fn pace(rate: f64) -> String {
     if rate > 0.0 && rate < 0.1 {
-        format!("{} each", super::report::seconds(1.0 / rate))
+        format!("{} each", super::units::seconds(1.0 / rate))
     } else {
         format!("{rate:.1}/s")
     }

@@ -1,9 +1,9 @@
 //! `lastlight oracle list | run | compare | mint`.
 
-use super::{say, say_json};
-use crate::oracle::{compare, list, mint, run as runner};
+use crate::console::{say, say_json};
 use crate::{Error, Result};
 use clap::{Subcommand, ValueEnum};
+use lastlight_oracle::oracle::{compare, list, mint, run as runner};
 use serde::Serialize;
 use std::path::PathBuf;
 

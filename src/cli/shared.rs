@@ -86,10 +86,10 @@ impl Outcome {
     pub(super) fn publish(&self, dir: &Path, json: bool) -> Result<()> {
         let report = self.page.write(dir)?;
         if json {
-            return super::say_json(&self.record);
+            return crate::console::say_json(&self.record);
         }
-        self.lines.iter().try_for_each(|line| super::say(line))?;
-        super::say(&format!("report      {}", report.display()))
+        self.lines.iter().try_for_each(|line| crate::console::say(line))?;
+        crate::console::say(&format!("report      {}", report.display()))
     }
 }
 

@@ -5,9 +5,10 @@
 //! animations also run on, one loop of the first over the video. Pictures of the sets are taken through the camera of the video; a pose far from all
 //! of the video's may be cut by their border.
 
-use super::figure::{Dots, Points, SIGMA};
-use super::generate::Settings;
-use super::sets::{Sitter, Surfaces};
+pub use super::character_settings::CharacterSettings;
+use super::image_source::{ImageSource, Surfaces};
+use super::points::{Dots, Points, SIGMA};
+use super::settings::Settings;
 use super::subject::Subject;
 use crate::math::knn;
 use crate::num::array::Arrays;
@@ -23,70 +24,12 @@ use data_gen::figure::mechanism::Scm;
 use data_gen::figure::samples::Frame;
 use data_gen::figure::video;
 use serde_json::{Value, json};
-use std::path::PathBuf;
 
 /// Height in the figure's frame: 1.7 m over 0.85 m.
 pub const HEIGHT: f64 = 2.0;
 
 /// Share of the picture that the subject may fill at its nearest.
 const FILL: f64 = 0.95;
-
-/// Which character, and what its factors mean.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Casting {
-    /// `.gltf`, `.glb`, or the folder of the open body.
-    pub file: PathBuf,
-    /// One animation, or two to mix.
-    pub animations: Vec<String>,
-    /// The joint u_O bends; searched for by name if absent.
-    pub elbow: Option<String>,
-    /// Parts left out.
-    pub hide: Vec<String>,
-    /// The animations run on.
-    pub play: bool,
-}
-
-impl Casting {
-    /// Name of the file or folder.
-    fn name(&self) -> String {
-        self.file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
-    }
-
-    /// What settings record: the name of the file stands for its path.
-    pub fn record(&self) -> Value {
-        json!({
-            "file": self.name(), "animations": self.animations, "elbow": self.elbow, "hide": self.hide, "play": self.play,
-        })
-    }
-
-    /// The options that give it; the name of the file stands for its path, so that a record does not depend on where it lies.
-    pub fn options(&self) -> String {
-        let mut out = format!(" --character {}", quoted(&self.name()));
-        for a in &self.animations {
-            out.push_str(&format!(" --animation {}", quoted(a)));
-        }
-        if let Some(e) = &self.elbow {
-            out.push_str(&format!(" --elbow {}", quoted(e)));
-        }
-        for h in &self.hide {
-            out.push_str(&format!(" --hide {}", quoted(h)));
-        }
-        if self.play {
-            out.push_str(" --play");
-        }
-        out
-    }
-}
-
-/// A word of a command line as a POSIX shell reads it.
-fn quoted(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
 
 /// Digest of what is shown and how it moves: surface, materials and their pictures, weights, and the joints in every frame. Two files of one
 /// name are told apart by it.
@@ -146,7 +89,7 @@ impl Actor {
     ///
     /// # Errors
     /// When the file is bad or a name in it is unknown.
-    pub fn new(casting: &Casting, scm: &Scm, settings: &Settings) -> Result<Self> {
+    pub fn new(casting: &CharacterSettings, scm: &Scm, settings: &Settings) -> Result<Self> {
         let mut character = Character::read(&casting.file)?;
         let hide: Vec<&str> = casting.hide.iter().map(String::as_str).collect();
         character.hide(&hide)?;
@@ -285,7 +228,7 @@ impl Subject for Actor {
     }
 }
 
-impl Sitter for Actor {
+impl ImageSource for Actor {
     fn dots(&self) -> &Dots {
         &self.dots
     }
@@ -293,7 +236,7 @@ impl Sitter for Actor {
     fn rest(&self) -> Arrays {
         let mut arrays = self.body();
         let side = 2;
-        arrays.put("focal", &[1], vec![Sitter::camera(self, side).focal_px[0] / side as f32]);
+        arrays.put("focal", &[1], vec![ImageSource::camera(self, side).focal_px[0] / side as f32]);
         arrays
     }
 

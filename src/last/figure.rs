@@ -4,8 +4,11 @@
 //! are shaded by Lambert's law in `data_gen`; surfaces are rendered under a sun of irradiance 0.65π and a sky of mean
 //! radiance about 0.35, so that a white surface facing the sun is white in both.
 
-use super::generate::BOUNCES;
-use super::sets::{self, Sitter, Surfaces};
+use super::image_source::{ImageSource, Surfaces};
+use super::points::single;
+pub use super::points::{DISC, Dots, Look, OPACITY, Photo, Points, SIGMA};
+use super::settings::BOUNCES;
+use crate::Result;
 use crate::geometry::bvh::Bvh;
 use crate::io::image_file;
 use crate::num::array::Arrays;
@@ -17,138 +20,13 @@ use crate::scene::light::{Environment, Lamp, Lights};
 use crate::scene::mesh::Object;
 use crate::shade::render::{self, Passes, Scene};
 use crate::shade::tonemap;
-use crate::splat::discs;
-use crate::splat::render::{Color, In, Settings, Shape};
-use crate::{Error, Result};
 use data_gen::figure::appearance::Appearance;
 use data_gen::figure::factors::{AMBIENT, Drive};
 use data_gen::figure::samples::Frame;
+use data_gen::figure::skeleton::{BONES, bones};
 use data_gen::figure::surface::Figure;
-use data_gen::figure::template::{Cloud, Template};
+use data_gen::figure::template::Template;
 use data_gen::figure::video;
-
-/// Radius of a disc in units of the mean distance to the three nearest points.
-pub const DISC: f64 = 0.9;
-/// Standard deviation of a Gaussian in the same units.
-pub const SIGMA: f64 = 0.6;
-/// Its opacity.
-pub const OPACITY: f32 = 0.95;
-
-/// What is rendered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
-    /// textured surfaces
-    Mesh,
-    /// points as discs
-    Discs,
-    /// points as isotropic Gaussians
-    Splats,
-}
-
-impl Look {
-    /// Its name in settings and records.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Mesh => "mesh",
-            Self::Discs => "points",
-            Self::Splats => "splats",
-        }
-    }
-
-    /// The look of that name.
-    ///
-    /// # Errors
-    /// When there is none.
-    pub fn parse(name: &str) -> Result<Self> {
-        match name {
-            "mesh" => Ok(Self::Mesh),
-            "points" => Ok(Self::Discs),
-            "splats" => Ok(Self::Splats),
-            other => Err(Error::input("look").expected("mesh, points or splats").got(other)),
-        }
-    }
-}
-
-/// A small picture: bytes of the sRGB-encoded colours on black, and of the covered share.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Photo {
-    /// (H, W, 3)
-    pub image: Vec<u8>,
-    /// (H, W)
-    pub mask: Vec<u8>,
-}
-
-/// A cloud in single precision.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Points {
-    /// (P, 3) the figure's frame
-    pub points: Vec<[f32; 3]>,
-    /// (P, 3) sRGB-encoded
-    pub rgb: Vec<[f32; 3]>,
-}
-
-impl From<&Cloud> for Points {
-    fn from(cloud: &Cloud) -> Self {
-        Self {
-            points: cloud.points.iter().map(single).collect(),
-            rgb: cloud.rgb.iter().map(single).collect(),
-        }
-    }
-}
-
-/// How large points are drawn.
-#[derive(Clone, Debug)]
-pub struct Dots {
-    /// (P) mean distance to the three nearest other points at rest
-    pub spacing: Vec<f64>,
-    radii: Vec<f32>,
-    sigmas: Vec<[f32; 3]>,
-}
-
-impl Dots {
-    /// For points of that spacing.
-    pub fn new(spacing: Vec<f64>) -> Self {
-        Self {
-            radii: spacing.iter().map(|s| (DISC * s) as f32).collect(),
-            sigmas: spacing.iter().map(|s| [(SIGMA * s) as f32; 3]).collect(),
-            spacing,
-        }
-    }
-
-    /// A picture of them, as discs or as Gaussians.
-    ///
-    /// # Errors
-    /// When the camera is not valid.
-    ///
-    /// # Panics
-    /// When asked for surfaces.
-    pub fn photo(&self, points: &Points, camera: &Camera, look: Look) -> Result<Photo> {
-        let (image, alpha) = match look {
-            Look::Discs => {
-                let p = discs::render(&points.points, &self.radii, &points.rgb, camera, [0.0; 3])?;
-                (p.image.into_flattened(), p.alpha)
-            }
-            Look::Splats => {
-                let quats = vec![[1.0, 0.0, 0.0, 0.0]; points.points.len()];
-                let opacities = vec![OPACITY; points.points.len()];
-                let x = In {
-                    means: &points.points,
-                    shape: Shape::QuatScale { quats: &quats, scales: &self.sigmas },
-                    opacities: &opacities,
-                    color: Color::Rgb(&points.rgb),
-                    cameras: std::slice::from_ref(camera),
-                    background: [0.0; 3],
-                };
-                let settings = Settings::default();
-                x.validate(&settings)?;
-                let (out, _) = crate::splat::render::forward(&x, &settings);
-                (out.image, out.alpha)
-            }
-            Look::Mesh => unreachable!("surfaces are rendered from an object"),
-        };
-        Ok(Photo { image: image_file::to_u8(&image)?, mask: image_file::to_u8(&alpha)? })
-    }
-}
 
 /// The persons of the sets: one template, many looks.
 #[derive(Clone, Debug)]
@@ -169,13 +47,13 @@ impl Figures {
     }
 }
 
-impl Sitter for Figures {
+impl ImageSource for Figures {
     fn dots(&self) -> &Dots {
         &self.dots
     }
 
     fn rest(&self) -> Arrays {
-        sets::template_arrays(self)
+        template_arrays(self)
     }
 
     fn points(&self, frame: &Frame) -> Result<Points> {
@@ -269,10 +147,6 @@ impl Dressed {
     }
 }
 
-fn single(x: &[f64; 3]) -> [f32; 3] {
-    x.map(|x| x as f32)
-}
-
 /// Seed of the light's draws in a picture: one Philox block of the run's seed, so that no two pictures of any runs share them but by chance.
 pub fn picture_seed(seed: u64, purpose: u16, item: u64) -> u64 {
     let [low, high, ..] = Rng::new(seed).block(item, 0, purpose, 0);
@@ -309,4 +183,31 @@ pub fn photo(object: &Object, azimuth: f64, camera: &Camera, settings: &render::
     let passes = passes(object, &bvh, azimuth, camera, settings)?;
     let alpha = image_file::to_u8(&passes.alpha)?;
     Ok(Photo { image: tonemap::srgb_u8(&passes.color, 1.0), mask: alpha })
+}
+
+/// The figure's template as arrays.
+pub fn template_arrays(figures: &Figures) -> Arrays {
+    let (t, dots) = (&figures.template, &figures.dots);
+    let p = t.points.len();
+    let flat = |x: &[[f64; 3]]| -> Vec<f32> { x.iter().flatten().map(|&x| x as f32).collect() };
+    let bones = bones();
+    let joints: Vec<[f64; 3]> = bones.iter().map(|b| b.joint).collect();
+    let rest = joints.iter().flat_map(|j| {
+        let [x, y, z] = j.map(|x| x as f32);
+        [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z, 0.0, 0.0, 0.0, 1.0]
+    });
+    Arrays::new()
+        .with("points", &[p, 3], flat(&t.points))
+        .with("normals", &[p, 3], flat(&t.normals))
+        .with("weights", &[p, BONES], t.weights.iter().flatten().map(|&w| w as f32).collect::<Vec<f32>>())
+        .with("bone", &[p], t.bone_of.iter().map(|&b| b as i32).collect::<Vec<i32>>())
+        .with(
+            "parents",
+            &[BONES],
+            bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
+        )
+        .with("joints", &[BONES, 3], flat(&joints))
+        .with("spacing", &[p], dots.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
+        .with("sigma", &[p], dots.spacing.iter().map(|s| (SIGMA * s) as f32).collect::<Vec<f32>>())
+        .with("rest", &[BONES, 4, 4], rest.collect::<Vec<f32>>())
 }

@@ -10,293 +10,28 @@
 //! ```
 //! How a folder is begun, continued and started over: `folder`.
 
-use super::character::{Actor, Casting};
-use super::figure::{Figures, Look};
+use super::character::Actor;
+use super::figure::Figures;
 use super::folder::{self, JOURNAL, digest, hex, slashed};
-use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, Sitter, Studio};
+pub use super::progress::Progress;
+use super::progress::check_stop;
+use super::sets::{self, FRAMES_PER_SHARD, GROUPS_PER_SHARD, ImageSource, RenderJob};
+pub use super::settings::{BOUNCES, CHARACTER_FACTORS, Settings, Which};
 use super::subject::{self, BuiltIn, Subject};
 use crate::io::{atomic, read_bytes};
 use crate::{Error, Result};
 use data_gen::figure::factors::LETTERS;
-use data_gen::figure::graph::Graph;
-use data_gen::figure::mechanism::{Mechanism, Scm};
+use data_gen::figure::mechanism::Scm;
 use data_gen::figure::samples;
 use data_gen::figure::sortability::{r2_sortability, varsortability};
-use data_gen::figure::{MAX_FACTORS, video};
+use data_gen::figure::video;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
 pub use super::folder::RECORD;
-
-/// Bounces of light after the first hit, for surfaces of video and sets alike.
-pub const BOUNCES: u32 = 1;
-
-/// Factors that act on a character: posture, elbow, folds, light.
-pub const CHARACTER_FACTORS: usize = 4;
-
-/// Which sets are made.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Which {
-    /// a moving subject
-    pub video: bool,
-    /// frames as they come
-    pub observational: bool,
-    /// frames before and after do(i, v)
-    pub interventions: bool,
-}
-
-impl Which {
-    /// `video`, `observational`, `interventions`, `training` (both of these) or `all`.
-    ///
-    /// # Errors
-    /// For any other name.
-    pub fn parse(name: &str) -> Result<Self> {
-        let only = |video, observational, interventions| Self { video, observational, interventions };
-        match name {
-            "video" => Ok(only(true, false, false)),
-            "observational" => Ok(only(false, true, false)),
-            "interventions" => Ok(only(false, false, true)),
-            "training" => Ok(only(false, true, true)),
-            "all" => Ok(only(true, true, true)),
-            other => Err(Error::input("set")
-                .expected("video, observational, interventions, training (both of these) or all")
-                .got(other)),
-        }
-    }
-}
-
-/// Everything a data set depends on.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Settings {
-    /// as [`Which::parse`] reads it
-    pub set: String,
-    /// `FORK` … `EMPTY`, `ER-m`
-    pub graph: String,
-    /// number of factors, 2 to 8
-    pub factors: usize,
-    /// `LIN`, `NL`, `NG`, `NL-NG`
-    pub mechanism: String,
-    /// unit noise and coefficients as drawn instead of unit variances
-    pub raw: bool,
-    /// of the video
-    pub video_look: Look,
-    /// of the sets
-    pub set_look: Look,
-    /// side of the video's pictures
-    pub video_size: usize,
-    /// side of the sets' pictures
-    pub set_size: usize,
-    /// per pixel, surfaces only
-    pub samples: u32,
-    /// observational frames
-    pub count: usize,
-    /// intervention groups
-    pub groups: usize,
-    /// looks that the sets choose from
-    pub appearances: usize,
-    /// points of the template
-    pub points: usize,
-    /// of the video
-    pub frames: usize,
-    /// of the video, 1 to 22
-    pub test_cameras: usize,
-    /// the video also gets depth, normals, albedo, material and linear radiance
-    pub passes: bool,
-    /// look of the video's subject
-    pub subject: u64,
-    /// a character instead of the built-in figure
-    pub character: Option<Casting>,
-    /// of every draw
-    pub seed: u64,
-}
-
-impl Settings {
-    /// The sizes of `last.md` §3.5.
-    pub fn full() -> Self {
-        Self {
-            set: "all".into(),
-            graph: "FORK".into(),
-            factors: 4,
-            mechanism: "NL".into(),
-            raw: false,
-            video_look: Look::Mesh,
-            set_look: Look::Discs,
-            video_size: 256,
-            set_size: 64,
-            samples: 16,
-            count: 2048,
-            groups: 256,
-            appearances: 64,
-            points: 2048,
-            frames: 100,
-            test_cameras: 22,
-            passes: false,
-            subject: 0,
-            character: None,
-            seed: 0,
-        }
-    }
-
-    /// Small enough to look at in seconds.
-    pub fn smoke() -> Self {
-        Self {
-            video_size: 64,
-            count: 128,
-            groups: 16,
-            appearances: 8,
-            points: 1024,
-            frames: 20,
-            test_cameras: 4,
-            ..Self::full()
-        }
-    }
-
-    /// Checks every range.
-    ///
-    /// # Errors
-    /// Names the setting.
-    pub fn validate(&self) -> Result<()> {
-        let which = Which::parse(&self.set)?;
-        let of_character = |is_wrong: bool, name: &str, expected: &str, got: String| match &self.character {
-            Some(_) if is_wrong => {
-                Err(Error::input(format!("setting {name}")).expected(expected.to_owned()).got(got))
-            }
-            _ => Ok(()),
-        };
-        let sets = which.observational || which.interventions;
-        let plays = self.character.as_ref().is_some_and(|c| c.play);
-        let look = self.video_look;
-        of_character(
-            which.video && look != Look::Mesh,
-            "video look",
-            "mesh for a character",
-            look.name().into(),
-        )?;
-        of_character(
-            sets && self.appearances != 1,
-            "appearances",
-            "1: a character has one look",
-            self.appearances.to_string(),
-        )?;
-        of_character(
-            sets && plays,
-            "play",
-            "no time in the sets: their pictures have no order",
-            "animations that run on".into(),
-        )?;
-        let within = |name: &str, x: usize, low: usize, high: usize| {
-            if (low..=high).contains(&x) {
-                Ok(())
-            } else {
-                Err(Error::input(format!("setting {name}"))
-                    .expected(format!("{low} to {high}"))
-                    .got(x.to_string()))
-            }
-        };
-        within("factors", self.factors, 2, MAX_FACTORS)?;
-        within("samples", self.samples as usize, 1, 65_536)?;
-        within("points", self.points, 64, 1 << 15)?;
-        if which.observational {
-            within("count", self.count, 1, 1 << 24)?;
-        }
-        if which.interventions {
-            within("groups", self.groups, 1, 1 << 20)?;
-        }
-        if which.observational || which.interventions {
-            within("set size", self.set_size, 8, 512)?;
-            within("appearances", self.appearances, 1, 1 << 16)?;
-        }
-        if which.video {
-            within("video size", self.video_size, 8, 4096)?;
-            within("frames", self.frames, 1, 100_000)?;
-            within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)?;
-        }
-        if which.video && self.passes && self.video_look != Look::Mesh {
-            return Err(Error::input("setting passes")
-                .expected("the video look mesh: points have no depth, normals or material")
-                .got(self.video_look.name()));
-        }
-        if self.character.is_some() && self.factors > CHARACTER_FACTORS {
-            return Err(Error::input("setting factors")
-                .expected(format!("2 to {CHARACTER_FACTORS} for a character: further ones act on nothing"))
-                .got(self.factors.to_string()));
-        }
-        Ok(())
-    }
-
-    /// The truth behind the data.
-    ///
-    /// # Errors
-    /// When graph and factors do not fit, or a name is unknown.
-    pub fn scm(&self) -> Result<Scm> {
-        let fail = |e: String| Error::input("settings").expected("a causal model").got(e);
-        let graph = Graph::named(&self.graph, self.factors, self.seed).map_err(fail)?;
-        let mechanism = Mechanism::parse(&self.mechanism).map_err(fail)?;
-        Ok(Scm::new(graph, mechanism, !self.raw, self.seed))
-    }
-
-    fn record(&self) -> Value {
-        let mut record = json!({
-            "set": self.set, "graph": self.graph, "factors": self.factors, "mechanism": self.mechanism,
-            "raw": self.raw, "video_look": self.video_look.name(), "set_look": self.set_look.name(),
-            "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
-            "count": self.count, "groups": self.groups, "appearances": self.appearances,
-            "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
-            "subject": self.subject, "seed": self.seed, "bounces": BOUNCES,
-        });
-        // Only where it is: data sets of the figure keep their bytes.
-        if let Some(c) = &self.character {
-            record["character"] = c.record();
-        }
-        record
-    }
-
-    /// A command line that makes the same data, but for the folder.
-    pub fn command(&self) -> String {
-        let which = Which::parse(&self.set).ok();
-        let mut words = vec![format!(
-            "lastlight last gen --set {} --graph {} --factors {} --mechanism {} --points {} --samples {} --seed {}",
-            self.set, self.graph, self.factors, self.mechanism, self.points, self.samples, self.seed
-        )];
-        if self.raw {
-            words.push("--raw".into());
-        }
-        if which.is_some_and(|w| w.observational) {
-            words.push(format!("--count {}", self.count));
-        }
-        if which.is_some_and(|w| w.interventions) {
-            words.push(format!("--groups {}", self.groups));
-        }
-        if which.is_some_and(|w| w.observational || w.interventions) {
-            words.push(format!(
-                "--appearances {} --set-look {} --set-size {}",
-                self.appearances,
-                self.set_look.name(),
-                self.set_size
-            ));
-        }
-        if which.is_some_and(|w| w.video) {
-            words.push(format!(
-                "--frames {} --test-cameras {} --subject {} --video-look {} --video-size {}",
-                self.frames,
-                self.test_cameras,
-                self.subject,
-                self.video_look.name(),
-                self.video_size
-            ));
-            if self.passes {
-                words.push("--passes".into());
-            }
-        }
-        if let Some(c) = &self.character {
-            words.push(c.options().trim_start().to_owned());
-        }
-        words.join(" ")
-    }
-}
 
 /// How far marginal statistics give the causal order away; absent for a graph without edges, R² also for collinear factors.
 #[derive(Clone, Debug, PartialEq)]
@@ -321,9 +56,6 @@ pub struct Report {
     /// what `dataset.json` says
     pub record: Value,
 }
-
-/// Counts finished pieces of work: done, total, of what.
-pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
 
 /// Makes the data in a folder, or goes on with them, unless they are there, whole. The folder's name must say what matters of the settings.
 ///
@@ -396,7 +128,7 @@ pub fn run(
     let mut files: Vec<(PathBuf, u64)> = Vec::new();
     if which.observational || which.interventions {
         let figures;
-        let sitter: &dyn Sitter = match &actor {
+        let sitter: &dyn ImageSource = match &actor {
             Some(actor) => actor,
             None => {
                 figures = Figures::new(settings.points, settings.seed);
@@ -424,18 +156,10 @@ pub fn run(
     Ok(Report { sortabilities, files, record })
 }
 
-/// An error when the user asked to stop.
-pub(super) fn check_stop(stop: &AtomicBool) -> Result<()> {
-    if stop.load(Ordering::Relaxed) {
-        return Err(Error::interrupted("last gen").hint("continue with --resume"));
-    }
-    Ok(())
-}
-
 fn write_sets(
     settings: &Settings,
     which: Which,
-    (scm, sitter): (&Scm, &dyn Sitter),
+    (scm, sitter): (&Scm, &dyn ImageSource),
     dir: &Path,
     known: &BTreeMap<String, String>,
     stop: &AtomicBool,
@@ -443,7 +167,7 @@ fn write_sets(
 ) -> Result<Vec<(PathBuf, u64)>> {
     let journal = dir.join(JOURNAL);
     std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
-    let studio = Studio {
+    let studio = RenderJob {
         scm,
         sitter,
         seed: settings.seed,

@@ -19,7 +19,9 @@
 //!
 //! A shard depends on the settings and its number alone; it is written whole or not at all.
 
-use super::figure::{self, Dots, Figures, Look, Photo, Points};
+use super::figure;
+pub use super::image_source::{ImageSource, Surfaces};
+use super::points::{Look, Photo, Points};
 use crate::Result;
 use crate::io::npz;
 use crate::num::array::Arrays;
@@ -30,43 +32,18 @@ use data_gen::figure::factors::Drive;
 use data_gen::figure::mechanism::Scm;
 use data_gen::figure::purpose::{PICTURE_AFTER, PICTURE_BASE, PICTURE_OBSERVED};
 use data_gen::figure::samples::{self, BASES, Frame};
-use data_gen::figure::skeleton::{BONES, bones};
 
 /// Observational frames of a shard.
 pub const FRAMES_PER_SHARD: usize = 64;
 /// Intervention groups of a shard.
 pub const GROUPS_PER_SHARD: usize = 8;
 
-/// Surfaces of some frames, by their place among them.
-pub type Surfaces<'a> = Box<dyn Fn(usize) -> Result<Object> + Sync + 'a>;
-
-/// Who is photographed for the sets: the figure in its looks, or a character from a file.
-pub trait Sitter: Sync {
-    /// How large its points are drawn.
-    fn dots(&self) -> &Dots;
-
-    /// The arrays of `template.npz`.
-    fn rest(&self) -> Arrays;
-
-    /// The points of a frame, shaded.
-    ///
-    /// # Errors
-    /// When it cannot take the pose.
-    fn points(&self, frame: &Frame) -> Result<Points>;
-
-    /// The camera of every picture, the one that trains in a video; square pictures of the given side.
-    fn camera(&self, side: usize) -> Camera;
-
-    /// Prepares the surfaces of some frames.
-    fn surfaces<'a>(&'a self, frames: &'a [&'a Frame]) -> Surfaces<'a>;
-}
-
 /// What every frame of the sets has in common.
-pub struct Studio<'a> {
+pub struct RenderJob<'a> {
     /// The truth.
     pub scm: &'a Scm,
     /// Who is photographed.
-    pub sitter: &'a dyn Sitter,
+    pub sitter: &'a dyn ImageSource,
     /// Of the run.
     pub seed: u64,
     /// Number of looks.
@@ -85,7 +62,7 @@ struct Exposure {
     points: Points,
 }
 
-impl Studio<'_> {
+impl RenderJob<'_> {
     /// `purpose` and `item` say which draws of light the picture takes.
     fn expose(
         &self,
@@ -184,33 +161,6 @@ impl Studio<'_> {
         arrays.put(&format!("{prefix}points"), &shape(&[p, 3]), rows(|x| &x.points));
         arrays.put(&format!("{prefix}rgb"), &shape(&[p, 3]), rows(|x| &x.rgb));
     }
-}
-
-/// The figure's template as arrays.
-pub fn template_arrays(figures: &Figures) -> Arrays {
-    let (t, dots) = (&figures.template, &figures.dots);
-    let p = t.points.len();
-    let flat = |x: &[[f64; 3]]| -> Vec<f32> { x.iter().flatten().map(|&x| x as f32).collect() };
-    let bones = bones();
-    let joints: Vec<[f64; 3]> = bones.iter().map(|b| b.joint).collect();
-    let rest = joints.iter().flat_map(|j| {
-        let [x, y, z] = j.map(|x| x as f32);
-        [1.0, 0.0, 0.0, x, 0.0, 1.0, 0.0, y, 0.0, 0.0, 1.0, z, 0.0, 0.0, 0.0, 1.0]
-    });
-    Arrays::new()
-        .with("points", &[p, 3], flat(&t.points))
-        .with("normals", &[p, 3], flat(&t.normals))
-        .with("weights", &[p, BONES], t.weights.iter().flatten().map(|&w| w as f32).collect::<Vec<f32>>())
-        .with("bone", &[p], t.bone_of.iter().map(|&b| b as i32).collect::<Vec<i32>>())
-        .with(
-            "parents",
-            &[BONES],
-            bones.iter().map(|b| b.parent.map_or(-1, |p| p as i32)).collect::<Vec<i32>>(),
-        )
-        .with("joints", &[BONES, 3], flat(&joints))
-        .with("spacing", &[p], dots.spacing.iter().map(|&s| s as f32).collect::<Vec<f32>>())
-        .with("sigma", &[p], dots.spacing.iter().map(|s| (figure::SIGMA * s) as f32).collect::<Vec<f32>>())
-        .with("rest", &[BONES, 4, 4], rest.collect::<Vec<f32>>())
 }
 
 /// Bytes of a shard or of the template.

@@ -19,8 +19,8 @@
 
 use super::figure::{self, Dressed, Figures, Look, Photo, Points};
 use super::folder::digest;
-use super::generate::{Progress, Settings, check_stop};
-use super::sets;
+use super::progress::{Progress, check_stop};
+use super::settings::Settings;
 use crate::fit::passes::{Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
@@ -276,7 +276,7 @@ impl Subject for BuiltIn {
     }
 
     fn body(&self) -> Arrays {
-        sets::template_arrays(&self.figures)
+        figure::template_arrays(&self.figures)
     }
 
     fn transforms(&self, t: usize) -> Vec<[[f32; 4]; 4]> {

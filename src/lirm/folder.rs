@@ -5,7 +5,8 @@
 //! each capture and [`truth`] the one of `object.json`; pictures that do not agree are made again (they reach the disk in the system's own time, so that a power
 //! cut can empty them).
 
-use super::r#gen::{Settings, shots};
+use super::settings::{Settings, VERSIONS};
+use super::shots::shots;
 use super::truth;
 use crate::fit::passes::{self, Recorder};
 use crate::io::atomic;
@@ -17,9 +18,6 @@ use std::path::Path;
 pub(super) const RECORD: &str = "dataset.json";
 /// What it says of itself.
 pub(super) const FORMAT: &str = "lastlight lirm gen 1";
-
-/// Names of the versions of an object.
-pub(super) const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
 /// Sweeps what a killed run left. A run that is not continued also removes the set that is there, its records first, so that a folder never
 /// mixes two.

@@ -1,6 +1,6 @@
 //! What a data set shows: an object, built in or from a file, and the light around it.
 
-use super::r#gen::Settings;
+use super::settings::Settings;
 use crate::num::rng::Rng;
 use crate::num::{order, par};
 use crate::scene::environment_file::{self, Options};

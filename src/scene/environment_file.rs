@@ -26,6 +26,7 @@
 use super::light::Environment;
 use super::material::Transfer;
 use crate::io::image_file::{self, Encoding, Picture};
+use crate::math::vector::unit;
 use crate::num::elem::f64 as elem;
 use crate::{Error, Result};
 use std::f64::consts::PI;
@@ -272,7 +273,7 @@ fn resample(radiance: &[[f32; 3]], [w, h]: [usize; 2], r: &[[f64; 3]; 3], rotate
             let d = [sin * elem::sin(phi), sin * elem::cos(phi), cos];
             let d = [c * d[0] + s * d[1], c * d[1] - s * d[0], d[2]];
             let m: [f64; 3] = std::array::from_fn(|k| r[0][k] * d[0] + r[1][k] * d[1] + r[2][k] * d[2]);
-            let m = super::model::unit(m);
+            let m = unit(m);
             let [u, v] = Orientation::Ours.texture_coordinates(m);
             let (x, y) = (u * w as f64 - 0.5, v * h as f64 - 0.5);
             let (x0, y0) = (x.floor(), y.floor());

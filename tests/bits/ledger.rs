@@ -29,13 +29,13 @@ pub(crate) const FIRST: &str = "first mint";
 
 const HEAD: &str = "\
 # Digests of every operator and every system. They do not depend on threads, optimisation, vector width or platform;
-# tests/bits.rs compares. `LASTLIGHT_REMINT=1 cargo bits` rewrites this file and empties `why` where a digest changed:
+# tests/bits/main.rs compares. `LASTLIGHT_REMINT=1 cargo bits` rewrites this file and empties `why` where a digest changed:
 # say there what changed it, in the commit that holds the cause.
 ";
 
 /// Where the file is.
 pub(crate) fn path() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/bits.toml")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../bits.toml")
 }
 
 /// The lines of a file.

@@ -3,14 +3,14 @@
 
 use super::runs::Entry;
 use lastlight::fit::training::Fit;
+use lastlight::last::avatar::density::{Density, Mode};
+use lastlight::last::avatar::evaluate::Evaluation;
+use lastlight::last::avatar::fit::PersonFit;
+use lastlight::last::avatar::guide::Framing;
+use lastlight::last::avatar::progressive::Progressive;
+use lastlight::last::avatar::settings::Settings as Fitting;
 use lastlight::last::figure::Look;
 use lastlight::last::generate::{self, Settings as Making};
-use lastlight::last::host::density::{Density, Mode};
-use lastlight::last::host::evaluate::Evaluation;
-use lastlight::last::host::fit::PersonFit;
-use lastlight::last::host::guide::Framing;
-use lastlight::last::host::progressive::Progressive;
-use lastlight::last::host::settings::Settings as Fitting;
 use lastlight::last::model::file::Trained;
 use lastlight::last::model::guide;
 use lastlight::last::model::pictures::Pictures;

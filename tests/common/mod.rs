@@ -1,22 +1,38 @@
 //! What several test programs share: the golden arrays, saying that a test did not run, folders as what is in them.
 #![allow(dead_code, reason = "each test program uses its part")]
 
-pub(crate) mod lpips;
-pub(crate) mod person;
-pub(crate) mod program;
-pub(crate) mod python;
-
 use lastlight::io::npz;
 use lastlight::num::array::Arrays;
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+/// The folder `tests`: the manifest of the binary's own package is at the root of the repository or in a folder of `tests`.
+pub(crate) fn tests_folder() -> PathBuf {
+    let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let below = own.join("tests");
+    if below.is_dir() { below } else { own.join("..") }
+}
+
+/// `$LASTLIGHT_DATA`, if it is set; a relative path starts at the root of the repository, wherever the test runs.
+pub(crate) fn data_folder() -> Option<PathBuf> {
+    std::env::var_os("LASTLIGHT_DATA").map(|data| tests_folder().join("..").join(data))
+}
+
+/// A file or folder below `$LASTLIGHT_DATA/data`; says so when it is not there.
+pub(crate) fn real_data(path: &str) -> Option<PathBuf> {
+    let found = data_folder().map(|data| data.join("data").join(path)).filter(|p| p.exists());
+    if found.is_none() {
+        not_run(&format!("$LASTLIGHT_DATA/data/{path} is not there"));
+    }
+    found
+}
+
 /// The golden file of that name (without `.npz`) under `tests/golden` or `$LASTLIGHT_DATA/golden`; says so when there is none.
 pub(crate) fn golden(name: &str) -> Option<Arrays> {
     let file = format!("{name}.npz");
-    let near = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden").join(&file);
-    let far = std::env::var_os("LASTLIGHT_DATA").map(|d| PathBuf::from(d).join("golden").join(&file));
+    let near = tests_folder().join("golden").join(&file);
+    let far = data_folder().map(|data| data.join("golden").join(&file));
     let found = [Some(near), far].into_iter().flatten().find(|p| p.is_file());
     if found.is_none() {
         not_run(&format!("{file} is neither in tests/golden nor in $LASTLIGHT_DATA/golden"));
@@ -24,9 +40,20 @@ pub(crate) fn golden(name: &str) -> Option<Arrays> {
     found.map(|p| npz::read(&p).unwrap_or_else(|e| panic!("{e}")))
 }
 
-/// A line that the test runner does not swallow.
+/// Copies the HDF5 miniatures of a folder of `tests/samples/hdf5` to another folder: h5py wrote them (`make.py` there), so that readers are tested on files of the
+/// real library.
+pub(crate) fn copy_hdf5(folder: &str, to: &Path) {
+    let from = tests_folder().join("samples/hdf5").join(folder);
+    let files = tree(&from);
+    assert!(!files.is_empty(), "{folder} has files");
+    for (name, bytes) in files {
+        std::fs::write(to.join(name), bytes).expect("written");
+    }
+}
+
+/// A line that the test runner does not swallow, written in one piece: tests run beside each other, and so do their lines.
 pub(crate) fn not_run(why: &str) {
-    writeln!(std::io::stderr(), "not run: {why}").expect("standard error is open");
+    std::io::stderr().write_all(format!("not run: {why}\n").as_bytes()).expect("standard error is open");
 }
 
 /// Whether the long tests run; says so when they do not.

@@ -1,4 +1,5 @@
 //! Pickles and arrays of objects, written byte by byte as Python 2 and NumPy do.
+#![allow(dead_code, reason = "each test program uses its part")]
 
 /// A Python value.
 #[derive(Clone, Debug)]

@@ -1,10 +1,7 @@
 //! Models: valid samples, and files spoiled by hand.
 
-#[path = "../samples/gltf.rs"]
-mod gltf_samples;
-
+use super::samples::gltf::{Builder, arm, triangle};
 use super::{Format, Reader, find, splice, text};
-use gltf_samples::{Builder, arm, triangle};
 use lastlight::io::{gltf, image_file, makehuman, obj};
 use lastlight::scene::character::Character;
 use lastlight::scene::{environment_file, model};

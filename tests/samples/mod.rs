@@ -1,6 +1,8 @@
 //! Small valid files of every format, made here.
 #![allow(dead_code, reason = "each test binary uses some of them")]
 
+pub(crate) mod gltf;
+
 use lastlight::io::{gaussian_ply, image_file, npz, safetensors, splat_file};
 use lastlight::num::array::Arrays;
 use std::collections::BTreeMap;

@@ -10,4 +10,5 @@
 //! `skin` is called by `data-gen` too, which poses its figure with it.
 
 pub mod pose;
+pub mod rest;
 pub mod skin;

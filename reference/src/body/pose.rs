@@ -1,25 +1,53 @@
-//! Rotations of joints, with a correction on their right, along the skeleton to transforms.
+//! Transforms of joints along the skeleton, from rotations or from a capture, with a correction on the right of each.
 //!
-//! Q_k = Q_p ℛ(θ_k) ℛ(δ_k),   c_k = c_p + Q_p (j_k − j_p),   T_k = [Q_k | c_k − Q_k j_k],   p = parent of k; without one Q_k = ℛℛ, c_k = j_k
+//! From rotations: Q_k = Q_p ℛ(θ_k) ℛ(δ_k),   c_k = c_p + Q_p (j_k − j_p),   B_k = [Q_k | c_k − Q_k j_k],   p = parent of k; without one
+//! Q_k = ℛℛ, c_k = j_k
+//!
+//! From a capture: B_k = B_p A_p⁻¹ A_k T(j_k) ℛ(δ_k) T(−j_k);   without a parent B_p = A_p = I
 //!
 //! ℛ(w) = I + a K + b K²,   K v = w × v,   a = sin θ/θ,   b = (1 − cos θ)/θ²,   θ = ‖w‖
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
-//! | θ | `pose` | (J, 3) | axis times angle, rad |
+//! | θ | `pose` | (J, 3), or `captured` | axis times angle, rad |
+//! | A | `captured` | (J, 3, 4), or `pose` | world from rest, constant |
 //! | δ | `correction` | (J, 3), optional | axis times angle, rad |
 //! | j | `joints` | (J, 3) | places at rest, scene units |
 //! | p | `parents` | (J) | index below the joint's own; −1 for none |
-//! | T | `transforms` | (J, 3, 4) | posed from rest |
+//! | B | `transforms` | (J, 3, 4) | posed from rest |
 //!
 //! # Rounding
-//! Left folds. 1 − cos θ is 2 sin²(θ/2), which does not cancel; below θ = 1e-4 two terms of the series of a and b.
+//! Left folds. 1 − cos θ is 2 sin²(θ/2), which does not cancel; below θ = 1e-4 two terms of the series of a and b. A⁻¹ by Cramer's rule.
 //!
 //! # Kinks and domain
 //! Smooth everywhere.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Dtype, Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `body.pose`.
+    pub struct In<'a, S> {
+        pose: Option<&'a Arr<S>> = Port::var("J,3", "axis times angle, rad; or captured"),
+        captured: Option<&'a Arr<S>> =
+            Port::fixed("J,3,4", "upper rows of affine transforms, world from rest; or pose"),
+        correction: Option<&'a Arr<S>> = Port::var("J,3", "axis times angle, rad; absent: none"),
+        joints: &'a Arr<S> = Port::var("J,3", "places at rest, scene units"),
+        parents: &'a Arr<S> = Port::int("J", Dtype::I32, "index of an earlier joint, -1 for none"),
+    }
+}
+
+/// `body.pose`
+pub static SIGNATURE: Signature = Signature {
+    name: "body.pose",
+    summary: "transforms of joints along the skeleton, from rotations or a capture, with corrections",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![transforms: Port::var("J,3,4", "upper rows, posed from rest")],
+    ..Signature::EMPTY
+};
 
 type Mat3<S> = [[S; 3]; 3];
 
@@ -51,51 +79,118 @@ fn apply<S: Scalar>(m: &Mat3<S>, v: [S; 3]) -> [S; 3] {
     m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 
+/// Linear part and translation.
+type Motion<S> = (Mat3<S>, [S; 3]);
+
+/// a after b.
+fn compose<S: Scalar>(a: &Motion<S>, b: &Motion<S>) -> Motion<S> {
+    let moved = apply(&a.0, b.1);
+    (product(&a.0, &b.0), std::array::from_fn(|i| moved[i] + a.1[i]))
+}
+
+/// The inverse: Cramer's rule, entry (i, j) is the cofactor (j, i) over the determinant.
+fn inverse<S: Scalar>(a: &Motion<S>) -> Motion<S> {
+    let m = &a.0;
+    let minor = |i: usize, j: usize| {
+        let [r, s] = [(i + 1) % 3, (i + 2) % 3];
+        let [c, d] = [(j + 1) % 3, (j + 2) % 3];
+        m[r][c] * m[s][d] - m[r][d] * m[s][c]
+    };
+    let determinant = m[0][0] * minor(0, 0) + m[0][1] * minor(0, 1) + m[0][2] * minor(0, 2);
+    let linear: Mat3<S> = std::array::from_fn(|i| std::array::from_fn(|j| minor(j, i) / determinant));
+    let back = apply(&linear, a.1);
+    (linear, back.map(|x| -x))
+}
+
+/// Parent of joint k.
+fn parent<S: Scalar>(parents: &Arr<S>, k: usize) -> Result<Option<usize>, String> {
+    match parents.data[k].value() {
+        -1.0 => Ok(None),
+        p if 0.0 <= p && p < k as f64 => Ok(Some(p as usize)),
+        p => Err(format!("input parents: expected -1 or a joint below {k}, got {p}")),
+    }
+}
+
+/// From rotations: Q and the posed places of the joints.
+fn from_rotations<S: Scalar>(pose: &Arr<S>, x: &In<'_, S>) -> Result<Vec<Motion<S>>, String> {
+    let (mut world, mut centers): (Vec<Mat3<S>>, Vec<[S; 3]>) = (Vec::new(), Vec::new());
+    for k in 0..pose.shape[0] {
+        let mut turn = rotation(pose.row(k));
+        if let Some(correction) = x.correction {
+            turn = product(&turn, &rotation(correction.row(k)));
+        }
+        let joint: [S; 3] = x.joints.row(k);
+        match parent(x.parents, k)? {
+            None => {
+                world.push(turn);
+                centers.push(joint);
+            }
+            Some(p) => {
+                let start: [S; 3] = x.joints.row(p);
+                let way = apply(&world[p], std::array::from_fn(|i| joint[i] - start[i]));
+                world.push(product(&world[p], &turn));
+                centers.push(std::array::from_fn(|i| centers[p][i] + way[i]));
+            }
+        }
+    }
+    let moved = world.iter().enumerate().map(|(k, q)| {
+        let moved = apply(q, x.joints.row(k));
+        (*q, std::array::from_fn(|i| centers[k][i] - moved[i]))
+    });
+    Ok(moved.collect())
+}
+
+/// From a capture.
+fn from_capture<S: Scalar>(captured: &Arr<S>, x: &In<'_, S>) -> Result<Vec<Motion<S>>, String> {
+    let given = |k: usize| -> Motion<S> {
+        let row = |i: usize| captured.row::<4>(3 * k + i);
+        ([0, 1, 2].map(|i| [row(i)[0], row(i)[1], row(i)[2]]), [0, 1, 2].map(|i| row(i)[3]))
+    };
+    let mut world: Vec<Motion<S>> = Vec::new();
+    for k in 0..captured.shape[0] {
+        let mut b = given(k);
+        if let Some(p) = parent(x.parents, k)? {
+            b = compose(&world[p], &compose(&inverse(&given(p)), &b));
+        }
+        if let Some(correction) = x.correction {
+            let (turn, joint): (Mat3<S>, [S; 3]) = (rotation(correction.row(k)), x.joints.row(k));
+            let moved = apply(&turn, joint);
+            b = compose(&b, &(turn, std::array::from_fn(|i| joint[i] - moved[i])));
+        }
+        world.push(b);
+    }
+    Ok(world)
+}
+
 /// The twin of `body.pose`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, there is no joint, or a parent is no earlier joint.
-pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let pose = expect(x, "pose", &[ANY, 3])?;
-    let n = pose.shape[0];
+/// When there is no joint, a parent is no earlier joint, or both or none of `pose` and `captured` are there.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let n = input.joints.shape[0];
     if n == 0 {
-        return Err("input pose: expected at least one joint, got 0".to_owned());
+        return Err("input joints: expected at least one joint, got 0".to_owned());
     }
-    let joints = expect(x, "joints", &[n, 3])?;
-    let parents = expect(x, "parents", &[n])?;
-    let correction = match x.contains_key("correction") {
-        true => Some(expect(x, "correction", &[n, 3])?),
-        false => None,
+    let world = match (input.pose, input.captured) {
+        (Some(pose), None) => from_rotations(pose, input)?,
+        (None, Some(captured)) => from_capture(captured, input)?,
+        _ => return Err("inputs pose, captured: expected one of them".to_owned()),
     };
     let slot = out.array("transforms", &[n, 3, 4]);
-    let (mut world, mut centers): (Vec<Mat3<S>>, Vec<[S; 3]>) = (Vec::new(), Vec::new());
-    for k in 0..n {
-        let mut turn = rotation(pose.row(k));
-        if let Some(correction) = correction {
-            turn = product(&turn, &rotation(correction.row(k)));
-        }
-        let joint: [S; 3] = joints.row(k);
-        let parent = parents.data[k].value();
-        if parent == -1.0 {
-            world.push(turn);
-            centers.push(joint);
-        } else if 0.0 <= parent && parent < k as f64 {
-            let p = parent as usize;
-            let start: [S; 3] = joints.row(p);
-            let way = apply(&world[p], std::array::from_fn(|i| joint[i] - start[i]));
-            world.push(product(&world[p], &turn));
-            centers.push(std::array::from_fn(|i| centers[p][i] + way[i]));
-        } else {
-            return Err(format!("input parents: expected -1 or a joint below {k}, got {parent}"));
-        }
-    }
-    for k in 0..n {
-        let moved = apply(&world[k], joints.row(k));
+    for (k, (q, t)) in world.into_iter().enumerate() {
         for i in 0..3 {
-            let [a, b, c] = world[k][i];
-            out.put_row(slot, 3 * k + i, [a, b, c, centers[k][i] - moved[i]]);
+            let [a, b, c] = q[i];
+            out.put_row(slot, 3 * k + i, [a, b, c, t[i]]);
         }
     }
     out.flush();
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, there is no joint, or a parent is no earlier joint.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

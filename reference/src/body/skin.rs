@@ -21,8 +21,33 @@
 //! # Adjoint
 //! x̄ = Mᵀ x̄',  F̄ = Mᵀ F̄',  T̄ = (x̄' x̃ᵀ + F̄' Fᵀ, x̄') with x̃ = x,  w̄_pb = ⟨T̄_p, G_b⟩,  Ḡ_b = Σ_p w_pb T̄_p.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `body.skin`.
+    pub struct In<'a, S> {
+        points: &'a Arr<S> = Port::var("P,3", "rest positions"),
+        weights: &'a Arr<S> = Port::var("P,K", "of each bone, used as they are"),
+        transforms: &'a Arr<S> = Port::var("K,4,4", "posed from rest; the last row is not read"),
+        factors: Option<&'a Arr<S>> = Port::var("P,3,3", "F with covariance F·Fᵀ at rest"),
+    }
+}
+
+/// `body.skin`
+pub static SIGNATURE: Signature = Signature {
+    name: "body.skin",
+    summary: "linear blend skinning of points and of factors of covariances",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        skinned: Port::var("P,3", "posed positions"),
+        skinned_factors: Port::var("P,3,3", "M·F; with factors").or_absent(),
+    ],
+    ..Signature::EMPTY
+};
 
 /// Upper three rows of an affine transform.
 pub type Affine<S> = [[S; 4]; 3];
@@ -52,24 +77,15 @@ pub fn factor<S: Scalar>(t: &Affine<S>, f: [[S; 3]; 3]) -> [[S; 3]; 3] {
 /// The twin of `body.skin`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let points = expect(x, "points", &[ANY, 3])?;
-    let p = points.shape[0];
-    let weights = expect(x, "weights", &[p, ANY])?;
-    let k = weights.shape[1];
+/// When there is no bone.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { points, weights, transforms, factors } = *input;
+    let [p, k] = [weights.shape[0], weights.shape[1]];
     if k == 0 {
         return Err("input weights: expected at least one bone, got 0".to_owned());
     }
-    let transforms: Vec<Affine<S>> = {
-        let g = expect(x, "transforms", &[k, 4, 4])?;
-        let row = |b: usize, i: usize| g.row::<4>(4 * b + i);
-        (0..k).map(|b| [row(b, 0), row(b, 1), row(b, 2)]).collect()
-    };
-    let factors = match x.contains_key("factors") {
-        true => Some(expect(x, "factors", &[p, 3, 3])?),
-        false => None,
-    };
+    let row = |bone: usize, i: usize| transforms.row::<4>(4 * bone + i);
+    let transforms: Vec<Affine<S>> = (0..k).map(|b| [row(b, 0), row(b, 1), row(b, 2)]).collect();
     let skinned = out.array("skinned", &[p, 3]);
     let skinned_factors = factors.map(|_| out.array("skinned_factors", &[p, 3, 3]));
     for i in 0..p {
@@ -84,4 +100,12 @@ pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> 
         out.flush();
     }
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or there is no bone.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

@@ -9,17 +9,33 @@
 //! # Rounding
 //! Left folds; powers of H by repeated products; t ascending.
 
-use crate::array::{ANY, Arr, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `causal.acyclic`.
+    pub struct In<'a, S> {
+        a: &'a Arr<S> = Port::var("N,N", "edges i → j"),
+        alpha: &'a Arr<S> = Port::fixed("", "above 0; 1 for N up to 8"),
+    }
+}
+
+/// `causal.acyclic`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.acyclic",
+    summary: "how far a weighted graph is from having no cycle: tr((I + αA∘A)ⁿ) − n",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![value: Port::var("", "0 without cycles, positive otherwise")],
+    ..Signature::EMPTY
+};
 
 /// The twin of `causal.acyclic`.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let n = expect(arrays, "a", &[ANY, ANY])?.shape[0];
-    let a = expect(arrays, "a", &[n, n])?;
-    let alpha = expect(arrays, "alpha", &[])?.data[0].value();
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+    let In { a, alpha } = *input;
+    let (n, alpha) = (a.shape[0], alpha.data[0].value());
     let h: Arr<S> = a.map(|&a| a * a);
     let mut power = h.data.clone();
     let (mut value, mut factor) = (S::zero(), 1.0);
@@ -43,5 +59,13 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
     let slot = out.array("value", &[]);
     out.put(slot, 0, value);
     out.flush();
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out);
     Ok(())
 }

@@ -12,9 +12,55 @@
 //! # Rounding
 //! Left folds; determinants by elimination without pivoting.
 
-use crate::array::{ANY, Arr, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::{inputs, required};
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `causal.independence`.
+    pub struct In<'a, S> {
+        mu: &'a Arr<S> = Port::var("B,N,K", "posterior means"),
+        logvar: &'a Arr<S> = Port::var("B,N,K", "ln of the posterior variance"),
+        mask: Option<&'a Arr<S>> =
+            Port::var("N,N", "edges through which noise of parents enters; diagonal ignored"),
+        weight: Option<&'a Arr<S>> = Port::var("N,N", "their linear mechanism"),
+        among: Option<&'a Arr<S>> =
+            Port::fixed("N,N", "weights of the pairs, read above the diagonal; 1 if absent"),
+        carried: Option<&'a Arr<S>> =
+            Port::fixed("D,D", "weighted covariances of earlier batches, D = N·K"),
+    }
+}
+
+/// `causal.independence`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.independence",
+    summary: "mutual information of the factors of an aggregated Gaussian posterior",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![value: Port::var("", "nats, summed over pairs of factors")],
+    intermediates: ports![
+        covariance: Port::fixed("D,D", "of this batch alone, without ridge"),
+        information: Port::fixed("N,N", "nats between two factors"),
+    ],
+    settings: &[
+        SettingSpec::number("ridge", "1e-4", "added to the diagonal of the covariance"),
+        SettingSpec::number("share", "1", "weight of this batch beside those carried"),
+        SettingSpec::choice("form", &["pairs", "total"], "pairs", "sum over pairs, or total correlation"),
+    ],
+    ..Signature::EMPTY
+};
+
+/// Settings of `causal.independence`.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// δ, added to the diagonal of the covariance.
+    pub ridge: f64,
+    /// Weight of this batch beside those carried.
+    pub share: f64,
+    /// Total correlation instead of the sum over pairs.
+    pub total: bool,
+}
 
 /// ln det of the rows and columns `at` of a (d, d) matrix.
 fn log_det<S: Scalar>(matrix: &[S], d: usize, at: &[usize]) -> Result<S, String> {
@@ -38,7 +84,8 @@ fn log_det<S: Scalar>(matrix: &[S], d: usize, at: &[usize]) -> Result<S, String>
 }
 
 /// C (d, d).
-fn covariance<S: Scalar>(arrays: &Named<S>, mu: &Arr<S>, logvar: &Arr<S>) -> Result<Vec<S>, String> {
+fn covariance<S: Scalar>(input: &In<'_, S>) -> Result<Vec<S>, String> {
+    let In { mu, logvar, mask, weight, .. } = *input;
     let (batch, n, k) = (mu.shape[0], mu.shape[1], mu.shape[2]);
     let d = n * k;
     let mean = |f: &dyn Fn(usize) -> S| (0..batch).fold(S::zero(), |sum, b| sum + f(b * d)) / batch as f64;
@@ -48,8 +95,8 @@ fn covariance<S: Scalar>(arrays: &Named<S>, mu: &Arr<S>, logvar: &Arr<S>) -> Res
     for i in 0..n {
         entering[i * n + i] = S::one();
     }
-    if arrays.contains_key("mask") || arrays.contains_key("weight") {
-        let (mask, weight) = (expect(arrays, "mask", &[n, n])?, expect(arrays, "weight", &[n, n])?);
+    if mask.is_some() || weight.is_some() {
+        let (mask, weight) = (required("mask", mask)?, required("weight", weight)?);
         for (i, j) in (0..n * n).map(|at| (at / n, at % n)).filter(|(i, j)| i != j) {
             entering[j * n + i] = -(mask.data[i * n + j] * weight.data[i * n + j]);
         }
@@ -72,33 +119,27 @@ fn covariance<S: Scalar>(arrays: &Named<S>, mu: &Arr<S>, logvar: &Arr<S>) -> Res
 /// The twin of `causal.independence`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, a setting is not what it should be, or Σ is not positive definite.
-pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
-) -> Result<(), String> {
-    let mu = expect(arrays, "mu", &[ANY, ANY, ANY])?;
-    let logvar = expect(arrays, "logvar", &mu.shape)?;
+/// When the sizes do not fit, one of `mask` and `weight` is missing, or Σ is not positive definite.
+pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'_, S>) -> Result<(), String> {
+    let (In { mu, among, carried, .. }, Settings { ridge, share, total }) = (*input, settings);
     let (batch, n, k) = (mu.shape[0], mu.shape[1], mu.shape[2]);
     if batch * n * k == 0 {
         return Err("input mu: expected at least one sample, factor and number".to_owned());
     }
     let d = n * k;
-    let (ridge, share) = (settings.number("ridge", 1e-4)?, settings.number("share", 1.0)?);
-    let c = covariance(arrays, mu, logvar)?;
+    if let Some(carried) = carried.filter(|carried| carried.shape[0] != d) {
+        return Err(format!("input carried: expected {d} rows, got {}", carried.shape[0]));
+    }
+    let c = covariance(input)?;
     let mut sum: Vec<S> = c.iter().map(|c| *c * share).collect();
-    if arrays.contains_key("carried") {
-        let carried = expect(arrays, "carried", &[d, d])?;
+    if let Some(carried) = carried {
         sum = sum.iter().zip(&carried.data).map(|(s, c)| *s + c.value()).collect();
     }
     for p in 0..d {
         sum[p * d + p] = sum[p * d + p] + ridge;
     }
-    let among = if arrays.contains_key("among") { Some(expect(arrays, "among", &[n, n])?) } else { None };
     let rows = |i: usize| (i * k..(i + 1) * k).collect::<Vec<_>>();
     let alone = (0..n).map(|i| log_det(&sum, d, &rows(i))).collect::<Result<Vec<S>, String>>()?;
-    let total = settings.text("form", "pairs")? == "total";
     let mut value = S::zero();
     let mut information = vec![0.0; n * n];
     for i in 0..n {
@@ -123,4 +164,17 @@ pub fn forward<S: Scalar>(
     information.iter().enumerate().for_each(|(at, x)| out.put(slot, at, S::from_f64(*x)));
     out.flush();
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or Σ is not positive definite.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let settings = Settings {
+        ridge: call.settings.number("ridge"),
+        share: call.settings.number("share"),
+        total: call.settings.word("form") == "total",
+    };
+    forward(&In::of(call.arrays)?, settings, out)
 }

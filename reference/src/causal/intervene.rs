@@ -7,25 +7,56 @@
 //!
 //! All else as in `structure`.
 
-use crate::array::{ANY, Arr, Named, Out, expect};
-use crate::causal::structure::{Mechanism, sweeps};
+use crate::array::{Arr, Out};
+use crate::causal::structure::{self, B0, B1, B2, MASK, Mechanism, SLOPE, SWEEPS, W0, W1, W2, WEIGHT};
+use crate::inputs::inputs;
+use crate::ports::{Dtype, Port, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `causal.intervene`.
+    pub struct In<'a, S> {
+        eps: &'a Arr<S> = Port::var("B,N,K", "causes"),
+        mask: &'a Arr<S> = MASK,
+        weight: Option<&'a Arr<S>> = WEIGHT,
+        w0: Option<&'a Arr<S>> = W0,
+        b0: Option<&'a Arr<S>> = B0,
+        w1: Option<&'a Arr<S>> = W1,
+        b1: Option<&'a Arr<S>> = B1,
+        w2: Option<&'a Arr<S>> = W2,
+        b2: Option<&'a Arr<S>> = B2,
+        target: &'a Arr<S> = Port::int("B", Dtype::I32, "the factor that is set, -1 for none"),
+        value: &'a Arr<S> = Port::var("B,K", "what it is set to"),
+    }
+}
+
+/// `causal.intervene`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.intervene",
+    summary: "factors along a graph with one of them set to a value",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![z: Port::var("B,N,K", "factors")],
+    settings: &[SLOPE, SWEEPS],
+    ..Signature::EMPTY
+};
+
+/// Settings of `causal.intervene`.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Of the leaky ReLU at 0 and below.
+    pub slope: f64,
+    /// Passes over all nodes; `None`: one per factor, with weights one less.
+    pub sweeps: Option<usize>,
+}
 
 /// The twin of `causal.intervene`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, a setting is not what it should be, or a target is not a factor.
-pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
-) -> Result<(), String> {
-    let eps = expect(arrays, "eps", &[ANY, ANY, ANY])?;
+/// When a layer of the networks is missing or does not fit the factors, or a target is not a factor.
+pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { eps, mask, weight, w0, b0, w1, b1, w2, b2, target, value } = *input;
     let (batch, n, k) = (eps.shape[0], eps.shape[1], eps.shape[2]);
-    let target = expect(arrays, "target", &[batch])?;
-    let value = expect(arrays, "value", &[batch, k])?;
-    let slope = settings.number("slope", 0.05)?;
     let z = out.array("z", &[batch, n, k]);
     for b in 0..batch {
         let node = target.data[b].value();
@@ -33,7 +64,7 @@ pub fn forward<S: Scalar>(
             return Err(format!("input target: expected -1 or a factor below {n}, got {node}"));
         }
         let mut cause = eps.data[b * n * k..(b + 1) * n * k].to_vec();
-        let mut cut: Arr<S> = expect(arrays, "mask", &[n, n])?.clone();
+        let mut cut = mask.clone();
         if node >= 0.0 {
             let i = node as usize;
             cause[i * k..(i + 1) * k].copy_from_slice(&value.data[b * k..(b + 1) * k]);
@@ -41,9 +72,10 @@ pub fn forward<S: Scalar>(
                 cut.data[parent * n + i] = S::zero();
             }
         }
-        let mechanism = Mechanism::behind(&cut, arrays, slope, n, k)?;
+        let behind = structure::In { eps, mask: &cut, weight, w0, b0, w1, b1, w2, b2 };
+        let mechanism = Mechanism::of(&behind, settings.slope)?;
         let mut state = cause.clone();
-        for _ in 0..sweeps(settings, n, mechanism.linear())? {
+        for _ in 0..mechanism.sweeps(settings.sweeps) {
             let effects = (0..n).flat_map(|j| mechanism.effect(j, &state));
             state = effects.zip(&cause).map(|(effect, e)| effect + *e).collect();
         }
@@ -53,4 +85,13 @@ pub fn forward<S: Scalar>(
         out.flush();
     }
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or a target is not a factor.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let settings = Settings { slope: call.settings.number("slope"), sweeps: structure::sweeps(call) };
+    forward(&In::of(call.arrays)?, settings, out)
 }

@@ -6,23 +6,38 @@
 //! | u | `uniform` | (n, n), noise without gradient |
 //! | Ã | `mask` | (n, n) |
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `causal.mask`.
+    pub struct In<'a, S> {
+        logits: &'a Arr<S> = Port::var("N,N", "of the edges i → j; the diagonal is ignored"),
+        uniform: &'a Arr<S> =
+            Port::fixed("N,N", "noise between 0 and 1; 0.5 everywhere gives probabilities"),
+    }
+}
+
+/// `causal.mask`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.mask",
+    summary: "soft samples of the edges of a graph",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![mask: Port::var("N,N", "soft edges, zero diagonal")],
+    settings: &[SettingSpec::number("tau", "0.2", "temperature")],
+    ..Signature::EMPTY
+};
 
 /// The twin of `causal.mask`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a number leaves its range.
-pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
-) -> Result<(), String> {
-    let n = expect(arrays, "logits", &[ANY, ANY])?.shape[0];
-    let logits = expect(arrays, "logits", &[n, n])?;
-    let uniform = expect(arrays, "uniform", &[n, n])?;
-    let tau = settings.number("tau", 0.2)?;
+/// When a number leaves its range.
+pub fn forward<S: Scalar>(input: &In<'_, S>, tau: f64, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { logits, uniform } = *input;
+    let n = logits.shape[0];
     if !(tau > 0.0) {
         return Err(format!("setting tau: expected a number above 0, got {tau}"));
     }
@@ -40,4 +55,12 @@ pub fn forward<S: Scalar>(
     }
     out.flush();
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or a number leaves its range.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, call.settings.number("tau"), out)
 }

@@ -7,17 +7,36 @@
 //! | η | `eta` | (B, n, k), noise without gradient |
 //! | s | `sample` | (B, n, k) |
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+pub(super) const MU: Port = Port::var("B,N,K", "mean");
+pub(super) const LOGVAR: Port = Port::var("B,N,K", "ln of the variance");
+
+inputs! {
+    /// Inputs of `causal.posterior`.
+    pub struct In<'a, S> {
+        mu: &'a Arr<S> = MU,
+        logvar: &'a Arr<S> = LOGVAR,
+        eta: &'a Arr<S> = Port::fixed("B,N,K", "standard normal numbers; 0 gives the mean"),
+    }
+}
+
+/// `causal.posterior`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.posterior",
+    summary: "a sample of a diagonal Gaussian, differentiable in mean and variance",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![sample: Port::var("B,N,K", "")],
+    ..Signature::EMPTY
+};
 
 /// The twin of `causal.posterior`.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let mu = expect(arrays, "mu", &[ANY, ANY, ANY])?;
-    let logvar = expect(arrays, "logvar", &mu.shape)?;
-    let eta = expect(arrays, "eta", &mu.shape)?;
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+    let In { mu, logvar, eta } = *input;
     let sample = out.array("sample", &mu.shape);
     for i in 0..mu.data.len() {
         let l = logvar.data[i];
@@ -29,5 +48,13 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
         out.put(sample, i, mu.data[i] + (limited * 0.5).exp() * eta.data[i].value());
         out.flush();
     }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out);
     Ok(())
 }

@@ -6,16 +6,38 @@
 //! | ℓ | `logvar` | (B, n, k) |
 //! | KL | `value` | () |
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::causal::posterior::{LOGVAR, MU};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `causal.posterior_kl`.
+    pub struct In<'a, S> {
+        mu: &'a Arr<S> = MU,
+        logvar: &'a Arr<S> = LOGVAR,
+    }
+}
+
+/// `causal.posterior_kl`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.posterior_kl",
+    summary: "divergence of diagonal Gaussians from the standard normal prior",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        value: Port::var("", "nats; sum over factors and their numbers, mean over the batch"),
+    ],
+    ..Signature::EMPTY
+};
 
 /// The twin of `causal.posterior_kl`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the batch is empty.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let mu = expect(arrays, "mu", &[ANY, ANY, ANY])?;
-    let logvar = expect(arrays, "logvar", &mu.shape)?;
+/// When the batch is empty.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { mu, logvar } = *input;
     if mu.shape[0] == 0 {
         return Err("input mu: expected at least one sample".to_owned());
     }
@@ -27,4 +49,12 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
     out.put(value, 0, sum / mu.shape[0] as f64);
     out.flush();
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or the batch is empty.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

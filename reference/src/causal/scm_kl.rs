@@ -12,30 +12,58 @@
 //! # Rounding
 //! Left folds.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::causal::posterior::LOGVAR;
+use crate::inputs::{inputs, required};
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `causal.scm_kl`.
+    pub struct In<'a, S> {
+        eps: Option<&'a Arr<S>> = Port::var("B,N,K", "mode sampled: causes behind a draw, by abduction"),
+        mu: Option<&'a Arr<S>> = Port::var("B,N,K", "mode linear: means of the factors"),
+        logvar: &'a Arr<S> = LOGVAR,
+        mask: Option<&'a Arr<S>> =
+            Port::var("N,N", "mode linear: edges i → j, the diagonal is ignored"),
+        weight: Option<&'a Arr<S>> = Port::var("N,N", "mode linear: a number per edge"),
+        kept: Option<&'a Arr<S>> =
+            Port::fixed("B,N", "0 omits a factor whose mechanism was replaced"),
+    }
+}
+
+/// `causal.scm_kl`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.scm_kl",
+    summary: "divergence of a posterior over factors from a structural causal model",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        value: Port::var("", "nats; sum over kept factors and their numbers, mean over the batch"),
+    ],
+    settings: &[SettingSpec::choice(
+        "mode",
+        &["sampled", "linear"],
+        "sampled",
+        "one draw, or the closed form of a linear mechanism",
+    )],
+    ..Signature::EMPTY
+};
 
 /// The twin of `causal.scm_kl`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the batch is empty.
-pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
-) -> Result<(), String> {
-    let linear = settings.text("mode", "sampled")? == "linear";
-    let x = expect(arrays, if linear { "mu" } else { "eps" }, &[ANY, ANY, ANY])?;
-    let logvar = expect(arrays, "logvar", &x.shape)?;
-    let (batch, n, k) = (x.shape[0], x.shape[1], x.shape[2]);
+/// When an input of the mode is missing, or the batch is empty.
+pub fn forward<S: Scalar>(input: &In<'_, S>, linear: bool, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { eps, mu, logvar, mask, weight, kept } = *input;
+    let [batch, n, k] = [0, 1, 2].map(|axis| logvar.shape[axis]);
     if batch == 0 {
         return Err("input logvar: expected at least one sample".to_owned());
     }
-    let kept = if arrays.contains_key("kept") { Some(expect(arrays, "kept", &[batch, n])?) } else { None };
+    let x = if linear { required("mu", mu)? } else { required("eps", eps)? };
     let mut w = vec![S::zero(); n * n];
     if linear {
-        let (mask, weight) = (expect(arrays, "mask", &[n, n])?, expect(arrays, "weight", &[n, n])?);
+        let (mask, weight) = (required("mask", mask)?, required("weight", weight)?);
         for at in (0..n * n).filter(|at| at / n != at % n) {
             w[at] = mask.data[at] * weight.data[at];
         }
@@ -62,4 +90,12 @@ pub fn forward<S: Scalar>(
     out.put(value, 0, sum / batch as f64);
     out.flush();
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or the batch is empty.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, call.settings.word("mode") == "linear", out)
 }

@@ -14,11 +14,72 @@
 //! # Rounding
 //! Left folds from 0; the bias is added last. The bias of the last layer cancels and is left out.
 
-use crate::array::{ANY, Arr, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::{inputs, required};
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
 
-/// Weights of the mechanism, and its sizes.
+pub(super) const MASK: Port = Port::var("N,N", "edges i → j");
+pub(super) const WEIGHT: Port = Port::var("N,N", "linear mechanism: a number per edge");
+pub(super) const W0: Port = Port::var("N,H,D", "networks: first layer over D = N·K inputs");
+pub(super) const B0: Port = Port::var("N,H", "");
+pub(super) const W1: Port = Port::var("N,H,H", "second layer");
+pub(super) const B1: Port = Port::var("N,H", "");
+pub(super) const W2: Port = Port::var("N,K,H", "last layer");
+pub(super) const B2: Port = Port::fixed("N,K", "cancels: every network is centred; accepted and not used");
+
+pub(super) const SLOPE: SettingSpec =
+    SettingSpec::number("slope", "0.05", "of the leaky ReLU at 0 and below");
+pub(super) const SWEEPS: SettingSpec =
+    SettingSpec::number("sweeps", "N, with weights N − 1", "passes over all nodes");
+
+inputs! {
+    /// Inputs of `causal.structure`.
+    pub struct In<'a, S> {
+        eps: &'a Arr<S> = Port::var("B,N,K", "causes; in mode abduct the factors"),
+        mask: &'a Arr<S> = MASK,
+        weight: Option<&'a Arr<S>> = WEIGHT,
+        w0: Option<&'a Arr<S>> = W0,
+        b0: Option<&'a Arr<S>> = B0,
+        w1: Option<&'a Arr<S>> = W1,
+        b1: Option<&'a Arr<S>> = B1,
+        w2: Option<&'a Arr<S>> = W2,
+        b2: Option<&'a Arr<S>> = B2,
+    }
+}
+
+/// `causal.structure`
+pub static SIGNATURE: Signature = Signature {
+    name: "causal.structure",
+    summary: "from independent causes to factors along a graph, and back",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![z: Port::var("B,N,K", "factors; in mode abduct the causes")],
+    settings: &[
+        SettingSpec::choice(
+            "mode",
+            &["nonlinear", "linear", "printed", "abduct"],
+            "nonlinear",
+            "networks, weights, weights and in the last sweep networks, or the way back through what is given",
+        ),
+        SLOPE,
+        SWEEPS,
+    ],
+    ..Signature::EMPTY
+};
+
+/// Settings of `causal.structure`.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings<'a> {
+    /// `nonlinear`, `linear`, `printed` or `abduct`.
+    pub mode: &'a str,
+    /// Of the leaky ReLU at 0 and below.
+    pub slope: f64,
+    /// Passes over all nodes; `None`: one per factor, with weights one less.
+    pub sweeps: Option<usize>,
+}
+
+/// The mechanism and its sizes.
 pub(super) struct Mechanism<'a, S> {
     mask: &'a Arr<S>,
     weight: Option<&'a Arr<S>>,
@@ -29,25 +90,23 @@ pub(super) struct Mechanism<'a, S> {
 }
 
 impl<'a, S: Scalar> Mechanism<'a, S> {
-    /// The mechanism that the arrays hold, behind a mask.
-    pub(super) fn behind(
-        mask: &'a Arr<S>,
-        arrays: &'a Named<S>,
-        slope: f64,
-        n: usize,
-        k: usize,
-    ) -> Result<Self, String> {
-        let weight = arrays.contains_key("weight").then(|| expect(arrays, "weight", &[n, n])).transpose()?;
-        if weight.is_some() && !arrays.contains_key("w0") {
+    /// The mechanism of the inputs.
+    pub(super) fn of(input: &In<'a, S>, slope: f64) -> Result<Self, String> {
+        let In { eps, mask, weight, .. } = *input;
+        let (n, k) = (eps.shape[1], eps.shape[2]);
+        if weight.is_some() && input.w0.is_none() {
             return Ok(Self { mask, weight, layers: Vec::new(), slope, n, k });
         }
-        let h = expect(arrays, "b0", &[n, ANY])?.shape[1];
+        let w0 = required("w0", input.w0)?;
+        if w0.shape[2] != n * k {
+            return Err(format!("input w0: expected {} numbers per row, got {}", n * k, w0.shape[2]));
+        }
         let layers = vec![
-            expect(arrays, "w0", &[n, h, n * k])?,
-            expect(arrays, "b0", &[n, h])?,
-            expect(arrays, "w1", &[n, h, h])?,
-            expect(arrays, "b1", &[n, h])?,
-            expect(arrays, "w2", &[n, k, h])?,
+            w0,
+            required("b0", input.b0)?,
+            required("w1", input.w1)?,
+            required("b1", input.b1)?,
+            required("w2", input.w2)?,
         ];
         Ok(Self { mask, weight, layers, slope, n, k })
     }
@@ -55,6 +114,11 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
     /// Whether it is a number per edge and nothing else.
     pub(super) fn linear(&self) -> bool {
         self.layers.is_empty()
+    }
+
+    /// Number of passes: as given, or one per factor, with weights alone one less.
+    pub(super) fn sweeps(&self, given: Option<usize>) -> usize {
+        given.unwrap_or(if self.linear() { self.n.saturating_sub(1) } else { self.n })
     }
 
     /// The number per edge of a mechanism that has networks too.
@@ -96,18 +160,16 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
 /// The twin of `causal.structure`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a setting is not what it should be.
+/// When a layer of the networks is missing or does not fit the factors.
 pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
+    input: &In<'_, S>,
+    settings: Settings<'_>,
+    out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    let eps = expect(arrays, "eps", &[ANY, ANY, ANY])?;
+    let eps = input.eps;
     let (batch, n, k) = (eps.shape[0], eps.shape[1], eps.shape[2]);
-    let mode = settings.text("mode", "nonlinear")?;
-    let mask = expect(arrays, "mask", &[n, n])?;
-    let mechanism = Mechanism::behind(mask, arrays, settings.number("slope", 0.05)?, n, k)?;
-    let sweeps = sweeps(settings, n, mechanism.linear())?;
+    let mechanism = Mechanism::of(input, settings.slope)?;
+    let sweeps = mechanism.sweeps(settings.sweeps);
     let z = out.array("z", &[batch, n, k]);
     for b in 0..batch {
         let given = &eps.data[b * n * k..(b + 1) * n * k];
@@ -117,7 +179,7 @@ pub fn forward<S: Scalar>(
             effects(by, z).into_iter().zip(given).map(|(effect, e)| effect + *e).collect()
         };
         let mut state = given.to_vec();
-        match mode.as_str() {
+        match settings.mode {
             "abduct" => {
                 let all = effects(&mechanism, given);
                 state = given.iter().zip(all).map(|(u, effect)| *u - effect).collect();
@@ -141,8 +203,20 @@ pub fn forward<S: Scalar>(
     Ok(())
 }
 
-/// Number of passes.
-pub(super) fn sweeps(settings: &Settings<'_>, n: usize, linear: bool) -> Result<usize, String> {
-    let default = if linear { n.saturating_sub(1) } else { n };
-    Ok(settings.number("sweeps", default as f64)? as usize)
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let settings = Settings {
+        mode: call.settings.word("mode"),
+        slope: call.settings.number("slope"),
+        sweeps: sweeps(call),
+    };
+    forward(&In::of(call.arrays)?, settings, out)
+}
+
+/// Number of passes, if it is given.
+pub(super) fn sweeps<S>(call: &Call<'_, S>) -> Option<usize> {
+    call.settings.given_number("sweeps").map(|sweeps| sweeps as usize)
 }

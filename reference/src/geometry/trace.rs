@@ -20,7 +20,37 @@
 //! A triangle with n = 0 is never hit, nor one with n·d = 0, along which the ray runs. On an edge or a vertex one of u, v, w is 0
 //! up to rounding: neighbours are then hit both, or one of them.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Dtype, Port, Signature, ports};
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `geometry.trace`.
+    pub struct In<'a, S> {
+        vertices: &'a Arr<S> = Port::fixed("V,3", "positions"),
+        triangles: &'a Arr<S> = Port::int(
+            "T,3",
+            Dtype::I32,
+            "rows of vertices; both sides are hit, no area is never hit",
+        ),
+        origin: &'a Arr<S> = Port::fixed("R,3", "starts of rays"),
+        direction: &'a Arr<S> = Port::fixed("R,3", "any length but 0; t counts in it"),
+    }
+}
+
+/// `geometry.trace`
+pub static SIGNATURE: Signature = Signature {
+    name: "geometry.trace",
+    summary: "nearest hits of rays with a triangle mesh",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        t: Port::fixed("R", "parameter of the nearest hit, inf = miss"),
+        triangle: Port::int("R", Dtype::I32, "of equal t the lowest, -1 = miss"),
+    ],
+    companions: &["crossings"],
+    ..Signature::EMPTY
+};
 
 type Vec3 = [f64; 3];
 
@@ -55,14 +85,10 @@ fn meet(o: Vec3, d: Vec3, corners: [Vec3; 3]) -> Option<f64> {
 /// The twin of `geometry.trace`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, an index is out of range, or a direction is 0.
-pub fn forward(x: &Named<f64>, out: &mut Out<f64>) -> Result<(), String> {
-    let vertices = expect(x, "vertices", &[ANY, 3])?;
-    let triangles = expect(x, "triangles", &[ANY, 3])?;
-    let origin = expect(x, "origin", &[ANY, 3])?;
-    let rays = origin.shape[0];
-    let direction = expect(x, "direction", &[rays, 3])?;
-    let count = vertices.shape[0];
+/// When an index is out of range, or a direction is 0.
+pub fn forward(input: &In<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String> {
+    let In { vertices, triangles, origin, direction } = *input;
+    let [rays, count] = [origin.shape[0], vertices.shape[0]];
     let mut corners = Vec::new();
     for row in 0..triangles.shape[0] {
         let index: Vec3 = triangles.row(row);
@@ -89,4 +115,21 @@ pub fn forward(x: &Named<f64>, out: &mut Out<f64>) -> Result<(), String> {
         out.put(triangle_slot, ray, hit);
     }
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, an index is out of range, or a direction is 0.
+pub fn run(call: &Call<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
+}
+
+/// Number of (ray, triangle) pairs.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    let In { triangles, origin, .. } = In::of(call.arrays)?;
+    Ok((origin.shape[0] * triangles.shape[0]) as u64)
 }

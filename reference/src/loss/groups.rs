@@ -18,8 +18,42 @@
 //! # Kinks and domain
 //! No slope where V_i = ¼ or above. Factors with fewer than two groups are left out of L_spr; L_inv = 0 for n = 1.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Dtype, Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `loss.groups`.
+    pub struct In<'a, S> {
+        after: &'a Arr<S> = Port::var("G,M,N,K", "factors after the intervention, posterior means"),
+        eps: &'a Arr<S> = Port::var("G,M,N,K", "causes before"),
+        eps_after: &'a Arr<S> = Port::var("G,M,N,K", "causes after"),
+        target: &'a Arr<S> = Port::int("G", Dtype::I32, "factor that the group set, 0 to N − 1"),
+        variance: &'a Arr<S> =
+            Port::fixed("N", "running variance of each factor, 0 or more; at least 1e-4 is used"),
+        given: Option<&'a Arr<S>> =
+            Port::var("G,K", "codes of the values; the means of the members if absent"),
+    }
+}
+
+/// `loss.groups`
+pub static SIGNATURE: Signature = Signature {
+    name: "loss.groups",
+    summary: "groups of pictures that share one intervention: one code, no other cause changed, no collapse",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        equal: Port::var(
+            "",
+            "mean square of the distance from the group's value, in units of the variance",
+        ),
+        invariant: Port::var("", "mean square of the change of all other causes"),
+        spread: Port::var("", "mean over the factors of what the variance of the values lacks to 1/4"),
+        shared: Port::var("G,K", "the value of each group"),
+    ],
+    ..Signature::EMPTY
+};
 
 /// Least variance that L_eq divides by.
 const VARIANCE_FLOOR: f64 = 1e-4;
@@ -29,28 +63,25 @@ const SPREAD: f64 = 0.25;
 /// The twin of `loss.groups`.
 ///
 /// # Errors
-/// When an input is missing, shaped otherwise or out of range.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let after = expect(arrays, "after", &[ANY, ANY, ANY, ANY])?;
+/// When there is no number, or an entry is out of range.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { after, eps, eps_after, given, .. } = *input;
     let [g, m, n, k] = [0, 1, 2, 3].map(|axis| after.shape[axis]);
-    let eps = expect(arrays, "eps", &[g, m, n, k])?;
-    let eps_after = expect(arrays, "eps_after", &[g, m, n, k])?;
     if g * m * n * k == 0 {
         return Err(format!("input after: expected at least one number, got shape {:?}", after.shape));
     }
     let mut target = Vec::new();
-    for i in &expect(arrays, "target", &[g])?.data {
+    for i in &input.target.data {
         let i = i.value();
         if !(i >= 0.0 && i < n as f64 && i == i.trunc()) {
             return Err(format!("input target: expected factors from 0 to {}, got {i}", n - 1));
         }
         target.push(i as usize);
     }
-    let variance: Vec<f64> = expect(arrays, "variance", &[n])?.data.iter().map(|s| s.value()).collect();
+    let variance: Vec<f64> = input.variance.data.iter().map(|s| s.value()).collect();
     if !variance.iter().all(|s| *s >= 0.0) {
         return Err(format!("input variance: expected numbers from 0 on, got {variance:?}"));
     }
-    let given = if arrays.contains_key("given") { Some(expect(arrays, "given", &[g, k])?) } else { None };
     let at =
         |group: usize, member: usize, factor: usize, c: usize| ((group * m + member) * n + factor) * k + c;
     let mut shared = vec![S::zero(); g * k];
@@ -109,4 +140,12 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
     }
     out.flush();
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing, shaped otherwise or out of range.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

@@ -14,16 +14,21 @@
 //! # Kinks and domain
 //! The gradient is 0 where x = y. Nothing kept is refused.
 
-use crate::array::{Named, Out};
-use crate::loss::Pair;
+use crate::array::Out;
+use crate::loss::{In, PAIR, Pair};
+use crate::ports::Signature;
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+/// `loss.l1`
+pub static SIGNATURE: Signature = Signature { name: "loss.l1", summary: "mean |x − y|", ..PAIR };
 
 /// The twin of `loss.l1`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or nothing is kept.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let pair = Pair::of(arrays)?;
+/// When a mask entry is neither 0 nor 1, or nothing is kept.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let pair = Pair::of(input)?;
     let value = out.array("value", &[]);
     for pixel in 0..pair.kept.len() {
         if pair.kept[pixel] {
@@ -36,4 +41,12 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
     }
     out.divide(value, 0, pair.values);
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or nothing is kept.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

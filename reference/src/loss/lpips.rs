@@ -26,9 +26,82 @@
 //! # Kinks and domain
 //! An output passes if it is above 0; of equal entries under a maximum the first; √0 has slope 0.
 
-use crate::array::{ANY, Named, Out, expect};
+mod ports;
+
+use crate::array::{Arr, Named, Out};
+use crate::inputs::{Dims, argument};
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+use ports::{INPUTS, INTERMEDIATES, PLAN};
+
+/// `loss.lpips`
+pub static SIGNATURE: Signature = Signature {
+    name: "loss.lpips",
+    summary: "learned perceptual distance: VGG16 with the heads of version 0.1, the user's weights",
+    inputs: INPUTS,
+    outputs: ports![value: Port::var("", "0 for equal images")],
+    intermediates: INTERMEDIATES,
+    plan: PLAN,
+    settings: &[SettingSpec::flag("rescale", "1", "2x − 1 first, as published; 0: images as they are")],
+    ..Signature::EMPTY
+};
+
+/// Inputs of `loss.lpips`, bound by hand: the names of the weights are no identifiers.
+#[derive(Clone, Debug)]
+pub struct In<'a, S> {
+    /// Input `x`.
+    pub x: &'a Arr<S>,
+    /// Input `y`.
+    pub y: &'a Arr<S>,
+    /// The other inputs in their order; `None`: weights by the formula.
+    pub weights: Option<Vec<&'a Arr<S>>>,
+}
+
+impl<'a, S: Scalar> In<'a, S> {
+    /// The inputs under the names of their ports.
+    ///
+    /// # Errors
+    /// When one is missing or shaped otherwise, or the images are too small.
+    pub fn of(arrays: &'a Named<S>) -> Result<Self, String> {
+        let (mut dims, find) = (Dims::default(), |name: &str| arrays.get(name));
+        let x: &Arr<S> = argument(&INPUTS[0], &find, &mut dims)?;
+        let y = argument(&INPUTS[1], &find, &mut dims)?;
+        let [h, w] = [x.shape[0], x.shape[1]];
+        if h < 16 || w < 16 {
+            return Err(format!("input x: expected at least 16x16 pixels, got {h}x{w}"));
+        }
+        let mut weights: Vec<&Arr<S>> = Vec::new();
+        for port in &INPUTS[2..] {
+            weights.extend(argument::<S, Option<&Arr<S>>>(port, &find, &mut dims)?);
+        }
+        if !weights.is_empty() && weights.len() != INPUTS.len() - 2 {
+            return Err(format!(
+                "inputs of weights: expected {} or none, got {}",
+                INPUTS.len() - 2,
+                weights.len()
+            ));
+        }
+        Ok(Self { x, y, weights: (!weights.is_empty()).then_some(weights) })
+    }
+
+    /// Channels after convolution `k`.
+    fn channels(&self, k: usize) -> usize {
+        self.weights.as_ref().map_or(CONVOLUTIONS[k].2, |weights| weights[2 * k].shape[0])
+    }
+
+    /// Rows and columns at convolution `k`.
+    fn size(&self, k: usize) -> [usize; 2] {
+        let [mut h, mut w] = [self.x.shape[0], self.x.shape[1]];
+        for _ in POOLED.iter().filter(|&&p| p <= k) {
+            (h, w) = (h / 2, w / 2);
+        }
+        [h, w]
+    }
+}
+
+/// Stages of the chain: convolutions, then the heads.
+pub const STAGES: usize = CONVOLUTIONS.len() + 1;
 
 /// Convolutions: place in `features`, name, outputs in VGG16.
 const CONVOLUTIONS: [(usize, &str, usize); 13] = [
@@ -60,56 +133,33 @@ fn uniform(seed: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / 9_007_199_254_740_992.0
 }
 
-/// Channels after convolution `k`.
-fn channels<S: Scalar>(x: &Named<S>, k: usize) -> usize {
-    let given = x.get(&format!("features.{}.weight", CONVOLUTIONS[k].0));
-    given.map_or(CONVOLUTIONS[k].2, |w| w.shape.first().copied().unwrap_or(0))
-}
-
 /// Weights (O, C, 3, 3) and biases (O) of convolution `k`.
-fn filters<S: Scalar>(x: &Named<S>, k: usize) -> Result<(Vec<f64>, Vec<f64>), String> {
-    let at = CONVOLUTIONS[k].0;
-    let inputs = if k == 0 { 3 } else { channels(x, k - 1) };
-    let outputs = channels(x, k);
-    if x.contains_key("features.0.weight") {
-        let weight = expect(x, &format!("features.{at}.weight"), &[ANY, inputs, 3, 3])?;
-        let bias = expect(x, &format!("features.{at}.bias"), &[outputs])?;
-        let values = |a: &[S]| a.iter().map(|v| v.value()).collect();
-        return Ok((values(&weight.data), values(&bias.data)));
+fn filters<S: Scalar>(x: &In<'_, S>, k: usize) -> (Vec<f64>, Vec<f64>) {
+    if let Some(weights) = &x.weights {
+        let values = |x: &Arr<S>| x.data.iter().map(|v| v.value()).collect();
+        return (values(weights[2 * k]), values(weights[2 * k + 1]));
     }
+    let (inputs, outputs) = (if k == 0 { 3 } else { x.channels(k - 1) }, x.channels(k));
+    let at = CONVOLUTIONS[k].0;
     let scale = (6.0 / (9.0 * inputs as f64)).sqrt();
     let weight = |k: usize| {
         let u = uniform(((at as u64 + 1) << 40) + k as u64);
         f64::from(((2.0 * u - 1.0) * scale) as f32)
     };
-    Ok(((0..outputs * inputs * 9).map(weight).collect(), vec![0.0; outputs]))
+    ((0..outputs * inputs * 9).map(weight).collect(), vec![0.0; outputs])
 }
 
-fn head<S: Scalar>(x: &Named<S>, j: usize) -> Result<Vec<f64>, String> {
-    let channels = channels(x, TAPS[j]);
-    if x.contains_key("features.0.weight") {
-        let w = expect(x, &format!("lin{j}.model.1.weight"), &[1, channels, 1, 1])?;
-        return Ok(w.data.iter().map(|v| v.value()).collect());
+/// Weights of head `j`.
+fn head<S: Scalar>(x: &In<'_, S>, j: usize) -> Vec<f64> {
+    if let Some(weights) = &x.weights {
+        return weights[2 * CONVOLUTIONS.len() + j].data.iter().map(|v| v.value()).collect();
     }
+    let channels = x.channels(TAPS[j]);
     let weight = |k: usize| {
         let u = uniform(((100 + j as u64) << 40) + k as u64);
         f64::from((u / channels as f64) as f32)
     };
-    Ok((0..channels).map(weight).collect())
-}
-
-/// Rows and columns at convolution `k`.
-fn size<S: Scalar>(x: &Named<S>, k: usize) -> Result<[usize; 2], String> {
-    let image = expect(x, "x", &[ANY, ANY, 3])?;
-    let [mut h, mut w] = [image.shape[0], image.shape[1]];
-    expect(x, "y", &[h, w, 3])?;
-    if h < 16 || w < 16 {
-        return Err(format!("input x: expected at least 16x16 pixels, got {h}x{w}"));
-    }
-    for _ in POOLED.iter().filter(|&&p| p <= k) {
-        (h, w) = (h / 2, w / 2);
-    }
-    Ok([h, w])
+    (0..channels).map(weight).collect()
 }
 
 /// A decision array of that shape, if the plan has it.
@@ -118,27 +168,27 @@ fn decided<'a>(
     name: &str,
     shape: &[usize],
 ) -> Result<Option<&'a [f64]>, String> {
-    match plan {
-        Some(plan) if plan.contains_key(name) => Ok(Some(&expect(plan, name, shape)?.data)),
-        _ => Ok(None),
+    match plan.and_then(|plan| plan.get(name)) {
+        Some(x) if x.shape != shape => {
+            Err(format!("plan {name}: expected shape {shape:?}, got {:?}", x.shape))
+        }
+        given => Ok(given.map(|x| x.data.as_slice())),
     }
 }
 
 /// What convolution `k` sees, (2, H, W, C): the images, the stage before, or its maxima.
-fn input<S: Scalar>(
-    x: &Named<S>,
-    k: usize,
+fn seen_by<S: Scalar>(
+    x: &In<'_, S>,
+    relu: &[&Arr<S>],
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
+    out: &mut Out<'_, S>,
 ) -> Result<Vec<S>, String> {
-    let [h, w] = size(x, k)?;
-    if k == 0 {
-        return Ok([x["x"].data.as_slice(), x["y"].data.as_slice()].concat());
-    }
-    let c = channels(x, k - 1);
-    let [rows, columns] = size(x, k - 1)?;
-    let before = expect(x, &format!("relu{}", CONVOLUTIONS[k - 1].1), &[2, rows, columns, c])?;
+    let k = relu.len();
+    let Some(before) = relu.last() else {
+        return Ok([x.x.data.as_slice(), x.y.data.as_slice()].concat());
+    };
     let Some(p) = POOLED.iter().position(|&p| p == k) else { return Ok(before.data.clone()) };
+    let ([h, w], [rows, columns], c) = (x.size(k), x.size(k - 1), x.channels(k - 1));
     let name = format!("pool{}", p + 1);
     let given = decided(plan, &name, &[2, h, w, c])?;
     let (mut seen, mut taken) = (Vec::new(), Vec::new());
@@ -157,33 +207,38 @@ fn input<S: Scalar>(
     Ok(seen)
 }
 
-/// Stage `k` of the twin of `loss.lpips`: convolution k, or the heads for k = 13.
+/// One stage of the twin of `loss.lpips`: the convolution behind those whose results are `relu`, or the heads behind all
+/// of them.
 ///
 /// # Errors
-/// When an input, a setting or the plan is not what it should be.
+/// When the plan does not fit.
 pub fn stage<S: Scalar>(
-    x: &Named<S>,
-    settings: &Settings<'_>,
-    k: usize,
+    input: &In<'_, S>,
+    relu: &[&Arr<S>],
+    rescale: bool,
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
+    out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    if k == CONVOLUTIONS.len() { heads(x, out) } else { convolution(x, settings, k, plan, out) }
+    if relu.len() < CONVOLUTIONS.len() {
+        return convolution(input, relu, rescale, plan, out);
+    }
+    heads(input, relu, out);
+    Ok(())
 }
 
 fn convolution<S: Scalar>(
-    x: &Named<S>,
-    settings: &Settings<'_>,
-    k: usize,
+    x: &In<'_, S>,
+    relu: &[&Arr<S>],
+    rescale: bool,
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
+    out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    let ([h, w], name) = (size(x, k)?, CONVOLUTIONS[k].1);
-    let (weight, bias) = filters(x, k)?;
-    let (outputs, inputs) = (bias.len(), if k == 0 { 3 } else { channels(x, k - 1) });
+    let k = relu.len();
+    let ([h, w], name) = (x.size(k), CONVOLUTIONS[k].1);
+    let (weight, bias) = filters(x, k);
+    let (outputs, inputs) = (bias.len(), if k == 0 { 3 } else { x.channels(k - 1) });
     let shape = [2, h, w, outputs];
-    let seen = input(x, k, plan, out)?;
-    let rescale = settings.flag("rescale", true)?;
+    let seen = seen_by(x, relu, plan, out)?;
     let normalised = |v: S, c: usize| {
         let centred = if rescale { v * 2.0 - 1.0 } else { v };
         if k == 0 { (centred - SHIFT[c]) / SCALE[c] } else { v }
@@ -219,12 +274,11 @@ fn convolution<S: Scalar>(
     Ok(())
 }
 
-fn heads<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
+fn heads<S: Scalar>(x: &In<'_, S>, relu: &[&Arr<S>], out: &mut Out<'_, S>) {
     let (value, layers) = (out.array("value", &[]), out.array("layers", &[5]));
     for (l, tap) in TAPS.into_iter().enumerate() {
-        let ([h, w], weight) = (size(x, tap)?, head(x, l)?);
+        let ([h, w], weight, f) = (x.size(tap), head(x, l), relu[tap]);
         let c = weight.len();
-        let f = expect(x, &format!("relu{}", CONVOLUTIONS[tap].1), &[2, h, w, c])?;
         for pixel in 0..h * w {
             let unit = |item: usize| -> Vec<S> {
                 let f = &f.data[(item * h * w + pixel) * c..][..c];
@@ -243,18 +297,27 @@ fn heads<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
             out.flush();
         }
     }
-    Ok(())
+}
+
+/// [`stage`] on named arrays, those of the stages before among them.
+///
+/// # Errors
+/// When an input or the plan is not what it should be.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let results = CONVOLUTIONS[..call.stage].iter().map(|(_, name, _)| &call.arrays[&format!("relu{name}")]);
+    let relu: Vec<&Arr<S>> = results.collect();
+    stage(&In::of(call.arrays)?, &relu, call.settings.flag("rescale"), call.plan, out)
 }
 
 /// Number of products of both images.
 ///
 /// # Errors
-/// As [`stage`].
-pub fn products<S: Scalar>(x: &Named<S>) -> Result<u64, String> {
-    let mut sum = 0;
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    let (x, mut sum) = (In::of(call.arrays)?, 0);
     for k in 0..CONVOLUTIONS.len() {
-        let ([h, w], inputs) = (size(x, k)?, if k == 0 { 3 } else { channels(x, k - 1) });
-        sum += (2 * h * w * 9 * inputs * channels(x, k)) as u64;
+        let ([h, w], inputs) = (x.size(k), if k == 0 { 3 } else { x.channels(k - 1) });
+        sum += (2 * h * w * 9 * inputs * x.channels(k)) as u64;
     }
     Ok(sum)
 }

@@ -1,10 +1,10 @@
 //! Mean squared difference over the kept values.
 //!
-//! value = Σ (x − y)² / (3·kept pixels)
+//! value = Σ (x − y)² / (C·kept pixels)
 //!
 //! | argument | shape | range |
 //! |---|---|---|
-//! | `x`, `y` | (H, W, 3) | sRGB-encoded |
+//! | `x`, `y` | (H, W, C) | any |
 //! | `mask` | (H, W) | optional; 1: kept, 0: not |
 //! | `value` | () | |
 //!
@@ -14,26 +14,58 @@
 //! # Kinks and domain
 //! Smooth. Nothing kept is refused.
 
-use crate::array::{Named, Out};
-use crate::loss::Pair;
+use super::kept;
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `loss.mse`.
+    pub struct In<'a, S> {
+        x: &'a Arr<S> = Port::var("H,W,C", "usually the render; colours sRGB-encoded"),
+        y: &'a Arr<S> = Port::var("H,W,C", "usually the photograph; colours sRGB-encoded"),
+        mask: Option<&'a Arr<S>> = Port::fixed("H,W", "0 left out, 1 kept; absent: all kept"),
+    }
+}
+
+/// `loss.mse`
+pub static SIGNATURE: Signature = Signature {
+    name: "loss.mse",
+    summary: "mean (x − y)²",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![value: Port::var("", "mean over the kept values")],
+    ..Signature::EMPTY
+};
 
 /// The twin of `loss.mse`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or nothing is kept.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let pair = Pair::of(arrays)?;
+/// When a mask entry is neither 0 nor 1, or nothing is kept.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let In { x, y, mask } = *input;
+    let (pixels, channels) = (x.shape[0] * x.shape[1], x.shape[2]);
+    let (kept, count) = kept(mask, pixels)?;
+    let values = channels as f64 * count;
     let value = out.array("value", &[]);
-    for pixel in 0..pair.kept.len() {
-        if pair.kept[pixel] {
-            for i in 3 * pixel..3 * pixel + 3 {
-                let (x, y) = (pair.x.data[i], pair.y.data[i]);
-                out.add(value, 0, (x - y) * (x - y), pair.values);
+    for pixel in 0..pixels {
+        if kept[pixel] {
+            for i in channels * pixel..channels * (pixel + 1) {
+                let (x, y) = (x.data[i], y.data[i]);
+                out.add(value, 0, (x - y) * (x - y), values);
             }
         }
         out.flush();
     }
-    out.divide(value, 0, pair.values);
+    out.divide(value, 0, values);
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or nothing is kept.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

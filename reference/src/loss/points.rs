@@ -14,9 +14,61 @@
 //! # Kinks and domain
 //! Of equally near neighbours the lowest index; the derivative is that on the plan.
 
-use crate::array::{ANY, Arr, Named, Out, expect};
+use crate::array::{Arr, Named, Out};
+use crate::inputs::inputs;
+use crate::ports::{Dtype, Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `loss.points`.
+    pub struct In<'a, S> {
+        x: &'a Arr<S> = Port::var("B,P,D", "decoded points: xyz, or xyz and rgb"),
+        y: &'a Arr<S> = Port::var(
+            "B,Q,E",
+            "targets, of 3 numbers where colours are not known; as many as decoded points when ordered",
+        ),
+    }
+}
+
+/// `loss.points`
+pub static SIGNATURE: Signature = Signature {
+    name: "loss.points",
+    summary: "mean weighted square of the distance of points, in order or to the nearest",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![value: Port::var("", "mean over the points, of both directions for chamfer")],
+    plan: ports![
+        nearest_x: Port::int("B,P", Dtype::I32, "chamfer: row of y nearest to each row of x").or_absent(),
+        nearest_y: Port::int("B,Q", Dtype::I32, "chamfer: row of x nearest to each row of y").or_absent(),
+    ],
+    settings: &[
+        SettingSpec::choice(
+            "mode",
+            &["ordered", "chamfer"],
+            "ordered",
+            "point p with point p, or each with the nearest in both directions",
+        ),
+        SettingSpec::number("sigma_x", "0.05", "distance that costs 1"),
+        SettingSpec::number("sigma_c", "0.2", "colour difference that costs 1"),
+    ],
+    ..Signature::EMPTY
+};
+
+/// Settings of `loss.points`.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Each point with the nearest in both directions, instead of point p with point p.
+    pub chamfer: bool,
+    /// σ_x, σ_c.
+    pub sigmas: [f64; 2],
+}
+
+impl Settings {
+    fn of<S>(call: &Call<'_, S>) -> Self {
+        let sigmas = ["sigma_x", "sigma_c"].map(|key| call.settings.number(key));
+        Self { chamfer: call.settings.word("mode") == "chamfer", sigmas }
+    }
+}
 
 fn square<S: Scalar>(u: &[S], v: &[S], sigmas: [f64; 2]) -> S {
     let mut total = S::zero();
@@ -66,18 +118,16 @@ fn nearest<S: Scalar>(
 /// The twin of `loss.points`.
 ///
 /// # Errors
-/// When an input, a setting or the plan is not what it should be.
+/// When the points or a setting are not what they should be, or the plan does not fit.
 pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
+    input: &In<'_, S>,
+    settings: Settings,
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
+    out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    let x = expect(arrays, "x", &[ANY, ANY, ANY])?;
+    let (In { x, y }, Settings { chamfer, sigmas }) = (*input, settings);
     let [batch, p, d] = [0, 1, 2].map(|axis| x.shape[axis]);
-    let y = expect(arrays, "y", &[batch, ANY, ANY])?;
     let [q, e] = [1, 2].map(|axis| y.shape[axis]);
-    let sigmas = [settings.number("sigma_x", 0.05)?, settings.number("sigma_c", 0.2)?];
     if !sigmas.iter().all(|&sigma| sigma > 0.0) {
         return Err(format!("settings sigma_x, sigma_c: expected positive numbers, got {sigmas:?}"));
     }
@@ -93,22 +143,39 @@ pub fn forward<S: Scalar>(
         out.add(value, 0, term, 1.0);
         out.flush();
     };
-    match settings.text("mode", "ordered")?.as_str() {
-        "ordered" if p == q => (0..batch * p).for_each(|i| sum(out, i, i, batch * p)),
-        "ordered" => return Err(format!("input y: expected {p} points as in x, got {q}")),
-        "chamfer" => {
-            let f = nearest("nearest_x", [x, y], sigmas, plan)?;
-            let g = nearest("nearest_y", [y, x], sigmas, plan)?;
-            for (i, &k) in f.data.iter().enumerate() {
-                sum(out, i, i / p * q + k as usize, batch * p);
-            }
-            for (k, &i) in g.data.iter().enumerate() {
-                sum(out, k / q * p + i as usize, k, batch * q);
-            }
-            out.plan.insert("nearest_x".to_owned(), f);
-            out.plan.insert("nearest_y".to_owned(), g);
+    if chamfer {
+        let f = nearest("nearest_x", [x, y], sigmas, plan)?;
+        let g = nearest("nearest_y", [y, x], sigmas, plan)?;
+        for (i, &k) in f.data.iter().enumerate() {
+            sum(out, i, i / p * q + k as usize, batch * p);
         }
-        other => return Err(format!("setting mode: expected ordered or chamfer, got {other}")),
+        for (k, &i) in g.data.iter().enumerate() {
+            sum(out, k / q * p + i as usize, k, batch * q);
+        }
+        out.plan.insert("nearest_x".to_owned(), f);
+        out.plan.insert("nearest_y".to_owned(), g);
+    } else if p == q {
+        (0..batch * p).for_each(|i| sum(out, i, i, batch * p));
+    } else {
+        return Err(format!("input y: expected {p} points as in x, got {q}"));
     }
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input, a setting or the plan is not what it should be.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, Settings::of(call), call.plan, out)
+}
+
+/// Number of pairs of points compared.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    let In { x, y } = In::of(call.arrays)?;
+    let [b, p, q] = [x.shape[0], x.shape[1], y.shape[1]].map(|size| size as u64);
+    Ok(if Settings::of(call).chamfer { 2 * b * p * q } else { b * p })
 }

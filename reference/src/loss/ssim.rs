@@ -19,9 +19,18 @@
 //! # Kinks and domain
 //! Smooth. Nothing kept is refused.
 
-use crate::array::{Named, Out};
-use crate::loss::Pair;
+use crate::array::Out;
+use crate::loss::{In, PAIR, Pair};
+use crate::ports::Signature;
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+/// `loss.ssim`
+pub static SIGNATURE: Signature = Signature {
+    name: "loss.ssim",
+    summary: "mean structural similarity, 11×11 Gaussian window, 1 for equal images",
+    ..PAIR
+};
 
 /// Half-width of the window.
 const HALF: usize = 5;
@@ -72,9 +81,9 @@ pub fn map_at<S: Scalar>(
 /// The twin of `loss.ssim`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or nothing is kept.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let pair = Pair::of(arrays)?;
+/// When a mask entry is neither 0 nor 1, or nothing is kept.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let pair = Pair::of(input)?;
     let window = window();
     let value = out.array("value", &[]);
     for pixel in 0..pair.kept.len() {
@@ -88,4 +97,20 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
     }
     out.divide(value, 0, pair.values);
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or nothing is kept.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
+}
+
+/// Number of products with the window.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    Ok(121 * In::of(call.arrays)?.x.data.len() as u64)
 }

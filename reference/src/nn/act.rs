@@ -11,25 +11,43 @@
 //! # Kinks and domain
 //! At x = 0 the lower branch is taken.
 
-use crate::array::{Named, Out};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `nn.leaky_relu`.
+    pub struct In<'a, S> {
+        x: &'a Arr<S> = Port::var("...", ""),
+    }
+}
+
+/// `nn.leaky_relu`
+pub static SIGNATURE: Signature = Signature {
+    name: "nn.leaky_relu",
+    summary: "x where it is positive, slope·x elsewhere",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![y: Port::var("...", "")],
+    settings: &[SettingSpec::number("slope", "0.2", "factor of values that are not positive")],
+    ..Signature::EMPTY
+};
 
 /// The twin of `nn.leaky_relu`.
-///
-/// # Errors
-/// When the input is missing or the setting is no finite number.
-pub fn leaky_relu<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
-) -> Result<(), String> {
-    let x = arrays.get("x").ok_or("input x is missing")?;
-    let slope = settings.number("slope", 0.2)?;
+pub fn leaky_relu<S: Scalar>(x: &Arr<S>, slope: f64, out: &mut Out<'_, S>) {
     let y = out.array("y", &x.shape);
     for (i, &x) in x.data.iter().enumerate() {
         out.put(y, i, if x.value() > 0.0 { x } else { x * slope });
     }
     out.flush();
+}
+
+/// [`leaky_relu`] on named arrays.
+///
+/// # Errors
+/// When the input is missing.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    leaky_relu(In::of(call.arrays)?.x, call.settings.number("slope"), out);
     Ok(())
 }

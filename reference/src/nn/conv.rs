@@ -1,4 +1,4 @@
-//! A convolution of pictures, channels last.
+//! A convolution of pictures, channels last, and a leaky ReLU of slope `slope` behind it; 1 is the identity.
 //!
 //! y(b,r,q,o) = β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c),   x = 0 beyond the border
 //!
@@ -13,73 +13,75 @@
 //! # Rounding
 //! A left fold over (i, j, c) from 0; the bias is added last.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
-use crate::settings::Settings;
+use crate::twins::Call;
 
-fn whole(settings: &Settings<'_>, name: &str, default: f64, least: f64) -> Result<usize, String> {
-    let x = settings.number(name, default)?;
-    if x >= least && x <= 65_536.0 && x == x.trunc() {
-        return Ok(x as usize);
-    }
-    Err(format!("setting {name}: expected a whole number from {least} to 65536, got {x}"))
-}
-
-/// Sizes of a convolution.
-struct Sizes {
-    batch: usize,
-    height: usize,
-    width: usize,
-    channels: usize,
-    outputs: usize,
-    kernel: [usize; 2],
-    stride: usize,
-    pad: usize,
-    /// Output rows and columns.
-    out: [usize; 2],
-}
-
-impl Sizes {
-    fn of<S>(arrays: &Named<S>, settings: &Settings<'_>) -> Result<Self, String> {
-        let x = expect(arrays, "x", &[ANY, ANY, ANY, ANY])?;
-        let [batch, height, width, channels] = [0, 1, 2, 3].map(|axis| x.shape[axis]);
-        let weight = expect(arrays, "weight", &[ANY, ANY, ANY, channels])?;
-        let [outputs, kh, kw] = [0, 1, 2].map(|axis| weight.shape[axis]);
-        let (stride, pad) = (whole(settings, "stride", 1.0, 1.0)?, whole(settings, "pad", 0.0, 0.0)?);
-        if kh == 0 || kw == 0 || kh > height + 2 * pad || kw > width + 2 * pad {
-            return Err(format!(
-                "input weight: a kernel of {kh}x{kw} does not fit into {height}x{width} padded by {pad}"
-            ));
-        }
-        let out = [(height + 2 * pad - kh) / stride + 1, (width + 2 * pad - kw) / stride + 1];
-        Ok(Self { batch, height, width, channels, outputs, kernel: [kh, kw], stride, pad, out })
+inputs! {
+    /// Inputs of `nn.conv`.
+    pub struct In<'a, S> {
+        x: &'a Arr<S> = Port::var("B,H,W,C", "pictures"),
+        weight: &'a Arr<S> = Port::var("O,KH,KW,C", "one filter per output, not mirrored"),
+        bias: &'a Arr<S> = Port::var("O", "added last"),
     }
 }
 
-/// Number of products, those beyond the border included.
-///
-/// # Errors
-/// As [`forward`].
-pub fn products<S>(arrays: &Named<S>, settings: &Settings<'_>) -> Result<u64, String> {
-    let s = Sizes::of(arrays, settings)?;
-    let outputs = s.batch * s.out[0] * s.out[1] * s.outputs;
-    Ok((outputs * s.kernel[0] * s.kernel[1] * s.channels) as u64)
+/// `nn.conv`
+pub static SIGNATURE: Signature = Signature {
+    name: "nn.conv",
+    summary: "a convolution of pictures, channels last, zeros beyond the border",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![y: Port::var("B,H',W',O", "")],
+    settings: &[
+        SettingSpec::number("stride", "1", "pixels between outputs, 1 or more"),
+        SettingSpec::number("pad", "0", "zeros on every side, in pixels"),
+        SettingSpec::number("slope", "1", "of a leaky ReLU behind it, not negative; 1 for none"),
+    ],
+    ..Signature::EMPTY
+};
+
+/// Settings of `nn.conv`.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Pixels between outputs.
+    pub stride: usize,
+    /// Zeros on every side, in pixels.
+    pub pad: usize,
+    /// Of the leaky ReLU.
+    pub slope: f64,
+}
+
+impl Settings {
+    fn of<S>(call: &Call<'_, S>) -> Result<Self, String> {
+        let (stride, pad) = (call.settings.whole("stride", 1.0)?, call.settings.whole("pad", 0.0)?);
+        Ok(Self { stride, pad, slope: call.settings.number("slope") })
+    }
+}
+
+/// Output rows and columns.
+fn size<S>(input: &In<'_, S>, settings: Settings) -> Result<[usize; 2], String> {
+    let Settings { stride, pad, .. } = settings;
+    let ([height, width], [kh, kw]) =
+        ([1, 2].map(|axis| input.x.shape[axis]), [1, 2].map(|axis| input.weight.shape[axis]));
+    if kh == 0 || kw == 0 || kh > height + 2 * pad || kw > width + 2 * pad {
+        return Err(format!(
+            "input weight: a kernel of {kh}x{kw} does not fit into {height}x{width} padded by {pad}"
+        ));
+    }
+    Ok([(height + 2 * pad - kh) / stride + 1, (width + 2 * pad - kw) / stride + 1])
 }
 
 /// The twin of `nn.conv`.
 ///
 /// # Errors
-/// When an input or a setting is not what it should be, or the kernel does not fit.
-pub fn forward<S: Scalar>(
-    arrays: &Named<S>,
-    settings: &Settings<'_>,
-    out: &mut Out<S>,
-) -> Result<(), String> {
-    let Sizes { batch, height, width, channels, outputs, kernel, stride, pad, out: size } =
-        Sizes::of(arrays, settings)?;
-    let (x, weight) = (&arrays["x"], &arrays["weight"]);
-    let bias = expect(arrays, "bias", &[outputs])?;
-    let ([kh, kw], [rows, columns]) = (kernel, size);
+/// When the kernel does not fit.
+pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'_, S>) -> Result<(), String> {
+    let [rows, columns] = size(input, settings)?;
+    let (In { x, weight, bias }, Settings { stride, pad, slope }) = (*input, settings);
+    let [batch, height, width, channels] = [0, 1, 2, 3].map(|axis| x.shape[axis]);
+    let [outputs, kh, kw] = [0, 1, 2].map(|axis| weight.shape[axis]);
     let y = out.array("y", &[batch, rows, columns, outputs]);
     for pixel in 0..batch * rows * columns {
         let (b, r, q) = (pixel / (rows * columns), pixel / columns % rows, pixel % columns);
@@ -97,9 +99,28 @@ pub fn forward<S: Scalar>(
                     }
                 }
             }
-            out.put(y, pixel * outputs + o, sum + bias.data[o]);
+            let z = sum + bias.data[o];
+            out.put(y, pixel * outputs + o, if z.value() > 0.0 { z } else { z * slope });
         }
         out.flush();
     }
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input or a setting is not what it should be, or the kernel does not fit.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, Settings::of(call)?, out)
+}
+
+/// Number of products, those beyond the border included.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    let input = In::of(call.arrays)?;
+    let [rows, columns] = size(&input, Settings::of(call)?)?;
+    Ok((input.x.shape[0] * rows * columns * input.weight.data.len()) as u64)
 }

@@ -1,28 +1,45 @@
-//! y = x·Wᵀ + b.
+//! y = λ(x·Wᵀ + b), λ a leaky ReLU of slope s; s = 1 is the identity.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
 //! | x | `x` | (M, K) |
 //! | W | `weight` | (N, K) |
 //! | b | `bias` | (N) |
+//! | s | setting `slope` | () |
 //! | y | `y` | (M, N) |
 //!
 //! # Rounding
 //! One chain per entry from 0, k ascending; the bias is added last.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `nn.linear`.
+    pub struct In<'a, S> {
+        x: &'a Arr<S> = Port::var("M,K", "rows"),
+        weight: &'a Arr<S> = Port::var("N,K", "one row per output"),
+        bias: &'a Arr<S> = Port::var("N", "added last"),
+    }
+}
+
+/// `nn.linear`
+pub static SIGNATURE: Signature = Signature {
+    name: "nn.linear",
+    summary: "an affine map of every row, y = x·Wᵀ + b, and a leaky ReLU behind it",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![y: Port::var("M,N", "")],
+    settings: &[SettingSpec::number("slope", "1", "of a leaky ReLU behind it, not negative; 1 for none")],
+    ..Signature::EMPTY
+};
 
 /// The twin of `nn.linear`.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let x = expect(arrays, "x", &[ANY, ANY])?;
-    let (m, k) = (x.shape[0], x.shape[1]);
-    let weight = expect(arrays, "weight", &[ANY, k])?;
-    let n = weight.shape[0];
-    let bias = expect(arrays, "bias", &[n])?;
+pub fn forward<S: Scalar>(input: &In<'_, S>, slope: f64, out: &mut Out<'_, S>) {
+    let In { x, weight, bias } = *input;
+    let [m, k, n] = [x.shape[0], x.shape[1], weight.shape[0]];
     let y = out.array("y", &[m, n]);
     for row in 0..m {
         for column in 0..n {
@@ -30,9 +47,27 @@ pub fn forward<S: Scalar>(arrays: &Named<S>, out: &mut Out<S>) -> Result<(), Str
             for i in 0..k {
                 sum = sum + x.data[row * k + i] * weight.data[column * k + i];
             }
-            out.put(y, row * n + column, sum + bias.data[column]);
+            let z = sum + bias.data[column];
+            out.put(y, row * n + column, if z.value() > 0.0 { z } else { z * slope });
         }
         out.flush();
     }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, call.settings.number("slope"), out);
     Ok(())
+}
+
+/// Number of products.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    let In { x, weight, .. } = In::of(call.arrays)?;
+    Ok((x.shape[0] * weight.data.len()) as u64)
 }

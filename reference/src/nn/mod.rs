@@ -1,7 +1,11 @@
 //! Layers of networks.
 //!
-//! Named arrays in, named arrays out; called by [`crate::twins`], one layer at a time.
+//! One layer per file: its inputs and signature, the function over them, and its binding to named arrays for [`crate::twins`].
 
 pub mod act;
 pub mod conv;
+pub mod decoder;
 pub mod linear;
+pub mod mlp;
+pub mod softmax;
+pub mod window;

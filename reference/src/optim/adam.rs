@@ -19,12 +19,63 @@
 //! β1ᵗ and β2ᵗ by repeated multiplication. m = β1·m + (1−β1)·g; v = β2·v + (1−β2)·(g·g);
 //! θ − (lr·(m/(1−β1ᵗ)))/(√(v/(1−β2ᵗ)) + ε).
 
-use crate::array::{ANY, Arr, Named, Out, expect};
-use crate::settings::Settings;
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Dtype, Port, SettingSpec, Signature, ports};
+use crate::twins::Call;
 
-/// Constants of an update.
+inputs! {
+    /// Inputs of `optim.adam` and `optim.adamw`.
+    pub struct In<'a, S> {
+        param: &'a Arr<S> = Port::fixed("N,...", "start"),
+        grads: &'a Arr<S> = Port::fixed("S,N,...", "one gradient per step"),
+        active: Option<&'a Arr<S>> =
+            Port::int("S,N", Dtype::U8, "1: value, moments and counter of the row move; absent: all"),
+    }
+}
+
+pub(super) const LR: SettingSpec = SettingSpec::number("lr", "0.001", "learning rate");
+pub(super) const BETA1: SettingSpec = SettingSpec::number("beta1", "0.9", "decay of the first moment");
+pub(super) const BETA2: SettingSpec = SettingSpec::number("beta2", "0.999", "decay of the second moment");
+pub(super) const EPS: SettingSpec = SettingSpec::number("eps", "1e-8", "added to the root");
+pub(super) const COUNTERS: SettingSpec = SettingSpec::choice(
+    "counters",
+    &["row", "global"],
+    "row",
+    "whose number of steps the bias correction takes",
+);
+
+/// `optim.adam`
+pub static SIGNATURE: Signature = ADAM;
+
+pub(super) const ADAM: Signature = Signature {
+    name: "optim.adam",
+    summary: "Adam, row by row, from zero moments",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![trajectory: Port::fixed("S,N,...", "parameters after each step")],
+    intermediates: ports![
+        m: Port::fixed("N,...", "first moments after the last step"),
+        v: Port::fixed("N,...", "second moments after the last step"),
+        steps: Port::int("N", Dtype::I64, "step counters after the last step"),
+    ],
+    settings: &[
+        LR,
+        BETA1,
+        BETA2,
+        EPS,
+        SettingSpec::number(
+            "weight_decay",
+            "0",
+            "must be 0: this is Adam without decay; optim.adamw decays first",
+        ),
+        COUNTERS,
+    ],
+    ..Signature::EMPTY
+};
+
+/// Settings of an update.
 #[derive(Clone, Copy, Debug)]
-pub struct Constants {
+pub struct Settings {
     /// Step length.
     pub lr: f64,
     /// Decay of the first moment.
@@ -39,31 +90,27 @@ pub struct Constants {
     pub row_counters: bool,
 }
 
-impl Constants {
-    /// Reads the settings; `weight_decay` is the default decay.
+impl Settings {
+    /// Reads the settings.
     ///
     /// # Errors
-    /// When a setting has a value it cannot have.
-    pub fn of(settings: &Settings<'_>, weight_decay: f64) -> Result<Self, String> {
-        let row_counters = match settings.text("counters", "row")?.as_str() {
-            "row" => true,
-            "global" => false,
-            other => return Err(format!("setting counters: expected row or global, got {other}")),
+    /// When a decay of the moments is not below 1.
+    pub fn of(call: &Call<'_, f64>) -> Result<Self, String> {
+        let number = |key| call.settings.number(key);
+        let settings = Self {
+            lr: number("lr"),
+            beta1: number("beta1"),
+            beta2: number("beta2"),
+            eps: number("eps"),
+            weight_decay: number("weight_decay"),
+            row_counters: call.settings.word("counters") == "row",
         };
-        let constants = Self {
-            lr: settings.number("lr", 1e-3)?,
-            beta1: settings.number("beta1", 0.9)?,
-            beta2: settings.number("beta2", 0.999)?,
-            eps: settings.number("eps", 1e-8)?,
-            weight_decay: settings.number("weight_decay", weight_decay)?,
-            row_counters,
-        };
-        for (name, beta) in [("beta1", constants.beta1), ("beta2", constants.beta2)] {
+        for (name, beta) in [("beta1", settings.beta1), ("beta2", settings.beta2)] {
             if !(0.0..1.0).contains(&beta) {
                 return Err(format!("setting {name}: expected 0 or more and less than 1, got {beta}"));
             }
         }
-        Ok(constants)
+        Ok(settings)
     }
 }
 
@@ -78,30 +125,22 @@ struct Counter {
 /// All steps; shared with [`super::adamw`].
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn run(x: &Named<f64>, constants: Constants, out: &mut Out<f64>) -> Result<(), String> {
-    let param = x.get("param").ok_or("input param is missing")?;
-    let Some(&rows) = param.shape.first() else {
-        return Err("input param: expected at least one axis, got a 0-d array".to_owned());
-    };
-    let mut shape = vec![ANY];
-    shape.extend(&param.shape);
-    let grads = expect(x, "grads", &shape)?;
-    let steps = grads.shape[0];
-    shape[0] = steps;
-    let active = x.contains_key("active").then(|| expect(x, "active", &[steps, rows])).transpose()?;
+/// When an entry of `active` is neither 0 nor 1.
+pub fn all_steps(input: &In<'_, f64>, settings: Settings, out: &mut Out<'_, f64>) -> Result<(), String> {
+    let In { param, grads, active } = *input;
+    let [steps, rows] = [grads.shape[0], param.shape[0]];
     if let Some(a) = active.and_then(|active| active.data.iter().find(|a| ![0.0, 1.0].contains(*a))) {
         return Err(format!("input active: expected 0 or 1, got {a}"));
     }
     let entries = param.data.len();
     let width = entries.checked_div(rows).unwrap_or(0);
-    let Constants { lr, beta1, beta2, eps, weight_decay, row_counters } = constants;
+    let Settings { lr, beta1, beta2, eps, weight_decay, row_counters } = settings;
     let (mut theta, mut m, mut v) = (param.data.clone(), vec![0.0; entries], vec![0.0; entries]);
     let start = Counter { beta1: 1.0, beta2: 1.0, steps: 0.0 };
     let advance =
         |c: Counter| Counter { beta1: c.beta1 * beta1, beta2: c.beta2 * beta2, steps: c.steps + 1.0 };
     let (mut counters, mut global) = (vec![start; rows], start);
-    let trajectory = out.array("trajectory", &shape);
+    let trajectory = out.array("trajectory", &grads.shape);
     for step in 0..steps {
         global = advance(global);
         for row in 0..rows {
@@ -137,11 +176,18 @@ pub fn run(x: &Named<f64>, constants: Constants, out: &mut Out<f64>) -> Result<(
 /// The twin of `optim.adam`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a setting has a value it cannot have.
-pub fn forward(x: &Named<f64>, settings: &Settings<'_>, out: &mut Out<f64>) -> Result<(), String> {
-    let constants = Constants::of(settings, 0.0)?;
-    if constants.weight_decay != 0.0 {
+/// When an entry of `active` is neither 0 nor 1, or there is a weight decay.
+pub fn forward(input: &In<'_, f64>, settings: Settings, out: &mut Out<'_, f64>) -> Result<(), String> {
+    if settings.weight_decay != 0.0 {
         return Err("setting weight_decay: optim.adam has none; optim.adamw has".to_owned());
     }
-    run(x, constants, out)
+    all_steps(input, settings, out)
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or a setting has a value it cannot have.
+pub fn run(call: &Call<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, Settings::of(call)?, out)
 }

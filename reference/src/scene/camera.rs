@@ -1,6 +1,6 @@
 //! One view. Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5).
 
-use crate::array::{ANY, Named, expect};
+use crate::array::Arr;
 use crate::scalar::Scalar;
 
 /// How a point in camera coordinates reaches the picture.
@@ -15,16 +15,16 @@ pub enum Model {
 }
 
 impl Model {
-    /// The model of that name.
+    /// The model that the setting `camera` names.
     ///
-    /// # Errors
-    /// When there is none.
-    pub fn parse(name: &str) -> Result<Self, String> {
+    /// # Panics
+    /// When there is none of that name; the words are checked by the signature.
+    pub(super) fn of(name: &str) -> Self {
         match name {
-            "pinhole" => Ok(Self::Pinhole),
-            "orthographic" => Ok(Self::Orthographic),
-            "fisheye" => Ok(Self::Fisheye),
-            other => Err(format!("setting camera: expected pinhole, orthographic or fisheye, got {other}")),
+            "pinhole" => Self::Pinhole,
+            "orthographic" => Self::Orthographic,
+            "fisheye" => Self::Fisheye,
+            other => unreachable!("camera {other}"),
         }
     }
 }
@@ -65,28 +65,24 @@ impl Camera {
 /// Picture width and height from the inputs `width` and `height`.
 ///
 /// # Errors
-/// When one is missing or no positive whole number.
-pub fn size_px<S: Scalar>(x: &Named<S>) -> Result<[usize; 2], String> {
-    let side = |name: &str| {
-        let value = expect(x, name, &[])?.data[0].value();
+/// When one is no positive whole number.
+pub fn size_px<S: Scalar>(width: &Arr<S>, height: &Arr<S>) -> Result<[usize; 2], String> {
+    let side = |name: &str, x: &Arr<S>| {
+        let value = x.data[0].value();
         if (1.0..=16_384.0).contains(&value) && value.fract() == 0.0 {
             Ok(value as usize)
         } else {
             Err(format!("input {name}: expected a whole number from 1 to 16384, got {value}"))
         }
     };
-    Ok([side("width")?, side("height")?])
+    Ok([side("width", width)?, side("height", height)?])
 }
 
 /// Poses from `view_from_world` (C,4,4), the rest of the camera left at one pixel per unit.
-///
-/// # Errors
-/// When the array is missing or shaped otherwise.
-pub fn poses<S: Scalar>(x: &Named<S>) -> Result<Vec<Camera>, String> {
-    let views = expect(x, "view_from_world", &[ANY, 4, 4])?;
-    Ok((0..views.shape[0])
+pub fn poses<S: Scalar>(view_from_world: &Arr<S>) -> Vec<Camera> {
+    (0..view_from_world.shape[0])
         .map(|c| {
-            let v: [f64; 16] = views.row(c).map(Scalar::value);
+            let v: [f64; 16] = view_from_world.row(c).map(Scalar::value);
             Camera {
                 rotation: [[v[0], v[1], v[2]], [v[4], v[5], v[6]], [v[8], v[9], v[10]]],
                 translation: [v[3], v[7], v[11]],
@@ -96,17 +92,20 @@ pub fn poses<S: Scalar>(x: &Named<S>) -> Result<Vec<Camera>, String> {
                 model: Model::Pinhole,
             }
         })
-        .collect())
+        .collect()
 }
 
-/// Cameras from `view_from_world` (C,4,4), `intrinsics` (C,3,3), `width`, `height`.
+/// Cameras from `view_from_world` (C,4,4) and `intrinsics` (C,3,3).
 ///
 /// # Errors
-/// When an array is missing or shaped otherwise, or a focal length is not positive.
-pub fn cameras<S: Scalar>(x: &Named<S>, model: Model) -> Result<Vec<Camera>, String> {
-    let mut cameras = poses(x)?;
-    let intrinsics = expect(x, "intrinsics", &[cameras.len(), 3, 3])?;
-    let size_px = size_px(x)?;
+/// When a focal length is not positive.
+pub fn cameras<S: Scalar>(
+    view_from_world: &Arr<S>,
+    intrinsics: &Arr<S>,
+    size_px: [usize; 2],
+    model: Model,
+) -> Result<Vec<Camera>, String> {
+    let mut cameras = poses(view_from_world);
     for (c, camera) in cameras.iter_mut().enumerate() {
         let k: [f64; 9] = intrinsics.row(c).map(Scalar::value);
         camera.focal_px = [k[0], k[4]];

@@ -83,10 +83,10 @@ impl Profile {
     /// The profile named by the setting `profile` (default `exact`), with every constant that is a setting of its
     /// own replaced.
     ///
-    /// # Errors
-    /// When a setting has a value it cannot have.
-    pub fn from_settings(settings: &Settings) -> Result<Self, String> {
-        let mut p = match settings.text("profile", "exact")?.as_str() {
+    /// # Panics
+    /// When a word is unknown here; the words are checked by the signature.
+    pub fn of(settings: &Settings<'_>) -> Self {
+        let mut p = match settings.word("profile") {
             "exact" => Self::EXACT,
             "gsplat" => Self { stop: Stop::Before, ..Self::EXACT },
             "inria" => Self {
@@ -97,45 +97,35 @@ impl Profile {
                 ..Self::EXACT
             },
             "unlimited" => Self { alpha_min: 0.0, stop: Stop::Never, ..Self::EXACT },
-            other => {
-                return Err(format!(
-                    "setting profile: expected exact, gsplat, inria or unlimited, got {other}"
-                ));
-            }
+            other => unreachable!("profile {other}"),
         };
-        p.blur_px2 = settings.number("blur_px2", p.blur_px2)?;
-        p.alpha_max = settings.number("alpha_max", p.alpha_max)?;
-        p.alpha_min = settings.number("alpha_min", p.alpha_min)?;
-        p.t_stop = settings.number("t_stop", p.t_stop)?;
-        p.near = settings.number("near", p.near)?;
-        p.far = settings.number("far", p.far)?;
-        p.antialiased = settings.flag("antialiased", p.antialiased)?;
-        p.inria_bwd = settings.flag("inria_bwd", p.inria_bwd)?;
-        p.stop = match settings.text("stop", "")?.as_str() {
-            "" => p.stop,
+        let number = |key: &str, constant: f64| settings.given_number(key).unwrap_or(constant);
+        p.blur_px2 = number("blur_px2", p.blur_px2);
+        p.alpha_max = number("alpha_max", p.alpha_max);
+        p.alpha_min = number("alpha_min", p.alpha_min);
+        p.t_stop = number("t_stop", p.t_stop);
+        p.near = number("near", p.near);
+        p.far = number("far", p.far);
+        p.antialiased = settings.flag("antialiased");
+        p.inria_bwd = settings.flag("inria_bwd");
+        p.stop = settings.given_word("stop").map_or(p.stop, |word| match word {
             "after" => Stop::After,
             "before" => Stop::Before,
             "before_strict" => Stop::BeforeStrict,
             "never" => Stop::Never,
-            other => {
-                return Err(format!(
-                    "setting stop: expected after, before, before_strict or never, got {other}"
-                ));
-            }
-        };
-        p.clamp = match settings.text("clamp", "")?.as_str() {
-            "" => p.clamp,
+            other => unreachable!("stop {other}"),
+        });
+        p.clamp = settings.given_word("clamp").map_or(p.clamp, |word| match word {
             "gsplat" => TangentClamp::Gsplat,
             "inria" => TangentClamp::Inria,
-            other => return Err(format!("setting clamp: expected gsplat or inria, got {other}")),
-        };
-        p.footprint = match settings.text("footprint", "")?.as_str() {
-            "" => p.footprint,
+            other => unreachable!("clamp {other}"),
+        });
+        p.footprint = settings.given_word("footprint").map_or(p.footprint, |word| match word {
             "alpha" => Footprint::Alpha,
             "inria" => Footprint::Inria,
-            other => return Err(format!("setting footprint: expected alpha or inria, got {other}")),
-        };
-        p.camera = Model::parse(&settings.text("camera", "pinhole")?)?;
-        Ok(p)
+            other => unreachable!("footprint {other}"),
+        });
+        p.camera = Model::of(settings.word("camera"));
+        p
     }
 }

@@ -16,9 +16,34 @@
 
 use std::f64::consts::{PI, TAU};
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
-use crate::shade::ggx::{brdf, dot, material, unit};
+use crate::shade::ggx::{ALBEDO, METALLIC, Material, NORMAL, ROUGHNESS, VIEW, brdf, dot, unit};
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `shade.envmap`.
+    pub struct In<'a, S> {
+        normal: &'a Arr<S> = NORMAL,
+        view: &'a Arr<S> = VIEW,
+        albedo: &'a Arr<S> = ALBEDO,
+        roughness: &'a Arr<S> = ROUGHNESS,
+        metallic: &'a Arr<S> = METALLIC,
+        env: &'a Arr<S> =
+            Port::var("H,W,3", "linear radiance, z up, columns from −y through −x, +y, +x"),
+    }
+}
+
+/// `shade.envmap`
+pub static SIGNATURE: Signature = Signature {
+    name: "shade.envmap",
+    summary: "a point under a whole latitude–longitude map, direct light without shadows",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![radiance: Port::var("P,3", "linear")],
+    ..Signature::EMPTY
+};
 
 /// Unit direction of the centre of texel (i, j) of an (H, W) map.
 pub fn direction(h: usize, w: usize, i: usize, j: usize) -> [f64; 3] {
@@ -34,19 +59,14 @@ pub fn solid_angle(h: usize, w: usize, i: usize) -> f64 {
 }
 
 /// The twin of `shade.envmap`.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let normal = expect(x, "normal", &[ANY, 3])?;
-    let p = normal.shape[0];
-    let view = expect(x, "view", &[p, 3])?;
-    let env = expect(x, "env", &[ANY, ANY, 3])?;
-    let (h, w) = (env.shape[0], env.shape[1]);
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+    let In { normal, view, albedo, roughness, metallic, env } = *input;
+    let [p, h, w] = [normal.shape[0], env.shape[0], env.shape[1]];
     let slot = out.array("radiance", &[p, 3]);
     for point in 0..p {
         let (n, v) = (unit(normal.row(point)), view.row(point));
-        let m = material(x, p, point)?;
+        let (roughness, metallic) = (roughness.data[point], metallic.data[point]);
+        let m = Material { albedo: albedo.row(point), roughness, metallic };
         let mut sum = [S::zero(); 3];
         for i in 0..h {
             for j in 0..w {
@@ -64,5 +84,22 @@ pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> 
         out.put_row(slot, point, sum);
         out.flush();
     }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out);
     Ok(())
+}
+
+/// Number of (point, texel) pairs.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    let In { normal, env, .. } = In::of(call.arrays)?;
+    Ok((normal.shape[0] * env.shape[0] * env.shape[1]) as u64)
 }

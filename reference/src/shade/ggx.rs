@@ -17,8 +17,38 @@
 //! # Kinks and domain
 //! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. α has no gradient below 1e-3. The denominator ½/(…) is not taken below 1e-15.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+pub(super) const NORMAL: Port = Port::var("P,3", "any length; 0 reflects nothing");
+pub(super) const VIEW: Port = Port::fixed("P,3", "towards the eye, unit, used as given");
+pub(super) const ALBEDO: Port = Port::var("P,3", "linear, 0 to 1");
+pub(super) const ROUGHNESS: Port = Port::var("P", "0 to 1; α = max(r², 1e-3)");
+pub(super) const METALLIC: Port = Port::var("P", "0 to 1");
+
+inputs! {
+    /// Inputs of `shade.ggx`.
+    pub struct In<'a, S> {
+        normal: &'a Arr<S> = NORMAL,
+        view: &'a Arr<S> = VIEW,
+        light: &'a Arr<S> = Port::fixed("P,3", "towards the light, unit, used as given"),
+        albedo: &'a Arr<S> = ALBEDO,
+        roughness: &'a Arr<S> = ROUGHNESS,
+        metallic: &'a Arr<S> = METALLIC,
+    }
+}
+
+/// `shade.ggx`
+pub static SIGNATURE: Signature = Signature {
+    name: "shade.ggx",
+    summary: "metallic-roughness BRDF: Lambert and GGX with height-correlated Smith, without the cosine",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![brdf: Port::var("P,3", "1/sr")],
+    ..Signature::EMPTY
+};
 
 /// Albedo, roughness, metallic.
 #[derive(Clone, Copy, Debug)]
@@ -72,31 +102,23 @@ pub fn brdf<S: Scalar>(n: [S; 3], v: [S; 3], l: [S; 3], m: &Material<S>) -> [S; 
     })
 }
 
-/// Row `i` of the material arrays.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn material<S: Scalar>(x: &Named<S>, p: usize, i: usize) -> Result<Material<S>, String> {
-    Ok(Material {
-        albedo: expect(x, "albedo", &[p, 3])?.row(i),
-        roughness: expect(x, "roughness", &[p])?.data[i],
-        metallic: expect(x, "metallic", &[p])?.data[i],
-    })
-}
-
 /// The twin of `shade.ggx`.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let normal = expect(x, "normal", &[ANY, 3])?;
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+    let In { normal, view, light, albedo, roughness, metallic } = *input;
     let p = normal.shape[0];
-    let (view, light) = (expect(x, "view", &[p, 3])?, expect(x, "light", &[p, 3])?);
     let slot = out.array("brdf", &[p, 3]);
     for i in 0..p {
-        let f = brdf(unit(normal.row(i)), view.row(i), light.row(i), &material(x, p, i)?);
-        out.put_row(slot, i, f);
+        let m = Material { albedo: albedo.row(i), roughness: roughness.data[i], metallic: metallic.data[i] };
+        out.put_row(slot, i, brdf(unit(normal.row(i)), view.row(i), light.row(i), &m));
         out.flush();
     }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out);
     Ok(())
 }

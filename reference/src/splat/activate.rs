@@ -9,18 +9,37 @@
 //! | `scales` | (N, 3) | > 0 |
 //! | `opacities` | (N) | 0..1 |
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
 use crate::num::elem::sigmoid;
+use crate::ports::{Port, Signature, Space, ports};
 use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `splat.activate`.
+    pub struct In<'a, S> {
+        scales_log: &'a Arr<S> = Port::var("N,3", "ln of scene units"),
+        opacity_logits: &'a Arr<S> = Port::var("N", "any"),
+    }
+}
+
+/// `splat.activate`
+pub static SIGNATURE: Signature = Signature {
+    name: "splat.activate",
+    summary: "stored parameters to scales (exp) and opacities (logistic)",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        scales: Port::var("N,3", "scene units").moved(Space::Log),
+        opacities: Port::var("N", "0..1").moved(Space::Logit),
+    ],
+    ..Signature::EMPTY
+};
 
 /// The twin of `splat.activate`.
-///
-/// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let scales_log = expect(x, "scales_log", &[ANY, 3])?;
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+    let In { scales_log, opacity_logits } = *input;
     let n = scales_log.shape[0];
-    let opacity_logits = expect(x, "opacity_logits", &[n])?;
     let scales = out.array("scales", &[n, 3]);
     let opacities = out.array("opacities", &[n]);
     for i in 0..n {
@@ -28,5 +47,13 @@ pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> 
         out.put(opacities, i, sigmoid(opacity_logits.data[i]));
         out.flush();
     }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out);
     Ok(())
 }

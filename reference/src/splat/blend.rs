@@ -27,11 +27,55 @@
 //! # Adjoint
 //! With `inria_bwd` the gradient passes through the cap.
 
-use crate::array::{ANY, Arr, Named, Out, Slot, expect};
+use crate::array::{Arr, Named, Out, Slot};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, Space, ports};
 use crate::scalar::Scalar;
 use crate::scene::camera;
 use crate::scene::profile::{Profile, Stop};
 use crate::splat::plan::{self, Lists, TILE};
+use crate::splat::ports::{
+    ALPHA, ALPHA_MASK, AXIS, BACKGROUND, CAMERA_START, CAP_MASK, COLORS, COUNTS, DEPTH, DEPTHS_Z, ENTRY_SLOT,
+    HEIGHT, IMAGE, LAST_INDEX, MEANS_PX, ORDER, SETTINGS, SHAPE, TILE_ENTRY, TILE_START, WIDTH,
+};
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `splat.blend`.
+    pub struct In<'a, S> {
+        means_px: &'a Arr<S> = MEANS_PX,
+        shape: &'a Arr<S> = SHAPE.moved(Space::Log),
+        axis: &'a Arr<S> = AXIS,
+        opacities: &'a Arr<S> =
+            Port::var("N|C,N", "0..1; per camera in antialiased mode").moved(Space::Logit),
+        colors: &'a Arr<S> = COLORS,
+        depths_z: &'a Arr<S> = DEPTHS_Z,
+        background: &'a Arr<S> = BACKGROUND,
+        width: &'a Arr<S> = WIDTH,
+        height: &'a Arr<S> = HEIGHT,
+    }
+}
+
+/// `splat.blend`
+pub static SIGNATURE: Signature = Signature {
+    name: "splat.blend",
+    summary: "ellipses to pictures, nearest first",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![image: IMAGE, alpha: ALPHA, depth: DEPTH],
+    intermediates: ports![counts: COUNTS],
+    plan: ports![
+        order: ORDER,
+        camera_start: CAMERA_START,
+        tile_start: TILE_START,
+        tile_entry: TILE_ENTRY,
+        entry_slot: ENTRY_SLOT,
+        last_index: LAST_INDEX,
+        alpha_mask: ALPHA_MASK,
+        cap_mask: CAP_MASK,
+    ],
+    settings: SETTINGS,
+    ..Signature::EMPTY
+};
 
 /// One Gaussian in one view as blending sees it.
 #[derive(Clone, Copy, Debug)]
@@ -57,50 +101,33 @@ impl<S: Scalar> Ellipse<S> {
     }
 }
 
-/// Inputs of blending.
-pub struct In<'a, S> {
+/// Gaussians in all views, checked.
+pub struct Ellipses<'a, S> {
     /// C.
     pub views: usize,
     /// N.
     pub n: usize,
     /// Width and height.
     pub size_px: [usize; 2],
-    means_px: &'a Arr<S>,
-    shape: &'a Arr<S>,
-    axis: &'a Arr<S>,
-    opacities: &'a Arr<S>,
-    colors: &'a Arr<S>,
-    depths_z: &'a Arr<S>,
+    input: In<'a, S>,
     background: [S; 3],
 }
 
-impl<'a, S: Scalar> In<'a, S> {
-    /// Reads the inputs; `opacities` names the array of opacities.
+impl<'a, S: Scalar> Ellipses<'a, S> {
+    /// Checks the inputs.
     ///
     /// # Errors
-    /// When one is missing or shaped otherwise.
-    pub fn of(x: &'a Named<S>, opacities: &str) -> Result<Self, String> {
-        let means_px = expect(x, "means_px", &[ANY, ANY, 2])?;
-        let (views, n) = (means_px.shape[0], means_px.shape[1]);
-        let axis = expect(x, "axis", &[views, n])?;
-        if let Some(axis) = axis.data.iter().find(|axis| ![0.0, 1.0].contains(&axis.value())) {
+    /// When the size of the picture is none, or an axis neither 0 nor 1.
+    pub fn of(input: &In<'a, S>) -> Result<Self, String> {
+        if let Some(axis) = input.axis.data.iter().find(|axis| ![0.0, 1.0].contains(&axis.value())) {
             return Err(format!("input axis: expected 0 or 1, got {}", axis.value()));
         }
-        let opacities = match x.get(opacities) {
-            Some(o) if o.shape == [views, n] => o,
-            _ => expect(x, opacities, &[n])?,
-        };
         Ok(Self {
-            views,
-            n,
-            size_px: camera::size_px(x)?,
-            means_px,
-            shape: expect(x, "shape", &[views, n, 3])?,
-            axis,
-            opacities,
-            colors: expect(x, "colors", &[views, n, 3])?,
-            depths_z: expect(x, "depths_z", &[views, n])?,
-            background: expect(x, "background", &[3])?.row(0),
+            views: input.means_px.shape[0],
+            n: input.means_px.shape[1],
+            size_px: camera::size_px(input.width, input.height)?,
+            background: input.background.row(0),
+            input: *input,
         })
     }
 
@@ -116,17 +143,19 @@ impl<'a, S: Scalar> In<'a, S> {
     /// Gaussian `i` in view `c`.
     pub fn ellipse(&self, c: usize, i: usize) -> Ellipse<S> {
         let row = c * self.n + i;
+        let In { means_px, shape, axis, opacities, .. } = self.input;
         Ellipse {
-            mean_px: self.means_px.row(row),
-            shape: self.shape.row(row),
-            axis: self.axis.data[row].value() as usize,
-            opacity: self.opacities.data[if self.opacities.shape.len() == 1 { i } else { row }],
+            mean_px: means_px.row(row),
+            shape: shape.row(row),
+            axis: axis.data[row].value() as usize,
+            opacity: opacities.data[if opacities.shape.len() == 1 { i } else { row }],
         }
     }
     /// Depth of every Gaussian that is drawn, by row.
     pub fn depths(&self) -> Vec<Option<f64>> {
-        let drawn = |row: usize| self.shape.data[3 * row + 1].value() > 0.0;
-        (0..self.views * self.n).map(|row| drawn(row).then(|| self.depths_z.data[row].value())).collect()
+        let In { shape, depths_z, .. } = self.input;
+        let drawn = |row: usize| shape.data[3 * row + 1].value() > 0.0;
+        (0..self.views * self.n).map(|row| drawn(row).then(|| depths_z.data[row].value())).collect()
     }
 }
 
@@ -175,7 +204,7 @@ struct Hit {
 
 /// Decides which entries of a pixel's list contribute, on values alone.
 fn decide(
-    x: &In<'_, f64>,
+    x: &Ellipses<'_, f64>,
     profile: &Profile,
     lists: &Lists,
     given: &Given<'_>,
@@ -220,7 +249,7 @@ fn decide(
 
 /// Composites the hits of one pixel: colour with background, Σ T α, Σ T α z.
 fn composite<S: Scalar>(
-    x: &In<'_, S>,
+    x: &Ellipses<'_, S>,
     profile: &Profile,
     hits: &[Hit],
     [c, py, px]: [usize; 3],
@@ -236,10 +265,10 @@ fn composite<S: Scalar>(
             (true, true) => raw.chain(profile.alpha_max, 1.0),
         };
         let weight = transmittance * alpha;
-        let c: [S; 3] = x.colors.row(row);
+        let c: [S; 3] = x.input.colors.row(row);
         color = std::array::from_fn(|channel| color[channel] + weight * c[channel]);
         alpha_sum = alpha_sum + weight;
-        depth = depth + weight * x.depths_z.data[row];
+        depth = depth + weight * x.input.depths_z.data[row];
         transmittance = transmittance * (S::one() - alpha);
     }
     (std::array::from_fn(|channel| color[channel] + transmittance * x.background[channel]), alpha_sum, depth)
@@ -255,22 +284,23 @@ fn declare<S: Scalar>(out: &mut Out<S>, [c, h, w]: [usize; 3]) -> [Slot; 4] {
     ]
 }
 
-/// The twin of `splat.blend`; `opacities` names the array of opacities. Completes the plan.
+/// The twin of `splat.blend`. Completes the plan.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When the size of the picture is none, an axis neither 0 nor 1, or the plan does not fit.
 pub fn forward<S: Scalar>(
-    x: &Named<S>,
-    opacities: &str,
+    input: &In<'_, S>,
     profile: &Profile,
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
+    out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    let names =
-        ["means_px", "shape", "axis", opacities, "colors", "depths_z", "background", "width", "height"];
-    let values: Named<f64> =
-        names.iter().filter_map(|&name| Some((name.to_owned(), x.get(name)?.map(|x| x.value())))).collect();
-    let (x, v) = (In::of(x, opacities)?, In::of(&values, opacities)?);
+    // Decisions are taken on values.
+    let In { means_px, shape, axis, opacities, colors, depths_z, background, width, height } = *input;
+    let all = [means_px, shape, axis, opacities, colors, depths_z, background, width, height];
+    let [means_px, shape, axis, opacities, colors, depths_z, background, width, height] =
+        &all.map(|array| array.map(|x| x.value()));
+    let values = In { means_px, shape, axis, opacities, colors, depths_z, background, width, height };
+    let (x, v) = (Ellipses::of(input)?, Ellipses::of(&values)?);
     plan::write_order(plan, &v.depths(), v.views, v.n, &mut out.plan);
     let order = plan::order(Some(&out.plan), v.views, v.n)?.expect("the order was just written");
     let lists = Lists::of(plan, &order, &v, profile)?;
@@ -311,12 +341,28 @@ pub fn forward<S: Scalar>(
     Ok(())
 }
 
-/// Number of (Gaussian, pixel) pairs that are looked at, for an estimate of the time.
+/// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn pairs(x: &Named<f64>, opacities: &str, profile: &Profile) -> Result<u64, String> {
-    let x = In::of(x, opacities)?;
+/// When an input is missing or shaped otherwise, or the plan does not fit it.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, &Profile::of(&call.settings), call.plan, out)
+}
+
+/// Number of (Gaussian, pixel) pairs that are looked at.
+///
+/// # Errors
+/// As [`run`].
+pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
+    pairs(&In::of(call.arrays)?, &Profile::of(&call.settings))
+}
+
+/// Number of (Gaussian, pixel) pairs that are looked at.
+///
+/// # Errors
+/// As [`forward`].
+pub fn pairs(input: &In<'_, f64>, profile: &Profile) -> Result<u64, String> {
+    let x = Ellipses::of(input)?;
     let drawn = x.depths();
     let mut pairs = 0;
     for row in (0..x.views * x.n).filter(|&row| drawn[row].is_some()) {

@@ -17,9 +17,33 @@
 //! A channel below 0 becomes 0 with zero gradient; at exactly 0 it counts as not clamped (`color_mask` 1 means not
 //! clamped). A Gaussian in the camera centre has direction 0 and zero gradient through the direction.
 
-use crate::array::{ANY, Arr, Named, Out, expect};
+use crate::array::{Arr, Named, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
 use crate::scene::camera;
+use crate::splat::ports::{COLOR_MASK, MEANS, SH, SH_DEGREE, VIEWS};
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `splat.color`.
+    pub struct In<'a, S> {
+        means: &'a Arr<S> = MEANS,
+        sh: &'a Arr<S> = SH,
+        sh_degree: &'a Arr<S> = SH_DEGREE,
+        view_from_world: &'a Arr<S> = VIEWS,
+    }
+}
+
+/// `splat.color`
+pub static SIGNATURE: Signature = Signature {
+    name: "splat.color",
+    summary: "view-dependent colour from spherical harmonics of degree 0 to 3",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![colors: Port::var("C,N,3", "sRGB-encoded, ≥ 0")],
+    plan: ports![color_mask: COLOR_MASK],
+    ..Signature::EMPTY
+};
 
 const C0: f64 = 0.282_094_791_773_878_14;
 const C1: f64 = 0.488_602_511_902_919_9;
@@ -99,13 +123,12 @@ pub struct Sh<'a, S> {
 }
 
 impl<'a, S: Scalar> Sh<'a, S> {
-    /// Reads `sh` (N,K,3) and `sh_degree`.
+    /// Coefficients `sh` (N,K,3) with the degree `sh_degree`.
     ///
     /// # Errors
-    /// When they are missing or do not fit.
-    pub fn of(x: &'a Named<S>, n: usize) -> Result<Self, String> {
-        let sh = expect(x, "sh", &[n, ANY, 3])?;
-        let degree = expect(x, "sh_degree", &[])?.data[0].value();
+    /// When they do not fit.
+    pub fn of(sh: &'a Arr<S>, sh_degree: &Arr<S>) -> Result<Self, String> {
+        let degree = sh_degree.data[0].value();
         if !(0.0..=3.0).contains(&degree) || degree.fract() != 0.0 {
             return Err(format!("input sh_degree: expected 0, 1, 2 or 3, got {degree}"));
         }
@@ -134,12 +157,16 @@ pub fn mask_of(plan: Option<&Named<f64>>, i: usize) -> Option<[bool; 3]> {
 /// The twin of `splat.color`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
-pub fn forward<S: Scalar>(x: &Named<S>, plan: Option<&Named<f64>>, out: &mut Out<S>) -> Result<(), String> {
-    let means = expect(x, "means", &[ANY, 3])?;
+/// When the degree is none or has too few coefficients.
+pub fn forward<S: Scalar>(
+    input: &In<'_, S>,
+    plan: Option<&Named<f64>>,
+    out: &mut Out<'_, S>,
+) -> Result<(), String> {
+    let means = input.means;
     let n = means.shape[0];
-    let sh = Sh::of(x, n)?;
-    let cameras = camera::poses(x)?;
+    let sh = Sh::of(input.sh, input.sh_degree)?;
+    let cameras = camera::poses(input.view_from_world);
     let colors = out.array("colors", &[cameras.len(), n, 3]);
     let mut color_mask = Arr::filled(&[cameras.len(), n, 3], 0.0);
     for (c, camera) in cameras.iter().enumerate() {
@@ -155,4 +182,12 @@ pub fn forward<S: Scalar>(x: &Named<S>, plan: Option<&Named<f64>>, out: &mut Out
     }
     out.plan.insert("color_mask".to_owned(), color_mask);
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, call.plan, out)
 }

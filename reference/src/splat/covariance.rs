@@ -18,8 +18,29 @@
 //! # Adjoint
 //! The normalisation is differentiated: ⟨q, q̄⟩ = 0.
 
-use crate::array::{ANY, Named, Out, expect};
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
 use crate::scalar::Scalar;
+use crate::splat::ports::{QUATS, SCALES};
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `splat.covariance`.
+    pub struct In<'a, S> {
+        quats: &'a Arr<S> = QUATS,
+        scales: &'a Arr<S> = SCALES,
+    }
+}
+
+/// `splat.covariance`
+pub static SIGNATURE: Signature = Signature {
+    name: "splat.covariance",
+    summary: "quaternions and scales to factors F = R·S of the covariance Σ = F·Fᵀ",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![factors: Port::var("N,3,3", "scene units")],
+    ..Signature::EMPTY
+};
 
 /// Rotation matrix of a quaternion of any length but zero.
 pub fn rotation<S: Scalar>(quat: [S; 4]) -> [[S; 3]; 3] {
@@ -45,41 +66,38 @@ pub fn factor<S: Scalar>(quat: [S; 4], scale: [S; 3]) -> [[S; 3]; 3] {
     rotation(quat).map(|row| std::array::from_fn(|j| row[j] * scale[j]))
 }
 
-/// The factor of Gaussian `i` from `factors`, or from `quats` and `scales`.
+/// The factor of Gaussian `i`.
 ///
 /// # Errors
-/// When the inputs are missing or shaped otherwise, or the quaternion is zero.
-pub fn factor_of<S: Scalar>(x: &Named<S>, n: usize, i: usize) -> Result<[[S; 3]; 3], String> {
-    if x.contains_key("factors") {
-        let f: [S; 9] = expect(x, "factors", &[n, 3, 3])?.row(i);
-        return Ok([[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]]);
-    }
-    Ok(factor(quat_of(x, n, i)?, expect(x, "scales", &[n, 3])?.row(i)))
-}
-
-fn quat_of<S: Scalar>(x: &Named<S>, n: usize, i: usize) -> Result<[S; 4], String> {
-    let quat: [S; 4] = expect(x, "quats", &[n, 4])?.row(i);
+/// When its quaternion is zero.
+pub fn factor_of<S: Scalar>(input: &In<'_, S>, i: usize) -> Result<[[S; 3]; 3], String> {
+    let quat: [S; 4] = input.quats.row(i);
     if quat.iter().all(|q| q.value() == 0.0) {
         return Err(format!("input quats[{i}]: expected any length but zero, got 0"));
     }
-    Ok(quat)
+    Ok(factor(quat, input.scales.row(i)))
 }
 
 /// The twin of `splat.covariance`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a quaternion is zero.
-pub fn forward<S: Scalar>(x: &Named<S>, out: &mut Out<S>) -> Result<(), String> {
-    let n = expect(x, "quats", &[ANY, 4])?.shape[0];
+/// When a quaternion is zero.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    let n = input.quats.shape[0];
     let factors = out.array("factors", &[n, 3, 3]);
     for i in 0..n {
-        // not `factor_of`: a pool of arrays may already hold this stage's own result under "factors"
-        for (row, f) in
-            factor(quat_of(x, n, i)?, expect(x, "scales", &[n, 3])?.row(i)).into_iter().enumerate()
-        {
+        for (row, f) in factor_of(input, i)?.into_iter().enumerate() {
             out.put_row(factors, 3 * i + row, f);
         }
         out.flush();
     }
     Ok(())
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or a quaternion is zero.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out)
 }

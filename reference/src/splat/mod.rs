@@ -10,6 +10,8 @@ pub mod activate;
 pub mod blend;
 pub mod color;
 pub mod covariance;
+pub mod footprint;
 pub mod plan;
+mod ports;
 pub mod project;
 pub mod render;

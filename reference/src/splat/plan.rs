@@ -19,7 +19,7 @@
 
 use crate::array::{Arr, Named};
 use crate::scene::profile::{Footprint, Profile};
-use crate::splat::{blend, project};
+use crate::splat::{blend, footprint};
 
 /// Side of a tile in pixels.
 pub const TILE: usize = 16;
@@ -152,7 +152,7 @@ pub fn reach(ellipse: &blend::Ellipse<f64>, size_px: [usize; 2], profile: &Profi
     let [u, v] = ellipse.mean_px;
     match profile.footprint {
         Footprint::Inria => {
-            let r = project::inria_radius(ellipse.shape, ellipse.axis);
+            let r = footprint::inria_radius(ellipse.shape, ellipse.axis);
             let side = TILE as f64;
             std::array::from_fn(|k| {
                 let pixel = [u, v][k] - 0.5;
@@ -165,7 +165,7 @@ pub fn reach(ellipse: &blend::Ellipse<f64>, size_px: [usize; 2], profile: &Profi
         Footprint::Alpha if profile.alpha_min == 0.0 => [[0, size_px[0]], [0, size_px[1]]],
         Footprint::Alpha if ellipse.opacity < profile.alpha_min => [[0, 0], [0, 0]],
         Footprint::Alpha => {
-            let [a, _, c] = project::covariance_of_shape(ellipse.shape, ellipse.axis);
+            let [a, _, c] = footprint::covariance_of_shape(ellipse.shape, ellipse.axis);
             let extent = (2.0 * libm::log(ellipse.opacity / profile.alpha_min)).sqrt();
             std::array::from_fn(|k| {
                 // A pixel more on each side, and a little more for huge ellipses: the α test decides.
@@ -198,7 +198,7 @@ impl Lists {
     pub fn of(
         plan: Option<&Named<f64>>,
         order: &Order,
-        x: &blend::In<'_, f64>,
+        x: &blend::Ellipses<'_, f64>,
         profile: &Profile,
     ) -> Result<Self, String> {
         let tiles = x.views * x.tiles()[0] * x.tiles()[1];
@@ -250,7 +250,7 @@ impl Lists {
 }
 
 /// Emission slots: places of the entries sorted by (camera, Gaussian, tile).
-fn slots(tile_start: &[usize], tile_entry: &[usize], x: &blend::In<'_, f64>) -> Vec<usize> {
+fn slots(tile_start: &[usize], tile_entry: &[usize], x: &blend::Ellipses<'_, f64>) -> Vec<usize> {
     let tiles_per_view = x.tiles()[0] * x.tiles()[1];
     let mut emitted = Vec::with_capacity(tile_entry.len());
     for tile in 0..tile_start.len() - 1 {

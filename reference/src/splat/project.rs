@@ -31,11 +31,54 @@
 //! With `inria_bwd`: t̃ is taken as a constant beyond a limit, which doubles ∂J/∂z there; the gradient through Σ' into the
 //! conic is multiplied by det²/(det² + 1e-7).
 
-use crate::array::{ANY, Arr, Named, Out, expect};
+use crate::array::{Arr, Named, Out};
+use crate::inputs::{inputs, required};
+use crate::ports::{Signature, ports};
 use crate::scalar::Scalar;
-use crate::scene::camera::{Camera, Model, cameras};
-use crate::scene::profile::{Footprint, Profile, TangentClamp};
+use crate::scene::camera::{Camera, Model, cameras, size_px};
+use crate::scene::profile::{Profile, TangentClamp};
+use crate::splat::footprint::radii_px;
+use crate::splat::ports::{
+    AXIS, CAMERA_START, COMPENSATION, CONICS, DEPTHS_Z, FACTORS, HEIGHT, INTRINSICS, MEANS, MEANS_PX, NEAR,
+    OPACITIES, ORDER, PIVOT, QUATS, RADII, SCALES, SETTINGS, SHAPE, T_CLAMP, VIEWS, WIDTH,
+};
 use crate::splat::{covariance, plan};
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `splat.project`: `quats` and `scales`, or `factors`.
+    pub struct In<'a, S> {
+        means: &'a Arr<S> = MEANS,
+        quats: Option<&'a Arr<S>> = QUATS,
+        scales: Option<&'a Arr<S>> = SCALES,
+        factors: Option<&'a Arr<S>> = FACTORS,
+        opacities: Option<&'a Arr<S>> = OPACITIES.without_gradient(),
+        view_from_world: &'a Arr<S> = VIEWS,
+        intrinsics: &'a Arr<S> = INTRINSICS,
+        width: &'a Arr<S> = WIDTH,
+        height: &'a Arr<S> = HEIGHT,
+        near: Option<&'a Arr<S>> = NEAR,
+    }
+}
+
+/// `splat.project`
+pub static SIGNATURE: Signature = Signature {
+    name: "splat.project",
+    summary: "Gaussians to ellipses in the picture",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![
+        means_px: MEANS_PX,
+        depths_z: DEPTHS_Z,
+        conics: CONICS,
+        radii_px: RADII,
+        shape: SHAPE,
+        axis: AXIS,
+        compensation: COMPENSATION,
+    ],
+    plan: ports![order: ORDER, camera_start: CAMERA_START, t_clamp: T_CLAMP, pivot: PIVOT],
+    settings: SETTINGS,
+    ..Signature::EMPTY
+};
 
 /// Decisions about one Gaussian in one view; what is `None` is taken on the values.
 #[derive(Clone, Copy, Debug, Default)]
@@ -203,56 +246,6 @@ pub fn project_one<S: Scalar>(
     Some(Projected { mean_px, depth_z: z, conic, shape, det, pivot, t_clamp, compensation })
 }
 
-/// xx, xy, yy of Σ' from s, k1, k2 and the axis p.
-pub fn covariance_of_shape(shape: [f64; 3], axis: usize) -> [f64; 3] {
-    let [s, k1, k2] = shape;
-    let larger = 1.0 / (k1 * k1);
-    let other = 1.0 / (k2 * k2) + s * s * larger;
-    if axis == 0 { [larger, s * larger, other] } else { [other, s * larger, larger] }
-}
-
-/// Half-width of Inria's square, ceil(3 √λ_max) with λ_max = m + √max(0.1, m² − det).
-pub fn inria_radius(shape: [f64; 3], axis: usize) -> f64 {
-    let [a, _, c] = covariance_of_shape(shape, axis);
-    let (m, det) = (0.5 * (a + c), 1.0 / (shape[1] * shape[1]) / (shape[2] * shape[2]));
-    let square = m * m - det;
-    libm::ceil(3.0 * (m + if square > 0.1 { square } else { 0.1 }.sqrt()).sqrt())
-}
-
-/// Extent of a Gaussian without an opacity, in standard deviations: √(2 ln 255), rounded up.
-const EXTENT: f64 = 3.33;
-
-/// Half-axes in whole pixels of the box around the visible part: ceil(e·√Σ'ii), e = min(3.33, √(2 ln(o/α_min))), or Inria's
-/// square; without an opacity, or without a cut, e = 3.33. Both are 0 where o < α_min, or where the box of e = 3.33
-/// (Inria's square) lies outside the picture.
-pub fn radii_px(
-    mean_px: [f64; 2],
-    shape: [f64; 3],
-    axis: usize,
-    opacity: Option<f64>,
-    camera: &Camera,
-    profile: &Profile,
-) -> [f64; 2] {
-    let [a, _, c] = covariance_of_shape(shape, axis);
-    let inria = profile.footprint == Footprint::Inria;
-    let radii = |extent: f64| match inria {
-        true => [inria_radius(shape, axis); 2],
-        false => [a, c].map(|variance| libm::ceil(extent * variance.sqrt())),
-    };
-    let extent = match opacity {
-        Some(o) if !inria && o < profile.alpha_min => return [0.0; 2],
-        Some(o) if profile.alpha_min > 0.0 => (2.0 * libm::log(o / profile.alpha_min)).sqrt(),
-        _ => EXTENT,
-    };
-    let widest = radii(EXTENT);
-    let touches =
-        (0..2).all(|k| mean_px[k] + widest[k] > 0.0 && mean_px[k] - widest[k] < camera.size_px[k] as f64);
-    match touches {
-        true => radii(if extent < EXTENT { extent } else { EXTENT }),
-        false => [0.0; 2],
-    }
-}
-
 /// The decisions a plan has taken for Gaussian `i` in view `c`, row c·N + i.
 pub fn decision_of(plan: Option<&Named<f64>>, visible: Option<&[bool]>, row: usize) -> Decision {
     let array = |name: &str| plan.and_then(|plan| plan.get(name));
@@ -263,51 +256,58 @@ pub fn decision_of(plan: Option<&Named<f64>>, visible: Option<&[bool]>, row: usi
     }
 }
 
-/// What projection writes; shared by `splat.project` and `splat.render`.
+/// The views of a call.
 pub struct Views {
-    /// The views.
+    /// Cameras.
     pub cameras: Vec<Camera>,
     /// Constants.
     pub profile: Profile,
-    /// Number of Gaussians.
-    pub n: usize,
 }
 
 impl Views {
-    /// Reads cameras, `near` and the number of Gaussians.
+    /// Reads cameras and `near`.
     ///
     /// # Errors
-    /// When an input is missing or shaped otherwise.
-    pub fn of<S: Scalar>(x: &Named<S>, mut profile: Profile) -> Result<Self, String> {
-        if x.contains_key("near") {
-            profile.near = expect(x, "near", &[])?.data[0].value();
+    /// When a camera is none, or the antialiased mode lacks opacities.
+    pub fn of<S: Scalar>(input: &In<'_, S>, mut profile: Profile) -> Result<Self, String> {
+        if let Some(near) = input.near {
+            profile.near = near.data[0].value();
         }
-        let n = expect(x, "means", &[ANY, 3])?.shape[0];
-        if x.contains_key("opacities") {
-            expect(x, "opacities", &[n])?;
-        } else if profile.antialiased {
+        if profile.antialiased && input.opacities.is_none() {
             return Err("input opacities is missing: the antialiased mode needs them".to_owned());
         }
-        Ok(Self { cameras: cameras(x, profile.camera)?, profile, n })
+        let size_px = size_px(input.width, input.height)?;
+        let cameras = cameras(input.view_from_world, input.intrinsics, size_px, profile.camera)?;
+        Ok(Self { cameras, profile })
     }
 }
 
-/// Writes the projection of every Gaussian in every view. `also` is called for each visible Gaussian with (camera
-/// index, Gaussian, row, its projection) before the row is flushed. Completes the plan by `order`, `camera_start`,
-/// `t_clamp`, `pivot`.
+/// The factor of Gaussian `i` from `factors`, or from `quats` and `scales`.
+fn factor_of<S: Scalar>(input: &In<'_, S>, i: usize) -> Result<[[S; 3]; 3], String> {
+    if let Some(factors) = input.factors {
+        let f: [S; 9] = factors.row(i);
+        return Ok([[f[0], f[1], f[2]], [f[3], f[4], f[5]], [f[6], f[7], f[8]]]);
+    }
+    let (quats, scales) = (required("quats", input.quats)?, required("scales", input.scales)?);
+    covariance::factor_of(&covariance::In { quats, scales }, i)
+}
+
+/// Writes the projection of every Gaussian in every view; shared by `splat.project` and `splat.render`. `also` is called
+/// for each visible Gaussian with (camera index, Gaussian, row, its projection) before the row is flushed. Completes the
+/// plan by `order`, `camera_start`, `t_clamp`, `pivot`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When a Gaussian has no finite ellipse, or the plan does not fit.
 pub fn write<S: Scalar>(
-    x: &Named<S>,
+    input: &In<'_, S>,
     views: &Views,
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
-    mut also: impl FnMut(&mut Out<S>, usize, usize, usize, &Projected<S>),
+    out: &mut Out<'_, S>,
+    mut also: impl FnMut(&mut Out<'_, S>, usize, usize, usize, &Projected<S>),
 ) -> Result<(), String> {
-    let Views { cameras, profile, n } = views;
-    let (n, views) = (*n, cameras.len());
-    let means = expect(x, "means", &[n, 3])?;
+    let Views { cameras, profile } = views;
+    let means = input.means;
+    let (n, views) = (means.shape[0], cameras.len());
     let given = plan::visible(plan, views, n)?;
     plan::check_rows(plan, views, n)?;
     let means_px = out.array("means_px", &[views, n, 2]);
@@ -324,7 +324,7 @@ pub fn write<S: Scalar>(
         for i in 0..n {
             let row = c * n + i;
             let decision = decision_of(plan, given.as_deref(), row);
-            let factor = covariance::factor_of(x, n, i)?;
+            let factor = factor_of(input, i)?;
             if let Some(p) = project_one(means.row(i), factor, camera, profile, decision) {
                 let all =
                     p.mean_px.iter().chain(&p.conic).chain(&p.shape).chain([&p.depth_z, &p.compensation]);
@@ -338,7 +338,7 @@ pub fn write<S: Scalar>(
                 out.put_row(conics, row, p.conic);
                 out.put_row(shape, row, p.shape);
                 out.put(axis, row, S::from_f64(p.pivot as f64));
-                let mut opacity = x.get("opacities").map(|o| o.data[i].value());
+                let mut opacity = input.opacities.map(|o| o.data[i].value());
                 if let Some(compensation) = compensation {
                     out.put(compensation, row, p.compensation);
                     opacity = opacity.map(|o| o * p.compensation.value());
@@ -364,12 +364,21 @@ pub fn write<S: Scalar>(
 /// The twin of `splat.project`.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When a camera is none, the shape of the Gaussians or the opacities of the antialiased mode are missing, a Gaussian has
+/// no finite ellipse, or the plan does not fit.
 pub fn forward<S: Scalar>(
-    x: &Named<S>,
+    input: &In<'_, S>,
     profile: Profile,
     plan: Option<&Named<f64>>,
-    out: &mut Out<S>,
+    out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    write(x, &Views::of(x, profile)?, plan, out, |_, _, _, _, _| {})
+    write(input, &Views::of(input, profile)?, plan, out, |_, _, _, _, _| {})
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise, or the plan does not fit it.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, Profile::of(&call.settings), call.plan, out)
 }

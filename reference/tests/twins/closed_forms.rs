@@ -205,9 +205,9 @@ fn losses_of_constant_pictures_are_known() {
         assert!((mse["y"].data[3 * pixel] + kept * 2.0 * 2.0 * 0.5 / values).abs() < 1e-17);
     }
     // One pixel more than the window away from every border the variances vanish.
-    use reference::loss::{Pair, ssim};
+    use reference::loss::{In, Pair, ssim};
     let whole = named([("x", flat(a)), ("y", flat(b))]);
-    let pair = Pair::of(&whole).expect("two pictures");
+    let pair = Pair::of(&In::of(&whole).expect("two pictures")).expect("two pictures");
     let centre = ssim::map_at(&pair, &ssim::window(), [15, 15, 0]);
     let expected = (2.0 * a * b + 1e-4) / (a * a + b * b + 1e-4);
     assert!((centre - expected).abs() < 1e-12, "{centre} against {expected}");
@@ -225,8 +225,8 @@ fn masked_ssim_is_that_of_masked_pictures() {
         Arr::new(&[h, w, 3], x.data.iter().enumerate().map(|(i, x)| x * mask.data[i / 3]).collect())
     };
     let masked = named([("x", times(&x)), ("y", times(&y))]);
-    use reference::loss::{Pair, ssim};
-    let pair = Pair::of(&masked).expect("two pictures");
+    use reference::loss::{In, Pair, ssim};
+    let pair = Pair::of(&In::of(&masked).expect("two pictures")).expect("two pictures");
     let (mut sum, mut count) = (0.0, 0.0);
     for i in (0..3 * h * w).filter(|i| mask.data[i / 3] == 1.0) {
         sum += ssim::map_at(&pair, &ssim::window(), [i / 3 / w, i / 3 % w, i % 3]);

@@ -7,18 +7,19 @@ use reference::fd;
 use reference::twins::{self, Request, Setting};
 
 use crate::npz::relative;
+use crate::people;
 use crate::scenes::{cameras, directions, dot, named, normal, scene, settings, uniform};
 
 /// One operator with inputs.
-struct Case {
-    name: &'static str,
-    op: &'static str,
-    inputs: Named<f64>,
-    settings: BTreeMap<String, Setting>,
-    smooth: &'static [&'static str],
-    outputs: &'static [&'static str],
+pub(crate) struct Case {
+    pub(crate) name: &'static str,
+    pub(crate) op: &'static str,
+    pub(crate) inputs: Named<f64>,
+    pub(crate) settings: BTreeMap<String, Setting>,
+    pub(crate) smooth: &'static [&'static str],
+    pub(crate) outputs: &'static [&'static str],
     /// Bound of the dot-product test.
-    bound: f64,
+    pub(crate) bound: f64,
 }
 
 fn without(mut inputs: Named<f64>, names: &[&str]) -> Named<f64> {
@@ -41,7 +42,13 @@ fn pictures() -> Named<f64> {
     ])
 }
 
-fn cases() -> Vec<Case> {
+pub(crate) fn cases() -> Vec<Case> {
+    let mut all = of_images_and_graphs();
+    all.extend(people::cases());
+    all
+}
+
+fn of_images_and_graphs() -> Vec<Case> {
     let n = 24;
     let full = scene(n, 40, 28);
     let splat = |name, op, inputs: Named<f64>, with: &[(&str, &str)], smooth, outputs, bound| Case {

@@ -5,6 +5,8 @@ mod golden;
 mod gradients;
 mod npz;
 mod numbers;
+mod people;
 mod scenes;
 mod semantics;
+mod signatures;
 mod skin;

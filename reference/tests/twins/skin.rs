@@ -43,7 +43,8 @@ fn template(p: usize, k: usize) -> Named<f64> {
 
 fn run(inputs: &Named<f64>) -> Named<f64> {
     let mut out = Out::new(None);
-    skin::forward(inputs, &mut out).expect("shapes fit");
+    let inputs = skin::In::of(inputs).expect("shapes fit");
+    skin::forward(&inputs, &mut out).expect("there are bones");
     out.finish().0
 }
 
@@ -161,7 +162,7 @@ fn inputs_of_other_shapes_are_refused() {
     let x = template(6, 3);
     let refused = |inputs: &Named<f64>| {
         let mut out = Out::new(None);
-        skin::forward(inputs, &mut out).expect_err("refused")
+        skin::In::of(inputs).and_then(|inputs| skin::forward(&inputs, &mut out)).expect_err("refused")
     };
     for (name, shape) in [
         ("points", vec![6, 2]),
@@ -193,7 +194,7 @@ fn jvp(x: &Named<f64>, tangents: &Named<f64>) -> Named<f64> {
     };
     let x: Named<Dual> = x.iter().map(|(name, arr)| (name.clone(), dual(name, arr))).collect();
     let mut out = Out::new(None);
-    skin::forward(&x, &mut out).expect("shapes fit");
+    skin::forward(&skin::In::of(&x).expect("shapes fit"), &mut out).expect("there are bones");
     out.finish().0.into_iter().map(|(name, arr)| (name, arr.map(|d| d.tangent))).collect()
 }
 
@@ -202,7 +203,7 @@ fn vjp(x: &Named<f64>, bars: &Named<f64>) -> Named<f64> {
     rev::clear();
     let leaves: Named<Rev> = x.iter().map(|(name, arr)| (name.clone(), rev::leaves(arr))).collect();
     let mut out = Out::new(Some(bars));
-    skin::forward(&leaves, &mut out).expect("shapes fit");
+    skin::forward(&skin::In::of(&leaves).expect("shapes fit"), &mut out).expect("there are bones");
     out.finish();
     leaves.iter().map(|(name, arr)| (name.clone(), rev::adjoints(arr))).collect()
 }
@@ -275,7 +276,7 @@ fn skinning_agrees_with_its_adjoint_formulas() {
         let factors = [0.1, 0.0, 0.0, 0.02, 0.2, 0.0, 0.0, 0.0, 0.3];
         x.insert("factors".into(), Arr::new(&[1, 3, 3], factors.iter().map(|&v| dual(v, 0.0)).collect()));
         let mut out = Out::new(None);
-        skin::forward(&x, &mut out).expect("shapes fit");
+        skin::forward(&skin::In::of(&x).expect("shapes fit"), &mut out).expect("there are bones");
         out.finish().0
     };
     let m: Vec<f64> = g0.iter().zip(&g1).map(|(a, b)| 0.25 * a + 0.75 * b).collect();

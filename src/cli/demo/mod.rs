@@ -5,56 +5,22 @@
 //! scene    photographs ──► Gaussians ──► held-out pictures
 //! ```
 
+mod args;
 mod person;
 mod scene;
 
+use super::claim;
 use super::meter::Meter;
 use super::report::run::Run;
 use super::report::{Page, Stat};
 use super::shared::Outcome;
-use super::{claim, command_line, say};
+pub(super) use args::Args;
+
+use super::console::{command_line, say};
 use crate::io::atomic;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-
-/// Fit a built-in person from a video and a built-in scene from photographs; one report with pictures.
-///
-/// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
-/// to the video and guides the fit of an animatable person of Gaussians; pictures that were held out are compared, the
-/// person is shown from all sides, and one factor after the other is set. Then new Gaussians are fitted to
-/// photographs of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
-#[derive(clap::Args)]
-#[command(after_help = "Examples:
-  lastlight demo
-  lastlight demo --only last --size 128 --iterations 1200     the person alone, larger and longer
-  lastlight demo --only splat --out /tmp/demo --seed 1")]
-pub(super) struct Args {
-    /// Folder for the results [default: demo; an earlier demo there is replaced]
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
-    /// One part alone: last, the person, or splat, the scene
-    #[arg(long, value_name = "PART", value_parser = ["last", "splat"])]
-    only: Option<String>,
-    /// Iterations of a fit [default: 400 for the person, 1500 for the scene]
-    #[arg(long, value_name = "N")]
-    iterations: Option<usize>,
-    /// Side of the person's pictures in pixels
-    #[arg(long, value_name = "S", default_value_t = 64, value_parser = clap::value_parser!(u16).range(32..=1024))]
-    size: u16,
-    /// Seed of every random draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Replace files in --out that exist
-    #[arg(long)]
-    force: bool,
-    /// Print the result record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
-}
 
 /// Held-out pictures must reach this on the built-in scene; below it, something is broken.
 const LEAST_SCENE_DB: f64 = 28.0;

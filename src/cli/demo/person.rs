@@ -1,25 +1,26 @@
 //! The person of the demo: LAST end to end, by the functions of the commands `last gen`, `tune`, `fit`, `render` and `intervene`.
 
-use super::Args;
-use crate::cli;
-use crate::cli::last::fit::{Guided, Job};
-use crate::cli::last::intervene::Grid;
-use crate::cli::last::{pretrain, tune as command};
-use crate::cli::meter::Meter;
-use crate::cli::report::pictures::Sheet;
-use crate::cli::report::{Section, table, text};
-use crate::cli::shared::Outcome;
+use super::args::Args;
+use crate::console as cli;
 use crate::fit::render::Orbit;
 use crate::fit::training::Watch;
-use crate::last::generate::{self, Settings as Making};
-use crate::last::host::settings::Settings as Fitting;
-use crate::last::host::store;
-use crate::last::model::shipped;
-use crate::last::model::tune::{self, Subject, Tuned};
+use crate::last::fit::{Guided, Job};
+use crate::last::intervene::Grid;
+use crate::last::{pretrain, tune as command};
 use crate::loss::lpips;
+use crate::meter::Meter;
 use crate::num::order;
+use crate::report::pictures::Sheet;
+use crate::report::{Section, table, text};
 use crate::scene::person::PersonCapture;
+use crate::shared::Outcome;
+use crate::training::Frame;
 use crate::{Error, Result};
+use lastlight_last::avatar::settings::Settings as Fitting;
+use lastlight_last::avatar::store;
+use lastlight_last::generate::{self, Settings as Making};
+use lastlight_last::model::shipped;
+use lastlight_last::model::tune::{self, Subject, Tuned};
 use maud::Markup;
 use serde_json::json;
 use std::path::Path;
@@ -81,14 +82,11 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         capture: &capture,
         guide: Some(&trained),
         perception: None,
-        dir: dir.join("person"),
-        checkpoint_every: 400,
-        resume: false,
+        frame: Frame::inside(dir.join("person"), 400)?,
     };
-    std::fs::create_dir_all(&job.dir).map_err(|e| Error::os(&job.dir, &e))?;
     let mut outcome = job.run(meter)?;
 
-    let turntable = turntable(&job.dir, meter)?;
+    let turntable = turntable(&job.frame.dir, meter)?;
     turntable.write(&dir.join("turntable.png"))?;
     meter.lap("turntable");
     let all: Vec<usize> = (0..trained.model.sizes.factors).collect();

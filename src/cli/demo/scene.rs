@@ -1,14 +1,15 @@
 //! The scene of the demo: Gaussians fitted to photographs of known Gaussians.
 
-use super::Args;
-use crate::cli::meter::Meter;
-use crate::cli::shared::Outcome;
-use crate::cli::splat::fit::Job;
+use super::args::Args;
+use crate::Result;
 use crate::fit::splat::{Settings, Strategy};
 use crate::fit::training::Watch;
 use crate::fit::{built_in, seeds};
-use crate::splat::render;
-use crate::{Error, Result};
+use crate::meter::Meter;
+use crate::shared::Outcome;
+use crate::splat::fit::Job;
+use crate::training::Frame;
+use lastlight_kernels::splat::render;
 use std::path::Path;
 
 /// Iterations unless told otherwise.
@@ -35,15 +36,12 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     };
     settings.validate()?;
     let first = seeds::gaussians(&seeds::Start::Random { count: INITIAL, bounds: None }, &views, &settings)?;
-    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     let job = Job {
         kind: "demo",
         title: "A built-in scene".to_owned(),
         settings,
         views: &views,
-        dir: dir.to_path_buf(),
-        checkpoint_every: 500,
-        resume: false,
+        frame: Frame::inside(dir.to_path_buf(), 500)?,
     };
     job.run(first, meter)
 }

@@ -1,15 +1,16 @@
 //! `last eval`: scores of an avatar on the pictures of a capture.
 
 use super::{fit, scoring};
-use crate::cli::meter::Meter;
-use crate::cli::report::run::Run;
-use crate::cli::shared::{Manner, Perception};
-use crate::cli::{self, claim, report};
+use crate::console as cli;
 use crate::fit::training::Watch;
-use crate::last::host::evaluate::Evaluation;
-use crate::last::host::store;
+use crate::meter::Meter;
+use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
+use crate::shared::{Manner, Perception};
 use crate::{Error, Result};
+use crate::{claim, report};
+use lastlight_last::avatar::evaluate::Evaluation;
+use lastlight_last::avatar::store;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -24,7 +25,7 @@ use std::path::PathBuf;
 Every metric is named by its variant; PSNR-box counts the pixels of the projected box of the body. The
 surrogate RFD is not LPIPS. With --min-psnr the command is a check: exit code 1 when the mean PSNR-box of the
 held-out pictures is lower.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder of `last fit`, or an avatar.safetensors
     #[arg(value_name = "RUN")]
     run: PathBuf,

@@ -1,26 +1,30 @@
 //! `last fit`: an animatable person from a monocular capture.
 
 use super::scoring;
-use crate::cli::meter::Meter;
-use crate::cli::report::run::Run;
-use crate::cli::shared::{Filling, Outcome, Perception};
-use crate::cli::{self, claim, report};
-use crate::fit::training::{self, Fit, History, Schedule, Watch};
-use crate::io::atomic;
-use crate::last::host::calibrate;
-use crate::last::host::density::{Density, Mode};
-use crate::last::host::evaluate::Evaluation;
-use crate::last::host::fit::PersonFit;
-use crate::last::host::guide::Guide;
-use crate::last::host::progressive::{Cap, Keys, Order, Progressive};
-use crate::last::host::settings::Settings;
-use crate::last::host::store;
-use crate::last::model::file::Trained;
+use crate::console as cli;
+use crate::fit::training::{Fit, Watch};
 use crate::loss::lpips;
+use crate::meter::Meter;
+use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
+use crate::shared::{Filling, Outcome, Perception};
+use crate::training::{CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
-use serde_json::{Value, json};
+use crate::{claim, report};
+use lastlight_last::avatar::calibrate;
+use lastlight_last::avatar::density::{Density, Mode};
+use lastlight_last::avatar::evaluate::Evaluation;
+use lastlight_last::avatar::fit::PersonFit;
+use lastlight_last::avatar::guide::Guide;
+use lastlight_last::avatar::progressive::{Cap, Keys, Order, Progressive};
+use lastlight_last::avatar::settings::Settings;
+use lastlight_last::avatar::store;
+use lastlight_last::model::file::Trained;
+use serde_json::json;
 use std::path::PathBuf;
+
+/// The avatar in `--out`.
+const AVATAR: &str = "avatar.safetensors";
 
 /// Fit an animatable person to a monocular capture.
 #[derive(clap::Args)]
@@ -32,7 +36,7 @@ use std::path::PathBuf;
 CAPTURE is a folder in the layout of a person's capture: pictures, masks, cameras, a body with skinning
 weights, one pose per moment. --out DIR gets avatar.safetensors (body, Gaussians, poses, cameras; what
 `last render` and `last eval` read), checkpoint.safetensors, result.json and report/index.html.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder of the capture
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
@@ -73,16 +77,16 @@ pub(in crate::cli) struct Args {
 
 /// What the image-to-point model decides. Without a model there is the host alone.
 #[derive(clap::Args, Clone, Debug)]
-pub(in crate::cli) struct Guided {
+pub(crate) struct Guided {
     /// Image-to-point model that guides the fit, written by last pretrain or last tune; without one the host fits alone
     #[arg(long, value_name = "FILE", help_heading = "Guidance")]
     model: Option<PathBuf>,
     /// Add Gaussians by the host's pixel criterion
     #[arg(long, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) no_density_adapter: bool,
+    pub(crate) no_density_adapter: bool,
     /// Update all Gaussians at once
     #[arg(long, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) no_progressive: bool,
+    pub(crate) no_progressive: bool,
     /// Criterion of the density adapter: replace, or, budget
     #[arg(
         long,
@@ -91,39 +95,39 @@ pub(in crate::cli) struct Guided {
         requires = "model",
         help_heading = "Guidance"
     )]
-    pub(in crate::cli) density: String,
+    pub(crate) density: String,
     /// Threshold of the latent criterion
     #[arg(long, value_name = "T", default_value_t = 0.003, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) tau_rec: f64,
+    pub(crate) tau_rec: f64,
     /// What the latent gradient is multiplied by before that [default: found by a calibration on the capture]
     #[arg(long, value_name = "C", requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) tau_scale: Option<f64>,
+    pub(crate) tau_scale: Option<f64>,
     /// Iterations from one latent gradient to the next
     #[arg(long, value_name = "N", default_value_t = 1, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) latent_every: usize,
+    pub(crate) latent_every: usize,
     /// Weight of the latent discrepancy in the loss
     #[arg(long, value_name = "W", default_value_t = 0.0, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) latent_weight: f32,
+    pub(crate) latent_weight: f32,
     /// Bound of the steps of child factors; inf binds nothing. The paper's 0.1 costs 0.2 to 0.8 dB in training on the built-in subjects
     #[arg(long, value_name = "L", default_value_t = f64::INFINITY, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) lambda: f64,
+    pub(crate) lambda: f64,
     /// What it bounds: rel, abs or stop
     #[arg(long, value_name = "MODE", default_value = "rel", requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) lambda_mode: String,
+    pub(crate) lambda_mode: String,
     /// Order of the factors: topo, reverse, random or none
     #[arg(long, value_name = "ORDER", default_value = "topo", requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) order: String,
+    pub(crate) order: String,
     /// Key Gaussians: swap, random or all
     #[arg(long, value_name = "HOW", default_value = "swap", requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) keys: String,
+    pub(crate) keys: String,
     /// Share of the Gaussians that are key to a factor
     #[arg(long, value_name = "Q", default_value_t = 0.25, requires = "model", help_heading = "Guidance")]
-    pub(in crate::cli) key_share: f64,
+    pub(crate) key_share: f64,
 }
 
 impl Guided {
     /// What `last fit --model` does unless told otherwise.
-    pub(in crate::cli) fn usual() -> Self {
+    pub(crate) fn usual() -> Self {
         #[derive(clap::Parser)]
         struct Alone {
             #[command(flatten)]
@@ -136,7 +140,7 @@ impl Guided {
     ///
     /// # Errors
     /// What the calibration reports.
-    pub(in crate::cli) fn calibrate(
+    pub(crate) fn calibrate(
         &self,
         settings: &mut Settings,
         capture: &PersonCapture,
@@ -159,7 +163,7 @@ impl Guided {
     ///
     /// # Errors
     /// When a name is not one of those listed.
-    pub(in crate::cli) fn apply(&self, settings: &mut Settings) -> Result<()> {
+    pub(crate) fn apply(&self, settings: &mut Settings) -> Result<()> {
         let mode = Mode::parse(&self.density)?;
         let progressive = Progressive {
             lambda: self.lambda,
@@ -229,45 +233,27 @@ pub(super) fn run(args: &Args) -> Result<()> {
         capture: &capture,
         guide: model.as_ref().map(|m| m as &dyn Guide),
         perception: perception.as_ref(),
-        dir: claim::folder(&args.out, args.filling.resume, args.filling.force)?,
-        checkpoint_every: args.checkpoint_every as usize,
-        resume: args.filling.resume,
+        frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
-    job.run(&mut meter)?.publish(&job.dir, args.filling.json)
+    job.run(&mut meter)?.publish(&job.frame.dir, args.filling.json)
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.
-pub(in crate::cli) struct Job<'a> {
-    pub(in crate::cli) kind: &'static str,
-    pub(in crate::cli) title: String,
-    pub(in crate::cli) settings: Settings,
-    pub(in crate::cli) capture: &'a PersonCapture,
-    pub(in crate::cli) guide: Option<&'a dyn Guide>,
-    pub(in crate::cli) perception: Option<&'a lpips::Metric>,
-    pub(in crate::cli) dir: PathBuf,
-    pub(in crate::cli) checkpoint_every: usize,
-    pub(in crate::cli) resume: bool,
+pub(crate) struct Job<'a> {
+    pub(crate) kind: &'static str,
+    pub(crate) title: String,
+    pub(crate) settings: Settings,
+    pub(crate) capture: &'a PersonCapture,
+    pub(crate) guide: Option<&'a dyn Guide>,
+    pub(crate) perception: Option<&'a lpips::Metric>,
+    pub(crate) frame: Frame,
 }
 
 impl Job<'_> {
     /// Fits, evaluates, writes all but the report.
-    pub(in crate::cli) fn run(&self, meter: &mut Meter) -> Result<Outcome> {
+    pub(crate) fn run(&self, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = PersonFit::new(self.settings.clone(), self.capture, self.guide)?;
-        let checkpoint = self.dir.join("checkpoint.safetensors");
-        let mut history = History::default();
-        if self.resume {
-            if checkpoint.exists() {
-                history = training::resume(&mut fit, &checkpoint)?;
-                meter.note(&format!("resuming after iteration {} of {}", history.len(), fit.iterations()));
-            } else {
-                meter.note("no checkpoint yet: starting at iteration 0");
-            }
-        }
-        cli::stoppable(|stop| {
-            let schedule = Schedule { checkpoint: Some(&checkpoint), every: self.checkpoint_every, stop };
-            training::run(&mut fit, &mut history, schedule, meter)
-        })?;
-        meter.done();
+        let history = self.frame.train(&mut fit, meter)?;
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
         let groups = scoring::groups(
@@ -275,18 +261,14 @@ impl Job<'_> {
             meter,
         )?;
         meter.lap("evaluation");
-        store::write(&self.dir.join("avatar.safetensors"), avatar, self.capture, &settings)?;
-        let time: serde_json::Map<String, Value> =
-            meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
+        store::write(&self.frame.file(AVATAR), avatar, self.capture, &settings)?;
         let tally = fit.tally();
-        let record = json!({
-            "kind": self.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": digest,
-            "gaussians": avatar.gaussians.len(), "iterations": history.len(), "renders": tally.renders,
-            "encoder_passes": tally.encodings, "last_loss": history.loss.last(),
-            "evaluation": scoring::json(&groups), "settings": settings,
-            "seconds": meter.seconds(), "seconds_by_part": time,
+        let own = json!({
+            "gaussians": avatar.gaussians.len(), "renders": tally.renders, "encoder_passes": tally.encodings,
+            "evaluation": scoring::json(&groups),
         });
-        atomic::write_bytes(&self.dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
+        let record =
+            self.frame.record(Head { kind: self.kind, digest: &digest, settings }, own, &history, meter)?;
         meter.lap("writing files");
         let page = report::person::page(&report::person::Input {
             kind: self.kind,
@@ -301,8 +283,8 @@ impl Job<'_> {
                 &record["settings"],
                 Some(&history),
                 meter,
-                &self.dir,
-                &["avatar.safetensors", "checkpoint.safetensors", "result.json"],
+                &self.frame.dir,
+                &[AVATAR, CHECKPOINT, RESULT],
             ),
         })?;
         let lines = vec![
@@ -310,7 +292,7 @@ impl Job<'_> {
             format!("Gaussians   {}", avatar.gaussians.len()),
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
-            format!("avatar      {}", self.dir.join("avatar.safetensors").display()),
+            format!("avatar      {}", self.frame.file(AVATAR).display()),
         ];
         Ok(Outcome { record, page, lines, held_out_db: scoring::held_out_db(&groups) })
     }
@@ -318,7 +300,7 @@ impl Job<'_> {
 
 /// The avatar file of a run: the folder of `last fit`, or the file itself.
 pub(super) fn avatar_file(run: &std::path::Path) -> Result<PathBuf> {
-    let file = if run.is_dir() { run.join("avatar.safetensors") } else { run.to_path_buf() };
+    let file = if run.is_dir() { run.join(AVATAR) } else { run.to_path_buf() };
     if file.is_file() {
         return Ok(file);
     }

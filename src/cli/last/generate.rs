@@ -1,12 +1,13 @@
 //! `last gen`: the figure's data sets.
 
-use crate::cli::meter::Meter;
-use crate::cli::shared::Filling;
-use crate::cli::{self, claim};
-use crate::last::character::Casting;
-use crate::last::figure::Look;
-use crate::last::generate::{self, RECORD, Report, Settings, Which};
+use crate::claim;
+use crate::console as cli;
+use crate::meter::Meter;
+use crate::shared::Filling;
 use crate::{Error, Result};
+use lastlight_last::character::CharacterSettings;
+use lastlight_last::figure::Look;
+use lastlight_last::generate::{self, RECORD, Report, Settings, Which};
 use std::path::PathBuf;
 
 /// Make pictures, points and a video of a person whose causes are known.
@@ -24,7 +25,7 @@ hue H, head yaw Y): FORK P>W P>O, CHAIN P>W>O>L, COLLIDER P>W<O, DIAMOND P>W P>O
 ER-m with m random edges. --out gets dataset.json with the graph, the coefficients and a digest of every
 file; the same settings give the same bytes for any number of threads. Sortabilities say how far variances, or
 how well a factor is explained by the others, give the causal order away: 0.5 is not at all, 1 is all of it.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder for the data; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -151,7 +152,7 @@ impl Args {
             test_cameras: self.test_cameras.unwrap_or(base.test_cameras),
             passes: self.passes,
             subject: self.subject,
-            character: self.character.as_ref().map(|file| Casting {
+            character: self.character.as_ref().map(|file| CharacterSettings {
                 file: file.clone(),
                 animations: self.animation.clone(),
                 elbow: self.elbow.clone(),

@@ -1,11 +1,12 @@
 //! `last import`: published layouts into the one of persons.
 
-use crate::cli::meter::Meter;
-use crate::cli::shared::Manner;
-use crate::cli::{self, claim};
+use crate::claim;
+use crate::console as cli;
 use crate::io::captures::{self, LAYOUTS, Layout, Range, Selection};
 use crate::io::smpl;
+use crate::meter::Meter;
 use crate::scene::person::import;
+use crate::shared::Manner;
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -29,7 +30,7 @@ Layouts, recognised by their files unless --layout names one:
   dna              DNA-Rendering                  NAME.smc, NAME_annots.smc
 Cameras, frames and reduction are those of the programs the sets are known from; the options below change them. Body
 models and data sets have licences of their own. Pickles are read, never run: a file that names anything but arrays is refused.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder of the data set's subject, or its .smc
     #[arg(value_name = "DIR")]
     dir: PathBuf,

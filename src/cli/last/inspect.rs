@@ -1,10 +1,11 @@
 //! `last inspect`: what a person's capture holds and what is missing.
 
-use crate::cli::{self, claim};
+use crate::claim;
+use crate::console as cli;
 use crate::io::captures::Layout;
 use crate::io::person;
-use crate::last::inspect::{self, Report};
 use crate::{Error, Result};
+use lastlight_last::inspect::{self, Report};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -18,7 +19,7 @@ Green is the outline of the mask, yellow and red are bones and joints, blue is t
 mask' is the share of the template's points that land on the mask in that picture; where it is small, poses, cameras and
 pictures do not belong together. Exit code 1 when something needed is missing or wrong: every such thing is listed.
 Captures in published layouts are made into this one by last import.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder with transforms_train.json and body.npz, or one with such a folder 'video'
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,

@@ -1,16 +1,17 @@
 //! `last intervene`: one factor set, a grid of pictures of what changes.
 
 use super::tune;
-use crate::cli::meter::Meter;
-use crate::cli::report::pictures::Sheet;
-use crate::cli::report::{self, Page, Section};
-use crate::cli::shared::{Manner, Outcome};
-use crate::cli::{self, claim};
-use crate::last::model::file::Trained;
-use crate::last::model::guide;
-use crate::last::model::intervene::{self, VALUES};
+use crate::claim;
+use crate::console as cli;
+use crate::meter::Meter;
+use crate::report::pictures::Sheet;
+use crate::report::{self, Page, Section};
 use crate::scene::person::PersonCapture;
+use crate::shared::{Manner, Outcome};
 use crate::{Error, Result};
+use lastlight_last::model::file::Trained;
+use lastlight_last::model::guide;
+use lastlight_last::model::intervene::{self, VALUES};
 use maud::Markup;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -24,7 +25,7 @@ use std::path::{Path, PathBuf};
 Every row of grid.png sets one factor to nine values it has in the training set; the noise of the others is
 kept, their descendants follow the graph. moved.csv says how far each factor moved, in standard deviations:
 0 exactly for what is no descendant.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Model written by last pretrain or last tune
     #[arg(value_name = "MODEL")]
     model: PathBuf,
@@ -48,10 +49,10 @@ pub(in crate::cli) struct Args {
 const GAP: usize = 2;
 
 /// Counterfactuals of one picture: one row per factor that is set, one column per value.
-pub(in crate::cli) struct Grid {
+pub(crate) struct Grid {
     sheet: Sheet,
     /// The factors that are set, each with the farthest that every factor moves, in standard deviations.
-    pub(in crate::cli) moved: Vec<(usize, Vec<f64>)>,
+    pub(crate) moved: Vec<(usize, Vec<f64>)>,
     csv: String,
 }
 
@@ -60,7 +61,7 @@ impl Grid {
     ///
     /// # Errors
     /// A picture that cannot be read, or without the person; a camera that is not valid.
-    pub(in crate::cli) fn new(
+    pub(crate) fn new(
         trained: &Trained,
         capture: &PersonCapture,
         shot: usize,
@@ -93,7 +94,7 @@ impl Grid {
     ///
     /// # Errors
     /// When they cannot be written.
-    pub(in crate::cli) fn write(&self, dir: &Path) -> Result<()> {
+    pub(crate) fn write(&self, dir: &Path) -> Result<()> {
         self.sheet.write(&dir.join("grid.png"))?;
         crate::io::atomic::write_bytes(&dir.join("moved.csv"), self.csv.as_bytes())
     }
@@ -102,7 +103,7 @@ impl Grid {
     ///
     /// # Errors
     /// When a picture cannot be encoded.
-    pub(in crate::cli) fn sections(&self, name: &dyn Fn(usize) -> String) -> Result<Vec<Section>> {
+    pub(crate) fn sections(&self, name: &dyn Fn(usize) -> String) -> Result<Vec<Section>> {
         let n = self.moved.first().map_or(0, |(_, moved)| moved.len());
         let names: Vec<String> = (0..n).map(|j| format!(">{}", name(j))).collect();
         let head: Vec<&str> = std::iter::once("set").chain(names.iter().map(String::as_str)).collect();

@@ -1,30 +1,30 @@
 //! `last pretrain`: the image-to-point model from pictures of known causes.
 
-use crate::cli::meter::Meter;
-use crate::cli::report::charts::{Lines, Series, bucket};
-use crate::cli::report::pictures::Sheet;
-use crate::cli::report::{self, Page, Section, Stat};
-use crate::cli::shared::Filling;
-use crate::cli::{self, claim};
-use crate::fit::training::{self, Fit, History, Schedule, Watch};
-use crate::last::host::guide::Framing;
-use crate::last::model::data::{Data, Item};
-use crate::last::model::file::Trained;
-use crate::last::model::intervene;
-use crate::last::model::pictures::Pictures;
-use crate::last::model::settings::{Placement, Reading, Settings, Supervision};
-use crate::last::model::structure::Kind;
-use crate::last::model::train::Training;
-use crate::last::model::verdict::{self, Verdict};
+use crate::claim;
+use crate::console as cli;
+use crate::fit::training::{History, Watch};
+use crate::meter::Meter;
+use crate::report::charts::{Lines, Series, bucket};
+use crate::report::pictures::Sheet;
+use crate::report::{self, Page, Section, Stat};
+use crate::shared::{Filling, Outcome};
+use crate::training::{Frame, Head};
 use crate::{Error, Result};
+use lastlight_last::avatar::guide::Framing;
+use lastlight_last::model::data::{Data, Item};
+use lastlight_last::model::file::Trained;
+use lastlight_last::model::intervene;
+use lastlight_last::model::pictures::Pictures;
+use lastlight_last::model::settings::{Placement, Reading, Settings, Supervision};
+use lastlight_last::model::structure::Kind;
+use lastlight_last::model::train::Training;
+use lastlight_last::model::verdict::{self, Verdict};
 use maud::{Markup, html};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// The model in `--out`.
 const MODEL: &str = "model.safetensors";
-/// The checkpoint in `--out`.
-const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// Train the image-to-point model on pictures of known causes.
 #[derive(clap::Args)]
@@ -38,7 +38,7 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 DATA is what last gen writes. --out gets model.safetensors (for last tune, fit, intervene), a checkpoint,
 result.json and report/index.html. --reading literal is the paper as printed: the encoder gives noise and
 eq. 2, then eq. 3, act on it on the way to the decoder.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder made by last gen, with observational pictures and groups of interventions
     #[arg(value_name = "DATA")]
     data: PathBuf,
@@ -161,37 +161,21 @@ pub(super) fn run(args: &Args) -> Result<()> {
         data.members(),
         data.template.len()
     ));
-    let dir = claim::folder(&args.out, args.filling.resume, args.filling.force)?;
+    let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let mut training = Training::new(settings, &data)?;
-    let mut history = History::default();
-    let checkpoint = dir.join(CHECKPOINT);
-    if args.filling.resume && checkpoint.exists() {
-        history = training::resume(&mut training, &checkpoint)?;
-        meter.note(&format!("resuming after step {} of {}", history.len(), training.iterations()));
-    } else if args.filling.resume {
-        meter.note("no checkpoint yet: starting at step 0");
-    }
-    meter.lap("start");
-    cli::stoppable(|stop| {
-        let schedule =
-            Schedule { checkpoint: Some(&checkpoint), every: args.checkpoint_every as usize, stop };
-        training::run(&mut training, &mut history, schedule, &mut meter)
-    })?;
-    meter.done();
+    let history = frame.train(&mut training, &mut meter)?;
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
     let verdict = verdict::of(&trained, &data, &truth(&args.data))?;
     meter.lap("evaluation");
     let remarks = [("command", cli::command_line())];
-    trained.write(&dir.join(MODEL), &remarks)?;
-    let record = json!({
-        "kind": "last pretrain", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
-        "settings": settings.json(), "verdict": verdict.json(), "steps": history.len(), "units": &units,
-        "last_loss": history.loss.last(), "seconds": meter.seconds(),
-    });
-    crate::io::atomic::write_bytes(&dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
+    trained.write(&frame.file(MODEL), &remarks)?;
+    let digest = trained.digest()?;
+    let head = Head { kind: "last pretrain", digest: &digest, settings: settings.json() };
+    let own = json!({ "verdict": verdict.json(), "units": &units });
+    let record = frame.record(head, own, &history, &meter)?;
     let sheet = samples(&trained, &data)?;
-    sheet.write(&dir.join("samples.png"))?;
+    sheet.write(&frame.file("samples.png"))?;
     let told = units.as_ref().map(|units| changed(units, settings.alone));
     let mut page = page(args, &record, &history, &verdict, told.clone(), &meter);
     page.sections.push(Section {
@@ -200,18 +184,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
         lead: "Above what the encoder sees, below the points that the decoder gives back, as discs, through the same camera and the same window.".into(),
         body: sheet.html("pictures and decoded points")?,
     });
-    let page = page.write(&dir)?;
-    if args.filling.json {
-        return cli::say_json(&record);
-    }
-    cli::say(&verdict.text())?;
-    if let Some(told) = told {
-        cli::say(&format!("units       {told}"))?;
-    }
-    cli::say(&format!("digest      {}", trained.digest()?))?;
-    cli::say(&format!("time        {}", report::seconds(meter.seconds())))?;
-    cli::say(&format!("model       {}", dir.join(MODEL).display()))?;
-    cli::say(&format!("report      {}", page.display()))
+    let mut lines = vec![verdict.text()];
+    lines.extend(told.map(|told| format!("units       {told}")));
+    lines.push(format!("digest      {digest}"));
+    lines.push(format!("time        {}", report::seconds(meter.seconds())));
+    lines.push(format!("model       {}", frame.file(MODEL).display()));
+    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&frame.dir, args.filling.json)
 }
 
 /// A change of units in words.
@@ -239,8 +217,8 @@ fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
 }
 
 /// The true graph, where the data says it: rows of zeros and ones.
-pub(in crate::cli) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
-    let text = std::fs::read_to_string(data.join(crate::last::generate::RECORD)).ok()?;
+pub(crate) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
+    let text = std::fs::read_to_string(data.join(lastlight_last::generate::RECORD)).ok()?;
     let record: Value = serde_json::from_str(&text).ok()?;
     let rows = record["adjacency"].as_array()?;
     rows.iter()

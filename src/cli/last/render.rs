@@ -1,16 +1,17 @@
 //! `last render`: pictures of a fitted person in any pose from any camera.
 
 use super::fit;
-use crate::cli::meter::Meter;
-use crate::cli::shared::{Manner, OrbitArgs, Usual};
-use crate::cli::{self, claim};
+use crate::claim;
+use crate::console as cli;
 use crate::fit::render::capture_shots;
 use crate::io::image_file;
-use crate::last::host::store::{self, Stored};
+use crate::meter::Meter;
 use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::scene::person::{PersonCapture, Pose};
+use crate::shared::{Manner, OrbitArgs, Usual};
 use crate::{Error, Result};
+use lastlight_last::avatar::store::{self, Stored};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +30,7 @@ const USUAL: Usual = Usual { size: "512x512", fov: 40.0, elevation: 10.0 };
 Pictures are numbered. With one camera there is one picture per pose, with one pose one per camera; otherwise
 the k-th picture shows the k-th pose from the k-th camera. An orbit has pictures of 512x512 pixels, a field of
 view of 40° and stands 10° above the horizon unless told otherwise.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder of `last fit`, or an avatar.safetensors
     #[arg(value_name = "RUN")]
     run: PathBuf,

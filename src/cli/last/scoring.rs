@@ -1,10 +1,10 @@
 //! Scores of an avatar, for `last fit` and `last eval`: groups of pictures, tables, records.
 
 use crate::Result;
-use crate::cli::meter::Meter;
-use crate::cli::report;
-use crate::cli::report::person::{Group, TRAINED};
-use crate::last::host::evaluate::{self, Evaluation};
+use crate::meter::Meter;
+use crate::report;
+use crate::report::person::{Group, TRAINED};
+use lastlight_last::avatar::evaluate::{self, Evaluation};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 

@@ -1,14 +1,15 @@
 //! `last tune`: the structure of a model, fine-tuned on one subject.
 
 use crate::Result;
-use crate::cli;
-use crate::cli::claim;
-use crate::cli::meter::Meter;
-use crate::cli::shared::Manner;
+use crate::claim;
+use crate::console as cli;
 use crate::fit::training::Watch;
-use crate::last::model::file::Trained;
-use crate::last::model::tune::{self, Settings, Subject};
+use crate::meter::Meter;
 use crate::scene::person::PersonCapture;
+use crate::shared::Manner;
+use crate::training;
+use lastlight_last::model::file::Trained;
+use lastlight_last::model::tune::{Settings, Subject, Tuning};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -19,7 +20,7 @@ use std::path::PathBuf;
 
 Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 steps, held to
 where they were by 0.1 of the squared change of each probability. The table shows the edges before and after.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Model written by last pretrain
     #[arg(value_name = "MODEL")]
     model: PathBuf,
@@ -40,20 +41,22 @@ pub(in crate::cli) struct Args {
 }
 
 /// Edges as text: `0>1 0>2`, or `none`.
-pub(in crate::cli) fn edges(edges: &[(usize, usize)]) -> String {
+pub(crate) fn edges(edges: &[(usize, usize)]) -> String {
     let all: Vec<String> = edges.iter().map(|(i, j)| format!("{i}>{j}")).collect();
     if all.is_empty() { "none".into() } else { all.join(" ") }
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.manner.quiet);
+    let mut meter = Meter::new(args.manner.quiet).of("edges");
     claim::file(&args.out, args.manner.force)?;
     let mut trained = Trained::of_pictures(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let subject = Subject::new(&trained, &capture)?;
     meter.lap("pictures");
     let settings = Settings { steps: args.steps, seed: args.seed, ..Settings::default() };
-    let tuned = tune::run(&mut trained, &subject, &settings)?;
+    let mut tuning = Tuning::new(&mut trained, &subject, settings)?;
+    training::run_whole(&mut tuning, &mut meter)?;
+    let tuned = tuning.finish();
     meter.lap("tuning");
     trained.write(&args.out, &[("command", cli::command_line())])?;
     let n = trained.model.sizes.factors;

@@ -1,13 +1,14 @@
 //! `lirm gen`: data sets of rendered objects.
 
-use crate::cli::meter::Meter;
-use crate::cli::shared::Filling;
-use crate::cli::{self, claim};
-use crate::lirm::r#gen::{self as set, Lighting, Set, Settings};
+use crate::claim;
+use crate::console as cli;
+use crate::meter::Meter;
 use crate::scene::camera::Model;
 use crate::scene::environment_file::{Options, Orientation};
+use crate::shared::Filling;
 use crate::{Error, Result};
 use data_gen::cameras::Framing;
+use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -29,7 +30,7 @@ with --resume, which may also ask for more --objects.";
 /// Render objects with known shape, materials and light.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder of the set; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,

@@ -1,6 +1,6 @@
 //! `mesh compare`: how far two surfaces are apart.
 
-use crate::cli;
+use crate::console as cli;
 use crate::geometry::compare::{Comparison, Distances, compare};
 use crate::scene::model;
 use crate::{Error, Result};
@@ -15,7 +15,7 @@ use std::path::PathBuf;
 
 Surfaces are compared where they are: nothing is aligned or scaled. Distances are in the units of the files.
 Chamfer distances between samples do not vanish for equal surfaces; distances to the mesh do.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Surface A: .gltf, .glb or .obj
     #[arg(value_name = "A")]
     a: PathBuf,

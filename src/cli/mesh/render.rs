@@ -1,18 +1,19 @@
 //! `mesh render`: pictures of a model under light.
 
 use super::light;
-use crate::cli::meter::Meter;
-use crate::cli::shared::{Filling, OrbitArgs, Usual};
-use crate::cli::{self, claim};
+use crate::claim;
+use crate::console as cli;
 use crate::fit::passes::Shot;
 use crate::fit::relight::{self, Exposure, Relight};
 use crate::fit::render::capture_shots;
 use crate::io;
+use crate::meter::Meter;
 use crate::scene::character::Character;
 use crate::scene::light::Lights;
 use crate::scene::mesh::Object;
 use crate::scene::model;
 use crate::shade::render::Settings;
+use crate::shared::{Filling, OrbitArgs, Usual};
 use crate::{Error, Result};
 use data_gen::figure::factors::Drive;
 use serde_json::{Map, Value, json};
@@ -35,7 +36,7 @@ radiance/ (EXR, linear), depth/, normal/ (EXR), albedo/ and material/ (PNG). An 
 --resume, if model, light and cameras are what they were. An orbit has pictures of 512x512
 pixels, a field of view of 35° and stands 15° above the horizon unless told otherwise. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program. --env axes colours what looks along an axis: +x red, -x cyan, +y green, -y magenta,
 +z blue, -z yellow, the negative ones with a dark middle; --env-axes says in whose orientation its picture is read.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Model: .gltf, .glb, .obj; or the folder of the open body
     #[arg(value_name = "FILE")]
     file: PathBuf,

@@ -3,10 +3,10 @@
 use super::run::{self, Compared, Run};
 use super::{Page, Section, Stat, charts, table, text, thousands};
 use crate::Result;
-use crate::last::host::density::Event;
-use crate::last::host::evaluate::Scored;
-use crate::last::host::fit::Tally;
 use crate::loss::metric::person::Scores;
+use lastlight_last::avatar::density::Event;
+use lastlight_last::avatar::evaluate::Scored;
+use lastlight_last::avatar::fit::Tally;
 use maud::{Markup, html};
 
 /// Most views shown as pictures.
@@ -137,7 +137,7 @@ fn views(groups: &[Group]) -> Result<Markup> {
 }
 
 /// Every metric that some group has, in the order of the first that has it, with the means of all groups.
-pub(in crate::cli) fn by_metric(groups: &[Group]) -> Vec<(&'static str, Vec<Option<f64>>)> {
+pub(crate) fn by_metric(groups: &[Group]) -> Vec<(&'static str, Vec<Option<f64>>)> {
     let means: Vec<Vec<(&'static str, f64)>> = groups.iter().map(|g| g.mean.named()).collect();
     let mut names: Vec<&'static str> = Vec::new();
     for (name, _) in means.iter().flatten() {
@@ -223,10 +223,10 @@ fn guide(t: &Tally) -> Markup {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::last::host::evaluate::means;
     use crate::loss::In;
     use crate::loss::lpips::{Metric, Weights};
     use crate::loss::metric::person;
+    use lastlight_last::avatar::evaluate::means;
 
     #[test]
     fn metrics_that_one_group_lacks_have_no_number_there() {

@@ -3,8 +3,8 @@
 use super::charts::{self, Lines, Series};
 use super::{Section, Stat, bytes, code, pictures, seconds, table, text, thousands};
 use crate::Result;
-use crate::cli::meter::Meter;
 use crate::fit::training::History;
+use crate::meter::Meter;
 use maud::{Markup, html};
 use serde_json::Value;
 use std::path::Path;

@@ -1,20 +1,21 @@
 //! `splat eval`: scores of a scene file on the photographs of a capture.
 
-use super::RenderArgs;
 use super::fit::{score, scores_text, write_renders};
-use crate::cli::meter::Meter;
-use crate::cli::report::run::Run;
-use crate::cli::shared::Perception;
-use crate::cli::{self, claim, report};
+use super::render_args::RenderArgs;
+use crate::console as cli;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::render::Scene;
 use crate::fit::training::Watch;
 use crate::loss::metric::rfd;
 use crate::loss::{self, lpips};
+use crate::meter::Meter;
 use crate::num::sum;
+use crate::report::run::Run;
 use crate::scene::convert::read_scene;
 use crate::scene::views::{self, Views};
+use crate::shared::Perception;
 use crate::{Error, Result};
+use crate::{claim, report};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -27,7 +28,7 @@ use std::path::PathBuf;
   lastlight splat eval fox/scene.ply photos/ --lpips lpips_vgg.safetensors
 
 With --min-psnr the command is a check: exit code 1 when the mean is lower.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Scene: .ply, .splat or .npz
     #[arg(value_name = "SCENE")]
     scene: PathBuf,

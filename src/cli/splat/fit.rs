@@ -1,22 +1,24 @@
 //! `splat fit`: Gaussians from the photographs of a capture.
 
-use super::RenderArgs;
-use crate::cli::meter::Meter;
-use crate::cli::report::run::Run;
-use crate::cli::shared::Outcome;
-use crate::cli::{self, claim, report};
+use super::render_args::RenderArgs;
+use crate::console as cli;
 use crate::fit::evaluate::{self, Evaluation, Scored};
 use crate::fit::render::{Scene, flat_name};
 use crate::fit::seeds;
 use crate::fit::seeds::Start;
 use crate::fit::splat::{Settings, SplatFit, Strategy};
-use crate::fit::training::{self, History, Schedule, Watch};
+use crate::fit::training::{Fit, Watch};
 use crate::io::image_file;
+use crate::meter::Meter;
+use crate::report::run::Run;
 use crate::scene::convert::write_scene;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::views::{self, Views};
+use crate::shared::{Filling, Outcome};
+use crate::training::{CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
-use serde_json::{Value, json};
+use crate::{claim, report};
+use serde_json::json;
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -40,7 +42,7 @@ const INITIAL: usize = 10_000;
 /// Fit Gaussians to the photographs of a capture.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
@@ -50,15 +52,6 @@ pub(in crate::cli) struct Args {
     /// Iterations; the schedule of 30000 is scaled to it
     #[arg(long, value_name = "N", default_value_t = 7000)]
     iterations: usize,
-    /// Seed of every random draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-    /// Go on from the checkpoint in --out; the result has the bits of an uninterrupted fit
-    #[arg(long)]
-    resume: bool,
-    /// Replace files in --out that exist
-    #[arg(long, conflicts_with = "resume")]
-    force: bool,
     /// First Gaussians: auto (points of the capture, else random), random, or a .ply of points or Gaussians
     #[arg(long, value_name = "FROM", default_value = "auto", help_heading = "Start")]
     init: String,
@@ -88,20 +81,16 @@ pub(in crate::cli) struct Args {
     /// Iterations between checkpoints
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
-    /// Print the result record as JSON
-    #[arg(long)]
-    json: bool,
-    /// No progress, no remarks
-    #[arg(long)]
-    quiet: bool,
+    #[command(flatten)]
+    filling: Filling,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.filling.quiet);
     let (render, background) = args.render.settings()?;
     let mut settings = Settings {
         iterations: args.iterations,
-        seed: args.seed,
+        seed: args.filling.seed,
         sh_degree: usize::from(args.sh_degree),
         strategy: Strategy::parse(&args.strategy)?,
         max_gaussians: args.max_gaussians.unwrap_or(1),
@@ -110,7 +99,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
-    claim::check(&args.out, args.resume, args.force)?;
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let views =
         Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
     settings.max_gaussians = args.max_gaussians.unwrap_or_else(|| Settings::determined(&views));
@@ -130,11 +119,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         title: title(&args.capture),
         settings,
         views: &views,
-        dir: claim::folder(&args.out, args.resume, args.force)?,
-        checkpoint_every: args.checkpoint_every as usize,
-        resume: args.resume,
+        frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
-    job.run(first, &mut meter)?.publish(&job.dir, args.json)
+    job.run(first, &mut meter)?.publish(&job.frame.dir, args.filling.json)
 }
 
 /// Says what the fit may take; refuses it above the limit.
@@ -172,7 +159,7 @@ fn sizes(views: &Views) -> String {
 fn parse_box(text: &str) -> Result<[[f32; 3]; 2]> {
     let wrong =
         || Error::input("--box").expected("x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1").got(text);
-    let v: [f32; 6] = super::numbers(text).ok_or_else(wrong)?.try_into().map_err(|_| wrong())?;
+    let v: [f32; 6] = super::render_args::numbers(text).ok_or_else(wrong)?.try_into().map_err(|_| wrong())?;
     let corners = [[v[0], v[1], v[2]], [v[3], v[4], v[5]]];
     if (0..3).all(|k| corners[0][k] < corners[1][k]) { Ok(corners) } else { Err(wrong()) }
 }
@@ -187,41 +174,19 @@ fn start(args: &Args, bounds: Option<[[f32; 3]; 2]>, most: usize) -> Start {
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.
-pub(in crate::cli) struct Job<'a> {
-    pub(in crate::cli) kind: &'static str,
-    pub(in crate::cli) title: String,
-    pub(in crate::cli) settings: Settings,
-    pub(in crate::cli) views: &'a Views,
-    pub(in crate::cli) dir: PathBuf,
-    pub(in crate::cli) checkpoint_every: usize,
-    pub(in crate::cli) resume: bool,
+pub(crate) struct Job<'a> {
+    pub(crate) kind: &'static str,
+    pub(crate) title: String,
+    pub(crate) settings: Settings,
+    pub(crate) views: &'a Views,
+    pub(crate) frame: Frame,
 }
 
 impl Job<'_> {
     /// Fits, evaluates, writes all but the report.
-    pub(in crate::cli) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<Outcome> {
+    pub(crate) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = SplatFit::new(self.settings.clone(), self.views, first)?;
-        let checkpoint = self.dir.join("checkpoint.safetensors");
-        let mut history = History::default();
-        if self.resume {
-            if checkpoint.exists() {
-                history = training::resume(&mut fit, &checkpoint)?;
-                meter.note(&format!(
-                    "resuming after iteration {} of {}",
-                    history.len(),
-                    self.settings.iterations
-                ));
-            } else {
-                meter.note("no checkpoint yet: starting at iteration 0");
-            }
-        }
-        meter.lap("start");
-        cli::stoppable(|stop| {
-            let schedule = Schedule { checkpoint: Some(&checkpoint), every: self.checkpoint_every, stop };
-            training::run(&mut fit, &mut history, schedule, meter)
-        })?;
-        meter.done();
-
+        let history = self.frame.train(&mut fit, meter)?;
         let scene_values = fit.gaussians();
         let digest = fit.digest()?;
         let scene = Scene::new(scene_values, self.settings.render.clone(), self.settings.background);
@@ -229,20 +194,24 @@ impl Job<'_> {
         let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
         meter.lap("evaluation");
 
-        let mut names = vec!["checkpoint.safetensors".to_owned()];
+        let mut names = vec![CHECKPOINT.to_owned()];
         let comments = [format!(
             "lastlight {}, {} iterations, digest {digest}",
             env!("CARGO_PKG_VERSION"),
             history.len()
         )];
         for name in ["scene.ply", "scene.splat"] {
-            write_scene(&self.dir.join(name), scene_values, &comments)?;
+            write_scene(&self.frame.file(name), scene_values, &comments)?;
             names.push(name.to_owned());
         }
-        names.extend(write_renders(&self.dir, &scored)?);
-        let record = self.record(&digest, scene_values, &evaluation, &history, &fit, meter);
-        crate::io::atomic::write_bytes(&self.dir.join("result.json"), format!("{record:#}\n").as_bytes())?;
-        names.push("result.json".to_owned());
+        names.extend(write_renders(&self.frame.dir, &scored)?);
+        let own = json!({
+            "gaussians": scene_values.len(), "sh_degree": scene_values.sh_degree,
+            "evaluation": evaluation.json(),
+        });
+        let head = Head { kind: self.kind, digest: &digest, settings: Fit::settings(&fit) };
+        let record = self.frame.record(head, own, &history, meter)?;
+        names.push(RESULT.to_owned());
         meter.lap("writing files");
         let page = report::fit::page(&report::fit::Input {
             kind: self.kind,
@@ -253,47 +222,21 @@ impl Job<'_> {
             n_gauss: scene_values.len(),
             scored: &scored,
             evaluation: &evaluation,
-            run: Run::new(&record["settings"], Some(&history), meter, &self.dir, &names),
+            run: Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names),
         })?;
         let lines = vec![
             scores_text(&evaluation),
             format!("Gaussians   {}", scene_values.len()),
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
-            format!("scene       {}", self.dir.join("scene.ply").display()),
+            format!("scene       {}", self.frame.file("scene.ply").display()),
         ];
         Ok(Outcome { record, page, lines, held_out_db: evaluation.mean_psnr_db })
-    }
-
-    fn record(
-        &self,
-        digest: &str,
-        scene: &Gaussians,
-        evaluation: &Evaluation,
-        history: &History,
-        fit: &SplatFit<'_>,
-        meter: &Meter,
-    ) -> Value {
-        let time: serde_json::Map<String, Value> =
-            meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
-        json!({
-            "kind": self.kind,
-            "lastlight": env!("CARGO_PKG_VERSION"),
-            "digest": digest,
-            "gaussians": scene.len(),
-            "sh_degree": scene.sh_degree,
-            "iterations": history.len(),
-            "last_loss": history.loss.last(),
-            "evaluation": evaluation.json(),
-            "settings": training::Fit::settings(fit),
-            "seconds": meter.seconds(),
-            "seconds_by_part": time,
-        })
     }
 }
 
 /// Renders and compares the listed views.
-pub(in crate::cli) fn score(
+pub(crate) fn score(
     scene: &Scene<'_>,
     views: &Views,
     which: &[usize],
@@ -309,7 +252,7 @@ pub(in crate::cli) fn score(
 }
 
 /// A table of scores for the terminal.
-pub(in crate::cli) fn scores_text(e: &Evaluation) -> String {
+pub(crate) fn scores_text(e: &Evaluation) -> String {
     let width = e.views.iter().map(|v| v.name.chars().count()).fold(4, usize::max);
     let row = |name: &str, psnr: f64, ssim: f64, mae: f64| {
         format!("{name:width$}  {psnr:9.3} dB  {ssim:.4}  {mae:.4}")
@@ -321,7 +264,7 @@ pub(in crate::cli) fn scores_text(e: &Evaluation) -> String {
 }
 
 /// Held-out renders as `heldout/NAME.png`; gives the names.
-pub(in crate::cli) fn write_renders(dir: &Path, scored: &[Scored]) -> Result<Vec<String>> {
+pub(crate) fn write_renders(dir: &Path, scored: &[Scored]) -> Result<Vec<String>> {
     let folder = dir.join("heldout");
     std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
     let mut names = Vec::new();

@@ -1,12 +1,13 @@
 //! `splat render`: pictures of a scene file along cameras.
 
-use super::RenderArgs;
-use crate::cli::meter::Meter;
-use crate::cli::shared::{OrbitArgs, Usual};
-use crate::cli::{self, claim};
+use super::render_args::RenderArgs;
+use crate::claim;
+use crate::console as cli;
 use crate::fit::render::{self, Orbit, Passes, Scene, Shot};
+use crate::meter::Meter;
 use crate::scene::convert::read_scene;
 use crate::scene::gaussians::Gaussians;
+use crate::shared::{OrbitArgs, Usual};
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ Any 3DGS PLY can be rendered. --out gets one folder per pass and a transforms.js
 pictures, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
 radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). An orbit has
 pictures of 800x600 pixels, a field of view of 50° and stands 20° above the horizon unless told otherwise.")]
-pub(in crate::cli) struct Args {
+pub(crate) struct Args {
     /// Scene: .ply, .splat or .npz
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
@@ -93,9 +94,9 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
     let wrong = || Error::input("--center").expected("X,Y,Z").got(args.center.clone().unwrap_or_default());
     let center = match &args.center {
         None => None,
-        Some(text) => {
-            Some(super::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?)
-        }
+        Some(text) => Some(
+            super::render_args::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?,
+        ),
     };
     Orbit { center, ..orbit }.shots(scene)
 }

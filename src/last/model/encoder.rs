@@ -8,7 +8,7 @@
 //! of ℓ is −2. No batch normalisation: it would couple the items of a batch, and the gradient by one picture would not be its own.
 
 use super::purpose;
-use crate::num::rng::Rng;
+use crate::optim::initial::Initial;
 use crate::tape::{Params, Tape, Var, nn};
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
@@ -130,7 +130,7 @@ impl Encoder {
         let last = self.dense().len() - 2;
         for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
             let is_last = name.starts_with(&format!("encoder.dense{last}."));
-            let mut array = he_uniform(seed, at as u32, &shape, SLOPE);
+            let mut array = first_values(seed, at as u32, &shape, SLOPE);
             if is_last && shape.len() == 2 {
                 array.mapv_inplace(|w| LAST * w);
             } else if is_last {
@@ -177,25 +177,10 @@ impl Encoder {
     }
 }
 
-/// Number of entries of an array.
-pub(super) fn size(shape: &[usize]) -> usize {
-    let mut entries = 1;
-    for side in shape {
-        entries *= side;
-    }
-    entries
-}
-
-/// U(±√(6/((1 + slope²)·inputs))) for weights, whose first axis counts outputs; 0 for biases. `at` numbers the array.
-pub(super) fn he_uniform(seed: u64, at: u32, shape: &[usize], slope: f32) -> ArrayD<f32> {
-    let inputs = size(shape.get(1..).unwrap_or_default());
-    if shape.len() < 2 {
+/// He-uniform values for weights, 0 for biases and for weights without inputs; `at` numbers the array.
+pub(super) fn first_values(seed: u64, at: u32, shape: &[usize], slope: f32) -> ArrayD<f32> {
+    if shape.len() < 2 || shape.contains(&0) {
         return ArrayD::zeros(IxDyn(shape));
     }
-    let bound = (6.0 / ((1.0 + slope * slope) * inputs as f32)).sqrt();
-    let rng = Rng::new(seed);
-    let values = (0..size(shape))
-        .map(|i| (2.0 * rng.uniform_f32(i as u64, at, purpose::INITIAL, 0) - 1.0) * bound)
-        .collect();
-    ArrayD::from_shape_vec(IxDyn(shape), values).expect("as many values as the shape has")
+    Initial::numbered(seed, purpose::INITIAL, at).he_uniform(shape, slope)
 }

@@ -12,15 +12,15 @@
 
 use super::decoder::Decoder;
 use super::encoder::{Encoder, Input};
-use super::intervene;
 use super::settings::{Placement, Reading, Settings, Supervision, Weights};
 use super::step::Model;
 use super::structure::{Kind, Sizes};
 use crate::io::safetensors;
-use crate::last::host::guide::Framing;
+use crate::last::avatar::guide::Framing;
 use crate::math::digraph::Digraph;
 use crate::num::array::Arrays;
 use crate::num::bits::Digest;
+use crate::optim::optimiser::ArrayNames;
 use crate::tape::Params;
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
@@ -28,6 +28,8 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// Number of values per factor.
+pub const VALUES: usize = 9;
 /// What the file says it is.
 const KIND: &str = "image-to-point model";
 
@@ -66,7 +68,7 @@ impl Trained {
         let shape = [n, self.settings.width];
         d.f64(&shape, &self.factor_spread)?;
         d.f64(&shape, &self.noise_spread)?;
-        d.f64(&[n, intervene::VALUES, self.settings.width], &self.codes)?;
+        d.f64(&[n, VALUES, self.settings.width], &self.codes)?;
         d.f32(&[self.template.len(), 3], self.template.as_flattened())?;
         d.bytes(self.settings.reading.name().as_bytes());
         d.bytes(self.settings.framing.name().as_bytes());
@@ -79,14 +81,12 @@ impl Trained {
     /// When it cannot be written.
     pub fn write(&self, path: &Path, remarks: &[(&str, String)]) -> Result<()> {
         let mut arrays = Arrays::new();
-        for (name, array) in self.model.params.iter() {
-            arrays.put(&format!("param/{name}"), array.shape(), array.iter().copied().collect());
-        }
+        ArrayNames::Folders.save(&self.model.params, &mut arrays);
         let n = self.graph.n();
         arrays.put("graph", &[n, n], self.graph.adjacency());
         arrays.put("spread/factors", &[n, self.settings.width], self.factor_spread.clone());
         arrays.put("spread/noise", &[n, self.settings.width], self.noise_spread.clone());
-        arrays.put("codes", &[n, intervene::VALUES, self.settings.width], self.codes.clone());
+        arrays.put("codes", &[n, VALUES, self.settings.width], self.codes.clone());
         arrays.put("template", &[self.template.len(), 3], self.template.as_flattened().to_vec());
         let input = match self.model.encoder.input() {
             Input::Picture { side } => format!("picture {side}"),
@@ -178,17 +178,15 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
     let mut dims = BTreeMap::new();
     let mut params = Params::new();
     for (name, shape) in [encoder.shapes(), decoder.shapes(), sizes.shapes()].concat() {
-        let pattern: Vec<String> = shape.iter().map(ToString::to_string).collect();
-        let stored = arrays.shape(&format!("param/{name}"), &pattern.join(","), &mut dims)?;
-        let array = ArrayD::from_shape_vec(IxDyn(&shape), stored.to_f32());
-        params.set(&name, array.expect("the shape was checked"));
+        params.set(&name, ArrayD::zeros(IxDyn(&shape)));
     }
+    ArrayNames::Folders.load(&mut params, arrays)?;
     let names: Vec<&str> = arrays.0.keys().map(String::as_str).collect();
     arrays.finite(names)?;
     let (n, k) = (sizes.factors, sizes.width);
     let adjacency = arrays.shape("graph", &format!("{n},{n}"), &mut dims)?.to_f64();
     let graph = graph(n, &adjacency)?;
-    let codes = arrays.shape("codes", &format!("{n},{},{k}", intervene::VALUES), &mut dims)?.to_f64();
+    let codes = arrays.shape("codes", &format!("{n},{},{k}", VALUES), &mut dims)?.to_f64();
     let template = arrays.shape("template", "P,3", &mut dims)?.to_f32();
     let mut spread = |name: &str| -> Result<Vec<f64>> {
         let values = arrays.shape(name, &format!("{n},{k}"), &mut dims)?.to_f64();

@@ -1,11 +1,9 @@
 //! What a trained model says about a render: how far its factors are from those of the photograph, and which points each factor moves
 //! (`last.md` §11, §12.2).
 //!
-//! L_lat = 1/(2nk) Σ over i, c of (ΔẐ_ic/s_ic)² + (Δε_ic/t_ic)²,   Δ = rendered − real, posterior means, the final graph
-//!
-//! s, t are the standard deviations over the training set. The first half compares factors, the second mechanisms: a child that is off only because
-//! its parent is off has Δε = 0. The literal reading has the first half alone, and divides by nk. The gradient goes through abduction (or the structure)
-//! and the encoder to the render; the photograph is constant.
+//! L_lat is [`mod@crate::loss::latent`], Δ = rendered − real, posterior means, the final graph; s, t are the standard deviations over the training
+//! set. The literal reading has its first half alone. The gradient goes through abduction (or the structure) and the encoder to the render;
+//! the photograph is constant.
 //!
 //! s_ig = ‖D(Ẑʳ with factor i of Ẑᵍ)(t_g) − D(Ẑʳ)(t_g)‖, coordinates in units of σ = 0.05, colours of 0.2.
 //!
@@ -19,7 +17,8 @@ use super::settings::Reading;
 use super::structure::Structure;
 use super::verdict::linked;
 use crate::causal::structure;
-use crate::last::host::guide::{Framing, Guide, Square, Window, nowhere};
+use crate::last::avatar::guide::{Framing, Guide, Square, nowhere};
+use crate::loss::latent::{self, Half};
 use crate::math::digraph::Digraph;
 use crate::scene::person::{PersonCapture, Photo, Shot};
 use crate::tape::Tape;
@@ -77,19 +76,17 @@ impl Trained {
         let [u, eps] = linked(self, mu.clone());
         let d = self.model.sizes.latent();
         let literal = self.settings.reading == Reading::Literal;
-        let share = if literal { 1.0 / d as f64 } else { 0.5 / d as f64 };
-        let mut value = 0.0;
-        let mut half = |x: &[f64], real: &[f64], spread: &[f64]| -> Vec<f64> {
-            (0..d)
-                .map(|at| {
-                    let off = (x[at] - real[at]) / spread[at];
-                    value += share * (off * off);
-                    2.0 * share * off / spread[at]
-                })
-                .collect()
-        };
-        let u_bar = half(&u, &real.factors, &self.factor_spread);
-        let eps_bar = if literal { vec![0.0; d] } else { half(&eps, &real.noise, &self.noise_spread) };
+        let halves = [
+            Half { x: &u, real: &real.factors, spread: &self.factor_spread },
+            Half { x: &eps, real: &real.noise, spread: &self.noise_spread },
+        ];
+        let halves = if literal { &halves[..1] } else { &halves };
+        let value = latent::forward(halves);
+        let (mut u_bar, mut eps_bar) = (vec![0.0; d], vec![0.0; d]);
+        latent::adjoint(halves, 0, 1.0, &mut u_bar);
+        if !literal {
+            latent::adjoint(halves, 1, 1.0, &mut eps_bar);
+        }
         let s = Structure::new(self.model.sizes, &self.model.params);
         let mask = self.graph.adjacency();
         let x = structure::In {
@@ -223,5 +220,5 @@ pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f
     let size = [shot.camera.height, shot.camera.width];
     let person = Square::around(&shot.camera, &capture.posed_points(shot.time));
     let square = trained.framing().square(size, person).ok_or_else(|| nowhere(&shot.name))?;
-    Ok(Window::new(trained.side(), size, square).take(picture))
+    Ok(square.window(trained.side(), size).take(picture))
 }

@@ -3,6 +3,7 @@
 //! The values a factor is set to are codes that pictures of the training set have: at nine quantiles along the factor's axis of largest variance.
 
 use super::file::Trained;
+pub use super::file::VALUES;
 use super::verdict::{intervened, linked};
 use crate::Result;
 use crate::math::{knn, principal};
@@ -10,8 +11,6 @@ use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::splat::discs;
 
-/// Number of values per factor.
-pub const VALUES: usize = 9;
 /// Shares of the pictures below the first and the last value.
 const ENDS: [f64; 2] = [0.02, 0.98];
 /// Radius of a disc in units of the mean distance to the three nearest points.

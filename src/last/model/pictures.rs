@@ -7,7 +7,7 @@ use super::data::{Data, Frame, Group, Item};
 use super::decoder::{CODE, code};
 use super::encoder::Input;
 use crate::io::npz;
-use crate::last::host::guide::{Framing, Square, Window};
+use crate::last::avatar::guide::{Framing, Square, Window};
 use crate::num::array::Arrays;
 use crate::num::par;
 use crate::scene::camera::{Camera, Model};
@@ -227,7 +227,7 @@ impl Pictures {
     /// The window through which a picture is seen.
     pub fn window(&self, item: Item) -> Window {
         let (set, at) = self.find(item);
-        Window::new(self.side, [self.side; 2], set.squares[at])
+        set.squares[at].window(self.side, [self.side; 2])
     }
 
     /// What is seen of a picture (S, S, 3), 0 … 1.

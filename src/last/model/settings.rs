@@ -1,7 +1,7 @@
 //! What can be chosen about the image-to-point model and its training; the defaults are those of `last.md` §8.
 
 use super::structure::Kind;
-use crate::last::host::guide::Framing;
+use crate::last::avatar::guide::Framing;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 

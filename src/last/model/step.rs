@@ -13,7 +13,7 @@ use super::settings::{Reading, Settings, Supervision, Weights};
 use super::structure::{Sizes, Structure};
 use super::targets::{self, Pairs};
 use crate::Result;
-use crate::causal::{acyclic, independence, mask, structure};
+use crate::causal::{acyclic, edges, independence, mask, probability, structure};
 use crate::num::rng::Rng;
 use crate::num::{order, par};
 use crate::tape::{Grads, Params, Tape};
@@ -334,11 +334,11 @@ pub fn run(
         }
         mask::adjoint(&structure.logits, &uniform, n, settings.tau, &bars.mask, &mut bars.structure.logits);
         if let Some([lambda, rho]) = context.lagrange {
-            let mut p_bar = vec![settings.weights.sparsity; n * n];
+            let cost = edges::Weights { sparsity: settings.weights.sparsity, anchor: 0.0 };
+            let mut p_bar = vec![0.0; n * n];
+            edges::adjoint(&cost, &p, &p, n, 1.0, &mut p_bar);
             acyclic::adjoint(&p, n, settings.alpha, &saved, lambda + rho * h, &mut p_bar);
-            for at in (0..n * n).filter(|at| at / n != at % n) {
-                bars.structure.logits[at] += p_bar[at] * (p[at] * (1.0 - p[at]) / settings.tau);
-            }
+            probability::adjoint(&p, n, settings.tau, &p_bar, &mut bars.structure.logits);
         }
     }
     let bar: Vec<f32> = (0..mu.len() * 2)
@@ -357,10 +357,7 @@ pub fn run(
     for ((name, shape), grad) in model.decoder.shapes().iter().zip(passed.grads) {
         put(name, shape, grad);
     }
-    let arrays = bars.structure.arrays(model.sizes.kind);
-    for ((name, shape), grad) in model.sizes.shapes().iter().zip(arrays) {
-        put(name, shape, grad.iter().map(|&g| g as f32).collect());
-    }
+    grads.0.extend(bars.structure.grads(model.sizes).0);
     let spread = spread(&out.means[..batch.layout.observed * d], n, model.sizes.width);
     Ok(Stepped { losses, grads, spread, covariance: out.covariance().map(<[f64]>::to_vec) })
 }

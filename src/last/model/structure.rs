@@ -10,12 +10,11 @@
 //! Parameters are stored in single precision like all others; [`Structure`] holds them in double precision, in which everything of this
 //! layer is computed.
 
-use super::encoder::he_uniform;
 use super::purpose;
+use crate::causal::probability;
 use crate::causal::structure::{Mechanism, MechanismBar, Networks};
-use crate::num::elem::f64::sigmoid;
-use crate::num::rng::Rng;
-use crate::tape::Params;
+use crate::optim::initial::Initial;
+use crate::tape::{Grads, Params};
 use ndarray::{ArrayD, IxDyn};
 
 /// Slope of the leaky ReLU of the nodes at 0 and below.
@@ -53,6 +52,8 @@ pub struct Sizes {
 pub(super) const FIRST: &str = "structure.nodes.w0";
 /// Name of their last layers, (n, k, h).
 pub(super) const LAST: &str = "structure.nodes.w2";
+/// Name of U.
+pub(super) const LOGITS: &str = "structure.logits";
 /// Name of Ω.
 pub(super) const EFFECTS: &str = "structure.weight";
 
@@ -68,9 +69,9 @@ impl Sizes {
     /// Names and shapes of all parameters.
     pub fn shapes(&self) -> Vec<(String, Vec<usize>)> {
         let (n, k, h) = (self.factors, self.width, HIDDEN);
-        let mut all = vec![("structure.logits".to_owned(), vec![n, n])];
+        let mut all = vec![(LOGITS.to_owned(), vec![n, n])];
         if self.kind != Kind::Networks {
-            all.push(("structure.weight".into(), vec![n, n]));
+            all.push((EFFECTS.into(), vec![n, n]));
         }
         if self.kind != Kind::Linear {
             let shapes = [vec![n, h, n * k], vec![n, h], vec![n, h, h], vec![n, h], vec![n, k, h]];
@@ -82,20 +83,17 @@ impl Sizes {
 
     /// First values: logits in ±10⁻¹⁰, hidden layers He-uniform, last layers and Ω 0, codes (1, 0, …).
     pub fn draw(&self, seed: u64, params: &mut Params) {
-        let rng = Rng::new(seed);
         for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
-            let at = FIRST_ARRAY + at as u32;
+            let initial = Initial::numbered(seed, purpose::INITIAL, FIRST_ARRAY + at as u32);
             let array = match name.as_str() {
-                "structure.logits" => ArrayD::from_shape_fn(IxDyn(&shape), |i| {
-                    let item = (i[0] * self.factors + i[1]) as u64;
-                    FIRST_LOGIT * (2.0 * rng.uniform_f32(item, at, purpose::INITIAL, 0) - 1.0)
-                }),
+                LOGITS => initial.uniform(&shape, FIRST_LOGIT),
                 "structure.values" => {
                     ArrayD::from_shape_fn(IxDyn(&shape), |i| if i[1] == 0 { 1.0 } else { 0.0 })
                 }
                 "structure.nodes.w0" | "structure.nodes.w1" => {
                     let (n, h) = (shape[0], shape[1]);
-                    he_uniform(seed, at, &[n * h, shape[2]], SLOPE as f32)
+                    initial
+                        .he_uniform(&[n * h, shape[2]], SLOPE as f32)
                         .into_shape_with_order(IxDyn(&shape))
                         .expect("the same size")
                 }
@@ -147,7 +145,7 @@ impl Structure {
         let mut between = sizes.shapes();
         between.pop();
         let arrays = between[1..].iter().map(|(name, _)| get(name)).collect();
-        Self { sizes, logits: get("structure.logits"), values: get("structure.values"), arrays }
+        Self { sizes, logits: get(LOGITS), values: get("structure.values"), arrays }
     }
 
     /// How parents act.
@@ -172,9 +170,7 @@ impl Structure {
 
     /// p = σ(U/τ), zero diagonal.
     pub fn probabilities(&self, tau: f64) -> Vec<f64> {
-        let n = self.sizes.factors;
-        let p = |at: usize| if at / n == at % n { 0.0 } else { sigmoid(self.logits[at] / tau) };
-        (0..n * n).map(p).collect()
+        probability::forward(&self.logits, self.sizes.factors, tau)
     }
 
     /// The array at that place of [`Sizes::shapes`].
@@ -211,5 +207,14 @@ impl StructureBar {
         }
         all.push(&self.values);
         all
+    }
+
+    /// The gradients by name, in single precision.
+    pub fn grads(&self, sizes: Sizes) -> Grads {
+        let of = |((name, shape), bar): ((String, Vec<usize>), &[f64])| {
+            let values = bar.iter().map(|&g| g as f32).collect();
+            (name, ArrayD::from_shape_vec(IxDyn(&shape), values).expect("the shape of the parameter"))
+        };
+        Grads(sizes.shapes().into_iter().zip(self.arrays(sizes.kind)).map(of).collect())
     }
 }

@@ -17,7 +17,7 @@
 use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
-use super::structure::Structure;
+use super::structure::{LOGITS, Structure};
 use super::targets::{Pairs, voted};
 use super::{file::Trained, intervene, units, verdict};
 use crate::causal::independence::History;
@@ -30,11 +30,10 @@ use crate::math::digraph::Digraph;
 use crate::num::array::Arrays;
 use crate::num::elem::f64::ln;
 use crate::num::order;
-use crate::optim::adam::{Adam, Counters, Rule};
+use crate::optim::adam::{Counters, Rule};
+use crate::optim::optimiser::{ArrayNames, Optimiser};
 use crate::{Error, Result};
-use ndarray::{ArrayD, IxDyn};
 use serde_json::Value;
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 /// First penalty ρ of the augmented Lagrangian.
@@ -54,8 +53,6 @@ const MEMORY: f64 = 0.99;
 
 /// A gradient longer than so many times the running mean is shortened.
 const BURST: f64 = 10.0;
-/// The edges' logits, which have a rate of their own.
-const LOGITS: &str = "structure.logits";
 
 /// A training on its way.
 #[derive(Debug)]
@@ -64,7 +61,7 @@ pub struct Training<'a> {
     pub model: Model,
     settings: Settings,
     data: &'a dyn Data,
-    optimisers: BTreeMap<String, Adam>,
+    optimiser: Optimiser,
     step: u32,
     lambda: f64,
     rho: f64,
@@ -90,17 +87,11 @@ impl<'a> Training<'a> {
     pub fn new(settings: Settings, data: &'a dyn Data) -> Result<Self> {
         let model = Model::new(&settings, data)?;
         let rule = Rule { counters: Counters::Global, ..Rule::default() };
-        let optimisers = model
-            .params
-            .iter()
-            .filter(|(_, a)| !a.is_empty())
-            .map(|(name, a)| Ok((name.to_owned(), Adam::new(rule, a.len(), 1)?)))
-            .collect::<Result<_>>()?;
         Ok(Self {
+            optimiser: Optimiser::new(rule, &model.params)?,
             model,
             settings,
             data,
-            optimisers,
             step: 0,
             lambda: 0.0,
             rho: FIRST_RHO,
@@ -220,12 +211,12 @@ impl<'a> Training<'a> {
             spread: self.spread.clone().unwrap_or_else(|| vec![1.0; s.factors]),
             history: self.history.clone(),
         };
-        let stepped = step::run(&self.model, s, self.data, &batch, &context)?;
+        let mut stepped = step::run(&self.model, s, self.data, &batch, &context)?;
         if let Some(covariance) = stepped.covariance {
             self.history.push(covariance);
         }
         let mix = |old: f64, new: f64| MEMORY * old + (1.0 - MEMORY) * new;
-        let length = self.optimisers.keys().filter(|name| *name != LOGITS).fold(0.0, |sum, name| {
+        let length = self.optimiser.names().filter(|name| *name != LOGITS).fold(0.0, |sum, name| {
             let grad = stepped.grads.get(name).expect("every parameter has a gradient");
             grad.iter().fold(sum, |sum, g| sum + f64::from(*g) * f64::from(*g))
         });
@@ -235,20 +226,12 @@ impl<'a> Training<'a> {
         let shorter = (length > BURST * usual).then(|| (BURST * usual / length) as f32);
         self.length = Some(mix(usual, order::min(length, BURST * usual)));
         let [lr, lr_logits] = self.rates();
-        for (name, adam) in &mut self.optimisers {
-            let logits = name == LOGITS;
-            if logits && !moving {
-                continue;
-            }
-            let rate = if logits { lr_logits } else { lr };
-            let grad = stepped.grads.get(name).expect("every parameter has a gradient");
-            let mut grad = Cow::Borrowed(grad.as_slice().expect("contiguous"));
-            if let Some(factor) = shorter.filter(|_| !logits) {
-                grad.to_mut().iter_mut().for_each(|g| *g *= factor);
-            }
-            let param = self.model.params.get_mut(name).expect("every state has its parameter");
-            adam.step(param.as_slice_mut().expect("contiguous"), &grad, &[rate], None)?;
+        if let Some(factor) = shorter {
+            let grads = stepped.grads.0.iter_mut().filter(|(name, _)| *name != LOGITS);
+            grads.for_each(|(_, grad)| grad.iter_mut().for_each(|g| *g *= factor));
         }
+        let rate = |name: &str| if name == LOGITS { moving.then_some(lr_logits) } else { Some(lr) };
+        self.optimiser.step(&mut self.model.params, &stepped.grads, rate)?;
         self.spread = Some(match &self.spread {
             None => stepped.spread,
             Some(old) => old.iter().zip(&stepped.spread).map(|(o, n)| mix(*o, *n)).collect(),
@@ -264,7 +247,7 @@ impl<'a> Training<'a> {
     fn change_units(&mut self) {
         let Some(spread) = self.spread.as_mut().filter(|spread| units::are_needed(spread)) else { return };
         let c = units::of(spread);
-        units::change(&mut self.model, &mut self.optimisers, &mut self.history, &c);
+        units::change(&mut self.model, &mut self.optimiser, &mut self.history, &c);
         spread.iter_mut().zip(&c).for_each(|(s, c)| *s *= c * c);
         self.units = Some(c);
     }
@@ -347,12 +330,8 @@ impl Fit for Training<'_> {
     }
 
     fn save(&self, out: &mut Arrays) {
-        for (name, array) in self.model.params.iter() {
-            out.put(&format!("param/{name}"), array.shape(), array.iter().copied().collect());
-        }
-        for (name, adam) in &self.optimisers {
-            adam.save(&format!("adam/{name}"), out);
-        }
+        ArrayNames::Folders.save(&self.model.params, out);
+        self.optimiser.save(ArrayNames::Folders, out);
         let last = self.last_h.unwrap_or(-1.0);
         out.put("state/lagrange", &[4], vec![self.lambda, self.rho, last, f64::from(self.rounds)]);
         out.put("state/step", &[1], vec![i64::from(self.step)]);
@@ -377,15 +356,8 @@ impl Fit for Training<'_> {
         let n = self.settings.factors.to_string();
         let mut dims = BTreeMap::new();
         let mut params = self.model.params.clone();
-        for (name, array) in self.model.params.iter() {
-            let pattern: Vec<String> = array.shape().iter().map(ToString::to_string).collect();
-            let stored = from.shape(&format!("param/{name}"), &pattern.join(","), &mut dims)?;
-            let values = ArrayD::from_shape_vec(IxDyn(array.shape()), stored.to_f32());
-            params.set(name, values.expect("the shape was checked"));
-        }
-        for (name, adam) in &mut self.optimisers {
-            *adam = Adam::load(*adam.rule(), &format!("adam/{name}"), from)?;
-        }
+        ArrayNames::Folders.load(&mut params, from)?;
+        self.optimiser.load(ArrayNames::Folders, from)?;
         let lagrange = from.shape("state/lagrange", "4", &mut dims)?.to_f64();
         let step = from.shape("state/step", "1", &mut dims)?.to_i64();
         let d = self.model.sizes.latent();
@@ -424,6 +396,7 @@ mod tests {
     use crate::last::model::vectors::Vectors;
     use data_gen::figure::graph::Graph;
     use data_gen::figure::mechanism::{Mechanism, Scm};
+    use ndarray::ArrayD;
 
     #[test]
     fn units_change_once_and_only_where_a_code_is_too_small() {
@@ -475,7 +448,7 @@ mod tests {
             training.advance().expect("finite");
             let mut state = Arrays::new();
             training.save(&mut state);
-            let squares = training.optimisers.keys().filter(|name| *name != LOGITS).map(|name| {
+            let squares = training.optimiser.names().filter(|name| *name != LOGITS).map(|name| {
                 let m = state.get(&format!("adam/{name}.m")).expect("its moments").to_f64();
                 m.iter().fold(0.0, |s, x| s + x * x)
             });

@@ -12,13 +12,18 @@ use super::guide;
 use super::latent::{self, Layout};
 use super::purpose;
 use super::settings::{Reading, Supervision, Weights};
-use super::structure::{Kind, Structure};
+use super::structure::{EFFECTS, LOGITS, Structure};
 use super::verdict;
-use crate::causal::{acyclic, mask, repair};
+use crate::causal::{acyclic, edges, mask, probability, repair};
+use crate::fit::training::{Fit, Step, Watch};
+use crate::num::array::Arrays;
 use crate::num::rng::Rng;
-use crate::optim::adam::{Adam, Counters, Rule};
+use crate::optim::adam::{Counters, Rule};
+use crate::optim::optimiser::{ArrayNames, Optimiser};
 use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 
 /// How long and how fast.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,35 +101,60 @@ pub struct Tuned {
     pub losses: [f64; 2],
 }
 
-/// Tunes the structure of `trained` in place.
-///
-/// # Errors
-/// No pictures; a loss that is not finite.
-pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Result<Tuned> {
-    let sizes = trained.model.sizes;
-    let (n, d) = (sizes.factors, sizes.latent());
-    let frames = subject.mu.len() / d;
-    if frames == 0 {
-        return Err(Error::input("subject").expected("at least one picture").got("none"));
+/// A tuning in progress: the model, which it changes in place, and what it compares with.
+#[derive(Debug)]
+pub struct Tuning<'a> {
+    trained: &'a mut Trained,
+    subject: &'a Subject,
+    settings: Settings,
+    optimiser: Optimiser,
+    /// (n, n) probabilities of the edges before the first step
+    before: Vec<f64>,
+    edges_before: Vec<(usize, usize)>,
+    spread_before: [Vec<f64>; 2],
+    /// the loss at the first and the last step
+    losses: [f64; 2],
+}
+
+/// Deviations of factors and noise on the subject.
+fn deviations(trained: &Trained, subject: &Subject) -> [Vec<f64>; 2] {
+    let d = trained.model.sizes.latent();
+    verdict::linked(trained, subject.mu.clone()).map(|rows| verdict::deviations(&rows, d))
+}
+
+impl<'a> Tuning<'a> {
+    /// Before the first step.
+    ///
+    /// # Errors
+    /// No pictures.
+    pub fn new(trained: &'a mut Trained, subject: &'a Subject, settings: Settings) -> Result<Self> {
+        if subject.mu.len() < trained.model.sizes.latent() {
+            return Err(Error::input("subject").expected("at least one picture").got("none"));
+        }
+        let spread_before = deviations(trained, subject);
+        agree(trained);
+        let rule = Rule { counters: Counters::Global, ..Rule::default() };
+        Ok(Self {
+            optimiser: Optimiser::of(rule, &trained.model.params, |name| [LOGITS, EFFECTS].contains(&name))?,
+            before: Structure::new(trained.model.sizes, &trained.model.params)
+                .probabilities(trained.settings.tau),
+            edges_before: trained.graph.edges(),
+            spread_before,
+            losses: [0.0; 2],
+            trained,
+            subject,
+            settings,
+        })
     }
-    let tau = trained.settings.tau;
-    let deviations =
-        |t: &Trained| verdict::linked(t, subject.mu.clone()).map(|rows| verdict::deviations(&rows, d));
-    let spread_before = deviations(trained);
-    agree(trained);
-    let before = Structure::new(sizes, &trained.model.params).probabilities(tau);
-    let edges_before = trained.graph.edges();
-    let layout = Layout { observed: frames, targets: Vec::new(), members: 0 };
-    let mut names = vec!["structure.logits"];
-    if sizes.kind != Kind::Networks {
-        names.push("structure.weight");
-    }
-    let rule = Rule { counters: Counters::Global, ..Rule::default() };
-    let mut optimisers = names.iter().map(|_| Adam::new(rule, n * n, 1)).collect::<Result<Vec<_>>>()?;
-    let rng = Rng::new(settings.seed);
-    let [mut first, mut last] = [0.0; 2];
-    for step in 0..settings.steps {
+
+    /// One step; gives the loss before it and Σp.
+    fn advance(&mut self, step: u32) -> Result<[f64; 2]> {
+        let (trained, subject, settings) = (&mut *self.trained, self.subject, &self.settings);
+        let sizes = trained.model.sizes;
+        let (n, tau, alpha) = (sizes.factors, trained.settings.tau, trained.settings.alpha);
+        let layout = Layout { observed: subject.mu.len() / sizes.latent(), targets: Vec::new(), members: 0 };
         let structure = Structure::new(sizes, &trained.model.params);
+        let rng = Rng::new(settings.seed);
         let draw = |item: usize, purpose: u16| rng.uniform_f64(item as u64, step, purpose, 1);
         let uniform: Vec<f64> = (0..n * n).map(|at| draw(at, purpose::MASK)).collect();
         let sampled = mask::forward(&structure.logits, &uniform, n, tau);
@@ -157,46 +187,98 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
         let mut bars = latent::adjoint(&x, &out, &z_bar);
         mask::adjoint(&structure.logits, &uniform, n, tau, &bars.mask, &mut bars.structure.logits);
         let p = structure.probabilities(tau);
-        let (h, saved) = acyclic::forward(&p, n, trained.settings.alpha);
+        let (h, saved) = acyclic::forward(&p, n, alpha);
         let mut p_bar = vec![0.0; n * n];
-        acyclic::adjoint(&p, n, trained.settings.alpha, &saved, 1.0 + h, &mut p_bar);
+        acyclic::adjoint(&p, n, alpha, &saved, 1.0 + h, &mut p_bar);
         loss += h + 0.5 * h * h;
-        for at in (0..n * n).filter(|at| at / n != at % n) {
-            let off = p[at] - before[at];
-            loss += weights.sparsity * p[at] + settings.anchor * (off * off);
-            let slope = p_bar[at] + weights.sparsity + 2.0 * settings.anchor * off;
-            bars.structure.logits[at] += slope * (p[at] * (1.0 - p[at]) / tau);
-        }
+        let cost = edges::Weights { sparsity: weights.sparsity, anchor: settings.anchor };
+        loss += edges::forward(&cost, &p, &self.before, n);
+        edges::adjoint(&cost, &p, &self.before, n, 1.0, &mut p_bar);
+        probability::adjoint(&p, n, tau, &p_bar, &mut bars.structure.logits);
         if !loss.is_finite() {
             let at = format!("step {step}");
             return Err(Error::check("fine-tuning").at(at).expected("a finite loss").got(loss.to_string()));
         }
-        first = if step == 0 { loss } else { first };
-        last = loss;
-        let arrays = bars.structure.arrays(sizes.kind);
-        for (name, (adam, bar)) in names.iter().zip(optimisers.iter_mut().zip(arrays)) {
-            let grad: Vec<f32> = bar.iter().map(|&g| g as f32).collect();
-            let param = trained.model.params.get_mut(name).expect("a parameter of the structure");
-            adam.step(param.as_slice_mut().expect("contiguous"), &grad, &[settings.lr], None)?;
+        let grads = bars.structure.grads(sizes);
+        self.optimiser.step(&mut trained.model.params, &grads, |_| Some(settings.lr))?;
+        Ok([loss, p.iter().fold(0.0, |s, p| s + p)])
+    }
+
+    /// Gives the model the graph of its probabilities, and the deviations that belong to it.
+    pub fn finish(self) -> Tuned {
+        let trained = self.trained;
+        let sizes = trained.model.sizes;
+        let after = Structure::new(sizes, &trained.model.params).probabilities(trained.settings.tau);
+        trained.graph = repair::repair(sizes.factors, &after, 0.5).0;
+        // Deviations are those of the training set; what another graph makes of them is measured on the subject.
+        let spread_after = deviations(trained, self.subject);
+        let spreads = [&mut trained.factor_spread, &mut trained.noise_spread];
+        for (spread, (new, old)) in spreads.into_iter().zip(spread_after.iter().zip(&self.spread_before)) {
+            for (s, (new, old)) in spread.iter_mut().zip(new.iter().zip(old)) {
+                *s *= new / old;
+            }
+        }
+        Tuned {
+            before: self.before,
+            after,
+            edges: [self.edges_before, trained.graph.edges()],
+            losses: self.losses,
         }
     }
-    let after = Structure::new(sizes, &trained.model.params).probabilities(tau);
-    trained.graph = repair::repair(n, &after, 0.5).0;
-    // Deviations are those of the training set; what another graph makes of them is measured on the subject.
-    let spread_after = deviations(trained);
-    let spreads = [&mut trained.factor_spread, &mut trained.noise_spread];
-    for (spread, (new, old)) in spreads.into_iter().zip(spread_after.iter().zip(&spread_before)) {
-        for (s, (new, old)) in spread.iter_mut().zip(new.iter().zip(old)) {
-            *s *= new / old;
-        }
+}
+
+impl Fit for Tuning<'_> {
+    fn kind(&self) -> &'static str {
+        "last tune"
     }
-    Ok(Tuned { before, after, edges: [edges_before, trained.graph.edges()], losses: [first, last] })
+
+    fn settings(&self) -> Value {
+        let s = &self.settings;
+        json!({ "steps": s.steps, "lr": s.lr, "anchor": s.anchor, "seed": s.seed })
+    }
+
+    fn iterations(&self) -> usize {
+        self.settings.steps as usize
+    }
+
+    fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step> {
+        let [loss, edges] = self.advance(u32::try_from(i).expect("steps are counted in 32 bits"))?;
+        watch.lap("step");
+        self.losses = [if i == 0 { loss } else { self.losses[0] }, loss];
+        Ok(Step { loss: loss as f32, size: libm::round(edges) as usize })
+    }
+
+    fn save(&self, out: &mut Arrays) {
+        ArrayNames::Folders.save(&self.trained.model.params, out);
+        self.optimiser.save(ArrayNames::Folders, out);
+        out.put("state/losses", &[2], self.losses.to_vec());
+    }
+
+    fn load(&mut self, from: &Arrays) -> Result<()> {
+        let losses = from.shape("state/losses", "2", &mut BTreeMap::new())?.to_f64();
+        self.optimiser.load(ArrayNames::Folders, from)?;
+        ArrayNames::Folders.load(&mut self.trained.model.params, from)?;
+        self.losses = [losses[0], losses[1]];
+        Ok(())
+    }
+}
+
+/// Tunes the structure of `trained` in place.
+///
+/// # Errors
+/// No pictures; a loss that is not finite.
+pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Result<Tuned> {
+    let mut tuning = Tuning::new(trained, subject, *settings)?;
+    for i in 0..tuning.iterations() {
+        tuning.step(i, &mut ())?;
+    }
+    Ok(tuning.finish())
 }
 
 /// Mirrors the logits of edges that the search of the pre-training took or added, so that masks are drawn from the graph's own probabilities.
 fn agree(trained: &mut Trained) {
     let n = trained.model.sizes.factors;
-    let logits = trained.model.params.get_mut("structure.logits").expect("a parameter of the structure");
+    let logits = trained.model.params.get_mut(LOGITS).expect("a parameter of the structure");
     for (at, u) in logits.iter_mut().enumerate() {
         if at / n != at % n && trained.graph.has(at / n, at % n) != (*u > 0.0) {
             *u = -*u;

@@ -25,8 +25,7 @@ use super::verdict::ACTIVE;
 use crate::causal::independence::History;
 use crate::num::elem::f64::{exp2, ln};
 use crate::num::order;
-use crate::optim::adam::Adam;
-use std::collections::BTreeMap;
+use crate::optim::optimiser::Optimiser;
 
 /// Variances are counted as no smaller: c ≤ 16.
 const SMALLEST: f64 = 1.0 / 256.0;
@@ -42,7 +41,7 @@ pub fn of(spread: &[f64]) -> Vec<f64> {
 }
 
 /// Counts every factor i in the unit 1/cᵢ.
-pub fn change(model: &mut Model, optimisers: &mut BTreeMap<String, Adam>, history: &mut History, c: &[f64]) {
+pub fn change(model: &mut Model, optimiser: &mut Optimiser, history: &mut History, c: &[f64]) {
     let Sizes { factors: n, width: k, .. } = model.sizes;
     let d = n * k;
     let unit = |column: usize| c[column / k];
@@ -64,7 +63,7 @@ pub fn change(model: &mut Model, optimisers: &mut BTreeMap<String, Adam>, histor
         for (at, value) in param.iter_mut().enumerate() {
             *value = (f64::from(*value) * by(at)) as f32;
         }
-        if let Some(adam) = optimisers.get_mut(name) {
+        if let Some(adam) = optimiser.get_mut(name) {
             adam.rescale(|at| by(at) as f32);
         }
     }
@@ -87,7 +86,8 @@ mod tests {
     use crate::last::model::step::{self, Batch, Context};
     use crate::last::model::structure::Kind;
     use crate::last::model::vectors::Vectors;
-    use crate::optim::adam::{Counters, Rule};
+    use crate::optim::adam::{Adam, Counters, Rule};
+    use crate::tape::Params;
     use data_gen::figure::graph::Graph;
     use data_gen::figure::mechanism::{Mechanism, Scm};
 
@@ -102,6 +102,11 @@ mod tests {
             let c = of(&[s])[0];
             assert!((0.49..=2.01).contains(&(s * c * c)), "{s} becomes {}", s * c * c);
         }
+    }
+
+    /// An optimiser of nothing.
+    fn none() -> Optimiser {
+        Optimiser::new(Rule::default(), &Params::new()).expect("a rule in its range")
     }
 
     /// A model for vectors, its data and 8 of their items.
@@ -126,7 +131,7 @@ mod tests {
         let (mu, ell, y) = see(&model);
         let mut history = History::default();
         history.push((0..64).map(f64::from).collect());
-        change(&mut model, &mut BTreeMap::new(), &mut history, &c);
+        change(&mut model, &mut none(), &mut history, &c);
         let (scaled, widened, again) = see(&model);
         assert_eq!(again, y, "the same points from the same pictures, to the bit");
         let unit = |at: usize| c[at % 8 / 2];
@@ -165,7 +170,7 @@ mod tests {
             let [u, eps] = &before;
             assert!(u.iter().zip(eps).any(|(u, e)| (u - e).abs() > 1e-3), "parents act");
             let c = [4.0, 1.0, 0.5, 8.0];
-            change(&mut model, &mut BTreeMap::new(), &mut History::default(), &c);
+            change(&mut model, &mut none(), &mut History::default(), &c);
             for (new, old) in noise(&model).iter().zip(&before) {
                 for (at, (new, old)) in new.iter().zip(old).enumerate() {
                     assert_eq!(*new, old * c[at % 8 / 2], "{kind:?}, {reading:?}, {at}");
@@ -198,24 +203,19 @@ mod tests {
         let before = slope(&model);
         let [weight, bias] = model.encoder.last();
         let names = [weight, bias, LATENT.to_owned()];
-        let mut optimisers = BTreeMap::new();
-        for name in &names {
-            let grad = before.get(name).expect("a gradient");
-            let mut adam = Adam::new(Rule { counters: Counters::Global, ..Rule::default() }, grad.len(), 1)
-                .expect("a rule");
-            let mut param = vec![0.0; grad.len()];
-            adam.step(&mut param, grad.as_slice().expect("contiguous"), &[0.0], None).expect("finite");
-            optimisers.insert(name.clone(), adam);
-        }
-        change(&mut model, &mut optimisers, &mut History::default(), &c);
+        let rule = Rule { counters: Counters::Global, ..Rule::default() };
+        let mut optimiser = Optimiser::of(rule, &model.params, |name| names.iter().any(|n| n == name))
+            .expect("a rule in its range");
+        optimiser.step(&mut model.params, &before, |_| Some(0.0)).expect("finite");
+        change(&mut model, &mut optimiser, &mut History::default(), &c);
         let after = slope(&model);
         for name in &names {
             let grad = after.get(name).expect("a gradient").as_slice().expect("contiguous");
-            let mut fresh = Adam::new(Rule { counters: Counters::Global, ..Rule::default() }, grad.len(), 1)
-                .expect("a rule");
+            let mut fresh = Adam::new(rule, grad.len(), 1).expect("a rule in its range");
             fresh.step(&mut vec![0.0; grad.len()], grad, &[0.0], None).expect("finite");
             // As if the step had been made in the new unit; ℓ is rounded, so the noise is not quite the same.
-            let [(m, v), (m_new, v_new)] = [&optimisers[name], &fresh].map(Adam::moments);
+            let old = optimiser.get(name).expect("a state");
+            let [(m, v), (m_new, v_new)] = [old, &fresh].map(Adam::moments);
             for (old, new) in [(m, m_new), (v, v_new)] {
                 let most = new.iter().fold(0.0, |most, x| if x.abs() > most { x.abs() } else { most });
                 assert!(most > 0.0, "{name} has gradients");

@@ -1,6 +1,6 @@
 //! From records to a capture: every inconsistency is an error of its own, and all of them are found.
 
-use super::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Shot, Template};
+use super::records::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Shot, Template};
 use crate::io::capture::{Lens, Split};
 use crate::io::person::{self, Person};
 use crate::io::{MAX_SMALL_FILE_BYTES, image_file, read_bytes};

@@ -1,155 +1,28 @@
 //! A person that moves before cameras: validated template, poses, cameras, split; pictures on demand.
 //!
 //! ```text
-//! io::person (records) ──► check ──► PersonCapture ──┬─ template   points, weights, joints at rest      (template)
+//! io::person (records) ──► check ──► PersonCapture ──┬─ template   points, weights, joints at rest      (records)
 //!                            │                       ├─ poses      one per moment                       (pose)
 //!                            └─ every problem        ├─ shots      camera, moment, picture; split
 //!                                                    └─ box_mask   the pixels that count                (region)
-//! io::captures, io::smpl ──► import ──► the layout on disk                                              (import, smpl)
+//! io::captures, io::smpl ──► import ──► the layout on disk                                              (of the member import)
 //! ```
 //!
 //! The layout is that of [`crate::io::person`]. Whoever has a [`PersonCapture`] has consistent data: as many poses as moments, pictures
 //! and masks of the declared sizes, weights that sum to 1, joints without a cycle, finite numbers.
 
 mod check;
-pub mod import;
 mod pose;
+mod records;
 mod region;
-pub mod smpl;
 
-pub use pose::{Affine, Pose, rotation_matrix, rotation_vector};
+pub use pose::{rotation_matrix, rotation_vector};
+pub use records::{Affine, INFLUENCES, Kind, PersonCapture, Photo, Pose, Shot, Template};
 
-use super::camera::Camera;
-use crate::io::capture::Split;
 use crate::io::image_file::{self, Encoding};
 use crate::io::person;
 use crate::{Error, Result};
-use std::path::{Path, PathBuf};
-
-/// Weights a point keeps.
-pub const INFLUENCES: usize = 4;
-
-/// What kind of body moves.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// The built-in figure.
-    Figure,
-    /// A skinned character from a file.
-    Character,
-    /// SMPL: 24 joints.
-    Smpl,
-    /// SMPL-X: 55 joints.
-    SmplX,
-    /// Something else.
-    Other(String),
-}
-
-impl Kind {
-    /// From the key `kind` of a capture.
-    pub fn parse(name: &str) -> Self {
-        match name {
-            "figure" => Self::Figure,
-            "character" => Self::Character,
-            "smpl" => Self::Smpl,
-            "smplx" => Self::SmplX,
-            other => Self::Other(other.to_owned()),
-        }
-    }
-
-    /// The name captures write.
-    pub fn name(&self) -> &str {
-        match self {
-            Self::Figure => "figure",
-            Self::Character => "character",
-            Self::Smpl => "smpl",
-            Self::SmplX => "smplx",
-            Self::Other(name) => name,
-        }
-    }
-}
-
-/// The body at rest and how its points hang on its joints. P points, K joints.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Template {
-    /// What kind of body it is.
-    pub kind: Kind,
-    /// Metres per scene unit.
-    pub unit_m: f64,
-    /// (P) at rest
-    pub points: Vec<[f32; 3]>,
-    /// (P) at rest, or empty
-    pub normals: Vec<[f32; 3]>,
-    /// (F) triangles over the points; may be empty
-    pub faces: Vec<[u32; 3]>,
-    /// (P) the four joints of largest weight, largest first, ties by the smaller joint; unused places have weight 0
-    pub joint_of: Vec<[u16; INFLUENCES]>,
-    /// (P) their weights, ≥ 0, summing to 1
-    pub weight_of: Vec<[f32; INFLUENCES]>,
-    /// (K) positions at rest
-    pub joints: Vec<[f32; 3]>,
-    /// (K) the joint each hangs on; no cycle
-    pub parents: Vec<Option<usize>>,
-    /// (K) every joint once, parents before children
-    pub order: Vec<usize>,
-    /// (K) canonical pose from rest; identities where rest is canonical
-    pub canonical: Vec<Affine>,
-    /// (P, 3, 9(K−1)) row-major: how points move with the rotations of a pose, before skinning
-    pub pose_shapes: Option<Vec<f32>>,
-}
-
-/// One picture of the person.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Shot {
-    /// Relative path of the picture.
-    pub name: String,
-    /// Moment: index of [`PersonCapture::poses`].
-    pub time: usize,
-    /// Number of the camera, as the capture says.
-    pub camera_id: usize,
-    /// Its camera; ideal, of the size of the picture.
-    pub camera: Camera,
-    /// Train, val or test.
-    pub split: Split,
-    image: PathBuf,
-    foreground: PathBuf,
-    valid: Option<PathBuf>,
-}
-
-/// The pixels of a shot, row-major.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Photo {
-    /// (H, W, 3) sRGB-encoded, the person on black
-    pub rgb: Vec<u8>,
-    /// (H, W) share covered by the person, 0..1
-    pub mask: Vec<f32>,
-    /// (H, W) 1 where the pixel counts; absent if all do
-    pub valid: Option<Vec<u8>>,
-}
-
-/// A capture of a moving person.
-#[derive(Clone, Debug, PartialEq)]
-pub struct PersonCapture {
-    /// Its folder.
-    pub folder: PathBuf,
-    /// The body.
-    pub template: Template,
-    /// (T) one per moment
-    pub poses: Vec<Pose>,
-    /// (T) numbers of the moments in the source; 0 … T−1 if it does not say
-    pub numbers: Vec<i64>,
-    /// (T) causes, where they are known; else empty
-    pub factors: Vec<Vec<f64>>,
-    /// All pictures: training, validation, test, each by (camera, moment).
-    pub shots: Vec<Shot>,
-    /// Indices of the pictures to learn from, by (moment, camera).
-    pub train: Vec<usize>,
-    /// Indices of the pictures held out, by (moment, camera).
-    pub test: Vec<usize>,
-    /// What the box around the posed points gets on every side, scene units.
-    pub box_margin: f32,
-    /// Things worth knowing that are no errors, a sentence each.
-    pub notes: Vec<String>,
-}
+use std::path::Path;
 
 impl PersonCapture {
     /// Opens a capture and checks everything but the pixels. Pictures are read by [`Shot::photo`].

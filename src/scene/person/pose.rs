@@ -1,27 +1,12 @@
 //! Poses: transforms of joints, the rotations they imply, and the points they move.
 //!
 //! A joint's transform A_k maps rest to the world. Relative to its parent p it is A_p⁻¹ A_k: a rotation R_k about the joint's place at rest, if the
-//! skeleton is rigid. What corrects such rotations is `last::host::pose`.
+//! skeleton is rigid. What corrects such rotations is `last::avatar::pose`.
 
-use super::{INFLUENCES, PersonCapture, Template};
+use super::records::{Affine, INFLUENCES, PersonCapture, Template};
 use crate::math::affine::{self, Linear, compose, determinant, inverse, linear, newton_to_rotation, wide};
 pub use crate::math::rodrigues::{matrix as rotation_matrix, vector as rotation_vector};
 use reference::body::skin;
-
-/// Upper three rows of an affine transform, row-major.
-pub type Affine = skin::Affine<f32>;
-
-/// The body at one moment.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Pose {
-    /// (K) world from rest: x' = Σ_k w_k A_k x
-    pub transforms: Vec<Affine>,
-    /// (K) axis-angle of each joint relative to its parent, rad; from the file, or that of the rotations in `transforms` (then the root's holds
-    /// the global rotation)
-    pub axis_angles: Vec<[f32; 3]>,
-    /// Rh and Th, where the file has them: contained in `transforms`.
-    pub global: Option<[[f32; 3]; 2]>,
-}
 
 /// The rotation nearest to a matrix of positive determinant: a fixed number of Newton's steps after division by the cube root of
 /// the determinant.

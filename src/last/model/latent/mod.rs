@@ -12,85 +12,17 @@
 //! A batch holds observed items, then the bases of all groups, then their after-images, group by group (`last.md` §7.3). Group losses
 //! and L_MI take posterior means; the decoder and KL take samples. KL of an after-image leaves out the factor that was set.
 
+mod inputs;
 mod pieces;
 
-use super::settings::{Placement, Reading, Supervision, Weights};
-use super::structure::{Structure, StructureBar};
+use super::settings::{Placement, Reading, Supervision};
+use super::structure::Structure;
 use crate::Result;
 use crate::causal::structure::{self, Saved as Swept};
-use crate::causal::{independence, intervene, posterior, posterior_kl, scm_kl};
+use crate::causal::{code, held, independence, intervene, limit, posterior, posterior_kl, scm_kl};
 use crate::loss::groups;
+pub use inputs::{Bars, In, Layout};
 use pieces::Linked;
-
-/// What a batch is made of.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Layout {
-    /// observed items
-    pub observed: usize,
-    /// factor set in each group
-    pub targets: Vec<usize>,
-    /// items of a group, before and after alike
-    pub members: usize,
-}
-
-impl Layout {
-    /// Pairs of all groups.
-    pub fn pairs(&self) -> usize {
-        self.targets.len() * self.members
-    }
-
-    /// Items in all.
-    pub fn items(&self) -> usize {
-        self.observed + 2 * self.pairs()
-    }
-
-    /// The base of pair `p`.
-    pub fn base(&self, p: usize) -> usize {
-        self.observed + p
-    }
-
-    /// The after-image of pair `p`.
-    pub fn after(&self, p: usize) -> usize {
-        self.observed + self.pairs() + p
-    }
-
-    /// The factor that was set in an after-image.
-    pub fn set_in(&self, item: usize) -> Option<usize> {
-        let pair = item.checked_sub(self.observed + self.pairs())?;
-        Some(self.targets[pair / self.members])
-    }
-}
-
-/// Inputs.
-#[derive(Clone, Copy, Debug)]
-pub struct In<'a> {
-    /// parameters
-    pub structure: &'a Structure,
-    /// Ã (n, n)
-    pub mask: &'a [f64],
-    /// what the batch is made of
-    pub layout: &'a Layout,
-    /// (B, d)
-    pub mu: &'a [f64],
-    /// (B, d)
-    pub ell: &'a [f64],
-    /// (B, d)
-    pub eta: &'a [f64],
-    /// (n) running variances of the factors
-    pub spread: &'a [f64],
-    /// (G) values that were set; with labels only
-    pub labels: &'a [f64],
-    /// which model
-    pub reading: Reading,
-    /// what groups say
-    pub supervision: Supervision,
-    /// factors of the terms
-    pub weights: Weights,
-    /// what L_MI looks at
-    pub placement: Placement,
-    /// (d, d) weighted covariances of earlier batches, and the weight of this one; none at the start
-    pub carried: Option<(&'a [f64], f64)>,
-}
 
 /// Terms of the loss, without factors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -135,19 +67,6 @@ impl Out {
     }
 }
 
-/// Gradients.
-#[derive(Clone, Debug)]
-pub struct Bars {
-    /// (B, d)
-    pub mu: Vec<f64>,
-    /// (B, d)
-    pub ell: Vec<f64>,
-    /// (n, n)
-    pub mask: Vec<f64>,
-    /// by the parameters of the structure
-    pub structure: StructureBar,
-}
-
 /// What is decoded, and the terms.
 ///
 /// # Errors
@@ -158,7 +77,7 @@ pub struct Bars {
 pub fn forward(x: &In<'_>) -> Result<Out> {
     let d = x.d();
     assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
-    let log_variance: Vec<f64> = x.ell.iter().map(|l| posterior::limited(*l)).collect();
+    let log_variance = limit::forward(x.ell);
     let drawn = posterior::forward(x.mu, &log_variance, x.eta);
     let linked = |given: &[f64]| -> Linked {
         // The borrow of `given` ends with the call.
@@ -174,7 +93,7 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
         shared = groups::forward(&x.groups(&mean, told.as_deref()))?;
         (terms.equal, terms.invariant, terms.hinge) = (shared.equal, shared.invariant, shared.spread);
         let pairs = x.layout.pairs();
-        held = (0..pairs).flat_map(|p| x.held(&mean, &shared.shared, p)).collect();
+        held = held::forward(&x.held(&mean, &shared.shared));
         set = (0..pairs).map(|p| Some(x.layout.targets[p / x.layout.members])).collect();
         let bases = &mean.eps[x.layout.observed * d..][..pairs * d];
         let (z, swept) = intervene::forward(&x.intervention(bases, &set, &held));
@@ -239,7 +158,12 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
         let w = x.weights.groups;
         // Pairs with a value of their own share none.
         let equal = if x.supervision == Supervision::PerSample { 0.0 } else { w };
-        let shared = held_adjoint(x, &bar.value, &mut mean_u);
+        let mut shared = vec![0.0; x.layout.targets.len() * k];
+        let into = match x.supervision {
+            Supervision::PerSample => &mut mean_u[x.layout.after(0) * d..],
+            _ => &mut shared[..],
+        };
+        held::adjoint(&x.held(&out.mean, &out.shared.shared), &bar.value, into);
         let cotangent = groups::Out { equal, invariant: w, spread: w * x.weights.spread, shared };
         let input = x.groups(&out.mean, out.told.as_deref());
         let mut bar = groups::InBar::zeros_like(&input);
@@ -247,7 +171,9 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
         add(&mut mean_eps[x.layout.observed * d..], &bar.eps);
         add(&mut mean_eps[after..], &bar.eps_after);
         add(&mut mean_u[after..], &bar.after);
-        x.told_adjoint(&bar.given, &mut bars.structure.values);
+        if x.supervision == Supervision::Labels {
+            code::adjoint(&x.code(), &bar.given, &mut bars.structure.values);
+        }
     }
     if let Some(saved) = &out.dependence {
         let input = x.dependence(&out.mean, &out.log_variance, out.among.as_deref());
@@ -280,24 +206,9 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
     add(&mut bars.mu, &given);
     let drawn_bar = x.link_adjoint(&out.sample, decoded_bar[..items * d].to_vec(), &sample_eps, &mut bars);
     posterior::adjoint(&out.log_variance, x.eta, &drawn_bar, &mut bars.mu, &mut bars.ell);
-    for (bar, ell) in bars.ell.iter_mut().zip(x.ell) {
-        *bar = if posterior::within(*ell) { *bar } else { 0.0 };
-    }
+    let limited_bar = std::mem::replace(&mut bars.ell, vec![0.0; items * d]);
+    limit::adjoint(x.ell, &limited_bar, &mut bars.ell);
     bars
-}
-
-/// From the values that factors were held at to where they came from; gives the part of the shared values (G, k).
-fn held_adjoint(x: &In<'_>, held_bar: &[f64], mean_u: &mut [f64]) -> Vec<f64> {
-    let (d, k, m) = (x.d(), x.k(), x.layout.members);
-    let mut shared = vec![0.0; x.layout.targets.len() * k];
-    for (p, bar) in held_bar.chunks_exact(k).enumerate() {
-        let (g, i) = (p / m, x.layout.targets[p / m]);
-        match x.supervision {
-            Supervision::PerSample => add(&mut mean_u[x.layout.after(p) * d + i * k..], bar),
-            _ => add(&mut shared[g * k..], bar),
-        }
-    }
-    shared
 }
 
 fn add(into: &mut [f64], what: &[f64]) {

@@ -1,9 +1,9 @@
 //! The pieces of [`super::forward`] and [`super::adjoint`]: each what one term looks at, as the operators take it.
 
 use super::super::settings::{Placement, Reading, Supervision};
-use super::{Bars, In};
+use super::inputs::{Bars, In};
 use crate::causal::structure::{self, Saved as Swept};
-use crate::causal::{independence, intervene, posterior_kl, scm_kl};
+use crate::causal::{code, held, independence, intervene, posterior_kl, scm_kl};
 use crate::loss::groups;
 
 /// Factors and noise that belong together; one is given, the other computed.
@@ -175,24 +175,15 @@ impl<'a> In<'a> {
         intervene::In { given, target, value }
     }
 
-    /// Codes of the values that groups set, where they are told: v·w_i, the first number of w_i being 1 (G, k).
-    pub(super) fn told(&self) -> Option<Vec<f64>> {
-        let k = self.k();
-        let code = |i: usize, c: usize| if c == 0 { 1.0 } else { self.structure.values[i * k + c] };
-        (self.supervision == Supervision::Labels).then(|| {
-            let groups = self.layout.targets.iter().zip(self.labels);
-            groups.flat_map(|(&i, v)| (0..k).map(move |c| v * code(i, c))).collect()
-        })
+    /// The values that groups set, as their codes are made.
+    pub(super) fn code(&self) -> code::In<'_> {
+        let values = &self.structure.values;
+        code::In { labels: self.labels, target: &self.layout.targets, values, k: self.k() }
     }
 
-    /// The gradient by w, from that by v·w_i.
-    pub(super) fn told_adjoint(&self, told_bar: &[f64], values: &mut [f64]) {
-        let k = self.k();
-        for ((bar, i), v) in told_bar.chunks_exact(k).zip(&self.layout.targets).zip(self.labels) {
-            for c in 1..k {
-                values[i * k + c] += v * bar[c];
-            }
-        }
+    /// Codes of the values that groups set (G, k), where they are told.
+    pub(super) fn told(&self) -> Option<Vec<f64>> {
+        (self.supervision == Supervision::Labels).then(|| code::forward(&self.code()))
     }
 
     /// The groups' means, before and after, and what is told of them.
@@ -211,13 +202,18 @@ impl<'a> In<'a> {
         }
     }
 
-    /// What the factor of pair `p` is set to (k).
-    pub(super) fn held(&self, mean: &Linked, values: &[f64], p: usize) -> Vec<f64> {
-        let (d, k, m) = (self.d(), self.k(), self.layout.members);
-        let (g, i) = (p / m, self.layout.targets[p / m]);
-        match self.supervision {
-            Supervision::PerSample => mean.u[self.layout.after(p) * d + i * k..][..k].to_vec(),
-            _ => values[g * k..(g + 1) * k].to_vec(),
+    /// What the factors of all pairs are set to.
+    pub(super) fn held<'b>(&'b self, mean: &'b Linked, shared: &'b [f64]) -> held::In<'b> {
+        let from = match self.supervision {
+            Supervision::PerSample => held::From::Own(&mean.u[self.layout.after(0) * self.d()..]),
+            _ => held::From::Shared(shared),
+        };
+        held::In {
+            from,
+            target: &self.layout.targets,
+            members: self.layout.members,
+            n: self.n(),
+            k: self.k(),
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Gradients of factors, of every reading, kind of supervision, mechanism and placement, by differences.
 
+use super::super::settings::Weights;
 use super::*;
 use crate::last::model::structure::{Kind, Sizes};
 use crate::num::order;
@@ -88,7 +89,8 @@ fn gradients_are_those_of_differences() {
                 let mut params = Params::new();
                 sizes.draw(1, &mut params);
                 for (at, (name, shape)) in sizes.shapes().into_iter().enumerate() {
-                    let values = draws(50 + at as u16, crate::last::model::encoder::size(&shape));
+                    let size = crate::num::array::entries(&shape);
+                    let values = draws(50 + at as u16, size);
                     let array = params.get_mut(&name).expect("drawn");
                     array.iter_mut().zip(values).for_each(|(a, v)| *a = (0.3 * v) as f32);
                 }

@@ -1,0 +1,71 @@
+//! Shares of a whole: the softmax of ln w + x.
+//!
+//! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = base + floor, or 1 without a base
+//!
+//! | symbol | argument | shape |
+//! |---|---|---|
+//! | x | `x` | (M, K) |
+//! | | `base` | (M, K), optional |
+//! | | setting `floor` | () |
+//! | y | `y` | (M, K) |
+//!
+//! # Rounding
+//! The value of the largest x is subtracted first.
+
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, SettingSpec, Signature, ports};
+use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `nn.softmax`.
+    pub struct In<'a, S> {
+        x: &'a Arr<S> = Port::var("M,K", "logits"),
+        base: Option<&'a Arr<S>> = Port::fixed("M,K", "shares that x refines; absent: all equal"),
+    }
+}
+
+/// `nn.softmax`
+pub static SIGNATURE: Signature = Signature {
+    name: "nn.softmax",
+    summary: "shares of every row from logits, and from given shares that they refine",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![y: Port::var("M,K", "rows sum to 1")],
+    settings: &[SettingSpec::number("floor", "0", "added to every given share")],
+    ..Signature::EMPTY
+};
+
+/// The twin of `nn.softmax`.
+pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) {
+    let In { x, base } = *input;
+    let [m, k] = [x.shape[0], x.shape[1]];
+    let y = out.array("y", &[m, k]);
+    for i in 0..m {
+        let row = i * k..(i + 1) * k;
+        let most = x.data[row.clone()]
+            .iter()
+            .fold(f64::NEG_INFINITY, |most, x| if x.value() > most { x.value() } else { most });
+        let parts: Vec<S> = row
+            .clone()
+            .map(|at| {
+                let w = base.map_or(S::one(), |base| base.data[at] + floor);
+                w * (x.data[at] - S::from_f64(most)).exp()
+            })
+            .collect();
+        let total = parts.iter().fold(S::zero(), |sum, part| sum + *part);
+        for (at, part) in row.zip(parts) {
+            out.put(y, at, part / total);
+        }
+        out.flush();
+    }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, call.settings.number("floor"), out);
+    Ok(())
+}

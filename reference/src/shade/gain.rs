@@ -1,0 +1,58 @@
+//! A render as bright as its moment: a gain per channel on what covers the background.
+//!
+//! x' = e^γ (x − (1 − α) b) + (1 − α) b
+//!
+//! | symbol | argument | shape |
+//! |---|---|---|
+//! | x, α | `image`, `alpha` | (H, W, 3), (H, W) |
+//! | γ | `gain` | (3) |
+//! | b | `background` | (3) |
+//! | x' | `lit` | (H, W, 3) |
+
+use crate::array::{Arr, Out};
+use crate::inputs::inputs;
+use crate::ports::{Port, Signature, ports};
+use crate::scalar::Scalar;
+use crate::twins::Call;
+
+inputs! {
+    /// Inputs of `shade.gain`.
+    pub struct In<'a, S> {
+        image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
+        alpha: &'a Arr<S> = Port::var("H,W", "its coverage"),
+        background: &'a Arr<S> = Port::fixed("3", "which has no gain"),
+        gain: &'a Arr<S> = Port::var("3", "logarithm of the gain of a channel"),
+    }
+}
+
+/// `shade.gain`
+pub static SIGNATURE: Signature = Signature {
+    name: "shade.gain",
+    summary: "a gain per channel on what covers the background of a render",
+    inputs: In::<f64>::PORTS,
+    outputs: ports![lit: Port::var("H,W,3", "")],
+    ..Signature::EMPTY
+};
+
+/// The twin of `shade.gain`.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+    let In { image, alpha, background, gain } = *input;
+    let lit = out.array("lit", &image.shape);
+    for (pixel, a) in alpha.data.iter().enumerate() {
+        for c in 0..3 {
+            let behind = (S::one() - *a) * background.data[c];
+            let above = image.data[3 * pixel + c] - behind;
+            out.put(lit, 3 * pixel + c, gain.data[c].exp() * above + behind);
+        }
+        out.flush();
+    }
+}
+
+/// [`forward`] on named arrays.
+///
+/// # Errors
+/// When an input is missing or shaped otherwise.
+pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+    forward(&In::of(call.arrays)?, out);
+    Ok(())
+}

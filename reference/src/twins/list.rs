@@ -1,0 +1,101 @@
+//! The list: one line per operator.
+
+use super::{Call, Stage, Twin};
+use crate::body::{pose, rest, skin};
+use crate::causal::{
+    acyclic, code, edges, held, independence, intervene, limit, mask, posterior, posterior_kl, probability,
+    scm_kl, structure,
+};
+use crate::geometry::trace;
+use crate::loss::{groups, l1, latent, lpips, mse, points, presence, prior, ssim};
+use crate::nn::{act, conv, decoder, linear, mlp, softmax, window};
+use crate::optim::{adam, adamw};
+use crate::shade::{diffuse, envmap, gain, ggx, over_black};
+use crate::splat::{activate, blend, color, covariance, project, render};
+
+/// One stage over all kinds of numbers: `stage!(module::run)`.
+macro_rules! stage {
+    ($($run:ident)::+) => {
+        Stage { value: $($run)::+::<f64>, smooth: Some(($($run)::+, $($run)::+)) }
+    };
+}
+
+/// An operator of one stage, the function `run` of its module; its work is counted by `work` if that is named.
+macro_rules! twin {
+    ($module:ident) => {
+        twin!($module, entries)
+    };
+    ($module:ident, $work:expr) => {
+        Twin { signature: &$module::SIGNATURE, stages: &[stage!($module::run)], work: $work }
+    };
+}
+
+/// An operator of one stage that has no gradient.
+macro_rules! twin_without_gradient {
+    ($module:ident, $work:expr) => {
+        Twin {
+            signature: &$module::SIGNATURE,
+            stages: &[Stage { value: $module::run, smooth: None }],
+            work: $work,
+        }
+    };
+}
+
+/// Entries of the inputs.
+fn entries(call: &Call<'_, f64>) -> Result<u64, String> {
+    Ok(call.arrays.values().fold(0, |n, x| n + x.data.len() as u64))
+}
+
+/// All operators.
+pub static LIST: &[Twin] = &[
+    twin!(activate),
+    twin!(covariance),
+    twin!(project),
+    twin!(color),
+    twin!(blend, blend::work),
+    Twin {
+        signature: &render::SIGNATURE,
+        stages: &[stage!(render::run_project_and_color), stage!(render::run_blend)],
+        work: render::work,
+    },
+    twin_without_gradient!(trace, trace::work),
+    twin!(linear, linear::work),
+    twin!(act),
+    twin!(conv, conv::work),
+    twin!(mlp, mlp::work),
+    twin!(softmax),
+    twin!(decoder, decoder::work),
+    twin!(window, window::work),
+    twin!(l1),
+    twin!(mse),
+    twin!(ssim, ssim::work),
+    twin!(points, points::work),
+    twin!(groups),
+    twin!(latent),
+    twin!(prior),
+    twin!(presence),
+    Twin { signature: &lpips::SIGNATURE, stages: &[stage!(lpips::run); lpips::STAGES], work: lpips::work },
+    twin!(ggx),
+    twin!(envmap, envmap::work),
+    twin!(diffuse),
+    twin!(gain),
+    twin!(over_black),
+    twin!(acyclic),
+    twin!(mask),
+    twin!(probability),
+    twin!(edges),
+    twin!(structure),
+    twin!(posterior_kl),
+    twin!(posterior),
+    twin!(scm_kl),
+    twin!(intervene),
+    twin!(independence),
+    twin!(limit),
+    twin!(code),
+    twin!(held),
+    twin!(skin),
+    twin!(rest),
+    twin!(pose),
+    twin_without_gradient!(adam, entries),
+    twin_without_gradient!(adamw, entries),
+];

@@ -1,0 +1,209 @@
+//! The commands' side of the study engine: cells run with progress and a clock, tables as CSV, one page for all experiments.
+
+use crate::Result;
+use crate::console as cli;
+use crate::experiment::{
+    self, AROUND, Cell, Chart, Experiment, Observer, Outcome, Report, Results, RunOptions, Summary,
+};
+use crate::io::atomic;
+use crate::meter::{Laps, Meter};
+use crate::report::charts::{Lines, Series, bars, intervals};
+use crate::report::{self, Page, Section, Stat};
+use maud::{Markup, html};
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Seconds of the cells that ran, in `--out`: nothing else there depends on a clock.
+const SECONDS: &str = "seconds.csv";
+
+/// Shows progress and records how long cells take.
+struct Clock<'a> {
+    meter: &'a mut Meter,
+    file: PathBuf,
+}
+
+impl Observer for Clock<'_> {
+    type Inside = Laps;
+
+    fn next(&mut self, done: usize, total: usize, what: &str) {
+        self.meter.count(done, total, what);
+    }
+
+    fn ran(&mut self, folder: &str, key: &str, inside: Laps) {
+        let seconds = inside.parts().filter(|(part, _)| *part != AROUND).fold(0.0, |s, (_, x)| s + x);
+        let line = format!("{folder},{key},{seconds:.3}\n");
+        let file = std::fs::OpenOptions::new().create(true).append(true).open(&self.file);
+        if let Err(e) = file.and_then(|mut f| f.write_all(line.as_bytes())) {
+            self.meter.note(&format!("{}: {e}", self.file.display()));
+        }
+    }
+}
+
+/// Seconds by key, the last entry of each.
+fn seconds(dir: &Path) -> BTreeMap<String, f64> {
+    let text = std::fs::read_to_string(dir.join(SECONDS)).unwrap_or_default();
+    let entry = |line: &str| {
+        let mut parts = line.split(',').skip(1);
+        Some((parts.next()?.to_owned(), parts.next()?.parse().ok()?))
+    };
+    text.lines().filter_map(entry).collect()
+}
+
+/// Mean seconds of a cell by row, of the cells that were timed in the study in `dir`.
+pub(crate) fn durations(dir: &Path, cells: &[Cell]) -> Vec<(String, Summary)> {
+    let seconds = seconds(dir);
+    let mut rows: Vec<(String, Vec<f64>)> = Vec::new();
+    for cell in cells {
+        let Some(&s) = seconds.get(&cell.key) else { continue };
+        match rows.iter_mut().find(|(row, _)| *row == cell.row) {
+            Some((_, all)) => all.push(s),
+            None => rows.push((cell.row.clone(), vec![s])),
+        }
+    }
+    rows.into_iter().map(|(row, all)| (row, Summary::of(&all))).collect()
+}
+
+/// A study in progress: its folder, how cells run, and the reports so far.
+pub(crate) struct Study<'a> {
+    pub(crate) dir: PathBuf,
+    pub(crate) options: RunOptions,
+    pub(crate) meter: &'a mut Meter,
+    pub(crate) reports: Vec<Report>,
+}
+
+impl Study<'_> {
+    /// Runs the cells of some experiments that have no result, and reports the experiments.
+    pub(crate) fn run(&mut self, experiments: &[&dyn Experiment]) -> Result<Vec<Results>> {
+        let mut clock = Clock { meter: self.meter, file: self.dir.join(SECONDS) };
+        let results =
+            cli::stoppable(|stop| experiment::run(experiments, &self.dir, self.options, stop, &mut clock));
+        self.meter.done();
+        let results = results?;
+        for (x, results) in experiments.iter().zip(&results) {
+            let (mut report, total) = (x.report(results), x.cells().len());
+            if results.is_empty() {
+                report = Report::not_run(report.id, report.claim, "no result is there");
+            } else if results.len() < total {
+                report.verdict += &format!(" So far {} of {total} cells.", results.len());
+            }
+            self.reports.push(report);
+        }
+        Ok(results)
+    }
+}
+
+/// Writes the table of each report as `ID.csv`.
+///
+/// # Errors
+/// When a file cannot be written.
+pub(crate) fn write_tables(dir: &Path, reports: &[Report]) -> Result<()> {
+    let quoted = |row: &[String]| -> String {
+        row.iter().map(|c| format!("\"{}\"", c.replace('"', "\"\""))).collect::<Vec<_>>().join(",")
+    };
+    for r in reports {
+        let head: Vec<String> = r.head.iter().map(|h| h.trim_start_matches('>').to_owned()).collect();
+        let lines: Vec<String> = std::iter::once(&head).chain(&r.rows).map(|row| quoted(row)).collect();
+        atomic::write_bytes(
+            &dir.join(format!("{}.csv", r.id)),
+            format!("{}\n", lines.join("\n")).as_bytes(),
+        )?;
+    }
+    Ok(())
+}
+
+/// Reports as part of a record.
+pub(crate) fn records(reports: &[Report]) -> Vec<Value> {
+    let record = |r: &Report| {
+        json!({
+            "id": r.id, "claim": r.claim, "outcome": r.outcome.name(), "verdict": r.verdict, "head": r.head,
+            "rows": r.rows,
+        })
+    };
+    reports.iter().map(record).collect()
+}
+
+fn chart(r: &Report) -> Markup {
+    match &r.chart {
+        Chart::Bars(rows) if rows.is_empty() => html! {},
+        Chart::Bars(rows) => {
+            let decimals = if rows.iter().all(|(_, x)| x.abs() >= 100.0) { 0 } else { 2 };
+            bars(r.chart_labels[0], rows, 'a', decimals, 0.0, None)
+        }
+        Chart::Intervals(rows) => {
+            let rows: Vec<(String, f64, f64)> =
+                rows.iter().map(|(name, s)| (name.clone(), s.mean, s.half_width)).collect();
+            intervals(r.chart_labels[0], &rows, 'a')
+        }
+        Chart::Lines { curves, from_zero } => {
+            let series = curves.iter().enumerate().map(|(i, c)| Series {
+                name: &c.name,
+                color: (b'a' + (i % 8) as u8) as char,
+                points: c.points.iter().map(|p| (p.0, p.1)).collect(),
+                band: Vec::new(),
+            });
+            let lines = Lines {
+                title: r.chart_labels[0],
+                x_label: r.chart_labels[1],
+                log_y: false,
+                from_zero: *from_zero,
+                series: series.collect(),
+                marks: Vec::new(),
+            };
+            lines.html()
+        }
+    }
+}
+
+/// One report: its claim, table and chart, with a table of seconds beside the chart where some are given.
+fn section(r: &Report, seconds: &[(String, Summary)]) -> Section {
+    // A row's name stays on one line.
+    let text = |(i, cell): (usize, &String)| {
+        report::text(if i == 0 { cell.replace(' ', "\u{a0}") } else { cell.clone() })
+    };
+    let rows: Vec<Vec<Markup>> =
+        r.rows.iter().map(|row| row.iter().enumerate().map(text).collect()).collect();
+    let seconds: Vec<Vec<Markup>> =
+        seconds.iter().map(|(row, s)| vec![report::text(row), report::text(format!("{s:.2}"))]).collect();
+    Section {
+        id: r.id,
+        title: r.id,
+        lead: format!("{} — {}: {}", r.claim, r.outcome.name(), r.verdict),
+        body: html! {
+            @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
+            div.two style="margin-top:16px;grid-template-columns:repeat(auto-fill,minmax(min(100%,460px),1fr))" {
+                (chart(r))
+                @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
+            }
+        },
+    }
+}
+
+/// The page of a study. `costs` are the seconds by row that are shown beside one of the experiments.
+pub(crate) fn page(
+    kind: &str,
+    title: &str,
+    reports: &[Report],
+    (timed, costs): (&str, &[(String, Summary)]),
+) -> Page {
+    let count = |outcome: Outcome| reports.iter().filter(|r| r.outcome == outcome).count().to_string();
+    let stat = |outcome: Outcome, note: &str| Stat {
+        label: outcome.name(),
+        value: count(outcome),
+        note: note.to_owned(),
+    };
+    Page {
+        kind: kind.into(),
+        title: title.into(),
+        command: cli::command_line(),
+        facts: Vec::new(),
+        stats: vec![
+            stat(Outcome::Holds, "what counts as reproduced came out"),
+            stat(Outcome::Fails, "it did not"),
+            stat(Outcome::Reported, "without a criterion"),
+            stat(Outcome::NotRun, "something is missing"),
+        ],
+        sections: reports.iter().map(|r| section(r, if r.id == timed { costs } else { &[] })).collect(),
+    }
+}

@@ -1,0 +1,251 @@
+//! Pictures: PNG, JPEG, Radiance HDR and OpenEXR in; PNG (8 bit) and OpenEXR (f32) out.
+//!
+//! A reader goes by the first bytes of the file, not by its extension, and checks the declared size against the length
+//! of the file before it decodes. PNG and JPEG hold sRGB-encoded values, HDR and EXR linear ones; nothing is converted.
+
+use super::gaussian_ply::to_byte;
+use super::image_data::check_size;
+pub use super::image_data::{Encoding, MAX_SIDE, Picture, Samples};
+use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, name_of, read_bytes};
+use crate::{Error, Result};
+use image::codecs::hdr::HdrDecoder;
+use image::codecs::jpeg::JpegDecoder;
+use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
+use image::{ExtendedColorType, ImageDecoder, ImageEncoder};
+use std::io::Cursor;
+use std::path::Path;
+
+/// Most bytes a decoder may allocate for what is not the picture.
+const MAX_SIDE_DATA: u64 = 64 << 20;
+
+/// Reads a picture.
+///
+/// # Errors
+/// When it is not readable, not one of the four formats, too large, truncated, or holds a number that is not finite.
+pub fn read(path: &Path) -> Result<Picture> {
+    parse(&read_bytes(path, MAX_SMALL_FILE_BYTES)?, &name_of(path))
+}
+
+/// Like [`read`] for bytes in memory; `name` stands for the file.
+///
+/// # Errors
+/// See [`read`].
+pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
+    let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
+    let broken = |e: image::ImageError| {
+        Error::input(name).at("picture data").expected("a complete picture").got(e.to_string())
+    };
+    guard(name, || {
+        if start.starts_with(b"\x89PNG\r\n\x1a\n") {
+            png_complete(bytes, name)?;
+            // Profiles and texts may be packed too.
+            let mut limits = image::Limits::default();
+            limits.max_alloc = Some(MAX_SIDE_DATA);
+            let d = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?;
+            // Deflate shrinks by at most 1032.
+            let bits = u64::from(d.original_color_type().bits_per_pixel());
+            return decode(d, bytes.len(), 1040 * 8 / crate::num::order::max(bits, 1), name);
+        }
+        if start.starts_with(b"\xff\xd8\xff") {
+            jpeg_complete(bytes, name)?;
+            // A block of 64 luminance values takes at least one bit.
+            let d = JpegDecoder::new(Cursor::new(bytes)).map_err(broken)?;
+            return decode(d, bytes.len(), 512, name);
+        }
+        if start.starts_with(b"#?") {
+            // Headers written by other programs carry lines the strict reader refuses. A run of 127 takes two bytes.
+            let d = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(broken)?;
+            return decode(d, bytes.len(), 64, name);
+        }
+        if start.starts_with(b"\x76\x2f\x31\x01") {
+            return image_exr::parse(bytes, name);
+        }
+        let got = if start.is_empty() { "an empty file".into() } else { format!("bytes {start:02x?}") };
+        Err(Error::input(name)
+            .at("byte 0")
+            .expected("the start of a PNG, JPEG, Radiance HDR or OpenEXR file")
+            .got(got))
+    })
+}
+
+/// Width and height a picture declares, checked as [`parse`] does; nothing is decoded.
+///
+/// # Errors
+/// When it is not one of the four formats, or its header is malformed or declares an absurd size.
+pub fn size(bytes: &[u8], name: &str) -> Result<[usize; 2]> {
+    let broken = |e: image::ImageError| {
+        Error::input(name).at("picture header").expected("a complete picture").got(e.to_string())
+    };
+    let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
+    guard(name, || {
+        let (w, h) = if start.starts_with(b"\x89PNG\r\n\x1a\n") {
+            let mut limits = image::Limits::default();
+            limits.max_alloc = Some(MAX_SIDE_DATA);
+            PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?.dimensions()
+        } else if start.starts_with(b"\xff\xd8\xff") {
+            JpegDecoder::new(Cursor::new(bytes)).map_err(broken)?.dimensions()
+        } else {
+            let p = parse(bytes, name)?;
+            (p.width as u32, p.height as u32)
+        };
+        check_size(u64::from(w), u64::from(h), usize::MAX >> 1, 1, name)?;
+        Ok([w as usize, h as usize])
+    })
+}
+
+fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) -> Result<Picture> {
+    use image::ColorType as C;
+    let (w, h) = d.dimensions();
+    check_size(u64::from(w), u64::from(h), bytes, pixels_per_byte, name)?;
+    let color = d.color_type();
+    let mut raw = vec![0; (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel())];
+    d.read_image(&mut raw).map_err(|e| {
+        Error::input(name).at("picture data").expected("a complete picture").got(e.to_string())
+    })?;
+    // `image` returns native-endian words.
+    let words = || raw.chunks_exact(2).map(|c| u16::from_ne_bytes([c[0], c[1]])).collect();
+    let (channels, samples): (&[&str], Samples) = match color {
+        C::L8 => (&["Y"], Samples::U8(raw)),
+        C::La8 => (&["Y", "A"], Samples::U8(raw)),
+        C::Rgb8 => (&["R", "G", "B"], Samples::U8(raw)),
+        C::Rgba8 => (&["R", "G", "B", "A"], Samples::U8(raw)),
+        C::L16 => (&["Y"], Samples::U16(words())),
+        C::La16 => (&["Y", "A"], Samples::U16(words())),
+        C::Rgb16 => (&["R", "G", "B"], Samples::U16(words())),
+        C::Rgba16 => (&["R", "G", "B", "A"], Samples::U16(words())),
+        C::Rgb32F => {
+            let v = raw.chunks_exact(4).map(|c| f32::from_ne_bytes([c[0], c[1], c[2], c[3]])).collect();
+            (&["R", "G", "B"], Samples::F32(v))
+        }
+        other => {
+            let expected = "grey or RGB, with or without alpha";
+            return Err(Error::input(name).at("colour type").expected(expected).got(format!("{other:?}")));
+        }
+    };
+    let encoding = if matches!(samples, Samples::F32(_)) { Encoding::Linear } else { Encoding::Srgb };
+    let channels = channels.iter().map(|&c| c.to_owned()).collect();
+    Ok(Picture { width: w as usize, height: h as usize, channels, encoding, samples })
+}
+
+/// A PNG ends with its IEND chunk; decoders stop before it.
+fn png_complete(bytes: &[u8], name: &str) -> Result<()> {
+    let mut at = 8;
+    loop {
+        let Some(head) = bytes.get(at..at + 8) else {
+            return Err(Error::input(name)
+                .at(format!("byte {at}: PNG chunk"))
+                .expected("an IEND chunk")
+                .got("the end of the file"));
+        };
+        let len = u32::from_be_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        let left = bytes.len() - at;
+        if len + 12 > left {
+            return Err(Error::input(name)
+                .at(format!("byte {at}: PNG chunk '{}'", head[4..8].escape_ascii()))
+                .expected(format!("{} bytes", len + 12))
+                .got(format!("{left} before the end of the file")));
+        }
+        if &head[4..8] == b"IEND" {
+            return Ok(());
+        }
+        at += len + 12;
+    }
+}
+
+/// A JPEG ends with an end-of-image marker; the decoder would fill a truncated picture with grey and say nothing.
+fn jpeg_complete(bytes: &[u8], name: &str) -> Result<()> {
+    let fail = |at: usize, expected: &str, got: String| {
+        Err(Error::input(name).at(format!("byte {at}: JPEG marker")).expected(expected).got(got))
+    };
+    let mut at = 2;
+    loop {
+        let Some(&[mark, code]) = bytes.get(at..at + 2) else {
+            return fail(at, "an end-of-image marker", "the end of the file".into());
+        };
+        match (mark, code) {
+            (0xff, 0xff) => at += 1,
+            (0xff, 0xd9) => return Ok(()),
+            (0xff, 0x01 | 0xd0..=0xd7) => at += 2,
+            (0xff, _) => {
+                let Some(&[high, low]) = bytes.get(at + 2..at + 4) else {
+                    return fail(at, "the length of a segment", "the end of the file".into());
+                };
+                at += 2 + usize::from(u16::from_be_bytes([high, low]));
+                if code == 0xda {
+                    // Compressed data: up to a marker that is neither a stuffed zero nor a restart.
+                    let data = bytes.get(at..).unwrap_or_default();
+                    let next = data.windows(2).position(|w| w[0] == 0xff && !matches!(w[1], 0 | 0xd0..=0xd7));
+                    match next {
+                        Some(n) => at += n,
+                        None => {
+                            return fail(bytes.len(), "an end-of-image marker", "the end of the file".into());
+                        }
+                    }
+                }
+            }
+            _ => return fail(at, "0xff", format!("{mark:#04x}")),
+        }
+    }
+}
+
+/// Values in 0..1 to bytes: limited to 0..1, then ⌊255 x + ½⌋ (half up).
+///
+/// # Errors
+/// When a value is not a number.
+pub fn to_u8(values: &[f32]) -> Result<Vec<u8>> {
+    if let Some(i) = values.iter().position(|x| x.is_nan()) {
+        return Err(Error::input("picture").at(format!("value {i}")).expected("a number").got("NaN"));
+    }
+    Ok(values.iter().map(|&x| to_byte(f64::from(x))).collect())
+}
+
+/// The bytes of an 8-bit PNG; 1 to 4 channels (Y, YA, RGB, RGBA), (H, W, C) row-major.
+///
+/// # Errors
+/// When the sizes do not agree.
+pub fn png_bytes(width: usize, height: usize, channels: usize, data: &[u8]) -> Result<Vec<u8>> {
+    let failed = |got: String| Error::input("PNG").expected("1 to 4 channels and H·W·C values").got(got);
+    let color = match channels {
+        1 => ExtendedColorType::L8,
+        2 => ExtendedColorType::La8,
+        3 => ExtendedColorType::Rgb8,
+        4 => ExtendedColorType::Rgba8,
+        n => return Err(failed(format!("{n} channels"))),
+    };
+    check_size(width as u64, height as u64, usize::MAX >> 1, 1, "PNG")?;
+    if data.len() != width * height * channels {
+        return Err(failed(format!("{} values for {height}x{width}x{channels}", data.len())));
+    }
+    let mut out = Vec::new();
+    PngEncoder::new_with_quality(&mut out, CompressionType::Default, FilterType::Adaptive)
+        .write_image(data, width as u32, height as u32, color)
+        .map_err(|e| failed(e.to_string()))?;
+    Ok(out)
+}
+
+/// Writes an 8-bit PNG, whole or not at all.
+///
+/// # Errors
+/// When the sizes do not agree or the file cannot be written.
+pub fn write_png(path: &Path, width: usize, height: usize, channels: usize, data: &[u8]) -> Result<()> {
+    let bytes = png_bytes(width, height, channels, data).map_err(|e| e.within(name_of(path)))?;
+    atomic::write_bytes(path, &bytes)
+}
+
+/// Writes f32 channels as OpenEXR, whole or not at all; see [`exr_bytes`].
+///
+/// # Errors
+/// When the sizes do not agree, a value is not finite, or the file cannot be written.
+pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[&str], data: &[f32]) -> Result<()> {
+    let bytes = exr_bytes(width, height, channels, data).map_err(|e| e.within(name_of(path)))?;
+    atomic::write_bytes(path, &bytes)
+}
+
+/// The bytes of an OpenEXR file: f32, ZIP, scan lines; `data` is (H, W, C) row-major with C named `channels`, such as
+/// `["R", "G", "B"]` or `["Z"]`. Values are stored as they are, −0 included.
+///
+/// # Errors
+/// When the sizes do not agree or a value is not finite.
+pub fn exr_bytes(width: usize, height: usize, channels: &[&str], data: &[f32]) -> Result<Vec<u8>> {
+    image_exr::to_bytes(width, height, channels, data)
+}

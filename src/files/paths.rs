@@ -1,0 +1,85 @@
+//! Paths written in files: kept inside the folder, and found in it.
+
+use std::path::{Component, Path, PathBuf};
+
+/// A path written in a file: backslashes become slashes, `.` and inner `..` are resolved.
+///
+/// # Errors
+/// When it is absolute, empty, or leads out of the folder.
+pub fn clean(text: &str) -> std::result::Result<String, &'static str> {
+    let text = text.replace('\\', "/");
+    if text.contains('\0') {
+        return Err("a path with a NUL character");
+    }
+    let bytes = text.as_bytes();
+    if text.starts_with('/') || (bytes.len() > 1 && bytes[1] == b':' && bytes[0].is_ascii_alphabetic()) {
+        return Err("an absolute path");
+    }
+    let mut parts: Vec<&str> = Vec::new();
+    for part in text.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => {
+                if parts.pop().is_none() {
+                    return Err("a path that leads out of the folder");
+                }
+            }
+            p => parts.push(p),
+        }
+    }
+    if parts.is_empty() { Err("an empty path") } else { Ok(parts.join("/")) }
+}
+
+/// Extensions that are tried when a file name has none, or another one.
+const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
+
+/// The file a cleaned path means: itself, with one of the usual extensions added, or in another case.
+pub fn locate(root: &Path, relative: &str) -> Option<PathBuf> {
+    let exact = root.join(relative);
+    if exact.is_file() {
+        return Some(exact);
+    }
+    let added = EXTENSIONS.iter().map(|e| format!("{relative}.{e}"));
+    let candidates: Vec<String> = std::iter::once(relative.to_owned()).chain(added).collect();
+    if let Some(found) = candidates.iter().map(|c| root.join(c)).find(|p| p.is_file()) {
+        return Some(found);
+    }
+    candidates.iter().find_map(|c| any_case(root, c)).filter(|p| p.is_file())
+}
+
+/// A path whose components match but for case, if there is exactly one at every level.
+fn any_case(root: &Path, relative: &str) -> Option<PathBuf> {
+    let mut at = root.to_path_buf();
+    for part in Path::new(relative).components() {
+        let Component::Normal(part) = part else { return None };
+        if at.join(part).exists() {
+            at.push(part);
+            continue;
+        }
+        let wanted = part.to_str()?.to_lowercase();
+        let mut matching = std::fs::read_dir(&at)
+            .ok()?
+            .filter_map(|e| e.ok()?.file_name().into_string().ok())
+            .filter(|n| n.to_lowercase() == wanted);
+        let found = matching.next()?;
+        if matching.next().is_some() {
+            return None;
+        }
+        at.push(found);
+    }
+    Some(at)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_are_cleaned_and_kept_inside() {
+        assert_eq!(clean(".\\images\\a.png"), Ok("images/a.png".into()), "backslashes");
+        assert_eq!(clean("./a/../b//c"), Ok("b/c".into()), "dots");
+        for bad in ["../a", "a/../../b", "/etc/passwd", "C:\\x", "c:/x", "", "./", "a\0b", "\\\\server\\x"] {
+            assert!(clean(bad).is_err(), "{bad:?}");
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! Bytes ↔ plain records, with the formats of other programs. Level 2.
+//!
+//! ```text
+//! gltf        meshes, materials, skins, animations; .gltf and .glb       obj      OBJ with MTL
+//! makehuman   the open body: mesh, rig, skinning weights                 smpl     body models
+//! captures    published layouts of captures of moving people             pickle   Python's pickles, without running anything
+//! hdf5        arrays in HDF5 files, piece by piece                       lzf      the compression of h5py
+//! ```
+//!
+//! The rest of `io` is [`lastlight_files`], re-exported here.
+
+pub mod captures;
+pub mod gltf;
+mod hdf5;
+mod lzf;
+pub mod makehuman;
+pub mod obj;
+pub mod pickle;
+pub mod smpl;
+
+#[doc(no_inline)]
+pub use lastlight_files::*;

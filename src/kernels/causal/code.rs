@@ -1,0 +1,64 @@
+//! `causal.code`: the code of a value that an intervention set, where values are told.
+//!
+//! c_g = v_g w_i,   i = target of group g,   w_i = (1, w_i2, …, w_ik)                             (supervision `labels`; chapter *Learned causes*, "How it is trained")
+//!
+//! | symbol | argument | shape | range |
+//! |---|---|---|---|
+//! | v | `labels` | (G) | finite, constants |
+//! | i | `target` | (G) | 0 … n − 1 |
+//! | w | `values` | (n, k) | finite; the first number of a row is 1 and is not read |
+//! | c | `codes` | (G, k) | |
+//!
+//! # Rounding
+//! f64, one product per entry.
+//!
+//! # Kinks and domain
+//! None.
+//!
+//! # Adjoint
+//! w̄_i += Σ over groups of target i of v_g c̄_g, in index order; the first number of a row gets none. Nothing is saved.
+//!
+//! Twin: `reference::causal::code`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::causal::code::{In, forward};
+//! let x = In { labels: &[3.0], target: &[1], values: &[1.0, 0.5, 1.0, -2.0], k: 2 };
+//! assert_eq!(forward(&x), [3.0, -6.0]);
+//! ```
+
+/// Inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// (G)
+    pub labels: &'a [f64],
+    /// (G)
+    pub target: &'a [usize],
+    /// (n, k)
+    pub values: &'a [f64],
+    /// k
+    pub k: usize,
+}
+
+/// c (G, k).
+///
+/// # Panics
+/// When a target is not a factor.
+pub fn forward(x: &In<'_>) -> Vec<f64> {
+    let code = |i: usize, c: usize| if c == 0 { 1.0 } else { x.values[i * x.k + c] };
+    let groups = x.target.iter().zip(x.labels);
+    groups.flat_map(|(&i, v)| (0..x.k).map(move |c| v * code(i, c))).collect()
+}
+
+/// Adds the gradient for the cotangent `codes_bar` (G, k) to `values_bar` (n, k).
+///
+/// # Panics
+/// When a target is not a factor.
+pub fn adjoint(x: &In<'_>, codes_bar: &[f64], values_bar: &mut [f64]) {
+    for ((bar, i), v) in codes_bar.chunks_exact(x.k).zip(x.target).zip(x.labels) {
+        for c in 1..x.k {
+            values_bar[i * x.k + c] += v * bar[c];
+        }
+    }
+}

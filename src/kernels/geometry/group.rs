@@ -1,0 +1,221 @@
+//! Up to sixteen rays that run side by side, through the tree together.
+//!
+//! A node is visited if the rays' hull passes its box: with E the starts and A = −1/d, all of one sign per axis, the start of a slab is
+//! bounded from below by the smaller of (E* − plane)·A₋ and (E* − plane)·A₊, where E* is the end of E's interval for which E − plane is worst, and
+//! its end from above alike. Every operation is monotonic in floating point, so the hull passes what any of its rays passes. At a
+//! leaf each ray tests the leaf's box and then its triangles by itself, so that a hit is that of the ray alone, bit for bit.
+
+use super::ray::Hit;
+use super::tree::{CHILDREN, LANES, LEAF, Node, Tree, leaf, node, references};
+use super::triangle::Line;
+use super::walk::{Best, meet};
+use crate::num::lanes::f32x8;
+use crate::num::order::{max, min};
+
+/// Rays of a group, at most.
+pub(super) const RAYS: usize = 16;
+const HALVES: usize = RAYS / LANES;
+/// Fewer rays than this are not worth a group.
+pub(super) const FEW: usize = 4;
+/// Rays of a group differ by at most this from the first: directions relative to their size, starts relative to the mesh.
+const SPREAD: f32 = 0.06;
+
+/// Whether a ray may join a group that begins with `first`; `size` is the mesh's extent. Decides about speed only.
+pub(super) fn beside(first: &Line, line: &Line, size: f32) -> bool {
+    let by = SPREAD * first.shear[2].abs();
+    line.octant == first.octant
+        && line.axis == first.axis
+        && (0..2).all(|k| (line.shear[k] - first.shear[k]).abs() <= SPREAD)
+        && (line.shear[2] - first.shear[2]).abs() <= by
+        && (0..3).all(|k| (line.origin[k] - first.origin[k]).abs() <= SPREAD * size)
+}
+
+/// One axis of the hull, in all lanes.
+#[derive(Clone, Copy)]
+struct Hull {
+    enter: f32x8,
+    leave: f32x8,
+    low: f32x8,
+    high: f32x8,
+    first: usize,
+    last: usize,
+}
+
+/// Rays by number, lane by lane; past the last one t_max is −1, which no box passes.
+pub(super) struct Group {
+    count: usize,
+    id: [usize; RAYS],
+    line: [Line; RAYS],
+    best: [Best; RAYS],
+    enter: [[f32; RAYS]; 3],
+    leave: [[f32; RAYS]; 3],
+    against: [[f32; RAYS]; 3],
+    t_max: [f32; RAYS],
+    waiting: Vec<(u64, u32)>,
+}
+
+fn half(x: &[f32; RAYS], h: usize) -> f32x8 {
+    let x: &[f32; LANES] = &x.as_chunks().0[h];
+    f32x8::new(*x)
+}
+
+impl Group {
+    /// A group without rays; `line` is any line.
+    pub(super) fn new(line: Line) -> Self {
+        Self {
+            count: 0,
+            id: [0; RAYS],
+            line: [line; RAYS],
+            best: [Best::NONE; RAYS],
+            enter: [[0.0; RAYS]; 3],
+            leave: [[0.0; RAYS]; 3],
+            against: [[0.0; RAYS]; 3],
+            t_max: [-1.0; RAYS],
+            waiting: Vec::with_capacity(128),
+        }
+    }
+
+    /// Takes over rays; those past the last repeat the first.
+    fn fill(&mut self, rays: &[(usize, Line)]) {
+        self.count = rays.len();
+        self.t_max = [-1.0; RAYS];
+        for i in 0..RAYS {
+            let (id, line) = &rays[if i < rays.len() { i } else { 0 }];
+            self.id[i] = *id;
+            self.line[i] = *line;
+            self.best[i] = Best::NONE;
+            if i < rays.len() {
+                self.t_max[i] = line.t_max;
+            }
+            for k in 0..3 {
+                self.enter[k][i] = line.enter[k];
+                self.leave[k][i] = line.leave[k];
+                self.against[k][i] = -line.inverse[k];
+            }
+        }
+    }
+
+    fn hull(&self, k: usize, backwards: usize) -> Hull {
+        let ends = |x: &[f32; RAYS]| x[1..].iter().fold((x[0], x[0]), |(l, h), &x| (min(l, x), max(h, x)));
+        let (enter, leave, against) = (ends(&self.enter[k]), ends(&self.leave[k]), ends(&self.against[k]));
+        let (worst_enter, worst_leave) = if backwards == 0 { (enter.1, leave.0) } else { (enter.0, leave.1) };
+        Hull {
+            enter: f32x8::splat(worst_enter),
+            leave: f32x8::splat(worst_leave),
+            low: f32x8::splat(against.0),
+            high: f32x8::splat(against.1),
+            first: 2 * k + backwards,
+            last: 2 * k + 1 - backwards,
+        }
+    }
+
+    /// Bits of the rays that pass a box before their t_max.
+    #[inline(always)]
+    fn pass(&self, node: &Node, lane: usize, hull: &[Hull; 3]) -> u32 {
+        let plane = |row: usize| f32x8::splat(node[row & 7].to_array()[lane & 7]);
+        let planes = [0, 1, 2].map(|k| (plane(hull[k].first), plane(hull[k].last)));
+        let mut bits = 0;
+        for h in 0..HALVES {
+            let against = [half(&self.against[0], h), half(&self.against[1], h), half(&self.against[2], h)];
+            let s = |k: usize| (half(&self.enter[k], h) - planes[k].0) * against[k];
+            let e = |k: usize| (half(&self.leave[k], h) - planes[k].1) * against[k];
+            let start = s(0).fast_max(s(1)).fast_max(s(2).fast_max(f32x8::splat(0.0)));
+            let end = e(0).fast_min(e(1)).fast_min(e(2).fast_min(half(&self.t_max, h)));
+            bits |= start.simd_le(end).to_bitmask() << (LANES * h);
+        }
+        bits
+    }
+
+    /// Walks the rays through the tree: the best hit of each, or any if `ANY`.
+    pub(super) fn walk<const ANY: bool>(
+        &mut self,
+        tree: &Tree,
+        rays: &[(usize, Line)],
+        mut done: impl FnMut(usize, Hit),
+    ) {
+        self.fill(rays);
+        let rows = tree.rows();
+        let octant = self.line[0].octant;
+        let hull = [0, 1, 2].map(|k| self.hull(k, octant >> k & 1));
+        let furthest = |t_max: &[f32; RAYS]| {
+            let m = half(t_max, 0).fast_max(half(t_max, 1)).to_array();
+            m[1..].iter().fold(m[0], |a, &b| if b > a { b } else { a })
+        };
+        let mut t_max = furthest(&self.t_max);
+        let mut left = self.count;
+        self.waiting.clear();
+        // (start above the reference, place among all children)
+        let (mut at, mut place) = (tree.root, 0_u32);
+        loop {
+            if at & LEAF == 0 {
+                let node = node(rows, at);
+                let start = |h: &Hull| {
+                    let x = h.enter - node[h.first & 7];
+                    (x * h.low).fast_min(x * h.high)
+                };
+                let end = |h: &Hull| {
+                    let x = h.leave - node[h.last & 7];
+                    (x * h.low).fast_max(x * h.high)
+                };
+                let s = start(&hull[0])
+                    .fast_max(start(&hull[1]))
+                    .fast_max(start(&hull[2]).fast_max(f32x8::splat(0.0)));
+                let e = end(&hull[0])
+                    .fast_min(end(&hull[1]))
+                    .fast_min(end(&hull[2]).fast_min(f32x8::splat(t_max)));
+                let mut hit = s.simd_le(e).to_bitmask();
+                let s = s.to_array();
+                let children = references(&node[CHILDREN]);
+                let base = self.waiting.len();
+                while hit != 0 {
+                    let lane = hit.trailing_zeros() as usize & 7;
+                    hit &= hit - 1;
+                    let entry = (
+                        u64::from(s[lane].to_bits()) << 32 | u64::from(children[lane]),
+                        8 * at + lane as u32,
+                    );
+                    let mut i = self.waiting.len();
+                    self.waiting.push(entry);
+                    while i > base && self.waiting[i - 1].0 < entry.0 {
+                        self.waiting[i] = self.waiting[i - 1];
+                        i -= 1;
+                    }
+                    self.waiting[i] = entry;
+                }
+            } else {
+                let mut active = self.pass(node(rows, place >> 3), place as usize & 7, &hull);
+                let leaf = leaf(rows, at);
+                let mut changed = false;
+                while active != 0 {
+                    let i = active.trailing_zeros() as usize & (RAYS - 1);
+                    active &= active - 1;
+                    if meet(leaf, &mut self.line[i], &mut self.best[i]) {
+                        changed = true;
+                        self.t_max[i] = self.line[i].t_max;
+                        if ANY {
+                            self.t_max[i] = -1.0;
+                            left -= 1;
+                        }
+                    }
+                }
+                if changed {
+                    if ANY && left == 0 {
+                        break;
+                    }
+                    t_max = furthest(&self.t_max);
+                }
+            }
+            let next = loop {
+                match self.waiting.pop() {
+                    Some((e, _)) if f32::from_bits((e >> 32) as u32) > t_max => {}
+                    other => break other,
+                }
+            };
+            let Some((e, p)) = next else { break };
+            (at, place) = (e as u32, p);
+        }
+        for i in 0..self.count {
+            done(self.id[i], self.best[i].hit(&self.line[i]));
+        }
+    }
+}

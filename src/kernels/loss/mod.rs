@@ -1,0 +1,219 @@
+//! Losses between two images or two sets of points, one file per loss, and metrics without adjoints. Level 6.
+//!
+//! ```text
+//! l1      mean |x − y|            mse     mean (x − y)²
+//! ssim    mean structural similarity, 11×11 Gaussian window
+//! points  weighted squares of distances of points, in order or to the nearest
+//! groups  groups of pictures that share an intervention
+//! latent  distance of the factors of two images
+//! prior   what is assumed of Gaussians that no camera sees
+//! presence  mean opacity and mean size of Gaussians
+//! lpips   learned perceptual distance, with the user's weights
+//! metric  PSNR, SSIM and MAE in f64, every variant named; scores of structures
+//! ```
+//!
+//! Those of images take them sRGB-encoded, (H, W, 3), and an optional mask (H, W) of zeros and ones; `mse` takes any number of channels.
+//!
+//! `fit` puts `l1` and `ssim` on the tape: picture and photograph in, one number out, and back one gradient per pixel.
+//! `fit::evaluate` calls `metric`, on pictures limited to 0..1.
+//!
+//! # Rounding
+//! Sums over pixels: per row, logical lane l of 16 adds the terms i ≡ l (mod 16) in f64 with i ascending, the
+//! lanes fold 16→8→4→2→1 (l += l + w), and the rows are added by the pairwise tree. One division at the end. So a
+//! value depends neither on the number of threads nor on the vector width.
+
+use crate::num::{par, sum};
+use crate::{Error, Result};
+
+pub mod groups;
+pub mod l1;
+pub mod latent;
+pub mod lpips;
+pub mod metric;
+pub mod mse;
+pub mod points;
+pub mod presence;
+pub mod prior;
+pub mod ssim;
+
+/// Two images and, optionally, the pixels that count.
+///
+/// | field | shape | range |
+/// |---|---|---|
+/// | `x` | (H, W, 3); (H, W, C) for `mse` | sRGB-encoded; 0..1 is usual, not required |
+/// | `y` | as `x` | the same |
+/// | `mask` | (H, W) | exactly 0 (left out) or 1 (kept) |
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// (H, W, 3), usually the render.
+    pub x: &'a [f32],
+    /// (H, W, 3), usually the input image.
+    pub y: &'a [f32],
+    /// (H, W); `None` keeps every pixel.
+    pub mask: Option<&'a [f32]>,
+    /// H
+    pub height: usize,
+    /// W
+    pub width: usize,
+}
+
+/// Channels of an image.
+pub(crate) const CHANNELS: usize = 3;
+
+impl In<'_> {
+    /// Channels of the first image.
+    pub(crate) fn channels(&self) -> usize {
+        self.x.len().checked_div(self.height * self.width).unwrap_or(CHANNELS)
+    }
+
+    /// Values in one row.
+    pub(crate) fn row(&self) -> usize {
+        self.channels() * self.width
+    }
+
+    /// Checks sizes and mask of images of three channels; returns the number of kept pixels, at least 1.
+    pub(crate) fn check(&self, what: &str) -> Result<usize> {
+        self.check_channels(what, CHANNELS)
+    }
+
+    /// [`Self::check`] for another number of channels.
+    pub(crate) fn check_channels(&self, what: &str, channels: usize) -> Result<usize> {
+        let pixels = self.height * self.width;
+        for (name, len) in [("x", self.x.len()), ("y", self.y.len())] {
+            if channels == 0 || len != channels * pixels {
+                return Err(Error::input(what)
+                    .at(format!("array '{name}'"))
+                    .expected(format!("{}x{}x{channels} values", self.height, self.width))
+                    .got(len.to_string()));
+            }
+        }
+        let kept = match self.mask {
+            None => pixels,
+            Some(mask) => {
+                if mask.len() != pixels {
+                    return Err(Error::input(what)
+                        .at("array 'mask'")
+                        .expected(format!("{}x{} values", self.height, self.width))
+                        .got(mask.len().to_string()));
+                }
+                let mut kept = 0;
+                for (i, &m) in mask.iter().enumerate() {
+                    if !(m == 0.0 || m == 1.0) {
+                        return Err(Error::input(what)
+                            .at(format!("array 'mask', index [{}, {}]", i / self.width, i % self.width))
+                            .expected("0 or 1")
+                            .got(m.to_string())
+                            .hint("threshold a soft mask first"));
+                    }
+                    kept += usize::from(m == 1.0);
+                }
+                kept
+            }
+        };
+        if kept == 0 {
+            return Err(Error::input(what)
+                .expected("at least one kept pixel")
+                .got("none")
+                .hint("a mean over nothing has no value"));
+        }
+        Ok(kept)
+    }
+
+    /// Row `r` of the mask, if there is one.
+    pub(crate) fn mask_row(&self, r: usize) -> Option<&[f32]> {
+        self.mask.map(|m| &m[r * self.width..][..self.width])
+    }
+}
+
+/// Checks that a gradient buffer has the size of its image.
+pub(crate) fn assert_like(bar: &[f32], image: &[f32]) {
+    assert_eq!(bar.len(), image.len(), "a gradient has the shape of what it belongs to");
+}
+
+/// Refuses a value that is not finite: the images held NaN, infinities or absurd magnitudes.
+pub(crate) fn finite(what: &str, value: f64) -> Result<f64> {
+    if value.is_finite() {
+        Ok(value)
+    } else {
+        Err(Error::input(what).expected("finite images").got(format!("value {value}")))
+    }
+}
+
+/// Sum of one row of terms: 16 logical lanes in f64, folded 16→8→4→2→1.
+#[inline]
+pub(crate) fn row_sum(n: usize, term: impl Fn(usize) -> f64) -> f64 {
+    let mut lanes = [0.0f64; 16];
+    let whole = n / 16 * 16;
+    for i in (0..whole).step_by(16) {
+        for (l, lane) in lanes.iter_mut().enumerate() {
+            *lane += term(i + l);
+        }
+    }
+    for i in whole..n {
+        lanes[i - whole] += term(i);
+    }
+    fold_lanes(lanes)
+}
+
+/// [`row_sum`] of `term(a, b)` over two rows, in a form that compiles to vector code.
+#[inline]
+fn pair_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64) -> f64 {
+    let mut lanes = [0.0f64; 16];
+    let (a, b) = (a.chunks_exact(16), b.chunks_exact(16));
+    let (tail_a, tail_b) = (a.remainder(), b.remainder());
+    for (a, b) in a.zip(b) {
+        for l in 0..16 {
+            lanes[l] += term(a[l], b[l]);
+        }
+    }
+    for (lane, (&a, &b)) in lanes.iter_mut().zip(tail_a.iter().zip(tail_b)) {
+        *lane += term(a, b);
+    }
+    fold_lanes(lanes)
+}
+
+/// 16→8→4→2→1, l += l + w.
+fn fold_lanes(mut lanes: [f64; 16]) -> f64 {
+    let mut width = 8;
+    while width > 0 {
+        for l in 0..width {
+            lanes[l] += lanes[l + width];
+        }
+        width /= 2;
+    }
+    lanes[0]
+}
+
+/// Sum over all kept values of `term(x, y)`; left-out values count as +0.
+pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send) -> f64 {
+    let (n, channels) = (x.row(), x.channels());
+    let rows = par::map_batched(x.height, 8, |r| {
+        let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
+        match x.mask_row(r) {
+            None => pair_sum(a, b, &term),
+            Some(mask) => row_sum(n, |i| if mask[i / channels] == 0.0 { 0.0 } else { term(a[i], b[i]) }),
+        }
+    });
+    sum::tree_f64(&rows)
+}
+
+/// `bar += term(x, y)` on kept values, row by row.
+pub(crate) fn add_rows(x: &In<'_>, bar: &mut [f32], term: impl Fn(f32, f32) -> f32 + Sync + Send) {
+    let (n, channels) = (x.row(), x.channels());
+    // n is positive: `check` has seen a kept pixel.
+    par::chunks_mut(bar, n, |r, row| {
+        let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
+        match x.mask_row(r) {
+            None => {
+                for (bar, (&a, &b)) in row.iter_mut().zip(a.iter().zip(b)) {
+                    *bar += term(a, b);
+                }
+            }
+            Some(mask) => {
+                for i in 0..n {
+                    row[i] += if mask[i / channels] == 0.0 { 0.0 } else { term(a[i], b[i]) };
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,65 @@
+//! Mean squared difference of two images of any number of channels.
+//!
+//! value = Σ (x − y)² / n over the n = C·(kept pixels) values
+//!
+//! | symbol | argument | shape | unit, range |
+//! |---|---|---|---|
+//! | x | `x` | (H, W, C) | colours sRGB-encoded; one channel for coverage |
+//! | y | `y` | (H, W, C) | the same |
+//! | – | `mask` | (H, W) | 0 or 1 |
+//! | value | return | () | ≥ 0 |
+//!
+//! # Rounding
+//! d = x − y in f32; d² exactly in f64, summed in f64 (rows of 16 logical lanes, tree over rows: [`super`]); one
+//! division in f64; rounded once to f32.
+//!
+//! # Kinks and domain
+//! Smooth. Left-out pixels get no gradient. No kept pixel is an error.
+//!
+//! # Adjoint
+//! x̄ += d·(2v̄/n),  ȳ −= the same; 2v̄/n in f64, rounded once; d is recomputed.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::loss::mse::{In, forward};
+//! let (value, _) = forward(&In { x: &[0.5, 0.25, 1.0], y: &[0.25, 0.5, 1.0], mask: None, height: 1, width: 1 })?;
+//! assert_eq!(value, (0.125f64 / 3.0) as f32);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
+
+pub use super::In;
+use super::{add_rows, assert_like, finite, image_sum};
+use crate::Result;
+
+/// What the adjoint needs.
+#[derive(Clone, Copy, Debug)]
+pub struct Saved {
+    /// Number of kept values n.
+    pub count: usize,
+}
+
+/// Value and what the adjoint needs.
+///
+/// # Errors
+/// Wrong sizes, a mask value other than 0 and 1, nothing kept, images that are not finite.
+pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
+    let count = x.channels() * x.check_channels("loss.mse", x.channels())?;
+    let square = |a: f32, b: f32| {
+        let d = f64::from(a - b);
+        d * d
+    };
+    let total = finite("loss.mse", image_sum(x, square))?;
+    Ok(((total / count as f64) as f32, Saved { count }))
+}
+
+/// Adds the gradients; `y_bar` only where it is wanted.
+pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_bar: Option<&mut [f32]>) {
+    let scale = (2.0 * f64::from(value_bar) / saved.count as f64) as f32;
+    assert_like(x_bar, x.x);
+    add_rows(x, x_bar, |a, b| (a - b) * scale);
+    if let Some(y_bar) = y_bar {
+        assert_like(y_bar, x.y);
+        add_rows(x, y_bar, |a, b| (b - a) * scale);
+    }
+}

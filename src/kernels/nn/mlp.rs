@@ -1,0 +1,169 @@
+//! `nn.mlp`: a fully connected network, affine maps with max(0, ·) between them.
+//!
+//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L
+//!
+//! The layer of index `skip` takes the input again: its argument is (yˡ⁻¹, x), the input behind (the skinning field of GauHuman).
+//!
+//! | symbol | argument | shape | range |
+//! |---|---|---|---|
+//! | x | `x` | (M, K) | finite |
+//! | Wˡ | `weight` of a layer | (Nˡ, Kˡ) | finite; Kˡ is Nˡ⁻¹, and K more at `skip` |
+//! | bˡ | `bias` of a layer | (Nˡ) | finite |
+//! | y | `y` | (M, Nᴸ) | |
+//!
+//! In files the layers are joined: `weights` holds the Wˡ one after the other, `biases` the bˡ, and `widths` is (K, N⁰, …, Nᴸ).
+//!
+//! # Rounding
+//! Each layer is [`mod@super::linear`]; max(0, ·) is exact.
+//!
+//! # Kinks and domain
+//! max(0, z) has gradient 0 at z = 0. At least one layer; `skip` is a layer after the first.
+//!
+//! # Adjoint
+//! From the last layer to the first that of [`mod@super::linear`]; between two layers z̄ = ȳ where y > 0, else 0. The gradient by x is that of the
+//! skipped part first, then that of the first layer. The inputs of all layers are saved.
+//!
+//! Twin: `reference::nn::mlp`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::nn::mlp::{In, Layer, forward};
+//! let layers = [Layer { weight: &[1.0, -1.0], bias: &[0.0, 0.5] }, Layer { weight: &[2.0, 4.0], bias: &[1.0] }];
+//! let (y, _) = forward(&In { x: &[3.0], layers: &layers, m: 1, skip: None });
+//! assert_eq!(y, [7.0]); // 2·max(0, 3) + 4·max(0, 0.5 − 3) + 1
+//! ```
+
+use super::linear;
+use crate::num::par;
+
+/// Values of one task of an elementwise loop.
+const CHUNK: usize = 1 << 14;
+/// Rows of one task of an elementwise loop over cotangents.
+const ROWS: usize = 64;
+
+/// One layer.
+#[derive(Clone, Copy, Debug)]
+pub struct Layer<'a> {
+    /// (N, K)
+    pub weight: &'a [f32],
+    /// (N)
+    pub bias: &'a [f32],
+}
+
+/// Inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// (M, K)
+    pub x: &'a [f32],
+    /// The layers, first to last.
+    pub layers: &'a [Layer<'a>],
+    /// rows M, at least one
+    pub m: usize,
+    /// the layer that takes the input again
+    pub skip: Option<usize>,
+}
+
+/// The input of every layer.
+#[derive(Clone, Debug, Default)]
+pub struct Saved {
+    inputs: Vec<Vec<f32>>,
+}
+
+/// Gradients, accumulated into.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InBar {
+    /// (M, K); empty when it is not wanted
+    pub x: Vec<f32>,
+    /// weight and bias of every layer
+    pub layers: Vec<[Vec<f32>; 2]>,
+}
+
+impl InBar {
+    /// Zeros for the layers; the input's gradient is not wanted.
+    pub fn of_layers(x: &In<'_>) -> Self {
+        let zeros = |l: &Layer<'_>| [vec![0.0; l.weight.len()], vec![0.0; l.bias.len()]];
+        Self { x: Vec::new(), layers: x.layers.iter().map(zeros).collect() }
+    }
+}
+
+impl Layer<'_> {
+    /// N and K.
+    fn sizes(&self) -> [usize; 2] {
+        [self.bias.len(), self.weight.len() / self.bias.len()]
+    }
+
+    fn input<'a>(&'a self, x: &'a [f32], m: usize) -> linear::In<'a> {
+        let [n, k] = self.sizes();
+        linear::In { x, weight: self.weight, bias: self.bias, m, n, k }
+    }
+}
+
+/// The network's values y, and what the adjoint needs.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape, or there is no layer or no row.
+pub fn forward(x: &In<'_>) -> (Vec<f32>, Saved) {
+    let mut saved = Saved::default();
+    let mut value = x.x.to_vec();
+    for (l, layer) in x.layers.iter().enumerate() {
+        if x.skip == Some(l) {
+            value = beside(&value, x.x, x.m);
+        }
+        let mut y = vec![0.0; x.m * layer.bias.len()];
+        linear::forward(layer.input(&value, x.m), &mut y);
+        if l + 1 < x.layers.len() {
+            par::chunks_mut(&mut y, CHUNK, |_, y| {
+                for v in y {
+                    *v = if *v > 0.0 { *v } else { 0.0 };
+                }
+            });
+        }
+        saved.inputs.push(std::mem::replace(&mut value, y));
+    }
+    (value, saved)
+}
+
+/// Adds the gradients for the cotangent `y_bar` (M, Nᴸ) to `x_bar`.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
+    let width = x.x.len() / x.m;
+    let mut bar = y_bar.to_vec();
+    for (l, layer) in x.layers.iter().enumerate().rev() {
+        let (input, [_, k]) = (&saved.inputs[l], layer.sizes());
+        let [weight, bias] = std::mem::take(&mut x_bar.layers[l]);
+        let into = if l > 0 { vec![0.0; input.len()] } else { std::mem::take(&mut x_bar.x) };
+        let mut grad = linear::InBar { x: into, weight, bias };
+        linear::adjoint(layer.input(input, x.m), &bar, &mut grad);
+        x_bar.layers[l] = [grad.weight, grad.bias];
+        if l == 0 {
+            x_bar.x = grad.x;
+            break;
+        }
+        let n = k - if x.skip == Some(l) { width } else { 0 };
+        if n < k {
+            let again = grad.x.chunks_exact(k).flat_map(|row| &row[n..]);
+            x_bar.x.iter_mut().zip(again).for_each(|(bar, g)| *bar += *g);
+            bar = grad.x.chunks_exact(k).flat_map(|row| &row[..n]).copied().collect();
+        } else {
+            bar = grad.x;
+        }
+        // What left the layer before is what entered this one: above 0 where it passed.
+        par::chunks_mut(&mut bar, n * ROWS, |c, bar| {
+            for (r, row) in bar.chunks_exact_mut(n).enumerate() {
+                let from = &input[(c * ROWS + r) * k..][..n];
+                for (b, v) in row.iter_mut().zip(from) {
+                    *b = if *v > 0.0 { *b } else { 0.0 };
+                }
+            }
+        });
+    }
+}
+
+/// The rows of a, each followed by its row of b.
+fn beside(a: &[f32], b: &[f32], m: usize) -> Vec<f32> {
+    let rows = a.chunks_exact(a.len() / m).zip(b.chunks_exact(b.len() / m));
+    rows.flat_map(|(a, b)| a.iter().chain(b)).copied().collect()
+}

@@ -1,0 +1,95 @@
+//! `nn.softmax`: shares of a whole, from logarithms that are added to given shares.
+//!
+//! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = `base` + `floor`: the softmax of ln w + x
+//!
+//! With `base` left out w = 1: the plain softmax. With the skinning weights of a body it is their refinement by a network
+//! (GauHuman), where `floor` keeps ln w finite.
+//!
+//! | symbol | argument | shape | range |
+//! |---|---|---|---|
+//! | x | `x` | (M, K) | finite |
+//! | | `base` | (M, K), optional | ≥ 0 |
+//! | | `floor` | () | ≥ 0; every row has a w above 0 |
+//! | y | `y` | (M, K) | 0..1, rows sum to 1 |
+//!
+//! # Rounding
+//! The largest x of a row is subtracted first, so that no exponential overflows; it may belong to a w of 0. Products w·exp, their left fold
+//! over the row, one division per entry.
+//!
+//! # Kinks and domain
+//! None.
+//!
+//! # Adjoint
+//! x̄ += y ∘ (ȳ − ⟨y, ȳ⟩), the inner product a left fold over the row. `base` is a constant. The outputs are what is saved.
+//!
+//! Twin: `reference::nn::softmax`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::nn::softmax::{In, forward};
+//! assert_eq!(forward(&In { x: &[1.0, 1.0], base: &[0.25, 0.75], floor: 0.0, k: 2 }), [0.25, 0.75]);
+//! ```
+
+use crate::num::{elem, order, par};
+
+/// Rows of one task.
+const ROWS: usize = 256;
+
+/// Inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// (M, K)
+    pub x: &'a [f32],
+    /// (M, K); empty for the plain softmax
+    pub base: &'a [f32],
+    /// added to every entry of `base`
+    pub floor: f32,
+    /// K, at least one
+    pub k: usize,
+}
+
+/// The shares y (M, K).
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn forward(x: &In<'_>) -> Vec<f32> {
+    let k = x.k;
+    assert!(x.base.is_empty() || x.base.len() == x.x.len(), "base has the shape of x");
+    let mut y = vec![0.0; x.x.len()];
+    par::chunks_mut(&mut y, ROWS * k, |c, y| {
+        for (r, row) in y.chunks_exact_mut(k).enumerate() {
+            let at = (c * ROWS + r) * k;
+            let logits = &x.x[at..at + k];
+            let most = logits.iter().fold(logits[0], |m, &x| order::max(m, x));
+            let mut sum = 0.0;
+            for j in 0..k {
+                let weight = if x.base.is_empty() { 1.0 } else { x.base[at + j] + x.floor };
+                row[j] = weight * elem::exp(logits[j] - most);
+                sum += row[j];
+            }
+            for y in row {
+                *y = *y / sum;
+            }
+        }
+    });
+    y
+}
+
+/// Adds the gradient for the cotangent `y_bar` (M, K) of the shares `y` to `x_bar` (M, K).
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn adjoint(y: &[f32], k: usize, y_bar: &[f32], x_bar: &mut [f32]) {
+    assert!(y_bar.len() == y.len() && x_bar.len() == y.len(), "cotangents have the shape of y");
+    par::chunks_mut(x_bar, ROWS * k, |c, x_bar| {
+        for (r, row) in x_bar.chunks_exact_mut(k).enumerate() {
+            let at = (c * ROWS + r) * k;
+            let (y, bar) = (&y[at..at + k], &y_bar[at..at + k]);
+            let mean = y.iter().zip(bar).fold(0.0, |s, (y, b)| s + y * b);
+            for j in 0..k {
+                row[j] += y[j] * (bar[j] - mean);
+            }
+        }
+    });
+}

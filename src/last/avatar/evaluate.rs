@@ -1,0 +1,119 @@
+//! Scores of an avatar on the pictures of a capture, every metric under its name.
+
+use super::person::Avatar;
+use super::view::Target;
+use crate::loss::metric::person::{self, Scores};
+use crate::loss::{In, lpips};
+use crate::num::order;
+use crate::scene::person::{PersonCapture, Pose, Shot};
+use crate::{Error, Result};
+use serde_json::{Map, Value, json};
+
+/// One scored picture.
+#[derive(Clone, Debug)]
+pub struct Scored {
+    /// Name of the shot.
+    pub name: String,
+    /// Number of its camera.
+    pub camera: usize,
+    /// Moment.
+    pub time: usize,
+    /// The numbers.
+    pub scores: Scores,
+    /// (H, W, 3) the photograph over the background
+    pub photo: Vec<f32>,
+    /// (H, W, 3) the render, limited to 0..1
+    pub image: Vec<f32>,
+    /// (H, W) mean over the channels of the absolute difference
+    pub error: Vec<f32>,
+    /// W, H
+    pub size: [usize; 2],
+}
+
+/// What is scored on what.
+#[derive(Clone, Copy, Debug)]
+pub struct Evaluation<'a> {
+    /// who
+    pub avatar: &'a Avatar,
+    /// on these pictures
+    pub capture: &'a PersonCapture,
+    /// Poses of the capture of the fit, where it may be another one: the light learned at a moment is that of the same moment in the same pose.
+    pub learned_at: Option<&'a [Pose]>,
+    /// By LPIPS too.
+    pub perception: Option<&'a lpips::Metric>,
+}
+
+impl<'a> Evaluation<'a> {
+    /// Of an avatar on the capture that it was fitted to.
+    pub fn of(avatar: &'a Avatar, capture: &'a PersonCapture) -> Self {
+        Self { avatar, capture, learned_at: None, perception: None }
+    }
+
+    /// The moment of the fit that a moment of the capture is.
+    pub(super) fn moment(&self, time: usize) -> Option<usize> {
+        let pose = &self.capture.poses[time];
+        // A file of an avatar does not hold the global rotation apart.
+        let same = |x: &Pose| x.transforms == pose.transforms && x.axis_angles == pose.axis_angles;
+        self.learned_at.is_none_or(|poses| poses.get(time).is_some_and(same)).then_some(time)
+    }
+
+    /// Scores a shot of the capture, by its index.
+    ///
+    /// # Errors
+    /// When it cannot be read, or the render is not finite.
+    pub fn score(&self, shot: usize) -> Result<Scored> {
+        let shot = &self.capture.shots[shot];
+        let target = Target::read(self.capture, shot)?;
+        let photo = target.before(self.avatar.background);
+        let pose = &self.capture.poses[shot.time];
+        let out = self.avatar.picture(pose, self.moment(shot.time), &shot.camera)?;
+        let (height, width) = (shot.camera.height, shot.camera.width);
+        let x = In { x: &out.image, y: &photo, mask: None, height, width };
+        let scores = person::forward(&x, &target.inside, self.perception);
+        let scores = scores.map_err(|e| e.at(shot.name.clone()))?;
+        Ok(scored(shot, scores, photo.into_owned(), &out.image))
+    }
+}
+
+fn scored(shot: &Shot, scores: Scores, photo: Vec<f32>, image: &[f32]) -> Scored {
+    let image: Vec<f32> = image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
+    let pairs = image.chunks_exact(3).zip(photo.chunks_exact(3));
+    let error = pairs
+        .map(|(a, b)| (((a[0] - b[0]).abs() + (a[1] - b[1]).abs()) + (a[2] - b[2]).abs()) / 3.0)
+        .collect();
+    Scored {
+        name: shot.name.clone(),
+        camera: shot.camera_id,
+        time: shot.time,
+        scores,
+        photo,
+        image,
+        error,
+        size: [shot.camera.width, shot.camera.height],
+    }
+}
+
+/// Means over pictures, per camera in ascending order, and over all.
+///
+/// # Errors
+/// When there is no picture.
+pub fn means(scored: &[Scored]) -> Result<(Vec<(usize, Scores)>, Scores)> {
+    let of =
+        |which: Vec<&Scored>| person::mean(&which.into_iter().map(|s| s.scores.clone()).collect::<Vec<_>>());
+    let mut numbers: Vec<usize> = scored.iter().map(|s| s.camera).collect();
+    numbers.sort_unstable();
+    numbers.dedup();
+    let cameras = numbers
+        .into_iter()
+        .filter_map(|c| of(scored.iter().filter(|s| s.camera == c).collect()).map(|m| (c, m)))
+        .collect();
+    let all = of(scored.iter().collect())
+        .ok_or_else(|| Error::input("evaluation").expected("at least one picture").got("none"))?;
+    Ok((cameras, all))
+}
+
+/// Scores as a JSON object; an infinite level is `null`.
+pub fn json(scores: &Scores) -> Value {
+    let entries = scores.named().into_iter().map(|(name, x)| (name.to_owned(), json!(x)));
+    Value::Object(Map::from_iter(entries))
+}

@@ -1,0 +1,73 @@
+//! What one camera cannot see, and what is assumed of it ([`mod@crate::loss::prior`]): anchors are the nearest points of the template, neighbours the
+//! K = 6 nearest Gaussians in the canonical pose, found when the number of Gaussians last changed.
+//!
+//! A Gaussian that the camera sees has a far larger gradient from the pictures; one that it never sees has this one alone, and Adam gives it the full
+//! rate: colour, opacity and size spread over the hidden side from its border. Without it the back of a person who never turns round stays as it
+//! began, grey and nearly transparent.
+
+use super::person::Avatar;
+pub use super::prior_settings::Prior;
+use crate::Result;
+use crate::loss::prior;
+use crate::math::knn;
+use crate::num::order;
+use crate::scene::gaussians::Gaussians;
+
+/// K
+pub const NEAR: usize = 6;
+
+/// Who is near whom: found when the number of Gaussians changes, and part of the state until then.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Near {
+    /// (G) the nearest of each; `u32::MAX` where there are fewer
+    pub(super) of: Vec<[u32; NEAR]>,
+    /// (G) ln d
+    pub(super) gap: Vec<f32>,
+}
+
+/// Squared gap below which the logarithm is not taken.
+const LEAST_SQUARE: f64 = 1e-12;
+
+impl Near {
+    /// Of these Gaussians.
+    ///
+    /// # Errors
+    /// When a centre is not finite.
+    pub(super) fn new(g: &Gaussians) -> Result<Self> {
+        let found = knn::neighbours::<NEAR>(&g.means)?;
+        let gap = found.iter().map(|n| {
+            let there = n[..3].iter().filter(|(_, i)| *i != u32::MAX);
+            let (sum, count) = there.fold((0.0, 0.0), |(s, c), (d, _)| (s + d, c + 1.0));
+            (0.5 * libm::log(order::max(sum / order::max(count, 1.0), LEAST_SQUARE))) as f32
+        });
+        Ok(Self { gap: gap.collect(), of: found.iter().map(|n| n.map(|(_, i)| i)).collect() })
+    }
+}
+
+/// Adds the gradient; gives P. `most` is r, scene units.
+pub(super) fn add(weights: &Prior, avatar: &Avatar, near: &Near, most: f64, grad: &mut Gaussians) -> f64 {
+    if *weights == Prior::NONE {
+        return 0.0;
+    }
+    let g = &avatar.gaussians;
+    let anchors: Vec<[f32; 3]> = avatar.nearest.iter().map(|&p| avatar.body.points[p as usize]).collect();
+    let x = prior::In {
+        means: &g.means,
+        scales_log: &g.scales_log,
+        opacity_logits: &g.opacity_logits,
+        sh: &g.sh,
+        coefficients: g.sh_coefficients(),
+        near: &near.of,
+        gap: &near.gap,
+        anchors: &anchors,
+        radius: most,
+    };
+    let mut bar = prior::InBar {
+        means: &mut grad.means,
+        scales_log: &mut grad.scales_log,
+        opacity_logits: &mut grad.opacity_logits,
+        sh: &mut grad.sh,
+    };
+    prior::adjoint(weights, &x, 1.0, &mut bar);
+    prior::forward(weights, &x)
+}

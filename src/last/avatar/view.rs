@@ -1,0 +1,164 @@
+//! One photograph as the host compares it: the loss in the person's box and its gradient by the picture.
+//!
+//! L = mean_box |x − y| + w_α · mean_box (α − m)² + w_s · (1 − SSIM of the box's rectangle)                     (last.md §10.2)
+//!
+//! | symbol | shape | meaning |
+//! |---|---|---|
+//! | x, α | (H, W, 3), (H, W) | render and its coverage |
+//! | y, m | (H, W, 3), (H, W) | photograph, mask 0..1; y is taken before the background of the render: y + (1 − m) b |
+//!
+//! # Rounding
+//! L1, squared error and SSIM as in [`crate::loss`]; their weighted sum in f64.
+
+use super::guide::Square;
+use super::settings::Settings;
+use crate::loss::{self, In};
+use crate::scene::bound;
+use crate::scene::camera::Camera;
+use crate::scene::person::{PersonCapture, Shot};
+use crate::splat::blend::Out;
+use crate::{Error, Result};
+use std::borrow::Cow;
+
+/// A photograph made ready.
+#[derive(Clone, Debug)]
+pub struct Target {
+    /// Its camera.
+    pub camera: Camera,
+    /// Index of its pose.
+    pub time: usize,
+    /// (H, W, 3) the person before black, already weighted by the mask
+    pub photo: Vec<f32>,
+    /// (H, W) 0..1
+    pub mask: Vec<f32>,
+    /// around the projected points
+    pub person: Option<Square>,
+    /// (H, W) 1 inside the person's box where the pixel counts
+    pub inside: Vec<f32>,
+    /// of the ones of `inside`: `[top, left]`, `[bottom, right]`
+    pub rectangle: [[usize; 2]; 2],
+    /// 1 where a pixel of the rectangle counts; absent if all do
+    crop_mask: Option<Vec<f32>>,
+}
+
+/// Value and gradients of the loss.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// L
+    pub loss: f32,
+    /// (H, W, 3)
+    pub image_bar: Vec<f32>,
+    /// (H, W)
+    pub alpha_bar: Vec<f32>,
+}
+
+/// Rows of a rectangle of (H, W, C).
+fn cut(
+    image: &[f32],
+    width: usize,
+    channels: usize,
+    [[top, left], [bottom, right]]: [[usize; 2]; 2],
+) -> Vec<f32> {
+    (top..bottom)
+        .flat_map(|r| &image[(r * width + left) * channels..(r * width + right) * channels])
+        .copied()
+        .collect()
+}
+
+impl Target {
+    /// Reads the pixels of a shot.
+    ///
+    /// # Errors
+    /// When they cannot be read, or the person is nowhere in the picture.
+    pub fn read(capture: &PersonCapture, shot: &Shot) -> Result<Self> {
+        let pixels = shot.photo()?;
+        let camera = shot.camera.clone();
+        let width = camera.width;
+        let photo: Vec<f32> = pixels.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
+        let mut inside = capture.box_mask(shot);
+        if let Some(valid) = &pixels.valid {
+            for (x, &v) in inside.iter_mut().zip(valid) {
+                *x *= f32::from(v);
+            }
+        }
+        let Some(rectangle) = bound::rectangle(&inside, width) else {
+            return Err(Error::input(shot.name.clone())
+                .expected("a person inside the picture")
+                .got("a box that covers no pixel")
+                .hint("camera and pose do not belong together"));
+        };
+        let crop_mask = pixels.valid.as_ref().map(|v| {
+            let all: Vec<f32> = v.iter().map(|&v| f32::from(v)).collect();
+            cut(&all, width, 1, rectangle)
+        });
+        Ok(Self {
+            crop_mask,
+            person: Square::around(&camera, &capture.posed_points(shot.time)),
+            camera,
+            time: shot.time,
+            photo,
+            mask: pixels.mask,
+            inside,
+            rectangle,
+        })
+    }
+
+    /// (H, W, 3) the photograph before a colour: y + (1 − m) b.
+    pub fn before(&self, background: [f32; 3]) -> Cow<'_, [f32]> {
+        if background == [0.0; 3] {
+            return Cow::Borrowed(&self.photo);
+        }
+        let mut photo = self.photo.clone();
+        for (rgb, m) in photo.chunks_exact_mut(3).zip(&self.mask) {
+            for k in 0..3 {
+                rgb[k] += (1.0 - m) * background[k];
+            }
+        }
+        Cow::Owned(photo)
+    }
+
+    /// Compares a render before a background.
+    ///
+    /// # Errors
+    /// When a number is not finite.
+    pub fn compare(&self, out: &Out, background: [f32; 3], settings: &Settings) -> Result<Compared> {
+        let (height, width) = (self.camera.height, self.camera.width);
+        let photo = self.before(background);
+        let pair = In { x: &out.image, y: &photo, mask: Some(&self.inside), height, width };
+        let (l1, saved) = loss::l1::forward(&pair)?;
+        let mut image_bar = vec![0.0; out.image.len()];
+        loss::l1::adjoint(&pair, &saved, 1.0, &mut image_bar, None);
+        let mut total = f64::from(l1);
+        let mut alpha_bar = vec![0.0; out.alpha.len()];
+        if settings.alpha_weight > 0.0 {
+            let pair = In { x: &out.alpha, y: &self.mask, ..pair };
+            let (coverage, saved) = loss::mse::forward(&pair)?;
+            loss::mse::adjoint(&pair, &saved, settings.alpha_weight, &mut alpha_bar, None);
+            total += f64::from(settings.alpha_weight) * f64::from(coverage);
+        }
+        if settings.ssim_weight > 0.0 {
+            let [[top, left], [bottom, right]] = self.rectangle;
+            let [x, y] = [&out.image[..], &photo[..]].map(|i| cut(i, width, 3, self.rectangle));
+            let (h, w) = (bottom - top, right - left);
+            let pair = In { x: &x, y: &y, mask: self.crop_mask.as_deref(), height: h, width: w };
+            let (ssim, saved) = loss::ssim::forward(&pair)?;
+            total += f64::from(settings.ssim_weight) * (1.0 - f64::from(ssim));
+            let mut bar = vec![0.0; x.len()];
+            loss::ssim::adjoint(&pair, &saved, -settings.ssim_weight, &mut bar, None);
+            for (r, row) in bar.chunks_exact(3 * w).enumerate() {
+                let at = 3 * ((top + r) * width + left);
+                for (to, from) in image_bar[at..at + 3 * w].iter_mut().zip(row) {
+                    *to += *from;
+                }
+            }
+        }
+        let loss = total as f32;
+        if !loss.is_finite() {
+            return Err(Error::check("person fit")
+                .at("loss")
+                .expected("a finite number")
+                .got(loss.to_string()));
+        }
+        Ok(Compared { loss, image_bar, alpha_bar })
+    }
+}

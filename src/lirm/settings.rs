@@ -1,0 +1,201 @@
+//! What decides a data set of rendered objects.
+
+use crate::io;
+use crate::scene::camera::Model;
+use crate::scene::environment_file::Options as MapOptions;
+use crate::{Error, Result};
+use data_gen::cameras::Framing;
+use serde_json::{Map, Value, json};
+use std::path::PathBuf;
+
+/// Names of the versions of an object.
+pub(super) const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
+
+/// Light regimes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Lighting {
+    /// A white dome of radiance 1.
+    Uniform,
+    /// A map with a high dynamic range.
+    Environment,
+    /// Both, from the same cameras.
+    Both,
+}
+
+/// Which cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Set {
+    /// Drawn as for training.
+    Train,
+    /// The 48 test views of an object: inputs are the training split, outputs the test split, the rest validation.
+    Test,
+    /// A camera on a head, with motion blur and sensor noise; every eighth picture is the test split.
+    Egocentric,
+}
+
+/// What is made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// Number of objects; files given in `meshes` count from 0.
+    pub objects: u64,
+    /// Index of the first.
+    pub first: u64,
+    /// Models to use instead of built-in objects.
+    pub meshes: Vec<PathBuf>,
+    /// Maps to use instead of built-in environments.
+    pub maps: Vec<PathBuf>,
+    /// How those maps are read; `rotate` is added to a drawn turn.
+    pub map_options: MapOptions,
+    /// The test map that colours the axes ([`crate::shade::axes`]) instead of any other, read by `map_options`, neither turned by a draw nor scaled.
+    pub axes: bool,
+    /// Light.
+    pub lighting: Lighting,
+    /// A second version under the map with smaller roughness.
+    pub shiny: bool,
+    /// Cameras.
+    pub set: Set,
+    /// Projection of the egocentric set: a wide fisheye or a pinhole. The other sets are pinhole pictures.
+    pub camera: Model,
+    /// Pictures per object and light; the test set has its own number.
+    pub views: usize,
+    /// Pixels a side.
+    pub size: usize,
+    /// Whether training views hold the whole object.
+    pub framing: Framing,
+    /// Samples per pixel.
+    pub samples: u32,
+    /// Surfaces after the first that light may come by.
+    pub bounces: u32,
+    /// Side of a square with as many texels as an object's textures have.
+    pub texture: usize,
+    /// Columns of a built-in map; half as many rows.
+    pub map_width: usize,
+    /// Whether passes beside photograph and foreground are written.
+    pub passes: bool,
+    /// Whether shape, materials and map are written.
+    pub truth: bool,
+    /// Of every draw.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            objects: 1,
+            first: 0,
+            meshes: Vec::new(),
+            maps: Vec::new(),
+            map_options: MapOptions::default(),
+            axes: false,
+            lighting: Lighting::Uniform,
+            shiny: false,
+            set: Set::Train,
+            camera: Model::Fisheye,
+            views: 32,
+            size: 256,
+            framing: Framing::Loose,
+            samples: 64,
+            bounces: 1,
+            texture: 512,
+            map_width: 512,
+            passes: true,
+            truth: true,
+            seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks ranges.
+    ///
+    /// # Errors
+    /// Names the setting.
+    pub fn validate(&self) -> Result<()> {
+        let within = |name: &str, x: usize, low: usize, high: usize| {
+            if (low..=high).contains(&x) {
+                return Ok(());
+            }
+            Err(Error::input(format!("setting {name}"))
+                .expected(format!("{low} to {high}"))
+                .got(x.to_string()))
+        };
+        within("views", self.views, 1, 100_000)?;
+        within("size", self.size, 8, 4096)?;
+        within("texture", self.texture, 32, 4096)?;
+        within("map_width", self.map_width, 8, 8192)?;
+        within("samples", self.samples as usize, 1, 1_000_000)?;
+        within("bounces", self.bounces as usize, 0, 64)?;
+        if (self.axes || !self.maps.is_empty()) && self.lighting == Lighting::Uniform {
+            let e = Error::input("setting env").expected("light from an environment");
+            return Err(e.got("uniform light, which shows no map").hint("--lighting environment or both"));
+        }
+        if self.axes && !self.maps.is_empty() {
+            return Err(Error::input("setting maps").expected("the axes map alone").got("others beside it"));
+        }
+        if self.shiny && self.lighting == Lighting::Uniform {
+            return Err(Error::input("setting shiny")
+                .expected("an environment: roughness hardly shows under a white dome")
+                .got("uniform light")
+                .hint("--lighting environment or both"));
+        }
+        if self.camera == Model::Orthographic {
+            return Err(Error::input("setting camera").expected("fisheye or pinhole").got("orthographic"));
+        }
+        Ok(())
+    }
+
+    /// Pictures of one object under one light.
+    pub(super) fn pictures(&self) -> usize {
+        if self.set == Set::Test { 48 } else { self.views }
+    }
+
+    /// Projection of the pictures.
+    pub(super) fn model(&self) -> Model {
+        if self.set == Set::Egocentric { self.camera } else { Model::Pinhole }
+    }
+
+    /// Names of the versions of an object: folder, whether under the map, whether shiny.
+    pub(super) fn versions(&self) -> Vec<(&'static str, bool, bool)> {
+        let mut out = Vec::new();
+        if self.lighting != Lighting::Environment {
+            out.push((VERSIONS[0], false, false));
+        }
+        if self.lighting != Lighting::Uniform {
+            out.push((VERSIONS[1], true, false));
+            if self.shiny {
+                out.push((VERSIONS[2], true, true));
+            }
+        }
+        out
+    }
+
+    /// All that decides an object's files, for continued runs and for readers. Files are known by name and bytes.
+    ///
+    /// # Errors
+    /// When a file cannot be read.
+    pub fn record(&self) -> Result<Map<String, Value>> {
+        let names = |paths: &[PathBuf]| paths.iter().map(|p| io::identity(p)).collect::<Result<Vec<_>>>();
+        let o = &self.map_options;
+        let entries = [
+            ("meshes", json!(names(&self.meshes)?)),
+            ("maps", json!(names(&self.maps)?)),
+            ("map_axes", json!([o.orientation.name(), o.mirror, o.rotate, o.scale])),
+            ("lighting", json!(format!("{:?}", self.lighting).to_lowercase())),
+            ("shiny", json!(self.shiny)),
+            ("set", json!(format!("{:?}", self.set).to_lowercase())),
+            ("camera", json!(self.model().name())),
+            ("views", json!(self.pictures())),
+            ("size", json!(self.size)),
+            ("framing", json!(format!("{:?}", self.framing).to_lowercase())),
+            ("samples", json!(self.samples)),
+            ("bounces", json!(self.bounces)),
+            ("texture", json!(self.texture)),
+            ("map_width", json!(self.map_width)),
+            ("passes", json!(self.passes)),
+            ("truth", json!(self.truth)),
+            ("seed", json!(self.seed)),
+        ];
+        let axes = self.axes.then(|| ("axes", json!(true)));
+        Ok(entries.into_iter().chain(axes).map(|(k, v)| (k.to_owned(), v)).collect())
+    }
+}

@@ -1,0 +1,68 @@
+//! The images of an object: cameras, names and split.
+
+use super::settings::{Set, Settings};
+use crate::fit::passes::Shot;
+use crate::io::capture::Split;
+use crate::scene::camera::{Camera, Model};
+use crate::scene::from_data_gen;
+use data_gen::cameras::{self, Placed};
+use serde_json::{Map, Value, json};
+
+/// The pictures of an object, and of a test set the order and choice of its inputs.
+pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
+    let still = |i: usize, p: &Placed, split: Split| Shot {
+        name: format!("{i:04}"),
+        camera: from_data_gen::camera(&p.view, Model::Pinhole),
+        shutter_close: None,
+        split,
+        extra: Map::from_iter([
+            ("fov_deg".to_owned(), json!(p.fov)),
+            ("azimuth_deg".to_owned(), json!(p.azimuth)),
+            ("elevation_deg".to_owned(), json!(p.elevation)),
+        ]),
+    };
+    match settings.set {
+        Set::Train => {
+            let views = cameras::training(settings.seed, k, settings.views, settings.size, settings.framing);
+            (views.iter().enumerate().map(|(i, p)| still(i, p, Split::Unknown)).collect(), None)
+        }
+        Set::Test => {
+            let t = cameras::test(settings.seed, k, settings.size);
+            let split = |i: usize| {
+                if t.inputs.contains(&i) {
+                    Split::Train
+                } else if t.outputs.contains(&i) {
+                    Split::Test
+                } else {
+                    Split::Val
+                }
+            };
+            let shots = t.views.iter().enumerate().map(|(i, p)| still(i, p, split(i))).collect();
+            let names = |list: &[usize]| list.iter().map(|i| format!("{i:04}")).collect::<Vec<_>>();
+            let sets = |list: &[usize]| list.chunks(4).map(names).collect::<Vec<_>>();
+            let protocol = json!({
+                "input_sets_random": sets(&t.inputs),
+                "input_sets_sequential": sets(&t.sequential),
+                "outputs": names(&t.outputs),
+            });
+            (shots, Some(protocol))
+        }
+        Set::Egocentric => {
+            let shot = |(i, m): (usize, &cameras::Moving)| {
+                let camera = |v| -> Camera { from_data_gen::camera(v, settings.camera) };
+                Shot {
+                    name: format!("{i:04}"),
+                    camera: camera(&m.open),
+                    shutter_close: Some(camera(&m.close)),
+                    split: if i % 8 == 7 { Split::Test } else { Split::Train },
+                    extra: Map::from_iter([("time_s".to_owned(), json!(m.time))]),
+                }
+            };
+            let mut frames = cameras::head(settings.seed, k, settings.views, settings.size);
+            if settings.camera == Model::Pinhole {
+                frames = frames.into_iter().map(cameras::Moving::through_pinhole).collect();
+            }
+            (frames.iter().enumerate().map(shot).collect(), None)
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! The one error type: what, where, expected, got, and what to do.
+//!
+//! ```
+//! # use lastlight_num as lastlight;
+//! use lastlight::Error;
+//! let e = Error::input("garden.ply").at("element vertex, row 17, property opacity").expected("a finite number").got("NaN");
+//! assert_eq!(e.to_string(), "garden.ply: element vertex, row 17, property opacity: expected a finite number, got NaN");
+//! ```
+
+use std::fmt;
+
+/// Shorthand for results of this library.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// What went wrong, in classes that decide the exit code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Kind {
+    /// Bad usage or bad input: exit code 2.
+    Input,
+    /// A check ran and failed: exit code 1.
+    Check,
+    /// The user interrupted; what was complete is on disk: exit code 130.
+    Interrupted,
+}
+
+/// The one error type of the library.
+#[derive(Clone, Debug)]
+pub struct Error(Box<Parts>);
+
+// Boxed, so that every `Result` stays one word larger than its value.
+#[derive(Clone, Debug)]
+struct Parts {
+    kind: Kind,
+    what: String,
+    at: Option<String>,
+    expected: Option<String>,
+    got: Option<String>,
+    hint: Option<String>,
+}
+
+impl Error {
+    fn new(kind: Kind, what: impl Into<String>) -> Self {
+        Self(Box::new(Parts { kind, what: what.into(), at: None, expected: None, got: None, hint: None }))
+    }
+
+    /// Bad usage or input; `what` names the file, the operator or the argument.
+    pub fn input(what: impl Into<String>) -> Self {
+        Self::new(Kind::Input, what)
+    }
+
+    /// A check that failed; `what` names the check.
+    pub fn check(what: impl Into<String>) -> Self {
+        Self::new(Kind::Check, what)
+    }
+
+    /// The user asked to stop.
+    pub fn interrupted(what: impl Into<String>) -> Self {
+        Self::new(Kind::Interrupted, what)
+    }
+
+    /// An operating-system error on a file.
+    pub fn os(path: &std::path::Path, e: &std::io::Error) -> Self {
+        Self::input(path.display().to_string()).got(e.to_string())
+    }
+
+    /// Where in `what`: a line, a field, an array and an index. An existing place is kept behind the new one.
+    #[must_use]
+    pub fn at(mut self, place: impl Into<String>) -> Self {
+        let place = place.into();
+        self.0.at = Some(match self.0.at.take() {
+            Some(inner) => format!("{place}: {inner}"),
+            None => place,
+        });
+        self
+    }
+
+    /// Puts a file or an operator in front; what was named before becomes the place.
+    #[must_use]
+    pub fn within(mut self, what: impl Into<String>) -> Self {
+        let inner = std::mem::replace(&mut self.0.what, what.into());
+        self.at(inner)
+    }
+
+    /// What would have been right.
+    #[must_use]
+    pub fn expected(mut self, text: impl Into<String>) -> Self {
+        self.0.expected = Some(text.into());
+        self
+    }
+
+    /// What was there.
+    #[must_use]
+    pub fn got(mut self, text: impl Into<String>) -> Self {
+        self.0.got = Some(text.into());
+        self
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub fn hint(mut self, text: impl Into<String>) -> Self {
+        self.0.hint = Some(text.into());
+        self
+    }
+
+    /// The class of the error.
+    pub fn kind(&self) -> Kind {
+        self.0.kind
+    }
+
+    /// Exit code of a command that ends with this error: 1 the check failed, 2 bad usage or input.
+    pub fn exit_code(&self) -> u8 {
+        match self.0.kind {
+            Kind::Check => 1,
+            Kind::Input => 2,
+            Kind::Interrupted => 130,
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.what)?;
+        if let Some(at) = &self.0.at {
+            write!(f, ": {at}")?;
+        }
+        match (&self.0.expected, &self.0.got) {
+            (Some(e), Some(g)) => write!(f, ": expected {e}, got {g}")?,
+            (Some(e), None) => write!(f, ": expected {e}")?,
+            (None, Some(g)) => write!(f, ": {g}")?,
+            (None, None) => {}
+        }
+        if let Some(hint) = &self.0.hint {
+            write!(f, " ({hint})")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {}

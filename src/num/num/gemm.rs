@@ -1,0 +1,159 @@
+//! Matrix products with one association, whatever the tiles, the vector width and the threads.
+//!
+//! Every output element is one chain: it starts at +0 and adds the rounded products a(i,k)·b(k,j) for k ascending,
+//! product and sum rounded separately, up to k = [`CHUNK`]. A longer k is cut into chunks of that length (the last may be
+//! shorter), each such a chain, and the partial results are added by the pairwise tree of [`super::sum`]. What is
+//! done with the result afterwards ([`Finish`]) comes after the chain.
+//!
+//! How it is fast changes no bit: both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns of
+//! b), a tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
+//! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels and are thrown away;
+//! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. Where the processor has AVX-512, whatever the build was made for, two panels
+//! of columns are taken at once in registers of sixteen lanes ([`product_lanes`]).
+//!
+//! ```text
+//! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of pictures
+//!   pack    panels of both factors
+//!   block   a block of the output along k, block by block, chunk by chunk
+//!   tile    chains in registers, eight lanes or sixteen
+//! ```
+//!
+//! ```
+//! # use lastlight_num as lastlight;
+//! use lastlight::num::gemm::{Finish, View, gemm};
+//! let a = [1.0, 2.0, 3.0, 4.0]; // (2, 2)
+//! let b = [5.0, 6.0, 7.0, 8.0]; // (2, 2)
+//! let mut c = [0.0; 4];
+//! gemm(View::new(&a, 2, 2), View::new(&b, 2, 2).t(), Finish::Store, &mut c);
+//! assert_eq!(c, [17.0, 23.0, 39.0, 53.0]); // a·bᵀ
+//! ```
+
+use super::par;
+use std::cell::Cell;
+use std::ops::Range;
+
+mod block;
+mod matrix;
+mod pack;
+mod packed;
+pub mod runs;
+#[cfg(test)]
+mod tests;
+mod tile;
+
+pub use matrix::{CHUNK, Finish, View};
+pub use packed::Packed;
+
+use block::{Left, Task, block};
+use pack::pack_rows;
+use packed::PARALLEL;
+use tile::{COLUMNS, Chains, Columns, ROWS, Rows, Sixteen};
+
+/// Rows per task: the packed rows of a and the resting tiles stay in the second-level cache.
+const BLOCK_ROWS: usize = 8 * ROWS;
+/// Columns per task.
+const BLOCK_COLUMNS: usize = 64 * COLUMNS;
+/// Column panels of a task up to which rows of a that are contiguous in k are read where they are.
+const IN_PLACE: usize = 32;
+/// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the environment is not 8, else 8 (of which the compiler
+/// makes what the target has). A matter of speed: the bits are the same.
+pub fn product_lanes() -> usize {
+    #[cfg(target_arch = "x86_64")]
+    if tile::avx512().is_some() {
+        return 16;
+    }
+    8
+}
+
+impl View<'_> {
+    fn is_in_place(&self, panels: usize) -> bool {
+        self.column_stride == 1 && panels <= IN_PLACE
+    }
+}
+
+impl Left for View<'_> {
+    fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>) {
+        packed.clear();
+        if !self.is_in_place(panels) {
+            pack_rows(self, rows, ks, packed);
+        }
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const P: usize>(
+        self,
+        chains: &mut Chains<S, P>,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        packed: &[Rows],
+        columns: [&[Columns]; P],
+    ) {
+        if ks.is_empty() {
+            return;
+        }
+        if !packed.is_empty() {
+            return chains.packed(packed, columns);
+        }
+        // Beyond the last row it is read again; those chains are thrown away.
+        let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+        for (i, a) in a.iter_mut().enumerate() {
+            let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
+            *a = &self.values[row + ks.start..row + ks.end];
+        }
+        chains.in_place(a, columns);
+    }
+}
+
+thread_local! {
+    /// Memory of the last packed right factor, so that repeated products touch no fresh pages.
+    static PANELS: Cell<Vec<Columns>> = const { Cell::new(Vec::new()) };
+}
+
+/// Vectors kept for the next product at most: 64 MiB.
+const KEEP: usize = 1 << 20;
+
+/// c (m, n, row-major) from the product of a (m, k) and b (k, n).
+///
+/// # Panics
+/// When the shapes do not fit.
+pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
+    let packed = Packed::reusing(PANELS.take(), b);
+    gemm_packed(a, &packed, how, c);
+    if packed.panels.len() <= KEEP {
+        PANELS.set(packed.panels);
+    }
+}
+
+/// [`gemm`] with a right factor packed before.
+///
+/// # Panics
+/// When the shapes do not fit.
+pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
+    let (m, n) = (a.rows, b.n);
+    assert_eq!(a.columns, b.k, "both factors have the same k");
+    assert_eq!(c.len(), m * n, "the product is a ({m}, {n}) matrix");
+    if let Some(bias) = how.bias() {
+        assert_eq!(bias.len(), n, "one bias per column");
+    }
+    if m == 0 || n == 0 {
+        return;
+    }
+    // One task per block of the output, each owning its part of every row.
+    let height = if n >= BLOCK_COLUMNS / 4 { BLOCK_ROWS } else { 4 * BLOCK_ROWS };
+    let mut tasks: Vec<Task<'_>> = Vec::new();
+    for (i, rows) in c.chunks_mut(height * n).enumerate() {
+        let first = tasks.len();
+        let lefts = (0..n).step_by(BLOCK_COLUMNS);
+        tasks.extend(lefts.map(|left| Task { top: i * height, left, rows: Vec::with_capacity(height) }));
+        for row in rows.chunks_mut(n) {
+            for (part, task) in row.chunks_mut(BLOCK_COLUMNS).zip(&mut tasks[first..]) {
+                task.rows.push(part);
+            }
+        }
+    }
+    if m * n * b.k >= PARALLEL && tasks.len() > 1 {
+        par::each(tasks, |_, task| block(a, b, task, how));
+    } else {
+        tasks.into_iter().for_each(|task| block(a, b, task, how));
+    }
+}

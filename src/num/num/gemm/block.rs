@@ -1,0 +1,192 @@
+//! Blocks of the output: which tiles meet which part of k, and where chains rest between.
+
+use super::matrix::{CHUNK, Finish};
+use super::packed::Packed;
+use super::tile::{COLUMNS, Chains, Columns, Job, ROWS, Rows, Sixteen, Tile, widest};
+use prefetch_index::prefetch_index;
+use std::cell::Cell;
+use std::ops::Range;
+
+/// k per block: a panel of a (8 KiB) and one of b (16 KiB), or two with sixteen lanes, stay in the first-level cache.
+pub(super) const BLOCK_K: usize = 256;
+
+thread_local! {
+    /// Memory of a task: packed rows of the left factor, and tiles resting between blocks of k.
+    static TASK: Cell<(Vec<Rows>, Vec<Tile>)> = const { Cell::new((Vec::new(), Vec::new())) };
+}
+
+/// A left factor (m, k): how its rows reach the register tiles.
+pub(super) trait Left: Copy + Sync {
+    /// Makes the rows ready for k in `ks`; `panels` is the number of column panels they will meet. Empty where they are read in place.
+    fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
+    /// Resumes the chains of the rows from `rows.start` on (at most six, beyond the last anything) over k in `ks`; `packed` is their part of
+    /// what was prepared.
+    fn resume<S: Sixteen, const P: usize>(
+        self,
+        chains: &mut Chains<S, P>,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        packed: &[Rows],
+        columns: [&[Columns]; P],
+    );
+}
+
+/// One block of the output: where it begins, and its part of every row.
+pub(super) struct Task<'a> {
+    pub(super) top: usize,
+    pub(super) left: usize,
+    pub(super) rows: Vec<&'a mut [f32]>,
+}
+
+impl Task<'_> {
+    /// Its column panels.
+    pub(super) fn panels(&self) -> Range<usize> {
+        let width = self.rows.first().map_or(0, |row| row.len());
+        self.left / COLUMNS..(self.left + width).div_ceil(COLUMNS)
+    }
+}
+
+/// Computes one block of the output.
+pub(super) fn block(a: impl Left, b: &Packed, task: Task<'_>, how: Finish<'_>) {
+    widest(Block { a, b, task, how });
+}
+
+pub(super) struct Block<'a, L> {
+    pub(super) a: L,
+    pub(super) b: &'a Packed,
+    pub(super) task: Task<'a>,
+    pub(super) how: Finish<'a>,
+}
+
+/// A part of the way along k.
+#[derive(Clone)]
+struct Leg {
+    ks: Range<usize>,
+    /// Chains begin here, they do not resume.
+    is_first: bool,
+    /// Results are written, they do not rest.
+    is_last: bool,
+}
+
+impl<L: Left> Job for Block<'_, L> {
+    fn by<S: Sixteen>(mut self, simd: S) {
+        let (mut packed, mut tiles) = TASK.take();
+        let (k, all) = (self.b.k, self.task.rows.len().div_ceil(ROWS) * self.task.panels().len());
+        tiles.clear();
+        tiles.resize(if k > BLOCK_K { all } else { 0 }, [Columns::ZERO; ROWS]);
+        if k <= CHUNK {
+            self.along(simd, 0..k, true, (&mut packed, &mut tiles));
+        } else {
+            // The pairwise tree over the chunks as they come: two neighbours of one level make one of the next, and at
+            // the end the last, smaller ones are added from the right.
+            let mut stack: Vec<(u32, Vec<Tile>)> = Vec::new();
+            for start in (0..k).step_by(CHUNK) {
+                self.along(simd, start..k.min(start + CHUNK), false, (&mut packed, &mut tiles));
+                let (mut level, mut right) = (0, tiles.clone());
+                while stack.last().is_some_and(|(l, _)| *l == level) {
+                    let (_, mut left) = stack.pop().expect("the last entry was just seen");
+                    add(&mut left, &right);
+                    (level, right) = (level + 1, left);
+                }
+                stack.push((level, right));
+            }
+            let (_, mut sums) = stack.pop().expect("there is at least one chunk");
+            while let Some((_, mut left)) = stack.pop() {
+                add(&mut left, &sums);
+                sums = left;
+            }
+            let end = Leg { ks: k..k, is_first: false, is_last: true };
+            self.leg(simd, &end, (&mut packed, &mut sums));
+        }
+        TASK.set((packed, tiles));
+    }
+}
+
+fn add(left: &mut [Tile], right: &[Tile]) {
+    for (x, y) in left.iter_mut().flatten().zip(right.iter().flatten()) {
+        x.0.iter_mut().zip(y.0).for_each(|(x, y)| *x += y);
+    }
+}
+
+impl<L: Left> Block<'_, L> {
+    /// Fresh chains over k in `ks`, a block of k at a time; at the end they are written, or rest.
+    fn along<S: Sixteen>(
+        &mut self,
+        simd: S,
+        ks: Range<usize>,
+        is_written: bool,
+        (packed, tiles): (&mut Vec<Rows>, &mut [Tile]),
+    ) {
+        let mut start = ks.start;
+        loop {
+            let end = ks.end.min(start + BLOCK_K);
+            let is_last = is_written && end == ks.end;
+            let leg = Leg { ks: start..end, is_first: start == ks.start, is_last };
+            self.leg(simd, &leg, (packed, tiles));
+            start = end;
+            if start == ks.end {
+                return;
+            }
+        }
+    }
+
+    /// All tiles along one block of k, those of neighbouring panels together.
+    fn leg<S: Sixteen>(&mut self, simd: S, leg: &Leg, (packed, tiles): (&mut Vec<Rows>, &mut [Tile])) {
+        let (panels, height) = (self.task.panels(), self.task.rows.len());
+        self.a.prepare(self.task.top..self.task.top + height, leg.ks.clone(), panels.len(), packed);
+        let tiles_of = if tiles.is_empty() { 0 } else { height.div_ceil(ROWS) };
+        let b = self.b;
+        let columns = |p: usize| &b.panel(p)[leg.ks.clone()];
+        let (mut p, mut tiles) = (panels.start, tiles);
+        while p < panels.end {
+            let width = S::PANELS.min(panels.end - p);
+            let (mine, rest) = tiles.split_at_mut(width * tiles_of);
+            let at = p * COLUMNS - self.task.left;
+            if width == 2 {
+                simd.run(
+                    #[inline(always)]
+                    || self.panels(simd, leg, packed, [columns(p), columns(p + 1)], at, mine),
+                );
+            } else {
+                simd.run(
+                    #[inline(always)]
+                    || self.panels(simd, leg, packed, [columns(p)], at, mine),
+                );
+            }
+            (p, tiles) = (p + width, rest);
+        }
+    }
+
+    /// The tiles of one panel, or of two beside each other, for all rows; `at` is their first column.
+    #[inline(always)]
+    fn panels<S: Sixteen, const P: usize>(
+        &mut self,
+        simd: S,
+        leg: &Leg,
+        packed: &[Rows],
+        columns: [&[Columns]; P],
+        at: usize,
+        tiles: &mut [Tile],
+    ) {
+        let Task { top, left, rows } = &mut self.task;
+        let (end, k) = (*top + rows.len(), leg.ks.len());
+        for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
+            let mut chains =
+                if leg.is_first { Chains::fresh(simd) } else { Chains::resumed(simd, &tiles[r * P..]) };
+            if leg.is_last && matches!(self.how, Finish::Add) {
+                // What is added to was written long ago; fetched now, it is here when the chains end.
+                for row in &*rows {
+                    (0..P).for_each(|p| prefetch_index(&**row, at + p * COLUMNS));
+                    prefetch_index(&**row, row.len().min(at + P * COLUMNS) - 1);
+                }
+            }
+            let mine = if packed.is_empty() { packed } else { &packed[r * k..][..k] };
+            self.a.resume(&mut chains, *top + r * ROWS..end, leg.ks.clone(), mine, columns);
+            if leg.is_last {
+                chains.finish(rows, (at, *left), self.how);
+            } else {
+                chains.rest(&mut tiles[r * P..]);
+            }
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! Matrices as products take them, and what is done with a finished element.
+
+/// Longest chain in k; part of the definition.
+pub const CHUNK: usize = 4096;
+
+/// A matrix seen in a slice: element (i, j) is `values[i·row_stride + j·column_stride]`.
+#[derive(Clone, Copy, Debug)]
+pub struct View<'a> {
+    pub(super) values: &'a [f32],
+    pub(super) rows: usize,
+    pub(super) columns: usize,
+    pub(super) row_stride: usize,
+    pub(super) column_stride: usize,
+}
+
+impl<'a> View<'a> {
+    /// A row-major matrix that fills the slice.
+    ///
+    /// # Panics
+    /// When the slice does not have rows·columns elements.
+    pub fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
+        assert_eq!(values.len(), rows * columns, "a row-major ({rows}, {columns}) matrix fills its slice");
+        Self { values, rows, columns, row_stride: columns, column_stride: 1 }
+    }
+
+    /// Any strides: a head of an attention layer, a patch of an image.
+    ///
+    /// # Panics
+    /// When the last element lies outside the slice.
+    pub fn strided(
+        values: &'a [f32],
+        (rows, columns): (usize, usize),
+        (row_stride, column_stride): (usize, usize),
+    ) -> Self {
+        if rows > 0 && columns > 0 {
+            let last = (rows - 1) * row_stride + (columns - 1) * column_stride;
+            assert!(last < values.len(), "element ({}, {}) lies in the slice", rows - 1, columns - 1);
+        }
+        Self { values, rows, columns, row_stride, column_stride }
+    }
+
+    /// The transpose; nothing moves.
+    #[must_use]
+    pub fn t(self) -> Self {
+        Self {
+            rows: self.columns,
+            columns: self.rows,
+            row_stride: self.column_stride,
+            column_stride: self.row_stride,
+            ..self
+        }
+    }
+
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.rows
+    }
+
+    /// Number of columns.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+}
+
+/// What happens to a finished element p of the product, after its chain.
+#[derive(Clone, Copy, Debug)]
+pub enum Finish<'a> {
+    /// c = p
+    Store,
+    /// c = c + p
+    Add,
+    /// c = 0 + p: the same where c is known to hold +0, which is then not read
+    AddToZero,
+    /// c = p + bias of the column, bias (n)
+    Bias(&'a [f32]),
+    /// c = p + bias where that is positive, this number times it elsewhere
+    Leaky(&'a [f32], f32),
+}
+
+impl<'a> Finish<'a> {
+    pub(super) fn bias(self) -> Option<&'a [f32]> {
+        match self {
+            Self::Store | Self::Add | Self::AddToZero => None,
+            Self::Bias(bias) | Self::Leaky(bias, _) => Some(bias),
+        }
+    }
+}

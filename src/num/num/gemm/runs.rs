@@ -1,0 +1,285 @@
+//! Products with a left factor that lies in memory as runs: patches of a picture, read where they are.
+//!
+//! Row r of the factor (m, k) consists of runs of `len` neighbouring numbers: run s begins at `starts[r] + offsets[s]`, k = runs · len. The same memory read
+//! the other way round is the transpose. Chains are those of [`super`]: k ascending from +0, product and sum rounded separately, beyond
+//! [`CHUNK`](super::CHUNK) in chunks joined by the tree.
+//!
+//! ```
+//! # use lastlight_num as lastlight;
+//! use lastlight::num::gemm::{Finish, Packed, View};
+//! use lastlight::num::gemm::runs::{Runs, gemm_runs};
+//! let picture = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]; // 3×3
+//! // both patches of 2×2 in the upper two rows
+//! let patches = Runs { values: &picture, starts: &[0, 1], offsets: &[0, 3], len: 2 };
+//! let ones = Packed::new(View::new(&[1.0; 4], 4, 1));
+//! let mut sums = [0.0; 2];
+//! gemm_runs(patches, &ones, Finish::Store, sums.chunks_mut(1).collect());
+//! assert_eq!(sums, [12.0, 16.0]);
+//! ```
+
+use super::block::{Left, Task, block};
+use super::tile::{COLUMNS, Chains, Columns, Job, ROWS, Rows, Sixteen, each, widest};
+use super::{BLOCK_ROWS, Finish, Packed};
+use std::ops::Range;
+
+/// A matrix whose rows consist of runs.
+#[derive(Clone, Copy, Debug)]
+pub struct Runs<'a> {
+    /// where the numbers are
+    pub values: &'a [f32],
+    /// (m) where each row begins
+    pub starts: &'a [usize],
+    /// where each run begins, from the beginning of its row
+    pub offsets: &'a [usize],
+    /// numbers of a run
+    pub len: usize,
+}
+
+impl Runs<'_> {
+    /// Columns k.
+    pub fn k(&self) -> usize {
+        self.offsets.len() * self.len
+    }
+}
+
+impl Left for Runs<'_> {
+    fn prepare(self, _: Range<usize>, _: Range<usize>, _: usize, packed: &mut Vec<Rows>) {
+        packed.clear();
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const P: usize>(
+        self,
+        chains: &mut Chains<S, P>,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        _: &[Rows],
+        columns: [&[Columns]; P],
+    ) {
+        let mut starts = [0; ROWS];
+        for (i, start) in starts.iter_mut().enumerate() {
+            *start = self.starts[(rows.start + i).min(rows.end - 1)];
+        }
+        let (mut run, mut at) = (ks.start / self.len.max(1), ks.start % self.len.max(1));
+        let (mut done, all) = (0, ks.len());
+        while done < all {
+            let n = (all - done).min(self.len - at);
+            let from = self.offsets[run] + at;
+            let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+            for (a, start) in a.iter_mut().zip(starts) {
+                *a = &self.values[start + from..][..n];
+            }
+            chains.in_place(a, each(columns, |b| &b[done..done + n]));
+            (run, at, done) = (run + 1, 0, done + n);
+        }
+    }
+}
+
+/// Patches of one picture, `rows` × `columns` of them, taken the other way round: column (r, q) of the factor (m, k) begins at
+/// `r · down + q · along`, its runs at `offsets` from there, m = runs · len, k = `rows` · `columns`.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid<'a> {
+    /// where the numbers are, and at least `along` more
+    pub values: &'a [f32],
+    /// patches below each other
+    pub rows: usize,
+    /// patches beside each other
+    pub columns: usize,
+    /// from a patch to the one below
+    pub down: usize,
+    /// from a patch to the next
+    pub along: usize,
+    /// where each run begins, from the beginning of its patch
+    pub offsets: &'a [usize],
+    /// numbers of a run
+    pub len: usize,
+}
+
+impl Grid<'_> {
+    /// Rows m.
+    pub fn m(&self) -> usize {
+        self.offsets.len() * self.len
+    }
+
+    /// Columns k.
+    pub fn k(&self) -> usize {
+        self.rows * self.columns
+    }
+
+    /// Where patches hold the rows from `rows.start` on, at most six; beyond the last, the last again.
+    #[inline(always)]
+    fn places(&self, rows: Range<usize>) -> Places {
+        let mut at = [0; ROWS];
+        for (i, at) in at.iter_mut().enumerate() {
+            let row = (rows.start + i).min(rows.end - 1);
+            *at = self.offsets[row / self.len] + row % self.len;
+        }
+        Places { at, are_neighbours: rows.start % self.len + ROWS <= self.len && ROWS <= self.along }
+    }
+
+    /// Resumes the chains of these rows over the patches `ks`.
+    #[inline(always)]
+    fn resume_at<S: Sixteen, const P: usize>(
+        &self,
+        chains: &mut Chains<S, P>,
+        places: &Places,
+        ks: Range<usize>,
+        columns: [&[Columns]; P],
+    ) {
+        if ks.is_empty() {
+            return;
+        }
+        let (mut row, mut column) = (ks.start / self.columns, ks.start % self.columns);
+        let (mut done, all) = (0, ks.len());
+        while done < all {
+            let n = (all - done).min(self.columns - column);
+            let now = each(columns, |b| &b[done..done + n]);
+            let start = row * self.down + column * self.along;
+            if places.are_neighbours {
+                let line = &self.values[start + places.at[0]..][..n * self.along];
+                for (i, patch) in line.chunks_exact(self.along).enumerate() {
+                    let a: &[f32; ROWS] = patch[..ROWS].try_into().expect("six numbers");
+                    chains.step(|r| a[r], |p| &now[p][i]);
+                }
+            } else {
+                for i in 0..n {
+                    chains.step(|r| self.values[start + i * self.along + places.at[r]], |p| &now[p][i]);
+                }
+            }
+            (row, column, done) = (row + 1, 0, done + n);
+        }
+    }
+}
+
+/// Six rows of a factor within a patch.
+struct Places {
+    /// where each begins
+    at: [usize; ROWS],
+    /// They are neighbours, and none is beyond the next patch: read without looking up each.
+    are_neighbours: bool,
+}
+
+impl Left for Grid<'_> {
+    fn prepare(self, _: Range<usize>, _: Range<usize>, _: usize, packed: &mut Vec<Rows>) {
+        packed.clear();
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const P: usize>(
+        self,
+        chains: &mut Chains<S, P>,
+        rows: Range<usize>,
+        ks: Range<usize>,
+        _: &[Rows],
+        columns: [&[Columns]; P],
+    ) {
+        self.resume_at(chains, &self.places(rows), ks, columns);
+    }
+}
+
+/// The rows of a·b, on this thread; `rows` are those of the product, wherever they lie.
+///
+/// # Panics
+/// When the shapes do not fit, or a run lies outside the memory.
+pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, mut rows: Vec<&mut [f32]>) {
+    assert_eq!(a.starts.len(), rows.len(), "a row of the product per row of the left factor");
+    assert_eq!(a.k(), b.k, "both factors have the same k");
+    assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
+    if let Some(bias) = how.bias() {
+        assert_eq!(bias.len(), b.n, "one bias per column");
+    }
+    let mut top = 0;
+    while !rows.is_empty() && b.n > 0 {
+        let rest = rows.split_off(rows.len().min(BLOCK_ROWS));
+        block(a, b, Task { top, left: 0, rows }, how);
+        (top, rows) = (top + BLOCK_ROWS, rest);
+    }
+}
+
+/// Adds to rows of c, which are those of the product from row `top` on, the products of several pictures' patches taken the other way
+/// round, c = (c + a₀·b₀) + a₁·b₁ …, each with its factor on the right, on this thread.
+///
+/// # Panics
+/// When the shapes do not fit, patches do not lie alike in all pictures, or a run lies outside the memory.
+pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [f32]>) {
+    for (a, b) in items {
+        let lies = |a: &Grid<'_>| (a.rows, a.columns, a.down, a.along, a.len);
+        assert!(
+            lies(a) == lies(&items[0].0) && a.offsets == items[0].0.offsets,
+            "patches lie alike in all pictures"
+        );
+        assert!(top + rows.len() <= a.m(), "a row of the product per row of the left factor");
+        assert_eq!(a.k(), b.k, "both factors have the same k");
+        assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
+    }
+    if items.iter().all(|(a, _)| a.k() <= SHORT) {
+        return widest(AddGrids { items, task: Task { top, left: 0, rows } });
+    }
+    for (a, b) in items {
+        block(
+            *a,
+            b,
+            Task { top, left: 0, rows: rows.iter_mut().map(|row| &mut **row).collect() },
+            Finish::Add,
+        );
+    }
+}
+
+/// k up to which [`add_grids`] keeps sums at hand (in registers, where these are sixteen lanes wide) while a few items pass by.
+const SHORT: usize = 256;
+/// Columns of a panel, for one k each, that are to stay in the first-level cache: 16 KiB.
+const RESIDENT: usize = 256;
+
+pub(super) struct AddGrids<'a, 'b> {
+    pub(super) items: &'a [(Grid<'b>, &'b Packed)],
+    pub(super) task: Task<'a>,
+}
+
+impl Job for AddGrids<'_, '_> {
+    fn by<S: Sixteen>(mut self, simd: S) {
+        let Range { start: mut p, end } = self.task.panels();
+        while p < end {
+            let width = S::PANELS.min(end - p);
+            if width == 2 {
+                simd.run(
+                    #[inline(always)]
+                    || self.panels(simd, [p, p + 1]),
+                );
+            } else {
+                simd.run(
+                    #[inline(always)]
+                    || self.panels(simd, [p]),
+                );
+            }
+            p += width;
+        }
+    }
+}
+
+impl AddGrids<'_, '_> {
+    /// The tiles of one panel, or of two beside each other, for all rows.
+    #[inline(always)]
+    fn panels<S: Sixteen, const P: usize>(&mut self, simd: S, panels: [usize; P]) {
+        let Task { top, rows, .. } = &mut self.task;
+        let (end, at) = (*top + rows.len(), panels[0] * COLUMNS);
+        // As many items at a time as leave their columns in the first-level cache.
+        let k = self.items.first().map_or(1, |(_, b)| b.k);
+        for items in self.items.chunks((RESIDENT / (P * k.max(1))).max(1)) {
+            for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
+                let mut sums = Chains::of_rows(simd, rows, at);
+                // The patches of all items lie alike.
+                let places = items[0].0.places(*top + r * ROWS..end);
+                for (a, b) in items {
+                    let mut chains = Chains::fresh(simd);
+                    let mut columns: [&[Columns]; P] = [&[]; P];
+                    for (columns, p) in columns.iter_mut().zip(panels) {
+                        *columns = b.panel(p);
+                    }
+                    a.resume_at(&mut chains, &places, 0..b.k, columns);
+                    sums.add(&chains);
+                }
+                sums.finish(rows, (at, 0), Finish::Store);
+            }
+        }
+    }
+}

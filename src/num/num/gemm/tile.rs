@@ -1,0 +1,343 @@
+//! Register tiles: chains of products that stay in registers while k runs.
+//!
+//! A step of k takes sixteen columns of b and one number of each of six rows of a, and adds the 96 products to 96 chains. [`Sixteen`] is
+//! how sixteen lanes lie in registers: [`Pairs`] of eight, which the compiler makes for any machine, or one register each where the
+//! processor is found to have AVX-512 at run time ([`widest`]). It has twice as many registers as well, so two panels of columns are taken at once.
+//! Product and sum are two instructions either way, and no lane meets another: the bits are the same.
+
+use super::matrix::Finish;
+use crate::num::lanes::{Real, f32x8};
+#[cfg(target_arch = "x86_64")]
+use pulp::x86::V4;
+#[cfg(target_arch = "x86_64")]
+use std::sync::OnceLock;
+
+/// Rows of a register tile.
+pub(super) const ROWS: usize = 6;
+/// Columns of a register tile.
+pub(super) const COLUMNS: usize = 16;
+
+/// The first eight numbers.
+#[inline(always)]
+pub(super) fn eight(x: &[f32]) -> f32x8 {
+    f32x8::new(x[..8].try_into().expect("eight numbers"))
+}
+
+/// Sixteen neighbouring columns of b for one k.
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+pub(super) struct Columns(pub(super) [f32; COLUMNS]);
+/// Six neighbouring rows of a for one k; the last two are not used.
+pub(super) type Rows = [f32; 8];
+/// 6×16 chains at rest.
+pub(super) type Tile = [Columns; ROWS];
+
+impl Columns {
+    pub(super) const ZERO: Self = Self([0.0; COLUMNS]);
+}
+
+/// Sixteen lanes in registers; the operations are those of IEEE 754, each rounded.
+pub(super) trait Sixteen: Copy + Send + Sync {
+    /// Panels of columns whose chains fit into the registers together: 1 or 2.
+    const PANELS: usize;
+    /// Sixteen numbers.
+    type V: Copy;
+    /// From memory.
+    fn load(self, x: &[f32; COLUMNS]) -> Self::V;
+    /// To memory.
+    fn store(self, x: Self::V) -> [f32; COLUMNS];
+    /// The same number sixteen times.
+    fn splat(self, x: f32) -> Self::V;
+    /// x + y
+    fn sum(self, x: Self::V, y: Self::V) -> Self::V;
+    /// x·y
+    fn product(self, x: Self::V, y: Self::V) -> Self::V;
+    /// x where it is positive, slope·x elsewhere
+    fn leaky(self, x: Self::V, slope: f32) -> Self::V;
+    /// Runs code made for these registers, out of line; all of it has to be put in line there (`inline(always)`, the closure too, where it is more than a few instructions).
+    fn run(self, work: impl FnOnce());
+}
+
+/// Two registers of eight lanes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pairs;
+
+impl Sixteen for Pairs {
+    const PANELS: usize = 1;
+    type V = [f32x8; 2];
+
+    #[inline(always)]
+    fn load(self, x: &[f32; COLUMNS]) -> Self::V {
+        [eight(&x[..8]), eight(&x[8..])]
+    }
+
+    #[inline(always)]
+    fn store(self, x: Self::V) -> [f32; COLUMNS] {
+        let mut all = [0.0; COLUMNS];
+        all[..8].copy_from_slice(&x[0].to_array());
+        all[8..].copy_from_slice(&x[1].to_array());
+        all
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::V {
+        [f32x8::splat(x); 2]
+    }
+
+    #[inline(always)]
+    fn sum(self, x: Self::V, y: Self::V) -> Self::V {
+        [x[0] + y[0], x[1] + y[1]]
+    }
+
+    #[inline(always)]
+    fn product(self, x: Self::V, y: Self::V) -> Self::V {
+        [x[0] * y[0], x[1] * y[1]]
+    }
+
+    #[inline(always)]
+    fn leaky(self, x: Self::V, slope: f32) -> Self::V {
+        let one = |x: f32x8| f32x8::select(x.gt(f32x8::ZERO), x, f32x8::splat(slope) * x);
+        [one(x[0]), one(x[1])]
+    }
+
+    #[inline(never)]
+    fn run(self, work: impl FnOnce()) {
+        work();
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Sixteen for V4 {
+    const PANELS: usize = 2;
+    type V = std::arch::x86_64::__m512;
+
+    #[inline(always)]
+    fn load(self, x: &[f32; COLUMNS]) -> Self::V {
+        pulp::cast(*x)
+    }
+
+    #[inline(always)]
+    fn store(self, x: Self::V) -> [f32; COLUMNS] {
+        pulp::cast(x)
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::V {
+        self.avx512f._mm512_set1_ps(x)
+    }
+
+    #[inline(always)]
+    fn sum(self, x: Self::V, y: Self::V) -> Self::V {
+        self.avx512f._mm512_add_ps(x, y)
+    }
+
+    #[inline(always)]
+    fn product(self, x: Self::V, y: Self::V) -> Self::V {
+        self.avx512f._mm512_mul_ps(x, y)
+    }
+
+    #[inline(always)]
+    fn leaky(self, x: Self::V, slope: f32) -> Self::V {
+        let is_positive =
+            self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_GT_OQ }>(x, self.splat(0.0));
+        self.avx512f._mm512_mask_blend_ps(is_positive, self.product(self.splat(slope), x), x)
+    }
+
+    #[inline(always)]
+    fn run(self, work: impl FnOnce()) {
+        self.vectorize(work);
+    }
+}
+
+/// Work for whichever registers there are.
+pub(super) trait Job {
+    fn by<S: Sixteen>(self, simd: S);
+}
+
+/// AVX-512, where the processor has it and it is wanted; asked once.
+#[cfg(target_arch = "x86_64")]
+pub(super) fn avx512() -> Option<V4> {
+    static FOUND: OnceLock<Option<V4>> = OnceLock::new();
+    let is_wanted = || std::env::var_os("LASTLIGHT_LANES").is_none_or(|lanes| lanes != "8");
+    *FOUND.get_or_init(|| if is_wanted() { V4::try_new() } else { None })
+}
+
+/// Does it with the widest registers of this machine.
+pub(super) fn widest(job: impl Job) {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = avx512() {
+        return job.by(simd);
+    }
+    job.by(Pairs);
+}
+
+/// `f` of each slice. (The closure of `array::map` is not always put in line, and then all registers are spilled around it.)
+#[inline(always)]
+pub(super) fn each<'a, T, U, const N: usize>(
+    slices: [&'a [T]; N],
+    f: impl Fn(&'a [T]) -> &'a [U],
+) -> [&'a [U]; N] {
+    let mut results: [&[U]; N] = [&[]; N];
+    for i in 0..N {
+        results[i] = f(slices[i]);
+    }
+    results
+}
+
+/// Chains of a tile, or of two beside each other, in registers.
+pub(super) struct Chains<S: Sixteen, const P: usize> {
+    simd: S,
+    acc: [[S::V; P]; ROWS],
+}
+
+impl<S: Sixteen, const P: usize> Chains<S, P> {
+    /// At their beginning, +0.
+    #[inline(always)]
+    pub(super) fn fresh(simd: S) -> Self {
+        Self { simd, acc: [[simd.splat(0.0); P]; ROWS] }
+    }
+
+    /// From where they rest.
+    #[inline(always)]
+    pub(super) fn resumed(simd: S, tiles: &[Tile]) -> Self {
+        let mut chains = Self::fresh(simd);
+        for (p, tile) in tiles[..P].iter().enumerate() {
+            for (acc, row) in chains.acc.iter_mut().zip(tile) {
+                acc[p] = simd.load(&row.0);
+            }
+        }
+        chains
+    }
+
+    /// To where they rest.
+    #[inline(always)]
+    pub(super) fn rest(self, tiles: &mut [Tile]) {
+        for (p, tile) in tiles[..P].iter_mut().enumerate() {
+            for (row, acc) in tile.iter_mut().zip(&self.acc) {
+                *row = Columns(self.simd.store(acc[p]));
+            }
+        }
+    }
+
+    /// One k: adds a product to each chain.
+    #[inline(always)]
+    pub(super) fn step<'a>(&mut self, a: impl Fn(usize) -> f32, b: impl Fn(usize) -> &'a Columns) {
+        let mut columns = [self.simd.splat(0.0); P];
+        for (p, columns) in columns.iter_mut().enumerate() {
+            *columns = self.simd.load(&b(p).0);
+        }
+        for (r, acc) in self.acc.iter_mut().enumerate() {
+            let x = self.simd.splat(a(r));
+            for (acc, y) in acc.iter_mut().zip(columns) {
+                *acc = self.simd.sum(*acc, self.simd.product(x, y));
+            }
+        }
+    }
+
+    /// Over packed rows.
+    #[inline(always)]
+    pub(super) fn packed(&mut self, a: &[Rows], columns: [&[Columns]; P]) {
+        // Four k at a time: the loop's own instructions would otherwise take issue slots from the arithmetic.
+        let (a4, a1) = a.as_chunks::<4>();
+        let b4 = each(columns, |b| &b.as_chunks::<4>().0[..a4.len()]);
+        let b1 = each(columns, |b| &b[4 * a4.len()..][..a1.len()]);
+        for (k, a) in a4.iter().enumerate() {
+            for i in 0..4 {
+                self.step(|r| a[i][r], |p| &b4[p][k][i]);
+            }
+        }
+        for (k, a) in a1.iter().enumerate() {
+            self.step(|r| a[r], |p| &b1[p][k]);
+        }
+    }
+
+    /// Over rows where they are, each contiguous in k and as long as the columns.
+    #[inline(always)]
+    pub(super) fn in_place(&mut self, a: [&[f32]; ROWS], columns: [&[Columns]; P]) {
+        let n = columns[0].len();
+        let quads = n / 4;
+        let a4 = each(a, |a| &a.as_chunks::<4>().0[..quads]);
+        let b4 = each(columns, |b| &b.as_chunks::<4>().0[..quads]);
+        for k in 0..quads {
+            for i in 0..4 {
+                self.step(|r| a4[r][k][i], |p| &b4[p][k][i]);
+            }
+        }
+        for k in 4 * quads..n {
+            self.step(|r| a[r][k], |p| &columns[p][k]);
+        }
+    }
+
+    /// Adds those of others to each.
+    #[inline(always)]
+    pub(super) fn add(&mut self, others: &Self) {
+        for (acc, others) in self.acc.iter_mut().zip(&others.acc) {
+            for (acc, other) in acc.iter_mut().zip(others) {
+                *acc = self.simd.sum(*acc, *other);
+            }
+        }
+    }
+
+    /// What (at most six) rows of c hold from column `at` on; beyond their end zeros.
+    #[inline(always)]
+    pub(super) fn of_rows(simd: S, rows: &[&mut [f32]], at: usize) -> Self {
+        let mut chains = Self::fresh(simd);
+        for (acc, row) in chains.acc.iter_mut().zip(rows) {
+            for (p, acc) in acc.iter_mut().enumerate() {
+                let c = &row[at + p * COLUMNS..row.len().min(at + (p + 1) * COLUMNS)];
+                *acc = simd.load(&padded(c));
+            }
+        }
+        chains
+    }
+
+    /// Writes to (at most six) rows of c from column `at` of the block on, which begins at column `left`.
+    #[inline(always)]
+    pub(super) fn finish(self, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
+        for (acc, row) in self.acc.into_iter().zip(rows) {
+            for (p, x) in acc.into_iter().enumerate() {
+                let at = at + p * COLUMNS;
+                let end = row.len().min(at + COLUMNS);
+                let c = &mut row[at..end];
+                let simd = self.simd;
+                let biased = |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[left + at..left + end])));
+                let x = match how {
+                    Finish::Store => x,
+                    Finish::Add => simd.sum(simd.load(&padded(c)), x),
+                    Finish::AddToZero => simd.sum(simd.splat(0.0), x),
+                    Finish::Bias(bias) => biased(bias),
+                    Finish::Leaky(bias, slope) => simd.leaky(biased(bias), slope),
+                };
+                match <&mut [f32; COLUMNS]>::try_from(&mut *c) {
+                    Ok(c) => *c = simd.store(x),
+                    Err(_) => write_some(c, &simd.store(x)),
+                }
+            }
+        }
+    }
+}
+
+/// Sixteen numbers, or fewer and zeros after them.
+#[inline(always)]
+fn padded(x: &[f32]) -> [f32; COLUMNS] {
+    match x.try_into() {
+        Ok(all) => all,
+        Err(_) => read_some(x),
+    }
+}
+
+// Out of line, so that whole tiles are not copied by the general copy as well.
+
+#[cold]
+#[inline(never)]
+fn read_some(x: &[f32]) -> [f32; COLUMNS] {
+    let mut all = [0.0; COLUMNS];
+    all[..x.len()].copy_from_slice(x);
+    all
+}
+
+#[cold]
+#[inline(never)]
+fn write_some(c: &mut [f32], x: &[f32; COLUMNS]) {
+    c.copy_from_slice(&x[..c.len()]);
+}

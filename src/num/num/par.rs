@@ -1,0 +1,127 @@
+//! Threads decide who computes, never what: ordered maps over fixed chunks.
+//!
+//! rayon is used here and nowhere else. There is no parallel reduction: results are collected in index order and
+//! folded by one thread, or by the tree of [`super::sum`].
+//!
+//! # One loop
+//! Every call below ends in `pieces`, the one place that is compiled with rayon's machinery: a caller's closure is reached through a pointer, once per
+//! piece and not once per task, so the loops inside pieces are compiled with the closure and pay nothing. A piece's results or its share of a buffer
+//! wait in a slot of their own.
+
+use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
+
+/// Pieces of work per thread. rayon alone makes four pieces for two threads, the last of which one thread may wait for: a quarter of the time
+/// where cost is uneven.
+const PIECES: usize = 32;
+
+/// Tasks of one piece, of `n`, at least `batch`.
+fn piece(n: usize, batch: usize) -> usize {
+    Ord::max(Ord::max(1, batch), n / (PIECES * threads()))
+}
+
+/// Runs `job(0), …, job(n−1)` in any order, on any threads.
+fn pieces(n: usize, job: &(dyn Fn(usize) + Sync)) {
+    if n < 2 {
+        (0..n).for_each(job);
+    } else {
+        (0..n).into_par_iter().with_max_len(1).for_each(job);
+    }
+}
+
+/// Takes what waits in a slot. A panic of another piece is on its way to the caller, so what it left does not matter.
+fn take<T: Default>(slot: &Mutex<T>) -> T {
+    std::mem::take(&mut slot.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// `f(0), …, f(n−1)` in index order; each result depends on its index alone.
+pub fn map<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    map_batched(n, 1, f)
+}
+
+/// Like [`map`] with tasks handed out `batch` at a time: for many small tasks. The batch changes no bit.
+pub fn map_batched<T: Send>(n: usize, batch: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
+    let size = piece(n, batch);
+    let mut slots: Vec<Mutex<Vec<T>>> = (0..n.div_ceil(size)).map(|_| Mutex::default()).collect();
+    pieces(slots.len(), &|k| {
+        let results = (k * size..Ord::min(n, (k + 1) * size)).map(&f).collect();
+        *slots[k].lock().unwrap_or_else(PoisonError::into_inner) = results;
+    });
+    if let [slot] = &mut slots[..] {
+        return take(slot);
+    }
+    let mut all = Vec::with_capacity(n);
+    slots.iter().for_each(|slot| all.append(&mut take(slot)));
+    all
+}
+
+/// Runs `f(chunk index, chunk)` over disjoint chunks of fixed length; the last may be shorter.
+pub fn chunks_mut<T: Send>(data: &mut [T], len: usize, f: impl Fn(usize, &mut [T]) + Sync + Send) {
+    let size = piece(data.len().div_ceil(len), 1);
+    let slots: Vec<Mutex<&mut [T]>> = data.chunks_mut(len * size).map(Mutex::new).collect();
+    pieces(slots.len(), &|k| {
+        for (i, chunk) in take(&slots[k]).chunks_mut(len).enumerate() {
+            f(k * size + i, chunk);
+        }
+    });
+}
+
+/// Runs `f(chunk index, chunk of a, chunk of b)` over matching disjoint chunks of two buffers.
+pub fn chunks_mut2<A: Send, B: Send>(
+    a: &mut [A],
+    len_a: usize,
+    b: &mut [B],
+    len_b: usize,
+    f: impl Fn(usize, &mut [A], &mut [B]) + Sync + Send,
+) {
+    assert_eq!(
+        a.len().div_ceil(len_a),
+        b.len().div_ceil(len_b),
+        "both buffers have the same number of chunks"
+    );
+    let size = piece(a.len().div_ceil(len_a), 1);
+    let pairs = a.chunks_mut(len_a * size).zip(b.chunks_mut(len_b * size));
+    let slots: Vec<Mutex<(&mut [A], &mut [B])>> = pairs.map(Mutex::new).collect();
+    pieces(slots.len(), &|k| {
+        let (a, b) = take(&slots[k]);
+        for (i, (a, b)) in a.chunks_mut(len_a).zip(b.chunks_mut(len_b)).enumerate() {
+            f(k * size + i, a, b);
+        }
+    });
+}
+
+/// `f(0, item 0), …` in order, each task owning its item (typically a disjoint `&mut` view).
+pub fn map_each<A: Send, T: Send>(tasks: Vec<A>, f: impl Fn(usize, A) -> T + Sync + Send) -> Vec<T> {
+    let slots: Vec<Mutex<Option<A>>> = tasks.into_iter().map(|task| Mutex::new(Some(task))).collect();
+    let done = map(slots.len(), |i| take(&slots[i]).map(|task| f(i, task)));
+    done.into_iter().flatten().collect()
+}
+
+/// Runs one task per item of `tasks`, each owning its item (typically disjoint `&mut` views).
+pub fn each<T: Send>(tasks: Vec<T>, f: impl Fn(usize, T) + Sync + Send) {
+    map_each(tasks, f);
+}
+
+/// Both closures, possibly at the same time; they share nothing mutable.
+pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    rayon::join(a, b)
+}
+
+/// Number of threads of the current pool; for reports only, never for the shape of work.
+pub fn threads() -> usize {
+    rayon::current_num_threads()
+}
+
+/// Runs `f` in a pool of its own with `n` threads, each of which has passed [`super::env::probe`].
+///
+/// # Errors
+/// When the floating-point environment of a thread is not the default one.
+pub fn with_threads<T: Send>(n: usize, f: impl FnOnce() -> T + Send) -> crate::Result<T> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().map_err(|e| {
+        crate::Error::input("threads").expected("a thread pool that starts").got(e.to_string())
+    })?;
+    for verdict in pool.broadcast(|_| super::env::probe()) {
+        verdict?;
+    }
+    Ok(pool.install(f))
+}

@@ -1,0 +1,121 @@
+//! The operator list: the only file that names every operator. Level 9.
+//!
+//! One line of [`LIST`] drives `oracle list | run | mint`, twin tests, gradient checks, golden files, digests and the
+//! table of the book. The entry itself is beside the adapter that turns named arrays into the operator's
+//! arguments, one file per group:
+//!
+//! ```text
+//! op       what the list knows of an operator        call     a call and its result; checked: from
+//!                                                    user-supplied arrays to checked inputs
+//! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
+//! case     drawing of generated cases                splat, geometry, nn, networks, loss, points, groups,
+//!                                                    lpips, latent, prior, shade, moment, causal, pose, skin,
+//!                                                    rest, optim: the entries
+//! ```
+
+mod call;
+mod case;
+mod causal;
+mod checked;
+mod geometry;
+mod groups;
+mod latent;
+mod loss;
+mod lpips;
+mod moment;
+mod networks;
+mod nn;
+mod op;
+mod optim;
+mod points;
+mod pose;
+mod prior;
+mod rest;
+mod shade;
+mod skin;
+mod splat;
+mod subject;
+mod twin;
+
+pub use call::{Call, RunResult, Settings};
+pub use checked::run;
+pub use op::{Case, Checked, Op, Width};
+pub use reference::inputs::Dims;
+pub use reference::ports::{Compare, Dtype, Kind, Port, SettingSpec, Signature, Space, Stage};
+pub use reference::settings::Setting;
+pub use subject::{OpSubject, draw_cotangents};
+pub use twin::{run as run_f64, work};
+
+use crate::{Error, Result};
+
+/// All operators.
+pub static LIST: &[&Op] = &[
+    &splat::activate::OP,
+    &splat::covariance::OP,
+    &splat::project::OP,
+    &splat::color::OP,
+    &splat::blend::OP,
+    &splat::render::OP,
+    &geometry::TRACE,
+    &nn::LINEAR,
+    &nn::LEAKY_RELU,
+    &nn::CONV,
+    &networks::MLP,
+    &networks::SOFTMAX,
+    &networks::DECODER,
+    &networks::WINDOW,
+    &loss::L1,
+    &loss::MSE,
+    &loss::SSIM,
+    &points::POINTS,
+    &groups::GROUPS,
+    &lpips::LPIPS,
+    &latent::LATENT,
+    &prior::PRIOR,
+    &prior::PRESENCE,
+    &shade::GGX,
+    &shade::ENVMAP,
+    &moment::DIFFUSE,
+    &moment::GAIN,
+    &moment::OVER_BLACK,
+    &causal::ACYCLIC,
+    &causal::MASK,
+    &causal::PROBABILITY,
+    &causal::EDGES,
+    &causal::STRUCTURE,
+    &causal::POSTERIOR_KL,
+    &causal::POSTERIOR,
+    &causal::SCM_KL,
+    &causal::INTERVENE,
+    &causal::INDEPENDENCE,
+    &causal::LIMIT,
+    &causal::CODE,
+    &causal::HELD,
+    &skin::SKIN,
+    &rest::REST,
+    &pose::POSE,
+    &optim::ADAM,
+    &optim::ADAMW,
+];
+
+/// The operator of that name.
+///
+/// # Errors
+/// When there is none; the error lists the names.
+pub fn find(name: &str) -> Result<&'static Op> {
+    LIST.iter().copied().find(|op| op.name == name).ok_or_else(|| {
+        let names: Vec<_> = LIST.iter().map(|op| op.name).collect();
+        Error::input("operator").expected(format!("one of {}", names.join(", "))).got(format!("'{name}'"))
+    })
+}
+
+/// The operators of those names, all if there are none, in the order of the list.
+///
+/// # Errors
+/// When a name is unknown.
+pub fn choose(names: &[String]) -> Result<Vec<&'static Op>> {
+    for name in names {
+        find(name)?;
+    }
+    Ok(LIST.iter().copied().filter(|op| names.is_empty() || names.iter().any(|n| n == op.name)).collect())
+}

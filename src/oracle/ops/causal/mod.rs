@@ -1,0 +1,125 @@
+//! Causal structure; all of it in f64.
+
+mod edges;
+mod independence;
+mod posterior;
+mod structure;
+
+pub(super) use edges::{CODE, EDGES, HELD, LIMIT, PROBABILITY};
+pub(super) use independence::INDEPENDENCE;
+pub(super) use posterior::{POSTERIOR, POSTERIOR_KL, SCM_KL};
+pub(super) use structure::{INTERVENE, STRUCTURE};
+
+use super::call::RunResult;
+use super::case::Draw;
+use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use crate::causal::{acyclic, mask};
+use crate::tape::check::Prediction;
+use crate::{Error, Result};
+use reference::ports::Signature;
+use reference::settings::Setting;
+
+const fn entry(signature: &'static Signature) -> Op {
+    Op {
+        signature,
+        adjoint: true,
+        width: Width::F64,
+        work_unit: "entries",
+        work_ns: [100.0, 1000.0],
+        check: no_rule,
+        run: run_acyclic,
+        predict: no_zeros,
+        cases: 2,
+        case: case_acyclic,
+    }
+}
+
+/// A setting above 0.
+fn positive(x: &Checked<'_>, key: &'static str) -> Result<()> {
+    match x.number(key) {
+        Some(value) if !(value > 0.0) => {
+            Err(Error::input(format!("setting {key}")).expected("a number above 0").got(value.to_string()))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// `causal.acyclic`
+pub(super) static ACYCLIC: Op = Op {
+    check: |x| x.rule("alpha", "a number above 0", |alpha| alpha > 0.0),
+    ..entry(&reference::causal::acyclic::SIGNATURE)
+};
+
+fn run_acyclic(x: &Checked<'_>) -> Result<RunResult> {
+    let (n, a, alpha) = (x.dim("N"), x.f64s("a"), x.inputs.scalar("alpha")?);
+    let (value, saved) = acyclic::forward(&a, n, alpha);
+    let mut ran = RunResult::default();
+    ran.outputs.put("value", &[], vec![value]);
+    if let Some(bar) = x.bar_f64("value", &[])? {
+        let mut a_bar = x.start_f64("a", n * n);
+        acyclic::adjoint(&a, n, alpha, &saved, bar[0], &mut a_bar);
+        ran.gradients.put("a", &[n, n], a_bar);
+    }
+    Ok(ran)
+}
+
+/// Case 0: four nodes; case 1: six nodes and another α.
+fn case_acyclic(case: usize) -> Case {
+    let (n, alpha) = [(4, 1.0_f32), (6, 0.25)][case];
+    let mut made = Case::default();
+    made.inputs.put("a", &[n, n], Draw::new(60, case, 0).uniforms(n * n, 0.1, 0.9));
+    made.inputs.put("alpha", &[], vec![alpha]);
+    made
+}
+
+/// `causal.mask`
+pub(super) static MASK: Op = Op {
+    check: |x| {
+        x.rule("uniform", "a number between 0 and 1, both excluded", |u| u > 0.0 && u < 1.0)?;
+        positive(x, "tau")
+    },
+    run: run_mask,
+    predict: no_loops,
+    case: case_mask,
+    ..entry(&reference::causal::mask::SIGNATURE)
+};
+
+fn run_mask(x: &Checked<'_>) -> Result<RunResult> {
+    let (n, logits, uniform) = (x.dim("N"), x.f64s("logits"), x.f64s("uniform"));
+    let tau = x.number("tau").unwrap_or(0.2);
+    let mut ran = RunResult::default();
+    ran.outputs.put("mask", &[n, n], mask::forward(&logits, &uniform, n, tau));
+    if let Some(bar) = x.bar_f64("mask", &[n, n])? {
+        let mut logits_bar = x.start_f64("logits", n * n);
+        mask::adjoint(&logits, &uniform, n, tau, &bar, &mut logits_bar);
+        ran.gradients.put("logits", &[n, n], logits_bar);
+    }
+    Ok(ran)
+}
+
+fn no_loops(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    Ok(Prediction { zeros: [("logits".to_owned(), diagonal(x.dim("N")))].into(), ..Prediction::default() })
+}
+
+/// Variances whose logarithm is at most 700 have a value in f64.
+fn bounded(x: &Checked<'_>) -> Result<()> {
+    x.rule("logvar", "a number of at most 700", |l| l <= 700.0)
+}
+
+/// True on the diagonal of an (n, n) matrix.
+fn diagonal(n: usize) -> Vec<bool> {
+    (0..n * n).map(|at| at / n == at % n).collect()
+}
+
+/// Case 0: the usual temperature; case 1: a warm one.
+fn case_mask(case: usize) -> Case {
+    let n = [4, 5][case];
+    let mut made = Case::default();
+    let small = Draw::new(61, case, 0).normals(n * n).into_iter().map(|u| 0.3 * u).collect();
+    made.inputs.put("logits", &[n, n], small);
+    made.inputs.put("uniform", &[n, n], Draw::new(61, case, 1).uniforms(n * n, 0.3, 0.7));
+    if case == 1 {
+        made.settings.insert("tau".to_owned(), Setting::Number(1.5));
+    }
+    made
+}

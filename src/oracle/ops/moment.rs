@@ -1,0 +1,141 @@
+//! Light of a moment, and renders without their background.
+
+use super::call::RunResult;
+use super::case::Draw;
+use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use crate::Result;
+use crate::shade::{diffuse, gain, over_black};
+use crate::tape::check::Prediction;
+use reference::ports::Signature;
+
+const fn entry(
+    signature: &'static Signature,
+    run: fn(&Checked<'_>) -> Result<RunResult>,
+    case: fn(usize) -> Case,
+) -> Op {
+    Op {
+        signature,
+        adjoint: true,
+        width: Width::F32,
+        work_unit: "entries",
+        work_ns: [10.0, 100.0],
+        check: no_rule,
+        run,
+        predict: no_zeros,
+        cases: 2,
+        case,
+    }
+}
+
+/// Three numbers of an input.
+fn three(x: &Checked<'_>, name: &str) -> [f32; 3] {
+    x.rows::<3>(name)[0]
+}
+
+/// `shade.diffuse`
+pub(super) static DIFFUSE: Op =
+    Op { predict: unlit, ..entry(&reference::shade::diffuse::SIGNATURE, run_diffuse, case_diffuse) };
+
+fn run_diffuse(x: &Checked<'_>) -> Result<RunResult> {
+    let (sh, normals, n) = (x.f32s("sh"), x.rows::<3>("normals"), x.dim("N"));
+    let input = diffuse::In { sh: &sh, normals: &normals, toward: three(x, "toward") };
+    let (colors, shades) = diffuse::forward(&input);
+    let mut ran = RunResult::default();
+    ran.outputs.put("colors", &[n, 3], colors.into_flattened());
+    if let Some(bar) = x.bar("colors", &[n, 3])? {
+        let mut x_bar = diffuse::InBar { sh: x.start("sh", sh.len()), toward: x.start_rows("toward", 1)[0] };
+        diffuse::adjoint(&input, &shades, bar.as_chunks().0, &mut x_bar);
+        ran.gradients.put("sh", &[n, 3], x_bar.sh);
+        ran.gradients.put("toward", &[3], x_bar.toward.to_vec());
+    }
+    Ok(ran)
+}
+
+/// Colours at their lower limit have no gradient.
+fn unlit(_: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
+    let black = ran.outputs.need("colors")?.to_f32().into_iter().map(|c| c == 0.0).collect();
+    Ok(Prediction { zeros: [("sh".to_owned(), black)].into(), ..Prediction::default() })
+}
+
+/// Colours and shades on both sides of their limits, away from them; weak light.
+fn case_diffuse(case: usize) -> Case {
+    let n = [19, 7][case];
+    let draw = |array| Draw::new(80, case, array);
+    let mut made = Case::default();
+    let apart = |c: f32| if c < -1.5 { c - 1.0 } else { c };
+    made.inputs.put("sh", &[n, 3], draw(0).normals(3 * n).into_iter().map(apart).collect());
+    // some in the dark: 1 + n·d well below ¼
+    let unit = |[x, y, z]: [f32; 3]| {
+        let length = (x * x + y * y + z * z).sqrt();
+        [x, y, z].map(|x| x / length)
+    };
+    let around = draw(1).normals(3 * n);
+    let side = |i: usize| if i % 4 == 1 { -4.0 } else { 4.0 };
+    let normals =
+        around.as_chunks::<3>().0.iter().enumerate().flat_map(|(i, v)| unit([v[0], v[1], v[2] + side(i)]));
+    made.inputs.put("normals", &[n, 3], normals.collect());
+    made.inputs.put("toward", &[3], [vec![0.25_f32, -0.5, 1.75], vec![0.25, 0.125, -0.25]][case].clone());
+    made
+}
+
+/// `shade.gain`
+pub(super) static GAIN: Op = entry(&reference::shade::gain::SIGNATURE, run_gain, case_image);
+
+fn run_gain(x: &Checked<'_>) -> Result<RunResult> {
+    let (alpha, shape) = (x.f32s("alpha"), x.shape("image"));
+    let input = gain::In { alpha: &alpha, background: three(x, "background"), gain: three(x, "gain") };
+    let mut lit = x.f32s("image");
+    gain::forward(&input, &mut lit);
+    let mut ran = RunResult::default();
+    if let Some(mut bar) = x.bar("lit", &shape)? {
+        let mut alpha_bar = x.start("alpha", alpha.len());
+        let by_gain = gain::adjoint(&input, &lit, x.dim("W"), &mut bar, &mut alpha_bar);
+        ran.gradients.put("image", &shape, added(x.start("image", bar.len()), &bar));
+        ran.gradients.put("alpha", &x.shape("alpha"), alpha_bar);
+        ran.gradients.put("gain", &[3], added(x.start("gain", 3), &by_gain));
+    }
+    ran.outputs.put("lit", &shape, lit);
+    Ok(ran)
+}
+
+fn added(mut start: Vec<f32>, what: &[f32]) -> Vec<f32> {
+    start.iter_mut().zip(what).for_each(|(start, x)| *start += x);
+    start
+}
+
+/// A render of few pixels.
+fn case_image(case: usize) -> Case {
+    let [h, w] = [[5, 7], [4, 3]][case];
+    let draw = |array| Draw::new(81, case, array);
+    let mut made = Case::default();
+    made.inputs.put("image", &[h, w, 3], draw(0).uniforms(3 * h * w, 0.05, 0.95));
+    made.inputs.put("alpha", &[h, w], draw(1).uniforms(h * w, 0.05, 0.95));
+    made.inputs.put("background", &[3], draw(2).uniforms(3, 0.125, 0.875));
+    made.inputs.put("gain", &[3], draw(3).normals(3).into_iter().map(|g| 0.4 * g).collect());
+    made
+}
+
+/// `shade.over_black`
+pub(super) static OVER_BLACK: Op =
+    entry(&reference::shade::over_black::SIGNATURE, run_over_black, case_over_black);
+
+fn run_over_black(x: &Checked<'_>) -> Result<RunResult> {
+    let (alpha, shape, background) = (x.f32s("alpha"), x.shape("image"), three(x, "background"));
+    let mut image = x.f32s("image");
+    over_black::forward(&alpha, background, &mut image);
+    let mut ran = RunResult::default();
+    if let Some(bar) = x.bar("over_black", &shape)? {
+        let mut alpha_bar = x.start("alpha", alpha.len());
+        over_black::alpha_adjoint(background, &bar, &mut alpha_bar);
+        ran.gradients.put("image", &shape, added(x.start("image", bar.len()), &bar));
+        ran.gradients.put("alpha", &x.shape("alpha"), alpha_bar);
+    }
+    ran.outputs.put("over_black", &shape, image);
+    Ok(ran)
+}
+
+fn case_over_black(case: usize) -> Case {
+    let mut made = case_image(case);
+    made.inputs.0.remove("gain");
+    made
+}

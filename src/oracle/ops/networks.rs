@@ -1,0 +1,326 @@
+//! Networks, shares and windows.
+
+use super::call::RunResult;
+use super::case::Draw;
+use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use crate::nn::{decoder, mlp, softmax, window::Window};
+use crate::tape::check::Prediction;
+use crate::{Error, Result};
+use reference::ports::Signature;
+use reference::settings::Setting;
+
+const fn entry(
+    signature: &'static Signature,
+    run: fn(&Checked<'_>) -> Result<RunResult>,
+    case: fn(usize) -> Case,
+) -> Op {
+    Op {
+        signature,
+        adjoint: true,
+        width: Width::F32,
+        work_unit: "entries",
+        work_ns: [10.0, 100.0],
+        check: no_rule,
+        run,
+        predict: no_zeros,
+        cases: 2,
+        case,
+    }
+}
+
+/// `nn.mlp`
+pub(super) static MLP: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: |x| sizes(x).map(drop),
+    ..entry(&reference::nn::mlp::SIGNATURE, run_mlp, case_mlp)
+};
+
+/// Outputs and inputs of every layer, and the layer that takes the input again.
+fn sizes(x: &Checked<'_>) -> Result<(Vec<[usize; 2]>, Option<usize>)> {
+    let (widths, skip) = (x.f64s("widths"), x.number("skip").unwrap_or(0.0));
+    let wrong = |got: String| {
+        Error::input("array 'widths'")
+            .expected("the columns of x, then at least one width above 0, as 'weights', 'biases' and 'skip' have it")
+            .got(got)
+    };
+    if widths.len() < 2 || !widths.iter().all(|w| *w >= 1.0 && *w <= 1e6) || widths[0] as usize != x.dim("K")
+    {
+        return Err(wrong(format!("{widths:?}")));
+    }
+    if !(skip >= 0.0 && skip == skip.trunc() && skip < (widths.len() - 1) as f64) {
+        return Err(Error::input("setting skip")
+            .expected("a layer after the first, or 0")
+            .got(skip.to_string()));
+    }
+    let skip = (skip > 0.0).then_some(skip as usize);
+    let of = |l: usize| {
+        [widths[l + 1] as usize, widths[l] as usize + if skip == Some(l) { x.dim("K") } else { 0 }]
+    };
+    let layers: Vec<[usize; 2]> = (0..widths.len() - 1).map(of).collect();
+    let total = layers.iter().fold([0, 0], |[w, b], [n, k]| [w + n * k, b + n]);
+    if total != [x.dim("W"), x.dim("B")] || x.dim("M") == 0 {
+        return Err(wrong(format!("{} weights and {} biases", x.dim("W"), x.dim("B"))));
+    }
+    Ok((layers, skip))
+}
+
+fn run_mlp(x: &Checked<'_>) -> Result<RunResult> {
+    let (layers, skip) = sizes(x)?;
+    let (rows, weights, biases, m) = (x.f32s("x"), x.f32s("weights"), x.f32s("biases"), x.dim("M"));
+    let (mut w, mut b) = (&weights[..], &biases[..]);
+    let mut next = |[n, k]: &[usize; 2]| {
+        let (weight, bias);
+        (weight, w) = w.split_at(n * k);
+        (bias, b) = b.split_at(*n);
+        mlp::Layer { weight, bias }
+    };
+    let network: Vec<mlp::Layer<'_>> = layers.iter().map(&mut next).collect();
+    let input = mlp::In { x: &rows, layers: &network, m, skip };
+    let (y, saved) = mlp::forward(&input);
+    let mut ran = RunResult::default();
+    let n = layers.last().map_or(0, |[n, _]| *n);
+    ran.outputs.put("y", &[m, n], y);
+    if let Some(y_bar) = x.bar("y", &[m, n])? {
+        let mut bar = mlp::InBar { x: x.start("x", rows.len()), layers: Vec::new() };
+        let (starts, zeros) = ([x.start("weights", weights.len()), x.start("biases", biases.len())], [0, 0]);
+        layers.iter().fold(zeros, |[w, b], [n, k]| {
+            bar.layers.push([starts[0][w..w + n * k].to_vec(), starts[1][b..b + n].to_vec()]);
+            [w + n * k, b + n]
+        });
+        mlp::adjoint(&input, &saved, &y_bar, &mut bar);
+        let joined = |i: usize| bar.layers.iter().flat_map(|layer| &layer[i]).copied().collect::<Vec<f32>>();
+        ran.gradients.put("weights", &[weights.len()], joined(0));
+        ran.gradients.put("biases", &[biases.len()], joined(1));
+        ran.gradients.put("x", &x.shape("x"), bar.x);
+    }
+    Ok(ran)
+}
+
+/// Two layers; four layers, of which the third takes the input again.
+fn case_mlp(case: usize) -> Case {
+    let (m, widths, skip) = [(17, &[3, 7, 2][..], 0), (9, &[2, 5, 4, 6, 3][..], 2)][case];
+    let k = |l: usize| widths[l] + if skip > 0 && l == skip { widths[0] } else { 0 };
+    let layers = 0..widths.len() - 1;
+    let weights = layers.clone().fold(0, |sum, l| sum + widths[l + 1] * k(l));
+    let biases = layers.fold(0, |sum, l| sum + widths[l + 1]);
+    let draw = |array, len| Draw::new(13, case, array).normals(len);
+    let mut made = Case::default();
+    made.inputs.put("x", &[m, widths[0]], draw(0, m * widths[0]));
+    made.inputs.put("widths", &[widths.len()], widths.iter().map(|w| *w as i32).collect());
+    let (mut weight, mut bias) = (draw(1, weights), draw(2, biases));
+    if skip > 0 {
+        // No unit is 0 for every row: deeper layers are weak beside their biases.
+        let first = widths[1] * widths[0];
+        weight[first..].iter_mut().for_each(|w| *w *= 0.25);
+        let above: Vec<f32> = Draw::new(13, case, 3).uniforms(biases, 1.0, 1.5);
+        bias.iter_mut()
+            .zip(above)
+            .enumerate()
+            .for_each(|(at, (b, u))| *b = if at < widths[1] { u - 1.0 } else { u });
+    }
+    made.inputs.put("weights", &[weights], weight);
+    made.inputs.put("biases", &[biases], bias);
+    if skip > 0 {
+        made.settings.insert("skip".to_owned(), Setting::Number(skip as f64));
+    }
+    made
+}
+
+/// `nn.softmax`
+pub(super) static SOFTMAX: Op =
+    Op { check: check_softmax, ..entry(&reference::nn::softmax::SIGNATURE, run_softmax, case_softmax) };
+
+fn check_softmax(x: &Checked<'_>) -> Result<()> {
+    let floor = x.number("floor").unwrap_or(0.0);
+    if x.dim("K") == 0 || !(floor >= 0.0) {
+        return Err(Error::input("setting floor")
+            .expected("not negative, and at least one column")
+            .got(floor.to_string()));
+    }
+    x.rule("base", "a share, above 0 or with a floor above 0", |w| w + floor > 0.0)
+}
+
+fn run_softmax(x: &Checked<'_>) -> Result<RunResult> {
+    let (logits, base, shape) = (x.f32s("x"), x.f32s("base"), x.shape("x"));
+    let floor = x.number("floor").unwrap_or(0.0) as f32;
+    let y = softmax::forward(&softmax::In { x: &logits, base: &base, floor, k: x.dim("K") });
+    let mut ran = RunResult::default();
+    if let Some(y_bar) = x.bar("y", &shape)? {
+        let mut bar = x.start("x", logits.len());
+        softmax::adjoint(&y, x.dim("K"), &y_bar, &mut bar);
+        ran.gradients.put("x", &shape, bar);
+    }
+    ran.outputs.put("y", &shape, y);
+    Ok(ran)
+}
+
+/// Refined shares, some of them 0 but for the floor; the plain softmax over more rows than one task has.
+fn case_softmax(case: usize) -> Case {
+    let [m, k] = [[21, 5], [300, 3]][case];
+    let mut made = Case::default();
+    made.inputs.put("x", &[m, k], Draw::new(14, case, 0).normals(m * k));
+    if case == 0 {
+        let shares = Draw::new(14, case, 1).uniforms(m * k, 0.05, 1.0);
+        let some = shares.into_iter().enumerate().map(|(i, w)| if i % 7 == 3 { 0.0 } else { w });
+        made.inputs.put("base", &[m, k], some.collect());
+        made.settings.insert("floor".to_owned(), Setting::Number(0.0625));
+    }
+    made
+}
+
+/// `nn.decoder`
+pub(super) static DECODER: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: check_decoder,
+    ..entry(&reference::nn::decoder::SIGNATURE, run_decoder, case_decoder)
+};
+
+fn check_decoder(x: &Checked<'_>) -> Result<()> {
+    if ["B", "Q", "D", "H0", "H1", "H2", "O"].iter().all(|letter| x.dim(letter) > 0) {
+        return Ok(());
+    }
+    Err(Error::input("array 'codes'")
+        .expected("an item, a coordinate, a factor, hidden units and an output")
+        .got("none"))
+}
+
+/// Names of the parameters, in the order of the gradients.
+const PARAMETERS: [&str; 9] =
+    ["point", "latent", "bias0", "weight1", "bias1", "weight2", "bias2", "weight3", "bias3"];
+
+fn run_decoder(x: &Checked<'_>) -> Result<RunResult> {
+    let p = PARAMETERS.map(|name| x.f32s(name));
+    let params = decoder::Params {
+        sizes: decoder::Sizes {
+            features: x.dim("F"),
+            latent: x.dim("D"),
+            hidden: ["H0", "H1", "H2"].map(|letter| x.dim(letter)),
+            outputs: x.dim("O"),
+        },
+        point: &p[0],
+        latent: &p[1],
+        weights: [&p[3], &p[5], &p[7]],
+        biases: [&p[2], &p[4], &p[6], &p[8]],
+    };
+    let [codes, base, z, scale] = ["codes", "base", "z", "scale"].map(|name| x.f32s(name));
+    let (size, shape) = (x.dim("Q") * x.dim("O"), [x.dim("B"), x.dim("Q"), x.dim("O")]);
+    let features = x.dim("Q") * x.dim("F");
+    let items: Vec<decoder::Item<'_>> = (0..x.dim("B"))
+        .map(|b| decoder::Item {
+            codes: &codes[b * features..(b + 1) * features],
+            base: &base[b * size..(b + 1) * size],
+        })
+        .collect();
+    let mut ran = RunResult::default();
+    ran.outputs.put("points", &shape, decoder::forward(&params, &z, &items, &scale));
+    if let Some(points_bar) = x.bar("points", &shape)? {
+        let passed = decoder::adjoint(&params, &z, &items, &scale, &|b, _, bar| {
+            bar.copy_from_slice(&points_bar[b * size..(b + 1) * size]);
+            0.0
+        });
+        let names = PARAMETERS.into_iter().chain(["z"]);
+        for (name, grad) in names.zip(passed.grads.into_iter().chain([passed.z_bar])) {
+            let mut bar = x.start(name, grad.len());
+            bar.iter_mut().zip(grad).for_each(|(bar, g)| *bar += g);
+            ran.gradients.put(name, &x.shape(name), bar);
+        }
+    }
+    Ok(ran)
+}
+
+/// Some coordinates of every item; one coordinate of each, the rows of one product. Weights are weak beside the biases, so that no derivative is taken
+/// near the kink of a unit.
+fn case_decoder(case: usize) -> Case {
+    let ([b, q, f, d], [h0, h1, h2, o]) = [([3, 5, 4, 3], [7, 6, 5, 6]), ([11, 1, 2, 2], [6, 5, 4, 3])][case];
+    let shapes: [(&str, &[usize]); 12] = [
+        ("codes", &[b, q, f]),
+        ("z", &[b, d]),
+        ("point", &[h0, f]),
+        ("latent", &[h0, d]),
+        ("bias0", &[h0]),
+        ("weight1", &[h1, h0]),
+        ("bias1", &[h1]),
+        ("weight2", &[h2, h1]),
+        ("bias2", &[h2]),
+        ("weight3", &[o, h2]),
+        ("bias3", &[o]),
+        ("base", &[b, q, o]),
+    ];
+    let mut made = Case::default();
+    for (at, (name, shape)) in shapes.into_iter().enumerate() {
+        let len = crate::num::array::entries(shape);
+        let draw = Draw::new(15, case, at as u16);
+        let values = match name {
+            "z" | "codes" | "base" => draw.normals(len),
+            _ if name.starts_with("bias") => {
+                let sign = |i: usize| if i % 3 == 1 { -1.0 } else { 1.0 };
+                draw.uniforms(len, 2.0, 3.0).into_iter().enumerate().map(|(i, b)| sign(i) * b).collect()
+            }
+            _ => draw.normals(len).into_iter().map(|w| 0.15 * w).collect(),
+        };
+        made.inputs.put(name, shape, values);
+    }
+    made.inputs.put("scale", &[o], (0..o).map(|c| if c < 3 { 0.5 } else { 1.25 }).collect());
+    made
+}
+
+/// `nn.window`
+pub(super) static WINDOW: Op = Op {
+    work_unit: "pairs of a pixel and a cell",
+    check: check_window,
+    predict: outside,
+    ..entry(&reference::nn::window::SIGNATURE, run_window, case_window)
+};
+
+/// The square (left, top, side) in pixels, and the pixels of the window's side.
+fn square(x: &Checked<'_>) -> Result<([f64; 3], usize)> {
+    let (corner, length) = (x.f64s("corner"), x.inputs.scalar("length")?);
+    Ok(([corner[0], corner[1], length], x.number("side").unwrap_or(4.0) as usize))
+}
+
+fn check_window(x: &Checked<'_>) -> Result<()> {
+    let side = x.number("side").unwrap_or(4.0);
+    if !(1.0..=4096.0).contains(&side) || side != side.trunc() {
+        return Err(Error::input("setting side")
+            .expected("a whole number from 1 to 4096")
+            .got(side.to_string()));
+    }
+    x.rule("length", "a length above 0", |a| a > 0.0)
+}
+
+fn run_window(x: &Checked<'_>) -> Result<RunResult> {
+    let ([left, top, length], side) = square(x)?;
+    let (image, [height, width]) = (x.f32s("image"), [x.dim("H"), x.dim("W")]);
+    let window = Window::new(side, [height, width], [left, top], length);
+    let mut ran = RunResult::default();
+    ran.outputs.put("window", &[side, side, 3], window.take(&image));
+    if let Some(bar) = x.bar("window", &[side, side, 3])? {
+        let mut image_bar = x.start("image", image.len());
+        window.spread(&bar, &mut image_bar);
+        ran.gradients.put("image", &[height, width, 3], image_bar);
+    }
+    Ok(ran)
+}
+
+/// Pixels outside the square have no gradient.
+fn outside(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    let ([left, top, length], _) = square(x)?;
+    let meets = |from: f64, pixel: usize| pixel as f64 + 1.0 > from && (pixel as f64) < from + length;
+    let width = x.dim("W");
+    let pixel = |i: usize| !(meets(top, i / 3 / width) && meets(left, i / 3 % width));
+    let zeros = (0..x.f32s("image").len()).map(pixel).collect();
+    Ok(Prediction { zeros: [("image".to_owned(), zeros)].into(), ..Prediction::default() })
+}
+
+/// Cells of more than a pixel, partly beside the picture; cells within pixels.
+fn case_window(case: usize) -> Case {
+    let [h, w] = [[9, 12], [7, 8]][case];
+    let mut made = Case::default();
+    made.inputs.put("image", &[h, w, 3], Draw::new(16, case, 0).normals(h * w * 3));
+    made.inputs.put("corner", &[2], [vec![-2.25_f32, 1.5], vec![2.125, 1.625]][case].clone());
+    made.inputs.put("length", &[], vec![[9.5_f32, 3.25][case]]);
+    made.settings.insert("side".to_owned(), Setting::Number([4.0, 6.0][case]));
+    made
+}

@@ -1,0 +1,105 @@
+//! What the list knows of an operator beside its signature: how the shipped side runs, checks and generates cases.
+
+use super::call::{Call, RunResult, Settings};
+use crate::Result;
+use crate::num::array::Arrays;
+use crate::tape::check::Prediction;
+use reference::inputs::Dims;
+use reference::ports::Signature;
+use reference::settings::Setting;
+use std::collections::BTreeMap;
+use std::ops::Deref;
+
+/// Inputs and settings of a generated case.
+#[derive(Clone, Debug, Default)]
+pub struct Case {
+    /// inputs by name
+    pub inputs: Arrays,
+    /// settings by key
+    pub settings: BTreeMap<String, Setting>,
+}
+
+/// Arithmetic of the shipped operator.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Width {
+    /// f32 storage and fast path
+    F32,
+    /// f64 in runs of either precision
+    F64,
+}
+
+impl Width {
+    /// Rounding unit, 2⁻²⁴ or 2⁻⁵³.
+    pub fn unit(self) -> f64 {
+        match self {
+            Self::F32 => 1.0 / 16_777_216.0,
+            Self::F64 => crate::tape::check::UNIT,
+        }
+    }
+}
+
+/// One operator of the list: its signature, which it shares with its twin, and what belongs to the shipped side.
+pub struct Op {
+    /// names, shapes and documentation of everything that goes in and comes out
+    pub signature: &'static Signature,
+    /// whether it has an adjoint; the others are marked `no adjoint`
+    pub adjoint: bool,
+    /// arithmetic of the shipped code
+    pub width: Width,
+    /// what a unit of work of the twin is called, in the plural
+    pub work_unit: &'static str,
+    /// nanoseconds per unit of the f64 run, without and with gradients, as measured once; for the estimate only
+    pub work_ns: [f64; 2],
+    /// refuses what the patterns of the ports cannot
+    pub check: fn(&Checked<'_>) -> Result<()>,
+    /// the shipped operator
+    pub run: fn(&Checked<'_>) -> Result<RunResult>,
+    /// zeros of its gradient known beforehand, from a checked call and its run with plan and intermediates
+    pub predict: fn(&Checked<'_>, &RunResult) -> Result<Prediction>,
+    /// number of generated cases
+    pub cases: usize,
+    /// generated case `i < cases`: small, asymmetric, without accidental zeros
+    pub case: fn(usize) -> Case,
+}
+
+/// An operator is read like its signature: `op.name`, `op.inputs`.
+impl Deref for Op {
+    type Target = Signature;
+    fn deref(&self) -> &Signature {
+        self.signature
+    }
+}
+
+impl std::fmt::Debug for Op {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// A call whose arrays have the right names, shapes, element types and finite values.
+#[derive(Debug)]
+pub struct Checked<'a> {
+    /// the operator
+    pub op: &'static Op,
+    /// what was asked
+    pub call: &'a Call,
+    /// sizes of the axes
+    pub dims: Dims,
+    /// inputs in the width of the run, integers as their port says
+    pub inputs: Arrays,
+    /// cotangents in the width of the run
+    pub cotangents: Arrays,
+    /// settings in their final form: choices as words, the rest as numbers
+    pub settings: Settings,
+}
+
+/// No rule beyond the patterns.
+pub(super) fn no_rule(_: &Checked<'_>) -> Result<()> {
+    Ok(())
+}
+
+/// No zeros are known.
+pub(super) fn no_zeros(_: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    Ok(Prediction::default())
+}

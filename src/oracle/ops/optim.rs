@@ -1,0 +1,115 @@
+//! Optimisers; they have no adjoint.
+
+use super::call::RunResult;
+use super::case::Draw;
+use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use crate::optim::{adam, adamw};
+use crate::{Error, Result};
+use reference::settings::Setting;
+
+/// `optim.adam`
+pub(super) static ADAM: Op = Op {
+    signature: &reference::optim::adam::SIGNATURE,
+    adjoint: false,
+    width: Width::F32,
+    work_unit: "entries",
+    work_ns: [30.0, 30.0],
+    check: no_decay,
+    run: run_adam,
+    predict: no_zeros,
+    cases: 2,
+    case: case_adam,
+};
+
+/// `optim.adamw`
+pub(super) static ADAMW: Op =
+    Op { signature: &reference::optim::adamw::SIGNATURE, check: no_rule, run: run_adamw, ..ADAM };
+
+fn no_decay(x: &Checked<'_>) -> Result<()> {
+    match x.number("weight_decay") {
+        None | Some(0.0) => Ok(()),
+        Some(w) => {
+            Err(Error::input("setting weight_decay").expected("0: optim.adamw decays").got(w.to_string()))
+        }
+    }
+}
+
+fn run(
+    x: &Checked<'_>,
+    weight_decay: f64,
+    forward: impl Fn(&adam::In<'_>, &adam::Settings) -> Result<adam::Out>,
+) -> Result<RunResult> {
+    let (param, grads) = (x.f32s("param"), x.f32s("grads"));
+    let rows = x.dim("N");
+    let width = param.len().checked_div(rows).unwrap_or(1);
+    let active: Vec<u8> = x.f32s("active").into_iter().map(|a| a as u8).collect();
+    let rule = adam::Rule {
+        beta1: x.number("beta1").unwrap_or(0.9),
+        beta2: x.number("beta2").unwrap_or(0.999),
+        eps: x.number("eps").unwrap_or(1e-8),
+        weight_decay,
+        counters: adam::Counters::parse(x.word("counters").unwrap_or("row"))?,
+        ..adam::Rule::default()
+    };
+    let input = adam::In {
+        param: &param,
+        grads: &grads,
+        active: x.has("active").then_some(&active[..]),
+        rows,
+        width,
+    };
+    let out = forward(&input, &adam::Settings { lr: x.number("lr").unwrap_or(1e-3), rule })?;
+    let mut ran = RunResult::default();
+    ran.outputs.put("trajectory", &x.shape("grads"), out.trajectory);
+    if x.call.dump {
+        let shape = x.shape("param");
+        ran.intermediates.put("m", &shape, out.m);
+        ran.intermediates.put("v", &shape, out.v);
+        ran.intermediates.put(
+            "steps",
+            &[rows],
+            counters(
+                &out.steps,
+                rule.counters == adam::Counters::Global,
+                &active,
+                rows,
+                grads.len() / param.len().max(1),
+            ),
+        );
+    }
+    Ok(ran)
+}
+
+/// The counter behind each row's last move; a global counter has moved on since.
+fn counters(own: &[u32], global: bool, active: &[u8], rows: usize, steps: usize) -> Vec<i64> {
+    if !global {
+        return own.iter().map(|&t| i64::from(t)).collect();
+    }
+    let last = |row: usize| (0..steps).rev().find(|s| active.get(s * rows + row).is_none_or(|a| *a == 1));
+    (0..rows).map(|row| last(row).map_or(0, |s| s as i64 + 1)).collect()
+}
+
+fn run_adam(x: &Checked<'_>) -> Result<RunResult> {
+    run(x, 0.0, adam::forward)
+}
+
+fn run_adamw(x: &Checked<'_>) -> Result<RunResult> {
+    run(x, x.number("weight_decay").unwrap_or(0.01), adamw::forward)
+}
+
+/// Case 0: every row moves; case 1: rows of three, some of them at rest in some steps.
+fn case_adam(case: usize) -> Case {
+    let [steps, rows, width] = [[12, 7, 1], [9, 5, 3]][case];
+    let mut made = Case::default();
+    let shape: &[usize] = if case == 0 { &[rows] } else { &[rows, width] };
+    let mut all = vec![steps];
+    all.extend(shape);
+    made.inputs.put("param", shape, Draw::new(30, case, 0).normals(rows * width));
+    made.inputs.put("grads", &all, Draw::new(30, case, 1).normals(steps * rows * width));
+    if case == 1 {
+        let active = Draw::new(30, case, 2).flags(steps * rows, 0.7);
+        made.inputs.put("active", &[steps, rows], active.into_iter().map(|a| a as u8).collect());
+    }
+    made.settings.insert("lr".to_owned(), Setting::Number(0.0625));
+    made
+}

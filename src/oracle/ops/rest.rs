@@ -1,0 +1,76 @@
+//! Bodies at rest.
+
+use super::call::{RunResult, rows};
+use super::case::Draw;
+use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use crate::Result;
+use crate::body::pose::Affine;
+use crate::body::rest::{self, In, InBar, Out};
+
+/// `body.rest`
+pub(super) static REST: Op = Op {
+    signature: &reference::body::rest::SIGNATURE,
+    adjoint: true,
+    width: Width::F32,
+    work_unit: "entries",
+    work_ns: [10.0, 100.0],
+    check: no_rule,
+    run,
+    predict: no_zeros,
+    cases: 1,
+    case,
+};
+
+fn run(x: &Checked<'_>) -> Result<RunResult> {
+    let (points, factors, weights) = (x.rows::<3>("points"), x.rows::<9>("factors"), x.f32s("weights"));
+    let canonical: Vec<Affine> = x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
+    let (offsets, p) = (x.rows::<3>("offsets"), points.len());
+    let input = In {
+        points: &points,
+        factors: &factors,
+        weights: &weights,
+        canonical: x.has("canonical").then_some(&canonical),
+        offsets: x.has("offsets").then_some(&offsets),
+    };
+    let (out, saved) = rest::forward(&input);
+    let mut ran = RunResult::default();
+    ran.outputs.put("rest_points", &[p, 3], out.points.into_flattened());
+    ran.outputs.put("rest_factors", &[p, 3, 3], out.factors.into_flattened());
+    if x.with_gradients() {
+        let points_bar = x.bar("rest_points", &[p, 3])?.unwrap_or_else(|| vec![0.0; 3 * p]);
+        let factors_bar = x.bar("rest_factors", &[p, 3, 3])?.unwrap_or_else(|| vec![0.0; 9 * p]);
+        let out_bar = Out { points: rows(&points_bar), factors: rows(&factors_bar) };
+        let mut x_bar = InBar {
+            points: x.start_rows("points", p),
+            factors: x.start_rows("factors", p),
+            weights: x.start("weights", weights.len()),
+        };
+        rest::adjoint(&input, &saved, &out_bar, &mut x_bar);
+        ran.gradients.put("points", &[p, 3], x_bar.points.into_flattened());
+        ran.gradients.put("factors", &[p, 3, 3], x_bar.factors.into_flattened());
+        ran.gradients.put("weights", &x.shape("weights"), x_bar.weights);
+    }
+    Ok(ran)
+}
+
+/// Bones near rigid with offsets, over more points than one block. Where rest is canonical the operator copies and the weights have no gradient: a
+/// test of the fit holds that.
+fn case(case: usize) -> Case {
+    let [p, k] = [280, 3];
+    let draw = |array| Draw::new(71, case, array);
+    let mut weights = draw(0).uniforms(p * k, 0.05, 1.0);
+    for row in weights.chunks_exact_mut(k) {
+        let sum = row.iter().fold(0.0, |sum, w| sum + w);
+        row.iter_mut().for_each(|w| *w /= sum);
+    }
+    let noise = draw(3).normals(12 * k);
+    let unit = |i: usize| f32::from(u8::from(matches!(i % 12, 0 | 5 | 10)));
+    let bones = (0..12 * k).map(|i| unit(i) + 0.15 * noise[i]).collect();
+    let mut made = Case::default();
+    made.inputs.put("points", &[p, 3], draw(1).normals(3 * p));
+    made.inputs.put("factors", &[p, 3, 3], draw(2).normals(9 * p));
+    made.inputs.put("weights", &[p, k], weights);
+    made.inputs.put("canonical", &[k, 3, 4], bones);
+    made.inputs.put("offsets", &[p, 3], draw(4).normals(3 * p));
+    made
+}

@@ -1,0 +1,216 @@
+//! An operator with its twin at one set of inputs, as the gradient checks see it.
+
+use super::call::{Call, Settings};
+use super::op::{Case, Checked, Op};
+use super::twin::{self, Asked};
+use crate::num::array::{Array, Arrays};
+use crate::num::bits::Digest;
+use crate::tape::check::{Evaluation, On, Prediction, Step, Subject, Values, Variable};
+use crate::tape::probe::normals;
+use crate::{Error, Result};
+use reference::array::{Arr, Named};
+use reference::ports::{Compare, Space};
+use reference::twins;
+use std::collections::BTreeMap;
+
+/// Seed of the cotangents that are not given.
+const COTANGENTS: u64 = 0x6261_7273; // "bars"
+
+/// An operator at inputs that f32 represents exactly.
+pub struct OpSubject {
+    op: &'static Op,
+    label: String,
+    call: Call,
+    asked: Asked,
+    plan: Named<f64>,
+    outputs: Values,
+    variables: Vec<Variable>,
+    inputs: Values,
+    cotangents: Values,
+    bar_shapes: BTreeMap<String, Vec<usize>>,
+    prediction: Prediction,
+}
+
+fn flat(arrays: &Arrays) -> Values {
+    arrays.0.iter().map(|(name, a)| (name.clone(), a.to_f64())).collect()
+}
+
+fn round(arrays: &Arrays) -> Arrays {
+    let round = |a: &Array| if a.is_float() { Array::new(a.shape(), a.to_f32()) } else { a.clone() };
+    Arrays(arrays.0.iter().map(|(name, a)| (name.clone(), round(a))).collect())
+}
+
+/// Normal numbers with the shapes of the differentiable outputs, rounded to f32.
+pub fn draw_cotangents(op: &Op, outputs: &Arrays) -> Arrays {
+    let mut out = Arrays::new();
+    for (k, port) in op.outputs.iter().enumerate().filter(|(_, p)| op.adjoint && p.differentiable) {
+        let Some(y) = outputs.get(port.name) else { continue };
+        let drawn = normals(COTANGENTS, k as u32, 0, y.len());
+        out.put(port.name, y.shape(), drawn.into_iter().map(|x| x as f32).collect());
+    }
+    out
+}
+
+/// How finite differences move a parameter in that space.
+fn step(space: Space) -> Step {
+    match space {
+        Space::Linear => Step::Plain,
+        Space::Log => Step::Log,
+        Space::Logit => Step::Logit,
+    }
+}
+
+impl OpSubject {
+    /// The operator at its generated case `index`.
+    ///
+    /// # Errors
+    /// When the operator refuses its own case.
+    pub fn case(op: &'static Op, index: usize) -> Result<Self> {
+        let Case { inputs, settings } = (op.case)(index);
+        Self::new(op, format!("{} case {index}", op.name), inputs, settings, Arrays::new())
+    }
+
+    /// The operator at somebody's inputs, rounded to f32; cotangents that are not given are drawn.
+    ///
+    /// # Errors
+    /// Bad input.
+    pub fn new(
+        op: &'static Op,
+        label: String,
+        inputs: Arrays,
+        settings: Settings,
+        cotangents: Arrays,
+    ) -> Result<Self> {
+        let mut call = Call { inputs: round(&inputs), settings, dump: true, ..Call::default() };
+        let ran = super::run(op, &call)?;
+        if op.adjoint {
+            let mut bars = draw_cotangents(op, &ran.outputs);
+            bars.0.extend(round(&cotangents).0);
+            call.cotangents = bars;
+        }
+        let checked = Checked::new(op, &call, true)?;
+        let prediction = (op.predict)(&checked, &ran)?;
+        let variables: Vec<Variable> = op
+            .inputs
+            .iter()
+            .filter(|p| op.adjoint && p.differentiable && checked.has(p.name))
+            .map(|p| Variable { name: p.name.to_owned(), step: step(p.space) })
+            .collect();
+        let inputs = variables.iter().map(|v| (v.name.clone(), checked.f64s(&v.name))).collect();
+        let asked = Asked::new(&checked);
+        let bar_shapes = call.cotangents.0.iter().map(|(n, a)| (n.clone(), a.shape().to_vec())).collect();
+        Ok(Self {
+            op,
+            label,
+            asked,
+            plan: twin::to_twin(&ran.plan),
+            outputs: flat(&ran.outputs),
+            variables,
+            inputs,
+            cotangents: flat(&call.cotangents),
+            bar_shapes,
+            prediction,
+            call,
+        })
+    }
+
+    fn plan_for(&self, on: On) -> Option<&Named<f64>> {
+        (on == On::Frozen).then_some(&self.plan)
+    }
+
+    fn request(&self, on: On) -> twins::Request<'_> {
+        twins::Request { plan: self.plan_for(on), ..self.asked.request() }
+    }
+
+    fn shaped_bars(&self, out_bar: &Values) -> Named<f64> {
+        let shaped = |(name, v): (&String, &Vec<f64>)| {
+            (name.clone(), Arr { shape: self.bar_shapes[name].clone(), data: v.clone() })
+        };
+        out_bar.iter().map(shaped).collect()
+    }
+}
+
+fn log_of(plan: &Named<f64>) -> Result<u64> {
+    let mut digest = Digest::new();
+    for (name, a) in plan {
+        digest.bytes(name.as_bytes());
+        digest.f64(&a.shape, &a.data)?;
+    }
+    Ok(digest.value())
+}
+
+fn values_of(named: Named<f64>) -> Values {
+    named.into_iter().map(|(name, a)| (name, a.data)).collect()
+}
+
+impl Subject for OpSubject {
+    fn name(&self) -> String {
+        self.label.clone()
+    }
+    fn end_to_end(&self) -> bool {
+        self.op.is_composite()
+    }
+    fn unit(&self) -> f64 {
+        self.op.width.unit()
+    }
+    fn variables(&self) -> &[Variable] {
+        &self.variables
+    }
+    fn inputs(&self) -> &Values {
+        &self.inputs
+    }
+    fn cotangents(&self) -> &Values {
+        &self.cotangents
+    }
+    fn shipped(&self) -> Result<Values> {
+        let whole =
+            |name: &str| self.op.outputs.iter().any(|p| p.name == name && p.compare != Compare::ZeroPattern);
+        Ok(self.outputs.iter().filter(|(name, _)| whole(name)).map(|(n, v)| (n.clone(), v.clone())).collect())
+    }
+    fn shipped_adjoint(&self, out_bar: &Values, start: Option<&Values>) -> Result<Values> {
+        let mut call = Call { dump: false, ..self.call.clone() };
+        for (name, v) in out_bar {
+            call.cotangents.put(name, &self.bar_shapes[name], v.iter().map(|&x| x as f32).collect());
+        }
+        if let Some(start) = start {
+            for (name, v) in start {
+                let shape = &self.asked.inputs[name].shape;
+                match self.op.width {
+                    super::op::Width::F32 => {
+                        call.start.put(name, shape, v.iter().map(|&x| x as f32).collect())
+                    }
+                    super::op::Width::F64 => call.start.put(name, shape, v.clone()),
+                }
+            }
+        }
+        Ok(flat(&super::run(self.op, &call)?.gradients))
+    }
+    fn value(&self, x: &Values, on: On) -> Result<Evaluation> {
+        let mut inputs = self.asked.inputs.clone();
+        for (name, values) in x {
+            if let Some(input) = inputs.get_mut(name) {
+                input.data.clone_from(values);
+            }
+        }
+        let request = twins::Request { inputs: &inputs, ..self.request(on) };
+        let answer = twins::value(&request).map_err(twin::refused(self.op))?;
+        Ok(Evaluation { log: log_of(&answer.plan)?, outputs: values_of(answer.outputs) })
+    }
+    fn jvp(&self, x_dot: &Values, on: On) -> Result<Values> {
+        let mut tangents = Named::new();
+        for (name, v) in x_dot {
+            let shape = self.asked.inputs.get(name).map(|a| a.shape.clone());
+            let shape =
+                shape.ok_or_else(|| Error::input(format!("tangent of '{name}'")).expected("an input"))?;
+            tangents.insert(name.clone(), Arr { shape, data: v.clone() });
+        }
+        Ok(values_of(twins::jvp(&self.request(on), &tangents).map_err(twin::refused(self.op))?.1))
+    }
+    fn vjp(&self, out_bar: &Values) -> Result<Values> {
+        let bars = self.shaped_bars(out_bar);
+        Ok(values_of(twins::vjp(&self.request(On::Frozen), &bars).map_err(twin::refused(self.op))?.1))
+    }
+    fn prediction(&self) -> Result<Prediction> {
+        Ok(self.prediction.clone())
+    }
+}

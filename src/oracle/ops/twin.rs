@@ -1,0 +1,88 @@
+//! Runs in f64 through the twin, and the conversion between its arrays and ours.
+
+use super::call::{Call, RunResult, Settings, cast};
+use super::op::Checked;
+use super::op::Op;
+use crate::num::array::{Array, Arrays};
+use crate::{Error, Result};
+use reference::array::{Arr, Named};
+use reference::twins::{self, Request};
+
+/// Our arrays as the twin's; integers are carried as f64.
+pub(super) fn to_twin(arrays: &Arrays) -> Named<f64> {
+    arrays
+        .0
+        .iter()
+        .map(|(name, a)| (name.clone(), Arr { shape: a.shape().to_vec(), data: a.to_f64() }))
+        .collect()
+}
+
+/// The twin's arrays as ours, in f64.
+pub(super) fn from_twin(arrays: Named<f64>) -> Arrays {
+    Arrays(arrays.into_iter().map(|(name, a)| (name, Array::new(&a.shape, a.data))).collect())
+}
+
+/// A checked call in the twin's terms.
+pub(super) struct Asked {
+    /// operator
+    op: &'static Op,
+    /// inputs
+    pub(super) inputs: Named<f64>,
+    /// settings in their final form
+    settings: Settings,
+    /// decisions to obey
+    plan: Option<Named<f64>>,
+}
+
+impl Asked {
+    /// What a checked call asks.
+    pub(super) fn new(x: &Checked<'_>) -> Self {
+        Self {
+            op: x.op,
+            inputs: to_twin(&x.inputs),
+            settings: x.settings.clone(),
+            plan: x.call.plan.as_ref().map(to_twin),
+        }
+    }
+
+    /// The twin's form of it.
+    pub(super) fn request(&self) -> Request<'_> {
+        Request { op: self.op.name, inputs: &self.inputs, settings: &self.settings, plan: self.plan.as_ref() }
+    }
+}
+
+/// The twin's refusal as ours.
+pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
+    let name = op.name;
+    move |message| Error::input(name).got(message)
+}
+
+/// Runs a call in f64.
+///
+/// # Errors
+/// Bad input.
+pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
+    let x = Checked::new(op, call, false)?;
+    let asked = Asked::new(&x);
+    let (answer, gradients) = if x.with_gradients() {
+        twins::vjp(&asked.request(), &to_twin(&x.cotangents)).map_err(refused(op))?
+    } else {
+        (twins::value(&asked.request()).map_err(refused(op))?, Named::new())
+    };
+    let intermediates = if call.dump { from_twin(answer.intermediates) } else { Arrays::new() };
+    Ok(RunResult {
+        outputs: cast(&from_twin(answer.outputs), op.outputs, false)?,
+        gradients: from_twin(gradients),
+        intermediates: cast(&intermediates, op.intermediates, false)?,
+        plan: cast(&from_twin(answer.plan), op.plan, false)?,
+    })
+}
+
+/// Amount of work of an f64 run, in the operator's unit, known before it starts.
+///
+/// # Errors
+/// Bad input.
+pub fn work(op: &'static Op, call: &Call) -> Result<f64> {
+    let x = Checked::new(op, call, false)?;
+    Ok(twins::work(&Asked::new(&x).request()) as f64)
+}

@@ -1,0 +1,240 @@
+//! `oracle compare`: array by array, and the first operator at which two files part.
+
+pub use super::differences::{ArrayReport, Parting, Report, Verdict, Worst, Zeros};
+use crate::io::npz;
+use crate::num::array::{Array, Arrays};
+use crate::num::bits::{ulp_f32, ulp_f64};
+use crate::ops::{self, Compare, Op};
+use crate::tape::probe::distance;
+use crate::{Error, Result};
+use std::path::PathBuf;
+
+/// Default bound on the relative L2 of an array.
+pub const TOLERANCE: f64 = 1e-5;
+
+/// What to compare.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// somebody's arrays
+    pub theirs: PathBuf,
+    /// ours
+    pub ours: PathBuf,
+    /// operator; found by the names of the arrays when `None`
+    pub op: Option<String>,
+    /// bound on the relative L2 of an array
+    pub tol: f64,
+    /// where to write the report as a page
+    pub html: Option<PathBuf>,
+}
+
+/// The operator whose names cover most of the arrays; composite ones first, then in the order of the list.
+fn guess(theirs: &Arrays, ours: &Arrays) -> Option<&'static Op> {
+    let known =
+        |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
+    let names = || theirs.0.keys().chain(ours.0.keys());
+    let score = |op: &Op| names().filter(|n| known(op, n)).count();
+    let produces =
+        |op: &Op| op.outputs.iter().any(|p| ours.get(p.name).is_some() && theirs.get(p.name).is_some());
+    let mut best: Option<(&'static Op, usize)> = None;
+    let ordered = ops::LIST
+        .iter()
+        .filter(|op| op.is_composite())
+        .chain(ops::LIST.iter().filter(|op| !op.is_composite()));
+    for op in ordered.filter(|op| produces(op)) {
+        let s = score(op);
+        if best.is_none_or(|(_, b)| s > b) {
+            best = Some((op, s));
+        }
+    }
+    best.map(|(op, _)| op)
+}
+
+fn unravel(mut i: usize, shape: &[usize]) -> Vec<usize> {
+    let mut index = vec![0; shape.len()];
+    for (slot, &size) in index.iter_mut().zip(shape).rev() {
+        *slot = i % size;
+        i /= size;
+    }
+    index
+}
+
+/// Entries in play: all, or those in rows where `mask` is not zero in both files.
+fn selected(
+    name: &str,
+    op: Option<&Op>,
+    theirs: &Arrays,
+    ours: &Arrays,
+    len: usize,
+) -> (Vec<bool>, Option<String>, bool) {
+    let all = vec![true; len];
+    let Some(port) = op.and_then(|op| op.port(name)) else { return (all, None, false) };
+    match port.compare {
+        Compare::Values => (all, None, false),
+        Compare::ZeroPattern => (all, Some("zero pattern only".to_owned()), true),
+        Compare::RowsOf(by) => {
+            let (Some(a), Some(b)) = (theirs.get(by), ours.get(by)) else { return (all, None, false) };
+            let rows = match a.shape() {
+                [cameras, n, ..] => cameras * n,
+                _ => 0,
+            };
+            if a.shape() != b.shape()
+                || rows == 0
+                || !a.len().is_multiple_of(rows)
+                || !len.is_multiple_of(rows)
+            {
+                return (all, None, false);
+            }
+            let (wide, per_row) = (a.len() / rows, len / rows);
+            let (a, b) = (a.to_f64(), b.to_f64());
+            let there = |v: &[f64], r: usize| v[r * wide..(r + 1) * wide].iter().any(|x| *x != 0.0);
+            let keep: Vec<bool> = (0..rows).map(|r| there(&a, r) && there(&b, r)).collect();
+            let dropped = keep.iter().filter(|k| !**k).count();
+            let note = (dropped > 0).then(|| format!("{dropped} rows with {by} 0 left out"));
+            ((0..len).map(|i| keep[i / per_row]).collect(), note, false)
+        }
+    }
+}
+
+fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol: f64) -> Result<ArrayReport> {
+    let (theirs, ours) = (theirs_all.need(name)?, ours_all.need(name)?);
+    let mut report = ArrayReport {
+        name: name.to_owned(),
+        shape_theirs: theirs.shape().to_vec(),
+        shape_ours: ours.shape().to_vec(),
+        dtypes: [theirs.dtype(), ours.dtype()],
+        verdict: Verdict::ShapesDiffer,
+        note: None,
+        worst_ulp: 0,
+        mean_ulp: 0.0,
+        relative_l2: 0.0,
+        cosine: 1.0,
+        signed_bias: 0.0,
+        zeros: Zeros::default(),
+        worst: Vec::new(),
+    };
+    if theirs.shape() != ours.shape() {
+        return Ok(report);
+    }
+    let (keep, note, pattern) = selected(name, op, theirs_all, ours_all, ours.len());
+    report.note = note;
+    let single = [theirs, ours].iter().any(|a| matches!(a, Array::F32(_)));
+    let (a, b) = (theirs.to_f64(), ours.to_f64());
+    let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
+    if a.iter().chain(&b).any(|x| x.is_nan()) {
+        report.verdict = Verdict::Nan;
+        return Ok(report);
+    }
+    let whole = !theirs.is_float() && !ours.is_float();
+    let ulp = |i: usize| match (whole, single) {
+        (true, _) => (a[i] - b[i]).abs() as u64, // integers: their difference
+        (false, true) => ulp_f32(a[i] as f32, b[i] as f32),
+        (false, false) => ulp_f64(a[i], b[i]),
+    };
+    let (x, y): (Vec<f64>, Vec<f64>) = kept.iter().map(|&i| (b[i], a[i])).unzip();
+    let d = distance(&x, &y);
+    report.relative_l2 = d.relative_l2;
+    report.cosine = 1.0 - d.one_minus_cosine;
+    report.signed_bias = d.signed_bias;
+    let mut total = 0.0;
+    for &i in &kept {
+        let u = ulp(i);
+        report.worst_ulp = Ord::max(report.worst_ulp, u);
+        total += u as f64;
+        match (a[i] == 0.0, b[i] == 0.0) {
+            (true, true) => report.zeros.both += 1,
+            (true, false) => report.zeros.only_theirs += 1,
+            (false, true) => report.zeros.only_ours += 1,
+            (false, false) => {}
+        }
+    }
+    if !kept.is_empty() {
+        report.mean_ulp = total / kept.len() as f64;
+    }
+    let mut differing: Vec<usize> = kept.iter().copied().filter(|&i| a[i] != b[i]).collect();
+    differing.sort_by(|&i, &j| (b[j] - a[j]).abs().total_cmp(&(b[i] - a[i]).abs()).then(i.cmp(&j)));
+    let entry = |&i: &usize| Worst { index: unravel(i, ours.shape()), theirs: a[i], ours: b[i], ulp: ulp(i) };
+    report.worst = differing.iter().take(10).map(entry).collect();
+    report.verdict = if pattern {
+        if report.zeros.only_theirs + report.zeros.only_ours == 0 {
+            Verdict::Agrees
+        } else {
+            Verdict::ZerosDiffer
+        }
+    } else if report.relative_l2 <= tol {
+        Verdict::Agrees
+    } else {
+        Verdict::Differs
+    };
+    Ok(report)
+}
+
+fn parting(op: &Op, arrays: &[ArrayReport]) -> Option<Parting> {
+    let find = |name: &str| arrays.iter().find(|a| a.name == name);
+    let differs = |name: &str| find(name).is_some_and(|a| a.verdict != Verdict::Agrees);
+    let at = |stage: &'static str, inputs: &[&str], outputs: &[&str]| {
+        let parts = !inputs.iter().any(|n| differs(n)) && outputs.iter().any(|n| differs(n));
+        parts.then(|| {
+            let (seen, unseen): (Vec<&str>, Vec<&str>) = inputs.iter().partition(|n| find(n).is_some());
+            let outputs = outputs.iter().copied().filter(|n| differs(n)).collect();
+            Parting { stage, inputs: owned(seen), unseen: owned(unseen), outputs: owned(outputs) }
+        })
+    };
+    if op.is_composite() {
+        return op.stages.iter().find_map(|s| at(s.operator, s.inputs, s.outputs));
+    }
+    let names = |ports: &'static [ops::Port]| ports.iter().map(|p| p.name).collect::<Vec<_>>();
+    at(op.name, &names(op.inputs), &names(op.outputs))
+}
+
+fn owned(names: Vec<&str>) -> Vec<String> {
+    names.into_iter().map(str::to_owned).collect()
+}
+
+/// Compares arrays in memory.
+///
+/// # Errors
+/// When the files have no array in common, or the operator is unknown.
+pub fn arrays(theirs: &Arrays, ours: &Arrays, op: Option<&str>, tol: f64) -> Result<Report> {
+    let op = match op {
+        Some(name) => Some(ops::find(name)?),
+        None => guess(theirs, ours),
+    };
+    let mut reports = Vec::new();
+    for name in ours.0.keys().filter(|n| theirs.get(n).is_some()) {
+        reports.push(one(name, op, theirs, ours, tol)?);
+    }
+    if reports.is_empty() {
+        let names = |a: &Arrays| a.0.keys().cloned().collect::<Vec<_>>().join(", ");
+        return Err(Error::input("oracle compare")
+            .expected("at least one array name in both files")
+            .got(format!("[{}] and [{}]", names(theirs), names(ours))));
+    }
+    let only = |a: &Arrays, b: &Arrays| a.0.keys().filter(|n| b.get(n).is_none()).cloned().collect();
+    let passed = reports.iter().all(|a| a.verdict == Verdict::Agrees);
+    Ok(Report {
+        operator: op.map(|op| op.name),
+        tol,
+        only_theirs: only(theirs, ours),
+        only_ours: only(ours, theirs),
+        parting: op.and_then(|op| parting(op, &reports)),
+        arrays: reports,
+        passed,
+    })
+}
+
+/// Compares two files and writes the page if one is asked for. The report says whether anything differs: exit code 1.
+///
+/// # Errors
+/// Files that cannot be read or written, or have no array in common.
+pub fn compare(options: &Options) -> Result<Report> {
+    if !(options.tol >= 0.0) {
+        return Err(Error::input("--tol").expected("0 or more").got(options.tol.to_string()));
+    }
+    let (theirs, ours) = (npz::read(&options.theirs)?, npz::read(&options.ours)?);
+    let report = arrays(&theirs, &ours, options.op.as_deref(), options.tol)?;
+    if let Some(path) = &options.html {
+        let page = super::html::page(&report, &options.theirs, &options.ours, &theirs, &ours);
+        crate::io::atomic::write_bytes(path, page.as_bytes())?;
+    }
+    Ok(report)
+}

@@ -1,0 +1,171 @@
+//! `oracle list`.
+
+use crate::ops::{self, Kind, Op, Port, SettingSpec, Stage, Width};
+use serde::ser::SerializeStruct;
+use serde::{Serialize, Serializer};
+use std::fmt;
+
+/// The operator list, printable as text and as JSON.
+pub struct List {
+    /// all operators in order
+    pub operators: &'static [&'static Op],
+}
+
+/// The operator list.
+pub fn list() -> List {
+    List { operators: ops::LIST }
+}
+
+fn ports(f: &mut fmt::Formatter<'_>, title: &str, ports: &[Port]) -> fmt::Result {
+    for (i, p) in ports.iter().enumerate() {
+        let title = if i == 0 { title } else { "" };
+        let mark = match (p.differentiable, p.optional) {
+            (true, true) => "∂?",
+            (true, false) => "∂ ",
+            (false, true) => " ?",
+            (false, false) => "  ",
+        };
+        let shape = format!("({})", p.shape);
+        writeln!(f, "    {title:<14}{mark} {:<16} {shape:<14} {:<6} {}", p.name, p.dtype.name(), p.doc)?;
+    }
+    Ok(())
+}
+
+impl fmt::Display for List {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "∂ has a gradient, ? may be absent; float is f32 or f64 as the run")?;
+        for op in self.operators {
+            let note = if op.adjoint { "" } else { "  (no adjoint)" };
+            writeln!(f, "\n{}{note}\n    {}", op.name, op.summary)?;
+            ports(f, "inputs", op.inputs)?;
+            ports(f, "outputs", op.outputs)?;
+            ports(f, "with --dump", op.intermediates)?;
+            ports(f, "plan", op.plan)?;
+            for (i, s) in op.settings.iter().enumerate() {
+                let title = if i == 0 { "settings" } else { "" };
+                let values = match s.kind {
+                    Kind::Number => "number".to_owned(),
+                    Kind::Flag => "0|1".to_owned(),
+                    Kind::Choice(words) => words.join("|"),
+                };
+                writeln!(f, "    {title:<14}   {:<16} {values} (default {}) {}", s.key, s.default, s.doc)?;
+            }
+            if op.is_composite() {
+                let stages: Vec<_> = op.stages.iter().map(|s| s.operator).collect();
+                writeln!(f, "    {:<14}   {}", "stages", stages.join(" → "))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Serialize for List {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        let mut list = to.serialize_struct("List", 1)?;
+        list.serialize_field(
+            "operators",
+            &self.operators.iter().map(|op| Entry::of(op)).collect::<Vec<_>>(),
+        )?;
+        list.end()
+    }
+}
+
+/// An operator in JSON.
+#[derive(Serialize)]
+struct Entry {
+    name: &'static str,
+    summary: &'static str,
+    inputs: Vec<PortEntry>,
+    outputs: Vec<PortEntry>,
+    intermediates: Vec<PortEntry>,
+    plan: Vec<PortEntry>,
+    companions: &'static [&'static str],
+    settings: Vec<SettingEntry>,
+    stages: Vec<StageEntry>,
+    adjoint: bool,
+    width: Width,
+    work_unit: &'static str,
+    work_ns: [f64; 2],
+    cases: usize,
+}
+
+#[derive(Serialize)]
+struct PortEntry {
+    name: &'static str,
+    shape: &'static str,
+    dtype: &'static str,
+    differentiable: bool,
+    optional: bool,
+    doc: &'static str,
+}
+
+#[derive(Serialize)]
+struct SettingEntry {
+    key: &'static str,
+    kind: KindEntry,
+    default: &'static str,
+    doc: &'static str,
+}
+
+#[derive(Serialize)]
+#[serde(rename_all = "lowercase")]
+enum KindEntry {
+    Number,
+    Flag,
+    Choice(&'static [&'static str]),
+}
+
+#[derive(Serialize)]
+struct StageEntry {
+    operator: &'static str,
+    inputs: &'static [&'static str],
+    outputs: &'static [&'static str],
+}
+
+impl Entry {
+    fn of(op: &Op) -> Self {
+        let ports = |ports: &[Port]| ports.iter().map(PortEntry::of).collect();
+        Self {
+            name: op.name,
+            summary: op.summary,
+            inputs: ports(op.inputs),
+            outputs: ports(op.outputs),
+            intermediates: ports(op.intermediates),
+            plan: ports(op.plan),
+            companions: op.companions,
+            settings: op.settings.iter().map(SettingEntry::of).collect(),
+            stages: op.stages.iter().map(StageEntry::of).collect(),
+            adjoint: op.adjoint,
+            width: op.width,
+            work_unit: op.work_unit,
+            work_ns: op.work_ns,
+            cases: op.cases,
+        }
+    }
+}
+
+impl PortEntry {
+    fn of(port: &Port) -> Self {
+        let Port { name, shape, dtype, differentiable, optional, doc, .. } = *port;
+        Self { name, shape, dtype: dtype.name(), differentiable, optional, doc }
+    }
+}
+
+impl SettingEntry {
+    fn of(spec: &SettingSpec) -> Self {
+        let SettingSpec { key, kind, default, doc } = *spec;
+        let kind = match kind {
+            Kind::Number => KindEntry::Number,
+            Kind::Flag => KindEntry::Flag,
+            Kind::Choice(words) => KindEntry::Choice(words),
+        };
+        Self { key, kind, default, doc }
+    }
+}
+
+impl StageEntry {
+    fn of(stage: &Stage) -> Self {
+        let Stage { operator, inputs, outputs } = *stage;
+        Self { operator, inputs, outputs }
+    }
+}

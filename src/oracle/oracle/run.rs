@@ -1,0 +1,295 @@
+//! `oracle run`.
+
+use crate::io::npz;
+use crate::num::array::{Array, Arrays};
+use crate::num::bits::{self, Digest};
+use crate::ops::{self, Call, Op, RunResult, Setting, Settings, Width};
+use crate::{Error, Result};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// Which arithmetic runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// the shipped operator
+    #[default]
+    F32,
+    /// the twin
+    F64,
+}
+
+/// What to run on what.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// operator
+    pub op: String,
+    /// arrays in
+    pub input: PathBuf,
+    /// arrays out
+    pub out: PathBuf,
+    /// arithmetic
+    pub precision: Precision,
+    /// splatting profile, a shorthand for the setting of that name
+    pub profile: Option<String>,
+    /// `KEY=VALUE`; wins over arrays `setting_KEY`
+    pub set: Vec<String>,
+    /// decisions to use
+    pub plan: Option<PathBuf>,
+    /// also write the intermediates
+    pub dump: bool,
+}
+
+/// What one array is, without its values.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct ArrayDigest {
+    /// sizes of the axes
+    pub shape: Vec<usize>,
+    /// element type as NumPy writes it
+    pub dtype: &'static str,
+    /// FNV-1a 64 of type, shape and bits
+    pub digest: String,
+}
+
+/// What a run did; also the content of `OUT.digest.json`.
+#[derive(Clone, Debug, Serialize)]
+pub struct Report {
+    /// operator
+    pub operator: &'static str,
+    /// arithmetic
+    pub precision: Precision,
+    /// settings in effect that were given
+    pub settings: BTreeMap<String, String>,
+    /// arrays of `OUT.npz`
+    pub arrays: BTreeMap<String, ArrayDigest>,
+    /// arrays of `OUT.plan.npz`
+    pub plan: BTreeMap<String, ArrayDigest>,
+    /// digest over names and digests of all arrays of `OUT.npz`, then of the plan
+    pub digest: String,
+    /// digest over names and digests of the plan alone: the decision log
+    pub plan_digest: String,
+    /// arrays that were not used, and why
+    #[serde(skip)]
+    pub notes: Vec<String>,
+    /// files written
+    #[serde(skip)]
+    pub files: Vec<PathBuf>,
+}
+
+/// A file's arrays sorted into what a call needs.
+#[derive(Clone, Debug, Default)]
+pub struct Sorted {
+    /// the call: inputs, settings, cotangents
+    pub call: Call,
+    /// arrays that were ignored, and why
+    pub notes: Vec<String>,
+}
+
+/// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`; outputs,
+/// intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
+///
+/// # Errors
+/// An unknown name, or a setting that is not one number.
+pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
+    let mut sorted = Sorted::default();
+    let has = |ports: &[ops::Port], name: &str| ports.iter().any(|p| p.name == name);
+    for (name, array) in arrays.0 {
+        let bar_of = name.strip_suffix("_bar");
+        if has(op.inputs, &name) {
+            sorted.call.inputs.0.insert(name, array);
+        } else if let Some(output) = bar_of.filter(|y| has(op.outputs, y)) {
+            sorted.call.cotangents.0.insert(output.to_owned(), array);
+        } else if let Some(key) = name.strip_prefix("setting_") {
+            if array.len() != 1 {
+                return Err(Error::input(format!("array '{name}'"))
+                    .expected("one number")
+                    .got(format!("shape {:?}", array.shape())));
+            }
+            sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
+        } else {
+            let reason = if has(op.outputs, &name) {
+                "an output"
+            } else if has(op.intermediates, &name) {
+                "an intermediate"
+            } else if bar_of.is_some_and(|x| has(op.inputs, x)) {
+                "the gradient of an input"
+            } else if op.companions.contains(&name.as_str()) {
+                "a companion of this operator's files"
+            } else {
+                let inputs: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
+                return Err(Error::input(format!("array '{name}'"))
+                    .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
+                    .got("an unknown name")
+                    .hint("`oracle list` shows the names of every operator"));
+            };
+            sorted.notes.push(format!("ignored '{name}': {reason}"));
+        }
+    }
+    if !op.adjoint && !sorted.call.cotangents.0.is_empty() {
+        for name in std::mem::take(&mut sorted.call.cotangents).0.keys() {
+            sorted.notes.push(format!("ignored '{name}_bar': the operator has no adjoint"));
+        }
+    }
+    Ok(sorted)
+}
+
+/// Adds `--profile` and `--set` to the settings of a file.
+///
+/// # Errors
+/// When a `--set` has no `=`.
+pub fn add_settings(op: &Op, settings: &mut Settings, profile: Option<&str>, set: &[String]) -> Result<()> {
+    if let Some(profile) = profile {
+        if !op.settings.iter().any(|s| s.key == "profile") {
+            return Err(Error::input("--profile").expected("an operator with profiles").got(op.name));
+        }
+        settings.insert("profile".to_owned(), Setting::Text(profile.to_owned()));
+    }
+    for text in set {
+        let Some((key, value)) = text.split_once('=') else {
+            return Err(Error::input("--set").expected("KEY=VALUE").got(text));
+        };
+        settings.insert(key.trim().to_owned(), Setting::Text(value.trim().to_owned()));
+    }
+    Ok(())
+}
+
+/// One call in one precision, through the path every run takes. A run in f32 gives f32 arrays, also of an operator that
+/// computes in f64.
+///
+/// # Errors
+/// Bad input; a result beyond the range of f32.
+pub fn call(op: &'static Op, call: &Call, precision: Precision) -> Result<RunResult> {
+    match (precision, op.width) {
+        (Precision::F32, Width::F32) => ops::run(op, call),
+        (Precision::F32, Width::F64) => ops::run(op, call)?.stored_in_f32(op),
+        (Precision::F64, _) => ops::run_f64(op, call),
+    }
+}
+
+/// The arrays of `OUT.npz`: outputs, gradients as `<input>_bar`, intermediates.
+pub fn gather(ran: &RunResult) -> Arrays {
+    let mut out = ran.outputs.clone();
+    out.0.extend(ran.intermediates.0.iter().map(|(n, a)| (n.clone(), a.clone())));
+    out.0.extend(ran.gradients.0.iter().map(|(n, a)| (format!("{n}_bar"), a.clone())));
+    out
+}
+
+/// Runs an operator on a file. `progress` is told the number of pairs and the expected time of an f64 run before it
+/// starts.
+///
+/// # Errors
+/// Bad input, or files that cannot be read or written.
+pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
+    let op = ops::find(&options.op)?;
+    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
+        (Ok(a), Ok(b)) => a == b,
+        _ => false,
+    };
+    if same(&options.input, &options.out)
+        || options.plan.as_deref().is_some_and(|plan| same(plan, &options.out))
+    {
+        return Err(Error::input("--out")
+            .expected("another file than the inputs")
+            .got(options.out.display().to_string()));
+    }
+    let in_file = |e: Error| e.within(options.input.display().to_string());
+    let Sorted { call: mut request, notes } = sort(op, npz::read(&options.input)?).map_err(in_file)?;
+    add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;
+    request.plan = options.plan.as_deref().map(npz::read).transpose()?;
+    request.dump = options.dump;
+    for note in &notes {
+        progress(note);
+    }
+    if options.precision == Precision::F64 {
+        let work = ops::work(op, &request).map_err(in_file)?;
+        progress(&estimate(op, work, !request.cotangents.0.is_empty()));
+    }
+    let ran = call(op, &request, options.precision).map_err(in_file)?;
+    let arrays = gather(&ran);
+    let mut report = report(op, options.precision, &request.settings, &arrays, &ran.plan)?;
+    report.notes = notes;
+    let plan_file = sibling(&options.out, "plan.npz");
+    let digest_file = sibling(&options.out, "digest.json");
+    npz::write(&options.out, &arrays)?;
+    npz::write(&plan_file, &ran.plan)?;
+    let json =
+        serde_json::to_string_pretty(&report).expect("a record of strings and numbers has a JSON form");
+    crate::io::atomic::write_bytes(&digest_file, format!("{json}\n").as_bytes())?;
+    report.files = vec![options.out.clone(), plan_file, digest_file];
+    Ok(report)
+}
+
+/// `OUT.npz` → `OUT.<extension>`.
+fn sibling(out: &Path, extension: &str) -> PathBuf {
+    out.with_extension(extension)
+}
+
+fn estimate(op: &Op, work: f64, gradients: bool) -> String {
+    let seconds = work * if gradients { op.work_ns[1] } else { op.work_ns[0] } * 1e-9;
+    let time = if seconds < 1.0 { "less than a second".to_owned() } else { format!("about {seconds:.0} s") };
+    format!("{}: {work:.0} {}, {time} in f64", op.name, op.work_unit)
+}
+
+fn digests(arrays: &Arrays, all: &mut Digest) -> Result<BTreeMap<String, ArrayDigest>> {
+    let mut out = BTreeMap::new();
+    for (name, a) in &arrays.0 {
+        let digest = bits::digest(a).map_err(|e| e.at(format!("array '{name}'")))?;
+        all.bytes(name.as_bytes());
+        all.u64(digest);
+        let shown = ArrayDigest {
+            shape: a.shape().to_vec(),
+            dtype: Array::dtype(a),
+            digest: format!("{digest:016x}"),
+        };
+        out.insert(name.clone(), shown);
+    }
+    Ok(out)
+}
+
+/// Digests of a run.
+///
+/// # Errors
+/// When a result is NaN.
+pub fn report(
+    op: &Op,
+    precision: Precision,
+    settings: &Settings,
+    arrays: &Arrays,
+    plan: &Arrays,
+) -> Result<Report> {
+    let (mut all, mut log) = (Digest::new(), Digest::new());
+    let shown = |s: &Setting| match s {
+        Setting::Number(x) => x.to_string(),
+        Setting::Text(text) => text.clone(),
+    };
+    let arrays = digests(arrays, &mut all)?;
+    let plan_arrays = digests(plan, &mut log)?;
+    digests(plan, &mut all)?;
+    Ok(Report {
+        operator: op.name,
+        precision,
+        settings: settings.iter().map(|(k, s)| (k.clone(), shown(s))).collect(),
+        arrays,
+        plan: plan_arrays,
+        digest: format!("{:016x}", all.value()),
+        plan_digest: format!("{:016x}", log.value()),
+        notes: Vec::new(),
+        files: Vec::new(),
+    })
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let width = if self.precision == Precision::F32 { "f32" } else { "f64" };
+        writeln!(f, "{} in {width}: digest {}, plan {}", self.operator, self.digest, self.plan_digest)?;
+        for (name, a) in &self.arrays {
+            writeln!(f, "  {name:<16} {:<18} {:<8} {}", format!("{:?}", a.shape), a.dtype, a.digest)?;
+        }
+        for file in &self.files {
+            writeln!(f, "wrote {}", file.display())?;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,392 @@
+//! The constants of the guided fit: the scale of the latent criterion, and the strongest honest setting.
+//!
+//! *Calibration*: c_τ of every model on subject 0 ([`calibrate`]), chosen once.
+//!
+//! *Search*: fits of subject 0 under the first model for every combination of the candidates below. For each constant the candidate is taken whose mean
+//! PSNR-box on the held-out pictures, at equal renders, over all combinations of the others is largest; of equal ones the first. A mean over many fits is
+//! moved less by luck than the best of them. Those of `last.md` §12.6 are among the candidates, and come first. Nothing else is fitted to subject 0, and no
+//! other experiment has it.
+//!
+//! | constant | candidates |
+//! |---|---|
+//! | density | `replace` at τ_rec 0.003, 0.001, 0.005, 0.01; `budget`; `or` at 0.003 |
+//! | λ | `rel` 0.1, 0.5, ∞; `abs` 0.1 |
+//! | q | 0.25, 0.1, 0.5 |
+//! | first keys | iteration 200, 400 of 1 200 |
+
+use super::super::learn::plain;
+use super::budget;
+use super::stage::{Model, Stage};
+use super::trial::{Structure, Trial};
+use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Results, Summary, Values};
+use crate::fit::training::Watch;
+use crate::{Error, Result};
+use lastlight_last::avatar::calibrate;
+use lastlight_last::avatar::density::{Density, Mode};
+use lastlight_last::avatar::progressive::{Cap, Progressive};
+use lastlight_last::avatar::settings::Settings;
+use serde_json::{Value, json};
+use std::sync::atomic::AtomicBool;
+
+/// Folder of the cells, shared by these experiments and the search.
+pub const FOLDER: &str = "persons";
+/// The subject that constants are found on.
+const SUBJECT: u64 = 0;
+/// What the search makes large.
+const VALUE: &str = "PSNR-box@renders";
+
+/// What the guided fit depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Constants {
+    /// c_τ of each model
+    pub latent_scales: Vec<f64>,
+    /// criterion of the density adapter
+    pub mode: Mode,
+    /// τ_rec
+    pub threshold: f64,
+    /// λ and what it means
+    pub cap: (Cap, f64),
+    /// q
+    pub share: f64,
+    /// first search for keys, of 1 200
+    pub first: usize,
+}
+
+impl Constants {
+    /// Those of `last.md` §12.6.
+    pub fn published(latent_scales: Vec<f64>) -> Self {
+        let p = Progressive::published();
+        Self {
+            latent_scales,
+            mode: Mode::Replace,
+            threshold: Density::pixel().latent_threshold,
+            cap: (p.cap, p.lambda),
+            share: p.share,
+            first: p.first,
+        }
+    }
+
+    /// The density adapter for a model.
+    pub fn density(&self, model: usize) -> Density {
+        Density {
+            mode: self.mode,
+            latent_threshold: self.threshold,
+            latent_scale: self.latent_scales[model],
+            ..Density::pixel()
+        }
+    }
+
+    /// The progressive update.
+    pub fn progressive(&self) -> Progressive {
+        Progressive {
+            cap: self.cap.0,
+            lambda: self.cap.1,
+            share: self.share,
+            first: self.first,
+            ..Progressive::published()
+        }
+    }
+
+    /// The full system for a model and a subject.
+    pub fn full(&self, stage: &Stage, model: usize, subject: u64) -> Settings {
+        Settings {
+            seed: subject,
+            density: self.density(model),
+            progressive: Some(self.progressive()),
+            ..stage.size.host()
+        }
+    }
+
+    /// Pictures that the full system renders in the iterations of the study: what a second fit may spend.
+    ///
+    /// # Errors
+    /// When the model's graph has a cycle.
+    pub fn renders(&self, stage: &Stage, model: usize) -> Result<usize> {
+        let (settings, graph) = (self.full(stage, model, 0), &stage.models[model].trained.graph);
+        let levels = budget::levels(&settings, graph)?;
+        Ok(budget::renders(&settings, levels, stage.size.frames).unwrap_or(settings.iterations))
+    }
+
+    /// In words.
+    pub fn text(&self) -> String {
+        format!(
+            "density {} at τ_rec {}, λ {} {}, q {}, first keys at {} of 1 200, c_τ {}",
+            self.mode.name(),
+            self.threshold,
+            self.cap.0.name(),
+            self.cap.1,
+            self.share,
+            self.first,
+            self.latent_scales.iter().map(|c| format!("{c:.4}")).collect::<Vec<_>>().join(", ")
+        )
+    }
+}
+
+/// c_τ of every model.
+#[derive(Debug)]
+pub struct Calibration<'a> {
+    /// what is calibrated
+    pub stage: &'a Stage,
+}
+
+impl Calibration<'_> {
+    /// c_τ of each model, if all results are there.
+    pub fn found(&self, results: &Results) -> Option<Vec<f64>> {
+        let found: Vec<f64> = results.iter().filter_map(|(_, v)| v.get("c_tau").copied()).collect();
+        (found.len() == self.stage.models.len()).then_some(found)
+    }
+}
+
+impl Experiment for Calibration<'_> {
+    fn id(&self) -> &'static str {
+        "calibration"
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        let cell = |m: &Model| Cell { key: plain(&m.graph), row: m.graph.clone(), seed: SUBJECT };
+        self.stage.models.iter().map(cell).collect()
+    }
+
+    fn settings(&self, cell: usize) -> Value {
+        json!({
+            "lastlight": env!("CARGO_PKG_VERSION"), "size": self.stage.size.record(),
+            "model": self.stage.models[cell].digest, "subject": SUBJECT, "host": self.stage.size.host().json(),
+        })
+    }
+
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
+        let model = &self.stage.models[cell];
+        let capture = self.stage.capture(model, SUBJECT)?;
+        let found = calibrate::latent_scale(&self.stage.size.host(), &capture, &model.trained, watch)?;
+        let scale = found.ok_or_else(|| {
+            Error::check("calibration")
+                .at(model.graph.clone())
+                .expected("Gaussians that reach the pixel criterion and have a latent gradient")
+                .got("none")
+        })?;
+        Ok(Values::from([("c_tau".into(), scale)]))
+    }
+
+    fn report(&self, results: &[(Cell, Values)]) -> Report {
+        let scale = |v: &Values| v.get("c_tau").copied().unwrap_or(f64::NAN);
+        Report {
+            id: self.id(),
+            claim: "c_τ makes τ_rec = 0.003 ask for as many Gaussians as the pixel criterion, at half of a fit of subject 0.",
+            head: vec!["graph", ">c_τ"],
+            rows: results.iter().map(|(c, v)| vec![c.row.clone(), format!("{:.5}", scale(v))]).collect(),
+            chart_labels: ["c_τ", "model"],
+            chart: Chart::Bars(results.iter().map(|(c, v)| (c.row.clone(), scale(v))).collect()),
+            outcome: Outcome::Reported,
+            verdict: "Chosen once for each model; every other experiment uses it.".into(),
+        }
+    }
+}
+
+/// A candidate: its name, and what it does to the constants.
+type Candidate = (String, Box<dyn Fn(&mut Constants) + Sync>);
+
+/// The search for the strongest setting.
+pub struct Search<'a> {
+    stage: &'a Stage,
+    /// of each constant
+    axes: Vec<(&'static str, Vec<Candidate>)>,
+    trials: Vec<(Vec<usize>, Trial)>,
+    base: Constants,
+}
+
+fn axes(stage: &Stage) -> Vec<(&'static str, Vec<Candidate>)> {
+    let density = [
+        (Mode::Replace, 0.003),
+        (Mode::Replace, 0.001),
+        (Mode::Replace, 0.005),
+        (Mode::Replace, 0.01),
+        (Mode::Budget, 0.003),
+        (Mode::Or, 0.003),
+    ];
+    let caps =
+        [(Cap::Relative, 0.1), (Cap::Relative, 0.5), (Cap::Relative, f64::INFINITY), (Cap::Absolute, 0.1)];
+    let size = &stage.size;
+    let density: Vec<Candidate> = size
+        .some(&density)
+        .into_iter()
+        .map(|(mode, tau)| -> Candidate {
+            let name =
+                if mode == Mode::Budget { mode.name().into() } else { format!("{} {tau}", mode.name()) };
+            (name, Box::new(move |c: &mut Constants| (c.mode, c.threshold) = (mode, tau)))
+        })
+        .collect();
+    let caps: Vec<Candidate> = size
+        .some(&caps)
+        .into_iter()
+        .map(|cap| -> Candidate {
+            (format!("{} {}", cap.0.name(), cap.1), Box::new(move |c: &mut Constants| c.cap = cap))
+        })
+        .collect();
+    // In a look two constants are enough to see that the search runs.
+    let few = size.candidates < usize::MAX;
+    let shares: &[f64] = if few { &[0.25] } else { &[0.25, 0.1, 0.5] };
+    let firsts: &[usize] = if few { &[200] } else { &[200, 400] };
+    let shares = shares
+        .iter()
+        .map(|&q| -> Candidate { (q.to_string(), Box::new(move |c: &mut Constants| c.share = q)) })
+        .collect();
+    let firsts = firsts
+        .iter()
+        .map(|&f| -> Candidate { (f.to_string(), Box::new(move |c: &mut Constants| c.first = f)) })
+        .collect();
+    vec![("density", density), ("λ", caps), ("q", shares), ("first keys", firsts)]
+}
+
+impl<'a> Search<'a> {
+    /// Over all combinations, for the first model.
+    ///
+    /// # Errors
+    /// When the model's graph has a cycle.
+    pub fn new(stage: &'a Stage, latent_scales: Vec<f64>) -> Result<Self> {
+        let (axes, base) = (axes(stage), Constants::published(latent_scales));
+        // All spend what the setting of the document does.
+        let renders = base.renders(stage, 0)?;
+        let total = axes.iter().fold(1, |n, (_, c)| n * c.len());
+        let trials = (0..total)
+            .map(|mut at| {
+                let mut constants = base.clone();
+                let choice: Vec<usize> = (axes.iter())
+                    .map(|(_, candidates)| {
+                        let which = at % candidates.len();
+                        at /= candidates.len();
+                        candidates[which].1(&mut constants);
+                        which
+                    })
+                    .collect();
+                let settings = constants.full(stage, 0, SUBJECT);
+                let structure = Structure::Learned;
+                (choice, Trial { model: 0, subject: SUBJECT, structure, settings, renders, factors: false })
+            })
+            .collect();
+        Ok(Self { stage, axes, trials, base })
+    }
+
+    /// (axis, candidate) mean of the value over the combinations with it.
+    fn means(&self, results: &[(Cell, Values)]) -> Vec<Vec<Summary>> {
+        let key = |t: &Trial| t.cell(self.stage, "").key;
+        let known: Vec<(&Vec<usize>, f64)> = (self.trials.iter())
+            .filter_map(|(choice, trial)| {
+                let key = key(trial);
+                let value = results.iter().find(|(c, _)| c.key == key)?.1.get(VALUE)?;
+                Some((choice, *value))
+            })
+            .collect();
+        (self.axes.iter().enumerate())
+            .map(|(a, (_, candidates))| {
+                let with = |c: usize| known.iter().filter(move |(choice, _)| choice[a] == c).map(|k| k.1);
+                (0..candidates.len()).map(|c| Summary::of(&with(c).collect::<Vec<_>>())).collect()
+            })
+            .collect()
+    }
+
+    /// Index of the best candidate of each axis.
+    fn best(&self, results: &[(Cell, Values)]) -> Vec<usize> {
+        self.means(results)
+            .iter()
+            .map(|m| first_largest(&m.iter().map(|s| s.mean).collect::<Vec<_>>()))
+            .collect()
+    }
+
+    /// The constants that the results speak for; none while results are missing.
+    pub fn found(&self, results: &Results) -> Option<Constants> {
+        if results.len() < self.trials.len() {
+            return None;
+        }
+        let mut constants = self.base.clone();
+        for ((_, candidates), &which) in self.axes.iter().zip(&self.best(results)) {
+            candidates[which].1(&mut constants);
+        }
+        Some(constants)
+    }
+}
+
+/// The largest value's index, the first of equal ones.
+fn first_largest(values: &[f64]) -> usize {
+    (1..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best })
+}
+
+impl Experiment for Search<'_> {
+    fn id(&self) -> &'static str {
+        "search"
+    }
+
+    fn folder(&self) -> &'static str {
+        FOLDER
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        let name = |choice: &[usize]| -> String {
+            let parts = self.axes.iter().zip(choice).map(|((name, c), &i)| format!("{name} {}", c[i].0));
+            parts.collect::<Vec<_>>().join(", ")
+        };
+        self.trials.iter().map(|(choice, t)| t.cell(self.stage, &name(choice))).collect()
+    }
+
+    fn settings(&self, cell: usize) -> Value {
+        self.trials[cell].1.record(self.stage)
+    }
+
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
+        self.trials[cell].1.run(self.stage, watch)
+    }
+
+    fn report(&self, results: &[(Cell, Values)]) -> Report {
+        let (means, best) = (self.means(results), self.best(results));
+        let mut rows = Vec::new();
+        let mut drawn = Vec::new();
+        for (a, (name, candidates)) in self.axes.iter().enumerate() {
+            let top = means[a][best[a]].mean;
+            // Every candidate of a constant has as many fits.
+            let middle = Summary::of(&means[a].iter().map(|s| s.mean).collect::<Vec<_>>()).mean;
+            for (c, (candidate, _)) in candidates.iter().enumerate() {
+                let s = means[a][c];
+                let taken = if best[a] == c { "taken" } else { "" };
+                let count = s.count.to_string();
+                rows.push(vec![
+                    format!("{name} {candidate}"),
+                    format!("{s:.2}"),
+                    format!("{:.2}", s.mean - top),
+                    count,
+                    taken.into(),
+                ]);
+                drawn.push((
+                    format!("{name} {candidate}"),
+                    Summary { mean: s.mean - middle, half_width: f64::INFINITY, ..s },
+                ));
+            }
+        }
+        let complete = results.to_vec();
+        Report {
+            id: self.id(),
+            claim: "The strongest honest setting: constants found on subject 0, evaluated on others.",
+            head: vec!["constant", ">mean PSNR-box at equal renders", ">below the best", ">fits", "choice"],
+            rows,
+            chart_labels: [
+                "mean PSNR-box at equal renders, above the mean of the constant's candidates, dB",
+                "",
+            ],
+            chart: Chart::Intervals(drawn),
+            outcome: Outcome::Reported,
+            verdict: self.found(&complete).map_or_else(
+                || format!("{} of {} fits are there.", results.len(), self.trials.len()),
+                |c| format!("Taken: {}.", c.text()),
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_equal_candidates_the_first_is_taken() {
+        assert_eq!(first_largest(&[1.0, 3.0, 3.0, 2.0]), 1, "the first of two");
+        assert_eq!(first_largest(&[0.0]), 0, "one");
+    }
+}

@@ -1,0 +1,267 @@
+//! Which trials each experiment compares.
+
+use super::constants::{Constants, FOLDER};
+use super::question::{Question, threshold};
+use super::report;
+use super::stage::Stage;
+use super::trial::{Structure, Trial};
+use crate::Result;
+use crate::experiment::{Cell, Experiment, Report, Values};
+use crate::fit::training::Watch;
+use lastlight_last::avatar::density::{Density, Mode};
+use lastlight_last::avatar::progressive::{Cap, Keys, Order, Progressive};
+use lastlight_last::avatar::settings::Settings;
+use serde_json::Value;
+use std::sync::atomic::AtomicBool;
+
+/// τ_rec of E5.
+const THRESHOLDS: [f64; 10] = [1e-5, 5e-5, 1e-4, 5e-4, 1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 5e-2];
+/// λ of E7.
+const BOUNDS: [f64; 9] = [0.0, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, f64::INFINITY];
+/// Weights of L_lat in E15.
+const WEIGHTS: [f32; 2] = [0.01, 0.1];
+
+/// Ids and claims of these experiments, for lists and for those that cannot run.
+pub const CLAIMS: [(&str, &str); 11] = [
+    ("E1", "The full system is better than its host in all metrics (Table 1)."),
+    (
+        "E2",
+        "Table 2: without structure ≪ without progressive update or density adapter < full; the paper has no row with all off.",
+    ),
+    (
+        "E3",
+        "A wrong structure harms: below the learned one, and below all off, as the paper's row without structure is below its host.",
+    ),
+    ("E5", "τ_rec in 0.001 … 0.005 is the good range; the number of Gaussians falls with τ_rec."),
+    ("E6", "The latent criterion chooses better places than the pixel criterion, for as many Gaussians."),
+    (
+        "E7",
+        "λ = 0.1 is best, below 0.05 convergence is poor, from 0.5 on the error grows with the iterations.",
+    ),
+    ("E8", "The topological order matters: better than a random one with the same blocks and renders."),
+    ("E9", "Fine-tuning A on the subject helps."),
+    (
+        "E13",
+        "An update driven by pixels alone interferes: with the progressive update the error of child factors rises less while parents move.",
+    ),
+    ("E14", "What it costs; the paper gives no time."),
+    (
+        "E15",
+        "Latent factors as supervision, announced in the introduction: w_lat · L_lat in the host's loss.",
+    ),
+];
+
+/// An experiment with persons.
+pub struct Persons<'a> {
+    id: &'static str,
+    claim: &'static str,
+    stage: &'a Stage,
+    list: Vec<(String, Trial)>,
+    question: Question,
+}
+
+impl Experiment for Persons<'_> {
+    fn id(&self) -> &'static str {
+        self.id
+    }
+
+    fn folder(&self) -> &'static str {
+        FOLDER
+    }
+
+    fn cells(&self) -> Vec<Cell> {
+        self.list.iter().map(|(row, trial)| trial.cell(self.stage, row)).collect()
+    }
+
+    fn settings(&self, cell: usize) -> Value {
+        self.list[cell].1.record(self.stage)
+    }
+
+    fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
+        self.list[cell].1.run(self.stage, watch)
+    }
+
+    fn report(&self, results: &[(Cell, Values)]) -> Report {
+        report::of(self.id, self.claim, &self.question, results)
+    }
+}
+
+/// Makes rows of trials.
+struct Rows<'a> {
+    stage: &'a Stage,
+    constants: &'a Constants,
+    list: Vec<(String, Trial)>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(stage: &'a Stage, constants: &'a Constants) -> Self {
+        Self { stage, constants, list: Vec::new() }
+    }
+
+    /// The host alone.
+    fn host(&self) -> Settings {
+        self.stage.size.host()
+    }
+
+    /// The full system.
+    fn full(&self) -> Settings {
+        self.constants.full(self.stage, 0, 0)
+    }
+
+    /// The full system with another progressive update.
+    fn with(&self, edit: impl Fn(&mut Progressive)) -> Settings {
+        let mut p = self.constants.progressive();
+        edit(&mut p);
+        Settings { progressive: Some(p), ..self.full() }
+    }
+
+    /// One trial for each subject, of a model.
+    fn of(&mut self, model: usize, row: &str, structure: Structure, settings: &Settings) -> Result<()> {
+        let renders = self.constants.renders(self.stage, model)?;
+        for subject in 1..=self.stage.size.subjects {
+            let settings = Settings { seed: subject, ..settings.clone() };
+            let trial = Trial { model, subject, structure, settings, renders, factors: false };
+            self.list.push((row.to_owned(), trial));
+        }
+        Ok(())
+    }
+
+    /// Of the first model under its learned graph.
+    fn row(&mut self, row: &str, settings: &Settings) -> Result<()> {
+        self.of(0, row, Structure::Learned, settings)
+    }
+}
+
+/// A row's name for a pair of switches.
+fn combination(structure: bool, density: bool, progressive: bool) -> String {
+    let parts = [(structure, "structure"), (density, "density"), (progressive, "progressive")];
+    let on: Vec<&str> = parts.iter().filter(|p| p.0).map(|p| p.1).collect();
+    match on.len() {
+        0 => "all off".into(),
+        3 => "full".into(),
+        _ => on.join(" + "),
+    }
+}
+
+fn bound(cap: Cap, lambda: f64) -> String {
+    format!("{} {lambda}", cap.name())
+}
+
+/// All of them under the constants.
+///
+/// # Errors
+/// When a model's graph has a cycle.
+pub fn all<'a>(stage: &'a Stage, constants: &Constants) -> Result<Vec<Persons<'a>>> {
+    CLAIMS.iter().map(|&(id, claim)| make(id, claim, stage, constants)).collect()
+}
+
+fn make<'a>(
+    id: &'static str,
+    claim: &'static str,
+    stage: &'a Stage,
+    constants: &Constants,
+) -> Result<Persons<'a>> {
+    let mut rows = Rows::new(stage, constants);
+    let (host, full) = (rows.host(), rows.full());
+    let latent = |density: Density| Settings { density, ..host.clone() };
+    let question = match id {
+        "E1" => {
+            let mut graphs = Vec::new();
+            for (m, model) in stage.models.iter().enumerate() {
+                rows.of(m, &format!("{} host", model.graph), Structure::Learned, &host)?;
+                let full = constants.full(stage, m, 0);
+                rows.of(m, &format!("{} LAST", model.graph), Structure::Learned, &full)?;
+                graphs.push(model.graph.clone());
+            }
+            Question::Better { graphs }
+        }
+        "E2" => {
+            for bits in (0..8).rev() {
+                let [structure, density, progressive] = [bits & 4 != 0, bits & 2 != 0, bits & 1 != 0];
+                let settings = Settings {
+                    density: if density { full.density.clone() } else { host.density.clone() },
+                    progressive: if progressive { full.progressive.clone() } else { None },
+                    ..full.clone()
+                };
+                let graph = if structure { Structure::Learned } else { Structure::Empty };
+                rows.of(0, &combination(structure, density, progressive), graph, &settings)?;
+            }
+            Question::Ablation
+        }
+        "E3" => {
+            rows.row("all off", &host)?;
+            for graph in [
+                Structure::Learned,
+                Structure::True,
+                Structure::Empty,
+                Structure::Random,
+                Structure::Reversed,
+            ] {
+                rows.of(0, graph.name(), graph, &full)?;
+            }
+            Question::Structures
+        }
+        "E5" => {
+            rows.row("pixel", &Settings { density: host.density.clone(), ..full.clone() })?;
+            let thresholds = stage.size.some(&THRESHOLDS);
+            for tau in &thresholds {
+                let density = Density { mode: Mode::Replace, latent_threshold: *tau, ..full.density.clone() };
+                rows.row(&threshold(*tau), &Settings { density, ..full.clone() })?;
+            }
+            Question::Thresholds(thresholds)
+        }
+        "E6" => {
+            rows.row("pixel", &host)?;
+            rows.row("budget", &latent(Density { mode: Mode::Budget, ..full.density.clone() }))?;
+            Question::Pair(["budget", "pixel"])
+        }
+        "E7" => {
+            let bounds = stage.size.some(&BOUNDS);
+            for cap in [Cap::Relative, Cap::Absolute, Cap::Stop] {
+                for lambda in &bounds {
+                    let settings = rows.with(|p| (p.cap, p.lambda) = (cap, *lambda));
+                    rows.row(&bound(cap, *lambda), &settings)?;
+                }
+            }
+            Question::Bounds(bounds)
+        }
+        "E8" => {
+            for order in [Order::Topological, Order::Reverse, Order::Random, Order::None] {
+                rows.row(&format!("order {}", order.name()), &rows.with(|p| p.order = order))?;
+            }
+            for keys in [Keys::Random, Keys::All] {
+                rows.row(&format!("keys {}", keys.name()), &rows.with(|p| p.keys = keys))?;
+            }
+            Question::Pair(["order topo", "order random"])
+        }
+        "E9" => {
+            rows.row("not tuned", &full)?;
+            rows.of(0, "tuned", Structure::Tuned, &full)?;
+            Question::Tuning
+        }
+        "E13" => {
+            rows.row("host", &host)?;
+            rows.row("LAST", &full)?;
+            rows.list.iter_mut().for_each(|(_, trial)| trial.factors = true);
+            let graph = &stage.models[0].trained.graph;
+            let children = (0..graph.n()).filter(|&j| graph.parents(j) != 0).collect();
+            let begin = full.progressive.as_ref().map_or(0, |p| full.scaled(p.first));
+            Question::Factors { children, begin }
+        }
+        "E14" => {
+            rows.row("host", &host)?;
+            rows.row("density adapter", &latent(full.density.clone()))?;
+            rows.row("progressive", &Settings { progressive: full.progressive.clone(), ..host.clone() })?;
+            rows.row("full", &full)?;
+            Question::Cost
+        }
+        _ => {
+            rows.row("w_lat 0", &host)?;
+            for w in WEIGHTS {
+                rows.row(&format!("w_lat {w}"), &Settings { latent_weight: w, ..host.clone() })?;
+            }
+            Question::Weights(WEIGHTS.map(|w| format!("w_lat {w}")).to_vec())
+        }
+    };
+    Ok(Persons { id, claim, stage, list: rows.list, question })
+}

@@ -1,0 +1,178 @@
+//! What the experiments with persons share: sizes, models, captures.
+
+use crate::loss::lpips::Metric;
+use crate::math::digraph::Digraph;
+use crate::scene::person::PersonCapture;
+use crate::{Error, Result};
+use data_gen::figure::graph::Graph;
+use lastlight_last::avatar::settings::Settings;
+use lastlight_last::figure::Look;
+use lastlight_last::generate;
+use lastlight_last::model::encoder::Input;
+use lastlight_last::model::file::Trained;
+use lastlight_last::model::settings::Supervision;
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Sizes of subjects and fits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Size {
+    /// of the pictures
+    pub side: usize,
+    /// of the video
+    pub frames: usize,
+    /// cameras that test
+    pub cameras: usize,
+    /// P
+    pub points: usize,
+    /// largest number of Gaussians
+    pub gaussians: usize,
+    /// of a fit
+    pub iterations: usize,
+    /// subjects that are compared
+    pub subjects: u64,
+    /// candidates of each constant in the search, and of the grids of E5 and E7, at most
+    pub candidates: usize,
+    /// steps of tuning in E9
+    pub tuning: u32,
+}
+
+impl Size {
+    /// The study's (`last.md` §14).
+    pub fn full() -> Self {
+        Self {
+            side: 64,
+            frames: 40,
+            cameras: 8,
+            points: 1024,
+            gaussians: 4000,
+            iterations: 600,
+            subjects: 6,
+            candidates: usize::MAX,
+            tuning: 500,
+        }
+    }
+
+    /// For a look.
+    pub fn quick() -> Self {
+        Self {
+            frames: 20,
+            cameras: 4,
+            points: 512,
+            gaussians: 1500,
+            iterations: 120,
+            subjects: 2,
+            candidates: 5,
+            tuning: 100,
+            ..Self::full()
+        }
+    }
+
+    /// For a test that everything runs.
+    pub fn smoke() -> Self {
+        Self {
+            frames: 3,
+            cameras: 1,
+            points: 128,
+            gaussians: 300,
+            iterations: 24,
+            candidates: 3,
+            tuning: 3,
+            ..Self::quick()
+        }
+    }
+
+    pub(super) fn record(&self) -> Value {
+        json!({ "side": self.side, "frames": self.frames, "cameras": self.cameras, "points": self.points })
+    }
+
+    /// The host at this size.
+    pub fn host(&self) -> Settings {
+        Settings { iterations: self.iterations, max_gaussians: self.gaussians, ..Settings::host() }
+    }
+
+    /// Items of a list, from its first to its last, no more than there are candidates.
+    pub(super) fn some<T: Clone>(&self, list: &[T]) -> Vec<T> {
+        let n = Ord::max(2, Ord::min(list.len(), self.candidates));
+        (0..n).map(|i| list[i * (list.len() - 1) / (n - 1)].clone()).collect()
+    }
+}
+
+/// A trained model and the graph of the data on which it was trained.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// name of that graph
+    pub graph: String,
+    /// A*, over the model's blocks: interventions told it which factor each block is
+    pub truth: Digraph,
+    /// of the trained model
+    pub digest: String,
+    /// the model
+    pub trained: Trained,
+}
+
+impl Model {
+    /// A model of the graph of that name.
+    ///
+    /// # Errors
+    /// No such graph; a model of another number of factors or of no pictures.
+    pub fn new(graph: &str, trained: Trained) -> Result<Self> {
+        let n = trained.model.sizes.factors;
+        let fail = |e: String| Error::input("--model").expected("GRAPH=FILE").got(e);
+        let truth = Graph::named(graph, n, 0).map_err(fail)?.adjacency;
+        if !matches!(trained.model.encoder.input(), Input::Picture { .. }) {
+            return Err(Error::input("--model").expected("a model of pictures").got("one of vectors"));
+        }
+        let told = trained.settings.supervision;
+        if !matches!(told, Supervision::Groups | Supervision::Labels | Supervision::PerSample) {
+            return Err(Error::input("--model")
+                .expected("a model that was told which factor was set: its blocks are the factors")
+                .got(format!("one of supervision {}", told.name())));
+        }
+        Ok(Self {
+            graph: graph.to_owned(),
+            truth: Digraph::from_fn(n, |i, j| truth[i][j]),
+            digest: trained.digest()?,
+            trained,
+        })
+    }
+}
+
+/// Everything that trials draw on.
+#[derive(Debug)]
+pub struct Stage {
+    /// sizes
+    pub size: Size,
+    /// one per graph; the first serves where an experiment asks for one
+    pub models: Vec<Model>,
+    /// folder of the study
+    pub dir: PathBuf,
+    /// what LPIPS needs, with its digest
+    pub perception: Option<(Metric, u64)>,
+}
+
+impl Stage {
+    /// The video of a subject, made if it is not there.
+    ///
+    /// # Errors
+    /// When it cannot be made or read.
+    pub fn capture(&self, model: &Model, subject: u64) -> Result<PersonCapture> {
+        let s = &self.size;
+        let name = format!("{}-{subject}-{}x{}-{}-{}", model.graph, s.side, s.frames, s.cameras, s.points);
+        let dir = self.dir.join("subjects").join(name);
+        let settings = generate::Settings {
+            set: "video".into(),
+            graph: model.graph.clone(),
+            factors: model.truth.n(),
+            video_look: Look::Mesh,
+            video_size: s.side,
+            points: s.points,
+            frames: s.frames,
+            test_cameras: s.cameras,
+            subject,
+            ..generate::Settings::full()
+        };
+        generate::ensure(&settings, &dir)?;
+        PersonCapture::open(&dir.join("video"))
+    }
+}

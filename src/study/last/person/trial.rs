@@ -1,0 +1,333 @@
+//! One cell: a person fitted and scored.
+
+use super::budget;
+use super::stage::{Model, Stage};
+use crate::experiment::{AROUND, Cell, Values};
+use crate::fit::training::{Fit, Watch};
+use crate::loss::In;
+use crate::loss::lpips::Metric;
+use crate::loss::metric::psnr;
+use crate::math::digraph::Digraph;
+use crate::num::bits::Digest;
+use crate::scene::person::PersonCapture;
+use crate::{Error, Result};
+use data_gen::figure::graph::Graph;
+use lastlight_last::avatar::evaluate::{self, Evaluation, Scored};
+use lastlight_last::avatar::fit::PersonFit;
+use lastlight_last::avatar::guide::Guide;
+use lastlight_last::avatar::person::Avatar;
+use lastlight_last::avatar::settings::Settings;
+use lastlight_last::avatar::view::Target;
+use lastlight_last::model::file::Trained;
+use lastlight_last::model::guide::{cut, seen};
+use lastlight_last::model::tune::{self, Subject};
+use lastlight_last::model::verdict::{deviations, linked};
+use serde_json::{Value, json};
+
+/// Times at which the held-out pictures are looked at during a fit.
+const LOOKS: usize = 6;
+/// Times at which factors are compared in E13.
+const STEPS: usize = 24;
+/// Training pictures scored, or compared in factors, at most.
+const PICTURES: usize = 8;
+
+/// Which graph the model is told to have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Structure {
+    /// The one that it learned.
+    Learned,
+    /// A*
+    True,
+    /// None: structure off.
+    Empty,
+    /// Another one of as many edges as A*, drawn for the subject.
+    Random,
+    /// The learned one with every edge turned round.
+    Reversed,
+    /// The learned one, tuned on the subject.
+    Tuned,
+}
+
+impl Structure {
+    /// In tables and records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Learned => "learned",
+            Self::True => "true",
+            Self::Empty => "empty",
+            Self::Random => "random",
+            Self::Reversed => "reversed",
+            Self::Tuned => "tuned",
+        }
+    }
+}
+
+/// One fit with everything that it depends on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Trial {
+    /// which of the models
+    pub model: usize,
+    /// whom it shows
+    pub subject: u64,
+    /// A
+    pub structure: Structure,
+    /// of the host; the seed is the subject
+    pub settings: Settings,
+    /// renders of the second fit
+    pub renders: usize,
+    /// compare factors during the fit
+    pub factors: bool,
+}
+
+/// A graph of as many edges as `truth` that is neither it nor `learned`.
+fn random(truth: &Digraph, learned: &Digraph, subject: u64) -> Result<Digraph> {
+    let n = truth.n();
+    let draw = |k: u64| -> Result<Digraph> {
+        let name = format!("ER-{}", truth.count());
+        let fail = |e: String| Error::input("random graph").expected("edges that fit").got(e);
+        let a = Graph::named(&name, n, subject.wrapping_mul(1000).wrapping_add(k)).map_err(fail)?.adjacency;
+        Ok(Digraph::from_fn(n, |i, j| a[i][j]))
+    };
+    for k in 0..1000 {
+        let graph = draw(k)?;
+        if graph != *truth && graph != *learned {
+            return Ok(graph);
+        }
+    }
+    Ok(Digraph::empty(n))
+}
+
+/// The model under another graph, with the deviations of ε that belong to it.
+fn under(model: &Trained, graph: Digraph, capture: &PersonCapture) -> Result<Trained> {
+    let mut other = Trained { graph, ..model.clone() };
+    if other.graph != model.graph {
+        let mu = Subject::new(model, capture)?.mu;
+        let d = model.model.sizes.latent();
+        let spread = |t: &Trained| deviations(&linked(t, mu.clone())[1], d);
+        let (new, old) = (spread(&other), spread(model));
+        for (t, (new, old)) in other.noise_spread.iter_mut().zip(new.iter().zip(&old)) {
+            *t *= new / old;
+        }
+    }
+    Ok(other)
+}
+
+impl Trial {
+    /// The cell of a row.
+    pub fn cell(&self, stage: &Stage, row: &str) -> Cell {
+        let mut digest = Digest::new();
+        digest.bytes(self.record(stage).to_string().as_bytes());
+        let graph = &stage.models[self.model].graph;
+        let key = format!("{graph}-{}-{:016x}", self.subject, digest.value());
+        Cell { key, row: row.to_owned(), seed: self.subject }
+    }
+
+    /// Whether the model has a say.
+    fn is_guided(&self) -> bool {
+        self.settings.needs_guide() || self.factors
+    }
+
+    /// Everything that the result depends on.
+    pub fn record(&self, stage: &Stage) -> Value {
+        let model = &stage.models[self.model];
+        let said = |text: &str| if self.is_guided() { text.to_owned() } else { "none".to_owned() };
+        let mut record = json!({
+            "lastlight": env!("CARGO_PKG_VERSION"), "size": stage.size.record(), "graph": model.graph,
+            "subject": self.subject, "model": said(&model.digest), "structure": said(self.structure.name()),
+            "tuning": if self.structure == Structure::Tuned { stage.size.tuning } else { 0 },
+            "factors": self.factors, "renders": self.renders, "host": self.settings.json(),
+        });
+        if let Some((_, digest)) = &stage.perception {
+            record["lpips"] = format!("{digest:016x}").into();
+        }
+        record
+    }
+
+    /// The model under the graph of this trial, and what tuning did to it.
+    fn guide(&self, stage: &Stage, model: &Model, capture: &PersonCapture) -> Result<(Trained, Values)> {
+        let mut values = Values::new();
+        let (learned, truth) = (&model.trained.graph, &model.truth);
+        let guide = match self.structure {
+            Structure::Learned => model.trained.clone(),
+            Structure::True => under(&model.trained, truth.clone(), capture)?,
+            Structure::Empty => under(&model.trained, Digraph::empty(truth.n()), capture)?,
+            Structure::Random => under(&model.trained, random(truth, learned, self.subject)?, capture)?,
+            Structure::Reversed => {
+                let graph = Digraph::from_fn(truth.n(), |i, j| learned.has(j, i));
+                under(&model.trained, graph, capture)?
+            }
+            Structure::Tuned => {
+                let mut tuned = model.trained.clone();
+                let how =
+                    tune::Settings { steps: stage.size.tuning, seed: self.subject, ..Default::default() };
+                let done = tune::run(&mut tuned, &Subject::new(&model.trained, capture)?, &how)?;
+                let moved = done
+                    .before
+                    .iter()
+                    .zip(&done.after)
+                    .fold(0.0, |s, (a, b): (&f64, &f64)| s + (a - b).abs());
+                let [before, after] = &done.edges;
+                let gone = |a: &[(usize, usize)], b: &[(usize, usize)]| {
+                    a.iter().filter(|e| !b.contains(e)).count() as f64
+                };
+                values.insert("moved".into(), moved);
+                values.insert("changed".into(), gone(before, after) + gone(after, before));
+                tuned
+            }
+        };
+        values.insert("edges".into(), guide.graph.count() as f64);
+        Ok((guide, values))
+    }
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// What generation, tuning, fit or scores report.
+    pub fn run(&self, stage: &Stage, watch: &mut dyn Watch) -> Result<Values> {
+        let model = &stage.models[self.model];
+        let capture = stage.capture(model, self.subject)?;
+        let (guide, mut values) = if self.is_guided() {
+            self.guide(stage, model, &capture)?
+        } else {
+            (model.trained.clone(), Values::new())
+        };
+        let train = capture.train.len();
+        let levels = budget::levels(&self.settings, &guide.graph)?;
+        watch.lap(AROUND);
+        let inputs =
+            Inputs { capture: &capture, guide: &guide, perception: stage.perception.as_ref().map(|p| &p.0) };
+        let first = self.fit(&self.settings, &inputs, true, watch)?;
+        let longer = budget::iterations(&self.settings, levels, train, self.renders);
+        let second = match longer {
+            None => Values::new(),
+            Some(n) if n == self.settings.iterations => first.clone(),
+            Some(iterations) => {
+                self.fit(&Settings { iterations, ..self.settings.clone() }, &inputs, false, &mut ())?
+            }
+        };
+        let plain = |name: &String| !name.starts_with("curve") && !name.starts_with("factor");
+        let second = second.into_iter().filter(|(name, _)| plain(name));
+        values.extend(second.map(|(name, x)| (format!("{name}@renders"), x)));
+        values.extend(first);
+        watch.lap(AROUND);
+        Ok(values)
+    }
+
+    /// Fits and scores; looks on during the fit where asked for.
+    fn fit(
+        &self,
+        settings: &Settings,
+        inputs: &Inputs<'_>,
+        curves: bool,
+        watch: &mut dyn Watch,
+    ) -> Result<Values> {
+        let Inputs { capture, guide, .. } = *inputs;
+        let mut values = Values::new();
+        let mut fit = PersonFit::new(settings.clone(), capture, Some(guide))?;
+        let n = fit.iterations();
+        let is_at = |done: usize, parts: usize| (1..=parts).any(|k| k * n / parts == done);
+        for i in 0..n {
+            let step = fit.step(i, watch)?;
+            let done = i + 1;
+            watch.progress(done, n, step);
+            if curves && is_at(done, LOOKS) {
+                values.insert(format!("curve {done}"), level(fit.avatar(), capture)?);
+            }
+            if curves && self.factors && is_at(done, STEPS) {
+                for (j, error) in factor_errors(fit.avatar(), capture, guide)?.into_iter().enumerate() {
+                    values.insert(format!("factor {j} {done}"), error);
+                }
+            }
+            watch.lap(AROUND);
+        }
+        let test = inputs.scores(fit.avatar(), &capture.test)?;
+        let (_, mean) = evaluate::means(&test)?;
+        values
+            .extend(mean.named().into_iter().filter(|(_, x)| x.is_finite()).map(|(n, x)| (n.to_owned(), x)));
+        let step = Ord::max(1, capture.train.len().div_ceil(PICTURES));
+        let some: Vec<usize> = capture.train.iter().copied().step_by(step).collect();
+        let (_, mean) = evaluate::means(&inputs.scores(fit.avatar(), &some)?)?;
+        let t = fit.tally();
+        let share = |a: f64, b: u64| if b == 0 { 0.0 } else { a / b as f64 };
+        values.extend(
+            [
+                ("PSNR-box training", mean.boxed.db.finite().unwrap_or(f64::INFINITY)),
+                ("gaussians", fit.avatar().gaussians.len() as f64),
+                ("iterations", n as f64),
+                ("renders", t.renders as f64),
+                ("encodings", t.encodings as f64),
+                ("bound", share(t.bound as f64, t.capped)),
+                ("blind", share(t.blind, t.gradients)),
+                ("turned away", fit.events().iter().fold(0, |s, e| s + e.turned_away) as f64),
+            ]
+            .map(|(name, x)| (name.to_owned(), x)),
+        );
+        Ok(values)
+    }
+}
+
+/// What a fit is made from and scored with.
+struct Inputs<'a> {
+    capture: &'a PersonCapture,
+    guide: &'a Trained,
+    perception: Option<&'a Metric>,
+}
+
+impl Inputs<'_> {
+    fn scores(&self, avatar: &Avatar, which: &[usize]) -> Result<Vec<Scored>> {
+        let all = Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) };
+        which.iter().map(|&shot| all.score(shot)).collect()
+    }
+}
+
+/// Mean PSNR-box of the held-out pictures.
+fn level(avatar: &Avatar, capture: &PersonCapture) -> Result<f64> {
+    let mut sum = 0.0;
+    for &i in &capture.test {
+        let shot = &capture.shots[i];
+        let target = Target::read(capture, shot)?;
+        let out = avatar.picture(&capture.poses[shot.time], Some(shot.time), &shot.camera)?;
+        let (height, width) = (shot.camera.height, shot.camera.width);
+        let photo = target.before(avatar.background);
+        let x = In { x: &out.image, y: &photo, mask: Some(&target.inside), height, width };
+        sum += psnr::forward(&x)?.db.finite().unwrap_or(f64::INFINITY);
+    }
+    Ok(sum / capture.test.len() as f64)
+}
+
+/// (n) mean over some training pictures and the template's points of how far exchanging a factor for the photograph's moves the decoded points.
+fn factor_errors(avatar: &Avatar, capture: &PersonCapture, guide: &Trained) -> Result<Vec<f64>> {
+    let train = capture.train.len();
+    let count = Ord::min(PICTURES, train);
+    let mut sums = vec![0.0; guide.factors()];
+    for v in 0..count {
+        let shot = &capture.shots[capture.train[v * train / count]];
+        let out = avatar.picture(&capture.poses[shot.time], Some(shot.time), &shot.camera)?;
+        let real = seen(guide, capture, shot, &shot.photo()?)?;
+        let rendered = cut(guide, capture, shot, &out.image)?;
+        let scores = guide.swap_scores(&rendered, &real, &guide.template)?;
+        for (sum, of_points) in sums.iter_mut().zip(&scores) {
+            let total = of_points.iter().fold(0.0, |s, x| s + x);
+            *sum += total / (of_points.len() * count) as f64;
+        }
+    }
+    Ok(sums)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_random_graph_is_another_one() {
+        let fork = Digraph::new(4, &[(0, 1), (0, 2)]);
+        for subject in 1..=20 {
+            let graph = random(&fork, &fork, subject).expect("drawn");
+            assert!(graph.is_acyclic() && graph.count() == 2 && graph != fork, "{:?}", graph.edges());
+            assert_eq!(random(&fork, &fork, subject).expect("drawn"), graph, "the same for one subject");
+            assert_ne!(random(&fork, &graph, subject).expect("drawn"), graph, "nor the learned one");
+        }
+        let none = random(&Digraph::empty(4), &Digraph::empty(4), 1).expect("drawn");
+        assert_eq!(none.count(), 0, "there is only one without edges");
+    }
+}

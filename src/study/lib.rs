@@ -1,0 +1,9 @@
+//! Level 12 of lastlight: experiments that compare settings of the systems.
+#![forbid(unsafe_code)]
+
+pub mod last;
+
+use lastlight_import::scene;
+use lastlight_kernels::loss;
+use lastlight_num::{Error, Result, math, num};
+use lastlight_train::{experiment, fit};

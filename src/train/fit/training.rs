@@ -1,0 +1,369 @@
+//! The training loop: iterations, checkpoints, interruption, resumption.
+//!
+//! A [`Fit`] is a state and a step. The loop calls the step with ascending iteration numbers and owns everything
+//! else: the [`History`], when to write a checkpoint, and when to stop. A step must be a function of the state, the
+//! settings and the iteration number alone. Random draws are Philox blocks keyed by seed and iteration, so that there is
+//! no generator to store, and a resumed fit gives the bits of an uninterrupted one.
+//!
+//! A checkpoint is one safetensors file: the arrays of [`Fit::save`], the history under `history/…`, and the text
+//! metadata `kind`, `version`, `iteration`, `settings`. It is replaced in one step: interrupted at any moment, the last
+//! complete one is on disk.
+
+use crate::io::safetensors;
+use crate::num::array::Arrays;
+use crate::{Error, Result};
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What one iteration reports.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// value of the loss before the update
+    pub loss: f32,
+    /// number of primitives after the iteration
+    pub size: usize,
+}
+
+/// One optimisation: a state and how to advance it.
+pub trait Fit {
+    /// Name of the kind of fit, stored in checkpoints.
+    fn kind(&self) -> &'static str;
+
+    /// Everything that decides the result, as a flat JSON object. A checkpoint made with other settings is refused.
+    fn settings(&self) -> Value;
+
+    /// Number of iterations in all.
+    fn iterations(&self) -> usize;
+
+    /// Runs iteration `i`, counted from 0.
+    ///
+    /// # Errors
+    /// When the state can no longer be advanced, e.g. because a number has left the finite range.
+    fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step>;
+
+    /// Puts the whole state into `out`.
+    fn save(&self, out: &mut Arrays);
+
+    /// Replaces the state by a saved one.
+    ///
+    /// # Errors
+    /// When an array is missing, has another shape than the others ask for, or holds a number that is not finite.
+    fn load(&mut self, from: &Arrays) -> Result<()>;
+}
+
+/// Who looks on: told which part of an iteration has just ended, and how far the fit is. Nothing flows back.
+pub trait Watch {
+    /// The work since the previous call was `part`.
+    fn lap(&mut self, part: &'static str) {
+        let _ = part;
+    }
+
+    /// `done` of `total` iterations are complete.
+    fn progress(&mut self, done: usize, total: usize, step: Step) {
+        let _ = (done, total, step);
+    }
+}
+
+/// Nobody looks on.
+impl Watch for () {}
+
+/// Loss and size per iteration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// loss of each complete iteration
+    pub loss: Vec<f32>,
+    /// number of primitives after each
+    pub size: Vec<i32>,
+}
+
+impl History {
+    /// Number of complete iterations.
+    pub fn len(&self) -> usize {
+        self.loss.len()
+    }
+
+    /// Whether nothing has run.
+    pub fn is_empty(&self) -> bool {
+        self.loss.is_empty()
+    }
+}
+
+/// When to write checkpoints and when to stop early.
+#[derive(Clone, Copy)]
+pub struct Schedule<'a> {
+    /// file of the checkpoint; `None` writes none
+    pub checkpoint: Option<&'a Path>,
+    /// iterations between checkpoints; there is always one at the end and one on interruption
+    pub every: usize,
+    /// set from outside to stop after the iteration in work
+    pub stop: &'a AtomicBool,
+}
+
+/// Where a training that can be resumed keeps its checkpoint.
+#[derive(Clone, Copy, Debug)]
+pub struct Session<'a> {
+    /// file of the checkpoint
+    pub checkpoint: &'a Path,
+    /// iterations between checkpoints
+    pub every: usize,
+}
+
+/// How a training began.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// At its first iteration.
+    Fresh,
+    /// At its first iteration: it was to be resumed, but there is no checkpoint.
+    NoCheckpoint,
+    /// From its checkpoint.
+    Resumed,
+}
+
+impl Session<'_> {
+    /// Loads the checkpoint into a fit made with the same settings if it is to be resumed and there is one; gives the history so far.
+    ///
+    /// # Errors
+    /// See [`resume`].
+    pub fn begin(&self, fit: &mut dyn Fit, is_resumed: bool) -> Result<(History, Start)> {
+        match (is_resumed, self.checkpoint.exists()) {
+            (false, _) => Ok((History::default(), Start::Fresh)),
+            (true, false) => Ok((History::default(), Start::NoCheckpoint)),
+            (true, true) => Ok((resume(fit, self.checkpoint)?, Start::Resumed)),
+        }
+    }
+
+    /// [`run`] with this checkpoint; gives the complete history.
+    ///
+    /// # Errors
+    /// See [`run`].
+    pub fn run(
+        &self,
+        fit: &mut dyn Fit,
+        mut history: History,
+        stop: &AtomicBool,
+        watch: &mut dyn Watch,
+    ) -> Result<History> {
+        let schedule = Schedule { checkpoint: Some(self.checkpoint), every: self.every, stop };
+        run(fit, &mut history, schedule, watch)?;
+        Ok(history)
+    }
+}
+
+/// Runs the iterations that `history` does not yet hold.
+///
+/// # Errors
+/// [`crate::error::Kind::Interrupted`] when `stop` was set before the last iteration; otherwise what the step or the
+/// file system reports.
+pub fn run(
+    fit: &mut dyn Fit,
+    history: &mut History,
+    schedule: Schedule<'_>,
+    watch: &mut dyn Watch,
+) -> Result<()> {
+    assert!(schedule.every > 0, "checkpoints are a positive number of iterations apart");
+    let total = fit.iterations();
+    watch.lap("start");
+    while history.len() < total {
+        let step = fit.step(history.len(), watch)?;
+        history.loss.push(step.loss);
+        history.size.push(i32::try_from(step.size).expect("a fit is capped far below 2³¹ primitives"));
+        let done = history.len();
+        watch.progress(done, total, step);
+        let interrupted = schedule.stop.load(Ordering::Relaxed) && done < total;
+        if let Some(path) = schedule.checkpoint
+            && (interrupted || done == total || done.is_multiple_of(schedule.every))
+        {
+            save(fit, history, path)?;
+            watch.lap("checkpoint");
+        }
+        if interrupted {
+            let e = Error::interrupted(format!("{} fit", fit.kind()))
+                .at(format!("stopped after iteration {done} of {total}"));
+            return Err(match schedule.checkpoint {
+                Some(_) => e.hint("the checkpoint is complete: run the same command with --resume to go on"),
+                None => e,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Writes a checkpoint, whole or not at all.
+///
+/// # Errors
+/// When the file cannot be written.
+pub fn save(fit: &dyn Fit, history: &History, path: &Path) -> Result<()> {
+    let mut arrays = Arrays::new();
+    fit.save(&mut arrays);
+    arrays.put("history/loss", &[history.len()], history.loss.clone());
+    arrays.put("history/size", &[history.len()], history.size.clone());
+    let meta = BTreeMap::from([
+        ("kind".to_owned(), fit.kind().to_owned()),
+        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ("iteration".to_owned(), history.len().to_string()),
+        ("settings".to_owned(), fit.settings().to_string()),
+    ]);
+    safetensors::write(path, &arrays, &meta)
+}
+
+/// Loads a checkpoint into a fit made with the same settings; gives the history so far.
+///
+/// # Errors
+/// When the file is not a complete checkpoint of this kind of fit, or a setting differs; the error names the setting.
+pub fn resume(fit: &mut dyn Fit, path: &Path) -> Result<History> {
+    let file = safetensors::read(path)?;
+    restore(fit, &file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
+}
+
+fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<History> {
+    let text = |key: &str| {
+        meta.get(key).ok_or_else(|| {
+            Error::input("metadata").at(key).expected("a checkpoint written by a fit").got("no such entry")
+        })
+    };
+    if text("kind")? != fit.kind() {
+        return Err(Error::input("metadata").at("kind").expected(fit.kind()).got(text("kind")?.as_str()));
+    }
+    let stored: Value = serde_json::from_str(text("settings")?)
+        .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
+    // Ours go through text too: reading a number back may cost its last bit, in the same way for both.
+    let ours = serde_json::from_str(&fit.settings().to_string()).expect("JSON text of a JSON value");
+    same_settings(&stored, &ours)?;
+    let loss = arrays.need("history/loss")?.to_f32();
+    let size: Vec<i32> = arrays
+        .need("history/size")?
+        .to_i64()
+        .and_then(|v| v.into_iter().map(|n| i32::try_from(n).ok()).collect())
+        .ok_or_else(|| Error::input("array 'history/size'").expected("counts below 2³¹"))?;
+    let iteration = text("iteration")?;
+    if loss.len() != size.len() || loss.len().to_string() != *iteration || loss.len() > fit.iterations() {
+        return Err(Error::input("array 'history/loss'")
+            .expected(format!("{iteration} entries, as many as 'history/size', at most {}", fit.iterations()))
+            .got(format!("{} and {}", loss.len(), size.len())));
+    }
+    fit.load(arrays)?;
+    Ok(History { loss, size })
+}
+
+/// Both are flat objects with equal entries.
+fn same_settings(stored: &Value, ours: &Value) -> Result<()> {
+    let empty = serde_json::Map::new();
+    let (stored, ours) = (stored.as_object().unwrap_or(&empty), ours.as_object().unwrap_or(&empty));
+    for key in ours.keys().chain(stored.keys()) {
+        let (a, b) = (stored.get(key), ours.get(key));
+        if a != b {
+            let show = |v: Option<&Value>| v.map_or_else(|| "nothing".to_owned(), Value::to_string);
+            return Err(Error::input("setting")
+                .at(key.as_str())
+                .expected(format!("{} as in the checkpoint", show(a)))
+                .got(show(b))
+                .hint("resume with the settings and the input of the first run, or choose another --out"));
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x ← x·¾ + draw(seed, i): every step depends on the state and the iteration number.
+    struct Toy {
+        x: Vec<f32>,
+        seed: u32,
+        n: usize,
+    }
+
+    impl Fit for Toy {
+        fn kind(&self) -> &'static str {
+            "toy"
+        }
+        fn settings(&self) -> Value {
+            serde_json::json!({"iterations": self.n, "seed": self.seed})
+        }
+        fn iterations(&self) -> usize {
+            self.n
+        }
+        fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step> {
+            for (k, x) in self.x.iter_mut().enumerate() {
+                let draw = (i as u32).wrapping_mul(2_654_435_761).wrapping_add(self.seed) ^ k as u32;
+                *x = *x * 0.75 + (draw >> 8) as f32 / 16_777_216.0;
+            }
+            watch.lap("step");
+            Ok(Step { loss: self.x[0], size: self.x.len() })
+        }
+        fn save(&self, out: &mut Arrays) {
+            out.put("x", &[self.x.len()], self.x.clone());
+        }
+        fn load(&mut self, from: &Arrays) -> Result<()> {
+            self.x = from.need("x")?.to_f32();
+            Ok(())
+        }
+    }
+
+    /// Sets the flag when `at` iterations are complete.
+    struct StopAt<'a>(usize, &'a AtomicBool);
+    impl Watch for StopAt<'_> {
+        fn progress(&mut self, done: usize, _total: usize, _step: Step) {
+            self.1.store(done == self.0, Ordering::Relaxed);
+        }
+    }
+
+    fn toy() -> Toy {
+        Toy { x: vec![0.5; 3], seed: 7, n: 20 }
+    }
+
+    #[test]
+    fn a_resumed_fit_is_the_uninterrupted_fit() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let stop = AtomicBool::new(false);
+        let whole = dir.path().join("whole.safetensors");
+        let (mut a, mut h) = (toy(), History::default());
+        run(&mut a, &mut h, Schedule { checkpoint: Some(&whole), every: 6, stop: &stop }, &mut ())
+            .expect("runs");
+        assert_eq!(h.len(), 20, "all iterations");
+
+        let path = dir.path().join("parts.safetensors");
+        let (mut b, mut history) = (toy(), History::default());
+        for at in [1, 5, 13] {
+            let schedule = Schedule { checkpoint: Some(&path), every: 100, stop: &stop };
+            let e = run(&mut b, &mut history, schedule, &mut StopAt(at, &stop)).expect_err("it was stopped");
+            assert_eq!(e.exit_code(), 130, "{e}");
+            assert!(e.to_string().contains(&format!("after iteration {at} of 20")), "{e}");
+            stop.store(false, Ordering::Relaxed);
+            b = toy();
+            let session = Session { checkpoint: &path, every: 100 };
+            assert_eq!(session.begin(&mut b, false).expect("nothing read").1, Start::Fresh, "not resumed");
+            let missing = Session { checkpoint: &dir.path().join("none"), every: 100 };
+            assert_eq!(missing.begin(&mut b, true).expect("nothing read").1, Start::NoCheckpoint, "no file");
+            let (so_far, start) = session.begin(&mut b, true).expect("the checkpoint is complete");
+            assert_eq!((so_far.len(), start), (at, Start::Resumed), "where it was stopped");
+            history = so_far;
+        }
+        run(&mut b, &mut history, Schedule { checkpoint: Some(&path), every: 100, stop: &stop }, &mut ())
+            .expect("runs");
+        assert_eq!(
+            std::fs::read(&whole).expect("written"),
+            std::fs::read(&path).expect("written"),
+            "same bytes"
+        );
+    }
+
+    #[test]
+    fn other_settings_and_other_files_are_refused() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let path = dir.path().join("c.safetensors");
+        let stop = AtomicBool::new(false);
+        let schedule = Schedule { checkpoint: Some(&path), every: 5, stop: &stop };
+        run(&mut toy(), &mut History::default(), schedule, &mut ()).expect("runs");
+        let mut other = Toy { seed: 8, ..toy() };
+        let e = resume(&mut other, &path).expect_err("another seed").to_string();
+        assert!(e.contains("seed: expected 7 as in the checkpoint, got 8"), "{e}");
+        let full = std::fs::read(&path).expect("written");
+        std::fs::write(&path, &full[..full.len() / 2]).expect("truncated");
+        assert!(resume(&mut toy(), &path).is_err(), "half a file is refused");
+        assert!(resume(&mut toy(), &dir.path().join("none")).is_err(), "a missing file is refused");
+    }
+}

@@ -1,0 +1,22 @@
+//! Tests of the built program: exit codes, messages, interruption and results of every command.
+
+mod cli;
+mod cli_gen;
+mod cli_last;
+mod cli_lirm;
+mod cli_study;
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../common/lpips_weights.rs"]
+mod lpips_weights;
+mod mesh_cli;
+#[path = "../common/mini_person.rs"]
+mod mini_person;
+mod oracle;
+mod person;
+mod program;
+#[path = "../common/python.rs"]
+mod python;
+#[path = "../samples/mod.rs"]
+mod samples;
+mod weights;

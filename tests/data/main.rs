@@ -1,0 +1,18 @@
+//! Tests of levels 2 and 3: files of every format, captures, models and persons.
+
+mod captures;
+#[path = "../common/mod.rs"]
+mod common;
+mod io;
+#[path = "../common/mini_person.rs"]
+mod mini_person;
+mod models;
+#[path = "../common/mutate.rs"]
+mod mutate;
+mod person_captures;
+mod person_layout;
+mod pickles;
+#[path = "../common/python.rs"]
+mod python;
+#[path = "../samples/mod.rs"]
+mod samples;

@@ -1,0 +1,10 @@
+//! Tests of the source itself: the arrows between its parts.
+
+mod adjoints;
+mod cycles;
+mod levels;
+mod modules;
+mod reader;
+
+/// The repository, from this package.
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");

@@ -1,0 +1,12 @@
+//! Tests of levels 4 to 9: operators against golden arrays, closed forms, the twin and finite differences, and what runs them.
+
+#[path = "../common/mod.rs"]
+mod common;
+mod density;
+mod geometry;
+mod gradients;
+mod loss;
+mod optim;
+mod oracle;
+mod shade;
+mod splat;
