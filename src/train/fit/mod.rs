@@ -3,8 +3,9 @@
 //! ```text
 //! cli ──► splat ──► training                      the loop: iterations, checkpoints, resumption
 //!           ├────► seeds                          first Gaussians: points, a scene file, or random in the box
-//!           ├────► splat::graph                   one view: activate ──► render ──► losses, on the tape
+//!           ├────► splat::pass                    one view: activate ──► draw ──► losses, and their adjoints in reverse
 //!           └────► optim                          Adam rows, learning rates, density control
+//! splat, last ──► drawing                         the renderer and its adjoint, with memory kept between renders
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
 //! cli ──► relight ──► passes                      a model under light along cameras
@@ -16,6 +17,7 @@
 //! Nothing here reads a clock.
 
 pub mod built_in;
+pub mod drawing;
 mod earlier;
 pub mod evaluate;
 pub mod frames;

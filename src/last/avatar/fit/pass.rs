@@ -10,7 +10,7 @@ use super::request::{BLIND, RenderResult, Request};
 use crate::Result;
 use crate::fit::training::Watch;
 use crate::shade::{gain, over_black};
-use crate::splat::render::{self, InBar, OutBar};
+use crate::splat::render::{self, OutBar};
 
 impl<'a> PersonFit<'a> {
     /// The guide and its window on a picture.
@@ -36,7 +36,7 @@ impl<'a> PersonFit<'a> {
         let x = render::In { background, ..self.avatar.input(&placed, &target.camera, want.degree) };
         watch.lap("pose");
         let mut work = std::mem::take(&mut self.work);
-        render::forward_into(&x, &self.avatar.render, None, &mut work.out, &mut work.saved);
+        work.draw(&x, &self.avatar.render);
         self.tally.renders += 1;
         let gain = light.map(|l| l.gain);
         if let Some(gain) = gain {
@@ -79,18 +79,10 @@ impl<'a> PersonFit<'a> {
                     let x = gain::In { alpha: &work.out.alpha, background, gain };
                     gain::adjoint(&x, &work.out.image, width, &mut image_bar, &mut alpha_bar);
                 }
-                let mut bar = InBar::zeros_like(&x);
                 let out_bar =
                     OutBar { image: Some(&image_bar), alpha: Some(&alpha_bar), ..OutBar::default() };
-                render::adjoint_into(
-                    &x,
-                    &self.avatar.render,
-                    None,
-                    &work.saved,
-                    out_bar,
-                    &mut bar,
-                    &mut work.scratch,
-                );
+                let bar = work.adjoint(&x, &self.avatar.render, out_bar);
+                work.give_back(bar.sh);
                 latent = Some(bar.means);
                 watch.lap("latent adjoint");
             }
@@ -100,23 +92,14 @@ impl<'a> PersonFit<'a> {
             let x = gain::In { alpha: &work.out.alpha, background, gain };
             gain::adjoint(&x, &work.out.image, width, bars.0, bars.1)
         });
-        let mut bar = InBar::zeros_like(&x);
         let out_bar = OutBar {
             image: Some(&compared.image_bar),
             alpha: Some(&compared.alpha_bar),
             ..OutBar::default()
         };
-        render::adjoint_into(
-            &x,
-            &self.avatar.render,
-            None,
-            &work.saved,
-            out_bar,
-            &mut bar,
-            &mut work.scratch,
-        );
+        let mut bar = work.adjoint(&x, &self.avatar.render, out_bar);
         watch.lap("adjoint");
-        let (means_px, radii) = (std::mem::take(&mut bar.means_px), work.saved.radii());
+        let (means_px, radii) = (std::mem::take(&mut bar.means_px), work.radii());
         let mut grad = self.avatar.adjoint(rig, &placed, bar, want.networks);
         self.work = work;
         let light = gain.map(|gain| Moment { gain, toward: grad.toward });

@@ -1,19 +1,10 @@
-//! One render: what is asked for, what comes back, and the memory it works in.
+//! One render: what is asked for and what comes back.
 
 use super::super::light::Moment;
 use super::super::person::Grad;
-use crate::splat::render::{Out, Saved, Scratch};
 
 /// |∂L_lat/∂X| below it: the encoder does not look there.
 pub(super) const BLIND: f32 = 1e-8;
-
-/// Memory kept between renders.
-#[derive(Default)]
-pub(super) struct Workspace {
-    pub(super) out: Out,
-    pub(super) saved: Saved,
-    pub(super) scratch: Scratch,
-}
 
 /// One render and what came back from it.
 pub(super) struct RenderResult {

@@ -1,7 +1,7 @@
 //! Static Gaussian splatting: one set of Gaussians for the photographs of one capture.
 //!
 //! ```text
-//! settings   what decides the result          graph   one view on the tape: activate → render → losses
+//! settings   what decides the result          pass   one view: activate → draw → losses, and their adjoints in reverse
 //! ```
 //!
 //! Iteration i (counted from 1) sees one photograph: position (i−1) mod n of the permutation of epoch ⌊(i−1)/n⌋,
@@ -9,11 +9,12 @@
 //! schedule. The state between iterations is what a checkpoint holds: parameters, moments, counters, screen statistics,
 //! events. Nothing else is remembered, so a resumed fit has the bits of an uninterrupted one.
 
-mod graph;
+mod pass;
 mod settings;
 
 pub use settings::{Settings, Strategy};
 
+use super::drawing::Workspace;
 use super::training::{Fit, Step, Watch};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
@@ -26,8 +27,7 @@ use crate::optim::schedule::{LogLinear, scaled, sh_degree};
 use crate::scene::gaussians::Gaussians;
 use crate::scene::views::{View, Views};
 use crate::{Error, Result};
-use graph::{Drawing, SharedWorkspace, Target};
-use ndarray::{ArrayD, IxDyn};
+use pass::{Drawing, Target};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -101,7 +101,7 @@ pub struct SplatFit<'a> {
     // Kept for speed; a function of the rest.
     photos: Vec<Option<Target>>,
     order: (usize, Vec<usize>),
-    workspace: SharedWorkspace,
+    workspace: Workspace,
 }
 
 impl<'a> SplatFit<'a> {
@@ -145,7 +145,7 @@ impl<'a> SplatFit<'a> {
             events: Vec::new(),
             photos: vec![None; views.views.len()],
             order: (usize::MAX, Vec::new()),
-            workspace: SharedWorkspace::default(),
+            workspace: Workspace::default(),
             settings,
             views,
         })
@@ -256,9 +256,9 @@ impl Fit for SplatFit<'_> {
             degree: sh_degree(iteration, bands, self.settings.sh_degree),
         };
         watch.lap("photograph");
-        let outcome = graph::evaluate(&mut self.gaussians, &target, &drawing, &self.workspace, watch)
+        let outcome = pass::pass(&self.gaussians, &target, &drawing, &mut self.workspace, watch)
             .map_err(|e| e.at(format!("iteration {iteration}, {}", self.views.views[index].name)))?;
-        let graph::Outcome { mut loss, mut grad, screen } = outcome;
+        let pass::Outcome { mut loss, mut grad, screen } = outcome;
         match &self.control {
             Control::Gradient(s) => {
                 if iteration < s.stop {
@@ -272,7 +272,7 @@ impl Fit for SplatFit<'_> {
         self.groups
             .step(&mut self.gaussians, &grad, &rates, None)
             .map_err(|e| e.at(format!("iteration {iteration}")))?;
-        graph::give_back(&self.workspace, grad.sh);
+        self.workspace.give_back(grad.sh);
         watch.lap("optimiser");
         self.control(iteration)?;
         watch.lap("density control");
@@ -314,11 +314,8 @@ fn integers(a: &Array) -> Option<Vec<i64>> {
 }
 
 fn target_of(view: &View) -> Target {
-    let (height, width) = (view.camera.height, view.camera.width);
-    let photo = ArrayD::from_shape_vec(IxDyn(&[height, width, 3]), view.image())
-        .expect("a view holds one colour per pixel");
     let mask = view.mask.as_ref().map(|m| Arc::new(m.iter().map(|&b| f32::from(b)).collect()));
-    Target { camera: view.camera.clone(), photo: Arc::new(photo), mask }
+    Target { camera: view.camera.clone(), photo: Arc::new(view.image()), mask }
 }
 
 /// Digest of all parameters of a scene, 16 hexadecimal digits: means, quats, scales_log, opacity_logits, sh in this order.
