@@ -1,10 +1,13 @@
 //! Tests of levels 4 to 9: operators against golden arrays, closed forms, the twin and finite differences, and what runs them.
 
+#[path = "../common/chains.rs"]
+mod chains;
 #[path = "../common/mod.rs"]
 mod common;
 mod density;
 mod geometry;
 mod gradients;
+mod linear;
 mod loss;
 mod optim;
 mod oracle;

@@ -1,6 +1,6 @@
 //! Sums against their definition, written out slowly.
 
-use super::{assert_same_bits, values};
+use crate::chains::{assert_same_bits, values};
 use lastlight::num::{par, sum};
 
 /// The definition for one chunk.
