@@ -1,9 +1,9 @@
 //! Image metrics.
 
 use super::{checker, pictures};
+use lastlight::loss::In;
 use lastlight::loss::metric::psnr::Decibel;
 use lastlight::loss::metric::{self, Crop};
-use lastlight::loss::In;
 
 #[test]
 fn metrics_have_their_closed_forms() {
