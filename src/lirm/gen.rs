@@ -65,108 +65,120 @@ pub fn run(
     let per_object = settings.pictures() * settings.versions().len();
     let total = per_object * settings.objects as usize;
     let (mut listed, mut rendered, mut digest) = (Vec::new(), 0, crate::num::bits::Digest::new());
-    let asked = settings.record()?;
-    begin(dir, &asked, resume)?;
+    let record = settings.record()?;
+    begin(dir, &record, resume)?;
+    let job = Job { dir, settings, record: &record, resume, stop };
     for n in 0..settings.objects {
         let k = settings.first + n;
         let name = format!("object_{k:05}");
         let folder = dir.join(&name);
         let done = n as usize * per_object;
-        let kept = if resume { finished(&folder, settings, &asked, k)? } else { None };
-        let record = match kept {
-            Some(record) => record,
+        let kept = if resume { finished(&folder, settings, &record, k)? } else { None };
+        let object = match kept {
+            Some(object) => object,
             None => {
                 let mut looked = 0;
-                let (record, made) = one(dir, &folder, settings, &asked, k, resume, stop, &mut |label| {
+                let (object, made) = job.object(&folder, k, &mut |label| {
                     progress(done + looked, total, &format!("{name} · {label}"));
                     looked += 1;
                 })?;
                 rendered += made;
-                record
+                object
             }
         };
-        digest.bytes(format!("{record:#}").as_bytes());
+        digest.bytes(format!("{object:#}").as_bytes());
         listed.push(
-            json!({ "folder": name, "shape": record["shape"]["name"], "versions": record["versions"] }),
+            json!({ "folder": name, "shape": object["shape"]["name"], "versions": object["versions"] }),
         );
     }
     progress(total, total, "done");
     let digest = digest.value();
     let top = json!({
-        "format": FORMAT, "complete": true, "settings": asked, "objects": listed, "digest": hex(digest),
+        "format": FORMAT, "complete": true, "settings": record, "objects": listed, "digest": hex(digest),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{top:#}\n").as_bytes())?;
     Ok(Summary { objects: listed.len(), rendered, digest })
 }
 
-/// Makes what is missing of one object with all its versions; gives its record, and how many pictures were rendered.
-fn one(
-    dir: &Path,
-    folder: &Path,
-    settings: &Settings,
-    asked: &Map<String, Value>,
-    k: u64,
+/// What stays the same for all objects of a run.
+struct Job<'a> {
+    /// The folder of the set.
+    dir: &'a Path,
+    settings: &'a Settings,
+    /// The settings as every record states them.
+    record: &'a Map<String, Value>,
+    /// Whether pictures that are there are kept.
     resume: bool,
-    stop: &AtomicBool,
-    made: &mut dyn FnMut(&str),
-) -> Result<(Value, usize)> {
-    atomic::sweep(folder)?;
-    let versions = settings.versions();
-    let needs_map = versions.iter().any(|v| v.1);
-    let (subject, light) = par::join(
-        || Subject::new(settings, k),
-        || if needs_map { Light::new(settings, k).map(Some) } else { Ok(None) },
-    );
-    let (subject, light) = (subject?, light?);
-    announce(dir, asked)?;
-    let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
-    let (shots, protocol) = shots(settings, k);
-    let (mut records, mut rendered) = (Vec::new(), 0);
-    for (version, under_map, is_shiny) in versions {
-        let lights = match (&light, under_map) {
-            (Some(light), true) => Lights { environment: Some(light.map.clone()), lamps: Vec::new() },
-            _ => Lights {
-                environment: Some(from_data_gen::environment(&data_gen::environments::uniform())),
-                lamps: Vec::new(),
-            },
-        };
-        let gloss = subject.gloss(settings.seed, k);
-        let shiny: Option<Object> = is_shiny.then(|| subject.with_roughness(gloss));
-        let object = shiny.as_ref().unwrap_or(&subject.object);
-        let scene = Scene::new(object, &bvh, &lights)?;
-        let capture = Capture { settings, k, scene: &scene, exposed: under_map };
-        let recorder = Recorder::open(&folder.join(version), header(asked, k, version), resume)?;
-        let (digest, count) = capture.shoot(recorder, &shots, stop, &mut || made(version))?;
-        rendered += count;
-        let mut record = json!({
-            "folder": version,
-            "lighting": if under_map { "environment" } else { "uniform" },
-            "digest": hex(digest),
-        });
-        if is_shiny {
-            record["roughness_factor"] = json!(f64::from(gloss));
+    stop: &'a AtomicBool,
+}
+
+impl Job<'_> {
+    /// Makes what is missing of object `k` with all its versions. `made` is called for every picture with the name of its version. Gives
+    /// the object's record, and how many pictures were rendered.
+    fn object(&self, folder: &Path, k: u64, made: &mut dyn FnMut(&str)) -> Result<(Value, usize)> {
+        let Job { settings, .. } = *self;
+        atomic::sweep(folder)?;
+        let versions = settings.versions();
+        let needs_map = versions.iter().any(|v| v.1);
+        let (subject, light) = par::join(
+            || Subject::new(settings, k),
+            || if needs_map { Light::new(settings, k).map(Some) } else { Ok(None) },
+        );
+        let (subject, light) = (subject?, light?);
+        announce(self.dir, self.record)?;
+        let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
+        let (shots, protocol) = shots(settings, k);
+        let (mut records, mut rendered) = (Vec::new(), 0);
+        for (version, under_map, is_shiny) in versions {
+            let lights = lights(light.as_ref().filter(|_| under_map));
+            let gloss = subject.gloss(settings.seed, k);
+            let shiny: Option<Object> = is_shiny.then(|| subject.with_roughness(gloss));
+            let object = shiny.as_ref().unwrap_or(&subject.object);
+            let scene = Scene::new(object, &bvh, &lights)?;
+            let capture = Capture { settings, k, scene: &scene, exposed: under_map };
+            let header = header(self.record, k, version);
+            let recorder = Recorder::open(&folder.join(version), header, self.resume)?;
+            let (digest, count) = capture.shoot(recorder, &shots, self.stop, &mut || made(version))?;
+            rendered += count;
+            let mut record = json!({
+                "folder": version,
+                "lighting": if under_map { "environment" } else { "uniform" },
+                "digest": hex(digest),
+            });
+            if is_shiny {
+                record["roughness_factor"] = json!(f64::from(gloss));
+            }
+            records.push(record);
         }
-        records.push(record);
+        let mut record = json!({
+            "object": k,
+            "shape": subject.record,
+            "vertices": subject.object.mesh.positions.len(),
+            "triangles": subject.object.mesh.triangles.len(),
+            "versions": records,
+            "settings": self.record,
+        });
+        if settings.truth {
+            record["truth"] = truth::write(folder, &subject.object, light.as_ref().map(|l| &l.map))?;
+        }
+        if let Some(light) = light {
+            record["environment"] = light.record;
+        }
+        if let Some(protocol) = protocol {
+            record["protocol"] = protocol;
+        }
+        atomic::write_bytes(&folder.join("object.json"), format!("{record:#}\n").as_bytes())?;
+        Ok((record, rendered))
     }
-    let mut record = json!({
-        "object": k,
-        "shape": subject.record,
-        "vertices": subject.object.mesh.positions.len(),
-        "triangles": subject.object.mesh.triangles.len(),
-        "versions": records,
-        "settings": asked,
-    });
-    if settings.truth {
-        record["truth"] = truth::write(folder, &subject.object, light.as_ref().map(|l| &l.map))?;
-    }
-    if let Some(light) = light {
-        record["environment"] = light.record;
-    }
-    if let Some(protocol) = protocol {
-        record["protocol"] = protocol;
-    }
-    atomic::write_bytes(&folder.join("object.json"), format!("{record:#}\n").as_bytes())?;
-    Ok((record, rendered))
+}
+
+/// The light of a version: the object's map, or a white dome.
+fn lights(light: Option<&Light>) -> Lights {
+    let map = match light {
+        Some(light) => light.map.clone(),
+        None => from_data_gen::environment(&data_gen::environments::uniform()),
+    };
+    Lights { environment: Some(map), lamps: Vec::new() }
 }
 
 /// One object under one light.

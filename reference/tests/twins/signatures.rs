@@ -7,7 +7,7 @@ use reference::inputs::Dims;
 use reference::ports::{Dtype, Kind, Port};
 use reference::twins::{self, LIST, Request};
 
-use crate::gradients::cases;
+use crate::cases::cases;
 use crate::scenes::{named, normal, settings};
 
 /// Holds the arrays to their ports: every array has a port, every port that is not optional has an array.

@@ -6,7 +6,7 @@
 //! leaf each ray tests the leaf's box and then its triangles by itself, so that a hit is that of the ray alone, bit for bit.
 
 use super::ray::Hit;
-use super::tree::{CHILDREN, LANES, LEAF, Node, Tree, leaf, node, references};
+use super::tree::{CHILDREN, LANES, LEAF, Leaf, Node, Tree, leaf, node, references};
 use super::triangle::Line;
 use super::walk::{Best, meet};
 use crate::num::lanes::f32x8;
@@ -39,6 +39,22 @@ struct Hull {
     high: f32x8,
     first: usize,
     last: usize,
+}
+
+impl Hull {
+    /// A bound from below of where its rays enter the slabs of the children.
+    #[inline(always)]
+    fn start(&self, node: &Node) -> f32x8 {
+        let x = self.enter - node[self.first & 7];
+        (x * self.low).fast_min(x * self.high)
+    }
+
+    /// A bound from above of where they leave them.
+    #[inline(always)]
+    fn end(&self, node: &Node) -> f32x8 {
+        let x = self.leave - node[self.last & 7];
+        (x * self.low).fast_max(x * self.high)
+    }
 }
 
 /// Rays by number, lane by lane; past the last one t_max is −1, which no box passes.
@@ -126,6 +142,69 @@ impl Group {
         bits
     }
 
+    /// The largest t_max of the rays.
+    #[inline(always)]
+    fn furthest(&self) -> f32 {
+        let m = half(&self.t_max, 0).fast_max(half(&self.t_max, 1)).to_array();
+        m[1..].iter().fold(m[0], |a, &b| if b > a { b } else { a })
+    }
+
+    /// Adds the children of node `at` whose boxes the hull passes before `t_max` to those that wait, the nearest last.
+    #[inline(always)]
+    fn open(&mut self, node: &Node, at: u32, hull: &[Hull; 3], t_max: f32) {
+        let s = hull[0]
+            .start(node)
+            .fast_max(hull[1].start(node))
+            .fast_max(hull[2].start(node).fast_max(f32x8::splat(0.0)));
+        let e = hull[0]
+            .end(node)
+            .fast_min(hull[1].end(node))
+            .fast_min(hull[2].end(node).fast_min(f32x8::splat(t_max)));
+        let mut hit = s.simd_le(e).to_bitmask();
+        let s = s.to_array();
+        let children = references(&node[CHILDREN]);
+        let base = self.waiting.len();
+        while hit != 0 {
+            let lane = hit.trailing_zeros() as usize & 7;
+            hit &= hit - 1;
+            let entry =
+                (u64::from(s[lane].to_bits()) << 32 | u64::from(children[lane]), 8 * at + lane as u32);
+            let mut i = self.waiting.len();
+            self.waiting.push(entry);
+            while i > base && self.waiting[i - 1].0 < entry.0 {
+                self.waiting[i] = self.waiting[i - 1];
+                i -= 1;
+            }
+            self.waiting[i] = entry;
+        }
+    }
+
+    /// Tests the triangles of a leaf with each `active` ray by itself; gives how many rays hit one.
+    #[inline(always)]
+    fn test<const ANY: bool>(&mut self, leaf: &Leaf, mut active: u32) -> usize {
+        let mut met = 0;
+        while active != 0 {
+            let i = active.trailing_zeros() as usize & (RAYS - 1);
+            active &= active - 1;
+            if meet(leaf, &mut self.line[i], &mut self.best[i]) {
+                met += 1;
+                self.t_max[i] = if ANY { -1.0 } else { self.line[i].t_max };
+            }
+        }
+        met
+    }
+
+    /// The next reference that starts before `t_max`, and its place among all children.
+    #[inline(always)]
+    fn next(&mut self, t_max: f32) -> Option<(u32, u32)> {
+        loop {
+            match self.waiting.pop()? {
+                (e, _) if f32::from_bits((e >> 32) as u32) > t_max => {}
+                (e, place) => return Some((e as u32, place)),
+            }
+        }
+    }
+
     /// Walks the rays through the tree: the best hit of each, or any if `ANY`.
     pub(super) fn walk<const ANY: bool>(
         &mut self,
@@ -137,82 +216,29 @@ impl Group {
         let rows = tree.rows();
         let octant = self.line[0].octant;
         let hull = [0, 1, 2].map(|k| self.hull(k, octant >> k & 1));
-        let furthest = |t_max: &[f32; RAYS]| {
-            let m = half(t_max, 0).fast_max(half(t_max, 1)).to_array();
-            m[1..].iter().fold(m[0], |a, &b| if b > a { b } else { a })
-        };
-        let mut t_max = furthest(&self.t_max);
+        let mut t_max = self.furthest();
         let mut left = self.count;
         self.waiting.clear();
         // (start above the reference, place among all children)
         let (mut at, mut place) = (tree.root, 0_u32);
         loop {
             if at & LEAF == 0 {
-                let node = node(rows, at);
-                let start = |h: &Hull| {
-                    let x = h.enter - node[h.first & 7];
-                    (x * h.low).fast_min(x * h.high)
-                };
-                let end = |h: &Hull| {
-                    let x = h.leave - node[h.last & 7];
-                    (x * h.low).fast_max(x * h.high)
-                };
-                let s = start(&hull[0])
-                    .fast_max(start(&hull[1]))
-                    .fast_max(start(&hull[2]).fast_max(f32x8::splat(0.0)));
-                let e = end(&hull[0])
-                    .fast_min(end(&hull[1]))
-                    .fast_min(end(&hull[2]).fast_min(f32x8::splat(t_max)));
-                let mut hit = s.simd_le(e).to_bitmask();
-                let s = s.to_array();
-                let children = references(&node[CHILDREN]);
-                let base = self.waiting.len();
-                while hit != 0 {
-                    let lane = hit.trailing_zeros() as usize & 7;
-                    hit &= hit - 1;
-                    let entry = (
-                        u64::from(s[lane].to_bits()) << 32 | u64::from(children[lane]),
-                        8 * at + lane as u32,
-                    );
-                    let mut i = self.waiting.len();
-                    self.waiting.push(entry);
-                    while i > base && self.waiting[i - 1].0 < entry.0 {
-                        self.waiting[i] = self.waiting[i - 1];
-                        i -= 1;
-                    }
-                    self.waiting[i] = entry;
-                }
+                self.open(node(rows, at), at, &hull, t_max);
             } else {
-                let mut active = self.pass(node(rows, place >> 3), place as usize & 7, &hull);
-                let leaf = leaf(rows, at);
-                let mut changed = false;
-                while active != 0 {
-                    let i = active.trailing_zeros() as usize & (RAYS - 1);
-                    active &= active - 1;
-                    if meet(leaf, &mut self.line[i], &mut self.best[i]) {
-                        changed = true;
-                        self.t_max[i] = self.line[i].t_max;
-                        if ANY {
-                            self.t_max[i] = -1.0;
-                            left -= 1;
+                let active = self.pass(node(rows, place >> 3), place as usize & 7, &hull);
+                let met = self.test::<ANY>(leaf(rows, at), active);
+                if met > 0 {
+                    if ANY {
+                        left -= met;
+                        if left == 0 {
+                            break;
                         }
                     }
-                }
-                if changed {
-                    if ANY && left == 0 {
-                        break;
-                    }
-                    t_max = furthest(&self.t_max);
+                    t_max = self.furthest();
                 }
             }
-            let next = loop {
-                match self.waiting.pop() {
-                    Some((e, _)) if f32::from_bits((e >> 32) as u32) > t_max => {}
-                    other => break other,
-                }
-            };
-            let Some((e, p)) = next else { break };
-            (at, place) = (e as u32, p);
+            let Some(next) = self.next(t_max) else { break };
+            (at, place) = next;
         }
         for i in 0..self.count {
             done(self.id[i], self.best[i].hit(&self.line[i]));

@@ -28,7 +28,9 @@ mod build;
 mod instance;
 mod machine;
 mod node;
+mod opcodes;
 mod text;
+mod tree;
 mod value;
 
 use super::{MAX_FILE_BYTES, name_of, npy, read_bytes};
@@ -52,7 +54,7 @@ pub fn read(path: &Path) -> Result<Value> {
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Value> {
-    machine::run(bytes, name)
+    opcodes::run(bytes, name)
 }
 
 /// Reads a `.npy`: numbers as an array, an array of objects through its pickle. An object of rank 0 (what `np.save` makes of a dictionary) comes out

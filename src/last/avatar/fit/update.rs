@@ -44,8 +44,9 @@ impl PersonFit<'_> {
                     let before = self.avatar.gaussians.clone();
                     let g = &mut self.avatar.gaussians;
                     self.groups.step(g, grad, rates, Some(&active))?;
-                    let bound =
-                        progressive::cap(&before, g, rates, &self.members, &plan, factors, p.lambda, &mut r);
+                    let step = progressive::Step { before: &before, rates };
+                    let blocks = progressive::Level { plan: &plan, factors, members: &self.members };
+                    let bound = progressive::cap(step, g, blocks, p.lambda, &mut r);
                     self.tally.bound += bound as u64;
                     self.tally.capped += (factors.len() * progressive::ATTRIBUTES) as u64;
                 }

@@ -91,28 +91,23 @@ struct Rows<'a> {
     stage: &'a Stage,
     constants: &'a Constants,
     list: Vec<(String, Trial)>,
+    /// The host alone.
+    host: Settings,
+    /// The full system.
+    full: Settings,
 }
 
 impl<'a> Rows<'a> {
     fn new(stage: &'a Stage, constants: &'a Constants) -> Self {
-        Self { stage, constants, list: Vec::new() }
-    }
-
-    /// The host alone.
-    fn host(&self) -> Settings {
-        self.stage.size.host()
-    }
-
-    /// The full system.
-    fn full(&self) -> Settings {
-        self.constants.full(self.stage, 0, 0)
+        let (host, full) = (stage.size.host(), constants.full(stage, 0, 0));
+        Self { stage, constants, list: Vec::new(), host, full }
     }
 
     /// The full system with another progressive update.
     fn with(&self, edit: impl Fn(&mut Progressive)) -> Settings {
         let mut p = self.constants.progressive();
         edit(&mut p);
-        Settings { progressive: Some(p), ..self.full() }
+        Settings { progressive: Some(p), ..self.full.clone() }
     }
 
     /// One trial for each subject, of a model.
@@ -129,6 +124,133 @@ impl<'a> Rows<'a> {
     /// Of the first model under its learned graph.
     fn row(&mut self, row: &str, settings: &Settings) -> Result<()> {
         self.of(0, row, Structure::Learned, settings)
+    }
+
+    /// E1: the full system and its host, of every model.
+    fn systems(&mut self) -> Result<Question> {
+        let mut graphs = Vec::new();
+        let (stage, host) = (self.stage, self.host.clone());
+        for (m, model) in stage.models.iter().enumerate() {
+            self.of(m, &format!("{} host", model.graph), Structure::Learned, &host)?;
+            let full = self.constants.full(stage, m, 0);
+            self.of(m, &format!("{} LAST", model.graph), Structure::Learned, &full)?;
+            graphs.push(model.graph.clone());
+        }
+        Ok(Question::Better { graphs })
+    }
+
+    /// E2: structure, density adapter and progressive update, each on and off.
+    fn ablation(&mut self) -> Result<Question> {
+        let (host, full) = (self.host.clone(), self.full.clone());
+        for bits in (0..8).rev() {
+            let [structure, density, progressive] = [bits & 4 != 0, bits & 2 != 0, bits & 1 != 0];
+            let settings = Settings {
+                density: if density { full.density.clone() } else { host.density.clone() },
+                progressive: if progressive { full.progressive.clone() } else { None },
+                ..full.clone()
+            };
+            let graph = if structure { Structure::Learned } else { Structure::Empty };
+            self.of(0, &combination(structure, density, progressive), graph, &settings)?;
+        }
+        Ok(Question::Ablation)
+    }
+
+    /// E3: the full system under right and wrong graphs.
+    fn structures(&mut self) -> Result<Question> {
+        let (host, full) = (self.host.clone(), self.full.clone());
+        self.row("all off", &host)?;
+        for graph in
+            [Structure::Learned, Structure::True, Structure::Empty, Structure::Random, Structure::Reversed]
+        {
+            self.of(0, graph.name(), graph, &full)?;
+        }
+        Ok(Question::Structures)
+    }
+
+    /// E5: the latent criterion at several thresholds, and the pixel criterion.
+    fn thresholds(&mut self) -> Result<Question> {
+        let (host, full) = (self.host.clone(), self.full.clone());
+        self.row("pixel", &Settings { density: host.density, ..full.clone() })?;
+        let thresholds = self.stage.size.some(&THRESHOLDS);
+        for tau in &thresholds {
+            let density = Density { mode: Mode::Replace, latent_threshold: *tau, ..full.density.clone() };
+            self.row(&threshold(*tau), &Settings { density, ..full.clone() })?;
+        }
+        Ok(Question::Thresholds(thresholds))
+    }
+
+    /// E6: both criteria at one number of Gaussians.
+    fn criteria(&mut self) -> Result<Question> {
+        let (host, full) = (self.host.clone(), self.full.clone());
+        self.row("pixel", &host)?;
+        let density = Density { mode: Mode::Budget, ..full.density };
+        self.row("budget", &Settings { density, ..host })?;
+        Ok(Question::Pair(["budget", "pixel"]))
+    }
+
+    /// E7: every reading of λ at several values.
+    fn bounds(&mut self) -> Result<Question> {
+        let bounds = self.stage.size.some(&BOUNDS);
+        for cap in [Cap::Relative, Cap::Absolute, Cap::Stop] {
+            for lambda in &bounds {
+                let settings = self.with(|p| (p.cap, p.lambda) = (cap, *lambda));
+                self.row(&bound(cap, *lambda), &settings)?;
+            }
+        }
+        Ok(Question::Bounds(bounds))
+    }
+
+    /// E8: orders of the update, and ways to find key Gaussians.
+    fn orders(&mut self) -> Result<Question> {
+        for order in [Order::Topological, Order::Reverse, Order::Random, Order::None] {
+            let settings = self.with(|p| p.order = order);
+            self.row(&format!("order {}", order.name()), &settings)?;
+        }
+        for keys in [Keys::Random, Keys::All] {
+            let settings = self.with(|p| p.keys = keys);
+            self.row(&format!("keys {}", keys.name()), &settings)?;
+        }
+        Ok(Question::Pair(["order topo", "order random"]))
+    }
+
+    /// E9: the graph as learned and as tuned on the subject.
+    fn tuning(&mut self) -> Result<Question> {
+        let full = self.full.clone();
+        self.row("not tuned", &full)?;
+        self.of(0, "tuned", Structure::Tuned, &full)?;
+        Ok(Question::Tuning)
+    }
+
+    /// E13: the errors of factors during the update.
+    fn interference(&mut self) -> Result<Question> {
+        let (host, full) = (self.host.clone(), self.full.clone());
+        self.row("host", &host)?;
+        self.row("LAST", &full)?;
+        self.list.iter_mut().for_each(|(_, trial)| trial.factors = true);
+        let graph = &self.stage.models[0].trained.graph;
+        let children = (0..graph.n()).filter(|&j| graph.parents(j) != 0).collect();
+        let begin = full.progressive.as_ref().map_or(0, |p| full.scaled(p.first));
+        Ok(Question::Factors { children, begin })
+    }
+
+    /// E14: the time of each part.
+    fn cost(&mut self) -> Result<Question> {
+        let (host, full) = (self.host.clone(), self.full.clone());
+        self.row("host", &host)?;
+        self.row("density adapter", &Settings { density: full.density.clone(), ..host.clone() })?;
+        self.row("progressive", &Settings { progressive: full.progressive.clone(), ..host })?;
+        self.row("full", &full)?;
+        Ok(Question::Cost)
+    }
+
+    /// E15: L_lat in the loss of the host.
+    fn weights(&mut self) -> Result<Question> {
+        let host = self.host.clone();
+        self.row("w_lat 0", &host)?;
+        for w in WEIGHTS {
+            self.row(&format!("w_lat {w}"), &Settings { latent_weight: w, ..host.clone() })?;
+        }
+        Ok(Question::Weights(WEIGHTS.map(|w| format!("w_lat {w}")).to_vec()))
     }
 }
 
@@ -162,106 +284,18 @@ fn make<'a>(
     constants: &Constants,
 ) -> Result<Persons<'a>> {
     let mut rows = Rows::new(stage, constants);
-    let (host, full) = (rows.host(), rows.full());
-    let latent = |density: Density| Settings { density, ..host.clone() };
     let question = match id {
-        "E1" => {
-            let mut graphs = Vec::new();
-            for (m, model) in stage.models.iter().enumerate() {
-                rows.of(m, &format!("{} host", model.graph), Structure::Learned, &host)?;
-                let full = constants.full(stage, m, 0);
-                rows.of(m, &format!("{} LAST", model.graph), Structure::Learned, &full)?;
-                graphs.push(model.graph.clone());
-            }
-            Question::Better { graphs }
-        }
-        "E2" => {
-            for bits in (0..8).rev() {
-                let [structure, density, progressive] = [bits & 4 != 0, bits & 2 != 0, bits & 1 != 0];
-                let settings = Settings {
-                    density: if density { full.density.clone() } else { host.density.clone() },
-                    progressive: if progressive { full.progressive.clone() } else { None },
-                    ..full.clone()
-                };
-                let graph = if structure { Structure::Learned } else { Structure::Empty };
-                rows.of(0, &combination(structure, density, progressive), graph, &settings)?;
-            }
-            Question::Ablation
-        }
-        "E3" => {
-            rows.row("all off", &host)?;
-            for graph in [
-                Structure::Learned,
-                Structure::True,
-                Structure::Empty,
-                Structure::Random,
-                Structure::Reversed,
-            ] {
-                rows.of(0, graph.name(), graph, &full)?;
-            }
-            Question::Structures
-        }
-        "E5" => {
-            rows.row("pixel", &Settings { density: host.density.clone(), ..full.clone() })?;
-            let thresholds = stage.size.some(&THRESHOLDS);
-            for tau in &thresholds {
-                let density = Density { mode: Mode::Replace, latent_threshold: *tau, ..full.density.clone() };
-                rows.row(&threshold(*tau), &Settings { density, ..full.clone() })?;
-            }
-            Question::Thresholds(thresholds)
-        }
-        "E6" => {
-            rows.row("pixel", &host)?;
-            rows.row("budget", &latent(Density { mode: Mode::Budget, ..full.density.clone() }))?;
-            Question::Pair(["budget", "pixel"])
-        }
-        "E7" => {
-            let bounds = stage.size.some(&BOUNDS);
-            for cap in [Cap::Relative, Cap::Absolute, Cap::Stop] {
-                for lambda in &bounds {
-                    let settings = rows.with(|p| (p.cap, p.lambda) = (cap, *lambda));
-                    rows.row(&bound(cap, *lambda), &settings)?;
-                }
-            }
-            Question::Bounds(bounds)
-        }
-        "E8" => {
-            for order in [Order::Topological, Order::Reverse, Order::Random, Order::None] {
-                rows.row(&format!("order {}", order.name()), &rows.with(|p| p.order = order))?;
-            }
-            for keys in [Keys::Random, Keys::All] {
-                rows.row(&format!("keys {}", keys.name()), &rows.with(|p| p.keys = keys))?;
-            }
-            Question::Pair(["order topo", "order random"])
-        }
-        "E9" => {
-            rows.row("not tuned", &full)?;
-            rows.of(0, "tuned", Structure::Tuned, &full)?;
-            Question::Tuning
-        }
-        "E13" => {
-            rows.row("host", &host)?;
-            rows.row("LAST", &full)?;
-            rows.list.iter_mut().for_each(|(_, trial)| trial.factors = true);
-            let graph = &stage.models[0].trained.graph;
-            let children = (0..graph.n()).filter(|&j| graph.parents(j) != 0).collect();
-            let begin = full.progressive.as_ref().map_or(0, |p| full.scaled(p.first));
-            Question::Factors { children, begin }
-        }
-        "E14" => {
-            rows.row("host", &host)?;
-            rows.row("density adapter", &latent(full.density.clone()))?;
-            rows.row("progressive", &Settings { progressive: full.progressive.clone(), ..host.clone() })?;
-            rows.row("full", &full)?;
-            Question::Cost
-        }
-        _ => {
-            rows.row("w_lat 0", &host)?;
-            for w in WEIGHTS {
-                rows.row(&format!("w_lat {w}"), &Settings { latent_weight: w, ..host.clone() })?;
-            }
-            Question::Weights(WEIGHTS.map(|w| format!("w_lat {w}")).to_vec())
-        }
-    };
+        "E1" => rows.systems(),
+        "E2" => rows.ablation(),
+        "E3" => rows.structures(),
+        "E5" => rows.thresholds(),
+        "E6" => rows.criteria(),
+        "E7" => rows.bounds(),
+        "E8" => rows.orders(),
+        "E9" => rows.tuning(),
+        "E13" => rows.interference(),
+        "E14" => rows.cost(),
+        _ => rows.weights(),
+    }?;
     Ok(Persons { id, claim, stage, list: rows.list, question })
 }

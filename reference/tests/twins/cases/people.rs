@@ -1,20 +1,9 @@
-//! Cases of the operators that the fit of a person and the image-to-point model run, for the tests of `gradients`.
+//! Cases of the operators that the fit of a person and the image-to-point model run.
 
 use reference::array::{Arr, Named};
 
-use crate::gradients::Case;
-use crate::scenes::{named, normal, settings, uniform};
-
-fn case(
-    name: &'static str,
-    op: &'static str,
-    inputs: Named<f64>,
-    with: &[(&str, &str)],
-    smooth: &'static [&'static str],
-    outputs: &'static [&'static str],
-) -> Case {
-    Case { name, op, inputs, settings: settings(with), smooth, outputs, bound: 1e-13 }
-}
+use super::case::{Case, case};
+use crate::scenes::{named, normal, uniform};
 
 /// Two items at four coordinates.
 fn decoder() -> Named<f64> {
@@ -73,7 +62,7 @@ fn targets(of: &[f64]) -> Arr<f64> {
     Arr::new(&[of.len()], of.to_vec())
 }
 
-pub(crate) fn cases() -> Vec<Case> {
+pub(super) fn cases() -> Vec<Case> {
     let widths = Arr::new(&[4], vec![3.0, 5.0, 4.0, 2.0]);
     let mlp = named([
         ("x", normal(&[6, 3], 240)),

@@ -1,0 +1,39 @@
+//! Cases of layers.
+
+use reference::array::Arr;
+
+use super::case::{Case, case};
+use crate::scenes::{named, normal};
+
+pub(super) fn cases() -> Vec<Case> {
+    let layer =
+        named([("x", normal(&[5, 7], 20)), ("weight", normal(&[4, 7], 21)), ("bias", normal(&[4], 22))]);
+    vec![
+        case("linear", "nn.linear", layer, &[], &["x", "weight", "bias"], &["y"]),
+        case(
+            "conv",
+            "nn.conv",
+            named([
+                ("x", normal(&[2, 6, 7, 2], 24)),
+                ("weight", normal(&[3, 4, 3, 2], 25)),
+                ("bias", normal(&[3], 26)),
+            ]),
+            &[("stride", "2"), ("pad", "1")],
+            &["x", "weight", "bias"],
+            &["y"],
+        ),
+        case(
+            "leaky relu",
+            "nn.leaky_relu",
+            named([("x", apart(&[6, 5], 23))]),
+            &[("slope", "0.2")],
+            &["x"],
+            &["y"],
+        ),
+    ]
+}
+
+/// Normal numbers moved 0.05 away from 0.
+fn apart(shape: &[usize], purpose: u16) -> Arr<f64> {
+    normal(shape, purpose).map(|&x| if x > 0.0 { x + 0.05 } else { x - 0.05 })
+}

@@ -1,0 +1,136 @@
+//! Next-event estimation: one light is drawn per point, and a shadow ray is sent there.
+
+use super::points::{Points, Vertex, pick};
+use super::tracer::{LIGHT, Tracer, uniform};
+use super::work::ShadowRays;
+use crate::geometry::bvh::Ray;
+use crate::num::lanes::{Real, f32x8};
+use crate::num::order;
+use crate::scene::light::{Lamp, MAX_RADIANCE};
+use crate::shade::vector::{mul, select, sub, unit};
+
+/// One light per lane, seen from the points.
+struct LightSample {
+    /// unit direction
+    towards: [f32x8; 3],
+    /// irradiance of a lamp over the probability of drawing it; 0 where the map was drawn
+    irradiance: [f32x8; 3],
+    /// density of the map's direction times the probability of drawing the map; 1 for lamps, 0 for nothing
+    density: f32x8,
+    /// 1 where the BRDF's directions compete: where the map was drawn
+    rival: f32x8,
+    /// distance
+    reach: [f32; 8],
+}
+
+impl Tracer<'_> {
+    /// Sends shadow rays to one light per point, drawn uniformly; the map counts as one. The scene has a light.
+    #[inline(always)]
+    pub(super) fn sample_light<const LAMBERT: bool>(
+        &self,
+        vertex: &Vertex<'_, LAMBERT>,
+        shadow: &mut ShadowRays,
+    ) {
+        let Points { count, paths, surface: s, .. } = vertex.points;
+        let zero = f32x8::splat(0.0);
+        let LightSample { towards, irradiance, density: own, rival, reach } =
+            self.draw_light(vertex.points, &vertex.draw(self, LIGHT));
+        let (f_cos, density) = vertex.lobes.eval(towards);
+        let total = own + rival * density;
+        let on = f32x8::and(f32x8::and(Real::gt(total, zero), Real::gt(density, zero)), s.before(towards));
+        let mut light = irradiance;
+        if let Some(sky) = &self.scene.sky {
+            // the map is looked up only where the surface faces its direction
+            let of_sky = Real::gt(rival, zero);
+            let radiance = sky.look8(towards, f32x8::bits(f32x8::and(on, of_sky))).0;
+            light = select(of_sky, radiance, light);
+        }
+        let safe = Real::select(on, total, f32x8::splat(1.0));
+        let light = mul(mul(vertex.throughput, f_cos), light).map(|x| (x / safe).to_array());
+        let start = s.start().map(f32x8::to_array);
+        let ways = towards.map(f32x8::to_array);
+        let goes = f32x8::bits(on);
+        for l in (0..*count).filter(|l| goes >> l & 1 == 1) {
+            let light = pick(&light, l);
+            if light != [0.0; 3] {
+                let ray = Ray { origin: pick(&start, l), direction: pick(&ways, l), t_max: reach[l] };
+                shadow.push(ray, paths[l].slot, light);
+            }
+        }
+    }
+
+    /// Draws a light for every lane.
+    #[inline(always)]
+    fn draw_light(&self, points: &Points, words: &[[u32; 4]; 8]) -> LightSample {
+        let scene = self.scene;
+        let lights = scene.lights();
+        // the upper part of word·lights is the light, the lower part is uniform again and chooses the texel
+        let (mut chosen, mut rest) = ([0_usize; 8], [0_u64; 8]);
+        for l in 0..8 {
+            let word = u64::from(words[l][1]) << 32 | u64::from(words[l][0]);
+            let wide = u128::from(word) * lights as u128;
+            (chosen[l], rest[l]) = ((wide >> 64) as usize, wide as u64);
+        }
+        let zero = f32x8::splat(0.0);
+        let mut sample = LightSample {
+            towards: [zero; 3],
+            irradiance: [zero; 3],
+            density: zero,
+            rival: zero,
+            reach: [f32::INFINITY; 8],
+        };
+        if scene.lit_by_sky()
+            && let Some(sky) = &scene.sky
+        {
+            let u2: [f32; 8] = std::array::from_fn(|l| uniform(words[l][2]));
+            let u3: [f32; 8] = std::array::from_fn(|l| uniform(words[l][3]));
+            if let Some((d, density)) = sky.draw8(&rest, [&u2, &u3]) {
+                sample.towards = d;
+                sample.density = density * f32x8::splat(scene.choice());
+                sample.rival = f32x8::splat(1.0);
+            }
+        }
+        let lamps = chosen.map(|i| scene.lamps.get(i));
+        if lamps[..points.count].iter().any(Option::is_some) {
+            sample.put_lamps(points, &lamps, lights as f32);
+        }
+        sample
+    }
+}
+
+impl LightSample {
+    /// Replaces the sample of every lane that drew a lamp.
+    #[inline(always)]
+    fn put_lamps(&mut self, points: &Points, lamps: &[Option<&Lamp>; 8], lights: f32) {
+        let mut towards = self.towards.map(f32x8::to_array);
+        let mut light = self.irradiance.map(f32x8::to_array);
+        let (mut density, mut rival) = (self.density.to_array(), self.rival.to_array());
+        let p = points.surface.position.map(f32x8::to_array);
+        for l in 0..points.count {
+            let Some(lamp) = lamps[l] else { continue };
+            let (way, irradiance, distance) = shine(lamp, pick(&p, l));
+            for c in 0..3 {
+                towards[c][l] = way[c];
+                light[c][l] = irradiance[c] * lights;
+            }
+            (density[l], rival[l], self.reach[l]) = (1.0, 0.0, distance);
+        }
+        (self.towards, self.irradiance) = (towards.map(f32x8::new), light.map(f32x8::new));
+        (self.density, self.rival) = (f32x8::new(density), f32x8::new(rival));
+    }
+}
+
+/// Direction to a lamp, irradiance on a surface that faces it, distance.
+fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
+    match lamp {
+        Lamp::Distant { towards, irradiance } => (*towards, *irradiance, f32::INFINITY),
+        Lamp::Point { position, intensity } => {
+            let (way, distance) = unit(sub(*position, from));
+            let square = distance * distance;
+            // nearer than f32 can tell it would be infinite
+            let each = |x: f32| order::min(x / square, MAX_RADIANCE);
+            let irradiance = if square > 0.0 { intensity.map(each) } else { [0.0; 3] };
+            (way, irradiance, distance)
+        }
+    }
+}

@@ -1,0 +1,89 @@
+//! What is rendered: an object, its tree and light, checked.
+
+use crate::geometry::bvh::Bvh;
+use crate::scene::light::{Lamp, Lights, MAX_RADIANCE};
+use crate::scene::material::Alpha;
+use crate::scene::mesh::{MAX_COORDINATE, Object};
+use crate::shade::environment::Sky;
+use crate::shade::vector::dot;
+use crate::{Error, Result};
+
+/// An object, its tree, and light, checked and ready.
+#[derive(Debug)]
+pub struct Scene<'a> {
+    pub(super) object: &'a Object,
+    pub(super) bvh: &'a Bvh,
+    pub(super) lamps: &'a [Lamp],
+    /// the map with its tables, if there is one
+    pub(super) sky: Option<Sky>,
+    /// some material lets light through
+    pub(super) transparent: bool,
+    /// some material emits
+    pub(super) emissive: bool,
+}
+
+impl<'a> Scene<'a> {
+    /// Checks object and light and makes the tables of the map. `bvh` was built from the object's mesh.
+    ///
+    /// # Errors
+    /// Names what is wrong.
+    pub fn new(object: &'a Object, bvh: &'a Bvh, lights: &'a Lights) -> Result<Self> {
+        object.validate("object")?;
+        if bvh.triangles() != object.mesh.triangles.len() {
+            return Err(Error::input("scene")
+                .at("tree")
+                .expected(format!("one over the {} triangles of the object", object.mesh.triangles.len()))
+                .got(format!("one over {}", bvh.triangles())));
+        }
+        if let Some(map) = &lights.environment {
+            map.validate("environment")?;
+        }
+        for (i, lamp) in lights.lamps.iter().enumerate() {
+            validate(lamp).map_err(|e| e.within(format!("lamp {i}")))?;
+        }
+        Ok(Self {
+            object,
+            bvh,
+            lamps: &lights.lamps,
+            sky: lights.environment.as_ref().map(Sky::new),
+            transparent: object.materials.iter().any(|m| m.alpha != Alpha::Opaque),
+            emissive: object.materials.iter().any(|m| m.emission != [0.0; 3]),
+        })
+    }
+
+    /// Number of lights one of which is drawn per vertex: the map unless black, and the lamps.
+    pub(super) fn lights(&self) -> usize {
+        self.lamps.len() + usize::from(self.lit_by_sky())
+    }
+
+    /// Probability with which each of the lights is drawn; 1 without any.
+    pub(super) fn choice(&self) -> f32 {
+        1.0 / Ord::max(self.lights(), 1) as f32
+    }
+
+    /// Whether the map sheds light.
+    pub(super) fn lit_by_sky(&self) -> bool {
+        self.sky.as_ref().is_some_and(|s| !s.is_black())
+    }
+}
+
+fn validate(lamp: &Lamp) -> Result<()> {
+    let (place, power) = match lamp {
+        Lamp::Point { position, intensity } => (position, intensity),
+        Lamp::Distant { towards, irradiance } => (towards, irradiance),
+    };
+    if !power.iter().all(|x| (0.0..=MAX_RADIANCE).contains(x)) {
+        let e = Error::input("light").expected(format!("0 to {MAX_RADIANCE:e}"));
+        return Err(e.got(format!("{power:?}")));
+    }
+    let fine = match lamp {
+        Lamp::Point { .. } => place.iter().all(|x| x.abs() <= MAX_COORDINATE),
+        Lamp::Distant { .. } => (dot(*place, *place) - 1.0).abs() <= 1e-4,
+    };
+    if fine {
+        return Ok(());
+    }
+    Err(Error::input("place")
+        .expected("a position within the scene's range, or a unit vector")
+        .got(format!("{place:?}")))
+}
