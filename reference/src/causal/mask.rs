@@ -1,9 +1,10 @@
-//! Ã(i,j) = σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j, 0 for i = j.
+//! Ã(i,j) = L(i,j) σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j, 0 for i = j; L = 1 without `allowed`.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
 //! | U | `logits` | (n, n) |
 //! | u | `uniform` | (n, n), noise without gradient |
+//! | L | `allowed` | (n, n), 0 or 1, a decision without gradient |
 //! | Ã | `mask` | (n, n) |
 
 use crate::array::{Arr, Out};
@@ -18,6 +19,7 @@ inputs! {
         logits: &'a Arr<S> = Port::var("N,N", "of the edges i → j; the diagonal is ignored"),
         uniform: &'a Arr<S> =
             Port::fixed("N,N", "noise between 0 and 1; 0.5 everywhere gives probabilities"),
+        allowed: Option<&'a Arr<S>> = Port::fixed("N,N", "1 where an edge is allowed, else 0; absent: all are"),
     }
 }
 
@@ -36,7 +38,7 @@ pub static SIGNATURE: Signature = Signature {
 /// # Errors
 /// When a number leaves its range.
 pub fn forward<S: Scalar>(input: &In<'_, S>, tau: f64, out: &mut Out<'_, S>) -> Result<(), String> {
-    let In { logits, uniform } = *input;
+    let In { logits, uniform, allowed } = *input;
     let n = logits.shape[0];
     if !(tau > 0.0) {
         return Err(format!("setting tau: expected a number above 0, got {tau}"));
@@ -50,7 +52,12 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, tau: f64, out: &mut Out<'_, S>) -> 
             }
             let x = (logits.data[i * n + j] + (libm::log(u) - libm::log1p(-u))) / tau;
             let y = if x.value() >= 0.0 { S::one() / ((-x).exp() + 1.0) } else { x.exp() / (x.exp() + 1.0) };
-            out.put(mask, i * n + j, y);
+            let edge = match allowed.map(|allowed| allowed.data[i * n + j].value()) {
+                None | Some(1.0) => y,
+                Some(0.0) => S::zero(),
+                Some(other) => return Err(format!("input allowed: expected 0 or 1, got {other}")),
+            };
+            out.put(mask, i * n + j, edge);
         }
     }
     out.flush();

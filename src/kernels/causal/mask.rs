@@ -1,66 +1,103 @@
 //! `causal.mask`: soft samples of the edges of a graph.
 //!
-//! Ã(i,j) = σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j,   Ã(i,i) = 0
+//! Ã(i,j) = L(i,j) σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j,   Ã(i,i) = 0
 //!
 //! Source: the binary case of Gumbel-softmax (Jang et al. 2017; Maddison et al. 2017) as used for graphs by Ng et al. 2022;
-//! the logistic variable is the difference of two Gumbel variables. u = ½ gives the probabilities without noise.
+//! the logistic variable is the difference of two Gumbel variables. u = ½ gives the probabilities without noise. L limits the edges to
+//! those allowed, for example to those along an order of the nodes; without it all are.
 //!
 //! | symbol | argument  | shape  | range        |
 //! |--------|-----------|--------|--------------|
 //! | U      | `logits`  | (n, n) | finite       |
 //! | u      | `uniform` | (n, n) | 0 < u < 1    |
+//! | L      | `allowed` | (n, n) | 0 or 1       |
 //! | τ      | `tau`     | ()     | > 0          |
 //! | Ã      | `mask`    | (n, n) | 0 ≤ Ã ≤ 1    |
 //!
 //! # Rounding
-//! (U + (ln u − ln1p(−u))) / τ, each step rounded once; σ of [`elem`](crate::num::elem).
+//! (U + (ln u − ln1p(−u))) / τ, each step rounded once; σ of [`elem`](crate::num::elem). The product with L is exact.
 //!
 //! # Kinks and domain
-//! Smooth. The diagonal of U and u is ignored and gets no gradient; u gets none anywhere: it is noise.
+//! Smooth. The diagonal of U and u is ignored and gets no gradient; u gets none anywhere: it is noise. Nor
+//! does L, which is a decision.
 //!
 //! # Adjoint
-//! Ū(i,j) += M̄(i,j)·(s(1 − s))/τ with s = Ã, where 1 − s is σ of the negated argument, so that it does not cancel
+//! Ū(i,j) += (M̄(i,j) L(i,j))·(s(1 − s))/τ with s = σ(…), where 1 − s is σ of the negated argument, so that it does not cancel
 //!
 //! # Example
 //! ```
 //! # use lastlight_kernels as lastlight;
 //! use lastlight::causal::mask;
-//! assert_eq!(mask::forward(&[9.0, 0.0, 0.0, 9.0], &[0.5; 4], 2, 0.2), [0.0, 0.5, 0.5, 0.0]);
+//! let all = mask::In { logits: &[9.0, 0.0, 0.0, 9.0], uniform: &[0.5; 4], allowed: None, n: 2, tau: 0.2 };
+//! assert_eq!(mask::forward(&all), [0.0, 0.5, 0.5, 0.0]);
+//! let upper = mask::In { allowed: Some(&[0.0, 1.0, 0.0, 0.0]), ..all };
+//! assert_eq!(mask::forward(&upper), [0.0, 0.5, 0.0, 0.0]);
 //! ```
 
 use crate::num::elem::f64::{ln, log1p, sigmoid};
 
-/// Argument of σ.
-fn argument(logit: f64, uniform: f64, tau: f64) -> f64 {
-    (logit + (ln(uniform) - log1p(-uniform))) / tau
+/// Edges, noise and the edges allowed.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// (n, n) U
+    pub logits: &'a [f64],
+    /// (n, n) u
+    pub uniform: &'a [f64],
+    /// (n, n) L, 0 or 1; all edges where it is absent
+    pub allowed: Option<&'a [f64]>,
+    /// number of nodes
+    pub n: usize,
+    /// τ
+    pub tau: f64,
+}
+
+impl In<'_> {
+    fn check(&self) {
+        let entries = self.n * self.n;
+        let fits = self.allowed.is_none_or(|l| l.len() == entries);
+        assert!(self.logits.len() == entries && self.uniform.len() == entries && fits, "arrays are (n, n)");
+    }
+
+    /// Entries off the diagonal.
+    fn entries(&self) -> impl Iterator<Item = usize> + use<> {
+        let n = self.n;
+        (0..n * n).filter(move |at| at / n != at % n)
+    }
+
+    /// Argument of σ.
+    fn argument(&self, at: usize) -> f64 {
+        let uniform = self.uniform[at];
+        (self.logits[at] + (ln(uniform) - log1p(-uniform))) / self.tau
+    }
+
+    /// x L(i,j).
+    fn limited(&self, at: usize, x: f64) -> f64 {
+        self.allowed.map_or(x, |allowed| x * allowed[at])
+    }
 }
 
 /// The mask Ã (n, n).
 ///
 /// # Panics
-/// When a buffer is not (n, n).
-pub fn forward(logits: &[f64], uniform: &[f64], n: usize, tau: f64) -> Vec<f64> {
-    assert!(logits.len() == n * n && uniform.len() == n * n, "arrays are (n, n)");
-    let entry =
-        |at: usize| if at / n == at % n { 0.0 } else { sigmoid(argument(logits[at], uniform[at], tau)) };
-    (0..n * n).map(entry).collect()
+/// When an array is not (n, n).
+pub fn forward(x: &In<'_>) -> Vec<f64> {
+    x.check();
+    let mut mask = vec![0.0; x.n * x.n];
+    for at in x.entries() {
+        mask[at] = x.limited(at, sigmoid(x.argument(at)));
+    }
+    mask
 }
 
 /// Adds the gradient for the cotangent `mask_bar` (n, n) to `logits_bar`.
 ///
 /// # Panics
-/// When a buffer is not (n, n).
-pub fn adjoint(
-    logits: &[f64],
-    uniform: &[f64],
-    n: usize,
-    tau: f64,
-    mask_bar: &[f64],
-    logits_bar: &mut [f64],
-) {
-    assert!(mask_bar.len() == n * n && logits_bar.len() == n * n, "arrays are (n, n)");
-    for at in (0..n * n).filter(|at| at / n != at % n) {
-        let x = argument(logits[at], uniform[at], tau);
-        logits_bar[at] += mask_bar[at] * (sigmoid(x) * sigmoid(-x) / tau);
+/// When an array is not (n, n).
+pub fn adjoint(x: &In<'_>, mask_bar: &[f64], logits_bar: &mut [f64]) {
+    x.check();
+    assert!(mask_bar.len() == x.n * x.n && logits_bar.len() == x.n * x.n, "arrays are (n, n)");
+    for at in x.entries() {
+        let y = x.argument(at);
+        logits_bar[at] += x.limited(at, mask_bar[at]) * (sigmoid(y) * sigmoid(-y) / x.tau);
     }
 }

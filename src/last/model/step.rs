@@ -126,7 +126,7 @@ pub fn run(
     let mut out = latent::forward(&latent::In { mask: &mask.edges, ..unmasked })?;
     let told: &[f64] = if settings.supervision == Supervision::Labels { &batch.labels } else { &[] };
     if context.graph.is_none() && mask::grows(&out.decoded[mu.len()..], &mu, told) {
-        mask.limit(draw);
+        mask.limit(&structure, draw);
         out = latent::forward(&latent::In { mask: &mask.edges, ..unmasked })?;
     }
     // Decoder.

@@ -157,7 +157,8 @@ impl<'a> Tuning<'a> {
         let rng = Rng::new(settings.seed);
         let draw = |item: usize, purpose: u16| rng.uniform_f64(item as u64, step, purpose, 1);
         let uniform: Vec<f64> = (0..n * n).map(|at| draw(at, purpose::MASK)).collect();
-        let sampled = mask::forward(&structure.logits, &uniform, n, tau);
+        let drawn = mask::In { logits: &structure.logits, uniform: &uniform, allowed: None, n, tau };
+        let sampled = mask::forward(&drawn);
         let eta: Vec<f64> =
             (0..subject.mu.len()).map(|at| rng.normal_f64(at as u64, step, purpose::ETA, 1)).collect();
         let spread = vec![1.0; n];
@@ -185,7 +186,7 @@ impl<'a> Tuning<'a> {
             loss += reconstruct(trained, subject, &out.decoded, &mut z_bar);
         }
         let mut bars = latent::adjoint(&x, &out, &z_bar);
-        mask::adjoint(&structure.logits, &uniform, n, tau, &bars.mask, &mut bars.structure.logits);
+        mask::adjoint(&drawn, &bars.mask, &mut bars.structure.logits);
         let p = structure.probabilities(tau);
         let (h, saved) = acyclic::forward(&p, n, alpha);
         let mut p_bar = vec![0.0; n * n];

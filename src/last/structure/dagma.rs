@@ -104,7 +104,24 @@ fn moments(samples: &Samples, j: usize) -> Result<Vec<f64>> {
     Ok(sums)
 }
 
-/// (sI − W∘W)⁻¹ and h, inside the domain.
+/// Gradient (n, n) of the data term by the weights, and its value.
+fn data_term(covariances: &[Vec<f64>], w: &[f64], n: usize, loss: Loss) -> (Vec<f64>, f64) {
+    let (mut gradient, mut value) = (vec![0.0; n * n], 0.0);
+    for (j, c) in covariances.iter().enumerate() {
+        let mut square = c[j * n + j];
+        for i in 0..n {
+            let with = (0..n).fold(0.0, |s, k| s + c[i * n + k] * w[k * n + j]);
+            gradient[i * n + j] = with - c[i * n + j];
+            square += w[i * n + j] * (with - 2.0 * c[i * n + j]);
+        }
+        let (cost, slope) = loss.of(square);
+        value += cost;
+        (0..n).for_each(|i| gradient[i * n + j] *= 2.0 * slope);
+    }
+    (gradient, value)
+}
+
+/// (sI − W∘W)⁻¹ and h, inside the domain. The gradient of h by W is 2 (that matrix)ᵀ ∘ W.
 fn barrier(w: &[f64], n: usize, s: f64) -> Option<(Vec<f64>, f64)> {
     let m: Vec<f64> =
         (0..n * n).map(|at| if at / n == at % n { s - w[at] * w[at] } else { -(w[at] * w[at]) }).collect();
@@ -128,22 +145,6 @@ pub fn fit(samples: &Samples, settings: &Settings) -> Result<Fit> {
     }
     samples.standardised()?; // refuses what is not finite or does not vary
     let covariances = (0..n).map(|j| moments(samples, j)).collect::<Result<Vec<_>>>()?;
-    // gradient (n, n) of the data term, and its value
-    let data = |w: &[f64]| {
-        let (mut gradient, mut value) = (vec![0.0; n * n], 0.0);
-        for (j, c) in covariances.iter().enumerate() {
-            let mut square = c[j * n + j];
-            for i in 0..n {
-                let with = (0..n).fold(0.0, |s, k| s + c[i * n + k] * w[k * n + j]);
-                gradient[i * n + j] = with - c[i * n + j];
-                square += w[i * n + j] * (with - 2.0 * c[i * n + j]);
-            }
-            let (cost, slope) = settings.loss.of(square);
-            value += cost;
-            (0..n).for_each(|i| gradient[i * n + j] *= 2.0 * slope);
-        }
-        (gradient, value)
-    };
     let mut w = vec![0.0; n * n];
     let (mut mu, mut steps, mut h) = (1.0, 0, 0.0);
     for (round, &first_s) in settings.s.iter().enumerate() {
@@ -158,7 +159,7 @@ pub fn fit(samples: &Samples, settings: &Settings) -> Result<Fit> {
         let (mut m, mut v) = (vec![0.0; n * n], vec![0.0; n * n]);
         let (mut powers, mut rate, mut last) = ([1.0, 1.0], settings.rate, None);
         for step in 1..=most {
-            let (gradient, value) = data(&w);
+            let (gradient, value) = data_term(&covariances, &w, n, settings.loss);
             if step % settings.check_every == 0 {
                 let size = w.iter().fold(0.0, |s, w| s + w.abs());
                 let objective = mu * (value + settings.sparsity * size) + inside.1;
@@ -196,4 +197,44 @@ pub fn fit(samples: &Samples, settings: &Settings) -> Result<Fit> {
     }
     let graph = repair(n, &w, settings.threshold).0;
     Ok(Fit { weights: w, graph, h, steps })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::rng::Rng;
+
+    #[test]
+    fn gradients_are_those_of_differences() {
+        let (n, rng) = (3, Rng::new(4));
+        let draw = |at: usize, purpose: u16| rng.uniform_f64(at as u64, 0, purpose, 0) - 0.5;
+        let w: Vec<f64> = (0..n * n).map(|at| if at % 4 == 0 { 0.0 } else { draw(at, 1) }).collect();
+        // Covariances A Aᵀ + I, one per node.
+        let covariance = |j: u16| -> Vec<f64> {
+            let a: Vec<f64> = (0..n * n).map(|at| draw(at, 2 + j)).collect();
+            let of = |r: usize, c: usize| (0..n).fold(0.0, |s, k| s + a[r * n + k] * a[c * n + k]);
+            (0..n * n).map(|at| of(at / n, at % n) + f64::from(u8::from(at / n == at % n))).collect()
+        };
+        let covariances: Vec<Vec<f64>> = (0..n as u16).map(covariance).collect();
+        let h = 1e-6;
+        let difference = |f: &dyn Fn(&[f64]) -> f64, at: usize| {
+            let [up, down] = [h, -h].map(|h| {
+                let mut w = w.clone();
+                w[at] += h;
+                f(&w)
+            });
+            (up - down) / (2.0 * h)
+        };
+        let (inverse, _) = barrier(&w, n, 1.0).expect("inside the domain");
+        for at in (0..n * n).filter(|at| at / n != at % n) {
+            for loss in [Loss::Squares, Loss::Likelihood] {
+                let (gradient, _) = data_term(&covariances, &w, n, loss);
+                let expected = difference(&|w| data_term(&covariances, w, n, loss).1, at);
+                assert!((gradient[at] - expected).abs() < 1e-8, "{loss:?}, edge {at}");
+            }
+            let expected = difference(&|w| barrier(w, n, 1.0).expect("inside the domain").1, at);
+            let gradient = 2.0 * w[at] * inverse[at % n * n + at / n];
+            assert!((gradient - expected).abs() < 1e-8, "barrier, edge {at}");
+        }
+    }
 }

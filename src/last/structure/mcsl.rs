@@ -21,9 +21,8 @@
 use super::Loss;
 use super::samples::Samples;
 use crate::causal::repair::repair;
-use crate::math::dense;
+use crate::causal::{acyclic, mask, probability};
 use crate::math::digraph::Digraph;
-use crate::num::elem::f64::{ln, sigmoid};
 use crate::num::rng::Rng;
 use crate::num::{order, par};
 use crate::{Error, Result};
@@ -228,20 +227,6 @@ impl Net {
     }
 }
 
-/// h(p) and its gradient (n, n): 2n ((I + p∘p)ⁿ⁻¹)ᵀ ∘ p.
-fn penalty(p: &[f64], n: usize) -> (f64, Vec<f64>) {
-    let one = |at: usize| f64::from(u8::from(at / n == at % n));
-    let step: Vec<f64> = (0..n * n).map(|at| one(at) + p[at] * p[at]).collect();
-    let mut power: Vec<f64> = (0..n * n).map(one).collect();
-    for _ in 1..n {
-        power = dense::product(&power, &step, n, n, n);
-    }
-    let whole = dense::product(&power, &step, n, n, n);
-    let h = (0..n).fold(0.0, |s, i| s + (whole[i * n + i] - 1.0)); // exactly 0 without cycles
-    let gradient = (0..n * n).map(|at| 2.0 * n as f64 * power[at % n * n + at / n] * p[at]).collect();
-    (h, gradient)
-}
-
 /// A step of one network over a batch; gives the gradient of the mask's column (n).
 fn train_node(
     net: &mut Net,
@@ -291,46 +276,39 @@ pub fn fit(samples: &Samples, settings: &Settings, seed: u64) -> Result<Fit> {
     }
     let samples = samples.standardised()?;
     let (rng, tau) = (Rng::new(seed), settings.temperature);
-    let edge = |at: usize| at / n != at % n;
     let mut logits: Vec<f64> =
         (0..n * n).map(|at| 1e-10 * (2.0 * rng.uniform_f64(at as u64, 0, purpose::LOGIT, 0) - 1.0)).collect();
     let mut nets: Vec<Net> = (0..n).map(|j| Net::new(n, j, rng)).collect();
     let mut adam = Adam::new(n * n);
-    let probabilities = |logits: &[f64]| -> Vec<f64> {
-        logits.iter().enumerate().map(|(at, u)| if edge(at) { sigmoid(u / tau) } else { 0.0 }).collect()
-    };
     let (mut lambda, mut rho, mut earlier, mut rounds) = (0.0, settings.rho[0], f64::INFINITY, 0);
     while rounds < settings.rounds {
         for inner in 0..settings.steps {
             let step = (rounds * settings.steps + inner) as u32;
-            let mask: Vec<f64> = (0..n * n)
-                .map(|at| {
-                    let u = rng.uniform_f64(at as u64, step, purpose::MASK, 0);
-                    if edge(at) { sigmoid((logits[at] + (ln(u) - ln(1.0 - u))) / tau) } else { 0.0 }
-                })
-                .collect();
+            let uniform: Vec<f64> =
+                (0..n * n).map(|at| rng.uniform_f64(at as u64, step, purpose::MASK, 0)).collect();
+            let drawn = mask::In { logits: &logits, uniform: &uniform, allowed: None, n, tau };
+            let mask = mask::forward(&drawn);
             let batch: Vec<usize> = (0..settings.batch)
                 .map(|b| rng.index(samples.count(), b as u64, step, purpose::BATCH, 0))
                 .collect();
             let columns = par::map_each(nets.iter_mut().collect(), |j, net| {
                 train_node(net, &samples, &batch, j, &mask, settings)
             });
-            let p = probabilities(&logits);
-            let (h, by_p) = penalty(&p, n);
-            let gradient: Vec<f64> = (0..n * n)
-                .map(|at| {
-                    let by_mask = columns[at % n][at / n] + settings.sparsity;
-                    let slope = |x: f64| x * (1.0 - x) / tau;
-                    by_mask * slope(mask[at]) + (lambda + rho * h) * by_p[at] * slope(p[at])
-                })
-                .collect();
+            let p = probability::forward(&logits, n, tau);
+            let (h, saved) = acyclic::forward(&p, n, 1.0);
+            let mask_bar: Vec<f64> =
+                (0..n * n).map(|at| columns[at % n][at / n] + settings.sparsity).collect();
+            let (mut gradient, mut p_bar) = (vec![0.0; n * n], vec![0.0; n * n]);
+            mask::adjoint(&drawn, &mask_bar, &mut gradient);
+            acyclic::adjoint(&p, n, 1.0, &saved, lambda + rho * h, &mut p_bar);
+            probability::adjoint(&p, n, tau, &p_bar, &mut gradient);
             if step as usize >= settings.frozen {
                 adam.step(&mut logits, &gradient, settings.rates[1]);
                 logits.iter_mut().for_each(|u| *u = order::clamp(*u, -LIMIT, LIMIT));
             }
         }
         rounds += 1;
-        let (h, _) = penalty(&probabilities(&logits), n);
+        let (h, _) = acyclic::forward(&probability::forward(&logits, n, tau), n, 1.0);
         lambda += rho * h;
         if h > 0.25 * earlier {
             rho *= 10.0;
@@ -340,9 +318,9 @@ pub fn fit(samples: &Samples, settings: &Settings, seed: u64) -> Result<Fit> {
             break;
         }
     }
-    let p = probabilities(&logits);
+    let p = probability::forward(&logits, n, tau);
     let graph = repair(n, &p, 0.5).0;
-    Ok(Fit { h: penalty(&p, n).0, probabilities: p, graph, rounds })
+    Ok(Fit { h: acyclic::forward(&p, n, 1.0).0, probabilities: p, graph, rounds })
 }
 
 #[cfg(test)]
@@ -350,7 +328,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn gradients_of_networks_and_of_the_penalty_are_those_of_differences() {
+    fn gradients_of_networks_are_those_of_differences() {
         let (n, rng) = (3, Rng::new(1));
         let mut net = Net::new(n, 0, rng);
         let x = [0.7, -0.4, 1.2];
@@ -381,18 +359,5 @@ mod tests {
             });
             assert!(((up - down) / (2.0 * h) - by_x[i]).abs() < 1e-8, "input {i}");
         }
-        let p: Vec<f64> =
-            (0..16).map(|at| if at % 5 == 0 { 0.0 } else { rng.uniform_f64(at, 0, 6, 0) }).collect();
-        let (_, gradient) = penalty(&p, 4);
-        for at in (0..16).filter(|at| at % 5 != 0) {
-            let [up, down] = [h, -h].map(|h| {
-                let mut p = p.clone();
-                p[at] += h;
-                penalty(&p, 4).0
-            });
-            assert!(((up - down) / (2.0 * h) - gradient[at]).abs() < 1e-6, "edge {at}");
-        }
-        let forward_only: Vec<f64> = (0..16).map(|at| f64::from(u8::from(at / 4 < at % 4))).collect();
-        assert_eq!(penalty(&forward_only, 4).0, 0.0, "no cycle, no penalty");
     }
 }

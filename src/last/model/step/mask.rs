@@ -48,25 +48,36 @@ impl Mask {
             (0..n * n).map(|at| rng.uniform_f64(at as u64, step, purpose::MASK, 0)).collect();
         let edges = match graph {
             Some(graph) => graph.to_vec(),
-            None => mask::forward(&structure.logits, &uniform, n, tau),
+            None => mask::forward(&mask::In {
+                logits: &structure.logits,
+                uniform: &uniform,
+                allowed: None,
+                n,
+                tau,
+            }),
         };
         Self { edges, uniform, along: None }
     }
 
-    /// Keeps only edges along an order of the factors that is drawn for the step.
-    pub(super) fn limit(&mut self, draw: Draw) {
-        let along = ordered(&draw.rng, draw.factors, draw.step);
-        self.edges.iter_mut().zip(&along).for_each(|(drawn, along)| *drawn *= along);
-        self.along = Some(along);
+    /// Draws anew with the same numbers, only edges along an order of the factors that is drawn for the step.
+    pub(super) fn limit(&mut self, structure: &Structure, draw: Draw) {
+        self.along = Some(ordered(&draw.rng, draw.factors, draw.step));
+        self.edges = mask::forward(&self.input(structure, draw));
+    }
+
+    fn input<'a>(&'a self, structure: &'a Structure, draw: Draw) -> mask::In<'a> {
+        mask::In {
+            logits: &structure.logits,
+            uniform: &self.uniform,
+            allowed: self.along.as_deref(),
+            n: draw.factors,
+            tau: draw.tau,
+        }
     }
 
     /// Adds what the gradient of drawn edges gives the logits.
     pub(super) fn to_logits(&self, structure: &Structure, draw: Draw, bars: &mut Bars) {
-        if let Some(along) = &self.along {
-            bars.mask.iter_mut().zip(along).for_each(|(bar, along)| *bar *= along);
-        }
-        let Draw { factors: n, tau, .. } = draw;
-        mask::adjoint(&structure.logits, &self.uniform, n, tau, &bars.mask, &mut bars.structure.logits);
+        mask::adjoint(&self.input(structure, draw), &bars.mask, &mut bars.structure.logits);
     }
 }
 

@@ -76,22 +76,26 @@ fn case_acyclic(case: usize) -> Case {
 pub(super) static MASK: Op = Op {
     check: |x| {
         x.rule("uniform", "a number between 0 and 1, both excluded", |u| u > 0.0 && u < 1.0)?;
+        x.rule("allowed", "0 or 1", |l| l == 0.0 || l == 1.0)?;
         positive(x, "tau")
     },
     run: run_mask,
-    predict: no_loops,
+    predict: allowed_edges,
+    cases: 3,
     case: case_mask,
     ..entry(&reference::causal::mask::SIGNATURE)
 };
 
 fn run_mask(x: &Checked<'_>) -> Result<RunResult> {
     let (n, logits, uniform) = (x.dim("N"), x.f64s("logits"), x.f64s("uniform"));
+    let allowed = x.has("allowed").then(|| x.f64s("allowed"));
     let tau = x.number("tau").unwrap_or(0.2);
+    let input = mask::In { logits: &logits, uniform: &uniform, allowed: allowed.as_deref(), n, tau };
     let mut ran = RunResult::default();
-    ran.outputs.put("mask", &[n, n], mask::forward(&logits, &uniform, n, tau));
+    ran.outputs.put("mask", &[n, n], mask::forward(&input));
     if let Some(bar) = x.bar_f64("mask", &[n, n])? {
         let mut logits_bar = x.start_f64("logits", n * n);
-        mask::adjoint(&logits, &uniform, n, tau, &bar, &mut logits_bar);
+        mask::adjoint(&input, &bar, &mut logits_bar);
         ran.gradients.put("logits", &[n, n], logits_bar);
     }
     Ok(ran)
@@ -99,6 +103,15 @@ fn run_mask(x: &Checked<'_>) -> Result<RunResult> {
 
 fn no_loops(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("logits".to_owned(), diagonal(x.dim("N")))].into(), ..Prediction::default() })
+}
+
+/// Edges that are not allowed get no gradient, and the diagonal none.
+fn allowed_edges(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    let mut zeros = diagonal(x.dim("N"));
+    if x.has("allowed") {
+        zeros.iter_mut().zip(x.f64s("allowed")).for_each(|(zero, allowed)| *zero |= allowed == 0.0);
+    }
+    Ok(Prediction { zeros: [("logits".to_owned(), zeros)].into(), ..Prediction::default() })
 }
 
 /// Variances whose logarithm is at most 700 have a value in f64.
@@ -111,15 +124,20 @@ fn diagonal(n: usize) -> Vec<bool> {
     (0..n * n).map(|at| at / n == at % n).collect()
 }
 
-/// Case 0: the usual temperature; case 1: a warm one.
+/// Case 0: the default temperature; case 1: a higher one; case 2: edges along an order of the nodes alone.
 fn case_mask(case: usize) -> Case {
-    let n = [4, 5][case];
+    let n = [4, 5, 4][case];
     let mut made = Case::default();
     let small = Draw::new(61, case, 0).normals(n * n).into_iter().map(|u| 0.3 * u).collect();
     made.inputs.put("logits", &[n, n], small);
     made.inputs.put("uniform", &[n, n], Draw::new(61, case, 1).uniforms(n * n, 0.3, 0.7));
     if case == 1 {
         made.settings.insert("tau".to_owned(), Setting::Number(1.5));
+    }
+    if case == 2 {
+        let place = [2, 0, 3, 1];
+        let before = |at: usize| f64::from(u8::from(place[at / n] < place[at % n]));
+        made.inputs.put("allowed", &[n, n], (0..n * n).map(before).collect());
     }
     made
 }
