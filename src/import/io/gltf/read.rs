@@ -6,6 +6,7 @@ use super::{Gltf, Local, MAX_JSON_BYTES, MAX_JSON_OBJECTS, Matrix, Mesh, Node, P
 use crate::io::{MAX_FILE_BYTES, beside, guard, name_of, read_bytes};
 use crate::{Error, Result};
 use gltf::Document;
+use gltf::mesh::Mode;
 use std::path::Path;
 
 /// Reads a `.gltf` or `.glb` and what it refers to in its folder.
@@ -196,30 +197,22 @@ impl Reader<'_> {
         notes: &mut Vec<String>,
     ) -> Result<Option<Primitive>> {
         use gltf::Semantic as S;
-        use gltf::mesh::Mode;
         if matches!(p.mode(), Mode::Points | Mode::Lines | Mode::LineLoop | Mode::LineStrip) {
             notes.push("points and lines are not shown".into());
             return Ok(None);
         }
         let Some(accessor) = p.get(&S::Positions) else { return Ok(None) };
-        let vertices = accessor.count();
-        let same = |a: &gltf::Accessor<'_>, what: &str| match a.count() {
-            n if n == vertices => Ok(()),
-            n => Err(self
-                .error(format!("{place}, {what}"))
-                .expected(format!("{vertices} rows, as positions"))
-                .got(n.to_string())),
-        };
+        let rows = Rows { reader: self, place, vertices: accessor.count() };
         let positions = cache.get3(&self.buffers, &accessor, "positions")?;
         let normals = p.get(&S::Normals).map(|a| {
-            same(&a, "normals")?;
+            rows.check(&a, "normals")?;
             cache.get3(&self.buffers, &a, "normals")
         });
         let (mut uvs, mut joints, mut weights) = (Vec::new(), Vec::new(), Vec::new());
         for (semantic, a) in p.attributes() {
             match semantic {
                 S::TexCoords(set) if set < 8 => {
-                    same(&a, "texture coordinates")?;
+                    rows.check(&a, "texture coordinates")?;
                     if uvs.len() <= set as usize {
                         uvs.resize(set as usize + 1, None);
                     }
@@ -238,8 +231,8 @@ impl Reader<'_> {
         for set in 0..4 {
             match (p.get(&S::Joints(set)), p.get(&S::Weights(set))) {
                 (Some(j), Some(w)) => {
-                    same(&j, "joints")?;
-                    same(&w, "weights")?;
+                    rows.check(&j, "joints")?;
+                    rows.check(&w, "weights")?;
                     joints.push(cache.joints(&self.buffers, &j)?);
                     weights.push(cache.get4(&self.buffers, &w, "weights")?);
                 }
@@ -253,21 +246,40 @@ impl Reader<'_> {
         if p.morph_targets().len() > 0 {
             notes.push("morph targets are not read: meshes have their default shape".into());
         }
-        let list: Vec<u32> = match p.indices() {
-            Some(a) => self.buffers.indices(&a)?.into_iter().map(|[i]| i).collect(),
-            None => (0..u32::try_from(vertices).map_err(|_| {
-                self.error(place.into()).expected("at most 2³² vertices").got(vertices.to_string())
-            })?)
-                .collect(),
-        };
-        if let Some(i) = list.iter().position(|&i| i as usize >= vertices) {
-            return Err(self
-                .error(format!("{place}, index {i}"))
-                .expected(format!("below {vertices}"))
-                .got(list[i].to_string()));
+        let triangles = rows.triangles(p)?;
+        let material = p.material().index();
+        let normals = normals.transpose()?;
+        Ok(Some(Primitive { positions, normals, uvs, joints, weights, triangles, material }))
+    }
+}
+
+/// A primitive whose vertices are counted.
+struct Rows<'a> {
+    reader: &'a Reader<'a>,
+    /// how errors name it
+    place: &'a str,
+    vertices: usize,
+}
+
+impl Rows<'_> {
+    /// Checks that an attribute has a row per vertex.
+    fn check(&self, a: &gltf::Accessor<'_>, what: &str) -> Result<()> {
+        match a.count() {
+            n if n == self.vertices => Ok(()),
+            n => Err(self
+                .reader
+                .error(format!("{}, {what}", self.place))
+                .expected(format!("{} rows, as positions", self.vertices))
+                .got(n.to_string())),
         }
-        let triangles = match p.mode() {
-            Mode::TriangleStrip => (0..list.len().saturating_sub(2))
+    }
+
+    /// Corners of the triangles, from lists, strips and fans.
+    fn triangles(&self, p: &gltf::Primitive<'_>) -> Result<Vec<[u32; 3]>> {
+        let list = self.indices(p)?;
+        let count = list.len().saturating_sub(2);
+        Ok(match p.mode() {
+            Mode::TriangleStrip => (0..count)
                 .map(|i| {
                     if i % 2 == 0 {
                         [list[i], list[i + 1], list[i + 2]]
@@ -276,27 +288,36 @@ impl Reader<'_> {
                     }
                 })
                 .collect(),
-            Mode::TriangleFan => {
-                (0..list.len().saturating_sub(2)).map(|i| [list[i + 1], list[i + 2], list[0]]).collect()
-            }
+            Mode::TriangleFan => (0..count).map(|i| [list[i + 1], list[i + 2], list[0]]).collect(),
             _ => {
                 let (whole, rest) = list.as_chunks::<3>();
                 if !rest.is_empty() {
-                    let e = self.error(format!("{place}, indices"));
+                    let e = self.reader.error(format!("{}, indices", self.place));
                     return Err(e.expected("a multiple of 3").got(list.len().to_string()));
                 }
                 whole.to_vec()
             }
+        })
+    }
+
+    /// Indices of vertices; without any, all vertices in turn.
+    fn indices(&self, p: &gltf::Primitive<'_>) -> Result<Vec<u32>> {
+        let Self { reader, place, vertices } = *self;
+        let list: Vec<u32> = match p.indices() {
+            Some(a) => reader.buffers.indices(&a)?.into_iter().map(|[i]| i).collect(),
+            None => {
+                let count = u32::try_from(vertices).map_err(|_| {
+                    reader.error(place.into()).expected("at most 2³² vertices").got(vertices.to_string())
+                })?;
+                (0..count).collect()
+            }
         };
-        let material = p.material().index();
-        Ok(Some(Primitive {
-            positions,
-            normals: normals.transpose()?,
-            uvs,
-            joints,
-            weights,
-            triangles,
-            material,
-        }))
+        if let Some(i) = list.iter().position(|&i| i as usize >= vertices) {
+            return Err(reader
+                .error(format!("{place}, index {i}"))
+                .expected(format!("below {vertices}"))
+                .got(list[i].to_string()));
+        }
+        Ok(list)
     }
 }
