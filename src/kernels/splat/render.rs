@@ -343,32 +343,29 @@ pub fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, sav
         par::each(tasks, |b, (rows, splats, mask)| {
             let (from, to) = (b * BLOCK, b * BLOCK + rows.len());
             let mut buffer = Vec::new();
-            let factors = x.factors(from, to, &mut buffer);
             let decisions = frozen.map(|f| &f.decisions[c * n + from..c * n + to]);
-            let opacities = &x.opacities[from..to];
-            project::forward(
-                &lens,
-                &settings.profile,
-                &x.means[from..to],
-                factors,
-                opacities,
-                decisions,
-                rows,
-            );
+            let gaussians = project::In {
+                means: &x.means[from..to],
+                factors: x.factors(from, to, &mut buffer),
+                opacities: &x.opacities[from..to],
+                lens: &lens,
+                profile: &settings.profile,
+            };
+            project::forward(&gaussians, decisions, rows);
             let mut made = Vec::new();
             let colors = match x.color {
                 Color::Rgb(rgb) => &rgb[from..to],
                 Color::Sh(sh) => {
                     made.resize(to - from, [0.0; 3]);
                     let kept = frozen.map(|f| &f.color_mask[c * n + from..c * n + to]);
-                    color::forward(&x.means[from..to], sh.rows(from, to), center, kept, &mut made, mask);
+                    color::forward(gaussians.means, sh.rows(from, to), center, kept, &mut made, mask);
                     &made
                 }
             };
             for (i, splat) in splats.iter_mut().enumerate() {
                 let row = &rows[i];
                 *splat = if row.visible {
-                    let opacity = opacities[i] * row.compensation;
+                    let opacity = gaussians.opacities[i] * row.compensation;
                     Splat::new(row.mean_px, row.shape, row.axis, row.z, opacity, colors[i], row.cut)
                 } else {
                     Splat::default()
@@ -500,16 +497,9 @@ fn adjoint_block(
             };
             colors_bar[i] = bar.color;
         }
-        project::adjoint(
-            lens,
-            &settings.profile,
-            means,
-            factors,
-            rows,
-            &rows_bar,
-            block.means,
-            &mut factors_bar,
-        );
+        let gaussians = project::In { means, factors, opacities, lens, profile: &settings.profile };
+        let x_bar = project::InBar { means: &mut *block.means, factors: &mut factors_bar };
+        project::adjoint(&gaussians, rows, &rows_bar, x_bar);
         match x.color {
             Color::Sh(sh) => {
                 let mask = &saved.color_mask[at..at + len];
