@@ -303,25 +303,35 @@ pub fn forward_into(
     out: &mut Out,
     saved: &mut Saved,
 ) {
-    let n = x.means.len();
-    let grid = x.grid(settings);
     project_all(x, settings, frozen, saved);
     saved.plan = match frozen {
         Some(f) => f.plan.clone(),
-        None => plan::build(&saved.splats, x.cameras.len(), &grid, &settings.profile, settings.cull),
+        None => {
+            let grid = x.grid(settings);
+            plan::build(&saved.splats, x.cameras.len(), &grid, &settings.profile, settings.cull)
+        }
     };
-    blend::forward(
-        &saved.splats,
-        n,
-        &saved.plan,
-        &grid,
-        &settings.profile,
-        x.background,
-        settings.cull,
-        frozen.map(Frozen::masks),
-        out,
-        &mut saved.pixels,
-    );
+    blend::forward(&blend_in(x, settings, frozen, &saved.splats, &saved.plan), out, &mut saved.pixels);
+}
+
+/// What `blend` takes of the inputs, the projected splats and their plan.
+fn blend_in<'a>(
+    x: &In<'a>,
+    settings: &'a Settings,
+    frozen: Option<&'a Frozen>,
+    splats: &'a [Splat],
+    plan: &'a Plan,
+) -> blend::In<'a> {
+    blend::In {
+        splats,
+        n: x.means.len(),
+        plan,
+        grid: x.grid(settings),
+        profile: &settings.profile,
+        background: x.background,
+        cull: settings.cull,
+        frozen: frozen.map(Frozen::masks),
+    }
 }
 
 /// Rows, colours and splats of every camera, block by block.
@@ -405,20 +415,9 @@ pub fn adjoint_into(
     scratch: &mut Scratch,
 ) {
     let (n, cameras) = (x.means.len(), x.cameras.len());
-    let grid = x.grid(settings);
-    let background_bar = blend::adjoint(
-        &saved.splats,
-        n,
-        &saved.plan,
-        &grid,
-        &settings.profile,
-        x.background,
-        frozen.map(Frozen::masks),
-        &saved.pixels,
-        out_bar,
-        settings.absgrad,
-        &mut scratch.records,
-    );
+    let blended = blend_in(x, settings, frozen, &saved.splats, &saved.plan);
+    let background_bar =
+        blend::adjoint(&blended, &saved.pixels, out_bar, settings.absgrad, &mut scratch.records);
     for (sum, b) in x_bar.background.iter_mut().zip(background_bar) {
         *sum += b;
     }
