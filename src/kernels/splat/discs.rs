@@ -18,6 +18,7 @@
 //! # Kinks and domain
 //! Discs without extent, or with z outside [`RANGE`], are not drawn. Not differentiable; there is no adjoint. Pinhole cameras only.
 
+use crate::num::order;
 use crate::scene::camera::{Camera, Model};
 use crate::{Error, Result};
 
@@ -27,7 +28,7 @@ pub const SUPERSAMPLING: usize = 4;
 /// Smallest and largest z that is drawn, scene units.
 pub const RANGE: [f32; 2] = [0.01, 1e10];
 
-/// A picture of discs.
+/// An image of discs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// (H, W, 3) sRGB-encoded
@@ -36,7 +37,7 @@ pub struct Picture {
     pub alpha: Vec<f32>,
 }
 
-/// Renders discs on one thread: pictures are small and made many at a time.
+/// Renders discs on one thread: images are small and made many at a time.
 ///
 /// # Errors
 /// When the camera is not valid or no pinhole, the lengths differ, or a number is not finite.
@@ -55,19 +56,28 @@ pub fn render(
         let got = format!("{} points, {} radii, {} colours", points.len(), radii.len(), rgb.len());
         return Err(Error::input("discs").expected("as many radii and colours as points").got(got));
     }
-    let check = |name: &str, x: &[f32]| match x.iter().position(|x| !x.is_finite()) {
+    check_finite("points", points.as_flattened())?;
+    check_finite("radii", radii)?;
+    check_finite("rgb", rgb.as_flattened())?;
+    check_finite("background", &background)?;
+    let nearest = nearest(points, radii, camera);
+    Ok(average(&nearest, rgb, camera, background))
+}
+
+/// Refuses an array with a number that is not finite.
+fn check_finite(name: &str, x: &[f32]) -> Result<()> {
+    match x.iter().position(|x| !x.is_finite()) {
         None => Ok(()),
         Some(i) => {
             let e = Error::input("discs").at(format!("{name}, number {i}"));
             Err(e.expected("finite").got(x[i].to_string()))
         }
-    };
-    check("points", points.as_flattened())?;
-    check("radii", radii)?;
-    check("rgb", rgb.as_flattened())?;
-    check("background", &background)?;
+    }
+}
+
+/// (4H, 4W) depth and index of the nearest disc over each place; ∞ and `u32::MAX` where there is none.
+fn nearest(points: &[[f32; 3]], radii: &[f32], camera: &Camera) -> Vec<(f32, u32)> {
     let (w, h) = (SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height);
-    // The nearest disc so far: depth and index.
     let mut buffer = vec![(f32::INFINITY, u32::MAX); w * h];
     for (p, (x, &radius)) in points.iter().zip(radii).enumerate() {
         let [vx, vy, z]: [f32; 3] = std::array::from_fn(|i| {
@@ -86,8 +96,8 @@ pub fn render(
         };
         let ((cx, rx), (cy, ry)) = (axis(vx, 0), axis(vy, 1));
         let span = |c: f32, r: f32, n: usize| {
-            let low = crate::num::order::clamp((c - r - 0.5).ceil(), 0.0, n as f32);
-            let high = crate::num::order::clamp((c + r - 0.5).floor() + 1.0, 0.0, n as f32);
+            let low = order::clamp((c - r - 0.5).ceil(), 0.0, n as f32);
+            let high = order::clamp((c + r - 0.5).floor() + 1.0, 0.0, n as f32);
             low as usize..high as usize
         };
         for row in span(cy, ry, h) {
@@ -102,14 +112,19 @@ pub fn render(
             }
         }
     }
-    let mut picture =
-        Picture { image: Vec::with_capacity(w * h / 16), alpha: Vec::with_capacity(w * h / 16) };
+    buffer
+}
+
+/// The mean of each pixel's places.
+fn average(nearest: &[(f32, u32)], rgb: &[[f32; 3]], camera: &Camera, background: [f32; 3]) -> Picture {
+    let (w, pixels) = (SUPERSAMPLING * camera.width, camera.width * camera.height);
+    let mut picture = Picture { image: Vec::with_capacity(pixels), alpha: Vec::with_capacity(pixels) };
     for row in 0..camera.height {
         for column in 0..camera.width {
             let (mut sum, mut covered) = ([0.0f32; 3], 0u8);
             for i in 0..SUPERSAMPLING {
                 for j in 0..SUPERSAMPLING {
-                    let (_, p) = buffer[(SUPERSAMPLING * row + i) * w + SUPERSAMPLING * column + j];
+                    let (_, p) = nearest[(SUPERSAMPLING * row + i) * w + SUPERSAMPLING * column + j];
                     let color = if p == u32::MAX { background } else { rgb[p as usize] };
                     covered += u8::from(p != u32::MAX);
                     sum = std::array::from_fn(|c| sum[c] + color[c]);
@@ -120,7 +135,7 @@ pub fn render(
             picture.alpha.push(f32::from(covered) * (1.0 / places));
         }
     }
-    Ok(picture)
+    picture
 }
 
 #[cfg(test)]

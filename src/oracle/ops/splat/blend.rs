@@ -82,16 +82,25 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
         alpha: &g.alpha_mask,
         cap: &g.cap_mask,
     });
-    let background = x.rows::<3>("background")[0];
+    let blended = blend::In {
+        splats: &splats,
+        n,
+        plan: &lists,
+        grid: stored,
+        profile: &profile,
+        background: x.rows::<3>("background")[0],
+        cull,
+        frozen,
+    };
     let (mut out, mut saved) = (blend::Out::default(), blend::Saved::default());
-    blend::forward(&splats, n, &lists, &stored, &profile, background, cull, frozen, &mut out, &mut saved);
+    blend::forward(&blended, &mut out, &mut saved);
     let tile = x.number("tile").map_or(stored.tile, |tile| tile as usize);
     if tile != stored.tile && given.is_none() && profile.footprint == Footprint::Alpha {
         // another tile side shows in no bit; plan and gradients are those of tiles of 16
-        let other = grid(x, tile)?;
-        let lists = build(&splats, c, &other, &profile, cull);
-        let unused = &mut blend::Saved::default();
-        blend::forward(&splats, n, &lists, &other, &profile, background, cull, None, &mut out, unused);
+        let grid = grid(x, tile)?;
+        let plan = &build(&splats, c, &grid, &profile, cull);
+        let other = blend::In { plan, grid, frozen: None, ..blended };
+        blend::forward(&other, &mut out, &mut blend::Saved::default());
     }
     let [h, w] = [stored.height, stored.width];
     let mut ran = RunResult::default();
@@ -111,19 +120,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     if x.with_gradients() {
         let bars = PictureBars::of(x, [c, h, w])?;
         let mut records = Vec::new();
-        let background_bar = blend::adjoint(
-            &splats,
-            n,
-            &lists,
-            &stored,
-            &profile,
-            background,
-            frozen,
-            &saved,
-            bars.view(),
-            false,
-            &mut records,
-        );
+        let background_bar = blend::adjoint(&blended, &saved, bars.view(), false, &mut records);
         let bar = |row: usize| {
             blend::gather_records(&lists, &saved.rows, &records, row)
                 .map_or_else(SplatBar::default, |sums| SplatBar::new(&splats[row], sums))

@@ -80,11 +80,18 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     let opacities = if x.has("opacities") { x.f32s("opacities") } else { vec![1.0; n] };
     let frozen = x.call.plan.as_ref().map(|p| plan::decisions(p, c, n)).transpose()?;
     let lenses: Vec<Lens> = cameras.iter().map(|camera| Lens::new(camera, &profile)).collect();
+    let gaussians = |lens| project::In {
+        means: &means,
+        factors: &factors,
+        opacities: &opacities,
+        lens,
+        profile: &profile,
+    };
     let mut made = vec![Row::default(); c * n];
     for (i, lens) in lenses.iter().enumerate() {
         let span = i * n..(i + 1) * n;
         let given = frozen.as_ref().map(|d| &d[span.clone()]);
-        project::forward(lens, &profile, &means, &factors, &opacities, given, &mut made[span]);
+        project::forward(&gaussians(lens), given, &mut made[span]);
     }
     super::check_range(&made, n)?;
     let mut ran = RunResult::default();
@@ -101,7 +108,8 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
         for (i, lens) in lenses.iter().enumerate() {
             let span = i * n..(i + 1) * n;
             let (rows, bars) = (&made[span.clone()], &bars[span]);
-            project::adjoint(lens, &profile, &means, &factors, rows, bars, &mut means_bar, &mut factors_bar);
+            let x_bar = project::InBar { means: &mut means_bar, factors: &mut factors_bar };
+            project::adjoint(&gaussians(lens), rows, bars, x_bar);
         }
         ran.gradients.put("means", &[n, 3], flatten(&means_bar));
         put_shape_bars(x, &factors_bar, &mut ran.gradients);
