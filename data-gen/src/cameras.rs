@@ -64,7 +64,7 @@ fn posed(eye: V3, right: V3, down: V3, forward: V3, focal_px: f64, size: usize) 
 
 /// One view and the numbers it was made from.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Placed {
+pub struct CameraView {
     /// Pinhole.
     pub view: View,
     /// Degrees.
@@ -93,7 +93,7 @@ pub enum Framing {
 /// The distance at which the ball just fits the angle of view is r/sin(fov/2); a view stands at U[1, 1.25] times that under
 /// [`Framing::Whole`] and at U[0.8, 1.3] times that under [`Framing::Loose`], never nearer than 1.25 r. Loose views are off the
 /// axis by U[2, 18]° in any direction, but by at most 0.3 of the angle of view.
-pub fn training(seed: u64, k: u64, count: usize, size: usize, framing: Framing) -> Vec<Placed> {
+pub fn training(seed: u64, k: u64, count: usize, size: usize, framing: Framing) -> Vec<CameraView> {
     let fov = Draws::new(seed, k, 0, purpose::TRAIN).range(15.0, 85.0);
     let fit = OBJECT_RADIUS / sin(radians(0.5 * fov));
     (0..count)
@@ -113,7 +113,7 @@ pub fn training(seed: u64, k: u64, count: usize, size: usize, framing: Framing) 
             let eye = on_sphere(azimuth, elevation, distance);
             let forward = unit(scaled(eye, -1.0));
             let placed = view(eye, off(forward, radians(off_axis), turn), fov, size);
-            Placed { view: placed, fov, azimuth, elevation, distance, off_axis }
+            CameraView { view: placed, fov, azimuth, elevation, distance, off_axis }
         })
         .collect()
 }
@@ -131,7 +131,7 @@ fn off(forward: V3, angle: f64, turn: f64) -> V3 {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Test {
     /// Elevations 0, 20, 40 degrees, 16 azimuths each, in this order: index = 16·ring + azimuth.
-    pub views: Vec<Placed>,
+    pub views: Vec<CameraView>,
     /// The 16 given ones in random order, four sets of four.
     pub inputs: [usize; 16],
     /// The same going round: by azimuth, then by elevation.
@@ -153,7 +153,7 @@ pub fn test(seed: u64, k: u64, size: usize) -> Test {
             let azimuth = 22.5 * (i % 16) as f64;
             let eye = on_sphere(azimuth, elevation, distance);
             let view = view(eye, unit(scaled(eye, -1.0)), TEST_FOV, size);
-            Placed { view, fov: TEST_FOV, azimuth, elevation, distance, off_axis: 0.0 }
+            CameraView { view, fov: TEST_FOV, azimuth, elevation, distance, off_axis: 0.0 }
         })
         .collect();
     let mut draws = Draws::new(seed, k, 0, purpose::TEST);
@@ -181,14 +181,14 @@ pub fn test(seed: u64, k: u64, size: usize) -> Test {
 }
 
 /// `count` views on a ring at one elevation, looking at the origin, the ball just in the picture.
-pub fn ring(count: usize, elevation: f64, fov: f64, size: usize) -> Vec<Placed> {
+pub fn ring(count: usize, elevation: f64, fov: f64, size: usize) -> Vec<CameraView> {
     let distance = OBJECT_RADIUS / sin(radians(0.5 * fov));
     (0..count)
         .map(|i| {
             let azimuth = 360.0 * i as f64 / count as f64;
             let eye = on_sphere(azimuth, elevation, distance);
             let view = view(eye, unit(scaled(eye, -1.0)), fov, size);
-            Placed { view, fov, azimuth, elevation, distance, off_axis: 0.0 }
+            CameraView { view, fov, azimuth, elevation, distance, off_axis: 0.0 }
         })
         .collect()
 }

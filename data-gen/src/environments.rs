@@ -14,7 +14,7 @@ use crate::light::{Map, direction};
 use crate::space::V3;
 use room::Room;
 use sky::Sky;
-use studio::Studio;
+use studio::StudioLight;
 
 /// What draws are for. The item is the number of the map.
 pub mod purpose {
@@ -40,7 +40,7 @@ pub struct Scene {
 #[derive(Clone, Debug)]
 enum World {
     Sky(Box<Sky>),
-    Studio(Studio),
+    StudioLight(StudioLight),
     Room(Box<Room>),
 }
 
@@ -54,9 +54,9 @@ pub fn scene(seed: u64, k: u64) -> Scene {
         0 => World::Sky(Box::new(Sky::clear(&mut draws, &mut noise))),
         1 => World::Sky(Box::new(Sky::low_sun(&mut draws, &mut noise))),
         2 => World::Sky(Box::new(Sky::overcast(&mut draws, &mut noise))),
-        3 => World::Studio(Studio::daylight(&mut draws)),
+        3 => World::StudioLight(StudioLight::daylight(&mut draws)),
         4 => World::Room(Box::new(Room::new(&mut draws, &mut noise))),
-        _ => World::Studio(Studio::night(&mut draws)),
+        _ => World::StudioLight(StudioLight::night(&mut draws)),
     };
     let mut scene = Scene { kind: KINDS[kind], world, level: 1.0 };
     let wanted = Draws::new(seed, k, 0, purpose::LEVEL).range(0.6, 1.4);
@@ -74,7 +74,7 @@ impl Scene {
     pub fn brightest(&self) -> Option<V3> {
         match &self.world {
             World::Sky(s) => s.sun(),
-            World::Studio(s) => s.brightest(),
+            World::StudioLight(s) => s.brightest(),
             World::Room(_) => None,
         }
     }
@@ -88,7 +88,7 @@ impl Scene {
                 let towards = direction((column as f64 + 0.5) / width as f64, v);
                 let c = match &self.world {
                     World::Sky(s) => s.radiance(towards, step),
-                    World::Studio(s) => s.radiance(towards, step),
+                    World::StudioLight(s) => s.radiance(towards, step),
                     World::Room(s) => s.radiance(towards),
                 };
                 c.map(|x| (self.level * x) as f32)

@@ -1,6 +1,6 @@
 //! Environment maps have the orientation and the range they promise; cameras stand where they should.
 
-use data_gen::cameras::{self, Framing, OBJECT_RADIUS, Placed};
+use data_gen::cameras::{self, CameraView, Framing, OBJECT_RADIUS};
 use data_gen::environments::{self, KINDS};
 use data_gen::light::{Map, direction};
 use data_gen::splats::View;
@@ -128,7 +128,7 @@ fn check_rotation(v: &View) {
 }
 
 /// The ball's silhouette lies within the picture.
-fn holds_ball(p: &Placed) -> bool {
+fn holds_ball(p: &CameraView) -> bool {
     let half = 0.5 * p.fov * std::f64::consts::PI / 180.0;
     // sin of the angle the ball covers, and of the least angle of the picture's border from its axis
     OBJECT_RADIUS / p.distance <= sin(half) * (1.0 + 1e-9)

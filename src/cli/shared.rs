@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 /// How a folder is filled with what draws made.
 #[derive(clap::Args)]
-pub(super) struct Filling {
+pub(super) struct OutputArgs {
     /// Seed of every draw
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
@@ -30,7 +30,7 @@ pub(super) struct Filling {
 
 /// What is replaced and what is said.
 #[derive(clap::Args)]
-pub(super) struct Manner {
+pub(super) struct ConsoleArgs {
     /// Replace what is in --out
     #[arg(long)]
     pub(super) force: bool,
@@ -44,7 +44,7 @@ pub(super) struct Manner {
 
 /// How likeness is measured as people see it.
 #[derive(clap::Args)]
-pub(super) struct Perception {
+pub(super) struct MetricArgs {
     /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` says how to write the file
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
@@ -53,7 +53,7 @@ pub(super) struct Perception {
     lpips_raw: bool,
 }
 
-impl Perception {
+impl MetricArgs {
     /// The weights, or a remark that there are none.
     ///
     /// # Errors
@@ -112,7 +112,7 @@ pub(super) struct OrbitArgs {
 
 /// An orbit unless told otherwise.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Usual {
+pub(super) struct DefaultArgs {
     /// `WxH`
     pub(super) size: &'static str,
     /// Horizontal, degrees.
@@ -123,7 +123,7 @@ pub(super) struct Usual {
 
 impl OrbitArgs {
     /// Size as text, field of view, elevation, radius: as given, or as usual.
-    pub(super) fn resolved(&self, usual: Usual) -> (&str, f64, f64, Option<f32>) {
+    pub(super) fn resolved(&self, usual: DefaultArgs) -> (&str, f64, f64, Option<f32>) {
         let size = self.size.as_deref().unwrap_or(usual.size);
         (size, self.fov.unwrap_or(usual.fov), self.elevation.unwrap_or(usual.elevation), self.radius)
     }
@@ -132,7 +132,7 @@ impl OrbitArgs {
     ///
     /// # Errors
     /// When N is no whole number, or the size is none.
-    pub(super) fn parse(&self, cameras: &str, usual: Usual) -> Result<Option<Orbit>> {
+    pub(super) fn parse(&self, cameras: &str, usual: DefaultArgs) -> Result<Option<Orbit>> {
         let Some(count) = cameras.strip_prefix("orbit:") else { return Ok(None) };
         let count = count
             .parse()

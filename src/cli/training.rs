@@ -7,7 +7,7 @@ use crate::console as cli;
 use crate::fit::training::{self, Fit, History, Schedule, Session, Start, Watch};
 use crate::io::atomic;
 use crate::meter::Meter;
-use crate::shared::Filling;
+use crate::shared::OutputArgs;
 use crate::{Error, Result, claim};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ impl Frame {
     ///
     /// # Errors
     /// Those of [`claim::folder`].
-    pub(crate) fn claim(out: &Path, filling: &Filling, checkpoint_every: u32) -> Result<Self> {
+    pub(crate) fn claim(out: &Path, filling: &OutputArgs, checkpoint_every: u32) -> Result<Self> {
         let dir = claim::folder(out, filling.resume, filling.force)?;
         Ok(Self { dir, checkpoint_every: checkpoint_every as usize, resume: filling.resume })
     }

@@ -70,7 +70,7 @@ fn digest(c: &Character, poses: &[Pose]) -> u64 {
 
 /// A character that plays a part.
 #[derive(Debug)]
-pub struct Actor {
+pub struct CharacterSubject {
     character: Character,
     template: Template,
     dots: Dots,
@@ -84,7 +84,7 @@ pub struct Actor {
     record: Value,
 }
 
-impl Actor {
+impl CharacterSubject {
     /// Reads the character and works out its frames: factors as for the built-in figure of the settings, T frames, a template of P points.
     ///
     /// # Errors
@@ -166,7 +166,7 @@ fn reach(c: &Character, pose: &Pose, u: &[f64]) -> Result<f64> {
     Ok(o.mesh.positions.iter().fold(0.0, far))
 }
 
-impl Subject for Actor {
+impl Subject for CharacterSubject {
     fn frames(&self) -> usize {
         self.frames.len()
     }
@@ -228,7 +228,7 @@ impl Subject for Actor {
     }
 }
 
-impl ImageSource for Actor {
+impl ImageSource for CharacterSubject {
     fn dots(&self) -> &Dots {
         &self.dots
     }

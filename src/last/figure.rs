@@ -70,7 +70,7 @@ impl ImageSource for Figures {
         looks.sort_unstable();
         looks.dedup();
         // Making clothes takes longer than wearing them.
-        let wardrobe = par::map(looks.len(), |i| Dressed::new(&Appearance::new(self.seed, looks[i])));
+        let wardrobe = par::map(looks.len(), |i| ClothedFigure::new(&Appearance::new(self.seed, looks[i])));
         Box::new(move |i| {
             let look = looks.binary_search(&frames[i].appearance).expect("the look of one of these frames");
             Ok(wardrobe[look].object(&Drive::new(&frames[i].u)))
@@ -104,13 +104,13 @@ pub fn lights(azimuth: f64) -> Lights {
 
 /// A person with the surfaces of its look, ready to be posed.
 #[derive(Debug)]
-pub struct Dressed {
+pub struct ClothedFigure {
     figure: Figure,
     /// At rest; its materials are those without a turn of the hue.
     rest: Object,
 }
 
-impl Dressed {
+impl ClothedFigure {
     /// The person of a look.
     pub fn new(appearance: &Appearance) -> Self {
         let figure = Figure::new(appearance);

@@ -10,7 +10,7 @@
 //! ```
 //! How a folder is begun, continued and started over: `folder`.
 
-use super::character::Actor;
+use super::character::CharacterSubject;
 use super::figure::Figures;
 use super::folder::{self, JOURNAL, digest, hex, slashed};
 pub use super::progress::Progress;
@@ -103,7 +103,7 @@ pub fn run(
             "set": s.set, "samples": s.samples, "varsortability": s.varsortability, "r2_sortability": s.r2_sortability,
         })).collect::<Vec<_>>(),
     });
-    let actor = settings.character.as_ref().map(|c| Actor::new(c, &scm, settings)).transpose()?;
+    let actor = settings.character.as_ref().map(|c| CharacterSubject::new(c, &scm, settings)).transpose()?;
     let figure = (which.video && actor.is_none()).then(|| BuiltIn::new(settings, &scm));
     let subject = actor.as_ref().map(|a| a as &dyn Subject).or(figure.as_ref().map(|f| f as &dyn Subject));
     if let Some(subject) = subject {
@@ -138,7 +138,7 @@ pub fn run(
         files.extend(write_sets(settings, which, (&scm, sitter), dir, &known, stop, progress)?);
     }
     if let Some(subject) = subject.filter(|_| which.video) {
-        let shoot = subject::Shoot {
+        let shoot = subject::CaptureJob {
             size: settings.video_size,
             samples: settings.samples,
             test_cameras: video::test_cameras(settings.test_cameras),

@@ -17,7 +17,7 @@
 //! (T,n) f64. A posed point is Σ_b w_b transforms_b · x; what displaces the surface (folds, width, skirt) moves x before that, see
 //! `data_gen::figure::template::Template::canonical`.
 
-use super::figure::{self, Dressed, Figures, Look, Photo, Points};
+use super::figure::{self, ClothedFigure, Figures, Look, Photo, Points};
 use super::folder::digest;
 use super::progress::{Progress, check_stop};
 use super::settings::Settings;
@@ -118,7 +118,7 @@ fn flat(photo: &Photo, camera: &Camera) -> Passes {
 
 /// Which pictures are taken of a subject.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Shoot {
+pub struct CaptureJob {
     /// Side in pixels.
     pub size: usize,
     /// Per pixel.
@@ -133,7 +133,7 @@ pub struct Shoot {
     pub seed: u64,
 }
 
-impl Shoot {
+impl CaptureJob {
     /// The pictures of frame t.
     fn shots(&self, subject: &dyn Subject, t: usize) -> Vec<(Shot, u64)> {
         let train = std::iter::once((0, Split::Train));
@@ -170,7 +170,7 @@ impl Shoot {
 /// When a picture cannot be made or written, the folder holds another set, or `stop` was set.
 pub fn write(
     subject: &dyn Subject,
-    shoot: &Shoot,
+    shoot: &CaptureJob,
     dir: &Path,
     resume: bool,
     stop: &AtomicBool,
@@ -243,7 +243,7 @@ fn body_arrays(subject: &dyn Subject) -> Arrays {
 pub struct BuiltIn {
     frames: Vec<Frame>,
     appearance: Appearance,
-    person: Dressed,
+    person: ClothedFigure,
     figures: Figures,
     look: Look,
     number: u64,
@@ -257,7 +257,7 @@ impl BuiltIn {
             frames: (0..settings.frames)
                 .map(|t| video::frame(scm, settings.seed, settings.subject, t, settings.frames))
                 .collect(),
-            person: Dressed::new(&appearance),
+            person: ClothedFigure::new(&appearance),
             appearance,
             figures: Figures::new(settings.points, settings.seed),
             look: settings.video_look,

@@ -5,12 +5,12 @@ use crate::fit::passes::Shot;
 use crate::io::capture::Split;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
-use data_gen::cameras::{self, Placed};
+use data_gen::cameras::{self, CameraView};
 use serde_json::{Map, Value, json};
 
 /// The pictures of an object, and of a test set the order and choice of its inputs.
 pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
-    let still = |i: usize, p: &Placed, split: Split| Shot {
+    let still = |i: usize, p: &CameraView, split: Split| Shot {
         name: format!("{i:04}"),
         camera: from_data_gen::camera(&p.view, Model::Pinhole),
         shutter_close: None,

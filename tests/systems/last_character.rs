@@ -7,7 +7,7 @@ use data_gen::figure::sortability::{r2_sortability, varsortability};
 use data_gen::figure::video;
 use lastlight::io::npz;
 use lastlight::last::avatar::guide::{Framing, Square};
-use lastlight::last::character::{Actor, CharacterSettings};
+use lastlight::last::character::{CharacterSettings, CharacterSubject};
 use lastlight::last::figure::{Look, SIGMA};
 use lastlight::last::generate::{self, Settings};
 use lastlight::last::model::data::{Data, Item};
@@ -75,7 +75,7 @@ fn the_record_is_of_the_motion_that_is_seen() {
             (varsortability(&scm.graph, &frames), r2_sortability(&scm.graph, &frames)),
             "subject {subject}: what is scored is what is seen"
         );
-        let actor = Actor::new(&casting, &scm, &settings).expect("plays");
+        let actor = CharacterSubject::new(&casting, &scm, &settings).expect("plays");
         let moved = body.need("transforms").expect("there").to_f64();
         let poses: Vec<f64> =
             (0..t).flat_map(|i| actor.transforms(i)).flatten().flatten().map(f64::from).collect();
@@ -151,7 +151,7 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
         "sizes"
     );
     let scm = settings.scm().expect("a model");
-    let actor = Actor::new(&casting, &scm, &settings).expect("plays");
+    let actor = CharacterSubject::new(&casting, &scm, &settings).expect("plays");
     assert_eq!(data.camera(), ImageSource::camera(&actor, 64), "the camera that took the pictures");
     assert_eq!(Subject::camera(&actor, 0, 64), ImageSource::camera(&actor, 64), "which is that of the video");
     // What is written of a group is what its factors make of the character, with one value shared after the intervention.

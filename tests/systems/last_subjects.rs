@@ -9,8 +9,8 @@ use data_gen::figure::video;
 use lastlight::geometry::bvh::Bvh;
 use lastlight::io::{capture, npz};
 use lastlight::last::avatar::guide::Framing;
-use lastlight::last::character::{Actor, CharacterSettings};
-use lastlight::last::figure::{self, Dressed};
+use lastlight::last::character::{CharacterSettings, CharacterSubject};
+use lastlight::last::figure::{self, ClothedFigure};
 use lastlight::last::generate::{self, Settings};
 use lastlight::last::model::data::Data;
 use lastlight::last::model::pictures::Pictures;
@@ -157,8 +157,9 @@ fn the_open_body_plays_its_part() {
 
     // The written poses are those of the character.
     let scm = settings.scm().expect("a model");
-    let actor = Actor::new(&casting, &scm, &settings).expect("an actor");
-    let third = Actor::new(&casting, &scm, &Settings { subject: 3, ..settings.clone() }).expect("an actor");
+    let actor = CharacterSubject::new(&casting, &scm, &settings).expect("an actor");
+    let third = CharacterSubject::new(&casting, &scm, &Settings { subject: 3, ..settings.clone() })
+        .expect("an actor");
     let frames = settings.frames;
     assert_eq!(
         third.factors(1),
@@ -287,7 +288,7 @@ fn sets_of_the_knight_and_of_the_open_body_show_all_of_them() {
 
 #[test]
 fn light_changes_colour_and_nothing_else() {
-    let person = Dressed::new(&Appearance::new(3, 0));
+    let person = ClothedFigure::new(&Appearance::new(3, 0));
     let camera = from_data_gen::camera(&video::camera(0, 48), Model::Pinhole);
     let picture = |light: f64| {
         let drive = Drive::new(&[0.4, -0.2, 0.7, light]);

@@ -18,7 +18,7 @@ struct Panel {
 }
 
 #[derive(Clone, Debug)]
-pub(super) struct Studio {
+pub(super) struct StudioLight {
     panels: Vec<Panel>,
     wall: [V3; 2],
     floor: V3,
@@ -53,7 +53,7 @@ pub(super) fn soft_disc(r: f64, edge: f64) -> f64 {
     if edge <= 2.0 * r { r * r + edge * edge / 12.0 } else { out * out * out / (3.0 * edge) }
 }
 
-impl Studio {
+impl StudioLight {
     /// Two to five soft boxes, strips and reflectors around a grey room.
     pub(super) fn daylight(draws: &mut Draws) -> Self {
         let count = draws.whole(2, 6);

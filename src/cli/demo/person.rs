@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     meter.lap("tuning the structure");
 
     let mut settings =
-        Fitting { iterations: args.iterations.unwrap_or(ITERATIONS), seed: args.seed, ..Fitting::host() };
+        Fitting { iterations: args.iterations.unwrap_or(ITERATIONS), seed: args.seed, ..Fitting::baseline() };
     let guided = Guided::usual();
     guided.apply(&mut settings)?;
     settings.validate()?;

@@ -6,7 +6,7 @@ use crate::fit::training::Watch;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
-use crate::shared::{Manner, Perception};
+use crate::shared::{ConsoleArgs, MetricArgs};
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::evaluate::Evaluation;
@@ -36,12 +36,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
     #[command(flatten)]
-    perception: Perception,
+    perception: MetricArgs,
     /// Folder for report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    manner: Manner,
+    manner: ConsoleArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {

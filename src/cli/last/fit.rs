@@ -7,7 +7,7 @@ use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
-use crate::shared::{Filling, Outcome, Perception};
+use crate::shared::{MetricArgs, Outcome, OutputArgs};
 use crate::training::{CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
@@ -67,12 +67,12 @@ pub(crate) struct Args {
     #[command(flatten)]
     guided: Guided,
     #[command(flatten)]
-    perception: Perception,
+    perception: MetricArgs,
     /// Iterations between checkpoints
     #[arg(long, value_name = "N", default_value_t = 400, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
     #[command(flatten)]
-    filling: Filling,
+    filling: OutputArgs,
 }
 
 /// What the image-to-point model decides. Without a model there is the host alone.
@@ -188,7 +188,7 @@ impl Guided {
 
 impl Args {
     fn settings(&self, has_guide: bool) -> Result<Settings> {
-        let host = if self.published { Settings::published() } else { Settings::host() };
+        let host = if self.published { Settings::published() } else { Settings::baseline() };
         let mut settings = Settings {
             iterations: self.iterations,
             seed: self.filling.seed,

@@ -3,7 +3,7 @@
 use crate::claim;
 use crate::console as cli;
 use crate::meter::Meter;
-use crate::shared::Filling;
+use crate::shared::OutputArgs;
 use crate::{Error, Result};
 use lastlight_last::character::CharacterSettings;
 use lastlight_last::figure::Look;
@@ -113,7 +113,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", help_heading = "Pictures")]
     samples: Option<u32>,
     #[command(flatten)]
-    filling: Filling,
+    filling: OutputArgs,
 }
 
 impl Args {

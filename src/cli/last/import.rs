@@ -6,7 +6,7 @@ use crate::io::captures::{self, LAYOUTS, Layout, Range, Selection};
 use crate::io::smpl;
 use crate::meter::Meter;
 use crate::scene::person::import;
-use crate::shared::Manner;
+use crate::shared::ConsoleArgs;
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -62,7 +62,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
     downscale: Option<u16>,
     #[command(flatten)]
-    manner: Manner,
+    manner: ConsoleArgs,
 }
 
 impl Args {

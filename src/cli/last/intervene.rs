@@ -7,7 +7,7 @@ use crate::meter::Meter;
 use crate::report::pictures::Sheet;
 use crate::report::{self, Page, Section};
 use crate::scene::person::PersonCapture;
-use crate::shared::{Manner, Outcome};
+use crate::shared::{ConsoleArgs, Outcome};
 use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::guide;
@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
     #[command(flatten)]
-    manner: Manner,
+    manner: ConsoleArgs,
 }
 
 /// Pixels between pictures.

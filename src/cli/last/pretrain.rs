@@ -7,18 +7,18 @@ use crate::meter::Meter;
 use crate::report::charts::{Lines, Series, bucket};
 use crate::report::pictures::Sheet;
 use crate::report::{self, Page, Section, Stat};
-use crate::shared::{Filling, Outcome};
+use crate::shared::{Outcome, OutputArgs};
 use crate::training::{Frame, Head};
 use crate::{Error, Result};
 use lastlight_last::avatar::guide::Framing;
 use lastlight_last::model::data::{Data, Item};
+use lastlight_last::model::evaluation::{self, Evaluation};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::intervene;
 use lastlight_last::model::pictures::Pictures;
 use lastlight_last::model::settings::{Placement, Reading, Settings, Supervision};
 use lastlight_last::model::structure::Kind;
 use lastlight_last::model::train::Training;
-use lastlight_last::model::verdict::{self, Verdict};
 use maud::{Markup, html};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -94,7 +94,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 250, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
     #[command(flatten)]
-    filling: Filling,
+    filling: OutputArgs,
 }
 
 impl Args {
@@ -166,7 +166,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let history = frame.train(&mut training, &mut meter)?;
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
-    let verdict = verdict::of(&trained, &data, &truth(&args.data))?;
+    let verdict = evaluation::of(&trained, &data, &truth(&args.data))?;
     meter.lap("evaluation");
     let remarks = [("command", cli::command_line())];
     trained.write(&frame.file(MODEL), &remarks)?;
@@ -206,7 +206,7 @@ fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
     let count = Ord::min(COUNT, data.observed());
     let items: Vec<Item> = (0..count).map(|i| Item::Observed(i * data.observed() / count)).collect();
     let d = trained.model.sizes.latent();
-    let [factors, _] = verdict::posterior(trained, data, &items);
+    let [factors, _] = evaluation::posterior(trained, data, &items);
     let mut sheet = Sheet::new([count, 2], [side, side], 0);
     for (i, item) in items.iter().enumerate() {
         let points = trained.decoded(&factors[i * d..(i + 1) * d], &trained.template);
@@ -233,7 +233,7 @@ fn page(
     args: &Args,
     record: &Value,
     history: &History,
-    verdict: &Verdict,
+    verdict: &Evaluation,
     units: Option<String>,
     meter: &Meter,
 ) -> Page {

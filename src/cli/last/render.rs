@@ -9,14 +9,14 @@ use crate::meter::Meter;
 use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::scene::person::{PersonCapture, Pose};
-use crate::shared::{Manner, OrbitArgs, Usual};
+use crate::shared::{ConsoleArgs, DefaultArgs, OrbitArgs};
 use crate::{Error, Result};
 use lastlight_last::avatar::store::{self, Stored};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Of an orbit.
-const USUAL: Usual = Usual { size: "512x512", fov: 40.0, elevation: 10.0 };
+const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 40.0, elevation: 10.0 };
 
 /// Render a fitted person in any pose from any camera.
 #[derive(clap::Args)]
@@ -49,7 +49,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     orbit: OrbitArgs,
     #[command(flatten)]
-    manner: Manner,
+    manner: ConsoleArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {

@@ -7,15 +7,15 @@ use crate::experiments::{self as engine, Study};
 use crate::io::atomic;
 use crate::meter::Meter;
 use crate::num::par;
-use crate::shared::{Manner, Perception};
+use crate::shared::{ConsoleArgs, MetricArgs};
 use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::shipped;
 use lastlight_study::last::learn::{self, Learning};
 use lastlight_study::last::person::constants::{Calibration, Constants, Search};
 use lastlight_study::last::person::experiments::{self, CLAIMS};
-use lastlight_study::last::person::stage::{self, Model, Stage};
-use lastlight_study::last::pictures::{self, Seen};
+use lastlight_study::last::person::setup::{self, Model, Setup};
+use lastlight_study::last::pictures::{self, StructureFromImages};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -78,17 +78,17 @@ pub(crate) struct Args {
     #[arg(long, requires = "resume")]
     stored: bool,
     #[command(flatten)]
-    perception: Perception,
+    perception: MetricArgs,
     #[command(flatten)]
-    manner: Manner,
+    manner: ConsoleArgs,
 }
 
 impl Args {
-    fn sizes(&self) -> (learn::Size, pictures::Size, stage::Size) {
+    fn sizes(&self) -> (learn::Size, pictures::Size, setup::Size) {
         match (self.quick, self.smoke) {
-            (true, _) => (learn::Size::quick(), pictures::Size::quick(), stage::Size::quick()),
-            (_, true) => (learn::Size::smoke(), pictures::Size::smoke(), stage::Size::smoke()),
-            _ => (learn::Size::full(), pictures::Size::full(), stage::Size::full()),
+            (true, _) => (learn::Size::quick(), pictures::Size::quick(), setup::Size::quick()),
+            (_, true) => (learn::Size::smoke(), pictures::Size::smoke(), setup::Size::smoke()),
+            _ => (learn::Size::full(), pictures::Size::full(), setup::Size::full()),
         }
     }
 
@@ -132,14 +132,14 @@ impl Args {
 }
 
 /// The constants of the guided fit; none while results are missing.
-fn constants_of(study: &mut Study<'_>, stage: &Stage, published: bool) -> Result<Option<Constants>> {
-    let calibration = Calibration { stage };
+fn constants_of(study: &mut Study<'_>, setup: &Setup, published: bool) -> Result<Option<Constants>> {
+    let calibration = Calibration { setup };
     let results = study.run(&[&calibration])?.remove(0);
     let Some(scales) = calibration.found(&results) else { return Ok(None) };
     if published {
         return Ok(Some(Constants::published(scales)));
     }
-    let search = Search::new(stage, scales)?;
+    let search = Search::new(setup, scales)?;
     let results = study.run(&[&search])?.remove(0);
     Ok(search.found(&results))
 }
@@ -154,7 +154,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (vectors, seen, persons) = args.sizes();
     let of_vectors: [Learning; 4] =
         [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(vectors));
-    let of_pictures = Seen::new(seen, &args.out);
+    let of_pictures = StructureFromImages::new(seen, &args.out);
     let learning: Vec<&dyn Experiment> =
         of_vectors.iter().map(|x| x as &dyn Experiment).chain([&of_pictures as &dyn Experiment]).collect();
     let guided: Vec<&str> = FOUND_BY.iter().chain(&CLAIMS).map(|(id, _)| *id).collect();
@@ -182,10 +182,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut costs = Vec::new();
     if with_persons {
         // Constants are found without LPIPS, whose weights make no difference to them.
-        let mut stage = Stage { size: persons, models, dir: dir.clone(), perception: None };
-        if let Some(found) = constants_of(&mut study, &stage, args.no_search)? {
-            stage.perception = perception;
-            let all = experiments::all(&stage, &found)?;
+        let mut setup = Setup { size: persons, models, dir: dir.clone(), perception: None };
+        if let Some(found) = constants_of(&mut study, &setup, args.no_search)? {
+            setup.perception = perception;
+            let all = experiments::all(&setup, &found)?;
             let chosen: Vec<&dyn Experiment> =
                 all.iter().filter(|x| args.wants(x.id())).map(|x| x as &dyn Experiment).collect();
             study.run(&chosen)?;

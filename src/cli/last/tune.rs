@@ -6,7 +6,7 @@ use crate::console as cli;
 use crate::fit::training::Watch;
 use crate::meter::Meter;
 use crate::scene::person::PersonCapture;
-use crate::shared::Manner;
+use crate::shared::ConsoleArgs;
 use crate::training;
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::tune::{Settings, Subject, Tuning};
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    manner: Manner,
+    manner: ConsoleArgs,
 }
 
 /// Edges as text: `0>1 0>2`, or `none`.

@@ -5,7 +5,7 @@ use crate::console as cli;
 use crate::meter::Meter;
 use crate::scene::camera::Model;
 use crate::scene::environment_file::{Options, Orientation};
-use crate::shared::Filling;
+use crate::shared::OutputArgs;
 use crate::{Error, Result};
 use data_gen::cameras::Framing;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings};
@@ -90,7 +90,7 @@ pub(crate) struct Args {
     #[arg(long)]
     no_truth: bool,
     #[command(flatten)]
-    filling: Filling,
+    filling: OutputArgs,
 }
 
 impl Args {

@@ -13,14 +13,14 @@ use crate::scene::light::Lights;
 use crate::scene::mesh::Object;
 use crate::scene::model;
 use crate::shade::render::Settings;
-use crate::shared::{Filling, OrbitArgs, Usual};
+use crate::shared::{DefaultArgs, OrbitArgs, OutputArgs};
 use crate::{Error, Result};
 use data_gen::figure::factors::Drive;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
 /// Of an orbit.
-const USUAL: Usual = Usual { size: "512x512", fov: 35.0, elevation: 15.0 };
+const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 35.0, elevation: 15.0 };
 
 /// Render a glTF or OBJ under an environment map.
 #[derive(clap::Args)]
@@ -84,7 +84,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]
-    filling: Filling,
+    filling: OutputArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {

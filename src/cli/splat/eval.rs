@@ -13,7 +13,7 @@ use crate::num::sum;
 use crate::report::run::Run;
 use crate::scene::convert::read_scene;
 use crate::scene::views::{self, Views};
-use crate::shared::Perception;
+use crate::shared::MetricArgs;
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::json;
@@ -45,7 +45,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
     #[command(flatten)]
-    perception: Perception,
+    perception: MetricArgs,
     /// Folder for renders and report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,

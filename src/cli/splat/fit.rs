@@ -14,7 +14,7 @@ use crate::report::run::Run;
 use crate::scene::convert::write_scene;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::views::{self, Views};
-use crate::shared::{Filling, Outcome};
+use crate::shared::{Outcome, OutputArgs};
 use crate::training::{CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
@@ -82,7 +82,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
     #[command(flatten)]
-    filling: Filling,
+    filling: OutputArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {

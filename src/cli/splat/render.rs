@@ -7,13 +7,13 @@ use crate::fit::render::{self, Orbit, Passes, Scene, Shot};
 use crate::meter::Meter;
 use crate::scene::convert::read_scene;
 use crate::scene::gaussians::Gaussians;
-use crate::shared::{OrbitArgs, Usual};
+use crate::shared::{DefaultArgs, OrbitArgs};
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Of an orbit.
-const USUAL: Usual = Usual { size: "800x600", fov: 50.0, elevation: 20.0 };
+const USUAL: DefaultArgs = DefaultArgs { size: "800x600", fov: 50.0, elevation: 20.0 };
 
 /// Render a scene file along cameras.
 #[derive(clap::Args)]

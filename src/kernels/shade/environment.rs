@@ -114,7 +114,7 @@ pub struct Sky {
 
 /// A direction drawn from a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Drawn {
+pub struct MapSample {
     /// unit, towards the light
     pub towards: [f32; 3],
     /// per steradian
@@ -326,11 +326,11 @@ impl Sky {
     }
 
     /// A direction from a word and two uniforms; `None` for a black map.
-    pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<Drawn> {
+    pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<MapSample> {
         let table = self.table.as_ref()?;
         let texel = self.choose(table, word);
         let (turn, versine, half) = self.inside(table, texel, u);
-        Some(Drawn { towards: direction(turn, versine, half), density: table.density[texel], texel })
+        Some(MapSample { towards: direction(turn, versine, half), density: table.density[texel], texel })
     }
 
     /// Eight directions and densities; the bits of [`Self::draw`]. `None` for a black map.

@@ -10,7 +10,7 @@
 use super::body::Body;
 use super::light::{Light, Moment};
 use super::mlp::{self, Mlp};
-use super::pose::{self, Corrected};
+use super::pose::{self, CorrectedPose};
 use super::settings::Settings;
 use super::skin;
 use crate::math::knn;
@@ -66,7 +66,7 @@ pub struct Avatar {
 }
 
 /// What the adjoint of the pose network needs: its own, and the chain that its corrections went through.
-type PoseSaved = (mlp::Saved, Corrected);
+type PoseSaved = (mlp::Saved, CorrectedPose);
 
 /// How Gaussians follow a pose.
 #[derive(Clone, Debug)]
@@ -85,7 +85,7 @@ pub struct Rig {
 
 /// Gaussians at a moment.
 #[derive(Clone, Debug, Default)]
-pub struct Placed {
+pub struct PosedGaussians {
     /// (G, 3) in the world
     pub means: Vec<[f32; 3]>,
     /// (G, 3, 3) in the world
@@ -275,14 +275,14 @@ impl Avatar {
     }
 
     /// The Gaussians at the moment of a rig, in the light of a moment.
-    pub fn place(&self, rig: &Rig, light: Moment) -> Placed {
+    pub fn place(&self, rig: &Rig, light: Moment) -> PosedGaussians {
         let g = &self.gaussians;
         let n = g.len();
-        let mut placed = Placed {
+        let mut placed = PosedGaussians {
             rest: vec![[0.0; 9]; n],
             scales: vec![[0.0; 3]; n],
             opacities: vec![0.0; n],
-            ..Placed::default()
+            ..PosedGaussians::default()
         };
         activate::forward(&g.scales_log, &g.opacity_logits, &mut placed.scales, &mut placed.opacities);
         covariance::forward(&g.quats, &placed.scales, &mut placed.rest);
@@ -309,7 +309,12 @@ impl Avatar {
     }
 
     /// What the renderer takes.
-    pub fn input<'a>(&'a self, placed: &'a Placed, camera: &'a Camera, degree: usize) -> render::In<'a> {
+    pub fn input<'a>(
+        &'a self,
+        placed: &'a PosedGaussians,
+        camera: &'a Camera,
+        degree: usize,
+    ) -> render::In<'a> {
         render::In {
             means: &placed.means,
             shape: Shape::Factors(&placed.factors),
@@ -362,7 +367,7 @@ impl Avatar {
     }
 
     /// From gradients of the renderer's input to those of what is stored. `networks` also follows those of weights and joints.
-    pub fn adjoint(&self, rig: &Rig, placed: &Placed, bar: render::InBar, networks: bool) -> Grad {
+    pub fn adjoint(&self, rig: &Rig, placed: &PosedGaussians, bar: render::InBar, networks: bool) -> Grad {
         let (g, n) = (&self.gaussians, self.gaussians.len());
         let wants = [networks && self.weights_net.is_some(), networks && self.pose_net.is_some()];
         let skinned =

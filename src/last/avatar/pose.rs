@@ -1,4 +1,4 @@
-//! Corrected poses of a template: [`mod@crate::body::pose`] on the transforms of a capture, for joints in any order.
+//! CorrectedPose poses of a template: [`mod@crate::body::pose`] on the transforms of a capture, for joints in any order.
 //!
 //! The operator takes parents before their children; joints go through it in the template's order, and come back in theirs.
 
@@ -7,14 +7,14 @@ use crate::scene::person::{Affine, Template};
 
 /// A template's skeleton under corrections.
 #[derive(Clone, Debug)]
-struct Sorted {
+struct Skeleton {
     captured: Vec<Affine>,
     correction: Vec<[f32; 3]>,
     joints: Vec<[f32; 3]>,
     parents: Vec<i32>,
 }
 
-impl Sorted {
+impl Skeleton {
     fn new(template: &Template, transforms: &[Affine], corrections: &[[f32; 3]]) -> Self {
         let order = &template.order;
         let mut place = vec![-1; order.len()];
@@ -40,10 +40,10 @@ impl Sorted {
 
 /// Transforms of a moment under corrections, and what the adjoint needs.
 #[derive(Clone, Debug)]
-pub struct Corrected {
+pub struct CorrectedPose {
     /// (K) world from rest
     pub transforms: Vec<Affine>,
-    sorted: Sorted,
+    sorted: Skeleton,
     saved: pose::Saved,
 }
 
@@ -51,16 +51,16 @@ pub struct Corrected {
 ///
 /// # Panics
 /// When the template is not a valid one.
-pub fn forward(template: &Template, transforms: &[Affine], corrections: &[[f32; 3]]) -> Corrected {
-    let sorted = Sorted::new(template, transforms, corrections);
+pub fn forward(template: &Template, transforms: &[Affine], corrections: &[[f32; 3]]) -> CorrectedPose {
+    let sorted = Skeleton::new(template, transforms, corrections);
     let (posed, saved) = pose::forward(sorted.input()).expect("a template has a joint, and parents first");
     let mut transforms = transforms.to_vec();
     template.order.iter().zip(posed).for_each(|(&k, b)| transforms[k] = b);
-    Corrected { transforms, sorted, saved }
+    CorrectedPose { transforms, sorted, saved }
 }
 
 /// (K) gradient by the corrections from the cotangents of B.
-pub fn adjoint(template: &Template, corrected: &Corrected, bar: &[Affine]) -> Vec<[f32; 3]> {
+pub fn adjoint(template: &Template, corrected: &CorrectedPose, bar: &[Affine]) -> Vec<[f32; 3]> {
     let sorted_bar: Vec<Affine> = template.order.iter().map(|&k| bar[k]).collect();
     let zeros = vec![[0.0; 3]; bar.len()];
     let mut x_bar = InBar { correction: zeros.clone(), ..InBar::default() };

@@ -82,7 +82,7 @@ pub struct Settings {
 impl Settings {
     /// The host: [`Self::published`] and what a person asks for who never turns round: another background in every iteration, the assumptions of
     /// [`Prior`], gains of the moments. Constants found on the built-in subject.
-    pub fn host() -> Self {
+    pub fn baseline() -> Self {
         let published = Self::published();
         Self {
             random_background: true,

@@ -66,12 +66,12 @@ impl<'a> In<'a> {
 }
 
 /// What `body.skin` takes: places, factors, transforms.
-struct Skinned {
+struct SkinInputs {
     rest: rest::Out,
     transforms: Vec<[f32; 16]>,
 }
 
-impl Skinned {
+impl SkinInputs {
     fn input<'a>(&'a self, weights: &'a [f32]) -> skin::In<'a> {
         skin::In {
             points: &self.rest.points,
@@ -84,7 +84,7 @@ impl Skinned {
 
 /// Posed centres (G, 3) and factors (G, 3, 3).
 pub fn forward(x: &In<'_>) -> (Vec<[f32; 3]>, Vec<[f32; 9]>) {
-    let skinned = Skinned { rest: rest::forward(&x.rest()).0, transforms: pose::squared(&x.bones.posed) };
+    let skinned = SkinInputs { rest: rest::forward(&x.rest()).0, transforms: pose::squared(&x.bones.posed) };
     let out = skin::forward(skinned.input(x.weights));
     (out.skinned, out.skinned_factors)
 }
@@ -98,7 +98,7 @@ pub fn adjoint(
     wants_bones: bool,
 ) -> InBar {
     let (at_rest, saved) = rest::forward(&x.rest());
-    let skinned = Skinned { rest: at_rest, transforms: pose::squared(&x.bones.posed) };
+    let skinned = SkinInputs { rest: at_rest, transforms: pose::squared(&x.bones.posed) };
     let (n, k) = (x.means.len(), x.bones.posed.len());
     let mut bar = skin::InBar {
         points: vec![[0.0; 3]; n],

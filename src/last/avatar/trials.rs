@@ -159,7 +159,7 @@ fn capture_in(dir: &Path, width: usize, right: usize) -> PersonCapture {
 }
 
 fn settings() -> Settings {
-    let host = Settings::host();
+    let host = Settings::baseline();
     Settings {
         iterations: 60,
         max_gaussians: 200,

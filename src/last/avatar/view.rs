@@ -43,7 +43,7 @@ pub struct Target {
 
 /// Value and gradients of the loss.
 #[derive(Clone, Debug)]
-pub struct Compared {
+pub struct LossAndGradients {
     /// L
     pub loss: f32,
     /// (H, W, 3)
@@ -121,7 +121,7 @@ impl Target {
     ///
     /// # Errors
     /// When a number is not finite.
-    pub fn compare(&self, out: &Out, background: [f32; 3], settings: &Settings) -> Result<Compared> {
+    pub fn compare(&self, out: &Out, background: [f32; 3], settings: &Settings) -> Result<LossAndGradients> {
         let (height, width) = (self.camera.height, self.camera.width);
         let photo = self.before(background);
         let pair = In { x: &out.image, y: &photo, mask: Some(&self.inside), height, width };
@@ -159,6 +159,6 @@ impl Target {
                 .expected("a finite number")
                 .got(loss.to_string()));
         }
-        Ok(Compared { loss, image_bar, alpha_bar })
+        Ok(LossAndGradients { loss, image_bar, alpha_bar })
     }
 }

@@ -11,11 +11,11 @@
 
 use super::data::Frame;
 use super::encoder::Input;
+use super::evaluation::linked;
 use super::file::Trained;
 use super::pictures;
 use super::settings::Reading;
 use super::structure::Structure;
-use super::verdict::linked;
 use crate::causal::structure;
 use crate::last::avatar::guide::{Framing, Guide, Square, nowhere};
 use crate::loss::latent::{self, Half};

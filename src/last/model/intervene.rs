@@ -2,9 +2,9 @@
 //!
 //! The values a factor is set to are codes that pictures of the training set have: at nine quantiles along the factor's axis of largest variance.
 
+use super::evaluation::{intervened, linked};
 use super::file::Trained;
 pub use super::file::VALUES;
-use super::verdict::{intervened, linked};
 use crate::Result;
 use crate::math::{knn, principal};
 use crate::num::order;
@@ -56,7 +56,7 @@ pub fn row(trained: &Trained, mu: &[f64], i: usize) -> Result<Vec<Cell>> {
     let [_, eps] = linked(trained, mu.to_vec());
     let codes: Vec<&[f64]> = trained.codes.chunks_exact(k).skip(i * VALUES).take(VALUES).collect();
     // What the graph makes of the noise when nothing is set.
-    let nothing = super::verdict::predicted(trained, &eps);
+    let nothing = super::evaluation::predicted(trained, &eps);
     codes
         .into_iter()
         .map(|value| {

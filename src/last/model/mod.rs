@@ -9,7 +9,7 @@
 //! units    how large codes are, when groups come in
 //! targets  which factor was set, where it is not told
 //! data     what is learned from: pictures (a folder of `last gen`), vectors
-//! file     a trained model on disk            verdict  what it is worth, against the truth (likeness: blocks against factors)
+//! file     a trained model on disk            evaluation  what it is worth, against the truth (likeness: blocks against factors)
 //! guide    what the model says about a render
 //! tune     the structure of one subject       intervene  pictures of counterfactuals
 //! shipped  the model that comes with the program
@@ -21,6 +21,7 @@
 pub mod data;
 pub mod decoder;
 pub mod encoder;
+pub mod evaluation;
 pub mod file;
 pub mod guide;
 pub mod intervene;
@@ -36,7 +37,6 @@ pub mod train;
 pub mod tune;
 pub mod units;
 pub mod vectors;
-pub mod verdict;
 
 /// Purposes of random numbers.
 mod purpose {

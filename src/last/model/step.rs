@@ -64,7 +64,7 @@ pub struct Losses {
 
 /// What a step gives.
 #[derive(Clone, Debug)]
-pub struct Stepped {
+pub struct StepResult {
     /// losses, without factors
     pub losses: Losses,
     /// by the parameters
@@ -88,7 +88,7 @@ pub fn run(
     data: &dyn Data,
     batch: &Batch,
     context: &Context,
-) -> Result<Stepped> {
+) -> Result<StepResult> {
     let d = model.sizes.latent();
     let n = model.sizes.factors;
     let (rng, step) = (Rng::new(settings.seed), context.step);
@@ -157,7 +157,7 @@ pub fn run(
         edges,
     };
     let spread = spread(&out.means[..batch.layout.observed * d], n, model.sizes.width);
-    Ok(Stepped { losses, grads, spread, covariance: out.covariance().map(<[f64]>::to_vec) })
+    Ok(StepResult { losses, grads, spread, covariance: out.covariance().map(<[f64]>::to_vec) })
 }
 
 /// h and Σ p of the probabilities; while edges are trained, their gradients are added to those of the logits.

@@ -19,7 +19,7 @@ use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
 use super::structure::{LOGITS, Structure};
 use super::targets::{Pairs, voted};
-use super::{file::Trained, intervene, units, verdict};
+use super::{evaluation, file::Trained, intervene, units};
 use crate::causal::independence::History;
 use crate::causal::repair::repair;
 use crate::fit::training::{Fit, Step, Watch};
@@ -151,7 +151,7 @@ impl<'a> Training<'a> {
         let [[before, eps], [after, eps_after]] =
             [all(Item::Base), all(Item::After)].map(|items| linked(&items));
         let targets: Vec<usize> = if self.settings.supervision == Supervision::Unknown {
-            let spread = verdict::deviations(&eps, d);
+            let spread = evaluation::deviations(&eps, d);
             voted(&Pairs { eps: &eps, eps_after: &eps_after, spread: &spread, factors: n, members })
         } else {
             self.data.groups().iter().map(|g| g.target).collect()
@@ -279,10 +279,10 @@ impl<'a> Training<'a> {
             template: self.data.template().to_vec(),
         };
         let observed: Vec<Item> = (0..self.data.observed()).map(Item::Observed).collect();
-        let [u, eps] = verdict::posterior(&trained, self.data, &observed);
+        let [u, eps] = evaluation::posterior(&trained, self.data, &observed);
         let d = trained.model.sizes.latent();
         [trained.factor_spread, trained.noise_spread] =
-            [verdict::deviations(&u, d), verdict::deviations(&eps, d)];
+            [evaluation::deviations(&u, d), evaluation::deviations(&eps, d)];
         trained.codes = intervene::codes(&u, trained.model.sizes.factors, trained.model.sizes.width);
         Ok(trained)
     }

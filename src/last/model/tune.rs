@@ -7,13 +7,13 @@
 //! probabilities. After the last, the deviations of factors and noise follow the graph.
 
 use super::decoder::{Target, code};
+use super::evaluation;
 use super::file::Trained;
 use super::guide;
 use super::latent::{self, Layout};
 use super::purpose;
 use super::settings::{Reading, Supervision, Weights};
 use super::structure::{EFFECTS, LOGITS, Structure};
-use super::verdict;
 use crate::causal::{acyclic, edges, mask, probability, repair};
 use crate::fit::training::{Fit, Step, Watch};
 use crate::num::array::Arrays;
@@ -119,7 +119,7 @@ pub struct Tuning<'a> {
 /// Deviations of factors and noise on the subject.
 fn deviations(trained: &Trained, subject: &Subject) -> [Vec<f64>; 2] {
     let d = trained.model.sizes.latent();
-    verdict::linked(trained, subject.mu.clone()).map(|rows| verdict::deviations(&rows, d))
+    evaluation::linked(trained, subject.mu.clone()).map(|rows| evaluation::deviations(&rows, d))
 }
 
 impl<'a> Tuning<'a> {

@@ -19,9 +19,9 @@
 //! round nothing: what a mean decodes to, and what an intervention makes of it, has the same bits before and after.
 
 use super::decoder::LATENT;
+use super::evaluation::ACTIVE;
 use super::step::Model;
 use super::structure::{self, Sizes};
-use super::verdict::ACTIVE;
 use crate::causal::independence::History;
 use crate::num::elem::f64::{exp2, ln};
 use crate::num::order;

@@ -1,6 +1,6 @@
 //! `oracle compare`: array by array, and the first operator at which two files part.
 
-pub use super::differences::{ArrayReport, Parting, Report, Verdict, Worst, Zeros};
+pub use super::differences::{Agreement, ArrayReport, Parting, Report, Worst, Zeros};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{ulp_f32, ulp_f64};
@@ -102,7 +102,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
         shape_theirs: theirs.shape().to_vec(),
         shape_ours: ours.shape().to_vec(),
         dtypes: [theirs.dtype(), ours.dtype()],
-        verdict: Verdict::ShapesDiffer,
+        verdict: Agreement::ShapesDiffer,
         note: None,
         worst_ulp: 0,
         mean_ulp: 0.0,
@@ -121,7 +121,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     let (a, b) = (theirs.to_f64(), ours.to_f64());
     let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
     if a.iter().chain(&b).any(|x| x.is_nan()) {
-        report.verdict = Verdict::Nan;
+        report.verdict = Agreement::Nan;
         return Ok(report);
     }
     let whole = !theirs.is_float() && !ours.is_float();
@@ -156,21 +156,21 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     report.worst = differing.iter().take(10).map(entry).collect();
     report.verdict = if pattern {
         if report.zeros.only_theirs + report.zeros.only_ours == 0 {
-            Verdict::Agrees
+            Agreement::Agrees
         } else {
-            Verdict::ZerosDiffer
+            Agreement::ZerosDiffer
         }
     } else if report.relative_l2 <= tol {
-        Verdict::Agrees
+        Agreement::Agrees
     } else {
-        Verdict::Differs
+        Agreement::Differs
     };
     Ok(report)
 }
 
 fn parting(op: &Op, arrays: &[ArrayReport]) -> Option<Parting> {
     let find = |name: &str| arrays.iter().find(|a| a.name == name);
-    let differs = |name: &str| find(name).is_some_and(|a| a.verdict != Verdict::Agrees);
+    let differs = |name: &str| find(name).is_some_and(|a| a.verdict != Agreement::Agrees);
     let at = |stage: &'static str, inputs: &[&str], outputs: &[&str]| {
         let parts = !inputs.iter().any(|n| differs(n)) && outputs.iter().any(|n| differs(n));
         parts.then(|| {
@@ -210,7 +210,7 @@ pub fn arrays(theirs: &Arrays, ours: &Arrays, op: Option<&str>, tol: f64) -> Res
             .got(format!("[{}] and [{}]", names(theirs), names(ours))));
     }
     let only = |a: &Arrays, b: &Arrays| a.0.keys().filter(|n| b.get(n).is_none()).cloned().collect();
-    let passed = reports.iter().all(|a| a.verdict == Verdict::Agrees);
+    let passed = reports.iter().all(|a| a.verdict == Agreement::Agrees);
     Ok(Report {
         operator: op.map(|op| op.name),
         tol,

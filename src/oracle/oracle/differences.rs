@@ -30,7 +30,7 @@ pub struct Zeros {
 /// What became of one array.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum Agreement {
     /// within the tolerance
     Agrees,
     /// beyond it
@@ -43,7 +43,7 @@ pub enum Verdict {
     Nan,
 }
 
-impl Verdict {
+impl Agreement {
     /// As reports show it.
     pub fn text(&self) -> &'static str {
         match self {
@@ -68,7 +68,7 @@ pub struct ArrayReport {
     /// element types, theirs and ours
     pub dtypes: [&'static str; 2],
     /// the finding
-    pub verdict: Verdict,
+    pub verdict: Agreement,
     /// how it was compared, if not in all entries
     pub note: Option<String>,
     /// largest distance in units of the last place of the narrower element type
@@ -150,9 +150,9 @@ impl fmt::Display for Report {
         )?;
         for a in &self.arrays {
             write!(f, "{:<16} {:<13}", a.name, a.verdict.text())?;
-            if a.verdict == Verdict::ShapesDiffer {
+            if a.verdict == Agreement::ShapesDiffer {
                 write!(f, " theirs {:?}, ours {:?}", a.shape_theirs, a.shape_ours)?;
-            } else if a.verdict != Verdict::Nan {
+            } else if a.verdict != Agreement::Nan {
                 let zeros = a.zeros.only_theirs + a.zeros.only_ours;
                 write!(
                     f,
@@ -168,7 +168,7 @@ impl fmt::Display for Report {
                 Some(note) => writeln!(f, "  ({note})")?,
                 None => writeln!(f)?,
             }
-            if matches!(a.verdict, Verdict::Differs | Verdict::ZerosDiffer) {
+            if matches!(a.verdict, Agreement::Differs | Agreement::ZerosDiffer) {
                 for w in &a.worst {
                     writeln!(
                         f,

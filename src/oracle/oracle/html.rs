@@ -1,6 +1,6 @@
 //! The page of `oracle compare`: self-contained, with error pictures of arrays that are pictures.
 
-use super::differences::{ArrayReport, Report, Verdict};
+use super::differences::{Agreement, ArrayReport, Report};
 use crate::num::array::Arrays;
 use crate::num::order;
 use base64::Engine as _;
@@ -22,7 +22,7 @@ fn error_pictures(a: &ArrayReport, theirs: &Arrays, ours: &Arrays) -> Vec<(Strin
         [c, h, w] if h >= 8 && w >= 8 => (c, h, w, 1),
         _ => return Vec::new(),
     };
-    if height < 8 || width < 8 || a.verdict == Verdict::ShapesDiffer || a.verdict == Verdict::Nan {
+    if height < 8 || width < 8 || a.verdict == Agreement::ShapesDiffer || a.verdict == Agreement::Nan {
         return Vec::new();
     }
     let (t, o) = (t.to_f64(), o.to_f64());
@@ -46,7 +46,7 @@ fn error_pictures(a: &ArrayReport, theirs: &Arrays, ours: &Arrays) -> Vec<(Strin
 }
 
 fn row(a: &ArrayReport) -> Markup {
-    let class = if a.verdict == Verdict::Agrees { "good" } else { "bad" };
+    let class = if a.verdict == Agreement::Agrees { "good" } else { "bad" };
     html! {
         tr {
             td { code { (a.name) } }

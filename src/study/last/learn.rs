@@ -13,11 +13,11 @@ use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
 use lastlight_last::model::data::{Data, Item};
+use lastlight_last::model::evaluation::{self, Evaluation};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::settings::{Placement, Reading, Settings, Supervision};
 use lastlight_last::model::train::Training;
 use lastlight_last::model::vectors::Vectors;
-use lastlight_last::model::verdict::{self, Verdict};
 use lastlight_last::structure::oracle;
 use lastlight_last::structure::samples::Samples;
 use lastlight_last::structure::score::{Features, Table};
@@ -61,7 +61,7 @@ const FRESH: u64 = 1 << 32;
 
 /// One training.
 #[derive(Clone, Debug, PartialEq)]
-struct Trial {
+struct TrainingRun {
     graph: &'static str,
     /// n*
     truth: usize,
@@ -75,7 +75,7 @@ struct Trial {
     seed: u64,
 }
 
-impl Trial {
+impl TrainingRun {
     fn new(graph: &'static str, mechanism: Mechanism, seed: u64) -> Self {
         Self {
             graph,
@@ -115,12 +115,12 @@ impl Trial {
         let trained = training.finish()?;
         // What it is worth is asked on data of the same source that it has not seen.
         let fresh = Vectors::drawn(&scm, [self.seed, self.seed + FRESH], size.data[0], size.data[1]);
-        let verdict = verdict::of(&trained, &fresh, &Some(graph.adjacency.clone()))?;
+        let verdict = evaluation::of(&trained, &fresh, &Some(graph.adjacency.clone()))?;
         let observed: Vec<Item> = (0..fresh.observed()).map(Item::Observed).collect();
-        let [u, _] = verdict::posterior(&trained, &fresh, &observed);
+        let [u, _] = evaluation::posterior(&trained, &fresh, &observed);
         let truth = Digraph::from_fn(self.truth, |i, j| graph.adjacency[i][j]);
         let mut values = measured(&trained, &verdict, &truth);
-        let shown = verdict::errors(&trained, &fresh, &u, &observed);
+        let shown = evaluation::errors(&trained, &fresh, &u, &observed);
         values.insert("reconstruction".into(), shown.weighted);
         if self.truth <= 5 {
             let best =
@@ -132,7 +132,7 @@ impl Trial {
 }
 
 /// What a model found, beside the truth.
-pub(super) fn measured(trained: &Trained, verdict: &Verdict, truth: &Digraph) -> Values {
+pub(super) fn measured(trained: &Trained, verdict: &Evaluation, truth: &Digraph) -> Values {
     let found = edges::compare(truth, &verdict.matched.relabel(&trained.graph));
     let mut values = Values::from([
         ("shd".into(), found.shd as f64),
@@ -181,19 +181,19 @@ pub(super) fn plain(row: &str) -> String {
     row.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }
 
-/// Trials of one experiment with their rows.
+/// Trainings of one experiment with their rows.
 #[derive(Clone, Debug)]
-struct Trials {
+struct TrainingRuns {
     size: Size,
-    list: Vec<(String, Trial)>,
+    list: Vec<(String, TrainingRun)>,
 }
 
-impl Trials {
-    fn new(size: Size, rows: impl IntoIterator<Item = (String, Trial)>) -> Self {
+impl TrainingRuns {
+    fn new(size: Size, rows: impl IntoIterator<Item = (String, TrainingRun)>) -> Self {
         let list = rows
             .into_iter()
             .flat_map(|(row, trial)| {
-                (0..size.seeds).map(move |seed| (row.clone(), Trial { seed, ..trial.clone() }))
+                (0..size.seeds).map(move |seed| (row.clone(), TrainingRun { seed, ..trial.clone() }))
             })
             .collect();
         Self { size, list }
@@ -215,7 +215,7 @@ impl Trials {
 #[derive(Clone, Debug)]
 pub struct Learning {
     id: &'static str,
-    trials: Trials,
+    trials: TrainingRuns,
     report: fn(&[(Cell, Values)]) -> Report,
 }
 
@@ -269,30 +269,36 @@ pub fn correct(size: Size) -> Learning {
         for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
             for graph in GRAPHS {
                 let row = format!("{graph} {} {}", mechanism.name(), supervision.name());
-                list.push((row, Trial { supervision, ..Trial::new(graph, mechanism, 0) }));
+                list.push((row, TrainingRun { supervision, ..TrainingRun::new(graph, mechanism, 0) }));
             }
         }
     }
     for graph in GRAPHS {
         for supervision in [Supervision::Groups, Supervision::None] {
             let row = format!("{graph} NL {} raw", supervision.name());
-            list.push((row, Trial { supervision, raw: true, ..Trial::new(graph, Mechanism::Nl, 0) }));
+            list.push((
+                row,
+                TrainingRun { supervision, raw: true, ..TrainingRun::new(graph, Mechanism::Nl, 0) },
+            ));
         }
         let row = format!("{graph} NL unknown");
         let supervision = Supervision::Unknown;
-        list.push((row, Trial { supervision, ..Trial::new(graph, Mechanism::Nl, 0) }));
+        list.push((row, TrainingRun { supervision, ..TrainingRun::new(graph, Mechanism::Nl, 0) }));
         let row = format!("{graph} NL groups literal");
-        list.push((row, Trial { reading: Reading::Literal, ..Trial::new(graph, Mechanism::Nl, 0) }));
+        list.push((
+            row,
+            TrainingRun { reading: Reading::Literal, ..TrainingRun::new(graph, Mechanism::Nl, 0) },
+        ));
         // The equations as printed: nothing told, dependence of the factors.
         let row = format!("{graph} NL none literal");
-        let printed = Trial {
+        let printed = TrainingRun {
             supervision: Supervision::None,
             placement: Placement::Factors,
-            ..Trial::new(graph, Mechanism::Nl, 0)
+            ..TrainingRun::new(graph, Mechanism::Nl, 0)
         };
-        list.push((row, Trial { reading: Reading::Literal, ..printed }));
+        list.push((row, TrainingRun { reading: Reading::Literal, ..printed }));
     }
-    Learning { id: "E10", trials: Trials::new(size, list), report: report_e10 }
+    Learning { id: "E10", trials: TrainingRuns::new(size, list), report: report_e10 }
 }
 
 /// Scores of all rows, the median SHD first: a table and a chart.
@@ -376,10 +382,10 @@ pub fn spurious(size: Size) -> Learning {
     let list = [Supervision::Groups, Supervision::None].into_iter().flat_map(|supervision| {
         [Mechanism::Lin, Mechanism::Nl].map(|mechanism| {
             let row = format!("FORK {} {}", mechanism.name(), supervision.name());
-            (row, Trial { supervision, ..Trial::new("FORK", mechanism, 0) })
+            (row, TrainingRun { supervision, ..TrainingRun::new("FORK", mechanism, 0) })
         })
     });
-    Learning { id: "E11", trials: Trials::new(size, list), report: report_e11 }
+    Learning { id: "E11", trials: TrainingRuns::new(size, list), report: report_e11 }
 }
 
 fn report_e11(results: &[(Cell, Values)]) -> Report {
@@ -416,10 +422,10 @@ pub fn dependence(size: Size) -> Learning {
     let list = ["FORK", "CHAIN", "FULL"].into_iter().flat_map(|graph| {
         places.map(|placement| {
             let row = format!("{graph} NL {}", placement.name());
-            (row, Trial { placement, ..Trial::new(graph, Mechanism::Nl, 0) })
+            (row, TrainingRun { placement, ..TrainingRun::new(graph, Mechanism::Nl, 0) })
         })
     });
-    Learning { id: "E12", trials: Trials::new(size, list), report: report_e12 }
+    Learning { id: "E12", trials: TrainingRuns::new(size, list), report: report_e12 }
 }
 
 fn report_e12(results: &[(Cell, Values)]) -> Report {
@@ -453,10 +459,10 @@ pub fn number(size: Size) -> Learning {
     let list = graphs.into_iter().flat_map(|(truth, graph)| {
         NUMBERS.map(|factors| {
             let row = format!("n* {truth}, n {factors}");
-            (row, Trial { truth, factors, ..Trial::new(graph, Mechanism::Nl, 0) })
+            (row, TrainingRun { truth, factors, ..TrainingRun::new(graph, Mechanism::Nl, 0) })
         })
     });
-    Learning { id: "E4", trials: Trials::new(size, list), report: report_e4 }
+    Learning { id: "E4", trials: TrainingRuns::new(size, list), report: report_e4 }
 }
 
 fn report_e4(results: &[(Cell, Values)]) -> Report {

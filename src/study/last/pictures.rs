@@ -11,10 +11,10 @@ use crate::math::digraph::Digraph;
 use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use lastlight_last::generate;
+use lastlight_last::model::evaluation;
 use lastlight_last::model::pictures::Pictures;
 use lastlight_last::model::settings::{Settings, Supervision};
 use lastlight_last::model::train::Training;
-use lastlight_last::model::verdict;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
@@ -59,13 +59,13 @@ const EVERY: usize = 500;
 
 /// One training.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Trial {
+struct TrainingRun {
     graph: &'static str,
     supervision: Supervision,
     seed: u64,
 }
 
-impl Trial {
+impl TrainingRun {
     fn row(&self) -> String {
         format!("{} NL {} pictures", self.graph, self.supervision.name())
     }
@@ -77,25 +77,25 @@ impl Trial {
 
 /// The experiment.
 #[derive(Clone, Debug)]
-pub struct Seen {
+pub struct StructureFromImages {
     size: Size,
-    trials: Vec<Trial>,
+    trials: Vec<TrainingRun>,
     dir: PathBuf,
 }
 
-impl Seen {
+impl StructureFromImages {
     /// In the folder of a study.
     pub fn new(size: Size, dir: &Path) -> Self {
         let told = [Supervision::Groups, Supervision::PerSample];
         let trials = GRAPHS.into_iter().flat_map(|graph| {
             told.into_iter().flat_map(move |supervision| {
-                (0..size.seeds).map(move |seed| Trial { graph, supervision, seed })
+                (0..size.seeds).map(move |seed| TrainingRun { graph, supervision, seed })
             })
         });
         Self { size, trials: trials.collect(), dir: dir.to_owned() }
     }
 
-    fn training(&self, trial: &Trial) -> Settings {
+    fn training(&self, trial: &TrainingRun) -> Settings {
         Settings {
             supervision: trial.supervision,
             points: self.size.points,
@@ -123,7 +123,7 @@ impl Seen {
     }
 }
 
-impl Experiment for Seen {
+impl Experiment for StructureFromImages {
     fn id(&self) -> &'static str {
         "E10p"
     }
@@ -161,7 +161,7 @@ impl Experiment for Seen {
         let graph = Graph::named(trial.graph, settings.factors, trial.seed).map_err(fail)?;
         let truth = Digraph::from_fn(settings.factors, |i, j| graph.adjacency[i][j]);
         let trained = training.finish()?;
-        let verdict = verdict::of(&trained, &data, &Some(graph.adjacency))?;
+        let verdict = evaluation::of(&trained, &data, &Some(graph.adjacency))?;
         let mut values = measured(&trained, &verdict, &truth);
         trained.write(&self.dir.join(MODELS).join(format!("{}.safetensors", trial.key())), &[])?;
         let _ = std::fs::remove_file(&checkpoint);
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn a_training_that_was_stopped_goes_on() {
         let dir = tempfile::tempdir().expect("a folder");
-        let x = Seen::new(Size::smoke(), dir.path());
+        let x = StructureFromImages::new(Size::smoke(), dir.path());
         let stop = AtomicBool::new(false);
         let e = x.run(0, &mut Impatient(2, &stop), &stop).expect_err("stopped");
         assert_eq!(e.kind(), Kind::Interrupted);

@@ -57,12 +57,12 @@ fn compare_measures_what_it_says() {
         report.arrays[0].verdict.clone()
     };
     let flat = Arrays::new().with("y", &[4], vec![1.0_f32, 0.0, 2.0, -4.0]);
-    assert_eq!(verdict(&theirs, &flat), compare::Verdict::ShapesDiffer, "shapes");
+    assert_eq!(verdict(&theirs, &flat), compare::Agreement::ShapesDiffer, "shapes");
     let nan = Arrays::new().with("y", &[2, 2], vec![1.0_f32, f32::NAN, 2.0, -4.0]);
-    assert_eq!(verdict(&theirs, &nan), compare::Verdict::Nan, "NaN in ours");
-    assert_eq!(verdict(&nan, &nan), compare::Verdict::Nan, "NaN in both is no agreement");
+    assert_eq!(verdict(&theirs, &nan), compare::Agreement::Nan, "NaN in ours");
+    assert_eq!(verdict(&nan, &nan), compare::Agreement::Nan, "NaN in both is no agreement");
     let off = Arrays::new().with("y", &[2, 2], vec![1.0_f32, 0.0, 2.0, -4.1]);
-    assert_eq!(verdict(&theirs, &off), compare::Verdict::Differs, "beyond the tolerance");
+    assert_eq!(verdict(&theirs, &off), compare::Agreement::Differs, "beyond the tolerance");
     assert!(
         compare::arrays(&theirs, &Arrays::new().with("z", &[], vec![1.0]), None, 1e-5).is_err(),
         "nothing in common"

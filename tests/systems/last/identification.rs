@@ -6,13 +6,13 @@ use data_gen::figure::mechanism::{Mechanism, Scm};
 use data_gen::figure::samples;
 use lastlight::last::model::data::{Data, Frame, Group, Item};
 use lastlight::last::model::encoder::Input;
+use lastlight::last::model::evaluation;
 use lastlight::last::model::latent::{self, Layout, Out};
 use lastlight::last::model::settings::{Placement, Reading, Settings, Supervision, Weights};
 use lastlight::last::model::step::Batch;
 use lastlight::last::model::structure::{Kind, Sizes, Structure};
 use lastlight::last::model::train::Training;
 use lastlight::last::model::vectors::Vectors;
-use lastlight::last::model::verdict;
 use lastlight::loss::metric::structure::edges;
 use lastlight::math::digraph::Digraph;
 use lastlight::tape::Params;
@@ -339,7 +339,7 @@ fn every_way_to_tell_and_every_place_of_dependence_trains() {
                     before.iter().filter(|(name, x)| trained.model.params.get(name) != Some(*x)).count();
                 assert!(moved > 8, "{what}: {moved} arrays have moved");
                 let verdict =
-                    verdict::of(&trained, &data, &Some(scm.graph.adjacency.clone())).expect("scored");
+                    evaluation::of(&trained, &data, &Some(scm.graph.adjacency.clone())).expect("scored");
                 assert!(verdict.mcc.is_finite() && verdict.distances.is_some(), "{what}");
                 assert_eq!(verdict.variances.len(), N, "{what}: a variance for each block");
                 assert!(verdict.active <= 2 * N && verdict.variances.iter().all(|v| *v > 0.0), "{what}");

@@ -1,10 +1,10 @@
 //! Fine-tuning on a subject: what it keeps, and what follows when the graph changes.
 
+use lastlight::last::model::evaluation::{deviations, linked};
 use lastlight::last::model::file::Trained;
 use lastlight::last::model::shipped;
 use lastlight::last::model::structure::Structure;
 use lastlight::last::model::tune::{self, Settings, Subject};
-use lastlight::last::model::verdict::{deviations, linked};
 use lastlight::math::digraph::Digraph;
 use lastlight::num::rng::Rng;
 

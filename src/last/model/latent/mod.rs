@@ -22,7 +22,7 @@ use crate::causal::structure::{self, Saved as Swept};
 use crate::causal::{code, held, independence, intervene, limit, posterior, posterior_kl, scm_kl};
 use crate::loss::groups;
 pub use inputs::{Bars, In, Layout};
-use pieces::Linked;
+use pieces::FactorsAndNoise;
 
 /// Terms of the loss, without factors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,8 +49,8 @@ pub struct Out {
     /// the terms
     pub terms: Terms,
     log_variance: Vec<f64>,
-    sample: Linked,
-    mean: Linked,
+    sample: FactorsAndNoise,
+    mean: FactorsAndNoise,
     held: Vec<f64>,
     set: Vec<Option<usize>>,
     counterfactual: Option<Swept>,
@@ -79,7 +79,7 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
     assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
     let log_variance = limit::forward(x.ell);
     let drawn = posterior::forward(x.mu, &log_variance, x.eta);
-    let linked = |given: &[f64]| -> Linked {
+    let linked = |given: &[f64]| -> FactorsAndNoise {
         // The borrow of `given` ends with the call.
         In { ..*x }.link(given)
     };

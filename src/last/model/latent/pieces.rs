@@ -8,7 +8,7 @@ use crate::loss::groups;
 
 /// Factors and noise that belong together; one is given, the other computed.
 #[derive(Clone, Debug)]
-pub(super) struct Linked {
+pub(super) struct FactorsAndNoise {
     pub(super) u: Vec<f64>,
     pub(super) eps: Vec<f64>,
     swept: Option<Swept>,
@@ -39,14 +39,14 @@ impl<'a> In<'a> {
         }
     }
 
-    pub(super) fn link(&self, given: &'a [f64]) -> Linked {
+    pub(super) fn link(&self, given: &'a [f64]) -> FactorsAndNoise {
         match self.reading {
             Reading::Reference => {
-                Linked { eps: structure::abduct(&self.layer(given)), u: given.to_vec(), swept: None }
+                FactorsAndNoise { eps: structure::abduct(&self.layer(given)), u: given.to_vec(), swept: None }
             }
             Reading::Literal => {
                 let (u, swept) = structure::forward(&self.layer(given));
-                Linked { u, eps: given.to_vec(), swept: Some(swept) }
+                FactorsAndNoise { u, eps: given.to_vec(), swept: Some(swept) }
             }
         }
     }
@@ -54,7 +54,7 @@ impl<'a> In<'a> {
     /// The gradient by what was given.
     pub(super) fn link_adjoint(
         &self,
-        linked: &'a Linked,
+        linked: &'a FactorsAndNoise,
         u_bar: Vec<f64>,
         eps_bar: &[f64],
         bars: &mut Bars,
@@ -111,7 +111,7 @@ impl<'a> In<'a> {
         }
     }
 
-    pub(super) fn kl(&self, sample: &Linked, ell: &[f64]) -> f64 {
+    pub(super) fn kl(&self, sample: &FactorsAndNoise, ell: &[f64]) -> f64 {
         match self.reading {
             Reading::Literal => {
                 posterior_kl::forward(&self.free(self.mu), &self.free(ell), self.layout.items())
@@ -123,7 +123,7 @@ impl<'a> In<'a> {
     /// What L_MI looks at: the observed items.
     pub(super) fn dependence<'b>(
         &'b self,
-        mean: &'b Linked,
+        mean: &'b FactorsAndNoise,
         logvar: &'b [f64],
         among: Option<&'b [f64]>,
     ) -> independence::In<'b> {
@@ -187,7 +187,7 @@ impl<'a> In<'a> {
     }
 
     /// The groups' means, before and after, and what is told of them.
-    pub(super) fn groups<'b>(&'b self, mean: &'b Linked, told: Option<&'b [f64]>) -> groups::In<'b> {
+    pub(super) fn groups<'b>(&'b self, mean: &'b FactorsAndNoise, told: Option<&'b [f64]>) -> groups::In<'b> {
         let (d, after) = (self.d(), self.layout.after(0) * self.d());
         groups::In {
             after: &mean.u[after..],
@@ -203,7 +203,7 @@ impl<'a> In<'a> {
     }
 
     /// What the factors of all pairs are set to.
-    pub(super) fn held<'b>(&'b self, mean: &'b Linked, shared: &'b [f64]) -> held::In<'b> {
+    pub(super) fn held<'b>(&'b self, mean: &'b FactorsAndNoise, shared: &'b [f64]) -> held::In<'b> {
         let from = match self.supervision {
             Supervision::PerSample => held::From::Own(&mean.u[self.layout.after(0) * self.d()..]),
             _ => held::From::Shared(shared),

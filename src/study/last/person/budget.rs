@@ -56,7 +56,7 @@ mod tests {
 
     #[test]
     fn renders_are_counted_before_they_happen() {
-        let host = Settings { iterations: 600, ..Settings::host() };
+        let host = Settings { iterations: 600, ..Settings::baseline() };
         let chain = Digraph::new(4, &[(0, 1), (1, 2)]);
         let with = |p: Progressive| Settings { progressive: Some(p), ..host.clone() };
         assert_eq!(levels(&host, &chain).expect("acyclic"), 1, "without the progressive update");

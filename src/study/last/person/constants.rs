@@ -16,8 +16,8 @@
 
 use super::super::learn::plain;
 use super::budget;
-use super::stage::{Model, Stage};
-use super::trial::{Structure, Trial};
+use super::fit_run::{FitRun, Structure};
+use super::setup::{Model, Setup};
 use crate::experiment::{Cell, Chart, Experiment, Outcome, Report, Results, Summary, Values};
 use crate::fit::training::Watch;
 use crate::{Error, Result};
@@ -88,12 +88,12 @@ impl Constants {
     }
 
     /// The full system for a model and a subject.
-    pub fn full(&self, stage: &Stage, model: usize, subject: u64) -> Settings {
+    pub fn full(&self, setup: &Setup, model: usize, subject: u64) -> Settings {
         Settings {
             seed: subject,
             density: self.density(model),
             progressive: Some(self.progressive()),
-            ..stage.size.host()
+            ..setup.size.baseline()
         }
     }
 
@@ -101,10 +101,10 @@ impl Constants {
     ///
     /// # Errors
     /// When the model's graph has a cycle.
-    pub fn renders(&self, stage: &Stage, model: usize) -> Result<usize> {
-        let (settings, graph) = (self.full(stage, model, 0), &stage.models[model].trained.graph);
+    pub fn renders(&self, setup: &Setup, model: usize) -> Result<usize> {
+        let (settings, graph) = (self.full(setup, model, 0), &setup.models[model].trained.graph);
         let levels = budget::levels(&settings, graph)?;
-        Ok(budget::renders(&settings, levels, stage.size.frames).unwrap_or(settings.iterations))
+        Ok(budget::renders(&settings, levels, setup.size.frames).unwrap_or(settings.iterations))
     }
 
     /// In words.
@@ -126,14 +126,14 @@ impl Constants {
 #[derive(Debug)]
 pub struct Calibration<'a> {
     /// what is calibrated
-    pub stage: &'a Stage,
+    pub setup: &'a Setup,
 }
 
 impl Calibration<'_> {
     /// c_τ of each model, if all results are there.
     pub fn found(&self, results: &Results) -> Option<Vec<f64>> {
         let found: Vec<f64> = results.iter().filter_map(|(_, v)| v.get("c_tau").copied()).collect();
-        (found.len() == self.stage.models.len()).then_some(found)
+        (found.len() == self.setup.models.len()).then_some(found)
     }
 }
 
@@ -144,20 +144,20 @@ impl Experiment for Calibration<'_> {
 
     fn cells(&self) -> Vec<Cell> {
         let cell = |m: &Model| Cell { key: plain(&m.graph), row: m.graph.clone(), seed: SUBJECT };
-        self.stage.models.iter().map(cell).collect()
+        self.setup.models.iter().map(cell).collect()
     }
 
     fn settings(&self, cell: usize) -> Value {
         json!({
-            "lastlight": env!("CARGO_PKG_VERSION"), "size": self.stage.size.record(),
-            "model": self.stage.models[cell].digest, "subject": SUBJECT, "host": self.stage.size.host().json(),
+            "lastlight": env!("CARGO_PKG_VERSION"), "size": self.setup.size.record(),
+            "model": self.setup.models[cell].digest, "subject": SUBJECT, "host": self.setup.size.baseline().json(),
         })
     }
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
-        let model = &self.stage.models[cell];
-        let capture = self.stage.capture(model, SUBJECT)?;
-        let found = calibrate::latent_scale(&self.stage.size.host(), &capture, &model.trained, watch)?;
+        let model = &self.setup.models[cell];
+        let capture = self.setup.capture(model, SUBJECT)?;
+        let found = calibrate::latent_scale(&self.setup.size.baseline(), &capture, &model.trained, watch)?;
         let scale = found.ok_or_else(|| {
             Error::check("calibration")
                 .at(model.graph.clone())
@@ -187,14 +187,14 @@ type Candidate = (String, Box<dyn Fn(&mut Constants) + Sync>);
 
 /// The search for the strongest setting.
 pub struct Search<'a> {
-    stage: &'a Stage,
+    setup: &'a Setup,
     /// of each constant
     axes: Vec<(&'static str, Vec<Candidate>)>,
-    trials: Vec<(Vec<usize>, Trial)>,
+    runs: Vec<(Vec<usize>, FitRun)>,
     base: Constants,
 }
 
-fn axes(stage: &Stage) -> Vec<(&'static str, Vec<Candidate>)> {
+fn axes(setup: &Setup) -> Vec<(&'static str, Vec<Candidate>)> {
     let density = [
         (Mode::Replace, 0.003),
         (Mode::Replace, 0.001),
@@ -205,7 +205,7 @@ fn axes(stage: &Stage) -> Vec<(&'static str, Vec<Candidate>)> {
     ];
     let caps =
         [(Cap::Relative, 0.1), (Cap::Relative, 0.5), (Cap::Relative, f64::INFINITY), (Cap::Absolute, 0.1)];
-    let size = &stage.size;
+    let size = &setup.size;
     let density: Vec<Candidate> = size
         .some(&density)
         .into_iter()
@@ -242,12 +242,12 @@ impl<'a> Search<'a> {
     ///
     /// # Errors
     /// When the model's graph has a cycle.
-    pub fn new(stage: &'a Stage, latent_scales: Vec<f64>) -> Result<Self> {
-        let (axes, base) = (axes(stage), Constants::published(latent_scales));
+    pub fn new(setup: &'a Setup, latent_scales: Vec<f64>) -> Result<Self> {
+        let (axes, base) = (axes(setup), Constants::published(latent_scales));
         // All spend what the setting of the document does.
-        let renders = base.renders(stage, 0)?;
+        let renders = base.renders(setup, 0)?;
         let total = axes.iter().fold(1, |n, (_, c)| n * c.len());
-        let trials = (0..total)
+        let runs = (0..total)
             .map(|mut at| {
                 let mut constants = base.clone();
                 let choice: Vec<usize> = (axes.iter())
@@ -258,20 +258,20 @@ impl<'a> Search<'a> {
                         which
                     })
                     .collect();
-                let settings = constants.full(stage, 0, SUBJECT);
+                let settings = constants.full(setup, 0, SUBJECT);
                 let structure = Structure::Learned;
-                (choice, Trial { model: 0, subject: SUBJECT, structure, settings, renders, factors: false })
+                (choice, FitRun { model: 0, subject: SUBJECT, structure, settings, renders, factors: false })
             })
             .collect();
-        Ok(Self { stage, axes, trials, base })
+        Ok(Self { setup, axes, runs, base })
     }
 
     /// (axis, candidate) mean of the value over the combinations with it.
     fn means(&self, results: &[(Cell, Values)]) -> Vec<Vec<Summary>> {
-        let key = |t: &Trial| t.cell(self.stage, "").key;
-        let known: Vec<(&Vec<usize>, f64)> = (self.trials.iter())
-            .filter_map(|(choice, trial)| {
-                let key = key(trial);
+        let key = |t: &FitRun| t.cell(self.setup, "").key;
+        let known: Vec<(&Vec<usize>, f64)> = (self.runs.iter())
+            .filter_map(|(choice, run)| {
+                let key = key(run);
                 let value = results.iter().find(|(c, _)| c.key == key)?.1.get(VALUE)?;
                 Some((choice, *value))
             })
@@ -294,7 +294,7 @@ impl<'a> Search<'a> {
 
     /// The constants that the results speak for; none while results are missing.
     pub fn found(&self, results: &Results) -> Option<Constants> {
-        if results.len() < self.trials.len() {
+        if results.len() < self.runs.len() {
             return None;
         }
         let mut constants = self.base.clone();
@@ -324,15 +324,15 @@ impl Experiment for Search<'_> {
             let parts = self.axes.iter().zip(choice).map(|((name, c), &i)| format!("{name} {}", c[i].0));
             parts.collect::<Vec<_>>().join(", ")
         };
-        self.trials.iter().map(|(choice, t)| t.cell(self.stage, &name(choice))).collect()
+        self.runs.iter().map(|(choice, t)| t.cell(self.setup, &name(choice))).collect()
     }
 
     fn settings(&self, cell: usize) -> Value {
-        self.trials[cell].1.record(self.stage)
+        self.runs[cell].1.record(self.setup)
     }
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
-        self.trials[cell].1.run(self.stage, watch)
+        self.runs[cell].1.run(self.setup, watch)
     }
 
     fn report(&self, results: &[(Cell, Values)]) -> Report {
@@ -373,7 +373,7 @@ impl Experiment for Search<'_> {
             chart: Chart::Intervals(drawn),
             outcome: Outcome::Reported,
             verdict: self.found(&complete).map_or_else(
-                || format!("{} of {} fits are there.", results.len(), self.trials.len()),
+                || format!("{} of {} fits are there.", results.len(), self.runs.len()),
                 |c| format!("Taken: {}.", c.text()),
             ),
         }

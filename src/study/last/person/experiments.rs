@@ -1,10 +1,10 @@
-//! Which trials each experiment compares.
+//! Which runs each experiment compares.
 
 use super::constants::{Constants, FOLDER};
+use super::fit_run::{FitRun, Structure};
 use super::question::{Question, threshold};
 use super::report;
-use super::stage::Stage;
-use super::trial::{Structure, Trial};
+use super::setup::Setup;
 use crate::Result;
 use crate::experiment::{Cell, Experiment, Report, Values};
 use crate::fit::training::Watch;
@@ -55,8 +55,8 @@ pub const CLAIMS: [(&str, &str); 11] = [
 pub struct Persons<'a> {
     id: &'static str,
     claim: &'static str,
-    stage: &'a Stage,
-    list: Vec<(String, Trial)>,
+    setup: &'a Setup,
+    list: Vec<(String, FitRun)>,
     question: Question,
 }
 
@@ -70,15 +70,15 @@ impl Experiment for Persons<'_> {
     }
 
     fn cells(&self) -> Vec<Cell> {
-        self.list.iter().map(|(row, trial)| trial.cell(self.stage, row)).collect()
+        self.list.iter().map(|(row, run)| run.cell(self.setup, row)).collect()
     }
 
     fn settings(&self, cell: usize) -> Value {
-        self.list[cell].1.record(self.stage)
+        self.list[cell].1.record(self.setup)
     }
 
     fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
-        self.list[cell].1.run(self.stage, watch)
+        self.list[cell].1.run(self.setup, watch)
     }
 
     fn report(&self, results: &[(Cell, Values)]) -> Report {
@@ -86,11 +86,11 @@ impl Experiment for Persons<'_> {
     }
 }
 
-/// Makes rows of trials.
+/// Makes rows of runs.
 struct Rows<'a> {
-    stage: &'a Stage,
+    setup: &'a Setup,
     constants: &'a Constants,
-    list: Vec<(String, Trial)>,
+    list: Vec<(String, FitRun)>,
     /// The host alone.
     host: Settings,
     /// The full system.
@@ -98,9 +98,9 @@ struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    fn new(stage: &'a Stage, constants: &'a Constants) -> Self {
-        let (host, full) = (stage.size.host(), constants.full(stage, 0, 0));
-        Self { stage, constants, list: Vec::new(), host, full }
+    fn new(setup: &'a Setup, constants: &'a Constants) -> Self {
+        let (host, full) = (setup.size.baseline(), constants.full(setup, 0, 0));
+        Self { setup, constants, list: Vec::new(), host, full }
     }
 
     /// The full system with another progressive update.
@@ -110,13 +110,13 @@ impl<'a> Rows<'a> {
         Settings { progressive: Some(p), ..self.full.clone() }
     }
 
-    /// One trial for each subject, of a model.
+    /// One run for each subject, of a model.
     fn of(&mut self, model: usize, row: &str, structure: Structure, settings: &Settings) -> Result<()> {
-        let renders = self.constants.renders(self.stage, model)?;
-        for subject in 1..=self.stage.size.subjects {
+        let renders = self.constants.renders(self.setup, model)?;
+        for subject in 1..=self.setup.size.subjects {
             let settings = Settings { seed: subject, ..settings.clone() };
-            let trial = Trial { model, subject, structure, settings, renders, factors: false };
-            self.list.push((row.to_owned(), trial));
+            let run = FitRun { model, subject, structure, settings, renders, factors: false };
+            self.list.push((row.to_owned(), run));
         }
         Ok(())
     }
@@ -129,10 +129,10 @@ impl<'a> Rows<'a> {
     /// E1: the full system and its host, of every model.
     fn systems(&mut self) -> Result<Question> {
         let mut graphs = Vec::new();
-        let (stage, host) = (self.stage, self.host.clone());
-        for (m, model) in stage.models.iter().enumerate() {
+        let (setup, host) = (self.setup, self.host.clone());
+        for (m, model) in setup.models.iter().enumerate() {
             self.of(m, &format!("{} host", model.graph), Structure::Learned, &host)?;
-            let full = self.constants.full(stage, m, 0);
+            let full = self.constants.full(setup, m, 0);
             self.of(m, &format!("{} LAST", model.graph), Structure::Learned, &full)?;
             graphs.push(model.graph.clone());
         }
@@ -171,7 +171,7 @@ impl<'a> Rows<'a> {
     fn thresholds(&mut self) -> Result<Question> {
         let (host, full) = (self.host.clone(), self.full.clone());
         self.row("pixel", &Settings { density: host.density, ..full.clone() })?;
-        let thresholds = self.stage.size.some(&THRESHOLDS);
+        let thresholds = self.setup.size.some(&THRESHOLDS);
         for tau in &thresholds {
             let density = Density { mode: Mode::Replace, latent_threshold: *tau, ..full.density.clone() };
             self.row(&threshold(*tau), &Settings { density, ..full.clone() })?;
@@ -190,7 +190,7 @@ impl<'a> Rows<'a> {
 
     /// E7: every reading of λ at several values.
     fn bounds(&mut self) -> Result<Question> {
-        let bounds = self.stage.size.some(&BOUNDS);
+        let bounds = self.setup.size.some(&BOUNDS);
         for cap in [Cap::Relative, Cap::Absolute, Cap::Stop] {
             for lambda in &bounds {
                 let settings = self.with(|p| (p.cap, p.lambda) = (cap, *lambda));
@@ -226,8 +226,8 @@ impl<'a> Rows<'a> {
         let (host, full) = (self.host.clone(), self.full.clone());
         self.row("host", &host)?;
         self.row("LAST", &full)?;
-        self.list.iter_mut().for_each(|(_, trial)| trial.factors = true);
-        let graph = &self.stage.models[0].trained.graph;
+        self.list.iter_mut().for_each(|(_, run)| run.factors = true);
+        let graph = &self.setup.models[0].trained.graph;
         let children = (0..graph.n()).filter(|&j| graph.parents(j) != 0).collect();
         let begin = full.progressive.as_ref().map_or(0, |p| full.scaled(p.first));
         Ok(Question::Factors { children, begin })
@@ -273,17 +273,17 @@ fn bound(cap: Cap, lambda: f64) -> String {
 ///
 /// # Errors
 /// When a model's graph has a cycle.
-pub fn all<'a>(stage: &'a Stage, constants: &Constants) -> Result<Vec<Persons<'a>>> {
-    CLAIMS.iter().map(|&(id, claim)| make(id, claim, stage, constants)).collect()
+pub fn all<'a>(setup: &'a Setup, constants: &Constants) -> Result<Vec<Persons<'a>>> {
+    CLAIMS.iter().map(|&(id, claim)| make(id, claim, setup, constants)).collect()
 }
 
 fn make<'a>(
     id: &'static str,
     claim: &'static str,
-    stage: &'a Stage,
+    setup: &'a Setup,
     constants: &Constants,
 ) -> Result<Persons<'a>> {
-    let mut rows = Rows::new(stage, constants);
+    let mut rows = Rows::new(setup, constants);
     let question = match id {
         "E1" => rows.systems(),
         "E2" => rows.ablation(),
@@ -297,5 +297,5 @@ fn make<'a>(
         "E14" => rows.cost(),
         _ => rows.weights(),
     }?;
-    Ok(Persons { id, claim, stage, list: rows.list, question })
+    Ok(Persons { id, claim, setup, list: rows.list, question })
 }

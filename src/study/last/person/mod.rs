@@ -1,11 +1,11 @@
 //! E1–E3, E5–E9, E13–E15: persons fitted with and without what the image-to-point model says (`last.md` §14).
 //!
 //! ```text
-//! stage        sizes, models, captures: what the experiments share
-//! trial        one cell: a person fitted and scored, at equal iterations and at equal renders
+//! setup        sizes, models, captures: what the experiments share
+//! run        one cell: a person fitted and scored, at equal iterations and at equal renders
 //! budget       how many pictures a fit renders, and how long it may be for a number of them
 //! constants    the scale of the latent criterion, the search for the strongest setting
-//! experiments  which trials each experiment compares
+//! experiments  which runs each experiment compares
 //! question     what an experiment asks; report: tables and charts of the results; judge: whether a claim holds
 //! ```
 //!
@@ -42,8 +42,8 @@
 pub mod budget;
 pub mod constants;
 pub mod experiments;
+pub mod fit_run;
 mod judge;
 mod question;
 mod report;
-pub mod stage;
-pub mod trial;
+pub mod setup;

@@ -27,7 +27,7 @@ pub const ACTIVE: f64 = 0.01;
 
 /// The findings.
 #[derive(Clone, Debug)]
-pub struct Verdict {
+pub struct Evaluation {
     /// mean distance of decoded points from the true ones, figure units
     pub space_error: f64,
     /// mean absolute error of their colours
@@ -152,7 +152,7 @@ pub fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> 
 ///
 /// # Errors
 /// Factors that do not vary.
-pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) -> Result<Verdict> {
+pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) -> Result<Evaluation> {
     let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
     let d = n * k;
     let observed: Vec<Item> = (0..Ord::min(MOST, data.observed())).map(Item::Observed).collect();
@@ -167,7 +167,7 @@ pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) ->
     let likeness = [Likeness::of(&blocks(&u), &factors)?, Likeness::of_truth(&factors)?];
     let few = &observed[..Ord::min(DECODED, observed.len())];
     let shown = errors(trained, data, &u[..few.len() * d], few);
-    let mut verdict = Verdict {
+    let mut verdict = Evaluation {
         space_error: shown.space,
         colour_error: shown.colour,
         counterfactual: None,
@@ -200,7 +200,7 @@ pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) ->
 }
 
 /// What pairs say: targets, locality, counterfactuals.
-fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Verdict) -> Result<()> {
+fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Evaluation) -> Result<()> {
     let (groups, members) = (Ord::min(MOST, data.groups().len()), data.members());
     if groups == 0 {
         return Ok(());
@@ -272,7 +272,7 @@ pub fn intervened(trained: &Trained, eps: &[f64], targets: &[usize], values: &[f
     Ok(latent::intervene(&s, &mask, eps, targets, values))
 }
 
-impl Verdict {
+impl Evaluation {
     /// Whether the graph is the true one, in a few words.
     pub fn against_truth(&self) -> String {
         match self.distances {

@@ -87,8 +87,8 @@ impl Size {
     }
 
     /// The host at this size.
-    pub fn host(&self) -> Settings {
-        Settings { iterations: self.iterations, max_gaussians: self.gaussians, ..Settings::host() }
+    pub fn baseline(&self) -> Settings {
+        Settings { iterations: self.iterations, max_gaussians: self.gaussians, ..Settings::baseline() }
     }
 
     /// Items of a list, from its first to its last, no more than there are candidates.
@@ -138,9 +138,9 @@ impl Model {
     }
 }
 
-/// Everything that trials draw on.
+/// Everything that runs draw on.
 #[derive(Debug)]
-pub struct Stage {
+pub struct Setup {
     /// sizes
     pub size: Size,
     /// one per graph; the first serves where an experiment asks for one
@@ -151,7 +151,7 @@ pub struct Stage {
     pub perception: Option<(Metric, u64)>,
 }
 
-impl Stage {
+impl Setup {
     /// The video of a subject, made if it is not there.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! One cell: a person fitted and scored.
 
 use super::budget;
-use super::stage::{Model, Stage};
+use super::setup::{Model, Setup};
 use crate::experiment::{AROUND, Cell, Values};
 use crate::fit::training::{Fit, Watch};
 use crate::loss::In;
@@ -18,10 +18,10 @@ use lastlight_last::avatar::guide::Guide;
 use lastlight_last::avatar::person::Avatar;
 use lastlight_last::avatar::settings::Settings;
 use lastlight_last::avatar::view::Target;
+use lastlight_last::model::evaluation::{deviations, linked};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::guide::{cut, seen};
 use lastlight_last::model::tune::{self, Subject};
-use lastlight_last::model::verdict::{deviations, linked};
 use serde_json::{Value, json};
 
 /// Times at which the held-out pictures are looked at during a fit.
@@ -64,7 +64,7 @@ impl Structure {
 
 /// One fit with everything that it depends on.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Trial {
+pub struct FitRun {
     /// which of the models
     pub model: usize,
     /// whom it shows
@@ -112,12 +112,12 @@ fn under(model: &Trained, graph: Digraph, capture: &PersonCapture) -> Result<Tra
     Ok(other)
 }
 
-impl Trial {
+impl FitRun {
     /// The cell of a row.
-    pub fn cell(&self, stage: &Stage, row: &str) -> Cell {
+    pub fn cell(&self, setup: &Setup, row: &str) -> Cell {
         let mut digest = Digest::new();
-        digest.bytes(self.record(stage).to_string().as_bytes());
-        let graph = &stage.models[self.model].graph;
+        digest.bytes(self.record(setup).to_string().as_bytes());
+        let graph = &setup.models[self.model].graph;
         let key = format!("{graph}-{}-{:016x}", self.subject, digest.value());
         Cell { key, row: row.to_owned(), seed: self.subject }
     }
@@ -128,23 +128,23 @@ impl Trial {
     }
 
     /// Everything that the result depends on.
-    pub fn record(&self, stage: &Stage) -> Value {
-        let model = &stage.models[self.model];
+    pub fn record(&self, setup: &Setup) -> Value {
+        let model = &setup.models[self.model];
         let said = |text: &str| if self.is_guided() { text.to_owned() } else { "none".to_owned() };
         let mut record = json!({
-            "lastlight": env!("CARGO_PKG_VERSION"), "size": stage.size.record(), "graph": model.graph,
+            "lastlight": env!("CARGO_PKG_VERSION"), "size": setup.size.record(), "graph": model.graph,
             "subject": self.subject, "model": said(&model.digest), "structure": said(self.structure.name()),
-            "tuning": if self.structure == Structure::Tuned { stage.size.tuning } else { 0 },
+            "tuning": if self.structure == Structure::Tuned { setup.size.tuning } else { 0 },
             "factors": self.factors, "renders": self.renders, "host": self.settings.json(),
         });
-        if let Some((_, digest)) = &stage.perception {
+        if let Some((_, digest)) = &setup.perception {
             record["lpips"] = format!("{digest:016x}").into();
         }
         record
     }
 
-    /// The model under the graph of this trial, and what tuning did to it.
-    fn guide(&self, stage: &Stage, model: &Model, capture: &PersonCapture) -> Result<(Trained, Values)> {
+    /// The model under the graph of this run, and what tuning did to it.
+    fn guide(&self, setup: &Setup, model: &Model, capture: &PersonCapture) -> Result<(Trained, Values)> {
         let mut values = Values::new();
         let (learned, truth) = (&model.trained.graph, &model.truth);
         let guide = match self.structure {
@@ -159,7 +159,7 @@ impl Trial {
             Structure::Tuned => {
                 let mut tuned = model.trained.clone();
                 let how =
-                    tune::Settings { steps: stage.size.tuning, seed: self.subject, ..Default::default() };
+                    tune::Settings { steps: setup.size.tuning, seed: self.subject, ..Default::default() };
                 let done = tune::run(&mut tuned, &Subject::new(&model.trained, capture)?, &how)?;
                 let moved = done
                     .before
@@ -183,11 +183,11 @@ impl Trial {
     ///
     /// # Errors
     /// What generation, tuning, fit or scores report.
-    pub fn run(&self, stage: &Stage, watch: &mut dyn Watch) -> Result<Values> {
-        let model = &stage.models[self.model];
-        let capture = stage.capture(model, self.subject)?;
+    pub fn run(&self, setup: &Setup, watch: &mut dyn Watch) -> Result<Values> {
+        let model = &setup.models[self.model];
+        let capture = setup.capture(model, self.subject)?;
         let (guide, mut values) = if self.is_guided() {
-            self.guide(stage, model, &capture)?
+            self.guide(setup, model, &capture)?
         } else {
             (model.trained.clone(), Values::new())
         };
@@ -195,7 +195,7 @@ impl Trial {
         let levels = budget::levels(&self.settings, &guide.graph)?;
         watch.lap(AROUND);
         let inputs =
-            Inputs { capture: &capture, guide: &guide, perception: stage.perception.as_ref().map(|p| &p.0) };
+            Inputs { capture: &capture, guide: &guide, perception: setup.perception.as_ref().map(|p| &p.0) };
         let first = self.fit(&self.settings, &inputs, true, watch)?;
         let longer = budget::iterations(&self.settings, levels, train, self.renders);
         let second = match longer {
