@@ -30,6 +30,12 @@ pub(crate) fn say(line: &str) -> Result<()> {
     }
 }
 
+/// Writes a line to stderr: progress, notes, errors. Nobody may read it: a closed or full stderr changes neither the result nor the exit code.
+pub(crate) fn note(line: &str) {
+    // One write, so that lines of two programs do not mix.
+    let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
+}
+
 /// Writes a result record to stdout as one JSON document.
 ///
 /// # Errors
@@ -57,7 +63,7 @@ pub(crate) fn stop_on_interrupt() -> std::result::Result<(), ctrlc::Error> {
             // Nothing that would stop in good order, or asked twice: nothing on disk is lost.
             std::process::exit(130);
         }
-        eprintln!("stopping in good order; press Ctrl-C again to stop at once");
+        note("stopping in good order; press Ctrl-C again to stop at once");
     })
 }
 

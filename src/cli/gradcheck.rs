@@ -1,6 +1,6 @@
 //! `lastlight gradcheck`.
 
-use crate::console::{say, say_json};
+use crate::console::{note, say, say_json};
 use crate::{Error, Result};
 use lastlight_oracle::oracle::gradcheck;
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let Args { op: ops, all, input, exec, set, entries, seed, json } = args;
     let options = gradcheck::Options { ops, all, input, exec, set, seed, entries };
-    let report = gradcheck::run(&options, &mut |text| eprintln!("{text}"))?;
+    let report = gradcheck::run(&options, &mut note)?;
     if json {
         say_json(&serde_json::to_value(&report).map_err(|e| Error::input("--json").got(e.to_string()))?)?;
     } else {

@@ -17,6 +17,8 @@
 //! Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted. Errors are one line on stderr;
 //! results go to stdout, as text or with `--json` as one JSON document; everything else goes to stderr.
 #![forbid(unsafe_code)]
+// They panic when a stream is closed; `console` has what does not.
+#![warn(clippy::print_stdout, clippy::print_stderr)]
 
 mod claim;
 mod console;
@@ -43,6 +45,7 @@ use lastlight_train::{experiment, fit};
 
 use crate::num::par;
 use clap::{Parser, Subcommand};
+use std::io::ErrorKind;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
@@ -101,21 +104,21 @@ pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(e) => {
-            let code = u8::try_from(e.exit_code()).unwrap_or(2);
-            // Help goes to stdout, usage errors to stderr; a closed pipe is no error of ours.
-            let _ = e.print();
-            return ExitCode::from(code);
+            // Help goes to stdout, usage errors to stderr.
+            let failed = e.print().err().filter(|e| e.kind() != ErrorKind::BrokenPipe);
+            let code = if failed.is_some() { 2 } else { e.exit_code() };
+            return ExitCode::from(u8::try_from(code).unwrap_or(2));
         }
     };
     if let Err(e) = console::stop_on_interrupt() {
-        eprintln!("note: Ctrl-C stops at once, without a checkpoint: {e}");
+        console::note(&format!("note: Ctrl-C stops at once, without a checkpoint: {e}"));
     }
     let threads =
         cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     match par::with_threads(threads, || dispatch(cli.command)).and_then(|outcome| outcome) {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            eprintln!("error: {}", console::one_line(&e.to_string()));
+            console::note(&format!("error: {}", console::one_line(&e.to_string())));
             ExitCode::from(e.exit_code())
         }
     }

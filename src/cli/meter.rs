@@ -5,6 +5,7 @@
     reason = "the clock is read here for people; nothing it says reaches a result"
 )]
 
+use crate::console;
 use crate::fit::training::{Step, Watch};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use std::io::IsTerminal;
@@ -83,8 +84,8 @@ impl Meter {
             return;
         }
         match &self.bar {
-            Some(bar) => bar.suspend(|| eprintln!("{line}")),
-            None => eprintln!("{line}"),
+            Some(bar) => bar.suspend(|| console::note(line)),
+            None => console::note(line),
         }
     }
 
@@ -138,9 +139,9 @@ impl Meter {
             let rate = (done - first) as f64 / since.elapsed().as_secs_f64();
             if rate > 0.0 {
                 let left = super::units::seconds((total - done) as f64 / rate);
-                eprintln!("{done}/{total} · {} · {left} left · {message}", pace(rate));
+                console::note(&format!("{done}/{total} · {} · {left} left · {message}", pace(rate)));
             } else {
-                eprintln!("{done}/{total} · {message}");
+                console::note(&format!("{done}/{total} · {message}"));
             }
         }
     }

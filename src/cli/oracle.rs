@@ -1,6 +1,6 @@
 //! `lastlight oracle list | run | compare | mint`.
 
-use crate::console::{say, say_json};
+use crate::console::{note, say, say_json};
 use crate::{Error, Result};
 use clap::{Subcommand, ValueEnum};
 use lastlight_oracle::oracle::{compare, list, mint, run as runner};
@@ -110,7 +110,7 @@ fn print<T: Serialize + std::fmt::Display>(record: &T, json: bool) -> Result<()>
 /// # Errors
 /// Bad usage or input, and a comparison that found a difference.
 pub fn run(args: Args) -> Result<()> {
-    let mut progress = |text: &str| eprintln!("{text}");
+    let mut progress = |text: &str| note(text);
     match args.command {
         Command::List { json } => print(&list::list(), json),
         Command::Run { op, input, out, precision, profile, set, plan, dump, json } => {

@@ -19,4 +19,5 @@ mod program;
 mod python;
 #[path = "../samples/mod.rs"]
 mod samples;
+mod streams;
 mod weights;
