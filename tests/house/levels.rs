@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A member under `src/`: its name, its place in the order, and of its folders the library path and the level. `*` is every folder.
-type Member = (&'static str, u32, &'static [(&'static str, &'static str, u32)]);
+pub(crate) type Member = (&'static str, u32, &'static [(&'static str, &'static str, u32)]);
 
 /// All of them. A member may depend on members of a smaller place.
 pub(crate) const MEMBERS: &[Member] = &[
