@@ -202,6 +202,33 @@ impl Modules {
         out
     }
 
+    /// Imports of everything (`use super::*`, `use crate::…::*`) outside tests: they name nothing, so no arrow shows what they are for. A
+    /// folder's file may re-export what lies below it.
+    pub(crate) fn globs(&self) -> Vec<String> {
+        let mut out = Vec::new();
+        for (index, module) in self.all.iter().enumerate().filter(|(index, _)| !self.is_for_tests(*index)) {
+            for import in module.source.imports.iter().filter(|i| i.name == "*" && !i.in_test) {
+                let first = import.path.first().map_or("", String::as_str);
+                let is_member = first.starts_with("lastlight_") && !import.public;
+                let is_below = import.public
+                    && self.defining(index, &import.path).is_some_and(|to| self.is_below(to, index));
+                if (["super", "crate"].contains(&first) || is_member) && !is_below {
+                    out.push(format!("{}: {}::*", module.file.display(), import.path.join("::")));
+                }
+            }
+        }
+        out
+    }
+
+    /// Root files of members that define or compute something themselves.
+    pub(crate) fn defining_roots(&self) -> Vec<usize> {
+        let defines = |m: &usize| {
+            let source = &self.all[*m].source;
+            self.all[*m].parent.is_none() && !(source.items.is_empty() && source.macros.is_empty())
+        };
+        (0..self.all.len()).filter(defines).collect()
+    }
+
     /// The arrows between the parts of each folder: folder, then part to part, each with the first arrow that says so. A part is
     /// a module directly in the folder with everything below it; the folder's own file is the part `mod`. A module of tests inside a
     /// file is a part that nothing names, so its arrows close no cycle and are left out.
