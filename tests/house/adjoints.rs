@@ -420,7 +420,7 @@ fn every_adjoint_of_an_operator_is_run_by_an_entry_of_the_list() {
     );
     let unreached: Vec<String> = adjoints.into_iter().filter(|(_, is)| !is).map(|(label, _)| label).collect();
     let wrong = differences(&unreached, OFF_THE_LIST);
-    assert!(wrong.is_empty(), "adjoints that the operator list does not run: {wrong:#?}");
+    assert!(wrong.is_empty(), "adjoints beside the operator list: {wrong:#?}");
 }
 
 #[test]
