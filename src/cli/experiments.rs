@@ -41,22 +41,23 @@ impl Observer for Clock<'_> {
     }
 }
 
-/// Seconds by key, the last entry of each.
-fn seconds(dir: &Path) -> BTreeMap<String, f64> {
+/// Seconds by folder and key of a cell, the last entry of each.
+fn seconds(dir: &Path) -> BTreeMap<(String, String), f64> {
     let text = std::fs::read_to_string(dir.join(SECONDS)).unwrap_or_default();
     let entry = |line: &str| {
-        let mut parts = line.split(',').skip(1);
-        Some((parts.next()?.to_owned(), parts.next()?.parse().ok()?))
+        let mut parts = line.split(',');
+        let cell = (parts.next()?.to_owned(), parts.next()?.to_owned());
+        Some((cell, parts.next()?.parse().ok()?))
     };
     text.lines().filter_map(entry).collect()
 }
 
-/// Mean seconds of a cell by row, of the cells that were timed in the study in `dir`.
-pub(crate) fn durations(dir: &Path, cells: &[Cell]) -> Vec<(String, Summary)> {
+/// Mean seconds of a cell by row, of the cells in `folder` that were timed in the study in `dir`.
+pub(crate) fn durations(dir: &Path, folder: &str, cells: &[Cell]) -> Vec<(String, Summary)> {
     let seconds = seconds(dir);
     let mut rows: Vec<(String, Vec<f64>)> = Vec::new();
     for cell in cells {
-        let Some(&s) = seconds.get(&cell.key) else { continue };
+        let Some(&s) = seconds.get(&(folder.to_owned(), cell.key.clone())) else { continue };
         match rows.iter_mut().find(|(row, _)| *row == cell.row) {
             Some((_, all)) => all.push(s),
             None => rows.push((cell.row.clone(), vec![s])),
@@ -205,5 +206,25 @@ pub(crate) fn page(
             stat(Outcome::NotRun, "something is missing"),
         ],
         sections: reports.iter().map(|r| section(r, if r.id == timed { costs } else { &[] })).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn seconds_belong_to_the_folder_of_a_cell() {
+        let dir = tempfile::tempdir().expect("a folder");
+        let text = "E1,s0,1.000\nE2,s0,8.000\nE1,s1,3.000\nE1,s0,2.000\n";
+        std::fs::write(dir.path().join(SECONDS), text).expect("written");
+        let cells = ["s0", "s1", "s2"].map(|key| Cell { key: key.into(), row: "all".into(), seed: 0 });
+        let means = |folder: &str| {
+            let rows = durations(dir.path(), folder, &cells);
+            rows.into_iter().map(|(row, summary)| (row, summary.mean)).collect::<Vec<_>>()
+        };
+        assert_eq!(means("E1"), [("all".to_owned(), 2.5)], "the last entry of each cell");
+        assert_eq!(means("E2"), [("all".to_owned(), 8.0)], "the same key in another folder");
+        assert!(means("E3").is_empty(), "nothing was timed");
     }
 }

@@ -76,34 +76,51 @@ impl Frame {
     ///
     /// # Errors
     /// When it cannot be written.
+    ///
+    /// # Panics
+    /// When a name of `own` is one of those that every record has.
     pub(crate) fn record(
         &self,
         head: Head<'_>,
-        own: Value,
+        own: Map<String, Value>,
         history: &History,
         meter: &Meter,
     ) -> Result<Value> {
         let by_part: Map<String, Value> = meter.parts().into_iter().map(|(n, s)| (n, json!(s))).collect();
-        let mut record = json!({
-            "kind": head.kind, "lastlight": env!("CARGO_PKG_VERSION"), "digest": head.digest,
-        });
-        let rest = json!({
-            "iterations": history.len(), "last_loss": history.loss.last(), "settings": head.settings,
-            "seconds": meter.seconds(), "seconds_by_part": by_part,
-        });
-        for (name, value) in [own, rest]
-            .into_iter()
-            .filter_map(|part| match part {
-                Value::Object(entries) => Some(entries),
-                _ => None,
-            })
-            .flatten()
-        {
-            record[name] = value;
-        }
+        let before = entries([
+            ("kind", json!(head.kind)),
+            ("lastlight", json!(env!("CARGO_PKG_VERSION"))),
+            ("digest", json!(head.digest)),
+        ]);
+        let after = entries([
+            ("iterations", json!(history.len())),
+            ("last_loss", json!(history.loss.last())),
+            ("settings", head.settings),
+            ("seconds", json!(meter.seconds())),
+            ("seconds_by_part", Value::Object(by_part)),
+        ]);
+        let record = Value::Object(joined([before, own, after]));
         atomic::write_bytes(&self.file(RESULT), format!("{record:#}\n").as_bytes())?;
         Ok(record)
     }
+}
+
+/// Entries of a record, in this order.
+pub(crate) fn entries<const N: usize>(entries: [(&str, Value); N]) -> Map<String, Value> {
+    entries.into_iter().map(|(name, value)| (name.to_owned(), value)).collect()
+}
+
+/// The entries of all parts in their order.
+///
+/// # Panics
+/// When two have the same name.
+fn joined<const N: usize>(parts: [Map<String, Value>; N]) -> Map<String, Value> {
+    let mut out = Map::new();
+    for (name, value) in parts.into_iter().flatten() {
+        assert!(!out.contains_key(&name), "a record has one entry '{name}'");
+        out.insert(name, value);
+    }
+    out
 }
 
 /// Trains to the end without a checkpoint, for commands that write one file; Ctrl-C ends it without a result.
@@ -128,4 +145,21 @@ pub(crate) struct Head<'a> {
     pub(crate) digest: &'a str,
     /// everything that decides it
     pub(crate) settings: Value,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_of_a_record_keep_their_order() {
+        let all = joined([entries([("z", json!(1))]), entries([("a", json!(2)), ("b", json!(null))])]);
+        assert_eq!(Value::Object(all).to_string(), r#"{"z":1,"a":2,"b":null}"#, "as written");
+    }
+
+    #[test]
+    #[should_panic(expected = "a record has one entry 'digest'")]
+    fn an_entry_of_its_own_replaces_none_of_every_record() {
+        joined([entries([("digest", json!("0123"))]), entries([("digest", json!("4567"))])]);
+    }
 }

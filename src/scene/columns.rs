@@ -51,6 +51,13 @@ fn coefficients(sh_degree: usize) -> usize {
     (sh_degree + 1) * (sh_degree + 1)
 }
 
+/// The rows of a column, which is complete.
+fn rows<const N: usize>(column: Column, values: &[f32]) -> Vec<[f32; N]> {
+    let (rows, rest) = values.as_chunks();
+    assert!(rest.is_empty(), "{}: {} numbers are no rows of {N}", column.name(), values.len());
+    rows.to_vec()
+}
+
 impl Gaussians {
     /// The values of a column, row-major.
     pub fn column(&self, column: Column) -> &[f32] {
@@ -110,14 +117,17 @@ impl Gaussians {
     ///
     /// # Errors
     /// What `values` reports.
+    ///
+    /// # Panics
+    /// When the numbers of a column are no multiple of its width.
     pub fn from_columns(
         sh_degree: usize,
         mut values: impl FnMut(Column) -> Result<Vec<f32>>,
     ) -> Result<Self> {
         Ok(Self {
-            means: values(Column::Means)?.as_chunks().0.to_vec(),
-            quats: values(Column::Quats)?.as_chunks().0.to_vec(),
-            scales_log: values(Column::ScalesLog)?.as_chunks().0.to_vec(),
+            means: rows(Column::Means, &values(Column::Means)?),
+            quats: rows(Column::Quats, &values(Column::Quats)?),
+            scales_log: rows(Column::ScalesLog, &values(Column::ScalesLog)?),
             opacity_logits: values(Column::OpacityLogits)?,
             sh: values(Column::Sh)?,
             sh_degree,
@@ -218,5 +228,12 @@ mod tests {
             (2, [0.0, 1.0, 2.0], &scene().sh[..12]),
             "rows follow"
         );
+    }
+
+    #[test]
+    #[should_panic(expected = "quats: 7 numbers are no rows of 4")]
+    fn a_column_with_a_remainder_is_refused() {
+        let values = |column| if column == Column::Quats { vec![0.0; 7] } else { vec![0.0; 6] };
+        drop(Gaussians::from_columns(0, |column| Ok(values(column))));
     }
 }

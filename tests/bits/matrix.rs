@@ -4,19 +4,22 @@
 //! ```text
 //! cargo bits            the default cell; LASTLIGHT_REMINT=1 cargo bits writes tests/bits.toml anew
 //! cargo bits --gate     the default cell, the debug cell, the control without AVX2 and FMA, and one further cell, chosen by the commit;
-//!                       all cells where what decides bits differs from the last full run
-//! cargo bits --all      all cells; when all passed, records the run in tests/bits-full.toml
+//!                       all cells where the last full run was of something else, or git cannot name the commit
+//! cargo bits --all      all cells; when all passed and nothing changed meanwhile, records the run in tests/bits-full.toml
 //! cargo bits --list     names of the cells, and which ones --gate would run
 //! ```
 //!
 //! A cell is a build and a width of matrix products (registers of 8 or 16 lanes, chosen at run time). The release build for the default width is that of
 //! `cargo test --release --workspace`; builds for other processors go to `target/bits`. The default cell runs 1, 2, 3 and 7 threads, the others 1 and 7.
 //!
-//! What decides bits: the members `num` and `kernels`, the lock file, the toolchain, flags and profiles. Their hash is in `tests/bits-full.toml`, with the commit
-//! of the last full run.
+//! The last full run is one of what is here when the hash of what decides bits (`deciding.rs`) is that of the record, and the record has every cell that
+//! this machine can run.
 
 #![expect(clippy::disallowed_types, reason = "seconds of every cell, for people")]
 
+mod deciding;
+
+use deciding::{Head, output};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -27,10 +30,6 @@ const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
 
 /// The record of the last full run, from the root.
 const RECORD: &str = "tests/bits-full.toml";
-
-/// What decides bits beside the code of an operator's own file, from the root: folders with everything in them, or files.
-const DECIDING: [&str; 5] =
-    ["src/num", "src/kernels", "Cargo.lock", "rust-toolchain.toml", ".cargo/config.toml"];
 
 /// How the tests are built.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -47,7 +46,7 @@ struct Cell {
     profile: Profile,
     /// the processor that is compiled for; `None` is the default of `.cargo/config.toml`
     cpu: Option<&'static str>,
-    /// what the test program must say of itself
+    /// what the test program prints
     built: &'static str,
     lanes: u32,
     /// glibc without its variants for AVX2 and FMA
@@ -146,16 +145,13 @@ fn glibc() -> bool {
 
 /// The target triple of the compiler itself: naming it keeps a cell's flags off build scripts and macros.
 fn host() -> String {
-    printed("rustc", &["-vV"])
-        .lines()
-        .find_map(|line| line.strip_prefix("host: ").map(str::to_owned))
-        .unwrap_or_default()
+    compiler().lines().find_map(|line| line.strip_prefix("host: ").map(str::to_owned)).unwrap_or_default()
 }
 
-/// Standard output of a program, trimmed; empty when it fails.
-fn printed(program: &str, arguments: &[&str]) -> String {
-    let output = Command::new(program).args(arguments).current_dir(ROOT).output();
-    output.map(|o| String::from_utf8_lossy(&o.stdout).trim().to_owned()).unwrap_or_default()
+/// What the compiler prints of itself; empty when there is none.
+fn compiler() -> String {
+    let output = output("rustc", &["-vV"], Path::new(ROOT)).unwrap_or_default();
+    String::from_utf8_lossy(&output).trim().to_owned()
 }
 
 /// The command of a cell.
@@ -220,65 +216,33 @@ fn run(cell: &Cell) -> Outcome {
             println!("    {line}");
         }
         if ended {
-            println!("    the test program does not say '{wanted}'");
+            println!("    the test program does not print '{wanted}'");
         }
     }
     let libm = text.lines().find_map(|line| line.split_once("system libm: ")).map(|(_, x)| x.to_owned());
     Outcome { passed, libm }
 }
 
-/// FNV-1a over names and bytes of everything that decides bits, in the order of names.
-fn deciding() -> String {
-    let mut files = Vec::new();
-    for place in DECIDING {
-        walk(&Path::new(ROOT).join(place), place, &mut files);
-    }
-    files.sort();
-    let mut hash = 0xcbf2_9ce4_8422_2325_u64;
-    let mut take = |bytes: &[u8]| {
-        for byte in bytes.iter().chain(&(bytes.len() as u64).to_le_bytes()) {
-            hash = (hash ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);
-        }
-    };
-    for (name, path) in &files {
-        take(name.as_bytes());
-        take(&fs::read(path).unwrap_or_default());
-    }
-    // Of the root manifest the profiles.
-    let manifest = fs::read_to_string(Path::new(ROOT).join("Cargo.toml")).unwrap_or_default();
-    for section in manifest.split("\n[").filter(|section| section.starts_with("profile.")) {
-        take(section.trim_end().as_bytes());
-    }
-    format!("{hash:016x}")
-}
-
-fn walk(path: &Path, name: &str, files: &mut Vec<(String, PathBuf)>) {
-    let Ok(entries) = fs::read_dir(path) else {
-        files.push((name.to_owned(), path.to_owned()));
-        return;
-    };
-    for entry in entries.flatten() {
-        let inner = format!("{name}/{}", entry.file_name().to_string_lossy());
-        walk(&entry.path(), &inner, files);
-    }
-}
-
-/// The record as text: what decides bits, and what this machine ran.
-fn record(cells: &[Cell]) -> String {
-    let names: Vec<String> = cells.iter().map(|cell| format!("    \"{}\",\n", cell.name)).collect();
+/// What a record of this tree and this machine names.
+fn head(cells: &[Cell]) -> Result<Head, String> {
+    let root = Path::new(ROOT);
     let processor = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let processor = processor.lines().find_map(|line| line.strip_prefix("model name")).unwrap_or("unknown");
-    format!(
-        "# The last run of all cells of the bit matrix, written by `cargo bits --all`. The gate runs all of them again when `hash` (of {}, and the \
-         profiles) has changed.\ncommit = \"{}\"\ntoolchain = \"{}\"\nflags = \"{}\"\nprocessor = \"{}\"\nhash = \"{}\"\ncells = [\n{}]\n",
-        DECIDING.join(", "),
-        printed("git", &["rev-parse", "HEAD"]),
-        printed("rustc", &["--version"]),
-        "-C target-cpu=x86-64-v3 (default), x86-64, x86-64-v4",
-        processor.trim_start_matches([' ', '\t', ':']),
-        deciding(),
-        names.concat()
-    )
+    let mut flags = vec!["those of .cargo/config.toml".to_owned()];
+    for cpu in cells.iter().filter_map(|cell| cell.cpu) {
+        let flag = format!("-C target-cpu={cpu}");
+        if !flags.contains(&flag) {
+            flags.push(flag);
+        }
+    }
+    let compiler = compiler();
+    Ok(Head {
+        commit: deciding::commit(root, RECORD)?,
+        toolchain: compiler.lines().next().unwrap_or_default().to_owned(),
+        flags: flags.join(", "),
+        processor: processor.trim_start_matches([' ', '\t', ':']).to_owned(),
+        hash: deciding::deciding(root, &compiler)?,
+    })
 }
 
 /// The further cell of a commit: the first eight hexadecimal digits of its name, modulo the number of cells that no gate runs anyway.
@@ -288,80 +252,139 @@ fn chosen<'a>(cells: &'a [Cell], commit: &str) -> Option<&'a Cell> {
     others.get(number.checked_rem(others.len())?).copied()
 }
 
-/// Whether the last full run was of what is here now.
-fn recorded() -> bool {
-    let line = format!("hash = \"{}\"", deciding());
-    fs::read_to_string(Path::new(ROOT).join(RECORD)).is_ok_and(|text| text.lines().any(|l| l == line))
+/// Why the last full run does not count.
+fn stale(head: &Result<Head, String>, cells: &[Cell], record: Option<&str>) -> Option<String> {
+    let names: Vec<&str> = cells.iter().map(|cell| &*cell.name).collect();
+    match (head, record) {
+        (Err(e), _) => Some(format!("what decides bits is not known: {e}")),
+        (Ok(_), None) => Some(format!("there is no {RECORD}")),
+        (Ok(head), Some(text)) if !deciding::is_of(text, &head.hash, &names) => {
+            Some(format!("{RECORD} is of something else, or lacks a cell of this machine"))
+        }
+        _ => None,
+    }
+}
+
+/// The cells that the gate runs; with the reason where these are all.
+fn gate<'a>(cells: &'a [Cell], commit: &str, stale: Option<String>) -> (Vec<&'a Cell>, Option<String>) {
+    let further = chosen(cells, commit);
+    let why = stale.or_else(|| further.is_none().then(|| "git names no commit".to_owned()));
+    let is_run = |cell: &&Cell| why.is_some() || cell.always || further.is_some_and(|f| f.name == cell.name);
+    (cells.iter().filter(is_run).collect(), why)
+}
+
+/// Whether the control proves that the C library is not used: it ran with another libm than the other cells, as both digests show.
+fn is_proven(libms: &[Option<String>; 2]) -> bool {
+    matches!(libms, [Some(wide), Some(narrow)] if wide != narrow)
+}
+
+/// Variables that change how cells are built.
+fn is_refused(name: &str) -> bool {
+    ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS", "CARGO_BUILD_RUSTFLAGS"].contains(&name)
+        || name.starts_with("CARGO_PROFILE_")
+        || name.starts_with("CARGO_TARGET_") && name.ends_with("_RUSTFLAGS")
 }
 
 /// Runs cells, prints a summary; whether all passed.
 fn run_all(cells: &[&Cell], missing: &[String]) -> bool {
-    let mut failed = 0;
+    let mut passed = 0;
     let mut libms: [Option<String>; 2] = [None, None];
+    let mut control = None;
     for cell in cells {
         let outcome = run(cell);
-        failed += usize::from(!outcome.passed);
+        passed += usize::from(outcome.passed);
+        if cell.narrow_libm {
+            control = Some(outcome.passed);
+        }
         let libm = &mut libms[usize::from(cell.narrow_libm)];
         *libm = libm.take().or(outcome.libm);
     }
-    if cells.iter().any(|cell| cell.narrow_libm) && libms[0].is_some() && libms[0] == libms[1] {
-        println!("FAIL  GLIBC_TUNABLES has no effect here: the control proves nothing");
-        failed += 1;
+    if let Some(has_passed) = control
+        && !is_proven(&libms)
+    {
+        println!(
+            "FAIL  the control proves nothing: GLIBC_TUNABLES has no effect here, or no digest of libm was printed"
+        );
+        passed -= usize::from(has_passed);
     }
+    let failed = cells.len() - passed;
     for why in missing {
         println!("skip  {why}");
     }
-    println!(
-        "bits: {} cells passed, {failed} failed, {} skipped",
-        cells.len().saturating_sub(failed),
-        missing.len()
-    );
+    println!("bits: {passed} cells passed, {failed} failed, {} skipped", missing.len());
     failed == 0
 }
 
+/// Runs all cells and records the run, if they pass and nothing has changed meanwhile.
+fn run_and_record(cells: &[Cell], missing: &[String], before: Result<Head, String>) -> bool {
+    let before = match before {
+        Ok(before) => before,
+        Err(e) => {
+            eprintln!("cargo bits: the run could not be recorded: {e}");
+            return false;
+        }
+    };
+    let every: Vec<&Cell> = cells.iter().collect();
+    if !run_all(&every, missing) {
+        return false;
+    }
+    if head(cells).as_ref() != Ok(&before) {
+        println!("FAIL  not recorded: files changed while the cells ran");
+        return false;
+    }
+    let names: Vec<&str> = cells.iter().map(|cell| &*cell.name).collect();
+    fs::write(Path::new(ROOT).join(RECORD), deciding::print(&before, &names))
+        .expect("tests/bits-full.toml can be written");
+    println!("recorded in {RECORD}");
+    true
+}
+
 fn main() -> ExitCode {
-    for name in ["RUSTFLAGS", "CARGO_ENCODED_RUSTFLAGS"] {
-        if std::env::var_os(name).is_some() {
+    for (name, _) in std::env::vars_os() {
+        let name = name.to_string_lossy();
+        if is_refused(&name) {
             eprintln!("cargo bits: unset {name}; every cell sets its own flags");
             return ExitCode::from(2);
         }
     }
     let arguments: Vec<String> = std::env::args().skip(1).collect();
+    if !arguments.is_empty() && std::env::var_os("LASTLIGHT_REMINT").is_some_and(|v| v == "1") {
+        eprintln!(
+            "cargo bits: LASTLIGHT_REMINT=1 writes the digests of the default cell; use it without arguments"
+        );
+        return ExitCode::from(2);
+    }
     let (cells, missing) = cells();
-    let commit = printed("git", &["rev-parse", "HEAD"]);
-    let gate: Vec<&Cell> = {
-        let further = chosen(&cells, &commit).map(|cell| &*cell.name);
-        cells.iter().filter(|cell| cell.always || Some(&*cell.name) == further).collect()
+    let plan = || {
+        let head = head(&cells);
+        let record = fs::read_to_string(Path::new(ROOT).join(RECORD)).ok();
+        let stale = stale(&head, &cells, record.as_deref());
+        let commit = output("git", &["rev-parse", "HEAD"], Path::new(ROOT)).unwrap_or_default();
+        gate(&cells, &String::from_utf8_lossy(&commit), stale)
     };
-    let every: Vec<&Cell> = cells.iter().collect();
     let good = match arguments.iter().map(String::as_str).collect::<Vec<_>>()[..] {
         // The program's own output, for people.
         [] => command(&cells[0]).status().is_ok_and(|status| status.success()),
         ["--list"] => {
+            let (chosen, why) = plan();
             for cell in &cells {
-                let mark = if gate.iter().any(|g| g.name == cell.name) { "gate" } else { "" };
+                let mark = if chosen.iter().any(|g| g.name == cell.name) { "gate" } else { "" };
                 println!("{mark:<5} {}", cell.name);
             }
-            println!(
-                "{RECORD} is {}",
-                if recorded() { "of what is here" } else { "of something else: --gate runs all" }
-            );
+            match why {
+                None => println!("{RECORD} is of what is here"),
+                Some(why) => println!("--gate runs all cells: {why}"),
+            }
             true
         }
-        ["--gate"] if recorded() => run_all(&gate, &missing),
         ["--gate"] => {
-            println!("what decides bits has changed since the run in {RECORD}: all cells");
-            run_all(&every, &missing)
-        }
-        ["--all"] => {
-            let good = run_all(&every, &missing);
-            if good {
-                fs::write(Path::new(ROOT).join(RECORD), record(&cells))
-                    .expect("tests/bits-full.toml can be written");
-                println!("recorded in {RECORD}");
+            let (chosen, why) = plan();
+            if let Some(why) = why {
+                println!("all cells: {why}");
             }
-            good
+            run_all(&chosen, &missing)
         }
+        ["--all"] => run_and_record(&cells, &missing, head(&cells)),
         _ => {
             eprintln!("usage: cargo bits [--gate | --all | --list]");
             return ExitCode::from(2);
@@ -400,9 +423,66 @@ mod tests {
     }
 
     #[test]
-    fn the_hash_is_of_names_and_bytes() {
-        let here = deciding();
-        assert_eq!(here.len(), 16, "64 bits");
-        assert_eq!(here, deciding(), "the same twice");
+    fn the_gate_runs_all_cells_where_it_cannot_choose() {
+        let (cells, _) = cells();
+        let always = cells.iter().filter(|cell| cell.always).count();
+        let (some, why) = gate(&cells, "0123456789", None);
+        assert_eq!((some.len(), why), (always + 1, None), "one further cell");
+        let (all, why) = gate(&cells, "", None);
+        assert!(all.len() == cells.len() && why.is_some_and(|w| w.contains("git")), "no commit");
+        let (all, why) = gate(&cells, "0123456789", Some("changed".to_owned()));
+        assert_eq!((all.len(), why.as_deref()), (cells.len(), Some("changed")), "another record");
+    }
+
+    #[test]
+    fn a_record_counts_with_its_hash_and_all_cells_of_this_machine() {
+        let (cells, _) = cells();
+        let names: Vec<&str> = cells.iter().map(|cell| &*cell.name).collect();
+        let head = |hash: &str| Head {
+            commit: "c".to_owned(),
+            toolchain: "t".to_owned(),
+            flags: "f".to_owned(),
+            processor: "p".to_owned(),
+            hash: hash.to_owned(),
+        };
+        let record = deciding::print(&head("aa"), &names);
+        assert_eq!(stale(&Ok(head("aa")), &cells, Some(&record)), None, "it is of this");
+        assert!(stale(&Ok(head("ab")), &cells, Some(&record)).is_some(), "another hash");
+        assert!(stale(&Ok(head("aa")), &cells, None).is_some(), "no record");
+        assert!(stale(&Err("no git".to_owned()), &cells, Some(&record)).is_some(), "no hash");
+        let fewer = deciding::print(&head("aa"), &names[1..]);
+        assert!(stale(&Ok(head("aa")), &cells, Some(&fewer)).is_some(), "a cell was not run");
+    }
+
+    #[test]
+    fn the_hash_of_this_repository_is_known() {
+        let here = deciding::deciding(Path::new(ROOT), "rustc").expect("every place has files");
+        assert_eq!(here, deciding::deciding(Path::new(ROOT), "rustc").expect("again"), "the same twice");
+    }
+
+    #[test]
+    fn the_control_needs_two_digests_that_differ() {
+        let some = |text: &str| Some(text.to_owned());
+        assert!(is_proven(&[some("a"), some("b")]), "another libm");
+        for libms in [[some("a"), some("a")], [some("a"), None], [None, some("b")], [None, None]] {
+            assert!(!is_proven(&libms), "{libms:?}");
+        }
+    }
+
+    #[test]
+    fn flags_and_profiles_of_the_environment_are_refused() {
+        for name in [
+            "RUSTFLAGS",
+            "CARGO_ENCODED_RUSTFLAGS",
+            "CARGO_BUILD_RUSTFLAGS",
+            "CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUSTFLAGS",
+            "CARGO_PROFILE_RELEASE_OPT_LEVEL",
+            "CARGO_PROFILE_DEV_DEBUG",
+        ] {
+            assert!(is_refused(name), "{name}");
+        }
+        for name in ["CARGO_TARGET_DIR", "CARGO_INCREMENTAL", "CARGO_BUILD_JOBS", "RUSTDOCFLAGS", "CARGO"] {
+            assert!(!is_refused(name), "{name}");
+        }
     }
 }

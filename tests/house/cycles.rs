@@ -28,6 +28,34 @@ fn no_folder_holds_an_import_cycle() {
 }
 
 #[test]
+fn every_import_names_what_it_takes() {
+    let mut modules = Modules::default();
+    for (name, ..) in MEMBERS {
+        modules.read_member(Path::new(ROOT), name);
+    }
+    let globs = modules.globs();
+    assert!(globs.is_empty(), "name what is imported:\n{}", globs.join("\n"));
+}
+
+#[test]
+fn imports_of_everything_are_found() {
+    let modules = member(&[
+        ("lib.rs", "mod a; mod b; pub use crate::b::*; #[cfg(test)] mod trials;"),
+        ("a.rs", "use super::*; use rayon::prelude::*; fn f() { use crate::b::Kind::*; B }"),
+        ("b.rs", "use lastlight_num::num::*; #[cfg(test)] mod tests { use super::*; use crate::a::*; }"),
+        ("trials.rs", "use super::*;"),
+    ]);
+    let expected = ["a.rs: super::*", "a.rs: crate::b::Kind::*", "b.rs: lastlight_num::num::*"];
+    assert_eq!(modules.globs(), expected, "outside tests, of this library, no re-export of a folder");
+    let hidden = member(&[
+        ("lib.rs", "mod a; mod b; pub use a::A; pub use b::B;"),
+        ("a.rs", "use super::*; fn f(_: B) {}"),
+        ("b.rs", "use super::*; fn f(_: A) {}"),
+    ]);
+    assert!(hidden.cycles().is_empty() && hidden.globs().len() == 2, "a cycle that only this rule sees");
+}
+
+#[test]
 fn a_cycle_is_found_and_printed() {
     let two = member(&[
         ("lib.rs", "mod a; mod b; mod c;"),

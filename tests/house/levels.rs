@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 /// A member under `src/`: its name, its place in the order, and of its folders the library path and the level. `*` is every folder.
-type Member = (&'static str, u32, &'static [(&'static str, &'static str, u32)]);
+pub(crate) type Member = (&'static str, u32, &'static [(&'static str, &'static str, u32)]);
 
 /// All of them. A member may depend on members of a smaller place.
 pub(crate) const MEMBERS: &[Member] = &[
@@ -50,13 +50,22 @@ fn level(member: &str, folder: &str) -> Option<(&'static str, u32)> {
 
 /// What is wrong with the arrows between folders.
 fn wrong_levels(modules: &Modules) -> Vec<String> {
+    // the root of a member without folders is of the level of the member; the others define nothing, so that no arrow ends there
     let place = |module: usize| {
         let path = modules.path(module);
         let mut names = path.split("::");
         let member = names.next().expect("a member").to_owned();
-        names.next().map(|folder| (level(&member, folder), path.clone()))
+        match names.next() {
+            Some(folder) => Some((level(&member, folder), path.clone())),
+            None => level(&member, "").map(|level| (Some(level), path.clone())),
+        }
     };
     let mut out = Vec::new();
+    for root in modules.defining_roots() {
+        if place(root).is_none() {
+            out.push(format!("{} defines something: it has no level", modules.all[root].file.display()));
+        }
+    }
     for module in 0..modules.all.len() {
         if let Some((None, path)) = place(module) {
             out.push(format!("{path} has no level"));
@@ -139,40 +148,183 @@ fn arrows_up_and_across_are_found() {
     );
 }
 
-/// Members that a manifest depends on.
-fn dependencies(manifest: &str) -> Vec<String> {
-    let keys = manifest.lines().filter_map(|line| line.trim_start().strip_prefix("lastlight-"));
-    keys.map(|line| line.chars().take_while(|c| c.is_alphanumeric() || *c == '-').collect()).collect()
+#[test]
+fn root_files_are_checked_too() {
+    let mut modules = Modules::default();
+    let files = [
+        ("files", "fn f() { lastlight_scene::g() } pub use lastlight_num::Error;"),
+        ("scene", "pub fn g() { lastlight_files::h() }"),
+        ("kernels", "pub fn h() {} pub use lastlight_num::num;"),
+        ("num", "#[macro_export] macro_rules! with { () => {} }"),
+    ];
+    for (member, text) in files {
+        modules.add_member(member, &Path::new(member).join("lib.rs"), &|_| Some(text.to_owned()));
+    }
+    assert_eq!(
+        wrong_levels(&modules),
+        [
+            "kernels/lib.rs defines something: it has no level",
+            "num/lib.rs defines something: it has no level",
+            "files/lib.rs: lastlight_scene::g names scene (level 3) from io (level 2)",
+        ],
+        "of members with folders and without"
+    );
+}
+
+/// Dependencies of a manifest, of every kind and target: the section, the name they have there, and the package. `shared` is the manifest of the
+/// workspace, which says what `name.workspace = true` is.
+fn dependencies(manifest: &str, shared: &str) -> Vec<Dependency> {
+    let is_kind = |s: &str| ["dependencies", "dev-dependencies", "build-dependencies"].contains(&s);
+    let mut out: Vec<Dependency> = Vec::new();
+    let (mut section, mut one) = (None, false);
+    for line in manifest.lines().map(|line| line.split('#').next().unwrap_or("").trim()) {
+        if let Some(header) = line.strip_prefix('[') {
+            let header = header.trim_start_matches('[').trim_end_matches(']');
+            let mut parts = header.rsplitn(2, '.');
+            let (last, before) = (parts.next().unwrap_or(""), parts.next().unwrap_or(""));
+            let kind = before.rsplit('.').next().unwrap_or("");
+            // [dependencies], [target.….dependencies], [workspace.dependencies]; [dependencies.NAME]
+            (section, one) = match (is_kind(last), is_kind(kind)) {
+                (true, _) => (Some(last.to_owned()), false),
+                (_, true) => (Some(kind.to_owned()), true),
+                _ => (None, false),
+            };
+            if one && let Some(section) = &section {
+                out.push(Dependency::new(section, last));
+            }
+        } else if let (Some(section), Some((key, value))) = (&section, line.split_once('=')) {
+            let mut keys = key.trim().split('.').map(|k| k.trim_matches([' ', '"']));
+            let name = keys.next().unwrap_or("");
+            if !one && out.last().is_none_or(|d| d.name != name || d.section != *section) {
+                out.push(Dependency::new(section, name));
+            }
+            let inner = if one { name } else { keys.next().unwrap_or("") };
+            let dependency = out.last_mut().expect("it was added");
+            dependency.take(inner, value.trim());
+        }
+    }
+    if !shared.is_empty() {
+        let table = dependencies(shared, "");
+        for dependency in out.iter_mut().filter(|d| d.is_shared) {
+            if let Some(known) = table.iter().find(|d| d.name == dependency.name) {
+                dependency.package.clone_from(&known.package);
+            }
+        }
+    }
+    out
+}
+
+/// One dependency of a manifest.
+#[derive(Clone, Debug, PartialEq)]
+struct Dependency {
+    section: String,
+    name: String,
+    package: String,
+    /// `workspace = true`
+    is_shared: bool,
+}
+
+impl Dependency {
+    fn new(section: &str, name: &str) -> Self {
+        let (section, name) = (section.to_owned(), name.to_owned());
+        Self { section, package: name.clone(), name, is_shared: false }
+    }
+
+    /// Takes an entry: `package = "…"`, `workspace = true`, or a table of them.
+    fn take(&mut self, key: &str, value: &str) {
+        match key {
+            "package" => self.package = value.trim_matches('"').to_owned(),
+            "workspace" => self.is_shared = value == "true",
+            "" => {
+                for entry in value.trim_matches(['{', '}']).split(',') {
+                    if let Some((key, value)) = entry.split_once('=') {
+                        self.take(key.trim(), value.trim());
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// The member under `src/` that it is.
+    fn member(&self) -> Option<&str> {
+        self.package.strip_prefix("lastlight-").filter(|name| !["reference", "data-gen"].contains(name))
+    }
 }
 
 /// What is wrong with the dependencies of a member.
-fn wrong_dependencies(member: &str, manifest: &str) -> Vec<String> {
+fn wrong_dependencies(member: &str, manifest: &str, shared: &str) -> Vec<String> {
     let place = |name: &str| MEMBERS.iter().find(|(n, ..)| *n == name).map(|(_, place, _)| *place);
     let own = place(member).expect("a member");
-    let bad = dependencies(manifest).into_iter().filter(|d| place(d).is_none_or(|theirs| theirs >= own));
-    bad.map(|d| format!("{member} depends on {d}")).collect()
+    let all = dependencies(manifest, shared);
+    let bad = all.iter().filter(|d| {
+        d.package == "lastlight" || d.member().is_some_and(|d| place(d).is_none_or(|theirs| theirs >= own))
+    });
+    bad.map(|d| format!("{member} depends on {}", d.member().unwrap_or("the root"))).collect()
+}
+
+fn manifest(folder: &str) -> String {
+    fs::read_to_string(Path::new(ROOT).join(folder).join("Cargo.toml")).expect("a manifest")
 }
 
 #[test]
 fn members_depend_on_members_before_them_only() {
-    let src = Path::new(ROOT).join("src");
+    let (src, shared) = (Path::new(ROOT).join("src"), manifest("."));
     let mut found = BTreeSet::new();
     let mut bad = Vec::new();
+    let mut arrows = 0;
     for entry in fs::read_dir(&src).expect("src is readable") {
         let path = entry.expect("an entry").path();
         let Ok(manifest) = fs::read_to_string(path.join("Cargo.toml")) else { continue };
         let name = path.file_name().expect("a name").to_string_lossy().into_owned();
-        bad.extend(wrong_dependencies(&name, &manifest));
+        bad.extend(wrong_dependencies(&name, &manifest, &shared));
+        arrows += dependencies(&manifest, &shared).iter().filter(|d| d.member().is_some()).count();
         found.insert(name);
     }
     let listed: BTreeSet<String> = MEMBERS.iter().map(|(name, ..)| (*name).to_owned()).collect();
     assert_eq!(found, listed, "the members under src/");
+    assert!(arrows > 30, "{arrows} dependencies found");
     assert!(bad.is_empty(), "{}", bad.join("\n"));
-    let manifest = "[dependencies]\nlastlight-num.workspace = true\nlastlight-lirm = { path = \"../lirm\" }\nlibm = \"1\"";
-    assert_eq!(dependencies(manifest), ["num", "lirm"], "the reader");
-    assert_eq!(wrong_dependencies("last", manifest), ["last depends on lirm"], "the systems never meet");
-    assert_eq!(wrong_dependencies("scene", manifest), ["scene depends on lirm"], "an arrow up");
-    assert!(wrong_dependencies("cli", manifest).is_empty(), "arrows down");
+}
+
+#[test]
+fn every_way_to_write_a_dependency_is_read() {
+    let shared = "[workspace.dependencies]\nup = { package = \"lastlight-cli\", path = \"x\" }\nlibm = \"1\"";
+    let packages = |manifest: &str| {
+        let all = dependencies(manifest, shared);
+        all.iter().map(|d| format!("{} {}", d.section, d.package)).collect::<Vec<_>>()
+    };
+    let written = "[package]\nname = \"x\"\n[dependencies]\nlastlight-num.workspace = true\nlibm = \"1\" # why\n\
+                   a = { path = \"../lirm\", package = \"lastlight-lirm\" }\nup.workspace = true\n[features]\nf = []\n\
+                   [dev-dependencies]\nup = { workspace = true }\n[build-dependencies.b]\nversion = \"1\"\npackage = \"lastlight-last\"\n\
+                   [target.'cfg(target_arch = \"x86_64\")'.dependencies]\nc.package = \"lastlight-study\"\nc.path = \"y\"\n\
+                   [target.x86.dev-dependencies.d]\npackage = \"lastlight\"\n";
+    let expected = [
+        "dependencies lastlight-num",
+        "dependencies libm",
+        "dependencies lastlight-lirm",
+        "dependencies lastlight-cli",
+        "dev-dependencies lastlight-cli",
+        "build-dependencies lastlight-last",
+        "dependencies lastlight-study",
+        "dev-dependencies lastlight",
+    ];
+    assert_eq!(packages(written), expected, "sections, tables, other names");
+    let wrong = |member: &str, manifest: &str| wrong_dependencies(member, manifest, shared);
+    let plain = "[dependencies]\nlastlight-num.workspace = true\nlastlight-lirm = { path = \"../lirm\" }\nlibm = \"1\"";
+    assert_eq!(wrong("last", plain), ["last depends on lirm"], "the systems never meet");
+    assert_eq!(wrong("scene", plain), ["scene depends on lirm"], "an arrow up");
+    assert!(wrong("cli", plain).is_empty(), "arrows down");
+    let renamed = "[dependencies]\nnum = { package = \"lastlight-cli\", path = \"../cli\" }";
+    assert_eq!(wrong("scene", renamed), ["scene depends on cli"], "under another name");
+    let header = "[dependencies.lastlight-cli]\nworkspace = true";
+    assert_eq!(wrong("scene", header), ["scene depends on cli"], "in a section of its own");
+    assert_eq!(wrong("scene", "[dev-dependencies]\nup.workspace = true"), ["scene depends on cli"], "shared");
+    assert_eq!(
+        wrong("cli", "[dependencies]\nx = { package = \"lastlight\" }"),
+        ["cli depends on the root"],
+        "the root"
+    );
 }
 
 fn rust_files(dir: &Path, into: &mut Vec<PathBuf>) {
@@ -219,17 +371,35 @@ fn no_two_purposes_of_draws_are_the_same() {
     assert_eq!(purposes(text), [("A".to_owned(), 0x501), ("B".to_owned(), 0x5eed)], "the reader");
 }
 
+/// Packages that the twin and what makes its scenes may depend on, by section.
+const TWIN: &[(&str, &[(&str, &str)])] = &[
+    ("reference", &[("dependencies", "libm"), ("dev-dependencies", "zip")]),
+    ("data-gen", &[("dependencies", "lastlight-reference")]),
+];
+
+/// Dependencies of a manifest that are not allowed.
+fn not_allowed(manifest: &str, shared: &str, allowed: &[(&str, &str)]) -> Vec<String> {
+    let all = dependencies(manifest, shared);
+    let bad = all.iter().filter(|d| !allowed.contains(&(d.section.as_str(), d.package.as_str())));
+    bad.map(|d| format!("{} {}", d.section, d.package)).collect()
+}
+
 #[test]
 fn the_twin_cannot_see_the_library() {
-    let root = Path::new(ROOT);
-    for (name, allowed) in [("reference", &["libm"][..]), ("data-gen", &["reference", "lastlight-reference"])]
-    {
-        let text = fs::read_to_string(root.join(name).join("Cargo.toml")).expect("a manifest");
-        let section = text.split("[dependencies]").nth(1).expect("it has dependencies");
-        let section = section.split("\n[").next().unwrap_or("");
-        for line in section.lines().filter(|l| l.contains('=') && !l.trim_start().starts_with('#')) {
-            let key = line.split(['=', '.', ' ']).next().unwrap_or("").trim();
-            assert!(allowed.contains(&key), "{name} depends on {key}; allowed: {allowed:?}");
-        }
+    let shared = manifest(".");
+    for (name, allowed) in TWIN {
+        let text = manifest(name);
+        assert_eq!(dependencies(&text, &shared).len(), allowed.len(), "{name}: what is allowed is there");
+        let bad = not_allowed(&text, &shared, allowed);
+        assert!(bad.is_empty(), "{name} depends on {bad:?}; allowed: {allowed:?}");
+    }
+    let (_, allowed) = TWIN[0];
+    for text in [
+        "[dev-dependencies]\nlastlight-num.workspace = true",
+        "[dependencies]\nlibm = { package = \"lastlight-num\", path = \"../src/num\" }",
+        "[target.'cfg(unix)'.dependencies]\nlastlight-num.workspace = true",
+        "[build-dependencies.lastlight-num]\nworkspace = true",
+    ] {
+        assert_eq!(not_allowed(text, &shared, allowed).len(), 1, "{text}");
     }
 }

@@ -1,7 +1,9 @@
 //! Tests of the source itself: the arrows between its parts.
 
 mod adjoints;
+mod arithmetic;
 mod cycles;
+mod functions;
 mod levels;
 mod modules;
 mod reader;

@@ -1,6 +1,6 @@
 //! The modules of all members as one tree, and the arrows between them: who names whose items.
 
-use super::reader::{Named, Source, read};
+use super::reader::{Import, Named, Source, read};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,7 +89,26 @@ impl Modules {
         *self.upwards(module).last().expect("itself")
     }
 
+    /// Imports of a module's file.
+    pub(crate) fn imports(&self, module: usize) -> &[Import] {
+        &self.all[module].source.imports
+    }
+
+    /// Whether a module is compiled for tests only: declared so, or below one that is.
+    pub(crate) fn is_for_tests(&self, module: usize) -> bool {
+        let is_declared = |m: &usize| {
+            let Some(parent) = self.all[*m].parent else { return false };
+            self.all[parent].source.test_modules.contains(&self.all[*m].name)
+        };
+        self.upwards(module).iter().any(is_declared)
+    }
+
     /// The module that defines what `path` names in the file of `from`; None for what no member defines.
+    pub(crate) fn defining(&self, from: usize, path: &[String]) -> Option<usize> {
+        self.resolve(from, path, MAX_STEPS)
+    }
+
+    /// [`Self::defining`] in so many steps.
     fn resolve(&self, from: usize, path: &[String], steps: usize) -> Option<usize> {
         let (first, rest) = path.split_first()?;
         let module = &self.all[from];
@@ -162,7 +181,7 @@ impl Modules {
         let mut out = Vec::new();
         for (from, module) in self.all.iter().enumerate() {
             let mut add = |path: &[String], export: bool, in_test: bool| {
-                if let Some(to) = self.resolve(from, path, MAX_STEPS)
+                if let Some(to) = self.defining(from, path)
                     && to != from
                     && !(export && self.is_below(to, from))
                 {
@@ -181,6 +200,33 @@ impl Modules {
             }
         }
         out
+    }
+
+    /// Imports of everything (`use super::*`, `use crate::…::*`) outside tests: they name nothing, so no arrow shows what they are for. A
+    /// folder's file may re-export what lies below it.
+    pub(crate) fn globs(&self) -> Vec<String> {
+        let mut out = Vec::new();
+        for (index, module) in self.all.iter().enumerate().filter(|(index, _)| !self.is_for_tests(*index)) {
+            for import in module.source.imports.iter().filter(|i| i.name == "*" && !i.in_test) {
+                let first = import.path.first().map_or("", String::as_str);
+                let is_member = first.starts_with("lastlight_") && !import.public;
+                let is_below = import.public
+                    && self.defining(index, &import.path).is_some_and(|to| self.is_below(to, index));
+                if (["super", "crate"].contains(&first) || is_member) && !is_below {
+                    out.push(format!("{}: {}::*", module.file.display(), import.path.join("::")));
+                }
+            }
+        }
+        out
+    }
+
+    /// Root files of members that define or compute something themselves.
+    pub(crate) fn defining_roots(&self) -> Vec<usize> {
+        let defines = |m: &usize| {
+            let source = &self.all[*m].source;
+            self.all[*m].parent.is_none() && !(source.items.is_empty() && source.macros.is_empty())
+        };
+        (0..self.all.len()).filter(defines).collect()
     }
 
     /// The arrows between the parts of each folder: folder, then part to part, each with the first arrow that says so. A part is

@@ -27,6 +27,8 @@ pub(crate) struct Named {
 pub(crate) struct Source {
     /// Modules in files of their own (`mod name;`).
     pub(crate) modules: Vec<String>,
+    /// Those of them that are compiled for tests only.
+    pub(crate) test_modules: Vec<String>,
     /// Imports, those inside functions included.
     pub(crate) imports: Vec<Import>,
     /// Paths in code, single names included.
@@ -176,6 +178,14 @@ fn is_public(t: &[String], at: usize) -> bool {
     }
 }
 
+/// The attribute of what is compiled for tests only.
+pub(crate) const CFG_TEST: [&str; 7] = ["#", "[", "cfg", "(", "test", ")", "]"];
+
+/// Whether the token at `at` follows that attribute.
+pub(crate) fn is_for_tests(t: &[String], at: usize) -> bool {
+    at >= CFG_TEST.len() && t[at - CFG_TEST.len()..at] == CFG_TEST
+}
+
 /// Reads one file.
 pub(crate) fn read(text: &str) -> Source {
     let t = tokens(text);
@@ -197,10 +207,13 @@ pub(crate) fn read(text: &str) -> Source {
             }
             "mod" if word(at + 2, ";") => {
                 out.modules.push(t[at + 1].clone());
+                if is_for_tests(&t, at) {
+                    out.test_modules.push(t[at + 1].clone());
+                }
                 at += 2;
             }
             "mod" if word(at + 2, "{") => {
-                let is_test = t[..at].ends_with(&["#", "[", "cfg", "(", "test", ")", "]"].map(str::to_owned));
+                let is_test = is_for_tests(&t, at);
                 inline.push((depth, is_test || inline.last().is_some_and(|(_, outer)| *outer)));
                 at += 1;
             }
@@ -292,6 +305,12 @@ mod tests {
         let text = "mod below; fn f() {} mod tests { use super::*; use super::super::Up; fn g() { super::super::up() } } fn h() { super::up() }";
         let source = read(text);
         assert_eq!(source.modules, ["below"], "one file");
+        let declared = read("mod a; #[cfg(test)] mod b;");
+        assert_eq!(
+            (declared.modules.len(), declared.test_modules),
+            (2, vec!["b".to_owned()]),
+            "one for tests"
+        );
         assert_eq!(imports(text), ["self as *", "super::Up as Up"], "one level less inside");
         assert!(source.paths.iter().filter(|n| n.path == ["super", "up"]).count() == 2, "{:?}", source.paths);
         let tested = |text: &str| {

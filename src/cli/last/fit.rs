@@ -8,7 +8,7 @@ use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
 use crate::shared::{MetricArgs, Outcome, OutputArgs};
-use crate::training::{CHECKPOINT, Frame, Head, RESULT};
+use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::calibrate;
@@ -263,10 +263,12 @@ impl Job<'_> {
         meter.lap("evaluation");
         store::write(&self.frame.file(AVATAR), avatar, self.capture, &settings)?;
         let tally = fit.tally();
-        let own = json!({
-            "gaussians": avatar.gaussians.len(), "renders": tally.renders, "encoder_passes": tally.encodings,
-            "evaluation": scoring::json(&groups),
-        });
+        let own = training::entries([
+            ("gaussians", json!(avatar.gaussians.len())),
+            ("renders", json!(tally.renders)),
+            ("encoder_passes", json!(tally.encodings)),
+            ("evaluation", scoring::json(&groups)),
+        ]);
         let record =
             self.frame.record(Head { kind: self.kind, digest: &digest, settings }, own, &history, meter)?;
         meter.lap("writing files");

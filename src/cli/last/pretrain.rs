@@ -8,7 +8,7 @@ use crate::report::charts::{Lines, Series, bucket};
 use crate::report::pictures::Sheet;
 use crate::report::{self, Page, Section, Stat};
 use crate::shared::{Outcome, OutputArgs};
-use crate::training::{Frame, Head};
+use crate::training::{self, Frame, Head};
 use crate::{Error, Result};
 use lastlight_last::avatar::guide::Framing;
 use lastlight_last::model::data::{Data, Item};
@@ -172,7 +172,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     trained.write(&frame.file(MODEL), &remarks)?;
     let digest = trained.digest()?;
     let head = Head { kind: "last pretrain", digest: &digest, settings: settings.json() };
-    let own = json!({ "verdict": verdict.json(), "units": &units });
+    let own = training::entries([("verdict", verdict.json()), ("units", json!(&units))]);
     let record = frame.record(head, own, &history, &meter)?;
     let sheet = samples(&trained, &data)?;
     sheet.write(&frame.file("samples.png"))?;

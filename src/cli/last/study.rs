@@ -191,7 +191,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             study.run(&chosen)?;
             constants = Some(found.text());
             let cost = all.iter().find(|x| x.id() == COST);
-            costs = cost.map_or_else(Vec::new, |x| engine::durations(&dir, &x.cells()));
+            costs = cost.map_or_else(Vec::new, |x| engine::durations(&dir, x.folder(), &x.cells()));
         } else {
             let wanted = CLAIMS.iter().filter(|(id, _)| args.wants(id));
             let why = "the search for constants is not complete";

@@ -15,7 +15,7 @@ use crate::scene::convert::write_scene;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::views::{self, Views};
 use crate::shared::{Outcome, OutputArgs};
-use crate::training::{CHECKPOINT, Frame, Head, RESULT};
+use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::json;
@@ -205,10 +205,11 @@ impl Job<'_> {
             names.push(name.to_owned());
         }
         names.extend(write_renders(&self.frame.dir, &scored)?);
-        let own = json!({
-            "gaussians": scene_values.len(), "sh_degree": scene_values.sh_degree,
-            "evaluation": evaluation.json(),
-        });
+        let own = training::entries([
+            ("gaussians", json!(scene_values.len())),
+            ("sh_degree", json!(scene_values.sh_degree)),
+            ("evaluation", evaluation.json()),
+        ]);
         let head = Head { kind: self.kind, digest: &digest, settings: Fit::settings(&fit) };
         let record = self.frame.record(head, own, &history, meter)?;
         names.push(RESULT.to_owned());

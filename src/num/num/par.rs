@@ -4,9 +4,9 @@
 //! folded by one thread, or by the tree of [`super::sum`].
 //!
 //! # One loop
-//! Every call below ends in `pieces`, the one place that is compiled with rayon's machinery: a caller's closure is reached through a pointer, once per
+//! Every map below ends in `pieces`, the one loop that is compiled with rayon's machinery: a caller's closure is reached through a pointer, once per
 //! piece and not once per task, so the loops inside pieces are compiled with the closure and pay nothing. A piece's results or its share of a buffer
-//! wait in a slot of their own.
+//! wait in a slot of their own; of the owned tasks of [`map_each`], each has one. [`join`] and [`with_threads`] are rayon's own.
 
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
@@ -93,8 +93,7 @@ pub fn chunks_mut2<A: Send, B: Send>(
 /// `f(0, item 0), …` in order, each task owning its item (typically a disjoint `&mut` view).
 pub fn map_each<A: Send, T: Send>(tasks: Vec<A>, f: impl Fn(usize, A) -> T + Sync + Send) -> Vec<T> {
     let slots: Vec<Mutex<Option<A>>> = tasks.into_iter().map(|task| Mutex::new(Some(task))).collect();
-    let done = map(slots.len(), |i| take(&slots[i]).map(|task| f(i, task)));
-    done.into_iter().flatten().collect()
+    map(slots.len(), |i| f(i, take(&slots[i]).expect("every task is taken once")))
 }
 
 /// Runs one task per item of `tasks`, each owning its item (typically disjoint `&mut` views).

@@ -103,20 +103,20 @@ impl<'a> StoredCell<'a> {
     }
 }
 
-/// What a thread that runs cells says of one of them.
+/// Messages of a worker thread; the first number is that of the cell.
 enum Message<W> {
     Begun(usize),
-    /// So many of so many steps are done.
+    /// Steps that are done, and all steps.
     At(usize, usize, usize),
     Ended(usize, Result<Values>, W),
 }
 
-/// Looks on inside a cell and says how far it is, a hundred times a training or fit.
+/// Sends the progress of a cell, each percent of a training or fit once.
 struct Reporter<W> {
     inside: W,
     cell: usize,
-    say: mpsc::Sender<Message<W>>,
-    told: usize,
+    sender: mpsc::Sender<Message<W>>,
+    last_percent: usize,
 }
 
 impl<W: Watch> Watch for Reporter<W> {
@@ -127,10 +127,10 @@ impl<W: Watch> Watch for Reporter<W> {
     fn progress(&mut self, done: usize, total: usize, step: Step) {
         self.inside.progress(done, total, step);
         let percent = 100 * done / Ord::max(1, total);
-        if percent != self.told {
-            self.told = percent;
-            // Where nobody hears it any more, the cell's own word fails too.
-            let _ = self.say.send(Message::At(self.cell, done, total));
+        if percent != self.last_percent {
+            self.last_percent = percent;
+            // Without a receiver, sending the result of the cell fails too.
+            let _ = self.sender.send(Message::At(self.cell, done, total));
         }
     }
 }
@@ -146,23 +146,23 @@ fn run_all<L: Observer>(
     let total = there + missing.len();
     let (jobs, threads) = (Ord::clamp(options.jobs, 1, Ord::max(1, missing.len())), par::threads());
     let (next, failed) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let work = |job: usize, say: mpsc::Sender<Message<L::Inside>>| {
+    let work = |job: usize, sender: mpsc::Sender<Message<L::Inside>>| {
         let threads = Ord::max(1, threads / jobs + usize::from(job < threads % jobs));
         par::with_threads(threads, || {
             while !stop.load(Ordering::Relaxed) && !failed.load(Ordering::Relaxed) {
                 let i = next.fetch_add(1, Ordering::Relaxed);
                 let Some(place) = missing.get(i) else { break };
-                let mut reporter =
-                    Reporter { inside: L::Inside::default(), cell: i, say: say.clone(), told: 0 };
-                let heard = say.send(Message::Begun(i)).and_then(|()| {
+                let inside = L::Inside::default();
+                let mut reporter = Reporter { inside, cell: i, sender: sender.clone(), last_percent: 0 };
+                let sent = sender.send(Message::Begun(i)).and_then(|()| {
                     let outcome = place.run(&mut reporter, stop);
                     reporter.lap("end");
                     if outcome.is_err() {
                         failed.store(true, Ordering::Relaxed);
                     }
-                    say.send(Message::Ended(i, outcome, reporter.inside))
+                    sender.send(Message::Ended(i, outcome, reporter.inside))
                 });
-                if heard.is_err() {
+                if sent.is_err() {
                     break;
                 }
             }
@@ -171,17 +171,17 @@ fn run_all<L: Observer>(
     let mut done = there;
     std::thread::scope(|scope| {
         let mut outcome = Ok(());
-        let (say, hear) = mpsc::channel();
+        let (sender, receiver) = mpsc::channel();
         let work = &work;
         let threads: Vec<_> = (0..jobs)
             .map(|job| {
-                let say = say.clone();
-                scope.spawn(move || work(job, say))
+                let sender = sender.clone();
+                scope.spawn(move || work(job, sender))
             })
             .collect();
-        drop(say);
-        for word in hear {
-            match word {
+        drop(sender);
+        for message in receiver {
+            match message {
                 Message::Begun(i) => look.next(done, total, &missing[i].name()),
                 Message::At(i, step, of) => {
                     look.next(done, total, &format!("{}, step {step} of {of}", missing[i].name()));

@@ -53,7 +53,7 @@ pub trait Fit {
     fn load(&mut self, from: &Arrays) -> Result<()>;
 }
 
-/// Who looks on: told which part of an iteration has just ended, and how far the fit is. Nothing flows back.
+/// Receives progress: which part of an iteration has just ended, and how many iterations are complete. Nothing flows back.
 pub trait Watch {
     /// The work since the previous call was `part`.
     fn lap(&mut self, part: &'static str) {
@@ -66,7 +66,7 @@ pub trait Watch {
     }
 }
 
-/// Nobody looks on.
+/// Ignores progress.
 impl Watch for () {}
 
 /// Loss and size per iteration.
@@ -179,7 +179,7 @@ pub fn run(
             watch.lap("checkpoint");
         }
         if interrupted {
-            let e = Error::interrupted(format!("{} fit", fit.kind()))
+            let e = Error::interrupted(command(fit.kind()))
                 .at(format!("stopped after iteration {done} of {total}"));
             return Err(match schedule.checkpoint {
                 Some(_) => e.hint("the checkpoint is complete: run the same command with --resume to go on"),
@@ -188,6 +188,11 @@ pub fn run(
         }
     }
     Ok(())
+}
+
+/// The command of a kind of fit, for messages: kinds of two words are commands, the others precede `fit`.
+fn command(kind: &str) -> String {
+    if kind.contains(' ') { kind.to_owned() } else { format!("{kind} fit") }
 }
 
 /// Writes a checkpoint, whole or not at all.
@@ -349,6 +354,12 @@ mod tests {
             std::fs::read(&path).expect("written"),
             "same bytes"
         );
+    }
+
+    #[test]
+    fn messages_name_the_command() {
+        let names = ["splat", "last", "last tune", "last pretrain"].map(command);
+        assert_eq!(names, ["splat fit", "last fit", "last tune", "last pretrain"], "of each kind");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //!
 //! | function | distribution | source |
 //! |---|---|---|
-//! | [`uniform`](Initial::uniform) | U(±b) | |
+//! | [`uniform`](Initial::uniform), [`uniform_f64`](Initial::uniform_f64) | U(±b) | |
 //! | [`normal`](Initial::normal) | N(0, σ²) | |
 //! | [`he_uniform`](Initial::he_uniform) | U(±√(6/((1 + slope²)·inputs))), for a leaky ReLU of that slope | He et al. 2015 |
 //! | [`xavier_uniform`](Initial::xavier_uniform) | U(±gain·√(6/(inputs + outputs))) | Glorot and Bengio 2010 |
@@ -80,7 +80,7 @@ impl Initial {
 /// # Panics
 /// When there are none.
 pub fn inputs(shape: &[usize]) -> usize {
-    let inputs = entries(&shape[1..]);
+    let inputs = shape.get(1..).map_or(0, entries);
     assert!(shape.len() > 1 && inputs > 0, "weights have an axis of outputs and at least one of inputs");
     inputs
 }
@@ -111,6 +111,16 @@ mod tests {
         assert_eq!(again, draws.normal(&shape, 0.02), "a function of seed and name");
         for other in [Initial::named(3, PURPOSE, "b.weight"), Initial::named(4, PURPOSE, "a.weight")] {
             assert_ne!(other.normal(&shape, 0.02), again, "another name or seed");
+        }
+    }
+
+    #[test]
+    fn weights_without_inputs_are_refused_with_the_reason() {
+        assert_eq!(inputs(&[3, 2, 5]), 10, "all axes but the first");
+        for shape in [&[][..], &[3], &[3, 0]] {
+            let panic = std::panic::catch_unwind(|| inputs(shape)).expect_err("no inputs");
+            let text = panic.downcast_ref::<&str>().copied().unwrap_or_default();
+            assert!(text.contains("an axis of outputs"), "{shape:?}: {text}");
         }
     }
 }

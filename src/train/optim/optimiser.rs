@@ -128,7 +128,7 @@ impl Optimiser {
     /// One step of every parameter for which there is a rate; the others and their states stay as they are.
     ///
     /// # Errors
-    /// A result that is not finite; the error names the parameter.
+    /// A result that is not finite; the error names the parameter, and the parameters before it, in the order of names, have been stepped.
     ///
     /// # Panics
     /// When a parameter or its gradient is missing.
@@ -176,7 +176,8 @@ impl Optimiser {
     /// Replaces the states by those of a file.
     ///
     /// # Errors
-    /// Missing arrays, shapes of other parameters, numbers outside their range.
+    /// Missing arrays, shapes of other parameters, numbers outside their range; the states before the wrong one, in the order of names,
+    /// have been replaced.
     pub fn load(&mut self, names: ArrayNames, from: &Arrays) -> Result<()> {
         for (name, adam) in &mut self.states {
             let [_, state] = names.of(name);
