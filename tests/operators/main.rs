@@ -3,6 +3,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod density;
+mod domain;
 mod geometry;
 mod gradients;
 mod loss;

@@ -94,6 +94,12 @@ pub fn newton_to_rotation(r: &Linear) -> (Linear, f64) {
     (next, det)
 }
 
+/// Whether a transform whose linear part has that determinant is taken to have an inverse: 10⁻¹² < |det M| < 10¹².
+pub fn is_invertible(determinant: f64) -> bool {
+    let size = determinant.abs();
+    size > 1e-12 && size < 1e12
+}
+
 /// The inverse of a transform whose determinant is not 0.
 pub fn inverse(a: &Affine) -> Affine {
     let m = linear(a);

@@ -2,10 +2,10 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
-use crate::Result;
+use super::op::{Case, Checked, Op, Width, no_zeros};
 use crate::body::pose::Affine;
 use crate::body::rest::{self, In, InBar, Out};
+use crate::{Error, Result};
 
 /// `body.rest`
 pub(super) static REST: Op = Op {
@@ -14,24 +14,54 @@ pub(super) static REST: Op = Op {
     width: Width::F32,
     work_unit: "entries",
     work_ns: [10.0, 100.0],
-    check: no_rule,
+    check,
     run,
     predict: no_zeros,
     cases: 1,
     case,
 };
 
+struct Given {
+    points: Vec<[f32; 3]>,
+    factors: Vec<[f32; 9]>,
+    weights: Vec<f32>,
+    canonical: Option<Vec<Affine>>,
+    offsets: Option<Vec<[f32; 3]>>,
+}
+
+impl Given {
+    fn of(x: &Checked<'_>) -> Self {
+        let canonical = || x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
+        Self {
+            points: x.rows("points"),
+            factors: x.rows("factors"),
+            weights: x.f32s("weights"),
+            canonical: x.has("canonical").then(canonical),
+            offsets: x.has("offsets").then(|| x.rows("offsets")),
+        }
+    }
+
+    fn input(&self) -> In<'_> {
+        In {
+            points: &self.points,
+            factors: &self.factors,
+            weights: &self.weights,
+            canonical: self.canonical.as_deref(),
+            offsets: self.offsets.as_deref(),
+        }
+    }
+}
+
+fn check(x: &Checked<'_>) -> Result<()> {
+    if x.dim("K") == 0 {
+        return Err(Error::input("array 'weights'").expected("at least one joint").got("none"));
+    }
+    Given::of(x).input().check()
+}
+
 fn run(x: &Checked<'_>) -> Result<RunResult> {
-    let (points, factors, weights) = (x.rows::<3>("points"), x.rows::<9>("factors"), x.f32s("weights"));
-    let canonical: Vec<Affine> = x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
-    let (offsets, p) = (x.rows::<3>("offsets"), points.len());
-    let input = In {
-        points: &points,
-        factors: &factors,
-        weights: &weights,
-        canonical: x.has("canonical").then_some(&canonical),
-        offsets: x.has("offsets").then_some(&offsets),
-    };
+    let given = Given::of(x);
+    let (input, p) = (given.input(), given.points.len());
     let (out, saved) = rest::forward(&input);
     let mut ran = RunResult::default();
     ran.outputs.put("rest_points", &[p, 3], out.points.into_flattened());
@@ -43,7 +73,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
         let mut x_bar = InBar {
             points: x.start_rows("points", p),
             factors: x.start_rows("factors", p),
-            weights: x.start("weights", weights.len()),
+            weights: x.start("weights", given.weights.len()),
         };
         rest::adjoint(&input, &saved, &out_bar, &mut x_bar);
         ran.gradients.put("points", &[p, 3], x_bar.points.into_flattened());
