@@ -6,6 +6,7 @@ mod density;
 mod domain;
 mod geometry;
 mod gradients;
+mod kinks;
 mod loss;
 mod optim;
 mod oracle;

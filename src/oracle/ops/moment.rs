@@ -51,9 +51,9 @@ fn run_diffuse(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Colours at their lower limit have no gradient.
-fn unlit(_: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
-    let black = ran.outputs.need("colors")?.to_f32().into_iter().map(|c| c == 0.0).collect();
+/// Colours below their lower limit have no gradient.
+fn unlit(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    let black = x.f32s("sh").into_iter().map(|c| !diffuse::is_lit(c)).collect();
     Ok(Prediction { zeros: [("sh".to_owned(), black)].into(), ..Prediction::default() })
 }
 
