@@ -8,6 +8,9 @@
 //! | γ | `gain` | (3) |
 //! | b | `background` | (3) |
 //! | x' | `lit` | (H, W, 3) |
+//!
+//! # Kinks and domain
+//! No kinks. γ ≤ 88, so that e^γ is in the range of f32.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;

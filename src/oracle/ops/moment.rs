@@ -3,9 +3,9 @@
 use super::call::RunResult;
 use super::case::Draw;
 use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
-use crate::Result;
 use crate::shade::{diffuse, gain, over_black};
 use crate::tape::check::Prediction;
+use crate::{Error, Result};
 use reference::ports::Signature;
 
 const fn entry(
@@ -79,7 +79,15 @@ fn case_diffuse(case: usize) -> Case {
 }
 
 /// `shade.gain`
-pub(super) static GAIN: Op = entry(&reference::shade::gain::SIGNATURE, run_gain, case_image);
+pub(super) static GAIN: Op =
+    Op { check: check_gain, ..entry(&reference::shade::gain::SIGNATURE, run_gain, case_image) };
+
+fn check_gain(x: &Checked<'_>) -> Result<()> {
+    if x.dim("H") * x.dim("W") == 0 {
+        return Err(Error::input("array 'image'").expected("at least one pixel").got("none"));
+    }
+    x.rule("gain", "a number of at most 88, whose exponential is in the range of f32", |g| g <= 88.0)
+}
 
 fn run_gain(x: &Checked<'_>) -> Result<RunResult> {
     let (alpha, shape) = (x.f32s("alpha"), x.shape("image"));

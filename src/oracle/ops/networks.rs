@@ -132,13 +132,21 @@ pub(super) static SOFTMAX: Op =
     Op { check: check_softmax, ..entry(&reference::nn::softmax::SIGNATURE, run_softmax, case_softmax) };
 
 fn check_softmax(x: &Checked<'_>) -> Result<()> {
-    let floor = x.number("floor").unwrap_or(0.0);
-    if x.dim("K") == 0 || !(floor >= 0.0) {
-        return Err(Error::input("setting floor")
-            .expected("not negative, and at least one column")
-            .got(floor.to_string()));
+    if x.dim("K") == 0 {
+        return Err(Error::input("array 'x'").expected("at least one column").got("none"));
     }
-    x.rule("base", "a share, above 0 or with a floor above 0", |w| w + floor > 0.0)
+    let floor = x.single("floor", 0.0, |floor| floor >= 0.0, "not negative")?;
+    x.rule("base", "a weight of at least 0", |w| w >= 0.0)?;
+    for (i, row) in x.f32s("base").chunks_exact(x.dim("K")).enumerate() {
+        let sum = row.iter().fold(0.0, |sum, w| sum + (w + floor));
+        if !(sum > 0.0 && sum.is_finite()) {
+            return Err(Error::input("array 'base'")
+                .at(format!("row {i}"))
+                .expected("a weight above 0, floor included, and a sum in the range of f32")
+                .got(format!("the sum {sum}")));
+        }
+    }
+    Ok(())
 }
 
 fn run_softmax(x: &Checked<'_>) -> Result<RunResult> {

@@ -173,6 +173,9 @@ fn conv_shape(x: &Checked<'_>) -> Result<conv::Shape> {
 fn check_conv(x: &Checked<'_>) -> Result<()> {
     check_slope(x)?;
     let shape = conv_shape(x)?;
+    if shape.channels == 0 {
+        return Err(Error::input("array 'x'").expected("at least one channel").got("none"));
+    }
     if shape.out().is_some() {
         return Ok(());
     }

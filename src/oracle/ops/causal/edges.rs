@@ -177,8 +177,16 @@ pub(crate) static HELD: Op = Op {
     ..entry(&reference::causal::held::SIGNATURE)
 };
 
+/// Most numbers that are held: 512 MiB of them.
+const MOST: usize = 1 << 26;
+
 fn check_held(x: &Checked<'_>) -> Result<()> {
     let (members, groups) = (x.whole("members")?, x.dim("G"));
+    if groups.saturating_mul(members).saturating_mul(x.dim("K")) > MOST {
+        return Err(Error::input("array 'members'")
+            .expected(format!("at most {MOST} numbers in all groups"))
+            .got(format!("{groups} groups of {members} pairs of {} numbers", x.dim("K"))));
+    }
     let pairs = !x.has("factors") || x.dim("P") == groups * members;
     if x.has("shared") == x.has("factors") || members == 0 || !pairs || x.dim("K") == 0 {
         return Err(Error::input("array 'factors'")
