@@ -36,7 +36,7 @@
 //! ```
 
 use super::pose::Affine;
-use crate::math::affine::is_invertible;
+use crate::math::affine::{inverse_linear, is_invertible};
 use crate::num::par;
 use crate::{Error, Result};
 
@@ -108,13 +108,8 @@ fn blend(weights: &[f32], bones: &[Affine]) -> Affine {
 
 /// The inverse of the linear part, row-major, and its determinant.
 fn inverse(t: &Affine) -> ([f32; 9], f32) {
-    let c: [f32; 9] = std::array::from_fn(|e| {
-        let (i, j) = (e / 3, e % 3);
-        let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-        t[a][c] * t[b][d] - t[a][d] * t[b][c]
-    });
-    let det = (t[0][0] * c[0] + t[0][1] * c[1]) + t[0][2] * c[2];
-    (std::array::from_fn(|e| c[e % 3 * 3 + e / 3] / det), det)
+    let (m, det) = inverse_linear(&t.map(|row| [row[0], row[1], row[2]]));
+    (std::array::from_fn(|e| m[e / 3][e % 3]), det)
 }
 
 /// M x.
