@@ -91,3 +91,93 @@ fn a_unit_at_zero_is_inactive() {
         }
     }
 }
+
+/// W x + b of f32 rows, in f64.
+fn affine(weight: &[f64], x: &[f64], bias: &[f64]) -> Vec<f64> {
+    let row = |(row, bias): (&[f64], &f64)| row.iter().zip(x).fold(0.0, |sum, (w, x)| sum + w * x) + bias;
+    weight.chunks_exact(x.len()).zip(bias).map(row).collect()
+}
+
+/// Arguments of hidden units, one row of them for every row of the network: each unit is active in some and inactive in others.
+fn hold_both_sides(what: &str, rows: &[Vec<f64>]) {
+    for unit in 0..rows[0].len() {
+        let side = |above: bool| rows.iter().filter(|row| (row[unit] > 0.0) == above).count();
+        assert!(side(true) > 0 && side(false) > 0, "{what}: unit {unit} is on one side throughout");
+    }
+}
+
+/// None is near its kink.
+fn hold_apart(what: &str, rows: &[Vec<f64>]) {
+    let nearest =
+        rows.iter().flatten().fold(f64::INFINITY, |least, z| if z.abs() < least { z.abs() } else { least });
+    assert!(nearest > 0.049, "{what}: {nearest} from a kink");
+}
+
+#[test]
+fn generated_networks_have_units_on_both_sides_and_none_near_its_kink() {
+    let of = |name: &str, case: usize| {
+        let made = (ops::find(name).expect("on the list").case)(case);
+        move |name: &str| made.inputs.need(name).expect("an input").to_f64()
+    };
+    let (mlp, skip) = (of("nn.mlp", 1), 2);
+    let widths: Vec<usize> = mlp("widths").into_iter().map(|w| w as usize).collect();
+    let (weights, biases, x) = (mlp("weights"), mlp("biases"), mlp("x"));
+    assert!(x.len() / widths[0] > 64, "more rows than one task of the adjoint has");
+    let arguments = |x: &[f64]| {
+        let (mut w, mut b, mut value, mut all) = (&weights[..], &biases[..], x.to_vec(), Vec::new());
+        for l in 0..widths.len() - 2 {
+            if l == skip {
+                value.extend(x);
+            }
+            let (n, k) = (widths[l + 1], value.len());
+            value = affine(&w[..n * k], &value, &b[..n]);
+            (w, b) = (&w[n * k..], &b[n..]);
+            all.extend(&value);
+            value.iter_mut().for_each(|z| *z = if *z > 0.0 { *z } else { 0.0 });
+        }
+        all
+    };
+    let rows: Vec<Vec<f64>> = x.chunks_exact(widths[0]).map(arguments).collect();
+    hold_apart("nn.mlp/1", &rows);
+    hold_both_sides("nn.mlp/1", &rows);
+    for case in [2, 3, 4] {
+        let x = of("nn.decoder", case);
+        let [z, codes, point, latent, bias0] = ["z", "codes", "point", "latent", "bias0"].map(&x);
+        let (d, f) = (latent.len() / bias0.len(), point.len() / bias0.len());
+        let (items, coordinates) = (z.len() / d, x("base").len() / (z.len() / d) / x("scale").len());
+        let leaky =
+            |h: Vec<f64>| h.into_iter().map(|x| if x > 0.0 { x } else { 0.2 * x }).collect::<Vec<_>>();
+        let rows = (0..items * coordinates).map(|at| {
+            let both: Vec<f64> = (0..bias0.len())
+                .flat_map(|n| [&latent[n * d..(n + 1) * d], &point[n * f..(n + 1) * f]].concat())
+                .collect();
+            let item = at / coordinates;
+            let input = [&z[item * d..(item + 1) * d], &codes[at * f..(at + 1) * f]].concat();
+            let first = affine(&both, &input, &bias0);
+            let second = affine(&x("weight1"), &leaky(first.clone()), &x("bias1"));
+            let third = affine(&x("weight2"), &leaky(second.clone()), &x("bias2"));
+            [first, second, third].concat()
+        });
+        let rows: Vec<Vec<f64>> = rows.collect();
+        hold_apart(&format!("nn.decoder/{case}"), &rows);
+        if case == 2 {
+            hold_both_sides(&format!("nn.decoder/{case}"), &rows);
+        }
+    }
+}
+
+#[test]
+fn a_square_beside_the_image_is_black() {
+    for corner in [[20.0_f32, 3.0], [-30.0, 3.0], [3.0, 9.0], [3.0, -12.0]] {
+        let image: Vec<f32> = (0..9 * 12 * 3).map(|i| 0.5 + i as f32).collect();
+        let inputs = Arrays::new()
+            .with("image", &[9, 12, 3], image)
+            .with("corner", &[2], corner.to_vec())
+            .with("length", &[], vec![5.5_f32]);
+        for ran in gradients("nn.window", &inputs, &[("side", 3.0)]) {
+            let window = ran.outputs.need("window").expect("an output").to_f64();
+            assert!(window.iter().all(|x| *x == 0.0), "{corner:?}: {window:?}");
+            assert!(of(&ran, "image").iter().all(|x| *x == 0.0), "{corner:?}: no gradient");
+        }
+    }
+}

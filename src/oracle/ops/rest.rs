@@ -2,24 +2,15 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_zeros};
+use super::op::{Case, Checked, Op};
 use crate::body::pose::Affine;
 use crate::body::rest::{self, In, InBar, Out};
+use crate::tape::check::Prediction;
 use crate::{Error, Result};
 
 /// `body.rest`
-pub(super) static REST: Op = Op {
-    signature: &reference::body::rest::SIGNATURE,
-    adjoint: true,
-    width: Width::F32,
-    work_unit: "entries",
-    work_ns: [10.0, 100.0],
-    check,
-    run,
-    predict: no_zeros,
-    cases: 1,
-    case,
-};
+pub(super) static REST: Op =
+    Op { check, predict: unread, cases: 3, ..Op::new(&reference::body::rest::SIGNATURE, run, case) };
 
 struct Given {
     points: Vec<[f32; 3]>,
@@ -83,10 +74,15 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Bones near rigid with offsets, over more points than one block. Where rest is canonical the operator copies and the weights have no gradient: a
-/// test of the fit holds that.
+/// Where rest is canonical the weights are not read.
+fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    let unread = (!x.has("canonical")).then(|| "weights".to_owned());
+    Ok(Prediction { unread: unread.into_iter().collect(), ..Prediction::default() })
+}
+
+/// Bones near rigid with offsets, over more points than one block; rest that is canonical, where the operator copies; bones without offsets.
 fn case(case: usize) -> Case {
-    let [p, k] = [280, 3];
+    let [p, k] = [[280, 3], [9, 2], [7, 4]][case];
     let draw = |array| Draw::new(71, case, array);
     let mut weights = draw(0).uniforms(p * k, 0.05, 1.0);
     for row in weights.chunks_exact_mut(k) {
@@ -100,7 +96,11 @@ fn case(case: usize) -> Case {
     made.inputs.put("points", &[p, 3], draw(1).normals(3 * p));
     made.inputs.put("factors", &[p, 3, 3], draw(2).normals(9 * p));
     made.inputs.put("weights", &[p, k], weights);
-    made.inputs.put("canonical", &[k, 3, 4], bones);
-    made.inputs.put("offsets", &[p, 3], draw(4).normals(3 * p));
+    if case != 1 {
+        made.inputs.put("canonical", &[k, 3, 4], bones);
+    }
+    if case == 0 {
+        made.inputs.put("offsets", &[p, 3], draw(4).normals(3 * p));
+    }
     made
 }
