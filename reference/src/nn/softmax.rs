@@ -1,4 +1,4 @@
-//! Shares of a whole: the softmax of ln w + x.
+//! The softmax of ln w + x of every row.
 //!
 //! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = base + floor, or 1 without a base
 //!
@@ -25,17 +25,17 @@ inputs! {
     /// Inputs of `nn.softmax`.
     pub struct In<'a, S> {
         x: &'a Arr<S> = Port::var("M,K", "logits"),
-        base: Option<&'a Arr<S>> = Port::fixed("M,K", "shares that x refines; absent: all equal"),
+        base: Option<&'a Arr<S>> = Port::fixed("M,K", "weights that x refines; absent: all 1"),
     }
 }
 
 /// `nn.softmax`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.softmax",
-    summary: "shares of every row from logits, and from given shares that they refine",
+    summary: "softmax of every row, with weights that it refines",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("M,K", "rows sum to 1")],
-    settings: &[SettingSpec::number("floor", "0", "added to every given share")],
+    settings: &[SettingSpec::number("floor", "0", "added to every given weight")],
     ..Signature::EMPTY
 };
 

@@ -1,4 +1,4 @@
-//! `causal.code`: the code of a value that an intervention set, where values are told.
+//! `causal.code`: the code of a value that an intervention set, from its label.
 //!
 //! c_g = v_g w_i,   i = target of group g,   w_i = (1, w_i2, …, w_ik)                             (supervision `labels`; chapter *Learned causes*, "How it is trained")
 //!

@@ -1,7 +1,7 @@
 //! `loss.prior`: what is assumed of Gaussians that no camera sees: neighbours look alike, each is about as deep as it is wide and stays at its anchor.
 //!
 //! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²
-//!   + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)
+//!   + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)                        (of this project, without a paper)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -18,7 +18,8 @@
 //! | P | return | () | 0 without Gaussians |
 //!
 //! # Rounding
-//! f64 sums over Gaussians from the left, one per term, each with its weight at the end; gradients in f32, Gaussian by Gaussian, neighbour by neighbour.
+//! Differences, s̄, σ, ln κ and the counts N K and N are f32; squares of differences and their sums over Gaussians, from the left, one per term, are f64,
+//! each with its weight over its count at the end. Gradients in f32, Gaussian by Gaussian, neighbour by neighbour.
 //!
 //! # Kinks and domain
 //! No kinks. The neighbours, gaps and anchors are constants. A mean over nothing is 0: without Gaussians P is 0, and with K = 0 so are the terms of pairs.

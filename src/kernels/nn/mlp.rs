@@ -1,14 +1,15 @@
 //! `nn.mlp`: a fully connected network, affine maps with max(0, ·) between them.
 //!
-//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L
+//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L                   (Glorot, Bordes and Bengio 2011)
 //!
-//! The layer of index `skip` takes the input again: its argument is (yˡ⁻¹, x), the input behind (the skinning field of GauHuman).
+//! The layer of index `skip` takes the input again: its argument is (yˡ⁻¹, x), in this order (the skinning field of GauHuman).
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
 //! | x | `x` | (M, K) | finite |
 //! | Wˡ | `weight` of a layer | (Nˡ, Kˡ) | finite; Kˡ is Nˡ⁻¹, and K more at `skip` |
 //! | bˡ | `bias` of a layer | (Nˡ) | finite |
+//! | | `skip` | () | index of a layer after the first, counted from 0; 0 in files, `None` here for none |
 //! | y | `y` | (M, Nᴸ) | |
 //!
 //! In files the layers are joined: `weights` holds the Wˡ one after the other, `biases` the bˡ, and `widths` is (K, N⁰, …, Nᴸ).

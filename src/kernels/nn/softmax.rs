@@ -1,4 +1,4 @@
-//! `nn.softmax`: shares of a whole, from logarithms that are added to given shares.
+//! `nn.softmax`: the softmax of every row, with weights that may be given.
 //!
 //! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = `base` + `floor`: the softmax of ln w + x
 //!
@@ -49,7 +49,7 @@ pub struct In<'a> {
     pub k: usize,
 }
 
-/// The shares y (M, K).
+/// The softmax y (M, K).
 ///
 /// # Panics
 /// When a buffer does not have the size of its shape.
@@ -80,7 +80,7 @@ pub fn forward(x: &In<'_>) -> Vec<f32> {
     y
 }
 
-/// Adds the gradient for the cotangent `y_bar` (M, K) of the shares `y` to `x_bar` (M, K).
+/// Adds the gradient for the cotangent `y_bar` (M, K) of the softmax `y` to `x_bar` (M, K).
 ///
 /// # Panics
 /// When a buffer does not have the size of its shape.

@@ -1,6 +1,6 @@
 //! `shade.diffuse`: view-independent colours of Gaussians under light of the first order in their normals.
 //!
-//! c' = s · max(½ + Y₀ c, 0),   s = max(¼, 1 + n·d)
+//! c' = s · max(½ + Y₀ c, 0),   s = max(¼, 1 + n·d)                                  (bands 0 and 1 of Ramamoorthi and Hanrahan 2001)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|

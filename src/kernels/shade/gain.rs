@@ -1,6 +1,6 @@
 //! `shade.gain`: a render as bright as its moment, a gain per channel on what covers the background.
 //!
-//! x' = e^γ (x − (1 − α) b) + (1 − α) b
+//! x' = e^γ (x − (1 − α) b) + (1 − α) b                        (x = C + (1 − α) b is *over* of Porter and Duff 1984; the gain is on C)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|

@@ -1,6 +1,6 @@
 //! `shade.over_black`: a render before black instead of its background.
 //!
-//! x' = x − (1 − α) b
+//! x' = x − (1 − α) b                                                         (x = x' + (1 − α) b is *over* of Porter and Duff 1984)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
