@@ -191,17 +191,7 @@ impl Gaussians {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn scene() -> Gaussians {
-        Gaussians {
-            means: vec![[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]],
-            quats: vec![[1.0, 0.0, 0.0, 0.0], [0.1, -0.2, 0.3, 2.0]],
-            scales_log: vec![[-4.0, -3.0, -5.0], [0.0, 1.0, 2.0]],
-            opacity_logits: vec![-1.0, 3.0],
-            sh: (0..24).map(|i| i as f32 / 8.0 - 1.0).collect(),
-            sh_degree: 1,
-        }
-    }
+    use crate::scene::gaussians::tests::scene;
 
     #[test]
     fn columns_have_their_widths_and_come_back_from_arrays() {

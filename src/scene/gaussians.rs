@@ -234,10 +234,11 @@ fn rows<T: Copy + Default, const K: usize>(flat: &[T]) -> Vec<[T; K]> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn scene() -> Gaussians {
+    /// Two Gaussians of degree 1.
+    pub(crate) fn scene() -> Gaussians {
         Gaussians {
             means: vec![[0.0, 1.0, 2.0], [3.0, 4.0, 5.0]],
             quats: vec![[1.0, 0.0, 0.0, 0.0], [0.1, -0.2, 0.3, 2.0]],

@@ -55,7 +55,12 @@ fn a_sabotaged_adjoint_fails_r4_for_every_operator_and_every_input() {
         inputs += left.len();
         for case in 0..op.cases {
             let honest = subject(op, case);
+            let known = honest.prediction().expect("it predicts");
             for variable in honest.variables() {
+                // a gradient of 0 throughout cannot be broken by a factor
+                if known.unread.contains(&variable.name) {
+                    continue;
+                }
                 let Some(place) = left.iter().position(|name| *name == variable.name) else { continue };
                 left.swap_remove(place);
                 for how in Sabotage::ALL {

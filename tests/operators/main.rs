@@ -5,8 +5,10 @@ mod chains;
 #[path = "../common/mod.rs"]
 mod common;
 mod density;
+mod domain;
 mod geometry;
 mod gradients;
+mod kinks;
 mod linear;
 mod loss;
 mod optim;

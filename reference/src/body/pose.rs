@@ -20,7 +20,7 @@
 //! Left folds. 1 − cos θ is 2 sin²(θ/2), which does not cancel; below θ = 1e-4 two terms of the series of a and b. A⁻¹ by Cramer's rule.
 //!
 //! # Kinks and domain
-//! Smooth everywhere.
+//! Smooth everywhere. J ≥ 1; |det| of the linear part of every A_k is between 10⁻¹² and 10¹².
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -88,16 +88,27 @@ fn compose<S: Scalar>(a: &Motion<S>, b: &Motion<S>) -> Motion<S> {
     (product(&a.0, &b.0), std::array::from_fn(|i| moved[i] + a.1[i]))
 }
 
+/// Whether a matrix of that determinant is taken to have an inverse.
+pub fn is_invertible(determinant: f64) -> bool {
+    1e-12 < determinant.abs() && determinant.abs() < 1e12
+}
+
+/// The determinant without row i and column j, with its sign.
+fn cofactor<S: Scalar>(m: &Mat3<S>, i: usize, j: usize) -> S {
+    let [r, s] = [(i + 1) % 3, (i + 2) % 3];
+    let [c, d] = [(j + 1) % 3, (j + 2) % 3];
+    m[r][c] * m[s][d] - m[r][d] * m[s][c]
+}
+
+fn determinant<S: Scalar>(m: &Mat3<S>) -> S {
+    m[0][0] * cofactor(m, 0, 0) + m[0][1] * cofactor(m, 0, 1) + m[0][2] * cofactor(m, 0, 2)
+}
+
 /// The inverse: Cramer's rule, entry (i, j) is the cofactor (j, i) over the determinant.
 fn inverse<S: Scalar>(a: &Motion<S>) -> Motion<S> {
-    let m = &a.0;
-    let minor = |i: usize, j: usize| {
-        let [r, s] = [(i + 1) % 3, (i + 2) % 3];
-        let [c, d] = [(j + 1) % 3, (j + 2) % 3];
-        m[r][c] * m[s][d] - m[r][d] * m[s][c]
-    };
-    let determinant = m[0][0] * minor(0, 0) + m[0][1] * minor(0, 1) + m[0][2] * minor(0, 2);
-    let linear: Mat3<S> = std::array::from_fn(|i| std::array::from_fn(|j| minor(j, i) / determinant));
+    let determinant = determinant(&a.0);
+    let entry = |i: usize, j: usize| cofactor(&a.0, j, i) / determinant;
+    let linear: Mat3<S> = std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)));
     let back = apply(&linear, a.1);
     (linear, back.map(|x| -x))
 }
@@ -149,6 +160,12 @@ fn from_capture<S: Scalar>(captured: &Arr<S>, x: &In<'_, S>) -> Result<Vec<Motio
     let mut world: Vec<Motion<S>> = Vec::new();
     for k in 0..captured.shape[0] {
         let mut b = given(k);
+        let d = determinant(&b.0.map(|row| row.map(S::value)));
+        if !is_invertible(d) {
+            return Err(format!(
+                "input captured: expected a transform with an inverse, joint {k} has determinant {d:e}"
+            ));
+        }
         if let Some(p) = parent(x.parents, k)? {
             b = compose(&world[p], &compose(&inverse(&given(p)), &b));
         }
@@ -165,7 +182,7 @@ fn from_capture<S: Scalar>(captured: &Arr<S>, x: &In<'_, S>) -> Result<Vec<Motio
 /// The twin of `body.pose`.
 ///
 /// # Errors
-/// When there is no joint, a parent is no earlier joint, or both or none of `pose` and `captured` are there.
+/// When there is no joint, a parent is no earlier joint, a captured transform has no inverse, or both or none of `pose` and `captured` are there.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let n = input.joints.shape[0];
     if n == 0 {
@@ -190,7 +207,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, there is no joint, or a parent is no earlier joint.
+/// When an input is missing or shaped otherwise, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

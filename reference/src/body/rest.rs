@@ -13,8 +13,12 @@
 //!
 //! # Rounding
 //! M⁻¹ by Cramer's rule.
+//!
+//! # Kinks and domain
+//! No kinks. K ≥ 1; with C, |det M_p| is between 10⁻¹² and 10¹².
 
 use crate::array::{Arr, Out};
+use crate::body::pose::is_invertible;
 use crate::body::skin::{Affine, blend};
 use crate::inputs::inputs;
 use crate::ports::{Port, Signature, ports};
@@ -55,6 +59,12 @@ fn dot<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// det M = a·(b×c) for the columns a, b, c of M; a decision, so of values.
+fn determinant<S: Scalar>(t: &Affine<S>) -> f64 {
+    let [a, b, c] = [0, 1, 2].map(|j| [0, 1, 2].map(|i| t[i][j].value()));
+    dot(a, cross(b, c))
+}
+
 /// The x of M x = v: with the columns a, b, c of M, x = (v·(b×c), v·(c×a), v·(a×b)) / a·(b×c).
 fn solve<S: Scalar>(t: &Affine<S>, v: Vec3<S>) -> Vec3<S> {
     let [a, b, c] = [0, 1, 2].map(|j| [t[0][j], t[1][j], t[2][j]]);
@@ -63,15 +73,24 @@ fn solve<S: Scalar>(t: &Affine<S>, v: Vec3<S>) -> Vec3<S> {
 }
 
 /// The twin of `body.rest`.
-pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
+///
+/// # Errors
+/// When there is no joint, or M_p has no inverse.
+pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { points, factors, weights, canonical, offsets } = *input;
     let (p, k) = (points.shape[0], weights.shape[1]);
+    if k == 0 {
+        return Err("input weights: expected at least one joint, got 0".to_owned());
+    }
     let bones: Option<Vec<Affine<S>>> =
         canonical.map(|c| (0..k).map(|b| [c.row(3 * b), c.row(3 * b + 1), c.row(3 * b + 2)]).collect());
     let rest_points = out.array("rest_points", &[p, 3]);
     let rest_factors = out.array("rest_factors", &[p, 3, 3]);
     for i in 0..p {
         let back = bones.as_ref().map(|bones| blend(&weights.data[i * k..(i + 1) * k], bones));
+        if let Some(d) = back.as_ref().map(determinant).filter(|d| !is_invertible(*d)) {
+            return Err(format!("point {i}: expected a blend that has an inverse, got determinant {d:e}"));
+        }
         let x: Vec3<S> = points.row(i);
         let place = match &back {
             Some(t) => solve(t, [0, 1, 2].map(|c| x[c] - t[c][3])),
@@ -87,13 +106,13 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
         }
         out.flush();
     }
+    Ok(())
 }
 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or shaped otherwise, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
-    forward(&In::of(call.arrays)?, out);
-    Ok(())
+    forward(&In::of(call.arrays)?, out)
 }

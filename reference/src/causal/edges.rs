@@ -23,7 +23,7 @@ inputs! {
 /// `causal.edges`
 pub static SIGNATURE: Signature = Signature {
     name: "causal.edges",
-    summary: "what edges cost by their probabilities, and by how far these have moved",
+    summary: "cost of edge probabilities, and of their distance from earlier ones",
     inputs: In::<f64>::PORTS,
     outputs: ports![value: Port::var("", "")],
     settings: &[

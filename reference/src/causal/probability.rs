@@ -22,7 +22,7 @@ inputs! {
 /// `causal.probability`
 pub static SIGNATURE: Signature = Signature {
     name: "causal.probability",
-    summary: "how likely each edge of a graph is",
+    summary: "edge probabilities of a graph",
     inputs: In::<f64>::PORTS,
     outputs: ports![probabilities: Port::var("N,N", "zero diagonal")],
     settings: &[SettingSpec::number("tau", "0.2", "temperature")],

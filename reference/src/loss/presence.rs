@@ -8,6 +8,9 @@
 //! | s | `scales_log` | (N, 3) |
 //! | w_o, w_s | settings `opacity_weight`, `scale_weight` | () |
 //! | L | `value` | () |
+//!
+//! # Kinks and domain
+//! No kinks. s ≤ 88, so that e^s is in the range of f32.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;

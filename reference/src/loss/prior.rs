@@ -12,6 +12,9 @@
 //! | ln d | `gap` | (N) |
 //! | w, κ, r | settings | () |
 //! | P | `value` | () |
+//!
+//! # Kinks and domain
+//! No kinks. κ > 0 and r > 0; without Gaussians P is 0.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;

@@ -1,6 +1,6 @@
-//! A convolution of pictures, channels last, and a leaky ReLU of slope `slope` behind it; 1 is the identity.
+//! A convolution of images, channels last, and a leaky ReLU after it.
 //!
-//! y(b,r,q,o) = β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c),   x = 0 beyond the border
+//! y(b,r,q,o) = λ(β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c)),   x = 0 beyond the border,   λ(z) = z where z > 0, else a·z
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -8,10 +8,14 @@
 //! | W | `weight` | (O, KH, KW, C) |
 //! | β | `bias` | (O) |
 //! | s, p | settings `stride`, `pad` | () |
+//! | a | setting `slope` | (); 1: λ is the identity |
 //! | y | `y` | (B, ⌊(H+2p−KH)/s⌋+1, ⌊(W+2p−KW)/s⌋+1, O) |
 //!
 //! # Rounding
-//! A left fold over (i, j, c) from 0; the bias is added last.
+//! A left fold over (i, j, c) from 0; then the bias, then λ.
+//!
+//! # Kinks and domain
+//! At z = 0 the slope of λ is a. C ≥ 1.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -22,7 +26,7 @@ use crate::twins::Call;
 inputs! {
     /// Inputs of `nn.conv`.
     pub struct In<'a, S> {
-        x: &'a Arr<S> = Port::var("B,H,W,C", "pictures"),
+        x: &'a Arr<S> = Port::var("B,H,W,C", "images"),
         weight: &'a Arr<S> = Port::var("O,KH,KW,C", "one filter per output, not mirrored"),
         bias: &'a Arr<S> = Port::var("O", "added last"),
     }
@@ -31,13 +35,13 @@ inputs! {
 /// `nn.conv`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.conv",
-    summary: "a convolution of pictures, channels last, zeros beyond the border",
+    summary: "a convolution of images, channels last, zeros beyond the border, and a leaky ReLU",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("B,H',W',O", "")],
     settings: &[
         SettingSpec::number("stride", "1", "pixels between outputs, 1 or more"),
         SettingSpec::number("pad", "0", "zeros on every side, in pixels"),
-        SettingSpec::number("slope", "1", "of a leaky ReLU behind it, not negative; 1 for none"),
+        SettingSpec::number("slope", "1", "of the leaky ReLU after it, not negative; 1 for none"),
     ],
     ..Signature::EMPTY
 };

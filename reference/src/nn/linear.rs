@@ -9,7 +9,10 @@
 //! | y | `y` | (M, N) |
 //!
 //! # Rounding
-//! One chain per entry from 0, k ascending; the bias is added last.
+//! One chain per entry from 0, k ascending; then the bias, then λ.
+//!
+//! # Kinks and domain
+//! At 0 the slope of λ is s.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -29,10 +32,10 @@ inputs! {
 /// `nn.linear`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.linear",
-    summary: "an affine map of every row, y = x·Wᵀ + b, and a leaky ReLU behind it",
+    summary: "an affine map of every row, y = x·Wᵀ + b, and a leaky ReLU after it",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("M,N", "")],
-    settings: &[SettingSpec::number("slope", "1", "of a leaky ReLU behind it, not negative; 1 for none")],
+    settings: &[SettingSpec::number("slope", "1", "of the leaky ReLU after it, not negative; 1 for none")],
     ..Signature::EMPTY
 };
 

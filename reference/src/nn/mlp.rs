@@ -1,6 +1,6 @@
 //! A fully connected network: affine maps with max(0, ·) between them.
 //!
-//! yˡ = max(0, Wˡ yˡ⁻¹ + bˡ) for every layer but the last, which has no max; y⁰ = x, and at the layer `skip` (yˡ⁻¹, x) stands for yˡ⁻¹
+//! yˡ = max(0, Wˡ yˡ⁻¹ + bˡ) for every layer but the last, which has no max; y⁰ = x; the layer `skip` has the argument (yˡ⁻¹, x) instead of yˡ⁻¹
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -15,7 +15,7 @@
 //! One chain per entry from 0, inputs ascending; the bias is added last.
 //!
 //! # Kinks and domain
-//! max(0, z) has slope 0 at 0.
+//! max(0, z) has slope 0 at 0. At least one layer and one row; `skip` is a layer after the first, or 0.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;

@@ -1,4 +1,4 @@
-//! Shares of a whole: the softmax of ln w + x.
+//! The softmax of ln w + x of every row.
 //!
 //! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = base + floor, or 1 without a base
 //!
@@ -10,7 +10,10 @@
 //! | y | `y` | (M, K) |
 //!
 //! # Rounding
-//! The value of the largest x is subtracted first.
+//! The value of the largest x with w > 0 is subtracted first.
+//!
+//! # Kinks and domain
+//! No kinks. w ≥ 0, and a w above 0 in every row.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -22,50 +25,54 @@ inputs! {
     /// Inputs of `nn.softmax`.
     pub struct In<'a, S> {
         x: &'a Arr<S> = Port::var("M,K", "logits"),
-        base: Option<&'a Arr<S>> = Port::fixed("M,K", "shares that x refines; absent: all equal"),
+        base: Option<&'a Arr<S>> = Port::fixed("M,K", "weights that x refines; absent: all 1"),
     }
 }
 
 /// `nn.softmax`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.softmax",
-    summary: "shares of every row from logits, and from given shares that they refine",
+    summary: "softmax of every row, with weights that it refines",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("M,K", "rows sum to 1")],
-    settings: &[SettingSpec::number("floor", "0", "added to every given share")],
+    settings: &[SettingSpec::number("floor", "0", "added to every given weight")],
     ..Signature::EMPTY
 };
 
 /// The twin of `nn.softmax`.
-pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) {
+///
+/// # Errors
+/// When a row has no w above 0.
+pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { x, base } = *input;
     let [m, k] = [x.shape[0], x.shape[1]];
     let y = out.array("y", &[m, k]);
     for i in 0..m {
         let row = i * k..(i + 1) * k;
-        let most = x.data[row.clone()]
-            .iter()
-            .fold(f64::NEG_INFINITY, |most, x| if x.value() > most { x.value() } else { most });
-        let parts: Vec<S> = row
-            .clone()
-            .map(|at| {
-                let w = base.map_or(S::one(), |base| base.data[at] + floor);
-                w * (x.data[at] - S::from_f64(most)).exp()
-            })
-            .collect();
+        let weight = |at: usize| base.map_or(S::one(), |base| base.data[at] + floor);
+        let most = row.clone().filter(|&at| weight(at).value() > 0.0).map(|at| x.data[at].value());
+        let most = most.fold(f64::NEG_INFINITY, |most, x| if x > most { x } else { most });
+        if most == f64::NEG_INFINITY {
+            return Err(format!("input base: expected a weight above 0 in row {i}"));
+        }
+        let part = |at: usize| match weight(at) {
+            w if w.value() == 0.0 => S::zero(),
+            w => w * (x.data[at] - S::from_f64(most)).exp(),
+        };
+        let parts: Vec<S> = row.clone().map(part).collect();
         let total = parts.iter().fold(S::zero(), |sum, part| sum + *part);
         for (at, part) in row.zip(parts) {
             out.put(y, at, part / total);
         }
         out.flush();
     }
+    Ok(())
 }
 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or shaped otherwise, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
-    forward(&In::of(call.arrays)?, call.settings.number("floor"), out);
-    Ok(())
+    forward(&In::of(call.arrays)?, call.settings.number("floor"), out)
 }

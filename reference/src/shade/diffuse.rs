@@ -10,7 +10,7 @@
 //! | c' | `colors` | (N, 3) |
 //!
 //! # Kinks and domain
-//! At and below the limits ¼ and 0 the slope is 0.
+//! At and below the limit ¼ of s the slope is 0; ½ + Y₀ c has the slope 0 below 0 and that of the line at 0.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -45,10 +45,10 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
     for i in 0..n {
         let (normal, d): ([S; 3], [S; 3]) = (normals.row(i), toward.row(0));
         let light = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2] + 1.0;
-        let shade = if light.value() > 0.25 { light } else { S::from_f64(0.25) };
+        let shade = if light.value() <= 0.25 { S::from_f64(0.25) } else { light };
         for c in 0..3 {
             let base = sh.data[3 * i + c] * y0 + 0.5;
-            let base = if base.value() > 0.0 { base } else { S::zero() };
+            let base = if base.value() < 0.0 { S::zero() } else { base };
             out.put(colors, 3 * i + c, base * shade);
         }
         out.flush();

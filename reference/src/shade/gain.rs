@@ -8,6 +8,9 @@
 //! | γ | `gain` | (3) |
 //! | b | `background` | (3) |
 //! | x' | `lit` | (H, W, 3) |
+//!
+//! # Kinks and domain
+//! No kinks. γ ≤ 88, so that e^γ is in the range of f32.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -18,10 +21,10 @@ use crate::twins::Call;
 inputs! {
     /// Inputs of `shade.gain`.
     pub struct In<'a, S> {
-        image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
-        alpha: &'a Arr<S> = Port::var("H,W", "its coverage"),
+        alpha: &'a Arr<S> = Port::var("H,W", "coverage of the render"),
         background: &'a Arr<S> = Port::fixed("3", "which has no gain"),
         gain: &'a Arr<S> = Port::var("3", "logarithm of the gain of a channel"),
+        image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
     }
 }
 
@@ -36,7 +39,7 @@ pub static SIGNATURE: Signature = Signature {
 
 /// The twin of `shade.gain`.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
-    let In { image, alpha, background, gain } = *input;
+    let In { alpha, background, gain, image } = *input;
     let lit = out.array("lit", &image.shape);
     for (pixel, a) in alpha.data.iter().enumerate() {
         for c in 0..3 {

@@ -17,9 +17,9 @@ use crate::twins::Call;
 inputs! {
     /// Inputs of `shade.over_black`.
     pub struct In<'a, S> {
-        image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
-        alpha: &'a Arr<S> = Port::var("H,W", "its coverage"),
+        alpha: &'a Arr<S> = Port::var("H,W", "coverage of the render"),
         background: &'a Arr<S> = Port::fixed("3", "which is taken out"),
+        image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
     }
 }
 
@@ -34,7 +34,7 @@ pub static SIGNATURE: Signature = Signature {
 
 /// The twin of `shade.over_black`.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
-    let In { image, alpha, background } = *input;
+    let In { alpha, background, image } = *input;
     let over_black = out.array("over_black", &image.shape);
     for (pixel, a) in alpha.data.iter().enumerate() {
         for c in 0..3 {

@@ -22,7 +22,8 @@
 //! the last joint to the first.
 //!
 //! # Kinks and domain
-//! None: ℛ is smooth in w, at 0 too. At least one joint; the captured transforms have inverses.
+//! None: ℛ is smooth in w, at 0 too. At least one joint. The linear part of every captured transform has a determinant of a size between 10⁻¹² and 10¹²,
+//! so that it has an inverse; [`In::check`] refuses others.
 //!
 //! # Adjoint
 //! Children before parents: with N_k = L_k Q_k, Q_k = ℛ(δ_k; j_k): N̄ = B_pᵀ B̄_k and B̄_p += B̄_k N_kᵀ (as 4×4 matrices); Q̄ = L_kᵀ N̄, L̄ = N̄ Q_kᵀ.
@@ -44,7 +45,10 @@
 //! # Ok::<(), lastlight::Error>(())
 //! ```
 
-use crate::math::affine::{self, Linear, about, compose, inverse, left_bar, right_bar, single, wide};
+use crate::math::affine::{
+    self, Linear, about, compose, determinant, inverse, is_invertible, left_bar, linear, right_bar, single,
+    wide,
+};
 use crate::math::rodrigues;
 use crate::{Error, Result};
 
@@ -212,7 +216,7 @@ impl Saved {
 }
 
 impl In<'_> {
-    /// Checks sizes and the order of parents.
+    /// Checks sizes, the order of parents and the captured transforms.
     ///
     /// # Errors
     /// When something does not fit, naming it.
@@ -247,6 +251,15 @@ impl In<'_> {
                 .got(self.parents[k].to_string())
                 .hint("sort the joints so that parents come first"));
         }
+        for (k, a) in self.captured.iter().enumerate() {
+            let d = determinant(&linear(&wide(a)));
+            if !is_invertible(d) {
+                return Err(Error::input("body.pose")
+                    .at(format!("array 'captured', joint {k}"))
+                    .expected("a transform that has an inverse")
+                    .got(format!("determinant {d:e}")));
+            }
+        }
         Ok(())
     }
 }
@@ -254,7 +267,7 @@ impl In<'_> {
 /// The transforms (J) and what the adjoint needs.
 ///
 /// # Errors
-/// Sizes that differ, no joint, a parent that is no earlier joint.
+/// Sizes that differ, no joint, a parent that is no earlier joint, a captured transform without an inverse.
 pub fn forward(x: In<'_>) -> Result<(Vec<Affine>, Saved)> {
     x.check()?;
     let saved = Chain::new(&x).forward();

@@ -17,7 +17,8 @@
 //! f32. T_C is a left fold over the joints from +0; M_C⁻¹ by cofactors over the determinant; rows of three as (a + b) + c.
 //!
 //! # Kinks and domain
-//! A blend of canonical rotations that is singular has no inverse; the usual big poses are far from it.
+//! No kinks. With `canonical`: at least one joint, and the determinant of every M_C has a size between 10⁻¹² and 10¹²; the usual big poses are far from
+//! either. [`In::check`] refuses others, a row of weights that is zero throughout among them; [`forward`] divides by the determinant without a check.
 //!
 //! # Adjoint
 //! x̄ += M_C⁻ᵀ ȳ, F̄ += M_C⁻ᵀ H̄; w̄_b += ⟨T̄_C, C_b⟩, T̄_C = −M_C⁻ᵀ (ȳ y₀ᵀ + H̄ Hᵀ, ȳ) with y₀ = y − o. Saved: y₀, H and M_C⁻¹ of every point.
@@ -35,7 +36,9 @@
 //! ```
 
 use super::pose::Affine;
+use crate::math::affine::{inverse_linear, is_invertible};
 use crate::num::par;
+use crate::{Error, Result};
 
 /// Points of one task.
 const BLOCK: usize = 256;
@@ -103,15 +106,10 @@ fn blend(weights: &[f32], bones: &[Affine]) -> Affine {
     t
 }
 
-/// The inverse of the linear part, row-major.
-fn inverse(t: &Affine) -> [f32; 9] {
-    let c: [f32; 9] = std::array::from_fn(|e| {
-        let (i, j) = (e / 3, e % 3);
-        let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
-        t[a][c] * t[b][d] - t[a][d] * t[b][c]
-    });
-    let det = (t[0][0] * c[0] + t[0][1] * c[1]) + t[0][2] * c[2];
-    std::array::from_fn(|e| c[e % 3 * 3 + e / 3] / det)
+/// The inverse of the linear part, row-major, and its determinant.
+fn inverse(t: &Affine) -> ([f32; 9], f32) {
+    let (m, det) = inverse_linear(&t.map(|row| [row[0], row[1], row[2]]));
+    (std::array::from_fn(|e| m[e / 3][e % 3]), det)
 }
 
 /// M x.
@@ -153,11 +151,37 @@ fn inner(m_bar: &[f32; 9], t_bar: [f32; 3], bone: &Affine) -> f32 {
 }
 
 impl In<'_> {
+    /// Checks that T_C of every point has an inverse.
+    ///
+    /// # Errors
+    /// With `canonical`: when there is no joint, the weights are not (P, K), or a determinant is too small or too large; names the first such point.
+    pub fn check(&self) -> Result<()> {
+        let Some(bones) = self.canonical else { return Ok(()) };
+        let wrong = |place: String| Error::input("body.rest").at(place);
+        if bones.is_empty() {
+            return Err(wrong("array 'canonical'".to_owned()).expected("at least one joint").got("none"));
+        }
+        if self.weights.len() != self.points.len() * bones.len() {
+            return Err(wrong("array 'weights'".to_owned())
+                .expected(format!("{} points times {} joints", self.points.len(), bones.len()))
+                .got(self.weights.len().to_string()));
+        }
+        for (p, weights) in self.weights.chunks_exact(bones.len()).enumerate() {
+            let (_, det) = inverse(&blend(weights, bones));
+            if !is_invertible(f64::from(det)) {
+                return Err(wrong(format!("point {p}"))
+                    .expected("a blend of canonical transforms that has an inverse")
+                    .got(format!("determinant {det:e}")));
+            }
+        }
+        Ok(())
+    }
+
     fn at_rest(&self, p: usize) -> Rest {
         let (x, f) = (self.points[p], self.factors[p]);
         let Some(bones) = self.canonical else { return Rest { place: x, h: f, inverse: None } };
         let t = blend(&self.weights[p * bones.len()..][..bones.len()], bones);
-        let m = inverse(&t);
+        let (m, _) = inverse(&t);
         let place = apply(&m, [x[0] - t[0][3], x[1] - t[1][3], x[2] - t[2][3]]);
         Rest { place, h: product(&m, &f), inverse: Some(m) }
     }
@@ -184,9 +208,10 @@ fn add<const K: usize>(to: &mut [f32; K], what: [f32; K]) {
 /// Adds the gradients for the cotangents `out_bar` to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// When a buffer does not have the size of its shape, or there is no joint.
 pub fn adjoint(x: &In<'_>, saved: &Saved, out_bar: &Out, x_bar: &mut InBar) {
     let k = x.canonical.map_or(1, <[Affine]>::len);
+    assert!(k > 0, "at least one joint");
     let mut weights = x_bar.weights.chunks_mut(BLOCK * k);
     let tasks = (x_bar.points.chunks_mut(BLOCK))
         .zip(x_bar.factors.chunks_mut(BLOCK))

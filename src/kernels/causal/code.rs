@@ -1,4 +1,4 @@
-//! `causal.code`: the code of a value that an intervention set, where values are told.
+//! `causal.code`: the code of a value that an intervention set, from its label.
 //!
 //! c_g = v_g w_i,   i = target of group g,   w_i = (1, w_i2, …, w_ik)                             (supervision `labels`; chapter *Learned causes*, "How it is trained")
 //!
@@ -41,11 +41,19 @@ pub struct In<'a> {
     pub k: usize,
 }
 
+impl In<'_> {
+    fn hold_to_shapes(&self) {
+        assert_eq!(self.labels.len(), self.target.len(), "one label per group");
+        assert!(self.k > 0 && self.values.len().is_multiple_of(self.k), "values are (n, k)");
+    }
+}
+
 /// c (G, k).
 ///
 /// # Panics
-/// When a target is not a factor.
+/// When a target is not a factor, or an array does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> Vec<f64> {
+    x.hold_to_shapes();
     let code = |i: usize, c: usize| if c == 0 { 1.0 } else { x.values[i * x.k + c] };
     let groups = x.target.iter().zip(x.labels);
     groups.flat_map(|(&i, v)| (0..x.k).map(move |c| v * code(i, c))).collect()
@@ -54,8 +62,13 @@ pub fn forward(x: &In<'_>) -> Vec<f64> {
 /// Adds the gradient for the cotangent `codes_bar` (G, k) to `values_bar` (n, k).
 ///
 /// # Panics
-/// When a target is not a factor.
+/// When a target is not a factor, or an array does not have the size of its shape.
 pub fn adjoint(x: &In<'_>, codes_bar: &[f64], values_bar: &mut [f64]) {
+    x.hold_to_shapes();
+    assert!(
+        codes_bar.len() == x.target.len() * x.k && values_bar.len() == x.values.len(),
+        "cotangents of that shape"
+    );
     for ((bar, i), v) in codes_bar.chunks_exact(x.k).zip(x.target).zip(x.labels) {
         for c in 1..x.k {
             values_bar[i * x.k + c] += v * bar[c];

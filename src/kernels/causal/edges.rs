@@ -1,4 +1,4 @@
-//! `causal.edges`: what edges cost, by their probabilities and by how far these have moved.
+//! `causal.edges`: the cost of edge probabilities, and of their distance from earlier ones.
 //!
 //! L = Σ over i ≠ j of w p_ij + a (p_ij − q_ij)²                                        (LAST: sparsity, and the anchor of fine-tuning)
 //!
@@ -10,7 +10,7 @@
 //! | L | return | () | ≥ 0 |
 //!
 //! # Rounding
-//! f64; a left fold over the entries from +0, both terms of an entry added first.
+//! f64; a left fold over the entries from +0, both terms of an entry added first. The adjoint adds its two terms to p̄_ij one after the other.
 //!
 //! # Kinks and domain
 //! None.
@@ -46,20 +46,28 @@ fn between(n: usize) -> impl Iterator<Item = usize> {
 ///
 /// # Panics
 /// When an array is not (n, n).
-pub fn forward(w: &Weights, p: &[f64], before: &[f64], n: usize) -> f64 {
+pub fn forward(w: &Weights, probabilities: &[f64], before: &[f64], n: usize) -> f64 {
     between(n).fold(0.0, |sum, at| {
-        let off = p[at] - before[at];
-        sum + (w.sparsity * p[at] + w.anchor * (off * off))
+        let p = probabilities[at];
+        let off = p - before[at];
+        sum + (w.sparsity * p + w.anchor * (off * off))
     })
 }
 
-/// Adds the gradient for the cotangent `value_bar` to `p_bar` (n, n).
+/// Adds the gradient for the cotangent `value_bar` to `probabilities_bar` (n, n).
 ///
 /// # Panics
 /// When an array is not (n, n).
-pub fn adjoint(w: &Weights, p: &[f64], before: &[f64], n: usize, value_bar: f64, p_bar: &mut [f64]) {
+pub fn adjoint(
+    w: &Weights,
+    probabilities: &[f64],
+    before: &[f64],
+    n: usize,
+    value_bar: f64,
+    probabilities_bar: &mut [f64],
+) {
     for at in between(n) {
-        p_bar[at] += value_bar * w.sparsity;
-        p_bar[at] += value_bar * (2.0 * w.anchor * (p[at] - before[at]));
+        probabilities_bar[at] += value_bar * w.sparsity;
+        probabilities_bar[at] += value_bar * (2.0 * w.anchor * (probabilities[at] - before[at]));
     }
 }

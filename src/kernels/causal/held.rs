@@ -7,13 +7,14 @@
 //! | v | `shared` | (G, k), or `factors` | finite |
 //! | u | `factors` | (G·M, n, k), or `shared` | finite; of the after-images |
 //! | i | `target` | (G) | 0 … n − 1; read with `factors` |
+//! | M | `members` | () | ≥ 1: pairs in each group |
 //! | h | `held` | (G·M, k) | |
 //!
 //! # Rounding
 //! Copies.
 //!
 //! # Kinks and domain
-//! None. M pairs in each group, at least one.
+//! None. From files at most 2²⁶ numbers are held.
 //!
 //! # Adjoint
 //! v̄_g += Σ over the pairs of g of h̄_p in index order, or ū_p,i += h̄_p. Nothing is saved.

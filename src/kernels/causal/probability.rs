@@ -1,4 +1,4 @@
-//! `causal.probability`: how likely each edge is, without noise.
+//! `causal.probability`: edge probabilities, without noise.
 //!
 //! p_ij = σ(U_ij/τ),   p_ii = 0                                                                     (LAST; chapter *Learned causes*)
 //!

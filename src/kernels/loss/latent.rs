@@ -16,7 +16,7 @@
 //! f64. One left fold over the numbers of the first half, then of the second, each square times the share 1/(h d).
 //!
 //! # Kinks and domain
-//! None.
+//! No kinks. d ≥ 1.
 //!
 //! # Adjoint
 //! ū += ((2 L̄/(h d)) (u − u')/s)/s, ε̄ likewise. Nothing is saved.
@@ -42,15 +42,18 @@ pub struct Half<'a> {
     pub spread: &'a [f64],
 }
 
-/// 1/(h d).
+/// 1/(h d), after the halves were held to their shape.
 fn share(halves: &[Half<'_>]) -> f64 {
-    1.0 / (halves.len() * halves[0].x.len()) as f64
+    let d = halves.first().expect("at least one half").x.len();
+    let fits = |half: &Half<'_>| [half.x.len(), half.real.len(), half.spread.len()] == [d; 3];
+    assert!(halves.iter().all(fits), "arrays of one length");
+    1.0 / (halves.len() * d) as f64
 }
 
 /// L of one half or both.
 ///
 /// # Panics
-/// When the arrays of a half differ in length.
+/// When there is no half, or arrays differ in length.
 pub fn forward(halves: &[Half<'_>]) -> f64 {
     let share = share(halves);
     let mut value = 0.0;
@@ -66,9 +69,10 @@ pub fn forward(halves: &[Half<'_>]) -> f64 {
 /// Adds the gradient by x of half `which` for the cotangent `value_bar` to `x_bar` (d).
 ///
 /// # Panics
-/// When the arrays differ in length.
+/// When there is no such half, or arrays differ in length.
 pub fn adjoint(halves: &[Half<'_>], which: usize, value_bar: f64, x_bar: &mut [f64]) {
     let (scale, half) = (2.0 * value_bar * share(halves), &halves[which]);
+    assert_eq!(x_bar.len(), half.x.len(), "one gradient per number");
     for (at, bar) in x_bar.iter_mut().enumerate() {
         let off = (half.x[at] - half.real[at]) / half.spread[at];
         *bar += scale * off / half.spread[at];

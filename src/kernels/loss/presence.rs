@@ -5,7 +5,7 @@
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | l | `opacity_logits` | (N) | any |
-//! | s | `scales_log` | (N, 3) | ln of scene units; the mean is over 3N numbers |
+//! | s | `scales_log` | (N, 3) | ln of scene units, ≤ 88; the mean is over 3N numbers |
 //! | w_o, w_s | `opacity_weight`, `scale_weight` | () | ≥ 0 |
 //! | L | return | () | 0 without Gaussians |
 //!
@@ -13,7 +13,7 @@
 //! σ and exp by `num::elem` in f32; the sums by `num::sum::sum16_f64`; gradients in f32, left to right, with the weight over the count rounded once.
 //!
 //! # Kinks and domain
-//! None.
+//! No kinks. Above s = 88.72 e^s is ∞ in f32, and so are L and s̄.
 //!
 //! # Adjoint
 //! l̄ += (w_o L̄/N) σ(l) (1 − σ(l)),   s̄ += (w_s L̄/(3N)) e^s. The opacities and scales are saved.

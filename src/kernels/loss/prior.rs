@@ -1,7 +1,7 @@
 //! `loss.prior`: what is assumed of Gaussians that no camera sees: neighbours look alike, each is about as deep as it is wide and stays at its anchor.
 //!
 //! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²
-//!   + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)
+//!   + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)                        (of this project, without a paper)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -12,16 +12,17 @@
 //! | | `sh` | (N, C, 3) | only the constant coefficients are compared |
 //! | near(g) | `near` | (N, K) | indices of the nearest Gaussians; −1 (`u32::MAX`) where there are fewer |
 //! | ln d | `gap` | (N) | logarithm of the distance to the nearest, a constant |
-//! | κ | `reach` | () | > 0: how far a Gaussian reaches into the gap |
-//! | r | `radius` | () | > 0, scene units: distance at which straying costs w_t |
+//! | κ | `reach` | () | > 0 in f32: how far a Gaussian reaches into the gap |
+//! | r | `radius` | () | > 0, as is r² in f32; scene units: distance at which straying costs w_t |
 //! | w_r, w_f, w_t, w_o | `round`, `fill`, `anchor`, `solid` | () | ≥ 0 |
-//! | P | return | () | |
+//! | P | return | () | 0 without Gaussians |
 //!
 //! # Rounding
-//! f64 sums over Gaussians from the left, one per term, each with its weight at the end; gradients in f32, Gaussian by Gaussian, neighbour by neighbour.
+//! Differences, s̄, σ, ln κ and the counts N K and N are f32; squares of differences and their sums over Gaussians, from the left, one per term, are f64,
+//! each with its weight over its count at the end. Gradients in f32, Gaussian by Gaussian, neighbour by neighbour.
 //!
 //! # Kinks and domain
-//! None. The neighbours, gaps and anchors are constants.
+//! No kinks. The neighbours, gaps and anchors are constants. A mean over nothing is 0: without Gaussians P is 0, and with K = 0 so are the terms of pairs.
 //!
 //! # Adjoint
 //! Per pair ā_g += 2 w_a P̄/(N K) (a_g − a_h), ā_h −= the same; s̄_gk += 2 w_r P̄/N (s_gk − s̄_g) + 2 w_f P̄/(3N) (s̄_g − ln(κ d_g)) (the
@@ -160,7 +161,9 @@ pub fn forward<const K: usize>(w: &Weights, x: &In<'_, K>) -> f64 {
     }
     let [pairs, each] = x.counts();
     let weights = [w.color, w.opacity, w.scale, w.round, w.fill, w.anchor, w.solid];
-    (0..7).fold(0.0, |p, k| p + f64::from(weights[k]) * sums[k] / f64::from(if k < 3 { pairs } else { each }))
+    let counts = [pairs, pairs, pairs, each, each, each, each];
+    let kept = (0..7).filter(|&k| counts[k] > 0.0);
+    kept.fold(0.0, |p, k| p + f64::from(weights[k]) * sums[k] / f64::from(counts[k]))
 }
 
 /// Adds the gradients for the cotangent `value_bar` to `x_bar`.

@@ -1,6 +1,6 @@
-//! `nn.conv`: a convolution of pictures, channels last.
+//! `nn.conv`: a convolution of images, channels last, and a leaky ReLU after it.
 //!
-//! y(b,r,q,o) = β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c),   x = 0 beyond the border
+//! z(b,r,q,o) = β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c),   x = 0 beyond the border;   y = λ(z)
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
@@ -9,25 +9,28 @@
 //! | β | `bias`   | (O)                 | finite |
 //! | s | `stride` | ()                  | ≥ 1, both axes |
 //! | p | `pad`    | ()                  | ≥ 0, zeros on all four sides |
+//! | λ | `slope`  | ()                  | ≥ 0: slope a of the leaky ReLU of [`mod@super::act`]; 1 or left out for none |
 //! | y | `y`      | (B, H', W', O)      | H' = ⌊(H + 2p − KH)/s⌋ + 1, W' alike |
 //!
 //! The kernel is not mirrored (a cross-correlation, as everywhere in networks).
 //!
 //! # Rounding
 //! Each output is one chain of [`gemm`](crate::num::gemm) over (i, j, c) in memory order of the weight, from +0; beyond 4096 terms in
-//! chunks joined by the pairwise tree. Terms beyond the border count as products with +0, which change no bit. The bias is added last.
+//! chunks joined by the pairwise tree. Terms beyond the border count as products with +0, which change no bit. The bias is added after the chain; λ is one product.
 //!
 //! # Kinks and domain
-//! None: y is linear in each input. Overflow of finite inputs gives ±∞ as IEEE 754 does.
+//! z is linear in each input. With a slope the kink is that of the leaky ReLU: at z = 0 its slope is a. At least one channel. Overflow of finite inputs gives ±∞ as IEEE 754 does.
 //!
 //! # Adjoint
-//! W̄(o,i,j,c) += Σ over r, q of ȳ(b,r,q,o)·x(b, s·r+i−p, s·q+j−p, c),   β̄(o) += Σ over r, q of ȳ(b,r,q,o),   for b = 0, 1, …
+//! z̄ = ȳ where y > 0, else a·ȳ (as a ≥ 0, y > 0 where z > 0); without λ z̄ = ȳ
 //!
-//! x̄(b,h,w,c) += Σ over i, j, o of W(o,i,j,c)·ȳ(b, (h+p−i)/s, (w+p−j)/s, o)   where both quotients are whole and in range
+//! W̄(o,i,j,c) += Σ over r, q of z̄(b,r,q,o)·x(b, s·r+i−p, s·q+j−p, c),   β̄(o) += Σ over r, q of z̄(b,r,q,o),   for b = 0, 1, …
+//!
+//! x̄(b,h,w,c) += Σ over i, j, o of W(o,i,j,c)·z̄(b, (h+p−i)/s, (w+p−j)/s, o)   where both quotients are whole and in range
 //!
 //! The sum over r, q of one item is one chain (r, then q ascending; chunks of 4096 for W̄, a left fold for β̄), finished before it
 //! is added; items are added in index order, so a batch may be split into consecutive parts. The sum of x̄ is one chain over (i, j, o)
-//! ascending, finished before it is added; an entry that no output reads is left as it is. Nothing is saved: patches are gathered again.
+//! ascending, finished before it is added; an entry that no output reads is left as it is. With λ its results are read; else nothing is saved: patches are gathered again.
 //!
 //! # How it is fast
 //! A task copies the rows it needs with zeros around them; patches are then runs of that copy, multiplied where they lie
@@ -88,7 +91,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Output rows and columns H', W'; `None` where the kernel is empty or larger than the padded picture, or s = 0.
+    /// Output rows and columns H', W'; `None` where the kernel is empty or larger than the padded image, or s = 0.
     pub fn out(&self) -> Option<[usize; 2]> {
         let along = |size: usize, kernel: usize| {
             let room = (size + 2 * self.pad).checked_sub(kernel)?;
@@ -107,7 +110,7 @@ impl Shape {
     }
 
     fn fitting(&self) -> [usize; 2] {
-        self.out().expect("the kernel fits into the padded picture and the stride is positive")
+        self.out().expect("the kernel fits into the padded image and the stride is positive")
     }
 }
 
@@ -150,7 +153,7 @@ fn sized(mut buffer: Vec<f32>, len: usize) -> Vec<f32> {
     buffer
 }
 
-/// Rows and columns of a picture, some of them beyond its border; columns begin at 0 or before.
+/// Rows and columns of an image, some of them beyond its border; columns begin at 0 or before.
 #[derive(Clone, Debug)]
 struct Window {
     rows: Range<isize>,
@@ -166,7 +169,7 @@ impl Window {
         self.rows.len() * self.width()
     }
 
-    /// Copies the window of a picture (`height`, `width`, `channels`) with zeros beyond the border; `read(first, into)` gives its numbers from `first` on.
+    /// Copies the window of an image (`height`, `width`, `channels`) with zeros beyond the border; `read(first, into)` gives its numbers from `first` on.
     fn copy(
         &self,
         [height, width, channels]: [usize; 3],
@@ -189,7 +192,7 @@ impl Window {
     }
 }
 
-/// Consecutive rows of a batch of pictures of `height` rows, item by item: item, rows.
+/// Consecutive rows of a batch of images of `height` rows, item by item: item, rows.
 fn items(rows: Range<usize>, height: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
     let first = rows.start / height;
     let last = rows.end.div_ceil(height);
@@ -260,6 +263,6 @@ fn checked(x: &In<'_>) -> [usize; 2] {
     assert_eq!(x.x.len(), batch * height * width * channels, "x has the size of its shape");
     assert_eq!(x.weight.len(), outputs * x.shape.taps(), "the weight has the size of its shape");
     assert!(x.bias.is_empty() || x.bias.len() == outputs, "one bias per output");
-    assert!(channels > 0, "a picture has a channel");
+    assert!(channels > 0, "an image has a channel");
     x.shape.fitting()
 }

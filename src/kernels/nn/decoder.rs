@@ -43,6 +43,7 @@
 //! ```
 
 use super::act::leaky_relu_back;
+use super::linear::column_sums;
 use crate::num::gemm::{CHUNK, Finish, Packed, View, gemm, gemm_packed};
 use crate::num::par;
 
@@ -128,17 +129,15 @@ fn in_order(back: Back, latent: Vec<f32>, first_bias: Vec<f32>) -> [Vec<f32>; 9]
     [back.point, latent, first_bias, w1, b1, w2, b2, w3, b3]
 }
 
-/// Column sums, a left fold over the rows.
-fn column_sums(rows: &[f32], n: usize) -> Vec<f32> {
-    let mut sums = vec![0.0_f32; n];
-    for row in rows.chunks_exact(n) {
-        sums.iter_mut().zip(row).for_each(|(s, g)| *s += *g);
-    }
-    sums
-}
-
-/// R of values y.
-fn placed(y: &mut [f32], base: &[f32], scale: &[f32]) {
+/// Turns values y (…, O), as [`values`] gives them, into R at `base` of their shape.
+///
+/// # Panics
+/// When a buffer does not have the size of its shape.
+pub fn placed(y: &mut [f32], base: &[f32], scale: &[f32]) {
+    assert!(
+        base.len() == y.len() && y.len().is_multiple_of(scale.len()),
+        "one base per value, one scale per output"
+    );
     for (at, y) in y.iter_mut().enumerate() {
         *y = base[at] + scale[at % scale.len()] * *y;
     }

@@ -1,12 +1,13 @@
 //! `nn.linear`: an affine map of every row.
 //!
-//! y = x·Wᵀ + b,   y(i,j) = Σₖ x(i,k)·W(j,k) + b(j);   with a slope s: λ(y), the leaky ReLU of [`mod@super::act`] behind it in the same pass
+//! y = x·Wᵀ + b,   y(i,j) = Σₖ x(i,k)·W(j,k) + b(j);   with a slope s: λ(y), the leaky ReLU of [`mod@super::act`] after it in the same pass
 //!
 //! | symbol | argument | shape  | range  |
 //! |--------|----------|--------|--------|
 //! | x      | `x`      | (M, K) | finite |
 //! | W      | `weight` | (N, K) | finite |
 //! | b      | `bias`   | (N)    | finite |
+//! | s      | `slope`  | ()     | ≥ 0; 1 or left out for none |
 //! | y      | `y`      | (M, N) |        |
 //!
 //! # Rounding
@@ -17,10 +18,10 @@
 //! y is linear in each input; with a slope the kinks are those of the leaky ReLU. Overflow of finite inputs gives ±∞ as IEEE 754 does.
 //!
 //! # Adjoint
-//! x̄ += ȳ·W,   W̄ += ȳᵀ·x,   b̄(j) += Σᵢ ȳ(i,j)
+//! x̄ += z̄·W,   W̄ += z̄ᵀ·x,   b̄(j) += Σᵢ z̄(i,j),   z̄ = ȳ;   with a slope z̄ = ȳ where λ(y) > 0, else s·ȳ (as s ≥ 0, λ(y) > 0 where y > 0)
 //!
 //! The sums run over N, over M and over M, as chains like the one above; the sum of b̄ is a left fold over the rows from
-//! +0. Each is finished before it is added to what the caller accumulates. Nothing is saved.
+//! +0. Each is finished before it is added to what the caller accumulates. With a slope its results are read; else nothing is saved.
 //!
 //! # Example
 //! ```
@@ -115,14 +116,15 @@ pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
     }
     if !x_bar.bias.is_empty() {
         assert_eq!(x_bar.bias.len(), n, "one gradient per bias");
-        let mut columns = vec![0.0_f32; n];
-        for row in y_bar.chunks_exact(n) {
-            for (sum, g) in columns.iter_mut().zip(row) {
-                *sum += *g;
-            }
-        }
-        for (bar, sum) in x_bar.bias.iter_mut().zip(&columns) {
-            *bar += *sum;
-        }
+        x_bar.bias.iter_mut().zip(column_sums(y_bar, n)).for_each(|(bar, sum)| *bar += sum);
     }
+}
+
+/// Sums of the columns of rows (…, n), left folds from +0.
+pub(super) fn column_sums(rows: &[f32], n: usize) -> Vec<f32> {
+    let mut sums = vec![0.0_f32; n];
+    for row in rows.chunks_exact(n) {
+        sums.iter_mut().zip(row).for_each(|(s, g)| *s += *g);
+    }
+    sums
 }

@@ -1,14 +1,15 @@
 //! `nn.mlp`: a fully connected network, affine maps with max(0, ·) between them.
 //!
-//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L
+//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L                   (Glorot, Bordes and Bengio 2011)
 //!
-//! The layer of index `skip` takes the input again: its argument is (yˡ⁻¹, x), the input behind (the skinning field of GauHuman).
+//! The layer of index `skip` takes the input again: its argument is (yˡ⁻¹, x), in this order (the skinning field of GauHuman).
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
 //! | x | `x` | (M, K) | finite |
 //! | Wˡ | `weight` of a layer | (Nˡ, Kˡ) | finite; Kˡ is Nˡ⁻¹, and K more at `skip` |
 //! | bˡ | `bias` of a layer | (Nˡ) | finite |
+//! | | `skip` | () | index of a layer after the first, counted from 0; 0 in files, `None` here for none |
 //! | y | `y` | (M, Nᴸ) | |
 //!
 //! In files the layers are joined: `weights` holds the Wˡ one after the other, `biases` the bˡ, and `widths` is (K, N⁰, …, Nᴸ).
@@ -17,7 +18,7 @@
 //! Each layer is [`mod@super::linear`]; max(0, ·) is exact.
 //!
 //! # Kinks and domain
-//! max(0, z) has gradient 0 at z = 0. At least one layer; `skip` is a layer after the first.
+//! max(0, z) has gradient 0 at z = 0; a z that is NaN stays NaN. At least one layer; `skip` is a layer after the first.
 //!
 //! # Adjoint
 //! From the last layer to the first that of [`mod@super::linear`]; between two layers z̄ = ȳ where y > 0, else 0. The gradient by x is that of the
@@ -60,7 +61,7 @@ pub struct In<'a> {
     pub layers: &'a [Layer<'a>],
     /// rows M, at least one
     pub m: usize,
-    /// the layer that takes the input again
+    /// the layer that takes the input again, neither the first (0) nor beyond the last
     pub skip: Option<usize>,
 }
 
@@ -87,6 +88,13 @@ impl InBar {
     }
 }
 
+impl In<'_> {
+    fn hold_to_domain(&self) {
+        assert!(!self.layers.is_empty() && self.m > 0, "at least one layer and one row");
+        assert!(self.skip.is_none_or(|l| 0 < l && l < self.layers.len()), "skip is a layer after the first");
+    }
+}
+
 impl Layer<'_> {
     /// N and K.
     fn sizes(&self) -> [usize; 2] {
@@ -102,8 +110,9 @@ impl Layer<'_> {
 /// The network's values y, and what the adjoint needs.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or there is no layer or no row.
+/// When a buffer does not have the size of its shape, there is no layer or no row, or `skip` is no layer after the first.
 pub fn forward(x: &In<'_>) -> (Vec<f32>, Saved) {
+    x.hold_to_domain();
     let mut saved = Saved::default();
     let mut value = x.x.to_vec();
     for (l, layer) in x.layers.iter().enumerate() {
@@ -115,7 +124,7 @@ pub fn forward(x: &In<'_>) -> (Vec<f32>, Saved) {
         if l + 1 < x.layers.len() {
             par::chunks_mut(&mut y, CHUNK, |_, y| {
                 for v in y {
-                    *v = if *v > 0.0 { *v } else { 0.0 };
+                    *v = if *v <= 0.0 { 0.0 } else { *v };
                 }
             });
         }
@@ -127,8 +136,9 @@ pub fn forward(x: &In<'_>) -> (Vec<f32>, Saved) {
 /// Adds the gradients for the cotangent `y_bar` (M, Nᴸ) to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// As [`forward`].
 pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
+    x.hold_to_domain();
     let width = x.x.len() / x.m;
     let mut bar = y_bar.to_vec();
     for (l, layer) in x.layers.iter().enumerate().rev() {
@@ -155,7 +165,7 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
             for (r, row) in bar.chunks_exact_mut(n).enumerate() {
                 let from = &input[(c * ROWS + r) * k..][..n];
                 for (b, v) in row.iter_mut().zip(from) {
-                    *b = if *v > 0.0 { *b } else { 0.0 };
+                    *b = if *v <= 0.0 { 0.0 } else { *b };
                 }
             }
         });

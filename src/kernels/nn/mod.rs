@@ -3,7 +3,7 @@
 //! ```text
 //! rows x, weights ── linear ──► rows y        over num::gemm; called by `ops`
 //! values x, slope ── act ─────► values y      entry by entry
-//! pictures x, filters ── conv ► pictures y    patches, over num::gemm
+//! images x, filters ──── conv ► images y      patches, over num::gemm
 //! rows x, layers ── mlp ──────► rows y        linear layers with max(0, ·) between them
 //! logits x, shares ── softmax ► shares y      row by row
 //! codes, factors ── decoder ──► points        a network at every coordinate, conditioned on factors

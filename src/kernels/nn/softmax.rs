@@ -1,4 +1,4 @@
-//! `nn.softmax`: shares of a whole, from logarithms that are added to given shares.
+//! `nn.softmax`: the softmax of every row, with weights that may be given.
 //!
 //! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = `base` + `floor`: the softmax of ln w + x
 //!
@@ -9,15 +9,15 @@
 //! |---|---|---|---|
 //! | x | `x` | (M, K) | finite |
 //! | | `base` | (M, K), optional | ≥ 0 |
-//! | | `floor` | () | ≥ 0; every row has a w above 0 |
+//! | | `floor` | () | ≥ 0; every row has a w above 0, and Σ w is in the range of f32 |
 //! | y | `y` | (M, K) | 0..1, rows sum to 1 |
 //!
 //! # Rounding
-//! The largest x of a row is subtracted first, so that no exponential overflows; it may belong to a w of 0. Products w·exp, their left fold
-//! over the row, one division per entry.
+//! The largest x of a row among those with w > 0 is subtracted first, so that no exponential overflows and the sum is not 0. Products w·exp, 0
+//! where w = 0; their left fold over the row, one division per entry.
 //!
 //! # Kinks and domain
-//! None.
+//! No kinks. A row without a w above 0 has no softmax: it gives NaN here and is refused as input.
 //!
 //! # Adjoint
 //! x̄ += y ∘ (ȳ − ⟨y, ȳ⟩), the inner product a left fold over the row. `base` is a constant. The outputs are what is saved.
@@ -49,7 +49,7 @@ pub struct In<'a> {
     pub k: usize,
 }
 
-/// The shares y (M, K).
+/// The softmax y (M, K).
 ///
 /// # Panics
 /// When a buffer does not have the size of its shape.
@@ -61,11 +61,15 @@ pub fn forward(x: &In<'_>) -> Vec<f32> {
         for (r, row) in y.chunks_exact_mut(k).enumerate() {
             let at = (c * ROWS + r) * k;
             let logits = &x.x[at..at + k];
-            let most = logits.iter().fold(logits[0], |m, &x| order::max(m, x));
+            let weight = |j: usize| if x.base.is_empty() { 1.0 } else { x.base[at + j] + x.floor };
+            let mut most = f32::NEG_INFINITY;
+            for j in (0..k).filter(|&j| weight(j) > 0.0) {
+                most = order::max(most, logits[j]);
+            }
             let mut sum = 0.0;
             for j in 0..k {
-                let weight = if x.base.is_empty() { 1.0 } else { x.base[at + j] + x.floor };
-                row[j] = weight * elem::exp(logits[j] - most);
+                let w = weight(j);
+                row[j] = if w == 0.0 { 0.0 } else { w * elem::exp(logits[j] - most) };
                 sum += row[j];
             }
             for y in row {
@@ -76,7 +80,7 @@ pub fn forward(x: &In<'_>) -> Vec<f32> {
     y
 }
 
-/// Adds the gradient for the cotangent `y_bar` (M, K) of the shares `y` to `x_bar` (M, K).
+/// Adds the gradient for the cotangent `y_bar` (M, K) of the softmax `y` to `x_bar` (M, K).
 ///
 /// # Panics
 /// When a buffer does not have the size of its shape.

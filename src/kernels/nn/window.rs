@@ -2,7 +2,7 @@
 //!
 //! y(r, c) = Σ over pixels of v(r, row) · h(c, column) · x(row, column)
 //!
-//! h(c, j) = (S/a) · |\[l + c·a/S, l + (c + 1)·a/S\] ∩ \[j, j + 1\]|,   v likewise from t
+//! h(c, j) = (S/a) · |\[l + c·a/S, l + (c + 1)·a/S\] ∩ \[j, j + 1\]|,   v likewise from t            (chapter *Learned causes*, "The model")
 //!
 //! Pixels are squares of one colour, and black lies around the image: a number of the window is the mean over its cell.
 //!

@@ -1,6 +1,6 @@
 //! `shade.diffuse`: view-independent colours of Gaussians under light of the first order in their normals.
 //!
-//! c' = s · max(½ + Y₀ c, 0),   s = max(¼, 1 + n·d)
+//! c' = s · max(½ + Y₀ c, 0),   s = max(¼, 1 + n·d)                                  (bands 0 and 1 of Ramamoorthi and Hanrahan 2001)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -15,10 +15,10 @@
 //! f32; n·d as (x + y) + z. d̄ is a left fold over the Gaussians in f64, rounded once.
 //!
 //! # Kinks and domain
-//! A shade at ¼ has no gradient, nor has a colour whose ½ + Y₀ c is not above 0.
+//! A shade at or below ¼ has no gradient, nor has a colour whose ½ + Y₀ c is below 0; at 0 it has that of ½ + Y₀ c.
 //!
 //! # Adjoint
-//! c̄ += Y₀ s c̄',   s̄ = Σ_c max(½ + Y₀ c, 0) c̄',   d̄ += Σ over s > ¼ of s̄ n. The shades are what is saved.
+//! c̄ += Y₀ s c̄' where ½ + Y₀ c ≥ 0,   s̄ = Σ_c max(½ + Y₀ c, 0) c̄',   d̄ += Σ over s > ¼ of s̄ n. The shades are what is saved.
 //!
 //! Twin: `reference::shade::diffuse`.
 //!
@@ -58,10 +58,20 @@ pub struct InBar {
     pub toward: [f32; 3],
 }
 
+/// ½ + Y₀ c.
+fn raw(c: f32) -> f32 {
+    0.5 + Y0 * c
+}
+
+/// Whether a colour of the coefficient c has a gradient: ½ + Y₀ c ≥ 0.
+pub fn is_lit(c: f32) -> bool {
+    raw(c) >= 0.0
+}
+
 /// Shade of a normal.
 fn shade(normal: [f32; 3], toward: [f32; 3]) -> f32 {
     let s = 1.0 + ((normal[0] * toward[0] + normal[1] * toward[1]) + normal[2] * toward[2]);
-    if s > LEAST { s } else { LEAST }
+    if s <= LEAST { LEAST } else { s }
 }
 
 /// Colours (N, 3) and shades (N).
@@ -72,7 +82,7 @@ pub fn forward(x: &In<'_>) -> (Vec<[f32; 3]>, Vec<f32>) {
     assert_eq!(x.sh.len(), 3 * x.normals.len(), "a normal for every colour");
     let shades: Vec<f32> = x.normals.iter().map(|&n| shade(n, x.toward)).collect();
     let colors = x.sh.as_chunks::<3>().0.iter().zip(&shades);
-    let colors = colors.map(|(c, s)| c.map(|c| order::max(0.5 + Y0 * c, 0.0) * s)).collect();
+    let colors = colors.map(|(c, s)| c.map(|c| order::max(raw(c), 0.0) * s)).collect();
     (colors, shades)
 }
 
@@ -86,16 +96,17 @@ pub fn adjoint(x: &In<'_>, shades: &[f32], colors_bar: &[[f32; 3]], x_bar: &mut 
     for (i, (normal, &s)) in x.normals.iter().zip(shades).enumerate() {
         let mut shade_bar = 0.0f32;
         for c in 0..3 {
-            let base = 0.5 + Y0 * x.sh[3 * i + c];
-            if base > 0.0 {
+            let base = raw(x.sh[3 * i + c]);
+            if base >= 0.0 {
                 x_bar.sh[3 * i + c] += Y0 * s * colors_bar[i][c];
                 shade_bar += base * colors_bar[i][c];
             }
         }
-        if s > LEAST {
-            for c in 0..3 {
-                sum[c] += f64::from(normal[c]) * f64::from(shade_bar);
-            }
+        if s <= LEAST {
+            continue;
+        }
+        for c in 0..3 {
+            sum[c] += f64::from(normal[c]) * f64::from(shade_bar);
         }
     }
     x_bar.toward.iter_mut().zip(sum).for_each(|(bar, s)| *bar += s as f32);

@@ -1,12 +1,12 @@
 //! `shade.gain`: a render as bright as its moment, a gain per channel on what covers the background.
 //!
-//! x' = e^γ (x − (1 − α) b) + (1 − α) b
+//! x' = e^γ (x − (1 − α) b) + (1 − α) b                        (x = C + (1 − α) b is *over* of Porter and Duff 1984; the gain is on C)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | x | `image` | (H, W, 3) | sRGB-encoded |
 //! | α | `alpha` | (H, W) | coverage 0..1 |
-//! | γ | `gain` | (3) | logarithm of the gain of a channel |
+//! | γ | `gain` | (3) | logarithm of the gain of a channel, ≤ 88 |
 //! | b | `background` | (3) | sRGB-encoded; has no gain and gets no gradient |
 //! | x' | `lit` | (H, W, 3) | sRGB-encoded |
 //!
@@ -14,7 +14,7 @@
 //! f32 per pixel, in the order of the equation with (1 − α) b computed once. γ̄ per row in f64 from the left, rows by the pairwise tree, rounded once.
 //!
 //! # Kinks and domain
-//! None.
+//! No kinks. Above γ = 88.72 e^γ is ∞ in f32, and x' is ∞ or NaN. At least one pixel.
 //!
 //! # Adjoint
 //! x̄ += e^γ x̄',   ᾱ −= Σ_c (1 − e^γ_c) b_c x̄'_c,   γ̄_c += Σ over pixels of (x' − (1 − α) b)_c x̄'_c. The result x' is what is saved. It works in
@@ -62,7 +62,7 @@ pub fn forward(x: &In<'_>, image: &mut [f32]) {
 /// Turns the cotangent `image_bar` of the result `lit` (H, W, 3) into that of the image, adds to `alpha_bar` (H, W), and gives γ̄.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// When a buffer does not have the size of its shape, or rows of `width` pixels do not make up the image.
 pub fn adjoint(
     x: &In<'_>,
     lit: &[f32],
@@ -71,6 +71,8 @@ pub fn adjoint(
     alpha_bar: &mut [f32],
 ) -> [f32; 3] {
     assert!(lit.len() == 3 * x.alpha.len() && image_bar.len() == lit.len(), "three channels per pixel");
+    assert!(alpha_bar.len() == x.alpha.len(), "one gradient per coverage");
+    assert!(width > 0 && x.alpha.len().is_multiple_of(width), "whole rows");
     let g = x.gain.map(elem::exp);
     let rows = image_bar.chunks_exact_mut(3 * width).zip(alpha_bar.chunks_exact_mut(width)).enumerate();
     let sums: Vec<[f64; 3]> = rows

@@ -1,6 +1,6 @@
 //! `shade.over_black`: a render before black instead of its background.
 //!
-//! x' = x − (1 − α) b
+//! x' = x − (1 − α) b                                                         (x = x' + (1 − α) b is *over* of Porter and Duff 1984)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -29,7 +29,11 @@
 //! ```
 
 /// Takes the background out of an image (H, W, 3).
+///
+/// # Panics
+/// When the image does not have the size of its coverage.
 pub fn forward(alpha: &[f32], background: [f32; 3], image: &mut [f32]) {
+    assert_eq!(image.len(), 3 * alpha.len(), "three channels per pixel");
     for (rgb, a) in image.chunks_exact_mut(3).zip(alpha) {
         for k in 0..3 {
             rgb[k] -= (1.0 - a) * background[k];
@@ -38,7 +42,11 @@ pub fn forward(alpha: &[f32], background: [f32; 3], image: &mut [f32]) {
 }
 
 /// Adds the gradient by the coverage for the cotangent `bar` (H, W, 3) of the result to `alpha_bar` (H, W).
+///
+/// # Panics
+/// When the cotangent does not have the size of the coverage.
 pub fn alpha_adjoint(background: [f32; 3], bar: &[f32], alpha_bar: &mut [f32]) {
+    assert_eq!(bar.len(), 3 * alpha_bar.len(), "three channels per pixel");
     for (alpha_bar, g) in alpha_bar.iter_mut().zip(bar.chunks_exact(3)) {
         *alpha_bar += (g[0] * background[0] + g[1] * background[1]) + g[2] * background[2];
     }

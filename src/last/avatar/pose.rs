@@ -50,10 +50,12 @@ pub struct CorrectedPose {
 /// B_k for corrections (K) of the transforms of a capture.
 ///
 /// # Panics
-/// When the template is not a valid one.
+/// When the template is not a valid one, or a transform has no inverse.
 pub fn forward(template: &Template, transforms: &[Affine], corrections: &[[f32; 3]]) -> CorrectedPose {
     let sorted = Skeleton::new(template, transforms, corrections);
-    let (posed, saved) = pose::forward(sorted.input()).expect("a template has a joint, and parents first");
+    let posed = pose::forward(sorted.input());
+    let (posed, saved) =
+        posed.expect("a template has a joint and parents first, a moment transforms with inverses");
     let mut transforms = transforms.to_vec();
     template.order.iter().zip(posed).for_each(|(&k, b)| transforms[k] = b);
     CorrectedPose { transforms, sorted, saved }

@@ -1,23 +1,12 @@
 //! The decoder D_θ: from factors to what they show, at any coordinate of the template.
 //!
-//! h₁ = λ(W_t γ(t) + W_z z + b₀),  h₂ = λ(W₁h₁ + b₁),  h₃ = λ(W₂h₂ + b₂),  y = W₃h₃ + b₃,  R(t) = base(t) + scale∘y
-//!
-//! | symbol | shape | |
-//! |--------|-------|-|
-//! | z | (B, d) | factors; W_z z is added once per item |
-//! | γ(t) | (P, F) | code of a coordinate ([`code`], F = 27); none (F = 0, P = 1) for vectors |
-//! | λ | | leaky ReLU 0.2 |
-//! | base, scale | (P, O), (O) | points: (t, ½) and (½, ½, ½, 1, 1, 1) (`last.md` §4.4) |
+//! The network is [`nn.decoder`](mod@crate::nn::decoder): equation, rounding and adjoint are there. Here γ(t) is the code of a coordinate t ([`code`],
+//! F = 27), none (F = 0) for vectors; base and scale of points are (t, ½) and (½, ½, ½, 1, 1, 1) (`last.md` §4.4).
 //!
 //! The loss of §4.5 is part of the pass: L_b = (1/Q) Σ over q, c of w_c (R − target)² with w = 1/σ², a weight per item, and Q of the P coordinates.
 //!
-//! # How it is fast
-//! An item's activations stay in the cache from the forward pass through its adjoint; nothing is kept. Weights are packed once per batch. Vectors,
-//! items of one coordinate, are the rows of one product, with the same bits.
-//!
 //! # Rounding
-//! Layers as `nn.linear`. L_b is a left fold over (q, c) in f64. Gradients of the weights are one chain over q per item, finished before
-//! items are added in index order, so a batch may be split into consecutive parts.
+//! L_b is a left fold over (q, c) in f64.
 
 use super::encoder::{LAST, first_values};
 use crate::loss::points;

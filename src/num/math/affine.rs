@@ -17,11 +17,22 @@
 //! assert_eq!(compose(&a, &inverse(&a)), one);
 //! ```
 
+use std::ops::{Add, Div, Mul, Sub};
+
 /// Upper three rows of a transform, row-major.
 pub type Affine = [[f64; 4]; 3];
 
 /// A linear map, row-major.
 pub type Linear = [[f64; 3]; 3];
+
+/// f32 or f64.
+pub trait Number:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+}
+
+impl Number for f32 {}
+impl Number for f64 {}
 
 /// From f32.
 pub fn wide(a: &[[f32; 4]; 3]) -> Affine {
@@ -68,7 +79,7 @@ pub fn right_bar(a: &Affine, bar: &Affine) -> Affine {
 }
 
 /// Cofactors; over the determinant they are the inverse transposed.
-pub fn cofactors(m: &Linear) -> Linear {
+pub fn cofactors<T: Number>(m: &[[T; 3]; 3]) -> [[T; 3]; 3] {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
             let (a, b, c, d) = ((i + 1) % 3, (i + 2) % 3, (j + 1) % 3, (j + 2) % 3);
@@ -77,7 +88,7 @@ pub fn cofactors(m: &Linear) -> Linear {
     })
 }
 
-fn along_first_row(m: &Linear, c: &Linear) -> f64 {
+fn along_first_row<T: Number>(m: &[[T; 3]; 3], c: &[[T; 3]; 3]) -> T {
     (m[0][0] * c[0][0] + m[0][1] * c[0][1]) + m[0][2] * c[0][2]
 }
 
@@ -94,15 +105,24 @@ pub fn newton_to_rotation(r: &Linear) -> (Linear, f64) {
     (next, det)
 }
 
+/// Whether a transform whose linear part has that determinant is taken to have an inverse: 10⁻¹² < |det M| < 10¹².
+pub fn is_invertible(determinant: f64) -> bool {
+    let size = determinant.abs();
+    size > 1e-12 && size < 1e12
+}
+
+/// M⁻¹ and det M, which is not 0.
+pub fn inverse_linear<T: Number>(m: &[[T; 3]; 3]) -> ([[T; 3]; 3], T) {
+    let c = cofactors(m);
+    let det = along_first_row(m, &c);
+    (std::array::from_fn(|i| std::array::from_fn(|j| c[j][i] / det)), det)
+}
+
 /// The inverse of a transform whose determinant is not 0.
 pub fn inverse(a: &Affine) -> Affine {
-    let m = linear(a);
-    let c = cofactors(&m);
-    let det = along_first_row(&m, &c);
-    std::array::from_fn(|i| {
-        let r: [f64; 3] = std::array::from_fn(|j| c[j][i] / det);
-        [r[0], r[1], r[2], -((r[0] * a[0][3] + r[1] * a[1][3]) + r[2] * a[2][3])]
-    })
+    inverse_linear(&linear(a))
+        .0
+        .map(|r| [r[0], r[1], r[2], -((r[0] * a[0][3] + r[1] * a[1][3]) + r[2] * a[2][3])])
 }
 
 /// T(j) R T(−j): a rotation about a place.

@@ -1,4 +1,4 @@
-//! From somebody's arrays to checked inputs of an operator, and back.
+//! From user-supplied arrays to checked inputs of an operator, and back.
 
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};

@@ -12,7 +12,7 @@ pub(super) struct Draw {
 const PURPOSE: u16 = 0x6f70; // "op"
 
 impl Draw {
-    /// Array `array` of case `case`; operators draw from different seeds.
+    /// Array `array` of case `case`. Operators with the same seed draw the same numbers.
     pub(super) fn new(seed: u64, case: usize, array: u16) -> Self {
         Self { rng: Rng::new(seed), step: (case as u32) << 16 | u32::from(array) }
     }

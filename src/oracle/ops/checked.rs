@@ -163,6 +163,27 @@ impl<'a> Checked<'a> {
         }
     }
 
+    /// A number among the settings as the f32 that the operator reads.
+    ///
+    /// # Errors
+    /// When it is beyond the range of f32, or breaks a rule there.
+    pub fn single(
+        &self,
+        key: &str,
+        default: f64,
+        holds: impl Fn(f32) -> bool,
+        expected: &str,
+    ) -> Result<f32> {
+        let given = self.number(key).unwrap_or(default);
+        let single = given as f32;
+        if single.is_finite() && holds(single) {
+            return Ok(single);
+        }
+        Err(Error::input(format!("setting {key}"))
+            .expected(format!("{expected}, in the range of f32"))
+            .got(format!("{given:e}")))
+    }
+
     /// A choice among the settings.
     pub fn word(&self, key: &str) -> Option<&str> {
         match self.settings.get(key) {

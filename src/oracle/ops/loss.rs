@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, Checked, Op};
 use crate::Result;
 use crate::loss::{self, l1, mse, ssim};
 use crate::tape::check::Prediction;
@@ -10,18 +10,7 @@ use crate::{Error, num::array::Arrays};
 use reference::ports::Signature;
 
 const fn entry(signature: &'static Signature) -> Op {
-    Op {
-        signature,
-        adjoint: true,
-        width: Width::F32,
-        work_unit: "values",
-        work_ns: [10.0, 100.0],
-        check,
-        run: run_l1,
-        predict: left_out,
-        cases: 2,
-        case,
-    }
+    Op { work_unit: "values", check, predict: left_out, ..Op::new(signature, run_l1, case) }
 }
 
 /// `loss.l1`

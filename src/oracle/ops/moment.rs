@@ -2,30 +2,10 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
-use crate::Result;
+use super::op::{Case, Checked, Op};
 use crate::shade::{diffuse, gain, over_black};
 use crate::tape::check::Prediction;
-use reference::ports::Signature;
-
-const fn entry(
-    signature: &'static Signature,
-    run: fn(&Checked<'_>) -> Result<RunResult>,
-    case: fn(usize) -> Case,
-) -> Op {
-    Op {
-        signature,
-        adjoint: true,
-        width: Width::F32,
-        work_unit: "entries",
-        work_ns: [10.0, 100.0],
-        check: no_rule,
-        run,
-        predict: no_zeros,
-        cases: 2,
-        case,
-    }
-}
+use crate::{Error, Result};
 
 /// Three numbers of an input.
 fn three(x: &Checked<'_>, name: &str) -> [f32; 3] {
@@ -33,8 +13,11 @@ fn three(x: &Checked<'_>, name: &str) -> [f32; 3] {
 }
 
 /// `shade.diffuse`
-pub(super) static DIFFUSE: Op =
-    Op { predict: unlit, ..entry(&reference::shade::diffuse::SIGNATURE, run_diffuse, case_diffuse) };
+pub(super) static DIFFUSE: Op = Op {
+    predict: unlit,
+    cases: 3,
+    ..Op::new(&reference::shade::diffuse::SIGNATURE, run_diffuse, case_diffuse)
+};
 
 fn run_diffuse(x: &Checked<'_>) -> Result<RunResult> {
     let (sh, normals, n) = (x.f32s("sh"), x.rows::<3>("normals"), x.dim("N"));
@@ -51,15 +34,15 @@ fn run_diffuse(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Colours at their lower limit have no gradient.
-fn unlit(_: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
-    let black = ran.outputs.need("colors")?.to_f32().into_iter().map(|c| c == 0.0).collect();
+/// Colours below their lower limit have no gradient.
+fn unlit(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    let black = x.f32s("sh").into_iter().map(|c| !diffuse::is_lit(c)).collect();
     Ok(Prediction { zeros: [("sh".to_owned(), black)].into(), ..Prediction::default() })
 }
 
-/// Colours and shades on both sides of their limits, away from them; weak light.
+/// Colours and shades on both sides of their limits, away from them; weak light; a Gaussian without a normal.
 fn case_diffuse(case: usize) -> Case {
-    let n = [19, 7][case];
+    let n = [19, 7, 6][case];
     let draw = |array| Draw::new(80, case, array);
     let mut made = Case::default();
     let apart = |c: f32| if c < -1.5 { c - 1.0 } else { c };
@@ -73,13 +56,27 @@ fn case_diffuse(case: usize) -> Case {
     let side = |i: usize| if i % 4 == 1 { -4.0 } else { 4.0 };
     let normals =
         around.as_chunks::<3>().0.iter().enumerate().flat_map(|(i, v)| unit([v[0], v[1], v[2] + side(i)]));
+    let none = |i: usize| case == 2 && i / 3 == 2;
+    let normals = normals.enumerate().map(|(i, x)| if none(i) { 0.0 } else { x });
     made.inputs.put("normals", &[n, 3], normals.collect());
-    made.inputs.put("toward", &[3], [vec![0.25_f32, -0.5, 1.75], vec![0.25, 0.125, -0.25]][case].clone());
+    made.inputs.put(
+        "toward",
+        &[3],
+        [[0.25_f32, -0.5, 1.75], [0.25, 0.125, -0.25], [-0.125, 0.25, 0.5]][case].to_vec(),
+    );
     made
 }
 
 /// `shade.gain`
-pub(super) static GAIN: Op = entry(&reference::shade::gain::SIGNATURE, run_gain, case_image);
+pub(super) static GAIN: Op =
+    Op { check: check_gain, ..Op::new(&reference::shade::gain::SIGNATURE, run_gain, case_image) };
+
+fn check_gain(x: &Checked<'_>) -> Result<()> {
+    if x.dim("H") * x.dim("W") == 0 {
+        return Err(Error::input("array 'image'").expected("at least one pixel").got("none"));
+    }
+    x.rule("gain", "a number of at most 88, whose exponential is in the range of f32", |g| g <= 88.0)
+}
 
 fn run_gain(x: &Checked<'_>) -> Result<RunResult> {
     let (alpha, shape) = (x.f32s("alpha"), x.shape("image"));
@@ -117,7 +114,7 @@ fn case_image(case: usize) -> Case {
 
 /// `shade.over_black`
 pub(super) static OVER_BLACK: Op =
-    entry(&reference::shade::over_black::SIGNATURE, run_over_black, case_over_black);
+    Op::new(&reference::shade::over_black::SIGNATURE, run_over_black, case_over_black);
 
 fn run_over_black(x: &Checked<'_>) -> Result<RunResult> {
     let (alpha, shape, background) = (x.f32s("alpha"), x.shape("image"), three(x, "background"));

@@ -1,39 +1,21 @@
-//! Networks, shares and windows.
+//! Networks, softmax and windows.
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use super::op::{Case, Checked, Op};
 use crate::nn::{decoder, mlp, softmax, window::Window};
+use crate::num::array::Array;
+use crate::num::order;
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
-use reference::ports::Signature;
 use reference::settings::Setting;
-
-const fn entry(
-    signature: &'static Signature,
-    run: fn(&Checked<'_>) -> Result<RunResult>,
-    case: fn(usize) -> Case,
-) -> Op {
-    Op {
-        signature,
-        adjoint: true,
-        width: Width::F32,
-        work_unit: "entries",
-        work_ns: [10.0, 100.0],
-        check: no_rule,
-        run,
-        predict: no_zeros,
-        cases: 2,
-        case,
-    }
-}
 
 /// `nn.mlp`
 pub(super) static MLP: Op = Op {
     work_unit: "products",
     work_ns: [1.0, 60.0],
     check: |x| sizes(x).map(drop),
-    ..entry(&reference::nn::mlp::SIGNATURE, run_mlp, case_mlp)
+    ..Op::new(&reference::nn::mlp::SIGNATURE, run_mlp, case_mlp)
 };
 
 /// Outputs and inputs of every layer, and the layer that takes the input again.
@@ -97,28 +79,50 @@ fn run_mlp(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Two layers; four layers, of which the third takes the input again.
+/// How near generated numbers may come to the kink of a unit.
+const MARGIN: f32 = 0.05;
+
+/// W x + b.
+fn affine(weight: &[f32], x: &[f32], bias: &[f32]) -> Vec<f32> {
+    let row = |(row, bias): (&[f32], &f32)| row.iter().zip(x).fold(0.0, |sum, (w, x)| sum + w * x) + bias;
+    weight.chunks_exact(x.len()).zip(bias).map(row).collect()
+}
+
+/// Two layers; four layers, of which the third takes the input again, and more rows than one task has. Each of its hidden units is active in some rows
+/// and inactive in others, in none near its kink.
 fn case_mlp(case: usize) -> Case {
-    let (m, widths, skip) = [(17, &[3, 7, 2][..], 0), (9, &[2, 5, 4, 6, 3][..], 2)][case];
+    let (m, widths, skip) = [(17, &[3, 7, 2][..], 0), (70, &[2, 5, 4, 6, 3][..], 2)][case];
     let k = |l: usize| widths[l] + if skip > 0 && l == skip { widths[0] } else { 0 };
     let layers = 0..widths.len() - 1;
     let weights = layers.clone().fold(0, |sum, l| sum + widths[l + 1] * k(l));
     let biases = layers.fold(0, |sum, l| sum + widths[l + 1]);
     let draw = |array, len| Draw::new(13, case, array).normals(len);
     let mut made = Case::default();
-    made.inputs.put("x", &[m, widths[0]], draw(0, m * widths[0]));
     made.inputs.put("widths", &[widths.len()], widths.iter().map(|w| *w as i32).collect());
     let (mut weight, mut bias) = (draw(1, weights), draw(2, biases));
+    let mut rows = draw(0, m * widths[0]);
     if skip > 0 {
-        // No unit is 0 for every row: deeper layers are weak beside their biases.
-        let first = widths[1] * widths[0];
-        weight[first..].iter_mut().for_each(|w| *w *= 0.25);
-        let above: Vec<f32> = Draw::new(13, case, 3).uniforms(biases, 1.0, 1.5);
-        bias.iter_mut()
-            .zip(above)
-            .enumerate()
-            .for_each(|(at, (b, u))| *b = if at < widths[1] { u - 1.0 } else { u });
+        // Arrays in whose draws each unit changes sides, and each weight between hidden units has a row in which both are active.
+        weight = draw(26, weights);
+        bias = Draw::new(13, case, 41).uniforms(biases, -0.5, 0.75);
+        let apart = |row: &[f32]| {
+            let (mut w, mut b, mut value) = (&weight[..], &bias[..], row.to_vec());
+            (0..widths.len() - 2).all(|l| {
+                if l == skip {
+                    value.extend(row);
+                }
+                let (n, k) = (widths[l + 1], value.len());
+                value = affine(&w[..n * k], &value, &b[..n]);
+                (w, b) = (&w[n * k..], &b[n..]);
+                let apart = value.iter().all(|z| z.abs() >= MARGIN);
+                value.iter_mut().for_each(|z| *z = order::max(*z, 0.0));
+                apart
+            })
+        };
+        let pool = draw(0, 8 * m * widths[0]);
+        rows = pool.chunks_exact(widths[0]).filter(|row| apart(row)).take(m).flatten().copied().collect();
     }
+    made.inputs.put("x", &[m, widths[0]], rows);
     made.inputs.put("weights", &[weights], weight);
     made.inputs.put("biases", &[biases], bias);
     if skip > 0 {
@@ -129,16 +133,24 @@ fn case_mlp(case: usize) -> Case {
 
 /// `nn.softmax`
 pub(super) static SOFTMAX: Op =
-    Op { check: check_softmax, ..entry(&reference::nn::softmax::SIGNATURE, run_softmax, case_softmax) };
+    Op { check: check_softmax, ..Op::new(&reference::nn::softmax::SIGNATURE, run_softmax, case_softmax) };
 
 fn check_softmax(x: &Checked<'_>) -> Result<()> {
-    let floor = x.number("floor").unwrap_or(0.0);
-    if x.dim("K") == 0 || !(floor >= 0.0) {
-        return Err(Error::input("setting floor")
-            .expected("not negative, and at least one column")
-            .got(floor.to_string()));
+    if x.dim("K") == 0 {
+        return Err(Error::input("array 'x'").expected("at least one column").got("none"));
     }
-    x.rule("base", "a share, above 0 or with a floor above 0", |w| w + floor > 0.0)
+    let floor = x.single("floor", 0.0, |floor| floor >= 0.0, "not negative")?;
+    x.rule("base", "a weight of at least 0", |w| w >= 0.0)?;
+    for (i, row) in x.f32s("base").chunks_exact(x.dim("K")).enumerate() {
+        let sum = row.iter().fold(0.0, |sum, w| sum + (w + floor));
+        if !(sum > 0.0 && sum.is_finite()) {
+            return Err(Error::input("array 'base'")
+                .at(format!("row {i}"))
+                .expected("a weight above 0, floor included, and a sum in the range of f32")
+                .got(format!("the sum {sum}")));
+        }
+    }
+    Ok(())
 }
 
 fn run_softmax(x: &Checked<'_>) -> Result<RunResult> {
@@ -155,14 +167,14 @@ fn run_softmax(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Refined shares, some of them 0 but for the floor; the plain softmax over more rows than one task has.
+/// Refined weights, some of them 0 but for the floor; the plain softmax over more rows than one task has.
 fn case_softmax(case: usize) -> Case {
     let [m, k] = [[21, 5], [300, 3]][case];
     let mut made = Case::default();
     made.inputs.put("x", &[m, k], Draw::new(14, case, 0).normals(m * k));
     if case == 0 {
-        let shares = Draw::new(14, case, 1).uniforms(m * k, 0.05, 1.0);
-        let some = shares.into_iter().enumerate().map(|(i, w)| if i % 7 == 3 { 0.0 } else { w });
+        let weights = Draw::new(14, case, 1).uniforms(m * k, 0.05, 1.0);
+        let some = weights.into_iter().enumerate().map(|(i, w)| if i % 7 == 3 { 0.0 } else { w });
         made.inputs.put("base", &[m, k], some.collect());
         made.settings.insert("floor".to_owned(), Setting::Number(0.0625));
     }
@@ -174,7 +186,8 @@ pub(super) static DECODER: Op = Op {
     work_unit: "products",
     work_ns: [1.0, 60.0],
     check: check_decoder,
-    ..entry(&reference::nn::decoder::SIGNATURE, run_decoder, case_decoder)
+    cases: 5,
+    ..Op::new(&reference::nn::decoder::SIGNATURE, run_decoder, case_decoder)
 };
 
 fn check_decoder(x: &Checked<'_>) -> Result<()> {
@@ -214,7 +227,17 @@ fn run_decoder(x: &Checked<'_>) -> Result<RunResult> {
         })
         .collect();
     let mut ran = RunResult::default();
-    ran.outputs.put("points", &shape, decoder::forward(&params, &z, &items, &scale));
+    // Values at coordinates that all items share are another entrance to the same network.
+    let is_shared =
+        items.iter().all(|item| item.codes == items[0].codes) && (features > 0 || x.dim("Q") == 1);
+    let points = if is_shared {
+        let mut y = decoder::values(&params, items[0].codes, &z);
+        decoder::placed(&mut y, &base, &scale);
+        y
+    } else {
+        decoder::forward(&params, &z, &items, &scale)
+    };
+    ran.outputs.put("points", &shape, points);
     if let Some(points_bar) = x.bar("points", &shape)? {
         let passed = decoder::adjoint(&params, &z, &items, &scale, &|b, _, bar| {
             bar.copy_from_slice(&points_bar[b * size..(b + 1) * size]);
@@ -230,10 +253,17 @@ fn run_decoder(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Some coordinates of every item; one coordinate of each, the rows of one product. Weights are weak beside the biases, so that no derivative is taken
-/// near the kink of a unit.
+/// Case 0: some coordinates of every item; 1: one coordinate of each, the rows of one product; in both weights are weak beside the biases, so that no
+/// derivative is taken near the kink of a unit. Case 2: more items than are held at a time, each hidden unit on both sides; 3: vectors without
+/// coordinates; 4: coordinates that all items share; in these weights are strong, and items near a kink are left out.
 fn case_decoder(case: usize) -> Case {
-    let ([b, q, f, d], [h0, h1, h2, o]) = [([3, 5, 4, 3], [7, 6, 5, 6]), ([11, 1, 2, 2], [6, 5, 4, 3])][case];
+    let ([b, q, f, d], [h0, h1, h2, o]) = [
+        ([3, 5, 4, 3], [7, 6, 5, 6]),
+        ([11, 1, 2, 2], [6, 5, 4, 3]),
+        ([35, 2, 3, 2], [6, 5, 4, 3]),
+        ([24, 1, 0, 3], [5, 4, 5, 2]),
+        ([8, 3, 2, 2], [4, 5, 4, 3]),
+    ][case];
     let shapes: [(&str, &[usize]); 12] = [
         ("codes", &[b, q, f]),
         ("z", &[b, d]),
@@ -254,6 +284,8 @@ fn case_decoder(case: usize) -> Case {
         let draw = Draw::new(15, case, at as u16);
         let values = match name {
             "z" | "codes" | "base" => draw.normals(len),
+            _ if case >= 2 && name.starts_with("bias") => draw.uniforms(len, -0.5, 0.5),
+            _ if case >= 2 => draw.normals(len),
             _ if name.starts_with("bias") => {
                 let sign = |i: usize| if i % 3 == 1 { -1.0 } else { 1.0 };
                 draw.uniforms(len, 2.0, 3.0).into_iter().enumerate().map(|(i, b)| sign(i) * b).collect()
@@ -263,7 +295,45 @@ fn case_decoder(case: usize) -> Case {
         made.inputs.put(name, shape, values);
     }
     made.inputs.put("scale", &[o], (0..o).map(|c| if c < 3 { 0.5 } else { 1.25 }).collect());
+    if case >= 2 {
+        let (codes, z) = away_from_kinks(&made, case, [b, q, f, d]);
+        made.inputs.put("codes", &[b, q, f], codes);
+        made.inputs.put("z", &[b, d], z);
+    }
     made
+}
+
+/// Codes (B, Q, F) and factors (B, D) of items none of whose hidden units comes near its kink.
+fn away_from_kinks(made: &Case, case: usize, [b, q, f, d]: [usize; 4]) -> (Vec<f32>, Vec<f32>) {
+    let get = |name: &str| made.inputs.get(name).map(Array::to_f32).unwrap_or_default();
+    let [point, latent, bias0] = ["point", "latent", "bias0"].map(get);
+    let layers = [("weight1", "bias1"), ("weight2", "bias2")].map(|(w, b)| (get(w), get(b)));
+    let apart = |code: &[f32], z: &[f32]| {
+        let mut h = affine(&latent, z, &bias0);
+        for (h, row) in h.iter_mut().zip(point.chunks_exact(order::max(f, 1))) {
+            *h += row.iter().zip(code).fold(0.0, |sum, (w, x)| sum + w * x);
+        }
+        let mut apart = h.iter().all(|x| x.abs() >= MARGIN);
+        for (weight, bias) in &layers {
+            h.iter_mut().for_each(|x| *x = if *x > 0.0 { *x } else { decoder::SLOPE * *x });
+            h = affine(weight, &h, bias);
+            apart &= h.iter().all(|x| x.abs() >= MARGIN);
+        }
+        apart
+    };
+    let (mut codes, mut zs, mut at) = (Vec::new(), Vec::new(), 0);
+    let draw =
+        |array: u16, i: usize, n: usize| Draw::new(15, case, array).normals((i + 1) * n).split_off(i * n);
+    while zs.len() < b * d {
+        let own = if case == 4 { 0 } else { at };
+        let (code, z) = (draw(0, own, q * f), draw(1, at, d));
+        if (0..q).all(|i| apart(&code[i * f..(i + 1) * f], &z)) {
+            codes.extend(code);
+            zs.extend(z);
+        }
+        at += 1;
+    }
+    (codes, zs)
 }
 
 /// `nn.window`
@@ -271,7 +341,8 @@ pub(super) static WINDOW: Op = Op {
     work_unit: "pairs of a pixel and a cell",
     check: check_window,
     predict: outside,
-    ..entry(&reference::nn::window::SIGNATURE, run_window, case_window)
+    cases: 3,
+    ..Op::new(&reference::nn::window::SIGNATURE, run_window, case_window)
 };
 
 /// The square (left, top, side) in pixels, and the pixels of the window's side.
@@ -314,13 +385,14 @@ fn outside(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("image".to_owned(), zeros)].into(), ..Prediction::default() })
 }
 
-/// Cells of more than a pixel, partly beside the picture; cells within pixels.
+/// Cells of more than a pixel, partly to the left of the image; cells within pixels; a square that reaches beyond the image at the top, the right and
+/// the bottom.
 fn case_window(case: usize) -> Case {
-    let [h, w] = [[9, 12], [7, 8]][case];
+    let [h, w] = [[9, 12], [7, 8], [7, 9]][case];
     let mut made = Case::default();
     made.inputs.put("image", &[h, w, 3], Draw::new(16, case, 0).normals(h * w * 3));
-    made.inputs.put("corner", &[2], [vec![-2.25_f32, 1.5], vec![2.125, 1.625]][case].clone());
-    made.inputs.put("length", &[], vec![[9.5_f32, 3.25][case]]);
-    made.settings.insert("side".to_owned(), Setting::Number([4.0, 6.0][case]));
+    made.inputs.put("corner", &[2], [[-2.25_f32, 1.5], [2.125, 1.625], [5.5, -1.75]][case].to_vec());
+    made.inputs.put("length", &[], vec![[9.5_f32, 3.25, 12.5][case]]);
+    made.settings.insert("side".to_owned(), Setting::Number([4.0, 6.0, 5.0][case]));
     made
 }

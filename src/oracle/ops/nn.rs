@@ -141,7 +141,7 @@ pub(super) static CONV: Op = Op {
     check: check_conv,
     run: run_conv,
     predict: unread,
-    cases: 4,
+    cases: 5,
     case: case_conv,
 };
 
@@ -173,6 +173,9 @@ fn conv_shape(x: &Checked<'_>) -> Result<conv::Shape> {
 fn check_conv(x: &Checked<'_>) -> Result<()> {
     check_slope(x)?;
     let shape = conv_shape(x)?;
+    if shape.channels == 0 {
+        return Err(Error::input("array 'x'").expected("at least one channel").got("none"));
+    }
     if shape.out().is_some() {
         return Ok(());
     }
@@ -183,8 +186,8 @@ fn check_conv(x: &Checked<'_>) -> Result<()> {
 
 fn run_conv(x: &Checked<'_>) -> Result<RunResult> {
     let shape = conv_shape(x)?;
-    let (pictures, weight, bias) = (x.f32s("x"), x.f32s("weight"), x.f32s("bias"));
-    let input = conv::In { x: &pictures, weight: &weight, bias: &bias, shape };
+    let (images, weight, bias) = (x.f32s("x"), x.f32s("weight"), x.f32s("bias"));
+    let input = conv::In { x: &images, weight: &weight, bias: &bias, shape };
     let [rows, columns] = shape.out().expect("checked before");
     let size = [shape.batch, rows, columns, shape.outputs];
     let mut y = vec![0.0; crate::num::array::entries(&size)];
@@ -195,7 +198,7 @@ fn run_conv(x: &Checked<'_>) -> Result<RunResult> {
     let mut ran = RunResult::default();
     if let Some(y_bar) = x.bar("y", &size)? {
         let mut bar = conv::InBar {
-            x: x.start("x", pictures.len()),
+            x: x.start("x", images.len()),
             weight: x.start("weight", weight.len()),
             bias: x.start("bias", bias.len()),
         };
@@ -234,15 +237,17 @@ fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("x".to_owned(), unread)].into(), ..Prediction::default() })
 }
 
-/// The encoder's kernel, an oblong one of stride 1, one that skips pixels between outputs and at the border, and the encoder's with its leaky ReLU.
+/// The encoder's kernel, an oblong one of stride 1, one that skips pixels between outputs and at the border, the encoder's with its leaky ReLU, and a
+/// batch with a leaky ReLU.
 fn case_conv(case: usize) -> Case {
     let [x, w] = [
         [[2, 8, 10, 3], [5, 4, 4, 3]],
         [[1, 7, 6, 2], [3, 3, 2, 2]],
         [[3, 9, 12, 25], [18, 2, 3, 25]],
         [[1, 6, 4, 3], [4, 4, 4, 3]],
+        [[3, 4, 5, 2], [3, 3, 3, 2]],
     ][case];
-    let [stride, pad] = [[2.0, 1.0], [1.0, 1.0], [3.0, 0.0], [2.0, 1.0]][case];
+    let [stride, pad] = [[2.0, 1.0], [1.0, 1.0], [3.0, 0.0], [2.0, 1.0], [1.0, 1.0]][case];
     let draw = |array, shape: &[usize]| Draw::new(12, case, array).normals(crate::num::array::entries(shape));
     let mut made = Case::default();
     made.inputs.put("x", &x, draw(0, &x));
@@ -250,8 +255,8 @@ fn case_conv(case: usize) -> Case {
     made.inputs.put("bias", &[w[0]], draw(2, &w[..1]));
     made.settings.insert("stride".to_owned(), Setting::Number(stride));
     made.settings.insert("pad".to_owned(), Setting::Number(pad));
-    if case == 3 {
-        made.settings.insert("slope".to_owned(), Setting::Number(0.2));
+    if case >= 3 {
+        made.settings.insert("slope".to_owned(), Setting::Number([0.2, 0.125][case - 3]));
     }
     made
 }

@@ -63,6 +63,28 @@ pub struct Op {
     pub case: fn(usize) -> Case,
 }
 
+impl Op {
+    /// An entry with an adjoint in f32, two cases, no rule beyond the patterns of its ports and no predicted zeros; the rest is set where it differs.
+    pub(super) const fn new(
+        signature: &'static Signature,
+        run: fn(&Checked<'_>) -> Result<RunResult>,
+        case: fn(usize) -> Case,
+    ) -> Self {
+        Self {
+            signature,
+            adjoint: true,
+            width: Width::F32,
+            work_unit: "entries",
+            work_ns: [10.0, 100.0],
+            check: no_rule,
+            run,
+            predict: no_zeros,
+            cases: 2,
+            case,
+        }
+    }
+}
+
 /// An operator is read like its signature: `op.name`, `op.inputs`.
 impl Deref for Op {
     type Target = Signature;
@@ -82,7 +104,7 @@ impl std::fmt::Debug for Op {
 pub struct Checked<'a> {
     /// the operator
     pub op: &'static Op,
-    /// what was asked
+    /// the call as it was given
     pub call: &'a Call,
     /// sizes of the axes
     pub dims: Dims,

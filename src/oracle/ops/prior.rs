@@ -41,10 +41,16 @@ fn weights(x: &Checked<'_>) -> prior::Weights {
 }
 
 fn check_prior(x: &Checked<'_>) -> Result<()> {
-    for key in ["reach", "radius"] {
-        if let Some(value) = x.number(key).filter(|value| !(*value > 0.0)) {
-            return Err(Error::input(format!("setting {key}")).expected("above 0").got(value.to_string()));
-        }
+    for key in ["color", "opacity", "scale", "round", "fill", "anchor", "solid"] {
+        x.single(key, 0.0, |w| w >= 0.0, "not negative")?;
+    }
+    x.single("reach", 1.0, |reach| reach > 0.0, "above 0")?;
+    let radius = x.number("radius").unwrap_or(1.0);
+    let square = (radius * radius) as f32;
+    if !(radius > 0.0 && square > 0.0 && square.is_finite()) {
+        return Err(Error::input("setting radius")
+            .expected("above 0, its square in the range of f32")
+            .got(format!("{radius:e}")));
     }
     if x.dim("N") == 0 || x.dim("C") == 0 {
         return Err(Error::input("array 'sh'").expected("a Gaussian with a coefficient").got("none"));
@@ -141,10 +147,13 @@ pub(super) static PRESENCE: Op = Op {
 };
 
 fn check_presence(x: &Checked<'_>) -> Result<()> {
-    if x.dim("N") > 0 {
-        return Ok(());
+    if x.dim("N") == 0 {
+        return Err(Error::input("array 'opacity_logits'").expected("at least one Gaussian").got("none"));
     }
-    Err(Error::input("array 'opacity_logits'").expected("at least one Gaussian").got("none"))
+    for key in ["opacity_weight", "scale_weight"] {
+        x.single(key, 0.01, |w| w >= 0.0, "not negative")?;
+    }
+    x.rule("scales_log", "a number of at most 88, whose exponential is in the range of f32", |s| s <= 88.0)
 }
 
 fn run_presence(x: &Checked<'_>) -> Result<RunResult> {

@@ -2,36 +2,57 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
-use crate::Result;
+use super::op::{Case, Checked, Op};
 use crate::body::pose::Affine;
 use crate::body::rest::{self, In, InBar, Out};
+use crate::tape::check::Prediction;
+use crate::{Error, Result};
 
 /// `body.rest`
-pub(super) static REST: Op = Op {
-    signature: &reference::body::rest::SIGNATURE,
-    adjoint: true,
-    width: Width::F32,
-    work_unit: "entries",
-    work_ns: [10.0, 100.0],
-    check: no_rule,
-    run,
-    predict: no_zeros,
-    cases: 1,
-    case,
-};
+pub(super) static REST: Op =
+    Op { check, predict: unread, cases: 3, ..Op::new(&reference::body::rest::SIGNATURE, run, case) };
+
+struct Given {
+    points: Vec<[f32; 3]>,
+    factors: Vec<[f32; 9]>,
+    weights: Vec<f32>,
+    canonical: Option<Vec<Affine>>,
+    offsets: Option<Vec<[f32; 3]>>,
+}
+
+impl Given {
+    fn of(x: &Checked<'_>) -> Self {
+        let canonical = || x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
+        Self {
+            points: x.rows("points"),
+            factors: x.rows("factors"),
+            weights: x.f32s("weights"),
+            canonical: x.has("canonical").then(canonical),
+            offsets: x.has("offsets").then(|| x.rows("offsets")),
+        }
+    }
+
+    fn input(&self) -> In<'_> {
+        In {
+            points: &self.points,
+            factors: &self.factors,
+            weights: &self.weights,
+            canonical: self.canonical.as_deref(),
+            offsets: self.offsets.as_deref(),
+        }
+    }
+}
+
+fn check(x: &Checked<'_>) -> Result<()> {
+    if x.dim("K") == 0 {
+        return Err(Error::input("array 'weights'").expected("at least one joint").got("none"));
+    }
+    Given::of(x).input().check()
+}
 
 fn run(x: &Checked<'_>) -> Result<RunResult> {
-    let (points, factors, weights) = (x.rows::<3>("points"), x.rows::<9>("factors"), x.f32s("weights"));
-    let canonical: Vec<Affine> = x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
-    let (offsets, p) = (x.rows::<3>("offsets"), points.len());
-    let input = In {
-        points: &points,
-        factors: &factors,
-        weights: &weights,
-        canonical: x.has("canonical").then_some(&canonical),
-        offsets: x.has("offsets").then_some(&offsets),
-    };
+    let given = Given::of(x);
+    let (input, p) = (given.input(), given.points.len());
     let (out, saved) = rest::forward(&input);
     let mut ran = RunResult::default();
     ran.outputs.put("rest_points", &[p, 3], out.points.into_flattened());
@@ -43,7 +64,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
         let mut x_bar = InBar {
             points: x.start_rows("points", p),
             factors: x.start_rows("factors", p),
-            weights: x.start("weights", weights.len()),
+            weights: x.start("weights", given.weights.len()),
         };
         rest::adjoint(&input, &saved, &out_bar, &mut x_bar);
         ran.gradients.put("points", &[p, 3], x_bar.points.into_flattened());
@@ -53,10 +74,15 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Bones near rigid with offsets, over more points than one block. Where rest is canonical the operator copies and the weights have no gradient: a
-/// test of the fit holds that.
+/// Where rest is canonical the weights are not read.
+fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+    let unread = (!x.has("canonical")).then(|| "weights".to_owned());
+    Ok(Prediction { unread: unread.into_iter().collect(), ..Prediction::default() })
+}
+
+/// Bones near rigid with offsets, over more points than one block; rest that is canonical, where the operator copies; bones without offsets.
 fn case(case: usize) -> Case {
-    let [p, k] = [280, 3];
+    let [p, k] = [[280, 3], [9, 2], [7, 4]][case];
     let draw = |array| Draw::new(71, case, array);
     let mut weights = draw(0).uniforms(p * k, 0.05, 1.0);
     for row in weights.chunks_exact_mut(k) {
@@ -70,7 +96,11 @@ fn case(case: usize) -> Case {
     made.inputs.put("points", &[p, 3], draw(1).normals(3 * p));
     made.inputs.put("factors", &[p, 3, 3], draw(2).normals(9 * p));
     made.inputs.put("weights", &[p, k], weights);
-    made.inputs.put("canonical", &[k, 3, 4], bones);
-    made.inputs.put("offsets", &[p, 3], draw(4).normals(3 * p));
+    if case != 1 {
+        made.inputs.put("canonical", &[k, 3, 4], bones);
+    }
+    if case == 0 {
+        made.inputs.put("offsets", &[p, 3], draw(4).normals(3 * p));
+    }
     made
 }

@@ -2,7 +2,7 @@
 
 use super::call::{Call, Settings};
 use super::op::{Case, Checked, Op};
-use super::twin::{self, Asked};
+use super::twin::{self, TwinCall};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
 use crate::tape::check::{Evaluation, On, Prediction, Step, Subject, Values, Variable};
@@ -21,7 +21,7 @@ pub struct OpSubject {
     op: &'static Op,
     label: String,
     call: Call,
-    asked: Asked,
+    twin_call: TwinCall,
     plan: Named<f64>,
     outputs: Values,
     variables: Vec<Variable>,
@@ -70,7 +70,7 @@ impl OpSubject {
         Self::new(op, format!("{} case {index}", op.name), inputs, settings, Arrays::new())
     }
 
-    /// The operator at somebody's inputs, rounded to f32; cotangents that are not given are drawn.
+    /// The operator at user-supplied inputs, rounded to f32; cotangents that are not given are drawn.
     ///
     /// # Errors
     /// Bad input.
@@ -93,16 +93,16 @@ impl OpSubject {
         let variables: Vec<Variable> = op
             .inputs
             .iter()
-            .filter(|p| op.adjoint && p.differentiable && checked.has(p.name))
+            .filter(|p| op.adjoint && p.differentiable && !checked.f32s(p.name).is_empty())
             .map(|p| Variable { name: p.name.to_owned(), step: step(p.space) })
             .collect();
         let inputs = variables.iter().map(|v| (v.name.clone(), checked.f64s(&v.name))).collect();
-        let asked = Asked::new(&checked);
+        let twin_call = TwinCall::new(&checked);
         let bar_shapes = call.cotangents.0.iter().map(|(n, a)| (n.clone(), a.shape().to_vec())).collect();
         Ok(Self {
             op,
             label,
-            asked,
+            twin_call,
             plan: twin::to_twin(&ran.plan),
             outputs: flat(&ran.outputs),
             variables,
@@ -119,7 +119,7 @@ impl OpSubject {
     }
 
     fn request(&self, on: On) -> twins::Request<'_> {
-        twins::Request { plan: self.plan_for(on), ..self.asked.request() }
+        twins::Request { plan: self.plan_for(on), ..self.twin_call.request() }
     }
 
     fn shaped_bars(&self, out_bar: &Values) -> Named<f64> {
@@ -174,7 +174,7 @@ impl Subject for OpSubject {
         }
         if let Some(start) = start {
             for (name, v) in start {
-                let shape = &self.asked.inputs[name].shape;
+                let shape = &self.twin_call.inputs[name].shape;
                 match self.op.width {
                     super::op::Width::F32 => {
                         call.start.put(name, shape, v.iter().map(|&x| x as f32).collect())
@@ -186,7 +186,7 @@ impl Subject for OpSubject {
         Ok(flat(&super::run(self.op, &call)?.gradients))
     }
     fn value(&self, x: &Values, on: On) -> Result<Evaluation> {
-        let mut inputs = self.asked.inputs.clone();
+        let mut inputs = self.twin_call.inputs.clone();
         for (name, values) in x {
             if let Some(input) = inputs.get_mut(name) {
                 input.data.clone_from(values);
@@ -199,7 +199,7 @@ impl Subject for OpSubject {
     fn jvp(&self, x_dot: &Values, on: On) -> Result<Values> {
         let mut tangents = Named::new();
         for (name, v) in x_dot {
-            let shape = self.asked.inputs.get(name).map(|a| a.shape.clone());
+            let shape = self.twin_call.inputs.get(name).map(|a| a.shape.clone());
             let shape =
                 shape.ok_or_else(|| Error::input(format!("tangent of '{name}'")).expected("an input"))?;
             tangents.insert(name.clone(), Arr { shape, data: v.clone() });

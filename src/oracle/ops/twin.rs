@@ -22,20 +22,20 @@ pub(super) fn from_twin(arrays: Named<f64>) -> Arrays {
     Arrays(arrays.into_iter().map(|(name, a)| (name, Array::new(&a.shape, a.data))).collect())
 }
 
-/// A checked call in the twin's terms.
-pub(super) struct Asked {
+/// A checked call in the twin's types.
+pub(super) struct TwinCall {
     /// operator
     op: &'static Op,
     /// inputs
     pub(super) inputs: Named<f64>,
     /// settings in their final form
     settings: Settings,
-    /// decisions to obey
+    /// discrete decisions to use
     plan: Option<Named<f64>>,
 }
 
-impl Asked {
-    /// What a checked call asks.
+impl TwinCall {
+    /// From a checked call.
     pub(super) fn new(x: &Checked<'_>) -> Self {
         Self {
             op: x.op,
@@ -63,11 +63,11 @@ pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
 /// Bad input.
 pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
     let x = Checked::new(op, call, false)?;
-    let asked = Asked::new(&x);
+    let twin_call = TwinCall::new(&x);
     let (answer, gradients) = if x.with_gradients() {
-        twins::vjp(&asked.request(), &to_twin(&x.cotangents)).map_err(refused(op))?
+        twins::vjp(&twin_call.request(), &to_twin(&x.cotangents)).map_err(refused(op))?
     } else {
-        (twins::value(&asked.request()).map_err(refused(op))?, Named::new())
+        (twins::value(&twin_call.request()).map_err(refused(op))?, Named::new())
     };
     let intermediates = if call.dump { from_twin(answer.intermediates) } else { Arrays::new() };
     Ok(RunResult {
@@ -84,5 +84,5 @@ pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
 /// Bad input.
 pub fn work(op: &'static Op, call: &Call) -> Result<f64> {
     let x = Checked::new(op, call, false)?;
-    Ok(twins::work(&Asked::new(&x).request()) as f64)
+    Ok(twins::work(&TwinCall::new(&x).request()) as f64)
 }

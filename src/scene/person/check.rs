@@ -4,7 +4,7 @@ use super::records::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Shot, Templa
 use crate::io::capture::{Lens, Split};
 use crate::io::person::{self, Person};
 use crate::io::{MAX_SMALL_FILE_BYTES, image_file, read_bytes};
-use crate::math::affine::{determinant, linear, single, wide};
+use crate::math::affine::{determinant, is_invertible, linear, single, wide};
 use crate::num::array::Arrays;
 use crate::num::{order, par};
 use crate::scene::camera::{Camera, Model};
@@ -279,7 +279,7 @@ fn affines(name: &str, flat: &[f32], per_row: usize) -> Result<Vec<Affine>> {
         }
         let a: Affine = std::array::from_fn(|r| std::array::from_fn(|c| m[4 * r + c]));
         let d = determinant(&linear(&wide(&a)));
-        if !(d > 1e-12 && d < 1e12) {
+        if !(d > 0.0 && is_invertible(d)) {
             return Err(wrong(
                 i,
                 "a transform that mirrors and flattens nothing",

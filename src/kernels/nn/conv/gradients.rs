@@ -64,7 +64,7 @@ pub fn gradients_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], wanted: 
     bar
 }
 
-/// `how` the gradient of the pictures meets what is there.
+/// `how` the gradient of the images meets what is there.
 fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, x_bar: &mut InBar) {
     let [rows, columns] = checked(x);
     let size = x.shape.batch * rows * columns * x.shape.outputs;
@@ -83,7 +83,7 @@ fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, x_bar: &mut 
 /// What the gradients of weight and bias need of one item.
 #[derive(Default)]
 struct Item {
-    /// the picture with zeros around, and as many numbers beyond as lie between two patches
+    /// the image with zeros around, and as many numbers beyond as lie between two patches
     padded: Vec<f32>,
     /// ȳ (H'·W', O)
     cotangent: Packed,

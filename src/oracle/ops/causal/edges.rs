@@ -116,7 +116,7 @@ fn case_limit(case: usize) -> Case {
 pub(crate) static CODE: Op = Op {
     check: check_code,
     run: run_code,
-    predict: not_told,
+    predict: unlabelled,
     case: case_code,
     ..entry(&reference::causal::code::SIGNATURE)
 };
@@ -152,7 +152,7 @@ fn run_code(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// The first number of a code is 1; a factor that no group sets has no gradient.
-fn not_told(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn unlabelled(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let (target, k) = (targets(x), x.dim("K"));
     let zeros = (0..x.dim("N") * k).map(|at| at % k == 0 || !target.contains(&(at / k))).collect();
     Ok(Prediction { zeros: [("values".to_owned(), zeros)].into(), ..Prediction::default() })
@@ -177,8 +177,16 @@ pub(crate) static HELD: Op = Op {
     ..entry(&reference::causal::held::SIGNATURE)
 };
 
+/// Most numbers that are held: 512 MiB of them.
+const MOST: usize = 1 << 26;
+
 fn check_held(x: &Checked<'_>) -> Result<()> {
     let (members, groups) = (x.whole("members")?, x.dim("G"));
+    if groups.saturating_mul(members).saturating_mul(x.dim("K")) > MOST {
+        return Err(Error::input("array 'members'")
+            .expected(format!("at most {MOST} numbers in all groups"))
+            .got(format!("{groups} groups of {members} pairs of {} numbers", x.dim("K"))));
+    }
     let pairs = !x.has("factors") || x.dim("P") == groups * members;
     if x.has("shared") == x.has("factors") || members == 0 || !pairs || x.dim("K") == 0 {
         return Err(Error::input("array 'factors'")

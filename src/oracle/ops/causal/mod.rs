@@ -12,7 +12,7 @@ pub(super) use structure::{INTERVENE, STRUCTURE};
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use super::op::{Case, Checked, Op, Width};
 use crate::causal::{acyclic, mask};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
@@ -20,18 +20,7 @@ use reference::ports::Signature;
 use reference::settings::Setting;
 
 const fn entry(signature: &'static Signature) -> Op {
-    Op {
-        signature,
-        adjoint: true,
-        width: Width::F64,
-        work_unit: "entries",
-        work_ns: [100.0, 1000.0],
-        check: no_rule,
-        run: run_acyclic,
-        predict: no_zeros,
-        cases: 2,
-        case: case_acyclic,
-    }
+    Op { width: Width::F64, work_ns: [100.0, 1000.0], ..Op::new(signature, run_acyclic, case_acyclic) }
 }
 
 /// A setting above 0.

@@ -1,15 +1,14 @@
-//! Somebody's function, given as closures.
+//! Checks of a user's function, given as closures.
 
-use super::rungs::{Raw, WORST, excess, largest, probes, sane};
+use super::rungs::{Differences, largest, probes, sane};
 use super::subject::{FROZEN, LIVE, Options, Prediction, SKIPPED, Variable};
 use crate::num::order;
 use crate::tape::probe::Step;
 use crate::tape::probe::{self, Evaluation, UNIT, Values, direction, dot, norm};
-use crate::tape::report::Entry;
 use crate::tape::report::{Report, Rung};
 use crate::{Error, Result};
 
-/// Checks somebody's function: R0, the dot product against Richardson differences, and R3.
+/// Checks a user's function: R0, the dot product against Richardson differences, and R3.
 ///
 /// `value` returns the outputs at named inputs, `vjp` the gradients of ⟨outputs, cotangent⟩ by input name; every input
 /// is taken to be differentiable. Steps are h·max(1, |x|). A function that takes discrete decisions is checked by
@@ -88,8 +87,7 @@ pub fn function_with_log(
     let probes = probes(&variables, inputs, options);
     let exact: Vec<f64> = probes.iter().map(|p| dot(&p.v, &grads)).collect();
     let largest = largest(&probes, &exact);
-    let (mut worst, mut skipped) = (0.0, 0);
-    let mut raw = Raw::default();
+    let (mut skipped, mut differences) = (0, Differences::default());
     for (p, &exact) in probes.iter().zip(&exact) {
         let fd = if options.unit > UNIT {
             probe::ladder(&mut f, inputs, &p.v, &w, options.unit, exact)?
@@ -100,22 +98,9 @@ pub fn function_with_log(
             skipped += 1;
             continue;
         }
-        raw.add(&fd, exact, largest[&p.variable]);
-        let e = excess(&fd, exact, largest[&p.variable]);
-        if !(e <= LIVE) {
-            rung.worst.push(Entry {
-                array: p.variable.clone(),
-                index: p.index,
-                ours: exact,
-                reference: fd.value,
-            });
-        }
-        worst = order::max(worst, e);
+        differences.add(&mut rung, p, &fd, [exact, largest[&p.variable], LIVE]);
     }
-    rung.worst.truncate(WORST);
-    rung.note("derivatives taken", probes.len() as f64);
-    raw.note(&mut rung);
-    rung.hold("relative difference beyond rounding noise", worst, LIVE);
+    differences.report(&mut rung, probes.len(), LIVE);
     let allowed = order::max(1.0, SKIPPED * probes.len() as f64);
     rung.hold("skipped because a decision changed", f64::from(skipped), allowed);
     rungs.push(rung);

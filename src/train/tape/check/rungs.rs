@@ -47,12 +47,13 @@ pub(super) fn sane(
             rung.fail(format!("gradient of {name}[{i}] is {}", g[i]));
             continue;
         }
-        let predicted = |i: usize| known.zeros.get(name).is_some_and(|mask| mask[i]);
+        let unread = known.unread.contains(name);
+        let predicted = |i: usize| unread || known.zeros.get(name).is_some_and(|mask| mask[i]);
         let broken = (0..g.len()).filter(|&i| predicted(i) && g[i] != 0.0).count();
         let silent = (0..g.len()).filter(|&i| !predicted(i) && g[i] == 0.0).count();
         rung.hold(format!("predicted zeros of {name} that are not"), broken as f64, 0.0);
         rung.hold(format!("other entries of {name} that are zero"), silent as f64, 0.0);
-        if g.iter().all(|x| *x == 0.0) {
+        if g.iter().all(|x| *x == 0.0) && !unread {
             rung.fail(format!("gradient of {name} is zero everywhere: there is nothing to check"));
         }
     }
@@ -153,30 +154,54 @@ pub(super) fn probes(variables: &[Variable], inputs: &Values, options: &Options)
     out
 }
 
-/// Relative difference and rounding noise of the worst derivative, reported beside what has a bound.
+/// What the derivatives of a rung came to.
 #[derive(Default)]
-pub(super) struct Raw {
+pub(super) struct Differences {
+    /// Largest relative difference and relative rounding noise, reported beside what has a bound.
     difference: f64,
     noise: f64,
+    /// Largest [`excess`], which has one.
+    worst: f64,
 }
 
-impl Raw {
-    pub(super) fn add(&mut self, fd: &Derivative, exact: f64, largest: f64) {
+impl Differences {
+    /// Takes one derivative in; an excess beyond `bound` is listed among the worst entries.
+    pub(super) fn add(
+        &mut self,
+        rung: &mut Rung,
+        p: &Probe,
+        fd: &Derivative,
+        [exact, largest, bound]: [f64; 3],
+    ) {
         let scale = order::max(exact.abs(), SMALL * largest);
         if scale > 0.0 {
             self.difference = order::max(self.difference, (fd.value - exact).abs() / scale);
             self.noise = order::max(self.noise, fd.noise / scale);
         }
+        let e = excess(fd, exact, largest);
+        if !(e <= bound) {
+            rung.worst.push(Entry {
+                array: p.variable.clone(),
+                index: p.index,
+                ours: exact,
+                reference: fd.value,
+            });
+        }
+        self.worst = order::max(self.worst, e);
     }
 
-    pub(super) fn note(&self, rung: &mut Rung) {
+    /// Reports `taken` derivatives and holds the worst of them to `bound`.
+    pub(super) fn report(&self, rung: &mut Rung, taken: usize, bound: f64) {
+        rung.worst.truncate(WORST);
+        rung.note("derivatives taken", taken as f64);
         rung.note("largest relative difference", self.difference);
         rung.note("largest relative rounding noise", self.noise);
+        rung.hold("relative difference beyond rounding noise", self.worst, bound);
     }
 }
 
 /// Relative excess of |FD − AD| over its rounding noise, with small derivatives held against the largest one.
-pub(super) fn excess(fd: &Derivative, exact: f64, largest: f64) -> f64 {
+fn excess(fd: &Derivative, exact: f64, largest: f64) -> f64 {
     let beyond = (fd.value - exact).abs() - fd.noise;
     if beyond <= 0.0 {
         return 0.0;
@@ -202,22 +227,12 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     let exact =
         probes.iter().map(|p| Ok(dot(&subject.jvp(&p.v, On::Frozen)?, w))).collect::<Result<Vec<_>>>()?;
     let largest = largest(&probes, &exact);
-    let (mut worst, mut lowest, mut ordered, mut unsettled) = (0.0, f64::INFINITY, 0, 0);
+    let (mut lowest, mut ordered, mut unsettled) = (f64::INFINITY, 0, 0);
     let mut f = |x: &Values| subject.value(x, On::Frozen);
-    let mut raw = Raw::default();
+    let mut differences = Differences::default();
     for (p, &exact) in probes.iter().zip(&exact) {
         let fd = probe::ladder(&mut f, inputs, &p.v, w, UNIT, exact)?;
-        raw.add(&fd, exact, largest[&p.variable]);
-        let e = excess(&fd, exact, largest[&p.variable]);
-        if !(e <= FROZEN) {
-            rung.worst.push(Entry {
-                array: p.variable.clone(),
-                index: p.index,
-                ours: exact,
-                reference: fd.value,
-            });
-        }
-        worst = order::max(worst, e);
+        differences.add(&mut rung, p, &fd, [exact, largest[&p.variable], FROZEN]);
         let scale = order::max(exact.abs(), SMALL * largest[&p.variable]);
         unsettled += usize::from(!(fd.spread <= 10.0 * FROZEN * scale + 4.0 * fd.noise));
         if let Some(order) = fd.order {
@@ -225,10 +240,7 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
             lowest = order::min(lowest, order);
         }
     }
-    rung.worst.truncate(WORST);
-    rung.note("derivatives taken", probes.len() as f64);
-    raw.note(&mut rung);
-    rung.hold("relative difference beyond rounding noise", worst, FROZEN);
+    differences.report(&mut rung, probes.len(), FROZEN);
     rung.hold("derivatives whose two finest values disagree", unsettled as f64, 0.0);
     rung.note("derivatives whose order could be observed", f64::from(ordered));
     if ordered > 0 {
@@ -238,7 +250,7 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
 }
 
 /// How many of the entries that differ most are kept.
-pub(super) const WORST: usize = 10;
+const WORST: usize = 10;
 
 pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     let mut rung =
@@ -249,8 +261,8 @@ pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     let exact =
         probes.iter().map(|p| Ok(dot(&subject.jvp(&p.v, On::Live)?, w))).collect::<Result<Vec<_>>>()?;
     let largest = largest(&probes, &exact);
-    let (mut worst, mut skipped, mut mass) = (0.0, 0, 0.0);
-    let mut raw = Raw::default();
+    let (mut skipped, mut mass) = (0, 0.0);
+    let mut differences = Differences::default();
     for (p, &exact) in probes.iter().zip(&exact) {
         let fd = probe::live(&mut |x| subject.value(x, On::Live), inputs, &p.v, w, UNIT, log)?;
         if !fd.same_log {
@@ -259,22 +271,9 @@ pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
             mass += (fd.value - frozen.value).abs() * probe::live_width();
             continue;
         }
-        raw.add(&fd, exact, largest[&p.variable]);
-        let e = excess(&fd, exact, largest[&p.variable]);
-        if !(e <= LIVE) {
-            rung.worst.push(Entry {
-                array: p.variable.clone(),
-                index: p.index,
-                ours: exact,
-                reference: fd.value,
-            });
-        }
-        worst = order::max(worst, e);
+        differences.add(&mut rung, p, &fd, [exact, largest[&p.variable], LIVE]);
     }
-    rung.worst.truncate(WORST);
-    rung.note("derivatives taken", probes.len() as f64);
-    raw.note(&mut rung);
-    rung.hold("relative difference beyond rounding noise", worst, LIVE);
+    differences.report(&mut rung, probes.len(), LIVE);
     // a handful of probes has no meaningful percentage: one may always be skipped
     let allowed = order::max(1.0, SKIPPED * probes.len() as f64);
     rung.hold("skipped because a decision changed", f64::from(skipped), allowed);

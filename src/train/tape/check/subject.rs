@@ -30,6 +30,8 @@ pub struct Prediction {
     pub zeros: BTreeMap<String, Vec<bool>>,
     /// per variable: row length and directions d with ⟨d, x̄⟩ = 0 row by row
     pub nulls: BTreeMap<String, (usize, Vec<f64>)>,
+    /// variables that the operator does not read in this call: their gradients are 0 throughout, which is an error elsewhere
+    pub unread: Vec<String>,
     /// outputs in which +∞ stands for "none"
     pub infinite: Vec<String>,
 }
