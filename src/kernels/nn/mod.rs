@@ -5,7 +5,7 @@
 //! values x, slope ── act ─────► values y      entry by entry
 //! images x, filters ──── conv ► images y      patches, over num::gemm
 //! rows x, layers ── mlp ──────► rows y        linear layers with max(0, ·) between them
-//! logits x, shares ── softmax ► shares y      row by row
+//! logits x, weights ─ softmax ► softmax y     row by row
 //! codes, factors ── decoder ──► points        a network at every coordinate, conditioned on factors
 //! images ── window ───────────► squares       means over cells
 //! ```
