@@ -1,4 +1,4 @@
-//! The book: what the program computes, derived, and checked by the listings themselves.
+//! The book: derivations of what the program computes, checked by executable listings.
 //!
 //! ```text
 //! conventions ──► bit_contract ──► one_gaussian ──► adjoint_of_blending ──► profiles
@@ -6,19 +6,20 @@
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
 //!                             └──► light_and_rays ──► known_truth ──► learned_causes
-//! notation       paper symbol, name in the code, shape, unit        bibliography    what is cited
+//! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
-//! Every chapter goes the same way: the problem, the equation, the twin, numbers to check by hand, the product version and what it
-//! adds. Listings are doctests: `cargo test --release --doc` runs them, so a chapter that no longer holds is a failing test. Where an equation is
-//! too large for a listing, the test that evaluates it is named.
+//! Chapters on operators have the same structure: the problem, the equation, the *twin* (an independent double-precision
+//! implementation), numbers to check by hand, the product version and how it differs. Listings are doctests:
+//! `cargo test --release --doc` runs them, so an incorrect chapter is a failing test. Where an equation is too large for a
+//! listing, the chapter names the test that evaluates it.
 //!
-//! Runnable programs stand in `src/book/examples/`:
+//! Runnable programs are in `src/book/examples/`:
 //!
 //! ```text
-//! cargo run --release --example render_one_gaussian    a picture of one Gaussian, on the terminal, and its gradient
-//! cargo run --release --example check_my_gradient      a gradient of your own, right and wrong
-//! cargo run --release --example oracle_roundtrip       arrays through an operator, in f32 and f64, compared
+//! cargo run --release --example render_one_gaussian    an image of one Gaussian in the terminal, and its gradient
+//! cargo run --release --example check_my_gradient      check of a user-supplied gradient, correct and wrong
+//! cargo run --release --example oracle_roundtrip       an operator run in f32 and f64, with the results compared
 //! ```
 
 #[doc = include_str!("conventions.md")]
@@ -60,7 +61,7 @@ pub mod notation {}
 #[doc = include_str!("bibliography.md")]
 pub mod bibliography {}
 
-// The listings of the front page are tested too; its text is not part of the book.
+// The listings of the README are tested too; its text is not part of the book.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 mod front_page {}

@@ -1,18 +1,18 @@
-//! A gradient of your own, checked: once right, once with a mistake that is easily made.
+//! Checks a user-supplied gradient: a correct one and one with a common mistake.
 //!
 //! `cargo run --release --example check_my_gradient`
 
 use lastlight::check::{self, Options, Values};
 use lastlight::{Error, Result};
 
-/// y = v/‖v‖, three numbers to three numbers.
+/// Computes y = v/‖v‖ for a vector of three numbers.
 fn normalise(x: &Values) -> Result<Vec<f64>> {
     let v = &x["v"];
     let length = norm(v);
     Ok(v.iter().map(|v| v / length).collect())
 }
 
-/// v̄ = (ȳ − y (y·ȳ)) / ‖v‖
+/// Computes the correct gradient, v̄ = (ȳ − y (y·ȳ)) / ‖v‖.
 fn right(x: &Values, y_bar: &[f64]) -> Result<Values> {
     let (y, length) = (normalise(x)?, norm(&x["v"]));
     let radial = y.iter().zip(y_bar).fold(0.0, |s, (y, b)| s + y * b);
@@ -20,7 +20,7 @@ fn right(x: &Values, y_bar: &[f64]) -> Result<Values> {
     Ok([("v".to_owned(), v_bar)].into())
 }
 
-/// The length taken for a constant: every entry is there and finite, and the direction is wrong.
+/// Treats the length as a constant: every entry is present and finite, but the direction is wrong.
 fn wrong(x: &Values, y_bar: &[f64]) -> Result<Values> {
     let length = norm(&x["v"]);
     Ok([("v".to_owned(), y_bar.iter().map(|b| b / length).collect())].into())

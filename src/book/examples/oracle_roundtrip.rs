@@ -1,4 +1,4 @@
-//! Arrays through an operator: written, run in f32 and in f64, compared, and run again on a frozen plan.
+//! Writes the inputs of an operator, runs it in f64, runs it in f32 on the plan of the f64 run, and compares the results.
 //!
 //! `cargo run --release --example oracle_roundtrip`
 
@@ -17,7 +17,7 @@ fn main() -> Result<()> {
         }
     };
 
-    // A generated case with its cotangents, as somebody's program would write it. Results in the file are ignored with a note.
+    // A generated case with its cotangents, as a user's program would write it. Results in the file are ignored, with a note.
     npz::write(&file("in.npz"), &mint::golden(ops::find("splat.render")?, 0)?)?;
 
     let options = |out: &str, precision| Options {

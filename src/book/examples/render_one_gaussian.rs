@@ -1,4 +1,4 @@
-//! One Gaussian on the terminal: the scene of the chapter `one_gaussian`, its picture, and a gradient.
+//! Renders the scene of the chapter `one_gaussian`, prints its image to the terminal, and computes a gradient.
 //!
 //! `cargo run --release --example render_one_gaussian`
 
