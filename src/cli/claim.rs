@@ -1,38 +1,74 @@
-//! The rule for outputs that exist: nothing is overwritten unless asked.
+//! The rule for outputs: nothing that exists is overwritten without `--force`, and one program at a time writes to a folder.
 
+use crate::io::{atomic, lock::Lock};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
-/// Refuses a folder that cannot be taken; makes nothing.
+/// A folder that this program has taken.
+struct Taken {
+    lock: Lock,
+    dir: PathBuf,
+    /// the folder and those above it that were not there, the deepest first
+    made: Vec<PathBuf>,
+}
+
+/// The folders of this program.
+static TAKEN: Mutex<Vec<Taken>> = Mutex::new(Vec::new());
+
+/// Takes a folder until [`release`]; makes it if it is not there.
+fn take(dir: &Path) -> Result<()> {
+    let mut taken = TAKEN.lock().unwrap_or_else(PoisonError::into_inner);
+    let made: Vec<PathBuf> = dir
+        .ancestors()
+        .take_while(|a| !a.as_os_str().is_empty() && !a.exists())
+        .map(Path::to_path_buf)
+        .collect();
+    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
+    let dir = dir.canonicalize().map_err(|e| Error::os(dir, &e))?;
+    if taken.iter().all(|t| t.dir != dir) {
+        taken.push(Taken { lock: Lock::take(&dir)?, dir, made });
+    }
+    Ok(())
+}
+
+/// Gives back every folder that was taken. Those that were made and hold nothing are removed: a command that could not start leaves none.
+pub(crate) fn release() {
+    for Taken { lock, made, .. } in TAKEN.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+        drop(lock);
+        for dir in made {
+            if std::fs::remove_dir(dir).is_err() {
+                break; // it holds something
+            }
+        }
+    }
+}
+
+/// Takes the folder `dir`: makes it, or takes one that is empty, to be resumed, or given up by `--force`, and keeps other programs out until
+/// [`release`]. Nothing in it is deleted: later writes replace files of the same name, one by one and whole.
 ///
 /// # Errors
-/// When it is a file, or is not empty and neither flag is given.
+/// When it is a file, is not empty and neither flag is given, is in use by another program, or cannot be made.
 pub(crate) fn check(dir: &Path, resume: bool, force: bool) -> Result<()> {
-    if !dir.exists() {
-        return Ok(());
-    }
-    if !dir.is_dir() {
+    if dir.exists() && !dir.is_dir() {
         return Err(Error::input("--out").at(dir.display().to_string()).expected("a folder").got("a file"));
     }
-    let is_used = std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))?.next().is_some();
-    if is_used && !resume && !force {
+    if !resume && !force && !atomic::is_unused(dir)? {
         return Err(Error::input("--out")
             .at(dir.display().to_string())
             .expected("a new or empty folder")
             .got("a folder with files")
             .hint("--force replaces its files; an interrupted run is continued by --resume, where there is that option"));
     }
-    Ok(())
+    take(dir)
 }
 
-/// Makes the folder `dir`, or takes an existing one that is empty, to be resumed, or given up by `--force`.
-/// Nothing in it is deleted: later writes replace files of the same name, one by one and whole.
+/// [`check`], and the folder.
 ///
 /// # Errors
-/// Those of [`check`], and when it cannot be made.
+/// Those of [`check`].
 pub(crate) fn folder(dir: &Path, resume: bool, force: bool) -> Result<PathBuf> {
     check(dir, resume, force)?;
-    std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     Ok(dir.to_path_buf())
 }
 

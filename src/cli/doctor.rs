@@ -12,7 +12,7 @@ use serde_json::json;
 
 /// Print what this build and this machine are, and check that they compute the right bits.
 ///
-/// A tiny built-in scene is rendered and differentiated; the digests of the picture and of the gradients must be
+/// A tiny built-in scene is rendered and differentiated; the digests of the image and of the gradients must be
 /// those of every other machine. Exit code 1 when they are not.
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -21,7 +21,7 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// Digest of the picture of the built-in scene.
+/// Digest of the image of the built-in scene.
 const PICTURE: u64 = 0xe42f_dc6a_fe72_92cf;
 /// Digest of the gradients of its mean squared colour.
 const GRADIENTS: u64 = 0x7726_c3f0_82de_54e7;

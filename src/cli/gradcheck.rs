@@ -5,7 +5,7 @@ use crate::{Error, Result};
 use lastlight_oracle::oracle::gradcheck;
 use std::path::PathBuf;
 
-/// Check gradients: of our operators, or of somebody else's program.
+/// Check gradients: of our operators, or of your program.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -13,24 +13,24 @@ Examples:
   lastlight gradcheck splat.render --in scene.npz                one operator at your inputs
   lastlight gradcheck --exec 'python3 mine.py' --in mine.npz     your program, called as CMD IN.npz OUT.npz
 
-The program gets its inputs by name and a cotangent y_bar for every output y; it returns y, and x_bar for every input x
-it differentiates. Exit code 1 if a check fails.")]
+The program reads its inputs by name and a cotangent y_bar for every output y; it writes y, and x_bar for every input x
+that it differentiates. Exit code 1 if a check fails.")]
 pub struct Args {
-    /// Operators, see `oracle list`
+    /// Operators, as listed by `oracle list`
     op: Vec<String>,
-    /// Every operator of the list
+    /// Check every operator
     #[arg(long, conflicts_with = "op")]
     all: bool,
     /// Check at these inputs instead of the generated cases
     #[arg(long = "in", value_name = "IN.npz")]
     input: Option<PathBuf>,
-    /// Somebody's program
+    /// Your program
     #[arg(long, value_name = "CMD", requires = "input", conflicts_with_all = ["op", "all"])]
     exec: Option<String>,
-    /// A setting of the operator, with --in
+    /// Override a setting of the operator, with --in
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Entries per input whose derivative is taken one by one
+    /// Entries per input that are differentiated one by one
     #[arg(long, value_name = "N")]
     entries: Option<usize>,
     /// Seed of the random directions

@@ -61,11 +61,11 @@ Examples:
 Every result is a pure function of the input and the seed: the same bits for any number of threads.
 Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted (continue with --resume).";
 
-/// Bit-reproducible CPU reference of differentiable rendering.
+/// CPU reference for differentiable rendering with bit-for-bit reproducible results.
 #[derive(Parser)]
 #[command(name = "lastlight", version, about = "Bit-reproducible CPU reference of two differentiable-rendering systems, LAST and LIRM", after_help = EXAMPLES, max_term_width = 110, propagate_version = true)]
 struct Cli {
-    /// Threads to use [default: all cores]; changes the speed, never a bit
+    /// Number of threads [default: all cores]; results do not depend on it
     #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     #[command(subcommand)]
@@ -75,27 +75,27 @@ struct Cli {
 #[derive(Subcommand)]
 #[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 enum Command {
-    /// Fit a built-in person from a video and a built-in scene from photographs; one report with pictures
+    /// Fit a built-in person from a video and a built-in scene from photographs; one report with images
     Demo(demo::Args),
     /// Gaussian splatting of a static capture: fit, render, evaluate
     #[command(subcommand)]
     Splat(splat::Command),
-    /// A person from a video, guided by a learned causal structure
+    /// Animatable people from one video (LAST)
     #[command(subcommand)]
     Last(last::Command),
-    /// Triangle meshes: render any glTF or OBJ under any light, compare two surfaces
+    /// Triangle meshes: render glTF or OBJ under an environment map, compare two surfaces
     #[command(subcommand)]
     Mesh(mesh::Command),
-    /// The LIRM system: rendered objects to learn from
+    /// Relightable objects from photographs (LIRM); so far its training data
     #[command(subcommand)]
     Lirm(lirm::Command),
-    /// Run operators on your arrays, compare arrays, make golden files
+    /// Run operators on your arrays, compare arrays, write reference arrays
     Oracle(oracle::Args),
-    /// Check gradients: of our operators, or of somebody else's program
+    /// Check gradients of the operators or of your program
     Gradcheck(gradcheck::Args),
     /// Convert a scene of Gaussians between .ply, .splat and .npz
     Convert(convert::Args),
-    /// Print what this build and this machine are, and check that they compute the right bits
+    /// Describe this build and this machine, and check that they compute the reference bits
     Doctor(doctor::Args),
 }
 
@@ -115,7 +115,9 @@ pub fn main() -> ExitCode {
     }
     let threads =
         cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-    match par::with_threads(threads, || dispatch(cli.command)).and_then(|outcome| outcome) {
+    let outcome = par::with_threads(threads, || dispatch(cli.command)).and_then(|outcome| outcome);
+    claim::release();
+    match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
             console::note(&format!("error: {}", console::one_line(&e.to_string())));

@@ -24,7 +24,7 @@ enum Precision {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Operators, their inputs, outputs, shapes, dtypes, settings
+    /// List operators with their inputs, outputs, shapes, types and settings
     List {
         /// Print as JSON
         #[arg(long)]
@@ -33,29 +33,29 @@ enum Command {
     /// Run an operator on arrays; writes OUT.npz, OUT.plan.npz, OUT.digest.json
     #[command(after_help = "\
 IN.npz holds the inputs under the operator's argument names, floats and integers of any width. For every output y for
-which it also holds y_bar (the cotangent), OUT.npz holds x_bar for every differentiable input x. Arrays setting_KEY
-are settings; a setting that is a word may be given by its index in the list.
+which it also holds y_bar (the cotangent, grad_output in PyTorch), OUT.npz holds x_bar for every differentiable input x.
+Arrays named setting_KEY are settings; a setting with named values may be given by its index in the list.
 
 Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --precision f64 --profile gsplat --dump")]
     Run {
-        /// Operator, see `oracle list`
+        /// Operator, as listed by `oracle list`
         op: String,
-        /// Arrays in
+        /// Input arrays
         #[arg(long = "in", value_name = "IN.npz")]
         input: PathBuf,
-        /// Arrays out
+        /// Output arrays
         #[arg(long, value_name = "OUT.npz")]
         out: PathBuf,
-        /// Arithmetic
+        /// Precision: the f32 operator or its f64 twin
         #[arg(long, value_enum, default_value = "f32")]
         precision: Precision,
         /// Splatting semantics: exact, gsplat or inria [default: exact]
         #[arg(long)]
         profile: Option<String>,
-        /// A setting, in decimal text; wins over arrays setting_KEY
+        /// Override a setting, e.g. --set alpha_max=0.999 (repeatable; takes precedence over setting_KEY in IN.npz)
         #[arg(long, value_name = "KEY=VALUE")]
         set: Vec<String>,
-        /// Use these discrete decisions instead of taking them
+        /// Reuse the discrete decisions (visibility, order, cut-offs) stored in PLAN.npz
         #[arg(long, value_name = "PLAN.npz")]
         plan: Option<PathBuf>,
         /// Also write every intermediate
@@ -65,30 +65,30 @@ Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --preci
         #[arg(long)]
         json: bool,
     },
-    /// Compare somebody's arrays with ours; exit code 1 if they differ
+    /// Compare user-supplied arrays with reference arrays; exit code 1 if they differ
     Compare {
-        /// Somebody's arrays
+        /// User-supplied arrays
         theirs: PathBuf,
-        /// Ours
+        /// Reference arrays, written by `oracle run`
         ours: PathBuf,
-        /// Operator, if the names of the arrays leave it open
+        /// Operator; needed only when the names of the arrays are ambiguous
         #[arg(long)]
         op: Option<String>,
-        /// Largest relative L2 of an array
+        /// Largest accepted relative L2 error of an array
         #[arg(long, default_value_t = compare::TOLERANCE)]
         tol: f64,
-        /// Also write a self-contained page
+        /// Also write a self-contained HTML page
         #[arg(long, value_name = "REPORT.html")]
         html: Option<PathBuf>,
         /// Print as JSON
         #[arg(long)]
         json: bool,
     },
-    /// Make golden files from the f64 twin: OP_CASE.npz
+    /// Write reference arrays computed by the f64 twin: OP_CASE.npz
     Mint {
         /// Operators [default: all]
         op: Vec<String>,
-        /// Folder
+        /// Output folder
         #[arg(long, value_name = "DIR", default_value = "golden")]
         out: PathBuf,
         /// Print the list of files as JSON

@@ -8,44 +8,44 @@ use crate::{Error, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// How a folder is filled with what draws made.
+/// Seed, resumption, replacement and output of a command that fills a folder.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {
-    /// Seed of every draw
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// Go on where an interrupted run with the same settings stopped; the result has the bits of one that was not
+    /// Continue an interrupted run with the same settings; the result is bit-identical to an uninterrupted run
     #[arg(long)]
     pub(super) resume: bool,
-    /// Start over in a folder that is used, replacing the files of the run before
+    /// Start over in a non-empty folder; deletes only files written by the previous run
     #[arg(long, conflicts_with = "resume")]
     pub(super) force: bool,
     /// Print the record as JSON
     #[arg(long)]
     pub(super) json: bool,
-    /// No progress, no remarks
+    /// Print neither progress nor notes
     #[arg(long)]
     pub(super) quiet: bool,
 }
 
-/// What is replaced and what is said.
+/// Replacement and output.
 #[derive(clap::Args)]
 pub(super) struct ConsoleArgs {
-    /// Replace what is in --out
+    /// Replace existing files in --out
     #[arg(long)]
     pub(super) force: bool,
     /// Print the record as JSON
     #[arg(long)]
     pub(super) json: bool,
-    /// No progress, no remarks
+    /// Print neither progress nor notes
     #[arg(long)]
     pub(super) quiet: bool,
 }
 
-/// How likeness is measured as people see it.
+/// Perceptual metrics.
 #[derive(clap::Args)]
 pub(super) struct MetricArgs {
-    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` says how to write the file
+    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` describes the file
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
     /// Feed LPIPS values in 0 … 1 without 2x − 1, as GauHuman and Instant-NVR do
@@ -54,7 +54,7 @@ pub(super) struct MetricArgs {
 }
 
 impl MetricArgs {
-    /// The weights, or a remark that there are none.
+    /// The weights; without a file, prints a note.
     ///
     /// # Errors
     /// When the file is missing or malformed.
@@ -74,7 +74,7 @@ pub(super) struct Outcome {
     pub(super) page: Page,
     /// the result for a terminal
     pub(super) lines: Vec<String>,
-    /// mean PSNR of the held-out pictures in dB, that of the box for a person; NaN where nothing is held out
+    /// mean PSNR of the held-out images in dB, that of the box for a person; NaN where nothing is held out
     pub(super) held_out_db: f64,
 }
 
@@ -93,10 +93,10 @@ impl Outcome {
     }
 }
 
-/// A circle of cameras. What is not given is as usual for the command, whose help says it.
+/// A circle of cameras. Defaults depend on the command and are listed in its help.
 #[derive(clap::Args)]
 pub(super) struct OrbitArgs {
-    /// Picture size of an orbit
+    /// Image size of an orbit
     #[arg(long, value_name = "WxH", help_heading = "Orbit")]
     size: Option<String>,
     /// Horizontal field of view of an orbit in degrees
@@ -105,12 +105,12 @@ pub(super) struct OrbitArgs {
     /// Angle of an orbit above the horizon in degrees
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Orbit")]
     elevation: Option<f64>,
-    /// Distance of an orbit's cameras [default: all of it fits]
+    /// Distance of an orbit's cameras from its centre [default: the whole scene fits]
     #[arg(long, value_name = "R", help_heading = "Orbit")]
     radius: Option<f32>,
 }
 
-/// An orbit unless told otherwise.
+/// Defaults of an orbit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DefaultArgs {
     /// `WxH`
@@ -122,13 +122,13 @@ pub(super) struct DefaultArgs {
 }
 
 impl OrbitArgs {
-    /// Size as text, field of view, elevation, radius: as given, or as usual.
+    /// Size as text, field of view, elevation, radius: as given, or the defaults.
     pub(super) fn resolved(&self, usual: DefaultArgs) -> (&str, f64, f64, Option<f32>) {
         let size = self.size.as_deref().unwrap_or(usual.size);
         (size, self.fov.unwrap_or(usual.fov), self.elevation.unwrap_or(usual.elevation), self.radius)
     }
 
-    /// The circle that `--cameras orbit:N` asks for; `None` if it asks for something else.
+    /// The circle given by `--cameras orbit:N`; `None` for other values.
     ///
     /// # Errors
     /// When N is no whole number, or the size is none.

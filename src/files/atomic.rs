@@ -1,6 +1,6 @@
 //! Whole files or none: write beside the target, flush to disk, rename.
 
-use crate::{Error, Result};
+use crate::{Error, Result, lock};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
@@ -81,13 +81,33 @@ pub fn sweep(folder: &Path) -> Result<()> {
     }
     for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
         let entry = entry.map_err(|e| Error::os(folder, &e))?;
-        let name = entry.file_name();
-        let is_ours = |n: &str| n.starts_with(PREFIX) && n.ends_with(SUFFIX);
-        if name.to_str().is_some_and(is_ours) {
+        if entry.file_name().to_str().is_some_and(is_temporary) {
             remove(&entry.path())?;
         }
     }
     Ok(())
+}
+
+fn is_temporary(name: &str) -> bool {
+    name.starts_with(PREFIX) && name.ends_with(SUFFIX)
+}
+
+/// Whether a folder holds nothing that was finished: temporary files of a killed program and its lock do not count. A folder that is not
+/// there is unused.
+///
+/// # Errors
+/// When it cannot be read.
+pub fn is_unused(folder: &Path) -> Result<bool> {
+    if !folder.is_dir() {
+        return Ok(!folder.exists());
+    }
+    for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
+        let name = entry.map_err(|e| Error::os(folder, &e))?.file_name();
+        if !name.to_str().is_some_and(|n| n == lock::NAME || is_temporary(n)) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 /// Writes bytes already made.

@@ -10,17 +10,15 @@ use std::path::Path;
 /// model in `.`, `sparse/0`, `sparse`, `dense/0/sparse` or `dense/sparse`.
 ///
 /// # Errors
-/// When no layout is recognised, a file is malformed or missing, or a lens is not supported.
+/// When no layout is recognised, no listed photograph is there, a mask is missing, a file is malformed, or a lens is not supported. Some
+/// photographs that are not there are left out and named in the result.
 pub fn read_capture(path: &Path) -> Result<Capture> {
     let mut capture = if path.is_file() || transforms::file_in(path).is_some() {
         transforms::read(path)?
     } else if let Some(model) = colmap::find(path) {
         colmap::read_model(&model)?
     } else {
-        let what = if path.is_dir() { "a folder without them" } else { "nothing there" };
-        return Err(Error::input(path.display().to_string())
-            .expected("a capture: transforms.json, transforms_train.json, or a COLMAP model (cameras.bin or cameras.txt)")
-            .got(what));
+        return Err(not_a_capture(path));
     };
     capture.frames.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(pair) = capture.frames.windows(2).find(|w| w[0].name == w[1].name) {
@@ -28,7 +26,65 @@ pub fn read_capture(path: &Path) -> Result<Capture> {
         return Err(e.expected("every picture once").got("two entries"));
     }
     if capture.frames.is_empty() {
-        return Err(Error::input(path.display().to_string()).expected("at least one frame").got("none"));
+        let e = Error::input(path.display().to_string());
+        return Err(match capture.missing.first() {
+            None => e.expected("at least one frame").got("none"),
+            Some(first) => e
+                .expected("photographs of the frames that are listed")
+                .got(format!("no file of {} frames, the first '{first}'", capture.missing.len())),
+        });
     }
     Ok(capture)
+}
+
+/// Endings of files that hold images.
+const IMAGES: [&str; 11] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "heic", "exr", "hdr", "dng"];
+
+/// Number of images in a folder, and in the folders inside it that hold them by custom.
+fn count_images(path: &Path) -> usize {
+    let is_image = |p: &Path| {
+        let ending = p.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+        ending.is_some_and(|e| IMAGES.contains(&e.as_str()))
+    };
+    let count = |folder: &Path| {
+        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+        entries.filter(|e| is_image(&e.path())).count()
+    };
+    ["", "images", "input", "rgb"].iter().map(|inside| count(&path.join(inside))).fold(0, |s, n| s + n)
+}
+
+fn not_a_capture(path: &Path) -> Error {
+    let name = path.display().to_string();
+    if !path.exists() {
+        return Error::input(name).expected("a capture").got("no such file or folder");
+    }
+    let e = Error::input(name.clone());
+    let layouts =
+        "a capture: transforms.json, transforms_train.json, or a COLMAP model (cameras.bin or cameras.txt)";
+    match count_images(path) {
+        0 => e.expected(layouts).got("a folder without any of them"),
+        n => e.expected(layouts).got(format!("{n} images but no camera poses")).hint(format!(
+            "compute poses with COLMAP (colmap automatic_reconstructor --workspace_path scene --image_path {name}) \
+             or nerfstudio (ns-process-data images --data {name} --output-dir scene), then give the folder scene"
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_no_capture_is_named() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let text = |path: &Path| read_capture(path).expect_err("no capture").to_string();
+        assert!(text(&dir.path().join("x")).contains("no such file or folder"), "nothing there");
+        assert!(text(dir.path()).contains("without any of them"), "an empty folder");
+        std::fs::create_dir(dir.path().join("images")).expect("made");
+        for name in ["a.JPG", "images/b.png", "images/c.heic", "notes.txt"] {
+            std::fs::write(dir.path().join(name), "x").expect("written");
+        }
+        let text = text(dir.path());
+        assert!(text.contains("3 images but no camera poses") && text.contains("colmap"), "{text}");
+    }
 }

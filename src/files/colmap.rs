@@ -64,19 +64,21 @@ pub(super) fn read_model(model: &Model) -> Result<Capture> {
     };
     let dialect = if model.binary { Dialect::ColmapBinary } else { Dialect::ColmapText };
     let mut frames = frames(&cameras, &images, &image_name)?;
-    for (frame, image) in frames.iter_mut().zip(&images) {
-        frame.image = locate(&model.images, &frame.name).ok_or_else(|| {
-            let e = Error::input(image_name.clone()).at(format!("image {}", image.id));
-            e.expected(format!("a file in {}", model.images.display()))
-                .got(format!("'{}', which is not there", frame.name))
-        })?;
+    let mut missing = Vec::new();
+    for frame in &mut frames {
+        let Some(image) = locate(&model.images, &frame.name) else {
+            missing.push(frame.name.clone());
+            continue;
+        };
+        frame.image = image;
         let stem = Path::new(&frame.name).with_extension("");
         frame.mask = [format!("{}.png", frame.name), format!("{}.png", stem.display()), frame.name.clone()]
             .into_iter()
             .map(|n| model.masks.join(n))
             .find(|p| p.is_file());
     }
-    Ok(Capture { dialect, frames, points })
+    frames.retain(|frame| !missing.contains(&frame.name));
+    Ok(Capture { dialect, frames, points, missing, missing_files: Vec::new() })
 }
 
 /// Frames from cameras and images; `name` is the file of the images.

@@ -176,6 +176,10 @@ pub struct Capture {
     pub frames: Vec<Frame>,
     /// Points of a reconstruction.
     pub points: Option<Points>,
+    /// Names of photographs that are listed and whose files are not there. They are in no frame.
+    pub missing: Vec<String>,
+    /// Other files that are named and not there: points, depth and other passes. What they would hold is absent.
+    pub missing_files: Vec<String>,
 }
 
 /// The rotation nearest to a matrix that is one up to rounding.

@@ -31,6 +31,7 @@ pub mod gaussian_ply;
 pub mod image_data;
 mod image_exr;
 pub mod image_file;
+pub mod lock;
 #[doc(hidden)]
 pub mod npy;
 pub mod npz;

@@ -57,7 +57,13 @@ pub fn read(path: &Path) -> Result<Capture> {
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),
     };
-    let mut capture = Capture { dialect: Dialect::NerfSynthetic, frames: Vec::new(), points: None };
+    let mut capture = Capture {
+        dialect: Dialect::NerfSynthetic,
+        frames: Vec::new(),
+        points: None,
+        missing: Vec::new(),
+        missing_files: Vec::new(),
+    };
     for (file, split) in files {
         let name = name_of(&file);
         let parsed = parse(&read_bytes(&file, MAX_BYTES)?, &name)?;
@@ -71,18 +77,22 @@ pub fn read(path: &Path) -> Result<Capture> {
                         .got(format!("'{relative}', which is not there"))
                 })
             };
-            frame.image = find(&frame.image, "file_path")?;
+            let Some(image) = locate(root, &frame.image.to_string_lossy()) else {
+                capture.missing.push(frame.name);
+                continue;
+            };
+            frame.image = image;
             frame.mask = frame.mask.map(|m| find(&m, "mask_path")).transpose()?;
             let p = &mut frame.passes;
-            for (slot, key) in [
-                (&mut p.foreground, "foreground_path"),
-                (&mut p.radiance, "radiance_path"),
-                (&mut p.depth, "depth_path"),
-                (&mut p.normal, "normal_path"),
-                (&mut p.albedo, "albedo_path"),
-                (&mut p.material, "material_path"),
-            ] {
-                *slot = slot.take().map(|x| find(&x, key)).transpose()?;
+            p.foreground = p.foreground.take().map(|x| find(&x, "foreground_path")).transpose()?;
+            // These say more of a scene and are not needed to fit one.
+            for slot in [&mut p.radiance, &mut p.depth, &mut p.normal, &mut p.albedo, &mut p.material] {
+                if let Some(named) = slot.take() {
+                    *slot = locate(root, &named.to_string_lossy());
+                    if slot.is_none() {
+                        capture.missing_files.push(named.to_string_lossy().into_owned());
+                    }
+                }
             }
             if frame.split == Split::Unknown {
                 frame.split = split;
@@ -91,12 +101,10 @@ pub fn read(path: &Path) -> Result<Capture> {
         }
         if let Some(p) = parsed.points {
             let relative = p.to_string_lossy();
-            let found = locate(root, &relative).ok_or_else(|| {
-                let e = Error::input(name.clone()).at("ply_file_path");
-                e.expected(format!("a file in {}", root.display()))
-                    .got(format!("'{relative}', which is not there"))
-            })?;
-            capture.points = Some(gaussian_ply::read_points(&found)?);
+            match locate(root, &relative) {
+                Some(found) => capture.points = Some(gaussian_ply::read_points(&found)?),
+                None => capture.missing_files.push(relative.into_owned()),
+            }
         }
     }
     Ok(capture)

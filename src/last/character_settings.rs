@@ -44,7 +44,7 @@ impl CharacterSettings {
             out.push_str(&format!(" --hide {}", quoted(h)));
         }
         if self.play {
-            out.push_str(" --play");
+            out.push_str(" --animate");
         }
         out
     }

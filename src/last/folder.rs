@@ -43,8 +43,7 @@ pub(super) fn write_record(dir: &Path, record: &Value) -> Result<()> {
 pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>> {
     let path = dir.join(RECORD);
     if !path.exists() {
-        let mut entries = std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))?;
-        if entries.next().is_none() {
+        if atomic::is_unused(dir)? {
             return Ok(None);
         }
         return Err(Error::input("--resume")

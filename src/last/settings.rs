@@ -239,7 +239,7 @@ impl Settings {
             self.set, self.graph, self.factors, self.mechanism, self.points, self.samples, self.seed
         )];
         if self.raw {
-            words.push("--raw".into());
+            words.push("--no-standardize".into());
         }
         if which.is_some_and(|w| w.observational) {
             words.push(format!("--count {}", self.count));
@@ -249,7 +249,7 @@ impl Settings {
         }
         if which.is_some_and(|w| w.observational || w.interventions) {
             words.push(format!(
-                "--appearances {} --set-look {} --set-size {}",
+                "--appearances {} --set-render-as {} --set-size {}",
                 self.appearances,
                 self.set_look.name(),
                 self.set_size
@@ -257,7 +257,7 @@ impl Settings {
         }
         if which.is_some_and(|w| w.video) {
             words.push(format!(
-                "--frames {} --test-cameras {} --subject {} --video-look {} --video-size {}",
+                "--frames {} --test-cameras {} --subject {} --video-render-as {} --video-size {}",
                 self.frames,
                 self.test_cameras,
                 self.subject,

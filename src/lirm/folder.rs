@@ -26,10 +26,8 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
         return Ok(());
     }
     let mut objects = Vec::new();
-    let mut is_empty = true;
     for entry in std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))? {
         let path = entry.map_err(|e| Error::os(dir, &e))?.path();
-        is_empty = false;
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
         let number = name.strip_prefix("object_").unwrap_or_default();
         if path.is_dir() && !number.is_empty() && number.bytes().all(|b| b.is_ascii_digit()) {
@@ -39,7 +37,7 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
     let record = dir.join(RECORD);
     if resume && record.is_file() {
         same_settings(&record, asked)?;
-    } else if resume && !is_empty {
+    } else if resume && !atomic::is_unused(dir)? {
         return Err(Error::input("--resume")
             .at(dir.display().to_string())
             .expected(format!("the folder of an interrupted run, with its {RECORD}"))

@@ -19,11 +19,13 @@ pub struct Options {
     pub background: [f32; 3],
     /// Average blocks of this many pixels a side; 1 leaves pictures as they are.
     pub downscale: usize,
+    /// Refuse a capture whose list names photographs that are not there, instead of leaving them out.
+    pub strict: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { background: [0.0; 3], downscale: 1 }
+        Self { background: [0.0; 3], downscale: 1, strict: false }
     }
 }
 
@@ -71,6 +73,10 @@ pub struct Views {
     pub scene_box: SceneBox,
     /// Points of a reconstruction, if the capture has them.
     pub points: Option<Points>,
+    /// Names of photographs that the capture lists and does not have.
+    pub missing: Vec<String>,
+    /// Other files that it names and does not have.
+    pub missing_files: Vec<String>,
 }
 
 impl Views {
@@ -106,6 +112,11 @@ impl Views {
         if frames.is_empty() {
             return Err(Error::input("capture").expected("at least one frame").got("none"));
         }
+        if let (true, Some(first)) = (options.strict, capture.missing.first()) {
+            return Err(Error::input("capture")
+                .expected("the photograph of every frame, with --strict")
+                .got(format!("{} that are not there, the first '{first}'", capture.missing.len())));
+        }
         let is_test =
             |i: usize| if given { frames[i].split == Split::Test } else { i.is_multiple_of(TEST_EVERY) };
         let (test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
@@ -118,7 +129,16 @@ impl Views {
             .collect::<Result<Vec<View>>>()?;
         let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
         let (extent, scene_box) = place(&poses);
-        Ok(Self { views, train, test, extent, scene_box, points: capture.points.clone() })
+        Ok(Self {
+            views,
+            train,
+            test,
+            extent,
+            scene_box,
+            points: capture.points.clone(),
+            missing: capture.missing.clone(),
+            missing_files: capture.missing_files.clone(),
+        })
     }
 }
 

@@ -391,9 +391,28 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
         [&fit[..], rest].concat()
     };
     let whole = json(&args("whole", &[]), dir);
-    for (signal, out, exit) in [("-INT", "int", Some(130)), ("-KILL", "kill", None)] {
+    let second = |out: &'static str| {
+        // While one program writes there, another is kept out, whatever it is asked for.
+        for flag in ["--force", "--resume"] {
+            refused(&args(out, &[flag]), dir, 2, &["--out", "in use by process"]);
+        }
+    };
+    let mut is_tried = false;
+    for (signal, out, exit) in [
+        ("-INT", "int", Some(130)),
+        ("-TERM", "term", Some(130)),
+        ("-HUP", "hup", Some(130)),
+        ("-KILL", "kill", None),
+    ] {
         let checkpoint = dir.join(out).join("checkpoint.safetensors");
-        let o = signalled(&args(out, &[]), dir, signal, &|| checkpoint.exists());
+        let tried = std::cell::Cell::new(is_tried);
+        let o = signalled(&args(out, &[]), dir, signal, &|| {
+            if checkpoint.exists() && !tried.replace(true) {
+                second(out);
+            }
+            checkpoint.exists()
+        });
+        is_tried = true;
         match exit {
             Some(n) => {
                 assert_eq!(code(&o), n, "{}", stderr(&o));
@@ -402,6 +421,11 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
             None => assert_eq!(o.status.signal(), Some(9), "killed"),
         }
         assert!(!dir.join(out).join("scene.ply").exists(), "it was interrupted before its end");
+        assert_eq!(
+            dir.join(out).join(".lastlight.lock").exists(),
+            exit.is_none(),
+            "{signal}: who is killed leaves its lock"
+        );
         let resumed = json(&args(out, &["--resume"]), dir);
         assert_eq!(resumed["digest"], whole["digest"], "{signal}: the bits of an uninterrupted fit");
         assert_eq!(

@@ -49,7 +49,7 @@ fn last_gen_makes_continues_and_refuses() {
         &["video size"],
     );
     refused(
-        &["last", "gen", "--out", "b", "--set", "video", "--look", "points", "--passes"],
+        &["last", "gen", "--out", "b", "--set", "video", "--render-as", "points", "--passes"],
         dir.path(),
         2,
         &["passes"],
@@ -99,7 +99,9 @@ fn lirm_gen_makes_continues_and_refuses() {
 fn assert_nothing_half_written(left: &Tree, whole: &Tree, record: &str, what: &str) {
     for (name, bytes) in left {
         let (folder, file) = name.rsplit_once('/').unwrap_or(("", name));
-        if file.starts_with(".lastlight-") {
+        if name == ".lastlight.lock" {
+            assert!(bytes.iter().all(u8::is_ascii_digit), "{what}: the number of the process that held it");
+        } else if file.starts_with(".lastlight-") {
             assert!(file.ends_with(".part"), "{what}: {name} has a name that no reader asks for");
         } else if folder.ends_with(".shots") {
             let parsed: Result<serde_json::Value, _> = serde_json::from_slice(bytes);

@@ -32,7 +32,7 @@ fn data(dir: &Path) {
             "3",
             "--test-cameras",
             "1",
-            "--look",
+            "--render-as",
             "points",
         ],
         dir,
@@ -46,7 +46,7 @@ fn pretrain<'a>(more: &[&'a str]) -> Vec<&'a str> {
         "last",
         "pretrain",
         "data",
-        "--steps",
+        "--iterations",
         "4",
         "--observed",
         "12",
@@ -54,7 +54,7 @@ fn pretrain<'a>(more: &[&'a str]) -> Vec<&'a str> {
         "4",
         "--points",
         "32",
-        "--width",
+        "--factor-dim",
         "2",
     ];
     base.iter().chain(more).copied().collect()
@@ -87,7 +87,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
             "data/video",
             "--out",
             "tuned.safetensors",
-            "--steps",
+            "--iterations",
             "3",
             "--json",
         ],
@@ -257,7 +257,8 @@ fn the_paper_as_printed_goes_all_the_way() {
     let run = |words: &[&str]| json(&[words, &["--json"]].concat(), at);
     // The model's file carries the reading; nothing after it has to be told.
     let model = "model/model.safetensors";
-    let tuned = run(&["last", "tune", model, "data/video", "--out", "tuned.safetensors", "--steps", "3"]);
+    let tuned =
+        run(&["last", "tune", model, "data/video", "--out", "tuned.safetensors", "--iterations", "3"]);
     assert_eq!(tuned["pictures"], 3, "every training picture");
     run(&["last", "intervene", "tuned.safetensors", "data/video", "--out", "do"]);
     let fit = ["last", "fit", "data/video", "--out", "fit", "--model", "tuned.safetensors"];

@@ -10,9 +10,8 @@ use std::path::Path;
 /// A model of a few steps, in `model/model.safetensors`.
 fn model(dir: &Path) {
     let gen_ = "last gen --profile smoke --out data --quiet --count 24 --groups 8 --appearances 1 --points 128 \
-                --look points --set all --frames 3 --test-cameras 1";
-    let pretrain =
-        "last pretrain data --out model --quiet --steps 40 --observed 12 --groups 4 --points 32 --width 2";
+                --render-as points --set all --frames 3 --test-cameras 1";
+    let pretrain = "last pretrain data --out model --quiet --iterations 40 --observed 12 --groups 4 --points 32 --factor-dim 2";
     for line in [gen_, pretrain] {
         let words: Vec<&str> = line.split_whitespace().collect();
         let o = lastlight(&words, dir);
@@ -80,7 +79,7 @@ fn a_small_study_runs_and_goes_on_where_it_stopped() {
         std::fs::write(at.join("part").join(name), bytes).expect("written");
     }
     refused(&study("part", &[]), at, 2, &["new or empty folder"]);
-    let stored = json(&study("part", &["--resume", "--stored"]), at);
+    let stored = json(&study("part", &["--resume", "--report-only"]), at);
     let outcome = |i: usize| stored["experiments"][i]["outcome"].as_str().unwrap_or("").to_owned();
     assert_eq!([outcome(0), outcome(1)], ["not run"; 2], "without a calibration E1 says nothing");
     assert!(!at.join("part/seconds.csv").is_file(), "nothing was run");
@@ -139,7 +138,7 @@ fn weights_of_lpips_add_columns_and_cells_of_their_own() {
     let (raw, _, most) = study(&["--resume", "--lpips", "vgg.safetensors", "--lpips-raw"]);
     assert_eq!(raw, [">LPIPS-vgg-raw", ">LPIPS-vgg-raw-box"]);
     assert!(few < more && more < most, "cells of their own: {few}, {more}, {most}");
-    assert_eq!(study(&["--resume", "--stored"]).1, plain, "those without are as they were");
+    assert_eq!(study(&["--resume", "--report-only"]).1, plain, "those without are as they were");
     refused(&["last", "study", "E6", "--out", "t", "--lpips", "none"], at, 2, &["none"]);
 }
 
@@ -160,5 +159,9 @@ fn structure_from_pictures_is_measured() {
     assert_ne!(made["outcome"], "holds", "four steps find nothing");
     let sets = std::fs::read_dir(at.join("s/sets")).expect("pictures").count();
     assert_eq!(sets, 2, "one set a graph, whatever is told");
-    assert_eq!(study(&["--resume", "--stored"])["rows"], made["rows"], "the report is made from the files");
+    assert_eq!(
+        study(&["--resume", "--report-only"])["rows"],
+        made["rows"],
+        "the report is made from the files"
+    );
 }

@@ -252,7 +252,8 @@ fn views_split_mask_scale_and_composite() {
     ];
     files.extend(NINE.iter().map(|n| (*n, image_file::png_bytes(16, 12, 4, &rgba).expect("a picture"))));
     let dir = folder(&files);
-    let v = Views::load(dir.path(), &Options { background: [1.0, 0.0, 0.5], downscale: 1 }).expect("views");
+    let v = Views::load(dir.path(), &Options { background: [1.0, 0.0, 0.5], ..Options::default() })
+        .expect("views");
     assert_eq!((v.test.clone(), v.train.len()), (vec![0, 8], 7), "index mod 8");
     assert_eq!(v.views[0].rgb[..3], [255, 0, 128], "background behind the transparent");
     assert_eq!(v.views[0].rgb[6..9], rgba[8..11], "the rest as it was");
@@ -263,7 +264,7 @@ fn views_split_mask_scale_and_composite() {
     assert!((v.extent - 3.3).abs() < 1e-12, "{}", v.extent);
     assert_eq!(v.scene_box.center[..2], [0.0, 0.0], "in front of the mean centre");
 
-    let half = Views::load(dir.path(), &Options { background: [0.0; 3], downscale: 2 }).expect("views");
+    let half = Views::load(dir.path(), &Options { downscale: 2, ..Options::default() }).expect("views");
     let camera = &half.views[3].camera;
     assert_eq!(
         (camera.width, camera.height, camera.focal_px, camera.center_px),
@@ -411,13 +412,67 @@ fn a_fisheye_view_stays_a_fisheye() {
 }
 
 #[test]
+fn listed_photographs_that_are_not_there_are_left_out_and_named() {
+    for list in ["transforms.json", "sparse/0"] {
+        let with = |images: &[&'static str]| {
+            let mut files = with_images(Vec::new(), images);
+            if list == "transforms.json" {
+                files.push((list, samples::transforms(9)));
+            } else {
+                files.push(("sparse/0/cameras.bin", samples::cameras_bin(1, &OPENCV[..4])));
+                files.push(("sparse/0/images.bin", samples::images_bin(9)));
+            }
+            folder(&files)
+        };
+        let some = with(&[NINE[0], NINE[1], NINE[3], NINE[4], NINE[5]]);
+        let v = Views::load(some.path(), &Options::default()).expect("five are there");
+        let names: Vec<&str> = v.missing.iter().map(|n| n.trim_start_matches("images/")).collect();
+        assert_eq!(names, ["0002.png", "0006.png", "0007.png", "0008.png"], "{list}: named");
+        assert_eq!(
+            (v.views.len(), v.test.clone(), v.train.len()),
+            (5, vec![0], 4),
+            "{list}: the rest is split"
+        );
+        let strict = Options { strict: true, ..Options::default() };
+        let e = Views::load(some.path(), &strict).expect_err("refused").to_string();
+        assert!(e.contains("4 that are not there") && e.contains("0002.png"), "{list}: {e}");
+        let e = read_capture(with(&[]).path()).expect_err("none is there").to_string();
+        assert!(e.contains("no file of 9 frames") && e.contains("0000.png"), "{list}: {e}");
+    }
+}
+
+/// The fox as published: 67 frames are listed, 17 of them without a file.
+#[test]
+fn the_fox_as_published_is_the_fox() {
+    let Some(fox) = common::real_data("capture/fox") else { return };
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let text = std::fs::read_to_string(fox.join("transforms.json")).expect("readable");
+    let mut list: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let frames = list["frames"].as_array_mut().expect("frames");
+    let first = frames[0].clone();
+    for i in 0..17 {
+        let mut frame = first.clone();
+        frame["file_path"] = format!("images/gone_{i:02}.jpg").into();
+        frames.push(frame);
+    }
+    std::fs::write(dir.path().join("transforms.json"), list.to_string()).expect("written");
+    std::fs::create_dir(dir.path().join("images")).expect("made");
+    for entry in std::fs::read_dir(fox.join("images")).expect("readable") {
+        let from = entry.expect("an entry").path();
+        std::fs::copy(&from, dir.path().join("images").join(from.file_name().expect("a name")))
+            .expect("copied");
+    }
+    let published = Views::load(dir.path(), &Options::default()).expect("loads");
+    assert_eq!(published.missing.len(), 17, "counted");
+    let whole = Views::load(&fox, &Options::default()).expect("loads");
+    assert_eq!(Views { missing: Vec::new(), ..published }, whole, "the same views, split and box");
+}
+
+#[test]
 fn broken_captures_name_the_file() {
     let empty = folder(&[]);
     let e = read_capture(empty.path()).expect_err("nothing").to_string();
     assert!(e.contains("transforms.json") && e.contains("cameras.bin"), "{e}");
-    let missing = folder(&with_images(vec![("transforms.json", samples::transforms(3))], &NINE[..2]));
-    let e = read_capture(missing.path()).expect_err("a missing picture").to_string();
-    assert!(e.contains("transforms.json: frames[2].file_path") && e.contains("images/0002.png"), "{e}");
     let mut files = with_images(vec![("transforms.json", samples::transforms(3))], &NINE[..2]);
     files.push(("images/0002.png", samples::png(16, 16, 3)));
     let e = Views::load(folder(&files).path(), &Options::default()).expect_err("another size").to_string();

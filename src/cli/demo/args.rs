@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-/// Fit a built-in person from a video and a built-in scene from photographs; one report with pictures.
+/// Fit a built-in person from a video and a built-in scene from photographs; one report with images.
 ///
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
-/// to the video and guides the fit of an animatable person of Gaussians; pictures that were held out are compared, the
+/// to the video and guides the fit of an animatable person of Gaussians; images that were held out are compared, the
 /// person is shown from all sides, and one factor after the other is set. Then new Gaussians are fitted to
 /// photographs of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
 #[derive(clap::Args)]
@@ -23,10 +23,10 @@ pub(crate) struct Args {
     /// Iterations of a fit [default: 400 for the person, 1500 for the scene]
     #[arg(long, value_name = "N")]
     pub(super) iterations: Option<usize>,
-    /// Side of the person's pictures in pixels
+    /// Side of the person's images in pixels
     #[arg(long, value_name = "S", default_value_t = 64, value_parser = clap::value_parser!(u16).range(32..=1024))]
     pub(super) size: u16,
-    /// Seed of every random draw
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
     /// Replace files in --out that exist
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Print the result record as JSON
     #[arg(long)]
     pub(super) json: bool,
-    /// No progress, no remarks
+    /// Print neither progress nor notes
     #[arg(long)]
     pub(super) quiet: bool,
 }

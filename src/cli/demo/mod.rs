@@ -1,8 +1,8 @@
 //! `demo`: LAST end to end on a built-in person, and a built-in scene, without any input.
 //!
 //! ```text
-//! person   video ──► tuned structure ──► fitted person ──► held-out pictures, turntable, interventions
-//! scene    photographs ──► Gaussians ──► held-out pictures
+//! person   video ──► tuned structure ──► fitted person ──► held-out images, turntable, interventions
+//! scene    photographs ──► Gaussians ──► held-out images
 //! ```
 
 mod args;
@@ -22,7 +22,7 @@ use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Held-out pictures must reach this on the built-in scene; below it, something is broken.
+/// Held-out images must reach this on the built-in scene; below it, something is broken.
 const LEAST_SCENE_DB: f64 = 28.0;
 /// And this on the built-in person, in the box of its body.
 const LEAST_PERSON_DB: f64 = 17.0;
@@ -100,7 +100,7 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     say("  lastlight oracle list                    operators to compare your own code with")
 }
 
-/// One page: the person with everything, the pictures of the scene, what it took.
+/// One page: the person with everything, the images of the scene, what it took.
 fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &Path) -> Page {
     let ends = ["time", "files", "settings"];
     let (mut stats, mut sections, mut facts) = (Vec::new(), Vec::new(), Vec::new());

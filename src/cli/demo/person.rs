@@ -25,17 +25,17 @@ use maud::Markup;
 use serde_json::json;
 use std::path::Path;
 
-/// Iterations of the fit unless told otherwise.
+/// Default number of iterations of the fit.
 pub(super) const ITERATIONS: usize = 400;
 /// Which of all persons: none of those the model has learned from.
 const SUBJECT: u64 = 1000;
 /// Frames of the video in the report.
 const FRAMES: usize = 10;
-/// Pictures of the turntable, and their side in pixels.
+/// Images of the turntable, and their side in pixels.
 const TURNTABLE: [usize; 2] = [8, 256];
 /// The moment it shows.
 const MOMENT: usize = 0;
-/// What the factors are: in training the model was told which one had been set.
+/// Names of the factors; in training, the factor set by each intervention was a label.
 const NAMES: [&str; 4] = ["posture", "self-occlusion", "wrinkles", "light"];
 
 /// Films, tunes, fits, shows, intervenes, in a folder; the record of the fit gets one of the structure.

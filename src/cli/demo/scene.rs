@@ -12,7 +12,7 @@ use crate::training::Frame;
 use lastlight_kernels::splat::render;
 use std::path::Path;
 
-/// Iterations unless told otherwise.
+/// Default number of iterations.
 pub(super) const ITERATIONS: usize = 1500;
 /// Gaussians of the random start.
 const INITIAL: usize = 2500;

@@ -1,4 +1,4 @@
-//! `last eval`: scores of an avatar on the pictures of a capture.
+//! `last eval`: scores of an avatar on the images of a capture.
 
 use super::{fit, scoring};
 use crate::console as cli;
@@ -14,7 +14,7 @@ use lastlight_last::avatar::store;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Score a fitted person on the pictures of a capture.
+/// Score a fitted person on the images of a capture.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last eval person subject/video
@@ -24,7 +24,7 @@ use std::path::PathBuf;
 
 Every metric is named by its variant; PSNR-box counts the pixels of the projected box of the body. The
 surrogate RFD is not LPIPS. With --min-psnr the command is a check: exit code 1 when the mean PSNR-box of the
-held-out pictures is lower.")]
+held-out images is lower.")]
 pub(crate) struct Args {
     /// Folder of `last fit`, or an avatar.safetensors
     #[arg(value_name = "RUN")]
@@ -32,7 +32,7 @@ pub(crate) struct Args {
     /// Folder of the capture
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
-    /// Fail when the mean PSNR-box of held-out pictures is below this many decibels
+    /// Fail when the mean PSNR-box of held-out images is below this many decibels
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
     #[command(flatten)]

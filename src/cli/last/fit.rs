@@ -33,9 +33,9 @@ const AVATAR: &str = "avatar.safetensors";
   lastlight last fit subject/video --out person --resume              go on after an interruption, same bits
   lastlight last fit subject/video --out plain --iterations 2000 --sh-degree 1
 
-CAPTURE is a folder in the layout of a person's capture: pictures, masks, cameras, a body with skinning
-weights, one pose per moment. --out DIR gets avatar.safetensors (body, Gaussians, poses, cameras; what
-`last render` and `last eval` read), checkpoint.safetensors, result.json and report/index.html.")]
+CAPTURE is a folder in the layout of a person's capture: images, masks, cameras, a body with skinning
+weights, one pose per moment. Written to --out: avatar.safetensors (body, Gaussians, poses, cameras; the input
+of `last render` and `last eval`), checkpoint.safetensors, result.json and report/index.html.")]
 pub(crate) struct Args {
     /// Folder of the capture
     #[arg(value_name = "CAPTURE")]
@@ -52,12 +52,13 @@ pub(crate) struct Args {
     /// Largest number of Gaussians
     #[arg(long, value_name = "N", default_value_t = 8000, help_heading = "Host")]
     max_gaussians: usize,
-    /// Weight of 1 - SSIM on the box crop [default: that of the host]
+    /// Weight of 1 - SSIM on the box crop [default: that of the preset]
     #[arg(long, value_name = "W", help_heading = "Host")]
     ssim_weight: Option<f32>,
-    /// Losses, rates and schedules of the published host: one background, no assumptions about the hidden side, no gains
-    #[arg(long, help_heading = "Host")]
-    published: bool,
+    /// Losses, rates and schedules: lastlight, or published: as published for GauHuman, as far as implemented (fixed
+    /// background, no priors for unseen surfaces, no per-frame brightness)
+    #[arg(long, value_enum, value_name = "NAME", default_value = "lastlight", help_heading = "Host")]
+    preset: Preset,
     /// Learn corrections of the skinning weights
     #[arg(long, help_heading = "Host")]
     weights_network: bool,
@@ -75,13 +76,13 @@ pub(crate) struct Args {
     filling: OutputArgs,
 }
 
-/// What the image-to-point model decides. Without a model there is the host alone.
+/// Guidance by the image-to-point model; without a model the fit is unguided.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Guided {
-    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without one the host fits alone
+    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without it the fit is unguided
     #[arg(long, value_name = "FILE", help_heading = "Guidance")]
     model: Option<PathBuf>,
-    /// Add Gaussians by the host's pixel criterion
+    /// Add Gaussians by the pixel criterion alone
     #[arg(long, requires = "model", help_heading = "Guidance")]
     pub(crate) no_density_adapter: bool,
     /// Update all Gaussians at once
@@ -99,34 +100,34 @@ pub(crate) struct Guided {
     /// Threshold of the latent criterion
     #[arg(long, value_name = "T", default_value_t = 0.003, requires = "model", help_heading = "Guidance")]
     pub(crate) tau_rec: f64,
-    /// What the latent gradient is multiplied by before that [default: found by a calibration on the capture]
+    /// Scale c_τ of the latent gradient before it is compared with the threshold [default: calibrated on the capture]
     #[arg(long, value_name = "C", requires = "model", help_heading = "Guidance")]
     pub(crate) tau_scale: Option<f64>,
-    /// Iterations from one latent gradient to the next
+    /// Compute the latent gradient every N iterations
     #[arg(long, value_name = "N", default_value_t = 1, requires = "model", help_heading = "Guidance")]
     pub(crate) latent_every: usize,
     /// Weight of the latent discrepancy in the loss
     #[arg(long, value_name = "W", default_value_t = 0.0, requires = "model", help_heading = "Guidance")]
     pub(crate) latent_weight: f32,
-    /// Bound of the steps of child factors; inf binds nothing. The paper's 0.1 costs 0.2 to 0.8 dB in training on the built-in subjects
+    /// Bound λ of the update of child factors; inf: no bound. The paper's 0.1 costs 0.2 to 0.8 dB in training on the built-in subjects
     #[arg(long, value_name = "L", default_value_t = f64::INFINITY, requires = "model", help_heading = "Guidance")]
     pub(crate) lambda: f64,
-    /// What it bounds: rel, abs or stop
+    /// Form of the bound: rel, abs or stop
     #[arg(long, value_name = "MODE", default_value = "rel", requires = "model", help_heading = "Guidance")]
     pub(crate) lambda_mode: String,
     /// Order of the factors: topo, reverse, random or none
     #[arg(long, value_name = "ORDER", default_value = "topo", requires = "model", help_heading = "Guidance")]
     pub(crate) order: String,
-    /// Key Gaussians: swap, random or all
+    /// How key Gaussians are chosen: swap (counterfactual displacement, as in LAST), random or all (controls)
     #[arg(long, value_name = "HOW", default_value = "swap", requires = "model", help_heading = "Guidance")]
     pub(crate) keys: String,
-    /// Share of the Gaussians that are key to a factor
+    /// Fraction of the Gaussians that are key Gaussians of a factor
     #[arg(long, value_name = "Q", default_value_t = 0.25, requires = "model", help_heading = "Guidance")]
     pub(crate) key_share: f64,
 }
 
 impl Guided {
-    /// What `last fit --model` does unless told otherwise.
+    /// What `last fit --model` does by default.
     pub(crate) fn usual() -> Self {
         #[derive(clap::Parser)]
         struct Alone {
@@ -152,14 +153,14 @@ impl Guided {
             meter.lap("calibration");
             settings.density.latent_scale = found.unwrap_or(1.0);
             meter.note(&match found {
-                Some(scale) => format!("latent criterion times {scale:.6}"),
-                None => "nothing to calibrate the latent criterion by: it is taken as it is".into(),
+                Some(scale) => format!("latent threshold scale c_τ = {scale:.6} (calibrated)"),
+                None => "latent threshold scale c_τ = 1 (not calibrated: no latent gradient)".into(),
             });
         }
         Ok(())
     }
 
-    /// Puts what was asked for into the settings of a fit that has a model.
+    /// Applies the options to the settings of a fit that has a model.
     ///
     /// # Errors
     /// When a name is not one of those listed.
@@ -186,9 +187,27 @@ impl Guided {
     }
 }
 
+/// Named settings of a fit.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Preset {
+    /// the project's own
+    Lastlight,
+    /// as published for GauHuman, as far as implemented
+    Published,
+}
+
+impl Preset {
+    fn settings(self) -> Settings {
+        match self {
+            Self::Lastlight => Settings::baseline(),
+            Self::Published => Settings::published(),
+        }
+    }
+}
+
 impl Args {
     fn settings(&self, has_guide: bool) -> Result<Settings> {
-        let host = if self.published { Settings::published() } else { Settings::baseline() };
+        let host = self.preset.settings();
         let mut settings = Settings {
             iterations: self.iterations,
             seed: self.filling.seed,

@@ -10,26 +10,26 @@ use lastlight_last::figure::Look;
 use lastlight_last::generate::{self, RECORD, Report, Settings, Which};
 use std::path::PathBuf;
 
-/// Make pictures, points and a video of a person whose causes are known.
+/// Make images, points and a video of a person whose causes are known.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last gen --out data                              video, observational and intervention sets
   lastlight last gen --set video --out subject --video-size 128
   lastlight last gen --set interventions --graph ER-6 --factors 6 --mechanism LIN --out six
   lastlight last gen --profile smoke --out small             seconds instead of minutes
-  lastlight last gen --character Knight.glb --animation Walking_A --out knight     a video of somebody else
-  lastlight last gen --character Knight.glb --animation Walking_A --set all --out knight    and what last pretrain learns from
+  lastlight last gen --character Knight.glb --animation Walking_A --out knight     a video of another character
+  lastlight last gen --character Knight.glb --animation Walking_A --set all --out knight    also the sets for last pretrain
 
 Graphs over posture P, self-occlusion O, wrinkles W, light L (more factors: body width B, skirt length S,
 hue H, head yaw Y): FORK P>W P>O, CHAIN P>W>O>L, COLLIDER P>W<O, DIAMOND P>W P>O W>L O>L, FULL, EMPTY, and
 ER-m with m random edges. --out gets dataset.json with the graph, the coefficients and a digest of every
-file; the same settings give the same bytes for any number of threads. Sortabilities say how far variances, or
-how well a factor is explained by the others, give the causal order away: 0.5 is not at all, 1 is all of it.")]
+file; the same settings give the same bytes for any number of threads. Varsortability and R2-sortability measure how
+much of the causal order can be read off variances, or off how well the other factors explain one: 0.5 none, 1 all.")]
 pub(crate) struct Args {
     /// Folder for the data; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// What to make: video, observational, interventions, training (both of these) or all [of a character: video unless told otherwise]
+    /// Data to generate: video, observational, interventions, training (both of these) or all [default with --character: video]
     #[arg(
         long,
         value_name = "WHICH",
@@ -46,9 +46,9 @@ pub(crate) struct Args {
     /// Form of the equations: LIN linear, NL nonlinear, NG and NL-NG the same with uniform noise
     #[arg(long, value_name = "NAME", default_value = "NL", help_heading = "Truth")]
     mechanism: String,
-    /// Leave variances as they grow along the graph
+    /// Do not rescale factors to unit variance
     #[arg(long, help_heading = "Truth")]
-    raw: bool,
+    no_standardize: bool,
     /// Sizes: full or smoke
     #[arg(long, value_name = "NAME", default_value = "full", help_heading = "Sizes")]
     profile: String,
@@ -70,40 +70,40 @@ pub(crate) struct Args {
     /// Test cameras of the video, 1 to 22 [default: 22; smoke 4]
     #[arg(long, value_name = "N", help_heading = "Sizes")]
     test_cameras: Option<usize>,
-    /// Which person the video shows
+    /// Index of the person in the video
     #[arg(long, value_name = "N", default_value_t = 0)]
     subject: u64,
     /// A character instead of the built-in figure: .gltf, .glb, or the folder of the open body
     #[arg(long, value_name = "FILE", requires = "animation", help_heading = "Character")]
     character: Option<PathBuf>,
-    /// Its pose for posture: one animation (two opposite moments are mixed), or two (mixed with each other)
+    /// Animation that the posture factor blends: one (two opposite moments are blended) or two (blended with each other)
     #[arg(long, value_name = "NAME", requires = "character", num_args = 1..=2, help_heading = "Character")]
     animation: Vec<String>,
-    /// The joint that self-occlusion bends [default: searched by name, right side first]
+    /// Joint bent by the self-occlusion factor [default: found by name, right side first]
     #[arg(long, value_name = "JOINT", requires = "character", help_heading = "Character")]
     elbow: Option<String>,
     /// Nodes or meshes to leave out
     #[arg(long, value_name = "NAME", requires = "character", num_args = 1.., help_heading = "Character")]
     hide: Vec<String>,
-    /// Let the animations run on too, one loop over the video: posture then has a second cause, time
+    /// Also play the animation over the video, one loop (posture then also depends on time)
     #[arg(long, requires = "character", help_heading = "Character")]
-    play: bool,
-    /// Look of everything: mesh, points (discs) or splats [default: mesh for the video, points for the sets]
+    animate: bool,
+    /// How everything is rendered: mesh, points (discs) or splats [default: mesh for the video, points for the sets]
     #[arg(long, value_name = "NAME", help_heading = "Pictures")]
-    look: Option<String>,
-    /// Look of the video
+    render_as: Option<String>,
+    /// How the video is rendered
     #[arg(long, value_name = "NAME", help_heading = "Pictures")]
-    video_look: Option<String>,
-    /// Look of the sets
+    video_render_as: Option<String>,
+    /// How the sets are rendered
     #[arg(long, value_name = "NAME", help_heading = "Pictures")]
-    set_look: Option<String>,
-    /// Side of every picture in pixels [default: 256 for the video, smoke 64; 64 for the sets]
+    set_render_as: Option<String>,
+    /// Side of every image in pixels [default: 256 for the video, smoke 64; 64 for the sets]
     #[arg(long, value_name = "S", help_heading = "Pictures")]
     size: Option<usize>,
-    /// Side of the video's pictures
+    /// Side of the video's images
     #[arg(long, value_name = "S", help_heading = "Pictures")]
     video_size: Option<usize>,
-    /// Side of the sets' pictures
+    /// Side of the sets' images
     #[arg(long, value_name = "S", help_heading = "Pictures")]
     set_size: Option<usize>,
     /// Write depth, normals, albedo, material and linear radiance of the video too
@@ -124,7 +124,7 @@ impl Args {
             other => return Err(Error::input("--profile").expected("full or smoke").got(other)),
         };
         Which::parse(&self.set).map_err(|e| e.within("--set"))?;
-        let look = |own: &Option<String>, otherwise: Look| match own.as_ref().or(self.look.as_ref()) {
+        let look = |own: &Option<String>, otherwise: Look| match own.as_ref().or(self.render_as.as_ref()) {
             Some(name) => Look::parse(name),
             None => Ok(otherwise),
         };
@@ -134,9 +134,9 @@ impl Args {
             graph: self.graph.clone(),
             factors: self.factors,
             mechanism: self.mechanism.clone(),
-            raw: self.raw,
-            video_look: look(&self.video_look, base.video_look)?,
-            set_look: look(&self.set_look, base.set_look)?,
+            raw: self.no_standardize,
+            video_look: look(&self.video_render_as, base.video_look)?,
+            set_look: look(&self.set_render_as, base.set_look)?,
             video_size: size(self.video_size, base.video_size),
             set_size: size(self.set_size, base.set_size),
             samples: self.samples.unwrap_or(base.samples),
@@ -157,7 +157,7 @@ impl Args {
                 animations: self.animation.clone(),
                 elbow: self.elbow.clone(),
                 hide: self.hide.clone(),
-                play: self.play,
+                play: self.animate,
             }),
             seed: self.filling.seed,
         };

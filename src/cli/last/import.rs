@@ -28,8 +28,8 @@ Layouts, recognised by their files unless --layout names one:
   instant-avatar   InstantAvatar's version of it  cameras.npz, poses.npz, images/, masks/
   anim-nerf        3DGS-Avatar's version of it    camera.pkl, animnerf_models/*.npz, image/, mask/
   dna              DNA-Rendering                  NAME.smc, NAME_annots.smc
-Cameras, frames and reduction are those of the programs the sets are known from; the options below change them. Body
-models and data sets have licences of their own. Pickles are read, never run: a file that names anything but arrays is refused.")]
+Cameras, frames and reduction factor are by default those of the programs published with the data sets. Body models and
+data sets have their own licences. Pickles are parsed, never executed: a file that contains anything but arrays is refused.")]
 pub(crate) struct Args {
     /// Folder of the data set's subject, or its .smc
     #[arg(value_name = "DIR")]
@@ -43,7 +43,7 @@ pub(crate) struct Args {
     /// Body model: SMPL or SMPL-X as .pkl or .npz, or ARAH's folder body_models/misc
     #[arg(long, value_name = "FILE")]
     body: Option<PathBuf>,
-    /// Which body of a folder of several: neutral, female, male [default: what the layout says, else neutral]
+    /// Which body of a folder of several: neutral, female, male [default: as recorded in the layout, else neutral]
     #[arg(long, value_name = "NAME")]
     gender: Option<String>,
     /// Cameras to learn from
@@ -58,7 +58,7 @@ pub(crate) struct Args {
     /// Frames held out
     #[arg(long, value_name = "START:STEP:COUNT", help_heading = "Selection")]
     test_frames: Option<String>,
-    /// Reduce pictures by this whole factor
+    /// Reduce images by this whole factor
     #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
     downscale: Option<u16>,
     #[command(flatten)]
@@ -76,7 +76,7 @@ impl Args {
             Error::input(self.dir.display().to_string())
                 .expected(format!("a data set in one of the layouts {}", names.join(", ")))
                 .got(got)
-                .hint("last import --help says what each looks like")
+                .hint("see last import --help for the files of each layout")
         })
     }
 

@@ -9,27 +9,27 @@ use lastlight_last::inspect::{self, Report};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Check a capture of a person: what it holds, what is missing, whether poses, cameras and masks agree.
+/// Check a capture of a person for missing or inconsistent data.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last inspect data/video                       what is there, what is missing
-  lastlight last inspect data/video --out look            and pictures: skeleton, mask and box drawn over frames
+  lastlight last inspect data/video                       list missing or inconsistent data
+  lastlight last inspect data/video --out check           also draw skeleton, mask and box over frames
 
-Green is the outline of the mask, yellow and red are bones and joints, blue is the box that metrics look at. 'points on
-mask' is the share of the template's points that land on the mask in that picture; where it is small, poses, cameras and
-pictures do not belong together. Exit code 1 when something needed is missing or wrong: every such thing is listed.
-Captures in published layouts are made into this one by last import.")]
+Green is the outline of the mask, yellow and red are bones and joints, blue is the box in which metrics are computed. 'points on
+mask' is the fraction of the template's points that project onto the mask; a small value means that poses, cameras and
+images are inconsistent. Exit code 1 when required data is missing or wrong; every problem is listed.
+last import converts captures in published layouts to this one.")]
 pub(crate) struct Args {
     /// Folder with transforms_train.json and body.npz, or one with such a folder 'video'
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
-    /// Folder for the pictures; new or empty unless --force
+    /// Folder for the images; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Training pictures to look at
+    /// Number of training images to draw
     #[arg(long, value_name = "N", default_value_t = 4)]
     count: usize,
-    /// Replace pictures in a folder that is used
+    /// Replace images in a folder that is used
     #[arg(long)]
     force: bool,
     /// Print the result as JSON

@@ -1,4 +1,4 @@
-//! `last intervene`: one factor set, a grid of pictures of what changes.
+//! `last intervene`: one factor set, a grid of images of what changes.
 
 use super::tune;
 use crate::claim;
@@ -16,15 +16,15 @@ use maud::Markup;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// Set one factor and see what changes and what does not.
+/// Intervene on one factor at a time and decode the counterfactual images.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last intervene model/model.safetensors subject/video --out do
   lastlight last intervene model/model.safetensors subject/video --factor 0 --frame 40 --out posture
 
-Every row of grid.png sets one factor to nine values it has in the training set; the noise of the others is
-kept, their descendants follow the graph. moved.csv says how far each factor moved, in standard deviations:
-0 exactly for what is no descendant.")]
+Every row of grid.png sets one factor to nine values from the training set; the noise of the other factors is
+kept, and the descendants follow the graph. moved.csv holds how far each factor moved, in standard deviations:
+exactly 0 for factors that are not descendants.")]
 pub(crate) struct Args {
     /// Model written by last pretrain or last tune
     #[arg(value_name = "MODEL")]
@@ -38,17 +38,17 @@ pub(crate) struct Args {
     /// The factors to set, counted from 0 [default: all]
     #[arg(long, value_name = "I", num_args = 1..)]
     factor: Vec<usize>,
-    /// Which training picture to start from, counted from 0
+    /// Which training image to start from, counted from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
     #[command(flatten)]
     manner: ConsoleArgs,
 }
 
-/// Pixels between pictures.
+/// Pixels between images.
 const GAP: usize = 2;
 
-/// Counterfactuals of one picture: one row per factor that is set, one column per value.
+/// Counterfactuals of one image: one row per factor that is set, one column per value.
 pub(crate) struct Grid {
     sheet: Sheet,
     /// The factors that are set, each with the farthest that every factor moves, in standard deviations.
@@ -60,7 +60,7 @@ impl Grid {
     /// Sets the factors `which`, one after the other, in what the model makes of a shot of the capture.
     ///
     /// # Errors
-    /// A picture that cannot be read, or without the person; a camera that is not valid.
+    /// An image that cannot be read, or without the person; a camera that is not valid.
     pub(crate) fn new(
         trained: &Trained,
         capture: &PersonCapture,
@@ -99,10 +99,10 @@ impl Grid {
         crate::io::atomic::write_bytes(&dir.join("moved.csv"), self.csv.as_bytes())
     }
 
-    /// Pictures and numbers for a report; `name` says what a factor is called.
+    /// Images and numbers for a report; `name` names a factor.
     ///
     /// # Errors
-    /// When a picture cannot be encoded.
+    /// When an image cannot be encoded.
     pub(crate) fn sections(&self, name: &dyn Fn(usize) -> String) -> Result<Vec<Section>> {
         let n = self.moved.first().map_or(0, |(_, moved)| moved.len());
         let names: Vec<String> = (0..n).map(|j| format!(">{}", name(j))).collect();

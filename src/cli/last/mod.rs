@@ -3,8 +3,8 @@
 //! ```text
 //! gen       data with known causes        import, inspect  captures of persons
 //! pretrain  the image-to-point model      tune             its structure on one subject
-//! intervene counterfactual pictures       fit              a person of Gaussians from a capture
-//! render    a fitted person, any view     eval             its score on held-out pictures
+//! intervene counterfactual images       fit              a person of Gaussians from a capture
+//! render    a fitted person, any view     eval             its score on held-out images
 //! ```
 
 mod eval;
@@ -25,23 +25,23 @@ use clap::Subcommand;
 /// A person from a video, guided by a learned causal structure.
 #[derive(Subcommand)]
 pub(super) enum Command {
-    /// Make pictures, points and a video of a person whose causes are known
+    /// Make images, points and a video of a person whose causes are known
     Gen(generate::Args),
-    /// Train the image-to-point model on pictures of known causes
+    /// Train the image-to-point model on images of known causes
     Pretrain(pretrain::Args),
-    /// Fine-tune a model's structure on the training pictures of one person
+    /// Fine-tune a model's structure on the training images of one person
     Tune(tune::Args),
     /// Set one factor and see what changes and what does not
     Intervene(intervene::Args),
     /// Make a capture of a person from ZJU-MoCap, MonoCap, PeopleSnapshot, DNA-Rendering and the like
     Import(import::Args),
-    /// Check a capture: what it holds, what is missing, skeleton and mask over its pictures
+    /// Check a capture: what it holds, what is missing, skeleton and mask over its images
     Inspect(inspect::Args),
     /// Fit an animatable person to a monocular capture
     Fit(fit::Args),
     /// Render a fitted person in any pose from any camera
     Render(render::Args),
-    /// Score a fitted person on the pictures of a capture
+    /// Score a fitted person on the images of a capture
     Eval(eval::Args),
     /// Run the experiments: what the paper claims, what is found
     Study(study::Args),

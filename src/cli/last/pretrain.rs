@@ -1,4 +1,4 @@
-//! `last pretrain`: the image-to-point model from pictures of known causes.
+//! `last pretrain`: the image-to-point model from images of known causes.
 
 use crate::claim;
 use crate::console as cli;
@@ -26,68 +26,68 @@ use std::path::{Path, PathBuf};
 /// The model in `--out`.
 const MODEL: &str = "model.safetensors";
 
-/// Train the image-to-point model on pictures of known causes.
+/// Train the image-to-point model on images with known causal factors.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last gen --out data                           pictures, points, groups of interventions
-  lastlight last pretrain data --out model                13 000 steps
+  lastlight last gen --out data                           images, points, groups of interventions
+  lastlight last pretrain data --out model                13 000 iterations
   lastlight last pretrain data --out model --resume       go on after an interruption, with the same bits
-  lastlight last pretrain data --out quick --steps 1000   the same schedule in fewer steps
+  lastlight last pretrain data --out quick --iterations 1000   a shorter schedule
   lastlight last pretrain data --out control --supervision pairs
 
-DATA is what last gen writes. --out gets model.safetensors (for last tune, fit, intervene), a checkpoint,
-result.json and report/index.html. --reading literal is the paper as printed: the encoder gives noise and
-eq. 2, then eq. 3, act on it on the way to the decoder.")]
+DATA is written by last gen. Written to --out: model.safetensors (for last tune, fit, intervene), a checkpoint,
+result.json and report/index.html. With --reading literal the mechanism is that of the paper as printed: the encoder
+predicts noise, and eq. 2, then eq. 3, are applied before the decoder; groups, hinge and weights stay.")]
 pub(crate) struct Args {
-    /// Folder made by last gen, with observational pictures and groups of interventions
+    /// Folder made by last gen, with observational images and groups of interventions
     #[arg(value_name = "DATA")]
     data: PathBuf,
     /// Folder for the results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Steps of joint training; the schedule of 12000 is scaled to it
+    /// Iterations of joint training; the schedule of 12 000 is scaled to it
     #[arg(long, value_name = "N", default_value_t = 12_000, value_parser = clap::value_parser!(u32).range(1..))]
-    steps: u32,
+    iterations: u32,
     /// Number of factors
     #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=8), help_heading = "Model")]
     factors: u8,
-    /// Numbers of a factor
+    /// Latent dimensions per factor
     #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
-    width: u8,
-    /// How parents act on a factor: networks, linear, or printed (linear, then networks; the literal reading alone)
-    /// [default: networks; printed for the literal reading]
+    factor_dim: u8,
+    /// Form of the mechanisms: networks, linear, or printed (linear, then networks; only with --reading literal)
+    /// [default: networks; printed with --reading literal]
     #[arg(long, value_name = "NAME", help_heading = "Model")]
     mechanism: Option<String>,
     /// Reading of the paper: reference or literal
     #[arg(long, value_name = "NAME", default_value = "reference", help_heading = "Model")]
     reading: String,
-    /// What the encoder sees of a picture: person (the square around the projected body, a tenth wider on either side) or whole
+    /// Part of the image given to the encoder: person (the square around the projected body, a tenth wider on each side) or whole
     #[arg(long, value_name = "NAME", default_value = "person", help_heading = "Model")]
     framing: String,
-    /// What is told of interventions: none, pairs (a value of its own for each), groups (a shared value), unknown (its
-    /// target is guessed) or labels
+    /// Intervention labels used in training. none; pairs: each before/after pair has its own value; groups: several pairs
+    /// share one value; unknown: as groups, the target is inferred; labels: true factor values
     #[arg(long, value_name = "NAME", default_value = "groups", help_heading = "Training")]
     supervision: String,
-    /// Where dependence is punished: noise, factors (as printed), conditional or off
+    /// Variables the independence penalty applies to: noise, factors (as in the paper), conditional or off
     #[arg(long, value_name = "NAME", default_value = "noise", help_heading = "Training")]
-    dependence: String,
-    /// Coordinates decoded per picture and step
+    independence_on: String,
+    /// Coordinates decoded per image and step
     #[arg(long, value_name = "Q", default_value_t = 256, help_heading = "Training")]
     points: usize,
-    /// Observed pictures of a batch
+    /// Observational images per batch
     #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Training")]
     observed: usize,
-    /// Groups of a batch
+    /// Intervention groups per batch
     #[arg(long, value_name = "N", default_value_t = 8, help_heading = "Training")]
     groups: usize,
-    /// Steps of the schedule of 12000 before groups count; from there they count more and more, until edges move
+    /// Reconstruction-only iterations; afterwards the group losses ramp up until --graph-from. Counted on the schedule of 12 000
     #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().alone, help_heading = "Training")]
-    alone: u32,
-    /// Steps of the schedule of 12000 before edges move
+    warmup_iterations: u32,
+    /// Iteration at which the graph's edges start to train. Counted on the schedule of 12 000
     #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().freeze, help_heading = "Training")]
-    freeze: u32,
-    /// Another factor of a term of the loss, NAME=VALUE: reconstruction, kl, independence, groups, intervention (of
-    /// decoded counterfactuals, times groups), spread (of the hinge, times groups), sparsity
+    graph_from: u32,
+    /// Weight of a loss term, NAME=VALUE: reconstruction, kl, independence, groups, intervention (decoded
+    /// counterfactuals, multiplied by groups), spread (variance hinge, multiplied by groups), sparsity
     #[arg(long, value_name = "TERM", num_args = 1.., help_heading = "Training")]
     weight: Vec<String>,
     /// Steps between checkpoints
@@ -103,18 +103,18 @@ impl Args {
         let kind = self.mechanism.as_ref().map_or(Ok(reading.mechanism()), |name| Kind::parse(name))?;
         let mut s = Settings {
             factors: usize::from(self.factors),
-            width: usize::from(self.width),
+            width: usize::from(self.factor_dim),
             kind,
             reading,
             framing: Framing::parse(&self.framing)?,
             supervision: Supervision::parse(&self.supervision)?,
-            placement: Placement::parse(&self.dependence)?,
+            placement: Placement::parse(&self.independence_on)?,
             points: self.points,
             observed: self.observed,
             groups: self.groups,
             seed: self.filling.seed,
-            freeze: self.freeze,
-            alone: self.alone,
+            freeze: self.graph_from,
+            alone: self.warmup_iterations,
             ..Settings::of_pictures()
         };
         for term in &self.weight {
@@ -140,7 +140,7 @@ impl Args {
                 _ => return Err(wrong()),
             } = value;
         }
-        let s = s.scaled(self.steps);
+        let s = s.scaled(self.iterations);
         s.validate()?;
         Ok(s)
     }
@@ -198,7 +198,7 @@ fn changed(units: &[f64], step: u32) -> String {
     format!("codes too small when groups came in, at step {step}: times {}", times.join(", "))
 }
 
-/// Pictures of some observed items, and below each the decoded points through the camera of the sets.
+/// Images of some observed items, and below each the decoded points through the camera of the sets.
 fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
     const COUNT: usize = 10;
     let side = data.side();

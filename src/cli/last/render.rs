@@ -1,4 +1,4 @@
-//! `last render`: pictures of a fitted person in any pose from any camera.
+//! `last render`: images of a fitted person in any pose from any camera.
 
 use super::fit;
 use crate::claim;
@@ -21,20 +21,20 @@ const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 40.0, elevation: 
 /// Render a fitted person in any pose from any camera.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last render person --out film                               every moment of its capture, its camera
+  lastlight last render person --out film                               every frame of its capture, its camera
   lastlight last render person --cameras orbit:60 --pose 40 --out turntable   one moment from all sides
-  lastlight last render person --cameras orbit:100 --out both            moments and cameras go on together
+  lastlight last render person --cameras orbit:100 --out both            frames and cameras advance together
   lastlight last render person --pose-from dancer/video --out dance      the poses of another capture, same body
   lastlight last render person --cameras 3 --out side                    camera 3 of the capture
 
-Pictures are numbered. With one camera there is one picture per pose, with one pose one per camera; otherwise
-the k-th picture shows the k-th pose from the k-th camera. An orbit has pictures of 512x512 pixels, a field of
-view of 40° and stands 10° above the horizon unless told otherwise.")]
+Images are numbered. With one camera there is one image per pose, with one pose one per camera; otherwise
+the k-th image shows the k-th pose from the k-th camera. By default an orbit has
+images of 512x512 pixels, a field of view of 40° and an elevation of 10°.")]
 pub(crate) struct Args {
     /// Folder of `last fit`, or an avatar.safetensors
     #[arg(value_name = "RUN")]
     run: PathBuf,
-    /// Folder for the pictures; new or empty unless --force
+    /// Folder for the images; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// A camera's number in the capture, a capture folder or transforms.json, or orbit:N [default: the training camera]

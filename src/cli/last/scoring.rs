@@ -1,4 +1,4 @@
-//! Scores of an avatar, for `last fit` and `last eval`: groups of pictures, tables, records.
+//! Scores of an avatar, for `last fit` and `last eval`: groups of images, tables, records.
 
 use crate::Result;
 use crate::meter::Meter;
@@ -8,13 +8,13 @@ use lastlight_last::avatar::evaluate::{self, Evaluation};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// Training pictures that are scored: evenly spaced, at most.
+/// Training images that are scored: evenly spaced, at most.
 const TRAIN_PICTURES: usize = 20;
 
-/// Scores of evenly spaced training pictures, and of the held-out ones if there are any.
+/// Scores of evenly spaced training images, and of the held-out ones if there are any.
 ///
 /// # Errors
-/// When a picture cannot be read or rendered.
+/// When an image cannot be read or rendered.
 pub(super) fn groups(of: Evaluation<'_>, meter: &mut Meter) -> Result<Vec<Group>> {
     let capture = of.capture;
     let step = Ord::max(1, capture.train.len().div_ceil(TRAIN_PICTURES));
@@ -48,7 +48,7 @@ pub(super) fn text(groups: &[Group]) -> String {
     lines.join("\n")
 }
 
-/// Means by group, by camera and by picture.
+/// Means by group, by camera and by image.
 pub(super) fn json(groups: &[Group]) -> Value {
     let of = |g: &Group| {
         let cameras: Map<String, Value> =
@@ -61,7 +61,7 @@ pub(super) fn json(groups: &[Group]) -> Value {
     Value::Object(groups.iter().map(|g| (g.name.to_owned(), of(g))).collect())
 }
 
-/// Mean PSNR-box of the last group, dB: the held-out pictures where there are any.
+/// Mean PSNR-box of the last group, dB: the held-out images where there are any.
 pub(super) fn held_out_db(groups: &[Group]) -> f64 {
     groups.last().map_or(f64::NAN, |g| g.mean.boxed.db.finite().unwrap_or(f64::INFINITY))
 }

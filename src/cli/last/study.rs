@@ -31,23 +31,23 @@ const FOUND_BY: [(&str, &str); 2] = [
     ("search", "The strongest honest setting: constants found on subject 0, evaluated on others."),
 ];
 
-/// Run the experiments: what the paper claims, what is found.
+/// Run the experiments of LAST: the paper's claims against measurements.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight last study --out study                       everything; hours
-  lastlight last study --out study --resume              go on where it stopped
-  lastlight last study E10 --out look --quick            small sizes, few seeds
+  lastlight last study --out study                       all experiments; hours
+  lastlight last study --out study --resume              continue an interrupted study
+  lastlight last study E10 --out trial --quick            small sizes, few seeds
   lastlight last study E1 --out study --model FORK=a.safetensors --model FULL=b.safetensors
 
-E1 full system against host · E2 what each part does · E3 wrong structures · E4 number of factors · E5 τ_rec
-E6 where the latent criterion adds · E7 λ · E8 order of the updates · E9 tuning · E10 is the structure found
-(E10p from pictures; its models stay in models/) · E11 the spurious edge of a fork · E12 where dependence is
-punished · E13 errors of child factors · E14 cost · E15 latent factors in the loss.
-Those with persons need a model that was trained on pictures of `last gen --graph GRAPH` with its default seed: the
-one that comes with the program, or those of --model, the first of which serves where an experiment asks for one.
-Before them the scale of the latent criterion and the strongest constants are found on a subject that is in no
-experiment (calibration, search). Every cell (one training or fit) is a file under --out; the reports are
-made from these files. --out gets study.json, one CSV per experiment and report/index.html.")]
+E1 full system against the unguided fit · E2 ablations · E3 wrong structures · E4 number of factors · E5 τ_rec
+E6 where the latent criterion adds Gaussians · E7 λ · E8 order of the updates · E9 tuning · E10 structure recovery
+(E10p from images; its models are kept in models/) · E11 the spurious edge of a fork · E12 independence penalty
+· E13 errors of child factors · E14 cost · E15 latent factors in the loss.
+Experiments with persons need a model trained on `last gen --graph GRAPH` with its default seed: the built-in one,
+or those of --model (experiments with one model use the first). Before them, the scale of the latent criterion and the
+constants are searched on a subject that is in no experiment (calibration, search). Every cell (one training or fit) is
+a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and
+report/index.html.")]
 pub(crate) struct Args {
     /// Experiments [default: all]
     #[arg(value_name = "ID")]
@@ -55,28 +55,28 @@ pub(crate) struct Args {
     /// Folder for results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Image-to-point model of last pretrain and the graph of its data; once for each graph [default: FORK and the
-    /// model that comes with the program]
+    /// Image-to-point model of last pretrain and the graph of its data; once per graph [default: FORK and the
+    /// built-in model]
     #[arg(long, value_name = "GRAPH=FILE")]
     model: Vec<String>,
-    /// The constants of the specification instead of a search
+    /// Use the default hyper-parameters
     #[arg(long)]
     no_search: bool,
     /// Small sizes and few seeds
     #[arg(long)]
     quick: bool,
-    /// The smallest sizes: shows that everything runs, in seconds
+    /// Smallest sizes: a test that everything runs, in seconds
     #[arg(long, conflicts_with = "quick")]
     smoke: bool,
-    /// Cells to run at a time; they share the threads and change no bit [default: as many as threads]
+    /// Number of cells run at the same time; results do not depend on it [default: number of threads]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
-    /// Go on where an interrupted study stopped
+    /// Continue an interrupted study
     #[arg(long, conflicts_with = "force")]
     resume: bool,
-    /// Run nothing: report what is there
+    /// Rebuild the report from existing results
     #[arg(long, requires = "resume")]
-    stored: bool,
+    report_only: bool,
     #[command(flatten)]
     perception: MetricArgs,
     #[command(flatten)]
@@ -103,8 +103,8 @@ impl Args {
     /// What sizes other than the study's are worth.
     fn warning(&self) -> Option<&'static str> {
         match (self.quick, self.smoke) {
-            (true, _) => Some("small sizes, few seeds: a look, no evidence"),
-            (_, true) => Some("the smallest sizes: everything runs, nothing is shown"),
+            (true, _) => Some("quick run (small sizes, few seeds): not evidence"),
+            (_, true) => Some("smoke test (smallest sizes): not evidence"),
             _ => None,
         }
     }
@@ -174,7 +174,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let options = RunOptions {
         command: "last study",
-        report_only: args.stored,
+        report_only: args.report_only,
         jobs: args.jobs.map_or_else(par::threads, usize::from),
     };
     let mut study = Study { dir: dir.clone(), options, meter: &mut meter, reports: Vec::new() };

@@ -13,13 +13,13 @@ use lastlight_last::model::tune::{Settings, Subject, Tuning};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Fine-tune a model's structure on the training pictures of one person.
+/// Fine-tune a model's structure on the training images of one person.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last tune model/model.safetensors subject/video --out tuned.safetensors
 
-Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 steps, held to
-where they were by 0.1 of the squared change of each probability. The table shows the edges before and after.")]
+Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 iterations, with a penalty
+of 0.1 times the squared change of each probability. The table shows the edges before and after.")]
 pub(crate) struct Args {
     /// Model written by last pretrain
     #[arg(value_name = "MODEL")]
@@ -30,10 +30,10 @@ pub(crate) struct Args {
     /// File for the tuned model
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
-    /// Steps
+    /// Iterations
     #[arg(long, value_name = "N", default_value_t = 500, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    steps: u32,
-    /// Seed of every draw
+    iterations: u32,
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
@@ -53,7 +53,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let capture = PersonCapture::open(&args.capture)?;
     let subject = Subject::new(&trained, &capture)?;
     meter.lap("pictures");
-    let settings = Settings { steps: args.steps, seed: args.seed, ..Settings::default() };
+    let settings = Settings { steps: args.iterations, seed: args.seed, ..Settings::default() };
     let mut tuning = Tuning::new(&mut trained, &subject, settings)?;
     training::run_whole(&mut tuning, &mut meter)?;
     let tuned = tuning.finish();

@@ -65,7 +65,7 @@ pub(crate) struct Args {
     /// Camera of an egocentric set: fisheye (130 degrees, equidistant) or pinhole (70 degrees) [default: fisheye]
     #[arg(long, value_name = "NAME", value_parser = ["fisheye", "pinhole"], help_heading = "Pictures")]
     camera: Option<String>,
-    /// Pictures per object and light, of train and egocentric
+    /// Images per object and light, of train and egocentric
     #[arg(long, value_name = "N", default_value_t = 32, help_heading = "Pictures")]
     views: usize,
     /// Pixels a side
@@ -83,7 +83,7 @@ pub(crate) struct Args {
     /// Side of a square with as many texels as the textures of an object [default: twice --size, 128 to 1024]
     #[arg(long, value_name = "PX", help_heading = "Pictures")]
     texture: Option<usize>,
-    /// What is written of each picture: photo (and foreground) or all
+    /// What is written of each image: photo (and foreground) or all
     #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"], help_heading = "Pictures")]
     passes: String,
     /// Leave out object.glb and environment.exr

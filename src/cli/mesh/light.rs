@@ -46,7 +46,7 @@ enum Source<'a> {
     Uniform,
     /// A built-in environment.
     BuiltIn(u64),
-    /// The test map that colours the axes, as a picture in our orientation.
+    /// The test map that colours the axes, as an image in our orientation.
     Axes,
     /// A panorama.
     File(&'a Path),

@@ -1,4 +1,4 @@
-//! `mesh render`: pictures of a model under light.
+//! `mesh render`: images of a model under light.
 
 use super::light;
 use crate::claim;
@@ -33,9 +33,9 @@ const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 35.0, elevation: 
 
 --out is a capture: images/ (PNG, sRGB-encoded), foreground/ (PNG) and transforms.json; with --passes all also
 radiance/ (EXR, linear), depth/, normal/ (EXR), albedo/ and material/ (PNG). An interrupted run continues with
---resume, if model, light and cameras are what they were. An orbit has pictures of 512x512
-pixels, a field of view of 35° and stands 15° above the horizon unless told otherwise. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program. --env axes colours what looks along an axis: +x red, -x cyan, +y green, -y magenta,
-+z blue, -z yellow, the negative ones with a dark middle; --env-axes says in whose orientation its picture is read.")]
+--resume, if model, light and cameras are what they were. By default an orbit has
+images of 512x512 pixels, a field of view of 35° and an elevation of 15°. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program. --env axes colours directions by axis: +x red, -x cyan, +y green, -y magenta,
++z blue, -z yellow, the negative ones with a dark middle; --env-axes gives the orientation of the environment map's axes.")]
 pub(crate) struct Args {
     /// Model: .gltf, .glb, .obj; or the folder of the open body
     #[arg(value_name = "FILE")]
@@ -47,7 +47,7 @@ pub(crate) struct Args {
     cameras: String,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Shrink the pictures of a capture's cameras by a whole factor
+    /// Shrink the images of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Cameras")]
     downscale: u8,
     /// Pose of a character: one of its animations
@@ -80,7 +80,7 @@ pub(crate) struct Args {
     /// What is written: photo or all
     #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"])]
     passes: String,
-    /// Folder for the pictures; new or empty unless --force or --resume
+    /// Folder for the images; new or empty unless --force or --resume
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! The report of one fit: held-out pictures, numbers per view, curves, density events, time, files.
+//! The report of one fit: held-out images, numbers per view, curves, density events, time, files.
 
 use super::run::{self, Compared, Run};
 use super::{Page, Section, Stat, charts, table, text, thousands};
@@ -7,9 +7,9 @@ use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::splat::Event;
 use maud::{Markup, html};
 
-/// Most views shown as pictures; the table has all.
+/// Most views shown as images; the table has all.
 const MAX_PICTURES: usize = 16;
-/// Longest side of a picture in the report, in pixels.
+/// Longest side of an image in the report, in pixels.
 const MAX_SIDE: usize = 640;
 
 /// What the report is made of.
@@ -26,7 +26,7 @@ pub(crate) struct Input<'a> {
     pub(crate) events: &'a [Event],
     /// number of Gaussians
     pub(crate) n_gauss: usize,
-    /// pictures and scores of the held-out views
+    /// images and scores of the held-out views
     pub(crate) scored: &'a [Scored],
     /// the numbers
     pub(crate) evaluation: &'a Evaluation,
@@ -37,7 +37,7 @@ pub(crate) struct Input<'a> {
 /// The page.
 ///
 /// # Errors
-/// When a picture cannot be encoded.
+/// When an image cannot be encoded.
 pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let e = x.evaluation;
     let mut facts = Vec::new();

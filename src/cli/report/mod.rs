@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! mod       the page: header, stat cards, sections, tables       charts    line and bar charts as inline SVG
-//! fit       the report of one fit                                pictures  pixels to PNG data URIs, error maps
+//! fit       the report of one fit                                images  pixels to PNG data URIs, error maps
 //! person    the report of a fitted person                        run       what those two share
 //! style     the style sheet
 //! ```

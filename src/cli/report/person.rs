@@ -1,4 +1,4 @@
-//! The report of a fitted person: held-out pictures, every metric by camera, curves, density events, key Gaussians, time, files.
+//! The report of a fitted person: held-out images, every metric by camera, curves, density events, key Gaussians, time, files.
 
 use super::run::{self, Compared, Run};
 use super::{Page, Section, Stat, charts, table, text, thousands};
@@ -9,9 +9,9 @@ use lastlight_last::avatar::evaluate::Scored;
 use lastlight_last::avatar::fit::Tally;
 use maud::{Markup, html};
 
-/// Most views shown as pictures.
+/// Most views shown as images.
 const MAX_PICTURES: usize = 12;
-/// Longest side of a picture in the report, in pixels.
+/// Longest side of an image in the report, in pixels.
 const MAX_SIDE: usize = 512;
 
 /// What the report is made of.
@@ -30,13 +30,13 @@ pub(crate) struct Input<'a> {
     pub(crate) tally: Option<Tally>,
     /// number of Gaussians
     pub(crate) n_gauss: usize,
-    /// groups of pictures, by name: pictures and means per camera and over all
+    /// groups of images, by name: images and means per camera and over all
     pub(crate) groups: &'a [Group],
     /// settings, course, time, files
     pub(crate) run: Run<'a>,
 }
 
-/// Pictures that are scored together.
+/// Images that are scored together.
 pub(crate) struct Group {
     /// e.g. `other cameras`
     pub(crate) name: &'static str,
@@ -55,7 +55,7 @@ fn level(scores: &Scores) -> f64 {
 /// The page.
 ///
 /// # Errors
-/// When a picture cannot be encoded.
+/// When an image cannot be encoded.
 pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let mut stats: Vec<Stat> = (x.groups.iter())
         .map(|g| Stat {
@@ -115,7 +115,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     })
 }
 
-/// Name of the group of pictures the fit has seen.
+/// Name of the group of images the fit has seen.
 pub(crate) const TRAINED: &str = "training camera";
 
 fn views(groups: &[Group]) -> Result<Markup> {

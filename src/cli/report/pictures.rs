@@ -1,4 +1,4 @@
-//! Pixels to PNG data URIs; sheets of pictures; the colour map of error maps.
+//! Pixels to PNG data URIs; sheets of images; the colour map of error maps.
 
 use crate::Result;
 use crate::io::image_file;
@@ -33,12 +33,12 @@ pub(crate) fn inferno(x: f32) -> [f32; 3] {
     std::array::from_fn(|c| INFERNO[i][c] + (INFERNO[i + 1][c] - INFERNO[i][c]) * f)
 }
 
-/// An error per pixel (H, W) as a colour picture (H, W, 3), 0 to [`ERROR_MAX`].
+/// An error per pixel (H, W) as a colour image (H, W, 3), 0 to [`ERROR_MAX`].
 pub(crate) fn error_map(error: &[f32]) -> Vec<f32> {
     error.iter().flat_map(|&e| inferno(e / ERROR_MAX)).collect()
 }
 
-/// The picture as a `data:` URI, box-filtered by whole factors until its longer side is at most `max_side`.
+/// The image as a `data:` URI, box-filtered by whole factors until its longer side is at most `max_side`.
 ///
 /// # Errors
 /// When the encoder refuses the size.
@@ -70,26 +70,26 @@ fn shrink(rgb: &[f32], width: usize, height: usize, factor: usize) -> (Option<Ve
     (Some(out), w, h)
 }
 
-/// Pictures of one size in rows and columns.
+/// Images of one size in rows and columns.
 pub(crate) struct Sheet {
     /// (H, W, 3)
     rgb: Vec<f32>,
     /// W, H of the sheet
     size: [usize; 2],
-    /// w, h of a picture
+    /// w, h of an image
     cell: [usize; 2],
     gap: usize,
 }
 
 impl Sheet {
-    /// A sheet for `columns` × `rows` pictures of `cell` pixels, `gap` white pixels between them.
+    /// A sheet for `columns` × `rows` images of `cell` pixels, `gap` white pixels between them.
     pub(crate) fn new([columns, rows]: [usize; 2], cell: [usize; 2], gap: usize) -> Self {
         let side = |count: usize, length: usize| count * (length + gap) - if count > 0 { gap } else { 0 };
         let size = [side(columns, cell[0]), side(rows, cell[1])];
         Self { rgb: vec![1.0; size[0] * size[1] * 3], size, cell, gap }
     }
 
-    /// Puts a picture (h, w, 3) at a column and a row.
+    /// Puts an image (h, w, 3) at a column and a row.
     pub(crate) fn put(&mut self, [column, row]: [usize; 2], picture: &[f32]) {
         let [w, h] = self.cell;
         for (y, line) in picture.chunks_exact(w * 3).enumerate() {
@@ -116,7 +116,7 @@ impl Sheet {
     }
 }
 
-/// The colour map as a picture 256×1.
+/// The colour map as an image 256×1.
 ///
 /// # Errors
 /// Never for this size; the encoder's signature asks for it.

@@ -1,4 +1,4 @@
-//! What the reports of runs have in common: pictures side by side, the course, the time, the files, the settings.
+//! What the reports of runs have in common: images side by side, the course, the time, the files, the settings.
 
 use super::charts::{self, Lines, Series};
 use super::{Section, Stat, bytes, code, pictures, seconds, table, text, thousands};
@@ -133,10 +133,10 @@ pub(crate) struct Compared<'a> {
     pub(crate) size: [usize; 2],
 }
 
-/// Comparisons with the colour scale of their error maps; pictures are at most `max_side` pixels long.
+/// Comparisons with the colour scale of their error maps; images are at most `max_side` pixels long.
 ///
 /// # Errors
-/// When a picture cannot be encoded.
+/// When an image cannot be encoded.
 pub(crate) fn compared(all: &[Compared<'_>], max_side: usize) -> Result<Markup> {
     let mut shown = Vec::new();
     for c in all {

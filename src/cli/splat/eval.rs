@@ -41,6 +41,9 @@ pub(crate) struct Args {
     /// Shrink the photographs by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
+    /// Refuse a capture with missing photographs instead of leaving those frames out
+    #[arg(long)]
+    strict: bool,
     /// Fail when the mean PSNR is below this many decibels
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
@@ -57,7 +60,7 @@ pub(crate) struct Args {
     /// Print the scores as JSON
     #[arg(long)]
     json: bool,
-    /// No progress, no remarks
+    /// Print neither progress nor notes
     #[arg(long)]
     quiet: bool,
 }
@@ -88,8 +91,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new(args.quiet);
     let (settings, background) = args.render.settings()?;
     let stored = read_scene(&args.scene)?;
-    let views =
-        Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    let views = Views::load(
+        &args.capture,
+        &views::Options { downscale: usize::from(args.downscale), background, strict: args.strict },
+    )?;
+    super::missing::note(&views, &meter);
     let which: Vec<usize> = match args.views.as_str() {
         "test" => views.test.clone(),
         "train" => views.train.clone(),

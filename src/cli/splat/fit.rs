@@ -36,7 +36,7 @@ held out and scored. Lens distortion is removed on load.
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, held-out renders, and
 report/index.html.";
 
-/// Random first Gaussians, unless told otherwise.
+/// Number of random first Gaussians by default.
 const INITIAL: usize = 10_000;
 
 /// Fit Gaussians to the photographs of a capture.
@@ -73,6 +73,9 @@ pub(crate) struct Args {
     /// Shrink the photographs by a whole factor, averaging blocks of pixels
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
     downscale: u8,
+    /// Refuse a capture with missing photographs instead of leaving those frames out
+    #[arg(long, help_heading = "Model")]
+    strict: bool,
     /// Refuse to start when the estimated memory exceeds this many MiB
     #[arg(long, value_name = "MIB", help_heading = "Model")]
     max_memory: Option<u64>,
@@ -100,8 +103,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let views =
-        Views::load(&args.capture, &views::Options { downscale: usize::from(args.downscale), background })?;
+    let views = Views::load(
+        &args.capture,
+        &views::Options { downscale: usize::from(args.downscale), background, strict: args.strict },
+    )?;
+    super::missing::note(&views, &meter);
     settings.max_gaussians = args.max_gaussians.unwrap_or_else(|| Settings::determined(&views));
     meter.lap("reading photographs");
     meter.note(&format!(

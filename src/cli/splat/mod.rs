@@ -5,6 +5,7 @@
 
 mod eval;
 pub(super) mod fit;
+mod missing;
 mod render;
 mod render_args;
 

@@ -1,4 +1,4 @@
-//! `splat render`: pictures of a scene file along cameras.
+//! `splat render`: images of a scene file along cameras.
 
 use super::render_args::RenderArgs;
 use crate::claim;
@@ -22,10 +22,10 @@ const USUAL: DefaultArgs = DefaultArgs { size: "800x600", fov: 50.0, elevation: 
   lastlight splat render scene.ply --cameras photos/ --out again --passes color,depth,alpha
   lastlight splat render theirs.ply --cameras transforms.json --out out --profile inria --background white
 
-Any 3DGS PLY can be rendered. --out gets one folder per pass and a transforms.json that describes the
-pictures, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
-radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). An orbit has
-pictures of 800x600 pixels, a field of view of 50° and stands 20° above the horizon unless told otherwise.")]
+Reads PLY files written by 3DGS programs. Written to --out: one folder per pass and a transforms.json that describes the
+images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
+radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has
+images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
 pub(crate) struct Args {
     /// Scene: .ply, .splat or .npz
     #[arg(value_name = "SCENE")]
@@ -33,21 +33,21 @@ pub(crate) struct Args {
     /// Cameras: a capture folder, a transforms.json, a COLMAP model, or orbit:N for N views around the scene
     #[arg(long, value_name = "FROM")]
     cameras: String,
-    /// Folder for the pictures; new or empty unless --force
+    /// Folder for the images; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Replace files in --out that exist
     #[arg(long)]
     force: bool,
-    /// What to write, between commas: color, linear, depth, alpha
+    /// What to write, comma-separated: color, linear, depth, alpha
     #[arg(long, value_name = "LIST", default_value = "color")]
     passes: String,
-    /// Shrink the pictures of a capture's cameras by a whole factor
+    /// Shrink the images of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Point an orbit looks at, X,Y,Z [default: the middle of the scene]
+    /// Centre of an orbit, X,Y,Z [default: the centre of the scene]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
     center: Option<String>,
     #[command(flatten)]
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     /// Print what was written as JSON
     #[arg(long)]
     json: bool,
-    /// No progress, no remarks
+    /// Print neither progress nor notes
     #[arg(long)]
     quiet: bool,
 }

@@ -48,7 +48,7 @@ fn color(text: &str) -> Result<[f32; 3]> {
     }
 }
 
-/// Finite numbers between commas.
+/// Finite numbers comma-separated.
 pub(super) fn numbers(text: &str) -> Option<Vec<f32>> {
     text.split(',').map(|p| p.trim().parse::<f32>().ok().filter(|x| x.is_finite())).collect()
 }

@@ -4,6 +4,7 @@
 //! [`super::passes`], which also removes them).
 
 use super::passes::{HEADER, JOURNAL, SPLITS, read_json};
+use crate::io::atomic;
 use crate::{Error, Result};
 use serde_json::{Map, Value};
 use std::path::Path;
@@ -14,7 +15,7 @@ use std::path::Path;
 /// When it does, or cannot be read.
 pub(super) fn check_begun(dir: &Path) -> Result<()> {
     let begun = dir.join(JOURNAL).is_dir() || SPLITS.iter().any(|(file, _)| dir.join(file).is_file());
-    if begun || !dir.is_dir() || std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))?.next().is_none() {
+    if begun || !dir.is_dir() || atomic::is_unused(dir)? {
         return Ok(());
     }
     Err(Error::input("--resume")

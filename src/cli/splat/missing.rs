@@ -1,0 +1,22 @@
+//! Files that a capture lists and does not have.
+
+use crate::meter::Meter;
+use crate::scene::views::Views;
+
+/// Notes on files that a capture lists and does not have.
+pub(super) fn note(views: &Views, meter: &Meter) {
+    let some = |names: &[String]| {
+        let more = if names.len() > 3 { ", …" } else { "" };
+        format!("{}{more}", names.iter().take(3).map(String::as_str).collect::<Vec<_>>().join(", "))
+    };
+    if !views.missing.is_empty() {
+        let (gone, listed) = (views.missing.len(), views.missing.len() + views.views.len());
+        let names = some(&views.missing);
+        meter.note(&format!(
+            "{gone} of {listed} frames have no photograph and are left out: {names} (--strict refuses such a capture)"
+        ));
+    }
+    if !views.missing_files.is_empty() {
+        meter.note(&format!("not found and not used: {}", some(&views.missing_files)));
+    }
+}
