@@ -46,11 +46,9 @@ fn count_images(path: &Path) -> usize {
         let ending = p.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
         ending.is_some_and(|e| IMAGES.contains(&e.as_str()))
     };
-    let count = |folder: &Path| {
-        let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
-        entries.filter(|e| is_image(&e.path())).count()
-    };
-    ["", "images", "input", "rgb"].iter().map(|inside| count(&path.join(inside))).fold(0, |s, n| s + n)
+    let folders = ["", "images", "input", "rgb"].iter().map(|inside| path.join(inside));
+    let entries = folders.flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten().flatten());
+    entries.filter(|e| is_image(&e.path())).count()
 }
 
 fn not_a_capture(path: &Path) -> Error {
