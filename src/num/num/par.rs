@@ -15,9 +15,10 @@ use std::sync::{Mutex, PoisonError};
 /// where cost is uneven.
 const PIECES: usize = 32;
 
-/// Tasks of one piece, of `n`, at least `batch`.
+/// Tasks of one piece, of `n`, at least `batch` if there are as many: fewer than two batches are one piece, which wakes no other thread.
 fn piece(n: usize, batch: usize) -> usize {
-    Ord::max(Ord::max(1, batch), n / (PIECES * threads()))
+    let least = Ord::max(Ord::max(1, batch), n / (PIECES * threads()));
+    Ord::max(1, n.div_ceil(Ord::max(1, n / least)))
 }
 
 /// Runs `job(0), …, job(n−1)` in any order, on any threads.
