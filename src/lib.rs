@@ -2,7 +2,8 @@
 //!
 //! Every result is a pure function of the input bits and the seed: the same bits for any number of threads, in debug and release, at any
 //! vector width. Every operator has a hand-derived adjoint, an independent twin in f64 (`reference`), gradient checks, and a
-//! digest. At this stage: Gaussian splatting of static scenes, the operator oracle, gradient checks, scenes with known truth.
+//! digest. Available: Gaussian splatting of static scenes, LAST, the operator oracle, gradient checks,
+//! scenes with known truth; of LIRM, its training data.
 //!
 //! # Doors
 //! * Checking a kernel or a renderer against this one: [`ops`] (the operator list), [`oracle`], `lastlight oracle`.

@@ -17,7 +17,7 @@ pub(super) struct OutputArgs {
     /// Continue an interrupted run with the same settings; the result is bit-identical to an uninterrupted run
     #[arg(long)]
     pub(super) resume: bool,
-    /// Start over in a non-empty folder; deletes only files written by the previous run
+    /// Start over in a non-empty folder, replacing the files of the previous run
     #[arg(long, conflicts_with = "resume")]
     pub(super) force: bool,
     /// Print the record as JSON

@@ -132,5 +132,5 @@ pub(super) fn run(args: &Args) -> Result<()> {
     for note in &report.notes {
         cli::say(&format!("note: {note}"))?;
     }
-    cli::say(&format!("look at it: lastlight last inspect {} --out LOOK", args.out.display()))
+    cli::say(&format!("check it with: lastlight last inspect {} --out check", args.out.display()))
 }
