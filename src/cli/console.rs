@@ -1,6 +1,6 @@
 //! The terminal: results on stdout, interruption, the command line as it was typed.
 
-use crate::{Error, Result};
+use crate::{Error, Result, claim};
 use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -24,7 +24,10 @@ pub(crate) fn stoppable<T>(work: impl FnOnce(&'static AtomicBool) -> T) -> T {
 /// When stdout cannot be written for another reason.
 pub(crate) fn say(line: &str) -> Result<()> {
     match writeln!(std::io::stdout().lock(), "{line}") {
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => {
+            claim::release();
+            std::process::exit(0)
+        }
         Err(e) => Err(Error::input("standard output").got(e.to_string())),
         Ok(()) => Ok(()),
     }
@@ -61,6 +64,7 @@ pub(crate) fn stop_on_interrupt() -> std::result::Result<(), ctrlc::Error> {
     ctrlc::set_handler(|| {
         if !STOPPABLE.load(Ordering::Relaxed) || STOP.swap(true, Ordering::Relaxed) {
             // Nothing that would stop in good order, or asked twice: nothing on disk is lost.
+            claim::release();
             std::process::exit(130);
         }
         note("stopping in good order; press Ctrl-C again to stop at once");

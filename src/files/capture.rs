@@ -10,8 +10,8 @@ use std::path::Path;
 /// model in `.`, `sparse/0`, `sparse`, `dense/0/sparse` or `dense/sparse`.
 ///
 /// # Errors
-/// When no layout is recognised, no listed photograph is there, a mask is missing, a file is malformed, or a lens is not supported. Some
-/// photographs that are not there are left out and named in the result.
+/// When no layout is recognised, a mask is missing, a file is malformed, or a lens is not supported. Frames whose photograph is not there
+/// are apart from the others.
 pub fn read_capture(path: &Path) -> Result<Capture> {
     let mut capture = if path.is_file() || transforms::file_in(path).is_some() {
         transforms::read(path)?
@@ -25,14 +25,8 @@ pub fn read_capture(path: &Path) -> Result<Capture> {
         let e = Error::input(path.display().to_string()).at(format!("frame '{}'", pair[0].name));
         return Err(e.expected("every picture once").got("two entries"));
     }
-    if capture.frames.is_empty() {
-        let e = Error::input(path.display().to_string());
-        return Err(match capture.missing.first() {
-            None => e.expected("at least one frame").got("none"),
-            Some(first) => e
-                .expected("photographs of the frames that are listed")
-                .got(format!("no file of {} frames, the first '{first}'", capture.missing.len())),
-        });
+    if capture.frames.is_empty() && capture.missing.is_empty() {
+        return Err(Error::input(path.display().to_string()).expected("at least one frame").got("none"));
     }
     Ok(capture)
 }

@@ -64,10 +64,9 @@ pub(super) fn read_model(model: &Model) -> Result<Capture> {
     };
     let dialect = if model.binary { Dialect::ColmapBinary } else { Dialect::ColmapText };
     let mut frames = frames(&cameras, &images, &image_name)?;
-    let mut missing = Vec::new();
     for frame in &mut frames {
         let Some(image) = locate(&model.images, &frame.name) else {
-            missing.push(frame.name.clone());
+            frame.image = model.images.join(&frame.name);
             continue;
         };
         frame.image = image;
@@ -77,7 +76,7 @@ pub(super) fn read_model(model: &Model) -> Result<Capture> {
             .map(|n| model.masks.join(n))
             .find(|p| p.is_file());
     }
-    frames.retain(|frame| !missing.contains(&frame.name));
+    let (frames, missing) = frames.into_iter().partition(|frame| frame.image.is_file());
     Ok(Capture { dialect, frames, points, missing, missing_files: Vec::new() })
 }
 

@@ -176,8 +176,8 @@ pub struct Capture {
     pub frames: Vec<Frame>,
     /// Points of a reconstruction.
     pub points: Option<Points>,
-    /// Names of photographs that are listed and whose files are not there. They are in no frame.
-    pub missing: Vec<String>,
+    /// Frames whose photograph is listed and not there: cameras alone, with the path as it is listed.
+    pub missing: Vec<Frame>,
     /// Other files that are named and not there: points, depth and other passes. What they would hold is absent.
     pub missing_files: Vec<String>,
 }

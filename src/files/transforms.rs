@@ -78,7 +78,8 @@ pub fn read(path: &Path) -> Result<Capture> {
                 })
             };
             let Some(image) = locate(root, &frame.image.to_string_lossy()) else {
-                capture.missing.push(frame.name);
+                let image = root.join(&frame.image);
+                capture.missing.push(Frame { image, mask: None, passes: Passes::default(), ..frame });
                 continue;
             };
             frame.image = image;

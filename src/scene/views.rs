@@ -104,6 +104,11 @@ impl Views {
             let e = Error::input("background").expected("colours from 0 to 1");
             return Err(e.got(format!("{:?}", options.background)));
         }
+        if let (true, Some(first)) = (capture.frames.is_empty(), capture.missing.first()) {
+            return Err(Error::input("capture")
+                .expected("photographs of the frames that are listed")
+                .got(format!("no file of {} frames, the first '{}'", capture.missing.len(), first.name)));
+        }
         let has = |s: Split| capture.frames.iter().any(|f| f.split == s);
         let given = has(Split::Train) && has(Split::Test);
         let mut frames: Vec<&Frame> =
@@ -115,7 +120,7 @@ impl Views {
         if let (true, Some(first)) = (options.strict, capture.missing.first()) {
             return Err(Error::input("capture")
                 .expected("the photograph of every frame, with --strict")
-                .got(format!("{} that are not there, the first '{first}'", capture.missing.len())));
+                .got(format!("{} that are not there, the first '{}'", capture.missing.len(), first.name)));
         }
         let is_test =
             |i: usize| if given { frames[i].split == Split::Test } else { i.is_multiple_of(TEST_EVERY) };
@@ -136,7 +141,7 @@ impl Views {
             extent,
             scene_box,
             points: capture.points.clone(),
-            missing: capture.missing.clone(),
+            missing: capture.missing.iter().map(|frame| frame.name.clone()).collect(),
             missing_files: capture.missing_files.clone(),
         })
     }

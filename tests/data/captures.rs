@@ -8,7 +8,7 @@ use lastlight::scene::lens::{Undistort, undistort};
 use lastlight::scene::views::{Options, Views};
 
 /// Writes files into a new folder; names may have folders.
-fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
+pub(crate) fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("a temporary folder");
     for (name, bytes) in files {
         let path = dir.path().join(name);
@@ -18,12 +18,15 @@ fn folder(files: &[(&str, Vec<u8>)]) -> tempfile::TempDir {
     dir
 }
 
-fn with_images<'a>(mut files: Vec<(&'a str, Vec<u8>)>, names: &[&'a str]) -> Vec<(&'a str, Vec<u8>)> {
+pub(crate) fn with_images<'a>(
+    mut files: Vec<(&'a str, Vec<u8>)>,
+    names: &[&'a str],
+) -> Vec<(&'a str, Vec<u8>)> {
     files.extend(names.iter().map(|n| (*n, samples::png(16, 12, 3))));
     files
 }
 
-const NINE: [&str; 9] = [
+pub(crate) const NINE: [&str; 9] = [
     "images/0000.png",
     "images/0001.png",
     "images/0002.png",
@@ -35,7 +38,7 @@ const NINE: [&str; 9] = [
     "images/0008.png",
 ];
 
-const OPENCV: [f64; 8] = [20.0, 21.0, 8.0, 6.0, 0.01, 0.02, 0.003, 0.004];
+pub(crate) const OPENCV: [f64; 8] = [20.0, 21.0, 8.0, 6.0, 0.01, 0.02, 0.003, 0.004];
 
 fn orthonormal(m: &[[f64; 4]; 4]) -> f64 {
     let mut worst = 0.0;
@@ -409,63 +412,6 @@ fn a_fisheye_view_stays_a_fisheye() {
     let v = Views::load(dir.path(), &Options::default()).expect("views");
     assert_eq!(v.views[0].camera.model, Model::Fisheye, "equidistant");
     assert_eq!((v.train, v.test), (vec![0], vec![0]), "a single view serves for both");
-}
-
-#[test]
-fn listed_photographs_that_are_not_there_are_left_out_and_named() {
-    for list in ["transforms.json", "sparse/0"] {
-        let with = |images: &[&'static str]| {
-            let mut files = with_images(Vec::new(), images);
-            if list == "transforms.json" {
-                files.push((list, samples::transforms(9)));
-            } else {
-                files.push(("sparse/0/cameras.bin", samples::cameras_bin(1, &OPENCV[..4])));
-                files.push(("sparse/0/images.bin", samples::images_bin(9)));
-            }
-            folder(&files)
-        };
-        let some = with(&[NINE[0], NINE[1], NINE[3], NINE[4], NINE[5]]);
-        let v = Views::load(some.path(), &Options::default()).expect("five are there");
-        let names: Vec<&str> = v.missing.iter().map(|n| n.trim_start_matches("images/")).collect();
-        assert_eq!(names, ["0002.png", "0006.png", "0007.png", "0008.png"], "{list}: named");
-        assert_eq!(
-            (v.views.len(), v.test.clone(), v.train.len()),
-            (5, vec![0], 4),
-            "{list}: the rest is split"
-        );
-        let strict = Options { strict: true, ..Options::default() };
-        let e = Views::load(some.path(), &strict).expect_err("refused").to_string();
-        assert!(e.contains("4 that are not there") && e.contains("0002.png"), "{list}: {e}");
-        let e = read_capture(with(&[]).path()).expect_err("none is there").to_string();
-        assert!(e.contains("no file of 9 frames") && e.contains("0000.png"), "{list}: {e}");
-    }
-}
-
-/// The fox as published: 67 frames are listed, 17 of them without a file.
-#[test]
-fn the_fox_as_published_is_the_fox() {
-    let Some(fox) = common::real_data("capture/fox") else { return };
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    let text = std::fs::read_to_string(fox.join("transforms.json")).expect("readable");
-    let mut list: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    let frames = list["frames"].as_array_mut().expect("frames");
-    let first = frames[0].clone();
-    for i in 0..17 {
-        let mut frame = first.clone();
-        frame["file_path"] = format!("images/gone_{i:02}.jpg").into();
-        frames.push(frame);
-    }
-    std::fs::write(dir.path().join("transforms.json"), list.to_string()).expect("written");
-    std::fs::create_dir(dir.path().join("images")).expect("made");
-    for entry in std::fs::read_dir(fox.join("images")).expect("readable") {
-        let from = entry.expect("an entry").path();
-        std::fs::copy(&from, dir.path().join("images").join(from.file_name().expect("a name")))
-            .expect("copied");
-    }
-    let published = Views::load(dir.path(), &Options::default()).expect("loads");
-    assert_eq!(published.missing.len(), 17, "counted");
-    let whole = Views::load(&fox, &Options::default()).expect("loads");
-    assert_eq!(Views { missing: Vec::new(), ..published }, whole, "the same views, split and box");
 }
 
 #[test]

@@ -3,6 +3,7 @@
 mod adjoints;
 mod arithmetic;
 mod cycles;
+mod exceptions;
 mod functions;
 mod levels;
 mod modules;

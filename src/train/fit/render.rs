@@ -186,14 +186,15 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
     json!({"camera_model": model, "frames": list})
 }
 
-/// The cameras of a capture, as ideal cameras of the sizes of its photographs over `downscale`.
+/// The cameras of a capture, as ideal cameras of the sizes of its photographs over `downscale`. Where sizes are declared, the photographs need not
+/// be there.
 ///
 /// # Errors
 /// When the layout is bad, or a photograph of a size nobody declared cannot be read.
 pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
     assert!(downscale > 0, "a picture shrinks by a factor of at least 1");
     let capture = read_capture(path)?;
-    let mut frames: Vec<&Frame> = capture.frames.iter().collect();
+    let mut frames: Vec<&Frame> = capture.frames.iter().chain(&capture.missing).collect();
     frames.sort_by(|a, b| a.name.cmp(&b.name));
     let shot = |frame: &Frame| {
         let [width, height] = match frame.size {

@@ -44,7 +44,7 @@ fn a_run_is_continued_where_everything_is_what_it_was() {
     write(&cameras, changed.to_string());
     refused(&args(&["--resume"]), dir, &["same settings"]);
     assert_eq!(tree(&dir.join("a")), whole, "what is refused changes nothing");
-    // A folder of somebody else's is not continued.
+    // A folder that another program wrote is not continued.
     std::fs::create_dir(dir.join("mine")).expect("made");
     write(&dir.join("mine/letter.txt"), "dear");
     refused(&tiny(&["--out", "mine", "--resume"]), dir, &["--resume", "files without its record"]);

@@ -109,7 +109,7 @@ impl<'a> Machine<'a> {
     }
 
     pub(super) fn pop(&mut self, what: &str) -> Result<Id> {
-        // Values below a mark belong to somebody else.
+        // Values below a mark belong to an enclosing object.
         let floor = self.marks.last().copied().unwrap_or(0);
         if self.stack.len() <= floor {
             return Err(wrong(format!("a value on the stack for {what}"), "none"));
