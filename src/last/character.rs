@@ -1,9 +1,10 @@
-//! A character from a file as a subject: `last gen --character`.
+//! A character from a file as the subject of a data set: `last gen --character`.
 //!
-//! The factors act as `scene::character` says: u_P mixes two poses, u_O bends an elbow, u_W folds the surface, u_L moves the light; further factors act
-//! on nothing. The pose of a frame is a function of its factors alone, so the graph is the truth about the pictures; with `play` the
-//! animations also run on, one loop of the first over the video. Pictures of the sets are taken through the camera of the video; a pose far from all
-//! of the video's may be cut by their border.
+//! The factors act as described in `scene::character`: u_P mixes two poses, u_O bends an elbow, u_W folds the
+//! surface, u_L moves the light; further factors have no effect. The pose of a frame is a function of its
+//! factors only, so the graph is the causal truth about the images; with `play`, the animations are also
+//! played, one loop of the first over the video. Images of the sets use the camera of the video; they may
+//! crop a pose that differs strongly from all poses of the video.
 
 pub use super::character_settings::CharacterSettings;
 use super::image_source::{ImageSource, Surfaces};
@@ -25,14 +26,14 @@ use data_gen::figure::samples::Frame;
 use data_gen::figure::video;
 use serde_json::{Value, json};
 
-/// Height in the figure's frame: 1.7 m over 0.85 m.
+/// Height in the units of the figure: 1.7 m divided by 0.85 m.
 pub const HEIGHT: f64 = 2.0;
 
-/// Share of the picture that the subject may fill at its nearest.
+/// Largest fraction of the image that the subject may fill when it is nearest to the camera.
 const FILL: f64 = 0.95;
 
-/// Digest of what is shown and how it moves: surface, materials and their pictures, weights, and the joints in every frame. Two files of one
-/// name are told apart by it.
+/// Digest of the surface, the materials and their images, the weights, and the joints in every frame. It
+/// distinguishes two files of the same name.
 fn digest(c: &Character, poses: &[Pose]) -> u64 {
     let mut d = Digest::new();
     let object = c.object();
@@ -68,27 +69,28 @@ fn digest(c: &Character, poses: &[Pose]) -> u64 {
     d.value()
 }
 
-/// A character that plays a part.
+/// A character used as the subject of a data set.
 #[derive(Debug)]
 pub struct CharacterSubject {
     character: Character,
     template: Template,
     dots: Dots,
     factors: Factors,
-    /// (T) factors of the frames
+    /// Factors of the frames, shape (T).
     frames: Vec<Vec<f64>>,
-    /// (T) poses
+    /// Poses of the frames, shape (T).
     poses: Vec<Pose>,
-    /// Factor of the focal length, so that all of it is seen in every frame.
+    /// Scale of the focal length, so that the whole character is visible in every frame.
     zoom: f64,
     record: Value,
 }
 
 impl CharacterSubject {
-    /// Reads the character and works out its frames: factors as for the built-in figure of the settings, T frames, a template of P points.
+    /// Reads the character and computes its frames: factors as for the built-in figure with the same
+    /// settings, T frames, a template of P points.
     ///
     /// # Errors
-    /// When the file is bad or a name in it is unknown.
+    /// If the file is invalid or does not contain a requested name.
     pub fn new(casting: &CharacterSettings, scm: &Scm, settings: &Settings) -> Result<Self> {
         let mut character = Character::read(&casting.file)?;
         let hide: Vec<&str> = casting.hide.iter().map(String::as_str).collect();
@@ -122,7 +124,7 @@ impl CharacterSubject {
         for r in reaches {
             largest = order::max(largest, r?);
         }
-        // A point at distance r of the axis is at most r·R/(R − r) off the middle of a picture.
+        // A point at distance r from the axis is at most r·R/(R − r) from the centre of an image.
         let seen = if largest < 0.8 * video::RADIUS {
             largest * video::RADIUS / (video::RADIUS - largest)
         } else {
@@ -131,8 +133,8 @@ impl CharacterSubject {
         if !seen.is_finite() {
             return Err(Error::input(character.name().to_owned())
                 .at("animation")
-                .expected("a character that stays in its place")
-                .got(format!("one that moves {largest:.2} units away, {HEIGHT} is its height")));
+                .expected("a character that stays near the vertical axis")
+                .got(format!("one that moves {largest:.2} units away from it (the height of the character is {HEIGHT} units)")));
         }
         let focal = from_data_gen::camera(&video::camera(0, 2), Model::Pinhole).focal_px[0];
         let zoom = order::min(1.0, FILL * video::RADIUS / (f64::from(focal) * seen));
@@ -145,12 +147,12 @@ impl CharacterSubject {
         Ok(Self { character, template, dots, factors, frames, poses, zoom, record })
     }
 
-    /// What its factors mean.
+    /// The meaning of its factors.
     pub fn meaning(&self) -> &Factors {
         &self.factors
     }
 
-    /// The character, 2 high.
+    /// The character, with a height of 2.
     pub fn character(&self) -> &Character {
         &self.character
     }
@@ -261,7 +263,8 @@ fn single(rows: impl Iterator<Item = [f64; 3]>) -> Vec<[f32; 3]> {
     rows.map(|r| r.map(|x| x as f32)).collect()
 }
 
-/// (P) mean distance to the three nearest other points, summed from the nearest; fewer where there are no more.
+/// Mean distance to the three nearest other points, summed from the nearest, shape (P); to fewer if there are
+/// not enough points.
 fn spacing(points: &[[f32; 3]]) -> Result<Vec<f64>> {
     let mean = |near: &[(f64, u32); 3]| {
         let there = near.iter().filter(|n| **n != knn::NONE);
@@ -271,12 +274,12 @@ fn spacing(points: &[[f32; 3]]) -> Result<Vec<f64>> {
     Ok(knn::neighbours::<3>(points)?.iter().map(mean).collect())
 }
 
-/// The first of the largest entries.
+/// Index of the first of the largest entries.
 fn first_largest(row: &[f32]) -> usize {
     (1..row.len()).fold(0, |best, i| if row[i] > row[best] { i } else { best })
 }
 
-/// With the last row, in single precision.
+/// The matrix with its last row, in single precision.
 fn square(a: &[[f64; 4]; 3]) -> [[f32; 4]; 4] {
     let row = |r: [f64; 4]| r.map(|x| x as f32);
     [row(a[0]), row(a[1]), row(a[2]), [0.0, 0.0, 0.0, 1.0]]

@@ -1,20 +1,20 @@
-//! Which character a data set shows, and what its factors mean.
+//! Settings of a character in a data set, and the meaning of its factors.
 
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Which character, and what its factors mean.
+/// A character and the meaning of its factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CharacterSettings {
-    /// `.gltf`, `.glb`, or the folder of the open body.
+    /// Path of a `.gltf` or `.glb` file, or of the folder of the open body.
     pub file: PathBuf,
-    /// One animation, or two to mix.
+    /// Name of one animation, or of two to mix.
     pub animations: Vec<String>,
-    /// The joint u_O bends; searched for by name if absent.
+    /// The joint that u_O bends; searched for by name if absent.
     pub elbow: Option<String>,
-    /// Parts left out.
+    /// Names of parts that are not shown.
     pub hide: Vec<String>,
-    /// The animations run on.
+    /// Whether the animations are also played.
     pub play: bool,
 }
 
@@ -24,14 +24,15 @@ impl CharacterSettings {
         self.file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
     }
 
-    /// What settings record: the name of the file stands for its path.
+    /// The settings as recorded; the path is recorded as the name of the file.
     pub fn record(&self) -> Value {
         json!({
             "file": self.name(), "animations": self.animations, "elbow": self.elbow, "hide": self.hide, "play": self.play,
         })
     }
 
-    /// The options that give it; the name of the file stands for its path, so that a record does not depend on where it lies.
+    /// The command-line options that give these settings; the path is replaced by the name of the file, so
+    /// that a record does not depend on its location.
     pub fn options(&self) -> String {
         let mut out = format!(" --character {}", quoted(&self.name()));
         for a in &self.animations {
@@ -50,7 +51,7 @@ impl CharacterSettings {
     }
 }
 
-/// A word of a command line as a POSIX shell reads it.
+/// Quotes a word of a command line for a POSIX shell.
 fn quoted(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
     if !word.is_empty() && word.chars().all(is_plain) {

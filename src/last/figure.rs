@@ -1,8 +1,9 @@
-//! The built-in person: pictures of its points and of its surfaces.
+//! The built-in person: images of its points and of its surfaces.
 //!
-//! Light is that of `last.md` §3.2 for both looks: a sun at azimuth 0.8 u_L and elevation 30°, and an ambient share of 0.35. Points
-//! are shaded by Lambert's law in `data_gen`; surfaces are rendered under a sun of irradiance 0.65π and a sky of mean
-//! radiance about 0.35, so that a white surface facing the sun is white in both.
+//! The light is the same for points and surfaces: a sun at azimuth 0.8 u_L and elevation 30°, and an ambient
+//! fraction of 0.35. Points are shaded by Lambert's law in `data_gen`; surfaces are rendered under a sun of
+//! irradiance 0.65π and a sky of mean radiance about 0.35, so that a white surface facing the sun is white in
+//! both.
 
 use super::image_source::{ImageSource, Surfaces};
 use super::points::single;
@@ -28,19 +29,19 @@ use data_gen::figure::surface::Figure;
 use data_gen::figure::template::Template;
 use data_gen::figure::video;
 
-/// The persons of the sets: one template, many looks.
+/// The persons of the sets, with a common template and different appearances.
 #[derive(Clone, Debug)]
 pub struct Figures {
-    /// At rest.
+    /// The template at rest.
     pub template: Template,
-    /// How large its points are drawn.
+    /// Sizes at which its points are drawn.
     pub dots: Dots,
-    /// Of the looks.
+    /// Seed of the appearances.
     pub seed: u64,
 }
 
 impl Figures {
-    /// With a template of P points.
+    /// Creates the persons with a template of P points.
     pub fn new(p: usize, seed: u64) -> Self {
         let template = Template::new(p);
         Self { dots: Dots::new(template.spacing()), template, seed }
@@ -69,7 +70,7 @@ impl ImageSource for Figures {
         let mut looks: Vec<u64> = frames.iter().map(|f| f.appearance).collect();
         looks.sort_unstable();
         looks.dedup();
-        // Making clothes takes longer than wearing them.
+        // Creating the clothes takes longer than posing them, so they are created once per appearance.
         let wardrobe = par::map(looks.len(), |i| ClothedFigure::new(&Appearance::new(self.seed, looks[i])));
         Box::new(move |i| {
             let look = looks.binary_search(&frames[i].appearance).expect("the look of one of these frames");
@@ -78,7 +79,7 @@ impl ImageSource for Figures {
     }
 }
 
-/// Soft sky: brighter and bluer above, warmer and darker below, one colour within 45° of the horizon.
+/// A soft sky: brighter and bluer above, warmer and darker below, with one colour within 45° of the horizon.
 fn sky() -> Environment {
     const ROWS: usize = 16;
     let row = |i: usize| -> [f32; 3] {
@@ -93,7 +94,8 @@ fn sky() -> Environment {
     Environment { width: 2, height: ROWS, radiance }
 }
 
-/// Sun and sky for an azimuth of the sun in rad: 0 stands in front of the figure, positive towards its left.
+/// Sun and sky for an azimuth of the sun in rad: 0 is in front of the figure, positive values are towards its
+/// left.
 pub fn lights(azimuth: f64) -> Lights {
     let drive = Drive { light_azimuth: azimuth, ..Drive::new(&[]) };
     let sun = std::f64::consts::PI * (1.0 - AMBIENT);
@@ -102,16 +104,16 @@ pub fn lights(azimuth: f64) -> Lights {
     Lights { environment: Some(sky()), lamps: vec![Lamp::Distant { towards, irradiance }] }
 }
 
-/// A person with the surfaces of its look, ready to be posed.
+/// A person with the surfaces of its appearance, ready to be posed.
 #[derive(Debug)]
 pub struct ClothedFigure {
     figure: Figure,
-    /// At rest; its materials are those without a turn of the hue.
+    /// The object at rest; its materials are those without a shift of the hue.
     rest: Object,
 }
 
 impl ClothedFigure {
-    /// The person of a look.
+    /// Creates the person with an appearance.
     pub fn new(appearance: &Appearance) -> Self {
         let figure = Figure::new(appearance);
         let materials = figure.materials(&Drive::new(&[])).iter().map(from_data_gen::material).collect();
@@ -147,21 +149,23 @@ impl ClothedFigure {
     }
 }
 
-/// Seed of the light's draws in a picture: one Philox block of the run's seed, so that no two pictures of any runs share them but by chance.
+/// Seed of the light samples of an image: one Philox block of the run's seed, so that images of different
+/// runs share samples only by coincidence.
 pub fn picture_seed(seed: u64, purpose: u16, item: u64) -> u64 {
     let [low, high, ..] = Rng::new(seed).block(item, 0, purpose, 0);
     u64::from(high) << 32 | u64::from(low)
 }
 
-/// How surfaces are rendered, in video and sets alike: [`BOUNCES`], the sky lights but is not seen.
+/// Render settings of surfaces, for video and sets: [`BOUNCES`] bounces; the sky emits light but is not
+/// visible.
 pub fn lighting(samples: u32, seed: u64) -> render::Settings {
     render::Settings { samples, bounces: BOUNCES, seed, environment_visible: false, ..Default::default() }
 }
 
-/// Passes of an object lit by [`lights`], before black if the settings are those of [`lighting`].
+/// Render passes of an object lit by [`lights`], over black if the settings are those of [`lighting`].
 ///
 /// # Errors
-/// When the object or the camera is not valid.
+/// If the object or the camera is invalid.
 pub fn passes(
     object: &Object,
     bvh: &Bvh,
@@ -174,10 +178,10 @@ pub fn passes(
     render::render(&scene, camera, None, settings)
 }
 
-/// A small picture of surfaces.
+/// A small image of surfaces.
 ///
 /// # Errors
-/// When the object or the camera is not valid.
+/// If the object or the camera is invalid.
 pub fn photo(object: &Object, azimuth: f64, camera: &Camera, settings: &render::Settings) -> Result<Photo> {
     let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
     let passes = passes(object, &bvh, azimuth, camera, settings)?;
@@ -185,7 +189,7 @@ pub fn photo(object: &Object, azimuth: f64, camera: &Camera, settings: &render::
     Ok(Photo { image: tonemap::srgb_u8(&passes.color, 1.0), mask: alpha })
 }
 
-/// The figure's template as arrays.
+/// The template of the figure as arrays.
 pub fn template_arrays(figures: &Figures) -> Arrays {
     let (t, dots) = (&figures.template, &figures.dots);
     let p = t.points.len();

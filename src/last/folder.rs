@@ -1,10 +1,13 @@
-//! The folder of a data set from run to run: its record, what a continued run takes over, what a new one removes.
+//! The folder of a data set: its record, the files that a resumed run reuses, and the files that a new run
+//! removes.
 //!
-//! `dataset.json` is written first (`complete`: false) and once more at the end, with the digest of every file. While sets are being
-//! made, `.shards/` has the digest of every finished shard; it is written after the shard, so a shard with a digest is whole and of this run.
-//! A run that was interrupted makes the shards whose bytes have no such digest; its record must say the same but for the files. A run that is
-//! not continued first removes what an earlier one left ([`clear`]), so a folder never mixes two. Digests are FNV-1a 64 of a file's
-//! bytes; that of `video` stands for all its pictures and cameras.
+//! `dataset.json` is written first (`complete`: false) and again at the end, with the digest of every file.
+//! While sets are being generated, `.shards/` contains the digest of every finished shard; it is written
+//! after the shard, so a shard with a digest is complete and belongs to this run. A resumed run generates the
+//! shards whose bytes do not match such a digest; its record must equal the existing one except for the
+//! files. A run that is not resumed first removes the files of an earlier run ([`clear`]), so a folder never
+//! mixes two runs. Digests are FNV-1a 64 of a file's bytes; the digest of `video` covers all of its images
+//! and cameras.
 
 use crate::fit::passes;
 use crate::io::{atomic, read_bytes};
@@ -14,22 +17,22 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The record of a data set.
+/// Name of the record of a data set.
 pub const RECORD: &str = "dataset.json";
 
-/// Digests of finished shards while sets are being made.
+/// Folder with the digests of finished shards while sets are being generated.
 pub(super) const JOURNAL: &str = ".shards";
 
-/// Folders of shards.
+/// Folders that contain shards.
 const SETS: [&str; 2] = ["observational", "interventions"];
 
-/// Removes the temporary files of a killed run, but for those of the video, whose recorder does it.
+/// Removes the temporary files of a killed run, except those of the video, which its recorder removes.
 pub(super) fn sweep(dir: &Path) -> Result<()> {
     atomic::sweep(dir)?;
     SETS.into_iter().chain([JOURNAL]).try_for_each(|folder| atomic::sweep(&dir.join(folder)))
 }
 
-/// A path as records write it.
+/// A path as written in records.
 pub(super) fn slashed(path: &Path) -> String {
     path.components().map(|c| c.as_os_str().to_string_lossy()).collect::<Vec<_>>().join("/")
 }
@@ -39,7 +42,7 @@ pub(super) fn write_record(dir: &Path, record: &Value) -> Result<()> {
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())
 }
 
-/// The record of the run that is continued; none where nothing was begun.
+/// The record of the run to be resumed; `None` if no run was started.
 pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>> {
     let path = dir.join(RECORD);
     if !path.exists() {
@@ -48,9 +51,9 @@ pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>>
         }
         return Err(Error::input("--resume")
             .at(dir.display().to_string())
-            .expected(format!("the folder of an interrupted run, with its {RECORD}"))
-            .got("files without that record")
-            .hint("choose another folder, or start over with --force"));
+            .expected(format!("the folder of an interrupted run, containing {RECORD}"))
+            .got("files but no dataset.json")
+            .hint("choose another folder, or overwrite with --force"));
     }
     let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
     let there: Value = serde_json::from_slice(&bytes).map_err(|e| {
@@ -67,7 +70,7 @@ pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>>
             .at(at)
             .expected("those of this run")
             .got(got.join(", "))
-            .hint("give the settings of the interrupted run, or a new folder")
+            .hint("pass the settings of the interrupted run, or choose a new folder")
     };
     let settings = differing(&record["settings"], &there["settings"]);
     if !settings.is_empty() || record["settings"] != there["settings"] {
@@ -75,7 +78,7 @@ pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>>
     }
     let mut truth = record.clone();
     if let Some(top) = truth.as_object_mut() {
-        // Words that say the same settings, and what changes while a run goes on.
+        // Equivalent settings may be written differently, and these entries change during a run.
         for key in ["settings", "command", "complete", "files"] {
             top.remove(key);
         }
@@ -84,7 +87,7 @@ pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>>
     if truth.is_empty() { Ok(Some(there)) } else { Err(fail("causes and subject", truth)) }
 }
 
-/// Digests of files by their path, from a record.
+/// Digests of files by their path, read from a record.
 pub(super) fn known_digests(record: &Value) -> BTreeMap<String, String> {
     let text = |v: &Value, key: &str| v[key].as_str().map(str::to_owned);
     (record["files"].as_array().into_iter().flatten())
@@ -92,7 +95,8 @@ pub(super) fn known_digests(record: &Value) -> BTreeMap<String, String> {
         .collect()
 }
 
-/// Removes what an earlier run left in a folder, its record first: shards, cameras, pictures of the ring, digests. Everything else stays.
+/// Removes the files of an earlier run from a folder, its record first: shards, cameras, images of the ring,
+/// digests. All other files are kept.
 pub(super) fn clear(dir: &Path) -> Result<()> {
     for file in [RECORD, "template.npz", "video/body.npz"] {
         atomic::remove(&dir.join(file))?;
@@ -128,7 +132,7 @@ fn remove_files(folder: &Path, is_known: &dyn Fn(&str) -> bool) -> Result<()> {
     Ok(())
 }
 
-/// Removes a folder if it is there.
+/// Removes a folder if it exists.
 pub(super) fn remove_folder(path: &Path) -> Result<()> {
     match std::fs::remove_dir_all(path) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::os(path, &e)),
@@ -136,7 +140,7 @@ pub(super) fn remove_folder(path: &Path) -> Result<()> {
     }
 }
 
-/// A digest as records write it.
+/// A digest as written in records.
 pub(super) fn hex(digest: u64) -> String {
     format!("{digest:016x}")
 }

@@ -1,4 +1,4 @@
-//! Makes the data of LAST: which sets, with which truth, and the record of all of it in `dataset.json`.
+//! Generates the data sets of LAST and records settings, causal truth and files in `dataset.json`.
 //!
 //! # Layout
 //! ```text
@@ -8,7 +8,7 @@
 //! interventions/        see `sets`
 //! video/                a capture, see `subject`
 //! ```
-//! How a folder is begun, continued and started over: `folder`.
+//! The module `folder` describes how a folder is created, resumed and overwritten.
 
 use super::character::CharacterSubject;
 use super::figure::Figures;
@@ -33,36 +33,38 @@ use std::sync::{Mutex, PoisonError};
 
 pub use super::folder::RECORD;
 
-/// How far marginal statistics give the causal order away; absent for a graph without edges, R² also for collinear factors.
+/// How strongly marginal statistics reveal the causal order; absent for a graph without edges, R² also for
+/// collinear factors.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sortability {
-    /// which factor set
+    /// Name of the set of factors.
     pub set: &'static str,
-    /// its size
+    /// Number of samples.
     pub samples: usize,
-    /// by variance
+    /// Sortability by variance.
     pub varsortability: Option<f64>,
-    /// by explained variance
+    /// Sortability by explained variance (R²).
     pub r2_sortability: Option<f64>,
 }
 
-/// What was made.
+/// The result of a run.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// one per factor set
+    /// Sortability of each set of factors.
     pub sortabilities: Vec<Sortability>,
-    /// relative to the folder, with their digests
+    /// Paths relative to the folder, with their digests.
     pub files: Vec<(PathBuf, u64)>,
-    /// what `dataset.json` says
+    /// Contents of `dataset.json`.
     pub record: Value,
 }
 
-/// Makes the data in a folder, or goes on with them, unless they are there, whole. The folder's name must say what matters of the settings.
+/// Generates the data in a folder, or resumes an interrupted run, unless the folder is already complete. The
+/// name of the folder must identify the relevant settings.
 ///
 /// # Errors
-/// As [`run`].
+/// See [`run`].
 pub fn ensure(settings: &Settings, dir: &Path) -> Result<()> {
-    // Two that want the same data at a time: the second finds them.
+    // If two threads request the same data at the same time, the second finds them complete.
     static ONE_AT_A_TIME: Mutex<()> = Mutex::new(());
     let _turn = ONE_AT_A_TIME.lock().unwrap_or_else(PoisonError::into_inner);
     let record = std::fs::read(dir.join(RECORD)).ok();
@@ -75,12 +77,13 @@ pub fn ensure(settings: &Settings, dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Makes the data in a folder, which is made if need be. With `resume` it continues the run that left the folder; otherwise it first removes what
-/// an earlier run left there.
+/// Generates the data in a folder, which is created if necessary. With `resume`, continues the run that left
+/// the folder; otherwise first removes the files of an earlier run.
 ///
 /// # Errors
-/// When the settings are not valid, a character cannot play its part (then nothing is touched), the run to be continued was another one or is unknown, a file
-/// cannot be written, or `stop` was set: then everything finished so far is on disk.
+/// If the settings are invalid, a character cannot be used (then no file is changed), the run to be resumed
+/// had other settings or is unknown, a file cannot be written, or `stop` was set; in the last case everything
+/// finished so far is on disk.
 pub fn run(
     settings: &Settings,
     dir: &Path,
@@ -118,7 +121,7 @@ pub fn run(
     if resume {
         if let Some(there) = folder::check_resumed(dir, &record)? {
             known = folder::known_digests(&there);
-            // Until the end these are what is known to be whole.
+            // Until the end, these are the files known to be complete.
             record["files"] = there["files"].clone();
         }
     } else {
@@ -195,7 +198,7 @@ fn write_sets(
             let relative = PathBuf::from(name).join(format!("{shard:04}.npz"));
             let path = dir.join(&relative);
             let mark = journal.join(format!("{name}-{shard:04}"));
-            // That of this run before that of the finished one it repairs.
+            // The digest recorded by this run takes precedence over that of the finished run that it repairs.
             let expected =
                 std::fs::read_to_string(&mark).ok().or_else(|| known.get(&slashed(&relative)).cloned());
             if expected.is_some() && path.exists() {

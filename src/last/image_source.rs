@@ -1,4 +1,4 @@
-//! Who is shown in the images of a data set.
+//! The subject shown in the images of a data set.
 
 use super::points::{Dots, Points};
 use crate::Result;
@@ -7,24 +7,25 @@ use crate::scene::camera::Camera;
 use crate::scene::mesh::Object;
 use data_gen::figure::samples::Frame;
 
-/// Surfaces of some frames, by their place among them.
+/// A function that returns the surfaces of a frame, given its position in a list of frames.
 pub type Surfaces<'a> = Box<dyn Fn(usize) -> Result<Object> + Sync + 'a>;
 
-/// Who is photographed for the sets: the figure in its looks, or a character from a file.
+/// The subject rendered for the sets: the figure in its appearances, or a character from a file.
 pub trait ImageSource: Sync {
-    /// How large its points are drawn.
+    /// Sizes at which its points are drawn.
     fn dots(&self) -> &Dots;
 
     /// The arrays of `template.npz`.
     fn rest(&self) -> Arrays;
 
-    /// The points of a frame, shaded.
+    /// The shaded points of a frame.
     ///
     /// # Errors
-    /// When it cannot take the pose.
+    /// If the subject cannot be posed as requested.
     fn points(&self, frame: &Frame) -> Result<Points>;
 
-    /// The camera of every picture, the one that trains in a video; square pictures of the given side.
+    /// The camera of every image, which is the training camera of the video; images are square with the given
+    /// side.
     fn camera(&self, side: usize) -> Camera;
 
     /// Prepares the surfaces of some frames.

@@ -1,14 +1,16 @@
-//! What a capture of a person holds, what is missing, and whether its parts agree: skeleton and mask drawn over pictures.
+//! Checks a capture of a person for missing or inconsistent data, and draws skeleton and mask over its
+//! images.
 //!
 //! | drawn | colour |
 //! |---|---|
 //! | outline of the mask: pixels with coverage ≥ ½ beside one below | green |
-//! | bones, from a joint that moves points, or has such below it, to the one it hangs on | yellow |
+//! | bones, from a joint that moves points, or has such joints below it, to its parent | yellow |
 //! | joints | red |
-//! | outline of the box that metrics look at | blue |
+//! | outline of the box used by the metrics | blue |
 //!
-//! For every picture looked at, the share of the template's points that land on the mask is measured: poses that belong to other pictures, or cameras in
-//! other units, show in it at once. Small pictures are enlarged by a whole factor before anything is drawn.
+//! For every checked image, the fraction of the template points that project onto the mask is measured; it is
+//! low if poses belong to other images or cameras use other units. Small images are enlarged by an integer
+//! factor before anything is drawn.
 
 use crate::io::image_file;
 use crate::num::order;
@@ -19,57 +21,57 @@ use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Pictures are enlarged until the longer side has at least so many pixels.
+/// Images are enlarged until the longer side has at least this number of pixels.
 const SIDE: usize = 384;
 
-/// Test cameras looked at.
+/// Number of test cameras that are checked.
 const TEST_CAMERAS: usize = 4;
 
-/// Share of points on the mask below which a picture is worth a note.
+/// Fraction of points on the mask below which a note is reported.
 const AGREES: f64 = 0.8;
 
-/// Share of the mask in the box below which a picture is worth a note.
+/// Fraction of the mask in the box below which a note is reported.
 const CONTAINS: f64 = 0.9;
 
 /// Distance in pixels of the capture within which a point counts as on the mask.
 const SLACK: isize = 2;
 
-/// What was found.
+/// The result of a check.
 #[derive(Clone, Debug)]
 pub struct Report {
-    /// Everything that must be mended before the capture can be used.
+    /// Errors that must be corrected before the capture can be used.
     pub problems: Vec<Error>,
-    /// What is worth knowing.
+    /// Notes about properties that do not prevent its use.
     pub notes: Vec<String>,
-    /// One per picture looked at.
+    /// One entry per checked image.
     pub looks: Vec<Look>,
-    /// The capture, as far as it could be made.
+    /// The capture, as far as it could be read.
     pub capture: Option<PersonCapture>,
 }
 
-/// One picture looked at.
+/// One checked image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Look {
-    /// Name of the picture in the capture.
+    /// Name of the image in the capture.
     pub name: String,
-    /// Camera and moment.
+    /// Number of the camera.
     pub camera: usize,
-    /// Moment.
+    /// Index of the moment.
     pub time: usize,
-    /// Whether it is held out.
+    /// Whether the image is held out for testing.
     pub is_test: bool,
-    /// Share of the template's points that land on the mask.
+    /// Fraction of the template points that project onto the mask.
     pub on_mask: f64,
-    /// Share of the mask that lies in the box.
+    /// Fraction of the mask that lies in the box.
     pub in_box: f64,
-    /// Enlarged picture: width, height, bytes (H, W, 3).
+    /// Enlarged image with overlay: width, height, bytes (H, W, 3).
     pub overlay: (usize, usize, Vec<u8>),
 }
 
-/// Examines a capture, looking at `count` training pictures (and one of each of a few test cameras).
+/// Checks a capture on `count` training images and on one image of each of a few test cameras.
 ///
 /// # Errors
-/// When there is nothing to examine.
+/// If there is nothing to check.
 pub fn inspect(path: &Path, count: usize) -> Result<Report> {
     let (capture, mut problems) = PersonCapture::examine(path)?;
     let mut notes = capture.as_ref().map_or_else(Vec::new, |c| c.notes.clone());
@@ -84,14 +86,14 @@ pub fn inspect(path: &Path, count: usize) -> Result<Report> {
         }
         for l in looks.iter().filter(|l| l.in_box < CONTAINS) {
             notes.push(format!(
-                "{}: only {:.0} % of the mask lie in the box around the posed points, where metrics look",
+                "{}: only {:.0} % of the mask lies in the box around the posed points, in which the metrics are computed",
                 l.name,
                 100.0 * l.in_box
             ));
         }
         for l in looks.iter().filter(|l| l.on_mask < AGREES) {
             notes.push(format!(
-                "{}: only {:.0} % of the posed points land on the mask: do pose, camera and picture belong together?",
+                "{}: only {:.0} % of the posed points land on the mask: check that pose, camera and image belong together",
                 l.name,
                 100.0 * l.on_mask
             ));
@@ -100,13 +102,13 @@ pub fn inspect(path: &Path, count: usize) -> Result<Report> {
     Ok(Report { problems, notes, looks, capture })
 }
 
-/// Training pictures spread over time, then one picture of each of the first test cameras.
+/// Training images spread over time, then one image of each of the first test cameras.
 fn chosen(c: &PersonCapture, count: usize) -> Vec<usize> {
     let n = order::min(count, c.train.len());
     let mut out: Vec<usize> =
         (0..n).map(|i| c.train[i * (c.train.len() - 1) / order::max(n - 1, 1)]).collect();
     let mut seen = BTreeSet::new();
-    // Each camera at another moment, as far as there are some.
+    // Each camera at another moment, as far as possible.
     for camera in c.test.iter().map(|&i| c.shots[i].camera_id).filter(|&k| seen.insert(k)).take(TEST_CAMERAS)
     {
         let of: Vec<usize> = c.test.iter().copied().filter(|&i| c.shots[i].camera_id == camera).collect();
@@ -115,7 +117,7 @@ fn chosen(c: &PersonCapture, count: usize) -> Vec<usize> {
     out
 }
 
-/// How many of the chosen are held out.
+/// Number of chosen images that are held out.
 fn seen_before(out: &[usize], c: &PersonCapture) -> usize {
     out.iter().filter(|i| c.test.contains(i)).count()
 }
@@ -175,7 +177,7 @@ fn overlay(c: &PersonCapture, shot: &Shot, photo: &Photo, bound: &[f32]) -> (usi
     (canvas.width, canvas.height, canvas.rgb)
 }
 
-/// (K) whether a joint, or one below it, moves a point: handles of animators do not.
+/// Whether each joint, or a joint below it, moves a point, shape (K); control handles of animators do not.
 fn used_joints(t: &Template) -> Vec<bool> {
     let mut used = vec![false; t.joints.len()];
     for (joints, weights) in t.joint_of.iter().zip(&t.weight_of) {
@@ -191,7 +193,7 @@ fn used_joints(t: &Template) -> Vec<bool> {
     used
 }
 
-/// A picture to draw on.
+/// An image to draw on.
 struct Canvas {
     width: usize,
     height: usize,
@@ -215,7 +217,7 @@ impl Canvas {
         }
     }
 
-    /// Borders between 1 and 0 of a mask, drawn on the inner side.
+    /// Draws the borders between 1 and 0 of a mask, on the inner side.
     fn outline(&mut self, mask: &[u8], w: usize, h: usize, zoom: usize, colour: [u8; 3]) {
         let is_on = |x: isize, y: isize| {
             (0..w as isize).contains(&x)
@@ -242,10 +244,10 @@ impl Canvas {
         }
     }
 
-    /// A line two pixels wide.
+    /// Draws a line two pixels wide.
     fn line(&mut self, a: [f64; 2], b: [f64; 2], colour: [u8; 3]) {
         let length = order::max((b[0] - a[0]).abs(), (b[1] - a[1]).abs());
-        // What leaves the picture by far is cut short.
+        // Lines that extend far beyond the image are cut off.
         let steps = order::min(length.ceil(), 4.0 * (self.width + self.height) as f64) as usize;
         for i in 0..=steps {
             let t = i as f64 / order::max(steps, 1) as f64;
@@ -274,10 +276,10 @@ impl Report {
         self.problems.is_empty() && self.capture.is_some()
     }
 
-    /// Writes the overlays; gives their paths relative to the folder.
+    /// Writes the overlays and returns their paths relative to the folder.
     ///
     /// # Errors
-    /// When a file cannot be written.
+    /// If a file cannot be written.
     pub fn write(&self, dir: &Path) -> Result<Vec<String>> {
         let mut out = Vec::new();
         for l in &self.looks {
@@ -289,7 +291,7 @@ impl Report {
         Ok(out)
     }
 
-    /// As JSON.
+    /// The result as JSON.
     pub fn record(&self) -> Value {
         let mut record = json!({
             "usable": self.is_usable(),
@@ -331,13 +333,14 @@ mod tests {
     fn lines_dots_and_borders_are_where_they_belong() {
         const ON: [u8; 3] = [255, 0, 0];
         let is_on = |canvas: &Canvas, x: usize, y: usize| canvas.rgb[3 * (y * canvas.width + x)..][..3] == ON;
-        // 3×2 pixels, each four times four.
+        // 3×2 pixels, each enlarged to 4×4.
         let rgb: Vec<u8> = (0..6).flat_map(|i| [0, 10 * i, 0]).collect();
         let fresh = || Canvas::enlarged(&rgb, 3, 2, 4);
         let mut canvas = fresh();
         assert_eq!((canvas.width, canvas.height, canvas.rgb.len()), (12, 8, 288));
         assert_eq!(canvas.rgb[3 * (5 * 12 + 9) + 1], 50, "pixel (2, 1) is the sixth");
-        // The mask is the pixel in the middle above: its border is drawn inside of it, and the picture's edge is one.
+        // The mask is the pixel in the middle of the top row: its border is drawn inside it, including along
+        // the edge of the image.
         canvas.outline(&[0, 1, 0, 0, 0, 0], 3, 2, 4, ON);
         for y in 0..8 {
             for x in 0..12 {
@@ -357,7 +360,7 @@ mod tests {
         assert!(
             is_on(&canvas, 0, 0) && is_on(&canvas, 2, 1) && !is_on(&canvas, 3, 0) && !is_on(&canvas, 2, 2)
         );
-        // What lies far outside takes no time and draws nothing there.
+        // A line far outside takes no time and draws nothing.
         canvas.line([-1e9, 4.0], [1e9, 4.0], ON);
     }
 }

@@ -1,18 +1,18 @@
 //! The LAST system. Level 10.
 //!
 //! ```text
-//! figure    the built-in person: clouds, surfaces, light ──┬─► sets      pictures and points of known causes, in shards
+//! figure    the built-in person: points, surfaces, light ──┬─► sets      images and points of known causes, in shards
 //! character a person from a file, likewise
-//! subject   what any moving person must say about itself ──┴─► video     a capture with poses
-//! generate  makes the sets and records them; settings: what decides them; folder: begun, continued, started over
-//! points    points and how they are drawn                      image_source  who is shown
-//! structure learners of structure on known factors: exact, local, relaxed
-//! model     the image-to-point model and its graph     avatar    a person of Gaussians, guided by it
-//! inspect   what any capture of a person holds and what it lacks, drawn over its pictures
+//! subject   the interface of any moving person ────────────┴─► video     a capture with poses
+//! generate  generates and records the sets; settings: their settings; folder: created, resumed, overwritten
+//! points    points and how they are drawn                      image_source  the subject of the images
+//! structure structure learners on known factors: exact, local, relaxed
+//! model     the image-to-point model and its graph     avatar    a person of Gaussians, fitted with its guidance
+//! inspect   checks a capture of a person and draws overlays on its images
 //! ```
 //!
-//! Truth comes from `data_gen::figure` in f64; this member renders and writes it. The experiments on this system are in the member `study`, which the
-//! library re-exports as `lastlight::last::study`.
+//! The causal truth comes from `data_gen::figure` in f64; this member renders and writes it. The experiments
+//! on this system are in the member `study`, which the library re-exports as `lastlight::last::study`.
 #![forbid(unsafe_code)]
 
 #[doc(hidden)]

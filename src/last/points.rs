@@ -1,4 +1,4 @@
-//! Points of a person and how they are drawn: as discs or as Gaussians.
+//! Points of a person, and rendering them as discs or as Gaussians.
 
 use crate::io::image_file;
 use crate::scene::camera::Camera;
@@ -13,22 +13,22 @@ pub const DISC: f64 = 0.9;
 /// Standard deviation of a Gaussian in the same units.
 pub const SIGMA: f64 = 0.6;
 
-/// Its opacity.
+/// Opacity of a Gaussian.
 pub const OPACITY: f32 = 0.95;
 
-/// What is rendered.
+/// How a subject is rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
-    /// textured surfaces
+    /// As textured surfaces.
     Mesh,
-    /// points as discs
+    /// As points drawn as discs.
     Discs,
-    /// points as isotropic Gaussians
+    /// As points drawn as isotropic Gaussians.
     Splats,
 }
 
 impl Look {
-    /// Its name in settings and records.
+    /// The name used in settings and records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Mesh => "mesh",
@@ -37,10 +37,10 @@ impl Look {
         }
     }
 
-    /// The look of that name.
+    /// The value with the given name.
     ///
     /// # Errors
-    /// When there is none.
+    /// If there is no such name.
     pub fn parse(name: &str) -> Result<Self> {
         match name {
             "mesh" => Ok(Self::Mesh),
@@ -51,21 +51,21 @@ impl Look {
     }
 }
 
-/// A small picture: bytes of the sRGB-encoded colours on black, and of the covered share.
+/// A small image: the sRGB-encoded colours over black and the coverage, as bytes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Photo {
-    /// (H, W, 3)
+    /// Colours, shape (H, W, 3).
     pub image: Vec<u8>,
-    /// (H, W)
+    /// Coverage, shape (H, W).
     pub mask: Vec<u8>,
 }
 
-/// A cloud in single precision.
+/// A set of coloured points in single precision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
-    /// (P, 3) the figure's frame
+    /// Positions in the units of the figure, shape (P, 3).
     pub points: Vec<[f32; 3]>,
-    /// (P, 3) sRGB-encoded
+    /// Colours, sRGB-encoded, shape (P, 3).
     pub rgb: Vec<[f32; 3]>,
 }
 
@@ -78,17 +78,17 @@ impl From<&Cloud> for Points {
     }
 }
 
-/// How large points are drawn.
+/// Sizes at which points are drawn.
 #[derive(Clone, Debug)]
 pub struct Dots {
-    /// (P) mean distance to the three nearest other points at rest
+    /// Mean distance to the three nearest other points at rest, shape (P).
     pub spacing: Vec<f64>,
     radii: Vec<f32>,
     sigmas: Vec<[f32; 3]>,
 }
 
 impl Dots {
-    /// For points of that spacing.
+    /// Sizes for points of the given spacing.
     pub fn new(spacing: Vec<f64>) -> Self {
         Self {
             radii: spacing.iter().map(|s| (DISC * s) as f32).collect(),
@@ -97,13 +97,13 @@ impl Dots {
         }
     }
 
-    /// A picture of them, as discs or as Gaussians.
+    /// Renders the points as discs or as Gaussians.
     ///
     /// # Errors
-    /// When the camera is not valid.
+    /// If the camera is invalid.
     ///
     /// # Panics
-    /// When asked for surfaces.
+    /// If surfaces are requested.
     pub fn photo(&self, points: &Points, camera: &Camera, look: Look) -> Result<Photo> {
         let (image, alpha) = match look {
             Look::Discs => {
@@ -132,7 +132,7 @@ impl Dots {
     }
 }
 
-/// In single precision.
+/// A vector in single precision.
 pub(super) fn single(x: &[f64; 3]) -> [f32; 3] {
     x.map(|x| x as f32)
 }

@@ -1,12 +1,12 @@
-//! How a long run reports its progress and is stopped.
+//! Progress reports and interruption of a long run.
 
 use crate::{Error, Result};
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Counts finished pieces of work: done, total, of what.
+/// A function that reports progress: completed units, total, name of the unit.
 pub type Progress<'a> = dyn FnMut(usize, usize, &str) + 'a;
 
-/// An error when the user asked to stop.
+/// Returns an error if the user requested an interruption.
 pub(super) fn check_stop(stop: &AtomicBool) -> Result<()> {
     if stop.load(Ordering::Relaxed) {
         return Err(Error::interrupted("last gen").hint("continue with --resume"));

@@ -1,4 +1,4 @@
-//! Pictures and points of known causes, in shards.
+//! Images and points of known causes, in shards.
 //!
 //! # Layout
 //! ```text
@@ -6,18 +6,21 @@
 //! observational/0000.npz …    64 frames each, the last one fewer
 //! interventions/0000.npz …    8 groups each
 //! ```
-//! `template.npz`: `points`, `normals` (P,3), `weights` (P,K), `bone` (P) i32, `parents` (K) i32 (−1: none), `joints` (K,3), `rest`
-//! (K,4,4) world-from-bone at rest, `spacing` (P) mean distance to the three nearest points, `sigma` (P) standard deviation of the isotropic
-//! Gaussians that show the points, whose opacity is [`figure::OPACITY`]; of a character also `focal` (1), the focal length of its camera in sides of a
-//! picture (the figure's camera is always the same).
+//! `template.npz`: `points`, `normals` (P,3), `weights` (P,K), `bone` (P) i32, `parents` (K) i32 (−1: none),
+//! `joints` (K,3), `rest` (K,4,4) world-from-bone at rest, `spacing` (P) mean distance to the three nearest
+//! points, `sigma` (P) standard deviation of the isotropic Gaussians that represent the points, with opacity
+//! [`figure::OPACITY`]; for a character also `focal` (1), the focal length of its camera in sides of an image
+//! (the camera of the figure is always the same).
 //!
-//! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded on black, `mask` (N,S,S) u8 covered share, `points`, `rgb`
-//! (N,P,3) f32 (the figure's frame; sRGB-encoded, shaded), `u`, `e` (N,n) f64, `appearance`, `index` (N) i64.
+//! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded over black, `mask` (N,S,S) u8
+//! coverage, `points`, `rgb` (N,P,3) f32 (units of the figure; sRGB-encoded, shaded), `u`, `e` (N,n) f64,
+//! `appearance`, `index` (N) i64.
 //!
-//! A shard of G groups of M bases: `target` (G) i32, `value` (G) f64, `appearance`, `index` (G) i64, `e` (G,M,n) f64, and before (`base_`) and
-//! after (`after_`) the intervention `images` (G,M,S,S,3), `mask` (G,M,S,S), `points`, `rgb` (G,M,P,3), `u` (G,M,n).
+//! A shard of G groups of M bases: `target` (G) i32, `value` (G) f64, `appearance`, `index` (G) i64, `e`
+//! (G,M,n) f64, and before (`base_`) and after (`after_`) the intervention `images` (G,M,S,S,3), `mask`
+//! (G,M,S,S), `points`, `rgb` (G,M,P,3), `u` (G,M,n).
 //!
-//! A shard depends on the settings and its number alone; it is written whole or not at all.
+//! A shard depends only on the settings and its number; it is written atomically.
 
 use super::figure;
 pub use super::image_source::{ImageSource, Surfaces};
@@ -33,37 +36,37 @@ use data_gen::figure::mechanism::Scm;
 use data_gen::figure::purpose::{PICTURE_AFTER, PICTURE_BASE, PICTURE_OBSERVED};
 use data_gen::figure::samples::{self, BASES, Frame};
 
-/// Observational frames of a shard.
+/// Number of observational frames of a shard.
 pub const FRAMES_PER_SHARD: usize = 64;
-/// Intervention groups of a shard.
+/// Number of intervention groups of a shard.
 pub const GROUPS_PER_SHARD: usize = 8;
 
-/// What every frame of the sets has in common.
+/// Settings common to all frames of the sets.
 pub struct RenderJob<'a> {
-    /// The truth.
+    /// The structural causal model.
     pub scm: &'a Scm,
-    /// Who is photographed.
+    /// The subject of the images.
     pub sitter: &'a dyn ImageSource,
-    /// Of the run.
+    /// Seed of the run.
     pub seed: u64,
-    /// Number of looks.
+    /// Number of appearances.
     pub appearances: usize,
-    /// How pictures are made.
+    /// How the subject is rendered.
     pub look: Look,
-    /// Side of a picture in pixels.
+    /// Side of an image in pixels.
     pub size: usize,
-    /// Samples per pixel of surfaces.
+    /// Number of samples per pixel for surfaces.
     pub samples: u32,
 }
 
-/// Picture and points of one frame.
+/// Image and points of one frame.
 struct Exposure {
     photo: Photo,
     points: Points,
 }
 
 impl RenderJob<'_> {
-    /// `purpose` and `item` say which draws of light the picture takes.
+    /// `purpose` and `item` determine the light samples of the image.
     fn expose(
         &self,
         frame: &Frame,
@@ -83,7 +86,7 @@ impl RenderJob<'_> {
         Ok(Exposure { photo, points })
     }
 
-    /// `purpose` and `first` as for [`Self::expose`]; items are counted through.
+    /// `purpose` and `first` as for [`Self::expose`]; items are numbered consecutively.
     fn expose_all(&self, frames: &[&Frame], purpose: u16, first: usize) -> Result<Vec<Exposure>> {
         let camera = self.sitter.camera(self.size);
         let surfaces = match self.look {
@@ -98,10 +101,10 @@ impl RenderJob<'_> {
         .collect()
     }
 
-    /// Observational shard `shard` of `count` frames in all.
+    /// Observational shard `shard` of a set of `count` frames.
     ///
     /// # Errors
-    /// When a picture cannot be made.
+    /// If an image cannot be rendered.
     pub fn observational(&self, shard: usize, count: usize) -> Result<Arrays> {
         let from = shard * FRAMES_PER_SHARD;
         let to = Ord::min(from + FRAMES_PER_SHARD, count);
@@ -119,10 +122,10 @@ impl RenderJob<'_> {
         Ok(arrays)
     }
 
-    /// Intervention shard `shard` of `count` groups in all.
+    /// Intervention shard `shard` of a set of `count` groups.
     ///
     /// # Errors
-    /// When a picture cannot be made.
+    /// If an image cannot be rendered.
     pub fn interventions(&self, shard: usize, count: usize) -> Result<Arrays> {
         let from = shard * GROUPS_PER_SHARD;
         let to = Ord::min(from + GROUPS_PER_SHARD, count);
@@ -163,7 +166,7 @@ impl RenderJob<'_> {
     }
 }
 
-/// Bytes of a shard or of the template.
+/// Contents of a shard or of the template as bytes.
 ///
 /// # Errors
 /// See [`npz::to_bytes`].

@@ -1,4 +1,4 @@
-//! What decides a data set.
+//! Settings of a data set.
 
 use super::character_settings::CharacterSettings;
 use super::points::Look;
@@ -8,25 +8,25 @@ use data_gen::figure::mechanism::{Mechanism, Scm};
 use data_gen::figure::{MAX_FACTORS, video};
 use serde_json::{Value, json};
 
-/// Bounces of light after the first hit, for surfaces of video and sets alike.
+/// Number of bounces of light after the first hit, for surfaces of video and sets.
 pub const BOUNCES: u32 = 1;
 
-/// Factors that act on a character: posture, elbow, folds, light.
+/// Number of factors that act on a character: posture, elbow, folds, light.
 pub const CHARACTER_FACTORS: usize = 4;
 
-/// Which sets are made.
+/// The sets to be generated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Which {
-    /// a moving subject
+    /// A video of a moving subject.
     pub video: bool,
-    /// frames as they come
+    /// Observational frames.
     pub observational: bool,
-    /// frames before and after do(i, v)
+    /// Frames before and after do(i, v).
     pub interventions: bool,
 }
 
 impl Which {
-    /// `video`, `observational`, `interventions`, `training` (both of these) or `all`.
+    /// Parses `video`, `observational`, `interventions`, `training` (both of these) or `all`.
     ///
     /// # Errors
     /// For any other name.
@@ -45,53 +45,53 @@ impl Which {
     }
 }
 
-/// Everything a data set depends on.
+/// All settings that affect a data set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// as [`Which::parse`] reads it
+    /// Name of the sets, as read by [`Which::parse`].
     pub set: String,
-    /// `FORK` … `EMPTY`, `ER-m`
+    /// Name of the graph: `FORK` … `EMPTY`, `ER-m`.
     pub graph: String,
-    /// number of factors, 2 to 8
+    /// Number of factors, 2 to 8.
     pub factors: usize,
-    /// `LIN`, `NL`, `NG`, `NL-NG`
+    /// Name of the mechanism: `LIN`, `NL`, `NG`, `NL-NG`.
     pub mechanism: String,
-    /// unit noise and coefficients as drawn instead of unit variances
+    /// Whether to use unit noise and coefficients as drawn instead of unit variances.
     pub raw: bool,
-    /// of the video
+    /// How the subject of the video is rendered.
     pub video_look: Look,
-    /// of the sets
+    /// How the subjects of the sets are rendered.
     pub set_look: Look,
-    /// side of the video's pictures
+    /// Side of the images of the video, pixels.
     pub video_size: usize,
-    /// side of the sets' pictures
+    /// Side of the images of the sets, pixels.
     pub set_size: usize,
-    /// per pixel, surfaces only
+    /// Number of samples per pixel, for surfaces only.
     pub samples: u32,
-    /// observational frames
+    /// Number of observational frames.
     pub count: usize,
-    /// intervention groups
+    /// Number of intervention groups.
     pub groups: usize,
-    /// looks that the sets choose from
+    /// Number of appearances in the sets.
     pub appearances: usize,
-    /// points of the template
+    /// Number of points of the template.
     pub points: usize,
-    /// of the video
+    /// Number of frames of the video.
     pub frames: usize,
-    /// of the video, 1 to 22
+    /// Number of test cameras of the video, 1 to 22.
     pub test_cameras: usize,
-    /// the video also gets depth, normals, albedo, material and linear radiance
+    /// Whether the video also contains depth, normals, albedo, material and linear radiance.
     pub passes: bool,
-    /// look of the video's subject
+    /// Appearance of the subject of the video.
     pub subject: u64,
-    /// a character instead of the built-in figure
+    /// A character that replaces the built-in figure.
     pub character: Option<CharacterSettings>,
-    /// of every draw
+    /// Seed of every draw.
     pub seed: u64,
 }
 
 impl Settings {
-    /// The sizes of `last.md` §3.5.
+    /// The default sizes.
     pub fn full() -> Self {
         Self {
             set: "all".into(),
@@ -117,7 +117,7 @@ impl Settings {
         }
     }
 
-    /// Small enough to look at in seconds.
+    /// Small sizes, generated in seconds.
     pub fn smoke() -> Self {
         Self {
             video_size: 64,
@@ -131,10 +131,10 @@ impl Settings {
         }
     }
 
-    /// Checks every range.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
-    /// Names the setting.
+    /// If a setting is out of range; the error names it.
     pub fn validate(&self) -> Result<()> {
         let which = Which::parse(&self.set)?;
         let of_character = |is_wrong: bool, name: &str, expected: &str, got: String| match &self.character {
@@ -155,14 +155,14 @@ impl Settings {
         of_character(
             sets && self.appearances != 1,
             "appearances",
-            "1: a character has one look",
+            "1, because a character has one appearance",
             self.appearances.to_string(),
         )?;
         of_character(
             sets && plays,
             "play",
-            "no time in the sets: their pictures have no order",
-            "animations that run on".into(),
+            "no animation in the sets, because their images have no order in time",
+            "animations that are also played".into(),
         )?;
         let within = |name: &str, x: usize, low: usize, high: usize| {
             if (low..=high).contains(&x) {
@@ -193,21 +193,23 @@ impl Settings {
         }
         if which.video && self.passes && self.video_look != Look::Mesh {
             return Err(Error::input("setting passes")
-                .expected("the video look mesh: points have no depth, normals or material")
+                .expected("--video-render-as mesh, because points have no depth, normals or material")
                 .got(self.video_look.name()));
         }
         if self.character.is_some() && self.factors > CHARACTER_FACTORS {
             return Err(Error::input("setting factors")
-                .expected(format!("2 to {CHARACTER_FACTORS} for a character: further ones act on nothing"))
+                .expected(format!(
+                    "2 to {CHARACTER_FACTORS} for a character, because further factors have no effect"
+                ))
                 .got(self.factors.to_string()));
         }
         Ok(())
     }
 
-    /// The truth behind the data.
+    /// The structural causal model of the data.
     ///
     /// # Errors
-    /// When graph and factors do not fit, or a name is unknown.
+    /// If graph and factors do not match, or a name is unknown.
     pub fn scm(&self) -> Result<Scm> {
         let fail = |e: String| Error::input("settings").expected("a causal model").got(e);
         let graph = Graph::named(&self.graph, self.factors, self.seed).map_err(fail)?;
@@ -224,14 +226,14 @@ impl Settings {
             "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
             "subject": self.subject, "seed": self.seed, "bounces": BOUNCES,
         });
-        // Only where it is: data sets of the figure keep their bytes.
+        // Recorded only for characters, so that records of the figure keep their bytes.
         if let Some(c) = &self.character {
             record["character"] = c.record();
         }
         record
     }
 
-    /// A command line that makes the same data, but for the folder.
+    /// A command line that generates the same data, apart from the folder.
     pub fn command(&self) -> String {
         let which = Which::parse(&self.set).ok();
         let mut words = vec![format!(

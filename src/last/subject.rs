@@ -1,4 +1,4 @@
-//! A moving person as a subject: what it must say about itself, and the capture made of it.
+//! The interface of a moving person as a subject, and the capture generated from it.
 //!
 //! # Layout of a subject's capture
 //! ```text
@@ -8,14 +8,16 @@
 //! foreground/…            coverage
 //! body.npz                template, weights, poses, factors
 //! ```
-//! Frames of `transforms_*.json` have the further keys `frame` (0 … T−1), `time` (frame/T), `camera` (number on the ring) and `factors`.
+//! Frames of `transforms_*.json` have the additional keys `frame` (0 … T−1), `time` (frame/T), `camera`
+//! (number on the ring) and `factors`.
 //!
-//! `body.npz`: `points`, `normals` (P,3) at rest, `weights` (P,K), `bone` (P) i32 (the figure: the bone a point lies on; a character: the
-//! joint of largest weight, the first of several), `parents` (K) i32 (−1: none), `joints` (K,3) at rest, `spacing` (P) mean distance to the
-//! three nearest points at rest, `sigma` (P) standard deviation of the isotropic Gaussians that show the points ([`figure::SIGMA`] ×
-//! spacing, opacity [`figure::OPACITY`]), `rest` (K,4,4) world-from-bone at rest, `transforms` (T,K,4,4) posed from rest, `factors`
-//! (T,n) f64. A posed point is Σ_b w_b transforms_b · x; what displaces the surface (folds, width, skirt) moves x before that, see
-//! `data_gen::figure::template::Template::canonical`.
+//! `body.npz`: `points`, `normals` (P,3) at rest, `weights` (P,K), `bone` (P) i32 (figure: the bone on which
+//! a point lies; character: the joint of largest weight, the first of several), `parents` (K) i32 (−1: none),
+//! `joints` (K,3) at rest, `spacing` (P) mean distance to the three nearest points at rest, `sigma` (P)
+//! standard deviation of the isotropic Gaussians that represent the points ([`figure::SIGMA`] × spacing,
+//! opacity [`figure::OPACITY`]), `rest` (K,4,4) world-from-bone at rest, `transforms` (T,K,4,4) posed from
+//! rest, `factors` (T,n) f64. A posed point is Σ_b w_b transforms_b · x; displacements of the surface (folds,
+//! width, skirt) are applied to x before that, see `data_gen::figure::template::Template::canonical`.
 
 use super::figure::{self, ClothedFigure, Figures, Look, Photo, Points};
 use super::folder::digest;
@@ -43,12 +45,12 @@ use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 
-/// A person that moves: the built-in figure, or a character from a file.
+/// A moving person: the built-in figure, or a character from a file.
 pub trait Subject: Sync {
     /// Number of frames T.
     fn frames(&self) -> usize;
 
-    /// The arrays of `body.npz` that do not depend on the frame: all but `transforms` and `factors`.
+    /// The arrays of `body.npz` that do not depend on the frame: all except `transforms` and `factors`.
     fn body(&self) -> Arrays;
 
     /// Posed-from-rest transforms of the K bones in frame t, row-major.
@@ -60,32 +62,32 @@ pub trait Subject: Sync {
     /// Surfaces in frame t.
     ///
     /// # Errors
-    /// When they cannot be made.
+    /// If the surfaces cannot be generated.
     fn object(&self, t: usize) -> Result<Object>;
 
     /// Azimuth of the sun in frame t, rad; 0 is in front of the subject.
     fn light_azimuth(&self, t: usize) -> f64;
 
-    /// Camera `index` of the ring, 0 trains; square pictures of the given side.
+    /// Camera `index` of the ring, where 0 is the training camera; images are square with the given side.
     fn camera(&self, index: usize, side: usize) -> Camera;
 
-    /// What a record of the data says about the subject.
+    /// The description of the subject in the record of the data.
     fn record(&self) -> Value;
 
-    /// Passes of frame t from several cameras, each with the seed of its draws, before black; `taken` gets those of camera 0, 1, …
-    /// as soon as they are there.
+    /// Render passes of frame t from several cameras, each with the seed of its samples, over black; `taken`
+    /// receives those of camera 0, 1, … as soon as they are rendered.
     ///
     /// # Errors
-    /// When surfaces or cameras are not valid, or `taken` failed.
+    /// If surfaces or cameras are invalid, or `taken` fails.
     fn passes(&self, t: usize, cameras: &[(Camera, u64)], samples: u32, taken: &mut Taken<'_>) -> Result<()> {
         surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples, taken)
     }
 }
 
-/// Gets the number of a camera and its passes.
+/// A function that receives the number of a camera and its passes.
 pub type Taken<'a> = dyn FnMut(usize, Passes) -> Result<()> + 'a;
 
-/// Passes of an object under sun and sky; direct light and one bounce.
+/// Passes of an object under sun and sky, with direct light and one bounce.
 fn surfaces(
     object: &Object,
     azimuth: f64,
@@ -99,7 +101,7 @@ fn surfaces(
     })
 }
 
-/// A picture of points as passes: its colours made linear, its mask, nothing else.
+/// An image of points as passes: its colours converted to linear, and its mask.
 fn flat(photo: &Photo, camera: &Camera) -> Passes {
     let table = linear_of_srgb();
     let pixels = camera.width * camera.height;
@@ -116,25 +118,25 @@ fn flat(photo: &Photo, camera: &Camera) -> Passes {
     }
 }
 
-/// Which pictures are taken of a subject.
+/// Settings of the images of a subject.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CaptureJob {
     /// Side in pixels.
     pub size: usize,
-    /// Per pixel.
+    /// Number of samples per pixel.
     pub samples: u32,
-    /// Numbers on the ring.
+    /// Numbers of the test cameras on the ring.
     pub test_cameras: Vec<usize>,
-    /// They see every which frame.
+    /// Test cameras render every n-th frame, with this n.
     pub test_step: usize,
-    /// Also depth, normals, albedo, material and linear radiance.
+    /// Whether to include depth, normals, albedo, material and linear radiance.
     pub passes: bool,
-    /// Of the draws.
+    /// Seed of the draws.
     pub seed: u64,
 }
 
 impl CaptureJob {
-    /// The pictures of frame t.
+    /// The shots of frame t.
     fn shots(&self, subject: &dyn Subject, t: usize) -> Vec<(Shot, u64)> {
         let train = std::iter::once((0, Split::Train));
         let is_test = t.is_multiple_of(self.test_step);
@@ -155,7 +157,7 @@ impl CaptureJob {
                 let camera = subject.camera(c, self.size);
                 let shot =
                     Shot { name: format!("c{c:02}_f{t:04}"), camera, shutter_close: None, split, extra };
-                // One stream of draws per picture.
+                // One stream of samples per image.
                 let seed = figure::picture_seed(self.seed, PICTURE_VIDEO, (t * 64 + c) as u64);
                 (shot, seed)
             })
@@ -163,11 +165,11 @@ impl CaptureJob {
     }
 }
 
-/// Makes the capture of a subject in a folder; gives what was written, relative to the folder above, with digests: the folder for
-/// all pictures and cameras ([`Recorder::finish`]), and `body.npz`.
+/// Generates the capture of a subject in a folder; returns the paths of written files, relative to the parent
+/// folder, with digests: the folder with all images and cameras ([`Recorder::finish`]), and `body.npz`.
 ///
 /// # Errors
-/// When a picture cannot be made or written, the folder holds another set, or `stop` was set.
+/// If an image cannot be rendered or written, the folder contains another set, or `stop` was set.
 pub fn write(
     subject: &dyn Subject,
     shoot: &CaptureJob,
@@ -250,7 +252,7 @@ pub struct BuiltIn {
 }
 
 impl BuiltIn {
-    /// The subject of the settings.
+    /// The subject that the settings describe.
     pub fn new(settings: &Settings, scm: &Scm) -> Self {
         let appearance = Appearance::new(settings.seed, settings.subject);
         Self {

@@ -207,13 +207,13 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
     assert!(covered > 10, "surfaces are seen: {covered} pixels");
 
     for (wrong, what) in [
-        (Settings { appearances: 2, ..settings.clone() }, "one look"),
+        (Settings { appearances: 2, ..settings.clone() }, "one appearance"),
         (
             Settings {
                 character: Some(CharacterSettings { play: true, ..casting.clone() }),
                 ..settings.clone()
             },
-            "no time in the sets",
+            "no animation in the sets",
         ),
         (Settings { video_look: Look::Discs, ..settings.clone() }, "mesh for a character"),
     ] {

@@ -242,7 +242,7 @@ fn settings_out_of_range_are_refused() {
     let five = |s: &mut Settings| {
         (s.set, s.factors, s.character) = ("video".into(), 5, Some(nobody()));
     };
-    assert!(refused(five).contains("act on nothing"), "more factors than a character has");
+    assert!(refused(five).contains("have no effect"), "more factors than a character has");
     // What is not made is not checked.
     let mut video = Settings { set: "video".into(), set_size: 1024, count: 0, ..small() };
     video.validate().expect("no set is made");
@@ -290,7 +290,7 @@ fn a_folder_never_mixes_two_runs() {
     assert_eq!(std::fs::read_to_string(&record).expect("readable"), other, "the record is kept");
     std::fs::remove_file(&record).expect("removed");
     let e = resume().expect_err("unknown files").to_string();
-    assert!(e.contains("files without that record"), "{e}");
+    assert!(e.contains("files but no dataset.json"), "{e}");
 }
 
 #[test]

@@ -1,12 +1,15 @@
-//! c_τ: what makes τ_rec a number without a scale (last.md §11).
+//! Calibration of c_τ, the factor that makes the threshold τ_rec dimensionless (eq. 9 of the LAST paper).
 //!
-//! The pixel criterion is a screen gradient of the host's loss, the latent one a world gradient of L_lat; the size of the second depends on the model. So
-//! it is multiplied by c_τ, chosen once for a model and a scene: in a fit with density mode `budget`, where both criteria add as many Gaussians, at the
-//! refinement of iteration 600 of 1 200,
+//! The pixel criterion (eq. 8) is a screen-space gradient of the loss; the latent criterion (eq. 9) is a
+//! world-space gradient of L_lat, whose magnitude depends on the model. The latent gradient is therefore
+//! multiplied by c_τ, which is determined once for each model and scene, by a fit in density mode `budget`,
+//! in which both criteria add the same number of Gaussians. At the refinement of iteration 600 of 1 200,
 //!
-//! c_τ = 0.003 / (the latent mean that as many Gaussians reach as reach the pixel criterion)
+//! c_τ = 0.003 / t, where t is the latent mean that is reached by as many Gaussians as reach the pixel
+//! criterion.
 //!
-//! so that τ_rec = 0.003 has there as many candidates as the pixel criterion at 2e-4, but for those that lie exactly at it.
+//! With this c_τ, τ_rec = 0.003 selects as many candidates at that iteration as the pixel criterion at 2e-4,
+//! except for Gaussians exactly at the threshold.
 
 use super::density::{Density, Mode};
 use super::fit::PersonFit;
@@ -16,16 +19,17 @@ use crate::Result;
 use crate::fit::training::{Fit, Watch};
 use crate::scene::person::PersonCapture;
 
-/// The iteration of the published schedule at which counts are made equal.
+/// Iteration of the published schedule at which the numbers of candidates are made equal.
 const AT: usize = 600;
-/// The τ_rec for which they are.
+/// The τ_rec for which the numbers of candidates are made equal.
 const TAU: f64 = 0.003;
 
-/// c_τ of a model on a capture, by a fit of half the iterations that `settings` asks for, without the progressive update. None where there is nothing to
-/// make equal: no refinement so early, no Gaussian that reaches the pixel criterion, or as many without a latent gradient.
+/// Returns c_τ of a model on a capture, determined by a fit of half the iterations in `settings`, without the
+/// progressive update. Returns `None` if c_τ cannot be determined: no refinement occurs that early, no
+/// Gaussian reaches the pixel criterion, or too few have a latent gradient.
 ///
 /// # Errors
-/// What the fit reports.
+/// Any error of the fit.
 pub fn latent_scale(
     settings: &Settings,
     capture: &PersonCapture,

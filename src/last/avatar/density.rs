@@ -1,15 +1,18 @@
-//! Where Gaussians are added and removed: the pixel criterion of the host, the latent one (last.md §11), and their mixtures.
+//! Density control, which adds and removes Gaussians: the pixel criterion (eq. 8 of the LAST paper), the
+//! latent criterion (eq. 9), and combinations of them.
 //!
-//! The pixel criterion is the mean screen gradient of [`optim::density`](crate::optim::density) in NDC units, reached at 2e-4. The latent one is
-//! c_τ · mean ‖∂L_lat/∂μ_world‖ over the iterations in which a Gaussian was visible, exceeded at τ_rec. What follows is the same for both: small ones
-//! are cloned, large ones split, faint ones pruned; and whatever has strayed from the template goes.
+//! The pixel criterion is the mean screen-space gradient of [`optim::density`](crate::optim::density) in NDC
+//! units; a Gaussian becomes a candidate if it is at least 2e-4. The latent criterion is c_τ · mean
+//! ‖∂L_lat/∂μ_world‖ over the iterations in which the Gaussian was visible; a Gaussian becomes a candidate if
+//! it exceeds τ_rec. The following steps are the same for both criteria: small candidates are cloned, large
+//! ones are split, Gaussians of low opacity are pruned, and Gaussians far from the template are removed.
 //!
 //! | mode | candidates |
 //! |---|---|
-//! | pixel | the pixel criterion |
-//! | replace | the latent criterion |
-//! | or | either |
-//! | budget | as many as the pixel criterion has, those of largest latent mean above 0 |
+//! | pixel | Gaussians that reach the pixel criterion |
+//! | replace | Gaussians that exceed the latent criterion |
+//! | or | Gaussians that meet either criterion |
+//! | budget | as many Gaussians as reach the pixel criterion: those with the largest latent means, if above 0 |
 
 pub use super::density_settings::{Density, Mode};
 use super::person::Avatar;
@@ -20,22 +23,22 @@ use crate::optim::density::{self, Stats, Threshold};
 use crate::optim::groups::Groups;
 use crate::{Error, Result};
 
-/// Latent gradients since the last refinement.
+/// Latent gradients accumulated since the last refinement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Latent {
-    /// (G) sum of norms over the iterations that saw it
+    /// Sum of the gradient norms over the iterations in which the Gaussian was visible, shape (G).
     pub sums: Vec<f64>,
-    /// (G) number of those
+    /// Number of those iterations, shape (G).
     pub views: Vec<u32>,
 }
 
 impl Latent {
-    /// Nothing seen.
+    /// Empty statistics for the given number of Gaussians.
     pub fn new(rows: usize) -> Self {
         Self { sums: vec![0.0; rows], views: vec![0; rows] }
     }
 
-    /// Adds ‖∂L_lat/∂μ‖ of one iteration, of Gaussians with a radius above 0.
+    /// Adds ‖∂L_lat/∂μ‖ of one iteration for every Gaussian with a radius above 0.
     pub fn add(&mut self, means_bar: &[[f32; 3]], radii: &[[i32; 2]]) {
         for (i, (g, r)) in means_bar.iter().zip(radii).enumerate() {
             if r[0] > 0 && r[1] > 0 {
@@ -46,44 +49,44 @@ impl Latent {
         }
     }
 
-    /// Means over the iterations that saw a row; 0 if none did.
+    /// Means over the iterations in which a Gaussian was visible; 0 if there were none.
     pub fn means(&self) -> Vec<f64> {
         let mean = |(&s, &n): (&f64, &u32)| if n == 0 { 0.0 } else { s / f64::from(n) };
         self.sums.iter().zip(&self.views).map(mean).collect()
     }
 }
 
-/// What density control did in one iteration.
+/// The result of density control in one iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Event {
-    /// counted from 1
+    /// The iteration, counted from 1.
     pub iteration: usize,
-    /// copies made of small Gaussians
+    /// Number of clones made of small Gaussians.
     pub cloned: usize,
-    /// large Gaussians replaced by two
+    /// Number of large Gaussians replaced by two.
     pub split: usize,
-    /// faint Gaussians removed
+    /// Number of Gaussians removed because of low opacity.
     pub faint: usize,
-    /// Gaussians removed because they had left the template
+    /// Number of Gaussians removed because they were too far from the template.
     pub strayed: usize,
-    /// candidates that the largest number turned away
+    /// Number of candidates rejected because the maximum number of Gaussians was reached.
     pub turned_away: usize,
-    /// Gaussians afterwards
+    /// Number of Gaussians after the refinement.
     pub size: usize,
-    /// how many reach the pixel criterion
+    /// Number of Gaussians that reach the pixel criterion.
     pub pixel_candidates: usize,
-    /// how many exceed the latent criterion
+    /// Number of Gaussians that exceed the latent criterion.
     pub latent_candidates: usize,
-    /// The latent mean, without c_τ, that as many Gaussians reach as reach the pixel criterion; 0 without a guide. c_τ = τ_rec over this makes the
-    /// two counts equal.
+    /// The latent mean, without c_τ, that is reached by as many Gaussians as reach the pixel criterion; 0
+    /// without a guide. With c_τ = τ_rec divided by this value, the two numbers are equal.
     pub latent_at_count: f64,
 }
 
 impl Event {
-    /// Numbers of [`Self::row`].
+    /// Number of entries of [`Self::row`].
     pub const WIDTH: usize = 10;
 
-    /// As numbers, for a checkpoint.
+    /// The event as a row of numbers, for a checkpoint.
     pub fn row(&self) -> [f64; Self::WIDTH] {
         let n = [
             self.iteration,
@@ -99,7 +102,7 @@ impl Event {
         std::array::from_fn(|i| n.get(i).map_or(self.latent_at_count, |&n| n as f64))
     }
 
-    /// From [`Self::row`].
+    /// The event with the given [`Self::row`].
     pub fn from_row(r: &[f64; Self::WIDTH]) -> Option<Self> {
         let n = |i: usize| (r[i] >= 0.0 && r[i] < 9e15 && r[i].fract() == 0.0).then_some(r[i] as usize);
         Some(Self {
@@ -117,7 +120,8 @@ impl Event {
     }
 }
 
-/// The candidates of a mode from pixel means (G) and latent means (G), in ascending order; and the event's numbers about them.
+/// Returns the candidates of a mode, given pixel means (G) and latent means (G), in ascending order, and an
+/// event with the numbers of candidates.
 pub fn candidates(d: &Density, pixel: &[f32], latent: &[f64]) -> (Vec<usize>, Event) {
     let by_pixel: Vec<bool> = pixel.iter().map(|&x| x >= d.pixel_threshold).collect();
     let by_latent: Vec<bool> = latent.iter().map(|&x| d.latent_scale * x > d.latent_threshold).collect();
@@ -144,11 +148,12 @@ pub fn candidates(d: &Density, pixel: &[f32], latent: &[f64]) -> (Vec<usize>, Ev
     (chosen, event)
 }
 
-/// One refinement: adds, prunes, removes what has strayed, attaches the rest anew. Gives the event and, for every row after, the row before that it is
-/// or comes from; empties the statistics.
+/// Performs one refinement: clones and splits candidates, prunes, removes Gaussians far from the template and
+/// attaches the remaining ones to their nearest points. Returns the event and, for every row afterwards, the
+/// previous row that it equals or originates from; resets the statistics.
 ///
 /// # Errors
-/// When nothing remains.
+/// If no Gaussian remains.
 pub(super) fn refine(
     settings: &Settings,
     iteration: usize,
@@ -173,7 +178,8 @@ pub(super) fn refine(
         ..density::Settings::INRIA
     };
     if d.mode.is_latent() {
-        // The criterion as a number that is above 1 for candidates and keeps their rank, so that a full house turns the weakest away.
+        // The criterion as a number that exceeds 1 for candidates and preserves their rank, so that the
+        // candidates with the smallest values are rejected first when the maximum number is reached.
         let share = |i: usize| match d.mode {
             Mode::Or => order::max(
                 f64::from(pixel[i]) / f64::from(d.pixel_threshold),
@@ -209,7 +215,7 @@ pub(super) fn refine(
             .at(format!("iteration {iteration}"))
             .expected("Gaussians near the template")
             .got("none")
-            .hint("the template's unit or the rate of the centres is wrong"));
+            .hint("check the unit of the template and the learning rate of the centres"));
     }
     *stats = Stats::new(n);
     *latent = Latent::new(if d.mode.is_latent() { n } else { 0 });
@@ -232,7 +238,7 @@ mod tests {
         let latent = [0.004, 0.003, 0.0031, 0.0, 0.1];
         let of = |mode| candidates(&Density { mode, ..Density::pixel() }, &pixel, &latent);
         assert_eq!(of(Mode::Pixel).0, [1, 2, 4], "≥ 2e-4");
-        assert_eq!(of(Mode::Replace).0, [0, 2, 4], "> 0.003: equality is not enough");
+        assert_eq!(of(Mode::Replace).0, [0, 2, 4], "> 0.003: a value equal to the threshold is no candidate");
         assert_eq!(of(Mode::Or).0, [0, 1, 2, 4], "either");
         assert_eq!(of(Mode::Budget).0, [0, 2, 4], "the three largest");
         let event = of(Mode::Budget).1;
@@ -243,6 +249,6 @@ mod tests {
             assert!(none.0.is_empty(), "no discrepancy, no candidates");
         }
         let event = Event { iteration: 7, size: 9, latent_at_count: 0.25, ..event };
-        assert_eq!(Event::from_row(&event.row()), Some(event), "rows go both ways");
+        assert_eq!(Event::from_row(&event.row()), Some(event), "conversion to a row and back");
     }
 }

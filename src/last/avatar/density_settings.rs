@@ -3,16 +3,16 @@
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// Which criterion decides.
+/// The criterion that selects candidates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// The host's.
+    /// The pixel criterion (eq. 8).
     Pixel,
-    /// The latent one.
+    /// The latent criterion (eq. 9).
     Replace,
-    /// Either.
+    /// Either criterion.
     Or,
-    /// As many as the host's, ranked by the latent one.
+    /// As many candidates as the pixel criterion selects, ranked by the latent criterion.
     Budget,
 }
 
@@ -20,55 +20,55 @@ impl Mode {
     const ALL: [(Self, &'static str); 4] =
         [(Self::Pixel, "pixel"), (Self::Replace, "replace"), (Self::Or, "or"), (Self::Budget, "budget")];
 
-    /// The name used by settings.
+    /// The name used in settings.
     pub fn name(self) -> &'static str {
         Self::ALL.into_iter().find(|(m, _)| *m == self).map_or("", |(_, n)| n)
     }
 
-    /// The mode of that name.
+    /// The mode with the given name.
     ///
     /// # Errors
-    /// When there is none.
+    /// If there is no such mode.
     pub fn parse(name: &str) -> Result<Self> {
         (Self::ALL.into_iter().find(|(_, n)| *n == name).map(|(m, _)| m))
             .ok_or_else(|| Error::input("--density").expected("pixel, replace, or, budget").got(name))
     }
 
-    /// Whether it needs a guide.
+    /// Whether the mode needs a guide.
     pub fn is_latent(self) -> bool {
         self != Self::Pixel
     }
 }
 
-/// Constants of density control; iterations are those of the published 1 200.
+/// Constants of density control; iterations refer to the published schedule of 1 200.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Density {
-    /// Which criterion decides.
+    /// The criterion that selects candidates.
     pub mode: Mode,
-    /// Mean screen gradient in NDC units.
+    /// Threshold of the mean screen-space gradient, NDC units.
     pub pixel_threshold: f32,
-    /// τ_rec
+    /// Threshold τ_rec of the latent criterion.
     pub latent_threshold: f64,
-    /// c_τ, multiplies the latent mean; see [`calibrate`](super::calibrate)
+    /// The factor c_τ of the latent mean; see [`calibrate`](super::calibrate).
     pub latent_scale: f64,
-    /// L_lat is asked for at multiples of this
+    /// L_lat is computed at multiples of this number of iterations.
     pub latent_every: usize,
-    /// Refinement happens in iterations after this one,
+    /// Refinement happens in iterations after this one.
     pub start: usize,
-    /// before this one,
+    /// Refinement happens in iterations before this one.
     pub stop: usize,
-    /// at multiples of this.
+    /// Refinement happens at multiples of this number of iterations.
     pub every: usize,
-    /// Largest standard deviation of a clone, scene units.
+    /// Largest standard deviation of a Gaussian that is cloned instead of split, scene units.
     pub split_scale: f64,
-    /// Opacity below it is pruned.
+    /// Gaussians with a lower opacity are pruned.
     pub prune_opacity: f32,
     /// Distance from the template beyond which a Gaussian is removed, metres.
     pub prune_distance_m: f64,
 }
 
 impl Density {
-    /// The host's.
+    /// The settings of the pixel criterion.
     pub fn pixel() -> Self {
         Self {
             mode: Mode::Pixel,
@@ -96,7 +96,7 @@ impl Density {
         ];
         for (name, x) in numbers {
             if !(x.is_finite() && x >= 0.0) {
-                return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));
+                return Err(Error::input(name).expected("a finite, non-negative number").got(x.to_string()));
             }
         }
         for (name, n) in [("--latent-every", self.latent_every), ("density interval", self.every)] {

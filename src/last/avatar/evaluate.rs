@@ -1,4 +1,4 @@
-//! Scores of an avatar on the pictures of a capture, every metric under its name.
+//! Scores of an avatar on the images of a capture.
 
 use super::person::Avatar;
 use super::view::Target;
@@ -9,58 +9,59 @@ use crate::scene::person::{PersonCapture, Pose, Shot};
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 
-/// One scored picture.
+/// One scored image.
 #[derive(Clone, Debug)]
 pub struct Scored {
     /// Name of the shot.
     pub name: String,
     /// Number of its camera.
     pub camera: usize,
-    /// Moment.
+    /// Index of its moment.
     pub time: usize,
-    /// The numbers.
+    /// The values of the metrics.
     pub scores: Scores,
-    /// (H, W, 3) the photograph over the background
+    /// The input image, composited over the background, shape (H, W, 3).
     pub photo: Vec<f32>,
-    /// (H, W, 3) the render, limited to 0..1
+    /// The rendered image, clamped to 0..1, shape (H, W, 3).
     pub image: Vec<f32>,
-    /// (H, W) mean over the channels of the absolute difference
+    /// Mean of the absolute difference over the channels, shape (H, W).
     pub error: Vec<f32>,
-    /// W, H
+    /// Width and height, pixels.
     pub size: [usize; 2],
 }
 
-/// What is scored on what.
+/// The inputs of an evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Evaluation<'a> {
-    /// who
+    /// The avatar to be evaluated.
     pub avatar: &'a Avatar,
-    /// on these pictures
+    /// The capture with the reference images.
     pub capture: &'a PersonCapture,
-    /// Poses of the capture of the fit, where it may be another one: the light learned at a moment is that of the same moment in the same pose.
+    /// Poses of the capture used for the fit, if it may be a different one. The light learned for a moment of
+    /// the fit is used for a moment of this capture only if its index and its pose are the same.
     pub learned_at: Option<&'a [Pose]>,
-    /// By LPIPS too.
+    /// The LPIPS metric, if it is to be computed.
     pub perception: Option<&'a lpips::Metric>,
 }
 
 impl<'a> Evaluation<'a> {
-    /// Of an avatar on the capture that it was fitted to.
+    /// The evaluation of an avatar on the capture that it was fitted to.
     pub fn of(avatar: &'a Avatar, capture: &'a PersonCapture) -> Self {
         Self { avatar, capture, learned_at: None, perception: None }
     }
 
-    /// The moment of the fit that a moment of the capture is.
+    /// The moment of the fit that corresponds to a moment of the capture.
     pub(super) fn moment(&self, time: usize) -> Option<usize> {
         let pose = &self.capture.poses[time];
-        // A file of an avatar does not hold the global rotation apart.
+        // An avatar file does not store the global rotation separately.
         let same = |x: &Pose| x.transforms == pose.transforms && x.axis_angles == pose.axis_angles;
         self.learned_at.is_none_or(|poses| poses.get(time).is_some_and(same)).then_some(time)
     }
 
-    /// Scores a shot of the capture, by its index.
+    /// Scores the shot of the capture with the given index.
     ///
     /// # Errors
-    /// When it cannot be read, or the render is not finite.
+    /// If the shot cannot be read, or the render is not finite.
     pub fn score(&self, shot: usize) -> Result<Scored> {
         let shot = &self.capture.shots[shot];
         let target = Target::read(self.capture, shot)?;
@@ -93,10 +94,10 @@ fn scored(shot: &Shot, scores: Scores, photo: Vec<f32>, image: &[f32]) -> Scored
     }
 }
 
-/// Means over pictures, per camera in ascending order, and over all.
+/// Mean scores per camera, in ascending order of the camera number, and over all images.
 ///
 /// # Errors
-/// When there is no picture.
+/// If there are no images.
 pub fn means(scored: &[Scored]) -> Result<(Vec<(usize, Scores)>, Scores)> {
     let of =
         |which: Vec<&Scored>| person::mean(&which.into_iter().map(|s| s.scores.clone()).collect::<Vec<_>>());
@@ -108,11 +109,11 @@ pub fn means(scored: &[Scored]) -> Result<(Vec<(usize, Scores)>, Scores)> {
         .filter_map(|c| of(scored.iter().filter(|s| s.camera == c).collect()).map(|m| (c, m)))
         .collect();
     let all = of(scored.iter().collect())
-        .ok_or_else(|| Error::input("evaluation").expected("at least one picture").got("none"))?;
+        .ok_or_else(|| Error::input("evaluation").expected("at least one image").got("none"))?;
     Ok((cameras, all))
 }
 
-/// Scores as a JSON object; an infinite level is `null`.
+/// Scores as a JSON object; an infinite value is written as `null`.
 pub fn json(scores: &Scores) -> Value {
     let entries = scores.named().into_iter().map(|(name, x)| (name.to_owned(), json!(x)));
     Value::Object(Map::from_iter(entries))

@@ -1,14 +1,18 @@
-//! What the host asks of an image-to-point model, and the window through which the model sees pictures.
+//! The interface of an image-to-point model, as used by the fit, and the window through which the model reads
+//! images.
 //!
-//! A [`Guide`] has n factors and a graph over them. It compares two pictures in the space of its factors, and says which places of the body a factor
-//! moves. It sees squares of its own side: a [`Framing`] says which [`Square`] of a picture, [`Window`] brings it to that side, and gradients back.
+//! A [`Guide`] has n factors and a graph over them. It compares two images in the space of its factors, and
+//! computes which positions of the body a factor displaces. Its inputs are square images of a fixed side: a
+//! [`Framing`] determines which [`Square`] of an image is used, and [`Window`] resamples it to that side and
+//! maps gradients back.
 //!
 //! # The window
-//! A [`Window`] is the mean over cells of a square ([`mod@crate::nn::window`]).
+//! A [`Window`] computes means over the cells of a square ([`mod@crate::nn::window`]).
 //!
-//! It departs from `last.md` in three places. The square is that of the projected points, not of the projected box of the body with its 0.05 m (§4.2): it follows the
-//! pose more closely. It is brought to S×S by means over cells of any size, not by averages of whole blocks (§11), so that pictures of any size serve and a person has one size. And the points
-//! are those of the body as it is posed, in training with the folds of its clothes, in a capture without.
+//! The paper does not define the crop. The square used here encloses the projected points of the posed body,
+//! in training including the displacement by the folds of the clothes, for a capture without it; it follows
+//! the pose more closely than the projection of a box around the body. It is resampled to S×S by means over
+//! cells of any size, so that images of any size can be used and the person always has the same size.
 
 use crate::math::digraph::Digraph;
 pub use crate::nn::window::Window;
@@ -17,18 +21,20 @@ use crate::scene::bound;
 use crate::scene::camera::Camera;
 use crate::{Error, Result};
 
-/// Which part of a picture the guide was trained on.
+/// The part of an image that the guide was trained on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Framing {
-    /// The square around the person's projected points, with a margin of a tenth of their extent on either side (`last.md` §4.2).
+    /// The square around the projected points of the person, with a margin of a tenth of their extent on each
+    /// side.
     #[default]
     Person,
-    /// The least square around the whole picture: the training camera's own framing.
+    /// The smallest square around the whole image.
     Whole,
 }
 
 impl Framing {
-    /// The square of a picture (H, W) with somebody in `person`; none where a person is asked for who is nowhere in it.
+    /// The square of an image (H, W) with the given square around the person; `None` if the framing is
+    /// [`Self::Person`] and the person is outside the image.
     pub fn square(self, size: [usize; 2], person: Option<Square>) -> Option<Square> {
         match self {
             Self::Whole => Some(Square::whole(size)),
@@ -37,41 +43,42 @@ impl Framing {
     }
 }
 
-/// Who should be seen is nowhere in a picture.
+/// The error for a person who is outside an image.
 pub fn nowhere(picture: &str) -> Error {
     Error::input(picture)
-        .expected("a person in front of the camera and in the picture, for the model to look at")
-        .got("points behind the camera, or none in the picture")
+        .expected("a person who is in front of the camera and at least partly inside the image")
+        .got("projected points that are all outside the image, or points behind the camera")
 }
 
-/// A square of a picture, pixels; it may reach beyond the borders.
+/// A square of an image, in pixels; it may extend beyond the borders.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Square {
-    /// left and top
+    /// Left and top edges.
     pub corner: [f64; 2],
-    /// side
+    /// Length of the side.
     pub side: f64,
 }
 
 impl Square {
-    /// The least that holds a picture (H, W), about its centre.
+    /// The smallest square that contains an image (H, W), with the same centre.
     pub fn whole([height, width]: [usize; 2]) -> Self {
         let side = Ord::max(height, width) as f64;
         Self { corner: [width, height].map(|n| 0.5 * (n as f64 - side)), side }
     }
 
-    /// The window of `side` pixels on this square of pictures (H, W).
+    /// The window of `side` pixels on this square of images of size (H, W).
     pub fn window(&self, side: usize, size: [usize; 2]) -> Window {
         Window::new(side, size, self.corner, self.side)
     }
 
-    /// Whether it shares a pixel with a picture (H, W).
+    /// Whether the square overlaps an image (H, W).
     fn meets(&self, [height, width]: [usize; 2]) -> bool {
         [width, height].iter().zip(self.corner).all(|(n, from)| from < *n as f64 && from + self.side > 0.0)
     }
 
-    /// About the smallest upright rectangle around projected points, a tenth wider on either side than the longer of its sides. None if there is no point,
-    /// one has no place in the picture, or all have the same.
+    /// The square around projected points: it encloses their axis-aligned bounding rectangle, with a margin
+    /// on each side of a tenth of the longer side of the rectangle. `None` if there are no points, a point
+    /// has no projection, or all projections are the same.
     pub fn around(camera: &Camera, points: &[[f32; 3]]) -> Option<Self> {
         let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
         for p in points {
@@ -86,33 +93,34 @@ impl Square {
     }
 }
 
-/// A trained image-to-point model, weights frozen, posterior means only.
+/// A trained image-to-point model with frozen weights, evaluated at the posterior means.
 pub trait Guide: Sync {
     /// Number of factors n, at most 32.
     fn factors(&self) -> usize;
 
-    /// Which factor has a direct effect on which; no cycle.
+    /// The directed graph of direct effects between factors, without cycles.
     fn graph(&self) -> Digraph;
 
-    /// Side S of the pictures below.
+    /// Side S of the input images, pixels.
     fn side(&self) -> usize;
 
-    /// What part of a picture they show.
+    /// The part of an image that the input shows.
     fn framing(&self) -> Framing;
 
-    /// A text that differs between any two guides, e.g. the digest of the weights.
+    /// An identifier that differs between any two guides, for example the digest of the weights.
     fn identity(&self) -> String;
 
-    /// L_lat of a rendered and a real picture (S, S, 3), and ∂L_lat/∂rendered (S, S, 3).
+    /// L_lat between a rendered and a real image (S, S, 3), and its gradient ∂L_lat/∂rendered (S, S, 3).
     ///
     /// # Errors
-    /// When a number is not finite.
+    /// If a value is not finite.
     fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)>;
 
-    /// For each factor i and each canonical place t (G, 3), scene units: ‖D(Ẑʳ with row i from the real picture)(t) − D(Ẑʳ)(t)‖, (n, G).
+    /// For each factor i and each canonical position t (G, 3), in scene units: ‖D(Ẑʳ with row i from the real
+    /// image)(t) − D(Ẑʳ)(t)‖, shape (n, G).
     ///
     /// # Errors
-    /// When a number is not finite.
+    /// If a value is not finite.
     fn swap_scores(&self, rendered: &[f32], real: &[f32], places: &[[f32; 3]]) -> Result<Vec<Vec<f64>>>;
 }
 
@@ -146,7 +154,7 @@ mod tests {
             assert!((dot(&taken, &bar) - dot(&image, &spread)).abs() < 1e-3, "⟨Ax, b⟩ = ⟨x, Aᵀb⟩");
         }
         let white = square([-3.0, 0.0], 6.0).take(&[1.0; 6 * 8 * 3]);
-        assert_eq!((white[0], white[3], white[6]), (0.0, 0.5, 1.0), "black lies around the picture");
+        assert_eq!((white[0], white[3], white[6]), (0.0, 0.5, 1.0), "black surrounds the image");
     }
 
     #[test]
@@ -162,18 +170,18 @@ mod tests {
         };
         let points = [[-0.25, 0.0, 2.0], [0.25, 0.125, 3.0]];
         let person = Square::around(&camera, &points);
-        // x from 1.5 to 6.5, y from 3 to 4.25: side 5 with a tenth on either side.
+        // x from 1.5 to 6.5, y from 3 to 4.25: side 5 with a tenth on each side.
         assert_eq!(person, Some(Square { corner: [1.0, 0.625], side: 6.0 }), "about the points");
         let behind = Camera { model: Model::Pinhole, ..camera.clone() };
         assert_eq!(Square::around(&behind, &[[0.0, 0.0, -1.0]]), None, "a point behind the camera");
         assert_eq!(Square::around(&camera, &[]), None, "nobody");
         let whole = Square { corner: [0.0, -1.0], side: 8.0 };
-        assert_eq!(Framing::Whole.square([6, 8], None), Some(whole), "about the picture");
-        assert_eq!(Framing::Person.square([6, 8], None), None, "nobody is there");
-        assert_eq!(Framing::Person.square([6, 8], person), person, "about the person");
+        assert_eq!(Framing::Whole.square([6, 8], None), Some(whole), "around the image");
+        assert_eq!(Framing::Person.square([6, 8], None), None, "no person in the image");
+        assert_eq!(Framing::Person.square([6, 8], person), person, "around the person");
         let beside = Square { corner: [8.0, 0.0], side: 5.0 };
-        assert_eq!(Framing::Person.square([6, 8], Some(beside)), None, "beside the picture");
+        assert_eq!(Framing::Person.square([6, 8], Some(beside)), None, "outside the image");
         let partly = Some(Square { corner: [-4.5, -3.0], side: 5.0 });
-        assert_eq!(Framing::Person.square([6, 8], partly), partly, "half in it");
+        assert_eq!(Framing::Person.square([6, 8], partly), partly, "half inside the image");
     }
 }

@@ -1,13 +1,15 @@
-//! How bright each moment is, and from where: one colour per Gaussian cannot follow a light that moves.
+//! Brightness and light direction of each moment, because one colour per Gaussian cannot represent a light
+//! that changes over time.
 //!
-//! A moment has a gain γ per channel ([`mod@crate::shade::gain`]) and, with colours of degree 0, a direction d of the light
-//! ([`mod@crate::shade::diffuse`]), in which the normal is that of the nearest point of the template. What the front shows of it says how bright the
-//! side is that the camera never sees.
+//! A moment has a gain γ per channel ([`mod@crate::shade::gain`]) and, with colours of degree 0, a direction
+//! d of the light ([`mod@crate::shade::diffuse`]), where the normal is that of the nearest point of the
+//! template. The direction, learned from the visible side, determines the brightness of the side that the
+//! camera never sees.
 //!
 //! | symbol | shape | meaning |
 //! |---|---|---|
-//! | γ | (T, 3) | logarithms of the gains, from 0; a moment the fit has not seen takes their mean |
-//! | d | (T, 3) | where the light comes from, world axes, from 0, likewise |
+//! | γ | (T, 3) | logarithms of the gains, initialised to 0; a moment without training images uses the mean |
+//! | d | (T, 3) | direction towards the light, world axes, initialised to 0; the mean likewise |
 
 use crate::num::array::Arrays;
 use crate::optim::adam::Rule;
@@ -17,17 +19,17 @@ use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
 
-/// Name of γ (T, 3).
+/// Name of the array γ (T, 3).
 pub(super) const GAINS: &str = "light/gains";
-/// Name of d (T, 3).
+/// Name of the array d (T, 3).
 const TOWARD: &str = "light/toward";
-/// Name of what says which moments the fit has pictures of.
+/// Name of the array that marks the moments with training images.
 const SEEN: &str = "light/seen";
 
-/// Gains of every moment, and their optimiser.
+/// Gains and light directions of all moments, and their optimiser.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// (T) whether a fit has pictures of it
+    /// Whether the fit has images of the moment, shape (T).
     pub seen: Vec<bool>,
     params: Params,
     optimiser: Optimiser,
@@ -36,14 +38,14 @@ pub struct Light {
 /// γ and d of a moment, or their gradients.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moment {
-    /// γ
+    /// The logarithm γ of the gain.
     pub gain: [f32; 3],
-    /// d
+    /// The direction d of the light.
     pub toward: [f32; 3],
 }
 
 impl Light {
-    /// No gain for T moments, all of them seen.
+    /// Gains of 1 for T moments, all of which have training images.
     ///
     /// # Errors
     /// See [`Optimiser::new`].
@@ -60,12 +62,12 @@ impl Light {
         values.as_slice().expect("parameters are contiguous").as_chunks().0
     }
 
-    /// (T) γ
+    /// The values γ, shape (T).
     pub fn gains(&self) -> &[[f32; 3]] {
         self.rows(GAINS)
     }
 
-    /// (T) d
+    /// The values d, shape (T).
     pub fn toward(&self) -> &[[f32; 3]] {
         self.rows(TOWARD)
     }
@@ -73,7 +75,7 @@ impl Light {
     /// Replaces d of all moments.
     ///
     /// # Panics
-    /// When there are not as many.
+    /// If the number of directions differs from the number of moments.
     pub(super) fn set_toward(&mut self, toward: Vec<[f32; 3]>) {
         self.set(TOWARD, toward);
     }
@@ -84,7 +86,7 @@ impl Light {
         self.params.set(name, values.expect("one row for every moment"));
     }
 
-    /// Puts γ, d and which moments were seen, and with `state` the optimiser.
+    /// Stores γ, d and the marks of moments with training images, and with `state` the optimiser.
     pub(super) fn save(&self, state: bool, out: &mut Arrays) {
         out.put(SEEN, &[self.seen.len()], self.seen.iter().map(|&s| i64::from(s)).collect());
         ArrayNames::Beside.save(&self.params, out);
@@ -93,10 +95,10 @@ impl Light {
         }
     }
 
-    /// Takes back what [`Self::save`] put, for as many moments as there are.
+    /// Restores what [`Self::save`] stored, for the same number of moments.
     ///
     /// # Errors
-    /// Missing arrays, other shapes, numbers out of range.
+    /// Missing arrays, other shapes, values out of range.
     pub(super) fn load(&mut self, state: bool, from: &Arrays) -> Result<()> {
         let wrong = || Error::input(format!("array '{SEEN}'")).expected("0 or 1 for every moment");
         let moments = self.seen.len().to_string();
@@ -109,7 +111,7 @@ impl Light {
         if state { self.optimiser.load(ArrayNames::Beside, from) } else { Ok(()) }
     }
 
-    /// γ and d of a moment; the means of those the fit has seen where it is none of them.
+    /// γ and d of a moment; the means over the moments with training images for any other moment.
     pub fn at(&self, moment: Option<usize>) -> Moment {
         let own = moment.filter(|t| self.seen.get(*t) == Some(&true));
         let of = |all: &[[f32; 3]]| match own {
@@ -123,10 +125,10 @@ impl Light {
         Moment { gain: of(self.gains()), toward: of(self.toward()) }
     }
 
-    /// One step of the optimiser for a moment.
+    /// Performs one step of the optimiser for a moment.
     ///
     /// # Errors
-    /// A result that is not finite.
+    /// If a result is not finite.
     pub(super) fn step(&mut self, moment: usize, bar: Moment, rate: f64) -> Result<()> {
         let mut active = vec![0; self.seen.len()];
         active[moment] = 1;

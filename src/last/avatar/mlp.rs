@@ -1,6 +1,7 @@
-//! Small fully connected networks of the host: [`mod@crate::nn::mlp`] with parameters by name and their optimiser.
+//! Small fully connected networks of the avatar: [`mod@crate::nn::mlp`] with named parameters and their
+//! optimiser.
 //!
-//! The last layer starts close to 0, so that a fresh network changes nothing that can be seen.
+//! The last layer is initialised close to 0, so that a new network has no visible effect.
 
 use crate::Result;
 use crate::nn::mlp;
@@ -11,34 +12,34 @@ use crate::optim::optimiser::{ArrayNames, Optimiser};
 use crate::tape::{Grads, Params};
 use ndarray::{ArrayD, IxDyn};
 
-/// Largest entry of the last layer before the first step.
+/// Largest magnitude of the initial entries of the last layer.
 const LAST: f64 = 1e-5;
 
-/// Sizes of a network and where its first values come from.
+/// Sizes and initialisation of a network.
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes<'a> {
-    /// prefix of the names of its parameters, `NAME.L.weight` (N, K) and `NAME.L.bias` (N)
+    /// Prefix of the names of its parameters, `NAME.L.weight` (N, K) and `NAME.L.bias` (N).
     pub name: &'a str,
-    /// from input to output
+    /// Widths from input to output.
     pub widths: &'a [usize],
-    /// the layer that takes the input again
+    /// The layer that takes the input again.
     pub skip: Option<usize>,
-    /// purpose of the draws of the first values
+    /// Purpose number of the draws of the initial values.
     pub purpose: u16,
 }
 
 /// A network and its optimiser.
 #[derive(Clone, Debug)]
 pub struct Mlp {
-    /// names of weight and bias of each layer
+    /// Names of weight and bias of each layer.
     layers: Vec<[String; 2]>,
-    /// the layer that takes the input again
+    /// The layer that takes the input again.
     skip: Option<usize>,
     params: Params,
     optimiser: Optimiser,
 }
 
-/// What the adjoint needs: rows of the input, and what the network saved.
+/// Values saved for the adjoint: the number of input rows and what the network saved.
 #[derive(Clone, Debug, Default)]
 pub struct Saved {
     x: Vec<f32>,
@@ -51,7 +52,7 @@ fn flat(array: &ArrayD<f32>) -> &[f32] {
 }
 
 impl Mlp {
-    /// Weights are uniform in ±1/√K, those of the last layer in ±1e-5; biases are 0.
+    /// Creates a network with weights uniform in ±1/√K, those of the last layer in ±1e-5; biases are 0.
     ///
     /// # Errors
     /// See [`Optimiser::new`].
@@ -79,16 +80,17 @@ impl Mlp {
         self.layers.iter().map(layer).collect()
     }
 
-    /// Values of `rows` rows of inputs.
+    /// Evaluates the network on `rows` rows of inputs.
     pub fn forward(&self, x: Vec<f32>, rows: usize) -> (Vec<f32>, Saved) {
         let (y, saved) = mlp::forward(&mlp::In { x: &x, layers: &self.network(), m: rows, skip: self.skip });
         (y, Saved { x, rows, saved })
     }
 
-    /// One step of the optimiser against the gradient that `y_bar` implies; nothing flows back to the input.
+    /// Performs one step of the optimiser with the gradient that `y_bar` implies; no gradient is propagated
+    /// to the input.
     ///
     /// # Errors
-    /// A result that is not finite.
+    /// If a result is not finite.
     pub fn step(&mut self, saved: &Saved, y_bar: &[f32], rate: f64) -> Result<()> {
         let layers = self.network();
         let x = mlp::In { x: &saved.x, layers: &layers, m: saved.rows, skip: self.skip };
@@ -105,7 +107,7 @@ impl Mlp {
         self.optimiser.step(&mut self.params, &grads, |_| Some(rate))
     }
 
-    /// Parameters in order, for a digest.
+    /// The parameters in order, for a digest.
     pub fn values(&self) -> impl Iterator<Item = (&[f32], [usize; 2])> {
         self.layers.iter().flatten().map(|name| {
             let values = self.params.get(name).expect("every layer has its parameters");
@@ -113,7 +115,7 @@ impl Mlp {
         })
     }
 
-    /// Puts the parameters, and with `state` the optimiser.
+    /// Stores the parameters, and with `state` the optimiser.
     pub fn save(&self, state: bool, out: &mut Arrays) {
         ArrayNames::Beside.save(&self.params, out);
         if state {
@@ -121,15 +123,15 @@ impl Mlp {
         }
     }
 
-    /// Whether the parameters of such a network are there.
+    /// Whether the arrays contain the parameters of this network.
     pub fn is_in(&self, arrays: &Arrays) -> bool {
         self.layers.first().is_some_and(|[weight, _]| arrays.get(weight).is_some())
     }
 
-    /// Takes back what [`Self::save`] put.
+    /// Restores what [`Self::save`] stored.
     ///
     /// # Errors
-    /// Missing arrays, other shapes, numbers that are not finite.
+    /// Missing arrays, other shapes, values that are not finite.
     pub fn load(&mut self, state: bool, from: &Arrays) -> Result<()> {
         ArrayNames::Beside.load(&mut self.params, from)?;
         if state { self.optimiser.load(ArrayNames::Beside, from) } else { Ok(()) }
@@ -147,7 +149,7 @@ mod tests {
         let x: Vec<f32> = (0..30).map(|i| ((i * 7) % 13) as f32 / 13.0 - 0.5).collect();
         let want: Vec<f32> = x.chunks(3).flat_map(|r| [r[0] * r[1] - r[2], 0.5 * r[0]]).collect();
         let (first, _) = net.forward(x.clone(), 10);
-        assert!(first.iter().all(|v| v.abs() < 1e-4), "a fresh network is silent");
+        assert!(first.iter().all(|v| v.abs() < 1e-4), "a new network has no visible effect");
         let error = |y: &[f32]| y.iter().zip(&want).fold(0.0, |s, (a, b)| s + (a - b) * (a - b));
         for _ in 0..400 {
             let (y, saved) = net.forward(x.clone(), 10);

@@ -1,4 +1,5 @@
-//! Stage 2: an animatable person of Gaussians from a monocular capture, guided by an image-to-point model or by nothing (last.md §10–§12).
+//! Stage 2 of LAST: fits an avatar, an animatable person represented by Gaussians, to a monocular capture,
+//! optionally guided by an image-to-point model (eq. 8–12 of the paper).
 //!
 //! ```text
 //!                 capture (scene::person)                  guide (last::model, or none)
@@ -6,19 +7,20 @@
 //! settings ──► fit ───────┴── one shot per iteration ──────────────┤
 //!               │  ┌───────────────────────────────────────────┐   │
 //!               ├─►│ person: rig (pose, mlp) → place (skin)     │   │   body: template, weights, nearest points
-//!               │  │         → splat::render → view: loss       │   │   view: photograph, box, loss in it
+//!               │  │         → splat::render → view: loss       │   │   view: input image, box, loss
 //!               │  └────────────── gradients back ─────────────┘   │
-//!               ├─ light: a gain per moment
-//!               ├─ prior: what one camera cannot see
+//!               ├─ light: gain and direction per moment
+//!               ├─ prior: regularises unseen surfaces
 //!               ├─ update: all at once, or progressive (levels, caps) ◄── graph, key Gaussians
-//!               └─ density: pixel criterion, latent criterion        ◄── ∂L_lat/∂picture
-//! store: an avatar as a file      evaluate: its pictures against the capture's
-//! show: it from anywhere           calibrate: the scale of the latent criterion
+//!               └─ density: pixel criterion, latent criterion        ◄── ∂L_lat/∂image
+//! store: avatar files              evaluate: scores of rendered images
+//! show: renders from any camera    calibrate: the scale of the latent criterion
 //! ```
 //!
-//! [`fit::PersonFit`] is a [`Fit`](crate::fit::training::Fit) and knows the order of things; every other file does one of them and does
-//! not depend on its neighbours' reasons. What the learned model must offer is the trait [`guide::Guide`]; with density mode `pixel`, no progressive update and
-//! latent weight 0 the guide is never asked and the fit has the bits of the host alone.
+//! [`fit::PersonFit`] implements [`Fit`](crate::fit::training::Fit) and determines the order of the steps;
+//! every other file implements one of them independently of the others. The trait [`guide::Guide`] is the
+//! interface of the learned model. With density mode `pixel`, no progressive update and latent weight 0, the
+//! guide is not used and the result is bit-identical to that of a fit without a guide.
 //!
 //! Random draws have purposes 0x0901 … 0x0907.
 

@@ -1,11 +1,14 @@
-//! The person that can be posed and seen: canonical Gaussians on a body, and the networks that refine how they follow it.
+//! The avatar, a person that can be posed and rendered: canonical Gaussians attached to a body, and the
+//! networks that correct skinning weights and poses.
 //!
 //! ```text
-//! pose ──► rig: joints (corrected), weights (refined), offsets ──► place: posed centres and factors ──► draw: a picture
+//! pose ──► rig: joints (corrected), weights (refined), offsets
+//!      ──► place: posed centres and factors ──► draw: an image
 //! ```
 //!
-//! [`rig`](Avatar::rig) depends on where Gaussians are only through the weights network, which reads places without gradient; so a rig is made
-//! once per iteration and used by every render of it.
+//! The result of [`rig`](Avatar::rig) depends on the positions of the Gaussians only through the weights
+//! network, which reads them without gradient. A rig is therefore computed once per iteration and used by
+//! every render of that iteration.
 
 use super::body::Body;
 use super::light::{Light, Moment};
@@ -28,97 +31,99 @@ use crate::splat::{activate, covariance};
 use crate::{Error, Result};
 use std::sync::Arc;
 
-/// Purposes of the draws.
+/// Purpose numbers of the draws.
 const PURPOSE_COLOR: u16 = 0x0901;
 const PURPOSE_WEIGHTS: u16 = 0x0902;
 const PURPOSE_POSE: u16 = 0x0903;
-/// Smallest squared distance to neighbours that a first scale is made of.
+/// Lower limit of the squared distance to neighbours from which an initial scale is computed.
 const LEAST_SQUARE: f32 = 1e-7;
-/// Keeps the logarithm of an absent weight finite.
+/// Keeps the logarithm of a zero weight finite.
 const WEIGHT_FLOOR: f32 = 1e-9;
-/// Octaves of the code of a place.
+/// Number of octaves of the positional code.
 const OCTAVES: usize = 10;
 const CODE: usize = 3 + 6 * OCTAVES;
 const WIDTH: usize = 128;
 const CHUNK: usize = 256;
 
-/// Canonical Gaussians on a body.
+/// Canonical Gaussians attached to a body.
 #[derive(Clone, Debug)]
 pub struct Avatar {
     /// The body.
     pub body: Body,
-    /// In the canonical pose.
+    /// The Gaussians in the canonical pose.
     pub gaussians: Gaussians,
-    /// (G) nearest point of the template, found when the number of Gaussians last changed
+    /// Index of the nearest template point, found when the number of Gaussians last changed, shape (G).
     pub nearest: Vec<u32>,
-    /// (G, K) its weights
+    /// Skinning weights of that point, shape (G, K).
     base: Arc<Vec<f32>>,
-    /// Δ(x), added to logarithms of weights
+    /// The network Δ(x), whose output is added to the logarithms of the weights.
     pub weights_net: Option<Mlp>,
-    /// axis-angles of a pose → axis-angles of its correction; joints without a parent are left out
+    /// The network that maps the axis-angles of a pose to the axis-angles of its correction; joints without a
+    /// parent are omitted.
     pub pose_net: Option<Mlp>,
-    /// How bright each moment is.
+    /// Gain and light direction of each moment.
     pub light: Option<Light>,
-    /// How to render.
+    /// Settings of the renderer.
     pub render: render::Settings,
-    /// Behind the person.
+    /// Colour of the background.
     pub background: [f32; 3],
 }
 
-/// What the adjoint of the pose network needs: its own, and the chain that its corrections went through.
+/// Values saved for the adjoint of the pose network: those of the network and the corrected chain of joints.
 type PoseSaved = (mlp::Saved, CorrectedPose);
 
-/// How Gaussians follow a pose.
+/// The transforms, weights and offsets with which Gaussians follow a pose.
 #[derive(Clone, Debug)]
 pub struct Rig {
     /// The joints.
     pub bones: skin::Bones,
-    /// (G, K)
+    /// Skinning weights, shape (G, K).
     pub weights: Arc<Vec<f32>>,
-    /// (G, 3)
+    /// Offsets, shape (G, 3).
     pub offsets: Option<Vec<[f32; 3]>>,
-    /// (G, 3) of the nearest points, in the world; empty where colours are not shaded
+    /// Normals of the nearest points, world axes, shape (G, 3); empty if colours are not shaded.
     normals: Vec<[f32; 3]>,
     weights_saved: Option<mlp::Saved>,
     pose_saved: Option<PoseSaved>,
 }
 
-/// Gaussians at a moment.
+/// The Gaussians at a moment.
 #[derive(Clone, Debug, Default)]
 pub struct PosedGaussians {
-    /// (G, 3) in the world
+    /// Centres in the world, shape (G, 3).
     pub means: Vec<[f32; 3]>,
-    /// (G, 3, 3) in the world
+    /// Factors in the world, shape (G, 3, 3).
     pub factors: Vec<[f32; 9]>,
-    /// (G, 3, 3) canonical
+    /// Canonical factors, shape (G, 3, 3).
     rest: Vec<[f32; 9]>,
     scales: Vec<[f32; 3]>,
-    /// (G)
+    /// Opacities, shape (G).
     pub opacities: Vec<f32>,
-    /// (G) shaded colours and their shades, where there is light
+    /// Shaded colours and their shading factors, shape (G), if there is a light.
     shaded: Option<(Vec<[f32; 3]>, Vec<f32>)>,
-    /// toward the light
+    /// Direction towards the light.
     light: [f32; 3],
 }
 
-/// Gradients of a moment's picture by what is stored.
+/// Gradients of the image of a moment with respect to the stored parameters.
 #[derive(Clone, Debug)]
 pub struct Grad {
-    /// by the parameters of the Gaussians
+    /// Gradient with respect to the parameters of the Gaussians.
     pub gaussians: Gaussians,
-    /// by skinning weights (G, K); empty without a weights network
+    /// Gradient with respect to the skinning weights, shape (G, K); empty without a weights network.
     weights: Vec<f32>,
-    /// by joints (K); empty without a pose network
+    /// Gradient with respect to the joints, shape (K); empty without a pose network.
     posed: Vec<Affine>,
-    /// by the direction of the light
+    /// Gradient with respect to the direction of the light.
     pub toward: [f32; 3],
 }
 
 impl Avatar {
-    /// One Gaussian per point of the template, grey, of the size of the distance to its neighbours; T moments.
+    /// Creates an avatar with one grey Gaussian per template point, scaled by the distance to its neighbours,
+    /// for T moments.
     ///
     /// # Errors
-    /// When points are not finite.
+    /// If points are not finite.
     pub fn new(template: &Template, moments: usize, settings: &Settings) -> Result<Self> {
         let body = Body::new(template);
         let n = body.points.len();
@@ -159,10 +164,10 @@ impl Avatar {
         Ok(avatar)
     }
 
-    /// An avatar of parts that were stored.
+    /// Creates an avatar from stored parts.
     ///
     /// # Errors
-    /// When a Gaussian hangs on no point of the template.
+    /// If a Gaussian refers to a template point that does not exist.
     pub fn from_parts(
         body: Body,
         gaussians: Gaussians,
@@ -188,16 +193,16 @@ impl Avatar {
         Ok(avatar)
     }
 
-    /// Fresh networks for this body, to load stored ones into: (weights, pose).
+    /// New networks for this body, into which stored parameters can be loaded: (weights, pose).
     ///
     /// # Errors
-    /// When the sizes of a network are refused.
+    /// If the sizes of a network are invalid.
     pub fn networks(body: &Body) -> Result<[Mlp; 2]> {
         let moving = Ord::max(1, moving(&body.template).len());
         Ok([weights_network(body.joints(), 0)?, pose_network(moving, 0)?])
     }
 
-    /// Finds the nearest points anew; gives the distances to them.
+    /// Finds the nearest template points again and returns the distances to them.
     pub fn attach(&mut self) -> Vec<f64> {
         let (nearest, distance) = self.body.nearest(&self.gaussians.means);
         self.base = Arc::new(self.body.weights(&nearest));
@@ -205,10 +210,10 @@ impl Avatar {
         distance
     }
 
-    /// Hangs the Gaussians on given points.
+    /// Attaches the Gaussians to the given template points.
     ///
     /// # Errors
-    /// When there is no such point, or not one for each.
+    /// If a point does not exist, or the number of points differs from the number of Gaussians.
     pub fn attach_to(&mut self, nearest: Vec<u32>) -> Result<()> {
         let points = self.body.points.len();
         if nearest.len() != self.gaussians.len() || nearest.iter().any(|&p| p as usize >= points) {
@@ -221,7 +226,7 @@ impl Avatar {
         Ok(())
     }
 
-    /// How the Gaussians follow a pose.
+    /// Computes how the Gaussians follow a pose.
     pub fn rig(&self, pose: &Pose) -> Rig {
         let (posed, pose_saved) = self.corrected(pose);
         let (weights, weights_saved) = match &self.weights_net {
@@ -259,7 +264,7 @@ impl Avatar {
         (corrected.transforms.clone(), Some((saved, corrected)))
     }
 
-    /// (G, 3) unit normals of the nearest points, turned with the joint they hang on most.
+    /// Unit normals of the nearest points, rotated with the joint of the largest weight, shape (G, 3).
     fn normals(&self, posed: &[Affine]) -> Vec<[f32; 3]> {
         let t = &self.body.template;
         if self.light.is_none() || t.normals.len() != t.points.len() || self.gaussians.sh_degree > 0 {
@@ -274,7 +279,7 @@ impl Avatar {
         self.nearest.iter().map(turn).collect()
     }
 
-    /// The Gaussians at the moment of a rig, in the light of a moment.
+    /// The Gaussians posed by a rig, shaded by the light of a moment.
     pub fn place(&self, rig: &Rig, light: Moment) -> PosedGaussians {
         let g = &self.gaussians;
         let n = g.len();
@@ -308,7 +313,7 @@ impl Avatar {
         }
     }
 
-    /// What the renderer takes.
+    /// The input of the renderer.
     pub fn input<'a>(
         &'a self,
         placed: &'a PosedGaussians,
@@ -332,10 +337,10 @@ impl Avatar {
         }
     }
 
-    /// A picture of a pose from a camera, as bright as a moment of the capture or as their mean.
+    /// Renders a pose from a camera, with the gain of a moment of the capture or with the mean gain.
     ///
     /// # Errors
-    /// When the camera is not valid or the pose belongs to another body.
+    /// If the camera is invalid or the pose belongs to another body.
     pub fn picture(&self, pose: &Pose, moment: Option<usize>, camera: &Camera) -> Result<Out> {
         self.drawn(pose, moment, camera, &self.render)
     }
@@ -366,7 +371,8 @@ impl Avatar {
         Ok(out)
     }
 
-    /// From gradients of the renderer's input to those of what is stored. `networks` also follows those of weights and joints.
+    /// Maps gradients of the renderer's input to gradients of the stored parameters. With `networks`, the
+    /// gradients of weights and joints are included.
     pub fn adjoint(&self, rig: &Rig, placed: &PosedGaussians, bar: render::InBar, networks: bool) -> Grad {
         let (g, n) = (&self.gaussians, self.gaussians.len());
         let wants = [networks && self.weights_net.is_some(), networks && self.pose_net.is_some()];
@@ -394,20 +400,20 @@ impl Avatar {
         Grad { gaussians, weights: skinned.weights, posed: skinned.posed, toward }
     }
 
-    /// One step of the networks.
+    /// Performs one step of the networks.
     ///
     /// # Errors
-    /// A result that is not finite.
+    /// If a result is not finite.
     pub fn step_networks(&mut self, rig: &Rig, grad: &Grad, rate: f64) -> Result<()> {
         if let (Some(net), Some(saved)) = (&mut self.weights_net, &rig.weights_saved) {
             let mut bar = vec![0.0; grad.weights.len()];
             softmax::adjoint(&rig.weights, self.body.joints(), &grad.weights, &mut bar);
-            net.step(saved, &bar, rate).map_err(|e| e.within("network of the weights"))?;
+            net.step(saved, &bar, rate).map_err(|e| e.within("weights network"))?;
         }
         if let (Some(net), Some((saved, corrected))) = (&mut self.pose_net, &rig.pose_saved) {
             let bar = pose::adjoint(&self.body.template, corrected, &grad.posed);
             let y_bar: Vec<f32> = moving(&self.body.template).iter().flat_map(|&k| bar[k]).collect();
-            net.step(saved, &y_bar, rate).map_err(|e| e.within("network of the poses"))?;
+            net.step(saved, &y_bar, rate).map_err(|e| e.within("pose network"))?;
         }
         Ok(())
     }
@@ -415,7 +421,7 @@ impl Avatar {
     /// Digest of all parameters, 16 hexadecimal digits.
     ///
     /// # Errors
-    /// When a parameter is NaN.
+    /// If a parameter is NaN.
     pub fn digest(&self) -> Result<String> {
         let mut d = Digest::new();
         self.gaussians.add_to(&mut d)?;
@@ -439,24 +445,25 @@ impl Avatar {
     }
 }
 
-/// The network of the weights: the code of a place → a change of the logarithm of each joint's weight.
+/// The weights network, which maps the code of a position to changes of the logarithms of the joint weights.
 fn weights_network(joints: usize, seed: u64) -> Result<Mlp> {
     let widths = &[CODE, WIDTH, WIDTH, WIDTH, WIDTH, joints];
     Mlp::new(mlp::Sizes { name: "network/weights", widths, skip: Some(2), purpose: PURPOSE_WEIGHTS }, seed)
 }
 
-/// The network of the poses: axis-angles of the joints that hang on another → those of their corrections.
+/// The pose network, which maps axis-angles of the joints that have a parent to the axis-angles of their
+/// corrections.
 fn pose_network(moving: usize, seed: u64) -> Result<Mlp> {
     let widths = &[3 * moving, WIDTH, WIDTH, 3 * moving];
     Mlp::new(mlp::Sizes { name: "network/pose", widths, skip: None, purpose: PURPOSE_POSE }, seed)
 }
 
-/// Joints that hang on another, in order.
+/// Joints that have a parent, in order.
 fn moving(template: &Template) -> Vec<usize> {
     (0..template.joints.len()).filter(|&k| template.parents[k].is_some()).collect()
 }
 
-/// (G, 63): x, then sin 2ᵐx and cos 2ᵐx for m = 0 … 9.
+/// The positional code (G, 63): x, then sin 2ᵐx and cos 2ᵐx for m = 0 … 9.
 fn code(places: &[[f32; 3]]) -> Vec<f32> {
     let mut out = vec![0.0; places.len() * CODE];
     par::chunks_mut(&mut out, CHUNK * CODE, |c, out| {

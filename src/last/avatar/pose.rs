@@ -1,11 +1,13 @@
-//! CorrectedPose poses of a template: [`mod@crate::body::pose`] on the transforms of a capture, for joints in any order.
+//! Corrected poses of a template: [`mod@crate::body::pose`] applied to the transforms of a capture, with
+//! joints in any order.
 //!
-//! The operator takes parents before their children; joints go through it in the template's order, and come back in theirs.
+//! The operator requires parents before their children; this module sorts the joints for the operator and
+//! restores their order in the results.
 
 use crate::body::pose::{self, In, InBar};
 use crate::scene::person::{Affine, Template};
 
-/// A template's skeleton under corrections.
+/// The skeleton of a template with pose corrections.
 #[derive(Clone, Debug)]
 struct Skeleton {
     captured: Vec<Affine>,
@@ -38,30 +40,31 @@ impl Skeleton {
     }
 }
 
-/// Transforms of a moment under corrections, and what the adjoint needs.
+/// Transforms of a moment with corrections, and the values saved for the adjoint.
 #[derive(Clone, Debug)]
 pub struct CorrectedPose {
-    /// (K) world from rest
+    /// World transforms of the joints relative to rest, shape (K).
     pub transforms: Vec<Affine>,
     sorted: Skeleton,
     saved: pose::Saved,
 }
 
-/// B_k for corrections (K) of the transforms of a capture.
+/// Computes B_k for corrections (K) of the transforms of a capture.
 ///
 /// # Panics
-/// When the template is not a valid one, or a transform has no inverse.
+/// If the template is invalid, or a transform has no inverse.
 pub fn forward(template: &Template, transforms: &[Affine], corrections: &[[f32; 3]]) -> CorrectedPose {
     let sorted = Skeleton::new(template, transforms, corrections);
     let posed = pose::forward(sorted.input());
-    let (posed, saved) =
-        posed.expect("a template has a joint and parents first, a moment transforms with inverses");
+    let (posed, saved) = posed.expect(
+        "a valid template has at least one joint and no cycle; the transforms of a moment are invertible",
+    );
     let mut transforms = transforms.to_vec();
     template.order.iter().zip(posed).for_each(|(&k, b)| transforms[k] = b);
     CorrectedPose { transforms, sorted, saved }
 }
 
-/// (K) gradient by the corrections from the cotangents of B.
+/// Gradient with respect to the corrections, shape (K), from the cotangents of B.
 pub fn adjoint(template: &Template, corrected: &CorrectedPose, bar: &[Affine]) -> Vec<[f32; 3]> {
     let sorted_bar: Vec<Affine> = template.order.iter().map(|&k| bar[k]).collect();
     let zeros = vec![[0.0; 3]; bar.len()];
@@ -79,7 +82,7 @@ mod tests {
 
     #[test]
     fn joints_in_any_order_are_corrected_alike() {
-        // A root with a chain of two and a second branch; the joints are not stored parents first.
+        // A root with a chain of two joints and a second branch; the joints are not stored parents first.
         let template = |joints: Vec<[f32; 3]>, parents: Vec<Option<usize>>, order: Vec<usize>| Template {
             kind: Kind::Figure,
             unit_m: 1.0,

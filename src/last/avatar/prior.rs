@@ -1,9 +1,11 @@
-//! What one camera cannot see, and what is assumed of it ([`mod@crate::loss::prior`]): anchors are the nearest points of the template, neighbours the
-//! K = 6 nearest Gaussians in the canonical pose, found when the number of Gaussians last changed.
+//! The prior for surfaces that the camera does not see ([`mod@crate::loss::prior`]). Its anchors are the
+//! nearest template points; the neighbours are the K = 6 nearest Gaussians in the canonical pose, found when
+//! the number of Gaussians last changed.
 //!
-//! A Gaussian that the camera sees has a far larger gradient from the pictures; one that it never sees has this one alone, and Adam gives it the full
-//! rate: colour, opacity and size spread over the hidden side from its border. Without it the back of a person who never turns round stays as it
-//! began, grey and nearly transparent.
+//! For a Gaussian that the camera sees, the gradient of the image loss is much larger than that of the prior.
+//! For a Gaussian that the camera never sees, the prior is the only gradient, and Adam applies the full
+//! learning rate to it: colour, opacity and size spread over the unseen side from its border. Without the
+//! prior, the back of a person who never turns round keeps its initial state, grey and nearly transparent.
 
 use super::person::Avatar;
 pub use super::prior_settings::Prior;
@@ -13,26 +15,27 @@ use crate::math::knn;
 use crate::num::order;
 use crate::scene::gaussians::Gaussians;
 
-/// K
+/// The number of neighbours K.
 pub const NEAR: usize = 6;
 
-/// Who is near whom: found when the number of Gaussians changes, and part of the state until then.
+/// The nearest neighbours of each Gaussian: found when the number of Gaussians changes, and part of the state
+/// until then.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Near {
-    /// (G) the nearest of each; `u32::MAX` where there are fewer
+    /// Indices of the nearest Gaussians of each Gaussian, shape (G); `u32::MAX` for missing entries.
     pub(super) of: Vec<[u32; NEAR]>,
-    /// (G) ln d
+    /// Logarithm ln d of the gap, shape (G).
     pub(super) gap: Vec<f32>,
 }
 
-/// Squared gap below which the logarithm is not taken.
+/// Smallest squared gap of which the logarithm is taken.
 const LEAST_SQUARE: f64 = 1e-12;
 
 impl Near {
-    /// Of these Gaussians.
+    /// Finds the neighbours of the given Gaussians.
     ///
     /// # Errors
-    /// When a centre is not finite.
+    /// If a centre is not finite.
     pub(super) fn new(g: &Gaussians) -> Result<Self> {
         let found = knn::neighbours::<NEAR>(&g.means)?;
         let gap = found.iter().map(|n| {
@@ -44,7 +47,7 @@ impl Near {
     }
 }
 
-/// Adds the gradient; gives P. `most` is r, scene units.
+/// Adds the gradient of the prior and returns its value P. `most` is r, in scene units.
 pub(super) fn add(weights: &Prior, avatar: &Avatar, near: &Near, most: f64, grad: &mut Gaussians) -> f64 {
     if *weights == Prior::NONE {
         return 0.0;

@@ -1,9 +1,9 @@
-//! Weights of what is assumed of the unseen side, as settings.
+//! Weights of the prior for unseen surfaces, as settings.
 
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// Weights; all 0 is the published host.
+/// Weights of the prior; with all weights 0, the losses are as published.
 pub use crate::loss::prior::Weights as Prior;
 
 fn named(prior: &Prior) -> [(&'static str, f32); 8] {
@@ -25,7 +25,7 @@ pub(super) fn validate(prior: &Prior) -> Result<()> {
     }
     match named(prior).into_iter().find(|(_, w)| !(*w >= 0.0 && w.is_finite())) {
         Some((name, w)) => {
-            Err(Error::input(name).expected("a finite weight, not negative").got(w.to_string()))
+            Err(Error::input(name).expected("a finite, non-negative weight").got(w.to_string()))
         }
         None => Ok(()),
     }

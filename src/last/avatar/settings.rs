@@ -1,4 +1,4 @@
-//! What decides the result of a fit.
+//! All settings that affect the result of a fit.
 
 use super::density_settings::Density;
 use super::prior_settings::{self, Prior};
@@ -8,80 +8,87 @@ use crate::splat::render;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// The published number of iterations; schedules are scaled from it.
+/// The published number of iterations; all schedules are scaled from it.
 pub const PUBLISHED: usize = 1200;
 
-/// Learning rates of the host. Those of the Gaussians are per scene unit where they have one (extent 1, a single camera spans nothing).
+/// Learning rates. Rates of positions are per scene unit (the extent is 1, because a single camera position
+/// defines none).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learning {
-    /// centres, at the first iteration
+    /// Rate of the centres at the first iteration.
     pub means: f64,
-    /// centres, at the last; log-linear between
+    /// Rate of the centres at the last iteration; log-linear in between.
     pub means_end: f64,
-    /// logarithms of the scales
+    /// Rate of the logarithms of the scales.
     pub scales_log: f64,
-    /// quaternions
+    /// Rate of the quaternions.
     pub quats: f64,
-    /// opacity logits
+    /// Rate of the opacity logits.
     pub opacity_logits: f64,
-    /// constant colour
+    /// Rate of the constant colours.
     pub sh_dc: f64,
-    /// what the rates of scales, rotations, opacities and colours have become at the last iteration, log-linear; 1 keeps them
+    /// Factor of the rates of scales, rotations, opacities and colours at the last iteration, log-linear; 1
+    /// keeps the rates constant.
     pub decay: f64,
-    /// both networks
+    /// Rate of both networks.
     pub networks: f64,
-    /// gains of the moments; 0 keeps them at 1
+    /// Rate of the gains of the moments; 0 keeps the gains at 1.
     pub gains: f64,
 }
 
-/// What decides the result, besides the capture and the guide.
+/// All settings that affect the result, apart from the capture and the guide.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// in all; the schedule of 1 200 is scaled to it
+    /// Total number of iterations; the published schedule of 1 200 is scaled to it.
     pub iterations: usize,
-    /// of every random draw
+    /// Seed of every random draw.
     pub seed: u64,
-    /// 0 to 3; 0 is the default, one camera shows no dependence on direction
+    /// SH degree, 0 to 3; 0 by default, because a single camera provides no information about the dependence
+    /// on direction.
     pub sh_degree: usize,
-    /// scale of a first Gaussian, in root mean squared distances to its three neighbours
+    /// Initial scale of a Gaussian, relative to the root mean squared distance to its three nearest
+    /// neighbours.
     pub first_scale: f32,
-    /// its opacity
+    /// Initial opacity of a Gaussian.
     pub first_opacity: f32,
-    /// never more Gaussians than this
+    /// Maximum number of Gaussians.
     pub max_gaussians: usize,
-    /// the renderer
+    /// Settings of the renderer.
     pub render: render::Settings,
-    /// colour behind the person in finished pictures, sRGB-encoded
+    /// Background colour of final images, sRGB-encoded.
     pub background: [f32; 3],
-    /// Draw another colour behind person and photograph in every iteration. Before one colour, a Gaussian outside the person may take that colour
-    /// instead of vanishing, and shows from other sides.
+    /// Whether to draw a different background colour for render and input image in every iteration. With a
+    /// constant background, a Gaussian outside the person may take its colour instead of vanishing, and
+    /// becomes visible from other sides.
     pub random_background: bool,
-    /// rates
+    /// Learning rates.
     pub learning: Learning,
-    /// length of the first d of every moment, toward the first training camera: a person is photographed from where the light is. Colours take up
-    /// what it makes of the front, the hidden side stays as dark as it says.
+    /// Length of the initial direction d of every moment, towards the first training camera, since the light
+    /// usually comes from the camera side. The colours compensate for the effect of d on the visible side;
+    /// the unseen side stays as dark as d implies.
     pub first_light: f32,
-    /// weight of 1 − SSIM on the box crop
+    /// Weight of 1 − SSIM on the box crop.
     pub ssim_weight: f32,
-    /// weight of the squared error of alpha in the box
+    /// Weight of the squared error of alpha in the box.
     pub alpha_weight: f32,
-    /// what is assumed of what the camera does not see
+    /// Weights of the prior for unseen surfaces.
     pub prior: Prior,
-    /// learn what is added to the logarithms of the skinning weights
+    /// Whether to learn an offset of the logarithms of the skinning weights.
     pub weights_network: bool,
-    /// learn a correction of every pose
+    /// Whether to learn a correction of every pose.
     pub pose_network: bool,
-    /// where Gaussians are added
+    /// Settings of density control.
     pub density: Density,
-    /// in which order they are updated; `None` updates all at once
+    /// Settings of the progressive update; with `None`, all Gaussians are updated at once.
     pub progressive: Option<Progressive>,
-    /// weight of the latent discrepancy in the loss
+    /// Weight of the latent discrepancy in the loss.
     pub latent_weight: f32,
 }
 
 impl Settings {
-    /// The host: [`Self::published`] and what a person asks for who never turns round: another background in every iteration, the assumptions of
-    /// [`Prior`], gains of the moments. Constants found on the built-in subject.
+    /// The default settings without a guide: [`Self::published`] with additions for a person who never turns
+    /// round, namely a different background in every iteration, the assumptions of [`Prior`] and gains of the
+    /// moments. The constants were determined on the built-in subject.
     pub fn baseline() -> Self {
         let published = Self::published();
         Self {
@@ -104,9 +111,10 @@ impl Settings {
         }
     }
 
-    /// What is left of GauHuman's host (last.md §10.2) without LPIPS, SH degree 0: its losses, rates and schedules. Not taken over: the
-    /// networks (here by `weights_network` and `pose_network`), the divergence from neighbours as a further condition for refinement, clones drawn
-    /// beside their original, the merging of pairs.
+    /// The losses, rates and schedules published for GauHuman ([`crate::book::bibliography`]), without LPIPS
+    /// and with SH degree 0. Not implemented: its networks (`weights_network` and `pose_network` replace
+    /// them), the divergence from neighbours as a further condition for refinement, clones drawn beside their
+    /// originals, and the merging of pairs.
     pub fn published() -> Self {
         Self {
             iterations: PUBLISHED,
@@ -141,22 +149,22 @@ impl Settings {
         }
     }
 
-    /// An iteration constant of the published schedule, in iterations of this run, at least 1.
+    /// Scales an iteration count of the published schedule to this run; at least 1.
     pub fn scaled(&self, constant: usize) -> usize {
         Ord::max(1, (constant * self.iterations + PUBLISHED / 2) / PUBLISHED)
     }
 
-    /// Whether anything asks for a guide.
+    /// Whether any setting requires a guide.
     pub fn needs_guide(&self) -> bool {
         self.density.mode.is_latent()
             || self.latent_weight > 0.0
             || self.progressive.as_ref().is_some_and(Progressive::needs_guide)
     }
 
-    /// Checks ranges.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
-    /// Names the setting.
+    /// If a setting is out of range; the error names it.
     pub fn validate(&self) -> Result<()> {
         let within = |name: &str, n: usize, most: usize| {
             if (1..=most).contains(&n) {
@@ -194,12 +202,12 @@ impl Settings {
         let named = rates.map(|r| ("learning rate", r, true)).into_iter();
         for (name, x, positive) in named.chain(weights.map(|(name, w)| (name, w, false))) {
             if !(x.is_finite() && x >= 0.0 && (x > 0.0 || !positive)) {
-                return Err(Error::input(name).expected("a finite number, not negative").got(x.to_string()));
+                return Err(Error::input(name).expected("a finite, non-negative number").got(x.to_string()));
             }
         }
         if !self.background.iter().all(|x| (0.0..=1.0).contains(x)) {
             return Err(Error::input("--background")
-                .expected("numbers in 0..1")
+                .expected("numbers between 0 and 1")
                 .got(format!("{:?}", self.background)));
         }
         prior_settings::validate(&self.prior)?;
@@ -207,7 +215,7 @@ impl Settings {
         self.progressive.as_ref().map_or(Ok(()), Progressive::validate)
     }
 
-    /// As a flat JSON object: what a checkpoint is compared by.
+    /// The settings as a flat JSON object, with which checkpoints are compared.
     pub fn json(&self) -> Value {
         let (p, l) = (&self.render.profile, &self.learning);
         let mut record = json!({
@@ -231,10 +239,10 @@ impl Settings {
         record
     }
 
-    /// What [`Self::json`] says about the renderer, for a run that is read back.
+    /// Reads the renderer settings from [`Self::json`], for a run that is read back.
     ///
     /// # Errors
-    /// When the record is not one of a fit.
+    /// If the record is not that of a fit.
     pub fn drawing(record: &Value) -> Result<(render::Settings, [f32; 3])> {
         let wrong = |key: &str| Error::input("settings").at(key.to_owned()).expected("the settings of a fit");
         let profile = Profile::parse(record["profile"].as_str().ok_or_else(|| wrong("profile"))?)?;

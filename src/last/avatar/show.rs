@@ -1,14 +1,16 @@
-//! A fitted person before any camera: the footprint that the fit saw, magnified; cameras around it.
+//! Renders a fitted person from any camera, with the Gaussian blur scaled to the resolution of the fit; also
+//! creates cameras around the person.
 //!
-//! The renderer widens every Gaussian by a fixed part of a pixel (`blur_px2`, b), and a fit learns shapes that are right with it at the resolution of its
-//! photographs: many are thinner than a pixel, and colour and cover it because of b. Seen larger, a pixel is smaller, the same b is less
-//! of the person, and its surface falls apart into fog and dots. So a picture that is larger than what the fit saw gets the width that the fit
-//! saw, in its own pixels:
+//! The renderer widens every Gaussian by a fixed fraction of a pixel (`blur_px2`, b), and a fit learns shapes
+//! that are correct with this blur at the resolution of its input images: many Gaussians are thinner than a
+//! pixel and cover it only because of b. In an enlarged image a pixel is smaller relative to the person, the
+//! same b covers less of the surface, and the surface dissolves into isolated dots. An enlarged image
+//! therefore uses the blur of the fit, converted to its own pixels:
 //!
 //! b′ = b · max(1, m)²,   m = s(camera) / max over the capture's cameras of s,   s = √(f_x f_y) / z
 //!
-//! with z the depth of the person's middle; an orthographic camera has s = √(f_x f_y). From a camera of the capture the picture is the one that is
-//! scored, to the bit.
+//! with z the depth of the middle of the person; an orthographic camera has s = √(f_x f_y). For a camera of
+//! the capture, the image is bit-identical to the one that is scored.
 
 use super::store::Stored;
 use crate::Result;
@@ -18,10 +20,10 @@ use crate::scene::camera::{Camera, Model};
 use crate::scene::person::Pose;
 use crate::splat::render::{Out, Settings};
 
-/// What is left free around a person in an orbit, as a share of its reach.
+/// Free margin around a person in an orbit, as a fraction of its extent.
 const MARGIN: f32 = 0.05;
 
-/// Pixels per unit of length at a place; 0 where the camera does not see it.
+/// Pixels per unit of length at a position; 0 if the camera does not see it.
 fn scale(camera: &Camera, place: [f32; 3], near: f32) -> f32 {
     let r = camera.rotation[2];
     let z = ((r[0] * place[0] + r[1] * place[1]) + r[2] * place[2]) + camera.translation[2];
@@ -34,10 +36,10 @@ fn scale(camera: &Camera, place: [f32; 3], near: f32) -> f32 {
 }
 
 impl Stored {
-    /// Picture of a pose from a camera; `moment` is that of the capture, if the pose is one of it.
+    /// Renders a pose from a camera; `moment` is the moment of the capture with this pose, if there is one.
     ///
     /// # Errors
-    /// When the camera is not valid or the pose belongs to another body.
+    /// If the camera is invalid or the pose belongs to another body.
     pub fn picture(&self, pose: &Pose, moment: Option<usize>, camera: &Camera) -> Result<Out> {
         self.avatar.drawn(pose, moment, camera, &self.settings_for(pose, camera))
     }
@@ -52,7 +54,7 @@ impl Stored {
         if seen == 0.0
             && let Some(first) = self.poses.first()
         {
-            // A pose of somebody who stands elsewhere.
+            // A pose of a person at a different position.
             seen = most(self.middle(std::slice::from_ref(first)).0);
         }
         let magnified = scale(camera, middle, near) / seen;
@@ -62,7 +64,7 @@ impl Stored {
         settings
     }
 
-    /// Middle of the box around the body in some poses, and the largest distance of a point from it.
+    /// Centre of the bounding box of the body over some poses, and the largest distance of a point from it.
     fn middle(&self, poses: &[Pose]) -> ([f32; 3], f32) {
         let template = &self.avatar.body.template;
         let points: Vec<[f32; 3]> =
@@ -79,10 +81,11 @@ impl Stored {
         (middle, far.sqrt())
     }
 
-    /// A circle of cameras in whose pictures the whole person is, in every of these poses; a given centre or distance stays.
+    /// A circle of cameras whose images contain the whole person in all of the given poses; a given centre or
+    /// distance is kept.
     ///
     /// # Errors
-    /// When a number of the orbit is out of range.
+    /// If a value of the orbit is out of range.
     pub fn around(&self, orbit: Orbit, poses: &[Pose]) -> Result<Vec<Camera>> {
         let (middle, reach) = self.middle(poses);
         let orbit = Orbit {

@@ -1,55 +1,57 @@
-//! From the canonical pose to a moment: what `body.skin` moves, brought to rest first, with its adjoint.
+//! Skinning from the canonical pose to a moment: transforms points to rest, then applies `body.skin`; with
+//! its adjoint.
 //!
-//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b;   then `body.skin` of y, H by the transforms A        (last.md §10.2)
+//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b;   then `body.skin` of y, H by
+//! the transforms A
 //!
 //! | symbol | argument | shape | meaning |
 //! |---|---|---|---|
 //! | x, F | `means`, `factors` | (G, 3), (G, 3, 3) | canonical centre and factor, Σ = F Fᵀ |
 //! | w | `weights` | (G, K) | skinning weights |
 //! | A_b | `posed` | (K) | world from rest |
-//! | C_b | `canonical` | (K) or absent | canonical pose from rest; absent where rest is canonical, then T_C is the identity |
-//! | o | `offsets` | (G, 3) or absent | what the pose adds to the point at rest, a constant |
+//! | C_b | `canonical` | (K) or absent | canonical pose from rest; absent if rest is canonical, then T_C is the identity |
+//! | o | `offsets` | (G, 3) or absent | offset that the pose adds to the point at rest, a constant |
 //!
-//! A composition of [`mod@crate::body::rest`] and [`mod@crate::body::skin`], whose rounding and adjoints it has; w̄ is what `body.skin` gives, then what
-//! `body.rest` adds.
+//! The module composes [`mod@crate::body::rest`] and [`mod@crate::body::skin`], including their rounding and
+//! adjoints; w̄ is the result of `body.skin`, to which the result of `body.rest` is added.
 
 use crate::body::{pose, rest, skin};
 use crate::scene::person::Affine;
 
-/// The joints' transforms at a moment.
+/// The transforms of the joints at a moment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bones {
-    /// (K) world from rest
+    /// Transforms from rest to the world, shape (K).
     pub posed: Vec<Affine>,
-    /// (K) canonical pose from rest; `None` where rest is canonical
+    /// Transforms from rest to the canonical pose, shape (K); `None` if rest is canonical.
     pub canonical: Option<Vec<Affine>>,
 }
 
-/// What is skinned.
+/// The inputs of skinning.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
     /// The joints.
     pub bones: &'a Bones,
-    /// (G, K)
+    /// Skinning weights, shape (G, K).
     pub weights: &'a [f32],
-    /// (G, 3)
+    /// Canonical centres, shape (G, 3).
     pub means: &'a [[f32; 3]],
-    /// (G, 3, 3)
+    /// Canonical factors, shape (G, 3, 3).
     pub factors: &'a [[f32; 9]],
-    /// (G, 3)
+    /// Offsets of the points at rest, shape (G, 3).
     pub offsets: Option<&'a [[f32; 3]]>,
 }
 
-/// Gradients of the inputs.
+/// Gradients with respect to the inputs.
 #[derive(Clone, Debug, Default)]
 pub struct InBar {
-    /// (G, 3)
+    /// Gradient with respect to the centres, shape (G, 3).
     pub means: Vec<[f32; 3]>,
-    /// (G, 3, 3)
+    /// Gradient with respect to the factors, shape (G, 3, 3).
     pub factors: Vec<[f32; 9]>,
-    /// (G, K); empty if not wanted
+    /// Gradient with respect to the weights, shape (G, K); empty if not requested.
     pub weights: Vec<f32>,
-    /// (K); empty if not wanted
+    /// Gradient with respect to the joints, shape (K); empty if not requested.
     pub posed: Vec<Affine>,
 }
 
@@ -65,7 +67,7 @@ impl<'a> In<'a> {
     }
 }
 
-/// What `body.skin` takes: places, factors, transforms.
+/// The inputs of `body.skin`: points, factors, transforms.
 struct SkinInputs {
     rest: rest::Out,
     transforms: Vec<[f32; 16]>,
@@ -89,7 +91,8 @@ pub fn forward(x: &In<'_>) -> (Vec<[f32; 3]>, Vec<[f32; 9]>) {
     (out.skinned, out.skinned_factors)
 }
 
-/// Gradients from those of posed centres and factors; of weights and joints only where wanted.
+/// Gradients of the inputs, given those of posed centres and factors; of weights and joints only if
+/// requested.
 pub fn adjoint(
     x: &In<'_>,
     means_bar: &[[f32; 3]],
@@ -120,12 +123,12 @@ pub fn adjoint(
 mod tests {
     use super::*;
 
-    /// M x.
+    /// The product M x.
     fn apply(m: &[f32; 9], x: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|i| (m[3 * i] * x[0] + m[3 * i + 1] * x[1]) + m[3 * i + 2] * x[2])
     }
 
-    /// A B.
+    /// The product A B.
     fn product(a: &[f32; 9], b: &[f32; 9]) -> [f32; 9] {
         std::array::from_fn(|e| {
             let (i, j) = (e / 3, e % 3);
@@ -138,7 +141,7 @@ mod tests {
         [[c, -s, 0.0, t[0]], [s, c, 0.0, t[1]], [0.0, 0.0, 1.0, t[2]]]
     }
 
-    /// Bones, weights, points, factors, offsets.
+    /// Bones, weights, points, factors and offsets.
     type Sample = (Bones, Vec<f32>, Vec<[f32; 3]>, Vec<[f32; 9]>, Vec<[f32; 3]>);
 
     fn sample(canonical: bool) -> Sample {
@@ -156,7 +159,7 @@ mod tests {
         )
     }
 
-    /// Σ of fixed multiples of every output.
+    /// Sum of fixed multiples of every output.
     fn value(x: &In<'_>) -> f64 {
         let (m, f) = forward(x);
         let all = m.as_flattened().iter().chain(f.as_flattened());

@@ -1,4 +1,4 @@
-//! An avatar as named arrays, and as a file of its own that needs no capture: body, Gaussians, networks, poses, cameras.
+//! An avatar as named arrays, and as a self-contained file with body, Gaussians, networks, poses and cameras.
 
 use super::body::Body;
 use super::light::{self, Light};
@@ -15,23 +15,23 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What an avatar file says it is.
+/// The kind recorded in the metadata of an avatar file.
 const KIND: &str = "avatar";
 
-/// An avatar with the moments and cameras it was learned from.
+/// An avatar with the moments and cameras of its fit.
 #[derive(Clone, Debug)]
 pub struct Stored {
-    /// The person.
+    /// The avatar.
     pub avatar: Avatar,
-    /// (T) poses of the capture
+    /// Poses of the capture, shape (T).
     pub poses: Vec<Pose>,
-    /// The cameras, by number, those that train first.
+    /// The cameras with their numbers, training cameras first.
     pub cameras: Vec<(usize, Camera)>,
     /// Settings of the fit.
     pub settings: Value,
 }
 
-/// Puts the Gaussians as `param/…`, and the points they hang on.
+/// Stores the Gaussians as `param/…`, and the indices of the template points to which they are attached.
 pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
     avatar.gaussians.save("param/", out);
     out.put("param/nearest", &[avatar.nearest.len()], avatar.nearest.iter().map(|&p| i64::from(p)).collect());
@@ -43,14 +43,14 @@ pub(super) fn put(avatar: &Avatar, state: bool, out: &mut Arrays) {
     }
 }
 
-/// Counts below 2³² of an integer array.
+/// Reads an integer array of numbers below 2³².
 pub(super) fn counts(a: &Array, name: &str) -> Result<Vec<u32>> {
     let all = if a.is_float() { None } else { a.to_i64() };
     all.and_then(|v| v.into_iter().map(|n| u32::try_from(n).ok()).collect())
         .ok_or_else(|| Error::input(format!("array '{name}'")).expected("counts below 2³²"))
 }
 
-/// Takes back what [`put`] put: the Gaussians of this SH degree and their points.
+/// Restores what [`put`] stored: the Gaussians of this SH degree and the indices of their points.
 pub(super) fn get(degree: usize, from: &Arrays) -> Result<(Gaussians, Vec<u32>)> {
     let gaussians = Gaussians::load("param/", degree, from)?;
     let rows = gaussians.len().to_string();
@@ -73,7 +73,7 @@ fn affines(a: &[f32]) -> Vec<Affine> {
 /// Writes an avatar with the poses and the cameras of its capture.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// If the file cannot be written.
 pub fn write(path: &Path, avatar: &Avatar, capture: &PersonCapture, settings: &Value) -> Result<()> {
     let mut out = Arrays::new();
     put(avatar, false, &mut out);
@@ -125,7 +125,7 @@ pub fn write(path: &Path, avatar: &Avatar, capture: &PersonCapture, settings: &V
 /// Reads an avatar.
 ///
 /// # Errors
-/// When the file is not one that [`write()`] wrote.
+/// If the file was not written by [`write()`].
 pub fn read(path: &Path) -> Result<Stored> {
     let file = safetensors::read(path)?;
     from_parts(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
@@ -227,7 +227,7 @@ fn template(a: &Arrays, kind: Kind, unit_m: f64) -> Result<Template> {
     })
 }
 
-/// Every joint once, parents before children; none where there is a cycle.
+/// Every joint once, parents before children; `None` if there is a cycle.
 fn parents_first(parents: &[Option<usize>]) -> Option<Vec<usize>> {
     let (mut order, mut done) = (Vec::new(), vec![false; parents.len()]);
     while order.len() < parents.len() {

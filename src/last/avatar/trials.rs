@@ -1,4 +1,5 @@
-//! What the fit must show, on a body of two joints and a guide whose factors are known (last.md §16, T11, T12, T15).
+//! Acceptance tests of the fit, on a body of two joints and a guide with known factors: density control (eq.
+//! 8–9), the progressive update (eq. 10–12), and bit-identical results for any number of threads.
 
 use super::calibrate;
 use super::density::{Density, Mode};
@@ -19,16 +20,17 @@ use serde_json::json;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// Side of the pictures.
+/// Side of the images.
 const SIDE: usize = 24;
 
-/// Two factors: the left half of a picture, and the right half, which depends on it. A place belongs to the factor of its side.
+/// Two factors: the left half of an image, and the right half, which depends on it. A position belongs to the
+/// factor of its side.
 struct Halves {
     edge: bool,
-    /// the two pictures are said to be equal
+    /// The two images are reported to be equal.
     blind: bool,
     framing: Framing,
-    /// refuses photographs of somebody who is not in the middle
+    /// Rejects input images in which the person is not in the middle.
     strict: bool,
 }
 
@@ -36,7 +38,7 @@ fn halves(blind: bool) -> Halves {
     Halves { edge: true, blind, framing: Framing::Whole, strict: false }
 }
 
-/// Where the light of a square picture is, from its middle, in sides.
+/// Position of the brightness centroid of a square image relative to its centre, in sides.
 fn off_centre(picture: &[f32], side: usize) -> [f32; 2] {
     let light = |i: usize| picture[3 * i] + picture[3 * i + 1] + picture[3 * i + 2];
     let mut sums = [0.0; 3];
@@ -66,8 +68,8 @@ impl Guide for Halves {
     fn discrepancy(&self, rendered: &[f32], real: &[f32]) -> Result<(f64, Vec<f32>)> {
         let off = off_centre(real, self.side());
         if self.strict && off.iter().any(|x| x.abs() > 0.1) {
-            return Err(Error::check("photograph")
-                .expected("somebody in the middle")
+            return Err(Error::check("input image")
+                .expected("a person in the middle")
                 .got(format!("{off:?}")));
         }
         let scale = if self.blind { 0.0 } else { 1.0 / rendered.len() as f32 };
@@ -77,7 +79,7 @@ impl Guide for Halves {
     }
     fn swap_scores(&self, rendered: &[f32], real: &[f32], places: &[[f32; 3]]) -> Result<Vec<Vec<f64>>> {
         if rendered.len() != real.len() {
-            return Err(Error::input("pictures").expected("one size"));
+            return Err(Error::input("images").expected("one size"));
         }
         let score =
             |side: f32| places.iter().map(|p| f64::from(crate::num::order::max(side * p[0], 0.0))).collect();
@@ -89,8 +91,8 @@ fn capture(dir: &Path) -> PersonCapture {
     capture_in(dir, SIDE, 0)
 }
 
-/// A bar of two joints, bent over four moments, before one camera; the pictures are discs of two colours, so many columns wide and the person so many
-/// to the right of where it is in a square.
+/// A bar with two joints, bent over four moments, in front of one camera; the images are discs of two colours
+/// with the given width, and the person is shifted to the right by the given number of columns.
 fn capture_in(dir: &Path, width: usize, right: usize) -> PersonCapture {
     let columns = 12;
     let points: Vec<f32> = (0..columns * 4)
@@ -204,7 +206,7 @@ fn a_guide_that_is_not_asked_changes_no_bit() {
     let one_level = Progressive { lambda: f64::INFINITY, order: Order::None, ..Progressive::published() };
     assert_eq!(of(one_level.clone()), host, "λ = ∞ and one level");
     assert_eq!(of(Progressive { graph: Some(Digraph::empty(2)), ..one_level }), host, "no edges");
-    assert_ne!(of(Progressive::published()), host, "two levels do something");
+    assert_ne!(of(Progressive::published()), host, "two levels change the result");
 }
 
 #[test]
@@ -216,7 +218,7 @@ fn frozen_children_stay_and_parents_move() {
         let progressive = Progressive { cap, lambda, ..Progressive::published() };
         let s = Settings { progressive: Some(progressive), ..settings() };
         let mut fit = PersonFit::new(s, &capture, Some(&guide)).expect("valid");
-        // Keys are there after iteration 10; density control acts after 20.
+        // Key Gaussians are known after iteration 10; density control acts after iteration 20.
         for i in 0..12 {
             fit.step(i, &mut ()).expect("runs");
         }
@@ -224,7 +226,7 @@ fn frozen_children_stay_and_parents_move() {
         let parent: Vec<usize> = (0..members.len()).filter(|&g| members[g] & 1 == 1).collect();
         let child: Vec<usize> = (0..members.len()).filter(|&g| members[g] == 2).collect();
         assert!(!parent.is_empty() && !child.is_empty(), "keys of both factors");
-        assert!(members.contains(&0), "some are key to nothing");
+        assert!(members.contains(&0), "some are key to no factor");
         fit.step(12, &mut ()).expect("runs");
         let after = &fit.avatar().gaussians;
         let moved =
@@ -234,7 +236,7 @@ fn frozen_children_stay_and_parents_move() {
         assert_eq!(
             fit.tally().renders,
             13 + 3 + 4,
-            "a render per level and iteration, and one per picture for keys"
+            "a render per level and iteration, and one per image for key Gaussians"
         );
     }
 }
@@ -254,7 +256,8 @@ fn children_that_stop_take_no_step_and_others_take_five() {
         let (before, members, rendered) =
             (fit.avatar().gaussians.clone(), fit.members().to_vec(), fit.tally().renders);
         fit.step(12, &mut ()).expect("runs");
-        // One for level 0; of the child's level one to know its gradient, and one before each further step.
+        // One render for level 0; for the level of the child, one to compute its gradient and one before each
+        // further step.
         assert_eq!(fit.tally().renders - rendered, 1 + renders, "renders at λ = {lambda}");
         let after = &fit.avatar().gaussians;
         let children = (0..members.len()).filter(|&g| members[g] == 2);
@@ -273,14 +276,10 @@ fn the_person_is_seen_wherever_it_stands() {
         let mut fit = PersonFit::new(settings.clone(), &capture, Some(&guide)).expect("valid");
         (0..8).try_for_each(|i| fit.step(i, &mut ()).map(|_| ())).map(|()| fit.tally().encodings)
     };
-    assert_eq!(
-        run(Framing::Person).expect("in the middle of what is seen"),
-        8,
-        "a passage of the encoder per step"
-    );
-    let whole = run(Framing::Whole).expect_err("to the right of the middle of the picture").to_string();
-    assert!(whole.contains("somebody in the middle"), "{whole}");
-    // Half of the person has left the picture, then all of it.
+    assert_eq!(run(Framing::Person).expect("in the middle of what is seen"), 8, "one encoder pass per step");
+    let whole = run(Framing::Whole).expect_err("to the right of the middle of the image").to_string();
+    assert!(whole.contains("a person in the middle"), "{whole}");
+    // Half of the person is outside the image, then all of it.
     let mut gone = capture.clone();
     for (shift, is_seen) in [(-20.0, true), (-60.0, false)] {
         for shot in &mut gone.shots {
@@ -305,7 +304,7 @@ fn no_discrepancy_adds_nothing() {
         let added = fit.events().iter().fold(0, |n, e| n + e.cloned + e.split);
         assert_eq!(added > 0, !blind, "{mode:?}, blind {blind}: {added} added");
         let t = fit.tally();
-        assert!(!blind || t.blind == t.gradients as f64, "the whole picture is blind");
+        assert!(!blind || t.blind == t.gradients as f64, "no pixel affects the encoder");
     }
 }
 
@@ -316,7 +315,7 @@ fn calibration_makes_the_counts_equal() {
     let guide = halves(false);
     let s = Settings { density: Density { pixel_threshold: 1e-4, ..settings().density }, ..settings() };
     let scale = calibrate::latent_scale(&s, &capture, &guide, &mut ()).expect("runs").expect("candidates");
-    // Just beyond the one that lies exactly at the threshold.
+    // Just beyond the Gaussian that lies exactly at the threshold.
     let density = Density { mode: Mode::Budget, latent_scale: scale * (1.0 + 1e-9), ..s.density.clone() };
     let mut fit = PersonFit::new(Settings { density, ..s.clone() }, &capture, Some(&guide)).expect("valid");
     for i in 0..30 {
@@ -359,7 +358,7 @@ fn an_interrupted_fit_and_other_threads_give_the_same_bits() {
     let mut other = PersonFit::new(guided(0.2), &capture, Some(&guide)).expect("valid");
     assert!(training::resume(&mut other, &path).is_err(), "another λ is refused");
 
-    // The avatar's file holds the same person.
+    // The avatar file contains the same person.
     let file = dir.path().join("avatar.safetensors");
     super::store::write(&file, second.avatar(), &capture, &Fit::settings(&second)).expect("written");
     let stored = super::store::read(&file).expect("an avatar");
@@ -367,8 +366,8 @@ fn an_interrupted_fit_and_other_threads_give_the_same_bits() {
     let camera = &capture.shots[0].camera;
     let picture = |a: &super::person::Avatar, pose| a.picture(pose, Some(2), camera).expect("renders").image;
     let same = picture(&stored.avatar, &stored.poses[2]) == picture(second.avatar(), &capture.poses[2]);
-    assert!(same, "the same picture from the file");
-    // A moment of another capture is not one of the fit, though it has the same number.
+    assert!(same, "the same image from the file");
+    // A moment of another capture with the same index is not treated as a moment of the fit.
     let with = |poses| Evaluation { learned_at: Some(poses), ..Evaluation::of(&stored.avatar, &capture) };
     let mut others = stored.poses.clone();
     others[1].transforms[0][0][3] += 0.5;

@@ -1,14 +1,15 @@
-//! One photograph as the host compares it: the loss in the person's box and its gradient by the picture.
+//! One input image as used by the fit: the loss in the box of the person and its gradient with respect to the
+//! render.
 //!
-//! L = mean_box |x − y| + w_α · mean_box (α − m)² + w_s · (1 − SSIM of the box's rectangle)                     (last.md §10.2)
+//! L = mean_box |x − y| + w_α · mean_box (α − m)² + w_s · (1 − SSIM of the bounding rectangle of the box)
 //!
 //! | symbol | shape | meaning |
 //! |---|---|---|
-//! | x, α | (H, W, 3), (H, W) | render and its coverage |
-//! | y, m | (H, W, 3), (H, W) | photograph, mask 0..1; y is taken before the background of the render: y + (1 − m) b |
+//! | x, α | (H, W, 3), (H, W) | render and its alpha |
+//! | y, m | (H, W, 3), (H, W) | input image, mask 0..1; y is composited over the background of the render: y + (1 − m) b |
 //!
 //! # Rounding
-//! L1, squared error and SSIM as in [`crate::loss`]; their weighted sum in f64.
+//! L1, squared error and SSIM as in [`crate::loss`]; their weighted sum is computed in f64.
 
 use super::guide::Square;
 use super::settings::Settings;
@@ -20,39 +21,39 @@ use crate::splat::blend::Out;
 use crate::{Error, Result};
 use std::borrow::Cow;
 
-/// A photograph made ready.
+/// An input image prepared for comparison.
 #[derive(Clone, Debug)]
 pub struct Target {
-    /// Its camera.
+    /// The camera of the image.
     pub camera: Camera,
-    /// Index of its pose.
+    /// Index of the pose.
     pub time: usize,
-    /// (H, W, 3) the person before black, already weighted by the mask
+    /// The person over black, already weighted by the mask, shape (H, W, 3).
     pub photo: Vec<f32>,
-    /// (H, W) 0..1
+    /// The mask 0..1, shape (H, W).
     pub mask: Vec<f32>,
-    /// around the projected points
+    /// The square around the projected points of the body.
     pub person: Option<Square>,
-    /// (H, W) 1 inside the person's box where the pixel counts
+    /// Mask (H, W) with 1 for pixels inside the person's box that are evaluated.
     pub inside: Vec<f32>,
-    /// of the ones of `inside`: `[top, left]`, `[bottom, right]`
+    /// Bounding rectangle of the ones of `inside`: `[top, left]`, `[bottom, right]`.
     pub rectangle: [[usize; 2]; 2],
-    /// 1 where a pixel of the rectangle counts; absent if all do
+    /// Mask with 1 for pixels of the rectangle that are evaluated; absent if all are.
     crop_mask: Option<Vec<f32>>,
 }
 
 /// Value and gradients of the loss.
 #[derive(Clone, Debug)]
 pub struct LossAndGradients {
-    /// L
+    /// The loss L.
     pub loss: f32,
-    /// (H, W, 3)
+    /// Gradient with respect to the image, shape (H, W, 3).
     pub image_bar: Vec<f32>,
-    /// (H, W)
+    /// Gradient with respect to alpha, shape (H, W).
     pub alpha_bar: Vec<f32>,
 }
 
-/// Rows of a rectangle of (H, W, C).
+/// The rows of a rectangle of an array (H, W, C).
 fn cut(
     image: &[f32],
     width: usize,
@@ -69,7 +70,7 @@ impl Target {
     /// Reads the pixels of a shot.
     ///
     /// # Errors
-    /// When they cannot be read, or the person is nowhere in the picture.
+    /// If they cannot be read, or the person is outside the image.
     pub fn read(capture: &PersonCapture, shot: &Shot) -> Result<Self> {
         let pixels = shot.photo()?;
         let camera = shot.camera.clone();
@@ -83,9 +84,9 @@ impl Target {
         }
         let Some(rectangle) = bound::rectangle(&inside, width) else {
             return Err(Error::input(shot.name.clone())
-                .expected("a person inside the picture")
-                .got("a box that covers no pixel")
-                .hint("camera and pose do not belong together"));
+                .expected("a person inside the image")
+                .got("a box that contains no pixel")
+                .hint("check that camera and pose belong to this image"));
         };
         let crop_mask = pixels.valid.as_ref().map(|v| {
             let all: Vec<f32> = v.iter().map(|&v| f32::from(v)).collect();
@@ -103,7 +104,7 @@ impl Target {
         })
     }
 
-    /// (H, W, 3) the photograph before a colour: y + (1 − m) b.
+    /// The input image over a background colour, y + (1 − m) b, shape (H, W, 3).
     pub fn before(&self, background: [f32; 3]) -> Cow<'_, [f32]> {
         if background == [0.0; 3] {
             return Cow::Borrowed(&self.photo);
@@ -117,10 +118,10 @@ impl Target {
         Cow::Owned(photo)
     }
 
-    /// Compares a render before a background.
+    /// Compares a render with the input image over a background colour.
     ///
     /// # Errors
-    /// When a number is not finite.
+    /// If a value is not finite.
     pub fn compare(&self, out: &Out, background: [f32; 3], settings: &Settings) -> Result<LossAndGradients> {
         let (height, width) = (self.camera.height, self.camera.width);
         let photo = self.before(background);

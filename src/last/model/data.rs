@@ -1,71 +1,71 @@
-//! What the model learns from.
+//! The training data of the model.
 
 use super::encoder::Input;
 
-/// One picture, or what stands for it.
+/// One image, or the vector that replaces it in tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Item {
-    /// an observed frame
+    /// An observed frame.
     Observed(usize),
-    /// a frame before an intervention: group, member
+    /// A frame before an intervention: group, member.
     Base(usize, usize),
-    /// the frame after it
+    /// The frame after the intervention: group, member.
     After(usize, usize),
 }
 
-/// A set of intervention groups.
+/// A group of frames with the same intervention.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Group {
-    /// which factor was set
+    /// The factor that was set.
     pub target: usize,
-    /// to what
+    /// The value to which it was set.
     pub value: f64,
 }
 
-/// Where things are decoded and how the loss weighs them.
+/// The coordinates at which items are decoded, and the weights of the loss.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// F
+    /// Number F of entries of the code of a coordinate.
     pub features: usize,
-    /// O
+    /// Number O of outputs per coordinate.
     pub outputs: usize,
-    /// (P, F) codes of the coordinates
+    /// Codes of the coordinates, shape (P, F).
     pub codes: Vec<f32>,
-    /// (P, O)
+    /// Base of the outputs, shape (P, O).
     pub base: Vec<f32>,
-    /// (O)
+    /// Scale of the outputs, shape (O).
     pub scale: Vec<f32>,
-    /// (O) 1/σ²
+    /// Weights 1/σ² of the outputs in the loss, shape (O).
     pub precision: Vec<f32>,
 }
 
 impl Frame {
-    /// P
+    /// Number P of coordinates.
     pub fn points(&self) -> usize {
         self.base.len() / self.outputs
     }
 }
 
-/// Frames, groups, and what they show.
+/// Frames, groups, and the decoded targets of both.
 pub trait Data: Sync + std::fmt::Debug {
-    /// What is encoded.
+    /// Kind and size of the encoder input.
     fn input(&self) -> Input;
     /// Number of observed frames.
     fn observed(&self) -> usize;
-    /// The groups.
+    /// The intervention groups.
     fn groups(&self) -> &[Group];
-    /// Frames of a group.
+    /// Number of frames in a group.
     fn members(&self) -> usize;
-    /// Where things are decoded.
+    /// The coordinates at which items are decoded.
     fn frame(&self) -> &Frame;
-    /// (P, 3) the points at rest; none for vectors.
+    /// The points at rest, shape (P, 3); empty for vectors.
     fn template(&self) -> &[[f32; 3]];
-    /// Writes what the encoder sees of an item.
+    /// Writes the encoder input of an item.
     fn write_input(&self, item: Item, into: &mut [f32]);
     /// Number of true factors.
     fn true_factors(&self) -> usize;
     /// True factors of an item.
     fn truth(&self, item: Item) -> &[f64];
-    /// What an item shows (P, O).
+    /// The decoder target of an item, shape (P, O).
     fn shown(&self, item: Item) -> &[f32];
 }

@@ -1,9 +1,11 @@
-//! The decoder D_θ: from factors to what they show, at any coordinate of the template.
+//! The decoder D_θ: from factors to coloured points, at any coordinate of the template.
 //!
-//! The network is [`nn.decoder`](mod@crate::nn::decoder): equation, rounding and adjoint are there. Here γ(t) is the code of a coordinate t ([`code`],
-//! F = 27), none (F = 0) for vectors; base and scale of points are (t, ½) and (½, ½, ½, 1, 1, 1) (`last.md` §4.4).
+//! The network is [`nn.decoder`](mod@crate::nn::decoder), whose documentation gives equation, rounding and
+//! adjoint. Here γ(t) is the code of a coordinate t ([`code`], F = 27), or empty (F = 0) for vectors; base
+//! and scale of points are (t, ½) and (½, ½, ½, 1, 1, 1). The paper does not specify the network.
 //!
-//! The loss of §4.5 is part of the pass: L_b = (1/Q) Σ over q, c of w_c (R − target)² with w = 1/σ², a weight per item, and Q of the P coordinates.
+//! The pass includes the reconstruction loss (eq. 4 of the LAST paper, as a weighted mean): L_b = (1/Q) Σ
+//! over q, c of w_c (R − target)² with w = 1/σ², a weight per item, and Q of the P coordinates.
 //!
 //! # Rounding
 //! L_b is a left fold over (q, c) in f64.
@@ -16,16 +18,16 @@ use crate::tape::Params;
 
 /// Widths of the hidden layers.
 pub const HIDDEN: [usize; 3] = [128, 128, 64];
-/// Name of the weights that meet the factors, (128, d).
+/// Name of the weights applied to the factors, shape (128, d).
 pub(super) const LATENT: &str = "decoder.latent.weight";
-/// Octaves of the code.
+/// Number of octaves of the code.
 const OCTAVES: usize = 4;
-/// Numbers of the code of a coordinate.
+/// Number of entries of the code of a coordinate.
 pub const CODE: usize = 3 + 6 * OCTAVES;
-/// First number of the arrays drawn for the decoder; those of the encoder come before.
+/// Number of the first array drawn for the decoder; those of the encoder have lower numbers.
 const FIRST_ARRAY: u32 = 64;
 
-/// γ(t) = (t, sin 2ᵐπt, cos 2ᵐπt for m = 0 … 3), t in −1 … 1; (N, 3) to (N, 27).
+/// The code γ(t) = (t, sin 2ᵐπt, cos 2ᵐπt for m = 0 … 3), t in −1 … 1; (N, 3) to (N, 27).
 pub fn code(points: &[[f32; 3]]) -> Vec<f32> {
     let mut codes = Vec::with_capacity(points.len() * CODE);
     for t in points {
@@ -42,40 +44,40 @@ pub fn code(points: &[[f32; 3]]) -> Vec<f32> {
 /// Sizes of a decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decoder {
-    /// F
+    /// Number F of entries of a code.
     pub features: usize,
-    /// d
+    /// Number d of latent values.
     pub latent: usize,
-    /// O
+    /// Number O of outputs.
     pub outputs: usize,
 }
 
-/// Where an item is decoded, and what is to come out.
+/// The coordinates at which an item is decoded, and the targets.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
-    /// (Q, F)
+    /// Codes, shape (Q, F).
     pub codes: &'a [f32],
-    /// (Q, O)
+    /// Base of the outputs, shape (Q, O).
     pub base: &'a [f32],
-    /// (Q, O)
+    /// Targets, shape (Q, O).
     pub wanted: &'a [f32],
-    /// factor of this item's loss
+    /// Weight of the loss of this item.
     pub weight: f32,
 }
 
 /// The loss of a batch and its gradients.
 #[derive(Clone, Debug)]
 pub struct Passed {
-    /// (B) L_b, without weights
+    /// Losses L_b, unweighted, shape (B).
     pub losses: Vec<f64>,
-    /// (B, d) gradient of Σ weight·L_b
+    /// Gradient of Σ weight·L_b with respect to z, shape (B, d).
     pub z_bar: Vec<f32>,
-    /// the same by the parameters, in the order of [`Decoder::shapes`]
+    /// Its gradients with respect to the parameters, in the order of [`Decoder::shapes`].
     pub grads: [Vec<f32>; 9],
 }
 
 fn slice<'a>(params: &'a Params, name: &str) -> &'a [f32] {
-    let array = params.get(name).unwrap_or_else(|| panic!("the decoder has '{name}'"));
+    let array = params.get(name).unwrap_or_else(|| panic!("missing decoder parameter '{name}'"));
     array.as_slice().expect("parameters are contiguous and row-major")
 }
 
@@ -98,9 +100,10 @@ impl Decoder {
         .to_vec()
     }
 
-    /// First values of all parameters, as the encoder's: the last layer's weights are scaled by 0.1 here too, so that the first loss is that of the
-    /// template at rest. Without it the first gradients are a hundred times those that follow, and Adam's second moments (0.999) remember them for
-    /// thousands of steps.
+    /// Initial values of all parameters, as for the encoder: here too, the weights of the last layer are
+    /// scaled by 0.1, so that the initial loss is that of the template at rest. Without the scaling, the
+    /// first gradients are a hundred times those that follow, and remain in Adam's second moments (decay
+    /// 0.999) for thousands of steps.
     pub fn draw(&self, seed: u64, params: &mut Params) {
         for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
             let mut array = first_values(seed, FIRST_ARRAY + at as u32, &shape, SLOPE);
@@ -111,7 +114,7 @@ impl Decoder {
         }
     }
 
-    /// The parameters as [`decoder`] takes them.
+    /// The parameters in the form that [`decoder`] requires.
     fn network<'a>(&self, params: &'a Params) -> decoder::Params<'a> {
         let get = |name: &str| slice(params, &format!("decoder.{name}"));
         decoder::Params {
@@ -128,10 +131,10 @@ impl Decoder {
         }
     }
 
-    /// y (B, Q, O) at the same Q coordinates for every item: `codes` (Q, F), `z` (B, d).
+    /// Computes y (B, Q, O) at the same Q coordinates for every item: `codes` (Q, F), `z` (B, d).
     ///
     /// # Panics
-    /// When a buffer does not have the size of its shape.
+    /// If a buffer does not have the size of its shape.
     pub fn forward(&self, params: &Params, codes: &[f32], z: &[f32]) -> Vec<f32> {
         decoder::values(&self.network(params), codes, z)
     }
@@ -139,7 +142,7 @@ impl Decoder {
     /// Loss and gradients of a batch; `scale` (O), `precision` w (O).
     ///
     /// # Panics
-    /// When a buffer does not have the size of its shape.
+    /// If a buffer does not have the size of its shape.
     pub fn pass(
         &self,
         params: &Params,
@@ -168,7 +171,7 @@ mod tests {
         let mut params = Params::default();
         decoder.draw(1, &mut params);
         let passed = decoder.pass(&params, &[], &[], &[1.0; 3], &[1.0; 3]);
-        assert!(passed.losses.is_empty() && passed.z_bar.is_empty(), "nothing went in");
+        assert!(passed.losses.is_empty() && passed.z_bar.is_empty(), "an empty batch");
         assert_eq!(passed.grads.len(), decoder.shapes().len(), "every parameter has a gradient");
         assert!(passed.grads.iter().flatten().all(|g| *g == 0.0), "which is 0");
     }

@@ -1,11 +1,13 @@
-//! The encoder E_φ: from a picture (or a vector) to the posterior of its factors.
+//! The encoder E_φ: from an image (or a vector) to the posterior of its factors (q_φ in eq. 1 of the LAST
+//! paper).
 //!
-//! Pictures (S, S, 3) in −½ … ½: convolutions 4×4 of stride 2, padded by 1, leaky ReLU 0.2 after each, down to 4×4×64; a hidden layer of
-//! 256; a layer of 2·d: μ, then ℓ = ln σ² (`last.md` §4.2). Vectors, which the tests of the structure use in place of pictures: two hidden
-//! layers of 64.
+//! Images (S, S, 3) in −½ … ½: convolutions 4×4 of stride 2, padded by 1, leaky ReLU 0.2 after each, down to
+//! 4×4×64; a hidden layer of 256; a layer of 2·d: μ, then ℓ = ln σ². Vectors, which the tests of the
+//! structure use instead of images: two hidden layers of 64.
 //!
-//! Weights are drawn He-uniform for the leaky ReLU, U(±√(6/((1 + 0.2²)·inputs))), biases 0; the last layer's weights are scaled by 0.1 and the bias
-//! of ℓ is −2. No batch normalisation: it would couple the items of a batch, and the gradient by one picture would not be its own.
+//! Weights are drawn He-uniform for the leaky ReLU, U(±√(6/((1 + 0.2²)·inputs))), biases are 0; the weights
+//! of the last layer are scaled by 0.1 and the bias of ℓ is −2. There is no batch normalisation, because it
+//! would couple the items of a batch: the gradient with respect to one image would depend on the others.
 
 use super::purpose;
 use crate::optim::initial::Initial;
@@ -20,28 +22,28 @@ pub const SLOPE: f32 = 0.2;
 const HIDDEN: usize = 256;
 /// Widths of the hidden layers for vectors.
 const VECTOR_HIDDEN: [usize; 2] = [64, 64];
-/// What the last layer's weights are scaled by.
+/// Scale of the weights of the last layer.
 pub(super) const LAST: f32 = 0.1;
-/// First value of ℓ.
+/// Initial value of ℓ.
 const LOG_VARIANCE: f32 = -2.0;
 
-/// What is encoded.
+/// Kind and size of the encoder input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
-    /// (S, S, 3)
+    /// An image, shape (S, S, 3).
     Picture {
-        /// S: 64, 128 or 256
+        /// Side S: 64, 128 or 256 pixels.
         side: usize,
     },
-    /// numbers
+    /// A vector.
     Vector {
-        /// how many
+        /// Number of entries.
         size: usize,
     },
 }
 
 impl Input {
-    /// Numbers of an item.
+    /// Number of entries of an item.
     pub fn len(self) -> usize {
         match self {
             Self::Picture { side } => side * side * 3,
@@ -49,7 +51,7 @@ impl Input {
         }
     }
 
-    /// Whether an item has no numbers.
+    /// Whether an item has no entries.
     pub fn is_empty(self) -> bool {
         self.len() == 0
     }
@@ -57,13 +59,13 @@ impl Input {
     /// Channels of the convolutions.
     ///
     /// # Errors
-    /// A side other than 64, 128, 256.
+    /// If the side is not 64, 128 or 256.
     fn channels(self) -> Result<&'static [usize]> {
         match self {
             Self::Picture { side: 64 } => Ok(&[32, 32, 64, 64]),
             Self::Picture { side: 128 } => Ok(&[16, 32, 32, 64, 64]),
             Self::Picture { side: 256 } => Ok(&[16, 32, 32, 64, 64, 64]),
-            Self::Picture { side } => Err(Error::input("picture of the encoder")
+            Self::Picture { side } => Err(Error::input("image of the encoder")
                 .expected("a side of 64, 128 or 256 pixels")
                 .got(side.to_string())),
             Self::Vector { .. } => Ok(&[]),
@@ -76,20 +78,20 @@ impl Input {
 pub struct Encoder {
     input: Input,
     channels: &'static [usize],
-    /// d
+    /// Number d of latent values.
     latent: usize,
 }
 
 impl Encoder {
-    /// An encoder of `input` into d numbers.
+    /// Creates an encoder of `input` into d latent values.
     ///
     /// # Errors
-    /// A side that has no network.
+    /// If there is no network for the side.
     pub fn new(input: Input, latent: usize) -> Result<Self> {
         Ok(Self { input, channels: input.channels()?, latent })
     }
 
-    /// What it encodes.
+    /// Kind and size of its input.
     pub fn input(&self) -> Input {
         self.input
     }
@@ -125,7 +127,7 @@ impl Encoder {
         ["weight", "bias"].map(|part| format!("encoder.dense{}.{part}", self.dense().len() - 2))
     }
 
-    /// First values of all parameters.
+    /// Initial values of all parameters.
     pub fn draw(&self, seed: u64, params: &mut Params) {
         let last = self.dense().len() - 2;
         for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
@@ -140,12 +142,13 @@ impl Encoder {
         }
     }
 
-    /// Records the network: x (B, …) to (B, 2·d).
+    /// Records the network on the tape: x (B, …) to (B, 2·d).
     ///
     /// # Panics
-    /// When a parameter is missing.
+    /// If a parameter is missing.
     pub fn record(&self, tape: &mut Tape, vars: &BTreeMap<String, Var>, x: Var) -> Var {
-        let var = |name: String| *vars.get(&name).unwrap_or_else(|| panic!("the encoder has '{name}'"));
+        let var =
+            |name: String| *vars.get(&name).unwrap_or_else(|| panic!("missing encoder parameter '{name}'"));
         let mut x = x;
         for i in 0..self.channels.len() {
             let [weight, bias] = ["weight", "bias"].map(|part| var(format!("encoder.conv{i}.{part}")));
@@ -163,10 +166,10 @@ impl Encoder {
         x
     }
 
-    /// A batch as the tape takes it.
+    /// A batch in the form that the tape requires.
     ///
     /// # Panics
-    /// When the values are not a whole number of items.
+    /// If the number of values is not a multiple of the item size.
     pub fn batch(&self, values: Vec<f32>) -> ArrayD<f32> {
         let n = values.len() / self.input.len();
         let shape = match self.input {
@@ -177,7 +180,8 @@ impl Encoder {
     }
 }
 
-/// He-uniform values for weights, 0 for biases and for weights without inputs; `at` numbers the array.
+/// He-uniform values for weights, 0 for biases and for weights without inputs; `at` is the number of the
+/// array.
 pub(super) fn first_values(seed: u64, at: u32, shape: &[usize], slope: f32) -> ArrayD<f32> {
     if shape.len() < 2 || shape.contains(&0) {
         return ArrayD::zeros(IxDyn(shape));

@@ -1,7 +1,9 @@
-//! What a trained model is worth: how well it shows, what it found, against the truth where the data tells it (`last.md` §13.2).
+//! Evaluation of a trained model: reconstruction, counterfactuals and learned graph, compared with the truth
+//! if the data contains it.
 //!
-//! Blocks are matched with the true factors by canonical correlation before graphs are compared. Targets are guessed from noise alone, as the factor
-//! whose noise changes most in its own units, by the majority of a group.
+//! Blocks are matched with the true factors by canonical correlation before graphs are compared. Intervention
+//! targets are inferred from the noise only: the target of a group is the factor whose noise changes most,
+//! relative to its standard deviation, by majority over the group.
 
 use super::data::{Data, Item};
 use super::file::Trained;
@@ -18,62 +20,66 @@ use crate::num::order;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// Items looked at, of each kind, at most.
+/// Maximum number of items of each kind that are evaluated.
 const MOST: usize = 2048;
-/// Items decoded in full.
+/// Number of items decoded at all points.
 const DECODED: usize = 64;
-/// Variance above which a number of the code is an active unit (Burda et al. 2016).
+/// Variance of its posterior mean above which a latent dimension is an active unit (Burda et al. 2016).
 pub const ACTIVE: f64 = 0.01;
 
-/// The findings.
+/// The results of an evaluation.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// mean distance of decoded points from the true ones, figure units
+    /// Mean distance of decoded points from the true ones, figure units.
     pub space_error: f64,
-    /// mean absolute error of their colours
+    /// Mean absolute error of their colours.
     pub colour_error: f64,
-    /// after-pictures of interventions against decoded counterfactuals, and against unchanged decodings
+    /// Errors of decoded counterfactuals and of unchanged decodings, both against the images after
+    /// interventions.
     pub counterfactual: Option<[Errors; 2]>,
-    /// against counterfactuals decoded along the true edges by the same networks, where the truth is known and every factor has its block. Networks of edges that the
-    /// model does not have were not refitted: a larger error does not speak against the truth
+    /// Error of counterfactuals decoded along the true edges by the same networks, if the truth is known and
+    /// every factor has its block. Networks of edges that the model does not have were not refitted, so a
+    /// larger error is not evidence against the true graph.
     pub under_truth: Option<Errors>,
-    /// blocks against factors, and what the true factors score
+    /// Likeness of blocks and factors, and the values that the true factors themselves attain.
     pub likeness: [Likeness; 2],
-    /// (n) variance of the posterior means, mean over a block's numbers; near 0 the code says nothing
+    /// Variance of the posterior means, averaged over the dimensions of a block, shape (n); near 0, the code
+    /// carries no information.
     pub variances: Vec<f64>,
-    /// active units: numbers of the code whose posterior means have a variance above [`ACTIVE`]
+    /// Active units: the number of latent dimensions whose posterior means have a variance above [`ACTIVE`].
     pub active: usize,
-    /// mean canonical correlation of blocks and true factors
+    /// Mean canonical correlation of blocks and true factors.
     pub mcc: f64,
-    /// factor of each block
+    /// Matching of blocks and factors.
     pub matched: Matching,
-    /// over blocks
+    /// Graph over the blocks.
     pub graph: Digraph,
-    /// (n, n)
+    /// Edge probabilities, shape (n, n).
     pub probabilities: Vec<f64>,
-    /// over the factors of the data; none where the data does not tell
+    /// True graph over the factors of the data; `None` if unknown.
     pub truth: Option<Digraph>,
-    /// structural Hamming distance and structural intervention distance to the truth
+    /// Structural Hamming distance and structural intervention distance to the truth.
     pub distances: Option<[usize; 2]>,
-    /// share of groups whose target was found
+    /// Fraction of groups whose target was inferred correctly.
     pub target_accuracy: f64,
-    /// displacement of what an intervention must not move, over that of what it moves
+    /// Displacement of the points that an intervention must not move, divided by that of the points that it
+    /// moves.
     pub locality: Option<f64>,
     n: usize,
 }
 
-/// Factors and noise of items, (B, n, k) each, under the graph.
+/// Factors and noise of items under the graph, (B, n, k) each.
 pub fn posterior(trained: &Trained, data: &dyn Data, items: &[Item]) -> [Vec<f64>; 2] {
     let [mu, _] = trained.model.encode(data, items);
     linked(trained, mu)
 }
 
-/// The factors and noise behind the encoder's means.
+/// Factors and noise that correspond to the encoder's means.
 pub fn linked(trained: &Trained, mu: Vec<f64>) -> [Vec<f64>; 2] {
     trained.model.linked(trained.settings.reading, &trained.graph.adjacency(), mu)
 }
 
-/// What the graph makes of noise (B, n, k): the endogenous factors.
+/// The endogenous factors that the graph predicts from noise (B, n, k).
 pub fn predicted(trained: &Trained, eps: &[f64]) -> Vec<f64> {
     let s = Structure::new(trained.model.sizes, &trained.model.params);
     let mask = trained.graph.adjacency();
@@ -89,7 +95,7 @@ pub fn predicted(trained: &Trained, eps: &[f64]) -> Vec<f64> {
     structure::forward(&x).0
 }
 
-/// Variance of every column of rows (N, d), N below.
+/// Variance of every column of rows (N, d), with divisor N.
 pub fn variances(rows: &[f64], d: usize) -> Vec<f64> {
     let count = Ord::max(1, rows.len() / d) as f64;
     let column = |c: usize| rows.iter().skip(c).step_by(d);
@@ -101,30 +107,30 @@ pub fn variances(rows: &[f64], d: usize) -> Vec<f64> {
         .collect()
 }
 
-/// Standard deviation of every column of rows (N, d), at least 10⁻³: a unit to measure in.
+/// Standard deviation of every column of rows (N, d), at least 10⁻³, used as a unit.
 pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
     variances(rows, d).iter().map(|v| order::max(v.sqrt(), 1e-3)).collect()
 }
 
-/// Errors of what is decoded, means over items and coordinates.
+/// Errors of decoded points, means over items and coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
-    /// length of the error of the first three numbers: places, figure units
+    /// Length of the error of the first three outputs: positions, figure units.
     pub space: f64,
-    /// mean size of the errors of the others: colours
+    /// Mean absolute error of the other outputs: colours.
     pub colour: f64,
-    /// Σ_c w_c (R − R')², what L_rec measures
+    /// The quantity that L_rec measures, Σ_c w_c (R − R')².
     pub weighted: f64,
 }
 
 impl Errors {
-    /// Share of what L_rec measures of others; none where they have no error.
+    /// The ratio of the weighted error to that of `others`; `None` if that is 0.
     pub fn over(&self, others: &Self) -> Option<f64> {
         (others.weighted > 0.0).then(|| self.weighted / others.weighted)
     }
 }
 
-/// Errors of what factors (B, n, k) decode to, against what items show.
+/// Errors of the outputs decoded from factors (B, n, k), relative to the targets of items.
 pub fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> Errors {
     let frame = data.frame();
     let z: Vec<f32> = z.iter().map(|&z| z as f32).collect();
@@ -148,10 +154,10 @@ pub fn errors(trained: &Trained, data: &dyn Data, z: &[f64], shown: &[Item]) -> 
     Errors { space: space / count, colour: colour / count, weighted: weighted / count }
 }
 
-/// Looks at a trained model with data, those it was trained on or others.
+/// Evaluates a trained model on data, either its training data or other data.
 ///
 /// # Errors
-/// Factors that do not vary.
+/// If factors do not vary.
 pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) -> Result<Evaluation> {
     let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
     let d = n * k;
@@ -199,7 +205,7 @@ pub fn of(trained: &Trained, data: &dyn Data, truth: &Option<Vec<Vec<bool>>>) ->
     Ok(verdict)
 }
 
-/// What pairs say: targets, locality, counterfactuals.
+/// Evaluates intervention pairs: targets, locality, counterfactuals.
 fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Evaluation) -> Result<()> {
     let (groups, members) = (Ord::min(MOST, data.groups().len()), data.members());
     if groups == 0 {
@@ -217,13 +223,15 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Evaluation) -
     let guesses = voted(&Pairs { eps: &eps, eps_after: &eps2, spread, factors: n, members });
     let targets: Vec<usize> = data.groups()[..groups].iter().map(|g| g.target).collect();
     verdict.target_accuracy = target_accuracy(&guesses, &targets, &verdict.matched)?;
-    // From here on a factor is the block that was matched with it; without one there is nothing to set.
+    // From here on, a factor is represented by the block that was matched with it; a factor without one
+    // cannot be set.
     let block = &verdict.matched.block;
     let targets: Option<Vec<usize>> = targets.iter().map(|t| block.get(*t).copied().flatten()).collect();
     let Some(targets) = targets else { return Ok(()) };
     let whole: Option<Vec<usize>> = block.iter().copied().collect();
     let truth = verdict.truth.as_ref().filter(|truth| truth.n() == n).zip(whole).map(|(truth, blocks)| {
-        let factor = |b: usize| blocks.iter().position(|x| *x == b).expect("n blocks for n factors");
+        let factor =
+            |b: usize| blocks.iter().position(|x| *x == b).expect("there are n blocks for n factors");
         Digraph::from_fn(n, |i, j| truth.has(factor(i), factor(j)))
     });
     if let Some(truth) = &truth {
@@ -231,7 +239,7 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Evaluation) -
         let blocks = |values| Blocks { values, n, k };
         verdict.locality = locality(&blocks(&u), &blocks(&u2), &each, truth)?;
     }
-    // Counterfactuals of the groups' own values.
+    // Counterfactuals with the groups' own values.
     let few = Ord::min(DECODED / members, groups);
     let mut values = Vec::new();
     for g in 0..few {
@@ -249,7 +257,7 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Evaluation) -
     let still = errors(trained, data, &u[..few * members * d], shown);
     verdict.counterfactual = Some([moved, still]);
     if let Some(truth) = truth.filter(Digraph::is_acyclic) {
-        // Its noise is what this graph makes of the same factors.
+        // The noise follows from the same factors under this graph.
         let oracle = Trained { graph: truth, ..trained.clone() };
         let [_, eps] = posterior(&oracle, data, &base[..few * members]);
         let z = intervened(&oracle, &eps, &each, &values)?;
@@ -258,10 +266,11 @@ fn interventions(trained: &Trained, data: &dyn Data, verdict: &mut Evaluation) -
     Ok(())
 }
 
-/// Factors (B, n, k) after factor `targets[b]` was set to `values` (B, k), the noise `eps` (B, n, k) of the others kept.
+/// Factors (B, n, k) after factor `targets[b]` was set to `values` (B, k), keeping the noise `eps` (B, n, k)
+/// of the others.
 ///
 /// # Errors
-/// A factor that does not exist.
+/// If a factor does not exist.
 pub fn intervened(trained: &Trained, eps: &[f64], targets: &[usize], values: &[f64]) -> Result<Vec<f64>> {
     let n = trained.model.sizes.factors;
     if let Some(bad) = targets.iter().find(|t| **t >= n) {
@@ -273,37 +282,42 @@ pub fn intervened(trained: &Trained, eps: &[f64], targets: &[usize], values: &[f
 }
 
 impl Evaluation {
-    /// Whether the graph is the true one, in a few words.
+    /// A short description of the distance between the graph and the true graph.
     pub fn against_truth(&self) -> String {
         match self.distances {
-            Some([0, _]) => "exactly the true graph".into(),
-            Some([shd, _]) => format!("{shd} of them or of the true ones wrong (SHD)"),
-            None => "truth unknown".into(),
+            Some([0, _]) => "equal to the true graph".into(),
+            Some([shd, _]) => format!("{shd} edges differ from the true graph (SHD)"),
+            None => "true graph unknown".into(),
         }
     }
 
-    /// For a terminal.
+    /// The results as text for a terminal.
     pub fn text(&self) -> String {
         let mut lines = vec![
-            format!("points      {:.4} off in the mean, colours {:.4}", self.space_error, self.colour_error),
             format!(
-                "codes       variances {}; {} numbers active",
+                "points      mean error {:.4} in position, {:.4} in colour",
+                self.space_error, self.colour_error
+            ),
+            format!(
+                "codes       variances {}; {} active units",
                 self.variances.iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>().join(" "),
                 self.active
             ),
             format!("factors     MCC {:.3}", self.mcc),
-            format!("targets     {:.1} % found", 100.0 * self.target_accuracy),
+            format!("targets     {:.1} % inferred correctly", 100.0 * self.target_accuracy),
         ];
         if let Some([moved, still]) = self.counterfactual {
-            let mut line =
-                format!("do          {:.4} off, {:.4} without any change", moved.space, still.space);
+            let mut line = format!(
+                "do          mean error {:.4}, {:.4} without the intervention",
+                moved.space, still.space
+            );
             if let Some(left) = moved.over(&still) {
-                line += &format!("; of what L_rec measures, {left:.3} is left");
+                line += &format!("; ratio of the L_rec errors {left:.3}");
             }
             lines.push(line);
         }
         if let Some(oracle) = self.under_truth {
-            lines.push(format!("            {:.4} off along the true edges", oracle.space));
+            lines.push(format!("            mean error {:.4} along the true edges", oracle.space));
         }
         let score = |x: Option<f64>| x.map_or_else(|| "–".into(), |x| format!("{x:.3}"));
         let [own, best] = self.likeness.map(|l| l.named());
@@ -320,7 +334,7 @@ impl Evaluation {
         lines.join("\n")
     }
 
-    /// For records.
+    /// The results as JSON for records.
     pub fn json(&self) -> Value {
         json!({
             "space_error": self.space_error, "colour_error": self.colour_error, "mcc": self.mcc,
@@ -337,7 +351,7 @@ impl Evaluation {
         })
     }
 
-    /// Rows of probabilities, for reports.
+    /// Rows of the edge probabilities, for reports.
     pub fn rows(&self) -> impl Iterator<Item = &[f64]> {
         self.probabilities.chunks_exact(self.n)
     }

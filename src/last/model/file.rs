@@ -1,14 +1,16 @@
-//! A trained model in a file: safetensors with every parameter, the graph, the statistics that stage 2 needs, and the settings as text.
+//! The file of a trained model, in safetensors format, with every parameter, the graph, the statistics that
+//! stage 2 requires, and the settings as text.
 //!
 //! | array | shape | |
 //! |-------|-------|-|
 //! | `param/…` | | as in `encoder`, `decoder`, `structure` |
 //! | `graph` | (n, n) | A, 1 at i → j; acyclic |
-//! | `codes` | (n, 9, k) | values that each factor has in the training set, for `last intervene` |
+//! | `codes` | (n, 9, k) | values of each factor in the training set, for `last intervene` |
 //! | `template` | (P, 3) | the points at rest |
-//! | `spread/factors`, `spread/noise` | (n, k) | standard deviations of Ẑ and ε over the training set, at least 10⁻³ (`last.md` §11) |
+//! | `spread/factors`, `spread/noise` | (n, k) | standard deviations of Ẑ and ε over the training set, at least 10⁻³ |
 //!
-//! Metadata: `kind`, `version`, `settings` (JSON of [`Settings::json`]), `input` (`picture 64`), `features`, `outputs`.
+//! Metadata: `kind`, `version`, `settings` (JSON of [`Settings::json`]), `input` (`picture 64`), `features`,
+//! `outputs`.
 
 use super::decoder::Decoder;
 use super::encoder::{Encoder, Input};
@@ -30,25 +32,25 @@ use std::path::Path;
 
 /// Number of values per factor.
 pub const VALUES: usize = 9;
-/// What the file says it is.
+/// The kind recorded in the metadata.
 const KIND: &str = "image-to-point model";
 
 /// A trained model.
 #[derive(Clone, Debug)]
 pub struct Trained {
-    /// networks and parameters
+    /// Networks and parameters.
     pub model: Model,
-    /// how it was trained
+    /// Settings of the training.
     pub settings: Settings,
-    /// A
+    /// The adjacency matrix A.
     pub graph: Digraph,
-    /// (n, k) standard deviations of the factors
+    /// Standard deviations of the factors, shape (n, k).
     pub factor_spread: Vec<f64>,
-    /// (n, k) standard deviations of their noise
+    /// Standard deviations of their noise, shape (n, k).
     pub noise_spread: Vec<f64>,
-    /// (n, 9, k) values that factors have in the training set, from end to end
+    /// Values of the factors in the training set, from end to end of their range, shape (n, 9, k).
     pub codes: Vec<f64>,
-    /// (P, 3) the points at rest
+    /// The points at rest, shape (P, 3).
     pub template: Vec<[f32; 3]>,
 }
 
@@ -56,7 +58,7 @@ impl Trained {
     /// Digest of parameters, graph, statistics, reading and framing: 16 hexadecimal digits.
     ///
     /// # Errors
-    /// When one of them is NaN.
+    /// If one of them is NaN.
     pub fn digest(&self) -> Result<String> {
         let mut d = Digest::new();
         for (_, array) in self.model.params.iter() {
@@ -75,10 +77,10 @@ impl Trained {
         Ok(format!("{:016x}", d.value()))
     }
 
-    /// Writes the file, whole or not at all; `remarks` join the metadata.
+    /// Writes the file atomically; `remarks` are added to the metadata.
     ///
     /// # Errors
-    /// When it cannot be written.
+    /// If the file cannot be written.
     pub fn write(&self, path: &Path, remarks: &[(&str, String)]) -> Result<()> {
         let mut arrays = Arrays::new();
         ArrayNames::Folders.save(&self.model.params, &mut arrays);
@@ -108,27 +110,28 @@ impl Trained {
     /// Reads a file.
     ///
     /// # Errors
-    /// When it is not such a file, an array is missing or of another shape, a number is not finite, or the graph has a cycle.
+    /// If it is not a model file, an array is missing or has another shape, a number is not finite, or the
+    /// graph has a cycle.
     pub fn read(path: &Path) -> Result<Self> {
         let file = safetensors::read(path)?;
         parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
     }
 
-    /// Reads a file of a model that looks at pictures.
+    /// Reads the file of a model whose input is an image.
     ///
     /// # Errors
-    /// As [`Self::read`]; a model of vectors.
+    /// As [`Self::read`]; or if it is a model of vectors.
     pub fn of_pictures(path: &Path) -> Result<Self> {
         let trained = Self::read(path)?;
         match trained.model.encoder.input() {
             Input::Picture { .. } => Ok(trained),
             Input::Vector { size } => Err(Error::input(path.display().to_string())
-                .expected("a model that looks at pictures")
-                .got(format!("one of vectors of {size} numbers"))),
+                .expected("a model of images")
+                .got(format!("a model of vectors with {size} entries"))),
         }
     }
 
-    /// Reads bytes; `name` stands for the file.
+    /// Reads a model from bytes; `name` is used in errors as the name of the file.
     ///
     /// # Errors
     /// See [`Self::read`].
@@ -151,9 +154,9 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?));
     }
     let count = |key: &str| -> Result<usize> {
-        text(key)?.parse().map_err(|_| {
-            Error::input("metadata").at(key).expected("a whole number").got(text(key).unwrap_or(""))
-        })
+        text(key)?
+            .parse()
+            .map_err(|_| Error::input("metadata").at(key).expected("an integer").got(text(key).unwrap_or("")))
     };
     let input = text("input")?;
     let wrong = || Error::input("metadata").at("input").expected("'picture S' or 'vector N'").got(input);
@@ -208,10 +211,10 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
     })
 }
 
-/// The graph of an adjacency matrix of zeros and ones.
+/// The graph with an adjacency matrix of zeros and ones.
 ///
 /// # Errors
-/// Another number, an edge from a factor to itself, a cycle.
+/// If an entry is another number, a factor has an edge to itself, or there is a cycle.
 pub fn graph(n: usize, adjacency: &[f64]) -> Result<Digraph> {
     let what = || Error::input("array 'graph'");
     if let Some(at) = adjacency.iter().position(|&a| a != 0.0 && a != 1.0) {
@@ -219,7 +222,10 @@ pub fn graph(n: usize, adjacency: &[f64]) -> Result<Digraph> {
         return Err(what().at(place).expected("0 or 1").got(adjacency[at].to_string()));
     }
     if let Some(i) = (0..n).find(|i| adjacency[i * n + i] != 0.0) {
-        return Err(what().at(format!("entry ({i}, {i})")).expected("0: nothing is its own cause").got("1"));
+        return Err(what()
+            .at(format!("entry ({i}, {i})"))
+            .expected("0, because a factor cannot be its own cause")
+            .got("1"));
     }
     let graph = Digraph::from_weights(adjacency, n, 0.5);
     if !graph.is_acyclic() {
@@ -227,7 +233,7 @@ pub fn graph(n: usize, adjacency: &[f64]) -> Result<Digraph> {
         return Err(what()
             .expected("a graph without cycles")
             .got(format!("a cycle through factors {}", on_cycle.join(", ")))
-            .hint("last pretrain and last tune write none: this file was changed; last tune makes a graph of its own from one without cycles"));
+            .hint("last pretrain and last tune never write a graph with a cycle, so the file was edited; edit it to an acyclic graph, from which last tune can start"));
     }
     Ok(graph)
 }
@@ -238,11 +244,11 @@ fn read_settings(v: &Value) -> Result<Settings> {
         Error::input("metadata 'settings'").at(key.to_owned()).expected(what).got(got)
     };
     let real = |key: &str| v.get(key).and_then(Value::as_f64).ok_or_else(|| missing(key, "a number"));
-    let whole = |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "a whole number"));
+    let whole = |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "an integer"));
     let name = |key: &str| v.get(key).and_then(Value::as_str).ok_or_else(|| missing(key, "a name"));
     let small = |key: &str, most: u64| -> Result<u64> {
         let x = whole(key)?;
-        if (1..=most).contains(&x) { Ok(x) } else { Err(missing(key, "a small whole number above 0")) }
+        if (1..=most).contains(&x) { Ok(x) } else { Err(missing(key, "a small positive integer")) }
     };
     Ok(Settings {
         factors: small("factors", 64)? as usize,

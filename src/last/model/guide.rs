@@ -1,13 +1,15 @@
-//! What a trained model says about a render: how far its factors are from those of the photograph, and which points each factor moves
-//! (`last.md` §11, §12.2).
+//! The trained model as a guide: computes how far the factors of a render are from those of the input image,
+//! and which points each factor displaces (eq. 9 of the LAST paper and the key Gaussians of eq. 10–12).
 //!
-//! L_lat is [`mod@crate::loss::latent`], Δ = rendered − real, posterior means, the final graph; s, t are the standard deviations over the training
-//! set. The literal reading has its first half alone. The gradient goes through abduction (or the structure) and the encoder to the render;
-//! the photograph is constant.
+//! L_lat is [`mod@crate::loss::latent`] with Δ = rendered − real, computed from posterior means and the final
+//! graph; s and t are the standard deviations over the training set. In the literal reading, L_lat consists
+//! of its first half only. The gradient is propagated through abduction (or the structure) and the encoder to
+//! the render; the input image is constant.
 //!
-//! s_ig = ‖D(Ẑʳ with factor i of Ẑᵍ)(t_g) − D(Ẑʳ)(t_g)‖, coordinates in units of σ = 0.05, colours of 0.2.
+//! s_ig = ‖D(Ẑʳ with factor i of Ẑᵍ)(t_g) − D(Ẑʳ)(t_g)‖, with coordinates in units of σ = 0.05 and colours in
+//! units of 0.2.
 //!
-//! Pictures are squares of the encoder's side with colours in 0 … 1.
+//! Images are squares of the encoder's input side with colours in 0 … 1.
 
 use super::data::Frame;
 use super::encoder::Input;
@@ -25,12 +27,12 @@ use crate::tape::Tape;
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
 
-/// Factors and noise of a picture, (n, k) each.
+/// Factors and noise of an image, (n, k) each.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factors {
-    /// Ẑ
+    /// The factors Ẑ.
     pub factors: Vec<f64>,
-    /// ε
+    /// The noise ε.
     pub noise: Vec<f64>,
 }
 
@@ -45,10 +47,10 @@ impl Trained {
         (y, mu)
     }
 
-    /// Means and ℓ of what is seen (S, S, 3), d numbers each.
+    /// Posterior means and ℓ of an encoder input (S, S, 3), d numbers each.
     ///
     /// # Panics
-    /// When it does not have the size of the encoder's pictures.
+    /// If the input does not have the size that the encoder requires.
     pub fn posterior(&self, seen: &[f32]) -> [Vec<f64>; 2] {
         let mut tape = Tape::new();
         let (y, mu) = self.encoded(&mut tape, seen, false);
@@ -56,20 +58,21 @@ impl Trained {
         [mu, ell]
     }
 
-    /// Factors and noise of what is seen (S, S, 3).
+    /// Factors and noise of an encoder input (S, S, 3).
     ///
     /// # Panics
-    /// When it does not have the size of the encoder's pictures.
+    /// If the input does not have the size that the encoder requires.
     pub fn encode(&self, seen: &[f32]) -> Factors {
         let (_, mu) = self.encoded(&mut Tape::new(), seen, false);
         let [factors, noise] = linked(self, mu);
         Factors { factors, noise }
     }
 
-    /// L_lat of what is seen of a render against the factors of the photograph, and its gradient by what is seen.
+    /// L_lat between a rendered encoder input and the factors of the input image, and its gradient with
+    /// respect to the rendered input.
     ///
     /// # Panics
-    /// When it does not have the size of the encoder's pictures.
+    /// If the input does not have the size that the encoder requires.
     pub fn latent_loss(&self, seen: &[f32], real: &Factors) -> (f64, Vec<f32>) {
         let mut tape = Tape::new();
         let (y, mu) = self.encoded(&mut tape, seen, true);
@@ -114,11 +117,11 @@ impl Trained {
         let y_bar: Vec<f32> = mu_bar.chain(std::iter::repeat_n(0.0, d)).collect();
         let y_bar = ArrayD::from_shape_vec(IxDyn(&[1, 2 * d]), y_bar).expect("(1, 2 d)");
         let mut grads = tape.backward(y, y_bar);
-        let picture = grads.take("picture").expect("the picture is a leaf");
+        let picture = grads.take("picture").expect("the input image is a leaf of the tape");
         (value, picture.into_raw_vec_and_offset().0)
     }
 
-    /// s_ig of every factor (n) and point (G), for one photograph.
+    /// Scores s_ig of every factor (n) and point (G), for one input image.
     pub fn swapped(&self, rendered: &Factors, real: &Factors, points: &[[f32; 3]]) -> Vec<Vec<f64>> {
         let (n, k) = (self.model.sizes.factors, self.model.sizes.width);
         let mut z: Vec<f32> = rendered.factors.iter().map(|&z| z as f32).collect();
@@ -149,7 +152,7 @@ impl Trained {
             .collect()
     }
 
-    /// Points and colours (G, 6) that the decoder gives at some coordinates.
+    /// Points and colours (G, 6) decoded at the given coordinates.
     pub fn decoded(&self, factors: &[f64], points: &[[f32; 3]]) -> Vec<[f32; 6]> {
         let z: Vec<f32> = factors.iter().map(|&z| z as f32).collect();
         let frame: Frame = pictures::frame(points);
@@ -200,22 +203,22 @@ impl Guide for Trained {
     }
 }
 
-/// What the model sees of the photograph of a shot (S, S, 3).
+/// The encoder input (S, S, 3) cropped from the image of a shot.
 ///
 /// # Errors
-/// When the person has no place in the picture.
+/// If the person is outside the image.
 pub fn seen(trained: &Trained, capture: &PersonCapture, shot: &Shot, photo: &Photo) -> Result<Vec<f32>> {
     let picture: Vec<f32> = photo.rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
     cut(trained, capture, shot, &picture)
 }
 
-/// What the model sees of a picture (H, W, 3) of a shot's camera and moment (S, S, 3).
+/// The encoder input (S, S, 3) cropped from an image (H, W, 3) with the camera and the moment of a shot.
 ///
 /// # Errors
-/// When the person has no place in the picture.
+/// If the person is outside the image.
 ///
 /// # Panics
-/// When the picture does not have the camera's size.
+/// If the image does not have the size given by the camera.
 pub fn cut(trained: &Trained, capture: &PersonCapture, shot: &Shot, picture: &[f32]) -> Result<Vec<f32>> {
     let size = [shot.camera.height, shot.camera.width];
     let person = Square::around(&shot.camera, &capture.posed_points(shot.time));

@@ -1,6 +1,7 @@
-//! Pictures of interventions: one factor set, everything else as it was; what changes and what does not.
+//! Images of interventions: one factor is set, and all other noise is kept.
 //!
-//! The values a factor is set to are codes that pictures of the training set have: at nine quantiles along the factor's axis of largest variance.
+//! A factor is set to codes that images of the training set have, at nine quantiles along the factor's axis
+//! of largest variance.
 
 use super::evaluation::{intervened, linked};
 use super::file::Trained;
@@ -11,20 +12,21 @@ use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::splat::discs;
 
-/// Shares of the pictures below the first and the last value.
+/// Fractions of the images below the first and the last value.
 const ENDS: [f64; 2] = [0.02, 0.98];
 /// Radius of a disc in units of the mean distance to the three nearest points.
 const DISC: f64 = 0.9;
 
-/// Codes (n, [`VALUES`], k) of rows of factors (N, n, k): those of the pictures at the quantiles along each factor's axis.
+/// Codes (n, [`VALUES`], k) selected from rows of factors (N, n, k), at the quantiles along each factor's
+/// axis.
 ///
 /// # Panics
-/// When there are no rows.
+/// If there are no rows.
 pub fn codes(factors: &[f64], n: usize, k: usize) -> Vec<f64> {
     let mut all = Vec::new();
     for i in 0..n {
         let rows: Vec<&[f64]> = factors.chunks_exact(n * k).map(|row| &row[i * k..(i + 1) * k]).collect();
-        assert!(!rows.is_empty(), "there are pictures");
+        assert!(!rows.is_empty(), "there must be at least one row of factors");
         let axis = principal::axis(&rows, k);
         let along = |row: &[f64]| row.iter().zip(&axis).fold(0.0, |s, (x, a)| s + x * a);
         let mut order: Vec<usize> = (0..rows.len()).collect();
@@ -41,21 +43,22 @@ pub fn codes(factors: &[f64], n: usize, k: usize) -> Vec<f64> {
 /// One cell of the grid.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// (P, 6) points and colours
+    /// Points and colours, shape (P, 6).
     pub points: Vec<[f32; 6]>,
-    /// (n) how far each factor moved, in its standard deviations
+    /// Displacement of each factor in units of its standard deviation, shape (n).
     pub moved: Vec<f64>,
 }
 
-/// Counterfactuals of one picture, whose encoder means are `mu` (n, k): factor `i` set to each of its codes, the noise of the others kept.
+/// Counterfactuals of one image, whose encoder means are `mu` (n, k): factor `i` is set to each of its codes,
+/// the noise of the others is kept.
 ///
 /// # Errors
-/// A factor that does not exist.
+/// If the factor does not exist.
 pub fn row(trained: &Trained, mu: &[f64], i: usize) -> Result<Vec<Cell>> {
     let (n, k) = (trained.model.sizes.factors, trained.model.sizes.width);
     let [_, eps] = linked(trained, mu.to_vec());
     let codes: Vec<&[f64]> = trained.codes.chunks_exact(k).skip(i * VALUES).take(VALUES).collect();
-    // What the graph makes of the noise when nothing is set.
+    // The prediction without an intervention.
     let nothing = super::evaluation::predicted(trained, &eps);
     codes
         .into_iter()
@@ -75,10 +78,10 @@ pub fn row(trained: &Trained, mu: &[f64], i: usize) -> Result<Vec<Cell>> {
         .collect()
 }
 
-/// A picture (S, S, 3) of points at the template's density.
+/// An image (S, S, 3) of points at the density of the template.
 ///
 /// # Errors
-/// A camera that is not valid.
+/// If the camera is invalid.
 pub fn picture(trained: &Trained, points: &[[f32; 6]], camera: &Camera) -> Result<Vec<f32>> {
     let near = knn::neighbours::<3>(&trained.template)?;
     let radii: Vec<f32> = near
@@ -97,7 +100,7 @@ mod tests {
 
     #[test]
     fn codes_follow_the_factor() {
-        // Factor 0 runs along (3, 4), factor 1 does not move in its first number.
+        // Factor 0 varies along (3, 4); the first dimension of factor 1 is constant.
         let rows: Vec<f64> = (0..101)
             .flat_map(|i| {
                 let t = f64::from((i * 37) % 101) / 50.0 - 1.0;
@@ -108,6 +111,6 @@ mod tests {
         let first: Vec<f64> = codes.chunks_exact(2).take(VALUES).map(|c| c[1]).collect();
         assert!(first.is_sorted() || first.iter().rev().is_sorted(), "codes run along the axis: {first:?}");
         assert!((first[0] - first[VALUES - 1]).abs() > 7.0, "nearly the whole range: {first:?}");
-        assert!(codes.chunks_exact(2).skip(VALUES).all(|c| c[0] == 0.5), "what stands still stays");
+        assert!(codes.chunks_exact(2).skip(VALUES).all(|c| c[0] == 0.5), "a constant dimension is unchanged");
     }
 }

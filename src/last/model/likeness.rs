@@ -1,12 +1,17 @@
-//! How far blocks of a trained model correspond to true factors one to one, and what the true factors themselves would score (`last.md` §13.2).
+//! Measures of how closely the blocks of a trained model correspond one to one to true factors, and the
+//! values that the true factors themselves attain.
 //!
-//! True factors depend on each other where the graph has edges, so scores that rest on independence stay below 1 even for a model that gives the factors back:
-//! every score stands beside that of û := u.
+//! True factors depend on each other where the graph has edges. Scores that assume independence therefore
+//! stay below 1 even for a model that recovers the factors exactly, and every score is reported together with
+//! that of û := u.
 //!
-//! Disentanglement and completeness rest on ridge weights of all standardised numbers of the code. A block of several numbers carries its factor along one axis; what is left
-//! across it is small, but standardised it counts as much, and traces of other factors in it get large weights. So both are low for models whose blocks are nearly
-//! clean (mean correlation 0.98: 0.14), and rise only where the traces go. The information gap of continuous factors may exceed 1: a number tells itself without
-//! end, and the entropy is that of 20 bins.
+//! Disentanglement and completeness are computed from ridge weights of all standardised dimensions of the
+//! code. A block of several dimensions represents its factor along one axis; the remaining variation across
+//! this axis is small, but has the same weight after standardisation, and traces of other factors in it
+//! receive large weights. Both scores are therefore low for models whose blocks are nearly pure (0.14 at a
+//! mean correlation of 0.98), and increase only if these traces vanish. The information gap of continuous
+//! factors may exceed 1, because the information of a continuous variable about itself is unbounded while the
+//! entropy is that of 20 bins.
 
 use crate::Result;
 use crate::loss::metric::mutual;
@@ -14,27 +19,28 @@ use crate::loss::metric::structure::blocks::{dci, information_gap};
 use crate::loss::metric::structure::{Blocks, Factors};
 use serde_json::{Value, json};
 
-/// Samples that the information gap looks at, at most; its work grows with their square.
+/// Maximum number of samples for the information gap, whose cost grows with their square.
 const SAMPLES: usize = 512;
-/// Neighbours of its estimates.
+/// Number of neighbours for its estimates.
 const NEIGHBOURS: usize = 3;
 
-/// Scores of a representation; none where a score is not defined.
+/// Scores of a representation; `None` if a score is undefined.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Likeness {
-    /// whether a block tells of one factor only (the form of DCI)
+    /// Degree to which a block represents a single factor (in the form of DCI).
     pub disentanglement: Option<f64>,
-    /// whether a factor is told by one block only
+    /// Degree to which a factor is represented by a single block (the completeness of DCI).
     pub completeness: Option<f64>,
-    /// of the two blocks that tell most of a factor, what the first tells more, over the factor's entropy (the form of MIG, by `MI-KSG`)
+    /// Difference in mutual information between the two blocks that are most informative about a factor,
+    /// divided by the entropy of the factor (in the form of MIG, estimated by `MI-KSG`).
     pub information_gap: Option<f64>,
 }
 
 impl Likeness {
-    /// Of blocks against factors.
+    /// Scores of blocks with respect to factors.
     ///
     /// # Errors
-    /// Shapes that do not fit, fewer than two samples, numbers that are not finite.
+    /// If shapes do not match, there are fewer than two samples, or values are not finite.
     pub fn of(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Self> {
         let dci = dci(z, u)?;
         let count = Ord::min(SAMPLES, z.count());
@@ -50,7 +56,7 @@ impl Likeness {
         })
     }
 
-    /// Of the true factors against themselves: what a perfect model scores.
+    /// Scores of the true factors with respect to themselves, that is, of a perfect model.
     ///
     /// # Errors
     /// As [`Self::of`].
@@ -58,7 +64,7 @@ impl Likeness {
         Self::of(&Blocks { values: u.values, n: u.m, k: 1 }, u)
     }
 
-    /// Names and values.
+    /// Names and values of the scores.
     pub fn named(&self) -> [(&'static str, Option<f64>); 3] {
         [
             ("disentanglement", self.disentanglement),
@@ -67,7 +73,7 @@ impl Likeness {
         ]
     }
 
-    /// For records.
+    /// The scores as JSON for records.
     pub fn json(&self) -> Value {
         json!({
             "disentanglement": self.disentanglement, "completeness": self.completeness, "information_gap": self.information_gap,

@@ -1,22 +1,24 @@
-//! The image-to-point model: a variational autoencoder with a graph between its factors (`last.md` §4 – §8).
+//! The image-to-point model: a variational autoencoder with a graph between its factors (eq. 1–7 of the LAST
+//! paper; chapter [`crate::book::learned_causes`]).
 //!
 //! ```text
-//! data ──► encoder ──► latent ──► decoder        pictures in, μ and ℓ; structure, groups, KL; points out, L_rec
-//!                        ▲                        settings   what can be chosen
+//! data ──► encoder ──► latent ──► decoder        image → μ and ℓ; structure, groups, KL; → points, L_rec
+//!                        ▲                        settings   settings of model and training
 //!                     structure                   structure  U, Ω, node networks; Ã
-//! step     one batch: forward, losses, gradients
+//! step     one batch: forward pass, losses, gradients
 //! train    the schedule: batches, Adam, augmented Lagrangian, the final graph, refit
-//! units    how large codes are, when groups come in
-//! targets  which factor was set, where it is not told
-//! data     what is learned from: pictures (a folder of `last gen`), vectors
-//! file     a trained model on disk            evaluation  what it is worth, against the truth (likeness: blocks against factors)
-//! guide    what the model says about a render
-//! tune     the structure of one subject       intervene  pictures of counterfactuals
-//! shipped  the model that comes with the program
-//! vectors  data without pictures, for tests of the structure
+//! units    rescales codes when the group losses start
+//! targets  infers which factor was set, if it is not given
+//! data     training data: images (a folder of `last gen`), vectors
+//! file     model files                            evaluation  scores against the truth (likeness: blocks against factors)
+//! guide    the interface used by the fit of an avatar
+//! tune     fine-tunes the structure on one subject   intervene  images of counterfactuals
+//! shipped  the model included in the program
+//! vectors  data without images, for tests of the structure
 //! ```
 //!
-//! The encoder runs on the tape; the decoder is one pass per item, forward and back; `latent` between them is in double precision.
+//! The encoder runs on the tape; the decoder is one forward and backward pass per item; `latent` between them
+//! uses double precision.
 
 pub mod data;
 pub mod decoder;
@@ -38,20 +40,20 @@ pub mod tune;
 pub mod units;
 pub mod vectors;
 
-/// Purposes of random numbers.
+/// Purpose numbers of random draws.
 mod purpose {
-    /// mask of a step
+    /// Mask of a step.
     pub(super) const MASK: u16 = 0x0821;
-    /// order of the factors in a mask
+    /// Order of the factors in a mask.
     pub(super) const ORDER: u16 = 0x0827;
-    /// noise of the posterior
+    /// Noise of the posterior.
     pub(super) const ETA: u16 = 0x0822;
-    /// items of a batch
+    /// Items of a batch.
     pub(super) const BATCH: u16 = 0x0823;
-    /// coordinates decoded
+    /// Coordinates that are decoded.
     pub(super) const POINTS: u16 = 0x0824;
-    /// first values of parameters
+    /// Initial values of parameters.
     pub(super) const INITIAL: u16 = 0x0825;
-    /// the map of the vectors of [`super::vectors`]
+    /// The map of [`super::vectors`].
     pub(super) const VECTORS: u16 = 0x0826;
 }

@@ -1,7 +1,9 @@
-//! Pictures and points of a folder made by `last gen` (`last::sets` has the layout).
+//! Training data read from a folder written by `last gen` (see `last::sets` for the layout).
 //!
-//! A picture is seen through a [`Window`], the square around the projected points or the whole, on black, in −½ … ½. A point is its template's
-//! coordinate t, decoded as (t + Δ/2, ½ + c), and weighed by 1/σ² with σ = 0.05 in space and 0.2 in colour (`last.md` §4.2, §4.4, §4.5).
+//! An image is cropped by a [`Window`], either the square around the projected points or the whole image,
+//! over black, with values in −½ … ½. A point has the template coordinate t, is decoded as (t + Δ/2, ½ + c),
+//! and is weighted by 1/σ² with σ = 0.05 in space and 0.2 in colour. The paper specifies none of these
+//! constants.
 
 use super::data::{Data, Frame, Group, Item};
 use super::decoder::{CODE, code};
@@ -19,23 +21,23 @@ use std::path::{Path, PathBuf};
 const SIGMA_SPACE: f32 = 0.05;
 /// σ of a colour.
 const SIGMA_COLOUR: f32 = 0.2;
-/// What Δ is multiplied by.
+/// Scale of Δ.
 const REACH: f32 = 0.5;
 
-/// Pictures and points of one kind of item.
+/// Images and points of one kind of item.
 #[derive(Clone, Default)]
 struct Set {
-    /// (N, S, S, 3)
+    /// Images, shape (N, S, S, 3).
     images: Vec<u8>,
-    /// (N) what is seen of them
+    /// The cropped squares of the images, shape (N).
     squares: Vec<Square>,
-    /// (N, P, 6) coordinates and colour
+    /// Coordinates and colours of the points, shape (N, P, 6).
     shown: Vec<f32>,
-    /// (N, n) true factors
+    /// True factors, shape (N, n).
     factors: Vec<f64>,
 }
 
-/// The pictures of a folder.
+/// The images of a folder.
 #[derive(Clone)]
 pub struct Pictures {
     side: usize,
@@ -46,9 +48,9 @@ pub struct Pictures {
     observed: Set,
     base: Set,
     after: Set,
-    /// (P, 3) the points at rest
+    /// The points at rest, shape (P, 3).
     pub template: Vec<[f32; 3]>,
-    /// Focal length of the camera in sides of a picture; `None`: the figure's camera.
+    /// Focal length of the camera in sides of an image; `None` for the camera of the figure.
     focal: Option<f32>,
 }
 
@@ -58,7 +60,7 @@ impl std::fmt::Debug for Pictures {
     }
 }
 
-/// The frame of points at `template`.
+/// The frame of points with the given `template`.
 pub fn frame(template: &[[f32; 3]]) -> Frame {
     Frame {
         features: CODE,
@@ -85,19 +87,19 @@ fn shards(folder: &Path) -> Result<Vec<PathBuf>> {
         return Err(Error::input(folder.display().to_string())
             .expected("shards 0000.npz, 0001.npz, …")
             .got("none")
-            .hint("lastlight last gen --out DIR makes them"));
+            .hint("create them with lastlight last gen --out DIR"));
     }
     Ok(paths)
 }
 
-/// How pictures are seen.
+/// Settings of the crop.
 struct Seeing {
     camera: Camera,
     framing: Framing,
 }
 
 impl Seeing {
-    /// What is seen of a picture of points; all of it where they have no place in it.
+    /// The crop of an image of points; the whole image if the points have no projection in it.
     fn square(&self, points: &[[f32; 3]]) -> Square {
         let size = [self.camera.height, self.camera.width];
         let person = Square::around(&self.camera, points);
@@ -118,7 +120,7 @@ impl Set {
             && rgb.len() == cloud.len();
         if !fits || images.shape().iter().rev().take(3).ne([3, side, side].iter()) {
             return Err(Error::input(format!("arrays '{prefix}images', '{prefix}points', '{prefix}rgb'"))
-                .expected(format!("pictures of {side}×{side} and {points} points each"))
+                .expected(format!("images of {side}×{side} and {points} points each"))
                 .got(format!("{:?}, {:?}, {:?}", images.shape(), cloud.shape(), rgb.shape())));
         }
         arrays.finite([&*format!("{prefix}points"), &format!("{prefix}rgb"), &format!("{prefix}u")])?;
@@ -136,10 +138,11 @@ impl Set {
 }
 
 impl Pictures {
-    /// Reads a folder; `groups` says whether interventions are needed, `framing` what is seen.
+    /// Reads a folder; `groups` determines whether interventions are required, `framing` which part of an
+    /// image is used.
     ///
     /// # Errors
-    /// A file that is missing or malformed, pictures or clouds of different sizes.
+    /// If a file is missing or malformed, or images or point sets have different sizes.
     pub fn read(folder: &Path, groups: bool, framing: Framing) -> Result<Self> {
         let rest = npz::read(&folder.join("template.npz"))?;
         let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
@@ -166,7 +169,7 @@ impl Pictures {
             }
             if all.side == 0 {
                 return Err(within(
-                    Error::input("array 'images'").expected("pictures").got("sides of 0 pixels"),
+                    Error::input("array 'images'").expected("images").got("images with a side of 0 pixels"),
                 ));
             }
             let how = all.seeing();
@@ -204,12 +207,12 @@ impl Pictures {
         Seeing { camera: self.camera(), framing: self.framing }
     }
 
-    /// Side of the pictures.
+    /// Side of the images.
     pub fn side(&self) -> usize {
         self.side
     }
 
-    /// The camera that took them.
+    /// The camera of the images.
     pub fn camera(&self) -> Camera {
         let camera = from_data_gen::camera(&data_gen::figure::video::camera(0, self.side), Model::Pinhole);
         let focal_px = self.focal.map_or(camera.focal_px, |f| [f * self.side as f32; 2]);
@@ -224,13 +227,13 @@ impl Pictures {
         }
     }
 
-    /// The window through which a picture is seen.
+    /// The window that crops an image.
     pub fn window(&self, item: Item) -> Window {
         let (set, at) = self.find(item);
         set.squares[at].window(self.side, [self.side; 2])
     }
 
-    /// What is seen of a picture (S, S, 3), 0 … 1.
+    /// The encoder input (S, S, 3) of an item, with values in 0 … 1.
     pub fn seen(&self, item: Item) -> Vec<f32> {
         let (set, at) = self.find(item);
         let size = self.side * self.side * 3;

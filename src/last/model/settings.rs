@@ -1,22 +1,23 @@
-//! What can be chosen about the image-to-point model and its training; the defaults are those of `last.md` §8.
+//! Settings of the image-to-point model and its training, with the defaults of the program; the paper (eq. 7)
+//! gives no values.
 
 use super::structure::Kind;
 use crate::last::avatar::guide::Framing;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// Which reading of the paper (`last.md` §0, 1b).
+/// The reading of eq. 1–3 of the LAST paper.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Reading {
-    /// the encoder gives endogenous factors, their noise is abducted
+    /// The encoder outputs endogenous factors; their noise is obtained by abduction.
     #[default]
     Reference,
-    /// the encoder gives the noise, the structure acts on the way to the decoder
+    /// The encoder outputs the noise; the structure is applied before the decoder.
     Literal,
 }
 
 impl Reading {
-    /// The mechanism that belongs to it.
+    /// The mechanism that corresponds to the reading.
     pub fn mechanism(self) -> Kind {
         match self {
             Self::Reference => Kind::Networks,
@@ -25,52 +26,52 @@ impl Reading {
     }
 }
 
-/// What the model is told about interventions (`last.md` §7.3).
+/// Intervention labels available in training.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Supervision {
-    /// nothing
+    /// No labels.
     None,
-    /// pairs, each with a value of its own (the negative control)
+    /// Pairs, each with its own value (the negative control).
     PerSample,
-    /// groups that share a value, and which factor was set
+    /// Groups that share a value, and the factor that was set.
     #[default]
     Groups,
-    /// the value too
+    /// Groups, the factor and the value.
     Labels,
-    /// groups that share a value; which factor was set is guessed from the noise
+    /// Groups that share a value; the factor that was set is inferred from the noise.
     Unknown,
 }
 
-/// What the loss of dependence looks at (`last.md` §6.1).
+/// The variables to which the independence loss L_MI (eq. 5) applies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Placement {
-    /// exogenous noise
+    /// Exogenous noise.
     #[default]
     Noise,
-    /// endogenous factors, as printed
+    /// Endogenous factors, as in the paper.
     Factors,
-    /// noise of factors without an edge between them
+    /// Noise of factors without an edge between them.
     Conditional,
-    /// nothing
+    /// No independence loss.
     Off,
 }
 
-/// Factors of the terms of the loss.
+/// Weights of the loss terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// w₁
+    /// Weight w₁ of the reconstruction loss.
     pub reconstruction: f64,
-    /// w_KL, after its warm-up
+    /// Weight w_KL after its warm-up.
     pub kl: f64,
-    /// w₂
+    /// Weight w₂ of the independence loss.
     pub independence: f64,
-    /// w₄, of everything that groups say
+    /// Weight w₄ of all group losses.
     pub groups: f64,
-    /// of L_int among that
+    /// Relative weight of L_int among the group losses.
     pub intervention: f64,
-    /// of the spread hinge among that
+    /// Relative weight of the spread hinge among the group losses.
     pub spread: f64,
-    /// w_s
+    /// Weight w_s of the sparsity term.
     pub sparsity: f64,
 }
 
@@ -88,52 +89,53 @@ impl Default for Weights {
     }
 }
 
-/// Everything that a training depends on besides data.
+/// All settings that affect a training run, apart from the data.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// n
+    /// Number of factors n.
     pub factors: usize,
-    /// k
+    /// Number of dimensions k per factor.
     pub width: usize,
-    /// how parents act
+    /// How parents act on a factor.
     pub kind: Kind,
-    /// which model
+    /// The reading of the paper.
     pub reading: Reading,
-    /// what it sees of a picture
+    /// The part of an image that the encoder reads.
     pub framing: Framing,
-    /// what it is told
+    /// Intervention labels available in training.
     pub supervision: Supervision,
-    /// where dependence is punished
+    /// The variables to which the independence loss applies.
     pub placement: Placement,
-    /// factors of the terms
+    /// Weights of the loss terms.
     pub weights: Weights,
-    /// τ of the mask
+    /// Temperature τ of the mask.
     pub tau: f64,
-    /// α of h
+    /// The constant α of h (eq. 6).
     pub alpha: f64,
-    /// steps of joint training
+    /// Number of steps of joint training.
     pub steps: u32,
-    /// further steps with the final graph
+    /// Number of further steps with the final graph.
     pub refit: u32,
-    /// steps before the logits move
+    /// Step at which the logits start to train.
     pub freeze: u32,
-    /// steps before groups count; from there w₄ grows until the logits move. 0: it is whole from the start
+    /// Step at which the group losses start; w₄ then increases until the logits start to train. With 0, w₄
+    /// has its full value from the start.
     pub alone: u32,
-    /// steps over which w_KL grows
+    /// Number of steps over which w_KL increases.
     pub warm_up: u32,
-    /// steps between updates of the multiplier of h
+    /// Number of steps between updates of the multiplier of h.
     pub round: u32,
-    /// rate of the networks
+    /// Learning rate of the networks.
     pub lr: f64,
-    /// rate of the logits
+    /// Learning rate of the logits.
     pub lr_logits: f64,
-    /// observed items of a batch
+    /// Number of observed items of a batch.
     pub observed: usize,
-    /// groups of a batch
+    /// Number of groups of a batch.
     pub groups: usize,
-    /// coordinates decoded per item
+    /// Number of coordinates decoded per item.
     pub points: usize,
-    /// of all draws
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
@@ -169,15 +171,15 @@ impl Default for Settings {
 macro_rules! names {
     ($type:ident, $what:literal, $($variant:ident => $name:literal),+) => {
         impl $type {
-            /// Its name in settings and records.
+            /// The name used in settings and records.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant => $name),+ }
             }
 
-            /// The one of that name.
+            /// The value with the given name.
             ///
             /// # Errors
-            /// When there is none; the error lists the names.
+            /// If there is no such name; the error lists the valid names.
             pub fn parse(name: &str) -> Result<Self> {
                 match name {
                     $($name => Ok(Self::$variant),)+
@@ -190,15 +192,19 @@ macro_rules! names {
 names!(Reading, "reading", Reference => "reference", Literal => "literal");
 names!(Framing, "framing", Person => "person", Whole => "whole");
 names!(Supervision, "supervision", None => "none", PerSample => "pairs", Groups => "groups", Labels => "labels", Unknown => "unknown");
-names!(Placement, "loss of dependence", Noise => "noise", Factors => "factors", Conditional => "conditional", Off => "off");
+names!(Placement, "independence loss", Noise => "noise", Factors => "factors", Conditional => "conditional", Off => "off");
 names!(Kind, "mechanism", Linear => "linear", Networks => "networks", Printed => "printed");
 
 impl Settings {
-    /// For pictures, where factors do not matter alike: of what L_rec measures of the built-in figure about its mean, posture makes 88 %, the forearm 5 %,
-    /// light 4 %, folds 3 %. With the constants of vectors, L_eq and L_inv cost more than any factor but posture gains: the codes of the others go to 0 before
-    /// the decoder has learned what they are for, and the hinge, whose gradient is proportional to the code, does not bring them back. So here encoder
-    /// and decoder learn alone for a third of the steps; then groups come in over another third; then the logits move. What is decoded weighs ten times as much and
-    /// the hinge thirty times, which keeps the codes of all factors of one order.
+    /// Settings for images, in which factors contribute unequally to the reconstruction loss: for the
+    /// built-in figure, posture accounts for 88 % of what L_rec measures about its mean, the forearm for 5 %,
+    /// light for 4 % and folds for 3 %. With the constants used for vectors, L_eq and L_inv cost more than
+    /// any factor except posture gains: the codes of the other factors shrink to 0 before the decoder has
+    /// learned to use them, and the hinge, whose gradient is proportional to the code, does not restore them.
+    /// Therefore only encoder and decoder are trained for the first third of the steps; the group losses are
+    /// added over the second third; then the logits start to train. The reconstruction terms have ten times
+    /// the weight and the hinge thirty times, which keeps the codes of all factors within one order of
+    /// magnitude.
     pub fn of_pictures() -> Self {
         Self {
             weights: Weights { reconstruction: 10.0, intervention: 10.0, spread: 30.0, ..Weights::default() },
@@ -209,7 +215,7 @@ impl Settings {
         }
     }
 
-    /// The share of w₄ that counts in a step.
+    /// The fraction of w₄ that applies in a step.
     pub fn told(&self, step: u32) -> f64 {
         if step < self.alone {
             0.0
@@ -220,7 +226,7 @@ impl Settings {
         }
     }
 
-    /// Everything, for records and checkpoints.
+    /// All settings as JSON, for records and checkpoints.
     pub fn json(&self) -> Value {
         let w = &self.weights;
         json!({
@@ -233,7 +239,8 @@ impl Settings {
         })
     }
 
-    /// The same schedule in another number of steps: the constants that count steps are scaled alike, at least 1.
+    /// The same schedule with another number of steps: constants that count steps are scaled equally, to at
+    /// least 1.
     #[must_use]
     pub fn scaled(mut self, steps: u32) -> Self {
         let share = |x: u32| Ord::max(1, (u64::from(x) * u64::from(steps) / u64::from(self.steps)) as u32);
@@ -244,15 +251,15 @@ impl Settings {
         self
     }
 
-    /// Holds every number to its range.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
-    /// The first one outside.
+    /// The first setting that is out of range.
     pub fn validate(&self) -> Result<()> {
         let whole = [
             ("factors", self.factors, 1..=8),
             ("width", self.width, 1..=16),
-            ("observed pictures of a batch", self.observed, 1..=4096),
+            ("observed images of a batch", self.observed, 1..=4096),
             ("groups of a batch", self.groups, 0..=512),
             ("points", self.points, 1..=1 << 16),
         ];
@@ -273,19 +280,19 @@ impl Settings {
         if self.freeze >= self.steps || self.refit == 0 {
             return Err(Error::input("steps")
                 .expected(format!(
-                    "more than the {} before edges move, and at least one to refit",
+                    "more steps than the {} before edges start to train, and at least one refitting step",
                     self.freeze
                 ))
                 .got(format!("{} and {}", self.steps, self.refit)));
         }
         if self.alone > self.freeze {
-            return Err(Error::input("steps before groups count")
-                .expected(format!("no more than the {} before edges move", self.freeze))
+            return Err(Error::input("steps before the group losses start")
+                .expected(format!("at most the {} before edges start to train", self.freeze))
                 .got(self.alone.to_string()));
         }
         if self.kind == Kind::Printed && self.reading == Reading::Reference {
             return Err(Error::input("mechanism printed")
-                .expected("reading literal: eq. 2 followed by eq. 3 has no abduction")
+                .expected("the literal reading, because eq. 2 followed by eq. 3 has no abduction")
                 .got("reading reference"));
         }
         Ok(())

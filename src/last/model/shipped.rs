@@ -1,4 +1,5 @@
-//! The model that comes with the program, for the built-in figure: `reference/weights/README.md` says how it was made, with which digest.
+//! The model included in the program, trained on the built-in figure; `reference/weights/README.md` gives the
+//! command that reproduces it and its digest.
 
 use super::file::Trained;
 use crate::Result;
@@ -6,13 +7,13 @@ use crate::Result;
 /// Name of its file, for messages.
 pub const NAME: &str = "figure64.safetensors";
 
-/// Its bytes, part of the program.
+/// Contents of the file, compiled into the program.
 pub const BYTES: &[u8] = reference::weights::FIGURE64;
 
-/// Reads it.
+/// Reads the model.
 ///
 /// # Errors
-/// Never for the file that was built in.
+/// Never for the included file.
 pub fn figure() -> Result<Trained> {
     Trained::from_bytes(BYTES, NAME)
 }

@@ -1,8 +1,10 @@
-//! One batch: forward, losses, gradients.
+//! One training step: forward pass, losses and gradients of a batch.
 //!
-//! Prediction by n sweeps gives back what abduction took apart on graphs without cycles only. Masks are drawn while edges are not settled, and along a cycle a counterfactual
-//! can grow from sweep to sweep. Where counterfactuals lie ten times as far out as the posterior means, and as values that are told (root mean squares), the mask keeps
-//! only edges along an order of the factors that is drawn for the step, and factors and counterfactuals are computed anew.
+//! Prediction by n sweeps inverts abduction only on graphs without cycles. While edges are not settled, masks
+//! are drawn at random, and along a cycle a counterfactual can grow from sweep to sweep. If the root mean
+//! square of the counterfactuals is more than ten times that of the posterior means and of the given values,
+//! the mask is restricted to edges along an order of the factors drawn for the step, and factors and
+//! counterfactuals are computed again.
 
 mod batch;
 mod mask;
@@ -31,57 +33,57 @@ use shown::Shown;
 /// State of the training that a step reads.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Context {
-    /// number of the step
+    /// Number of the step.
     pub step: u32,
-    /// w_KL now
+    /// Current value of w_KL.
     pub kl: f64,
-    /// w₄ now
+    /// Current value of w₄.
     pub groups: f64,
-    /// multiplier λ_h and penalty ρ; none while the logits are at rest
+    /// Multiplier λ_h and penalty ρ; `None` while the logits are not trained.
     pub lagrange: Option<[f64; 2]>,
-    /// the final graph; none while it is learned
+    /// The final graph; `None` while it is learned.
     pub graph: Option<Vec<f64>>,
-    /// (n) running variances of the factors
+    /// Running variances of the factors, shape (n).
     pub spread: Vec<f64>,
-    /// what L_MI looked at in earlier batches
+    /// Covariances of L_MI from earlier batches.
     pub history: independence::History,
 }
 
 /// Losses of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
-    /// L_rec
+    /// The reconstruction loss L_rec.
     pub reconstruction: f64,
-    /// L_int
+    /// The counterfactual loss L_int.
     pub intervention: f64,
-    /// of factors
+    /// Terms of the latent part.
     pub terms: Terms,
-    /// h of the probabilities
+    /// The acyclicity h of the probabilities.
     pub acyclic: f64,
-    /// Σ p
+    /// The sum Σ p of the probabilities.
     pub edges: f64,
 }
 
-/// What a step gives.
+/// The result of a step.
 #[derive(Clone, Debug)]
 pub struct StepResult {
-    /// losses, without factors
+    /// Losses, unweighted.
     pub losses: Losses,
-    /// by the parameters
+    /// Gradients with respect to the parameters.
     pub grads: Grads,
-    /// (n) variances of the factors of this batch, mean over their numbers
+    /// Variances of the factors of this batch, averaged over their dimensions, shape (n).
     pub spread: Vec<f64>,
-    /// (d, d) covariance of what L_MI looked at
+    /// Covariance of the variables of L_MI, shape (d, d).
     pub covariance: Option<Vec<f64>>,
 }
 
 /// Losses and gradients of a batch.
 ///
 /// # Errors
-/// A covariance of the posterior that is not positive definite.
+/// If a covariance of the posterior is not positive definite.
 ///
 /// # Panics
-/// When the model does not fit the data.
+/// If the model does not match the data.
 pub fn run(
     model: &Model,
     settings: &Settings,
@@ -134,7 +136,7 @@ pub fn run(
     let shown = Shown::new(settings, data, batch, out.decoded.len() / d, context.groups, step);
     let z: Vec<f32> = out.decoded.iter().map(|&z| z as f32).collect();
     let passed = model.decoder.pass(&model.params, &z, &shown.targets(), &frame.scale, &frame.precision);
-    // And back.
+    // Backward pass.
     let z_bar: Vec<f64> = passed.z_bar.iter().map(|&z| f64::from(z)).collect();
     let mut bars = latent::adjoint(&latent::In { mask: &mask.edges, ..unmasked }, &out, &z_bar);
     if context.graph.is_none() {
@@ -180,7 +182,7 @@ fn graph_costs(
     [h, p.iter().fold(0.0, |s, p| s + p)]
 }
 
-/// The factor set in each group: as told, or as the noise of the means says.
+/// The factor set in each group, as given or as inferred from the noise of the means.
 fn targets(
     model: &Model,
     settings: &Settings,
@@ -206,7 +208,7 @@ fn targets(
     })
 }
 
-/// Variance of each factor over rows (B, n, k), mean over its k numbers.
+/// Variance of each factor over rows (B, n, k), averaged over its k dimensions.
 fn spread(means: &[f64], n: usize, k: usize) -> Vec<f64> {
     let d = n * k;
     let count = (means.len() / d) as f64;
@@ -252,12 +254,12 @@ mod tests {
         let calm = losses(&model, 3, Some(cycle.clone())).losses.intervention;
         weight(&mut model, 30.0);
         let wild = losses(&model, 3, Some(cycle)).losses.intervention;
-        assert!(wild > 1e6 * calm, "a given graph is as it is: {wild:e} and {calm:e}");
+        assert!(wild > 1e6 * calm, "a given graph is not restricted: {wild:e} and {calm:e}");
         for step in 3..9 {
             let stepped = losses(&model, step, None);
             let drawn = stepped.losses.intervention;
             assert!(drawn < 1e-2 * wild, "step {step}: {drawn:e} instead of {wild:e}");
-            // Half of the edges, at least, are not there and have no gradient.
+            // At least half of the edges are absent and have no gradient.
             let still =
                 stepped.grads.get("structure.logits").expect("U").iter().filter(|g| **g == 0.0).count();
             assert!(still >= 4 + 6, "step {step}: {still} of 16 are 0");
@@ -270,6 +272,6 @@ mod tests {
             .iter()
             .filter(|g| **g == 0.0)
             .count();
-        assert_eq!(still, 4, "without growth all edges but the diagonal are there");
+        assert_eq!(still, 4, "without growth all edges except the diagonal are present");
     }
 }

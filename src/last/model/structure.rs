@@ -1,14 +1,14 @@
-//! The structure layer: which factor acts on which, and how (`last.md` §5.2).
+//! The structure layer: the graph between the factors and the mechanisms (eq. 2 and 3 of the LAST paper).
 //!
 //! | parameter | shape | |
 //! |-----------|-------|-|
 //! | `structure.logits` U | (n, n) | p(i → j) = σ(U/τ); the diagonal is ignored |
 //! | `structure.weight` Ω | (n, n) | effects of the linear mechanism |
 //! | `structure.nodes.w0 … w2` | (n, h, n·k) … (n, k, h) | networks of the nodes, h = 32, leaky ReLU 0.05 |
-//! | `structure.values` w | (n, k) | codes of a unit of each factor, the first number 1 and fixed; only with labels |
+//! | `structure.values` w | (n, k) | code of a unit value of each factor, whose first entry is fixed to 1; only with labels |
 //!
-//! Parameters are stored in single precision like all others; [`Structure`] holds them in double precision, in which everything of this
-//! layer is computed.
+//! Parameters are stored in single precision like all others; [`Structure`] holds them in double precision,
+//! in which this layer is computed.
 
 use super::purpose;
 use crate::causal::probability;
@@ -17,34 +17,35 @@ use crate::optim::initial::Initial;
 use crate::tape::{Grads, Params};
 use ndarray::{ArrayD, IxDyn};
 
-/// Slope of the leaky ReLU of the nodes at 0 and below.
+/// Slope of the leaky ReLU of the node networks at 0 and below.
 pub const SLOPE: f64 = 0.05;
-/// Width of the nodes' hidden layers.
+/// Width of the hidden layers of the node networks.
 pub const HIDDEN: usize = 32;
-/// First number of the arrays drawn for the structure.
+/// Number of the first array drawn for the structure.
 const FIRST_ARRAY: u32 = 128;
-/// Largest first logit.
+/// Largest magnitude of the initial logits.
 const FIRST_LOGIT: f32 = 1e-10;
 
 /// How parents act on a factor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// by a number per edge (eq. 2)
+    /// Linearly, by one number per edge (eq. 2).
     Linear,
-    /// by a network per factor (eq. 3)
+    /// By a network per factor (eq. 3).
     Networks,
-    /// by numbers along all paths, then once by the networks: eq. 2 and eq. 3 as printed, one after the other
+    /// Linearly along all paths, followed by one evaluation of the networks: eq. 2 and eq. 3 as printed, one
+    /// after the other.
     Printed,
 }
 
 /// Sizes of the structure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// n
+    /// Number of factors n.
     pub factors: usize,
-    /// k
+    /// Number of dimensions k per factor.
     pub width: usize,
-    /// how parents act
+    /// How parents act on a factor.
     pub kind: Kind,
 }
 
@@ -61,7 +62,7 @@ pub(super) const EFFECTS: &str = "structure.weight";
 const NODES: [&str; 5] = ["w0", "b0", "w1", "b1", "w2"];
 
 impl Sizes {
-    /// d = n·k
+    /// The latent size d = n·k.
     pub fn latent(&self) -> usize {
         self.factors * self.width
     }
@@ -81,7 +82,7 @@ impl Sizes {
         all
     }
 
-    /// First values: logits in ±10⁻¹⁰, hidden layers He-uniform, last layers and Ω 0, codes (1, 0, …).
+    /// Initial values: logits in ±10⁻¹⁰, hidden layers He-uniform, last layers and Ω 0, codes (1, 0, …).
     pub fn draw(&self, seed: u64, params: &mut Params) {
         for (at, (name, shape)) in self.shapes().into_iter().enumerate() {
             let initial = Initial::numbered(seed, purpose::INITIAL, FIRST_ARRAY + at as u32);
@@ -111,35 +112,35 @@ fn networks([w0, b0, w1, b1, w2]: [&Vec<f64>; 5]) -> Networks<'_> {
 /// Parameters of the structure in double precision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Structure {
-    /// sizes
+    /// Sizes of the structure.
     pub sizes: Sizes,
-    /// U (n, n)
+    /// The logits U, shape (n, n).
     pub logits: Vec<f64>,
-    /// (n, k)
+    /// Codes of unit values, shape (n, k).
     pub values: Vec<f64>,
-    /// Ω, the arrays of the networks
+    /// Ω or the arrays of the networks.
     arrays: Vec<Vec<f64>>,
 }
 
-/// Gradients by the parameters of a structure.
+/// Gradients with respect to the parameters of a structure.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StructureBar {
-    /// (n, n)
+    /// Gradient with respect to the logits, shape (n, n).
     pub logits: Vec<f64>,
-    /// (n, k)
+    /// Gradient with respect to the codes, shape (n, k).
     pub values: Vec<f64>,
-    /// of the mechanism
+    /// Gradient with respect to the mechanism.
     pub mechanism: MechanismBar,
 }
 
 impl Structure {
-    /// The structure among `params`.
+    /// Reads the structure from `params`.
     ///
     /// # Panics
-    /// When a parameter is missing.
+    /// If a parameter is missing.
     pub fn new(sizes: Sizes, params: &Params) -> Self {
         let get = |name: &str| -> Vec<f64> {
-            let array = params.get(name).unwrap_or_else(|| panic!("the structure has '{name}'"));
+            let array = params.get(name).unwrap_or_else(|| panic!("missing structure parameter '{name}'"));
             array.iter().map(|&x| f64::from(x)).collect()
         };
         let mut between = sizes.shapes();
@@ -148,7 +149,7 @@ impl Structure {
         Self { sizes, logits: get(LOGITS), values: get("structure.values"), arrays }
     }
 
-    /// How parents act.
+    /// The mechanism by which parents act.
     pub fn mechanism(&self) -> Mechanism<'_> {
         match &self.arrays[..] {
             [weight] => Mechanism::Linear { weight },
@@ -160,7 +161,7 @@ impl Structure {
         }
     }
 
-    /// Passes that reach every descendant.
+    /// Number of sweeps that reach every descendant.
     pub fn sweeps(&self) -> usize {
         match self.sizes.kind {
             Kind::Linear => self.sizes.factors - 1,
@@ -168,12 +169,12 @@ impl Structure {
         }
     }
 
-    /// p = σ(U/τ), zero diagonal.
+    /// Probabilities p = σ(U/τ), with zero diagonal.
     pub fn probabilities(&self, tau: f64) -> Vec<f64> {
         probability::forward(&self.logits, self.sizes.factors, tau)
     }
 
-    /// The array at that place of [`Sizes::shapes`].
+    /// The array at the given position of [`Sizes::shapes`].
     #[cfg(test)]
     pub(super) fn array_mut(&mut self, at: usize) -> &mut Vec<f64> {
         let last = self.arrays.len() + 1;

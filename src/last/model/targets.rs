@@ -1,21 +1,22 @@
-//! Which factor the members of a group had set, when that is not told (`last.md` §7.3).
+//! Inference of the factor that was set in each group, if it is not given.
 
-/// What is known of pairs before and after.
+/// Noise of pairs before and after an intervention.
 #[derive(Clone, Copy, Debug)]
 pub struct Pairs<'a> {
-    /// noise before (G·M, n, k)
+    /// Noise before, shape (G·M, n, k).
     pub eps: &'a [f64],
-    /// noise after
+    /// Noise after, shape (G·M, n, k).
     pub eps_after: &'a [f64],
-    /// what a change is measured by (n, k)
+    /// Scale by which a change is divided, shape (n, k).
     pub spread: &'a [f64],
-    /// n
+    /// Number of factors n.
     pub factors: usize,
-    /// M
+    /// Number of pairs M of a group.
     pub members: usize,
 }
 
-/// The factor of each group: every pair votes for argmaxⱼ ‖(ε′ⱼ − εⱼ)/sⱼ‖, the group takes the majority. Ties go to the lowest number.
+/// The factor of each group: every pair votes for argmaxⱼ ‖(ε′ⱼ − εⱼ)/sⱼ‖, and the majority determines the
+/// factor of the group. Ties go to the lowest index.
 pub fn voted(x: &Pairs<'_>) -> Vec<usize> {
     let (n, d) = (x.factors, x.spread.len());
     let k = d / n;
@@ -41,7 +42,7 @@ mod tests {
 
     #[test]
     fn the_majority_decides_and_spread_counts() {
-        // Two factors of two numbers, a group of three pairs; factor 1 is ten times as wide.
+        // Two factors of two dimensions, a group of three pairs; the scale of factor 1 is ten times as large.
         let eps = [0.0; 12];
         let after = [1.0, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 3.0, 0.0, 0.0, 0.0, 20.0];
         let pairs = |spread: &'static [f64]| {

@@ -1,18 +1,23 @@
-//! The schedule of `last.md` §8: batches, Adam, the augmented Lagrangian, the final graph, refit.
+//! The training schedule for the objective (eq. 7 of the LAST paper, with additional terms): batches, Adam,
+//! the augmented Lagrangian, the final graph, refit.
 //!
 //! ```text
 //! 0 ── alone ── freeze ──────────── steps ─────────── steps + refit/2 ─────────── steps + refit
 //!  w₄ 0 │ w₄ grows │ U moves: h, Σp │ graph: p > ½, cycles cut │ graph: search by score │
 //! ```
 //!
-//! Where groups come in only after a while, `alone`, and a code is too small by then, codes are counted in new units ([`super::units`]).
+//! If the group losses start only after `alone` steps and a code is too small by then, all codes are rescaled
+//! ([`super::units`]).
 //!
-//! The rate of all parameters falls to a tenth at 80 % of the steps; that of U also by 1/log₁₀ρ once ρ exceeds 10. Every 500 steps the
-//! multiplier of h grows by ρh, and ρ tenfold where h has not fallen to a quarter (`last.md` §5.4). The search (§5.5) scores graphs on the means of
-//! all items, each block along its main axis, with splines of the parents, leaving out the mechanism of a factor where it was set.
+//! The learning rate of all parameters is reduced to a tenth at 80 % of the steps; that of U is also
+//! multiplied by 1/log₁₀ρ once ρ exceeds 10. Every 500 steps the multiplier of h grows by ρh, and ρ grows
+//! tenfold unless h has fallen to a quarter. The final search scores graphs on the means of all items, each
+//! block along its main axis, with splines of the parents, and omits the mechanism of a factor where it was
+//! set.
 //!
-//! Adam's second moments remember a gradient that bursts for thousands of steps. So a gradient by all parameters but U that is longer than ten times the
-//! running mean of these lengths is shortened to that.
+//! Adam's second moments keep the effect of a short burst of large gradients for thousands of steps. A
+//! gradient with respect to all parameters except U whose norm exceeds ten times the running mean of these
+//! norms is therefore scaled down to that limit.
 
 use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
@@ -36,28 +41,28 @@ use crate::{Error, Result};
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// First penalty ρ of the augmented Lagrangian.
+/// Initial penalty ρ of the augmented Lagrangian.
 const FIRST_RHO: f64 = 1e-3;
-/// Factor by which it grows.
+/// Factor by which ρ grows.
 const GROWTH: f64 = 10.0;
-/// It grows where h has not fallen below this share in a round.
+/// ρ grows unless h has fallen below this fraction in a round.
 const SHARE: f64 = 0.25;
 /// Largest ρ.
 const LAST_RHO: f64 = 1e8;
-/// h that counts as 0.
+/// Values of h up to this one count as 0.
 const CLOSED: f64 = 1e-10;
-/// Rounds at most.
+/// Maximum number of rounds.
 const ROUNDS: u32 = 25;
-/// Share of the running variances that a step keeps.
+/// Decay of the running variances per step.
 const MEMORY: f64 = 0.99;
 
-/// A gradient longer than so many times the running mean is shortened.
+/// Gradients longer than this multiple of the running mean are scaled down.
 const BURST: f64 = 10.0;
 
-/// A training on its way.
+/// A training run in progress.
 #[derive(Debug)]
 pub struct Training<'a> {
-    /// what is trained
+    /// The model being trained.
     pub model: Model,
     settings: Settings,
     data: &'a dyn Data,
@@ -68,19 +73,19 @@ pub struct Training<'a> {
     last_h: Option<f64>,
     rounds: u32,
     spread: Option<Vec<f64>>,
-    /// running mean of the gradient's length
+    /// Running mean of the gradient's norm.
     length: Option<f64>,
     history: History,
-    /// c of the change of units, if there was one
+    /// The scales c of the rescaling of codes, if there was one.
     units: Option<Vec<f64>>,
-    /// of the last step
+    /// Losses of the last step.
     pub losses: Losses,
-    /// the final graph, once it is fixed
+    /// The final graph, once it is fixed.
     pub graph: Option<Vec<f64>>,
 }
 
 impl<'a> Training<'a> {
-    /// From the first values.
+    /// Starts from the initial values.
     ///
     /// # Errors
     /// See [`Model::new`].
@@ -106,12 +111,12 @@ impl<'a> Training<'a> {
         })
     }
 
-    /// Steps made.
+    /// Number of completed steps.
     pub fn step(&self) -> u32 {
         self.step
     }
 
-    /// Probabilities of the edges (n, n).
+    /// Probabilities of the edges, shape (n, n).
     pub fn probabilities(&self) -> Vec<f64> {
         Structure::new(self.model.sizes, &self.model.params).probabilities(self.settings.tau)
     }
@@ -122,12 +127,12 @@ impl<'a> Training<'a> {
         [self.settings.lr * late, self.settings.lr_logits * late * slowed]
     }
 
-    /// The graph as it stands, probable edges without cycles.
+    /// The current graph: probable edges, with cycles removed.
     fn repaired(&self) -> Digraph {
         repair(self.settings.factors, &self.probabilities(), 0.5).0
     }
 
-    /// Means of all items as samples of factors.
+    /// Posterior means of all items as samples of the factors.
     fn samples(&self) -> Samples {
         let (n, k) = (self.settings.factors, self.settings.width);
         let d = n * k;
@@ -165,7 +170,7 @@ impl<'a> Training<'a> {
         samples
     }
 
-    /// Fixes the graph where the schedule says so.
+    /// Fixes the graph at the step given by the schedule.
     fn settle(&mut self) -> Result<()> {
         if self.step == self.settings.steps {
             self.graph = Some(self.repaired().adjacency());
@@ -181,10 +186,10 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
-    /// One step.
+    /// Performs one step.
     ///
     /// # Errors
-    /// A number that is not finite.
+    /// If a number is not finite.
     pub fn advance(&mut self) -> Result<Losses> {
         self.settle()?;
         let s = &self.settings;
@@ -196,7 +201,7 @@ impl<'a> Training<'a> {
         let moving = self.step >= s.freeze && self.graph.is_none();
         let warmth = order::min(1.0, f64::from(self.step) / f64::from(s.warm_up));
         let told = s.told(self.step);
-        // Groups that do not count are not drawn either: a step of a third of the pictures.
+        // Groups with weight 0 are not drawn, which reduces the images of a step to a third.
         let batch = Batch::draw(
             &Settings { groups: if told > 0.0 { s.groups } else { 0 }, ..*s },
             self.data,
@@ -221,7 +226,7 @@ impl<'a> Training<'a> {
             grad.iter().fold(sum, |sum, g| sum + f64::from(*g) * f64::from(*g))
         });
         let length = length.sqrt();
-        // A first gradient of 0 says nothing about the next ones.
+        // A first gradient of 0 provides no scale for the next ones.
         let usual = self.length.filter(|usual| *usual > 0.0).unwrap_or(length);
         let shorter = (length > BURST * usual).then(|| (BURST * usual / length) as f32);
         self.length = Some(mix(usual, order::min(length, BURST * usual)));
@@ -243,7 +248,7 @@ impl<'a> Training<'a> {
         Ok(stepped.losses)
     }
 
-    /// Gives codes a variance of about 1, where one of them says next to nothing.
+    /// Rescales the codes to a variance of about 1, if one of them has almost no variance.
     fn change_units(&mut self) {
         let Some(spread) = self.spread.as_mut().filter(|spread| units::are_needed(spread)) else { return };
         let c = units::of(spread);
@@ -252,8 +257,8 @@ impl<'a> Training<'a> {
         self.units = Some(c);
     }
 
-    /// What the codes of the factors were multiplied by when groups came in; `None` where they were large enough, and where a checkpoint of an earlier
-    /// program did not say.
+    /// The scales by which the codes of the factors were multiplied when the group losses started; `None` if
+    /// no rescaling was needed, or if a checkpoint of an earlier version did not record them.
     pub fn units(&self) -> Option<&[f64]> {
         self.units.as_deref()
     }
@@ -261,7 +266,7 @@ impl<'a> Training<'a> {
     /// The trained model with its graph and the statistics of the observed items.
     ///
     /// # Errors
-    /// When a step is left to do.
+    /// If steps remain.
     pub fn finish(self) -> Result<Trained> {
         let all = self.settings.steps + self.settings.refit;
         let Some(graph) = self.graph.as_ref().filter(|_| self.step == all) else {
@@ -404,7 +409,7 @@ mod tests {
         let data = Vectors::new(&scm, 1, 64, 16);
         let settings = Settings { points: 1, width: 1, observed: 16, groups: 4, ..Settings::of_pictures() };
         let settings = Settings { alone: 1, freeze: 2, ..settings.scaled(40) };
-        // The decoder's first weights after a step, with these variances before it.
+        // The first weights of the decoder after a step, with these variances before it.
         let after = |settings: Settings, spread: [f64; 4]| {
             let mut training = Training::new(settings, &data).expect("a model");
             training.advance().expect("finite");
@@ -428,7 +433,7 @@ mod tests {
             assert!(ratios.iter().zip(c).all(|(r, c)| (r / c - 1.0).abs() < 0.3), "{ratios:?} for {c:?}");
         };
         let (ratios, spread, units) = after(settings, [0.004, 0.06, 1.0, 0.25]);
-        assert_eq!(units, Some(vec![16.0, 4.0, 1.0, 2.0]), "what it says of them");
+        assert_eq!(units, Some(vec![16.0, 4.0, 1.0, 2.0]), "the reported scales");
         near(ratios, [16.0, 4.0, 1.0, 2.0]);
         assert!(spread.iter().all(|s| (0.5..2.1).contains(s)), "variances in new units: {spread:?}");
         near(after(settings, [0.02, 0.06, 1.0, 0.25]).0, [1.0; 4]);
@@ -441,7 +446,7 @@ mod tests {
         let scm = Scm::new(Graph::named("FORK", 4, 1).expect("a name"), Mechanism::Lin, true, 1);
         let data = Vectors::new(&scm, 1, 64, 16);
         let settings = Settings { points: 1, width: 1, observed: 16, groups: 4, ..Settings::default() };
-        // What Adam has seen after a first step: m = (1 − β₁) g.
+        // Adam's first moment after the first step: m = (1 − β₁) g.
         let seen = |usual: Option<f64>| {
             let mut training = Training::new(settings.scaled(40), &data).expect("a model");
             training.length = usual;
@@ -458,7 +463,7 @@ mod tests {
         assert!((own / mean - 1.0).abs() < 1e-5, "the first is as usual: {own} and {mean}");
         assert_eq!(seen(Some(own)).0, own, "one of the usual length stays");
         assert_eq!(seen(Some(0.0)).0, own, "as does one after 0");
-        // The logits have a rate of their own and keep their gradient.
+        // The logits have their own learning rate, and their gradient is not scaled down.
         let logits = |usual: Option<f64>| {
             let mut training = Training::new(Settings { freeze: 0, alone: 0, ..settings.scaled(40) }, &data)
                 .expect("a model");

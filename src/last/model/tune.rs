@@ -1,10 +1,14 @@
-//! Fine-tuning of the structure on one subject (`last.md` §8): encoder, decoder and node networks stay, U (and Ω) move.
+//! Fine-tuning of the structure on one subject: encoder, decoder and node networks are fixed, U (and Ω) are
+//! trained.
 //!
-//! The subject's pictures are encoded once. `reference`: reconstruction does not depend on A, so what moves it is the likelihood of the subject's
-//! factors under the graph (KL), the dependence of their noise, h and Σp; no points are needed. `literal`: the decoded points are held to the posed
-//! template, in space alone. Both add 0.1 Σ (p − p₀)², so that A does not drift without evidence. All pictures are one batch; a step draws a
-//! mask and the noise of the posterior. Before the first, logits of edges that the search took or added are mirrored: masks are drawn from the graph's own
-//! probabilities. After the last, the deviations of factors and noise follow the graph.
+//! The images of the subject are encoded once. In the reading `reference`, reconstruction does not depend on
+//! A, so A is trained by the likelihood of the subject's factors under the graph (KL), the dependence of
+//! their noise, h and Σp; no points are required. In the reading `literal`, the decoded points are compared
+//! with the posed template, using positions only. Both add 0.1 Σ (p − p₀)², so that A does not drift without
+//! evidence. All images form one batch; a step draws a mask and the noise of the posterior. Before the first
+//! step, the logits of edges that the search removed or added are mirrored, so that masks are drawn from
+//! probabilities consistent with the graph. After the last step, the standard deviations of factors and noise
+//! are updated for the new graph.
 
 use super::decoder::{Target, code};
 use super::evaluation;
@@ -25,16 +29,16 @@ use crate::{Error, Result};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// How long and how fast.
+/// Settings of the fine-tuning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// steps
+    /// Number of steps.
     pub steps: u32,
-    /// rate of U and Ω
+    /// Learning rate of U and Ω.
     pub lr: f64,
-    /// factor of Σ (p − p₀)²
+    /// Weight of Σ (p − p₀)².
     pub anchor: f64,
-    /// of all draws
+    /// Seed of all random draws.
     pub seed: u64,
 }
 
@@ -44,26 +48,26 @@ impl Default for Settings {
     }
 }
 
-/// The subject: what the encoder makes of its pictures, and where its points are.
+/// The subject: the encoder outputs of its images, and the positions of its points.
 #[derive(Clone, Debug, Default)]
 pub struct Subject {
-    /// (T, d) means
+    /// Posterior means, shape (T, d).
     pub mu: Vec<f64>,
-    /// (T, d) ℓ
+    /// Log-variances ℓ, shape (T, d).
     pub ell: Vec<f64>,
-    /// codes (P, 27) and positions at rest (P, 3), for the literal reading
+    /// Codes of the template points, shape (P, 27), for the literal reading.
     pub codes: Vec<f32>,
-    /// (P, 3)
+    /// Positions at rest, shape (P, 3).
     pub rest: Vec<[f32; 3]>,
-    /// (T, P, 3) the posed template
+    /// The posed template, shape (T, P, 3).
     pub posed: Vec<Vec<[f32; 3]>>,
 }
 
 impl Subject {
-    /// What the model makes of the training pictures of a capture.
+    /// Encodes the training images of a capture.
     ///
     /// # Errors
-    /// A picture that cannot be read; no training pictures.
+    /// If an image cannot be read, or there are no training images.
     pub fn new(trained: &Trained, capture: &PersonCapture) -> Result<Self> {
         let mut subject = Self::default();
         if trained.settings.reading == Reading::Literal {
@@ -81,55 +85,55 @@ impl Subject {
         }
         if subject.mu.is_empty() {
             return Err(Error::input(capture.folder.display().to_string())
-                .expected("at least one training picture")
+                .expected("at least one training image")
                 .got("none"));
         }
         Ok(subject)
     }
 }
 
-/// What tuning did.
+/// The result of the fine-tuning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tuned {
-    /// (n, n) before
+    /// Edge probabilities before, shape (n, n).
     pub before: Vec<f64>,
-    /// (n, n) after
+    /// Edge probabilities after, shape (n, n).
     pub after: Vec<f64>,
-    /// edges of the graph before and after
+    /// Edges of the graph before and after.
     pub edges: [Vec<(usize, usize)>; 2],
-    /// the loss at the first and the last step
+    /// The loss at the first and the last step.
     pub losses: [f64; 2],
 }
 
-/// A tuning in progress: the model, which it changes in place, and what it compares with.
+/// Fine-tuning in progress: the model, which is changed in place, and the data.
 #[derive(Debug)]
 pub struct Tuning<'a> {
     trained: &'a mut Trained,
     subject: &'a Subject,
     settings: Settings,
     optimiser: Optimiser,
-    /// (n, n) probabilities of the edges before the first step
+    /// Probabilities of the edges before the first step, shape (n, n).
     before: Vec<f64>,
     edges_before: Vec<(usize, usize)>,
     spread_before: [Vec<f64>; 2],
-    /// the loss at the first and the last step
+    /// The loss at the first and the last step.
     losses: [f64; 2],
 }
 
-/// Deviations of factors and noise on the subject.
+/// Standard deviations of factors and noise on the subject.
 fn deviations(trained: &Trained, subject: &Subject) -> [Vec<f64>; 2] {
     let d = trained.model.sizes.latent();
     evaluation::linked(trained, subject.mu.clone()).map(|rows| evaluation::deviations(&rows, d))
 }
 
 impl<'a> Tuning<'a> {
-    /// Before the first step.
+    /// Prepares the first step.
     ///
     /// # Errors
-    /// No pictures.
+    /// If there are no images.
     pub fn new(trained: &'a mut Trained, subject: &'a Subject, settings: Settings) -> Result<Self> {
         if subject.mu.len() < trained.model.sizes.latent() {
-            return Err(Error::input("subject").expected("at least one picture").got("none"));
+            return Err(Error::input("subject").expected("at least one image").got("none"));
         }
         let spread_before = deviations(trained, subject);
         agree(trained);
@@ -147,7 +151,7 @@ impl<'a> Tuning<'a> {
         })
     }
 
-    /// One step; gives the loss before it and Σp.
+    /// Performs one step; returns the loss before it and Σp.
     fn advance(&mut self, step: u32) -> Result<[f64; 2]> {
         let (trained, subject, settings) = (&mut *self.trained, self.subject, &self.settings);
         let sizes = trained.model.sizes;
@@ -162,7 +166,7 @@ impl<'a> Tuning<'a> {
         let eta: Vec<f64> =
             (0..subject.mu.len()).map(|at| rng.normal_f64(at as u64, step, purpose::ETA, 1)).collect();
         let spread = vec![1.0; n];
-        // KL at full weight: it is the likelihood that carries the evidence.
+        // KL has its full weight here, because it is the likelihood that provides the evidence for A.
         let weights = Weights { kl: 1.0, ..trained.settings.weights };
         let x = latent::In {
             structure: &structure,
@@ -205,13 +209,14 @@ impl<'a> Tuning<'a> {
         Ok([loss, p.iter().fold(0.0, |s, p| s + p)])
     }
 
-    /// Gives the model the graph of its probabilities, and the deviations that belong to it.
+    /// Sets the model's graph from its probabilities, and the corresponding standard deviations.
     pub fn finish(self) -> Tuned {
         let trained = self.trained;
         let sizes = trained.model.sizes;
         let after = Structure::new(sizes, &trained.model.params).probabilities(trained.settings.tau);
         trained.graph = repair::repair(sizes.factors, &after, 0.5).0;
-        // Deviations are those of the training set; what another graph makes of them is measured on the subject.
+        // The standard deviations are those of the training set; the effect of the new graph on them is
+        // measured on the subject.
         let spread_after = deviations(trained, self.subject);
         let spreads = [&mut trained.factor_spread, &mut trained.noise_spread];
         for (spread, (new, old)) in spreads.into_iter().zip(spread_after.iter().zip(&self.spread_before)) {
@@ -264,10 +269,10 @@ impl Fit for Tuning<'_> {
     }
 }
 
-/// Tunes the structure of `trained` in place.
+/// Fine-tunes the structure of `trained` in place.
 ///
 /// # Errors
-/// No pictures; a loss that is not finite.
+/// If there are no images, or a loss is not finite.
 pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Result<Tuned> {
     let mut tuning = Tuning::new(trained, subject, *settings)?;
     for i in 0..tuning.iterations() {
@@ -276,7 +281,8 @@ pub fn run(trained: &mut Trained, subject: &Subject, settings: &Settings) -> Res
     Ok(tuning.finish())
 }
 
-/// Mirrors the logits of edges that the search of the pre-training took or added, so that masks are drawn from the graph's own probabilities.
+/// Mirrors the logits of edges that the search of the pre-training removed or added, so that masks are drawn
+/// from probabilities consistent with the graph.
 fn agree(trained: &mut Trained) {
     let n = trained.model.sizes.factors;
     let logits = trained.model.params.get_mut(LOGITS).expect("a parameter of the structure");
@@ -287,7 +293,8 @@ fn agree(trained: &mut Trained) {
     }
 }
 
-/// Loss of the decoded points against the posed template, in space alone, and its gradient by the factors.
+/// Loss of the decoded points with respect to the posed template, using positions only, and its gradient with
+/// respect to the factors.
 fn reconstruct(trained: &Trained, subject: &Subject, decoded: &[f64], z_bar: &mut [f64]) -> f64 {
     let frame = super::pictures::frame(&subject.rest);
     let precision: Vec<f32> =

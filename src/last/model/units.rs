@@ -1,22 +1,26 @@
-//! A change of the units in which factors are counted.
+//! Rescaling of the factors' codes.
 //!
-//! Nothing in L_rec says how large codes are: û·c with the decoder's first weights divided by c is the same function. While encoder and decoder
-//! learn alone codes stay about as small as they were drawn, and what groups say of them is not free of units: the spread hinge asks for a
-//! variance of ¼, with a gradient proportional to the code, and s² in L_eq has a floor (`last.md` §7.3). So when groups come in and the variance of a
-//! factor, mean over its numbers, is below that of an active unit by then (0.01, Burda et al. 2016), every factor gets a unit in which it is about 1:
+//! L_rec does not determine the scale of the codes: û·c with the decoder's first weights divided by c is the
+//! same function. As long as only encoder and decoder are trained, codes stay about as small as their initial
+//! values. The group losses, however, depend on the scale: the spread hinge raises the variance to ¼, with a
+//! gradient proportional to the code, and s² in L_eq has a lower limit. Therefore, if the variance of a
+//! factor, averaged over its dimensions, is below that of an active unit (0.01, Burda et al. 2016) when the
+//! group losses start, every factor is rescaled to a variance of about 1:
 //!
 //! ```text
 //! c = 2^round(−½ log₂ s²) ≤ 16 μ ← c·μ: the rows of the encoder's last layer and their biases
 //!                              ℓ ← ℓ + 2 ln c: their biases
-//!                              decoder: the columns of the first layer that meet the factor, divided by c
-//!                              mechanisms: columns of the first layer that meet a parent, divided by its c;
+//!                              decoder: the columns of the first layer that multiply the factor, divided by c
+//!                              mechanisms: columns of the first layer that multiply a parent, divided by its c;
 //!                                          rows of the last layer of a child, times its c; Ωᵢⱼ times cⱼ/cᵢ
 //! ```
 //!
-//! The limit keeps ℓ, which begins at −2, below the 4 above which it has no gradient ([`crate::causal::posterior::LOGVAR`]).
+//! The limit keeps ℓ, whose initial value is −2, below 4, above which it has no gradient
+//! ([`crate::causal::posterior::LOGVAR`]).
 //!
-//! Adam's moments go with their parameters (m by 1/c where the parameter goes by c, v by 1/c²), so do the covariances of earlier batches. Powers of two
-//! round nothing: what a mean decodes to, and what an intervention makes of it, has the same bits before and after.
+//! Adam's moments are rescaled with their parameters (m by 1/c if the parameter is multiplied by c, v by
+//! 1/c²), as are the covariances of earlier batches. Scaling by powers of two is exact: the decoded points of
+//! a mean and the results of an intervention have the same bits before and after.
 
 use super::decoder::LATENT;
 use super::evaluation::ACTIVE;
@@ -27,20 +31,20 @@ use crate::num::elem::f64::{exp2, ln};
 use crate::num::order;
 use crate::optim::optimiser::Optimiser;
 
-/// Variances are counted as no smaller: c ≤ 16.
+/// Lower limit of the variances, so that c ≤ 16.
 const SMALLEST: f64 = 1.0 / 256.0;
 
-/// Whether some factor's code says next to nothing.
+/// Whether the code of some factor has almost no variance.
 pub fn are_needed(spread: &[f64]) -> bool {
     spread.iter().any(|s| *s < ACTIVE)
 }
 
-/// c of each factor, from the variances of their codes.
+/// The scale c of each factor, from the variances of their codes.
 pub fn of(spread: &[f64]) -> Vec<f64> {
     spread.iter().map(|s| exp2(libm::round(-0.5 * ln(order::max(*s, SMALLEST)) / ln(2.0)))).collect()
 }
 
-/// Counts every factor i in the unit 1/cᵢ.
+/// Multiplies the code of every factor i by cᵢ.
 pub fn change(model: &mut Model, optimiser: &mut Optimiser, history: &mut History, c: &[f64]) {
     let Sizes { factors: n, width: k, .. } = model.sizes;
     let d = n * k;
@@ -58,7 +62,7 @@ pub fn change(model: &mut Model, optimiser: &mut Optimiser, history: &mut Histor
         (structure::EFFECTS, &|at| c[at % n] / c[at / n]),
     ];
     for (name, by) in scales {
-        // Which mechanisms there are is a setting.
+        // The arrays of the mechanism depend on a setting.
         let Some(param) = model.params.get_mut(name) else { continue };
         for (at, value) in param.iter_mut().enumerate() {
             *value = (f64::from(*value) * by(at)) as f32;
@@ -94,7 +98,7 @@ mod tests {
     #[test]
     fn units_are_powers_of_two_that_give_variances_about_one() {
         assert_eq!(of(&[1.0, 0.25, 0.01, 64.0]), [1.0, 2.0, 8.0, 0.125]);
-        assert_eq!(of(&[0.0, 1e-5]), [16.0; 2], "no factor is larger");
+        assert_eq!(of(&[0.0, 1e-5]), [16.0; 2], "the largest factor");
         let [_, most] = crate::causal::posterior::LOGVAR;
         assert!(-2.0 + 2.0 * ln(16.0) < most, "the first logarithm of a variance keeps its gradient");
         assert!(are_needed(&[1.0, 0.009]) && !are_needed(&[1.0, 0.02]), "one is enough");
@@ -104,7 +108,7 @@ mod tests {
         }
     }
 
-    /// An optimiser of nothing.
+    /// An optimiser without parameters.
     fn none() -> Optimiser {
         Optimiser::new(Rule::default(), &Params::new()).expect("a rule in its range")
     }
@@ -133,7 +137,7 @@ mod tests {
         history.push((0..64).map(f64::from).collect());
         change(&mut model, &mut none(), &mut history, &c);
         let (scaled, widened, again) = see(&model);
-        assert_eq!(again, y, "the same points from the same pictures, to the bit");
+        assert_eq!(again, y, "the same points from the same images, bit for bit");
         let unit = |at: usize| c[at % 8 / 2];
         for at in 0..mu.len() {
             assert_eq!(scaled[at], mu[at] * unit(at), "mean {at}");
@@ -183,7 +187,7 @@ mod tests {
     fn moments_of_adam_follow_their_parameters() {
         let (settings, data, mut model, _) = small();
         let c = [4.0, 1.0, 0.5, 8.0];
-        // L_rec alone: its gradient knows no unit.
+        // Only L_rec, whose gradient does not depend on the scale.
         let slope = |model: &Model| {
             let mut settings = settings;
             settings.weights.independence = 0.0;
@@ -213,7 +217,8 @@ mod tests {
             let grad = after.get(name).expect("a gradient").as_slice().expect("contiguous");
             let mut fresh = Adam::new(rule, grad.len(), 1).expect("a rule in its range");
             fresh.step(&mut vec![0.0; grad.len()], grad, &[0.0], None).expect("finite");
-            // As if the step had been made in the new unit; ℓ is rounded, so the noise is not quite the same.
+            // The result is as if the step had been made after rescaling; ℓ is rounded, so the noise differs
+            // slightly.
             let old = optimiser.get(name).expect("a state");
             let [(m, v), (m_new, v_new)] = [old, &fresh].map(Adam::moments);
             for (old, new) in [(m, m_new), (v, v_new)] {

@@ -1,8 +1,10 @@
-//! Data without pictures: a fixed random invertible map of the factors stands for the picture, and is what the decoder gives back.
+//! Data without images: a fixed random invertible map of the factors replaces the image, and is also the
+//! target of the decoder.
 //!
-//! x = Q₂ λ(Q₁ u),  Q₁ (16, n) with orthonormal columns, Q₂ (16, 16) orthogonal, λ a leaky ReLU of slope ½ (`last.md` §16, T7).
+//! x = Q₂ λ(Q₁ u),  Q₁ (16, n) with orthonormal columns, Q₂ (16, 16) orthogonal, λ a leaky ReLU of slope ½.
 //!
-//! Structure learning is tried on it first: an item costs microseconds, and if it fails here pictures cannot help.
+//! Structure learning is tested on these data first: an item costs microseconds, and a method that fails on
+//! them will also fail on images.
 
 use super::data::{Data, Frame, Group, Item};
 use super::encoder::Input;
@@ -11,14 +13,14 @@ use crate::num::rng::Rng;
 use data_gen::figure::mechanism::Scm;
 use data_gen::figure::samples;
 
-/// Numbers of a vector.
+/// Number of entries of a vector.
 pub const SIZE: usize = 16;
-/// Slope of the map's leaky ReLU.
+/// Slope of the leaky ReLU of the map.
 const SLOPE: f64 = 0.5;
 /// σ of the loss.
 const SIGMA: f32 = 0.1;
 
-/// Vectors of known factors.
+/// Vectors with known factors.
 #[derive(Clone, Debug)]
 pub struct Vectors {
     frame: Frame,
@@ -27,11 +29,12 @@ pub struct Vectors {
     base: Vec<f32>,
     after: Vec<f32>,
     n: usize,
-    /// (N, n), (G·M, n), (G·M, n) true factors of the observed items, before and after
+    /// True factors of the observed items, of the items before and of those after interventions: (N, n),
+    /// (G·M, n), (G·M, n).
     factors: [Vec<f64>; 3],
 }
 
-/// Columns of a random matrix (SIZE, n), made orthonormal one after the other.
+/// Columns of a random matrix (SIZE, n), orthonormalised in order.
 fn orthonormal(seed: u64, n: usize, which: u32) -> Vec<[f64; SIZE]> {
     let rng = Rng::new(seed);
     let dot = |a: &[f64; SIZE], b: &[f64; SIZE]| a.iter().zip(b).fold(0.0, |s, (a, b)| s + a * b);
@@ -63,12 +66,13 @@ impl Map {
 }
 
 impl Vectors {
-    /// `observed` items and `groups` groups of a model.
+    /// Draws `observed` items and `groups` groups from a causal model.
     pub fn new(scm: &Scm, seed: u64, observed: usize, groups: usize) -> Self {
         Self::drawn(scm, [seed, seed], observed, groups)
     }
 
-    /// The same with a seed of its own for the map and another for the draws: other data of one source.
+    /// As [`Self::new`], with separate seeds for the map and for the draws, which gives other data from the
+    /// same source.
     pub fn drawn(scm: &Scm, [map, seed]: [u64; 2], observed: usize, groups: usize) -> Self {
         let n = scm.graph.n();
         let map = Map([orthonormal(map, n, 0), orthonormal(map, SIZE, 1)]);
@@ -107,7 +111,7 @@ impl Vectors {
     }
 }
 
-/// Which set an item is of, and its place there.
+/// The set that contains an item, and its index in that set.
 fn place(item: Item) -> (usize, usize) {
     match item {
         Item::Observed(i) => (0, i),

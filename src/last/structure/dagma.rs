@@ -1,14 +1,18 @@
-//! A linear structure by a log-determinant penalty and path following, after DAGMA (Bello, Aragam and Ravikumar 2022).
+//! Learns a linear structure with a log-determinant penalty and path following, after DAGMA (Bello, Aragam
+//! and Ravikumar 2022).
 //!
 //! minimise μ (Σ_j ℓ(Q_j) + λ₁ Σ |W_ij|) + h(W),   Q_j = E_j[(x_j − Σ_i W_ij x_i)²],   h = −ln det(sI − W∘W) + n ln s,   ∂h/∂W = 2 W∘(sI − W∘W)⁻ᵀ
 //!
-//! over W with zero diagonal, inside the domain where (sI − W∘W)⁻¹ has no negative entry (spectral radius of W∘W below s), where h ≥ 0 and
-//! h = 0 exactly on acyclic graphs. Five rounds: μ = 1, 0.1, …, s = 1, 0.9, 0.8, 0.7, 0.6, each from where the last one ended, by Adam (0.99, 0.999).
-//! A step that leaves the domain is taken back and the rate halved; a round whose start lies outside takes s + 0.1, and so on. E_j is the mean over
-//! the samples in which j was not set, each draw of noise counted once.
+//! over W with zero diagonal, inside the domain where (sI − W∘W)⁻¹ has no negative entry (spectral radius of
+//! W∘W below s), where h ≥ 0 and h = 0 exactly on acyclic graphs. There are five rounds: μ = 1, 0.1, …, s =
+//! 1, 0.9, 0.8, 0.7, 0.6, each starting from the result of the previous one, optimised by Adam (0.99, 0.999).
+//! A step that leaves the domain is undone and the rate halved; a round whose starting point is outside uses
+//! s + 0.1, and so on. E_j is the mean over the samples in which j was not set, each draw of noise counted
+//! once.
 //!
-//! ℓ(Q) = ½ Q is the published loss. It assumes noise of one variance and reads scales: on standardised factors its minimum is another graph. ℓ(Q) = ½ ln Q
-//! is the likelihood with a variance of its own for every node, and knows no scale. Values are taken as they are.
+//! ℓ(Q) = ½ Q is the published loss. It assumes that all noise has the same variance and depends on scales:
+//! on standardised factors its minimum is another graph. ℓ(Q) = ½ ln Q is the likelihood with a separate
+//! variance for every node, and is invariant under scaling. Values are used without standardisation.
 //!
 //! # Rounding
 //! Moments and products are left folds in index order.
@@ -23,25 +27,26 @@ use crate::{Error, Result};
 /// Constants of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// ℓ
+    /// The loss ℓ.
     pub loss: Loss,
-    /// λ₁
+    /// The sparsity weight λ₁.
     pub sparsity: f64,
-    /// s of each round
+    /// The constant s of each round.
     pub s: Vec<f64>,
-    /// μ of a round over that of the one before; the first has 1
+    /// Ratio of μ in a round to that of the previous round; the first round has μ = 1.
     pub mu_factor: f64,
-    /// Steps of every round but the last.
+    /// Number of steps of every round except the last.
     pub warm_steps: usize,
-    /// Steps of the last round.
+    /// Number of steps of the last round.
     pub last_steps: usize,
-    /// Rate of Adam.
+    /// Learning rate of Adam.
     pub rate: f64,
-    /// A round ends when the objective changes by less than this fraction over [`Settings::check_every`] steps.
+    /// A round ends when the objective changes by less than this fraction over [`Settings::check_every`]
+    /// steps.
     pub tolerance: f64,
-    /// Steps between such checks.
+    /// Number of steps between these checks.
     pub check_every: usize,
-    /// Smaller weights are no edges.
+    /// Weights of smaller magnitude are not edges.
     pub threshold: f64,
 }
 
@@ -62,23 +67,23 @@ impl Default for Settings {
     }
 }
 
-/// What a fit gives.
+/// The result of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// (n, n) W: the weight of i → j
+    /// The weights W of i → j, shape (n, n).
     pub weights: Vec<f64>,
-    /// The edges above the threshold, without cycles.
+    /// The edges above the threshold, with cycles removed.
     pub graph: Digraph,
-    /// h of the last round.
+    /// Value of h in the last round.
     pub h: f64,
-    /// Steps of all rounds.
+    /// Total number of steps.
     pub steps: usize,
 }
 
 const BETAS: [f64; 2] = [0.99, 0.999];
 const EPS: f64 = 1e-8;
 
-/// (n, n) second moments around the means for the mechanism of `j`.
+/// Second moments around the means for the mechanism of `j`, shape (n, n).
 fn moments(samples: &Samples, j: usize) -> Result<Vec<f64>> {
     let (n, weights) = (samples.n(), samples.weights(j));
     let mass = weights.iter().fold(0.0, |s, w| s + w);
@@ -104,7 +109,7 @@ fn moments(samples: &Samples, j: usize) -> Result<Vec<f64>> {
     Ok(sums)
 }
 
-/// Gradient (n, n) of the data term by the weights, and its value.
+/// Gradient (n, n) of the data term with respect to the weights, and its value.
 fn data_term(covariances: &[Vec<f64>], w: &[f64], n: usize, loss: Loss) -> (Vec<f64>, f64) {
     let (mut gradient, mut value) = (vec![0.0; n * n], 0.0);
     for (j, c) in covariances.iter().enumerate() {
@@ -121,7 +126,7 @@ fn data_term(covariances: &[Vec<f64>], w: &[f64], n: usize, loss: Loss) -> (Vec<
     (gradient, value)
 }
 
-/// (sI − W∘W)⁻¹ and h, inside the domain. The gradient of h by W is 2 (that matrix)ᵀ ∘ W.
+/// (sI − W∘W)⁻¹ and h, inside the domain. The gradient of h with respect to W is 2 (that matrix)ᵀ ∘ W.
 fn barrier(w: &[f64], n: usize, s: f64) -> Option<(Vec<f64>, f64)> {
     let m: Vec<f64> =
         (0..n * n).map(|at| if at / n == at % n { s - w[at] * w[at] } else { -(w[at] * w[at]) }).collect();
@@ -135,7 +140,7 @@ fn barrier(w: &[f64], n: usize, s: f64) -> Option<(Vec<f64>, f64)> {
 /// Fits a linear structure to scalar factors.
 ///
 /// # Errors
-/// When factors have more than one dimension, samples are too few or not finite.
+/// If factors have more than one dimension, or samples are too few or not finite.
 pub fn fit(samples: &Samples, settings: &Settings) -> Result<Fit> {
     let n = samples.n();
     if samples.k() != 1 {
@@ -143,7 +148,7 @@ pub fn fit(samples: &Samples, settings: &Settings) -> Result<Fit> {
             .expected("factors of one dimension")
             .got(samples.k().to_string()));
     }
-    samples.standardised()?; // refuses what is not finite or does not vary
+    samples.standardised()?; // rejects values that are not finite or do not vary
     let covariances = (0..n).map(|j| moments(samples, j)).collect::<Result<Vec<_>>>()?;
     let mut w = vec![0.0; n * n];
     let (mut mu, mut steps, mut h) = (1.0, 0, 0.0);

@@ -1,5 +1,5 @@
-//! A nonlinear structure by masks, after MCSL (Ng, Zhu, Fang, Li, Chen and Wang 2022): one small network per node, its inputs multiplied by a column
-//! of a random mask.
+//! Learns a nonlinear structure with masks, after MCSL (Ng, Zhu, Fang, Li, Chen and Wang 2022): one small
+//! network per node, whose inputs are multiplied by a column of a random mask.
 //!
 //! Ã_ij = σ((U_ij + l_ij)/τ),  l = ln u − ln(1 − u),   p_ij = σ(U_ij/τ),   i ≠ j
 //!
@@ -7,16 +7,21 @@
 //!
 //! h = tr((I + p∘p)ⁿ) − n,   ℓ: [`Loss`]
 //!
-//! f_j: n → 16 → 16 → 16 → 16 → 1, leaky ReLU of slope 0.05. Adam for networks and U. After every outer round λ += ρh and ρ grows tenfold
-//! unless h fell to a quarter; it ends when h ≤ the tolerance, after two rounds at the earliest, or ρ at its end. Edges are those with p > ½, without cycles.
+//! f_j: n → 16 → 16 → 16 → 16 → 1, leaky ReLU of slope 0.05. Networks and U are optimised by Adam. After
+//! every outer round λ += ρh, and ρ grows tenfold unless h fell to a quarter; the fit ends when h ≤ the
+//! tolerance, after two rounds at the earliest, or when ρ reaches its limit. Edges are those with p > ½, with
+//! cycles removed.
 //!
-//! Two habits of the published code are not kept: u is fresh in every step (there the noise never changes), and the sparsity term is the sum of
-//! the entries (there the largest column sum). Nor are its constants (rates 3e-2, ρ from 1e-5 to 1e14, 1000 steps a round, U free from the
-//! start): with them both directions of an edge saturate before the penalty speaks, and chance decides between them. Here U moves slowly, and
-//! not before the networks know what any mask leaves. A step sees `batch` samples drawn with replacement. Values are standardised first.
+//! There are two deviations from the published code: u is drawn again in every step (there the noise never
+//! changes), and the sparsity term is the sum of the entries (there the largest column sum). Its constants
+//! (rates 3e-2, ρ from 1e-5 to 1e14, 1000 steps a round, U trained from the start) are not used either: with
+//! them, both directions of an edge saturate before the penalty has an effect, and which one remains is
+//! arbitrary. Here U is trained slowly, and only after the networks can predict under any mask. A step uses
+//! `batch` samples drawn with replacement. Values are standardised first.
 //!
 //! # Rounding
-//! Products with weights are left folds over inputs; gradients are left folds over the samples of a batch, one node per task.
+//! Products with weights are left folds over inputs; gradients are left folds over the samples of a batch,
+//! one node per task.
 
 use super::Loss;
 use super::samples::Samples;
@@ -27,7 +32,7 @@ use crate::num::rng::Rng;
 use crate::num::{order, par};
 use crate::{Error, Result};
 
-/// Draws.
+/// Purpose numbers of random draws.
 mod purpose {
     /// Weights of networks; item: node · 2³² + weight.
     pub(super) const NET: u16 = 0x0840;
@@ -42,25 +47,25 @@ mod purpose {
 /// Constants of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// ℓ
+    /// The loss ℓ.
     pub loss: Loss,
-    /// τ
+    /// The temperature τ.
     pub temperature: f64,
-    /// w_s
+    /// The sparsity weight w_s.
     pub sparsity: f64,
-    /// Rates of Adam for networks and for U.
+    /// Learning rates of Adam for networks and for U.
     pub rates: [f64; 2],
-    /// Steps before U moves: networks learn first what any mask leaves.
+    /// Number of steps before U is trained, in which the networks learn to predict under any mask.
     pub frozen: usize,
-    /// Samples per step.
+    /// Number of samples per step.
     pub batch: usize,
-    /// Most outer rounds.
+    /// Maximum number of outer rounds.
     pub rounds: usize,
-    /// Steps per round.
+    /// Number of steps per round.
     pub steps: usize,
-    /// ρ at the start, and where it ends.
+    /// Initial value and limit of ρ.
     pub rho: [f64; 2],
-    /// h that counts as none.
+    /// Values of h up to this one count as 0.
     pub tolerance: f64,
 }
 
@@ -81,31 +86,32 @@ impl Default for Settings {
     }
 }
 
-/// What a fit gives.
+/// The result of a fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
-    /// (n, n) p, the diagonal 0
+    /// The probabilities p, with zero diagonal, shape (n, n).
     pub probabilities: Vec<f64>,
-    /// The edges with p > ½, without cycles.
+    /// The edges with p > ½, with cycles removed.
     pub graph: Digraph,
-    /// h(p) at the end.
+    /// Final value of h(p).
     pub h: f64,
-    /// Outer rounds taken.
+    /// Number of outer rounds.
     pub rounds: usize,
 }
 
-/// Units of a hidden layer.
+/// Width of a hidden layer.
 const H: usize = 16;
-/// Hidden layers.
+/// Number of hidden layers.
 const LAYERS: usize = 4;
-/// Slope below 0.
+/// Slope of the leaky ReLU below 0.
 const SLOPE: f64 = 0.05;
 const BETAS: [f64; 2] = [0.9, 0.999];
 const EPS: f64 = 1e-8;
-/// Added to Q, in units of a standardised variance.
+/// Constant added to Q, in units of a standardised variance.
 const FLOOR: f64 = 1e-4;
 
-/// Largest |U|: p stays where its slope is not lost, and a cycle of one sure edge and one surely absent is far below any tolerance.
+/// Largest |U|: the slope of p does not vanish, and the h of a cycle of one certain edge and one certainly
+/// absent edge is far below any tolerance.
 const LIMIT: f64 = 3.0;
 
 /// Adam over a flat buffer.
@@ -169,7 +175,7 @@ impl Net {
         Self { n, weights, adam: Adam::new(len) }
     }
 
-    /// Value for inputs x; fills the values before each activation.
+    /// Output for inputs x; stores the values before each activation.
     fn value(&self, x: &[f64], before: &mut [Row; LAYERS]) -> f64 {
         let mut input = [0.0; H];
         for l in 0..LAYERS {
@@ -188,7 +194,7 @@ impl Net {
         row(&self.weights, last).iter().zip(&input).fold(self.weights[last + H], |s, (w, v)| s + w * v)
     }
 
-    /// Adds the gradients of weights and inputs for the cotangent `bar` of the value.
+    /// Adds the gradients of weights and inputs for the cotangent `bar` of the output.
     fn pull_back(&self, x: &[f64], before: &[Row; LAYERS], bar: f64, to: &mut [f64], x_bar: &mut [f64]) {
         let active = |l: usize| before[l].map(|s| if s > 0.0 { s } else { SLOPE * s });
         let last = self.weights.len() - H - 1;
@@ -227,7 +233,7 @@ impl Net {
     }
 }
 
-/// A step of one network over a batch; gives the gradient of the mask's column (n).
+/// One step of a network over a batch; returns the gradient of the mask's column (n).
 fn train_node(
     net: &mut Net,
     samples: &Samples,
@@ -266,7 +272,7 @@ fn train_node(
 /// Fits masks and networks to scalar factors.
 ///
 /// # Errors
-/// When factors have more than one dimension, samples are too few, not finite or do not vary.
+/// If factors have more than one dimension, or samples are too few, not finite or do not vary.
 pub fn fit(samples: &Samples, settings: &Settings, seed: u64) -> Result<Fit> {
     let n = samples.n();
     if samples.k() != 1 || settings.batch == 0 {

@@ -1,17 +1,20 @@
-//! Structure of known factors: exact search, local search, and two continuous relaxations as independent checks.
+//! Structure learners on known factors: exact search, local search, and two continuous relaxations as
+//! independent checks.
 //!
 //! ```text
-//! samples under regimes ─ score: a table of every node under every set of parents ─┬─ oracle   the best acyclic graph of all
-//!                                                                                 └─ search   add, remove, turn to a fixed point
+//! samples under regimes ─ score: a table of every node under every set of parents ─┬─ oracle   the acyclic
+//! graph with the best score
+//!                                                                                 └─ search   local search over edges
 //! samples ─┬─ dagma   linear, log-determinant, path following
-//!          └─ mcsl    masks of Gumbel-sigmoid, one small network per node, augmented Lagrangian
+//!          └─ mcsl    Gumbel-sigmoid masks, one small network per node, augmented Lagrangian
 //! ```
 //!
-//! All in f64 and without state: the same samples and seed give the same bits for any number of threads.
+//! All computations use f64 and have no state: the same samples and seed give the same bits for any number of
+//! threads.
 //!
 //! # Edges
-//! i → j means: i is an argument of j's mechanism. Where scores are equal, enumeration and search take the first in
-//! lexicographic order of (i, j).
+//! i → j means that i is an argument of the mechanism of j. If scores are equal, enumeration and search take
+//! the first in lexicographic order of (i, j).
 
 pub mod dagma;
 pub mod mcsl;
@@ -22,12 +25,13 @@ pub mod search;
 
 use crate::num::elem::f64::ln;
 
-/// What the mean squared residual Q of a node costs a relaxation.
+/// The cost of the mean squared residual Q of a node in a relaxation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Loss {
-    /// ½ Q: noise of one variance everywhere; the minimum depends on scales, and on standardised factors it is another graph than the true one
+    /// ½ Q: assumes the same noise variance everywhere; the minimum depends on scales, and on standardised
+    /// factors it is not the true graph.
     Squares,
-    /// ½ ln Q: the likelihood with a variance of its own for every node; knows no scale
+    /// ½ ln Q: the likelihood with a separate variance for every node; invariant under scaling.
     Likelihood,
 }
 

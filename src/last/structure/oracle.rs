@@ -1,8 +1,9 @@
-//! The best graph of all: enumeration, and by sinks.
+//! Exact search for the graph with the best score, by enumeration and by dynamic programming over sinks.
 //!
-//! [`enumerate`] scores every acyclic graph on up to five nodes (29 281 at five). [`by_sinks`] finds the same optimum for up to eight by dynamic
-//! programming over sets (Silander and Myllymäki 2006): the best graph on a set of nodes has a sink j, under the best parents of j within
-//! the rest, on top of the best graph on the rest.
+//! [`enumerate`] scores every acyclic graph on up to five nodes (29 281 at five). [`by_sinks`] finds the same
+//! optimum for up to eight nodes by dynamic programming over sets (Silander and Myllymäki 2006): the best
+//! graph on a set of nodes has a sink j, whose parents are the best ones among the other nodes, and contains
+//! the best graph on the other nodes.
 
 use super::score::{MOST, Table};
 use crate::math::digraph::{Digraph, Nodes, each_acyclic, nodes};
@@ -13,21 +14,21 @@ use crate::{Error, Result};
 pub struct Best {
     /// The graph.
     pub graph: Digraph,
-    /// S of it.
+    /// The score S of the graph.
     pub score: f64,
 }
 
-/// The acyclic graph with the largest score among all, the first of equals in the order of [`each_acyclic`].
+/// The acyclic graph with the largest score, the first of equals in the order of [`each_acyclic`].
 ///
 /// # Errors
-/// When there are more than five nodes.
+/// If there are more than five nodes.
 pub fn enumerate(table: &Table) -> Result<Best> {
     let n = table.n();
     if n > 5 {
         return Err(Error::input("enumeration of graphs")
             .expected("at most 5 factors")
             .got(n.to_string())
-            .hint("by_sinks takes up to 8"));
+            .hint("by_sinks supports up to 8"));
     }
     let empty = Digraph::empty(n);
     let mut best = Best { score: table.score(&empty), graph: empty };
@@ -40,12 +41,12 @@ pub fn enumerate(table: &Table) -> Result<Best> {
     Ok(best)
 }
 
-/// The acyclic graph with the largest score, for as many nodes as a table has.
+/// The acyclic graph with the largest score, for any number of nodes that a table supports.
 pub fn by_sinks(table: &Table) -> Best {
     let n = table.n();
-    assert!(n <= MOST, "a table has at most {MOST} nodes");
+    assert!(n <= MOST, "a table must have at most {MOST} nodes");
     let sets = 1usize << n;
-    // best parents of j within every set
+    // Best parents of j within every set.
     let best_parents: Vec<Vec<Nodes>> = (0..n)
         .map(|j| {
             let mut best: Vec<Nodes> = vec![0; sets];

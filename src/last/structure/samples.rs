@@ -1,28 +1,28 @@
-//! Samples of factors, some of them set from outside.
+//! Samples of factors, some of which were set by an intervention.
 
 use crate::math::principal;
 use crate::{Error, Result};
 
-/// Values of n factors of k dimensions, and what was done to each sample.
+/// Values of n factors of k dimensions, and the intervention on each sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Samples {
-    /// (N, n, k)
+    /// Values, shape (N, n, k).
     values: Vec<f64>,
-    /// (N) the factor that was set
+    /// The factor that was set, shape (N).
     targets: Vec<Option<usize>>,
-    /// (N) which draw of noise: a sample and its counterfactual share one
+    /// The draw of noise of each sample, shape (N); a sample and its counterfactual share one.
     draws: Vec<usize>,
     n: usize,
     k: usize,
 }
 
 impl Samples {
-    /// No samples yet.
+    /// No samples.
     pub fn new(n: usize, k: usize) -> Self {
         Self { values: Vec::new(), targets: Vec::new(), draws: Vec::new(), n, k }
     }
 
-    /// Adds a sample (n, k) that nobody touched.
+    /// Adds a sample (n, k) without an intervention.
     pub fn observe(&mut self, values: &[f64]) {
         let draw = self.draws.last().map_or(0, |d| d + 1);
         self.push(values, None, draw);
@@ -48,7 +48,7 @@ impl Samples {
         self.n
     }
 
-    /// Dimensions of a factor.
+    /// Number of dimensions per factor.
     pub fn k(&self) -> usize {
         self.k
     }
@@ -68,8 +68,9 @@ impl Samples {
         self.targets[s]
     }
 
-    /// (N) how much each sample says about the mechanism of `j`: nothing where j was set, else one over the number of samples that show the same
-    /// draw of its noise. So their sum is the number of draws, and a pair counts as what it is.
+    /// Weight of each sample for the mechanism of `j`, shape (N): 0 where j was set, otherwise the reciprocal
+    /// of the number of samples with the same draw of its noise. The sum of the weights is therefore the
+    /// number of draws, and a pair does not count twice.
     pub fn weights(&self, j: usize) -> Vec<f64> {
         let shows = |s: usize| self.targets[s] != Some(j);
         let mut weights = vec![0.0; self.count()];
@@ -86,10 +87,11 @@ impl Samples {
         weights
     }
 
-    /// One number per factor: its block along the axis on which it varies most over all samples.
+    /// One number per factor: the projection of its block on the axis of largest variance over all samples.
     ///
-    /// A learned block carries its factor along one axis; what is left across it, thousandths of the variance, are traces of other factors and the noise
-    /// of the encoder. A regression on k standardised dimensions takes their differences for a signal, and finds parents that are none.
+    /// A learned block represents its factor along one axis; the variation across it, thousandths of the
+    /// variance, consists of traces of other factors and of the noise of the encoder. A regression on k
+    /// standardised dimensions interprets their differences as signal, and finds spurious parents.
     pub fn along_axes(&self) -> Self {
         let (n, k) = (self.n, self.k);
         let block = |s: usize, i: usize| &self.row(s)[i * k..(i + 1) * k];
@@ -102,10 +104,10 @@ impl Samples {
         Self { values: values.collect(), targets: self.targets.clone(), draws: self.draws.clone(), n, k: 1 }
     }
 
-    /// Every dimension with mean 0 and variance 1 over all samples.
+    /// Every dimension scaled to mean 0 and variance 1 over all samples.
     ///
     /// # Errors
-    /// When there are fewer than two samples, a number is not finite, or a dimension does not vary.
+    /// If there are fewer than two samples, a number is not finite, or a dimension does not vary.
     pub fn standardised(&self) -> Result<Self> {
         let (dims, count) = (self.n * self.k, self.count());
         let what = || Error::input("samples of factors");

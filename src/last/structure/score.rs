@@ -8,12 +8,13 @@
 //! | W_j | Σ of the weights of the samples: the number of draws of j's noise ([`Samples::weights`]) |
 //! | f | 1: x; 2: x, x²; 10: x, x², x³ and (x − κ)³ beyond each of the knots κ = −1.5, −1, …, 1.5; of standardised values |
 //!
-//! Leaving node j out where it was set is the interventional likelihood: with an intervention on every node it tells the graph itself apart, not its
-//! equivalence class alone. Features must hold the mechanism: what they leave of it looks like a cause of its own to nodes further up. Splines
-//! hold any smooth one.
+//! Omitting node j where it was set gives the interventional likelihood: with an intervention on every node
+//! it identifies the graph, not only its equivalence class. The features must be able to represent the
+//! mechanism, because the unexplained part of a mechanism appears as an additional effect of indirect causes.
+//! Splines represent any smooth mechanism.
 //!
 //! # Rounding
-//! Moments are left folds over the samples; triangles of [`dense`]; S is a left fold over the nodes.
+//! Moments are left folds over the samples; triangles follow [`dense`]; S is a left fold over the nodes.
 
 use super::samples::Samples;
 use crate::math::dense;
@@ -21,29 +22,29 @@ use crate::math::digraph::{Digraph, Nodes, nodes};
 use crate::num::{order, par};
 use crate::{Error, Result};
 
-/// Most nodes of a table.
+/// Maximum number of nodes of a table.
 pub const MOST: usize = 8;
 
-/// Added to the diagonals of correlations and of residual covariances, in units of a standardised variance: a node that its parents determine
-/// stays finite.
+/// Constant added to the diagonals of correlations and of residual covariances, in units of a standardised
+/// variance, so that the score of a node that its parents determine is finite.
 const FLOOR: f64 = 1e-9;
 
 /// Knots of the splines.
 const KNOTS: [f64; 7] = [-1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5];
 
-/// What a mechanism may be made of.
+/// Basis functions of a mechanism.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Features {
-    /// x
+    /// x.
     Linear,
-    /// x, x²
+    /// x, x².
     Quadratic,
-    /// A cubic spline with knots at −1.5, −1, …, 1.5
+    /// A cubic spline with knots at −1.5, −1, …, 1.5.
     Spline,
 }
 
 impl Features {
-    /// Features per dimension.
+    /// Number of features per dimension.
     pub fn count(self) -> usize {
         match self {
             Self::Linear => 1,
@@ -57,7 +58,7 @@ impl Features {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
     n: usize,
-    /// (n, 2ⁿ); −∞ where a node is its own parent
+    /// Values, shape (n, 2ⁿ); −∞ for sets that contain the node itself.
     local: Vec<f64>,
 }
 
@@ -97,7 +98,8 @@ impl Table {
     /// Scores all sets of parents of all nodes; samples are standardised first.
     ///
     /// # Errors
-    /// When there are more than [`MOST`] nodes, or too few samples of a node that is not set, or they are not finite or do not vary.
+    /// If there are more than [`MOST`] nodes, or a node has too few samples in which it is not set, or values
+    /// are not finite or do not vary.
     pub fn new(samples: &Samples, how: Features) -> Result<Self> {
         let (n, k) = (samples.n(), samples.k());
         if n == 0 || n > MOST {
@@ -148,7 +150,7 @@ fn local(moments: &[f64], j: usize, set: Nodes, [n, k, f]: [usize; 3], mass: f64
     let at = |a: usize, b: usize| moments[a * size + b] / mass;
     let regressors: Vec<usize> =
         [0].into_iter().chain(nodes(set).flat_map(|i| (0..k * f).map(move |c| 1 + i * k * f + c))).collect();
-    // the first feature of a dimension is its value
+    // The first feature of a dimension is its value.
     let own: Vec<usize> = (0..k).map(|d| 1 + (j * k + d) * f).collect();
     let p = regressors.len();
     let normal: Vec<f64> = (0..p * p)

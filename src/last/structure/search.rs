@@ -1,17 +1,18 @@
-//! Local search over acyclic graphs: the last step after a relaxation.
+//! Local search over acyclic graphs, used as the last step after a relaxation.
 //!
-//! Every single edge that can be added, removed or turned so that the graph stays acyclic is tried; the one with the largest gain of the score
-//! is taken; again, until none gains. Changes are tried in the order of (i, j): for a pair with an edge remove, then turn, else add; the first
-//! of equals is taken.
+//! Every edge that can be added, removed or reversed without creating a cycle is tried, and the change with
+//! the largest gain of the score is applied; this repeats until no change gains. Changes are tried in the
+//! order of (i, j): for a pair with an edge remove, then reverse, otherwise add; the first of equals is
+//! taken.
 
 use super::oracle::Best;
 use super::score::Table;
 use crate::math::digraph::Digraph;
 
-/// Climbs from `start`; gives the fixed point and the number of changes.
+/// Climbs from `start`; returns the fixed point and the number of changes.
 ///
 /// # Panics
-/// When `start` has a cycle or other nodes than the table.
+/// If `start` has a cycle or another number of nodes than the table.
 pub fn climb(table: &Table, start: &Digraph) -> (Best, usize) {
     assert!(start.n() == table.n() && start.is_acyclic(), "an acyclic graph over the nodes of the table");
     let n = table.n();

@@ -1,7 +1,9 @@
-//! The fit: one training picture per iteration, the host's update or the progressive one, density control.
+//! The fit: each iteration renders one training image, updates the parameters (all at once or level by level)
+//! and runs density control.
 //!
-//! Iteration i (from 1) sees the shot at position (i−1) mod n of the permutation of epoch ⌊(i−1)/n⌋, drawn with Philox. What an iteration needs is a
-//! function of the state and i alone; the state is what a checkpoint holds.
+//! Iteration i (from 1) uses the shot at position (i−1) mod n of the permutation of epoch ⌊(i−1)/n⌋, drawn
+//! with Philox. Everything that an iteration uses is a function of the state and i alone; a checkpoint
+//! contains the state.
 
 mod pass;
 mod request;
@@ -31,33 +33,35 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Purpose number of the order of the pictures.
+/// Purpose number of the draws that determine the order of the images.
 const PURPOSE_ORDER: u16 = 0x0904;
-/// Purpose number of the colours behind the person.
+/// Purpose number of the draws of background colours.
 const PURPOSE_BACKGROUND: u16 = 0x0907;
-/// Pictures are kept while they fit into this many bytes; others are read when they are seen.
+/// Images are cached as long as they fit into this many bytes; other images are read when they are used.
 const CACHE_BYTES: usize = 1 << 30;
-/// Local steps of λ mode `stop`.
+/// Number of local steps of λ mode `stop`.
 const LOCAL_STEPS: usize = 5;
 
-/// What a fit has done so far, for reports and equal budgets.
+/// Counts of the work done by a fit, for reports and for comparisons with equal budgets.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Tally {
-    /// pictures rendered
+    /// Number of rendered images.
     pub renders: u64,
-    /// encoder passes with their adjoints (L_lat), and pairs looked at for keys
+    /// Number of encoder passes with their adjoints (for L_lat) and of image pairs evaluated for key
+    /// Gaussians.
     pub encodings: u64,
-    /// steps of an attribute of a factor (λ mode `rel`) or of a factor (`abs`) after level 0
+    /// Number of steps after level 0, counted per factor and attribute in λ mode `rel` and per factor in mode
+    /// `abs`.
     pub capped: u64,
-    /// those that λ bound
+    /// Number of those steps that λ limited.
     pub bound: u64,
-    /// sum over L_lat's gradients of the share of the picture with |g| < 1e-8
+    /// Sum over the gradients of L_lat of the fraction of the image with |g| < 1e-8.
     pub blind: f64,
-    /// number of those gradients
+    /// Number of those gradients.
     pub gradients: u64,
 }
 
-/// A fit in work.
+/// A fit in progress.
 pub struct PersonFit<'a> {
     settings: Settings,
     capture: &'a PersonCapture,
@@ -69,13 +73,14 @@ pub struct PersonFit<'a> {
     groups: Groups,
     stats: Stats,
     latent: Latent,
-    /// (G) nearest Gaussians when their number last changed
+    /// The nearest Gaussians of each Gaussian, found when the number of Gaussians last changed, shape (G).
     near: Near,
-    /// (G) factors that a Gaussian is key to, as bits; empty before keys were found
+    /// Bit mask of the factors to which each Gaussian is key, shape (G); empty before key Gaussians were
+    /// determined.
     members: Vec<u32>,
     events: Vec<Event>,
     tally: Tally,
-    // Kept for speed; a function of the rest.
+    // Caches; each is a function of the other fields.
     targets: Vec<Option<Arc<Target>>>,
     cached: usize,
     order: (usize, Vec<usize>),
@@ -83,15 +88,16 @@ pub struct PersonFit<'a> {
 }
 
 impl<'a> PersonFit<'a> {
-    /// A fit before its first iteration.
+    /// Creates a fit before its first iteration.
     ///
     /// # Errors
-    /// When settings are out of range, ask for a guide that is not there, or the capture has nothing to learn from.
+    /// If settings are out of range or require a guide that is not given, or if the capture has no training
+    /// images.
     pub fn new(settings: Settings, capture: &'a PersonCapture, guide: Option<&'a dyn Guide>) -> Result<Self> {
         settings.validate()?;
         if capture.train.is_empty() {
             return Err(Error::input(capture.folder.display().to_string())
-                .expected("pictures to learn from")
+                .expected("at least one training image")
                 .got("none"));
         }
         if settings.needs_guide() && guide.is_none() {
@@ -99,7 +105,7 @@ impl<'a> PersonFit<'a> {
                 .expected("a trained image-to-point model")
                 .got("none")
                 .hint(
-                    "--model MODEL.safetensors, or --no-density-adapter --no-progressive for the host alone",
+                    "--model MODEL.safetensors, or --no-density-adapter --no-progressive to fit without a model",
                 ));
         }
         let plan = match &settings.progressive {
@@ -108,13 +114,13 @@ impl<'a> PersonFit<'a> {
                 let graph = match (&p.graph, guide) {
                     (Some(graph), _) => graph.clone(),
                     (None, Some(guide)) => guide.graph(),
-                    (None, None) => unreachable!("a guide was asked for above"),
+                    (None, None) => unreachable!("the guide is checked above"),
                 };
                 if let Some(guide) = guide
                     && guide.factors() != graph.n()
                 {
                     return Err(Error::input("causal graph")
-                        .expected(format!("{} factors, as the model has", guide.factors()))
+                        .expected(format!("{} factors, the number of factors of the model", guide.factors()))
                         .got(graph.n().to_string()));
                 }
                 Some(Plan::new(&graph, p.order, settings.seed)?)
@@ -129,7 +135,7 @@ impl<'a> PersonFit<'a> {
         let n = avatar.gaussians.len();
         if n > settings.max_gaussians {
             return Err(Error::input("--max-gaussians")
-                .expected(format!("at least {n}, one for each point of the template"))
+                .expected(format!("at least {n}, the number of template points"))
                 .got(settings.max_gaussians.to_string()));
         }
         Ok(Self {
@@ -153,32 +159,33 @@ impl<'a> PersonFit<'a> {
         })
     }
 
-    /// The person as it is now.
+    /// The avatar in its current state.
     pub fn avatar(&self) -> &Avatar {
         &self.avatar
     }
 
-    /// What density control has done so far.
+    /// The density-control events so far.
     pub fn events(&self) -> &[Event] {
         &self.events
     }
 
-    /// Renders, encodings, bound steps so far.
+    /// The work done so far.
     pub fn tally(&self) -> Tally {
         self.tally
     }
 
-    /// (G) factors that each Gaussian is key to, as bits; empty before keys were found.
+    /// Bit mask of the factors to which each Gaussian is key, shape (G); empty before key Gaussians were
+    /// determined.
     pub fn members(&self) -> &[u32] {
         &self.members
     }
 
-    /// Levels of the factors; none without the progressive update.
+    /// Levels of the factors; `None` without the progressive update.
     pub fn plan(&self) -> Option<&Plan> {
         self.plan.as_ref()
     }
 
-    /// The shot of an iteration (counted from 0), as index into the capture's.
+    /// The shot of an iteration (counted from 0), as an index into the shots of the capture.
     fn shot_of(&mut self, i: usize) -> usize {
         let n = self.capture.train.len();
         let epoch = i / n;
@@ -384,7 +391,8 @@ impl Fit for PersonFit<'_> {
     }
 }
 
-/// (T) d of the given length, toward the first training camera.
+/// The initial direction d of the light, shape (T): the direction to the first training camera, with the
+/// given length.
 fn first_light(capture: &PersonCapture, length: f32) -> Result<Vec<[f32; 3]>> {
     let eye = capture.shots[capture.train[0]].camera.center();
     let toward = |time: usize| {
@@ -396,7 +404,7 @@ fn first_light(capture: &PersonCapture, length: f32) -> Result<Vec<[f32; 3]>> {
     (0..capture.moments()).map(toward).collect()
 }
 
-/// Digest of the training pictures, their names, masks, cameras and poses, and of the template.
+/// Digest of the training images, their names, masks, cameras and poses, and of the template.
 fn input_digest(capture: &PersonCapture) -> Result<u64> {
     let mut d = Digest::new();
     let t = &capture.template;

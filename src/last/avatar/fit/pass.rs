@@ -1,4 +1,4 @@
-//! One render of a moment and everything that comes back from it.
+//! One render of a moment and its adjoint.
 
 use super::super::guide::{Guide, Window, nowhere};
 use super::super::light::Moment;
@@ -13,16 +13,17 @@ use crate::shade::{gain, over_black};
 use crate::splat::render::{self, OutBar};
 
 impl<'a> PersonFit<'a> {
-    /// The guide and its window on a picture.
+    /// The guide and its window on an image.
     pub(super) fn window(&self, target: &Target) -> Result<Option<(&'a dyn Guide, Window)>> {
         let Some(guide) = self.guide else { return Ok(None) };
         let size = [target.camera.height, target.camera.width];
         let square = guide.framing().square(size, target.person);
-        let square = square.ok_or_else(|| nowhere(&format!("a picture of moment {}", target.time)))?;
+        let square = square.ok_or_else(|| nowhere(&format!("an image of moment {}", target.time)))?;
         Ok(Some((guide, square.window(guide.side(), size))))
     }
 
-    /// Renders the Gaussians at a moment, compares, and goes all the way back.
+    /// Renders the Gaussians at a moment, computes the loss and propagates its gradients back to the
+    /// parameters.
     pub(super) fn pass(
         &mut self,
         target: &Target,

@@ -1,32 +1,32 @@
-//! One render: what is asked for and what comes back.
+//! One render: the request and the result.
 
 use super::super::light::Moment;
 use super::super::person::Grad;
 
-/// |∂L_lat/∂X| below it: the encoder does not look there.
+/// Pixels with |∂L_lat/∂X| below this value count as having no effect on the encoder.
 pub(super) const BLIND: f32 = 1e-8;
 
-/// One render and what came back from it.
+/// The result of a render and its adjoint.
 pub(super) struct RenderResult {
     pub(super) loss: f32,
     pub(super) grad: Grad,
-    /// by the light of the moment
+    /// Gradient with respect to the light of the moment.
     pub(super) light: Option<Moment>,
     pub(super) means_px: Vec<[f32; 2]>,
     pub(super) radii: Vec<[i32; 2]>,
-    /// (G, 3) ∂L_lat/∂μ_world, where asked for
+    /// ∂L_lat/∂μ_world, shape (G, 3), if requested.
     pub(super) latent: Option<Vec<[f32; 3]>>,
 }
 
-/// How to render, and what to make of it.
+/// The settings of a render and the gradients to be computed.
 #[derive(Clone, Copy)]
 pub(super) struct Request {
-    /// SH bands in use
+    /// SH degree in use.
     pub(super) degree: usize,
-    /// behind the person
+    /// Background colour.
     pub(super) background: [f32; 3],
-    /// gradients of L_lat by the posed centres
+    /// Whether to compute gradients of L_lat with respect to the posed centres.
     pub(super) latent: bool,
-    /// gradients of the networks
+    /// Whether to compute gradients of the networks.
     pub(super) networks: bool,
 }

@@ -1,4 +1,4 @@
-//! The update of one iteration: all at once, or level by level; and the search for key Gaussians.
+//! The update of one iteration, all at once or level by level, and the selection of key Gaussians.
 
 use super::super::person::Rig;
 use super::super::progressive::{self, Cap, Keys};
@@ -11,7 +11,7 @@ use crate::shade::over_black;
 use crate::{Error, Result};
 
 impl PersonFit<'_> {
-    /// The update of one iteration, after the render of level 0.
+    /// Performs the update of one iteration, after the render of level 0.
     pub(super) fn update(
         &mut self,
         target: &Target,
@@ -24,7 +24,7 @@ impl PersonFit<'_> {
         let (Some(plan), false) = (self.plan.clone(), self.members.is_empty()) else {
             return self.groups.step(&mut self.avatar.gaussians, &first.grad.gaussians, rates, None);
         };
-        let p = self.settings.progressive.clone().expect("there is a plan");
+        let p = self.settings.progressive.clone().expect("the caller checked that there is a plan");
         let mut r = vec![[0.0; progressive::ATTRIBUTES]; plan.parents.len()];
         for (level, factors) in plan.levels.iter().enumerate() {
             let active = progressive::block(&self.members, factors, level);
@@ -57,7 +57,8 @@ impl PersonFit<'_> {
                     self.tally.capped += factors.len() as u64;
                 }
                 Cap::Stop => {
-                    // A factor whose gradient is below λ stops; its turn is over even if the others move it up again.
+                    // A factor whose gradient is below λ stops, and does not move again in this iteration
+                    // even if other factors increase its gradient.
                     let mut moving = factors.clone();
                     let mut last = passed;
                     for step in 0..LOCAL_STEPS {
@@ -82,7 +83,7 @@ impl PersonFit<'_> {
         Ok(())
     }
 
-    /// Finds the key Gaussians anew where the schedule asks for it.
+    /// Selects the key Gaussians again if the schedule requires it.
     pub(super) fn find_keys(&mut self, iteration: usize) -> Result<()> {
         let (Some(p), Some(plan)) = (&self.settings.progressive, &self.plan) else { return Ok(()) };
         let (every, first) = (self.settings.scaled(p.every), self.settings.scaled(p.first));
@@ -99,7 +100,8 @@ impl PersonFit<'_> {
         Ok(())
     }
 
-    /// (n, G) mean over evenly spaced training pictures of how far exchanging a factor moves each Gaussian's decoded point.
+    /// Displacement of the decoded point of each Gaussian when a factor is exchanged, averaged over evenly
+    /// spaced training images, shape (n, G).
     fn scores(&mut self, n: usize, views: usize) -> Result<Vec<Vec<f64>>> {
         let train = self.capture.train.len();
         let views = Ord::min(views, train);
@@ -119,7 +121,7 @@ impl PersonFit<'_> {
             if scores.len() != n || scores.iter().any(|s| s.len() != places.len()) {
                 return Err(Error::input("model")
                     .expected(format!("{n} scores for each Gaussian"))
-                    .got("other counts"));
+                    .got("a different number"));
             }
             for (sum, score) in sums.iter_mut().zip(&scores) {
                 for (a, b) in sum.iter_mut().zip(score) {

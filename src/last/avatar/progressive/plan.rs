@@ -1,4 +1,4 @@
-//! Which factors come when, and which Gaussians are key to them.
+//! The order in which factors are updated, and the key Gaussians of each factor.
 
 use super::super::ranking;
 use super::settings::Order;
@@ -6,26 +6,26 @@ use crate::math::digraph::{Digraph, Nodes, nodes};
 use crate::num::rng::Rng;
 use crate::{Error, Result};
 
-/// Purposes of the draws.
+/// Purpose numbers of the draws.
 const PURPOSE_ORDER: u16 = 0x0905;
 const PURPOSE_KEYS: u16 = 0x0906;
-/// A Gaussian that moves less is key to nothing.
+/// A Gaussian with a smaller score is key to no factor.
 const LEAST_SCORE: f64 = 1e-6;
 
 /// Factors by level, and their parents.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// factors of each level, ascending
+    /// Factors of each level, in ascending order.
     pub levels: Vec<Vec<usize>>,
-    /// (n) parents of each factor, as bits
+    /// Parents of each factor as a bit mask, shape (n).
     pub parents: Vec<Nodes>,
 }
 
 impl Plan {
-    /// Levels of a graph under an order.
+    /// Computes the levels of a graph in the given order.
     ///
     /// # Errors
-    /// When the graph has a cycle.
+    /// If the graph has a cycle.
     pub fn new(graph: &Digraph, order: Order, seed: u64) -> Result<Self> {
         let n = graph.n();
         let graph = match order {
@@ -54,7 +54,8 @@ impl Plan {
     }
 }
 
-/// Bits of the factors to which each Gaussian is key, from scores (n, G): the ⌈q G⌉ largest of each factor, ties to the lower row, without those below 1e-6.
+/// Bit mask of the factors to which each Gaussian is key, from scores (n, G): the ⌈q G⌉ largest scores of
+/// each factor, ties to the lower row, without scores below 1e-6.
 pub fn keys(scores: &[Vec<f64>], share: f64) -> Vec<u32> {
     let rows = scores.first().map_or(0, Vec::len);
     let count = size(rows, share);
@@ -67,12 +68,12 @@ pub fn keys(scores: &[Vec<f64>], share: f64) -> Vec<u32> {
     members
 }
 
-/// ⌈q G⌉
+/// The number ⌈q G⌉.
 fn size(rows: usize, share: f64) -> usize {
     Ord::min(rows, libm::ceil(share * rows as f64) as usize)
 }
 
-/// As many keys for each of n factors, drawn.
+/// The same number of key Gaussians for each of n factors, drawn at random.
 pub fn random_keys(n: usize, rows: usize, share: f64, seed: u64, iteration: usize) -> Vec<u32> {
     let (rng, step) = (Rng::new(seed), u32::try_from(iteration).expect("validated"));
     let mut members = vec![0; rows];
@@ -87,7 +88,8 @@ pub fn random_keys(n: usize, rows: usize, share: f64, seed: u64, iteration: usiz
     members
 }
 
-/// (G) 1 for the rows of a level's blocks; level 0 also has what is key to nothing.
+/// Mask (G) with 1 for the rows in the blocks of a level; level 0 also contains Gaussians that are key to no
+/// factor.
 pub fn block(members: &[u32], factors: &[usize], level: usize) -> Vec<u8> {
     let bits = factors.iter().fold(0u32, |b, i| b | 1 << i);
     members.iter().map(|&m| u8::from(m & bits != 0 || (level == 0 && m == 0))).collect()

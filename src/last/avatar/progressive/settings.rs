@@ -4,36 +4,36 @@ use crate::math::digraph::Digraph;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// What λ means.
+/// The meaning of λ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cap {
-    /// The RMS of a child's step, relative to its parents'.
+    /// λ limits the RMS of a child's step relative to that of its parents.
     Relative,
-    /// The norm of the gradient, which is the step itself.
+    /// λ limits the norm of the gradient, which is used directly as the step.
     Absolute,
-    /// The norm of the gradient at which local steps end; at most five.
+    /// Local steps end when the norm of the gradient falls below λ, after at most five steps.
     Stop,
 }
 
-/// Which factor comes when.
+/// The order in which factors are updated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
     /// Parents first.
     Topological,
-    /// Every edge turned round.
+    /// As with all edges reversed.
     Reverse,
-    /// Factors exchanged by a permutation drawn from the seed.
+    /// As with the factors permuted; the permutation is drawn from the seed.
     Random,
-    /// All at once.
+    /// All factors at once.
     None,
 }
 
-/// How key Gaussians are found.
+/// How key Gaussians are selected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Keys {
-    /// By exchanging one factor.
+    /// By exchanging one factor at a time.
     Swap,
-    /// As many, drawn.
+    /// The same number of Gaussians, drawn at random.
     Random,
     /// Every Gaussian is key to every factor.
     All,
@@ -42,15 +42,15 @@ pub enum Keys {
 macro_rules! named {
     ($kind:ident, $option:literal, $list:literal, $($variant:ident = $name:literal),*) => {
         impl $kind {
-            /// The name used by settings.
+            /// The name used in settings.
             pub fn name(self) -> &'static str {
                 match self { $(Self::$variant => $name),* }
             }
 
-            /// The one of that name.
+            /// The value with the given name.
             ///
             /// # Errors
-            /// When there is none.
+            /// If there is no such name.
             pub fn parse(name: &str) -> Result<Self> {
                 match name {
                     $($name => Ok(Self::$variant),)*
@@ -73,31 +73,32 @@ named!(
 );
 named!(Keys, "--keys", "swap, random or all", Swap = "swap", Random = "random", All = "all");
 
-/// Settings of the progressive update; iterations are those of the published 1 200.
+/// Settings of the progressive update; iterations refer to the published schedule of 1 200.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progressive {
-    /// λ ≥ 0; infinite binds nothing
+    /// The limit λ ≥ 0; an infinite value limits nothing.
     pub lambda: f64,
-    /// What it means.
+    /// The meaning of λ.
     pub cap: Cap,
-    /// Which factor comes when.
+    /// The order in which factors are updated.
     pub order: Order,
-    /// How keys are found.
+    /// How key Gaussians are selected.
     pub keys: Keys,
-    /// q: share of the Gaussians that are key to a factor
+    /// Fraction q of the Gaussians that are key to a factor.
     pub share: f64,
-    /// Keys are found anew at multiples of this,
+    /// Key Gaussians are selected again at multiples of this number of iterations.
     pub every: usize,
-    /// from this iteration on.
+    /// First iteration at which key Gaussians are selected.
     pub first: usize,
-    /// Training pictures that are looked at for that.
+    /// Number of training images used for the selection.
     pub views: usize,
-    /// A graph to use instead of the guide's.
+    /// A graph that replaces the graph of the guide.
     pub graph: Option<Digraph>,
 }
 
 impl Progressive {
-    /// The defaults of last.md §12.6.
+    /// The default settings: eq. 10–12 of the LAST paper, with constants that the paper does not give chosen
+    /// here.
     pub fn published() -> Self {
         Self {
             lambda: 0.1,
@@ -112,7 +113,7 @@ impl Progressive {
         }
     }
 
-    /// Whether a guide has to say something.
+    /// Whether a guide is required.
     pub fn needs_guide(&self) -> bool {
         self.graph.is_none() || self.keys == Keys::Swap
     }
@@ -120,7 +121,7 @@ impl Progressive {
     pub(crate) fn validate(&self) -> Result<()> {
         if !(self.lambda >= 0.0) {
             return Err(Error::input("--lambda")
-                .expected("a number, not negative, or inf")
+                .expected("a non-negative number, or inf")
                 .got(self.lambda.to_string()));
         }
         if !(self.share > 0.0 && self.share <= 1.0) {

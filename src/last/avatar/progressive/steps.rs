@@ -1,4 +1,4 @@
-//! How far a level's blocks may move.
+//! Limits for the steps of the blocks of a level.
 
 use super::plan::{Plan, block};
 use crate::math::digraph::nodes;
@@ -7,9 +7,9 @@ use crate::optim::groups::Rates;
 use crate::scene::columns::Column;
 use crate::scene::gaussians::Gaussians;
 
-/// Least reference.
+/// Smallest reference size.
 const FLOOR: f64 = 1e-3;
-/// Least RMS that is divided by.
+/// Smallest RMS that is used as a divisor.
 const LEAST: f64 = 1e-12;
 /// Number of attributes.
 pub const ATTRIBUTES: usize = 5;
@@ -20,7 +20,7 @@ const COLUMNS: [Column; ATTRIBUTES] =
 /// RMS of u per factor and attribute.
 pub type Sizes = Vec<[f64; ATTRIBUTES]>;
 
-/// RMS of u over the keys of factor i, per attribute; 0 without keys.
+/// RMS of u over the key Gaussians of factor i, per attribute; 0 if there are none.
 pub fn sizes(
     before: &Gaussians,
     after: &Gaussians,
@@ -45,27 +45,28 @@ pub fn sizes(
     })
 }
 
-/// A plain step, before anything is shortened.
+/// A plain optimiser step, before any limit is applied.
 #[derive(Clone, Copy, Debug)]
 pub struct Step<'a> {
-    /// the Gaussians before it
+    /// The Gaussians before the step.
     pub before: &'a Gaussians,
-    /// its learning rates
+    /// The learning rates of the step.
     pub rates: &'a Rates,
 }
 
 /// A level whose blocks move.
 #[derive(Clone, Copy, Debug)]
 pub struct Level<'a> {
-    /// levels and parents
+    /// Levels and parents of the factors.
     pub plan: &'a Plan,
-    /// factors of the level
+    /// Factors of the level.
     pub factors: &'a [usize],
-    /// (G) bits of the factors that each Gaussian is key to
+    /// Bit mask of the factors to which each Gaussian is key, shape (G).
     pub members: &'a [u32],
 }
 
-/// Shortens the steps of a level's blocks and enters their sizes into `r`. Gives how many of the steps of factors' attributes were bound.
+/// Limits the steps of the blocks of a level and stores their sizes in `r`. Returns the number of steps,
+/// counted per factor and attribute, that were limited.
 pub fn cap(step: Step<'_>, after: &mut Gaussians, level: Level<'_>, lambda: f64, r: &mut Sizes) -> usize {
     let Level { plan, factors, members } = level;
     let mut scale: Vec<[f64; ATTRIBUTES]> = vec![[1.0; ATTRIBUTES]; r.len()];
@@ -94,7 +95,7 @@ pub fn cap(step: Step<'_>, after: &mut Gaussians, level: Level<'_>, lambda: f64,
     bound
 }
 
-/// The smallest scale of the factors of a level that a row is key to; 1 for rows of no block.
+/// The smallest scale of the factors of a level to which a row is key; 1 for rows that are in no block.
 fn scales_of_rows(members: &[u32], factors: &[usize], scale: &[[f64; ATTRIBUTES]]) -> Vec<[f64; ATTRIBUTES]> {
     members
         .iter()
@@ -105,7 +106,7 @@ fn scales_of_rows(members: &[u32], factors: &[usize], scale: &[[f64; ATTRIBUTES]
         .collect()
 }
 
-/// Norm of the gradient over the keys of one factor, all attributes.
+/// Norm of the gradient over the key Gaussians of one factor, all attributes.
 pub fn norm(grad: &Gaussians, members: &[u32], i: usize) -> f64 {
     let mut sum = 0.0;
     for column in COLUMNS {
@@ -119,7 +120,8 @@ pub fn norm(grad: &Gaussians, members: &[u32], i: usize) -> f64 {
     sum.sqrt()
 }
 
-/// The step −clip_norm(∇, λ) of a level's blocks, with rate 1. Gives how many factors were bound.
+/// Applies the step −clip_norm(∇, λ) to the blocks of a level, with learning rate 1. Returns the number of
+/// factors whose step was limited.
 pub fn clipped(
     g: &mut Gaussians,
     grad: &Gaussians,

@@ -1,4 +1,4 @@
-//! Levels, keys and bounds by hand.
+//! Tests of levels, key Gaussians and limits against values computed by hand.
 
 use super::{ATTRIBUTES, Level, Order, Plan, Step, block, cap, clipped, keys, random_keys, sizes};
 use crate::math::digraph::Digraph;
@@ -21,8 +21,8 @@ fn every_gaussian_is_key_to_something_or_to_nothing() {
     let scores = vec![vec![0.5, 0.5, 0.1, 0.0, 0.0], vec![0.0, 0.0, 0.0, 0.0, 1e-7]];
     let members = keys(&scores, 0.25);
     assert_eq!(members, [1, 1, 0, 0, 0], "⌈5/4⌉ = 2, ties to the lower row, nothing below 1e-6");
-    assert_eq!(block(&members, &[0], 0), [1; 5], "level 0 has the rest");
-    assert_eq!(block(&members, &[0], 1), [1, 1, 0, 0, 0], "later levels have their keys alone");
+    assert_eq!(block(&members, &[0], 0), [1; 5], "level 0 contains all other Gaussians");
+    assert_eq!(block(&members, &[0], 1), [1, 1, 0, 0, 0], "later levels contain only their key Gaussians");
     let drawn = random_keys(3, 40, 0.25, 1, 200);
     for i in 0..3 {
         assert_eq!(drawn.iter().filter(|m| *m >> i & 1 == 1).count(), 10, "as many");

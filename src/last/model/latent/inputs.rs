@@ -1,41 +1,41 @@
-//! What the latent part of the model takes, and the gradients it gives.
+//! Inputs and gradients of the latent part of the model.
 
 use super::super::settings::{Placement, Reading, Supervision, Weights};
 use super::super::structure::{Structure, StructureBar};
 
-/// What a batch is made of.
+/// Composition of a batch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layout {
-    /// observed items
+    /// Number of observed items.
     pub observed: usize,
-    /// factor set in each group
+    /// The factor set in each group.
     pub targets: Vec<usize>,
-    /// items of a group, before and after alike
+    /// Number of items of a group before the intervention, and the same number after it.
     pub members: usize,
 }
 
 impl Layout {
-    /// Pairs of all groups.
+    /// Number of pairs of all groups.
     pub fn pairs(&self) -> usize {
         self.targets.len() * self.members
     }
 
-    /// Items in all.
+    /// Total number of items.
     pub fn items(&self) -> usize {
         self.observed + 2 * self.pairs()
     }
 
-    /// The base of pair `p`.
+    /// Index of the base of pair `p`.
     pub fn base(&self, p: usize) -> usize {
         self.observed + p
     }
 
-    /// The after-image of pair `p`.
+    /// Index of the after-image of pair `p`.
     pub fn after(&self, p: usize) -> usize {
         self.observed + self.pairs() + p
     }
 
-    /// The factor that was set in an after-image.
+    /// The factor that was set in an item; `None` if the item is not an after-image.
     pub fn set_in(&self, item: usize) -> Option<usize> {
         let pair = item.checked_sub(self.observed + self.pairs())?;
         Some(self.targets[pair / self.members])
@@ -45,43 +45,44 @@ impl Layout {
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// parameters
+    /// Parameters of the structure.
     pub structure: &'a Structure,
-    /// Ã (n, n)
+    /// The mask Ã, shape (n, n).
     pub mask: &'a [f64],
-    /// what the batch is made of
+    /// Composition of the batch.
     pub layout: &'a Layout,
-    /// (B, d)
+    /// Posterior means μ, shape (B, d).
     pub mu: &'a [f64],
-    /// (B, d)
+    /// Logarithms ℓ of the posterior variances, shape (B, d).
     pub ell: &'a [f64],
-    /// (B, d)
+    /// Standard normal draws η, shape (B, d).
     pub eta: &'a [f64],
-    /// (n) running variances of the factors
+    /// Running variances of the factors, shape (n).
     pub spread: &'a [f64],
-    /// (G) values that were set; with labels only
+    /// Values that were set, shape (G); only with supervision by labels.
     pub labels: &'a [f64],
-    /// which model
+    /// The reading of the paper.
     pub reading: Reading,
-    /// what groups say
+    /// The kind of supervision.
     pub supervision: Supervision,
-    /// factors of the terms
+    /// Weights of the loss terms.
     pub weights: Weights,
-    /// what L_MI looks at
+    /// The variables to which L_MI applies.
     pub placement: Placement,
-    /// (d, d) weighted covariances of earlier batches, and the weight of this one; none at the start
+    /// Weighted covariances of earlier batches, shape (d, d), and the weight of this batch; `None` at the
+    /// start.
     pub carried: Option<(&'a [f64], f64)>,
 }
 
 /// Gradients.
 #[derive(Clone, Debug)]
 pub struct Bars {
-    /// (B, d)
+    /// Gradient with respect to μ, shape (B, d).
     pub mu: Vec<f64>,
-    /// (B, d)
+    /// Gradient with respect to ℓ, shape (B, d).
     pub ell: Vec<f64>,
-    /// (n, n)
+    /// Gradient with respect to the mask, shape (n, n).
     pub mask: Vec<f64>,
-    /// by the parameters of the structure
+    /// Gradient with respect to the parameters of the structure.
     pub structure: StructureBar,
 }

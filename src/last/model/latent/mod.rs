@@ -1,4 +1,5 @@
-//! From posteriors to what is decoded, with every loss that looks at factors, and back. In double precision.
+//! The latent part of the model: maps posteriors to decoder inputs, computes all losses of the factors, and
+//! propagates gradients back, in double precision.
 //!
 //! ```text
 //! μ, ℓ, η ──► u = μ + e^(ℓ/2) η ──► decoded: L_rec            reference: u given, ε = u − g(Ã∘u)
@@ -9,8 +10,10 @@
 //!                         S(ε; do(i, v̄)) ──► decoded: L_int
 //! ```
 //!
-//! A batch holds observed items, then the bases of all groups, then their after-images, group by group (`last.md` §7.3). Group losses
-//! and L_MI take posterior means; the decoder and KL take samples. KL of an after-image leaves out the factor that was set.
+//! A batch contains observed items, then the bases of all groups, then their after-images, group by group.
+//! Group losses and L_MI (eq. 5 of the LAST paper) use posterior means; the decoder and the KL term (eq. 1)
+//! use samples. The KL of an after-image omits the factor that was set. The chapter
+//! [`crate::book::learned_causes`] explains the group losses.
 
 mod inputs;
 mod pieces;
@@ -24,29 +27,29 @@ use crate::loss::groups;
 pub use inputs::{Bars, In, Layout};
 use pieces::FactorsAndNoise;
 
-/// Terms of the loss, without factors.
+/// Terms of the loss, unweighted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Terms {
-    /// KL
+    /// The KL divergence.
     pub kl: f64,
-    /// L_MI
+    /// The mutual information L_MI.
     pub independence: f64,
-    /// L_eq
+    /// The loss L_eq.
     pub equal: f64,
-    /// L_inv
+    /// The loss L_inv.
     pub invariant: f64,
-    /// spread hinge
+    /// The spread hinge.
     pub hinge: f64,
 }
 
-/// What is decoded, and what the way back needs.
+/// Decoder inputs, loss terms and the values saved for the adjoint.
 #[derive(Clone, Debug)]
 pub struct Out {
-    /// (B + G·M, d): items, then counterfactuals
+    /// Decoder inputs, shape (B + G·M, d): items, then counterfactuals.
     pub decoded: Vec<f64>,
-    /// (B, d) means of the endogenous factors
+    /// Means of the endogenous factors, shape (B, d).
     pub means: Vec<f64>,
-    /// the terms
+    /// The loss terms.
     pub terms: Terms,
     log_variance: Vec<f64>,
     sample: FactorsAndNoise,
@@ -61,22 +64,22 @@ pub struct Out {
 }
 
 impl Out {
-    /// (d, d) covariance of what L_MI looked at, of this batch alone.
+    /// Covariance of the variables of L_MI for this batch only, shape (d, d).
     pub fn covariance(&self) -> Option<&[f64]> {
         self.dependence.as_ref().map(|saved| &saved.covariance[..])
     }
 }
 
-/// What is decoded, and the terms.
+/// Computes the decoder inputs and the loss terms.
 ///
 /// # Errors
-/// A covariance of the posterior that is not positive definite.
+/// If a covariance of the posterior is not positive definite.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// If a buffer does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> Result<Out> {
     let d = x.d();
-    assert_eq!(x.mu.len(), x.layout.items() * d, "means are (B, d)");
+    assert_eq!(x.mu.len(), x.layout.items() * d, "means must have shape (B, d)");
     let log_variance = limit::forward(x.ell);
     let drawn = posterior::forward(x.mu, &log_variance, x.eta);
     let linked = |given: &[f64]| -> FactorsAndNoise {
@@ -124,14 +127,19 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
     })
 }
 
-/// Gradients of the weighted terms, and of what follows `decoded` through its cotangent (B + G·M, d).
+/// Gradients of the weighted terms and of the losses that depend on `decoded`, given its cotangent (B + G·M,
+/// d).
 ///
 /// # Panics
-/// When the cotangent does not have the size of `decoded`.
+/// If the cotangent does not have the size of `decoded`.
 pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
     let (n, k, d) = (x.n(), x.k(), x.d());
     let items = x.layout.items();
-    assert_eq!(decoded_bar.len(), out.decoded.len(), "the cotangent has the size of what is decoded");
+    assert_eq!(
+        decoded_bar.len(),
+        out.decoded.len(),
+        "the cotangent must have the size of the decoder inputs"
+    );
     let mut bars = Bars {
         mu: vec![0.0; items * d],
         ell: vec![0.0; items * d],
@@ -156,7 +164,7 @@ pub fn adjoint(x: &In<'_>, out: &Out, decoded_bar: &[f64]) -> Bars {
         let after = x.layout.after(0) * d;
         add(&mut mean_eps[x.layout.observed * d..], &bar.given.eps);
         let w = x.weights.groups;
-        // Pairs with a value of their own share none.
+        // With a separate value for each pair, no value is shared, and L_eq does not apply.
         let equal = if x.supervision == Supervision::PerSample { 0.0 } else { w };
         let mut shared = vec![0.0; x.layout.targets.len() * k];
         let into = match x.supervision {
@@ -215,10 +223,11 @@ fn add(into: &mut [f64], what: &[f64]) {
     into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
 }
 
-/// Factors (B, n, k) after `targets[b]` was set to `values` (B, k) under the graph `mask`, the other noise `eps` (B, n, k) kept.
+/// Factors (B, n, k) after `targets[b]` was set to `values` (B, k) under the graph `mask`, keeping the other
+/// noise `eps` (B, n, k).
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// If a buffer does not have the size of its shape.
 pub fn intervene(
     structure: &Structure,
     mask: &[f64],

@@ -1,4 +1,5 @@
-//! The pieces of [`super::forward`] and [`super::adjoint`]: each what one term looks at, as the operators take it.
+//! Parts of [`super::forward`] and [`super::adjoint`]: each function prepares the operator inputs of one loss
+//! term.
 
 use super::super::settings::{Placement, Reading, Supervision};
 use super::inputs::{Bars, In};
@@ -6,7 +7,7 @@ use crate::causal::structure::{self, Saved as Swept};
 use crate::causal::{code, held, independence, intervene, posterior_kl, scm_kl};
 use crate::loss::groups;
 
-/// Factors and noise that belong together; one is given, the other computed.
+/// Factors and the corresponding noise; one is given, the other is computed.
 #[derive(Clone, Debug)]
 pub(super) struct FactorsAndNoise {
     pub(super) u: Vec<f64>,
@@ -51,7 +52,7 @@ impl<'a> In<'a> {
         }
     }
 
-    /// The gradient by what was given.
+    /// Gradient with respect to the given one of the two.
     pub(super) fn link_adjoint(
         &self,
         linked: &'a FactorsAndNoise,
@@ -79,7 +80,7 @@ impl<'a> In<'a> {
         direct
     }
 
-    /// (B, n) 1 where a factor counts in the KL of an item.
+    /// Mask (B, n) with 1 for factors that contribute to the KL of an item.
     pub(super) fn kept(&self) -> Vec<f64> {
         let n = self.n();
         let counts = |at: usize| self.layout.set_in(at / n) != Some(at % n);
@@ -96,13 +97,13 @@ impl<'a> In<'a> {
         scm_kl::Sampled { eps, logvar, kept: Some(kept), batch, n, k }
     }
 
-    /// Blocks of all items but those that were set.
+    /// Blocks of all items, without the blocks of factors that were set.
     pub(super) fn free(&self, values: &[f64]) -> Vec<f64> {
         let blocks = values.chunks_exact(self.k()).zip(self.kept());
         blocks.filter(|(_, kept)| *kept > 0.0).flat_map(|(block, _)| block).copied().collect()
     }
 
-    /// Adds what belongs to such blocks.
+    /// Adds gradients of these blocks.
     pub(super) fn add_free(&self, what: &[f64], into: &mut [f64]) {
         let k = self.k();
         let blocks = into.chunks_exact_mut(k).zip(self.kept()).filter(|(_, kept)| *kept > 0.0);
@@ -120,7 +121,7 @@ impl<'a> In<'a> {
         }
     }
 
-    /// What L_MI looks at: the observed items.
+    /// The variables of L_MI, for the observed items.
     pub(super) fn dependence<'b>(
         &'b self,
         mean: &'b FactorsAndNoise,
@@ -149,7 +150,7 @@ impl<'a> In<'a> {
         }
     }
 
-    /// Pairs without an edge between them, for the conditional placement.
+    /// Mask of pairs without an edge between them, for the conditional placement.
     pub(super) fn among(&self) -> Option<Vec<f64>> {
         let n = self.n();
         let joined = |i: usize, j: usize| self.mask[i * n + j] > 0.5 || self.mask[j * n + i] > 0.5;
@@ -175,18 +176,18 @@ impl<'a> In<'a> {
         intervene::In { given, target, value }
     }
 
-    /// The values that groups set, as their codes are made.
+    /// The values set in the groups, as inputs of the code operator.
     pub(super) fn code(&self) -> code::In<'_> {
         let values = &self.structure.values;
         code::In { labels: self.labels, target: &self.layout.targets, values, k: self.k() }
     }
 
-    /// Codes of the values that groups set (G, k), where they are told.
+    /// Codes (G, k) of the values set in the groups, if the values are given.
     pub(super) fn told(&self) -> Option<Vec<f64>> {
         (self.supervision == Supervision::Labels).then(|| code::forward(&self.code()))
     }
 
-    /// The groups' means, before and after, and what is told of them.
+    /// The groups' means before and after the intervention, and the given values.
     pub(super) fn groups<'b>(&'b self, mean: &'b FactorsAndNoise, told: Option<&'b [f64]>) -> groups::In<'b> {
         let (d, after) = (self.d(), self.layout.after(0) * self.d());
         groups::In {
@@ -202,7 +203,7 @@ impl<'a> In<'a> {
         }
     }
 
-    /// What the factors of all pairs are set to.
+    /// The values to which the factors of all pairs are set.
     pub(super) fn held<'b>(&'b self, mean: &'b FactorsAndNoise, shared: &'b [f64]) -> held::In<'b> {
         let from = match self.supervision {
             Supervision::PerSample => held::From::Own(&mean.u[self.layout.after(0) * self.d()..]),

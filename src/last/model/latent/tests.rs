@@ -1,4 +1,5 @@
-//! Gradients of factors, of every reading, kind of supervision, mechanism and placement, by differences.
+//! Gradients of the latent part, compared with finite differences for every reading, kind of supervision,
+//! mechanism and placement.
 
 use super::super::settings::Weights;
 use super::*;
@@ -13,7 +14,7 @@ fn draws(part: u16, len: usize) -> Vec<f64> {
     (0..len).map(|i| Rng::new(3).normal_f64(i as u64, 0, 0x7e58, part)).collect()
 }
 
-/// Σ of weighted terms and ⟨decoded, c⟩, as the step sums them.
+/// The sum of the weighted terms and ⟨decoded, c⟩, as computed in a training step.
 fn value(x: &In<'_>, c: &[f64]) -> f64 {
     let out = forward(x).expect("positive definite");
     let t = out.terms;
@@ -24,7 +25,7 @@ fn value(x: &In<'_>, c: &[f64]) -> f64 {
     out.decoded.iter().zip(c).fold(own, |s, (d, c)| s + d * c)
 }
 
-/// The literal reading's KL of an after-image does not ask how far the factor that was set lies from the prior.
+/// In the literal reading, the KL of an after-image does not depend on the factor that was set.
 #[test]
 fn what_was_set_has_no_prior() {
     let layout = Layout { observed: 1, targets: vec![2], members: 2 };
@@ -71,7 +72,8 @@ fn what_was_set_has_no_prior() {
     assert_eq!(untouched, posterior_kl::forward(&free(&mu), &vec![0.0; free(&mu).len()], layout.items()));
 }
 
-/// Gradients of everything by central differences along one direction per input, for every reading, kind of supervision and mechanism.
+/// Gradients with respect to all inputs are compared with central differences along one direction per input,
+/// for every reading, kind of supervision and mechanism.
 #[test]
 fn gradients_are_those_of_differences() {
     let layout = Layout { observed: 4, targets: vec![0, 1, 0, 2, 2], members: 2 };
@@ -124,7 +126,8 @@ fn gradients_are_those_of_differences() {
                 let what = format!("{kind:?} {placement:?} {reading:?} {supervision:?}");
                 let check = |name: &str, bar: &[f64], direction: &[f64], at: &dyn Fn(f64) -> f64| {
                     let ours = bar.iter().zip(direction).fold(0.0, |s, (b, d)| s + b * d);
-                    // Kinks of the networks lie close to one another; the step that meets none tells.
+                    // Kinks of the networks are close to each other; the smallest error is that of a step
+                    // without a kink.
                     let error = |h: f64| {
                         let coarse = (at(2.0 * h) - at(-2.0 * h)) / (4.0 * h);
                         let fine = (at(h) - at(-h)) / (2.0 * h);
@@ -148,7 +151,7 @@ fn gradients_are_those_of_differences() {
                 for (at, bar) in bars.structure.arrays(kind).into_iter().enumerate() {
                     let name = &shapes[at].0;
                     if name == "structure.logits" {
-                        continue; // they act through the mask
+                        continue; // logits act through the mask
                     }
                     let v = draws(20 + at as u16, bar.len());
                     check(name, bar, &v, &|t| {

@@ -6,19 +6,20 @@ use super::super::purpose;
 use super::super::settings::{Settings, Supervision};
 use crate::num::rng::Rng;
 
-/// The items of a step and how they are laid out.
+/// The items of a step and their layout.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Batch {
-    /// all items
+    /// All items.
     pub items: Vec<Item>,
-    /// what they are
+    /// Composition of the batch.
     pub layout: Layout,
-    /// values that were set, per group
+    /// Values that were set, per group.
     pub labels: Vec<f64>,
 }
 
 impl Batch {
-    /// Drawn by counter: observed items at random, groups whose targets go round the factors.
+    /// Draws the items with counter-based random numbers: observed items at random, groups with the target
+    /// factors in turn.
     pub fn draw(settings: &Settings, data: &dyn Data, step: u32) -> Self {
         let rng = Rng::new(settings.seed);
         let mut items: Vec<Item> = (0..settings.observed)
@@ -27,12 +28,12 @@ impl Batch {
         let observed = items.len();
         let count = if settings.supervision == Supervision::None { 0 } else { settings.groups };
         let mut chosen = Vec::new();
-        // Factors that some group sets: others are never asked for.
+        // Factors that are the target of some group; groups of other factors are never requested.
         let is_set = |target: &usize| data.groups().iter().any(|g| g.target == *target);
         let targets: Vec<usize> = (0..settings.factors).filter(is_set).collect();
         for slot in 0..if targets.is_empty() { 0 } else { count } {
             let target = targets[(slot + step as usize * count) % targets.len()];
-            // Where targets are not told, they do not choose either.
+            // If targets are not given, groups are not selected by target either.
             let is_told = settings.supervision != Supervision::Unknown;
             let of: Vec<usize> =
                 (0..data.groups().len()).filter(|&g| !is_told || data.groups()[g].target == target).collect();

@@ -1,4 +1,4 @@
-//! The edges of a step.
+//! The edge mask of a step.
 
 use super::super::latent::Bars;
 use super::super::purpose;
@@ -7,36 +7,36 @@ use crate::causal::mask;
 use crate::num::order;
 use crate::num::rng::Rng;
 
-/// Counterfactuals so many times as far out as what is encoded come from a mask with a cycle.
+/// Ratio of root mean squares above which counterfactuals are considered to have grown along a cycle.
 const FAR: f64 = 10.0;
 
-/// Whether counterfactuals have grown along a cycle, beyond what is encoded and what is told.
+/// Whether counterfactuals have grown along a cycle, relative to the encoded factors and the given values.
 pub(super) fn grows(counterfactuals: &[f64], encoded: &[f64], told: &[f64]) -> bool {
     let mean_square = |x: &[f64]| x.iter().fold(0.0, |s, x| s + x * x) / Ord::max(1, x.len()) as f64;
     let usual = order::max(mean_square(encoded), mean_square(told));
-    // A NaN grows, too.
+    // A NaN counts as growth.
     !(mean_square(counterfactuals) <= FAR * FAR * usual)
 }
 
-/// What a mask is drawn with.
+/// Settings of the draw of a mask.
 #[derive(Clone, Copy)]
 pub(super) struct Draw {
     pub(super) rng: Rng,
-    /// number of the step
+    /// Number of the step.
     pub(super) step: u32,
-    /// n
+    /// Number of factors n.
     pub(super) factors: usize,
-    /// temperature
+    /// Temperature τ.
     pub(super) tau: f64,
 }
 
-/// The mask of a step, and how it was made.
+/// The mask of a step, with the data for its adjoint.
 pub(super) struct Mask {
-    /// (n, n) edges
+    /// Edges, shape (n, n).
     pub(super) edges: Vec<f64>,
-    /// (n, n) uniform numbers that they were drawn with
+    /// The uniform numbers from which the edges were drawn, shape (n, n).
     uniform: Vec<f64>,
-    /// (n, n) the order that they were limited to, if counterfactuals grew
+    /// The order to which edges were restricted, shape (n, n), if counterfactuals grew.
     along: Option<Vec<f64>>,
 }
 
@@ -59,7 +59,8 @@ impl Mask {
         Self { edges, uniform, along: None }
     }
 
-    /// Draws anew with the same numbers, only edges along an order of the factors that is drawn for the step.
+    /// Draws again with the same random numbers, restricted to edges along an order of the factors drawn for
+    /// the step.
     pub(super) fn limit(&mut self, structure: &Structure, draw: Draw) {
         self.along = Some(ordered(&draw.rng, draw.factors, draw.step));
         self.edges = mask::forward(&self.input(structure, draw));
@@ -75,13 +76,13 @@ impl Mask {
         }
     }
 
-    /// Adds what the gradient of drawn edges gives the logits.
+    /// Adds the gradient of drawn edges to that of the logits.
     pub(super) fn to_logits(&self, structure: &Structure, draw: Draw, bars: &mut Bars) {
         mask::adjoint(&self.input(structure, draw), &bars.mask, &mut bars.structure.logits);
     }
 }
 
-/// (n, n) 1 where the first factor comes before the second in an order drawn for the step.
+/// Mask (n, n) with 1 where the first factor precedes the second in an order drawn for the step.
 fn ordered(rng: &Rng, n: usize, step: u32) -> Vec<f64> {
     let place: Vec<f64> = (0..n).map(|i| rng.uniform_f64(i as u64, step, purpose::ORDER, 0)).collect();
     (0..n * n).map(|at| f64::from(u8::from(place[at / n] < place[at % n]))).collect()

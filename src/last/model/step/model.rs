@@ -1,4 +1,4 @@
-//! The networks, and what they give for items.
+//! The networks and their evaluation on items.
 
 use super::super::data::{Data, Item};
 use super::super::decoder::Decoder;
@@ -14,21 +14,21 @@ use ndarray::{ArrayD, IxDyn};
 /// The networks and their parameters.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// E
+    /// The encoder E.
     pub encoder: Encoder,
-    /// D
+    /// The decoder D.
     pub decoder: Decoder,
-    /// A, g
+    /// Sizes of the structure (A, g).
     pub sizes: Sizes,
-    /// all parameters
+    /// All parameters.
     pub params: Params,
 }
 
 impl Model {
-    /// A model for `data` with its first values.
+    /// Creates a model for `data` with initial values.
     ///
     /// # Errors
-    /// Pictures of a size that has no encoder.
+    /// If there is no encoder for the size of the images.
     pub fn new(settings: &Settings, data: &dyn Data) -> Result<Self> {
         let sizes = Sizes { factors: settings.factors, width: settings.width, kind: settings.kind };
         let frame = data.frame();
@@ -41,7 +41,7 @@ impl Model {
         Ok(Self { encoder, decoder, sizes, params })
     }
 
-    /// Means μ and logarithms ℓ of the posterior of some items, (B, d) each.
+    /// Means μ and log-variances ℓ of the posterior of some items, (B, d) each.
     pub fn encode(&self, data: &dyn Data, items: &[Item]) -> [Vec<f64>; 2] {
         let mut halves = [Vec::new(), Vec::new()];
         for part in items.chunks(256) {
@@ -56,7 +56,8 @@ impl Model {
         halves
     }
 
-    /// Factors u and noise ε (B, d) behind means of the encoder, along the edges of `mask` (n, n).
+    /// Factors u and noise ε (B, d) that correspond to means of the encoder, along the edges of `mask` (n,
+    /// n).
     pub fn linked(&self, reading: Reading, mask: &[f64], mu: Vec<f64>) -> [Vec<f64>; 2] {
         let structure = Structure::new(self.sizes, &self.params);
         let x = structure::In {
@@ -81,7 +82,7 @@ impl Model {
     }
 }
 
-/// What the encoder sees of the items.
+/// Encoder inputs of the items.
 pub(super) fn inputs(data: &dyn Data, items: &[Item]) -> Vec<f32> {
     let size = data.input().len();
     let mut x = vec![0.0; items.len() * size];
@@ -89,7 +90,7 @@ pub(super) fn inputs(data: &dyn Data, items: &[Item]) -> Vec<f32> {
     x
 }
 
-/// (B, 2 d) as μ and ℓ.
+/// Splits (B, 2 d) into μ and ℓ.
 pub(super) fn split(y: &ArrayD<f32>, d: usize) -> [Vec<f64>; 2] {
     let mut halves = [Vec::new(), Vec::new()];
     for (at, &y) in y.iter().enumerate() {
@@ -98,7 +99,7 @@ pub(super) fn split(y: &ArrayD<f32>, d: usize) -> [Vec<f64>; 2] {
     halves
 }
 
-/// (B, 2 d) from gradients of μ and ℓ, (B, d) each.
+/// Joins gradients of μ and ℓ, (B, d) each, to (B, 2 d).
 pub(super) fn joined([mu, ell]: [&[f64]; 2], d: usize) -> ArrayD<f32> {
     let both = (0..mu.len() * 2).map(|at| {
         let (row, column) = (at / (2 * d), at % (2 * d));

@@ -1,4 +1,4 @@
-//! What the items and counterfactuals of a batch are to show.
+//! Decoder targets of the items and counterfactuals of a batch.
 
 use super::super::data::Data;
 use super::super::decoder::Target;
@@ -7,16 +7,16 @@ use super::super::settings::Settings;
 use super::batch::Batch;
 use crate::num::rng::Rng;
 
-/// What each of them is decoded from and compared with, at the coordinates drawn for the step.
+/// Codes, bases and targets of each item and counterfactual, at the coordinates drawn for the step.
 pub(super) struct Shown {
-    /// codes (Q, F), base (Q, O) and wanted values (Q, O)
+    /// Codes (Q, F), base (Q, O) and targets (Q, O).
     rows: Vec<[Vec<f32>; 3]>,
-    /// factors of their losses
+    /// Weights of the losses.
     weights: Vec<f32>,
 }
 
 impl Shown {
-    /// Of `count` items and counterfactuals; `groups` is w₄.
+    /// Creates the targets of `count` items and counterfactuals; `groups` is w₄.
     pub(super) fn new(
         settings: &Settings,
         data: &dyn Data,
@@ -51,14 +51,14 @@ impl Shown {
         Self { rows: rows.collect(), weights: (0..count).map(weight).collect() }
     }
 
-    /// As the decoder takes them.
+    /// The targets in the form that the decoder requires.
     pub(super) fn targets(&self) -> Vec<Target<'_>> {
         let rows = self.rows.iter().zip(&self.weights);
         rows.map(|([codes, base, wanted], &weight)| Target { codes, base, wanted, weight }).collect()
     }
 }
 
-/// One coordinate from each of Q runs of the P, per item; all of them where P ≤ Q.
+/// One coordinate from each of Q runs of the P coordinates, per item; all of them if P ≤ Q.
 fn points(settings: &Settings, p: usize, items: usize, step: u32) -> Vec<Vec<usize>> {
     let rng = Rng::new(settings.seed);
     let q = Ord::min(settings.points, p);
