@@ -1,64 +1,69 @@
-//! One brightness for the photographs of an object: what a training loader does with exposures (`lirm.md` §11.2).
+//! Equalises the exposures of the input images of an object, as preparation for training.
 //!
 //! ```text
 //! linear ──► × ē/e_v ──► × g ──► clamped to 0..1 ──► sRGB-encoded        ē = mean of e over the views
 //!                                                                      g = clamp(0.08 / m, 1, 10)
 //! ```
 //!
-//! Every photograph was exposed by itself (e_v, [`crate::shade::exposure::auto`]), so an object that is brighter from the left than from the
-//! right looks the same from both. The first factor undoes that: all views get the object's mean exposure, and a surface has one colour. The
-//! second lifts objects that are dark as a whole; m is the mean of the linear foreground after the first factor, over channels, pixels and
-//! views, each pixel with its coverage as its weight. Without a foreground g = 1, with a black one g = 10.
+//! Every image was exposed individually (e_v, [`crate::shade::exposure::auto`]), so an object that is
+//! brighter from the left than from the right has the same brightness in both images. The first factor
+//! reverses this: all views get the object's mean exposure, so that a surface has the same colour in all of
+//! them. The second factor brightens objects that are dark in all views; m is the mean of the linear
+//! foreground after the first factor, over channels, pixels and views, each pixel weighted by its coverage.
+//! Without a foreground g = 1, with a black one g = 10.
 //!
 //! # Rounding
-//! f64 throughout, a value rounded once. Sums are left folds: channels (r + g) + b, pixels of a view in order, then views in order.
+//! All computations use f64, and a value is rounded once. Sums are left folds: channels (r + g) + b, pixels
+//! of a view in order, then views in order.
 //!
 //! # Kinks and domain
-//! What becomes brighter than white is cut at 1, as when the photograph was made. Where the photograph itself was cut, nothing comes back.
+//! Results brighter than white are clamped to 1, as in the original exposure. Where the input image was
+//! already clamped, the original values are not recovered.
 
 use crate::num::elem::f64 as elem;
 use crate::num::{order, par};
 use crate::{Error, Result};
 
-/// Mean of the linear foreground that dark objects are lifted to.
+/// Mean of the linear foreground to which dark objects are brightened.
 pub const FOREGROUND: f64 = 0.08;
 /// Limits of that factor.
 pub const LIFT: [f64; 2] = [1.0, 10.0];
 
-/// One photograph of an object.
+/// One input image of an object.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Photograph {
-    /// sRGB-encoded, 0..1, row-major.
+    /// Colours, sRGB-encoded, 0..1, row-major.
     pub color: Vec<[f32; 3]>,
-    /// Coverage of the object, 0..1, as many.
+    /// Coverage of the object, 0..1, one value per pixel.
     pub foreground: Vec<f32>,
-    /// The factor from radiance to this photograph, before encoding; > 0.
+    /// The factor from radiance to this image, before encoding; > 0.
     pub exposure: f64,
 }
 
-/// What the views of an object were multiplied by, in linear values.
+/// The factors by which the views of an object were multiplied, in linear values.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Gains {
-    /// ē/e_v for each view.
+    /// The factor ē/e_v of each view.
     pub views: Vec<f64>,
-    /// g, the same for all.
+    /// The factor g, the same for all views.
     pub lift: f64,
 }
 
-/// sRGB-encoded to linear (IEC 61966-2-1).
+/// Converts sRGB-encoded to linear values (IEC 61966-2-1).
 fn decode(x: f64) -> f64 {
     if x <= 0.040_45 { x / 12.92 } else { elem::pow((x + 0.055) / 1.055, 2.4) }
 }
 
-/// Linear to sRGB-encoded.
+/// Converts linear to sRGB-encoded values.
 fn encode(x: f64) -> f64 {
     if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * elem::pow(x, 1.0 / 2.4) - 0.055 }
 }
 
-/// Brings the photographs of one object to one exposure and out of the dark; see the module. No photographs: nothing to do.
+/// Converts the input images of one object to a common exposure and brightens dark objects; see the module.
+/// An empty list is left unchanged.
 ///
 /// # Errors
-/// When a value is out of range or the sizes of a photograph differ; then none was changed.
+/// If a value is out of range or the sizes of an image differ; then no image is changed.
 pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
     for (v, p) in views.iter().enumerate() {
         check(p).map_err(|e| e.within(format!("view {v}")))?;
@@ -80,7 +85,7 @@ pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
     let lift = if area > 0.0 { order::clamp(FOREGROUND * area / light, LIFT[0], LIFT[1]) } else { 1.0 };
     for (p, gain) in views.iter_mut().zip(&gains) {
         let factor = gain * lift;
-        // One view is brought to its own exposure: nothing is decoded and encoded for nothing.
+        // A single view already has the mean exposure; it is not decoded and encoded unnecessarily.
         if factor != 1.0 {
             par::chunks_mut(&mut p.color, 4096, |_, pixels| {
                 for x in pixels.as_flattened_mut() {
@@ -94,7 +99,7 @@ pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
 
 fn check(p: &Photograph) -> Result<()> {
     if p.color.len() != p.foreground.len() {
-        return Err(Error::input("photograph").expected("one coverage per pixel").got(format!(
+        return Err(Error::input("input image").expected("one coverage value per pixel").got(format!(
             "{} for {} pixels",
             p.foreground.len(),
             p.color.len()
@@ -107,7 +112,7 @@ fn check(p: &Photograph) -> Result<()> {
     let bad = p.color.iter().zip(&p.foreground).position(|(c, f)| !(c.iter().all(unit) && unit(f)));
     match bad {
         None => Ok(()),
-        Some(i) => Err(Error::input("photograph")
+        Some(i) => Err(Error::input("input image")
             .at(format!("pixel {i}"))
             .expected("colour and coverage from 0 to 1")
             .got(format!("{:?} and {}", p.color[i], p.foreground[i]))),
@@ -118,7 +123,8 @@ fn check(p: &Photograph) -> Result<()> {
 mod tests {
     use super::*;
 
-    /// A photograph of one radiance on a covered pixel, a half-covered one of twice as much, and a background.
+    /// An image with one radiance on a covered pixel, twice that radiance on a half-covered one, and a
+    /// background.
     fn shot(radiance: f64, exposure: f64) -> Photograph {
         let pixel = |x: f64| [encode(x * exposure) as f32; 3];
         Photograph {
@@ -139,15 +145,15 @@ mod tests {
             let got = decode(f64::from(p.color[0][1]));
             assert!((got - 0.2).abs() < 1e-7, "view {v}: radiance 0.1 at exposure 2, got {got}");
         }
-        assert_eq!(views[0].color[2], [1.0; 3], "a background beyond white is cut");
+        assert_eq!(views[0].color[2], [1.0; 3], "a background beyond white is clamped");
     }
 
     #[test]
     fn dark_objects_are_lifted_within_limits() {
-        // One view: its own exposure stays, the mean foreground is 4/3 · radiance · exposure.
+        // One view: its own exposure is kept, the mean foreground is 4/3 · radiance · exposure.
         for (radiance, want) in [(0.03, 2.0), (1e-4, 10.0), (0.0, 10.0), (0.06, 1.0), (0.5, 1.0)] {
             let mut views = [shot(radiance, 1.0)];
-            let gains = equalise(&mut views).expect("a photograph");
+            let gains = equalise(&mut views).expect("valid images");
             assert!((gains.lift - want).abs() < 1e-6, "radiance {radiance}: {}", gains.lift);
             assert_eq!(gains.views, [1.0], "alone");
             let got = decode(f64::from(views[0].color[0][0]));
@@ -157,8 +163,8 @@ mod tests {
         bare.foreground = vec![0.0; 3];
         let before = bare.clone();
         let mut views = [bare];
-        assert_eq!(equalise(&mut views).expect("a photograph").lift, 1.0, "no foreground, no factor");
-        assert_eq!(views[0], before, "to the bit");
+        assert_eq!(equalise(&mut views).expect("valid images").lift, 1.0, "no foreground, no factor");
+        assert_eq!(views[0], before, "bit for bit");
         assert_eq!(equalise(&mut []).expect("none"), Gains { views: vec![], lift: 1.0 }, "nothing to do");
     }
 
@@ -174,7 +180,7 @@ mod tests {
             e.to_string()
         };
         assert!(
-            spoil(&|p| p.color[1][2] = f32::NAN).starts_with("view 1: photograph: pixel 1"),
+            spoil(&|p| p.color[1][2] = f32::NAN).starts_with("view 1: input image: pixel 1"),
             "a NaN is named"
         );
         assert!(spoil(&|p| p.foreground[2] = 1.5).contains("pixel 2"), "a coverage is named");

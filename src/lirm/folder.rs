@@ -1,9 +1,11 @@
-//! The folder of a set from run to run: what is announced, what a continued run takes over, what a new one removes.
+//! The folder of a set: its records, the files that a resumed run reuses, and the files that a new run
+//! removes.
 //!
-//! `dataset.json` is written before the first picture (`complete`: false) and once more at the end; `object.json` when its object is
-//! made. A continued run skips an object that has one if every file of its captures has the digest that `transforms*.json` records and
-//! each capture and [`truth`] the one of `object.json`; pictures that do not agree are made again (they reach the disk in the system's own time, so that a power
-//! cut can empty them).
+//! `dataset.json` is written before the first image (`complete`: false) and again at the end; `object.json`
+//! is written when its object is finished. A resumed run skips an object with `object.json` if every file of
+//! its captures has the digest recorded in `transforms*.json`, and each capture and [`truth`] have the
+//! digests recorded in `object.json`; images with other digests are rendered again (files are not flushed to
+//! disk explicitly, so a power failure can leave them empty).
 
 use super::settings::{Settings, VERSIONS};
 use super::shots::shots;
@@ -14,13 +16,13 @@ use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
-/// The record of a set.
+/// Name of the record of a set.
 pub(super) const RECORD: &str = "dataset.json";
-/// What it says of itself.
+/// The format recorded in it.
 pub(super) const FORMAT: &str = "lastlight lirm gen 1";
 
-/// Sweeps what a killed run left. A run that is not continued also removes the set that is there, its records first, so that a folder never
-/// mixes two.
+/// Removes the temporary files of a killed run. A run that is not resumed also removes the existing set, its
+/// records first, so that a folder never mixes two sets.
 pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Result<()> {
     if !dir.is_dir() {
         return Ok(());
@@ -40,9 +42,9 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
     } else if resume && !atomic::is_unused(dir)? {
         return Err(Error::input("--resume")
             .at(dir.display().to_string())
-            .expected(format!("the folder of an interrupted run, with its {RECORD}"))
-            .got("other files")
-            .hint("choose another folder, or start over with --force"));
+            .expected(format!("the folder of an interrupted run, containing {RECORD}"))
+            .got("other files only")
+            .hint("choose another folder, or overwrite with --force"));
     }
     atomic::sweep(dir)?;
     if resume {
@@ -58,7 +60,7 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
     Ok(())
 }
 
-/// Says, before the first picture, what the set in `dir` will be; what is said already stays.
+/// Writes the record of the set in `dir` before the first image; an existing record is kept.
 pub(super) fn announce(dir: &Path, asked: &Map<String, Value>) -> Result<()> {
     let path = dir.join(RECORD);
     if path.is_file() {
@@ -69,7 +71,7 @@ pub(super) fn announce(dir: &Path, asked: &Map<String, Value>) -> Result<()> {
     atomic::write_bytes(&path, format!("{top:#}\n").as_bytes())
 }
 
-/// A record whose settings are these.
+/// Reads a record and checks that its settings equal these.
 fn same_settings(path: &Path, asked: &Map<String, Value>) -> Result<Value> {
     let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
     let record: Value = serde_json::from_slice(&bytes).map_err(|e| {
@@ -80,12 +82,13 @@ fn same_settings(path: &Path, asked: &Map<String, Value>) -> Result<Value> {
     }
     Err(Error::input("--resume")
         .at(path.display().to_string())
-        .expected("a set that was begun with the same settings")
-        .got("one with others")
-        .hint("choose another folder, or repeat the settings it was begun with"))
+        .expected("a set generated with the same settings")
+        .got("a set with other settings")
+        .hint("choose another folder, or pass the settings of that set"))
 }
 
-/// The record of object k if its folder is whole: it was made with these settings, and every file has the digest it had.
+/// The record of object k if its folder is complete: it was generated with these settings, and every file has
+/// the recorded digest.
 pub(super) fn finished(
     folder: &Path,
     settings: &Settings,
@@ -105,9 +108,9 @@ pub(super) fn finished(
         if there.is_some_and(|there| record["versions"][n]["digest"] != hex(there.digest)) {
             return Err(Error::input("--resume")
                 .at(dir.display().to_string())
-                .expected("cameras and digests as they were written")
-                .got("others in transforms*.json")
-                .hint("remove that folder to have it made again"));
+                .expected("unchanged cameras and digests")
+                .got("changed entries in transforms*.json")
+                .hint("remove that folder to generate it again"));
         }
         is_whole &= there.is_some_and(|there| there.is_whole);
     }
@@ -115,13 +118,13 @@ pub(super) fn finished(
     Ok(is_whole.then_some(record))
 }
 
-/// The top of the `transforms.json` of a version of object k.
+/// The header of the `transforms.json` of a version of object k.
 pub(super) fn header(asked: &Map<String, Value>, k: u64, version: &str) -> Map<String, Value> {
     let made = json!({ "object": k, "version": version, "settings": asked });
     Map::from_iter([("lirm_gen".to_owned(), made)])
 }
 
-/// A digest as records write it.
+/// A digest as written in records.
 pub(super) fn hex(digest: u64) -> String {
     format!("{digest:016x}")
 }

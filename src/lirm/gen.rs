@@ -1,18 +1,18 @@
-//! Data sets of rendered objects whose shape, materials and light are known.
+//! Data sets of rendered objects with known shape, materials and light.
 //!
 //! ```text
 //! DIR/dataset.json                     settings, objects, digests
-//! DIR/object_00000/object.json         what was made: generator and parameters, light, test protocol, exposures, digests
+//! DIR/object_00000/object.json         generator and parameters, light, test protocol, exposures, digests
 //!                 /object.glb          shape and materials (`truth`)
-//!                 /environment.exr     the map
+//!                 /environment.exr     the environment map
 //!                 /uniform/            a capture with passes (fit::passes), under a white dome
 //!                 /environment/        under a map
 //!                 /shiny/              under the map, roughness times U(0.3, 0.6)
 //! ```
 //!
-//! Object k, its cameras, light and samples depend on the seed and k alone, so sets can be made in pieces and on several machines, each in a
-//! folder of its own: `dataset.json` lists the objects of the last run.
-//! How a folder is begun, continued and started over: `folder`.
+//! Object k, its cameras, light and samples depend only on the seed and k, so sets can be generated in parts
+//! and on several machines, each in a folder of its own: `dataset.json` lists the objects of the last run.
+//! The module `folder` describes how a folder is created, resumed and overwritten.
 
 use super::folder::{FORMAT, RECORD, announce, begin, finished, header, hex};
 pub use super::settings::{Lighting, Set, Settings};
@@ -34,26 +34,28 @@ use serde_json::{Map, Value, json};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Samples of a picture; the item is the object, the step the picture.
+/// Render samples of an image; the item is the object, the step the image.
 const RENDER_PURPOSE: u16 = 0x0420;
-/// Sensor noise of an object's pictures; the item is the object.
+/// Sensor noise of an object's images; the item is the object.
 const SENSOR_PURPOSE: u16 = 0x0701;
 
-/// What was made.
+/// The result of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Summary {
-    /// Objects in the set.
+    /// Number of objects in the set.
     pub objects: usize,
-    /// Pictures rendered by this run; the others were there.
+    /// Number of images rendered by this run; the others already existed.
     pub rendered: usize,
-    /// Of everything written.
+    /// Digest of all files.
     pub digest: u64,
 }
 
-/// Makes the set in `dir`, object after object. `progress` is told pictures done, pictures in all, and which object is on.
+/// Generates the set in `dir`, one object after another. `progress` receives the number of finished images,
+/// the total number of images, and the name of the current object.
 ///
 /// # Errors
-/// When a setting, a model or a map is not valid, a file cannot be written, `resume` meets other settings, or `stop` was set.
+/// If a setting, a model or a map is invalid, a file cannot be written, `resume` finds other settings, or
+/// `stop` was set.
 pub fn run(
     dir: &Path,
     settings: &Settings,
@@ -100,21 +102,21 @@ pub fn run(
     Ok(Summary { objects: listed.len(), rendered, digest })
 }
 
-/// What stays the same for all objects of a run.
+/// Settings common to all objects of a run.
 struct Job<'a> {
     /// The folder of the set.
     dir: &'a Path,
     settings: &'a Settings,
-    /// The settings as every record states them.
+    /// The settings as written in every record.
     record: &'a Map<String, Value>,
-    /// Whether pictures that are there are kept.
+    /// Whether existing images are kept.
     resume: bool,
     stop: &'a AtomicBool,
 }
 
 impl Job<'_> {
-    /// Makes what is missing of object `k` with all its versions. `made` is called for every picture with the name of its version. Gives
-    /// the object's record, and how many pictures were rendered.
+    /// Generates the missing files of object `k` with all its versions. `made` is called for every image with
+    /// the name of its version. Returns the object's record and the number of images rendered.
     fn object(&self, folder: &Path, k: u64, made: &mut dyn FnMut(&str)) -> Result<(Value, usize)> {
         let Job { settings, .. } = *self;
         atomic::sweep(folder)?;
@@ -186,13 +188,13 @@ struct Capture<'a> {
     settings: &'a Settings,
     k: u64,
     scene: &'a Scene<'a>,
-    /// Whether pictures are exposed one by one; under a white dome white stays white.
+    /// Whether images are exposed individually; under a white dome, white stays white.
     exposed: bool,
 }
 
 impl Capture<'_> {
-    /// Renders what is missing; each picture is written while the next one is rendered. `count` is called for every picture. Gives
-    /// the digest of all of them, and how many were rendered.
+    /// Renders the missing images; each image is written while the next one is rendered. `count` is called
+    /// for every image. Returns the digest of all images and the number of images rendered.
     fn shoot(
         &self,
         mut recorder: Recorder,
@@ -243,11 +245,11 @@ impl Capture<'_> {
     }
 }
 
-/// A picture that is to be written.
+/// An image to be written.
 struct Picture {
     passes: Passes,
     style: Style,
-    /// What a sensor makes of the exposed radiance; the photograph shows it, `radiance/` does not.
+    /// The exposed radiance with sensor noise, which is written to the photograph but not to `radiance/`.
     sensed: Option<Vec<[f32; 3]>>,
 }
 

@@ -1,12 +1,12 @@
 //! The LIRM system. Level 10.
 //!
 //! ```text
-//! gen       data sets of rendered objects: training, test and egocentric pictures with their passes
-//! settings  what decides a set                shots     cameras, names and split of its pictures
-//! folder    how a set is begun, continued, started over
+//! gen       data sets of rendered objects: training, test and egocentric images with their passes
+//! settings  settings of a set                 shots     cameras, names and split of its images
+//! folder    how a set is created, resumed, overwritten
 //! subject   the object of a set, and its light
-//! exposure  photographs of an object brought to one brightness, for training
-//! truth     both as files
+//! exposure  equalised exposures of the input images of an object, for training
+//! truth     object and light as files
 //! ```
 #![forbid(unsafe_code)]
 

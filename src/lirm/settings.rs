@@ -1,4 +1,4 @@
-//! What decides a data set of rendered objects.
+//! Settings of a data set of rendered objects.
 
 use crate::io;
 use crate::scene::camera::Model;
@@ -11,70 +11,72 @@ use std::path::PathBuf;
 /// Names of the versions of an object.
 pub(super) const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
 
-/// Light regimes.
+/// The lighting of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lighting {
     /// A white dome of radiance 1.
     Uniform,
-    /// A map with a high dynamic range.
+    /// An environment map with a high dynamic range.
     Environment,
-    /// Both, from the same cameras.
+    /// Both, with the same cameras.
     Both,
 }
 
-/// Which cameras.
+/// The cameras of a set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Set {
-    /// Drawn as for training.
+    /// Training cameras, drawn at random.
     Train,
-    /// The 48 test views of an object: inputs are the training split, outputs the test split, the rest validation.
+    /// The 48 test views of an object: inputs are the training split, outputs the test split, the others
+    /// validation.
     Test,
-    /// A camera on a head, with motion blur and sensor noise; every eighth picture is the test split.
+    /// A head-mounted camera, with motion blur and sensor noise; every eighth image is in the test split.
     Egocentric,
 }
 
-/// What is made.
+/// Settings of a set.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Number of objects; files given in `meshes` count from 0.
+    /// Number of objects; files given in `meshes` are counted from 0.
     pub objects: u64,
-    /// Index of the first.
+    /// Index of the first object.
     pub first: u64,
     /// Models to use instead of built-in objects.
     pub meshes: Vec<PathBuf>,
     /// Maps to use instead of built-in environments.
     pub maps: Vec<PathBuf>,
-    /// How those maps are read; `rotate` is added to a drawn turn.
+    /// Interpretation of those maps; `rotate` is added to a random rotation.
     pub map_options: MapOptions,
-    /// The test map that colours the axes ([`crate::shade::axes`]) instead of any other, read by `map_options`, neither turned by a draw nor scaled.
+    /// Whether to use the test map that colours the axes ([`crate::shade::axes`]) instead of any other,
+    /// interpreted by `map_options`, with neither random rotation nor scaling.
     pub axes: bool,
-    /// Light.
+    /// The lighting.
     pub lighting: Lighting,
-    /// A second version under the map with smaller roughness.
+    /// Whether to add a version under the map with smaller roughness.
     pub shiny: bool,
-    /// Cameras.
+    /// The cameras.
     pub set: Set,
-    /// Projection of the egocentric set: a wide fisheye or a pinhole. The other sets are pinhole pictures.
+    /// Projection of the egocentric set: a wide fisheye or a pinhole. The other sets use pinhole cameras.
     pub camera: Model,
-    /// Pictures per object and light; the test set has its own number.
+    /// Number of images per object and light; the test set has a fixed number.
     pub views: usize,
-    /// Pixels a side.
+    /// Side of an image in pixels.
     pub size: usize,
-    /// Whether training views hold the whole object.
+    /// Whether training views contain the whole object.
     pub framing: Framing,
-    /// Samples per pixel.
+    /// Number of samples per pixel.
     pub samples: u32,
-    /// Surfaces after the first that light may come by.
+    /// Maximum number of bounces of light after the first hit.
     pub bounces: u32,
-    /// Side of a square with as many texels as an object's textures have.
+    /// Side of a square with as many texels as the textures of an object.
     pub texture: usize,
-    /// Columns of a built-in map; half as many rows.
+    /// Number of columns of a built-in map; it has half as many rows.
     pub map_width: usize,
-    /// Whether passes beside photograph and foreground are written.
+    /// Whether to write passes other than photograph and foreground.
     pub passes: bool,
-    /// Whether shape, materials and map are written.
+    /// Whether to write shape, materials and map.
     pub truth: bool,
-    /// Of every draw.
+    /// Seed of every draw.
     pub seed: u64,
 }
 
@@ -106,10 +108,10 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Checks ranges.
+    /// Checks the ranges of all settings.
     ///
     /// # Errors
-    /// Names the setting.
+    /// If a setting is out of range; the error names it.
     pub fn validate(&self) -> Result<()> {
         let within = |name: &str, x: usize, low: usize, high: usize| {
             if (low..=high).contains(&x) {
@@ -126,16 +128,18 @@ impl Settings {
         within("samples", self.samples as usize, 1, 1_000_000)?;
         within("bounces", self.bounces as usize, 0, 64)?;
         if (self.axes || !self.maps.is_empty()) && self.lighting == Lighting::Uniform {
-            let e = Error::input("setting env").expected("light from an environment");
-            return Err(e.got("uniform light, which shows no map").hint("--lighting environment or both"));
+            let e = Error::input("setting env").expected("environment lighting");
+            return Err(e.got("uniform lighting, which uses no map").hint("--lighting environment or both"));
         }
         if self.axes && !self.maps.is_empty() {
-            return Err(Error::input("setting maps").expected("the axes map alone").got("others beside it"));
+            return Err(Error::input("setting maps")
+                .expected("only the axes map")
+                .got("other maps in addition"));
         }
         if self.shiny && self.lighting == Lighting::Uniform {
             return Err(Error::input("setting shiny")
-                .expected("an environment: roughness hardly shows under a white dome")
-                .got("uniform light")
+                .expected("environment lighting, because roughness is hardly visible under a white dome")
+                .got("uniform lighting")
                 .hint("--lighting environment or both"));
         }
         if self.camera == Model::Orthographic {
@@ -144,17 +148,17 @@ impl Settings {
         Ok(())
     }
 
-    /// Pictures of one object under one light.
+    /// Number of images of one object under one light.
     pub(super) fn pictures(&self) -> usize {
         if self.set == Set::Test { 48 } else { self.views }
     }
 
-    /// Projection of the pictures.
+    /// Projection of the images.
     pub(super) fn model(&self) -> Model {
         if self.set == Set::Egocentric { self.camera } else { Model::Pinhole }
     }
 
-    /// Names of the versions of an object: folder, whether under the map, whether shiny.
+    /// Versions of an object: folder, whether under the map, whether shiny.
     pub(super) fn versions(&self) -> Vec<(&'static str, bool, bool)> {
         let mut out = Vec::new();
         if self.lighting != Lighting::Environment {
@@ -169,10 +173,11 @@ impl Settings {
         out
     }
 
-    /// All that decides an object's files, for continued runs and for readers. Files are known by name and bytes.
+    /// All settings that affect an object's files, for resumed runs and for readers. Files are identified by
+    /// name and contents.
     ///
     /// # Errors
-    /// When a file cannot be read.
+    /// If a file cannot be read.
     pub fn record(&self) -> Result<Map<String, Value>> {
         let names = |paths: &[PathBuf]| paths.iter().map(|p| io::identity(p)).collect::<Result<Vec<_>>>();
         let o = &self.map_options;

@@ -8,7 +8,7 @@ use crate::scene::from_data_gen;
 use data_gen::cameras::{self, CameraView};
 use serde_json::{Map, Value, json};
 
-/// The pictures of an object, and of a test set the order and choice of its inputs.
+/// The shots of an object, and for a test set the order and choice of its inputs.
 pub(super) fn shots(settings: &Settings, k: u64) -> (Vec<Shot>, Option<Value>) {
     let still = |i: usize, p: &CameraView, split: Split| Shot {
         name: format!("{i:04}"),

@@ -1,4 +1,4 @@
-//! What a data set shows: an object, built in or from a file, and the light around it.
+//! The subject of a data set: an object, built-in or from a file, and its environment light.
 
 use super::settings::Settings;
 use crate::num::rng::Rng;
@@ -17,28 +17,28 @@ use std::path::Path;
 
 /// Factor of the roughness of a shiny version; the item is the object.
 const GLOSS_PURPOSE: u16 = 0x0310;
-/// The last part of a path: records do not depend on where a file lies.
+/// The last part of a path, so that records do not depend on the location of a file.
 fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Turn (draw 0) and brightness (draw 1) of a map from a file; the item is the object.
+/// Rotation (draw 0) and brightness (draw 1) of a map from a file; the item is the object.
 const MAP_PURPOSE: u16 = 0x0421;
 
-/// An object in the ball of radius ½ about the origin.
+/// An object inside the ball of radius ½ around the origin.
 #[derive(Clone, Debug)]
 pub struct Subject {
-    /// Ready to render.
+    /// The object, ready to render.
     pub object: Object,
-    /// How it came about.
+    /// The record of its source and parameters.
     pub record: Value,
 }
 
 impl Subject {
-    /// Object k of the settings: file k mod their number, or built in.
+    /// Object k of the settings: file k mod their number, or a built-in object.
     ///
     /// # Errors
-    /// When the file cannot be used.
+    /// If the file cannot be used.
     pub fn new(settings: &Settings, k: u64) -> Result<Self> {
         match settings.meshes.len() {
             0 => Ok(Self::built_in(settings, k)),
@@ -68,12 +68,12 @@ impl Subject {
         Self { object: from_data_gen::object(&made.surfaces), record }
     }
 
-    /// The factor of the shiny version of object k, U(0.3, 0.6).
+    /// The roughness factor of the shiny version of object k, U(0.3, 0.6).
     pub fn gloss(&self, seed: u64, k: u64) -> f32 {
         0.3 + 0.3 * Rng::new(seed).uniform_f32(k, 0, GLOSS_PURPOSE, 0)
     }
 
-    /// The object with every roughness times `factor`.
+    /// The object with every roughness multiplied by `factor`.
     pub fn with_roughness(&self, factor: f32) -> Object {
         let mut object = self.object.clone();
         for m in &mut object.materials {
@@ -83,13 +83,13 @@ impl Subject {
     }
 }
 
-/// The object moved and scaled into the ball of radius ½; the centre and factor of that.
+/// The object moved and scaled into the ball of radius ½, with the centre and the factor of this transform.
 fn normalised(mut object: Object, name: &str) -> Result<(Object, [f64; 3], f64)> {
     let wide: Vec<[f64; 3]> = object.mesh.positions.iter().map(|p| p.map(f64::from)).collect();
     let (center, radius) = objects::enclosing_ball(&wide);
     let scale = objects::RADIUS / radius;
     if !(radius > 0.0 && scale.is_finite()) {
-        return Err(Error::input(name).expected("a model with an extent").got("one place"));
+        return Err(Error::input(name).expected("a model of non-zero size").got("all vertices at one point"));
     }
     for (p, w) in object.mesh.positions.iter_mut().zip(&wide) {
         *p = std::array::from_fn(|i| ((w[i] - center[i]) * scale) as f32);
@@ -97,21 +97,21 @@ fn normalised(mut object: Object, name: &str) -> Result<(Object, [f64; 3], f64)>
     Ok((object, center, scale))
 }
 
-/// A map and how it came about.
+/// An environment map and the record of its source.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// In our orientation.
+    /// The map in the orientation of this project.
     pub map: Environment,
-    /// What it is.
+    /// The record of its source and parameters.
     pub record: Value,
 }
 
 impl Light {
-    /// The map of object k: file k mod their number, turned about the vertical and scaled to a mean radiance of U(0.6, 1.4), or
-    /// built-in environment k, or the axes map as it is.
+    /// The map of object k: file k mod their number, rotated about the vertical and scaled to a mean radiance
+    /// of U(0.6, 1.4), or built-in environment k, or the unchanged axes map.
     ///
     /// # Errors
-    /// When the file cannot be used, or is black.
+    /// If the file cannot be used, or is black.
     pub fn new(settings: &Settings, k: u64) -> Result<Self> {
         match settings.maps.len() {
             _ if settings.axes => Ok(Self::axes(settings)),
@@ -125,10 +125,12 @@ impl Light {
                     environment_file::read(path, &Options { rotate, ..settings.map_options.clone() })?;
                 let mean = mean_luminance(&map);
                 if !(mean > 0.0) {
-                    return Err(Error::input(path.display().to_string()).expected("some light").got("black"));
+                    return Err(Error::input(path.display().to_string())
+                        .expected("a map with light")
+                        .got("a black map"));
                 }
                 let level = (0.6 + 0.8 * rng.uniform_f64(k, 0, MAP_PURPOSE, 1)) / mean;
-                // The sum of many texels; one alone may still be out of range.
+                // The sum of many texels; a single texel may still be out of range.
                 let scale = order::min(level, f64::from(f32::MAX)) as f32;
                 map.radiance.iter_mut().for_each(|c| *c = c.map(|x| order::min(x * scale, f32::MAX)));
                 let record = json!({

@@ -1,16 +1,19 @@
-//! Shape, materials and light of an object as files: what a reconstruction from its pictures is measured against.
+//! Shape, materials and light of an object as files: the reference for a reconstruction from its images.
 //!
 //! ```text
-//! object.glb        mesh, materials and textures (PNG), as rendered: `scene::model` turns it back into the object
-//! environment.exr   R G B, the map it stands under, in the orientation of `scene::light`, turned and scaled as for the pictures;
-//!                   only for objects rendered under one (`uniform` is a white dome of radiance 1)
+//! object.glb        mesh, materials and textures (PNG), as rendered: `scene::model` reads it back as the
+//! object
+//! environment.exr   R G B, the environment map, in the orientation of `scene::light`, rotated and scaled as
+//! for the images;
+//!                   only for objects rendered under a map (`uniform` is a white dome of radiance 1)
 //! ```
 //!
-//! Positions, normals, texture coordinates, factors and radiance keep their bits, textures their bytes. Cameras of the captures, the mesh read back
-//! (z up) and the map share one frame. The version `shiny` is `object.glb` with the factor of every roughness times `roughness_factor` of
-//! `object.json`.
+//! Positions, normals, texture coordinates, factors and radiance keep their bits, textures their bytes.
+//! Cameras of the captures, the mesh read back (z up) and the map share one frame. The version `shiny` is
+//! `object.glb` with the factor of every roughness multiplied by `roughness_factor` of `object.json`.
 //!
-//! Files reach the disk in the system's own time; `object.json` has their digests (FNV-1a 64), and [`is_whole`] compares.
+//! Files are not flushed to disk explicitly; `object.json` contains their digests (FNV-1a 64), and
+//! [`is_whole`] compares them.
 
 use crate::Result;
 use crate::io::{atomic, gltf, image_file};
@@ -27,10 +30,10 @@ pub const OBJECT: &str = "object.glb";
 /// Name of the map.
 pub const ENVIRONMENT: &str = "environment.exr";
 
-/// Writes what is known into a folder, which is made if need be; gives the digests by file name.
+/// Writes the files into a folder, which is created if necessary; returns the digests by file name.
 ///
 /// # Errors
-/// When the object has no place in a GLB (4 GiB), or a file cannot be written.
+/// If the object exceeds the size of a GLB (4 GiB), or a file cannot be written.
 pub fn write(folder: &Path, object: &Object, map: Option<&Environment>) -> Result<Value> {
     let glb = || gltf::to_glb(&model::to_gltf(object, "object"));
     let exr = |m: &Environment| {
@@ -48,15 +51,15 @@ pub fn write(folder: &Path, object: &Object, map: Option<&Environment>) -> Resul
     Ok(Value::Object(digests))
 }
 
-/// Removes them from a folder.
+/// Removes the files from a folder.
 ///
 /// # Errors
-/// When one cannot be removed.
+/// If a file cannot be removed.
 pub fn clear(folder: &Path) -> Result<()> {
     [OBJECT, ENVIRONMENT].iter().try_for_each(|name| atomic::remove(&folder.join(name)))
 }
 
-/// Whether every file has the digest that [`write()`] gave.
+/// Whether every file has the digest that [`write()`] returned.
 pub fn is_whole(folder: &Path, digests: &Value) -> bool {
     digests.as_object().into_iter().flatten().all(|(name, expected)| {
         std::fs::read(folder.join(name)).is_ok_and(|bytes| expected.as_str() == Some(&*digest(&bytes)))
