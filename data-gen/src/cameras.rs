@@ -1,6 +1,8 @@
-//! Where cameras stand: training and test views of an object at the origin, rings, and the head of somebody who walks around it.
+//! Positions of cameras: training and test views of an object at the origin, rings, and a head-mounted camera
+//! of a person who walks around the object.
 //!
-//! Objects fill a ball of radius ½. Azimuths turn counter-clockwise seen from above, 0 is +x; elevations rise towards +z.
+//! Objects are inside a ball of radius ½. Azimuths increase counter-clockwise seen from above, with 0 at +x;
+//! elevations increase towards +z.
 
 use crate::draws::Draws;
 use crate::space::{V3, add, cross, dot, larger, rotated, rotation, scaled, sub, unit};
@@ -8,9 +10,9 @@ use crate::splats::View;
 use reference::num::elem::{cos, exp, sin};
 use std::f64::consts::{PI, TAU};
 
-/// What draws are for. The item is the number of the object, the step that of the view.
+/// Purpose numbers of random draws. The item is the number of the object, the step that of the view.
 pub mod purpose {
-    /// Field of view and style of a training set.
+    /// Field of view and framing of a training set.
     pub const TRAIN: u16 = 0x0410;
     /// One training view.
     pub const TRAIN_VIEW: u16 = 0x0411;
@@ -33,14 +35,14 @@ fn half_tangent(fov: f64) -> f64 {
     sin(half) / cos(half)
 }
 
-/// A place on a sphere about the origin, angles in degrees.
+/// A point on a sphere around the origin; angles in degrees.
 pub fn on_sphere(azimuth: f64, elevation: f64, distance: f64) -> V3 {
     let (a, e) = (radians(azimuth), radians(elevation));
     [distance * cos(e) * cos(a), distance * cos(e) * sin(a), distance * sin(e)]
 }
 
-/// A square pinhole view of a given angle (degrees) from `eye` with the optical axis along `forward` (unit), z upwards in the
-/// picture; straight up or down, y is.
+/// A square pinhole view with the given angle of view (degrees) from `eye`, with the optical axis along
+/// `forward` (unit); the z axis points up in the image, or the y axis if `forward` is vertical.
 fn view(eye: V3, forward: V3, fov: f64, size: usize) -> View {
     let helper = if forward[0] * forward[0] + forward[1] * forward[1] > 1e-12 {
         [0.0, 0.0, 1.0]
@@ -62,37 +64,39 @@ fn posed(eye: V3, right: V3, down: V3, forward: V3, focal_px: f64, size: usize) 
     View { view_from_world, intrinsics, width: size, height: size }
 }
 
-/// One view and the numbers it was made from.
+/// One view and the parameters from which it was constructed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CameraView {
-    /// Pinhole.
+    /// The pinhole view.
     pub view: View,
-    /// Degrees.
+    /// Angle of view, degrees.
     pub fov: f64,
-    /// Degrees.
+    /// Azimuth, degrees.
     pub azimuth: f64,
-    /// Degrees.
+    /// Elevation, degrees.
     pub elevation: f64,
-    /// From the origin.
+    /// Distance from the origin.
     pub distance: f64,
-    /// Between the optical axis and the direction to the origin, degrees.
+    /// Angle between the optical axis and the direction to the origin, degrees.
     pub off_axis: f64,
 }
 
-/// How training views look at the object.
+/// How training views frame the object.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Framing {
-    /// the whole ball in every picture, the optical axis through the origin
+    /// The whole ball is inside every image, and the optical axis passes through the origin.
     Whole,
-    /// as in the published sample: the axis 2 to 18 degrees off the origin, the ball cut by the border in part of the pictures
+    /// As in the published sample: the axis is 2 to 18 degrees off the origin, and some images crop the ball.
     Loose,
 }
 
-/// Training views of object k: one angle of view U[15, 85]°, each view with elevation U[−5, 70]° and azimuth U[0, 360]°.
+/// Training views of object k: a common angle of view U[15, 85]°, each view with elevation U[−5, 70]° and
+/// azimuth U[0, 360]°.
 ///
-/// The distance at which the ball just fits the angle of view is r/sin(fov/2); a view stands at U[1, 1.25] times that under
-/// [`Framing::Whole`] and at U[0.8, 1.3] times that under [`Framing::Loose`], never nearer than 1.25 r. Loose views are off the
-/// axis by U[2, 18]° in any direction, but by at most 0.3 of the angle of view.
+/// The ball exactly fits the angle of view at the distance r/sin(fov/2). The distance of a view is U[1, 1.25]
+/// times that under [`Framing::Whole`] and U[0.8, 1.3] times that under [`Framing::Loose`], but at least 1.25
+/// r. The axes of loose views are off the origin by U[2, 18]° in any direction, but by at most 0.3 of the
+/// angle of view.
 pub fn training(seed: u64, k: u64, count: usize, size: usize, framing: Framing) -> Vec<CameraView> {
     let fov = Draws::new(seed, k, 0, purpose::TRAIN).range(15.0, 85.0);
     let fit = OBJECT_RADIUS / sin(radians(0.5 * fov));
@@ -118,7 +122,8 @@ pub fn training(seed: u64, k: u64, count: usize, size: usize, framing: Framing) 
         .collect()
 }
 
-/// A unit direction turned by `angle` about an axis at right angles to it, itself turned by `turn` around it.
+/// A unit direction rotated by `angle` about a perpendicular axis, which is itself rotated by `turn` around
+/// the direction.
 fn off(forward: V3, angle: f64, turn: f64) -> V3 {
     let helper = if forward[2].abs() < 0.9 { [0.0, 0.0, 1.0] } else { [1.0, 0.0, 0.0] };
     let right = unit(cross(forward, helper));
@@ -127,24 +132,25 @@ fn off(forward: V3, angle: f64, turn: f64) -> V3 {
     add(scaled(forward, cos(angle)), scaled(aside, sin(angle)))
 }
 
-/// The test views of an object: 48 pictures, which of them are given, in which order, and which are asked for.
+/// The test views of an object: 48 images, the order of the input views, and the output views to be
+/// predicted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Test {
     /// Elevations 0, 20, 40 degrees, 16 azimuths each, in this order: index = 16·ring + azimuth.
     pub views: Vec<CameraView>,
-    /// The 16 given ones in random order, four sets of four.
+    /// The 16 input views in random order, four sets of four.
     pub inputs: [usize; 16],
-    /// The same going round: by azimuth, then by elevation.
+    /// The same views ordered by azimuth, then by elevation.
     pub sequential: [usize; 16],
-    /// The 12 asked for, ascending.
+    /// The 12 output views, in ascending order.
     pub outputs: [usize; 12],
 }
 
-/// Angle of view of test pictures, degrees.
+/// Angle of view of test images, degrees.
 pub const TEST_FOV: f64 = 50.0;
 
-/// Test views of object k: the camera looks at the origin from r/sin(fov/2), so that the ball touches the borders. Given are
-/// 8 of the 16 at 20° and 8 of the 16 at 40°; asked for are 12 of the other 32.
+/// Test views of object k: the camera is aimed at the origin from r/sin(fov/2), so that the ball touches the
+/// borders. Inputs are 8 of the 16 views at 20° and 8 of the 16 at 40°; outputs are 12 of the other 32.
 pub fn test(seed: u64, k: u64, size: usize) -> Test {
     let distance = OBJECT_RADIUS / sin(radians(0.5 * TEST_FOV));
     let views = (0..48)
@@ -180,7 +186,7 @@ pub fn test(seed: u64, k: u64, size: usize) -> Test {
     }
 }
 
-/// `count` views on a ring at one elevation, looking at the origin, the ball just in the picture.
+/// `count` views on a ring at one elevation, aimed at the origin, with the ball touching the borders.
 pub fn ring(count: usize, elevation: f64, fov: f64, size: usize) -> Vec<CameraView> {
     let distance = OBJECT_RADIUS / sin(radians(0.5 * fov));
     (0..count)
@@ -196,18 +202,19 @@ pub fn ring(count: usize, elevation: f64, fov: f64, size: usize) -> Vec<CameraVi
 /// A frame of a camera that moves while its shutter is open.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Moving {
-    /// When the shutter opens; the focal length is that of an equidistant fisheye, or of a pinhole ([`Moving::through_pinhole`]).
+    /// The view when the shutter opens; the focal length is that of an equidistant fisheye, or of a pinhole
+    /// ([`Moving::through_pinhole`]).
     pub open: View,
-    /// When it closes.
+    /// The view when the shutter closes.
     pub close: View,
-    /// Seconds, of opening.
+    /// Time at which the shutter opens, seconds.
     pub time: f64,
-    /// Of the object's direction from the optical axis at opening, degrees.
+    /// Angle between the object's direction and the optical axis when the shutter opens, degrees.
     pub off_axis: f64,
 }
 
 impl Moving {
-    /// The same motion seen by a pinhole of [`HEAD_PINHOLE_FOV`].
+    /// The same motion with a pinhole camera of [`HEAD_PINHOLE_FOV`].
     #[must_use]
     pub fn through_pinhole(mut self) -> Self {
         for view in [&mut self.open, &mut self.close] {
@@ -218,16 +225,17 @@ impl Moving {
     }
 }
 
-/// Pictures per second of a head's camera.
+/// Images per second of the head-mounted camera.
 pub const HEAD_RATE: f64 = 10.0;
-/// Seconds that its shutter is open.
+/// Exposure time of the head-mounted camera, seconds.
 pub const HEAD_SHUTTER: f64 = 0.02;
-/// Its angle of view from border to border, degrees.
+/// Angle of view of the head-mounted camera from border to border, degrees.
 pub const HEAD_FOV: f64 = 130.0;
-/// The same of a pinhole in its place, degrees: that of a phone's wide lens.
+/// Angle of view of the pinhole variant, degrees: that of a phone's wide lens.
 pub const HEAD_PINHOLE_FOV: f64 = 70.0;
 
-/// A smooth path in time: a sum of waves of given highest height and several frequencies around a slow one.
+/// A smooth path in time: a sum of sine waves of given maximum height, with several frequencies around a low
+/// one.
 struct Sway {
     waves: Vec<[f64; 3]>,
 }
@@ -246,8 +254,9 @@ impl Sway {
     }
 }
 
-/// Frames of a wide fisheye on the head of somebody who walks around the object and looks at it, now and then past it: 0.8 to
-/// 1.5 from the object, 5 to 50 degrees above it, with the bob of steps and the sway of a neck.
+/// Frames of a wide fisheye camera on the head of a person who walks around the object and mostly faces it:
+/// 0.8 to 1.5 from the object, 5 to 50 degrees above it, with the vertical motion of steps and small
+/// rotations of the head.
 pub fn head(seed: u64, k: u64, count: usize, size: usize) -> Vec<Moving> {
     let mut draws = Draws::new(seed, k, 0, purpose::HEAD);
     let start = draws.range(0.0, TAU);
@@ -261,12 +270,12 @@ pub fn head(seed: u64, k: u64, count: usize, size: usize) -> Vec<Moving> {
     let gaze = [Sway::new(&mut draws, 0.12, 0.3), Sway::new(&mut draws, 0.1, 0.35)];
     let shake = [Sway::new(&mut draws, 0.012, 3.0), Sway::new(&mut draws, 0.012, 3.3)];
     let roll = Sway::new(&mut draws, 0.06, 0.4);
-    // Equidistant: the border lies at half the angle of view times the focal length.
+    // Equidistant: the border is at half the angle of view times the focal length.
     let focal = 0.5 * size as f64 / radians(0.5 * HEAD_FOV);
     let pose = |t: f64| -> (View, f64) {
         let azimuth = start + speed * t + around.at(t);
         let elevation = radians(high + rise.at(t));
-        // Kept away from the object however the sway adds up.
+        // The distance is bounded below, whatever the sum of the waves.
         let distance = 0.8 + 0.7 / (1.0 + exp(-(far + radial.at(t) - 1.15) / 0.12));
         let mut eye = [
             distance * cos(elevation) * cos(azimuth),
@@ -285,7 +294,7 @@ pub fn head(seed: u64, k: u64, count: usize, size: usize) -> Vec<Moving> {
         let right = unit(sub(right, scaled(forward, dot(right, forward))));
         let angle = {
             let c = cross(forward, to_object);
-            // Below 45°, the arc sine's series to fifth order is good to a thousandth.
+            // Below 45°, the series of the arc sine to fifth order has an error of about a thousandth.
             let s = dot(c, c).sqrt();
             s + s * s * s / 6.0 + 3.0 * s * s * s * s * s / 40.0
         };

@@ -1,8 +1,8 @@
-//! Numbers drawn one after another for one thing, by counter, with a record of those that have a name.
+//! Counter-based random numbers drawn in sequence for one item, with a record of the named ones.
 
 use reference::num::rng::{Key, normal_f64, uniform_f64};
 
-/// The draws of one purpose for one item: the n-th call always gives the same number.
+/// The draws of one purpose for one item: the n-th call always returns the same number.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,
@@ -36,19 +36,19 @@ impl Draws {
         low + (high - low) * self.unit()
     }
 
-    /// [`Self::range`], written down under a name.
+    /// [`Self::range`], recorded under a name.
     pub fn named(&mut self, name: &str, low: f64, high: f64) -> f64 {
         let x = self.range(low, high);
         self.note(name, x);
         x
     }
 
-    /// A whole number, low ≤ n < high.
+    /// An integer n with low ≤ n < high.
     pub fn whole(&mut self, low: usize, high: usize) -> usize {
         low + ((high - low) as f64 * self.unit()) as usize
     }
 
-    /// [`Self::whole`], written down under a name.
+    /// [`Self::whole`], recorded under a name.
     pub fn named_whole(&mut self, name: &str, low: usize, high: usize) -> usize {
         let n = self.whole(low, high);
         self.note(name, n as f64);
@@ -60,12 +60,12 @@ impl Draws {
         self.unit() < p
     }
 
-    /// One of a list.
+    /// A random entry of a list.
     pub fn pick<T: Copy>(&mut self, from: &[T]) -> T {
         from[self.whole(0, from.len())]
     }
 
-    /// An index with probability proportional to its weight.
+    /// An index drawn with probability proportional to its weight.
     pub fn weighted(&mut self, weights: &[f64]) -> usize {
         let total = weights.iter().fold(0.0, |s, w| s + w);
         let mut left = total * self.unit();
@@ -78,7 +78,7 @@ impl Draws {
         weights.len() - 1
     }
 
-    /// A uniform direction.
+    /// A uniformly distributed direction.
     pub fn direction(&mut self) -> [f64; 3] {
         let z = self.range(-1.0, 1.0);
         let angle = self.range(0.0, std::f64::consts::TAU);
@@ -86,12 +86,12 @@ impl Draws {
         [r * reference::num::elem::cos(angle), r * reference::num::elem::sin(angle), z]
     }
 
-    /// Writes a parameter down.
+    /// Records a parameter.
     pub fn note(&mut self, name: &str, value: f64) {
         self.named.push((name.to_owned(), value));
     }
 
-    /// What was written down, in the order of drawing.
+    /// The recorded parameters, in the order in which they were drawn.
     pub fn parameters(self) -> Vec<(String, f64)> {
         self.named
     }

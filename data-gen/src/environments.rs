@@ -1,9 +1,9 @@
 //! Procedural environment maps: skies with a sun, overcast skies, studios, rooms, nights.
 //!
-//! A map is a function of direction, evaluated at texel centres row by row ([`Scene::row`]), so rows may be made in any order.
-//! The mean radiance over the sphere is 0.6 to 1.4; a sun is some 10⁴ times brighter than its sky, a lamp or a window 10 to 200
-//! times brighter than the walls. Soft edges are
-//! one texel wide; the sun's irradiance does not depend on the size of the map.
+//! A map is a function of direction, evaluated at texel centres row by row ([`Scene::row`]), so rows can be
+//! computed in any order. The mean radiance over the sphere is 0.6 to 1.4; a sun is about 10⁴ times brighter
+//! than its sky, a lamp or a window 10 to 200 times brighter than the walls. Soft edges are one texel wide;
+//! the irradiance of the sun does not depend on the size of the map.
 
 mod room;
 mod sky;
@@ -16,7 +16,7 @@ use room::Room;
 use sky::Sky;
 use studio::StudioLight;
 
-/// What draws are for. The item is the number of the map.
+/// Purpose numbers of random draws. The item is the number of the map.
 pub mod purpose {
     /// Kind and parameters.
     pub const ENVIRONMENT: u16 = 0x0400;
@@ -65,12 +65,12 @@ pub fn scene(seed: u64, k: u64) -> Scene {
 }
 
 impl Scene {
-    /// One of [`KINDS`].
+    /// The kind, one of [`KINDS`].
     pub fn kind(&self) -> &'static str {
         self.kind
     }
 
-    /// Towards the middle of the brightest source, if one stands out.
+    /// Direction towards the middle of the brightest source, if there is a distinct one.
     pub fn brightest(&self) -> Option<V3> {
         match &self.world {
             World::Sky(s) => s.sun(),
@@ -79,7 +79,7 @@ impl Scene {
         }
     }
 
-    /// Radiance of a row of a map, (W).
+    /// Radiance of a row of a map, shape (W).
     pub fn row(&self, row: usize, width: usize, height: usize) -> Vec<[f32; 3]> {
         let step = std::f64::consts::PI / height as f64;
         let v = (row as f64 + 0.5) / height as f64;

@@ -1,14 +1,17 @@
-//! Scenes with known truth, authored in f64 and returned as plain records. No files are read or written here.
+//! Synthetic scenes with known truth, generated in f64 and returned as plain data. No files are read or
+//! written here.
 //!
 //! ```text
-//! splats  Gaussian scenes      objects       closed painted meshes        cameras  training, test, ring and head views
-//! figure  a causal figure      environments  skies, studios, rooms        poison   numbers that break programs
-//! draws   numbers by counter   surface, light   the records of meshes and maps
+//! splats  Gaussian scenes      objects       closed textured meshes       cameras  training, test, ring and
+//! head views
+//! figure  a causal figure      environments  skies, studios, rooms        poison   numerically critical
+//! values
+//! draws   counter-based draws  surface, light   data types of meshes and maps
 //! ```
 //!
-//! Every number that looks random is drawn by counter (`reference::num::rng`): the same arguments give the same bits. Which
-//! purpose stands for what is listed in the modules named `purpose`, [`splats::purpose`], [`objects::purpose`],
-//! [`environments::purpose`] and [`cameras::purpose`] among them.
+//! All random numbers are counter-based (`reference::num::rng`): the same arguments give the same bits. The
+//! modules named `purpose` list the purpose numbers, among them [`splats::purpose`], [`objects::purpose`],
+//! [`environments::purpose`] and [`cameras::purpose`].
 #![forbid(unsafe_code)]
 
 pub mod cameras;

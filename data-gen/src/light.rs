@@ -1,4 +1,4 @@
-//! What a generator of environments returns: a latitude–longitude map, as plain numbers.
+//! The result of a generator of environments: a latitude–longitude map as plain data.
 
 use reference::num::elem::{cos, sin};
 use std::f64::consts::{PI, TAU};
@@ -10,19 +10,19 @@ use std::f64::consts::{PI, TAU};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Map {
-    /// Columns of azimuth.
+    /// Number of columns (azimuth).
     pub width: usize,
-    /// Rows of inclination, top is +z.
+    /// Number of rows (inclination); the top is +z.
     pub height: usize,
-    /// (H, W) linear RGB radiance, finite, ≥ 0
+    /// Linear RGB radiance, finite, ≥ 0, shape (H, W).
     pub radiance: Vec<[f32; 3]>,
-    /// What it shows.
+    /// Name of the kind of environment.
     pub kind: &'static str,
-    /// Unit vector towards the brightest source; none: nothing stands out.
+    /// Unit vector towards the brightest source; `None` if there is no distinct one.
     pub brightest: Option<[f64; 3]>,
 }
 
-/// The direction of a place in the map, u and v in 0..1.
+/// The direction of a point of the map, with u and v in 0..1.
 pub fn direction(u: f64, v: f64) -> [f64; 3] {
     let (azimuth, inclination) = (TAU * (u - 0.5), PI * v);
     let s = sin(inclination);
@@ -30,7 +30,7 @@ pub fn direction(u: f64, v: f64) -> [f64; 3] {
 }
 
 impl Map {
-    /// The same radiance from everywhere.
+    /// A map with the same radiance in all directions.
     pub fn constant(radiance: [f32; 3]) -> Self {
         Self { width: 2, height: 1, radiance: vec![radiance; 2], kind: "constant", brightest: None }
     }

@@ -1,15 +1,16 @@
-//! Smooth noise over space: gradients on a lattice, chosen through a permutation that is drawn once (after Perlin 2002).
+//! Smooth noise over space: gradients on a lattice, selected by a permutation that is drawn once (after
+//! Perlin 2002).
 
 use crate::draws::Draws;
 use crate::space::V3;
 
-/// A field of noise.
+/// A noise field.
 #[derive(Clone, Debug)]
 pub(crate) struct Noise {
     table: [u8; 512],
 }
 
-/// Edges of a cube, four of them twice.
+/// Directions to the edges of a cube, four of them twice.
 const GRADIENTS: [V3; 16] = [
     [1.0, 1.0, 0.0],
     [-1.0, 1.0, 0.0],
@@ -30,7 +31,7 @@ const GRADIENTS: [V3; 16] = [
 ];
 
 impl Noise {
-    /// Takes 255 draws.
+    /// Creates a field from 255 draws.
     pub(crate) fn new(draws: &mut Draws) -> Self {
         let mut order: [u8; 256] = std::array::from_fn(|i| i as u8);
         for i in (1..256).rev() {
@@ -40,14 +41,14 @@ impl Noise {
         Self { table: std::array::from_fn(|i| order[i & 255]) }
     }
 
-    /// A value of the lattice cell, 0..256, unrelated to its neighbours'.
+    /// A value of the lattice cell, 0..256, uncorrelated with those of its neighbours.
     pub(crate) fn cell(&self, x: i64, y: i64, z: i64) -> u8 {
         let t = |i: usize| usize::from(self.table[i]);
         let [x, y, z] = [x, y, z].map(|k| (k & 255) as usize);
         self.table[t(t(x) + y) + z]
     }
 
-    /// In about −1..1, zero on the lattice of whole numbers, period 256.
+    /// Values of about −1..1, zero at integer lattice points, period 256.
     pub(crate) fn at(&self, p: V3) -> f64 {
         let low = p.map(f64::floor);
         let f = [p[0] - low[0], p[1] - low[1], p[2] - low[2]];
@@ -67,7 +68,8 @@ impl Noise {
         along(face(0), face(1), fade[2])
     }
 
-    /// Octaves of half the size and half the height each, in about −1..1.
+    /// Sum of n octaves, each with half the wavelength and half the amplitude of the previous one, in about
+    /// −1..1.
     pub(crate) fn octaves(&self, p: V3, n: usize) -> f64 {
         let (mut sum, mut height, mut total) = (0.0, 1.0, 0.0);
         let mut q = p;
@@ -75,7 +77,7 @@ impl Noise {
             sum += height * self.at(q);
             total += height;
             height *= 0.5;
-            // An offset, so that the zeros of the lattices do not meet.
+            // An offset, so that the zeros of the lattices do not coincide.
             q = q.map(|x| 2.0 * x + 19.19);
         }
         sum / total

@@ -1,11 +1,11 @@
-//! Numbers that break programs, one at a time in otherwise good arrays.
+//! Numerically critical values, inserted one at a time into otherwise valid arrays.
 
-/// A number that breaks programs.
+/// A numerically critical value.
 #[derive(Clone, Copy, Debug)]
 pub struct Poison {
-    /// What it is.
+    /// Description of the value.
     pub name: &'static str,
-    /// Its value; every finite one but the last two is also a single-precision number or rounds to one.
+    /// The value; every finite one except the last two is also a single-precision number or rounds to one.
     pub value: f64,
 }
 
@@ -13,7 +13,8 @@ const fn poison(name: &'static str, value: f64) -> Poison {
     Poison { name, value }
 }
 
-/// The table: no numbers, ends of the ranges, denormals, zeros of both signs, thresholds of splatting.
+/// The table: NaN and infinities, ends of the ranges, denormals, zeros of both signs, thresholds of
+/// splatting.
 pub const TABLE: &[Poison] = &[
     poison("NaN", f64::NAN),
     poison("+infinity", f64::INFINITY),
@@ -50,18 +51,18 @@ pub const TABLE: &[Poison] = &[
     poison("largest double", f64::MAX),
 ];
 
-/// A copy of an array with one poisoned entry.
+/// A copy of an array with one entry replaced.
 #[derive(Clone, Debug)]
 pub struct Poisoned {
-    /// Which number was put in.
+    /// The value that was inserted.
     pub poison: Poison,
-    /// Where.
+    /// Index of the replaced entry.
     pub index: usize,
-    /// The whole array.
+    /// All entries of the array.
     pub entries: Vec<f64>,
 }
 
-/// Every number of the table at every given place of an array, places outermost.
+/// Every value of the table at every given index of an array, with indices in the outer loop.
 ///
 /// ```
 /// let copies: Vec<_> = data_gen::poison::copies(&[1.0, 2.0], &[1]).collect();
@@ -70,7 +71,7 @@ pub struct Poisoned {
 /// ```
 ///
 /// # Panics
-/// When a place lies outside the array.
+/// If an index is outside the array.
 pub fn copies<'a>(of: &'a [f64], places: &'a [usize]) -> impl Iterator<Item = Poisoned> + 'a {
     places.iter().flat_map(move |&index| {
         TABLE.iter().map(move |&poison| {

@@ -28,18 +28,18 @@ pub(crate) fn length(a: V3) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The vector over its length, which must not be 0.
+/// The vector divided by its length, which must not be 0.
 pub(crate) fn unit(a: V3) -> V3 {
     let n = length(a);
     [a[0] / n, a[1] / n, a[2] / n]
 }
 
-/// a + t (b − a) per component.
+/// Linear interpolation a + t (b − a) per component.
 pub(crate) fn mix<const N: usize>(a: [f64; N], b: [f64; N], t: f64) -> [f64; N] {
     std::array::from_fn(|i| a[i] + t * (b[i] - a[i]))
 }
 
-/// Between low and high.
+/// Clamps between low and high.
 pub(crate) fn clamp(x: f64, low: f64, high: f64) -> f64 {
     if x < low {
         low
@@ -50,17 +50,17 @@ pub(crate) fn clamp(x: f64, low: f64, high: f64) -> f64 {
     }
 }
 
-/// The larger one.
+/// The larger value.
 pub(crate) fn larger(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
-/// The smaller one.
+/// The smaller value.
 pub(crate) fn smaller(a: f64, b: f64) -> f64 {
     if a < b { a } else { b }
 }
 
-/// 0 below the first, 1 above the second edge, 3t² − 2t³ between.
+/// 0 below the first edge, 1 above the second edge, 3t² − 2t³ in between.
 pub(crate) fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     let t = clamp((x - low) / (high - low), 0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
@@ -72,7 +72,7 @@ pub(crate) fn power(x: f64, p: f64) -> f64 {
     if x > 0.0 { reference::num::elem::exp(p * reference::num::elem::ln(x)) } else { 0.0 }
 }
 
-/// Rows of the rotation by an angle about a unit axis (Rodrigues).
+/// Rows of the matrix of the rotation by an angle about a unit axis (Rodrigues).
 pub(crate) fn rotation(axis: V3, angle: f64) -> [V3; 3] {
     let (s, c) = (sin(angle), cos(angle));
     let [x, y, z] = axis;

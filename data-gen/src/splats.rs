@@ -1,9 +1,9 @@
-//! Gaussian scenes: one to look at, one to measure, one to test with.
+//! Gaussian scenes for demonstration, benchmarks and tests.
 
 use reference::num::elem::{cos, exp, ln, sigmoid, sin};
 use reference::num::rng::{Key, normal_f64, uniform_f64};
 
-/// What draws are for. The item is the index of the Gaussian, the draw its component.
+/// Purpose numbers of random draws. The item is the index of the Gaussian, the draw its component.
 pub mod purpose {
     /// Centres of [`super::bench_scene`].
     pub const BENCH_MEAN: u16 = 0x0100;
@@ -30,45 +30,45 @@ pub mod purpose {
 /// A set of Gaussians.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gaussians {
-    /// (N, 3), scene units.
+    /// Centres, shape (N, 3), scene units.
     pub means: Vec<[f64; 3]>,
-    /// (N, 4), w x y z, of length 1 to rounding.
+    /// Quaternions w x y z of length 1 up to rounding, shape (N, 4).
     pub quats: Vec<[f64; 4]>,
-    /// (N, 3), standard deviations in scene units.
+    /// Standard deviations, shape (N, 3), scene units.
     pub scales: Vec<[f64; 3]>,
-    /// (N), 0..1.
+    /// Opacities 0..1, shape (N).
     pub opacities: Vec<f64>,
-    /// (N, K, 3) row-major, K = (degree+1)², of the sRGB-encoded colour.
+    /// SH coefficients of the sRGB-encoded colour, shape (N, K, 3) row-major, K = (degree+1)².
     pub sh: Vec<f64>,
-    /// 0 to 3.
+    /// SH degree, 0 to 3.
     pub sh_degree: usize,
 }
 
 /// A pinhole view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// 4×4, row-major; camera x right, y down, z forward.
+    /// World-to-camera matrix 4×4, row-major; camera x right, y down, z forward.
     pub view_from_world: [f64; 16],
-    /// 3×3, row-major, pixels.
+    /// Intrinsic matrix 3×3, row-major, pixels.
     pub intrinsics: [f64; 9],
-    /// Pixels.
+    /// Width in pixels.
     pub width: usize,
-    /// Pixels.
+    /// Height in pixels.
     pub height: usize,
 }
 
-/// Gaussians and the views of them.
+/// Gaussians and views of them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
-    /// What is seen.
+    /// The Gaussians.
     pub gaussians: Gaussians,
-    /// From where; all of one size.
+    /// The views, all of the same size.
     pub views: Vec<View>,
 }
 
 /// First constant of the spherical harmonics, 1/√(4π).
 const C0: f64 = 0.282_094_791_773_878_14;
-/// Second one, √(3/4π).
+/// Second constant of the spherical harmonics, √(3/4π).
 const C1: f64 = 0.488_602_511_902_919_9;
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
@@ -84,7 +84,8 @@ fn unit(a: [f64; 3]) -> [f64; 3] {
     a.map(|a| a / length)
 }
 
-/// A view from `eye` towards `target`; the world's z axis points up in the picture. The two must not be above each other.
+/// A view from `eye` towards `target`; the world's z axis points up in the image. The two must not be above
+/// each other.
 pub fn look_at(eye: [f64; 3], target: [f64; 3], focal_px: [f64; 2], width: usize, height: usize) -> View {
     let forward = unit([target[0] - eye[0], target[1] - eye[1], target[2] - eye[2]]);
     let right = unit(cross(forward, [0.0, 0.0, 1.0]));
@@ -99,7 +100,7 @@ pub fn look_at(eye: [f64; 3], target: [f64; 3], focal_px: [f64; 2], width: usize
     View { view_from_world, intrinsics, width, height }
 }
 
-/// The shortest rotation that takes the z axis to a unit vector, as a unit quaternion.
+/// The shortest rotation that maps the z axis to a unit vector, as a unit quaternion.
 fn from_z_to(n: [f64; 3]) -> [f64; 4] {
     if n[2] < -1.0 + 1e-12 {
         return [0.0, 1.0, 0.0, 0.0];
@@ -109,10 +110,11 @@ fn from_z_to(n: [f64; 3]) -> [f64; 4] {
     q.map(|q| q / length)
 }
 
-/// Towards the lamp of the demo.
+/// Direction towards the lamp of the demo.
 const LAMP: [f64; 3] = [0.48, -0.36, 0.8];
 
-/// Adds a flat disc in a surface: lit by the lamp, a little brighter when seen along its normal (degree 1).
+/// Adds a flat disc on a surface, lit by the lamp and slightly brighter when seen along its normal (degree
+/// 1).
 fn add_disc(to: &mut Gaussians, mean: [f64; 3], normal: [f64; 3], radius: f64, opacity: f64, rgb: [f64; 3]) {
     let cosine = dot(normal, LAMP);
     let light = 0.55 + 0.45 * if cosine > 0.0 { cosine } else { 0.0 };
@@ -124,13 +126,13 @@ fn add_disc(to: &mut Gaussians, mean: [f64; 3], normal: [f64; 3], radius: f64, o
     for c in rgb {
         to.sh.push((light * c - 0.05 - 0.5) / C0);
     }
-    // The basis is −C1 y, C1 z, −C1 x at the direction d from the eye; −n·d is 1 when looking along the normal.
+    // The basis is −C1 y, C1 z, −C1 x at the direction d from the eye; −n·d is 1 for a view along the normal.
     for along in [normal[1], -normal[2], normal[0]] {
         to.sh.extend([sheen * along / C1; 3]);
     }
 }
 
-/// A colour of the wheel, turn 0..1: red, yellow, green, cyan, blue, magenta.
+/// A colour of the colour wheel, turn 0..1: red, yellow, green, cyan, blue, magenta.
 fn wheel(turn: f64) -> [f64; 3] {
     let channel = |offset: f64| {
         let x = 0.5 + 0.5 * cos(std::f64::consts::TAU * (turn - offset));
@@ -139,13 +141,15 @@ fn wheel(turn: f64) -> [f64; 3] {
     [channel(0.0), channel(1.0 / 3.0), channel(2.0 / 3.0)]
 }
 
-/// The scene of the demo: a tilted ring in the colours of the wheel around a white ball, floating over a checker board, seen
-/// from 24 places on a circle. 1 884 Gaussians of SH degree 1; z is up; nothing is drawn at random.
+/// The scene of the demo: a tilted ring in the colours of the wheel around a white ball, above a
+/// checkerboard, viewed from 24 positions on a circle. It has 1 884 Gaussians of SH degree 1; z is up;
+/// nothing is random.
 ///
 /// * ball: radius 0.42 around (0, 0, 0.85), 300 discs on a Fibonacci spiral;
 /// * ring: radii 0.95 and 0.2, tilted by 0.45 about the x axis, 72 × 14 discs, colour by the angle;
 /// * board: 24 × 24 discs of half-width 0.075 over 3.6 × 3.6, fields of 3 × 3 discs, z = 0;
-/// * views: 160 × 120 pixels, f = 1.1·160 px, 4.2 from the axis at height 2.1, looking at (0, 0, 0.55).
+/// * views: 160 × 120 pixels, f = 1.1·160 px, distance 4.2 from the axis at height 2.1, aimed at (0, 0,
+///   0.55).
 pub fn demo() -> Scene {
     let mut gaussians = Gaussians { sh_degree: 1, ..Gaussians::default() };
     let golden_angle = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -199,8 +203,8 @@ fn unit_quat(normal: impl Fn(u16) -> f64) -> [f64; 4] {
     q.map(|q| q / length)
 }
 
-/// The scene of the benches: means uniform in [−1, 1]³, log scales normal(ln 0.02, 0.4), random quaternions, opacities
-/// sigmoid(normal(0, 1.5)), SH of degree 3 with deviation 0.1.
+/// The scene of the benchmarks: means uniform in [−1, 1]³, log scales normal(ln 0.02, 0.4), random
+/// quaternions, opacities sigmoid(normal(0, 1.5)), SH of degree 3 with standard deviation 0.1.
 pub fn bench_scene(n: usize, seed: u64) -> Gaussians {
     let mut gaussians = Gaussians { sh_degree: 3, ..Gaussians::default() };
     for item in 0..n as u64 {
@@ -216,7 +220,8 @@ pub fn bench_scene(n: usize, seed: u64) -> Gaussians {
     gaussians
 }
 
-/// The view of the benches: camera at (0, 0, −4) looking along +z, f_x = f_y = 1.1·W, principal point in the middle.
+/// The view of the benchmarks: camera at (0, 0, −4), viewing direction +z, f_x = f_y = 1.1·W, principal point
+/// in the middle.
 pub fn bench_view(width: usize, height: usize) -> View {
     let (w, h) = (width as f64, height as f64);
     View {
@@ -227,8 +232,9 @@ pub fn bench_view(width: usize, height: usize) -> View {
     }
 }
 
-/// A well-conditioned scene for tests: `n` Gaussians in [−1, 1]³ of aspect 6 at most, opacities 0.1 to 0.9, SH of degree 3 with
-/// deviation 0.2, seen by two cameras with unequal focal lengths (f_x = 1.1·W, f_y = 1.3·W) and a principal point off the middle.
+/// A well-conditioned scene for tests: `n` Gaussians in [−1, 1]³ with an aspect ratio of at most 6, opacities
+/// 0.1 to 0.9, SH of degree 3 with standard deviation 0.2, seen by two cameras with unequal focal lengths
+/// (f_x = 1.1·W, f_y = 1.3·W) and an off-centre principal point.
 pub fn small_random(n: usize, seed: u64, width: usize, height: usize) -> Scene {
     let mut gaussians = Gaussians { sh_degree: 3, ..Gaussians::default() };
     for item in 0..n as u64 {

@@ -1,55 +1,55 @@
-//! What a generator of shapes returns: a triangle mesh with its material, as plain numbers.
+//! The result of a generator of shapes: a triangle mesh with its material as plain data.
 
-/// How the bytes of a picture hold their quantity.
+/// Encoding of the bytes of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfer {
-    /// sRGB-encoded colour
+    /// sRGB-encoded colour.
     Srgb,
-    /// the quantity itself
+    /// Linear encoding.
     Linear,
 }
 
 /// A texture of RGBA bytes, (H, W, 4) row-major; texture coordinate (0, 0) is its top left corner.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Texels.
+    /// Width in texels.
     pub width: usize,
-    /// Texels.
+    /// Height in texels.
     pub height: usize,
-    /// (H, W)
+    /// Texels, shape (H, W).
     pub texels: Vec<[u8; 4]>,
-    /// Meaning of the first three values.
+    /// Encoding of the first three values.
     pub transfer: Transfer,
 }
 
 /// A metallic-roughness material (α_GGX = roughness²).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
-    /// For messages.
+    /// Name, for messages.
     pub name: String,
-    /// Linear RGB, multiplies the map.
+    /// Linear RGB, multiplied with the map.
     pub base_color: [f64; 3],
-    /// sRGB-encoded.
+    /// sRGB-encoded texture of the base colour.
     pub base_color_map: Option<Picture>,
-    /// 0..1, multiplies G of the map.
+    /// Roughness 0..1, multiplied with G of the map.
     pub roughness: f64,
-    /// 0..1, multiplies B of the map.
+    /// Metallic 0..1, multiplied with B of the map.
     pub metallic: f64,
-    /// Linear: G roughness, B metallic.
+    /// Linear texture: G roughness, B metallic.
     pub metallic_roughness_map: Option<Picture>,
 }
 
 /// A triangle mesh, counter-clockwise seen from outside, z up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
-    /// (V)
+    /// Positions, shape (V).
     pub positions: Vec<[f64; 3]>,
-    /// (V) unit, or empty: flat triangles
+    /// Unit normals, shape (V), or empty for flat triangles.
     pub normals: Vec<[f64; 3]>,
-    /// (V), or empty
+    /// Texture coordinates, shape (V), or empty.
     pub uvs: Vec<[f64; 2]>,
-    /// (T)
+    /// Triangles, shape (T).
     pub triangles: Vec<[u32; 3]>,
-    /// Its look.
+    /// The material.
     pub material: Material,
 }

@@ -1,4 +1,4 @@
-//! Environment maps have the orientation and the range they promise; cameras stand where they should.
+//! Environment maps have the documented orientation and range; cameras have the documented positions.
 
 use data_gen::cameras::{self, CameraView, Framing, OBJECT_RADIUS};
 use data_gen::environments::{self, KINDS};
@@ -38,7 +38,7 @@ fn directions_follow_the_convention() {
         (0.3, 0.0, [0.0, 0.0, 1.0]),
     ] {
         let d = direction(u, v);
-        assert!(dot(d, want) > 1.0 - 1e-12, "u {u}, v {v} looks to {d:?}, not {want:?}");
+        assert!(dot(d, want) > 1.0 - 1e-12, "u {u}, v {v} points to {d:?}, not {want:?}");
     }
 }
 
@@ -60,7 +60,8 @@ fn maps_are_finite_of_the_mean_they_promise_and_bright_where_they_say() {
         assert!((0.5..1.6).contains(&mean), "map {k} ({}): mean {mean}", map.kind);
         let top = brightest(&map);
         if let Some(b) = map.brightest {
-            // The middle of a source and its brightest texel lie within the source, 0.6 for the largest soft box.
+            // The middle of a source and its brightest texel are inside the source, whose size is 0.6 for the
+            // largest soft box.
             let reach = if map.kind == "low sun" || map.kind == "clear sky" { 0.035 } else { 0.9 };
             let angle = dot(texel(&map, top), b);
             assert!(angle > 1.0 - reach * reach, "map {k} ({}): brightest {angle}", map.kind);
@@ -105,7 +106,7 @@ fn eye(v: &View) -> V3 {
     std::array::from_fn(|i| -(m[i] * m[3] + m[4 + i] * m[7] + m[8 + i] * m[11]))
 }
 
-/// Position in the picture, pixels, and depth.
+/// Position in the image, pixels, and depth.
 fn project(v: &View, p: V3) -> [f64; 3] {
     let m = &v.view_from_world;
     let q: V3 =
@@ -127,10 +128,11 @@ fn check_rotation(v: &View) {
     assert!(dot(cross, z) > 0.999, "x right, y down, z forward are right-handed");
 }
 
-/// The ball's silhouette lies within the picture.
+/// Whether the silhouette of the ball is inside the image.
 fn holds_ball(p: &CameraView) -> bool {
     let half = 0.5 * p.fov * std::f64::consts::PI / 180.0;
-    // sin of the angle the ball covers, and of the least angle of the picture's border from its axis
+    // Sine of the angular radius of the ball, and of the smallest angle between the axis and the border of
+    // the image.
     OBJECT_RADIUS / p.distance <= sin(half) * (1.0 + 1e-9)
 }
 
@@ -144,24 +146,30 @@ fn training_views_are_drawn_as_published() {
         fovs.push(whole[0].fov);
         for p in &whole {
             check_rotation(&p.view);
-            assert!(holds_ball(p), "object {k}: the ball is in the picture");
+            assert!(holds_ball(p), "object {k}: the ball is inside the image");
             let c = project(&p.view, [0.0; 3]);
-            assert!((c[0] - 128.0).abs() < 1e-9 && (c[1] - 128.0).abs() < 1e-9, "looks at the origin: {c:?}");
+            assert!(
+                (c[0] - 128.0).abs() < 1e-9 && (c[1] - 128.0).abs() < 1e-9,
+                "the camera is aimed at the origin: {c:?}"
+            );
             assert!((-5.0..=70.0).contains(&p.elevation), "elevation {}", p.elevation);
             assert!(p.fov == whole[0].fov && (15.0..=85.0).contains(&p.fov), "one angle of view per object");
             let above = project(&p.view, [0.0, 0.0, 0.1]);
-            assert!(above[1] < 128.0, "z points up in the picture");
+            assert!(above[1] < 128.0, "z points up in the image");
         }
         for p in &loose {
             check_rotation(&p.view);
             let e = eye(&p.view);
-            assert!((dot(e, e).sqrt() - p.distance).abs() < 1e-12, "stands at its distance");
+            assert!((dot(e, e).sqrt() - p.distance).abs() < 1e-12, "distance from the origin");
             let forward: V3 = std::array::from_fn(|j| p.view.view_from_world[8 + j]);
             let want = cos(p.off_axis * std::f64::consts::PI / 180.0);
             let got = -dot(e, forward) / p.distance;
             assert!((got - want).abs() < 1e-12, "cosine {got} off the axis instead of {want}");
             let c = project(&p.view, [0.0; 3]);
-            assert!(c[..2].iter().all(|x| (0.0..=256.0).contains(x)), "the origin is in the picture: {c:?}");
+            assert!(
+                c[..2].iter().all(|x| (0.0..=256.0).contains(x)),
+                "the origin is inside the image: {c:?}"
+            );
         }
     }
     fovs.sort_by(f64::total_cmp);
@@ -189,12 +197,12 @@ fn test_views_are_those_of_the_protocol() {
         given.sort_unstable();
         let mut round = t.sequential;
         round.sort_unstable();
-        assert_eq!(given, round, "two orders of the same pictures");
-        assert!(given.windows(2).all(|w| w[0] < w[1]), "no picture twice");
+        assert_eq!(given, round, "two orders of the same images");
+        assert!(given.windows(2).all(|w| w[0] < w[1]), "no image twice");
         assert!(t.outputs.windows(2).all(|w| w[0] < w[1]), "no output twice");
         assert!(t.outputs.iter().all(|o| !given.contains(o)), "inputs and outputs are disjoint");
         let turns = t.sequential.map(|i| i % 16);
-        assert!(turns.windows(2).all(|w| w[0] <= w[1]), "sequential goes round once");
+        assert!(turns.windows(2).all(|w| w[0] <= w[1]), "the sequential order goes round once");
         assert_ne!(t.inputs, t.sequential, "random order is another");
     }
     assert_ne!(cameras::test(1, 0, 8).inputs, cameras::test(1, 1, 8).inputs, "objects differ");
@@ -232,7 +240,7 @@ fn heads_move_smoothly_and_keep_the_object_in_view() {
             }
         }
         let turn = frames.iter().map(|f| f.off_axis).fold(0.0, |m, x| if x > m { x } else { m });
-        assert!(turn > 3.0, "object {k}: the gaze wanders, by {turn} degrees");
+        assert!(turn > 3.0, "object {k}: the viewing direction varies, by {turn} degrees");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Generated objects are closed, outward, in their ball, and always the same.
+//! Generated objects are closed, oriented outwards, inside their ball, and reproducible.
 
 use data_gen::objects::{self, Made, build, build_by, generators};
 use data_gen::surface::Surface;
@@ -19,20 +19,20 @@ fn dot(a: V3, b: V3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Vertices at one place get one number.
+/// Assigns one number to all vertices at the same position.
 fn weld(s: &Surface) -> Vec<u32> {
     let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
     s.positions
         .iter()
         .map(|p| {
-            // −0 and +0 are one place.
+            // −0 and +0 are the same position.
             let next = known.len() as u32;
             *known.entry(p.map(|x| (x + 0.0).to_bits())).or_insert(next)
         })
         .collect()
 }
 
-/// Everything a surface promises; gives its volume.
+/// Checks all documented properties of a surface; returns its volume.
 fn check_surface(name: &str, s: &Surface) -> f64 {
     let n = s.positions.len();
     assert_eq!(s.normals.len(), n, "{name}: a normal per vertex");
@@ -51,7 +51,10 @@ fn check_surface(name: &str, s: &Surface) -> f64 {
         volume += dot(a, cross(b, c)) / 6.0;
         for &v in t {
             let along = dot(s.normals[v as usize], face) / dot(face, face).sqrt();
-            assert!(along > 0.0, "{name}: triangle {i} and a normal of it look the same way ({along})");
+            assert!(
+                along > 0.0,
+                "{name}: triangle {i} and its vertex normals have the same orientation ({along})"
+            );
         }
         let [p, q, r] = t.map(|v| s.uvs[v as usize]);
         let uv = (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0]);
@@ -66,7 +69,7 @@ fn check_surface(name: &str, s: &Surface) -> f64 {
         assert!((dot(*m, *m) - 1.0).abs() < 1e-12, "{name}: normal {i} has length 1");
         assert!(
             uv.iter().all(|x| (0.0..=1.0).contains(x)),
-            "{name}: texture coordinate {i} is on the picture"
+            "{name}: texture coordinate {i} is inside the texture"
         );
     }
     assert!(volume > 0.0, "{name}: encloses {volume}");
@@ -98,7 +101,7 @@ fn every_generator_makes_closed_outward_meshes() {
     for which in 0..generators().len() {
         for k in 0..6 {
             let made = build_by(which, 7, k, 32);
-            assert_eq!(made.generator, generators()[which], "the one asked for");
+            assert_eq!(made.generator, generators()[which], "the requested generator");
             check(&made, &format!("object {k}"));
         }
     }
@@ -120,7 +123,7 @@ fn drawn_objects_are_closed_too_and_vary() {
     assert!(looks.len() >= 11, "materials drawn: {looks:?}");
 }
 
-/// Everything about an object that ends up in a picture.
+/// Digest of all data of an object that affect an image.
 fn digest(made: &Made) -> u64 {
     let mut bytes: Vec<u8> = made.generator.bytes().collect();
     for s in &made.surfaces {
@@ -154,11 +157,15 @@ fn an_object_depends_on_its_seed_and_number_alone() {
         build(5, k, 64);
     }
     assert_eq!(first, build(5, 40, 64), "made before or after others");
-    assert_eq!(objects::make(5, 40).len(), first.surfaces.len(), "a larger texture changes no shape");
+    assert_eq!(
+        objects::make(5, 40).len(),
+        first.surfaces.len(),
+        "the size of textures does not affect shapes"
+    );
     assert_eq!(
         objects::make(5, 40)[0].positions,
         first.surfaces[0].positions,
-        "a larger texture changes no shape"
+        "the size of textures does not affect shapes"
     );
     let others: Vec<u64> =
         [(5, 41), (6, 40), (5, 42), (7, 40)].iter().map(|&(s, k)| digest(&build(s, k, 64))).collect();

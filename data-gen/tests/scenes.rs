@@ -1,4 +1,4 @@
-//! The scenes are what their documentation says, and always the same.
+//! The scenes agree with their documentation and are reproducible.
 
 use std::collections::BTreeMap;
 
@@ -64,7 +64,7 @@ fn check_views(scene: &Scene) {
             sum + at(0, k) * (at(1, k + 1) * at(2, k + 2) - at(1, k + 2) * at(2, k + 1))
         });
         assert!((det - 1.0).abs() < 1e-14, "a rotation, not a reflection: {det}");
-        assert!(v[6] <= 0.0, "the world's z axis points up, against the picture's y");
+        assert!(v[6] <= 0.0, "the world's z axis points up, opposite to the image's y");
     }
 }
 
@@ -90,7 +90,7 @@ fn the_demo_shows_something() {
     for view in 0..2 {
         let alpha = &outputs["alpha"].data[view * h * w..(view + 1) * h * w];
         let covered = alpha.iter().filter(|&&a| a > 0.9).count() as f64 / (h * w) as f64;
-        assert!(covered > 0.25 && covered < 0.95, "view {view}: {covered} of the picture is covered");
+        assert!(covered > 0.25 && covered < 0.95, "view {view}: {covered} of the image is covered");
         let image = &outputs["image"].data[view * h * w * 3..(view + 1) * h * w * 3];
         assert!(image.iter().all(|&c| (0.0..=1.0).contains(&c)), "colours stay in range");
         for hue in 0..3 {
@@ -154,7 +154,7 @@ fn poison_is_put_in_one_place_at_a_time() {
         assert!(only == [copy.index] || (only.is_empty() && copy.poison.value == good[copy.index]));
     }
     let names: std::collections::BTreeSet<_> = poison::TABLE.iter().map(|p| p.name).collect();
-    assert_eq!(names.len(), poison::TABLE.len(), "each has a name of its own");
+    assert_eq!(names.len(), poison::TABLE.len(), "names are unique");
 }
 
 #[test]

@@ -1,11 +1,13 @@
-//! A room: six walls around the object, windows, lamps at the ceiling, doors, pictures, tiles or boards on the floor.
+//! A room: six walls around the object, windows, ceiling lamps, doors, pictures, tiles or boards on the
+//! floor.
 
 use crate::draws::Draws;
 use crate::noise::Noise;
 use crate::space::{V3, add, clamp, dot, larger, mix, scaled, smaller, smoothstep, sub};
 use std::f64::consts::PI;
 
-/// A rectangle on a wall: axis 0..3 and side −1 or 1 of the wall, middle and half sizes along the other two axes.
+/// A rectangle on a wall: axis 0..3 and side −1 or 1 of the wall, middle and half sizes along the other two
+/// axes.
 #[derive(Clone, Debug)]
 struct Rect {
     axis: usize,
@@ -13,7 +15,7 @@ struct Rect {
     middle: [f64; 2],
     half: [f64; 2],
     color: V3,
-    /// radiance; 0: a thing that is lit
+    /// Radiance; 0 for an object that is only lit.
     level: f64,
     bars: bool,
 }
@@ -21,9 +23,9 @@ struct Rect {
 #[derive(Clone, Debug)]
 pub(super) struct Room {
     noise: Noise,
-    /// places of the six walls: low, high
+    /// Positions of the six walls: low, high.
     walls: [V3; 2],
-    /// colours of the walls by axis and side
+    /// Colours of the walls by axis and side.
     paint: [[V3; 2]; 3],
     rects: Vec<Rect>,
     ambient: V3,
@@ -93,7 +95,7 @@ impl Room {
             let side = if draws.chance(0.5) { 1.0 } else { -1.0 };
             let (low, high) = (walls[0][1 - axis], walls[1][1 - axis]);
             let color = draws.direction().map(|x| clamp(0.45 + 0.4 * x, 0.04, 0.9));
-            // a door, a board, or a picture
+            // A door, a board, or a picture.
             let (half, z) = match draws.whole(0, 3) {
                 0 => ([0.4, 0.95], floor + 0.95),
                 1 => ([draws.range(0.3, 0.7), draws.range(0.3, 0.8)], floor + 0.5),
@@ -111,7 +113,8 @@ impl Room {
             tiles: draws.range(0.2, 0.6),
             boards: draws.chance(0.5),
         };
-        // Light that has met the walls once or more: the sources' power over the walls' area, times ρ/(1 − ρ).
+        // Light reflected by the walls at least once: the power of the sources divided by the area of the
+        // walls, times ρ/(1 − ρ).
         let [a, b, c]: V3 = std::array::from_fn(|k| walls[1][k] - walls[0][k]);
         let area = 2.0 * (a * b + b * c + c * a);
         let mut power = [0.0; 3];
@@ -123,7 +126,7 @@ impl Room {
         room
     }
 
-    /// Place and inward normal of a wall seen in a direction from the origin.
+    /// Point on the wall in a direction from the origin, with the axis and the side of that wall.
     fn hit(&self, d: V3) -> (V3, usize, f64) {
         let mut best = (f64::INFINITY, 0, 1.0);
         for axis in 0..3 {
@@ -160,7 +163,7 @@ impl Room {
             }
             let is_bar = r.bars && (x.abs() < 0.025 || (y - 0.1).abs() < 0.02) || inside < 0.03;
             if r.level > 0.0 && !is_bar {
-                // Outside, the sky is brighter than the ground.
+                // Outside the window, the sky is brighter than the ground.
                 let height = clamp(0.5 + 0.5 * y / r.half[1], 0.0, 1.0);
                 let view = if axis == 2 { 1.0 } else { 0.45 + 0.55 * smoothstep(0.2, 0.45, height) };
                 glow = add(scaled(glow, 1.0 - share), scaled(r.color, share * r.level * view));
@@ -190,7 +193,7 @@ impl Room {
         }
     }
 
-    /// Irradiance over π at a place from every source, each taken as a facing point where it is far.
+    /// Irradiance over π at a position from every source; distant sources are treated as points.
     fn arriving(&self, p: V3, normal: V3) -> V3 {
         let mut sum = [0.0; 3];
         for r in self.rects.iter().filter(|r| r.level > 0.0) {

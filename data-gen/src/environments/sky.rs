@@ -1,4 +1,4 @@
-//! Open air: a graded sky, a sun, clouds, and ground to the horizon.
+//! Outdoor environments: a graded sky, a sun, clouds, and ground to the horizon.
 
 use crate::draws::Draws;
 use crate::noise::Noise;
@@ -6,7 +6,8 @@ use crate::space::{V3, add, clamp, dot, larger, mix, scaled, smoothstep, unit};
 use reference::num::elem::{cos, exp, sin};
 use std::f64::consts::{PI, TAU};
 
-/// Radius of the sun in the map, radians: larger than the real one (0.0047), as dim in proportion.
+/// Radius of the sun in the map, radians: larger than the real one (0.0047), with proportionally lower
+/// radiance.
 const SUN_RADIUS: f64 = 0.02;
 
 #[derive(Clone, Debug)]
@@ -16,7 +17,7 @@ pub(super) struct Sky {
     horizon: V3,
     sun: V3,
     sun_color: V3,
-    /// radiance of the disc; 0: hidden
+    /// Radiance of the disc; 0 if the sun is hidden.
     sun_level: f64,
     glow: f64,
     cloud: [f64; 2],
@@ -55,7 +56,7 @@ impl Sky {
         }
     }
 
-    /// A high sun in a blue sky, with some clouds. The sun gives 3 to 6 times the sky's irradiance.
+    /// A high sun in a blue sky, with some clouds. The irradiance of the sun is 3 to 6 times that of the sky.
     pub(super) fn clear(draws: &mut Draws, noise: &mut Draws) -> Self {
         let elevation = draws.range(25.0, 65.0) * PI / 180.0;
         let mut sky = Self::new(draws, noise, elevation);
@@ -91,7 +92,7 @@ impl Sky {
     }
 
     fn set_sun(&mut self, ratio: f64, color: V3) {
-        // A sky of radiance 1 gives π; a disc of radius ρ at elevation e gives L·πρ²·sin e.
+        // A sky of radiance 1 has irradiance π; a disc of radius ρ at elevation e has L·πρ²·sin e.
         let seen = larger(self.sun[2], 0.25);
         self.sun_level = larger(ratio / (SUN_RADIUS * SUN_RADIUS * seen), 2000.0);
         self.sun_color = color;
@@ -109,7 +110,7 @@ impl Sky {
         let toward = dot(d, self.sun);
         let halo = self.glow * (0.9 * exp(-18.0 * (1.0 - toward)) + 0.25 * exp(-3.0 * (1.0 - toward)));
         let mut c = add(graded, scaled(self.sun_color, halo));
-        // Clouds lie in a plane overhead.
+        // Clouds are in a horizontal plane above the camera.
         let flat = self.cloud[1] / (up + 0.12);
         let q = [d[0] * flat, d[1] * flat, 0.5];
         let x = self.noise.octaves(q, 5);
@@ -141,8 +142,9 @@ impl Sky {
                 let e = crate::space::sub(d, self.sun);
                 dot(e, e).sqrt()
             };
-            // A rim as wide as a texel. What the soft disc holds more than the sharp one (∫ share·2πr dr over πρ²) is
-            // taken from its level, so the sun's irradiance does not depend on the size of the map.
+            // The edge of the disc is one texel wide. The excess area of the soft disc over the sharp one (∫
+            // share·2πr dr over πρ²) is compensated by its level, so the irradiance of the sun does not
+            // depend on the size of the map.
             let (rho, edge) = (SUN_RADIUS, larger(step, 0.25 * SUN_RADIUS));
             let share = clamp(0.5 + (rho - away) / edge, 0.0, 1.0);
             let held = super::studio::soft_disc(rho, edge);

@@ -1,9 +1,9 @@
-//! Dark rooms with lights: soft boxes of a photographer, or the many small lamps of a night.
+//! Dark rooms with lights: the soft boxes of a photographer, or many small lamps at night.
 
 use crate::draws::Draws;
 use crate::space::{V3, clamp, cross, dot, larger, mix, scaled, smaller, unit};
 
-/// A rectangle or disc of light at distance 1, facing the middle.
+/// A rectangular or circular light at distance 1, facing the origin.
 #[derive(Clone, Debug)]
 struct Panel {
     center: V3,
@@ -13,7 +13,7 @@ struct Panel {
     is_disc: bool,
     color: V3,
     level: f64,
-    /// brightness at the border over that in the middle
+    /// Ratio of the brightness at the border to that in the middle.
     fall: f64,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct StudioLight {
     floor: V3,
 }
 
-/// Colour of a lamp from warm to cold.
+/// Colour of a lamp, from warm to cold.
 fn white(draws: &mut Draws) -> V3 {
     mix([1.0, 0.8, 0.55], [0.85, 0.95, 1.1], draws.unit())
 }
@@ -41,13 +41,13 @@ fn panel(draws: &mut Draws, low: f64, half: [f64; 2], level: f64, color: V3) -> 
     Panel { center, across, up, half, is_disc, color, level, fall: draws.range(0.4, 1.0) }
 }
 
-/// Share of a window of width `step` around x that lies in −half..half.
+/// Fraction of a window of width `step` around x that overlaps −half..half.
 fn seen(x: f64, half: f64, step: f64) -> f64 {
     let (low, high) = (larger(x - 0.5 * step, -half), smaller(x + 0.5 * step, half));
     larger(high - low, 0.0) / step
 }
 
-/// Area over π of a disc of radius r whose rim fades over `edge`.
+/// Area over π of a disc of radius r whose edge fades over `edge`.
 pub(super) fn soft_disc(r: f64, edge: f64) -> f64 {
     let out = r + 0.5 * edge;
     if edge <= 2.0 * r { r * r + edge * edge / 12.0 } else { out * out * out / (3.0 * edge) }
@@ -95,7 +95,7 @@ impl StudioLight {
                 };
                 let level = draws.range(0.04, 0.3) / (4.0 * half[0] * half[1]);
                 let mut p = panel(draws, -0.35, half, level, color);
-                // Most of a town lies near the horizon.
+                // Most lights of a town are near the horizon.
                 if draws.chance(0.6) {
                     let z = draws.range(-0.1, 0.3);
                     let low = unit([p.center[0], p.center[1], z]);
@@ -114,7 +114,7 @@ impl StudioLight {
         }
     }
 
-    /// The panel with the highest luminance; none among the many lamps of a night.
+    /// The panel with the highest luminance; `None` for the many lamps of a night.
     pub(super) fn brightest(&self) -> Option<V3> {
         let bright = |p: &Panel| p.level * dot(p.color, [0.2126, 0.7152, 0.0722]);
         let first = self.panels.first().filter(|_| self.panels.len() < 10)?;
@@ -127,7 +127,7 @@ impl StudioLight {
         let mut c = if d[2] > -0.25 {
             mix(self.wall[1], self.wall[0], clamp(0.5 + 0.5 * d[2], 0.0, 1.0))
         } else {
-            // Floor: brighter towards the middle below.
+            // Floor: brighter towards the nadir.
             scaled(self.floor, 0.6 + 0.8 * clamp(-d[2] - 0.25, 0.0, 1.0))
         };
         for p in &self.panels {
@@ -136,7 +136,7 @@ impl StudioLight {
                 continue;
             }
             let (x, y) = (dot(d, p.across) / along, dot(d, p.up) / along);
-            // What a window one texel wide sees of the panel.
+            // The fraction of a window one texel wide that the panel covers.
             let share = if p.is_disc {
                 let r = smaller(p.half[0], p.half[1]);
                 clamp(0.5 + (r - (x * x + y * y).sqrt()) / step, 0.0, 1.0) * r * r / soft_disc(r, step)

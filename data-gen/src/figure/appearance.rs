@@ -1,4 +1,5 @@
-//! What a person looks like: skin, hair, clothes. Drawn from a seed; no factor reaches it but the hue of the cloth.
+//! The appearance of a person: skin, hair, clothes. It is drawn from a seed; the only factor that affects it
+//! is the hue of the cloth.
 
 use super::purpose;
 use super::skeleton::{FOREARM, HEAD, LEFT, METRES, SHIN, SKIRT_RING, THIGH, TORSO, UPPER_ARM, V3};
@@ -12,39 +13,39 @@ pub type Rgb = [f64; 3];
 /// Pattern of the shirt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// one colour
+    /// A single colour.
     Plain,
-    /// horizontal stripes
+    /// Horizontal stripes.
     Stripes,
-    /// checks
+    /// Checks.
     Checks,
-    /// a disc with a star on the chest
+    /// A disc with a star on the chest.
     Print,
 }
 
-/// What covers the legs.
+/// The garment that covers the legs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bottom {
-    /// a skirt over bare legs
+    /// A skirt over bare legs.
     Skirt,
-    /// trousers
+    /// Trousers.
     Trousers,
 }
 
-/// A person's look.
+/// The appearance of a person.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Appearance {
-    /// Skin.
+    /// Colour of the skin.
     pub skin: Rgb,
-    /// Hair and brows.
+    /// Colour of hair and brows.
     pub hair: Rgb,
     /// Whether the hair reaches the shoulders.
     pub long_hair: bool,
-    /// Irises.
+    /// Colour of the irises.
     pub eyes: Rgb,
     /// Pattern of the shirt.
     pub pattern: Pattern,
-    /// Ground colour of the shirt.
+    /// Main colour of the shirt.
     pub shirt: Rgb,
     /// Second colour of the shirt.
     pub accent: Rgb,
@@ -52,11 +53,11 @@ pub struct Appearance {
     pub long_sleeves: bool,
     /// Skirt or trousers.
     pub bottom: Bottom,
-    /// Their colour.
+    /// Colour of the skirt or trousers.
     pub cloth: Rgb,
-    /// Shoes.
+    /// Colour of the shoes.
     pub shoes: Rgb,
-    /// Where the finer folds lie, two phases in rad.
+    /// Two phases of the finer folds, rad.
     pub fold_phases: [f64; 2],
 }
 
@@ -81,7 +82,7 @@ const BOTTOMS: [Rgb; 6] = [
 ];
 const SHOES: [Rgb; 4] = [[0.14, 0.13, 0.13], [0.36, 0.23, 0.15], [0.82, 0.80, 0.77], [0.50, 0.16, 0.15]];
 
-/// A saturated colour of the wheel, turn 0..1.
+/// A saturated colour of the colour wheel, turn 0..1.
 fn wheel(turn: f64, low: f64, high: f64) -> Rgb {
     [0.0, 1.0 / 3.0, 2.0 / 3.0].map(|offset| {
         let wave = 0.5 + 0.5 * reference::num::elem::cos(TAU * (turn - offset));
@@ -90,12 +91,12 @@ fn wheel(turn: f64, low: f64, high: f64) -> Rgb {
 }
 
 impl Appearance {
-    /// The look number `index` of a run's seed.
+    /// The appearance with number `index` for a run's seed.
     pub fn new(seed: u64, index: u64) -> Self {
         let draw =
             |draw: u16| uniform_f64(Key { seed, item: index, step: 0, purpose: purpose::APPEARANCE, draw });
         let pick = |palette: &[Rgb], k: u16| palette[(draw(k) * palette.len() as f64) as usize];
-        // Skins lie between neighbours of the palette.
+        // Skin colours are interpolated between neighbours of the palette.
         let place = draw(0) * (SKINS.len() - 1) as f64;
         let (near, share) = (place as usize, place - (place as usize) as f64);
         let skin = std::array::from_fn(|c| SKINS[near][c] + share * (SKINS[near + 1][c] - SKINS[near][c]));
@@ -129,7 +130,7 @@ impl Appearance {
             Pattern::Plain => false,
             Pattern::Stripes => in_stripe(height, 0.075),
             Pattern::Checks => {
-                // Whole squares fit around.
+                // An integer number of squares fits around.
                 let squares = (girth / 0.075 + 0.5).floor();
                 in_stripe(height, 0.075) != in_stripe(turn * squares * 0.075, 0.075)
             }
@@ -151,9 +152,9 @@ impl Appearance {
     /// Colour of a template point at rest on the capsule of a bone, and whether it is dyed cloth.
     pub fn point(&self, bone: usize, x: V3) -> (Rgb, bool) {
         let m = [METRES * x[0], METRES * x[1], METRES * x[2] + METRES];
-        // ½ in front, where y is negative.
+        // ½ is in front, where y is negative.
         let turn = 0.5 + Scalar::atan2(m[0], -m[1]) / TAU;
-        // How far along a limb, from its joint in units of its length.
+        // Position along a limb, from its joint, in units of its length.
         let along = |from: V3, to: V3| {
             let side = [m[0].abs(), m[1], m[2]];
             let (d, p) = (super::skeleton::sub(to, from), super::skeleton::sub(side, from));

@@ -9,7 +9,7 @@ use super::texture::{FACE_BOTTOM, FACE_TOP, SHIRT_BOTTOM, SHIRT_TOP};
 use reference::num::elem::{cos, exp, sin};
 use std::f64::consts::TAU;
 
-/// Places of the materials in [`super::texture::materials`].
+/// Indices of the materials in [`super::texture::materials`].
 pub(super) const SKIN: usize = 0;
 pub(super) const FACE: usize = 1;
 pub(super) const HAIR: usize = 2;
@@ -42,7 +42,7 @@ fn plain(name: &'static str, shell: Shell, material: usize) -> Piece {
     }
 }
 
-/// A part that the body's width leaves alone: those of the head.
+/// A part that the width of the body does not affect: the parts of the head.
 fn still(piece: Piece) -> Piece {
     Piece { width: 0.0, ..piece }
 }
@@ -90,7 +90,7 @@ fn head() -> Shell {
     })
 }
 
-/// A shell over the head that leaves the face free.
+/// A shell over the head, open at the face.
 fn hair(long: bool) -> Shell {
     let rows = head_keys().map(|r| [r.center[2], r.half[0], r.half[1], r.center[1]]);
     const TOP: f64 = 1.709;
@@ -104,23 +104,24 @@ fn hair(long: bool) -> Shell {
     let at = move |turn: f64, share: f64, thick: f64| {
         let (a, low) = (ahead(turn), rim(turn));
         let z = low + (TOP - low) * share;
-        // Heights above the rim are those of the head, stretched to the hair's top.
+        // Heights above the rim are those of the head, stretched to the top of the hair.
         let inner = 1.699 - (TOP - z) * (1.699 - low) / (TOP - low);
         let [_, half_x, half_y, y] = section(&rows, if inner < 1.53 { 1.53 } else { inner });
-        // Below the skull long hair falls a little inwards.
+        // Below the skull, long hair curves slightly inwards.
         let fall = 1.0 - 0.35 * smooth(1.53, 1.36, z);
         let lock = 0.0012 * sin(26.0 * a) * (1.0 - share);
         let t = thick * (0.4 + 0.6 * smooth(0.0, 0.16, share)) + lock;
         [(half_x + t) * fall * sin(a), y * fall - (half_y + t) * fall * cos(a), z]
     };
     const ROWS: usize = 26;
-    // Rings only carry the counts: every vertex is placed by its turn. First the hidden rim inside the head.
+    // The rings only determine the counts, because every vertex is positioned by its turn. The hidden rim
+    // inside the head comes first.
     let mut shell = tube(&vec![level(1.6, 0.01, 0.01, 0.0); ROWS + 2], 72, |_, p| p);
     let columns = 73;
     for v in 0..shell.positions.len() - 2 {
         let (row, turn) = (v / columns, (v % columns % 72) as f64 / 72.0);
         let share = if row == 0 { 0.0 } else { (row - 1) as f64 / ROWS as f64 };
-        // Rows crowd towards the top, where the head closes.
+        // Rows are denser towards the top, where the head closes.
         let share = sin(share * TAU / 4.0);
         shell.positions[v] = at(turn, share, if row == 0 { -0.02 } else { 0.013 });
         shell.around_along[v] = [(v % columns) as f64 / 72.0, share];
@@ -142,7 +143,7 @@ fn ear() -> Shell {
     tube(&between(&along(&path, [1.0, 0.0, 0.0], &halves), 0.005), 14, |_, p| p)
 }
 
-/// Hinge of the left elbow, from front to back.
+/// Hinge axis of the left elbow, from front to back.
 fn hinge() -> V3 {
     let [shoulder, elbow, hand, ..] = LEFT;
     unit(cross(sub(elbow, shoulder), sub(hand, elbow)))
@@ -154,7 +155,7 @@ fn on_arm(length: f64) -> V3 {
     let upper = sub(elbow, shoulder);
     let reach = super::skeleton::dot(upper, upper).sqrt();
     if length < 0.0 {
-        // Into the chest.
+        // Inside the chest.
         add(shoulder, [length, 0.0, 0.3 * length])
     } else if length < reach {
         add(shoulder, scale(unit(upper), length))
@@ -172,7 +173,7 @@ fn arm_tube(profile: &[(f64, f64, f64)], around: usize) -> Shell {
     tube(&between(&along(&path, hinge(), &halves), 0.012), around, |_, p| p)
 }
 
-/// What the sleeve leaves bare.
+/// The visible part of the arm below the sleeve.
 fn arm(long_sleeves: bool) -> Shell {
     let from = if long_sleeves { 5 } else { 0 };
     arm_tube(
@@ -197,7 +198,7 @@ fn arm(long_sleeves: bool) -> Shell {
 fn fingers() -> Vec<Shell> {
     let [_, elbow, hand, ..] = LEFT;
     let forward = unit(sub(hand, elbow));
-    // Towards the back of the figure is the little finger; the palm looks to the body.
+    // The little finger is towards the back of the figure; the palm faces the body.
     let (back, palm) = (hinge(), cross(forward, hinge()));
     let palm = if palm[0] > 0.0 { scale(palm, -1.0) } else { palm };
     let knuckles = add(elbow, scale(forward, 0.345));
@@ -225,7 +226,7 @@ fn fingers() -> Vec<Shell> {
 }
 
 fn leg_tube(profile: &[(f64, f64, f64, f64)], around: usize) -> Shell {
-    // Downwards, x × y = −z; the centre follows the bones.
+    // For a downward tube, x × y = −z; the centre follows the bones.
     let [.., hip, knee, ankle] = LEFT;
     let rings: Vec<Ring> = profile
         .iter()
@@ -309,14 +310,14 @@ pub(super) fn body(appearance: &Appearance) -> Vec<Piece> {
         (0.07, 0.031, 0.036, 0.004),
         (0.045, 0.028, 0.032, 0.004),
     ];
-    // Under cloth there is no body, but for what a short skirt shows.
+    // There is no body under cloth, except for the part that a short skirt shows.
     let from = if appearance.bottom == Bottom::Skirt { 0 } else { 8 };
     pieces.extend(both(["left leg", "right leg"], leg_tube(&bare[from..], 32), |n, s| plain(n, s, SKIN)));
     pieces.extend(both(["left shoe", "right shoe"], shoe(), |n, s| plain(n, s, SHOES)));
     pieces
 }
 
-/// Folds fade where cloth is held: at the collar, and on the axis of closing fans.
+/// Folds vanish where cloth is fixed: at the collar, and on the axis of closing fans.
 fn trunk_slack(p: V3) -> f64 {
     let radius = (p[0] * p[0] + p[1] * p[1]).sqrt();
     smooth(1.43, 1.33, p[2]) * smooth(0.05, 0.09, radius)
@@ -324,7 +325,7 @@ fn trunk_slack(p: V3) -> f64 {
 
 /// The shirt: trunk and sleeves.
 pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
-    // Over trousers it hangs down to the hips, into a skirt it is tucked.
+    // The shirt extends to the hips over trousers, and is tucked into a skirt.
     let tucked = appearance.bottom == Bottom::Skirt;
     let hem: &[Ring] = if tucked {
         &[level(1.026, 0.100, 0.075, 0.0), level(1.029, 0.122, 0.091, 0.0)]
@@ -351,7 +352,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
         folds: Folds::Body,
         slack: trunk_slack,
         width: TRUNK_WIDTH,
-        // Over trousers the shirt stands for the skirt: its hem goes up and down as far.
+        // Over trousers, the length factor of the skirt moves the hem of the shirt instead.
         rim: (!tucked).then_some(1.18),
         under: (!tucked).then_some(Under::Trousers),
         uv: |[turn, _], p| [turn, (SHIRT_TOP - p[2]) / (SHIRT_TOP - SHIRT_BOTTOM)],
@@ -384,7 +385,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     let sleeve = arm_tube(if appearance.long_sleeves { long } else { short }, 36);
     pieces.extend(both(["left sleeve", "right sleeve"], sleeve, |name, shell| Piece {
         folds: Folds::Own(OWN_FOLDS),
-        // Nothing moves where the sleeve is sewn in.
+        // There are no folds where the sleeve is sewn in.
         slack: |p| smooth(0.17, 0.21, if p[0] < 0.0 { -p[0] } else { p[0] }),
         uv: |[turn, length], _| [turn, length / 0.6],
         ..plain(name, shell, SLEEVE)
@@ -392,7 +393,7 @@ pub(super) fn shirt(appearance: &Appearance) -> Vec<Piece> {
     pieces
 }
 
-/// A ring of a tube that goes down.
+/// A ring of a downward tube.
 fn ring(z: f64, a: f64, b: f64) -> Ring {
     Ring { y: [0.0, -1.0, 0.0], ..level(z, a, b, 0.0) }
 }
@@ -409,29 +410,29 @@ const HIPS: [[f64; 3]; 8] = [
     [0.795, 0.040, 0.040],
 ];
 
-/// The same upwards, and above the waistband a way in, so that the shirt comes free gently.
+/// The same upwards, and inwards above the waistband, so that the shirt leaves them smoothly.
 const UNDER_SHIRT: [[f64; 3]; 8] =
     [HIPS[7], HIPS[6], HIPS[5], HIPS[4], HIPS[3], HIPS[2], HIPS[1], [1.10, 0.060, 0.045]];
 
-/// Distance between a place and two legs around x = ±`apart`, those of radius `radius` at u_B = 0.
+/// Distance of a position from two legs around x = ±`apart`, with radius `radius` at u_B = 0.
 fn from_legs(p: V3, apart: f64, radius: f64, drive: &Drive) -> f64 {
     let side = if p[0] < 0.0 { -p[0] } else { p[0] } - apart;
     let off = if side > 0.0 { side } else { 0.0 };
     (off * off + p[1] * p[1]).sqrt() - radius - METRES * drive.girth(LIMB_WIDTH, radius / METRES)
 }
 
-/// How far a place is from bare legs, metres.
+/// Distance of a position from bare legs, metres.
 pub(super) fn above_legs(p: V3, drive: &Drive) -> f64 {
     from_legs(p, 0.093, 0.071, drive) + 0.1 * smooth(0.78, 0.84, p[2]) - 0.004
 }
 
-/// How far a place is from the hips and legs of trousers, across the body, metres.
+/// Distance of a position from the hips and legs of trousers, across the body, metres.
 pub(super) fn above_trousers(p: V3, drive: &Drive) -> f64 {
     let [_, a, b] = section(&UNDER_SHIRT, p[2]);
     let (x, y) = (p[0] / a, p[1] / b);
     let radius = (p[0] * p[0] + p[1] * p[1]).sqrt();
     let hips = radius * (1.0 - 1.0 / (x * x + y * y).sqrt()) - METRES * drive.girth(TRUNK_WIDTH, b / METRES);
-    // Legs are deeper than wide.
+    // Legs are deeper than they are wide.
     let wrinkle = if drive.wrinkle < 0.0 { -drive.wrinkle } else { drive.wrinkle };
     let folds = METRES * OWN_FOLDS * WRINKLES * wrinkle * leg_slack(p);
     let legs =
@@ -477,7 +478,7 @@ pub(super) fn skirt() -> Vec<Piece> {
 /// Trousers: hips and two legs.
 pub(super) fn trousers() -> Vec<Piece> {
     let keys = HIPS.map(|[z, a, b]| ring(z, a, b));
-    // They sit tight; folds are those of the shirt over them and of the legs.
+    // Trousers fit tightly; the folds are those of the shirt over them and of the legs.
     let mut pieces = vec![Piece {
         width: TRUNK_WIDTH,
         uv: |[turn, length], _| [6.0 * turn, 6.0 * length],

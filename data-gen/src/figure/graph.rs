@@ -1,6 +1,6 @@
 //! Causal graphs between the factors.
 //!
-//! `A[i][j]` says i → j: the parents of j are column j.
+//! `A[i][j]` means i → j: the parents of j are in column j.
 
 use super::purpose;
 use reference::num::rng::{Key, uniform_f64};
@@ -8,9 +8,9 @@ use reference::num::rng::{Key, uniform_f64};
 /// A directed acyclic graph over n nodes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Graph {
-    /// (n, n) true where the row's node acts on the column's
+    /// Adjacency matrix, shape (n, n): true if the node of the row acts on that of the column.
     pub adjacency: Vec<Vec<bool>>,
-    /// The nodes, parents before children; among several free ones the lowest index first.
+    /// The nodes in topological order; among several available nodes, the lowest index comes first.
     pub order: Vec<usize>,
 }
 
@@ -31,10 +31,10 @@ const NAMED: &[(&str, &[(usize, usize)])] = {
 };
 
 impl Graph {
-    /// A graph from its edges.
+    /// Creates a graph from its edges.
     ///
     /// # Errors
-    /// When an edge leaves the nodes, is a loop, or closes a cycle.
+    /// If an edge refers to a node that does not exist, is a loop, or closes a cycle.
     pub fn new(n: usize, edges: &[(usize, usize)]) -> Result<Self, String> {
         let mut adjacency = vec![vec![false; n]; n];
         for &(i, j) in edges {
@@ -49,17 +49,18 @@ impl Graph {
                 |j: &usize| !order.contains(j) && (0..n).all(|i| !adjacency[i][*j] || order.contains(&i));
             match (0..n).find(free) {
                 Some(j) => order.push(j),
-                None => return Err("a graph without cycles was expected".to_owned()),
+                None => return Err("expected a graph without cycles".to_owned()),
             }
         }
         Ok(Self { adjacency, order })
     }
 
-    /// The graph of that name over n factors: `FORK`, `CHAIN`, `COLLIDER`, `DIAMOND`, `FULL`, `EMPTY` (factors beyond the
-    /// first four stand alone), or `ER-m`: m different edges drawn at random by the seed along a random order of the nodes.
+    /// The graph with the given name over n factors: `FORK`, `CHAIN`, `COLLIDER`, `DIAMOND`, `FULL`, `EMPTY`
+    /// (in which factors after the first four have no edges), or `ER-m`: m different edges drawn at random by
+    /// the seed along a random order of the nodes.
     ///
     /// # Errors
-    /// When there is no such name, n is not 4 to 8 (2 to 8 for `ER-m` and `EMPTY`), or m edges do not fit.
+    /// If there is no such name, n is not 4 to 8 (2 to 8 for `ER-m` and `EMPTY`), or there cannot be m edges.
     pub fn named(name: &str, n: usize, seed: u64) -> Result<Self, String> {
         if let Some(m) = name.strip_prefix("ER-") {
             let most = n * n.saturating_sub(1) / 2;
@@ -110,7 +111,7 @@ impl Graph {
         (0..self.n()).filter(|&i| self.adjacency[i][j]).collect()
     }
 
-    /// For every node, whether a directed path of at least one edge leads there from `i`.
+    /// Whether each node can be reached from `i` on a directed path of at least one edge.
     pub fn descendants(&self, i: usize) -> Vec<bool> {
         let mut reached = vec![false; self.n()];
         for &j in &self.order {

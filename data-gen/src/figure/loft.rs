@@ -1,4 +1,4 @@
-//! Closed tubes through ellipses: the stuff that limbs and clothes are made of.
+//! Closed tubes through ellipses, from which limbs and clothes are made.
 
 use super::skeleton::{V3, add, cross, dot, scale, sub, unit};
 use reference::num::elem::{cos, sin};
@@ -14,11 +14,13 @@ pub(super) struct Ring {
     pub(super) half: [f64; 2],
 }
 
-/// A closed surface at rest, in metres. The seam doubles vertices; `weld` gives the first of each set of doubles.
+/// A closed surface at rest, in metres. Vertices on the seam are duplicated; `weld` gives the first of each
+/// set of duplicates.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Shell {
     pub(super) positions: Vec<V3>,
-    /// Turn around (0 at the start of y… the back of a tube that goes up, ½ opposite), length along in metres.
+    /// Turn around the tube (0 at the start of y, which is the back of an upward tube; ½ is opposite) and
+    /// length along it in metres.
     pub(super) around_along: Vec<[f64; 2]>,
     /// Unit direction away from the tube's axis, across the tube; zero on the axis.
     pub(super) outward: Vec<V3>,
@@ -28,12 +30,12 @@ pub(super) struct Shell {
     pub(super) weld: Vec<u32>,
 }
 
-/// A ring of a tube that goes up.
+/// A ring of an upward tube.
 pub(super) fn level(z: f64, a: f64, b: f64, y: f64) -> Ring {
     Ring { center: [0.0, y, z], x: [1.0, 0.0, 0.0], y: [0.0, 1.0, 0.0], half: [a, b] }
 }
 
-/// Rings across a path, with the given half axes; the first one lies along `side` as nearly as the path allows.
+/// Rings across a path, with the given half axes; the first axis is as close to `side` as the path allows.
 pub(super) fn along(path: &[V3], side: V3, halves: &[[f64; 2]]) -> Vec<Ring> {
     assert!(path.len() == halves.len() && path.len() > 1, "one pair of half axes per point");
     let last = path.len() - 1;
@@ -43,7 +45,8 @@ pub(super) fn along(path: &[V3], side: V3, halves: &[[f64; 2]]) -> Vec<Ring> {
             let (before, behind) =
                 (path[if i > 0 { i - 1 } else { 0 }], path[if i < last { i + 1 } else { last }]);
             let forward = unit(sub(behind, before));
-            // A hem turns back into its tube; its rings look on, or the tube would be wrung.
+            // A hem folds back into its tube; its rings keep their orientation, otherwise the tube would be
+            // twisted.
             if i == 0 || dot(forward, ahead) > 0.0 {
                 ahead = forward;
             }
@@ -65,8 +68,8 @@ fn ring(n: [f64; 11]) -> Ring {
     Ring { center: [n[0], n[1], n[2]], x, y, half: [n[9], n[10]] }
 }
 
-/// Rings between key rings: a cubic Hermite curve through all their numbers with finite-difference slopes over chord length, at most
-/// `step` metres apart.
+/// Rings interpolated between key rings: a cubic Hermite curve through all their parameters with
+/// finite-difference slopes over chord length, at most `step` metres apart.
 pub(super) fn between(keys: &[Ring], step: f64) -> Vec<Ring> {
     let values: Vec<[f64; 11]> = keys.iter().map(numbers).collect();
     let mut chords = vec![0.0];
@@ -103,8 +106,8 @@ pub(super) fn between(keys: &[Ring], step: f64) -> Vec<Ring> {
     rings
 }
 
-/// Closes rings into a tube with `around` vertices each, both ends by a fan around their centre. `shape` may move a vertex,
-/// given its turn around; it must move equal places equally.
+/// Connects rings to a tube with `around` vertices each, and closes both ends by a fan around their centre.
+/// `shape` may move a vertex, given its turn around; it must move vertices at the same position equally.
 pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3) -> Shell {
     let mut shell = Shell::default();
     let (start, end) = (rings[0].center, rings[rings.len() - 1].center);
@@ -118,7 +121,7 @@ pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3)
         let first = shell.positions.len() as u32;
         for k in 0..=around {
             let turn = k as f64 / around as f64;
-            // The vertex after the last one is the first one.
+            // The vertex after the last one equals the first one.
             let place = (k % around) as f64 / around as f64;
             let angle = TAU * (place + 0.25);
             let [a, b] = r.half;
@@ -155,7 +158,7 @@ pub(super) fn tube(rings: &[Ring], around: usize, shape: impl Fn(f64, V3) -> V3)
 }
 
 impl Shell {
-    /// The other side of the body.
+    /// The mirror image, for the other side of the body.
     pub(super) fn mirrored(&self) -> Self {
         let mut m = self.clone();
         m.positions.iter_mut().for_each(|p| p[0] = -p[0]);
@@ -165,7 +168,8 @@ impl Shell {
     }
 }
 
-/// Unit vertex normals: areas of the triangles around each welded vertex, summed in the order of the triangles.
+/// Unit vertex normals: area-weighted normals of the triangles around each welded vertex, summed in the order
+/// of the triangles.
 pub(super) fn normals(positions: &[V3], triangles: &[[u32; 3]], weld: &[u32]) -> Vec<V3> {
     let mut sums = vec![[0.0; 3]; positions.len()];
     for t in triangles {

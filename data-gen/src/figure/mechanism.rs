@@ -1,11 +1,13 @@
-//! The structural causal model: how factors arise from their parents and from noise of their own.
+//! The structural causal model: factors as functions of their parents and of independent noise.
 //!
 //! u_j = Σ_i a_ij f(u_i) + s_j e_j
 //!
-//! |a_ij| is uniform in [0.5, 0.9] with a random sign, f the identity or tanh(1.5 x), e standard normal or uniform in ±√3.
-//! Standardised, s_j is such that Var(u_j) = 1: s_j² = 1 − V_j with V_j = Var(Σ_i a_ij f(u_i)), exact for a linear f, from
-//! 10⁶ fixed draws otherwise. Where V_j would pass [`MOST_EXPLAINED`], the incoming a_ij are shrunk by one factor so that it is
-//! met: an own cause remains in every factor. Without standardisation s_j = 1 and a_ij stays as drawn.
+//! The magnitude |a_ij| is uniform in [0.5, 0.9] with a random sign, f is the identity or tanh(1.5 x), e is
+//! standard normal or uniform in ±√3.
+//! If the model is standardised, s_j is chosen so that Var(u_j) = 1: s_j² = 1 − V_j with V_j = Var(Σ_i a_ij
+//! f(u_i)), computed exactly for a linear f, otherwise from 10⁶ fixed draws. If V_j would exceed
+//! [`MOST_EXPLAINED`], all incoming a_ij are scaled by one factor so that V_j equals this limit, and every
+//! factor retains noise of its own. Without standardisation, s_j = 1 and a_ij remains as drawn.
 //!
 //! # Rounding
 //! Sums over parents are left folds in index order from +0, then the noise is added.
@@ -15,13 +17,14 @@ use super::purpose;
 use reference::num::rng::{Key, normal_f64, uniform_f64};
 use reference::scalar::Scalar;
 
-/// Largest share of a factor's variance that its parents explain; a noise of standard deviation 0.05 remains.
+/// Largest fraction of a factor's variance that its parents explain; a noise of standard deviation 0.05
+/// remains.
 pub const MOST_EXPLAINED: f64 = 1.0 - 0.05 * 0.05;
 
-/// Draws behind the variances of nonlinear mechanisms.
+/// Number of draws for the variances of nonlinear mechanisms.
 pub const DRAWS: usize = 1_000_000;
 
-/// The seed of those draws, the same for every data set.
+/// Seed of those draws, the same for every data set.
 const DRAWS_SEED: u64 = 0x5eed;
 
 /// Form of the equations.
@@ -38,10 +41,10 @@ pub enum Mechanism {
 }
 
 impl Mechanism {
-    /// The mechanism of that name: `LIN`, `NL`, `NG` or `NL-NG`.
+    /// The mechanism with the given name: `LIN`, `NL`, `NG` or `NL-NG`.
     ///
     /// # Errors
-    /// When there is none.
+    /// If there is no such name.
     pub fn parse(name: &str) -> Result<Self, String> {
         match name {
             "LIN" => Ok(Self::Lin),
@@ -52,7 +55,7 @@ impl Mechanism {
         }
     }
 
-    /// Its name.
+    /// The name of the mechanism.
     pub fn name(self) -> &'static str {
         match self {
             Self::Lin => "LIN",
@@ -62,7 +65,7 @@ impl Mechanism {
         }
     }
 
-    /// f(x).
+    /// The function f(x).
     pub fn f(self, x: f64) -> f64 {
         match self {
             Self::Lin | Self::Ng => x,
@@ -70,7 +73,7 @@ impl Mechanism {
         }
     }
 
-    /// The noise of a key: mean 0, variance 1.
+    /// The noise with the given key: mean 0, variance 1.
     pub fn noise(self, key: Key) -> f64 {
         match self {
             Self::Lin | Self::Nl => normal_f64(key),
@@ -82,13 +85,13 @@ impl Mechanism {
 /// A graph with its coefficients.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scm {
-    /// Who acts on whom.
+    /// The graph of direct effects.
     pub graph: Graph,
     /// Form of the equations.
     pub mechanism: Mechanism,
-    /// (n, n) a_ij, 0 where there is no edge
+    /// Coefficients a_ij, 0 without an edge, shape (n, n).
     pub a: Vec<Vec<f64>>,
-    /// (n) s_j
+    /// Noise scales s_j, shape (n).
     pub s: Vec<f64>,
     /// Whether s and a were chosen for unit variances.
     pub standardised: bool,
@@ -100,8 +103,8 @@ impl Scm {
         Self::with_draws(graph, mechanism, standardised, seed, DRAWS)
     }
 
-    /// [`Scm::new`] with variances of nonlinear mechanisms from the first `draws` of the fixed draws only: their relative error is about
-    /// √(2/draws). For statistics over many models.
+    /// As [`Scm::new`], with variances of nonlinear mechanisms computed only from the first `draws` of the
+    /// fixed draws: their relative error is about √(2/draws). Used for statistics over many models.
     pub fn with_draws(
         graph: Graph,
         mechanism: Mechanism,
@@ -131,7 +134,8 @@ impl Scm {
         scm
     }
 
-    /// Takes V_j of the parents' sum, shrinks if it must, and sets s_j; gives the factor that a_·j was multiplied by.
+    /// Takes the variance V_j of the parents' sum, scales the coefficients if necessary, and sets s_j;
+    /// returns the factor by which a_·j was multiplied.
     fn settle(&mut self, j: usize, explained: f64) -> f64 {
         let shrink = if explained > MOST_EXPLAINED { (MOST_EXPLAINED / explained).sqrt() } else { 1.0 };
         for row in &mut self.a {
@@ -142,7 +146,8 @@ impl Scm {
         shrink
     }
 
-    /// Linear f: with the covariance C of the nodes before j, V_j = Σ a_pj a_qj C_pq and C_ij = Σ_p a_pj C_ip.
+    /// Linear f: with the covariance C of the nodes before j, V_j = Σ a_pj a_qj C_pq and C_ij = Σ_p a_pj
+    /// C_ip.
     fn standardise_exactly(&mut self) {
         let n = self.graph.n();
         let mut c = vec![vec![0.0; n]; n];
@@ -163,7 +168,7 @@ impl Scm {
 
     fn standardise_by_draws(&mut self, draws: usize) {
         let n = self.graph.n();
-        // (n, draws) f(u_i) of the nodes that have children
+        // Values f(u_i) of the nodes that have children, shape (n, draws).
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); n];
         for j in self.graph.order.clone() {
             let parents = self.graph.parents(j);
@@ -192,7 +197,8 @@ impl Scm {
         }
     }
 
-    /// The factors of given noise; `fixed` holds one of them at a value: its parents and its noise no longer matter.
+    /// The factors for given noise; `fixed` sets one of them to a value, which then does not depend on its
+    /// parents and its noise.
     pub fn factors(&self, e: &[f64], fixed: Option<(usize, f64)>) -> Vec<f64> {
         let n = self.graph.n();
         assert!(e.len() == n, "{} noises for {n} factors", e.len());
@@ -212,7 +218,7 @@ impl Scm {
     }
 }
 
-/// Variance with 1/N, by a left fold around the mean.
+/// Variance with divisor N, by a left fold around the mean.
 pub fn variance(x: &[f64]) -> f64 {
     let n = x.len() as f64;
     let mean = x.iter().fold(0.0, |sum, x| sum + x) / n;

@@ -1,4 +1,4 @@
-//! The figure: an articulated person whose causes are known (`last.md` §3).
+//! The figure: an articulated person with known causal factors.
 //!
 //! ```text
 //! graph ─► mechanism ─► samples, video ─► u ─► factors ─► skeleton (pose)
@@ -8,8 +8,9 @@
 //!                                           points        meshes
 //! ```
 //!
-//! Factors act only through [`factors::Drive`]: folds on u_W alone, light on u_L alone. Posture reaches them through the causal
-//! graph and in no other way, so the graph is the truth about the pictures.
+//! The images depend on the factors only through [`factors::Drive`]: folds depend only on u_W, light only on
+//! u_L. Posture affects them only through the causal graph, so the graph is the causal truth about the
+//! images.
 
 pub mod appearance;
 pub mod factors;
@@ -25,18 +26,18 @@ pub mod template;
 mod texture;
 pub mod video;
 
-/// Most factors a figure has.
+/// Maximum number of factors of a figure.
 pub const MAX_FACTORS: usize = 8;
 
-/// What draws are for.
+/// Purpose numbers of random draws.
 pub mod purpose {
     /// Order of the nodes of a random graph; item: node.
     pub const GRAPH_ORDER: u16 = 0x0200;
-    /// Order in which its edges are taken; item: pair.
+    /// Order in which its edges are added; item: pair.
     pub const GRAPH_EDGE: u16 = 0x0201;
-    /// Coefficients; item: edge, draw 0 size, 1 sign.
+    /// Coefficients; item: edge; draw 0 magnitude, draw 1 sign.
     pub const COEFFICIENT: u16 = 0x0202;
-    /// Noise behind variances of nonlinear mechanisms; item: sample, draw: node.
+    /// Noise for variances of nonlinear mechanisms; item: sample, draw: node.
     pub const DRAWS: u16 = 0x0203;
     /// Noise of observational frames; item: frame, draw: node.
     pub const OBSERVED: u16 = 0x0204;
@@ -46,17 +47,17 @@ pub mod purpose {
     pub const VALUE: u16 = 0x0206;
     /// Appearance of a group; item: group.
     pub const GROUP_APPEARANCE: u16 = 0x0207;
-    /// Motion of a video; item: 8 × subject + factor, draws 0, 1 rank of the harmonics, 2, 3 phases.
+    /// Motion of a video; item: 8 × subject + factor; draws 0, 1 rank of the harmonics, 2, 3 phases.
     pub const MOTION: u16 = 0x0208;
     /// Appearance; item: its seed, draw: property.
     pub const APPEARANCE: u16 = 0x0209;
-    /// Light of a video's picture; item: 64 × frame + camera.
+    /// Light samples of an image of a video; item: 64 × frame + camera.
     pub const PICTURE_VIDEO: u16 = 0x020b;
-    /// Light of an observational picture; item: frame.
+    /// Light samples of an observational image; item: frame.
     pub const PICTURE_OBSERVED: u16 = 0x020c;
-    /// Light of a picture before an intervention; item: base.
+    /// Light samples of an image before an intervention; item: base.
     pub const PICTURE_BASE: u16 = 0x020d;
-    /// Light of a picture after it; item: base.
+    /// Light samples of an image after an intervention; item: base.
     pub const PICTURE_AFTER: u16 = 0x020e;
     /// Grain of the textures; item: cell.
     pub const GRAIN: u16 = 0x020a;

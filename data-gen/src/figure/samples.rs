@@ -1,13 +1,13 @@
-//! Frames of a data set: appearance and factors, observed or intervened on.
+//! Frames of a data set: appearance and factors, observational or interventional.
 
 use super::mechanism::Scm;
 use super::purpose;
 use reference::num::rng::{Key, uniform_f64};
 
-/// Base frames of an intervention group.
+/// Number of base frames of an intervention group.
 pub const BASES: usize = 8;
 
-/// An intervention moves its factor at least this far.
+/// Smallest change of the factor that is set by an intervention.
 pub const LEAST_CHANGE: f64 = 0.5;
 
 /// One frame.
@@ -15,22 +15,23 @@ pub const LEAST_CHANGE: f64 = 0.5;
 pub struct Frame {
     /// Seed of its appearance.
     pub appearance: u64,
-    /// (n) own causes
+    /// Independent noise, shape (n).
     pub e: Vec<f64>,
-    /// (n) factors
+    /// Factors, shape (n).
     pub u: Vec<f64>,
 }
 
-/// Frames before and after the same do(i, v).
+/// Frames before and after the same intervention do(i, v).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Group {
-    /// Which factor was set.
+    /// The factor that was set.
     pub target: usize,
-    /// To what.
+    /// The value to which it was set.
     pub value: f64,
-    /// (M) before
+    /// Frames before the intervention, shape (M).
     pub bases: Vec<Frame>,
-    /// (M) after: the same e for every other factor, descendants recomputed
+    /// Frames after the intervention, with the same e for every other factor and recomputed descendants,
+    /// shape (M).
     pub after: Vec<Frame>,
 }
 
@@ -41,17 +42,19 @@ fn noise(scm: &Scm, seed: u64, item: u64, step: u32, purpose: u16) -> Vec<f64> {
         .collect()
 }
 
-/// Frame `index` of `count` observational ones; appearances are in `appearances` equal runs.
+/// Frame `index` of `count` observational ones; each of the `appearances` covers a contiguous range of equal
+/// length.
 pub fn observed(scm: &Scm, seed: u64, index: usize, count: usize, appearances: usize) -> Frame {
     let e = noise(scm, seed, index as u64, 0, purpose::OBSERVED);
     let u = scm.factors(&e, None);
     Frame { appearance: (index * appearances / count) as u64, e, u }
 }
 
-/// Group `index`: the factors take turns, v ~ U(−2, 2), bases are drawn until |v − u_i| ≥ ½; one appearance for the group.
+/// Group `index`: targets cycle through the factors, v ~ U(−2, 2), bases are drawn until |v − u_i| ≥ ½; all
+/// frames of the group have the same appearance.
 ///
 /// # Panics
-/// When no frame is far enough from v in 65 536 draws, which no model of this module comes near.
+/// If no frame is far enough from v in 65 536 draws, which does not happen for any model of this module.
 pub fn group(scm: &Scm, seed: u64, index: usize, appearances: usize) -> Group {
     let target = index % scm.graph.n();
     let draw = |purpose: u16| uniform_f64(Key { seed, item: index as u64, step: 0, purpose, draw: 0 });

@@ -1,9 +1,10 @@
-//! Twelve bones and how factors turn them.
+//! Twelve bones, and the rotations that the factors apply to them.
 //!
-//! Authored in metres for a person of 1.7 m standing on z = 0 and facing −y (the left side is +x), then shifted and divided by
-//! 0.85 m, so that the body fills −1 to 1 in z: the **figure's frame**. z is up; `last.md` writes y for this axis.
+//! Defined in metres for a person of 1.7 m whose feet are on z = 0 and who faces −y (the left side is +x),
+//! then shifted and divided by 0.85 m, so that the body extends from −1 to 1 in z: these are the **units of
+//! the figure**. z is up.
 //!
-//! | bone | parent | turns about | segment from → to (m) | radius (m) |
+//! | bone | parent | rotates about | segment from → to (m) | radius (m) |
 //! |---|---|---|---|---|
 //! | 0 pelvis | – | – | (0, 0, 0.93) → (0, 0, 1.17) | 0.125 |
 //! | 1 torso | 0 | – | (−0.105, 0, 1.315) → (0.105, 0, 1.315) | 0.105 |
@@ -14,10 +15,11 @@
 //! | 9, 10 shin with foot | 7, 8 | knee, axis x | knee → (±0.1, 0.01, 0.05) | 0.05 |
 //! | 11 skirt ring | 0 | – | (0, 0, 0.98) → (0, 0, 0.88) | band, see [`SKIRT`] |
 //!
-//! The torso is a capsule lying across the chest, so that the nearest bone of a point of the chest is the torso and not an arm.
-//! The arms stand 0.8 rad off the body and the elbows are bent by 0.6 rad at rest. A bent knee leaves the feet under the body: the
-//! thigh swings forward by half its angle. `last.md` §3.2 speaks of the knee alone; turning the hips back is a decision of this figure, which
-//! keeps the feet near the ground and under the camera's middle, and it follows u_P as the knee does.
+//! The torso is a horizontal capsule across the chest, so that the nearest bone of a point of the chest is
+//! the torso and not an arm. At rest, the arms are 0.8 rad off the body and the elbows are bent by 0.6 rad. A
+//! bent knee keeps the feet under the body: the thigh swings forward by half of the knee's angle. This
+//! rotation of the hips follows u_P as the knee does; it keeps the feet near the ground and near the centre
+//! of the image.
 
 use super::factors::Drive;
 use reference::body::skin::Affine;
@@ -29,23 +31,23 @@ pub type V3 = [f64; 3];
 /// Number of bones.
 pub const BONES: usize = 12;
 
-/// Metres per unit of the figure's frame: half the height.
+/// Metres per unit of the figure: half the height.
 pub const METRES: f64 = 0.85;
 
-/// A bone, in the figure's frame.
+/// A bone, in units of the figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bone {
-    /// Its name.
+    /// Name of the bone.
     pub name: &'static str,
-    /// The bone it hangs on; its index is smaller.
+    /// The parent bone; its index is smaller.
     pub parent: Option<usize>,
-    /// The point it turns about.
+    /// The point about which the bone rotates.
     pub joint: V3,
     /// Start of its segment.
     pub from: V3,
     /// End of its segment.
     pub to: V3,
-    /// Of its capsule.
+    /// Radius of its capsule.
     pub radius: f64,
 }
 
@@ -64,15 +66,16 @@ pub const SHIN: usize = 9;
 /// Index of the skirt ring.
 pub const SKIRT_RING: usize = 11;
 
-/// The band that the skirt's template points lie on: heights and radii of its upper and lower rim, in metres.
+/// The band on which the template points of the skirt lie: heights and radii of its upper and lower rim, in
+/// metres.
 pub const SKIRT: [[f64; 2]; 2] = [[0.96, 0.165], [0.6, 0.215]];
 
-/// Metres to the figure's frame.
+/// Converts metres to units of the figure.
 pub fn framed(p: V3) -> V3 {
     [p[0] / METRES, p[1] / METRES, (p[2] - METRES) / METRES]
 }
 
-/// The figure's frame to metres.
+/// Converts units of the figure to metres.
 pub(super) fn metric(x: V3) -> V3 {
     [METRES * x[0], METRES * x[1], METRES * x[2] + METRES]
 }
@@ -87,7 +90,7 @@ pub(super) const LEFT: [V3; 6] = [
     [0.1, 0.01, 0.05],
 ];
 
-/// Mirrors to the right side.
+/// Mirrors a point to the right side.
 pub(super) fn mirrored(p: V3) -> V3 {
     [-p[0], p[1], p[2]]
 }
@@ -140,7 +143,7 @@ pub(super) fn cross(a: V3, b: V3) -> V3 {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-/// A vector of length 1; the zero vector stays.
+/// A vector scaled to length 1; the zero vector is unchanged.
 pub(super) fn unit(a: V3) -> V3 {
     let length = dot(a, a).sqrt();
     if length > 0.0 { a.map(|x| x / length) } else { a }
@@ -155,11 +158,12 @@ pub fn distance_squared(bone: &Bone, x: V3) -> f64 {
     dot(off, off)
 }
 
-/// Skinning weights of a point at rest: w_b ∝ exp(−(d_b/0.05)²), d_b the distance to segment b in the figure's frame; the four
-/// largest are kept (ties to the lowest index) and sum to 1.
+/// Skinning weights of a point at rest: w_b ∝ exp(−(d_b/0.05)²), d_b the distance to segment b in units of
+/// the figure; the four largest are kept (ties to the lowest index) and sum to 1.
 ///
 /// # Rounding
-/// The smallest d² is subtracted in the exponent, so nothing underflows; the sum is a left fold in index order.
+/// The smallest d² is subtracted in the exponent, so nothing underflows; the sum is a left fold in index
+/// order.
 pub fn weights(bones: &[Bone; BONES], x: V3) -> [f64; BONES] {
     let squares: [f64; BONES] = std::array::from_fn(|b| distance_squared(&bones[b], x));
     let least = squares.iter().fold(f64::INFINITY, |m, &d| if d < m { d } else { m });
@@ -186,7 +190,7 @@ pub fn turn(about: V3, axis: V3, angle: f64) -> Affine<f64> {
 /// The identity.
 pub const REST: Affine<f64> = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-/// First a, then b: b·a.
+/// The composition b·a, which applies a first.
 pub(super) fn after(b: &Affine<f64>, a: &Affine<f64>) -> Affine<f64> {
     b.map(|r| {
         std::array::from_fn(|j| {
@@ -198,10 +202,10 @@ pub(super) fn after(b: &Affine<f64>, a: &Affine<f64>) -> Affine<f64> {
 
 /// Posed-from-rest transforms of the bones.
 ///
-/// | turn | angle (rad) |
+/// | rotation | angle (rad) |
 /// |---|---|
 /// | shoulders about ∓y | 0.45 u_P outwards and up, mirrored |
-/// | knees about x | 0.9 σ(1.5 u_P); the hips give half of it back |
+/// | knees about x | 0.9 σ(1.5 u_P); the hips rotate back by half of it |
 /// | right elbow | 1.4 σ(1.5 u_O), bringing the forearm in front of the torso |
 /// | neck about z | 0.35 u_Y |
 pub fn pose(bones: &[Bone; BONES], drive: &Drive) -> [Affine<f64>; BONES] {

@@ -1,11 +1,13 @@
-//! How far marginal statistics give the causal order away.
+//! How strongly marginal statistics reveal the causal order.
 //!
-//! Varsortability (Reisach, Seiler, Weichwald 2021): for every path length k = 1 … n−1, all ordered pairs (i, j) with a directed path of k
-//! edges from i to j are counted; the result is the fraction of them whose end has the strictly larger variance, by more than 1e-9 of
-//! the smallest one. R²-sortability (Reisach, Tami, Seiler, Chambaz, Weichwald 2023) orders by the coefficient of
-//! determination of each factor given all others instead, which no rescaling changes; equal ones count ½.
+//! Varsortability (Reisach, Seiler, Weichwald 2021): for every path length k = 1 … n−1, all ordered pairs (i,
+//! j) with a directed path of k edges from i to j are counted; the result is the fraction of pairs whose end
+//! has the strictly larger variance, by more than 1e-9 of the smallest variance. R²-sortability (Reisach,
+//! Tami, Seiler, Chambaz, Weichwald 2023) orders by the coefficient of determination of each factor given all
+//! others instead, which is invariant under rescaling; ties count ½.
 //!
-//! Measured as means over 200 seeds of 500 frames, 4 to 8 factors, all mechanisms (`tests/figure/sortability.rs` holds the table):
+//! Means over 200 seeds of 500 frames, 4 to 8 factors, all mechanisms (the table is in
+//! `tests/figure/sortability.rs`):
 //!
 //! | | standardised | raw |
 //! |---|---|---|
@@ -13,15 +15,17 @@
 //! | R²-sortability, random graphs | 0.49 to 0.66; with as many edges as factors 0.52 to 0.60 | 0.41 to 0.78 |
 //! | R²-sortability, named graphs | FORK 0, CHAIN 0.46 to 0.50, COLLIDER 1, DIAMOND 0.65 to 0.71, FULL 0.61 to 0.63 | FORK 0, COLLIDER 1, others 0.48 to 0.73 |
 //!
-//! R² is no matter of scale, so the bounds for variances (0.5 ± 0.1 standardised, above 0.8 raw) cannot be asked of it: a fork's cause is always
-//! explained better than its children, a collider's end better than its causes.
+//! R² does not depend on scales, so the limits for variances (0.5 ± 0.1 standardised, above 0.8 raw) do not
+//! apply to it: the cause in a fork is always explained better than its children, the effect in a collider
+//! better than its causes.
 
 use super::graph::Graph;
 
-/// Variances within this relative distance are equal.
+/// Variances within this relative distance are considered equal.
 const TIE: f64 = 1e-9;
 
-/// Fraction of path pairs with the larger score at the end, a tie counting `tied`; `None` for a graph without edges.
+/// Fraction of path pairs with the larger score at the end, where a tie counts `tied`; `None` for a graph
+/// without edges.
 fn alignment(graph: &Graph, score: &[f64], tie: f64, tied: f64) -> Option<f64> {
     let n = graph.n();
     let mut paths = graph.adjacency.clone();

@@ -1,12 +1,15 @@
-//! Closed textured surfaces over the skeleton: body, head, hair, shirt, skirt or trousers, shoes.
+//! Closed textured surfaces around the skeleton: body, head, hair, shirt, skirt or trousers, shoes.
 //!
-//! Every part is a closed tube through ellipses, skinned by the weights of [`super::skeleton::weights`] at its rest positions, those
-//! of the template. Cloth is displaced across its tube (both sides of a hem together) by the wrinkles of [`super::factors::Drive::wrinkles`] and by two
-//! finer waves, all of them proportional to u_W; sleeves and trouser legs take them around their own axis and weaker. Posture
-//! moves cloth by skinning alone. A fold is that of its place at rest; where folds and width would take a vertex further inwards than
-//! [`INWARDS`] of the smallest radius of curvature of its ellipse, it stops there, so that no tube turns inside out. A skirt and a shirt
-//! over trousers lie on what they cover: inwards they take at most [`CLOSEST`] of the room there is at rest under the same width and
-//! length. What a garment's length moves takes the skinning weights of the height it is moved to, so that it bends as what it covers.
+//! Every part is a closed tube through ellipses, skinned with the weights of [`super::skeleton::weights`] at
+//! its rest positions, which are those of the template. Cloth is displaced across its tube (both sides of a
+//! hem together) by the wrinkles of [`super::factors::Drive::wrinkles`] and by two finer waves, all of them
+//! proportional to u_W; on sleeves and trouser legs they run around the part's own axis and are weaker.
+//! Posture moves cloth only by skinning. A fold depends on the rest position. If folds and width would move a
+//! vertex inwards by more than [`INWARDS`] of the smallest radius of curvature of its ellipse, the
+//! displacement is limited to that value, so that no tube turns inside out. A skirt, and a shirt over
+//! trousers, cover another surface: inwards they move by at most [`CLOSEST`] of the distance to it at rest
+//! under the same width and length. Vertices moved by the length of a garment use the skinning weights of the
+//! height to which they are moved, so that they bend like the surface below.
 
 use super::appearance::{Appearance, Bottom};
 use super::factors::{Drive, WRINKLE};
@@ -18,35 +21,36 @@ use reference::body::skin;
 use reference::num::elem::sin;
 use std::f64::consts::TAU;
 
-/// Amplitudes of the finer folds at u_W = 1, in the figure's frame.
+/// Amplitudes of the finer folds at u_W = 1, in units of the figure.
 pub const FINE_FOLDS: [f64; 2] = [0.008, 0.005];
 
-/// Share of the radius of curvature that vertices move inwards at most.
+/// Largest inward displacement of vertices, as a fraction of the radius of curvature.
 pub const INWARDS: f64 = 0.8;
 
-/// Share of the room above what it covers that cloth moves inwards at most; the rest keeps its two sides apart.
+/// Largest inward displacement of cloth, as a fraction of the distance to the surface below; the remaining
+/// distance keeps its two sides apart.
 pub const CLOSEST: f64 = 0.9;
 
-/// Steps that bring cloth outside of what it covers.
+/// Number of steps that move cloth outside of the surface below.
 const OUTWARD_STEPS: usize = 4;
 
-/// Weakening of folds around limbs.
+/// Scale of folds around limbs.
 pub(super) const OWN_FOLDS: f64 = 0.25;
 
 /// Sum of the amplitudes of all folds at u_W = 1.
 pub(super) const WRINKLES: f64 = WRINKLE + FINE_FOLDS[0] + FINE_FOLDS[1];
 
-/// What lies under cloth.
+/// The surface under cloth.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Under {
-    /// bare legs
+    /// Bare legs.
     Legs,
-    /// hips and legs in trousers
+    /// Hips and legs in trousers.
     Trousers,
 }
 
 impl Under {
-    /// Distance of a place from it under the factors, metres; negative inside.
+    /// Distance of a position from the surface under the factors, metres; negative inside.
     fn room(self, place: V3, drive: &Drive) -> f64 {
         match self {
             Self::Legs => garments::above_legs(place, drive),
@@ -55,59 +59,60 @@ impl Under {
     }
 }
 
-/// Where a part gets its folds from.
+/// The coordinates on which the folds of a part depend.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Folds {
-    /// none
+    /// The part has no folds.
     None,
-    /// height and azimuth about the body's axis
+    /// Height and azimuth about the axis of the body.
     Body,
-    /// length along and turn around the part's own axis, weaker by the factor
+    /// Length along and turn around the part's own axis; the amplitude is scaled by this factor.
     Own(f64),
 }
 
 /// One closed surface at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Its name.
+    /// Name of the part.
     pub name: &'static str,
-    /// (V) in the figure's frame
+    /// Positions in units of the figure, shape (V).
     pub positions: Vec<V3>,
-    /// (V) unit
+    /// Unit normals, shape (V).
     pub normals: Vec<V3>,
-    /// (V)
+    /// Texture coordinates, shape (V).
     pub uvs: Vec<[f64; 2]>,
-    /// (T) counter-clockwise from outside
+    /// Triangles, counter-clockwise seen from outside, shape (T).
     pub triangles: Vec<[u32; 3]>,
-    /// (V) the first vertex at the same place
+    /// Index of the first vertex at the same position, shape (V).
     pub weld: Vec<u32>,
-    /// (V, K) skinning weights
+    /// Skinning weights, shape (V, K).
     pub weights: Vec<[f64; BONES]>,
-    /// Index into the materials.
+    /// Index of the material.
     pub material: usize,
     folds: Folds,
-    /// (V) unit direction of the folds, away from the part's axis
+    /// Unit direction of the folds, away from the part's axis, shape (V).
     outward: Vec<V3>,
-    /// (V) share of the folds
+    /// Scale of the folds, shape (V).
     slack: Vec<f64>,
-    /// (V) length along and turn around, for folds about the own axis
+    /// Length along and turn around the part's own axis, for its folds, shape (V).
     around_along: Vec<[f64; 2]>,
     /// Displacement at u_B = 1.
     width: f64,
-    /// (V) smallest radius of the ellipse, and its smallest radius of curvature
+    /// Smallest radius of the ellipse, and its smallest radius of curvature, shape (V).
     radii: Vec<[f64; 2]>,
-    /// Height below which the skirt's length moves it.
+    /// Height below which the length of the skirt moves the part.
     rim: Option<f64>,
-    /// What it lies on.
+    /// The surface that the part covers.
     under: Option<Under>,
-    /// (V) whether the vertex lies outside of that at rest; the inner side of a hem need not
+    /// Whether a vertex is outside of that surface at rest, shape (V); vertices on the inner side of a hem
+    /// need not be.
     covers: Vec<bool>,
 }
 
 /// A person at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Figure {
-    /// Closed surfaces; they overlap.
+    /// Closed surfaces, which overlap.
     pub parts: Vec<Part>,
     appearance: Appearance,
 }
@@ -115,27 +120,27 @@ pub struct Figure {
 /// Vertices of one part in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedPart {
-    /// (V) in the figure's frame
+    /// Positions in units of the figure, shape (V).
     pub positions: Vec<V3>,
-    /// (V) unit
+    /// Unit normals, shape (V).
     pub normals: Vec<V3>,
 }
 
-/// What a maker of parts says about one.
+/// Description of a part to be created.
 pub(super) struct Piece {
     pub(super) name: &'static str,
     pub(super) shell: Shell,
     pub(super) material: usize,
     pub(super) folds: Folds,
-    /// Share of the folds at a rest position in metres.
+    /// Scale of the folds as a function of the rest position in metres.
     pub(super) slack: fn(V3) -> f64,
     /// Displacement at u_B = 1.
     pub(super) width: f64,
-    /// Height in metres below which the skirt's length moves it.
+    /// Height in metres below which the length of the skirt moves the part.
     pub(super) rim: Option<f64>,
-    /// What it lies on.
+    /// The surface that the part covers.
     pub(super) under: Option<Under>,
-    /// Texture coordinates from turn around, length along, rest position in metres.
+    /// Texture coordinates as a function of turn around, length along, and rest position in metres.
     pub(super) uv: fn([f64; 2], V3) -> [f64; 2],
 }
 
@@ -172,7 +177,7 @@ impl Part {
         }
     }
 
-    /// Displacement of the folds at a vertex.
+    /// Displacement by the folds at a vertex.
     fn fold(&self, v: usize, drive: &Drive, phases: [f64; 2]) -> f64 {
         let (share, x) = (self.slack[v], self.positions[v]);
         if drive.wrinkle == 0.0 || share == 0.0 {
@@ -221,7 +226,7 @@ impl Part {
             let room = |moved: f64| under.room(metric(at(moved)), drive) / METRES;
             let least = -CLOSEST * room(0.0);
             moved = if moved < least { least } else { moved };
-            // Outward is not quite the shortest way.
+            // The outward direction is not exactly the direction of the shortest distance.
             for _ in 0..OUTWARD_STEPS {
                 let left = room(moved);
                 moved = if left < 0.0 { moved - left } else { moved };
@@ -252,7 +257,7 @@ impl Part {
 }
 
 impl Figure {
-    /// The person of a look.
+    /// The person with an appearance.
     pub fn new(appearance: &Appearance) -> Self {
         let mut pieces = garments::body(appearance);
         pieces.extend(garments::shirt(appearance));
@@ -271,17 +276,17 @@ impl Figure {
         self.parts.iter().map(|part| part.posed(drive, &bones, &transforms, phases)).collect()
     }
 
-    /// The materials, their cloth dyed by the hue of the factors.
+    /// The materials, with cloth colours rotated by the hue of the factors.
     pub fn materials(&self, drive: &Drive) -> Vec<Material> {
         texture::materials(&self.appearance, drive.hue)
     }
 
-    /// Those of [`Self::materials`] that the hue of the factors dyes, with their place.
+    /// The materials in [`Self::materials`] that the hue of the factors changes, with their indices.
     pub fn dyed(&self, drive: &Drive) -> Vec<(usize, Material)> {
         texture::dyed(&self.appearance, drive.hue)
     }
 
-    /// Every part as a surface of its own.
+    /// Every part as a separate surface.
     pub fn surfaces(&self, drive: &Drive) -> Vec<Surface> {
         let materials = self.materials(drive);
         let posed = self.posed(drive);
@@ -299,7 +304,7 @@ impl Figure {
     }
 }
 
-/// Linear interpolation at a height between rows that begin with ascending heights.
+/// Linear interpolation at a height between rows sorted by ascending heights, which are their first entries.
 pub(super) fn section<const K: usize>(rows: &[[f64; K]], z: f64) -> [f64; K] {
     let last = rows.len() - 1;
     if z <= rows[0][0] {
@@ -327,7 +332,7 @@ mod tests {
             let look = Appearance::new(9, index);
             for part in &Figure::new(&look).parts {
                 for v in 1..part.positions.len() {
-                    // Hair is placed vertex by vertex and never moves; poles are on no ring.
+                    // Hair is positioned vertex by vertex and never moves; poles are on no ring.
                     let same_ring = part.around_along[v][1] == part.around_along[v - 1][1];
                     let rest = sub(part.positions[v], part.positions[v - 1]);
                     if !same_ring || part.radii[v][0] == 0.0 || dot(rest, rest) == 0.0 {
@@ -365,8 +370,8 @@ mod tests {
             }
         }
         println!("{checked} vertices, the lowest {:.2} mm above what it covers", 1e3 * worst);
-        assert!(checked > 100_000, "there are some: {checked}");
-        // The margin of the outlines is 3 mm.
+        assert!(checked > 100_000, "too few vertices: {checked}");
+        // The distance between the outlines is 3 mm.
         assert!(worst > -0.001, "a vertex is {worst} m inside of what it covers");
     }
 

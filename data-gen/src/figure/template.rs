@@ -1,9 +1,10 @@
 //! The template: P points on the capsules, in a fixed order, with colours, normals and skinning weights.
 //!
-//! Each capsule gets a share of the points by its area (largest remainder, ties to the lower bone); they lie on a Fibonacci spiral, whose
-//! k-th point of n has area fraction (k + ½)/n along the axis and azimuth k·π(3 − √5). Along the axis of a capsule, caps
-//! included, area is proportional to height; the skirt ring is a band of a cone. Point p is the same place of the body in
-//! every frame and every data set of the same P.
+//! The points are distributed over the capsules in proportion to area (largest remainder, ties to the lower
+//! bone). On a capsule they form a Fibonacci spiral, whose k-th point of n has area fraction (k + ½)/n along
+//! the axis and azimuth k·π(3 − √5). Along the axis of a capsule, including the caps, area is proportional to
+//! height; the skirt ring is a band of a cone. Point p is the same place on the body in every frame and in
+//! every data set with the same P.
 
 use super::appearance::Appearance;
 use super::factors::{Drive, LIMB_WIDTH, TRUNK_WIDTH, shaded, turn_hue, unit_interval};
@@ -18,30 +19,30 @@ use std::f64::consts::PI;
 /// The points at rest.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
-    /// The bones they hang on.
+    /// The bones to which the points are skinned.
     pub bones: [Bone; BONES],
-    /// (P) position in the figure's frame
+    /// Positions in units of the figure, shape (P).
     pub points: Vec<V3>,
-    /// (P) unit
+    /// Unit normals, shape (P).
     pub normals: Vec<V3>,
-    /// (P) the capsule a point lies on
+    /// The capsule on which a point lies, shape (P).
     pub bone_of: Vec<usize>,
-    /// (P, K) skinning weights
+    /// Skinning weights, shape (P, K).
     pub weights: Vec<[f64; BONES]>,
 }
 
 /// Points of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cloud {
-    /// (P) posed, in the figure's frame
+    /// Posed positions in units of the figure, shape (P).
     pub points: Vec<V3>,
-    /// (P) unit normals of the displaced and posed surface
+    /// Unit normals of the displaced and posed surface, shape (P).
     pub normals: Vec<V3>,
-    /// (P) sRGB-encoded, shaded
+    /// Shaded colours, sRGB-encoded, shape (P).
     pub rgb: Vec<[f64; 3]>,
 }
 
-/// Area of a capsule, or of the skirt's band, over 2π.
+/// Area of a capsule, or of the band of the skirt, over 2π.
 fn area(b: usize, bone: &Bone) -> f64 {
     let along = sub(bone.to, bone.from);
     if b == SKIRT_RING {
@@ -69,7 +70,7 @@ fn shares(sizes: &[f64], total: usize) -> Vec<usize> {
     counts
 }
 
-/// Two unit vectors that make a right-handed frame with a unit axis.
+/// Two unit vectors that form a right-handed frame with a unit axis.
 pub(super) fn across(axis: V3) -> [V3; 2] {
     let helper = if axis[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
     let first = unit(cross(helper, axis));
@@ -84,7 +85,7 @@ fn on_capsule(bone: &Bone, k: usize, n: usize) -> [V3; 2] {
     let [u, v] = across(axis);
     let height = (k as f64 + 0.5) / n as f64 * (length + 2.0 * bone.radius) - bone.radius;
     let angle = PI * (3.0 - 5.0_f64.sqrt()) * k as f64;
-    // The sphere's centre this height belongs to.
+    // The sphere centre for this height.
     let base = length * unit_interval(height / length);
     let up = (height - base) / bone.radius;
     let around = (1.0 - up * up).sqrt();
@@ -93,7 +94,7 @@ fn on_capsule(bone: &Bone, k: usize, n: usize) -> [V3; 2] {
     [add(add(bone.from, scale(axis, base)), scale(normal, bone.radius)), normal]
 }
 
-/// Position and normal of point k of n on the skirt's band.
+/// Position and normal of point k of n on the band of the skirt.
 fn on_skirt(k: usize, n: usize) -> [V3; 2] {
     let [[z0, r0], [z1, r1]] = SKIRT.map(|[z, r]| [framed([0.0, 0.0, z])[2], r / super::skeleton::METRES]);
     // Area from the upper rim grows as r₀ t + (r₁ − r₀) t²/2.
@@ -108,12 +109,12 @@ fn on_skirt(k: usize, n: usize) -> [V3; 2] {
 }
 
 impl Template {
-    /// P points; at least one per bone is expected, so P ≥ 64.
+    /// Creates a template of P points; since every bone should have points, P ≥ 64.
     ///
     /// # Panics
-    /// When P is below 64.
+    /// If P is below 64.
     pub fn new(p: usize) -> Self {
-        assert!(p >= 64, "a template of at least 64 points, got {p}");
+        assert!(p >= 64, "a template must have at least 64 points, got {p}");
         let bones = bones();
         let areas: Vec<f64> = bones.iter().enumerate().map(|(b, bone)| area(b, bone)).collect();
         let (mut points, mut normals, mut bone_of) = (Vec::new(), Vec::new(), Vec::new());
@@ -130,12 +131,14 @@ impl Template {
         Self { bones, points, normals, bone_of, weights }
     }
 
-    /// Whether a point lies on cloth that wrinkles: belly and waist (the pelvis's capsule), chest (the torso's), skirt.
+    /// Whether a point lies on cloth with wrinkles: belly and waist (the capsule of the pelvis), chest (that
+    /// of the torso), skirt.
     pub fn is_cloth(&self, p: usize) -> bool {
         matches!(self.bone_of[p], 0 | TORSO | SKIRT_RING)
     }
 
-    /// Principal directions t₁, t₂ with t₁ × t₂ = n and curvatures of the surface at a point at rest; convex is positive.
+    /// Principal directions t₁, t₂ with t₁ × t₂ = n, and curvatures of the surface at a point at rest; convex
+    /// is positive.
     fn principal(&self, p: usize) -> [(V3, f64); 2] {
         let (bone, x, n) = (&self.bones[self.bone_of[p]], self.points[p], self.normals[p]);
         if self.bone_of[p] == SKIRT_RING {
@@ -155,8 +158,9 @@ impl Template {
 
     /// Canonical position and normal under the factors, before skinning.
     ///
-    /// A point x at rest with unit normal n goes to D x + δ n: D scales heights by the skirt's length (elsewhere D = 1), and δ = girth + h(x) with the
-    /// folds h. Its normal is t₁' × t₂' of the moved principal directions t' = D t + δ κ t + (∇h·t) n, exactly that of the
+    /// A point x at rest with unit normal n is mapped to D x + δ n: D scales heights by the length of the
+    /// skirt (elsewhere D = 1), and δ = girth + h(x) with the folds h. Its normal is t₁' × t₂' of the
+    /// transformed principal directions t' = D t + δ κ t + (∇h·t) n, which is exactly the normal of the
     /// displaced surface.
     pub fn canonical(&self, p: usize, drive: &Drive) -> [V3; 2] {
         let (x, n, b) = (self.points[p], self.normals[p], self.bone_of[p]);
@@ -204,7 +208,7 @@ impl Template {
         cloud
     }
 
-    /// (P) mean distance to the three nearest other points at rest.
+    /// Mean distance to the three nearest other points at rest, shape (P).
     pub fn spacing(&self) -> Vec<f64> {
         let near = |p: usize| {
             let mut nearest = [f64::INFINITY; 3];
@@ -223,7 +227,8 @@ impl Template {
     }
 }
 
-/// A unit normal under an affine transform: by the cofactors of its linear part, so that it stays normal to the surface.
+/// A unit normal under an affine transform, computed with the cofactors of its linear part, so that it
+/// remains normal to the surface.
 pub(super) fn turned(t: &Affine<f64>, n: V3) -> V3 {
     let column = |j: usize| [t[0][j], t[1][j], t[2][j]];
     let [a, b, c] = [cross(column(1), column(2)), cross(column(2), column(0)), cross(column(0), column(1))];

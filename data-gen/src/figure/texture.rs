@@ -1,4 +1,4 @@
-//! Materials of a person and the pictures on them.
+//! Materials of a person and their textures.
 
 use super::appearance::{Appearance, Pattern, Rgb};
 use super::factors::{turn_hue, unit_interval};
@@ -10,14 +10,14 @@ use reference::num::rng::{Key, uniform_f64};
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
 
-/// Heights in metres of the first and last row of the face's texture.
+/// Heights in metres of the first and last row of the face texture.
 pub(super) const FACE_TOP: f64 = 1.705;
 pub(super) const FACE_BOTTOM: f64 = 1.465;
-/// Those of the shirt's.
+/// Heights in metres of the first and last row of the shirt texture.
 pub(super) const SHIRT_TOP: f64 = 1.47;
 pub(super) const SHIRT_BOTTOM: f64 = 0.87;
 
-/// Half width of the head where the eyes are, metres.
+/// Half width of the head at the eyes, metres.
 const FACE_HALF: f64 = 0.072;
 /// Girth of the chest, metres.
 const GIRTH: f64 = 0.95;
@@ -54,7 +54,8 @@ fn spot(x: f64, z: f64, half: [f64; 2], soft: f64) -> f64 {
 /// Cells of the grain along a side of a texture.
 const CELLS: usize = 256;
 
-/// Threads and pores: a factor around 1, the same for every person. A cell's number is drawn once.
+/// Grain of threads and pores: a factor around 1, the same for every person. The number of a cell is drawn
+/// once.
 fn grain(u: f64, v: f64, strength: f64) -> f64 {
     static DRAWN: OnceLock<Vec<f64>> = OnceLock::new();
     let draw = |i: usize| {
@@ -102,7 +103,7 @@ fn face(look: &Appearance, u: f64, v: f64) -> Rgb {
 fn shirt(look: &Appearance, u: f64, v: f64) -> Rgb {
     let z = SHIRT_TOP + v * (SHIRT_BOTTOM - SHIRT_TOP);
     let mut c = look.shirt_at(u, z, GIRTH);
-    // Collar and hem are stitched.
+    // Collar and hem have seams.
     if z > 1.433 || (0.887..0.890).contains(&z) {
         c = times(look.shirt, 0.82);
     }
@@ -137,7 +138,8 @@ fn material(name: &str, roughness: f64, map: Picture) -> Material {
     }
 }
 
-/// The materials whose colours the hue turns, by an angle in rad, with their place among [`materials`]. A few colours are turned, not texels.
+/// The materials whose colours depend on the hue, rotated by an angle in rad, with their indices in
+/// [`materials`]. The few base colours are rotated, not the texels.
 pub(super) fn dyed(look: &Appearance, hue: f64) -> Vec<(usize, Material)> {
     let look = &Appearance {
         shirt: turn_hue(look.shirt, hue),
@@ -152,7 +154,7 @@ pub(super) fn dyed(look: &Appearance, hue: f64) -> Vec<(usize, Material)> {
     ]
 }
 
-/// Materials in the order of [`super::garments`], cloth turned by a hue angle in rad.
+/// Materials in the order of [`super::garments`], with the cloth colours rotated by a hue angle in rad.
 pub(super) fn materials(look: &Appearance, hue: f64) -> Vec<Material> {
     let mut made = dyed(look, hue);
     made.extend([

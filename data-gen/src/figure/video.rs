@@ -1,9 +1,9 @@
-//! The subject's video: how the factors move, and where the cameras stand.
+//! The video of a subject: motion of the factors, and positions of the cameras.
 //!
-//! Own causes move smoothly, e_j(t) = sin(2π h t/T + ψ) + sin(2π h' t/T + ψ') with two harmonics of the clip that no other factor
-//! has, so over a whole clip of T > 4 n frames they have mean 0, variance 1 and are uncorrelated; in shorter clips the highest
-//! harmonics, up to 2 n, are not told apart any more ([`is_balanced`]). Every subject moves in its own way. The factors follow from them by the same
-//! mechanisms as everywhere else.
+//! The noise moves smoothly, e_j(t) = sin(2π h t/T + ψ) + sin(2π h' t/T + ψ') with two harmonics of the clip
+//! that no other factor has, so over a whole clip of T > 4 n frames the noises have mean 0, variance 1 and
+//! are uncorrelated; in shorter clips the highest harmonics, up to 2 n, alias ([`is_balanced`]). Every
+//! subject has a motion of its own. The factors follow from the noise by the same mechanisms as in the sets.
 
 use super::mechanism::Scm;
 use super::samples::Frame;
@@ -13,7 +13,7 @@ use reference::num::elem::{cos, sin};
 use reference::num::rng::{Key, uniform_f64};
 use std::f64::consts::TAU;
 
-/// Cameras of the ring; number 0 trains.
+/// Number of cameras on the ring; camera 0 is the training camera.
 pub const CAMERAS: usize = 23;
 
 /// Distance of the ring from the figure's axis: three body heights.
@@ -22,13 +22,14 @@ pub const RADIUS: f64 = 6.0;
 /// Height of the ring above the figure's middle.
 const HEIGHT: f64 = 0.35;
 
-/// Half-width of what the picture shows at the figure's distance.
+/// Half-width of the visible region at the distance of the figure.
 const HALF_WIDTH: f64 = 1.2;
 
-/// Every which frame is tested.
+/// Interval between frames rendered by the test cameras.
 pub const TEST_STEP: usize = 30;
 
-/// Camera `index` of the ring, square pictures of the given side: 0 is in front of the figure, and they go round by its left.
+/// Camera `index` of the ring, with square images of the given side: camera 0 is in front of the figure, and
+/// the others follow towards its left.
 pub fn camera(index: usize, side: usize) -> View {
     let angle = TAU * index as f64 / CAMERAS as f64;
     let eye = [RADIUS * sin(angle), -RADIUS * cos(angle), HEIGHT];
@@ -42,7 +43,8 @@ pub fn test_cameras(count: usize) -> Vec<usize> {
     (0..count).map(|k| 1 + (2 * k + 1) * others / (2 * count)).collect()
 }
 
-/// Whether `n` own causes have mean 0, variance 1 and no correlation over a clip of `count` frames.
+/// Whether the noises of `n` factors have mean 0, variance 1 and no correlation over a clip of `count`
+/// frames.
 pub fn is_balanced(n: usize, count: usize) -> bool {
     count > 4 * n
 }
@@ -59,7 +61,8 @@ pub fn frame(scm: &Scm, seed: u64, appearance: u64, t: usize, count: usize) -> F
             draw,
         })
     };
-    // Harmonics in a drawn order: the first n go to the first sine of each factor, the rest to the second.
+    // Harmonics in a random order: the first n are used in the first sine of each factor, the others in the
+    // second.
     let ranked = |from: usize, which: u16| {
         let mut places: Vec<usize> = (0..n).collect();
         places.sort_by(|&a, &b| draw(a, which).total_cmp(&draw(b, which)).then(a.cmp(&b)));

@@ -1,25 +1,25 @@
-//! Charts side by side on one picture.
+//! Packing of charts into one texture.
 
 use super::soup::Shell;
 use crate::space::{larger, smaller};
 
-/// Texels kept free around a chart.
+/// Free texels around a chart.
 const MARGIN: f64 = 2.0;
 
-/// Where charts lie and how large they are.
+/// Positions and sizes of the charts.
 pub(crate) struct Atlas {
-    /// (V) texture coordinates, (0, 0) top left
+    /// Texture coordinates, (0, 0) at the top left, shape (V).
     pub(crate) uvs: Vec<[f64; 2]>,
-    /// Texels.
+    /// Width in texels.
     pub(crate) width: usize,
-    /// Texels.
+    /// Height in texels.
     pub(crate) height: usize,
-    /// Length on the object of one texel.
+    /// Length of one texel on the object.
     pub(crate) texel: f64,
 }
 
-/// Rows of charts, the highest first, at the largest common scale that fits a picture of about `size`² texels: of several
-/// widths, 0.75 to 2 times `size`, the one that gives the largest scale (found to 1/4000).
+/// Packs charts in rows, the highest first, at the largest common scale that fits a texture of about `size`²
+/// texels: of several widths, 0.75 to 2 times `size`, the one with the largest scale (found to 1/4000).
 pub(crate) fn pack(shell: &Shell, size: usize) -> Atlas {
     let mut boxes = vec![[f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY]; shell.charts];
     for (st, &c) in shell.st.iter().zip(&shell.chart) {
@@ -31,7 +31,7 @@ pub(crate) fn pack(shell: &Shell, size: usize) -> Atlas {
     order.sort_by(|&a, &b| extent[b][1].total_cmp(&extent[a][1]).then(a.cmp(&b)));
     let area = order.iter().fold(0.0, |s, &c| s + extent[c][0] * extent[c][1]);
     let most = (size * size) as f64;
-    // Corners and the height they need.
+    // Corners and the required height.
     let place = |scale: f64, width: f64| -> Option<(Vec<[f64; 2]>, f64)> {
         let mut corner = vec![[0.0; 2]; shell.charts];
         let (mut x, mut y, mut row) = (0.0, 0.0, 0.0);
@@ -64,9 +64,9 @@ pub(crate) fn pack(shell: &Shell, size: usize) -> Atlas {
         }
     }
     let (scale, width) = best;
-    // At scale 0 every chart is a few texels.
+    // At scale 0, every chart has a few texels.
     let (corner, height) =
-        place(scale, width as f64).expect("a picture is wider than the margins of one chart");
+        place(scale, width as f64).expect("a texture is wider than the margins of one chart");
     let height = larger(height, 1.0);
     let uvs = shell
         .st

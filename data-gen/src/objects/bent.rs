@@ -7,13 +7,13 @@ use crate::space::{V3, add, cross, larger, power, rotated, rotation, scaled, sub
 use reference::num::elem::{cos, exp, sin};
 use std::f64::consts::{PI, TAU};
 
-/// Radius of a section of unit size at an angle: round, square, polygonal or a star.
+/// Radius at an angle of a cross-section of unit size: round, square, polygonal or a star.
 fn section_radius(kind: usize, corners: usize, angle: f64) -> f64 {
     let n = corners as f64;
     match kind {
         0 => 1.0,
         1 => {
-            // a polygon with rounded corners: the p-norm of its edges' distances
+            // A polygon with rounded corners: the p-norm of the distances of its edges.
             let sum = (0..corners).fold(0.0, |s, k| {
                 let c = cos(angle - TAU * k as f64 / n);
                 if c > 0.0 { s + power(c, 14.0) } else { s }
@@ -24,7 +24,7 @@ fn section_radius(kind: usize, corners: usize, angle: f64) -> f64 {
     }
 }
 
-/// A torus knot; its section may be square or a star and turn along the way.
+/// A torus knot; its cross-section may be square or a star, and may rotate along the curve.
 pub(super) fn knot(draws: &mut Draws) -> Vec<Part> {
     let (p, q) = draws.pick(&[(2, 3), (3, 2), (2, 5), (3, 4), (3, 5), (1, 3), (1, 0), (2, 7), (4, 3)]);
     draws.note("p", f64::from(p));
@@ -57,13 +57,14 @@ pub(super) fn knot(draws: &mut Draws) -> Vec<Part> {
             let t = TAU * i as f64 / n as f64;
             let (a, b) = (f64::from(p) * t, f64::from(q) * t);
             let tangent = unit(sub(at((i + 1) % n), at((i + n - 1) % n)));
-            // The torus's own normal comes back to itself after one round.
+            // The normal of the torus is the same again after one round.
             let out = [cos(b) * cos(a), cos(b) * sin(a), sin(b)];
             let binormal = unit(cross(tangent, out));
             (at(i), cross(binormal, tangent), binormal)
         })
         .collect();
-    // `turns` steps of one corner each; the last ring meets the first that many corners on. The ring runs clockwise.
+    // `turns` steps of one corner each; the last ring is connected to the first with an offset of that many
+    // corners. The ring runs clockwise.
     let shift = turns * around / corners % around;
     let soup = tube(&places, around, Some((around - shift) % around), |i, j| {
         let along = i as f64 / n as f64;
@@ -75,7 +76,7 @@ pub(super) fn knot(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(soup, if kind == 1 { 0.9 } else { SMOOTH })]
 }
 
-/// A snail's shell or a horn: a tube that grows along a spiral.
+/// A snail's shell or a horn: a tube that widens along a spiral.
 pub(super) fn shell(draws: &mut Draws) -> Vec<Part> {
     let turns = draws.named("turns", 1.2, 4.5);
     let growth = draws.named("growth", 0.09, 0.22);
@@ -116,7 +117,7 @@ pub(super) fn chain(draws: &mut Draws) -> Vec<Part> {
             .map(|i| {
                 let a = TAU * i as f64 / n as f64;
                 let (c, s) = (cos(a), sin(a));
-                // A stadium: two half circles apart by `long`, joined smoothly.
+                // A stadium: two half circles separated by `long`, joined smoothly.
                 let x = 0.5 * c + 0.5 * long * crate::space::clamp(1.6 * c, -1.0, 1.0);
                 ([x, 0.5 * s, 0.0], [-c, -s, 0.0], [0.0, 0.0, 1.0])
             })
@@ -140,7 +141,7 @@ pub(super) fn chain(draws: &mut Draws) -> Vec<Part> {
     super::joined(parts)
 }
 
-/// A twisted and tapered column over a polygon or a star, sometimes leaning over.
+/// A twisted and tapered column over a polygon or a star, sometimes leaning.
 pub(super) fn column(draws: &mut Draws) -> Vec<Part> {
     let corners = draws.named_whole("corners", 3, 9);
     let kind = draws.named_whole("section", 0, 3);
@@ -151,7 +152,7 @@ pub(super) fn column(draws: &mut Draws) -> Vec<Part> {
     let lean = draws.range(-0.4, 0.4);
     let around = 12 * corners;
     let rows = 60;
-    // A body of revolution of radius 1, bent into shape afterwards.
+    // A body of revolution of radius 1, deformed afterwards.
     let r = 0.5;
     let side = |t: f64| 1.0 + (top - 1.0) * t + belly * sin(PI * t);
     let edge = 0.02;

@@ -1,4 +1,4 @@
-//! Things built of several bodies: stacks, furniture, packages, toys.
+//! Objects composed of several bodies: stacks, furniture, packages, toys.
 
 use super::round::superquadric_soup;
 use super::sheets::{lathe, rounded_box, straight_run, tube};
@@ -10,7 +10,7 @@ use crate::space::{V3, rotation};
 use reference::num::elem::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
-/// A simple body standing on z = 0, about `size` wide, and the normals it wants.
+/// A simple body on z = 0, about `size` wide, with the cosine of its crease angle.
 fn body(draws: &mut Draws, size: f64) -> (Soup, f64) {
     let h = size * draws.range(0.5, 1.4);
     match draws.whole(0, 9) {
@@ -62,7 +62,7 @@ fn ring(big: f64, small: f64) -> Soup {
     })
 }
 
-/// Three to six bodies on top of one another, a little askew.
+/// Three to six bodies on top of one another, slightly rotated.
 pub(super) fn stack(draws: &mut Draws) -> Vec<Part> {
     let count = draws.named_whole("bodies", 3, 7);
     let shrink = draws.named("shrink", 0.7, 1.05);
@@ -80,12 +80,12 @@ pub(super) fn stack(draws: &mut Draws) -> Vec<Part> {
         .collect()
 }
 
-/// A box of the given extent around a place.
+/// A box of the given extent around a position.
 fn block(at: V3, half: V3, round: f64) -> Soup {
     rounded_box(half, round, 2, 6).moved(at)
 }
 
-/// A chair, stool, table or shelf of boards and legs.
+/// A chair, stool, table or shelf made of boards and legs.
 pub(super) fn furniture(draws: &mut Draws) -> Vec<Part> {
     let kind = draws.named_whole("furniture", 0, 4);
     let (w, d) = (draws.range(0.35, 0.5), draws.range(0.32, 0.5));
@@ -100,7 +100,7 @@ pub(super) fn furniture(draws: &mut Draws) -> Vec<Part> {
     let mut frame = Soup::default();
     let mut top = Soup::default();
     if kind == 3 {
-        // a shelf: two sides, boards between, things on them
+        // A shelf: two sides, boards between, objects on them.
         let (h, levels) = (draws.range(0.9, 1.4), draws.whole(2, 5));
         for side in [-1.0, 1.0] {
             frame.append(&block([side * w, 0.0, 0.5 * h], [board, 0.5 * d, 0.5 * h], 0.3));
@@ -154,7 +154,7 @@ pub(super) fn furniture(draws: &mut Draws) -> Vec<Part> {
     }
 }
 
-/// A printed carton, a book, or a pile of them.
+/// A printed carton, a book, or a stack of them.
 pub(super) fn package(draws: &mut Draws) -> Vec<Part> {
     let count = if draws.chance(0.5) { 1 } else { draws.named_whole("boxes", 2, 5) };
     let mut z = 0.0;
@@ -170,7 +170,7 @@ pub(super) fn package(draws: &mut Draws) -> Vec<Part> {
         };
         let turn = rotation([0.0, 0.0, 1.0], draws.range(-0.5, 0.5));
         if is_book {
-            // cover boards and spine around a block of paper
+            // Cover boards and spine around a block of paper.
             let c = 0.018;
             let mut cover = block([0.0, 0.0, half[2]], [half[0], half[1], c], 0.4);
             cover.append(&block([0.0, 0.0, -half[2]], [half[0], half[1], c], 0.4));

@@ -7,12 +7,12 @@ use crate::space::{V3, rotation, scaled};
 use reference::num::elem::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
-/// Standing up: what was up the page is up, the front looks to −y.
+/// Rotates a flat shape upright: the up direction of the page becomes z, and the front faces −y.
 fn upright(soup: Soup) -> Soup {
     soup.map(|p| [p[0], -p[2], p[1]])
 }
 
-/// One to four letters in a row or in two, of one or two materials.
+/// One to four letters in one or two rows, of one or two materials.
 pub(super) fn letters(draws: &mut Draws) -> Vec<Part> {
     let count = draws.named_whole("letters", 1, 5);
     let depth = draws.named("depth", 0.2, 0.6);
@@ -53,17 +53,18 @@ pub(super) fn cutout(draws: &mut Draws) -> Vec<Part> {
             let phase = (i % 16) as f64 / 16.0;
             let r = match kind {
                 0 => {
-                    // trapezoid teeth
+                    // Trapezoidal teeth.
                     let up = crate::space::clamp(4.0 * (0.5 - (phase - 0.5).abs()) - 0.4, 0.0, 1.0);
                     1.0 - high + high * up
                 }
                 1 => {
-                    // straight-edged star: linear in the inverse radius is straight enough between sixteen steps
+                    // A straight-edged star: with sixteen steps, edges that are linear in the inverse radius
+                    // are straight enough.
                     let t = 2.0 * (phase - 0.5).abs();
                     1.0 / (1.0 + (1.6 * high + 0.25) * 2.0 * t)
                 }
                 2 => 0.85 + 0.6 * high * cos(teeth as f64 * a),
-                // a cookie: a few waves around
+                // A cookie: a few waves around.
                 _ => waves.iter().fold(0.8, |r, w| r + w[0] * cos(w[1] * a + w[2])),
             };
             [r * cos(a), r * sin(a)]
@@ -103,7 +104,7 @@ pub(super) fn prism(corners: usize, r: f64, h: f64, bevel: f64) -> Soup {
     polygon::extrude(&[outline], h, bevel, 6).refined(500)
 }
 
-/// A wedge or fin: a triangle of given places, `thick` deep, upright in the x–z plane.
+/// A wedge or fin: a triangle with the given corners, `thick` deep, upright in the x–z plane.
 pub(super) fn fin(places: &[[f64; 2]], thick: f64) -> Soup {
     let soup = polygon::extrude(&[places.to_vec()], thick, 0.2 * thick, 2).refined(300);
     let half: V3 = scaled([0.0, 0.0, thick], -0.5);

@@ -1,7 +1,8 @@
-//! Outlines of capital letters and digits: closed contours of straight lines and quadratic curves, cap height 14, stem 3. The
-//! first contour is the outside, the others are holes.
+//! Outlines of capital letters and digits: closed contours of straight lines and quadratic curves, cap height
+//! 14, stem 3. The first contour is the outline, the others are holes.
 
-/// Name and contours; `Q` before two places: a curve through the control place to the end.
+/// Name and contours; `Q` before two points: a curve with the first as control point and the second as end
+/// point.
 const OUTLINES: &[(char, &[&str])] = &[
     ('A', &["0 0 3 0 4.1 3 7.9 3 9 0 12 0 7.6 14 4.4 14", "5 5.6 7 5.6 6 9.6"]),
     (
@@ -79,7 +80,7 @@ const OUTLINES: &[(char, &[&str])] = &[
 /// Number of glyphs.
 pub(crate) const COUNT: usize = OUTLINES.len();
 
-/// Contours of glyph `index`, curves in `steps` pieces; the cap height is 1.
+/// Contours of glyph `index`, with curves divided into `steps` segments; the cap height is 1.
 pub(crate) fn outline(index: usize, steps: usize) -> Vec<Vec<[f64; 2]>> {
     OUTLINES[index].1.iter().map(|text| contour(text, steps)).collect()
 }
@@ -88,7 +89,7 @@ fn contour(text: &str, steps: usize) -> Vec<[f64; 2]> {
     let mut words = text.split(' ').peekable();
     let mut out: Vec<[f64; 2]> = Vec::new();
     let number = |w: Option<&str>| -> f64 {
-        w.and_then(|w| w.parse::<f64>().ok()).expect("the outlines above hold numbers in pairs") / 14.0
+        w.and_then(|w| w.parse::<f64>().ok()).expect("the outlines above contain pairs of numbers") / 14.0
     };
     while let Some(&word) = words.peek() {
         if word == "Q" {
@@ -107,7 +108,7 @@ fn contour(text: &str, steps: usize) -> Vec<[f64; 2]> {
             out.push([number(words.next()), number(words.next())]);
         }
     }
-    // A curve that ends where the contour began names that place twice.
+    // A curve that ends at the start of the contour contains that point twice.
     if out.len() > 1 {
         let (a, b) = (out[0], out[out.len() - 1]);
         if (a[0] - b[0]).abs() + (a[1] - b[1]).abs() < 1e-9 {

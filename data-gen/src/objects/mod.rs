@@ -3,14 +3,14 @@
 //! ```text
 //! make(seed, k) ──► generator of k ──► parts (soups of points on charts) ──► placed in the ball of radius ½
 //!                                        │ normals with creases, atlas
-//!                                        └ painted: albedo, roughness, metallic as pictures
+//!                                        └ painted: albedo, roughness, metallic as textures
 //! round   superquadrics, blobs, rocks, polyhedra, rings        flat    letters, gears, stars
 //! turned  vessels, turned solids, mugs, tins                   built   stacks, furniture, packages, toys
 //! bent    knots, shells, chains, columns                       paint/  patterns, lettering, wear
 //! ```
 //!
-//! Object k of a seed does not depend on how many are made. Every part is closed: each edge belongs to two triangles, which use
-//! it in opposite directions; parts may touch or run through one another.
+//! Object k of a seed does not depend on the number of objects generated. Every part is closed: each edge
+//! belongs to two triangles, which use it in opposite directions; parts may touch or intersect.
 
 mod atlas;
 mod bent;
@@ -30,11 +30,11 @@ use crate::surface::Surface;
 use soup::Soup;
 use std::f64::consts::TAU;
 
-/// What draws are for. The item is the number of the object.
+/// Purpose numbers of random draws. The item is the number of the object.
 pub mod purpose {
-    /// Which generator, and the parameters of the shape.
+    /// Generator and parameters of the shape.
     pub const SHAPE: u16 = 0x0300;
-    /// How the object is turned.
+    /// Rotation of the object.
     pub const POSE: u16 = 0x0301;
     /// The material of a part; the step is its group.
     pub const MATERIAL: u16 = 0x0302;
@@ -44,7 +44,7 @@ pub mod purpose {
     pub const WORDS: u16 = 0x0304;
 }
 
-/// Radius of the ball an object fills, less a little for rounding.
+/// Radius of the ball that contains an object, minus a small margin for rounding.
 pub const RADIUS: f64 = 0.5 - 1.0 / 2_097_152.0;
 
 /// Cosine of the crease angle of smooth shapes.
@@ -52,7 +52,7 @@ const SMOOTH: f64 = 0.3;
 /// Cosine of the crease angle of shapes with edges.
 const CREASED: f64 = 0.85;
 
-/// What a part is made of, if its shape says so.
+/// The material of a part, if its shape determines it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Wish {
     Any,
@@ -75,7 +75,7 @@ impl Part {
         Self { soup, crease_cos, group: 0, wish: Wish::Any }
     }
 
-    /// Parts of one group look alike.
+    /// Assigns the part to a group; parts of one group have the same material.
     fn group(self, group: usize) -> Self {
         Self { group, ..self }
     }
@@ -93,7 +93,7 @@ impl Part {
     }
 }
 
-/// Parts that look alike become one.
+/// Merges parts of the same group and material.
 fn joined(parts: Vec<Part>) -> Vec<Part> {
     let mut out: Vec<Part> = Vec::new();
     for p in parts {
@@ -131,12 +131,12 @@ const GENERATORS: [(&str, f64, Generator); 19] = [
     ("toy", 0.8, built::toy),
 ];
 
-/// An object and how it came about.
+/// An object and its parameters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Made {
     /// Name of the generator.
     pub generator: &'static str,
-    /// Named parameters in the order of drawing; materials are numbered.
+    /// Named parameters in the order in which they were drawn; materials are numbered.
     pub parameters: Vec<(String, f64)>,
     /// Name of the material of each surface.
     pub materials: Vec<String>,
@@ -149,19 +149,19 @@ pub fn generators() -> Vec<&'static str> {
     GENERATORS.iter().map(|g| g.0).collect()
 }
 
-/// Centre and radius of a ball around all places, within about a percent of the smallest one.
+/// Centre and radius of a ball around all points, within about one percent of the smallest one.
 pub fn enclosing_ball(points: &[[f64; 3]]) -> ([f64; 3], f64) {
     soup::ball(points.iter())
 }
 
-/// Object k of a seed with textures of 512² texels in all.
+/// Object k of a seed, with a total of 512² texels of textures.
 pub fn make(seed: u64, k: u64) -> Vec<Surface> {
     build(seed, k, 512).surfaces
 }
 
 /// Object k of a seed; its surfaces share about `size`² texels. Shapes do not depend on `size`.
 ///
-/// The first 19 objects of every seed are made by one generator each, in their order; later ones draw theirs.
+/// The first 19 objects of every seed use each generator once, in order; later objects draw their generators.
 pub fn build(seed: u64, k: u64, size: usize) -> Made {
     let mut draws = Draws::new(seed, k, 0, purpose::SHAPE);
     let weights = GENERATORS.map(|g| g.1);
@@ -181,7 +181,7 @@ fn build_with(which: usize, mut draws: Draws, seed: u64, k: u64, size: usize) ->
     let (generator, _, shape) = GENERATORS[which];
     let mut parts = shape(&mut draws);
     place(&mut parts, &mut Draws::new(seed, k, 0, purpose::POSE));
-    // Texels in proportion to area, but a sixteenth for a small part.
+    // Texels in proportion to area, but at least a sixteenth for a small part.
     let areas: Vec<f64> = parts.iter().map(|p| p.soup.area()).collect();
     let total = areas.iter().fold(0.0, |s, a| s + a);
     let mut surfaces = Vec::new();
@@ -203,7 +203,8 @@ fn build_with(which: usize, mut draws: Draws, seed: u64, k: u64, size: usize) ->
     Made { generator, parameters: draws.parameters(), materials, surfaces }
 }
 
-/// Turns the object, two times in three about the vertical only, and fills the ball of radius ½ about the origin.
+/// Rotates the object, in two of three cases only about the vertical, and scales it to the ball of radius ½
+/// around the origin.
 fn place(parts: &mut [Part], draws: &mut Draws) {
     let (center, radius) = soup::ball(parts.iter().flat_map(|p| &p.soup.points));
     let yaw = rotation([0.0, 0.0, 1.0], draws.range(0.0, TAU));

@@ -1,4 +1,4 @@
-//! Flat shapes with holes: triangulated with every corner of their outline used, and extruded with bevelled edges.
+//! Flat shapes with holes: triangulated with every corner of their outline, and extruded with bevelled edges.
 
 use super::soup::Soup;
 use crate::space::larger;
@@ -33,7 +33,7 @@ fn oriented(contours: &[Vec<P2>]) -> Vec<Vec<P2>> {
     contours.iter().enumerate().map(turn).collect()
 }
 
-/// The contour moved to its left by `by`: corners along their bisector, at most twice as far.
+/// The contour moved to its left by `by`: corners move along their bisector, at most twice as far.
 fn inset(contour: &[P2], by: f64) -> Vec<P2> {
     let n = contour.len();
     let left = |a: P2, b: P2| {
@@ -53,15 +53,15 @@ fn inset(contour: &[P2], by: f64) -> Vec<P2> {
         .collect()
 }
 
-/// Whether the open segments a–b and c–d cross or touch in more than a shared end.
+/// Whether the open segments a–b and c–d cross or touch, other than in a common end.
 fn cross(a: P2, b: P2, c: P2, d: P2) -> bool {
     let (o1, o2) = (area2(a, b, c), area2(a, b, d));
     let (o3, o4) = (area2(c, d, a), area2(c, d, b));
     ((o1 > 0.0 && o2 < 0.0) || (o1 < 0.0 && o2 > 0.0)) && ((o3 > 0.0 && o4 < 0.0) || (o3 < 0.0 && o4 > 0.0))
 }
 
-/// Triangles of an outer contour (counter-clockwise) with holes (clockwise), as indices into the contours one after another.
-/// Every edge of the contours is the edge of one triangle; no triangle is flat.
+/// Triangles of an outer contour (counter-clockwise) with holes (clockwise), as indices into the concatenated
+/// contours. Every edge of the contours is the edge of one triangle; no triangle is degenerate.
 pub(crate) fn triangulate(contours: &[Vec<P2>]) -> Vec<[u32; 3]> {
     let points: Vec<P2> = contours.concat();
     let mut loops: Vec<Vec<u32>> = Vec::new();
@@ -73,7 +73,8 @@ pub(crate) fn triangulate(contours: &[Vec<P2>]) -> Vec<[u32; 3]> {
     let at = |i: u32| points[i as usize];
     let edges: Vec<(u32, u32)> =
         loops.iter().flat_map(|l| (0..l.len()).map(|i| (l[i], l[(i + 1) % l.len()]))).collect();
-    // Holes join the outside, one after another, by the shortest bridge that crosses nothing.
+    // Holes are connected to the outer contour, one after another, by the shortest bridge that crosses no
+    // edge.
     let mut outside = loops[0].clone();
     let mut bridges: Vec<(u32, u32)> = Vec::new();
     for hole in &loops[1..] {
@@ -84,14 +85,15 @@ pub(crate) fn triangulate(contours: &[Vec<P2>]) -> Vec<[u32; 3]> {
                 let is_free = |&(p, q): &(u32, u32)| {
                     p == a || q == a || p == b || q == b || !cross(at(a), at(b), at(p), at(q))
                 };
-                // A corner that has a bridge stands twice in the loop, in sectors of its own: left alone.
+                // A corner with a bridge occurs twice in the loop, in different sectors; such corners are not
+                // used again.
                 let is_taken = bridges.iter().any(|&(p, q)| p == a || q == a);
                 if !is_taken && best.is_none_or(|x| d < x.0) && edges.iter().chain(&bridges).all(is_free) {
                     best = Some((d, i, j));
                 }
             }
         }
-        let (_, i, j) = best.expect("a hole inside its outline sees a corner of it");
+        let (_, i, j) = best.expect("a hole can be connected to a corner of the outline around it");
         bridges.push((outside[i], hole[j]));
         let around = hole[j..].iter().chain(&hole[..=j]).copied();
         let joined: Vec<u32> =
@@ -101,7 +103,7 @@ pub(crate) fn triangulate(contours: &[Vec<P2>]) -> Vec<[u32; 3]> {
     clip(&points, outside)
 }
 
-/// Cuts ears off, the best shaped first.
+/// Ear clipping, best-shaped ears first.
 fn clip(points: &[P2], mut rest: Vec<u32>) -> Vec<[u32; 3]> {
     let at = |i: u32| points[i as usize];
     let quality = |rest: &[u32], k: usize| -> f64 {
@@ -137,7 +139,7 @@ fn clip(points: &[P2], mut rest: Vec<u32>) -> Vec<[u32; 3]> {
         if s < 0.0 {
             score = (0..rest.len()).map(|k| quality(&rest, k)).collect();
             (k, s) = best(&score);
-            assert!(s >= 0.0, "an outline that does not cross itself has an ear");
+            assert!(s >= 0.0, "an outline without self-intersections must have an ear");
         }
         let n = rest.len();
         out.push([rest[(k + n - 1) % n], rest[k], rest[(k + 1) % n]]);
@@ -152,7 +154,7 @@ fn clip(points: &[P2], mut rest: Vec<u32>) -> Vec<[u32; 3]> {
     out
 }
 
-/// A slab between z = 0 and `depth` over a shape, its edges bevelled at 45° by `bevel` (0: sharp).
+/// A slab between z = 0 and `depth` over a shape, with edges bevelled at 45° by `bevel` (0: sharp).
 pub(crate) fn extrude(contours: &[Vec<P2>], depth: f64, bevel: f64, rows: usize) -> Soup {
     let outer = oriented(contours);
     let inner: Vec<Vec<P2>> = outer.iter().map(|c| inset(c, bevel)).collect();
@@ -226,7 +228,10 @@ mod tests {
                     .iter()
                     .map(|t| area2(points[t[0] as usize], points[t[1] as usize], points[t[2] as usize]))
                     .collect();
-                assert!(areas.iter().all(|&a| a > 1e-7), "glyph {index}: no flat triangle at bevel {bevel}");
+                assert!(
+                    areas.iter().all(|&a| a > 1e-7),
+                    "glyph {index}: degenerate triangle at bevel {bevel}"
+                );
                 let got = areas.iter().fold(0.0, |s, a| s + a);
                 assert!((got - want).abs() < 1e-12, "glyph {index}: area {got} instead of {want}");
                 assert_eq!(

@@ -1,4 +1,4 @@
-//! Shapes seen from their middle: superquadrics, blobs, rocks, rounded polyhedra; and the supertorus.
+//! Star-shaped solids: superquadrics, blobs, rocks, rounded polyhedra; and the supertorus.
 
 use super::sheets::{ball, tube};
 use super::{Part, SMOOTH};
@@ -15,7 +15,7 @@ fn superquadric_radius(d: V3, half: V3, e1: f64, e2: f64) -> f64 {
     1.0 / power(f, 0.5 * e1)
 }
 
-/// A rounded box, cylinder, ball, double cone or star, by two exponents.
+/// A rounded box, cylinder, ball, double cone or star, determined by two exponents.
 pub(super) fn superquadric(draws: &mut Draws) -> Vec<Part> {
     let e1 = draws.named("exponent_1", 0.25, 2.2);
     let e2 = draws.named("exponent_2", 0.25, 2.2);
@@ -23,19 +23,19 @@ pub(super) fn superquadric(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(superquadric_soup(40, half, e1, e2), SMOOTH)]
 }
 
-/// The same with everything given.
+/// The same with given parameters.
 pub(super) fn superquadric_soup(n: usize, half: V3, e1: f64, e2: f64) -> super::soup::Soup {
     ball(n, |d| scaled(d, superquadric_radius(d, half, e1, e2)))
 }
 
-/// A ring with two exponents and a wavy section.
+/// A ring with two exponents and a wavy cross-section.
 pub(super) fn supertorus(draws: &mut Draws) -> Vec<Part> {
     let (e1, e2) = (draws.named("exponent_1", 0.3, 1.7), draws.named("exponent_2", 0.4, 1.4));
     let thick = draws.named("thickness", 0.18, 0.42);
     let waves = draws.named_whole("waves", 0, 9) as f64;
     let height = draws.range(0.0, 0.25);
     let n = 128;
-    // Superellipse of constant direction steps: no two places fall together.
+    // A superellipse with constant steps of direction, so that no two points coincide.
     let ring = |a: f64| {
         let (c, s) = (cos(a), sin(a));
         let r = 1.0 / power(power(c, 2.0 / e2) + power(s, 2.0 / e2), 0.5 * e2);
@@ -59,7 +59,7 @@ pub(super) fn supertorus(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(soup, SMOOTH)]
 }
 
-/// A smooth lump, sometimes with bumps or ridges.
+/// A smooth blob, sometimes with bumps or ridges.
 pub(super) fn blob(draws: &mut Draws) -> Vec<Part> {
     let noise = Noise::new(draws);
     let frequency = draws.named("frequency", 0.8, 2.6);
@@ -85,7 +85,7 @@ pub(super) fn blob(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(soup, SMOOTH)]
 }
 
-/// A stone: a lump cut by planes, with a rough surface.
+/// A stone: a blob cut by planes, with a rough surface.
 pub(super) fn rock(draws: &mut Draws) -> Vec<Part> {
     let noise = Noise::new(draws);
     let cuts = draws.named_whole("cuts", 6, 22);
@@ -104,7 +104,7 @@ pub(super) fn rock(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(soup, 0.8)]
 }
 
-/// Face normals of the five regular solids, up to length.
+/// Face normals of the five regular solids, not normalised.
 fn solid(kind: usize) -> Vec<V3> {
     let g = 0.5 * (1.0 + 5.0_f64.sqrt());
     let cyclic = |p: V3| [p, [p[1], p[2], p[0]], [p[2], p[0], p[1]]];

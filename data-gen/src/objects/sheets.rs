@@ -1,4 +1,4 @@
-//! Sheets that many shapes are made of: the surface of a ball in six squares, bodies of revolution, tubes.
+//! Sheets from which many shapes are made: the surface of a ball in six squares, bodies of revolution, tubes.
 
 use super::soup::Soup;
 use crate::space::{V3, add, larger, length, scaled, smaller, sub, unit};
@@ -6,14 +6,15 @@ use reference::num::elem::{cos, sin};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-/// Tangent of half the angle between neighbours on a cube's edge, so that cells of a ball are of similar size.
+/// Tangent of half the angle between neighbours on a cube's edge, so that the cells of a ball are of similar
+/// size.
 fn spread(k: i32, n: i32) -> f64 {
     let angle = std::f64::consts::FRAC_PI_4 * f64::from(k) / f64::from(n);
     sin(angle) / cos(angle)
 }
 
-/// A ball in six sheets of n × n cells: `place` takes a unit direction to its point and must be continuous. The charts are
-/// rectangles whose cells have the mean length of the sheet's middle lines.
+/// A ball in six sheets of n × n cells: `place` maps a unit direction to its point and must be continuous.
+/// The charts are rectangles whose cells have the mean length of the sheet's middle lines.
 pub(crate) fn ball(n: usize, place: impl Fn(V3) -> V3) -> Soup {
     let half = n as i32;
     let mut soup = Soup::default();
@@ -32,12 +33,12 @@ pub(crate) fn ball(n: usize, place: impl Fn(V3) -> V3) -> Soup {
     soup
 }
 
-/// A box of given half sides about the origin, its edges rounded by `round` times the smallest of them: `m` cells over each
-/// rounding and `f` over the flat part of every side. Charts have true lengths.
+/// A box of given half sides around the origin, with edges rounded by `round` times the smallest of them: `m`
+/// cells over each rounding and `f` over the flat part of every side. Charts have true lengths.
 pub(crate) fn rounded_box(half: V3, round: f64, m: usize, f: usize) -> Soup {
     let r = round * smaller(smaller(half[0], half[1]), half[2]);
     let n = 2 * m + f;
-    // Place on the unrounded side and arc length of lattice coordinate k (−n..n in steps of 2).
+    // Position on the unrounded side and arc length of lattice coordinate k (−n..n in steps of 2).
     let along = |axis: usize, k: i32| -> [f64; 2] {
         let flat = half[axis] - r;
         let i = ((k + n as i32) / 2) as usize;
@@ -55,7 +56,7 @@ pub(crate) fn rounded_box(half: V3, round: f64, m: usize, f: usize) -> Soup {
     };
     let mut soup = Soup::default();
     let squares = cube(&mut soup, n, |k| {
-        // The corner of the lattice is the corner of the box exactly on all three of its sides.
+        // The corner of the lattice is exactly the corner of the box on all three of its sides.
         let on: V3 = std::array::from_fn(|a| {
             if k[a].unsigned_abs() as usize == n {
                 half[a] * f64::from(k[a].signum())
@@ -74,15 +75,15 @@ pub(crate) fn rounded_box(half: V3, round: f64, m: usize, f: usize) -> Soup {
     soup
 }
 
-/// A side of a cube: points of its lattice, i right and j up seen from outside; the axes they run along, the first one
-/// backwards if `flip` is −1.
+/// A side of a cube: points of its lattice, i to the right and j upwards seen from outside; the axes along
+/// which they run, the first one backwards if `flip` is −1.
 struct Square {
     index: Vec<u32>,
     axes: [usize; 2],
     flip: i32,
 }
 
-/// Points of the surface of the cube lattice −n..n (steps of 2), one per place, shared by the sides.
+/// Points of the surface of the cube lattice −n..n (steps of 2), one per position, shared by the sides.
 fn cube(soup: &mut Soup, n: usize, place: impl Fn([i32; 3]) -> V3) -> Vec<Square> {
     let half = n as i32;
     let mut known: BTreeMap<[i32; 3], u32> = BTreeMap::new();
@@ -111,11 +112,12 @@ fn cube(soup: &mut Soup, n: usize, place: impl Fn([i32; 3]) -> V3) -> Vec<Square
     squares
 }
 
-/// One smooth run of a profile: (r, z) from below to above along the outside, at least two places.
+/// One smooth run of a profile: points (r, z) from bottom to top along the outside, at least two.
 pub(crate) type Run = Vec<[f64; 2]>;
 
-/// A body of revolution about z with `nu` columns. Runs follow one another end to start, with creases between them; the first
-/// starts and the last ends on the axis (r = 0). `radius` scales r at an angle and height (1 for a round body).
+/// A body of revolution about z with `nu` columns. Runs follow one another end to start, with creases between
+/// them; the first starts and the last ends on the axis (r = 0). `radius` scales r at an angle and height (1
+/// for a round body).
 pub(crate) fn lathe(nu: usize, runs: &[Run], radius: impl Fn(f64, f64) -> f64) -> Soup {
     let mut soup = Soup::default();
     let angle = |i: usize| TAU * i as f64 / nu as f64;
@@ -135,7 +137,7 @@ pub(crate) fn lathe(nu: usize, runs: &[Run], radius: impl Fn(f64, f64) -> f64) -
         row
     };
     let mut last = row(&mut soup, runs[0][0]);
-    // Rows of the chart in the making, their arc length, and ∫ r along it.
+    // Rows of the chart under construction, their arc length, and ∫ r along it.
     let mut open: (Vec<Vec<u32>>, Vec<f64>, f64) = (vec![last.clone()], vec![0.0], 0.0);
     for run in runs {
         let mut rows = vec![last.clone()];
@@ -172,7 +174,7 @@ pub(crate) fn lathe(nu: usize, runs: &[Run], radius: impl Fn(f64, f64) -> f64) -
     soup
 }
 
-/// The chart of a belt of a body of revolution: around by its mean radius, upwards by arc length.
+/// The chart of a band of a body of revolution: around by its mean radius, upwards by arc length.
 fn band(soup: &mut Soup, nu: usize, (rows, along, area): (Vec<Vec<u32>>, Vec<f64>, f64)) {
     if rows.len() > 1 {
         let step = TAU * (area / along[along.len() - 1]) / nu as f64;
@@ -180,8 +182,8 @@ fn band(soup: &mut Soup, nu: usize, (rows, along, area): (Vec<Vec<u32>>, Vec<f64
     }
 }
 
-/// Points of a smooth curve through (r, z) places (Catmull–Rom), `n` steps between neighbours; r stays above `least` but for
-/// ends given on the axis.
+/// Points of a smooth curve through (r, z) points (Catmull–Rom), `n` steps between neighbours; r is at least
+/// `least`, except at ends given on the axis.
 pub(crate) fn smooth_run(through: &[[f64; 2]], n: usize, least: f64) -> Run {
     let m = through.len();
     let at = |i: isize| through[i.clamp(0, m as isize - 1) as usize];
@@ -201,7 +203,7 @@ pub(crate) fn smooth_run(through: &[[f64; 2]], n: usize, least: f64) -> Run {
             run.push([if step == n { p[0] } else { larger(p[0], least) }, p[1]]);
         }
     }
-    // The ends are exact: rows of neighbouring runs are shared by them.
+    // The ends are exact, because rows of neighbouring runs share them.
     run[n * (m - 1)] = through[m - 1];
     run
 }
@@ -211,9 +213,9 @@ pub(crate) fn straight_run(from: [f64; 2], to: [f64; 2], n: usize) -> Run {
     (0..=n).map(|k| if k == n { to } else { crate::space::mix(from, to, k as f64 / n as f64) }).collect()
 }
 
-/// A tube along places with frames (normal, binormal = tangent × normal), and a section: `section(i, j)` gives the offsets
-/// along the two, counter-clockwise in j seen against the tangent. Open tubes are closed by flat fans; a closed one joins
-/// section j of its last place to section j + `shift` of its first.
+/// A tube along points with frames (normal, binormal = tangent × normal), and a cross-section: `section(i,
+/// j)` gives the offsets along the two, counter-clockwise in j seen against the tangent. Open tubes are
+/// closed by flat fans; a closed one joins section j of its last point to section j + `shift` of its first.
 pub(crate) fn tube(
     places: &[(V3, V3, V3)],
     nv: usize,
@@ -269,7 +271,7 @@ pub(crate) fn tube(
     soup
 }
 
-/// Frames along an open curve that turn as little as possible (double reflection, Wang et al. 2008).
+/// Frames along an open curve with minimal rotation (double reflection, Wang et al. 2008).
 pub(crate) fn frames(curve: &[V3]) -> Vec<(V3, V3, V3)> {
     use crate::space::{cross, dot};
     let n = curve.len();
@@ -289,7 +291,7 @@ pub(crate) fn frames(curve: &[V3]) -> Vec<(V3, V3, V3)> {
         let (r, t) = (reflect(normal, v1, c1), reflect(t0, v1, c1));
         let v2 = sub(t1, t);
         normal = unit(reflect(r, v2, dot(v2, v2)));
-        // Against drift: orthogonal to the tangent again.
+        // Made orthogonal to the tangent again, to prevent drift.
         normal = unit(sub(normal, scaled(t1, dot(normal, t1))));
         out.push((curve[i], normal, cross(t1, normal)));
     }

@@ -1,8 +1,8 @@
-//! A closed mesh in the making: points shared by triangles, charts on it, and what follows from both.
+//! A closed mesh under construction: points shared by triangles, charts, and quantities derived from both.
 //!
-//! A **point** is a place; a **vertex** is a point on a chart, with its coordinates (s, t) there in lengths of the object, s to
-//! the right and t upwards seen from outside. A seam is two vertices on one point, so closedness is a matter of indices and no
-//! places are ever compared.
+//! A **point** is a position; a **vertex** is a point on a chart, with its coordinates (s, t) there in
+//! lengths of the object, s to the right and t upwards seen from outside. A seam consists of two vertices on
+//! one point, so closedness follows from indices, and positions are never compared.
 
 use crate::space::{V3, add, cross, dot, length, rotated, scaled, sub, unit};
 
@@ -14,7 +14,7 @@ pub(crate) struct Vertex {
     pub(crate) st: [f64; 2],
 }
 
-/// A mesh in the making.
+/// A mesh under construction.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Soup {
     pub(crate) points: Vec<V3>,
@@ -23,7 +23,7 @@ pub(crate) struct Soup {
     pub(crate) charts: u32,
 }
 
-/// Longest side of a chart over its shortest before it is cut.
+/// Largest ratio of the sides of a chart before it is cut.
 const ASPECT: f64 = 3.0;
 
 impl Soup {
@@ -42,9 +42,9 @@ impl Soup {
         (self.vertices.len() - 1) as u32
     }
 
-    /// A sheet of `nu` × `nv` cells: `point` names the point of a corner, `st` its place on the chart. Seen from outside, i
-    /// runs to the right and j upwards. Cells with an edge of no length (one point twice) get one triangle. Long sheets are
-    /// cut into several charts.
+    /// A sheet of `nu` × `nv` cells: `point` returns the point of a corner, `st` its position on the chart.
+    /// Seen from outside, i increases to the right and j upwards. Cells with an edge of zero length (one
+    /// point twice) get one triangle. Long sheets are cut into several charts.
     pub(crate) fn grid(
         &mut self,
         nu: usize,
@@ -104,7 +104,8 @@ impl Soup {
         }
     }
 
-    /// A flat or slightly curved fan: `rim` counter-clockwise from outside, each with its place on the chart.
+    /// A flat or slightly curved fan: `rim` counter-clockwise seen from outside, each point with its position
+    /// on the chart.
     pub(crate) fn fan(&mut self, center: V3, center_st: [f64; 2], rim: &[(u32, [f64; 2])]) {
         let chart = self.chart();
         let p = self.point(center);
@@ -117,7 +118,7 @@ impl Soup {
         self.triangles.extend((0..n).map(|i| [hub, first + i, first + (i + 1) % n]));
     }
 
-    /// Adds another mesh beside this one.
+    /// Appends another mesh.
     pub(crate) fn append(&mut self, other: &Self) {
         let (points, vertices, charts) = (self.points.len() as u32, self.vertices.len() as u32, self.charts);
         self.points.extend_from_slice(&other.points);
@@ -138,17 +139,17 @@ impl Soup {
         self
     }
 
-    /// Shifted.
+    /// The mesh translated by a vector.
     pub(crate) fn moved(self, by: V3) -> Self {
         self.map(|p| add(p, by))
     }
 
-    /// Turned about the origin.
+    /// The mesh rotated about the origin.
     pub(crate) fn turned(self, m: &[V3; 3]) -> Self {
         self.map(|p| rotated(m, p))
     }
 
-    /// Grown about the origin, charts as well.
+    /// The mesh scaled about the origin, including its charts.
     pub(crate) fn grown(mut self, s: f64) -> Self {
         for v in &mut self.vertices {
             v.st = v.st.map(|x| x * s);
@@ -163,7 +164,7 @@ impl Soup {
         })
     }
 
-    /// Every triangle becomes four, until there are at least so many.
+    /// Divides every triangle into four until there are at least the given number.
     pub(crate) fn refined(mut self, at_least: usize) -> Self {
         while self.triangles.len() < at_least {
             self = self.quartered();
@@ -203,7 +204,7 @@ impl Soup {
         self
     }
 
-    /// Of all triangles.
+    /// Total area of the triangles.
     pub(crate) fn area(&self) -> f64 {
         self.triangles.iter().fold(0.0, |s, &t| {
             let [a, b, c] = self.corners(t);
@@ -215,8 +216,8 @@ impl Soup {
         t.map(|v| self.points[self.vertices[v as usize].point as usize])
     }
 
-    /// A mesh whose vertices carry one normal each: faces meeting at a point share a normal where they turn by less than the
-    /// angle of that cosine.
+    /// A mesh whose vertices have one normal each: faces that meet at a point share a normal if the angle
+    /// between them is less than the one with the given cosine.
     pub(crate) fn shell(&self, crease_cos: f64) -> Shell {
         let faces: Vec<V3> = self
             .triangles
@@ -248,7 +249,7 @@ impl Soup {
             }
         }
         let mut shell = Shell::default();
-        // Copies of each vertex made so far, as a list through `link`.
+        // Copies of each vertex created so far, as a list through `link`.
         let mut head = vec![u32::MAX; self.vertices.len()];
         let mut link: Vec<u32> = Vec::new();
         for (f, t) in self.triangles.iter().enumerate() {
@@ -287,22 +288,22 @@ impl Soup {
 /// A finished mesh with its charts.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Shell {
-    /// (V)
+    /// Positions, shape (V).
     pub(crate) positions: Vec<V3>,
-    /// (V) unit
+    /// Unit normals, shape (V).
     pub(crate) normals: Vec<V3>,
-    /// (V) place on the chart, lengths
+    /// Positions on the chart, as lengths, shape (V).
     pub(crate) st: Vec<[f64; 2]>,
-    /// (V)
+    /// Chart of each vertex, shape (V).
     pub(crate) chart: Vec<u32>,
-    /// (T)
+    /// Triangles, shape (T).
     pub(crate) triangles: Vec<[u32; 3]>,
     /// Number of charts.
     pub(crate) charts: usize,
 }
 
-/// Centre and radius of a ball around all points, within about a percent of the smallest one (Bădoiu and Clarkson's steps
-/// towards the farthest point).
+/// Centre and radius of a ball around all points, within about one percent of the smallest one (the algorithm
+/// of Bădoiu and Clarkson, which moves towards the farthest point).
 pub(crate) fn ball<'a>(points: impl Iterator<Item = &'a V3> + Clone) -> (V3, f64) {
     let farthest = |c: V3| {
         points.clone().fold((0.0, c), |best, &p| {

@@ -1,4 +1,4 @@
-//! Bodies of revolution: vessels with a wall, turned solids, a mug with its handle, tins.
+//! Bodies of revolution: vessels with a wall, turned solids, mugs with handles, tins.
 
 use super::sheets::{Run, frames, lathe, smooth_run, straight_run, tube};
 use super::soup::Soup;
@@ -8,14 +8,14 @@ use crate::space::{V3, larger, mix, smoothstep};
 use reference::num::elem::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
-/// Columns of a body of revolution.
+/// Number of columns of a body of revolution.
 const AROUND: usize = 96;
 
 /// Radii at heights, from foot to rim, of a kind of vessel.
 fn vessel_profile(draws: &mut Draws) -> Vec<[f64; 2]> {
     let u = |draws: &mut Draws, low: f64, high: f64| draws.range(low, high);
     match draws.named_whole("vessel", 0, 5) {
-        // vase: foot, belly, neck, lip
+        // Vase: foot, belly, neck, lip.
         0 => {
             let (belly, neck) = (u(draws, 0.4, 0.7), u(draws, 0.12, 0.35));
             let h = u(draws, 1.2, 2.0);
@@ -29,7 +29,7 @@ fn vessel_profile(draws: &mut Draws) -> Vec<[f64; 2]> {
                 [lip, h],
             ]
         }
-        // bottle
+        // Bottle.
         1 => {
             let (r, neck, h) = (u(draws, 0.3, 0.5), u(draws, 0.1, 0.16), u(draws, 1.6, 2.4));
             let shoulder = u(draws, 0.5, 0.68);
@@ -43,7 +43,7 @@ fn vessel_profile(draws: &mut Draws) -> Vec<[f64; 2]> {
                 [neck, h],
             ]
         }
-        // bowl
+        // Bowl.
         2 => {
             let (r, h) = (u(draws, 0.7, 1.1), u(draws, 0.4, 0.8));
             let foot = u(draws, 0.25, 0.4);
@@ -55,7 +55,7 @@ fn vessel_profile(draws: &mut Draws) -> Vec<[f64; 2]> {
                 [r, h],
             ]
         }
-        // goblet
+        // Goblet.
         3 => {
             let (cup, stem, h) = (u(draws, 0.35, 0.5), u(draws, 0.05, 0.1), u(draws, 1.2, 1.7));
             vec![
@@ -68,7 +68,7 @@ fn vessel_profile(draws: &mut Draws) -> Vec<[f64; 2]> {
                 [cup * u(draws, 0.8, 1.05), h],
             ]
         }
-        // jar, amphora
+        // Jar or amphora.
         _ => {
             let (r, h) = (u(draws, 0.45, 0.65), u(draws, 0.9, 1.5));
             vec![
@@ -92,7 +92,7 @@ pub(super) fn vessel(draws: &mut Draws) -> Vec<Part> {
     let deep = draws.range(0.02, 0.07);
     let top = outer[outer.len() - 1];
     let foot = outer[0];
-    // Down the inside: the same places, narrower, ending above the foot on the axis.
+    // Along the inside: the same points with smaller radius, ending above the foot on the axis.
     let floor = foot[1] + 0.1 * top[1];
     let mut inner: Vec<[f64; 2]> = outer.iter().rev().map(|p| [p[0] - wall, p[1]]).collect();
     inner.retain(|p| p[1] > floor + 0.05 * top[1]);
@@ -115,7 +115,7 @@ pub(super) fn vessel(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(soup, 0.7)]
 }
 
-/// A turned solid: baluster, chess piece, spinning top, of beads and coves.
+/// A turned solid made of beads and coves: baluster, chess piece, spinning top.
 pub(super) fn turned(draws: &mut Draws) -> Vec<Part> {
     vec![Part::new(turned_soup(draws), CREASED)]
 }
@@ -131,7 +131,7 @@ pub(super) fn turned_soup(draws: &mut Draws) -> Soup {
         let (a, b) = ([r, z], [end, z + h]);
         let swing = draws.range(-0.5, 0.9) * h;
         match draws.whole(0, 4) {
-            // a bead or a cove between the two radii
+            // A bead or a cove between the two radii.
             0 | 1 => {
                 let n = 14;
                 let run = (0..=n).map(|i| {
@@ -172,7 +172,7 @@ pub(super) fn turned_soup(draws: &mut Draws) -> Soup {
     lathe(AROUND, &runs, |_, _| 1.0)
 }
 
-/// A cylinder with bevelled rims, radius and height given.
+/// A cylinder with bevelled rims and given radius and height.
 pub(super) fn cylinder(r: f64, h: f64, top: f64, bevel: f64) -> Soup {
     let runs: Vec<Run> = vec![
         straight_run([0.0, 0.0], [r - bevel, 0.0], 6),
@@ -184,7 +184,7 @@ pub(super) fn cylinder(r: f64, h: f64, top: f64, bevel: f64) -> Soup {
     lathe(64, &runs, |_, _| 1.0)
 }
 
-/// A mug: a wall with a floor, and a handle whose ends sit in the wall.
+/// A mug: a wall with a floor, and a handle whose ends are inside the wall.
 pub(super) fn mug(draws: &mut Draws) -> Vec<Part> {
     let (r, h) = (draws.named("radius", 0.38, 0.6), draws.named("height", 0.8, 1.2));
     let top = r * draws.range(0.9, 1.15);
@@ -230,7 +230,7 @@ pub(super) fn mug(draws: &mut Draws) -> Vec<Part> {
     }
 }
 
-/// A tin or a box of rounds: a labelled cylinder with rims.
+/// A tin or a round box: a labelled cylinder with rims.
 pub(super) fn tin(draws: &mut Draws) -> Vec<Part> {
     let (r, h) = (draws.named("radius", 0.3, 0.6), draws.named("height", 0.5, 1.4));
     let rim = 0.03;

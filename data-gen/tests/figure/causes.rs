@@ -1,4 +1,4 @@
-//! Graphs, mechanisms, observational frames, interventions.
+//! Tests of graphs, mechanisms, observational frames and interventions.
 
 use crate::{L, O, P, W, column, correlation, samples, scm};
 use data_gen::figure::factors::LETTERS;
@@ -26,10 +26,10 @@ fn graphs_have_the_published_edges() {
     assert_eq!(edges("FULL"), "PO PW PL OL WO WL ", "FULL");
     assert_eq!(edges("EMPTY"), "", "EMPTY");
     for bad in ["fork", "ER-", "ER-99", "RING"] {
-        assert!(Graph::named(bad, 4, 0).is_err(), "{bad} is refused");
+        assert!(Graph::named(bad, 4, 0).is_err(), "{bad} is rejected");
     }
     assert!(Graph::named("FORK", 3, 0).is_err() && Graph::named("FORK", 9, 0).is_err(), "sizes are checked");
-    assert!(Graph::new(3, &[(0, 1), (1, 2), (2, 0)]).is_err(), "a cycle is refused");
+    assert!(Graph::new(3, &[(0, 1), (1, 2), (2, 0)]).is_err(), "a cycle is rejected");
 }
 
 #[test]
@@ -102,7 +102,7 @@ fn coefficients_shrink_only_where_parents_leave_no_room() {
 fn standardised_factors_have_variance_one() {
     for graph in ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"] {
         for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
-            // Nonlinear ones take a million draws each.
+            // Nonlinear mechanisms use a million draws each.
             let seeds = match (mechanism, graph) {
                 (Mechanism::Nl, "DIAMOND" | "FULL") => 0..1,
                 (Mechanism::Nl, _) => 0..0,
@@ -119,7 +119,7 @@ fn standardised_factors_have_variance_one() {
                         "{graph} {} seed {seed}: Var(u_{j}) = {v}",
                         mechanism.name()
                     );
-                    assert!(scm.s[j] >= 0.05 - 1e-12, "an own cause remains: s_{j} = {}", scm.s[j]);
+                    assert!(scm.s[j] >= 0.05 - 1e-12, "noise of its own remains: s_{j} = {}", scm.s[j]);
                 }
                 let kept = scm.a.iter().flatten().all(|a| a.abs() <= 0.9);
                 assert!(kept, "coefficients only shrink");
@@ -155,7 +155,8 @@ fn observational_frames_share_looks_in_equal_runs() {
 fn interventions_leave_everything_but_descendants_bit_for_bit() {
     for (graph, n) in [("FORK", 4), ("FULL", 4), ("DIAMOND", 4), ("ER-9", 7)] {
         for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
-            // Nonlinear ones stay raw: standardising takes a million draws and changes nothing here.
+            // Nonlinear mechanisms stay raw: standardising uses a million draws and does not affect this
+            // test.
             let scm = scm(graph, n, mechanism, mechanism != Mechanism::Nl, 11);
             for index in 0..16 {
                 let g = group(&scm, 11, index, 64);
@@ -163,16 +164,16 @@ fn interventions_leave_everything_but_descendants_bit_for_bit() {
                 assert!((-2.0..2.0).contains(&g.value), "v = {}", g.value);
                 let below = scm.graph.descendants(g.target);
                 for (base, after) in g.bases.iter().zip(&g.after) {
-                    assert!((g.value - base.u[g.target]).abs() >= LEAST_CHANGE, "the change can be seen");
+                    assert!((g.value - base.u[g.target]).abs() >= LEAST_CHANGE, "the change is large enough");
                     assert_eq!(after.u[g.target].to_bits(), g.value.to_bits(), "the value is shared");
-                    assert_eq!(base.e, after.e, "own causes are kept");
-                    assert_eq!(base.appearance, g.bases[0].appearance, "one look per group");
-                    assert_eq!(after.appearance, base.appearance, "one look per group");
+                    assert_eq!(base.e, after.e, "noise is kept");
+                    assert_eq!(base.appearance, g.bases[0].appearance, "one appearance per group");
+                    assert_eq!(after.appearance, base.appearance, "one appearance per group");
                     for j in (0..n).filter(|&j| j != g.target) {
                         let same = base.u[j].to_bits() == after.u[j].to_bits();
                         assert!(below[j] || same, "{graph}: do({}) moved {j}", g.target);
                     }
-                    // A descendant is what its equation says, with its own cause kept.
+                    // A descendant follows its equation, with its own noise kept.
                     let again = scm.factors(&after.e, Some((g.target, g.value)));
                     assert_eq!(again, after.u, "descendants follow");
                 }

@@ -1,4 +1,4 @@
-//! The figure is what its documentation says: causes, effects, shapes.
+//! The figure agrees with its documentation: causes, effects, shapes.
 
 mod causes;
 mod sortability;
@@ -36,7 +36,7 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     cross / (variance(a) * variance(b)).sqrt()
 }
 
-/// Looks of every kind.
+/// Appearances of every kind.
 fn looks() -> Vec<Appearance> {
     (0..12).map(|i| Appearance::new(9, i)).collect()
 }

@@ -1,4 +1,4 @@
-//! What marginal statistics tell about the order of causes.
+//! Tests of how strongly marginal statistics reveal the causal order.
 
 use crate::{samples, scm};
 use data_gen::figure::graph::Graph;
@@ -6,10 +6,12 @@ use data_gen::figure::mechanism::{Mechanism, Scm};
 use data_gen::figure::sortability::{r2_sortability, varsortability};
 use reference::num::rng::{Key, normal_f64};
 
-/// Draws behind the variances of nonlinear mechanisms here: an error of 1.4 %, where those of 500 frames are off by 6 %.
+/// Number of draws for the variances of nonlinear mechanisms here: an error of 1.4 %, compared with 6 % for
+/// those of 500 frames.
 const DRAWS: usize = 10_000;
 
-/// Means over 200 seeds of 500 frames each: varsortability standardised and raw, R²-sortability standardised and raw.
+/// Means over 200 seeds of 500 frames each: varsortability standardised and raw, R²-sortability standardised
+/// and raw.
 fn means(graph: &str, n: usize, mechanism: Mechanism) -> [f64; 4] {
     let mut sums = [0.0; 4];
     for seed in 0..200 {
@@ -29,14 +31,15 @@ fn means(graph: &str, n: usize, mechanism: Mechanism) -> [f64; 4] {
 
 /// Means of R²-sortability, (standardised, raw), to three digits; columns as in [`MECHANISMS`].
 ///
-/// The bounds 0.5 ± 0.1 and 0.8 are those of variances. What explains a factor is left alone by every scale, so R² keeps what the graph
-/// and the shares of the noise say:
+/// The limits 0.5 ± 0.1 and 0.8 apply to variances. R² is invariant under scaling, so it reflects the graph
+/// and the fractions of the noise:
 ///
-/// * a fork has its cause explained by all children together and each child by the cause alone: 0 with any coefficients. A collider
-///   has R² = a² + b² at its end against a²/(1 − b²) at a cause, smaller by b²s²/(1 − b²): 1;
-/// * random graphs come near a coin toss where every factor has variance 1: 0.5 ± 0.1 with as many edges as factors, 0.49 to 0.66 with
-///   all edges; raw noise of one size lets R² grow along
-///   linear paths (0.56 to 0.78) and fall behind tanh, which does not pass the variance on (0.41 to 0.57).
+/// * in a fork, the cause is explained by all children together and each child by the cause only: 0 with any
+///   coefficients. A collider has R² = a² + b² at its end against a²/(1 − b²) at a cause, smaller by b²s²/(1
+///   − b²): 1;
+/// * random graphs are close to chance if every factor has variance 1: 0.5 ± 0.1 with as many edges as
+///   factors, 0.49 to 0.66 with all edges; with raw noise of one size, R² grows along linear paths (0.56 to
+///   0.78) and decreases downstream of tanh, which does not propagate the variance (0.41 to 0.57).
 const R2: [(&str, usize, [[f64; 2]; 4]); 14] = [
     ("FORK", 4, [[0.000, 0.000], [0.000, 0.000], [0.000, 0.000], [0.000, 0.000]]),
     ("CHAIN", 4, [[0.489, 0.662], [0.488, 0.652], [0.500, 0.511], [0.455, 0.475]]),
@@ -57,7 +60,7 @@ const R2: [(&str, usize, [[f64; 2]; 4]); 14] = [
 /// Forms of the equations.
 const MECHANISMS: [Mechanism; 4] = [Mechanism::Lin, Mechanism::Ng, Mechanism::Nl, Mechanism::NlNg];
 
-/// Every graph under one mechanism.
+/// Checks every graph under one mechanism.
 fn check(column: usize) {
     let mechanism = MECHANISMS[column];
     for (graph, n, r2) in R2 {
@@ -67,7 +70,7 @@ fn check(column: usize) {
             "{name}: varsortability {standardised:.3} standardised, {raw:.3} raw; R² {r2_standardised:.3}, {r2_raw:.3}"
         );
         assert!((standardised - 0.5).abs() <= 0.1, "{name}, standardised: {standardised}");
-        // tanh passes on less than it gets: W, O and L of a chain all have variances near 1.3.
+        // tanh reduces the variance it propagates: W, O and L of a chain all have variances near 1.3.
         let is_bounded_chain = graph == "CHAIN" && mechanism.f(3.0) < 1.0;
         let least = if is_bounded_chain { 0.73 } else { 0.8 };
         assert!(raw > least, "{name}, raw: {raw}");
@@ -101,8 +104,8 @@ fn standardisation_hides_the_order_of_nonlinear_factors_with_uniform_noise_from_
     check(3);
 }
 
-/// Dividing raw samples by their standard deviations, which is what standardising data means elsewhere, leaves R² as it was; the generator's own
-/// unit variances come from smaller noise, which is another model.
+/// Dividing raw samples by their standard deviations, which is the usual meaning of standardising data, does
+/// not change R²; the unit variances of the generator result from smaller noise, which is a different model.
 #[test]
 fn r2_sortability_does_not_see_scales() {
     for seed in 0..20 {
@@ -118,7 +121,7 @@ fn r2_sortability_does_not_see_scales() {
 #[test]
 fn sortability_of_graphs_done_by_hand() {
     let g = Graph::new(3, &[(0, 1), (1, 2)]).expect("a chain");
-    // Variances 1, 4, 2: of the paths 0→1, 1→2, 0→2 the first and the last go up.
+    // Variances 1, 4, 2: of the paths 0→1, 1→2, 0→2, the variance increases along the first and the last.
     let u: Vec<Vec<f64>> = (0..4096)
         .map(|i| {
             let e = |draw| normal_f64(Key { seed: 5, item: i, step: 0, purpose: 1, draw });
@@ -131,7 +134,7 @@ fn sortability_of_graphs_done_by_hand() {
     assert_eq!(varsortability(&g, &equal), Some(0.0), "only strictly larger ones count");
     assert_eq!(r2_sortability(&g, &equal), None, "collinear factors have no R²");
     assert_eq!(varsortability(&Graph::new(3, &[]).expect("empty"), &u), None, "no paths");
-    // A collider: the middle is explained by both others, each of them by less.
+    // A collider: the effect is explained by both causes, each of them by less.
     let g = Graph::new(3, &[(0, 2), (1, 2)]).expect("a collider");
     let u: Vec<Vec<f64>> = u.iter().map(|u| vec![u[0], u[1], u[0] + u[1] + 0.1 * u[2]]).collect();
     assert!(r2_sortability(&g, &u).expect("edges") >= 0.5, "explained most at the end");

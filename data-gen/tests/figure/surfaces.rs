@@ -1,4 +1,4 @@
-//! The surfaces: closed, oriented, folded by one factor alone.
+//! Tests of the surfaces: closed, oriented, folded only by the wrinkle factor.
 
 use crate::looks;
 use data_gen::figure::appearance::Appearance;
@@ -74,7 +74,8 @@ fn surfaces_are_closed_and_oriented_and_have_no_degenerate_triangles() {
 
 #[test]
 fn folds_of_surfaces_depend_on_their_factor_alone() {
-    // Undo the skinning: without folds and with them, the difference of canonical positions is the same in any posture.
+    // The skinning is inverted: the difference of canonical positions with and without folds is the same in
+    // any posture.
     let figure = Figure::new(&looks()[0]);
     let bones = bones();
     let difference = |u: [f64; 2]| {

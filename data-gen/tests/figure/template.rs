@@ -1,4 +1,4 @@
-//! The points: where they lie, what bends and folds them, how they are shaded.
+//! Tests of the template points: positions, bending, folds, shading.
 
 use data_gen::figure::appearance::Appearance;
 use data_gen::figure::factors::{Drive, linear_of_srgb, shaded, srgb_of_linear, turn_hue};
@@ -76,9 +76,9 @@ fn poses_turn_by_the_published_angles() {
         assert!((turned(4, &posture) - (0.45 * u).abs()).abs() < 1e-7, "right arm at {u}");
         assert!((turned(9, &posture) - 0.9 * sigmoid(1.5 * u)).abs() < 1e-7, "knee at {u}");
         assert!((turned(6, &[0.0, u]) - 1.4 * sigmoid(1.5 * u)).abs() < 1e-7, "elbow at {u}");
-        assert!(turned(5, &[u, u]) < 1e-7, "the left elbow rests");
+        assert!(turned(5, &[u, u]) < 1e-7, "the left elbow does not move");
     }
-    // The bent forearm ends in front of the torso: nearer to the middle plane, and at smaller y.
+    // The bent forearm ends in front of the torso: nearer to the median plane, and at smaller y.
     let hand = |u: f64| skin::point(&pose(&bones, &Drive::new(&[0.0, u]))[6], bones[6].to);
     let (straight, bent) = (hand(-3.0), hand(3.0));
     assert!(bent[0].abs() < 0.1 && bent[1] < -0.2, "bent: {bent:?}");
@@ -96,16 +96,16 @@ fn every_factor_touches_what_it_should_and_nothing_else() {
     let posed = |u: &[f64]| t.posed(&Drive::new(u), &look);
     let rest = posed(&[0.3, -0.2, 0.4, 0.1]);
     let light = posed(&[0.3, -0.2, 0.4, 1.5]);
-    assert_eq!(rest.points, light.points, "light leaves no trace in positions");
-    assert!(rest.rgb != light.rgb, "light is seen");
+    assert_eq!(rest.points, light.points, "light does not affect positions");
+    assert!(rest.rgb != light.rgb, "light affects colours");
     let folds = posed(&[0.3, -0.2, -0.9, 0.1]);
     for p in 0..512 {
         let moved = rest.points[p] != folds.points[p];
         assert!(t.is_cloth(p) || !moved, "wrinkles move point {p} of bone {}", t.bone_of[p]);
     }
     let hue = posed(&[0.3, -0.2, 0.4, 0.1, 0.0, 0.0, 1.0]);
-    assert_eq!(rest.points, hue.points, "hue leaves no trace in positions");
-    assert!(rest.rgb != hue.rgb, "hue is seen");
+    assert_eq!(rest.points, hue.points, "hue does not affect positions");
+    assert!(rest.rgb != hue.rgb, "hue affects colours");
 }
 
 #[test]
@@ -115,7 +115,7 @@ fn wrinkles_are_the_published_wave_and_do_not_know_the_posture() {
         let u = 0.8;
         let one = t.canonical(p, &Drive::new(&[1.7, -1.0, u]));
         let other = t.canonical(p, &Drive::new(&[-1.2, 2.0, u, 0.3]));
-        assert_eq!(one, other, "the canonical surface depends on u_W alone");
+        assert_eq!(one, other, "the canonical surface depends only on u_W");
         let angle = 12.0 * rest[2] + 3.0 * reference::scalar::Scalar::atan2(rest[1], rest[0]);
         let height = 0.03 * u * reference::num::elem::sin(angle);
         let off: [f64; 3] = std::array::from_fn(|k| one[0][k] - rest[k] - height * t.normals[p][k]);
@@ -137,7 +137,8 @@ fn folds_depend_on_their_factor_alone_whatever_width_and_length_do() {
     }
 }
 
-/// The surface of a bone that a point lies on: a place near x at rest, brought back to the surface, and its normal.
+/// The surface of a bone on which a point lies: a position near x at rest, projected to the surface, and its
+/// normal.
 fn on_surface(t: &Template, p: usize, x: [f64; 3]) -> [[f64; 3]; 2] {
     let bone = &t.bones[t.bone_of[p]];
     let unit = |v: [f64; 3]| {
@@ -155,7 +156,7 @@ fn on_surface(t: &Template, p: usize, x: [f64; 3]) -> [[f64; 3]; 2] {
     let along: [f64; 3] = std::array::from_fn(|k| bone.to[k] - bone.from[k]);
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let place = dot(along, std::array::from_fn(|k| x[k] - bone.from[k])) / dot(along, along);
-    #[expect(clippy::manual_clamp, reason = "clamp says nothing of signed zeros")]
+    #[expect(clippy::manual_clamp, reason = "clamp does not specify signed zeros")]
     let place = match place {
         x if x < 0.0 => 0.0,
         x if x > 1.0 => 1.0,
@@ -168,7 +169,7 @@ fn on_surface(t: &Template, p: usize, x: [f64; 3]) -> [[f64; 3]; 2] {
 
 #[test]
 fn normals_are_those_of_the_displaced_surface() {
-    // Against central differences of chest, belly and skirt under folds, width and length.
+    // Comparison with central differences of chest, belly and skirt under folds, width and length.
     let t = Template::new(2048);
     for u in [[1.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [1.5, 1.0, -1.0], [0.0, 0.0, 2.0]] {
         let drive = Drive::new(&[0.0, 0.0, u[0], 0.0, u[1], u[2]]);
@@ -176,7 +177,8 @@ fn normals_are_those_of_the_displaced_surface() {
         for p in (0..2048).filter(|&p| t.is_cloth(p)) {
             let (x, n) = (t.points[p], t.normals[p]);
             let bone = &t.bones[t.bone_of[p]];
-            // Where cap and tube meet the curvature jumps, and the azimuth has no gradient near the axis.
+            // The curvature is discontinuous where cap and tube meet, and the azimuth has no gradient near
+            // the axis.
             let along: [f64; 3] = std::array::from_fn(|k| bone.to[k] - bone.from[k]);
             let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
             let place = dot(along, std::array::from_fn(|k| x[k] - bone.from[k])) / dot(along, along);

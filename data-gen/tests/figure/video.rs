@@ -1,4 +1,4 @@
-//! A subject's video: motion, cameras.
+//! Tests of a subject's video: motion, cameras.
 
 use crate::{correlation, scm};
 use data_gen::figure::mechanism::{Mechanism, variance};
@@ -25,7 +25,7 @@ fn videos_move_smoothly_and_follow_the_model() {
     for f in &frames {
         assert_eq!(f.u, scm.factors(&f.e, None), "factors follow");
     }
-    // A cycle per frame and more is folded back on to slower ones.
+    // Frequencies of one cycle per frame and more alias to lower ones.
     for (n, t, is_exact) in [(4, 20, true), (6, 20, false), (6, 25, true), (4, 16, false)] {
         assert_eq!(video::is_balanced(n, t), is_exact, "{n} factors in {t} frames");
         let scm = self::scm("EMPTY", n, Mechanism::Lin, true, 3);
@@ -35,11 +35,12 @@ fn videos_move_smoothly_and_follow_the_model() {
         }
     }
     let other = video::frame(&scm, 2, 1, 7, 100);
-    assert!(other.e != frames[7].e, "subjects move in ways of their own");
-    assert_eq!(video::test_cameras(22), (1..=22).collect::<Vec<_>>(), "all of the others");
+    assert!(other.e != frames[7].e, "subjects move differently");
+    assert_eq!(video::test_cameras(22), (1..=22).collect::<Vec<_>>(), "all test cameras");
     assert_eq!(video::test_cameras(4), [3, 9, 14, 20], "spread");
     let camera = video::camera(0, 64);
-    // The figure's front looks at the training camera: depth of (0, −1, 0) is smaller than that of (0, 1, 0).
+    // The front of the figure faces the training camera: the depth of (0, −1, 0) is smaller than that of (0,
+    // 1, 0).
     let m = camera.view_from_world;
-    assert!(m[9] > 0.9, "the camera looks along +y");
+    assert!(m[9] > 0.9, "the viewing direction is +y");
 }

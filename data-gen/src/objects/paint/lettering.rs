@@ -1,4 +1,4 @@
-//! Letters of five by seven dots, made-up words, and labels printed with them.
+//! Letters of five by seven dots, invented words, and labels printed with them.
 
 use crate::draws::Draws;
 
@@ -47,7 +47,7 @@ const FONT: [[u8; 5]; 41] = [
     [0x00, 0x36, 0x36, 0x00, 0x00],
 ];
 
-/// A made-up word, as indices into the font.
+/// An invented word, as indices into the font.
 fn word(draws: &mut Draws) -> Vec<u8> {
     const CONSONANTS: &[u8] = b"BCDFGHKLMNPRSTVWZ";
     const VOWELS: &[u8] = b"AEIOUY";
@@ -65,14 +65,14 @@ fn word(draws: &mut Draws) -> Vec<u8> {
     out
 }
 
-/// A small printed picture of coverages: 0 bare, 255 ink.
+/// A small printed image of coverages: 0 for no ink, 255 for ink.
 #[derive(Clone, Debug)]
 pub(crate) struct Print {
     pub(crate) width: usize,
     pub(crate) height: usize,
-    /// (H, W), top row first
+    /// Coverage of ink, shape (H, W), top row first.
     pub(crate) ink: Vec<u8>,
-    /// (H, W) a second colour
+    /// Coverage of a second colour, shape (H, W).
     pub(crate) accent: Vec<u8>,
 }
 
@@ -110,7 +110,7 @@ impl Print {
         }
     }
 
-    /// A row of words until `width` is full; gives how far it came.
+    /// Draws a row of words until `width` is filled; returns the width used.
     fn row(
         &mut self,
         draws: &mut Draws,
@@ -134,7 +134,7 @@ impl Print {
         }
     }
 
-    /// Value at a place in dots, the picture repeated in both directions; coverage 0..1 of ink and accent.
+    /// Coverage 0..1 of ink and accent at a position in dots, with the image repeated in both directions.
     pub(crate) fn at(&self, x: f64, y: f64) -> [f64; 2] {
         let (x, y) = (x - 0.5, y - 0.5);
         let (fx, fy) = (x - x.floor(), y - y.floor());
@@ -166,7 +166,7 @@ pub(crate) fn page(draws: &mut Draws) -> Print {
     print
 }
 
-/// A label: a frame, a title, small rows, a code of bars, a mark.
+/// A label: a frame, a title, small rows, a bar code, a mark.
 pub(crate) fn label(draws: &mut Draws) -> Print {
     let (w, h) = (draws.whole(120, 200), draws.whole(90, 170));
     let mut print = Print::new(w, h);
@@ -185,7 +185,7 @@ pub(crate) fn label(draws: &mut Draws) -> Print {
     let dot = 2 + usize::from(head > 30);
     print.row(draws, 10, 6 + (head - 7 * dot) / 2, w - 20, dot, false);
     let mut y = head + 12;
-    // a mark: a disc, a ring or a block
+    // A mark: a disc, a ring or a block.
     let mark = draws.whole(0, 4);
     let size = draws.whole(18, 30);
     if mark < 3 && y + size + 4 < h {

@@ -1,4 +1,4 @@
-//! Materials as coats over one another: what lies where, in which colour, how rough, how metallic.
+//! Materials as layers: pattern, colour, roughness and metallic of each layer.
 
 use super::super::Wish;
 use super::lettering;
@@ -6,16 +6,16 @@ use super::palette::{self, Rgb};
 use super::pattern::Pattern;
 use crate::draws::Draws;
 
-/// One coat.
+/// One layer.
 #[derive(Clone, Debug)]
 pub(super) struct Coat {
-    /// Two sRGB-encoded colours between which the grain wanders.
+    /// Two sRGB-encoded colours between which the grain interpolates.
     pub(super) colors: [Rgb; 2],
-    /// Periods of the grain over the unit length.
+    /// Periods of the grain per unit length.
     pub(super) grain: f64,
     /// Roughness at the two ends of the grain.
     pub(super) roughness: [f64; 2],
-    /// 0 or 1.
+    /// Metallic, 0 or 1.
     pub(super) metallic: f64,
 }
 
@@ -24,7 +24,7 @@ impl Coat {
         Self { colors: [a, b], grain: 6.0, roughness, metallic }
     }
 
-    /// One colour but for a slight wandering of its brightness.
+    /// A single colour with slight variations of its brightness.
     fn plain(c: Rgb, roughness: f64, metallic: f64) -> Self {
         Self::new(c, c.map(|x| 0.93 * x), [roughness, roughness], metallic)
     }
@@ -34,7 +34,7 @@ impl Coat {
     }
 }
 
-/// A material: the first coat everywhere, the others where their pattern is, times their strength.
+/// A material: the first layer everywhere, the others where their pattern is, multiplied by their strength.
 #[derive(Clone, Debug)]
 pub(super) struct Look {
     pub(super) name: &'static str,
@@ -42,7 +42,7 @@ pub(super) struct Look {
     pub(super) over: Vec<(Pattern, f64, Coat)>,
 }
 
-/// Rough dielectric, half gloss, gloss.
+/// Roughness of a rough dielectric, half gloss or gloss.
 fn finish(draws: &mut Draws) -> f64 {
     match draws.weighted(&[0.4, 0.35, 0.25]) {
         0 => draws.range(0.55, 0.95),
@@ -86,7 +86,7 @@ fn worn(draws: &mut Draws, level: f64) -> Pattern {
     Pattern::Patches { frequency: draws.range(4.0, 8.0), octaves: 4, level, soft: 0.08 }
 }
 
-/// Lettering over everything: small rows, or a label.
+/// Lettering over the whole surface: small rows, or a label.
 fn print(look: &mut Look, draws: &mut Draws, words: &mut Draws, ink: Coat, accent: Coat) {
     let print = lettering::page(words);
     let dot = draws.range(0.0022, 0.006);
@@ -106,7 +106,7 @@ fn labels(look: &mut Look, draws: &mut Draws, words: &mut Draws, paper: Coat, in
     look.over.push((Pattern::Print { print, dot, is_accent: false }, 1.0, ink));
 }
 
-/// Draws a material that suits the wish.
+/// Draws a material that satisfies the request.
 pub(super) fn draw(draws: &mut Draws, words: &mut Draws, wish: Wish) -> Look {
     match wish {
         Wish::Printed => return printed(draws, words),

@@ -1,7 +1,9 @@
-//! Painting a mesh: every texel of its atlas gets the colour, roughness and metallic of the place it lies on.
+//! Painting of a mesh: every texel of its atlas gets the colour, roughness and metallic of the corresponding
+//! surface point.
 //!
-//! Patterns run through space or over the charts, so a solid pattern has no seams. Texels up to [`GUTTER`] beyond the border of
-//! a chart repeat the nearest painted one, because bilinear sampling reaches over it.
+//! Patterns are defined in space or on the charts, so a solid pattern has no seams. Texels up to [`GUTTER`]
+//! beyond the border of a chart repeat the nearest painted one, because bilinear sampling reads across the
+//! border.
 
 pub(super) mod lettering;
 mod look;
@@ -85,7 +87,8 @@ fn cover([a, b, c]: [[f64; 2]; 3], size: [usize; 2], mut f: impl FnMut(usize, [f
     }
 }
 
-/// Fills unpainted texels beside painted ones, [`GUTTER`] times; the rest become the first painted texel.
+/// Fills unpainted texels next to painted ones, [`GUTTER`] times; all others get the value of the first
+/// painted texel.
 fn spread(mut texels: Vec<Option<[u8; 5]>>, width: usize) -> Vec<[u8; 5]> {
     let count = texels.len();
     let mut open: Vec<usize> = (0..texels.len()).filter(|&i| texels[i].is_none()).collect();
@@ -122,7 +125,7 @@ struct Canvas {
 }
 
 impl Canvas {
-    /// sRGB-encoded colour, roughness, metallic, in bytes.
+    /// Colour (sRGB-encoded), roughness and metallic, as bytes.
     fn texel_at(&self, spot: &Spot) -> [u8; 5] {
         let value = |coat: &look::Coat| {
             let wander = clamp(0.5 + 0.8 * self.noise.octaves(scaled(spot.p, coat.grain), 2), 0.0, 1.0);

@@ -6,7 +6,7 @@ use crate::space::clamp;
 /// An sRGB-encoded colour, 0..1.
 pub(super) type Rgb = [f64; 3];
 
-/// From hue (turns), saturation, value.
+/// Converts hue (turns), saturation and value.
 fn hsv(h: f64, s: f64, v: f64) -> Rgb {
     [5.0, 3.0, 1.0].map(|n: f64| {
         let k = n + 6.0 * h;
@@ -59,7 +59,7 @@ pub(super) fn pair(draws: &mut Draws) -> (Rgb, Rgb) {
     }
 }
 
-/// Reflectance at normal incidence of metals, some of them tinted.
+/// Reflectance of metals at normal incidence, some of them tinted.
 pub(super) fn metal(draws: &mut Draws) -> Rgb {
     const METALS: [Rgb; 9] = [
         [1.0, 0.87, 0.58],
@@ -78,7 +78,7 @@ pub(super) fn metal(draws: &mut Draws) -> Rgb {
     draws.pick(&METALS)
 }
 
-/// Early and late wood.
+/// Colours of early and late wood.
 pub(super) fn wood(draws: &mut Draws) -> (Rgb, Rgb) {
     const WOODS: [(Rgb, Rgb); 6] = [
         ([0.8, 0.62, 0.42], [0.62, 0.43, 0.26]),
@@ -91,7 +91,7 @@ pub(super) fn wood(draws: &mut Draws) -> (Rgb, Rgb) {
     draws.pick(&WOODS)
 }
 
-/// Ground and vein.
+/// Colours of ground and vein.
 pub(super) fn stone(draws: &mut Draws) -> (Rgb, Rgb) {
     const STONES: [(Rgb, Rgb); 7] = [
         ([0.92, 0.91, 0.88], [0.5, 0.5, 0.52]),

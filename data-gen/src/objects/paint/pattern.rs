@@ -1,4 +1,4 @@
-//! Where a coat lies: patterns over the charts and through space, as coverages from 0 to 1.
+//! Patterns of layers over the charts and in space, as coverages from 0 to 1.
 
 use super::lettering::Print;
 use crate::noise::Noise;
@@ -6,16 +6,16 @@ use crate::space::{V3, add, clamp, dot, larger, length, scaled, smaller, smooths
 use reference::num::elem::sin;
 use std::f64::consts::TAU;
 
-/// A place on the surface.
+/// A point on the surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Spot {
-    /// In the object.
+    /// Position in the object.
     pub(super) p: V3,
-    /// On the chart, lengths.
+    /// Position on the chart, as lengths.
     pub(super) st: [f64; 2],
 }
 
-/// Patterns; lengths in those of the object, whose radius is ½.
+/// Patterns; lengths are those of the object, whose radius is ½.
 #[derive(Clone, Debug)]
 pub(super) enum Pattern {
     /// Squares on the chart.
@@ -24,38 +24,39 @@ pub(super) enum Pattern {
     Cubes { size: f64 },
     /// Bands across a direction in space.
     Stripes { along: V3, period: f64, share: f64 },
-    /// Bands on the chart, of several widths and in both directions: 0..1 by how many overlap.
+    /// Bands on the chart, of several widths and in both directions; the value 0..1 is the number of
+    /// overlapping bands.
     Plaid { period: f64, shares: [f64; 4] },
     /// Discs on a staggered grid of the chart.
     Dots { period: f64, radius: f64 },
     /// The joints between bricks of the chart.
     Joints { width: f64, height: f64, joint: f64 },
-    /// Where noise is above a level.
+    /// Regions where noise is above a level.
     Patches { frequency: f64, octaves: usize, level: f64, soft: f64 },
     /// Veins.
     Veins { along: V3, frequency: f64, sway: f64, sharp: f64 },
-    /// Year rings around an axis.
+    /// Annual rings around an axis.
     Rings { axis: V3, off: V3, frequency: f64, sway: f64 },
-    /// Pieces of stone: a share of the cells of space around scattered seeds.
+    /// Chips of stone: a fraction of the cells of space around scattered seeds.
     Chips { size: f64, share: f64 },
-    /// The gaps between such cells.
+    /// The gaps between these cells.
     Cracks { size: f64, width: f64 },
     /// Fine lines mostly along one direction of the chart.
     Scratches { frequency: f64, slope: f64, level: f64 },
-    /// A print repeated over the chart: ink, or its second colour.
+    /// A print repeated over the chart: its ink or its second colour.
     Print { print: Print, dot: f64, is_accent: bool },
-    /// The background of a print's sheet: rectangles with a margin around them.
+    /// The background of a printed sheet: rectangles with a margin around them.
     Sheet { width: f64, height: f64, margin: f64 },
-    /// From 0 to 1 along a direction.
+    /// A ramp from 0 to 1 along a direction.
     Ramp { along: V3, from: f64, to: f64 },
 }
 
-/// Coverage of an edge at signed distance d (inside positive), softened over a texel.
+/// Coverage at signed distance d from an edge (positive inside), softened over one texel.
 fn edge(d: f64, texel: f64) -> f64 {
     clamp(0.5 + d / texel, 0.0, 1.0)
 }
 
-/// Distance into the interval (0, share·period) of a repeated coordinate; negative outside.
+/// Distance of a repeated coordinate from the border of the interval (0, share·period); negative outside.
 fn band(x: f64, period: f64, share: f64) -> f64 {
     let t = x - period * (x / period).floor();
     let w = share * period;
@@ -64,7 +65,7 @@ fn band(x: f64, period: f64, share: f64) -> f64 {
 }
 
 impl Pattern {
-    /// Coverage at a spot; `texel` is the length of a texel.
+    /// Coverage at a point; `texel` is the length of a texel.
     pub(super) fn at(&self, spot: &Spot, noise: &Noise, texel: f64) -> f64 {
         let [s, t] = spot.st;
         match self {
@@ -156,7 +157,7 @@ impl Pattern {
     }
 }
 
-/// Distances to the nearest two scattered seeds, one per unit cube, and a byte of the nearest.
+/// Distances to the nearest two scattered seeds, one per unit cube, and a random byte of the nearest.
 fn cells(noise: &Noise, p: V3) -> (f64, f64, u8) {
     let low = p.map(|x| x.floor() as i64);
     let (mut first, mut second, mut id) = (f64::INFINITY, f64::INFINITY, 0);
