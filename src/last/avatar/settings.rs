@@ -111,7 +111,7 @@ impl Settings {
         }
     }
 
-    /// The losses, rates and schedules published for GauHuman ([`crate::book::bibliography`]), without LPIPS
+    /// The losses, rates and schedules published for GauHuman (see the chapter *Bibliography*), without LPIPS
     /// and with SH degree 0. Not implemented: its networks (`weights_network` and `pose_network` replace
     /// them), the divergence from neighbours as a further condition for refinement, clones drawn beside their
     /// originals, and the merging of pairs.

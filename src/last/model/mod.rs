@@ -1,5 +1,5 @@
 //! The image-to-point model: a variational autoencoder with a graph between its factors (eq. 1–7 of the LAST
-//! paper; chapter [`crate::book::learned_causes`]).
+//! paper; chapter *Learned causes*).
 //!
 //! ```text
 //! data ──► encoder ──► latent ──► decoder        image → μ and ℓ; structure, groups, KL; → points, L_rec

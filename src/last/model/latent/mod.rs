@@ -13,7 +13,7 @@
 //! A batch contains observed items, then the bases of all groups, then their after-images, group by group.
 //! Group losses and L_MI (eq. 5 of the LAST paper) use posterior means; the decoder and the KL term (eq. 1)
 //! use samples. The KL of an after-image omits the factor that was set. The chapter
-//! [`crate::book::learned_causes`] explains the group losses.
+//! *Learned causes* explains the group losses.
 
 mod inputs;
 mod pieces;
