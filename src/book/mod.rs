@@ -10,7 +10,7 @@
 //! ```
 //!
 //! Chapters on operators have the same structure: the problem, the equation, the *twin* (an independent double-precision
-//! implementation), numbers to check by hand, the product version and how it differs. Listings are doctests:
+//! implementation), numbers to check by hand, the shipped operator and how it differs. Listings are doctests:
 //! `cargo test --release --doc` runs them, so an incorrect chapter is a failing test. Where an equation is too large for a
 //! listing, the chapter names the test that evaluates it.
 //!
