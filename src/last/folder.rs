@@ -68,7 +68,7 @@ pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>>
     let fail = |at: &str, got: Vec<String>| {
         Error::input(path.display().to_string())
             .at(at)
-            .expected("those of this run")
+            .expected("the same values as in this run")
             .got(got.join(", "))
             .hint("pass the settings of the interrupted run, or choose a new folder")
     };
