@@ -26,7 +26,7 @@ use data_gen::figure::samples::Frame;
 use data_gen::figure::video;
 use serde_json::{Value, json};
 
-/// Height in the units of the figure: 1.7 m divided by 0.85 m.
+/// Height in the figure frame: 1.7 m divided by 0.85 m.
 pub const HEIGHT: f64 = 2.0;
 
 /// Largest fraction of the image that the subject may fill when it is nearest to the camera.

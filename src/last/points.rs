@@ -63,7 +63,7 @@ pub struct Photo {
 /// A set of coloured points in single precision.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Points {
-    /// Positions in the units of the figure, shape (P, 3).
+    /// Positions in the figure frame, shape (P, 3).
     pub points: Vec<[f32; 3]>,
     /// Colours, sRGB-encoded, shape (P, 3).
     pub rgb: Vec<[f32; 3]>,

@@ -13,7 +13,7 @@
 //! (the camera of the figure is always the same).
 //!
 //! A shard of N observational frames: `images` (N,S,S,3) u8 sRGB-encoded over black, `mask` (N,S,S) u8
-//! coverage, `points`, `rgb` (N,P,3) f32 (units of the figure; sRGB-encoded, shaded), `u`, `e` (N,n) f64,
+//! coverage, `points`, `rgb` (N,P,3) f32 (figure frame; sRGB-encoded, shaded), `u`, `e` (N,n) f64,
 //! `appearance`, `index` (N) i64.
 //!
 //! A shard of G groups of M bases: `target` (G) i32, `value` (G) f64, `appearance`, `index` (G) i64, `e`

@@ -11,7 +11,7 @@
 //! | 6 | u_H hue | colours of cloth rotated by 0.5 u_H rad about the grey axis |
 //! | 7 | u_Y head yaw | 0.35 u_Y rad |
 //!
-//! Lengths are in units of the figure, φ = atan2(y, x). Factors that a data set does not have are 0.
+//! Lengths are in the figure frame, φ = atan2(y, x). Factors that a data set does not have are 0.
 //!
 //! The z and φ of the folds are those of the position at rest: a fold depends only on u_W, even if width and
 //! length displace the surface further. Folds apply to the points of trunk and skirt; the trunk consists of

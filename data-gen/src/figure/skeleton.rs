@@ -1,8 +1,8 @@
 //! Twelve bones, and the rotations that the factors apply to them.
 //!
 //! Defined in metres for a person of 1.7 m whose feet are on z = 0 and who faces −y (the left side is +x),
-//! then shifted and divided by 0.85 m, so that the body extends from −1 to 1 in z: these are the **units of
-//! the figure**. z is up.
+//! then shifted and divided by 0.85 m, so that the body extends from −1 to 1 in z: this is the **figure
+//! frame**. z is up.
 //!
 //! | bone | parent | rotates about | segment from → to (m) | radius (m) |
 //! |---|---|---|---|---|
@@ -31,10 +31,10 @@ pub type V3 = [f64; 3];
 /// Number of bones.
 pub const BONES: usize = 12;
 
-/// Metres per unit of the figure: half the height.
+/// Metres per unit of the figure frame: half the height.
 pub const METRES: f64 = 0.85;
 
-/// A bone, in units of the figure.
+/// A bone, in the figure frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bone {
     /// Name of the bone.
@@ -70,12 +70,12 @@ pub const SKIRT_RING: usize = 11;
 /// metres.
 pub const SKIRT: [[f64; 2]; 2] = [[0.96, 0.165], [0.6, 0.215]];
 
-/// Converts metres to units of the figure.
+/// Converts metres to the figure frame.
 pub fn framed(p: V3) -> V3 {
     [p[0] / METRES, p[1] / METRES, (p[2] - METRES) / METRES]
 }
 
-/// Converts units of the figure to metres.
+/// Converts the figure frame to metres.
 pub(super) fn metric(x: V3) -> V3 {
     [METRES * x[0], METRES * x[1], METRES * x[2] + METRES]
 }
@@ -158,8 +158,8 @@ pub fn distance_squared(bone: &Bone, x: V3) -> f64 {
     dot(off, off)
 }
 
-/// Skinning weights of a point at rest: w_b ∝ exp(−(d_b/0.05)²), d_b the distance to segment b in units of
-/// the figure; the four largest are kept (ties to the lowest index) and sum to 1.
+/// Skinning weights of a point at rest: w_b ∝ exp(−(d_b/0.05)²), d_b the distance to segment b in the
+/// figure frame; the four largest are kept (ties to the lowest index) and sum to 1.
 ///
 /// # Rounding
 /// The smallest d² is subtracted in the exponent, so nothing underflows; the sum is a left fold in index

@@ -21,7 +21,7 @@ use reference::body::skin;
 use reference::num::elem::sin;
 use std::f64::consts::TAU;
 
-/// Amplitudes of the finer folds at u_W = 1, in units of the figure.
+/// Amplitudes of the finer folds at u_W = 1, in the figure frame.
 pub const FINE_FOLDS: [f64; 2] = [0.008, 0.005];
 
 /// Largest inward displacement of vertices, as a fraction of the radius of curvature.
@@ -75,7 +75,7 @@ pub(super) enum Folds {
 pub struct Part {
     /// Name of the part.
     pub name: &'static str,
-    /// Positions in units of the figure, shape (V).
+    /// Positions in the figure frame, shape (V).
     pub positions: Vec<V3>,
     /// Unit normals, shape (V).
     pub normals: Vec<V3>,
@@ -120,7 +120,7 @@ pub struct Figure {
 /// Vertices of one part in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PosedPart {
-    /// Positions in units of the figure, shape (V).
+    /// Positions in the figure frame, shape (V).
     pub positions: Vec<V3>,
     /// Unit normals, shape (V).
     pub normals: Vec<V3>,

@@ -21,7 +21,7 @@ use std::f64::consts::PI;
 pub struct Template {
     /// The bones to which the points are skinned.
     pub bones: [Bone; BONES],
-    /// Positions in units of the figure, shape (P).
+    /// Positions in the figure frame, shape (P).
     pub points: Vec<V3>,
     /// Unit normals, shape (P).
     pub normals: Vec<V3>,
@@ -34,7 +34,7 @@ pub struct Template {
 /// Points of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cloud {
-    /// Posed positions in units of the figure, shape (P).
+    /// Posed positions in the figure frame, shape (P).
     pub points: Vec<V3>,
     /// Unit normals of the displaced and posed surface, shape (P).
     pub normals: Vec<V3>,

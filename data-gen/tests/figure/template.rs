@@ -220,7 +220,7 @@ fn normals_are_those_of_the_displaced_surface() {
     }
 }
 
-/// Height of the skirt's upper rim in the figure's frame.
+/// Height of the skirt's upper rim in the figure frame.
 fn rim() -> f64 {
     data_gen::figure::skeleton::framed([0.0, 0.0, data_gen::figure::skeleton::SKIRT[0][0]])[2]
 }

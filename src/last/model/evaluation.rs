@@ -30,7 +30,7 @@ pub const ACTIVE: f64 = 0.01;
 /// The results of an evaluation.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
-    /// Mean distance of decoded points from the true ones, figure units.
+    /// Mean distance of decoded points from the true ones, figure frame.
     pub space_error: f64,
     /// Mean absolute error of their colours.
     pub colour_error: f64,
@@ -115,7 +115,7 @@ pub fn deviations(rows: &[f64], d: usize) -> Vec<f64> {
 /// Errors of decoded points, means over items and coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Errors {
-    /// Length of the error of the first three outputs: positions, figure units.
+    /// Length of the error of the first three outputs: positions, figure frame.
     pub space: f64,
     /// Mean absolute error of the other outputs: colours.
     pub colour: f64,
