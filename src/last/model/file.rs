@@ -154,9 +154,9 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?));
     }
     let count = |key: &str| -> Result<usize> {
-        text(key)?
-            .parse()
-            .map_err(|_| Error::input("metadata").at(key).expected("an integer").got(text(key).unwrap_or("")))
+        text(key)?.parse().map_err(|_| {
+            Error::input("metadata").at(key).expected("a whole number").got(text(key).unwrap_or(""))
+        })
     };
     let input = text("input")?;
     let wrong = || Error::input("metadata").at("input").expected("'picture S' or 'vector N'").got(input);
@@ -244,11 +244,11 @@ fn read_settings(v: &Value) -> Result<Settings> {
         Error::input("metadata 'settings'").at(key.to_owned()).expected(what).got(got)
     };
     let real = |key: &str| v.get(key).and_then(Value::as_f64).ok_or_else(|| missing(key, "a number"));
-    let whole = |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "an integer"));
+    let whole = |key: &str| v.get(key).and_then(Value::as_u64).ok_or_else(|| missing(key, "a whole number"));
     let name = |key: &str| v.get(key).and_then(Value::as_str).ok_or_else(|| missing(key, "a name"));
     let small = |key: &str, most: u64| -> Result<u64> {
         let x = whole(key)?;
-        if (1..=most).contains(&x) { Ok(x) } else { Err(missing(key, "a small positive integer")) }
+        if (1..=most).contains(&x) { Ok(x) } else { Err(missing(key, "a small whole number above 0")) }
     };
     Ok(Settings {
         factors: small("factors", 64)? as usize,
