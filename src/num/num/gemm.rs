@@ -1,18 +1,20 @@
-//! Matrix products with one association, whatever the tiles, the vector width and the threads.
+//! Matrix products with one fixed association, independent of tile sizes, vector width and number of threads.
 //!
-//! Every output element is one chain: it starts at +0 and adds the rounded products a(i,k)·b(k,j) for k ascending,
-//! product and sum rounded separately, up to k = [`CHUNK`]. A longer k is cut into chunks of that length (the last may be
-//! shorter), each such a chain, and the partial results are added by the pairwise tree of [`super::sum`]. What is
-//! done with the result afterwards ([`Finish`]) comes after the chain.
+//! Every output element is one chain: it starts at +0 and adds the rounded products a(i,k)·b(k,j) for
+//! ascending k, with product and sum rounded separately, up to k = [`CHUNK`]. A longer k is split into chunks
+//! of that length (the last may be shorter); each chunk is such a chain, and the partial results are added by
+//! the pairwise tree of [`super::sum`]. Post-processing of the result ([`Finish`]) is applied after the
+//! chain.
 //!
-//! How it is fast changes no bit: both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns of
-//! b), a tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
-//! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels and are thrown away;
-//! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. Where the processor has AVX-512, whatever the build was made for, two panels
-//! of columns are taken at once in registers of sixteen lanes ([`product_lanes`]).
+//! The optimisations change no bit. Both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns
+//! of b). A tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
+//! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels, and
+//! their results are discarded; k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. If the
+//! processor has AVX-512, regardless of the build target, two panels of columns are processed at once in
+//! registers of sixteen lanes ([`product_lanes`]).
 //!
 //! ```text
-//! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of pictures
+//! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of images
 //!   pack    panels of both factors
 //!   block   a block of the output along k, block by block, chunk by chunk
 //!   tile    chains in registers, eight lanes or sixteen
@@ -55,8 +57,9 @@ const BLOCK_ROWS: usize = 8 * ROWS;
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
 /// Column panels of a task up to which rows of a that are contiguous in k are read where they are.
 const IN_PLACE: usize = 32;
-/// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the environment is not 8, else 8 (of which the compiler
-/// makes what the target has). A matter of speed: the bits are the same.
+/// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the
+/// environment is not 8, else 8 (of which the compiler makes what the target has). A matter of speed: the
+/// bits are the same.
 pub fn product_lanes() -> usize {
     #[cfg(target_arch = "x86_64")]
     if tile::avx512().is_some() {
@@ -115,7 +118,7 @@ const KEEP: usize = 1 << 20;
 /// c (m, n, row-major) from the product of a (m, k) and b (k, n).
 ///
 /// # Panics
-/// When the shapes do not fit.
+/// Panics if the shapes do not fit.
 pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
     let packed = Packed::reusing(PANELS.take(), b);
     gemm_packed(a, &packed, how, c);
@@ -127,7 +130,7 @@ pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
 /// [`gemm`] with a right factor packed before.
 ///
 /// # Panics
-/// When the shapes do not fit.
+/// Panics if the shapes do not fit.
 pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
     let (m, n) = (a.rows, b.n);
     assert_eq!(a.columns, b.k, "both factors have the same k");
