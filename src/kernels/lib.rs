@@ -1,9 +1,10 @@
-//! Levels 4 to 6 of lastlight: layers, geometry, renderers, light, causal operators, bodies, losses; each with its adjoint.
+//! Levels 4 to 6 of lastlight: layers, geometry, renderers, light, causal operators, bodies and losses, each
+//! with its adjoint.
 //!
 //! ```text
 //! nn, geometry                 layers; rays, triangles and distances          level 4
 //! splat, shade, causal, body   renderers, light, factors, skinned bodies      level 5
-//! loss                         between images, points and groups; metrics     level 6
+//! loss                         losses of images, points and groups; metrics   level 6
 //! ```
 #![forbid(unsafe_code)]
 

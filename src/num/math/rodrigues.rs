@@ -13,8 +13,8 @@
 //! # Adjoint
 //! With s = (R̄₂₁ − R̄₁₂, R̄₀₂ − R̄₂₀, R̄₁₀ − R̄₀₁):
 //!
-//! w̄ = a s + b ((R̄ + R̄ᵀ) w − 2 tr(R̄) w) + (a' (w·s) + b' (wᵀR̄w − θ² tr R̄)) w,   a' = (θ cos θ − sin
-//! θ)/θ³,   b' = (a − 2b)/θ²
+//! w̄ = a s + b ((R̄ + R̄ᵀ) w − 2 tr(R̄) w) + (a' (w·s) + b' (wᵀR̄w − θ² tr R̄)) w,
+//! a' = (θ cos θ − sin θ)/θ³,   b' = (a − 2b)/θ²
 
 /// Angle in rad below which series replace the quotients.
 pub const SERIES: f64 = 1e-4;

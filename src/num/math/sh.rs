@@ -88,8 +88,8 @@ pub fn basis_adjoint<L: Real>(degree: usize, d: [L; 3], y_bar: &[L; 16]) -> [L; 
         let b15 = c(C3[6]) * b[15];
         let (two, three, four, six, eight) = (c(2.0), c(3.0), c(4.0), c(6.0), c(8.0));
         let ring = four * zz - (xx + yy);
-        // Y₉ = y(3x²−y²), Y₁₀ = xyz, Y₁₁ = y·ring, Y₁₂ = z(2z²−3x²−3y²), Y₁₃ = x·ring, Y₁₄ = z(x²−y²), Y₁₅ =
-        // x(x²−3y²)
+        // Y₉ = y(3x²−y²), Y₁₀ = xyz, Y₁₁ = y·ring, Y₁₂ = z(2z²−3x²−3y²), Y₁₃ = x·ring, Y₁₄ = z(x²−y²),
+        // Y₁₅ = x(x²−3y²)
         gx = gx
             + ((((((six * xy) * b9 + yz * b10) - (two * xy) * b11) - (six * xz) * b12)
                 + (ring - two * xx) * b13)

@@ -51,15 +51,15 @@ use pack::pack_rows;
 use packed::PARALLEL;
 use tile::{COLUMNS, Chains, Columns, ROWS, Rows, Sixteen};
 
-/// Rows per task: the packed rows of a and the resting tiles stay in the second-level cache.
+/// Rows per task, chosen such that the packed rows of a and the stored tiles stay in the second-level cache.
 const BLOCK_ROWS: usize = 8 * ROWS;
 /// Columns per task.
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
-/// Column panels of a task up to which rows of a that are contiguous in k are read where they are.
+/// Largest number of column panels per task for which rows of a that are contiguous in k are read in place.
 const IN_PLACE: usize = 32;
-/// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the
-/// environment is not 8, else 8 (of which the compiler makes what the target has). A matter of speed: the
-/// bits are the same.
+/// Returns the number of lanes of a register in products: 16 if the processor has AVX-512 and the environment
+/// variable `LASTLIGHT_LANES` is not 8, otherwise 8 (mapped by the compiler to the registers of the target).
+/// The value affects only speed; the bits are the same.
 pub fn product_lanes() -> usize {
     #[cfg(target_arch = "x86_64")]
     if tile::avx512().is_some() {
@@ -97,7 +97,7 @@ impl Left for View<'_> {
         if !packed.is_empty() {
             return chains.packed(packed, columns);
         }
-        // Beyond the last row it is read again; those chains are thrown away.
+        // Missing rows repeat the last row; the results of their chains are discarded.
         let mut a: [&[f32]; ROWS] = [&[]; ROWS];
         for (i, a) in a.iter_mut().enumerate() {
             let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
@@ -108,14 +108,14 @@ impl Left for View<'_> {
 }
 
 thread_local! {
-    /// Memory of the last packed right factor, so that repeated products touch no fresh pages.
+    /// Memory of the last packed right factor, reused so that repeated products need no fresh pages.
     static PANELS: Cell<Vec<Columns>> = const { Cell::new(Vec::new()) };
 }
 
-/// Vectors kept for the next product at most: 64 MiB.
+/// Largest number of vectors kept for the next product: 64 MiB.
 const KEEP: usize = 1 << 20;
 
-/// c (m, n, row-major) from the product of a (m, k) and b (k, n).
+/// Computes c (m, n, row-major) from the product of a (m, k) and b (k, n).
 ///
 /// # Panics
 /// Panics if the shapes do not fit.
@@ -127,7 +127,7 @@ pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
     }
 }
 
-/// [`gemm`] with a right factor packed before.
+/// Like [`gemm`], with a right factor that is already packed.
 ///
 /// # Panics
 /// Panics if the shapes do not fit.
@@ -141,7 +141,7 @@ pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
     if m == 0 || n == 0 {
         return;
     }
-    // One task per block of the output, each owning its part of every row.
+    // There is one task per block of the output; it owns its part of every row.
     let height = if n >= BLOCK_COLUMNS / 4 { BLOCK_ROWS } else { 4 * BLOCK_ROWS };
     let mut tasks: Vec<Task<'_>> = Vec::new();
     for (i, rows) in c.chunks_mut(height * n).enumerate() {

@@ -21,7 +21,7 @@
 /// A random number generator, defined by its seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rng {
-    /// Shape (seed low, seed high).
+    /// The seed as (low, high) words.
     key: [u32; 2],
 }
 
