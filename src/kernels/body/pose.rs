@@ -2,7 +2,7 @@
 //! optional correction on its right.
 //!
 //! B_k = B_p L_k ℛ(δ_k; j_k),   L_k = ℛ(θ_k; j_k)  or  A_p⁻¹ A_k,   ℛ(w; j) = T(j) ℛ(w) T(−j),
-//! p = parent of k             (GauHuman)
+//! p = parent of k   (GauHuman)
 //!
 //! For a joint without a parent, B_p = A_p = I. With rotations, B maps a point at rest to its posed position
 //! (SMPL); with the transforms of a capture, B is the corrected capture (GauHuman). ℛ is Rodrigues' formula,

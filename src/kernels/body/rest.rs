@@ -1,7 +1,6 @@
 //! `body.rest`: maps points and covariance factors from a body's canonical pose to its rest pose.
 //!
-//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b
-//! (GauHuman)
+//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b   (GauHuman)
 //!
 //! This is the inverse of linear blend skinning; [`mod@super::skin`] then moves the result from rest to the
 //! pose.
