@@ -1,7 +1,6 @@
 //! `loss.ssim`: mean structural similarity of two images.
 //!
-//! SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂))
-//! (Wang et al. 2004, eq. 13)
+//! SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂))   (Wang et al. 2004, eq. 13)
 //!
 //! with local moments under an 11×11 Gaussian window, σ = 1.5, zero padding; both images are multiplied by
 //! the mask, and the map is averaged over the kept pixels and the three channels.
