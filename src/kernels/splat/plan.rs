@@ -1,5 +1,4 @@
-//! The discrete decisions of a rendering, made once and stored: order, tile lists, emission
-//! slots.
+//! The discrete decisions of a rendering, made once and stored: order, tile lists, emission slots.
 //!
 //! A **pair** is a Gaussian listed in a tile. Pairs are emitted camera by camera, in Gaussian order, and for
 //! each Gaussian by tile in row-major order. The index in this order is the pair's **slot**, the position in
