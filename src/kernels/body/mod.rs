@@ -8,8 +8,7 @@
 //! canonical points, factors ─┬─ rest ──► points, factors at rest ─────────────────────────┤
 //! weights ───────────────────┴────────────────────────────────────────────────────────────┴─ skin ──► posed points, factors
 //!                                                                                                           │
-//! correction: predicted by a network of the pose
-//! ▼ splat::project
+//! correction: output of a network of the pose                                                               ▼ splat::project
 //! ```
 
 pub mod pose;

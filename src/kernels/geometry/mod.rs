@@ -14,8 +14,7 @@
 //!
 //! # Traversal
 //! ```text
-//! tree     eight children per node, up to eight triangles per leaf, one per lane; one array in huge pages
-//! (pages)
+//! tree     eight children per node, up to eight triangles per leaf, one per lane (in huge pages: pages)
 //! walk     one ray: nearest child first, with prefetching of pending nodes
 //! group    up to sixteen neighbouring rays: one hull for all at nodes, individual rays at leaves
 //! turns    independent rays, twelve interleaved: while one waits for memory, others proceed

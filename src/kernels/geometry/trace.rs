@@ -27,6 +27,19 @@
 //! # Adjoint
 //! There is no adjoint: the hit is a discrete decision. Position and normal at a hit are smooth functions of
 //! the caller's data.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::geometry::trace::{In, forward};
+//! let vertices = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+//! let origin = [[0.25, 0.25, 1.0], [2.0, 2.0, 1.0]]; // above the triangle, and beside it
+//! let direction = [[0.0, 0.0, -1.0]; 2];
+//! let x = In { vertices: &vertices, triangles: &[[0, 1, 2]], origin: &origin, direction: &direction };
+//! let out = forward(&x);
+//! assert_eq!(out.t, [1.0, f32::INFINITY]);
+//! assert_eq!(out.triangle, [0, -1]);
+//! ```
 
 use super::bvh::{Bvh, Hit, MISS, Ray};
 use crate::num::par;

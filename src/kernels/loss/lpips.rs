@@ -37,6 +37,25 @@
 //! added. Weights have no gradient. The outputs of all convolutions and the selected entries are saved.
 //!
 //! Twin: `reference::loss::lpips`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::loss::lpips::{In, Layer, Weights, forward};
+//! // a network with one channel: the first convolution selects the red channel, the others are the identity
+//! let layer = |inputs: usize| {
+//!     let mut weight = vec![0.0; 3 * 3 * inputs];
+//!     weight[4 * inputs] = 1.0;
+//!     Layer { weight, bias: vec![0.0], inputs, outputs: 1 }
+//! };
+//! let layers = (0..13).map(|k| layer(if k == 0 { 3 } else { 1 })).collect();
+//! let weights = Weights { layers, heads: vec![vec![0.5]; 5] };
+//! let (white, black) = ([1.0; 16 * 16 * 3], [0.0; 16 * 16 * 3]);
+//! let x = In { x: &white, y: &black, height: 16, width: 16, rescale: true, weights: &weights };
+//! // f̂ is 1 for white and 0 for black (max(·, 0) of a negative value), so every tap adds its head's weight
+//! assert!((forward(x, None)?.0 - 2.5).abs() < 1e-6);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
 
 mod weights;
 

@@ -48,6 +48,20 @@
 //!
 //! The four maps are saved; h and d are recomputed; s is applied last, so the gradient is linear in v̄ up to
 //! one rounding. Without `y_bar` only three maps are filtered. At x = y the gradient is exactly 0.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::loss::ssim::{C1, C2, In, WINDOW, forward};
+//! let image = [0.2, 0.5, 0.9, 1.0, 0.0, 0.3];
+//! assert_eq!(forward(&In { x: &image, y: &image, mask: None, height: 1, width: 2 })?.0, 1.0);
+//! // one white pixel against a black one: μ_x = w and σ_x² = w − w², where w is the window's central weight
+//! let w = WINDOW[5] * WINDOW[5];
+//! let by_hand = C1 * C2 / ((w * w + C1) * (w - w * w + C2));
+//! let (value, _) = forward(&In { x: &[1.0; 3], y: &[0.0; 3], mask: None, height: 1, width: 1 })?;
+//! assert!((f64::from(value) - by_hand).abs() < 1e-6);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
 
 pub use super::In;
 use super::{CHANNELS, assert_like, finite, row_sum};

@@ -31,6 +31,28 @@
 //! row-major order; Ē = Σ_p L̄·f·n·l·Δω. Nothing is saved. All inputs except `view` have gradients.
 //!
 //! Twin: `reference::shade::envmap`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::shade::envmap::{In, forward};
+//! // a rough white metal that faces +z under a constant map of 2×4 texels
+//! let (up, white, env) = ([[0.0, 0.0, 1.0]], [[1.0; 3]], [[1.0; 3]; 8]);
+//! let x = In {
+//!     normal: &up,
+//!     view: &up,
+//!     albedo: &white,
+//!     roughness: &[1.0],
+//!     metallic: &[1.0],
+//!     env: &env,
+//!     height: 2,
+//!     width: 4,
+//! };
+//! let mut radiance = [[0.0; 3]];
+//! forward(x, &mut radiance);
+//! // four texels at 45°: Δω = π/2, f = D·V·F = (1/π)·(½/(√½ + 1))·1, L = 4·f·√½·π/2 = √2 − 1
+//! assert!((radiance[0][0] - (2.0_f32.sqrt() - 1.0)).abs() < 2e-6);
+//! ```
 
 use super::environment::{solid_angles, texel_centers};
 use super::ggx::{Bar8, InBar, Material, Point, PointBar, Sums, materials8, rows8, scatter_bar};

@@ -39,6 +39,19 @@
 //! gradients of n·l, n·v, n·h and ‖n×h‖².
 //!
 //! Twin: `reference::shade::ggx`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::shade::ggx::{In, forward};
+//! let up = [[0.0, 0.0, 1.0]];
+//! let albedo = [[0.5; 3]];
+//! let x = In { normal: &up, view: &up, light: &up, albedo: &albedo, roughness: &[1.0], metallic: &[0.0] };
+//! let mut brdf = [[0.0; 3]];
+//! forward(x, &mut brdf);
+//! // D = 1/π, V = ¼ and F = 0.04, so f = 0.5/π + 0.01/π
+//! assert!((brdf[0][0] - 0.51 / std::f32::consts::PI).abs() < 1e-6);
+//! ```
 
 use super::vector::{add, cross, dot, scale, select, unit};
 use crate::num::lanes::{Real, f32x8};

@@ -17,6 +17,16 @@
 //! saved.
 //!
 //! Twin: `reference::splat::activate`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::splat::activate::forward;
+//! let (mut scales, mut opacities) = ([[0.0; 3]], [0.0]);
+//! forward(&[[0.0, 0.0, std::f32::consts::LN_2]], &[0.0], &mut scales, &mut opacities);
+//! assert_eq!((scales[0][0], opacities[0]), (1.0, 0.5)); // e⁰ and 1/(1 + e⁰)
+//! assert!((scales[0][2] - 2.0).abs() < 1e-6);
+//! ```
 
 use crate::num::{elem, par};
 

@@ -43,6 +43,37 @@
 //! ΣPw2, ū_q = k2 ΣPw2.
 //!
 //! Twin: `reference::splat::blend`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::scene::profile::Profile;
+//! use lastlight::splat::blend::{In, Out, Saved, forward};
+//! use lastlight::splat::plan::{Grid, Splat, build};
+//! use lastlight::splat::project::cut_radius;
+//! let (profile, grid) = (Profile::EXACT, Grid { width: 1, height: 1, tile: 16 });
+//! let cut = cut_radius(0.5, profile.alpha_min);
+//! let red = Splat::new([0.5, 0.5], [0.0, 1.0, 1.0], 0, 1.0, 0.5, [1.0, 0.0, 0.0], cut);
+//! let green = Splat { z: 2.0, color: [0.0, 1.0, 0.0], ..red };
+//! let splats = [green, red];
+//! let plan = build(&splats, 1, &grid, &profile, true);
+//! let background = [0.0, 0.0, 1.0];
+//! let x = In {
+//!     splats: &splats,
+//!     n: 2,
+//!     plan: &plan,
+//!     grid,
+//!     profile: &profile,
+//!     background,
+//!     cull: true,
+//!     frozen: None,
+//! };
+//! let (mut out, mut saved) = (Out::default(), Saved::default());
+//! forward(&x, &mut out, &mut saved);
+//! // α = ½ for both: the weights are ½ for red (z = 1), ¼ for green (z = 2) and ¼ for the background
+//! assert_eq!(out.image, [0.5, 0.25, 0.25]);
+//! assert_eq!((out.alpha[0], out.depth[0]), (0.75, 1.0)); // 1 − ¼ and ½·1 + ¼·2
+//! ```
 
 mod alpha;
 mod column;

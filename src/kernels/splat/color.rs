@@ -23,6 +23,18 @@
 //! is in the plan.
 //!
 //! Twin: `reference::splat::color`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::math::sh::C0;
+//! use lastlight::splat::color::{Sh, forward};
+//! let sh = Sh { values: &[1.0, 0.0, -2.0], coefficients: 1, degree: 0 };
+//! let (mut colors, mut mask) = ([[0.0; 3]], [[0; 3]]);
+//! forward(&[[0.0, 0.0, 4.0]], sh, [0.0; 3], None, &mut colors, &mut mask);
+//! assert_eq!(colors, [[C0 + 0.5, 0.5, 0.0]]); // ½ + Y₀, ½, and ½ − 2·Y₀ < 0, which is clamped
+//! assert_eq!(mask, [[1, 1, 0]]);
+//! ```
 
 use super::covariance::{gather, scatter, scatter_add};
 use crate::math::sh::{basis, basis_adjoint};

@@ -22,6 +22,16 @@
 //! is saved.
 //!
 //! Twin: `reference::splat::covariance`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::splat::covariance::forward;
+//! // half a turn about z, R = diag(−1, −1, 1); the length of the quaternion has no influence
+//! let mut factors = [[0.0; 9]];
+//! forward(&[[0.0, 0.0, 0.0, 2.0]], &[[1.0, 2.0, 3.0]], &mut factors);
+//! assert_eq!(factors, [[-1.0, 0.0, 0.0, 0.0, -2.0, 0.0, 0.0, 0.0, 3.0]]);
+//! ```
 
 use crate::math::quat;
 use crate::num::lanes::{Real, f32x8};

@@ -46,6 +46,33 @@
 //! original program's ∂J/∂z where the tangent is limited, and its 1e-7 added to det².
 //!
 //! Twin: `reference::splat::project`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::scene::camera::{Camera, Model};
+//! use lastlight::scene::profile::Profile;
+//! use lastlight::splat::project::{In, Lens, Row, forward};
+//! let camera = Camera {
+//!     rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+//!     translation: [0.0; 3],
+//!     focal_px: [40.0; 2],
+//!     center_px: [8.5; 2],
+//!     width: 16,
+//!     height: 16,
+//!     model: Model::Pinhole,
+//! };
+//! let (profile, factors) = (Profile::EXACT, [[0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1]]);
+//! let lens = Lens::new(&camera, &profile);
+//! let means = [[0.0, 0.0, 4.0]];
+//! let x = In { means: &means, factors: &factors, opacities: &[0.5], lens: &lens, profile: &profile };
+//! let mut rows = [Row::default()];
+//! forward(&x, None, &mut rows);
+//! // V = (40/4)·F has the rows (2, 0, 0) and (0, 1, 0), so Σ' = diag(4 + 0.3, 1 + 0.3)
+//! let Row { mean_px, z, shape: [s, k1, k2], axis, .. } = rows[0];
+//! assert_eq!((mean_px, z, s, axis), ([8.5, 8.5], 4.0, 0.0, 0));
+//! assert!((k1 - 1.0 / 4.3_f32.sqrt()).abs() < 1e-6 && (k2 - 1.0 / 1.3_f32.sqrt()).abs() < 1e-6);
+//! ```
 
 mod ellipse;
 mod lens;

@@ -22,6 +22,43 @@
 //! clamp masks of the colours, the plan, and T and last index per pixel.
 //!
 //! Twin: `reference::splat::render`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::scene::camera::{Camera, Model};
+//! use lastlight::splat::render::{Color, In, InBar, OutBar, Settings, Shape, adjoint, forward};
+//! let camera = Camera {
+//!     rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+//!     translation: [0.0; 3],
+//!     focal_px: [40.0; 2],
+//!     center_px: [8.5; 2],
+//!     width: 16,
+//!     height: 16,
+//!     model: Model::Pinhole,
+//! };
+//! let x = In {
+//!     means: &[[0.0, 0.0, 4.0]],
+//!     shape: Shape::QuatScale { quats: &[[1.0, 0.0, 0.0, 0.0]], scales: &[[0.2, 0.1, 0.1]] },
+//!     opacities: &[0.5],
+//!     color: Color::Rgb(&[[1.0, 0.5, 0.0]]),
+//!     cameras: &[camera],
+//!     background: [0.0, 0.0, 1.0],
+//! };
+//! let settings = Settings::default();
+//! x.validate(&settings)?;
+//! let (out, saved) = forward(&x, &settings);
+//! // the centre is projected to (8.5, 8.5), the centre of pixel (8, 8), where α is the opacity
+//! let at = 3 * (8 * 16 + 8);
+//! assert_eq!(out.image[at..at + 3], [0.5, 0.25, 0.5]); // ½·colour + ½·background
+//! // the loss is the red of that pixel, α·1 + (1 − α)·0 with α = opacity·1
+//! let mut image_bar = vec![0.0; out.image.len()];
+//! image_bar[at] = 1.0;
+//! let mut bar = InBar::zeros_like(&x);
+//! adjoint(&x, &settings, &saved, OutBar { image: Some(&image_bar), ..OutBar::default() }, &mut bar);
+//! assert!((bar.opacities[0] - 1.0).abs() < 1e-6);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
 
 mod gradients;
 mod inputs;

@@ -4,8 +4,7 @@
 //! env      a probe that refuses a thread with a non-default floating-point environment
 //! lanes    one body for f32 and f32x8         order   comparisons with a defined tie rule
 //! double   one body for f64 and f64x4         sum     16 logical lanes, pairwise trees
-//! elem     elementary functions               gemm    matrix products: one chain per output element, k
-//! ascending
+//! elem     elementary functions               gemm    matrix products: one chain per element, k ascending
 //! rng      Philox4x32-10, uniforms, normals   par     ordered maps over fixed chunks
 //! bits     digests, ULP distance              array   named arrays at the library's interfaces
 //! ```
