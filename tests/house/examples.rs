@@ -47,10 +47,8 @@ fn has_example(text: &str) -> bool {
 fn every_operator_has_an_example() {
     let root = Path::new(ROOT);
     let read = |path: &PathBuf| fs::read_to_string(path).expect("a source file is readable");
-    let operators: BTreeSet<String> = sources(&root.join("reference/src"))
-        .iter()
-        .flat_map(|path| names(&read(path)).collect::<Vec<_>>())
-        .collect();
+    let operators: BTreeSet<String> =
+        sources(&root.join("reference/src")).iter().flat_map(|path| names(&read(path))).collect();
     assert!(operators.len() >= 46, "the signatures are found: {operators:?}");
 
     let mut with_example = BTreeSet::new();

@@ -350,7 +350,7 @@ mod tests {
     #[test]
     fn weights_of_batches_halve_and_add_up() {
         let mut history = History::default();
-        assert_eq!(history.carried(), (1.0, None), "the first batch stands alone");
+        assert_eq!(history.carried(), (1.0, None), "the first batch has no history");
         for batch in 1..=5 {
             history.push(vec![f64::from(batch)]);
         }

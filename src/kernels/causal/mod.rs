@@ -8,8 +8,9 @@
 //! μ, ℓ, η ── posterior ──► û ── structure, mode abduct ──► ε        the causes behind factors
 //!           ε ── structure ──► Ẑ                   n sweeps of the mechanisms, or a truncated Neumann sum
 //!           ε, (i, v) ── intervene ──► Ẑ           as above, with factor i set to v
-//! v, w ── code ──► codes of labels         v̄ or u ── held ──► the values of pairs    ℓ ── limit ──► ℓ within −8..4
-//! ε, ℓ ── scm_kl ──► KL     μ, ℓ ── posterior_kl ──► KL from the prior     μ, ℓ ── independence ──► I between the causes
+//! v, w ── code ──► codes of labels            v̄ or u ── held ──► the values of pairs
+//! ℓ ── limit ──► ℓ within −8..4                ε, ℓ ── scm_kl ──► KL
+//! μ, ℓ ── posterior_kl ──► KL from the prior   μ, ℓ ── independence ──► I between the causes
 //! ```
 //!
 //! There are n factors of k dimensions each, stored row-major as (B, n, k). `A[i][j]` is the edge i → j, so

@@ -271,7 +271,7 @@ impl<'a> Outline<'a> {
         best
     }
 
-    /// Returns the parts represented by at most `slots` children.
+    /// Splits a part into those represented by at most `slots` children, and appends them to `into`.
     fn open(&self, part: Part, slots: usize, into: &mut Vec<Part>) {
         let Part::Proposed(at) = part else {
             into.push(part);

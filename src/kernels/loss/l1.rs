@@ -54,7 +54,7 @@ pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
 /// Adds the gradients; `y_bar` is `None` if not requested.
 pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_bar: Option<&mut [f32]>) {
     let scale = (f64::from(value_bar) / saved.count as f64) as f32;
-    let sign = |a: f32, b: f32| f32::from(i8::from(a > b) - i8::from(a < b)) * scale; // branch-free, so that it vectorises
+    let sign = |a: f32, b: f32| f32::from(i8::from(a > b) - i8::from(a < b)) * scale; // branch-free for vectorisation
     assert_like(x_bar, x.x);
     add_rows(x, x_bar, sign);
     if let Some(y_bar) = y_bar {

@@ -143,7 +143,7 @@ pub struct InBar {
     pub x: Vec<f32>,
     /// Shape (O, KH, KW, C); empty if not requested.
     pub weight: Vec<f32>,
-    /// Shape (O); empty when there is no bias or it is not wanted.
+    /// Shape (O); empty if there is no bias or if not requested.
     pub bias: Vec<f32>,
 }
 

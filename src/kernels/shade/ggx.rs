@@ -2,8 +2,8 @@
 //!
 //! ```text
 //! f = (1−m)·a/π + D·V·F          α = max(r², α_min)
-//! D = α²‖h‖⁴ / (π (α²(n·h)² + ‖n×h‖²)²)          h = v + l, not normalised          (Walter et al. 2007, eq. 33)
-//! V = ½ / (n·l·K(n·v) + n·v·K(n·l))          K(c) = √(c² + α²(1−c²))          (Heitz 2014, height-correlated Smith)
+//! D = α²‖h‖⁴ / (π (α²(n·h)² + ‖n×h‖²)²)          h = v + l, not normalised   (Walter et al. 2007, eq. 33)
+//! V = ½ / (n·l·K(n·v) + n·v·K(n·l))          K(c) = √(c² + α²(1−c²))   (Heitz 2014, height-correlated Smith)
 //! F = F₀ + (1−F₀)(1−c_d)⁵          F₀ = 0.04(1−m) + m·a          c_d = √(½(1 + v·l))          (Schlick 1994)
 //! ```
 //!

@@ -3,7 +3,8 @@
 //! ```text
 //! diffuse     cosine about n:                      p = n·l/π
 //! specular    visible normals of GGX by spherical caps (Dupuy and Benyoub 2023):   p = D/(2(n·v + K(n·v)))
-//! mixture     p = s·p_specular + (1−s)·p_diffuse,   s = F_v/(F_v + (1−m)·a) in luminance, F_v = F₀ + (1−F₀)(1−n·v)⁵
+//! mixture     p = s·p_specular + (1−s)·p_diffuse,   s = F_v/(F_v + (1−m)·a) in luminance,
+//!             F_v = F₀ + (1−F₀)(1−n·v)⁵
 //! ```
 //!
 //! The density is that of the mixture, whichever lobe a direction was drawn from, so one direction serves

@@ -92,7 +92,7 @@ mod tests {
         assert_eq!(long[..4], short[..], "no neighbour matters");
         let mut other = vec![[0.4; 3]; 4];
         sensor.apply(&mut other, 9, 3);
-        assert_ne!(other, short, "another picture, other noise");
+        assert_ne!(other, short, "another image has other noise");
         let mut ends = vec![[0.0, 1.0, 7.0]];
         sensor.apply(&mut ends, 9, 2);
         assert!(ends[0].iter().all(|y| (0.0..=1.0).contains(y)), "within its levels: {ends:?}");

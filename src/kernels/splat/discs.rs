@@ -156,8 +156,8 @@ mod tests {
         // A red disc of radius 4 px behind two of 1 px, which lie at equal depth around (4, 4).
         let points = [[0.0, 0.0, 4.0], [0.0, 0.0, 2.0], [0.0, 0.0, 2.0]];
         let rgb = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let p = render(&points, &[2.0, 0.25, 0.25], &rgb, &camera(), [0.0; 3]).expect("a picture");
-        // Of the places (i + ½)/4 of a pixel, 13 of 16 are within 1 px of its corner: all but those with i +
+        let p = render(&points, &[2.0, 0.25, 0.25], &rgb, &camera(), [0.0; 3]).expect("an image");
+        // Of the samples (i + ½)/4 of a pixel, 13 of 16 are within 1 px of its corner: all but those with i +
         // j > 4.
         assert_eq!(
             p.image[3 * 8 + 3],
@@ -165,7 +165,7 @@ mod tests {
             "green before red, the lower index before blue"
         );
         assert_eq!((p.alpha[3 * 8 + 3], p.alpha[0]), (1.0, 0.0), "inside and far outside");
-        let none = render(&points, &[0.0; 3], &rgb, &camera(), [0.5; 3]).expect("a picture");
+        let none = render(&points, &[0.0; 3], &rgb, &camera(), [0.5; 3]).expect("an image");
         assert!(none.image.iter().all(|c| *c == [0.5; 3]), "discs without extent are not drawn");
     }
 

@@ -256,7 +256,7 @@ pub fn retain_rows<T: Copy>(array: &mut Vec<T>, width: usize, keep: &[bool]) {
     array.truncate(to * width);
 }
 
-/// Number of entries of a shape.
+/// Returns the number of entries of a shape.
 pub fn entries(shape: &[usize]) -> usize {
     let mut entries = 1;
     for side in shape {

@@ -28,15 +28,15 @@ pub trait Double:
     type Mask: Copy;
     /// Bit patterns as unsigned integers.
     type Bits: Copy;
-    /// The same number in every lane.
+    /// Returns the same number in every lane.
     fn splat(x: f64) -> Self;
-    /// Lanes from a function of the lane index.
+    /// Builds lanes from a function of the lane index.
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
-    /// Lane `i`.
+    /// Returns lane `i`.
     fn lane(self, i: usize) -> f64;
-    /// Square root, correctly rounded.
+    /// Returns the correctly rounded square root.
     fn sqrt(self) -> Self;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
     /// self < other.
     fn lt(self, other: Self) -> Self::Mask;

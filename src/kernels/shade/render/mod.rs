@@ -1,7 +1,7 @@
 //! Path-traced images of an object under light.
 //!
 //! ```text
-//! per sample   pixel → ray → hit ─┬─ one light, drawn: the map by brightness or a lamp       (next-event estimation)
+//! per sample   pixel → ray → hit ─┬─ one light, drawn: the map by brightness or a lamp (next-event estimation)
 //!                                 └─ one direction, drawn for the BRDF → next hit, or the map
 //! ```
 //!

@@ -87,7 +87,7 @@ impl<L: Left> Job for Block<'_, L> {
                 self.along(simd, start..k.min(start + CHUNK), false, (&mut packed, &mut tiles));
                 let (mut level, mut right) = (0, tiles.clone());
                 while stack.last().is_some_and(|(l, _)| *l == level) {
-                    let (_, mut left) = stack.pop().expect("the last entry was just seen");
+                    let (_, mut left) = stack.pop().expect("the stack is not empty");
                     add(&mut left, &right);
                     (level, right) = (level + 1, left);
                 }

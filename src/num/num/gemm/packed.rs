@@ -34,7 +34,7 @@ impl Packed {
             for (row, columns) in panel.iter_mut().enumerate() {
                 let at = row * n + first;
                 if width == COLUMNS {
-                    read(at, &mut columns.0); // the size is known at compile time, so this is a few instructions
+                    read(at, &mut columns.0); // size known at compile time
                 } else {
                     columns.0[width..].fill(0.0);
                     read(at, &mut columns.0[..width]);
