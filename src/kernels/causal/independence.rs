@@ -363,7 +363,7 @@ mod tests {
 
     #[test]
     fn blocks_without_covariance_have_no_information_in_bits() {
-        // means of two factors of two numbers that never differ from 0 in the same sample
+        // means of two two-dimensional factors that never differ from 0 in the same sample
         let mu = [1.0, 2.0, 0.0, 0.0, -1.0, -2.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.5, 0.0, 0.0, -3.0, -0.5];
         let (value, saved) = forward(&In::new(&mu, &[-1.0; 16], 4, 2, 2)).expect("positive definite");
         assert_eq!((value, saved.information[1]), (0.0, 0.0), "exactly");

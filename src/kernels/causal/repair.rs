@@ -52,13 +52,17 @@ mod tests {
         let (graph, deleted) = repair(3, &p, 0.5);
         let gone: Vec<_> = deleted.iter().map(|d| (d.parent, d.child)).collect();
         assert_eq!(gone, [(0, 2), (0, 1)], "weakest first");
-        assert_eq!(graph.edges(), [(1, 2), (2, 0)], "what is left");
+        assert_eq!(graph.edges(), [(1, 2), (2, 0)], "the remaining edges");
         let (_, deleted) = repair(2, &[0.0, 0.75, 0.75, 0.0], 0.5);
-        assert_eq!((deleted[0].parent, deleted[0].child), (0, 1), "of equals the first");
+        assert_eq!(
+            (deleted[0].parent, deleted[0].child),
+            (0, 1),
+            "the first of equally weak edges is deleted"
+        );
         let (graph, deleted) = repair(2, &[0.9, 0.5, 0.500_001, 0.9], 0.5);
         assert_eq!(graph.edges(), [(1, 0)], "½ is not probable, loops are not edges");
         assert!(deleted.is_empty(), "nothing to break");
         let (graph, _) = repair(2, &[0.0, -0.4, 0.35, 0.0], 0.3);
-        assert_eq!(graph.edges(), [(0, 1)], "weights count by their size");
+        assert_eq!(graph.edges(), [(0, 1)], "weights count by their absolute value");
     }
 }

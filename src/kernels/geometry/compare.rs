@@ -234,7 +234,7 @@ mod tests {
         };
         let c = compare(&square(0.0), &upright, 500, 2, None).unwrap_or_else(|e| panic!("{e}"));
         assert!(c.normal_consistency < 1e-12, "{c:?}");
-        // Points of one are at height uniform in 0..1 over the other.
+        // The points of one mesh are at heights uniform in 0..1 above the other.
         assert!((c.a_to_b.mean - 0.5).abs() < 0.05 && (c.b_to_a.mean - 0.5).abs() < 0.05, "{c:?}");
         assert!(compare(&Mesh::default(), &upright, 5, 0, None).is_err(), "nothing to sample");
     }

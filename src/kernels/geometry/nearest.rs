@@ -219,7 +219,7 @@ mod tests {
     use super::*;
     use crate::num::rng::Rng;
 
-    /// All triangles one after the other, against a fine grid of barycentric points for the distance itself.
+    /// Compares with an exhaustive search, and the distance with a fine grid of barycentric points.
     #[test]
     fn the_tree_finds_what_comparing_with_all_finds() {
         let rng = Rng::new(3);

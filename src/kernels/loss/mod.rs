@@ -44,12 +44,12 @@ pub mod ssim;
 /// |---|---|---|
 /// | `x` | (H, W, 3); (H, W, C) for `mse` | sRGB-encoded; 0..1 is usual, not required |
 /// | `y` | as `x` | the same |
-/// | `mask` | (H, W) | exactly 0 (left out) or 1 (kept) |
+/// | `mask` | (H, W) | exactly 0 (excluded) or 1 (kept) |
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (H, W, 3), usually the render.
+    /// Image x, shape (H, W, 3), usually the render.
     pub x: &'a [f32],
-    /// (H, W, 3), usually the input image.
+    /// Image y, shape (H, W, 3), usually the input image.
     pub y: &'a [f32],
     /// Mask of the kept pixels, shape (H, W); `None` keeps every pixel.
     pub mask: Option<&'a [f32]>,

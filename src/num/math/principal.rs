@@ -51,6 +51,6 @@ mod tests {
         let found = axis(&rows.each_ref().map(|r| &r[..]), 2);
         assert!((found[0] - 0.6).abs() < 1e-15 && (found[1] - 0.8).abs() < 1e-15, "{found:?}");
         assert_eq!(axis(&[&[7.0], &[9.0]], 1), [1.0], "one dimension is its own axis");
-        assert_eq!(axis(&[&[7.0, 1.0]], 2), [1.0, 0.0], "what does not vary");
+        assert_eq!(axis(&[&[7.0, 1.0]], 2), [1.0, 0.0], "rows that do not vary");
     }
 }

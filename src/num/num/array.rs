@@ -196,7 +196,7 @@ impl Arrays {
             let fits = match part.parse::<usize>() {
                 Ok(fixed) => fixed == size,
                 Err(_) => {
-                    let letter = part.chars().next().expect("a part between commas is not empty");
+                    let letter = part.chars().next().expect("a part of the pattern is not empty");
                     *dims.entry(letter).or_insert(size) == size
                 }
             };

@@ -38,11 +38,11 @@ pub trait Double:
     fn sqrt(self) -> Self;
     /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// self < other.
+    /// Compares self < other.
     fn lt(self, other: Self) -> Self::Mask;
-    /// self > other.
+    /// Compares self > other.
     fn gt(self, other: Self) -> Self::Mask;
-    /// self = other.
+    /// Compares self = other.
     fn eq(self, other: Self) -> Self::Mask;
     /// Selects `yes` where the mask is set, and `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
@@ -52,9 +52,9 @@ pub trait Double:
     fn to_bits(self) -> Self::Bits;
     /// Builds numbers from bit patterns.
     fn from_bits(b: Self::Bits) -> Self;
-    /// a + b modulo 2⁶⁴.
+    /// Returns a + b modulo 2⁶⁴.
     fn add_bits(a: Self::Bits, b: Self::Bits) -> Self::Bits;
-    /// a + b modulo 2⁶⁴ with the same b in every lane.
+    /// Returns a + b modulo 2⁶⁴ with the same b in every lane.
     fn add_const(a: Self::Bits, b: u64) -> Self::Bits;
     /// Bitwise and of a and b.
     fn and_const(a: Self::Bits, b: u64) -> Self::Bits;
@@ -62,9 +62,9 @@ pub trait Double:
     fn or_const(a: Self::Bits, b: u64) -> Self::Bits;
     /// Bitwise exclusive or of a and b.
     fn xor_bits(a: Self::Bits, b: Self::Bits) -> Self::Bits;
-    /// a·2ⁿ modulo 2⁶⁴.
+    /// Returns a·2ⁿ modulo 2⁶⁴.
     fn shl(a: Self::Bits, n: u32) -> Self::Bits;
-    /// ⌊a·2⁻ⁿ⌋.
+    /// Returns ⌊a·2⁻ⁿ⌋.
     fn shr(a: Self::Bits, n: u32) -> Self::Bits;
 }
 

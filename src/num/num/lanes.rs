@@ -27,15 +27,15 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// self < other.
+    /// Compares self < other.
     fn lt(self, other: Self) -> Self::Mask;
-    /// self ≤ other.
+    /// Compares self ≤ other.
     fn le(self, other: Self) -> Self::Mask;
-    /// self > other.
+    /// Compares self > other.
     fn gt(self, other: Self) -> Self::Mask;
-    /// self ≥ other.
+    /// Compares self ≥ other.
     fn ge(self, other: Self) -> Self::Mask;
-    /// self = other.
+    /// Compares self = other.
     fn eq(self, other: Self) -> Self::Mask;
     /// Selects `yes` where the mask is set, and `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;

@@ -1,4 +1,4 @@
-//! Eight lanes and sixteen have the same bits, for every way in which a left factor lies.
+//! Tests that eight and sixteen lanes give the same bits, for every layout of the left factor.
 
 use super::block::{Block, Left, Task};
 use super::runs::{AddGrids, Grid, Runs, add_grids};
@@ -31,7 +31,7 @@ fn by_sixteen(job: impl Job) -> bool {
     false
 }
 
-/// The product in both ways, with every kind of end.
+/// Computes the product in both ways, with every [`Finish`].
 fn agree(a: impl Left, b: &Packed, m: usize, what: &str) {
     let (old, bias) = (values(m * b.n, 0x7e5c), values(b.n, 0x7e5d));
     let mut stored = vec![0.0; m * b.n];
