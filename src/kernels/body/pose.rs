@@ -29,9 +29,9 @@
 //! transform has an inverse; [`In::check`] refuses others.
 //!
 //! # Adjoint
-//! Children are processed before parents. With N_k = L_k Q_k, Q_k = ℛ(δ_k; j_k): N̄ = B_pᵀ B̄_k and B̄_p +=
-//! B̄_k N_kᵀ (as 4×4 matrices); Q̄ = L_kᵀ N̄, L̄ = N̄ Q_kᵀ. From the cotangent [M̄ | t̄] of ℛ(w; j): ℛ̄ = M̄
-//! − t̄ jᵀ, j̄ += t̄ − ℛᵀ t̄; w̄ is computed by the adjoint of ℛ. L, Q, N and B are saved.
+//! Children are processed before parents. With N_k = L_k Q_k, Q_k = ℛ(δ_k; j_k): N̄ = B_pᵀ B̄_k and
+//! B̄_p += B̄_k N_kᵀ (as 4×4 matrices); Q̄ = L_kᵀ N̄, L̄ = N̄ Q_kᵀ. From the cotangent [M̄ | t̄] of ℛ(w; j):
+//! ℛ̄ = M̄ − t̄ jᵀ, j̄ += t̄ − ℛᵀ t̄; w̄ is computed by the adjoint of ℛ. L, Q, N and B are saved.
 //!
 //! Twin: `reference::body::pose`.
 //!

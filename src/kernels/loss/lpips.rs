@@ -4,8 +4,8 @@
 //! (Zhang et al. 2018, eq. 1)
 //!
 //! f_l are the outputs of relu1_2, relu2_2, relu3_3, relu4_3, relu5_3 of VGG16 on the normalised image
-//! ((2x − 1) − shift)/scale: 3×3 convolutions with zeros beyond the border, each followed by max(·, 0), and 2×2
-//! maxima before the second to fifth group.
+//! ((2x − 1) − shift)/scale: 3×3 convolutions with zeros beyond the border, each followed by max(·, 0), and
+//! 2×2 maxima before the second to fifth group.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|

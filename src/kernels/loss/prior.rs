@@ -1,8 +1,8 @@
 //! `loss.prior`: regularisation of Gaussians that no camera observes: neighbours are similar, each is about
 //! as deep as it is wide and stays at its anchor.
 //!
-//! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²
-//! + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)
+//! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²  +
+//! w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)
 //!
 //! This loss was designed for this project; it is not from a paper.
 //!
@@ -30,9 +30,9 @@
 //! Gaussians P is 0, and for K = 0 so are the pair terms.
 //!
 //! # Adjoint
-//! Per pair ā_g += 2 w_a P̄/(N K) (a_g − a_h), ā_h −= the same; s̄_gk += 2 w_r P̄/N (s_gk − s̄_g) + 2 w_f
-//! P̄/(3N) (s̄_g − ln(κ d_g)) (the deviations from a mean have the mean 0); x̄ += 2 w_t P̄/N (x − t)/r²; l̄
-//! −= w_o P̄/N σ(l)(1 − σ(l)). Nothing is saved.
+//! Per pair ā_g += 2 w_a P̄/(N K) (a_g − a_h), ā_h −= the same; s̄_gk += 2 w_r P̄/N (s_gk − s̄_g) +
+//! 2 w_f P̄/(3N) (s̄_g − ln(κ d_g)) (the deviations from a mean have the mean 0); x̄ += 2 w_t P̄/N (x − t)/r²;
+//! l̄ −= w_o P̄/N σ(l)(1 − σ(l)). Nothing is saved.
 //!
 //! Twin: `reference::loss::prior`.
 //!

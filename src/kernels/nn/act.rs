@@ -12,8 +12,8 @@
 //! There is one product, rounded once; s is rounded to f32 beforehand.
 //!
 //! # Kinks and domain
-//! At x = 0 (of either sign), y = s·0 and the slope is s, as in the lower branch. s = 1 gives the identity, s
-//! = 0 the ReLU.
+//! At x = 0 (of either sign), y = s·0 and the slope is s, as in the lower branch. s = 1 gives the identity,
+//! s = 0 the ReLU.
 //!
 //! # Adjoint
 //! x̄ += ȳ where x > 0,   x̄ += s·ȳ elsewhere. The adjoint compares x with 0 again; nothing is saved.

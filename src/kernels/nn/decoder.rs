@@ -31,8 +31,8 @@
 //! As in [`mod@super::act`], the slope at 0 is 0.2.
 //!
 //! # Adjoint
-//! ȳ = scale∘R̄; then the layers are traversed in reverse with h̄ · W and the slope of λ. W̄_l = h̄ᵀ h, b̄_l
-//! = Σ_q h̄; with s = Σ_q h̄₁ before its bias: b̄₀ = s, W̄_z = s zᵀ, z̄ = W_zᵀ s, W̄_t = h̄₁ᵀ γ. Nothing is
+//! ȳ = scale∘R̄; then the layers are traversed in reverse with h̄ · W and the slope of λ. W̄_l = h̄ᵀ h,
+//! b̄_l = Σ_q h̄; with s = Σ_q h̄₁ before its bias: b̄₀ = s, W̄_z = s zᵀ, z̄ = W_zᵀ s, W̄_t = h̄₁ᵀ γ. Nothing is
 //! saved: [`adjoint`] performs both passes.
 //!
 //! Twin: `reference::nn::decoder`.

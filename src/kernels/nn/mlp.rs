@@ -25,8 +25,8 @@
 //! layer after the first.
 //!
 //! # Adjoint
-//! The adjoints of [`mod@super::linear`] are applied from the last layer to the first; between two layers z̄
-//! = ȳ where y > 0, else 0. The gradient of x is that of the skip connection, to which that of the first
+//! The adjoints of [`mod@super::linear`] are applied from the last layer to the first; between two layers
+//! z̄ = ȳ where y > 0, else 0. The gradient of x is that of the skip connection, to which that of the first
 //! layer is added. The inputs of all layers are saved.
 //!
 //! Twin: `reference::nn::mlp`.

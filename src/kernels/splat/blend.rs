@@ -39,8 +39,8 @@
 //! pixel's cotangents combined into one number, e = c·C̄ + z·D̄ + Ā: ᾱ = T (e − S), S ← α e + (1−α) S, where
 //! S starts at b·C̄. S is the cotangent of everything behind the splat, so there is no division by a small
 //! number. With P = ᾱ α, the sums of P, P w1, P w2, P w1², P w1 w2, P w2², T α C̄, T α D̄ over the pixels
-//! form the record, and ō = ΣP/o, k̄1 = −ΣPw1²/k1, k̄2 = −ΣPw2²/k2, s̄ = (k2/k1) ΣPw1w2, ū_p = k1 ΣPw1 − s k2
-//! ΣPw2, ū_q = k2 ΣPw2.
+//! form the record, and ō = ΣP/o, k̄1 = −ΣPw1²/k1, k̄2 = −ΣPw2²/k2, s̄ = (k2/k1) ΣPw1w2,
+//! ū_p = k1 ΣPw1 − s k2 ΣPw2, ū_q = k2 ΣPw2.
 //!
 //! Twin: `reference::splat::blend`.
 //!

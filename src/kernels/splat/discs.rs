@@ -1,8 +1,8 @@
 //! A simple renderer of point clouds as discs with a depth buffer, independent of the Gaussian renderer.
 //!
 //! Disc p is the set of image positions (x, y) with (x − c_x)²/r_x² + (y − c_y)²/r_y² ≤ 1, where (c_x, c_y)
-//! is the projected centre and r_x = f_x r/z, r_y = f_y r/z. Every pixel has 4 × 4 samples at ((i + ½)/4, (j
-//! + ½)/4); each takes the nearest disc that covers it, ordered by (z, index), or the background. A pixel is
+//! is the projected centre and r_x = f_x r/z, r_y = f_y r/z. Every pixel has 4 × 4 samples at
+//! ((i + ½)/4, (j + ½)/4); each takes the nearest disc that covers it, ordered by (z, index), or the background. A pixel is
 //! the mean of its samples.
 //!
 //! | symbol | argument | shape | unit, range |

@@ -22,8 +22,8 @@
 //!
 //! The Jacobians are as follows (ũ = t_x/z, ṽ = t_y/z limited as the profile specifies, pinhole only):
 //! pinhole `[[f_x/z, 0, −f_x ũ/z], [0, f_y/z, −f_y ṽ/z]]`; orthographic `[[f_x, 0, 0], [0, f_y, 0]]`; fisheye
-//! (equidistant) with g = θ/ρ, n² = ρ²+z², G = (z/n² − g)/ρ²: `[[f_x (g + x²G), f_x xyG, −f_x x/n²], [f_y
-//! xyG, f_y (g + y²G), −f_y y/n²]]`.
+//! (equidistant) with g = θ/ρ, n² = ρ²+z², G = (z/n² − g)/ρ²:
+//! `[[f_x (g + x²G), f_x xyG, −f_x x/n²], [f_y xyG, f_y (g + y²G), −f_y y/n²]]`.
 //!
 //! This file contains the rows and the chain t = R μ + τ, V = (J R) F with its adjoint. `lens` is the camera,
 //! `linearization` the map t → u and its Jacobian J, `ellipse` the shape of V; the last two have their own

@@ -32,8 +32,8 @@ fn reduce_large(x: f64) -> (u64, f64) {
     }
     let bits = x.abs().to_bits();
     let m = (bits & ((1 << 52) - 1) | 1 << 52) >> 29; // 24 bits: the rest of a converted f32 is zero
-    // |x| = m·2ᵉ with e = exponent field − 1023 − 23 ≥ −1. Bit i of 2/π (index i + 63 of the padded table) times 2ᵉ has
-    // weight 2 for i = e − 1.
+    // |x| = m·2ᵉ with e = exponent field − 1023 − 23 ≥ −1. Bit i of 2/π (index i + 63 of the padded table)
+    // times 2ᵉ has weight 2 for i = e − 1.
     let start = (bits >> 52) as usize - (1023 + 23 - 62);
     let (word, shift) = (start / 64, (start % 64) as u32);
     let high = u128::from(TWO_OVER_PI[word]) << 64 | u128::from(TWO_OVER_PI[word + 1]);
