@@ -15,7 +15,7 @@
 //! * The **plan** of an operator contains its discrete decisions, such as a sort order or a clamp. The adjoint
 //!   reuses the decisions of the forward pass, and a stored plan can replace them.
 //! * The **twin** of an operator is an independent implementation in double precision in the crate `reference`.
-//! * A **kink** is a point where a function is continuous but not differentiable; *Kinks and domain* defines
+//! * A **kink** is a point where a function is not differentiable; the section *Kinks and domain* defines
 //!   the gradient there.
 //! * A **left fold** adds terms one after the other in the stated order; a **chain** is a left fold of products.
 #![forbid(unsafe_code)]
