@@ -1,4 +1,5 @@
-//! The one error type: what, where, expected, got, and what to do.
+//! The error type of the library: what failed, where, what was expected, what was found, and what to do about
+//! it.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -9,26 +10,26 @@
 
 use std::fmt;
 
-/// Shorthand for results of this library.
+/// Result type of this library.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What went wrong, in classes that decide the exit code.
+/// Classes of errors; the class decides the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
-    /// Bad usage or bad input: exit code 2.
+    /// Wrong usage or invalid input; the exit code is 2.
     Input,
-    /// A check ran and failed: exit code 1.
+    /// A check ran and failed; the exit code is 1.
     Check,
-    /// The user interrupted; what was complete is on disk: exit code 130.
+    /// The user interrupted the run, and all completed results are on disk; the exit code is 130.
     Interrupted,
 }
 
-/// The one error type of the library.
+/// The error type of the library.
 #[derive(Clone, Debug)]
 pub struct Error(Box<Parts>);
 
-// Boxed, so that every `Result` stays one word larger than its value.
+// The parts are boxed, so that every `Result` is only one word larger than its value.
 #[derive(Clone, Debug)]
 struct Parts {
     kind: Kind,
@@ -44,27 +45,28 @@ impl Error {
         Self(Box::new(Parts { kind, what: what.into(), at: None, expected: None, got: None, hint: None }))
     }
 
-    /// Bad usage or input; `what` names the file, the operator or the argument.
+    /// Reports wrong usage or invalid input; `what` names the file, the operator or the argument.
     pub fn input(what: impl Into<String>) -> Self {
         Self::new(Kind::Input, what)
     }
 
-    /// A check that failed; `what` names the check.
+    /// Reports a check that failed; `what` names the check.
     pub fn check(what: impl Into<String>) -> Self {
         Self::new(Kind::Check, what)
     }
 
-    /// The user asked to stop.
+    /// Reports that the user interrupted the run.
     pub fn interrupted(what: impl Into<String>) -> Self {
         Self::new(Kind::Interrupted, what)
     }
 
-    /// An operating-system error on a file.
+    /// Reports an operating-system error on a file.
     pub fn os(path: &std::path::Path, e: &std::io::Error) -> Self {
         Self::input(path.display().to_string()).got(e.to_string())
     }
 
-    /// Where in `what`: a line, a field, an array and an index. An existing place is kept behind the new one.
+    /// Sets the place inside `what`: a line, a field, an array and an index. A place set before is appended
+    /// to the new one.
     #[must_use]
     pub fn at(mut self, place: impl Into<String>) -> Self {
         let place = place.into();
@@ -75,40 +77,41 @@ impl Error {
         self
     }
 
-    /// Puts a file or an operator in front; what was named before becomes the place.
+    /// Sets a file or an operator as the new `what`; the previous one becomes the place.
     #[must_use]
     pub fn within(mut self, what: impl Into<String>) -> Self {
         let inner = std::mem::replace(&mut self.0.what, what.into());
         self.at(inner)
     }
 
-    /// What would have been right.
+    /// Sets what would have been valid.
     #[must_use]
     pub fn expected(mut self, text: impl Into<String>) -> Self {
         self.0.expected = Some(text.into());
         self
     }
 
-    /// What was there.
+    /// Sets what was found instead.
     #[must_use]
     pub fn got(mut self, text: impl Into<String>) -> Self {
         self.0.got = Some(text.into());
         self
     }
 
-    /// What to do about it.
+    /// Sets a suggestion for the user.
     #[must_use]
     pub fn hint(mut self, text: impl Into<String>) -> Self {
         self.0.hint = Some(text.into());
         self
     }
 
-    /// The class of the error.
+    /// Returns the class of the error.
     pub fn kind(&self) -> Kind {
         self.0.kind
     }
 
-    /// Exit code of a command that ends with this error: 1 the check failed, 2 bad usage or input.
+    /// Returns the exit code of a command that ends with this error: 1 if a check failed, 2 for wrong usage
+    /// or invalid input.
     pub fn exit_code(&self) -> u8 {
         match self.0.kind {
             Kind::Check => 1,

@@ -1,13 +1,14 @@
-//! Levels 0 and 1 of lastlight: the error type, where bits are decided, small geometry.
+//! Levels 0 and 1 of lastlight: the error type, the operations that determine bits, and small geometric
+//! functions.
 //!
 //! ```text
-//! error   the one error type: what, where, expected, got, what to do                      level 0
+//! error   the error type: what, where, expected, got, and a suggestion                    level 0
 //! num     lanes, elementary functions, sums, matrix products, threads, random numbers     level 0
-//! math    small geometry, each function beside its adjoint                                level 1
+//! math    small geometric functions, each next to its adjoint                             level 1
 //! ```
 //!
-//! Every member's root names the modules it may use, its own and those below, so that a path such as `crate::num::par` reads the same in
-//! every member and in the library itself.
+//! The root of every member re-exports the modules that its code may use, both its own and those of lower
+//! levels. A path such as `crate::num::par` is therefore the same in every member and in the library itself.
 #![forbid(unsafe_code)]
 
 pub mod error;

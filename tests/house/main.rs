@@ -1,8 +1,9 @@
-//! Tests of the source itself: the arrows between its parts.
+//! Tests of the source itself: the dependences between its parts, and the examples of its operators.
 
 mod adjoints;
 mod arithmetic;
 mod cycles;
+mod examples;
 mod exceptions;
 mod functions;
 mod levels;

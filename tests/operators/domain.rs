@@ -242,14 +242,14 @@ fn a_cotangent_of_another_size_is_no_cotangent() {
 }
 
 #[test]
-#[should_panic(expected = "whole rows")]
+#[should_panic(expected = "complete rows")]
 fn rows_of_no_pixels_make_up_no_image() {
     let x = gain::In { alpha: &[1.0; 2], background: [0.5; 3], gain: [0.0; 3] };
     gain::adjoint(&x, &[0.0; 6], 0, &mut [0.0; 6], &mut [0.0; 2]);
 }
 
 #[test]
-#[should_panic(expected = "arrays of one length")]
+#[should_panic(expected = "all arrays have the same length")]
 fn halves_of_other_lengths_are_no_halves() {
     latent::forward(&[latent::Half { x: &[1.0, 2.0], real: &[1.0], spread: &[1.0, 1.0] }]);
 }

@@ -1,4 +1,4 @@
-//! Bodies that move: joints to transforms, rest to pose. Level 5.
+//! Skinned bodies: joint rotations to transforms, and points from rest to pose. Level 5.
 //!
 //! ```text
 //! pose (J, 3) or captured (J, 3, 4) ─┐
@@ -8,7 +8,7 @@
 //! canonical points, factors ─┬─ rest ──► points, factors at rest ─────────────────────────┤
 //! weights ───────────────────┴────────────────────────────────────────────────────────────┴─ skin ──► posed points, factors
 //!                                                                                                           │
-//! correction: what a network of the pose asks for                                                           ▼ splat::project
+//! correction: output of a network of the pose                                                               ▼ splat::project
 //! ```
 
 pub mod pose;

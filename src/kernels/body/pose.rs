@@ -1,9 +1,11 @@
-//! `body.pose`: transforms of joints along the skeleton, from rotations or from a capture, with a correction on the right of each.
+//! `body.pose`: transforms of joints along the skeleton, from rotations or from a capture, each with an
+//! optional correction on its right.
 //!
-//! B_k = B_p L_k ℛ(δ_k; j_k),   L_k = ℛ(θ_k; j_k)  or  A_p⁻¹ A_k,   ℛ(w; j) = T(j) ℛ(w) T(−j),   p = parent of k             (GauHuman)
+//! B_k = B_p L_k ℛ(δ_k; j_k),   L_k = ℛ(θ_k; j_k)  or  A_p⁻¹ A_k,   ℛ(w; j) = T(j) ℛ(w) T(−j),
+//! p = parent of k   (GauHuman)
 //!
-//! A joint without a parent has B_p = A_p = I. With rotations B takes a point at rest to its posed place (SMPL); with the transforms of a capture it is
-//! that capture, corrected (GauHuman). ℛ is Rodrigues' formula,
+//! For a joint without a parent, B_p = A_p = I. With rotations, B maps a point at rest to its posed position
+//! (SMPL); with the transforms of a capture, B is the corrected capture (GauHuman). ℛ is Rodrigues' formula,
 //!
 //! ℛ(w) = I + a K + b K²,   K v = w × v,   a = sin θ/θ,   b = (1 − cos θ)/θ² = ½ (sin ½θ/½θ)²,   θ = ‖w‖
 //!
@@ -12,22 +14,24 @@
 //! | θ | `pose` | (J, 3), or `captured` | axis times angle, rad |
 //! | A | `captured` | (J, 3, 4), or `pose` | upper rows of affine transforms, world from rest; a constant |
 //! | δ | `correction` | (J, 3), optional | axis times angle, rad |
-//! | j | `joints` | (J, 3) | places of the joints at rest, scene units |
-//! | p | `parents` | (J) | index of the parent, below the joint's own; −1 for none |
+//! | j | `joints` | (J, 3) | positions of the joints at rest, scene units |
+//! | p | `parents` | (J) | index of the parent, less than the joint's own index; −1 for none |
 //! | B | `transforms` | (J, 3, 4) | upper rows of affine transforms, posed from rest |
 //!
 //! # Rounding
-//! Everything in f64; entries of B and what is added to a gradient are rounded once. Products and inverses are those of
-//! [`affine`], ℛ and its adjoint those of [`rodrigues`]. Children are added to their parents from
-//! the last joint to the first.
+//! All values are f64; entries of B and the values added to a gradient are rounded once. Products and
+//! inverses are those of [`affine`], ℛ and its adjoint those of [`rodrigues`]. Children are added to their
+//! parents from the last joint to the first.
 //!
 //! # Kinks and domain
-//! None: ℛ is smooth in w, at 0 too. At least one joint. The linear part of every captured transform has a determinant of a size between 10⁻¹² and 10¹²,
-//! so that it has an inverse; [`In::check`] refuses others.
+//! There are no kinks: ℛ is smooth in w, also at 0. There is at least one joint. The determinant of the
+//! linear part of every captured transform has an absolute value between 10⁻¹² and 10¹², so that the
+//! transform has an inverse; [`In::check`] refuses others.
 //!
 //! # Adjoint
-//! Children before parents: with N_k = L_k Q_k, Q_k = ℛ(δ_k; j_k): N̄ = B_pᵀ B̄_k and B̄_p += B̄_k N_kᵀ (as 4×4 matrices); Q̄ = L_kᵀ N̄, L̄ = N̄ Q_kᵀ.
-//! From the cotangent [M̄ | t̄] of ℛ(w; j): ℛ̄ = M̄ − t̄ jᵀ, j̄ += t̄ − ℛᵀ t̄; w̄ as ℛ's own adjoint gives it. Saved: L, Q, N and B.
+//! Children are processed before parents. With N_k = L_k Q_k, Q_k = ℛ(δ_k; j_k): N̄ = B_pᵀ B̄_k and
+//! B̄_p += B̄_k N_kᵀ (as 4×4 matrices); Q̄ = L_kᵀ N̄, L̄ = N̄ Q_kᵀ. From the cotangent [M̄ | t̄] of ℛ(w; j):
+//! ℛ̄ = M̄ − t̄ jᵀ, j̄ += t̄ − ℛᵀ t̄; w̄ is computed by the adjoint of ℛ. L, Q, N and B are saved.
 //!
 //! Twin: `reference::body::pose`.
 //!
@@ -60,31 +64,31 @@ type Vec3 = [f64; 3];
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (J, 3); empty with `captured`
+    /// Shape (J, 3); empty if `captured` is given.
     pub pose: &'a [[f32; 3]],
-    /// (J); empty with `pose`
+    /// Shape (J); empty if `pose` is given.
     pub captured: &'a [Affine],
-    /// (J, 3); `None` corrects nothing
+    /// Shape (J, 3); `None` for no correction.
     pub correction: Option<&'a [[f32; 3]]>,
-    /// (J, 3)
+    /// Shape (J, 3).
     pub joints: &'a [[f32; 3]],
-    /// (J), −1 for none
+    /// Shape (J); −1 for a joint without a parent.
     pub parents: &'a [i32],
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (J, 3); empty when it is not wanted
+    /// Shape (J, 3); empty if not requested.
     pub pose: Vec<[f32; 3]>,
-    /// (J, 3); empty when it is not wanted or there is no correction
+    /// Shape (J, 3); empty if not requested or if there is no correction.
     pub correction: Vec<[f32; 3]>,
-    /// (J, 3); empty when it is not wanted
+    /// Shape (J, 3); empty if not requested.
     pub joints: Vec<[f32; 3]>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         let zeros = |n: usize| vec![[0.0; 3]; n];
         let n = x.joints.len();
@@ -96,26 +100,26 @@ impl InBar {
     }
 }
 
-/// The chain in f64.
+/// The kinematic chain in f64.
 #[derive(Clone, Debug)]
 struct Chain {
-    /// θ; empty where the transforms of a capture are given
+    /// θ; empty if the transforms of a capture are given.
     pose: Vec<Vec3>,
-    /// A_p⁻¹ A_k; empty where rotations are given
+    /// A_p⁻¹ A_k; empty if rotations are given.
     relative: Vec<affine::Affine>,
-    /// δ; empty without correction
+    /// δ; empty without correction.
     correction: Vec<Vec3>,
     joints: Vec<Vec3>,
     parents: Vec<Option<usize>>,
 }
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug)]
 pub struct Saved {
     chain: Chain,
-    /// (J) L, Q, L Q
+    /// L, Q and L Q of each joint, shape (J).
     own: Vec<[affine::Affine; 3]>,
-    /// (J) B
+    /// B of each joint, shape (J).
     world: Vec<affine::Affine>,
 }
 
@@ -128,12 +132,12 @@ struct Bars {
 
 const IDENTITY: affine::Affine = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
-/// ℛ(w; j).
+/// Returns ℛ(w; j).
 fn turn(w: Vec3, joint: Vec3) -> affine::Affine {
     about(&rodrigues::matrix(w), joint)
 }
 
-/// w̄ from the cotangent of ℛ(w; j); adds to j̄.
+/// Returns w̄ for the cotangent of ℛ(w; j), and adds to j̄.
 fn turn_adjoint(w: Vec3, joint: Vec3, bar: &affine::Affine, joint_bar: &mut Vec3) -> Vec3 {
     let (r, t_bar) = (rodrigues::matrix(w), bar.map(|row| row[3]));
     for i in 0..3 {
@@ -184,7 +188,7 @@ impl Chain {
 }
 
 impl Saved {
-    /// Gradients from the cotangents of B.
+    /// Returns the gradients for the cotangents of B.
     fn bars(&self, mut bar: Vec<affine::Affine>) -> Bars {
         let (n, chain) = (bar.len(), &self.chain);
         let zeros = || vec![[0.0; 3]; n];
@@ -219,7 +223,7 @@ impl In<'_> {
     /// Checks sizes, the order of parents and the captured transforms.
     ///
     /// # Errors
-    /// When something does not fit, naming it.
+    /// Returns an error that names the first mismatch.
     pub fn check(&self) -> Result<()> {
         let n = Ord::max(self.pose.len(), self.captured.len());
         let sizes = [
@@ -264,24 +268,25 @@ impl In<'_> {
     }
 }
 
-/// The transforms (J) and what the adjoint needs.
+/// Returns the transforms (J) and the intermediate values that the adjoint needs.
 ///
 /// # Errors
-/// Sizes that differ, no joint, a parent that is no earlier joint, a captured transform without an inverse.
+/// Returns an error if sizes differ, if there is no joint, if a parent is not an earlier joint, or if a
+/// captured transform has no inverse.
 pub fn forward(x: In<'_>) -> Result<(Vec<Affine>, Saved)> {
     x.check()?;
     let saved = Chain::new(&x).forward();
     Ok((saved.world.iter().map(single).collect(), saved))
 }
 
-/// The transforms (J, 4, 4) with their last rows 0 0 0 1, as [`super::skin`] takes them.
+/// Returns the transforms as (J, 4, 4) with last rows 0 0 0 1, the form that [`super::skin`] accepts.
 pub fn squared(transforms: &[Affine]) -> Vec<[f32; 16]> {
     let entry =
         |t: &Affine, at: usize| t.get(at / 4).map_or(f32::from(u8::from(at == 15)), |row| row[at % 4]);
     transforms.iter().map(|t| std::array::from_fn(|at| entry(t, at))).collect()
 }
 
-/// Cotangents of [`squared`] as those of the transforms: the last rows are constant.
+/// Converts the cotangents of [`squared`] to those of the transforms; the last rows are constant.
 pub fn squared_adjoint(bar: &[[f32; 16]]) -> Vec<Affine> {
     bar.iter().map(|b| std::array::from_fn(|i| std::array::from_fn(|j| b[4 * i + j]))).collect()
 }
@@ -289,7 +294,7 @@ pub fn squared_adjoint(bar: &[[f32; 16]]) -> Vec<Affine> {
 /// Adds the gradients for the cotangent `transforms_bar` (J) to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(x: In<'_>, saved: &Saved, transforms_bar: &[Affine], x_bar: &mut InBar) {
     assert_eq!(transforms_bar.len(), x.joints.len(), "one cotangent per transform");
     let bars = saved.bars(transforms_bar.iter().map(wide).collect());

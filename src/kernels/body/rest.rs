@@ -1,27 +1,32 @@
-//! `body.rest`: from a body's canonical pose to its pose at rest, for points and factors of covariances.
+//! `body.rest`: maps points and covariance factors from a body's canonical pose to its rest pose.
 //!
-//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b                             (GauHuman)
+//! y = M_C⁻¹ (x − t_C) + o,   H = M_C⁻¹ F,   T_C = [M_C | t_C] = Σ_b w_b C_b   (GauHuman)
 //!
-//! Linear blend skinning backwards: what [`mod@super::skin`] moves on from rest.
+//! This is the inverse of linear blend skinning; [`mod@super::skin`] then moves the result from rest to the
+//! pose.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | x | `points` | (P, 3) | canonical position, scene units |
 //! | F | `factors` | (P, 3, 3) | Σ = F·Fᵀ in the canonical pose, scene units |
 //! | w | `weights` | (P, K) | skinning weights |
-//! | C | `canonical` | (K, 3, 4), optional | canonical pose from rest; left out where rest is canonical, then T_C is the identity |
-//! | o | `offsets` | (P, 3), optional | what the pose adds to a point at rest, a constant |
+//! | C | `canonical` | (K, 3, 4), optional | canonical pose from rest; absent if the rest pose is canonical, then T_C is the identity |
+//! | o | `offsets` | (P, 3), optional | pose-dependent displacement of a point at rest, a constant |
 //! | y, H | `rest_points`, `rest_factors` | (P, 3), (P, 3, 3) | at rest |
 //!
 //! # Rounding
-//! f32. T_C is a left fold over the joints from +0; M_C⁻¹ by cofactors over the determinant; rows of three as (a + b) + c.
+//! All values are f32. T_C is a left fold over the joints from +0; M_C⁻¹ is the cofactors over the
+//! determinant; rows of three are (a + b) + c.
 //!
 //! # Kinks and domain
-//! No kinks. With `canonical`: at least one joint, and the determinant of every M_C has a size between 10⁻¹² and 10¹²; the usual big poses are far from
-//! either. [`In::check`] refuses others, a row of weights that is zero throughout among them; [`forward`] divides by the determinant without a check.
+//! There are no kinks. With `canonical` there is at least one joint, and the absolute value of the
+//! determinant of every M_C is between 10⁻¹² and 10¹²; common canonical poses are far from both limits.
+//! [`In::check`] refuses other values, including those from a row of zero weights; [`forward`] divides by the
+//! determinant without a check.
 //!
 //! # Adjoint
-//! x̄ += M_C⁻ᵀ ȳ, F̄ += M_C⁻ᵀ H̄; w̄_b += ⟨T̄_C, C_b⟩, T̄_C = −M_C⁻ᵀ (ȳ y₀ᵀ + H̄ Hᵀ, ȳ) with y₀ = y − o. Saved: y₀, H and M_C⁻¹ of every point.
+//! x̄ += M_C⁻ᵀ ȳ, F̄ += M_C⁻ᵀ H̄; w̄_b += ⟨T̄_C, C_b⟩, T̄_C = −M_C⁻ᵀ (ȳ y₀ᵀ + H̄ Hᵀ, ȳ) with y₀ = y − o. y₀,
+//! H and M_C⁻¹ of every point are saved.
 //!
 //! Twin: `reference::body::rest`.
 //!
@@ -29,7 +34,7 @@
 //! ```
 //! # use lastlight_kernels as lastlight;
 //! use lastlight::body::rest::{In, forward};
-//! // one joint, the canonical pose of which is a quarter turn about z and a step along x
+//! // one joint, whose canonical pose is a quarter turn about z and a translation along x
 //! let canonical = [[[0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]];
 //! let x = In { points: &[[1.0, 2.0, 0.5]], factors: &[[0.0; 9]], weights: &[1.0], canonical: Some(&canonical), offsets: None };
 //! assert_eq!(forward(&x).0.points, [[2.0, 0.0, 0.5]]);
@@ -40,60 +45,60 @@ use crate::math::affine::{inverse_linear, is_invertible};
 use crate::num::par;
 use crate::{Error, Result};
 
-/// Points of one task.
+/// Points per task.
 const BLOCK: usize = 256;
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub points: &'a [[f32; 3]],
-    /// (P, 3, 3)
+    /// Shape (P, 3, 3).
     pub factors: &'a [[f32; 9]],
-    /// (P, K)
+    /// Shape (P, K).
     pub weights: &'a [f32],
-    /// (K)
+    /// Shape (K).
     pub canonical: Option<&'a [Affine]>,
-    /// (P, 3)
+    /// Shape (P, 3).
     pub offsets: Option<&'a [[f32; 3]]>,
 }
 
-/// Results, or cotangents of them.
+/// Outputs or their cotangents.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Out {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub points: Vec<[f32; 3]>,
-    /// (P, 3, 3)
+    /// Shape (P, 3, 3).
     pub factors: Vec<[f32; 9]>,
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub points: Vec<[f32; 3]>,
-    /// (P, 3, 3)
+    /// Shape (P, 3, 3).
     pub factors: Vec<[f32; 9]>,
-    /// (P, K); empty when it is not wanted
+    /// Shape (P, K); empty if not requested.
     pub weights: Vec<f32>,
 }
 
-/// A point at rest, and what took it there.
+/// A point at rest, and the transform that maps it there.
 #[derive(Clone, Copy, Debug)]
 struct Rest {
-    /// y − o
+    /// Position at rest without the offset, y − o.
     place: [f32; 3],
-    /// H
+    /// Factor H at rest.
     h: [f32; 9],
-    /// M_C⁻¹; absent where rest is canonical
+    /// Inverse M_C⁻¹; absent if the rest pose is canonical.
     inverse: Option<[f32; 9]>,
 }
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug)]
 pub struct Saved(Vec<Rest>);
 
-/// Σ_b w_b C_b.
+/// Returns Σ_b w_b C_b.
 fn blend(weights: &[f32], bones: &[Affine]) -> Affine {
     let mut t = [[0.0; 4]; 3];
     for (&w, bone) in weights.iter().zip(bones) {
@@ -106,23 +111,23 @@ fn blend(weights: &[f32], bones: &[Affine]) -> Affine {
     t
 }
 
-/// The inverse of the linear part, row-major, and its determinant.
+/// Returns the inverse of the linear part, row-major, and its determinant.
 fn inverse(t: &Affine) -> ([f32; 9], f32) {
     let (m, det) = inverse_linear(&t.map(|row| [row[0], row[1], row[2]]));
     (std::array::from_fn(|e| m[e / 3][e % 3]), det)
 }
 
-/// M x.
+/// Returns M x.
 fn apply(m: &[f32; 9], x: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| (m[3 * i] * x[0] + m[3 * i + 1] * x[1]) + m[3 * i + 2] * x[2])
 }
 
-/// Mᵀ x.
+/// Returns Mᵀ x.
 fn apply_t(m: &[f32; 9], x: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|i| (m[i] * x[0] + m[3 + i] * x[1]) + m[6 + i] * x[2])
 }
 
-/// A B.
+/// Returns A B.
 fn product(a: &[f32; 9], b: &[f32; 9]) -> [f32; 9] {
     std::array::from_fn(|e| {
         let (i, j) = (e / 3, e % 3);
@@ -130,7 +135,7 @@ fn product(a: &[f32; 9], b: &[f32; 9]) -> [f32; 9] {
     })
 }
 
-/// Aᵀ B.
+/// Returns Aᵀ B.
 fn product_t(a: &[f32; 9], b: &[f32; 9]) -> [f32; 9] {
     std::array::from_fn(|e| {
         let (i, j) = (e / 3, e % 3);
@@ -138,7 +143,7 @@ fn product_t(a: &[f32; 9], b: &[f32; 9]) -> [f32; 9] {
     })
 }
 
-/// ⟨T̄, C⟩ of two affine transforms.
+/// Returns ⟨T̄, C⟩ of two affine transforms.
 fn inner(m_bar: &[f32; 9], t_bar: [f32; 3], bone: &Affine) -> f32 {
     let mut s = 0.0;
     for i in 0..3 {
@@ -154,7 +159,8 @@ impl In<'_> {
     /// Checks that T_C of every point has an inverse.
     ///
     /// # Errors
-    /// With `canonical`: when there is no joint, the weights are not (P, K), or a determinant is too small or too large; names the first such point.
+    /// With `canonical`, returns an error if there is no joint, if the weights are not (P, K), or if a
+    /// determinant is too small or too large; the error names the first such point.
     pub fn check(&self) -> Result<()> {
         let Some(bones) = self.canonical else { return Ok(()) };
         let wrong = |place: String| Error::input("body.rest").at(place);
@@ -187,10 +193,10 @@ impl In<'_> {
     }
 }
 
-/// Points and factors at rest, and what the adjoint needs.
+/// Returns points and factors at rest, and the intermediate values that the adjoint needs.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> (Out, Saved) {
     let rest = par::map_batched(x.points.len(), BLOCK, |p| x.at_rest(p));
     let moved = |(p, r): (usize, &Rest)| {
@@ -208,10 +214,10 @@ fn add<const K: usize>(to: &mut [f32; K], what: [f32; K]) {
 /// Adds the gradients for the cotangents `out_bar` to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or there is no joint.
+/// Panics if a buffer does not have the size of its shape, or if there is no joint.
 pub fn adjoint(x: &In<'_>, saved: &Saved, out_bar: &Out, x_bar: &mut InBar) {
     let k = x.canonical.map_or(1, <[Affine]>::len);
-    assert!(k > 0, "at least one joint");
+    assert!(k > 0, "there is at least one joint");
     let mut weights = x_bar.weights.chunks_mut(BLOCK * k);
     let tasks = (x_bar.points.chunks_mut(BLOCK))
         .zip(x_bar.factors.chunks_mut(BLOCK))

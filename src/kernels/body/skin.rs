@@ -1,28 +1,33 @@
 //! `body.skin`: linear blend skinning of points and of factors of covariances.
 //!
-//! T_p = Σ_b w_pb G_b,   x'_p = M_p x_p + t_p,   F'_p = M_p F_p,   M_p = linear part of T_p, t_p its last column
+//! T_p = Σ_b w_pb G_b,   x'_p = M_p x_p + t_p,   F'_p = M_p F_p,
+//! M_p = linear part of T_p, t_p its last column
 //!
 //! | symbol | argument | shape | unit, range |
 //! |--------|----------|-------|-------------|
 //! | x | `points` | (P, 3) | rest position, scene units |
-//! | w | `weights` | (P, K) | usually ≥ 0 with rows that sum to 1; used as they are |
+//! | w | `weights` | (P, K) | usually ≥ 0 with rows that sum to 1; not normalised here |
 //! | G | `transforms` | (K, 4, 4) | posed from rest, affine: the last row is 0 0 0 1 and is not read |
 //! | F | `factors` | (P, 3, 3), optional | Σ = F·Fᵀ at rest, scene units |
 //! | x' | `skinned` | (P, 3) | posed position, scene units |
-//! | F' | `skinned_factors` | (P, 3, 3) | Σ' = F'·F'ᵀ = M Σ Mᵀ: a blend of rotations is no rotation, so Σ' has no quaternion form |
+//! | F' | `skinned_factors` | (P, 3, 3) | Σ' = F'·F'ᵀ = M Σ Mᵀ: a blend of rotations is not a rotation, so Σ' has no quaternion form |
 //!
 //! # Rounding
-//! f32. T_p: from +0 a left fold over the bones in their order, product and sum rounded separately; bones of weight 0 are skipped, which changes no bit. A row of
-//! M·x + t is ((M₀x₀ + M₁x₁) + M₂x₂) + t, an entry of M·F the same without t.
+//! All values are f32. T_p is a left fold over the bones in their order from +0, with product and sum rounded
+//! separately; bones of weight 0 are skipped, which changes no bit. A row of M·x + t is ((M₀x₀ + M₁x₁) +
+//! M₂x₂) + t; an entry of M·F is the same without t.
 //!
 //! # Kinks and domain
-//! Polynomial in every input: no kinks. Weights need not sum to 1; a row of zeros gives the origin.
+//! The outputs are polynomial in every input, so there are no kinks. Weights need not sum to 1; a row of
+//! zeros gives the origin.
 //!
 //! # Adjoint
-//! x̄ += Mᵀ x̄',   F̄ += Mᵀ F̄',   T̄ = (x̄' xᵀ + F̄' Fᵀ, x̄'),   w̄_pb += ⟨T̄_p, G_b⟩,   Ḡ_b += Σ_p w_pb T̄_p
+//! x̄ += Mᵀ x̄',   F̄ += Mᵀ F̄',   T̄ = (x̄' xᵀ + F̄' Fᵀ, x̄'),   w̄_pb += ⟨T̄_p, G_b⟩,
+//! Ḡ_b += Σ_p w_pb T̄_p
 //!
-//! T_p is computed again. Products of three are left folds; an entry of T̄ begins with x̄'·x; ⟨ , ⟩ is a left fold over its twelve entries, row by
-//! row. Ḡ is summed in f64: a left fold over the points of each block of 256, blocks by the pairwise tree, rounded once. Last rows get no gradient.
+//! T_p is recomputed. Products of three are left folds; an entry of T̄ begins with x̄'·x; ⟨ , ⟩ is a left
+//! fold over its twelve entries, row by row. Ḡ is summed in f64: a left fold over the points of each block of
+//! 256, blocks by the pairwise tree, rounded once. The last rows get no gradient.
 //!
 //! Twin: `reference::body::skin`.
 //!
@@ -39,7 +44,7 @@
 
 use crate::num::{order, par, sum};
 
-/// Points per task; part of the rounding of Ḡ.
+/// Points per task; the value is part of the rounding of Ḡ.
 const BLOCK: usize = 256;
 
 /// Upper three rows of an affine transform.
@@ -48,40 +53,40 @@ type Affine = [[f32; 4]; 3];
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub points: &'a [[f32; 3]],
-    /// (P, K)
+    /// Shape (P, K).
     pub weights: &'a [f32],
-    /// (K, 4, 4)
+    /// Shape (K, 4, 4).
     pub transforms: &'a [[f32; 16]],
-    /// (P, 3, 3); empty when there are none
+    /// Shape (P, 3, 3); empty if there are none.
     pub factors: &'a [[f32; 9]],
 }
 
-/// Results, or cotangents of them.
+/// Outputs or their cotangents.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Out {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub skinned: Vec<[f32; 3]>,
-    /// (P, 3, 3); empty when there are no factors
+    /// Shape (P, 3, 3); empty if there are no factors.
     pub skinned_factors: Vec<[f32; 9]>,
 }
 
-/// Gradients, accumulated into; those that are not wanted are empty.
+/// Gradients; the adjoint adds to them. Those that are not requested are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub points: Vec<[f32; 3]>,
-    /// (P, K)
+    /// Shape (P, K).
     pub weights: Vec<f32>,
-    /// (K, 4, 4)
+    /// Shape (K, 4, 4).
     pub transforms: Vec<[f32; 16]>,
-    /// (P, 3, 3)
+    /// Shape (P, 3, 3).
     pub factors: Vec<[f32; 9]>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         Self {
             points: vec![[0.0; 3]; x.points.len()],
@@ -95,17 +100,20 @@ impl InBar {
 impl In<'_> {
     fn check(&self) {
         let (points, bones) = (self.points.len(), self.transforms.len());
-        assert!(bones > 0, "at least one bone");
-        assert_eq!(self.weights.len(), points * bones, "a weight per point and bone");
-        assert!(self.factors.is_empty() || self.factors.len() == points, "a factor per point, or none");
+        assert!(bones > 0, "there is at least one bone");
+        assert_eq!(self.weights.len(), points * bones, "weights are (P, K)");
+        assert!(
+            self.factors.is_empty() || self.factors.len() == points,
+            "there is one factor per point, or none"
+        );
     }
 
-    /// Weights of a point.
+    /// Returns the weights of a point.
     fn weights_of(&self, p: usize) -> &[f32] {
         &self.weights[p * self.transforms.len()..][..self.transforms.len()]
     }
 
-    /// T_p.
+    /// Returns T_p.
     fn blend(&self, p: usize) -> Affine {
         let mut t = [[0.0; 4]; 3];
         for (w, g) in self.weights_of(p).iter().zip(self.transforms).filter(|(w, _)| **w != 0.0) {
@@ -119,7 +127,7 @@ impl In<'_> {
     }
 }
 
-/// Three products, added from the left.
+/// Returns the sum of three products, added from the left.
 #[inline(always)]
 fn three(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -135,10 +143,10 @@ fn linear(t: &Affine) -> [[f32; 3]; 3] {
     t.map(|[a, b, c, _]| [a, b, c])
 }
 
-/// Posed points and factors.
+/// Returns posed points and factors.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or there are no bones.
+/// Panics if a buffer does not have the size of its shape, or if there are no bones.
 pub fn forward(x: In<'_>) -> Out {
     x.check();
     let blocks = par::map(x.points.len().div_ceil(BLOCK), |block| {
@@ -168,26 +176,26 @@ struct Task<'a> {
     factors: &'a mut [[f32; 9]],
 }
 
-/// Adds the gradients for the cotangents `out_bar` to `x_bar`; factors' cotangents may be left out.
+/// Adds the gradients for the cotangents `out_bar` to `x_bar`; the cotangents of the factors may be empty.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or there are no bones.
+/// Panics if a buffer does not have the size of its shape, or if there are no bones.
 pub fn adjoint(x: In<'_>, out_bar: &Out, x_bar: &mut InBar) {
     x.check();
     let (points, bones) = (x.points.len(), x.transforms.len());
-    assert_eq!(out_bar.skinned.len(), points, "a cotangent per point");
+    assert_eq!(out_bar.skinned.len(), points, "there is one cotangent per point");
     assert!(
         out_bar.skinned_factors.is_empty() || out_bar.skinned_factors.len() == x.factors.len(),
-        "a cotangent per factor, or none"
+        "there is one cotangent per factor, or none"
     );
     let fits = |have: usize, want: usize| have == 0 || have == want;
     assert!(
         fits(x_bar.points.len(), points) && fits(x_bar.factors.len(), x.factors.len()),
-        "shapes of points"
+        "gradients of points and factors have P rows"
     );
     assert!(
         fits(x_bar.weights.len(), x.weights.len()) && fits(x_bar.transforms.len(), bones),
-        "shapes of weights and transforms"
+        "gradients of weights and transforms have the shapes of the inputs"
     );
     let mut parts = (
         x_bar.points.chunks_mut(BLOCK),
@@ -213,7 +221,7 @@ pub fn adjoint(x: In<'_>, out_bar: &Out, x_bar: &mut InBar) {
     }
 }
 
-/// One block of points; returns its part of Ḡ (K, 3, 4), empty where that is not wanted.
+/// Processes one block of points and returns its part of Ḡ (K, 3, 4), which is empty if not requested.
 fn block_adjoint(x: &In<'_>, out_bar: &Out, block: usize, task: Task<'_>, with_transforms: bool) -> Vec<f64> {
     let bones = x.transforms.len();
     let first = block * BLOCK;

@@ -1,9 +1,9 @@
-//! `causal.acyclic`: how far a weighted graph is from having no cycle.
+//! `causal.acyclic`: a measure of the cycles of a weighted graph, which is 0 exactly for acyclic graphs.
 //!
 //! h = tr((I + αH)ⁿ) − n,   H = A∘A
 //!
-//! Source: DAG-GNN (Yu et al. 2019), eq. 13, with α free. h = 0 exactly on graphs without cycles, h > 0 on all others, for
-//! every α > 0.
+//! Source: LAST, eq. 6; DAG-GNN (Yu et al. 2019), eq. 13, with α free. For every α > 0, h is exactly 0 on
+//! acyclic graphs and positive on all others.
 //!
 //! | symbol | argument | shape  | range  |
 //! |--------|----------|--------|--------|
@@ -12,17 +12,18 @@
 //! | h      | `value`  | ()     | ≥ 0    |
 //!
 //! # Rounding
-//! The identity is never formed: with B = αH, Eₜ = (I + B)ᵗ − I obeys E₁ = B, Eₜ₊₁ = (Eₜ + B) + EₜB, and h = tr Eₙ. No term is
-//! negative, so nothing cancels, and small cycles keep their relative accuracy. On a graph without cycles every term of the
-//! trace has a factor 0: h is exactly 0. Products are left folds over the inner index from +0.
+//! The identity matrix is never formed: with B = αH, Eₜ = (I + B)ᵗ − I obeys E₁ = B, Eₜ₊₁ = (Eₜ + B) + EₜB,
+//! and h = tr Eₙ. No term is negative, so nothing cancels, and weak cycles keep their relative accuracy. On
+//! an acyclic graph every term of the trace has a factor 0, so h is exactly 0. Products are left folds over
+//! the inner index from +0.
 //!
 //! # Kinks and domain
-//! None. α ≤ 0 is refused by the operator list.
+//! There are no kinks. The operator list refuses α ≤ 0.
 //!
 //! # Adjoint
 //! Ā += h̄·2nα (I + Eₙ₋₁)ᵀ ∘ A
 //!
-//! It vanishes with A: on a graph without cycles it is 0 at every entry.
+//! On an acyclic graph the gradient is 0 at every entry.
 //!
 //! # Example
 //! ```
@@ -32,17 +33,17 @@
 //! assert_eq!(acyclic::forward(&[0.0, 1.0, 0.5, 0.0], 2, 1.0).0, 0.5); // 2αα·1²·0.5²
 //! ```
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Saved {
-    /// Eₙ₋₁ (n, n); zeros for n ≤ 1
+    /// Eₙ₋₁ (n, n); zeros for n ≤ 1.
     pub power: Vec<f64>,
 }
 
-/// h, and what the adjoint needs.
+/// Returns h and the intermediate values that the adjoint needs.
 ///
 /// # Panics
-/// When `a` is not (n, n).
+/// Panics if `a` is not (n, n).
 pub fn forward(a: &[f64], n: usize, alpha: f64) -> (f64, Saved) {
     assert_eq!(a.len(), n * n, "a is (n, n)");
     let b: Vec<f64> = a.iter().map(|a| alpha * (a * a)).collect();
@@ -64,7 +65,7 @@ pub fn forward(a: &[f64], n: usize, alpha: f64) -> (f64, Saved) {
 /// Adds the gradient for the cotangent `value_bar` to `a_bar`.
 ///
 /// # Panics
-/// When a buffer is not (n, n).
+/// Panics if a buffer is not (n, n).
 pub fn adjoint(a: &[f64], n: usize, alpha: f64, saved: &Saved, value_bar: f64, a_bar: &mut [f64]) {
     assert!(a.len() == n * n && a_bar.len() == n * n, "arrays are (n, n)");
     let scale = value_bar * (2.0 * n as f64 * alpha);

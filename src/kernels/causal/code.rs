@@ -1,22 +1,25 @@
-//! `causal.code`: the code of a value that an intervention set, from its label.
+//! `causal.code`: the latent code of the value that an intervention set, computed from its label.
 //!
-//! c_g = v_g w_i,   i = target of group g,   w_i = (1, w_i2, …, w_ik)                             (supervision `labels`; chapter *Learned causes*, "How it is trained")
+//! c_g = v_g w_i,   i = target of group g,   w_i = (1, w_i2, …, w_ik)
+//!
+//! This form is used with supervision `labels` (chapter *Learned causes*, "How it is trained").
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
 //! | v | `labels` | (G) | finite, constants |
 //! | i | `target` | (G) | 0 … n − 1 |
-//! | w | `values` | (n, k) | finite; the first number of a row is 1 and is not read |
+//! | w | `values` | (n, k) | finite; the first entry of a row is 1 and is not read |
 //! | c | `codes` | (G, k) | |
 //!
 //! # Rounding
-//! f64, one product per entry.
+//! All values are f64; there is one product per entry.
 //!
 //! # Kinks and domain
-//! None.
+//! There are no kinks.
 //!
 //! # Adjoint
-//! w̄_i += Σ over groups of target i of v_g c̄_g, in index order; the first number of a row gets none. Nothing is saved.
+//! w̄_i += Σ over groups of target i of v_g c̄_g, in index order; the first entry of a row gets no gradient.
+//! Nothing is saved.
 //!
 //! Twin: `reference::causal::code`.
 //!
@@ -31,13 +34,13 @@
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (G)
+    /// Shape (G).
     pub labels: &'a [f64],
-    /// (G)
+    /// Shape (G).
     pub target: &'a [usize],
-    /// (n, k)
+    /// Shape (n, k).
     pub values: &'a [f64],
-    /// k
+    /// Number of dimensions per factor, k.
     pub k: usize,
 }
 
@@ -48,10 +51,10 @@ impl In<'_> {
     }
 }
 
-/// c (G, k).
+/// Returns c (G, k).
 ///
 /// # Panics
-/// When a target is not a factor, or an array does not have the size of its shape.
+/// Panics if a target is not a factor, or if an array does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> Vec<f64> {
     x.hold_to_shapes();
     let code = |i: usize, c: usize| if c == 0 { 1.0 } else { x.values[i * x.k + c] };
@@ -62,12 +65,12 @@ pub fn forward(x: &In<'_>) -> Vec<f64> {
 /// Adds the gradient for the cotangent `codes_bar` (G, k) to `values_bar` (n, k).
 ///
 /// # Panics
-/// When a target is not a factor, or an array does not have the size of its shape.
+/// Panics if a target is not a factor, or if an array does not have the size of its shape.
 pub fn adjoint(x: &In<'_>, codes_bar: &[f64], values_bar: &mut [f64]) {
     x.hold_to_shapes();
     assert!(
         codes_bar.len() == x.target.len() * x.k && values_bar.len() == x.values.len(),
-        "cotangents of that shape"
+        "codes_bar is (G, k), values_bar is (n, k)"
     );
     for ((bar, i), v) in codes_bar.chunks_exact(x.k).zip(x.target).zip(x.labels) {
         for c in 1..x.k {

@@ -1,6 +1,9 @@
-//! `causal.edges`: the cost of edge probabilities, and of their distance from earlier ones.
+//! `causal.edges`: a penalty on edge probabilities and on their change from earlier values.
 //!
-//! L = Σ over i ≠ j of w p_ij + a (p_ij − q_ij)²                                        (LAST: sparsity, and the anchor of fine-tuning)
+//! L = Σ over i ≠ j of w p_ij + a (p_ij − q_ij)²
+//!
+//! In LAST, the first term makes the graph sparse, and the second anchors fine-tuning to the pre-trained
+//! graph.
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
@@ -10,10 +13,11 @@
 //! | L | return | () | ≥ 0 |
 //!
 //! # Rounding
-//! f64; a left fold over the entries from +0, both terms of an entry added first. The adjoint adds its two terms to p̄_ij one after the other.
+//! All values are f64; L is a left fold over the entries from +0, and both terms of an entry are added first.
+//! The adjoint adds its two terms to p̄_ij one after the other.
 //!
 //! # Kinks and domain
-//! None.
+//! There are no kinks.
 //!
 //! # Adjoint
 //! p̄_ij += L̄ (w + 2 a (p_ij − q_ij)) for i ≠ j. Nothing is saved.
@@ -31,21 +35,21 @@
 /// Weights of the two terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// w
+    /// Weight w of the sparsity term.
     pub sparsity: f64,
-    /// a
+    /// Weight a of the anchor term.
     pub anchor: f64,
 }
 
-/// Entries that are no diagonal.
+/// Iterates over the entries off the diagonal.
 fn between(n: usize) -> impl Iterator<Item = usize> {
     (0..n * n).filter(move |at| at / n != at % n)
 }
 
-/// L.
+/// Returns L.
 ///
 /// # Panics
-/// When an array is not (n, n).
+/// Panics if an array is not (n, n).
 pub fn forward(w: &Weights, probabilities: &[f64], before: &[f64], n: usize) -> f64 {
     between(n).fold(0.0, |sum, at| {
         let p = probabilities[at];
@@ -57,7 +61,7 @@ pub fn forward(w: &Weights, probabilities: &[f64], before: &[f64], n: usize) -> 
 /// Adds the gradient for the cotangent `value_bar` to `probabilities_bar` (n, n).
 ///
 /// # Panics
-/// When an array is not (n, n).
+/// Panics if an array is not (n, n).
 pub fn adjoint(
     w: &Weights,
     probabilities: &[f64],

@@ -1,41 +1,44 @@
-//! `causal.independence`: mutual information between the factors of an aggregated posterior, were it Gaussian.
+//! `causal.independence`: mutual information between the factors of an aggregated posterior, under a Gaussian
+//! approximation.
 //!
 //! C = (1/B) Σ_b (m_b − m̄)(m_b − m̄)ᵀ + (I−Wᵀ) diag(ē) (I−W),   ē = (1/B) Σ_b e^ℓ_b
 //! Σ = share·C + carried + δI
 //! Iᵢⱼ = ½ (ln det Σᵢᵢ + ln det Σⱼⱼ − ln det Σ₍ᵢⱼ₎),   L = Σ_{i<j} aᵢⱼ Iᵢⱼ
 //! form total:   L = ½ (Σᵢ ln det Σᵢᵢ − ln det Σ)
 //!
-//! Source: law of total covariance; Cover & Thomas 2006, §8.4. Nothing is sampled. L = 0 exactly when the blocks are uncorrelated; for
-//! aggregates that are not Gaussian it measures second moments only. Under independence Iᵢⱼ is k²/(2B) on average.
+//! Source: the law of total covariance; Cover & Thomas 2006, §8.4. It replaces LAST, eq. 5, which names no
+//! estimator. No sampling is involved. L is exactly 0 if the blocks are uncorrelated; for aggregates that are
+//! not Gaussian it measures second moments only. For independent factors the mean of Iᵢⱼ is k²/(2B).
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
-//! | m      | `mu`     | (B, n, k) | posterior means: of the causes, or of the factors for a literal reading |
+//! | m      | `mu`     | (B, n, k) | posterior means of the causes, or of the factors in the literal reading |
 //! | ℓ      | `logvar` | (B, n, k) | ln of the posterior variance, at most 700 |
-//! | W      | `mask`, `weight` | (n, n) | Ã∘Ω without its diagonal: ℓ is that of the factors, and reaches the causes through edges; absent: W = 0 |
+//! | W      | `mask`, `weight` | (n, n) | Ã∘Ω without its diagonal: ℓ is then that of the factors, and reaches the causes through edges; absent: W = 0 |
 //! | a      | `among`  | (n, n) | weights of the pairs, read above the diagonal; absent: 1 |
 //! |        | `carried` | (d, d) | weighted covariances of earlier batches, d = n·k; constant; absent: 0 |
-//! |        | `share`  | () | weight of this batch, above 0; 1 without earlier ones |
+//! |        | `share`  | () | weight of this batch, above 0; 1 if there are no earlier batches |
 //! | δ      | `ridge`  | () | ≥ 0 |
 //! | L      | `value`  | () | nats, ≥ 0 up to rounding |
 //!
 //! # Rounding
-//! Means and C are left folds over b, then one division; with edges the noise is Σᵢ (M(j,i)·M(l,i))·ē, M = I − Wᵀ, a left fold over
-//! i. Determinants are products of Cholesky pivots, row by row: the first k rows of Σ₍ᵢⱼ₎ factor as Σᵢᵢ does, so
-//! Iᵢⱼ = Σ_c ln(pivot of Σⱼⱼ / pivot of Σ₍ᵢⱼ₎ in the same row), exactly 0 where the block between i and j is 0. Pairs are added in order.
+//! Means and C are left folds over b, followed by one division; with edges the noise is Σᵢ (M(j,i)·M(l,i))·ē,
+//! M = I − Wᵀ, a left fold over i. Determinants are products of Cholesky pivots, row by row: the first k rows
+//! of Σ₍ᵢⱼ₎ factor as Σᵢᵢ does, so Iᵢⱼ = Σ_c ln(pivot of Σⱼⱼ / pivot of Σ₍ᵢⱼ₎ in the same row), which is
+//! exactly 0 if the block between i and j is 0. Pairs are added in order.
 //!
 //! # Kinks and domain
-//! Smooth where Σ is positive definite; a pivot that is not positive is an `Error`.
+//! The function is smooth where Σ is positive definite; a pivot that is not positive is an `Error`.
 //!
 //! # Adjoint
-//! G = ½ Σ aᵢⱼ (blkdiag(Σᵢᵢ⁻¹, Σⱼⱼ⁻¹) − Σ₍ᵢⱼ₎⁻¹) on the pairs' rows and columns; v = share·L̄
+//! G = ½ Σ aᵢⱼ (blkdiag(Σᵢᵢ⁻¹, Σⱼⱼ⁻¹) − Σ₍ᵢⱼ₎⁻¹) on the rows and columns of each pair;   v = share·L̄
 //! m̄_b += (2v/B) G (m_b − m̄),   ℓ̄_b += (v/B) diag(MᵀGM)∘e^ℓ_b,   W̄ᵢⱼ −= 2v Σ_c Σ_l G(jc,lc) M(l,i) ē(i,c)
 //!
 //! # Example
 //! ```
 //! # use lastlight_kernels as lastlight;
 //! use lastlight::causal::independence::{In, forward};
-//! // two numbers with correlation ½: −½ ln(1 − ρ²)
+//! // two variables with correlation ρ: the value is −½ ln(1 − ρ²)
 //! let mu = [1.0, 1.0, -1.0, -1.0, 1.0, 0.0, -1.0, 0.0];
 //! let x = In { ridge: 0.0, ..In::new(&mu, &[-800.0; 8], 4, 2, 1) };
 //! let rho = 1.0 / 2.0_f64.sqrt();
@@ -47,57 +50,57 @@ use crate::Result;
 use crate::math::dense::{self, NotPositive};
 use crate::num::elem::f64::{exp, ln};
 
-/// δ where nothing else is said.
+/// Default value of δ.
 pub const RIDGE: f64 = 1e-4;
 
 /// Edges of a linear mechanism.
 #[derive(Clone, Copy, Debug)]
 pub struct Edges<'a> {
-    /// (n, n)
+    /// Shape (n, n).
     pub mask: &'a [f64],
-    /// (n, n)
+    /// Shape (n, n).
     pub weight: &'a [f64],
 }
 
-/// What is added up.
+/// The set of dependences that are added up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
-    /// every pair of factors
+    /// Mutual information of every pair of factors.
     #[default]
     Pairs,
-    /// all factors at once, dependences of higher order included
+    /// Total correlation of all factors, which includes dependences of higher order.
     Total,
 }
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub mu: &'a [f64],
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub logvar: &'a [f64],
-    /// how the noise of parents reaches the causes
+    /// Edges through which the noise of parents reaches the causes.
     pub edges: Option<Edges<'a>>,
-    /// (n, n)
+    /// Weights of the pairs, shape (n, n); all 1 if absent.
     pub among: Option<&'a [f64]>,
-    /// (n·k, n·k)
+    /// Weighted covariances of earlier batches, shape (n·k, n·k).
     pub carried: Option<&'a [f64]>,
-    /// weight of this batch
+    /// Weight of this batch.
     pub share: f64,
-    /// δ
+    /// Ridge δ that is added to the diagonal.
     pub ridge: f64,
-    /// what is added up
+    /// The set of dependences that are added up.
     pub form: Form,
-    /// samples B
+    /// Number of samples B.
     pub batch: usize,
-    /// factors n
+    /// Number of factors n.
     pub n: usize,
-    /// numbers of a factor k
+    /// Number of dimensions per factor, k.
     pub k: usize,
 }
 
 impl<'a> In<'a> {
-    /// One batch by itself, all pairs, [`RIDGE`].
+    /// Inputs of a single batch with all pairs and the default [`RIDGE`].
     pub fn new(mu: &'a [f64], logvar: &'a [f64], batch: usize, n: usize, k: usize) -> Self {
         let form = Form::Pairs;
         Self {
@@ -116,21 +119,21 @@ impl<'a> In<'a> {
     }
 }
 
-/// Gradients, accumulated into; those of edges are empty without edges.
+/// Gradients; the adjoint adds to them. Those of the edges are empty if there are no edges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InBar {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub mu: Vec<f64>,
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub logvar: Vec<f64>,
-    /// (n, n)
+    /// Shape (n, n).
     pub mask: Vec<f64>,
-    /// (n, n)
+    /// Shape (n, n).
     pub weight: Vec<f64>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         let zeros = |len| vec![0.0; len];
         let edges = x.edges.map_or(0, |_| x.n * x.n);
@@ -138,34 +141,34 @@ impl InBar {
     }
 }
 
-/// What the adjoint needs, and what reports show.
+/// Intermediate values that the adjoint needs, and values that reports print.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Saved {
-    /// C (d, d), of this batch alone
+    /// Covariance C of this batch alone, shape (d, d).
     pub covariance: Vec<f64>,
-    /// Iᵢⱼ (n, n), symmetric, without the weights of pairs
+    /// Mutual information Iᵢⱼ, shape (n, n), symmetric, without the weights of pairs.
     pub information: Vec<f64>,
-    /// m̄ (d)
+    /// Mean m̄, shape (d).
     mean: Vec<f64>,
-    /// ē (d)
+    /// Mean noise variance ē, shape (d).
     noise: Vec<f64>,
-    /// G (d, d)
+    /// Derivative G by the covariance, shape (d, d).
     slope: Vec<f64>,
 }
 
-/// The triangle of some rows and columns of Σ.
+/// The Cholesky factor of some rows and columns of Σ.
 struct Triangle {
     size: usize,
     l: Vec<f64>,
 }
 
 impl Triangle {
-    /// Of the rows and columns `at` of a (d, d) matrix.
+    /// Factors the rows and columns `at` of a (d, d) matrix.
     fn new(matrix: &[f64], d: usize, at: &[usize]) -> Result<Self> {
         let part: Vec<f64> = at.iter().flat_map(|r| at.iter().map(move |c| matrix[r * d + c])).collect();
         let l = dense::cholesky(&part, at.len()).map_err(|e| {
             let e = NotPositive { row: at[e.row], ..e };
-            e.of("causal.independence").hint("a larger ridge, or more samples than numbers")
+            e.of("causal.independence").hint("use a larger ridge, or more samples than dimensions")
         })?;
         Ok(Self { size: at.len(), l })
     }
@@ -187,7 +190,7 @@ impl Triangle {
     }
 }
 
-/// M = I − Wᵀ (n, n): M(j,i) is how factor i enters cause j.
+/// Returns M = I − Wᵀ (n, n), where M(j,i) is the coefficient of factor i in cause j.
 fn entering(x: &In<'_>) -> Vec<f64> {
     let n = x.n;
     let w = |i: usize, j: usize| x.edges.map_or(0.0, |e| e.mask[i * n + j] * e.weight[i * n + j]);
@@ -196,7 +199,7 @@ fn entering(x: &In<'_>) -> Vec<f64> {
 
 fn check(x: &In<'_>) -> usize {
     let (n, d) = (x.n, x.n * x.k);
-    assert!(x.batch > 0 && d > 0, "there are samples, factors, and numbers in them");
+    assert!(x.batch > 0 && d > 0, "batch, n and k are at least 1");
     assert!(x.mu.len() == x.batch * d && x.logvar.len() == x.mu.len(), "mu and logvar are (B, n, k)");
     assert!(
         x.edges.is_none_or(|e| e.mask.len() == n * n && e.weight.len() == n * n),
@@ -207,13 +210,13 @@ fn check(x: &In<'_>) -> usize {
     d
 }
 
-/// L, and what the adjoint needs.
+/// Returns L and the intermediate values that the adjoint needs.
 ///
 /// # Errors
-/// When the covariance is not positive definite.
+/// Returns an error if the covariance is not positive definite.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> Result<(f64, Saved)> {
     let d = check(x);
     let (n, k, count) = (x.n, x.k, x.batch as f64);
@@ -236,7 +239,8 @@ pub fn forward(x: &In<'_>) -> Result<(f64, Saved)> {
     let rows = |i: usize| (i * k..(i + 1) * k).collect::<Vec<_>>();
     let blocks = (0..n).map(|i| Triangle::new(&sum, d, &rows(i))).collect::<Result<Vec<_>>>()?;
     let (mut information, mut slope, mut value) = (vec![0.0; n * n], vec![0.0; d * d], 0.0);
-    // Σ_c ln(pivot alone / pivot after others) over the rows of a block that begin at `from` in the larger matrix
+    // Σ_c ln(pivot alone / pivot after others) over the rows of a block that begin at `from` in the larger
+    // matrix
     let gained = |alone: &Triangle, after: &Triangle, from: usize| {
         (0..k).fold(0.0, |sum, c| sum + ln(alone.pivot(c) / after.pivot(from + c)))
     };
@@ -269,7 +273,7 @@ pub fn forward(x: &In<'_>) -> Result<(f64, Saved)> {
 /// Adds the gradients for the cotangent `value_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f64, bar: &mut InBar) {
     let d = check(x);
     let (n, k) = (x.n, x.k);
@@ -278,7 +282,7 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f64, bar: &mut InBar) {
     let m = entering(x);
     let v = x.share * value_bar;
     let each = v / x.batch as f64;
-    // diag(MᵀGM): how the noise of a factor's number moves L
+    // diag(MᵀGM): the derivative of L by the noise variance of each dimension
     let by_noise: Vec<f64> = (0..d)
         .map(|p| (p / k, p % k))
         .map(|(i, c)| {
@@ -305,20 +309,22 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f64, bar: &mut InBar) {
     }
 }
 
-/// Covariances of earlier batches, latest first: what a small batch lacks in samples.
+/// Covariances of earlier batches, latest first, which compensate for a small batch size.
 ///
-/// The latest batch weighs 1, those before it ½, ¼, ⅛, …, normalised over those there are. State of a training run: arrays.
+/// The latest batch has the weight 1, those before it ½, ¼, ⅛, …, normalised over the available batches. The
+/// history is part of the state of a training run and is stored as arrays.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct History {
-    /// covariances (d, d), latest first
+    /// Covariances, each (d, d), latest first.
     pub past: Vec<Vec<f64>>,
 }
 
 impl History {
-    /// Batches taken together, the current one included.
+    /// Number of batches that are combined, including the current one.
     pub const BATCHES: usize = 4;
 
-    /// `share` of the current batch and `carried` of the earlier ones; none are carried before the first.
+    /// Returns `share` of the current batch and `carried` of the earlier ones; `carried` is `None` for the
+    /// first batch.
     pub fn carried(&self) -> (f64, Option<Vec<f64>>) {
         let raw = |age: usize| (0..age).fold(1.0, |weight, _| 0.5 * weight);
         let total = (0..=self.past.len()).fold(0.0, |sum, age| sum + raw(age));
@@ -330,7 +336,7 @@ impl History {
         (raw(0) / total, carried)
     }
 
-    /// Takes in the covariance of a batch that is over; the oldest leaves.
+    /// Adds the covariance of a completed batch; the oldest is removed.
     pub fn push(&mut self, covariance: Vec<f64>) {
         self.past.insert(0, covariance);
         self.past.truncate(Self::BATCHES - 1);
@@ -344,7 +350,7 @@ mod tests {
     #[test]
     fn weights_of_batches_halve_and_add_up() {
         let mut history = History::default();
-        assert_eq!(history.carried(), (1.0, None), "the first batch stands alone");
+        assert_eq!(history.carried(), (1.0, None), "the first batch has no history");
         for batch in 1..=5 {
             history.push(vec![f64::from(batch)]);
         }
@@ -357,7 +363,7 @@ mod tests {
 
     #[test]
     fn blocks_without_covariance_have_no_information_in_bits() {
-        // means of two factors of two numbers that never differ from 0 in the same sample
+        // means of two two-dimensional factors that never differ from 0 in the same sample
         let mu = [1.0, 2.0, 0.0, 0.0, -1.0, -2.0, 0.0, 0.0, 0.0, 0.0, 3.0, 0.5, 0.0, 0.0, -3.0, -0.5];
         let (value, saved) = forward(&In::new(&mu, &[-1.0; 16], 4, 2, 2)).expect("positive definite");
         assert_eq!((value, saved.information[1]), (0.0, 0.0), "exactly");

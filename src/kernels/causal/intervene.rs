@@ -1,27 +1,28 @@
-//! `causal.intervene`: the structure with one factor of every sample set to a value.
+//! `causal.intervene`: the structural model with one factor of every sample set to a value.
 //!
-//! Z = S(ε; do(i, v)):   Ã(·,i) := 0,   εᵢ := v,   then the sweeps of [`super::structure`]
+//! Z = S(ε; do(i, v)):   Ã(·,i) := 0,   εᵢ := v,   followed by the sweeps of [`super::structure`]
 //!
-//! Source: Pearl 2009, §3.2: the equation of the factor is replaced, all others stay. Targets and values differ from
-//! sample to sample; a sample may have none.
+//! Source: Pearl 2009, §3.2: the equation of the factor is replaced, and all others are kept. Targets and
+//! values differ from sample to sample; a sample may have no target.
 //!
 //! | symbol | argument | shape  | range |
 //! |--------|----------|--------|-------|
 //! | i      | `target` | (B)    | 0 … n − 1, or −1 (here `None`) for no intervention |
-//! | v      | `value`  | (B, k) | finite; not read without a target |
+//! | v      | `value`  | (B, k) | finite; not read if there is no target |
 //!
-//! All else as in `structure`.
+//! All other arguments are those of `structure`.
 //!
 //! # Rounding
-//! As in `structure`. The factor is v in every sweep, in bits. Factors that are no descendants of it have the bits of the sweeps
-//! without intervention; what would be added from a column of zeros is exactly 0.
+//! As in `structure`. In every sweep the factor has exactly the bits of v. Factors that are not its
+//! descendants have the bits of the sweeps without intervention; the contribution of a column of zeros is
+//! exactly 0.
 //!
 //! # Kinks and domain
 //! As in `structure`.
 //!
 //! # Adjoint
-//! That of `structure` per sample without column i: v̄ += Σ over sweeps of Z̄ᵢ; the cause εᵢ, the edges into i and network i get
-//! nothing from the sample.
+//! The adjoint is that of `structure` per sample without column i: v̄ += Σ over sweeps of Z̄ᵢ. The cause εᵢ,
+//! the edges into i and network i get no gradient from the sample.
 //!
 //! # Example
 //! ```
@@ -41,25 +42,25 @@ use super::structure::{self, Hold, Saved};
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// the structure and its causes
+    /// The structural model and its causes.
     pub given: structure::In<'a>,
-    /// (B)
+    /// Target of each sample, shape (B).
     pub target: &'a [Option<usize>],
-    /// (B, k)
+    /// Value of each sample, shape (B, k).
     pub value: &'a [f64],
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InBar {
-    /// of the structure and its causes
+    /// Gradients of the structural model and its causes.
     pub given: structure::InBar,
-    /// (B, k)
+    /// Shape (B, k).
     pub value: Vec<f64>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         Self { given: structure::InBar::zeros_like(&x.given), value: vec![0.0; x.value.len()] }
     }
@@ -73,15 +74,18 @@ impl<'a> In<'a> {
 
     fn check(&self) {
         let (batch, n, k) = (self.given.batch, self.given.n, self.given.k);
-        assert!(self.target.len() == batch && self.value.len() == batch * k, "a target and a value each");
+        assert!(
+            self.target.len() == batch && self.value.len() == batch * k,
+            "target is (B), value is (B, k)"
+        );
         assert!(self.target.iter().flatten().all(|node| *node < n), "targets are factors");
     }
 }
 
-/// Z (B, n, k), and what the adjoint needs.
+/// Returns Z (B, n, k) and the intermediate values that the adjoint needs.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or a target is not a factor.
+/// Panics if a buffer does not have the size of its shape, or a target is not a factor.
 pub fn forward(x: &In<'_>) -> (Vec<f64>, Saved) {
     x.check();
     structure::forward_held(&x.given, |sample| x.hold(sample))
@@ -90,7 +94,7 @@ pub fn forward(x: &In<'_>) -> (Vec<f64>, Saved) {
 /// Adds the gradients for the cotangent `z_bar` (B, n, k).
 ///
 /// # Panics
-/// As [`forward`].
+/// Panics under the conditions of [`forward`].
 pub fn adjoint(x: &In<'_>, saved: &Saved, z_bar: &[f64], bar: &mut InBar) {
     x.check();
     assert_eq!(bar.value.len(), x.value.len(), "the cotangent of value is (B, k)");

@@ -1,6 +1,8 @@
-//! `causal.limit`: the logarithm of a variance within its limits.
+//! `causal.limit`: limits the logarithm of a variance to a fixed range.
 //!
-//! ℓ' = min(max(ℓ, −8), 4)                                                                       (the log variance of LAST's encoder)
+//! ℓ' = min(max(ℓ, −8), 4)
+//!
+//! LAST applies it to the log variance of its encoder.
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
@@ -8,13 +10,13 @@
 //! | ℓ' | `limited` | as ℓ | −8..4 |
 //!
 //! # Rounding
-//! Exact.
+//! The result is exact.
 //!
 //! # Kinks and domain
-//! Inside the limits and on them the slope is 1, outside it is 0.
+//! The slope is 1 inside the limits and at the limits, and 0 outside.
 //!
 //! # Adjoint
-//! ℓ̄ += ℓ̄' within the limits. The side is read from ℓ again.
+//! ℓ̄ += ℓ̄' within the limits. The adjoint compares ℓ with the limits again.
 //!
 //! Twin: `reference::causal::limit`.
 //!
@@ -27,7 +29,7 @@
 
 use super::posterior::{limited, within};
 
-/// ℓ'.
+/// Returns ℓ'.
 pub fn forward(logvar: &[f64]) -> Vec<f64> {
     logvar.iter().map(|l| limited(*l)).collect()
 }
@@ -35,9 +37,12 @@ pub fn forward(logvar: &[f64]) -> Vec<f64> {
 /// Adds the gradient for the cotangent `limited_bar` to `logvar_bar`.
 ///
 /// # Panics
-/// When the arrays differ in length.
+/// Panics if the arrays differ in length.
 pub fn adjoint(logvar: &[f64], limited_bar: &[f64], logvar_bar: &mut [f64]) {
-    assert!(limited_bar.len() == logvar.len() && logvar_bar.len() == logvar.len(), "arrays of one shape");
+    assert!(
+        limited_bar.len() == logvar.len() && logvar_bar.len() == logvar.len(),
+        "all arrays have the same length"
+    );
     for ((bar, g), l) in logvar_bar.iter_mut().zip(limited_bar).zip(logvar) {
         if within(*l) {
             *bar += g;

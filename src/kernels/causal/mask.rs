@@ -2,9 +2,10 @@
 //!
 //! Ã(i,j) = L(i,j) σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j,   Ã(i,i) = 0
 //!
-//! Source: the binary case of Gumbel-softmax (Jang et al. 2017; Maddison et al. 2017) as used for graphs by Ng et al. 2022;
-//! the logistic variable is the difference of two Gumbel variables. u = ½ gives the probabilities without noise. L limits the edges to
-//! those allowed, for example to those along an order of the nodes; without it all are.
+//! Source: the binary case of Gumbel-softmax (Jang et al. 2017; Maddison et al. 2017) as used for graphs by
+//! Ng et al. 2022; the logistic variable is the difference of two Gumbel variables. u = ½ gives the
+//! probabilities without noise. L restricts the graph to the allowed edges, for example to those along an
+//! order of the nodes; if it is absent, all edges are allowed.
 //!
 //! | symbol | argument  | shape  | range        |
 //! |--------|-----------|--------|--------------|
@@ -15,14 +16,16 @@
 //! | Ã      | `mask`    | (n, n) | 0 ≤ Ã ≤ 1    |
 //!
 //! # Rounding
-//! (U + (ln u − ln1p(−u))) / τ, each step rounded once; σ of [`elem`](crate::num::elem). The product with L is exact.
+//! (U + (ln u − ln1p(−u))) / τ, each step rounded once; σ is that of [`elem`](crate::num::elem). The product
+//! with L is exact.
 //!
 //! # Kinks and domain
-//! Smooth. The diagonal of U and u is ignored and gets no gradient; u gets none anywhere: it is noise. Nor
-//! does L, which is a decision.
+//! The function is smooth. The diagonals of U and u are ignored and get no gradient. u is noise and L a
+//! decision, so neither gets a gradient.
 //!
 //! # Adjoint
-//! Ū(i,j) += (M̄(i,j) L(i,j))·(s(1 − s))/τ with s = σ(…), where 1 − s is σ of the negated argument, so that it does not cancel
+//! Ū(i,j) += (M̄(i,j) L(i,j))·(s(1 − s))/τ with s = σ(…), where 1 − s is σ of the negated argument, so that
+//! it does not cancel
 //!
 //! # Example
 //! ```
@@ -36,18 +39,18 @@
 
 use crate::num::elem::f64::{ln, log1p, sigmoid};
 
-/// Edges, noise and the edges allowed.
+/// Edge logits, noise and allowed edges.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (n, n) U
+    /// U, shape (n, n).
     pub logits: &'a [f64],
-    /// (n, n) u
+    /// u, shape (n, n).
     pub uniform: &'a [f64],
-    /// (n, n) L, 0 or 1; all edges where it is absent
+    /// Allowed edges L, shape (n, n), 0 or 1; all edges are allowed if it is absent.
     pub allowed: Option<&'a [f64]>,
-    /// number of nodes
+    /// Number of nodes, n.
     pub n: usize,
-    /// τ
+    /// Temperature τ.
     pub tau: f64,
 }
 
@@ -58,28 +61,28 @@ impl In<'_> {
         assert!(self.logits.len() == entries && self.uniform.len() == entries && fits, "arrays are (n, n)");
     }
 
-    /// Entries off the diagonal.
+    /// Iterates over the entries off the diagonal.
     fn entries(&self) -> impl Iterator<Item = usize> + use<> {
         let n = self.n;
         (0..n * n).filter(move |at| at / n != at % n)
     }
 
-    /// Argument of σ.
+    /// Returns the argument of σ.
     fn argument(&self, at: usize) -> f64 {
         let uniform = self.uniform[at];
         (self.logits[at] + (ln(uniform) - log1p(-uniform))) / self.tau
     }
 
-    /// x L(i,j).
+    /// Returns x L(i,j).
     fn limited(&self, at: usize, x: f64) -> f64 {
         self.allowed.map_or(x, |allowed| x * allowed[at])
     }
 }
 
-/// The mask Ã (n, n).
+/// Returns the mask Ã (n, n).
 ///
 /// # Panics
-/// When an array is not (n, n).
+/// Panics if an array is not (n, n).
 pub fn forward(x: &In<'_>) -> Vec<f64> {
     x.check();
     let mut mask = vec![0.0; x.n * x.n];
@@ -92,7 +95,7 @@ pub fn forward(x: &In<'_>) -> Vec<f64> {
 /// Adds the gradient for the cotangent `mask_bar` (n, n) to `logits_bar`.
 ///
 /// # Panics
-/// When an array is not (n, n).
+/// Panics if an array is not (n, n).
 pub fn adjoint(x: &In<'_>, mask_bar: &[f64], logits_bar: &mut [f64]) {
     x.check();
     assert!(mask_bar.len() == x.n * x.n && logits_bar.len() == x.n * x.n, "arrays are (n, n)");

@@ -1,25 +1,27 @@
-//! How the parents of a node act on it: one network per node, or one weight per edge. Used by `structure` and `intervene`.
+//! The mechanism by which the parents of a node determine it: one network per node, or one weight per edge.
+//! `structure` and `intervene` use it.
 
-/// How parents act.
+/// The mechanism by which parents act.
 #[derive(Clone, Copy, Debug)]
 pub enum Mechanism<'a> {
-    /// a number per edge
+    /// One weight per edge.
     Linear {
-        /// Ω (n, n)
+        /// Weights Ω, shape (n, n).
         weight: &'a [f64],
     },
-    /// a network per node
+    /// One network per node.
     Networks(Networks<'a>),
-    /// both, as printed one after the other: numbers in every sweep but the last, the networks in the last
+    /// Both in sequence, as printed in the LAST paper: weights in every sweep but the last (eq. 2), networks
+    /// in the last (eq. 3).
     Printed {
-        /// Ω (n, n)
+        /// Weights Ω, shape (n, n).
         weight: &'a [f64],
-        /// of the last sweep, and of a single application
+        /// Networks of the last sweep, or of a single application.
         networks: Networks<'a>,
     },
 }
 
-/// What acts in one sweep.
+/// The mechanism that acts in one sweep.
 enum Acting<'b, 'a> {
     Weight(&'a [f64]),
     Networks(&'b Networks<'a>),
@@ -40,7 +42,7 @@ impl<'a> Mechanism<'a> {
         }
     }
 
-    /// Whether the networks at 0 enter a sweep.
+    /// Whether a sweep uses the networks at 0.
     pub(super) fn is_centred(&self, is_last: bool) -> bool {
         matches!(self.acting(is_last), Acting::Networks(_))
     }
@@ -54,44 +56,44 @@ impl<'a> Mechanism<'a> {
     }
 }
 
-/// One network of two hidden layers per node; the bias of the last layer cancels and is left out.
+/// One network of two hidden layers per node; the bias of the last layer cancels and is omitted.
 #[derive(Clone, Copy, Debug)]
 pub struct Networks<'a> {
-    /// (n, h, n·k)
+    /// Shape (n, h, n·k).
     pub w0: &'a [f64],
-    /// (n, h)
+    /// Shape (n, h).
     pub b0: &'a [f64],
-    /// (n, h, h)
+    /// Shape (n, h, h).
     pub w1: &'a [f64],
-    /// (n, h)
+    /// Shape (n, h).
     pub b1: &'a [f64],
-    /// (n, k, h)
+    /// Shape (n, k, h).
     pub w2: &'a [f64],
-    /// hidden width h
+    /// Hidden width h.
     pub hidden: usize,
-    /// slope of the leaky ReLU at 0 and below
+    /// Slope of the leaky ReLU at 0 and below.
     pub slope: f64,
 }
 
-/// Gradients of a mechanism, accumulated into; those of the other kind are empty.
+/// Gradients of a mechanism; the adjoint adds to them. Those of the other kind of mechanism are empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MechanismBar {
-    /// (n, n)
+    /// Shape (n, n).
     pub weight: Vec<f64>,
-    /// (n, h, n·k)
+    /// Shape (n, h, n·k).
     pub w0: Vec<f64>,
-    /// (n, h)
+    /// Shape (n, h).
     pub b0: Vec<f64>,
-    /// (n, h, h)
+    /// Shape (n, h, h).
     pub w1: Vec<f64>,
-    /// (n, h)
+    /// Shape (n, h).
     pub b1: Vec<f64>,
-    /// (n, k, h)
+    /// Shape (n, k, h).
     pub w2: Vec<f64>,
 }
 
 impl MechanismBar {
-    /// Zeros in the shapes of the mechanism.
+    /// Returns zeros in the shapes of the mechanism.
     pub fn zeros_like(x: &Mechanism<'_>) -> Self {
         let zeros = |x: &[f64]| vec![0.0; x.len()];
         let of = |get: fn(&Networks<'_>) -> usize| vec![0.0; x.networks().map_or(0, get)];
@@ -106,28 +108,28 @@ impl MechanismBar {
     }
 }
 
-/// Layers of one node with inputs as rows, so that one input meets all outputs at once. An output is still one chain over
-/// its inputs.
+/// Transposed layers of one node, with inputs as rows, so that one input is combined with all outputs at
+/// once. An output is still one chain over its inputs.
 #[derive(Debug)]
 struct Turned {
-    /// (n·k, h)
+    /// Shape (n·k, h).
     first: Vec<f64>,
-    /// (h, h)
+    /// Shape (h, h).
     second: Vec<f64>,
-    /// (h, k)
+    /// Shape (h, k).
     last: Vec<f64>,
 }
 
-/// What one pass through a network leaves behind.
+/// Intermediate values of one pass through a network.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Pass {
-    /// input (n·k)
+    /// Input, shape (n·k).
     x: Vec<f64>,
-    /// arguments of both activations (h)
+    /// Arguments of both activations, shape (h) each.
     before: [Vec<f64>; 2],
-    /// their results (h)
+    /// Results of both activations, shape (h) each.
     after: [Vec<f64>; 2],
-    /// (k)
+    /// Output, shape (k).
     y: Vec<f64>,
 }
 
@@ -139,11 +141,11 @@ pub(super) struct Zero(Vec<Pass>);
 #[derive(Debug)]
 pub(super) struct Work {
     pass: Pass,
-    /// cotangents of both activations (h) and of the input (n·k)
+    /// Cotangents of both activations (h) and of the input (n·k).
     bars: [Vec<f64>; 3],
 }
 
-/// Which node in which sweep, and the factors of all nodes (n, k).
+/// The node, the sweep, and the factors of all nodes (n, k).
 #[derive(Clone, Copy)]
 pub(super) struct At<'a> {
     pub(super) node: usize,
@@ -151,7 +153,7 @@ pub(super) struct At<'a> {
     pub(super) z: &'a [f64],
 }
 
-/// Mechanisms of all nodes behind a mask.
+/// Mechanisms of all nodes together with the mask.
 pub(super) struct Bank<'a> {
     mask: &'a [f64],
     mechanism: Mechanism<'a>,
@@ -160,18 +162,18 @@ pub(super) struct Bank<'a> {
     k: usize,
 }
 
-/// Σ row·x, left fold from +0.
+/// Returns Σ row·x, a left fold from +0.
 fn dot(row: &[f64], x: &[f64]) -> f64 {
     row.iter().zip(x).fold(0.0, |sum, (w, x)| sum + w * x)
 }
 
-/// Rows and columns exchanged.
+/// Returns the transpose.
 fn turned(w: &[f64], columns: usize) -> Vec<f64> {
     let rows = w.len() / columns;
     (0..w.len()).map(|at| w[at % rows * columns + at / rows]).collect()
 }
 
-/// y = Wx with W turned: every entry a left fold over x from +0.
+/// Computes y = Wx from the transpose of W; every entry is a left fold over x from +0.
 fn product(turned: &[f64], x: &[f64], y: &mut [f64]) {
     y.fill(0.0);
     for (row, x) in turned.chunks_exact(y.len()).zip(x) {
@@ -179,12 +181,12 @@ fn product(turned: &[f64], x: &[f64], y: &mut [f64]) {
     }
 }
 
-/// Entry by entry, as far as the shorter reaches.
+/// Adds entry by entry, up to the length of the shorter slice.
 pub(super) fn add(into: &mut [f64], what: &[f64]) {
     into.iter_mut().zip(what).for_each(|(into, what)| *into += what);
 }
 
-/// W̄ += ȳ·xᵀ and x̄ = Wᵀȳ, a left fold over the rows.
+/// Computes W̄ += ȳ·xᵀ and x̄ = Wᵀȳ, a left fold over the rows.
 fn product_adjoint(w: &[f64], x: &[f64], y_bar: &[f64], w_bar: &mut [f64], x_bar: &mut [f64]) {
     x_bar.fill(0.0);
     let rows = w.chunks_exact(x.len()).zip(w_bar.chunks_exact_mut(x.len()));
@@ -211,7 +213,7 @@ impl Networks<'_> {
         }
     }
 
-    /// Biases and activation of a hidden layer.
+    /// Applies the biases and the activation of a hidden layer.
     fn activate(&self, bias: &[f64], before: &mut [f64], after: &mut [f64]) {
         for ((before, after), b) in before.iter_mut().zip(after).zip(bias) {
             *before += b;
@@ -219,7 +221,7 @@ impl Networks<'_> {
         }
     }
 
-    /// Fills the pass from its input.
+    /// Computes all values of the pass from its input.
     fn pass(&self, node: usize, turned: &Turned, pass: &mut Pass) {
         let h = self.hidden;
         let Pass { x, before: [p0, p1], after: [a0, a1], y } = pass;
@@ -230,7 +232,7 @@ impl Networks<'_> {
         product(&turned.last, a1, y);
     }
 
-    /// Adds the gradients of one pass; that of its input is left in `bars[2]`.
+    /// Adds the gradients of one pass; that of its input is written to `bars[2]`.
     fn pass_adjoint(
         &self,
         node: usize,
@@ -270,7 +272,7 @@ impl Networks<'_> {
 
 impl<'a> Bank<'a> {
     pub(super) fn new(mask: &'a [f64], mechanism: Mechanism<'a>, n: usize, k: usize) -> Self {
-        assert!(n > 0 && k > 0, "there are factors, and they hold numbers");
+        assert!(n > 0 && k > 0, "n and k are at least 1");
         assert_eq!(mask.len(), n * n, "mask is (n, n)");
         let mut turned = Vec::new();
         if let Some(weight) = mechanism.weight() {
@@ -291,13 +293,13 @@ impl<'a> Bank<'a> {
         self.mechanism.networks().map_or(0, |g| g.hidden)
     }
 
-    /// Buffers for [`Self::effect`] and [`Self::effect_adjoint`].
+    /// Returns buffers for [`Self::effect`] and [`Self::effect_adjoint`].
     pub(super) fn work(&self) -> Work {
         let (d, h) = (self.n * self.k, self.hidden());
         Work { pass: Pass::sized(d, h, self.k), bars: [vec![0.0; h], vec![0.0; h], vec![0.0; d]] }
     }
 
-    /// The networks at 0.
+    /// Returns the networks at 0.
     pub(super) fn zero(&self) -> Zero {
         let Some(g) = self.mechanism.networks() else { return Zero(Vec::new()) };
         let at_zero = |(j, turned): (usize, &Turned)| {
@@ -308,7 +310,7 @@ impl<'a> Bank<'a> {
         Zero(self.turned.iter().enumerate().map(at_zero).collect())
     }
 
-    /// Ã(·,j)∘z, all factors in order.
+    /// Computes Ã(·,j)∘z for all factors in order.
     fn masked(&self, j: usize, z: &[f64], x: &mut [f64]) {
         for (i, (x, z)) in x.chunks_exact_mut(self.k).zip(z.chunks_exact(self.k)).enumerate() {
             let m = self.mask[i * self.n + j];
@@ -316,7 +318,7 @@ impl<'a> Bank<'a> {
         }
     }
 
-    /// What the parents of a node give it (k).
+    /// Computes the contribution of the parents to a node (k).
     pub(super) fn effect(&self, zero: &Zero, at: At<'_>, work: &mut Work, out: &mut [f64]) {
         let (n, k, j, z) = (self.n, self.k, at.node, at.z);
         match self.mechanism.acting(at.is_last) {
@@ -371,7 +373,8 @@ impl<'a> Bank<'a> {
         }
     }
 
-    /// Adds the gradients that come through the networks at 0; `sums` (n, k) are the cotangents of a sample's effects.
+    /// Adds the gradients that come through the networks at 0; `sums` (n, k) are the cotangents of a sample's
+    /// effects.
     pub(super) fn zero_adjoint(&self, zero: &Zero, sums: &[f64], work: &mut Work, bar: &mut MechanismBar) {
         let Some(g) = self.mechanism.networks() else { return };
         for (j, pass) in zero.0.iter().enumerate() {

@@ -1,22 +1,24 @@
-//! Latent causal structure: factors, their graph, and what may be asked of it. Level 5.
+//! Latent causal structure: factors, their graph, and operations on both. Level 5.
 //!
 //! ```text
-//! logits ── probability ──► p ── edges ──► L       what edges cost
-//! logits ── mask ──► Ã ── acyclic ──► h            how far Ã is from a graph without cycles
-//!                    │ └─ repair ───► Graph        the nearest graph without cycles; levels, descendants
+//! logits ── probability ──► p ── edges ──► L       penalty on edges
+//! logits ── mask ──► Ã ── acyclic ──► h            measure of the cycles of Ã
+//!                    │ └─ repair ───► Graph        an acyclic graph near Ã; levels, descendants
 //!                    │
 //! μ, ℓ, η ── posterior ──► û ── structure, mode abduct ──► ε        the causes behind factors
 //!           ε ── structure ──► Ẑ                   n sweeps of the mechanisms, or a truncated Neumann sum
-//!           ε, (i, v) ── intervene ──► Ẑ           the same with factor i set to v
-//! v, w ── code ──► codes of labels         v̄ or u ── held ──► the values of pairs    ℓ ── limit ──► ℓ within −8..4
-//! ε, ℓ ── scm_kl ──► KL     μ, ℓ ── posterior_kl ──► KL from the prior     μ, ℓ ── independence ──► I between the causes
+//!           ε, (i, v) ── intervene ──► Ẑ           as above, with factor i set to v
+//! v, w ── code ──► codes of labels            v̄ or u ── held ──► the values of pairs
+//! ℓ ── limit ──► ℓ within −8..4                ε, ℓ ── scm_kl ──► KL
+//! μ, ℓ ── posterior_kl ──► KL from the prior   μ, ℓ ── independence ──► I between the causes
 //! ```
 //!
-//! n factors of k numbers each, row-major (B, n, k). `A[i][j]` is the edge i → j, so the parents of j are column j.
-//! Everything is in f64 in runs of either precision: graphs and covariances are small, and their conditioning is not.
+//! There are n factors of k dimensions each, stored row-major as (B, n, k). `A[i][j]` is the edge i → j, so
+//! the parents of j are column j. All values are f64, whatever precision a run uses: graphs and covariances
+//! are small, but may be badly conditioned.
 //!
 //! # Rounding
-//! Sums are left folds from +0 in ascending index unless a file says otherwise; one thread.
+//! Unless a file states otherwise, sums are left folds from +0 in ascending index, on one thread.
 
 pub mod acyclic;
 pub mod code;

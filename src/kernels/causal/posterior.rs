@@ -12,11 +12,12 @@
 //! | s      | `sample` | (B, n, k) | |
 //!
 //! # Rounding
-//! exp(½ℓ), product and sum rounded separately.
+//! exp(½ℓ), the product and the sum are rounded separately.
 //!
 //! # Kinks and domain
-//! At the limits of ℓ: inside and on them the gradient is that of the smooth function, outside it is 0. η gets none: it is noise.
-//! The divergences and `independence` take ℓ as it is: whoever gives them the ℓ of this posterior passes it through [`limited`] first.
+//! At the limits of ℓ, the gradient inside and on the limits is that of the smooth function, and outside it
+//! is 0. η is noise and gets no gradient. The divergences and `independence` do not limit ℓ: callers that
+//! pass the ℓ of this posterior apply [`limited`] first.
 //!
 //! # Adjoint
 //! μ̄ += s̄,   ℓ̄ += s̄·½ e^{ℓ/2} η within the limits
@@ -33,7 +34,7 @@ use crate::num::elem::f64::exp;
 /// Limits of the logarithm of the variance.
 pub const LOGVAR: [f64; 2] = [-8.0, 4.0];
 
-/// ℓ within its limits.
+/// Returns ℓ limited to its range.
 pub fn limited(logvar: f64) -> f64 {
     let [low, high] = LOGVAR;
     if logvar < low {
@@ -51,26 +52,29 @@ pub fn within(logvar: f64) -> bool {
     (low..=high).contains(&logvar)
 }
 
-/// Standard deviation.
+/// Returns the standard deviation.
 fn deviation(logvar: f64) -> f64 {
     exp(0.5 * limited(logvar))
 }
 
-/// The sample.
+/// Returns the sample.
 ///
 /// # Panics
-/// When the arrays differ in length.
+/// Panics if the arrays differ in length.
 pub fn forward(mu: &[f64], logvar: &[f64], eta: &[f64]) -> Vec<f64> {
-    assert!(mu.len() == logvar.len() && mu.len() == eta.len(), "arrays of one shape");
+    assert!(mu.len() == logvar.len() && mu.len() == eta.len(), "all arrays have the same length");
     (0..mu.len()).map(|i| mu[i] + deviation(logvar[i]) * eta[i]).collect()
 }
 
 /// Adds the gradients for the cotangent `sample_bar`.
 ///
 /// # Panics
-/// When the arrays differ in length.
+/// Panics if the arrays differ in length.
 pub fn adjoint(logvar: &[f64], eta: &[f64], sample_bar: &[f64], mu_bar: &mut [f64], logvar_bar: &mut [f64]) {
-    assert!(mu_bar.len() == sample_bar.len() && logvar_bar.len() == sample_bar.len(), "arrays of one shape");
+    assert!(
+        mu_bar.len() == sample_bar.len() && logvar_bar.len() == sample_bar.len(),
+        "all arrays have the same length"
+    );
     for (i, g) in sample_bar.iter().enumerate() {
         mu_bar[i] += g;
         if within(logvar[i]) {

@@ -1,8 +1,8 @@
 //! `causal.posterior_kl`: divergence of diagonal Gaussian posteriors from the standard normal prior.
 //!
-//! KL = (1/B) Σ_b Σ ½ (μ² + e^ℓ − 1 − ℓ), summed over factors and their numbers
+//! KL = (1/B) Σ_b Σ ½ (μ² + e^ℓ − 1 − ℓ), where the inner sum is over all factors and their dimensions
 //!
-//! Source: Kingma & Welling 2014, appendix B.
+//! Source: LAST, eq. 1; Kingma & Welling 2014, appendix B.
 //!
 //! | symbol | argument | shape     | range |
 //! |--------|----------|-----------|-------|
@@ -11,10 +11,11 @@
 //! | KL     | `value`  | ()        | nats, ≥ 0 |
 //!
 //! # Rounding
-//! Terms ½·(μ² + (expm1(ℓ) − ℓ)): near ℓ = 0 nothing cancels but what must. A left fold over all entries from +0, one division.
+//! Terms are ½·(μ² + (expm1(ℓ) − ℓ)), which avoids cancellation near ℓ = 0. A left fold over all entries from
+//! +0 is followed by one division.
 //!
 //! # Kinks and domain
-//! Smooth. An empty batch and an ℓ whose exponential overflows are refused by the operator list.
+//! The function is smooth. The operator list refuses an empty batch and an ℓ whose exponential overflows.
 //!
 //! # Adjoint
 //! μ̄ += v̄/B·μ,   ℓ̄ += v̄/B·½ expm1(ℓ)
@@ -28,10 +29,10 @@
 
 use crate::num::elem::f64::expm1;
 
-/// KL of a batch.
+/// Returns the KL divergence of a batch.
 ///
 /// # Panics
-/// When the arrays differ in length.
+/// Panics if the arrays differ in length.
 pub fn forward(mu: &[f64], logvar: &[f64], batch: usize) -> f64 {
     assert_eq!(mu.len(), logvar.len(), "one variance per mean");
     let term = |(m, l): (&f64, &f64)| 0.5 * (m * m + (expm1(*l) - l));
@@ -41,7 +42,7 @@ pub fn forward(mu: &[f64], logvar: &[f64], batch: usize) -> f64 {
 /// Adds the gradients for the cotangent `value_bar`.
 ///
 /// # Panics
-/// When the arrays differ in length.
+/// Panics if the arrays differ in length.
 pub fn adjoint(
     mu: &[f64],
     logvar: &[f64],
@@ -52,7 +53,7 @@ pub fn adjoint(
 ) {
     assert!(
         mu_bar.len() == mu.len() && logvar_bar.len() == logvar.len(),
-        "gradients have the inputs' shapes"
+        "the gradients have the shapes of the inputs"
     );
     let share = value_bar / batch as f64;
     mu_bar.iter_mut().zip(mu).for_each(|(bar, m)| *bar += share * m);

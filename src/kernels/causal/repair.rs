@@ -1,23 +1,24 @@
-//! From soft edges to a graph without cycles (`last.md` §5.5). No adjoint: decisions.
+//! Conversion of soft edges to an acyclic graph. This is a discrete decision without an adjoint.
 
 use crate::math::digraph::Digraph;
 
 /// An edge that was deleted to break a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deleted {
-    /// from
+    /// Start node of the edge.
     pub parent: usize,
-    /// to
+    /// End node of the edge.
     pub child: usize,
-    /// how strong it was: a probability, or the size of a weight
+    /// Strength of the edge: a probability, or the absolute value of a weight.
     pub strength: f64,
 }
 
-/// The graph of the edges whose strength (n, n) is above `threshold` in size, without cycles: while there is one, the weakest edge that lies on a
-/// cycle is deleted, of equal ones the first in order of (i, j). Also what was deleted, in order. The diagonal is not read.
+/// Returns an acyclic graph of the edges whose strength (n, n) has an absolute value above `threshold`. While
+/// there is a cycle, the weakest edge that lies on a cycle is deleted; of equally weak edges, the first in
+/// the order of (i, j). Also returns the deleted edges in the order of deletion. The diagonal is not read.
 ///
 /// # Panics
-/// When `strength` is not (n, n).
+/// Panics if `strength` is not (n, n).
 pub fn repair(n: usize, strength: &[f64], threshold: f64) -> (Digraph, Vec<Deleted>) {
     let mut graph = Digraph::from_weights(strength, n, threshold);
     let mut deleted = Vec::new();
@@ -51,13 +52,17 @@ mod tests {
         let (graph, deleted) = repair(3, &p, 0.5);
         let gone: Vec<_> = deleted.iter().map(|d| (d.parent, d.child)).collect();
         assert_eq!(gone, [(0, 2), (0, 1)], "weakest first");
-        assert_eq!(graph.edges(), [(1, 2), (2, 0)], "what is left");
+        assert_eq!(graph.edges(), [(1, 2), (2, 0)], "the remaining edges");
         let (_, deleted) = repair(2, &[0.0, 0.75, 0.75, 0.0], 0.5);
-        assert_eq!((deleted[0].parent, deleted[0].child), (0, 1), "of equals the first");
+        assert_eq!(
+            (deleted[0].parent, deleted[0].child),
+            (0, 1),
+            "the first of equally weak edges is deleted"
+        );
         let (graph, deleted) = repair(2, &[0.9, 0.5, 0.500_001, 0.9], 0.5);
         assert_eq!(graph.edges(), [(1, 0)], "½ is not probable, loops are not edges");
         assert!(deleted.is_empty(), "nothing to break");
         let (graph, _) = repair(2, &[0.0, -0.4, 0.35, 0.0], 0.3);
-        assert_eq!(graph.edges(), [(0, 1)], "weights count by their size");
+        assert_eq!(graph.edges(), [(0, 1)], "weights count by their absolute value");
     }
 }

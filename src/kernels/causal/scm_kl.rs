@@ -1,15 +1,18 @@
-//! `causal.scm_kl`: divergence of a posterior over factors from a structural causal model with standard normal causes.
+//! `causal.scm_kl`: divergence of a posterior over factors from a structural causal model with standard
+//! normal causes.
 //!
 //! sampled   KL = (1/B) Σ_b Σⱼ κⱼ ½ Σ_c (ε² − 1 − ℓ)
-//! linear    KL = (1/B) Σ_b Σⱼ κⱼ ½ Σ_c ((μⱼ − Σᵢ Wᵢⱼ μᵢ)² + e^ℓⱼ + Σᵢ Wᵢⱼ² e^ℓᵢ − 1 − ℓⱼ),   W = Ã∘Ω without its diagonal
+//! linear    KL = (1/B) Σ_b Σⱼ κⱼ ½ Σ_c ((μⱼ − Σᵢ Wᵢⱼ μᵢ)² + e^ℓⱼ + Σᵢ Wᵢⱼ² e^ℓᵢ − 1 − ℓⱼ),
+//! W = Ã∘Ω without its diagonal
 //!
-//! Source: the change of variables ε = u − g(Ã∘u) of DAG-GNN (Yu et al. 2019), whose determinant is 1 on a graph without cycles;
-//! on others ln|det| is left out. `sampled` takes the cause ε behind one draw u = μ + e^{ℓ/2}η: its expectation over η is the
-//! divergence. `linear` is that expectation in closed form. κ = 0 omits a factor whose mechanism an intervention has replaced.
+//! Source: the change of variables ε = u − g(Ã∘u) of DAG-GNN (Yu et al. 2019), whose determinant is 1 on an
+//! acyclic graph; on other graphs ln|det| is omitted. `sampled` uses the cause ε of one draw u = μ +
+//! e^{ℓ/2}η: its expectation over η is the divergence. `linear` is that expectation in closed form. κ = 0
+//! omits a factor whose mechanism was replaced by an intervention.
 //!
 //! | symbol | argument | shape     | range |
 //! |--------|----------|-----------|-------|
-//! | ε      | `eps`    | (B, n, k) | finite; causes, as abduction gives them |
+//! | ε      | `eps`    | (B, n, k) | finite; causes as returned by abduction |
 //! | μ      | `mu`     | (B, n, k) | finite; means of the factors |
 //! | ℓ      | `logvar` | (B, n, k) | finite, at most 700; ln of the variance of the factors |
 //! | κ      | `kept`   | (B, n)    | 0 or 1; absent = 1 |
@@ -17,16 +20,19 @@
 //! | KL     | `value`  | ()        | nats |
 //!
 //! # Rounding
-//! Terms ½·((ε² − 1) − ℓ), and ½·((r² + (expm1 ℓ − ℓ)) + s) with r = μⱼ − Σᵢ Wᵢⱼμᵢ and s = Σᵢ (Wᵢⱼ·Wᵢⱼ)·e^ℓᵢ, left folds over i
-//! from +0. A left fold over all kept entries from +0, one division.
+//! Terms are ½·((ε² − 1) − ℓ), and ½·((r² + (expm1 ℓ − ℓ)) + s) with r = μⱼ − Σᵢ Wᵢⱼμᵢ and s = Σᵢ
+//! (Wᵢⱼ·Wᵢⱼ)·e^ℓᵢ, left folds over i from +0. A left fold over all kept entries from +0 is followed by one
+//! division.
 //!
 //! # Kinks and domain
-//! Smooth. An empty batch and an ℓ whose exponential overflows are refused by the operator list. The sampled value may be negative.
+//! The function is smooth. The operator list refuses an empty batch and an ℓ whose exponential overflows. The
+//! sampled value may be negative.
 //!
 //! # Adjoint
 //! With v = KL̄/B and sums over kept factors only:
 //! sampled   ε̄ += vε,   ℓ̄ −= ½v
-//! linear    μ̄ⱼ += vrⱼ,   μ̄ᵢ −= vWᵢⱼrⱼ,   ℓ̄ⱼ += ½v expm1 ℓⱼ,   ℓ̄ᵢ += ½vWᵢⱼ²e^ℓᵢ,   W̄ᵢⱼ += v Σ_c (Wᵢⱼe^ℓᵢ − μᵢrⱼ)
+//! linear    μ̄ⱼ += vrⱼ,   μ̄ᵢ −= vWᵢⱼrⱼ,   ℓ̄ⱼ += ½v expm1 ℓⱼ,   ℓ̄ᵢ += ½vWᵢⱼ²e^ℓᵢ,
+//! W̄ᵢⱼ += v Σ_c (Wᵢⱼe^ℓᵢ − μᵢrⱼ)
 //!
 //! # Example
 //! ```
@@ -41,31 +47,31 @@ use crate::num::elem::f64::{exp, expm1};
 /// Inputs of the sampled form.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampled<'a> {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub eps: &'a [f64],
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub logvar: &'a [f64],
-    /// (B, n), 0 or 1
+    /// Factors that count, shape (B, n), 0 or 1; all factors count if it is absent.
     pub kept: Option<&'a [f64]>,
-    /// samples B
+    /// Number of samples B.
     pub batch: usize,
-    /// factors n
+    /// Number of factors n.
     pub n: usize,
-    /// numbers of a factor k
+    /// Number of dimensions per factor, k.
     pub k: usize,
 }
 
-/// Gradients of the sampled form, accumulated into.
+/// Gradients of the sampled form; the adjoint adds to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SampledBar {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub eps: Vec<f64>,
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub logvar: Vec<f64>,
 }
 
 impl SampledBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &Sampled<'_>) -> Self {
         Self { eps: vec![0.0; x.eps.len()], logvar: vec![0.0; x.logvar.len()] }
     }
@@ -74,46 +80,46 @@ impl SampledBar {
 /// Inputs of the linear form.
 #[derive(Clone, Copy, Debug)]
 pub struct Linear<'a> {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub mu: &'a [f64],
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub logvar: &'a [f64],
-    /// (n, n)
+    /// Shape (n, n).
     pub mask: &'a [f64],
-    /// (n, n)
+    /// Shape (n, n).
     pub weight: &'a [f64],
-    /// (B, n), 0 or 1
+    /// Factors that count, shape (B, n), 0 or 1; all factors count if it is absent.
     pub kept: Option<&'a [f64]>,
-    /// samples B
+    /// Number of samples B.
     pub batch: usize,
-    /// factors n
+    /// Number of factors n.
     pub n: usize,
-    /// numbers of a factor k
+    /// Number of dimensions per factor, k.
     pub k: usize,
 }
 
-/// Gradients of the linear form, accumulated into.
+/// Gradients of the linear form; the adjoint adds to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LinearBar {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub mu: Vec<f64>,
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub logvar: Vec<f64>,
-    /// (n, n)
+    /// Shape (n, n).
     pub mask: Vec<f64>,
-    /// (n, n)
+    /// Shape (n, n).
     pub weight: Vec<f64>,
 }
 
 impl LinearBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &Linear<'_>) -> Self {
         let zeros = |x: &[f64]| vec![0.0; x.len()];
         Self { mu: zeros(x.mu), logvar: zeros(x.logvar), mask: zeros(x.mask), weight: zeros(x.weight) }
     }
 }
 
-/// Whether factor `row` (of all samples in order) counts.
+/// Whether factor `row` (counted over all samples in order) is kept.
 fn counts(kept: Option<&[f64]>, row: usize) -> bool {
     kept.is_none_or(|kept| kept[row] != 0.0)
 }
@@ -123,10 +129,10 @@ fn check(a: &[f64], b: &[f64], kept: Option<&[f64]>, [batch, n, k]: [usize; 3]) 
     assert!(kept.is_none_or(|kept| kept.len() == batch * n), "kept is (B, n)");
 }
 
-/// KL of the sampled form.
+/// Returns the KL divergence of the sampled form.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn sampled(x: &Sampled<'_>) -> f64 {
     check(x.eps, x.logvar, x.kept, [x.batch, x.n, x.k]);
     let all = x.eps.iter().zip(x.logvar).enumerate().filter(|(at, _)| counts(x.kept, at / x.k));
@@ -136,7 +142,7 @@ pub fn sampled(x: &Sampled<'_>) -> f64 {
 /// Adds the gradients of [`sampled`] for the cotangent `value_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn sampled_adjoint(x: &Sampled<'_>, value_bar: f64, bar: &mut SampledBar) {
     check(x.eps, x.logvar, x.kept, [x.batch, x.n, x.k]);
     check(&bar.eps, &bar.logvar, x.kept, [x.batch, x.n, x.k]);
@@ -147,23 +153,23 @@ pub fn sampled_adjoint(x: &Sampled<'_>, value_bar: f64, bar: &mut SampledBar) {
     }
 }
 
-/// W(i,j) = Ã(i,j)·Ω(i,j), 0 on the diagonal.
+/// Returns W(i,j) = Ã(i,j)·Ω(i,j), with 0 on the diagonal.
 fn edges(x: &Linear<'_>) -> Vec<f64> {
     let n = x.n;
     assert!(x.mask.len() == n * n && x.weight.len() == n * n, "mask and weight are (n, n)");
     (0..n * n).map(|at| if at / n == at % n { 0.0 } else { x.mask[at] * x.weight[at] }).collect()
 }
 
-/// r = μⱼ − Σᵢ Wᵢⱼ μᵢ of one entry: sample b, factor j, number c.
+/// Returns r = μⱼ − Σᵢ Wᵢⱼ μᵢ of one entry: sample b, factor j, dimension c.
 fn residual(x: &Linear<'_>, w: &[f64], [b, j, c]: [usize; 3]) -> f64 {
     let mu = &x.mu[b * x.n * x.k..];
     mu[j * x.k + c] - (0..x.n).fold(0.0, |sum, i| sum + w[i * x.n + j] * mu[i * x.k + c])
 }
 
-/// KL of the linear form.
+/// Returns the KL divergence of the linear form.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn linear(x: &Linear<'_>) -> f64 {
     check(x.mu, x.logvar, x.kept, [x.batch, x.n, x.k]);
     let (n, k, w) = (x.n, x.k, edges(x));
@@ -184,7 +190,7 @@ pub fn linear(x: &Linear<'_>) -> f64 {
 /// Adds the gradients of [`linear`] for the cotangent `value_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn linear_adjoint(x: &Linear<'_>, value_bar: f64, bar: &mut LinearBar) {
     check(x.mu, x.logvar, x.kept, [x.batch, x.n, x.k]);
     check(&bar.mu, &bar.logvar, x.kept, [x.batch, x.n, x.k]);
@@ -219,7 +225,8 @@ mod tests {
         (0..len).map(|i| f64::from(Rng::new(11).normal_f32(i as u64, 0, 0x7e57, draw))).collect()
     }
 
-    /// ½ [‖(I−Wᵀ)μ‖² + Σᵢ Σ_c e^ℓ (1 + Σⱼ Wᵢⱼ²) − d − Σℓ] as it is printed, and the mean of the sampled form over draws.
+    /// ½ [‖(I−Wᵀ)μ‖² + Σᵢ Σ_c e^ℓ (1 + Σⱼ Wᵢⱼ²) − d − Σℓ] as it is printed, and the mean of the sampled form
+    /// over draws.
     #[test]
     fn the_linear_form_is_the_printed_one_and_the_mean_of_the_sampled_one() {
         let (n, k, d) = (3, 2, 6);

@@ -1,43 +1,47 @@
-//! `causal.structure`: from independent causes to factors along a graph, and back.
+//! `causal.structure`: the map from independent causes to factors along a graph, and its inverse.
 //!
 //! nonlinear   Z⁰ = ε;   Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ,  t = 0 … sweeps − 1
 //! linear      Z⁰ = ε;   Zᵗ⁺¹ = WᵀZᵗ + ε,  W = Ã∘Ω,          t = 0 … sweeps − 1   (Z = Σₜ (Wᵀ)ᵗ ε)
-//! printed     linear for t = 0 … sweeps − 2, nonlinear for the last: with n sweeps eq. 2, then eq. 3 once
+//! printed     linear for t = 0 … sweeps − 2, nonlinear for the last sweep: with n sweeps, eq. 2 of LAST
+//! followed by one application of eq. 3
 //! abduct      εⱼ = uⱼ − (gⱼ(Ã(·,j)∘u) − gⱼ(0)), or ε = u − Wᵀu
 //!
-//! Source: structural causal models with additive noise; the linear form is that of NOTEARS and DAG-GNN. gⱼ is a network of two
-//! hidden layers with leaky ReLU, over the concatenation of all n factors, each scaled by its edge into j. It is centred,
-//! so a node without parents is exactly its cause. On a graph without cycles n sweeps (n − 1 in linear mode) are exact at
-//! every node, and abduction is their inverse.
+//! Source: LAST, eqs. 2 and 3; structural causal models with additive noise. The linear form is that of
+//! NOTEARS and DAG-GNN. gⱼ is a network with two hidden layers and leaky ReLU over the concatenation of all n
+//! factors, each scaled by its edge into j. The network is centred, so a node without parents equals its
+//! cause exactly. On an acyclic graph n sweeps (n − 1 in linear mode) are exact at every node, and abduction
+//! is their inverse.
 //!
 //! | symbol | argument  | shape     | remarks |
 //! |--------|-----------|-----------|---------|
-//! | ε, u   | `eps`     | (B, n, k) | what enters: causes; factors in mode abduct |
-//! | Ã      | `mask`    | (n, n)    | `mask[i,j]` is the edge i → j; used as it is, diagonal included |
+//! | ε, u   | `eps`     | (B, n, k) | input: causes; factors in mode abduct |
+//! | Ã      | `mask`    | (n, n)    | `mask[i,j]` is the edge i → j; all entries are used, including the diagonal |
 //! | Ω      | `weight`  | (n, n)    | the linear mechanism |
 //! | g      | `w0` `b0` | (n, h, n·k), (n, h) | first layer of every node |
 //! |        | `w1` `b1` | (n, h, h), (n, h)   | second layer |
 //! |        | `w2` `b2` | (n, k, h), (n, k)   | last layer; `b2` cancels in gⱼ(x) − gⱼ(0) and is not used |
-//! | Z, ε   | `z`       | (B, n, k) | what leaves: factors; causes in mode abduct |
+//! | Z, ε   | `z`       | (B, n, k) | output: factors; causes in mode abduct |
 //!
 //! # Rounding
-//! Every layer is a left fold from +0 over its inputs, the bias added last. gⱼ(0) runs through the same code, so that
-//! gⱼ(x) − gⱼ(0) is exactly 0 at x = 0. WᵀZ is a left fold over i. The cause is added last.
+//! Every layer is a left fold from +0 over its inputs, and the bias is added last. gⱼ(0) is computed by the
+//! same code, so that gⱼ(x) − gⱼ(0) is exactly 0 at x = 0. WᵀZ is a left fold over i. The cause is added
+//! last.
 //!
 //! # Kinks and domain
-//! Leaky ReLU has slope 1 above 0 and `slope` at 0 and below.
+//! Leaky ReLU has the slope 1 above 0 and `slope` at 0 and below.
 //!
 //! # Adjoint
-//! Samples in ascending order; within one, reverse through the sweeps, nodes in ascending order; hidden layers are recomputed
-//! from the saved sweeps. ε̄ collects the cotangent of every sweep. The cotangents at gⱼ(0) are summed over the sweeps of a
-//! sample and go through the network once per sample, so consecutive parts of a batch, one after the other into the same gradients,
-//! give the bits of the whole.
+//! Samples are processed in ascending order; within a sample the sweeps are traversed in reverse, nodes in
+//! ascending order; hidden layers are recomputed from the saved sweeps. ε̄ accumulates the cotangent of every
+//! sweep. The cotangents at gⱼ(0) are summed over the sweeps of a sample and pass through the network once
+//! per sample. Consecutive parts of a batch that add to the same gradients therefore give the bits of the
+//! complete batch.
 //!
 //! # Example
 //! ```
 //! # use lastlight_kernels as lastlight;
 //! use lastlight::causal::structure::{In, Mechanism, forward};
-//! // two factors of one number, 0 → 1 with weight 2
+//! // two one-dimensional factors, 0 → 1 with weight 2
 //! let mechanism = Mechanism::Linear { weight: &[0.0, 2.0, 0.0, 0.0] };
 //! let x = In { eps: &[1.0, 0.5], mask: &[0.0, 1.0, 0.0, 0.0], mechanism, batch: 1, n: 2, k: 1, sweeps: 1 };
 //! assert_eq!(forward(&x).0, [1.0, 2.5]);
@@ -49,38 +53,38 @@ pub use super::mechanism::{Mechanism, MechanismBar, Networks};
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub eps: &'a [f64],
-    /// (n, n)
+    /// Shape (n, n).
     pub mask: &'a [f64],
-    /// how parents act
+    /// Mechanism by which parents act.
     pub mechanism: Mechanism<'a>,
-    /// samples B
+    /// Number of samples B.
     pub batch: usize,
-    /// factors n
+    /// Number of factors n.
     pub n: usize,
-    /// numbers of a factor k
+    /// Number of dimensions per factor, k.
     pub k: usize,
-    /// passes over all nodes; abduction takes none
+    /// Number of passes over all nodes; abduction does not use it.
     pub sweeps: usize,
 }
 
-/// A value that one factor of one sample is held at.
+/// A factor of one sample, and the value at which it is held.
 pub(super) type Hold<'a> = Option<(usize, &'a [f64])>;
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InBar {
-    /// (B, n, k)
+    /// Shape (B, n, k).
     pub eps: Vec<f64>,
-    /// (n, n)
+    /// Shape (n, n).
     pub mask: Vec<f64>,
-    /// of the mechanism
+    /// Gradients of the mechanism.
     pub mechanism: MechanismBar,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         Self {
             eps: vec![0.0; x.eps.len()],
@@ -90,23 +94,24 @@ impl InBar {
     }
 }
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Saved {
-    /// Z⁰ … Z before the last sweep, per sample: (B, sweeps, n, k)
+    /// States from Z⁰ to the Z before the last sweep, per sample, shape (B, sweeps, n, k).
     pub states: Vec<f64>,
     zero: Zero,
 }
 
-/// Z, and what the adjoint needs.
+/// Returns Z and the intermediate values that the adjoint needs.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> (Vec<f64>, Saved) {
     forward_held(x, |_| None)
 }
 
-/// [`forward`] with one factor of a sample held at a value: its cause is that value, and no edge enters it.
+/// Like [`forward`], with one factor of a sample held at a value: its cause is that value, and it has no
+/// incoming edges.
 pub fn forward_held<'h>(x: &In<'_>, hold: impl Fn(usize) -> Hold<'h>) -> (Vec<f64>, Saved) {
     let bank = bank(x);
     let (zero, mut work) = (bank.zero(), bank.work());
@@ -139,12 +144,13 @@ pub fn forward_held<'h>(x: &In<'_>, hold: impl Fn(usize) -> Hold<'h>) -> (Vec<f6
 /// Adds the gradients for the cotangent `z_bar` (B, n, k).
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(x: &In<'_>, saved: &Saved, z_bar: &[f64], bar: &mut InBar) {
     adjoint_held(x, saved, z_bar, |_| None, bar, &mut []);
 }
 
-/// [`adjoint`] of the held form: a held factor's cotangent goes to `value_bar` (B, k) and its cause gets none.
+/// Like [`adjoint`], for the held form: the cotangent of a held factor is added to `value_bar` (B, k), and
+/// its cause gets none.
 pub fn adjoint_held<'h>(
     x: &In<'_>,
     saved: &Saved,
@@ -191,7 +197,8 @@ pub fn adjoint_held<'h>(
     }
 }
 
-/// What parents that stand at `state` (B, n, k) give every node (B, n, k), in the last sweep.
+/// Returns the contributions of the parents at `state` (B, n, k) to every node (B, n, k), as in the last
+/// sweep.
 fn effects(x: &In<'_>, state: &[f64]) -> Vec<f64> {
     let bank = bank(x);
     let (zero, mut work) = (bank.zero(), bank.work());
@@ -221,18 +228,18 @@ fn effects_adjoint(x: &In<'_>, state: &[f64], c: &[f64], state_bar: &mut [f64], 
     }
 }
 
-/// The causes behind factors: `eps` holds u, the result ε. `sweeps` is not used.
+/// Returns the causes of given factors: `eps` contains u, the result is ε. `sweeps` is not used.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn abduct(x: &In<'_>) -> Vec<f64> {
     effects(x, x.eps).into_iter().zip(x.eps).map(|(effect, u)| u - effect).collect()
 }
 
-/// Adds the gradients of [`abduct`] for the cotangent `out_bar` (B, n, k); `bar.eps` is that of u.
+/// Adds the gradients of [`abduct`] for the cotangent `out_bar` (B, n, k); `bar.eps` is the gradient of u.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn abduct_adjoint(x: &In<'_>, out_bar: &[f64], bar: &mut InBar) {
     let mut u_bar = out_bar.to_vec();
     let c: Vec<f64> = out_bar.iter().map(|c| -c).collect();
@@ -240,11 +247,11 @@ pub fn abduct_adjoint(x: &In<'_>, out_bar: &[f64], bar: &mut InBar) {
     add(&mut bar.eps, &u_bar);
 }
 
-/// One application of the mechanism to given factors, as the last sweep does it: Zⱼ = gⱼ(Ã(·,j)∘S) − gⱼ(0) + εⱼ, or WᵀS + ε. Node by node
-/// in causal order this is ancestral evaluation. `sweeps` is not used.
+/// Applies the mechanism once to given factors S, as the last sweep does: Zⱼ = gⱼ(Ã(·,j)∘S) − gⱼ(0) + εⱼ, or
+/// WᵀS + ε. Applied node by node in causal order, it is ancestral evaluation. `sweeps` is not used.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn apply(x: &In<'_>, state: &[f64]) -> Vec<f64> {
     effects(x, state).into_iter().zip(x.eps).map(|(effect, e)| effect + e).collect()
 }

@@ -1,4 +1,4 @@
-//! Nearest hits and occlusion over a bounding volume hierarchy.
+//! Nearest hits and occlusion queries with a bounding volume hierarchy.
 
 use super::group::{self, Group};
 pub use super::ray::{Hit, MISS, Ray};
@@ -6,7 +6,7 @@ use super::tree::{Tree, Triangles};
 use super::triangle::{Frame, Line};
 use super::turns::Feed;
 
-/// A mesh, ready for queries. The shape of its tree changes no result.
+/// A mesh prepared for queries. The shape of its tree affects no result.
 #[derive(Clone)]
 pub struct Bvh {
     frame: Frame,
@@ -21,14 +21,15 @@ impl std::fmt::Debug for Bvh {
 }
 
 impl Bvh {
-    /// The hierarchy of a mesh; triangles without area are left out.
+    /// Builds the hierarchy of a mesh; triangles without area are omitted.
     ///
     /// # Panics
-    /// If an index is out of range or a coordinate is not finite: see [`crate::scene::mesh::Mesh::validate`].
+    /// Panics if an index is out of range or a coordinate is not finite: see
+    /// [`crate::scene::mesh::Mesh::validate`].
     pub fn build(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let mut largest = 0.0;
         for x in triangles.iter().flatten().flat_map(|&i| positions[i as usize]).map(f32::abs) {
-            assert!(x.is_finite(), "coordinates are finite");
+            assert!(x.is_finite(), "the coordinates are finite");
             largest = if x > largest { x } else { largest };
         }
         let scale = Frame::scale_for(largest);
@@ -37,7 +38,7 @@ impl Bvh {
         Self { frame: Frame { scale, bounds: tree.bounds }, tree, triangles: triangles.len() }
     }
 
-    /// Number of triangles of the mesh it was built from.
+    /// Number of triangles of the mesh.
     pub fn triangles(&self) -> usize {
         self.triangles
     }
@@ -50,13 +51,13 @@ impl Bvh {
         }
     }
 
-    /// The ray in the numbers of the tree, if it can hit anything.
+    /// Converts the ray to the scaled coordinates of the tree, or returns `None` if it cannot hit anything.
     #[inline(never)]
     fn line(&self, ray: &Ray) -> Option<Line> {
         Line::new(ray, &self.frame).filter(|_| !self.tree.rows().is_empty())
     }
 
-    /// Rays side by side in groups, the others in turns.
+    /// Traces neighbouring rays in groups and the others interleaved.
     fn walk_many<const ANY: bool>(&self, rays: &[Ray], done: impl FnMut(usize, Hit)) {
         let [lo, hi] = self.frame.bounds;
         let mut queue = Queue::<ANY, _> {
@@ -72,53 +73,54 @@ impl Bvh {
         self.tree.walk_many::<ANY>(&mut queue);
     }
 
-    /// The hit with the smallest (t, triangle), or [`Hit::NONE`].
+    /// Returns the hit with the smallest (t, triangle), or [`Hit::NONE`].
     pub fn closest(&self, ray: &Ray) -> Hit {
         self.walk::<false>(ray)
     }
 
-    /// Whether anything is hit.
+    /// Whether the ray hits anything.
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.walk::<true>(ray).triangle != MISS
     }
 
-    /// [`Bvh::closest`] of many rays, same bits.
+    /// [`Bvh::closest`] of many rays, with the same bits.
     ///
     /// # Panics
-    /// If the lengths differ.
+    /// Panics if the lengths differ.
     pub fn closest_batch(&self, rays: &[Ray], hits: &mut [Hit]) {
-        assert_eq!(rays.len(), hits.len(), "one hit per ray");
+        assert_eq!(rays.len(), hits.len(), "there is one hit per ray");
         self.walk_many::<false>(rays, |i, hit| hits[i] = hit);
     }
 
-    /// [`Bvh::occluded`] of many rays, same answers.
+    /// [`Bvh::occluded`] of many rays, with the same results.
     ///
     /// # Panics
-    /// If the lengths differ.
+    /// Panics if the lengths differ.
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
-        assert_eq!(rays.len(), occluded.len(), "one answer per ray");
+        assert_eq!(rays.len(), occluded.len(), "there is one result per ray");
         self.walk_many::<true>(rays, |i, hit| occluded[i] = hit.triangle != MISS);
     }
 }
 
-/// The rays of a batch in their order. Runs that lie side by side are walked together when the next ray is asked for; what remains is handed on.
+/// The rays of a batch in their order. Runs of neighbouring rays are traced as a group before the next ray is
+/// returned; the remaining rays are returned one by one.
 struct Queue<'a, const ANY: bool, D> {
     bvh: &'a Bvh,
-    /// largest extent of the mesh
+    /// Largest extent of the mesh.
     size: f32,
     rays: &'a [Ray],
-    /// how many of them have been read
+    /// Number of rays that have been read.
     read: usize,
-    /// the last rays read, as long as they lie side by side
+    /// The last rays read, as long as they are neighbours.
     run: Vec<(usize, Line)>,
-    /// rays to be handed on, the last one first
+    /// Rays to be returned, the last one first.
     others: Vec<(usize, Line)>,
     group: Option<Group>,
     done: D,
 }
 
 impl<const ANY: bool, D: FnMut(usize, Hit)> Queue<'_, ANY, D> {
-    /// Walks the run, or hands it on.
+    /// Traces the run as a group, or moves its rays to `others`.
     fn flush(&mut self) {
         if self.run.len() < group::FEW {
             std::mem::swap(&mut self.run, &mut self.others);

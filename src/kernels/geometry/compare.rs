@@ -1,21 +1,22 @@
-//! How far two surfaces are apart: distances between samples, from samples to the other mesh, and between normals.
+//! Distances between two surfaces: between samples, from samples to the other mesh, and between normals.
 //!
-//! With N samples a_i of A and b_j of B, uniform by area, n their face normals, d(x, S) the distance to the nearest of a set:
+//! N samples a_i of A and b_j of B are drawn uniformly by area; n are their face normals, and d(x, S) is the
+//! distance to the nearest point of a set:
 //!
 //! | field | formula | also known as |
 //! |---|---|---|
 //! | `chamfer_mean` | ½ (mean d(a, {b}) + mean d(b, {a})) | L1 Chamfer |
 //! | `chamfer_sum` | mean d(a, {b}) + mean d(b, {a}) | L1, as a sum |
 //! | `chamfer_squared` | mean d²(a, {b}) + mean d²(b, {a}) | L2 Chamfer; PyTorch3D's default |
-//! | `normal_consistency` | ½ (mean \|n_a·n_near\| + mean \|n_b·n_near\|) | 1 is parallel; orientation does not count |
-//! | `a_to_b`, `b_to_a` | mean, root mean square, largest d(a, triangles of B) and back | one-sided; `max` is a lower bound of Hausdorff's |
-//! | `f_score` | harmonic mean of the shares of samples within τ of the other mesh | τ = 1 % of the diagonal of A unless given |
+//! | `normal_consistency` | ½ (mean \|n_a·n_near\| + mean \|n_b·n_near\|) | 1 for parallel normals; the orientation is ignored |
+//! | `a_to_b`, `b_to_a` | mean, root mean square, maximum of d(a, triangles of B), and the reverse | one-sided; `max` is a lower bound of the Hausdorff distance |
+//! | `f_score` | harmonic mean of the fractions of samples within τ of the other mesh | τ = 1 % of the diagonal of A by default |
 //!
-//! Sampling noise is part of the first three: two samplings of one surface are not at distance 0 but about half the spacing of samples
-//! apart. The distances to triangles have none.
+//! The first three contain sampling noise: two sample sets of one surface have a distance of about half the
+//! sample spacing, not 0. The distances to triangles contain no such noise.
 //!
 //! # Rounding
-//! f64; means are sums of [`crate::num::sum::sum16_f64`] over N.
+//! All values are f64; means are sums of [`crate::num::sum::sum16_f64`] divided by N.
 
 use super::nearest::{Cloud, Surface};
 use crate::num::rng::Rng;
@@ -23,52 +24,53 @@ use crate::num::{order, par, sum};
 use crate::scene::mesh::Mesh;
 use crate::{Error, Result};
 
-/// What the draws are for; item: sample, step: 0 for A and 1 for B, draws 0 triangle, 1 and 2 place on it.
+/// Purpose of the draws; the item is the sample, the step is 0 for A and 1 for B, draw 0 selects the
+/// triangle, and draws 1 and 2 the position on it.
 pub const PURPOSE: u16 = 0x0600;
 
-/// Samples of one task.
+/// Samples per task.
 const BATCH: usize = 64;
 
 /// Points of a surface with the normals of their faces.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
-    /// (N)
+    /// Positions, shape (N).
     pub points: Vec<[f64; 3]>,
-    /// (N) unit
+    /// Unit normals, shape (N).
     pub normals: Vec<[f64; 3]>,
-    /// (N)
+    /// Triangle of each point, shape (N).
     pub triangles: Vec<u32>,
 }
 
 /// Distances from samples of one surface to the triangles of the other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
-    /// Of all samples.
+    /// Mean over all samples.
     pub mean: f64,
-    /// √ of the mean square.
+    /// Root of the mean square.
     pub rms: f64,
-    /// The largest.
+    /// Maximum over all samples.
     pub max: f64,
-    /// Share within τ.
+    /// Fraction of the samples within τ.
     pub within: f64,
 }
 
 /// Result of [`compare`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Comparison {
-    /// See the module.
+    /// Chamfer distance as in the table of the module.
     pub chamfer_mean: f64,
-    /// See the module.
+    /// Chamfer distance as in the table of the module.
     pub chamfer_sum: f64,
-    /// See the module.
+    /// Chamfer distance as in the table of the module.
     pub chamfer_squared: f64,
-    /// 0..1
+    /// Normal consistency, in 0..1.
     pub normal_consistency: f64,
     /// From samples of A to B.
     pub a_to_b: Distances,
     /// From samples of B to A.
     pub b_to_a: Distances,
-    /// 0..1
+    /// F-score, in 0..1.
     pub f_score: f64,
     /// The threshold of `within` and `f_score`.
     pub tau: f64,
@@ -86,7 +88,7 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
 }
 
-/// Running sum of the areas of the triangles.
+/// Returns the cumulative sums of the areas of the triangles.
 fn areas(mesh: &Mesh) -> Vec<f64> {
     let mut total = 0.0;
     (0..mesh.triangles.len())
@@ -99,10 +101,10 @@ fn areas(mesh: &Mesh) -> Vec<f64> {
         .collect()
 }
 
-/// N points of a mesh, uniform by area; a point is a function of (seed, step, its number).
+/// Draws N points of a mesh, uniformly by area; a point is a function of (seed, step, sample index).
 ///
 /// # Errors
-/// When the mesh has no area.
+/// Returns an error if the mesh has no area.
 pub fn sample(mesh: &Mesh, count: usize, seed: u64, step: u32, name: &str) -> Result<Samples> {
     let running = areas(mesh);
     let total = running.last().copied().unwrap_or(0.0);
@@ -134,7 +136,7 @@ fn mean(x: &[f64]) -> f64 {
     sum::sum16_f64(x) / x.len() as f64
 }
 
-/// Distances to the nearest sample and |cos| of the normals there.
+/// Returns the distances to the nearest sample, and |cos| between the normals there.
 fn between(from: &Samples, to: &Samples) -> (Vec<f64>, Vec<f64>) {
     let cloud = Cloud::new(&to.points);
     let near = par::map_batched(from.points.len(), BATCH, |i| cloud.nearest(from.points[i]));
@@ -161,10 +163,10 @@ fn diagonal(mesh: &Mesh) -> f64 {
     dot(d, d).sqrt()
 }
 
-/// Compares two meshes by `count` samples of each.
+/// Compares two meshes with `count` samples of each.
 ///
 /// # Errors
-/// When a mesh has no area, or no sample is asked for.
+/// Returns an error if a mesh has no area, or if `count` is 0.
 pub fn compare(a: &Mesh, b: &Mesh, count: usize, seed: u64, tau: Option<f64>) -> Result<Comparison> {
     if count == 0 {
         return Err(Error::input("samples").expected("at least 1").got("0"));
@@ -232,7 +234,7 @@ mod tests {
         };
         let c = compare(&square(0.0), &upright, 500, 2, None).unwrap_or_else(|e| panic!("{e}"));
         assert!(c.normal_consistency < 1e-12, "{c:?}");
-        // Points of one are at height uniform in 0..1 over the other.
+        // The points of one mesh are at heights uniform in 0..1 above the other.
         assert!((c.a_to_b.mean - 0.5).abs() < 0.05 && (c.b_to_a.mean - 0.5).abs() < 0.05, "{c:?}");
         assert!(compare(&Mesh::default(), &upright, 5, 0, None).is_err(), "nothing to sample");
     }

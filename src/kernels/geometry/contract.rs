@@ -1,10 +1,11 @@
-//! The contract of the queries: the best (t, triangle) over all triangles that the test accepts, whatever the tree.
+//! Tests of the queries' contract: the result is the best (t, triangle) over all triangles that the test
+//! accepts, for any tree.
 
 use super::bvh::{Bvh, Hit, MISS, Ray};
 use super::triangle::{Frame, Line, bounds, is_degenerate};
 use crate::num::rng::Rng;
 
-/// Every ray against every triangle, with the scalar test. Also the number of triangles that were accepted.
+/// Tests every ray against every triangle with the scalar test, and counts the accepted triangles.
 struct Brute {
     frame: Frame,
     triangles: Vec<(u32, [[f32; 3]; 3])>,
@@ -58,7 +59,7 @@ fn point(r: &Rng, i: usize, step: u32) -> [f32; 3] {
     [0, 1, 2].map(|k| uniform(r, i, step, k))
 }
 
-/// A closed sphere of 2·u·v triangles, the poles shared by a fan each.
+/// A closed sphere of 2·u·v triangles; each pole is shared by a fan.
 fn sphere(u: usize, v: usize) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     use crate::num::elem::{cos, sin};
     let mut p = vec![[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
@@ -82,7 +83,8 @@ fn sphere(u: usize, v: usize) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
     (p, t)
 }
 
-/// Rays of all kinds: generic, along axes (with both zeros), in planes of the grid, through corners and edges.
+/// Rays of all kinds: generic, parallel to axes (with both zeros), in planes of the grid, through corners and
+/// edges.
 fn rays(r: &Rng, p: &[[f32; 3]], t: &[[u32; 3]], n: usize) -> Vec<Ray> {
     let size = p.iter().flatten().fold(0.0_f32, |m, x| if x.abs() > m { x.abs() } else { m });
     (0..n)
@@ -125,7 +127,7 @@ fn same(a: Hit, b: Hit) -> bool {
     bits(a) == bits(b)
 }
 
-/// All queries against brute force. Gives the number of rays that hit.
+/// Compares all queries with brute force and returns the number of rays that hit.
 fn hold(name: &str, p: &[[f32; 3]], t: &[[u32; 3]], rays: &[Ray]) -> usize {
     let (bvh, brute) = (Bvh::build(p, t), Brute::new(p, t));
     let mut hits = vec![Hit::NONE; rays.len()];
@@ -136,13 +138,17 @@ fn hold(name: &str, p: &[[f32; 3]], t: &[[u32; 3]], rays: &[Ray]) -> usize {
     for (i, ray) in rays.iter().enumerate() {
         let (wanted, accepted) = brute.closest(ray);
         let got = bvh.closest(ray);
-        assert!(same(got, wanted), "{name}, ray {i} {ray:?}: {got:?}, by brute force {wanted:?}");
-        assert!(same(hits[i], wanted), "{name}, ray {i} {ray:?} in a batch: {:?}, {wanted:?}", hits[i]);
+        assert!(same(got, wanted), "{name}, ray {i} {ray:?}: got {got:?}, brute force {wanted:?}");
+        assert!(
+            same(hits[i], wanted),
+            "{name}, ray {i} {ray:?} in a batch: got {:?}, brute force {wanted:?}",
+            hits[i]
+        );
         assert_eq!(bvh.occluded(ray), accepted > 0, "{name}, ray {i} {ray:?}: occlusion");
         assert_eq!(any[i], accepted > 0, "{name}, ray {i} {ray:?}: occlusion in a batch");
         assert!(
             wanted.t >= 0.0 && (wanted.t <= ray.t_max || wanted.triangle == MISS),
-            "{name}, ray {i} {ray:?}: {wanted:?} outside of the interval"
+            "{name}, ray {i} {ray:?}: {wanted:?} is outside the interval"
         );
         met += usize::from(accepted > 0);
     }
@@ -155,7 +161,7 @@ fn queries_are_brute_force_on_a_closed_mesh() {
     let (p, t) = sphere(40, 20);
     let rays = rays(&r, &p, &t, 8_000);
     let met = hold("sphere", &p, &t, &rays);
-    assert!(met > 5_000, "most of these rays hit: {met}");
+    assert!(met > 5_000, "most of these rays must hit, got {met}");
 }
 
 #[test]
@@ -166,7 +172,7 @@ fn queries_are_brute_force_at_any_scale_and_place() {
         let p: Vec<_> = unit.iter().map(|p| p.map(|x| x * scale)).collect();
         let mut rays = rays(&r, &p, &t, 1_600);
         rays.iter_mut().for_each(|ray| {
-            // starts and directions that leave the range of f32 are not rays
+            // Origins and directions beyond the range of f32 are not valid rays.
             ray.origin = ray.origin.map(|x| crate::num::order::clamp(x, -f32::MAX, f32::MAX));
             ray.direction = ray.direction.map(|x| crate::num::order::clamp(x, -f32::MAX, f32::MAX));
         });
@@ -199,18 +205,18 @@ fn queries_are_brute_force_on_heaps_slivers_and_copies() {
             })
             .collect();
         let mut t: Vec<[u32; 3]> = (0..100).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-        // copies, some turned round: equal t, the lowest index wins
+        // The mesh contains copies, some with reversed orientation: t is equal, so the lowest index wins.
         for i in 0..100_u32 {
             t.push([[3 * i, 3 * i + 1, 3 * i + 2], [3 * i + 2, 3 * i + 1, 3 * i]][(i % 2) as usize]);
         }
         hold(name, &p, &t, &rays(&r, &p, &t, 4_000));
     }
-    // equal triangles: more than a leaf holds
+    // There are more equal triangles than a leaf can contain.
     let p = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
     let t = [[0, 1, 2]; 50];
     let ray = Ray { origin: [0.2, 0.2, 1.0], direction: [0.0, -0.0, -1.0], t_max: f32::INFINITY };
     hold("copies", &p, &t, &[ray]);
-    assert_eq!(Bvh::build(&p, &t).closest(&ray).triangle, 0, "the lowest of equal ones");
+    assert_eq!(Bvh::build(&p, &t).closest(&ray).triangle, 0, "the lowest index of equal triangles wins");
 }
 
 #[test]
@@ -218,7 +224,8 @@ fn rays_side_by_side_are_brute_force() {
     let r = Rng::new(6);
     for (name, (p, t)) in [("coarse", sphere(10, 6)), ("fine", sphere(60, 30))] {
         let base = rays(&r, &p, &t, 160);
-        // runs of 1 to 40 rays, nearer and further apart than a group allows, with equal and different starts, some of no length
+        // Runs of 1 to 40 rays, nearer and further apart than a group allows, with equal and different
+        // origins, some of length 0.
         let mut side = vec![];
         for (i, ray) in base.iter().enumerate() {
             let apart = [0.0, 1e-6, 1e-3, 0.02, 0.2][i % 5];
@@ -241,7 +248,8 @@ fn rays_side_by_side_are_brute_force() {
 
 #[test]
 fn a_grid_seen_along_its_lines() {
-    // every vertex, edge and diagonal of a flat grid, straight on: exact coordinates, so that U, V, W vanish
+    // Every vertex, edge and diagonal of a flat grid, hit perpendicularly: coordinates are exact, so U, V, W
+    // are 0.
     let n = 9_usize;
     let p: Vec<[f32; 3]> = (0..n * n).map(|i| [(i % n) as f32, (i / n) as f32, 0.25]).collect();
     let at = |x: usize, y: usize| (y * n + x) as u32;
@@ -261,12 +269,12 @@ fn a_grid_seen_along_its_lines() {
                     rays.push(Ray { origin: [x, y, z], direction: [zero, -zero, d], t_max: 2.25 });
                 }
             }
-            // in the plane of the grid: edge-on, no triangle is hit
+            // In the plane of the grid, a ray is parallel to all triangles and hits none.
             rays.push(Ray { origin: [-1.0, y, 0.25], direction: [1.0, 0.0, 0.0], t_max: f32::INFINITY });
         }
     }
     let met = hold("grid", &p, &t, &rays);
-    assert_eq!(met, rays.len() / 7 * 6, "every ray but those in the plane hits");
+    assert_eq!(met, rays.len() / 7 * 6, "every ray hits except those in the plane");
 }
 
 #[test]
@@ -297,7 +305,7 @@ fn nothing_leaks_out_of_a_closed_mesh() {
     let mut hits = vec![Hit::NONE; n];
     bvh.closest_batch(&rays, &mut hits);
     let leak = hits.iter().position(|h| h.triangle == MISS);
-    assert_eq!(leak.map(|i| rays[i]), None, "a ray from inside leaves through a seam");
+    assert_eq!(leak.map(|i| rays[i]), None, "no ray from inside passes through a seam");
     let mut any = vec![false; n];
     bvh.occluded_batch(&rays, &mut any);
     assert!(any.iter().all(|a| *a), "occlusion agrees");
@@ -322,14 +330,14 @@ fn what_is_not_a_ray_or_not_a_triangle_hits_nothing() {
     }
     assert_eq!(one.closest(&ray([0.0, 0.0, -1.0], 1.0)).t, 1.0, "t_max is included");
     assert_eq!(one.closest(&Ray { origin: [0.25, 0.25, 0.0], ..down }).t, 0.0, "t = 0 is included");
-    // no area: a point, an edge twice, three corners in line
+    // Triangles without area: a point, a repeated edge, three collinear corners.
     let none = Bvh::build(&p, &[[0, 0, 0], [0, 1, 1], [0, 1, 3], [1, 0, 1]]);
     hold("no area", &p, &[[0, 0, 0], [0, 1, 1], [0, 1, 3], [1, 0, 1]], &[down]);
     assert_eq!(none.closest(&Ray { origin: [0.5, 0.0, 1.0], ..down }), Hit::NONE, "no area");
     assert_eq!(Bvh::build(&[], &[]).closest(&down), Hit::NONE, "no triangles");
     let mut hits = [];
     one.closest_batch(&[], &mut hits);
-    // the direction's length only scales t
+    // The length of the direction only scales t.
     for e in [-120, -60, -3, 1, 50, 120] {
         let s = f32::from_bits(((e + 127) as u32) << 23);
         let hit = one.closest(&ray([0.0, 0.0, -s], f32::INFINITY));

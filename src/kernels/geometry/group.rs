@@ -1,9 +1,11 @@
-//! Up to sixteen rays that run side by side, through the tree together.
+//! Traversal of the tree with a group of up to sixteen neighbouring rays.
 //!
-//! A node is visited if the rays' hull passes its box: with E the starts and A = −1/d, all of one sign per axis, the start of a slab is
-//! bounded from below by the smaller of (E* − plane)·A₋ and (E* − plane)·A₊, where E* is the end of E's interval for which E − plane is worst, and
-//! its end from above alike. Every operation is monotonic in floating point, so the hull passes what any of its rays passes. At a
-//! leaf each ray tests the leaf's box and then its triangles by itself, so that a hit is that of the ray alone, bit for bit.
+//! A node is visited if the hull of the rays intersects its box. Let E be the origins and A = −1/d, all of
+//! one sign per axis. The start of a slab is bounded from below by the smaller of (E* − plane)·A₋ and (E* −
+//! plane)·A₊, where E* is the end of E's interval that minimises the product, and its end is bounded from
+//! above analogously. Every operation is monotonic in floating point, so the hull intersects every box that
+//! one of its rays intersects. At a leaf each ray tests the box of the leaf and then its triangles
+//! individually, so a hit is bit-identical to that of the single ray.
 
 use super::ray::Hit;
 use super::tree::{CHILDREN, LANES, LEAF, Leaf, Node, Tree, leaf, node, references};
@@ -12,15 +14,17 @@ use super::walk::{Best, meet};
 use crate::num::lanes::f32x8;
 use crate::num::order::{max, min};
 
-/// Rays of a group, at most.
+/// Largest number of rays in a group.
 pub(super) const RAYS: usize = 16;
 const HALVES: usize = RAYS / LANES;
-/// Fewer rays than this are not worth a group.
+/// Smallest number of rays for which a group saves time.
 pub(super) const FEW: usize = 4;
-/// Rays of a group differ by at most this from the first: directions relative to their size, starts relative to the mesh.
+/// Largest difference of a group's rays from its first ray: directions relative to their magnitude, origins
+/// relative to the size of the mesh.
 const SPREAD: f32 = 0.06;
 
-/// Whether a ray may join a group that begins with `first`; `size` is the mesh's extent. Decides about speed only.
+/// Whether a ray may join a group that begins with `first`; `size` is the mesh's extent. The result affects
+/// only speed.
 pub(super) fn beside(first: &Line, line: &Line, size: f32) -> bool {
     let by = SPREAD * first.shear[2].abs();
     line.octant == first.octant
@@ -42,14 +46,14 @@ struct Hull {
 }
 
 impl Hull {
-    /// A bound from below of where its rays enter the slabs of the children.
+    /// Returns a lower bound of where the rays enter the slabs of the children.
     #[inline(always)]
     fn start(&self, node: &Node) -> f32x8 {
         let x = self.enter - node[self.first & 7];
         (x * self.low).fast_min(x * self.high)
     }
 
-    /// A bound from above of where they leave them.
+    /// Returns an upper bound of where the rays leave them.
     #[inline(always)]
     fn end(&self, node: &Node) -> f32x8 {
         let x = self.leave - node[self.last & 7];
@@ -57,7 +61,7 @@ impl Hull {
     }
 }
 
-/// Rays by number, lane by lane; past the last one t_max is −1, which no box passes.
+/// Rays by lane; lanes after the last ray have t_max = −1, so that they intersect no box.
 pub(super) struct Group {
     count: usize,
     id: [usize; RAYS],
@@ -76,7 +80,7 @@ fn half(x: &[f32; RAYS], h: usize) -> f32x8 {
 }
 
 impl Group {
-    /// A group without rays; `line` is any line.
+    /// Returns a group without rays; `line` may be any line.
     pub(super) fn new(line: Line) -> Self {
         Self {
             count: 0,
@@ -91,7 +95,7 @@ impl Group {
         }
     }
 
-    /// Takes over rays; those past the last repeat the first.
+    /// Sets the rays of the group; lanes after the last ray repeat the first.
     fn fill(&mut self, rays: &[(usize, Line)]) {
         self.count = rays.len();
         self.t_max = [-1.0; RAYS];
@@ -125,7 +129,7 @@ impl Group {
         }
     }
 
-    /// Bits of the rays that pass a box before their t_max.
+    /// Returns the bits of the rays that intersect a box before their t_max.
     #[inline(always)]
     fn pass(&self, node: &Node, lane: usize, hull: &[Hull; 3]) -> u32 {
         let plane = |row: usize| f32x8::splat(node[row & 7].to_array()[lane & 7]);
@@ -142,14 +146,15 @@ impl Group {
         bits
     }
 
-    /// The largest t_max of the rays.
+    /// Returns the largest t_max of the rays.
     #[inline(always)]
     fn furthest(&self) -> f32 {
         let m = half(&self.t_max, 0).fast_max(half(&self.t_max, 1)).to_array();
         m[1..].iter().fold(m[0], |a, &b| if b > a { b } else { a })
     }
 
-    /// Adds the children of node `at` whose boxes the hull passes before `t_max` to those that wait, the nearest last.
+    /// Pushes the children of node `at` whose boxes the hull intersects before `t_max` onto the stack, the
+    /// nearest last.
     #[inline(always)]
     fn open(&mut self, node: &Node, at: u32, hull: &[Hull; 3], t_max: f32) {
         let s = hull[0]
@@ -179,7 +184,8 @@ impl Group {
         }
     }
 
-    /// Tests the triangles of a leaf with each `active` ray by itself; gives how many rays hit one.
+    /// Tests the triangles of a leaf with each `active` ray individually; returns the number of rays that hit
+    /// one.
     #[inline(always)]
     fn test<const ANY: bool>(&mut self, leaf: &Leaf, mut active: u32) -> usize {
         let mut met = 0;
@@ -194,7 +200,7 @@ impl Group {
         met
     }
 
-    /// The next reference that starts before `t_max`, and its place among all children.
+    /// Returns the next reference that starts before `t_max`, and its index among all children.
     #[inline(always)]
     fn next(&mut self, t_max: f32) -> Option<(u32, u32)> {
         loop {
@@ -205,7 +211,7 @@ impl Group {
         }
     }
 
-    /// Walks the rays through the tree: the best hit of each, or any if `ANY`.
+    /// Traverses the tree and finds the best hit of each ray, or any hit if `ANY`.
     pub(super) fn walk<const ANY: bool>(
         &mut self,
         tree: &Tree,
@@ -219,7 +225,8 @@ impl Group {
         let mut t_max = self.furthest();
         let mut left = self.count;
         self.waiting.clear();
-        // (start above the reference, place among all children)
+        // Each entry contains the start in the upper bits, the reference in the lower bits, and the index
+        // among all children.
         let (mut at, mut place) = (tree.root, 0_u32);
         loop {
             if at & LEAF == 0 {

@@ -1,26 +1,28 @@
-//! Rays against triangles, distances, samples. Level 4: no adjoints.
+//! Ray–triangle intersection, distances and surface samples. Level 4, without adjoints.
 //!
 //! ```text
-//! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; no result depends on its shape)
-//! tree, ray ── closest | occluded ──► hit              (our watertight test, hits ordered by (t, triangle))
-//! points, triangles ── nearest ──► distances ── compare ──► how far two surfaces are apart
+//! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; its shape affects no result)
+//! tree, ray ── closest | occluded ──► hit              (watertight test, hits ordered by (t, triangle))
+//! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
 //! ```
 //!
 //! # The contract
-//! The hit of a ray is the smallest (t, triangle) over all triangles that `triangle` accepts. A tree may only leave out what cannot win. That is so by
-//! construction and not by an estimate of errors: the reported t is at least the start of the triangle's own box, and a box around that one starts
-//! no later and ends no earlier, because every operation in between is monotonic in floating point.
+//! The hit of a ray is the smallest (t, triangle) over all triangles that `triangle` accepts. A tree may only
+//! skip triangles that cannot have the smallest (t, triangle). This holds by construction and not by an error
+//! estimate: the reported t is at least the start of the triangle's own box, and an enclosing box starts no
+//! later and ends no earlier, because every operation in between is monotonic in floating point.
 //!
-//! # How the tree is walked
+//! # Traversal
 //! ```text
-//! tree     eight children a node, eight triangles a leaf, lane by lane; one array in huge pages (pages)
-//! walk     one ray: nearest child first, what waits is fetched early
-//! group    up to sixteen rays side by side: one hull for all at nodes, each ray by itself at leaves
-//! turns    any rays, twelve of which take turns: while one waits for memory, others are at work
+//! tree     eight children per node, up to eight triangles per leaf, one per lane (in huge pages: pages)
+//! walk     one ray: nearest child first, with prefetching of pending nodes
+//! group    up to sixteen neighbouring rays: one hull for all at nodes, individual rays at leaves
+//! turns    independent rays, twelve interleaved: while one waits for memory, others proceed
 //! ```
 //!
-//! A ray that bounces off a mesh of a million triangles visits 10 nodes and 3 leaves, in 300 ns. Groups do not pay for such rays, not even sorted by
-//! direction and start: the frustum of sixteen of them meets every leaf between their starts. `benches/record` has the figures.
+//! A ray that is reflected from a mesh of a million triangles visits 10 nodes and 3 leaves, in 300 ns. Groups
+//! are slower for such rays, even if sorted by direction and origin: the frustum of sixteen of them
+//! intersects every leaf between their origins. `benches/record` contains the measurements.
 
 pub mod bvh;
 pub mod compare;

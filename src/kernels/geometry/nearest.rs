@@ -1,16 +1,17 @@
-//! The nearest triangle of a point, and the nearest point of a cloud, exactly.
+//! Exact search for the triangle nearest to a point, and for the nearest point of a cloud.
 //!
-//! A tree of boxes over triangles or points, halved at the median of the widest side of the centres. A search skips boxes that hold nothing
-//! nearer: the distance to a box is computed by the same operations as that to a point on nearer coordinates, and rounding is monotone.
-//! Results are ordered by (d², index), so they are those of comparing with all of them, whatever the tree.
+//! The search uses a tree of boxes over triangles or points, split at the median of the widest side of the
+//! centres. It skips boxes that contain nothing nearer: the distance to a box is computed by the same
+//! operations on nearer coordinates, and rounding is monotone. Results are ordered by (d², index), so they
+//! equal those of an exhaustive search, for any tree.
 //!
 //! # Rounding
-//! f64: coordinates are converted exactly; d² = (x² + y²) + z². A box is widened by 2⁻⁴⁰ of the largest coordinate when triangles
-//! are searched, since the nearest point of a triangle is rounded.
+//! All values are f64: coordinates are converted exactly; d² = (x² + y²) + z². For triangles, a box is
+//! enlarged by 2⁻⁴⁰ of the largest coordinate, because the nearest point of a triangle is rounded.
 
 use crate::num::order;
 
-/// Entries of a leaf, at most.
+/// Largest number of entries in a leaf.
 const LEAF: usize = 4;
 
 /// A box over `order[start..end]`.
@@ -19,7 +20,7 @@ struct Node {
     high: [f64; 3],
     start: usize,
     end: usize,
-    /// The second child; the first follows its parent. 0 for a leaf.
+    /// Index of the second child; the first follows its parent. The value 0 marks a leaf.
     second: usize,
 }
 
@@ -69,12 +70,12 @@ impl Tree {
         self.split(boxes, middle, end);
     }
 
-    /// The entry of smallest (d², index).
+    /// Returns the entry with the smallest (d², index).
     fn nearest(&self, p: [f64; 3], square: impl Fn(u32) -> f64) -> (f64, u32) {
         let mut best = (f64::INFINITY, u32::MAX);
         let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![(0.0, 0)] };
         while let Some((bound, at)) = stack.pop() {
-            // A box as far as the best may hold a smaller index.
+            // A box at the best distance may contain a smaller index.
             if bound > best.0 {
                 continue;
             }
@@ -89,13 +90,13 @@ impl Tree {
                 continue;
             }
             let [a, b] = [at + 1, node.second].map(|c| (self.outside(c, p), c));
-            // The nearer one is looked at first.
+            // The nearer box is visited first.
             if a.0 <= b.0 { stack.extend([b, a]) } else { stack.extend([a, b]) }
         }
         best
     }
 
-    /// d² to a box.
+    /// Returns d² to a box.
     fn outside(&self, at: usize, p: [f64; 3]) -> f64 {
         let node = &self.nodes[at];
         let d: [f64; 3] = std::array::from_fn(|k| p[k] - order::clamp(p[k], node.low[k], node.high[k]));
@@ -103,14 +104,14 @@ impl Tree {
     }
 }
 
-/// Triangles, ready to be searched.
+/// Triangles prepared for searches.
 pub struct Surface {
     corners: Vec<[[f64; 3]; 3]>,
     tree: Tree,
 }
 
 impl Surface {
-    /// Of a mesh whose indices are valid.
+    /// Builds the search tree of a mesh whose indices are valid.
     pub fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Self {
         let corners: Vec<[[f64; 3]; 3]> =
             triangles.iter().map(|t| t.map(|i| positions[i as usize].map(f64::from))).collect();
@@ -126,7 +127,8 @@ impl Surface {
         Self { tree: Tree::new(&boxes), corners }
     }
 
-    /// Squared distance and index of the nearest triangle; infinite and `u32::MAX` without triangles.
+    /// Returns the squared distance and the index of the nearest triangle; ∞ and `u32::MAX` if there are no
+    /// triangles.
     pub fn nearest(&self, p: [f64; 3]) -> (f64, u32) {
         self.tree.nearest(p, |i| {
             let q = nearest_on(&self.corners[i as usize], p);
@@ -135,20 +137,21 @@ impl Surface {
     }
 }
 
-/// Points, ready to be searched.
+/// Points prepared for searches.
 pub struct Cloud<'a> {
     points: &'a [[f64; 3]],
     tree: Tree,
 }
 
 impl<'a> Cloud<'a> {
-    /// Of finite points.
+    /// Builds the search tree of finite points.
     pub fn new(points: &'a [[f64; 3]]) -> Self {
         let boxes: Vec<_> = points.iter().map(|p| [*p, *p]).collect();
         Self { points, tree: Tree::new(&boxes) }
     }
 
-    /// Squared distance and index of the nearest point; infinite and `u32::MAX` without points.
+    /// Returns the squared distance and the index of the nearest point; ∞ and `u32::MAX` if there are no
+    /// points.
     pub fn nearest(&self, p: [f64; 3]) -> (f64, u32) {
         self.tree.nearest(p, |i| square(p, self.points[i as usize]))
     }
@@ -159,8 +162,8 @@ fn square(p: [f64; 3], q: [f64; 3]) -> f64 {
     (d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]
 }
 
-/// The point of a triangle nearest to p, by the region of the plane its projection falls into (Ericson 2005, §5.1.5). A degenerate triangle
-/// is its edges.
+/// Returns the point of a triangle nearest to p, selected by the region of the plane that contains the
+/// projection of p (Ericson 2005, §5.1.5). A degenerate triangle is treated as its edges.
 pub fn nearest_on(t: &[[f64; 3]; 3], p: [f64; 3]) -> [f64; 3] {
     let sub = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|k| a[k] - b[k]) };
     let dot = |a: [f64; 3], b: [f64; 3]| (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2];
@@ -216,7 +219,7 @@ mod tests {
     use super::*;
     use crate::num::rng::Rng;
 
-    /// All triangles one after the other, against a fine grid of barycentric points for the distance itself.
+    /// Compares with an exhaustive search, and the distance with a fine grid of barycentric points.
     #[test]
     fn the_tree_finds_what_comparing_with_all_finds() {
         let rng = Rng::new(3);

@@ -1,16 +1,17 @@
-//! Memory for large arrays that are read at random.
+//! Memory for large arrays with random access.
 //!
-//! A walk through a tree of some ten megabytes spends most of its time on address translation if the memory comes in small pages.
-//! So large arrays live in anonymous memory maps for which huge pages are requested; where there are none to be had, nothing but speed is lost.
+//! The traversal of a tree of some ten megabytes spends most of its time on address translation if the memory
+//! consists of small pages. Large arrays are therefore anonymous memory maps for which huge pages are
+//! requested; if none are available, only speed is affected.
 
 use memmap2::MmapMut;
 use std::marker::PhantomData;
 use wide::bytemuck::{self, Pod};
 
-/// Below this size, bytes, a plain vector does.
+/// Size in bytes below which a plain vector is used.
 const LARGE: usize = 1 << 21;
 
-/// A fixed array in memory of its own.
+/// A fixed-size array in separately mapped memory.
 pub(super) struct Pages<T> {
     memory: Memory<T>,
 }
@@ -21,7 +22,7 @@ enum Memory<T> {
 }
 
 impl<T: Pod> Pages<T> {
-    /// Zeros.
+    /// Returns an array of zeros.
     pub(super) fn zeroed(len: usize) -> Self {
         let bytes = len * size_of::<T>();
         if bytes >= LARGE
@@ -29,14 +30,14 @@ impl<T: Pod> Pages<T> {
             && map.as_ptr().align_offset(align_of::<T>()) == 0
         {
             #[cfg(target_os = "linux")]
-            // A refusal leaves small pages, which are as good in everything but speed.
+            // If the request is refused, the pages stay small, which affects only speed.
             let _ = map.advise(memmap2::Advice::HugePage);
             return Self { memory: Memory::Mapped(map, len, PhantomData) };
         }
         Self { memory: Memory::Plain(vec![T::zeroed(); len]) }
     }
 
-    /// All entries.
+    /// Returns all entries.
     #[inline(always)]
     pub(super) fn all(&self) -> &[T] {
         match &self.memory {
@@ -45,7 +46,7 @@ impl<T: Pod> Pages<T> {
         }
     }
 
-    /// All entries, to be written.
+    /// Returns all entries for writing.
     pub(super) fn all_mut(&mut self) -> &mut [T] {
         match &mut self.memory {
             Memory::Mapped(map, len, _) => bytemuck::cast_slice_mut(&mut map[..*len * size_of::<T>()]),

@@ -1,20 +1,20 @@
 //! Rays and hits.
 
-/// The index of a triangle that was not hit.
+/// Index that marks a missing triangle.
 pub const MISS: u32 = u32::MAX;
 
-/// A ray with the interval in which it hits.
+/// A ray with the interval in which it can hit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
-    /// Start, scene units.
+    /// Origin, scene units.
     pub origin: [f32; 3],
-    /// Not necessarily of length 1, not zero; t counts in it.
+    /// Direction, not zero and not necessarily of length 1; t is in units of its length.
     pub direction: [f32; 3],
-    /// Hits have 0 ≤ t ≤ t_max.
+    /// Upper end of the interval: hits have 0 ≤ t ≤ t_max.
     pub t_max: f32,
 }
 
-/// A hit, or `triangle == MISS` and t infinite.
+/// A hit; if nothing was hit, `triangle` is [`MISS`] and t is infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Parameter along the ray.
@@ -28,6 +28,6 @@ pub struct Hit {
 }
 
 impl Hit {
-    /// No hit.
+    /// The value that represents no hit.
     pub const NONE: Self = Self { t: f32::INFINITY, u: 0.0, v: 0.0, triangle: MISS };
 }

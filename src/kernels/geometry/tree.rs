@@ -1,7 +1,8 @@
-//! The tree: eight children a node, up to eight triangles a leaf, both laid out for lanes.
+//! The tree: eight children per node, up to eight triangles per leaf, both in a layout for vector lanes.
 //!
-//! obvhs proposes a binary tree. Its inner nodes are drawn together until a node has eight children; what has at most eight triangles
-//! becomes a leaf. Boxes are taken from the triangles again. Nodes and leaves stand in depth-first order.
+//! obvhs proposes a binary tree. Its inner nodes are merged until a node has eight children; a subtree of at
+//! most eight triangles becomes a leaf. Boxes are recomputed from the triangles. Nodes and leaves are stored
+//! in depth-first order.
 
 use super::pages::Pages;
 use super::triangle::{bounds, is_degenerate};
@@ -13,36 +14,39 @@ use obvhs::{BvhBuildParams, aabb::Aabb};
 use prefetch_index::prefetch_index;
 use wide::bytemuck;
 
-/// Lanes: children of a node, triangles of a leaf.
+/// Number of lanes: children per node, triangles per leaf.
 pub(super) const LANES: usize = 8;
-/// Below this depth the proposed tree is replaced by an even one, so that the stack of a walk is bounded.
+/// Depth below which the proposed tree is replaced by a balanced one, so that the stack of a traversal is
+/// bounded.
 const DEEPEST: usize = 24;
-/// Entries that the stack of a walk can have: seven wait at each of at most DEEPEST + log₂(2²⁸) levels.
+/// Stack size of a traversal: up to seven entries are pending at each of at most DEEPEST + log₂(2²⁸) levels.
 pub(super) const STACK: usize = 64;
-/// Marks a child that is a leaf.
+/// Bit that marks a child as a leaf.
 pub(super) const LEAF: u32 = 1 << 31;
 const CHUNK: usize = 16_384;
 
-/// A node: rows 2k and 2k+1 are the lower and upper planes of its children along axis k, row 6 the children (as bits). A
-/// child that is not there has planes that no ray passes. Four cache lines.
+/// A node: rows 2k and 2k+1 are the lower and upper planes of its children along axis k, row 6 contains the
+/// child references (as bits). The planes of an absent child intersect no ray. A node occupies four cache
+/// lines.
 pub(super) type Node = [f32x8; 8];
 
-/// A leaf: row 3·axis + corner, lane by lane; row 9 the indices of the triangles in the mesh (as bits). Lanes past the last
-/// triangle repeat the first. Five cache lines.
+/// A leaf: row 3·axis + corner contains coordinates, one triangle per lane; row 9 contains the indices of the
+/// triangles in the mesh (as bits). Lanes after the last triangle repeat the first. A leaf occupies five
+/// cache lines.
 pub(super) type Leaf = [f32x8; 10];
 
-/// Rows that hold references.
+/// Index of the row that contains references.
 pub(super) const CHILDREN: usize = 6;
 pub(super) const INDEX: usize = 9;
 
-/// Corners of the triangle in one lane of a leaf.
+/// Returns the corners of the triangle in one lane of a leaf.
 #[inline(always)]
 pub(super) fn corners(leaf: &Leaf, lane: usize) -> [[f32; 3]; 3] {
     let at = |row: usize| leaf[row].to_array()[lane & (LANES - 1)];
     [[at(0), at(3), at(6)], [at(1), at(4), at(7)], [at(2), at(5), at(8)]]
 }
 
-/// A row of references.
+/// Returns a row of references.
 #[inline(always)]
 pub(super) fn references(row: &f32x8) -> &[u32; LANES] {
     bytemuck::cast_ref(row)
@@ -76,7 +80,7 @@ fn fill_node(children: &[(u32, Box3); LANES]) -> Node {
     rows
 }
 
-/// Triangles that have an area, in scaled coordinates.
+/// Triangles with non-zero area, in scaled coordinates.
 pub(super) struct Triangles {
     pub(super) corners: Vec<[[f32; 3]; 3]>,
     pub(super) index: Vec<u32>,
@@ -104,33 +108,33 @@ impl Triangles {
     }
 }
 
-/// The tree of a mesh: nodes and leaves in one array, depth first. A reference is the place of the first of its cache lines, of two
-/// rows each; an empty tree has none.
+/// The tree of a mesh: nodes and leaves in one array, depth first. A reference is the index of the first of
+/// its cache lines, each of which consists of two rows; an empty tree has none.
 #[derive(Clone)]
 pub(super) struct Tree {
     lines: Pages<[f32x8; 2]>,
-    /// place of the root
+    /// Reference of the root.
     pub(super) root: u32,
     pub(super) bounds: Box3,
 }
 
-/// Lines of a node and of a leaf.
+/// Cache lines of a node and of a leaf.
 const NODE_LINES: u32 = 4;
 const LEAF_LINES: u32 = 5;
 
-/// The node at a place.
+/// Returns the node with a reference.
 #[inline(always)]
 pub(super) fn node(rows: &[f32x8], at: u32) -> &Node {
-    rows[2 * at as usize..].first_chunk().expect("a reference is the place of a node")
+    rows[2 * at as usize..].first_chunk().expect("a reference is the index of a node")
 }
 
-/// The leaf that a reference names.
+/// Returns the leaf with a reference.
 #[inline(always)]
 pub(super) fn leaf(rows: &[f32x8], reference: u32) -> &Leaf {
-    rows[2 * (reference & !LEAF) as usize..].first_chunk().expect("a reference is the place of a leaf")
+    rows[2 * (reference & !LEAF) as usize..].first_chunk().expect("a reference is the index of a leaf")
 }
 
-/// Asks for the memory of a node or leaf that will be visited later.
+/// Prefetches a node or leaf that will be visited later.
 #[inline(always)]
 pub(super) fn expect_soon(rows: &[f32x8], reference: u32) {
     let at = 2 * (reference & !LEAF) as usize;
@@ -140,7 +144,7 @@ pub(super) fn expect_soon(rows: &[f32x8], reference: u32) {
 }
 
 impl Tree {
-    /// All rows; none if no triangle has an area.
+    /// Returns all rows; there are none if no triangle has an area.
     #[inline(always)]
     pub(super) fn rows(&self) -> &[f32x8] {
         self.lines.all().as_flattened()
@@ -171,31 +175,31 @@ impl Tree {
     }
 }
 
-/// No child.
+/// Marks an absent child.
 const NONE: u32 = u32::MAX;
 
-/// A part of the mesh: a node of the proposed tree, or a run of `items` that is halved.
+/// A part of the mesh: a node of the proposed tree, or a run of `items` that is split in halves.
 #[derive(Clone, Copy)]
 enum Part {
     Proposed(u32),
     Run(u32, u32),
 }
 
-/// Who is whose child, before coordinates are filled in.
+/// The parent–child structure, before coordinates are filled in.
 struct Outline<'a> {
     tree: &'a Bvh2,
-    /// first item and number of items below every proposed node
+    /// First item and number of items below every proposed node.
     spans: Vec<(u32, u32)>,
-    /// triangles in depth-first order of the proposed tree
+    /// Triangles in depth-first order of the proposed tree.
     items: Vec<u32>,
-    /// per proposed node: `costs[k]` is the least surface of nodes when k + 1 children stand for it
+    /// Costs per proposed node: `costs[k]` is the smallest surface of nodes if k + 1 children represent it.
     costs: Vec<[f32; LANES]>,
     nodes: Vec<[u32; LANES]>,
-    /// first item and number of items
+    /// First item and number of items of each leaf.
     leaves: Vec<(u32, u32)>,
     node_place: Vec<u32>,
     leaf_place: Vec<u32>,
-    /// cache lines given out so far
+    /// Number of cache lines allocated so far.
     lines: u32,
 }
 
@@ -212,7 +216,7 @@ impl<'a> Outline<'a> {
             leaf_place: Vec::with_capacity(n / 5),
             lines: 0,
         };
-        // Depth first; a node is met again, marked, when all below it has been seen.
+        // The order is depth first; a node is visited a second time, marked, after everything below it.
         let mut stack = vec![(0_u32, false)];
         while let Some((at, seen)) = stack.pop() {
             let node = &tree.nodes[at as usize];
@@ -234,7 +238,8 @@ impl<'a> Outline<'a> {
         made
     }
 
-    /// Costs of a proposed inner node from those of its halves. Leaves cost the same whoever their parent is, so they count 0.
+    /// Returns the costs of a proposed inner node from those of its halves. Leaves cost the same under any
+    /// parent, so they count 0.
     fn cost(&self, at: u32) -> [f32; LANES] {
         let node = &self.tree.nodes[at as usize];
         if self.spans[at as usize].1 as usize <= LANES {
@@ -252,7 +257,8 @@ impl<'a> Outline<'a> {
         costs
     }
 
-    /// The least cost of a pair of siblings that k + 1 children stand for, and how many of them stand for the first, less one.
+    /// Returns the smallest cost of a pair of siblings represented by k + 1 children, and the number of
+    /// children that represent the first, minus one.
     fn split(&self, first: u32, k: usize) -> (f32, usize) {
         let (a, b) = (&self.costs[first as usize], &self.costs[first as usize + 1]);
         let mut best = (a[0] + b[k - 1], 0);
@@ -265,7 +271,7 @@ impl<'a> Outline<'a> {
         best
     }
 
-    /// The parts that at most `slots` children stand for.
+    /// Splits a part into those represented by at most `slots` children, and appends them to `into`.
     fn open(&self, part: Part, slots: usize, into: &mut Vec<Part>) {
         let Part::Proposed(at) = part else {
             into.push(part);
@@ -277,7 +283,7 @@ impl<'a> Outline<'a> {
             into.push(part);
             return;
         }
-        // the fewest slots that reach the least cost
+        // Selects the fewest slots that reach the smallest cost.
         let mut k = slots - 1;
         while k > 1 && costs[k - 1] == costs[k] {
             k -= 1;
@@ -294,7 +300,7 @@ impl<'a> Outline<'a> {
         }
     }
 
-    /// Outlines a part, depth first; gives its reference.
+    /// Lays out a part depth first and returns its reference.
     fn place(&mut self, part: Part, depth: usize) -> u32 {
         let (first, n) = self.span(part);
         if n as usize <= LANES {
@@ -312,7 +318,7 @@ impl<'a> Outline<'a> {
                 self.open(Part::Proposed(first + 1), LANES - 1 - k, &mut open);
             }
             _ => {
-                // an even tree: eight runs of equal length, up to one
+                // A balanced tree: eight runs whose lengths differ by at most one.
                 for i in 0..LANES as u32 {
                     let at = |i: u32| (u64::from(n) * u64::from(i) / LANES as u64) as u32;
                     open.push(Part::Run(first + at(i), at(i + 1) - at(i)));
@@ -329,14 +335,14 @@ impl<'a> Outline<'a> {
         at as u32
     }
 
-    /// The tree with coordinates: leaves first, then nodes from the last, whose children come after it.
+    /// Fills the tree with coordinates: leaves first, then nodes from the last, whose children come after it.
     fn fill(self, triangles: &Triangles) -> Tree {
         let mut lines: Pages<[f32x8; 2]> = Pages::zeroed(self.lines as usize);
         let mut leaf_boxes = vec![NOTHING; self.leaves.len()];
         let (mut rest, mut done) = (lines.all_mut().as_flattened_mut(), 0);
         let mut tasks = Vec::new();
         for (c, boxes) in leaf_boxes.chunks_mut(CHUNK).enumerate() {
-            // from where the last chunk of leaves ended to where the next one begins
+            // The gap between the end of one chunk of leaves and the start of the next.
             let end = self.leaf_place.get((c + 1) * CHUNK).copied().unwrap_or(self.lines);
             let (here, after) = rest.split_at_mut(2 * (end - done) as usize);
             tasks.push((done, here, boxes));
@@ -370,7 +376,7 @@ impl<'a> Outline<'a> {
             let place = 2 * self.node_place[at] as usize;
             rows[place..place + LANES].copy_from_slice(&fill_node(&children));
         }
-        // The root is the first node; a tree of one leaf has it after the leaf.
+        // The root is the first node; in a tree of a single leaf it comes after the leaf.
         Tree { root: self.node_place[0], bounds: node_boxes[0], lines }
     }
 }

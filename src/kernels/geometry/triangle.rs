@@ -1,46 +1,54 @@
-//! One ray against one triangle: the test that every query of the hierarchy rests on.
+//! The intersection test of one ray and one triangle, which all queries of the hierarchy use.
 //!
-//! The ray is sheared so that it runs along an axis; the triangle is hit if its projection contains the origin (Woop, Benthin and
-//! Wald, "Watertight Ray/Triangle Intersection", JCGT 2013). With A, B, C the sheared corners in the plane,
+//! The ray is sheared so that it runs along an axis; the triangle is hit if its projection contains the
+//! origin (Woop, Benthin and Wald, "Watertight Ray/Triangle Intersection", JCGT 2013). With A, B, C the
+//! sheared corners in the plane,
 //!
 //! ```text
 //! U = Cx·By − Cy·Bx    V = Ax·Cy − Ay·Cx    W = Bx·Ay − By·Ax
-//! t = (U·Az + V·Bz + W·Cz)/(U + V + W)      hit if U, V, W have one sign (0 has both) and their sum is not 0
+//! t = (U·Az + V·Bz + W·Cz)/(U + V + W)      hit if U, V, W have the same sign (0 counts as both) and their
+//! sum is not 0
 //! ```
 //!
-//! Both sides are hit.
+//! Both sides of a triangle are hit.
 //!
-//! # Why nothing leaks
-//! Two triangles with a common edge see the same two sheared corners, and U of one is −U of the other in bits, for no operation
-//! is fused. The sign of U in single precision is right or U is 0, because rounding is monotonic: p ≥ q gives fl(p) ≥ fl(q). Where
-//! one of U, V, W is 0, all three are taken again in double precision, in which the products are exact and the sign therefore always
-//! right. So the test is exact on sheared corners, which all triangles around a vertex share.
+//! # Watertightness
+//! Two triangles with a common edge use the same two sheared corners, and U of one equals −U of the other in
+//! bits, because no operation is fused. The sign of U in single precision is correct, or U is 0, because
+//! rounding is monotonic: p ≥ q gives fl(p) ≥ fl(q). If one of U, V, W is 0, all three are recomputed in
+//! double precision, in which the products are exact and the sign is therefore always correct. The test is
+//! thus exact for the sheared corners, which all triangles around a vertex share.
 //!
-//! # Why no result depends on a tree
-//! [`Line::slab`] gives the interval in which the ray is inside a box, computed from the box's planes by operations that are
-//! monotonic in them. Part of the test is that the triangle's own box passes it, and the reported t is at least the start of that
-//! interval. A box that contains the triangle's box has an interval that contains it, in floating point and not just in real
-//! numbers. So a walk that skips boxes with an empty interval, or that start beyond the best t, skips no triangle that would win.
+//! # Independence of the tree
+//! [`Line::slab`] returns the interval in which the ray is inside a box, computed from the box's planes by
+//! operations that are monotonic in them. The test includes that the ray intersects the triangle's own box,
+//! and the reported t is at least the start of that interval. The interval of an enclosing box contains that
+//! interval in floating point, not only in exact arithmetic. A traversal that skips boxes whose interval is
+//! empty or starts beyond the best t therefore skips no triangle that would win.
 //!
-//! # Why the box test loses nothing
-//! Its planes are moved outwards by 2⁻²⁰·M, where M bounds |corner − origin| over all corners and axes. With u = 2⁻²⁴, a sheared coordinate is
-//! off by at most 6u·M (difference u, slope and product 3u, last difference 2u), a slab's end by 3u·M measured in space, and directions limited to
-//! |d| ≥ 2⁻⁶⁰ (relative to the largest component) move a point by 2⁻⁶⁰·M: together less than 10u·M < 2⁻²⁰·M.
+//! # Conservativeness of the box test
+//! The planes of a box are moved outwards by 2⁻²⁰·M, where M bounds |corner − origin| over all corners and
+//! axes. With u = 2⁻²⁴, the error of a sheared coordinate is at most 6u·M (difference u, slope and product
+//! 3u, last difference 2u), that of a slab's end 3u·M measured in space, and limiting directions to |d| ≥
+//! 2⁻⁶⁰ (relative to the largest component) moves a point by 2⁻⁶⁰·M: together less than 10u·M < 2⁻²⁰·M.
 
 use super::ray::Ray;
 use crate::num::lanes::f32x8;
 
-/// Meshes whose largest coordinate lies outside 1/LARGE..=LARGE are scaled by a power of two.
+/// Meshes whose largest coordinate is outside 1/LARGE..=LARGE are scaled by a power of two.
 const LARGE: f32 = 1_048_576.0;
-/// Rays that start further away than this (after scaling) hit nothing; directions outside 1/FAR..=FAR are scaled.
+/// Rays that start further away than this (after scaling) hit nothing; directions outside 1/FAR..=FAR are
+/// scaled.
 const FAR: f32 = 1_099_511_627_776.0;
-/// Boxes are padded by this much of the largest distance, 2⁻²⁰, and by [`PAD_START`] of the origin's coordinate, 2⁻²³.
+/// Boxes are enlarged by this fraction of the largest distance, 2⁻²⁰, and by [`PAD_START`] of the origin's
+/// coordinate, 2⁻²³.
 const PAD: f32 = 1.0 / 1_048_576.0;
 const PAD_START: f32 = 1.0 / 8_388_608.0;
-/// Directions of the box test have at least this much of the largest component, 2⁻⁶⁰.
+/// Smallest component of a direction in the box test relative to the largest component, 2⁻⁶⁰.
 const FLAT: f32 = 1.0 / 1_152_921_504_606_846_976.0;
 
-/// The numbers in which a mesh is tested: scaled by a power of two so that no product leaves the range of f32.
+/// The scaled coordinates in which a mesh is tested; the scale is a power of two, chosen such that no product
+/// leaves the range of f32.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Frame {
     /// Power of two by which coordinates are multiplied; 1 for meshes of ordinary size.
@@ -50,7 +58,7 @@ pub(super) struct Frame {
 }
 
 impl Frame {
-    /// The scale for a mesh whose largest coordinate is `largest` in magnitude.
+    /// Returns the scale for a mesh whose largest coordinate has the magnitude `largest`.
     pub(super) fn scale_for(largest: f32) -> f32 {
         if largest == 0.0 || (1.0 / LARGE..=LARGE).contains(&largest) {
             return 1.0;
@@ -59,53 +67,54 @@ impl Frame {
     }
 }
 
-/// e with 2^e ≤ |x| < 2^(e+1); x is a non-zero number that stems from f32.
+/// Returns e with 2^e ≤ |x| < 2^(e+1); x is a non-zero number converted from f32.
 fn exponent(x: f64) -> i32 {
     ((x.to_bits() >> 52) & 0x7ff) as i32 - 1023
 }
 
-/// 2^e for −126 ≤ e ≤ 127.
+/// Returns 2^e for −126 ≤ e ≤ 127.
 fn power_of_two(e: i32) -> f32 {
     f32::from_bits(((e + 127) as u32) << 23)
 }
 
-/// Whether the triangle has no area, and so is never hit: the cross product of its edges, in double precision, is 0.
+/// Whether the triangle has no area and is therefore never hit: the cross product of its edges, in double
+/// precision, is 0.
 pub(super) fn is_degenerate([a, b, c]: [[f32; 3]; 3]) -> bool {
     let edge = |p: [f32; 3]| [0, 1, 2].map(|k| f64::from(p[k]) - f64::from(a[k]));
     let (e, f) = (edge(b), edge(c));
     e[1] * f[2] == e[2] * f[1] && e[2] * f[0] == e[0] * f[2] && e[0] * f[1] == e[1] * f[0]
 }
 
-/// The largest f32 that is not above x ≥ 0.
+/// Returns the largest f32 that is not above x ≥ 0.
 fn below(x: f64) -> f32 {
     let near = x as f32;
     if f64::from(near) > x { f32::from_bits(near.to_bits() - 1) } else { near }
 }
 
-/// A ray, prepared for the test.
+/// A ray prepared for the test.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Line {
-    /// Start.
+    /// Origin.
     pub(super) origin: [f32; 3],
-    /// The axis along which the direction is largest; the other two follow cyclically.
+    /// Axis along which the direction is largest; the other two follow cyclically.
     pub(super) axis: usize,
-    /// Direction per unit along `axis` on the two axes that follow it, and 1/(direction along `axis`).
+    /// Direction per unit along `axis` on the two following axes, and 1/(direction along `axis`).
     pub(super) shear: [f32; 3],
-    /// Start as the planes see it at which the ray enters boxes, moved forwards.
+    /// Origin for the planes at which the ray enters boxes, moved forwards.
     pub(super) enter: [f32; 3],
-    /// Start as the planes see it at which the ray leaves boxes, moved backwards.
+    /// Origin for the planes at which the ray leaves boxes, moved backwards.
     pub(super) leave: [f32; 3],
-    /// 1/direction, finite.
+    /// Reciprocal of the direction, finite.
     pub(super) inverse: [f32; 3],
-    /// Bit k: the direction along axis k is negative.
+    /// Signs: bit k is set if the direction along axis k is negative.
     pub(super) octant: usize,
     /// End of the interval.
     pub(super) t_max: f32,
-    /// Power of two by which t is multiplied to count in the caller's direction.
+    /// Power of two by which t is multiplied to be in units of the caller's direction.
     pub(super) unit: f64,
 }
 
-/// A triangle that was hit: parameter, and weights of corners 1 and 2.
+/// A triangle that was hit: ray parameter, and weights of corners 1 and 2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Met {
     pub(super) t: f32,
@@ -119,7 +128,7 @@ fn largest(d: [f32; 3]) -> usize {
     if z > m { 2 } else { axis }
 }
 
-/// Three numbers in lanes 0 to 2, the others 0.
+/// Places three numbers in lanes 0 to 2 and 0 in the others.
 #[inline(always)]
 fn three([x, y, z]: [f32; 3]) -> f32x8 {
     f32x8::new([x, y, z, 0.0, 0.0, 0.0, 0.0, 0.0])
@@ -132,11 +141,12 @@ fn first_three(x: f32x8) -> [f32; 3] {
 }
 
 impl Line {
-    /// The ray in the numbers of `frame`; none if it cannot hit anything: no direction, an empty interval, or a start more than 2⁴⁰ away.
+    /// Converts the ray to the coordinates of `frame`; returns `None` if it cannot hit anything: a zero
+    /// direction, an empty interval, or an origin more than 2⁴⁰ away.
     #[inline(always)]
     pub(super) fn new(ray: &Ray, frame: &Frame) -> Option<Self> {
         let mut d = ray.direction;
-        // what has no finite t is not hit
+        // An infinite t is not a hit.
         let (mut t_max, mut unit) = (if ray.t_max > f32::MAX { f32::MAX } else { ray.t_max + 0.0 }, 1.0);
         let mut axis = largest(d);
         let along = d[axis].abs();
@@ -144,7 +154,7 @@ impl Line {
             if !(along > 0.0 && along < f32::INFINITY) {
                 return None;
             }
-            // Scaled to 1 ≤ |direction| < 2: t counts 2^e of the caller's.
+            // The direction is scaled to 1 ≤ |direction| < 2, so t is in units of 2^e of the caller's.
             let wide = d.map(|d| f64::from(d) * f64::from(frame.scale));
             let e = exponent(wide[axis]);
             let by = f64::from_bits(((1023 - e) as u64) << 52);
@@ -164,7 +174,7 @@ impl Line {
         let [x, y, z] = first_three((from - lo).fast_max(hi - from).fast_max(s(0.0)));
         let m = if y > x { y } else { x };
         let reach = if z > m { z } else { m };
-        // every lane keeps its own sign: −0 counts as backwards
+        // Every lane keeps its own sign; −0 counts as negative.
         let along = d[axis];
         let d8 = three(d);
         let sign = d8 & s(-0.0);
@@ -188,13 +198,14 @@ impl Line {
         })
     }
 
-    /// t in the caller's numbers.
+    /// Returns t in the caller's units.
     #[inline(always)]
     pub(super) fn in_caller_units(&self, t: f32) -> f32 {
         (f64::from(t) * self.unit) as f32
     }
 
-    /// Where the ray is inside a box: start and end, empty if the end is smaller. Monotonic in the planes.
+    /// Returns the start and end of the interval inside a box, which is empty if the end is smaller. The
+    /// result is monotonic in the planes.
     #[inline]
     pub(super) fn slab(&self, lo: [f32; 3], hi: [f32; 3]) -> (f32, f32) {
         let (mut start, mut end) = (f32::NEG_INFINITY, f32::INFINITY);
@@ -208,7 +219,7 @@ impl Line {
         (start, end)
     }
 
-    /// The whole test, for one triangle that has an area: what the walks do lane by lane.
+    /// The complete test for one triangle with non-zero area; the traversals perform it per lane.
     #[cfg(test)]
     pub(super) fn meet(&self, corners: [[f32; 3]; 3]) -> Option<Met> {
         let (x, y, z) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
@@ -235,18 +246,18 @@ impl Line {
         self.inside(corners, met)
     }
 
-    /// The part of the test that concerns the triangle's own box and the ray's interval.
+    /// The part of the test that involves the triangle's own box and the ray's interval.
     #[inline]
     pub(super) fn inside(&self, corners: [[f32; 3]; 3], met: Met) -> Option<Met> {
         let [lo, hi] = bounds(corners);
         let (start, end) = self.slab(lo, hi);
-        // + 0 turns −0 into +0
+        // Adding 0 turns −0 into +0.
         let t = (if start > met.t { start } else { met.t }) + 0.0;
         (start <= end && end >= 0.0 && met.t >= 0.0 && t <= self.t_max).then_some(Met { t, ..met })
     }
 }
 
-/// U, V, W where one of them is 0 in single precision: exact products in double precision.
+/// Recomputes U, V, W if one of them is 0 in single precision, with exact products in double precision.
 #[cold]
 pub(super) fn wide(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> Option<Met> {
     let [a, b, c] = [a, b, c].map(|p| p.map(f64::from));
@@ -262,7 +273,7 @@ pub(super) fn wide(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> Option<Met> {
     })
 }
 
-/// Smallest and largest coordinates of a triangle.
+/// Returns the smallest and largest coordinates of a triangle.
 #[inline]
 pub(super) fn bounds([a, b, c]: [[f32; 3]; 3]) -> [[f32; 3]; 2] {
     use crate::num::order::{max, min};

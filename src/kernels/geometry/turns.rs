@@ -1,8 +1,9 @@
-//! Many rays through the tree, a few of which take turns.
+//! Traversal of the tree with many rays, a few of which are interleaved.
 //!
-//! While one ray waits for memory, others are at work: every visit ends with a request for the memory of the next one, and then it is
-//! another ray's turn. Rays at nodes and rays at leaves stand in two lists, so that the processor need not guess which of the two
-//! comes next, and a visit of a node has no branch that depends on how many children are hit.
+//! While one ray waits for memory, others proceed: every visit ends with a prefetch of the next node or leaf,
+//! and then the next ray continues. Rays at nodes and rays at leaves are kept in two lists, so that no branch
+//! prediction between the two is necessary, and a visit of a node has no branch that depends on the number of
+//! children that are hit.
 
 use super::ray::Hit;
 use super::tree::{CHILDREN, LANES, LEAF, Tree, expect_soon, leaf, node, references};
@@ -11,23 +12,24 @@ use super::walk::{Best, Wide, meet};
 use crate::num::lanes::{f32x8, i32x8};
 use wide::bytemuck;
 
-/// Rays that take turns.
+/// Number of interleaved rays.
 const TURNS: usize = 12;
-/// Levels of the tree, a power of two; `tree::DEEPEST` and the logarithm of the number of triangles stay below it.
+/// Number of levels of the tree, a power of two; `tree::DEEPEST` plus the logarithm of the number of
+/// triangles stays below it.
 const LEVELS: usize = 64;
-/// A child that is not hit, or has been visited.
+/// Marks a child that is not hit or was already visited.
 const GONE: i32 = i32::MAX;
 
-/// Where rays come from and hits go.
+/// Source of rays and receiver of hits.
 pub(super) trait Feed {
-    /// The next ray and its number.
+    /// Returns the next ray and its index.
     fn next(&mut self) -> Option<(usize, Line)>;
-    /// Takes the hit of a ray.
+    /// Receives the hit of a ray.
     fn done(&mut self, ray: usize, hit: Hit);
 }
 
-/// One ray on its way. Per level of the tree: the node whose children wait, which of them, and keys: bits of the start of each
-/// with the lane in the lowest three.
+/// State of one ray. Per level of the tree it stores the node with pending children, which children are
+/// pending, and their keys: the bits of each start with the lane in the lowest three bits.
 #[derive(Clone)]
 struct Turn {
     ray: usize,
@@ -61,8 +63,8 @@ impl Turn {
         (self.at, self.top) = (root, 0);
     }
 
-    /// Goes from the node `at` to the nearest child that is hit, and lets the others wait on a level of their own; without one, to what
-    /// waits. Whether there is anything.
+    /// Moves from the node `at` to the nearest child that is hit, and stores the others as pending on a new
+    /// level; if no child is hit, continues with a pending one. Returns whether there is a next node or leaf.
     #[inline(always)]
     fn visit_node(&mut self, rows: &[f32x8]) -> bool {
         let node = node(rows, self.at);
@@ -88,7 +90,7 @@ impl Turn {
         true
     }
 
-    /// Goes to the nearest child that waits on the highest level; whether there is one.
+    /// Moves to the nearest pending child on the highest level; returns whether there is one.
     #[inline(always)]
     fn next(&mut self, rows: &[f32x8]) -> bool {
         loop {
@@ -113,7 +115,7 @@ impl Turn {
 }
 
 impl Turn {
-    /// Asks for what comes next, or gives the hit away and begins with another ray.
+    /// Prefetches the next node or leaf, or reports the hit and starts another ray.
     #[inline(always)]
     fn go_on(
         &mut self,
@@ -137,10 +139,10 @@ impl Turn {
     }
 }
 
-/// Turns by where they are.
+/// Active rays by location.
 #[derive(Default)]
 struct Lists {
-    /// 0: at nodes, 1: at leaves
+    /// Index 0: rays at nodes; index 1: rays at leaves.
     of: [[u8; 16]; 2],
     len: [usize; 2],
 }
@@ -156,11 +158,11 @@ impl Lists {
 
 const _: () = assert!(
     TURNS <= 16 && LANES == 8 && LEAF == 1 << 31,
-    "lists of 16, lanes in three bits, leaves by the highest bit"
+    "lists have 16 entries, lanes three bits, and the highest bit marks leaves"
 );
 
 impl Tree {
-    /// The best hits of many rays, or any if `ANY`, in any order.
+    /// Finds the best hits of many rays, or any hits if `ANY`, in any order.
     pub(super) fn walk_many<const ANY: bool>(&self, rays: &mut impl Feed) {
         let (rows, root) = (self.rows(), self.root);
         let mut turns: Vec<Turn> = Vec::with_capacity(TURNS);

@@ -1,4 +1,4 @@
-//! One ray through the tree.
+//! Traversal of the tree with one ray.
 
 use super::ray::{Hit, MISS};
 use super::tree::{
@@ -7,14 +7,14 @@ use super::tree::{
 use super::triangle::{Line, Met, wide};
 use crate::num::lanes::f32x8;
 
-/// The numbers of a line for boxes, in all lanes.
+/// The values of a line for box tests, in all lanes.
 #[derive(Clone, Debug)]
 pub(super) struct Wide {
     enter: [f32x8; 3],
     leave: [f32x8; 3],
-    /// −1/direction
+    /// Negative reciprocal of the direction, −1/direction.
     against: [f32x8; 3],
-    /// rows of the planes at which boxes are entered and left
+    /// Rows of the planes at which boxes are entered and left.
     first: [usize; 3],
     last: [usize; 3],
 }
@@ -33,7 +33,8 @@ impl Wide {
         }
     }
 
-    /// Starts of the children, and which are hit. (enter − plane)·(−1/d) has the bits of (plane − enter)/d.
+    /// Returns the starts of the children, and which of them are hit. (enter − plane)·(−1/d) has the bits of
+    /// (plane − enter)/d.
     #[inline(always)]
     pub(super) fn test(&self, node: &Node, t_max: f32) -> (f32x8, f32x8) {
         let start = |k: usize| (self.enter[k] - node[self.first[k] & 7]) * self.against[k];
@@ -49,7 +50,7 @@ fn splat([x, y, z]: [f32; 3]) -> [f32x8; 3] {
     [f32x8::splat(x), f32x8::splat(y), f32x8::splat(z)]
 }
 
-/// The best hit so far; weights are divided at the end.
+/// The best hit so far; the weights are divided at the end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Best {
     t: f32,
@@ -67,13 +68,13 @@ impl Best {
     }
 }
 
-/// The axes of the test in their order, by the one along which the direction is largest.
+/// The axes of the test in their order, indexed by the axis along which the direction is largest.
 const ORDER: [[usize; 3]; 4] = [[1, 2, 0], [2, 0, 1], [0, 1, 2], [0, 1, 2]];
 
-/// Tests all triangles of a leaf; whether the best hit changed.
+/// Tests all triangles of a leaf; returns whether the best hit changed.
 #[inline(always)]
 pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
-    // No branch on the axis: neighbours in a batch differ in it.
+    // There is no branch on the axis, because it differs between neighbouring rays of a batch.
     let [x, y, z] = ORDER[line.axis & 3];
     let axes = leaf.as_chunks::<3>().0;
     let (px, py, pz) = (&axes[x], &axes[y], &axes[z]);
@@ -129,8 +130,8 @@ pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
     changed
 }
 
-/// References that wait: bits of the start above the reference, the nearest on top. What does not fit moves to a vector, which
-/// happens in no ordinary mesh.
+/// Pending references: the bits of the start above the reference, the nearest on top. Entries that do not fit
+/// are moved to a vector, which does not happen for ordinary meshes.
 #[derive(Clone, Debug)]
 struct Waiting {
     near: [u64; STACK],
@@ -158,7 +159,7 @@ impl Waiting {
         self.far.truncate(from);
     }
 
-    /// The next reference whose box starts at t_max or before.
+    /// Returns the next reference whose box starts at or before t_max.
     #[inline(always)]
     fn pop(&mut self, t_max: f32) -> Option<u32> {
         loop {
@@ -182,7 +183,7 @@ impl Waiting {
         self.top += 1;
     }
 
-    /// Inserts above `base`, larger ones below.
+    /// Inserts above `base`, with larger entries below.
     #[inline(always)]
     fn insert(&mut self, base: usize, e: u64) {
         let mut i = self.top;
@@ -195,7 +196,7 @@ impl Waiting {
     }
 }
 
-/// One ray on its way.
+/// State of the traversal with one ray.
 #[derive(Clone, Debug)]
 struct Walk {
     line: Line,
@@ -210,7 +211,7 @@ impl Walk {
         Self { line, best: Best::NONE, waiting: Waiting::new(), at: root }
     }
 
-    /// Visits the node or leaf `at` and chooses the next one; whether there is one.
+    /// Visits the node or leaf `at` and selects the next one; returns whether there is one.
     #[inline(always)]
     fn step<const ANY: bool>(&mut self, rows: &[f32x8], wide: &Wide) -> bool {
         if self.at & LEAF == 0 {
@@ -232,7 +233,8 @@ impl Walk {
                     self.waiting.make_room();
                 }
                 if ANY {
-                    // In any order: the first hit found ends the walk. A start of 0 is never too far.
+                    // The order does not matter, because the first hit ends the traversal. A start of 0 is
+                    // always within range.
                     while hit != 0 {
                         let next = hit.trailing_zeros() as usize;
                         hit &= hit - 1;
@@ -271,7 +273,7 @@ impl Walk {
 }
 
 impl Tree {
-    /// The best hit, or any if `ANY`.
+    /// Returns the best hit, or any hit if `ANY`.
     #[inline]
     pub(super) fn walk<const ANY: bool>(&self, line: Line) -> Hit {
         let rows = self.rows();
@@ -282,4 +284,4 @@ impl Tree {
     }
 }
 
-const _: () = assert!(LANES == 8, "bit masks and `& 7` are written for eight lanes");
+const _: () = assert!(LANES == 8, "bit masks and `& 7` assume eight lanes");

@@ -1,17 +1,20 @@
-//! `loss.groups`: what groups of pictures say that share one intervention.
+//! `loss.groups`: losses of groups of images that share one intervention.
 //!
-//! Group g set factor i = i(g) to a value nobody told: members m = 1 … M were seen before and after it. With v_g = (1/M) Σ_m û'(g,m,i), for G groups
+//! In group g, the factor i = i(g) was set to an unknown value; members m = 1 … M are image pairs before and
+//! after the intervention. With v_g = (1/M) Σ_m û'(g,m,i), for G groups:
 //!
-//! Where the codes of the values are given, v_g is the given one instead of the mean.
+//! If the codes of the values are given, v_g is the given code instead of the mean.
 //!
-//! L_eq  = 1/(G·M·k) · Σ over g, m of ‖û'(g,m,i) − v_g‖² / max(s_i², 10⁻⁴)        one value has one code
+//! L_eq  = 1/(G·M·k) · Σ over g, m of ‖û'(g,m,i) − v_g‖² / max(s_i², 10⁻⁴)        (equal values have equal
+//! codes)
 //!
-//! L_inv = 1/(G·M·(n−1)·k) · Σ over g, m, j ≠ i of ‖ε(g,m,j) − ε'(g,m,j)‖²        no other cause changed
+//! L_inv = 1/(G·M·(n−1)·k) · Σ over g, m, j ≠ i of ‖ε(g,m,j) − ε'(g,m,j)‖²        (no other cause changes)
 //!
-//! L_spr = mean over factors of max(0, ¼ − V_i)        codes do not collapse
+//! L_spr = mean over factors of max(0, ¼ − V_i)        (codes do not collapse)
 //!
-//! V_i is the variance of v_g over the G_i groups of factor i: Σ ‖v_g − mean‖² / ((G_i − 1)·k). Factors with fewer than two groups have none and are left
-//! out of the mean; if all are, L_spr = 0.
+//! V_i is the variance of v_g over the G_i groups of factor i: Σ ‖v_g − mean‖² / ((G_i − 1)·k). Factors with
+//! fewer than two groups have no variance and are excluded from the mean; if all are excluded, L_spr = 0. The
+//! LAST paper describes such a loss only in words (chapter *Learned causes*).
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
@@ -23,21 +26,27 @@
 //! | L_eq | `equal` | () | ≥ 0 |
 //! | L_inv | `invariant` | () | ≥ 0; 0 for n = 1 |
 //! | L_spr | `spread` | () | 0 … ¼ |
-//! | v | `shared` | (G, k) | the value of each group, for what intervenes with it |
+//! | v | `shared` | (G, k) | the value of each group, an input of operators that intervene with it |
 //!
 //! # Rounding
-//! f64. v_g: a left fold over m, divided by M. L_eq: per group a left fold over (m, c) of squares, divided by max(s², 10⁻⁴); a left fold over the groups; one
-//! division. L_inv: a left fold over (g, m, j, c); one division. V_i: left folds over the groups of the factor, and over (g, c) of squares. All from +0.
+//! All values are f64. v_g: a left fold over m, divided by M. L_eq: per group a left fold over (m, c) of
+//! squares, divided by max(s², 10⁻⁴); a left fold over the groups; one division. L_inv: a left fold over (g,
+//! m, j, c); one division. V_i: left folds over the groups of the factor, and over (g, c) of squares. All
+//! folds start from +0.
 //!
 //! # Kinks and domain
-//! L_spr has a kink where V_i = ¼: there and above the gradient is 0. No group, no member and n·k = 0 are errors.
+//! L_spr has a kink where V_i = ¼: there and above, the gradient is 0. It is an error if there is no group or
+//! no member, or if n·k = 0.
 //!
 //! # Adjoint
-//! With weights a = 2·L̄_eq/(G·M·k·max(s², 10⁻⁴)), b = 2·L̄_inv/(G·M·(n−1)·k), and for V_i < ¼ c = −2·L̄_spr/(F·(G_i − 1)·k) with F factors in the mean
+//! With weights a = 2·L̄_eq/(G·M·k·max(s², 10⁻⁴)), b = 2·L̄_inv/(G·M·(n−1)·k), and for V_i < ¼
+//! c = −2·L̄_spr/(F·(G_i − 1)·k) with F factors in the mean
 //!
-//! ū'(g,m,i) += a·(û'(g,m,i) − v_g) + (c·(v_g − mean) + v̄_g)/M,   ε̄(g,m,j) += b·(ε − ε'),   ε̄'(g,m,j) −= the same, j ≠ i
+//! ū'(g,m,i) += a·(û'(g,m,i) − v_g) + (c·(v_g − mean) + v̄_g)/M,   ε̄(g,m,j) += b·(ε − ε'),
+//! ε̄'(g,m,j) −= the same, j ≠ i
 //!
-//! The way of L_eq through v_g vanishes, because the differences from a mean add up to 0. With v given, nothing goes through it to û', and
+//! The path of L_eq through v_g vanishes, because the differences from a mean add up to 0. If v is given, no
+//! gradient passes through it to û', and
 //!
 //! v̄(g) += c·(v_g − mean) + v̄_g − a·Σ_m (û'(g,m,i) − v_g)
 //!
@@ -47,7 +56,7 @@
 //! ```
 //! # use lastlight_kernels as lastlight;
 //! use lastlight::loss::groups::{In, forward};
-//! // one group of two members, two factors of one number; factor 0 was set
+//! // one group of two members, two one-dimensional factors; factor 0 was set
 //! let x = In {
 //!     after: &[1.0, 7.0, 3.0, 7.0], eps: &[0.0, 1.0, 0.0, 2.0], eps_after: &[5.0, 1.5, 5.0, 2.0],
 //!     target: &[0], variance: &[1.0, 1.0], given: None, members: 2, factors: 2, size: 1,
@@ -59,62 +68,62 @@
 
 use crate::{Error, Result};
 
-/// Least variance that L_eq divides by.
+/// Smallest variance that L_eq divides by.
 pub const VARIANCE_FLOOR: f64 = 1e-4;
-/// Variance of the values below which L_spr sets in.
+/// Variance of the values below which L_spr is positive.
 pub const SPREAD: f64 = 0.25;
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (G, M, n, k)
+    /// Shape (G, M, n, k).
     pub after: &'a [f64],
-    /// (G, M, n, k)
+    /// Shape (G, M, n, k).
     pub eps: &'a [f64],
-    /// (G, M, n, k)
+    /// Shape (G, M, n, k).
     pub eps_after: &'a [f64],
-    /// (G)
+    /// Shape (G).
     pub target: &'a [usize],
-    /// (n)
+    /// Shape (n).
     pub variance: &'a [f64],
-    /// (G, k) codes of the values; none: the means of the members
+    /// Given codes of the values, shape (G, k); if absent, the means of the members are used.
     pub given: Option<&'a [f64]>,
-    /// M
+    /// Number of members per group, M.
     pub members: usize,
-    /// n
+    /// Number of factors, n.
     pub factors: usize,
-    /// k
+    /// Number of dimensions per factor, k.
     pub size: usize,
 }
 
-/// Results, or cotangents of them.
+/// Outputs or their cotangents.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Out {
-    /// L_eq
+    /// Loss L_eq, or its cotangent.
     pub equal: f64,
-    /// L_inv
+    /// Loss L_inv, or its cotangent.
     pub invariant: f64,
-    /// L_spr
+    /// Loss L_spr, or its cotangent.
     pub spread: f64,
-    /// (G, k) v
+    /// Values v of the groups, shape (G, k), or their cotangents.
     pub shared: Vec<f64>,
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (G, M, n, k)
+    /// Shape (G, M, n, k).
     pub after: Vec<f64>,
-    /// (G, M, n, k)
+    /// Shape (G, M, n, k).
     pub eps: Vec<f64>,
-    /// (G, M, n, k)
+    /// Shape (G, M, n, k).
     pub eps_after: Vec<f64>,
-    /// (G, k); empty where nothing is given
+    /// Shape (G, k); empty if no codes are given.
     pub given: Vec<f64>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         let zeros = vec![0.0; x.after.len()];
         let given = vec![0.0; x.given.map_or(0, <[f64]>::len)];
@@ -122,12 +131,12 @@ impl InBar {
     }
 }
 
-/// What the groups of one factor have in common.
+/// Statistics of the groups of one factor.
 struct Factor {
     groups: Vec<usize>,
-    /// (k) mean of their values
+    /// Mean of the groups' values, shape (k).
     mean: Vec<f64>,
-    /// V_i
+    /// Variance V_i.
     variance: f64,
 }
 
@@ -135,13 +144,14 @@ impl In<'_> {
     /// Checks sizes and targets.
     ///
     /// # Errors
-    /// Wrong sizes, an empty batch, a target that is no factor, a variance that is no number from 0 on.
+    /// Returns an error for wrong sizes, an empty batch, a target that is not a factor, or a variance that is
+    /// not a number ≥ 0.
     pub fn check(&self) -> Result<()> {
         let what = |name: &str| Error::input("loss.groups").at(format!("array '{name}'"));
         let (g, m, n, k) = (self.target.len(), self.members, self.factors, self.size);
         if g * m * n * k == 0 {
             return Err(Error::input("loss.groups")
-                .expected("at least one group, member, factor and number")
+                .expected("at least one group, member, factor and dimension")
                 .got(format!("({g}, {m}, {n}, {k})")));
         }
         for (name, values) in [("after", self.after), ("eps", self.eps), ("eps_after", self.eps_after)] {
@@ -158,7 +168,7 @@ impl In<'_> {
                 .got(self.target[at].to_string()));
         }
         if self.variance.len() != n || !self.variance.iter().all(|s| *s >= 0.0 && s.is_finite()) {
-            return Err(what("variance").expected(format!("{n} finite numbers from 0 on")));
+            return Err(what("variance").expected(format!("{n} finite numbers of at least 0")));
         }
         if let Some(given) = self.given.filter(|given| given.len() != g * k) {
             return Err(what("given").expected(format!("({g}, {k}) numbers")).got(given.len().to_string()));
@@ -166,33 +176,33 @@ impl In<'_> {
         Ok(())
     }
 
-    /// Where the numbers of factor `j` of member `m` of group `g` begin.
+    /// Returns the index of the first value of factor `j` of member `m` of group `g`.
     fn place(&self, g: usize, m: usize, j: usize) -> usize {
         ((g * self.members + m) * self.factors + j) * self.size
     }
 
-    /// û' of the factor that was set.
+    /// Returns û' of the factor that was set.
     fn set(&self, g: usize, m: usize) -> &[f64] {
         &self.after[self.place(g, m, self.target[g])..][..self.size]
     }
 
-    /// max(s², floor) of the factor that group `g` set.
+    /// Returns max(s², floor) of the factor that group `g` set.
     fn scale(&self, g: usize) -> f64 {
         let variance = self.variance[self.target[g]];
         if variance > VARIANCE_FLOOR { variance } else { VARIANCE_FLOOR }
     }
 
-    /// Numbers in the mean of L_eq.
+    /// Returns the number of values in the mean of L_eq.
     fn count(&self) -> f64 {
         (self.target.len() * self.members * self.size) as f64
     }
 
-    /// Numbers in the mean of L_inv.
+    /// Returns the number of values in the mean of L_inv.
     fn others(&self) -> f64 {
         self.count() * (self.factors - 1) as f64
     }
 
-    /// Factors with two groups or more.
+    /// Returns the factors with at least two groups.
     fn spreads(&self, shared: &[f64]) -> Vec<Factor> {
         let k = self.size;
         let mut all = Vec::new();
@@ -217,10 +227,10 @@ impl In<'_> {
     }
 }
 
-/// The three losses and the value of each group.
+/// Returns the three losses and the value of each group.
 ///
 /// # Errors
-/// As [`In::check`]; results that are not finite.
+/// Returns an error under the conditions of [`In::check`], or if a result is not finite.
 pub fn forward(x: &In<'_>) -> Result<Out> {
     x.check()?;
     let (k, members) = (x.size, x.members);
@@ -268,11 +278,11 @@ pub fn forward(x: &In<'_>) -> Result<Out> {
 /// Adds the gradients for the cotangents `out_bar` of `out`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(x: &In<'_>, out: &Out, out_bar: &Out, x_bar: &mut InBar) {
     let (k, members) = (x.size, x.members);
-    assert_eq!(out_bar.shared.len(), out.shared.len(), "a cotangent per number of each group's value");
-    // (G, k): what comes back to v_g, shared among the members where it is their mean
+    assert_eq!(out_bar.shared.len(), out.shared.len(), "the cotangent of `shared` is (G, k)");
+    // The cotangent of v_g (G, k), distributed to the members if v_g is their mean.
     let mut value_bar = out_bar.shared.clone();
     let spreads = x.spreads(&out.shared);
     for factor in spreads.iter().filter(|factor| factor.variance < SPREAD) {

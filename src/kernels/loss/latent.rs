@@ -1,19 +1,21 @@
-//! `loss.latent`: how far the factors of two images are apart, and the mechanisms behind them.
+//! `loss.latent`: distance between the factors of two images, and between their exogenous noise.
 //!
-//! L = 1/(h d) Σ over i of ((u_i − u'_i)/s_i)² + ((ε_i − ε'_i)/t_i)²                         (LAST, latent factors as supervision; d = n k numbers, h = 2 halves)
+//! L = 1/(h d) Σ over i of ((u_i − u'_i)/s_i)² + ((ε_i − ε'_i)/t_i)²,   d = n k values, h = 2 halves
 //!
-//! The first half compares factors, the second mechanisms: a child that is off only because its parent is off has no difference in ε. Without the second
-//! half h = 1.
+//! It is the latent difference of LAST, eq. 9, where latent factors supervise the fit. The first half
+//! compares factors, the second their noise under the mechanisms: a child that differs only because its
+//! parent differs has no difference in ε. Without the second half h = 1.
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
-//! | u, u' | `factors`, `factors_real` | (d) | of the render and of the input image, which is a constant |
+//! | u, u' | `factors`, `factors_real` | (d) | of the render, and of the input image, which is a constant |
 //! | s | `factors_spread` | (d) | > 0: standard deviations over the training set, constants |
 //! | ε, ε', t | `noise`, `noise_real`, `noise_spread` | (d), optional | likewise |
 //! | L | return | () | ≥ 0 |
 //!
 //! # Rounding
-//! f64. One left fold over the numbers of the first half, then of the second, each square times the share 1/(h d).
+//! All values are f64. One left fold covers the values of the first half, then those of the second, each
+//! square times the share 1/(h d).
 //!
 //! # Kinks and domain
 //! No kinks. d ≥ 1.
@@ -31,29 +33,29 @@
 //! assert_eq!(forward(&[half]), 2.0); // (1/½)²/2
 //! ```
 
-/// One half: factors, or noise.
+/// One half of the loss: factors, or noise.
 #[derive(Clone, Copy, Debug)]
 pub struct Half<'a> {
-    /// (d) of the render
+    /// Values of the render, shape (d).
     pub x: &'a [f64],
-    /// (d) of the input image
+    /// Values of the input image, shape (d).
     pub real: &'a [f64],
-    /// (d)
+    /// Standard deviations, shape (d).
     pub spread: &'a [f64],
 }
 
-/// 1/(h d), after the halves were held to their shape.
+/// Checks the shapes of the halves and returns 1/(h d).
 fn share(halves: &[Half<'_>]) -> f64 {
-    let d = halves.first().expect("at least one half").x.len();
+    let d = halves.first().expect("there is at least one half").x.len();
     let fits = |half: &Half<'_>| [half.x.len(), half.real.len(), half.spread.len()] == [d; 3];
-    assert!(halves.iter().all(fits), "arrays of one length");
+    assert!(halves.iter().all(fits), "all arrays have the same length");
     1.0 / (halves.len() * d) as f64
 }
 
-/// L of one half or both.
+/// Returns L of one half or both.
 ///
 /// # Panics
-/// When there is no half, or arrays differ in length.
+/// Panics if there is no half, or if arrays differ in length.
 pub fn forward(halves: &[Half<'_>]) -> f64 {
     let share = share(halves);
     let mut value = 0.0;
@@ -66,13 +68,13 @@ pub fn forward(halves: &[Half<'_>]) -> f64 {
     value
 }
 
-/// Adds the gradient by x of half `which` for the cotangent `value_bar` to `x_bar` (d).
+/// Adds the gradient of x of half `which`, for the cotangent `value_bar`, to `x_bar` (d).
 ///
 /// # Panics
-/// When there is no such half, or arrays differ in length.
+/// Panics if the half does not exist, or if arrays differ in length.
 pub fn adjoint(halves: &[Half<'_>], which: usize, value_bar: f64, x_bar: &mut [f64]) {
     let (scale, half) = (2.0 * value_bar * share(halves), &halves[which]);
-    assert_eq!(x_bar.len(), half.x.len(), "one gradient per number");
+    assert_eq!(x_bar.len(), half.x.len(), "there is one gradient per value");
     for (at, bar) in x_bar.iter_mut().enumerate() {
         let off = (half.x[at] - half.real[at]) / half.spread[at];
         *bar += scale * off / half.spread[at];

@@ -1,38 +1,61 @@
-//! `loss.lpips`: learned perceptual distance of two images, VGG16 with the heads of version 0.1.
+//! `loss.lpips`: learned perceptual distance of two images, with VGG16 and the linear heads of version 0.1.
 //!
-//! value = Σ_l (1/(H_l W_l)) Σ_p Σ_c w_lc (f̂_lpc(x) − f̂_lpc(y))²,   f̂ = f/(‖f‖ + 1e-10)        (Zhang et al. 2018, eq. 1)
+//! value = Σ_l (1/(H_l W_l)) Σ_p Σ_c w_lc (f̂_lpc(x) − f̂_lpc(y))²,   f̂ = f/(‖f‖ + 1e-10)
+//! (Zhang et al. 2018, eq. 1)
 //!
-//! f_l are the outputs of relu1_2, relu2_2, relu3_3, relu4_3, relu5_3 of VGG16 on the normalised image ((2x − 1) − shift)/scale: 3×3
-//! convolutions with zeros beyond the border, each followed by max(·, 0), and 2×2 maxima before the second to fifth group.
+//! f_l are the outputs of relu1_2, relu2_2, relu3_3, relu4_3, relu5_3 of VGG16 on the normalised image
+//! ((2x − 1) − shift)/scale: 3×3 convolutions with zeros beyond the border, each followed by max(·, 0), and
+//! 2×2 maxima before the second to fifth group.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | x | `x` | (H, W, 3) | sRGB-encoded, 0..1; at least 16×16 |
 //! | y | `y` | (H, W, 3) | the same |
-//! | – | `rescale` | () | 2x − 1 first, as published; without it `LPIPS-raw`, as GauHuman and Instant-NVR feed it |
-//! | w, filters | [`Weights`] | | the user's file, or the formula |
+//! | – | `rescale` | () | apply 2x − 1 first, as published; without it the variant is `LPIPS-raw`, as used by GauHuman and Instant-NVR |
+//! | w, filters | [`Weights`] | | from a user-supplied file, or by formula |
 //! | value | return | () | ≥ 0 for heads without negative weights |
 //!
-//! No weights are shipped. Without the user's, tools say [`NO_WEIGHTS`].
+//! No weights are shipped. Tools print [`NO_WEIGHTS`] if the user supplies none.
 //!
 //! # Rounding
-//! Images are normalised in f32, ((2x − 1) − shift)/scale; convolutions are `nn.conv`. ‖f‖², the distance and its sum are in f64: left folds over the
-//! channels, per row 16 logical lanes, tree over rows, one division per layer; layers from the first to the last; rounded once.
+//! Images are normalised in f32, ((2x − 1) − shift)/scale; convolutions are `nn.conv`. ‖f‖², the distance and
+//! its sum are in f64: left folds over the channels, per row 16 logical lanes, tree over rows, one division
+//! per layer; layers from the first to the last; the result is rounded once.
 //!
 //! # Kinks and domain
-//! An output of a convolution that is not above 0 passes nothing back. Of equal entries under a maximum the first (row, then column) is taken. An odd last
-//! row or column has no maximum. Which outputs are active and which entries are taken is the plan. Where all channels are 0, f̂ = 0 and the gradient
-//! is 0.
+//! An output of a convolution that is not above 0 gets no gradient. Of equal entries in a maximum, the first
+//! (by row, then column) is selected. An odd last row or column is not part of any maximum. The plan stores
+//! which outputs are active and which entries are selected. If all channels are 0, f̂ = 0 and the gradient is
+//! 0.
 //!
 //! # Adjoint
 //! With d = f̂(x) − f̂(y), n = ‖f(x)‖, m = n + 1e-10 and g_c = 2 (v̄/(H_l W_l)) w_c d_c,
 //!
 //! f̄_c(x) = g_c/m − f_c (f·g)/(n m²),
 //!
-//! and with −g for y; then through the convolutions in reverse, each joined by the cotangent of its tap. Weights have no gradient. The outputs of all
-//! convolutions and the entries taken are saved.
+//! and with −g for y; then the convolutions are traversed in reverse, where the cotangent of each tap is
+//! added. Weights have no gradient. The outputs of all convolutions and the selected entries are saved.
 //!
 //! Twin: `reference::loss::lpips`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::loss::lpips::{In, Layer, Weights, forward};
+//! // a network with one channel: the first convolution selects the red channel, the others are the identity
+//! let layer = |inputs: usize| {
+//!     let mut weight = vec![0.0; 3 * 3 * inputs];
+//!     weight[4 * inputs] = 1.0;
+//!     Layer { weight, bias: vec![0.0], inputs, outputs: 1 }
+//! };
+//! let layers = (0..13).map(|k| layer(if k == 0 { 3 } else { 1 })).collect();
+//! let weights = Weights { layers, heads: vec![vec![0.5]; 5] };
+//! let (white, black) = ([1.0; 16 * 16 * 3], [0.0; 16 * 16 * 3]);
+//! let x = In { x: &white, y: &black, height: 16, width: 16, rescale: true, weights: &weights };
+//! // f̂ is 1 for white and 0 for black (max(·, 0) of a negative value), so every tap adds its head's weight
+//! assert!((forward(x, None)?.0 - 2.5).abs() < 1e-6);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
 
 mod weights;
 
@@ -45,67 +68,67 @@ use crate::num::{order, par, sum};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Name with the published input, 2x − 1.
+/// Name of the variant with the published input, 2x − 1.
 pub const NAME: &str = "LPIPS-vgg";
-/// Name without it.
+/// Name of the variant without rescaling.
 pub const NAME_RAW: &str = "LPIPS-vgg-raw";
-/// [`NAME`] of the smallest rectangle around a person's box.
+/// Name of [`NAME`] on the smallest rectangle around a person's box.
 pub const NAME_BOX: &str = "LPIPS-vgg-box";
-/// [`NAME_RAW`] of it.
+/// Name of [`NAME_RAW`] on that rectangle.
 pub const NAME_RAW_BOX: &str = "LPIPS-vgg-raw-box";
-/// Added to norms.
+/// Constant that is added to norms.
 pub const EPS: f64 = 1e-10;
-/// Subtracted from and divided into normalised images.
+/// Offset that is subtracted from images before the division by [`SCALE`].
 pub const SHIFT: [f32; 3] = [-0.030, -0.088, -0.188];
-/// See [`SHIFT`].
+/// Divisor of the normalisation, see [`SHIFT`].
 pub const SCALE: [f32; 3] = [0.458, 0.448, 0.450];
-/// Smallest side of an image: the last group sees a sixteenth.
+/// Smallest side of an image in pixels: the last group has a sixteenth of the resolution.
 pub const SMALLEST: usize = 16;
-/// Convolutions that see maxima of 2×2 of what is before them.
+/// Convolutions whose inputs are 2×2 maxima of the outputs before them.
 pub const POOLED: [usize; 4] = [2, 4, 7, 10];
 
-/// Values per task; changes no bit.
+/// Values per task; the number changes no bit.
 const CHUNK: usize = 1 << 14;
 
-/// Two images and what looks at them.
+/// Two images and the network that compares them.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (H, W, 3), usually the render
+    /// First image, shape (H, W, 3), usually the render.
     pub x: &'a [f32],
-    /// (H, W, 3), usually the photograph
+    /// Second image, shape (H, W, 3), usually the input image.
     pub y: &'a [f32],
-    /// H
+    /// Height H in pixels.
     pub height: usize,
-    /// W
+    /// Width W in pixels.
     pub width: usize,
-    /// 2x − 1 first
+    /// Whether 2x − 1 is applied first.
     pub rescale: bool,
-    /// filters and heads
+    /// Filters and heads.
     pub weights: &'a Weights,
 }
 
-/// Every discrete decision, for x, then y.
+/// All discrete decisions, for x, then y.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// per convolution (2, H_l, W_l, C_l): 1 where it passes
+    /// Active outputs per convolution, shape (2, H_l, W_l, C_l): 1 where the output is positive.
     pub active: Vec<Vec<u8>>,
-    /// per maximum (2, H_l, W_l, C): 2·row + column of the entry taken
+    /// Selected entries per maximum, shape (2, H_l, W_l, C): 2·row + column.
     pub pool: Vec<Vec<u8>>,
 }
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug)]
 pub struct Saved {
-    /// per convolution (2, H_l, W_l, C_l), after max(·, 0)
+    /// Outputs per convolution after max(·, 0), shape (2, H_l, W_l, C_l).
     pub relu: Vec<Vec<f32>>,
-    /// entries taken by the maxima
+    /// Entries selected by the maxima.
     pool: Vec<Vec<u8>>,
-    /// what was active, where a plan said so
+    /// Active outputs, if given by a plan.
     active: Option<Vec<Vec<u8>>>,
 }
 
 impl Saved {
-    /// The decisions.
+    /// Returns the discrete decisions.
     pub fn plan(&self) -> Plan {
         let positive = |relu: &Vec<f32>| relu.iter().map(|x| u8::from(*x > 0.0)).collect();
         let active = self.active.clone().unwrap_or_else(|| self.relu.iter().map(positive).collect());
@@ -113,7 +136,7 @@ impl Saved {
     }
 }
 
-/// Rows and columns at each convolution.
+/// Returns the numbers of rows and columns at each convolution.
 pub fn sizes(height: usize, width: usize) -> [[usize; 2]; 13] {
     let group = |k: usize| POOLED.iter().filter(|&&p| p <= k).count();
     std::array::from_fn(|k| [height >> group(k), width >> group(k)])
@@ -149,7 +172,7 @@ impl In<'_> {
     }
 }
 
-/// (2, H, W, 3): both images, normalised.
+/// Returns both normalised images, shape (2, H, W, 3).
 fn normalised(x: &In<'_>) -> Vec<f32> {
     let mut out = [x.x, x.y].concat();
     for pixel in out.chunks_exact_mut(CHANNELS) {
@@ -161,7 +184,8 @@ fn normalised(x: &In<'_>) -> Vec<f32> {
     out
 }
 
-/// The four places under output pixel (b, r, q) of a maximum over pictures of `columns` × `rows`, channels apart.
+/// Returns the four indices below output pixel (b, r, q) of a maximum over images of `columns` × `rows`, with
+/// separate channels.
 fn under(at: usize, [rows, columns]: [usize; 2], channels: usize) -> [usize; 4] {
     let (h, w) = (rows / 2, columns / 2);
     let (b, r, q) = (at / (h * w), at / w % h, at % w);
@@ -169,7 +193,7 @@ fn under(at: usize, [rows, columns]: [usize; 2], channels: usize) -> [usize; 4] 
     [first, first + channels, first + columns * channels, first + (columns + 1) * channels]
 }
 
-/// Maxima of 2×2 and which entries they are; a plan names the entries instead.
+/// Returns the 2×2 maxima and the selected entries; a plan gives the entries instead.
 fn pooled(x: &[f32], size: [usize; 2], channels: usize, given: Option<&[u8]>) -> (Vec<f32>, Vec<u8>) {
     let pixels = 2 * (size[0] / 2) * (size[1] / 2);
     let (mut y, mut taken) = (vec![0.0; pixels * channels], vec![0u8; pixels * channels]);
@@ -197,12 +221,12 @@ fn pooled(x: &[f32], size: [usize; 2], channels: usize, given: Option<&[u8]>) ->
     (y, taken)
 }
 
-/// ‖f‖ in f64.
+/// Returns ‖f‖ in f64.
 fn norm(f: &[f32]) -> f64 {
     f.iter().fold(0.0, |s, v| s + f64::from(*v) * f64::from(*v)).sqrt()
 }
 
-/// The sum of tap `l` over its pixels.
+/// Returns the sum of tap `l` over its pixels.
 fn tap_sum(relu: &[f32], [rows, columns]: [usize; 2], head: &[f32]) -> f64 {
     let channels = head.len();
     let (a, b) = relu.split_at(relu.len() / 2);
@@ -222,10 +246,12 @@ fn tap_sum(relu: &[f32], [rows, columns]: [usize; 2], head: &[f32]) -> f64 {
     sum::tree_f64(&sums)
 }
 
-/// The distance, its five terms, and what the adjoint needs. `plan` takes the decisions instead.
+/// Returns the distance, its five terms, and the intermediate values that the adjoint needs. `plan` replaces
+/// the decisions.
 ///
 /// # Errors
-/// Images of other sizes, smaller than 16×16, or not finite; a plan of another size.
+/// Returns an error for images of different sizes, smaller than 16×16 or not finite, and for a plan of a
+/// different size.
 pub fn forward(x: In<'_>, plan: Option<&Plan>) -> Result<(f32, [f64; 5], Saved)> {
     x.check()?;
     let sizes = sizes(x.height, x.width);
@@ -261,10 +287,12 @@ pub fn forward(x: In<'_>, plan: Option<&Plan>) -> Result<(f32, [f64; 5], Saved)>
     Ok((value as f32, layers, saved))
 }
 
-/// The distance as a metric: the render limited to 0..1, pixels that the mask leaves out black in both images; the sum of the terms in f64.
+/// Returns the distance as a metric: the render is clamped to 0..1, pixels that the mask excludes are black
+/// in both images, and the sum of the terms is f64.
 ///
 /// # Errors
-/// As [`forward`]; a mask value other than 0 and 1, nothing kept.
+/// Returns an error under the conditions of [`forward`], for a mask value other than 0 and 1, or if no pixel
+/// is kept.
 pub fn score(x: &super::In<'_>, rescale: bool, weights: &Weights) -> Result<f64> {
     x.check("loss.lpips")?;
     let kept = |i: usize| x.mask.is_none_or(|m| m[i / CHANNELS] == 1.0);
@@ -277,28 +305,28 @@ pub fn score(x: &super::In<'_>, rescale: bool, weights: &Weights) -> Result<f64>
     Ok(layers.iter().fold(0.0, |s, t| s + t))
 }
 
-/// Weights, and how images are fed to them.
+/// Weights, and the normalisation of the images.
 #[derive(Clone, Debug)]
 pub struct Metric {
-    /// filters and heads
+    /// Filters and heads.
     pub weights: Weights,
-    /// 2x − 1 first
+    /// Whether 2x − 1 is applied first.
     pub rescale: bool,
 }
 
 impl Metric {
-    /// The user's weights.
+    /// Loads the user's weights.
     ///
     /// # Errors
-    /// As [`Weights::load`].
+    /// Returns an error under the conditions of [`Weights::load`].
     pub fn load(path: &Path, rescale: bool) -> Result<Self> {
         Ok(Self { weights: Weights::load(path)?, rescale })
     }
 
-    /// Digest of the weights and of how images are fed to them.
+    /// Returns the digest of the weights and of the normalisation of the images.
     ///
     /// # Errors
-    /// Weights that are NaN.
+    /// Returns an error if a weight is NaN.
     pub fn digest(&self) -> Result<u64> {
         let mut d = Digest::new();
         for layer in &self.weights.layers {
@@ -310,15 +338,15 @@ impl Metric {
         Ok(d.value())
     }
 
-    /// Name of the variant, of whole images and of boxes.
+    /// Returns the names of the variant on complete images and on boxes.
     pub fn names(&self) -> [&'static str; 2] {
         if self.rescale { [NAME, NAME_BOX] } else { [NAME_RAW, NAME_RAW_BOX] }
     }
 
-    /// The distance, as [`score`].
+    /// Returns the distance as [`score`].
     ///
     /// # Errors
-    /// As [`score`].
+    /// Returns an error under the conditions of [`score`].
     pub fn score(&self, x: &super::In<'_>) -> Result<f64> {
         score(x, self.rescale, &self.weights)
     }
@@ -344,7 +372,7 @@ fn tap_adjoint(
             let (f, g) = (&own[at..at + channels], &other[at..at + channels]);
             let (n, far) = (norm(f), norm(g) + EPS);
             if n == 0.0 {
-                continue; // nothing is active here
+                continue; // no channel is active here
             }
             let m = n + EPS;
             let mut along = 0.0;
@@ -353,7 +381,7 @@ fn tap_adjoint(
                 cotangent[c] = 2.0 * scale * f64::from(head[c]) * (v / m - f64::from(g[c]) / far);
                 along += v * cotangent[c];
             }
-            // undo f̂ = f/(‖f‖ + ε)
+            // Adjoint of f̂ = f/(‖f‖ + ε).
             let radial = along / (n * (m * m));
             for c in 0..channels {
                 bar[c] += (cotangent[c] / m - f64::from(f[c]) * radial) as f32;
@@ -362,10 +390,10 @@ fn tap_adjoint(
     });
 }
 
-/// Adds the gradients; `y_bar` only where it is wanted (it costs as much as that of x).
+/// Adds the gradients; `y_bar` is `None` if not requested (it costs as much as that of x).
 ///
 /// # Panics
-/// When a buffer does not have the size of its image.
+/// Panics if a buffer does not have the size of its image.
 pub fn adjoint(x: In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_bar: Option<&mut [f32]>) {
     for (item, bar) in [Some(x_bar), y_bar].into_iter().enumerate() {
         if let Some(bar) = bar {
@@ -375,7 +403,7 @@ pub fn adjoint(x: In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_ba
     }
 }
 
-/// The gradient of one of the two images.
+/// Adds the gradient of one of the two images.
 fn one(x: &In<'_>, saved: &Saved, value_bar: f32, item: usize, image_bar: &mut [f32]) {
     let sizes = sizes(x.height, x.width);
     let half = |values: usize| item * values / 2..(item + 1) * values / 2;
@@ -386,7 +414,7 @@ fn one(x: &In<'_>, saved: &Saved, value_bar: f32, item: usize, image_bar: &mut [
             let scale = f64::from(value_bar) / (sizes[k][0] * sizes[k][1]) as f64;
             tap_adjoint(relu, item, sizes[k], &x.weights.heads[l], scale, &mut bar);
         }
-        // undo max(·, 0)
+        // Adjoint of max(·, 0).
         let (own, active) = (half(relu.len()), saved.active.as_ref().map(|a| &a[k][..]));
         par::chunks_mut(&mut bar, CHUNK, |i, bar| {
             let start = own.start + i * CHUNK;
@@ -395,7 +423,7 @@ fn one(x: &In<'_>, saved: &Saved, value_bar: f32, item: usize, image_bar: &mut [
                 *bar = if passes { *bar } else { 0.0 };
             }
         });
-        // undo the convolution; its input is read for its size alone, since weights have no gradient
+        // Adjoint of the convolution; only the size of its input is used, because weights have no gradient.
         let shape = x.shape(k, 1);
         let size = sizes[k][0] * sizes[k][1] * layer.inputs;
         let zeros = vec![0.0; size];
@@ -404,7 +432,7 @@ fn one(x: &In<'_>, saved: &Saved, value_bar: f32, item: usize, image_bar: &mut [
         conv::adjoint(at, &bar, &mut through);
         bar = through.x;
         if let Some(p) = POOLED.iter().position(|&pooled| pooled == k) {
-            // undo the maximum
+            // Adjoint of the maximum.
             let taken = &saved.pool[p][half(saved.pool[p].len())];
             let mut wide = vec![0.0; saved.relu[k - 1].len() / 2];
             for (at, (bar, taken)) in
@@ -420,7 +448,7 @@ fn one(x: &In<'_>, saved: &Saved, value_bar: f32, item: usize, image_bar: &mut [
     }
     for (pixel, bar) in image_bar.chunks_exact_mut(CHANNELS).zip(bar.chunks_exact(CHANNELS)) {
         for c in 0..CHANNELS {
-            // undo ((2x − 1) − shift)/scale
+            // Adjoint of ((2x − 1) − shift)/scale.
             let inner = bar[c] / SCALE[c];
             pixel[c] += if x.rescale { 2.0 * inner } else { inner };
         }

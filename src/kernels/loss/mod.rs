@@ -1,26 +1,28 @@
-//! Losses between two images or two sets of points, one file per loss, and metrics without adjoints. Level 6.
+//! Losses between two images or two point sets, one file per loss, and metrics without adjoints. Level 6.
 //!
 //! ```text
 //! l1      mean |x − y|            mse     mean (x − y)²
 //! ssim    mean structural similarity, 11×11 Gaussian window
-//! points  weighted squares of distances of points, in order or to the nearest
-//! groups  groups of pictures that share an intervention
-//! latent  distance of the factors of two images
-//! prior   what is assumed of Gaussians that no camera sees
+//! points  weighted squared distances of points, in order or to the nearest
+//! groups  losses of image groups that share an intervention
+//! latent  distance between the factors of two images
+//! prior   regularisation of Gaussians that no camera observes
 //! presence  mean opacity and mean size of Gaussians
-//! lpips   learned perceptual distance, with the user's weights
-//! metric  PSNR, SSIM and MAE in f64, every variant named; scores of structures
+//! lpips   learned perceptual distance, with user-supplied weights
+//! metric  PSNR, SSIM and MAE in f64, every variant named; evaluation of causal structures
 //! ```
 //!
-//! Those of images take them sRGB-encoded, (H, W, 3), and an optional mask (H, W) of zeros and ones; `mse` takes any number of channels.
+//! Image losses expect sRGB-encoded images (H, W, 3) and an optional mask (H, W) of zeros and ones; `mse`
+//! accepts any number of channels.
 //!
-//! `fit` puts `l1` and `ssim` on the tape: picture and photograph in, one number out, and back one gradient per pixel.
-//! `fit::evaluate` calls `metric`, on pictures limited to 0..1.
+//! `fit` records `l1` and `ssim` on the tape: their inputs are the render and the input image, the output is
+//! one number, and the adjoint returns one gradient per pixel. `fit::evaluate` calls `metric` with renders
+//! clamped to 0..1.
 //!
 //! # Rounding
 //! Sums over pixels: per row, logical lane l of 16 adds the terms i ≡ l (mod 16) in f64 with i ascending, the
-//! lanes fold 16→8→4→2→1 (l += l + w), and the rows are added by the pairwise tree. One division at the end. So a
-//! value depends neither on the number of threads nor on the vector width.
+//! lanes fold 16→8→4→2→1 (l += l + w), and the rows are added by the pairwise tree. One division follows. A
+//! value therefore depends neither on the number of threads nor on the vector width.
 
 use crate::num::{par, sum};
 use crate::{Error, Result};
@@ -36,47 +38,47 @@ pub mod presence;
 pub mod prior;
 pub mod ssim;
 
-/// Two images and, optionally, the pixels that count.
+/// Two images and an optional mask of the pixels that count.
 ///
 /// | field | shape | range |
 /// |---|---|---|
 /// | `x` | (H, W, 3); (H, W, C) for `mse` | sRGB-encoded; 0..1 is usual, not required |
 /// | `y` | as `x` | the same |
-/// | `mask` | (H, W) | exactly 0 (left out) or 1 (kept) |
+/// | `mask` | (H, W) | exactly 0 (excluded) or 1 (kept) |
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (H, W, 3), usually the render.
+    /// Image x, shape (H, W, 3), usually the render.
     pub x: &'a [f32],
-    /// (H, W, 3), usually the input image.
+    /// Image y, shape (H, W, 3), usually the input image.
     pub y: &'a [f32],
-    /// (H, W); `None` keeps every pixel.
+    /// Mask of the kept pixels, shape (H, W); `None` keeps every pixel.
     pub mask: Option<&'a [f32]>,
-    /// H
+    /// Height H in pixels.
     pub height: usize,
-    /// W
+    /// Width W in pixels.
     pub width: usize,
 }
 
-/// Channels of an image.
+/// Number of channels of an image.
 pub(crate) const CHANNELS: usize = 3;
 
 impl In<'_> {
-    /// Channels of the first image.
+    /// Returns the number of channels of the first image.
     pub(crate) fn channels(&self) -> usize {
         self.x.len().checked_div(self.height * self.width).unwrap_or(CHANNELS)
     }
 
-    /// Values in one row.
+    /// Returns the number of values in one row.
     pub(crate) fn row(&self) -> usize {
         self.channels() * self.width
     }
 
-    /// Checks sizes and mask of images of three channels; returns the number of kept pixels, at least 1.
+    /// Checks the sizes and the mask of three-channel images; returns the number of kept pixels, at least 1.
     pub(crate) fn check(&self, what: &str) -> Result<usize> {
         self.check_channels(what, CHANNELS)
     }
 
-    /// [`Self::check`] for another number of channels.
+    /// Like [`Self::check`], for another number of channels.
     pub(crate) fn check_channels(&self, what: &str, channels: usize) -> Result<usize> {
         let pixels = self.height * self.width;
         for (name, len) in [("x", self.x.len()), ("y", self.y.len())] {
@@ -103,7 +105,7 @@ impl In<'_> {
                             .at(format!("array 'mask', index [{}, {}]", i / self.width, i % self.width))
                             .expected("0 or 1")
                             .got(m.to_string())
-                            .hint("threshold a soft mask first"));
+                            .hint("convert a soft mask to 0 and 1 with a threshold"));
                     }
                     kept += usize::from(m == 1.0);
                 }
@@ -114,12 +116,12 @@ impl In<'_> {
             return Err(Error::input(what)
                 .expected("at least one kept pixel")
                 .got("none")
-                .hint("a mean over nothing has no value"));
+                .hint("the mean over zero pixels is undefined"));
         }
         Ok(kept)
     }
 
-    /// Row `r` of the mask, if there is one.
+    /// Returns row `r` of the mask, if there is one.
     pub(crate) fn mask_row(&self, r: usize) -> Option<&[f32]> {
         self.mask.map(|m| &m[r * self.width..][..self.width])
     }
@@ -127,10 +129,11 @@ impl In<'_> {
 
 /// Checks that a gradient buffer has the size of its image.
 pub(crate) fn assert_like(bar: &[f32], image: &[f32]) {
-    assert_eq!(bar.len(), image.len(), "a gradient has the shape of what it belongs to");
+    assert_eq!(bar.len(), image.len(), "a gradient has the shape of its input");
 }
 
-/// Refuses a value that is not finite: the images held NaN, infinities or absurd magnitudes.
+/// Refuses a value that is not finite, which means that the images contain NaN, infinities or extreme
+/// magnitudes.
 pub(crate) fn finite(what: &str, value: f64) -> Result<f64> {
     if value.is_finite() {
         Ok(value)
@@ -139,7 +142,7 @@ pub(crate) fn finite(what: &str, value: f64) -> Result<f64> {
     }
 }
 
-/// Sum of one row of terms: 16 logical lanes in f64, folded 16→8→4→2→1.
+/// Returns the sum of one row of terms: 16 logical lanes in f64, folded 16→8→4→2→1.
 #[inline]
 pub(crate) fn row_sum(n: usize, term: impl Fn(usize) -> f64) -> f64 {
     let mut lanes = [0.0f64; 16];
@@ -155,7 +158,7 @@ pub(crate) fn row_sum(n: usize, term: impl Fn(usize) -> f64) -> f64 {
     fold_lanes(lanes)
 }
 
-/// [`row_sum`] of `term(a, b)` over two rows, in a form that compiles to vector code.
+/// Returns [`row_sum`] of `term(a, b)` over two rows, in a form that compiles to vector code.
 #[inline]
 fn pair_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64) -> f64 {
     let mut lanes = [0.0f64; 16];
@@ -172,7 +175,7 @@ fn pair_sum(a: &[f32], b: &[f32], term: impl Fn(f32, f32) -> f64) -> f64 {
     fold_lanes(lanes)
 }
 
-/// 16→8→4→2→1, l += l + w.
+/// Folds lanes 16→8→4→2→1, l += l + w.
 fn fold_lanes(mut lanes: [f64; 16]) -> f64 {
     let mut width = 8;
     while width > 0 {
@@ -184,7 +187,7 @@ fn fold_lanes(mut lanes: [f64; 16]) -> f64 {
     lanes[0]
 }
 
-/// Sum over all kept values of `term(x, y)`; left-out values count as +0.
+/// Returns the sum of `term(x, y)` over all kept values; excluded values count as +0.
 pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send) -> f64 {
     let (n, channels) = (x.row(), x.channels());
     let rows = par::map_batched(x.height, 8, |r| {
@@ -197,10 +200,10 @@ pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send
     sum::tree_f64(&rows)
 }
 
-/// `bar += term(x, y)` on kept values, row by row.
+/// Computes `bar += term(x, y)` on kept values, row by row.
 pub(crate) fn add_rows(x: &In<'_>, bar: &mut [f32], term: impl Fn(f32, f32) -> f32 + Sync + Send) {
     let (n, channels) = (x.row(), x.channels());
-    // n is positive: `check` has seen a kept pixel.
+    // n is positive, because `check` found a kept pixel.
     par::chunks_mut(bar, n, |r, row| {
         let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
         match x.mask_row(r) {

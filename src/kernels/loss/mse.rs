@@ -1,4 +1,4 @@
-//! Mean squared difference of two images of any number of channels.
+//! `loss.mse`: mean squared difference of two images with any number of channels.
 //!
 //! value = Σ (x − y)² / n over the n = C·(kept pixels) values
 //!
@@ -10,11 +10,11 @@
 //! | value | return | () | ≥ 0 |
 //!
 //! # Rounding
-//! d = x − y in f32; d² exactly in f64, summed in f64 (rows of 16 logical lanes, tree over rows: [`super`]); one
-//! division in f64; rounded once to f32.
+//! d = x − y in f32; d² is exact in f64 and summed in f64 (rows of 16 logical lanes, tree over rows:
+//! [`super`]); one division in f64; the result is rounded once to f32.
 //!
 //! # Kinks and domain
-//! Smooth. Left-out pixels get no gradient. No kept pixel is an error.
+//! The function is smooth. Pixels that the mask excludes get no gradient. It is an error if no pixel is kept.
 //!
 //! # Adjoint
 //! x̄ += d·(2v̄/n),  ȳ −= the same; 2v̄/n in f64, rounded once; d is recomputed.
@@ -32,17 +32,18 @@ pub use super::In;
 use super::{add_rows, assert_like, finite, image_sum};
 use crate::Result;
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Saved {
-    /// Number of kept values n.
+    /// Number n of kept values.
     pub count: usize,
 }
 
-/// Value and what the adjoint needs.
+/// Returns the value and the intermediate values that the adjoint needs.
 ///
 /// # Errors
-/// Wrong sizes, a mask value other than 0 and 1, nothing kept, images that are not finite.
+/// Returns an error for wrong sizes, a mask value other than 0 and 1, a mask that keeps no pixel, or images
+/// that are not finite.
 pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
     let count = x.channels() * x.check_channels("loss.mse", x.channels())?;
     let square = |a: f32, b: f32| {
@@ -53,7 +54,7 @@ pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
     Ok(((total / count as f64) as f32, Saved { count }))
 }
 
-/// Adds the gradients; `y_bar` only where it is wanted.
+/// Adds the gradients; `y_bar` is `None` if not requested.
 pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_bar: Option<&mut [f32]>) {
     let scale = (2.0 * f64::from(value_bar) / saved.count as f64) as f32;
     assert_like(x_bar, x.x);

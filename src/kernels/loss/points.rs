@@ -1,17 +1,21 @@
-//! `loss.points`: distance of decoded points from their targets.
+//! `loss.points`: distance of decoded points from their targets (LAST, eq. 4).
 //!
-//! ordered (default):  L = 1/B · Σ over b of L_b,   L_b = 1/P · Σ over p, c of w_c Δ²,   Δ = x(b,p,c) − y(b,p,c),   w = 1/σ_x² for xyz, 1/σ_c² for rgb
+//! ordered (default):  L = 1/B · Σ over b of L_b,   L_b = 1/P · Σ over p, c of w_c Δ²,
+//! Δ = x(b,p,c) − y(b,p,c),   w = 1/σ_x² for xyz, 1/σ_c² for rgb
 //!
-//! chamfer:  L = 1/(B·P) · Σ over b, p of d(x(b,p), y(b,f(b,p))) + 1/(B·Q) · Σ over b, q of d(x(b,g(b,q)), y(b,q))
+//! chamfer:  L = 1/(B·P) · Σ over b, p of d(x(b,p), y(b,f(b,p))) +
+//! 1/(B·Q) · Σ over b, q of d(x(b,g(b,q)), y(b,q))
 //!
-//! with the same weighted square d(u, v) = ‖Δxyz‖²/σ_x² + ‖Δrgb‖²/σ_c²; f and g are nearest neighbours by it.
+//! with the same weighted square d(u, v) = ‖Δxyz‖²/σ_x² + ‖Δrgb‖²/σ_c²; f and g are nearest neighbours in
+//! this distance.
 //!
-//! The model of LAST takes [`item`] and [`item_adjoint`], L_b alone with a weight per item, for any number of channels and weights w.
+//! The model of LAST uses [`item`] and [`item_adjoint`]: L_b alone with a weight per item, for any number of
+//! channels and weights w.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |--------|----------|-------|-------------|
 //! | x | `x` | (B, P, D) | D = 3: xyz in scene units; D = 6: xyz and rgb |
-//! | y | `y` | (B, Q, E) | E = D, or 3: targets without colour, whose term is left out; Q = P when ordered |
+//! | y | `y` | (B, Q, E) | E = D, or 3: targets without colour, whose term is omitted; Q = P for the ordered form |
 //! | σ_x | `sigma_x` | () | > 0, scene units; 0.05 by default |
 //! | σ_c | `sigma_c` | () | > 0, sRGB-encoded; 0.2 by default |
 //! | f | plan array `nearest_x` | (B, P) | rows of y |
@@ -19,20 +23,22 @@
 //! | L | return | () | ≥ 0 |
 //!
 //! # Rounding
-//! 1/σ² in f64, rounded once to f32. Ordered: Δ and w_c Δ in f32, their product in f64, a left fold over p, then c, in f64; one division by P; items by
-//! the pairwise tree, one division by B, rounded once to f32. Chamfer: Δ, its squares, the left fold x, y, z, the product with 1/σ² and the sum of
-//! both parts in f32. Per item a left fold over its points in f64; items by the pairwise tree; one division in f64 per direction; both
-//! directions are added in f64 and rounded once to f32.
+//! 1/σ² is computed in f64 and rounded once to f32. Ordered: Δ and w_c Δ in f32, their product in f64, a left
+//! fold over p, then c, in f64; one division by P; items by the pairwise tree, one division by B, rounded
+//! once to f32. Chamfer: Δ, its squares, the left fold x, y, z, the product with 1/σ² and the sum of both
+//! parts in f32. Per item a left fold over its points in f64; items by the pairwise tree; one division in f64
+//! per direction; both directions are added in f64 and rounded once to f32.
 //!
 //! # Kinks and domain
-//! The ordered form has none. Chamfer jumps in its derivative where two neighbours are equally near: the lowest index is taken, and the
-//! gradient is that on the plan. Squares, no root: nothing is undefined at distance 0. An empty set is an error. Colours that have no target
-//! get no gradient.
+//! The ordered form has no kinks. The derivative of the Chamfer form jumps where two neighbours are equally
+//! near: the lowest index is selected, and the gradient is that for the plan. The form uses squares without a
+//! root, so it is smooth at distance 0. An empty set is an error. Colours without a target get no gradient.
 //!
 //! # Adjoint
-//! Ordered, with the cotangent L̄_b = L̄/B: x̄ += ((2/P)·L̄_b)·(w_c Δ), ȳ −= the same, in f32. Chamfer, each term d(u, v) with its share
-//! s = L̄/(B·P) or L̄/(B·Q): ū += 2·s·Δ/σ², v̄ −= the same. Per entry the terms are a left fold from +0, first those of f with p ascending, then
-//! those of g with q ascending, finished before the sum is added to what the caller accumulates.
+//! Ordered, with the cotangent L̄_b = L̄/B: x̄ += ((2/P)·L̄_b)·(w_c Δ), ȳ −= the same, in f32. Chamfer, each
+//! term d(u, v) with its share s = L̄/(B·P) or L̄/(B·Q): ū += 2·s·Δ/σ², v̄ −= the same. Per entry the terms
+//! are a left fold from +0, first those of f with p ascending, then those of g with q ascending, completed
+//! before the sum is added to the caller's gradient.
 //!
 //! Twin: `reference::loss::points`.
 //!
@@ -50,12 +56,12 @@ use super::finite;
 use crate::num::{par, sum};
 use crate::{Error, Result};
 
-/// Scales at which a difference costs 1.
+/// Scales: a difference of one σ contributes 1 to the weighted square.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sigmas {
-    /// σ_x, scene units
+    /// Scale of positions σ_x, in scene units.
     pub xyz: f64,
-    /// σ_c, sRGB-encoded
+    /// Scale of colours σ_c, sRGB-encoded.
     pub rgb: f64,
 }
 
@@ -68,24 +74,24 @@ impl Default for Sigmas {
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (B, P, D)
+    /// Shape (B, P, D).
     pub x: &'a [f32],
-    /// (B, Q, E)
+    /// Shape (B, Q, E).
     pub y: &'a [f32],
-    /// B
+    /// Number of items, B.
     pub batch: usize,
-    /// D and E, 3 or 6, E not above D
+    /// Channels D and E, each 3 or 6, with E ≤ D.
     pub channels: [usize; 2],
-    /// σ_x, σ_c
+    /// Scales σ_x and σ_c.
     pub sigmas: Sigmas,
 }
 
-/// Nearest neighbours: the discrete decisions of the Chamfer form.
+/// Nearest neighbours, the discrete decisions of the Chamfer form.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// (B, P), rows of y
+    /// Nearest rows of y, shape (B, P).
     pub nearest_x: Vec<i32>,
-    /// (B, Q), rows of x
+    /// Nearest rows of x, shape (B, Q).
     pub nearest_y: Vec<i32>,
 }
 
@@ -93,16 +99,16 @@ pub struct Plan {
 type Scale = [f32; 2];
 
 impl In<'_> {
-    /// Points per item, P and Q.
+    /// Checks the inputs and returns the number of points per item, P and Q.
     ///
     /// # Errors
-    /// Wrong sizes, an empty set, or a σ whose 1/σ² is not a positive f32.
+    /// Returns an error for wrong sizes, an empty set, or a σ whose 1/σ² is not a positive f32.
     pub fn check(&self) -> Result<[usize; 2]> {
         let what = || Error::input("loss.points");
         let [d, e] = self.channels;
         if !matches!([d, e], [3, 3] | [6, 3] | [6, 6]) {
             return Err(what()
-                .expected("points of 3 or 6 numbers, targets of as many or of 3")
+                .expected("points with 3 or 6 channels, and targets with the same number or 3")
                 .got(format!("{d} and {e}")));
         }
         for (name, points, channels) in [("x", self.x, d), ("y", self.y, e)] {
@@ -110,7 +116,7 @@ impl In<'_> {
             if points.is_empty() || row == 0 || !points.len().is_multiple_of(row) {
                 return Err(what()
                     .at(format!("array '{name}'"))
-                    .expected(format!("{} items of at least one point of {channels}", self.batch))
+                    .expected(format!("{} items of at least one point with {channels} channels", self.batch))
                     .got(format!("{} numbers", points.len())));
             }
         }
@@ -131,13 +137,13 @@ impl In<'_> {
         [self.sigmas.xyz, self.sigmas.rgb].map(|sigma| (1.0 / (sigma * sigma)) as f32)
     }
 
-    /// w of every channel of x.
+    /// Returns w of every channel of x.
     fn precision(&self) -> Vec<f32> {
         let scale = self.scale();
         (0..self.channels[0]).map(|c| scale[c / 3]).collect()
     }
 
-    /// x and y of item `b`.
+    /// Returns x and y of item `b`.
     fn item(&self, b: usize) -> [&[f32]; 2] {
         [self.x, self.y].map(|points| {
             let n = points.len() / self.batch;
@@ -146,7 +152,7 @@ impl In<'_> {
     }
 }
 
-/// Weighted square of the distance of two points, without colour where one of them has none.
+/// Returns the weighted squared distance of two points, without colour if one of them has none.
 #[inline(always)]
 fn square(u: &[f32], v: &[f32], scale: Scale) -> f32 {
     let part = |from: usize| {
@@ -157,7 +163,7 @@ fn square(u: &[f32], v: &[f32], scale: Scale) -> f32 {
     if u.len() == 3 || v.len() == 3 { shape } else { shape + part(3) * scale[1] }
 }
 
-/// Mean of the terms `f(b)` of all items, `n` in each.
+/// Returns the mean of the terms `f(b)` of all items, with `n` points each.
 fn mean(batch: usize, n: usize, f: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
     sum::tree_f64(&par::map(batch, f)) / (batch * n) as f64
 }
@@ -170,32 +176,32 @@ fn same(p: usize, q: usize) -> Result<usize> {
     Err(Error::input("loss.points")
         .expected(format!("as many points in y as in x, {p}"))
         .got(q.to_string())
-        .hint("points without a common order need the Chamfer form"))
+        .hint("use the Chamfer form for points without a common order"))
 }
 
 /// One item of the ordered form: points, targets and the weights of the channels.
 #[derive(Clone, Copy, Debug)]
 pub struct Item<'a> {
-    /// (P, D)
+    /// Shape (P, D).
     pub x: &'a [f32],
-    /// (P, E), E not above D; channels beyond E cost nothing
+    /// Targets, shape (P, E), with E ≤ D; channels beyond E do not contribute.
     pub y: &'a [f32],
-    /// w (D)
+    /// Weights w of the channels, shape (D).
     pub precision: &'a [f32],
 }
 
 impl Item<'_> {
-    /// P, at least one, and E.
+    /// Returns P, which is at least 1, and E.
     fn sizes(&self) -> [usize; 2] {
         let p = self.x.len() / self.precision.len();
         [p, self.y.len() / p]
     }
 }
 
-/// L_b.
+/// Returns L_b.
 ///
 /// # Panics
-/// When there is no point.
+/// Panics if there is no point.
 pub fn item(x: &Item<'_>) -> f64 {
     let [p, e] = x.sizes();
     let rows = x.x.chunks_exact(x.precision.len()).zip(x.y.chunks_exact(e));
@@ -209,10 +215,10 @@ pub fn item(x: &Item<'_>) -> f64 {
     loss / p as f64
 }
 
-/// Adds the gradient by x for the cotangent `bar` of L_b to `x_bar`.
+/// Adds the gradient of x, for the cotangent `bar` of L_b, to `x_bar`.
 ///
 /// # Panics
-/// When there is no point, or the gradient does not have the shape of x.
+/// Panics if there is no point, or if the gradient does not have the shape of x.
 pub fn item_adjoint(x: &Item<'_>, bar: f32, x_bar: &mut [f32]) {
     super::assert_like(x_bar, x.x);
     let ([_, e], d) = (x.sizes(), x.precision.len());
@@ -224,17 +230,17 @@ pub fn item_adjoint(x: &Item<'_>, bar: f32, x_bar: &mut [f32]) {
 }
 
 impl Item<'_> {
-    /// Derivative of bar·L_b by entry `at` of x, whose target is entry `of`, in channel `c`.
+    /// Returns the derivative of bar·L_b by entry `at` of x, whose target is entry `of`, in channel `c`.
     fn slope(&self, bar: f32, at: usize, of: usize, c: usize) -> f32 {
         let share = 1.0 / self.sizes()[0] as f32;
         ((2.0 * share) * bar) * (self.precision[c] * (self.x[at] - self.y[of]))
     }
 }
 
-/// Value of the ordered form.
+/// Returns the value of the ordered form.
 ///
 /// # Errors
-/// Wrong sizes or σ, points that are not finite.
+/// Returns an error for wrong sizes or σ, or points that are not finite.
 pub fn ordered(x: &In<'_>) -> Result<f32> {
     let [p, q] = x.check()?;
     same(p, q)?;
@@ -246,10 +252,10 @@ pub fn ordered(x: &In<'_>) -> Result<f32> {
     Ok(finite("loss.points", value)? as f32)
 }
 
-/// Nearest neighbours in both directions, the lowest index of equally near ones.
+/// Returns nearest neighbours in both directions; of equally near ones, the lowest index.
 ///
 /// # Errors
-/// Wrong sizes or σ.
+/// Returns an error for wrong sizes or σ.
 pub fn plan(x: &In<'_>) -> Result<Plan> {
     x.check()?;
     let ([d, e], scale) = (x.channels, x.scale());
@@ -279,7 +285,7 @@ pub fn plan(x: &In<'_>) -> Result<Plan> {
 }
 
 impl Plan {
-    /// Holds the plan to its points.
+    /// Checks that the plan matches its points.
     fn check(&self, x: &In<'_>) -> Result<[usize; 2]> {
         let [p, q] = x.check()?;
         for (name, near, n, below) in
@@ -300,10 +306,11 @@ impl Plan {
     }
 }
 
-/// Value of the Chamfer form on a plan.
+/// Returns the value of the Chamfer form for a plan.
 ///
 /// # Errors
-/// Wrong sizes or σ, a plan that does not belong to the points, points that are not finite.
+/// Returns an error for wrong sizes or σ, a plan that does not match the points, or points that are not
+/// finite.
 pub fn chamfer(x: &In<'_>, plan: &Plan) -> Result<f32> {
     let [p, q] = plan.check(x)?;
     let ([d, e], scale) = (x.channels, x.scale());
@@ -320,13 +327,14 @@ pub fn chamfer(x: &In<'_>, plan: &Plan) -> Result<f32> {
     Ok(finite("loss.points", there + back)? as f32)
 }
 
-/// Adds the gradients of the ordered form (`plan` absent) or of the Chamfer form; `y_bar` only where it is wanted.
+/// Adds the gradients of the ordered form (`plan` absent) or of the Chamfer form; `y_bar` is `None` if not
+/// requested.
 ///
 /// # Errors
-/// As [`ordered`] and [`chamfer`].
+/// Returns an error under the conditions of [`ordered`] and [`chamfer`].
 ///
 /// # Panics
-/// When a gradient does not have the shape of what it belongs to.
+/// Panics if a gradient does not have the shape of its input.
 pub fn adjoint(
     x: &In<'_>,
     plan: Option<&Plan>,
@@ -346,13 +354,13 @@ pub fn adjoint(
         ordered_adjoint(x, (f64::from(value_bar) / x.batch as f64) as f32, x_bar, y_bar);
         return Ok(());
     };
-    // 2·L̄/(B·n)/σ² of both parts, for n points per item
+    // 2·L̄/(B·n)/σ² of both parts, for n points per item.
     let weights = |n: usize| {
         [x.sigmas.xyz, x.sigmas.rgb]
             .map(|sigma| (2.0 * f64::from(value_bar) / (x.batch * n) as f64 / (sigma * sigma)) as f32)
     };
     let (there, back) = (weights(p), weights(q));
-    // Every term of item `b`: rows of x and of y, and its weight.
+    // Calls `term` for every term of item `b`: rows of x and of y, and its weight.
     let terms = |b: usize, term: &mut dyn FnMut(usize, usize, Scale)| {
         for (i, &k) in plan.nearest_x[b * p..][..p].iter().enumerate() {
             term(i, k as usize, there);
@@ -387,7 +395,7 @@ pub fn adjoint(
     Ok(())
 }
 
-/// The ordered form, with the cotangent `bar` of every L_b.
+/// Adds the gradients of the ordered form, with the cotangent `bar` of every L_b.
 fn ordered_adjoint(x: &In<'_>, bar: f32, x_bar: &mut [f32], y_bar: Option<&mut [f32]>) {
     let (precision, [d, e]) = (x.precision(), x.channels);
     let of = |b: usize| {

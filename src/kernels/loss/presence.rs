@@ -1,19 +1,23 @@
-//! `loss.presence`: mean opacity and mean standard deviation of Gaussians, the two regularisers of density control by sampling.
+//! `loss.presence`: mean opacity and mean standard deviation of Gaussians, the two regularisers of MCMC
+//! density control.
 //!
-//! L = w_o · mean σ(l) + w_s · mean e^s                                (Kheradmand et al. 2024, eq. 10, with means instead of sums as gsplat has)
+//! L = w_o · mean σ(l) + w_s · mean e^s
+//!
+//! Source: Kheradmand et al. 2024, eq. 10, with means instead of sums, as in gsplat.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | l | `opacity_logits` | (N) | any |
 //! | s | `scales_log` | (N, 3) | ln of scene units, ≤ 88; the mean is over 3N numbers |
 //! | w_o, w_s | `opacity_weight`, `scale_weight` | () | ≥ 0 |
-//! | L | return | () | 0 without Gaussians |
+//! | L | return | () | 0 if there are no Gaussians |
 //!
 //! # Rounding
-//! σ and exp by `num::elem` in f32; the sums by `num::sum::sum16_f64`; gradients in f32, left to right, with the weight over the count rounded once.
+//! σ and exp are those of `num::elem` in f32; the sums those of `num::sum::sum16_f64`; gradients are f32,
+//! evaluated left to right, with the weight over the count rounded once.
 //!
 //! # Kinks and domain
-//! No kinks. Above s = 88.72 e^s is ∞ in f32, and so are L and s̄.
+//! There are no kinks. Above s = 88.72, e^s is ∞ in f32, and so are L and s̄.
 //!
 //! # Adjoint
 //! l̄ += (w_o L̄/N) σ(l) (1 − σ(l)),   s̄ += (w_s L̄/(3N)) e^s. The opacities and scales are saved.
@@ -33,25 +37,25 @@ use crate::num::{elem, sum};
 /// Weights of the two terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// w_o
+    /// Weight w_o of the opacities.
     pub opacity: f64,
-    /// w_s
+    /// Weight w_s of the scales.
     pub scale: f64,
 }
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug, Default)]
 pub struct Saved {
-    /// (N)
+    /// Shape (N).
     opacities: Vec<f32>,
-    /// (N, 3)
+    /// Shape (N, 3).
     scales: Vec<f32>,
 }
 
-/// L, and what the adjoint needs.
+/// Returns L and the intermediate values that the adjoint needs.
 pub fn forward(w: &Weights, opacity_logits: &[f32], scales_log: &[[f32; 3]]) -> (f64, Saved) {
     let n = opacity_logits.len();
-    assert_eq!(scales_log.len(), n, "all have N rows");
+    assert_eq!(scales_log.len(), n, "all arrays have N rows");
     if n == 0 {
         return (0.0, Saved::default());
     }

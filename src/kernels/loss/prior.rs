@@ -1,32 +1,38 @@
-//! `loss.prior`: what is assumed of Gaussians that no camera sees: neighbours look alike, each is about as deep as it is wide and stays at its anchor.
+//! `loss.prior`: regularisation of Gaussians that no camera observes: neighbours are similar, each is about
+//! as deep as it is wide and stays at its anchor.
 //!
-//! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²
-//!   + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)                        (of this project, without a paper)
+//! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²  +
+//! w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)
+//!
+//! This loss was designed for this project; it is not from a paper.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | a | `sh` (its constant coefficients), `opacity_logits`, `scales_log` | | one weight each: `color`, `opacity`, `scale` |
-//! | x, t | `means`, `anchors` | (N, 3) | centre, and where it is held, a constant; scene units |
+//! | x, t | `means`, `anchors` | (N, 3) | centre, and the anchor that attracts it, a constant; scene units |
 //! | s, s̄ | `scales_log` | (N, 3) | logarithms of the scales, and their mean |
 //! | l, σ(l) | `opacity_logits` | (N) | logit of the opacity, and the opacity |
 //! | | `sh` | (N, C, 3) | only the constant coefficients are compared |
-//! | near(g) | `near` | (N, K) | indices of the nearest Gaussians; −1 (`u32::MAX`) where there are fewer |
-//! | ln d | `gap` | (N) | logarithm of the distance to the nearest, a constant |
-//! | κ | `reach` | () | > 0 in f32: how far a Gaussian reaches into the gap |
-//! | r | `radius` | () | > 0, as is r² in f32; scene units: distance at which straying costs w_t |
+//! | near(g) | `near` | (N, K) | indices of the nearest Gaussians; −1 (`u32::MAX`) for missing ones |
+//! | ln d | `gap` | (N) | logarithm of the distance to the nearest Gaussian, a constant |
+//! | κ | `reach` | () | > 0 in f32: scale of a Gaussian relative to the gap |
+//! | r | `radius` | () | > 0, as is r² in f32; scene units: displacement that costs w_t |
 //! | w_r, w_f, w_t, w_o | `round`, `fill`, `anchor`, `solid` | () | ≥ 0 |
-//! | P | return | () | 0 without Gaussians |
+//! | P | return | () | 0 if there are no Gaussians |
 //!
 //! # Rounding
-//! Differences, s̄, σ, ln κ and the counts N K and N are f32; squares of differences and their sums over Gaussians, from the left, one per term, are f64,
-//! each with its weight over its count at the end. Gradients in f32, Gaussian by Gaussian, neighbour by neighbour.
+//! Differences, s̄, σ, ln κ and the counts N K and N are f32; squares of differences and their sums over
+//! Gaussians, from the left, one per term, are f64, each multiplied at the end by its weight over its count.
+//! Gradients are f32, added Gaussian by Gaussian, neighbour by neighbour.
 //!
 //! # Kinks and domain
-//! No kinks. The neighbours, gaps and anchors are constants. A mean over nothing is 0: without Gaussians P is 0, and with K = 0 so are the terms of pairs.
+//! There are no kinks. The neighbours, gaps and anchors are constants. A mean over zero terms is 0: without
+//! Gaussians P is 0, and for K = 0 so are the pair terms.
 //!
 //! # Adjoint
-//! Per pair ā_g += 2 w_a P̄/(N K) (a_g − a_h), ā_h −= the same; s̄_gk += 2 w_r P̄/N (s_gk − s̄_g) + 2 w_f P̄/(3N) (s̄_g − ln(κ d_g)) (the
-//! deviations from a mean have the mean 0); x̄ += 2 w_t P̄/N (x − t)/r²; l̄ −= w_o P̄/N σ(l)(1 − σ(l)). Nothing is saved.
+//! Per pair ā_g += 2 w_a P̄/(N K) (a_g − a_h), ā_h −= the same; s̄_gk += 2 w_r P̄/N (s_gk − s̄_g) +
+//! 2 w_f P̄/(3N) (s̄_g − ln(κ d_g)) (the deviations from a mean have the mean 0); x̄ += 2 w_t P̄/N (x − t)/r²;
+//! l̄ −= w_o P̄/N σ(l)(1 − σ(l)). Nothing is saved.
 //!
 //! Twin: `reference::loss::prior`.
 //!
@@ -46,26 +52,26 @@ use crate::num::elem;
 /// Weights of the terms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Weights {
-    /// likeness of colours
+    /// Weight of similar colours.
     pub color: f32,
-    /// likeness of opacity logits
+    /// Weight of similar opacity logits.
     pub opacity: f32,
-    /// likeness of sizes
+    /// Weight of similar scales.
     pub scale: f32,
-    /// roundness
+    /// Weight of roundness.
     pub round: f32,
-    /// size as the gaps to neighbours are
+    /// Weight of filling the gaps between neighbours.
     pub fill: f32,
-    /// κ
+    /// Scale κ of a Gaussian relative to the gap.
     pub reach: f32,
-    /// nearness to the anchor
+    /// Weight of proximity to the anchor.
     pub anchor: f32,
-    /// opacity
+    /// Weight of opacity.
     pub solid: f32,
 }
 
 impl Weights {
-    /// Nothing is assumed.
+    /// All weights 0, so that P is 0.
     pub const NONE: Self = Self {
         color: 0.0,
         opacity: 0.0,
@@ -81,52 +87,52 @@ impl Weights {
 /// Inputs, for K neighbours of each Gaussian.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a, const K: usize> {
-    /// (N, 3)
+    /// Shape (N, 3).
     pub means: &'a [[f32; 3]],
-    /// (N, 3)
+    /// Shape (N, 3).
     pub scales_log: &'a [[f32; 3]],
-    /// (N)
+    /// Shape (N).
     pub opacity_logits: &'a [f32],
-    /// (N, C, 3)
+    /// Shape (N, C, 3).
     pub sh: &'a [f32],
-    /// C
+    /// Number of SH coefficients, C.
     pub coefficients: usize,
-    /// (N, K); `u32::MAX` where there are fewer
+    /// Neighbours, shape (N, K); `u32::MAX` for missing ones.
     pub near: &'a [[u32; K]],
-    /// (N)
+    /// Shape (N).
     pub gap: &'a [f32],
-    /// (N, 3)
+    /// Shape (N, 3).
     pub anchors: &'a [[f32; 3]],
-    /// r
+    /// Radius r.
     pub radius: f64,
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Debug)]
 pub struct InBar<'a> {
-    /// (N, 3)
+    /// Shape (N, 3).
     pub means: &'a mut [[f32; 3]],
-    /// (N, 3)
+    /// Shape (N, 3).
     pub scales_log: &'a mut [[f32; 3]],
-    /// (N)
+    /// Shape (N).
     pub opacity_logits: &'a mut [f32],
-    /// (N, C, 3)
+    /// Shape (N, C, 3).
     pub sh: &'a mut [f32],
 }
 
 impl<const K: usize> In<'_, K> {
-    /// Pairs of neighbours, in order.
+    /// Iterates over the pairs of neighbours in order.
     fn pairs(&self) -> impl Iterator<Item = [usize; 2]> {
         let all = self.near.iter().enumerate().flat_map(|(i, near)| near.iter().map(move |&j| (i, j)));
         all.filter(|(_, j)| *j != u32::MAX).map(|(i, j)| [i, j as usize])
     }
 
-    /// N K and N.
+    /// Returns N K and N.
     fn counts(&self) -> [f32; 2] {
         [(self.means.len() * K) as f32, self.means.len() as f32]
     }
 
-    /// Mean of the logarithms of the scales, and how far it is from ln(κ d).
+    /// Returns the mean of the logarithms of the scales, and its difference from ln(κ d).
     fn size(&self, i: usize, ln_reach: f32) -> [f32; 2] {
         let s = self.scales_log[i];
         let mean = ((s[0] + s[1]) + s[2]) / 3.0;
@@ -134,10 +140,10 @@ impl<const K: usize> In<'_, K> {
     }
 }
 
-/// P.
+/// Returns P.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward<const K: usize>(w: &Weights, x: &In<'_, K>) -> f64 {
     let width = 3 * x.coefficients;
     let square = |d: f32| f64::from(d) * f64::from(d);
@@ -169,7 +175,7 @@ pub fn forward<const K: usize>(w: &Weights, x: &In<'_, K>) -> f64 {
 /// Adds the gradients for the cotangent `value_bar` to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint<const K: usize>(w: &Weights, x: &In<'_, K>, value_bar: f32, x_bar: &mut InBar<'_>) {
     let (width, [pairs, each]) = (3 * x.coefficients, x.counts());
     let [color, opacity, scale] = [w.color, w.opacity, w.scale].map(|w| 2.0 * (w * value_bar) / pairs);

@@ -1,9 +1,9 @@
-//! Mean structural similarity of two images.
+//! `loss.ssim`: mean structural similarity of two images.
 //!
-//! SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂))        (Wang et al. 2004, eq. 13)
+//! SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂))   (Wang et al. 2004, eq. 13)
 //!
-//! with local moments under an 11×11 Gaussian window, σ = 1.5, zero padding; both images are multiplied by the mask,
-//! and the map is averaged over the kept pixels and the three channels.
+//! with local moments under an 11×11 Gaussian window, σ = 1.5, zero padding; both images are multiplied by
+//! the mask, and the map is averaged over the kept pixels and the three channels.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -13,38 +13,55 @@
 //! | value | return | () | 1 for equal images |
 //!
 //! # Rounding
-//! The textbook form subtracts nearly equal second moments four times. Here the half sum h = (x + y)·½ − ½ and the
-//! difference d = x − y are filtered, because
+//! The textbook form subtracts nearly equal second moments four times. This implementation filters the half
+//! sum h = (x + y)·½ − ½ and the difference d = x − y instead, because
 //!
 //! 2μ_xμ_y = (μ_x² + μ_y²) − μ_d²,   2σ_xy = (σ_x² + σ_y²) − σ_d²,   σ_x² + σ_y² = 2σ_h² + ½σ_d²
 //!
-//! turn the two quotients into l = 1 − μ_d²/B₁ and c = 1 − σ_d²/B₂, which are exact where the images agree, and four
-//! filtered images suffice instead of five. The shift by ½ makes σ_h² exact on black and on white. One filter = down the
-//! columns, then along the rows, each a left fold of the 11 products from the first tap to the last, in f32; pixels
-//! outside are x = y = 0, so h = −½. Then, per value,
+//! turn the two quotients into l = 1 − μ_d²/B₁ and c = 1 − σ_d²/B₂, which are exact where the images agree,
+//! and four filtered images suffice instead of five. The shift by ½ makes σ_h² exact on black and on white.
+//! One filter pass goes down the columns, then along the rows, and each is a left fold of the 11 products
+//! from the first tap to the last, in f32; pixels outside are x = y = 0, so h = −½. Then, per value,
 //!
 //! v_d = e_d − m_d², v_h = e_h − m_h², m = m_h + ½, B₁ = (2m² + ½m_d²) + C₁, B₂ = (2v_h + ½v_d) + C₂,
 //! l = 1 − m_d²·(1/B₁), c = 1 − v_d·(1/B₂), SSIM = l·c
 //!
-//! and the map is summed in f64 (rows of 16 logical lanes, tree over rows: [`super`]), divided once, rounded once.
-//! So SSIM(x, x) = 1 and SSIM(x, y) = SSIM(y, x) in bits.
+//! and the map is summed in f64 (rows of 16 logical lanes, tree over rows: [`super`]), divided once, rounded
+//! once. Therefore SSIM(x, x) = 1 and SSIM(x, y) = SSIM(y, x) in bits.
 //!
 //! # Kinks and domain
-//! Smooth for finite images: B₁ ≥ C₁; B₂ > 0 for values of moderate size (|x|, |y| below about 30, where the rounding of
-//! σ² stays below C₂). Left-out pixels get no gradient. No kept pixel is an error. Zero padding lowers the value near the border,
-//! as in the 3DGS code.
+//! The function is smooth for finite images: B₁ ≥ C₁; B₂ > 0 for values of moderate size (|x|, |y| below
+//! about 30, where the rounding of σ² stays below C₂). Pixels that the mask excludes get no gradient. It is
+//! an error if no pixel is kept. Zero padding lowers the value near the border, as in the 3DGS code.
 //!
 //! # Adjoint
-//! With the filter G (self-adjoint, as the window is symmetric) and the derivatives of the map by the four moments,
+//! With the filter G (self-adjoint, as the window is symmetric) and the derivatives of the map by the four
+//! moments,
 //!
-//! P = ∂/∂e_h = 2lu/B₂,  Q = ∂/∂e_d = −½l(1+c)/B₂,  ∂/∂m_d = −(m_d/B₁)(1+l)c − 2m_dQ,  ∂/∂m_h = 4m·t·c/B₁ − 2m_hP
+//! P = ∂/∂e_h = 2lu/B₂,  Q = ∂/∂e_d = −½l(1+c)/B₂,  ∂/∂m_d = −(m_d/B₁)(1+l)c − 2m_dQ,
+//! ∂/∂m_h = 4m·t·c/B₁ − 2m_hP
 //!
 //! where t = 1 − l, u = 1 − c, the gradients are
 //!
-//! x̄ += s·mask·(G(½∂m_h + ∂m_d) + 2d·G(Q) + h·G(P)),   ȳ += s·mask·(G(½∂m_h − ∂m_d) − 2d·G(Q) + h·G(P)),   s = v̄/n.
+//! x̄ += s·mask·(G(½∂m_h + ∂m_d) + 2d·G(Q) + h·G(P)),   ȳ += s·mask·(G(½∂m_h − ∂m_d) − 2d·G(Q) + h·G(P)),
+//! s = v̄/n.
 //!
-//! The four maps are saved, h and d are recomputed; s is applied last, so the gradient is linear in v̄ up to one rounding.
-//! Without `y_bar` only three maps are filtered. At x = y the gradient is exactly 0.
+//! The four maps are saved; h and d are recomputed; s is applied last, so the gradient is linear in v̄ up to
+//! one rounding. Without `y_bar` only three maps are filtered. At x = y the gradient is exactly 0.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::loss::ssim::{C1, C2, In, WINDOW, forward};
+//! let image = [0.2, 0.5, 0.9, 1.0, 0.0, 0.3];
+//! assert_eq!(forward(&In { x: &image, y: &image, mask: None, height: 1, width: 2 })?.0, 1.0);
+//! // one white pixel against a black one: μ_x = w and σ_x² = w − w², where w is the window's central weight
+//! let w = WINDOW[5] * WINDOW[5];
+//! let by_hand = C1 * C2 / ((w * w + C1) * (w - w * w + C2));
+//! let (value, _) = forward(&In { x: &[1.0; 3], y: &[0.0; 3], mask: None, height: 1, width: 1 })?;
+//! assert!((f64::from(value) - by_hand).abs() < 1e-6);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
 
 pub use super::In;
 use super::{CHANNELS, assert_like, finite, row_sum};
@@ -52,8 +69,8 @@ use crate::Result;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::{par, sum};
 
-/// Half of the symmetric window, outermost tap first: exp(−(k−5)²/(2·1.5²)) / Σ, k = 0…5. Rounded to f32 the eleven
-/// taps add up, from the first to the last, to exactly 1.
+/// Half of the symmetric window, outermost tap first: exp(−(k−5)²/(2·1.5²)) / Σ, k = 0…5. Rounded to f32, the
+/// eleven taps add up, from the first to the last, to exactly 1.
 pub const WINDOW: [f64; 6] = [
     0.0010283800844791092,
     0.007598758135239185,
@@ -69,30 +86,30 @@ pub const C2: f64 = 0.03 * 0.03;
 
 /// Taps of the window.
 const TAPS: usize = 11;
-/// Values that the window reaches to each side along an interleaved row.
+/// Number of values that the window extends to each side along an interleaved row.
 const PAD: usize = TAPS / 2 * CHANNELS;
-/// Rows computed together: they share their input rows.
+/// Rows computed together, because they share input rows.
 const BLOCK: usize = 2;
 /// Input rows of a block.
 const SPAN: usize = TAPS + BLOCK - 1;
-/// Pixels masked by one task.
+/// Pixels that one task masks.
 const ROW_CHUNK: usize = 4096;
-/// Saved maps, and filtered images.
+/// Number of saved maps and of filtered images.
 const MAPS: usize = 4;
 
-/// The window in f32.
+/// Returns the window in f32.
 fn taps() -> [f32; TAPS] {
     std::array::from_fn(|k| WINDOW[if k < 6 { k } else { 10 - k }] as f32)
 }
 
-/// What the adjoint needs.
+/// Intermediate values that the adjoint needs.
 #[derive(Clone, Debug)]
 pub struct Saved {
-    /// (H, 4, 3 W): ½∂m_h + ∂m_d, Q, P, ½∂m_h − ∂m_d; zero where a pixel is left out.
+    /// Maps (H, 4, 3 W): ½∂m_h + ∂m_d, Q, P, ½∂m_h − ∂m_d; zero where a pixel is excluded.
     maps: Vec<f32>,
-    /// x·mask and y·mask, (H, W, 3) each, where there is a mask.
+    /// Masked images x·mask and y·mask, (H, W, 3) each, if there is a mask.
     masked: Option<(Vec<f32>, Vec<f32>)>,
-    /// Number of kept values n.
+    /// Number n of kept values.
     count: usize,
 }
 
@@ -109,7 +126,7 @@ fn store<V: Real>(to: &mut [f32], i: usize, v: V) {
     }
 }
 
-/// Runs a body for every value of a row, eight at a time, then one at a time: the same bits either way.
+/// Runs a body for every value of a row, eight at a time, then one at a time, with the same bits.
 macro_rules! along {
     ($n:expr, $V:ident, $i:ident => $body:block) => {{
         let (n, mut $i) = ($n, 0);
@@ -126,14 +143,15 @@ macro_rules! along {
     }};
 }
 
-/// Half sum (shifted by ½) and difference.
+/// Returns the half sum (shifted by ½) and the difference.
 #[inline(always)]
 fn half_sum_and_difference<V: Real>(a: V, b: V) -> (V, V) {
     let half = V::splat(0.5);
     ((a + b) * half - half, a - b)
 }
 
-/// One step of the left folds down the columns: input row `j` of the block enters every output row it belongs to.
+/// Performs one step of the left folds down the columns: input row `j` of the block is added to every output
+/// row that uses it.
 #[inline(always)]
 fn fold_down<V: Real, const M: usize>(
     acc: &mut [[V; M]; BLOCK],
@@ -154,7 +172,7 @@ fn fold_down<V: Real, const M: usize>(
     }
 }
 
-/// Left fold along an interleaved row; `line[i]` is the first tap.
+/// Returns a left fold along an interleaved row; `line[i]` is the first tap.
 #[inline(always)]
 fn fold_along<V: Real>(line: &[f32], i: usize, taps: &[f32; TAPS]) -> V {
     let s = &line[i..i + CHANNELS * (TAPS - 1) + V::N];
@@ -165,7 +183,8 @@ fn fold_along<V: Real>(line: &[f32], i: usize, taps: &[f32; TAPS]) -> V {
     acc
 }
 
-/// Rows `first − 5 …` of an image that a block needs; `outside` stands for the rows beyond its borders.
+/// Returns rows `first − 5 …` of an image that a block needs; `outside` represents the rows beyond its
+/// borders.
 fn span<'a>(
     first: usize,
     height: usize,
@@ -178,7 +197,8 @@ fn span<'a>(
     })
 }
 
-/// The value of the map and its derivatives [½∂m_h + ∂m_d, Q, P, ½∂m_h − ∂m_d] from the four filtered images.
+/// Returns the value of the map and its derivatives [½∂m_h + ∂m_d, Q, P, ½∂m_h − ∂m_d] from the four filtered
+/// images.
 #[inline(always)]
 fn similarity<V: Real>(m_h: V, m_d: V, e_h: V, e_d: V) -> (V, [V; MAPS]) {
     let (half, one, two, four) = (V::splat(0.5), V::splat(1.0), V::splat(2.0), V::splat(4.0));
@@ -196,7 +216,7 @@ fn similarity<V: Real>(m_h: V, m_d: V, e_h: V, e_d: V) -> (V, [V; MAPS]) {
     (l * c, [by_m_h + by_m_d, q, p, by_m_h - by_m_d])
 }
 
-/// Image times mask.
+/// Returns the product of image and mask.
 fn masked(image: &[f32], mask: &[f32]) -> Vec<f32> {
     let mut out = vec![0.0f32; image.len()];
     par::chunks_mut(&mut out, CHANNELS * ROW_CHUNK, |chunk, out| {
@@ -211,10 +231,11 @@ fn masked(image: &[f32], mask: &[f32]) -> Vec<f32> {
     out
 }
 
-/// Value and what the adjoint needs.
+/// Returns the value and the intermediate values that the adjoint needs.
 ///
 /// # Errors
-/// Wrong sizes, a mask value other than 0 and 1, nothing kept, images that are not finite.
+/// Returns an error for wrong sizes, a mask value other than 0 and 1, a mask that keeps no pixel, or images
+/// that are not finite.
 pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
     let count = CHANNELS * x.check("loss.ssim")?;
     let masked = x.mask.map(|m| (masked(x.x, m), masked(x.y, m)));
@@ -229,7 +250,7 @@ pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
         // Lines are filtered down the columns, (BLOCK, 4: h, d, h², d²; 3 W + padding).
         let mut lines = vec![0.0f32; BLOCK * MAPS * len];
         for (i, line) in lines.chunks_exact_mut(len).enumerate() {
-            // Beyond the left and right border: the same fold over pixels x = y = 0.
+            // Beyond the left and right border, the same fold runs over pixels x = y = 0.
             let value = [-0.5, 0.0, 0.25, 0.0][i % MAPS];
             let edge = taps[1..].iter().fold(taps[0] * value, |acc, w| acc + w * value);
             line[..PAD].fill(edge);
@@ -278,7 +299,7 @@ pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
     Ok(((total / count as f64) as f32, Saved { maps, masked, count }))
 }
 
-/// Adds the gradients; `y_bar` only where it is wanted (it costs a fourth filtered map).
+/// Adds the gradients; `y_bar` is `None` if not requested (it costs a fourth filtered map).
 pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_bar: Option<&mut [f32]>) {
     assert_like(x_bar, x.x);
     let rows = BLOCK * x.row();
@@ -295,7 +316,8 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, value_bar: f32, x_bar: &mut [f32], y_b
     }
 }
 
-/// Gradient of one block of rows: filters the first `M` maps and adds into the rows of x̄ and, with M = 4, of ȳ.
+/// Adds the gradient of one block of rows: filters the first `M` maps and adds to the rows of x̄ and, for M =
+/// 4, of ȳ.
 fn pull_back<const M: usize>(x: &In<'_>, saved: &Saved, value_bar: f32, block: usize, bars: [&mut [f32]; 2]) {
     let (a, b) = saved.masked.as_ref().map_or((x.x, x.y), |(a, b)| (&a[..], &b[..]));
     let (n, height, taps) = (x.row(), x.height, taps());

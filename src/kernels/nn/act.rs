@@ -1,4 +1,4 @@
-//! `nn.leaky_relu`: negative values by a slope.
+//! `nn.leaky_relu`: the leaky rectified linear unit, which multiplies negative values by a slope.
 //!
 //! y = x where x > 0,   y = s·x elsewhere        (Maas et al. 2013)
 //!
@@ -9,13 +9,14 @@
 //! | y      | `y`      | as x  |       |
 //!
 //! # Rounding
-//! One product, rounded once; s is rounded to f32 before.
+//! There is one product, rounded once; s is rounded to f32 beforehand.
 //!
 //! # Kinks and domain
-//! At x = 0 (of either sign) y = s·0 and the slope is s, the lower branch. s = 1 is the identity, s = 0 cuts off.
+//! At x = 0 (of either sign), y = s·0 and the slope is s, as in the lower branch. s = 1 gives the identity,
+//! s = 0 the ReLU.
 //!
 //! # Adjoint
-//! x̄ += ȳ where x > 0,   x̄ += s·ȳ elsewhere. The side is read from x again; nothing is saved.
+//! x̄ += ȳ where x > 0,   x̄ += s·ȳ elsewhere. The adjoint compares x with 0 again; nothing is saved.
 //!
 //! Twin: `reference::nn::act`.
 //!
@@ -30,13 +31,13 @@
 
 use crate::num::par;
 
-/// Values per task; changes no bit.
+/// Values per task; the number changes no bit.
 const CHUNK: usize = 1 << 14;
 
 /// Writes y.
 ///
 /// # Panics
-/// When y does not have the size of x.
+/// Panics if y does not have the size of x.
 pub fn leaky_relu(x: &[f32], slope: f32, y: &mut [f32]) {
     assert_eq!(y.len(), x.len(), "y has the shape of x");
     par::chunks_mut(y, CHUNK, |i, y| {
@@ -49,7 +50,7 @@ pub fn leaky_relu(x: &[f32], slope: f32, y: &mut [f32]) {
 /// Adds the gradient for the cotangent `y_bar` to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of x.
+/// Panics if a buffer does not have the size of x.
 pub fn leaky_relu_adjoint(x: &[f32], slope: f32, y_bar: &[f32], x_bar: &mut [f32]) {
     assert_eq!(y_bar.len(), x.len(), "the cotangent has the shape of x");
     assert_eq!(x_bar.len(), x.len(), "the gradient has the shape of x");
@@ -61,10 +62,11 @@ pub fn leaky_relu_adjoint(x: &[f32], slope: f32, y_bar: &[f32], x_bar: &mut [f32
     });
 }
 
-/// Turns the cotangent of `y` into that of x in place, from the result y: for a slope that is not negative, y is positive where x is.
+/// Converts the cotangent of `y` to that of x in place, given the result y: for a slope ≥ 0, y is positive
+/// exactly where x is.
 ///
 /// # Panics
-/// When the cotangent does not have the size of y.
+/// Panics if the cotangent does not have the size of y.
 pub fn leaky_relu_back(y: &[f32], slope: f32, bar: &mut [f32]) {
     assert_eq!(bar.len(), y.len(), "the cotangent has the shape of y");
     for (bar, y) in bar.iter_mut().zip(y) {

@@ -1,6 +1,7 @@
-//! `nn.conv`: a convolution of images, channels last, and a leaky ReLU after it.
+//! `nn.conv`: a convolution of images in channels-last layout, optionally followed by a leaky ReLU.
 //!
-//! z(b,r,q,o) = β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c),   x = 0 beyond the border;   y = λ(z)
+//! z(b,r,q,o) = β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c),   x = 0 beyond the border;
+//! y = λ(z)
 //!
 //! | symbol | argument | shape | range |
 //! |--------|----------|-------|-------|
@@ -9,34 +10,41 @@
 //! | β | `bias`   | (O)                 | finite |
 //! | s | `stride` | ()                  | ≥ 1, both axes |
 //! | p | `pad`    | ()                  | ≥ 0, zeros on all four sides |
-//! | λ | `slope`  | ()                  | ≥ 0: slope a of the leaky ReLU of [`mod@super::act`]; 1 or left out for none |
+//! | λ | `slope`  | ()                  | ≥ 0: slope a of the leaky ReLU of [`mod@super::act`]; 1 or absent for none |
 //! | y | `y`      | (B, H', W', O)      | H' = ⌊(H + 2p − KH)/s⌋ + 1, W' alike |
 //!
-//! The kernel is not mirrored (a cross-correlation, as everywhere in networks).
+//! The kernel is not mirrored: the operator is a cross-correlation, as is usual in neural networks.
 //!
 //! # Rounding
-//! Each output is one chain of [`gemm`](crate::num::gemm) over (i, j, c) in memory order of the weight, from +0; beyond 4096 terms in
-//! chunks joined by the pairwise tree. Terms beyond the border count as products with +0, which change no bit. The bias is added after the chain; λ is one product.
+//! Each output is one chain of [`gemm`](crate::num::gemm) over (i, j, c) in memory order of the weight, from
+//! +0; more than 4096 terms are split into chunks joined by the pairwise tree. Terms beyond the border are
+//! products with +0, which change no bit. The bias is added after the chain; λ is one product.
 //!
 //! # Kinks and domain
-//! z is linear in each input. With a slope the kink is that of the leaky ReLU: at z = 0 its slope is a. At least one channel. Overflow of finite inputs gives ±∞ as IEEE 754 does.
+//! z is linear in each input. With a slope the kink is that of the leaky ReLU: at z = 0 its slope is a. There
+//! is at least one channel. Overflow of finite inputs gives ±∞ as in IEEE 754.
 //!
 //! # Adjoint
 //! z̄ = ȳ where y > 0, else a·ȳ (as a ≥ 0, y > 0 where z > 0); without λ z̄ = ȳ
 //!
-//! W̄(o,i,j,c) += Σ over r, q of z̄(b,r,q,o)·x(b, s·r+i−p, s·q+j−p, c),   β̄(o) += Σ over r, q of z̄(b,r,q,o),   for b = 0, 1, …
+//! W̄(o,i,j,c) += Σ over r, q of z̄(b,r,q,o)·x(b, s·r+i−p, s·q+j−p, c),
+//! β̄(o) += Σ over r, q of z̄(b,r,q,o),   for b = 0, 1, …
 //!
-//! x̄(b,h,w,c) += Σ over i, j, o of W(o,i,j,c)·z̄(b, (h+p−i)/s, (w+p−j)/s, o)   where both quotients are whole and in range
+//! x̄(b,h,w,c) += Σ over i, j, o of W(o,i,j,c)·z̄(b, (h+p−i)/s, (w+p−j)/s, o)   where both quotients are
+//! integers in range
 //!
-//! The sum over r, q of one item is one chain (r, then q ascending; chunks of 4096 for W̄, a left fold for β̄), finished before it
-//! is added; items are added in index order, so a batch may be split into consecutive parts. The sum of x̄ is one chain over (i, j, o)
-//! ascending, finished before it is added; an entry that no output reads is left as it is. With λ its results are read; else nothing is saved: patches are gathered again.
+//! The sum over r, q of one item is one chain (r, then q ascending; chunks of 4096 for W̄, a left fold for
+//! β̄), completed before it is added; items are added in index order, so a batch may be split into
+//! consecutive parts. The sum of x̄ is one chain over (i, j, o) ascending, completed before it is added; an
+//! entry that no output reads is not changed. With λ, its results are saved; otherwise nothing is saved, and
+//! patches are gathered again.
 //!
-//! # How it is fast
-//! A task copies the rows it needs with zeros around them; patches are then runs of that copy, multiplied where they lie
-//! ([`crate::num::gemm::runs`]). x̄ is a product too: pixels that have the same (h + p) mod s and (w + p) mod s see the same taps of the
-//! kernel, so each such class is one product without zeros between. [`forward_leaky`] and [`gradients_leaky`] spare the passes of a
-//! [`leaky_relu`](super::act::leaky_relu) that follows. None of this changes a bit.
+//! # Implementation
+//! A task copies the rows it needs and surrounds them with zeros; patches are then runs of that copy and are
+//! multiplied in place ([`crate::num::gemm::runs`]). x̄ is also a product: pixels with the same (h + p) mod s
+//! and (w + p) mod s use the same taps of the kernel, so each such class is one product without zeros in
+//! between. [`forward_leaky`] and [`gradients_leaky`] fuse the passes of a subsequent
+//! [`leaky_relu`](super::act::leaky_relu). None of this changes a bit.
 //!
 //! Twin: `reference::nn::conv`.
 //!
@@ -62,7 +70,7 @@ use crate::num::{order, par};
 use std::cell::Cell;
 use std::ops::Range;
 
-/// Pixels of a task of products, at least: whole register tiles.
+/// Smallest number of pixels per product task: complete register tiles.
 const PIXELS: usize = 192;
 thread_local! {
     /// Padded rows, kept between tasks.
@@ -72,26 +80,27 @@ thread_local! {
 /// Sizes of a convolution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shape {
-    /// B
+    /// Number of images, B.
     pub batch: usize,
-    /// H
+    /// Height H in pixels.
     pub height: usize,
-    /// W
+    /// Width W in pixels.
     pub width: usize,
-    /// C
+    /// Number of input channels, C.
     pub channels: usize,
-    /// O
+    /// Number of output channels, O.
     pub outputs: usize,
-    /// KH, KW
+    /// Kernel height KH and width KW.
     pub kernel: [usize; 2],
-    /// s
+    /// Stride s.
     pub stride: usize,
-    /// p
+    /// Padding p.
     pub pad: usize,
 }
 
 impl Shape {
-    /// Output rows and columns H', W'; `None` where the kernel is empty or larger than the padded image, or s = 0.
+    /// Returns the number of output rows and columns H', W', or `None` if the kernel is empty or larger than
+    /// the padded image, or if s = 0.
     pub fn out(&self) -> Option<[usize; 2]> {
         let along = |size: usize, kernel: usize| {
             let room = (size + 2 * self.pad).checked_sub(kernel)?;
@@ -104,7 +113,7 @@ impl Shape {
         Some([along(self.height, kh)?, along(self.width, kw)?])
     }
 
-    /// Entries of one filter, KH·KW·C.
+    /// Returns the number of entries of one filter, KH·KW·C.
     pub fn taps(&self) -> usize {
         self.kernel[0] * self.kernel[1] * self.channels
     }
@@ -117,35 +126,35 @@ impl Shape {
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (B, H, W, C)
+    /// Shape (B, H, W, C).
     pub x: &'a [f32],
-    /// (O, KH, KW, C)
+    /// Shape (O, KH, KW, C).
     pub weight: &'a [f32],
-    /// (O); empty for a map without bias
+    /// Shape (O); empty for a map without bias.
     pub bias: &'a [f32],
-    /// sizes
+    /// Sizes of the convolution.
     pub shape: Shape,
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (B, H, W, C); empty when it is not wanted
+    /// Shape (B, H, W, C); empty if not requested.
     pub x: Vec<f32>,
-    /// (O, KH, KW, C); empty when it is not wanted
+    /// Shape (O, KH, KW, C); empty if not requested.
     pub weight: Vec<f32>,
-    /// (O); empty when there is no bias or it is not wanted
+    /// Shape (O); empty if there is no bias or if not requested.
     pub bias: Vec<f32>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         Self { x: vec![0.0; x.x.len()], weight: vec![0.0; x.weight.len()], bias: vec![0.0; x.bias.len()] }
     }
 }
 
-/// A buffer of `len` numbers whose contents do not matter.
+/// Returns a buffer of `len` numbers with unspecified contents.
 fn sized(mut buffer: Vec<f32>, len: usize) -> Vec<f32> {
     if buffer.len() < len {
         buffer.resize(len, 0.0);
@@ -153,7 +162,7 @@ fn sized(mut buffer: Vec<f32>, len: usize) -> Vec<f32> {
     buffer
 }
 
-/// Rows and columns of an image, some of them beyond its border; columns begin at 0 or before.
+/// A range of rows and columns of an image, some of them beyond its border; columns begin at 0 or below.
 #[derive(Clone, Debug)]
 struct Window {
     rows: Range<isize>,
@@ -169,7 +178,8 @@ impl Window {
         self.rows.len() * self.width()
     }
 
-    /// Copies the window of an image (`height`, `width`, `channels`) with zeros beyond the border; `read(first, into)` gives its numbers from `first` on.
+    /// Copies the window of an image (`height`, `width`, `channels`) with zeros beyond the border;
+    /// `read(first, into)` copies its numbers from index `first` on.
     fn copy(
         &self,
         [height, width, channels]: [usize; 3],
@@ -192,7 +202,7 @@ impl Window {
     }
 }
 
-/// Consecutive rows of a batch of images of `height` rows, item by item: item, rows.
+/// Splits consecutive rows of a batch of images of `height` rows into (item, rows).
 fn items(rows: Range<usize>, height: usize) -> impl Iterator<Item = (usize, Range<usize>)> {
     let first = rows.start / height;
     let last = rows.end.div_ceil(height);
@@ -205,16 +215,17 @@ fn items(rows: Range<usize>, height: usize) -> impl Iterator<Item = (usize, Rang
 /// Writes y (B, H', W', O).
 ///
 /// # Panics
-/// When the kernel does not fit, there is no channel, or a buffer does not have the size of its shape.
+/// Panics if the kernel does not fit, there is no channel, or a buffer does not have the size of its shape.
 pub fn forward(x: In<'_>, y: &mut [f32]) {
     let how = if x.bias.is_empty() { Finish::Store } else { Finish::Bias(x.bias) };
     products(&x, how, y);
 }
 
-/// Writes λ(y) for the leaky ReLU λ of that slope: the bits of [`forward`] and [`leaky_relu`](super::act::leaky_relu) in one pass.
+/// Writes λ(y) for the leaky ReLU λ with this slope; the bits equal those of [`forward`] followed by
+/// [`leaky_relu`](super::act::leaky_relu).
 ///
 /// # Panics
-/// As [`forward`]; when there is no bias.
+/// Panics under the conditions of [`forward`]; also panics if there is no bias.
 pub fn forward_leaky(x: In<'_>, slope: f32, y: &mut [f32]) {
     assert_eq!(x.bias.len(), x.shape.outputs, "one bias per output");
     products(&x, Finish::Leaky(x.bias, slope), y);
@@ -257,7 +268,7 @@ fn products(x: &In<'_>, how: Finish<'_>, y: &mut [f32]) {
     });
 }
 
-/// Sizes of the outputs, after the inputs were held to their shapes.
+/// Checks the shapes of the inputs and returns the size of the outputs.
 fn checked(x: &In<'_>) -> [usize; 2] {
     let Shape { batch, height, width, channels, outputs, .. } = x.shape;
     assert_eq!(x.x.len(), batch * height * width * channels, "x has the size of its shape");

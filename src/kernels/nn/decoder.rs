@@ -1,10 +1,13 @@
-//! `nn.decoder`: a network at every coordinate of a template, conditioned on factors that all coordinates of an item share.
+//! `nn.decoder`: a network that is evaluated at every coordinate of a template and conditioned on the factors
+//! of its item.
 //!
-//! h₁ = λ(W_t γ + W_z z + b₀),  h₂ = λ(W₁h₁ + b₁),  h₃ = λ(W₂h₂ + b₂),  R = base + scale∘(W₃h₃ + b₃)             (LAST; chapter *Learned causes*, "The model")
+//! h₁ = λ(W_t γ + W_z z + b₀),   h₂ = λ(W₁h₁ + b₁),   h₃ = λ(W₂h₂ + b₂),   R = base + scale∘(W₃h₃ + b₃)
+//!
+//! It is the decoder of LAST (chapter *Learned causes*, "The model").
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
-//! | γ | `codes` | (B, Q, F) | finite; the code of a coordinate, a constant. F = 0 for vectors without coordinates |
+//! | γ | `codes` | (B, Q, F) | finite; the code of a coordinate, a constant. F = 0 for outputs without coordinates |
 //! | z | `z` | (B, d) | finite |
 //! | W_t, W_z | `point`, `latent` | (a, F), (a, d) | finite |
 //! | W₁, W₂, W₃ | `weight1`, `weight2`, `weight3` | (b, a), (c, b), (O, c) | finite |
@@ -14,21 +17,23 @@
 //! | λ | | | leaky ReLU of slope 0.2 |
 //! | R | `points` | (B, Q, O) | |
 //!
-//! # How it is fast
-//! [`adjoint`] takes an item's cotangents from a function of its points, so that its activations stay in the cache from the forward pass through the
-//! adjoint; nothing is kept. Weights are packed once per batch. Items of one coordinate are the rows of one product, with the same bits.
+//! # Implementation
+//! [`adjoint`] obtains the cotangents of an item from a function of its points, so that the activations stay
+//! in the cache from the forward pass through the adjoint; none are stored. Weights are packed once per
+//! batch. Items with a single coordinate become the rows of one product, with the same bits.
 //!
 //! # Rounding
-//! Layers as [`mod@super::linear`]. W_z z is a left fold plus the bias, added once per item to W_t γ. R is the product with the scale, then the
-//! sum. Gradients of the weights are one chain over q per item, finished before items are added in index order, so a batch may be split into
-//! consecutive parts.
+//! Layers round as in [`mod@super::linear`]. W_z z is a left fold plus the bias, added once per item to W_t
+//! γ. R is the product with the scale, followed by the sum. Gradients of the weights are one chain over q per
+//! item, completed before items are added in index order, so a batch may be split into consecutive parts.
 //!
 //! # Kinks and domain
-//! As [`mod@super::act`]: at 0 the slope is 0.2.
+//! As in [`mod@super::act`], the slope at 0 is 0.2.
 //!
 //! # Adjoint
-//! ȳ = scale∘R̄; then back through the layers, h̄ · W and the slope of λ. W̄_l = h̄ᵀ h, b̄_l = Σ_q h̄; with s = Σ_q h̄₁ before its bias:
-//! b̄₀ = s, W̄_z = s zᵀ, z̄ = W_zᵀ s, W̄_t = h̄₁ᵀ γ. Nothing is saved: [`adjoint`] goes forward and back.
+//! ȳ = scale∘R̄; then the layers are traversed in reverse with h̄ · W and the slope of λ. W̄_l = h̄ᵀ h,
+//! b̄_l = Σ_q h̄; with s = Σ_q h̄₁ before its bias: b̄₀ = s, W̄_z = s zᵀ, z̄ = W_zᵀ s, W̄_t = h̄₁ᵀ γ. Nothing is
+//! saved: [`adjoint`] performs both passes.
 //!
 //! Twin: `reference::nn::decoder`.
 //!
@@ -39,7 +44,7 @@
 //! let sizes = Sizes { features: 0, latent: 1, hidden: [1; 3], outputs: 1 };
 //! let one = [1.0];
 //! let params = Params { sizes, point: &[], latent: &[2.0], weights: [&one; 3], biases: [&one, &[0.0], &[0.0], &[0.5]] };
-//! assert_eq!(values(&params, &[], &[3.0]), [7.5]); // 2·3 + 1, three times the identity, + 0.5
+//! assert_eq!(values(&params, &[], &[3.0]), [7.5]); // 2·3 + 1, then the identity three times, then + 0.5
 //! ```
 
 use super::act::leaky_relu_back;
@@ -49,90 +54,91 @@ use crate::num::par;
 
 /// Slope of the leaky ReLU at 0 and below.
 pub const SLOPE: f32 = 0.2;
-/// Items whose gradients are held at a time.
+/// Number of items whose gradients are stored at a time.
 const HELD: usize = 32;
 
 /// Sizes of a decoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// F
+    /// Length F of the code of a coordinate.
     pub features: usize,
-    /// d
+    /// Length d of z.
     pub latent: usize,
-    /// a, b, c
+    /// Hidden widths a, b, c.
     pub hidden: [usize; 3],
-    /// O
+    /// Number of outputs, O.
     pub outputs: usize,
 }
 
 /// Weights and biases.
 #[derive(Clone, Copy, Debug)]
 pub struct Params<'a> {
-    /// their sizes
+    /// Sizes of the network.
     pub sizes: Sizes,
-    /// W_t (a, F)
+    /// W_t (a, F).
     pub point: &'a [f32],
-    /// W_z (a, d)
+    /// W_z (a, d).
     pub latent: &'a [f32],
-    /// W₁ (b, a), W₂ (c, b), W₃ (O, c)
+    /// W₁ (b, a), W₂ (c, b), W₃ (O, c).
     pub weights: [&'a [f32]; 3],
-    /// b₀ (a), b₁ (b), b₂ (c), b₃ (O)
+    /// b₀ (a), b₁ (b), b₂ (c), b₃ (O).
     pub biases: [&'a [f32]; 4],
 }
 
-/// Where an item is decoded.
+/// The coordinates at which an item is decoded.
 #[derive(Clone, Copy, Debug)]
 pub struct Item<'a> {
-    /// (Q, F)
+    /// Shape (Q, F).
     pub codes: &'a [f32],
-    /// (Q, O)
+    /// Shape (Q, O).
     pub base: &'a [f32],
 }
 
-/// Fills the cotangent of the points of an item from the points: number of the item, R, R̄ (which comes with zeros).
+/// Fills the cotangent of the points of an item. The arguments are the item's index, R, and R̄, which is zero
+/// on entry.
 pub type Cotangent<'a> = dyn Fn(usize, &[f32], &mut [f32]) -> f64 + Sync + 'a;
 
-/// What a pass gives.
+/// Result of a forward and backward pass.
 #[derive(Clone, Debug)]
 pub struct Passed {
-    /// (B) what the function of the points returned
+    /// Values returned by the function of the points, shape (B).
     pub values: Vec<f64>,
-    /// (B, d)
+    /// Shape (B, d).
     pub z_bar: Vec<f32>,
-    /// by W_t, W_z, b₀, W₁, b₁, W₂, b₂, W₃, b₃
+    /// Gradients of W_t, W_z, b₀, W₁, b₁, W₂, b₂, W₃, b₃.
     pub grads: [Vec<f32>; 9],
 }
 
-/// Weights, packed for products.
+/// Weights packed for products.
 struct Weights<'a> {
     sizes: Sizes,
     point: Packed,
     latent: &'a [f32],
     layers: [Packed; 3],
     biases: [&'a [f32]; 4],
-    /// W₁, W₂, W₃ for the way back
+    /// W₁, W₂, W₃ packed for the backward pass.
     back: [Packed; 3],
 }
 
 /// Activations of an item: h₁, h₂, h₃, y.
 type Activations = [Vec<f32>; 4];
 
-/// Gradients by W_t and by (W₁, b₁) … (W₃, b₃).
+/// Gradients of W_t and of (W₁, b₁) … (W₃, b₃).
 struct Back {
     point: Vec<f32>,
     dense: [[Vec<f32>; 2]; 3],
 }
 
-/// All gradients in the order of [`Passed::grads`].
+/// Returns all gradients in the order of [`Passed::grads`].
 fn in_order(back: Back, latent: Vec<f32>, first_bias: Vec<f32>) -> [Vec<f32>; 9] {
     let [[w1, b1], [w2, b2], [w3, b3]] = back.dense;
     [back.point, latent, first_bias, w1, b1, w2, b2, w3, b3]
 }
 
-/// Turns values y (…, O), as [`values`] gives them, into R at `base` of their shape.
+/// Converts values y (…, O), as returned by [`values`], to R with a `base` of the same shape.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn placed(y: &mut [f32], base: &[f32], scale: &[f32]) {
     assert!(
         base.len() == y.len() && y.len().is_multiple_of(scale.len()),
@@ -143,7 +149,7 @@ pub fn placed(y: &mut [f32], base: &[f32], scale: &[f32]) {
     }
 }
 
-/// The cotangent of y from that of R, in place.
+/// Converts the cotangent of R to that of y in place.
 fn placed_adjoint(bar: &mut [f32], scale: &[f32]) {
     for (at, bar) in bar.iter_mut().enumerate() {
         *bar = scale[at % scale.len()] * *bar;
@@ -166,10 +172,10 @@ impl<'a> Params<'a> {
     }
 }
 
-/// y = W₃h₃ + b₃ (B, Q, O) at the same Q coordinates for every item: `codes` (Q, F), `z` (B, d).
+/// Returns y = W₃h₃ + b₃ (B, Q, O) at the same Q coordinates for every item: `codes` (Q, F), `z` (B, d).
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn values(params: &Params<'_>, codes: &[f32], z: &[f32]) -> Vec<f32> {
     let w = params.weights();
     let q = codes.len().checked_div(params.sizes.features).unwrap_or(1);
@@ -181,10 +187,10 @@ pub fn values(params: &Params<'_>, codes: &[f32], z: &[f32]) -> Vec<f32> {
     .concat()
 }
 
-/// Points of all items, in the order of the items.
+/// Returns the points of all items, in the order of the items.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward(params: &Params<'_>, z: &[f32], items: &[Item<'_>], scale: &[f32]) -> Vec<f32> {
     let w = params.weights();
     par::map(items.len(), |b| {
@@ -197,11 +203,11 @@ pub fn forward(params: &Params<'_>, z: &[f32], items: &[Item<'_>], scale: &[f32]
     .concat()
 }
 
-/// Points and gradients of a batch: `cotangent(b, R, R̄)` fills R̄ (Q, O), which comes with zeros, from the points R (Q, O) of item b; its value is
-/// handed on.
+/// Returns points and gradients of a batch: `cotangent(b, R, R̄)` fills R̄ (Q, O), which is zero on entry,
+/// from the points R (Q, O) of item b; its return value is stored in the result.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(
     params: &Params<'_>,
     z: &[f32],
@@ -221,7 +227,7 @@ pub fn adjoint(
     let mut out = Passed {
         values: Vec::with_capacity(items.len()),
         z_bar: Vec::with_capacity(z.len()),
-        grads: std::array::from_fn(|_| vec![0.0; lengths.next().expect("nine parameters")]),
+        grads: std::array::from_fn(|_| vec![0.0; lengths.next().expect("there are nine parameters")]),
     };
     for first in (0..items.len()).step_by(HELD) {
         let part = &items[first..Ord::min(first + HELD, items.len())];
@@ -241,7 +247,8 @@ pub fn adjoint(
 }
 
 impl Weights<'_> {
-    /// Of `rows` coordinates of one item, or of one coordinate of each of `rows` items.
+    /// Computes the activations of `rows` coordinates of one item, or of one coordinate of each of `rows`
+    /// items.
     fn activations(&self, codes: &[f32], z: &[f32], rows: usize) -> Activations {
         let Sizes { features, latent, hidden, outputs } = self.sizes;
         let shift = |z: &[f32]| -> Vec<f32> {
@@ -274,7 +281,8 @@ impl Weights<'_> {
         h
     }
 
-    /// One item at its coordinates: its value, gradient by z, gradients by the parameters.
+    /// Processes one item at its coordinates: returns its value, the gradient of z and the gradients of the
+    /// parameters.
     fn item(
         &self,
         z: &[f32],
@@ -299,7 +307,8 @@ impl Weights<'_> {
         (value, z_bar, in_order(back, latent, sums))
     }
 
-    /// Items of one coordinate each as the rows of one product: a chain over the items is what [`Self::item`] and the sum over items come to.
+    /// Processes items with one coordinate each as the rows of one product. A chain over the items has the
+    /// same bits as [`Self::item`] followed by the sum over items.
     fn rows(&self, z: &[f32], items: &[Item<'_>], scale: &[f32], cotangent: &Cotangent<'_>) -> Passed {
         let (n, d, [a, ..]) = (items.len(), self.sizes.latent, self.sizes.hidden);
         let outputs = self.sizes.outputs;
@@ -320,7 +329,8 @@ impl Weights<'_> {
         Passed { values, z_bar, grads: in_order(back, latent, sums) }
     }
 
-    /// From ȳ through the layers: h̄₁ before its bias, and the gradients by what lies behind it.
+    /// Propagates ȳ through the layers: returns h̄₁ before its bias, and the gradients of the later
+    /// parameters.
     fn back(&self, codes: &[f32], h: [&[f32]; 3], bar: &[f32]) -> (Vec<f32>, Back) {
         let Sizes { features, hidden: [a, b, c], outputs: o, .. } = self.sizes;
         let rows = bar.len() / o;

@@ -1,27 +1,31 @@
 //! `nn.linear`: an affine map of every row.
 //!
-//! y = x·Wᵀ + b,   y(i,j) = Σₖ x(i,k)·W(j,k) + b(j);   with a slope s: λ(y), the leaky ReLU of [`mod@super::act`] after it in the same pass
+//! y = x·Wᵀ + b,   y(i,j) = Σₖ x(i,k)·W(j,k) + b(j);   with a slope s the result is λ(y), where λ is the
+//! leaky ReLU of [`mod@super::act`], computed in the same pass
 //!
 //! | symbol | argument | shape  | range  |
 //! |--------|----------|--------|--------|
 //! | x      | `x`      | (M, K) | finite |
 //! | W      | `weight` | (N, K) | finite |
 //! | b      | `bias`   | (N)    | finite |
-//! | s      | `slope`  | ()     | ≥ 0; 1 or left out for none |
+//! | s      | `slope`  | ()     | ≥ 0; 1 or absent for none |
 //! | y      | `y`      | (M, N) |        |
 //!
 //! # Rounding
-//! Each output is one chain of [`gemm`]: from +0, k ascending, product and sum rounded separately; k beyond 4096 in
-//! chunks joined by the pairwise tree. The bias is added after the chain.
+//! Each output is one chain of [`gemm`]: from +0, k ascending, with product and sum rounded separately; k
+//! beyond 4096 is split into chunks joined by the pairwise tree. The bias is added after the chain.
 //!
 //! # Kinks and domain
-//! y is linear in each input; with a slope the kinks are those of the leaky ReLU. Overflow of finite inputs gives ±∞ as IEEE 754 does.
+//! y is linear in each input; with a slope the kinks are those of the leaky ReLU. Overflow of finite inputs
+//! gives ±∞ as in IEEE 754.
 //!
 //! # Adjoint
-//! x̄ += z̄·W,   W̄ += z̄ᵀ·x,   b̄(j) += Σᵢ z̄(i,j),   z̄ = ȳ;   with a slope z̄ = ȳ where λ(y) > 0, else s·ȳ (as s ≥ 0, λ(y) > 0 where y > 0)
+//! x̄ += z̄·W,   W̄ += z̄ᵀ·x,   b̄(j) += Σᵢ z̄(i,j),   z̄ = ȳ;   with a slope z̄ = ȳ where λ(y) > 0, else s·ȳ
+//! (for s ≥ 0, λ(y) > 0 exactly where y > 0)
 //!
-//! The sums run over N, over M and over M, as chains like the one above; the sum of b̄ is a left fold over the rows from
-//! +0. Each is finished before it is added to what the caller accumulates. With a slope its results are read; else nothing is saved.
+//! The sums run over N, over M and over M, as chains like the one above; the sum of b̄ is a left fold over
+//! the rows from +0. Each sum is completed before it is added to the caller's gradient. With a slope the
+//! results are saved; otherwise nothing is saved.
 //!
 //! # Example
 //! ```
@@ -39,33 +43,33 @@ use crate::num::gemm::{Finish, View, gemm};
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (M, K)
+    /// Shape (M, K).
     pub x: &'a [f32],
-    /// (N, K)
+    /// Shape (N, K).
     pub weight: &'a [f32],
-    /// (N); empty for a map without bias
+    /// Shape (N); empty for a map without bias.
     pub bias: &'a [f32],
-    /// rows M
+    /// Number of rows M.
     pub m: usize,
-    /// outputs N
+    /// Number of outputs N.
     pub n: usize,
-    /// inputs K
+    /// Number of inputs K.
     pub k: usize,
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (M, K); empty when it is not wanted
+    /// Shape (M, K); empty if not requested.
     pub x: Vec<f32>,
-    /// (N, K); empty when it is not wanted
+    /// Shape (N, K); empty if not requested.
     pub weight: Vec<f32>,
-    /// (N); empty when there is no bias or it is not wanted
+    /// Shape (N); empty if there is no bias or if not requested.
     pub bias: Vec<f32>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of the inputs.
+    /// Returns zeros in the shapes of the inputs.
     pub fn zeros_like(x: &In<'_>) -> Self {
         Self { x: vec![0.0; x.x.len()], weight: vec![0.0; x.weight.len()], bias: vec![0.0; x.bias.len()] }
     }
@@ -74,29 +78,30 @@ impl InBar {
 /// Writes y (M, N).
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward(x: In<'_>, y: &mut [f32]) {
     let In { m, n, k, .. } = x;
     let how = if x.bias.is_empty() { Finish::Store } else { Finish::Bias(x.bias) };
     gemm(View::new(x.x, m, k), View::new(x.weight, n, k).t(), how, y);
 }
 
-/// Writes λ(y) for the leaky ReLU λ of that slope: the bits of [`forward`] and [`leaky_relu`](super::act::leaky_relu) in one pass.
+/// Writes λ(y) for the leaky ReLU λ with this slope; the bits equal those of [`forward`] followed by
+/// [`leaky_relu`](super::act::leaky_relu).
 ///
 /// # Panics
-/// As [`forward`]; when there is no bias.
+/// Panics under the conditions of [`forward`]; also panics if there is no bias.
 pub fn forward_leaky(x: In<'_>, slope: f32, y: &mut [f32]) {
     let In { m, n, k, .. } = x;
     gemm(View::new(x.x, m, k), View::new(x.weight, n, k).t(), Finish::Leaky(x.bias, slope), y);
 }
 
-/// Adds the gradients of [`forward_leaky`], of which `y` is the result, to `x_bar`; the cotangent `y_bar` becomes that before the leaky ReLU. The slope is
-/// not negative, so that the sign of y tells the side.
+/// Adds the gradients of [`forward_leaky`] with result `y` to `x_bar`; the cotangent `y_bar` is replaced by
+/// that before the leaky ReLU. The slope is ≥ 0, so that the sign of y determines the branch.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or the slope is negative.
+/// Panics if a buffer does not have the size of its shape, or the slope is negative.
 pub fn adjoint_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &mut [f32], x_bar: &mut InBar) {
-    assert!(slope >= 0.0, "the sign of the result tells the side");
+    assert!(slope >= 0.0, "the slope is not negative");
     leaky_relu_back(y, slope, y_bar);
     adjoint(x, y_bar, x_bar);
 }
@@ -104,7 +109,7 @@ pub fn adjoint_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &mut [f32], x_bar:
 /// Adds the gradients for the cotangent `y_bar` (M, N) to `x_bar`.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
     let In { m, n, k, .. } = x;
     let cotangent = View::new(y_bar, m, n);
@@ -120,7 +125,7 @@ pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
     }
 }
 
-/// Sums of the columns of rows (…, n), left folds from +0.
+/// Returns the sums of the columns of rows (…, n), left folds from +0.
 pub(super) fn column_sums(rows: &[f32], n: usize) -> Vec<f32> {
     let mut sums = vec![0.0_f32; n];
     for row in rows.chunks_exact(n) {

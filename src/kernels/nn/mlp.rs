@@ -1,28 +1,33 @@
-//! `nn.mlp`: a fully connected network, affine maps with max(0, ·) between them.
+//! `nn.mlp`: a fully connected network of affine maps with ReLU, max(0, ·), between them.
 //!
-//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L                   (Glorot, Bordes and Bengio 2011)
+//! y⁰ = x,   z = Wˡ yˡ⁻¹ + bˡ,   yˡ = max(0, z) for l < L,   y = z of the last layer L
+//! (Glorot, Bordes and Bengio 2011)
 //!
-//! The layer of index `skip` takes the input again: its argument is (yˡ⁻¹, x), in this order (the skinning field of GauHuman).
+//! The layer with index `skip` also receives the input: its argument is (yˡ⁻¹, x), in this order (as in the
+//! skinning field of GauHuman).
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
 //! | x | `x` | (M, K) | finite |
-//! | Wˡ | `weight` of a layer | (Nˡ, Kˡ) | finite; Kˡ is Nˡ⁻¹, and K more at `skip` |
+//! | Wˡ | `weight` of a layer | (Nˡ, Kˡ) | finite; Kˡ is Nˡ⁻¹, plus K at `skip` |
 //! | bˡ | `bias` of a layer | (Nˡ) | finite |
-//! | | `skip` | () | index of a layer after the first, counted from 0; 0 in files, `None` here for none |
+//! | | `skip` | () | index of a layer after the first, counted from 0; 0 in files and `None` here for none |
 //! | y | `y` | (M, Nᴸ) | |
 //!
-//! In files the layers are joined: `weights` holds the Wˡ one after the other, `biases` the bˡ, and `widths` is (K, N⁰, …, Nᴸ).
+//! In files the layers are concatenated: `weights` contains all Wˡ, `biases` all bˡ, and `widths` is (K, N⁰,
+//! …, Nᴸ).
 //!
 //! # Rounding
-//! Each layer is [`mod@super::linear`]; max(0, ·) is exact.
+//! Each layer rounds as [`mod@super::linear`]; max(0, ·) is exact.
 //!
 //! # Kinks and domain
-//! max(0, z) has gradient 0 at z = 0; a z that is NaN stays NaN. At least one layer; `skip` is a layer after the first.
+//! max(0, z) has gradient 0 at z = 0; a z that is NaN stays NaN. There is at least one layer, and `skip` is a
+//! layer after the first.
 //!
 //! # Adjoint
-//! From the last layer to the first that of [`mod@super::linear`]; between two layers z̄ = ȳ where y > 0, else 0. The gradient by x is that of the
-//! skipped part first, then that of the first layer. The inputs of all layers are saved.
+//! The adjoints of [`mod@super::linear`] are applied from the last layer to the first; between two layers
+//! z̄ = ȳ where y > 0, else 0. The gradient of x is that of the skip connection, to which that of the first
+//! layer is added. The inputs of all layers are saved.
 //!
 //! Twin: `reference::nn::mlp`.
 //!
@@ -38,50 +43,50 @@
 use super::linear;
 use crate::num::par;
 
-/// Values of one task of an elementwise loop.
+/// Values per task of an elementwise loop.
 const CHUNK: usize = 1 << 14;
-/// Rows of one task of an elementwise loop over cotangents.
+/// Rows per task of an elementwise loop over cotangents.
 const ROWS: usize = 64;
 
 /// One layer.
 #[derive(Clone, Copy, Debug)]
 pub struct Layer<'a> {
-    /// (N, K)
+    /// Shape (N, K).
     pub weight: &'a [f32],
-    /// (N)
+    /// Shape (N).
     pub bias: &'a [f32],
 }
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (M, K)
+    /// Shape (M, K).
     pub x: &'a [f32],
     /// The layers, first to last.
     pub layers: &'a [Layer<'a>],
-    /// rows M, at least one
+    /// Number of rows M, at least 1.
     pub m: usize,
-    /// the layer that takes the input again, neither the first (0) nor beyond the last
+    /// Index of the layer that also receives the input; neither 0 nor beyond the last layer.
     pub skip: Option<usize>,
 }
 
-/// The input of every layer.
+/// Inputs of every layer.
 #[derive(Clone, Debug, Default)]
 pub struct Saved {
     inputs: Vec<Vec<f32>>,
 }
 
-/// Gradients, accumulated into.
+/// Gradients; the adjoint adds to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (M, K); empty when it is not wanted
+    /// Shape (M, K); empty if not requested.
     pub x: Vec<f32>,
-    /// weight and bias of every layer
+    /// Gradients of the weight and the bias of every layer.
     pub layers: Vec<[Vec<f32>; 2]>,
 }
 
 impl InBar {
-    /// Zeros for the layers; the input's gradient is not wanted.
+    /// Returns zeros for the layers; the gradient of the input is not requested.
     pub fn of_layers(x: &In<'_>) -> Self {
         let zeros = |l: &Layer<'_>| [vec![0.0; l.weight.len()], vec![0.0; l.bias.len()]];
         Self { x: Vec::new(), layers: x.layers.iter().map(zeros).collect() }
@@ -96,7 +101,7 @@ impl In<'_> {
 }
 
 impl Layer<'_> {
-    /// N and K.
+    /// Returns N and K.
     fn sizes(&self) -> [usize; 2] {
         [self.bias.len(), self.weight.len() / self.bias.len()]
     }
@@ -107,10 +112,11 @@ impl Layer<'_> {
     }
 }
 
-/// The network's values y, and what the adjoint needs.
+/// Returns the network's output y and the intermediate values that the adjoint needs.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, there is no layer or no row, or `skip` is no layer after the first.
+/// Panics if a buffer does not have the size of its shape, if there is no layer or no row, or if `skip` is
+/// not a layer after the first.
 pub fn forward(x: &In<'_>) -> (Vec<f32>, Saved) {
     x.hold_to_domain();
     let mut saved = Saved::default();
@@ -136,7 +142,7 @@ pub fn forward(x: &In<'_>) -> (Vec<f32>, Saved) {
 /// Adds the gradients for the cotangent `y_bar` (M, Nᴸ) to `x_bar`.
 ///
 /// # Panics
-/// As [`forward`].
+/// Panics under the conditions of [`forward`].
 pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
     x.hold_to_domain();
     let width = x.x.len() / x.m;
@@ -160,7 +166,8 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
         } else {
             bar = grad.x;
         }
-        // What left the layer before is what entered this one: above 0 where it passed.
+        // The saved input of this layer is the output of the layer before; it is positive where the ReLU
+        // passed the value.
         par::chunks_mut(&mut bar, n * ROWS, |c, bar| {
             for (r, row) in bar.chunks_exact_mut(n).enumerate() {
                 let from = &input[(c * ROWS + r) * k..][..n];
@@ -172,7 +179,7 @@ pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
     }
 }
 
-/// The rows of a, each followed by its row of b.
+/// Concatenates each row of a with the same row of b.
 fn beside(a: &[f32], b: &[f32], m: usize) -> Vec<f32> {
     let rows = a.chunks_exact(a.len() / m).zip(b.chunks_exact(b.len() / m));
     rows.flat_map(|(a, b)| a.iter().chain(b)).copied().collect()

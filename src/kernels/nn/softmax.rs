@@ -1,9 +1,9 @@
-//! `nn.softmax`: the softmax of every row, with weights that may be given.
+//! `nn.softmax`: the softmax of every row with optional weights.
 //!
 //! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = `base` + `floor`: the softmax of ln w + x
 //!
-//! With `base` left out w = 1: the plain softmax. With the skinning weights of a body it is their refinement by a network
-//! (GauHuman), where `floor` keeps ln w finite.
+//! Without `base`, w = 1: the plain softmax. With the skinning weights of a body as `base`, a network refines
+//! them (GauHuman), and `floor` keeps ln w finite.
 //!
 //! | symbol | argument | shape | range |
 //! |---|---|---|---|
@@ -13,14 +13,17 @@
 //! | y | `y` | (M, K) | 0..1, rows sum to 1 |
 //!
 //! # Rounding
-//! The largest x of a row among those with w > 0 is subtracted first, so that no exponential overflows and the sum is not 0. Products w·exp, 0
-//! where w = 0; their left fold over the row, one division per entry.
+//! The largest x of a row among those with w > 0 is subtracted first, so that no exponential overflows and
+//! the sum is not 0. Then follow the products w·exp (0 where w = 0), their left fold over the row, and one
+//! division per entry.
 //!
 //! # Kinks and domain
-//! No kinks. A row without a w above 0 has no softmax: it gives NaN here and is refused as input.
+//! There are no kinks. A row without a w above 0 has no softmax: the result is NaN here, and the operator
+//! list refuses such input.
 //!
 //! # Adjoint
-//! x̄ += y ∘ (ȳ − ⟨y, ȳ⟩), the inner product a left fold over the row. `base` is a constant. The outputs are what is saved.
+//! x̄ += y ∘ (ȳ − ⟨y, ȳ⟩); the inner product is a left fold over the row. `base` is a constant. The outputs
+//! are saved.
 //!
 //! Twin: `reference::nn::softmax`.
 //!
@@ -33,26 +36,26 @@
 
 use crate::num::{elem, order, par};
 
-/// Rows of one task.
+/// Rows per task.
 const ROWS: usize = 256;
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (M, K)
+    /// Shape (M, K).
     pub x: &'a [f32],
-    /// (M, K); empty for the plain softmax
+    /// Shape (M, K); empty for the plain softmax.
     pub base: &'a [f32],
-    /// added to every entry of `base`
+    /// Value that is added to every entry of `base`.
     pub floor: f32,
-    /// K, at least one
+    /// Row length K, at least 1.
     pub k: usize,
 }
 
-/// The softmax y (M, K).
+/// Returns the softmax y (M, K).
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn forward(x: &In<'_>) -> Vec<f32> {
     let k = x.k;
     assert!(x.base.is_empty() || x.base.len() == x.x.len(), "base has the shape of x");
@@ -83,7 +86,7 @@ pub fn forward(x: &In<'_>) -> Vec<f32> {
 /// Adds the gradient for the cotangent `y_bar` (M, K) of the softmax `y` to `x_bar` (M, K).
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape.
+/// Panics if a buffer does not have the size of its shape.
 pub fn adjoint(y: &[f32], k: usize, y_bar: &[f32], x_bar: &mut [f32]) {
     assert!(y_bar.len() == y.len() && x_bar.len() == y.len(), "cotangents have the shape of y");
     par::chunks_mut(x_bar, ROWS * k, |c, x_bar| {

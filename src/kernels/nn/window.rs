@@ -1,24 +1,26 @@
-//! `nn.window`: a square of an image, brought to S×S by means over cells.
+//! `nn.window`: a square of an image, resampled to S×S pixels by area averaging.
 //!
 //! y(r, c) = Σ over pixels of v(r, row) · h(c, column) · x(row, column)
 //!
-//! h(c, j) = (S/a) · |\[l + c·a/S, l + (c + 1)·a/S\] ∩ \[j, j + 1\]|,   v likewise from t            (chapter *Learned causes*, "The model")
+//! h(c, j) = (S/a) · |\[l + c·a/S, l + (c + 1)·a/S\] ∩ \[j, j + 1\]|,   v likewise from t
 //!
-//! Pixels are squares of one colour, and black lies around the image: a number of the window is the mean over its cell.
+//! Pixels are squares of constant colour, and the image is surrounded by black; each value of the window is
+//! the mean over its cell. LAST crops its input with it (chapter *Learned causes*, "The model").
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | x | `image` | (H, W, 3) | any |
-//! | l, t | `corner` | (2) | left and top, pixels; may lie outside |
+//! | l, t | `corner` | (2) | left and top, pixels; may be outside the image |
 //! | a | `length` | () | side of the square, pixels, > 0 |
 //! | S | `side` | () | pixels of a side of the window, ≥ 1 |
 //! | y | `window` | (S, S, 3) | |
 //!
 //! # Rounding
-//! Weights in f64, rounded to f32 once. Rows first: a left fold over the rows of v·x, then over the columns of h times that; back in the opposite order.
+//! Weights are computed in f64 and rounded once to f32. The rows come first: a left fold over the rows of
+//! v·x, then over the columns of h times the result; the adjoint has the opposite order.
 //!
 //! # Kinks and domain
-//! Linear in x; the square is a constant. A square that meets no pixel gives zeros.
+//! The function is linear in x; the square is a constant. A square that overlaps no pixel gives zeros.
 //!
 //! # Adjoint
 //! x̄ += vᵀ ȳ h, the transpose ([`Window::spread`]).
@@ -35,19 +37,20 @@
 
 use crate::num::order;
 
-/// A square of an image (H, W, 3), brought to S×S.
+/// A square of an image (H, W, 3), resampled to S×S pixels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Window {
     side: usize,
     width: usize,
     height: usize,
-    /// (S) rows with weights
+    /// Rows of each cell with their weights, shape (S).
     rows: Vec<Vec<(usize, f32)>>,
-    /// (S) columns with weights
+    /// Columns of each cell with their weights, shape (S).
     columns: Vec<Vec<(usize, f32)>>,
 }
 
-/// Pixels of `count` in each of `side` cells of an interval, with the share of the cell that they cover.
+/// Returns, for each of `side` cells of an interval, the overlapping pixels of `count` and the fraction of
+/// the cell that they cover.
 fn cells(start: f64, length: f64, side: usize, count: usize) -> Vec<Vec<(usize, f32)>> {
     let cell = length / side as f64;
     (0..side)
@@ -62,18 +65,23 @@ fn cells(start: f64, length: f64, side: usize, count: usize) -> Vec<Vec<(usize, 
 }
 
 impl Window {
-    /// The window of `side` pixels on the square of images (H, W) with the corner (left, top) and a side of `length` pixels.
+    /// Creates the window of `side`×`side` pixels for images (H, W) from the square with the corner (left,
+    /// top) and a side of `length` pixels.
     pub fn new(side: usize, [height, width]: [usize; 2], [left, top]: [f64; 2], length: f64) -> Self {
         let (rows, columns) = (cells(top, length, side, height), cells(left, length, side, width));
         Self { side, width, height, rows, columns }
     }
 
-    /// (S, S, 3) the window of an image (H, W, 3).
+    /// Returns the window (S, S, 3) of an image (H, W, 3).
     ///
     /// # Panics
-    /// When the image has another size.
+    /// Panics if the image has a different size.
     pub fn take(&self, image: &[f32]) -> Vec<f32> {
-        assert_eq!(image.len(), self.height * self.width * 3, "an image of the size of the window");
+        assert_eq!(
+            image.len(),
+            self.height * self.width * 3,
+            "the image has the size for which the window was created"
+        );
         let mut out = vec![0.0; self.side * self.side * 3];
         let mut line = vec![0.0; self.width * 3];
         for (row, out) in self.rows.iter().zip(out.chunks_exact_mut(self.side * 3)) {
@@ -94,10 +102,10 @@ impl Window {
     /// Adds the gradient for the cotangent `bar` (S, S, 3) of [`Self::take`] to `image_bar` (H, W, 3).
     ///
     /// # Panics
-    /// When a buffer does not have the size of its shape.
+    /// Panics if a buffer does not have the size of its shape.
     pub fn spread(&self, bar: &[f32], image_bar: &mut [f32]) {
-        assert_eq!(bar.len(), self.side * self.side * 3, "a cotangent of the window's side");
-        assert_eq!(image_bar.len(), self.height * self.width * 3, "a gradient of the size of the image");
+        assert_eq!(bar.len(), self.side * self.side * 3, "the cotangent is (S, S, 3)");
+        assert_eq!(image_bar.len(), self.height * self.width * 3, "the gradient has the size of the image");
         let mut line = vec![0.0; self.width * 3];
         for (row, bar) in self.rows.iter().zip(bar.chunks_exact(self.side * 3)) {
             line.fill(0.0);

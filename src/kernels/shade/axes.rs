@@ -1,10 +1,12 @@
-//! An environment map that shows its orientation.
+//! An environment map for testing orientation.
 //!
-//! Six discs of 25°, one around every axis: +x red, −x cyan, +y green, −y magenta, +z blue, −z yellow; the negative ones have a dark
-//! middle of 8°, so that they are told apart without colour. The rest is grey, darker below the horizon.
+//! The map shows six discs of 25°, one around every axis: +x red, −x cyan, +y green, −y magenta, +z blue, −z
+//! yellow. Discs of negative axes have a dark centre of 8°, so that they can be distinguished without colour.
+//! The remainder is grey, darker below the horizon.
 //!
-//! In the picture of the map (u to the right, v down), [`crate::scene::light`] puts +y in the centre of the middle row, +x a quarter to the
-//! right of it, −x a quarter to the left, −y at both sides; +z is the top edge, −z the bottom edge.
+//! In the image of the map (u to the right, v down), [`crate::scene::light`] places +y in the centre of the
+//! middle row, +x a quarter of the width to the right of it, −x a quarter to the left, −y at both sides; +z
+//! is the top edge, −z the bottom edge.
 
 use super::environment::texel_center;
 use super::vector::dot;
@@ -19,12 +21,12 @@ pub const AXES: [([f32; 3], [f32; 3]); 6] = [
     ([0.0, 0.0, 1.0], [0.05, 0.05, 1.0]),
     ([0.0, 0.0, -1.0], [1.0, 1.0, 0.05]),
 ];
-/// cos 25°
+/// Cosine of the disc's radius, 25°.
 const DISC: f32 = 0.906_307_8;
-/// cos 8°
+/// Cosine of the dark centre's radius, 8°.
 const MIDDLE: f32 = 0.990_268_1;
 
-/// Radiance of the test map in a direction.
+/// Returns the radiance of the test map in a direction.
 pub fn radiance(towards: [f32; 3]) -> [f32; 3] {
     for (i, (axis, color)) in AXES.iter().enumerate() {
         let c = dot(*axis, towards);
@@ -35,7 +37,7 @@ pub fn radiance(towards: [f32; 3]) -> [f32; 3] {
     if towards[2] > 0.0 { [0.4; 3] } else { [0.2; 3] }
 }
 
-/// The test map: 2·`height` columns.
+/// Returns the test map with 2·`height` columns.
 pub fn map(height: usize) -> Environment {
     let width = 2 * height;
     let radiance =

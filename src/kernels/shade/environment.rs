@@ -1,21 +1,25 @@
-//! An environment map as a light: radiance of a direction, directions drawn by brightness, their density.
+//! An environment map as a light: radiance of a direction, importance sampling by brightness, and its
+//! density.
 //!
 //! ```text
-//! L(d)     bilinear between texel centres; columns wrap; between the first or last row and the pole, linear to the mean of that row
+//! L(d)     bilinear between texel centres; columns wrap; between the first or last row and the pole, linear
+//! to the mean of that row
 //! Δω_row   = (2π/W)(cos θ_top − cos θ_bottom)
 //! p(d)     = w/(Δω Σ w),   w = Δω · luminance of L averaged over the texel in (u, v)
 //! ```
 //!
-//! Inside a texel directions are uniform in solid angle: the azimuth is, and so is cos θ, which never reaches a pole because no uniform
-//! is 0 or 1. w covers every texel into which L reaches, so nothing bright has density 0. A black map has no table: no light is
-//! drawn from it and its density is 0, so nothing is ever divided by Σ w = 0.
+//! Inside a texel directions are uniform in solid angle: the azimuth and cos θ are uniform, and cos θ never
+//! reaches a pole, because no uniform is 0 or 1. w covers every texel into which L extends, so no bright
+//! direction has density 0. A black map has no table: no light is drawn from it and its density is 0, so
+//! there is no division by Σ w = 0.
 //!
 //! # Rounding
-//! Weights, solid angles and the table are made in f64; radiance, directions and densities are f32. Near a pole the sampler works in
-//! 1 − |cos θ|, the look-up in atan2(√(x²+y²), z), so neither loses the angle. The density of a drawn direction is that of the texel it was
-//! drawn from; the look-up may find the neighbour where the direction lies within rounding (1e-7 of the map's width) of the edge between them.
-//! In these strips the two densities differ, which shifts a weight of the balance heuristic by at most their ratio there, and a mean by
-//! less than 1e-7 of it.
+//! Weights, solid angles and the table are computed in f64; radiance, directions and densities are f32. Near
+//! a pole the sampler uses 1 − |cos θ|, and the look-up atan2(√(x²+y²), z), so both keep the accuracy of the
+//! angle. The density of a drawn direction is that of the texel it was drawn from; the look-up may return the
+//! neighbour if the direction is within rounding (1e-7 of the map's width) of the edge between them. In these
+//! strips the two densities differ, which changes a weight of the balance heuristic by at most their ratio
+//! there, and a mean by less than 1e-7 of it.
 
 use super::vector::dot;
 use crate::num::elem;
@@ -27,11 +31,11 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 /// Weights of linear RGB in luminance (Rec. 709).
 pub const LUMINANCE: [f32; 3] = [0.2126, 0.7152, 0.0722];
 
-/// Solid angle of every row's texels, and cos θ of the rows' edges (H + 1).
+/// Returns the solid angle of every row's texels, and cos θ of the rows' edges (H + 1).
 pub fn solid_angles(width: usize, height: usize) -> (Vec<f64>, Vec<f64>) {
     let edges: Vec<f64> = (0..=height)
         .map(|i| {
-            // sin of the distance from the equator: exact at the equator and symmetric about it
+            // sin of the distance from the equator is exact at the equator and symmetric about it.
             let from_equator = (height as f64 - 2.0 * i as f64) / (2.0 * height as f64);
             libm::sin(std::f64::consts::PI * from_equator)
         })
@@ -40,74 +44,74 @@ pub fn solid_angles(width: usize, height: usize) -> (Vec<f64>, Vec<f64>) {
     (edges.windows(2).map(|e| column * (e[0] - e[1])).collect(), edges)
 }
 
-/// sin and cos of the inclination of the centres of a row.
+/// Returns sin and cos of the inclination of a row's centre.
 fn inclination(height: usize, row: usize) -> [f64; 2] {
     let theta = std::f64::consts::PI * (row as f64 + 0.5) / height as f64;
     [libm::sin(theta), libm::cos(theta)]
 }
 
-/// sin and cos of the azimuth of the centres of a column.
+/// Returns sin and cos of the azimuth of a column's centre.
 fn azimuth(width: usize, column: usize) -> [f64; 2] {
     let azimuth = std::f64::consts::TAU * ((column as f64 + 0.5) / width as f64 - 0.5);
     [libm::sin(azimuth), libm::cos(azimuth)]
 }
 
-/// Unit vector of an inclination and an azimuth, rounded once.
+/// Returns the unit vector of an inclination and an azimuth, rounded once.
 fn sphere([sin_t, cos_t]: [f64; 2], [sin_a, cos_a]: [f64; 2]) -> [f32; 3] {
     [(sin_t * sin_a) as f32, (sin_t * cos_a) as f32, cos_t as f32]
 }
 
-/// Direction of the centre of texel (`row`, `column`), rounded once.
+/// Returns the direction of the centre of texel (`row`, `column`), rounded once.
 pub fn texel_center(width: usize, height: usize, row: usize, column: usize) -> [f32; 3] {
     sphere(inclination(height, row), azimuth(width, column))
 }
 
-/// [`texel_center`] of every texel, row-major.
+/// Returns [`texel_center`] of every texel, row-major.
 pub fn texel_centers(width: usize, height: usize) -> Vec<[f32; 3]> {
     let columns: Vec<[f64; 2]> = (0..width).map(|j| azimuth(width, j)).collect();
     let rows = (0..height).map(|i| inclination(height, i));
     rows.flat_map(|row| columns.iter().map(move |column| sphere(row, *column))).collect()
 }
 
-/// One edge of a row: 1 − |cos θ| and the half it lies in.
+/// The edges of a row: 1 − |cos θ|, and the hemisphere.
 #[derive(Clone, Copy, Debug)]
 struct Row {
-    /// 1 − |cos θ| of the edge nearer to the pole, and of the other
+    /// Values 1 − |cos θ| of the edge nearer to the pole, and of the other.
     versine: [f32; 2],
-    /// 1 in the upper half, −1 in the lower
+    /// Sign of the hemisphere: 1 for the upper, −1 for the lower.
     half: f32,
 }
 
 /// One entry of the alias table (Walker 1977; Vose 1991).
 #[derive(Clone, Copy, Debug)]
 struct Alias {
-    /// The entry's own texel is taken when the fraction is below this.
+    /// The entry's own texel is chosen if the fraction is below this value.
     own: f64,
-    /// Else this one.
+    /// The texel that is chosen otherwise.
     other: u32,
 }
 
-/// How directions are drawn; absent for a black map.
+/// Tables for sampling; absent for a black map.
 #[derive(Clone, Debug)]
 struct Table {
-    /// (H·W)
+    /// Alias table, shape (H·W).
     alias: Vec<Alias>,
-    /// (H·W) density of the texel per steradian
+    /// Density of each texel per steradian, shape (H·W).
     density: Vec<f32>,
-    /// (H)
+    /// Rows of the map, shape (H).
     rows: Vec<Row>,
 }
 
-/// An environment map made ready.
+/// An environment map prepared for look-ups and sampling.
 #[derive(Clone, Debug)]
 pub struct Sky {
     width: usize,
     height: usize,
-    /// (H·W)
+    /// Radiance of the texels, shape (H·W).
     radiance: Vec<[f32; 3]>,
-    /// radiance of the poles, top and bottom
+    /// Radiance of the poles, top and bottom.
     poles: [[f32; 3]; 2],
-    /// its one value, if it has only one
+    /// Radiance of a constant map.
     constant: Option<[f32; 3]>,
     table: Option<Table>,
 }
@@ -115,16 +119,16 @@ pub struct Sky {
 /// A direction drawn from a map.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MapSample {
-    /// unit, towards the light
+    /// Unit vector towards the light.
     pub towards: [f32; 3],
-    /// per steradian
+    /// Density per steradian.
     pub density: f32,
-    /// index of the texel
+    /// Index of the texel.
     pub texel: usize,
 }
 
 impl Sky {
-    /// Makes tables; the map has passed its own validation.
+    /// Computes the tables; the map must have passed its own validation.
     pub fn new(map: &Environment) -> Self {
         let (w, h) = (map.width, map.height);
         let mean = |row: usize| -> [f32; 3] {
@@ -150,7 +154,8 @@ impl Sky {
             (k[0] * t[0] + k[1] * t[1]) + k[2] * t[2]
         };
         let lum: Vec<f64> = self.radiance.iter().map(|t| luminance(*t)).collect();
-        // means over texels: ⅛, ¾, ⅛ across; down likewise, or ¼ pole where there is no further row
+        // Means over texels: ⅛, ¾, ⅛ horizontally; the same vertically, or ¼ pole where there is no further
+        // row.
         let across: Vec<f64> = (0..h * w)
             .map(|i| {
                 let (row, j) = (i / w * w, i % w);
@@ -185,7 +190,7 @@ impl Sky {
             .windows(2)
             .map(|e| {
                 let upper = e[0] + e[1] >= 0.0;
-                // a row across the equator counts from the upper pole
+                // A row that contains the equator counts from the upper pole.
                 let versine = if upper { [1.0 - e[0], 1.0 - e[1]] } else { [1.0 + e[1], 1.0 + e[0]] };
                 Row { versine: versine.map(|x| x as f32), half: if upper { 1.0 } else { -1.0 } }
             })
@@ -193,17 +198,18 @@ impl Sky {
         Some(Table { alias: alias(&weights, total), density, rows })
     }
 
-    /// Whether nothing can be drawn from it.
+    /// Whether the map is black, so that no direction can be drawn.
     pub fn is_black(&self) -> bool {
         self.table.is_none()
     }
 
-    /// Texels across and down.
+    /// Returns the numbers of texels, horizontally and vertically.
     pub fn size(&self) -> [usize; 2] {
         [self.width, self.height]
     }
 
-    /// Probability with which [`Self::draw`] chooses each texel, read off the table it chooses by; empty for a black map.
+    /// Returns the probability with which [`Self::draw`] chooses each texel, computed from its alias table;
+    /// empty for a black map.
     pub fn probabilities(&self) -> Vec<f64> {
         let Some(table) = &self.table else { return Vec::new() };
         let n = table.alias.len() as f64;
@@ -214,7 +220,7 @@ impl Sky {
         p
     }
 
-    /// Place of directions in the map: columns and rows from 0 to W and H.
+    /// Returns the position of directions in the map: columns and rows from 0 to W and H.
     #[inline(always)]
     fn place<L: Real>(&self, d: [L; 3]) -> [L; 2] {
         let s = L::splat;
@@ -226,7 +232,7 @@ impl Sky {
         ]
     }
 
-    /// Bilinear radiance at a place.
+    /// Returns the bilinear radiance at a position.
     #[inline(always)]
     fn at(&self, x: f32, y: f32) -> [f32; 3] {
         let (w, h) = (self.width as i64, self.height as i64);
@@ -248,7 +254,7 @@ impl Sky {
         };
         let i = y.floor() as i64;
         let mut fy = y - y.floor();
-        // half a texel from a row to its pole
+        // The distance from a row to its pole is half a texel.
         if i < 0 {
             fy = order::max(2.0 * fy - 1.0, 0.0);
         } else if i >= h - 1 {
@@ -258,7 +264,7 @@ impl Sky {
         std::array::from_fn(|c| a[c] + fy * (b[c] - a[c]))
     }
 
-    /// Texel of a place.
+    /// Returns the texel at a position.
     #[inline(always)]
     fn texel(&self, x: f32, y: f32) -> usize {
         let j = order::min(x as usize, self.width - 1);
@@ -266,7 +272,7 @@ impl Sky {
         i * self.width + j
     }
 
-    /// Radiance from the unit direction `towards`.
+    /// Returns the radiance from the unit direction `towards`.
     pub fn radiance(&self, towards: [f32; 3]) -> [f32; 3] {
         match self.constant {
             Some(c) => c,
@@ -277,25 +283,26 @@ impl Sky {
         }
     }
 
-    /// Density per steradian with which [`Self::draw`] gives the unit direction `towards`; 0 for a black map.
+    /// Returns the density per steradian with which [`Self::draw`] returns the unit direction `towards`; 0
+    /// for a black map.
     pub fn density(&self, towards: [f32; 3]) -> f32 {
         let Some(table) = &self.table else { return 0.0 };
         let [x, y] = self.place(towards);
         table.density[self.texel(x, y)]
     }
 
-    /// The texel a unit direction falls into.
+    /// Returns the texel that contains a unit direction.
     pub fn texel_of(&self, towards: [f32; 3]) -> usize {
         let [x, y] = self.place(towards);
         self.texel(x, y)
     }
 
-    /// Radiance and density of eight directions; the bits of [`Self::radiance`] and [`Self::density`]. Lanes whose bit in `wanted` is 0
-    /// may come back as zeros.
+    /// Returns radiance and density of eight directions with the bits of [`Self::radiance`] and
+    /// [`Self::density`]. Lanes whose bit in `wanted` is 0 may be zero.
     #[inline]
     pub fn look8(&self, towards: [f32x8; 3], wanted: u32) -> ([f32x8; 3], f32x8) {
         if let Some(c) = self.constant {
-            let density = self.table.as_ref().map_or(0.0, |t| t.density[0]); // one for all texels
+            let density = self.table.as_ref().map_or(0.0, |t| t.density[0]); // the same for all texels
             return (c.map(f32x8::splat), f32x8::splat(density));
         }
         let mut radiance = [[0.0; 8]; 3];
@@ -315,7 +322,7 @@ impl Sky {
         (radiance.map(f32x8::new), f32x8::new(density))
     }
 
-    /// Texel chosen by a 64-bit word, for [`Self::draw8`].
+    /// Returns the texel chosen by a 64-bit word, for [`Self::draw8`].
     #[inline]
     fn choose(&self, table: &Table, word: u64) -> usize {
         let wide = u128::from(word) * table.alias.len() as u128;
@@ -325,7 +332,7 @@ impl Sky {
         if fraction < entry.own { i } else { entry.other as usize }
     }
 
-    /// A direction from a word and two uniforms; `None` for a black map.
+    /// Draws a direction from a word and two uniforms; returns `None` for a black map.
     pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<MapSample> {
         let table = self.table.as_ref()?;
         let texel = self.choose(table, word);
@@ -333,7 +340,8 @@ impl Sky {
         Some(MapSample { towards: direction(turn, versine, half), density: table.density[texel], texel })
     }
 
-    /// Eight directions and densities; the bits of [`Self::draw`]. `None` for a black map.
+    /// Draws eight directions with densities, with the bits of [`Self::draw`]; returns `None` for a black
+    /// map.
     #[inline]
     pub fn draw8(&self, words: &[u64; 8], u: [&[f32; 8]; 2]) -> Option<([f32x8; 3], f32x8)> {
         let table = self.table.as_ref()?;
@@ -347,7 +355,7 @@ impl Sky {
         Some((direction(turn, versine, half), density))
     }
 
-    /// Azimuth in turns from −½, 1 − |cos θ|, and the half, of a point of a texel.
+    /// Returns the azimuth in turns from −½, 1 − |cos θ|, and the hemisphere of a point of a texel.
     #[inline(always)]
     fn inside(&self, table: &Table, texel: usize, u: [f32; 2]) -> (f32, f32, f32) {
         let (i, j) = (texel / self.width, texel % self.width);
@@ -357,7 +365,8 @@ impl Sky {
     }
 }
 
-/// Unit vector of an azimuth in turns and 1 − |cos θ|. Beyond the equator the versine exceeds 1, which is where cos θ changes sign.
+/// Returns the unit vector of an azimuth in turns and 1 − |cos θ|. Beyond the equator 1 − |cos θ| exceeds 1,
+/// where cos θ changes its sign.
 #[inline(always)]
 fn direction<L: Real>(turn: L, versine: L, half: L) -> [L; 3] {
     let s = L::splat;
@@ -366,13 +375,14 @@ fn direction<L: Real>(turn: L, versine: L, half: L) -> [L; 3] {
     [sin * elem::sin(azimuth), sin * elem::cos(azimuth), half * (s(1.0) - versine)]
 }
 
-/// Luminance of linear RGB.
+/// Returns the luminance of linear RGB.
 #[inline(always)]
 pub fn luminance<L: Real>(c: [L; 3]) -> L {
     dot(c, LUMINANCE.map(L::splat))
 }
 
-/// Alias table of weights with a positive total, in index order (Vose 1991 with stacks read from the end).
+/// Builds the alias table of weights with a positive total, in index order (Vose 1991 with stacks read from
+/// the end).
 fn alias(weights: &[f64], total: f64) -> Vec<Alias> {
     let n = weights.len();
     let mut share: Vec<f64> = weights.iter().map(|w| w / total * n as f64).collect();
@@ -387,7 +397,7 @@ fn alias(weights: &[f64], total: f64) -> Vec<Alias> {
             small.push(l);
         }
     }
-    // What is left differs from 1 by rounding only; it keeps own = 1, unless its weight is zero.
+    // The remaining entries differ from 1 by rounding only; they keep own = 1, unless their weight is zero.
     for i in small {
         if weights[i] == 0.0 {
             let other = weights.iter().position(|w| *w > 0.0).unwrap_or(0);

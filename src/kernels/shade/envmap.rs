@@ -1,4 +1,5 @@
-//! A point under a whole environment map: direct light, no shadows, no inter-reflection.
+//! `shade.envmap`: radiance of a surface point under a complete environment map, with direct light only and
+//! without shadows.
 //!
 //! L = Σᵢⱼ Eᵢⱼ · f(n, v, lᵢⱼ) · max(n·lᵢⱼ, 0) · Δωᵢ          Δωᵢ = (2π/W)(cos θ_top − cos θ_bottom)
 //!
@@ -11,23 +12,47 @@
 //! | l | texel centre | (3) | u = (j+½)/W, v = (i+½)/H in the orientation of [`crate::scene::light`] |
 //! | L | `radiance` | (P, 3) | linear |
 //!
-//! The sum is a midpoint rule with exact solid angles: a lobe narrower than a texel (α below about π/H) falls between the centres. Shade smooth
-//! metals with paths ([`super::render`]) or a finer map.
+//! The sum is a midpoint rule with exact solid angles: a lobe narrower than a texel (α below about π/H) can
+//! fall between the centres. Use path tracing ([`super::render`]) or a finer map for smooth metals.
 //!
 //! # Rounding
-//! Directions and Δω in f64, rounded once. A term is (f·(n·l·Δω))·E per channel; the sum is a left fold over texels in row-major order, in f64
-//! and rounded once (in f32 a map of a million texels would drift by 3e-4); terms of texels behind the surface are +0 and left out. Ē: per texel a left fold over each block of 64 points, the blocks by the
-//! pairwise tree. Gradients of points: in f32 over 32 texels in that order, in f64 over those sums and in what follows them (in f32 throughout,
-//! half a million texels would cost 7e-3 of m̄, a difference of sums), rounded once.
+//! Directions and Δω are computed in f64 and rounded once. A term is (f·(n·l·Δω))·E per channel; the sum is a
+//! left fold over texels in row-major order, in f64 and rounded once (in f32 a map of a million texels would
+//! drift by 3e-4); terms of texels behind the surface are +0 and skipped. Ē: per texel a left fold over each
+//! block of 64 points, the blocks by the pairwise tree. Gradients of points: in f32 over 32 texels in that
+//! order, in f64 over those sums and in later steps (in f32 throughout, half a million texels would cost 7e-3
+//! of m̄, a difference of sums), rounded once.
 //!
 //! # Kinks and domain
 //! As in [`super::ggx`]; at n·l = 0 a term is continuous with a kink, and has gradient 0.
 //!
 //! # Adjoint
-//! f̄ = L̄·E·n·l·Δω and n̄·l = Σ L̄·E·f·Δω per texel through [`super::ggx::PointBar`], summed over texels in row-major order; Ē = Σ_p L̄·f·n·l·Δω. Saves
-//! nothing. Gradients to everything but `view`.
+//! f̄ = L̄·E·n·l·Δω and n̄·l = Σ L̄·E·f·Δω per texel through [`super::ggx::PointBar`], summed over texels in
+//! row-major order; Ē = Σ_p L̄·f·n·l·Δω. Nothing is saved. All inputs except `view` have gradients.
 //!
 //! Twin: `reference::shade::envmap`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::shade::envmap::{In, forward};
+//! // a rough white metal that faces +z under a constant map of 2×4 texels
+//! let (up, white, env) = ([[0.0, 0.0, 1.0]], [[1.0; 3]], [[1.0; 3]; 8]);
+//! let x = In {
+//!     normal: &up,
+//!     view: &up,
+//!     albedo: &white,
+//!     roughness: &[1.0],
+//!     metallic: &[1.0],
+//!     env: &env,
+//!     height: 2,
+//!     width: 4,
+//! };
+//! let mut radiance = [[0.0; 3]];
+//! forward(x, &mut radiance);
+//! // four texels at 45°: Δω = π/2, f = D·V·F = (1/π)·(½/(√½ + 1))·1, L = 4·f·√½·π/2 = √2 − 1
+//! assert!((radiance[0][0] - (2.0_f32.sqrt() - 1.0)).abs() < 2e-6);
+//! ```
 
 use super::environment::{solid_angles, texel_centers};
 use super::ggx::{Bar8, InBar, Material, Point, PointBar, Sums, materials8, rows8, scatter_bar};
@@ -35,24 +60,24 @@ use super::vector::{dot, mul, scale, unit};
 use crate::num::lanes::{Real, f32x8};
 use crate::num::{par, sum};
 
-/// Arguments of `shade.envmap`.
+/// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub normal: &'a [[f32; 3]],
-    /// (P, 3)
+    /// Shape (P, 3).
     pub view: &'a [[f32; 3]],
-    /// (P, 3)
+    /// Shape (P, 3).
     pub albedo: &'a [[f32; 3]],
-    /// (P)
+    /// Shape (P).
     pub roughness: &'a [f32],
-    /// (P)
+    /// Shape (P).
     pub metallic: &'a [f32],
-    /// (H, W, 3)
+    /// Shape (H, W, 3).
     pub env: &'a [[f32; 3]],
-    /// H
+    /// Height of the map, H.
     pub height: usize,
-    /// W
+    /// Width of the map, W.
     pub width: usize,
 }
 
@@ -60,18 +85,18 @@ impl In<'_> {
     fn check(&self) {
         let p = self.normal.len();
         let rows = [self.view.len(), self.albedo.len(), self.roughness.len(), self.metallic.len()];
-        assert!(rows.iter().all(|n| *n == p), "every argument of a point has P rows");
+        assert!(rows.iter().all(|n| *n == p), "every per-point argument has P rows");
         assert_eq!(self.env.len(), self.width * self.height, "the map has H·W texels");
     }
 
-    /// Centre and solid angle of every texel.
+    /// Returns the centre and the solid angle of every texel.
     fn texels(&self) -> Vec<([f32; 3], f32)> {
         let omega = solid_angles(self.width, self.height).0;
         let centers = texel_centers(self.width, self.height);
         centers.into_iter().enumerate().map(|(t, d)| (d, omega[t / self.width] as f32)).collect()
     }
 
-    /// Eight points: unit normal, ‖N‖, material, and what does not depend on the light.
+    /// Returns eight points: unit normal, ‖N‖, material, and the values that do not depend on the light.
     #[inline(always)]
     fn points8(&self, at: usize) -> (Point<f32x8>, Material<f32x8>, f32x8) {
         let m = materials8(self.albedo, self.roughness, self.metallic, at);
@@ -80,13 +105,14 @@ impl In<'_> {
     }
 }
 
-/// Points per task, and per left fold of Ē, where it is part of the definition; a multiple of the lane count.
+/// Points per task and per left fold of Ē, where the value is part of the definition; a multiple of the lane
+/// count.
 const BLOCK: usize = 64;
 
-/// Texels whose gradients are added in single precision; part of the definition.
+/// Number of texels whose gradients are added in single precision; the value is part of the definition.
 const FEW: usize = 32;
 
-/// `radiance` (P, 3).
+/// Computes `radiance` (P, 3).
 pub fn forward(x: In<'_>, radiance: &mut [[f32; 3]]) {
     x.check();
     assert_eq!(radiance.len(), x.normal.len(), "radiance has P rows");
@@ -117,17 +143,20 @@ pub fn forward(x: In<'_>, radiance: &mut [[f32; 3]]) {
     });
 }
 
-/// Whether any lane is lit from there.
+/// Whether any lane is lit from a direction.
 #[inline(always)]
 fn lit(point: &Point<f32x8>, light: [f32x8; 3]) -> bool {
     f32x8::bits(Real::gt(dot(point.normal, light), f32x8::splat(0.0))) != 0
 }
 
-/// Adds into `x_bar` and `env_bar` (H, W, 3).
+/// Adds the gradients to `x_bar` and `env_bar` (H, W, 3).
 pub fn adjoint(x: In<'_>, radiance_bar: &[[f32; 3]], x_bar: &mut InBar, env_bar: &mut [[f32; 3]]) {
     x.check();
     let p = x.normal.len();
-    assert!(radiance_bar.len() == p && x_bar.normal.len() == p, "cotangent and gradients have P rows");
+    assert!(
+        radiance_bar.len() == p && x_bar.normal.len() == p,
+        "the cotangent and the gradients have P rows"
+    );
     assert_eq!(env_bar.len(), x.env.len(), "the gradient of the map has H·W texels");
     let texels = x.texels();
     let bars = par::map(p.div_ceil(8), |g| points_bar(x, &texels, radiance_bar, 8 * g));
@@ -137,7 +166,8 @@ pub fn adjoint(x: In<'_>, radiance_bar: &[[f32; 3]], x_bar: &mut InBar, env_bar:
     map_bar(x, &texels, radiance_bar, env_bar);
 }
 
-/// Gradients of eight points: single precision over a few texels, double precision over those sums.
+/// Returns the gradients of eight points: single precision over a few texels, double precision over those
+/// sums.
 fn points_bar(x: In<'_>, texels: &[([f32; 3], f32)], radiance_bar: &[[f32; 3]], at: usize) -> Bar8 {
     let (point, m, length) = x.points8(at);
     let g = rows8(radiance_bar, at);
@@ -153,7 +183,7 @@ fn points_bar(x: In<'_>, texels: &[([f32; 3], f32)], radiance_bar: &[[f32; 3]], 
             any = true;
             let facet = point.facet(light);
             let omega = f32x8::splat(*omega);
-            // undo term = (f·(n·l·Δω))·E
+            // Adjoint of term = (f·(n·l·Δω))·E.
             let ge = mul(g, e.map(f32x8::splat));
             let nl_bar = dot(ge, point.brdf(&facet)) * omega;
             bar.add(&point, &m, light, &facet, scale(ge, facet.nl * omega), nl_bar);
@@ -165,7 +195,7 @@ fn points_bar(x: In<'_>, texels: &[([f32; 3], f32)], radiance_bar: &[[f32; 3]], 
     sums.finish(&point, &m, length)
 }
 
-/// Gradient of the map, eight texels at a time.
+/// Computes the gradient of the map, eight texels at a time.
 fn map_bar(x: In<'_>, texels: &[([f32; 3], f32)], radiance_bar: &[[f32; 3]], env_bar: &mut [[f32; 3]]) {
     let points: Vec<Point<f32>> = (0..x.normal.len())
         .map(|p| {

@@ -1,24 +1,28 @@
-//! `shade.gain`: a render as bright as its moment, a gain per channel on what covers the background.
+//! `shade.gain`: per-channel gain on a render without its background, which models brightness changes between
+//! frames.
 //!
-//! x' = e^γ (x − (1 − α) b) + (1 − α) b                        (x = C + (1 − α) b is *over* of Porter and Duff 1984; the gain is on C)
+//! x' = e^γ (x − (1 − α) b) + (1 − α) b   (x = C + (1 − α) b is *over* of Porter and Duff 1984; the gain acts
+//! on C)
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | x | `image` | (H, W, 3) | sRGB-encoded |
 //! | α | `alpha` | (H, W) | coverage 0..1 |
 //! | γ | `gain` | (3) | logarithm of the gain of a channel, ≤ 88 |
-//! | b | `background` | (3) | sRGB-encoded; has no gain and gets no gradient |
+//! | b | `background` | (3) | sRGB-encoded; not scaled, no gradient |
 //! | x' | `lit` | (H, W, 3) | sRGB-encoded |
 //!
 //! # Rounding
-//! f32 per pixel, in the order of the equation with (1 − α) b computed once. γ̄ per row in f64 from the left, rows by the pairwise tree, rounded once.
+//! All values are f32 per pixel, in the order of the equation with (1 − α) b computed once. γ̄ is accumulated
+//! per row in f64 from the left, rows by the pairwise tree, rounded once.
 //!
 //! # Kinks and domain
-//! No kinks. Above γ = 88.72 e^γ is ∞ in f32, and x' is ∞ or NaN. At least one pixel.
+//! There are no kinks. Above γ = 88.72, e^γ is ∞ in f32, and x' is ∞ or NaN. There is at least one pixel.
 //!
 //! # Adjoint
-//! x̄ += e^γ x̄',   ᾱ −= Σ_c (1 − e^γ_c) b_c x̄'_c,   γ̄_c += Σ over pixels of (x' − (1 − α) b)_c x̄'_c. The result x' is what is saved. It works in
-//! place, as the render does: the cotangent of x' becomes that of x.
+//! x̄ += e^γ x̄',   ᾱ −= Σ_c (1 − e^γ_c) b_c x̄'_c,   γ̄_c += Σ over pixels of (x' − (1 − α) b)_c x̄'_c. The
+//! result x' is saved. The adjoint works in place, as the forward pass does: the cotangent of x' becomes that
+//! of x.
 //!
 //! Twin: `reference::shade::gain`.
 //!
@@ -33,23 +37,23 @@
 
 use crate::num::{elem, sum};
 
-/// Inputs but the image, which is changed in place.
+/// Inputs without the image, which is changed in place.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (H, W)
+    /// Shape (H, W).
     pub alpha: &'a [f32],
-    /// b
+    /// Background b.
     pub background: [f32; 3],
-    /// γ
+    /// Logarithmic gains γ.
     pub gain: [f32; 3],
 }
 
-/// Turns the image x (H, W, 3) into x'.
+/// Replaces the image x (H, W, 3) by x'.
 ///
 /// # Panics
-/// When the image does not have the size of its coverage.
+/// Panics if the image does not have the size of its alpha channel.
 pub fn forward(x: &In<'_>, image: &mut [f32]) {
-    assert_eq!(image.len(), 3 * x.alpha.len(), "three channels per pixel");
+    assert_eq!(image.len(), 3 * x.alpha.len(), "the image has three channels per pixel");
     let g = x.gain.map(elem::exp);
     for (rgb, a) in image.chunks_exact_mut(3).zip(x.alpha) {
         for c in 0..3 {
@@ -59,10 +63,12 @@ pub fn forward(x: &In<'_>, image: &mut [f32]) {
     }
 }
 
-/// Turns the cotangent `image_bar` of the result `lit` (H, W, 3) into that of the image, adds to `alpha_bar` (H, W), and gives γ̄.
+/// Converts the cotangent `image_bar` of the result `lit` (H, W, 3) to that of the image, adds to `alpha_bar`
+/// (H, W), and returns γ̄.
 ///
 /// # Panics
-/// When a buffer does not have the size of its shape, or rows of `width` pixels do not make up the image.
+/// Panics if a buffer does not have the size of its shape, or if the image does not consist of rows of
+/// `width` pixels.
 pub fn adjoint(
     x: &In<'_>,
     lit: &[f32],
@@ -70,9 +76,12 @@ pub fn adjoint(
     image_bar: &mut [f32],
     alpha_bar: &mut [f32],
 ) -> [f32; 3] {
-    assert!(lit.len() == 3 * x.alpha.len() && image_bar.len() == lit.len(), "three channels per pixel");
-    assert!(alpha_bar.len() == x.alpha.len(), "one gradient per coverage");
-    assert!(width > 0 && x.alpha.len().is_multiple_of(width), "whole rows");
+    assert!(
+        lit.len() == 3 * x.alpha.len() && image_bar.len() == lit.len(),
+        "result and cotangent have three channels per pixel"
+    );
+    assert!(alpha_bar.len() == x.alpha.len(), "there is one gradient per alpha value");
+    assert!(width > 0 && x.alpha.len().is_multiple_of(width), "the image consists of complete rows");
     let g = x.gain.map(elem::exp);
     let rows = image_bar.chunks_exact_mut(3 * width).zip(alpha_bar.chunks_exact_mut(width)).enumerate();
     let sums: Vec<[f64; 3]> = rows

@@ -1,40 +1,57 @@
-//! The metallic-roughness BRDF: a Lambert lobe and a GGX lobe.
+//! `shade.ggx`: the metallic-roughness BRDF, a Lambert lobe and a GGX lobe.
 //!
 //! ```text
 //! f = (1−m)·a/π + D·V·F          α = max(r², α_min)
-//! D = α²‖h‖⁴ / (π (α²(n·h)² + ‖n×h‖²)²)          h = v + l, not normalised          (Walter et al. 2007, eq. 33)
-//! V = ½ / (n·l·K(n·v) + n·v·K(n·l))          K(c) = √(c² + α²(1−c²))          (Heitz 2014, height-correlated Smith)
+//! D = α²‖h‖⁴ / (π (α²(n·h)² + ‖n×h‖²)²)          h = v + l, not normalised   (Walter et al. 2007, eq. 33)
+//! V = ½ / (n·l·K(n·v) + n·v·K(n·l))          K(c) = √(c² + α²(1−c²))   (Heitz 2014, height-correlated Smith)
 //! F = F₀ + (1−F₀)(1−c_d)⁵          F₀ = 0.04(1−m) + m·a          c_d = √(½(1 + v·l))          (Schlick 1994)
 //! ```
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | n | `normal` | (P, 3) | any length; normalised here; 0 reflects nothing |
-//! | v | `view` | (P, 3) | unit, towards the eye; used as given |
-//! | l | `light` | (P, 3) | unit, towards the light; used as given |
+//! | v | `view` | (P, 3) | unit, towards the eye; not normalised here |
+//! | l | `light` | (P, 3) | unit, towards the light; not normalised here |
 //! | a | `albedo` | (P, 3) | linear, 0..1 |
 //! | r | `roughness` | (P) | 0..1 |
 //! | m | `metallic` | (P) | 0..1 |
 //! | f | `brdf` | (P, 3) | 1/sr, without the cosine |
 //!
-//! D is written through ‖n×h‖² because 1 − (n·h)² cancels for smooth surfaces, where it decides everything.
+//! D is expressed with ‖n×h‖², because 1 − (n·h)² cancels for smooth surfaces, where it determines the
+//! result.
 //!
 //! # Rounding
-//! Every product is symmetric in v and l, and the two products that change places under a swap are added: f(v, l) and f(l, v) have the same bits.
-//! Sums of three are (x + y) + z. Components of n×h carry errors of about 1e-7 whatever their size, so D has a relative error of about 1e-7/α on
-//! the flank of its peak. (1−c)⁵ is ((x²)·(x²))·x with x = max(1 − c_d, 0).
+//! Every product is symmetric in v and l, and the two products that are exchanged by a swap are added, so
+//! f(v, l) and f(l, v) have the same bits. Sums of three are (x + y) + z. Components of n×h have errors of
+//! about 1e-7 whatever their size, so D has a relative error of about 1e-7/α on the flank of its peak. (1−c)⁵
+//! is ((x²)·(x²))·x with x = max(1 − c_d, 0).
 //!
 //! # Kinks and domain
-//! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. Below α_min = 1e-3 α stays there and r has no gradient; at equality it has. That bound is
-//! all: there is no perfect mirror, and no other branch for smooth surfaces. The denominator
-//! of V is not taken below 1e-15, where cosines under 1e-12 would leave the range of f32; there it has no gradient. The BRDF is not energy
-//! conserving: its diffuse lobe has no factor 1 − F, so a white dielectric reflects up to 1.5 of the light (`tests/operators/shade/` holds a table).
+//! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. Below α_min = 1e-3, α equals α_min and r has no
+//! gradient; at equality it has one. There is no other special case for smooth surfaces, and no perfect
+//! mirror. The denominator of V is not taken below 1e-15, where cosines under 1e-12 would leave the range of
+//! f32; there it has no gradient. The BRDF does not conserve energy: its diffuse lobe has no factor 1 − F, so
+//! a white dielectric reflects up to 1.5 of the light (`tests/operators/shade/` contains a table).
 //!
 //! # Adjoint
-//! Logarithmic derivatives of D and V; saves nothing, recomputes everything. What follows the sums over lights is in double precision. n̄ = (ḡ − n(n·ḡ))/‖N‖ where ḡ collects the gradients of n·l,
-//! n·v, n·h and ‖n×h‖².
+//! The adjoint uses logarithmic derivatives of D and V; nothing is saved, and all values are recomputed. The
+//! steps after the sums over lights are in double precision. n̄ = (ḡ − n(n·ḡ))/‖N‖ where ḡ accumulates the
+//! gradients of n·l, n·v, n·h and ‖n×h‖².
 //!
 //! Twin: `reference::shade::ggx`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::shade::ggx::{In, forward};
+//! let up = [[0.0, 0.0, 1.0]];
+//! let albedo = [[0.5; 3]];
+//! let x = In { normal: &up, view: &up, light: &up, albedo: &albedo, roughness: &[1.0], metallic: &[0.0] };
+//! let mut brdf = [[0.0; 3]];
+//! forward(x, &mut brdf);
+//! // D = 1/π, V = ¼ and F = 0.04, so f = 0.5/π + 0.01/π
+//! assert!((brdf[0][0] - 0.51 / std::f32::consts::PI).abs() < 1e-6);
+//! ```
 
 use super::vector::{add, cross, dot, scale, select, unit};
 use crate::num::lanes::{Real, f32x8};
@@ -54,61 +71,61 @@ const INV_PI: f32 = std::f32::consts::FRAC_1_PI;
 /// Linear albedo, roughness and metallic of a point.
 #[derive(Clone, Copy, Debug)]
 pub struct Material<L> {
-    /// linear, 0..1
+    /// Linear albedo, 0..1.
     pub albedo: [L; 3],
-    /// 0..1
+    /// Roughness, 0..1.
     pub roughness: L,
-    /// 0..1
+    /// Metallic, 0..1.
     pub metallic: L,
 }
 
-/// A point seen from one side: what does not depend on the light.
+/// A point and a view direction: the values that do not depend on the light.
 #[derive(Clone, Copy, Debug)]
 pub struct Point<L> {
-    /// unit, or zero
+    /// Unit normal, or zero.
     pub normal: [L; 3],
-    /// towards the eye
+    /// Direction towards the eye.
     pub view: [L; 3],
-    /// n·v
+    /// Cosine n·v.
     pub nv: L,
-    /// α²
+    /// Squared roughness α².
     pub a2: L,
-    /// K(n·v)
+    /// Term K(n·v).
     pub kv: L,
-    /// (1−m)·a/π
+    /// Diffuse BRDF (1−m)·a/π.
     pub diffuse: [L; 3],
-    /// F₀
+    /// Reflectance F₀ at normal incidence.
     pub f0: [L; 3],
 }
 
-/// What depends on the light and not on the colour.
+/// Values that depend on the light but not on the colour.
 #[derive(Clone, Copy, Debug)]
 pub struct Facet<L: Real> {
     /// Whether both cosines are positive.
     pub on: L::Mask,
-    /// n·l
+    /// Cosine n·l.
     pub nl: L,
-    /// h = v + l
+    /// Half vector h = v + l, not normalised.
     h: [L; 3],
-    /// n·h
+    /// Product n·h.
     nh: L,
-    /// n×h
+    /// Cross product n×h.
     c: [L; 3],
-    /// α²(n·h)² + ‖n×h‖², 1 where off
+    /// α²(n·h)² + ‖n×h‖², or 1 where `on` is not set.
     q: L,
-    /// D
+    /// Normal distribution D.
     pub d: L,
-    /// K(n·l)
+    /// Term K(n·l).
     kl: L,
-    /// Denominator of V before its floor.
+    /// Denominator of V before its lower bound.
     den: L,
-    /// V
+    /// Visibility V.
     pub vis: L,
-    /// (1−c_d)⁵
+    /// Fresnel factor (1−c_d)⁵.
     p: L,
 }
 
-/// K(c) = √(c² + α²(1−c²)).
+/// Returns K(c) = √(c² + α²(1−c²)).
 #[inline(always)]
 fn stretched<L: Real>(c: L, a2: L) -> L {
     let c2 = c * c;
@@ -116,7 +133,7 @@ fn stretched<L: Real>(c: L, a2: L) -> L {
 }
 
 impl<L: Real> Point<L> {
-    /// A point whose normal is unit or zero.
+    /// Builds a point whose normal is unit or zero.
     #[inline(always)]
     pub fn new(normal: [L; 3], view: [L; 3], m: &Material<L>) -> Self {
         let s = L::splat;
@@ -136,7 +153,7 @@ impl<L: Real> Point<L> {
         }
     }
 
-    /// The factors of the GGX lobe for a light direction.
+    /// Returns the factors of the GGX lobe for a light direction.
     #[inline(always)]
     pub fn facet(&self, light: [L; 3]) -> Facet<L> {
         let s = L::splat;
@@ -146,7 +163,7 @@ impl<L: Real> Point<L> {
         let h = add(self.view, light);
         let nh = dot(self.normal, h);
         let c = cross(self.normal, h);
-        // v = −l within rounding leaves no h: D = 0 there, not 0/0
+        // If v = −l within rounding, h vanishes: D is 0 there, not 0/0.
         let q = L::select(on, (self.a2 * (nh * nh) + dot(c, c)).max(s(SQUARE_MIN)), one);
         let ratio = dot(h, h) / q;
         let d = self.a2 * (ratio * ratio) * s(INV_PI);
@@ -159,7 +176,7 @@ impl<L: Real> Point<L> {
         Facet { on, nl, h, nh, c, q, d, kl, den, vis, p: x2 * x2 * x }
     }
 
-    /// f of a facet.
+    /// Returns f of a facet.
     #[inline(always)]
     pub fn brdf(&self, x: &Facet<L>) -> [L; 3] {
         let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -168,7 +185,7 @@ impl<L: Real> Point<L> {
         select(x.on, f, [zero; 3])
     }
 
-    /// f(n, v, l).
+    /// Returns f(n, v, l).
     #[inline(always)]
     pub fn eval(&self, light: [L; 3]) -> [L; 3] {
         self.brdf(&self.facet(light))
@@ -176,7 +193,7 @@ impl<L: Real> Point<L> {
 }
 
 impl Point<f32> {
-    /// The same point in every lane.
+    /// Returns the same point in every lane.
     #[inline(always)]
     pub fn wide(&self) -> Point<f32x8> {
         let s = f32x8::splat;
@@ -195,27 +212,28 @@ impl Point<f32> {
 /// Gradients of one point, summed over its lights.
 #[derive(Clone, Copy, Debug)]
 pub struct PointBar<L> {
-    /// of the unit normal
+    /// Gradient of the unit normal.
     pub normal: [L; 3],
-    /// of a, before the factors that do not depend on the light
+    /// Gradient of a, before the factors that do not depend on the light.
     albedo: [L; 3],
-    /// of m
+    /// Gradient of m.
     metallic: L,
-    /// of α²
+    /// Gradient of α².
     a2: L,
-    /// Σ of the cotangents that reach the diffuse lobe
+    /// Σ of the cotangents of the diffuse lobe.
     diffuse: [L; 3],
 }
 
 impl<L: Copy> PointBar<L> {
-    /// Zeros.
+    /// Returns zeros.
     pub(super) fn zeros(zero: L) -> Self {
         Self { normal: [zero; 3], albedo: [zero; 3], metallic: zero, a2: zero, diffuse: [zero; 3] }
     }
 }
 
 impl<L: Real> PointBar<L> {
-    /// Adds the gradient of ⟨f, `f_bar`⟩ + n·l·`nl_bar` for one light; nothing where the facet is off.
+    /// Adds the gradient of ⟨f, `f_bar`⟩ + n·l·`nl_bar` for one light; lanes where the facet is off add
+    /// nothing.
     #[inline(always)]
     pub fn add(
         &mut self,
@@ -231,7 +249,7 @@ impl<L: Real> PointBar<L> {
         let g = select(x.on, f_bar, [zero; 3]);
         let nl_bar = L::select(x.on, nl_bar, zero);
         self.diffuse = add(self.diffuse, g);
-        // undo f = diffuse + D V F
+        // Adjoint of f = diffuse + D V F.
         let dv = x.d * x.vis;
         let rest = dv * (one - x.p); // ∂(D V F)/∂F₀
         for k in 0..3 {
@@ -241,15 +259,16 @@ impl<L: Real> PointBar<L> {
         }
         let fresnel: [L; 3] = std::array::from_fn(|k| point.f0[k] + (one - point.f0[k]) * x.p);
         let dv_bar = dot(g, fresnel);
-        // undo D = α² (‖h‖²/q)²/π,   q = α²(n·h)² + ‖n×h‖²; 1/q meets what is as small before it meets what is large
+        // Adjoint of D = α² (‖h‖²/q)²/π,   q = α²(n·h)² + ‖n×h‖². 1/q is multiplied by small factors before
+        // large ones.
         let log_bar = dv_bar * dv; // of ln D and ln V
         let inv_q = one / x.q;
         let q_log_bar = s(-4.0) * log_bar; // of ½ ln q
         let nh_bar = q_log_bar * (point.a2 * x.nh * inv_q);
-        // ∂ ln D/∂α² = 1/α² − 2(n·h)²/q, without the cancellation on the flank of the peak
+        // ∂ ln D/∂α² = 1/α² − 2(n·h)²/q, without the cancellation on the flank of the peak.
         let spread = dot(x.c, x.c) - point.a2 * (x.nh * x.nh);
         let mut a2_bar = log_bar * (spread * inv_q / point.a2);
-        // undo V = ½/den,   den = n·l K(n·v) + n·v K(n·l)
+        // Adjoint of V = ½/den,   den = n·l K(n·v) + n·v K(n·l).
         let open = x.den.ge(s(DENOMINATOR_MIN));
         let den_bar = L::select(open, -(log_bar / x.den.max(s(DENOMINATOR_MIN))), zero);
         let (kv_bar, kl_bar) = (den_bar * x.nl, den_bar * point.nv);
@@ -260,14 +279,14 @@ impl<L: Real> PointBar<L> {
         a2_bar = a2_bar + kv_bar * (half * (one - point.nv * point.nv) / point.kv);
         a2_bar = a2_bar + kl_bar * (half * (one - x.nl * x.nl) / x.kl);
         self.a2 = self.a2 + L::select(x.on, a2_bar, zero);
-        // n enters n·l, n·v, n·h, and ½‖n×h‖² with gradient h×(n×h)
+        // n appears in n·l, n·v, n·h, and in ½‖n×h‖² with gradient h×(n×h).
         let across = scale(cross(x.h, scale(x.c, inv_q)), q_log_bar);
         let along = add(add(scale(light, nl_bar), scale(point.view, nv_bar)), scale(x.h, nh_bar));
         self.normal = add(self.normal, select(x.on, add(along, across), [zero; 3]));
     }
 }
 
-/// Sums of [`PointBar`]s of eight points, in double precision.
+/// Sums of the [`PointBar`]s of eight points, in double precision.
 #[derive(Clone, Debug)]
 pub(super) struct Sums([PointBar<f64>; 8]);
 
@@ -277,7 +296,7 @@ impl Default for Sums {
     }
 }
 
-/// (N̄, ā, r̄, m̄) of eight points.
+/// Gradients (N̄, ā, r̄, m̄) of eight points.
 pub(super) type Bar8 = [([f32; 3], [f32; 3], f32, f32); 8];
 
 impl Sums {
@@ -296,7 +315,8 @@ impl Sums {
         }
     }
 
-    /// Undoes α² = max(r², α_min)², the diffuse lobe, and n = N/‖N‖ with ‖N‖ = `length` (0: no gradient). Rounded once.
+    /// Applies the adjoints of α² = max(r², α_min)², of the diffuse lobe, and of n = N/‖N‖ with ‖N‖ =
+    /// `length` (0: no gradient). The results are rounded once.
     pub(super) fn finish(&self, point: &Point<f32x8>, m: &Material<f32x8>, length: f32x8) -> Bar8 {
         std::array::from_fn(|l| {
             let (bar, one) = (&self.0[l], |x: f32x8| f64::from(x.to_array()[l]));
@@ -312,7 +332,7 @@ impl Sums {
             (
                 [0, 1, 2].map(|k| turn(k) as f32),
                 [0, 1, 2].map(|k| (bar.diffuse[k] * rest + bar.albedo[k] * metallic) as f32),
-                // r̄ = ∂α²/∂r of α² = r⁴
+                // r̄ = ∂α²/∂r for α² = r⁴.
                 if rough { (bar.a2 * (4.0 * (r * r) * r)) as f32 } else { 0.0 },
                 (bar.metallic - dot(bar.diffuse, albedo) * inv_pi) as f32,
             )
@@ -320,40 +340,40 @@ impl Sums {
     }
 }
 
-/// Arguments of `shade.ggx`, P rows each.
+/// Inputs, P rows each.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub normal: &'a [[f32; 3]],
-    /// (P, 3)
+    /// Shape (P, 3).
     pub view: &'a [[f32; 3]],
-    /// (P, 3)
+    /// Shape (P, 3).
     pub light: &'a [[f32; 3]],
-    /// (P, 3)
+    /// Shape (P, 3).
     pub albedo: &'a [[f32; 3]],
-    /// (P)
+    /// Shape (P).
     pub roughness: &'a [f32],
-    /// (P)
+    /// Shape (P).
     pub metallic: &'a [f32],
 }
 
-/// Gradients, P rows each.
+/// Gradients, P rows each; the adjoint adds to them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct InBar {
-    /// (P, 3)
+    /// Shape (P, 3).
     pub normal: Vec<[f32; 3]>,
-    /// (P, 3)
+    /// Shape (P, 3).
     pub albedo: Vec<[f32; 3]>,
-    /// (P)
+    /// Shape (P).
     pub roughness: Vec<f32>,
-    /// (P)
+    /// Shape (P).
     pub metallic: Vec<f32>,
 }
 
-/// Rows per task; a multiple of the lane count. Changes no bit: rows are independent.
+/// Rows per task, a multiple of the lane count. It changes no bit, because rows are independent.
 const CHUNK: usize = 1024;
 
-/// Eight rows; rows past the end repeat the last one.
+/// Returns eight rows; rows past the end repeat the last one.
 #[inline(always)]
 pub(super) fn rows8(rows: &[[f32; 3]], at: usize) -> [f32x8; 3] {
     let last = rows.len() - 1;
@@ -361,14 +381,14 @@ pub(super) fn rows8(rows: &[[f32; 3]], at: usize) -> [f32x8; 3] {
     std::array::from_fn(|k| f32x8::from_fn(|l| pick[l][k]))
 }
 
-/// Eight numbers; those past the end repeat the last one.
+/// Returns eight numbers; those past the end repeat the last one.
 #[inline(always)]
 pub(super) fn numbers8(x: &[f32], at: usize) -> f32x8 {
     let last = x.len() - 1;
     f32x8::from_fn(|l| x[Ord::min(at + l, last)])
 }
 
-/// Eight materials.
+/// Returns eight materials.
 #[inline(always)]
 pub(super) fn materials8(
     albedo: &[[f32; 3]],
@@ -383,7 +403,7 @@ pub(super) fn materials8(
     }
 }
 
-/// `brdf` (P, 3).
+/// Computes `brdf` (P, 3).
 pub fn forward(x: In<'_>, brdf: &mut [[f32; 3]]) {
     assert!(
         [x.view.len(), x.light.len(), x.albedo.len(), x.roughness.len(), x.metallic.len(), brdf.len()]
@@ -404,10 +424,10 @@ pub fn forward(x: In<'_>, brdf: &mut [[f32; 3]]) {
     });
 }
 
-/// Adds into `x_bar`.
+/// Adds the gradients to `x_bar`.
 pub fn adjoint(x: In<'_>, brdf_bar: &[[f32; 3]], x_bar: &mut InBar) {
     let p = x.normal.len();
-    assert!(brdf_bar.len() == p && x_bar.normal.len() == p, "cotangent and gradients have P rows");
+    assert!(brdf_bar.len() == p && x_bar.normal.len() == p, "the cotangent and the gradients have P rows");
     let bars = par::map_batched(p.div_ceil(8), CHUNK / 8, |g| {
         let at = 8 * g;
         let m = materials8(x.albedo, x.roughness, x.metallic, at);

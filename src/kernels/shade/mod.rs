@@ -1,15 +1,23 @@
 //! Materials and light. Level 5.
 //!
 //! ```text
-//! operators   ggx       the BRDF                     envmap   a point under a whole map, no shadows
-//! of renders  diffuse   colours under light of the first order   gain   as bright as a moment   over_black   without the background
-//! light       environment   look-up and drawing of a latitude–longitude map
-//! pictures    render    paths through a scene        surface  hits to places, normals, materials      sample   directions for a BRDF
-//! afterwards  sensor    noise and levels
-//!             tonemap   linear to sRGB bytes         exposure the scale that suits a picture          axes     a map that shows its orientation
+//! operators            ggx          the BRDF
+//!                      envmap       a point under a complete map, without shadows
+//! operators on renders diffuse      colours under a first-order light
+//!                      gain         per-frame brightness
+//!                      over_black   background replaced by black
+//! light                environment  look-up and sampling of a latitude–longitude map
+//!                      axes         a map for testing orientation
+//! images               render       paths through a scene
+//!                      surface      hits to positions, normals and materials
+//!                      sample       directions for a BRDF
+//! post-processing      sensor       noise and quantisation
+//!                      exposure     automatic exposure
+//!                      tonemap      linear to sRGB bytes
 //! ```
 //!
-//! Colours are linear here, and [`tonemap`] encodes them; the three of renders take those of Gaussians, which are encoded.
+//! Colours are linear here, and [`tonemap`] encodes them; the three operators on renders use the encoded
+//! colours of Gaussians.
 
 pub mod axes;
 pub mod diffuse;

@@ -1,47 +1,50 @@
-//! Noise of a camera's sensor: photons, electronics, and a finite number of levels.
+//! Noise of a camera's sensor: photon noise, read noise and quantisation.
 
 use crate::num::order;
 use crate::num::rng::Rng;
 
-/// What draws are for; the item is the pixel, the step the picture, the draw 2·channel + {0 photons, 1 electronics}.
+/// Purpose of the draws; the item is the pixel, the step is the image, and the draw is 2·channel + {0
+/// photons, 1 electronics}.
 pub const PURPOSE: u16 = 0x0700;
 
-/// A sensor.
+/// A model of a camera sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensor {
-    /// Electrons a pixel holds at signal 1.
+    /// Number of electrons at signal 1 (full well).
     pub full_well: f32,
-    /// Standard deviation of what reading adds, electrons.
+    /// Standard deviation of the read noise, electrons.
     pub read_noise: f32,
-    /// Levels are 2^bits − 1 steps from 0 to 1.
+    /// Bit depth: there are 2^bits − 1 steps from 0 to 1.
     pub bits: u32,
 }
 
 impl Default for Sensor {
-    /// A small camera indoors: 3 000 electrons, 5 of read noise, 10 bits.
+    /// A small camera indoors: 3 000 electrons, 5 electrons of read noise, 10 bits.
     fn default() -> Self {
         Self { full_well: 3000.0, read_noise: 5.0, bits: 10 }
     }
 }
 
 impl Sensor {
-    /// Makes a picture of linear signals (1 = saturated) what the sensor would report of it.
+    /// Replaces an image of linear signals (1 = saturated) by the sensor's output.
     ///
     /// ```text
     /// e = x·F + √(x·F)·n₁ + σ·n₂        y = round(clamp(e/F, 0, 1)·L)/L,  L = 2^bits − 1
     /// ```
     ///
-    /// x: signal, limited to 0..1 beforehand; F: `full_well`; σ: `read_noise`; n₁, n₂: standard normals of the pixel and channel.
-    /// The photons' Poisson distribution is taken as the normal one of its mean and variance.
+    /// x is the signal, limited to 0..1 beforehand; F is `full_well`; σ is `read_noise`; n₁, n₂ are standard
+    /// normals of the pixel and channel.
+    /// The photons' Poisson distribution is approximated by the normal distribution with the same mean and
+    /// variance.
     ///
     /// # Rounding
-    /// f32, in the order written; the normals are rounded from f64. A pixel's result depends on its own signal, its index, the
-    /// seed and the number of the picture alone.
+    /// All values are f32, in the order written; the normals are rounded from f64. A pixel's result depends
+    /// only on its own signal, its index, the seed and the index of the image.
     ///
     /// # Panics
-    /// When `bits` is not 1 to 16.
+    /// Panics if `bits` is not in 1..=16.
     pub fn apply(&self, signal: &mut [[f32; 3]], seed: u64, picture: u32) {
-        assert!((1..=16).contains(&self.bits), "1 to 16 bits");
+        assert!((1..=16).contains(&self.bits), "bits is in 1..=16");
         let rng = Rng::new(seed);
         let levels = ((1_u32 << self.bits) - 1) as f32;
         for (i, pixel) in signal.iter_mut().enumerate() {
@@ -89,7 +92,7 @@ mod tests {
         assert_eq!(long[..4], short[..], "no neighbour matters");
         let mut other = vec![[0.4; 3]; 4];
         sensor.apply(&mut other, 9, 3);
-        assert_ne!(other, short, "another picture, other noise");
+        assert_ne!(other, short, "another image has other noise");
         let mut ends = vec![[0.0, 1.0, 7.0]];
         sensor.apply(&mut ends, 9, 2);
         assert!(ends[0].iter().all(|y| (0.0..=1.0).contains(y)), "within its levels: {ends:?}");

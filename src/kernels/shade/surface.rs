@@ -1,12 +1,14 @@
-//! From hits to what is shaded: place, normals, material.
+//! Shading data of hits: position, normals, material.
 //!
-//! * The **face normal** is that of the triangle, turned towards the ray: every surface has two sides.
-//! * The **shading normal** is the interpolated vertex normal, turned to the side of the face normal; the face normal where the
-//!   mesh has none or the interpolated one is zero. A normal map tilts it in the frame of the texture coordinates, x to the right of
-//!   the picture, y up. Where it turns away from the eye it is bent back just into view, so no visible point is black for having a
-//!   normal nobody could see.
-//! * The **offset** by which rays leave a surface, along the face normal, is 2⁻¹⁸ times the largest coordinate of the triangle: 64 units in
-//!   the last place of what the place is computed from, whatever the scale of the scene.
+//! * The **face normal** is that of the triangle, oriented towards the ray: every surface has two sides.
+//! * The **shading normal** is the interpolated vertex normal, oriented to the side of the face normal; it is
+//!   the face normal if the mesh has no vertex normals or the interpolated one is zero. A normal map tilts it
+//!   in the frame of the texture coordinates, x to the right of the image, y up. If it points away from the
+//!   eye, it is bent until it just faces the eye, so that no visible point is black because of an invisible
+//!   normal.
+//! * The **offset** of rays that leave a surface, along the face normal, is 2⁻¹⁸ times the largest coordinate
+//!   of the triangle: 64 units in the last place of the coordinates from which the position is computed,
+//!   whatever the scale of the scene.
 
 use super::ggx::Material;
 use super::vector::{add, cross, cross_direction, dot, scale, select, sub, together, unit};
@@ -18,44 +20,45 @@ use crate::scene::mesh::Object;
 
 /// Smallest cosine between shading normal and view after bending.
 const FACING_MIN: f32 = 1e-3;
-/// Offset over the largest coordinate of the triangle: 2⁻¹⁸.
+/// Offset divided by the largest coordinate of the triangle: 2⁻¹⁸.
 const OFFSET: f32 = 1.0 / 262_144.0;
 
 /// Eight surface points.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surface {
-    /// on the triangle
+    /// Position on the triangle.
     pub(super) position: [f32x8; 3],
-    /// unit face normal towards the eye
+    /// Unit face normal, oriented towards the eye.
     pub(super) face: [f32x8; 3],
-    /// unit shading normal, on the side of the face that is seen; the same from wherever it is seen
+    /// Unit shading normal on the visible side of the face; apart from its side it does not depend on the
+    /// view.
     pub(super) mapped: [f32x8; 3],
-    /// the same, bent into view: for reflection
+    /// The shading normal bent towards the view, for reflection.
     pub(super) normal: [f32x8; 3],
-    /// textures applied
+    /// Material with textures applied.
     pub(super) material: Material<f32x8>,
-    /// linear radiance
+    /// Emitted linear radiance.
     pub(super) emission: [f32x8; 3],
-    /// by which rays leave
+    /// Offset of rays that leave the surface.
     pub(super) offset: f32x8,
 }
 
 impl Surface {
-    /// Start of rays, before the face.
+    /// Returns the start of rays, offset to the visible side of the face.
     #[inline(always)]
     pub(super) fn start(&self) -> [f32x8; 3] {
         add(self.position, scale(self.face, self.offset))
     }
 
-    /// Whether a direction leaves to the side of the face that is seen. A shading normal also reflects below it, where on an open sheet
-    /// nothing would stop light from behind.
+    /// Whether a direction leaves on the visible side of the face. The shading normal also reflects below the
+    /// face, where an open sheet would not block light from behind.
     #[inline(always)]
     pub(super) fn before(&self, towards: [f32x8; 3]) -> f32x8 {
         Real::gt(dot(self.face, towards), f32x8::splat(0.0))
     }
 }
 
-/// Texture coordinate of a hit; (0, 0) without any.
+/// Returns the texture coordinate of a hit; (0, 0) if the mesh has none.
 #[inline]
 fn uv_at(object: &Object, hit: &Hit) -> [f32; 2] {
     let mesh = &object.mesh;
@@ -66,13 +69,13 @@ fn uv_at(object: &Object, hit: &Hit) -> [f32; 2] {
     std::array::from_fn(|k| (a[k] + hit.u * (b[k] - a[k])) + hit.v * (c[k] - a[k]))
 }
 
-/// Material of a hit.
+/// Returns the material of a hit.
 #[inline]
 fn material_at<'a>(object: &'a Object, hit: &Hit) -> &'a material::Material {
     &object.materials[usize::from(object.material_of[hit.triangle as usize])]
 }
 
-/// Share of light a hit lets through: 0 opaque, 1 not there.
+/// Returns the fraction of light that a hit transmits: 0 is opaque, 1 fully transparent.
 pub(super) fn transmittance(object: &Object, hit: &Hit) -> f32 {
     let m = material_at(object, hit);
     if m.alpha == Alpha::Opaque {
@@ -87,14 +90,14 @@ pub(super) fn transmittance(object: &Object, hit: &Hit) -> f32 {
     }
 }
 
-/// Radiance a hit emits.
+/// Returns the radiance that a hit emits.
 pub(super) fn emission(object: &Object, hit: &Hit) -> [f32; 3] {
     let m = material_at(object, hit);
     let glow = m.emission_map.as_ref().map(|map| map.sample(uv_at(object, hit)));
     std::array::from_fn(|k| m.emission[k] * glow.map_or(1.0, |c| c[k]))
 }
 
-/// Start of a ray that passes through a hit, on its far side.
+/// Returns the start of a ray that passes through a hit, on its far side.
 pub(super) fn beyond(object: &Object, hit: &Hit, towards: [f32; 3]) -> [f32; 3] {
     let [p0, p1, p2] = object.mesh.corners(hit.triangle as usize);
     let (e1, e2) = (sub(p1, p0), sub(p2, p0));
@@ -104,13 +107,13 @@ pub(super) fn beyond(object: &Object, hit: &Hit, towards: [f32; 3]) -> [f32; 3] 
     add(add(p0, add(scale(e1, hit.u), scale(e2, hit.v))), scale(face, step))
 }
 
-/// Place of a hit.
+/// Returns the position of a hit.
 pub(super) fn position(object: &Object, hit: &Hit) -> [f32; 3] {
     let [p0, p1, p2] = object.mesh.corners(hit.triangle as usize);
     add(p0, add(scale(sub(p1, p0), hit.u), scale(sub(p2, p0), hit.v)))
 }
 
-/// Largest coordinate of a triangle.
+/// Returns the largest coordinate of a triangle.
 #[inline]
 fn reach(corners: &[[f32; 3]; 3]) -> f32 {
     let mut largest = 0.0;
@@ -120,7 +123,7 @@ fn reach(corners: &[[f32; 3]; 3]) -> f32 {
     largest
 }
 
-/// Corner attributes of eight triangles as lanes: attribute, component.
+/// Converts corner attributes of eight triangles to lanes: attribute, component.
 #[inline(always)]
 fn lanes<const N: usize>(rows: [[[f32; N]; 3]; 8]) -> [[f32x8; N]; 3] {
     std::array::from_fn(|corner| {
@@ -128,7 +131,7 @@ fn lanes<const N: usize>(rows: [[[f32; N]; 3]; 8]) -> [[f32x8; N]; 3] {
     })
 }
 
-/// Surface points of eight hits seen along `view` (towards the eye). Every hit is one.
+/// Returns the surface points of eight hits seen along `view` (towards the eye); every entry is a hit.
 pub(super) fn eight(object: &Object, hits: &[Hit; 8], view: [f32x8; 3]) -> Surface {
     let mesh = &object.mesh;
     let zero = f32x8::splat(0.0);
@@ -153,7 +156,7 @@ pub(super) fn eight(object: &Object, hits: &[Hit; 8], view: [f32x8; 3]) -> Surfa
         normal = select(inside, normal.map(|x| -x), normal);
     }
     let (material, emission) = materials(object, hits, &index, [e1, e2], face, &mut normal);
-    // bend into view
+    // Bend the normal towards the view.
     let mapped = normal;
     let facing = dot(normal, view);
     let hidden = Real::lt(facing, f32x8::splat(FACING_MIN));
@@ -162,7 +165,7 @@ pub(super) fn eight(object: &Object, hits: &[Hit; 8], view: [f32x8; 3]) -> Surfa
     Surface { position, face, mapped, normal, material, emission, offset }
 }
 
-/// Materials with their textures; tilts the normals that have a map.
+/// Evaluates materials with their textures; tilts the normals that have a normal map.
 #[inline(always)]
 fn materials(
     object: &Object,
@@ -215,8 +218,8 @@ fn materials(
     (m, emission.map(f32x8::new))
 }
 
-/// Normal of a normal map: `t` in the frame (right, up, normal) of the picture on the surface. Where the texture coordinates span no
-/// area, or the map holds no direction, the normal stays.
+/// Returns the normal of a normal map: `t` in the frame (right, up, normal) of the image on the surface. If
+/// the texture coordinates span no area, or the map contains a zero vector, the normal is not changed.
 #[inline(always)]
 fn tilt_normal(
     [a, b, c]: [[f32x8; 2]; 3],
@@ -230,7 +233,7 @@ fn tilt_normal(
     let (u1, v1, u2, v2) = (b[0] - a[0], b[1] - a[1], c[0] - a[0], c[1] - a[1]);
     let area = u1 * v2 - u2 * v1;
     let sign = Real::select(Real::lt(area, zero), f32x8::splat(-1.0), f32x8::splat(1.0));
-    // directions in which u grows and in which v shrinks, up to a positive factor
+    // Directions in which u increases and in which v decreases, up to a positive factor.
     let right = scale(sub(scale(e1, v2), scale(e2, v1)), sign);
     let up = scale(sub(scale(e1, u2), scale(e2, u1)), sign);
     let across = |d: [f32x8; 3]| unit(sub(d, scale(normal, dot(d, normal))));
@@ -241,7 +244,7 @@ fn tilt_normal(
     let (new, there) = unit(add(add(scale(right, t[0]), scale(up, t[1])), scale(normal, t[2])));
     let flat = f32x8::and(Real::gt(length, zero), Real::gt(there, zero));
     let new = select(flat, new, normal);
-    // a tilt beyond the horizon of the face stays on its side
+    // A tilt beyond the horizon of the face is limited to its side.
     let below = Real::lt(dot(new, face), zero);
     let lifted = unit(sub(new, scale(face, dot(new, face)))).0;
     select(below, lifted, new)

@@ -1,6 +1,6 @@
-//! Blends projected splats into images, nearest first, tile by tile.
+//! `splat.blend`: composites projected splats into images front to back, tile by tile.
 //!
-//! C = Σᵢ Tᵢ αᵢ cᵢ + T_end b,  T₀ = 1,  Tᵢ₊₁ = Tᵢ (1 − αᵢ)                                  (3DGS 2023, eq. 3)
+//! C = Σᵢ Tᵢ αᵢ cᵢ + T_end b,  T₀ = 1,  Tᵢ₊₁ = Tᵢ (1 − αᵢ)   (3DGS 2023, eq. 3)
 //! αᵢ = min(α_max, oᵢ exp(−½ (w1² + w2²))),  w1 = d_p k1,  w2 = (d_q − s d_p) k2,  d = pixel centre − u
 //!
 //! | symbol | argument | shape | unit, range |
@@ -11,32 +11,69 @@
 //! | 1 − T_end | `alpha` | (C, H, W) | 0..1 |
 //! | Σ T α z | `depth` | (C, H, W) | scene units, alpha-weighted, no background |
 //!
-//! Splats with α < α_min are skipped. The walk ends as the profile says ([`Stop`](crate::scene::profile::Stop)).
-//! T_end and the list index of the last splat included are saved per pixel.
+//! Splats with α < α_min are skipped. The profile defines where the traversal of the list ends
+//! ([`Stop`](crate::scene::profile::Stop)). T_end and the list index of the last included splat are saved per
+//! pixel.
 //!
-//! This file cuts the images into tiles and writes the tiles back. `walk` goes through the list of one tile, `column`
-//! is the inner loop over its pixels, `alpha` forms α, `record` turns sums into gradients, `state` is what they share.
+//! This file splits the images into tiles and writes the tiles back. `walk` processes the list of one tile,
+//! `column` is the inner loop over its pixels, `alpha` computes α, `record` converts sums to gradients, and
+//! `state` contains their shared state.
 //!
 //! # Rounding
-//! w1² + w2² then times −½; [`exp_lanes`](crate::num::elem::exp_lanes); T·α, then weight·colour added to the sum: left
-//! folds over the list, per pixel. The background is added last. Lanes are pixels, so no bit depends on tile size,
-//! culling or vector width.
-//! Adjoint: per (splat, tile) one record: for each of 16 columns a left fold over the rows from +0 (with pivot x, w1 is
-//! a constant of the column and multiplies the column's sums ΣP, ΣPw1, ΣPw2 afterwards), columns folded 16→8→4→2→1
-//! (l += l+w); records of a splat are summed in slot order in f64 and rounded once.
+//! w1² + w2², then times −½; [`exp_lanes`](crate::num::elem::exp_lanes); T·α, then weight·colour added to the
+//! sum: left folds over the list, per pixel. The background is added last. Lanes are pixels, so no bit
+//! depends on tile size, culling or vector width.
+//!
+//! Adjoint: there is one record per (splat, tile). For each of 16 columns a left fold over the rows from +0
+//! (with pivot x, w1 is a constant of the column and multiplies the column's sums ΣP, ΣPw1, ΣPw2 afterwards),
+//! then columns folded 16→8→4→2→1 (l += l+w); records of a splat are summed in slot order in f64 and rounded
+//! once.
 //!
 //! # Kinks and domain
-//! α at α_min (a jump of T·(c−B)/255), the cap (gradient 0 above it, free branch at equality; `inria_bwd` lets it
-//! through), the stop. All are decisions in the plan. o in 0..1; α ≤ α_max < 1 keeps 1 − α away from 0.
+//! There are kinks at α_min (a jump of T·(c−B)/255), at the cap (gradient 0 above it, the uncapped branch at
+//! equality; `inria_bwd` passes the gradient), and at the stop. All are decisions in the plan. o is in 0..1;
+//! α ≤ α_max < 1 keeps 1 − α away from 0.
 //!
 //! # Adjoint
-//! Back to front from T_end: T ← T/(1−α) (relative error 7e-7 at worst), and with the pixel's cotangents folded into one
-//! number, e = c·C̄ + z·D̄ + Ā: ᾱ = T (e − S), S ← α e + (1−α) S, S starting at b·C̄. S is the cotangent of what lies
-//! behind, so nothing is divided by a small number. Then P = ᾱ α and sums of P, P w1, P w2, P w1², P w1 w2, P w2²,
-//! T α C̄, T α D̄ over the pixels make the record, and ō = ΣP/o, k̄1 = −ΣPw1²/k1, k̄2 = −ΣPw2²/k2, s̄ = (k2/k1) ΣPw1w2,
+//! The list is traversed back to front from T_end: T ← T/(1−α) (relative error 7e-7 at worst). With the
+//! pixel's cotangents combined into one number, e = c·C̄ + z·D̄ + Ā: ᾱ = T (e − S), S ← α e + (1−α) S, where
+//! S starts at b·C̄. S is the cotangent of everything behind the splat, so there is no division by a small
+//! number. With P = ᾱ α, the sums of P, P w1, P w2, P w1², P w1 w2, P w2², T α C̄, T α D̄ over the pixels
+//! form the record, and ō = ΣP/o, k̄1 = −ΣPw1²/k1, k̄2 = −ΣPw2²/k2, s̄ = (k2/k1) ΣPw1w2,
 //! ū_p = k1 ΣPw1 − s k2 ΣPw2, ū_q = k2 ΣPw2.
 //!
 //! Twin: `reference::splat::blend`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::scene::profile::Profile;
+//! use lastlight::splat::blend::{In, Out, Saved, forward};
+//! use lastlight::splat::plan::{Grid, Splat, build};
+//! use lastlight::splat::project::cut_radius;
+//! let (profile, grid) = (Profile::EXACT, Grid { width: 1, height: 1, tile: 16 });
+//! let cut = cut_radius(0.5, profile.alpha_min);
+//! let red = Splat::new([0.5, 0.5], [0.0, 1.0, 1.0], 0, 1.0, 0.5, [1.0, 0.0, 0.0], cut);
+//! let green = Splat { z: 2.0, color: [0.0, 1.0, 0.0], ..red };
+//! let splats = [green, red];
+//! let plan = build(&splats, 1, &grid, &profile, true);
+//! let background = [0.0, 0.0, 1.0];
+//! let x = In {
+//!     splats: &splats,
+//!     n: 2,
+//!     plan: &plan,
+//!     grid,
+//!     profile: &profile,
+//!     background,
+//!     cull: true,
+//!     frozen: None,
+//! };
+//! let (mut out, mut saved) = (Out::default(), Saved::default());
+//! forward(&x, &mut out, &mut saved);
+//! // α = ½ for both: the weights are ½ for red (z = 1), ¼ for green (z = 2) and ¼ for the background
+//! assert_eq!(out.image, [0.5, 0.25, 0.25]);
+//! assert_eq!((out.alpha[0], out.depth[0]), (0.75, 1.0)); // 1 − ¼ and ½·1 + ¼·2
+//! ```
 
 mod alpha;
 mod column;
@@ -59,75 +96,76 @@ use walk::{RecordSums, tile_adjoint, tile_forward};
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (C, N) projected splats.
+    /// Projected splats, shape (C, N).
     pub splats: &'a [Splat],
-    /// N, the number of Gaussians.
+    /// Number of Gaussians, N.
     pub n: usize,
-    /// Order and tile lists of these splats.
+    /// Depth order and tile lists of these splats.
     pub plan: &'a Plan,
     /// Image size, and the tiles of the plan.
     pub grid: Grid,
-    /// Constants of the semantics.
+    /// Profile with the constants of the renderer.
     pub profile: &'a Profile,
-    /// (3) b, sRGB-encoded.
+    /// Background b, shape (3), sRGB-encoded.
     pub background: [f32; 3],
-    /// Whether rows are skipped by exact ellipses; no result depends on it.
+    /// Whether rows are skipped by exact ellipses; this affects no result.
     pub cull: bool,
-    /// Stored decisions to follow instead of making them; tiles of 16 only.
+    /// Stored decisions that replace new ones; they require tiles of side 16.
     pub frozen: Option<FrozenMasks<'a>>,
 }
 
 /// Images of C cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Out {
-    /// (C, H, W, 3)
+    /// Shape (C, H, W, 3).
     pub image: Vec<f32>,
-    /// (C, H, W)
+    /// Shape (C, H, W).
     pub alpha: Vec<f32>,
-    /// (C, H, W)
+    /// Shape (C, H, W).
     pub depth: Vec<f32>,
 }
 
-/// Cotangents of [`Out`]; `None` is zero.
+/// Cotangents of [`Out`]; `None` means zero.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OutBar<'a> {
-    /// (C, H, W, 3)
+    /// Shape (C, H, W, 3).
     pub image: Option<&'a [f32]>,
-    /// (C, H, W)
+    /// Shape (C, H, W).
     pub alpha: Option<&'a [f32]>,
-    /// (C, H, W)
+    /// Shape (C, H, W).
     pub depth: Option<&'a [f32]>,
 }
 
-/// What the adjoint needs of every pixel.
+/// Per-pixel values that the adjoint needs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Saved {
-    /// (C, H, W) transmittance behind the last splat.
+    /// Transmittance behind the last splat, shape (C, H, W).
     pub final_t: Vec<f32>,
-    /// (C, H, W) index in the tile's list of the last splat included, −1 = none. Exact in f32 below 2²⁴.
+    /// Index of the last included splat in the tile's list, shape (C, H, W), −1 = none. It is exact in f32
+    /// below 2²⁴.
     pub last_index: Vec<f32>,
-    /// (E) rows that were walked, one bit each, left and right half of a 16×16 tile: outside of them the splat is
-    /// included nowhere. Empty for other tile sides.
+    /// Rows that were processed, shape (E), one bit each, for the left and right half of a 16×16 tile; in
+    /// other rows the splat is not included. Empty for other tile sides.
     pub rows: Vec<[u16; 2]>,
 }
 
 impl<'a> In<'a> {
-    /// Pixels of one image.
+    /// Returns the number of pixels of one image.
     fn pixels(&self) -> usize {
         self.grid.width * self.grid.height
     }
 
-    /// Entries of the list of tile `at` of all C·TY·TX.
+    /// Returns the range of entries of tile `at` of all C·TY·TX.
     fn entries(&self, at: usize) -> Range<usize> {
         self.plan.tile_start[at] as usize..self.plan.tile_start[at + 1] as usize
     }
 
-    /// Camera of tile `at`.
+    /// Returns the camera of tile `at`.
     fn camera(&self, at: usize) -> usize {
         at / self.grid.tiles()
     }
 
-    /// Inputs of tile `at`.
+    /// Returns the inputs of tile `at`.
     fn tile(&self, at: usize) -> TileIn<'a> {
         let (camera, entries) = (self.camera(at), self.entries(at));
         TileIn {
@@ -140,18 +178,18 @@ impl<'a> In<'a> {
         }
     }
 
-    /// The vectors of a 16×16 tile from an array (C, H, W).
+    /// Returns the vectors of a 16×16 tile from an array (C, H, W).
     fn load(&self, array: &[f32], at: usize, tile: &Tile, outside: f32) -> [f32x8; VECTORS] {
         let (camera, pixels) = (self.camera(at), self.pixels());
         load_plane::<2, VECTORS>(&array[camera * pixels..(camera + 1) * pixels], tile, &self.grid, outside)
     }
 }
 
-/// Blends C images; `out` and `saved` are resized to fit.
+/// Renders C images; `out` and `saved` are resized as required.
 pub fn forward(x: &In<'_>, out: &mut Out, saved: &mut Saved) {
     let cameras = x.plan.camera_start.len() - 1;
-    assert!(x.frozen.is_none() || x.grid.tile == 16, "stored masks are those of 16x16 tiles");
-    assert_eq!(x.splats.len(), cameras * x.n, "splats are (C, N)");
+    assert!(x.frozen.is_none() || x.grid.tile == 16, "stored masks require tiles of side 16");
+    assert_eq!(x.splats.len(), cameras * x.n, "splats have the shape (C, N)");
     out.image.resize(cameras * x.pixels() * 3, 0.0);
     for plane in [&mut out.alpha, &mut out.depth, &mut saved.final_t, &mut saved.last_index] {
         plane.resize(cameras * x.pixels(), 0.0);
@@ -179,23 +217,23 @@ pub fn forward(x: &In<'_>, out: &mut Out, saved: &mut Saved) {
     });
 }
 
-/// One band of tiles in every output.
+/// One row of tiles in every output.
 struct Band<'a> {
     image: &'a mut [f32],
     alpha: &'a mut [f32],
     depth: &'a mut [f32],
     final_t: &'a mut [f32],
     last_index: &'a mut [f32],
-    /// of the entries of each tile
+    /// Rows of the entries of each tile.
     rows: Vec<&'a mut [[u16; 2]]>,
 }
 
-/// Cuts the outputs into bands, camera by camera.
+/// Splits the outputs into rows of tiles, camera by camera.
 fn bands<'a>(x: &In<'_>, out: &'a mut Out, saved: &'a mut Saved) -> Vec<Band<'a>> {
     let (pixels, row) = (x.pixels(), x.grid.width * x.grid.tile);
     let mut rows = split_entries(x.plan, &mut saved.rows).into_iter();
     let mut bands = Vec::new();
-    // bands restart with every camera, so chunk the images one by one
+    // The rows of tiles restart with every camera, so the images are split one by one.
     let images = out
         .image
         .chunks_mut(pixels * 3)
@@ -215,7 +253,7 @@ fn bands<'a>(x: &In<'_>, out: &'a mut Out, saved: &'a mut Saved) -> Vec<Band<'a>
 }
 
 impl Band<'_> {
-    /// Writes the finished vectors of a tile; `width` is that of the image.
+    /// Writes the completed vectors of a tile; `width` is that of the image.
     fn store(&mut self, tile: &Tile, lines: &[[f32x8; 6]], width: usize) {
         let h_count = lines.len() / tile.side;
         for r in 0..tile.rows {
@@ -234,9 +272,10 @@ impl Band<'_> {
     }
 }
 
-/// Walks C images back to front: one record per entry into `records`, and the gradient of the background.
+/// Traverses C images back to front: writes one record per entry to `records` and returns the gradient of the
+/// background.
 ///
-/// Tiles of 16 only. `absgrad` also fills the sums of |ū|.
+/// Requires tiles of side 16. `absgrad` also computes the sums of |ū|.
 pub fn adjoint(
     x: &In<'_>,
     saved: &Saved,
@@ -244,7 +283,7 @@ pub fn adjoint(
     absgrad: bool,
     records: &mut Vec<Record>,
 ) -> [f32; 3] {
-    assert_eq!(x.grid.tile, 16, "gradient records are those of 16x16 tiles");
+    assert_eq!(x.grid.tile, 16, "gradients require tiles of side 16");
     records.resize(x.plan.tile_entry.len(), [0.0; RECORD]);
     let sums = RecordSums { depth: out_bar.depth.is_some() || out_bar.alpha.is_some(), abs: absgrad };
     par::each(split_entries(x.plan, records), |at, part| {
@@ -255,7 +294,7 @@ pub fn adjoint(
     background_adjoint(saved, out_bar.image)
 }
 
-/// The state of tile `at` behind its last splats: T_end, and S = b·C̄.
+/// Returns the state of tile `at` behind its last splats: T_end, and S = b·C̄.
 fn adjoint_state(x: &In<'_>, at: usize, tile: &Tile, saved: &Saved, out_bar: OutBar<'_>) -> AdjointState {
     let (camera, pixels) = (x.camera(at), x.pixels());
     let b = x.background.map(f32x8::splat);
@@ -276,7 +315,7 @@ fn adjoint_state(x: &In<'_>, at: usize, tile: &Tile, saved: &Saved, out_bar: Out
     }
 }
 
-/// b̄ = Σ T_end C̄: rows of 4096 pixels in f64, a left fold each, then the pairwise tree.
+/// Returns b̄ = Σ T_end C̄: blocks of 4096 pixels in f64, a left fold each, then the pairwise tree.
 fn background_adjoint(saved: &Saved, image_bar: Option<&[f32]>) -> [f32; 3] {
     const RUN: usize = 4096;
     let Some(image) = image_bar else { return [0.0; 3] };

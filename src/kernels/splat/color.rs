@@ -1,4 +1,4 @@
-//! View-dependent colour of a Gaussian from spherical harmonics.
+//! `splat.color`: view-dependent colour of a Gaussian from spherical harmonics.
 //!
 //! c = max(0, ½ + Σₖ Yₖ(d) shₖ),   d = (μ − o) / ‖μ − o‖,   o = −Rᵀt           (3DGS 2023, §4)
 //!
@@ -10,17 +10,31 @@
 //! | c | `colors` | (N, 3) | sRGB-encoded, ≥ 0, not capped |
 //!
 //! # Rounding
-//! ‖μ−o‖² a left fold; d by division; the sum a left fold over k ascending from k = 0, product then sum; ½ added last.
+//! ‖μ−o‖² is a left fold; d is computed by division; the sum is a left fold over k ascending from k = 0,
+//! product then sum; ½ is added last.
 //!
 //! # Kinks and domain
-//! Where ½ + Σ < 0 the colour is 0 and so is its gradient; at equality the unclamped branch is taken (the mask in
-//! the plan decides). μ = o has no direction: d = 0 there, with zero gradient, so only band 0 contributes.
-//! Coefficients above `degree` get exactly zero gradient.
+//! Where ½ + Σ < 0, the colour and its gradient are 0; at equality the unclamped branch is taken (the mask in
+//! the plan stores the decision). μ = o has no direction: d = 0 there, with zero gradient, so only band 0
+//! contributes. Coefficients above `degree` have exactly zero gradient.
 //!
 //! # Adjoint
-//! sh̄ₖ = Yₖ c̄; d̄ = Σₖ ∂Yₖ/∂d (shₖ·c̄); μ̄ = (d̄ − d (d·d̄)) / ‖μ − o‖. Recomputes d and Y; the floor is in the plan.
+//! sh̄ₖ = Yₖ c̄; d̄ = Σₖ ∂Yₖ/∂d (shₖ·c̄); μ̄ = (d̄ − d (d·d̄)) / ‖μ − o‖. d and Y are recomputed; the clamp
+//! is in the plan.
 //!
 //! Twin: `reference::splat::color`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::math::sh::C0;
+//! use lastlight::splat::color::{Sh, forward};
+//! let sh = Sh { values: &[1.0, 0.0, -2.0], coefficients: 1, degree: 0 };
+//! let (mut colors, mut mask) = ([[0.0; 3]], [[0; 3]]);
+//! forward(&[[0.0, 0.0, 4.0]], sh, [0.0; 3], None, &mut colors, &mut mask);
+//! assert_eq!(colors, [[C0 + 0.5, 0.5, 0.0]]); // ½ + Y₀, ½, and ½ − 2·Y₀ < 0, which is clamped
+//! assert_eq!(mask, [[1, 1, 0]]);
+//! ```
 
 use super::covariance::{gather, scatter, scatter_add};
 use crate::math::sh::{basis, basis_adjoint};
@@ -29,16 +43,16 @@ use crate::num::lanes::{Real, f32x8};
 /// Spherical-harmonics coefficients of N Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub struct Sh<'a> {
-    /// (N, K, 3) row-major
+    /// Coefficients, shape (N, K, 3), row-major.
     pub values: &'a [f32],
-    /// K
+    /// Number of coefficients, K.
     pub coefficients: usize,
-    /// Bands 0..=degree are used.
+    /// Degree of the expansion; bands 0..=degree are used.
     pub degree: usize,
 }
 
 impl<'a> Sh<'a> {
-    /// The rows `from..to`.
+    /// Returns the rows `from..to`.
     #[must_use]
     pub fn rows(self, from: usize, to: usize) -> Self {
         let w = 3 * self.coefficients;
@@ -49,7 +63,7 @@ impl<'a> Sh<'a> {
         (self.degree + 1) * (self.degree + 1)
     }
 
-    /// Coefficient `k`, channel `c` of eight consecutive rows; rows past the end repeat the last one.
+    /// Returns coefficient `k`, channel `c` of eight consecutive rows; rows past the end repeat the last one.
     #[inline(always)]
     fn gather(self, at: usize, n: usize, k: usize, c: usize) -> f32x8 {
         f32x8::from_fn(|l| {
@@ -58,7 +72,7 @@ impl<'a> Sh<'a> {
     }
 }
 
-/// Unit direction from the camera centre and 1/‖μ−o‖ (both 0 at the centre itself).
+/// Returns the unit direction from the camera centre and 1/‖μ−o‖ (both 0 at the centre itself).
 #[inline(always)]
 fn direction(mean: [f32x8; 3], center: [f32; 3]) -> ([f32x8; 3], f32x8) {
     let v: [f32x8; 3] = std::array::from_fn(|i| mean[i] - f32x8::splat(center[i]));
@@ -69,7 +83,8 @@ fn direction(mean: [f32x8; 3], center: [f32; 3]) -> ([f32x8; 3], f32x8) {
     (v.map(|x| x / safe), Real::select(there, f32x8::splat(1.0) / safe, zero))
 }
 
-/// `colors` (N, 3) and the floor mask (N, 3; 1 = unclamped). `frozen` replaces the comparison by a stored mask.
+/// Computes `colors` (N, 3) and the clamp mask (N, 3; 1 = unclamped). `frozen` replaces the comparison by a
+/// stored mask.
 pub fn forward(
     means: &[[f32; 3]],
     sh: Sh<'_>,
@@ -102,7 +117,7 @@ pub fn forward(
     }
 }
 
-/// Adds into `means_bar` (N, 3) and `sh_bar` (N, K, 3).
+/// Adds the gradients to `means_bar` (N, 3) and `sh_bar` (N, K, 3).
 pub fn adjoint(
     means: &[[f32; 3]],
     sh: Sh<'_>,
@@ -118,14 +133,14 @@ pub fn adjoint(
     for at in (0..n).step_by(8) {
         let (d, inv_len) = direction(gather(means, at), center);
         let y = basis(sh.degree, d);
-        // undo c = max(0, raw)
+        // Adjoint of c = max(0, raw).
         let g: [f32x8; 3] = std::array::from_fn(|c| {
             f32x8::from_fn(|l| {
                 let r = Ord::min(at + l, n - 1);
                 if mask[r][c] == 1 { colors_bar[r][c] } else { 0.0 }
             })
         });
-        // undo raw = ½ + Σ y_k sh_k
+        // Adjoint of raw = ½ + Σ y_k sh_k.
         let mut y_bar = [zero; 16];
         for k in 0..used {
             let s: [f32x8; 3] = std::array::from_fn(|c| sh.gather(at, n, k, c));
@@ -141,7 +156,7 @@ pub fn adjoint(
                 }
             }
         }
-        // undo d = v / ‖v‖
+        // Adjoint of d = v / ‖v‖.
         let d_bar = basis_adjoint(sh.degree, d, &y_bar);
         let radial = (d[0] * d_bar[0] + d[1] * d_bar[1]) + d[2] * d_bar[2];
         scatter_add(means_bar, at, std::array::from_fn(|i| (d_bar[i] - d[i] * radial) * inv_len));

@@ -1,4 +1,4 @@
-//! The factor of a Gaussian's covariance from rotation and scales.
+//! `splat.covariance`: the factor of a Gaussian's covariance from rotation and scales.
 //!
 //! Σ = R S Sᵀ Rᵀ = F Fᵀ,   F = R·S: column j of F is column j of R times s_j          (3DGS 2023, eq. 6)
 //!
@@ -8,31 +8,43 @@
 //! | s | `scales` | (N, 3) | standard deviations, scene units, ≥ 0 |
 //! | F | `factors` | (N, 3, 3) | scene units |
 //!
-//! Everything downstream takes F and never Σ: the product F Fᵀ loses the small axes of a needle.
+//! All later stages use F and never Σ, because the product F Fᵀ loses the small axes of a needle.
 //!
 //! # Rounding
-//! R as in [`crate::math::quat`]; one product per entry.
+//! R rounds as in [`crate::math::quat`]; there is one product per entry.
 //!
 //! # Kinks and domain
-//! ‖q‖ = 0 is refused before it gets here. A zero scale is legal: F loses rank, the blur keeps the splat visible.
+//! Scenes with ‖q‖ = 0 are refused on input. A zero scale is valid: F loses rank, and the blur keeps the
+//! splat visible.
 //!
 //! # Adjoint
-//! R̄ᵢⱼ = F̄ᵢⱼ sⱼ, s̄ⱼ = Σᵢ F̄ᵢⱼ Rᵢⱼ, then [`crate::math::quat::rotation_adjoint`]. Recomputes R; saves nothing.
+//! R̄ᵢⱼ = F̄ᵢⱼ sⱼ, s̄ⱼ = Σᵢ F̄ᵢⱼ Rᵢⱼ, then [`crate::math::quat::rotation_adjoint`]. R is recomputed; nothing
+//! is saved.
 //!
 //! Twin: `reference::splat::covariance`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::splat::covariance::forward;
+//! // half a turn about z, R = diag(−1, −1, 1); the length of the quaternion has no influence
+//! let mut factors = [[0.0; 9]];
+//! forward(&[[0.0, 0.0, 0.0, 2.0]], &[[1.0, 2.0, 3.0]], &mut factors);
+//! assert_eq!(factors, [[-1.0, 0.0, 0.0, 0.0, -2.0, 0.0, 0.0, 0.0, 3.0]]);
+//! ```
 
 use crate::math::quat;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::par;
 
-/// F of one quaternion and three scales, row-major.
+/// Returns F of one quaternion and three scales, row-major.
 #[inline(always)]
 pub fn factor<L: Real>(q: [L; 4], s: [L; 3]) -> [L; 9] {
     let r = quat::rotation(q);
     std::array::from_fn(|e| r[e] * s[e % 3])
 }
 
-/// (q̄, s̄) from F̄.
+/// Returns (q̄, s̄) for the cotangent F̄.
 #[inline(always)]
 pub fn factor_adjoint<L: Real>(q: [L; 4], s: [L; 3], f_bar: [L; 9]) -> ([L; 4], [L; 3]) {
     let r = quat::rotation(q);
@@ -42,7 +54,8 @@ pub fn factor_adjoint<L: Real>(q: [L; 4], s: [L; 3], f_bar: [L; 9]) -> ([L; 4], 
     (quat::rotation_adjoint(q, r_bar), s_bar)
 }
 
-/// `M` numbers of lane-many consecutive rows, transposed; rows past the end repeat the last one.
+/// Returns `M` numbers of consecutive rows, one row per lane, transposed; rows past the end repeat the last
+/// one.
 #[inline(always)]
 pub(crate) fn gather<const M: usize>(rows: &[[f32; M]], at: usize) -> [f32x8; M] {
     let last = rows.len() - 1;
@@ -50,7 +63,7 @@ pub(crate) fn gather<const M: usize>(rows: &[[f32; M]], at: usize) -> [f32x8; M]
     std::array::from_fn(|m| f32x8::from_fn(|l| pick[l][m]))
 }
 
-/// Adds lanes into consecutive rows; lanes past the end are dropped.
+/// Adds lanes to consecutive rows; lanes past the end are dropped.
 #[inline(always)]
 pub(crate) fn scatter_add<const M: usize>(rows: &mut [[f32; M]], at: usize, values: [f32x8; M]) {
     let lanes = values.map(f32x8::to_array);
@@ -61,7 +74,7 @@ pub(crate) fn scatter_add<const M: usize>(rows: &mut [[f32; M]], at: usize, valu
     }
 }
 
-/// Writes lanes into consecutive rows; lanes past the end are dropped.
+/// Writes lanes to consecutive rows; lanes past the end are dropped.
 #[inline(always)]
 pub(crate) fn scatter<const M: usize>(rows: &mut [[f32; M]], at: usize, values: [f32x8; M]) {
     let lanes = values.map(f32x8::to_array);
@@ -70,14 +83,14 @@ pub(crate) fn scatter<const M: usize>(rows: &mut [[f32; M]], at: usize, values: 
     }
 }
 
-/// Rows handed to one task; a multiple of the lane count. Changes no bit: rows are independent.
+/// Rows per task, a multiple of the lane count. It changes no bit, because rows are independent.
 const CHUNK: usize = 1024;
 
-/// `factors` (N, 3, 3) of `quats` (N, 4) and `scales` (N, 3).
+/// Computes `factors` (N, 3, 3) from `quats` (N, 4) and `scales` (N, 3).
 pub fn forward(quats: &[[f32; 4]], scales: &[[f32; 3]], factors: &mut [[f32; 9]]) {
     assert!(
         quats.len() == scales.len() && scales.len() == factors.len(),
-        "quats, scales, factors have N rows"
+        "quats, scales and factors have N rows"
     );
     par::chunks_mut(factors, CHUNK, |c, out| {
         let base = c * CHUNK;
@@ -93,7 +106,7 @@ pub(crate) fn forward_rows(quats: &[[f32; 4]], scales: &[[f32; 3]], factors: &mu
     }
 }
 
-/// Adds into `quats_bar` (N, 4) and `scales_bar` (N, 3).
+/// Adds the gradients to `quats_bar` (N, 4) and `scales_bar` (N, 3).
 pub fn adjoint(
     quats: &[[f32; 4]],
     scales: &[[f32; 3]],
@@ -103,7 +116,7 @@ pub fn adjoint(
 ) {
     assert!(
         quats.len() == factors_bar.len() && scales.len() == quats.len(),
-        "quats, scales, factors_bar have N rows"
+        "quats, scales and factors_bar have N rows"
     );
     assert!(quats_bar.len() == quats.len() && scales_bar.len() == quats.len(), "gradients have N rows");
     par::chunks_mut2(quats_bar, CHUNK, scales_bar, CHUNK, |c, q_bar, s_bar| {

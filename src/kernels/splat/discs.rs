@@ -1,46 +1,50 @@
-//! Points as discs in a depth buffer: a second, simple renderer of clouds, independent of the Gaussians.
+//! A simple renderer of point clouds as discs with a depth buffer, independent of the Gaussian renderer.
 //!
-//! Disc p is the set of picture places (x, y) with (x − c_x)²/r_x² + (y − c_y)²/r_y² ≤ 1, where (c_x, c_y) is the projected centre and
-//! r_x = f_x r/z, r_y = f_y r/z. Every pixel has 4 × 4 places at ((i + ½)/4, (j + ½)/4); each shows the nearest disc over it, ordered by
-//! (z, index), or the background. A pixel is the mean of its places.
+//! Disc p is the set of image positions (x, y) with (x − c_x)²/r_x² + (y − c_y)²/r_y² ≤ 1, where (c_x, c_y)
+//! is the projected centre and r_x = f_x r/z, r_y = f_y r/z. Every pixel has 4 × 4 samples at
+//! ((i + ½)/4, (j + ½)/4); each takes the nearest disc that covers it, ordered by (z, index), or the background. A pixel is
+//! the mean of its samples.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
 //! | – | `points` | (P, 3) | scene units |
 //! | r | `radii` | (P) | scene units, ≥ 0 |
-//! | – | `rgb` | (P, 3) | sRGB-encoded, averaged as it is |
+//! | – | `rgb` | (P, 3) | sRGB-encoded; averaged in this encoding |
 //! | – | `background` | (3) | sRGB-encoded |
-//! | → | `image`, `alpha` | (H, W, 3), (H, W) | alpha = covered places / 16 |
+//! | → | `image`, `alpha` | (H, W, 3), (H, W) | alpha = covered samples / 16 |
 //!
 //! # Rounding
-//! f32: x_view = ((R₀x + R₁y) + R₂z) + t; the sum over a pixel's places is a left fold in row order, then one product with 1/16.
+//! All values are f32: x_view = ((R₀x + R₁y) + R₂z) + t; the sum over a pixel's samples is a left fold in row
+//! order, followed by one product with 1/16.
 //!
 //! # Kinks and domain
-//! Discs without extent, or with z outside [`RANGE`], are not drawn. Not differentiable; there is no adjoint. Pinhole cameras only.
+//! Discs without extent, or with z outside [`RANGE`], are not drawn. The image is not differentiable; there
+//! is no adjoint. Only pinhole cameras are supported.
 
 use crate::num::order;
 use crate::scene::camera::{Camera, Model};
 use crate::{Error, Result};
 
-/// Places per pixel and axis.
+/// Samples per pixel and axis.
 pub const SUPERSAMPLING: usize = 4;
 
-/// Smallest and largest z that is drawn, scene units.
+/// Smallest and largest z at which discs are drawn, scene units.
 pub const RANGE: [f32; 2] = [0.01, 1e10];
 
 /// An image of discs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// (H, W, 3) sRGB-encoded
+    /// Image, shape (H, W, 3), sRGB-encoded.
     pub image: Vec<[f32; 3]>,
-    /// (H, W) share of the pixel that discs cover
+    /// Fraction of each pixel that discs cover, shape (H, W).
     pub alpha: Vec<f32>,
 }
 
-/// Renders discs on one thread: images are small and made many at a time.
+/// Renders discs on one thread; callers render many small images in parallel.
 ///
 /// # Errors
-/// When the camera is not valid or no pinhole, the lengths differ, or a number is not finite.
+/// Returns an error if the camera is not valid or not a pinhole camera, if the lengths differ, or if a number
+/// is not finite.
 pub fn render(
     points: &[[f32; 3]],
     radii: &[f32],
@@ -75,7 +79,7 @@ fn check_finite(name: &str, x: &[f32]) -> Result<()> {
     }
 }
 
-/// (4H, 4W) depth and index of the nearest disc over each place; ∞ and `u32::MAX` where there is none.
+/// Returns depth and index (4H, 4W) of the nearest disc at each sample; ∞ and `u32::MAX` if there is none.
 fn nearest(points: &[[f32; 3]], radii: &[f32], camera: &Camera) -> Vec<(f32, u32)> {
     let (w, h) = (SUPERSAMPLING * camera.width, SUPERSAMPLING * camera.height);
     let mut buffer = vec![(f32::INFINITY, u32::MAX); w * h];
@@ -89,7 +93,7 @@ fn nearest(points: &[[f32; 3]], radii: &[f32], camera: &Camera) -> Vec<(f32, u32
             continue;
         }
         let scale = SUPERSAMPLING as f32;
-        // In places: place i is at i + ½.
+        // In units of samples, sample i is at i + ½.
         let axis = |v: f32, k: usize| {
             let focal = scale * camera.focal_px[k];
             (focal * (v / z) + scale * camera.center_px[k], focal * (radius / z))
@@ -105,7 +109,7 @@ fn nearest(points: &[[f32; 3]], radii: &[f32], camera: &Camera) -> Vec<(f32, u32
             for column in span(cx, rx, w) {
                 let dx = (column as f32 + 0.5 - cx) / rx;
                 let slot = &mut buffer[row * w + column];
-                // Points come in index order, so an equal depth keeps the lower index.
+                // Points are processed in index order, so an equal depth keeps the lower index.
                 if dx * dx + dy * dy <= 1.0 && z < slot.0 {
                     *slot = (z, p as u32);
                 }
@@ -115,7 +119,7 @@ fn nearest(points: &[[f32; 3]], radii: &[f32], camera: &Camera) -> Vec<(f32, u32
     buffer
 }
 
-/// The mean of each pixel's places.
+/// Returns the mean of each pixel's samples.
 fn average(nearest: &[(f32, u32)], rgb: &[[f32; 3]], camera: &Camera, background: [f32; 3]) -> Picture {
     let (w, pixels) = (SUPERSAMPLING * camera.width, camera.width * camera.height);
     let mut picture = Picture { image: Vec::with_capacity(pixels), alpha: Vec::with_capacity(pixels) };
@@ -152,15 +156,16 @@ mod tests {
         // A red disc of radius 4 px behind two of 1 px, which lie at equal depth around (4, 4).
         let points = [[0.0, 0.0, 4.0], [0.0, 0.0, 2.0], [0.0, 0.0, 2.0]];
         let rgb = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let p = render(&points, &[2.0, 0.25, 0.25], &rgb, &camera(), [0.0; 3]).expect("a picture");
-        // Of the places (i + ½)/4 of a pixel, 13 of 16 are within 1 px of its corner: all but those with i + j > 4.
+        let p = render(&points, &[2.0, 0.25, 0.25], &rgb, &camera(), [0.0; 3]).expect("an image");
+        // Of the samples (i + ½)/4 of a pixel, 13 of 16 are within 1 px of its corner: all but those with i +
+        // j > 4.
         assert_eq!(
             p.image[3 * 8 + 3],
             [3.0 / 16.0, 13.0 / 16.0, 0.0],
             "green before red, the lower index before blue"
         );
         assert_eq!((p.alpha[3 * 8 + 3], p.alpha[0]), (1.0, 0.0), "inside and far outside");
-        let none = render(&points, &[0.0; 3], &rgb, &camera(), [0.5; 3]).expect("a picture");
+        let none = render(&points, &[0.0; 3], &rgb, &camera(), [0.5; 3]).expect("an image");
         assert!(none.image.iter().all(|c| *c == [0.5; 3]), "discs without extent are not drawn");
     }
 

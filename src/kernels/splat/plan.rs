@@ -1,22 +1,24 @@
-//! Everything discrete about one rendering, decided once and stored: order, tile lists, emission slots.
+//! The discrete decisions of a rendering, made once and stored: order, tile lists, emission slots.
 //!
-//! A **pair** is a Gaussian listed in a tile. Pairs are emitted camera by camera, in Gaussian order, inside a Gaussian by
-//! tile row-major: the running number is the pair's **slot**, where its gradient record is summed in order. Tile lists
-//! hold the same pairs sorted by (tile, z, index): the running number there is the pair's **entry**.
+//! A **pair** is a Gaussian listed in a tile. Pairs are emitted camera by camera, in Gaussian order, and for
+//! each Gaussian by tile in row-major order. The index in this order is the pair's **slot**, the position in
+//! which its gradient record is summed. Tile lists contain the same pairs sorted by (tile, z, index); the
+//! index in that order is the pair's **entry**.
 //!
 //! ```text
 //! order         (V)       visible Gaussians of each camera by (z, index); camera_start (C+1) bounds them
 //! tile_start    (C·TY·TX+1) bounds of each tile's list;  tile_entry (E) Gaussian index
-//! entry_of_slot (E)       where a slot's pair ended up;   slot_start (C·N+1) bounds of each Gaussian's slots
+//! entry_of_slot (E)       entry of each slot's pair;   slot_start (C·N+1) bounds of each Gaussian's slots
 //! ```
 //!
 //! # Footprint
-//! A pixel belongs to a splat iff α ≥ α_min, which `blend` tests. Tile lists and row spans only skip what that test would
-//! reject: they use the ellipse of Mahalanobis radius `cut` inflated by more than every rounding error of the exponent
-//! (1e-3 plus 1e-6 of the splat's extent in its narrow unit). Profile `inria` lists the tiles of its 3σ square instead.
+//! A pixel belongs to a splat if and only if α ≥ α_min, which `blend` tests. Tile lists and row spans only
+//! skip pixels that this test would reject: they use the ellipse of Mahalanobis radius `cut`, enlarged by
+//! more than every rounding error of the exponent (1e-3 plus 1e-6 of the splat's extent in its narrow unit).
+//! Profile `inria` lists the tiles of its 3σ square instead.
 //!
 //! # Rounding
-//! Integers throughout, but for the ellipse bounds, which decide nothing that can be seen.
+//! All values are integers except the ellipse bounds, which affect no result.
 
 mod sort;
 mod splat;
@@ -32,24 +34,24 @@ use std::sync::atomic::{AtomicU32, Ordering};
 /// Image size and tile grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Grid {
-    /// pixels
+    /// Width in pixels.
     pub width: usize,
-    /// pixels
+    /// Height in pixels.
     pub height: usize,
-    /// tile side, pixels
+    /// Side of a tile in pixels.
     pub tile: usize,
 }
 
 impl Grid {
-    /// Tiles per row.
+    /// Returns the number of tiles per row.
     pub fn tiles_x(&self) -> usize {
         self.width.div_ceil(self.tile)
     }
-    /// Rows of tiles.
+    /// Returns the number of rows of tiles.
     pub fn tiles_y(&self) -> usize {
         self.height.div_ceil(self.tile)
     }
-    /// Tiles of one image.
+    /// Returns the number of tiles of one image.
     pub fn tiles(&self) -> usize {
         self.tiles_x() * self.tiles_y()
     }
@@ -58,22 +60,22 @@ impl Grid {
 /// Discrete decisions of one rendering of C cameras.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
-    /// (V) visible Gaussians by (z, index), cameras concatenated.
+    /// Visible Gaussians by (z, index), shape (V), cameras concatenated.
     pub order: Vec<u32>,
-    /// (C+1)
+    /// Bounds of each camera in `order`, shape (C+1).
     pub camera_start: Vec<u32>,
-    /// (C·TY·TX+1)
+    /// Bounds of each tile's list, shape (C·TY·TX+1).
     pub tile_start: Vec<u32>,
-    /// (E) Gaussian of each entry.
+    /// Gaussian of each entry, shape (E).
     pub tile_entry: Vec<u32>,
-    /// (C·N+1) first slot of each Gaussian in each camera.
+    /// First slot of each Gaussian in each camera, shape (C·N+1).
     pub slot_start: Vec<u32>,
-    /// (E) entry of each slot.
+    /// Entry of each slot, shape (E).
     pub entry_of_slot: Vec<u32>,
 }
 
 impl Plan {
-    /// (E) slot of each entry: the inverse of `entry_of_slot`.
+    /// Returns the slot of each entry (E), the inverse of `entry_of_slot`.
     pub fn entry_slot(&self) -> Vec<u32> {
         let mut out = vec![0; self.entry_of_slot.len()];
         for (slot, &entry) in self.entry_of_slot.iter().enumerate() {
@@ -83,12 +85,12 @@ impl Plan {
     }
 }
 
-/// Gaussians per task; fixed.
+/// Gaussians per task, a fixed number.
 const CHUNK: usize = 1024;
-/// Segments of the depth order that fill tile lists side by side; fixed.
+/// Number of segments of the depth order that fill tile lists in parallel, a fixed number.
 const SEGMENTS: usize = 16;
 
-/// Tiles of one Gaussian, row-major, pushed onto `tiles`.
+/// Appends the tiles of one Gaussian, in row-major order, to `tiles`.
 fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut Vec<u32>) {
     let (tx, ty) = (grid.tiles_x() as i32, grid.tiles_y() as i32);
     if !(s.bounds.r2 >= 0.0) && profile.footprint == Footprint::Alpha {
@@ -97,14 +99,14 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
     let e = Ellipse::new(s.shape, s.axis as u8);
     let side = grid.tile as f32;
     let [mx, my] = s.mean_px;
-    // tiles whose pixel centres (first at ½, last at side − ½) meet the interval [lo, hi]
+    // Tiles whose pixel centres (first at ½, last at side − ½) overlap the interval [lo, hi].
     let first = |lo: f32| order::clamp(((lo - (side - 0.5)) / side).ceil(), 0.0, 1e6) as i32;
     let last =
         |hi: f32, n: i32| order::min(order::clamp(((hi - 0.5) / side).floor(), -1.0, 1e6) as i32, n - 1);
     match profile.footprint {
         Footprint::Inria3Sigma => {
-            // that program's rectangle: its pixel positions are ours minus ½, its tiles always 16 wide, its
-            // upper bound rounded up by a whole tile
+            // The rectangle of that program: its pixel positions are these minus ½, its tiles always 16 wide,
+            // and its upper bound is rounded up by a complete tile.
             let r = e.inria_radius() as f32;
             let bound = |v: f32, n: i32| order::clamp((v / 16.0).trunc(), 0.0, n as f32) as i32;
             let inria_x = (grid.width as i32 + 15) / 16;
@@ -125,7 +127,7 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
             let (x_first, x_last) = (first(mx - wide), last(mx + wide, tx));
             let (y_first, y_last) = (first(my - top), last(my + top, ty));
             for y in y_first..=y_last {
-                // a box of one tile, or one row of tiles, has no corner to save
+                // A box of one tile, or of one row of tiles, has no corner tile that could be skipped.
                 let (x0, x1) = if cull && x_first < x_last && y_first < y_last {
                     let (lo, hi) = (y as f32 * side + 0.5 - my, (y as f32 + 1.0) * side - 0.5 - my);
                     let (lo, hi) = (order::max(lo, -top), order::min(hi, top));
@@ -146,7 +148,7 @@ fn list_tiles(s: &Splat, profile: &Profile, grid: &Grid, cull: bool, tiles: &mut
 
 /// Makes the plan of `cameras` images; `splats` is (C, N).
 ///
-/// `cull` chooses between exact ellipses and bounding boxes for the tile lists: never visible in the result.
+/// `cull` selects exact ellipses instead of bounding boxes for the tile lists; it affects no result.
 pub fn build(splats: &[Splat], cameras: usize, grid: &Grid, profile: &Profile, cull: bool) -> Plan {
     let n = splats.len() / cameras.max(1);
     let mut plan =
@@ -159,7 +161,7 @@ pub fn build(splats: &[Splat], cameras: usize, grid: &Grid, profile: &Profile, c
 
 fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profile, cull: bool) {
     let n = splats.len();
-    // 1. tiles of every Gaussian, in slot order
+    // 1. List the tiles of every Gaussian, in slot order.
     let chunks: Vec<(Vec<u32>, Vec<u32>)> = par::map(n.div_ceil(CHUNK), |c| {
         let rows = &splats[c * CHUNK..order::min((c + 1) * CHUNK, n)];
         let mut tiles = Vec::with_capacity(4 * rows.len());
@@ -188,9 +190,9 @@ fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profi
         let from = if g.is_multiple_of(CHUNK) { 0 } else { ends[g % CHUNK - 1] as usize };
         &tiles[from..ends[g % CHUNK] as usize]
     };
-    // 2. depth order
+    // 2. Sort by depth.
     let order = depth_order(splats);
-    // 3. how many pairs each segment of the order puts into each tile
+    // 3. Count the pairs that each segment of the order puts into each tile.
     let len = order.len().div_ceil(SEGMENTS);
     let segment = |s: usize| &order[Ord::min(s * len, order.len())..Ord::min((s + 1) * len, order.len())];
     let mut cursors: Vec<Vec<u32>> = par::map(SEGMENTS, |s| {
@@ -202,7 +204,7 @@ fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profi
         }
         count
     });
-    // 4. where each segment starts in each tile
+    // 4. Compute the start of each segment in each tile.
     let entry_base = plan.tile_entry.len() as u32;
     let mut next = 0_u32;
     for t in 0..grid.tiles() {
@@ -211,7 +213,7 @@ fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profi
         }
         plan.tile_start.push(entry_base + next);
     }
-    // 5. fill: every entry and every slot is written exactly once, so relaxed stores of integers suffice
+    // 5. Fill: every entry and every slot is written exactly once, so relaxed stores of integers suffice.
     let entries: Vec<AtomicU32> = zeroed(pairs);
     let of_slot: Vec<AtomicU32> = zeroed(pairs);
     par::each(cursors, |s, mut cursor| {
@@ -231,12 +233,12 @@ fn append_camera(plan: &mut Plan, splats: &[Splat], grid: &Grid, profile: &Profi
     plan.camera_start.push(plan.order.len() as u32);
 }
 
-/// Zeros, mapped in place: the page-wise zeroed memory of the allocator is not touched again.
+/// Returns zeros in zeroed pages of the allocator, which are not written again.
 fn zeroed(n: usize) -> Vec<AtomicU32> {
     vec![0_u32; n].into_iter().map(AtomicU32::new).collect()
 }
 
-/// Appends, without a copy where there is nothing to append to.
+/// Appends, without a copy if the target is empty.
 fn append(to: &mut Vec<u32>, from: Vec<AtomicU32>) {
     let from: Vec<u32> = from.into_iter().map(AtomicU32::into_inner).collect();
     if to.is_empty() {

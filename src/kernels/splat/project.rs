@@ -1,10 +1,10 @@
-//! Projects Gaussians into one image: where, how deep, and which ellipse.
+//! `splat.project`: projects Gaussians into one image as position, depth and ellipse.
 //!
 //! t = R μ + τ (camera axes x right, y down, z forward);   u = π(t) in pixels;   V = J R F  (2×3);
 //! Σ' = V Vᵀ + ε I                                                            (3DGS 2023, eq. 5; EWA 2001)
 //!
-//! The ellipse is not stored as the inverse of Σ' but, free of cancellation, as **shape** (s, k1, k2) along the pivot axis p
-//! (the axis of the larger diagonal entry of Σ'; a tie gives x) and the other axis q:
+//! Instead of the inverse of Σ', the ellipse is stored, free of cancellation, as **shape** (s, k1, k2) along
+//! the pivot axis p (the axis of the larger diagonal entry of Σ'; a tie gives x) and the other axis q:
 //!
 //! s = Σ'pq/Σ'pp,  k1 = 1/√Σ'pp,  k2 = √(Σ'pp/det),  det = Σ (2×2 minors of V)² + ε (a₀ + c₀ + ε),
 //! so that with d = pixel − u:  dᵀ Σ'⁻¹ d = (k1 d_p)² + (k2 (d_q − s d_p))².
@@ -15,33 +15,64 @@
 //! | F | `factors` | (N, 3, 3) | scene units, Σ = F Fᵀ |
 //! | u | `Row::mean_px` | (N, 2) | pixels, first pixel's centre at 0.5 |
 //! | t_z | `Row::z` | (N) | scene units; visible iff near ≤ z ≤ far |
-//! | s, k1, k2 | `Row::shape` | (N, 3) | 1, 1/px, 1/px; all 0 where not visible |
+//! | s, k1, k2 | `Row::shape` | (N, 3) | 1, 1/px, 1/px; all 0 if not visible |
 //! | p | `Row::axis` | (N) | 0 = x, 1 = y |
 //! | ρ | `Row::compensation` | (N) | √max(0.005², det₀/det) in antialiased mode, else 1 |
-//! | | `Row::radii` | (N, 2) | pixels; 0 where no pixel can reach α_min |
+//! | | `Row::radii` | (N, 2) | pixels; 0 if no pixel can reach α_min |
 //!
-//! Jacobians (ũ = t_x/z, ṽ = t_y/z limited as the profile says, pinhole only):
-//! pinhole `[[f_x/z, 0, −f_x ũ/z], [0, f_y/z, −f_y ṽ/z]]`; orthographic `[[f_x, 0, 0], [0, f_y, 0]]`; fisheye (equidistant)
-//! with g = θ/ρ, n² = ρ²+z², G = (z/n² − g)/ρ²:
+//! The Jacobians are as follows (ũ = t_x/z, ṽ = t_y/z limited as the profile specifies, pinhole only):
+//! pinhole `[[f_x/z, 0, −f_x ũ/z], [0, f_y/z, −f_y ṽ/z]]`; orthographic `[[f_x, 0, 0], [0, f_y, 0]]`; fisheye
+//! (equidistant) with g = θ/ρ, n² = ρ²+z², G = (z/n² − g)/ρ²:
 //! `[[f_x (g + x²G), f_x xyG, −f_x x/n²], [f_y xyG, f_y (g + y²G), −f_y y/n²]]`.
 //!
-//! This file holds the rows and the chain t = R μ + τ, V = (J R) F with its adjoint. `lens` is the camera,
-//! `linearization` the map t → u and its Jacobian J, `ellipse` the shape of V; the last two have their own adjoints.
+//! This file contains the rows and the chain t = R μ + τ, V = (J R) F with its adjoint. `lens` is the camera,
+//! `linearization` the map t → u and its Jacobian J, `ellipse` the shape of V; the last two have their own
+//! adjoints.
 //!
 //! # Rounding
-//! Dot products of three are left folds. V = (J R) F. det: minors by plain products, squares added m01, m02, m12, then
-//! the blur term. g, G (and H below) of the fisheye in f64 with the pinned `libm`, rounded once.
+//! Dot products of three are left folds. V = (J R) F. det: minors by plain products, squares added m01, m02,
+//! m12, then the blur term. g, G (and H below) of the fisheye are f64 with the pinned `libm`, rounded once.
 //!
 //! # Kinks and domain
-//! Visibility at near and far (a jump, recorded); the tangent limits (gradient of the limited branch: ũ is constant
-//! there; at equality the free branch); the pivot (smooth: both pivots describe one ellipse); ρ is constant below its floor.
-//! det ≥ ε² > 0 by construction, so no branch for degenerate ellipses exists. Radii have no gradient.
+//! There are kinks at near and far (visibility jumps; the decision is recorded), at the tangent limits
+//! (gradient of the limited branch, where ũ is constant; the free branch at equality), and at the floor of ρ,
+//! below which ρ is constant. The choice of the pivot is smooth, because both pivots describe the same
+//! ellipse. det ≥ ε² > 0 by construction, so there is no branch for degenerate ellipses. Radii have no
+//! gradient.
 //!
 //! # Adjoint
-//! By hand through (s, k1, k2) → (Σ', det) → V → J, F and u → t → μ; recomputes everything from the inputs, with the
-//! decisions `t_clamp` and `axis` as stored. `inria_bwd` reproduces that program's ∂J/∂z where limited and its 1e-7 on det².
+//! The adjoint is written by hand through (s, k1, k2) → (Σ', det) → V → J, F and u → t → μ. It recomputes all
+//! values from the inputs and uses the stored decisions `t_clamp` and `axis`. `inria_bwd` reproduces the
+//! original program's ∂J/∂z where the tangent is limited, and its 1e-7 added to det².
 //!
 //! Twin: `reference::splat::project`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::scene::camera::{Camera, Model};
+//! use lastlight::scene::profile::Profile;
+//! use lastlight::splat::project::{In, Lens, Row, forward};
+//! let camera = Camera {
+//!     rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+//!     translation: [0.0; 3],
+//!     focal_px: [40.0; 2],
+//!     center_px: [8.5; 2],
+//!     width: 16,
+//!     height: 16,
+//!     model: Model::Pinhole,
+//! };
+//! let (profile, factors) = (Profile::EXACT, [[0.2, 0.0, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.1]]);
+//! let lens = Lens::new(&camera, &profile);
+//! let means = [[0.0, 0.0, 4.0]];
+//! let x = In { means: &means, factors: &factors, opacities: &[0.5], lens: &lens, profile: &profile };
+//! let mut rows = [Row::default()];
+//! forward(&x, None, &mut rows);
+//! // V = (40/4)·F has the rows (2, 0, 0) and (0, 1, 0), so Σ' = diag(4 + 0.3, 1 + 0.3)
+//! let Row { mean_px, z, shape: [s, k1, k2], axis, .. } = rows[0];
+//! assert_eq!((mean_px, z, s, axis), ([8.5, 8.5], 4.0, 0.0, 0));
+//! assert!((k1 - 1.0 / 4.3_f32.sqrt()).abs() < 1e-6 && (k2 - 1.0 / 1.3_f32.sqrt()).abs() < 1e-6);
+//! ```
 
 mod ellipse;
 mod lens;
@@ -60,47 +91,47 @@ use linearization::{Linearization, LinearizationBar};
 /// Inputs: N Gaussians and one camera.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (N, 3)
+    /// Shape (N, 3).
     pub means: &'a [[f32; 3]],
-    /// (N, 3, 3)
+    /// Shape (N, 3, 3).
     pub factors: &'a [[f32; 9]],
-    /// (N) They decide the footprint only.
+    /// Opacities, shape (N); they affect only the footprint.
     pub opacities: &'a [f32],
-    /// The camera, with the limits of `profile`.
+    /// Camera with the limits of `profile`.
     pub lens: &'a Lens,
-    /// Constants of the semantics.
+    /// Profile with the constants of the renderer.
     pub profile: &'a Profile,
 }
 
-/// Gradients; [`adjoint`] adds into them.
+/// Gradients; [`adjoint`] adds to them.
 #[derive(Debug)]
 pub struct InBar<'a> {
-    /// (N, 3)
+    /// Shape (N, 3).
     pub means: &'a mut [[f32; 3]],
-    /// (N, 3, 3)
+    /// Shape (N, 3, 3).
     pub factors: &'a mut [[f32; 9]],
 }
 
 /// One projected Gaussian.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
-    /// u, pixels.
+    /// Projected centre u, pixels.
     pub mean_px: [f32; 2],
-    /// Camera depth.
+    /// Depth in camera space.
     pub z: f32,
-    /// s, k1, k2.
+    /// Shape s, k1, k2.
     pub shape: [f32; 3],
-    /// Opacity factor of the antialiased mode, else 1.
+    /// Opacity factor of the antialiased mode, otherwise 1.
     pub compensation: f32,
-    /// √(2 ln(o ρ/α_min)): Mahalanobis radius at which α falls to α_min; negative if it never reaches it.
+    /// √(2 ln(o ρ/α_min)), the Mahalanobis radius at which α falls to α_min; negative if α never reaches it.
     pub cut: f32,
-    /// Half-widths of the footprint, pixels; 0 = touches no pixel.
+    /// Half-widths of the footprint, pixels; 0 if it covers no pixel.
     pub radii: [i32; 2],
     /// Sign of the active tangent limit per axis, 0 = free.
     pub t_clamp: [i8; 2],
     /// Pivot axis: 0 = x, 1 = y.
     pub axis: u8,
-    /// near ≤ z ≤ far.
+    /// Whether near ≤ z ≤ far.
     pub visible: bool,
 }
 
@@ -113,28 +144,29 @@ impl Row {
 /// Cotangents of one [`Row`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RowBar {
-    /// ∂L/∂u
+    /// Cotangent ∂L/∂u.
     pub mean_px: [f32; 2],
-    /// ∂L/∂t_z
+    /// Cotangent ∂L/∂t_z.
     pub z: f32,
-    /// ∂L/∂(s, k1, k2)
+    /// Cotangents ∂L/∂(s, k1, k2).
     pub shape: [f32; 3],
-    /// ∂L/∂ρ
+    /// Cotangent ∂L/∂ρ.
     pub compensation: f32,
 }
 
-/// Discrete decisions to follow instead of making them.
+/// Stored discrete decisions that replace new ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Decision {
-    /// near ≤ z ≤ far
+    /// Whether near ≤ z ≤ far.
     pub visible: bool,
-    /// tangent limits
+    /// Signs of the active tangent limits.
     pub t_clamp: [i8; 2],
-    /// pivot axis
+    /// Pivot axis.
     pub axis: u8,
 }
 
-/// The first visible row whose ellipse has left the range of f32, for callers that must refuse such input.
+/// Returns the first visible row whose ellipse exceeds the range of f32, for callers that must refuse such
+/// input.
 pub fn out_of_range(rows: &[Row]) -> Option<usize> {
     let finite = |r: &Row| {
         let [s, k1, k2] = r.shape;
@@ -143,7 +175,7 @@ pub fn out_of_range(rows: &[Row]) -> Option<usize> {
     rows.iter().position(|r| r.visible && !finite(r))
 }
 
-/// √(2 ln(o/α_min)); −1 if o < α_min; +∞ is written as 1e18 when α_min is 0.
+/// Returns √(2 ln(o/α_min)), or −1 if o < α_min; +∞ is represented by 1e18 if α_min is 0.
 pub fn cut_radius(opacity: f32, alpha_min: f32) -> f32 {
     if !(opacity >= alpha_min) || opacity <= 0.0 {
         -1.0
@@ -156,9 +188,9 @@ pub fn cut_radius(opacity: f32, alpha_min: f32) -> f32 {
 
 /// Inputs of eight Gaussians, or their cotangents.
 struct GaussianLanes {
-    /// μ
+    /// Centre μ.
     mean: [f32x8; 3],
-    /// F, row-major
+    /// Factor F, row-major.
     factor: [f32x8; 9],
 }
 
@@ -171,16 +203,16 @@ impl GaussianLanes {
 
 /// Decisions about eight Gaussians.
 struct DecisionLanes {
-    /// all ones where near ≤ z ≤ far
+    /// Mask of near ≤ z ≤ far.
     visible: f32x8,
-    /// signs of the active tangent limits, 0 = free
+    /// Signs of the active tangent limits, 0 = free.
     t_clamp: [f32x8; 2],
-    /// all ones where the pivot is y
+    /// Mask of the lanes with pivot y.
     axis_y: f32x8,
 }
 
 impl DecisionLanes {
-    /// Those of up to eight rows, each read by `read`; rows past the end count as invisible.
+    /// Returns the decisions of up to eight rows, each read by `read`; rows past the end count as invisible.
     #[inline(always)]
     fn gather<D>(rows: &[D], read: impl Fn(&D) -> Decision) -> Self {
         let half = f32x8::splat(0.5);
@@ -202,7 +234,7 @@ struct RowBarLanes {
 }
 
 impl RowBarLanes {
-    /// Those of up to eight rows; ρ̄ is read in antialiased mode only.
+    /// Returns the cotangents of up to eight rows; ρ̄ is read in antialiased mode only.
     #[inline(always)]
     fn gather(bars: &[RowBar], antialiased: bool) -> Self {
         let bar = |f: &dyn Fn(&RowBar) -> f32| f32x8::from_fn(|l| bars.get(l).map_or(0.0, f));
@@ -215,18 +247,18 @@ impl RowBarLanes {
     }
 }
 
-/// Everything of eight Gaussians between the inputs and [`Row`] that the adjoint needs again.
+/// Intermediate values of eight Gaussians between the inputs and [`Row`] that the adjoint needs.
 struct Projection {
-    /// all ones where near ≤ z ≤ far
+    /// Mask of near ≤ z ≤ far.
     visible: f32x8,
     map: Linearization,
-    /// J R, 2×3 row-major
+    /// Product J R, 2×3, row-major.
     jr: [[f32x8; 3]; 2],
     ellipse: ImageEllipse,
 }
 
 impl Projection {
-    /// Projects `g`; `frozen` gives the decisions instead of making them.
+    /// Projects `g`; `frozen` contains decisions that replace new ones.
     #[inline(always)]
     fn new(x: &In<'_>, g: &GaussianLanes, frozen: Option<&DecisionLanes>) -> Self {
         let c = f32x8::splat;
@@ -236,7 +268,7 @@ impl Projection {
             Some(d) => d.visible,
             None => <f32x8 as Real>::and(Real::ge(t[2], c(x.profile.near)), Real::le(t[2], c(x.profile.far))),
         };
-        // an invisible Gaussian is given a harmless depth: its results are dropped, but must not be NaN
+        // An invisible Gaussian gets an arbitrary valid depth: its results are dropped, but must not be NaN.
         for (i, harmless) in [zero, zero, one].into_iter().enumerate() {
             t[i] = Real::select(visible, t[i], harmless);
         }
@@ -254,7 +286,7 @@ impl Projection {
         Self { visible, map, jr, ellipse }
     }
 
-    /// The rows of up to eight Gaussians from number `at` on.
+    /// Stores the rows of up to eight Gaussians from index `at` on.
     #[inline(always)]
     fn store(&self, x: &In<'_>, at: usize, rows: &mut [Row]) {
         let profile = x.profile;
@@ -290,12 +322,12 @@ impl Projection {
         }
     }
 
-    /// (μ̄, F̄)
+    /// Returns (μ̄, F̄).
     #[inline(always)]
     fn adjoint_lanes(&self, x: &In<'_>, factor: &[f32x8; 9], bar: &RowBarLanes) -> GaussianLanes {
         let shape_bar = ImageEllipseBar { shape: bar.shape, compensation: bar.compensation };
         let v_bar = ellipse::adjoint(x.profile, &self.ellipse, &shape_bar);
-        // undo V = (J R) F
+        // Adjoint of V = (J R) F.
         let factor_bar: [f32x8; 9] = std::array::from_fn(|e| {
             let (k, j) = (e / 3, e % 3);
             self.jr[0][k] * v_bar[0][j] + self.jr[1][k] * v_bar[1][j]
@@ -306,12 +338,12 @@ impl Projection {
                     + v_bar[i][2] * factor[3 * k + 2]
             })
         });
-        // undo J R
+        // Adjoint of J R.
         let jac = std::array::from_fn(|i| std::array::from_fn(|k| x.lens.turn(k, jr_bar[i])));
-        // undo J(t) and u(t)
+        // Adjoint of J(t) and u(t).
         let map_bar = LinearizationBar { mean_px: bar.mean_px, z: bar.z, jac };
         let t_bar = linearization::adjoint(x.lens, &self.map, &map_bar, x.profile.inria_bwd);
-        // undo t = R μ + τ
+        // Adjoint of t = R μ + τ.
         let r = x.lens.rotation.map(|row| row.map(f32x8::splat));
         let mean_bar =
             std::array::from_fn(|k| (r[0][k] * t_bar[0] + r[1][k] * t_bar[1]) + r[2][k] * t_bar[2]);
@@ -319,12 +351,12 @@ impl Projection {
     }
 }
 
-/// Projects N Gaussians into `rows` (N); `frozen` (N) gives the decisions instead of making them.
+/// Projects N Gaussians to `rows` (N); `frozen` (N) contains decisions that replace new ones.
 pub fn forward(x: &In<'_>, frozen: Option<&[Decision]>, rows: &mut [Row]) {
     let n = x.means.len();
     assert!(
         x.factors.len() == n && x.opacities.len() == n && rows.len() == n,
-        "means, factors, opacities, rows: N each"
+        "means, factors, opacities and rows have N rows"
     );
     for at in (0..n).step_by(8) {
         let decided = frozen.map(|d| DecisionLanes::gather(&d[at..], |d| *d));
@@ -332,7 +364,7 @@ pub fn forward(x: &In<'_>, frozen: Option<&[Decision]>, rows: &mut [Row]) {
     }
 }
 
-/// Adds the gradients of `rows_bar` (N) into `x_bar`; rows that are not visible get nothing.
+/// Adds the gradients of `rows_bar` (N) to `x_bar`; rows that are not visible get no gradient.
 pub fn adjoint(x: &In<'_>, rows: &[Row], rows_bar: &[RowBar], x_bar: InBar<'_>) {
     let n = x.means.len();
     for at in (0..n).step_by(8) {

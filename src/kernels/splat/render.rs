@@ -1,4 +1,5 @@
-//! Renders Gaussians: the chain project → color → plan → blend, and its adjoint, for C cameras of one image size.
+//! `splat.render`: renders Gaussians with the chain project → color → plan → blend, and its adjoint, for C
+//! cameras of one image size.
 //!
 //! | argument | shape | meaning |
 //! |---|---|---|
@@ -10,16 +11,54 @@
 //! | `background` | (3) | sRGB-encoded |
 //! | → `image`, `alpha`, `depth` | (C, H, W, 3), (C, H, W) ×2 | see [`super::blend`] |
 //!
-//! Equations, kinks and rounding are those of the stages. This file owns the loops: over blocks of [`BLOCK`] Gaussians
-//! (which change no bit: Gaussians are independent up to `plan`, and again after the records are summed) and over
-//! cameras. Gradients of several cameras are added camera by camera, in order. `inputs` and `gradients` hold the
-//! arrays that go in and come back.
+//! Equations, kinks and rounding are those of the stages. This file contains the loops: over blocks of
+//! [`BLOCK`] Gaussians (which change no bit: Gaussians are independent up to `plan`, and again after the
+//! records are summed) and over cameras. Gradients of several cameras are added camera by camera, in order.
+//! `inputs` and `gradients` contain the input and gradient arrays.
 //!
 //! # Adjoint
-//! blend's records → per Gaussian, in slot order → project, color → factors → covariance. Stages are recomputed from the
-//! inputs; what is saved are the projected rows, colours' floor masks, the plan, and T and last index per pixel.
+//! The records of blend are converted per Gaussian, in slot order, and then pass through project, color →
+//! factors → covariance. Stages are recomputed from the inputs; the saved values are the projected rows, the
+//! clamp masks of the colours, the plan, and T and last index per pixel.
 //!
 //! Twin: `reference::splat::render`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::scene::camera::{Camera, Model};
+//! use lastlight::splat::render::{Color, In, InBar, OutBar, Settings, Shape, adjoint, forward};
+//! let camera = Camera {
+//!     rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+//!     translation: [0.0; 3],
+//!     focal_px: [40.0; 2],
+//!     center_px: [8.5; 2],
+//!     width: 16,
+//!     height: 16,
+//!     model: Model::Pinhole,
+//! };
+//! let x = In {
+//!     means: &[[0.0, 0.0, 4.0]],
+//!     shape: Shape::QuatScale { quats: &[[1.0, 0.0, 0.0, 0.0]], scales: &[[0.2, 0.1, 0.1]] },
+//!     opacities: &[0.5],
+//!     color: Color::Rgb(&[[1.0, 0.5, 0.0]]),
+//!     cameras: &[camera],
+//!     background: [0.0, 0.0, 1.0],
+//! };
+//! let settings = Settings::default();
+//! x.validate(&settings)?;
+//! let (out, saved) = forward(&x, &settings);
+//! // the centre is projected to (8.5, 8.5), the centre of pixel (8, 8), where α is the opacity
+//! let at = 3 * (8 * 16 + 8);
+//! assert_eq!(out.image[at..at + 3], [0.5, 0.25, 0.5]); // ½·colour + ½·background
+//! // the loss is the red of that pixel, α·1 + (1 − α)·0 with α = opacity·1
+//! let mut image_bar = vec![0.0; out.image.len()];
+//! image_bar[at] = 1.0;
+//! let mut bar = InBar::zeros_like(&x);
+//! adjoint(&x, &settings, &saved, OutBar { image: Some(&image_bar), ..OutBar::default() }, &mut bar);
+//! assert!((bar.opacities[0] - 1.0).abs() < 1e-6);
+//! # Ok::<(), lastlight::Error>(())
+//! ```
 
 mod gradients;
 mod inputs;
@@ -35,20 +74,20 @@ use super::{color, covariance};
 use crate::num::par;
 use gradients::{Block, blocks};
 
-/// Discrete decisions to follow instead of making them; the arrays are those of a stored plan.
+/// Stored discrete decisions that replace new ones; the arrays are those of a stored plan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frozen {
-    /// Order, tile lists, slots.
+    /// Order, tile lists and slots.
     pub plan: Plan,
-    /// (C, N) visibility, limits and pivots
+    /// Visibility, limits and pivots, shape (C, N).
     pub decisions: Vec<Decision>,
-    /// (C, N, 3) 1 = colour not floored; empty with rgb
+    /// Clamp mask of the colours, shape (C, N, 3), 1 = unclamped; empty with rgb.
     pub color_mask: Vec<[u8; 3]>,
-    /// (C, H, W) see [`FrozenMasks`]
+    /// Last index per pixel, shape (C, H, W); see [`FrozenMasks`].
     pub last_index: Vec<f32>,
-    /// (E, 32) see [`FrozenMasks`]
+    /// Mask of contributions, shape (E, 32); see [`FrozenMasks`].
     pub alpha_mask: Vec<[u8; 32]>,
-    /// (E, 32) see [`FrozenMasks`]
+    /// Mask of the cap, shape (E, 32); see [`FrozenMasks`].
     pub cap_mask: Vec<[u8; 32]>,
 }
 
@@ -58,44 +97,45 @@ impl Frozen {
     }
 }
 
-/// What the adjoint needs; memory is reused when passed to [`forward_into`] again.
+/// Intermediate values that the adjoint needs; their memory is reused if they are passed to [`forward_into`]
+/// again.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Saved {
-    /// (C, N) projected rows
+    /// Projected rows, shape (C, N).
     pub rows: Vec<Row>,
-    /// (C, N) what was blended
+    /// Splats that were blended, shape (C, N).
     pub splats: Vec<Splat>,
-    /// (C, N, 3) 1 = colour not floored; empty with rgb
+    /// Clamp mask of the colours, shape (C, N, 3), 1 = unclamped; empty with rgb.
     pub color_mask: Vec<[u8; 3]>,
-    /// Order, tile lists, slots.
+    /// Order, tile lists and slots.
     pub plan: Plan,
-    /// T and last index per pixel.
+    /// Transmittance T and last index per pixel.
     pub pixels: blend::Saved,
 }
 
 impl Saved {
-    /// (C, N, 2) footprint half-widths in pixels, 0 = touches no pixel.
+    /// Returns the half-widths of the footprints in pixels (C, N, 2); 0 if a footprint covers no pixel.
     pub fn radii(&self) -> Vec<[i32; 2]> {
         self.rows.iter().map(|r| r.radii).collect()
     }
 }
 
-/// Memory of [`adjoint_into`] that is worth keeping between calls.
+/// Memory of [`adjoint_into`] that can be reused between calls.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     records: Vec<Record>,
 }
 
-/// Renders. See [`forward_into`].
+/// Renders the images; see [`forward_into`].
 pub fn forward(x: &In<'_>, settings: &Settings) -> (Out, Saved) {
     let (mut out, mut saved) = (Out::default(), Saved::default());
     forward_into(x, settings, None, &mut out, &mut saved);
     (out, saved)
 }
 
-/// Renders into memory already there; `frozen` gives the decisions instead of making them.
+/// Renders into existing memory; `frozen` contains decisions that replace new ones.
 ///
-/// The inputs have passed [`In::validate`].
+/// The inputs must have passed [`In::validate`].
 pub fn forward_into(
     x: &In<'_>,
     settings: &Settings,
@@ -114,7 +154,7 @@ pub fn forward_into(
     blend::forward(&blend_in(x, settings, frozen, &saved.splats, &saved.plan), out, &mut saved.pixels);
 }
 
-/// What `blend` takes of the inputs, the projected splats and their plan.
+/// Returns the inputs of `blend`: parts of the inputs, the projected splats and their plan.
 fn blend_in<'a>(
     x: &In<'a>,
     settings: &'a Settings,
@@ -134,7 +174,7 @@ fn blend_in<'a>(
     }
 }
 
-/// Rows, colours and splats of every camera, block by block.
+/// Computes rows, colours and splats of every camera, block by block.
 pub fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, saved: &mut Saved) {
     let (n, cameras) = (x.means.len(), x.cameras.len());
     saved.rows.resize(cameras * n, Row::default());
@@ -185,12 +225,13 @@ pub fn project_all(x: &In<'_>, settings: &Settings, frozen: Option<&Frozen>, sav
     }
 }
 
-/// Adds the gradients of `out_bar` into `x_bar`. See [`adjoint_into`].
+/// Adds the gradients for the cotangents `out_bar` to `x_bar`; see [`adjoint_into`].
 pub fn adjoint(x: &In<'_>, settings: &Settings, saved: &Saved, out_bar: OutBar<'_>, x_bar: &mut InBar) {
     adjoint_into(x, settings, None, saved, out_bar, x_bar, &mut Scratch::default());
 }
 
-/// Adds the gradients of `out_bar` into `x_bar`, with kept memory; `frozen` as in [`forward_into`].
+/// Adds the gradients for the cotangents `out_bar` to `x_bar`, reusing memory; `frozen` as in
+/// [`forward_into`].
 pub fn adjoint_into(
     x: &In<'_>,
     settings: &Settings,
@@ -220,13 +261,13 @@ struct AdjointIn<'a> {
     x: &'a In<'a>,
     settings: &'a Settings,
     saved: &'a Saved,
-    /// (E) of `blend`
+    /// Records of `blend`, shape (E).
     records: &'a [Record],
-    /// (C) with the camera centre, scene units
+    /// Lenses with the camera centres in scene units, shape (C).
     lenses: &'a [(Lens, [f32; 3])],
 }
 
-/// Adds the gradients of the Gaussians from number `from` on, as many as `block` has.
+/// Adds the gradients of the Gaussians from index `from` on, as many as `block` has.
 fn adjoint_block(a: &AdjointIn<'_>, from: usize, block: &mut Block<'_>) {
     let (x, n, len) = (a.x, a.x.means.len(), block.means.len());
     let to = from + len;
@@ -258,7 +299,7 @@ fn adjoint_block(a: &AdjointIn<'_>, from: usize, block: &mut Block<'_>) {
     }
 }
 
-/// Adds `rows` into `sums`.
+/// Adds `rows` to `sums`.
 fn add<const M: usize>(sums: &mut [[f32; M]], rows: &[[f32; M]]) {
     for (sum, row) in sums.iter_mut().zip(rows) {
         for k in 0..M {
@@ -269,26 +310,26 @@ fn add<const M: usize>(sums: &mut [[f32; M]], rows: &[[f32; M]]) {
 
 /// Cotangents of one block of Gaussians as projected into one image.
 struct ProjectedBars {
-    /// of the projected rows
+    /// Cotangents of the projected rows.
     rows: Vec<RowBar>,
-    /// of the colours
+    /// Cotangents of the colours.
     colors: Vec<[f32; 3]>,
 }
 
 impl ProjectedBars {
-    /// Overwrites them with those of camera `c`, from the records of `blend`. Also writes the statistics of ū into
-    /// `block`, and adds the gradients of the opacities there.
+    /// Overwrites the cotangents with those of camera `c`, computed from the records of `blend`. Also writes
+    /// the statistics of ū to `block`, and adds the gradients of the opacities there.
     fn blend_adjoint(&mut self, a: &AdjointIn<'_>, c: usize, from: usize, block: &mut Block<'_>) {
         let (saved, at) = (a.saved, c * a.x.means.len() + from);
         for i in 0..block.means.len() {
-            // undo blend: the records of this Gaussian in slot order
+            // Adjoint of blend: the records of this Gaussian in slot order.
             let bar = blend::gather_records(&saved.plan, &saved.pixels.rows, a.records, at + i)
                 .map_or_else(SplatBar::default, |sums| SplatBar::new(&saved.splats[at + i], sums));
             block.means_px[c][i] = bar.mean_px;
             if let Some(abs) = block.means_px_abs.get_mut(c) {
                 abs[i] = bar.mean_px_abs;
             }
-            // undo o_blended = o ρ
+            // Adjoint of o_blended = o ρ.
             block.opacities[i] += bar.opacity * saved.rows[at + i].compensation;
             self.rows[i] = RowBar {
                 mean_px: bar.mean_px,

@@ -1,27 +1,27 @@
-//! Tiles: where they lie, which rows of them a splat can reach, and pictures cut into their vectors.
+//! Tiles: their location, the rows that a splat can reach, and the split of images into vectors.
 //!
-//! A tile of side 8·H holds H vectors of eight pixels a row; vector v = row·H + h. `blend` walks them; nothing here decides
-//! anything that can be seen: [`spans`] only skips what the test of α would reject.
+//! A tile of side 8·H has H vectors of eight pixels per row; vector v = row·H + h. `blend` processes them.
+//! Nothing here affects a result: [`spans`] only skips pixels that the test of α would reject.
 
 use super::plan::{Grid, Plan, Splat};
 use crate::num::lanes::{Real, f32x8};
 
-/// Where a tile lies in its picture.
+/// Location of a tile in its image.
 #[derive(Clone, Copy)]
 pub(crate) struct Tile {
-    /// side, pixels
+    /// Side in pixels.
     pub(crate) side: usize,
-    /// left edge
+    /// Left edge in pixels.
     pub(crate) x0: usize,
-    /// upper edge
+    /// Upper edge in pixels.
     pub(crate) y0: usize,
-    /// columns inside the picture
+    /// Number of columns inside the image.
     pub(crate) cols: usize,
-    /// rows inside the picture
+    /// Number of rows inside the image.
     pub(crate) rows: usize,
-    /// pixel-centre x of each vector of a row
+    /// Pixel-centre x of each vector of a row.
     pub(crate) centers: [f32x8; 4],
-    /// pixel-centre y of row 0
+    /// Pixel-centre y of row 0.
     top: f32,
 }
 
@@ -39,20 +39,20 @@ impl Tile {
         }
     }
 
-    /// Pixel-centre y of row `r`: exact, since sides are below 2²³.
+    /// Returns the pixel-centre y of row `r`, which is exact because image sides are below 2²³.
     #[inline(always)]
     pub(crate) fn center_y(&self, r: usize) -> f32 {
         self.top + r as i32 as f32
     }
 
-    /// All-ones lanes of vector `h` that lie inside the picture.
+    /// Returns the mask of the lanes of vector `h` that are inside the image.
     pub(crate) fn inside(&self, h: usize, row: usize) -> f32x8 {
         let n = if row < self.rows { self.cols } else { 0 };
         Real::lt(f32x8::from_fn(|l| (8 * h + l) as f32), f32x8::splat(n as f32))
     }
 }
 
-/// Rows of each vector column that can hold a pixel with α ≥ α_min, one bit per row.
+/// Returns the rows of each vector column that can contain a pixel with α ≥ α_min, one bit per row.
 #[inline(always)]
 pub(crate) fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32; H] {
     let all = [u32::MAX >> (32 - tile.rows); H];
@@ -62,7 +62,7 @@ pub(crate) fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32;
     let e = &s.bounds;
     let c = f32x8::splat;
     let mut out = [0_u32; H];
-    let rel = s.mean_px[0] - tile.x0 as f32; // centre, from the tile's left edge
+    let rel = s.mean_px[0] - tile.x0 as f32; // centre relative to the tile's left edge
     for group in 0..H {
         let dy = f32x8::from_fn(|l| tile.center_y(8 * group + l)) - c(s.mean_px[1]);
         let left = c(e.r2) - (dy * dy) * c(e.inv_yy);
@@ -82,7 +82,7 @@ pub(crate) fn spans<const H: usize>(s: &Splat, tile: &Tile, cull: bool) -> [u32;
     out
 }
 
-/// The part of a (H, W) plane under a tile, in vectors; outside the picture `outside`.
+/// Loads the part of a (H, W) plane in a tile as vectors; lanes outside the image are `outside`.
 pub(crate) fn load_plane<const H: usize, const V: usize>(
     plane: &[f32],
     tile: &Tile,
@@ -94,7 +94,7 @@ pub(crate) fn load_plane<const H: usize, const V: usize>(
         let row = &plane[(tile.y0 + r) * grid.width + tile.x0..][..tile.cols];
         for h in 0..H {
             if let Some(full) = row.get(8 * h..8 * h + 8) {
-                out[r * H + h] = f32x8::new(full.try_into().expect("eight pixels were taken"));
+                out[r * H + h] = f32x8::new(full.try_into().expect("the slice has eight pixels"));
             } else if 8 * h < row.len() {
                 out[r * H + h] = f32x8::from_fn(|l| row.get(8 * h + l).copied().unwrap_or(outside));
             }
@@ -103,7 +103,7 @@ pub(crate) fn load_plane<const H: usize, const V: usize>(
     out
 }
 
-/// Cuts a buffer with one element per entry into the lists of the tiles; an empty one into empty parts.
+/// Splits a buffer with one element per entry into the lists of the tiles; an empty buffer gives empty parts.
 pub(crate) fn split_entries<'a, T>(plan: &Plan, mut rest: &'a mut [T]) -> Vec<&'a mut [T]> {
     let filled = !rest.is_empty();
     let length = |pair: &[u32]| if filled { (pair[1] - pair[0]) as usize } else { 0 };
@@ -117,7 +117,7 @@ pub(crate) fn split_entries<'a, T>(plan: &Plan, mut rest: &'a mut [T]) -> Vec<&'
         .collect()
 }
 
-/// The three channels of a (H, W, 3) picture under a tile; 0 outside.
+/// Loads the three channels of a (H, W, 3) image in a tile; lanes outside are 0.
 pub(crate) fn load_image(image: &[f32], tile: &Tile, grid: &Grid, bar: &mut [[f32x8; 32]; 4]) {
     for r in 0..tile.rows {
         let row = image[3 * ((tile.y0 + r) * grid.width + tile.x0)..][..3 * tile.cols].as_chunks::<3>().0;

@@ -1,10 +1,11 @@
-//! Affine transforms of space in f64: composition and its adjoint, inverse, a rotation about a place.
+//! Affine transforms of space in f64: composition with its adjoint, inverse, and rotation about a point.
 //!
-//! A transform is its upper three rows [M | t], row-major: x' = M x + t. In files and between operators they are f32; [`wide()`] and [`single()`] go there and back.
+//! A transform is stored as its upper three rows [M | t], row-major: x' = M x + t. Files and operators store
+//! transforms in f32; [`wide()`] and [`single()`] convert between the two.
 //!
 //! # Rounding
-//! A sum of three products is (x₀y₀ + x₁y₁) + x₂y₂; a translation is added last. An inverse is cofactors over the determinant, whose sum goes along the
-//! first row.
+//! A sum of three products is (x₀y₀ + x₁y₁) + x₂y₂; a translation is added last. An inverse is the matrix of
+//! cofactors divided by the determinant, which is expanded along the first row.
 //!
 //! # Adjoint
 //! c = a ∘ b:   ā = c̄ [B 0; bᵗ 1]ᵀ ([`left_bar`]),   b̄ = Aᵀ c̄ ([`right_bar`])
@@ -25,7 +26,7 @@ pub type Affine = [[f64; 4]; 3];
 /// A linear map, row-major.
 pub type Linear = [[f64; 3]; 3];
 
-/// f32 or f64.
+/// Scalar type of a matrix: f32 or f64.
 pub trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
@@ -34,22 +35,22 @@ pub trait Number:
 impl Number for f32 {}
 impl Number for f64 {}
 
-/// From f32.
+/// Converts a transform from f32 to f64, exactly.
 pub fn wide(a: &[[f32; 4]; 3]) -> Affine {
     a.map(|row| row.map(f64::from))
 }
 
-/// Rounded once.
+/// Converts a transform to f32; each entry is rounded once.
 pub fn single(a: &Affine) -> [[f32; 4]; 3] {
     a.map(|row| row.map(|x| x as f32))
 }
 
-/// M of [M | t].
+/// Returns the linear part M of [M | t].
 pub fn linear(a: &Affine) -> Linear {
     a.map(|r| [r[0], r[1], r[2]])
 }
 
-/// a ∘ b.
+/// Returns the composition a ∘ b.
 pub fn compose(a: &Affine, b: &Affine) -> Affine {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
@@ -59,7 +60,7 @@ pub fn compose(a: &Affine, b: &Affine) -> Affine {
     })
 }
 
-/// Cotangent of a in a ∘ b.
+/// Returns the cotangent of a in a ∘ b.
 pub fn left_bar(b: &Affine, bar: &Affine) -> Affine {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
@@ -71,14 +72,14 @@ pub fn left_bar(b: &Affine, bar: &Affine) -> Affine {
     })
 }
 
-/// Cotangent of b in a ∘ b.
+/// Returns the cotangent of b in a ∘ b.
 pub fn right_bar(a: &Affine, bar: &Affine) -> Affine {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| (a[0][i] * bar[0][j] + a[1][i] * bar[1][j]) + a[2][i] * bar[2][j])
     })
 }
 
-/// Cofactors; over the determinant they are the inverse transposed.
+/// Returns the matrix of cofactors; divided by the determinant it is the inverse transpose.
 pub fn cofactors<T: Number>(m: &[[T; 3]; 3]) -> [[T; 3]; 3] {
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
@@ -92,12 +93,13 @@ fn along_first_row<T: Number>(m: &[[T; 3]; 3], c: &[[T; 3]; 3]) -> T {
     (m[0][0] * c[0][0] + m[0][1] * c[0][1]) + m[0][2] * c[0][2]
 }
 
-/// det M.
+/// Returns det M.
 pub fn determinant(m: &Linear) -> f64 {
     along_first_row(m, &cofactors(m))
 }
 
-/// One step of Newton's iteration to the nearest rotation, R ← ½(R + R⁻ᵀ), and det R before it (Higham 1986).
+/// Performs one step of Newton's iteration to the nearest rotation, R ← ½(R + R⁻ᵀ), and returns the result
+/// and det R of the input (Higham 1986).
 pub fn newton_to_rotation(r: &Linear) -> (Linear, f64) {
     let c = cofactors(r);
     let det = along_first_row(r, &c);
@@ -105,27 +107,28 @@ pub fn newton_to_rotation(r: &Linear) -> (Linear, f64) {
     (next, det)
 }
 
-/// Whether a transform whose linear part has that determinant is taken to have an inverse: 10⁻¹² < |det M| < 10¹².
+/// Whether a transform whose linear part has this determinant is treated as invertible: 10⁻¹² < |det M| <
+/// 10¹².
 pub fn is_invertible(determinant: f64) -> bool {
     let size = determinant.abs();
     size > 1e-12 && size < 1e12
 }
 
-/// M⁻¹ and det M, which is not 0.
+/// Returns M⁻¹ and det M, which must not be 0.
 pub fn inverse_linear<T: Number>(m: &[[T; 3]; 3]) -> ([[T; 3]; 3], T) {
     let c = cofactors(m);
     let det = along_first_row(m, &c);
     (std::array::from_fn(|i| std::array::from_fn(|j| c[j][i] / det)), det)
 }
 
-/// The inverse of a transform whose determinant is not 0.
+/// Returns the inverse of a transform whose determinant is not 0.
 pub fn inverse(a: &Affine) -> Affine {
     inverse_linear(&linear(a))
         .0
         .map(|r| [r[0], r[1], r[2], -((r[0] * a[0][3] + r[1] * a[1][3]) + r[2] * a[2][3])])
 }
 
-/// T(j) R T(−j): a rotation about a place.
+/// Returns T(j) R T(−j), the rotation R about the point j.
 pub fn about(r: &Linear, j: [f64; 3]) -> Affine {
     std::array::from_fn(|i| {
         let moved = (r[i][0] * j[0] + r[i][1] * j[1]) + r[i][2] * j[2];

@@ -1,10 +1,12 @@
-//! Small dense matrices in f64, row-major: triangular factors, solutions, determinants, inverses.
+//! Small dense matrices in f64, row-major: Cholesky factors, linear systems, determinants and inverses.
 //!
-//! For statistics over a handful of factors (n up to a few dozen), where one thread and plain loops are right.
+//! The functions are meant for statistics over a few factors (n up to a few dozen); they use one thread and
+//! plain loops.
 //!
 //! # Rounding
-//! Every sum is a left fold in index order, from 0; an entry less such a sum is one subtraction. [`cholesky`] is row by row; [`inverse`] is Gauss–Jordan with the largest pivot of each column,
-//! ties to the lowest row.
+//! Every sum is a left fold in index order, starting from 0; subtracting such a sum from an entry is one
+//! subtraction. [`cholesky`] proceeds row by row. [`inverse`] is Gauss–Jordan elimination with the largest
+//! pivot of each column; ties go to the lowest row.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -16,17 +18,17 @@
 
 use crate::Error;
 
-/// Why a matrix has no triangle.
+/// The reason why a matrix has no Cholesky factor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NotPositive {
-    /// of the first pivot that is not a finite number above 0
+    /// Row of the first pivot that is not a finite number above 0.
     pub row: usize,
-    /// that pivot
+    /// Value of that pivot.
     pub pivot: f64,
 }
 
 impl NotPositive {
-    /// As an error of `what` works on the matrix.
+    /// Converts to an error reported by `what`, the code that uses the matrix.
     pub fn of(self, what: &str) -> Error {
         Error::input(what)
             .at(format!("row {} of the covariance", self.row))
@@ -35,12 +37,13 @@ impl NotPositive {
     }
 }
 
-/// The lower triangle L with A = L·Lᵀ of a symmetric matrix (n, n), whose lower half is read.
+/// Returns the lower triangular L with A = L·Lᵀ of a symmetric matrix (n, n); only the lower half of the
+/// matrix is read.
 ///
 /// # Errors
-/// When it is not positive definite.
+/// Returns an error if the matrix is not positive definite.
 pub fn cholesky(a: &[f64], n: usize) -> Result<Vec<f64>, NotPositive> {
-    assert_eq!(a.len(), n * n, "a square matrix");
+    assert_eq!(a.len(), n * n, "the matrix is square, (n, n)");
     let mut l = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..=i {
@@ -57,7 +60,7 @@ pub fn cholesky(a: &[f64], n: usize) -> Result<Vec<f64>, NotPositive> {
     Ok(l)
 }
 
-/// x with L·Lᵀ·x = b.
+/// Returns the x with L·Lᵀ·x = b.
 pub fn solve(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
     let mut x = forward(l, n, b);
     for i in (0..n).rev() {
@@ -67,9 +70,9 @@ pub fn solve(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
     x
 }
 
-/// x with L·x = b.
+/// Returns the x with L·x = b.
 pub fn forward(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
-    assert!(l.len() == n * n && b.len() == n, "a triangle and a side of one size");
+    assert!(l.len() == n * n && b.len() == n, "the triangular factor is (n, n), the right-hand side (n)");
     let mut x = vec![0.0; n];
     for i in 0..n {
         let rest = b[i] - (0..i).fold(0.0, |sum, k| sum + l[i * n + k] * x[k]);
@@ -78,21 +81,21 @@ pub fn forward(l: &[f64], n: usize, b: &[f64]) -> Vec<f64> {
     x
 }
 
-/// ln det(L·Lᵀ).
+/// Returns ln det(L·Lᵀ).
 pub fn log_det(l: &[f64], n: usize) -> f64 {
     2.0 * (0..n).fold(0.0, |sum, i| sum + libm::log(l[i * n + i]))
 }
 
-/// A·B of (n, m) and (m, p).
+/// Returns the product A·B of matrices (n, m) and (m, p).
 pub fn product(a: &[f64], b: &[f64], n: usize, m: usize, p: usize) -> Vec<f64> {
-    assert!(a.len() == n * m && b.len() == m * p, "factors that fit");
+    assert!(a.len() == n * m && b.len() == m * p, "the factors are (n, m) and (m, p)");
     let entry = |i: usize, j: usize| (0..m).fold(0.0, |sum, k| sum + a[i * m + k] * b[k * p + j]);
     (0..n * p).map(|at| entry(at / p, at % p)).collect()
 }
 
-/// Inverse and determinant of a matrix (n, n); `None` when a pivot is 0.
+/// Returns the inverse and the determinant of a matrix (n, n), or `None` if a pivot is 0.
 pub fn inverse(a: &[f64], n: usize) -> Option<(Vec<f64>, f64)> {
-    assert_eq!(a.len(), n * n, "a square matrix");
+    assert_eq!(a.len(), n * n, "the matrix is square, (n, n)");
     let mut work = a.to_vec();
     let mut out: Vec<f64> = (0..n * n).map(|at| if at / n == at % n { 1.0 } else { 0.0 }).collect();
     let mut det = 1.0;

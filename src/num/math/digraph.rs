@@ -1,7 +1,8 @@
-//! Directed graphs on a few nodes, as bits: order, descendants, d-separation, and all acyclic ones.
+//! Directed graphs on a few nodes, stored as bit sets: topological order, descendants, d-separation, and
+//! enumeration of all acyclic graphs.
 //!
-//! `has(i, j)` is the edge i → j; the parents of j are a set of bits. At most [`MOST`] nodes. Wherever there is a choice, the lowest index
-//! comes first.
+//! `has(i, j)` is true for the edge i → j; the parents of node j are stored as a bit set. A graph has at most
+//! [`MOST`] nodes. Wherever several nodes qualify, the lowest index comes first.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -11,38 +12,38 @@
 //! assert!(chain.separated(0, 2, 1 << 1) && !chain.separated(0, 2, 0));
 //! ```
 
-/// Most nodes of a graph.
+/// Largest number of nodes of a graph.
 pub const MOST: usize = 32;
 
-/// A set of nodes: bit i stands for node i.
+/// A set of nodes: bit i represents node i.
 pub type Nodes = u32;
 
-/// The nodes of a set, in increasing order.
+/// Iterates over the nodes of a set in increasing order.
 pub fn nodes(set: Nodes) -> impl Iterator<Item = usize> + Clone {
     (0..MOST).filter(move |i| set >> i & 1 == 1)
 }
 
-/// A directed graph without loops from a node to itself; cycles are possible.
+/// A directed graph without self-loops; cycles are possible.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Digraph {
-    /// (n) parents of each node
+    /// Parents of each node, shape (n).
     parents: Vec<Nodes>,
 }
 
 impl Digraph {
-    /// No edges.
+    /// Returns the graph without edges.
     ///
     /// # Panics
-    /// When there are more than [`MOST`] nodes.
+    /// Panics if there are more than [`MOST`] nodes.
     pub fn empty(n: usize) -> Self {
-        assert!(n <= MOST, "{n} nodes: at most {MOST}");
+        assert!(n <= MOST, "a graph has at most {MOST} nodes, got {n}");
         Self { parents: vec![0; n] }
     }
 
-    /// The graph of these edges (i, j): i → j.
+    /// Returns the graph with these edges (i, j), meaning i → j.
     ///
     /// # Panics
-    /// When an edge leaves the nodes or is a loop.
+    /// Panics if an edge is a self-loop or refers to a node that does not exist.
     pub fn new(n: usize, edges: &[(usize, usize)]) -> Self {
         let mut graph = Self::empty(n);
         for &(i, j) in edges {
@@ -51,7 +52,7 @@ impl Digraph {
         graph
     }
 
-    /// The graph of the pairs (i, j), i ≠ j, for which `edge` holds.
+    /// Returns the graph of the pairs (i, j), i ≠ j, for which `edge` returns true.
     pub fn from_fn(n: usize, mut edge: impl FnMut(usize, usize) -> bool) -> Self {
         let mut graph = Self::empty(n);
         for i in 0..n {
@@ -62,21 +63,22 @@ impl Digraph {
         graph
     }
 
-    /// The graph of the entries of a matrix (n, n) above `threshold` in size; the diagonal is not read.
+    /// Returns the graph whose edges are the entries of a matrix (n, n) with an absolute value above
+    /// `threshold`; the diagonal is not read.
     pub fn from_weights(weights: &[f64], n: usize, threshold: f64) -> Self {
-        assert_eq!(weights.len(), n * n, "a square matrix");
+        assert_eq!(weights.len(), n * n, "the matrix is square, (n, n)");
         Self::from_fn(n, |i, j| weights[i * n + j].abs() > threshold)
     }
 
-    /// The graph with these sets of parents.
+    /// Returns the graph with these sets of parents.
     ///
     /// # Panics
-    /// When a set has nodes that do not exist, or its own.
+    /// Panics if a set contains its own node or a node that does not exist.
     pub fn from_parents(parents: Vec<Nodes>) -> Self {
         let n = parents.len();
-        assert!(n <= MOST, "{n} nodes: at most {MOST}");
+        assert!(n <= MOST, "a graph has at most {MOST} nodes, got {n}");
         let fits = |(j, set): (usize, &Nodes)| u64::from(*set) >> n == 0 && set >> j & 1 == 0;
-        assert!(parents.iter().enumerate().all(fits), "parents are other nodes of the graph");
+        assert!(parents.iter().enumerate().all(fits), "the parents of a node are other nodes of the graph");
         Self { parents }
     }
 
@@ -85,17 +87,21 @@ impl Digraph {
         self.parents.len()
     }
 
-    /// Whether i → j.
+    /// Whether the edge i → j exists.
     pub fn has(&self, i: usize, j: usize) -> bool {
         self.parents[j] >> i & 1 == 1
     }
 
-    /// Adds or removes i → j.
+    /// Adds the edge i → j if `there` is true, and removes it otherwise.
     ///
     /// # Panics
-    /// When it is a loop or leaves the nodes.
+    /// Panics if the edge is a self-loop or refers to a node that does not exist.
     pub fn set(&mut self, i: usize, j: usize, there: bool) {
-        assert!(i != j && i < self.n() && j < self.n(), "edge {i} -> {j} of {} nodes", self.n());
+        assert!(
+            i != j && i < self.n() && j < self.n(),
+            "edge {i} -> {j} is not valid in a graph of {} nodes",
+            self.n()
+        );
         if there {
             self.parents[j] |= 1 << i;
         } else {
@@ -113,7 +119,7 @@ impl Digraph {
         (0..self.n()).filter(|&j| self.has(i, j)).fold(0, |set, j| set | 1 << j)
     }
 
-    /// The edges, by start, then end.
+    /// Returns the edges, sorted by start node, then by end node.
     pub fn edges(&self) -> Vec<(usize, usize)> {
         let n = self.n();
         (0..n * n).map(|at| (at / n, at % n)).filter(|&(i, j)| self.has(i, j)).collect()
@@ -124,13 +130,14 @@ impl Digraph {
         self.parents.iter().fold(0, |sum, set| sum + set.count_ones() as usize)
     }
 
-    /// Matrix (n, n) of zeros and ones: 1 at (i, j) for i → j.
+    /// Returns the adjacency matrix (n, n) with 1 at (i, j) for i → j and 0 elsewhere.
     pub fn adjacency(&self) -> Vec<f64> {
         let n = self.n();
         (0..n * n).map(|at| f64::from(u8::from(self.has(at / n, at % n)))).collect()
     }
 
-    /// Nodes with every parent before its children, the lowest free index first; `None` where there is a cycle.
+    /// Returns the nodes in topological order, the lowest available index first, or `None` if there is a
+    /// cycle.
     pub fn order(&self) -> Option<Vec<usize>> {
         let (mut done, mut order) = (0, Vec::with_capacity(self.n()));
         while order.len() < self.n() {
@@ -141,7 +148,8 @@ impl Digraph {
         Some(order)
     }
 
-    /// Longest path into every node, in edges: 0 without parents, else 1 + the largest of the parents. `None` when there is a cycle.
+    /// Returns the length in edges of the longest path into every node: 0 without parents, otherwise 1 + the
+    /// maximum over the parents. Returns `None` if there is a cycle.
     pub fn levels(&self) -> Option<Vec<usize>> {
         let mut levels = vec![0; self.n()];
         for j in self.order()? {
@@ -150,17 +158,17 @@ impl Digraph {
         Some(levels)
     }
 
-    /// Whether there is no cycle.
+    /// Whether the graph has no cycle.
     pub fn is_acyclic(&self) -> bool {
         self.order().is_some()
     }
 
-    /// Nodes to which a path of at least one edge leads from `i`.
+    /// Returns the nodes that a path of at least one edge reaches from `i`.
     pub fn descendants(&self, i: usize) -> Nodes {
         self.closed(self.children(i), |graph, set| nodes(set).fold(0, |all, j| all | graph.children(j)))
     }
 
-    /// The nodes of a set and all from which a path leads into it.
+    /// Returns the nodes of a set together with all their ancestors.
     pub fn ancestral(&self, set: Nodes) -> Nodes {
         self.closed(set, |graph, set| nodes(set).fold(0, |all, j| all | graph.parents[j]))
     }
@@ -180,13 +188,13 @@ impl Digraph {
         self.descendants(i) >> j & 1 == 1
     }
 
-    /// Whether `given` d-separates i from j (neither is in it): no path between them in the moral graph of the ancestors of all three that
-    /// avoids `given` (Lauritzen et al. 1990).
+    /// Whether `given`, which must not contain i or j, d-separates i from j: in the moral graph of the
+    /// ancestors of i, j and `given`, no path from i to j avoids `given` (Lauritzen et al. 1990).
     pub fn separated(&self, i: usize, j: usize, given: Nodes) -> bool {
         let kept = self.ancestral(1 << i | 1 << j | given);
         let neighbours = |a: usize| {
             let own = self.parents[a] | self.children(a);
-            // parents of a common child
+            // Parents of a common child are connected in the moral graph.
             let married = nodes(self.children(a) & kept).fold(0, |all, child| all | self.parents[child]);
             (own | married) & kept & !given
         };
@@ -200,7 +208,8 @@ impl Digraph {
         }
     }
 
-    /// The graph on `keep.len()` nodes in which a → b where `keep[a]` → `keep[b]` here; a node that is `None` has no edges.
+    /// Returns the graph on `keep.len()` nodes that has the edge a → b if this graph has `keep[a]` →
+    /// `keep[b]`; a node whose entry is `None` has no edges.
     pub fn relabelled(&self, keep: &[Option<usize>]) -> Self {
         Self::from_fn(keep.len(), |a, b| match (keep[a], keep[b]) {
             (Some(i), Some(j)) => i != j && self.has(i, j),
@@ -216,13 +225,13 @@ impl std::fmt::Display for Digraph {
     }
 }
 
-/// Calls `visit` with every acyclic graph on `n` nodes: 1, 3, 25, 543, 29 281 for n = 1 … 5. Sets of parents count upwards, those of node 0
-/// slowest.
+/// Calls `visit` with every acyclic graph on `n` nodes; there are 1, 3, 25, 543 and 29 281 for n = 1 … 5. The
+/// graphs are enumerated by their sets of parents in increasing order; those of node 0 vary slowest.
 ///
 /// # Panics
-/// When n is not 1 to 5.
+/// Panics if n is not in 1..=5.
 pub fn each_acyclic(n: usize, mut visit: impl FnMut(&Digraph)) {
-    assert!((1..=5).contains(&n), "{n} nodes: 1 to 5 can be enumerated");
+    assert!((1..=5).contains(&n), "graphs of 1 to 5 nodes can be enumerated, got {n}");
     fn choose(graph: &mut Digraph, j: usize, visit: &mut impl FnMut(&Digraph)) {
         let n = graph.n();
         if j == n {
@@ -230,7 +239,7 @@ pub fn each_acyclic(n: usize, mut visit: impl FnMut(&Digraph)) {
             return;
         }
         for set in (0..1u32 << n).filter(|set| set >> j & 1 == 0) {
-            // a new cycle would go through j
+            // A new cycle would have to contain j.
             graph.parents[j] = set;
             if graph.descendants(j) >> j & 1 == 0 {
                 choose(graph, j + 1, visit);
@@ -241,7 +250,7 @@ pub fn each_acyclic(n: usize, mut visit: impl FnMut(&Digraph)) {
     choose(&mut Digraph::empty(n), 0, &mut visit);
 }
 
-/// All acyclic graphs on `n` ≤ 5 nodes, in the order of [`each_acyclic`].
+/// Returns all acyclic graphs on `n` ≤ 5 nodes, in the order of [`each_acyclic`].
 pub fn all_acyclic(n: usize) -> Vec<Digraph> {
     let mut all = Vec::new();
     each_acyclic(n, |graph| all.push(graph.clone()));
@@ -263,7 +272,8 @@ mod tests {
         }
     }
 
-    /// Whether a simple path from `at` to `j` is open: colliders have a descendant in `given`, others are outside.
+    /// Whether a simple path from `at` to `j` is open: colliders have a descendant in `given`, others are
+    /// outside.
     fn open(g: &Digraph, path: &mut Vec<usize>, j: usize, given: Nodes) -> bool {
         let at = *path.last().expect("a path has a start");
         if at == j {

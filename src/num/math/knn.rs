@@ -1,14 +1,16 @@
-//! Nearest neighbours of every point of a cloud, exactly.
+//! Exact nearest neighbours of every point of a point cloud.
 //!
-//! d²(i, j) = ((x_i−x_j)² + (y_i−y_j)²) + (z_i−z_j)²,  neighbours in the order of (d², index), the point itself left out.
+//! d²(i, j) = ((x_i−x_j)² + (y_i−y_j)²) + (z_i−z_j)²; the neighbours of a point are sorted by (d², index) and
+//! exclude the point itself.
 //!
 //! # Rounding
-//! Coordinates are converted exactly to f64, differences and squares rounded in the order written. A k-d tree only skips boxes that hold nothing nearer;
-//! the distance to a box is computed by the same operations on nearer coordinates and rounding is monotone, so the result is
-//! that of comparing all pairs, bit for bit.
+//! Coordinates are converted exactly to f64; differences and squares are rounded in the order written. The
+//! k-d tree only skips boxes that contain no nearer point. The distance to a box is computed by the same
+//! operations on nearer coordinates, and rounding is monotone, so the result is bit-identical to a comparison
+//! of all pairs.
 //!
 //! # Kinks and domain
-//! Points must be finite. A cloud of n points has n − 1 neighbours per point at most.
+//! Points must be finite. In a cloud of n points, a point has at most n − 1 neighbours.
 //!
 //! # Example
 //! ```
@@ -24,23 +26,23 @@
 use crate::num::par;
 use crate::{Error, Result};
 
-/// Points of a leaf, at most.
+/// Largest number of points in a leaf.
 const LEAF: usize = 12;
-/// Points of one task.
+/// Number of points per task.
 const BATCH: usize = 256;
 
-/// No neighbour: there are fewer points than asked for.
+/// Placeholder for a missing neighbour, used if the cloud has too few points.
 pub const NONE: (f64, u32) = (f64::INFINITY, u32::MAX);
 
-/// A box of the tree over `order[start..end]`.
+/// A box of the tree, which contains the points `order[start..end]`.
 struct Node {
     low: [f64; 3],
     high: [f64; 3],
     start: u32,
     end: u32,
-    /// Lowest index inside: decides whether a tie can still matter.
+    /// Lowest index inside the box; it decides whether a tie can still change the result.
     least: u32,
-    /// Index of the second child, the first follows its parent; 0 marks a leaf.
+    /// Index of the second child; the first child follows its parent. The value 0 marks a leaf.
     second: u32,
 }
 
@@ -59,7 +61,8 @@ impl<'a> Tree<'a> {
         tree
     }
 
-    /// Splits the widest side at the median of (coordinate, index): unique keys, so the tree is a function of the points alone.
+    /// Splits the widest side at the median of (coordinate, index). These keys are unique, so the tree
+    /// depends on the points alone.
     fn build(&mut self, start: usize, end: usize) -> u32 {
         let part = &self.order[start..end];
         let (mut low, mut high, mut least) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3], u32::MAX);
@@ -90,7 +93,7 @@ impl<'a> Tree<'a> {
         node as u32
     }
 
-    /// Squared distance from `p` to a box: 0 inside.
+    /// Returns the squared distance from `p` to a box, which is 0 inside the box.
     fn distance(&self, node: u32, p: [f64; 3]) -> f64 {
         let n = &self.nodes[node as usize];
         let d: [f64; 3] = std::array::from_fn(|c| {
@@ -128,7 +131,8 @@ impl<'a> Tree<'a> {
         }
         let children = [node + 1, n.second].map(|c| (self.distance(c, p), self.nodes[c as usize].least, c));
         let [a, b] = children;
-        // The nearer box first; among equals the one with the lower index, which settles ties soonest.
+        // The nearer box is visited first; of equally near boxes, the one with the lower index, which
+        // resolves ties earliest.
         let swap = b.0 < a.0 || (b.0 == a.0 && b.1 < a.1);
         for (d, _, child) in if swap { [b, a] } else { [a, b] } {
             self.search(child, d, me, p, best);
@@ -136,7 +140,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Puts a candidate into the list sorted by (distance, index).
+/// Inserts a candidate into the list sorted by (distance, index).
 #[inline(always)]
 fn insert<const K: usize>(best: &mut [(f64, u32); K], new: (f64, u32)) {
     let before = |a: (f64, u32), b: (f64, u32)| a.0 < b.0 || (a.0 == b.0 && a.1 < b.1);
@@ -151,12 +155,13 @@ fn insert<const K: usize>(best: &mut [(f64, u32); K], new: (f64, u32)) {
     best[at] = new;
 }
 
-/// The K nearest neighbours (squared distance, index) of every point, nearest first; [`NONE`] where there are too few.
+/// Returns the K nearest neighbours of every point as (squared distance, index), nearest first; missing
+/// neighbours are [`NONE`].
 ///
 /// # Errors
-/// A coordinate that is not finite.
+/// Returns an error if a coordinate is not finite.
 pub fn neighbours<const K: usize>(points: &[[f32; 3]]) -> Result<Vec<[(f64, u32); K]>> {
-    assert!(K > 0 && points.len() < u32::MAX as usize, "at least one neighbour, indices of 32 bits");
+    assert!(K > 0 && points.len() < u32::MAX as usize, "K is at least 1, and point indices fit into 32 bits");
     if let Some(i) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
         return Err(Error::input("points")
             .at(format!("row {i}"))
@@ -171,14 +176,16 @@ pub fn neighbours<const K: usize>(points: &[[f32; 3]]) -> Result<Vec<[(f64, u32)
     }))
 }
 
-/// Mean squared distance of every point to its three nearest neighbours, for initial scales; over those that exist in a
-/// cloud of two or three points, 0 for a single point.
+/// Returns the mean squared distance of every point to its three nearest neighbours, which is used for
+/// initial scales. In a cloud of two or three points, the mean is over the existing neighbours; for a single
+/// point it is 0.
 ///
 /// # Rounding
-/// Left fold from the nearest, one division, rounded once to f32.
+/// The sum is a left fold from the nearest neighbour, followed by one division; the result is rounded once to
+/// f32.
 ///
 /// # Errors
-/// A coordinate that is not finite.
+/// Returns an error if a coordinate is not finite.
 pub fn mean_squared_distance(points: &[[f32; 3]]) -> Result<Vec<f32>> {
     let count = points.len().saturating_sub(1).min(3);
     let near = neighbours::<3>(points)?;

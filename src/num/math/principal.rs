@@ -1,18 +1,21 @@
-//! The axis along which points vary most.
+//! The axis of largest variance of a set of points.
 //!
 //! # Rounding
-//! f64: mean and covariance C are left folds over the rows, every pass left folds over the dimensions.
+//! All values are f64. The mean and the covariance C are left folds over the rows; every iteration consists
+//! of left folds over the dimensions.
 
-/// Passes of the power iteration. Two variances of ratio r leave 1/r^50 of the second axis in the result.
+/// Number of power iterations. If the two largest variances have the ratio r, the second axis contributes
+/// 1/r^50 to the result.
 pub const PASSES: usize = 50;
 
-/// Axis of largest variance of rows (N, k), of length 1: v ← C v/‖C v‖ from the dimension that varies most, [`PASSES`] times. Rows that do not vary
-/// give that dimension.
+/// Returns the unit vector along the axis of largest variance of rows (N, k): v ← C v/‖C v‖, iterated
+/// [`PASSES`] times, starting from the unit vector of the dimension with the largest variance. If the rows do
+/// not vary, the result is that unit vector.
 ///
 /// # Panics
-/// When there are no rows, or one of them is shorter than k.
+/// Panics if there are no rows, or if a row is shorter than k.
 pub fn axis(rows: &[&[f64]], k: usize) -> Vec<f64> {
-    assert!(!rows.is_empty() && k > 0, "rows of numbers");
+    assert!(!rows.is_empty() && k > 0, "there is at least one row and one dimension");
     let count = rows.len() as f64;
     let mean: Vec<f64> = (0..k).map(|c| rows.iter().fold(0.0, |s, r| s + r[c]) / count).collect();
     let mut covariance = vec![0.0; k * k];
@@ -48,6 +51,6 @@ mod tests {
         let found = axis(&rows.each_ref().map(|r| &r[..]), 2);
         assert!((found[0] - 0.6).abs() < 1e-15 && (found[1] - 0.8).abs() < 1e-15, "{found:?}");
         assert_eq!(axis(&[&[7.0], &[9.0]], 1), [1.0], "one dimension is its own axis");
-        assert_eq!(axis(&[&[7.0, 1.0]], 2), [1.0, 0.0], "what does not vary");
+        assert_eq!(axis(&[&[7.0, 1.0]], 2), [1.0, 0.0], "rows that do not vary");
     }
 }

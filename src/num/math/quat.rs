@@ -9,18 +9,19 @@
 //! ```
 //!
 //! # Rounding
-//! The components are divided by the largest magnitude m first, then by n = √(Σ (qᵢ/m)²), a left fold. So a
-//! quaternion scaled by any power of two gives the same bits, and 1e-20 or 1e20 neither under- nor overflow.
+//! The components are divided by the largest magnitude m first, then by n = √(Σ (qᵢ/m)²), a left fold. A
+//! quaternion scaled by any power of two therefore gives the same bits, and magnitudes such as 1e-20 or 1e20
+//! neither underflow nor overflow.
 //!
 //! # Kinks and domain
-//! ‖q‖ = 0 has no rotation and is refused by `scene` before it gets here.
+//! A quaternion with ‖q‖ = 0 has no rotation; `scene` refuses it.
 //!
 //! # Adjoint
-//! q̄ = (q̂̄ − q̂ (q̂·q̂̄)) / ‖q‖: orthogonal to q. Nothing is saved; q̂ is recomputed.
+//! q̄ = (q̂̄ − q̂ (q̂·q̂̄)) / ‖q‖, which is orthogonal to q. Nothing is saved; q̂ is recomputed.
 
 use crate::num::lanes::Real;
 
-/// q̂ and 1/‖q‖.
+/// Returns q̂ and 1/‖q‖.
 #[inline(always)]
 fn normalize<L: Real>(q: [L; 4]) -> ([L; 4], L) {
     let m = q[0].abs().max(q[1].abs()).max(q[2].abs().max(q[3].abs()));
@@ -29,7 +30,7 @@ fn normalize<L: Real>(q: [L; 4]) -> ([L; 4], L) {
     (p.map(|x| x / n), L::splat(1.0) / (m * n))
 }
 
-/// R of `q`, row-major.
+/// Returns the rotation matrix R of `q`, row-major.
 #[inline(always)]
 pub fn rotation<L: Real>(q: [L; 4]) -> [L; 9] {
     let ([w, x, y, z], _) = normalize(q);
@@ -47,20 +48,20 @@ pub fn rotation<L: Real>(q: [L; 4]) -> [L; 9] {
     ]
 }
 
-/// q̄ from R̄.
+/// Returns q̄ for the cotangent R̄.
 #[inline(always)]
 pub fn rotation_adjoint<L: Real>(q: [L; 4], r_bar: [L; 9]) -> [L; 4] {
     let (u, inv_len) = normalize(q);
     let [w, x, y, z] = u;
     let [r00, r01, r02, r10, r11, r12, r20, r21, r22] = r_bar;
     let two = L::splat(2.0);
-    // each line: the entries of R that hold the component, with their factor
+    // Each line combines the entries of R that contain the component, with their factors.
     let w_bar = two * ((x * (r21 - r12) + y * (r02 - r20)) + z * (r10 - r01));
     let x_bar = two * (((y * (r01 + r10) + z * (r02 + r20)) + w * (r21 - r12)) - two * (x * (r11 + r22)));
     let y_bar = two * (((x * (r01 + r10) + z * (r12 + r21)) + w * (r02 - r20)) - two * (y * (r00 + r22)));
     let z_bar = two * (((x * (r02 + r20) + y * (r12 + r21)) + w * (r10 - r01)) - two * (z * (r00 + r11)));
     let bar = [w_bar, x_bar, y_bar, z_bar];
-    // undo q̂ = q / ‖q‖
+    // Adjoint of the normalisation q̂ = q / ‖q‖.
     let radial = ((w * bar[0] + x * bar[1]) + y * bar[2]) + z * bar[3];
     std::array::from_fn(|i| (bar[i] - u[i] * radial) * inv_len)
 }

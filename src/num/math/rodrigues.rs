@@ -1,20 +1,22 @@
-//! Rodrigues' formula: the rotation about an axis by an angle, its adjoint, and its inverse. In f64.
+//! Rodrigues' formula: the rotation about an axis by an angle, with its adjoint and its inverse, in f64.
 //!
 //! ℛ(w) = I + a K + b K²,   K v = w × v,   a = sin θ/θ,   b = (1 − cos θ)/θ² = ½ (sin ½θ/½θ)²,   θ = ‖w‖
 //!
 //! # Rounding
-//! Dot products are (x₀y₀ + x₁y₁) + x₂y₂. b comes from the half angle: 1 − cos θ would cancel. For θ < 1e-4 the series a = 1 − θ²/6, b = ½ − θ²/24 (and
-//! their derivatives −⅓ + θ²/30, −1/12 + θ²/180) are exact to the last place.
+//! Dot products are (x₀y₀ + x₁y₁) + x₂y₂. b is computed from the half angle, because 1 − cos θ would cancel.
+//! For θ < 1e-4 the series a = 1 − θ²/6, b = ½ − θ²/24 (and their derivatives −⅓ + θ²/30, −1/12 + θ²/180) are
+//! exact to the last place.
 //!
 //! # Kinks and domain
-//! None: ℛ is smooth in w, at 0 too.
+//! There are no kinks: ℛ is smooth in w, also at 0.
 //!
 //! # Adjoint
 //! With s = (R̄₂₁ − R̄₁₂, R̄₀₂ − R̄₂₀, R̄₁₀ − R̄₀₁):
 //!
-//! w̄ = a s + b ((R̄ + R̄ᵀ) w − 2 tr(R̄) w) + (a' (w·s) + b' (wᵀR̄w − θ² tr R̄)) w,   a' = (θ cos θ − sin θ)/θ³,   b' = (a − 2b)/θ²
+//! w̄ = a s + b ((R̄ + R̄ᵀ) w − 2 tr(R̄) w) + (a' (w·s) + b' (wᵀR̄w − θ² tr R̄)) w,
+//! a' = (θ cos θ − sin θ)/θ³,   b' = (a − 2b)/θ²
 
-/// Below this angle, in rad, series stand for the quotients.
+/// Angle in rad below which series replace the quotients.
 pub const SERIES: f64 = 1e-4;
 
 type Vec3 = [f64; 3];
@@ -26,7 +28,7 @@ fn dot(a: Vec3, b: Vec3) -> f64 {
     (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
 }
 
-/// a, b, a', b': ∂a/∂w = a' w, ∂b/∂w = b' w.
+/// Returns a, b, a', b', where ∂a/∂w = a' w and ∂b/∂w = b' w.
 fn quotients(square: f64) -> [f64; 4] {
     if square < SERIES * SERIES {
         return [
@@ -42,7 +44,7 @@ fn quotients(square: f64) -> [f64; 4] {
     [a, b, (theta * cos - sin) / (square * theta), (a - 2.0 * b) / square]
 }
 
-/// ℛ(w), row-major.
+/// Returns ℛ(w), row-major.
 pub fn matrix(w: Vec3) -> Mat3 {
     let square = dot(w, w);
     let [a, b, ..] = quotients(square);
@@ -55,7 +57,7 @@ pub fn matrix(w: Vec3) -> Mat3 {
     })
 }
 
-/// w̄ for the cotangent `r_bar` of ℛ(w).
+/// Returns w̄ for the cotangent `r_bar` of ℛ(w).
 pub fn matrix_adjoint(w: Vec3, r_bar: &Mat3) -> Vec3 {
     let square = dot(w, w);
     let [a, b, a_slope, b_slope] = quotients(square);
@@ -67,8 +69,8 @@ pub fn matrix_adjoint(w: Vec3, r_bar: &Mat3) -> Vec3 {
     std::array::from_fn(|i| (a * s[i] + b * ((there[i] + back[i]) - 2.0 * (trace * w[i]))) + radial * w[i])
 }
 
-/// The w of a rotation, ‖w‖ ≤ π: inverse of [`matrix`]. Through the quaternion, whose largest entry is found without
-/// cancellation, so half turns are no exception.
+/// Returns the w of a rotation, with ‖w‖ ≤ π; this is the inverse of [`matrix`]. It is computed from the
+/// quaternion, whose largest entry is found without cancellation, so half turns need no special case.
 pub fn vector(r: &Mat3) -> Vec3 {
     let (x, y, z) = (r[0][0], r[1][1], r[2][2]);
     let candidates = [(1.0 + x) + (y + z), (1.0 + x) - (y + z), (1.0 + y) - (x + z), (1.0 + z) - (x + y)];
@@ -82,7 +84,7 @@ pub fn vector(r: &Mat3) -> Vec3 {
         2 => [wy, xy, c, yz],
         _ => [wz, xz, yz, c],
     };
-    // The half angle is at most a quarter turn.
+    // The sign is chosen such that the half angle is at most a quarter turn.
     let q = if q[0] < 0.0 { q.map(|x| -x) } else { q };
     let sine = ((q[1] * q[1] + q[2] * q[2]) + q[3] * q[3]).sqrt();
     if sine == 0.0 {

@@ -1,8 +1,8 @@
 //! Real spherical harmonics up to degree 3 with the signs of 3DGS, and their derivatives.
 //!
-//! With d = (x, y, z), ‖d‖ = 1: Y₀ = C0; Y₁₋₃ = −C1 y, C1 z, −C1 x; degree 2: C2₀ xy, C2₁ yz, C2₂ (2z²−x²−y²), C2₃ xz,
-//! C2₄ (x²−y²); degree 3: C3₀ y(3x²−y²), C3₁ xyz, C3₂ y(4z²−x²−y²), C3₃ z(2z²−3x²−3y²), C3₄ x(4z²−x²−y²), C3₅ z(x²−y²),
-//! C3₆ x(x²−3y²). Σₘ Y² over a band of degree l is (2l+1)/4π for every d.
+//! With d = (x, y, z), ‖d‖ = 1: Y₀ = C0; Y₁₋₃ = −C1 y, C1 z, −C1 x; degree 2: C2₀ xy, C2₁ yz, C2₂
+//! (2z²−x²−y²), C2₃ xz, C2₄ (x²−y²); degree 3: C3₀ y(3x²−y²), C3₁ xyz, C3₂ y(4z²−x²−y²), C3₃ z(2z²−3x²−3y²),
+//! C3₄ x(4z²−x²−y²), C3₅ z(x²−y²), C3₆ x(x²−3y²). Σₘ Y² over a band of degree l is (2l+1)/4π for every d.
 
 use crate::num::lanes::Real;
 
@@ -21,10 +21,10 @@ const C3: [f32; 7] = [
     -0.5900435899266435,
 ];
 
-/// Largest degree.
+/// Largest supported degree.
 pub const MAX_DEGREE: usize = 3;
 
-/// Y₀ … Y₁₅ at the unit vector `d`; entries beyond `degree` are 0.
+/// Returns Y₀ … Y₁₅ at the unit vector `d`; entries beyond `degree` are 0.
 #[inline(always)]
 pub fn basis<L: Real>(degree: usize, d: [L; 3]) -> [L; 16] {
     let c = L::splat;
@@ -57,7 +57,7 @@ pub fn basis<L: Real>(degree: usize, d: [L; 3]) -> [L; 16] {
     out
 }
 
-/// d̄ from Ȳ: Σₖ Ȳₖ ∂Yₖ/∂d, bands in ascending order.
+/// Returns d̄ = Σₖ Ȳₖ ∂Yₖ/∂d; bands are added in ascending order.
 #[inline(always)]
 pub fn basis_adjoint<L: Real>(degree: usize, d: [L; 3], y_bar: &[L; 16]) -> [L; 3] {
     let c = L::splat;
@@ -88,7 +88,8 @@ pub fn basis_adjoint<L: Real>(degree: usize, d: [L; 3], y_bar: &[L; 16]) -> [L; 
         let b15 = c(C3[6]) * b[15];
         let (two, three, four, six, eight) = (c(2.0), c(3.0), c(4.0), c(6.0), c(8.0));
         let ring = four * zz - (xx + yy);
-        // Y₉ = y(3x²−y²), Y₁₀ = xyz, Y₁₁ = y·ring, Y₁₂ = z(2z²−3x²−3y²), Y₁₃ = x·ring, Y₁₄ = z(x²−y²), Y₁₅ = x(x²−3y²)
+        // Y₉ = y(3x²−y²), Y₁₀ = xyz, Y₁₁ = y·ring, Y₁₂ = z(2z²−3x²−3y²), Y₁₃ = x·ring, Y₁₄ = z(x²−y²),
+        // Y₁₅ = x(x²−3y²)
         gx = gx
             + ((((((six * xy) * b9 + yz * b10) - (two * xy) * b11) - (six * xz) * b12)
                 + (ring - two * xx) * b13)

@@ -1,4 +1,4 @@
-//! Vectors of three numbers in f64.
+//! Three-dimensional vectors in f64.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -9,10 +9,11 @@
 
 use crate::num::order;
 
-/// v / ‖v‖, or zero for a zero vector.
+/// Returns v / ‖v‖, or the zero vector for a zero vector.
 ///
 /// # Rounding
-/// The largest magnitude is divided out first, so that no square overflows or vanishes; then √((x² + y²) + z²) and three quotients.
+/// The components are divided by the largest magnitude first, so that no square overflows or underflows to 0;
+/// then √((x² + y²) + z²) and three quotients follow.
 pub fn unit(v: [f64; 3]) -> [f64; 3] {
     let largest = v.iter().fold(0.0f64, |a, x| order::max(a, x.abs()));
     if !(largest > 0.0) {

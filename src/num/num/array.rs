@@ -1,30 +1,30 @@
-//! Named arrays of any of the element types that cross the border of the library.
+//! Named arrays of the element types that the library's interfaces accept.
 //!
-//! [`Arrays`] is what `.npz` and `.safetensors` files hold, what operators take and return in `ops`, and what the
-//! plan of a renderer is written as. Inside, kernels take slices: `&[[f32; 3]]` is an (N, 3) array.
+//! [`Arrays`] represents the contents of `.npz` and `.safetensors` files, the inputs and outputs of operators
+//! in `ops`, and the plan of a renderer. Kernels work on slices instead: `&[[f32; 3]]` is an (N, 3) array.
 
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
 
-/// One array, row-major, in its own element type.
+/// One row-major array with its element type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Array {
-    /// single precision
+    /// Single precision.
     F32(ArrayD<f32>),
-    /// double precision
+    /// Double precision.
     F64(ArrayD<f64>),
-    /// bytes: masks
+    /// Unsigned bytes, used for masks.
     U8(ArrayD<u8>),
-    /// signed bytes: clamp signs
+    /// Signed bytes, used for the signs of clamped values.
     I8(ArrayD<i8>),
-    /// indices
+    /// 32-bit integers, used for indices.
     I32(ArrayD<i32>),
-    /// offsets
+    /// 64-bit integers, used for offsets.
     I64(ArrayD<i64>),
 }
 
-/// Applies one expression to the array inside, whatever its type.
+/// Evaluates one expression with the inner array, whatever its element type.
 #[macro_export]
 macro_rules! with_array {
     ($array:expr, $a:ident => $body:expr) => {
@@ -39,7 +39,7 @@ macro_rules! with_array {
     };
 }
 
-/// Element types of [`Array`]; lets [`Arrays::put`] take vectors of any of them.
+/// Element types of [`Array`]; the trait lets [`Arrays::put`] accept vectors of any of them.
 pub trait Element: Clone + Copy {
     /// Wraps an array of this element.
     fn wrap(a: ArrayD<Self>) -> Array
@@ -54,19 +54,20 @@ macro_rules! element {
 element!(f32 => F32, f64 => F64, u8 => U8, i8 => I8, i32 => I32, i64 => I64);
 
 impl Array {
-    /// An array from row-major values.
+    /// Builds an array from row-major values.
     pub fn new<T: Element>(shape: &[usize], values: Vec<T>) -> Self {
         let a = ArrayD::from_shape_vec(IxDyn(shape), values)
-            .expect("the number of values is the product of the shape: callers build both together");
+            .expect("the number of values must be the product of the shape");
         T::wrap(a)
     }
 
-    /// Like [`Self::new`] for a shape that somebody else has written; `None` where it does not hold these values, or is beyond what can be indexed.
+    /// Like [`Self::new`] for a shape from an external source; returns `None` if the shape does not match the
+    /// number of values or cannot be indexed.
     pub fn of_shape<T: Element>(shape: &[usize], values: Vec<T>) -> Option<Self> {
         ArrayD::from_shape_vec(IxDyn(shape), values).ok().map(T::wrap)
     }
 
-    /// The shape; `[]` for a 0-d array.
+    /// Returns the shape, which is `[]` for a 0-d array.
     pub fn shape(&self) -> &[usize] {
         with_array!(self, a => a.shape())
     }
@@ -81,7 +82,7 @@ impl Array {
         self.len() == 0
     }
 
-    /// Name of the element type as NumPy writes it.
+    /// Returns the name of the element type as in NumPy.
     pub fn dtype(&self) -> &'static str {
         match self {
             Self::F32(_) => "float32",
@@ -98,7 +99,7 @@ impl Array {
         matches!(self, Self::F32(_) | Self::F64(_))
     }
 
-    /// Elements in row-major order as f64 (exact for everything but i64 beyond 2⁵³).
+    /// Returns the elements in row-major order as f64; the conversion is exact except for i64 beyond 2⁵³.
     pub fn to_f64(&self) -> Vec<f64> {
         match self {
             Self::F32(a) => a.iter().map(|&x| f64::from(x)).collect(),
@@ -110,7 +111,7 @@ impl Array {
         }
     }
 
-    /// Elements in row-major order, rounded to f32.
+    /// Returns the elements in row-major order, rounded to f32.
     pub fn to_f32(&self) -> Vec<f32> {
         match self {
             Self::F32(a) => a.iter().copied().collect(),
@@ -118,7 +119,7 @@ impl Array {
         }
     }
 
-    /// Elements in row-major order as i64; `None` if a floating-point element is not integral.
+    /// Returns the elements in row-major order as i64, or `None` if a floating-point element is not integral.
     pub fn to_i64(&self) -> Option<Vec<i64>> {
         match self {
             Self::I64(a) => Some(a.iter().copied().collect()),
@@ -132,12 +133,12 @@ impl Array {
     }
 }
 
-/// A set of named arrays, in the order of the names.
+/// A set of named arrays, sorted by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Arrays(pub BTreeMap<String, Array>);
 
 impl Arrays {
-    /// No arrays.
+    /// Returns an empty set.
     pub fn new() -> Self {
         Self::default()
     }
@@ -147,22 +148,22 @@ impl Arrays {
         self.0.insert(name.to_owned(), Array::new(shape, values));
     }
 
-    /// Builder form of [`Self::put`].
+    /// Like [`Self::put`], but returns the set (builder form).
     #[must_use]
     pub fn with<T: Element>(mut self, name: &str, shape: &[usize], values: Vec<T>) -> Self {
         self.put(name, shape, values);
         self
     }
 
-    /// The array of that name, if there is one.
+    /// Returns the array with this name, if it exists.
     pub fn get(&self, name: &str) -> Option<&Array> {
         self.0.get(name)
     }
 
-    /// The array of that name.
+    /// Returns the array with this name.
     ///
     /// # Errors
-    /// When it is missing; the error lists what is there.
+    /// Returns an error if the array is missing; the error lists the names of the existing arrays.
     pub fn need(&self, name: &str) -> Result<&Array> {
         self.get(name).ok_or_else(|| {
             let have: Vec<_> = self.0.keys().map(String::as_str).collect();
@@ -172,10 +173,11 @@ impl Arrays {
         })
     }
 
-    /// Checks a shape written with names, e.g. `"N,K,3"`: equal letters must have equal sizes across calls.
+    /// Checks the shape of an array against a pattern such as `"N,K,3"`; equal letters must have equal sizes
+    /// across calls.
     ///
     /// # Errors
-    /// When the rank, a fixed size or an already bound letter differs.
+    /// Returns an error if the rank, a fixed size or the size of an already bound letter differs.
     pub fn shape(&self, name: &str, pattern: &str, dims: &mut BTreeMap<char, usize>) -> Result<&Array> {
         let array = self.need(name)?;
         let got = array.shape();
@@ -194,7 +196,7 @@ impl Arrays {
             let fits = match part.parse::<usize>() {
                 Ok(fixed) => fixed == size,
                 Err(_) => {
-                    let letter = part.chars().next().expect("a part between commas is not empty");
+                    let letter = part.chars().next().expect("a part of the pattern is not empty");
                     *dims.entry(letter).or_insert(size) == size
                 }
             };
@@ -205,10 +207,11 @@ impl Arrays {
         Ok(array)
     }
 
-    /// Refuses NaN and ±∞ in any floating-point array of the given names that is present.
+    /// Refuses NaN and ±∞ in every floating-point array with one of the given names; missing arrays are
+    /// skipped.
     ///
     /// # Errors
-    /// Names the array, the index and the value.
+    /// The error names the array, the index and the value.
     pub fn finite<'a>(&self, names: impl IntoIterator<Item = &'a str>) -> Result<()> {
         for name in names {
             let Some(array) = self.get(name).filter(|a| a.is_float()) else { continue };
@@ -228,10 +231,10 @@ impl Arrays {
         Ok(())
     }
 
-    /// A single number stored under a name, as f64.
+    /// Returns a single number stored under a name, as f64.
     ///
     /// # Errors
-    /// When it is missing or holds more than one element.
+    /// Returns an error if the array is missing or has more than one element.
     pub fn scalar(&self, name: &str) -> Result<f64> {
         let a = self.need(name)?;
         if a.len() != 1 {
@@ -243,7 +246,7 @@ impl Arrays {
     }
 }
 
-/// Keeps the rows of a row-major array where `keep` is true, in their order.
+/// Keeps the rows of a row-major array for which `keep` is true, in their order.
 pub fn retain_rows<T: Copy>(array: &mut Vec<T>, width: usize, keep: &[bool]) {
     let mut to = 0;
     for (r, _) in keep.iter().enumerate().filter(|(_, k)| **k) {
@@ -253,7 +256,7 @@ pub fn retain_rows<T: Copy>(array: &mut Vec<T>, width: usize, keep: &[bool]) {
     array.truncate(to * width);
 }
 
-/// Number of entries of a shape.
+/// Returns the number of entries of a shape.
 pub fn entries(shape: &[usize]) -> usize {
     let mut entries = 1;
     for side in shape {

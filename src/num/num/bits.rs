@@ -1,8 +1,8 @@
-//! Bits of results: digests and distances in units of the last place.
+//! Bit-exact comparison of results: digests, and distances in units of the last place.
 //!
-//! A digest is FNV-1a 64 over the width of an element in bytes, the rank, the dimensions (each u64, little
-//! endian), then the bits of every element (little endian, −0 kept, row-major). A NaN has no digest: its payload is
-//! not specified, so it is an error.
+//! A digest is the FNV-1a 64 hash of the element width in bytes, the rank and the dimensions (each as u64,
+//! little endian), followed by the bits of every element (little endian, −0 kept, row-major). The digest of
+//! an array with a NaN is an error, because the payload of a NaN is not specified.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -17,7 +17,7 @@
 use super::array::Array;
 use crate::{Error, Result};
 
-/// FNV-1a 64, fed piece by piece.
+/// Incremental FNV-1a 64 hash.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest(u64);
 
@@ -28,12 +28,12 @@ impl Default for Digest {
 }
 
 impl Digest {
-    /// The digest of nothing: the offset basis.
+    /// Returns the digest of no data, which is the offset basis.
     pub fn new() -> Self {
         Self(0xcbf2_9ce4_8422_2325)
     }
 
-    /// Adds bytes.
+    /// Adds bytes to the hash.
     #[inline]
     pub fn bytes(&mut self, bytes: &[u8]) {
         for &b in bytes {
@@ -46,7 +46,7 @@ impl Digest {
         self.bytes(&x.to_le_bytes());
     }
 
-    /// Adds the head of an array: element width in bytes, rank, dimensions.
+    /// Adds the header of an array: element width in bytes, rank, dimensions.
     pub fn head(&mut self, width: usize, shape: &[usize]) {
         self.u64(width as u64);
         self.u64(shape.len() as u64);
@@ -55,10 +55,10 @@ impl Digest {
         }
     }
 
-    /// Adds an array of single precision: head, then elements.
+    /// Adds a single-precision array: the header, then the elements.
     ///
     /// # Errors
-    /// When the number of elements is not the product of the shape, or an element is NaN.
+    /// Returns an error if the number of elements is not the product of the shape, or an element is NaN.
     pub fn f32(&mut self, shape: &[usize], x: &[f32]) -> Result<()> {
         check_len(shape, x.len())?;
         self.head(4, shape);
@@ -71,10 +71,10 @@ impl Digest {
         Ok(())
     }
 
-    /// Adds an array of double precision: head, then elements.
+    /// Adds a double-precision array: the header, then the elements.
     ///
     /// # Errors
-    /// When the number of elements is not the product of the shape, or an element is NaN.
+    /// Returns an error if the number of elements is not the product of the shape, or an element is NaN.
     pub fn f64(&mut self, shape: &[usize], x: &[f64]) -> Result<()> {
         check_len(shape, x.len())?;
         self.head(8, shape);
@@ -90,7 +90,7 @@ impl Digest {
     /// Adds an array of any element type.
     ///
     /// # Errors
-    /// When an element is NaN.
+    /// Returns an error if an element is NaN.
     pub fn array(&mut self, a: &Array) -> Result<()> {
         macro_rules! integers {
             ($a:expr, $width:expr) => {{
@@ -111,7 +111,7 @@ impl Digest {
         }
     }
 
-    /// The value so far.
+    /// Returns the digest of the data added so far.
     pub fn value(self) -> u64 {
         self.0
     }
@@ -131,38 +131,38 @@ fn nan(i: usize) -> Error {
     Error::check("digest").at(format!("element {i}")).expected("a number").got("NaN")
 }
 
-/// Digest of one array of single precision.
+/// Returns the digest of one single-precision array.
 ///
 /// # Errors
-/// When the number of elements is not the product of the shape, or an element is NaN.
+/// Returns an error if the number of elements is not the product of the shape, or an element is NaN.
 pub fn digest_f32(shape: &[usize], x: &[f32]) -> Result<u64> {
     let mut d = Digest::new();
     d.f32(shape, x)?;
     Ok(d.value())
 }
 
-/// Digest of one array of double precision.
+/// Returns the digest of one double-precision array.
 ///
 /// # Errors
-/// When the number of elements is not the product of the shape, or an element is NaN.
+/// Returns an error if the number of elements is not the product of the shape, or an element is NaN.
 pub fn digest_f64(shape: &[usize], x: &[f64]) -> Result<u64> {
     let mut d = Digest::new();
     d.f64(shape, x)?;
     Ok(d.value())
 }
 
-/// Digest of one array of any element type.
+/// Returns the digest of one array of any element type.
 ///
 /// # Errors
-/// When an element is NaN.
+/// Returns an error if an element is NaN.
 pub fn digest(a: &Array) -> Result<u64> {
     let mut d = Digest::new();
     d.array(a)?;
     Ok(d.value())
 }
 
-/// Number of representable steps from `a` to `b`; the two zeros are the same point. A NaN is infinitely far
-/// (`u64::MAX`) from everything but another NaN.
+/// Returns the number of representable steps from `a` to `b`; both zeros count as one value. The distance
+/// between a NaN and any number is `u64::MAX`; between two NaNs it is 0.
 pub fn ulp_f32(a: f32, b: f32) -> u64 {
     if a.is_nan() || b.is_nan() {
         return if a.is_nan() && b.is_nan() { 0 } else { u64::MAX };
@@ -174,8 +174,8 @@ pub fn ulp_f32(a: f32, b: f32) -> u64 {
     line(a).abs_diff(line(b))
 }
 
-/// Number of representable steps from `a` to `b`; the two zeros are the same point. A NaN is infinitely far
-/// (`u64::MAX`) from everything but another NaN.
+/// Returns the number of representable steps from `a` to `b`; both zeros count as one value. The distance
+/// between a NaN and any number is `u64::MAX`; between two NaNs it is 0.
 pub fn ulp_f64(a: f64, b: f64) -> u64 {
     if a.is_nan() || b.is_nan() {
         return if a.is_nan() && b.is_nan() { 0 } else { u64::MAX };

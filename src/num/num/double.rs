@@ -1,69 +1,70 @@
-//! Double-precision lanes: one body for `f64` and [`f64x4`].
+//! Double-precision lanes: one generic body for `f64` and [`f64x4`].
 //!
-//! The elementary functions of [`super::elem`] are written over [`Double`], so that a scalar call and a call on
-//! eight lanes run the same operations on the same bits.
+//! The elementary functions of [`super::elem`] are generic over [`Double`], so that a scalar call and a call
+//! on eight lanes perform the same operations on the same bits.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 pub use wide::{f64x4, u64x4};
 
-/// A function of one argument written once for all widths of f64 lanes.
+/// A function of one argument, written once for all widths of f64 lanes.
 pub trait Body {
-    /// The value.
+    /// Returns the value of the function.
     fn at<W: Double>(x: W) -> W;
 }
 
-/// A function of two arguments written once for all widths of f64 lanes.
+/// A function of two arguments, written once for all widths of f64 lanes.
 pub trait BodyPair {
-    /// The value.
+    /// Returns the value of the function.
     fn at<W: Double>(x: W, y: W) -> W;
 }
 
-/// Lanes of double precision: `f64` (1) or [`f64x4`] (4). What `num::elem` is written over.
+/// Lanes of double precision: `f64` (1 lane) or [`f64x4`] (4 lanes). The bodies in `num::elem` are generic
+/// over this trait.
 pub trait Double:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
-    /// What a comparison gives.
+    /// Result of a comparison.
     type Mask: Copy;
-    /// The bit patterns, as unsigned integers.
+    /// Bit patterns as unsigned integers.
     type Bits: Copy;
-    /// The same number in every lane.
+    /// Returns the same number in every lane.
     fn splat(x: f64) -> Self;
-    /// Lanes from a function of the lane index.
+    /// Builds lanes from a function of the lane index.
     fn from_fn(f: impl FnMut(usize) -> f64) -> Self;
-    /// Lane `i`.
+    /// Returns lane `i`.
     fn lane(self, i: usize) -> f64;
-    /// Square root, correctly rounded.
+    /// Returns the correctly rounded square root.
     fn sqrt(self) -> Self;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// self < other.
+    /// Compares self < other.
     fn lt(self, other: Self) -> Self::Mask;
-    /// self > other.
+    /// Compares self > other.
     fn gt(self, other: Self) -> Self::Mask;
-    /// self = other.
+    /// Compares self = other.
     fn eq(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask is set, else `no`.
+    /// Selects `yes` where the mask is set, and `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Whether the mask is set in every lane.
     fn all(mask: Self::Mask) -> bool;
-    /// The bit patterns.
+    /// Returns the bit patterns.
     fn to_bits(self) -> Self::Bits;
-    /// Numbers from bit patterns.
+    /// Builds numbers from bit patterns.
     fn from_bits(b: Self::Bits) -> Self;
-    /// a + b modulo 2⁶⁴.
+    /// Returns a + b modulo 2⁶⁴.
     fn add_bits(a: Self::Bits, b: Self::Bits) -> Self::Bits;
-    /// a + b modulo 2⁶⁴ with the same b in every lane.
+    /// Returns a + b modulo 2⁶⁴ with the same b in every lane.
     fn add_const(a: Self::Bits, b: u64) -> Self::Bits;
-    /// a and b.
+    /// Bitwise and of a and b.
     fn and_const(a: Self::Bits, b: u64) -> Self::Bits;
-    /// a or b.
+    /// Bitwise or of a and b.
     fn or_const(a: Self::Bits, b: u64) -> Self::Bits;
-    /// a exclusive-or b.
+    /// Bitwise exclusive or of a and b.
     fn xor_bits(a: Self::Bits, b: Self::Bits) -> Self::Bits;
-    /// a·2ⁿ modulo 2⁶⁴.
+    /// Returns a·2ⁿ modulo 2⁶⁴.
     fn shl(a: Self::Bits, n: u32) -> Self::Bits;
-    /// ⌊a·2⁻ⁿ⌋.
+    /// Returns ⌊a·2⁻ⁿ⌋.
     fn shr(a: Self::Bits, n: u32) -> Self::Bits;
 }
 

@@ -1,17 +1,18 @@
 //! The floating-point environment of a thread.
 //!
-//! A library built with fast-math start-up code can switch a thread to flush-to-zero, and a host program can change
-//! the rounding mode. Every promise about bits then fails silently, so every worker thread is probed before it
-//! computes ([`super::par::with_threads`] does this), and the answer is an error instead of other numbers. The probe
-//! is arithmetic on values the compiler cannot see through; it reads no control register.
+//! A library built with fast-math start-up code can switch a thread to flush-to-zero, and a host program can
+//! change the rounding mode. Results would then differ without any warning. Every worker thread is therefore
+//! probed before it computes ([`super::par::with_threads`] does this), and a deviation is reported as an
+//! error. The probe consists of arithmetic on values that the compiler cannot evaluate; it reads no control
+//! register.
 
 use crate::{Error, Result};
 use std::hint::black_box;
 
-/// Checks that this thread rounds to nearest, ties to even, keeps subnormal results and reads subnormal operands.
+/// Checks that this thread rounds to nearest, ties to even, and supports subnormal results and operands.
 ///
 /// # Errors
-/// Says which of these does not hold and what to do.
+/// The error names the property that does not hold and suggests a remedy.
 pub fn probe() -> Result<()> {
     if let Some(found) = flaw_f32().or_else(flaw_f64) {
         return Err(Error::input("floating-point environment")
@@ -26,16 +27,17 @@ pub fn probe() -> Result<()> {
     Ok(())
 }
 
-/// What is wrong with single precision in this thread, if anything is.
+/// Returns what is wrong with single precision in this thread, if anything.
 fn flaw_f32() -> Option<&'static str> {
     let one = black_box(1.0_f32);
     let ulp = black_box(f32::EPSILON); // 2⁻²³
-    // 1 + ¼ulp and −1 − ¼ulp move only when rounding up or down, 1 − ⅛ulp only when rounding down or to zero.
+    // 1 + ¼ulp and −1 − ¼ulp change only if the mode rounds up or down, 1 − ⅛ulp only if it rounds down or to
+    // zero.
     let nearest = one + ulp * black_box(0.25) == one
         && -one - ulp * black_box(0.25) == -one
         && one - ulp * black_box(0.125) == one
         && -one + ulp * black_box(0.125) == -one;
-    // Ties: 1 + ½ulp stays at the even 1; 1 + 1½ulp goes up to the even 1 + 2ulp.
+    // Ties: 1 + ½ulp stays at the even 1; 1 + 1½ulp rounds up to the even 1 + 2ulp.
     let even =
         one + ulp * black_box(0.5) == one && (one + ulp) + ulp * black_box(0.5) == one + ulp * black_box(2.0);
     let half_of_smallest_normal = black_box(f32::MIN_POSITIVE) * black_box(0.5);
@@ -44,7 +46,7 @@ fn flaw_f32() -> Option<&'static str> {
     flaw(nearest && even, ignored, flushed)
 }
 
-/// What is wrong with double precision in this thread, if anything is.
+/// Returns what is wrong with double precision in this thread, if anything.
 fn flaw_f64() -> Option<&'static str> {
     let one = black_box(1.0_f64);
     let ulp = black_box(f64::EPSILON); // 2⁻⁵²

@@ -1,18 +1,20 @@
-//! Matrix products with one association, whatever the tiles, the vector width and the threads.
+//! Matrix products with one fixed association, independent of tile sizes, vector width and number of threads.
 //!
-//! Every output element is one chain: it starts at +0 and adds the rounded products a(i,k)·b(k,j) for k ascending,
-//! product and sum rounded separately, up to k = [`CHUNK`]. A longer k is cut into chunks of that length (the last may be
-//! shorter), each such a chain, and the partial results are added by the pairwise tree of [`super::sum`]. What is
-//! done with the result afterwards ([`Finish`]) comes after the chain.
+//! Every output element is one chain: it starts at +0 and adds the rounded products a(i,k)·b(k,j) for
+//! ascending k, with product and sum rounded separately, up to k = [`CHUNK`]. A longer k is split into chunks
+//! of that length (the last may be shorter); each chunk is such a chain, and the partial results are added by
+//! the pairwise tree of [`super::sum`]. Post-processing of the result ([`Finish`]) is applied after the
+//! chain.
 //!
-//! How it is fast changes no bit: both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns of
-//! b), a tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
-//! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels and are thrown away;
-//! k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. Where the processor has AVX-512, whatever the build was made for, two panels
-//! of columns are taken at once in registers of sixteen lanes ([`product_lanes`]).
+//! The optimisations change no bit. Both factors are packed into panels (`ROWS` rows of a, `COLUMNS` columns
+//! of b). A tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
+//! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels, and
+//! their results are discarded; k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. If the
+//! processor has AVX-512, regardless of the build target, two panels of columns are processed at once in
+//! registers of sixteen lanes ([`product_lanes`]).
 //!
 //! ```text
-//! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of pictures
+//! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of images
 //!   pack    panels of both factors
 //!   block   a block of the output along k, block by block, chunk by chunk
 //!   tile    chains in registers, eight lanes or sixteen
@@ -49,14 +51,15 @@ use pack::pack_rows;
 use packed::PARALLEL;
 use tile::{COLUMNS, Chains, Columns, ROWS, Rows, Sixteen};
 
-/// Rows per task: the packed rows of a and the resting tiles stay in the second-level cache.
+/// Rows per task, chosen such that the packed rows of a and the stored tiles stay in the second-level cache.
 const BLOCK_ROWS: usize = 8 * ROWS;
 /// Columns per task.
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
-/// Column panels of a task up to which rows of a that are contiguous in k are read where they are.
+/// Largest number of column panels per task for which rows of a that are contiguous in k are read in place.
 const IN_PLACE: usize = 32;
-/// Lanes of a register in products: 16 where the processor has AVX-512 and `LASTLIGHT_LANES` in the environment is not 8, else 8 (of which the compiler
-/// makes what the target has). A matter of speed: the bits are the same.
+/// Returns the number of lanes of a register in products: 16 if the processor has AVX-512 and the environment
+/// variable `LASTLIGHT_LANES` is not 8, otherwise 8 (mapped by the compiler to the registers of the target).
+/// The value affects only speed; the bits are the same.
 pub fn product_lanes() -> usize {
     #[cfg(target_arch = "x86_64")]
     if tile::avx512().is_some() {
@@ -94,7 +97,7 @@ impl Left for View<'_> {
         if !packed.is_empty() {
             return chains.packed(packed, columns);
         }
-        // Beyond the last row it is read again; those chains are thrown away.
+        // Missing rows repeat the last row; the results of their chains are discarded.
         let mut a: [&[f32]; ROWS] = [&[]; ROWS];
         for (i, a) in a.iter_mut().enumerate() {
             let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
@@ -105,17 +108,17 @@ impl Left for View<'_> {
 }
 
 thread_local! {
-    /// Memory of the last packed right factor, so that repeated products touch no fresh pages.
+    /// Memory of the last packed right factor, reused so that repeated products need no fresh pages.
     static PANELS: Cell<Vec<Columns>> = const { Cell::new(Vec::new()) };
 }
 
-/// Vectors kept for the next product at most: 64 MiB.
+/// Largest number of vectors kept for the next product: 64 MiB.
 const KEEP: usize = 1 << 20;
 
-/// c (m, n, row-major) from the product of a (m, k) and b (k, n).
+/// Computes c (m, n, row-major) from the product of a (m, k) and b (k, n).
 ///
 /// # Panics
-/// When the shapes do not fit.
+/// Panics if the shapes do not fit.
 pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
     let packed = Packed::reusing(PANELS.take(), b);
     gemm_packed(a, &packed, how, c);
@@ -124,10 +127,10 @@ pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
     }
 }
 
-/// [`gemm`] with a right factor packed before.
+/// Like [`gemm`], with a right factor that is already packed.
 ///
 /// # Panics
-/// When the shapes do not fit.
+/// Panics if the shapes do not fit.
 pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
     let (m, n) = (a.rows, b.n);
     assert_eq!(a.columns, b.k, "both factors have the same k");
@@ -138,7 +141,7 @@ pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
     if m == 0 || n == 0 {
         return;
     }
-    // One task per block of the output, each owning its part of every row.
+    // There is one task per block of the output; it owns its part of every row.
     let height = if n >= BLOCK_COLUMNS / 4 { BLOCK_ROWS } else { 4 * BLOCK_ROWS };
     let mut tasks: Vec<Task<'_>> = Vec::new();
     for (i, rows) in c.chunks_mut(height * n).enumerate() {

@@ -1,67 +1,68 @@
-//! Lanes: one body for scalars and vectors.
+//! Lanes: one generic body for scalars and vectors.
 //!
-//! A kernel written over [`Real`] runs on `f32` and on [`f32x8`] with the same bits per lane, because it can
-//! only reach operations that IEEE 754 rounds correctly (`+ − × ÷ √`), comparisons and selections. Everything
-//! of `wide` that may fuse, estimate or re-associate is banned in `clippy.toml`.
+//! A kernel that is generic over [`Real`] has the same bits per lane on `f32` and on [`f32x8`], because the
+//! trait offers only operations that IEEE 754 rounds correctly (`+ − × ÷ √`), comparisons and selections.
+//! `clippy.toml` bans every function of `wide` that may fuse, estimate or re-associate.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::double::{Body, BodyPair};
 pub use wide::{f32x8, f64x4, i32x8, u32x8, u64x4};
 
-/// Lanes of single precision: `f32` (1) or [`f32x8`] (8).
+/// Lanes of single precision: `f32` (1 lane) or [`f32x8`] (8 lanes).
 pub trait Real:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
 {
     /// Number of lanes.
     const N: usize;
-    /// What a comparison gives: all-ones or zero per lane.
+    /// Result of a comparison: all-ones or zero per lane.
     type Mask: Copy;
-    /// The same number in every lane.
+    /// Returns the same number in every lane.
     fn splat(x: f32) -> Self;
-    /// Lane `i`.
+    /// Returns lane `i`.
     fn lane(self, i: usize) -> f32;
-    /// Lanes from a function of the lane index.
+    /// Builds lanes from a function of the lane index.
     fn from_fn(f: impl FnMut(usize) -> f32) -> Self;
-    /// Square root, correctly rounded.
+    /// Returns the correctly rounded square root.
     fn sqrt(self) -> Self;
-    /// Absolute value.
+    /// Returns the absolute value.
     fn abs(self) -> Self;
-    /// self < other.
+    /// Compares self < other.
     fn lt(self, other: Self) -> Self::Mask;
-    /// self ≤ other.
+    /// Compares self ≤ other.
     fn le(self, other: Self) -> Self::Mask;
-    /// self > other.
+    /// Compares self > other.
     fn gt(self, other: Self) -> Self::Mask;
-    /// self ≥ other.
+    /// Compares self ≥ other.
     fn ge(self, other: Self) -> Self::Mask;
-    /// self = other.
+    /// Compares self = other.
     fn eq(self, other: Self) -> Self::Mask;
-    /// `yes` where the mask is set, else `no`.
+    /// Selects `yes` where the mask is set, and `no` elsewhere.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Both.
+    /// Mask of the lanes that are set in both.
     fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// Either.
+    /// Mask of the lanes that are set in at least one.
     fn or(a: Self::Mask, b: Self::Mask) -> Self::Mask;
-    /// One bit per lane, lane 0 lowest.
+    /// Returns one bit per lane; lane 0 is the lowest bit.
     fn bits(mask: Self::Mask) -> u32;
-    /// 2ⁿ for integral n in −126..=127, by building the exponent field.
+    /// Returns 2ⁿ for integral n in −126..=127, by constructing the exponent field.
     fn exp2_int(n: Self) -> Self;
-    /// self·2ⁿ by integer addition to the exponent field, where `rounded` = n + 1.5·2²³ (so that n stands in its
-    /// lowest bits). Exact while `self` and the result are normal numbers.
+    /// Returns self·2ⁿ by integer addition to the exponent field, where `rounded` = n + 1.5·2²³ (so that n
+    /// occupies its lowest bits). The result is exact while `self` and the result are normal numbers.
     fn scale_exp2(self, rounded: Self) -> Self;
-    /// `self` limited to `lo..=hi`; NaN stays NaN. The bounds are not zero, so no tie of zeros can arise.
+    /// Limits `self` to `lo..=hi`; NaN stays NaN. The bounds are not zero, so there are no ties between
+    /// zeros.
     fn clamp(self, lo: f32, hi: f32) -> Self;
-    /// Converts every lane to f64 (exact), applies the body, rounds once.
+    /// Converts every lane to f64 (exactly), applies the body, and rounds once.
     fn through_f64<F: Body>(self) -> Self;
-    /// The same for two arguments.
+    /// Like [`Self::through_f64`] for two arguments.
     fn through_f64_pair<F: BodyPair>(self, other: Self) -> Self;
-    /// Smaller one; a tie gives `self`.
+    /// Returns the smaller value; a tie gives `self`.
     #[inline(always)]
     fn min(self, other: Self) -> Self {
         Self::select(other.lt(self), other, self)
     }
-    /// Larger one; a tie gives `self`.
+    /// Returns the larger value; a tie gives `self`.
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(other.gt(self), other, self)
@@ -221,7 +222,7 @@ impl Real for f32x8 {
     }
     #[inline(always)]
     fn clamp(self, lo: f32, hi: f32) -> Self {
-        // The second operand is what x86 returns for a NaN.
+        // x86 returns the second operand if one is NaN.
         f32x8::splat(lo).fast_max(f32x8::splat(hi).fast_min(self))
     }
     #[inline(always)]
@@ -236,7 +237,7 @@ impl Real for f32x8 {
     }
 }
 
-/// Eight single-precision lanes as two times four doubles.
+/// Converts eight single-precision lanes to two vectors of four doubles.
 #[inline(always)]
 fn widen(x: f32x8) -> (f64x4, f64x4) {
     let x = x.to_array();
@@ -246,7 +247,7 @@ fn widen(x: f32x8) -> (f64x4, f64x4) {
     (four(0), four(4))
 }
 
-/// Two times four doubles, each rounded to single precision.
+/// Rounds two vectors of four doubles to single precision.
 #[inline(always)]
 fn narrow(lo: f64x4, hi: f64x4) -> f32x8 {
     let (l, h) = (lo.to_array(), hi.to_array());

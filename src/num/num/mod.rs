@@ -1,16 +1,17 @@
-//! Where bits are decided. Level 0.
+//! The operations that determine the bits of all results. Level 0.
 //!
 //! ```text
-//! env      probe: refuse a thread whose floating-point environment is not the default one
-//! lanes    one body for f32 and f32x8         order   comparisons with a tie rule
+//! env      a probe that refuses a thread with a non-default floating-point environment
+//! lanes    one body for f32 and f32x8         order   comparisons with a defined tie rule
 //! double   one body for f64 and f64x4         sum     16 logical lanes, pairwise trees
-//! elem     elementary functions, own bodies   gemm    matrix products: one chain per output element, k ascending
+//! elem     elementary functions               gemm    matrix products: one chain per element, k ascending
 //! rng      Philox4x32-10, uniforms, normals   par     ordered maps over fixed chunks
-//! bits     digests, ULP distance              array   named arrays at the border of the library
+//! bits     digests, ULP distance              array   named arrays at the library's interfaces
 //! ```
 //!
-//! Everything above calls down into this level and nothing here calls up. Kernels are written over `lanes`, take functions from
-//! `elem` and sums from `sum`, hand their chunks to `par`, and pin what comes out with `bits`.
+//! All other levels call this one, which depends on none of them. Kernels are generic over `lanes`, take
+//! elementary functions from `elem` and sums from `sum`, run their chunks with `par`, and have their results
+//! checked with the digests of `bits`.
 
 pub mod array;
 pub mod bits;

@@ -1,21 +1,22 @@
-//! Comparisons with a written tie rule, and total orders.
+//! Comparisons with a defined tie rule, and total orders.
 //!
-//! std leaves the result of `min(+0, −0)` open; here the first argument wins a tie. NaN never reaches these
-//! functions (bad input is refused before); in debug builds they assert it.
+//! The standard library does not specify the result of `min(+0, −0)`; here the first argument is returned for
+//! a tie. NaN must not be passed to these functions (invalid input is refused earlier); debug builds assert
+//! this.
 
-/// The smaller one; a tie gives `a`.
+/// Returns the smaller value; a tie gives `a`.
 #[inline(always)]
 pub fn min<T: PartialOrd>(a: T, b: T) -> T {
     if b < a { b } else { a }
 }
 
-/// The larger one; a tie gives `a`.
+/// Returns the larger value; a tie gives `a`.
 #[inline(always)]
 pub fn max<T: PartialOrd>(a: T, b: T) -> T {
     if b > a { b } else { a }
 }
 
-/// `x` limited to `lo..=hi`; inside (bounds included) `x` itself.
+/// Limits `x` to `lo..=hi`; inside the range (bounds included) the result is `x` itself.
 #[inline(always)]
 pub fn clamp<T: PartialOrd>(x: T, lo: T, hi: T) -> T {
     if x < lo {
@@ -27,10 +28,10 @@ pub fn clamp<T: PartialOrd>(x: T, lo: T, hi: T) -> T {
     }
 }
 
-/// A `u32` that orders like the float: −∞ < … < −0 = +0 < … < +∞. NaN must not be passed.
+/// Returns a `u32` with the same order as the floats: −∞ < … < −0 = +0 < … < +∞. NaN must not be passed.
 #[inline(always)]
 pub fn key_f32(x: f32) -> u32 {
-    debug_assert!(!x.is_nan(), "NaN has no place in an order");
-    let bits = (x + 0.0).to_bits(); // −0 + 0 = +0: both zeros get one key
+    debug_assert!(!x.is_nan(), "NaN cannot be ordered");
+    let bits = (x + 0.0).to_bits(); // −0 + 0 = +0, so both zeros have the same key
     if bits >> 31 == 0 { bits | 0x8000_0000 } else { !bits }
 }

@@ -1,21 +1,24 @@
-//! Threads decide who computes, never what: ordered maps over fixed chunks.
+//! Ordered parallel maps over fixed chunks; the number of threads affects no result.
 //!
-//! rayon is used here and nowhere else. There is no parallel reduction: results are collected in index order and
-//! folded by one thread, or by the tree of [`super::sum`].
+//! This is the only module that uses rayon. There is no parallel reduction: results are collected in index
+//! order and combined by one thread, or by the tree of [`super::sum`].
 //!
 //! # One loop
-//! Every map below ends in `pieces`, the one loop that is compiled with rayon's machinery: a caller's closure is reached through a pointer, once per
-//! piece and not once per task, so the loops inside pieces are compiled with the closure and pay nothing. A piece's results or its share of a buffer
-//! wait in a slot of their own; of the owned tasks of [`map_each`], each has one. [`join`] and [`with_threads`] are rayon's own.
+//! Every map below ends in `pieces`, the only loop that is compiled with rayon's scheduler. It calls the
+//! caller's closure through a pointer once per piece and not once per task, so the loops inside pieces are
+//! compiled together with the closure and have no call overhead. The results of a piece, or its part of a
+//! buffer, are stored in a separate slot; each owned task of [`map_each`] has a slot of its own. [`join`] and
+//! [`with_threads`] are thin wrappers of rayon's functions.
 
 use rayon::prelude::*;
 use std::sync::{Mutex, PoisonError};
 
-/// Pieces of work per thread. rayon alone makes four pieces for two threads, the last of which one thread may wait for: a quarter of the time
-/// where cost is uneven.
+/// Pieces of work per thread. rayon alone makes four pieces for two threads, and all threads may have to wait
+/// for the last piece: a quarter of the time if costs are uneven.
 const PIECES: usize = 32;
 
-/// Tasks of one piece, of `n`, at least `batch` if there are as many: fewer than two batches are one piece, which wakes no other thread.
+/// Returns the number of tasks per piece for `n` tasks, at least `batch` if there are that many; fewer than
+/// two batches form one piece, which runs without other threads.
 fn piece(n: usize, batch: usize) -> usize {
     let least = Ord::max(Ord::max(1, batch), n / (PIECES * threads()));
     Ord::max(1, n.div_ceil(Ord::max(1, n / least)))
@@ -30,17 +33,19 @@ fn pieces(n: usize, job: &(dyn Fn(usize) + Sync)) {
     }
 }
 
-/// Takes what waits in a slot. A panic of another piece is on its way to the caller, so what it left does not matter.
+/// Takes the contents of a slot. If another piece panicked, its panic is propagated to the caller, so a
+/// poisoned lock can be ignored.
 fn take<T: Default>(slot: &Mutex<T>) -> T {
     std::mem::take(&mut slot.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// `f(0), …, f(n−1)` in index order; each result depends on its index alone.
+/// Returns `f(0), …, f(n−1)` in index order; each result depends only on its index.
 pub fn map<T: Send>(n: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     map_batched(n, 1, f)
 }
 
-/// Like [`map`] with tasks handed out `batch` at a time: for many small tasks. The batch changes no bit.
+/// Like [`map`], with tasks distributed in batches of `batch`, for many small tasks. The batch size changes
+/// no bit.
 pub fn map_batched<T: Send>(n: usize, batch: usize, f: impl Fn(usize) -> T + Sync + Send) -> Vec<T> {
     let size = piece(n, batch);
     let mut slots: Vec<Mutex<Vec<T>>> = (0..n.div_ceil(size)).map(|_| Mutex::default()).collect();
@@ -91,10 +96,10 @@ pub fn chunks_mut2<A: Send, B: Send>(
     });
 }
 
-/// `f(0, item 0), …` in order, each task owning its item (typically a disjoint `&mut` view).
+/// Returns `f(0, item 0), …` in order; each task owns its item (typically a disjoint `&mut` view).
 pub fn map_each<A: Send, T: Send>(tasks: Vec<A>, f: impl Fn(usize, A) -> T + Sync + Send) -> Vec<T> {
     let slots: Vec<Mutex<Option<A>>> = tasks.into_iter().map(|task| Mutex::new(Some(task))).collect();
-    map(slots.len(), |i| f(i, take(&slots[i]).expect("every task is taken once")))
+    map(slots.len(), |i| f(i, take(&slots[i]).expect("each task is taken exactly once")))
 }
 
 /// Runs one task per item of `tasks`, each owning its item (typically disjoint `&mut` views).
@@ -102,20 +107,21 @@ pub fn each<T: Send>(tasks: Vec<T>, f: impl Fn(usize, T) + Sync + Send) {
     map_each(tasks, f);
 }
 
-/// Both closures, possibly at the same time; they share nothing mutable.
+/// Runs both closures, possibly in parallel; they share no mutable state.
 pub fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
     rayon::join(a, b)
 }
 
-/// Number of threads of the current pool; for reports only, never for the shape of work.
+/// Returns the number of threads of the current pool. It is meant for reports only and must not affect how
+/// work is divided.
 pub fn threads() -> usize {
     rayon::current_num_threads()
 }
 
-/// Runs `f` in a pool of its own with `n` threads, each of which has passed [`super::env::probe`].
+/// Runs `f` in a new pool of `n` threads, each of which has passed [`super::env::probe`].
 ///
 /// # Errors
-/// When the floating-point environment of a thread is not the default one.
+/// Returns an error if the floating-point environment of a thread is not the default one.
 pub fn with_threads<T: Send>(n: usize, f: impl FnOnce() -> T + Send) -> crate::Result<T> {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().map_err(|e| {
         crate::Error::input("threads").expected("a thread pool that starts").got(e.to_string())

@@ -1,12 +1,13 @@
-//! Random numbers without state: Philox4x32-10 (Salmon et al. 2011) as a function of what is drawn.
+//! Stateless random numbers: Philox4x32-10 (Salmon et al. 2011) as a function of the coordinates of a draw.
 //!
-//! key = (seed low, seed high), counter = (item low, item high, step, purpose·2¹⁶ + draw). One block per draw, so a
-//! number depends on its own coordinates and never on how many were drawn before, in what order, or by which thread.
-//! `purpose` tells uses apart (each caller has its own constant); `draw` numbers the draws of one item.
+//! key = (seed low, seed high), counter = (item low, item high, step, purpose·2¹⁶ + draw). Each draw uses one
+//! block, so a number depends only on its own coordinates and never on the number, the order or the threads
+//! of other draws. `purpose` separates uses (each caller has its own constant); `draw` numbers the draws of
+//! one item.
 //!
-//! Uniforms are (m + ½)·2⁻²³ with m = x₀ ≫ 9 in f32 and (m + ½)·2⁻⁵² with m the top 52 bits of x₁·2³² + x₀ in f64:
-//! exact, symmetric about ½, never 0 or 1. Normals are the inverse distribution function AS 241 (PPND16, Wichura
-//! 1988) in f64 with the pinned logarithm.
+//! Uniforms are (m + ½)·2⁻²³ with m = x₀ ≫ 9 in f32, and (m + ½)·2⁻⁵² with m the top 52 bits of x₁·2³² + x₀
+//! in f64: exact, symmetric about ½, never 0 or 1. Normals use the inverse distribution function AS 241
+//! (PPND16, Wichura 1988) in f64 with the pinned logarithm.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -17,14 +18,14 @@
 //! assert_eq!(u, Rng::new(7).uniform_f32(12, 0, 3, 0));
 //! ```
 
-/// A seed.
+/// A random number generator, defined by its seed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rng {
-    /// (seed low, seed high)
+    /// The seed as (low, high) words.
     key: [u32; 2],
 }
 
-/// Ten rounds of Philox4x32.
+/// Runs ten rounds of Philox4x32.
 #[inline]
 pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for round in 0..10 {
@@ -44,58 +45,59 @@ pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
 }
 
 impl Rng {
-    /// A generator for a seed.
+    /// Returns the generator for a seed.
     pub fn new(seed: u64) -> Self {
         Self { key: [seed as u32, (seed >> 32) as u32] }
     }
 
-    /// The four words of one draw.
+    /// Returns the four words of one draw.
     #[inline]
     pub fn block(&self, item: u64, step: u32, purpose: u16, draw: u16) -> [u32; 4] {
         philox([item as u32, (item >> 32) as u32, step, u32::from(purpose) << 16 | u32::from(draw)], self.key)
     }
 
-    /// A seed of its own for step `step` of item `item`: the 64 bits x₁·2³² + x₀ of its block with draw 0.
+    /// Returns a separate seed for step `step` of item `item`: the 64 bits x₁·2³² + x₀ of its block with draw
+    /// 0.
     #[inline]
     pub fn derive(&self, item: u64, step: u32, purpose: u16) -> u64 {
         let x = self.block(item, step, purpose, 0);
         u64::from(x[1]) << 32 | u64::from(x[0])
     }
 
-    /// Uniform in (0, 1), one of 2²³ midpoints.
+    /// Returns a uniform number in (0, 1), one of 2²³ midpoints.
     #[inline]
     pub fn uniform_f32(&self, item: u64, step: u32, purpose: u16, draw: u16) -> f32 {
         uniform_f32(self.block(item, step, purpose, draw))
     }
 
-    /// Uniform in (0, 1), one of 2⁵² midpoints.
+    /// Returns a uniform number in (0, 1), one of 2⁵² midpoints.
     #[inline]
     pub fn uniform_f64(&self, item: u64, step: u32, purpose: u16, draw: u16) -> f64 {
         uniform_f64(self.block(item, step, purpose, draw))
     }
 
-    /// Standard normal.
+    /// Returns a standard normal number.
     pub fn normal_f64(&self, item: u64, step: u32, purpose: u16, draw: u16) -> f64 {
         inverse_normal(self.uniform_f64(item, step, purpose, draw))
     }
 
-    /// Standard normal, computed in f64 and rounded once.
+    /// Returns a standard normal number, computed in f64 and rounded once.
     pub fn normal_f32(&self, item: u64, step: u32, purpose: u16, draw: u16) -> f32 {
         self.normal_f64(item, step, purpose, draw) as f32
     }
 
-    /// Index in 0..n: the 64 bits x₁·2³² + x₀ times n, divided by 2⁶⁴. The bias is below n·2⁻⁶⁴.
+    /// Returns an index in 0..n: the 64 bits x₁·2³² + x₀ times n, divided by 2⁶⁴. The bias is below n·2⁻⁶⁴.
     ///
     /// # Panics
-    /// When `n` is 0.
+    /// Panics if `n` is 0.
     pub fn index(&self, n: usize, item: u64, step: u32, purpose: u16, draw: u16) -> usize {
-        assert!(n > 0, "there is something to choose from");
+        assert!(n > 0, "n is at least 1");
         let x = self.block(item, step, purpose, draw);
         let word = u64::from(x[1]) << 32 | u64::from(x[0]);
         ((u128::from(word) * n as u128) >> 64) as usize
     }
 
-    /// A permutation of 0..n: indices i sorted by (x₁·2³² + x₀ of item i, i), with draw 0.
+    /// Returns a permutation of 0..n: the indices i sorted by (x₁·2³² + x₀ of item i, i), with draw 0.
     pub fn permutation(&self, n: usize, step: u32, purpose: u16) -> Vec<usize> {
         let mut keys: Vec<(u64, usize)> = (0..n)
             .map(|i| {
@@ -103,36 +105,38 @@ impl Rng {
                 (u64::from(x[1]) << 32 | u64::from(x[0]), i)
             })
             .collect();
-        keys.sort_unstable(); // keys are unique: they end in the index
+        keys.sort_unstable(); // keys are unique because they contain the index
         keys.into_iter().map(|(_, i)| i).collect()
     }
 }
 
-/// The seed of item `item` under `seed`: [`Rng::derive`] at step 0. What is drawn under two of them is unrelated, whatever draws they share;
-/// a picture of many takes one, so that no two have the same noise.
+/// Returns the seed of item `item` under `seed`, which is [`Rng::derive`] at step 0. Numbers drawn under two
+/// such seeds are unrelated, even at equal coordinates. Each image of a set uses its own seed, so that no two
+/// images have the same noise.
 pub fn derive(seed: u64, item: u64, purpose: u16) -> u64 {
     Rng::new(seed).derive(item, 0, purpose)
 }
 
-/// The f32 uniform of a block: (m + ½)·2⁻²³, m = x₀ ≫ 9.
+/// Returns the f32 uniform of a block: (m + ½)·2⁻²³, m = x₀ ≫ 9.
 #[inline]
 pub fn uniform_f32(block: [u32; 4]) -> f32 {
     ((block[0] >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
-/// The f64 uniform of a block: (m + ½)·2⁻⁵², m = top 52 bits of x₁·2³² + x₀.
+/// Returns the f64 uniform of a block: (m + ½)·2⁻⁵², m = top 52 bits of x₁·2³² + x₀.
 #[inline]
 pub fn uniform_f64(block: [u32; 4]) -> f64 {
     let word = u64::from(block[1]) << 32 | u64::from(block[0]);
     ((word >> 12) as f64 + 0.5) * (1.0 / 4_503_599_627_370_496.0)
 }
 
-/// c₀ + x (c₁ + x (c₂ + …)).
+/// Evaluates c₀ + x (c₁ + x (c₂ + …)).
 fn horner(x: f64, c: &[f64]) -> f64 {
     c.iter().rev().fold(0.0, |acc, &k| acc * x + k)
 }
 
-/// Quantile of the standard normal distribution for p in (0, 1): AS 241, PPND16 (Wichura 1988), about 1e-16.
+/// Returns the quantile of the standard normal distribution for p in (0, 1): AS 241, PPND16 (Wichura 1988),
+/// accurate to about 1e-16.
 pub fn inverse_normal(p: f64) -> f64 {
     let q = p - 0.5;
     if q.abs() <= 0.425 {
@@ -151,7 +155,8 @@ pub fn inverse_normal(p: f64) -> f64 {
     if q < 0.0 { -x } else { x }
 }
 
-// Coefficients of AS 241: numerators and denominators in ascending order for |p − ½| ≤ 0.425, √(−ln p) ≤ 5, and beyond.
+// Coefficients of AS 241: numerators and denominators in ascending order for |p − ½| ≤ 0.425, for √(−ln p) ≤
+// 5, and beyond.
 const A: [f64; 8] = [
     3.387_132_872_796_366_608_0,
     1.331_416_678_917_843_774_5e2,

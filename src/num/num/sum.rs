@@ -1,13 +1,14 @@
-//! Sums with a written association.
+//! Sums with a defined association.
 //!
-//! * **Lanes**: lane l of 16 starts at +0 and adds the elements i ≡ l (mod 16) in increasing i; then the lanes fold
-//!   16 → 8 → 4 → 2 → 1 (lane l += lane l + w). The register width does not enter.
-//! * **Chunks**: an input of more than [`CHUNK`] elements is cut into chunks of that length (the last may be
-//!   shorter), each summed by lanes; the partial sums are added by the pairwise tree.
-//! * **Pairwise tree**: level by level entries 2i and 2i+1 are added, an odd last one moves up; the empty sum is +0.
+//! * **Lanes**: lane l of 16 starts at +0 and adds the elements i ≡ l (mod 16) in increasing i; then the
+//!   lanes fold 16 → 8 → 4 → 2 → 1 (lane l += lane l + w). The register width has no influence.
+//! * **Chunks**: an input of more than [`CHUNK`] elements is split into chunks of that length (the last may
+//!   be shorter), each summed by lanes; the partial sums are added by the pairwise tree.
+//! * **Pairwise tree**: at each level, entries 2i and 2i+1 are added, and an unpaired last entry moves up;
+//!   the empty sum is +0.
 //!
-//! Statistics that decide something (losses, PSNR, information criteria) take the `f64` forms: same order, terms
-//! converted exactly, one rounding at the end by the caller.
+//! Statistics that lead to decisions (losses, PSNR, information criteria) use the `f64` forms: they have the
+//! same order, convert terms exactly, and the caller rounds once at the end.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -19,16 +20,17 @@
 use super::par;
 use std::ops::Add;
 
-/// Elements per chunk; part of the definition.
+/// Elements per chunk; the value is part of the definition.
 pub const CHUNK: usize = 4096;
 
-/// Logical lanes; part of the definition.
+/// Number of logical lanes; the value is part of the definition.
 pub const LANES: usize = 16;
 
-/// Chunks from which on they are summed in parallel. Not part of the definition: it changes no bit.
+/// Number of chunks from which on chunks are summed in parallel. It is not part of the definition and changes
+/// no bit.
 const PARALLEL: usize = 16;
 
-/// Sum of terms `f(0), …, f(n−1)` in lanes, within one chunk.
+/// Returns the sum of the terms `f(0), …, f(n−1)` by lanes, within one chunk.
 #[inline(always)]
 fn lanes<T: Copy + Default + Add<Output = T>>(start: usize, n: usize, f: impl Fn(usize) -> T) -> T {
     let mut acc = [T::default(); LANES];
@@ -67,43 +69,43 @@ where
     tree(partials)
 }
 
-/// Sum of single-precision numbers.
+/// Returns the sum of single-precision numbers.
 pub fn sum16(x: &[f32]) -> f32 {
     by(x.len(), |i| x[i])
 }
 
-/// Sum of single-precision terms given by their index; `f` may be called from several threads.
+/// Returns the sum of single-precision terms given by their index; `f` may be called from several threads.
 #[inline]
 pub fn sum16_by(n: usize, f: impl Fn(usize) -> f32 + Sync + Send) -> f32 {
     by(n, f)
 }
 
-/// Σ aᵢ·bᵢ in single precision, each product rounded.
+/// Returns Σ aᵢ·bᵢ in single precision, with each product rounded.
 ///
 /// # Panics
-/// When the lengths differ.
+/// Panics if the lengths differ.
 pub fn dot16(a: &[f32], b: &[f32]) -> f32 {
-    assert_eq!(a.len(), b.len(), "both factors have one length");
+    assert_eq!(a.len(), b.len(), "a and b have the same length");
     by(a.len(), |i| a[i] * b[i])
 }
 
-/// Sum of single-precision numbers accumulated in double precision.
+/// Returns the sum of single-precision numbers, accumulated in double precision.
 pub fn sum16_wide(x: &[f32]) -> f64 {
     by(x.len(), |i| f64::from(x[i]))
 }
 
-/// Sum of double-precision numbers.
+/// Returns the sum of double-precision numbers.
 pub fn sum16_f64(x: &[f64]) -> f64 {
     by(x.len(), |i| x[i])
 }
 
-/// Sum of double-precision terms given by their index; `f` may be called from several threads.
+/// Returns the sum of double-precision terms given by their index; `f` may be called from several threads.
 #[inline]
 pub fn sum16_f64_by(n: usize, f: impl Fn(usize) -> f64 + Sync + Send) -> f64 {
     by(n, f)
 }
 
-/// The pairwise tree over any values with an addition; the empty sum is the default value.
+/// Adds any values with the pairwise tree; the empty sum is the default value.
 pub fn tree<T: Copy + Default + Add<Output = T>>(mut level: Vec<T>) -> T {
     while level.len() > 1 {
         let pairs = level.len() / 2;
@@ -118,26 +120,26 @@ pub fn tree<T: Copy + Default + Add<Output = T>>(mut level: Vec<T>) -> T {
     level.first().copied().unwrap_or_default()
 }
 
-/// The pairwise tree over single-precision partial sums.
+/// Adds single-precision partial sums with the pairwise tree.
 pub fn tree_f32(partials: &[f32]) -> f32 {
     tree(partials.to_vec())
 }
 
-/// The pairwise tree over double-precision partial sums.
+/// Adds double-precision partial sums with the pairwise tree.
 pub fn tree_f64(partials: &[f64]) -> f64 {
     tree(partials.to_vec())
 }
 
-/// The pairwise tree over whole buffers, element by element. No buffers give an empty one.
+/// Adds complete buffers element by element with the pairwise tree. The sum of no buffers is an empty buffer.
 ///
 /// # Panics
-/// When the lengths differ.
+/// Panics if the lengths differ.
 pub fn tree_arrays<T>(mut level: Vec<Vec<T>>) -> Vec<T>
 where
     T: Copy + Default + Add<Output = T> + Send + Sync,
 {
     let n = level.first().map_or(0, Vec::len);
-    assert!(level.iter().all(|x| x.len() == n), "all partial buffers have one length");
+    assert!(level.iter().all(|x| x.len() == n), "all partial buffers have the same length");
     while level.len() > 1 {
         let mut next = Vec::with_capacity(level.len().div_ceil(2));
         let mut entries = level.into_iter();

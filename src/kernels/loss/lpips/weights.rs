@@ -1,6 +1,6 @@
 //! Weights of the network and of the heads: from a file, from arrays, or by a formula.
 //!
-//! Three lines of Python write the file (with `torch`, `torchvision`, `lpips` and `safetensors` installed):
+//! Three lines of Python create the file (with `torch`, `torchvision`, `lpips` and `safetensors` installed):
 //!
 //! ```text
 //! import lpips, torchvision, safetensors.torch
@@ -8,18 +8,20 @@
 //! safetensors.torch.save_file({k: v.contiguous() for k, v in w.items()}, "lpips_vgg.safetensors")
 //! ```
 //!
-//! Read are `features.0.weight` (64, 3, 3, 3), `features.0.bias` (64) … `features.28.bias`, `lin0.model.1.weight` (1, 64, 1, 1) …
-//! `lin4.model.1.weight`; other arrays of the file are left alone.
+//! The arrays `features.0.weight` (64, 3, 3, 3), `features.0.bias` (64) … `features.28.bias`,
+//! `lin0.model.1.weight` (1, 64, 1, 1) … `lin4.model.1.weight` are read; other arrays of the file are
+//! ignored.
 
 use crate::io::safetensors;
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// What tools print where there are no weights; the surrogate [`crate::loss::metric::rfd`] has its own name.
+/// Text that tools print if there are no weights; the surrogate [`crate::loss::metric::rfd`] has its own
+/// name.
 pub const NO_WEIGHTS: &str = "LPIPS: no weights";
 
-/// Convolutions: place in torchvision's `features`, name as in the paper, outputs in VGG16.
+/// Convolutions: index in torchvision's `features`, name in the paper, number of outputs in VGG16.
 pub const CONVOLUTIONS: [(usize, &str, usize); 13] = [
     (0, "1_1", 64),
     (2, "1_2", 64),
@@ -42,26 +44,27 @@ pub const TAPS: [usize; 5] = [1, 3, 6, 9, 12];
 /// One convolution.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// (outputs, 3, 3, inputs)
+    /// Shape (outputs, 3, 3, inputs).
     pub weight: Vec<f32>,
-    /// (outputs)
+    /// Shape (outputs).
     pub bias: Vec<f32>,
-    /// channels in
+    /// Number of input channels.
     pub inputs: usize,
-    /// channels out
+    /// Number of output channels.
     pub outputs: usize,
 }
 
-/// All weights. The numbers of channels are free, so that small networks can be checked; VGG16's are in [`CONVOLUTIONS`].
+/// All weights. The numbers of channels are not fixed, so that small networks can be checked; those of VGG16
+/// are in [`CONVOLUTIONS`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
-    /// the thirteen convolutions
+    /// The thirteen convolutions.
     pub layers: Vec<Layer>,
-    /// per tap, one weight per channel
+    /// One weight per channel for each tap.
     pub heads: Vec<Vec<f32>>,
 }
 
-/// Names of the arrays of a convolution and of a head.
+/// Returns the names of the arrays of all convolutions and heads.
 pub fn names() -> Vec<String> {
     let conv = CONVOLUTIONS
         .iter()
@@ -92,7 +95,7 @@ fn finite(name: &str, values: Vec<f32>) -> Result<Vec<f32>> {
     }
 }
 
-/// (outputs, inputs, 3, 3) to (outputs, 3, 3, inputs).
+/// Converts (outputs, inputs, 3, 3) to (outputs, 3, 3, inputs).
 fn channels_last(weight: &[f32], inputs: usize) -> Vec<f32> {
     let filter = 9 * inputs;
     (0..weight.len())
@@ -104,10 +107,10 @@ fn channels_last(weight: &[f32], inputs: usize) -> Vec<f32> {
 }
 
 impl Weights {
-    /// Takes the arrays of [`names`]; others are ignored.
+    /// Reads the arrays listed by [`names`]; others are ignored.
     ///
     /// # Errors
-    /// When one is missing, of another shape, or not finite.
+    /// Returns an error if an array is missing, has another shape, or is not finite.
     pub fn from_arrays(arrays: &Arrays) -> Result<Self> {
         let (mut layers, mut inputs) = (Vec::new(), 3);
         for (at, ..) in CONVOLUTIONS {
@@ -134,12 +137,14 @@ impl Weights {
     /// Reads a safetensors file with VGG16 and the heads.
     ///
     /// # Errors
-    /// When it cannot be read, or an array is missing, of another shape, or not finite.
+    /// Returns an error if the file cannot be read, or if an array is missing, has another shape, or is not
+    /// finite.
     pub fn load(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let weights = Self::from_arrays(&safetensors::read(path)?.arrays).map_err(|e| {
-            e.within(name.clone())
-                .hint("the documentation of lastlight::loss::lpips writes this file in two lines of Python")
+            e.within(name.clone()).hint(
+                "the documentation of lastlight::loss::lpips contains a Python script that creates this file",
+            )
         })?;
         let published =
             weights.layers.iter().zip(CONVOLUTIONS).all(|(l, (.., outputs))| l.outputs == outputs);
@@ -150,9 +155,10 @@ impl Weights {
         Ok(weights)
     }
 
-    /// Weights that anyone can make, for comparisons of programs and not of pictures. Weight k (in the order (out, in, 3, 3)) of `features.i` is
-    /// (2u − 1) √(6/(9·in)), u = (splitmix64((i+1)·2⁴⁰ + k) ≫ 11)·2⁻⁵³, biases are 0; weight k of head j is u/channels with u from (100+j)·2⁴⁰ + k;
-    /// all rounded to f32.
+    /// Returns weights defined by a formula, for comparing programs rather than images. Weight k (in the
+    /// order (out, in, 3, 3)) of `features.i` is (2u − 1) √(6/(9·in)), u = (splitmix64((i+1)·2⁴⁰ + k) ≫
+    /// 11)·2⁻⁵³, biases are 0; weight k of head j is u/channels with u from (100+j)·2⁴⁰ + k; all are rounded
+    /// to f32.
     pub fn by_formula() -> Self {
         let (mut layers, mut inputs) = (Vec::new(), 3usize);
         for (at, _, outputs) in CONVOLUTIONS {
@@ -179,7 +185,7 @@ impl Weights {
     }
 }
 
-/// splitmix64 (Steele, Lea and Flood 2014) as a number in 0..1.
+/// Returns splitmix64 (Steele, Lea and Flood 2014) as a number in 0..1.
 fn uniform(seed: u64) -> f64 {
     let z = seed.wrapping_add(0x9E37_79B9_7F4A_7C15);
     let z = (z ^ z >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);

@@ -1,12 +1,12 @@
-//! Mutual information from samples, for judging what a model has learned. In nats, f64, no adjoints.
+//! Mutual information estimated from samples, for evaluating learned models. In nats, f64, without adjoints.
 //!
-//! | name | function | what it is |
+//! | name | function | definition |
 //! |---|---|---|
 //! | `MI-KSG` | [`ksg`] | nearest neighbours, first estimator of Kraskov, Stögbauer & Grassberger 2004, eq. 8: any dependence, a few hundred points |
-//! | `MI-mixture` | [`mixture`] | the aggregated posterior as the mixture it is, Monte Carlo over one sample of every image |
+//! | `MI-mixture` | [`mixture`] | the aggregated posterior as a mixture, Monte Carlo with one sample of every image |
 //!
-//! Both see dependence that second moments do not, which is why they stand beside `causal.independence`. Both are unbiased in the
-//! limit only and may be negative.
+//! Unlike `causal.independence`, both detect dependence beyond second moments. Both are unbiased only in the
+//! limit and may be negative.
 
 use crate::num::elem::f64::{exp, ln};
 use crate::num::par;
@@ -16,23 +16,24 @@ use crate::{Error, Result};
 pub const NAME_KSG: &str = "MI-KSG";
 /// Name of [`mixture`].
 pub const NAME_MIXTURE: &str = "MI-mixture";
-/// Neighbours of [`ksg`] where nothing else is said.
+/// Default number of neighbours of [`ksg`].
 pub const NEIGHBOURS: usize = 3;
 
-/// Points handed out to a thread at a time.
+/// Points per thread and task.
 const BATCH: usize = 16;
 
-/// ψ(x) = d ln Γ(x)/dx for x > 0, to a few units of 2⁻⁵² of max(1, |ψ|).
+/// Returns ψ(x) = d ln Γ(x)/dx for x > 0, accurate to a few units of 2⁻⁵² of max(1, |ψ|).
 ///
-/// ψ(x) = ψ(x + 1) − 1/x up to x ≥ 10, then ln x − 1/(2x) − Σₙ B₂ₙ/(2n x²ⁿ), n = 1 … 7 (Abramowitz & Stegun 1964, 6.3.18).
+/// ψ(x) = ψ(x + 1) − 1/x up to x ≥ 10, then ln x − 1/(2x) − Σₙ B₂ₙ/(2n x²ⁿ), n = 1 … 7 (Abramowitz & Stegun
+/// 1964, 6.3.18).
 ///
 /// # Panics
-/// When x is not above 0.
+/// Panics if x is not above 0.
 pub fn digamma(x: f64) -> f64 {
     /// B₂ₙ/(2n)
     const TERMS: [f64; 7] =
         [1.0 / 12.0, -1.0 / 120.0, 1.0 / 252.0, -1.0 / 240.0, 1.0 / 132.0, -691.0 / 32_760.0, 1.0 / 12.0];
-    assert!(x > 0.0, "the digamma function is taken of numbers above 0");
+    assert!(x > 0.0, "the argument of the digamma function is above 0");
     let (mut x, mut below) = (x, 0.0);
     while x < 10.0 {
         below += 1.0 / x;
@@ -43,7 +44,7 @@ pub fn digamma(x: f64) -> f64 {
     ((ln(x) - 0.5 / x) - series) - below
 }
 
-/// Largest difference of two points.
+/// Returns the largest coordinate difference of two points.
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).fold(0.0, |most, (a, b)| {
         let d = (a - b).abs();
@@ -61,21 +62,22 @@ fn finite(what: &str, values: &[f64]) -> Result<()> {
     }
 }
 
-/// Mutual information of two variables from N joint points by `neighbours` nearest ones in the maximum norm; a marginal
-/// neighbour is strictly nearer than the last of them.
+/// Returns the mutual information of two variables from N joint points, using the `neighbours` nearest ones
+/// in the maximum norm; a marginal neighbour is strictly nearer than the last of them.
 ///
 /// I = ψ(k) + ψ(N) − ⟨ψ(n_x + 1) + ψ(n_y + 1)⟩
 ///
-/// `x` is (N, a), `y` is (N, b) for any a, b ≥ 1. Terms of the mean are added by a left fold over the points. Work grows with N².
+/// `x` is (N, a), `y` is (N, b) for any a, b ≥ 1. Terms of the mean are added by a left fold over the points.
+/// The run time grows with N².
 ///
 /// # Errors
-/// When there are not more points than neighbours, sizes disagree, or a number is not finite.
+/// Returns an error unless there are more points than neighbours, sizes agree and all numbers are finite.
 pub fn ksg(x: &[f64], y: &[f64], points: usize, neighbours: usize) -> Result<f64> {
     let whole = |v: &[f64]| points > 0 && !v.is_empty() && v.len().is_multiple_of(points);
     if neighbours == 0 || points <= neighbours || !whole(x) || !whole(y) {
         return Err(Error::input("mutual information")
-            .expected("two variables at more points than neighbours, at least one of these")
-            .got(format!("{points} points, {neighbours} neighbours, {} and {} numbers", x.len(), y.len())));
+            .expected("two variables with more points than neighbours, and at least one neighbour")
+            .got(format!("{points} points, {neighbours} neighbours, {} and {} values", x.len(), y.len())));
     }
     finite("x", x)?;
     finite("y", y)?;
@@ -109,33 +111,33 @@ pub fn ksg(x: &[f64], y: &[f64], points: usize, neighbours: usize) -> Result<f64
 /// Posteriors of N images with one sample of each.
 #[derive(Clone, Copy, Debug)]
 pub struct Posteriors<'a> {
-    /// means (N, n, k)
+    /// Means, shape (N, n, k).
     pub mu: &'a [f64],
-    /// ln of the variances (N, n, k)
+    /// Logarithms of the variances, shape (N, n, k).
     pub logvar: &'a [f64],
-    /// samples (N, n, k)
+    /// Samples, shape (N, n, k).
     pub sample: &'a [f64],
-    /// images N
+    /// Number of images, N.
     pub images: usize,
-    /// factors n
+    /// Number of factors, n.
     pub n: usize,
-    /// numbers of a factor k
+    /// Number of dimensions per factor, k.
     pub k: usize,
 }
 
-/// ln Σ eˣ.
+/// Returns ln Σ eˣ.
 fn log_sum_exp(x: impl Iterator<Item = f64> + Clone) -> f64 {
     let most = x.clone().fold(f64::NEG_INFINITY, |most, x| if x > most { x } else { most });
     most + ln(x.fold(0.0, |sum, x| sum + exp(x - most)))
 }
 
-/// Mutual information of every pair of factors (n, n), symmetric with a zero diagonal, under the mixture
-/// q(ε) = (1/N) Σₘ N(μₘ, σₘ²): the mean over the samples of ln q(εᵢ, εⱼ) − ln q(εᵢ) − ln q(εⱼ).
+/// Returns the mutual information of every pair of factors (n, n), symmetric with a zero diagonal, under the
+/// mixture q(ε) = (1/N) Σₘ N(μₘ, σₘ²): the mean over the samples of ln q(εᵢ, εⱼ) − ln q(εᵢ) − ln q(εⱼ).
 ///
-/// Means are left folds over the images. Work grows with N².
+/// Means are left folds over the images. The run time grows with N².
 ///
 /// # Errors
-/// When there is no image, sizes disagree, or a number is not finite.
+/// Returns an error if there is no image, if sizes disagree, or if a number is not finite.
 pub fn mixture(x: &Posteriors<'_>) -> Result<Vec<f64>> {
     let Posteriors { mu, logvar, sample, images, n, k } = *x;
     let d = n * k;
@@ -151,7 +153,7 @@ pub fn mixture(x: &Posteriors<'_>) -> Result<Vec<f64>> {
     let pairs: Vec<(usize, usize)> = (0..n).flat_map(|i| (i + 1..n).map(move |j| (i, j))).collect();
     let terms = par::map_batched(images, BATCH, |s| {
         let at = &sample[s * d..(s + 1) * d];
-        // ln of a component's density of one factor, without the constant that cancels
+        // Logarithm of a component's density of one factor, without the constant that cancels.
         let component = |m: usize, i: usize| {
             let numbers = (i * k..(i + 1) * k).map(|p| {
                 let r = at[p] - mu[m * d + p];

@@ -1,9 +1,10 @@
-//! All image metrics of one view of a person, each under its name.
+//! All image metrics of one view of a person, each with its name.
 //!
-//! The box is the projected box of the person ([`crate::scene::bound`]). `PSNR-box` counts its pixels; `SSIM-g-box`, `SSIM-sk-box` and `RFD-box`
-//! look at the smallest rectangle around it, as does LPIPS beside the whole image where there are weights for it. The rest sees the whole image.
-//! Whether what lies outside the box was set to the background before ([`crate::scene::bound::clear_outside`]) is the caller's choice and part
-//! of a protocol.
+//! The box is the projected box of the person ([`crate::scene::bound`]). `PSNR-box` uses its pixels;
+//! `SSIM-g-box`, `SSIM-sk-box` and `RFD-box` use the smallest rectangle around it. If there are weights,
+//! LPIPS is computed for that rectangle and for the complete image. All others use the complete image. The
+//! caller decides, as part of the protocol, whether pixels outside the box were replaced by the background
+//! beforehand ([`crate::scene::bound::clear_outside`]).
 
 use super::{Crop, psnr, rfd, ssim, ssim_sk};
 use crate::loss::{In, lpips};
@@ -11,37 +12,40 @@ use crate::num::{order, sum};
 use crate::scene::bound;
 use crate::{Error, Result};
 
-/// Scores of one view, or their means over views.
+/// Metrics of one view, or their means over views.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scores {
-    /// Mean squared error over all values; the level is `PSNR-full`.
+    /// Mean squared error over all values; its decibel value is `PSNR-full`.
     pub full: psnr::Psnr,
-    /// `PSNR-full-ch`
+    /// PSNR averaged over channels, `PSNR-full-ch`.
     pub full_ch: psnr::Psnr,
-    /// `PSNR-box`
+    /// PSNR of the box, `PSNR-box`.
     pub boxed: psnr::Psnr,
-    /// `SSIM-g`
+    /// SSIM with a Gaussian window, `SSIM-g`.
     pub ssim_g: f64,
-    /// `SSIM-g-box`
+    /// The same on the box, `SSIM-g-box`.
     pub ssim_g_box: f64,
-    /// `SSIM-sk`
+    /// SSIM of scikit-image, `SSIM-sk`.
     pub ssim_sk: f64,
-    /// `SSIM-sk-box`
+    /// The same on the box, `SSIM-sk-box`.
     pub ssim_sk_box: f64,
-    /// `SSIM-sk-range2`
+    /// SSIM of scikit-image with range 2, `SSIM-sk-range2`.
     pub ssim_sk_range_2: f64,
-    /// `RFD (not LPIPS)`
+    /// Random-filter distance, `RFD (not LPIPS)`.
     pub rfd: f64,
-    /// `RFD-box (not LPIPS)`
+    /// The same on the box, `RFD-box (not LPIPS)`.
     pub rfd_box: f64,
-    /// With the user's weights: name and value of the whole image, and of the box where its rectangle is large enough.
+    /// LPIPS with the user's weights: name and value for the complete image, and for the box if its rectangle
+    /// is large enough.
     pub lpips: Vec<(&'static str, f64)>,
 }
 
-/// Scores of one view; `mask` (H, W) is the person's box, `perception` what LPIPS needs.
+/// Returns the metrics of one view; `mask` (H, W) is the person's box, `perception` the weights and settings
+/// of LPIPS.
 ///
 /// # Errors
-/// As those of the metrics; the rectangle around the box has at least 7×7 pixels.
+/// Returns an error under the conditions of the metrics; the rectangle around the box must have at least 7×7
+/// pixels.
 pub fn forward(x: &In<'_>, mask: &[f32], perception: Option<&lpips::Metric>) -> Result<Scores> {
     let inside = In { mask: Some(mask), ..*x };
     inside.check("metrics of a person")?;
@@ -74,7 +78,7 @@ pub fn forward(x: &In<'_>, mask: &[f32], perception: Option<&lpips::Metric>) -> 
 }
 
 impl Scores {
-    /// Names and numbers in the order of a table. A level is infinite where nothing differs.
+    /// Returns names and values in the order of a table. A PSNR is infinite for identical images.
     pub fn named(&self) -> Vec<(&'static str, f64)> {
         let level = |p: &psnr::Psnr| p.db.finite().unwrap_or(f64::INFINITY);
         let mut all = vec![
@@ -96,7 +100,8 @@ impl Scores {
     }
 }
 
-/// Means over views: of levels for PSNR (infinite if one is), of values for the rest. `None` for no view.
+/// Returns means over views: of decibels for PSNR (infinite if one is), of values for all others. Returns
+/// `None` if there are no views.
 pub fn mean(views: &[Scores]) -> Option<Scores> {
     let of = |value: &dyn Fn(&Scores) -> f64| {
         let values: Vec<f64> = views.iter().map(value).collect();
@@ -121,7 +126,7 @@ pub fn mean(views: &[Scores]) -> Option<Scores> {
     })
 }
 
-/// Means of the variants of LPIPS that all views have.
+/// Returns the means of the LPIPS variants that all views have.
 fn lpips_means(views: &[Scores]) -> Vec<(&'static str, f64)> {
     let of = |view: &Scores, name: &str| view.lpips.iter().find(|(n, _)| *n == name).map(|(_, x)| *x);
     let mean = |name: &'static str| {

@@ -1,8 +1,8 @@
-//! Peak signal-to-noise ratio in decibels, peak 1: −10 log₁₀ MSE, in f64.
+//! Peak signal-to-noise ratio in decibels for peak 1: −10 log₁₀ MSE, in f64.
 //!
-//! Identical images have no finite value; [`Decibel`] says so by type, and the MSE is always returned beside it. A mean
-//! over images may be taken of the decibels or of the MSE before the logarithm: [`mean_of_psnr`] and [`psnr_of_mean`]
-//! are the two, and reports name the one they used.
+//! Identical images have no finite value, which the type [`Decibel`] represents; the MSE is always returned
+//! as well. A mean over images may be computed from the decibels ([`mean_of_psnr`]) or from the MSE before
+//! the logarithm ([`psnr_of_mean`]); reports name the one they use.
 
 use crate::Result;
 use crate::loss::{CHANNELS, In, finite, image_sum, metric::clamped, row_sum};
@@ -15,7 +15,7 @@ pub const NAME_CHANNELS: &str = "PSNR-full-ch";
 /// Name of [`forward`] on a [`super::Crop`].
 pub const NAME_BOX: &str = "PSNR-box";
 
-/// A level in decibels, or none because nothing differs.
+/// A value in decibels, or infinite for identical images.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Decibel {
     /// −10 log₁₀ MSE.
@@ -25,12 +25,12 @@ pub enum Decibel {
 }
 
 impl Decibel {
-    /// −10 log₁₀ of a mean squared error ≥ 0.
+    /// Returns −10 log₁₀ of a mean squared error ≥ 0.
     pub fn from_mse(mse: f64) -> Self {
         if mse == 0.0 { Self::Infinite } else { Self::Finite(-10.0 * libm::log10(mse)) }
     }
 
-    /// The number, if it is finite.
+    /// Returns the number if it is finite.
     pub fn finite(self) -> Option<f64> {
         match self {
             Self::Finite(db) => Some(db),
@@ -48,12 +48,12 @@ impl std::fmt::Display for Decibel {
     }
 }
 
-/// Mean squared error and its level.
+/// Mean squared error and its value in decibels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Psnr {
     /// Mean squared error.
     pub mse: f64,
-    /// The level.
+    /// The value in decibels.
     pub db: Decibel,
 }
 
@@ -63,21 +63,22 @@ fn squared(a: f32, b: f32) -> f64 {
     d * d
 }
 
-/// `PSNR-full`, or `PSNR-box` on a crop.
+/// Returns `PSNR-full`, or `PSNR-box` on a crop.
 ///
 /// # Errors
-/// Wrong sizes, a mask value other than 0 and 1, nothing kept, images that are not finite.
+/// Returns an error for wrong sizes, a mask value other than 0 and 1, a mask that keeps no pixel, or images
+/// that are not finite.
 pub fn forward(x: &In<'_>) -> Result<Psnr> {
     let count = CHANNELS * x.check("metric.psnr")?;
     let mse = finite("metric.psnr", image_sum(x, squared))? / count as f64;
     Ok(Psnr { mse, db: Decibel::from_mse(mse) })
 }
 
-/// `PSNR-full-ch`: the mean of the three channels' levels; infinite if any channel is identical. `mse` is the mean of the
-/// three channels' mean squared errors.
+/// Returns `PSNR-full-ch`: the mean of the decibels of the three channels; infinite if any channel is
+/// identical. `mse` is the mean of the three channels' mean squared errors.
 ///
 /// # Errors
-/// As [`forward`].
+/// Returns an error under the conditions of [`forward`].
 pub fn per_channel(x: &In<'_>) -> Result<Psnr> {
     let count = x.check("metric.psnr")? as f64;
     let width = x.width;
@@ -99,14 +100,14 @@ pub fn per_channel(x: &In<'_>) -> Result<Psnr> {
     Ok(Psnr { mse: finite("metric.psnr", ((mse[0] + mse[1]) + mse[2]) / 3.0)?, db })
 }
 
-/// Mean of the levels of several images; `None` for no image, infinite if one is.
+/// Returns the mean of the decibels of several images, `None` for no image; it is infinite if one of them is.
 pub fn mean_of_psnr(images: &[Psnr]) -> Option<Decibel> {
     let levels: Option<Vec<f64>> = images.iter().map(|p| p.db.finite()).collect();
     (!images.is_empty())
         .then(|| levels.map_or(Decibel::Infinite, |l| Decibel::Finite(sum::tree_f64(&l) / l.len() as f64)))
 }
 
-/// Level of the mean of the mean squared errors of several images; `None` for no image.
+/// Returns the decibels of the mean of the mean squared errors of several images; `None` for no image.
 pub fn psnr_of_mean(images: &[Psnr]) -> Option<Psnr> {
     let errors: Vec<f64> = images.iter().map(|p| p.mse).collect();
     (!images.is_empty()).then(|| {

@@ -1,45 +1,49 @@
-//! `RFD`, a distance of responses to random filters, in f64. **It is not LPIPS**: nothing here has seen a photograph or a person's judgement.
+//! `RFD`, a distance of responses to random filters, in f64. **It is not LPIPS**: nothing in it is trained on
+//! images or human judgements.
 //!
-//! It stands where a perceptual distance would stand when no trained weights are at hand: it sees edges, orientation and texture at three
-//! scales, and forgives a change of contrast, which a mean squared error does not.
+//! It serves as a surrogate for a perceptual distance if no trained weights are available: it responds to
+//! edges, orientation and texture at three scales, and tolerates a change of contrast, which a mean squared
+//! error does not.
 //!
 //! RFD = 1000 · (1/3) Σ_s (1/|P_s|) Σ_{p ∈ P_s} ‖ρ(r_s(x, p)) − ρ(r_s(y, p))‖²,   ρ(r) = r / √(‖r‖² + ε²)
 //!
 //! | symbol | meaning |
 //! |---|---|
-//! | r_s(x, p) | (32) responses at pixel p of scale s: the sum of 7×7×3 products around p, pixels outside are 0 |
-//! | s | 0: the image; 1, 2: halved by the mean of 2×2 pixels, an odd last row or column is left out |
+//! | r_s(x, p) | (32) responses at pixel p of scale s: the sum of 7×7×3 products around p; pixels outside are 0 |
+//! | s | 0: the image; 1, 2: halved by the mean of 2×2 pixels; an odd last row or column is omitted |
 //! | weights | normal numbers divided by √147, one set for all scales: seed 7, item (filter·49 + tap)·3 + channel, tap = 7·row + column |
-//! | ε | [`FLOOR`]: a response of the size of sensor noise in black counts as none |
-//! | P_s | the kept pixels; of a coarser scale those of whose four pixels one is kept |
+//! | ε | [`FLOOR`]: responses as small as those to sensor noise in black have little influence |
+//! | P_s | the kept pixels; at a coarser scale, pixels with at least one kept pixel among their four |
 //!
-//! With a mask both images are multiplied by it first. The value is 0 for equal images, at most 4000.
+//! With a mask, both images are multiplied by it first. The value is 0 for equal images and at most 4000.
 //!
 //! # Rounding
-//! A response is a left fold over the taps, row, column, channel, from +0; the norm and the distance are left folds over the filters. Per row
-//! 16 logical lanes, tree over rows, one division per scale; scales from fine to coarse.
+//! A response is a left fold over the taps in the order row, column, channel, from +0; the norm and the
+//! distance are left folds over the filters. Per row 16 logical lanes, tree over rows, one division per
+//! scale; scales from fine to coarse.
 
 use crate::loss::{CHANNELS, In, finite, metric::clamped, row_sum};
 use crate::num::rng::Rng;
 use crate::num::{par, sum};
 use crate::{Error, Result};
 
-/// Name, with what it is not.
+/// Name of the metric, which states what it is not.
 pub const NAME: &str = "RFD (not LPIPS)";
-/// ε: responses to white are of size √32 ≈ 5.7, to one step of an 8-bit image about 0.02.
+/// ε: responses to white have a norm of about √32 ≈ 5.7, those to one step of an 8-bit image about 0.02.
 pub const FLOOR: f64 = 0.1;
 /// Filters per scale.
 pub const FILTERS: usize = 32;
-/// Scales.
+/// Number of scales.
 pub const SCALES: usize = 3;
 
 const SIDE: usize = 7;
 const TAPS: usize = SIDE * SIDE * CHANNELS;
 const SEED: u64 = 7;
-/// Weights of the filters; item: (filter·49 + tap)·3 + channel.
+/// Purpose of the draws of the filters; item: (filter·49 + tap)·3 + channel.
 const FILTER: u16 = 0x0900;
 
-/// (tap, channel, filter): filters innermost, so that the fold over taps runs for all of them at once.
+/// Returns the filters as (tap, channel, filter): filters are innermost, so that the fold over taps processes
+/// all of them at once.
 fn filters() -> Vec<[f64; FILTERS]> {
     let rng = Rng::new(SEED);
     let scale = (TAPS as f64).sqrt();
@@ -47,9 +51,9 @@ fn filters() -> Vec<[f64; FILTERS]> {
     (0..TAPS).map(|at| std::array::from_fn(|filter| weight(at, filter))).collect()
 }
 
-/// One image of one scale.
+/// One image at one scale.
 struct Level {
-    /// (H, W, 3)
+    /// Shape (H, W, 3).
     values: Vec<f64>,
     height: usize,
     width: usize,
@@ -72,7 +76,7 @@ impl Level {
         Self { values, height, width }
     }
 
-    /// ρ of the responses at a pixel.
+    /// Returns ρ of the responses at a pixel.
     fn response(&self, weights: &[[f64; FILTERS]], r: usize, c: usize) -> [f64; FILTERS] {
         let mut sums = [0.0; FILTERS];
         for i in 0..SIDE {
@@ -94,10 +98,11 @@ impl Level {
     }
 }
 
-/// The distance, times 1000.
+/// Returns the distance, times 1000.
 ///
 /// # Errors
-/// Wrong sizes, a mask value other than 0 and 1, nothing kept at some scale, images smaller than 4×4 or not finite.
+/// Returns an error for wrong sizes, a mask value other than 0 and 1, a scale without kept pixels, or images
+/// smaller than 4×4 or not finite.
 pub fn forward(x: &In<'_>) -> Result<f64> {
     const WHAT: &str = "metric.rfd";
     x.check(WHAT)?;
@@ -130,7 +135,7 @@ pub fn forward(x: &In<'_>) -> Result<f64> {
         }
         let count = kept.iter().filter(|&&k| k).count();
         if count == 0 {
-            return Err(Error::input(WHAT).expected("a kept pixel at every scale").got("none"));
+            return Err(Error::input(WHAT).expected("at least one kept pixel at every scale").got("none"));
         }
         let rows = par::map_batched(a.height, 2, |r| {
             row_sum(a.width, |c| {

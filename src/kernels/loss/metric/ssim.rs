@@ -1,9 +1,10 @@
-//! Structural similarity as a metric, `SSIM-g`, in f64: the definition of [`crate::loss::ssim`] with the render clamped.
+//! Structural similarity as a metric, `SSIM-g`, in f64: the definition of [`crate::loss::ssim`] with the
+//! render clamped.
 //!
 //! # Rounding
-//! The five filtered images of the textbook form, x, y, x², y², xy, each filtered down the columns and then along the
-//! rows, every filter a left fold of its taps; terms outside the image are +0 and take part. One line of sums per row
-//! (16 logical lanes), tree over rows, one division.
+//! The five filtered images of the textbook form, x, y, x², y², xy, are each filtered down the columns and
+//! then along the rows, and every filter is a left fold of its taps; terms outside the image are +0 and are
+//! included. One line of sums per row (16 logical lanes), tree over rows, one division.
 
 use crate::Result;
 use crate::loss::{
@@ -22,15 +23,16 @@ pub const NAME_BOX: &str = "SSIM-g-box";
 const TAPS: usize = 11;
 const PAD: usize = TAPS / 2 * CHANNELS;
 
-/// D-SSIM × 1000 = 500 (1 − SSIM-g).
+/// Returns D-SSIM × 1000 = 500 (1 − SSIM-g).
 pub fn d_ssim_1000(ssim: f64) -> f64 {
     500.0 * (1.0 - ssim)
 }
 
-/// Mean structural similarity.
+/// Returns the mean structural similarity.
 ///
 /// # Errors
-/// Wrong sizes, a mask value other than 0 and 1, nothing kept, images that are not finite.
+/// Returns an error for wrong sizes, a mask value other than 0 and 1, a mask that keeps no pixel, or images
+/// that are not finite.
 pub fn forward(x: &In<'_>) -> Result<f64> {
     let count = CHANNELS * x.check("metric.ssim")?;
     let (n, width) = (x.row(), x.width);

@@ -1,19 +1,23 @@
-//! Structural similarity under a uniform window, `SSIM-sk`, in f64: scikit-image's `structural_similarity` with its defaults.
+//! Structural similarity under a uniform window, `SSIM-sk`, in f64: scikit-image's `structural_similarity`
+//! with its defaults.
 //!
-//! SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂)),   C₁ = (0.01 R)²,  C₂ = (0.03 R)²
+//! SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂)),
+//! C₁ = (0.01 R)²,  C₂ = (0.03 R)²
 //!
-//! with moments over windows of 7×7 pixels of equal weight, σ² and σ_xy divided by 48 instead of 49 (the sample covariance). The map is
-//! averaged over the pixels whose whole window lies inside the image, and over the channels.
+//! with moments over windows of 7×7 pixels of equal weight, and σ² and σ_xy divided by 48 instead of 49 (the
+//! sample covariance). The map is averaged over the pixels whose complete window is inside the image, and
+//! over the channels.
 //!
-//! R is the range of values. It is 1 for images in 0..1. Versions of scikit-image before 0.20 assumed 2 for arrays of floats when nobody said
-//! otherwise, which raises C₁ and C₂ by four and the value with them: published numbers may be `SSIM-sk-range2`. Both are here, under two
-//! names.
+//! R is the range of values. It is 1 for images in 0..1. Versions of scikit-image before 0.20 assume 2 for
+//! arrays of floats by default, which multiplies C₁ and C₂ by four and increases the value: published numbers
+//! may be `SSIM-sk-range2`. Both variants exist here, under separate names.
 //!
-//! With a mask both images are multiplied by it, and the map is averaged over the kept pixels alone.
+//! With a mask, both images are multiplied by it, and the map is averaged over the kept pixels only.
 //!
 //! # Rounding
-//! Sums of the five products x, y, x², y², xy over a window: down the columns a left fold of seven rows from the top, then along the row a
-//! left fold of seven columns; divided by 49 after. Per row 16 logical lanes, tree over rows, one division.
+//! Sums of the five products x, y, x², y², xy over a window: down the columns a left fold of seven rows from
+//! the top, then along the row a left fold of seven columns, then a division by 49. Per row 16 logical lanes,
+//! tree over rows, one division.
 
 use crate::loss::{CHANNELS, In, finite, metric::clamped, row_sum};
 use crate::num::{par, sum};
@@ -30,14 +34,15 @@ pub const NAME_RANGE_2: &str = "SSIM-sk-range2";
 const SIDE: usize = 7;
 /// Pixels of the window.
 const AREA: f64 = (SIDE * SIDE) as f64;
-/// Pixels at each border whose window leaves the image.
+/// Number of pixels at each border whose window extends beyond the image.
 const BORDER: usize = SIDE / 2;
 
-/// Mean structural similarity for a range of values of 1 (or 2, see above).
+/// Returns the mean structural similarity for a range of values of 1 (or 2, see above).
 ///
 /// # Errors
-/// Wrong sizes, a mask value other than 0 and 1, images smaller than the window, no kept pixel 3 away from the border, images that are not
-/// finite, a range that is not positive.
+/// Returns an error for wrong sizes, a mask value other than 0 and 1, images smaller than the window, a mask
+/// that keeps no pixel at least 3 from the border, images that are not finite, or a range that is not
+/// positive.
 pub fn forward(x: &In<'_>, range: f64) -> Result<f64> {
     const WHAT: &str = "metric.ssim_sk";
     x.check(WHAT)?;
@@ -56,7 +61,7 @@ pub fn forward(x: &In<'_>, range: f64) -> Result<f64> {
     let kept = kept.count();
     if kept == 0 {
         return Err(Error::input(WHAT)
-            .expected(format!("a kept pixel {BORDER} or more away from the border"))
+            .expected(format!("a kept pixel at least {BORDER} pixels from the border"))
             .got("none"));
     }
     let [c1, c2] = [0.01, 0.03].map(|k: f64| (k * range) * (k * range));

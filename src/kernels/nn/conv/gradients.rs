@@ -1,20 +1,21 @@
-//! The adjoint of `nn.conv`: equations and rounding on the page of [`super`].
+//! The adjoint of `nn.conv`; the equations and the rounding are documented in [`super`].
 
 use super::{In, InBar, PADDED, PIXELS, Shape, Window, checked, items, sized};
 use crate::num::gemm::runs::{Grid, Runs, add_grids, gemm_runs};
 use crate::num::gemm::{Finish, Packed, View};
 use crate::num::{order, par};
 
-/// Tasks that share the kernel entries in the weight's gradient.
+/// Number of tasks that share the kernel entries in the gradient of the weight.
 const SHARES: usize = 8;
-/// Rows of a register tile: what is shared comes in multiples of it.
+/// Rows of a register tile; each task gets a multiple of it.
 const TILE: usize = 6;
-/// Items made ready together for the weight's gradient, at most: so that a few threads have some each.
+/// Largest number of items prepared together for the gradient of the weight, so that a few threads have
+/// several each.
 const ITEMS: usize = 16;
-/// Numbers of these items, where there is more than one, about.
+/// Approximate number of values in these items, if there is more than one.
 const HELD: usize = 1 << 20;
 
-/// Cotangent of a convolution, seen through a leaky ReLU that followed if there was one.
+/// Cotangent of a convolution, with the leaky ReLU that followed, if any.
 #[derive(Clone, Copy)]
 struct Cotangent<'a> {
     y_bar: &'a [f32],
@@ -40,18 +41,19 @@ impl Cotangent<'_> {
 /// Adds the gradients for the cotangent `y_bar` (B, H', W', O) to `x_bar`.
 ///
 /// # Panics
-/// When the kernel does not fit, there is no channel, or a buffer does not have the size of its shape.
+/// Panics if the kernel does not fit, there is no channel, or a buffer does not have the size of its shape.
 pub fn adjoint(x: In<'_>, y_bar: &[f32], x_bar: &mut InBar) {
     gradients(&x, Cotangent { y_bar, after: None }, Finish::Add, x_bar);
 }
 
-/// What the adjoint of [`forward_leaky`](super::forward_leaky), of which `y` is the result, adds to zeros, for those of x, weight and bias that are
-/// `wanted` (the others are empty). The slope is not negative, so that the sign of y tells the side.
+/// Returns the gradients of [`forward_leaky`](super::forward_leaky) with result `y` for those of x, weight
+/// and bias that are `wanted`; the others are empty. The slope is ≥ 0, so that the sign of y determines the
+/// branch.
 ///
 /// # Panics
-/// As [`adjoint`]; when the slope is negative.
+/// Panics under the conditions of [`adjoint`]; also panics if the slope is negative.
 pub fn gradients_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], wanted: [bool; 3]) -> InBar {
-    assert!(slope >= 0.0, "the sign of the result tells the side");
+    assert!(slope >= 0.0, "the slope is not negative");
     assert_eq!(y.len(), y_bar.len(), "the cotangent has the size of y");
     let room = |is_wanted: bool, len: usize| if is_wanted { vec![0.0; len] } else { Vec::new() };
     let mut bar = InBar {
@@ -59,12 +61,12 @@ pub fn gradients_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], wanted: 
         weight: room(wanted[1], x.weight.len()),
         bias: room(wanted[2], x.bias.len()),
     };
-    // Zeros fresh from the system are not touched before they are written.
+    // Freshly allocated zero pages are not touched before they are written.
     gradients(&x, Cotangent { y_bar, after: Some((y, slope)) }, Finish::AddToZero, &mut bar);
     bar
 }
 
-/// `how` the gradient of the images meets what is there.
+/// Computes the gradients; `how` defines how the gradient of the images is combined with existing values.
 fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, x_bar: &mut InBar) {
     let [rows, columns] = checked(x);
     let size = x.shape.batch * rows * columns * x.shape.outputs;
@@ -80,14 +82,14 @@ fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, x_bar: &mut 
     }
 }
 
-/// What the gradients of weight and bias need of one item.
+/// Data of one item that the gradients of weight and bias need.
 #[derive(Default)]
 struct Item {
-    /// the image with zeros around, and as many numbers beyond as lie between two patches
+    /// The image surrounded by zeros, followed by as many extra numbers as the distance between two patches.
     padded: Vec<f32>,
-    /// ȳ (H'·W', O)
+    /// Cotangent ȳ, shape (H'·W', O).
     cotangent: Packed,
-    /// the bias's gradient, a left fold over the pixels
+    /// Gradient of the bias, a left fold over the pixels.
     sums: Vec<f32>,
 }
 
@@ -109,8 +111,8 @@ impl Item {
     }
 }
 
-/// W̄ and β̄: a few items at a time are made ready, then each task owns some entries (i, j, c) of the kernel, for all outputs, and goes
-/// through the items in order.
+/// Computes W̄ and β̄: a few items at a time are prepared; then each task owns some entries (i, j, c) of the
+/// kernel for all outputs and processes the items in order.
 fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_bar: &mut [f32]) {
     let Shape { batch, channels, outputs, kernel: [kh, kw], stride, pad, .. } = x.shape;
     let ([rows, columns], taps) = (x.shape.fitting(), x.shape.taps());
@@ -122,7 +124,7 @@ fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_ba
     let window = Window { rows: reach(rows, kh), columns: reach(columns, kw) };
     let line = window.width() * channels;
     let offsets: Vec<usize> = (0..kh).map(|i| i * line).collect();
-    // (taps, O): the transpose of what the caller holds
+    // Sums in shape (taps, O), the transpose of the caller's layout.
     let mut sums: Vec<f32> =
         (0..weight_bar.len()).map(|at| weight_bar[at % outputs * taps + at / outputs]).collect();
     let share = taps.div_ceil(SHARES).next_multiple_of(TILE);
@@ -159,12 +161,12 @@ fn filters(x: &In<'_>, cotangent: Cotangent<'_>, weight_bar: &mut [f32], bias_ba
     }
 }
 
-/// The taps that pixels of one class see: those with i ≡ `phase[0]`, j ≡ `phase[1]` (mod s).
+/// The taps that pixels of one class use: those with i ≡ `phase[0]`, j ≡ `phase[1]` (mod s).
 struct Class {
     phase: [usize; 2],
-    /// number of such i and j
+    /// Number of such i and j.
     count: [usize; 2],
-    /// (count·O, C), rows in the order (i, j, o)
+    /// Weights in shape (count·O, C), with rows in the order (i, j, o).
     weight: Packed,
 }
 
@@ -191,7 +193,7 @@ fn classes(x: &In<'_>) -> Vec<Class> {
     classes
 }
 
-/// x̄: each task owns some rows of pixels, class by class.
+/// Computes x̄: each task owns some rows of pixels and processes them class by class.
 fn picture(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, bar: &mut [f32]) {
     let Shape { batch, height, width, channels, outputs, kernel: [kh, kw], stride, pad } = x.shape;
     assert_eq!(bar.len(), batch * height * width * channels, "one gradient per value of x");
@@ -201,7 +203,7 @@ fn picture(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, bar: &mut [f32
     let [rows, columns] = x.shape.fitting();
     let classes = classes(x);
     let lines = order::max(1, PIXELS * stride * stride / width);
-    // The first tap of a class sees output (h + p)/s, each further one the output before.
+    // The first tap of a class uses output (h + p)/s, and each further tap the output before.
     let [above, before] = [kh, kw].map(|taps| taps.div_ceil(stride) - 1);
     let wide = -(before as isize)..((width - 1 + pad) / stride + 1) as isize;
     let line = wide.len() * outputs;
@@ -220,7 +222,7 @@ fn picture(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, bar: &mut [f32
             begins.extend(mine.map(|h| (h, used + ((h + pad) / stride - top.unsigned_abs()) * line)));
             used += window.pixels() * outputs;
         }
-        // Pixels of each class among those of this task: where they begin, and where their gradients go.
+        // Pixels of each class among those of this task: their start, and the location of their gradients.
         let mut pixels: Vec<(Vec<usize>, Vec<&mut [f32]>)> =
             classes.iter().map(|_| Default::default()).collect();
         let class: Vec<Option<usize>> = (0..stride * stride)

@@ -1,4 +1,4 @@
-//! `nn.conv` in bits: the chains of its page, passes in one, batches in parts.
+//! Bit-exact tests of `nn.conv`: the documented chains, fused passes, and batches in parts.
 
 use super::*;
 use crate::nn::act::leaky_relu;
@@ -13,9 +13,9 @@ const SHAPES: [Shape; 6] = [
     Shape { batch: 5, height: 16, width: 12, channels: 3, outputs: 20, kernel: [4, 4], stride: 2, pad: 1 },
     Shape { batch: 2, height: 9, width: 7, channels: 33, outputs: 5, kernel: [3, 2], stride: 1, pad: 2 },
     Shape { batch: 3, height: 11, width: 13, channels: 2, outputs: 17, kernel: [2, 3], stride: 4, pad: 0 },
-    // a pad wider than the kernel, windows that see nothing, and filters longer than one chunk of a chain
+    // padding wider than the kernel, windows without pixels, and filters longer than one chunk of a chain
     Shape { batch: 1, height: 3, width: 2, channels: 700, outputs: 3, kernel: [3, 2], stride: 2, pad: 4 },
-    // more items than are made ready together; more pixels than are summed at hand
+    // more items than are prepared together; more pixels than are summed in registers
     Shape { batch: 18, height: 6, width: 8, channels: 4, outputs: 33, kernel: [4, 4], stride: 2, pad: 1 },
     Shape { batch: 2, height: 40, width: 36, channels: 3, outputs: 32, kernel: [4, 4], stride: 2, pad: 1 },
 ];
@@ -119,7 +119,10 @@ fn one_pass_with_the_leaky_relu_has_the_bits_of_two() {
         assert_eq!(one, two, "{shape:?}: gradients");
         let some = gradients_leaky(input, 0.2, &once, &y_bar, [false, true, false]);
         assert_eq!(some.weight, two.weight, "{shape:?}: the weight's gradient alone");
-        assert!(some.x.is_empty() && some.bias.is_empty(), "{shape:?}: what is not wanted");
+        assert!(
+            some.x.is_empty() && some.bias.is_empty(),
+            "{shape:?}: gradients that are not requested are empty"
+        );
     }
 }
 

@@ -1,4 +1,4 @@
-//! Next-event estimation: one light is drawn per point, and a shadow ray is sent there.
+//! Next-event estimation: one light is drawn per point, and a shadow ray is traced towards it.
 
 use super::points::{Points, Vertex, pick};
 use super::tracer::{LIGHT, Tracer, uniform};
@@ -9,22 +9,24 @@ use crate::num::order;
 use crate::scene::light::{Lamp, MAX_RADIANCE};
 use crate::shade::vector::{mul, select, sub, unit};
 
-/// One light per lane, seen from the points.
+/// One light sample per lane, relative to the points.
 struct LightSample {
-    /// unit direction
+    /// Unit direction towards the light.
     towards: [f32x8; 3],
-    /// irradiance of a lamp over the probability of drawing it; 0 where the map was drawn
+    /// Irradiance of a lamp divided by the probability of drawing it; 0 if the map was drawn.
     irradiance: [f32x8; 3],
-    /// density of the map's direction times the probability of drawing the map; 1 for lamps, 0 for nothing
+    /// Density of the map's direction times the probability of drawing the map; 1 for lamps, 0 if there is no
+    /// sample.
     density: f32x8,
-    /// 1 where the BRDF's directions compete: where the map was drawn
+    /// 1 where BRDF sampling can produce the same direction, which is where the map was drawn; otherwise 0.
     rival: f32x8,
-    /// distance
+    /// Distance to the light.
     reach: [f32; 8],
 }
 
 impl Tracer<'_> {
-    /// Sends shadow rays to one light per point, drawn uniformly; the map counts as one. The scene has a light.
+    /// Traces shadow rays to one light per point, drawn uniformly; the map counts as one light. The scene has
+    /// at least one light.
     #[inline(always)]
     pub(super) fn sample_light<const LAMBERT: bool>(
         &self,
@@ -40,7 +42,7 @@ impl Tracer<'_> {
         let on = f32x8::and(f32x8::and(Real::gt(total, zero), Real::gt(density, zero)), s.before(towards));
         let mut light = irradiance;
         if let Some(sky) = &self.scene.sky {
-            // the map is looked up only where the surface faces its direction
+            // The map is evaluated only where the surface faces its direction.
             let of_sky = Real::gt(rival, zero);
             let radiance = sky.look8(towards, f32x8::bits(f32x8::and(on, of_sky))).0;
             light = select(of_sky, radiance, light);
@@ -64,7 +66,8 @@ impl Tracer<'_> {
     fn draw_light(&self, points: &Points, words: &[[u32; 4]; 8]) -> LightSample {
         let scene = self.scene;
         let lights = scene.lights();
-        // the upper part of word·lights is the light, the lower part is uniform again and chooses the texel
+        // The upper part of word·lights selects the light; the lower part is again uniform and selects the
+        // texel.
         let (mut chosen, mut rest) = ([0_usize; 8], [0_u64; 8]);
         for l in 0..8 {
             let word = u64::from(words[l][1]) << 32 | u64::from(words[l][0]);
@@ -120,14 +123,14 @@ impl LightSample {
     }
 }
 
-/// Direction to a lamp, irradiance on a surface that faces it, distance.
+/// Returns the direction to a lamp, the irradiance on a surface that faces it, and the distance.
 fn shine(lamp: &Lamp, from: [f32; 3]) -> ([f32; 3], [f32; 3], f32) {
     match lamp {
         Lamp::Distant { towards, irradiance } => (*towards, *irradiance, f32::INFINITY),
         Lamp::Point { position, intensity } => {
             let (way, distance) = unit(sub(*position, from));
             let square = distance * distance;
-            // nearer than f32 can tell it would be infinite
+            // At distances too small for f32 the irradiance would be infinite.
             let each = |x: f32| order::min(x / square, MAX_RADIANCE);
             let irradiance = if square > 0.0 { intensity.map(each) } else { [0.0; 3] };
             (way, irradiance, distance)

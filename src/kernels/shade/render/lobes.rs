@@ -1,4 +1,4 @@
-//! How surfaces reflect, eight points at a time.
+//! Reflection at eight surface points.
 
 use crate::num::lanes::{Real, f32x8};
 use crate::shade::ggx::{Facet, Point};
@@ -6,7 +6,7 @@ use crate::shade::sample;
 use crate::shade::surface::Surface;
 use crate::shade::vector::{dot, scale};
 
-/// How eight points reflect.
+/// BRDF of eight points.
 pub(super) struct Lobes<const LAMBERT: bool> {
     point: Point<f32x8>,
     share: f32x8,
@@ -32,7 +32,7 @@ impl<const LAMBERT: bool> Lobes<LAMBERT> {
         sample::direction(&self.point, self.share, lobe, [u, v])
     }
 
-    /// f·cos and density; zeros where nothing is reflected.
+    /// Returns f·cos and the density; both are zero where nothing is reflected.
     #[inline(always)]
     pub(super) fn eval(&self, towards: [f32x8; 3]) -> ([f32x8; 3], f32x8) {
         let zero = f32x8::splat(0.0);

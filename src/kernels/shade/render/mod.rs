@@ -1,40 +1,46 @@
-//! Pictures of an object under light, by paths from the eye.
+//! Path-traced images of an object under light.
 //!
 //! ```text
-//! per sample   pixel → ray → hit ─┬─ one light, drawn: the map by brightness or a lamp       (next-event estimation)
+//! per sample   pixel → ray → hit ─┬─ one light, drawn: the map by brightness or a lamp (next-event estimation)
 //!                                 └─ one direction, drawn for the BRDF → next hit, or the map
 //! ```
 //!
-//! * Both ways of reaching the map are weighted by the balance heuristic (Veach 1997): with densities p_l (times the probability c of
-//!   choosing the map among the lights) and p_b, a direction found either way counts f·cos·L/(c·p_l + p_b) of the throughput. Lamps
-//!   have no extent: only their own sample finds them. Emissive triangles are found by the BRDF's directions alone.
-//! * `bounces` counts the surfaces after the first that light may come by: 0 is direct light. Paths are not ended at random.
-//! * Light comes and goes on the side of the face that is seen: directions that only the shading normal allows carry nothing, found either way.
-//! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½ where the variance is finite; the
-//!   spots that remain come from smooth metals that see a small bright source after a diffuse bounce.
-//! * Pixels outside the circle of a fisheye are black with alpha 0.
-//! * Box filter: a sample is uniform in its pixel. With motion, time is stratified over the samples of a pixel; colour and alpha are means over
-//!   the exposure. Depth, normal and material are those of the pose half-way ([`Camera::between`] at ½), so that they fit one camera.
-//! * Views of one object need seeds of their own, or all have the same noise: [`rng::derive`](crate::num::rng::derive) makes them.
-//! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel depends neither on tiles, threads,
-//!   nor on which other pixels are rendered.
-//! * A draw is one Philox block, all four words of which are used: (x₁, x₀) choose light and texel, x₂ and x₃ place within it; x₀ the lobe,
-//!   x₁ and x₂ the direction.
+//! * Both ways of reaching the map are combined with the balance heuristic (Veach 1997): with densities p_l
+//!   (times the probability c of choosing the map among the lights) and p_b, a direction found either way
+//!   contributes f·cos·L/(c·p_l + p_b) of the throughput. Lamps have no extent, so only their own samples
+//!   find them. Emissive triangles are found only by BRDF sampling.
+//! * `bounces` is the number of surfaces after the first that light may be reflected by: 0 is direct light.
+//!   There is no Russian roulette.
+//! * Light is reflected only on the visible side of the face: directions that only the shading normal allows
+//!   contribute nothing, whichever way they are found.
+//! * Nothing is clamped: a rare bright sample stays in the mean, which is unbiased. Its error falls with n^−½
+//!   if the variance is finite; the remaining bright spots come from smooth metals that reflect a small
+//!   bright source after a diffuse bounce.
+//! * Pixels outside the circle of a fisheye camera are black with alpha 0.
+//! * The pixel filter is a box: a sample is uniform in its pixel. With motion, time is stratified over the
+//!   samples of a pixel; colour and alpha are means over the exposure. Depth, normal and material are those
+//!   of the pose at half time ([`Camera::between`] at ½), so that they belong to one camera.
+//! * Views of one object need different seeds, or all have the same noise:
+//!   [`rng::derive`](crate::num::rng::derive) creates them.
+//! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel
+//!   depends neither on tiles, nor on threads, nor on which other pixels are rendered.
+//! * A draw is one Philox block, all four words of which are used: for a light sample (x₁, x₀) select light
+//!   and texel, x₂ and x₃ the position in it; for a BRDF sample x₀ selects the lobe, x₁ and x₂ the direction.
 //!
 //! # Files
-//! | file | holds |
+//! | file | contents |
 //! |------|-------|
-//! | `settings`, `scene`, `passes` | what a caller gives and gets |
-//! | `work`, `points`, `tracer` | what travels together: the paths of a batch, eight points that are shaded together, what all paths share |
-//! | `lobes` | evaluates and draws the BRDF for eight points |
-//! | `visibility` | passes rays through transparent surfaces and resolves shadow rays |
+//! | `settings`, `scene`, `passes` | inputs and outputs of the renderer |
+//! | `work`, `points`, `tracer` | state: the paths of a batch, eight points that are shaded together, data shared by all paths |
+//! | `lobes` | evaluation and sampling of the BRDF for eight points |
+//! | `visibility` | rays through transparent surfaces, and shadow rays |
 //! | `light`, `scatter` | the light sample and the BRDF sample of a vertex |
-//! | `trace` | follows a batch of paths to its end |
-//! | `tile` | aims the camera's rays and takes means over the samples of a pixel |
+//! | `trace` | traversal of a batch of paths |
+//! | `tile` | camera rays, and means over the samples of a pixel |
 //!
 //! # Rounding
-//! f32. Radiance of a sample: emission and map in the order of the vertices, within a vertex light sample, then BRDF sample. A pixel is a left
-//! fold over its samples, divided once.
+//! All values are f32. Radiance of a sample: emission and map in the order of the vertices; within a vertex
+//! the light sample, then the BRDF sample. A pixel is a left fold over its samples, divided once.
 
 mod light;
 mod lobes;
@@ -60,13 +66,13 @@ use crate::{Error, Result};
 use tile::{Job, Shutter};
 use tracer::Tracer;
 
-/// Pixels along the side of a tile. Changes no bit.
+/// Side of a tile in pixels; it changes no bit.
 const TILE: usize = 16;
 
-/// Renders a view. `end` is the pose at shutter close; without it nothing moves.
+/// Renders a view. `end` is the pose at shutter close; without it the camera does not move.
 ///
 /// # Errors
-/// When a camera is not valid, or no sample is asked for.
+/// Returns an error if a camera is not valid, or if the number of samples is 0.
 pub fn render(
     scene: &Scene<'_>,
     camera: &Camera,
@@ -77,10 +83,11 @@ pub fn render(
     render_window(scene, camera, end, settings, all)
 }
 
-/// [`render`] for a part of the picture: the same pixels, bit for bit.
+/// Like [`render`], for a part of the image; the pixels are the same, bit for bit.
 ///
 /// # Errors
-/// As [`render`], or when the window is empty or leaves the picture.
+/// Returns an error under the conditions of [`render`], or if the window is empty or extends beyond the
+/// image.
 pub fn render_window(
     scene: &Scene<'_>,
     camera: &Camera,
@@ -112,7 +119,7 @@ pub fn render_window(
     Ok(out)
 }
 
-/// Checks what [`render_window`] is called with.
+/// Checks the arguments of [`render_window`].
 fn validate(camera: &Camera, end: Option<&Camera>, settings: &Settings, window: Window) -> Result<()> {
     camera.validate()?;
     if settings.samples == 0 {
@@ -133,7 +140,7 @@ fn validate(camera: &Camera, end: Option<&Camera>, settings: &Settings, window: 
     let ([x0, y0], [w, h]) = (window.origin, window.size);
     let inside = |from: usize, n: usize, all: usize| n > 0 && from <= all && n <= all - from;
     if !(inside(x0, w, camera.width) && inside(y0, h, camera.height)) {
-        let picture = format!("at least a pixel within {}×{}", camera.width, camera.height);
+        let picture = format!("at least one pixel inside {}×{}", camera.width, camera.height);
         return Err(Error::input("window").expected(picture).got(format!("{w}×{h} from ({x0}, {y0})")));
     }
     Ok(())

@@ -1,8 +1,8 @@
-//! The images of a render, and the sums that a pixel is made from.
+//! The output images of a render, and the sums from which a pixel is computed.
 
 use crate::shade::vector::unit;
 
-/// A part of a picture, in pixels (x, y).
+/// A part of an image, in pixels (x, y).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
     /// First pixel.
@@ -11,32 +11,33 @@ pub struct Window {
     pub size: [usize; 2],
 }
 
-/// A picture and what is known about its pixels; (H, W) row-major.
+/// An image with per-pixel attributes; arrays are (H, W), row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Passes {
-    /// pixels across
+    /// Width in pixels.
     pub width: usize,
-    /// pixels down
+    /// Height in pixels.
     pub height: usize,
-    /// linear radiance; the background is the environment, if that is visible
+    /// Linear radiance; the background is the environment, if that is visible.
     pub color: Vec<[f32; 3]>,
-    /// share of the samples that meet a surface
+    /// Fraction of the samples that hit a surface.
     pub alpha: Vec<f32>,
-    /// depth along the optical axis of what the ray through the pixel's centre meets, 0 = nothing; of a moving camera half-way through
-    /// the exposure, as everything below
+    /// Depth along the optical axis of the surface hit by the ray through the pixel's centre, 0 = nothing;
+    /// for a moving camera at half of the exposure time, as for all attributes below.
     pub depth_z: Vec<f32>,
-    /// unit shading normal in the world with its normal map, before it is bent into view; mean over the samples that meet a surface; 0 = none
+    /// Unit shading normal in world space with its normal map, before it is bent towards the view; mean over
+    /// the samples that hit a surface; 0 = none.
     pub normal: Vec<[f32; 3]>,
-    /// linear, mean over the samples that meet a surface
+    /// Linear albedo, mean over the samples that hit a surface.
     pub albedo: Vec<[f32; 3]>,
-    /// mean over the samples that meet a surface
+    /// Roughness, mean over the samples that hit a surface.
     pub roughness: Vec<f32>,
-    /// mean over the samples that meet a surface
+    /// Metallic, mean over the samples that hit a surface.
     pub metallic: Vec<f32>,
 }
 
 impl Passes {
-    /// Passes of this size, all zero.
+    /// Returns passes of this size, all zero.
     pub(super) fn zeros([width, height]: [usize; 2]) -> Self {
         let n = width * height;
         Self {
@@ -64,10 +65,10 @@ impl Passes {
     }
 }
 
-/// The first surface that a sample meets.
+/// The first surface that a sample hits.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct FirstHit {
-    /// Whether there is one.
+    /// Whether a surface is hit.
     pub(super) hit: bool,
     pub(super) normal: [f32; 3],
     pub(super) albedo: [f32; 3],
@@ -80,7 +81,7 @@ pub(super) struct FirstHit {
 pub(super) struct Pixel {
     color: [f32; 3],
     alpha: f32,
-    /// samples that meet a surface from the pose half-way
+    /// Number of samples that hit a surface from the pose at half time.
     met: f32,
     pub(super) depth_z: f32,
     normal: [f32; 3],
@@ -90,7 +91,7 @@ pub(super) struct Pixel {
 }
 
 impl Pixel {
-    /// Adds the radiance of a sample, and whether it meets a surface.
+    /// Adds the radiance of a sample, and whether it hits a surface.
     #[inline]
     pub(super) fn add_light(&mut self, radiance: &[f32; 3], first: &FirstHit) {
         for c in 0..3 {
@@ -101,7 +102,7 @@ impl Pixel {
         }
     }
 
-    /// Adds what a sample meets first, if anything.
+    /// Adds the attributes of the first surface of a sample, if any.
     #[inline]
     pub(super) fn add_surface(&mut self, first: &FirstHit) {
         if !first.hit {

@@ -8,17 +8,17 @@ use super::work::{Path, Work};
 use crate::num::lanes::{Real, f32x8};
 use crate::shade::surface::{self, Surface};
 
-/// Points where paths meet a surface. Lanes from `count` on repeat the last point.
+/// Points where paths hit a surface. Lanes from `count` on repeat the last point.
 pub(super) struct Points {
     pub(super) count: usize,
     pub(super) paths: [Path; 8],
-    /// towards where the paths come from
+    /// Direction back along the paths.
     pub(super) view: [f32x8; 3],
     pub(super) surface: Surface,
 }
 
 impl Points {
-    /// The points of the paths at these places of `work.front`.
+    /// Builds the points of the paths at these indices of `work.front`.
     #[inline(always)]
     pub(super) fn new(scene: &Scene<'_>, work: &Work, eight: &[u32]) -> Self {
         let at: [usize; 8] = std::array::from_fn(|l| eight[Ord::min(l, eight.len() - 1)] as usize);
@@ -32,13 +32,13 @@ impl Points {
         }
     }
 
-    /// Throughputs of the paths.
+    /// Returns the throughputs of the paths.
     #[inline(always)]
     pub(super) fn throughput(&self) -> [f32x8; 3] {
         std::array::from_fn(|c| f32x8::from_fn(|l| self.paths[l].throughput[c]))
     }
 
-    /// Keeps the points as the first surfaces of their samples.
+    /// Stores the points as the first surfaces of their samples.
     pub(super) fn write_first(&self, into: &mut [FirstHit]) {
         let s = &self.surface;
         let (normal, albedo) = (s.mapped.map(f32x8::to_array), s.material.albedo.map(f32x8::to_array));
@@ -55,18 +55,18 @@ impl Points {
     }
 }
 
-/// A vertex of up to eight paths: where they are and how light is reflected there.
+/// A vertex of up to eight paths: the points and their BRDFs.
 pub(super) struct Vertex<'a, const LAMBERT: bool> {
-    /// surfaces before this one
+    /// Number of surfaces before this one.
     pub(super) number: u32,
     pub(super) points: &'a Points,
     pub(super) lobes: Lobes<LAMBERT>,
-    /// of the paths up to here
+    /// Throughput of the paths up to this vertex.
     pub(super) throughput: [f32x8; 3],
 }
 
 impl<const LAMBERT: bool> Vertex<'_, LAMBERT> {
-    /// One block of draws per lane.
+    /// Draws one block of random words per lane.
     #[inline(always)]
     pub(super) fn draw(&self, tracer: &Tracer<'_>, purpose: u16) -> [[u32; 4]; 8] {
         let paths = &self.points.paths;
@@ -75,7 +75,7 @@ impl<const LAMBERT: bool> Vertex<'_, LAMBERT> {
     }
 }
 
-/// Lane `l` of three.
+/// Returns lane `l` of three components.
 #[inline(always)]
 pub(super) fn pick(x: &[[f32; 8]; 3], l: usize) -> [f32; 3] {
     [x[0][l], x[1][l], x[2][l]]

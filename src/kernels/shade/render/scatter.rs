@@ -10,16 +10,16 @@ use crate::shade::vector::mul;
 
 /// Directions drawn for the BRDF, one per lane.
 struct BrdfSample {
-    /// unit
+    /// Unit direction.
     towards: [f32x8; 3],
     f_cos: [f32x8; 3],
     density: f32x8,
-    /// bits of the lanes whose direction can be taken
+    /// Bits of the lanes whose direction is valid.
     goes: u32,
 }
 
 impl Tracer<'_> {
-    /// Shades up to eight hits, at these places of `work.front`.
+    /// Shades up to eight hits at these indices of `work.front`.
     #[inline(never)]
     pub(super) fn shade<const LAMBERT: bool>(&self, work: &mut Work, eight: &[u32], number: u32) {
         let scene = self.scene;
@@ -66,7 +66,7 @@ impl Tracer<'_> {
         BrdfSample { towards, f_cos, density, goes }
     }
 
-    /// Sends shadow rays to the map, for paths that end with the directions of `sample`.
+    /// Traces shadow rays to the map for paths that end with the directions of `sample`.
     #[inline(always)]
     fn look_at_sky<const LAMBERT: bool>(
         &self,

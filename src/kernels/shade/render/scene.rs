@@ -1,4 +1,4 @@
-//! What is rendered: an object, its tree and light, checked.
+//! The validated scene: an object, its tree and its light.
 
 use crate::geometry::bvh::Bvh;
 use crate::scene::light::{Lamp, Lights, MAX_RADIANCE};
@@ -8,25 +8,26 @@ use crate::shade::environment::Sky;
 use crate::shade::vector::dot;
 use crate::{Error, Result};
 
-/// An object, its tree, and light, checked and ready.
+/// An object, its tree and its light, validated and prepared.
 #[derive(Debug)]
 pub struct Scene<'a> {
     pub(super) object: &'a Object,
     pub(super) bvh: &'a Bvh,
     pub(super) lamps: &'a [Lamp],
-    /// the map with its tables, if there is one
+    /// The map with its tables, if there is one.
     pub(super) sky: Option<Sky>,
-    /// some material lets light through
+    /// Whether some material transmits light.
     pub(super) transparent: bool,
-    /// some material emits
+    /// Whether some material emits light.
     pub(super) emissive: bool,
 }
 
 impl<'a> Scene<'a> {
-    /// Checks object and light and makes the tables of the map. `bvh` was built from the object's mesh.
+    /// Validates object and light and computes the tables of the map. `bvh` must be built from the object's
+    /// mesh.
     ///
     /// # Errors
-    /// Names what is wrong.
+    /// Returns an error that names the invalid input.
     pub fn new(object: &'a Object, bvh: &'a Bvh, lights: &'a Lights) -> Result<Self> {
         object.validate("object")?;
         if bvh.triangles() != object.mesh.triangles.len() {
@@ -51,17 +52,17 @@ impl<'a> Scene<'a> {
         })
     }
 
-    /// Number of lights one of which is drawn per vertex: the map unless black, and the lamps.
+    /// Returns the number of lights from which one is drawn per vertex: the map unless black, and the lamps.
     pub(super) fn lights(&self) -> usize {
         self.lamps.len() + usize::from(self.lit_by_sky())
     }
 
-    /// Probability with which each of the lights is drawn; 1 without any.
+    /// Returns the probability with which each light is drawn; 1 if there is none.
     pub(super) fn choice(&self) -> f32 {
         1.0 / Ord::max(self.lights(), 1) as f32
     }
 
-    /// Whether the map sheds light.
+    /// Whether the map emits light.
     pub(super) fn lit_by_sky(&self) -> bool {
         self.sky.as_ref().is_some_and(|s| !s.is_black())
     }

@@ -1,31 +1,33 @@
-//! How an image is rendered.
+//! Settings of the renderer.
 
-/// Most surfaces after the first: draws are told apart by 16 bits of (surface, transparent layer before it).
+/// Largest number of surfaces after the first: 16 bits of (surface, transparent layer before it) identify a
+/// draw.
 pub const MAX_BOUNCES: u32 = 254;
 
-/// How surfaces reflect.
+/// Reflection model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Brdf {
-    /// the material's ([`crate::shade::ggx`])
+    /// The BRDF of the material ([`crate::shade::ggx`]).
     #[default]
     MetallicRoughness,
-    /// albedo/π, whatever roughness and metallic say
+    /// Lambertian reflection, albedo/π, regardless of roughness and metallic.
     Lambert,
 }
 
-/// How a picture is made.
+/// Settings of the renderer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Settings {
-    /// per pixel
+    /// Number of samples per pixel.
     pub samples: u32,
-    /// surfaces after the first that light may come by, at most [`MAX_BOUNCES`]; 0 = direct light only
+    /// Number of surfaces after the first that light may be reflected by, at most [`MAX_BOUNCES`]; 0 = direct
+    /// light only.
     pub bounces: u32,
-    /// of the draws; each of several views takes its own
+    /// Seed of the random numbers; each of several views needs its own.
     pub seed: u64,
-    /// how surfaces reflect
+    /// Reflection model.
     pub brdf: Brdf,
-    /// whether the environment is seen behind the object; else the background is black, and colour is that of the object
-    /// times its coverage
+    /// Whether the environment is visible behind the object; otherwise the background is black, and the
+    /// colour is that of the object times its coverage.
     pub environment_visible: bool,
 }
 

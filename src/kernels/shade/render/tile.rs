@@ -1,4 +1,4 @@
-//! Tiles: the camera's rays through their pixels, and the means over the samples of a pixel.
+//! Tiles: the camera rays of their pixels, and the means over the samples of a pixel.
 
 use super::passes::{Pixel, Window};
 use super::tracer::{CAMERA, Tracer, uniform};
@@ -8,27 +8,27 @@ use crate::scene::camera::Camera;
 use crate::shade::surface;
 use crate::shade::vector::dot;
 
-/// Paths traced together. Changes no bit.
+/// Number of paths traced together; it changes no bit.
 const BATCH: usize = 4096;
 
 /// A camera that may move while the shutter is open.
 pub(super) struct Shutter<'a> {
-    /// the camera when it opens
+    /// The camera when the shutter opens.
     pub(super) camera: &'a Camera,
-    /// the camera when it closes; None if it rests
+    /// The camera when the shutter closes; `None` if it does not move.
     pub(super) end: Option<&'a Camera>,
-    /// half-way between the two; the camera itself if it rests
+    /// The camera at half time; the camera itself if it does not move.
     pub(super) middle: &'a Camera,
 }
 
-/// Everything that stays the same for all tiles.
+/// Data that is the same for all tiles.
 pub(super) struct Job<'a> {
     pub(super) tracer: Tracer<'a>,
     pub(super) shutter: Shutter<'a>,
 }
 
 impl Job<'_> {
-    /// The pixels of one tile.
+    /// Renders the pixels of one tile.
     pub(super) fn tile(&self, tile: Window) -> Vec<Pixel> {
         let n = tile.size[0] * tile.size[1];
         let mut pixels = vec![Pixel::default(); n];
@@ -64,7 +64,7 @@ impl Job<'_> {
         pixels
     }
 
-    /// Depth of what the rays through the centres of a tile's pixels meet.
+    /// Computes the depth at which the rays through the centres of a tile's pixels hit a surface.
     fn depths(&self, tile: Window, pixels: &mut [Pixel]) {
         let (scene, camera) = (self.tracer.scene, self.shutter.middle);
         let (mut rays, mut of) = (Vec::new(), Vec::new());
@@ -86,7 +86,8 @@ impl Job<'_> {
         }
     }
 
-    /// Starts the paths of some samples of a tile: pixel by pixel, samples ascending. Without `end` the camera rests half-way.
+    /// Starts the paths of some samples of a tile: pixel by pixel, samples ascending. Without `end` the
+    /// camera stays at half time.
     fn aim(&self, work: &mut Work, tile: Window, samples: std::ops::Range<u32>, end: Option<&Camera>) {
         let Window { origin, size } = tile;
         work.begin(size[0] * size[1] * samples.len());

@@ -1,4 +1,4 @@
-//! Paths from the camera to their ends.
+//! Traversal of paths from the camera to their ends.
 
 use super::points::Points;
 use super::settings::Brdf;
@@ -9,7 +9,7 @@ use crate::num::lanes::{Real, f32x8};
 use crate::shade::surface;
 
 impl Tracer<'_> {
-    /// Finds what the paths of a batch meet first, without light.
+    /// Finds the first surfaces of the paths of a batch, without light.
     pub(super) fn find_first(&self, work: &mut Work) {
         self.meet(work, 0);
         for eight in work.met.chunks(8) {
@@ -17,7 +17,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Follows the paths of a batch to their ends.
+    /// Traces the paths of a batch to their ends.
     pub(super) fn trace(&self, work: &mut Work) {
         let scene = self.scene;
         for vertex in 0..=self.settings.bounces {
@@ -38,7 +38,7 @@ impl Tracer<'_> {
             self.add_unshadowed(work);
             std::mem::swap(&mut work.front, &mut work.next);
         }
-        // what the last directions see: emission, and the map behind it
+        // The last directions collect emission and the map.
         if scene.emissive && !work.front.rays.is_empty() {
             let vertex = self.settings.bounces + 1;
             self.meet(work, vertex);
@@ -53,7 +53,8 @@ impl Tracer<'_> {
         }
     }
 
-    /// Finds the nearest hits of the paths; those that leave the scene collect the map. Places of the others go to `met`.
+    /// Finds the nearest hits of the paths; paths that leave the scene add the map. The indices of the others
+    /// are appended to `met`.
     fn meet(&self, work: &mut Work, vertex: u32) {
         let scene = self.scene;
         work.hits.clear();

@@ -1,15 +1,16 @@
-//! Rays through transparent surfaces: camera and BRDF rays pass or stop by a draw, shadow rays are attenuated.
+//! Rays through transparent surfaces: camera and BRDF rays pass or stop at random, shadow rays are
+//! attenuated.
 
 use super::tracer::{OPACITY, Tracer, uniform};
 use super::work::{Path, Work};
 use crate::geometry::bvh::{Hit, MISS, Ray};
 use crate::shade::surface;
 
-/// Most transparent surfaces one ray passes; what lies behind them is not seen, and sheds no light.
+/// Largest number of transparent surfaces that one ray passes; surfaces and lights behind them are ignored.
 const LAYERS: u16 = 256;
 
 impl Tracer<'_> {
-    /// Moves a ray on through surfaces that are not there for it.
+    /// Moves a ray on through surfaces that transmit it.
     pub(super) fn pass_through(&self, ray: &mut Ray, hit: &mut Hit, path: &Path, vertex: u32) {
         for layer in 0..LAYERS {
             if hit.triangle == MISS {
@@ -31,7 +32,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Moves a ray on to the first surface that is at least half opaque.
+    /// Moves a ray on to the first surface with an opacity of at least one half.
     pub(super) fn pass_to_opaque(&self, ray: &mut Ray, hit: &mut Hit) {
         for _ in 0..LAYERS {
             let there = self.scene.transparent && hit.triangle != MISS;
@@ -43,7 +44,7 @@ impl Tracer<'_> {
         }
     }
 
-    /// Adds the light of shadow rays that are free.
+    /// Adds the light of shadow rays that are not blocked.
     pub(super) fn add_unshadowed(&self, work: &mut Work) {
         let shadow = &mut work.shadow;
         if self.scene.transparent {
@@ -71,7 +72,8 @@ impl Tracer<'_> {
         }
     }
 
-    /// Share of light that arrives through transparent surfaces: the product of their transmittances. `hit` is the first of them.
+    /// Returns the fraction of light that passes transparent surfaces: the product of their transmittances.
+    /// `hit` is the first of them.
     fn transmittance(&self, mut ray: Ray, mut hit: Hit) -> f32 {
         let mut open = 1.0;
         for _ in 0..LAYERS {

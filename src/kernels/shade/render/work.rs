@@ -1,23 +1,23 @@
-//! Paths on their way and the buffers of a batch of them.
+//! Active paths, and the buffers of a batch of them.
 
 use super::passes::FirstHit;
 use crate::geometry::bvh::{Hit, Ray};
 
-/// A path under way.
+/// An active path.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Path {
-    /// place in the batch
+    /// Index in the batch.
     pub(super) slot: u32,
-    /// (y·2³² + x, sample): the key of its draws
+    /// Pixel y·2³² + x, which together with the sample is the key of the draws.
     pub(super) pixel: u64,
     pub(super) sample: u32,
-    /// product of f·cos/p so far
+    /// Product of f·cos/p so far.
     pub(super) throughput: [f32; 3],
-    /// density of the direction it travels in; 0 for the camera's, which no light sample rivals
+    /// Density of the current direction; 0 for camera rays, which no light sample competes with.
     pub(super) density: f32,
 }
 
-/// Paths and the rays that they travel along.
+/// Paths and their current rays.
 #[derive(Debug, Default)]
 pub(super) struct Front {
     pub(super) rays: Vec<Ray>,
@@ -41,10 +41,10 @@ impl Front {
 #[derive(Debug, Default)]
 pub(super) struct ShadowRays {
     pub(super) rays: Vec<Ray>,
-    /// slot that a ray belongs to, and what arrives there if the ray is free
+    /// Slot of each ray, and the radiance to add there if the ray is not blocked.
     pub(super) light: Vec<(u32, [f32; 3])>,
     pub(super) occluded: Vec<bool>,
-    /// what they meet first, where materials let light through
+    /// First hits of the rays, if some material transmits light.
     pub(super) hits: Vec<Hit>,
 }
 
@@ -61,26 +61,26 @@ impl ShadowRays {
     }
 }
 
-/// Everything about a batch, kept so that the next one reuses its memory.
+/// All buffers of a batch, kept so that the next batch reuses their memory.
 #[derive(Debug, Default)]
 pub(super) struct Work {
-    /// paths on the way to the vertex that comes next
+    /// Paths on the way to the next vertex.
     pub(super) front: Front,
-    /// what they hit
+    /// Hits of these paths.
     pub(super) hits: Vec<Hit>,
-    /// places in `front` that hit something
+    /// Indices in `front` of the paths that hit a surface.
     pub(super) met: Vec<u32>,
-    /// paths that leave the vertex
+    /// Paths that leave the vertex.
     pub(super) next: Front,
     pub(super) shadow: ShadowRays,
-    /// (slots)
+    /// Radiance of each sample, shape (slots).
     pub(super) radiance: Vec<[f32; 3]>,
-    /// (slots)
+    /// First surface of each sample, shape (slots).
     pub(super) first: Vec<FirstHit>,
 }
 
 impl Work {
-    /// Begins a batch of `slots` samples.
+    /// Starts a batch of `slots` samples.
     pub(super) fn begin(&mut self, slots: usize) {
         self.front.clear();
         self.radiance.clear();

@@ -1,9 +1,10 @@
-//! Forms α of one splat at eight pixels, and decides about the cap α_max and the cut-off α_min.
+//! Computes α of one splat at eight pixels, and makes the decisions about the cap α_max and the cut-off
+//! α_min.
 //!
 //! α = min(α_max, o exp(−½ (w1² + w2²))),  w1 = d_p k1,  w2 = (d_q − s d_p) k2,  d = pixel centre − u
 //!
-//! The forward walk, the adjoint and the masks of the operator list use these functions, so all of them see the same
-//! bits.
+//! The forward pass, the adjoint and the masks of the operator list share these functions, so all of them use
+//! the same bits.
 
 use crate::num::elem::exp_lanes;
 use crate::num::lanes::{Real, f32x8};
@@ -11,36 +12,36 @@ use crate::scene::profile::Profile;
 use crate::splat::plan::Splat;
 use std::ops::Range;
 
-/// (w1, w2) of a pixel at (d_p, d_q) from the centre.
+/// Returns (w1, w2) of a pixel at (d_p, d_q) from the centre.
 #[inline(always)]
 pub fn whiten<L: Real>(dp: L, dq: L, [s, k1, k2]: [L; 3]) -> (L, L) {
     (dp * k1, (dq - s * dp) * k2)
 }
 
-/// o·exp(−½(w1² + w2²)), not yet capped: α is formed here only.
+/// Returns o·exp(−½(w1² + w2²)), which is not yet capped. No other function computes α.
 #[inline(always)]
 pub fn raw_alpha<L: Real>(opacity: L, (w1, w2): (L, L)) -> L {
     opacity * exp_lanes((w1 * w1 + w2 * w2) * L::splat(-0.5))
 }
 
-/// One splat's numbers in lanes, for one vector column of a tile.
+/// Values of one splat in lanes, for one vector column of a tile.
 pub(super) struct Column {
-    /// x of the pixel centres − u_x
+    /// Difference of the pixel centres from u_x along x.
     pub(super) dx: f32x8,
-    /// u_y
+    /// Centre u_y.
     mean_y: f32,
-    /// s
+    /// Shape parameter s.
     pub(super) s: f32x8,
-    /// k1
+    /// Shape parameter k1.
     pub(super) k1: f32x8,
-    /// k2
+    /// Shape parameter k2.
     pub(super) k2: f32x8,
-    /// o
+    /// Opacity o.
     pub(super) opacity: f32x8,
 }
 
 impl Column {
-    /// `centers` are the x of the column's pixel centres.
+    /// Prepares a splat; `centers` are the x of the column's pixel centres.
     #[inline(always)]
     pub(super) fn new(splat: &Splat, centers: f32x8) -> Self {
         let c = f32x8::splat;
@@ -55,7 +56,7 @@ impl Column {
         }
     }
 
-    /// (w1, w2) of a row with pivot axis x (`X`) or y.
+    /// Returns (w1, w2) of a row, for pivot axis x (`X`) or y.
     #[inline(always)]
     pub(super) fn whitened<const X: bool>(&self, center_y: f32) -> (f32x8, f32x8) {
         let dy = f32x8::splat(center_y - self.mean_y);
@@ -64,25 +65,26 @@ impl Column {
     }
 }
 
-/// Stored decisions to follow, one bit per pair and pixel: (E, 32) bytes, bit 16·row + column of a 16×16 tile.
+/// Stored decisions that replace new ones, one bit per pair and pixel: (E, 32) bytes, bit 16·row + column of
+/// a 16×16 tile.
 #[derive(Clone, Copy, Debug)]
 pub struct FrozenMasks<'a> {
-    /// (C, H, W) index in the tile's list of the last splat included, −1 = none.
+    /// Index of the last included splat in the tile's list, shape (C, H, W), −1 = none.
     pub last_index: &'a [f32],
-    /// (E, 32) 1 = the pair contributes to the pixel.
+    /// Mask of contributions, shape (E, 32): 1 = the pair contributes to the pixel.
     pub alpha: &'a [[u8; 32]],
-    /// (E, 32) 1 = its α is capped there.
+    /// Mask of the cap, shape (E, 32): 1 = α is capped at the pixel.
     pub cap: &'a [[u8; 32]],
 }
 
 impl<'a> FrozenMasks<'a> {
-    /// The masks of one tile's entries.
+    /// Returns the masks of one tile's entries.
     pub(super) fn tile(&self, entries: Range<usize>) -> TileMasks<'a> {
         TileMasks { alpha: &self.alpha[entries.clone()], cap: &self.cap[entries] }
     }
 }
 
-/// [`FrozenMasks`] of the entries of one tile.
+/// The [`FrozenMasks`] of the entries of one tile.
 #[derive(Clone, Copy)]
 pub(super) struct TileMasks<'a> {
     alpha: &'a [[u8; 32]],
@@ -90,21 +92,21 @@ pub(super) struct TileMasks<'a> {
 }
 
 impl<'a> TileMasks<'a> {
-    /// The masks of entry `k` of the tile.
+    /// Returns the masks of entry `k` of the tile.
     #[inline(always)]
     pub(super) fn entry(self, k: usize) -> EntryMasks<'a> {
         EntryMasks { alpha: &self.alpha[k], cap: &self.cap[k] }
     }
 }
 
-/// [`FrozenMasks`] of one entry: byte v holds the eight pixels of vector v.
+/// The [`FrozenMasks`] of one entry: byte v contains the eight pixels of vector v.
 #[derive(Clone, Copy)]
 pub(super) struct EntryMasks<'a> {
     alpha: &'a [u8; 32],
     cap: &'a [u8; 32],
 }
 
-/// Lanes of one byte of a stored mask.
+/// Expands one byte of a stored mask to lanes.
 #[inline(always)]
 fn byte_lanes(byte: u8) -> f32x8 {
     Real::gt(f32x8::from_fn(|l| f32::from(byte >> l & 1)), f32x8::splat(0.5))
@@ -112,15 +114,15 @@ fn byte_lanes(byte: u8) -> f32x8 {
 
 /// α of eight pixels after the decisions about it.
 pub(super) struct Decided {
-    /// α, capped
+    /// Capped α.
     pub(super) alpha: f32x8,
-    /// all ones where α ≥ α_min: where the splat contributes
+    /// Mask of the lanes with α ≥ α_min, where the splat contributes.
     pub(super) keep: f32x8,
-    /// all ones where the cap holds
+    /// Mask of the lanes where the cap applies.
     pub(super) capped: f32x8,
 }
 
-/// α_max and α_min in lanes.
+/// Limits α_max and α_min in lanes.
 #[derive(Clone, Copy)]
 pub(super) struct AlphaLimits {
     max: f32x8,
@@ -128,7 +130,7 @@ pub(super) struct AlphaLimits {
 }
 
 impl AlphaLimits {
-    /// Those of a profile.
+    /// Returns the limits of a profile.
     #[inline(always)]
     pub(super) fn new(profile: &Profile) -> Self {
         Self { max: f32x8::splat(profile.alpha_max), min: f32x8::splat(profile.alpha_min) }
@@ -146,7 +148,7 @@ impl AlphaLimits {
             }
             Some(masks) => {
                 let capped = byte_lanes(masks.cap[v]);
-                // A plan of another program may leave a raw α uncapped; rounding apart it lies below the cap, and
+                // The plan of another program may mark as uncapped an α that exceeds the cap by rounding, and
                 // 1 − α must stay away from 0.
                 let free = Real::min(raw, f32x8::splat(0.5) * (cap + f32x8::splat(1.0)));
                 Decided { alpha: Real::select(capped, cap, free), keep: byte_lanes(masks.alpha[v]), capped }

@@ -1,24 +1,25 @@
-//! The inner loops of blending: one splat over one vector column of a tile, forward and adjoint.
+//! The inner loops of blending: one splat in one vector column of a tile, forward and adjoint.
 //!
-//! A vector column is eight pixels wide and as high as the tile. A tile has H of them; vector v = row·H + h holds the
-//! eight pixels of column h in one row. Forward, in every pixel: C ← C + T α c, T ← T (1 − α). The adjoint undoes
-//! these lines, last splat first, and sums the splat's record over the rows.
+//! A vector column is eight pixels wide and as high as the tile. A tile has H of them; vector v = row·H + h
+//! contains the eight pixels of column h in one row. The forward pass computes C ← C + T α c, T ← T (1 − α)
+//! in every pixel. The adjoint reverses these steps, last splat first, and sums the splat's record over the
+//! rows.
 
 use super::alpha::{AlphaLimits, Column, Decided, raw_alpha};
 use super::record::{RECORD, RecordLanes};
 use super::state::{AdjointState, Entry, ForwardState, TileIn, VECTORS};
 use crate::num::lanes::{Real, f32x8};
 
-/// Rows to walk in one vector column.
+/// Rows to process in one vector column.
 #[derive(Clone, Copy)]
 pub(super) struct ColumnRows {
-    /// The vector column.
+    /// Index of the vector column.
     pub(super) h: usize,
-    /// One bit each, never all 0.
+    /// Rows, one bit each; at least one bit is set.
     pub(super) rows: u32,
 }
 
-// The rules by which a walk ends. They are constants so that the loop is compiled once for each.
+// The rules that end a traversal. They are constants so that the loop is compiled once for each.
 
 /// [`Stop::After`](crate::scene::profile::Stop::After)
 pub(super) const AFTER: u8 = 0;
@@ -28,14 +29,14 @@ pub(super) const BEFORE: u8 = 1;
 pub(super) const BEFORE_STRICT: u8 = 2;
 /// [`Stop::Never`](crate::scene::profile::Stop::Never)
 pub(super) const NEVER: u8 = 3;
-/// At the stored last index of each pixel.
+/// The traversal ends at the stored last index of each pixel.
 pub(super) const FROZEN: u8 = 4;
 
-/// A [`column_forward`] of one pivot axis and one rule.
+/// A [`column_forward`] for one pivot axis and one rule.
 pub(super) type ColumnForward<const V: usize> =
     fn(&TileIn<'_>, &Entry<'_>, ColumnRows, Option<&[f32x8; V]>, &mut ForwardState<V>);
 
-/// Blends one entry over one vector column; `frozen_last` is the last index of every pixel for rule [`FROZEN`].
+/// Blends one entry in one vector column; `frozen_last` is the last index of every pixel for rule [`FROZEN`].
 pub(super) fn column_forward<const X: bool, const RULE: u8, const H: usize, const V: usize>(
     x: &TileIn<'_>,
     entry: &Entry<'_>,
@@ -54,13 +55,13 @@ pub(super) fn column_forward<const X: bool, const RULE: u8, const H: usize, cons
     while rows != 0 {
         let r = rows.trailing_zeros() as usize;
         rows &= rows - 1;
-        let v = (r * H + h) & (V - 1); // V is a power of two: the mask only tells the compiler so
+        let v = (r * H + h) & (V - 1); // V is a power of two; the mask removes the bounds check
         let w = column.whitened::<X>(x.tile.center_y(r));
         let Decided { alpha, mut keep, .. } = limits.decide(raw_alpha(column.opacity, w), masks, v);
         let t = state.t[v];
         match RULE {
             AFTER => keep = keep & Real::gt(t, t_stop),
-            FROZEN => keep = keep & Real::le(index, frozen_last.expect("set with this rule")[v]),
+            FROZEN => keep = keep & Real::le(index, frozen_last.expect("required by FROZEN")[v]),
             NEVER => keep = keep & state.live[v],
             _ => {
                 let next = t * (one - alpha);
@@ -70,7 +71,8 @@ pub(super) fn column_forward<const X: bool, const RULE: u8, const H: usize, cons
                 keep = keep & live;
             }
         }
-        // α = 0 where the splat is skipped: then the products below change nothing, and no lane needs a selection
+        // α is 0 where the splat is skipped, so the products below change nothing and no lane needs a
+        // selection.
         let alpha = keep & alpha;
         let weight = t * alpha;
         for (sum, c) in state.sums.iter_mut().zip(color) {
@@ -78,15 +80,17 @@ pub(super) fn column_forward<const X: bool, const RULE: u8, const H: usize, cons
         }
         let t = t * (one - alpha);
         state.t[v] = t;
-        // exact for integers; a selection here would become a masked store, several times the cost of the step
+        // The update is exact for integers; a selection would become a masked store, which costs several
+        // times as much as this step.
         state.last[v] = state.last[v] + (keep & (count - state.last[v]));
     }
 }
 
-/// A [`column_adjoint`] of one pivot axis and one set of sums.
+/// A [`column_adjoint`] for one pivot axis and one set of sums.
 pub(super) type ColumnAdjoint = fn(&TileIn<'_>, &Entry<'_>, ColumnRows, &mut AdjointState, &mut RecordLanes);
 
-/// Undoes one entry over one vector column. The sums of its record over the rows, left folds, are written to `out`.
+/// Reverses one entry in one vector column. The sums of its record over the rows, left folds, are written to
+/// `out`.
 ///
 /// `DEPTH` includes the cotangents of depth and alpha, `ABS` the sums of |ū|.
 pub(super) fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
@@ -113,13 +117,14 @@ pub(super) fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         let raw = raw_alpha(column.opacity, (w1, w2));
         let Decided { alpha, keep, capped } = limits.decide(raw, masks, v);
         let keep = keep & Real::le(index, state.last[v]);
-        // α = 0 where the splat was skipped: T and what lies behind stay as they are, and every product is 0
+        // α is 0 where the splat was skipped, so T and the state behind it stay the same, and every product
+        // is 0.
         let alpha = keep & alpha;
-        // undo T' = T (1 − α)
+        // Reverses T' = T (1 − α).
         let rest = one - alpha;
         let t = state.t[v] / rest;
         state.t[v] = t;
-        // the splat's colour, depth and presence against the pixel's cotangents
+        // Combines the splat's colour, depth and coverage with the pixel's cotangents.
         let mut e = (color[0] * state.bar[0][v] + color[1] * state.bar[1][v]) + color[2] * state.bar[2][v];
         if DEPTH {
             e = (e + z * state.bar[3][v]) + state.alpha_bar[v];
@@ -134,7 +139,8 @@ pub(super) fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         if DEPTH {
             sums[9] = sums[9] + weight * state.bar[3][v];
         }
-        // the derivative is that of the uncapped product: the same number where the cap is not reached
+        // The derivative is that of the uncapped product, which is the same number where the cap is not
+        // reached.
         let p = keep & (through_cap | !capped) & (alpha_bar * raw);
         let p2 = p * w2;
         sums[0] = sums[0] + p;
@@ -155,7 +161,7 @@ pub(super) fn column_adjoint<const X: bool, const DEPTH: bool, const ABS: bool>(
         }
     }
     if X {
-        // along the rows w1 is a constant of the column: it comes out of the sums
+        // Along the rows w1 is a constant of the column, so it is a factor of the sums.
         let w1 = column.dx * column.k1;
         sums[1] = w1 * sums[0];
         sums[3] = w1 * sums[1];

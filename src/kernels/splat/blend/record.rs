@@ -1,21 +1,22 @@
-//! Gradient records: the sums over one (splat, tile), and the cotangents of a splat made of them.
+//! Gradient records: the sums over one (splat, tile), and the cotangents of a splat that follow from them.
 //!
-//! ō = ΣP/o,  k̄1 = −ΣPw1²/k1,  k̄2 = −ΣPw2²/k2,  s̄ = (k2/k1) ΣPw1w2,  ū_p = k1 ΣPw1 − s k2 ΣPw2,  ū_q = k2 ΣPw2
+//! ō = ΣP/o,  k̄1 = −ΣPw1²/k1,  k̄2 = −ΣPw2²/k2,  s̄ = (k2/k1) ΣPw1w2,  ū_p = k1 ΣPw1 − s k2 ΣPw2,  ū_q = k2
+//! ΣPw2
 //!
 //! # Rounding
-//! The 16 columns of a tile are folded 16→8→4→2→1; the first of these steps is in `walk`. Records of a splat are
-//! summed in slot order in f64 and rounded once.
+//! The 16 columns of a tile are folded 16→8→4→2→1; the first of these steps is in `walk`. Records of a splat
+//! are summed in slot order in f64 and rounded once.
 
 use crate::num::lanes::f32x8;
 use crate::splat::plan::{Plan, Splat};
 
-/// Numbers in one gradient record: P, Pw1, Pw2, Pw1², Pw1w2, Pw2², r, g, b, z, |ū_x|, |ū_y|.
+/// Number of values in one gradient record: P, Pw1, Pw2, Pw1², Pw1w2, Pw2², r, g, b, z, |ū_x|, |ū_y|.
 pub const RECORD: usize = 12;
 
 /// Sums over one (splat, tile), in the order of [`RECORD`].
 pub type Record = [f32; RECORD];
 
-/// A record before its lanes are folded: the sums of eight columns.
+/// A record before its lanes are folded, with the sums of eight columns.
 pub(super) type RecordLanes = [f32x8; RECORD];
 
 /// Folds twelve sums over their 8 lanes: l += l+4, then +2, +1.
@@ -31,9 +32,9 @@ pub(super) fn fold(eight: &RecordLanes) -> Record {
     std::array::from_fn(|i| if i < 8 { a[i] } else { b[i - 8] })
 }
 
-/// Sums the records of one Gaussian in slot order; `None` if it is listed nowhere.
+/// Returns the sum of the records of one Gaussian in slot order; `None` if no tile lists it.
 ///
-/// `rows` is [`Saved::rows`](super::Saved::rows): pairs that were not walked have no record.
+/// `rows` is [`Saved::rows`](super::Saved::rows); pairs without processed rows have no record.
 pub fn gather_records(
     plan: &Plan,
     rows: &[[u16; 2]],
@@ -59,22 +60,22 @@ pub fn gather_records(
 /// Cotangents of one projected splat.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SplatBar {
-    /// ∂L/∂u, pixels⁻¹
+    /// Cotangent ∂L/∂u, pixels⁻¹.
     pub mean_px: [f32; 2],
-    /// ∂L/∂(s, k1, k2)
+    /// Cotangents ∂L/∂(s, k1, k2).
     pub shape: [f32; 3],
-    /// ∂L/∂o of the opacity in [`Splat`]
+    /// Cotangent ∂L/∂o of the opacity in [`Splat`].
     pub opacity: f32,
-    /// ∂L/∂c
+    /// Cotangent ∂L/∂c.
     pub color: [f32; 3],
-    /// ∂L/∂z
+    /// Cotangent ∂L/∂z.
     pub z: f32,
-    /// Σ over pixels of |∂L/∂u|, if the adjoint forms it
+    /// Σ over pixels of |∂L/∂u|, if the adjoint computes it.
     pub mean_px_abs: [f32; 2],
 }
 
 impl SplatBar {
-    /// From the sum of a splat's records.
+    /// Computes the cotangents from the sum of a splat's records.
     pub fn new(s: &Splat, sums: [f64; RECORD]) -> Self {
         let [p, p1, p2, p11, p12, p22, r, g, b, z, ax, ay] = sums.map(|x| x as f32);
         let [sh, k1, k2] = s.shape;

@@ -1,4 +1,4 @@
-//! What the walks over one tile read, and the state of its pixels that they carry from splat to splat.
+//! Inputs of the traversal of one tile, and the state of its pixels from splat to splat.
 
 use super::alpha::{EntryMasks, TileMasks};
 use crate::num::lanes::{Real, f32x8};
@@ -8,33 +8,33 @@ use crate::splat::tile::Tile;
 
 /// Inputs of one tile.
 pub(super) struct TileIn<'a> {
-    /// Where it lies.
+    /// Location of the tile.
     pub(super) tile: Tile,
-    /// (N) splats of its camera.
+    /// Splats of its camera, shape (N).
     pub(super) splats: &'a [Splat],
-    /// Its list: the entries' indices into `splats`, nearest first.
+    /// List of the tile: indices of the entries into `splats`, nearest first.
     pub(super) list: &'a [u32],
-    /// Constants of the semantics.
+    /// Profile with the constants of the renderer.
     pub(super) profile: &'a Profile,
     /// Whether rows are skipped by exact ellipses.
     pub(super) cull: bool,
-    /// Stored decisions of its entries.
+    /// Stored decisions of the entries.
     pub(super) masks: Option<TileMasks<'a>>,
 }
 
 /// One entry of a tile's list.
 #[derive(Clone, Copy)]
 pub(super) struct Entry<'a> {
-    /// Its index in the list.
+    /// Index in the list.
     pub(super) k: usize,
-    /// The splat listed.
+    /// The splat of the entry.
     pub(super) splat: &'a Splat,
-    /// Its stored decisions.
+    /// Stored decisions of the entry.
     pub(super) masks: Option<EntryMasks<'a>>,
 }
 
 impl<'a> TileIn<'a> {
-    /// Entry `k` of the list.
+    /// Returns entry `k` of the list.
     #[inline(always)]
     pub(super) fn entry(&self, k: usize) -> Entry<'a> {
         Entry { k, splat: &self.splats[self.list[k] as usize], masks: self.masks.map(|m| m.entry(k)) }
@@ -42,27 +42,27 @@ impl<'a> TileIn<'a> {
 }
 
 impl Entry<'_> {
-    /// The pivot axis as an index: 0 = x, 1 = y.
+    /// Returns the pivot axis as an index: 0 = x, 1 = y.
     #[inline(always)]
     pub(super) fn axis(self) -> usize {
         self.splat.axis as usize
     }
 }
 
-/// State of one tile in the forward walk, V vectors.
+/// State of one tile in the forward pass, with V vectors.
 pub(super) struct ForwardState<const V: usize> {
-    /// Σ T α c per channel, Σ T α z
+    /// Sums Σ T α c per channel, and Σ T α z.
     pub(super) sums: [[f32x8; V]; 4],
-    /// transmittance T
+    /// Transmittance T.
     pub(super) t: [f32x8; V],
-    /// list index of the last splat included, plus one
+    /// List index of the last included splat, plus one.
     pub(super) last: [f32x8; V],
-    /// all ones where the walk goes on; rule `AFTER` compares `t` instead
+    /// Mask of the pixels whose traversal continues; rule `AFTER` compares `t` instead.
     pub(super) live: [f32x8; V],
 }
 
 impl<const V: usize> ForwardState<V> {
-    /// Before the first splat, with H vectors to a row: T = 1 inside the image, 0 outside.
+    /// Returns the state before the first splat, with H vectors per row: T = 1 inside the image, 0 outside.
     #[inline(always)]
     pub(super) fn new<const H: usize>(tile: &Tile) -> Self {
         let (zero, one) = (f32x8::splat(0.0), f32x8::splat(1.0));
@@ -75,7 +75,7 @@ impl<const V: usize> ForwardState<V> {
         state
     }
 
-    /// Per vector: r, g, b over the background, depth, T, last index.
+    /// Returns, per vector, r, g, b over the background, depth, T, and last index.
     pub(super) fn finish(&self, background: [f32; 3]) -> Vec<[f32x8; 6]> {
         let b = background.map(f32x8::splat);
         (0..V)
@@ -88,19 +88,19 @@ impl<const V: usize> ForwardState<V> {
     }
 }
 
-/// Vectors of a 16×16 tile.
+/// Number of vectors of a 16×16 tile.
 pub(super) const VECTORS: usize = 32;
 
-/// State of one 16×16 tile in the backward walk.
+/// State of one 16×16 tile in the backward pass.
 pub(super) struct AdjointState {
-    /// C̄ per channel, D̄
+    /// Cotangents C̄ per channel, and D̄.
     pub(super) bar: [[f32x8; VECTORS]; 4],
-    /// Ā
+    /// Cotangent Ā.
     pub(super) alpha_bar: [f32x8; VECTORS],
-    /// transmittance T behind the splats still to be walked
+    /// Transmittance T behind the splats that remain to be processed.
     pub(super) t: [f32x8; VECTORS],
-    /// S, the cotangent of what lies behind them
+    /// S, the cotangent of everything behind them.
     pub(super) behind: [f32x8; VECTORS],
-    /// list index of the last splat included, −1 = none
+    /// List index of the last included splat, −1 = none.
     pub(super) last: [f32x8; VECTORS],
 }

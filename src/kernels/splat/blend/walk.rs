@@ -1,7 +1,7 @@
-//! Walks the list of one tile: front to back in the forward pass, back to front in the adjoint.
+//! Traverses the list of one tile: front to back in the forward pass, back to front in the adjoint.
 //!
-//! The forward walk finds the rows of each vector column that an entry can reach, hands them to `column` and stores
-//! them; the adjoint walks the stored rows.
+//! The forward pass finds the rows of each vector column that an entry can reach, passes them to `column` and
+//! stores them; the adjoint uses the stored rows.
 
 use super::column::{
     AFTER, BEFORE, BEFORE_STRICT, ColumnAdjoint, ColumnForward, ColumnRows, FROZEN, NEVER, column_adjoint,
@@ -13,10 +13,10 @@ use crate::num::lanes::{Real, f32x8};
 use crate::scene::profile::Stop;
 use crate::splat::tile::{Tile, spans};
 
-/// Splats whose row spans are worked out together.
+/// Number of splats whose row spans are computed together.
 const BATCH: usize = 16;
 
-/// The rows of each vector column that lie inside the image, one bit each.
+/// Returns the rows of each vector column that are inside the image, one bit each.
 fn rows_inside<const H: usize>(tile: &Tile) -> [u32; H] {
     let mut inside = [u32::MAX >> (32 - tile.rows); H];
     for (h, rows) in inside.iter_mut().enumerate() {
@@ -27,7 +27,7 @@ fn rows_inside<const H: usize>(tile: &Tile) -> [u32; H] {
     inside
 }
 
-/// The inner loops for pivots x and y under a rule.
+/// Returns the inner loops for pivots x and y with a rule.
 fn columns_forward<const H: usize, const V: usize>(rule: u8) -> [ColumnForward<V>; 2] {
     match rule {
         FROZEN => [column_forward::<true, FROZEN, H, V>, column_forward::<false, FROZEN, H, V>],
@@ -40,10 +40,11 @@ fn columns_forward<const H: usize, const V: usize>(rule: u8) -> [ColumnForward<V
     }
 }
 
-/// Blends one tile of H vectors to a row, V vectors in all.
+/// Blends one tile with H vectors per row and V vectors in total.
 ///
-/// `frozen_last` is the stored last index of every pixel; it is given iff `x` has masks, and needs H = 2. The rows
-/// walked are written to `rows`, one element per entry; `rows` is empty where they are not saved.
+/// `frozen_last` is the stored last index of every pixel; it is given if and only if `x` has masks, and
+/// requires H = 2. The processed rows are written to `rows`, one element per entry; `rows` is empty if they
+/// are not saved.
 pub(super) fn tile_forward<const H: usize, const V: usize>(
     x: &TileIn<'_>,
     frozen_last: Option<&[f32x8; V]>,
@@ -59,12 +60,13 @@ pub(super) fn tile_forward<const H: usize, const V: usize>(
         (None, Stop::Never) => NEVER,
     };
     let columns = columns_forward::<H, V>(rule);
-    // spans a batch ahead of the walk: their latency overlaps, and the splats are in cache when they are blended
+    // Spans are computed one batch ahead: their latencies overlap, and the splats are in the cache when they
+    // are blended.
     let mut ahead = [[0_u32; H]; BATCH];
     for (batch, part) in x.list.chunks(BATCH).enumerate() {
         if alive == [0; H] {
             if let Some(rest) = rows.get_mut(batch * BATCH..) {
-                rest.fill([0; 2]); // nothing behind an opaque tile is walked
+                rest.fill([0; 2]); // splats behind an opaque tile are not processed
             }
             break;
         }
@@ -101,16 +103,16 @@ pub(super) fn tile_forward<const H: usize, const V: usize>(
     state
 }
 
-/// Which sums a record holds besides those that every record has.
+/// Optional sums of a record, in addition to those that every record has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct RecordSums {
-    /// The sum for z, and the cotangents of depth and alpha in all others.
+    /// The sum for z, and the cotangents of depth and alpha in all other sums.
     pub(super) depth: bool,
     /// The sums of |ū|.
     pub(super) abs: bool,
 }
 
-/// The inner loops for pivots x and y that form these sums.
+/// Returns the inner loops for pivots x and y that compute these sums.
 fn columns_adjoint(sums: RecordSums) -> [ColumnAdjoint; 2] {
     match (sums.depth, sums.abs) {
         (false, false) => [column_adjoint::<true, false, false>, column_adjoint::<false, false, false>],
@@ -120,7 +122,8 @@ fn columns_adjoint(sums: RecordSums) -> [ColumnAdjoint; 2] {
     }
 }
 
-/// Walks one 16×16 tile back to front and writes one record per entry; `rows` are those walked forward.
+/// Traverses one 16×16 tile back to front and writes one record per entry; `rows` are those of the forward
+/// pass.
 pub(super) fn tile_adjoint(
     x: &TileIn<'_>,
     rows: &[[u16; 2]],
@@ -132,7 +135,7 @@ pub(super) fn tile_adjoint(
     for (k, record) in records.iter_mut().enumerate().rev() {
         let [left, right] = rows[k].map(u32::from);
         if left == 0 && right == 0 {
-            continue; // never read: see `gather_records`
+            continue; // this record is never read, see `gather_records`
         }
         let entry = x.entry(k);
         let column = columns[entry.axis()];
@@ -141,7 +144,7 @@ pub(super) fn tile_adjoint(
             column(x, &entry, ColumnRows { h: 0, rows: left }, &mut state, &mut total);
         }
         if right != 0 {
-            // 16 → 8: the right half of the tile is added to the left one
+            // Fold 16 → 8: the right half of the tile is added to the left one.
             let mut half = [f32x8::splat(0.0); RECORD];
             column(x, &entry, ColumnRows { h: 1, rows: right }, &mut state, &mut half);
             for (l, r) in total.iter_mut().zip(half) {

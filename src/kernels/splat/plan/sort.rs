@@ -1,9 +1,10 @@
-//! The depth order: a radix sort of runs, then a merge; both stable and independent of the number of threads.
+//! The depth order: a radix sort of runs, followed by a merge; both are stable and independent of the number
+//! of threads.
 
 use super::splat::Splat;
 use crate::num::{order, par};
 
-/// Indices of the visible splats by (z, index).
+/// Returns the indices of the visible splats by (z, index).
 pub(super) fn depth_order(splats: &[Splat]) -> Vec<u32> {
     let key = |(i, s): (usize, &Splat)| (u64::from(order::key_f32(s.z)) << 32) | i as u64;
     let mut keys: Vec<u64> = splats.iter().enumerate().filter(|(_, s)| s.is_visible()).map(key).collect();
@@ -13,10 +14,11 @@ pub(super) fn depth_order(splats: &[Splat]) -> Vec<u32> {
     merge_runs(&runs).into_iter().map(|k| k as u32).collect()
 }
 
-/// Keys sorted by one task; fixed.
+/// Keys sorted by one task, a fixed number.
 const SORT_RUN: usize = 1 << 15;
 
-/// Sorts by the upper 32 bits, stable, so that the index order of the input breaks ties: four passes of 8 bits.
+/// Sorts by the upper 32 bits in four passes of 8 bits; the sort is stable, so that the index order of the
+/// input breaks ties.
 fn radix_sort(keys: &mut [u64]) {
     let mut other = vec![0_u64; keys.len()];
     for pass in 0..4 {
@@ -39,7 +41,7 @@ fn radix_sort(keys: &mut [u64]) {
     }
 }
 
-/// Merges sorted runs pairwise; keys are unique, so there is one result.
+/// Merges sorted runs pairwise; keys are unique, so the result is unique.
 fn merge_runs(runs: &[&[u64]]) -> Vec<u64> {
     match runs {
         [] => Vec::new(),

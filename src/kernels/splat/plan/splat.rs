@@ -1,17 +1,17 @@
-//! One projected Gaussian as `blend` reads it, and the bounds of its footprint.
+//! One projected Gaussian in the form that `blend` reads, and the bounds of its footprint.
 
 use crate::num::order;
 use crate::scene::profile::{Footprint, Profile};
 
-/// What `blend` needs to know about one Gaussian in one image: 64 bytes, one cache line.
+/// The data of one Gaussian in one image that `blend` needs: 64 bytes, one cache line.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[repr(align(64))]
 pub struct Splat {
     /// Centre, pixels.
     pub mean_px: [f32; 2],
-    /// (s, k1, k2); k1 = 0 marks a Gaussian that is not visible.
+    /// Shape (s, k1, k2); k1 = 0 marks a Gaussian that is not visible.
     pub shape: [f32; 3],
-    /// Opacity, antialiasing included.
+    /// Opacity, including the antialiasing factor.
     pub opacity: f32,
     /// Colour.
     pub color: [f32; 3],
@@ -23,23 +23,25 @@ pub struct Splat {
     pub bounds: Bounds,
 }
 
-/// Which pixels of a row can belong to a splat: those with |x − u_x − slope·dy| ≤ √((r2 − dy²·inv_yy)·half2) + margin.
+/// Bounds on the pixels of a row that can belong to a splat: those with |x − u_x − slope·dy| ≤ √((r2 −
+/// dy²·inv_yy)·half2) + margin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Bounds {
-    /// Inflated Mahalanobis radius, squared; negative = no pixel.
+    /// Squared Mahalanobis radius, enlarged; negative if the splat has no pixel.
     pub r2: f32,
-    /// 1/Σ'yy
+    /// Reciprocal 1/Σ'yy.
     pub inv_yy: f32,
-    /// Σ'xy/Σ'yy
+    /// Ratio Σ'xy/Σ'yy.
     pub slope: f32,
-    /// det/Σ'yy
+    /// Ratio det/Σ'yy.
     pub half2: f32,
-    /// Slack for rounding, pixels.
+    /// Margin for rounding, pixels.
     pub margin: f32,
 }
 
 impl Splat {
-    /// From what was projected; `cut` is the Mahalanobis radius of the footprint, negative = none.
+    /// Builds the splat from projected values; `cut` is the Mahalanobis radius of the footprint, negative =
+    /// none.
     pub fn new(
         mean_px: [f32; 2],
         shape: [f32; 3],
@@ -65,24 +67,25 @@ impl Splat {
         Self { mean_px, shape, opacity, color, z, axis: u32::from(axis), bounds }
     }
 
-    /// near ≤ z ≤ far.
+    /// Whether near ≤ z ≤ far.
     pub fn is_visible(&self) -> bool {
         self.shape[1] > 0.0
     }
 }
 
-/// Entries of Σ' recovered from the shape, without cancellation.
+/// Entries of Σ' recovered from the shape without cancellation.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ellipse {
-    /// Σ'xx
+    /// Entry Σ'xx.
     pub(super) xx: f32,
-    /// Σ'yy
+    /// Entry Σ'yy.
     pub(super) yy: f32,
-    /// Σ'xy
+    /// Entry Σ'xy.
     pub(super) xy: f32,
-    /// det Σ'
+    /// Determinant det Σ'.
     det: f32,
-    /// √Σ'qq in units of the conditional deviation √(det/Σ'pp): how much rounding the exponent can see
+    /// √Σ'qq in units of the conditional deviation √(det/Σ'pp), which bounds the effect of rounding on the
+    /// exponent.
     narrow: f32,
 }
 
@@ -98,8 +101,9 @@ impl Ellipse {
         Self { xx, yy, xy: s * pp, det: pp * rest, narrow: qq.sqrt() * k2 }
     }
 
-    /// Half-widths of the footprint in whole pixels; 0 where o < α_min (profile `inria` does not ask), or where the box that
-    /// would hold it at full opacity (3.33 deviations) misses the image, as in the programs users compare with.
+    /// Returns the half-widths of the footprint in whole pixels. They are 0 if o < α_min (profile `inria`
+    /// does not test this), or if the box of the splat at full opacity (3.33 deviations) is outside the
+    /// image, as in the original programs.
     pub(crate) fn radii(&self, profile: &Profile, mean_px: [f32; 2], cut: f32, size: [f32; 2]) -> [i32; 2] {
         if cut < 0.0 && profile.footprint == Footprint::Alpha {
             return [0, 0];
@@ -121,7 +125,7 @@ impl Ellipse {
         if hits { r } else { [0, 0] }
     }
 
-    /// ceil(3 √λ_max) with that program's floor under the root.
+    /// Returns ceil(3 √λ_max) with the lower bound that the original program applies under the root.
     pub(super) fn inria_radius(&self) -> i32 {
         let mid = 0.5 * (self.xx + self.yy);
         let largest = mid + order::max(mid * mid - self.det, 0.1).sqrt();
@@ -130,8 +134,8 @@ impl Ellipse {
 }
 
 impl Bounds {
-    /// Rightmost extent over rows dy ∈ [lo, hi] (`sign` = 1), or leftmost, mirrored (`sign` = −1); `tip` is the row of the
-    /// rightmost point.
+    /// Returns the rightmost extent over rows dy ∈ [lo, hi] (`sign` = 1), or the leftmost, mirrored (`sign` =
+    /// −1); `tip` is the row of the rightmost point.
     pub(super) fn reach(&self, tip: f32, lo: f32, hi: f32, sign: f32) -> f32 {
         let dy = order::clamp(sign * tip, lo, hi);
         let inside = order::max(self.r2 - (dy * dy) * self.inv_yy, 0.0);

@@ -1,34 +1,34 @@
-//! From V (2×3) to the ellipse of Σ' = V Vᵀ + ε I in its shape (s, k1, k2), forward and adjoint.
+//! The ellipse of Σ' = V Vᵀ + ε I in its shape (s, k1, k2), computed from V (2×3), forward and adjoint.
 //!
-//! s = Σ'pq/Σ'pp,  k1 = 1/√Σ'pp,  k2 = √(Σ'pp/det),  det = det₀ + ε (a₀ + c₀ + ε),  det₀ = Σ (2×2 minors of V)²,
-//! a₀ and c₀ the squared lengths of the rows of V; ρ = √max(0.005², det₀/det) in antialiased mode.
+//! s = Σ'pq/Σ'pp,  k1 = 1/√Σ'pp,  k2 = √(Σ'pp/det),  det = det₀ + ε (a₀ + c₀ + ε),  det₀ = Σ (2×2 minors of
+//! V)², a₀ and c₀ the squared lengths of the rows of V; ρ = √max(0.005², det₀/det) in antialiased mode.
 
 use crate::num::lanes::{Real, f32x8};
 use crate::scene::profile::Profile;
 
-/// Smallest value of the ratio det₀/det under the root of the antialiased mode: 0.005².
+/// Lower bound 0.005² of the ratio det₀/det under the root of the antialiased mode.
 pub(super) const COMPENSATION_FLOOR: f32 = 2.5e-5;
 
-/// Eight ellipses, with what their adjoint needs.
+/// Eight ellipses with the intermediate values that their adjoint needs.
 pub(super) struct ImageEllipse {
-    /// V, pivot row first
+    /// V with the pivot row first.
     v: [[f32x8; 3]; 2],
-    /// minors m01, m02, m12 of V with the pivot row first
+    /// Minors m01, m02, m12 of V with the pivot row first.
     minors: [f32x8; 3],
-    /// Σ'pp
+    /// Entry Σ'pp.
     var_p: f32x8,
-    /// Σ'pq
+    /// Entry Σ'pq.
     cov_pq: f32x8,
-    /// det₀, without blur
+    /// Determinant det₀ without blur.
     pub(super) det0: f32x8,
-    /// det Σ'
+    /// Determinant det Σ'.
     pub(super) det: f32x8,
-    /// all ones where the pivot is y
+    /// Mask of the lanes with pivot y.
     pub(super) axis_y: f32x8,
 }
 
 impl ImageEllipse {
-    /// (s, k1, k2)
+    /// Returns (s, k1, k2).
     #[inline(always)]
     pub(super) fn shape(&self) -> [f32x8; 3] {
         [self.cov_pq / self.var_p, f32x8::splat(1.0) / self.var_p.sqrt(), (self.var_p / self.det).sqrt()]
@@ -37,13 +37,14 @@ impl ImageEllipse {
 
 /// Cotangents of eight ellipses.
 pub(super) struct ImageEllipseBar {
-    /// of (s, k1, k2)
+    /// Cotangents of (s, k1, k2).
     pub(super) shape: [f32x8; 3],
-    /// ρ̄, 0 outside antialiased mode
+    /// Cotangent ρ̄, 0 outside antialiased mode.
     pub(super) compensation: f32x8,
 }
 
-/// The ellipses of V with rows x, y and the blur ε in px²; `frozen` gives the pivots instead of comparing.
+/// Returns the ellipses of V with rows x, y and the blur ε in px²; `frozen` contains the pivots instead of
+/// comparing.
 #[inline(always)]
 pub(super) fn forward(v_xy: &[[f32x8; 3]; 2], blur: f32, frozen: Option<f32x8>) -> ImageEllipse {
     let square = |v: &[f32x8; 3]| (v[0] * v[0] + v[1] * v[1]) + v[2] * v[2];
@@ -67,24 +68,25 @@ pub(super) fn forward(v_xy: &[[f32x8; 3]; 2], blur: f32, frozen: Option<f32x8>) 
     ImageEllipse { v, minors, var_p, cov_pq, det0, det, axis_y }
 }
 
-/// V̄ with rows x, y.
+/// Returns V̄ with rows x, y.
 #[inline(always)]
 pub(super) fn adjoint(profile: &Profile, x: &ImageEllipse, bar: &ImageEllipseBar) -> [[f32x8; 3]; 2] {
     let c = f32x8::splat;
     let (zero, two) = (c(0.0), c(2.0));
     let [s, k1, k2] = x.shape();
     let [s_bar, k1_bar, k2_bar] = bar.shape;
-    // undo s = Σpq/Σpp, k1 = 1/√Σpp, k2 = √(Σpp/det)
+    // Adjoint of s = Σpq/Σpp, k1 = 1/√Σpp, k2 = √(Σpp/det).
     let mut cov_bar = s_bar / x.var_p;
     let half_k2 = (c(0.5) * k2_bar) * k2;
     let mut var_bar = ((half_k2 - (c(0.5) * k1_bar) * k1) - s_bar * s) / x.var_p;
     let mut det_bar = -half_k2 / x.det;
     if profile.inria_bwd {
-        // that program divides by det² + 1e-7 when it undoes the inverse, forward only by det
+        // The original program divides by det² + 1e-7 in the adjoint of the inverse, but only by det in the
+        // forward pass.
         let factor = c(1.0) / (c(1.0) + c(1e-7) / (x.det * x.det));
         (var_bar, det_bar, cov_bar) = (var_bar * factor, det_bar * factor, cov_bar * factor);
     }
-    // undo ρ = √(det₀/det), constant below the floor
+    // Adjoint of ρ = √(det₀/det), which is constant below its floor.
     let mut det0_bar = zero;
     if profile.antialiased {
         let ratio = x.det0 / x.det;
@@ -94,7 +96,7 @@ pub(super) fn adjoint(profile: &Profile, x: &ImageEllipse, bar: &ImageEllipseBar
         det0_bar = ratio_bar / x.det;
         det_bar = det_bar - (ratio_bar * ratio) / x.det;
     }
-    // undo det = Σ minors² + ε(a₀ + c₀ + ε)
+    // Adjoint of det = Σ minors² + ε(a₀ + c₀ + ε).
     let [m01, m02, m12] = x.minors.map(|m| (two * (det_bar + det0_bar)) * m);
     let square_bar = two * (c(profile.blur_px2) * det_bar);
     let [p, q] = &x.v;
@@ -109,7 +111,7 @@ pub(super) fn adjoint(profile: &Profile, x: &ImageEllipse, bar: &ImageEllipseBar
         ((m01 * p[0] - m12 * p[2]) + square_bar * q[1]) + cov_bar * p[1],
         ((m02 * p[0] + m12 * p[1]) + square_bar * q[2]) + cov_bar * p[2],
     ];
-    // rows back in the order x, y
+    // The rows are returned in the order x, y.
     [
         std::array::from_fn(|k| Real::select(x.axis_y, q_bar[k], p_bar[k])),
         std::array::from_fn(|k| Real::select(x.axis_y, p_bar[k], q_bar[k])),

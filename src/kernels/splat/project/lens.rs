@@ -1,29 +1,29 @@
-//! A camera as the projection reads it.
+//! A camera in the form that the projection reads.
 
 use crate::num::lanes::f32x8;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::profile::{Profile, TangentClamp};
 
-/// A camera with the limits of a profile worked out once.
+/// A camera with the precomputed limits of a profile.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    /// R
+    /// Rotation R.
     pub(super) rotation: [[f32; 3]; 3],
-    /// τ, scene units
+    /// Translation τ, scene units.
     translation: [f32; 3],
-    /// f_x, f_y, pixels
+    /// Focal lengths f_x, f_y, pixels.
     pub(super) focal: [f32; 2],
-    /// principal point, pixels
+    /// Principal point, pixels.
     pub(super) center: [f32; 2],
-    /// smallest and largest t_x/z, then t_y/z, in the Jacobian
+    /// Smallest and largest t_x/z, then t_y/z, in the Jacobian.
     pub(super) limits: [[f32; 2]; 2],
-    /// width and height, pixels
+    /// Width and height, pixels.
     pub(super) size: [f32; 2],
     pub(super) model: Model,
 }
 
 impl Lens {
-    /// Tangent limits from `profile`.
+    /// Builds the lens with the tangent limits of `profile`.
     pub fn new(camera: &Camera, profile: &Profile) -> Self {
         let size = [camera.width as f32, camera.height as f32];
         let limits = std::array::from_fn(|i| {
@@ -45,13 +45,13 @@ impl Lens {
         }
     }
 
-    /// Row `i` of t = R μ + τ.
+    /// Returns row `i` of t = R μ + τ.
     #[inline(always)]
     pub(super) fn camera_space(&self, i: usize, mean: [f32x8; 3]) -> f32x8 {
         self.turn(i, mean) + f32x8::splat(self.translation[i])
     }
 
-    /// Row `i` of R dotted with `v`, a left fold.
+    /// Returns the dot product of row `i` of R with `v`, a left fold.
     #[inline(always)]
     pub(super) fn turn(&self, i: usize, v: [f32x8; 3]) -> f32x8 {
         let [a, b, c] = self.rotation[i].map(f32x8::splat);

@@ -1,7 +1,7 @@
 //! The camera's map t → u from camera space to pixels, and its Jacobian J = ∂u/∂t, forward and adjoint.
 //!
-//! The equations are in the documentation of [`project`](super). ũ = t_x/z and ṽ = t_y/z are the tangents, which the
-//! pinhole camera limits in J but not in u.
+//! The equations are in the documentation of [`project`](super). ũ = t_x/z and ṽ = t_y/z are the tangents,
+//! which the pinhole camera limits in J but not in u.
 
 use super::lens::Lens;
 use crate::num::lanes::{Real, f32x8};
@@ -9,22 +9,22 @@ use crate::scene::camera::Model;
 
 /// The map at eight points.
 pub(super) struct Linearization {
-    /// t, scene units
+    /// Point t, scene units.
     pub(super) t: [f32x8; 3],
-    /// 1/t_z
+    /// Reciprocal 1/t_z.
     inv_z: f32x8,
-    /// t_x/z, t_y/z, limited; pinhole only
+    /// Limited tangents t_x/z, t_y/z; pinhole only.
     tangent: [f32x8; 2],
-    /// sign of the active tangent limit per axis, 0 = free
+    /// Sign of the active tangent limit per axis, 0 = free.
     pub(super) limited: [f32x8; 2],
-    /// g, G, H of [`fisheye_terms`]; fisheye only
+    /// Terms g, G, H of [`fisheye_terms`]; fisheye only.
     fish: [f32x8; 3],
-    /// J, pixels per scene unit
+    /// Jacobian J, pixels per scene unit.
     pub(super) jac: [[f32x8; 3]; 2],
 }
 
 impl Linearization {
-    /// u, pixels
+    /// Returns u in pixels.
     #[inline(always)]
     pub(super) fn mean_px(&self, lens: &Lens) -> [f32x8; 2] {
         std::array::from_fn(|i| {
@@ -40,15 +40,15 @@ impl Linearization {
 
 /// Cotangents of the map at eight points.
 pub(super) struct LinearizationBar {
-    /// ū
+    /// Cotangent ū.
     pub(super) mean_px: [f32x8; 2],
-    /// t̄_z of the depth as a result of its own
+    /// Cotangent of the depth t_z as a separate output.
     pub(super) z: f32x8,
-    /// J̄
+    /// Cotangent J̄.
     pub(super) jac: [[f32x8; 3]; 2],
 }
 
-/// The map at `t`; `frozen` gives the signs of the active limits instead of comparing.
+/// Evaluates the map at `t`; `frozen` contains the signs of the active limits instead of comparing.
 #[inline(always)]
 pub(super) fn forward(lens: &Lens, t: [f32x8; 3], frozen: Option<[f32x8; 2]>) -> Linearization {
     let c = f32x8::splat;
@@ -93,7 +93,7 @@ pub(super) fn forward(lens: &Lens, t: [f32x8; 3], frozen: Option<[f32x8; 2]>) ->
     Linearization { t, inv_z, tangent, limited, fish, jac }
 }
 
-/// t̄. `inria_bwd` takes ∂J/∂z of a limited tangent as that program does.
+/// Returns t̄. `inria_bwd` uses the original program's ∂J/∂z of a limited tangent.
 #[inline(always)]
 pub(super) fn adjoint(lens: &Lens, x: &Linearization, bar: &LinearizationBar, inria_bwd: bool) -> [f32x8; 3] {
     let c = f32x8::splat;
@@ -128,7 +128,7 @@ pub(super) fn adjoint(lens: &Lens, x: &Linearization, bar: &LinearizationBar, in
             let [g, big_g, h] = x.fish;
             let n2 = (tx * tx + ty * ty) + tz * tz;
             let n4 = n2 * n2;
-            // scaled cotangents of the six entries without f
+            // Scaled cotangents of the six entries without f.
             let j = std::array::from_fn::<_, 2, _>(|i| jac_bar[i].map(|b| b * f[i]));
             let ub = std::array::from_fn::<_, 2, _>(|i| u_bar[i] * f[i]);
             let cross = j[0][1] + j[1][0];
@@ -149,13 +149,15 @@ pub(super) fn adjoint(lens: &Lens, x: &Linearization, bar: &LinearizationBar, in
     t_bar
 }
 
-/// θ/ρ and its derivatives for the equidistant fisheye, per lane in f64: g, G = (1/ρ) ∂g/∂ρ, H = (1/ρ) ∂G/∂ρ.
+/// Returns θ/ρ and its derivatives for the equidistant fisheye, per lane in f64: g, G = (1/ρ) ∂g/∂ρ, H =
+/// (1/ρ) ∂G/∂ρ.
 fn fisheye_terms(x: f32, y: f32, z: f32) -> [f32; 3] {
     let (x, y, z) = (f64::from(x), f64::from(y), f64::from(z));
     let rho2 = x * x + y * y;
     let w = rho2 / (z * z);
     let terms = if z > 0.0 && w < 1e-3 {
-        // g = (1/z) Σ (−w)ᵏ/(2k+1), differentiated term by term; seven terms leave less than 1e-19
+        // g = (1/z) Σ (−w)ᵏ/(2k+1) is differentiated term by term; the remainder after seven terms is below
+        // 1e-19.
         let mut sums = [0.0_f64; 3];
         let (mut p0, mut p1, mut p2) = (1.0_f64, 0.0_f64, 0.0_f64);
         for k in 0..8_i32 {
@@ -181,7 +183,7 @@ fn fisheye_terms(x: f32, y: f32, z: f32) -> [f32; 3] {
     terms.map(|t| t as f32)
 }
 
-/// [`fisheye_terms`] of eight points.
+/// Evaluates [`fisheye_terms`] at eight points.
 #[inline(always)]
 fn fisheye_lanes(t: [f32x8; 3]) -> [f32x8; 3] {
     let (ta, mut lanes) = (t.map(f32x8::to_array), [[0.0_f32; 8]; 3]);

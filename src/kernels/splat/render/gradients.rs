@@ -6,40 +6,41 @@ use crate::num::par;
 /// Gaussians per task.
 pub const BLOCK: usize = 512;
 
-/// Gradients; [`adjoint`](super::adjoint) adds into them. Vectors that do not belong to the chosen shape and colour stay empty.
+/// Gradients; [`adjoint`](super::adjoint) adds to them. Vectors that do not belong to the chosen shape and
+/// colour stay empty.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct InBar {
-    /// (N, 3)
+    /// Shape (N, 3).
     pub means: Vec<[f32; 3]>,
-    /// (N, 4)
+    /// Shape (N, 4).
     pub quats: Vec<[f32; 4]>,
-    /// (N, 3)
+    /// Shape (N, 3).
     pub scales: Vec<[f32; 3]>,
-    /// (N, 3, 3)
+    /// Shape (N, 3, 3).
     pub factors: Vec<[f32; 9]>,
-    /// (N)
+    /// Shape (N).
     pub opacities: Vec<f32>,
-    /// (N, K, 3)
+    /// Shape (N, K, 3).
     pub sh: Vec<f32>,
-    /// (N, 3)
+    /// Shape (N, 3).
     pub rgb: Vec<[f32; 3]>,
-    /// (3)
+    /// Shape (3).
     pub background: [f32; 3],
-    /// (C, N, 2) ∂L/∂u in 1/pixels: a statistic for density control, overwritten.
+    /// Statistic ∂L/∂u for density control in 1/pixels, shape (C, N, 2); it is overwritten.
     pub means_px: Vec<[f32; 2]>,
-    /// (C, N, 2) Σ over pixels of |∂L/∂u|, overwritten, with `Settings::absgrad` only.
+    /// Statistic Σ over pixels of |∂L/∂u|, shape (C, N, 2); it is overwritten, with `Settings::absgrad` only.
     pub means_px_abs: Vec<[f32; 2]>,
 }
 
 impl InBar {
-    /// Zeros in the shapes of `x`.
+    /// Returns zeros in the shapes of `x`.
     pub fn zeros_like(x: &In<'_>) -> Self {
         let mut bar = Self::default();
         bar.reset(x);
         bar
     }
 
-    /// Zeros in the shapes of `x`, in the memory already there.
+    /// Sets all gradients to zeros in the shapes of `x`, reusing memory.
     pub fn reset(&mut self, x: &In<'_>) {
         fn zero<T: Clone + Default + Send>(v: &mut Vec<T>, n: usize) {
             v.resize(n, T::default());
@@ -76,12 +77,12 @@ pub(super) struct Block<'a> {
     pub(super) factors: &'a mut [[f32; 9]],
     pub(super) sh: &'a mut [f32],
     pub(super) rgb: &'a mut [[f32; 3]],
-    /// per camera
+    /// Statistic of ū per camera.
     pub(super) means_px: Vec<&'a mut [[f32; 2]]>,
     pub(super) means_px_abs: Vec<&'a mut [[f32; 2]]>,
 }
 
-/// Cuts every gradient into blocks of [`BLOCK`] Gaussians.
+/// Splits every gradient into blocks of [`BLOCK`] Gaussians.
 pub(super) fn blocks<'a>(x: &In<'_>, bar: &'a mut InBar) -> Vec<Block<'a>> {
     let n = x.means.len();
     let width = match x.color {

@@ -1,4 +1,4 @@
-//! Inputs of the renderer and its settings, with the check that they fit.
+//! Inputs and settings of the renderer, with checks of their consistency.
 
 use crate::math::sh::MAX_DEGREE;
 use crate::scene::camera::Camera;
@@ -13,49 +13,49 @@ use crate::{Error, Result};
 pub enum Shape<'a> {
     /// Rotation and scales.
     QuatScale {
-        /// (N, 4) wxyz, any length but zero
+        /// Quaternions, shape (N, 4), wxyz, any length but zero.
         quats: &'a [[f32; 4]],
-        /// (N, 3) linear
+        /// Standard deviations, shape (N, 3), not their logarithms.
         scales: &'a [[f32; 3]],
     },
-    /// (N, 3, 3) row-major, Σ = F Fᵀ
+    /// Factors, shape (N, 3, 3), row-major, Σ = F Fᵀ.
     Factors(&'a [[f32; 9]]),
 }
 
 /// Colour of the Gaussians.
 #[derive(Clone, Copy, Debug)]
 pub enum Color<'a> {
-    /// Spherical harmonics.
+    /// Spherical-harmonics coefficients.
     Sh(Sh<'a>),
-    /// (N, 3)
+    /// Shape (N, 3).
     Rgb(&'a [[f32; 3]]),
 }
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct In<'a> {
-    /// (N, 3)
+    /// Shape (N, 3).
     pub means: &'a [[f32; 3]],
     /// Rotation and scales, or factors.
     pub shape: Shape<'a>,
-    /// (N) in 0..1
+    /// Opacities, shape (N), in 0..1.
     pub opacities: &'a [f32],
     /// Spherical harmonics or rgb.
     pub color: Color<'a>,
-    /// (C), one image size
+    /// Cameras, shape (C), all with the same image size.
     pub cameras: &'a [Camera],
-    /// (3)
+    /// Shape (3).
     pub background: [f32; 3],
 }
 
-/// How to render.
+/// Settings of the renderer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Constants of the semantics.
+    /// Profile with the constants of the renderer.
     pub profile: Profile,
-    /// Tile side: 16, or 8 and 32 for images without gradients. No result depends on it.
+    /// Side of a tile: 16, or 8 and 32 for images without gradients. It affects no result.
     pub tile: usize,
-    /// Whether tiles and rows are skipped by exact ellipses; no result depends on it.
+    /// Whether tiles and rows are skipped by exact ellipses; this affects no result.
     pub cull: bool,
     /// Whether the adjoint also sums |∂L/∂u| over pixels.
     pub absgrad: bool,
@@ -68,10 +68,10 @@ impl Default for Settings {
 }
 
 impl In<'_> {
-    /// Checks that lengths agree, cameras share one image size, and the settings fit.
+    /// Checks that lengths agree, that all cameras have the same image size, and that the settings are valid.
     ///
     /// # Errors
-    /// Names the array.
+    /// Returns an error that names the array.
     pub fn validate(&self, settings: &Settings) -> Result<()> {
         let n = self.means.len();
         let length = |name: &str, got: usize| {
@@ -112,7 +112,7 @@ impl In<'_> {
             if (camera.width, camera.height) != (first.width, first.height) {
                 return Err(Error::input("splat.render")
                     .at("cameras")
-                    .expected("one picture size")
+                    .expected("the same image size for all cameras")
                     .got("several"));
             }
         }
@@ -128,12 +128,12 @@ impl In<'_> {
         Ok(())
     }
 
-    /// Image size, and tiles of the side of the settings.
+    /// Returns the image size, and the tiles of the side in the settings.
     pub(super) fn grid(&self, settings: &Settings) -> Grid {
         Grid { width: self.cameras[0].width, height: self.cameras[0].height, tile: settings.tile }
     }
 
-    /// Factors of the rows `from..to`, into `buffer` if they have to be made.
+    /// Returns the factors of the rows `from..to`; they are computed in `buffer` if necessary.
     pub(super) fn factors<'b>(
         &'b self,
         from: usize,

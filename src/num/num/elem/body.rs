@@ -1,22 +1,24 @@
-//! The bodies: functions of f64 lanes, written once for every width, from `+ − × ÷ √`, selections and integers.
+//! The bodies of the elementary functions, written once for every width of f64 lanes with `+ − × ÷ √`,
+//! selections and integer operations.
 //!
-//! Arguments are single-precision numbers converted exactly; results are good to a few units of 2⁻⁵² and are
-//! rounded once to single precision by the caller. Polynomials are minimax fits (Remez, 50 digits) whose error is
-//! given beside them; `poly` fixes the order of their evaluation.
+//! Arguments are single-precision numbers converted exactly; results are accurate to a few units of 2⁻⁵², and
+//! the caller rounds them once to single precision. Polynomials are minimax fits (Remez, 50 digits) with
+//! their error given next to them; `poly` fixes the order of evaluation.
 
 use crate::num::double::{Body, BodyPair, Double};
 
-/// 1.5·2⁵²: adding it rounds to an integer, which then stands in the lowest bits.
+/// 1.5·2⁵². Adding it rounds to an integer, which then occupies the lowest bits.
 pub(super) const ROUND: f64 = 6_755_399_441_055_744.0;
-/// The first 44 bits of ln 2 and the rest.
+/// The first 44 bits of ln 2; the next constant holds the remainder.
 const LN2_HI: f64 = 0.693_147_180_559_890_3;
 const LN2_LO: f64 = 5.497_923_018_708_371e-14;
 pub(super) const SIGN: u64 = 1 << 63;
-/// Bits of 1, and of √½: the fraction of a logarithm's argument is taken in √½..√2.
+/// Bits of 1 and of √½; the fraction of a logarithm's argument is reduced to √½..√2.
 const ONE: u64 = 0x3ff0_0000_0000_0000;
 const SQRT_HALF: u64 = 0x3fe6_a09e_667f_3bcd;
 
-/// Σ cᵢxⁱ, even and odd powers each by Horner's rule in x², so that two chains run side by side.
+/// Σ cᵢxⁱ; the even and the odd powers are evaluated separately by Horner's rule in x², so that the two
+/// chains are independent.
 #[inline(always)]
 pub(super) fn poly<W: Double, const N: usize>(x: W, c: &[f64; N]) -> W {
     let x2 = x * x;
@@ -28,27 +30,28 @@ pub(super) fn poly<W: Double, const N: usize>(x: W, c: &[f64; N]) -> W {
         i -= 2;
     }
     if i == 1 {
-        // N is odd: `high` holds even powers and takes the constant.
+        // N is odd: `high` contains the even powers and the constant term.
         low * x + (high * x2 + W::splat(c[0]))
     } else {
         high * x + low
     }
 }
 
-/// `x` limited to `lo..=hi`; NaN stays.
+/// Limits `x` to `lo..=hi`; NaN stays NaN.
 #[inline(always)]
 pub(super) fn clamp<W: Double>(x: W, lo: f64, hi: f64) -> W {
     let x = W::select(x.lt(W::splat(lo)), W::splat(lo), x);
     W::select(x.gt(W::splat(hi)), W::splat(hi), x)
 }
 
-/// `magnitude` (not negative) with the sign of `x`.
+/// Returns `magnitude`, which is not negative, with the sign of `x`.
 #[inline(always)]
 pub(super) fn with_sign<W: Double>(magnitude: W, x: W) -> W {
     W::from_bits(W::xor_bits(magnitude.to_bits(), W::and_const(x.to_bits(), SIGN)))
 }
 
-/// n and r of x = n·ln 2 + r, |r| ≤ ½ ln 2 (a little more); n as the float n + 1.5·2⁵².
+/// Returns n and r of x = n·ln 2 + r, |r| ≤ ½ ln 2 (or slightly more); n is returned as the float n +
+/// 1.5·2⁵².
 #[inline(always)]
 fn split_exp<W: Double>(x: W) -> (W, W) {
     let t = x * W::splat(std::f64::consts::LOG2_E) + W::splat(ROUND);
@@ -97,7 +100,7 @@ const LOG: [f64; 7] = [
     0.147_130_893_219_120_85,
 ];
 
-/// k and f of u = 2ᵏ(1 + f) with 1 + f in √½..√2, for positive normal u.
+/// Returns k and f of u = 2ᵏ(1 + f) with 1 + f in √½..√2, for positive normal u.
 #[inline(always)]
 fn split_log<W: Double>(u: W) -> (W, W) {
     let b = W::add_const(u.to_bits(), ONE - SQRT_HALF); // its exponent field is k + 1023
@@ -120,11 +123,12 @@ fn join_log<W: Double>(k: W, f: W) -> W {
 #[inline(always)]
 fn log1p_core<W: Double>(x: W) -> W {
     let (k, f) = split_log(W::splat(1.0) + x);
-    // For k = 0, f is x up to the rounding of 1 + x: take x itself.
+    // For k = 0, f equals x up to the rounding of 1 + x, so x itself is used.
     join_log(k, W::select(k.eq(W::splat(0.0)), x, f))
 }
 
-/// A logarithm's value at the ends of its domain: −∞ at `zero` = 0, NaN below, the argument itself at +∞ and NaN.
+/// Replaces a logarithm's value at the ends of its domain: −∞ if `zero` is 0, NaN if it is negative, and the
+/// argument itself if it is +∞ or NaN.
 #[inline(always)]
 fn log_ends<W: Double>(value: W, zero: W, x: W) -> W {
     let v = W::select(x.lt(W::splat(f64::INFINITY)), value, x);
@@ -159,7 +163,7 @@ macro_rules! body {
     };
 }
 
-// Beyond these limits results are 0 or +∞ in single precision.
+// Beyond these limits the single-precision result is 0 or +∞.
 const EXP_MIN: f64 = -104.0;
 const EXP_MAX: f64 = 89.0;
 

@@ -1,7 +1,8 @@
-//! Double precision: the pinned `libm`, whose bits are those of its source and not of the platform.
+//! Double-precision functions from the pinned `libm`, whose bits depend on its source code and not on the
+//! platform.
 //!
-//! For whatever computes in f64 inside `src/` (statistics, optimisers, causal operators). Claimed error of each:
-//! below one place.
+//! Code inside `src/` that computes in f64 (statistics, optimisers, causal operators) uses these functions.
+//! The claimed error of each is below one unit in the last place.
 
 macro_rules! pinned {
     ($($(#[$doc:meta])* $name:ident = $source:ident;)*) => { $(
@@ -52,13 +53,13 @@ pinned! {
     lgamma = lgamma;
 }
 
-/// Angle of (x, y) from the x axis, in −π..=π.
+/// Returns the angle of (x, y) from the x axis, in −π..=π.
 #[inline]
 pub fn atan2(y: f64, x: f64) -> f64 {
     libm::atan2(y, x)
 }
 
-/// xʸ.
+/// Returns xʸ.
 #[inline]
 pub fn pow(x: f64, y: f64) -> f64 {
     libm::pow(x, y)
@@ -81,7 +82,7 @@ pub fn softplus(x: f64) -> f64 {
     crate::num::order::max(x, 0.0) + libm::log1p(libm::exp(-x.abs()))
 }
 
-/// ln(p / (1 − p)), near ½ as ln(1 + (2p − 1)/(1 − p)), without cancellation.
+/// Returns ln(p / (1 − p)), near ½ as ln(1 + (2p − 1)/(1 − p)) without cancellation.
 #[inline]
 pub fn logit(p: f64) -> f64 {
     if (0.25..=0.75).contains(&p) {

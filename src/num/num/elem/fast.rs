@@ -1,31 +1,31 @@
-//! The exponential of the blending loop: single precision only.
+//! The exponential function of the blending loop, in single precision only.
 
 use crate::num::lanes::Real;
 
-/// Smallest argument of [`exp_lanes`]; below it the result is that of this argument.
+/// Smallest argument of [`exp_lanes`]; smaller arguments are replaced by it.
 pub const EXP_LANES_MIN: f32 = -87.3;
-/// Largest argument of [`exp_lanes`]; above it the result is that of this argument.
+/// Largest argument of [`exp_lanes`]; larger arguments are replaced by it.
 pub const EXP_LANES_MAX: f32 = 88.0;
 
-/// 1.5·2²³: adding it rounds to an integer, which then stands in the lowest bits.
+/// 1.5·2²³. Adding it rounds to an integer, which then occupies the lowest bits.
 const ROUND: f32 = 12_582_912.0;
 /// The first 15 bits of ln 2: n·LN2_HI is exact for |n| ≤ 2⁸.
 const LN2_HI: f32 = f32::from_bits(0x3f31_7200);
 /// ln 2 − LN2_HI.
 const LN2_LO: f32 = f32::from_bits(0x35bf_be8e);
 
-/// eˣ for x in −87.3..=88 in single precision throughout, at most one place from the correctly rounded value
-/// (1.0081 places from the true one, over every argument).
+/// Returns eˣ for x in −87.3..=88, in single precision throughout. The result is at most one unit in the last
+/// place from the correctly rounded value (1.0081 units from the true one, over every argument).
 ///
 /// eˣ = 2ⁿ·eʳ,   n = round(x / ln 2),   r = x − n·ln 2,   eʳ ≈ 1 + (r + r²·q(r))        with q of degree 4
 ///
 /// # Rounding
-/// n by adding and subtracting 1.5·2²³; r = (x − n·hi) − n·lo; q = (c₂ + c₃r) + r²·((c₄ + c₅r) + r²·c₆); then
-/// 1 + (r + r²q); 2ⁿ by integer addition to the exponent. 22 operations.
+/// n is obtained by adding and subtracting 1.5·2²³; r = (x − n·hi) − n·lo; q = (c₂ + c₃r) + r²·((c₄ + c₅r) +
+/// r²·c₆); then 1 + (r + r²q). 2ⁿ is applied by integer addition to the exponent. There are 22 operations.
 ///
 /// # Kinks and domain
-/// Outside −87.3..=88 the argument is limited to that range, so the result is always a normal number; there the
-/// function is constant. NaN stays NaN.
+/// Arguments outside −87.3..=88 are limited to that range, so the result is always a normal number; outside
+/// the range the function is constant. NaN stays NaN.
 #[inline(always)]
 pub fn exp_lanes<L: Real>(x: L) -> L {
     let c = L::splat;

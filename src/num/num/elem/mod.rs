@@ -1,11 +1,13 @@
-//! Elementary functions with bits of their own.
+//! Elementary functions whose bits do not depend on the platform.
 //!
-//! The functions here take single precision in any width ([`Real`]: `f32` or `f32x8`), compute in double precision
-//! by one body of `+ − × ÷ √`, selections and integer operations, and round once. So a lane has the bits of the scalar
-//! call, on every platform. [`table`] states the error of each, and `tests/foundation/num/` measures it. [`exp_lanes`] is
-//! the exception: single precision throughout, for the blending loop. [`mod@f64`] holds the double-precision functions.
+//! The functions here take single precision in any width ([`Real`]: `f32` or `f32x8`), compute in double
+//! precision with one body of `+ − × ÷ √`, selections and integer operations, and round once. A lane
+//! therefore has the same bits as the scalar call, on every platform. [`table`] lists the error of each
+//! function, and `tests/foundation/num/` measures it. [`exp_lanes`] is the exception: it uses single
+//! precision throughout, for the blending loop. [`mod@f64`] contains the double-precision functions.
 //!
-//! The `_slice` forms write `y[i] = f(x[i])`, eight lanes at a time; the bits are those of the scalar calls.
+//! The `_slice` forms write `y[i] = f(x[i])`, eight lanes at a time; the bits equal those of the scalar
+//! calls.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
@@ -36,17 +38,17 @@ macro_rules! functions {
         #[doc = concat!("[`", stringify!($name), "`] of every element of `x`, into `y`.")]
         ///
         /// # Panics
-        /// When the lengths differ.
+        /// Panics if the lengths differ.
         pub fn $slice(x: &[f32], y: &mut [f32]) {
             slice(x, y, $name::<f32>, $name::<f32x8>);
         }
     )* };
 }
 
-/// Eight lanes where there are eight, then scalars.
+/// Processes eight lanes at a time, then the remainder as scalars.
 #[inline(always)]
 fn slice(x: &[f32], y: &mut [f32], one: impl Fn(f32) -> f32, eight: impl Fn(f32x8) -> f32x8) {
-    assert_eq!(x.len(), y.len(), "one result per argument");
+    assert_eq!(x.len(), y.len(), "x and y have the same length");
     let (x8, x1) = x.as_chunks::<8>();
     let (y8, y1) = y.as_chunks_mut::<8>();
     for (x, y) in x8.iter().zip(y8) {
@@ -58,19 +60,19 @@ fn slice(x: &[f32], y: &mut [f32], one: impl Fn(f32) -> f32, eight: impl Fn(f32x
 }
 
 functions! {
-    /// eˣ. Overflows to +∞ above 88.72, underflows gradually to 0 at −103.98.
+    /// eˣ. It overflows to +∞ above 88.72 and underflows gradually to 0 at −103.98.
     exp, exp_slice = body::Exp;
-    /// eˣ − 1, also near 0; the sign of a zero is kept.
+    /// eˣ − 1, accurate also near 0; the sign of a zero is kept.
     expm1, expm1_slice = body::Expm1;
     /// Natural logarithm; −∞ at ±0, NaN below 0.
     ln, ln_slice = body::Ln;
-    /// ln(1 + x), also near 0; the sign of a zero is kept; −∞ at −1, NaN below.
+    /// ln(1 + x), accurate also near 0; the sign of a zero is kept. The result is −∞ at −1 and NaN below.
     log1p, log1p_slice = body::Log1p;
-    /// ln(p / (1 − p)), also near ½; −∞ at 0, +∞ at 1, NaN outside 0..=1.
+    /// ln(p / (1 − p)), accurate also near ½. The result is −∞ at 0, +∞ at 1 and NaN outside 0..=1.
     logit, logit_slice = body::Logit;
-    /// Sine of radians, every finite argument; NaN at ±∞.
+    /// Sine of an angle in radians, for every finite argument; NaN at ±∞.
     sin, sin_slice = trig::Sin;
-    /// Cosine of radians, every finite argument; NaN at ±∞.
+    /// Cosine of an angle in radians, for every finite argument; NaN at ±∞.
     cos, cos_slice = trig::Cos;
     /// Arc cosine in 0..=π; NaN outside −1..=1.
     acos, acos_slice = trig::Acos;
@@ -84,30 +86,31 @@ functions! {
     erf, erf_slice = body::Erf;
 }
 
-/// Angle of (x, y) from the x axis, in −π..=π; the signs of zeros count as in IEEE 754, atan2(±0, +0) = ±0.
+/// Returns the angle of (x, y) from the x axis, in −π..=π; signed zeros are treated as in IEEE 754: atan2(±0,
+/// +0) = ±0.
 #[inline]
 pub fn atan2<L: Real>(y: L, x: L) -> L {
     y.through_f64_pair::<trig::Atan2>(x)
 }
 
-/// xʸ for x ≥ 0: NaN for x < 0 whatever y is not 0; −0 counts as 0; x⁰ = 1 and 1ʸ = 1.
+/// Returns xʸ for x ≥ 0. For x < 0 the result is NaN unless y = 0; −0 is treated as 0; x⁰ = 1 and 1ʸ = 1.
 #[inline]
 pub fn pow<L: Real>(x: L, y: L) -> L {
     x.through_f64_pair::<body::Pow>(y)
 }
 
-/// xʸ of every element of `x` with one exponent, into `out`.
+/// Writes xʸ of every element of `x`, with one exponent, to `out`.
 ///
 /// # Panics
-/// When the lengths differ.
+/// Panics if the lengths differ.
 pub fn pow_slice(x: &[f32], y: f32, out: &mut [f32]) {
     slice(x, out, |x| pow(x, y), |x| pow(x, f32x8::splat(y)));
 }
 
-/// [`exp_lanes`] of every element of `x`, into `y`.
+/// Writes [`exp_lanes`] of every element of `x` to `y`.
 ///
 /// # Panics
-/// When the lengths differ.
+/// Panics if the lengths differ.
 pub fn exp_lanes_slice(x: &[f32], y: &mut [f32]) {
     slice(x, y, exp_lanes::<f32>, exp_lanes::<f32x8>);
 }

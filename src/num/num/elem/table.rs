@@ -1,20 +1,22 @@
-//! How far each function of this module is from the true value.
+//! Error bounds of the functions of this module.
 
-/// One line of the table. Errors are in units of the last place of the single-precision result: |y − f(x)| / ulp(f(x)),
-/// with ulp = 2⁻¹⁴⁹ among the subnormal numbers. A correctly rounded function has 0.5.
+/// One row of the table. Errors are in units of the last place of the single-precision result: |y − f(x)| /
+/// ulp(f(x)), with ulp = 2⁻¹⁴⁹ for subnormal results. A correctly rounded function has the error 0.5.
 #[derive(Clone, Copy, Debug)]
 pub struct Ulp {
-    /// name of the function
+    /// Name of the function.
     pub name: &'static str,
-    /// arguments for which the bound holds
+    /// Arguments for which the bound holds.
     pub domain: &'static str,
-    /// allowed error; a test fails above it, and also when four times `worst` is below it
+    /// Allowed error; a test fails if a measured error is larger, or if this bound is more than four times
+    /// `worst`.
     pub allowed: f64,
-    /// worst error seen, rounded up, against f64 `libm`; a sweep that finds a larger one fails
+    /// Worst measured error, rounded up, relative to the f64 `libm`; a sweep that finds a larger error fails.
     pub worst: f64,
 }
 
-/// A function computed in double precision and rounded once: ½, and what the double-precision error adds.
+/// Bounds of a function that is computed in double precision and rounded once: ½ plus the contribution of the
+/// double-precision error.
 const fn rounded_once(name: &'static str, domain: &'static str) -> Ulp {
     Ulp { name, domain, allowed: 0.500_01, worst: 0.500_001 }
 }

@@ -4,13 +4,13 @@ use super::body::{ROUND, poly, with_sign};
 use crate::num::double::{Body, BodyPair, Double};
 use std::f64::consts::{FRAC_2_PI, FRAC_PI_2, FRAC_PI_4, PI};
 
-// π/2 in three parts: the first two have at most 31 bits, so that their products with n < 2²² are exact.
+// π/2 in three parts. The first two have at most 31 bits, so that their products with n < 2²² are exact.
 const HALF_PI_1: f64 = 1.570_796_325_802_803;
 const HALF_PI_2: f64 = 9.920_935_791_635_221e-10;
 const HALF_PI_3: f64 = 5.170_182_981_794_105e-19;
-/// From here on the reduction multiplies with 128 bits of 2/π.
+/// From this magnitude on, the argument reduction multiplies by 128 bits of 2/π.
 const LARGE: f64 = 4_194_304.0; // 2²²
-/// 64 zero bits, then 2/π = 0.a2f9836e…
+/// 64 zero bits, followed by 2/π = 0.a2f9836e…
 const TWO_OVER_PI: [u64; 6] = [
     0,
     0xa2f9_836e_4e44_1529,
@@ -20,19 +20,20 @@ const TWO_OVER_PI: [u64; 6] = [
     0xb724_6e3a_424d_d2e0,
 ];
 
-/// Quadrant (lowest two bits) and remainder r, |r| ≤ π/4, of a single-precision number of size 2²² or more.
+/// Returns the quadrant (lowest two bits) and the remainder r, |r| ≤ π/4, of a single-precision number with a
+/// magnitude of at least 2²².
 ///
-/// x = m·2ᵉ with m an integer of 24 bits. Bits of 2/π whose product with m·2ᵉ is a multiple of 4 drop out, so a
-/// window of 128 bits that begins at weight 2 suffices: x·2/π mod 4 with 126 bits after the point, error below
-/// 2⁻¹⁰².
+/// x = m·2ᵉ, where m is an integer of 24 bits. Bits of 2/π whose product with m·2ᵉ is a multiple of 4 do not
+/// contribute, so a window of 128 bits that begins at weight 2 suffices: it gives x·2/π mod 4 with 126 bits
+/// after the point and an error below 2⁻¹⁰².
 fn reduce_large(x: f64) -> (u64, f64) {
     if !x.is_finite() {
         return (0, f64::NAN);
     }
     let bits = x.abs().to_bits();
     let m = (bits & ((1 << 52) - 1) | 1 << 52) >> 29; // 24 bits: the rest of a converted f32 is zero
-    // |x| = m·2ᵉ with e = exponent field − 1023 − 23 ≥ −1. Bit i of 2/π (index i + 63 of the padded table) times 2ᵉ has
-    // weight 2 for i = e − 1.
+    // |x| = m·2ᵉ with e = exponent field − 1023 − 23 ≥ −1. Bit i of 2/π (index i + 63 of the padded table)
+    // times 2ᵉ has weight 2 for i = e − 1.
     let start = (bits >> 52) as usize - (1023 + 23 - 62);
     let (word, shift) = (start / 64, (start % 64) as u32);
     let high = u128::from(TWO_OVER_PI[word]) << 64 | u128::from(TWO_OVER_PI[word + 1]);
@@ -45,7 +46,7 @@ fn reduce_large(x: f64) -> (u64, f64) {
     if x < 0.0 { ((4 - quadrant as u64) & 3, -r) } else { (quadrant as u64 & 3, r) }
 }
 
-/// Quadrant in the lowest bits, and the remainder.
+/// Returns the quadrant in the lowest bits, and the remainder.
 #[inline(always)]
 fn reduce<W: Double>(x: W) -> (W::Bits, W) {
     let t = x * W::splat(FRAC_2_PI) + W::splat(ROUND);
@@ -79,13 +80,13 @@ const COS: [f64; 6] = [
     -1.137_104_043_821_888_8e-11,
 ];
 
-/// sin of quadrant·π/2 + r.
+/// Returns sin(quadrant·π/2 + r).
 #[inline(always)]
 fn sin_quadrant<W: Double>(quadrant: W::Bits, r: W) -> W {
     let z = r * r;
     let sin = r * (W::splat(1.0) + z * poly(z, &SIN));
     let cos = W::splat(1.0) - (W::splat(0.5) * z - z * z * poly(z, &COS));
-    // Lowest bit → the bits of 2.0 or 0.0: a mask; second bit → the sign.
+    // The lowest bit becomes the bits of 2.0 or 0.0 and serves as a mask; the second bit becomes the sign.
     let odd = W::from_bits(W::shl(W::and_const(quadrant, 1), 62)).gt(W::splat(0.0));
     let v = W::select(odd, cos, sin);
     W::from_bits(W::xor_bits(v.to_bits(), W::shl(W::and_const(quadrant, 2), 62)))
@@ -102,7 +103,7 @@ impl Body for Sin {
     }
 }
 
-/// Cosine: the sine a quadrant later.
+/// Cosine, computed as the sine one quadrant later.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cos;
 impl Body for Cos {
@@ -129,7 +130,7 @@ const ASIN: [f64; 12] = [
     0.030_535_446_729_171_38,
 ];
 
-/// Arc cosine: π/2 − asin x for |x| ≤ ½, else 2 asin √((1 − |x|)/2) or π minus that.
+/// Arc cosine: π/2 − asin x for |x| ≤ ½, otherwise 2 asin √((1 − |x|)/2) or π minus that.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Acos;
 impl Body for Acos {
@@ -171,7 +172,7 @@ impl BodyPair for Atan2 {
         let (ay, ax) = (y.abs(), x.abs());
         let steep = ay.gt(ax);
         let (lo, hi) = (W::select(steep, ax, ay), W::select(steep, ay, ax));
-        // atan(lo/hi) directly up to tan(π/8), beyond it as π/4 + atan((lo − hi)/(lo + hi)).
+        // atan(lo/hi) is evaluated directly up to tan(π/8), beyond it as π/4 + atan((lo − hi)/(lo + hi)).
         let inf = W::splat(f64::INFINITY);
         let (lo, hi) = (W::select(lo.eq(inf), one, lo), W::select(lo.eq(inf), one, hi)); // both infinite: 45°
         let far = lo.gt(hi * W::splat(std::f64::consts::SQRT_2 - 1.0));
@@ -182,7 +183,7 @@ impl BodyPair for Atan2 {
         let atan = t + t * z * poly(z, &ATAN);
         let octant = W::select(far, W::splat(FRAC_PI_4) + atan, atan);
         let quadrant = W::select(steep, W::splat(FRAC_PI_2) - octant, octant);
-        // The half plane is decided by the sign bit: atan2(±0, −0) = ±π.
+        // The sign bit decides the half plane: atan2(±0, −0) = ±π.
         let left = with_sign(one, x).lt(zero);
         with_sign(W::select(left, W::splat(PI) - quadrant, quadrant), y)
     }

@@ -1,4 +1,5 @@
-//! Blocks of the output: which tiles meet which part of k, and where chains rest between.
+//! Blocks of the output: the order of tiles along k, and the storage of unfinished chains between blocks of
+//! k.
 
 use super::matrix::{CHUNK, Finish};
 use super::packed::Packed;
@@ -7,20 +8,22 @@ use prefetch_index::prefetch_index;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// k per block: a panel of a (8 KiB) and one of b (16 KiB), or two with sixteen lanes, stay in the first-level cache.
+/// Length of a block of k: a panel of a (8 KiB) and one of b (16 KiB), or two with sixteen lanes, stay in the
+/// first-level cache.
 pub(super) const BLOCK_K: usize = 256;
 
 thread_local! {
-    /// Memory of a task: packed rows of the left factor, and tiles resting between blocks of k.
+    /// Memory of a task: packed rows of the left factor, and tiles that are stored between blocks of k.
     static TASK: Cell<(Vec<Rows>, Vec<Tile>)> = const { Cell::new((Vec::new(), Vec::new())) };
 }
 
-/// A left factor (m, k): how its rows reach the register tiles.
+/// A left factor (m, k); the trait defines how its rows reach the register tiles.
 pub(super) trait Left: Copy + Sync {
-    /// Makes the rows ready for k in `ks`; `panels` is the number of column panels they will meet. Empty where they are read in place.
+    /// Prepares the rows for k in `ks`; `panels` is the number of column panels that will use them. `packed`
+    /// stays empty if the rows are read in place.
     fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
-    /// Resumes the chains of the rows from `rows.start` on (at most six, beyond the last anything) over k in `ks`; `packed` is their part of
-    /// what was prepared.
+    /// Resumes the chains of the rows from `rows.start` on (at most six; rows beyond the last may hold any
+    /// values) over k in `ks`; `packed` is their part of the prepared rows.
     fn resume<S: Sixteen, const P: usize>(
         self,
         chains: &mut Chains<S, P>,
@@ -31,7 +34,7 @@ pub(super) trait Left: Copy + Sync {
     );
 }
 
-/// One block of the output: where it begins, and its part of every row.
+/// One block of the output: its first column, and its part of every row.
 pub(super) struct Task<'a> {
     pub(super) top: usize,
     pub(super) left: usize,
@@ -39,7 +42,7 @@ pub(super) struct Task<'a> {
 }
 
 impl Task<'_> {
-    /// Its column panels.
+    /// Returns the range of its column panels.
     pub(super) fn panels(&self) -> Range<usize> {
         let width = self.rows.first().map_or(0, |row| row.len());
         self.left / COLUMNS..(self.left + width).div_ceil(COLUMNS)
@@ -58,13 +61,13 @@ pub(super) struct Block<'a, L> {
     pub(super) how: Finish<'a>,
 }
 
-/// A part of the way along k.
+/// One section of the traversal along k.
 #[derive(Clone)]
 struct Leg {
     ks: Range<usize>,
-    /// Chains begin here, they do not resume.
+    /// True if the chains begin here instead of being resumed.
     is_first: bool,
-    /// Results are written, they do not rest.
+    /// True if the results are written to the output instead of being stored as tiles.
     is_last: bool,
 }
 
@@ -77,14 +80,14 @@ impl<L: Left> Job for Block<'_, L> {
         if k <= CHUNK {
             self.along(simd, 0..k, true, (&mut packed, &mut tiles));
         } else {
-            // The pairwise tree over the chunks as they come: two neighbours of one level make one of the next, and at
-            // the end the last, smaller ones are added from the right.
+            // The pairwise tree over the chunks is built incrementally: two neighbours of one level form one
+            // of the next; at the end, the remaining smaller ones are added from the right.
             let mut stack: Vec<(u32, Vec<Tile>)> = Vec::new();
             for start in (0..k).step_by(CHUNK) {
                 self.along(simd, start..k.min(start + CHUNK), false, (&mut packed, &mut tiles));
                 let (mut level, mut right) = (0, tiles.clone());
                 while stack.last().is_some_and(|(l, _)| *l == level) {
-                    let (_, mut left) = stack.pop().expect("the last entry was just seen");
+                    let (_, mut left) = stack.pop().expect("the stack is not empty");
                     add(&mut left, &right);
                     (level, right) = (level + 1, left);
                 }
@@ -109,7 +112,7 @@ fn add(left: &mut [Tile], right: &[Tile]) {
 }
 
 impl<L: Left> Block<'_, L> {
-    /// Fresh chains over k in `ks`, a block of k at a time; at the end they are written, or rest.
+    /// Computes new chains over k in `ks`, one block of k at a time; at the end they are written or stored.
     fn along<S: Sixteen>(
         &mut self,
         simd: S,
@@ -130,7 +133,7 @@ impl<L: Left> Block<'_, L> {
         }
     }
 
-    /// All tiles along one block of k, those of neighbouring panels together.
+    /// Computes all tiles along one block of k; tiles of neighbouring panels are processed together.
     fn leg<S: Sixteen>(&mut self, simd: S, leg: &Leg, (packed, tiles): (&mut Vec<Rows>, &mut [Tile])) {
         let (panels, height) = (self.task.panels(), self.task.rows.len());
         self.a.prepare(self.task.top..self.task.top + height, leg.ks.clone(), panels.len(), packed);
@@ -157,7 +160,8 @@ impl<L: Left> Block<'_, L> {
         }
     }
 
-    /// The tiles of one panel, or of two beside each other, for all rows; `at` is their first column.
+    /// Computes the tiles of one panel, or of two neighbouring panels, for all rows; `at` is their first
+    /// column.
     #[inline(always)]
     fn panels<S: Sixteen, const P: usize>(
         &mut self,
@@ -174,7 +178,8 @@ impl<L: Left> Block<'_, L> {
             let mut chains =
                 if leg.is_first { Chains::fresh(simd) } else { Chains::resumed(simd, &tiles[r * P..]) };
             if leg.is_last && matches!(self.how, Finish::Add) {
-                // What is added to was written long ago; fetched now, it is here when the chains end.
+                // The values to be added to were written long ago; fetching them now makes them available
+                // when the chains end.
                 for row in &*rows {
                     (0..P).for_each(|p| prefetch_index(&**row, at + p * COLUMNS));
                     prefetch_index(&**row, row.len().min(at + P * COLUMNS) - 1);

@@ -1,9 +1,9 @@
-//! Matrices as products take them, and what is done with a finished element.
+//! Matrix views that the products accept, and the operations applied to a finished element.
 
 /// Longest chain in k; part of the definition.
 pub const CHUNK: usize = 4096;
 
-/// A matrix seen in a slice: element (i, j) is `values[i·row_stride + j·column_stride]`.
+/// A matrix view into a slice: element (i, j) is `values[i·row_stride + j·column_stride]`.
 #[derive(Clone, Copy, Debug)]
 pub struct View<'a> {
     pub(super) values: &'a [f32],
@@ -14,19 +14,24 @@ pub struct View<'a> {
 }
 
 impl<'a> View<'a> {
-    /// A row-major matrix that fills the slice.
+    /// Returns a view of a row-major matrix that occupies the complete slice.
     ///
     /// # Panics
-    /// When the slice does not have rows·columns elements.
+    /// Panics if the slice does not have rows·columns elements.
     pub fn new(values: &'a [f32], rows: usize, columns: usize) -> Self {
-        assert_eq!(values.len(), rows * columns, "a row-major ({rows}, {columns}) matrix fills its slice");
+        assert_eq!(
+            values.len(),
+            rows * columns,
+            "the slice has the size of a row-major ({rows}, {columns}) matrix"
+        );
         Self { values, rows, columns, row_stride: columns, column_stride: 1 }
     }
 
-    /// Any strides: a head of an attention layer, a patch of an image.
+    /// Returns a view with arbitrary strides, for example one head of an attention layer or a patch of an
+    /// image.
     ///
     /// # Panics
-    /// When the last element lies outside the slice.
+    /// Panics if the last element is outside the slice.
     pub fn strided(
         values: &'a [f32],
         (rows, columns): (usize, usize),
@@ -34,12 +39,12 @@ impl<'a> View<'a> {
     ) -> Self {
         if rows > 0 && columns > 0 {
             let last = (rows - 1) * row_stride + (columns - 1) * column_stride;
-            assert!(last < values.len(), "element ({}, {}) lies in the slice", rows - 1, columns - 1);
+            assert!(last < values.len(), "element ({}, {}) is inside the slice", rows - 1, columns - 1);
         }
         Self { values, rows, columns, row_stride, column_stride }
     }
 
-    /// The transpose; nothing moves.
+    /// Returns the transpose without moving data.
     #[must_use]
     pub fn t(self) -> Self {
         Self {
@@ -62,18 +67,18 @@ impl<'a> View<'a> {
     }
 }
 
-/// What happens to a finished element p of the product, after its chain.
+/// Operation applied to a finished element p of the product, after its chain.
 #[derive(Clone, Copy, Debug)]
 pub enum Finish<'a> {
-    /// c = p
+    /// c = p.
     Store,
-    /// c = c + p
+    /// c = c + p.
     Add,
-    /// c = 0 + p: the same where c is known to hold +0, which is then not read
+    /// c = 0 + p; equal to `Add` if c is known to be +0, but c is not read.
     AddToZero,
-    /// c = p + bias of the column, bias (n)
+    /// c = p + bias of the column, bias (n).
     Bias(&'a [f32]),
-    /// c = p + bias where that is positive, this number times it elsewhere
+    /// c = p + bias where that is positive, the given slope times that elsewhere.
     Leaky(&'a [f32], f32),
 }
 

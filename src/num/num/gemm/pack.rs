@@ -1,11 +1,11 @@
-//! Panels of both factors, as the register tiles read them.
+//! Packing of both factors into the panels that the register tiles read.
 
 use super::matrix::View;
 use super::tile::{COLUMNS, Columns, ROWS, Rows, eight};
 use crate::num::lanes::f32x8;
 use std::ops::Range;
 
-/// Columns `first..first + 16` of b (k, n); columns beyond n are zero.
+/// Packs columns `first..first + 16` of b (k, n); columns beyond n are zero.
 pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
     let width = COLUMNS.min(b.columns - first);
     let at = |k: usize, j: usize| b.values[k * b.row_stride + (first + j) * b.column_stride];
@@ -23,8 +23,9 @@ pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
         }
         return;
     }
-    // Sixteen contiguous columns: transposed eight by eight. A cache line of a column is used up before the next
-    // column is touched, because columns a power of two apart share few places of the cache.
+    // Sixteen contiguous columns are transposed in blocks of eight by eight. All of a column's cache line is
+    // used before the next column is read, because columns whose distance is a power of two share few cache
+    // sets.
     let whole = b.rows - b.rows % COLUMNS;
     for k in (0..whole).step_by(COLUMNS) {
         for half in 0..2 {
@@ -41,7 +42,7 @@ pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
     }
 }
 
-/// Rows `rows` and k `ks` of a in panels of six rows; rows beyond the end are zero.
+/// Packs rows `rows` and k `ks` of a into panels of six rows; rows beyond the end are zero.
 pub(super) fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panels: &mut Vec<Rows>) {
     panels.reserve(rows.len().div_ceil(ROWS) * ks.len());
     for first in rows.clone().step_by(ROWS) {
@@ -57,7 +58,7 @@ pub(super) fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panel
                 k += 8;
             }
         } else if a.row_stride == 1 && first + 8 <= a.rows {
-            // The two rows too many are never used.
+            // The two excess rows are never used.
             panels.extend((k..ks.end).map(|k| eight(&a.values[k * a.column_stride + first..]).to_array()));
             k = ks.end;
         }

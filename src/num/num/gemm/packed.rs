@@ -1,17 +1,17 @@
-//! Right factors packed once.
+//! Right factors that are packed once and reused.
 
 use super::super::par;
 use super::matrix::View;
 use super::pack::pack_columns;
 use super::tile::{COLUMNS, Columns};
 
-/// Multiplications from which on the work is shared between threads.
+/// Number of multiplications from which on the work is shared between threads.
 pub(super) const PARALLEL: usize = 1 << 18;
 
 /// A right factor (k, n) packed once, for use with many left factors.
 #[derive(Clone, Debug, Default)]
 pub struct Packed {
-    /// (⌈n/16⌉, k): panel p holds columns 16p..16p+16 for every k
+    /// Panels (⌈n/16⌉, k): panel p contains columns 16p..16p+16 for every k.
     pub(super) panels: Vec<Columns>,
     pub(super) k: usize,
     pub(super) n: usize,
@@ -23,7 +23,8 @@ impl Packed {
         Self::reusing(Vec::new(), b)
     }
 
-    /// Packs a row-major (k, n) matrix of which `read(first, into)` gives the numbers from `first` on, on this thread, into the memory of this one.
+    /// Packs a row-major (k, n) matrix on this thread, reusing the memory of `self`; `read(first, into)`
+    /// copies the numbers from index `first` on.
     #[must_use]
     pub fn renewed(self, (k, n): (usize, usize), read: impl Fn(usize, &mut [f32])) -> Self {
         let mut panels = self.panels;
@@ -33,7 +34,7 @@ impl Packed {
             for (row, columns) in panel.iter_mut().enumerate() {
                 let at = row * n + first;
                 if width == COLUMNS {
-                    read(at, &mut columns.0); // of a known size: a few instructions
+                    read(at, &mut columns.0); // size known at compile time
                 } else {
                     columns.0[width..].fill(0.0);
                     read(at, &mut columns.0[..width]);
@@ -43,7 +44,7 @@ impl Packed {
         Self { panels, k, n }
     }
 
-    /// Sums of the columns, each a left fold from +0.
+    /// Returns the sums of the columns, each a left fold from +0.
     pub fn column_sums(&self) -> impl Iterator<Item = f32> {
         let panels = (0..self.n.div_ceil(COLUMNS)).map(|p| {
             self.panel(p).iter().fold([0.0; COLUMNS], |mut sums, columns| {
@@ -54,7 +55,7 @@ impl Packed {
         panels.flatten().take(self.n)
     }
 
-    /// Packs into memory that may already be there.
+    /// Packs into memory that may already be allocated.
     pub(super) fn reusing(mut panels: Vec<Columns>, b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
         panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
@@ -67,7 +68,7 @@ impl Packed {
         Self { panels, k, n }
     }
 
-    /// Columns 16p..16p+16, k by k.
+    /// Returns columns 16p..16p+16, ordered by k.
     pub(super) fn panel(&self, p: usize) -> &[Columns] {
         &self.panels[p * self.k..(p + 1) * self.k]
     }

@@ -1,16 +1,18 @@
-//! Products with a left factor that lies in memory as runs: patches of a picture, read where they are.
+//! Products whose left factor is stored in memory as runs, such as patches of an image that are read in
+//! place.
 //!
-//! Row r of the factor (m, k) consists of runs of `len` neighbouring numbers: run s begins at `starts[r] + offsets[s]`, k = runs · len. The same memory read
-//! the other way round is the transpose. Chains are those of [`super`]: k ascending from +0, product and sum rounded separately, beyond
-//! [`CHUNK`](super::CHUNK) in chunks joined by the tree.
+//! Row r of the factor (m, k) consists of runs of `len` consecutive numbers: run s begins at `starts[r] +
+//! offsets[s]`, and k = runs · len. The transpose reads the same memory in the other order. Chains are those
+//! of [`super`]: k ascending from +0, with product and sum rounded separately; k beyond
+//! [`CHUNK`](super::CHUNK) is split into chunks joined by the pairwise tree.
 //!
 //! ```
 //! # use lastlight_num as lastlight;
 //! use lastlight::num::gemm::{Finish, Packed, View};
 //! use lastlight::num::gemm::runs::{Runs, gemm_runs};
-//! let picture = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]; // 3×3
-//! // both patches of 2×2 in the upper two rows
-//! let patches = Runs { values: &picture, starts: &[0, 1], offsets: &[0, 3], len: 2 };
+//! let image = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]; // 3×3
+//! // the two 2×2 patches in the upper two rows
+//! let patches = Runs { values: &image, starts: &[0, 1], offsets: &[0, 3], len: 2 };
 //! let ones = Packed::new(View::new(&[1.0; 4], 4, 1));
 //! let mut sums = [0.0; 2];
 //! gemm_runs(patches, &ones, Finish::Store, sums.chunks_mut(1).collect());
@@ -25,18 +27,18 @@ use std::ops::Range;
 /// A matrix whose rows consist of runs.
 #[derive(Clone, Copy, Debug)]
 pub struct Runs<'a> {
-    /// where the numbers are
+    /// Memory that contains the numbers.
     pub values: &'a [f32],
-    /// (m) where each row begins
+    /// Start of each row in `values`, shape (m).
     pub starts: &'a [usize],
-    /// where each run begins, from the beginning of its row
+    /// Start of each run, relative to the start of its row.
     pub offsets: &'a [usize],
-    /// numbers of a run
+    /// Numbers per run.
     pub len: usize,
 }
 
 impl Runs<'_> {
-    /// Columns k.
+    /// Number of columns k.
     pub fn k(&self) -> usize {
         self.offsets.len() * self.len
     }
@@ -75,38 +77,40 @@ impl Left for Runs<'_> {
     }
 }
 
-/// Patches of one picture, `rows` × `columns` of them, taken the other way round: column (r, q) of the factor (m, k) begins at
-/// `r · down + q · along`, its runs at `offsets` from there, m = runs · len, k = `rows` · `columns`.
+/// The transposed matrix of the patches of one image, `rows` × `columns` of them: column (r, q) of the factor
+/// (m, k) begins at `r · down + q · along`, and its runs at `offsets` from there; m = runs · len, k = `rows`
+/// · `columns`.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid<'a> {
-    /// where the numbers are, and at least `along` more
+    /// Memory that contains the numbers, followed by at least `along` more.
     pub values: &'a [f32],
-    /// patches below each other
+    /// Number of patches in vertical direction.
     pub rows: usize,
-    /// patches beside each other
+    /// Number of patches in horizontal direction.
     pub columns: usize,
-    /// from a patch to the one below
+    /// Distance from a patch to the one below.
     pub down: usize,
-    /// from a patch to the next
+    /// Distance from a patch to the next in its row.
     pub along: usize,
-    /// where each run begins, from the beginning of its patch
+    /// Start of each run, relative to the start of its patch.
     pub offsets: &'a [usize],
-    /// numbers of a run
+    /// Numbers per run.
     pub len: usize,
 }
 
 impl Grid<'_> {
-    /// Rows m.
+    /// Number of rows m.
     pub fn m(&self) -> usize {
         self.offsets.len() * self.len
     }
 
-    /// Columns k.
+    /// Number of columns k.
     pub fn k(&self) -> usize {
         self.rows * self.columns
     }
 
-    /// Where patches hold the rows from `rows.start` on, at most six; beyond the last, the last again.
+    /// Returns where patches contain the rows from `rows.start` on, at most six; missing rows repeat the last
+    /// one.
     #[inline(always)]
     fn places(&self, rows: Range<usize>) -> Places {
         let mut at = [0; ROWS];
@@ -151,11 +155,12 @@ impl Grid<'_> {
     }
 }
 
-/// Six rows of a factor within a patch.
+/// Positions of six rows of a factor within a patch.
 struct Places {
-    /// where each begins
+    /// Start of each row.
     at: [usize; ROWS],
-    /// They are neighbours, and none is beyond the next patch: read without looking up each.
+    /// True if the rows are consecutive and do not reach beyond the next patch, so that they are read without
+    /// separate look-ups.
     are_neighbours: bool,
 }
 
@@ -177,14 +182,17 @@ impl Left for Grid<'_> {
     }
 }
 
-/// The rows of a·b, on this thread; `rows` are those of the product, wherever they lie.
+/// Computes the rows of a·b on this thread; `rows` are the rows of the product at any location in memory.
 ///
 /// # Panics
-/// When the shapes do not fit, or a run lies outside the memory.
+/// Panics if the shapes do not match, or if a run is outside the memory.
 pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, mut rows: Vec<&mut [f32]>) {
-    assert_eq!(a.starts.len(), rows.len(), "a row of the product per row of the left factor");
+    assert_eq!(a.starts.len(), rows.len(), "the product has as many rows as the left factor");
     assert_eq!(a.k(), b.k, "both factors have the same k");
-    assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
+    assert!(
+        rows.iter().all(|row| row.len() == b.n),
+        "each row of the product has as many entries as the right factor has columns"
+    );
     if let Some(bias) = how.bias() {
         assert_eq!(bias.len(), b.n, "one bias per column");
     }
@@ -196,21 +204,25 @@ pub fn gemm_runs(a: Runs<'_>, b: &Packed, how: Finish<'_>, mut rows: Vec<&mut [f
     }
 }
 
-/// Adds to rows of c, which are those of the product from row `top` on, the products of several pictures' patches taken the other way
-/// round, c = (c + a₀·b₀) + a₁·b₁ …, each with its factor on the right, on this thread.
+/// Adds the products of the transposed patches of several images to rows of c, which are those of the product
+/// from row `top` on: c = (c + a₀·b₀) + a₁·b₁ …, each with its own right factor, on this thread.
 ///
 /// # Panics
-/// When the shapes do not fit, patches do not lie alike in all pictures, or a run lies outside the memory.
+/// Panics if the shapes do not match, if the patches are not placed alike in all images, or if a run is
+/// outside the memory.
 pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [f32]>) {
     for (a, b) in items {
         let lies = |a: &Grid<'_>| (a.rows, a.columns, a.down, a.along, a.len);
         assert!(
             lies(a) == lies(&items[0].0) && a.offsets == items[0].0.offsets,
-            "patches lie alike in all pictures"
+            "the patches are placed alike in all images"
         );
-        assert!(top + rows.len() <= a.m(), "a row of the product per row of the left factor");
+        assert!(top + rows.len() <= a.m(), "the rows from `top` on exist in the left factor");
         assert_eq!(a.k(), b.k, "both factors have the same k");
-        assert!(rows.iter().all(|row| row.len() == b.n), "rows have the columns of the right factor");
+        assert!(
+            rows.iter().all(|row| row.len() == b.n),
+            "each row of the product has as many entries as the right factor has columns"
+        );
     }
     if items.iter().all(|(a, _)| a.k() <= SHORT) {
         return widest(AddGrids { items, task: Task { top, left: 0, rows } });
@@ -225,9 +237,10 @@ pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [
     }
 }
 
-/// k up to which [`add_grids`] keeps sums at hand (in registers, where these are sixteen lanes wide) while a few items pass by.
+/// Largest k for which [`add_grids`] keeps sums in registers (where these have sixteen lanes) while it
+/// processes a few items.
 const SHORT: usize = 256;
-/// Columns of a panel, for one k each, that are to stay in the first-level cache: 16 KiB.
+/// Number of panel columns, for one k each, that should stay in the first-level cache (16 KiB).
 const RESIDENT: usize = 256;
 
 pub(super) struct AddGrids<'a, 'b> {
@@ -257,17 +270,17 @@ impl Job for AddGrids<'_, '_> {
 }
 
 impl AddGrids<'_, '_> {
-    /// The tiles of one panel, or of two beside each other, for all rows.
+    /// Computes the tiles of one panel, or of two neighbouring panels, for all rows.
     #[inline(always)]
     fn panels<S: Sixteen, const P: usize>(&mut self, simd: S, panels: [usize; P]) {
         let Task { top, rows, .. } = &mut self.task;
         let (end, at) = (*top + rows.len(), panels[0] * COLUMNS);
-        // As many items at a time as leave their columns in the first-level cache.
+        // As many items are processed together as keep their columns in the first-level cache.
         let k = self.items.first().map_or(1, |(_, b)| b.k);
         for items in self.items.chunks((RESIDENT / (P * k.max(1))).max(1)) {
             for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
                 let mut sums = Chains::of_rows(simd, rows, at);
-                // The patches of all items lie alike.
+                // The patches of all items are placed alike.
                 let places = items[0].0.places(*top + r * ROWS..end);
                 for (a, b) in items {
                     let mut chains = Chains::fresh(simd);

@@ -1,4 +1,4 @@
-//! Eight lanes and sixteen have the same bits, for every way in which a left factor lies.
+//! Tests that eight and sixteen lanes give the same bits, for every layout of the left factor.
 
 use super::block::{Block, Left, Task};
 use super::runs::{AddGrids, Grid, Runs, add_grids};
@@ -19,7 +19,7 @@ fn task(c: &mut [f32], n: usize, top: usize) -> Task<'_> {
     Task { top, left: 0, rows: c.chunks_exact_mut(n).collect() }
 }
 
-/// With sixteen lanes, whatever the environment asks for; `false` where the processor has none.
+/// Runs with sixteen lanes regardless of the environment variable; returns `false` if the processor has none.
 fn by_sixteen(job: impl Job) -> bool {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = pulp::x86::V4::try_new() {
@@ -31,7 +31,7 @@ fn by_sixteen(job: impl Job) -> bool {
     false
 }
 
-/// The product in both ways, with every kind of end.
+/// Computes the product in both ways, with every [`Finish`].
 fn agree(a: impl Left, b: &Packed, m: usize, what: &str) {
     let (old, bias) = (values(m * b.n, 0x7e5c), values(b.n, 0x7e5d));
     let mut stored = vec![0.0; m * b.n];
@@ -83,7 +83,7 @@ const CHANNELS: usize = 5;
 const ALONG: usize = 2 * CHANNELS;
 const RUN: usize = 3 * CHANNELS;
 
-/// Patches in rows and columns over a picture.
+/// Patches in rows and columns of an image.
 struct Scene {
     rows: usize,
     columns: usize,
@@ -147,7 +147,7 @@ fn in_turn(scenes: &[Scene], factors: &[Vec<f32>], [top, n]: [usize; 2], c: &mut
 
 #[test]
 fn sums_over_pictures_are_added_one_after_the_other() {
-    // short enough for the sums to stay at hand, and too long
+    // short enough for the sums to stay in registers, and too long
     for size in [[4, 5], [17, 16]] {
         for (n, count) in [(1, 3), (37, 20)] {
             let scenes: Vec<Scene> = (0..count).map(|i| Scene::new(size, 0x7e60 + i)).collect();
@@ -159,7 +159,7 @@ fn sums_over_pictures_are_added_one_after_the_other() {
             let old = values(m * n, 0x7e5c);
             let [mut want, mut got, mut eight, mut sixteen] = [0; 4].map(|_| old.clone());
             in_turn(&scenes, &factors, [top, n], &mut want);
-            let what = format!("{size:?} patches, {n} columns, {count} pictures");
+            let what = format!("{size:?} patches, {n} columns, {count} images");
             add_grids(&items, top, got.chunks_exact_mut(n).collect());
             assert_eq!(bits(&got), bits(&want), "{what}");
             AddGrids { items: &items, task: task(&mut eight, n, top) }.by(Pairs);

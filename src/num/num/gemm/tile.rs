@@ -1,9 +1,11 @@
 //! Register tiles: chains of products that stay in registers while k runs.
 //!
-//! A step of k takes sixteen columns of b and one number of each of six rows of a, and adds the 96 products to 96 chains. [`Sixteen`] is
-//! how sixteen lanes lie in registers: [`Pairs`] of eight, which the compiler makes for any machine, or one register each where the
-//! processor is found to have AVX-512 at run time ([`widest`]). It has twice as many registers as well, so two panels of columns are taken at once.
-//! Product and sum are two instructions either way, and no lane meets another: the bits are the same.
+//! A step of k takes sixteen columns of b and one number of each of six rows of a, and adds the 96 products
+//! to 96 chains. [`Sixteen`] abstracts how sixteen lanes are placed in registers: [`Pairs`] of eight lanes,
+//! which the compiler supports on any machine, or one register each if the processor is found to have AVX-512
+//! at run time ([`widest`]). AVX-512 also has twice as many registers, so two panels of columns are processed
+//! at once. Product and sum are two instructions in both cases, and lanes are never combined, so the bits are
+//! the same.
 
 use super::matrix::Finish;
 use crate::num::lanes::{Real, f32x8};
@@ -17,36 +19,36 @@ pub(super) const ROWS: usize = 6;
 /// Columns of a register tile.
 pub(super) const COLUMNS: usize = 16;
 
-/// The first eight numbers.
+/// Loads the first eight numbers.
 #[inline(always)]
 pub(super) fn eight(x: &[f32]) -> f32x8 {
     f32x8::new(x[..8].try_into().expect("eight numbers"))
 }
 
-/// Sixteen neighbouring columns of b for one k.
+/// Sixteen consecutive columns of b for one k.
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(super) struct Columns(pub(super) [f32; COLUMNS]);
-/// Six neighbouring rows of a for one k; the last two are not used.
+/// Six consecutive rows of a for one k; the last two numbers are not used.
 pub(super) type Rows = [f32; 8];
-/// 6×16 chains at rest.
+/// A stored tile of 6×16 unfinished chains.
 pub(super) type Tile = [Columns; ROWS];
 
 impl Columns {
     pub(super) const ZERO: Self = Self([0.0; COLUMNS]);
 }
 
-/// Sixteen lanes in registers; the operations are those of IEEE 754, each rounded.
+/// Sixteen lanes in registers; the operations are those of IEEE 754, each rounded separately.
 pub(super) trait Sixteen: Copy + Send + Sync {
-    /// Panels of columns whose chains fit into the registers together: 1 or 2.
+    /// Number of column panels whose chains fit into the registers together: 1 or 2.
     const PANELS: usize;
-    /// Sixteen numbers.
+    /// A vector of sixteen numbers.
     type V: Copy;
-    /// From memory.
+    /// Loads a vector from memory.
     fn load(self, x: &[f32; COLUMNS]) -> Self::V;
-    /// To memory.
+    /// Stores a vector to memory.
     fn store(self, x: Self::V) -> [f32; COLUMNS];
-    /// The same number sixteen times.
+    /// Returns the same number in all sixteen lanes.
     fn splat(self, x: f32) -> Self::V;
     /// x + y
     fn sum(self, x: Self::V, y: Self::V) -> Self::V;
@@ -54,7 +56,8 @@ pub(super) trait Sixteen: Copy + Send + Sync {
     fn product(self, x: Self::V, y: Self::V) -> Self::V;
     /// x where it is positive, slope·x elsewhere
     fn leaky(self, x: Self::V, slope: f32) -> Self::V;
-    /// Runs code made for these registers, out of line; all of it has to be put in line there (`inline(always)`, the closure too, where it is more than a few instructions).
+    /// Runs code compiled for these registers, out of line; everything that it calls has to be inlined
+    /// (`inline(always)`, also for the closure if it consists of more than a few instructions).
     fn run(self, work: impl FnOnce());
 }
 
@@ -149,12 +152,12 @@ impl Sixteen for V4 {
     }
 }
 
-/// Work for whichever registers there are.
+/// Work that can run with any kind of registers.
 pub(super) trait Job {
     fn by<S: Sixteen>(self, simd: S);
 }
 
-/// AVX-512, where the processor has it and it is wanted; asked once.
+/// Returns AVX-512 support if the processor has it and it is enabled; this is determined once.
 #[cfg(target_arch = "x86_64")]
 pub(super) fn avx512() -> Option<V4> {
     static FOUND: OnceLock<Option<V4>> = OnceLock::new();
@@ -162,7 +165,7 @@ pub(super) fn avx512() -> Option<V4> {
     *FOUND.get_or_init(|| if is_wanted() { V4::try_new() } else { None })
 }
 
-/// Does it with the widest registers of this machine.
+/// Runs the job with the widest registers of this machine.
 pub(super) fn widest(job: impl Job) {
     #[cfg(target_arch = "x86_64")]
     if let Some(simd) = avx512() {
@@ -171,7 +174,8 @@ pub(super) fn widest(job: impl Job) {
     job.by(Pairs);
 }
 
-/// `f` of each slice. (The closure of `array::map` is not always put in line, and then all registers are spilled around it.)
+/// Applies `f` to each slice. (The closure of `array::map` is not always inlined, and then all registers are
+/// spilled around it.)
 #[inline(always)]
 pub(super) fn each<'a, T, U, const N: usize>(
     slices: [&'a [T]; N],
@@ -184,20 +188,20 @@ pub(super) fn each<'a, T, U, const N: usize>(
     results
 }
 
-/// Chains of a tile, or of two beside each other, in registers.
+/// Chains of one tile, or of two neighbouring tiles, in registers.
 pub(super) struct Chains<S: Sixteen, const P: usize> {
     simd: S,
     acc: [[S::V; P]; ROWS],
 }
 
 impl<S: Sixteen, const P: usize> Chains<S, P> {
-    /// At their beginning, +0.
+    /// Starts new chains at +0.
     #[inline(always)]
     pub(super) fn fresh(simd: S) -> Self {
         Self { simd, acc: [[simd.splat(0.0); P]; ROWS] }
     }
 
-    /// From where they rest.
+    /// Loads the chains from stored tiles.
     #[inline(always)]
     pub(super) fn resumed(simd: S, tiles: &[Tile]) -> Self {
         let mut chains = Self::fresh(simd);
@@ -209,7 +213,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         chains
     }
 
-    /// To where they rest.
+    /// Stores the chains as tiles.
     #[inline(always)]
     pub(super) fn rest(self, tiles: &mut [Tile]) {
         for (p, tile) in tiles[..P].iter_mut().enumerate() {
@@ -219,7 +223,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         }
     }
 
-    /// One k: adds a product to each chain.
+    /// Performs one step of k, which adds a product to each chain.
     #[inline(always)]
     pub(super) fn step<'a>(&mut self, a: impl Fn(usize) -> f32, b: impl Fn(usize) -> &'a Columns) {
         let mut columns = [self.simd.splat(0.0); P];
@@ -234,10 +238,11 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         }
     }
 
-    /// Over packed rows.
+    /// Adds products over packed rows.
     #[inline(always)]
     pub(super) fn packed(&mut self, a: &[Rows], columns: [&[Columns]; P]) {
-        // Four k at a time: the loop's own instructions would otherwise take issue slots from the arithmetic.
+        // The loop handles four k at a time; the loop's own instructions would otherwise take issue slots
+        // from the arithmetic.
         let (a4, a1) = a.as_chunks::<4>();
         let b4 = each(columns, |b| &b.as_chunks::<4>().0[..a4.len()]);
         let b1 = each(columns, |b| &b[4 * a4.len()..][..a1.len()]);
@@ -251,7 +256,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         }
     }
 
-    /// Over rows where they are, each contiguous in k and as long as the columns.
+    /// Adds products over rows read in place, each contiguous in k and as long as the columns.
     #[inline(always)]
     pub(super) fn in_place(&mut self, a: [&[f32]; ROWS], columns: [&[Columns]; P]) {
         let n = columns[0].len();
@@ -268,7 +273,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         }
     }
 
-    /// Adds those of others to each.
+    /// Adds the values of other chains.
     #[inline(always)]
     pub(super) fn add(&mut self, others: &Self) {
         for (acc, others) in self.acc.iter_mut().zip(&others.acc) {
@@ -278,7 +283,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         }
     }
 
-    /// What (at most six) rows of c hold from column `at` on; beyond their end zeros.
+    /// Loads the values of at most six rows of c from column `at` on; beyond their end the values are zero.
     #[inline(always)]
     pub(super) fn of_rows(simd: S, rows: &[&mut [f32]], at: usize) -> Self {
         let mut chains = Self::fresh(simd);
@@ -291,7 +296,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
         chains
     }
 
-    /// Writes to (at most six) rows of c from column `at` of the block on, which begins at column `left`.
+    /// Writes to at most six rows of c from column `at` on; the block begins at column `left`.
     #[inline(always)]
     pub(super) fn finish(self, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
         for (acc, row) in self.acc.into_iter().zip(rows) {
@@ -317,7 +322,7 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
     }
 }
 
-/// Sixteen numbers, or fewer and zeros after them.
+/// Loads up to sixteen numbers, followed by zeros.
 #[inline(always)]
 fn padded(x: &[f32]) -> [f32; COLUMNS] {
     match x.try_into() {
@@ -326,7 +331,7 @@ fn padded(x: &[f32]) -> [f32; COLUMNS] {
     }
 }
 
-// Out of line, so that whole tiles are not copied by the general copy as well.
+// This function is out of line, so that the general copy does not also handle complete tiles.
 
 #[cold]
 #[inline(never)]

@@ -1,37 +1,40 @@
-//! How far blocks and factors correspond one to one: disentanglement, completeness, information gap.
+//! One-to-one correspondence of blocks and factors: disentanglement, completeness, information gap.
 //!
-//! **Disentanglement, completeness** (the form of DCI, Eastwood and Williams 2018, with ridge regression instead of boosted trees). Importance
-//! I_ij = Σ over the dimensions of block i of |w|, w the ridge weights of the standardised u_j on all standardised dimensions,
-//! (C + λI) w = c. With rows and columns of I as distributions,
+//! **Disentanglement, completeness** (the form of DCI, Eastwood and Williams 2018, with ridge regression
+//! instead of boosted trees). The importance is I_ij = Σ over the dimensions of block i of |w|, where w are
+//! the ridge weights of the standardised u_j on all standardised dimensions, (C + λI) w = c. With rows and
+//! columns of I as distributions,
 //!
-//! D = Σ_i m_i (1 − H_m(I_i·)),   C = Σ_j m_j (1 − H_n(I_·j)),   m = mass of the row or column over the whole,   H_b = entropy to base b.
+//! D = Σ_i m_i (1 − H_m(I_i·)),   C = Σ_j m_j (1 − H_n(I_·j)),   m = fraction of the total mass in the row or
+//! column,   H_b = entropy to base b.
 //!
-//! **Information gap** (the form of MIG, Chen et al. 2018). Mean over factors of (the largest − the second largest I(ẑ_i; u_j)) / H(u_j), with the
-//! entropy of u_j in [`BINS`] equal bins from its least to its largest value. The estimator of information is the caller's: a function of the
-//! values (N, k) of a block, k, and the values (N) of a factor, in nats. Estimates below 0 count as 0.
+//! **Information gap** (the form of MIG, Chen et al. 2018): the mean over factors of (the largest − the
+//! second largest I(ẑ_i; u_j)) / H(u_j), with the entropy of u_j in [`BINS`] equal bins from its minimum to
+//! its maximum. The caller supplies the estimator of information: a function of the values (N, k) of a block,
+//! k, and the values (N) of a factor, in nats. Estimates below 0 count as 0.
 
 use super::{Blocks, Factors, correlations, samples, standardised};
 use crate::math::dense;
 use crate::num::{order, par};
 use crate::{Error, Result};
 
-/// λ of the ridge regression.
+/// Coefficient λ of the ridge regression.
 pub const RIDGE: f64 = 1e-3;
-/// Bins of the entropy of a factor.
+/// Number of bins for the entropy of a factor.
 pub const BINS: usize = 20;
 
-/// Importance and what follows from it.
+/// Importance matrix and the metrics derived from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dci {
-    /// (n, m)
+    /// Importance I, shape (n, m).
     pub importance: Vec<f64>,
-    /// Whether a block tells of one factor only; `None` with one factor.
+    /// Degree to which each block depends on one factor only; `None` if there is one factor.
     pub disentanglement: Option<f64>,
-    /// Whether a factor is told by one block only; `None` with one block.
+    /// Degree to which each factor is represented by one block only; `None` if there is one block.
     pub completeness: Option<f64>,
 }
 
-/// 1 − entropy of a distribution given up to its mass, to the base of its length.
+/// Returns 1 − the entropy of an unnormalised distribution, to the base of its length.
 fn concentration(values: &[f64]) -> f64 {
     let mass = values.iter().fold(0.0, |s, x| s + x);
     if mass == 0.0 {
@@ -44,7 +47,7 @@ fn concentration(values: &[f64]) -> f64 {
     1.0 - entropy / libm::log(values.len() as f64)
 }
 
-/// Mean concentration of rows, weighted by their mass; 0 without mass.
+/// Returns the mean concentration of the rows, weighted by their mass; 0 if the total mass is 0.
 fn weighted(rows: &[Vec<f64>]) -> Option<f64> {
     if rows.iter().any(|row| row.len() < 2) {
         return None;
@@ -55,10 +58,11 @@ fn weighted(rows: &[Vec<f64>]) -> Option<f64> {
     Some(if total > 0.0 { sum / total } else { 0.0 })
 }
 
-/// Disentanglement and completeness.
+/// Returns disentanglement and completeness.
 ///
 /// # Errors
-/// Shapes that do not fit, fewer than two samples, numbers that are not finite.
+/// Returns an error if shapes do not match, if there are fewer than two samples, or if a number is not
+/// finite.
 pub fn dci(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Dci> {
     samples("disentanglement", z, u)?;
     let (n, k, m, dims) = (z.n, z.k, u.m, z.dims());
@@ -81,7 +85,7 @@ pub fn dci(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Dci> {
     Ok(Dci { disentanglement: weighted(&by_block), completeness: weighted(&by_factor), importance })
 }
 
-/// Entropy in nats of values in [`BINS`] equal bins; 0 if all are equal.
+/// Returns the entropy in nats of values in [`BINS`] equal bins; 0 if all are equal.
 pub fn binned_entropy(values: &[f64]) -> f64 {
     let low = values.iter().fold(f64::INFINITY, |m, &x| order::min(m, x));
     let high = values.iter().fold(f64::NEG_INFINITY, |m, &x| order::max(m, x));
@@ -97,10 +101,12 @@ pub fn binned_entropy(values: &[f64]) -> f64 {
     counts.iter().filter(|c| **c > 0.0).fold(0.0, |h, c| h - c / total * libm::log(c / total))
 }
 
-/// The information gap; with one block, its information over the entropy. `None` if some factor is constant.
+/// Returns the information gap; with one block, its information over the entropy. Returns `None` if a factor
+/// is constant.
 ///
 /// # Errors
-/// Shapes that do not fit, fewer than two samples, numbers that are not finite, an estimate that is not.
+/// Returns an error if shapes do not match, if there are fewer than two samples, or if a number or an
+/// estimate is not finite.
 pub fn information_gap(
     z: &Blocks<'_>,
     u: &Factors<'_>,
@@ -111,7 +117,9 @@ pub fn information_gap(
     let table = par::map(n * m, |at| information(&z.block(at / m), z.k, &u.factor(at % m)));
     let table: Vec<f64> = table.into_iter().collect::<Result<_>>()?;
     if !table.iter().all(|x| x.is_finite()) {
-        return Err(Error::input("information gap").expected("finite estimates").got("one that is not"));
+        return Err(Error::input("information gap")
+            .expected("finite estimates")
+            .got("an estimate that is not finite"));
     }
     let mut sum = 0.0;
     for j in 0..m {

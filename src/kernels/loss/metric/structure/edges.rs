@@ -1,11 +1,14 @@
-//! Edges of a graph against those of the truth.
+//! Comparison of the edges of a graph with those of the true graph.
 //!
-//! With T the true and E the estimated edges, and E⁻ the estimated edges whose reverse is true and which are not themselves true:
+//! T are the true edges, E the estimated edges, and E⁻ the estimated edges that are not true but whose
+//! reverse is:
 //!
-//! SHD = pairs joined in one graph alone + |E⁻|,   TPR = |E ∩ T| / |T|,   FDR = (|E⁻| + |F|) / |E|,   FPR = (|E⁻| + |F|) / (n(n−1)/2 − |T|),   nnz = |E|
+//! SHD = pairs connected in only one of the graphs + |E⁻|,   TPR = |E ∩ T| / |T|,   FDR = (|E⁻| + |F|) / |E|,
+//! FPR = (|E⁻| + |F|) / (n(n−1)/2 − |T|),   nnz = |E|
 //!
-//! where F are the estimated edges between nodes that the truth does not join. (`count_accuracy` of NOTEARS; a denominator of 0 counts as 1
-//! there and here.) Against a truth without edges only SHD and nnz mean something; the rates are absent.
+//! where F are the estimated edges between nodes that the true graph does not connect. As in `count_accuracy`
+//! of NOTEARS, a denominator of 0 is replaced by 1. If the true graph has no edges, only SHD and nnz are
+//! meaningful, and the rates are absent.
 
 use crate::math::digraph::Digraph;
 use crate::num::order;
@@ -13,32 +16,32 @@ use crate::num::order;
 /// Counts and rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edges {
-    /// Structural Hamming distance: edges to add, remove or turn, each 1.
+    /// Structural Hamming distance: the number of edges to add, remove or reverse.
     pub shd: usize,
     /// Number of estimated edges.
     pub nnz: usize,
-    /// Rates, where the truth has edges.
+    /// Rates, if the true graph has edges.
     pub rates: Option<Rates>,
 }
 
 /// Fractions of edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// True edges that were found, in their direction.
+    /// Fraction of the true edges that are found with their direction.
     pub tpr: f64,
-    /// Found edges that are reversed or false.
+    /// Fraction of the found edges that are reversed or false.
     pub fdr: f64,
-    /// Reversed or false edges per pair that the truth does not join.
+    /// Number of reversed or false edges per pair that the true graph does not connect.
     pub fpr: f64,
 }
 
-/// Compares an estimate with the truth.
+/// Compares an estimated graph with the true graph.
 ///
 /// # Panics
-/// When the graphs have different numbers of nodes.
+/// Panics if the graphs have different numbers of nodes.
 pub fn compare(truth: &Digraph, estimate: &Digraph) -> Edges {
     let n = truth.n();
-    assert_eq!(estimate.n(), n, "graphs over the same nodes");
+    assert_eq!(estimate.n(), n, "both graphs have the same nodes");
     let found = estimate.edges();
     let right = found.iter().filter(|&&(i, j)| truth.has(i, j)).count();
     let reversed = found.iter().filter(|&&(i, j)| !truth.has(i, j) && truth.has(j, i)).count();

@@ -1,14 +1,14 @@
-//! What interventions in latent space do, on held-out pairs.
+//! Evaluation of interventions in latent space on held-out pairs.
 
 use super::Blocks;
 use super::matching::Matching;
 use crate::math::digraph::Digraph;
 use crate::{Error, Result};
 
-/// Fraction of interventions whose target was recognised: `guessed` are blocks, `truth` factors.
+/// Returns the fraction of interventions whose target was recognised: `guessed` are blocks, `truth` factors.
 ///
 /// # Errors
-/// When there is nothing to count, or the numbers differ.
+/// Returns an error if there are no interventions, or if the lengths differ.
 pub fn target_accuracy(guessed: &[usize], truth: &[usize], matching: &Matching) -> Result<f64> {
     let m = matching.block.len();
     if guessed.is_empty() || guessed.len() != truth.len() || truth.iter().any(|&j| j >= m) {
@@ -20,19 +20,22 @@ pub fn target_accuracy(guessed: &[usize], truth: &[usize], matching: &Matching) 
     Ok(right as f64 / truth.len() as f64)
 }
 
-/// An error as a fraction of another one, such as that of changing nothing or that of the true graph; `None` where that one is 0.
+/// Returns an error as a fraction of a reference error, such as that of no change or that of the true graph;
+/// `None` if the reference is 0.
 pub fn relative(error: f64, of: f64) -> Option<f64> {
     (of > 0.0).then(|| error / of)
 }
 
-/// Mean displacement of blocks that an intervention must not move, over that of blocks it moves.
+/// Returns the mean displacement of blocks that an intervention must not change, divided by that of blocks it
+/// changes.
 ///
-/// A displacement is ‖ẑ'_j − ẑ_j‖ / √k with every dimension divided by its standard deviation in `before`. `targets` (N) names the block that
-/// was set; descendants are those of the true graph, given over blocks. The target itself counts on neither side. `None` if no pair has both a
-/// non-descendant and a descendant to compare, or nothing moves.
+/// A displacement is ‖ẑ'_j − ẑ_j‖ / √k with every dimension divided by its standard deviation in `before`.
+/// `targets` (N) contains the block that was set; descendants are those of the true graph, given over blocks.
+/// The target itself is excluded from both means. Returns `None` if no pair has both a non-descendant and a
+/// descendant to compare, or if nothing moves.
 ///
 /// # Errors
-/// When shapes differ.
+/// Returns an error if shapes differ.
 pub fn locality(
     before: &Blocks<'_>,
     after: &Blocks<'_>,
@@ -43,7 +46,7 @@ pub fn locality(
     let same = (after.n, after.k, after.values.len()) == (n, k, before.values.len());
     if !(same && targets.len() == count && truth.n() == n && targets.iter().all(|&t| t < n)) {
         return Err(Error::input("locality")
-            .expected(format!("blocks ({count}, {n}, {k}) before and after, a target for each"))
+            .expected(format!("blocks ({count}, {n}, {k}) before and after, and one target for each"))
             .got(format!("{} values, {} targets", after.values.len(), targets.len())));
     }
     let deviation: Vec<f64> = (0..dims)
@@ -53,7 +56,7 @@ pub fn locality(
             (column().fold(0.0, |s, x| s + (x - mean) * (x - mean)) / count as f64).sqrt()
         })
         .collect();
-    let mut sums = [[0.0; 2]; 2]; // (still, moved) × (sum, number)
+    let mut sums = [[0.0; 2]; 2]; // (not moved, moved) × (sum, count)
     for (s, &target) in targets.iter().enumerate() {
         let descendants = truth.descendants(target);
         for j in (0..n).filter(|&j| j != target) {

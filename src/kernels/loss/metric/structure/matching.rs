@@ -1,12 +1,14 @@
-//! Which latent block stands for which true factor.
+//! Matching of latent blocks with true factors.
 //!
-//! r(ẑ_i, u_j) = √(cᵀ (C + λI)⁻¹ c): the canonical correlation of the k dimensions of block i with the scalar u_j, C their correlations with each
-//! other, c with u_j, λ = [`RIDGE`]. The matching is the injection of factors into blocks with the largest Σ_j r, found among all of them in
-//! lexicographic order, the first of equals; MCC is the mean of r over the factors under it. A factor for which there is no block left counts
-//! 0.
+//! r(ẑ_i, u_j) = √(cᵀ (C + λI)⁻¹ c) is the canonical correlation of the k dimensions of block i with the
+//! scalar u_j, where C are their mutual correlations, c those with u_j, and λ = [`RIDGE`]. The matching is
+//! the injection of factors into blocks with the largest Σ_j r, found by exhaustive search in lexicographic
+//! order; of equal ones the first is taken. MCC is the mean of r over the matched factors. A factor without a
+//! block counts 0.
 //!
 //! # Rounding
-//! Columns are standardised, products are left folds over the samples; a dimension without variance correlates with nothing.
+//! Columns are standardised, and products are left folds over the samples; a dimension without variance has
+//! correlation 0 with all others.
 
 use super::{Blocks, Factors, correlations, samples, standardised};
 use crate::math::dense;
@@ -14,26 +16,27 @@ use crate::math::digraph::Digraph;
 use crate::num::order;
 use crate::{Error, Result};
 
-/// λ
+/// Ridge λ that is added to the correlation matrix.
 pub const RIDGE: f64 = 1e-3;
-/// Most factors and most blocks.
+/// Largest number of factors and of blocks.
 pub const MOST: usize = 8;
 
-/// The result of matching m factors with n blocks.
+/// Result of matching m factors with n blocks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matching {
-    /// (m) block of each factor
+    /// Block of each factor, shape (m).
     pub block: Vec<Option<usize>>,
-    /// (n, m) r of every pair
+    /// Correlation r of every pair, shape (n, m).
     pub r: Vec<f64>,
-    /// Mean r of the matched pairs, over m.
+    /// Sum of r over the matched pairs, divided by m.
     pub mcc: f64,
 }
 
-/// r of every block with every factor, (n, m).
+/// Returns r of every block with every factor, shape (n, m).
 ///
 /// # Errors
-/// Shapes that do not fit, fewer than two samples, numbers that are not finite.
+/// Returns an error if shapes do not match, if there are fewer than two samples, or if a number is not
+/// finite.
 pub fn canonical(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Vec<f64>> {
     samples("matching", z, u)?;
     let (k, m) = (z.k, u.m);
@@ -56,10 +59,10 @@ pub fn canonical(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Vec<f64>> {
     Ok(out)
 }
 
-/// The best assignment for a table r (n, m).
+/// Returns the best assignment for a table r (n, m).
 ///
 /// # Errors
-/// When there are more than [`MOST`] blocks or factors.
+/// Returns an error if there are more than [`MOST`] blocks or factors.
 pub fn best(r: Vec<f64>, n: usize, m: usize) -> Result<Matching> {
     let size = order::max(n, m);
     if size > MOST || r.len() != n * m {
@@ -84,19 +87,19 @@ pub fn best(r: Vec<f64>, n: usize, m: usize) -> Result<Matching> {
 /// Matches blocks with factors.
 ///
 /// # Errors
-/// As [`canonical`] and [`best`].
+/// Returns an error under the conditions of [`canonical`] and [`best`].
 pub fn matching(z: &Blocks<'_>, u: &Factors<'_>) -> Result<Matching> {
     best(canonical(z, u)?, z.n, u.m)
 }
 
 impl Matching {
-    /// A graph over blocks as one over factors; edges of blocks that stand for no factor are gone.
+    /// Converts a graph over blocks to one over factors; edges of unmatched blocks are dropped.
     pub fn relabel(&self, over_blocks: &Digraph) -> Digraph {
         over_blocks.relabelled(&self.block)
     }
 }
 
-/// The lexicographically next order; false after the last.
+/// Advances to the lexicographically next permutation; returns false after the last.
 fn next_permutation(x: &mut [usize]) -> bool {
     let Some(i) = (1..x.len()).rev().find(|&i| x[i - 1] < x[i]) else { return false };
     let j = (i..x.len()).rev().find(|&j| x[j] > x[i - 1]).unwrap_or(i);
