@@ -52,6 +52,7 @@ impl Bvh {
     }
 
     /// Converts the ray to the scaled coordinates of the tree, or returns `None` if it cannot hit anything.
+    // This and the traversals below are compiled here once, and never as a part of the caller in another crate.
     #[inline(never)]
     fn line(&self, ray: &Ray) -> Option<Line> {
         Line::new(ray, &self.frame).filter(|_| !self.tree.rows().is_empty())
@@ -74,11 +75,13 @@ impl Bvh {
     }
 
     /// Returns the hit with the smallest (t, triangle), or [`Hit::NONE`].
+    #[inline(never)]
     pub fn closest(&self, ray: &Ray) -> Hit {
         self.walk::<false>(ray)
     }
 
     /// Whether the ray hits anything.
+    #[inline(never)]
     pub fn occluded(&self, ray: &Ray) -> bool {
         self.walk::<true>(ray).triangle != MISS
     }
@@ -87,6 +90,7 @@ impl Bvh {
     ///
     /// # Panics
     /// Panics if the lengths differ.
+    #[inline(never)]
     pub fn closest_batch(&self, rays: &[Ray], hits: &mut [Hit]) {
         assert_eq!(rays.len(), hits.len(), "there is one hit per ray");
         self.walk_many::<false>(rays, |i, hit| hits[i] = hit);
@@ -96,6 +100,7 @@ impl Bvh {
     ///
     /// # Panics
     /// Panics if the lengths differ.
+    #[inline(never)]
     pub fn occluded_batch(&self, rays: &[Ray], occluded: &mut [bool]) {
         assert_eq!(rays.len(), occluded.len(), "there is one result per ray");
         self.walk_many::<true>(rays, |i, hit| occluded[i] = hit.triangle != MISS);
@@ -121,6 +126,7 @@ struct Queue<'a, const ANY: bool, D> {
 
 impl<const ANY: bool, D: FnMut(usize, Hit)> Queue<'_, ANY, D> {
     /// Traces the run as a group, or moves its rays to `others`.
+    #[inline(never)]
     fn flush(&mut self) {
         if self.run.len() < group::FEW {
             std::mem::swap(&mut self.run, &mut self.others);
