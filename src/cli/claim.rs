@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 /// A folder that this program has taken.
-struct Taken {
+struct Claim {
     lock: Lock,
     dir: PathBuf,
     /// the folder and those above it that were not there, the deepest first
@@ -14,7 +14,7 @@ struct Taken {
 }
 
 /// The folders of this program.
-static TAKEN: Mutex<Vec<Taken>> = Mutex::new(Vec::new());
+static TAKEN: Mutex<Vec<Claim>> = Mutex::new(Vec::new());
 
 /// Takes a folder until [`release`]; makes it if it is not there.
 fn take(dir: &Path) -> Result<()> {
@@ -27,14 +27,14 @@ fn take(dir: &Path) -> Result<()> {
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     let dir = dir.canonicalize().map_err(|e| Error::os(dir, &e))?;
     if taken.iter().all(|t| t.dir != dir) {
-        taken.push(Taken { lock: Lock::take(&dir)?, dir, made });
+        taken.push(Claim { lock: Lock::take(&dir)?, dir, made });
     }
     Ok(())
 }
 
 /// Gives back every folder that was taken. Those that were made and hold nothing are removed: a command that could not start leaves none.
 pub(crate) fn release() {
-    for Taken { lock, made, .. } in TAKEN.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+    for Claim { lock, made, .. } in TAKEN.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
         drop(lock);
         for dir in made {
             if std::fs::remove_dir(dir).is_err() {

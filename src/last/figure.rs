@@ -7,7 +7,7 @@
 
 use super::image_source::{ImageSource, Surfaces};
 use super::points::single;
-pub use super::points::{DISC, Dots, Look, OPACITY, Photo, Points, SIGMA};
+pub use super::points::{DISC, Dots, OPACITY, Photo, Points, Rendering, SIGMA};
 use super::settings::BOUNCES;
 use crate::Result;
 use crate::geometry::bvh::Bvh;

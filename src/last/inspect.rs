@@ -44,14 +44,14 @@ pub struct Report {
     /// Notes about properties that do not prevent its use.
     pub notes: Vec<String>,
     /// One entry per checked image.
-    pub looks: Vec<Look>,
+    pub images: Vec<CheckedImage>,
     /// The capture, as far as it could be read.
     pub capture: Option<PersonCapture>,
 }
 
 /// One checked image.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Look {
+pub struct CheckedImage {
     /// Name of the image in the capture.
     pub name: String,
     /// Number of the camera.
@@ -75,23 +75,23 @@ pub struct Look {
 pub fn inspect(path: &Path, count: usize) -> Result<Report> {
     let (capture, mut problems) = PersonCapture::examine(path)?;
     let mut notes = capture.as_ref().map_or_else(Vec::new, |c| c.notes.clone());
-    let mut looks = Vec::new();
+    let mut images = Vec::new();
     if let Some(c) = &capture {
         for i in chosen(c, count) {
             let shot = &c.shots[i];
             match shot.photo() {
-                Ok(photo) => looks.push(look(c, shot, &photo)),
+                Ok(photo) => images.push(check_image(c, shot, &photo)),
                 Err(e) => problems.push(e),
             }
         }
-        for l in looks.iter().filter(|l| l.in_box < CONTAINS) {
+        for l in images.iter().filter(|l| l.in_box < CONTAINS) {
             notes.push(format!(
                 "{}: only {:.0} % of the mask lies in the box around the posed points, in which the metrics are computed",
                 l.name,
                 100.0 * l.in_box
             ));
         }
-        for l in looks.iter().filter(|l| l.on_mask < AGREES) {
+        for l in images.iter().filter(|l| l.on_mask < AGREES) {
             notes.push(format!(
                 "{}: only {:.0} % of the posed points land on the mask: check that pose, camera and image belong together",
                 l.name,
@@ -99,7 +99,7 @@ pub fn inspect(path: &Path, count: usize) -> Result<Report> {
             ));
         }
     }
-    Ok(Report { problems, notes, looks, capture })
+    Ok(Report { problems, notes, images, capture })
 }
 
 /// Training images spread over time, then one image of each of the first test cameras.
@@ -122,7 +122,7 @@ fn seen_before(out: &[usize], c: &PersonCapture) -> usize {
     out.iter().filter(|i| c.test.contains(i)).count()
 }
 
-fn look(c: &PersonCapture, shot: &Shot, photo: &Photo) -> Look {
+fn check_image(c: &PersonCapture, shot: &Shot, photo: &Photo) -> CheckedImage {
     let (w, h) = (shot.camera.width, shot.camera.height);
     let is_on = |x: isize, y: isize| {
         (0..w as isize).contains(&x)
@@ -139,7 +139,7 @@ fn look(c: &PersonCapture, shot: &Shot, photo: &Photo) -> Look {
     let covered = (0..w * h).filter(|&i| photo.mask[i] >= 0.5);
     let (inside, all) = covered.fold((0usize, 0usize), |(i, n), k| (i + usize::from(bound[k] == 1.0), n + 1));
     let share = |part: usize, whole: usize| if whole > 0 { part as f64 / whole as f64 } else { 0.0 };
-    Look {
+    CheckedImage {
         name: shot.name.clone(),
         camera: shot.camera_id,
         time: shot.time,
@@ -282,7 +282,7 @@ impl Report {
     /// If a file cannot be written.
     pub fn write(&self, dir: &Path) -> Result<Vec<String>> {
         let mut out = Vec::new();
-        for l in &self.looks {
+        for l in &self.images {
             let name = format!("c{:02}_f{:04}.png", l.camera, l.time);
             let (w, h, rgb) = &l.overlay;
             image_file::write_png(&dir.join(&name), *w, *h, 3, rgb)?;
@@ -297,7 +297,7 @@ impl Report {
             "usable": self.is_usable(),
             "problems": self.problems.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "notes": self.notes,
-            "looked_at": self.looks.iter().map(|l| json!({
+            "checked_images": self.images.iter().map(|l| json!({
                 "picture": l.name, "camera": l.camera, "moment": l.time, "held_out": l.is_test,
                 "points_on_mask": l.on_mask, "mask_in_box": l.in_box,
             })).collect::<Vec<_>>(),

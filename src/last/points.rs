@@ -18,7 +18,7 @@ pub const OPACITY: f32 = 0.95;
 
 /// How a subject is rendered.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Look {
+pub enum Rendering {
     /// As textured surfaces.
     Mesh,
     /// As points drawn as discs.
@@ -27,7 +27,7 @@ pub enum Look {
     Splats,
 }
 
-impl Look {
+impl Rendering {
     /// The name used in settings and records.
     pub fn name(self) -> &'static str {
         match self {
@@ -104,13 +104,13 @@ impl Dots {
     ///
     /// # Panics
     /// If surfaces are requested.
-    pub fn photo(&self, points: &Points, camera: &Camera, look: Look) -> Result<Photo> {
+    pub fn photo(&self, points: &Points, camera: &Camera, look: Rendering) -> Result<Photo> {
         let (image, alpha) = match look {
-            Look::Discs => {
+            Rendering::Discs => {
                 let p = discs::render(&points.points, &self.radii, &points.rgb, camera, [0.0; 3])?;
                 (p.image.into_flattened(), p.alpha)
             }
-            Look::Splats => {
+            Rendering::Splats => {
                 let quats = vec![[1.0, 0.0, 0.0, 0.0]; points.points.len()];
                 let opacities = vec![OPACITY; points.points.len()];
                 let x = In {
@@ -126,7 +126,7 @@ impl Dots {
                 let (out, _) = crate::splat::render::forward(&x, &settings);
                 (out.image, out.alpha)
             }
-            Look::Mesh => unreachable!("surfaces are rendered from an object"),
+            Rendering::Mesh => unreachable!("surfaces are rendered from an object"),
         };
         Ok(Photo { image: image_file::to_u8(&image)?, mask: image_file::to_u8(&alpha)? })
     }

@@ -24,7 +24,7 @@
 
 use super::figure;
 pub use super::image_source::{ImageSource, Surfaces};
-use super::points::{Look, Photo, Points};
+use super::points::{Photo, Points, Rendering};
 use crate::Result;
 use crate::io::npz;
 use crate::num::array::Arrays;
@@ -52,7 +52,7 @@ pub struct RenderJob<'a> {
     /// Number of appearances.
     pub appearances: usize,
     /// How the subject is rendered.
-    pub look: Look,
+    pub look: Rendering,
     /// Side of an image in pixels.
     pub size: usize,
     /// Number of samples per pixel for surfaces.
@@ -90,8 +90,8 @@ impl RenderJob<'_> {
     fn expose_all(&self, frames: &[&Frame], purpose: u16, first: usize) -> Result<Vec<Exposure>> {
         let camera = self.sitter.camera(self.size);
         let surfaces = match self.look {
-            Look::Mesh => Some(self.sitter.surfaces(frames)),
-            Look::Discs | Look::Splats => None,
+            Rendering::Mesh => Some(self.sitter.surfaces(frames)),
+            Rendering::Discs | Rendering::Splats => None,
         };
         par::map(frames.len(), |i| {
             let object = surfaces.as_ref().map(|of| of(i)).transpose()?;

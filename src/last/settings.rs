@@ -1,7 +1,7 @@
 //! Settings of a data set.
 
 use super::character_settings::CharacterSettings;
-use super::points::Look;
+use super::points::Rendering;
 use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
@@ -59,9 +59,9 @@ pub struct Settings {
     /// Whether to use unit noise and coefficients as drawn instead of unit variances.
     pub raw: bool,
     /// How the subject of the video is rendered.
-    pub video_look: Look,
+    pub video_look: Rendering,
     /// How the subjects of the sets are rendered.
-    pub set_look: Look,
+    pub set_look: Rendering,
     /// Side of the images of the video, pixels.
     pub video_size: usize,
     /// Side of the images of the sets, pixels.
@@ -99,8 +99,8 @@ impl Settings {
             factors: 4,
             mechanism: "NL".into(),
             raw: false,
-            video_look: Look::Mesh,
-            set_look: Look::Discs,
+            video_look: Rendering::Mesh,
+            set_look: Rendering::Discs,
             video_size: 256,
             set_size: 64,
             samples: 16,
@@ -147,7 +147,7 @@ impl Settings {
         let plays = self.character.as_ref().is_some_and(|c| c.play);
         let look = self.video_look;
         of_character(
-            which.video && look != Look::Mesh,
+            which.video && look != Rendering::Mesh,
             "video look",
             "mesh for a character",
             look.name().into(),
@@ -191,7 +191,7 @@ impl Settings {
             within("frames", self.frames, 1, 100_000)?;
             within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)?;
         }
-        if which.video && self.passes && self.video_look != Look::Mesh {
+        if which.video && self.passes && self.video_look != Rendering::Mesh {
             return Err(Error::input("setting passes")
                 .expected("--video-render-as mesh, because points have no depth, normals or material")
                 .got(self.video_look.name()));

@@ -19,7 +19,7 @@
 //! rest, `factors` (T,n) f64. A posed point is Σ_b w_b transforms_b · x; displacements of the surface (folds,
 //! width, skirt) are applied to x before that, see `data_gen::figure::template::Template::canonical`.
 
-use super::figure::{self, ClothedFigure, Figures, Look, Photo, Points};
+use super::figure::{self, ClothedFigure, Figures, Photo, Points, Rendering};
 use super::folder::digest;
 use super::progress::{Progress, check_stop};
 use super::settings::Settings;
@@ -247,7 +247,7 @@ pub struct BuiltIn {
     appearance: Appearance,
     person: ClothedFigure,
     figures: Figures,
-    look: Look,
+    look: Rendering,
     number: u64,
 }
 
@@ -313,7 +313,7 @@ impl Subject for BuiltIn {
     }
 
     fn passes(&self, t: usize, cameras: &[(Camera, u64)], samples: u32, taken: &mut Taken<'_>) -> Result<()> {
-        if self.look == Look::Mesh {
+        if self.look == Rendering::Mesh {
             return surfaces(&self.object(t)?, self.light_azimuth(t), cameras, samples, taken);
         }
         let points = Points::from(&self.figures.template.posed(&self.drive(t), &self.appearance));

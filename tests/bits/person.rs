@@ -9,7 +9,7 @@ use lastlight::last::avatar::fit::PersonFit;
 use lastlight::last::avatar::guide::Framing;
 use lastlight::last::avatar::progressive::Progressive;
 use lastlight::last::avatar::settings::Settings as Fitting;
-use lastlight::last::figure::Look;
+use lastlight::last::figure::Rendering;
 use lastlight::last::generate::{self, Settings as Making};
 use lastlight::last::model::file::Trained;
 use lastlight::last::model::guide;
@@ -48,7 +48,7 @@ pub(crate) fn entries() -> Vec<Entry> {
         points: 256,
         frames: 4,
         test_cameras: 1,
-        video_look: Look::Discs,
+        video_look: Rendering::Discs,
         video_size: 64,
         ..Making::smoke()
     };

@@ -71,14 +71,14 @@ fn what_last_gen_writes_is_read() {
         assert!((0..3).all(|i| (got[i] - expected[i]).abs() < 1e-5), "joint {j}: {got:?} and {expected:?}");
     }
     let report = lastlight::last::inspect::inspect(dir.path(), 3).expect("examined");
-    assert!(report.is_usable() && report.looks.len() == 5, "three training pictures and two cameras");
+    assert!(report.is_usable() && report.images.len() == 5, "three training pictures and two cameras");
     assert!(
-        report.looks.iter().all(|l| l.on_mask > 0.95 && l.in_box > 0.99),
+        report.images.iter().all(|l| l.on_mask > 0.95 && l.in_box > 0.99),
         "{:?}",
-        report.record()["looked_at"]
+        report.record()["checked_images"]
     );
     // Every joint that moves points has its dot where the camera sees it.
-    for look in &report.looks {
+    for look in &report.images {
         let is_it = |s: &&lastlight::scene::person::Shot| s.camera_id == look.camera && s.time == look.time;
         let shot = c.shots.iter().find(is_it).expect("the picture looked at");
         let (w, h, rgb) = &look.overlay;

@@ -78,7 +78,7 @@ fn examples_are_recognised() {
     assert!(!has_example("//! ```\n//! f();\n//! ```\n"), "code without a section");
     assert_eq!(documented("//! `nn.linear`: an affine map.").as_deref(), Some("nn.linear"), "a name");
     assert_eq!(
-        names("    name: \"nn.linear\",\n    name: \"x\",\n").collect::<Vec<_>>(),
+        names("    name: \"nn.linear\",\n    name: \"x\",\n").into_iter().collect::<Vec<_>>(),
         ["nn.linear"],
         "one name"
     );

@@ -8,7 +8,7 @@ use data_gen::figure::video;
 use lastlight::io::npz;
 use lastlight::last::avatar::guide::{Framing, Square};
 use lastlight::last::character::{CharacterSettings, CharacterSubject};
-use lastlight::last::figure::{Look, SIGMA};
+use lastlight::last::figure::{Rendering, SIGMA};
 use lastlight::last::generate::{self, Settings};
 use lastlight::last::model::data::{Data, Item};
 use lastlight::last::model::pictures::Pictures;
@@ -199,7 +199,7 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
     // Surfaces instead of points, through the same camera.
     let surfaces = folder.path().join("surfaces");
     make(
-        &Settings { set_look: Look::Mesh, count: 2, groups: 1, set_size: 16, ..settings.clone() },
+        &Settings { set_look: Rendering::Mesh, count: 2, groups: 1, set_size: 16, ..settings.clone() },
         &surfaces,
     );
     let shard = npz::read(&surfaces.join("observational/0000.npz")).expect("readable");
@@ -215,7 +215,7 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
             },
             "no animation in the sets",
         ),
-        (Settings { video_look: Look::Discs, ..settings.clone() }, "mesh for a character"),
+        (Settings { video_look: Rendering::Discs, ..settings.clone() }, "mesh for a character"),
     ] {
         let refused = wrong.validate().expect_err("refused").to_string();
         assert!(refused.contains(what), "'{what}' in '{refused}'");

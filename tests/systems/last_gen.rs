@@ -3,7 +3,7 @@
 use crate::common::{assert_same, real_data, tree};
 use lastlight::io::{capture, npz};
 use lastlight::last::character::CharacterSettings;
-use lastlight::last::figure::{self, Look};
+use lastlight::last::figure::{self, Rendering};
 use lastlight::last::generate::{self, Report, Settings};
 use lastlight::num::{bits, par};
 use std::path::Path;
@@ -162,7 +162,7 @@ fn arrays_are_those_of_the_layout() {
 fn both_point_renderers_and_surfaces_show_the_same_person() {
     const SIDE: usize = 64;
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let shown = |look: Look, points: usize| {
+    let shown = |look: Rendering, points: usize| {
         let settings = Settings {
             set: "observational".into(),
             set_look: look,
@@ -199,10 +199,10 @@ fn both_point_renderers_and_surfaces_show_the_same_person() {
         };
         (0..m.len()).map(at).collect()
     };
-    let (discs, light) = shown(Look::Discs, 1024);
-    let (splats, splat_light) = shown(Look::Splats, 1024);
-    let (mesh, mesh_light) = shown(Look::Mesh, 1024);
-    let (fine, _) = shown(Look::Discs, 8192);
+    let (discs, light) = shown(Rendering::Discs, 1024);
+    let (splats, splat_light) = shown(Rendering::Splats, 1024);
+    let (mesh, mesh_light) = shown(Rendering::Mesh, 1024);
+    let (fine, _) = shown(Rendering::Discs, 8192);
     let of = |m: &[bool]| count(&mut m.iter().copied());
     let measured = [overlap(&discs, &splats), overlap(&discs, &mesh), overlap(&fine, &mesh)];
     let strays =
@@ -237,7 +237,7 @@ fn settings_out_of_range_are_refused() {
     assert!(refused(|s| s.test_cameras = 23).contains("1 to 22"), "cameras");
     assert!(refused(|s| s.set_size = 1024).contains("set size"), "side of the sets");
     assert!(refused(|s| s.video_size = 5000).contains("video size"), "side of the video");
-    let points = |s: &mut Settings| (s.passes, s.video_look) = (true, Look::Splats);
+    let points = |s: &mut Settings| (s.passes, s.video_look) = (true, Rendering::Splats);
     assert!(refused(points).contains("points have no depth"), "passes of points");
     let five = |s: &mut Settings| {
         (s.set, s.factors, s.character) = ("video".into(), 5, Some(nobody()));

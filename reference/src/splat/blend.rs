@@ -160,13 +160,13 @@ impl<'a, S: Scalar> Ellipses<'a, S> {
 }
 
 /// Per-pixel decisions of a plan; what is `None` is taken on the values.
-struct Given<'a> {
+struct StoredPlan<'a> {
     last_index: Option<&'a [f64]>,
     alpha_mask: Option<&'a [f64]>,
     cap_mask: Option<&'a [f64]>,
 }
 
-impl<'a> Given<'a> {
+impl<'a> StoredPlan<'a> {
     fn of(plan: Option<&'a Named<f64>>, entries: usize, picture: [usize; 3]) -> Result<Self, String> {
         let array = |name: &str, shape: &[usize], low: f64, high: f64| {
             let Some(array) = plan.and_then(|plan| plan.get(name)) else { return Ok(None) };
@@ -207,7 +207,7 @@ fn decide(
     x: &Ellipses<'_, f64>,
     profile: &Profile,
     lists: &Lists,
-    given: &Given<'_>,
+    given: &StoredPlan<'_>,
     [c, py, px]: [usize; 3],
 ) -> (Vec<Hit>, isize) {
     let tile = x.tile(c, px, py);
@@ -307,7 +307,7 @@ pub fn forward<S: Scalar>(
     lists.write(&mut out.plan);
     let (entries, [w, h]) = (lists.tile_entry.len(), x.size_px);
     let picture = [x.views, h, w];
-    let given = Given::of(plan, entries, picture)?;
+    let given = StoredPlan::of(plan, entries, picture)?;
     let [image, alpha, depth, counts] = declare(out, picture);
     let mut last_index = Arr::filled(&picture, -1.0);
     let mut alpha_mask = Arr::filled(&[entries, 32], 0.0);

@@ -6,7 +6,7 @@ use crate::meter::Meter;
 use crate::shared::OutputArgs;
 use crate::{Error, Result};
 use lastlight_last::character::CharacterSettings;
-use lastlight_last::figure::Look;
+use lastlight_last::figure::Rendering;
 use lastlight_last::generate::{self, RECORD, Report, Settings, Which};
 use std::path::PathBuf;
 
@@ -124,8 +124,9 @@ impl Args {
             other => return Err(Error::input("--profile").expected("full or smoke").got(other)),
         };
         Which::parse(&self.set).map_err(|e| e.within("--set"))?;
-        let look = |own: &Option<String>, otherwise: Look| match own.as_ref().or(self.render_as.as_ref()) {
-            Some(name) => Look::parse(name),
+        let look = |own: &Option<String>, otherwise: Rendering| match own.as_ref().or(self.render_as.as_ref())
+        {
+            Some(name) => Rendering::parse(name),
             None => Ok(otherwise),
         };
         let size = |own: Option<usize>, otherwise: usize| own.or(self.size).unwrap_or(otherwise);

@@ -105,12 +105,12 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
             out.push(format!("causes    {} factors are known", f.len()));
         }
     }
-    if !report.looks.is_empty() {
+    if !report.images.is_empty() {
         out.push(format!(
             "{:<28} {:>6} {:>6} {:>15} {:>12}",
             "looked at", "camera", "moment", "points on mask", "mask in box"
         ));
-        for l in &report.looks {
+        for l in &report.images {
             out.push(format!(
                 "{:<28} {:>6} {:>6} {:>14.1}% {:>11.1}%",
                 l.name,
@@ -128,8 +128,8 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
         out.push(format!("problem   and {more} more, which --json lists"));
     }
     match &args.out {
-        Some(dir) => out.push(format!("{} pictures in {}", report.looks.len(), dir.display())),
-        None if !report.looks.is_empty() => {
+        Some(dir) => out.push(format!("{} pictures in {}", report.images.len(), dir.display())),
+        None if !report.images.is_empty() => {
             out.push("--out DIR writes pictures with skeleton and mask".to_owned())
         }
         None => {}

@@ -111,7 +111,7 @@ impl MechanismBar {
 /// Transposed layers of one node, with inputs as rows, so that one input is combined with all outputs at
 /// once. An output is still one chain over its inputs.
 #[derive(Debug)]
-struct Turned {
+struct Transposed {
     /// Shape (n·k, h).
     first: Vec<f64>,
     /// Shape (h, h).
@@ -157,7 +157,7 @@ pub(super) struct At<'a> {
 pub(super) struct Bank<'a> {
     mask: &'a [f64],
     mechanism: Mechanism<'a>,
-    turned: Vec<Turned>,
+    turned: Vec<Transposed>,
     n: usize,
     k: usize,
 }
@@ -204,9 +204,9 @@ impl Pass {
 }
 
 impl Networks<'_> {
-    fn turned(&self, node: usize, d: usize, k: usize) -> Turned {
+    fn turned(&self, node: usize, d: usize, k: usize) -> Transposed {
         let h = self.hidden;
-        Turned {
+        Transposed {
             first: turned(&self.w0[node * h * d..][..h * d], d),
             second: turned(&self.w1[node * h * h..][..h * h], h),
             last: turned(&self.w2[node * k * h..][..k * h], h),
@@ -222,7 +222,7 @@ impl Networks<'_> {
     }
 
     /// Computes all values of the pass from its input.
-    fn pass(&self, node: usize, turned: &Turned, pass: &mut Pass) {
+    fn pass(&self, node: usize, turned: &Transposed, pass: &mut Pass) {
         let h = self.hidden;
         let Pass { x, before: [p0, p1], after: [a0, a1], y } = pass;
         product(&turned.first, x, p0);
@@ -302,7 +302,7 @@ impl<'a> Bank<'a> {
     /// Returns the networks at 0.
     pub(super) fn zero(&self) -> Zero {
         let Some(g) = self.mechanism.networks() else { return Zero(Vec::new()) };
-        let at_zero = |(j, turned): (usize, &Turned)| {
+        let at_zero = |(j, turned): (usize, &Transposed)| {
             let mut pass = Pass::sized(self.n * self.k, g.hidden, self.k);
             g.pass(j, turned, &mut pass);
             pass

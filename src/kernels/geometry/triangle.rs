@@ -116,7 +116,7 @@ pub(super) struct Line {
 
 /// A triangle that was hit: ray parameter, and weights of corners 1 and 2.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Met {
+pub(super) struct Intersection {
     pub(super) t: f32,
     pub(super) u: f32,
     pub(super) v: f32,
@@ -221,7 +221,7 @@ impl Line {
 
     /// The complete test for one triangle with non-zero area; the traversals perform it per lane.
     #[cfg(test)]
-    pub(super) fn meet(&self, corners: [[f32; 3]; 3]) -> Option<Met> {
+    pub(super) fn meet(&self, corners: [[f32; 3]; 3]) -> Option<Intersection> {
         let (x, y, z) = ((self.axis + 1) % 3, (self.axis + 2) % 3, self.axis);
         let [a, b, c] = corners.map(|p| {
             let along = p[z] - self.origin[z];
@@ -241,32 +241,32 @@ impl Line {
                 return None;
             }
             let sum = u + v + w;
-            Met { t: (u * a[2] + v * b[2] + w * c[2]) / sum, u: v / sum, v: w / sum }
+            Intersection { t: (u * a[2] + v * b[2] + w * c[2]) / sum, u: v / sum, v: w / sum }
         };
         self.inside(corners, met)
     }
 
     /// The part of the test that involves the triangle's own box and the ray's interval.
     #[inline]
-    pub(super) fn inside(&self, corners: [[f32; 3]; 3], met: Met) -> Option<Met> {
+    pub(super) fn inside(&self, corners: [[f32; 3]; 3], met: Intersection) -> Option<Intersection> {
         let [lo, hi] = bounds(corners);
         let (start, end) = self.slab(lo, hi);
         // Adding 0 turns −0 into +0.
         let t = (if start > met.t { start } else { met.t }) + 0.0;
-        (start <= end && end >= 0.0 && met.t >= 0.0 && t <= self.t_max).then_some(Met { t, ..met })
+        (start <= end && end >= 0.0 && met.t >= 0.0 && t <= self.t_max).then_some(Intersection { t, ..met })
     }
 }
 
 /// Recomputes U, V, W if one of them is 0 in single precision, with exact products in double precision.
 #[cold]
-pub(super) fn wide(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> Option<Met> {
+pub(super) fn wide(a: [f32; 3], b: [f32; 3], c: [f32; 3]) -> Option<Intersection> {
     let [a, b, c] = [a, b, c].map(|p| p.map(f64::from));
     let u = c[0] * b[1] - c[1] * b[0];
     let v = a[0] * c[1] - a[1] * c[0];
     let w = b[0] * a[1] - b[1] * a[0];
     let sum = u + v + w;
     let one_sign = (u >= 0.0 && v >= 0.0 && w >= 0.0) || (u <= 0.0 && v <= 0.0 && w <= 0.0);
-    (one_sign && sum != 0.0).then(|| Met {
+    (one_sign && sum != 0.0).then(|| Intersection {
         t: ((u * a[2] + v * b[2] + w * c[2]) / sum) as f32,
         u: (v / sum) as f32,
         v: (w / sum) as f32,

@@ -4,7 +4,7 @@ use super::ray::{Hit, MISS};
 use super::tree::{
     CHILDREN, INDEX, LANES, LEAF, Leaf, Node, STACK, Tree, corners, expect_soon, leaf, node, references,
 };
-use super::triangle::{Line, Met, wide};
+use super::triangle::{Intersection, Line, wide};
 use crate::num::lanes::f32x8;
 
 /// The values of a line for box tests, in all lanes.
@@ -107,7 +107,11 @@ pub(super) fn meet(leaf: &Leaf, line: &mut Line, best: &mut Best) -> bool {
         left &= left - 1;
         let met = if strict >> lane & 1 != 0 {
             let s = sum.to_array()[lane & 7];
-            Met { t: t.to_array()[lane & 7], u: v.to_array()[lane & 7] / s, v: w.to_array()[lane & 7] / s }
+            Intersection {
+                t: t.to_array()[lane & 7],
+                u: v.to_array()[lane & 7] / s,
+                v: w.to_array()[lane & 7] / s,
+            }
         } else {
             let at = |p: [f32x8; 3], k: usize| p[k].to_array()[lane & 7];
             let corner = |i: usize| {

@@ -100,7 +100,7 @@ pub type Cotangent<'a> = dyn Fn(usize, &[f32], &mut [f32]) -> f64 + Sync + 'a;
 
 /// Result of a forward and backward pass.
 #[derive(Clone, Debug)]
-pub struct Passed {
+pub struct PassResult {
     /// Values returned by the function of the points, shape (B).
     pub values: Vec<f64>,
     /// Shape (B, d).
@@ -129,7 +129,7 @@ struct Back {
     dense: [[Vec<f32>; 2]; 3],
 }
 
-/// Returns all gradients in the order of [`Passed::grads`].
+/// Returns all gradients in the order of [`PassResult::grads`].
 fn in_order(back: Back, latent: Vec<f32>, first_bias: Vec<f32>) -> [Vec<f32>; 9] {
     let [[w1, b1], [w2, b2], [w3, b3]] = back.dense;
     [back.point, latent, first_bias, w1, b1, w2, b2, w3, b3]
@@ -214,7 +214,7 @@ pub fn adjoint(
     items: &[Item<'_>],
     scale: &[f32],
     cotangent: &Cotangent<'_>,
-) -> Passed {
+) -> PassResult {
     let d = params.sizes.latent;
     assert_eq!(z.len(), items.len() * d, "factors are (B, d)");
     let w = params.weights();
@@ -224,7 +224,7 @@ pub fn adjoint(
     let sizes = [params.point, params.latent, params.biases[0]].map(<[f32]>::len).into_iter();
     let dense = (0..3).flat_map(|l| [params.weights[l].len(), params.biases[l + 1].len()]);
     let mut lengths = sizes.chain(dense);
-    let mut out = Passed {
+    let mut out = PassResult {
         values: Vec::with_capacity(items.len()),
         z_bar: Vec::with_capacity(z.len()),
         grads: std::array::from_fn(|_| vec![0.0; lengths.next().expect("there are nine parameters")]),
@@ -309,7 +309,7 @@ impl Weights<'_> {
 
     /// Processes items with one coordinate each as the rows of one product. A chain over the items has the
     /// same bits as [`Self::item`] followed by the sum over items.
-    fn rows(&self, z: &[f32], items: &[Item<'_>], scale: &[f32], cotangent: &Cotangent<'_>) -> Passed {
+    fn rows(&self, z: &[f32], items: &[Item<'_>], scale: &[f32], cotangent: &Cotangent<'_>) -> PassResult {
         let (n, d, [a, ..]) = (items.len(), self.sizes.latent, self.sizes.hidden);
         let outputs = self.sizes.outputs;
         let join = |of: fn(&Item<'_>) -> Vec<f32>| -> Vec<f32> { items.iter().flat_map(of).collect() };
@@ -326,7 +326,7 @@ impl Weights<'_> {
         gemm(by_item, View::new(self.latent, a, d), Finish::Store, &mut z_bar);
         gemm(by_item.t(), View::new(z, n, d), Finish::Store, &mut latent);
         let sums = column_sums(&bar1, a);
-        Passed { values, z_bar, grads: in_order(back, latent, sums) }
+        PassResult { values, z_bar, grads: in_order(back, latent, sums) }
     }
 
     /// Propagates ȳ through the layers: returns h̄₁ before its bias, and the gradients of the later

@@ -67,7 +67,7 @@ pub struct Target<'a> {
 
 /// The loss of a batch and its gradients.
 #[derive(Clone, Debug)]
-pub struct Passed {
+pub struct PassResult {
     /// Losses L_b, unweighted, shape (B).
     pub losses: Vec<f64>,
     /// Gradient of Σ weight·L_b with respect to z, shape (B, d).
@@ -150,14 +150,14 @@ impl Decoder {
         targets: &[Target<'_>],
         scale: &[f32],
         precision: &[f32],
-    ) -> Passed {
+    ) -> PassResult {
         let items: Vec<Item<'_>> = targets.iter().map(|t| Item { codes: t.codes, base: t.base }).collect();
         let passed = decoder::adjoint(&self.network(params), z, &items, scale, &|b, decoded, bar| {
             let pair = points::Item { x: decoded, y: targets[b].wanted, precision };
             points::item_adjoint(&pair, targets[b].weight, bar);
             points::item(&pair)
         });
-        Passed { losses: passed.values, z_bar: passed.z_bar, grads: passed.grads }
+        PassResult { losses: passed.values, z_bar: passed.z_bar, grads: passed.grads }
     }
 }
 

@@ -12,7 +12,7 @@ use crate::{Error, Result};
 pub(super) static REST: Op =
     Op { check, predict: unread, cases: 3, ..Op::new(&reference::body::rest::SIGNATURE, run, case) };
 
-struct Given {
+struct Arguments {
     points: Vec<[f32; 3]>,
     factors: Vec<[f32; 9]>,
     weights: Vec<f32>,
@@ -20,7 +20,7 @@ struct Given {
     offsets: Option<Vec<[f32; 3]>>,
 }
 
-impl Given {
+impl Arguments {
     fn of(x: &Checked<'_>) -> Self {
         let canonical = || x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
         Self {
@@ -47,11 +47,11 @@ fn check(x: &Checked<'_>) -> Result<()> {
     if x.dim("K") == 0 {
         return Err(Error::input("array 'weights'").expected("at least one joint").got("none"));
     }
-    Given::of(x).input().check()
+    Arguments::of(x).input().check()
 }
 
 fn run(x: &Checked<'_>) -> Result<RunResult> {
-    let given = Given::of(x);
+    let given = Arguments::of(x);
     let (input, p) = (given.input(), given.points.len());
     let (out, saved) = rest::forward(&input);
     let mut ran = RunResult::default();

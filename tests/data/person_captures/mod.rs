@@ -137,7 +137,7 @@ fn check(
         "{name}: {:?}",
         looked.problems.iter().map(Error::to_string).collect::<Vec<_>>()
     );
-    assert!(looked.looks.iter().all(|l| l.on_mask > 0.9), "{name}: poses, cameras and masks agree");
+    assert!(looked.images.iter().all(|l| l.on_mask > 0.9), "{name}: poses, cameras and masks agree");
     c
 }
 

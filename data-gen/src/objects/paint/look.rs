@@ -36,7 +36,7 @@ impl Coat {
 
 /// A material: the first layer everywhere, the others where their pattern is, multiplied by their strength.
 #[derive(Clone, Debug)]
-pub(super) struct Look {
+pub(super) struct PaintedMaterial {
     pub(super) name: &'static str,
     pub(super) base: Coat,
     pub(super) over: Vec<(Pattern, f64, Coat)>,
@@ -87,7 +87,7 @@ fn worn(draws: &mut Draws, level: f64) -> Pattern {
 }
 
 /// Lettering over the whole surface: small rows, or a label.
-fn print(look: &mut Look, draws: &mut Draws, words: &mut Draws, ink: Coat, accent: Coat) {
+fn print(look: &mut PaintedMaterial, draws: &mut Draws, words: &mut Draws, ink: Coat, accent: Coat) {
     let print = lettering::page(words);
     let dot = draws.range(0.0022, 0.006);
     let second = Pattern::Print { print: print.clone(), dot, is_accent: true };
@@ -95,7 +95,14 @@ fn print(look: &mut Look, draws: &mut Draws, words: &mut Draws, ink: Coat, accen
     look.over.push((second, 1.0, accent));
 }
 
-fn labels(look: &mut Look, draws: &mut Draws, words: &mut Draws, paper: Coat, ink: Coat, accent: Coat) {
+fn labels(
+    look: &mut PaintedMaterial,
+    draws: &mut Draws,
+    words: &mut Draws,
+    paper: Coat,
+    ink: Coat,
+    accent: Coat,
+) {
     let print = lettering::label(words);
     let dot = draws.range(0.0024, 0.004);
     let (width, height) = (print.width as f64 * dot, print.height as f64 * dot);
@@ -107,7 +114,7 @@ fn labels(look: &mut Look, draws: &mut Draws, words: &mut Draws, paper: Coat, in
 }
 
 /// Draws a material that satisfies the request.
-pub(super) fn draw(draws: &mut Draws, words: &mut Draws, wish: Wish) -> Look {
+pub(super) fn draw(draws: &mut Draws, words: &mut Draws, wish: Wish) -> PaintedMaterial {
     match wish {
         Wish::Printed => return printed(draws, words),
         Wish::Metallic => return metal(draws),
@@ -130,10 +137,10 @@ pub(super) fn draw(draws: &mut Draws, words: &mut Draws, wish: Wish) -> Look {
     }
 }
 
-fn painted(draws: &mut Draws, words: &mut Draws) -> Look {
+fn painted(draws: &mut Draws, words: &mut Draws) -> PaintedMaterial {
     let (a, b) = palette::pair(draws);
     let r = finish(draws);
-    let mut look = Look { name: "paint", base: Coat::plain(a, r, 0.0), over: Vec::new() };
+    let mut look = PaintedMaterial { name: "paint", base: Coat::plain(a, r, 0.0), over: Vec::new() };
     if draws.chance(0.4) {
         let coat = Coat::plain(b, r, 0.0);
         print(&mut look, draws, words, coat.clone(), coat);
@@ -145,10 +152,10 @@ fn painted(draws: &mut Draws, words: &mut Draws) -> Look {
     look
 }
 
-fn patterned(draws: &mut Draws, words: &mut Draws) -> Look {
+fn patterned(draws: &mut Draws, words: &mut Draws) -> PaintedMaterial {
     let (a, b) = palette::pair(draws);
     let (ra, rb) = (finish(draws), finish(draws));
-    let mut look = Look {
+    let mut look = PaintedMaterial {
         name: "pattern",
         base: Coat::new(a, a.map(|x| 0.85 * x), [ra, ra * 0.9], 0.0),
         over: vec![(two_sided(draws), 1.0, Coat::new(b, b.map(|x| 0.85 * x), [rb, rb * 0.9], 0.0))],
@@ -162,7 +169,7 @@ fn patterned(draws: &mut Draws, words: &mut Draws) -> Look {
     look
 }
 
-fn wood(draws: &mut Draws) -> Look {
+fn wood(draws: &mut Draws) -> PaintedMaterial {
     let (light, dark) = palette::wood(draws);
     let r = draws.range(0.3, 0.75);
     let off = [draws.range(-0.3, 0.3), draws.range(-0.3, 0.3), draws.range(-0.3, 0.3)];
@@ -170,10 +177,10 @@ fn wood(draws: &mut Draws) -> Look {
     let rings = Pattern::Rings { axis, off, frequency: draws.range(10.0, 26.0), sway: draws.range(0.3, 1.2) };
     let base = Coat::new(light, light.map(|x| 0.88 * x), [r, r + 0.1], 0.0).grain(14.0);
     let over = Coat::new(dark, dark.map(|x| 0.85 * x), [r + 0.1, r + 0.15], 0.0).grain(20.0);
-    Look { name: "wood", base, over: vec![(rings, 0.85, over)] }
+    PaintedMaterial { name: "wood", base, over: vec![(rings, 0.85, over)] }
 }
 
-fn stone(draws: &mut Draws, words: &mut Draws) -> Look {
+fn stone(draws: &mut Draws, words: &mut Draws) -> PaintedMaterial {
     let (ground, vein) = palette::stone(draws);
     let r = draws.range(0.08, 0.5);
     let veins = Pattern::Veins {
@@ -184,7 +191,7 @@ fn stone(draws: &mut Draws, words: &mut Draws) -> Look {
     };
     let base = Coat::new(ground, ground.map(|x| 0.82 * x), [r, r], 0.0);
     let coat = Coat::new(vein, vein.map(|x| 0.8 * x), [r, r + 0.1], 0.0);
-    let mut look = Look { name: "stone", base, over: vec![(veins, 0.8, coat)] };
+    let mut look = PaintedMaterial { name: "stone", base, over: vec![(veins, 0.8, coat)] };
     if draws.chance(0.25) {
         let gold = Coat::plain(palette::metal(draws), 0.2, 1.0);
         print(&mut look, draws, words, gold.clone(), gold);
@@ -192,7 +199,7 @@ fn stone(draws: &mut Draws, words: &mut Draws) -> Look {
     look
 }
 
-fn metal(draws: &mut Draws) -> Look {
+fn metal(draws: &mut Draws) -> PaintedMaterial {
     let c = palette::metal(draws);
     let r = draws.range(0.08, 0.45);
     let base = Coat::new(c, c.map(|x| 0.94 * x), [r, r * 1.25], 1.0).grain(draws.range(2.0, 10.0));
@@ -205,13 +212,13 @@ fn metal(draws: &mut Draws) -> Look {
         let stain = Coat::plain(c.map(|x| 0.7 * x), crate::space::smaller(r + 0.3, 0.8), 1.0);
         over.push((worn(draws, 0.1), 0.7, stain));
     }
-    Look { name: "metal", base, over }
+    PaintedMaterial { name: "metal", base, over }
 }
 
-fn mirror(draws: &mut Draws, words: &mut Draws) -> Look {
+fn mirror(draws: &mut Draws, words: &mut Draws) -> PaintedMaterial {
     let c = palette::metal(draws);
     let base = Coat::plain(c, draws.range(0.02, 0.05), 1.0);
-    let mut look = Look { name: "mirror", base, over: Vec::new() };
+    let mut look = PaintedMaterial { name: "mirror", base, over: Vec::new() };
     if draws.chance(0.5) {
         let paint = Coat::plain(palette::any(draws), finish(draws), 0.0);
         if draws.chance(0.5) {
@@ -223,7 +230,7 @@ fn mirror(draws: &mut Draws, words: &mut Draws) -> Look {
     look
 }
 
-fn inlaid(draws: &mut Draws) -> Look {
+fn inlaid(draws: &mut Draws) -> PaintedMaterial {
     let (metal, paint) = (palette::metal(draws), palette::any(draws));
     let (rm, rp) = (draws.range(0.08, 0.4), finish(draws));
     let (a, b) =
@@ -233,10 +240,10 @@ fn inlaid(draws: &mut Draws) -> Look {
     if draws.chance(0.3) {
         over.push((scratches(draws), 0.5, Coat::plain(metal.map(|x| 0.8 * x), 0.5, 1.0)));
     }
-    Look { name: "inlay", base, over }
+    PaintedMaterial { name: "inlay", base, over }
 }
 
-fn rusty(draws: &mut Draws) -> Look {
+fn rusty(draws: &mut Draws) -> PaintedMaterial {
     let c = palette::metal(draws);
     let r = draws.range(0.2, 0.5);
     let rust = Coat::new([0.47, 0.24, 0.11], [0.26, 0.14, 0.09], [0.85, 0.95], 0.0).grain(30.0);
@@ -248,10 +255,10 @@ fn rusty(draws: &mut Draws) -> Look {
     let is_painted = draws.chance(0.5);
     let base = if is_painted { paint } else { Coat::new(c, c.map(|x| 0.8 * x), [r, r + 0.2], 1.0) };
     let bare = Coat::plain(c.map(|x| 0.75 * x), 0.5, 1.0);
-    Look { name: "rust", base, over: vec![(rim, 1.0, bare), (inner, 1.0, rust)] }
+    PaintedMaterial { name: "rust", base, over: vec![(rim, 1.0, bare), (inner, 1.0, rust)] }
 }
 
-fn masonry(draws: &mut Draws) -> Look {
+fn masonry(draws: &mut Draws) -> PaintedMaterial {
     let (a, b) = palette::stone(draws);
     let brick = if draws.chance(0.5) { palette::brick(draws) } else { palette::any(draws) };
     let width = draws.range(0.08, 0.2);
@@ -260,17 +267,21 @@ fn masonry(draws: &mut Draws) -> Look {
     let joints = Pattern::Joints { width, height, joint: width * draws.range(0.04, 0.1) };
     let base = Coat::new(brick, brick.map(|x| 0.7 * x), [r, crate::space::smaller(r + 0.1, 1.0)], 0.0)
         .grain(draws.range(5.0, 25.0));
-    Look { name: "masonry", base, over: vec![(joints, 1.0, Coat::new(a, b, [0.9, 1.0], 0.0).grain(20.0))] }
+    PaintedMaterial {
+        name: "masonry",
+        base,
+        over: vec![(joints, 1.0, Coat::new(a, b, [0.9, 1.0], 0.0).grain(20.0))],
+    }
 }
 
-fn cloth(draws: &mut Draws) -> Look {
+fn cloth(draws: &mut Draws) -> PaintedMaterial {
     let (a, b) = palette::pair(draws);
     let period = draws.range(0.08, 0.3);
     let shares =
         [draws.range(0.2, 0.6), draws.range(0.03, 0.1), draws.range(0.1, 0.9), draws.range(0.3, 1.0)];
     let weave = Pattern::Checks { size: draws.range(0.004, 0.008) };
     let shade = Coat::plain(palette::dark(draws), 1.0, 0.0);
-    Look {
+    PaintedMaterial {
         name: "cloth",
         base: Coat::plain(a, draws.range(0.8, 1.0), 0.0),
         over: vec![
@@ -280,10 +291,10 @@ fn cloth(draws: &mut Draws) -> Look {
     }
 }
 
-fn printed(draws: &mut Draws, words: &mut Draws) -> Look {
+fn printed(draws: &mut Draws, words: &mut Draws) -> PaintedMaterial {
     let (a, b) = palette::pair(draws);
     let r = draws.range(0.15, 0.6);
-    let mut look = Look { name: "print", base: Coat::plain(a, r, 0.0), over: Vec::new() };
+    let mut look = PaintedMaterial { name: "print", base: Coat::plain(a, r, 0.0), over: Vec::new() };
     if draws.chance(0.5) {
         look.over.push((two_sided(draws), 1.0, Coat::plain(b, r, 0.0)));
     }
@@ -299,15 +310,15 @@ fn printed(draws: &mut Draws, words: &mut Draws) -> Look {
     look
 }
 
-fn pages(draws: &mut Draws) -> Look {
+fn pages(draws: &mut Draws) -> PaintedMaterial {
     let paper = [0.93, 0.9, 0.82];
     let lines = Pattern::Stripes { along: [0.0, 0.0, 1.0], period: 0.006, share: 0.4 };
     let base = Coat::plain(paper, 0.9, 0.0);
     let shade = Coat::plain(palette::dark(draws), 1.0, 0.0);
-    Look { name: "paper", base, over: vec![(lines, 0.25, shade)] }
+    PaintedMaterial { name: "paper", base, over: vec![(lines, 0.25, shade)] }
 }
 
-fn terrazzo(draws: &mut Draws) -> Look {
+fn terrazzo(draws: &mut Draws) -> PaintedMaterial {
     let (ground, other) = palette::stone(draws);
     let r = draws.range(0.1, 0.45);
     let size = draws.range(0.05, 0.12);
@@ -319,5 +330,5 @@ fn terrazzo(draws: &mut Draws) -> Look {
         over.push((Pattern::Chips { size, share: 0.06 }, 1.0, Coat::plain(palette::metal(draws), 0.15, 1.0)));
     }
     over.push((Pattern::Cracks { size, width: draws.range(0.003, 0.01) }, 1.0, Coat::plain(ground, r, 0.0)));
-    Look { name: "terrazzo", base: Coat::new(ground, ground.map(|x| 0.88 * x), [r, r], 0.0), over }
+    PaintedMaterial { name: "terrazzo", base: Coat::new(ground, ground.map(|x| 0.88 * x), [r, r], 0.0), over }
 }

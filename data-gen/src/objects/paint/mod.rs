@@ -17,7 +17,7 @@ use crate::draws::Draws;
 use crate::noise::Noise;
 use crate::space::{clamp, mix, scaled};
 use crate::surface::{Material, Picture, Transfer};
-use look::Look;
+use look::PaintedMaterial;
 use pattern::Spot;
 
 /// Texels painted beyond the border of a chart.
@@ -119,7 +119,7 @@ fn spread(mut texels: Vec<Option<[u8; 5]>>, width: usize) -> Vec<[u8; 5]> {
 }
 
 struct Canvas {
-    look: Look,
+    look: PaintedMaterial,
     noise: Noise,
     texel: f64,
 }

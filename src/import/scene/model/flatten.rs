@@ -26,7 +26,7 @@ pub(in crate::scene) struct Part {
 }
 
 /// The primitives of a scene one after the other, positions and normals as in the file.
-pub(in crate::scene) struct Flat {
+pub(in crate::scene) struct FlatScene {
     pub(in crate::scene) object: Object,
     pub(in crate::scene) parts: Vec<Part>,
 }
@@ -35,10 +35,10 @@ pub(in crate::scene) struct Flat {
 ///
 /// # Errors
 /// When nothing is to be seen, or too much.
-pub(in crate::scene) fn flatten(g: &Gltf, name: &str) -> Result<Flat> {
+pub(in crate::scene) fn flatten(g: &Gltf, name: &str) -> Result<FlatScene> {
     let mut textures = Textures { g, known: BTreeMap::new() };
     let mut materials: BTreeMap<Option<usize>, u16> = BTreeMap::new();
-    let mut out = Flat { object: Object::default(), parts: Vec::new() };
+    let mut out = FlatScene { object: Object::default(), parts: Vec::new() };
     let shown = |p: &&gltf::Primitive| !p.triangles.is_empty();
     let all = g
         .scene

@@ -67,14 +67,14 @@ fn check_mechanism(x: &Checked<'_>) -> Result<()> {
 }
 
 /// Arrays of a mechanism and its causes.
-struct Given {
+struct Arguments {
     eps: Vec<f64>,
     mask: Vec<f64>,
     weight: Vec<f64>,
     layers: [Vec<f64>; 5],
 }
 
-impl Given {
+impl Arguments {
     fn new(x: &Checked<'_>) -> Self {
         let [eps, mask, weight] = ["eps", "mask", "weight"].map(|name| x.f64s(name));
         Self { eps, mask, weight, layers: NETWORK.map(|name| x.f64s(name)) }
@@ -118,7 +118,7 @@ fn put(x: &Checked<'_>, bar: InBar, ran: &mut RunResult) {
 }
 
 fn run_structure(x: &Checked<'_>) -> Result<RunResult> {
-    let given = Given::new(x);
+    let given = Arguments::new(x);
     let input = given.input(x);
     let abduct = x.word("mode") == Some("abduct");
     let (z, saved) = if abduct {
@@ -202,7 +202,7 @@ fn targets(x: &Checked<'_>) -> Vec<Option<usize>> {
 }
 
 fn run_intervene(x: &Checked<'_>) -> Result<RunResult> {
-    let (given, target, value) = (Given::new(x), targets(x), x.f64s("value"));
+    let (given, target, value) = (Arguments::new(x), targets(x), x.f64s("value"));
     let input = intervene::In { given: given.input(x), target: &target, value: &value };
     let (z, saved) = intervene::forward(&input);
     let mut ran = RunResult::default();

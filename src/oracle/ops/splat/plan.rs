@@ -109,7 +109,7 @@ pub(super) fn decisions(plan: &Arrays, cameras: usize, n: usize) -> Result<Vec<D
 }
 
 /// What blending obeys.
-pub(super) struct Given {
+pub(super) struct StoredPlan {
     /// lists
     pub(super) plan: Plan,
     /// (C, H, W)
@@ -124,7 +124,7 @@ pub(super) struct Given {
 ///
 /// # Errors
 /// Names the array that is missing, wrongly shaped or contradicts another.
-pub(super) fn given(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Result<Given> {
+pub(super) fn given(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Result<StoredPlan> {
     let (order, camera_start) = order_of(plan, cameras, n)?;
     let tile_entry = whole(plan, "tile_entry", None, 0, n as i64 - 1)?;
     let entries = tile_entry.len();
@@ -161,7 +161,7 @@ pub(super) fn given(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Res
         let bytes = whole(plan, name, Some(&[entries, 32]), 0, 255)?;
         Ok::<_, Error>(bytes.chunks_exact(32).map(|b| std::array::from_fn(|k| b[k] as u8)).collect())
     };
-    Ok(Given {
+    Ok(StoredPlan {
         plan: Plan {
             order,
             camera_start,

@@ -6,7 +6,7 @@ use crate::scene::person::PersonCapture;
 use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use lastlight_last::avatar::settings::Settings;
-use lastlight_last::figure::Look;
+use lastlight_last::figure::Rendering;
 use lastlight_last::generate;
 use lastlight_last::model::encoder::Input;
 use lastlight_last::model::file::Trained;
@@ -164,7 +164,7 @@ impl Setup {
             set: "video".into(),
             graph: model.graph.clone(),
             factors: model.truth.n(),
-            video_look: Look::Mesh,
+            video_look: Rendering::Mesh,
             video_size: s.side,
             points: s.points,
             frames: s.frames,
