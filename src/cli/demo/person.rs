@@ -10,7 +10,8 @@ use crate::last::{pretrain, tune as command};
 use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::num::order;
-use crate::report::pictures::Sheet;
+use crate::report::graph::{self, Graph};
+use crate::report::images::{Label, Sheet};
 use crate::report::{Section, table, text};
 use crate::scene::person::PersonCapture;
 use crate::shared::Outcome;
@@ -21,7 +22,7 @@ use lastlight_last::avatar::store;
 use lastlight_last::generate::{self, Settings as Making};
 use lastlight_last::model::shipped;
 use lastlight_last::model::tune::{self, Subject, Tuned};
-use maud::Markup;
+use maud::{Markup, html};
 use serde_json::json;
 use std::path::Path;
 
@@ -54,12 +55,12 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     meter.done();
     let capture = PersonCapture::open(&film.join("video"))?;
     meter.note(&format!(
-        "a person: {} pictures to learn from, {} held out; filmed in {:.1} s",
+        "a person: {} images to fit, {} held out; rendered in {:.1} s",
         capture.train.len(),
         capture.test.len(),
         meter.seconds()
     ));
-    meter.lap("filming the person");
+    meter.lap("rendering the video");
 
     let mut trained = shipped::figure()?;
     let subject = Subject::new(&trained, &capture)?;
@@ -77,7 +78,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     meter.note(lpips::NO_WEIGHTS);
     let job = Job {
         kind: "demo",
-        title: "A built-in person".to_owned(),
+        title: "Person from a built-in video".to_owned(),
         settings,
         capture: &capture,
         guide: Some(&trained),
@@ -104,10 +105,12 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let seen = Section {
         id: "turntable",
         title: "From all sides",
-        lead: "One moment, larger than it was ever photographed. The fit has seen the person from the front alone; what it makes of the back is an \
-               assumption."
+        lead: "One moment, rendered larger than the input images. The fit has seen the person from the front only; its back is an extrapolation."
             .into(),
-        body: turntable.html("the person from eight sides")?,
+        body: turntable.strip(TURNTABLE[0], &|[c, r]| {
+            let degrees = 360 * (c + r * TURNTABLE[0] / 2) / TURNTABLE[0];
+            Label { alt: format!("person rendered from {degrees} degrees"), caption: format!("{degrees}°") }
+        })?,
     };
     sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
     let edges = |which: usize| command::edges(&tuned.edges[which]);
@@ -133,11 +136,17 @@ fn frames(capture: &PersonCapture) -> Result<Section> {
         id: "subject",
         title: "The video",
         lead: format!(
-            "{count} of {} frames of one camera: all that is known of this person, but for its skeleton's pose in every frame. \
-             Posture causes wrinkles and self-occlusion; light is its own cause.",
+            "{count} of the {} input frames. The fit sees only this camera and the skeleton pose of each frame. Posture causes wrinkles and \
+             self-occlusion; light has no cause among the factors.",
             capture.train.len()
         ),
-        body: sheet.html("frames of the video")?,
+        body: sheet.strip(count, &|[k, _]| {
+            let name = &capture.shots[capture.train[k * capture.train.len() / count]].name;
+            Label {
+                alt: format!("input frame {name}"),
+                caption: format!("frame {}", k * capture.train.len() / count),
+            }
+        })?,
     })
 }
 
@@ -162,16 +171,26 @@ fn structure(tuned: &Tuned, truth: Option<&[Vec<bool>]>) -> Section {
     let right = truth.map_or(String::new(), |t| {
         let all = (0..n * n).filter(|at| t[at / n][at % n]).count();
         let hits = tuned.edges[1].iter().filter(|(i, j)| t[*i][*j]).count();
-        format!(" {hits} of the {all} true edges are among the {} it has.", tuned.edges[1].len())
+        format!(" After tuning, {hits} of the {all} true edges are among its {}.", tuned.edges[1].len())
     });
+    let names = NAMES.map(str::to_owned);
+    let levels = graph::levels(n, &tuned.edges[1]);
+    let draw = |title, p, which: usize| {
+        Graph { title, names: &names, p, kept: &tuned.edges[which], truth, levels: &levels }.html()
+    };
     Section {
         id: "structure",
-        title: "What causes what",
+        title: "Causal graph",
         lead: format!(
-            "Probability of each edge in the model that comes with the program, and after it has seen the video. Encoder and decoder stay; \
-             the graph decides in which order the Gaussians of a factor are updated.{right}"
+            "The graph of the built-in model, before and after tuning to the video; edges are as wide as they are probable. Encoder and decoder are \
+             not changed; the graph decides in which order the Gaussians of a factor are updated.{right}"
         ),
-        body: table(&["cause", "effect", ">before", ">after", "in the graph", "true"], &rows),
+        body: html! {
+            div.two { (draw("before tuning", &tuned.before, 0)) (draw("after tuning", &tuned.after, 1)) }
+            (graph::legend(truth.is_some()))
+            details { summary { "Probabilities of all " (rows.len()) " edges" }
+                (table(&["cause", "effect", ">before", ">after", "in the graph", "true"], &rows)) }
+        },
     }
 }
 

@@ -247,7 +247,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let job = Job {
         kind: "last fit",
-        title: scoring::title(&args.capture),
+        title: format!("Person from the video {}", crate::shared::name(&args.capture)),
         settings,
         capture: &capture,
         guide: model.as_ref().map(|m| m as &dyn Guide),

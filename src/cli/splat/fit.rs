@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     check_memory(&settings, &views, args.max_memory, &meter)?;
     let job = Job {
         kind: "splat fit",
-        title: title(&args.capture),
+        title: format!("Scene from the photos {}", crate::shared::name(&args.capture)),
         settings,
         views: &views,
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
@@ -142,13 +142,6 @@ fn check_memory(settings: &Settings, views: &Views, limit: Option<u64>, meter: &
             .hint("--downscale and --max-gaussians lower the estimate")),
         _ => Ok(()),
     }
-}
-
-/// `transforms.json`'s folder or the folder itself, by name.
-fn title(capture: &Path) -> String {
-    let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
-    let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    full.file_name().map_or_else(|| full.display().to_string(), |n| n.to_string_lossy().into_owned())
 }
 
 fn sizes(views: &Views) -> String {
