@@ -71,8 +71,8 @@ impl Meter {
     }
 
     /// A stopwatch for one part of the work, with a clock of its own; [`Self::add`] takes it back.
-    pub(crate) fn part(&self) -> Self {
-        Self::new(self.quiet)
+    pub(crate) fn part() -> Self {
+        Self::new()
     }
 
     /// Adds the parts of a stopwatch that ran until now.
@@ -199,10 +199,10 @@ mod tests {
 
     #[test]
     fn a_part_has_a_clock_of_its_own() {
-        let mut whole = Meter::new(true);
+        let mut whole = Meter::new();
         std::thread::sleep(Duration::from_millis(30));
         whole.lap("first");
-        let mut part = whole.part();
+        let mut part = Meter::part();
         std::thread::sleep(Duration::from_millis(10));
         part.lap("second");
         assert!(part.seconds() < whole.seconds() - 0.029, "what was before it does not count");

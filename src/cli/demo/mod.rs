@@ -86,7 +86,7 @@ fn timed(
     if !is_wanted {
         return Ok(None);
     }
-    let mut part = meter.part();
+    let mut part = Meter::part();
     let outcome = run(&mut part)?;
     meter.add(&part);
     Ok(Some(outcome))

@@ -75,6 +75,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     guided.apply(&mut settings)?;
     settings.validate()?;
     guided.calibrate(&mut settings, &capture, &trained, meter)?;
+    let defaults = Fitting { iterations: ITERATIONS, seed: 0, ..settings.clone() }.json();
     meter.note(lpips::NO_WEIGHTS);
     let job = Job {
         kind: "demo",
@@ -83,6 +84,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         capture: &capture,
         guide: Some(&trained),
         perception: None,
+        defaults: Some(defaults),
         frame: Frame::inside(dir.join("person"), 400)?,
     };
     let mut outcome = job.run(meter)?;

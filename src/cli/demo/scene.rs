@@ -35,12 +35,14 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         background: built_in::BACKGROUND,
     };
     settings.validate()?;
+    let defaults = Settings { iterations: ITERATIONS, seed: 0, ..settings.clone() }.json();
     let first = seeds::gaussians(&seeds::Start::Random { count: INITIAL, bounds: None }, &views, &settings)?;
     let job = Job {
         kind: "demo",
         title: "Scene from built-in photos".to_owned(),
         settings,
         views: &views,
+        defaults: Some(defaults),
         frame: Frame::inside(dir.to_path_buf(), 500)?,
     };
     job.run(first, meter)

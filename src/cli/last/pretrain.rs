@@ -165,7 +165,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ));
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let mut training = Training::new(settings, &data)?;
-    let history = frame.train(&mut training, &mut meter)?;
+    let (history, _) = frame.train(&mut training, &mut meter)?;
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
     let verdict = evaluation::of(&trained, &data, &truth(&args.data))?;

@@ -1,7 +1,7 @@
 //! The report of one fit: held-out images, what to try, numbers per view, curves, density events, time, files.
 
 use super::run::{self, Compared, HOW_TO_READ, Run, decibel};
-use super::{Page, Section, Stat, charts, table, text, thousands};
+use super::{Page, Section, Stat, charts, hints, table, text, thousands};
 use crate::Result;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::splat::Event;
@@ -28,6 +28,8 @@ pub(crate) struct Input<'a> {
     pub(crate) n_gauss: usize,
     /// images and scores of the held-out views
     pub(crate) scored: &'a [Scored],
+    /// distance of each to the nearest fitted camera, see [`hints::distances`]; empty if it is not known
+    pub(crate) distances: Vec<f64>,
     /// the numbers
     pub(crate) evaluation: &'a Evaluation,
     /// settings, course, time, files
@@ -80,6 +82,14 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         },
         Section { id: "scores", title: "Scores", lead: format!("{}.", e.protocol), body: scores(e) },
     ];
+    let views = x.scored.iter().enumerate().map(|(i, s)| hints::View {
+        name: &s.score.name,
+        psnr_db: s.score.psnr_db,
+        photo: &s.photo,
+        image: &s.image,
+        distance: x.distances.get(i).copied(),
+    });
+    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
     let resets: Vec<(f64, String)> = x
         .events
         .iter()
@@ -90,7 +100,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         "Loss (0.8 L1 + 0.2 (1 − SSIM))",
         " Dotted marks are opacity resets.",
         &resets,
-    ));
+    )?);
     if x.run.history.is_some() && !x.events.is_empty() {
         sections.push(Section {
             id: "density",

@@ -49,6 +49,15 @@ pub(crate) fn data_uri(rgb: &[f32], width: usize, height: usize, max_side: usize
     Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(file)))
 }
 
+/// The image itself if its longer side is at most `max_side`, else box-filtered as in [`data_uri`]; with its width and height.
+pub(crate) fn small(rgb: Vec<f32>, [width, height]: [usize; 2], max_side: usize) -> (Vec<f32>, [usize; 2]) {
+    let factor = width.max(height).div_ceil(max_side).max(1);
+    match shrink(&rgb, width, height, factor) {
+        (Some(small), w, h) if factor > 1 => (small, [w, h]),
+        _ => (rgb, [width, height]),
+    }
+}
+
 /// Means of `factor`×`factor` blocks; an incomplete last row or column of blocks is dropped unless it is the only one.
 fn shrink(rgb: &[f32], width: usize, height: usize, factor: usize) -> (Option<Vec<f32>>, usize, usize) {
     let (w, h) = ((width / factor).max(1), (height / factor).max(1));

@@ -2,30 +2,16 @@
 
 #![expect(clippy::disallowed_types, reason = "the date of a report is for people; no result depends on it")]
 
-use crate::num::par;
+use crate::version;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Names and values, for the row under the title of a page.
 pub(super) fn facts() -> Vec<(&'static str, String)> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
-    let mut facts = vec![("date", date(now)), ("machine", machine())];
-    facts.push(("lastlight", env!("CARGO_PKG_VERSION").to_owned()));
+    let shown = ["commit", "rustc", "processor", "threads"];
+    let mut facts = vec![("date", date(now)), ("lastlight", version::VERSION.to_owned())];
+    facts.extend(version::facts().into_iter().filter(|(name, _)| shown.contains(name)));
     facts
-}
-
-/// Processor, threads, operating system.
-fn machine() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let processor = processor(&info).unwrap_or(std::env::consts::ARCH);
-    let threads = par::threads();
-    let plural = if threads == 1 { "" } else { "s" };
-    format!("{processor}, {threads} thread{plural}, {}", std::env::consts::OS)
-}
-
-/// The first `model name` of Linux's table of processors.
-fn processor(info: &str) -> Option<&str> {
-    let line = info.lines().find(|line| line.starts_with("model name"))?;
-    Some(line.split_once(':')?.1.trim()).filter(|name| !name.is_empty())
 }
 
 /// Seconds since 1970 as `2026-11-23 17:40 UTC`.
@@ -53,11 +39,5 @@ mod tests {
         assert_eq!(date(951_782_399), "2000-02-28 23:59 UTC", "before a leap day");
         assert_eq!(date(951_782_400), "2000-02-29 00:00 UTC", "a leap day");
         assert_eq!(date(1_795_456_800), "2026-11-23 18:00 UTC", "a date of this century");
-    }
-
-    #[test]
-    fn the_processor_is_named_where_the_system_names_it() {
-        assert_eq!(processor("processor\t: 0\nmodel name\t: A B\nflags : x"), Some("A B"), "trimmed");
-        assert_eq!(processor("BogoMIPS : 1"), None, "other systems");
     }
 }

@@ -5,7 +5,8 @@
 //! fit       the report of one fit                                images    pixels to PNG data URIs, error maps, strips
 //! person    the report of a fitted person                        run       what those two share
 //! settings  settings in groups, as typed                         glossary  what the names of metrics mean
-//! graph     a causal graph as SVG
+//! graph     a causal graph as SVG                               hints     what to try next
+//! film      snapshots of a training
 //! style     the style sheet                                      machine   machine, date, version: facts outside every digest
 //! ```
 //!
@@ -13,9 +14,11 @@
 //! radio buttons, check boxes and the style sheet, and the content security policy of the page forbids scripts and external sources.
 
 pub(crate) mod charts;
+pub(crate) mod film;
 pub(crate) mod fit;
 mod glossary;
 pub(crate) mod graph;
+pub(crate) mod hints;
 pub(crate) mod images;
 mod machine;
 pub(crate) mod person;
@@ -250,6 +253,11 @@ mod tests {
         assert!(html.contains(POLICY), "the policy is in the page");
         assert!(html.contains("id=\"glossary\"") && html.contains("<dt>PSNR</dt>"), "terms are explained");
         assert!(html.contains("href=\"#content\"") && html.contains("id=\"content\""), "a skip link");
-        assert!(html.contains("<dt>date</dt>") && html.contains("<dt>machine</dt>"), "facts of the run");
+        assert!(
+            ["date", "commit", "rustc", "processor", "threads"]
+                .iter()
+                .all(|f| html.contains(&format!("<dt>{f}</dt>"))),
+            "facts of the run"
+        );
     }
 }

@@ -1,7 +1,7 @@
 //! The report of a fitted person: held-out images, every metric by camera, curves, density events, guidance by the model, time, files.
 
 use super::run::{self, Compared, HOW_TO_READ, Run};
-use super::{Page, Section, Stat, charts, metric, table, text, thousands};
+use super::{Page, Section, Stat, charts, hints, metric, table, text, thousands};
 use crate::Result;
 use crate::loss::metric::person::Scores;
 use lastlight_last::avatar::density::Event;
@@ -87,7 +87,16 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             body: scores(x.groups),
         },
     ];
-    sections.extend(x.run.course("Loss", "", &[]));
+    let held_out = x.groups.iter().filter(|g| g.name != TRAINED).flat_map(|g| &g.scored);
+    let views = held_out.map(|s| hints::View {
+        name: &s.name,
+        psnr_db: level(&s.scores),
+        photo: &s.photo,
+        image: &s.image,
+        distance: None,
+    });
+    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
+    sections.extend(x.run.course("Loss", "", &[])?);
     if !x.events.is_empty() {
         sections.push(Section {
             id: "density",

@@ -1,6 +1,7 @@
 //! What the reports of runs have in common: images side by side, the course, the time, the files, the settings.
 
 use super::charts::{self, Lines, Series};
+use super::film::Film;
 use super::{Section, Stat, bytes, code, images, seconds, settings, table, text, thousands};
 use crate::Result;
 use crate::fit::training::History;
@@ -20,6 +21,8 @@ pub(crate) struct Run<'a> {
     pub(crate) defaults: Option<Value>,
     /// loss and size per iteration, if there was a fit
     pub(crate) history: Option<&'a History>,
+    /// snapshots of the fit, if there was one
+    pub(crate) film: Option<&'a Film>,
     /// parts and seconds
     pub(crate) time: Vec<(String, f64)>,
     /// seconds in all
@@ -45,6 +48,7 @@ impl<'a> Run<'a> {
             settings,
             defaults: None,
             history,
+            film: None,
             time: meter.parts(),
             total_seconds: meter.seconds(),
             files: names.iter().filter_map(size).collect(),
@@ -63,14 +67,18 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Loss and size of a fit; `marks` are places on the axis of iterations.
+    /// Snapshots, loss, score and size of a fit; `marks` are places on the axis of iterations.
+    ///
+    /// # Errors
+    /// When an image cannot be encoded.
     pub(crate) fn course(
         &self,
         title: &'static str,
         remark: &str,
         marks: &[(f64, String)],
-    ) -> Option<Section> {
-        let history = self.history?;
+    ) -> Result<Option<Section>> {
+        let Some(history) = self.history else { return Ok(None) };
+        let strip = self.film.map_or_else(|| Ok(html! {}), strip)?;
         let (points, band) = charts::bucket(&history.loss, LOSS_POINTS);
         let sizes: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
         let (size, _) = charts::bucket(&sizes, 560);
@@ -82,20 +90,22 @@ impl<'a> Run<'a> {
             series: vec![series],
             marks: marks.to_vec(),
         };
-        Some(Section {
+        Ok(Some(Section {
             id: "curves",
-            title: "Loss and size over the iterations",
+            title: "Training",
             lead: format!(
                 "Every iteration uses another image, so single losses scatter. The line is the median of consecutive iterations; the band contains \
-                 the middle 80 % of them.{remark}"
+                 the middle 80 % of them.{remark} Images and scores during the training are of held-out views; they do not influence it."
             ),
             body: html! {
+                (strip)
                 div.two {
                     (chart(title, true, Series { name: "loss", color: 'a', points, band }).html())
+                    @if let Some(film) = self.film.filter(|f| f.all.len() > 1) { (levels(film)) }
                     (chart("Gaussians", false, Series { name: "Gaussians", color: 'b', points: size, band: vec![] }).html())
                 }
             },
-        })
+        }))
     }
 
     /// What every report ends with: time, files, settings.
@@ -125,6 +135,43 @@ impl<'a> Run<'a> {
         });
         sections
     }
+}
+
+/// The renders of one view during the training.
+fn strip(film: &Film) -> Result<Markup> {
+    let mut figures = Vec::new();
+    for s in &film.all {
+        let Some((rgb, [w, h])) = &s.image else { continue };
+        let score = format!("{} {}", film.metric, decibel(s.psnr_db));
+        let caption = format!("iteration {} · {}", thousands(s.iteration), decibel(s.psnr_db));
+        let alt = format!("render of view {} after {} iterations, {score}", film.view, s.iteration);
+        figures
+            .push((images::data_uri(rgb, *w, *h, images::MAX_STRIP_SIDE)?, images::Label { alt, caption }));
+    }
+    Ok(if figures.len() < 2 {
+        html! {}
+    } else {
+        images::strip(&figures)
+    })
+}
+
+/// The score over the iterations.
+fn levels(film: &Film) -> Markup {
+    let title = match film.views {
+        0 | 1 => format!("{} of view {} in dB", film.metric, film.view),
+        n => format!("{} in dB, mean of {n} views", film.metric),
+    };
+    let finite = film.all.iter().filter(|s| s.psnr_db.is_finite());
+    let points = finite.map(|s| (s.iteration as f64, s.psnr_db)).collect();
+    let chart = Lines {
+        title: &title,
+        x_label: "iteration",
+        log_y: false,
+        from_zero: false,
+        series: vec![Series { name: &film.metric, color: 'c', points, band: vec![] }],
+        marks: vec![],
+    };
+    chart.html()
 }
 
 /// An input image, the render from its camera, and the error.

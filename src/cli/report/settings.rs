@@ -111,7 +111,7 @@ mod tests {
             "{page}"
         );
         assert!(at("Losses and priors") < at("Other"), "in groups: {page}");
-        assert_eq!(page.matches("<td>seed</td>").count(), 1, "what is a default is in its group alone");
+        assert_eq!(page.matches(">seed</td>").count(), 1, "what is a default is in its group alone");
         let same = tables(&json!({"seed": 0}), Some(&json!({"seed": 0}))).into_string();
         assert!(same.contains("all settings are the defaults"), "{same}");
     }

@@ -138,6 +138,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             events: &[],
             n_gauss: stored.len(),
             scored: &scored,
+            distances: if args.views == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
             evaluation: &evaluation,
             run: Run::new(&settings, None, &meter, &dir, &names),
         })?;

@@ -15,7 +15,9 @@ mod settings;
 pub use settings::{Settings, Strategy};
 
 use super::drawing::Workspace;
-use super::training::{Fit, Step, Watch};
+use super::evaluate;
+use super::render::Scene;
+use super::training::{Fit, Preview, Step, Watch};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
 use crate::num::rng::Rng;
@@ -277,6 +279,13 @@ impl Fit for SplatFit<'_> {
         self.control(iteration)?;
         watch.lap("density control");
         Ok(Step { loss, size: self.gaussians.len() })
+    }
+
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let shown = if self.views.test.is_empty() { &self.views.train } else { &self.views.test };
+        let view = &self.views.views[*shown.get(k * shown.len() / Ord::max(count, 1))?];
+        let scene = Scene::new(&self.gaussians, self.settings.render.clone(), self.settings.background);
+        evaluate::preview(&scene, view).ok()
     }
 
     fn save(&self, out: &mut Arrays) {
