@@ -29,8 +29,9 @@ pub struct Options {
 
 /// The operator whose names cover most of the arrays; composite ones first, then in the order of the list.
 fn guess(theirs: &Arrays, ours: &Arrays) -> Option<&'static Op> {
-    let known =
-        |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
+    let known = |op: &Op, name: &str| {
+        op.has_array(name) || name.strip_suffix("_bar").is_some_and(|x| op.has_array(x))
+    };
     let names = || theirs.0.keys().chain(ours.0.keys());
     let score = |op: &Op| names().filter(|n| known(op, n)).count();
     let produces =
