@@ -124,7 +124,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'
     let (In { mu, among, carried, .. }, Settings { ridge, share, total }) = (*input, settings);
     let (batch, n, k) = (mu.shape[0], mu.shape[1], mu.shape[2]);
     if batch * n * k == 0 {
-        return Err("input mu: expected at least one sample, factor and number".to_owned());
+        return Err("input mu: expected at least one sample, factor and dimension".to_owned());
     }
     let d = n * k;
     if let Some(carried) = carried.filter(|carried| carried.shape[0] != d) {
