@@ -16,11 +16,11 @@ use std::path::{Path, PathBuf};
 /// Iterations whose render is kept, besides the last one.
 const KEPT: [usize; 11] = [0, 50, 200, 500, 1000, 2000, 5000, 10_000, 20_000, 50_000, 100_000];
 /// Most places of the curve of the PSNR, besides those.
-const PLACES: usize = 16;
+const PLACES: usize = 12;
 /// Most views of a place.
-const VIEWS: usize = 3;
-/// Iterations of the fit for each view that is rendered for the curve: an iteration costs about four renders.
-const ITERATIONS_PER_RENDER: usize = 20;
+const VIEWS: usize = 2;
+/// Iterations of the fit for each view that is rendered for the curve: an iteration costs at least two renders.
+const ITERATIONS_PER_RENDER: usize = 50;
 /// The folder in the folder of a training.
 const FOLDER: &str = "snapshots";
 /// The table in that folder.
@@ -170,7 +170,7 @@ mod tests {
             }
         }
         assert_eq!(is_due(200, 400), (true, true), "kept");
-        assert_eq!(is_due(25, 400), (true, false), "a place of the curve");
-        assert_eq!(is_due(26, 400), (false, false), "neither");
+        assert_eq!(is_due(100, 400), (true, false), "a place of the curve");
+        assert_eq!(is_due(101, 400), (false, false), "neither");
     }
 }

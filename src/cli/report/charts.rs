@@ -38,7 +38,7 @@ pub(crate) struct Lines<'a> {
 const W: f64 = 540.0;
 const H: f64 = 270.0;
 const LEFT: f64 = 64.0;
-const RIGHT: f64 = 14.0;
+const RIGHT: f64 = 24.0;
 const TOP: f64 = 10.0;
 const BOTTOM: f64 = 44.0;
 
