@@ -1,6 +1,6 @@
 //! Reports as HTML text: what a reader without eyes, without a network or with a telephone gets.
 
-use crate::program::{json, lastlight};
+use crate::program::json;
 use std::path::Path;
 
 /// The value of an attribute of a tag.
@@ -9,29 +9,27 @@ fn attribute<'a>(tag: &'a str, name: &str) -> Option<&'a str> {
     tag[start..].split('"').next()
 }
 
-/// The opening tags with that name.
+/// The opening tags with that name, without their ends.
 fn tags<'a>(html: &'a str, name: &str) -> Vec<&'a str> {
     let open = format!("<{name} ");
-    html.split(open.as_str()).skip(1).map(|rest| &html[rest_start(html, rest) - 1..rest_end(html, rest)]).collect()
-}
-
-fn rest_start(html: &str, rest: &str) -> usize {
-    rest.as_ptr() as usize - html.as_ptr() as usize
-}
-
-fn rest_end(html: &str, rest: &str) -> usize {
-    rest_start(html, rest) + rest.find('>').expect("a tag ends")
+    html.match_indices(&open).map(|(at, _)| html[at..].split('>').next().expect("a tag ends")).collect()
 }
 
 /// Checks what holds for every report; gives the page.
 fn checked(path: &Path) -> String {
     let html = std::fs::read_to_string(path).expect("a report");
-    for word in ["http://", "https://", "<script", "<link", "<iframe", "<object", "@import", "url(", "srcset", " onclick"] {
+    for word in [
+        "http://", "https://", "<script", "<link", "<iframe", "<object", "@import", "url(", "srcset",
+        " onclick",
+    ] {
         assert!(!html.contains(word), "{}: '{word}' would load or run something", path.display());
     }
     assert!(html.contains("Content-Security-Policy"), "the page has a policy");
     for img in tags(&html, "img") {
-        assert!(attribute(img, "src").is_some_and(|s| s.starts_with("data:image/png;base64,")), "inside the page");
+        assert!(
+            attribute(img, "src").is_some_and(|s| s.starts_with("data:image/png;base64,")),
+            "inside the page"
+        );
     }
     let mut names: Vec<&str> = Vec::new();
     for (tag, name) in [("img", "alt"), ("svg", "aria-label")] {
@@ -89,7 +87,10 @@ fn the_report_of_the_demo_says_what_it_shows() {
             let (i, j) = (at / 4, at % 4);
             let pair = serde_json::json!([i, j]);
             let kept = structure[format!("edges_{which}")].as_array().expect("edges").contains(&pair);
-            i != j && (kept || structure["truth"][i][j] == true || structure[which][at].as_f64().expect("p") >= 0.05)
+            i != j
+                && (kept
+                    || structure["truth"][i][j] == true
+                    || structure[which][at].as_f64().expect("p") >= 0.05)
         });
         let svg = svg.split("</svg>").next().expect("closed");
         assert_eq!(svg.matches("class=\"edge\"").count(), drawn.count(), "{which}: one line per edge");
@@ -102,7 +103,7 @@ fn the_report_of_the_demo_says_what_it_shows() {
     }
     assert_eq!(grid.matches("<img ").count(), 36, "nine values of four factors");
     assert_eq!(grid.matches("class=\"mid\"").count(), 5, "the middle column: its head and four cells");
-    assert_eq!(grid.matches("<small>+0.0 σ</small>").count(), 4, "values are distances from the middle");
+    assert_eq!(grid.matches("<small>0 σ</small>").count(), 4, "values are distances from the middle");
     assert!(html.contains("decoder's person") || html.contains("decoder&#39;s person"), "whose person it is");
     // Settings as typed, what was changed first.
     let settings = between(&html, "<section id=\"settings\">", "</section>");
@@ -111,15 +112,54 @@ fn the_report_of_the_demo_says_what_it_shows() {
     assert!(changed.contains("<code>24</code>") && changed.contains("<code>400</code>"), "{changed}");
     assert!(html.contains("<dt>PSNR-box</dt>") && html.contains("<abbr title="), "metrics are explained");
     assert_eq!(html.matches("iteration 0 · ").count(), 1, "the first picture of the training strip");
+
+    fits(dir.path());
+    interventions(dir.path());
 }
 
-#[test]
-fn pages_of_other_commands_hold_to_the_same_rules() {
-    let dir = tempfile::tempdir().expect("a temporary folder");
-    let at = dir.path();
-    let make = ["last", "gen", "--profile", "smoke", "--out", "people", "--set", "video", "--quiet"];
-    let made = lastlight(&make, at);
-    if made.status.code() != Some(0) {
-        panic!("{}", String::from_utf8_lossy(&made.stderr));
+/// The report of a fit of the demo's person: a title that says what it is, a strip that a resumed fit has too.
+fn fits(dir: &Path) {
+    let fit =
+        ["last", "fit", "demo/subject/video", "--out", "fit", "--iterations", "60", "--json", "--quiet"];
+    let digest = json(&fit, dir)["digest"].clone();
+    let html = checked(&dir.join("fit/report/index.html"));
+    assert!(html.contains("<h1>Person from the video subject/video</h1>"), "the folder above says more");
+    let strip = |html: &str| -> Vec<String> {
+        let all = tags(html, "img").into_iter().filter_map(|t| attribute(t, "alt"));
+        all.filter(|a| a.starts_with("render of view ")).map(str::to_owned).collect()
+    };
+    let shown = strip(&html);
+    assert_eq!(shown.len(), 3, "after 0, 50 and all 60 iterations: {shown:?}");
+    for (alt, iteration) in shown.iter().zip([0, 50, 60]) {
+        assert!(alt.contains(&format!("after {iteration} iterations, PSNR-box ")), "{alt}");
     }
+    assert!(html.contains("aria-label=\"PSNR-box of view "), "and its score as a curve");
+    let again: Vec<&str> = fit.iter().copied().chain(["--resume"]).collect();
+    assert_eq!(json(&again, dir)["digest"], digest, "the finished fit");
+    assert_eq!(
+        strip(&checked(&dir.join("fit/report/index.html"))),
+        shown,
+        "what was recorded before is there"
+    );
+}
+
+/// The report of interventions on the demo's person.
+fn interventions(dir: &Path) {
+    let set = [
+        "last",
+        "intervene",
+        "demo/tuned.safetensors",
+        "demo/subject/video",
+        "--out",
+        "do",
+        "--factor",
+        "0",
+        "--json",
+        "--quiet",
+    ];
+    json(&set, dir);
+    let html = checked(&dir.join("do/report/index.html"));
+    assert!(html.contains("<h1>Interventions on subject/video by demo/tuned.safetensors</h1>"), "a title");
+    let grid = between(&html, "<table class=\"grid-table\">", "</table>");
+    assert_eq!(grid.matches("<img ").count(), 9, "one factor");
 }

@@ -109,10 +109,10 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         title: "From all sides",
         lead: "One moment, rendered larger than the input images. The fit has seen the person from the front only; its back is an extrapolation."
             .into(),
-        body: turntable.strip(TURNTABLE[0], &|[c, r]| {
+        body: html! { div.large { (turntable.strip(TURNTABLE[0], &|[c, r]| {
             let degrees = 360 * (c + r * TURNTABLE[0] / 2) / TURNTABLE[0];
             Label { alt: format!("person rendered from {degrees} degrees"), caption: format!("{degrees}°") }
-        })?,
+        })?) } },
     };
     sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
     let edges = |which: usize| command::edges(&tuned.edges[which]);

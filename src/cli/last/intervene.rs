@@ -120,8 +120,8 @@ impl Grid {
                 tbody { @for (name, cells) in &rows { tr {
                     th scope="row" { (name) }
                     @for (c, value, uri) in cells { td.mid[*c == middle] {
-                        img src=(uri) alt={ "decoded person with " (name) " set to " (format!("{value:+.1}")) " σ, column " (c + 1) };
-                        small { (format!("{value:+.1} σ")) }
+                        img src=(uri) alt={ "decoded person with " (name) " set to " (sigmas(*value)) ", column " (c + 1) };
+                        small { (sigmas(*value)) }
                     } }
                 } } }
             } }
@@ -164,8 +164,16 @@ impl Grid {
     }
 }
 
-/// Values of a factor by column: distance of its codes from the one in the middle, along the line from the first to the last, each dimension in
-/// standard deviations of the training set.
+/// A number of standard deviations.
+fn sigmas(x: f64) -> String {
+    match format!("{:.1}", x.abs()).as_str() {
+        "0.0" => "0 σ".to_owned(),
+        size => format!("{}{size} σ", if x < 0.0 { '−' } else { '+' }),
+    }
+}
+
+/// Values of a factor by column: distance of its codes from the one in the middle, along the line from the first to the last, in
+/// standard deviations of the training set: the root mean square over the dimensions, as in [`Grid::moved`].
 fn in_deviations(trained: &Trained, factor: usize) -> [f64; VALUES] {
     let k = trained.model.sizes.width;
     let at = |q: usize, d: usize| {
@@ -175,7 +183,7 @@ fn in_deviations(trained: &Trained, factor: usize) -> [f64; VALUES] {
     let length = axis.iter().fold(0.0, |s, x| s + x * x).sqrt();
     std::array::from_fn(|q| {
         let along = (0..k).fold(0.0, |s, d| s + (at(q, d) - at(VALUES / 2, d)) * axis[d]);
-        if length > 0.0 { along / length } else { 0.0 }
+        if length > 0.0 { along / (length * (k as f64).sqrt()) } else { 0.0 }
     })
 }
 

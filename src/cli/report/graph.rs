@@ -9,9 +9,9 @@ const W: f64 = 480.0;
 /// Height of a level.
 const LEVEL: f64 = 118.0;
 /// Width and height of a factor.
-const NODE: [f64; 2] = [116.0, 36.0];
+const NODE: [f64; 2] = [136.0, 38.0];
 /// Free space above the first and below the last level.
-const MARGIN: f64 = 42.0;
+const MARGIN: f64 = 26.0;
 
 /// A graph with the probabilities of its edges.
 pub(crate) struct Graph<'a> {
@@ -133,9 +133,9 @@ fn edge(e: &Edge, from: [f64; 2], to: [f64; 2]) -> Markup {
     let length = crate::num::order::max((dx * dx + dy * dy).sqrt(), 1e-6);
     let (ux, uy) = (dx / length, dy / length);
     let width = 1.2 + 5.8 * crate::num::order::clamp(e.p, 0.0, 1.0);
-    let head = 9.0 + width;
+    let head = 12.0 + width;
     let neck = [to[0] - ux * head, y1 - uy * head];
-    let wing = 0.5 * head;
+    let wing = 0.52 * head;
     let path = format!("M{:.1} {y0:.1}Q{:.1} {:.1} {:.1} {:.1}", from[0], mid[0], mid[1], neck[0], neck[1]);
     let tip = format!(
         "{:.1},{y1:.1} {:.1},{:.1} {:.1},{:.1}",
@@ -147,12 +147,21 @@ fn edge(e: &Edge, from: [f64; 2], to: [f64; 2]) -> Markup {
     );
     let color = if e.is_kept { "var(--a)" } else { "var(--faint)" };
     let dash = (!e.is_kept).then_some("5 5");
-    let label = [0.25 * from[0] + 0.5 * mid[0] + 0.25 * to[0], 0.25 * y0 + 0.5 * mid[1] + 0.25 * y1];
+    // The middle of the curve, moved away from it to the side that faces the outside of the drawing.
+    let far = 12.0 + width;
+    let slope = [to[0] - from[0], y1 - y0];
+    let size = crate::num::order::max((slope[0] * slope[0] + slope[1] * slope[1]).sqrt(), 1e-6);
+    let way = if slope[0] >= 0.0 { far / size } else { -far / size };
+    let label = [
+        0.25 * from[0] + 0.5 * mid[0] + 0.25 * to[0] + way * slope[1].abs(),
+        0.25 * y0 + 0.5 * mid[1] + 0.25 * y1 - way.abs() * slope[0].abs(),
+    ];
+    let anchor = if slope[0] >= 0.0 { "start" } else { "end" };
     html! {
         @if e.is_true { path.truth d=(path) fill="none" stroke="var(--b)" stroke-width=(format!("{:.1}", width + 7.0)) stroke-linecap="round" stroke-opacity="0.55" {} }
         path.edge d=(path) fill="none" stroke=(color) stroke-width=(format!("{width:.2}")) stroke-dasharray=[dash] {}
         polygon points=(tip) fill=(color) {}
-        text x=(format!("{:.1}", label[0] + 10.0 + 0.5 * width)) y=(format!("{:.1}", label[1] + 4.0)) { (format!("{:.2}", e.p)) }
+        text x=(format!("{:.1}", label[0])) y=(format!("{:.1}", label[1] + 4.0)) text-anchor=(anchor) { (format!("{:.2}", e.p)) }
     }
 }
 

@@ -91,8 +91,9 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let views = held_out.map(|s| hints::View {
         name: &s.name,
         psnr_db: level(&s.scores),
-        photo: &s.photo,
-        image: &s.image,
+        // Light is a part of the fit: other cameras see other sides of it.
+        photo: &[],
+        image: &[],
         distance: None,
     });
     sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
@@ -153,7 +154,7 @@ fn views(groups: &[Group]) -> Result<Markup> {
         let title = format!("{}: {} of {} images", group.name, shown.len(), group.scored.len());
         parts.push((title, run::compared(shown, what, MAX_SIDE)?));
     }
-    Ok(html! { @for (title, part) in &parts { h3 { (title) } (part) } })
+    Ok(html! { @for (title, part) in &parts { h3.group { (title) } (part) } })
 }
 
 /// Every metric that some group has, in the order of the first that has it, with the means of all groups.

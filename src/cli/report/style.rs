@@ -38,7 +38,7 @@ th,td{padding:8px 16px;border-bottom:1px solid var(--line);vertical-align:baseli
 .num{text-align:right;font-variant-numeric:tabular-nums}td.num{white-space:nowrap}.good{color:var(--good)}.bad{color:var(--bad)}
 tr.total td,.strong{font-weight:650}caption{text-align:left;padding:12px 16px 4px;font-weight:600;font-size:14.5px}
 svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px system-ui,-apple-system,'Segoe UI',Roboto,Arial,sans-serif}svg text.ink{fill:var(--ink)}
-.views{display:grid;gap:30px;grid-template-columns:minmax(0,1fr)}.view{margin:0;border:0;padding:0;min-width:0}
+.group{margin-top:30px}.views{display:grid;gap:30px;grid-template-columns:minmax(0,1fr)}.view{margin:0;border:0;padding:0;min-width:0}
 .view h3{display:flex;flex-wrap:wrap;gap:4px 14px;align-items:baseline;margin-bottom:9px;overflow-wrap:anywhere}.view h3 span{color:var(--soft);font-weight:400;font-variant-numeric:tabular-nums}
 .view input{position:absolute;opacity:0;width:1px;height:1px}
 .view input+label{display:inline-block;padding:2px 11px;margin:0 5px 9px 0;border:1px solid var(--line);border-radius:999px;font-size:13px;color:var(--soft);background:var(--panel);cursor:pointer}
@@ -52,7 +52,7 @@ svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px sys
 .pick-photo:checked~.zoom:checked~.frames,.pick-render:checked~.zoom:checked~.frames,.pick-error:checked~.zoom:checked~.frames{grid-template-columns:minmax(0,1fr)}
 figure{margin:0}figure img{display:block;width:100%;height:auto;border-radius:8px;background:var(--line)}
 figcaption{color:var(--faint);font-size:13px;padding-top:5px}
-.strip{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(150px,45%),1fr));gap:12px;margin:0 0 16px}.strip.small{grid-template-columns:repeat(auto-fill,minmax(92px,1fr))}
+.strip{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(200px,45%),1fr));gap:12px;margin:0 0 16px}.large .strip{grid-template-columns:repeat(auto-fill,minmax(min(240px,45%),1fr))}.cells img{image-rendering:pixelated}
 .scale{display:flex;flex-wrap:wrap;align-items:center;gap:6px 12px;color:var(--soft);font-size:13px;margin:0 0 18px}.scale img{height:12px;width:240px;max-width:50vw;border-radius:3px}
 .legend{display:flex;flex-wrap:wrap;gap:4px 18px;font-size:13px;color:var(--soft);margin-top:10px}.legend i{display:inline-block;width:11px;height:11px;border-radius:3px;margin-right:7px;vertical-align:-1px}
 .bars{list-style:none;margin:0;padding:0;font-size:13px;color:var(--soft)}.bars li{display:grid;grid-template-columns:minmax(60px,130px) minmax(0,1fr) 62px;gap:10px;align-items:center;padding:3px 0}
