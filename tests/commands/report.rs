@@ -1,6 +1,7 @@
 //! Reports as HTML text: what a reader without eyes, without a network or with a telephone gets.
 
-use crate::program::json;
+use crate::program::{json, lastlight};
+use lastlight::io::npz;
 use std::path::Path;
 
 /// The value of an attribute of a tag.
@@ -140,6 +141,46 @@ fn fits(dir: &Path) {
         strip(&checked(&dir.join("fit/report/index.html"))),
         shown,
         "what was recorded before is there"
+    );
+}
+
+/// Two runs of an operator, one of them with a wrong gradient.
+#[test]
+fn the_page_of_a_comparison_shows_the_first_difference() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| dir.path().join(name);
+    let run = |args: &[&str]| lastlight(args, dir.path()).status.code();
+    assert_eq!(run(&["oracle", "mint", "splat.render", "--out", "g"]), Some(0), "mint");
+    let file =
+        ["oracle", "run", "splat.render", "--in", "g/splat.render_0.npz", "--out", "ours.npz", "--dump"];
+    assert_eq!(run(&file), Some(0), "run");
+    let mut theirs = npz::read(&at("ours.npz")).expect("written");
+    let (shape, values) = {
+        let quats = theirs.need("quats_bar").expect("a gradient");
+        (quats.shape().to_vec(), quats.to_f32().iter().map(|x| x * 1.01).collect::<Vec<f32>>())
+    };
+    theirs.put("quats_bar", &shape, values);
+    npz::write(&at("mine.npz"), &theirs).expect("written");
+    assert_eq!(
+        run(&["oracle", "compare", "mine.npz", "ours.npz", "--html", "c.html"]),
+        Some(1),
+        "they differ"
+    );
+    let html = checked(&at("c.html"));
+    assert!(html.contains("<h1>splat.render: first difference in "), "a title");
+    assert_eq!(html.matches("class=\"first\"").count(), 1, "one stage is the first");
+    assert!(html.matches("class=\"ok\"").count() >= 3, "stages before it match");
+    assert!(html.contains("alt=\"errors of quats_bar by row"), "a heat map over Gaussians");
+    assert!(html.contains("log₁₀ of the relative error of quats_bar"), "a histogram");
+    assert_eq!(
+        run(&["oracle", "compare", "ours.npz", "ours.npz", "--html", "d.html"]),
+        Some(0),
+        "they agree"
+    );
+    let html = std::fs::read_to_string(at("d.html")).expect("written");
+    assert!(
+        html.contains("<h1>splat.render: all arrays match</h1>") && !html.contains("class=\"first\""),
+        "all is well"
     );
 }
 

@@ -300,6 +300,31 @@ pub(crate) fn parts(rows: &[(String, f64)]) -> Markup {
     }
 }
 
+/// Numbers of entries in bins of equal width from `low` on, as vertical bars; the axis holds decimal logarithms.
+pub(crate) fn histogram(title: &str, low: f64, width: f64, counts: &[usize]) -> Markup {
+    let most = counts.iter().fold(1, |m, &c| Ord::max(m, c));
+    let total = counts.iter().fold(0, |s, c| s + c);
+    let high = low + width * counts.len() as f64;
+    let height = 190.0;
+    let px = |x: f64| LEFT + (x - low) / (high - low) * (W - LEFT - RIGHT);
+    let py = |n: f64| TOP + (1.0 - n / most as f64) * (height - TOP - BOTTOM);
+    let power = |x: f64| format!("1e{}", short(x));
+    html! {
+        div.panel {
+            h3 { (title) }
+            svg viewBox={ "0 0 " (W) " " (height) } role="img" aria-label={ (title) ": " (total) " entries from " (power(low)) " to " (power(high)) } {
+                @for (i, &count) in counts.iter().enumerate() {
+                    @let (x, y) = (px(low + i as f64 * width), py(count as f64));
+                    rect x=(num(x + 0.8)) y=(num(y)) width=(num(crate::num::order::max((W - LEFT - RIGHT) / counts.len() as f64 - 1.6, 0.5))) height=(num(height - BOTTOM - y)) fill="var(--b)" { title { (count) } }
+                }
+                line x1=(LEFT) x2=(W - RIGHT) y1=(height - BOTTOM) y2=(height - BOTTOM) stroke="var(--faint)" {}
+                text x=(LEFT - 8.0) y=(num(py(most as f64) + 10.0)) text-anchor="end" { (most) }
+                @for x in ticks(low, high, 6) { text x=(num(px(x))) y=(height - BOTTOM + 18.0) text-anchor="middle" { (short(x)) } }
+            }
+        }
+    }
+}
+
 /// At most `n` characters, the middle left out.
 fn clip(name: &str, n: usize) -> String {
     let chars: Vec<char> = name.chars().collect();

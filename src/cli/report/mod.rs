@@ -6,7 +6,7 @@
 //! person    the report of a fitted person                        run       what those two share
 //! settings  settings in groups, as typed                         glossary  what the names of metrics mean
 //! graph     a causal graph as SVG                               hints     what to try next
-//! film      snapshots of a training
+//! film      snapshots of a training                             compare   the page of `oracle compare`
 //! style     the style sheet                                      machine   machine, date, version: facts outside every digest
 //! ```
 //!
@@ -14,6 +14,7 @@
 //! radio buttons, check boxes and the style sheet, and the content security policy of the page forbids scripts and external sources.
 
 pub(crate) mod charts;
+pub(crate) mod compare;
 pub(crate) mod film;
 pub(crate) mod fit;
 mod glossary;
@@ -153,6 +154,14 @@ impl Page {
         }
     }
 
+    /// Writes the page as a file, whole or not at all.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub(crate) fn write_file(&self, path: &Path) -> Result<()> {
+        crate::io::atomic::write_bytes(path, self.html().as_bytes())
+    }
+
     /// Writes `DIR/report/index.html`, whole or not at all.
     ///
     /// # Errors
@@ -161,7 +170,7 @@ impl Page {
         let folder = dir.join("report");
         std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
         let path = folder.join("index.html");
-        crate::io::atomic::write_bytes(&path, self.html().as_bytes())?;
+        self.write_file(&path)?;
         Ok(path)
     }
 }
