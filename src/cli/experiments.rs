@@ -7,7 +7,8 @@ use crate::experiment::{
 };
 use crate::io::atomic;
 use crate::meter::{Laps, Meter};
-use crate::report::charts::{Lines, Series, bars, intervals};
+use crate::report::bars::{bars, intervals};
+use crate::report::charts::{Lines, Series};
 use crate::report::{self, Page, Section, Stat};
 use maud::{Markup, html};
 use serde_json::{Value, json};

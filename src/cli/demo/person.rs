@@ -6,7 +6,7 @@ use crate::fit::render::Orbit;
 use crate::fit::training::Watch;
 use crate::last::fit::{Guided, Job};
 use crate::last::intervene::Grid;
-use crate::last::{pretrain, tune as command};
+use crate::last::pretrain;
 use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::num::order;
@@ -41,18 +41,8 @@ const NAMES: [&str; 4] = ["posture", "self-occlusion", "wrinkles", "light"];
 
 /// Films, tunes, fits, shows, intervenes, in a folder; the record of the fit gets one of the structure.
 pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome> {
-    let making = Making {
-        set: "video".into(),
-        subject: SUBJECT,
-        seed: args.seed,
-        video_size: usize::from(args.size),
-        ..Making::smoke()
-    };
     let film = dir.join("subject");
-    cli::stoppable(|stop| {
-        generate::run(&making, &film, false, stop, &mut |done, total, what| meter.count(done, total, what))
-    })?;
-    meter.done();
+    render_video(args, &film, meter)?;
     let capture = PersonCapture::open(&film.join("video"))?;
     meter.note(&format!(
         "a person: {} images to fit, {} held out; rendered in {:.1} s",
@@ -104,7 +94,47 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let sections = &mut outcome.page.sections;
     sections.splice(0..0, before);
     let after = 1 + sections.iter().position(|s| s.id == "views").unwrap_or(0);
-    let seen = Section {
+    let seen = around(&turntable)?;
+    sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
+    outcome.lines.push(format!("graph       {}", change(&tuned.edges)));
+    outcome.record["structure"] = json!({
+        "model": shipped::NAME, "before": tuned.before, "after": tuned.after,
+        "edges_before": tuned.edges[0], "edges_after": tuned.edges[1], "truth": truth,
+    });
+    Ok(outcome)
+}
+
+/// Renders the video of the person into a folder.
+fn render_video(args: &Args, film: &Path, meter: &mut Meter) -> Result<()> {
+    let making = Making {
+        set: "video".into(),
+        subject: SUBJECT,
+        seed: args.seed,
+        video_size: usize::from(args.size),
+        ..Making::smoke()
+    };
+    cli::stoppable(|stop| {
+        generate::run(&making, film, false, stop, &mut |done, total, what| meter.count(done, total, what))
+    })?;
+    meter.done();
+    Ok(())
+}
+
+/// The graph before and after tuning, in words.
+fn change([before, after]: &[Vec<(usize, usize)>; 2]) -> String {
+    let words = |edges: &[(usize, usize)]| {
+        let all: Vec<String> = edges.iter().map(|&(i, j)| format!("{}→{}", NAMES[i], NAMES[j])).collect();
+        if all.is_empty() { "no edges".to_owned() } else { all.join(", ") }
+    };
+    if before == after {
+        return format!("{} (unchanged by tuning)", words(after));
+    }
+    format!("before tuning: {}; after: {}", words(before), words(after))
+}
+
+/// The turntable as a section.
+fn around(turntable: &Sheet) -> Result<Section> {
+    Ok(Section {
         id: "turntable",
         title: "From all sides",
         lead: "One moment, rendered larger than the input images. The fit has seen the person from the front only; its back is an extrapolation."
@@ -113,15 +143,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
             let degrees = 360 * (c + r * TURNTABLE[0] / 2) / TURNTABLE[0];
             Label { alt: format!("person rendered from {degrees} degrees"), caption: format!("{degrees}°") }
         })?) } },
-    };
-    sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
-    let edges = |which: usize| command::edges(&tuned.edges[which]);
-    outcome.lines.push(format!("structure   {} → {}", edges(0), edges(1)));
-    outcome.record["structure"] = json!({
-        "model": shipped::NAME, "before": tuned.before, "after": tuned.after,
-        "edges_before": tuned.edges[0], "edges_after": tuned.edges[1], "truth": truth,
-    });
-    Ok(outcome)
+    })
 }
 
 /// Some frames of the video.
@@ -218,4 +240,22 @@ fn turntable(run: &Path, meter: &mut Meter) -> Result<Sheet> {
     }
     meter.done();
     Ok(sheet)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn graphs_are_told_by_the_names_of_the_factors() {
+        let (fork, less) = (vec![(0, 1), (0, 2)], vec![(0, 1)]);
+        let same = change(&[fork.clone(), fork.clone()]);
+        assert_eq!(same, "posture→self-occlusion, posture→wrinkles (unchanged by tuning)", "one graph");
+        let other = change(&[fork, less]);
+        assert!(
+            other.ends_with("; after: posture→self-occlusion") && other.starts_with("before tuning: "),
+            "{other}"
+        );
+        assert!(change(&[vec![], vec![]]).starts_with("no edges"), "nothing");
+    }
 }

@@ -235,28 +235,11 @@ pub(crate) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
         .collect()
 }
 
-/// `units` says in words that they changed, if they did.
-fn page(
-    args: &Args,
-    record: &Value,
-    history: &History,
-    verdict: &Evaluation,
-    units: Option<String>,
-    meter: &Meter,
-) -> Page {
-    let (points, band) = bucket(&history.loss, LOSS_POINTS);
-    let settings = training_marks(&record["settings"]);
-    let losses = Lines {
-        title: "L_rec + L_int",
-        x_label: "step",
-        log_y: true,
-        from_zero: false,
-        series: vec![Series { name: "loss", color: 'a', points, band }],
-        marks: settings,
-    };
+/// The graph as a drawing and as a table.
+fn structure(data: &Path, verdict: &Evaluation) -> Section {
     let n = verdict.graph.n();
     let (p, edges, truth) =
-        (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(&args.data));
+        (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(data));
     let truth = truth.filter(|t| t.len() == n && t.iter().all(|row| row.len() == n));
     let drawing = Graph {
         title: "after training",
@@ -283,6 +266,35 @@ fn page(
             std::iter::once(report::text(i)).chain(row.iter().enumerate().map(cell)).collect()
         })
         .collect();
+    Section {
+        id: "structure",
+        title: "Structure",
+        lead: "Edges are as wide as they are probable; in the table, a row is the cause, a column the effect, and edges in the graph are \
+               bold."
+            .into(),
+        body: html! { div.two { div { (drawing.html()) (graph::legend(truth.is_some())) } (report::table(&head, &rows)) } },
+    }
+}
+
+/// `units` says in words that they changed, if they did.
+fn page(
+    args: &Args,
+    record: &Value,
+    history: &History,
+    verdict: &Evaluation,
+    units: Option<String>,
+    meter: &Meter,
+) -> Page {
+    let (points, band) = bucket(&history.loss, LOSS_POINTS);
+    let settings = training_marks(&record["settings"]);
+    let losses = Lines {
+        title: "L_rec + L_int",
+        x_label: "step",
+        log_y: true,
+        from_zero: false,
+        series: vec![Series { name: "loss", color: 'a', points, band }],
+        marks: settings,
+    };
     Page {
         kind: "last pretrain".into(),
         title: format!("Image-to-point model from {}", args.data.display()),
@@ -311,14 +323,7 @@ fn page(
             },
         ],
         sections: vec![
-            Section {
-                id: "structure",
-                title: "Structure",
-                lead: "Edges are as wide as they are probable; in the table, a row is the cause, a column the effect, and edges in the graph are \
-                       bold."
-                    .into(),
-                body: html! { div.two { div { (drawing.html()) (graph::legend(truth.is_some())) } (report::table(&head, &rows)) } },
-            },
+            structure(&args.data, verdict),
             Section {
                 id: "loss",
                 title: "Loss",

@@ -1,7 +1,7 @@
 //! The page of `oracle compare`: where two files of arrays part, and how each array differs.
 
 use super::images::{self, Label};
-use super::{Page, Section, Stat, charts, code, table, text, thousands};
+use super::{Page, Section, Stat, bars, code, table, text, thousands};
 use crate::Result;
 use crate::num::array::Arrays;
 use crate::num::order;
@@ -264,7 +264,7 @@ fn histogram(a: &ArrayReport, errors: &[f64], rms: f64) -> Markup {
     let mut counts = vec![0_usize; (high - low + 1) as usize];
     bins.iter().for_each(|b| counts[(b - low) as usize] += 1);
     let title = format!("log₁₀ of the relative error of {}", a.name);
-    html! { (charts::histogram(&title, low as f64 * BIN, BIN, &counts)) (note) }
+    html! { (bars::histogram(&title, low as f64 * BIN, BIN, &counts)) (note) }
 }
 
 /// Errors by pixel or by row as images.

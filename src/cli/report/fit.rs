@@ -1,7 +1,7 @@
 //! The report of one fit: held-out images, what to try, numbers per view, curves, density events, time, files.
 
 use super::run::{self, Compared, HOW_TO_READ, Run, decibel};
-use super::{Page, Section, Stat, charts, hints, table, text, thousands};
+use super::{Page, Section, Stat, bars, hints, table, text, thousands};
 use crate::Result;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::splat::Event;
@@ -188,8 +188,8 @@ fn scores(e: &Evaluation) -> Markup {
         div.stack {
         (table(&["view", ">size", ">counted", ">PSNR", ">SSIM", ">mean abs. error"], &rows))
         div.two {
-            (charts::bars(&format!("PSNR in dB (bars start at {from:.0})"), &psnr, 'a', 2, from, e.mean_psnr_db.is_finite().then_some((e.mean_psnr_db, "mean"))))
-            (charts::bars("SSIM (bars start at 0)", &ssim, 'b', 4, 0.0, Some((e.mean_ssim, "mean"))))
+            (bars::bars(&format!("PSNR in dB (bars start at {from:.0})"), &psnr, 'a', 2, from, e.mean_psnr_db.is_finite().then_some((e.mean_psnr_db, "mean"))))
+            (bars::bars("SSIM (bars start at 0)", &ssim, 'b', 4, 0.0, Some((e.mean_ssim, "mean"))))
         } }
     }
 }

@@ -1,7 +1,7 @@
 //! Self-contained HTML reports: one file, no network, light and dark by the reader's preference.
 //!
 //! ```text
-//! mod       the page: header, stat cards, sections, tables       charts    line charts, bars, intervals
+//! mod       the page: header, stat cards, sections, tables       charts    line charts; bars: bars, intervals, histograms
 //! fit       the report of one fit                                images    pixels to PNG data URIs, error maps, strips
 //! person    the report of a fitted person                        run       what those two share
 //! settings  settings in groups, as typed                         glossary  what the names of metrics mean
@@ -13,6 +13,7 @@
 //! A report is made of plain values; nothing here computes a result. Pages have no script: views are chosen and enlarged by
 //! radio buttons, check boxes and the style sheet, and the content security policy of the page forbids scripts and external sources.
 
+pub(crate) mod bars;
 pub(crate) mod charts;
 pub(crate) mod compare;
 pub(crate) mod film;

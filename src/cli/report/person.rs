@@ -1,7 +1,7 @@
 //! The report of a fitted person: held-out images, every metric by camera, curves, density events, guidance by the model, time, files.
 
 use super::run::{self, Compared, HOW_TO_READ, Run};
-use super::{Page, Section, Stat, charts, hints, metric, table, text, thousands};
+use super::{Page, Section, Stat, bars, hints, metric, table, text, thousands};
 use crate::Result;
 use crate::loss::metric::person::Scores;
 use lastlight_last::avatar::density::Event;
@@ -180,13 +180,13 @@ fn scores(groups: &[Group]) -> Markup {
         std::iter::once(metric(name)).chain(values.into_iter().map(cell)).collect()
     };
     let rows: Vec<Vec<Markup>> = by_metric(groups).into_iter().map(row).collect();
-    let bars: Vec<(String, f64)> = (groups.iter().filter(|g| g.cameras.len() > 1))
+    let levels: Vec<(String, f64)> = (groups.iter().filter(|g| g.cameras.len() > 1))
         .flat_map(|g| g.cameras.iter().map(|(c, s)| (format!("camera {c}"), level(s))))
         .filter(|(_, x)| x.is_finite())
         .collect();
     html! { div.stack {
         (table(&head, &rows))
-        (charts::bars("PSNR-box in dB by camera (bars start at 10)", &bars, 'a', 2, 10.0, None))
+        (bars::bars("PSNR-box in dB by camera (bars start at 10)", &levels, 'a', 2, 10.0, None))
     } }
 }
 

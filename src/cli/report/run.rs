@@ -2,7 +2,7 @@
 
 use super::charts::{self, Lines, Series};
 use super::film::Film;
-use super::{Section, Stat, bytes, code, images, seconds, settings, table, text, thousands};
+use super::{Section, Stat, bars, bytes, code, images, seconds, settings, table, text, thousands};
 use crate::Result;
 use crate::fit::training::History;
 use crate::meter::Meter;
@@ -278,7 +278,7 @@ fn time(parts: &[(String, f64)], total: f64) -> Markup {
         })
         .collect();
     html! { div.stack {
-        div.panel { (charts::parts(&all)) }
+        div.panel { (bars::parts(&all)) }
         (table(&["part", ">time", ">share"], &rows))
     } }
 }

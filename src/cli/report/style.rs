@@ -48,7 +48,7 @@ svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px sys
 .pick-photo:checked~.frames,.pick-render:checked~.frames,.pick-error:checked~.frames{grid-template-columns:minmax(0,760px)}
 .pick-photo:checked~.frames figure:not(.photo),.pick-render:checked~.frames figure:not(.render),.pick-error:checked~.frames figure:not(.error){display:none}
 .view:has(.zoom:checked){position:fixed;inset:0;z-index:9;overflow:auto;background:var(--bg);padding:18px 22px}
-.zoom:checked~.frames{gap:16px}.zoom:checked~.frames img{max-height:calc(100vh - 130px);object-fit:contain;object-position:left top;background:none}
+.zoom:checked~.frames{gap:16px;grid-template-columns:repeat(auto-fit,minmax(min(100%,520px),1fr))}.zoom:checked~.frames img{max-height:calc(100vh - 130px);object-fit:contain;object-position:left top;background:none}
 .pick-photo:checked~.zoom:checked~.frames,.pick-render:checked~.zoom:checked~.frames,.pick-error:checked~.zoom:checked~.frames{grid-template-columns:minmax(0,1fr)}
 figure{margin:0}figure img{display:block;width:100%;height:auto;border-radius:8px;background:var(--line)}
 figcaption{color:var(--faint);font-size:13px;padding-top:5px}
@@ -70,7 +70,7 @@ footer{color:var(--faint);font-size:13px;padding:44px 0 40px}
 td:first-child,th:first-child{padding-left:12px}td:last-child,th:last-child{padding-right:12px}td:first-child,td:first-child code{overflow-wrap:anywhere}
 svg text{font-size:17px}.stats{grid-template-columns:repeat(2,minmax(0,1fr));gap:10px}.stat{padding:11px 12px}.value{font-size:22px}
 .frames{grid-template-columns:repeat(2,minmax(0,1fr));gap:8px}.frames .render{grid-column:1/3;grid-row:1}.pick-photo:checked~.frames,.pick-render:checked~.frames,.pick-error:checked~.frames{grid-template-columns:minmax(0,1fr)}
-.pick-photo:checked~.frames figure,.pick-error:checked~.frames figure{grid-column:1}.glossary{grid-template-columns:minmax(0,1fr);gap:2px}.glossary dd{margin-bottom:10px}
+.pick-photo:checked~.frames figure,.pick-error:checked~.frames figure,.zoom:checked~.frames figure{grid-column:1;grid-row:auto}.glossary{grid-template-columns:minmax(0,1fr);gap:2px}.glossary dd{margin-bottom:10px}
 .cards thead{display:none}.cards tr{display:block;padding:8px 12px;border-bottom:1px solid var(--line)}.cards td{display:flex;justify-content:space-between;gap:16px;border:0;padding:2px 0!important;text-align:right}.cards td::before{content:attr(data-label);color:var(--soft);text-align:left}
 .grid-table{min-width:640px}.grid-table th:first-child{position:sticky;left:0;background:var(--panel);width:84px;z-index:1}}
 @media (prefers-reduced-motion:reduce){html{scroll-behavior:auto}}
