@@ -171,8 +171,9 @@ fn section(r: &Report, seconds: &[(String, Summary)]) -> Section {
     Section {
         id: r.id,
         title: r.id,
-        lead: format!("{} — {}: {}", r.claim, r.outcome.name(), r.verdict),
+        lead: r.claim.to_owned(),
         body: html! { div.stack {
+            p.notice { span.strong.good[r.outcome == Outcome::Holds].bad[r.outcome == Outcome::Fails] { (r.outcome.name()) ": " } (r.verdict) }
             @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
             div.two.keep {
                 (chart(r))
