@@ -138,7 +138,6 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
         }
         sections.extend(views);
     }
-    let settings = person.or(scene).map_or(&Value::Null, |part| &part.record["settings"]);
     let names = [
         "subject/dataset.json",
         "tuned.safetensors",
@@ -150,9 +149,12 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
         "scene/scene.splat",
         RECORD,
     ];
-    let run = Run::new(settings, None, meter, dir, &names);
+    let run = Run::new(&Value::Null, None, meter, dir, &names);
     stats.push(run.card());
-    sections.extend(run.tail());
+    sections.extend(run.tail().into_iter().filter(|s| s.id != "settings"));
+    // Those of the fit itself, which knows its defaults.
+    let own = person.or(scene).and_then(|part| part.page.sections.iter().find(|s| s.id == "settings"));
+    sections.extend(own.cloned());
     let title = match (person, scene) {
         (Some(_), Some(_)) => "A person from a video, a scene from photos",
         (Some(_), None) => "A person from a video",

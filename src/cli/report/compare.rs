@@ -337,7 +337,7 @@ mod tests {
         let image: Vec<f32> =
             (0..16 * 12 * 3).map(|i| i as f32 / 576.0 + if i == 300 { error } else { 0.0 }).collect();
         let rows: Vec<f32> = (0..60).map(|i| i as f32 * if i == 31 { 1.0 + error } else { 1.0 }).collect();
-        Arrays::new().with("image", &[1, 12, 16, 3], image).with("means", &[20, 3], rows).with(
+        Arrays::new().with("photo_like", &[1, 12, 16, 3], image).with("numbers", &[20, 3], rows).with(
             "same",
             &[3],
             vec![1.0_f32; 3],
@@ -355,7 +355,7 @@ mod tests {
             our_file: Path::new("ours.npz"),
             theirs: &theirs,
             ours: &ours,
-            stages: vec![stage("a", &["same"]), stage("b adjoint", &["image"]), stage("c", &["none"])],
+            stages: vec![stage("a", &["same"]), stage("b adjoint", &["photo_like"]), stage("c", &["none"])],
             command: String::new(),
         };
         let html = page(&input).expect("made").html();
@@ -369,12 +369,12 @@ mod tests {
             "what does not"
         );
         assert!(html.contains("not checked: no output in both files"), "what is not there");
-        for alt in ["errors of image by pixel, view 0", "errors of means by row"] {
+        for alt in ["errors of photo_like by pixel, view 0", "errors of numbers by row"] {
             assert!(html.contains(&format!("alt=\"{alt}")), "{alt}");
         }
         assert!(html.contains("575 of 576 entries are equal"), "counted");
         assert!(
-            html.contains("log₁₀ of the relative error of image: 1 entries from 1e"),
+            html.contains("log₁₀ of the relative error of photo_like: 1 entries from 1e"),
             "a histogram in words: {html}"
         );
         assert!(!html.contains("errors of same"), "equal arrays have no errors to show");
