@@ -2,6 +2,7 @@
 
 use super::camera::{Camera, Model};
 use super::lens;
+use super::placement::nearest_to_axes;
 use crate::io::capture::{Capture, Frame, Lens, Split, read_capture};
 use crate::io::gaussian_ply::Points;
 use crate::io::image_file::{self, Encoding, Picture};
@@ -65,7 +66,7 @@ pub struct Views {
     pub views: Vec<View>,
     /// Indices of those to fit.
     pub train: Vec<usize>,
-    /// Indices of those held out.
+    /// Indices of those held out; none where there is a single image.
     pub test: Vec<usize>,
     /// 1.1 times the largest distance of a training camera from the mean of their centres; 1 if that is zero.
     pub extent: f64,
@@ -124,10 +125,10 @@ impl Views {
         }
         let is_test =
             |i: usize| if given { frames[i].split == Split::Test } else { i.is_multiple_of(TEST_EVERY) };
-        let (test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
+        let (mut test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
         if train.is_empty() {
-            // A single photograph has nothing to spare, and is looked at with what it was fitted to.
-            train = test.clone();
+            // With a single image nothing can be held out: a score on what was fitted is none.
+            train = std::mem::take(&mut test);
         }
         let views = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
@@ -149,9 +150,8 @@ impl Views {
 
 /// Extent and box of the cameras.
 ///
-/// The box: the point p that minimises the sum over cameras of the squared distance to the optical axis (centre c,
-/// direction d), i.e. Σ(I − ddᵀ)(p − c) = 0. If the axes are parallel (to about a thousandth of a radian) there is no
-/// such point, and p is one extent in front of the mean centre.
+/// The box: around the point nearest to the optical axes ([`nearest_to_axes`]). If the axes are parallel there is no such point, and
+/// the centre is one extent in front of the mean centre of the cameras.
 fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     let n = frames.len() as f64;
     let mut axes = Vec::with_capacity(frames.len());
@@ -175,34 +175,10 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     mean = mean.map(|x| x / n);
     let farthest = axes.iter().fold(0.0, |far, (c, _)| order::max(far, distance(c, &mean)));
     let extent = if farthest > 0.0 { 1.1 * farthest } else { 1.0 };
-    let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
-    for (c, d) in &axes {
-        for i in 0..3 {
-            for j in 0..3 {
-                let p = (f64::from(u8::from(i == j)) - d[i] * d[j]) / n;
-                a[i][j] += p;
-                b[i] += p * c[j];
-            }
-        }
-    }
-    let det3 = |m: &[[f64; 3]; 3]| {
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-    };
-    let det = det3(&a);
-    let center = if det > 1e-6 {
-        // Cramer's rule.
-        std::array::from_fn(|k| {
-            let mut m = a;
-            for i in 0..3 {
-                m[i][k] = b[i];
-            }
-            det3(&m) / det
-        })
-    } else {
+    let center = nearest_to_axes(&axes).unwrap_or_else(|| {
         let length = order::max(distance(&ahead, &[0.0; 3]), f64::MIN_POSITIVE);
         std::array::from_fn(|i| mean[i] + ahead[i] / length * extent)
-    };
+    });
     let total = axes.iter().fold(0.0, |s, (c, _)| s + distance(c, &center));
     let half_size = if total > 0.0 { total / n } else { extent };
     (extent, SceneBox { center, half_size })

@@ -139,6 +139,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             digest: None,
             events: &[],
             n_gauss: stored.len(),
+            limit: None,
             scored: &scored,
             evaluation: &evaluation,
             run: Run::new(&settings, None, &meter, &dir, &names),

@@ -8,6 +8,7 @@
 //! splat, last ──► drawing                         the renderer and its adjoint, with memory kept between renders
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
+//! cli ──► orbit                                   circles of cameras around a scene
 //! cli ──► relight ──► passes                      a model under light along cameras
 //!           └────► earlier                        what a run before it left in the folder
 //! last, lirm, cli ──► passes                      ray-traced pictures with their passes, on disk as a capture
@@ -21,6 +22,7 @@ pub mod drawing;
 mod earlier;
 pub mod evaluate;
 pub mod frames;
+pub mod orbit;
 pub mod passes;
 pub mod relight;
 pub mod render;

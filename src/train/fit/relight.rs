@@ -4,8 +4,8 @@
 //! continued only where all of them are what they were, whatever files they came from and wherever those lie.
 
 use super::earlier;
+use super::orbit::Orbit;
 use super::passes::{Recorder, Shot, Style};
-use super::render::Orbit;
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
 use crate::num::bits::Digest;

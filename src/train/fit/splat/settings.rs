@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 pub enum Strategy {
     /// clone, split, prune, reset: the original program
     Inria,
-    /// the same with gsplat's comparison
+    /// the same constants with the rules of gsplat
     Gsplat,
     /// the same on absolute screen gradients
     GsplatAbs,
@@ -65,8 +65,10 @@ pub struct Settings {
 const PIXELS_PER_GAUSSIAN: usize = 60;
 /// Most iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
+/// Most Gaussians without `--max-gaussians`, unless the start has more.
+const MAX_DETERMINED: usize = 1_000_000;
 /// Most Gaussians of a fit.
-const MAX_GAUSSIANS: usize = (1 << 24) - 1; // list positions are kept in f32
+pub const MAX_GAUSSIANS: usize = (1 << 24) - 1; // list positions are kept in f32
 
 impl Settings {
     /// Checks ranges.
@@ -96,14 +98,19 @@ impl Settings {
         Ok(())
     }
 
-    /// As many Gaussians as the training photographs can determine: one per 60 pixels that count, within
+    /// As many Gaussians as the training images can determine: one per 60 pixels that count and show something, within
     /// 10 000 and 1 000 000. A Gaussian of SH degree 3 has 59 numbers, a pixel gives three, and each number should be seen about
-    /// three times.
-    pub fn determined(views: &Views) -> usize {
-        let counted =
-            |v: &View| v.mask.as_ref().map_or(v.rgb.len() / 3, |m| m.iter().filter(|&&b| b != 0).count());
-        let pixels = views.train.iter().fold(0, |s, &i| s + counted(&views.views[i]));
-        (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, 1_000_000)
+    /// three times. A pixel shows nothing if it and its neighbours have exactly the background's colour.
+    pub fn determined(views: &Views, background: [f32; 3]) -> usize {
+        let plain = background.map(|x| (x * 255.0 + 0.5) as u8);
+        let pixels = views.train.iter().fold(0, |s, &i| s + informative(&views.views[i], plain));
+        (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, MAX_DETERMINED)
+    }
+
+    /// The limit for a start of `first` Gaussians if none is given: [`Self::determined`], but room for the start, and for half
+    /// as many again where these come from a file, to be refined.
+    pub fn limit(determined: usize, first: usize, is_file: bool) -> usize {
+        determined.max(if is_file { first + first / 2 } else { first }).min(MAX_GAUSSIANS)
     }
 
     /// As a flat JSON object: what a checkpoint is compared by.
@@ -137,6 +144,19 @@ impl Settings {
         // SSIM keeps four maps, filters four pictures, and the tape holds cotangents: about eight pictures.
         photos + self.max_gaussians as u64 * per_gaussian + 4 * largest
     }
+}
+
+/// Pixels of a view that count and are not in the midst of plain background.
+fn informative(view: &View, plain: [u8; 3]) -> usize {
+    let (w, h) = (view.camera.width, view.camera.height);
+    let is_plain = |p: usize| view.rgb[3 * p..3 * p + 3] == plain;
+    let shows = |p: usize| {
+        let (x, y) = (p % w, p / w);
+        let (rows, columns) = (y.saturating_sub(1)..(y + 2).min(h), x.saturating_sub(1)..(x + 2).min(w));
+        rows.into_iter().any(|v| columns.clone().any(|u| !is_plain(v * w + u)))
+    };
+    let counts = |p: &usize| view.mask.as_ref().is_none_or(|m| m[*p] != 0);
+    (0..w * h).filter(counts).filter(|&p| !is_plain(p) || shows(p)).count()
 }
 
 #[cfg(test)]

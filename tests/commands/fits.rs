@@ -1,0 +1,96 @@
+//! Fits of few images, in few iterations, up to the limit of Gaussians, and what they report.
+
+use crate::cli::workplace;
+use crate::program::{code, json, lastlight, stderr, stdout};
+use serde_json::Value;
+use std::path::Path;
+
+/// Leaves the first `count` views of the capture of [`workplace`], seen in `turns` of a full turn.
+fn keep_first(dir: &Path, count: usize) {
+    let path = dir.join("capture/transforms.json");
+    let mut list: Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).expect("readable")).expect("JSON");
+    list["frames"].as_array_mut().expect("frames").truncate(count);
+    std::fs::write(path, list.to_string()).expect("writes");
+}
+
+/// A capture of the ball of eight images from a narrow arc.
+fn eight_from_an_arc() -> tempfile::TempDir {
+    let work = workplace();
+    std::fs::remove_dir_all(work.path().join("capture")).expect("there");
+    let args = ["splat", "render", "ball.ply", "--cameras", "orbit:90", "--size", "48x40", "--out", "capture"];
+    assert_eq!(code(&lastlight(&args, work.path())), 0, "rendered");
+    keep_first(work.path(), 8);
+    work
+}
+
+fn fit<'a>(out: &'a str, rest: &[&'a str]) -> Vec<&'a str> {
+    [&["splat", "fit", "capture", "--json", "--quiet", "--out", out], rest].concat()
+}
+
+#[test]
+fn short_fits_of_few_images_work_with_defaults() {
+    let work = eight_from_an_arc();
+    let psnr = |r: &Value| r["evaluation"]["mean_psnr_db"].as_f64().expect("a number");
+    let mut records = Vec::new();
+    for iterations in ["10", "30", "300"] {
+        let record = json(&fit(iterations, &["--iterations", iterations]), work.path());
+        assert!(record["gaussians"].as_u64().expect("a count") >= 100, "{iterations}: {}", record["gaussians"]);
+        records.push(psnr(&record));
+    }
+    assert!(records[2] > records[0] + 3.0 && records[2] > 20.0, "more iterations, a better scene: {records:?}");
+}
+
+#[test]
+fn strategies_differ() {
+    let work = workplace();
+    let digest = |strategy: &str| {
+        let options = ["--iterations", "80", "--initial", "400", "--max-gaussians", "900", "--strategy", strategy];
+        json(&fit(strategy, &options), work.path())["digest"].as_str().expect("a digest").to_owned()
+    };
+    let digests = ["inria", "gsplat", "gsplat-abs", "mcmc"].map(digest);
+    for i in 0..4 {
+        assert!(digests[..i].iter().all(|d| *d != digests[i]), "another result: {digests:?}");
+    }
+}
+
+#[test]
+fn the_limit_of_gaussians_is_reported_and_follows_the_start() {
+    let work = workplace();
+    let dir = work.path();
+    let full = ["--iterations", "80", "--initial", "300", "--max-gaussians", "320"];
+    let record = json(&fit("full", &full), dir);
+    let at = record["limit_reached_at"].as_u64().expect("reached");
+    assert!(at > 25 && at < 40, "in a refinement: {at}");
+    let html = std::fs::read_to_string(dir.join("full/report/index.html")).expect("a report");
+    assert!(html.contains("--max-gaussians N raises it"), "in the report");
+    let args = ["splat", "fit", "capture", "--out", "again", "--quiet"];
+    let text = stdout(&lastlight(&[&args[..], &full].concat(), dir));
+    assert!(text.contains(&format!("320 Gaussians, reached at iteration {at}; --max-gaussians N raises it")), "{text}");
+    let free = json(&fit("free", &["--iterations", "10", "--initial", "300"]), dir);
+    assert!(free["limit_reached_at"].is_null() && free["settings"]["max_gaussians"] == 10_000, "{free}");
+
+    // A start with more than the default has room.
+    let many = json(&fit("many", &["--iterations", "1", "--initial", "12000", "--max-gaussians", "12000"]), dir);
+    assert_eq!((&many["gaussians"], &many["limit_reached_at"]), (&12_000.into(), &0.into()), "full at once");
+    let from = json(&fit("from", &["--iterations", "1", "--init", "many/scene.ply"]), dir);
+    assert_eq!(from["settings"]["max_gaussians"], 18_000, "half as many again");
+}
+
+#[test]
+fn images_are_counted_and_a_single_one_gets_no_score() {
+    let work = workplace();
+    let dir = work.path();
+    std::fs::remove_file(dir.join("capture/color/003.png")).expect("there");
+    let record = json(&fit("gone", &["--iterations", "2", "--initial", "50"]), dir);
+    assert_eq!(record["images"], serde_json::json!({"fitted": 7, "held_out": 2, "missing": 1}), "{record}");
+    keep_first(dir, 1);
+    let record = json(&fit("one", &["--iterations", "2", "--initial", "50"]), dir);
+    assert_eq!(record["images"], serde_json::json!({"fitted": 1, "held_out": 0, "missing": 0}), "{record}");
+    let e = &record["evaluation"];
+    assert!(e["mean_psnr_db"].is_null() && e["views"] == serde_json::json!([]), "no score: {e}");
+    let html = std::fs::read_to_string(dir.join("one/report/index.html")).expect("a report");
+    assert!(html.contains("nothing is held out") && !html.contains("NaN"), "the report says so");
+    let o = lastlight(&["splat", "fit", "capture", "--out", "two", "--iterations", "2", "--initial", "50"], dir);
+    assert!(stdout(&o).contains("nothing is held out"), "{}{}", stdout(&o), stderr(&o));
+}
