@@ -1,15 +1,15 @@
-//! Whole files or none: write beside the target, flush to disk, rename.
+//! Atomic writes: write a temporary file beside the target, flush it to disk, rename it.
 
 use crate::{Error, Result, lock};
 use std::io::{BufWriter, Write};
 use std::path::Path;
 
-/// What temporary files are called: this, letters and digits, and [`SUFFIX`].
+/// Prefix of the names of temporary files; letters, digits and [`SUFFIX`] follow.
 const PREFIX: &str = ".lastlight-";
-/// How their names end.
+/// Suffix of the names of temporary files.
 const SUFFIX: &str = ".part";
 
-/// Writes a file through `f`. Until everything is on disk the target is what it was before; then it is replaced in
+/// Writes a file through `f`. The target is unchanged until all data is on disk; then it is replaced in
 /// one step. A failure or an interruption at any moment leaves the old file (or none), never half a new one.
 ///
 /// # Errors
@@ -18,8 +18,8 @@ pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>)
     put(path, f, true)
 }
 
-/// Like [`write_bytes`], but the system brings the file to disk in its own time, so that many small files are written
-/// quickly. The end of the program at any moment leaves a whole file or none; a power cut may leave an empty one, so this is for
+/// Like [`write_bytes`], but does not flush the file to disk, so that many small files are written
+/// quickly. If the program ends at any moment, the file is complete or absent; a power cut may leave an empty one. Use it for
 /// files whose digest is checked before they are relied on.
 ///
 /// # Errors
@@ -71,7 +71,7 @@ pub fn remove(path: &Path) -> Result<()> {
 }
 
 /// Removes the temporary files that a killed program left in a folder, not in those below it. A folder that is not there has none.
-/// To be called by the only program that writes to the folder.
+/// Call it only from the program that holds the folder's lock.
 ///
 /// # Errors
 /// When the folder cannot be read or a file not removed.
@@ -110,7 +110,7 @@ pub fn is_unused(folder: &Path) -> Result<bool> {
     Ok(true)
 }
 
-/// Writes bytes already made.
+/// Writes bytes atomically.
 ///
 /// # Errors
 /// See [`write()`].

@@ -15,7 +15,7 @@ impl<'a> Cursor<'a> {
         Self { bytes, at: 0, name }
     }
 
-    /// Bytes not yet read.
+    /// Number of bytes not yet read.
     pub fn left(&self) -> usize {
         self.bytes.len() - self.at
     }

@@ -1,4 +1,4 @@
-//! A capture: photographs with poses and lenses, as plain records, from any layout that is read.
+//! A capture: photos with poses and lenses, as plain records, from any layout that is read.
 
 pub use super::frame::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, nearest_rotation, rigid};
 pub use super::paths::{clean, locate};
@@ -10,8 +10,8 @@ use std::path::Path;
 /// model in `.`, `sparse/0`, `sparse`, `dense/0/sparse` or `dense/sparse`.
 ///
 /// # Errors
-/// When no layout is recognised, a mask is missing, a file is malformed, or a lens is not supported. Frames whose photograph is not there
-/// are apart from the others.
+/// When no layout is recognised, a mask is missing, a file is malformed, or a lens is not supported. Frames whose photo is missing
+/// are returned separately.
 pub fn read_capture(path: &Path) -> Result<Capture> {
     let mut capture = if path.is_file() || transforms::file_in(path).is_some() {
         transforms::read(path)?
@@ -23,7 +23,7 @@ pub fn read_capture(path: &Path) -> Result<Capture> {
     capture.frames.sort_by(|a, b| a.name.cmp(&b.name));
     if let Some(pair) = capture.frames.windows(2).find(|w| w[0].name == w[1].name) {
         let e = Error::input(path.display().to_string()).at(format!("frame '{}'", pair[0].name));
-        return Err(e.expected("every picture once").got("two entries"));
+        return Err(e.expected("every image once").got("two entries"));
     }
     if capture.frames.is_empty() && capture.missing.is_empty() {
         return Err(Error::input(path.display().to_string()).expected("at least one frame").got("none"));

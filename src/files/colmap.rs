@@ -1,7 +1,7 @@
 //! COLMAP sparse models, binary and text.
 //!
 //! Three files: cameras (lenses), images (poses, world to camera, x right, y down, z forward) and points3D. Observations
-//! are checked and skipped; `rigs` and `frames` files of newer versions are not needed, since images carry their poses.
+//! are checked and skipped; the `rigs` and `frames` files of newer versions are not needed, because the images file contains the poses.
 
 use super::bytes::Cursor;
 pub use super::colmap_model::{Camera, Image};
@@ -14,7 +14,7 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Longest picture name.
+/// Longest image name.
 const MAX_NAME: usize = 4096;
 
 /// Where the parts of a capture are.
@@ -32,7 +32,7 @@ pub(super) fn find(path: &Path) -> Option<Model> {
     let inside = [("sparse/0", ""), ("sparse", ""), ("dense/0/sparse", "dense/0"), ("dense/sparse", "dense")];
     let mut places: Vec<(PathBuf, PathBuf)> =
         inside.iter().map(|(m, r)| (path.join(m), path.join(r))).collect();
-    // The path may be the model itself: the pictures are beside it, or one or two levels up.
+    // The path may be the model itself: the images are beside it, or one or two levels up.
     let around = ["", "..", "../.."].map(|r| path.join(r)).into_iter().find(|r| r.join("images").is_dir());
     places.push((path.to_path_buf(), around.unwrap_or_else(|| path.to_path_buf())));
     places.into_iter().find_map(|(folder, root)| {
@@ -42,10 +42,10 @@ pub(super) fn find(path: &Path) -> Option<Model> {
     })
 }
 
-/// Reads the files of a model and finds the pictures.
+/// Reads the files of a model and finds the images.
 ///
 /// # Errors
-/// When a file is malformed, or a camera or picture is missing.
+/// When a file is malformed, or a camera or image is missing.
 pub(super) fn read_model(model: &Model) -> Result<Capture> {
     let extension = if model.binary { "bin" } else { "txt" };
     let file = |stem: &str| model.folder.join(format!("{stem}.{extension}"));
@@ -83,7 +83,7 @@ pub(super) fn read_model(model: &Model) -> Result<Capture> {
 /// Frames from cameras and images; `name` is the file of the images.
 ///
 /// # Errors
-/// When an image names a camera that is not there, or a path that leads outside.
+/// When an image names a camera that does not exist, or a path outside the folder.
 pub fn frames(cameras: &BTreeMap<u32, Camera>, images: &[Image], name: &str) -> Result<Vec<Frame>> {
     let mut out = Vec::with_capacity(images.len());
     for image in images {
@@ -94,7 +94,7 @@ pub fn frames(cameras: &BTreeMap<u32, Camera>, images: &[Image], name: &str) -> 
                 .got(image.camera.to_string()));
         };
         let path = clean(&image.name).map_err(|why| {
-            place().expected("a path inside the folder of pictures").got(format!("'{}', {why}", image.name))
+            place().expected("a path inside the folder of images").got(format!("'{}', {why}", image.name))
         })?;
         out.push(Frame {
             name: path.clone(),

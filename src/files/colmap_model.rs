@@ -20,7 +20,7 @@ pub(super) const MODELS: [(&str, usize, bool); 12] = [
     ("RAD_TAN_THIN_PRISM_FISHEYE", 16, false),
 ];
 
-/// A lens and a picture size.
+/// A lens and an image size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// Width and height in pixels.
@@ -33,7 +33,7 @@ pub struct Camera {
     pub lens: Lens,
 }
 
-/// A posed picture.
+/// A posed image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Id in the file.
@@ -42,13 +42,13 @@ pub struct Image {
     pub rotation: [f64; 4],
     /// World to camera.
     pub translation: [f64; 3],
-    /// Its camera.
+    /// Id of its camera.
     pub camera: u32,
-    /// Path below the folder of pictures.
+    /// Path below the folder of images.
     pub name: String,
 }
 
-/// A camera from its model and parameters; errors are placed by the caller.
+/// A camera from its model and parameters; the caller adds the place to errors.
 pub(super) fn camera(model: usize, size: [u64; 2], p: &[f64], at: &dyn Fn() -> Error) -> Result<Camera> {
     let (name, count, supported) = MODELS[model];
     if !supported {
@@ -97,7 +97,7 @@ pub(super) fn camera(model: usize, size: [u64; 2], p: &[f64], at: &dyn Fn() -> E
     Ok(Camera { size: [size[0] as usize, size[1] as usize], focal, center, lens })
 }
 
-/// Checks a pose; errors are placed by the caller.
+/// Checks a pose; the caller adds the place to errors.
 pub(super) fn check_pose(q: &[f64], t: &[f64], at: &dyn Fn() -> Error) -> Result<()> {
     if let Some(x) = q.iter().chain(t).find(|x| !(-1e15..=1e15).contains(*x)) {
         return Err(at().expected("a finite pose").got(x.to_string()));

@@ -119,7 +119,7 @@ pub fn parse_images(bytes: &[u8], name: &str) -> Result<Vec<Image>> {
         let camera = f.parse("camera id", "a camera id")?;
         let text = f.rest.trim();
         if text.is_empty() {
-            return Err(f.error("name").expected("a picture name").got("the end of the line"));
+            return Err(f.error("name").expected("an image name").got("the end of the line"));
         }
         let image =
             Image { id, rotation: [w, x, y, z], translation: [tx, ty, tz], camera, name: text.to_owned() };

@@ -1,4 +1,4 @@
-//! Photographs with poses and lenses, as plain records.
+//! Photos with poses and lenses, as plain records.
 
 use super::gaussian_ply::Points;
 use crate::math::affine::newton_to_rotation;
@@ -33,10 +33,10 @@ impl Dialect {
     }
 }
 
-/// What the layout says a frame is for.
+/// Purpose of a frame in the layout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Split {
-    /// nothing said
+    /// not specified
     Unknown,
     /// training
     Train,
@@ -49,13 +49,13 @@ pub enum Split {
 /// Focal length, in either of the forms files use.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Focal {
-    /// f_x, f_y in pixels of the declared picture size
+    /// f_x, f_y in pixels of the declared image size
     Pixels([f64; 2]),
     /// Full angle of view along x, and along y if it is given, in radians
     Angles(f64, Option<f64>),
 }
 
-/// How a lens departs from its ideal projection.
+/// Distortion of a lens relative to its ideal projection.
 ///
 /// With (x, y) the ideal pinhole position (z = 1) and r² = x² + y²:
 /// `Perspective`: d = (1 + k₁r² + k₂r⁴ + k₃r⁶ + k₄r⁸) / (1 + n₁r² + n₂r⁴ + n₃r⁶),
@@ -95,10 +95,10 @@ impl Lens {
     }
 }
 
-/// What is known of a photograph besides its colour: pictures of the same size.
+/// Further data of a photo besides its colour: images of the same size.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Passes {
-    /// `foreground_path`: coverage of what is reconstructed. Unlike a mask it says nothing about which pixels count.
+    /// `foreground_path`: coverage of what is reconstructed. Unlike a mask it does not select pixels for the loss.
     pub foreground: Option<PathBuf>,
     /// `radiance_path`: linear R, G, B before exposure
     pub radiance: Option<PathBuf>,
@@ -110,37 +110,37 @@ pub struct Passes {
     pub albedo: Option<PathBuf>,
     /// `material_path`: first channel metallic, second roughness
     pub material: Option<PathBuf>,
-    /// `exposure`: the factor from radiance to the photograph, before sRGB encoding
+    /// `exposure`: the factor from radiance to the photo, before sRGB encoding
     pub exposure: Option<f64>,
 }
 
-/// One photograph.
+/// One photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     /// Name with forward slashes, relative to the capture; frames are ordered by it.
     pub name: String,
-    /// The picture.
+    /// The image.
     pub image: PathBuf,
-    /// A picture that is zero where this one does not count.
+    /// A mask: pixels where it is zero are ignored.
     pub mask: Option<PathBuf>,
     /// World to camera, camera axes x right, y down, z forward; the rotation is orthonormal.
     pub view_from_world: [[f64; 4]; 4],
     /// Focal length.
     pub focal: Focal,
-    /// Principal point in pixels of the declared size; the centre of the picture if absent.
+    /// Principal point in pixels of the declared size; the centre of the image if absent.
     pub center: Option<[f64; 2]>,
-    /// Width and height the file declares.
+    /// Width and height declared in the file.
     pub size: Option<[usize; 2]>,
     /// Distortion.
     pub lens: Lens,
-    /// What the frame is for.
+    /// Purpose of the frame.
     pub split: Split,
-    /// What a renderer knew about it.
+    /// Passes written by a renderer.
     pub passes: Passes,
 }
 
 impl Frame {
-    /// f_x, f_y, c_x, c_y in pixels of a picture of the given size, which may be a scaled version of the declared one.
+    /// f_x, f_y, c_x, c_y in pixels of an image of the given size, which may be a scaled version of the declared one.
     ///
     /// # Errors
     /// When the sizes are not proportional.
@@ -150,7 +150,7 @@ impl Frame {
         // Both sides scaled by the same factor, to the pixel that rounding may cost.
         if (dw * h - dh * w).abs() > crate::num::order::max(dw, dh) {
             return Err(Error::input(self.image.display().to_string())
-                .at("picture size")
+                .at("image size")
                 .expected(format!("{dw}x{dh} as declared, or a scaled version"))
                 .got(format!("{w}x{h}")));
         }
@@ -172,17 +172,17 @@ impl Frame {
 pub struct Capture {
     /// Layout it was read from.
     pub dialect: Dialect,
-    /// Its photographs, in the order of their names.
+    /// Its photos, in the order of their names.
     pub frames: Vec<Frame>,
     /// Points of a reconstruction.
     pub points: Option<Points>,
-    /// Frames whose photograph is listed and not there: cameras alone, with the path as it is listed.
+    /// Frames whose listed photo is missing: cameras only, with the listed path.
     pub missing: Vec<Frame>,
-    /// Other files that are named and not there: points, depth and other passes. What they would hold is absent.
+    /// Other missing files that the capture names (points, depth and other passes); their contents are absent.
     pub missing_files: Vec<String>,
 }
 
-/// The rotation nearest to a matrix that is one up to rounding.
+/// The rotation nearest to a matrix that is a rotation up to rounding.
 ///
 /// Newton's iteration for the polar factor, R ← ½(R + R⁻ᵀ); converges quadratically.
 ///

@@ -1,7 +1,7 @@
 //! 3DGS scenes and coloured points in PLY files.
 //!
 //! Properties are found by name: `x y z`, `f_dc_0..2`, `f_rest_0..44` (or 0, 9, 24 of them), `opacity`, `scale_0..2`,
-//! `rot_0..3`; normals and anything else are ignored. Stored as trained: opacity is a logit, scales are natural
+//! `rot_0..3`; normals and anything else are ignored. Values are stored as trained: opacity is a logit, scales are natural
 //! logarithms, rotations are w, x, y, z of any length, colour = ½ + 0.28209479 · `f_dc` sRGB-encoded. `f_rest` is
 //! channel-major in the file (all of red, then green, then blue) and (N, K, 3) in memory.
 
@@ -50,7 +50,7 @@ pub fn read(path: &Path) -> Result<GaussianRecord> {
     gaussians(&ply::read(path)?, &name_of(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -66,7 +66,7 @@ pub fn read_points(path: &Path) -> Result<Points> {
     points(&ply::read(path)?, &name_of(path))
 }
 
-/// Like [`read_points`] for bytes in memory; `name` stands for the file.
+/// Like [`read_points`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read_points`].
@@ -124,7 +124,7 @@ fn rows<const K: usize>(e: &Element, properties: [&str; K], name: &str) -> Resul
     Ok(out)
 }
 
-/// The Gaussians in a file already read.
+/// The Gaussians of a parsed file.
 ///
 /// # Errors
 /// When a property is missing or a value is not finite.
@@ -172,7 +172,7 @@ pub fn gaussians(ply: &Ply, name: &str) -> Result<GaussianRecord> {
     })
 }
 
-/// The points in a file already read.
+/// The points of a parsed file.
 ///
 /// # Errors
 /// When a position is missing or a value is not finite.
@@ -213,7 +213,7 @@ pub fn points(ply: &Ply, name: &str) -> Result<Points> {
     Ok(out)
 }
 
-/// 0..1 to a byte, half up, limited.
+/// 0..1 to a byte: clamped, rounded half up.
 pub(super) fn to_byte(x: f64) -> u8 {
     order::clamp((x * 255.0 + 0.5).floor(), 0.0, 255.0) as u8
 }
@@ -258,7 +258,7 @@ pub fn to_bytes(g: &GaussianRecord) -> Vec<u8> {
     out
 }
 
-/// Writes a 3DGS scene, whole or not at all.
+/// Writes a 3DGS scene atomically.
 ///
 /// # Errors
 /// When the file cannot be written.

@@ -2,10 +2,10 @@
 
 use crate::{Error, Result};
 
-/// Largest picture side that is read, in pixels.
+/// Largest image side that is read, in pixels.
 pub const MAX_SIDE: usize = 16_384;
 
-/// What the numbers of a picture mean.
+/// Encoding of the values of an image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Encoding {
     /// sRGB-encoded, 0 to 1
@@ -14,18 +14,18 @@ pub enum Encoding {
     Linear,
 }
 
-/// Values of a picture as the file stores them.
+/// Values of an image as the file stores them.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Samples {
-    /// 0 to 255 stand for 0 to 1
+    /// 0 to 255 for 0 to 1
     U8(Vec<u8>),
-    /// 0 to 65 535 stand for 0 to 1
+    /// 0 to 65 535 for 0 to 1
     U16(Vec<u16>),
-    /// themselves
+    /// linear values, unscaled
     F32(Vec<f32>),
 }
 
-/// A picture.
+/// An image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
     /// Width in pixels.
@@ -34,7 +34,7 @@ pub struct Picture {
     pub height: usize,
     /// Names of the channels: Y, YA, RGB, RGBA, or those of the EXR file.
     pub channels: Vec<String>,
-    /// What the numbers mean.
+    /// Encoding of the values.
     pub encoding: Encoding,
     /// (H, W, C) row-major.
     pub samples: Samples,
@@ -62,7 +62,7 @@ pub(super) fn check_size(w: u64, h: u64, bytes: usize, pixels_per_byte: u64, nam
     let bound = bytes as u64 * pixels_per_byte;
     if w == 0 || h == 0 || w > side || h > side || w * h > bound {
         return Err(Error::input(name)
-            .at("picture size")
+            .at("image size")
             .expected(format!("1 to {side} pixels a side, and no more pixels than {bytes} bytes can hold"))
             .got(format!("{w}x{h}")));
     }

@@ -12,10 +12,10 @@ use std::io::Cursor;
 /// Most channels of a layer that are read.
 const MAX_CHANNELS: usize = 64;
 
-/// The first layer of a file: R G B (A) in that order if they are there and all there is, else by name.
+/// The first layer of a file: channels in the order R G B (A) if these are all its channels, else sorted by name.
 pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     let broken = |at: &str, e: exr::error::Error| {
-        Error::input(name).at(at).expected("a complete OpenEXR picture").got(e.to_string())
+        Error::input(name).at(at).expected("a complete OpenEXR image").got(e.to_string())
     };
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| broken("header", e))?;
     let header = meta
@@ -52,7 +52,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
         .all_attributes()
         .non_parallel()
         .from_buffered(Cursor::new(bytes))
-        .map_err(|e| broken("picture data", e))?;
+        .map_err(|e| broken("image data", e))?;
     let layer = image.layer_data;
     let (width, height) = (layer.size.x(), layer.size.y());
     let mut list: Vec<(String, FlatSamples)> =

@@ -1,7 +1,7 @@
-//! Pictures: PNG, JPEG, Radiance HDR and OpenEXR in; PNG (8 bit) and OpenEXR (f32) out.
+//! Images: PNG, JPEG, Radiance HDR and OpenEXR in; PNG (8 bit) and OpenEXR (f32) out.
 //!
-//! A reader goes by the first bytes of the file, not by its extension, and checks the declared size against the length
-//! of the file before it decodes. PNG and JPEG hold sRGB-encoded values, HDR and EXR linear ones; nothing is converted.
+//! The format is recognised by the first bytes of the file, not by its extension. The reader checks the declared size against the length
+//! of the file before decoding. PNG and JPEG hold sRGB-encoded values, HDR and EXR linear ones; nothing is converted.
 
 use super::gaussian_ply::to_byte;
 use super::image_data::check_size;
@@ -15,10 +15,10 @@ use image::{ExtendedColorType, ImageDecoder, ImageEncoder};
 use std::io::Cursor;
 use std::path::Path;
 
-/// Most bytes a decoder may allocate for what is not the picture.
+/// Maximum number of bytes a decoder may allocate besides the image.
 const MAX_SIDE_DATA: u64 = 64 << 20;
 
-/// Reads a picture.
+/// Reads an image.
 ///
 /// # Errors
 /// When it is not readable, not one of the four formats, too large, truncated, or holds a number that is not finite.
@@ -26,23 +26,23 @@ pub fn read(path: &Path) -> Result<Picture> {
     parse(&read_bytes(path, MAX_SMALL_FILE_BYTES)?, &name_of(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
     let broken = |e: image::ImageError| {
-        Error::input(name).at("picture data").expected("a complete picture").got(e.to_string())
+        Error::input(name).at("image data").expected("a complete image").got(e.to_string())
     };
     guard(name, || {
         if start.starts_with(b"\x89PNG\r\n\x1a\n") {
             png_complete(bytes, name)?;
-            // Profiles and texts may be packed too.
+            // Colour profiles and texts may be compressed too.
             let mut limits = image::Limits::default();
             limits.max_alloc = Some(MAX_SIDE_DATA);
             let d = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?;
-            // Deflate shrinks by at most 1032.
+            // Deflate compresses by a factor of at most 1032.
             let bits = u64::from(d.original_color_type().bits_per_pixel());
             return decode(d, bytes.len(), 1040 * 8 / crate::num::order::max(bits, 1), name);
         }
@@ -53,7 +53,7 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
             return decode(d, bytes.len(), 512, name);
         }
         if start.starts_with(b"#?") {
-            // Headers written by other programs carry lines the strict reader refuses. A run of 127 takes two bytes.
+            // The strict reader refuses header lines that other programs write. A run of 127 takes two bytes.
             let d = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(broken)?;
             return decode(d, bytes.len(), 64, name);
         }
@@ -68,13 +68,13 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     })
 }
 
-/// Width and height a picture declares, checked as [`parse`] does; nothing is decoded.
+/// Declared width and height of an image, checked as in [`parse`], without decoding.
 ///
 /// # Errors
 /// When it is not one of the four formats, or its header is malformed or declares an absurd size.
 pub fn size(bytes: &[u8], name: &str) -> Result<[usize; 2]> {
     let broken = |e: image::ImageError| {
-        Error::input(name).at("picture header").expected("a complete picture").got(e.to_string())
+        Error::input(name).at("image header").expected("a complete image").got(e.to_string())
     };
     let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
     guard(name, || {
@@ -99,9 +99,8 @@ fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) 
     check_size(u64::from(w), u64::from(h), bytes, pixels_per_byte, name)?;
     let color = d.color_type();
     let mut raw = vec![0; (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel())];
-    d.read_image(&mut raw).map_err(|e| {
-        Error::input(name).at("picture data").expected("a complete picture").got(e.to_string())
-    })?;
+    d.read_image(&mut raw)
+        .map_err(|e| Error::input(name).at("image data").expected("a complete image").got(e.to_string()))?;
     // `image` returns native-endian words.
     let words = || raw.chunks_exact(2).map(|c| u16::from_ne_bytes([c[0], c[1]])).collect();
     let (channels, samples): (&[&str], Samples) = match color {
@@ -152,7 +151,7 @@ fn png_complete(bytes: &[u8], name: &str) -> Result<()> {
     }
 }
 
-/// A JPEG ends with an end-of-image marker; the decoder would fill a truncated picture with grey and say nothing.
+/// A JPEG ends with an end-of-image marker; without this check the decoder fills a truncated image with grey and reports no error.
 fn jpeg_complete(bytes: &[u8], name: &str) -> Result<()> {
     let fail = |at: usize, expected: &str, got: String| {
         Err(Error::input(name).at(format!("byte {at}: JPEG marker")).expected(expected).got(got))
@@ -194,7 +193,7 @@ fn jpeg_complete(bytes: &[u8], name: &str) -> Result<()> {
 /// When a value is not a number.
 pub fn to_u8(values: &[f32]) -> Result<Vec<u8>> {
     if let Some(i) = values.iter().position(|x| x.is_nan()) {
-        return Err(Error::input("picture").at(format!("value {i}")).expected("a number").got("NaN"));
+        return Err(Error::input("image").at(format!("value {i}")).expected("a number").got("NaN"));
     }
     Ok(values.iter().map(|&x| to_byte(f64::from(x))).collect())
 }
@@ -202,7 +201,7 @@ pub fn to_u8(values: &[f32]) -> Result<Vec<u8>> {
 /// The bytes of an 8-bit PNG; 1 to 4 channels (Y, YA, RGB, RGBA), (H, W, C) row-major.
 ///
 /// # Errors
-/// When the sizes do not agree.
+/// When the sizes disagree.
 pub fn png_bytes(width: usize, height: usize, channels: usize, data: &[u8]) -> Result<Vec<u8>> {
     let failed = |got: String| Error::input("PNG").expected("1 to 4 channels and H·W·C values").got(got);
     let color = match channels {
@@ -223,19 +222,19 @@ pub fn png_bytes(width: usize, height: usize, channels: usize, data: &[u8]) -> R
     Ok(out)
 }
 
-/// Writes an 8-bit PNG, whole or not at all.
+/// Writes an 8-bit PNG atomically.
 ///
 /// # Errors
-/// When the sizes do not agree or the file cannot be written.
+/// When the sizes disagree or the file cannot be written.
 pub fn write_png(path: &Path, width: usize, height: usize, channels: usize, data: &[u8]) -> Result<()> {
     let bytes = png_bytes(width, height, channels, data).map_err(|e| e.within(name_of(path)))?;
     atomic::write_bytes(path, &bytes)
 }
 
-/// Writes f32 channels as OpenEXR, whole or not at all; see [`exr_bytes`].
+/// Writes f32 channels as OpenEXR atomically; see [`exr_bytes`].
 ///
 /// # Errors
-/// When the sizes do not agree, a value is not finite, or the file cannot be written.
+/// When the sizes disagree, a value is not finite, or the file cannot be written.
 pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[&str], data: &[f32]) -> Result<()> {
     let bytes = exr_bytes(width, height, channels, data).map_err(|e| e.within(name_of(path)))?;
     atomic::write_bytes(path, &bytes)
@@ -245,7 +244,7 @@ pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[&str], da
 /// `["R", "G", "B"]` or `["Z"]`. Values are stored as they are, −0 included.
 ///
 /// # Errors
-/// When the sizes do not agree or a value is not finite.
+/// When the sizes disagree or a value is not finite.
 pub fn exr_bytes(width: usize, height: usize, channels: &[&str], data: &[f32]) -> Result<Vec<u8>> {
     image_exr::to_bytes(width, height, channels, data)
 }

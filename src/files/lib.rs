@@ -1,21 +1,21 @@
-//! Bytes ↔ plain records. Level 2: knows nothing of scenes.
+//! Bytes ↔ plain records. Level 2: has no notion of scenes.
 //!
 //! ```text
 //! npz, npy       named arrays            safetensors   named arrays with text metadata (checkpoints)
 //! ply            any PLY, strictly       gaussian_ply  3DGS scenes and coloured points in PLY
 //! splat_file     .splat, 32 bytes each   image_file    PNG, JPEG, Radiance HDR, OpenEXR; image_data: as records
 //! transforms     transforms.json in three dialects     colmap  sparse models, binary and text
-//! capture        which of the two a folder is          frame   images with poses and lenses, as records
+//! capture        detects the layout of a folder        frame   images with poses and lenses, as records
 //! person         captures of moving people: the one layout
-//! paths          paths written in files                atomic  whole files or none
+//! paths          paths written in files                atomic  atomic writes
 //! ```
 //!
 //! The formats of other programs (glTF, OBJ, pickle, HDF5, published captures) are in `lastlight_import`, which re-exports this member.
 //!
-//! Every reader has two forms: `read(path)`, and `parse(bytes, name)` for bytes already in memory, where `name` stands
-//! for the file in errors. A reader checks every declared size against the bytes there are **before** it allocates,
+//! Every reader has two forms: `read(path)`, and `parse(bytes, name)` for bytes already in memory, where `name` is
+//! the file name in errors. A reader checks every declared size against the available bytes **before** it allocates,
 //! so memory is bounded by a small multiple of the file; a decoder of another crate runs inside [`guard`], which turns
-//! its panic into an [`Error`]. Errors name the file, the place in it, what was expected and what was there.
+//! its panic into an [`Error`]. Errors name the file, the place in it, the expected and the actual value.
 //! Writers give the same bytes for the same record on every machine and go through [`atomic::write()`].
 #![forbid(unsafe_code)]
 

@@ -1,17 +1,17 @@
-//! One program at a time in a folder of results.
+//! Locks that keep other programs out of a result folder.
 //!
-//! A lock is a file in the folder, locked by the operating system while its program runs: it ends with the program, however that ends, and a file
-//! that a killed program left is taken over. The file holds the number of the process, for the message to the other one.
+//! A lock is a file in the folder that the operating system locks while the program runs. The lock is released when the program ends for any reason;
+//! a file left by a killed program is reused. The file contains the process id, which is printed when another program is refused.
 
 use crate::{Error, Result};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read as _, Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 
-/// Name of the file.
+/// Name of the lock file.
 pub const NAME: &str = ".lastlight.lock";
 
-/// A folder that is ours until this is dropped.
+/// An exclusive lock on a folder, released on drop.
 #[derive(Debug)]
 pub struct Lock {
     file: File,
@@ -19,10 +19,10 @@ pub struct Lock {
 }
 
 impl Lock {
-    /// Takes a folder that exists. Where the file system has no locks, nothing keeps another program out.
+    /// Locks an existing folder. On a file system without locks this has no effect.
     ///
     /// # Errors
-    /// When another program has the folder, or no file can be written there.
+    /// When another program holds the lock, or no file can be written in the folder.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(NAME);
         loop {
@@ -35,7 +35,7 @@ impl Lock {
                 }
                 _ => {}
             }
-            // The program before may have removed the file between opening and locking.
+            // The previous program may have removed the file between opening and locking.
             if !is_at(&file, &path) {
                 continue;
             }
@@ -49,7 +49,7 @@ impl Lock {
 
 impl Drop for Lock {
     fn drop(&mut self) {
-        // Removed while it is locked, so that nobody else's is.
+        // Removed while locked, so that the lock of another program is never removed.
         let _ = std::fs::remove_file(&self.path);
         let _ = self.file.unlock();
     }
@@ -70,7 +70,7 @@ fn in_use(folder: &Path, file: &mut File) -> Error {
         .hint("wait until that process has ended, or choose another folder")
 }
 
-/// Whether a path still leads to the file that was opened there.
+/// Whether a path still refers to the file that was opened.
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt as _;

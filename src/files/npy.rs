@@ -14,7 +14,7 @@ const MAX_HEADER: usize = 1 << 16;
 /// NumPy's largest rank.
 const MAX_RANK: usize = 64;
 
-/// What the header says.
+/// Contents of the header.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     kind: u8,
@@ -208,7 +208,7 @@ pub fn half_to_f32(h: u16) -> f32 {
     }
 }
 
-/// A whole `.npy` file.
+/// A `.npy` file.
 pub fn parse(bytes: &[u8], name: &str) -> Result<Array> {
     let (before, len) = prefix(&bytes[..order::min(12, bytes.len())], name)?;
     let Some(text) = bytes.get(before..before + len) else {

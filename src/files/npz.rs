@@ -14,14 +14,14 @@ use zip::write::SimpleFileOptions;
 /// How members are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Packing {
-    /// As they are: the bytes depend on the arrays alone.
+    /// Uncompressed: the bytes depend only on the arrays.
     #[default]
     Stored,
-    /// Deflated at level 6: the bytes depend on the version of the compressor too.
+    /// Deflated at level 6: the bytes also depend on the version of the compressor.
     Deflated,
 }
 
-/// Deflate cannot shrink by more than 1032; one output byte per this many would be a lie.
+/// Deflate compresses by a factor of at most 1032; a larger declared ratio is refused.
 const MAX_RATIO: u64 = 1040;
 /// Bytes that a file of any size may unpack to; larger files may unpack to 16 times their size.
 const MAX_UNPACKED: u64 = 1 << 30;
@@ -36,7 +36,7 @@ pub fn read(path: &Path) -> Result<Arrays> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
-/// Reads the arrays of some names from a `.npz` whose others may be anything; those that are not there are left out.
+/// Reads only the arrays of the given names from a `.npz`; missing ones are left out, and the others are not checked.
 ///
 /// # Errors
 /// When the file is not readable, the archive is malformed, or an array of these names holds something other than numbers.
@@ -44,7 +44,7 @@ pub fn read_some(path: &Path, names: &[&str]) -> Result<Arrays> {
     parse_wanted(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path), &|key| names.contains(&key))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -144,10 +144,10 @@ fn read_member(
     if declared != expected || expected > packed.saturating_mul(MAX_RATIO).saturating_add(1024) {
         return Err(Error::input(name)
             .at("member size")
-            .expected(format!("{expected} bytes, as the shape says"))
+            .expected(format!("{expected} bytes, for its shape"))
             .got(format!("{declared} declared, {packed} packed")));
     }
-    // One byte more than needed: reaching the end is what makes the archive check its checksum.
+    // One byte more than needed: the archive verifies the checksum only when its end is reached.
     let data = exact(header.data_bytes() + 1, true)?;
     npy::decode(&header, &data, name)
 }
@@ -180,7 +180,7 @@ pub fn to_bytes(arrays: &Arrays, packing: Packing) -> Result<Vec<u8>> {
     Ok(w.finish().map_err(|e| failed(&e))?.into_inner())
 }
 
-/// Writes a `.npz` with stored members, whole or not at all.
+/// Writes a `.npz` with stored members atomically.
 ///
 /// # Errors
 /// When the file cannot be written.

@@ -1,4 +1,4 @@
-//! Paths written in files: kept inside the folder, and found in it.
+//! Relative paths written in files: cleaned, and resolved inside the folder.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub fn clean(text: &str) -> std::result::Result<String, &'static str> {
 /// Extensions that are tried when a file name has none, or another one.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
 
-/// The file a cleaned path means: itself, with one of the usual extensions added, or in another case.
+/// The file of a cleaned path: the path itself, with one of the usual extensions added, or with different letter case.
 pub fn locate(root: &Path, relative: &str) -> Option<PathBuf> {
     let exact = root.join(relative);
     if exact.is_file() {
@@ -47,7 +47,7 @@ pub fn locate(root: &Path, relative: &str) -> Option<PathBuf> {
     candidates.iter().find_map(|c| any_case(root, c)).filter(|p| p.is_file())
 }
 
-/// A path whose components match but for case, if there is exactly one at every level.
+/// The path whose components match up to letter case, if exactly one matches at every level.
 fn any_case(root: &Path, relative: &str) -> Option<PathBuf> {
     let mut at = root.to_path_buf();
     for part in Path::new(relative).components() {

@@ -1,9 +1,9 @@
-//! A capture of a moving person, as plain records: the one layout that everything about persons reads and every importer writes.
+//! A capture of a moving person, as plain records: the layout that all code about persons reads and every importer writes.
 //!
 //! # Layout
 //! ```text
-//! transforms_train.json   cameras of the pictures to learn from
-//! transforms_test.json    cameras of the pictures held out (also transforms_val.json, which is read and not used)
+//! transforms_train.json   cameras of the training images
+//! transforms_test.json    cameras of the held-out images (also transforms_val.json, which is read and not used)
 //! images/…                PNG or JPEG, sRGB-encoded, ideal pinhole or orthographic (no distortion), the person on black
 //! foreground/…            PNG, one channel: the share of each pixel that the person covers
 //! body.npz                template, skinning weights, joints, one pose per moment
@@ -15,18 +15,18 @@
 //! |---|---|---|
 //! | `kind` | `figure`, `character`, `smpl`, `smplx`, or another name | `unknown` |
 //! | `metres_per_unit` | length of a scene unit | 0.85 for a figure or a character (which are 2 high), else 1 |
-//! | `box_margin_m` | what the box around the posed points gets on every side, metres | 0.05 |
+//! | `box_margin_m` | margin of the box around the posed points, metres | 0.05 |
 //!
 //! Every entry of `frames` has the keys `frame` (the moment: a row of the poses, 0 … T−1), `camera` (a number of the user's choice), and
 //! `foreground_path`. No two entries share both numbers; every moment 0 … T−1 is seen by some camera.
 //!
-//! Arrays of `body.npz` (P points, K joints, T moments; what is marked * must be there):
+//! Arrays of `body.npz` (P points, K joints, T moments; * marks required arrays):
 //!
 //! | array | shape | holds |
 //! |---|---|---|
 //! | `points` * | (P, 3) | template at rest, scene units, z up |
 //! | `weights` * | (P, K) | skinning weights, ≥ 0, rows sum to 1; the four largest are used |
-//! | `parents` * | (K) i32 | the joint each hangs on, −1 for none; no cycle |
+//! | `parents` * | (K) i32 | the parent of each joint, −1 for none; no cycle |
 //! | `joints` * | (K, 3) | positions at rest |
 //! | `transforms` * | (T, K, 4, 4) | posed (world) from rest, row-major, last row 0 0 0 1: x' = Σ_k w_k transforms_k · x |
 //! | `normals` | (P, 3) | at rest |
@@ -37,7 +37,7 @@
 //! | `global_rotation`, `global_translation` | (T, 3) | Rh, Th: the transforms hold x' = Rodrigues(Rh) x + Th after the chain |
 //! | `betas` | (B) | shape coefficients the template was made with |
 //! | `numbers` | (T) | numbers of the moments in the source |
-//! | `factors` | (T, n) | causes, where they are known |
+//! | `factors` | (T, n) | causal factors, if known |
 //! | `spacing`, `sigma`, `bone`, `rest` | | as `last gen` writes them |
 //!
 //! `last gen` writes this layout (with textures, light and factors of its own in further keys); `last import` writes it from the layouts of
@@ -63,10 +63,10 @@ pub const SPLITS: [(&str, Split); 3] = [
 /// Longest camera file that is read, in bytes.
 const MAX_CAMERAS: u64 = 64 << 20;
 
-/// One picture.
+/// One image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// Picture, camera, foreground, split. Paths are those of files that were there.
+    /// Image, camera, foreground, split. Paths are those of files that were there.
     pub frame: Frame,
     /// Moment: a row of the poses.
     pub time: usize,
@@ -74,24 +74,24 @@ pub struct Shot {
     pub camera: usize,
 }
 
-/// What the folder holds.
+/// Contents of the folder.
 #[derive(Clone, Debug)]
 pub struct Person {
     /// The folder.
     pub folder: PathBuf,
-    /// Training pictures first, each part in the order of its file; those with a file missing are left out.
+    /// Training images first, each part in the order of its file; those with a file missing are left out.
     pub shots: Vec<Shot>,
-    /// How many entries the camera files have, those left out included.
+    /// Number of entries in the camera files, including those left out.
     pub entries: usize,
     /// The key `subject` of the first camera file.
     pub subject: Map<String, Value>,
     /// `body.npz`; empty if it could not be read.
     pub body: Arrays,
-    /// Everything that was wrong on the way, first things first.
+    /// All problems found, in the order of reading.
     pub problems: Vec<Error>,
 }
 
-/// The folder with the cameras: `path`, or `path/video` if that is where the body is (what `last gen` makes).
+/// The folder with the cameras: `path`, or `path/video` if that is where the body is (the output of `last gen`).
 pub fn folder_of(path: &Path) -> PathBuf {
     let inner = path.join("video");
     let has = |p: &Path| p.join(BODY).is_file() || p.join(SPLITS[0].0).is_file();
@@ -103,7 +103,7 @@ pub fn is_person(path: &Path) -> bool {
     folder_of(path).join(BODY).is_file()
 }
 
-/// Reads the records. What is missing or malformed piece by piece is in [`Person::problems`], so that all of it can be said at once.
+/// Reads the records. Missing or malformed parts are listed in [`Person::problems`], so that all of them are reported together.
 ///
 /// # Errors
 /// When there is no camera file to read at all.
@@ -150,7 +150,7 @@ pub fn read(path: &Path) -> Result<Person> {
     Ok(out)
 }
 
-/// Adds what one camera file says.
+/// Adds the entries of one camera file.
 fn cameras(file: &Path, split: Split, out: &mut Person) -> Result<()> {
     let name = name_of(file);
     let bytes = read_bytes(file, MAX_CAMERAS)?;
@@ -169,7 +169,7 @@ fn cameras(file: &Path, split: Split, out: &mut Person) -> Result<()> {
         let place = |key: &str| Error::input(name.clone()).at(format!("frames[{i}].{key}"));
         let number = |key: &str| {
             entry[key].as_u64().filter(|&n| n < 1 << 32).map(|n| n as usize).ok_or_else(|| {
-                place(key).expected("a whole number").got(match &entry[key] {
+                place(key).expected("an integer").got(match &entry[key] {
                     Value::Null => "nothing".to_owned(),
                     other => other.to_string().chars().take(60).collect(),
                 })
@@ -208,7 +208,7 @@ fn cameras(file: &Path, split: Split, out: &mut Person) -> Result<()> {
     Ok(())
 }
 
-/// A picture to be written.
+/// An image to be written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewShot {
     /// Without folder and extension; letters, digits, `_`, `-`.
@@ -229,7 +229,7 @@ pub struct NewShot {
     pub height: usize,
 }
 
-/// Writes the layout: pictures as they come, cameras and body at the end, so that a folder with cameras is whole.
+/// Writes the layout: images in any order, cameras and body last, so that a folder with cameras is complete.
 #[derive(Debug)]
 pub struct Writer {
     dir: PathBuf,
@@ -253,10 +253,10 @@ impl Writer {
         Ok(Self { dir: dir.to_path_buf(), frames: Vec::new() })
     }
 
-    /// Writes the two pictures of a shot: bytes (H, W, 3) and (H, W). May be called from several threads; see [`Self::add`].
+    /// Writes the two images of a shot: bytes (H, W, 3) and (H, W). May be called from several threads; see [`Self::add`].
     ///
     /// # Errors
-    /// When the sizes do not agree or a file cannot be written.
+    /// When the sizes disagree or a file cannot be written.
     pub fn pictures(&self, shot: &NewShot, rgb: &[u8], mask: &[u8]) -> Result<()> {
         let (w, h) = (shot.width, shot.height);
         let image = image_file::png_bytes(w, h, 3, rgb)?;
@@ -265,7 +265,7 @@ impl Writer {
         atomic::write_unflushed(&self.dir.join(format!("foreground/{}.png", shot.name)), &mask)
     }
 
-    /// Adds the camera of a shot whose pictures are there.
+    /// Adds the camera of a shot whose images are there.
     pub fn add(&mut self, s: &NewShot) {
         let v = &s.view_from_world;
         // OpenGL axes: the inverse, with the columns of y and z negated.
@@ -291,7 +291,7 @@ impl Writer {
     /// When a file cannot be written.
     pub fn finish(self, subject: &Value, body: &Arrays) -> Result<()> {
         npz::write(&self.dir.join(BODY), body)?;
-        // The training cameras last: with them the capture is there.
+        // The training cameras last: their presence marks the capture as complete.
         for (file, split) in SPLITS.iter().rev() {
             let frames: Vec<&Value> =
                 self.frames.iter().filter(|(s, _)| s == split).map(|(_, f)| f).collect();

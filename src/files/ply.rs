@@ -1,7 +1,7 @@
-//! Any PLY file, read strictly: ascii or binary of either byte order, properties in any order and of any type.
+//! PLY files of any content, read strictly: ascii or binary of either byte order, properties in any order and of any type.
 //!
 //! Scalars become columns; list properties (faces) are checked and skipped. What follows the last element is an error,
-//! and so is a row that is too short or too long: nothing is guessed.
+//! and so is a row that is too short or too long.
 
 use super::bytes::Cursor;
 use super::{MAX_FILE_BYTES, name_of, read_bytes};
@@ -214,7 +214,7 @@ pub fn read(path: &Path) -> Result<Ply> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -415,7 +415,7 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                         if n < 0.0 {
                             return Err(fail(&at, "a length", &n.to_string()));
                         }
-                        // Ends with the words of the line at the latest.
+                        // At most the number of words in the line.
                         for _ in 0..n as u64 {
                             number(item)?;
                         }

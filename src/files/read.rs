@@ -10,10 +10,10 @@ use std::sync::Once;
 /// Largest file of arrays, Gaussians or points that is read, in bytes.
 pub const MAX_FILE_BYTES: u64 = 8 << 30;
 
-/// Largest picture file or text file that is read, in bytes.
+/// Largest image file or text file that is read, in bytes.
 pub const MAX_SMALL_FILE_BYTES: u64 = 1 << 30;
 
-/// A file as records name it, by name and bytes: what is made from it does not depend on where it lies.
+/// A file by name and bytes, so that records of it do not depend on its folder.
 ///
 /// # Errors
 /// As [`read_bytes`].
@@ -24,7 +24,7 @@ pub fn identity(path: &Path) -> Result<serde_json::Value> {
     Ok(serde_json::json!({ "file": name, "digest": format!("{:016x}", digest.value()) }))
 }
 
-/// The whole of a regular file of at most `limit` bytes.
+/// Contents of a regular file of at most `limit` bytes.
 ///
 /// # Errors
 /// When it cannot be opened or read, is not a regular file, or is longer.
@@ -60,7 +60,7 @@ thread_local! {
 /// Runs a decoder of another crate; a panic inside becomes an error that names `name`, and prints nothing.
 ///
 /// # Errors
-/// Those of `f`, and one for a panic.
+/// The errors of `f`, and an error for a panic.
 pub fn guard<T>(name: &str, f: impl FnOnce() -> Result<T>) -> Result<T> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {

@@ -1,7 +1,7 @@
 //! `.safetensors`: named arrays with text metadata; the format of checkpoints.
 //!
 //! Layout: u64 length of the header, the header (JSON: name → dtype, shape, data offsets), the elements without gaps.
-//! Written with names sorted, so equal contents give equal bytes; any reader of the format takes them.
+//! Written with names sorted, so equal contents give equal bytes; any reader of the format accepts them.
 
 use super::{MAX_FILE_BYTES, guard, name_of, npy, read_bytes};
 use crate::num::array::{Array, Arrays};
@@ -14,7 +14,7 @@ use std::path::Path;
 /// Longest header read, in bytes.
 const MAX_HEADER: u64 = 16 << 20;
 
-/// What a file holds.
+/// Contents of a file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tensors {
     /// The arrays by name.
@@ -26,12 +26,12 @@ pub struct Tensors {
 /// Reads a file. BF16 and F16 are widened to f32, bool to u8, and so on as in [`super::npz`].
 ///
 /// # Errors
-/// When the file is not readable, malformed, or holds a type without an equal here.
+/// When the file is not readable, malformed, or contains an element type that is not supported.
 pub fn read(path: &Path) -> Result<Tensors> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -93,7 +93,7 @@ fn decode(dtype: Dtype, shape: &[usize], data: &[u8], name: &str) -> Result<Arra
     npy::decode(&npy::plain(descr, shape, name)?, data, name)
 }
 
-/// The error of the decoder with the place it does not tell.
+/// The decoder's error, with the place added that the decoder does not report.
 fn explain(name: &str, header: &[u8], data: usize, e: &SafeTensorError) -> Error {
     let file = Error::input(name);
     let fault =
@@ -194,7 +194,7 @@ fn code(a: &Array) -> &'static str {
     }
 }
 
-/// Writes a file, whole or not at all.
+/// Writes a file atomically.
 ///
 /// # Errors
 /// When it cannot be written, or an array is called `__metadata__`.

@@ -1,4 +1,4 @@
-//! `.splat`: 32 bytes for every Gaussian, no header, degree 0 only; what small web viewers read.
+//! `.splat`: 32 bytes for every Gaussian, no header, degree 0 only; the format of small web viewers.
 //!
 //! | bytes | content |
 //! |---|---|
@@ -39,7 +39,7 @@ pub fn read(path: &Path) -> Result<Vec<Splat>> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -93,7 +93,7 @@ pub fn to_bytes(splats: &[Splat]) -> Vec<u8> {
     out
 }
 
-/// Writes a file, whole or not at all.
+/// Writes a file atomically.
 ///
 /// # Errors
 /// When it cannot be written.
@@ -151,7 +151,7 @@ pub fn from_gaussians(g: &GaussianRecord, name: &str) -> Result<Vec<Splat>> {
     Ok(out)
 }
 
-/// The Gaussians behind the bytes, degree 0. Opacity 0 and 255 have no logit and become ½/255 and 254½/255.
+/// The Gaussians of the rows, degree 0. Opacity 0 and 255 have no logit and become ½/255 and 254½/255.
 ///
 /// # Rounding
 /// f64 with `libm`, one rounding to f32 at the end.

@@ -1,8 +1,8 @@
 //! `transforms.json` in the dialects of NeRF-synthetic, instant-ngp and nerfstudio.
 //!
-//! Poses in the file are camera-to-world with OpenGL axes (x right, y up, z backward); they leave here world-to-camera
-//! with x right, y down, z forward. instant-ngp's scaling into its unit cube is not applied. Every key may stand at the
-//! top or in a frame; the frame wins. Paths may have backslashes, another case, or no extension, and stay inside the folder.
+//! Poses in the file are camera-to-world with OpenGL axes (x right, y up, z backward); they are returned world-to-camera
+//! with x right, y down, z forward. instant-ngp's scaling into its unit cube is not applied. Every key may be at the
+//! top level or in a frame; the frame takes precedence. Paths may have backslashes, another case, or no extension, and stay inside the folder.
 
 use super::frame::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, nearest_rotation, rigid};
 use super::paths::{clean, locate};
@@ -14,13 +14,13 @@ use std::path::{Path, PathBuf};
 
 /// Longest file read, in bytes.
 const MAX_BYTES: u64 = 64 << 20;
-/// Largest picture side.
+/// Largest image side.
 const MAX_SIDE: f64 = super::image_data::MAX_SIDE as f64;
 
-/// What one file says; paths are cleaned, relative, and not yet looked up.
+/// Contents of one file; paths are cleaned and relative, and their files are not yet checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Transforms {
-    /// Dialect by its keys.
+    /// Dialect, recognised by the keys.
     pub dialect: Dialect,
     /// Frames in the order of the file; `image` and `mask` relative to its folder.
     pub frames: Vec<Frame>,
@@ -33,10 +33,10 @@ pub(super) fn file_in(folder: &Path) -> Option<PathBuf> {
     ["transforms.json", "transforms_train.json"].iter().map(|n| folder.join(n)).find(|p| p.is_file())
 }
 
-/// Reads one file, or the file (or the train, val and test files) of a folder, and finds the pictures.
+/// Reads one file, or the file (or the train, val and test files) of a folder, and finds the images.
 ///
 /// # Errors
-/// When a file is malformed or a picture is missing.
+/// When a file is malformed or an image is missing.
 pub fn read(path: &Path) -> Result<Capture> {
     let first = if path.is_dir() {
         file_in(path).ok_or_else(|| {
@@ -86,7 +86,7 @@ pub fn read(path: &Path) -> Result<Capture> {
             frame.mask = frame.mask.map(|m| find(&m, "mask_path")).transpose()?;
             let p = &mut frame.passes;
             p.foreground = p.foreground.take().map(|x| find(&x, "foreground_path")).transpose()?;
-            // These say more of a scene and are not needed to fit one.
+            // Optional data that a fit does not need.
             for slot in [&mut p.radiance, &mut p.depth, &mut p.normal, &mut p.albedo, &mut p.material] {
                 if let Some(named) = slot.take() {
                     *slot = locate(root, &named.to_string_lossy());
@@ -111,7 +111,7 @@ pub fn read(path: &Path) -> Result<Capture> {
     Ok(capture)
 }
 
-/// Parses one file; `name` stands for it in errors. Looks at nothing on disk.
+/// Parses one file; `name` is the file name in errors. Does not access the disk.
 ///
 /// # Errors
 /// When it is malformed, a number is out of range, a path leads outside, or a camera model is not supported.
@@ -239,9 +239,11 @@ impl Keys<'_> {
 
     fn side(&self, key: &str) -> Result<Option<usize>> {
         match self.number(key)? {
-            Some(x) if !((1.0..=MAX_SIDE).contains(&x) && x.trunc() == x) => {
-                Err(self.error(key, &format!("a whole number of pixels from 1 to {MAX_SIDE}"), x.to_string()))
-            }
+            Some(x) if !((1.0..=MAX_SIDE).contains(&x) && x.trunc() == x) => Err(self.error(
+                key,
+                &format!("an integer number of pixels from 1 to {MAX_SIDE}"),
+                x.to_string(),
+            )),
             other => Ok(other.map(|x| x as usize)),
         }
     }

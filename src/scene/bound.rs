@@ -4,7 +4,7 @@
 //! elsewhere. What lies outside can be set to the background before an image is scored ([`clear_outside`]), as GauHuman does, and a score can
 //! be restricted to the smallest rectangle around it ([`rectangle`]), as NeuralBody does with SSIM.
 //!
-//! A pixel belongs to a face if its centre does. (OpenCV's `fillPoly`, behind the published code, rounds corners to whole pixels and draws the
+//! A pixel belongs to a face if its centre does. (OpenCV's `fillPoly`, behind the published code, rounds corners to integer pixels and draws the
 //! outline too; the two masks differ along their border.)
 //!
 //! # Rounding
@@ -37,7 +37,7 @@ pub fn bounds(points: &[[f32; 3]], margin: f32) -> Result<[[f32; 3]; 2]> {
     Ok([low.map(|x| x - margin), high.map(|x| x + margin)])
 }
 
-/// A point of the world in pixels; `None` where it has no place in the picture.
+/// A point of the world in pixels; `None` where it has no place in the image.
 pub fn project(camera: &Camera, p: [f64; 3]) -> Option<[f64; 2]> {
     let view: [f64; 3] = std::array::from_fn(|i| {
         let r = camera.rotation[i].map(f64::from);

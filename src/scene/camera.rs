@@ -1,4 +1,4 @@
-//! One view: pose, intrinsics, picture size, projection model.
+//! One view: pose, intrinsics, image size, projection model.
 //!
 //! Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5). The world is right-handed.
 
@@ -7,7 +7,7 @@ use crate::math::quat;
 use crate::num::{elem, order};
 use crate::{Error, Result};
 
-/// How a point in camera coordinates reaches the picture.
+/// How a point in camera coordinates reaches the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
     /// (f_x x/z + c_x, f_y y/z + c_y)
@@ -55,9 +55,9 @@ pub struct Camera {
     pub focal_px: [f32; 2],
     /// Principal point in pixels.
     pub center_px: [f32; 2],
-    /// Picture width in pixels.
+    /// Image width in pixels.
     pub width: usize,
-    /// Picture height in pixels.
+    /// Image height in pixels.
     pub height: usize,
     /// Projection model.
     pub model: Model,
@@ -70,7 +70,7 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
-    /// The ray through a place of the picture, in pixels: origin and unit direction in the world. `None` outside the circle that a
+    /// The ray through a position of the image, in pixels: origin and unit direction in the world. `None` outside the circle that a
     /// fisheye sees (θ > π). Orthographic rays start in the plane of the camera.
     ///
     /// # Rounding
@@ -189,7 +189,7 @@ impl Camera {
         }
     }
 
-    /// Checks that every number is finite, focal lengths are positive and the picture is not empty.
+    /// Checks that every number is finite, focal lengths are positive and the image is not empty.
     ///
     /// # Errors
     /// Names the field.
@@ -212,7 +212,7 @@ impl Camera {
         }
         if self.width == 0 || self.height == 0 || self.width > MAX_SIDE || self.height > MAX_SIDE {
             return Err(Error::input("camera")
-                .at("picture size")
+                .at("image size")
                 .expected(format!("1 to {MAX_SIDE} pixels a side"))
                 .got(format!("{}x{}", self.width, self.height)));
         }
@@ -247,7 +247,7 @@ fn quaternion(r: &[[f32; 3]; 3]) -> [f32; 4] {
 /// Largest distance of a pixel from the principal point, in focal lengths.
 const MAX_SLOPE: f32 = 1e9;
 
-/// Largest picture side accepted, in pixels.
+/// Largest image side accepted, in pixels.
 pub const MAX_SIDE: usize = 16_384;
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! The five parameter arrays of a set of Gaussians, one after the other: what files, digests, optimisers and updates go through.
+//! The five parameter arrays of a set of Gaussians, one after the other: the order used by files, digests, optimisers and updates.
 
 use super::gaussians::Gaussians;
 use crate::num::array::{Arrays, retain_rows};
@@ -113,10 +113,10 @@ impl Gaussians {
         [vec![self.len()], column.row(self.sh_coefficients())].concat()
     }
 
-    /// Gaussians of the given columns, which are asked for in their order; not validated.
+    /// Gaussians of the given columns, requested in their order; not validated.
     ///
     /// # Errors
-    /// What `values` reports.
+    /// The errors of `values`.
     ///
     /// # Panics
     /// When the numbers of a column are no multiple of its width.

@@ -8,7 +8,7 @@ use std::path::Path;
 /// The formats a scene is read from and written to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SceneFormat {
-    /// 3DGS PLY: all that there is
+    /// 3DGS PLY: all parameters
     Ply,
     /// `.splat`: degree 0, quantised, sorted
     Splat,
@@ -48,7 +48,7 @@ pub fn read_scene(path: &Path) -> Result<Gaussians> {
     }
 }
 
-/// Writes a scene, whole or not at all. `comments` go into the header of a PLY and nowhere else.
+/// Writes a scene atomically. `comments` go into the header of a PLY and nowhere else.
 ///
 /// # Errors
 /// When the extension is unknown or the file cannot be written.
@@ -60,7 +60,7 @@ pub fn write_scene(path: &Path, g: &Gaussians, comments: &[String]) -> Result<()
     }
 }
 
-/// Converts a scene; returns it as it was read. The output's extension is checked before the input is read.
+/// Converts a scene; returns the scene that was read. The output's extension is checked before the input is read.
 ///
 /// # Errors
 /// See [`read_scene`] and [`write_scene`].

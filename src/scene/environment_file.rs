@@ -1,26 +1,26 @@
-//! Environment maps from files: latitude–longitude pictures in the orientation of the program that wrote them.
+//! Environment maps from files: latitude–longitude images in the orientation of the program that wrote them.
 //!
 //! Our axes are z up; a y-up program's direction (X, Y, Z) is ours by (x, y, z) = (X, −Z, Y), as for models. Every orientation shows
 //! the inclination v = acos(up)/π from the top; they differ in the azimuth, here for a direction (x, y, z) of ours:
 //!
-//! | [`Orientation`] | u of its own axes | the same in our axes | its centre looks to |
+//! | [`Orientation`] | u of its own axes | the same in our axes | direction at its centre |
 //! |---|---|---|---|
 //! | `Ours` | atan2(x, y)/2π + ½ | atan2(x, y)/2π + ½ | +y |
 //! | `Mitsuba` (y up) | atan2(X, −Z)/2π | atan2(x, y)/2π | +Z, our −y |
 //! | `Nvdiffrec` (y up) | atan2(X, −Z)/2π + ½ | atan2(x, y)/2π + ½ | −Z, our +y |
 //! | `Blender` (z up) | ½ − atan2(y, x)/2π | atan2(x, y)/2π + ¼ | +x |
-//! | `Orb` (y up, per picture) | atan2(X, −Z)/2π + ½ in the axes of the camera | with [`Options::world_from_map`] | the camera's view |
+//! | `Orb` (y up, per image) | atan2(X, −Z)/2π + ½ in the axes of the camera | with [`Options::world_from_map`] | the camera's view |
 //!
-//! `Orb` needs the rotation of its picture's camera, which a command line does not have: the commands take the other four
-//! ([`Orientation::FIXED`]). Without the rotation it would be `Nvdiffrec`, light in the axes of a camera taken for those of the world.
+//! `Orb` needs the rotation of its image's camera, which a command line does not have: the commands accept the other four
+//! ([`Orientation::FIXED`]). Without the rotation it would equal `Nvdiffrec` and take the camera's axes for those of the world.
 //!
 //! u counts from the left and wraps. Sources: `mitsuba` emitter `envmap`, nvdiffrec `light.py`, Cycles `projection.h`
 //! (`direction_to_equirectangular`), Stanford-ORB `env_map.py`. A map made with the other handedness (seen from outside) is turned by
 //! [`Options::mirror`]: u → 1 − u before all else.
 //!
 //! # Exactness
-//! The orientations and rotations by a whole number of columns permute texels: radiance keeps its bits. Where ¼ or ½ of the width or the
-//! rotation is no whole number of columns, columns are interpolated linearly; with [`Options::world_from_map`] the picture is
+//! The orientations and rotations by an integer number of columns permute texels: radiance keeps its bits. Where ¼ or ½ of the width or the
+//! rotation is not an integer number of columns, columns are interpolated linearly; with [`Options::world_from_map`] the image is
 //! resampled bilinearly at texel centres. Radiance is multiplied by [`Options::scale`] last.
 
 use super::light::Environment;
@@ -45,7 +45,7 @@ pub enum Orientation {
     Mitsuba,
     /// nvdiffrec and its relatives
     Nvdiffrec,
-    /// Blender's environment texture, as Poly Haven's maps are looked at
+    /// Blender's environment texture, the usual view of Poly Haven's maps
     Blender,
     /// Stanford-ORB's `env_map/*.exr`
     Orb,
@@ -55,7 +55,7 @@ impl Orientation {
     /// All of them.
     pub const ALL: [Self; 5] = [Self::Ours, Self::Mitsuba, Self::Nvdiffrec, Self::Blender, Self::Orb];
 
-    /// Those that say all about the axes of a map by themselves.
+    /// Those that need no further rotation.
     pub const FIXED: [Self; 4] = [Self::Ours, Self::Mitsuba, Self::Nvdiffrec, Self::Blender];
 
     /// Its name in options.
@@ -115,7 +115,7 @@ impl Orientation {
 pub struct Options {
     /// Whose convention it follows.
     pub orientation: Orientation,
-    /// The picture is a mirror image.
+    /// The image is a mirror image.
     pub mirror: bool,
     /// Degrees the light turns about +z, counter-clockwise from above.
     pub rotate: f64,
@@ -128,7 +128,7 @@ pub struct Options {
 }
 
 impl Default for Options {
-    /// Ours, as it is; 8-bit pictures are sRGB-encoded.
+    /// Ours, as it is; 8-bit images are sRGB-encoded.
     fn default() -> Self {
         Self {
             orientation: Orientation::Ours,
@@ -163,14 +163,14 @@ impl Options {
 /// Reads a map: Radiance HDR, OpenEXR (R, G, B), PNG or JPEG.
 ///
 /// # Errors
-/// When the file is bad, not a picture of colours, larger than [`MAX_TEXELS`], or holds a negative number or none; when an option is
+/// When the file is bad, not an image of colours, larger than [`MAX_TEXELS`], or holds a negative number or none; when an option is
 /// out of range.
 pub fn read(path: &Path, options: &Options) -> Result<Environment> {
     let name = path.display().to_string();
     from_picture(&image_file::read(path)?, options, &name)
 }
 
-/// Like [`read`] for a decoded picture; `name` stands for the file.
+/// Like [`read`] for a decoded image; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -237,9 +237,9 @@ pub fn orient(map: Environment, options: &Options) -> Environment {
     Environment { width: w, height: h, radiance }
 }
 
-/// Row by row, what was `shift` columns to the right: exact for whole shifts, linear between columns else.
+/// Every row shifted left by `shift` columns: exact for integer shifts, else linear between columns.
 fn roll(radiance: &[[f32; 3]], width: usize, shift: f64) -> Vec<[f32; 3]> {
-    // Rotations by k·360/W degrees land beside a whole number by rounding.
+    // Rounding moves a rotation by k·360/W degrees off an integer.
     let whole = shift.round();
     let (base, fraction) =
         if (shift - whole).abs() < 1e-9 { (whole, 0.0) } else { (shift.floor(), shift - shift.floor()) };

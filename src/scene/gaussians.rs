@@ -116,7 +116,7 @@ impl Gaussians {
         Ok(())
     }
 
-    /// From the record of a PLY file; `name` stands for the file.
+    /// From the record of a PLY file; `name` is the file name in errors.
     ///
     /// # Errors
     /// See [`Self::validate`].

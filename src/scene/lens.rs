@@ -1,6 +1,6 @@
-//! Removing the distortion of a lens: ideal position → position in the photograph.
+//! Removing the distortion of a lens: ideal position → position in the photo.
 //!
-//! A photograph is resampled once, on load, into the picture an ideal camera with the same focal lengths, principal
+//! A photo is resampled once, on load, into the image an ideal camera with the same focal lengths, principal
 //! point and size would have taken: a pinhole for OpenCV's radial-tangential model, an equidistant fisheye for its fisheye
 //! model. For every ideal pixel the forward model gives the place to read, so nothing is inverted.
 //!
@@ -10,15 +10,15 @@
 //! | r | √(x² + y²); the angle θ from the axis for a fisheye | 1, radians |
 //! | d | radial factor of [`Lens`] | 1 |
 //!
-//! Beyond the radius where r·d(r) stops growing, the model folds back and two ideal positions share a place in the
-//! photograph; such pixels have no picture and are masked out, as are those whose place lies outside.
+//! Beyond the radius where r·d(r) stops growing, the model folds back and two ideal positions map to one position in the
+//! photo; such pixels are masked out, as are those that map outside the photo.
 
 use crate::io::capture::Lens;
 
 /// Steps in which the growth of r·d(r) is checked.
 const STEPS: usize = 4096;
 
-/// A lens with the radius up to which it can be trusted.
+/// A lens with the radius up to which its model is invertible.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Undistort {
     lens: Lens,
@@ -26,9 +26,9 @@ pub struct Undistort {
 }
 
 impl Undistort {
-    /// Checks radii up to `largest`, the largest ideal radius of the picture.
+    /// Checks radii up to `largest`, the largest ideal radius of the image.
     pub fn new(lens: Lens, largest: f64) -> Self {
-        // A fisheye sees no further than straight back.
+        // A fisheye's angle is at most π.
         let end = match lens {
             Lens::Fisheye { .. } => crate::num::order::min(largest, std::f64::consts::PI),
             Lens::Perspective { .. } => largest,
@@ -48,7 +48,7 @@ impl Undistort {
         Self { lens, limit }
     }
 
-    /// Where an ideal position lies in the photograph, in the same units; `None` beyond the trusted radius.
+    /// Where an ideal position lies in the photo, in the same units; `None` beyond that radius.
     ///
     /// # Rounding
     /// f64, written association; no elementary functions but √.
@@ -74,24 +74,24 @@ fn radial(lens: &Lens, r2: f64) -> f64 {
         Lens::Perspective { numerator: [k1, k2, k3, k4], denominator: [n1, n2, n3], .. } => {
             let top = 1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4)));
             let bottom = 1.0 + r2 * (n1 + r2 * (n2 + r2 * n3));
-            // A pole is no lens: what follows it never grows past the fold test.
+            // At a pole the model ends: the values behind it fail the test of growth.
             if bottom > 0.0 { top / bottom } else { f64::NEG_INFINITY }
         }
         Lens::Fisheye { k: [k1, k2, k3, k4] } => 1.0 + r2 * (k1 + r2 * (k2 + r2 * (k3 + r2 * k4))),
     }
 }
 
-/// A resampled picture.
+/// A resampled image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Resampled {
     /// (H, W, 3) row-major, 0 where the mask is 0
     pub rgb: Vec<f32>,
-    /// (H, W): 1 where the pixel has a place in the photograph
+    /// (H, W): 1 where the pixel has a place in the photo
     pub mask: Vec<u8>,
 }
 
-/// Resamples a photograph (H, W, 3) to the ideal camera, bilinearly between pixel centres. A pixel is kept where all
-/// four neighbours lie in the photograph and are kept by `mask`.
+/// Resamples a photo (H, W, 3) to the ideal camera, bilinearly between pixel centres. A pixel is kept where all
+/// four neighbours lie in the photo and are kept by `mask`.
 pub fn undistort(
     rgb: &[f32],
     mask: Option<&[u8]>,

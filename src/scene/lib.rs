@@ -3,11 +3,11 @@
 //! ```text
 //! io (plain records) ──► scene ──► splat, fit, …
 //! camera     one pinhole, orthographic or fisheye view      profile    the constants of a splatting semantics
-//! gaussians  stored, unconstrained parameters of a scene    views      photographs with cameras, undistorted
+//! gaussians  stored, unconstrained parameters of a scene    views      photos with cameras, undistorted
 //! columns    their five arrays, one after the other
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
-//! passes     what a renderer knew about a photograph        bound      the projected box of what a camera sees
+//! passes     renderer's passes of a photo                   bound      the projected box of what a camera sees
 //! from_data_gen  generated surfaces, maps and views as objects, environments and cameras
 //! ```
 #![forbid(unsafe_code)]

@@ -1,11 +1,11 @@
 //! Light: environment maps in one orientation, points, and distant sources.
 //!
-//! An environment map is a latitude–longitude picture of linear radiance, row-major, top row up. The direction (x, y, z) it
+//! An environment map is a latitude–longitude image of linear radiance, row-major, top row up. The direction (x, y, z) it
 //! shows at column centre u and row centre v (0..1) is, with z up,
 //!
 //! ```text
 //! u = atan2(x, y)/2π + ½        v = acos(z)/π
-//! u = ½ (centre) looks to +y,  u = ¾ to +x,  u = 0 and 1 to −y,  u = ¼ to −x;  v = 0 is +z
+//! u = ½ (centre) is +y,  u = ¾ is +x,  u = 0 and 1 are −y,  u = ¼ is −x;  v = 0 is +z
 //! ```
 
 use crate::{Error, Result};
@@ -61,7 +61,7 @@ impl Environment {
     /// Checks sizes and values.
     ///
     /// # Errors
-    /// Names the texel; `name` stands for the map.
+    /// Names the texel; `name` is the name of the map in errors.
     pub fn validate(&self, name: &str) -> Result<()> {
         if self.width == 0 || self.height == 0 || self.radiance.len() != self.width * self.height {
             return Err(Error::input(name)

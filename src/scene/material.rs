@@ -5,7 +5,7 @@
 //! | base colour | factor linear; texture sRGB-encoded, its alpha linear | albedo of dielectrics, F0 of metals |
 //! | roughness r | G of a linear texture times a factor | α_GGX = r² |
 //! | metallic m | B of the same texture times a factor | mixes dielectric (F0 = 0.04) and metal |
-//! | normal | tangent space, +y up the picture | perturbs the shading normal |
+//! | normal | tangent space, +y up the image | perturbs the shading normal |
 //! | emission | factor linear; texture sRGB-encoded | radiance |
 
 use super::light::MAX_RADIANCE;
@@ -24,7 +24,7 @@ pub enum Transfer {
     Linear,
 }
 
-/// What lies beyond the border of a texture.
+/// Addressing beyond the border of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wrap {
     /// the texture again
@@ -35,7 +35,7 @@ pub enum Wrap {
     Clamp,
 }
 
-/// A picture with eight bits per value, four values per texel.
+/// An image with eight bits per value, four values per texel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Texture {
     /// Texels.

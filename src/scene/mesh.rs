@@ -1,7 +1,7 @@
-//! A triangle mesh and an object made of one: what rays meet.
+//! Triangle meshes, and objects made of them.
 //!
 //! Corners of a triangle are counter-clockwise seen from outside; an index is shared by position, normal and texture coordinate,
-//! so a seam doubles a vertex. Texture coordinates follow glTF: (0, 0) is the top left corner of the picture, v grows downwards.
+//! so a seam doubles a vertex. Texture coordinates follow glTF: (0, 0) is the top left corner of the image, v grows downwards.
 
 use super::material::Material;
 use crate::{Error, Result};
@@ -43,7 +43,7 @@ impl Mesh {
     /// shading falls back to the face normal for the latter.
     ///
     /// # Errors
-    /// Names the array and the index; `name` stands for the mesh.
+    /// Names the array and the index; `name` is the name of the mesh in errors.
     pub fn validate(&self, name: &str) -> Result<()> {
         let (v, t) = (self.positions.len(), self.triangles.len());
         if v > MAX_ELEMENTS || t > MAX_ELEMENTS {
@@ -94,7 +94,7 @@ impl Object {
     /// Checks the mesh and its range, the materials, and that every triangle has one.
     ///
     /// # Errors
-    /// Names what is wrong; `name` stands for the object.
+    /// Names what is wrong; `name` is the name of the object in errors.
     pub fn validate(&self, name: &str) -> Result<()> {
         self.mesh.validate(name)?;
         within(name, "positions", &self.mesh.positions, MAX_COORDINATE)?;

@@ -1,4 +1,4 @@
-//! What a renderer knew about a photograph, read back from a capture: foreground, radiance, depth, normals, albedo, material.
+//! Passes that a renderer wrote for a photo, read from a capture: foreground, radiance, depth, normals, albedo, material.
 
 use crate::io::capture::Frame;
 use crate::io::image_file::{self, Encoding, Picture};
@@ -8,7 +8,7 @@ use std::path::Path;
 /// How far a normal may be from length 1.
 const UNIT: f32 = 1e-3;
 
-/// The passes of one photograph; all of its size, row-major.
+/// The passes of one photo; all of its size, row-major.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PassImages {
     /// Pixels.
@@ -29,7 +29,7 @@ pub struct PassImages {
     pub metallic: Option<Vec<f32>>,
     /// 0..1
     pub roughness: Option<Vec<f32>>,
-    /// Factor from radiance to the photograph.
+    /// Factor from radiance to the photo.
     pub exposure: Option<f64>,
 }
 
@@ -87,8 +87,8 @@ impl PassImages {
         }
         if (picture.width, picture.height) != (self.width, self.height) {
             return Err(Error::input(name)
-                .at("picture size")
-                .expected(format!("{}x{}, as the photograph", self.width, self.height))
+                .at("image size")
+                .expected(format!("{}x{}, as the photo", self.width, self.height))
                 .got(format!("{}x{}", picture.width, picture.height)));
         }
         let stride = picture.channels.len();

@@ -1,4 +1,4 @@
-//! The constants of one splatting semantics. Three profiles and one reference, never a fourth by accident.
+//! The constants of one splatting semantics. There are three profiles and one reference.
 
 use crate::{Error, Result};
 
@@ -64,7 +64,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Default; behind every digest.
+    /// The default; used for every digest.
     pub const EXACT: Self = Self {
         name: "exact",
         blur_px2: 0.3,
@@ -90,7 +90,7 @@ impl Profile {
         footprint: Footprint::Inria3Sigma,
         ..Self::EXACT
     };
-    /// Reference of the charts: `exact` with α cut 0 and no stop.
+    /// Reference of the plots: `exact` with α cut 0 and no stop.
     pub const UNLIMITED: Self = Self { name: "unlimited", alpha_min: 0.0, stop: Stop::Never, ..Self::EXACT };
 
     /// The profile of that name.

@@ -1,4 +1,4 @@
-//! Photographs with cameras, ready to fit: loaded, composited, scaled, undistorted, split, and placed in a scene.
+//! Photos with cameras, ready to fit: loaded, composited, scaled, undistorted, split, and placed in a scene.
 
 use super::camera::{Camera, Model};
 use super::lens;
@@ -10,17 +10,17 @@ use crate::num::{order, par};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Every so many views, in the order of their names, one is held out: index mod 8 == 0.
+/// One view in this many is held out, in the order of their names: index mod 8 == 0.
 pub const TEST_EVERY: usize = 8;
 
-/// How photographs are loaded.
+/// How photos are loaded.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// sRGB-encoded colour behind transparent pixels, 0 to 1.
     pub background: [f32; 3],
-    /// Average blocks of this many pixels a side; 1 leaves pictures as they are.
+    /// Average blocks of this many pixels a side; 1 leaves images as they are.
     pub downscale: usize,
-    /// Refuse a capture whose list names photographs that are not there, instead of leaving them out.
+    /// Refuse a capture whose list names photos that are not there, instead of leaving them out.
     pub strict: bool,
 }
 
@@ -30,12 +30,12 @@ impl Default for Options {
     }
 }
 
-/// One photograph as an ideal camera would have taken it.
+/// One photo as an ideal camera would have taken it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
     /// Its name, with forward slashes, relative to the capture.
     pub name: String,
-    /// Its camera.
+    /// Id of its camera.
     pub camera: Camera,
     /// (H, W, 3) sRGB-encoded bytes, row-major.
     pub rgb: Vec<u8>,
@@ -44,7 +44,7 @@ pub struct View {
 }
 
 impl View {
-    /// The picture in 0..1, (H, W, 3).
+    /// The image in 0..1, (H, W, 3).
     pub fn image(&self) -> Vec<f32> {
         self.rgb.iter().map(|&b| f32::from(b) / 255.0).collect()
     }
@@ -64,9 +64,9 @@ pub struct SceneBox {
 pub struct Views {
     /// In the order of their names.
     pub views: Vec<View>,
-    /// Indices of those to fit.
+    /// Indices of the training views.
     pub train: Vec<usize>,
-    /// Indices of those held out; none where there is a single image.
+    /// Indices of the held-out views; none if there is a single image.
     pub test: Vec<usize>,
     /// 1.1 times the largest distance of a training camera from the mean of their centres; 1 if that is zero.
     pub extent: f64,
@@ -74,28 +74,28 @@ pub struct Views {
     pub scene_box: SceneBox,
     /// Points of a reconstruction, if the capture has them.
     pub points: Option<Points>,
-    /// Names of photographs that the capture lists and does not have.
+    /// Names of listed photos that are missing.
     pub missing: Vec<String>,
-    /// Other files that it names and does not have.
+    /// Other listed files that are missing.
     pub missing_files: Vec<String>,
 }
 
 impl Views {
-    /// Reads a capture and loads its photographs.
+    /// Reads a capture and loads its photos.
     ///
     /// # Errors
-    /// When the layout, a lens or a photograph is bad.
+    /// When the layout, a lens or a photo is bad.
     pub fn load(path: &Path, options: &Options) -> Result<Self> {
         Self::from_capture(&read_capture(path)?, options)
     }
 
-    /// Loads the photographs of a capture, several at a time; the result does not depend on how many.
+    /// Loads the photos of a capture, several at a time; the result does not depend on how many.
     ///
-    /// Where the layout itself names training and test pictures, that split holds and validation pictures are left
+    /// Where the layout itself names training and test images, that split holds and validation images are left
     /// out; otherwise every eighth view is held out.
     ///
     /// # Errors
-    /// When a photograph or a mask is bad, or its size does not fit its lens.
+    /// When a photo or a mask is bad, or its size does not fit its lens.
     pub fn from_capture(capture: &Capture, options: &Options) -> Result<Self> {
         if options.downscale == 0 || options.downscale > image_file::MAX_SIDE {
             let e = Error::input("downscale").expected(format!("1 to {}", image_file::MAX_SIDE));
@@ -107,7 +107,7 @@ impl Views {
         }
         if let (true, Some(first)) = (capture.frames.is_empty(), capture.missing.first()) {
             return Err(Error::input("capture")
-                .expected("photographs of the frames that are listed")
+                .expected("photos of the frames that are listed")
                 .got(format!("no file of {} frames, the first '{}'", capture.missing.len(), first.name)));
         }
         let has = |s: Split| capture.frames.iter().any(|f| f.split == s);
@@ -120,7 +120,7 @@ impl Views {
         }
         if let (true, Some(first)) = (options.strict, capture.missing.first()) {
             return Err(Error::input("capture")
-                .expected("the photograph of every frame, with --strict")
+                .expected("the photo of every frame, with --strict")
                 .got(format!("{} that are not there, the first '{}'", capture.missing.len(), first.name)));
         }
         let is_test =
@@ -190,7 +190,7 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     if picture.encoding != Encoding::Srgb {
         return Err(Error::input(name)
             .at("encoding")
-            .expected("an sRGB-encoded photograph (PNG or JPEG)")
+            .expected("an sRGB-encoded photo (PNG or JPEG)")
             .got("linear values"));
     }
     let (full_w, full_h) = (picture.width, picture.height);
@@ -199,7 +199,7 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     let s = options.downscale;
     let (width, height) = (full_w / s, full_h / s);
     if width == 0 || height == 0 {
-        let e = Error::input(name).at("picture size");
+        let e = Error::input(name).at("image size");
         return Err(e
             .expected(format!("at least {s} pixels a side, to be scaled down"))
             .got(format!("{full_w}x{full_h}")));
@@ -243,7 +243,7 @@ fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
     if (m.width, m.height) != (width, height) {
         return Err(Error::input(path.display().to_string())
             .at("mask size")
-            .expected(format!("{width}x{height}, as the photograph"))
+            .expected(format!("{width}x{height}, as the photo"))
             .got(format!("{}x{}", m.width, m.height)));
     }
     let c = m.channels.len();
@@ -265,7 +265,7 @@ fn composite(p: &Picture, background: [f32; 3]) -> Vec<f32> {
     out
 }
 
-/// Mean of s×s blocks: left fold over rows, then columns. What does not fill a block at the right and below is cut.
+/// Mean of s×s blocks: left fold over rows, then columns. Incomplete blocks at the right and bottom are cut off.
 fn box_mean(rgb: &[f32], stride: usize, width: usize, height: usize, s: usize) -> Vec<f32> {
     if s == 1 {
         return rgb.to_vec();

@@ -137,10 +137,10 @@ fn every_inconsistency_is_an_error_of_its_own() {
     say(&["frames[0].foreground_path", "the mask of the person", "nothing"], &|d| {
         cameras(d, &|v| drop(v["frames"][0].as_object_mut().expect("a frame").remove("foreground_path")));
     });
-    say(&["c00_f0001.png: mask size: expected 48x48, as the photograph, got 24x24"], &|d| {
+    say(&["c00_f0001.png: mask size: expected 48x48, as the photo, got 24x24"], &|d| {
         write_picture(&d.join("foreground/c00_f0001.png"), 24, 1, &[255; 24 * 24]);
     });
-    say(&["c00_f0003.png: picture size: expected 48x48, as the camera says, got 24x24"], &|d| {
+    say(&["c00_f0003.png: image size: expected 48x48, as its camera declares, got 24x24"], &|d| {
         write_picture(&d.join("images/c00_f0003.png"), 24, 3, &[255; 24 * 24 * 3]);
     });
     let shorter = |a: &mut Arrays, name: &str| {
@@ -227,17 +227,17 @@ fn every_inconsistency_is_an_error_of_its_own() {
     say(&["global_translation", "both or neither"], &|d| {
         body(d, &|a| a.put("global_rotation", &[4, 3], vec![0.0f32; 12]));
     });
-    say(&["frames[0].frame", "a whole number", "\"x\""], &|d| {
+    say(&["frames[0].frame", "an integer", "\"x\""], &|d| {
         cameras(d, &|v| v["frames"][0]["frame"] = "x".into());
     });
-    say(&["camera 0, moment 1", "one picture"], &|d| cameras(d, &|v| v["frames"][2]["frame"] = 1.into()));
+    say(&["camera 0, moment 1", "one image"], &|d| cameras(d, &|v| v["frames"][2]["frame"] = 1.into()));
     say(&["lens", "without distortion"], &|d| {
         cameras(d, &|v| {
             v["camera_model"] = "OPENCV".into();
             v["frames"][0]["k1"] = 0.1.into();
         });
     });
-    say(&["at least one picture to learn from"], &|d| cameras(d, &|v| v["frames"] = Value::Array(vec![])));
+    say(&["at least one training image"], &|d| cameras(d, &|v| v["frames"] = Value::Array(vec![])));
     say(&["transforms_train.json: line 1", "JSON"], &|d| {
         std::fs::write(d.join("transforms_train.json"), "{").expect("written");
     });

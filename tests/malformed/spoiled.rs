@@ -132,11 +132,11 @@ fn splat() -> Vec<Case> {
 fn pictures() -> Vec<Case> {
     let png = [
         (splice(&valid("a.png"), 16, &[0x7f, 0xff, 0xff, 0xff]), "a.png"),
-        (png_size(16_000, 16_000), "picture size"),
-        (png_size(20_000, 1), "picture size"),
+        (png_size(16_000, 16_000), "image size"),
+        (png_size(20_000, 1), "image size"),
     ];
-    let jpg = [(jpeg_size(16_000, 16_000), "picture size")];
-    let hdr = [(text(&valid("a.hdr"), "-Y 12 +X 16", "-Y 9999 +X 9999"), "picture size")];
+    let jpg = [(jpeg_size(16_000, 16_000), "image size")];
+    let hdr = [(text(&valid("a.hdr"), "-Y 12 +X 16", "-Y 9999 +X 9999"), "image size")];
     let exr = [(exr_nan(), "channel G, row 0, column 1"), (vec![], "empty")];
     [rows("a.png", png), rows("a.jpg", jpg), rows("a.hdr", hdr), rows("a.exr", exr)].concat()
 }

@@ -1,7 +1,7 @@
 //! HDF5 files of captures, read through `hdf5-reader`: arrays by path, rows of large ones, names in a group.
 //!
-//! The file is read piece by piece, never mapped and never whole: containers have many gigabytes. Links to other files are not followed. What a
-//! file declares is limited before it is allocated.
+//! The file is read in parts, never mapped and never read completely: containers have many gigabytes. Links to other files are not followed. Declared
+//! sizes are limited before memory is allocated.
 
 use super::{guard, name_of, npy};
 use crate::num::array::Array;
@@ -12,7 +12,7 @@ use hdf5_reader::{ByteOrder, Datatype, FileStorage, Hdf5File, OpenOptions, Slice
 use std::path::Path;
 use std::sync::Arc;
 
-/// Most bytes one read may give.
+/// Maximum number of bytes of one read.
 const MAX_READ: usize = 1 << 30;
 /// Most bytes of one chunk.
 const MAX_CHUNK: usize = 1 << 28;
@@ -173,7 +173,7 @@ fn description(t: &Datatype) -> Option<String> {
             Some(format!("{}{}{size}", order(byte_order), if *signed { 'i' } else { 'u' }))
         }
         Datatype::FloatingPoint { size, byte_order } => Some(format!("{}f{size}", order(byte_order))),
-        // How booleans are written.
+        // Encoding of booleans.
         Datatype::Enum { base, .. } => description(base),
         _ => None,
     }

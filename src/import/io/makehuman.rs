@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A bone end is the mean of vertices: of `vertex_indices` for the strategy MEAN, of the group `cube_name` for CUBE, the vertex
-//! `vertex_indices[0]` for VERTEX. Weights index the `v` lines of the whole file, so its vertices are kept in order here; those of a vertex
+//! `vertex_indices[0]` for VERTEX. Weights index the `v` lines of the complete file, so its vertices are kept in order here; those of a vertex
 //! need not sum to 1 and are divided by their sum.
 
 use super::{MAX_SMALL_FILE_BYTES, name_of, read_bytes};
@@ -24,7 +24,7 @@ const MAX_VERTICES: usize = 1 << 22;
 pub struct Bone {
     /// Its name.
     pub name: String,
-    /// The bone it hangs on, an index below its own.
+    /// Its parent bone, an index below its own.
     pub parent: Option<usize>,
     /// Where it begins, in the units of the mesh.
     pub head: [f64; 3],
@@ -124,7 +124,7 @@ struct Base {
     groups: BTreeMap<String, Vec<Vec<[u32; 2]>>>,
 }
 
-/// Like [`read`] for the bytes of mesh, rig and weights; `names` stand for the files.
+/// Like [`read`] for the bytes of mesh, rig and weights; `names` are the file names in errors.
 ///
 /// # Errors
 /// See [`read`].
@@ -273,7 +273,7 @@ fn bones(rig: &Rig, base: &Base, name: &str) -> Result<Vec<Bone>> {
             .got(rig.bones.len().to_string()));
     }
     let known = |out: &[Bone], n: &str| out.iter().position(|b| b.name == n);
-    // A round adds the bones whose parents are there; a bone that never comes has none, or hangs on itself.
+    // A round adds the bones whose parents are there; a bone that is never added has a missing parent or is part of a cycle.
     loop {
         let before = out.len();
         for (n, b) in &rig.bones {

@@ -4,7 +4,7 @@
 //! gltf        meshes, materials, skins, animations; .gltf and .glb       obj      OBJ with MTL
 //! makehuman   the open body: mesh, rig, skinning weights                 smpl     body models
 //! captures    published layouts of captures of moving people             pickle   Python's pickles, without running anything
-//! hdf5        arrays in HDF5 files, piece by piece                       lzf      the compression of h5py
+//! hdf5        arrays in HDF5 files, read in parts                        lzf      the compression of h5py
 //! ```
 //!
 //! The rest of `io` is [`lastlight_files`], re-exported here.

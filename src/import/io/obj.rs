@@ -6,14 +6,14 @@
 //!
 //! | MTL | record |
 //! |---|---|
-//! | `Kd`, `map_Kd` | base colour, its picture |
+//! | `Kd`, `map_Kd` | base colour, its image |
 //! | `d`, `Tr` = 1 − d | alpha |
 //! | `Pr`, `map_Pr` | roughness; without them from `Ns`: α² = 2/(Ns + 2), r = √α; without both ½ |
 //! | `Pm`, `map_Pm` | metallic |
 //! | `norm`, `map_Kn` | normal map; bump maps (heights) are left out with a note |
 //! | `Ke`, `map_Ke` | emission |
 //!
-//! Of the options of a map `-clamp` is read, the others are noted. A material library that is not there is noted, a picture that is not there
+//! Of the options of a map `-clamp` is read, the others are noted. A material library that is not there is noted, an image that is not there
 //! is an error.
 
 use super::gltf::{Image, MAX_TEXELS, rgba};
@@ -26,10 +26,10 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A picture used by a material.
+/// An image used by a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Map {
-    /// Index into the pictures.
+    /// Index into the images.
     pub image: usize,
     /// Its border continues; else it repeats.
     pub clamp: bool,
@@ -73,7 +73,7 @@ pub struct Group {
     pub material: Option<usize>,
 }
 
-/// A whole file with its materials and pictures.
+/// A file with its materials and images.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Obj {
     /// (V)
@@ -88,16 +88,16 @@ pub struct Obj {
     pub groups: Vec<Group>,
     /// Of all libraries.
     pub materials: Vec<Material>,
-    /// Decoded pictures.
+    /// Decoded images.
     pub images: Vec<Arc<Image>>,
-    /// What was in the file and is not in the record, a sentence each.
+    /// Contents of the file that the record does not represent, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Reads an OBJ file and the material libraries and pictures in its folder.
+/// Reads an OBJ file and the material libraries and images in its folder.
 ///
 /// # Errors
-/// When a file is malformed, an index is out of range, a number is not finite, a picture is missing, or a path leads out of the folder.
+/// When a file is malformed, an index is out of range, a number is not finite, an image is missing, or a path leads out of the folder.
 pub fn read(path: &Path) -> Result<Obj> {
     let bytes = read_bytes(path, MAX_SMALL_FILE_BYTES)?;
     parse(&bytes, &name_of(path), &beside(path))
@@ -106,7 +106,7 @@ pub fn read(path: &Path) -> Result<Obj> {
 const OPTIONS: tobj::LoadOptions =
     tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
 
-/// Like [`read`] for bytes in memory; `name` stands for the file, `fetch` gets what a relative path inside its folder names.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors, `fetch` gets what a relative path inside its folder names.
 ///
 /// # Errors
 /// See [`read`].
@@ -167,7 +167,7 @@ fn short(text: &str) -> String {
     text.chars().take(80).collect()
 }
 
-/// The crate does not say which line it could not read: the shortest prefix that fails ends with it.
+/// The crate does not report which line is malformed: it is the last line of the shortest prefix that fails.
 fn locate_error(bytes: &[u8], name: &str, e: tobj::LoadError) -> Error {
     const LONGEST: usize = 16 << 20;
     let error = |place: String| Error::input(name).at(place).expected("OBJ").got(e.to_string());
@@ -229,7 +229,7 @@ fn group(model: &tobj::Model, name: &str, out: &mut Obj) -> Result<()> {
     Ok(())
 }
 
-/// Pictures by path, each decoded once.
+/// Images by path, each decoded once.
 struct Pictures<'a> {
     name: &'a str,
     fetch: &'a dyn Fn(&str) -> Result<Vec<u8>>,
@@ -238,7 +238,7 @@ struct Pictures<'a> {
 }
 
 impl Pictures<'_> {
-    /// The picture of a statement `[options] path`.
+    /// The image of a statement `[options] path`.
     fn map(&mut self, statement: &str, place: &str, out: &mut Obj) -> Result<Map> {
         let (path, clamp) = options(statement, &mut out.notes);
         let error = |e: Error| e.within(self.name).at(place.to_owned());
@@ -341,7 +341,7 @@ fn material(m: &tobj::Material, pictures: &mut Pictures<'_>, out: &mut Obj) -> R
         Some(ns) => return Err(wrong("Ns", ns.to_string())),
         None => None,
     };
-    // A map alone means what it says; the factor of a map is 1.
+    // The factor of a map is 1.
     let factor = |key: &str, value: Option<f32>, map: Option<Map>, otherwise: f32| match (value, map) {
         (Some(x), _) => unit(key, x),
         (None, Some(_)) => Ok(1.0),
@@ -365,7 +365,7 @@ fn material(m: &tobj::Material, pictures: &mut Pictures<'_>, out: &mut Obj) -> R
     })
 }
 
-/// Writes `STEM.obj`, `STEM.mtl` and a PNG per picture, each whole or not at all, the OBJ last.
+/// Writes `STEM.obj`, `STEM.mtl` and a PNG per image, each atomically, the OBJ last.
 ///
 /// # Errors
 /// When an index is out of range or a file cannot be written.
@@ -442,14 +442,14 @@ pub fn obj_text(obj: &Obj, library: &str) -> Result<String> {
     Ok(s)
 }
 
-/// Names stand in lines: no white space.
+/// A name without white space, since names are fields of a line.
 fn one_word(name: &str) -> String {
     let word: String =
         name.chars().map(|c| if c.is_whitespace() || c.is_control() { '_' } else { c }).collect();
     if word.is_empty() { "default".into() } else { word }
 }
 
-/// The text of a material library; `picture` names the files of the pictures.
+/// The text of a material library; `picture` gives the file name of an image.
 pub fn mtl_text(materials: &[Material], picture: &dyn Fn(usize) -> String) -> String {
     let mut s = String::new();
     for (i, m) in materials.iter().enumerate() {

@@ -12,14 +12,14 @@
 //! | `f` | (13776, 3) | triangles |
 //! | `hands_meanl`, `hands_meanr` | (45) | rotations of the last 30 joints in the mean hand (SMPL-H, SMPL-X) |
 //!
-//! The files are licensed to their users and are not part of this program. A pickle is read by [`super::pickle`]: nothing in it is run.
+//! The files are licensed to their users and are not part of this program. A pickle is read by [`super::pickle`], which runs no code.
 
 use super::{name_of, npz, pickle};
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Parents of SMPL's 24 joints, for files that do not say.
+/// Parents of SMPL's 24 joints, for files without them.
 pub const SMPL_PARENTS: [i64; 24] =
     [-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19, 20, 21];
 
@@ -76,7 +76,7 @@ const HAND: usize = 15;
 /// Reads a model: `.pkl`, `.npz`, or a folder with ARAH's `skinning_weights_all.npz` and its neighbours (of which `gender` chooses).
 ///
 /// # Errors
-/// When a file is malformed, a pickle names what is not known, an array is missing, or shapes do not agree.
+/// When a file is malformed, a pickle names something outside the accepted list, an array is missing, or shapes do not agree.
 pub fn read(path: &Path, gender: &str) -> Result<BodyModel> {
     let name = name_of(path);
     if path.is_dir() {
@@ -141,7 +141,7 @@ fn read_folder(path: &Path, gender: &str) -> Result<BodyModel> {
     }
     let points = arrays.get("weights").map_or(0, |w| w.shape().first().copied().unwrap_or(0));
     if arrays.get("v_template").is_none() {
-        // Subjects of that layout bring points of their own.
+        // Subjects of that layout contain their own points.
         arrays.put("v_template", &[points, 3], vec![0.0f32; 3 * points]);
     }
     // Stored flat by some versions.
@@ -189,11 +189,7 @@ pub fn from_arrays(arrays: &Arrays) -> Result<BodyModel> {
         Some(table) => {
             let values = table.to_i64().filter(|_| table.shape() == [2, k]);
             values.map(|t| t[..k].to_vec()).ok_or_else(|| {
-                wrong(
-                    "kintree_table",
-                    format!("whole numbers of shape [2, {k}]"),
-                    format!("{:?}", table.shape()),
-                )
+                wrong("kintree_table", format!("integers of shape [2, {k}]"), format!("{:?}", table.shape()))
             })?
         }
         None if k == SMPL_PARENTS.len() => SMPL_PARENTS.to_vec(),

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! model       glTF and OBJ as objects with materials        character   skinned characters, posed
-//! person      published captures of people, brought to the one layout
+//! person      published captures of people, converted to lastlight's layout
 //! ```
 //!
 //! The rest of `scene` is [`lastlight_scene`], re-exported here.

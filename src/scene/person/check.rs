@@ -1,4 +1,4 @@
-//! From records to a capture: every inconsistency is an error of its own, and all of them are found.
+//! Validates records into a capture: every inconsistency is a separate error, and all of them are reported.
 
 use super::records::{Affine, INFLUENCES, Kind, PersonCapture, Pose, Shot, Template};
 use crate::io::capture::{Lens, Split};
@@ -15,7 +15,7 @@ use std::path::Path;
 /// How far the weights of a point may be from a sum of 1, and how negative they may be.
 const WEIGHT_SUM: f64 = 1e-3;
 
-/// Share of the weights that may be lost to the four largest before it is worth a note.
+/// Share of a point's weight that may be lost beyond the four largest before a note is written.
 const LOST: f64 = 1e-3;
 
 /// Metres per unit of the built-in figure, 1.7 m and 2 units high.
@@ -24,15 +24,15 @@ const FIGURE_UNIT_M: f64 = 0.85;
 /// Margin of the box of `spec` protocols, metres.
 const BOX_MARGIN_M: f64 = 0.05;
 
-/// The error of a picture that is not of its camera's size.
+/// The error of an image that is not of its camera's size.
 pub(super) fn size_error(path: &Path, at: &str, got: [usize; 2], want: [usize; 2]) -> Error {
     Error::input(path.display().to_string())
         .at(at)
-        .expected(format!("{}x{}, as the camera says", want[0], want[1]))
+        .expected(format!("{}x{}, as its camera declares", want[0], want[1]))
         .got(format!("{}x{}", got[0], got[1]))
 }
 
-/// What could be made of the records, and what is wrong with them.
+/// The valid parts of the records, and all problems.
 pub(super) fn check(mut record: Person) -> (Option<PersonCapture>, Vec<Error>) {
     let mut problems = std::mem::take(&mut record.problems);
     let mut notes = Vec::new();
@@ -55,12 +55,12 @@ pub(super) fn check(mut record: Person) -> (Option<PersonCapture>, Vec<Error>) {
         problems.push(
             Error::input(record.folder.join(person::SPLITS[0].0).display().to_string())
                 .at("frames")
-                .expected("at least one picture to learn from")
+                .expected("at least one training image")
                 .got("none that can be used"),
         );
     }
     if !has(Split::Test) {
-        notes.push("no pictures are held out: nothing can be evaluated".to_owned());
+        notes.push("no images are held out, so `last eval` cannot score this capture".to_owned());
     }
     let Some((template, poses)) = body else { return (None, problems) };
     let count = poses.len();
@@ -127,7 +127,7 @@ fn template(record: &Person, notes: &mut Vec<String>) -> Result<Template> {
     let (joint_of, weight_of, lost) = influences(&weights, k)?;
     if lost > LOST {
         notes.push(format!(
-            "up to {:.1} % of a point's weight lies on a fifth joint and is not used",
+            "up to {:.1} % of a point's weight belongs to a fifth joint and is not used",
             100.0 * lost
         ));
     }
@@ -209,7 +209,7 @@ fn topological(parents: &[Option<usize>]) -> Result<Vec<usize>> {
             let stuck: Vec<String> =
                 (0..parents.len()).filter(|&k| !placed[k]).take(8).map(|k| k.to_string()).collect();
             return Err(Error::input("array 'parents'")
-                .expected("joints that hang on each other without a cycle")
+                .expected("joints without a cycle of parents")
                 .got(format!("a cycle above the joints {}", stuck.join(", "))));
         }
     }
@@ -280,11 +280,7 @@ fn affines(name: &str, flat: &[f32], per_row: usize) -> Result<Vec<Affine>> {
         let a: Affine = std::array::from_fn(|r| std::array::from_fn(|c| m[4 * r + c]));
         let d = determinant(&linear(&wide(&a)));
         if !(d > 0.0 && is_invertible(d)) {
-            return Err(wrong(
-                i,
-                "a transform that mirrors and flattens nothing",
-                format!("determinant {d}"),
-            ));
+            return Err(wrong(i, "a transform with positive determinant", format!("determinant {d}")));
         }
         Ok(a)
     };
@@ -325,7 +321,7 @@ fn poses(body: &Arrays, template: &Template) -> Result<Vec<Pose>> {
     }))
 }
 
-/// An array of one row per moment; the error says that the counts differ.
+/// An array of one row per moment; the error reports that the counts differ.
 fn pose_rows(body: &Arrays, name: &str, pattern: &str, dims: &mut BTreeMap<char, usize>) -> Result<Vec<f32>> {
     let (moments, got) = (dims.get(&'T').copied(), body.need(name)?.shape().first().copied());
     if let (Some(t), Some(n)) = (moments, got)
@@ -343,7 +339,7 @@ fn numbers(body: &Arrays, count: usize) -> Result<Vec<i64>> {
     match a.to_i64() {
         Some(v) if a.shape() == [count] => Ok(v),
         _ => Err(Error::input("array 'numbers'")
-            .expected(format!("{count} whole numbers, one per moment"))
+            .expected(format!("{count} integers, one per moment"))
             .got(format!("shape {:?}", a.shape()))),
     }
 }
@@ -360,10 +356,10 @@ fn factors(body: &Arrays, count: usize) -> Result<Vec<Vec<f64>>> {
     }
 }
 
-/// Poses of another count than the cameras speak of.
+/// Checks that there is a pose for every moment that the cameras name.
 fn moments(record: &Person, count: usize, name: &str, problems: &mut Vec<Error>) {
     let seen: BTreeSet<usize> = record.shots.iter().map(|s| s.time).collect();
-    // Pictures that are missing are a problem already; their moments may be, too.
+    // Missing images are reported already; their moments may be missing too.
     if record.shots.len() < record.entries {
         return;
     }
@@ -379,13 +375,13 @@ fn moments(record: &Person, count: usize, name: &str, problems: &mut Vec<Error>)
         problems.push(
             Error::input(record.folder.display().to_string())
                 .at(format!("moment {t}"))
-                .expected("at least one picture of every moment")
+                .expected("at least one image of every moment")
                 .got("none"),
         );
     }
 }
 
-/// Shots with checked cameras and pictures of their size.
+/// Shots with checked cameras and images of their size.
 fn shots(record: &Person, problems: &mut Vec<Error>) -> Vec<Shot> {
     let checked = par::map(record.shots.len(), |i| shot(&record.shots[i]));
     let mut out: Vec<Shot> = Vec::new();
@@ -397,7 +393,7 @@ fn shots(record: &Person, problems: &mut Vec<Error>) -> Vec<Shot> {
                     problems.push(
                         Error::input(record.folder.display().to_string())
                             .at(format!("camera {}, moment {}", s.camera_id, s.time))
-                            .expected("one picture")
+                            .expected("one image")
                             .got(format!("'{other}' and '{}'", s.name)),
                     );
                 }
@@ -427,7 +423,7 @@ fn shot(s: &person::Shot) -> Result<Shot> {
     if let Some(declared) = frame.size
         && declared != size
     {
-        return Err(size_error(&frame.image, "picture size", size, declared));
+        return Err(size_error(&frame.image, "image size", size, declared));
     }
     let foreground = frame.passes.foreground.clone().ok_or_else(|| {
         Error::input(name.clone()).at("foreground_path").expected("the mask of the person").got("nothing")
@@ -437,14 +433,14 @@ fn shot(s: &person::Shot) -> Result<Shot> {
         if mask != size {
             return Err(Error::input(path.display().to_string())
                 .at("mask size")
-                .expected(format!("{}x{}, as the photograph", size[0], size[1]))
+                .expected(format!("{}x{}, as the photo", size[0], size[1]))
                 .got(format!("{}x{}", mask[0], mask[1])));
         }
     }
     if !frame.lens.is_ideal() || matches!(frame.lens, Lens::Fisheye { .. }) {
         return Err(Error::input(name)
             .at("lens")
-            .expected("pictures without distortion")
+            .expected("images without distortion")
             .got("distortion coefficients")
             .hint("last import undistorts"));
     }

@@ -1,14 +1,14 @@
-//! A person that moves before cameras: validated template, poses, cameras, split; pictures on demand.
+//! A person that moves before cameras: validated template, poses, cameras, split; images on demand.
 //!
 //! ```text
 //! io::person (records) ──► check ──► PersonCapture ──┬─ template   points, weights, joints at rest      (records)
 //!                            │                       ├─ poses      one per moment                       (pose)
-//!                            └─ every problem        ├─ shots      camera, moment, picture; split
+//!                            └─ every problem        ├─ shots      camera, moment, image; split
 //!                                                    └─ box_mask   the pixels that count                (region)
 //! io::captures, io::smpl ──► import ──► the layout on disk                                              (of the member import)
 //! ```
 //!
-//! The layout is that of [`crate::io::person`]. Whoever has a [`PersonCapture`] has consistent data: as many poses as moments, pictures
+//! The layout is that of [`crate::io::person`]. A [`PersonCapture`] is always consistent: as many poses as moments, images
 //! and masks of the declared sizes, weights that sum to 1, joints without a cycle, finite numbers.
 
 mod check;
@@ -25,7 +25,7 @@ use crate::{Error, Result};
 use std::path::Path;
 
 impl PersonCapture {
-    /// Opens a capture and checks everything but the pixels. Pictures are read by [`Shot::photo`].
+    /// Opens a capture and checks everything but the pixels. Images are read by [`Shot::photo`].
     ///
     /// # Errors
     /// With the first of the problems that [`Self::examine`] finds.
@@ -39,7 +39,7 @@ impl PersonCapture {
         }
     }
 
-    /// Everything that is wrong with a capture, and what could be made of it all the same: pictures whose files are there, if the body is whole.
+    /// All problems of a capture, and its valid part: the images whose files exist, if the body is complete.
     ///
     /// # Errors
     /// When there is nothing to examine.
@@ -57,7 +57,7 @@ impl Shot {
     /// Reads its pixels.
     ///
     /// # Errors
-    /// When a picture is damaged, not sRGB-encoded, or of another size than the camera's.
+    /// When an image is damaged, not sRGB-encoded, or of another size than the camera's.
     pub fn photo(&self) -> Result<Photo> {
         let (w, h) = (self.camera.width, self.camera.height);
         let read = |path: &Path, at: &str| {
@@ -67,11 +67,11 @@ impl Shot {
             }
             Ok(p)
         };
-        let image = read(&self.image, "picture size")?;
+        let image = read(&self.image, "image size")?;
         if image.encoding != Encoding::Srgb {
             return Err(Error::input(self.image.display().to_string())
                 .at("encoding")
-                .expected("an sRGB-encoded photograph (PNG or JPEG)")
+                .expected("an sRGB-encoded photo (PNG or JPEG)")
                 .got("linear values"));
         }
         let c = image.channels.len();

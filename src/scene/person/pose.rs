@@ -86,7 +86,7 @@ impl Template {
         skin::blend(&weights, &of)
     }
 
-    /// (P) points in the canonical pose, where nearest points are looked for: in SMPL's rest pose the thighs nearly touch.
+    /// (P) points in the canonical pose, where nearest points are searched: in SMPL's rest pose the thighs nearly touch.
     pub fn canonical_points(&self) -> Vec<[f32; 3]> {
         self.posed(&self.canonical, &self.axis_angles(&self.canonical))
     }

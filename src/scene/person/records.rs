@@ -23,7 +23,7 @@ pub struct Pose {
 /// Weights a point keeps.
 pub const INFLUENCES: usize = 4;
 
-/// What kind of body moves.
+/// Kind of body.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// The built-in figure.
@@ -50,7 +50,7 @@ impl Kind {
         }
     }
 
-    /// The name captures write.
+    /// The name in captures.
     pub fn name(&self) -> &str {
         match self {
             Self::Figure => "figure",
@@ -62,10 +62,10 @@ impl Kind {
     }
 }
 
-/// The body at rest and how its points hang on its joints. P points, K joints.
+/// The body at rest and the weights that bind its points to its joints. P points, K joints.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Template {
-    /// What kind of body it is.
+    /// Kind of body.
     pub kind: Kind,
     /// Metres per scene unit.
     pub unit_m: f64,
@@ -81,7 +81,7 @@ pub struct Template {
     pub weight_of: Vec<[f32; INFLUENCES]>,
     /// (K) positions at rest
     pub joints: Vec<[f32; 3]>,
-    /// (K) the joint each hangs on; no cycle
+    /// (K) the parent of each joint; no cycle
     pub parents: Vec<Option<usize>>,
     /// (K) every joint once, parents before children
     pub order: Vec<usize>,
@@ -91,16 +91,16 @@ pub struct Template {
     pub pose_shapes: Option<Vec<f32>>,
 }
 
-/// One picture of the person.
+/// One image of the person.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
-    /// Relative path of the picture.
+    /// Relative path of the image.
     pub name: String,
     /// Moment: index of [`PersonCapture::poses`].
     pub time: usize,
-    /// Number of the camera, as the capture says.
+    /// Number of the camera in the capture.
     pub camera_id: usize,
-    /// Its camera; ideal, of the size of the picture.
+    /// Its camera; ideal, of the size of the image.
     pub camera: Camera,
     /// Train, val or test.
     pub split: Split,
@@ -129,18 +129,18 @@ pub struct PersonCapture {
     pub template: Template,
     /// (T) one per moment
     pub poses: Vec<Pose>,
-    /// (T) numbers of the moments in the source; 0 … T−1 if it does not say
+    /// (T) numbers of the moments in the source; 0 … T−1 if not specified
     pub numbers: Vec<i64>,
-    /// (T) causes, where they are known; else empty
+    /// (T) causal factors, if known; else empty
     pub factors: Vec<Vec<f64>>,
-    /// All pictures: training, validation, test, each by (camera, moment).
+    /// All images: training, validation, test, each by (camera, moment).
     pub shots: Vec<Shot>,
-    /// Indices of the pictures to learn from, by (moment, camera).
+    /// Indices of the training images, by (moment, camera).
     pub train: Vec<usize>,
-    /// Indices of the pictures held out, by (moment, camera).
+    /// Indices of the held-out images, by (moment, camera).
     pub test: Vec<usize>,
-    /// What the box around the posed points gets on every side, scene units.
+    /// Margin of the box around the posed points, scene units.
     pub box_margin: f32,
-    /// Things worth knowing that are no errors, a sentence each.
+    /// Notes for the user that are not errors, one sentence each.
     pub notes: Vec<String>,
 }

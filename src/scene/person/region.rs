@@ -14,7 +14,7 @@ impl PersonCapture {
         bound::bounds(&self.posed_points(time), self.box_margin)
     }
 
-    /// (H, W) 1 inside the projected box of the shot's moment, 0 outside. The whole picture counts where the box is no polygon (a fisheye bends its
+    /// (H, W) 1 inside the projected box of the shot's moment, 0 outside. All pixels of the image count where the box is no polygon (a fisheye bends its
     /// edges) or reaches behind the camera.
     pub fn box_mask(&self, shot: &Shot) -> Vec<f32> {
         let camera = &shot.camera;

@@ -85,7 +85,7 @@ fn people_snapshot() {
     std::fs::remove_file(dir.join("images/image_0003.png")).expect("removed");
     let e =
         error(convert(Layout::PeopleSnapshot, dir, &Selection::default(), Some(&model()), &dir.join("out")));
-    assert!(e.contains("pictures in images/") && e.contains("expected 4") && e.contains("got 3"), "{e}");
+    assert!(e.contains("images in images/") && e.contains("expected 4") && e.contains("got 3"), "{e}");
     write_picture(&dir.join("images/image_0003.png"), 16, 3, &photographs[3]);
     // Damaged containers: an error or a value, never a panic.
     let poses = std::fs::read(dir.join("reconstructed_poses.hdf5")).expect("there");
@@ -121,7 +121,7 @@ fn a_picture_missing_among_a_hundred_is_a_note() {
     assert_eq!((c.train.len(), c.test.len()), (4, 2), "as selected");
     std::fs::remove_file(dir.join("images/image_0099.png")).expect("removed");
     let e = error(convert(Layout::PeopleSnapshot, dir, &some, Some(&model()), &dir.join("out")));
-    assert!(e.contains("pictures in images/") && e.contains("got 99"), "two of 101 are too many: {e}");
+    assert!(e.contains("images in images/") && e.contains("got 99"), "two of 101 are too many: {e}");
 }
 
 #[test]

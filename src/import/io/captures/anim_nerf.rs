@@ -2,14 +2,14 @@
 //!
 //! ```text
 //! camera.pkl                   {camera_f (2), camera_c (2), camera_k (5), …}; the camera is the origin, its axes are the world
-//! image/000000.jpg             pictures, distorted as they were taken
+//! image/000000.jpg             images, distorted as they were taken
 //! mask/000000.png              not zero: person
 //! animnerf_models/000000.npz   minimal_shape (V,3), bone_transforms (K,4,4), trans (3), root_orient, pose_body, pose_hand, betas
 //! body_models/misc             as in `arah`: here, or one or two folders above; else a body model is given
 //! ```
 //!
-//! A frame is a place in the order of the pictures; its model is the one of that number. A subject is female or male by the name of its
-//! folder, unless told otherwise.
+//! A frame is an index into the sorted images; its model has the same index. A subject is female or male by the name of its
+//! folder by default.
 
 use super::arah;
 use super::people_snapshot::{Calibration, frames, in_order};
@@ -23,7 +23,7 @@ use crate::io::name_of;
 use crate::{Error, Result};
 use std::path::Path;
 
-/// Side pictures are reduced to.
+/// Side in pixels to which images are reduced.
 const SIDE: usize = 540;
 
 /// Reads a subject.
@@ -33,7 +33,7 @@ const SIDE: usize = 540;
 pub fn read(dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<Source> {
     let camera = Calibration::read(&dir.join("camera.pkl"))?;
     let (intrinsics, lens) = (camera.intrinsics()?, camera.lens()?);
-    let images = in_order(&first_folder(dir, &["image"], "the pictures")?)?;
+    let images = in_order(&first_folder(dir, &["image"], "the images")?)?;
     let masks = in_order(&first_folder(dir, &["mask"], "the masks")?)?;
     let folder = dir.join("animnerf_models");
     let models = numbered(&folder, "")?;
@@ -41,11 +41,11 @@ pub fn read(dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<S
         Err(Error::input(name_of(dir)).at("mask/").expected(expected).got(got))
     };
     if masks.len() != images.len() {
-        let expected = format!("{} masks, as many as pictures in image/", images.len());
+        let expected = format!("{} masks, as many as images in image/", images.len());
         return wrong(expected, masks.len().to_string());
     }
     if let Some(((image, _), (mask, _))) = images.iter().zip(&masks).find(|(image, mask)| image.0 != mask.0) {
-        return wrong(format!("a mask {image}, as there is a picture"), format!("mask {mask}"));
+        return wrong(format!("a mask {image}, as there is an image"), format!("mask {mask}"));
     }
     let (train, test) = frames(dir, images.len(), selection);
     let plan = Plan::new((&[0], &train), (&[0], &test));

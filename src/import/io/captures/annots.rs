@@ -1,4 +1,4 @@
-//! What ZJU-MoCap and MonoCap share: cameras of `annots.npy`, body parameters in `params/N.npy`.
+//! Common parts of ZJU-MoCap and MonoCap: cameras of `annots.npy`, body parameters in `params/N.npy`.
 
 use super::source::{Moment, SourceShot, distortion, intrinsics, pose, three, triples};
 use crate::io::capture::{Lens, Split};
@@ -17,7 +17,7 @@ pub(super) struct Calibrated {
 }
 
 impl Calibrated {
-    /// A picture it took.
+    /// One of its images.
     pub(super) fn shot(
         &self,
         time: usize,
@@ -135,7 +135,7 @@ pub(super) fn reference(dir: &Path, numbers: &[i64]) -> Option<(PathBuf, usize, 
     let number = numbers.first()?;
     let folders = ["new_vertices", "vertices", "smpl_vertices"];
     let path = folders.iter().map(|f| dir.join(f).join(format!("{number}.npy"))).find(|p| p.is_file())?;
-    // Only compared with: a file that is no array of points says nothing.
+    // Used only for a comparison: a file that is not an array of points is ignored.
     let a = npz::read(&path).ok()?.0.into_values().next()?;
     (a.shape().len() == 2 && a.shape()[1] == 3).then(|| (path, 0, triples(&a.to_f64())))
 }

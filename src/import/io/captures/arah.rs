@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cam_params.json        {all_cam_names: ["1", …], "1": {K, D, R, T}}, T in metres
-//! 1/000000.jpg           pictures of camera "1"; 1/000000.png its masks
+//! 1/000000.jpg           images of camera "1"; 1/000000.png its masks
 //! models/000000.npz      minimal_shape (V,3), bone_transforms (K,4,4), trans (3), root_orient, pose_body, pose_hand, betas
 //! gender.txt             optional
 //! body_models/misc       skinning weights, joints, pose shapes (here, or one or two folders above; else a body model is given)
@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 /// Frames that 3DGS-Avatar uses of a subject; of others, all.
 const LENGTHS: [(&str, usize); 4] = [("377", 570), ("386", 540), ("387", 540), ("394", 475)];
 
-/// Side pictures are reduced to.
+/// Side in pixels to which images are reduced.
 const SIDE: usize = 512;
 
 const KEYS: [&str; 7] =
@@ -70,7 +70,7 @@ pub fn read(dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<S
     }
     let mut calibrated = BTreeMap::new();
     for &camera in train.iter().chain(&test) {
-        // As listed, unless its entry is under the plain number.
+        // The listed name, unless the entry is under the plain number.
         let listed = cameras.get(&camera).filter(|name| json.get(name.as_str()).is_some());
         let called = listed.cloned().unwrap_or_else(|| camera.to_string());
         calibrated.insert(camera, Folder::read(&json[&called], &called, dir, &name)?);
@@ -177,7 +177,7 @@ impl Folder {
         let is = |p: &Path, ends: &[&str]| {
             p.extension().and_then(|e| e.to_str()).is_some_and(|e| ends.contains(&e.to_lowercase().as_str()))
         };
-        // A number may have a picture and a mask: look at the other extension too.
+        // A number may have an image and a mask: search for the other extension too.
         let with = |ends: &[&str]| {
             let of = |(n, p): (&usize, &PathBuf)| {
                 let candidates = std::iter::once(p.clone()).chain(ends.iter().map(|e| p.with_extension(e)));
@@ -205,7 +205,7 @@ impl Folder {
             view_from_world: self.view_from_world,
             intrinsics: self.intrinsics,
             lens: self.lens,
-            image: Pixels::Picture(find(&self.images, "picture (.jpg) of frame")?),
+            image: Pixels::Picture(find(&self.images, "image (.jpg) of frame")?),
             mask: Pixels::Picture(find(&self.masks, "mask (.png) of frame")?),
         })
     }

@@ -1,9 +1,9 @@
 //! DNA-Rendering: `.smc` containers, which are HDF5 files.
 //!
 //! ```text
-//! NAME.smc         Camera_5mp|Camera_12mp/{cam}/color/{frame}     encoded picture as bytes
+//! NAME.smc         Camera_5mp|Camera_12mp/{cam}/color/{frame}     encoded image as bytes
 //! NAME_annots.smc  Camera_Parameter/{cam, two digits}/{K 3x3, D 5, RT 4x4}      RT: camera to world
-//!                  Mask/{cam}/mask/{frame}                         encoded picture as bytes, not zero: person
+//!                  Mask/{cam}/mask/{frame}                         encoded image as bytes, not zero: person
 //!                  SMPLx/{betas, expression, fullpose (n, 55, 3), transl (n, 3), scale}
 //! ```
 //!
@@ -22,11 +22,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Camera of the training pictures, and those held out.
+/// Camera of the training images, and the held-out cameras.
 const TRAIN: usize = 26;
 const TEST: [usize; 4] = [24, 25, 27, 28];
 
-/// Reads a performance: a folder with the containers, or the one with the pictures.
+/// Reads a performance: a folder with the containers, or the one with the images.
 ///
 /// # Errors
 /// When a file is missing or malformed.
@@ -67,7 +67,7 @@ pub fn read(path: &Path, selection: &Selection) -> Result<Source> {
         return Err(wrong("SMPLx/scale", "positive numbers".into(), format!("{scale:?}")));
     }
     let (shape, betas) = annots.0.numbers("SMPLx/betas")?;
-    // One row, or one for every frame.
+    // One row in total, or one per frame.
     let width = if shape.len() == 2 { shape[1] } else { betas.len() };
     if width == 0 || betas.is_empty() {
         return Err(wrong(
@@ -105,7 +105,7 @@ pub fn read(path: &Path, selection: &Selection) -> Result<Source> {
         let image = groups.into_iter().find(|at| pictures.0.has(at)).ok_or_else(|| {
             Error::input(pictures.0.name())
                 .at(format!("camera {camera}, frame {frame}"))
-                .expected("a picture")
+                .expected("an image")
                 .got("none")
         })?;
         let masks = [format!("Mask/{camera}/mask/{frame}"), format!("Mask/{camera:02}/mask/{frame}")];
@@ -129,7 +129,7 @@ pub fn read(path: &Path, selection: &Selection) -> Result<Source> {
     Ok(out)
 }
 
-/// The container with the pictures and the one with the rest, which may be the same.
+/// The container with the images and the one with the rest, which may be the same.
 fn containers(path: &Path) -> Result<(Arc<Container>, Arc<Container>)> {
     let files: Vec<PathBuf> = if path.is_dir() {
         let entries = std::fs::read_dir(path).map_err(|e| Error::os(path, &e))?;

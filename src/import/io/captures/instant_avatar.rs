@@ -141,7 +141,7 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
             view_from_world: view,
             intrinsics: k,
             lens: Lens::PINHOLE,
-            image: Pixels::Picture(numbered_file(&of_image, frame, &images, "picture of frame")?),
+            image: Pixels::Picture(numbered_file(&of_image, frame, &images, "image of frame")?),
             mask: if mask.extension().is_some_and(|e| e == "npy") {
                 Pixels::Array(mask)
             } else {

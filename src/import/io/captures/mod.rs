@@ -2,7 +2,7 @@
 //! layout of [`super::person`].
 //!
 //! ```text
-//! zju              ZJU-MoCap, original and refined: annots.npy, pictures, masks, params
+//! zju              ZJU-MoCap, original and refined: annots.npy, images, masks, params
 //! monocap          MonoCap (the layout of Instant-NVR)
 //! arah             ARAH / 3DGS-Avatar preprocessing: cam_params.json, models/*.npz
 //! people_snapshot  PeopleSnapshot: camera.pkl, masks.hdf5, reconstructed_poses.hdf5, consensus.obj
@@ -13,7 +13,7 @@
 //! ```
 //!
 //! # Conventions that are converted
-//! * Principal points are those of OpenCV, whose pixel centres are whole numbers; here they are at halves, so ½ is added.
+//! * Principal points are those of OpenCV, whose pixel centres are integers; here they are at halves, so ½ is added.
 //! * `annots.npy` has translations of cameras in millimetres; they are divided by 1000.
 //! * Body models have y up. Points and joints at rest leave [`crate::io`] as they are and are turned by the importer.
 //! * Worlds that are a camera's axes (y down) name a rotation to z up, [`Source::world`].
@@ -86,7 +86,7 @@ impl Layout {
     }
 }
 
-/// Reads a capture of a layout. `gender` is the person's, which chooses among bodies; without one it is what the layout says.
+/// Reads a capture of a layout. `gender` is the person's, which chooses among bodies; without one, that of the layout.
 ///
 /// # Errors
 /// When a file is missing or malformed, or nothing is selected.
@@ -110,7 +110,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection, gender: Option<&s
     }
     if !source.shots.iter().any(|s| s.split == Split::Train) {
         return Err(Error::input(name_of(dir))
-            .expected("at least one picture to learn from")
+            .expected("at least one training image")
             .got("none in the cameras and frames that were selected"));
     }
     Ok(source)

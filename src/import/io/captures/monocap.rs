@@ -64,12 +64,12 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
     let mut views = std::collections::BTreeMap::new();
     for &(camera, frame, split) in &plan.shots {
         if let std::collections::btree_map::Entry::Vacant(e) = views.entry(camera) {
-            let image = numbered_file(&of_image, camera, &images, "pictures of view")?;
+            let image = numbered_file(&of_image, camera, &images, "images of view")?;
             let mask = numbered_file(&of_mask, camera, &masks, "masks of view")?;
             e.insert((numbered(&image, "")?, numbered(&mask, "")?, image, mask));
         }
         let (pictures, silhouettes, image, mask) = &views[&camera];
-        let image = numbered_file(pictures, frame, image, "picture of frame")?;
+        let image = numbered_file(pictures, frame, image, "image of frame")?;
         let mask = numbered_file(silhouettes, frame, mask, "mask of frame")?;
         out.shots.push(cameras[camera].shot(plan.time(frame), camera, split, image, mask));
     }

@@ -75,7 +75,7 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
         ("poses", count),
         ("masks in masks.hdf5", of_masks.first().copied().unwrap_or(0)),
         ("translations", trans.len() / 3),
-        ("pictures in images/", images.len()),
+        ("images in images/", images.len()),
     ];
     for (what, n) in counts {
         if 100 * n.abs_diff(count) > count {
@@ -94,7 +94,7 @@ pub fn read(dir: &Path, selection: &Selection) -> Result<Source> {
     let mut out = Source { betas, world: UP_FROM_CAMERA, ..Source::new(Layout::PeopleSnapshot) };
     if is_uneven {
         out.notes.push(format!(
-            "pictures, masks and poses are not equally many; the first {count} frames have all of them"
+            "the numbers of images, masks and poses differ; only the first {count} frames are used"
         ));
     }
     for &f in &plan.frames {
@@ -198,7 +198,7 @@ fn rodrigues(v: [f64; 3]) -> std::result::Result<[[f64; 3]; 3], String> {
     nearest_rotation(r)
 }
 
-/// Pictures of `images/` by number, made from the video if need be.
+/// Images of `images/` by number, made from the video if need be.
 fn pictures(dir: &Path) -> Result<Vec<PathBuf>> {
     let folder = dir.join("images");
     if !folder.is_dir() {
@@ -207,7 +207,7 @@ fn pictures(dir: &Path) -> Result<Vec<PathBuf>> {
     Ok(in_order(&folder)?.into_iter().map(|(_, path)| path).collect())
 }
 
-/// Pictures of a folder with the numbers in their names, ascending.
+/// Images of a folder with the numbers in their names, ascending.
 pub(super) fn in_order(folder: &Path) -> Result<Vec<(usize, PathBuf)>> {
     let mut out: Vec<(usize, PathBuf)> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))? {
@@ -226,7 +226,7 @@ pub(super) fn in_order(folder: &Path) -> Result<Vec<(usize, PathBuf)>> {
     Ok(out)
 }
 
-/// Runs ffmpeg on the video beside the data; the folder appears whole or not at all.
+/// Runs ffmpeg on the video beside the data; the folder is created atomically.
 fn take_apart(dir: &Path, folder: &Path) -> Result<()> {
     let mut videos: Vec<PathBuf> = std::fs::read_dir(dir)
         .map_err(|e| Error::os(dir, &e))?
@@ -269,7 +269,7 @@ fn take_apart(dir: &Path, folder: &Path) -> Result<()> {
         Ok(o) if o.status.success() => std::fs::rename(&part, folder).map_err(|e| Error::os(folder, &e)),
         Ok(o) => {
             let said = String::from_utf8_lossy(&o.stderr).lines().next().unwrap_or("nothing").to_owned();
-            Err(fail(format!("ffmpeg ended with {}, saying: {said}", o.status)))
+            Err(fail(format!("ffmpeg ended with {} and printed: {said}", o.status)))
         }
         Err(e) => Err(fail(format!("no folder of that name, and ffmpeg does not start: {e}"))),
     }

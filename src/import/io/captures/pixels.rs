@@ -1,4 +1,4 @@
-//! Where the pixels of a source come from: picture files, containers, arrays.
+//! Where the pixels of a source come from: image files, containers, arrays.
 
 use crate::io::hdf5::Hdf5;
 use crate::io::image_file::{self, Samples};
@@ -13,9 +13,9 @@ const JPEG: [u8; 3] = [0xff, 0xd8, 0xff];
 /// Where pixels come from.
 #[derive(Clone, Debug)]
 pub enum Pixels {
-    /// A picture file.
+    /// An image file.
     Picture(PathBuf),
-    /// An encoded picture in a container: path of the data set.
+    /// An encoded image in a container: path of the data set.
     Encoded(Arc<Container>, String),
     /// A row of a data set (n, H, W).
     Row(Arc<Container>, String, usize),
@@ -36,16 +36,16 @@ impl Pixels {
         }
     }
 
-    /// A photograph: bytes (H, W, 3) with width and height.
+    /// A photo: bytes (H, W, 3) with width and height.
     ///
     /// # Errors
-    /// When it cannot be read or is no picture of colours or greys in 8 bits.
+    /// When it cannot be read or is no image of colours or greys in 8 bits.
     pub fn photograph(&self) -> Result<(Vec<u8>, [usize; 2])> {
         let name = self.name();
         let bytes = match self {
             Self::Picture(p) => read_bytes(p, MAX_SMALL_FILE_BYTES)?,
             Self::Encoded(c, at) => c.0.bytes(at)?,
-            _ => return Err(Error::input(name).expected("an encoded picture").got("an array")),
+            _ => return Err(Error::input(name).expected("an encoded image").got("an array")),
         };
         let p = image_file::parse(&bytes, &name)?;
         let Samples::U8(values) = &p.samples else {
@@ -58,7 +58,7 @@ impl Pixels {
         Ok((rgb.collect(), [p.width, p.height]))
     }
 
-    /// A mask: 1 where a value is not zero (in a picture of colours: any channel but alpha), with width and height. In a JPEG, whose edges ring, 1 where it
+    /// A mask: 1 where a value is not zero (in an image of colours: any channel but alpha), with width and height. In a JPEG, whose edges ring, 1 where it
     /// is above ½.
     ///
     /// # Errors

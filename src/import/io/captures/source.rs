@@ -104,7 +104,7 @@ pub struct Selection {
     pub test_frames: Option<Range>,
 }
 
-/// One picture of a source, as it is in the files.
+/// One image of a source, as it is in the files.
 #[derive(Clone, Debug)]
 pub struct SourceShot {
     /// Index of the moment.
@@ -115,11 +115,11 @@ pub struct SourceShot {
     pub split: Split,
     /// World to camera, in the source's world.
     pub view_from_world: [[f64; 4]; 4],
-    /// f_x, f_y, c_x, c_y of the picture as it is, pixel centres at halves.
+    /// f_x, f_y, c_x, c_y of the image as it is, pixel centres at halves.
     pub intrinsics: [f64; 4],
     /// Distortion.
     pub lens: Lens,
-    /// The photograph.
+    /// The photo.
     pub image: Pixels,
     /// Not zero where the person is.
     pub mask: Pixels,
@@ -147,7 +147,7 @@ pub struct Source {
     pub layout: Layout,
     /// `smpl` or `smplx`.
     pub kind: &'static str,
-    /// Its pictures.
+    /// Its images.
     pub shots: Vec<SourceShot>,
     /// Its moments, by number.
     pub moments: Vec<Moment>,
@@ -163,9 +163,9 @@ pub struct Source {
     pub model: Option<BodyModel>,
     /// Posed points that came with the data, of a moment: file, moment, points. The posed body is compared with them.
     pub reference: Option<(PathBuf, usize, Vec<[f64; 3]>)>,
-    /// Larger side that pictures are reduced to, if they are larger by a whole factor; 0 leaves them
+    /// Larger side that images are reduced to, if they are larger by an integer factor; 0 leaves them
     pub target: usize,
-    /// Pictures are reduced by this factor
+    /// Images are reduced by this factor
     pub downscale: usize,
     /// Of the box, metres
     pub margin_m: f64,
@@ -178,7 +178,7 @@ pub struct Source {
 }
 
 impl Source {
-    /// Without pictures and moments.
+    /// Without images and moments.
     pub(super) fn new(layout: Layout) -> Self {
         Self {
             layout,
@@ -301,7 +301,7 @@ pub(super) fn distortion(d: &[f64], name: &str) -> Result<Lens> {
     })
 }
 
-/// Files of a folder whose names are whole numbers, or begin with `prefix` and go on with one.
+/// Files of a folder whose names are integers, or begin with `prefix` and go on with one.
 pub(super) fn numbered(dir: &Path, prefix: &str) -> Result<BTreeMap<usize, PathBuf>> {
     let mut out = BTreeMap::new();
     for entry in std::fs::read_dir(dir).map_err(|e| Error::os(dir, &e))? {

@@ -2,12 +2,12 @@
 //!
 //! ```text
 //! CoreView_377/annots.npy                  {cams: {K, D, R, T}, ims: [{ims: [path per camera]} per frame]}
-//! CoreView_377/Camera_B1/000000.jpg        pictures at the paths of ims (subjects 313, 315: "Camera (1)/…_0001_….jpg")
+//! CoreView_377/Camera_B1/000000.jpg        images at the paths of ims (subjects 313, 315: "Camera (1)/…_0001_….jpg")
 //! CoreView_377/mask_cihp/Camera_B1/000000.png, mask/…        not zero: person; the first folder that is there
 //! CoreView_377/new_params/0.npy (params, smpl_params)        {poses (1,72), Rh (1,3), Th (1,3), shapes (1,10)}
 //! ```
 //!
-//! Cameras are numbered from 0 in the order of `cams`, frames in the order of `ims`; parameters are found by the number in the picture's name.
+//! Cameras are numbered from 0 in the order of `cams`, frames in the order of `ims`; parameters are found by the number in the image's name.
 
 use super::annots;
 use super::source::{Layout, Plan, Range, Selection, Source, first_folder, numbered, numbered_file};
@@ -85,7 +85,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
     }
     for &(camera, frame, split) in &plan.shots {
         let path = path_of(frame, camera)?;
-        let image = find_below(dir, &path, "picture")?;
+        let image = find_below(dir, &path, "image")?;
         let relative = ["images/", "./"].iter().find_map(|p| path.strip_prefix(p)).unwrap_or(&path);
         // The same name below the folder of masks, whatever its extension.
         let bare = Path::new(relative).with_extension("");
@@ -96,7 +96,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
     Ok(out)
 }
 
-/// The number in a picture's name: all of the stem, or the first part between underscores that has at least four digits.
+/// The number in an image's name: all of the stem, or the first part between underscores that has at least four digits.
 fn frame_number(path: &str) -> Option<usize> {
     let stem = Path::new(path).file_stem()?.to_str()?;
     let is_number = |p: &&str| p.len() >= 4 && p.bytes().all(|b| b.is_ascii_digit());

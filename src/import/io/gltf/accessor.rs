@@ -75,7 +75,7 @@ impl<'a> Buffers<'a> {
         value: impl Fn(&[u8]) -> T,
     ) -> Result<Vec<[T; N]>> {
         let width = accessor.data_type().size();
-        // Columns of a matrix are padded to four bytes; only f32 matrices are asked for, which need no padding.
+        // Columns of a matrix are padded to four bytes; only f32 matrices are read, which need no padding.
         let size = width * N;
         let count = accessor.count();
         let cost = (count as u64).saturating_mul((size_of::<T>() * N) as u64);
@@ -157,7 +157,7 @@ impl<'a> Buffers<'a> {
         }
     }
 
-    /// Finite floats; integers are divided by their largest value if the accessor says so, else taken as they are.
+    /// Finite floats; integers are divided by their largest value if the accessor is normalised, else kept.
     pub(super) fn floats<const N: usize>(
         &self,
         accessor: &gltf::Accessor<'_>,

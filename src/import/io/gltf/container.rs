@@ -73,7 +73,7 @@ pub(super) fn document(text: &[u8], name: &str) -> Result<Document> {
                 "decompress the meshes, for example with gltf-transform"
             }
             "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" => {
-                "convert the pictures to PNG or JPEG"
+                "convert the images to PNG or JPEG"
             }
             _ => "export without it",
         };

@@ -1,4 +1,4 @@
-//! Materials and their pictures.
+//! Materials and their images.
 
 use super::container::{EXTENSIONS, resolve};
 use super::read::{Reader, named};
@@ -86,7 +86,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Decodes a picture once.
+    /// Decodes an image once.
     fn image(&mut self, index: usize) -> Result<()> {
         if self.out.images[index].is_some() {
             return Ok(());
@@ -94,7 +94,7 @@ impl Reader<'_> {
         let place = format!("images[{index}]");
         let (document, name) = (self.document, self.name);
         let image = document.images().nth(index);
-        let image = image.ok_or_else(|| self.error(place.clone()).expected("a picture").got("nothing"))?;
+        let image = image.ok_or_else(|| self.error(place.clone()).expected("an image").got("nothing"))?;
         let owned;
         let bytes: &[u8] = match image.source() {
             gltf::image::Source::View { view, .. } => self.buffers.view(&view)?,
@@ -131,27 +131,27 @@ fn texture_ref(t: &gltf::Texture<'_>, set: u32, transform: UvTransform) -> Textu
     TextureRef { image: t.source().index(), wrap, uv_set: set as usize, transform }
 }
 
-/// Size and RGBA texels of a picture of at most `most` pixels; 16-bit values are rounded to 8.
+/// Size and RGBA texels of an image of at most `most` pixels; 16-bit values are rounded to 8.
 pub(in crate::io) fn rgba(bytes: &[u8], most: u64) -> Result<([usize; 2], Vec<[u8; 4]>)> {
-    let [w, h] = image_file::size(bytes, "picture")?;
+    let [w, h] = image_file::size(bytes, "image")?;
     if w as u64 * h as u64 > most {
-        let e = Error::input("picture").at("size");
+        let e = Error::input("image").at("size");
         return Err(e.expected(format!("at most {most} more texels in this file")).got(format!("{w}x{h}")));
     }
-    // A picture of one colour packs a thousand pixels into a byte, and so does a bomb: such a one has at most 4096² pixels.
+    // An image of one colour packs a thousand pixels into a byte, and so does a bomb: such a one has at most 4096² pixels.
     let plain = (bytes.len() as u64).saturating_mul(64);
     if w as u64 * h as u64 > order::max(plain, 1 << 24) {
-        let e = Error::input("picture").at("size");
+        let e = Error::input("image").at("size");
         return Err(e
             .expected("at most 4096x4096 pixels, or 64 per byte")
             .got(format!("{w}x{h} in {} bytes", bytes.len())));
     }
-    let p = image_file::parse(bytes, "picture")?;
+    let p = image_file::parse(bytes, "image")?;
     let byte = |i: usize| match &p.samples {
         image_file::Samples::U8(v) => Ok(v[i]),
         image_file::Samples::U16(v) => Ok(((u32::from(v[i]) * 255 + 32_767) / 65_535) as u8),
         image_file::Samples::F32(_) => {
-            Err(Error::input("picture").expected("a PNG or JPEG").got("a picture of floats"))
+            Err(Error::input("image").expected("a PNG or JPEG").got("an image of floats"))
         }
     };
     let n = p.channels.len();

@@ -1,11 +1,11 @@
 //! glTF 2.0, `.gltf` and `.glb`: static meshes, metallic-roughness materials, skins, and animations of nodes.
 //!
-//! The record holds what the file says in the file's own frame: right-handed, **y up**, quaternions **xyzw**, texture coordinates with
+//! The record keeps the file's own frame: right-handed, **y up**, quaternions **xyzw**, texture coordinates with
 //! (0, 0) at the top left. `scene` turns it into the project's conventions.
 //!
 //! | part | read | not read |
 //! |---|---|---|
-//! | container | JSON with buffers and pictures beside it, in data URIs or in buffer views; GLB | anything over a network |
+//! | container | JSON with buffers and images beside it, in data URIs or in buffer views; GLB | anything over a network |
 //! | accessors | every component type, normalised integers, strides, sparse ones (over zeros too) | neither a view nor sparse | |
 //! | primitives | triangles, strips, fans; any number of texture coordinate sets; all joint sets | points and lines (skipped with a note), morph targets, vertex colours (notes) |
 //! | materials | metallic-roughness, normal, emission, alpha modes, both sides | occlusion, other lobes (notes) |
@@ -14,7 +14,7 @@
 //!
 //! # Bounds
 //! JSON of at most [`MAX_JSON_BYTES`] with at most [`MAX_JSON_OBJECTS`] objects; accessors are checked against the bytes of their buffers
-//! before anything is allocated, and together decode to at most 16 times those bytes and 64 MiB; pictures have at most [`MAX_TEXELS`]
+//! before anything is allocated, and together decode to at most 16 times those bytes and 64 MiB; images have at most [`MAX_TEXELS`]
 //! texels together, known before they are decoded. Paths stay inside the folder of the file.
 
 mod accessor;
@@ -37,10 +37,10 @@ pub const MAX_JSON_BYTES: usize = 256 << 20;
 /// Most objects and lists in the JSON part.
 pub const MAX_JSON_OBJECTS: usize = 1 << 20;
 
-/// Most texels of all pictures of one file.
+/// Most texels of all images of one file.
 pub const MAX_TEXELS: u64 = 1 << 28;
 
-/// A whole file.
+/// A file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Gltf {
     /// The hierarchy; each has at most one parent, there are no cycles.
@@ -53,13 +53,13 @@ pub struct Gltf {
     pub meshes: Vec<Mesh>,
     /// What primitives are made of.
     pub materials: Vec<Material>,
-    /// Decoded pictures; `None` where no material uses them.
+    /// Decoded images; `None` where no material uses them.
     pub images: Vec<Option<Arc<Image>>>,
     /// Joints with their bind matrices.
     pub skins: Vec<Skin>,
     /// Movements of nodes.
     pub animations: Vec<Animation>,
-    /// What was in the file and is not in the record, a sentence each.
+    /// Contents of the file that the record does not represent, one sentence each.
     pub notes: Vec<String>,
 }
 
@@ -127,10 +127,10 @@ pub struct Primitive {
     pub material: Option<usize>,
 }
 
-/// What lies beyond the border of a picture.
+/// Addressing beyond the border of an image.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Wrap {
-    /// the picture again
+    /// the image again
     #[default]
     Repeat,
     /// its mirror image
@@ -144,7 +144,7 @@ pub enum Wrap {
 pub struct UvTransform {
     /// added last
     pub offset: [f32; 2],
-    /// radians, counter-clockwise in the picture
+    /// radians, counter-clockwise in the image
     pub rotation: f32,
     /// applied first
     pub scale: [f32; 2],
@@ -155,7 +155,7 @@ impl UvTransform {
     pub const IDENTITY: Self = Self { offset: [0.0; 2], rotation: 0.0, scale: [1.0; 2] };
 }
 
-/// Use of a picture by a material.
+/// Use of an image by a material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TextureRef {
     /// Index into `images`.
@@ -203,7 +203,7 @@ pub struct Material {
     pub emission_texture: Option<TextureRef>,
     /// Transparency.
     pub alpha: Alpha,
-    /// Seen from behind too.
+    /// Visible from behind too.
     pub double_sided: bool,
 }
 
@@ -226,7 +226,7 @@ impl Default for Material {
     }
 }
 
-/// A decoded picture, eight bits per value.
+/// A decoded image, eight bits per value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Its name, or `image N`.
@@ -250,7 +250,7 @@ pub struct Skin {
     pub inverse_bind: Vec<Matrix>,
 }
 
-/// What a channel moves.
+/// Property that a channel animates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Path {
     /// the first three values
@@ -261,7 +261,7 @@ pub enum Path {
     Scale,
 }
 
-/// Between keys.
+/// Interpolation between keys.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Interpolation {
     /// the key before
@@ -275,11 +275,11 @@ pub enum Interpolation {
 /// One property of one node over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Whose.
+    /// The node it belongs to.
     pub node: usize,
-    /// Which property.
+    /// The property.
     pub path: Path,
-    /// Between keys.
+    /// Interpolation between keys.
     pub interpolation: Interpolation,
     /// (K) seconds, ascending, ≥ 0, at least one
     pub times: Arc<Vec<f32>>,
@@ -287,11 +287,11 @@ pub struct Channel {
     pub values: Arc<Vec<[f32; 4]>>,
 }
 
-/// A movement.
+/// An animation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Animation {
     /// Its name, or `animation N`.
     pub name: String,
-    /// What moves.
+    /// The animated properties.
     pub channels: Vec<Channel>,
 }

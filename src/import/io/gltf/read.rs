@@ -18,7 +18,7 @@ pub fn read(path: &Path) -> Result<Gltf> {
     parse(&bytes, &name_of(path), &beside(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file, `fetch` gets what a relative path inside its folder names.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors, `fetch` gets what a relative path inside its folder names.
 ///
 /// # Errors
 /// See [`read`].
@@ -58,7 +58,7 @@ fn rows(columns: &[[f32; 4]; 4]) -> Matrix {
     std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]))
 }
 
-/// What is read, from what.
+/// State of the reader.
 pub(super) struct Reader<'a> {
     pub(super) name: &'a str,
     pub(super) document: &'a Document,

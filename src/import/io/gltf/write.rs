@@ -68,7 +68,7 @@ impl Bin {
     }
 }
 
-/// The bytes of a GLB with the nodes, meshes, materials and pictures of a record. The same record gives the same bytes everywhere.
+/// The bytes of a GLB with the nodes, meshes, materials and images of a record. The same record gives the same bytes everywhere.
 ///
 /// # Errors
 /// When the record has skins or animations, an index is out of range, or the file would exceed 4 GiB.
@@ -118,7 +118,7 @@ pub fn to_glb(g: &Gltf) -> Result<Vec<u8>> {
         let Some(image) = image else {
             return Err(Error::input("GLB")
                 .at(format!("images[{}]", images.len()))
-                .expected("a picture")
+                .expected("an image")
                 .got("none"));
         };
         let raw = image.texels.as_flattened();
@@ -188,7 +188,7 @@ fn columns(m: &Matrix) -> Vec<f32> {
     (0..16).map(|i| m[i % 4][i / 4]).collect()
 }
 
-/// Pairs of picture and sampler in order of first use.
+/// Pairs of image and sampler in order of first use.
 #[derive(Default)]
 struct Textures {
     list: Vec<(usize, usize)>,

@@ -1,4 +1,4 @@
-//! What is built for each name on the list.
+//! Values built for the names in the list.
 
 use super::machine::Machine;
 use super::node::{Class, Id, Node, wrong};
@@ -35,7 +35,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// What a call of a known name gives.
+    /// Result of calling a known name.
     pub(super) fn call(&mut self, class: Id, args: Id) -> Result<Node<'a>> {
         let Node::Global(class) = *self.node(class) else {
             return Err(wrong("a known name to call", "another value"));
@@ -141,7 +141,7 @@ impl<'a> Machine<'a> {
                 Node::Dtype { descr: descr.clone(), endian }
             }
             Node::Instance(class, _) => Node::Instance(*class, Some(state)),
-            // What an OrderedDict says beside its entries.
+            // Attributes of an OrderedDict besides its entries.
             Node::Dict(_) => return Ok(()),
             _ => return Err(wrong("an array or a known object to build", "another value")),
         };

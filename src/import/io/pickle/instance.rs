@@ -59,7 +59,7 @@ fn dense(data: &Array, indices: &Array, starts: &Array, state: &Value) -> Result
     };
     let (data, indices, starts) = (data.to_f64(), indices.to_i64(), starts.to_i64());
     let (Some(indices), Some(starts)) = (indices, starts) else {
-        return Err(wrong("whole indices", "fractions".into()));
+        return Err(wrong("integer indices", "fractions".into()));
     };
     let is_sound = starts.len() == columns + 1
         && starts.first() == Some(&0)

@@ -1,8 +1,8 @@
-//! Python pickles, restricted: plain values and NumPy arrays come out, nothing is ever run.
+//! Python pickles, restricted: returns plain values and NumPy arrays, never runs code.
 //!
 //! A pickle is a program for a stack machine; Python's own reader imports and calls what the program names. This reader interprets the
-//! opcodes of protocols 0 to 5 on plain nodes, and knows a fixed list of names ([`NAMES`]) for which it builds values itself. A
-//! pickle that names anything else is refused with that name, before anything is built for it. No name is ever looked up anywhere.
+//! opcodes of protocols 0 to 5 on plain nodes, and accepts a fixed list of names ([`NAMES`]) for which it builds values itself. A
+//! pickle that names anything else is refused with that name, before anything is built for it. Names are never imported.
 //!
 //! | name in the pickle | what comes out |
 //! |---|---|
@@ -20,7 +20,7 @@
 //! included, so repeating a list of itself ten times in ten levels ends in an error, not in 10¹⁰ values.
 //!
 //! # Why own code
-//! `serde-pickle` reads built-in types only: a global either fails the whole file or becomes nothing, and an array that was pickled through
+//! `serde-pickle` reads built-in types only: a global either makes the file fail or is dropped, and an array that was pickled through
 //! `_reconstruct` and `BUILD` cannot be put together from what it returns. All files read here (SMPL models, `annots.npy`,
 //! `camera.pkl`) consist of such arrays.
 
@@ -49,7 +49,7 @@ pub fn read(path: &Path) -> Result<Value> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` stands for the file.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].

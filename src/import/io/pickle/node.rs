@@ -1,4 +1,4 @@
-//! What lies on the stack of the machine: nodes, and the list of names.
+//! Values on the stack of the machine (nodes), and the list of accepted names.
 
 use super::value::Value;
 use crate::num::array::Array;
@@ -12,7 +12,7 @@ pub(super) fn wrong(expected: impl Into<String>, got: impl Into<String>) -> Erro
     Error::input("pickle").expected(expected).got(got)
 }
 
-/// A name that is known.
+/// An accepted name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Class {
     Reconstruct,
@@ -31,7 +31,7 @@ pub(super) enum Class {
     Csc,
 }
 
-/// Every name that a pickle may contain: module and name. Each stands for a value this reader makes itself.
+/// Every name that a pickle may contain: module and name. The reader builds the value of each itself.
 pub const NAMES: [(&str, &str); 27] = [
     ("numpy.core.multiarray", "_reconstruct"),
     ("numpy._core.multiarray", "_reconstruct"),
@@ -63,7 +63,7 @@ pub const NAMES: [(&str, &str); 27] = [
 ];
 
 impl Class {
-    /// What a name stands for.
+    /// Meaning of a name.
     pub(super) fn named(module: &str, name: &str) -> Result<Self> {
         if !NAMES.contains(&(module, name)) {
             let shown: String = format!("{module}.{name}").chars().take(120).collect();
@@ -91,7 +91,7 @@ impl Class {
     }
 }
 
-/// What lies on the stack.
+/// A value on the stack.
 #[derive(Debug)]
 pub(super) enum Node<'a> {
     None,

@@ -44,7 +44,7 @@ fn long(bytes: &[u8]) -> Result<i64> {
 }
 
 fn utf8<'a>(bytes: &[u8]) -> Result<Node<'a>> {
-    // Python lets lone surrogates pass; nothing read here has them.
+    // Python accepts lone surrogates; the supported files contain none.
     match std::str::from_utf8(bytes) {
         Ok(t) => Ok(Node::Text(t.to_owned())),
         Err(_) => Err(wrong("UTF-8 text", "other bytes")),
@@ -107,7 +107,7 @@ impl<'a> Machine<'a> {
             b'T' => Node::Str(self.sized(4)?),
             b'U' => Node::Str(self.sized(1)?),
             b'V' => {
-                // Raw: characters below 256 stand for themselves, others are escaped.
+                // Raw: characters below 256 are literal, others are escaped.
                 let line: String = self.line()?.iter().map(|&b| char::from(b)).collect();
                 Node::Text(text::unescaped(&line)?)
             }

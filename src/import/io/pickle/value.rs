@@ -1,9 +1,9 @@
-//! What a pickle holds, as plain values.
+//! Contents of a pickle, as plain values.
 
 use crate::num::array::Array;
 use crate::{Error, Result};
 
-/// What a pickle holds.
+/// A value of a pickle.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
     /// `None`
@@ -33,7 +33,7 @@ pub enum Value {
 }
 
 impl Value {
-    /// What it is, for messages.
+    /// Description for messages.
     pub fn describe(&self) -> String {
         match self {
             Self::None => "None".into(),

@@ -1,8 +1,8 @@
 //! The open body of MakeHuman as a character.
 //!
-//! Bones become joints at their heads, without rotation at rest (arms half lowered); decimetres become metres. The body comes without movements, so
-//! it gets four: `Rest` (as it is), `Stand` (arms down), `Walk` (one loop of 1 s on the spot) and `Reach` (both hands forward at the height of the chest).
-//! They turn the bones of the Mixamo rig (`mixamorig:LeftUpLeg` and so on); a rig with other names has `Rest` alone.
+//! Bones become joints at their heads, without rotation at rest (arms half lowered); decimetres become metres. The body has no animations, so
+//! four are added: `Rest` (as it is), `Stand` (arms down), `Walk` (one loop of 1 s on the spot) and `Reach` (both hands forward at the height of the chest).
+//! They turn the bones of the Mixamo rig (`mixamorig:LeftUpLeg` and so on); a rig with other names has only `Rest`.
 
 use super::local::Local;
 use super::motion::product;
@@ -28,7 +28,7 @@ const SKIN: [f32; 4] = [0.58, 0.36, 0.26, 1.0];
 const KEYS: usize = 17;
 
 impl Character {
-    /// From a record; `name` stands for its folder.
+    /// From a record; `name` is the folder name in errors.
     ///
     /// # Errors
     /// When there are no faces or bones.

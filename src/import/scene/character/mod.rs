@@ -12,7 +12,7 @@
 //! The **canonical** surface is the one the mesh was bound in: x_c = K x with K = F G_r B_r for a vertex x of a skinned mesh, r the
 //! first joint of its skin, G the node's transform in the rest pose, B its inverse bind matrix, and F the map of the file to the world
 //! (z up, then [`Character::fit`]). A joint j moves it by A_j = F G_j B_j K⁻¹, so the canonical surface is the posed one wherever
-//! the pose is the bind pose. A mesh without skin hangs with weight 1 on the nearest joint at or above its node, or stands still.
+//! the pose is the bind pose. A mesh without skin is attached with weight 1 to the nearest joint at or above its node, or is static.
 //!
 //! A vertex keeps its four largest weights, divided by their sum.
 
@@ -39,7 +39,7 @@ impl Character {
     /// Reads a `.gltf` or `.glb`, or the open body: its folder or the OBJ in it.
     ///
     /// # Errors
-    /// When a file is bad, or there is nothing to be seen.
+    /// When a file is malformed, or contains no visible geometry.
     pub fn read(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
@@ -82,7 +82,7 @@ impl Character {
         &self.influences
     }
 
-    /// What the file holds and the character does not, a sentence each.
+    /// Contents of the file that the character does not represent, one sentence each.
     pub fn notes(&self) -> &[String] {
         &self.notes
     }
@@ -114,10 +114,10 @@ impl Character {
         find(true).or_else(|| find(false))
     }
 
-    /// Removes the parts of these nodes or meshes.
+    /// Removes the parts of the given nodes or meshes.
     ///
     /// # Errors
-    /// When a name fits none, or nothing would be left.
+    /// When a name does not exist, or no part would remain.
     pub fn hide(&mut self, names: &[&str]) -> Result<()> {
         let fits = |p: &Part, n: &str| p.name == n || p.mesh == n;
         if let Some(unknown) = names.iter().find(|n| !self.parts.iter().any(|p| fits(p, n))) {
@@ -160,8 +160,8 @@ impl Character {
         Ok(())
     }
 
-    /// Scales and shifts the character so that the canonical surface is `height` high and the middle of its bounds is the origin. The figure of
-    /// `last.md` is 2 high (1.7 m divided by 0.85 m).
+    /// Scales and shifts the character so that the canonical surface is `height` high and the middle of its bounds is the origin. The built-in
+    /// figure is 2 high (1.7 m divided by 0.85 m).
     ///
     /// # Errors
     /// When it is flat.

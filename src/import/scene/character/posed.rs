@@ -1,4 +1,4 @@
-//! The surface in a pose, and the factors of `last.md` §3.2 for any character.
+//! The surface in a pose, and the causal factors of the built-in figure for any character.
 //!
 //! | factor | effect |
 //! |---|---|
@@ -25,7 +25,7 @@ use crate::{Error, Result};
 use data_gen::figure::factors::Drive;
 use reference::body::skin::{self, Affine};
 
-/// What the factors of a character mean.
+/// Meaning of the factors of a character.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Factors {
     /// Animation and time in seconds of u_P → −∞.
@@ -97,7 +97,7 @@ impl Face {
             let e = self.0[i];
             let slope = share * dot(gradient, e) + height * (shares[i + 1] - shares[0]);
             let turn: V3 = std::array::from_fn(|k| ways[i + 1][k] - ways[0][k]);
-            // The direction is a unit vector: it changes sideways.
+            // The derivative of a unit vector is orthogonal to it.
             let forth = dot(turn, along);
             std::array::from_fn(|k| e[k] + slope * along[k] + height * share * (turn[k] - forth * along[k]))
         }))
@@ -241,11 +241,11 @@ fn wrapped(time: f64, duration: f64) -> f64 {
 }
 
 impl Factors {
-    /// Looks names up. Two animations are mixed in the middle of each; one alone at its beginning and in its middle, which are the opposite
-    /// steps of a walk. An elbow that is not named is searched for by [`Character::elbow`].
+    /// Resolves names. Two animations are mixed in the middle of each; one alone at its beginning and in its middle, which are the opposite
+    /// steps of a walk. Without a name, the elbow is found by [`Character::elbow`].
     ///
     /// # Errors
-    /// When a name fits nothing, no elbow is named or found, or the joint cannot bend.
+    /// When a name does not exist, no elbow is named or found, or the joint cannot bend.
     pub fn of(c: &Character, first: &str, second: Option<&str>, elbow: Option<&str>) -> Result<Self> {
         let middle = |k: usize| (k, 0.5 * c.duration(k));
         let first = c.animation(first)?;

@@ -8,7 +8,7 @@ use crate::scene::model::{self, Part as FlatPart, affine, flatten, normal, norma
 use crate::{Error, Result};
 use glam::{DAffine3, DVec3};
 
-/// Joints as they are found, each node once per bind.
+/// Joints in the order of discovery, each node once per bind.
 struct Joints<'a> {
     g: &'a Gltf,
     /// World transforms at rest.
@@ -48,7 +48,7 @@ impl Joints<'_> {
         Ok((joints.collect::<Result<_>>()?, canonical))
     }
 
-    /// The joint a rigid mesh of a node hangs on, and canonical from mesh.
+    /// The joint to which a rigid mesh of a node is attached, and canonical from mesh.
     fn rigid(&mut self, node: usize, skins: &[Option<(Vec<u16>, DAffine3)>]) -> Result<(u16, DAffine3)> {
         let in_skin = |n: usize| {
             self.g.skins.iter().zip(skins).find_map(|(s, found)| {
@@ -86,10 +86,10 @@ fn invert(a: &DAffine3, name: &str) -> Result<DAffine3> {
 }
 
 impl Character {
-    /// From a record; `name` stands for the file.
+    /// From a record; `name` is the file name in errors.
     ///
     /// # Errors
-    /// When nothing is to be seen, or a joint's transform cannot be inverted.
+    /// When there is no visible geometry, or a joint's transform cannot be inverted.
     pub fn from_gltf(mut g: Gltf, name: &str) -> Result<Self> {
         let flat = flatten(&g, name)?;
         let locals: Vec<DAffine3> = g.nodes.iter().map(|n| model::local(&n.local)).collect();
@@ -148,7 +148,7 @@ impl Character {
         parents(&mut list, &g);
         let rest = g.nodes.iter().map(|n| Local::of(&n.local)).collect();
         let notes = std::mem::take(&mut g.notes);
-        // What is on the surface is in the object; the hierarchy and its movements stay.
+        // The surface is in the object; the hierarchy and its animations are kept.
         g.meshes.clear();
         g.images.clear();
         g.materials.clear();

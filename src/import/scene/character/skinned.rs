@@ -15,9 +15,9 @@ pub const INFLUENCES: usize = 4;
 pub struct Joint {
     /// Name of its node.
     pub name: String,
-    /// The joint it hangs on.
+    /// Its parent joint.
     pub parent: Option<usize>,
-    /// The node that moves it; `None` stands still.
+    /// The node that moves it; `None` if it is static.
     pub(super) node: Option<usize>,
     /// Joint from canonical space.
     pub(super) bind: DAffine3,
@@ -42,7 +42,7 @@ pub struct Part {
     pub name: String,
     /// Name of the mesh.
     pub mesh: String,
-    /// Whether it bends; else it hangs on one joint.
+    /// Whether it deforms; else it follows one joint.
     pub skinned: bool,
     pub(super) vertices: Range<usize>,
     pub(super) triangles: Range<usize>,
@@ -79,7 +79,7 @@ pub struct Character {
     pub(super) frame: DAffine3,
     /// (V) welded unit normals along which folds move the surface
     pub(super) folds: Vec<[f32; 3]>,
-    /// What the file holds and the character does not.
+    /// Contents of the file that the character does not represent.
     pub(super) notes: Vec<String>,
 }
 

@@ -16,7 +16,7 @@ use data_gen::figure::factors::{Drive, shaded, srgb_of_linear};
 use data_gen::figure::template::Cloud;
 use reference::body::skin;
 
-/// What the draws are for; item: point, draws 0 triangle, 1 and 2 place on it.
+/// Stream of the draws; item: point; draw 0: triangle, draws 1 and 2: position on it.
 pub const PURPOSE: u16 = 0x0610;
 
 /// A point of the template.
@@ -32,7 +32,7 @@ pub struct Point {
     pub normal: [f64; 3],
     /// sRGB-encoded base colour, 0..1.
     pub rgb: [f64; 3],
-    /// Joints it hangs on.
+    /// Joints that move it.
     pub joints: [u16; INFLUENCES],
     /// Their weights, summing to 1.
     pub weights: [f64; INFLUENCES],

@@ -7,7 +7,7 @@ use crate::scene::material::{Alpha, Material, Texture, Wrap};
 use crate::scene::mesh::Object;
 use std::sync::Arc;
 
-/// The textures of an object, each once, as pictures.
+/// The textures of an object, each once, as images.
 fn pictures(object: &Object) -> (Vec<Arc<Texture>>, Vec<Arc<gltf::Image>>) {
     let mut list: Vec<Arc<Texture>> = Vec::new();
     for m in &object.materials {
@@ -62,7 +62,7 @@ pub fn to_gltf(object: &Object, name: &str) -> Gltf {
     };
     let m = &object.mesh;
     let positions = Arc::new(m.positions.iter().map(|p| y_up(*p)).collect::<Vec<_>>());
-    // Normals of primitives that have some; a file may hold unit vectors alone, so the rows nobody looks at point up.
+    // Normals of primitives that have some; a file may contain only unit vectors, so unused rows point up.
     let zero = |i: u32| m.normals.get(i as usize).is_none_or(|n| *n == [0.0; 3]);
     let mut is_smooth = vec![false; object.materials.len()];
     for (t, &k) in m.triangles.iter().zip(&object.material_of) {
@@ -110,7 +110,7 @@ pub fn to_gltf(object: &Object, name: &str) -> Gltf {
     }
 }
 
-/// Groups by runs of one material. Roughness and metallic maps become two pictures, normal factors and cut-offs are not kept.
+/// Groups by runs of one material. Roughness and metallic maps become two images, normal factors and cut-offs are not kept.
 pub fn to_obj(object: &Object, name: &str) -> Obj {
     let (list, mut images) = pictures(object);
     let find = |t: &Arc<Texture>| obj::Map {

@@ -34,7 +34,7 @@ pub(in crate::scene) struct FlatScene {
 /// Collects the primitives of the default scene.
 ///
 /// # Errors
-/// When nothing is to be seen, or too much.
+/// When there is no visible geometry, or more than the limits allow.
 pub(in crate::scene) fn flatten(g: &Gltf, name: &str) -> Result<FlatScene> {
     let mut textures = Textures { g, known: BTreeMap::new() };
     let mut materials: BTreeMap<Option<usize>, u16> = BTreeMap::new();
@@ -111,7 +111,7 @@ fn used(vertices: usize, triangles: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     (kept, place)
 }
 
-/// Appends the texture coordinates of a primitive that its material looks at.
+/// Appends the texture coordinates that the material of a primitive uses.
 fn uvs(p: &gltf::Primitive, m: &gltf::Material, kept: &[u32], out: &mut Vec<[f32; 2]>) -> Result<()> {
     let maps = [
         m.base_color_texture,
@@ -155,7 +155,7 @@ fn uvs(p: &gltf::Primitive, m: &gltf::Material, kept: &[u32], out: &mut Vec<[f32
     Ok(())
 }
 
-/// Materials of a file as ours; a picture used twice in the same way is one texture.
+/// Materials of a file as ours; an image used twice in the same way is one texture.
 struct Textures<'a> {
     g: &'a Gltf,
     known: BTreeMap<(usize, bool, [u8; 2]), Arc<Texture>>,

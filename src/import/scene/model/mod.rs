@@ -7,7 +7,7 @@
 //!
 //! * Vertices that no triangle uses are left out, the others keep their order; a primitive (a group) shares none with another one.
 //! * Normals are made unit. A zero one becomes the area-weighted mean of the faces around its vertex; a part without normals is flat,
-//!   as glTF says, and gets zeros if another part has some.
+//!   as glTF specifies, and gets zeros if another part has normals.
 //! * A transform that mirrors (negative determinant) turns the triangles over, so that they stay counter-clockwise from outside.
 //! * Texture transforms are applied to the coordinates. All maps of a material must use one set and one transform.
 //! * Back faces are as visible as front faces: `doubleSided` is not kept.
@@ -37,7 +37,7 @@ use std::path::Path;
 /// Reads and validates a model.
 ///
 /// # Errors
-/// When the extension is unknown, the file or one it refers to is bad, or nothing is to be seen.
+/// When the extension is unknown, the file or one it refers to is bad, or there is no visible geometry.
 pub fn read(path: &Path) -> Result<Object> {
     read_with_notes(path).map(|(object, _)| object)
 }
@@ -70,7 +70,7 @@ fn unknown(name: &str, extension: &str) -> Error {
     Error::input(name).at("extension").expected(".gltf, .glb or .obj").got(got)
 }
 
-/// Writes an object, whole or not at all: `.glb` with everything, or `.obj` with a material library and pictures beside it.
+/// Writes an object atomically: `.glb` with everything, or `.obj` with a material library and images beside it.
 ///
 /// # Errors
 /// When the extension is another one, the object is not valid, or a file cannot be written.

@@ -1,4 +1,4 @@
-//! Where nodes and skins place vertices.
+//! Positions of vertices under nodes and skins.
 
 use super::flatten::{Part, flatten};
 use super::z_up;
@@ -42,7 +42,7 @@ pub(in crate::scene) fn local(l: &gltf::Local) -> DAffine3 {
     }
 }
 
-/// World transforms of all nodes from their own ones; `above` stands over the roots.
+/// World transforms of all nodes from their own ones; `above` is the parent of the roots.
 pub(in crate::scene) fn globals(g: &Gltf, locals: &[DAffine3], above: DAffine3) -> Vec<DAffine3> {
     let mut out = vec![above; g.nodes.len()];
     for &i in &g.order {
@@ -51,10 +51,10 @@ pub(in crate::scene) fn globals(g: &Gltf, locals: &[DAffine3], above: DAffine3) 
     out
 }
 
-/// The default scene in its rest pose as one object; `name` stands for the file.
+/// The default scene in its rest pose as one object; `name` is the file name in errors.
 ///
 /// # Errors
-/// When nothing is to be seen, a material uses several texture transforms, or a number leaves the range of f32.
+/// When there is no visible geometry, a material uses several texture transforms, or a number leaves the range of f32.
 pub fn from_gltf(g: &Gltf, name: &str) -> Result<Object> {
     let mut flat = flatten(g, name)?;
     let locals: Vec<DAffine3> = g.nodes.iter().map(|n| local(&n.local)).collect();

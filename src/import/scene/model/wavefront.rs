@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// An OBJ file as an object; `name` stands for the file.
+/// An OBJ file as an object; `name` is the file name in errors.
 ///
 /// # Errors
 /// When it has no triangles or a number is out of range.
@@ -22,7 +22,7 @@ pub fn from_obj(o: &Obj, name: &str) -> Result<Object> {
         uvs: o.uvs.iter().map(|&[u, v]| [u, 1.0 - v]).collect(),
         triangles: o.triangles.clone(),
     };
-    // Vertices are made by corners of faces; those of points and lines alone are not there.
+    // Vertices are made by corners of faces; vertices used only by points and lines are absent.
     let mut object = Object::default();
     let mut places: BTreeMap<Option<usize>, u16> = BTreeMap::new();
     let mut known = BTreeMap::new();
@@ -67,7 +67,7 @@ fn obj_material(o: &Obj, m: &obj::Material, known: &mut Known, name: &str) -> Re
             }))
         })
     };
-    // Two pictures become one: G roughness, B metallic.
+    // Two images become one: G roughness, B metallic.
     let metallic_roughness_map = match (m.roughness_map, m.metallic_map) {
         (None, None) => None,
         (r, metal) => {

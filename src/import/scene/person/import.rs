@@ -1,14 +1,14 @@
-//! From a published layout to ours: bodies posed, pictures undistorted, masked and reduced.
+//! Conversion of a published layout to lastlight's: bodies posed, images undistorted, masked and reduced.
 //!
 //! ```text
 //! Source (io::captures) ─┬─ body model, shape, poses ──► template at rest, canonical pose, transforms ──► body.npz
-//!                        └─ picture, mask ──► undistort ──► person on black ──► reduce ──► images/, foreground/
+//!                        └─ image, mask ──► undistort ──► person on black ──► reduce ──► images/, foreground/
 //! ```
 //!
 //! * The model's axes (y up) are turned at rest: (x, y, z) → (x, −z, y). The world is turned by [`Source::world`].
-//! * A pixel of the mask is the person where the resampled mask is at least ½; outside, the picture is black. Pixels that have no place in
-//!   the distorted photograph are black, too.
-//! * Reduced by a whole factor s, a colour is the mean of s×s pixels, the mask the upper left of them; focal lengths and principal point are divided
+//! * A pixel of the mask is the person where the resampled mask is at least ½; outside, the image is black. Pixels without a position in
+//!   the distorted photo are black too.
+//! * Reduced by an integer factor s, a colour is the mean of s×s pixels, the mask the upper left of them; focal lengths and principal point are divided
 //!   by s. Rows and columns that do not fill a block are cut.
 
 use super::smpl::{big_pose, chain, joints, placement, shaped};
@@ -27,7 +27,7 @@ use serde_json::json;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Pictures worked on between two looks at the stop flag.
+/// Number of images processed between two checks of the stop flag.
 const BATCH: usize = 16;
 
 /// Mean distance to reference points beyond which something is wrong, metres.
@@ -39,7 +39,7 @@ const UP: Affine<f64> = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0,
 /// What was written.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
-    /// Pictures to learn from, and held out.
+    /// Numbers of training and held-out images.
     pub shots: [usize; 2],
     /// Moments.
     pub moments: usize,
@@ -47,19 +47,19 @@ pub struct Report {
     pub points: usize,
     /// Joints.
     pub joints: usize,
-    /// Size of the first picture.
+    /// Size of the first image.
     pub size: [usize; 2],
-    /// What the user should know, a sentence each.
+    /// Notes for the user, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Counts finished pictures: done, total.
+/// Counts finished images: done, total.
 pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 
-/// Writes a source as a capture in `dir`. `model` is the body that the data set does not bring; `downscale` overrides the layout's reduction.
+/// Writes a source as a capture in `dir`. `model` is the body model if the data set has none; `downscale` overrides the layout's reduction.
 ///
 /// # Errors
-/// When there is no body model or it does not fit, a picture or a mask is bad, a file cannot be written, or `stop` was set.
+/// When there is no body model or it does not fit, an image or a mask is bad, a file cannot be written, or `stop` is set.
 pub fn write(
     source: &Source,
     model: Option<&BodyModel>,
@@ -80,7 +80,7 @@ pub fn write(
         );
     }
     let arrays = body.arrays(source);
-    // The body first: what does not fit shows before hours of pictures.
+    // The body first, so that a mismatch is reported before hours of image processing.
     let mut writer = Writer::create(dir)?;
     let (mut size, mut empty, total) = ([0; 2], 0usize, source.shots.len());
     for start in (0..total).step_by(BATCH) {
@@ -105,7 +105,7 @@ pub fn write(
         }
     }
     if empty > 0 {
-        notes.push(format!("{empty} of {total} masks show nobody"));
+        notes.push(format!("{empty} of {total} masks are empty"));
     }
     let subject = json!({
         "kind": source.kind, "metres_per_unit": 1.0, "box_margin_m": source.margin_m, "layout": source.layout.name(),
@@ -207,7 +207,7 @@ impl<'a> Body<'a> {
         own.iter().map(|a| compose(&place, a)).collect()
     }
 
-    /// How far the posed points are from those that came with the data.
+    /// Distance of the posed points from the points in the data set.
     fn compared(&self, source: &Source, path: &Path, t: usize, points: &[[f64; 3]]) -> String {
         let name = path.display();
         if points.len() != self.rest.len() {
@@ -347,7 +347,7 @@ fn normals(points: &[[f64; 3]], faces: &[[u32; 3]]) -> Vec<[f64; 3]> {
     sums.into_iter().map(crate::math::vector::unit).collect()
 }
 
-/// The picture as an ideal camera would have taken it: its camera, bytes (H, W, 3), mask (H, W) of 0 and 255.
+/// The image as an ideal camera would have taken it: its camera, bytes (H, W, 3), mask (H, W) of 0 and 255.
 fn picture(
     source: &Source,
     shot: &SourceShot,
@@ -358,7 +358,7 @@ fn picture(
     if size != [w, h] {
         return Err(Error::input(shot.mask.name())
             .at("mask size")
-            .expected(format!("{w}x{h}, as the photograph {}", shot.image.name()))
+            .expected(format!("{w}x{h}, as the photo {}", shot.image.name()))
             .got(format!("{}x{}", size[0], size[1])));
     }
     let mut rgb: Vec<f32> = rgb.iter().map(|&b| f32::from(b) / 255.0).collect();
@@ -366,7 +366,7 @@ fn picture(
     if !shot.lens.is_ideal() {
         let spread: Vec<f32> = mask.iter().flat_map(|&m| [f32::from(m); 3]).collect();
         let straight = lens::undistort(&spread, None, w, h, shot.intrinsics, shot.lens);
-        // Where the photograph has nothing, the resampled mask is 0.
+        // Where the photo has nothing, the resampled mask is 0.
         mask = straight.rgb.as_chunks::<3>().0.iter().map(|m| u8::from(m[0] >= 0.5)).collect();
         rgb = lens::undistort(&rgb, None, w, h, shot.intrinsics, shot.lens).rgb;
     }
@@ -382,7 +382,7 @@ fn picture(
     let (nw, nh) = (w / order::max(s, 1), h / order::max(s, 1));
     if s == 0 || nw == 0 || nh == 0 {
         return Err(Error::input(shot.image.name())
-            .at("picture size")
+            .at("image size")
             .expected(format!("at least {s} pixels a side, to be reduced by {s}"))
             .got(format!("{w}x{h}")));
     }

@@ -28,7 +28,7 @@ use reference::body::skin::Affine;
 /// When the model has fewer coefficients than are given.
 pub fn shaped(model: &BodyModel, betas: &[f64]) -> Result<Vec<[f64; 3]>> {
     let n = model.shape_count;
-    // Zeros beyond the model's coefficients say nothing.
+    // Zeros beyond the model's coefficients have no effect.
     let used = betas.iter().rposition(|b| *b != 0.0).map_or(0, |i| i + 1);
     if used > n {
         return Err(Error::input("betas")
