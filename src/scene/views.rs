@@ -3,15 +3,27 @@
 use super::camera::{Camera, Model};
 use super::lens;
 use super::placement::nearest_to_axes;
-use crate::io::capture::{Capture, Frame, Lens, Split, read_capture};
+use crate::io::capture::{Capture, Frame, Lens, Reading, Split, read_capture_with};
 use crate::io::gaussian_ply::Points;
 use crate::io::image_file::{self, Encoding, Picture};
 use crate::num::{order, par};
 use crate::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// One view in this many is held out, in the order of their names: index mod 8 == 0.
 pub const TEST_EVERY: usize = 8;
+
+/// What becomes of the pixels that a mask excludes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Masks {
+    /// They count neither in losses nor in scores.
+    #[default]
+    Ignore,
+    /// They have the colour of the background.
+    Background,
+    /// Masks are not read.
+    Off,
+}
 
 /// How photos are loaded.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,11 +34,24 @@ pub struct Options {
     pub downscale: usize,
     /// Refuse a capture whose list names photos that are not there, instead of leaving them out.
     pub strict: bool,
+    /// What masks do.
+    pub masks: Masks,
+    /// Folder of the images, in place of the one the capture names.
+    pub images: Option<PathBuf>,
+    /// Accept absolute paths in the capture's files, and paths that lead out of its folder.
+    pub outside: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { background: [0.0; 3], downscale: 1, strict: false }
+        Self {
+            background: [0.0; 3],
+            downscale: 1,
+            strict: false,
+            masks: Masks::Ignore,
+            images: None,
+            outside: false,
+        }
     }
 }
 
@@ -74,6 +99,8 @@ pub struct Views {
     pub scene_box: SceneBox,
     /// Points of a reconstruction, if the capture has them.
     pub points: Option<Points>,
+    /// Number of views with a mask that was read.
+    pub masked: usize,
     /// Names of listed photos that are missing.
     pub missing: Vec<String>,
     /// Other listed files that are missing.
@@ -86,7 +113,9 @@ impl Views {
     /// # Errors
     /// When the layout, a lens or a photo is bad.
     pub fn load(path: &Path, options: &Options) -> Result<Self> {
-        Self::from_capture(&read_capture(path)?, options)
+        let (images, without_masks) = (options.images.clone(), options.masks == Masks::Off);
+        let reading = Reading { images, outside: options.outside, without_masks };
+        Self::from_capture(&read_capture_with(path, &reading)?, options)
     }
 
     /// Loads the photos of a capture, several at a time; the result does not depend on how many.
@@ -132,7 +161,9 @@ impl Views {
         }
         let views = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
-            .collect::<Result<Vec<View>>>()?;
+            .collect::<Result<Vec<(View, bool)>>>()?;
+        let masked = views.iter().filter(|(_, is_masked)| *is_masked).count();
+        let views = views.into_iter().map(|(view, _)| view).collect();
         let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
         let (extent, scene_box) = place(&poses);
         Ok(Self {
@@ -142,6 +173,7 @@ impl Views {
             extent,
             scene_box,
             points: capture.points.clone(),
+            masked,
             missing: capture.missing.iter().map(|frame| frame.name.clone()).collect(),
             missing_files: capture.missing_files.clone(),
         })
@@ -184,7 +216,8 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     (extent, SceneBox { center, half_size })
 }
 
-fn load(frame: &Frame, options: &Options) -> Result<View> {
+/// The view, and whether its mask was read.
+fn load(frame: &Frame, options: &Options) -> Result<(View, bool)> {
     let name = frame.image.display().to_string();
     let picture = image_file::read(&frame.image)?;
     if picture.encoding != Encoding::Srgb {
@@ -195,7 +228,9 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     }
     let (full_w, full_h) = (picture.width, picture.height);
     let k = frame.intrinsics(full_w, full_h)?;
-    let mask = frame.mask.as_ref().map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let mask = frame.mask.as_ref().filter(|_| options.masks != Masks::Off);
+    let mut mask = mask.map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let is_masked = mask.is_some();
     let s = options.downscale;
     let (width, height) = (full_w / s, full_h / s);
     if width == 0 || height == 0 {
@@ -204,7 +239,15 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
             .expected(format!("at least {s} pixels a side, to be scaled down"))
             .got(format!("{full_w}x{full_h}")));
     }
-    let rgb = box_mean(&composite(&picture, options.background), full_w, width, height, s);
+    let mut rgb = composite(&picture, options.background);
+    if options.masks == Masks::Background
+        && let Some(mask) = mask.take()
+    {
+        for (pixel, _) in rgb.chunks_exact_mut(3).zip(&mask).filter(|(_, m)| **m == 0) {
+            pixel.copy_from_slice(&options.background);
+        }
+    }
+    let rgb = box_mean(&rgb, full_w, width, height, s);
     let mut mask = mask.map(|m| box_all(&m, full_w, width, height, s));
     // Pixel edges keep their places, so focal lengths and centre scale alike.
     let k = k.map(|x| x / s as f64);
@@ -234,21 +277,24 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     };
     camera.validate().map_err(|e| e.within(name))?;
     let rgb = image_file::to_u8(&rgb)?;
-    Ok(View { name: frame.name.clone(), camera, rgb, mask })
+    Ok((View { name: frame.name.clone(), camera, rgb, mask }, is_masked))
 }
 
-/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half.
+/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask of the photo before it was reduced is
+/// sampled at the nearest pixels.
 fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
     let m = image_file::read(path)?;
-    if (m.width, m.height) != (width, height) {
+    let off = (m.width * height).abs_diff(m.height * width);
+    if off > Ord::max(m.width, m.height) || m.width < width || m.height < height {
         return Err(Error::input(path.display().to_string())
             .at("mask size")
-            .expected(format!("{width}x{height}, as the photo"))
+            .expected(format!("{width}x{height} as the photo, or a multiple of it"))
             .got(format!("{}x{}", m.width, m.height)));
     }
     let c = m.channels.len();
     let channel = if c.is_multiple_of(2) { c - 1 } else { 0 };
-    Ok((0..width * height).map(|i| u8::from(m.value(i * c + channel) >= 0.5)).collect())
+    let at = |i: usize| (i / width * m.height / height) * m.width + i % width * m.width / width;
+    Ok((0..width * height).map(|i| u8::from(m.value(at(i) * c + channel) >= 0.5)).collect())
 }
 
 /// (H, W, 3): grey spread to three channels; straight alpha laid over the background.

@@ -2,6 +2,8 @@
 
 use crate::cli::workplace;
 use crate::program::{code, json, lastlight, stderr, stdout};
+use crate::samples;
+use lastlight::io::image_file;
 use serde_json::Value;
 use std::path::Path;
 
@@ -93,4 +95,75 @@ fn images_are_counted_and_a_single_one_gets_no_score() {
     assert!(html.contains("nothing is held out") && !html.contains("NaN"), "the report says so");
     let o = lastlight(&["splat", "fit", "capture", "--out", "two", "--iterations", "2", "--initial", "50"], dir);
     assert!(stdout(&o).contains("nothing is held out"), "{}{}", stdout(&o), stderr(&o));
+}
+
+/// Nine images of 32×24 in the folder `inside`, of a model that declares 128×96.
+fn reduced(inside: &str) -> tempfile::TempDir {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let make = |folder: &str| std::fs::create_dir_all(dir.path().join(folder)).expect("made");
+    let write = |name: &str, bytes: &[u8]| std::fs::write(dir.path().join(name), bytes).expect("written");
+    make("capture/sparse/0");
+    make(&format!("capture/{inside}"));
+    write("capture/sparse/0/cameras.txt", b"7 PINHOLE 128 96 160 160 64 48\n");
+    write("capture/sparse/0/images.txt", &samples::images_txt(9));
+    write("capture/sparse/0/points3D.txt", &samples::points_txt());
+    for i in 0..9 {
+        write(&format!("capture/{inside}/{i:04}.png"), &samples::png(32, 24, 3));
+    }
+    dir
+}
+
+#[test]
+fn a_colmap_model_with_reduced_images_alone_is_fitted() {
+    let dir = reduced("images_4");
+    let record = json(&fit("out", &["--iterations", "20"]), dir.path());
+    assert_eq!(record["images"], serde_json::json!({"fitted": 7, "held_out": 2, "missing": 0}), "{record}");
+    assert_eq!(record["evaluation"]["views"][0]["width"], 32, "of that size");
+}
+
+#[test]
+fn the_check_before_the_first_iteration_says_what_the_capture_is() {
+    let work = workplace();
+    let dir = work.path();
+    let o = lastlight(&["splat", "fit", "capture", "--out", "f", "--iterations", "1", "--initial", "50"], dir);
+    let text = stderr(&o);
+    for part in ["cameras: 8 of 8 point at the centre", "random Gaussians in a cube", "sheet of the images"] {
+        assert!(text.contains(part), "'{part}' in {text}");
+    }
+    assert!(!text.contains("warning") && !text.contains("masks:"), "{text}");
+    let sheet = image_file::read(&dir.join("f/images.png")).expect("a PNG");
+    assert_eq!((sheet.width, sheet.height), (10 * 122 - 2, 100), "ten thumbnails in a row");
+    let record: Value =
+        serde_json::from_slice(&std::fs::read(dir.join("f/result.json")).expect("a record")).expect("JSON");
+    assert_eq!((&record["check"]["images"], &record["check"]["cameras_pointing_inward"]), (&8.into(), &8.into()));
+
+    // Every camera turned around its own vertical axis; a mask on two images.
+    let path = dir.join("capture/transforms.json");
+    let mut list: Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).expect("readable")).expect("JSON");
+    for (i, frame) in list["frames"].as_array_mut().expect("frames").iter_mut().enumerate() {
+        for row in 0..3 {
+            for column in [0, 2] {
+                let x = frame["transform_matrix"][row][column].as_f64().expect("a number");
+                frame["transform_matrix"][row][column] = (-x).into();
+            }
+        }
+        if i == 3 || i == 4 {
+            frame["mask_path"] = "mask.png".into();
+        }
+    }
+    std::fs::write(&path, list.to_string()).expect("writes");
+    let half: Vec<u8> = (0..48 * 40).map(|i| if i % 48 < 24 { 0 } else { 255 }).collect();
+    image_file::write_png(&dir.join("capture/mask.png"), 48, 40, 1, &half).expect("writes");
+    let run = |out: &str, rest: &[&str]| {
+        let args = ["splat", "fit", "capture", "--iterations", "1", "--initial", "50", "--out", out];
+        stderr(&lastlight(&[&args[..], rest].concat(), dir))
+    };
+    let text = run("g", &[]);
+    for part in ["cameras: 0 of 8 point", "warning: most cameras look away", "masks: 2 of 10 images", "count neither"] {
+        assert!(text.contains(part), "'{part}' in {text}");
+    }
+    let text = run("h", &["--masks", "background"]);
+    assert!(text.contains("trained toward the background colour"), "{text}");
+    assert!(!run("i", &["--masks", "off"]).contains("masks:"), "masks are not read");
 }

@@ -1,5 +1,7 @@
 //! `splat fit`: Gaussians from the photographs of a capture.
 
+use super::capture_args::CaptureArgs;
+use super::check;
 use super::render_args::RenderArgs;
 use crate::console as cli;
 use crate::fit::evaluate::{self, Evaluation, Scored};
@@ -8,13 +10,14 @@ use crate::fit::render::{Scene, flat_name};
 use crate::fit::seeds;
 use crate::fit::seeds::Start;
 use crate::fit::splat::{MAX_GAUSSIANS, Settings, SplatFit, Strategy};
+use crate::fit::survey::Survey;
 use crate::fit::training::{Fit, Watch};
 use crate::io::{atomic, image_file};
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::convert::write_scene;
 use crate::scene::gaussians::Gaussians;
-use crate::scene::views::{self, Views};
+use crate::scene::views::Views;
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
@@ -35,7 +38,7 @@ CAPTURE is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstu
 held out and scored. Lens distortion is removed on load.
 
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras),
-held-out renders, and report/index.html.";
+images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
 
 /// The cameras of the images, beside the scene.
 const CAMERAS: &str = "transforms.json";
@@ -74,12 +77,8 @@ pub(crate) struct Args {
     /// Largest number of Gaussians [default: one per 60 pixels that show something, 10000 to 1000000; at least those of the start, and half as many again for --init FILE]
     #[arg(long, value_name = "N", help_heading = "Model")]
     max_gaussians: Option<usize>,
-    /// Shrink the photographs by a whole factor, averaging blocks of pixels
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
-    downscale: u8,
-    /// Refuse a capture with missing photographs instead of leaving those frames out
-    #[arg(long, help_heading = "Model")]
-    strict: bool,
+    #[command(flatten)]
+    input: CaptureArgs,
     /// Refuse to start when the estimated memory exceeds this many MiB
     #[arg(long, value_name = "MIB", help_heading = "Model")]
     max_memory: Option<u64>,
@@ -107,11 +106,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let views = Views::load(
-        &args.capture,
-        &views::Options { downscale: usize::from(args.downscale), background, strict: args.strict },
-    )?;
-    super::missing::note(&views, &meter);
+    let views = Views::load(&args.capture, &args.input.options(background))?;
+    args.input.note(&views, &meter);
     let determined = Settings::determined(&views, background);
     meter.lap("reading photographs");
     meter.note(&format!(
@@ -126,6 +122,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.max_gaussians.is_none() {
         settings.max_gaussians = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
     }
+    let is_random = match start {
+        Start::Auto { .. } => views.points.as_ref().is_none_or(|p| p.xyz.len() < seeds::FEW),
+        Start::Random { .. } => bounds.is_none(),
+        Start::File(_) => false,
+    };
+    check::note(&views, &Survey::of(&views), is_random, &meter);
     check_memory(&settings, &views, args.max_memory, &meter)?;
     let job = Job {
         kind: "splat fit",
@@ -134,6 +136,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         views: &views,
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
+    check::write_sheet(&views, &job.frame.dir)?;
+    meter.note(&format!("sheet of the images: {}", job.frame.file(check::SHEET).display()));
     job.run(first, &mut meter)?.publish(&job.frame.dir, args.filling.json)
 }
 
@@ -219,7 +223,7 @@ impl Job<'_> {
         }
         let cameras = format!("{:#}\n", frames::cameras(self.views, "scene.ply"));
         atomic::write_bytes(&self.frame.file(CAMERAS), cameras.as_bytes())?;
-        names.push(CAMERAS.to_owned());
+        names.extend([CAMERAS, check::SHEET].map(str::to_owned));
         names.extend(write_renders(&self.frame.dir, &scored)?);
         let full = fit.full_since();
         let own = training::entries([
@@ -227,6 +231,7 @@ impl Job<'_> {
             ("limit_reached_at", json!(full)),
             ("sh_degree", json!(scene_values.sh_degree)),
             ("images", images(self.views)),
+            ("check", Survey::of(self.views).json()),
             ("evaluation", evaluation.json()),
         ]);
         let head = Head { kind: self.kind, digest: &digest, settings: Fit::settings(&fit) };

@@ -5,6 +5,7 @@ use crate::claim;
 use crate::console as cli;
 use crate::fit::orbit::{Orbit, Up};
 use crate::fit::render::{self, Passes, Scene, Shot};
+use crate::io::capture::Reading;
 use crate::meter::Meter;
 use crate::scene::convert::read_scene;
 use crate::scene::gaussians::Gaussians;
@@ -49,6 +50,9 @@ pub(crate) struct Args {
     /// Shrink the images of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
+    /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
+    #[arg(long)]
+    allow_outside: bool,
     #[command(flatten)]
     orbit: OrbitArgs,
     /// Centre of an orbit, X,Y,Z [default: what the cameras of the fit look at, else the centre of the scene]
@@ -111,7 +115,8 @@ fn scene_file(path: &Path) -> Result<PathBuf> {
 fn shots(args: &Args, path: &Path, scene: &Gaussians, meter: &Meter) -> Result<Vec<Shot>> {
     let up = Up::parse(&args.up)?;
     let Some(orbit) = args.orbit.parse(&args.cameras, USUAL)? else {
-        return render::capture_shots(Path::new(&args.cameras), usize::from(args.downscale));
+        let reading = Reading { outside: args.allow_outside, ..Reading::default() };
+        return render::shots_of(Path::new(&args.cameras), usize::from(args.downscale), &reading);
     };
     let wrong = || Error::input("--center").expected("X,Y,Z").got(args.center.clone().unwrap_or_default());
     let center = match &args.center {

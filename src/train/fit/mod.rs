@@ -6,6 +6,7 @@
 //!           ├────► splat::pass                    one view: activate ──► draw ──► losses, and their adjoints in reverse
 //!           └────► optim                          Adam rows, learning rates, density control
 //! splat, last ──► drawing                         the renderer and its adjoint, with memory kept between renders
+//! cli ──► survey                                   where cameras point, what they see, before the first iteration
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
 //! cli ──► orbit                                   circles of cameras around a scene
@@ -28,4 +29,5 @@ pub mod relight;
 pub mod render;
 pub mod seeds;
 pub mod splat;
+pub mod survey;
 pub mod training;

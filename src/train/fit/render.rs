@@ -5,7 +5,7 @@
 
 use super::frames;
 use super::passes::read_json;
-use crate::io::capture::{Frame, Lens, read_capture};
+use crate::io::capture::{Frame, Lens, Reading, read_cameras};
 use crate::io::{atomic, image_file};
 use crate::num::{order, par};
 use crate::scene::camera::{Camera, Model};
@@ -194,10 +194,16 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
 /// # Errors
 /// When the layout is bad, or a photograph of a size nobody declared cannot be read.
 pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
+    shots_of(path, downscale, &Reading::default())
+}
+
+/// [`capture_shots`] of a capture whose files are found as `reading` says, or of a `camera_path.json`.
+///
+/// # Errors
+/// See [`capture_shots`].
+pub fn shots_of(path: &Path, downscale: usize, reading: &Reading) -> Result<Vec<Shot>> {
     assert!(downscale > 0, "a picture shrinks by a factor of at least 1");
-    let capture = read_capture(path)?;
-    let mut frames: Vec<&Frame> = capture.frames.iter().chain(&capture.missing).collect();
-    frames.sort_by(|a, b| a.name.cmp(&b.name));
+    let frames = read_cameras(path, reading)?;
     let shot = |frame: &Frame| {
         let [width, height] = match frame.size {
             Some(size) => size,
@@ -220,7 +226,7 @@ pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
         camera.validate().map_err(|e| e.at(frame.name.as_str()))?;
         Ok(Shot { name: flat_name(&frame.name), camera })
     };
-    frames.into_iter().map(shot).collect()
+    frames.iter().map(shot).collect()
 }
 
 /// The cameras a scene file was fitted with: those of the `transforms.json` beside it, if that names it.
