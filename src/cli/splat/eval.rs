@@ -54,12 +54,6 @@ pub(crate) struct Args {
     force: bool,
     #[command(flatten)]
     render: RenderArgs,
-    /// Print the scores as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print neither progress nor notes
-    #[arg(long)]
-    quiet: bool,
 }
 
 /// LPIPS of every view that was scored, or its surrogate.
@@ -85,7 +79,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
     let stored = read_scene(&args.scene)?;
     let views = Views::load(&args.capture, &args.input.options(background))?;
@@ -116,7 +110,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         "profile": args.render.profile, "downscale": args.input.downscale, "evaluation": evaluation.json(),
         "perception": {"name": name, "mean": mean(&perceived), "views": perceived},
     });
-    if args.json {
+    if cli::is_json() {
         cli::say_json(&record)?;
     } else {
         cli::say(&scores_text(&evaluation))?;

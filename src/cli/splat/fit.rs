@@ -92,7 +92,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new();
     let (render, background) = args.render.settings()?;
     let mut settings = Settings {
         iterations: args.iterations,
@@ -138,7 +138,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     check::write_sheet(&views, &job.frame.dir)?;
     meter.note(&format!("sheet of the images: {}", job.frame.file(check::SHEET).display()));
-    job.run(first, &mut meter)?.publish(&job.frame.dir, args.filling.json)
+    job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 
 /// Says what the fit may take; refuses it above the limit.
