@@ -13,6 +13,9 @@ use std::path::{Path, PathBuf};
 /// One view in this many is held out, in the order of their names: index mod 8 == 0.
 pub const TEST_EVERY: usize = 8;
 
+/// Fewer points than this are no start of a fit.
+pub const FEW_POINTS: usize = 100;
+
 /// What becomes of the pixels that a mask excludes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Masks {
@@ -116,6 +119,11 @@ impl Views {
         let (images, without_masks) = (options.images.clone(), options.masks == Masks::Off);
         let reading = Reading { images, outside: options.outside, without_masks };
         Self::from_capture(&read_capture_with(path, &reading)?, options)
+    }
+
+    /// The points of the capture, if there are enough of them to start a fit from.
+    pub fn starting_points(&self) -> Option<&Points> {
+        self.points.as_ref().filter(|p| p.xyz.len() >= FEW_POINTS)
     }
 
     /// Loads the photos of a capture, several at a time; the result does not depend on how many.

@@ -30,14 +30,18 @@ fn turned(r: &Turn, p: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| r[i][0] * p[0] + r[i][1] * p[1] + r[i][2] * p[2])
 }
 
+/// Eight directions.
+const AROUND: [[f64; 2]; 8] =
+    [[1.0, 0.0], [0.7, 0.7], [0.0, 1.0], [-0.7, 0.7], [-1.0, 0.0], [-0.7, -0.7], [0.0, -1.0], [0.7, -0.7]];
+
 /// A figure of 1.8 off the origin, red above and green below, thinner above; without its world's rotation.
 fn figure(r: &Turn) -> Gaussians {
     let mut g = Gaussians { sh_degree: 0, ..Gaussians::default() };
     for i in 0..1200 {
         let height = (i / 8) as f64 / 149.0;
-        let angle = (i % 8) as f64 * std::f64::consts::TAU / 8.0;
+        let [x, y] = AROUND[i % 8];
         let width = 0.3 - 0.15 * height;
-        let p = [2.0 + width * angle.cos(), -1.0 + width * angle.sin(), 0.5 + 1.8 * height];
+        let p = [2.0 + width * x, -1.0 + width * y, 0.5 + 1.8 * height];
         g.means.push(turned(r, p).map(|x| x as f32));
         g.quats.push([1.0, 0.0, 0.0, 0.0]);
         g.scales_log.push([-3.2; 3]);

@@ -332,7 +332,8 @@ fn pruning_keeps_the_best_and_an_empty_scene_names_what_pruned_it() {
     g.scales_log[5] = [1.0; 3];
     let settings = density::Settings { keep_at_least: 3, ..density::Settings::INRIA };
     let refine = |settings: &density::Settings, iteration, g: &mut Gaussians| {
-        density::refine(settings, iteration, 1.0, 1, g, &mut warmed(&g.clone()), &mut Stats::new(6))
+        let mut groups = warmed(g);
+        density::refine(settings, iteration, 1.0, 1, g, &mut groups, &mut Stats::new(6))
     };
     let report = refine(&settings, 6000, &mut g.clone()).unwrap();
     assert_eq!((report.parents, report.spared), (vec![1, 2, 5], 3), "by opacity, ties by row");

@@ -123,7 +123,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         settings.max_gaussians = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
     }
     let is_random = match start {
-        Start::Auto { .. } => views.points.as_ref().is_none_or(|p| p.xyz.len() < seeds::FEW),
+        Start::Auto { .. } => views.starting_points().is_none(),
         Start::Random { .. } => bounds.is_none(),
         Start::File(_) => false,
     };

@@ -15,7 +15,6 @@ mod settings;
 pub use settings::{MAX_GAUSSIANS, Settings, Strategy};
 
 use super::drawing::Workspace;
-use super::seeds;
 use super::training::{Fit, Step, Watch};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
@@ -330,8 +329,10 @@ impl Fit for SplatFit<'_> {
 /// belongs to captures with points. Without points the first Gaussians fill the scene box, which can be much larger than
 /// the extent of few cameras, and so can what is in it; then the limit is a tenth of half the box, where that is more.
 fn size_factor(views: &Views) -> f64 {
-    let has_points = views.points.as_ref().is_some_and(|p| p.xyz.len() >= seeds::FEW);
-    if has_points { 1.0 } else { order::max(views.scene_box.half_size / views.extent, 1.0) }
+    if views.starting_points().is_some() {
+        return 1.0;
+    }
+    order::max(views.scene_box.half_size / views.extent, 1.0)
 }
 
 fn integers(a: &Array) -> Option<Vec<i64>> {
