@@ -1,7 +1,7 @@
-//! Rendering a described scene: Gaussians, cameras, passes, on disk as a capture.
+//! Rendering of a scene file: Gaussians, cameras, passes, on disk as a capture.
 //!
-//! A folder of renders is itself a capture: its `transforms.json` names the pictures and their cameras, so it can be
-//! fitted again, or opened by any program that reads the nerfstudio layout.
+//! A folder of renders is itself a capture: its `transforms.json` lists the images and their cameras, so it
+//! can be fitted again, or opened by any program that reads the nerfstudio layout.
 
 use super::frames;
 use super::passes::read_json;
@@ -35,10 +35,10 @@ impl<'a> Scene<'a> {
         Self { stored, scales, opacities, settings, background }
     }
 
-    /// The picture from one camera.
+    /// Renders the image of one camera.
     ///
     /// # Errors
-    /// When the camera is not valid, or a pixel is not finite because a parameter is out of every sensible range.
+    /// When the camera is not valid, or a pixel is not finite because a parameter is far out of range.
     pub fn render(&self, camera: &Camera) -> Result<Out> {
         let x = In {
             means: &self.stored.means,
@@ -59,12 +59,12 @@ impl<'a> Scene<'a> {
         } else {
             Err(Error::input("render")
                 .expected("finite pixels")
-                .got("one that is not: a parameter of the scene overflows"))
+                .got("a pixel that is not: a parameter of the scene overflows"))
         }
     }
 }
 
-/// Which pictures are written for each camera.
+/// Which images are written for each camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passes {
     /// `color/NAME.png`, sRGB-encoded, 8 bits
@@ -78,7 +78,7 @@ pub struct Passes {
 }
 
 impl Passes {
-    /// From names between commas: `color`, `linear`, `depth`, `alpha`.
+    /// Parses comma-separated names: `color`, `linear`, `depth`, `alpha`.
     ///
     /// # Errors
     /// When a name is none of these.
@@ -92,7 +92,7 @@ impl Passes {
                 "alpha" => passes.alpha = true,
                 other => {
                     return Err(Error::input("--passes")
-                        .expected("color, linear, depth or alpha, between commas")
+                        .expected("a comma-separated list of color, linear, depth, alpha")
                         .got(other));
                 }
             }
@@ -101,16 +101,16 @@ impl Passes {
     }
 }
 
-/// A camera with the name its files get.
+/// A camera with the name of its files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
     /// without extension and folders
     pub name: String,
-    /// from where
+    /// the camera
     pub camera: Camera,
 }
 
-/// Renders every shot into `dir` and writes `transforms.json`; gives the files written, relative to `dir`.
+/// Renders every shot into `dir` and writes `transforms.json`; returns the files written, relative to `dir`.
 ///
 /// # Errors
 /// When a file cannot be written, two shots share a name, or a render is not finite.
@@ -127,7 +127,7 @@ pub fn to_folder(
         return Err(Error::input("cameras")
             .at(format!("name '{}'", twice[0]))
             .expected("different names")
-            .got("two cameras of one name"));
+            .got("two cameras with the same name"));
     }
     let mut files = Vec::new();
     for (done, shot) in shots.iter().enumerate() {
@@ -188,11 +188,11 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
     json!({"camera_model": model, "frames": list})
 }
 
-/// The cameras of a capture, as ideal cameras of the sizes of its photographs over `downscale`. Where sizes are declared, the photographs need not
-/// be there.
+/// The cameras of a capture, as ideal cameras with the sizes of its images divided by `downscale`. If sizes
+/// are declared, the images need not exist.
 ///
 /// # Errors
-/// When the layout is bad, or a photograph of a size nobody declared cannot be read.
+/// When the layout is invalid, or an image without a declared size cannot be read.
 pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
     shots_of(path, downscale, &Reading::default())
 }
@@ -202,14 +202,14 @@ pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
 /// # Errors
 /// See [`capture_shots`].
 pub fn shots_of(path: &Path, downscale: usize, reading: &Reading) -> Result<Vec<Shot>> {
-    assert!(downscale > 0, "a picture shrinks by a factor of at least 1");
+    assert!(downscale > 0, "downscale is at least 1");
     let frames = read_cameras(path, reading)?;
     let shot = |frame: &Frame| {
         let [width, height] = match frame.size {
             Some(size) => size,
             None => {
-                let picture = image_file::read(&frame.image)?;
-                [picture.width, picture.height]
+                let image = image_file::read(&frame.image)?;
+                [image.width, image.height]
             }
         };
         let k = frame.intrinsics(width, height)?.map(|x| (x / downscale as f64) as f32);
@@ -258,8 +258,8 @@ fn linear_from_srgb(x: f32) -> f32 {
     (if x <= 0.04045 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) }) as f32
 }
 
-/// Bytes that rendering one picture of this size may take, for estimates.
-pub fn picture_bytes(width: usize, height: usize) -> u64 {
+/// Estimated number of bytes needed to render one image of this size.
+pub fn image_bytes(width: usize, height: usize) -> u64 {
     // image, alpha, depth, final transmittance, last index, and as much again for their cotangents
     (width * height) as u64 * 4 * (3 + 1 + 1 + 2) * 2
 }
