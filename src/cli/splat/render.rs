@@ -59,7 +59,13 @@ pub(crate) struct Args {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
     center: Option<String>,
     /// Up direction of an orbit: auto, x, y, z, -x, -y or -z; auto: as in the images of the fit, else z
-    #[arg(long, value_name = "AXIS", default_value = "auto", allow_hyphen_values = true, help_heading = "Orbit")]
+    #[arg(
+        long,
+        value_name = "AXIS",
+        default_value = "auto",
+        allow_hyphen_values = true,
+        help_heading = "Orbit"
+    )]
     up: String,
     #[command(flatten)]
     render: RenderArgs,

@@ -76,8 +76,11 @@ pub struct Pivot {
 impl Pivot {
     /// A middle and an axis; the front is −y if z is up, else ±z.
     pub fn upright(center: [f64; 3], up: [f64; 3]) -> Self {
-        let toward =
-            if up[2].abs() > 0.9 { [0.0, -1.0, 0.0] } else { [0.0, 0.0, if up[1] < 0.0 { -1.0 } else { 1.0 }] };
+        let toward = if up[2].abs() > 0.9 {
+            [0.0, -1.0, 0.0]
+        } else {
+            [0.0, 0.0, if up[1] < 0.0 { -1.0 } else { 1.0 }]
+        };
         let front = horizontal(toward, up).unwrap_or([1.0, 0.0, 0.0]);
         Self { center, up, front, reach: None }
     }
@@ -136,7 +139,10 @@ impl Pivot {
         let mut center = first.center;
         for axis in axes {
             let along = |q: f64| {
-                quantile(content.iter().map(|m| (dot(minus(m.at, first.center), axis), m.weight)).collect(), q)
+                quantile(
+                    content.iter().map(|m| (dot(minus(m.at, first.center), axis), m.weight)).collect(),
+                    q,
+                )
             };
             let shift = 0.5 * (along(1.0 - SHOWN) + along(SHOWN));
             for k in 0..3 {
@@ -215,7 +221,8 @@ pub struct Orbit {
 impl Orbit {
     /// Half of the narrower field of view.
     fn half_narrow(&self) -> f64 {
-        let tall = 2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64);
+        let tall =
+            2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64);
         order::min(self.fov_x_rad, tall) * 0.5
     }
 
@@ -397,8 +404,9 @@ mod tests {
 
     #[test]
     fn a_background_does_not_move_the_cameras_away() {
-        let object: Vec<[f32; 3]> =
-            (0..1000).map(|i| [(i % 10) as f32 * 0.1, (i / 10 % 10) as f32 * 0.1, (i / 100) as f32 * 0.2]).collect();
+        let object: Vec<[f32; 3]> = (0..1000)
+            .map(|i| [(i % 10) as f32 * 0.1, (i / 10 % 10) as f32 * 0.1, (i / 100) as f32 * 0.2])
+            .collect();
         let wall = (0..200).map(|i| [i as f32 - 100.0, 60.0, 40.0]);
         let orbit = Orbit { radius: None, ..ORBIT };
         let near = |scene: Vec<[f32; 3]>, cameras: &[Camera]| {
