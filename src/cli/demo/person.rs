@@ -112,9 +112,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let seen = Section {
         id: "turntable",
         title: "From the front half",
-        lead: "One moment from eight directions within 35 degrees of the front, larger than in the video. The fit has seen the person from \
-               the front alone; its sides and its back are assumptions, and are not shown here."
-            .into(),
+        lead: "One moment from eight directions, larger than in the video. The fit has seen the front alone; sides and back are assumptions.".into(),
         body: turntable.html("the person from eight directions in front")?,
     };
     sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
