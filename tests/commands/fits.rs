@@ -21,7 +21,7 @@ fn eight_from_an_arc() -> tempfile::TempDir {
     let work = workplace();
     std::fs::remove_dir_all(work.path().join("capture")).expect("there");
     let args =
-        ["splat", "render", "ball.ply", "--cameras", "orbit:90", "--size", "48x40", "--out", "capture"];
+        ["splat", "render", "ball.ply", "--cameras", "orbit:90", "--center", "0,0,0", "--size", "48x40", "--out", "capture"];
     assert_eq!(code(&lastlight(&args, work.path())), 0, "rendered");
     keep_first(work.path(), 8);
     work

@@ -120,14 +120,15 @@ impl Orbit {
         std::array::from_fn(|k| ce * (side[k] * s + pivot.front[k] * c) + se * pivot.up[k])
     }
 
-    /// Distance from which the scene without its background fills the image from all sides, and of what has been filmed not farther
-    /// than where the cameras would have been with this lens.
+    /// Distance from which the scene without its background fills the image from all sides, and of what has been
+    /// filmed not farther than where this lens shows the width and the height that the cameras saw.
     fn fitting(&self, scene: &Gaussians, pivot: &Pivot) -> f64 {
         let all = measured(scene);
         let content =
             if pivot.reach.is_some() { all.iter().collect() } else { without_background(&all, pivot.center) };
-        let half = [1.0, self.size[1] as f64 / self.size[0] as f64]
-            .map(|share| FILLED * share * libm::tan(self.fov_x_rad * 0.5));
+        let slope = [1.0, self.size[1] as f64 / self.size[0] as f64]
+            .map(|share| share * libm::tan(self.fov_x_rad * 0.5));
+        let half = slope.map(|x| FILLED * x);
         let mut needed = Vec::with_capacity(content.len() * DIRECTIONS);
         for i in 0..DIRECTIONS {
             let out = self.direction(pivot, i, DIRECTIONS);
@@ -140,7 +141,8 @@ impl Orbit {
             }
         }
         let fits = order::max(quantile(needed, SHOWN), 1e-3);
-        pivot.reach.map_or(fits, |reach| order::min(fits, reach / libm::sin(self.half_narrow())))
+        let filmed = |[w, h]: [f64; 2]| order::max(w / slope[0], h / slope[1]);
+        pivot.reach.map_or(fits, |reach| order::min(fits, filmed(reach)))
     }
 }
 

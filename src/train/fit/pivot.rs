@@ -64,8 +64,9 @@ pub struct Pivot {
     pub up: [f64; 3],
     /// Where the first camera is, seen from the middle; a unit vector at right angles to the axis.
     pub front: [f64; 3],
-    /// Radius of the ball around the middle that the cameras see; `None` without cameras.
-    pub reach: Option<f64>,
+    /// Half of the width and of the height that the cameras see at the distance of the middle, on average; `None`
+    /// without cameras.
+    pub reach: Option<[f64; 2]>,
 }
 
 impl Pivot {
@@ -99,19 +100,17 @@ impl Pivot {
             }
         };
         let n = cameras.len() as f64;
-        let (mut mean, mut far, mut reach) = ([0.0; 3], 0.0, 0.0);
+        let (mut mean, mut far, mut reach) = ([0.0; 3], 0.0, [0.0; 2]);
         for (camera, eye) in cameras.iter().zip(&eyes) {
             let from = minus(*eye, center);
             let length = dot(from, from).sqrt();
-            let half = (0..2).fold(f64::INFINITY, |least, k| {
-                let side = [camera.width, camera.height][k] as f64;
-                order::min(least, libm::atan(0.5 * side / f64::from(camera.focal_px[k])))
-            });
             for k in 0..3 {
                 mean[k] += from[k] / n;
             }
             far += length / n;
-            reach += length * libm::sin(half) / n;
+            for (k, side) in [camera.width, camera.height].into_iter().enumerate() {
+                reach[k] += length * 0.5 * side as f64 / f64::from(camera.focal_px[k]) / n;
+            }
         }
         // Cameras all around have no side: the first one is the front.
         let is_sided = dot(mean, mean) > 0.01 * far * far;
