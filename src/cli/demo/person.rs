@@ -27,8 +27,8 @@ use std::path::Path;
 
 /// Default number of iterations of the fit.
 pub(super) const ITERATIONS: usize = 400;
-/// Which of all persons: none of those the model has learned from.
-const SUBJECT: u64 = 1000;
+/// Which of all persons: none of those the model has learned from. This one's clothes have no pattern finer than the video's pixels.
+const SUBJECT: u64 = 1005;
 /// Samples per pixel of the video.
 const SAMPLES: u32 = 8;
 /// Frames of the video in the report.
