@@ -20,7 +20,7 @@ pub(crate) struct Args {
     /// One part alone: last, the person, or splat, the scene
     #[arg(long, value_name = "PART", value_parser = ["last", "splat"])]
     pub(super) only: Option<String>,
-    /// Iterations of a fit [default: 400 for the person, 1300 for the scene]
+    /// Iterations of a fit [default: 400 for the person, 1200 for the scene]
     #[arg(long, value_name = "N")]
     pub(super) iterations: Option<usize>,
     /// Side of the person's images in pixels
