@@ -144,6 +144,10 @@ impl Watch for Recorder<'_> {
         self.meter.progress(done, total, step);
     }
 
+    fn is_checkpoint_due(&mut self) -> bool {
+        self.meter.is_checkpoint_due()
+    }
+
     fn state(&mut self, done: usize, total: usize, fit: &dyn Fit) -> Result<()> {
         if self.at(done, total, fit)? {
             self.meter.lap("snapshots");
