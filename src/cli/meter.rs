@@ -74,6 +74,15 @@ impl Meter {
         }
     }
 
+    /// A stopwatch whose last checkpoint is so long ago that the next one is due.
+    #[cfg(test)]
+    pub(crate) fn with_checkpoint_due() -> Self {
+        let mut meter = Self::new();
+        let ago = Instant::now().checked_sub(Duration::from_secs(CHECKPOINT_SECONDS));
+        meter.last_checkpoint = ago.expect("the clock runs for longer than that");
+        meter
+    }
+
     /// A stopwatch for one part of the work, with a clock of its own; [`Self::add`] takes it back.
     pub(crate) fn part() -> Self {
         Self::new()
