@@ -4,7 +4,7 @@ use super::camera::{Camera, Model};
 use super::lens;
 use crate::io::capture::{Capture, Frame, Lens, Split, read_capture};
 use crate::io::gaussian_ply::Points;
-use crate::io::image_file::{self, Encoding, Picture};
+use crate::io::image_file::{self, Encoding, Orientation, Picture};
 use crate::num::{order, par};
 use crate::{Error, Result};
 use std::path::Path;
@@ -73,6 +73,10 @@ pub struct Views {
     pub scene_box: SceneBox,
     /// Points of a reconstruction, if the capture has them.
     pub points: Option<Points>,
+    /// Names of photos whose pixels were turned by their EXIF orientation, because the capture declares the size of the upright image.
+    pub turned: Vec<String>,
+    /// Names of photos with an EXIF orientation that was ignored, because the size that the capture declares, if any, is that of the stored pixels.
+    pub not_turned: Vec<String>,
     /// Names of listed photos that are missing.
     pub missing: Vec<String>,
     /// Other listed files that are missing.
@@ -92,6 +96,9 @@ impl Views {
     ///
     /// Where the layout itself names training and test images, that split holds and validation images are left
     /// out; otherwise every eighth view is held out.
+    ///
+    /// Cameras refer to the pixels as they are stored, as COLMAP does: the EXIF orientation of a photo is ignored. It is applied only where
+    /// the declared size fits the upright image and not the stored one, as in captures of programs that turn photos when they read them.
     ///
     /// # Errors
     /// When a photo or a mask is bad, or its size does not fit its lens.
@@ -129,9 +136,14 @@ impl Views {
             // A single photo is used for training and for evaluation.
             train = test.clone();
         }
-        let views = par::map(frames.len(), |i| load(frames[i], options))
+        let loaded = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
-            .collect::<Result<Vec<View>>>()?;
+            .collect::<Result<Vec<(View, Turn)>>>()?;
+        let names = |turn: Turn| {
+            loaded.iter().filter(|(_, t)| *t == turn).map(|(view, _)| view.name.clone()).collect()
+        };
+        let (turned, not_turned) = (names(Turn::Applied), names(Turn::Ignored));
+        let views: Vec<View> = loaded.into_iter().map(|(view, _)| view).collect();
         let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
         let (extent, scene_box) = place(&poses);
         Ok(Self {
@@ -141,6 +153,8 @@ impl Views {
             extent,
             scene_box,
             points: capture.points.clone(),
+            turned,
+            not_turned,
             missing: capture.missing.iter().map(|frame| frame.name.clone()).collect(),
             missing_files: capture.missing_files.clone(),
         })
@@ -208,18 +222,44 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     (extent, SceneBox { center, half_size })
 }
 
-fn load(frame: &Frame, options: &Options) -> Result<View> {
+/// What became of the EXIF orientation of a photo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Turn {
+    /// There is none.
+    None,
+    /// The pixels were turned.
+    Applied,
+    /// The pixels are as stored.
+    Ignored,
+}
+
+/// Turns a photo upright if only then it has the declared size.
+fn turn(frame: &Frame, picture: Picture) -> (Picture, Turn) {
+    if picture.orientation == Orientation::STORED {
+        return (picture, Turn::None);
+    }
+    let (w, h) = (picture.width, picture.height);
+    if picture.orientation.swaps_sides() && !frame.fits(w, h) && frame.fits(h, w) {
+        return (picture.upright(), Turn::Applied);
+    }
+    (picture, Turn::Ignored)
+}
+
+fn load(frame: &Frame, options: &Options) -> Result<(View, Turn)> {
     let name = frame.image.display().to_string();
-    let picture = image_file::read(&frame.image)?;
+    let stored = image_file::read(&frame.image)?;
+    let orientation = stored.orientation;
+    let (picture, turn) = turn(frame, stored);
     if picture.encoding != Encoding::Srgb {
         return Err(Error::input(name)
             .at("encoding")
-            .expected("an sRGB-encoded photo (PNG or JPEG)")
+            .expected("an sRGB-encoded photo (PNG, JPEG, WebP, TIFF or BMP)")
             .got("linear values"));
     }
     let (full_w, full_h) = (picture.width, picture.height);
     let k = frame.intrinsics(full_w, full_h)?;
-    let mask = frame.mask.as_ref().map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let by = if turn == Turn::Applied { orientation } else { Orientation::STORED };
+    let mask = frame.mask.as_ref().map(|path| load_mask(path, [full_w, full_h], by)).transpose()?;
     let s = options.downscale;
     let (width, height) = (full_w / s, full_h / s);
     if width == 0 || height == 0 {
@@ -258,12 +298,16 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     };
     camera.validate().map_err(|e| e.within(name))?;
     let rgb = image_file::to_u8(&rgb)?;
-    Ok(View { name: frame.name.clone(), camera, rgb, mask })
+    Ok((View { name: frame.name.clone(), camera, rgb, mask }, turn))
 }
 
-/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half.
-fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
-    let m = image_file::read(path)?;
+/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask with the size of the stored photo is
+/// turned as the photo is.
+fn load_mask(path: &Path, [width, height]: [usize; 2], turn: Orientation) -> Result<Vec<u8>> {
+    let mut m = image_file::read(path)?;
+    if turn.swaps_sides() && (m.width, m.height) == (height, width) && width != height {
+        m = m.turned(turn);
+    }
     if (m.width, m.height) != (width, height) {
         return Err(Error::input(path.display().to_string())
             .at("mask size")
