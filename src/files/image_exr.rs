@@ -81,7 +81,14 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
         }
     }
     let channels = list.into_iter().map(|(n, _)| n).collect();
-    Ok(Picture { width, height, channels, encoding: Encoding::Linear, samples: Samples::F32(samples), orientation: Orientation::STORED })
+    Ok(Picture {
+        width,
+        height,
+        channels,
+        encoding: Encoding::Linear,
+        samples: Samples::F32(samples),
+        orientation: Orientation::STORED,
+    })
 }
 
 pub(super) fn to_bytes(width: usize, height: usize, channels: &[&str], data: &[f32]) -> Result<Vec<u8>> {

@@ -125,6 +125,36 @@ enum Values {
     Wide(Vec<f64>),
 }
 
+impl Values {
+    fn of(kind: Type, capacity: usize) -> Self {
+        match kind {
+            Type::I32 | Type::U32 | Type::F64 => Self::Wide(Vec::with_capacity(capacity)),
+            _ => Self::Narrow(Vec::with_capacity(capacity)),
+        }
+    }
+
+    fn len(&self) -> usize {
+        match self {
+            Self::Narrow(v) => v.len(),
+            Self::Wide(v) => v.len(),
+        }
+    }
+
+    fn get(&self, i: usize) -> f64 {
+        match self {
+            Self::Narrow(v) => f64::from(v[i]),
+            Self::Wide(v) => v[i],
+        }
+    }
+
+    fn push(&mut self, x: f64) {
+        match self {
+            Self::Narrow(v) => v.push(x as f32),
+            Self::Wide(v) => v.push(x),
+        }
+    }
+}
+
 /// One scalar property of all rows of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
@@ -138,10 +168,7 @@ pub struct Column {
 impl Column {
     /// Row `i`, exact.
     pub fn f64(&self, i: usize) -> f64 {
-        match &self.values {
-            Values::Narrow(v) => f64::from(v[i]),
-            Values::Wide(v) => v[i],
-        }
+        self.values.get(i)
     }
 
     /// Row `i`, rounded to single precision.
@@ -149,13 +176,6 @@ impl Column {
         match &self.values {
             Values::Narrow(v) => v[i],
             Values::Wide(v) => v[i] as f32,
-        }
-    }
-
-    fn push(&mut self, x: f64) {
-        match &mut self.values {
-            Values::Narrow(v) => v.push(x as f32),
-            Values::Wide(v) => v.push(x),
         }
     }
 }
@@ -169,12 +189,42 @@ pub struct Element {
     pub rows: usize,
     /// Its scalar properties, in the order of the file.
     pub columns: Vec<Column>,
+    /// Its list properties, in the order of the file; empty unless read by [`parse_with_lists`].
+    pub lists: Vec<List>,
+}
+
+/// One list property of all rows of an element.
+#[derive(Clone, Debug, PartialEq)]
+pub struct List {
+    /// Name of the property.
+    pub name: String,
+    /// Where each row's values end.
+    ends: Vec<usize>,
+    values: Values,
+}
+
+impl List {
+    /// The values of row `i`, exact.
+    pub fn row(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
+        let from = if i == 0 { 0 } else { self.ends[i - 1] };
+        (from..self.ends[i]).map(|k| self.values.get(k))
+    }
+
+    /// Ends the current row.
+    fn end_row(&mut self) {
+        self.ends.push(self.values.len());
+    }
 }
 
 impl Element {
     /// The property of that name.
     pub fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|c| c.name == name)
+    }
+
+    /// The list property of that name.
+    pub fn list(&self, name: &str) -> Option<&List> {
+        self.lists.iter().find(|l| l.name == name)
     }
 }
 
@@ -219,10 +269,23 @@ pub fn read(path: &Path) -> Result<Ply> {
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Ply> {
+    parse_keeping(bytes, name, false)
+}
+
+/// Like [`parse`], and keeps list properties.
+///
+/// # Errors
+/// See [`read`].
+pub fn parse_with_lists(bytes: &[u8], name: &str) -> Result<Ply> {
+    parse_keeping(bytes, name, true)
+}
+
+fn parse_keeping(bytes: &[u8], name: &str, keep_lists: bool) -> Result<Ply> {
     let (mut ply, mut declared, body_at, lines) = header(bytes, name)?;
     let body = &bytes[body_at..];
-    for d in &declared {
+    for d in &mut declared {
         check_size(d, ply.format, body.len(), name)?;
+        start(d, keep_lists);
     }
     match ply.format {
         Format::Ascii => ascii(&mut declared, body, lines, name)?,
@@ -283,7 +346,8 @@ fn header(bytes: &[u8], name: &str) -> Result<(Ply, Vec<Declared>, usize, usize)
                 if declared.iter().any(|d| d.element.name == *element) {
                     return Err(fail("every element once", element));
                 }
-                let element = Element { name: (*element).to_owned(), rows, columns: Vec::new() };
+                let element =
+                    Element { name: (*element).to_owned(), rows, columns: Vec::new(), lists: Vec::new() };
                 declared.push(Declared { element, properties: Vec::new() });
             }
             ["property", rest @ ..] => {
@@ -338,15 +402,22 @@ fn check_size(d: &Declared, format: Format, left: usize, name: &str) -> Result<(
     Ok(())
 }
 
-fn start(d: &mut Declared) {
+/// Makes room for the values of an element.
+fn start(d: &mut Declared, keep_lists: bool) {
     let rows = d.element.rows;
     for (name, p) in &d.properties {
-        let Property::Scalar(kind) = *p else { continue };
-        let values = match kind {
-            Type::I32 | Type::U32 | Type::F64 => Values::Wide(Vec::with_capacity(rows)),
-            _ => Values::Narrow(Vec::with_capacity(rows)),
-        };
-        d.element.columns.push(Column { name: name.clone(), kind, values });
+        let name = name.clone();
+        match *p {
+            Property::Scalar(kind) => {
+                let values = Values::of(kind, rows);
+                d.element.columns.push(Column { name, kind, values });
+            }
+            Property::List { item, .. } if keep_lists => {
+                let (ends, values) = (Vec::with_capacity(rows), Values::of(item, 0));
+                d.element.lists.push(List { name, ends, values });
+            }
+            Property::List { .. } => {}
+        }
     }
 }
 
@@ -354,23 +425,28 @@ fn binary(declared: &mut [Declared], bytes: &[u8], body_at: usize, big: bool, na
     let mut c = Cursor::new(bytes, name);
     c.take(body_at, format_args!("header"))?;
     for d in declared {
-        start(d);
         let element = d.element.name.clone();
         for row in 0..d.element.rows {
-            let mut columns = d.element.columns.iter_mut();
+            let (mut columns, mut lists) = (d.element.columns.iter_mut(), d.element.lists.iter_mut());
             for (property, kind) in &d.properties {
                 let place = format_args!("element {element}, row {row}, property {property}");
                 match *kind {
                     Property::Scalar(t) => {
                         let x = t.decode(c.take(t.size(), place)?, big);
-                        columns.next().expect("one column for every scalar property").push(x);
+                        columns.next().expect("one column for every scalar property").values.push(x);
                     }
                     Property::List { count, item } => {
                         let n = count.decode(c.take(count.size(), place)?, big);
                         if n < 0.0 {
                             return Err(c.error(place).expected("a length").got(n.to_string()));
                         }
-                        c.take((n as usize).saturating_mul(item.size()), place)?;
+                        let values = c.take((n as usize).saturating_mul(item.size()), place)?;
+                        if let Some(list) = lists.next() {
+                            for value in values.chunks_exact(item.size()) {
+                                list.values.push(item.decode(value, big));
+                            }
+                            list.end_row();
+                        }
                     }
                 }
             }
@@ -383,7 +459,6 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
     let mut line_number = header_lines;
     let mut lines = body.split(|&b| b == b'\n');
     for d in declared {
-        start(d);
         let element = d.element.name.clone();
         for row in 0..d.element.rows {
             line_number += 1;
@@ -398,7 +473,7 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                 return Err(fail("", "text", "bytes that are not UTF-8"));
             };
             let mut words = line.split_ascii_whitespace();
-            let mut columns = d.element.columns.iter_mut();
+            let (mut columns, mut lists) = (d.element.columns.iter_mut(), d.element.lists.iter_mut());
             for (property, kind) in &d.properties {
                 let at = format!(", property {property}");
                 let mut number = |t: Type| {
@@ -408,7 +483,7 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                 match *kind {
                     Property::Scalar(t) => {
                         let x = number(t)?;
-                        columns.next().expect("one column for every scalar property").push(x);
+                        columns.next().expect("one column for every scalar property").values.push(x);
                     }
                     Property::List { count, item } => {
                         let n = number(count)?;
@@ -416,8 +491,15 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                             return Err(fail(&at, "a length", &n.to_string()));
                         }
                         // At most the number of words in the line.
+                        let mut list = lists.next();
                         for _ in 0..n as u64 {
-                            number(item)?;
+                            let x = number(item)?;
+                            if let Some(list) = &mut list {
+                                list.values.push(x);
+                            }
+                        }
+                        if let Some(list) = list {
+                            list.end_row();
                         }
                     }
                 }
