@@ -39,6 +39,7 @@ pub mod npz;
 pub mod paths;
 pub mod person;
 pub mod ply;
+mod ply_data;
 mod read;
 pub mod safetensors;
 pub mod splat_file;
