@@ -14,6 +14,7 @@
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
+//! snapshots renders and PSNR during a training, for its report
 //! ```
 //!
 //! Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted. Errors are one line on stderr;
@@ -38,6 +39,7 @@ mod options;
 pub mod oracle;
 mod report;
 mod shared;
+mod snapshots;
 mod splat;
 mod topics;
 mod training;
@@ -172,7 +174,12 @@ pub fn main() -> ExitCode {
                 Kind::Interrupted => "interrupted",
                 _ => "input",
             };
-            console::error(console::Output { quiet, verbose, json, color }, kind, &e.to_string(), e.exit_code());
+            console::error(
+                console::Output { quiet, verbose, json, color },
+                kind,
+                &e.to_string(),
+                e.exit_code(),
+            );
             ExitCode::from(e.exit_code())
         }
     }

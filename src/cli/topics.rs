@@ -22,7 +22,7 @@ A capture is a folder with images and their camera poses. It contains one of the
   transforms.json                                instant-ngp, nerfstudio
   sparse/0 or sparse, and images next to it      COLMAP, binary or text
 
-The transforms.json itself can be given too. Images are PNG, JPEG, WebP, TIFF or BMP. Lens distortion (OpenCV radial-tangential and fisheye) is removed on load. Images that are listed and missing are left out with a note; --strict refuses such a capture.
+The transforms.json itself can be given too. Images are PNG, JPEG, WebP, TIFF or BMP; their EXIF orientation is ignored, as in COLMAP, unless the declared size fits only the upright image. Lens distortion (OpenCV radial-tangential and fisheye) is removed on load. Images that are listed and missing are left out with a note; --strict refuses such a capture.
 
 A folder of photos without poses is not a capture. COLMAP (version 3.9 or later) computes poses:
 

@@ -11,7 +11,7 @@ use super::gaussian_ply::to_byte;
 use super::image_data::check_size;
 pub use super::image_data::{Encoding, MAX_SIDE, Orientation, Picture, Samples};
 use super::image_format::ImageFormat;
-use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, name_of, read_bytes};
+use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, memory, name_of, read_bytes};
 use crate::num::order;
 use crate::{Error, Result};
 use image::codecs::bmp::BmpDecoder;
@@ -130,7 +130,8 @@ fn decode(mut d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &s
     let color = d.color_type();
     // Metadata that cannot be read says nothing about the pixels.
     let orientation = d.orientation().map_or(Orientation::STORED, |o| Orientation::of_exif(o.to_exif()));
-    let mut raw = vec![0; (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel())];
+    let mut raw =
+        memory::filled(name, (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel()), 0)?;
     d.read_image(&mut raw).map_err(|e| undecodable("image data", name, &e))?;
     // `image` returns native-endian words.
     let words = || raw.chunks_exact(2).map(|c| u16::from_ne_bytes([c[0], c[1]])).collect();

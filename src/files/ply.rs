@@ -6,7 +6,7 @@
 use super::bytes::Cursor;
 use super::ply_data::Values;
 pub use super::ply_data::{Column, Element, Format, List, Ply, Type};
-use super::{MAX_FILE_BYTES, name_of, read_bytes};
+use super::{MAX_FILE_BYTES, memory, name_of, read_bytes};
 use crate::num::order;
 use crate::{Error, Result};
 use std::path::Path;
@@ -51,10 +51,17 @@ pub fn parse_with_lists(bytes: &[u8], name: &str) -> Result<Ply> {
 fn parse_keeping(bytes: &[u8], name: &str, keep_lists: bool) -> Result<Ply> {
     let (mut ply, mut declared, body_at, lines) = header(bytes, name)?;
     let body = &bytes[body_at..];
-    for d in &mut declared {
+    for d in &declared {
         check_size(d, ply.format, body.len(), name)?;
-        start(d, keep_lists);
     }
+    // A value is held in four or eight bytes.
+    let values = declared
+        .iter()
+        .fold(0_u64, |n, d| n.saturating_add(d.element.rows as u64 * d.properties.len() as u64));
+    // Items of lists have at least one byte in the file.
+    let items = if keep_lists { body.len() as u64 } else { 0 };
+    memory::check(name, values.saturating_add(items).saturating_mul(8))?;
+    declared.iter_mut().for_each(|d| start(d, keep_lists));
     match ply.format {
         Format::Ascii => ascii(&mut declared, body, lines, name)?,
         f => binary(&mut declared, bytes, body_at, f == Format::BigEndian, name)?,

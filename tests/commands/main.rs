@@ -17,6 +17,8 @@ mod person;
 mod program;
 #[path = "../common/python.rs"]
 mod python;
+mod readme;
+mod report;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod streams;
