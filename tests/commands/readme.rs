@@ -148,7 +148,10 @@ const MARKED: [(&str, &str); 20] = [
     ("cargo test --release --workspace", "runs this test"),
     ("cargo build --release", "builds this program"),
     ("export PATH=\"$PWD/target/release:$PATH\"", "a setting of the shell"),
-    ("lastlight gradcheck --exec 'python3 mine.py' --in case.npz", "needs Python with NumPy; `oracle.rs` runs a shell script"),
+    (
+        "lastlight gradcheck --exec 'python3 mine.py' --in case.npz",
+        "needs Python with NumPy; `oracle.rs` runs a shell script",
+    ),
     ("lastlight gradcheck --all", "minutes; `tests/operators/gradients.rs` checks all operators"),
     ("cargo doc --no-deps --open", "opens a browser; `.ci/run` builds the documentation"),
     ("cargo run --release --example render_one_gaussian", "an example: compiled with the tests"),
