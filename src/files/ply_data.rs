@@ -194,8 +194,21 @@ pub struct List {
 impl List {
     /// The values of row `i`, exact.
     pub fn row(&self, i: usize) -> impl Iterator<Item = f64> + '_ {
-        let from = if i == 0 { 0 } else { self.ends[i - 1] };
-        (from..self.ends[i]).map(|k| self.values.get(k))
+        (self.from(i)..self.ends[i]).map(|k| self.values.get(k))
+    }
+
+    /// Number of values of row `i`.
+    pub fn row_len(&self, i: usize) -> usize {
+        self.ends[i] - self.from(i)
+    }
+
+    /// Value `k` of row `i`, exact, if the row has it.
+    pub fn get(&self, i: usize, k: usize) -> Option<f64> {
+        (k < self.row_len(i)).then(|| self.values.get(self.from(i) + k))
+    }
+
+    fn from(&self, i: usize) -> usize {
+        if i == 0 { 0 } else { self.ends[i - 1] }
     }
 
     /// Ends the current row.

@@ -139,7 +139,7 @@ impl Views {
         let loaded = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
             .collect::<Result<Vec<(View, Turn)>>>()?;
-        let names = |turn: Turn| {
+        let names = |turn: Turn| -> Vec<String> {
             loaded.iter().filter(|(_, t)| *t == turn).map(|(view, _)| view.name.clone()).collect()
         };
         let (turned, not_turned) = (names(Turn::Applied), names(Turn::Ignored));

@@ -79,7 +79,9 @@ pub fn parse(bytes: &[u8], name: &str, fetch: &dyn Fn(&str) -> Result<Vec<u8>>) 
         out.notes.push("colours of faces are not read".into());
     }
     let corners = triangles(&faces, &mut out, name)?;
-    split_corners(&mut out, &corners);
+    if let Some(uvs) = corner_uvs(&faces, &corners, name)? {
+        split_corners(&mut out, uvs.as_chunks::<3>().0);
+    }
     images(&file, &faces, &corners, name, fetch, &mut out)?;
     Ok(out)
 }
@@ -142,7 +144,7 @@ fn colors(e: &Element, name: &str) -> Result<Vec<[u8; 3]>> {
     for properties in [["red", "green", "blue"], ["diffuse_red", "diffuse_green", "diffuse_blue"]] {
         let Some(values) = rows(e, properties, name)? else { continue };
         let kinds = properties.map(|p| e.column(p).map(|c| c.kind));
-        let byte = match kinds {
+        let byte: fn(f32) -> u8 = match kinds {
             [Some(a), Some(b), Some(c)] if [a, b, c] == [ply::Type::U8; 3] => |x: f32| x as u8,
             [Some(a), Some(b), Some(c)] if [a, b, c].into_iter().all(ply::Type::is_float) => {
                 |x: f32| (crate::num::order::clamp(x, 0.0, 1.0) * 255.0 + 0.5) as u8
@@ -200,37 +202,37 @@ fn triangles(faces: &Faces<'_>, out: &mut PlyMesh, name: &str) -> Result<Vec<[Co
     if small > 0 {
         out.notes.push(format!("{small} faces with fewer than three corners are left out"));
     }
-    if let Some(list) = faces.element.list("texcoord") {
-        let pair = |face: usize, corner: usize| {
-            let mut values = list.row(face).skip(2 * corner);
-            Some([values.next()? as f32, values.next()? as f32])
-        };
-        let mut uvs = Vec::with_capacity(3 * corners.len());
-        for (face, corner) in corners.iter().flatten().map(|&(f, c)| (f as usize, c as usize)) {
-            // A face without coordinates has an empty list.
-            let uv = if list.row(face).next().is_none() { Some([0.0; 2]) } else { pair(face, corner) };
-            let uv = uv.filter(|uv| uv.iter().all(|x| x.is_finite())).ok_or_else(|| {
-                Error::input(name)
-                    .at(format!("element face, row {face}, property texcoord"))
-                    .expected("two finite numbers for every corner")
-                    .got(format!("{} numbers", list.row(face).count()))
-            })?;
-            uvs.push(uv);
-        }
-        out.uvs = uvs;
-    }
     Ok(corners)
 }
 
-/// Gives corners with different texture coordinates vertices of their own. `out.uvs` are those of the corners, if there are any.
-fn split_corners(out: &mut PlyMesh, corners: &[[Corner; 3]]) {
-    if corners.is_empty() || out.uvs.len() != 3 * corners.len() {
-        return;
+/// Texture coordinates of the corners, if faces have their own.
+fn corner_uvs(faces: &Faces<'_>, corners: &[[Corner; 3]], name: &str) -> Result<Option<Vec<[f32; 2]>>> {
+    let Some(list) = faces.element.list("texcoord") else { return Ok(None) };
+    let mut uvs = Vec::with_capacity(3 * corners.len());
+    for &(face, corner) in corners.iter().flatten() {
+        let (face, at) = (face as usize, 2 * corner as usize);
+        let uv = match (list.row_len(face), list.get(face, at), list.get(face, at + 1)) {
+            // A face without coordinates has an empty list.
+            (0, ..) => Some([0.0; 2]),
+            (_, Some(u), Some(v)) => Some([u as f32, v as f32]).filter(|uv| uv.iter().all(|x| x.is_finite())),
+            _ => None,
+        };
+        uvs.push(uv.ok_or_else(|| {
+            Error::input(name)
+                .at(format!("element face, row {face}, property texcoord"))
+                .expected("two finite numbers for every corner")
+                .got(format!("{} numbers", list.row_len(face)))
+        })?);
     }
+    Ok(Some(uvs))
+}
+
+/// Gives corners with different texture coordinates vertices of their own; `uvs` are those of the corners of each triangle.
+fn split_corners(out: &mut PlyMesh, uvs: &[[[f32; 2]; 3]]) {
     let mut known: BTreeMap<(u32, [u32; 2]), u32> = BTreeMap::new();
     let mut source = Vec::new();
-    let uvs = std::mem::take(&mut out.uvs);
-    for (triangle, uv) in out.triangles.iter_mut().zip(uvs.as_chunks::<3>().0) {
+    out.uvs.clear();
+    for (triangle, uv) in out.triangles.iter_mut().zip(uvs) {
         for (index, uv) in triangle.iter_mut().zip(uv) {
             let vertex = *known.entry((*index, uv.map(f32::to_bits))).or_insert_with(|| {
                 source.push(*index as usize);
