@@ -7,6 +7,7 @@ mod images;
 mod io;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
+mod layouts;
 mod missing;
 mod models;
 #[path = "../common/mutate.rs"]

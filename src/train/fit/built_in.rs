@@ -59,6 +59,7 @@ fn capture(scene: &splats::Scene, settings: &Settings) -> Result<Views> {
         points: None,
         turned: Vec::new(),
         not_turned: Vec::new(),
+        masked: 0,
         missing: Vec::new(),
         missing_files: Vec::new(),
     })
