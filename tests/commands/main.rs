@@ -19,6 +19,7 @@ mod person;
 mod program;
 #[path = "../common/python.rs"]
 mod python;
+mod readme;
 mod report;
 #[path = "../samples/mod.rs"]
 mod samples;

@@ -3,6 +3,7 @@
 mod captures;
 #[path = "../common/mod.rs"]
 mod common;
+mod images;
 mod io;
 #[path = "../common/mini_person.rs"]
 mod mini_person;

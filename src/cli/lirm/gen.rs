@@ -40,7 +40,7 @@ pub(crate) struct Args {
     /// Index of the first object
     #[arg(long, value_name = "K", default_value_t = 0)]
     first: u32,
-    /// Models to use instead of the built-in ones: .gltf, .glb or .obj
+    /// Models to use instead of the built-in ones: .gltf, .glb, .obj or .ply
     #[arg(long, value_name = "FILE", num_args = 1..)]
     mesh: Vec<PathBuf>,
     /// Light: uniform (a white dome), environment (a map per object) or both

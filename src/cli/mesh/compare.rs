@@ -16,7 +16,7 @@ use std::path::PathBuf;
 Surfaces are compared where they are: nothing is aligned or scaled. Distances are in the units of the files.
 Chamfer distances between samples do not vanish for equal surfaces; distances to the mesh do.")]
 pub(crate) struct Args {
-    /// Surface A: .gltf, .glb or .obj
+    /// Surface A: .gltf, .glb, .obj or .ply
     #[arg(value_name = "A")]
     a: PathBuf,
     /// Surface B

@@ -22,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// Of an orbit.
 const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 35.0, elevation: 15.0 };
 
-/// Render a glTF or OBJ under an environment map.
+/// Render a glTF, OBJ or PLY mesh under an environment map.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight mesh render helmet.gltf --env studio --out helmet
@@ -34,10 +34,10 @@ const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 35.0, elevation: 
 --out is a capture: images/ (PNG, sRGB-encoded), foreground/ (PNG) and transforms.json; with --passes all also
 radiance/ (EXR, linear), depth/, normal/ (EXR), albedo/ and material/ (PNG). An interrupted run continues with
 --resume, if model, light and cameras are what they were. By default an orbit has
-images of 512x512 pixels, a field of view of 35° and an elevation of 15°. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program. --env axes colours directions by axis: +x red, -x cyan, +y green, -y magenta,
+images of 512x512 pixels, a field of view of 35° and an elevation of 15°. glTF and OBJ are y up, and a PLY is read as if it were; cameras and passes are z up, as everywhere in this program. --env axes colours directions by axis: +x red, -x cyan, +y green, -y magenta,
 +z blue, -z yellow, the negative ones with a dark middle; --env-axes gives the orientation of the environment map's axes.")]
 pub(crate) struct Args {
-    /// Model: .gltf, .glb, .obj; or the folder of the open body
+    /// Model: .gltf, .glb, .obj, .ply; or the folder of the open body
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
