@@ -13,8 +13,7 @@ Examples:
   lastlight gradcheck splat.render --in scene.npz                one operator at your inputs
   lastlight gradcheck --exec 'python3 mine.py' --in mine.npz     your program, called as CMD IN.npz OUT.npz
 
-The program reads its inputs by name and a cotangent y_bar for every output y; it writes y, and x_bar for every input x
-that it differentiates. Exit code 1 if a check fails.")]
+The program reads its inputs by name and a cotangent y_bar for every output y; it writes y, and x_bar for every input x that it differentiates. Exit code 1 if a check fails.")]
 pub struct Args {
     /// Operators, as listed by `oracle list`
     op: Vec<String>,

@@ -12,6 +12,7 @@
 //! console   stdout, interruption, the command line as typed   units     seconds and bytes for people
 //! training  the frame of every command that trains        experiments  the study engine with progress and reports
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
+//! choices   values of options
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
 //! ```
@@ -22,6 +23,7 @@
 // They panic when a stream is closed; `console` has what does not.
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
+mod choices;
 mod claim;
 mod console;
 mod convert;

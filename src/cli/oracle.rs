@@ -29,9 +29,7 @@ enum Command {
     },
     /// Run an operator on arrays; writes OUT.npz, OUT.plan.npz, OUT.digest.json
     #[command(after_help = "\
-IN.npz holds the inputs under the operator's argument names, floats and integers of any width. For every output y for
-which it also holds y_bar (the cotangent, grad_output in PyTorch), OUT.npz holds x_bar for every differentiable input x.
-Arrays named setting_KEY are settings; a setting with named values may be given by its index in the list.
+IN.npz holds the inputs under the operator's argument names, floats and integers of any width. For every output y for which it also holds y_bar (the cotangent, grad_output in PyTorch), OUT.npz holds x_bar for every differentiable input x. Arrays named setting_KEY are settings; a setting with named values may be given by its index in the list.
 
 Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --precision f64 --profile gsplat --dump")]
     Run {

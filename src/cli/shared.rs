@@ -4,7 +4,7 @@ use super::meter::Meter;
 use super::report::Page;
 use crate::fit::render::Orbit;
 use crate::loss::lpips;
-use crate::{Error, Result};
+use crate::{Error, Result, choices};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub(super) struct ForceArgs {
 /// Perceptual metrics.
 #[derive(clap::Args)]
 pub(super) struct MetricArgs {
-    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` describes the file
+    /// Weights of LPIPS (VGG16 and heads; none are shipped, the surrogate RFD is used without). The documentation of `lastlight::loss::lpips` describes the file
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
     /// Feed LPIPS values in 0 … 1 without 2x − 1, as GauHuman and Instant-NVR do
@@ -42,15 +42,19 @@ pub(super) struct MetricArgs {
 }
 
 impl MetricArgs {
-    /// The weights; without a file, prints a note.
+    /// The weights, if a file is given.
     ///
     /// # Errors
     /// When the file is missing or malformed.
-    pub(super) fn load(&self, meter: &Meter) -> Result<Option<lpips::Metric>> {
-        if self.lpips.is_none() {
-            meter.note(lpips::NO_WEIGHTS);
-        }
+    pub(super) fn load(&self) -> Result<Option<lpips::Metric>> {
         self.lpips.as_deref().map(|path| lpips::Metric::load(path, !self.lpips_raw)).transpose()
+    }
+}
+
+/// With scores: notes that a surrogate takes the place of LPIPS where there are no weights.
+pub(super) fn note_missing_weights(metric: Option<&lpips::Metric>, meter: &Meter) {
+    if metric.is_none() {
+        meter.note(lpips::NO_WEIGHTS);
     }
 }
 
@@ -84,25 +88,25 @@ impl Outcome {
 /// A circle of cameras. Defaults depend on the command and are listed in its help.
 #[derive(clap::Args)]
 pub(super) struct OrbitArgs {
-    /// Image size of an orbit
-    #[arg(long, value_name = "WxH", help_heading = "Orbit")]
-    size: Option<String>,
+    /// Image size of an orbit: S for squares, or WxH
+    #[arg(long, value_name = "S|WxH", value_parser = choices::size)]
+    size: Option<[usize; 2]>,
     /// Horizontal field of view of an orbit in degrees
-    #[arg(long, value_name = "DEG", help_heading = "Orbit")]
+    #[arg(long, value_name = "DEG")]
     fov: Option<f64>,
     /// Angle of an orbit above the horizon in degrees
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Orbit")]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     elevation: Option<f64>,
     /// Distance of an orbit's cameras from its centre [default: the whole scene fits]
-    #[arg(long, value_name = "R", help_heading = "Orbit")]
+    #[arg(long, value_name = "R")]
     radius: Option<f32>,
 }
 
 /// Defaults of an orbit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DefaultArgs {
-    /// `WxH`
-    pub(super) size: &'static str,
+    /// Width and height in pixels.
+    pub(super) size: [usize; 2],
     /// Horizontal, degrees.
     pub(super) fov: f64,
     /// Above the horizon, degrees.
@@ -110,9 +114,9 @@ pub(super) struct DefaultArgs {
 }
 
 impl OrbitArgs {
-    /// Size as text, field of view, elevation, radius: as given, or the defaults.
-    pub(super) fn resolved(&self, usual: DefaultArgs) -> (&str, f64, f64, Option<f32>) {
-        let size = self.size.as_deref().unwrap_or(usual.size);
+    /// Size, field of view, elevation, radius: as given, or the defaults.
+    pub(super) fn resolved(&self, usual: DefaultArgs) -> ([usize; 2], f64, f64, Option<f32>) {
+        let size = self.size.unwrap_or(usual.size);
         (size, self.fov.unwrap_or(usual.fov), self.elevation.unwrap_or(usual.elevation), self.radius)
     }
 
@@ -121,45 +125,23 @@ impl OrbitArgs {
     /// # Errors
     /// When N is no whole number, or the size is none.
     pub(super) fn parse(&self, cameras: &str, usual: DefaultArgs) -> Result<Option<Orbit>> {
+        let wrong = || {
+            let e = Error::input("--cameras").expected("orbit:N with a number of views N, such as orbit:36");
+            e.got(cameras)
+        };
+        if cameras == "orbit" && !Path::new(cameras).exists() {
+            return Err(wrong());
+        }
         let Some(count) = cameras.strip_prefix("orbit:") else { return Ok(None) };
-        let count = count
-            .parse()
-            .map_err(|_| Error::input("--cameras").expected("orbit:N with a whole number N").got(cameras))?;
-        let (picture, fov, elevation, radius) = self.resolved(usual);
+        let count = count.parse().map_err(|_| wrong())?;
+        let (size, fov, elevation, radius) = self.resolved(usual);
         Ok(Some(Orbit {
             count,
             center: None,
             radius,
             elevation_rad: elevation.to_radians(),
             fov_x_rad: fov.to_radians(),
-            size: size(picture)?,
+            size,
         }))
-    }
-}
-
-/// `WxH` in pixels.
-fn size(text: &str) -> Result<[usize; 2]> {
-    let parsed = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    match parsed {
-        Some([w, h])
-            if (1..=crate::scene::camera::MAX_SIDE).contains(&w)
-                && (1..=crate::scene::camera::MAX_SIDE).contains(&h) =>
-        {
-            Ok([w, h])
-        }
-        _ => Err(Error::input("--size").expected("WxH in pixels, such as 800x600").got(text)),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_are_parsed() {
-        assert_eq!(size("640x480").ok(), Some([640, 480]), "the usual form");
-        for bad in ["640", "0x3", "640x", "axb", "99999x2"] {
-            assert!(size(bad).is_err(), "'{bad}' is refused");
-        }
     }
 }

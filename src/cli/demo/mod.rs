@@ -16,7 +16,7 @@ use super::report::{Page, Stat};
 use super::shared::Outcome;
 pub(super) use args::Args;
 
-use super::console::{command_line, say};
+use super::console::{command_line, program, say};
 use crate::io::atomic;
 use crate::{Error, Result};
 use serde_json::{Value, json};
@@ -82,22 +82,17 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     let d = dir.display();
     say("")?;
     say("Next:")?;
+    let program = program();
     say(&format!("  open {d}/report/index.html in a browser"))?;
     if person {
-        say(&format!("  lastlight last render {d}/person --cameras orbit:36 --pose 5 --out around"))?;
-        say(&format!(
-            "  lastlight last fit {d}/subject/video --out alone           the same person without the model"
-        ))?;
+        say(&format!("  {program} last render {d}/person --cameras orbit:36 --pose 5 --out around"))?;
+        say(&format!("  {program} last fit {d}/subject/video --out alone           the same person without the model"))?;
     }
     if scene {
-        say(&format!(
-            "  lastlight splat render {d}/scene/scene.ply --cameras orbit:36 --size 320x320 --out turntable"
-        ))?;
-        say(
-            "  lastlight splat fit PHOTOS --out DIR     your own posed photographs (transforms.json or COLMAP)",
-        )?;
+        say(&format!("  {program} splat render {d}/scene/scene.ply --cameras orbit:36 --size 320 --out turntable"))?;
+        say(&format!("  {program} splat fit PHOTOS --out DIR     your own photos, see {program} help captures"))?;
     }
-    say("  lastlight oracle list                    operators to compare your own code with")
+    say(&format!("  {program} oracle list                    operators to compare your own code with"))
 }
 
 /// One page: the person with everything, the images of the scene, what it took.

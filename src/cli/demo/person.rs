@@ -74,7 +74,6 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     guided.apply(&mut settings)?;
     settings.validate()?;
     guided.calibrate(&mut settings, &capture, &trained, meter)?;
-    meter.note(lpips::NO_WEIGHTS);
     let job = Job {
         kind: "demo",
         title: "A built-in person".to_owned(),

@@ -1,5 +1,6 @@
 //! `last study`: the experiments of LAST, one table and one chart each.
 
+use crate::choices::{Choices, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::experiment::{Experiment, Report, RunOptions};
@@ -31,23 +32,22 @@ const FOUND_BY: [(&str, &str); 2] = [
     ("search", "The strongest honest setting: constants found on subject 0, evaluated on others."),
 ];
 
+/// Values of `--scale`.
+const SCALES: &Choices = &[
+    ("full", "the study: hours"),
+    ("quick", "small sizes and few seeds: minutes, not evidence"),
+    ("smoke", "smallest sizes: a test that everything runs"),
+];
+
 /// Run the experiments of LAST: the paper's claims against measurements.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last study --out study                       all experiments; hours
   lastlight last study --out study --resume              continue an interrupted study
-  lastlight last study E10 --out trial --quick            small sizes, few seeds
-  lastlight last study E1 --out study --model FORK=a.safetensors --model FULL=b.safetensors
+  lastlight last study E10 --out trial --scale quick      small sizes, few seeds
+  lastlight last study E1 --out study --graph-model FORK=a.safetensors,FULL=b.safetensors
 
-E1 full system against the unguided fit · E2 ablations · E3 wrong structures · E4 number of factors · E5 τ_rec
-E6 where the latent criterion adds Gaussians · E7 λ · E8 order of the updates · E9 tuning · E10 structure recovery
-(E10p from images; its models are kept in models/) · E11 the spurious edge of a fork · E12 independence penalty
-· E13 errors of child factors · E14 cost · E15 latent factors in the loss.
-Experiments with persons need a model trained on `last gen --graph GRAPH` with its default seed: the built-in one,
-or those of --model (experiments with one model use the first). Before them, the scale of the latent criterion and the
-constants are searched on a subject that is in no experiment (calibration, search). Every cell (one training or fit) is
-a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and
-report/index.html.")]
+E1 full system against the unguided fit · E2 ablations · E3 wrong structures · E4 number of factors · E5 τ_rec E6 where the latent criterion adds Gaussians · E7 λ · E8 order of the updates · E9 tuning · E10 structure recovery (E10p from images; its models are kept in models/) · E11 the spurious edge of a fork · E12 independence penalty · E13 errors of child factors · E14 cost · E15 latent factors in the loss. Experiments with persons need a model trained on `last gen --graph GRAPH` with its default seed: the built-in one, or those of --graph-model (experiments with one model use the first). Before them, the scale of the latent criterion and the constants are searched on a subject that is in no experiment (calibration, search). Every cell (one training or fit) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
 pub(crate) struct Args {
     /// Experiments [default: all]
     #[arg(value_name = "ID")]
@@ -55,19 +55,15 @@ pub(crate) struct Args {
     /// Folder for results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Image-to-point model of last pretrain and the graph of its data; once per graph [default: FORK and the
-    /// built-in model]
-    #[arg(long, value_name = "GRAPH=FILE")]
-    model: Vec<String>,
+    /// Image-to-point model of last pretrain and the graph of its data, comma-separated or repeated [default: FORK and the built-in model]
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
+    graph_model: Vec<String>,
     /// Use the default hyper-parameters
     #[arg(long)]
     no_search: bool,
-    /// Small sizes and few seeds
-    #[arg(long)]
-    quick: bool,
-    /// Smallest sizes: a test that everything runs, in seconds
-    #[arg(long, conflicts_with = "quick")]
-    smoke: bool,
+    /// Sizes and numbers of seeds
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(SCALES))]
+    scale: String,
     /// Number of cells run at the same time; results do not depend on it [default: number of threads]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
@@ -85,26 +81,18 @@ pub(crate) struct Args {
 
 impl Args {
     fn sizes(&self) -> (learn::Size, pictures::Size, setup::Size) {
-        match (self.quick, self.smoke) {
-            (true, _) => (learn::Size::quick(), pictures::Size::quick(), setup::Size::quick()),
-            (_, true) => (learn::Size::smoke(), pictures::Size::smoke(), setup::Size::smoke()),
+        match self.scale.as_str() {
+            "quick" => (learn::Size::quick(), pictures::Size::quick(), setup::Size::quick()),
+            "smoke" => (learn::Size::smoke(), pictures::Size::smoke(), setup::Size::smoke()),
             _ => (learn::Size::full(), pictures::Size::full(), setup::Size::full()),
-        }
-    }
-
-    fn sizes_name(&self) -> &'static str {
-        match (self.quick, self.smoke) {
-            (true, _) => "quick",
-            (_, true) => "smoke",
-            _ => "full",
         }
     }
 
     /// What sizes other than the study's are worth.
     fn warning(&self) -> Option<&'static str> {
-        match (self.quick, self.smoke) {
-            (true, _) => Some("quick run (small sizes, few seeds): not evidence"),
-            (_, true) => Some("smoke test (smallest sizes): not evidence"),
+        match self.scale.as_str() {
+            "quick" => Some("quick run (small sizes, few seeds): not evidence"),
+            "smoke" => Some("smoke test (smallest sizes): not evidence"),
             _ => None,
         }
     }
@@ -115,9 +103,9 @@ impl Args {
 
     fn models(&self) -> Result<Vec<Model>> {
         let mut models: Vec<Model> = Vec::new();
-        for text in &self.model {
+        for text in &self.graph_model {
             let wrong =
-                |got: &str| Error::input("--model").expected("GRAPH=FILE, one for each graph").got(got);
+                |got: &str| Error::input("--graph-model").expected("GRAPH=FILE, one for each graph").got(got);
             let (graph, file) = text.split_once('=').ok_or_else(|| wrong(text))?;
             if models.iter().any(|m| m.graph == graph) {
                 return Err(wrong(&format!("{graph} twice")));
@@ -168,7 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let models = args.models()?;
     let with_persons = guided.iter().any(|id| args.wants(id));
-    let perception = if with_persons { args.perception.load(&meter)? } else { None };
+    let perception = if with_persons { args.perception.load()? } else { None };
     let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
     let dir = claim::folder(&args.out, args.resume, args.replace.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
@@ -204,7 +192,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     reports.sort_by_key(|r| number(r.id));
     engine::write_tables(&dir, &reports)?;
     let record = json!({
-        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.sizes_name(),
+        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.scale,
         "threads": par::threads(), "jobs": options.jobs, "models": named, "constants": constants,
         "experiments": engine::records(&reports), "seconds": meter.seconds(),
     });
