@@ -24,7 +24,7 @@ inputs! {
 /// `causal.limit`
 pub static SIGNATURE: Signature = Signature {
     name: "causal.limit",
-    summary: "logarithms of variances within -8 and 4",
+    summary: "clamps logarithms of variances to -8 … 4",
     inputs: In::<f64>::PORTS,
     outputs: ports![limited: Port::var("...", "")],
     ..Signature::EMPTY
