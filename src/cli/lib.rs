@@ -13,6 +13,7 @@
 //! training  the frame of every command that trains        experiments  the study engine with progress and reports
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
 //! choices   values of options
+//! like      --like result.json
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
 //! ```
@@ -33,6 +34,7 @@ mod experiments;
 mod generate;
 pub mod gradcheck;
 mod last;
+mod like;
 mod lirm;
 mod mesh;
 mod meter;
@@ -182,7 +184,9 @@ pub fn main() -> ExitCode {
 
 fn parse(arguments: &[OsString], before: console::Output) -> std::result::Result<Cli, clap::Error> {
     let mut tree = command().color(before.color);
-    let matches = tree.try_get_matches_from_mut(arguments)?;
+    let arguments = like::expanded(arguments, &tree)?;
+    let matches = tree.try_get_matches_from_mut(&arguments)?;
+    console::set_arguments(&arguments);
     let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut tree))?;
     if cli.command.is_none() && !cli.version {
         return Err(tree.error(ErrorKind::MissingSubcommand, "a command is needed, such as demo"));

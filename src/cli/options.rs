@@ -43,6 +43,9 @@ const RARE: &[&str] = &[
     "video-render-as", "video-size", "warmup-iterations", "weight", "weights-network",
 ];
 
+/// Commands whose record `--like` takes.
+pub(crate) const RECORDED: &[&str] = &["demo", "splat fit", "last pretrain", "last fit", "last study"];
+
 /// Commands whose result is a model: theirs is the heading `Model` where others have `Method`.
 const FITS: &[&str] = &["splat fit", "last pretrain", "last tune", "last fit"];
 

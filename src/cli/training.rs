@@ -8,7 +8,7 @@ use crate::fit::training::{self, Fit, History, Schedule, Session, Start, Watch};
 use crate::io::atomic;
 use crate::meter::Meter;
 use crate::shared::OutputArgs;
-use crate::{Error, Result, claim};
+use crate::{Error, Result, claim, like, version};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
@@ -95,6 +95,8 @@ impl Frame {
         let after = entries([
             ("iterations", json!(history.len())),
             ("last_loss", json!(history.loss.last())),
+            (like::ARGUMENTS, json!(cli::arguments())),
+            ("build", Value::Object(version::record())),
             ("settings", head.settings),
             ("seconds", json!(meter.seconds())),
             ("seconds_by_part", Value::Object(by_part)),

@@ -350,7 +350,7 @@ fn doctor_and_demo_say_that_all_is_well() {
         dir.path(),
     );
     assert_eq!(again["person"]["digest"], record["person"]["digest"], "one thread, the same person");
-    refused(&["demo", "--size", "8"], dir.path(), 2, &["--size"]);
+    refused(&["demo", "--size", "8"], dir.path(), 2, &["--size", "32 to 1024"]);
     // The model sees squares of 64 pixels of any picture.
     let odd =
         ["demo", "--only", "last", "--iterations", "8", "--size", "50", "--out", "odd", "--json", "--quiet"];

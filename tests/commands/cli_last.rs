@@ -15,18 +15,18 @@ fn data(dir: &Path) {
         &[
             "last",
             "gen",
-            "--profile",
+            "--scale",
             "smoke",
             "--out",
             "data",
             "--json",
-            "--count",
+            "--observational",
             "24",
             "--groups",
             "8",
             "--appearances",
             "1",
-            "--points",
+            "--body-points",
             "128",
             "--frames",
             "3",
@@ -48,11 +48,11 @@ fn pretrain<'a>(more: &[&'a str]) -> Vec<&'a str> {
         "data",
         "--iterations",
         "4",
-        "--observed",
+        "--batch-images",
         "12",
-        "--groups",
+        "--batch-groups",
         "4",
-        "--points",
+        "--batch-points",
         "32",
         "--factor-dim",
         "2",
@@ -105,8 +105,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
             "do",
             "--json",
             "--factor",
-            "0",
-            "2",
+            "0,2",
         ],
         at,
     );
@@ -128,10 +127,10 @@ fn bad_input_is_refused() {
     refused(&pretrain(&["--out", "m"]), at, 2, &["data"]);
     data(at);
     refused(&pretrain(&["--out", "m", "--reading", "free"]), at, 2, &["reference, literal"]);
-    refused(&pretrain(&["--out", "m", "--supervision", "all"]), at, 2, &["none, pairs, groups, labels"]);
-    refused(&pretrain(&["--out", "m", "--framing", "half"]), at, 2, &["person, whole"]);
-    refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["NAME=VALUE"]);
-    refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["NAME=VALUE"]);
+    refused(&pretrain(&["--out", "m", "--supervision", "all"]), at, 2, &["none, pairs, groups, unknown, labels"]);
+    refused(&pretrain(&["--out", "m", "--crop", "half"]), at, 2, &["person, whole"]);
+    refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["KEY=VALUE"]);
+    refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["KEY=VALUE"]);
     std::fs::remove_dir_all(at.join("data/interventions")).expect("removed");
     refused(&pretrain(&["--out", "m"]), at, 2, &["interventions"]);
     let o = lastlight(&pretrain(&["--out", "m", "--supervision", "none", "--quiet"]), at);

@@ -16,9 +16,9 @@ use super::report::{Page, Stat};
 use super::shared::Outcome;
 pub(super) use args::Args;
 
-use super::console::{command_line, program, say};
+use super::console::{arguments, command_line, program, say};
 use crate::io::atomic;
-use crate::{Error, Result};
+use crate::{Error, Result, like, version};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -47,6 +47,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ];
     let record = json!({
         "kind": "demo", "lastlight": env!("CARGO_PKG_VERSION"), "seconds": meter.seconds(),
+        like::ARGUMENTS: arguments(), "build": version::record(),
         "person": person.as_ref().map(|p| &p.record), "scene": scene.as_ref().map(|s| &s.record),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;

@@ -7,7 +7,6 @@ use crate::fit::training::Watch;
 use crate::last::fit::{Guided, Job};
 use crate::last::intervene::Grid;
 use crate::last::{pretrain, tune as command};
-use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::num::order;
 use crate::report::pictures::Sheet;
@@ -44,7 +43,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         set: "video".into(),
         subject: SUBJECT,
         seed: args.seed,
-        video_size: usize::from(args.size),
+        video_size: args.size,
         ..Making::smoke()
     };
     let film = dir.join("subject");

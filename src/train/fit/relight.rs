@@ -4,7 +4,7 @@
 //! if their contents are unchanged, independently of the paths of the files they were read from.
 
 use super::earlier;
-use super::passes::{Recorder, Shot, Style};
+use super::passes::{PassSet, Recorder, Shot, Style};
 use super::render::Orbit;
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
@@ -48,8 +48,8 @@ pub struct Relight<'a> {
     pub exposure: Exposure,
     /// Whether images show only the model and have an alpha channel.
     pub transparent: bool,
-    /// Whether radiance, depth, normals, albedo and material are also written.
-    pub passes: bool,
+    /// What is written in addition to photo and foreground.
+    pub passes: PassSet,
 }
 
 impl Relight<'_> {
