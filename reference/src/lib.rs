@@ -2,12 +2,11 @@
 //! naive loops.
 //!
 //! It is written for correctness, not speed: from the equations alone, with `libm` as its only dependency and
-//! without access to the code it is compared with. Each operator is one function over [`scalar::Scalar`];
-//! with `f64` it computes values, with
-//! [`dual::Dual`] directional derivatives, with [`rev::Rev`] gradients, so no gradient is derived by hand
-//! here. A twin has the same path, name, inputs and order of inputs as its operator. Every twin also has a
-//! [`ports::Signature`]: the table of its inputs, outputs and settings, used by the twin and by the operator
-//! list.
+//! without access to the code it is compared with. Each operator is one function over [`scalar::Scalar`]. With
+//! `f64` it computes values, with [`dual::Dual`] directional derivatives, and with [`rev::Rev`] gradients, so no
+//! gradient is derived by hand here. A twin has the same path, name, inputs and order of inputs as its
+//! operator. Every twin also has a [`ports::Signature`]: the table of its inputs, outputs and settings, used by
+//! the twin and by the operator list.
 //!
 //! ```
 //! use reference::{array::Arr, twins};

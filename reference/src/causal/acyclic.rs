@@ -1,3 +1,5 @@
+//! `causal.acyclic`: measures how far a weighted graph is from being acyclic.
+//!
 //! h = tr((I + αH)ⁿ) − n = Σₜ₌₁ⁿ (n over t) αᵗ tr Hᵗ, H = A∘A.
 //!
 //! | symbol | argument | shape |

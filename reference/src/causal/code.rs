@@ -1,3 +1,5 @@
+//! `causal.code`: codes of the values that interventions set.
+//!
 //! c_g = v_g (1, w_i2, …, w_ik) for the target i of group g.
 //!
 //! | symbol | argument | shape |

@@ -1,3 +1,5 @@
+//! `causal.edges`: cost of edge probabilities.
+//!
 //! L = Σ over i ≠ j of w p_ij + a (p_ij − q_ij)².
 //!
 //! | symbol | argument | shape |

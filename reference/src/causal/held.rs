@@ -1,5 +1,6 @@
-//! h_p = v_g, or h_p = u_p,i: the values at which the factors of counterfactuals are held; g is the group of
-//! pair p, i its target.
+//! `causal.held`: the values at which the factors of counterfactuals are held.
+//!
+//! h_p = v_g, or h_p = u_p,i, where g is the group of pair p and i its target.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|

@@ -1,5 +1,7 @@
-//! C = mean of (m−m̄)(m−m̄)ᵀ + (I−Wᵀ) diag(mean e^ℓ) (I−W), Σ = share·C + carried + δI, L = Σ_{i<j} aᵢⱼ ½
-//! (ln|Σᵢᵢ| + ln|Σⱼⱼ| − ln|Σ₍ᵢⱼ₎|), or ½ (Σᵢ ln|Σᵢᵢ| − ln|Σ|).
+//! `causal.independence`: mutual information of the factors of an aggregated Gaussian posterior.
+//!
+//! C = mean of (m−m̄)(m−m̄)ᵀ + (I−Wᵀ) diag(mean e^ℓ) (I−W),   Σ = share·C + carried + δI,
+//! L = Σ_{i<j} aᵢⱼ ½ (ln|Σᵢᵢ| + ln|Σⱼⱼ| − ln|Σ₍ᵢⱼ₎|), or ½ (Σᵢ ln|Σᵢᵢ| − ln|Σ|)
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|

@@ -1,3 +1,5 @@
+//! `causal.intervene`: factors along a graph with one factor set to a value.
+//!
 //! Z = S(ε; do(i, v)) sample by sample: column i of Ã is zero, εᵢ is v, then the sweeps of `structure`.
 //!
 //! | symbol | argument | shape |

@@ -1,3 +1,5 @@
+//! `causal.limit`: clamps logarithms of variances.
+//!
 //! ℓ' = min(max(ℓ, −8), 4).
 //!
 //! | symbol | argument | shape |

@@ -1,3 +1,5 @@
+//! `causal.mask`: soft samples of the edges of a graph.
+//!
 //! Ã(i,j) = L(i,j) σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j, 0 for i = j; L = 1 without
 //! `allowed`.
 //!

@@ -1,3 +1,5 @@
+//! `causal.posterior`: a sample of a diagonal Gaussian.
+//!
 //! s = μ + e^{ℓ/2} η, ℓ limited to [−8, 4], gradient 0 outside.
 //!
 //! | symbol | argument | shape |

@@ -1,3 +1,5 @@
+//! `causal.posterior_kl`: divergence of diagonal Gaussians from the standard normal prior.
+//!
 //! KL = (1/B) Σ_b Σ ½ (μ² + e^ℓ − 1 − ℓ).
 //!
 //! | symbol | argument | shape |

@@ -1,3 +1,5 @@
+//! `causal.probability`: edge probabilities of a graph.
+//!
 //! p_ij = 1/(1 + e^(−U_ij/τ)) for i ≠ j, 0 for i = j.
 //!
 //! | symbol | argument | shape |

@@ -1,3 +1,5 @@
+//! `causal.scm_kl`: divergence of a posterior over factors from a structural causal model.
+//!
 //! sampled: (1/B) Σ_b Σⱼ κⱼ ½ Σ_c (ε² − 1 − ℓ); linear: its expectation, with rⱼ = μⱼ − Σᵢ Wᵢⱼ μᵢ:
 //! (1/B) Σ_b Σⱼ κⱼ ½ Σ_c (rⱼ² + e^ℓⱼ + Σᵢ Wᵢⱼ² e^ℓᵢ − 1 − ℓⱼ).
 //!

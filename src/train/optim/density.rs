@@ -5,8 +5,7 @@
 //! `start` and `stop`:
 //!
 //! 1. candidates: the mean over the views in which it is visible of ‖(W/2·∂L/∂u, H/2·∂L/∂v)‖ reaches the
-//!    threshold ([`Threshold`] sets
-//!    whether equality counts);
+//!    threshold ([`Threshold`] sets whether equality counts);
 //! 2. a candidate with largest standard deviation ≤ `split_scale`·extent is **cloned**: an exact copy, not
 //!    moved;
 //! 3. any other candidate is **split**: two Gaussians drawn from it, standard deviations divided by 1.6, the
