@@ -15,9 +15,9 @@ pub(crate) enum Heading {
 
 /// Arguments that say what is read; so are all positional arguments but those in [`OUTPUT`].
 const INPUT: &[&str] = &[
-    "animation", "body", "box", "cameras", "character", "elbow", "env", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale",
+    "allow-outside", "animation", "body", "box", "cameras", "character", "elbow", "env", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale",
     "env-width", "exec", "first", "gender", "graph-model", "hide", "images", "image", "in", "init", "layout", "like", "lpips", "masks", "mesh",
-    "model", "only", "outside", "plan", "pose", "pose-from", "split", "strict", "subject", "test-camera", "test-frames", "time",
+    "model", "only", "plan", "pose", "pose-from", "split", "strict", "subject", "test-camera", "test-frames", "time",
     "train-camera", "train-frames",
 ];
 
@@ -34,7 +34,7 @@ const RUN: &[&str] = &[
 
 /// Options that `-h` leaves out.
 const RARE: &[&str] = &[
-    "appearances", "batch-groups", "batch-images", "batch-points", "body-points", "bounces", "box", "center", "checkpoint-every", "color",
+    "allow-outside", "appearances", "batch-groups", "batch-images", "batch-points", "body-points", "bounces", "box", "center", "checkpoint-every", "color",
     "density", "elbow", "elevation", "entries", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale", "env-width", "exposure",
     "factor-dim", "first", "fov", "gender", "graph-from", "hide", "independence-on", "initial", "jobs", "json", "key-share", "keys", "lambda",
     "lambda-mode", "latent-every", "latent-weight", "lpips-raw", "max-memory", "mechanism", "no-density-adapter", "no-progressive",

@@ -2,7 +2,7 @@
 
 use super::args::Args;
 use crate::console as cli;
-use crate::fit::render::Orbit;
+use crate::fit::orbit::Orbit;
 use crate::fit::training::Watch;
 use crate::last::fit::{Guided, Job};
 use crate::last::intervene::Grid;

@@ -26,6 +26,8 @@ pub(crate) struct Input<'a> {
     pub(crate) events: &'a [Event],
     /// number of Gaussians
     pub(crate) n_gauss: usize,
+    /// that the largest number was reached, and how to raise it
+    pub(crate) limit: Option<String>,
     /// images and scores of the held-out views
     pub(crate) scored: &'a [Scored],
     /// the numbers
@@ -52,35 +54,30 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     }
     facts.push(("lastlight", env!("CARGO_PKG_VERSION").to_owned()));
 
-    let mut stats = vec![
-        Stat {
-            label: "PSNR, held out",
-            value: decibel(e.mean_psnr_db),
-            note: format!("mean of {} views", e.views.len()),
-        },
-        Stat {
-            label: "SSIM, held out",
-            value: format!("{:.4}", e.mean_ssim),
-            note: "11×11 window, σ 1.5".into(),
-        },
-        Stat { label: "Gaussians", value: thousands(x.n_gauss), note: size_note(&x.run) },
-    ];
+    let mut stats = quality(e);
+    let mut note = size_note(&x.run);
+    if let Some(limit) = &x.limit {
+        note = format!("{note}{}limit: {limit}", if note.is_empty() { "" } else { " · " });
+    }
+    stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note });
     if let Some(h) = x.run.history {
         stats.push(run::iterations(h, h.loss.last().map_or(String::new(), |l| format!("last loss {l:.4}"))));
     }
     stats.push(x.run.card());
 
-    let mut sections = vec![
-        Section {
+    let mut sections = vec![];
+    if !e.views.is_empty() {
+        sections.push(Section {
             id: "views",
             title: "Held-out views",
             lead: "Photographs the fit never saw, what the scene renders from there, and the mean absolute error over \
                    the channels. Pixels outside the photograph or its mask are black in the error map and do not count."
                 .into(),
             body: views(x.scored)?,
-        },
-        Section { id: "scores", title: "Scores", lead: format!("{}.", e.protocol), body: scores(e) },
-    ];
+        });
+        let lead = format!("{}.", e.protocol);
+        sections.push(Section { id: "scores", title: "Scores", lead, body: scores(e) });
+    }
     let resets: Vec<(f64, String)> = x
         .events
         .iter()
@@ -109,6 +106,19 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         stats,
         sections,
     })
+}
+
+/// Cards of the scores; one that says so where nothing is held out.
+fn quality(e: &Evaluation) -> Vec<Stat> {
+    if e.views.is_empty() {
+        let note = "a single image: nothing is held out, so there is no score".into();
+        return vec![Stat { label: "Held-out views", value: "none".into(), note }];
+    }
+    let (psnr, ssim) = (decibel(e.mean_psnr_db), format!("{:.4}", e.mean_ssim));
+    vec![
+        Stat { label: "PSNR, held out", value: psnr, note: format!("mean of {} views", e.views.len()) },
+        Stat { label: "SSIM, held out", value: ssim, note: "11×11 window, σ 1.5".into() },
+    ]
 }
 
 fn decibel(x: f64) -> String {

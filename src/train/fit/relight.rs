@@ -4,8 +4,8 @@
 //! if their contents are unchanged, independently of the paths of the files they were read from.
 
 use super::earlier;
+use super::orbit::Orbit;
 use super::passes::{PassSet, Recorder, Shot, Style};
-use super::render::Orbit;
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
 use crate::num::bits::Digest;
