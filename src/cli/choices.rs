@@ -21,6 +21,7 @@ pub(crate) const PROFILES: &Choices = &[
     ("exact", "all constants as in the equations"),
     ("gsplat", "constants and cut-offs of gsplat"),
     ("inria", "constants and cut-offs of the original implementation"),
+    ("unlimited", "as exact, with no smallest alpha and no early stop"),
 ];
 
 /// Axes of a panorama.

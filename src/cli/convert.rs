@@ -21,7 +21,7 @@ pub(super) struct Args {
     /// Scene to write: .ply, .splat or .npz
     #[arg(value_name = "FILE")]
     output: PathBuf,
-    /// Replace existing files in --out
+    /// Replace existing results
     #[arg(long)]
     force: bool,
 }

@@ -49,6 +49,9 @@ mod tree;
 mod units;
 mod version;
 
+#[doc(hidden)]
+pub use clap;
+
 use lastlight_import::{io, scene};
 use lastlight_kernels::{geometry, loss, shade};
 use lastlight_num::{Error, Result, num};

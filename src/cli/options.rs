@@ -15,7 +15,7 @@ pub(crate) enum Heading {
 
 /// Arguments that say what is read; so are all positional arguments but those in [`OUTPUT`].
 const INPUT: &[&str] = &[
-    "allow-outside", "animation", "body", "box", "cameras", "character", "elbow", "env", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale",
+    "allow-outside", "animation", "body", "box", "cameras", "character", "downscale", "elbow", "env", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale",
     "env-width", "exec", "first", "gender", "graph-model", "hide", "images", "image", "in", "init", "layout", "like", "lpips", "masks", "mesh",
     "model", "only", "plan", "pose", "pose-from", "split", "strict", "subject", "test-camera", "test-frames", "time",
     "train-camera", "train-frames",

@@ -17,7 +17,7 @@ pub(super) struct OutputArgs {
     /// Continue an interrupted run with the same settings; the result is bit-identical to an uninterrupted run
     #[arg(long)]
     pub(super) resume: bool,
-    /// Start over in a non-empty folder, replacing the files of the previous run
+    /// Replace existing results
     #[arg(long, conflicts_with = "resume")]
     pub(super) force: bool,
 }
@@ -25,7 +25,7 @@ pub(super) struct OutputArgs {
 /// Replacement.
 #[derive(clap::Args)]
 pub(super) struct ForceArgs {
-    /// Replace existing files in --out
+    /// Replace existing results
     #[arg(long)]
     pub(super) force: bool,
 }

@@ -2,6 +2,7 @@
 
 use crate::common::{Tree, assert_same, tree};
 use crate::program::{json, refused};
+use crate::samples::gltf;
 
 #[test]
 fn last_gen_makes_continues_and_refuses() {
@@ -60,6 +61,9 @@ fn last_gen_makes_continues_and_refuses() {
         2,
         &["none.glb"],
     );
+    std::fs::write(dir.path().join("arm.glb"), gltf::arm().glb()).expect("written");
+    let character = ["last", "gen", "--out", "b", "--character", "arm.glb"];
+    refused(&character, dir.path(), 2, &["--animation", "the file has", "bend"]);
     assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }
 

@@ -293,7 +293,7 @@ fn poses_and_cameras_of_a_film_go_together() {
     let side = film("side", &["--cameras", "12", "--pose", "1"]);
     assert!(side.len() == 1 && side[0] != all[1], "another camera of the capture");
     // The same body in another animation.
-    let made = "last gen --profile smoke --set video --out dancer --seed 5 --frames 2 --test-cameras 1 --points 128 --json";
+    let made = "last gen --scale smoke --split video --out dancer --seed 5 --frames 2 --test-cameras 1 --body-points 128 --json";
     json(&made.split(' ').collect::<Vec<_>>(), at);
     let dance = film("dance", &["--pose-from", "dancer/video"]);
     assert_eq!(dance.len(), 2, "the moments of the other animation");

@@ -9,6 +9,8 @@ pub(crate) fn lastlight(args: &[&str], dir: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_lastlight"))
         .args(args)
         .current_dir(dir)
+        // It runs as a user starts it, not as cargo does.
+        .env_remove("CARGO")
         .output()
         .expect("the binary starts")
 }

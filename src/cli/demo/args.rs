@@ -38,7 +38,7 @@ pub(crate) struct Args {
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// Replace existing files in --out
+    /// Replace existing results
     #[arg(long)]
     pub(super) force: bool,
 }

@@ -122,7 +122,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     subject: u64,
     /// A character instead of the built-in figure: .gltf, .glb, or the folder of the open body
-    #[arg(long, value_name = "FILE", requires = "animation")]
+    #[arg(long, value_name = "FILE")]
     character: Option<PathBuf>,
     /// Animations that the posture factor blends: one (two opposite moments are blended) or two (blended with each other), comma-separated or repeated; a file's animations are listed when it has no such name
     #[arg(long, value_name = "NAME", requires = "character", value_delimiter = ',')]

@@ -25,8 +25,8 @@ pub(crate) struct Args {
     out: Option<PathBuf>,
     /// Number of training images to draw
     #[arg(long, value_name = "N", default_value_t = 4)]
-    images: usize,
-    /// Replace images in a folder that is used
+    max_images: usize,
+    /// Replace existing results
     #[arg(long)]
     force: bool,
 }
@@ -46,7 +46,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(out) = &args.out {
         claim::check(out, false, args.force)?;
     }
-    let report = inspect::inspect(&args.capture, args.images)?;
+    let report = inspect::inspect(&args.capture, args.max_images)?;
     let pictures = match &args.out {
         Some(out) => report.write(&claim::folder(out, false, args.force)?)?,
         None => Vec::new(),
