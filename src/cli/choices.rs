@@ -95,7 +95,10 @@ impl TypedValueParser for Operator {
         e.insert(ContextKind::InvalidValue, ContextValue::String(name.clone()));
         match closest(&name, ops::LIST.iter().map(|op| op.name)) {
             Some(close) => e.insert(ContextKind::SuggestedValue, ContextValue::String(close.to_owned())),
-            None => e.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec!["`lastlight oracle list` prints all operators".into()])),
+            None => e.insert(
+                ContextKind::Suggested,
+                ContextValue::StyledStrs(vec!["`lastlight oracle list` prints all operators".into()]),
+            ),
         };
         Err(e)
     }

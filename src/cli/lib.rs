@@ -115,16 +115,38 @@ enum Command {
     /// Fit a built-in person from a video and a built-in scene from photos; one report with images
     Demo(demo::Args),
     /// Gaussian splatting of a static capture: fit, render, evaluate
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight splat fit photos/ --out fox
+  lastlight splat render fox/ --cameras orbit:60 --out turntable
+  lastlight splat eval fox/scene.ply photos/"
+    )]
     Splat(splat::Command),
     /// Animatable people from one video (LAST)
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight last gen --scale smoke --out person
+  lastlight last fit person/video --out fit
+  lastlight last render fit --cameras orbit:36 --pose 5 --out around
+  lastlight last eval fit person/video"
+    )]
     Last(last::Command),
     /// Triangle meshes: render glTF or OBJ under an environment map, compare two surfaces
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight mesh render model.glb --env studio --out images
+  lastlight mesh compare truth.obj reconstruction.glb"
+    )]
     Mesh(mesh::Command),
     /// Relightable objects from photos (LIRM); so far its training data
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight lirm gen --out train --objects 100"
+    )]
     Lirm(lirm::Command),
     /// Run operators on your arrays, compare arrays, write reference arrays
     Oracle(oracle::Args),
@@ -179,7 +201,12 @@ pub fn main() -> ExitCode {
                 Kind::Interrupted => "interrupted",
                 _ => "input",
             };
-            console::error(console::Output { quiet, verbose, json, color }, kind, &e.to_string(), e.exit_code());
+            console::error(
+                console::Output { quiet, verbose, json, color },
+                kind,
+                &e.to_string(),
+                e.exit_code(),
+            );
             ExitCode::from(e.exit_code())
         }
     }
@@ -202,7 +229,8 @@ fn refused(e: &clap::Error, before: console::Output) -> ExitCode {
     let code = u8::try_from(e.exit_code()).unwrap_or(2);
     if before.json && e.use_stderr() {
         let text = e.render().to_string();
-        let text = text.split("\n\nUsage:").next().unwrap_or_default();
+        let ends = ["\n\nUsage:", "\n\nFor more information"].map(|end| text.find(end).unwrap_or(text.len()));
+        let text = &text[..Ord::min(ends[0], ends[1])];
         console::error(before, "usage", text.trim_start_matches("error: "), code);
         return ExitCode::from(code);
     }

@@ -16,7 +16,19 @@ pub(crate) const ARGUMENTS: &str = "arguments";
 
 /// Arguments that are not taken from a record.
 const NOT_TAKEN: [&str; 13] = [
-    "color", "force", "help", "jobs", "json", "like", "max-memory", "out", "quiet", "resume", "threads", "verbose", "version",
+    "color",
+    "force",
+    "help",
+    "jobs",
+    "json",
+    "like",
+    "max-memory",
+    "out",
+    "quiet",
+    "resume",
+    "threads",
+    "verbose",
+    "version",
 ];
 
 /// The command line in full: with `--like`, the recorded arguments and those that are typed; else as it is.
@@ -34,7 +46,8 @@ pub(crate) fn expanded(arguments: &[OsString], tree: &Command) -> Result<Vec<OsS
     let Ok(Some(file)) = typed.try_get_one::<std::path::PathBuf>(NAME) else { return Ok(arguments.to_vec()) };
     let words = recorded(file).map_err(wrong)?;
     let program = arguments.first().cloned().unwrap_or_default();
-    let full: Vec<OsString> = std::iter::once(program.clone()).chain(words.iter().map(OsString::from)).collect();
+    let full: Vec<OsString> =
+        std::iter::once(program.clone()).chain(words.iter().map(OsString::from)).collect();
     let earlier = tree.clone().try_get_matches_from_mut(full)?;
     let (recorded_path, earlier) = leaf(&earlier);
     if recorded_path != path {
@@ -75,8 +88,9 @@ fn recorded(file: &Path) -> Result<Vec<String>, String> {
     let what = file.display();
     let text = std::fs::read_to_string(file).map_err(|e| format!("{what}: {e}"))?;
     let record: serde_json::Value = serde_json::from_str(&text).map_err(|e| format!("{what}: {e}"))?;
-    serde_json::from_value(record[ARGUMENTS].clone())
-        .map_err(|_| format!("{what}: expected a record with the arguments of its run, such as a result.json"))
+    serde_json::from_value(record[ARGUMENTS].clone()).map_err(|_| {
+        format!("{what}: expected a record with the arguments of its run, such as a result.json")
+    })
 }
 
 /// The tree without required arguments: a part of a command line is valid.
@@ -126,18 +140,29 @@ mod tests {
     fn typed_arguments_take_precedence_and_outputs_are_not_taken() {
         let dir = tempfile::tempdir().expect("a folder");
         let file = dir.path().join("result.json");
-        let old = ["splat", "fit", "photos", "--out", "a", "--seed", "3", "--hide", "x,y", "--strict", "--resume"];
+        let old =
+            ["splat", "fit", "photos", "--out", "a", "--seed", "3", "--hide", "x,y", "--strict", "--resume"];
         std::fs::write(&file, serde_json::json!({ "arguments": old }).to_string()).expect("written");
         let of = |words: &[&str]| {
             let like = file.to_string_lossy().into_owned();
             let words: Vec<OsString> =
                 words.iter().map(|w| OsString::from(if *w == "LIKE" { &like } else { *w })).collect();
             let full = expanded(&words, &tree()).map_err(|e| e.to_string())?;
-            Ok::<_, String>(full.into_iter().map(|w| w.into_string().expect("text")).collect::<Vec<_>>().join(" "))
+            Ok::<_, String>(
+                full.into_iter().map(|w| w.into_string().expect("text")).collect::<Vec<_>>().join(" "),
+            )
         };
         let full = of(&["p", "splat", "fit", "--like", "LIKE", "--out", "b", "--seed", "4"]);
-        assert_eq!(full.as_deref(), Ok("p splat fit --out=b --seed=4 --hide=x --hide=y --strict -- photos"), "both");
-        assert_eq!(of(&["p", "splat", "fit", "d", "--out", "b"]).as_deref(), Ok("p splat fit d --out b"), "unchanged");
+        assert_eq!(
+            full.as_deref(),
+            Ok("p splat fit --out=b --seed=4 --hide=x --hide=y --strict -- photos"),
+            "both"
+        );
+        assert_eq!(
+            of(&["p", "splat", "fit", "d", "--out", "b"]).as_deref(),
+            Ok("p splat fit d --out b"),
+            "unchanged"
+        );
         assert!(of(&["p", "splat", "eval", "--like", "LIKE"]).is_err(), "a command without the option");
         std::fs::write(&file, "{}").expect("written");
         let e = of(&["p", "splat", "fit", "--like", "LIKE"]).expect_err("no arguments");

@@ -42,7 +42,12 @@ fn last_gen_makes_continues_and_refuses() {
         "started over: the same record"
     );
     refused(&["last", "gen", "--out", "b", "--graph", "RING"], dir.path(), 2, &["RING"]);
-    refused(&["last", "gen", "--out", "b", "--equations", "X"], dir.path(), 2, &["--equations", "LIN, NL, NG, NL-NG"]);
+    refused(
+        &["last", "gen", "--out", "b", "--equations", "X"],
+        dir.path(),
+        2,
+        &["--equations", "LIN, NL, NG, NL-NG"],
+    );
     refused(
         &["last", "gen", "--out", "b", "--split", "video", "--size", "9999"],
         dir.path(),

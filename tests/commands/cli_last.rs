@@ -96,17 +96,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     assert_eq!(tuned["pictures"], 3, "every training picture");
     assert_eq!(tuned["after"].as_array().map(Vec::len), Some(16), "every edge");
     let done = json(
-        &[
-            "last",
-            "intervene",
-            "tuned.safetensors",
-            "data/video",
-            "--out",
-            "do",
-            "--json",
-            "--factor",
-            "0,2",
-        ],
+        &["last", "intervene", "tuned.safetensors", "data/video", "--out", "do", "--json", "--factor", "0,2"],
         at,
     );
     let moved = done["moved"].as_array().expect("rows");
@@ -127,7 +117,12 @@ fn bad_input_is_refused() {
     refused(&pretrain(&["--out", "m"]), at, 2, &["data"]);
     data(at);
     refused(&pretrain(&["--out", "m", "--reading", "free"]), at, 2, &["reference, literal"]);
-    refused(&pretrain(&["--out", "m", "--supervision", "all"]), at, 2, &["none, pairs, groups, unknown, labels"]);
+    refused(
+        &pretrain(&["--out", "m", "--supervision", "all"]),
+        at,
+        2,
+        &["none, pairs, groups, unknown, labels"],
+    );
     refused(&pretrain(&["--out", "m", "--crop", "half"]), at, 2, &["person, whole"]);
     refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["KEY=VALUE"]);
     refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["KEY=VALUE"]);

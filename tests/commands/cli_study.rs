@@ -47,7 +47,15 @@ fn a_small_study_runs_and_goes_on_where_it_stopped() {
     let study = |out: &'static str, more: &[&'static str]| -> Vec<&'static str> {
         let mut words = vec!["last", "study"];
         words.extend(ids);
-        words.extend(["--scale", "smoke", "--graph-model", "FORK=model/model.safetensors", "--json", "--out", out]);
+        words.extend([
+            "--scale",
+            "smoke",
+            "--graph-model",
+            "FORK=model/model.safetensors",
+            "--json",
+            "--out",
+            out,
+        ]);
         words.extend(more);
         words
     };
@@ -97,7 +105,8 @@ fn a_small_study_runs_and_goes_on_where_it_stopped() {
 fn the_model_that_comes_with_the_program_serves() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
-    let made = json(&["last", "study", "E6", "E11", "--scale", "smoke", "--no-search", "--json", "--out", "s"], at);
+    let made =
+        json(&["last", "study", "E6", "E11", "--scale", "smoke", "--no-search", "--json", "--out", "s"], at);
     assert_eq!(made["models"][0]["graph"], "FORK");
     let outcomes: Vec<(&str, &str)> = made["experiments"]
         .as_array()
@@ -120,7 +129,8 @@ fn weights_of_lpips_add_columns_and_cells_of_their_own() {
     let file = at.join("vgg.safetensors");
     safetensors::write(&file, &torchvision(&Weights::by_formula()), &BTreeMap::new()).expect("written");
     let study = |more: &[&str]| -> (Vec<String>, Vec<Vec<String>>, usize) {
-        let words = [&["last", "study", "E6", "--scale", "smoke", "--no-search", "--json", "--out", "s"], more];
+        let words =
+            [&["last", "study", "E6", "--scale", "smoke", "--no-search", "--json", "--out", "s"], more];
         let made = json(&words.concat(), at);
         let e6 = made["experiments"].as_array().expect("a list").last().expect("E6").clone();
         let rows: Vec<Vec<String>> = serde_json::from_value(e6["rows"].clone()).expect("rows of text");

@@ -65,9 +65,13 @@ fn help_has_topics_and_commands() {
 #[test]
 fn completions_and_manual_pages_are_generated() {
     let dir = tempfile::tempdir().expect("a folder");
-    for (kind, word) in
-        [("bash", "complete"), ("zsh", "#compdef lastlight"), ("fish", "complete -c lastlight"), ("powershell", "Register-ArgumentCompleter"), ("man", ".TH lastlight 1")]
-    {
+    for (kind, word) in [
+        ("bash", "complete"),
+        ("zsh", "#compdef lastlight"),
+        ("fish", "complete -c lastlight"),
+        ("powershell", "Register-ArgumentCompleter"),
+        ("man", ".TH lastlight 1"),
+    ] {
         let text = stdout(&lastlight(&["generate", kind], dir.path()));
         assert!(text.contains(word), "{kind}: {}", &text[..text.len().min(300)]);
         if kind != "man" {
@@ -100,7 +104,8 @@ fn next_steps_are_typed_as_the_program_was() {
         if let Some(cargo) = cargo {
             command.env("CARGO", cargo).env("CARGO_PKG_NAME", "lastlight");
         }
-        let o = command.args(["demo", "--only", "splat", "--iterations", "4", "-q"]).output().expect("starts");
+        let o =
+            command.args(["demo", "--only", "splat", "--iterations", "4", "-q"]).output().expect("starts");
         stdout(&o)
     };
     let path = env!("CARGO_BIN_EXE_lastlight");
@@ -112,14 +117,21 @@ fn next_steps_are_typed_as_the_program_was() {
 fn a_recorded_run_is_run_again() {
     let dir = tempfile::tempdir().expect("a folder");
     let at = dir.path();
-    let first = json(&["demo", "--only", "splat", "--iterations", "6", "--seed", "4", "--out", "a", "--json", "-q"], at);
+    let first = json(
+        &["demo", "--only", "splat", "--iterations", "6", "--seed", "4", "--out", "a", "--json", "-q"],
+        at,
+    );
     let like = |more: &[&'static str]| {
         json(&[&["demo", "--like", "a/result.json", "--json", "-q"][..], more].concat(), at)["scene"].clone()
     };
     let again = like(&["--out", "b"]);
     assert_eq!(again["digest"], first["scene"]["digest"], "the same arguments, the same bits");
     let other = like(&["--out", "c", "--iterations", "3"]);
-    assert_eq!((&other["iterations"], &other["settings"]["seed"]), (&3.into(), &4.into()), "what is typed wins");
+    assert_eq!(
+        (&other["iterations"], &other["settings"]["seed"]),
+        (&3.into(), &4.into()),
+        "what is typed wins"
+    );
     refused(&["splat", "fit", "--like", "a/result.json", "--out", "d"], at, 2, &["splat fit", "demo"]);
     refused(&["demo", "--like", "none.json"], at, 2, &["none.json"]);
 }
@@ -132,7 +144,8 @@ fn run_listings(page: &str, dir: &Path) -> usize {
     for listing in page.split("```python\n").skip(1) {
         let listing = listing.split("```").next().unwrap_or_default();
         count += 1;
-        let named = listing.lines().next().and_then(|l| l.strip_prefix("# ")).filter(|name| name.ends_with(".py"));
+        let named =
+            listing.lines().next().and_then(|l| l.strip_prefix("# ")).filter(|name| name.ends_with(".py"));
         let file = dir.join(named.unwrap_or("listing.py"));
         std::fs::write(&file, listing).expect("written");
         if named.is_some() {
@@ -152,7 +165,8 @@ fn run_listings(page: &str, dir: &Path) -> usize {
 #[cfg(unix)]
 #[test]
 fn the_python_listings_of_readme_and_book_run() {
-    let has_numpy = Command::new("python3").args(["-c", "import numpy"]).output().is_ok_and(|o| o.status.success());
+    let has_numpy =
+        Command::new("python3").args(["-c", "import numpy"]).output().is_ok_and(|o| o.status.success());
     if !has_numpy {
         return not_run("python3 with numpy is not there: Python listings of README and book");
     }

@@ -8,7 +8,11 @@ const PARTS: &Choices = &[("last", "the person"), ("splat", "the scene")];
 
 fn person_size(text: &str) -> Result<usize, String> {
     let side = choices::square(text)?;
-    if (32..=1024).contains(&side) { Ok(side) } else { Err("expected a side of 32 to 1024 pixels".to_owned()) }
+    if (32..=1024).contains(&side) {
+        Ok(side)
+    } else {
+        Err("expected a side of 32 to 1024 pixels".to_owned())
+    }
 }
 
 /// Fit a built-in person from a video and a built-in scene from photographs; one report with images.

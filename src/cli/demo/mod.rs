@@ -87,11 +87,17 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     say(&format!("  open {d}/report/index.html in a browser"))?;
     if person {
         say(&format!("  {program} last render {d}/person --cameras orbit:36 --pose 5 --out around"))?;
-        say(&format!("  {program} last fit {d}/subject/video --out alone           the same person without the model"))?;
+        say(&format!(
+            "  {program} last fit {d}/subject/video --out alone           the same person without the model"
+        ))?;
     }
     if scene {
-        say(&format!("  {program} splat render {d}/scene/scene.ply --cameras orbit:36 --size 320 --out turntable"))?;
-        say(&format!("  {program} splat fit PHOTOS --out DIR     your own photos, see {program} help captures"))?;
+        say(&format!(
+            "  {program} splat render {d}/scene/scene.ply --cameras orbit:36 --size 320 --out turntable"
+        ))?;
+        say(&format!(
+            "  {program} splat fit PHOTOS --out DIR     your own photos, see {program} help captures"
+        ))?;
     }
     say(&format!("  {program} oracle list                    operators to compare your own code with"))
 }

@@ -32,8 +32,11 @@ const DENSITIES: &Choices = &[
     ("pixel", "the pixel criterion alone"),
 ];
 /// Values of `--lambda-mode`.
-const BOUNDS: &Choices =
-    &[("rel", "relative to the parents' update"), ("abs", "absolute"), ("stop", "no update beyond the bound")];
+const BOUNDS: &Choices = &[
+    ("rel", "relative to the parents' update"),
+    ("abs", "absolute"),
+    ("stop", "no update beyond the bound"),
+];
 /// Values of `--order`.
 const ORDERS: &Choices = &[
     ("topo", "causes before effects"),

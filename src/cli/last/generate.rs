@@ -1,16 +1,16 @@
 //! `last gen`: the figure's data sets.
 
+use crate::Result;
 use crate::choices::{self, Choices, PASSES, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::fit::passes::PassSet;
 use crate::meter::Meter;
 use crate::shared::OutputArgs;
-use crate::Result;
+use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use lastlight_last::character::CharacterSettings;
 use lastlight_last::figure::Rendering;
 use lastlight_last::generate::{self, RECORD, Report, Settings};
-use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use std::path::PathBuf;
 
 /// Values of `--split`.
@@ -31,8 +31,11 @@ const EQUATIONS: &Choices = &[
 /// Values of `--scale`.
 const SCALES: &Choices = &[("full", "minutes"), ("smoke", "seconds: a test that everything runs")];
 /// Values of `--render-as`.
-const RENDERINGS: &Choices =
-    &[("mesh", "path-traced surface"), ("points", "discs at the points"), ("splats", "Gaussians at the points")];
+const RENDERINGS: &Choices = &[
+    ("mesh", "path-traced surface"),
+    ("points", "discs at the points"),
+    ("splats", "Gaussians at the points"),
+];
 /// Graphs with a name of their own.
 const GRAPHS: [&str; 6] = ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"];
 

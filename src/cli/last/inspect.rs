@@ -41,7 +41,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input(args.capture.display().to_string())
             .expected("a person's capture, with transforms_train.json and body.npz")
             .got(format!("the layout {}", layout.name()))
-            .hint(format!("{} last import {} --out DIR makes one of it", cli::program(), args.capture.display())));
+            .hint(format!(
+                "{} last import {} --out DIR makes one of it",
+                cli::program(),
+                args.capture.display()
+            )));
     }
     if let Some(out) = &args.out {
         claim::check(out, false, args.force)?;

@@ -260,8 +260,8 @@ mod tests {
 
     #[test]
     fn the_listed_experiments_are_those_that_can_run() {
-        let learning: [Learning; 4] =
-            [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(learn::Size::smoke()));
+        let learning: [Learning; 4] = [learn::number, learn::correct, learn::spurious, learn::dependence]
+            .map(|make| make(learn::Size::smoke()));
         let of_images = StructureFromImages::new(pictures::Size::smoke(), Path::new("out"));
         let mut ids: Vec<&str> = learning.iter().map(Experiment::id).collect();
         ids.push(of_images.id());

@@ -26,11 +26,8 @@ Examples:
 Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it stands under a map) and one capture per light: transforms.json, images/, foreground/, and by default radiance/, depth/, normal/, albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues with --resume, which may also ask for more --objects.";
 
 /// Values of `--lighting`.
-const LIGHTING: &Choices = &[
-    ("uniform", "a white dome"),
-    ("environment", "a map per object"),
-    ("both", "each object under both"),
-];
+const LIGHTING: &Choices =
+    &[("uniform", "a white dome"), ("environment", "a map per object"), ("both", "each object under both")];
 /// Values of `--cameras`.
 const CAMERAS: &Choices = &[
     ("train", "drawn at random"),

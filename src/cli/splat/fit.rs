@@ -275,7 +275,8 @@ fn images(views: &Views) -> Value {
 /// That there was no room for more Gaussians, and what makes room.
 fn limit_text(at: usize, most: usize) -> String {
     let most = report::thousands(most);
-    let when = if at == 0 { "from the start".to_owned() } else { format!("at iteration {}", report::thousands(at)) };
+    let when =
+        if at == 0 { "from the start".to_owned() } else { format!("at iteration {}", report::thousands(at)) };
     format!("{most} Gaussians, reached {when}; --max-gaussians N raises it")
 }
 

@@ -1,6 +1,6 @@
 //! `oracle compare`: compares two files array by array and finds the first operator at which they diverge.
 
-pub use super::differences::{Nans, Agreement, ArrayReport, Divergence, Report, Worst, Zeros};
+pub use super::differences::{Agreement, ArrayReport, Divergence, Nans, Report, Worst, Zeros};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{ulp_f32, ulp_f64};

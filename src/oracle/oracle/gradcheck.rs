@@ -170,7 +170,7 @@ impl Program<'_> {
         self.calls.set(self.calls.get() + 1);
         if self.planned.get() > 0 {
             let done = self.calls.get();
-            (self.progress.borrow_mut())(Event::Call { done, total: Ord::max(done, self.planned.get()) });
+            (*self.progress.borrow_mut())(Event::Call { done, total: Ord::max(done, self.planned.get()) });
         }
         if !done.status.success() {
             let text = String::from_utf8_lossy(&done.stderr);
@@ -270,10 +270,10 @@ fn program(
     let names: Vec<_> = inputs.keys().map(String::as_str).collect();
     let text =
         format!("{command}: gradients of {} by finite differences of the program itself", names.join(", "));
-    (program.progress.borrow_mut())(Event::Note(&text));
+    (*program.progress.borrow_mut())(Event::Note(&text));
     program.planned.set(program.calls.get() + calls_of(&outputs, &gradients, &inputs, &rules)?);
     let report = check::function_with_log(command, value, vjp, &inputs, &rules)?;
     let text = format!("{command}: called {} times", program.calls.get());
-    (program.progress.borrow_mut())(Event::Note(&text));
+    (*program.progress.borrow_mut())(Event::Note(&text));
     Ok(report)
 }

@@ -1,7 +1,7 @@
 //! `oracle list`.
 
-use crate::ops::{self, Kind, Op, Port, SettingSpec, Stage, Width};
 use crate::Result;
+use crate::ops::{self, Kind, Op, Port, SettingSpec, Stage, Width};
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -19,7 +19,9 @@ pub struct List {
 /// # Errors
 /// When a name is neither that of an operator nor of a group.
 pub fn list(names: &[String]) -> Result<List> {
-    let is_in = |op: &Op, name: &str| op.name == name || op.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+    let is_in = |op: &Op, name: &str| {
+        op.name == name || op.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'))
+    };
     for name in names {
         if !ops::LIST.iter().any(|op| is_in(op, name)) {
             ops::find(name)?;

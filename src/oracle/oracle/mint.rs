@@ -69,12 +69,7 @@ pub fn golden(op: &'static Op, case: usize) -> Result<Arrays> {
 ///
 /// # Errors
 /// When a setting is unknown, or the case is not valid input under these settings.
-pub fn golden_with(
-    op: &'static Op,
-    case: usize,
-    profile: Option<&str>,
-    set: &[String],
-) -> Result<Arrays> {
+pub fn golden_with(op: &'static Op, case: usize, profile: Option<&str>, set: &[String]) -> Result<Arrays> {
     let made = (op.case)(case);
     let mut call = Call { inputs: made.inputs, settings: made.settings, dump: true, ..Call::default() };
     add_settings(op, &mut call.settings, profile, set)?;

@@ -95,7 +95,9 @@ impl PassSet {
                 None if name == "photo" => {}
                 None => {
                     let known = Self::NAMES.join(", ");
-                    return Err(Error::input("--passes").expected(format!("photo, {known} or all")).got(name));
+                    return Err(Error::input("--passes")
+                        .expected(format!("photo, {known} or all"))
+                        .got(name));
                 }
             }
         }

@@ -73,9 +73,13 @@ fn compare_measures_what_it_says() {
 fn a_gradient_that_alone_differs_is_a_backward_pass_and_nans_are_counted() {
     let op = ops::find("nn.linear").expect("on the list");
     let ours = run::gather(&run::call(op, &full_call(op, 0), Precision::F64).expect("runs"));
-    let report = compare::arrays(&spoiled(&ours, &["weight_bar"]), &ours, Some("nn.linear"), 1e-9).expect("compares");
+    let report =
+        compare::arrays(&spoiled(&ours, &["weight_bar"]), &ours, Some("nn.linear"), 1e-9).expect("compares");
     let divergence = report.divergence.as_ref().expect("a stage");
-    assert_eq!((&*divergence.stage, &*divergence.outputs), ("nn.linear adjoint", &["weight_bar".to_owned()][..]));
+    assert_eq!(
+        (&*divergence.stage, &*divergence.outputs),
+        ("nn.linear adjoint", &["weight_bar".to_owned()][..])
+    );
     assert!(report.to_string().contains("first diverging stage: nn.linear, backward pass."), "{report}");
 
     let theirs = Arrays::new().with("y", &[2, 2], vec![1.0_f32, 0.0, f32::NAN, f32::NAN]);

@@ -78,8 +78,10 @@ fn run_writes_outputs_plan_and_digests_and_the_digests_are_those_of_the_files() 
 fn mint_gives_the_same_bytes_twice_and_its_files_can_be_fed_back() {
     let folder = tempfile::tempdir().expect("a folder");
     let (a, b) = (folder.path().join("a"), folder.path().join("b"));
-    let first = mint::mint(&mint::Options { out: a.clone(), ..Default::default() }, &mut |_| {}).expect("minted");
-    let second = mint::mint(&mint::Options { out: b.clone(), ..Default::default() }, &mut |_| {}).expect("minted");
+    let first =
+        mint::mint(&mint::Options { out: a.clone(), ..Default::default() }, &mut |_| {}).expect("minted");
+    let second =
+        mint::mint(&mint::Options { out: b.clone(), ..Default::default() }, &mut |_| {}).expect("minted");
     assert_eq!(first.files.len(), ops::LIST.iter().fold(0, |n, op| n + op.cases), "a file per case");
     for (x, y) in first.files.iter().zip(&second.files) {
         assert!(
