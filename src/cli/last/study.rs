@@ -12,11 +12,11 @@ use crate::shared::{ForceArgs, MetricArgs};
 use crate::{Error, Result, like, version};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::shipped;
+use lastlight_study::last::images::{self, StructureFromImages};
 use lastlight_study::last::learn::{self, Learning};
 use lastlight_study::last::person::constants::{Calibration, Constants, Search};
 use lastlight_study::last::person::experiments::{self, CLAIMS};
 use lastlight_study::last::person::setup::{self, Model, Setup};
-use lastlight_study::last::pictures::{self, StructureFromImages};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -115,11 +115,11 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    fn sizes(&self) -> (learn::Size, pictures::Size, setup::Size) {
+    fn sizes(&self) -> (learn::Size, images::Size, setup::Size) {
         match self.scale.as_str() {
-            "quick" => (learn::Size::quick(), pictures::Size::quick(), setup::Size::quick()),
-            "smoke" => (learn::Size::smoke(), pictures::Size::smoke(), setup::Size::smoke()),
-            _ => (learn::Size::full(), pictures::Size::full(), setup::Size::full()),
+            "quick" => (learn::Size::quick(), images::Size::quick(), setup::Size::quick()),
+            "smoke" => (learn::Size::smoke(), images::Size::smoke(), setup::Size::smoke()),
+            _ => (learn::Size::full(), images::Size::full(), setup::Size::full()),
         }
     }
 
@@ -262,7 +262,7 @@ mod tests {
     fn the_listed_experiments_are_those_that_can_run() {
         let learning: [Learning; 4] = [learn::number, learn::correct, learn::spurious, learn::dependence]
             .map(|make| make(learn::Size::smoke()));
-        let of_images = StructureFromImages::new(pictures::Size::smoke(), Path::new("out"));
+        let of_images = StructureFromImages::new(images::Size::smoke(), Path::new("out"));
         let mut ids: Vec<&str> = learning.iter().map(Experiment::id).collect();
         ids.push(of_images.id());
         ids.extend(FOUND_BY.iter().chain(&CLAIMS).map(|(id, _)| *id));

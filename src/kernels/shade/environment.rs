@@ -21,6 +21,7 @@
 //! strips the two densities differ, which changes a weight of the balance heuristic by at most their ratio
 //! there, and a mean by less than 1e-7 of it.
 
+use super::alias::AliasTable;
 use super::vector::dot;
 use crate::num::elem;
 use crate::num::lanes::{Real, f32x8};
@@ -82,20 +83,11 @@ struct Row {
     half: f32,
 }
 
-/// One entry of the alias table (Walker 1977; Vose 1991).
-#[derive(Clone, Copy, Debug)]
-struct Alias {
-    /// The entry's own texel is chosen if the fraction is below this value.
-    own: f64,
-    /// The texel that is chosen otherwise.
-    other: u32,
-}
-
 /// Tables for sampling; absent for a black map.
 #[derive(Clone, Debug)]
 struct Table {
     /// Alias table, shape (H·W).
-    alias: Vec<Alias>,
+    alias: AliasTable,
     /// Density of each texel per steradian, shape (H·W).
     density: Vec<f32>,
     /// Rows of the map, shape (H).
@@ -148,12 +140,7 @@ impl Sky {
     fn table(&self) -> Option<Table> {
         let (w, h) = (self.width, self.height);
         let (omega, edges) = solid_angles(w, h);
-        let luminance = |t: [f32; 3]| {
-            let t = t.map(f64::from);
-            let k = LUMINANCE.map(f64::from);
-            (k[0] * t[0] + k[1] * t[1]) + k[2] * t[2]
-        };
-        let lum: Vec<f64> = self.radiance.iter().map(|t| luminance(*t)).collect();
+        let lum: Vec<f64> = self.radiance.iter().map(|t| luminance_f64(*t)).collect();
         // Means over texels: ⅛, ¾, ⅛ horizontally; the same vertically, or ¼ pole where there is no further
         // row.
         let across: Vec<f64> = (0..h * w)
@@ -162,7 +149,7 @@ impl Sky {
                 0.125 * (lum[row + (j + w - 1) % w] + lum[row + (j + 1) % w]) + 0.75 * lum[i]
             })
             .collect();
-        let poles = self.poles.map(luminance);
+        let poles = self.poles.map(luminance_f64);
         let weights: Vec<f64> = (0..h * w)
             .map(|i| {
                 let up = if i < w {
@@ -195,7 +182,7 @@ impl Sky {
                 Row { versine: versine.map(|x| x as f32), half: if upper { 1.0 } else { -1.0 } }
             })
             .collect();
-        Some(Table { alias: alias(&weights, total), density, rows })
+        Some(Table { alias: AliasTable::new(&weights, total), density, rows })
     }
 
     /// Whether the map is black, so that no direction can be drawn.
@@ -211,13 +198,7 @@ impl Sky {
     /// Returns the probability with which [`Self::draw`] chooses each texel, computed from its alias table;
     /// empty for a black map.
     pub fn probabilities(&self) -> Vec<f64> {
-        let Some(table) = &self.table else { return Vec::new() };
-        let n = table.alias.len() as f64;
-        let mut p: Vec<f64> = table.alias.iter().map(|a| a.own / n).collect();
-        for a in &table.alias {
-            p[a.other as usize] += (1.0 - a.own) / n;
-        }
-        p
+        self.table.as_ref().map_or_else(Vec::new, |table| table.alias.probabilities())
     }
 
     /// Returns the position of directions in the map: columns and rows from 0 to W and H.
@@ -322,20 +303,10 @@ impl Sky {
         (radiance.map(f32x8::new), f32x8::new(density))
     }
 
-    /// Returns the texel chosen by a 64-bit word, for [`Self::draw8`].
-    #[inline]
-    fn choose(&self, table: &Table, word: u64) -> usize {
-        let wide = u128::from(word) * table.alias.len() as u128;
-        let (i, rest) = ((wide >> 64) as usize, wide as u64);
-        let entry = table.alias[i];
-        let fraction = (rest >> 12) as f64 * (1.0 / 4_503_599_627_370_496.0);
-        if fraction < entry.own { i } else { entry.other as usize }
-    }
-
     /// Draws a direction from a word and two uniforms; returns `None` for a black map.
     pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<MapSample> {
         let table = self.table.as_ref()?;
-        let texel = self.choose(table, word);
+        let texel = table.alias.choose(word);
         let (turn, versine, half) = self.inside(table, texel, u);
         Some(MapSample { towards: direction(turn, versine, half), density: table.density[texel], texel })
     }
@@ -347,7 +318,7 @@ impl Sky {
         let table = self.table.as_ref()?;
         let (mut turn, mut versine, mut half, mut density) = ([0.0; 8], [0.0; 8], [0.0; 8], [0.0; 8]);
         for l in 0..8 {
-            let texel = self.choose(table, words[l]);
+            let texel = table.alias.choose(words[l]);
             (turn[l], versine[l], half[l]) = self.inside(table, texel, [u[0][l], u[1][l]]);
             density[l] = table.density[texel];
         }
@@ -375,34 +346,15 @@ fn direction<L: Real>(turn: L, versine: L, half: L) -> [L; 3] {
     [sin * elem::sin(azimuth), sin * elem::cos(azimuth), half * (s(1.0) - versine)]
 }
 
+/// Returns the luminance of linear RGB in f64, for tables.
+pub(super) fn luminance_f64(c: [f32; 3]) -> f64 {
+    let c = c.map(f64::from);
+    let k = LUMINANCE.map(f64::from);
+    (k[0] * c[0] + k[1] * c[1]) + k[2] * c[2]
+}
+
 /// Returns the luminance of linear RGB.
 #[inline(always)]
 pub fn luminance<L: Real>(c: [L; 3]) -> L {
     dot(c, LUMINANCE.map(L::splat))
-}
-
-/// Builds the alias table of weights with a positive total, in index order (Vose 1991 with stacks read from
-/// the end).
-fn alias(weights: &[f64], total: f64) -> Vec<Alias> {
-    let n = weights.len();
-    let mut share: Vec<f64> = weights.iter().map(|w| w / total * n as f64).collect();
-    let mut table: Vec<Alias> = (0..n).map(|i| Alias { own: 1.0, other: i as u32 }).collect();
-    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..n).partition(|&i| share[i] < 1.0);
-    while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
-        small.pop();
-        table[s] = Alias { own: share[s], other: l as u32 };
-        share[l] = share[l] - (1.0 - share[s]);
-        if share[l] < 1.0 {
-            large.pop();
-            small.push(l);
-        }
-    }
-    // The remaining entries differ from 1 by rounding only; they keep own = 1, unless their weight is zero.
-    for i in small {
-        if weights[i] == 0.0 {
-            let other = weights.iter().position(|w| *w > 0.0).unwrap_or(0);
-            table[i] = Alias { own: 0.0, other: other as u32 };
-        }
-    }
-    table
 }

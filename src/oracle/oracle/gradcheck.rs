@@ -1,7 +1,7 @@
 //! `gradcheck`: checks operators of the list at generated cases or user-supplied inputs, or a user-supplied
 //! program.
 
-use super::run::{Sorted, add_settings, sort};
+use super::run::{SortedArrays, add_settings, sort};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::ops::{self, OpSubject};
@@ -116,7 +116,7 @@ fn at_inputs(
     };
     let op = ops::find(name)?;
     let in_file = |e: Error| e.within(input.display().to_string());
-    let Sorted { mut call, notes } = sort(op, npz::read(input)?).map_err(in_file)?;
+    let SortedArrays { mut call, notes } = sort(op, npz::read(input)?).map_err(in_file)?;
     add_settings(op, &mut call.settings, None, &options.set)?;
     for note in notes {
         progress(Event::Note(&note));

@@ -80,7 +80,7 @@ pub struct Report {
 
 /// The arrays of a file, sorted into the parts of a call.
 #[derive(Clone, Debug, Default)]
-pub struct Sorted {
+pub struct SortedArrays {
     /// the call: inputs, settings, cotangents
     pub call: Call,
     /// arrays that were ignored, and why
@@ -92,8 +92,8 @@ pub struct Sorted {
 ///
 /// # Errors
 /// An unknown name, or a setting that is not one number.
-pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
-    let mut sorted = Sorted::default();
+pub fn sort(op: &'static Op, arrays: Arrays) -> Result<SortedArrays> {
+    let mut sorted = SortedArrays::default();
     let has = |ports: &[ops::Port], name: &str| ports.iter().any(|p| p.name == name);
     for (name, array) in arrays.0 {
         let bar_of = name.strip_suffix("_bar");
@@ -195,7 +195,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
             .got(options.out.display().to_string()));
     }
     let in_file = |e: Error| e.within(options.input.display().to_string());
-    let Sorted { call: mut request, notes } = sort(op, npz::read(&options.input)?).map_err(in_file)?;
+    let SortedArrays { call: mut request, notes } = sort(op, npz::read(&options.input)?).map_err(in_file)?;
     add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;
     request.plan = options.plan.as_deref().map(npz::read).transpose()?;
     request.dump = options.dump;

@@ -1,0 +1,63 @@
+//! Alias tables: draws of an index in proportion to weights (Walker 1977; Vose 1991).
+
+/// One entry of a table.
+#[derive(Clone, Copy, Debug)]
+struct Alias {
+    /// The entry's own index is chosen if the fraction is below this value.
+    own: f64,
+    /// The index that is chosen otherwise.
+    other: u32,
+}
+
+/// An alias table.
+#[derive(Clone, Debug)]
+pub(super) struct AliasTable(Vec<Alias>);
+
+impl AliasTable {
+    /// Builds the table of weights with a positive total, in index order (Vose 1991 with stacks read from the
+    /// end).
+    pub(super) fn new(weights: &[f64], total: f64) -> Self {
+        let n = weights.len();
+        let mut share: Vec<f64> = weights.iter().map(|w| w / total * n as f64).collect();
+        let mut table: Vec<Alias> = (0..n).map(|i| Alias { own: 1.0, other: i as u32 }).collect();
+        let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..n).partition(|&i| share[i] < 1.0);
+        while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
+            small.pop();
+            table[s] = Alias { own: share[s], other: l as u32 };
+            share[l] = share[l] - (1.0 - share[s]);
+            if share[l] < 1.0 {
+                large.pop();
+                small.push(l);
+            }
+        }
+        // The remaining entries differ from 1 by rounding only; they keep own = 1, unless their weight is
+        // zero.
+        for i in small {
+            if weights[i] == 0.0 {
+                let other = weights.iter().position(|w| *w > 0.0).unwrap_or(0);
+                table[i] = Alias { own: 0.0, other: other as u32 };
+            }
+        }
+        Self(table)
+    }
+
+    /// Returns the index chosen by a 64-bit word.
+    #[inline]
+    pub(super) fn choose(&self, word: u64) -> usize {
+        let wide = u128::from(word) * self.0.len() as u128;
+        let (i, rest) = ((wide >> 64) as usize, wide as u64);
+        let entry = self.0[i];
+        let fraction = (rest >> 12) as f64 * (1.0 / 4_503_599_627_370_496.0);
+        if fraction < entry.own { i } else { entry.other as usize }
+    }
+
+    /// Returns the probability with which [`Self::choose`] returns each index.
+    pub(super) fn probabilities(&self) -> Vec<f64> {
+        let n = self.0.len() as f64;
+        let mut p: Vec<f64> = self.0.iter().map(|a| a.own / n).collect();
+        for a in &self.0 {
+            p[a.other as usize] += (1.0 - a.own) / n;
+        }
+        p
+    }
+}
