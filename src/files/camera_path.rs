@@ -78,7 +78,9 @@ mod tests {
         assert!((fx - 24.0).abs() < 1e-9 && fx == fy, "half the height: {fx}");
         assert_eq!((f[0].size, f[0].name.as_str()), (Some([64, 48]), "00000"), "size and name");
         assert_eq!(f[0].view_from_world[2], [0.0, 0.0, -1.0, 4.0], "OpenGL axes are turned");
-        for (key, bad) in [("camera_type", json!("fisheye")), ("render_width", json!(0)), ("camera_path", json!([]))] {
+        for (key, bad) in
+            [("camera_type", json!("fisheye")), ("render_width", json!(0)), ("camera_path", json!([]))]
+        {
             let mut value = path(90.0);
             value[key] = bad;
             assert!(frames(&value, "p").expect_err("refused").to_string().contains(key), "{key}");

@@ -44,7 +44,10 @@ pub(super) fn find(path: &Path) -> Option<Model> {
     let mut places: Vec<(PathBuf, PathBuf)> =
         inside.iter().map(|(m, r)| (path.join(m), path.join(r))).collect();
     // The path may be the model itself: the images are beside it, or one or two levels up.
-    let around = ["", "..", "../.."].map(|r| path.join(r)).into_iter().find(|r| FOLDERS.iter().any(|f| r.join(f).is_dir()));
+    let around = ["", "..", "../.."]
+        .map(|r| path.join(r))
+        .into_iter()
+        .find(|r| FOLDERS.iter().any(|f| r.join(f).is_dir()));
     places.push((path.to_path_buf(), around.unwrap_or_else(|| path.to_path_buf())));
     places.into_iter().find_map(|(folder, root)| {
         let binary = folder.join("cameras.bin").is_file();
@@ -77,8 +80,7 @@ pub(super) fn read_model(model: &Model, reading: &Reading) -> Result<Capture> {
     let mut frames = frames(&cameras, &images, &image_name, reading.outside)?;
     let holds = |folder: &PathBuf| frames.iter().any(|frame| image(folder, &frame.name).is_some());
     let own = || FOLDERS.iter().map(|f| model.root.join(f)).find(holds);
-    let folder =
-        reading.images.clone().or_else(own).unwrap_or_else(|| model.root.join(FOLDERS[0]));
+    let folder = reading.images.clone().or_else(own).unwrap_or_else(|| model.root.join(FOLDERS[0]));
     let masks = model.root.join("masks");
     for frame in &mut frames {
         let found = reading.images.as_ref().and_then(|_| reading.image(&model.root, &frame.name));

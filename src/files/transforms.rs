@@ -159,7 +159,8 @@ pub(super) fn parse_with(bytes: &[u8], name: &str, outside: bool) -> Result<Tran
         [("train_filenames", Split::Train), ("val_filenames", Split::Val), ("test_filenames", Split::Test)]
     {
         let Some(names) = top.get(list).and_then(Value::as_array) else { continue };
-        let names: BTreeSet<String> = names.iter().filter_map(|n| accept(n.as_str()?, outside).ok()).collect();
+        let names: BTreeSet<String> =
+            names.iter().filter_map(|n| accept(n.as_str()?, outside).ok()).collect();
         for frame in out.frames.iter_mut().filter(|f| names.contains(&f.name)) {
             frame.split = split;
         }

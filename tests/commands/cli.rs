@@ -46,6 +46,8 @@ pub(crate) fn workplace() -> tempfile::TempDir {
         "ball.ply",
         "--cameras",
         "orbit:10",
+        "--center",
+        "0,0,0",
         "--size",
         "48x40",
         "--out",

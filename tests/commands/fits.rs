@@ -20,7 +20,8 @@ fn keep_first(dir: &Path, count: usize) {
 fn eight_from_an_arc() -> tempfile::TempDir {
     let work = workplace();
     std::fs::remove_dir_all(work.path().join("capture")).expect("there");
-    let args = ["splat", "render", "ball.ply", "--cameras", "orbit:90", "--size", "48x40", "--out", "capture"];
+    let args =
+        ["splat", "render", "ball.ply", "--cameras", "orbit:90", "--center", "0,0,0", "--size", "48x40", "--out", "capture"];
     assert_eq!(code(&lastlight(&args, work.path())), 0, "rendered");
     keep_first(work.path(), 8);
     work
@@ -37,17 +38,25 @@ fn short_fits_of_few_images_work_with_defaults() {
     let mut records = Vec::new();
     for iterations in ["10", "30", "300"] {
         let record = json(&fit(iterations, &["--iterations", iterations]), work.path());
-        assert!(record["gaussians"].as_u64().expect("a count") >= 100, "{iterations}: {}", record["gaussians"]);
+        assert!(
+            record["gaussians"].as_u64().expect("a count") >= 100,
+            "{iterations}: {}",
+            record["gaussians"]
+        );
         records.push(psnr(&record));
     }
-    assert!(records[2] > records[0] + 3.0 && records[2] > 20.0, "more iterations, a better scene: {records:?}");
+    assert!(
+        records[2] > records[0] + 3.0 && records[2] > 20.0,
+        "more iterations, a better scene: {records:?}"
+    );
 }
 
 #[test]
 fn strategies_differ() {
     let work = workplace();
     let digest = |strategy: &str| {
-        let options = ["--iterations", "80", "--initial", "400", "--max-gaussians", "900", "--strategy", strategy];
+        let options =
+            ["--iterations", "80", "--initial", "400", "--max-gaussians", "900", "--strategy", strategy];
         json(&fit(strategy, &options), work.path())["digest"].as_str().expect("a digest").to_owned()
     };
     let digests = ["inria", "gsplat", "gsplat-abs", "mcmc"].map(digest);
@@ -68,12 +77,16 @@ fn the_limit_of_gaussians_is_reported_and_follows_the_start() {
     assert!(html.contains("--max-gaussians N raises it"), "in the report");
     let args = ["splat", "fit", "capture", "--out", "again", "--quiet"];
     let text = stdout(&lastlight(&[&args[..], &full].concat(), dir));
-    assert!(text.contains(&format!("320 Gaussians, reached at iteration {at}; --max-gaussians N raises it")), "{text}");
+    assert!(
+        text.contains(&format!("320 Gaussians, reached at iteration {at}; --max-gaussians N raises it")),
+        "{text}"
+    );
     let free = json(&fit("free", &["--iterations", "10", "--initial", "300"]), dir);
     assert!(free["limit_reached_at"].is_null() && free["settings"]["max_gaussians"] == 10_000, "{free}");
 
     // A start with more than the default has room.
-    let many = json(&fit("many", &["--iterations", "1", "--initial", "12000", "--max-gaussians", "12000"]), dir);
+    let many =
+        json(&fit("many", &["--iterations", "1", "--initial", "12000", "--max-gaussians", "12000"]), dir);
     assert_eq!(many["gaussians"], 12_000, "all of them");
     assert_eq!(many["limit_reached_at"], 0, "full at once");
     let from = json(&fit("from", &["--iterations", "1", "--init", "many/scene.ply"]), dir);
@@ -94,7 +107,8 @@ fn images_are_counted_and_a_single_one_gets_no_score() {
     assert!(e["mean_psnr_db"].is_null() && e["views"] == serde_json::json!([]), "no score: {e}");
     let html = std::fs::read_to_string(dir.join("one/report/index.html")).expect("a report");
     assert!(html.contains("nothing is held out") && !html.contains("NaN"), "the report says so");
-    let o = lastlight(&["splat", "fit", "capture", "--out", "two", "--iterations", "2", "--initial", "50"], dir);
+    let o =
+        lastlight(&["splat", "fit", "capture", "--out", "two", "--iterations", "2", "--initial", "50"], dir);
     assert!(stdout(&o).contains("nothing is held out"), "{}{}", stdout(&o), stderr(&o));
 }
 
@@ -126,7 +140,8 @@ fn a_colmap_model_with_reduced_images_alone_is_fitted() {
 fn the_check_before_the_first_iteration_says_what_the_capture_is() {
     let work = workplace();
     let dir = work.path();
-    let o = lastlight(&["splat", "fit", "capture", "--out", "f", "--iterations", "1", "--initial", "50"], dir);
+    let o =
+        lastlight(&["splat", "fit", "capture", "--out", "f", "--iterations", "1", "--initial", "50"], dir);
     let text = stderr(&o);
     for part in ["cameras: 8 of 8 point at the centre", "random Gaussians in a cube", "sheet of the images"] {
         assert!(text.contains(part), "'{part}' in {text}");
@@ -162,7 +177,9 @@ fn the_check_before_the_first_iteration_says_what_the_capture_is() {
         stderr(&lastlight(&[&args[..], rest].concat(), dir))
     };
     let text = run("g", &[]);
-    for part in ["cameras: 0 of 8 point", "warning: most cameras look away", "masks: 2 of 10 images", "count neither"] {
+    for part in
+        ["cameras: 0 of 8 point", "warning: most cameras look away", "masks: 2 of 10 images", "count neither"]
+    {
         assert!(text.contains(part), "'{part}' in {text}");
     }
     let text = run("h", &["--masks", "background"]);

@@ -109,8 +109,8 @@ fn next_steps_are_typed_as_the_program_was() {
         stdout(&o)
     };
     let path = env!("CARGO_BIN_EXE_lastlight");
-    assert!(next(None).contains(&format!("  {path} splat render demo/scene/scene.ply")), "its path");
-    assert!(next(Some("cargo")).contains(" -- splat render demo/scene/scene.ply"), "through cargo");
+    assert!(next(None).contains(&format!("  {path} splat render demo/scene --cameras")), "its path");
+    assert!(next(Some("cargo")).contains(" -- splat render demo/scene --cameras"), "through cargo");
 }
 
 #[test]

@@ -70,8 +70,10 @@ fn turn_cameras(path: &Path, r: &Turn) {
 
 /// Content box of every image of a folder: it touches no border, is at least a third of the height, red above green.
 fn check_views(folder: &Path, count: usize, what: &str) {
-    let files: Vec<_> =
-        std::fs::read_dir(folder.join("color")).expect("images").map(|e| e.expect("an entry").path()).collect();
+    let files: Vec<_> = std::fs::read_dir(folder.join("color"))
+        .expect("images")
+        .map(|e| e.expect("an entry").path())
+        .collect();
     assert_eq!(files.len(), count, "{what}: all views");
     for file in files {
         let p = image_file::read(&file).expect("a PNG");
@@ -114,14 +116,16 @@ fn orbits_of_fits_show_the_object_upright_whole_and_large() {
         // Filmed from 12 sides 25 degrees above, in a world with z up, then in the other worlds.
         write_scene(&dir.join("still.ply"), &figure(&WORLDS[0].1), &[]).expect("writes");
         let (capture, out) = (path("capture"), path("fit"));
-        let film = ["splat", "render", "still.ply", "--cameras", "orbit:12", "--elevation", "25", "--size", "72x96"];
+        let film =
+            ["splat", "render", "still.ply", "--cameras", "orbit:12", "--elevation", "25", "--size", "72x96"];
         run(&[&film[..], &["--out", &capture]].concat());
         turn_cameras(&dir.join(&capture).join("transforms.json"), &turn);
         let start = ["--init", &ply, "--iterations", "3", "--sh-degree", "0"];
         run(&[&["splat", "fit", &capture, "--out", &out][..], &start].concat());
 
         let views = path("views");
-        let text = run(&["splat", "render", &out, "--cameras", "orbit:36", "--size", "160x120", "--out", &views]);
+        let text =
+            run(&["splat", "render", &out, "--cameras", "orbit:36", "--size", "160x120", "--out", &views]);
         assert!(!text.contains("z is up"), "the cameras say what is up: {text}");
         check_views(&dir.join(&views), 36, world);
         let again = path("again");
@@ -131,7 +135,19 @@ fn orbits_of_fits_show_the_object_upright_whole_and_large() {
     // Without cameras, z is up or what is given.
     for (world, up) in [("z_up", "auto"), ("y_down", "-y")] {
         let (scene, out) = (format!("{world}_figure.ply"), format!("{world}_alone"));
-        let args = ["splat", "render", &scene, "--cameras", "orbit:8", "--size", "160x120", "--up", up, "--out", &out];
+        let args = [
+            "splat",
+            "render",
+            &scene,
+            "--cameras",
+            "orbit:8",
+            "--size",
+            "160x120",
+            "--up",
+            up,
+            "--out",
+            &out,
+        ];
         let o = lastlight(&args, dir);
         assert_eq!((code(&o), stderr(&o).contains("z is up")), (0, up == "auto"), "{}", stderr(&o));
         check_views(&dir.join(out), 8, world);

@@ -29,7 +29,11 @@ fn colmap_images_may_be_reduced_ones_or_those_before_undistortion() {
             let v = Views::load(&path, &Options::default()).expect("views");
             let camera = &v.views[2].camera;
             assert_eq!((v.views.len(), camera.width, camera.height), (9, w, h), "{inside}: all of them");
-            assert!((camera.focal_px[0] * side as f32 - 20.0).abs() < 1e-5, "{inside}: {:?}", camera.focal_px);
+            assert!(
+                (camera.focal_px[0] * side as f32 - 20.0).abs() < 1e-5,
+                "{inside}: {:?}",
+                camera.focal_px
+            );
         }
     }
     // Full-size images come first.
@@ -63,7 +67,8 @@ fn paths_that_lead_outside_are_an_option() {
     let photos = folder(&with_images(Vec::new(), &NINE));
     let text = String::from_utf8(samples::transforms(9)).expect("text");
     let absolute = text.replace("images/", &format!("{}/images/", photos.path().display()));
-    let dir = folder(&[("a/transforms.json", absolute.into_bytes()), ("images/0000.png", samples::png(16, 12, 3))]);
+    let dir =
+        folder(&[("a/transforms.json", absolute.into_bytes()), ("images/0000.png", samples::png(16, 12, 3))]);
     let capture = dir.path().join("a");
     let refused = read_capture(&capture).expect_err("an absolute path").to_string();
     assert!(refused.contains("absolute path") && refused.contains("--allow-outside"), "{refused}");
@@ -92,7 +97,11 @@ fn masks_ignore_colour_or_are_off() {
     let (ignore, background, off) = (load(Masks::Ignore), load(Masks::Background), load(Masks::Off));
     assert_eq!((ignore.masked, background.masked, off.masked), (2, 2, 0), "counted");
     let counted = |v: &Views, i: usize, p: usize| v.views[i].mask.as_ref().map(|m| m[p]);
-    assert_eq!((counted(&ignore, 3, 10 * 16), counted(&ignore, 3, 11 * 16)), (Some(1), Some(0)), "the lowest row");
+    assert_eq!(
+        (counted(&ignore, 3, 10 * 16), counted(&ignore, 3, 11 * 16)),
+        (Some(1), Some(0)),
+        "the lowest row"
+    );
     assert_eq!((counted(&ignore, 4, 7), counted(&ignore, 4, 8)), (Some(0), Some(1)), "the left half");
     let photo = samples::pixels(16, 12, 3);
     for (v, i, p, expected) in [
@@ -101,11 +110,18 @@ fn masks_ignore_colour_or_are_off() {
         (&background, 3, 0, [photo[0], photo[1], photo[2]]),
         (&off, 3, 11 * 16, std::array::from_fn(|c| photo[3 * 11 * 16 + c])),
     ] {
-        assert_eq!((v.views[i].rgb[3 * p..3 * p + 3].to_vec(), counted(v, i, p)), (expected.to_vec(), None), "{i} {p}");
+        assert_eq!(
+            (v.views[i].rgb[3 * p..3 * p + 3].to_vec(), counted(v, i, p)),
+            (expected.to_vec(), None),
+            "{i} {p}"
+        );
     }
     // A missing mask of a list is an error, unless masks are off.
     let list = String::from_utf8(samples::transforms(9)).expect("text");
-    let list = list.replace("\"file_path\":\"images/0003.png\"", "\"file_path\":\"images/0003.png\",\"mask_path\":\"m.png\"");
+    let list = list.replace(
+        "\"file_path\":\"images/0003.png\"",
+        "\"file_path\":\"images/0003.png\",\"mask_path\":\"m.png\"",
+    );
     let dir = folder(&with_images(vec![("transforms.json", list.into_bytes())], &NINE));
     assert!(Views::load(dir.path(), &Options::default()).is_err(), "no mask there");
     Views::load(dir.path(), &Options { masks: Masks::Off, ..Options::default() }).expect("not needed");
@@ -122,10 +138,15 @@ fn a_camera_path_of_nerfstudio_gives_cameras() {
         camera(2.0),
         camera(3.0)
     );
-    let dir = folder(&[("camera_path.json", text.into_bytes()), ("bad.json", b"{\"camera_path\":[]}".to_vec())]);
+    let dir =
+        folder(&[("camera_path.json", text.into_bytes()), ("bad.json", b"{\"camera_path\":[]}".to_vec())]);
     let shots = capture_shots(&dir.path().join("camera_path.json"), 2).expect("cameras");
     let c = &shots[1].camera;
-    assert_eq!((shots.len(), c.width, c.height, c.center()), (2, 32, 24, [0.5, 0.0, 3.0]), "as listed, reduced");
+    assert_eq!(
+        (shots.len(), c.width, c.height, c.center()),
+        (2, 32, 24, [0.5, 0.0, 3.0]),
+        "as listed, reduced"
+    );
     let focal = 12.0 / libm::tan(30f64.to_radians());
     assert!((f64::from(c.focal_px[1]) - focal).abs() < 1e-4, "a vertical field of view: {:?}", c.focal_px);
     let e = shots_of(&dir.path().join("bad.json"), 1, &Reading::default()).expect_err("refused").to_string();

@@ -287,7 +287,11 @@ fn short_runs_keep_the_intervals_of_1500_iterations() {
         ([s.every, s.start, s.prune_scale_after, s.reset_every], s.stop, s.grace)
     };
     assert_eq!(scaled(1500), ([5, 25, 150, 150], 750, 0), "scaled");
-    assert_eq!(scaled(300), ([5, 25, 150, 150], 150, 50), "an opacity cannot recover from a reset in 30 iterations");
+    assert_eq!(
+        scaled(300),
+        ([5, 25, 150, 150], 150, 50),
+        "an opacity cannot recover from a reset in 30 iterations"
+    );
     assert_eq!(scaled(30_000), ([100, 500, 3000, 3000], 15_000, 0), "as published");
     // Nothing is pruned for its opacity right after a reset; before and later it is.
     let settings = density::Settings { stop: 400, ..density::Settings::INRIA.scaled(300) };
@@ -317,7 +321,11 @@ fn gsplat_counts_iterations_from_zero_and_the_original_from_one() {
         (1..=1600).filter(act).collect::<Vec<u32>>()
     };
     let (inria, gsplat) = (density::Settings::INRIA.scaled(3000), density::Settings::GSPLAT.scaled(3000));
-    assert_eq!((inria.is_open(1500), gsplat.is_open(1500), gsplat.is_open(1501)), (false, true, false), "the end");
+    assert_eq!(
+        (inria.is_open(1500), gsplat.is_open(1500), gsplat.is_open(1501)),
+        (false, true, false),
+        "the end"
+    );
     let (inria, gsplat) = (acted(inria), acted(gsplat));
     assert_eq!((inria[0], gsplat[0]), (60, 61), "the first refinement");
     assert_eq!(gsplat, inria.iter().map(|i| i + 1).collect::<Vec<_>>(), "every other one");

@@ -93,7 +93,7 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     }
     if scene {
         say(&format!(
-            "  {program} splat render {d}/scene/scene.ply --cameras orbit:36 --size 320 --out turntable"
+            "  {program} splat render {d}/scene --cameras orbit:36 --size 320x240 --out turntable"
         ))?;
         say(&format!(
             "  {program} splat fit PHOTOS --out DIR     your own photos, see {program} help captures"

@@ -40,7 +40,10 @@ pub(super) fn note(views: &Views, survey: &Survey, is_random: bool, meter: &Mete
         ));
     }
     if is_random {
-        meter.note(&format!("start: random Gaussians in a cube of side {:.2} around that centre", 2.0 * b.half_size));
+        meter.note(&format!(
+            "start: random Gaussians in a cube of side {:.2} around that centre",
+            2.0 * b.half_size
+        ));
     }
     if survey.is_outward() {
         meter.note(

@@ -232,6 +232,8 @@ impl Job<'_> {
         names.extend([CAMERAS, check::SHEET].map(str::to_owned));
         names.extend(write_renders(&self.frame.dir, &scored)?);
         let full = fit.full_since();
+        // The demo has no option for it.
+        let raised = full.filter(|_| self.kind != "demo");
         let own = training::entries([
             ("gaussians", json!(scene_values.len())),
             ("limit_reached_at", json!(full)),
@@ -251,13 +253,13 @@ impl Job<'_> {
             digest: Some(digest.clone()),
             events: fit.events(),
             n_gauss: scene_values.len(),
-            limit: full.map(|at| limit_text(at, self.settings.max_gaussians)),
+            limit: raised.map(|at| limit_text(at, self.settings.max_gaussians)),
             scored: &scored,
             evaluation: &evaluation,
             run: Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names),
         })?;
         let mut lines = vec![scores_text(&evaluation), format!("Gaussians   {}", scene_values.len())];
-        lines.extend(full.map(|at| format!("limit       {}", limit_text(at, self.settings.max_gaussians))));
+        lines.extend(raised.map(|at| format!("limit       {}", limit_text(at, self.settings.max_gaussians))));
         lines.extend([
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),

@@ -1,4 +1,5 @@
-//! Alias tables: draws of an index in proportion to weights (Walker 1977; Vose 1991).
+//! Tables that choose one of many entries by weight in constant time (alias tables: Walker 1977; Vose 1991), and
+//! maps divided into coarser cells.
 
 /// One entry of a table.
 #[derive(Clone, Copy, Debug)]
@@ -20,19 +21,22 @@ impl AliasTable {
         let n = weights.len();
         let mut share: Vec<f64> = weights.iter().map(|w| w / total * n as f64).collect();
         let mut table: Vec<Alias> = (0..n).map(|i| Alias { own: 1.0, other: i as u32 }).collect();
-        let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..n).partition(|&i| share[i] < 1.0);
+        let (mut small, mut large): (Vec<u32>, Vec<u32>) =
+            (0..n as u32).partition(|&i| share[i as usize] < 1.0);
         while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
             small.pop();
-            table[s] = Alias { own: share[s], other: l as u32 };
-            share[l] = share[l] - (1.0 - share[s]);
-            if share[l] < 1.0 {
+            let own = share[s as usize];
+            table[s as usize] = Alias { own, other: l };
+            let left = &mut share[l as usize];
+            *left = *left - (1.0 - own);
+            if *left < 1.0 {
                 large.pop();
                 small.push(l);
             }
         }
         // The remaining entries differ from 1 by rounding only; they keep own = 1, unless their weight is
         // zero.
-        for i in small {
+        for i in small.into_iter().map(|i| i as usize) {
             if weights[i] == 0.0 {
                 let other = weights.iter().position(|w| *w > 0.0).unwrap_or(0);
                 table[i] = Alias { own: 0.0, other: other as u32 };
@@ -60,4 +64,16 @@ impl AliasTable {
         }
         p
     }
+}
+
+/// Divides `n` texels of a row or column among `cells`: for each texel, the cells that it overlaps (at most two)
+/// and the parts of it that lie in them.
+pub(super) fn overlaps(n: usize, cells: usize) -> Vec<[(usize, f64); 2]> {
+    let texel = |i: usize| {
+        // In units of 1/(n·cells), a texel is `cells` long and a cell is n long.
+        let first = i * cells / n;
+        let inside = Ord::min((first + 1) * n - i * cells, cells) as f64 / cells as f64;
+        [(first, inside), (Ord::min(first + 1, cells - 1), 1.0 - inside)]
+    };
+    (0..n).map(texel).collect()
 }

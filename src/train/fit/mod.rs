@@ -9,7 +9,7 @@
 //! cli ──► survey                                  directions of the cameras and points per image, before the first iteration
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene from given cameras: images, depth, alpha, on disk
-//! cli ──► orbit                                   circles of cameras around a scene
+//! cli ──► orbit ──► pivot                          circles of cameras around a scene
 //! cli ──► relight ──► passes                      a model under given lighting from given cameras
 //!           └────► earlier                        results of a previous run in the folder
 //! last, lirm, cli ──► passes                      ray-traced images with their passes, on disk as a capture
@@ -25,6 +25,7 @@ pub mod evaluate;
 pub mod frames;
 pub mod orbit;
 pub mod passes;
+mod pivot;
 pub mod relight;
 pub mod render;
 pub mod seeds;

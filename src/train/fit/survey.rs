@@ -81,7 +81,11 @@ mod tests {
     fn cameras_that_look_away_are_told_from_those_that_look_in() {
         let mut views = built_in::miniature(3, 8, &Settings::default()).expect("renders");
         let s = Survey::of(&views);
-        assert_eq!((s.images, s.inward, s.is_outward(), s.points), (7, 7, false, 0), "a circle around a scene");
+        assert_eq!(
+            (s.images, s.inward, s.is_outward(), s.points),
+            (7, 7, false, 0),
+            "a circle around a scene"
+        );
         assert!(s.distances[0] > 2.0 && s.distances[1] < 8.0, "{:?}", s.distances);
         let xyz = vec![[0.0, 0.0, 0.6], [0.1, 0.0, 0.6], [0.0, 0.0, 500.0]];
         views.points = Some(Points { rgb: vec![[0; 3]; 3], xyz });
