@@ -20,6 +20,7 @@ mod person;
 mod program;
 #[path = "../common/python.rs"]
 mod python;
+mod report;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod streams;

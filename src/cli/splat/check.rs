@@ -3,7 +3,7 @@
 use crate::fit::survey::Survey;
 use crate::meter::Meter;
 use crate::num::order;
-use crate::report::pictures::Sheet;
+use crate::report::images::Sheet;
 use crate::report::thousands;
 use crate::scene::views::{View, Views};
 use crate::{Error, Result};

@@ -127,13 +127,18 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "profile": args.render.profile, "background": background, "downscale": args.input.downscale});
         let page = report::fit::page(&report::fit::Input {
             kind: "splat eval",
-            title: args.scene.display().to_string(),
+            title: format!(
+                "Scores of {} on the photos {}",
+                args.scene.display(),
+                crate::shared::name(&args.capture)
+            ),
             command: cli::command_line(),
             digest: None,
             events: &[],
             n_gauss: stored.len(),
             limit: None,
             scored: &scored,
+            distances: if args.split == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
             evaluation: &evaluation,
             run: Run::new(&settings, None, &meter, &dir, &names),
         })?;
