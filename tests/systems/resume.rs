@@ -142,7 +142,7 @@ fn every_checkpoint_on_the_way_can_be_resumed() {
     for i in 0..copies.1 {
         let mut fit = new(Strategy::Inria, &views);
         let mut history = training::resume(&mut fit, &path.with_extension(i.to_string())).expect("complete");
-        assert_eq!(history.len(), [16, 32, 48, 60][i], "as many iterations as when it was written");
+        assert_eq!(history.len(), [80, 160, 240, 310][i], "as many iterations as when it was written");
         let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
         training::run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
         assert_eq!(fit.digest().expect("finite"), end, "from checkpoint {i}");
@@ -167,8 +167,8 @@ fn other_settings_or_photographs_are_refused_by_name() {
     let base = settings(Strategy::Inria);
     let e = refused(Settings { seed: 12, ..base.clone() }, &views);
     assert!(e.contains("setting: seed: expected 11 as in the checkpoint, got 12"), "{e}");
-    let e = refused(Settings { iterations: 61, ..base.clone() }, &views);
-    assert!(e.contains("iterations: expected 60"), "{e}");
+    let e = refused(Settings { iterations: 311, ..base.clone() }, &views);
+    assert!(e.contains("iterations: expected 310"), "{e}");
     let mut other = views.clone();
     other.views[1].rgb[0] ^= 1;
     let e = refused(base.clone(), &other);

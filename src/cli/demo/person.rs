@@ -143,7 +143,8 @@ fn around(turntable: &Sheet) -> Result<Section> {
     Ok(Section {
         id: "turntable",
         title: "From the front half",
-        lead: "One moment from eight directions, rendered larger than the input images. The fit has seen the person from the front only; its sides and back are an extrapolation."
+        lead: "One moment from eight directions, rendered larger than the input images. The fit has seen the person from the front only; sides and \
+               back would be an extrapolation and are not shown."
             .into(),
         body: html! { div.large { (turntable.strip(TURNTABLE.len(), &|[c, _]| {
             let degrees = TURNTABLE[c];

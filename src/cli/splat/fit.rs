@@ -143,9 +143,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ));
     let start = start(args, bounds, args.max_gaussians.unwrap_or(determined));
     let first = seeds::gaussians(&start, &views, &settings)?;
-    if args.max_gaussians.is_none() {
-        settings.max_gaussians = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
-    }
+    let usual = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
+    settings.max_gaussians = args.max_gaussians.unwrap_or(usual);
     let is_random = match start {
         Start::Auto { .. } => views.starting_points().is_none(),
         Start::Random { .. } => bounds.is_none(),
@@ -158,7 +157,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         title: format!("Scene from the photos {}", crate::shared::name(&args.capture)),
         settings,
         views: &views,
-        defaults: Some(Args::usual(determined)?.json()),
+        defaults: Some(Args::usual(usual)?.json()),
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
     check::write_sheet(&views, &job.frame.dir)?;
