@@ -4,9 +4,9 @@ mod captures;
 #[path = "../common/mod.rs"]
 mod common;
 mod io;
+mod layouts;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
-mod layouts;
 mod missing;
 mod models;
 #[path = "../common/mutate.rs"]
