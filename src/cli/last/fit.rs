@@ -73,7 +73,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1200)]
     iterations: usize,
     /// Spherical-harmonics degree of the colours, 0 to 3
-    #[arg(long, value_name = "D", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3))]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
     /// Largest number of Gaussians
     #[arg(long, value_name = "N", default_value_t = 8000)]
