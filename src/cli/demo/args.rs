@@ -33,7 +33,7 @@ pub(crate) struct Args {
     /// One part alone
     #[arg(long, value_name = "NAME", value_parser = choices(PARTS))]
     pub(super) only: Option<String>,
-    /// Iterations of a fit [default: 400 for the person, 1300 for the scene]
+    /// Iterations of a fit [default: 400 for the person, 1200 for the scene]
     #[arg(long, value_name = "N")]
     pub(super) iterations: Option<usize>,
     /// Size of the person's images, which are square: S, or SxS, 32 to 1024

@@ -33,10 +33,10 @@ const SUBJECT: u64 = 1005;
 const SAMPLES: u32 = 8;
 /// Frames of the video in the report.
 const FRAMES: usize = 10;
-/// Points of the person's template: four times those of the smoke sizes, or enlarged images show single Gaussians.
-const POINTS: usize = 4096;
+/// Points of the person's template: three times those of the smoke sizes, or enlarged images show single Gaussians.
+const POINTS: usize = 3072;
 /// Directions of the turntable in degrees, seen from the front. The video shows the person from the front alone.
-const TURNTABLE: [isize; 8] = [-35, -25, -15, -5, 5, 15, 25, 35];
+const TURNTABLE: [isize; 8] = [-28, -20, -12, -4, 4, 12, 20, 28];
 /// Width and height of its images in pixels.
 const UPRIGHT: [usize; 2] = [144, 256];
 /// The moment it shows.
