@@ -101,7 +101,10 @@ impl<'a> Recorder<'a> {
         self.film.views = levels.len();
         let psnr_db = levels.iter().fold(0.0, |s, x| s + x) / levels.len() as f64;
         self.film.all.push(Snapshot { iteration: done, psnr_db, image });
-        self.write()?;
+        // Files are synchronised with the disk: few of them.
+        if kept {
+            self.write()?;
+        }
         Ok(true)
     }
 
