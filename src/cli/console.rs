@@ -24,6 +24,20 @@ pub(crate) struct Output {
 
 static OUTPUT: OnceLock<Output> = OnceLock::new();
 
+/// Arguments behind the name of the program, those of `--like` written out.
+static ARGUMENTS: OnceLock<Vec<String>> = OnceLock::new();
+
+/// Keeps the arguments for records and reports, once.
+pub(crate) fn set_arguments(arguments: &[OsString]) {
+    // A second call has no effect.
+    let _ = ARGUMENTS.set(arguments.iter().skip(1).map(|a| a.to_string_lossy().into_owned()).collect());
+}
+
+/// The arguments of this run, as its record keeps them.
+pub(crate) fn arguments() -> &'static [String] {
+    ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
+
 /// Sets the output of this program, once.
 pub(crate) fn set_output(output: Output) {
     // A second call has no effect.
@@ -71,23 +85,28 @@ pub(crate) fn before_parsing(arguments: &[OsString]) -> Output {
 pub(crate) fn error(output: Output, kind: &str, message: &str, exit_code: u8) {
     let message = one_line(message);
     if output.json {
-        return note(&json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string());
+        return note(
+            &json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string(),
+        );
     }
     let is_colored = match output.color {
         ColorChoice::Always => true,
         ColorChoice::Never => false,
         ColorChoice::Auto => {
-            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+            std::io::stderr().is_terminal()
+                && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
         }
     };
-    let style = if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
+    let style =
+        if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
     note(&format!("{style}error:{style:#} {message}"));
 }
 
 /// How this program was called, for commands to type next: through cargo, or by its name or path.
 pub(crate) fn program() -> String {
     let is_release = if cfg!(debug_assertions) { "" } else { " --release" };
-    let of_cargo = std::env::var_os("CARGO").is_some() && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
+    let of_cargo = std::env::var_os("CARGO").is_some()
+        && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
     if of_cargo {
         return format!("cargo run{is_release} --");
     }
@@ -97,7 +116,11 @@ pub(crate) fn program() -> String {
 /// A word as a shell reads it.
 fn quoted(word: String) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    if !word.is_empty() && word.chars().all(plain) {
+        word
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
 }
 
 /// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
@@ -145,7 +168,7 @@ pub(crate) fn say_json(record: &serde_json::Value) -> Result<()> {
 
 /// The command line as it can be typed again.
 pub(crate) fn command_line() -> String {
-    let rest = std::env::args_os().skip(1).map(|a| quoted(a.to_string_lossy().into_owned()));
+    let rest = arguments().iter().cloned().map(quoted);
     std::iter::once("lastlight".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
 }
 
@@ -187,7 +210,11 @@ mod tests {
         };
         assert_eq!(of("lastlight doctor"), (false, ColorChoice::Auto), "the defaults");
         assert_eq!(of("lastlight --color never x --json"), (true, ColorChoice::Never), "two words");
-        assert_eq!(of("lastlight --color=always --color rainbow"), (false, ColorChoice::Always), "what is valid");
+        assert_eq!(
+            of("lastlight --color=always --color rainbow"),
+            (false, ColorChoice::Always),
+            "what is valid"
+        );
         assert_eq!(of("lastlight x -- --json"), (false, ColorChoice::Auto), "no option behind --");
     }
 }

@@ -16,12 +16,12 @@ use std::path::PathBuf;
   lastlight convert scene.npz scene.ply --force")]
 pub(super) struct Args {
     /// Scene to read: .ply, .splat or .npz
-    #[arg(value_name = "IN")]
+    #[arg(value_name = "FILE")]
     input: PathBuf,
     /// Scene to write: .ply, .splat or .npz
-    #[arg(value_name = "OUT")]
+    #[arg(value_name = "FILE")]
     output: PathBuf,
-    /// Replace OUT if it exists
+    /// Replace existing results
     #[arg(long)]
     force: bool,
 }

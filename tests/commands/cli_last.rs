@@ -15,18 +15,18 @@ fn data(dir: &Path) {
         &[
             "last",
             "gen",
-            "--profile",
+            "--scale",
             "smoke",
             "--out",
             "data",
             "--json",
-            "--count",
+            "--observational",
             "24",
             "--groups",
             "8",
             "--appearances",
             "1",
-            "--points",
+            "--body-points",
             "128",
             "--frames",
             "3",
@@ -48,11 +48,11 @@ fn pretrain<'a>(more: &[&'a str]) -> Vec<&'a str> {
         "data",
         "--iterations",
         "4",
-        "--observed",
+        "--batch-images",
         "12",
-        "--groups",
+        "--batch-groups",
         "4",
-        "--points",
+        "--batch-points",
         "32",
         "--factor-dim",
         "2",
@@ -96,18 +96,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     assert_eq!(tuned["pictures"], 3, "every training picture");
     assert_eq!(tuned["after"].as_array().map(Vec::len), Some(16), "every edge");
     let done = json(
-        &[
-            "last",
-            "intervene",
-            "tuned.safetensors",
-            "data/video",
-            "--out",
-            "do",
-            "--json",
-            "--factor",
-            "0",
-            "2",
-        ],
+        &["last", "intervene", "tuned.safetensors", "data/video", "--out", "do", "--json", "--factor", "0,2"],
         at,
     );
     let moved = done["moved"].as_array().expect("rows");
@@ -128,10 +117,15 @@ fn bad_input_is_refused() {
     refused(&pretrain(&["--out", "m"]), at, 2, &["data"]);
     data(at);
     refused(&pretrain(&["--out", "m", "--reading", "free"]), at, 2, &["reference, literal"]);
-    refused(&pretrain(&["--out", "m", "--supervision", "all"]), at, 2, &["none, pairs, groups, labels"]);
-    refused(&pretrain(&["--out", "m", "--framing", "half"]), at, 2, &["person, whole"]);
-    refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["NAME=VALUE"]);
-    refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["NAME=VALUE"]);
+    refused(
+        &pretrain(&["--out", "m", "--supervision", "all"]),
+        at,
+        2,
+        &["none, pairs, groups, unknown, labels"],
+    );
+    refused(&pretrain(&["--out", "m", "--crop", "half"]), at, 2, &["person, whole"]);
+    refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["KEY=VALUE"]);
+    refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["KEY=VALUE"]);
     std::fs::remove_dir_all(at.join("data/interventions")).expect("removed");
     refused(&pretrain(&["--out", "m"]), at, 2, &["interventions"]);
     let o = lastlight(&pretrain(&["--out", "m", "--supervision", "none", "--quiet"]), at);
@@ -294,7 +288,7 @@ fn poses_and_cameras_of_a_film_go_together() {
     let side = film("side", &["--cameras", "12", "--pose", "1"]);
     assert!(side.len() == 1 && side[0] != all[1], "another camera of the capture");
     // The same body in another animation.
-    let made = "last gen --profile smoke --set video --out dancer --seed 5 --frames 2 --test-cameras 1 --points 128 --json";
+    let made = "last gen --scale smoke --split video --out dancer --seed 5 --frames 2 --test-cameras 1 --body-points 128 --json";
     json(&made.split(' ').collect::<Vec<_>>(), at);
     let dance = film("dance", &["--pose-from", "dancer/video"]);
     assert_eq!(dance.len(), 2, "the moments of the other animation");

@@ -37,8 +37,8 @@ fn help_shows_examples_and_every_option() {
         "--lighting",
         "--env",
         "--shiny",
-        "--set",
-        "--camera",
+        "--cameras",
+        "--lens",
         "--views",
         "--size",
         "--samples",
@@ -109,7 +109,7 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
 fn an_egocentric_set_takes_either_camera() {
     let dir = tempfile::tempdir().expect("a folder");
     for (camera, model) in [("fisheye", "OPENCV_FISHEYE"), ("pinhole", "PINHOLE")] {
-        let args = [&["--out", camera, "--set", "egocentric", "--camera", camera][..], &TINY].concat();
+        let args = [&["--out", camera, "--cameras", "egocentric", "--lens", camera][..], &TINY].concat();
         assert_eq!(json(&args, dir.path())["settings"]["camera"], camera, "{camera}: said");
         let file = dir.path().join(camera).join("object_00000/uniform/transforms_train.json");
         let top: Value = serde_json::from_slice(&std::fs::read(file).expect("written")).expect("JSON");
@@ -126,10 +126,10 @@ fn what_makes_no_sense_is_refused() {
         (&["--out", "x", "--size", "4"], &["size"]),
         (&["--out", "x", "--samples", "many"], &["--samples"]),
         (&["--out", "x", "--lighting", "moon"], &["--lighting"]),
-        (&["--out", "x", "--set", "some"], &["--set"]),
+        (&["--out", "x", "--cameras", "some"], &["--cameras"]),
         (&["--out", "x", "--shiny"], &["shiny", "environment"]),
-        (&["--out", "x", "--camera", "pinhole"], &["--camera", "egocentric", "train"]),
-        (&["--out", "x", "--set", "egocentric", "--camera", "orthographic"], &["--camera"]),
+        (&["--out", "x", "--lens", "pinhole"], &["--lens", "egocentric", "train"]),
+        (&["--out", "x", "--cameras", "egocentric", "--lens", "orthographic"], &["--lens"]),
         (&["--out", "x", "--resume", "--force"], &["--resume"]),
         (&["--out", "x", "--lighting", "environment", "--env-axes", "up"], &["--env-axes"]),
     ];

@@ -8,6 +8,7 @@ mod cli_study;
 #[path = "../common/mod.rs"]
 mod common;
 mod fits;
+mod globals;
 #[path = "../common/lpips_weights.rs"]
 mod lpips_weights;
 mod mesh_cli;
@@ -24,4 +25,5 @@ mod report;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod streams;
+mod tree;
 mod weights;

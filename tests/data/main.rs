@@ -5,9 +5,9 @@ mod captures;
 mod common;
 mod images;
 mod io;
+mod layouts;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
-mod layouts;
 mod missing;
 mod models;
 #[path = "../common/mutate.rs"]
