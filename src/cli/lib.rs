@@ -145,6 +145,7 @@ pub fn command() -> clap::Command {
 
 /// Parses the command line, runs the command, prints an error if there is one.
 pub fn main() -> ExitCode {
+    console::fail_at_file_size_limit();
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let before = console::before_parsing(&arguments);
     let cli = match parse(&arguments, before) {
@@ -172,7 +173,12 @@ pub fn main() -> ExitCode {
                 Kind::Interrupted => "interrupted",
                 _ => "input",
             };
-            console::error(console::Output { quiet, verbose, json, color }, kind, &e.to_string(), e.exit_code());
+            console::error(
+                console::Output { quiet, verbose, json, color },
+                kind,
+                &e.to_string(),
+                e.exit_code(),
+            );
             ExitCode::from(e.exit_code())
         }
     }
