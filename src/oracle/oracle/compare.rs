@@ -28,13 +28,12 @@ pub struct Options {
 }
 
 /// The operator whose names cover most of the arrays; composite ones first, then in the order of the list.
-fn guess(theirs: &Arrays, ours: &Arrays) -> Option<&'static Op> {
+fn guess(theirs: &[String], ours: &[String]) -> Option<&'static Op> {
     let known =
         |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
-    let names = || theirs.0.keys().chain(ours.0.keys());
-    let score = |op: &Op| names().filter(|n| known(op, n)).count();
-    let produces =
-        |op: &Op| op.outputs.iter().any(|p| ours.get(p.name).is_some() && theirs.get(p.name).is_some());
+    let score = |op: &Op| theirs.iter().chain(ours).filter(|n| known(op, n)).count();
+    let has = |names: &[String], name: &str| names.iter().any(|n| n == name);
+    let produces = |op: &Op| op.outputs.iter().any(|p| has(ours, p.name) && has(theirs, p.name));
     let mut best: Option<(&'static Op, usize)> = None;
     let ordered = ops::LIST
         .iter()
