@@ -114,7 +114,8 @@ pub fn run(args: Args) -> Result<()> {
             if report.passed {
                 return Ok(());
             }
-            let differing = report.arrays.iter().filter(|a| a.verdict != compare::Agreement::Agrees).count();
+            let differing =
+                report.arrays.iter().filter(|a| a.agreement != compare::Agreement::Agrees).count();
             Err(Error::check("oracle compare")
                 .expected("every array to agree")
                 .got(format!("{differing} that do not")))

@@ -1,7 +1,7 @@
-//! `oracle compare`: array by array, and the first operator at which two files part.
+//! `oracle compare`: compares two files array by array and finds the first operator at which they diverge.
 
-pub use super::differences::{Agreement, ArrayReport, Parting, Report, Worst, Zeros};
-use crate::io::npz;
+pub use super::differences::{Agreement, ArrayReport, Divergence, Report, Worst, Zeros};
+use crate::io::{memory, npz};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{ulp_f32, ulp_f64};
 use crate::ops::{self, Compare, Op};
@@ -12,25 +12,30 @@ use std::path::PathBuf;
 /// Default bound on the relative L2 of an array.
 pub const TOLERANCE: f64 = 1e-5;
 
-/// What to compare.
+/// Number of entries that a report lists.
+const WORST: usize = 10;
+
+/// Options of a comparison.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// somebody's arrays
+    /// user-supplied arrays
     pub theirs: PathBuf,
-    /// ours
+    /// arrays of lastlight
     pub ours: PathBuf,
     /// operator; found by the names of the arrays when `None`
     pub op: Option<String>,
     /// bound on the relative L2 of an array
     pub tol: f64,
-    /// where to write the report as a page
+    /// file of the HTML report
     pub html: Option<PathBuf>,
 }
 
-/// The operator whose names cover most of the arrays; composite ones first, then in the order of the list.
+/// The operator whose names match most of the arrays; of several, composite ones first, then in the order of
+/// the list.
 fn guess(theirs: &[String], ours: &[String]) -> Option<&'static Op> {
-    let known =
-        |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
+    let known = |op: &Op, name: &str| {
+        op.has_array(name) || name.strip_suffix("_bar").is_some_and(|x| op.has_array(x))
+    };
     let score = |op: &Op| theirs.iter().chain(ours).filter(|n| known(op, n)).count();
     let has = |names: &[String], name: &str| names.iter().any(|n| n == name);
     let produces = |op: &Op| op.outputs.iter().any(|p| has(ours, p.name) && has(theirs, p.name));
@@ -57,7 +62,7 @@ fn unravel(mut i: usize, shape: &[usize]) -> Vec<usize> {
     index
 }
 
-/// Entries in play: all, or those in rows where `mask` is not zero in both files.
+/// The entries to compare: all, or those in rows where `mask` is nonzero in both files.
 fn selected(
     name: &str,
     op: Option<&Op>,
@@ -88,7 +93,7 @@ fn selected(
             let there = |v: &[f64], r: usize| v[r * wide..(r + 1) * wide].iter().any(|x| *x != 0.0);
             let keep: Vec<bool> = (0..rows).map(|r| there(&a, r) && there(&b, r)).collect();
             let dropped = keep.iter().filter(|k| !**k).count();
-            let note = (dropped > 0).then(|| format!("{dropped} rows with {by} 0 left out"));
+            let note = (dropped > 0).then(|| format!("{dropped} rows with {by} = 0 not compared"));
             ((0..len).map(|i| keep[i / per_row]).collect(), note, false)
         }
     }
@@ -101,7 +106,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
         shape_theirs: theirs.shape().to_vec(),
         shape_ours: ours.shape().to_vec(),
         dtypes: [theirs.dtype(), ours.dtype()],
-        verdict: Agreement::ShapesDiffer,
+        agreement: Agreement::ShapesDiffer,
         note: None,
         worst_ulp: 0,
         mean_ulp: 0.0,
@@ -114,13 +119,14 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     if theirs.shape() != ours.shape() {
         return Ok(report);
     }
+    // Both arrays in f64, the rows to compare, and copies of them if some are left out.
+    memory::check(&format!("oracle compare, array '{name}'"), 33 * ours.len() as u64)?;
     let (keep, note, pattern) = selected(name, op, theirs_all, ours_all, ours.len());
     report.note = note;
     let single = [theirs, ours].iter().any(|a| matches!(a, Array::F32(_)));
     let (a, b) = (theirs.to_f64(), ours.to_f64());
-    let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
     if a.iter().chain(&b).any(|x| x.is_nan()) {
-        report.verdict = Agreement::Nan;
+        report.agreement = Agreement::Nan;
         return Ok(report);
     }
     let whole = !theirs.is_float() && !ours.is_float();
@@ -129,13 +135,24 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
         (false, true) => ulp_f32(a[i] as f32, b[i] as f32),
         (false, false) => ulp_f64(a[i], b[i]),
     };
-    let (x, y): (Vec<f64>, Vec<f64>) = kept.iter().map(|&i| (b[i], a[i])).unzip();
-    let d = distance(&x, &y);
+    let kept = || (0..keep.len()).filter(|&i| keep[i]);
+    let d = if kept().count() == keep.len() {
+        distance(&b, &a)
+    } else {
+        let (x, y): (Vec<f64>, Vec<f64>) = kept().map(|i| (b[i], a[i])).unzip();
+        distance(&x, &y)
+    };
     report.relative_l2 = d.relative_l2;
     report.cosine = 1.0 - d.one_minus_cosine;
     report.signed_bias = d.signed_bias;
-    let mut total = 0.0;
-    for &i in &kept {
+    let (mut total, mut count, mut worst) = (0.0, 0_usize, Vec::with_capacity(WORST + 1));
+    for i in kept() {
+        count += 1;
+        if a[i] != b[i] {
+            let larger = |j: &usize| (b[*j] - a[*j]).abs().total_cmp(&(b[i] - a[i]).abs()).is_ge();
+            worst.insert(worst.partition_point(larger), i);
+            worst.truncate(WORST);
+        }
         let u = ulp(i);
         report.worst_ulp = Ord::max(report.worst_ulp, u);
         total += u as f64;
@@ -146,14 +163,12 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
             (false, false) => {}
         }
     }
-    if !kept.is_empty() {
-        report.mean_ulp = total / kept.len() as f64;
+    if count > 0 {
+        report.mean_ulp = total / count as f64;
     }
-    let mut differing: Vec<usize> = kept.iter().copied().filter(|&i| a[i] != b[i]).collect();
-    differing.sort_by(|&i, &j| (b[j] - a[j]).abs().total_cmp(&(b[i] - a[i]).abs()).then(i.cmp(&j)));
     let entry = |&i: &usize| Worst { index: unravel(i, ours.shape()), theirs: a[i], ours: b[i], ulp: ulp(i) };
-    report.worst = differing.iter().take(10).map(entry).collect();
-    report.verdict = if pattern {
+    report.worst = worst.iter().map(entry).collect();
+    report.agreement = if pattern {
         if report.zeros.only_theirs + report.zeros.only_ours == 0 {
             Agreement::Agrees
         } else {
@@ -167,15 +182,15 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     Ok(report)
 }
 
-fn parting(op: &Op, arrays: &[ArrayReport]) -> Option<Parting> {
+fn divergence(op: &Op, arrays: &[ArrayReport]) -> Option<Divergence> {
     let find = |name: &str| arrays.iter().find(|a| a.name == name);
-    let differs = |name: &str| find(name).is_some_and(|a| a.verdict != Agreement::Agrees);
+    let differs = |name: &str| find(name).is_some_and(|a| a.agreement != Agreement::Agrees);
     let at = |stage: &'static str, inputs: &[&str], outputs: &[&str]| {
         let parts = !inputs.iter().any(|n| differs(n)) && outputs.iter().any(|n| differs(n));
         parts.then(|| {
-            let (seen, unseen): (Vec<&str>, Vec<&str>) = inputs.iter().partition(|n| find(n).is_some());
+            let (checked, unchecked): (Vec<&str>, Vec<&str>) = inputs.iter().partition(|n| find(n).is_some());
             let outputs = outputs.iter().copied().filter(|n| differs(n)).collect();
-            Parting { stage, inputs: owned(seen), unseen: owned(unseen), outputs: owned(outputs) }
+            Divergence { stage, inputs: owned(checked), unchecked: owned(unchecked), outputs: owned(outputs) }
         })
     };
     if op.is_composite() {
@@ -194,34 +209,45 @@ fn owned(names: Vec<&str>) -> Vec<String> {
 /// # Errors
 /// When the files have no array in common, or the operator is unknown.
 pub fn arrays(theirs: &Arrays, ours: &Arrays, op: Option<&str>, tol: f64) -> Result<Report> {
+    let names = [theirs, ours].map(|a| a.0.keys().cloned().collect::<Vec<_>>());
+    named(theirs, ours, &names, op, tol)
+}
+
+/// Compares the arrays that both files contain; `names` are those of all arrays of the files, in order.
+fn named(
+    theirs: &Arrays,
+    ours: &Arrays,
+    names: &[Vec<String>; 2],
+    op: Option<&str>,
+    tol: f64,
+) -> Result<Report> {
     let op = match op {
         Some(name) => Some(ops::find(name)?),
-        None => guess(theirs, ours),
+        None => guess(&names[0], &names[1]),
     };
     let mut reports = Vec::new();
     for name in ours.0.keys().filter(|n| theirs.get(n).is_some()) {
         reports.push(one(name, op, theirs, ours, tol)?);
     }
     if reports.is_empty() {
-        let names = |a: &Arrays| a.0.keys().cloned().collect::<Vec<_>>().join(", ");
         return Err(Error::input("oracle compare")
             .expected("at least one array name in both files")
-            .got(format!("[{}] and [{}]", names(theirs), names(ours))));
+            .got(format!("[{}] and [{}]", names[0].join(", "), names[1].join(", "))));
     }
-    let only = |a: &Arrays, b: &Arrays| a.0.keys().filter(|n| b.get(n).is_none()).cloned().collect();
-    let passed = reports.iter().all(|a| a.verdict == Agreement::Agrees);
+    let only = |a: &[String], b: &[String]| a.iter().filter(|n| !b.contains(n)).cloned().collect();
+    let passed = reports.iter().all(|a| a.agreement == Agreement::Agrees);
     Ok(Report {
         operator: op.map(|op| op.name),
         tol,
-        only_theirs: only(theirs, ours),
-        only_ours: only(ours, theirs),
-        parting: op.and_then(|op| parting(op, &reports)),
+        only_theirs: only(&names[0], &names[1]),
+        only_ours: only(&names[1], &names[0]),
+        divergence: op.and_then(|op| divergence(op, &reports)),
         arrays: reports,
         passed,
     })
 }
 
-/// Compares two files and writes the page if one is asked for. The report says whether anything differs: exit code 1.
+/// Compares two files and writes the HTML report if requested. The report states whether any array differs.
 ///
 /// # Errors
 /// Files that cannot be read or written, or have no array in common.
@@ -229,8 +255,15 @@ pub fn compare(options: &Options) -> Result<Report> {
     if !(options.tol >= 0.0) {
         return Err(Error::input("--tol").expected("0 or more").got(options.tol.to_string()));
     }
-    let (theirs, ours) = (npz::read(&options.theirs)?, npz::read(&options.ours)?);
-    let report = arrays(&theirs, &ours, options.op.as_deref(), options.tol)?;
+    // Arrays that only one file contains are listed but not read.
+    let mut files = [npz::Archive::open(&options.theirs)?, npz::Archive::open(&options.ours)?];
+    let mut names = [files[0].names(), files[1].names()];
+    names.iter_mut().for_each(|names| names.sort());
+    let [theirs, ours] = &mut files;
+    let theirs = theirs.read(&|name| names[1].iter().any(|n| n == name))?;
+    let ours = ours.read(&|name| names[0].iter().any(|n| n == name))?;
+    drop(files);
+    let report = named(&theirs, &ours, &names, options.op.as_deref(), options.tol)?;
     if let Some(path) = &options.html {
         let page = super::html::page(&report, &options.theirs, &options.ours, &theirs, &ours);
         crate::io::atomic::write_bytes(path, page.as_bytes())?;

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Which arithmetic runs.
+/// Arithmetic of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
@@ -21,28 +21,28 @@ pub enum Precision {
     F64,
 }
 
-/// What to run on what.
+/// Options of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// operator
     pub op: String,
-    /// arrays in
+    /// input file
     pub input: PathBuf,
-    /// arrays out
+    /// output file
     pub out: PathBuf,
     /// arithmetic
     pub precision: Precision,
     /// splatting profile, a shorthand for the setting of that name
     pub profile: Option<String>,
-    /// `KEY=VALUE`; wins over arrays `setting_KEY`
+    /// `KEY=VALUE`; takes precedence over arrays `setting_KEY`
     pub set: Vec<String>,
-    /// decisions to use
+    /// file with the plan to use
     pub plan: Option<PathBuf>,
-    /// also write the intermediates
+    /// whether to write the intermediates
     pub dump: bool,
 }
 
-/// What one array is, without its values.
+/// Description of one array without its values.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ArrayDigest {
     /// sizes of the axes
@@ -53,14 +53,14 @@ pub struct ArrayDigest {
     pub digest: String,
 }
 
-/// What a run did; also the content of `OUT.digest.json`.
+/// Report of a run; also the content of `OUT.digest.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// operator
     pub operator: &'static str,
     /// arithmetic
     pub precision: Precision,
-    /// settings in effect that were given
+    /// explicitly given settings
     pub settings: BTreeMap<String, String>,
     /// arrays of `OUT.npz`
     pub arrays: BTreeMap<String, ArrayDigest>,
@@ -68,7 +68,7 @@ pub struct Report {
     pub plan: BTreeMap<String, ArrayDigest>,
     /// digest over names and digests of all arrays of `OUT.npz`, then of the plan
     pub digest: String,
-    /// digest over names and digests of the plan alone: the decision log
+    /// digest over names and digests of the plan only: the decision log
     pub plan_digest: String,
     /// arrays that were not used, and why
     #[serde(skip)]
@@ -78,7 +78,7 @@ pub struct Report {
     pub files: Vec<PathBuf>,
 }
 
-/// A file's arrays sorted into what a call needs.
+/// The arrays of a file, sorted into the parts of a call.
 #[derive(Clone, Debug, Default)]
 pub struct Sorted {
     /// the call: inputs, settings, cotangents
@@ -87,52 +87,104 @@ pub struct Sorted {
     pub notes: Vec<String>,
 }
 
-/// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`; outputs,
-/// intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
+/// What an array of a file is to an operator.
+enum Role<'a> {
+    Input,
+    /// The cotangent of this output.
+    Cotangent(&'a str),
+    /// The value of this setting.
+    Setting(&'a str),
+    /// Not used, for this reason.
+    Ignored(&'static str),
+}
+
+impl<'a> Role<'a> {
+    /// The role of an array by its name.
+    ///
+    /// # Errors
+    /// An unknown name.
+    fn of(op: &Op, name: &'a str) -> Result<Self> {
+        let has = |ports: &[ops::Port], name: &str| ports.iter().any(|p| p.name == name);
+        let bar_of = name.strip_suffix("_bar");
+        if has(op.inputs, name) {
+            return Ok(Self::Input);
+        }
+        if let Some(output) = bar_of.filter(|y| has(op.outputs, y)) {
+            return Ok(if op.adjoint { Self::Cotangent(output) } else { Self::Ignored("the operator has no adjoint") });
+        }
+        if let Some(key) = name.strip_prefix("setting_") {
+            return Ok(Self::Setting(key));
+        }
+        let reason = if has(op.outputs, name) {
+            "an output"
+        } else if has(op.intermediates, name) {
+            "an intermediate"
+        } else if bar_of.is_some_and(|x| has(op.inputs, x)) {
+            "the gradient of an input"
+        } else if op.companions.contains(&name) {
+            "a companion of this operator's files"
+        } else {
+            let inputs: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
+            return Err(Error::input(format!("array '{name}'"))
+                .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
+                .got("an unknown name")
+                .hint("`oracle list` prints the names of every operator"));
+        };
+        Ok(Self::Ignored(reason))
+    }
+}
+
+/// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`;
+/// outputs, intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
 ///
 /// # Errors
 /// An unknown name, or a setting that is not one number.
 pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
     let mut sorted = Sorted::default();
-    let has = |ports: &[ops::Port], name: &str| ports.iter().any(|p| p.name == name);
     for (name, array) in arrays.0 {
-        let bar_of = name.strip_suffix("_bar");
-        if has(op.inputs, &name) {
-            sorted.call.inputs.0.insert(name, array);
-        } else if let Some(output) = bar_of.filter(|y| has(op.outputs, y)) {
-            sorted.call.cotangents.0.insert(output.to_owned(), array);
-        } else if let Some(key) = name.strip_prefix("setting_") {
-            if array.len() != 1 {
+        match Role::of(op, &name)? {
+            Role::Cotangent(output) => {
+                sorted.call.cotangents.0.insert(output.to_owned(), array);
+            }
+            Role::Setting(_) if array.len() != 1 => {
                 return Err(Error::input(format!("array '{name}'"))
                     .expected("one number")
                     .got(format!("shape {:?}", array.shape())));
             }
-            sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
-        } else {
-            let reason = if has(op.outputs, &name) {
-                "an output"
-            } else if has(op.intermediates, &name) {
-                "an intermediate"
-            } else if bar_of.is_some_and(|x| has(op.inputs, x)) {
-                "the gradient of an input"
-            } else if op.companions.contains(&name.as_str()) {
-                "a companion of this operator's files"
-            } else {
-                let inputs: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
-                return Err(Error::input(format!("array '{name}'"))
-                    .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
-                    .got("an unknown name")
-                    .hint("`oracle list` shows the names of every operator"));
-            };
-            sorted.notes.push(format!("ignored '{name}': {reason}"));
-        }
-    }
-    if !op.adjoint && !sorted.call.cotangents.0.is_empty() {
-        for name in std::mem::take(&mut sorted.call.cotangents).0.keys() {
-            sorted.notes.push(format!("ignored '{name}_bar': the operator has no adjoint"));
+            Role::Setting(key) => {
+                sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
+            }
+            Role::Ignored(reason) => sorted.notes.push(ignored(&name, reason)),
+            Role::Input => {
+                sorted.call.inputs.0.insert(name, array);
+            }
         }
     }
     Ok(sorted)
+}
+
+fn ignored(name: &str, reason: &str) -> String {
+    format!("ignored '{name}': {reason}")
+}
+
+/// Reads what an operator uses from a file, as [`sort`] does with arrays in memory; other arrays are not read.
+///
+/// # Errors
+/// As [`sort`], and for a file that cannot be read.
+pub fn read(op: &'static Op, path: &Path) -> Result<Sorted> {
+    let in_file = |e: Error| e.within(path.display().to_string());
+    let mut file = npz::Archive::open(path)?;
+    let mut names = file.names();
+    names.sort();
+    let mut notes = Vec::new();
+    for name in &names {
+        if let Role::Ignored(reason) = Role::of(op, name).map_err(in_file)? {
+            notes.push(ignored(name, reason));
+        }
+    }
+    let arrays = file.read(&|name| !matches!(Role::of(op, name), Ok(Role::Ignored(_)) | Err(_)))?;
+    drop(file);
+    Ok(Sorted { notes, ..sort(op, arrays).map_err(in_file)? })
 }
 
 /// Adds `--profile` and `--set` to the settings of a file.
@@ -155,11 +207,11 @@ pub fn add_settings(op: &Op, settings: &mut Settings, profile: Option<&str>, set
     Ok(())
 }
 
-/// One call in one precision, through the path every run takes. A run in f32 gives f32 arrays, also of an operator that
+/// One call in one precision, as in every run. A run in f32 returns f32 arrays, also for an operator that
 /// computes in f64.
 ///
 /// # Errors
-/// Bad input; a result beyond the range of f32.
+/// Bad input; a result out of the range of f32.
 pub fn call(op: &'static Op, call: &Call, precision: Precision) -> Result<RunResult> {
     match (precision, op.width) {
         (Precision::F32, Width::F32) => ops::run(op, call),
@@ -176,8 +228,8 @@ pub fn gather(ran: &RunResult) -> Arrays {
     out
 }
 
-/// Runs an operator on a file. `progress` is told the number of pairs and the expected time of an f64 run before it
-/// starts.
+/// Runs an operator on a file. Before an f64 run, `progress` is called with its amount of work and expected
+/// time.
 ///
 /// # Errors
 /// Bad input, or files that cannot be read or written.
@@ -191,11 +243,11 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
         || options.plan.as_deref().is_some_and(|plan| same(plan, &options.out))
     {
         return Err(Error::input("--out")
-            .expected("another file than the inputs")
+            .expected("a file other than the inputs")
             .got(options.out.display().to_string()));
     }
     let in_file = |e: Error| e.within(options.input.display().to_string());
-    let Sorted { call: mut request, notes } = sort(op, npz::read(&options.input)?).map_err(in_file)?;
+    let Sorted { call: mut request, notes } = read(op, &options.input)?;
     add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;
     request.plan = options.plan.as_deref().map(npz::read).transpose()?;
     request.dump = options.dump;
@@ -214,8 +266,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
     let digest_file = sibling(&options.out, "digest.json");
     npz::write(&options.out, &arrays)?;
     npz::write(&plan_file, &ran.plan)?;
-    let json =
-        serde_json::to_string_pretty(&report).expect("a record of strings and numbers has a JSON form");
+    let json = serde_json::to_string_pretty(&report).expect("a record of strings and numbers is valid JSON");
     crate::io::atomic::write_bytes(&digest_file, format!("{json}\n").as_bytes())?;
     report.files = vec![options.out.clone(), plan_file, digest_file];
     Ok(report)
