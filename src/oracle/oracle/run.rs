@@ -110,7 +110,11 @@ impl<'a> Role<'a> {
             return Ok(Self::Input);
         }
         if let Some(output) = bar_of.filter(|y| has(op.outputs, y)) {
-            return Ok(if op.adjoint { Self::Cotangent(output) } else { Self::Ignored("the operator has no adjoint") });
+            return Ok(if op.adjoint {
+                Self::Cotangent(output)
+            } else {
+                Self::Ignored("the operator has no adjoint")
+            });
         }
         if let Some(key) = name.strip_prefix("setting_") {
             return Ok(Self::Setting(key));
