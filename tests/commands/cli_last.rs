@@ -136,7 +136,9 @@ fn bad_input_is_refused() {
     refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["NAME=VALUE"]);
     // A record from which the true graph cannot be read.
     let record = std::fs::read(at.join("data/dataset.json")).expect("a record");
-    for (bytes, part) in [(&record[..record.len() / 2], "JSON"), (br#"{"adjacency": [[0, 1], [0]]}"#, "adjacency")] {
+    for (bytes, part) in
+        [(&record[..record.len() / 2], "JSON"), (br#"{"adjacency": [[0, 1], [0]]}"#, "adjacency")]
+    {
         std::fs::write(at.join("data/dataset.json"), bytes).expect("writable");
         refused(&pretrain(&["--out", "m"]), at, 2, &["dataset.json", part]);
         assert!(!at.join("m").exists(), "nothing was trained");

@@ -83,15 +83,24 @@ fn bombs_are_not_inflated() {
     without_means.0.remove("means");
     write("beside.npz", with_zeros(&arrays, "unused", BOMB));
     write("inside.npz", with_zeros(&without_means, "means", BOMB));
-    let linear = Arrays::new().with("x", &[1, 2], vec![1.0_f32, 2.0]).with("weight", &[1, 2], vec![3.0_f32, 4.0]);
+    let linear =
+        Arrays::new().with("x", &[1, 2], vec![1.0_f32, 2.0]).with("weight", &[1, 2], vec![3.0_f32, 4.0]);
     write("output.npz", with_zeros(&linear, "y", BOMB));
     write("input.npz", with_zeros(&Arrays::new().with("x", &[1, 2], vec![1.0_f32, 2.0]), "weight", BOMB));
     npz::write(&dir.join("plain.npz"), &arrays).expect("writable");
     let cases: [(&[&str], i32, &str); 6] = [
         (&["convert", "beside.npz", "a.ply"], 0, "3 Gaussians"),
         (&["convert", "inside.npz", "b.ply"], 2, "array 'means': compression"),
-        (&["oracle", "run", "nn.linear", "--in", "output.npz", "--out", "c.npz"], 0, "ignored 'y': an output"),
-        (&["oracle", "run", "nn.linear", "--in", "input.npz", "--out", "d.npz"], 2, "array 'weight': compression"),
+        (
+            &["oracle", "run", "nn.linear", "--in", "output.npz", "--out", "c.npz"],
+            0,
+            "ignored 'y': an output",
+        ),
+        (
+            &["oracle", "run", "nn.linear", "--in", "input.npz", "--out", "d.npz"],
+            2,
+            "array 'weight': compression",
+        ),
         (&["oracle", "compare", "beside.npz", "plain.npz"], 0, "unused"),
         (&["oracle", "compare", "inside.npz", "plain.npz"], 2, "array 'means': compression"),
     ];
@@ -120,8 +129,18 @@ fn arrays_take_at_most_three_times_their_size() {
     let declared = 2 * 4 * n as u64;
     assert!(most <= idle + 3 * 2 * declared, "{most} bytes for {declared} in files and as much in arrays");
     // A limit below the declared arrays is an error before anything is read.
-    refused(&["oracle", "compare", "a.npz", "b.npz", "--max-memory", "40M"], dir, 2, &["oracle compare", "--max-memory"]);
-    refused(&["oracle", "compare", "a.npz", "b.npz", "--max-memory", "20M"], dir, 2, &["a.npz: memory", "20.0 MiB"]);
+    refused(
+        &["oracle", "compare", "a.npz", "b.npz", "--max-memory", "40M"],
+        dir,
+        2,
+        &["oracle compare", "--max-memory"],
+    );
+    refused(
+        &["oracle", "compare", "a.npz", "b.npz", "--max-memory", "20M"],
+        dir,
+        2,
+        &["a.npz: memory", "20.0 MiB"],
+    );
     refused_usage(&["doctor", "--max-memory", "lots"], dir, "512M or 4G");
 }
 
@@ -141,10 +160,9 @@ fn a_limit_of_address_space_is_an_error() {
     let n = 16_usize << 20;
     npz::write(&dir.join("a.npz"), &Arrays::new().with("x", &[n], vec![1.0_f32; n])).expect("writable");
     write_scene(&dir.join("s.ply"), &scene(8), &[]).expect("writable");
-    for command in [
-        "oracle compare a.npz a.npz",
-        "splat render s.ply --cameras orbit:1 --size 16000x16000 --out big",
-    ] {
+    for command in
+        ["oracle compare a.npz a.npz", "splat render s.ply --cameras orbit:1 --size 16000x16000 --out big"]
+    {
         let line = format!("ulimit -v 1000000; exec \"$0\" --threads 2 {command}");
         let o = Command::new("sh")
             .args(["-c", &line, env!("CARGO_BIN_EXE_lastlight")])
@@ -163,7 +181,8 @@ fn a_large_map_takes_at_most_twenty_bytes_a_texel() {
     let (w, h) = (6144, 3072);
     let row: Vec<u8> = (0..w).flat_map(|j| [(j % 251) as u8, (j / 31 % 256) as u8, 90]).collect();
     image_file::write_png(&dir.join("map.png"), w, h, 3, &row.repeat(h)).expect("writable");
-    let small = ["mesh", "render", "cube.obj", "--cameras", "orbit:1", "--size", "8x8", "--samples", "1", "--quiet"];
+    let small =
+        ["mesh", "render", "cube.obj", "--cameras", "orbit:1", "--size", "8x8", "--samples", "1", "--quiet"];
     let with = |out: &'static str, map: &'static str| [&small[..], &["--out", out, "--env", map]].concat();
     let (o, idle) = watched(&with("one", "axes"), dir);
     assert_eq!(code(&o), 0, "{}", stderr(&o));
@@ -179,7 +198,10 @@ fn control_characters_and_long_strings_of_files_are_not_printed() {
     let work = tempfile::tempdir().expect("a temporary folder");
     let dir = work.path();
     let evil = format!("\u{1b}[2J\u{1b}]0;title\u{7}{}", "x".repeat(5000));
-    let transforms = format!(r#"{{"camera_model": "{}", "frames": []}}"#, evil.replace('\u{1b}', "\\u001b").replace('\u{7}', "\\u0007"));
+    let transforms = format!(
+        r#"{{"camera_model": "{}", "frames": []}}"#,
+        evil.replace('\u{1b}', "\\u001b").replace('\u{7}', "\\u0007")
+    );
     std::fs::create_dir(dir.join("capture")).expect("made");
     std::fs::write(dir.join("capture/transforms.json"), transforms).expect("writable");
     let o = Command::new(env!("CARGO_BIN_EXE_lastlight"))
@@ -202,14 +224,19 @@ fn links_to_folders_outside_are_not_followed() {
     let dir = work.path();
     write_scene(&dir.join("s.ply"), &scene(8), &[]).expect("writable");
     let render = |more: &[&'static str]| {
-        [&["splat", "render", "s.ply", "--cameras", "orbit:1", "--size", "16x16", "--quiet"][..], more].concat()
+        [&["splat", "render", "s.ply", "--cameras", "orbit:1", "--size", "16x16", "--quiet"][..], more]
+            .concat()
     };
     assert_eq!(code(&lastlight(&render(&["--out", "r"]), dir)), 0, "a folder of renders");
     std::fs::remove_dir_all(dir.join("r/color")).expect("removed");
     std::fs::create_dir(dir.join("outside")).expect("made");
     symlink(dir.join("outside"), dir.join("r/color")).expect("linked");
     refused(&render(&["--out", "r", "--force"]), dir, 2, &["color", "a link to", "outside"]);
-    assert_eq!(std::fs::read_dir(dir.join("outside")).expect("readable").count(), 0, "nothing was written there");
+    assert_eq!(
+        std::fs::read_dir(dir.join("outside")).expect("readable").count(),
+        0,
+        "nothing was written there"
+    );
     // The folder of results itself may be a link.
     symlink(dir.join("elsewhere"), dir.join("linked")).expect("linked");
     std::fs::create_dir(dir.join("elsewhere")).expect("made");
@@ -236,7 +263,8 @@ fn a_limit_of_file_sizes_is_an_error() {
         .expect("a shell");
     assert_eq!(o.status.code(), Some(2), "{:?}: {}", o.status, stderr(&o));
     assert!(stderr(&o).starts_with("error: ") && stderr(&o).contains("t.ply"), "{}", stderr(&o));
-    let names: Vec<_> = std::fs::read_dir(dir).expect("readable").map(|e| e.expect("an entry").file_name()).collect();
+    let names: Vec<_> =
+        std::fs::read_dir(dir).expect("readable").map(|e| e.expect("an entry").file_name()).collect();
     assert_eq!(names, ["s.ply"], "no part of a file is left");
 }
 
@@ -265,5 +293,10 @@ fn invalid_gaussians_are_left_out_on_request() {
     let o = lastlight(&[&render[..], &["r", "--drop-invalid"]].concat(), dir);
     assert_eq!(code(&o), 0, "{}", stderr(&o));
     assert!(stderr(&o).contains("left out 3 of 6 Gaussians"), "{}", stderr(&o));
-    refused(&["convert", "none.ply", "y.ply", "--drop-invalid"], dir, 2, &["at least one valid", "2 that are not"]);
+    refused(
+        &["convert", "none.ply", "y.ply", "--drop-invalid"],
+        dir,
+        2,
+        &["at least one valid", "2 that are not"],
+    );
 }

@@ -108,7 +108,8 @@ fn at_inputs(
         progress(&note);
     }
     let label = format!("{} at {}", op.name, input.display());
-    let subject = OpSubject::new(op, label, call.inputs, call.settings, call.cotangents).map_err(|e| e.within(input.display().to_string()))?;
+    let subject = OpSubject::new(op, label, call.inputs, call.settings, call.cotangents)
+        .map_err(|e| e.within(input.display().to_string()))?;
     check::run(&subject, rules)
 }
 
