@@ -178,7 +178,8 @@ fn a_limit_of_address_space_is_an_error() {
 fn a_large_map_takes_at_most_twenty_bytes_a_texel() {
     let work = workplace();
     let dir = work.path();
-    let (w, h) = (6144, 3072);
+    // Larger than four times the cells of a table.
+    let (w, h) = (8192, 4352);
     let row: Vec<u8> = (0..w).flat_map(|j| [(j % 251) as u8, (j / 31 % 256) as u8, 90]).collect();
     image_file::write_png(&dir.join("map.png"), w, h, 3, &row.repeat(h)).expect("writable");
     let small =

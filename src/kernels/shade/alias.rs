@@ -1,4 +1,5 @@
-//! Alias tables: draws of an index in proportion to weights (Walker 1977; Vose 1991).
+//! Tables that choose one of many entries by weight in constant time (alias tables: Walker 1977; Vose 1991), and
+//! maps divided into coarser cells.
 
 /// One entry of a table.
 #[derive(Clone, Copy, Debug)]
@@ -63,4 +64,16 @@ impl AliasTable {
         }
         p
     }
+}
+
+/// Divides `n` texels of a row or column among `cells`: for each texel, the cells that it overlaps (at most two)
+/// and the parts of it that lie in them.
+pub(super) fn overlaps(n: usize, cells: usize) -> Vec<[(usize, f64); 2]> {
+    let texel = |i: usize| {
+        // In units of 1/(n·cells), a texel is `cells` long and a cell is n long.
+        let first = i * cells / n;
+        let inside = Ord::min((first + 1) * n - i * cells, cells) as f64 / cells as f64;
+        [(first, inside), (Ord::min(first + 1, cells - 1), 1.0 - inside)]
+    };
+    (0..n).map(texel).collect()
 }

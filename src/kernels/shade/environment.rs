@@ -14,7 +14,7 @@
 //! there is no division by Σ w = 0.
 //!
 //! # Cells
-//! The table has one entry per texel, for a map of up to 2²² texels. The cells of a larger map's table are texels
+//! The table has one entry per texel, for a map of up to 2²³ texels. The cells of a larger map's table are texels
 //! of a coarser map of at most that size: w of a texel is divided among the cells it overlaps, in proportion.
 //! Only the choice of directions is coarser; radiance is that of the map.
 //!
@@ -26,7 +26,7 @@
 //! strips the two densities differ, which changes a weight of the balance heuristic by at most their ratio
 //! there, and a mean by less than 1e-7 of it.
 
-use super::alias::AliasTable;
+use super::alias::{AliasTable, overlaps};
 use super::vector::dot;
 use crate::num::elem;
 use crate::num::lanes::{Real, f32x8};
@@ -114,7 +114,7 @@ impl Table {
 }
 
 /// Largest number of cells of a table.
-const CELLS: usize = 1 << 22;
+const CELLS: usize = 1 << 23;
 
 /// An environment map prepared for look-ups and sampling.
 #[derive(Clone, Debug)]
@@ -418,16 +418,4 @@ pub(super) fn luminance_f64(c: [f32; 3]) -> f64 {
 #[inline(always)]
 pub fn luminance<L: Real>(c: [L; 3]) -> L {
     dot(c, LUMINANCE.map(L::splat))
-}
-
-/// Divides `n` texels of a row or column among `cells`: for each texel, the cells that it overlaps (at most two)
-/// and the parts of it that lie in them.
-fn overlaps(n: usize, cells: usize) -> Vec<[(usize, f64); 2]> {
-    let texel = |i: usize| {
-        // In units of 1/(n·cells), a texel is `cells` long and a cell is n long.
-        let first = i * cells / n;
-        let inside = Ord::min((first + 1) * n - i * cells, cells) as f64 / cells as f64;
-        [(first, inside), (Ord::min(first + 1, cells - 1), 1.0 - inside)]
-    };
-    (0..n).map(texel).collect()
 }

@@ -110,6 +110,8 @@ fn mean_and_variance(values: &[f64]) -> (f64, f64) {
 fn emitters_of_a_cornell_box_are_sampled() {
     const RUNS: usize = 24;
     const SAMPLES: u32 = 16;
+    // The other tracer has more samples per run, so that its mean is known well enough.
+    const NAIVE: u32 = 8 * SAMPLES;
     let room = cornell();
     let bvh = Bvh::build(&room.mesh.positions, &room.mesh.triangles);
     // Below the lamp: where it is seen directly, the noise of its edges is the same for both.
@@ -127,9 +129,9 @@ fn emitters_of_a_cornell_box_are_sampled() {
                 let tracer = Naive { object: &room, bvh: &bvh, rng: Rng::new(1000 + seed) };
                 let pixel = |i: usize| {
                     let mut mean = [0.0; 3];
-                    for s in 0..SAMPLES {
+                    for s in 0..NAIVE {
                         let r = tracer.radiance(&view, i, s, bounces as u16);
-                        mean = std::array::from_fn(|c| mean[c] + r[c] / f64::from(SAMPLES));
+                        mean = std::array::from_fn(|c| mean[c] + r[c] / f64::from(NAIVE));
                     }
                     mean
                 };
@@ -149,11 +151,11 @@ fn emitters_of_a_cornell_box_are_sampled() {
                 }
             }
             let error = ((variances[0] + variances[1]) / (RUNS as f64 * 256.0)).sqrt();
-            let factor = variances[1] / variances[0];
+            let factor = variances[1] / variances[0] * f64::from(NAIVE / SAMPLES);
             println!("bounces {bounces}, channel {c}: {means:.4?} ± {error:.4}, variance / {factor:.1}");
             assert!((means[0] - means[1]).abs() <= 4.0 * error, "bounces {bounces}: {means:?} ± {error}");
-            assert!(means[0] > 10.0 * error, "bounces {bounces}: {means:?} ± {error}, too noisy to compare");
-            assert!(factor > 20.0, "bounces {bounces}, channel {c}: the variance falls by {factor} only");
+            assert!(means[0] > 40.0 * error, "bounces {bounces}: {means:?} ± {error}, too noisy to compare");
+            assert!(factor > 200.0, "bounces {bounces}, channel {c}: the variance falls by {factor} only");
         }
     }
 }

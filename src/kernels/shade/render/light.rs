@@ -134,7 +134,7 @@ impl Tracer<'_> {
 impl<const LAMBERT: bool> Vertex<'_, LAMBERT> {
     /// Adds the shadow rays of a light sample; a lane that drew the map takes its radiance from `sky`.
     #[inline(always)]
-    fn look_at(&self, sample: &LightSample, sky: Option<&Sky>, shadow: &mut ShadowRays) {
+    fn look_at(&self, sample: &LightSample, sky: Option<&Sky<'_>>, shadow: &mut ShadowRays) {
         let Points { count, paths, surface: s, .. } = self.points;
         let LightSample { towards, density: own, rival, reach, .. } = sample;
         let zero = f32x8::splat(0.0);
