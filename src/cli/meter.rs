@@ -70,6 +70,22 @@ impl Meter {
         }
     }
 
+    /// A stopwatch for one part of the work, with a clock of its own; [`Self::add`] takes it back.
+    pub(crate) fn part() -> Self {
+        Self::new()
+    }
+
+    /// Adds the parts of a stopwatch that ran until now.
+    pub(crate) fn add(&mut self, part: &Self) {
+        for (name, d) in &part.laps.parts {
+            match self.laps.parts.iter_mut().find(|p| p.0 == *name) {
+                Some(p) => p.1 += *d,
+                None => self.laps.parts.push((name, *d)),
+            }
+        }
+        self.laps.last = Instant::now();
+    }
+
     /// What the steps that it watches have a number of, where these are not Gaussians.
     pub(crate) fn of(mut self, primitives: &'static str) -> Self {
         self.primitives = primitives;
@@ -174,5 +190,25 @@ impl Drop for Meter {
                 console::note(&format!("{part}: {}", super::units::seconds(seconds)));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_has_a_clock_of_its_own() {
+        let mut whole = Meter::new();
+        std::thread::sleep(Duration::from_millis(30));
+        whole.lap("first");
+        let mut part = Meter::part();
+        std::thread::sleep(Duration::from_millis(10));
+        part.lap("second");
+        assert!(part.seconds() < whole.seconds() - 0.029, "what was before it does not count");
+        whole.add(&part);
+        let parts = whole.parts();
+        assert_eq!(parts.len(), 2, "{parts:?}");
+        assert!(parts.iter().fold(0.0, |s, p| s + p.1) <= whole.seconds(), "nothing counts twice: {parts:?}");
     }
 }

@@ -129,12 +129,17 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "profile": args.render.profile, "background": background, "downscale": args.downscale});
         let page = report::fit::page(&report::fit::Input {
             kind: "splat eval",
-            title: args.scene.display().to_string(),
+            title: format!(
+                "Scores of {} on the photos {}",
+                args.scene.display(),
+                crate::shared::name(&args.capture)
+            ),
             command: cli::command_line(),
             digest: None,
             events: &[],
             n_gauss: stored.len(),
             scored: &scored,
+            distances: if args.views == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
             evaluation: &evaluation,
             run: Run::new(&settings, None, &meter, &dir, &names),
         })?;

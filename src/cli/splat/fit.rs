@@ -18,7 +18,7 @@ use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -85,18 +85,36 @@ pub(crate) struct Args {
     filling: OutputArgs,
 }
 
+impl Args {
+    fn settings(&self) -> Result<Settings> {
+        let (render, background) = self.render.settings()?;
+        Ok(Settings {
+            iterations: self.iterations,
+            seed: self.filling.seed,
+            sh_degree: usize::from(self.sh_degree),
+            strategy: Strategy::parse(&self.strategy)?,
+            max_gaussians: self.max_gaussians.unwrap_or(1),
+            render,
+            background,
+        })
+    }
+
+    /// What the command does without options, on the same capture as the fit with these settings.
+    fn usual(most: usize) -> Result<Settings> {
+        #[derive(clap::Parser)]
+        struct Alone {
+            #[command(flatten)]
+            args: Args,
+        }
+        let Alone { args } = clap::Parser::parse_from(["splat fit", "-", "--out", "-"]);
+        Ok(Settings { max_gaussians: most, ..args.settings()? })
+    }
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
-    let (render, background) = args.render.settings()?;
-    let mut settings = Settings {
-        iterations: args.iterations,
-        seed: args.filling.seed,
-        sh_degree: usize::from(args.sh_degree),
-        strategy: Strategy::parse(&args.strategy)?,
-        max_gaussians: args.max_gaussians.unwrap_or(1),
-        render,
-        background,
-    };
+    let mut settings = args.settings()?;
+    let background = settings.background;
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
@@ -119,9 +137,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     check_memory(&settings, &views, &meter)?;
     let job = Job {
         kind: "splat fit",
-        title: title(&args.capture),
+        title: format!("Scene from the photos {}", crate::shared::name(&args.capture)),
         settings,
         views: &views,
+        defaults: Some(Args::usual(Settings::determined(&views))?.json()),
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
     job.run(first, &mut meter)?.publish(&job.frame.dir)
@@ -135,13 +154,6 @@ fn check_memory(settings: &Settings, views: &Views, meter: &Meter) -> Result<()>
     memory::check("splat fit", estimate).map_err(|e| {
         e.hint("--downscale and --max-gaussians lower the estimate, --max-memory raises the limit")
     })
-}
-
-/// `transforms.json`'s folder or the folder itself, by name.
-fn title(capture: &Path) -> String {
-    let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
-    let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    full.file_name().map_or_else(|| full.display().to_string(), |n| n.to_string_lossy().into_owned())
 }
 
 fn sizes(views: &Views) -> String {
@@ -179,13 +191,15 @@ pub(crate) struct Job<'a> {
     pub(crate) settings: Settings,
     pub(crate) views: &'a Views,
     pub(crate) frame: Frame,
+    /// settings of the command without options, for the report
+    pub(crate) defaults: Option<Value>,
 }
 
 impl Job<'_> {
     /// Fits, evaluates, writes all but the report.
     pub(crate) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = SplatFit::new(self.settings.clone(), self.views, first)?;
-        let history = self.frame.train(&mut fit, meter)?;
+        let (history, film) = self.frame.train(&mut fit, meter)?;
         let scene_values = fit.gaussians();
         let digest = fit.digest()?;
         let scene = Scene::new(scene_values, self.settings.render.clone(), self.settings.background);
@@ -222,7 +236,12 @@ impl Job<'_> {
             n_gauss: scene_values.len(),
             scored: &scored,
             evaluation: &evaluation,
-            run: Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names),
+            distances: distances(self.views, &self.views.test),
+            run: Run {
+                film: Some(&film),
+                defaults: self.defaults.clone(),
+                ..Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names)
+            },
         })?;
         let lines = vec![
             scores_text(&evaluation),
@@ -233,6 +252,12 @@ impl Job<'_> {
         ];
         Ok(Outcome { record, page, lines, held_out_db: evaluation.mean_psnr_db })
     }
+}
+
+/// Distance of the listed views to the nearest fitted one, see [`report::hints::distances`].
+pub(super) fn distances(views: &Views, which: &[usize]) -> Vec<f64> {
+    let centers = |which: &[usize]| which.iter().map(|&i| views.views[i].camera.center()).collect::<Vec<_>>();
+    report::hints::distances(&centers(&views.train), &centers(which))
 }
 
 /// Renders and compares the listed views.

@@ -5,6 +5,7 @@
 //! are held out.
 
 use super::render::Scene;
+use super::training::Preview;
 use crate::loss::metric::psnr::Decibel;
 use crate::loss::{In, metric};
 use crate::num::{order, par, sum};
@@ -99,6 +100,21 @@ pub fn score(scene: &Scene<'_>, view: &View) -> Result<Scored> {
     let (photo, mask) =
         (view.image(), view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>()));
     compare(&view.name, &out, &photo, mask.as_deref(), [view.camera.height, view.camera.width])
+}
+
+/// Renders a scene from the camera of a view, with the PSNR alone.
+///
+/// # Errors
+/// See [`score`].
+pub fn preview(scene: &Scene<'_>, view: &View) -> Result<Preview> {
+    let out = scene.render(&view.camera)?;
+    let photo = view.image();
+    let mask = view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>());
+    let [height, width] = [view.camera.height, view.camera.width];
+    let x = In { x: &out.image, y: &photo, mask: mask.as_deref(), height, width };
+    let psnr_db = metric::psnr::forward(&x)?.db.finite().unwrap_or(f64::INFINITY);
+    let image = out.image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
+    Ok(Preview { name: view.name.clone(), image, size: [width, height], psnr_db, metric: "PSNR" })
 }
 
 /// Compares a render with an input image.

@@ -28,6 +28,21 @@ pub struct Step {
     pub size: usize,
 }
 
+/// What a state renders to.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// name of the view
+    pub name: String,
+    /// (H, W, 3) the render, limited to 0..1
+    pub image: Vec<f32>,
+    /// width and height in pixels
+    pub size: [usize; 2],
+    /// against the image of the view; +∞ when nothing differs
+    pub psnr_db: f64,
+    /// name of the metric
+    pub metric: &'static str,
+}
+
 /// An optimisation: a state and a step that advances it.
 pub trait Fit {
     /// Name of the kind of fit, stored in checkpoints.
@@ -45,6 +60,13 @@ pub trait Fit {
     /// # Errors
     /// When the state can no longer be advanced, e.g. because a number is no longer finite.
     fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step>;
+
+    /// What the state renders to from view `k` of `count` of its held-out views, evenly spaced (of the fitted ones if none is held out), for
+    /// people who watch. `None` if there is nothing to show.
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let _ = (k, count);
+        None
+    }
 
     /// Writes the complete state to `out`.
     fn save(&self, out: &mut Arrays);
@@ -68,6 +90,15 @@ pub trait Watch {
     /// `done` of `total` iterations are complete.
     fn progress(&mut self, done: usize, total: usize, step: Step) {
         let _ = (done, total, step);
+    }
+
+    /// The state after `done` of `total` iterations, first that after 0. It can be looked at, not changed.
+    ///
+    /// # Errors
+    /// When something that is made of it cannot be stored.
+    fn state(&mut self, done: usize, total: usize, fit: &dyn Fit) -> Result<()> {
+        let _ = (done, total, fit);
+        Ok(())
     }
 }
 
@@ -171,12 +202,16 @@ pub fn run(
     assert!(schedule.every > 0, "checkpoints are a positive number of iterations apart");
     let total = fit.iterations();
     watch.lap("start");
+    if history.is_empty() {
+        watch.state(0, total, fit)?;
+    }
     while history.len() < total {
         let step = fit.step(history.len(), watch)?;
         history.loss.push(step.loss);
         history.size.push(i32::try_from(step.size).expect("a fit is capped far below 2³¹ primitives"));
         let done = history.len();
         watch.progress(done, total, step);
+        watch.state(done, total, fit)?;
         let interrupted = schedule.stop.load(Ordering::Relaxed) && done < total;
         if let Some(path) = schedule.checkpoint
             && (interrupted || done == total || done.is_multiple_of(schedule.every))
@@ -348,6 +383,35 @@ mod tests {
 
     fn toy() -> Toy {
         Toy { x: vec![0.5; 3], seed: 7, n: 20 }
+    }
+
+    /// Records which states it is shown, and what they are.
+    #[derive(Default)]
+    struct Viewer(Vec<(usize, f32)>);
+    impl Watch for Viewer {
+        fn state(&mut self, done: usize, total: usize, fit: &dyn Fit) -> Result<()> {
+            assert_eq!(total, fit.iterations(), "of this fit");
+            let mut arrays = Arrays::new();
+            fit.save(&mut arrays);
+            self.0.push((done, arrays.need("x")?.to_f32()[0]));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn every_state_is_shown_once_from_the_first_to_the_last() {
+        let stop = AtomicBool::new(false);
+        let (mut fit, mut history, mut viewer) = (toy(), History::default(), Viewer::default());
+        run(&mut fit, &mut history, Schedule { checkpoint: None, every: 6, stop: &stop }, &mut viewer)
+            .expect("runs");
+        assert_eq!(
+            viewer.0.iter().map(|s| s.0).collect::<Vec<_>>(),
+            (0..=20).collect::<Vec<_>>(),
+            "all states"
+        );
+        assert_eq!(viewer.0[0].1, 0.5, "the first is that before the first iteration");
+        let losses: Vec<f32> = viewer.0[1..].iter().map(|s| s.1).collect();
+        assert_eq!(losses, history.loss, "each after its iteration");
     }
 
     #[test]

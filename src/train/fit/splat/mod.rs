@@ -16,7 +16,9 @@ mod settings;
 pub use settings::{Settings, Strategy};
 
 use super::drawing::Workspace;
-use super::training::{Fit, Step, Watch};
+use super::evaluate;
+use super::render::Scene;
+use super::training::{Fit, Preview, Step, Watch};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
 use crate::num::rng::Rng;
@@ -280,6 +282,13 @@ impl Fit for SplatFit<'_> {
         Ok(Step { loss, size: self.gaussians.len() })
     }
 
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let shown = if self.views.test.is_empty() { &self.views.train } else { &self.views.test };
+        let view = &self.views.views[*shown.get(k * shown.len() / Ord::max(count, 1))?];
+        let scene = Scene::new(&self.gaussians, self.settings.render.clone(), self.settings.background);
+        evaluate::preview(&scene, view).ok()
+    }
+
     fn save(&self, out: &mut Arrays) {
         self.gaussians.save("param/", out);
         self.groups.save("adam", out);
@@ -355,7 +364,6 @@ mod tests {
     use super::*;
     use crate::fit::built_in;
     use crate::fit::evaluate::{Evaluation, score};
-    use crate::fit::render::Scene;
     use crate::fit::seeds::{self, Start};
     use crate::fit::training::{History, Schedule, run};
     use crate::splat::render;
@@ -397,6 +405,57 @@ mod tests {
             let grown = 500 + sum(|e| e.cloned) + sum(|e| e.split) + sum(|e| e.added) - sum(|e| e.pruned);
             assert_eq!(grown, fit.gaussians().len(), "{strategy:?}: the events account for every Gaussian");
         }
+    }
+
+    /// Looks at every view after every iteration.
+    struct Viewer(Vec<f64>);
+    impl Watch for Viewer {
+        fn state(&mut self, _done: usize, _total: usize, fit: &dyn Fit) -> Result<()> {
+            self.0.extend((0..2).filter_map(|k| fit.preview(k, 2)).map(|p| p.psnr_db));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn previews_show_the_state_and_leave_it_alone() {
+        let views =
+            built_in::miniature(1, 4, &render::Settings::default()).expect("the built-in scene renders");
+        let settings = Settings {
+            iterations: 40,
+            seed: 5,
+            sh_degree: 1,
+            strategy: Strategy::Inria,
+            max_gaussians: 700,
+            render: render::Settings::default(),
+            background: built_in::BACKGROUND,
+        };
+        let first =
+            seeds::gaussians(&Start::Random { count: 300, bounds: None }, &views, &settings).expect("valid");
+        let stop = AtomicBool::new(false);
+        let fitted = |watch: &mut dyn Watch| {
+            let mut fit = SplatFit::new(settings.clone(), &views, first.clone()).expect("valid");
+            let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+            run(&mut fit, &mut History::default(), schedule, watch).expect("runs");
+            fit
+        };
+        let mut viewer = Viewer(Vec::new());
+        let (watched, alone) = (fitted(&mut viewer), fitted(&mut ()));
+        assert_eq!(watched.digest().expect("finite"), alone.digest().expect("finite"), "the same bits");
+        let shown = watched.preview(0, 1).expect("a view");
+        let scene = Scene::new(alone.gaussians(), render::Settings::default(), built_in::BACKGROUND);
+        let scored = score(&scene, &views.views[views.test[0]]).expect("renders");
+        assert_eq!(
+            (shown.psnr_db, &shown.name),
+            (scored.score.psnr_db, &scored.score.name),
+            "the score of the state"
+        );
+        assert_eq!(shown.image, scored.image, "and its render");
+        assert_eq!(
+            viewer.0.len() % 41,
+            0,
+            "a state before the first and after each iteration: {}",
+            viewer.0.len()
+        );
     }
 
     #[test]
