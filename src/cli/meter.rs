@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 /// Seconds between lines where stderr is not a terminal.
 const LINE_SECONDS: u64 = 15;
+/// Seconds after which a training writes a checkpoint, however few iterations it has done.
+const CHECKPOINT_SECONDS: u64 = 60;
 
 /// A stopwatch with named parts.
 pub(crate) struct Laps {
@@ -52,6 +54,7 @@ pub(crate) struct Meter {
     laps: Laps,
     bar: Option<ProgressBar>,
     last_line: Instant,
+    last_checkpoint: Instant,
     counted: Option<(Instant, usize)>,
     primitives: &'static str,
 }
@@ -65,6 +68,7 @@ impl Meter {
             laps: Laps::default(),
             bar: None,
             last_line: now,
+            last_checkpoint: now,
             counted: None,
             primitives: "Gaussians",
         }
@@ -173,6 +177,13 @@ fn pace(rate: f64) -> String {
 impl Watch for Meter {
     fn lap(&mut self, part: &'static str) {
         self.laps.lap(part);
+        if part == "start" || part == "checkpoint" {
+            self.last_checkpoint = self.laps.last;
+        }
+    }
+
+    fn is_checkpoint_due(&mut self) -> bool {
+        self.last_checkpoint.elapsed() >= Duration::from_secs(CHECKPOINT_SECONDS)
     }
 
     fn progress(&mut self, done: usize, total: usize, step: Step) {

@@ -2,7 +2,7 @@
 
 use super::meter::Meter;
 use super::report::Page;
-use crate::fit::render::Orbit;
+use crate::fit::orbit::Orbit;
 use crate::loss::lpips;
 use crate::scene::convert::{Invalid, read_scene_with};
 use crate::scene::gaussians::Gaussians;

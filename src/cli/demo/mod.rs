@@ -106,7 +106,7 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     }
     if scene {
         say(&format!(
-            "  lastlight splat render {d}/scene/scene.ply --cameras orbit:36 --size 320x320 --out turntable"
+            "  lastlight splat render {d}/scene --cameras orbit:36 --size 320x240 --out turntable"
         ))?;
         say(
             "  lastlight splat fit PHOTOS --out DIR     your own posed photographs (transforms.json or COLMAP)",

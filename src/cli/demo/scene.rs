@@ -13,7 +13,7 @@ use lastlight_kernels::splat::render;
 use std::path::Path;
 
 /// Default number of iterations.
-pub(super) const ITERATIONS: usize = 1500;
+pub(super) const ITERATIONS: usize = 1200;
 /// Gaussians of the random start.
 const INITIAL: usize = 2500;
 /// Largest number of Gaussians: about four times that of the truth.

@@ -26,6 +26,8 @@ pub(crate) struct Input<'a> {
     pub(crate) events: &'a [Event],
     /// number of Gaussians
     pub(crate) n_gauss: usize,
+    /// that the largest number was reached, and how to raise it
+    pub(crate) limit: Option<String>,
     /// images and scores of the held-out views
     pub(crate) scored: &'a [Scored],
     /// distance of each to the nearest fitted camera, see [`hints::distances`]; empty if it is not known
@@ -52,26 +54,20 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     if let Some(profile) = x.run.settings.get("profile").and_then(|p| p.as_str()) {
         facts.push(("profile", profile.to_owned()));
     }
-    let mut stats = vec![
-        Stat {
-            label: "PSNR, held out",
-            value: decibel(e.mean_psnr_db),
-            note: format!("mean of {} views", e.views.len()),
-        },
-        Stat {
-            label: "SSIM, held out",
-            value: format!("{:.4}", e.mean_ssim),
-            note: "11×11 window, σ 1.5".into(),
-        },
-        Stat { label: "Gaussians", value: thousands(x.n_gauss), note: size_note(&x.run) },
-    ];
+    let mut stats = quality(e);
+    let mut note = size_note(&x.run);
+    if let Some(limit) = &x.limit {
+        note = format!("{note}{}limit: {limit}", if note.is_empty() { "" } else { " · " });
+    }
+    stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note });
     if let Some(h) = x.run.history {
         stats.push(run::iterations(h, h.loss.last().map_or(String::new(), |l| format!("last loss {l:.4}"))));
     }
     stats.push(x.run.card());
 
-    let mut sections = vec![
-        Section {
+    let mut sections = vec![];
+    if !e.views.is_empty() {
+        sections.push(Section {
             id: "views",
             title: "Held-out views",
             lead: format!(
@@ -79,9 +75,10 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
                  Pixels outside a photo or its mask are black in the error map and do not count. {HOW_TO_READ}"
             ),
             body: views(x.scored)?,
-        },
-        Section { id: "scores", title: "Scores", lead: format!("{}.", e.protocol), body: scores(e) },
-    ];
+        });
+        let lead = format!("{}.", e.protocol);
+        sections.push(Section { id: "scores", title: "Scores", lead, body: scores(e) });
+    }
     let views = x.scored.iter().enumerate().map(|(i, s)| hints::View {
         name: &s.score.name,
         psnr_db: s.score.psnr_db,
@@ -119,6 +116,19 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         stats,
         sections,
     })
+}
+
+/// Cards of the scores; one that says so where nothing is held out.
+fn quality(e: &Evaluation) -> Vec<Stat> {
+    if e.views.is_empty() {
+        let note = "a single image: nothing is held out, so there is no score".into();
+        return vec![Stat { label: "Held-out views", value: "none".into(), note }];
+    }
+    let (psnr, ssim) = (decibel(e.mean_psnr_db), format!("{:.4}", e.mean_ssim));
+    vec![
+        Stat { label: "PSNR, held out", value: psnr, note: format!("mean of {} views", e.views.len()) },
+        Stat { label: "SSIM, held out", value: ssim, note: "11×11 window, σ 1.5".into() },
+    ]
 }
 
 fn size_note(run: &Run<'_>) -> String {

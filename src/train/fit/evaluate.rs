@@ -66,17 +66,17 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Computes means over views, as pairwise sums in view order.
+    /// Computes means over views, as pairwise sums in view order; NaN without a view.
     pub fn of(views: Vec<ViewScore>) -> Self {
         let mean = |f: fn(&ViewScore) -> f64| {
             let values: Vec<f64> = views.iter().map(f).collect();
-            if values.is_empty() { 0.0 } else { sum::tree_f64(&values) / values.len() as f64 }
+            if values.is_empty() { f64::NAN } else { sum::tree_f64(&values) / values.len() as f64 }
         };
         let (mean_psnr_db, mean_ssim, mean_mae) = (mean(|v| v.psnr_db), mean(|v| v.ssim), mean(|v| v.mae));
         Self { protocol: PROTOCOL, views, mean_psnr_db, mean_ssim, mean_mae }
     }
 
-    /// As a JSON record; an infinite PSNR is `null`.
+    /// As a JSON record; an infinite PSNR and the means of no views are `null`.
     pub fn json(&self) -> Value {
         let views: Vec<Value> = self
             .views

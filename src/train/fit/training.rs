@@ -80,7 +80,7 @@ pub trait Fit {
 }
 
 /// Receives progress: which part of an iteration has just ended, and how many iterations are complete. It
-/// cannot influence the fit.
+/// decides when a checkpoint is written, and cannot influence the result.
 pub trait Watch {
     /// The work since the previous call was `part`.
     fn lap(&mut self, part: &'static str) {
@@ -90,6 +90,11 @@ pub trait Watch {
     /// `done` of `total` iterations are complete.
     fn progress(&mut self, done: usize, total: usize, step: Step) {
         let _ = (done, total, step);
+    }
+
+    /// Whether it is time for a checkpoint, however many iterations have passed. The lap `checkpoint` follows when it is written.
+    fn is_checkpoint_due(&mut self) -> bool {
+        false
     }
 
     /// The state after `done` of `total` iterations, first that after 0. It can be looked at, not changed.
@@ -131,7 +136,8 @@ impl History {
 pub struct Schedule<'a> {
     /// file of the checkpoint; `None` writes none
     pub checkpoint: Option<&'a Path>,
-    /// iterations between checkpoints; there is always one at the end and one on interruption
+    /// iterations between checkpoints; there is always one at the end and one on interruption, and one whenever the watch
+    /// says that it is due
     pub every: usize,
     /// flag that stops the fit after the current iteration
     pub stop: &'a AtomicBool,
@@ -214,7 +220,10 @@ pub fn run(
         watch.state(done, total, fit)?;
         let interrupted = schedule.stop.load(Ordering::Relaxed) && done < total;
         if let Some(path) = schedule.checkpoint
-            && (interrupted || done == total || done.is_multiple_of(schedule.every))
+            && (interrupted
+                || done == total
+                || done.is_multiple_of(schedule.every)
+                || watch.is_checkpoint_due())
         {
             save(fit, history, path)?;
             watch.lap("checkpoint");
@@ -385,6 +394,25 @@ mod tests {
         Toy { x: vec![0.5; 3], seed: 7, n: 20 }
     }
 
+    /// Asks for a checkpoint after 7 iterations; records when checkpoints are written.
+    struct Minute {
+        done: usize,
+        written: Vec<usize>,
+    }
+    impl Watch for Minute {
+        fn lap(&mut self, part: &'static str) {
+            if part == "checkpoint" {
+                self.written.push(self.done);
+            }
+        }
+        fn progress(&mut self, done: usize, _total: usize, _step: Step) {
+            self.done = done;
+        }
+        fn is_checkpoint_due(&mut self) -> bool {
+            self.done == 7
+        }
+    }
+
     /// Records which states it is shown, and what they are.
     #[derive(Default)]
     struct Viewer(Vec<(usize, f32)>);
@@ -396,6 +424,27 @@ mod tests {
             self.0.push((done, arrays.need("x")?.to_f32()[0]));
             Ok(())
         }
+    }
+
+    #[test]
+    fn checkpoints_come_by_time_too_and_leave_the_result_alone() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let stop = AtomicBool::new(false);
+        let mut states = Vec::new();
+        for (name, due) in [("counted", false), ("timed", true)] {
+            let path = dir.path().join(name);
+            let (mut fit, mut history) = (toy(), History::default());
+            let mut watch = Minute { done: 0, written: Vec::new() };
+            let schedule = Schedule { checkpoint: Some(&path), every: 6, stop: &stop };
+            if due {
+                run(&mut fit, &mut history, schedule, &mut watch).expect("runs");
+                assert_eq!(watch.written, [6, 7, 12, 18, 20], "one more, when it was due");
+            } else {
+                run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
+            }
+            states.push((fit.x, std::fs::read(&path).expect("written")));
+        }
+        assert_eq!(states[0], states[1], "the same bits and the same last checkpoint");
     }
 
     #[test]

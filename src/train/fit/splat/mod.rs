@@ -13,7 +13,7 @@
 mod pass;
 mod settings;
 
-pub use settings::{Settings, Strategy};
+pub use settings::{MAX_GAUSSIANS, Settings, Strategy};
 
 use super::drawing::Workspace;
 use super::evaluate;
@@ -21,6 +21,7 @@ use super::render::Scene;
 use super::training::{Fit, Preview, Step, Watch};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
+use crate::num::order;
 use crate::num::rng::Rng;
 use crate::optim::adam::Rule;
 use crate::optim::density::{self, Stats};
@@ -39,6 +40,9 @@ use std::sync::Arc;
 const PURPOSE_ORDER: u16 = 0x0501;
 /// Images are kept as floats up to this many bytes; others are converted when they are used.
 const PHOTO_CACHE_BYTES: usize = 2 << 30;
+
+/// Pruning leaves at least this many Gaussians.
+const KEPT: usize = 100;
 
 /// Counts of density control in one iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -130,7 +134,9 @@ impl<'a> SplatFit<'a> {
                 let is_white = settings.background == [1.0; 3];
                 let s = density::Settings {
                     max_gaussians: settings.max_gaussians,
-                    reset_at_start: is_white,
+                    reset_at_start: is_white && settings.strategy == Strategy::Inria,
+                    prune_scale: s.prune_scale * size_factor(views),
+                    keep_at_least: KEPT,
                     ..s
                 };
                 Control::Gradient(s.scaled(iterations))
@@ -162,6 +168,16 @@ impl<'a> SplatFit<'a> {
     /// The events of density control so far.
     pub fn events(&self) -> &[Event] {
         &self.events
+    }
+
+    /// The first iteration after which there was no room for another Gaussian; 0 if there was none at the start.
+    pub fn full_since(&self) -> Option<usize> {
+        let most = self.settings.max_gaussians;
+        let grown = |e: &&Event| e.cloned + e.split + e.added > 0 && e.size + e.pruned >= most;
+        match self.events.iter().find(grown) {
+            Some(e) => Some(e.iteration),
+            None => (self.gaussians.len() >= most).then_some(0),
+        }
     }
 
     /// Digest of all parameters, 16 hexadecimal digits.
@@ -264,7 +280,7 @@ impl Fit for SplatFit<'_> {
         let pass::Outcome { mut loss, mut grad, screen } = outcome;
         match &self.control {
             Control::Gradient(s) => {
-                if iteration < s.stop {
+                if s.is_open(iteration) {
                     let camera = &target.camera;
                     self.stats.add_view(&screen.means_px_bar, &screen.radii, camera.width, camera.height);
                 }
@@ -317,6 +333,16 @@ impl Fit for SplatFit<'_> {
         (self.gaussians, self.groups, self.events) = (gaussians, groups, events);
         Ok(())
     }
+}
+
+/// How much larger than published a Gaussian may be before it is pruned for its size: the limit, a tenth of the extent of the cameras,
+/// belongs to captures with points. Without points the first Gaussians fill the scene box, which can be much larger than
+/// the extent of few cameras, and so can what is in it; then the limit is a tenth of half the box, where that is more.
+fn size_factor(views: &Views) -> f64 {
+    if views.starting_points().is_some() {
+        return 1.0;
+    }
+    order::max(views.scene_box.half_size / views.extent, 1.0)
 }
 
 fn integers(a: &Array) -> Option<Vec<i64>> {
