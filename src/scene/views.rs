@@ -6,12 +6,16 @@ use super::placement::nearest_to_axes;
 use crate::io::capture::{Capture, Frame, Lens, Reading, Split, read_capture_with};
 use crate::io::gaussian_ply::Points;
 use crate::io::image_file::{self, Encoding, Orientation, Picture};
+use crate::io::memory;
 use crate::num::{order, par};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// One view in this many is held out, in the order of their names: index mod 8 == 0.
 pub const TEST_EVERY: usize = 8;
+
+/// Bytes of a pixel of a view with a mask.
+const PIXEL_BYTES: u64 = 4;
 
 /// Fewer points than this are no start of a fit.
 pub const FEW_POINTS: usize = 100;
@@ -174,6 +178,11 @@ impl Views {
             // With a single image nothing can be held out: a score on what was fitted is none.
             train = std::mem::take(&mut test);
         }
+        let shrink = (options.downscale * options.downscale) as u64;
+        let pixels =
+            frames.iter().filter_map(|f| f.size).fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink);
+        memory::check("photos", pixels.saturating_mul(PIXEL_BYTES))
+            .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
         let loaded = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
             .collect::<Result<Vec<Loaded>>>()?;

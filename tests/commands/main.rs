@@ -22,6 +22,7 @@ mod program;
 mod python;
 mod readme;
 mod report;
+mod robust;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod streams;

@@ -13,9 +13,8 @@ use crate::loss::{self, lpips};
 use crate::meter::Meter;
 use crate::num::sum;
 use crate::report::run::Run;
-use crate::scene::convert::read_scene;
 use crate::scene::views::Views;
-use crate::shared::{MetricArgs, note_missing_weights};
+use crate::shared::{MetricArgs, SceneArgs, note_missing_weights};
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::json;
@@ -58,6 +57,8 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
+    reading: SceneArgs,
+    #[command(flatten)]
     render: RenderArgs,
 }
 
@@ -86,7 +87,7 @@ fn mean(values: &[f64]) -> f64 {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
-    let stored = read_scene(&args.scene)?;
+    let stored = args.reading.read(&args.scene, &meter)?;
     let views = Views::load(&args.capture, &args.input.options(background))?;
     args.input.note(&views, &meter);
     let which: Vec<usize> = match args.split.as_str() {

@@ -8,9 +8,8 @@ use crate::fit::orbit::{Orbit, Up};
 use crate::fit::render::{self, Passes, Scene, Shot};
 use crate::io::capture::Reading;
 use crate::meter::Meter;
-use crate::scene::convert::read_scene;
 use crate::scene::gaussians::Gaussians;
-use crate::shared::{DefaultArgs, OrbitArgs};
+use crate::shared::{DefaultArgs, OrbitArgs, SceneArgs};
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -35,7 +34,7 @@ const PASSES: &Choices = &[
   lastlight splat render scene.ply --cameras photos/ --out again --passes color,depth,alpha
   lastlight splat render theirs.ply --cameras transforms.json --out out --profile inria --background white
 
-Reads PLY files written by 3DGS programs. The orbit of a scene that `splat fit` wrote takes its middle, its distance and the direction up from the cameras beside the scene; of any other scene, from the extents of its Gaussians, with z up. Written to --out: one folder per pass and a transforms.json that describes the images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
+Reads PLY files written by 3DGS programs; --drop-invalid leaves out rows with NaN or a zero quaternion, which some programs write. The orbit of a scene that `splat fit` wrote takes its middle, its distance and the direction up from the cameras beside the scene; of any other scene, from the extents of its Gaussians, with z up. Written to --out: one folder per pass and a transforms.json that describes the images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
 pub(crate) struct Args {
     /// Scene: .ply, .splat or .npz, or the folder of a fit
     #[arg(value_name = "FILE")]
@@ -67,6 +66,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "NAME", default_value = "auto", allow_hyphen_values = true, value_parser = ["auto", "x", "y", "z", "-x", "-y", "-z"])]
     up: String,
     #[command(flatten)]
+    reading: SceneArgs,
+    #[command(flatten)]
     render: RenderArgs,
 }
 
@@ -75,7 +76,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (settings, background) = args.render.settings()?;
     let passes = Passes::parse(&args.passes.join(","))?;
     let path = scene_file(&args.scene)?;
-    let stored = read_scene(&path)?;
+    let stored = args.reading.read(&path, &meter)?;
     let shots = shots(args, &path, &stored, &meter)?;
     let dir = claim::folder(&args.out, false, args.force)?;
     let scene = Scene::new(&stored, settings, background);

@@ -165,7 +165,7 @@ impl Experiment for StructureFromImages {
         let trained = training.finish()?;
         let score = evaluation::of(&trained, &data, &Some(graph.adjacency))?;
         let mut values = measured(&trained, &score, &truth);
-        trained.write(&self.dir.join(MODELS).join(format!("{}.safetensors", run.key())), &[])?;
+        trained.write(&self.dir.join(MODELS).join(format!("{}.safetensors", run.key())))?;
         let _ = std::fs::remove_file(&checkpoint);
         values.insert("space".into(), score.space_error);
         values.insert("colour".into(), score.colour_error);
