@@ -1,4 +1,4 @@
-//! Plain arrays by name, and the sink through which twins write.
+//! Named arrays, and the output object that twins write to.
 
 use std::collections::BTreeMap;
 
@@ -26,23 +26,23 @@ fn entries(shape: &[usize]) -> usize {
 }
 
 impl<S: Copy> Arr<S> {
-    /// An array of that shape.
+    /// Makes an array of the given shape.
     ///
     /// # Panics
-    /// When the number of entries does not fit the shape.
+    /// When the number of entries does not match the shape.
     pub fn new(shape: &[usize], data: Vec<S>) -> Self {
         assert!(entries(shape) == data.len(), "{} entries for shape {shape:?}", data.len());
         Self { shape: shape.to_vec(), data }
     }
-    /// One repeated entry.
+    /// Makes an array of the given shape in which every entry is the same.
     pub fn filled(shape: &[usize], x: S) -> Self {
         Self { shape: shape.to_vec(), data: vec![x; entries(shape)] }
     }
-    /// A 0-d array.
+    /// Makes a 0-d array.
     pub fn scalar(x: S) -> Self {
         Self { shape: Vec::new(), data: vec![x] }
     }
-    /// Entry by entry.
+    /// Maps every entry.
     pub fn map<T>(&self, f: impl FnMut(&S) -> T) -> Arr<T> {
         Arr { shape: self.shape.clone(), data: self.data.iter().map(f).collect() }
     }
@@ -54,8 +54,8 @@ impl<S: Copy> Arr<S> {
 
 /// Where a twin writes its results.
 ///
-/// `put` stores the value; in reverse mode it also seeds it with the cotangent of that entry, and [`Out::flush`]
-/// sweeps the pixel or row back. In the other modes `flush` does nothing.
+/// `put` stores the value; in reverse mode it also seeds it with the cotangent of that entry, and
+/// [`Out::flush`] sweeps the pixel or row back. In the other modes `flush` does nothing.
 pub struct Out<'a, S> {
     bars: Option<&'a Named<f64>>,
     names: Vec<String>,
@@ -70,7 +70,7 @@ pub struct Out<'a, S> {
 pub struct Slot(usize);
 
 impl<'a, S: Scalar> Out<'a, S> {
-    /// A sink; `bars` holds the cotangents by output name and is given in reverse mode only.
+    /// Makes an empty output; `bars` holds the cotangents by output name and is given in reverse mode only.
     pub fn new(bars: Option<&'a Named<f64>>) -> Self {
         Self { bars, names: Vec::new(), arrays: Vec::new(), seeds: Vec::new(), plan: Named::new() }
     }
@@ -86,7 +86,7 @@ impl<'a, S: Scalar> Out<'a, S> {
         if let Some(bar) = self.seeds[slot.0] {
             x.seed(bar[index]);
         }
-        // In reverse mode the number's place on the tape is about to be forgotten.
+        // In reverse mode the tape node of this number is about to be dropped.
         self.arrays[slot.0].data[index] = if self.bars.is_some() { x.detach() } else { x };
     }
     /// Writes one row of consecutive entries.
@@ -95,8 +95,8 @@ impl<'a, S: Scalar> Out<'a, S> {
             self.put(slot, row * K + k, x);
         }
     }
-    /// Adds a term of a mean to one entry: a left fold over the calls, divided once at the end by [`Out::divide`]. In reverse
-    /// mode the term is seeded with its share of the cotangent.
+    /// Adds a term of a mean to one entry: a left fold over the calls, divided once at the end by
+    /// [`Out::divide`]. In reverse mode the term is seeded with its share of the cotangent.
     pub fn add(&mut self, slot: Slot, index: usize, x: S, terms: f64) {
         if let Some(bar) = self.seeds[slot.0] {
             x.seed(bar[index] / terms);
@@ -104,12 +104,12 @@ impl<'a, S: Scalar> Out<'a, S> {
         let sum = &mut self.arrays[slot.0].data[index];
         *sum = *sum + if self.bars.is_some() { x.detach() } else { x };
     }
-    /// Ends a mean.
+    /// Divides a mean by its number of terms.
     pub fn divide(&mut self, slot: Slot, index: usize, terms: f64) {
         let sum = &mut self.arrays[slot.0].data[index];
         *sum = *sum / terms;
     }
-    /// Ends a pixel or row.
+    /// Marks the end of a pixel or row.
     pub fn flush(&mut self) {
         S::sweep();
     }

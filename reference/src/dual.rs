@@ -11,7 +11,7 @@ pub struct Dual {
     pub tangent: f64,
 }
 
-/// slope · tangent, where a zero of either wins over an infinity of the other.
+/// slope · tangent, defined as 0 if either is 0, even if the other is infinite.
 fn scaled(slope: f64, tangent: f64) -> f64 {
     if slope == 0.0 || tangent == 0.0 { 0.0 } else { slope * tangent }
 }

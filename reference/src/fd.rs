@@ -16,8 +16,9 @@ pub fn richardson(mut f: impl FnMut(f64) -> f64, h: f64) -> f64 {
     extrapolate(coarse, central(&mut f, 0.5 * h))
 }
 
-/// Observed order of convergence of central differences towards `derivative`: the slope of ln|D(h) − derivative| against
-/// ln h by least squares over `steps`. `None` when fewer than two errors are above `floor`, where rounding rules.
+/// Observed order of convergence of central differences towards `derivative`: the slope of ln|D(h) −
+/// derivative| against ln h by least squares over `steps`. `None` when fewer than two errors are above
+/// `floor`, below which rounding errors dominate.
 pub fn order(mut f: impl FnMut(f64) -> f64, derivative: f64, steps: &[f64], floor: f64) -> Option<f64> {
     let points: Vec<(f64, f64)> = steps
         .iter()

@@ -1,4 +1,5 @@
-//! From arrays by name to the typed inputs of a twin: the macro `inputs!` declares them, [`Dims`] checks their shapes.
+//! Conversion of named arrays to the typed inputs of a twin: the macro `inputs!` declares them, [`Dims`]
+//! checks their shapes.
 
 use std::collections::BTreeMap;
 
@@ -20,11 +21,11 @@ impl Dims {
         self.0.get(letter).map(|sizes| sizes[0])
     }
 
-    /// Holds `shape` to `pattern`: a number is a fixed size, a letter the same size everywhere, `...` the same further
-    /// axes everywhere, `|` separates alternatives.
+    /// Checks `shape` against `pattern`. A number is a fixed size; a letter is the same size everywhere;
+    /// `...` is the same sequence of further axes everywhere; `|` separates alternatives.
     ///
     /// # Errors
-    /// What was expected: the pattern with the letters that are bound.
+    /// A description of the expected shape: the pattern and the sizes of the letters known so far.
     pub fn bind(&mut self, pattern: &str, shape: &[usize]) -> Result<(), String> {
         if let Some((first, rest)) = pattern.split_once('|') {
             return self.bind(first, shape).or_else(|_| self.bind(rest, shape));
@@ -55,7 +56,7 @@ impl Dims {
     }
 }
 
-/// An input as a twin takes it: an array, or `None` for an optional one that is absent.
+/// An input as passed to a twin: an array, or `None` for an optional one that is absent.
 pub trait Argument<'a, S>: Sized {
     /// Whether the input may be absent.
     const OPTIONAL: bool;
@@ -77,10 +78,10 @@ impl<'a, S> Argument<'a, S> for Option<&'a Arr<S>> {
     }
 }
 
-/// One input, held to its port.
+/// Returns one input after checking it against its port.
 ///
 /// # Errors
-/// When it is missing or shaped otherwise.
+/// When it is missing or has the wrong shape.
 pub fn argument<'a, S: 'a, A: Argument<'a, S>>(
     port: &Port,
     find: &dyn Fn(&str) -> Option<&'a Arr<S>>,
@@ -96,7 +97,7 @@ pub fn argument<'a, S: 'a, A: Argument<'a, S>>(
     A::of(found).ok_or_else(|| format!("input {} is missing", port.name))
 }
 
-/// An optional input that this mode of the operator needs.
+/// Returns an optional input that is required in this mode of the operator.
 ///
 /// # Errors
 /// When it is absent.
@@ -104,9 +105,9 @@ pub fn required<'a, S>(name: &str, x: Option<&'a Arr<S>>) -> Result<&'a Arr<S>, 
     x.ok_or_else(|| format!("input {name} is missing"))
 }
 
-/// Declares the inputs of a twin: a struct with one field per input, each with its port. A field of type `&'a Arr<S>` is
-/// required, one of type `Option<&'a Arr<S>>` may be absent. `PORTS` is the table of the ports, `of` takes the inputs from
-/// named arrays and holds them to their shapes.
+/// Declares the inputs of a twin: a struct with one field per input, each with its port. A field of type
+/// `&'a Arr<S>` is required, one of type `Option<&'a Arr<S>>` may be absent. `PORTS` is the table of the
+/// ports; `of` takes the inputs from named arrays and checks their shapes.
 macro_rules! inputs {
     (
         $(#[$meta:meta])*
@@ -126,18 +127,18 @@ macro_rules! inputs {
                 ..$port
             }),*];
 
-            /// The inputs under the names of their ports.
+            /// Looks up the inputs by the names of their ports.
             ///
             /// # Errors
-            /// When one is missing or shaped otherwise.
+            /// When one is missing or has the wrong shape.
             pub fn of(arrays: &'a $crate::array::Named<S>) -> Result<Self, String> {
                 Self::bind(&|name| arrays.get(name))
             }
 
-            /// The inputs that `find` gives for the names of their ports.
+            /// Takes the inputs that `find` returns for the names of their ports.
             ///
             /// # Errors
-            /// When one is missing or shaped otherwise.
+            /// When one is missing or has the wrong shape.
             pub fn bind(
                 find: &dyn Fn(&str) -> Option<&'a $crate::array::Arr<S>>,
             ) -> Result<Self, String> {

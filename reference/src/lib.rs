@@ -1,10 +1,12 @@
-//! The twin: every operator of lastlight once more, in f64, on one thread, in naive loops.
+//! The twin: a second, independent implementation of every operator of lastlight, in f64, on one thread, with
+//! naive loops.
 //!
-//! It exists to be trusted, not to be fast. It is written from the equations alone, depends on `libm` and nothing else, and
-//! cannot see the code it is compared with. Each operator is one function over [`scalar::Scalar`]; with `f64` it gives
-//! values, with [`dual::Dual`] directional derivatives, with [`rev::Rev`] gradients, so nobody derives a gradient by hand here.
-//! The path and name of a twin are those of its operator, and so are the names and the order of its inputs. Beside its
-//! function every twin has a [`ports::Signature`]: the table of its inputs, outputs and settings, read by both sides.
+//! It is written for correctness, not speed: from the equations alone, with `libm` as its only dependency and
+//! without access to the code it is compared with. Each operator is one function over [`scalar::Scalar`]. With
+//! `f64` it computes values, with [`dual::Dual`] directional derivatives, and with [`rev::Rev`] gradients, so no
+//! gradient is derived by hand here. A twin has the same path, name, inputs and order of inputs as its
+//! operator. Every twin also has a [`ports::Signature`]: the table of its inputs, outputs and settings, used by
+//! the twin and by the operator list.
 //!
 //! ```
 //! use reference::{array::Arr, twins};

@@ -1,12 +1,13 @@
-//! What both sides know of an operator: the arrays it reads and writes, and its settings.
+//! Signatures of operators: the arrays that an operator reads and writes, and its settings.
 //!
-//! Every twin states its [`Signature`] once, beside its equation. The twin binds its inputs by it, the list of shipped
-//! operators reads the same table for its checks, documentation and files. This is plain data.
+//! Every twin defines its [`Signature`] once, next to its equation. The twin binds its inputs with it; the
+//! list of shipped operators uses the same table for its checks, documentation and files. A signature is
+//! plain data.
 
 /// Element type of a port.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dtype {
-    /// f32 or f64, as the run.
+    /// f32 or f64, depending on the run.
     Float,
     /// Mask bytes.
     U8,
@@ -19,7 +20,7 @@ pub enum Dtype {
 }
 
 impl Dtype {
-    /// The name that lists show.
+    /// The name printed in lists.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Float => "float",
@@ -38,11 +39,11 @@ pub enum Compare {
     Values,
     /// Which entries are zero.
     ZeroPattern,
-    /// Rows (the first two axes) where this other array is not zero in both files.
+    /// Rows (the first two axes) in which the named array is nonzero in both files.
     RowsOf(&'static str),
 }
 
-/// The space in which finite differences move a parameter θ.
+/// The space in which finite differences perturb a parameter θ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Space {
     /// θ itself.
@@ -58,24 +59,25 @@ pub enum Space {
 pub struct Port {
     /// Argument name.
     pub name: &'static str,
-    /// Axes by letter or size, `...` for any further axes, `|` between alternatives; see [`crate::inputs::Dims`].
+    /// Axes by letter or size, `...` for any further axes, `|` between alternatives; see
+    /// [`crate::inputs::Dims`].
     pub shape: &'static str,
     /// Element type.
     pub dtype: Dtype,
-    /// Whether the adjoint gives its gradient (inputs) or takes its cotangent (outputs).
+    /// Whether the adjoint computes its gradient (inputs) or takes its cotangent (outputs).
     pub differentiable: bool,
     /// Whether it may be absent.
     pub optional: bool,
     /// One line of documentation.
     pub doc: &'static str,
-    /// How finite differences move it.
+    /// The space in which finite differences perturb it.
     pub space: Space,
-    /// How it is compared.
+    /// Which of its entries are compared.
     pub compare: Compare,
 }
 
 impl Port {
-    /// A float array with gradient. The macros `inputs!` and `ports!` give it its name.
+    /// Makes a port of a float array with a gradient. The macros `inputs!` and `ports!` set its name.
     pub const fn var(shape: &'static str, doc: &'static str) -> Self {
         Self {
             name: "",
@@ -89,43 +91,43 @@ impl Port {
         }
     }
 
-    /// A float array without gradient.
+    /// Makes a port of a float array without a gradient.
     pub const fn fixed(shape: &'static str, doc: &'static str) -> Self {
         Self { differentiable: false, ..Self::var(shape, doc) }
     }
 
-    /// An integer array.
+    /// Makes a port of an integer array.
     pub const fn int(shape: &'static str, dtype: Dtype, doc: &'static str) -> Self {
         Self { dtype, ..Self::fixed(shape, doc) }
     }
 
-    /// The same port under a name that is no identifier.
+    /// Returns the port with a name that is not a Rust identifier.
     pub const fn named(self, name: &'static str) -> Self {
         Self { name, ..self }
     }
 
-    /// The same port; it may be absent.
+    /// Returns the port as an optional one.
     pub const fn or_absent(self) -> Self {
         Self { optional: true, ..self }
     }
 
-    /// The same port without gradient.
+    /// Returns the port without a gradient.
     pub const fn without_gradient(self) -> Self {
         Self { differentiable: false, ..self }
     }
 
-    /// The same port, moved by finite differences in another space.
+    /// Returns the port with another space for finite differences.
     pub const fn moved(self, space: Space) -> Self {
         Self { space, ..self }
     }
 
-    /// The same port, compared otherwise.
+    /// Returns the port with another rule of comparison.
     pub const fn compared(self, compare: Compare) -> Self {
         Self { compare, ..self }
     }
 }
 
-/// What a setting may be.
+/// Type of a setting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A finite number.
@@ -143,24 +145,24 @@ pub struct SettingSpec {
     pub key: &'static str,
     /// Admissible values.
     pub kind: Kind,
-    /// Default as text; a phrase where it follows from other arguments.
+    /// Default as text; a phrase if it depends on other arguments.
     pub default: &'static str,
     /// One line of documentation.
     pub doc: &'static str,
 }
 
 impl SettingSpec {
-    /// A number.
+    /// Defines a setting that is a number.
     pub const fn number(key: &'static str, default: &'static str, doc: &'static str) -> Self {
         Self { key, kind: Kind::Number, default, doc }
     }
 
-    /// 0 or 1.
+    /// Defines a setting that is 0 or 1.
     pub const fn flag(key: &'static str, default: &'static str, doc: &'static str) -> Self {
         Self { key, kind: Kind::Flag, default, doc }
     }
 
-    /// One of several words.
+    /// Defines a setting that is one of several words.
     pub const fn choice(
         key: &'static str,
         words: &'static [&'static str],
@@ -171,10 +173,10 @@ impl SettingSpec {
     }
 }
 
-/// One operator inside a composite one, by the names its arrays have in files of the composite.
+/// One operator inside a composite one, with the names of its arrays in files of the composite.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage {
-    /// Operator, with ` adjoint` for its reverse.
+    /// Name of the operator; ` adjoint` is appended for its backward pass.
     pub operator: &'static str,
     /// Arrays it reads.
     pub inputs: &'static [&'static str],
@@ -182,7 +184,7 @@ pub struct Stage {
     pub outputs: &'static [&'static str],
 }
 
-/// The names, shapes and documentation of everything that goes into an operator and comes out of it.
+/// Names, shapes and documentation of all inputs and outputs of an operator.
 #[derive(Clone, Copy, Debug)]
 pub struct Signature {
     /// `group.name`
@@ -197,16 +199,16 @@ pub struct Signature {
     pub intermediates: &'static [Port],
     /// Discrete decisions.
     pub plan: &'static [Port],
-    /// Names in other programs' files that belong to this operator and are ignored.
+    /// Names of this operator in files of other programs that are ignored.
     pub companions: &'static [&'static str],
     /// Settings.
     pub settings: &'static [SettingSpec],
-    /// The operators it is made of, in order; empty for a single one.
+    /// For a composite operator its parts, in order; else empty.
     pub stages: &'static [Stage],
 }
 
 impl Signature {
-    /// A signature without name and without ports, to be completed.
+    /// A signature without a name and without ports, for struct update syntax.
     pub const EMPTY: Self = Self {
         name: "",
         summary: "",
@@ -219,7 +221,7 @@ impl Signature {
         stages: &[],
     };
 
-    /// Whether it is a chain of operators.
+    /// Whether it is composed of several operators.
     pub fn is_composite(&self) -> bool {
         !self.stages.is_empty()
     }
@@ -233,17 +235,18 @@ impl Signature {
     }
 
     /// Whether `name` is an input, an output, or an intermediate.
-    pub fn knows(&self, name: &str) -> bool {
+    pub fn has_array(&self, name: &str) -> bool {
         [self.inputs, self.outputs, self.intermediates].into_iter().flatten().any(|port| port.name == name)
     }
 
-    /// Names of the inputs with a gradient, optional ones included.
+    /// Names of the inputs with a gradient, including optional ones.
     pub fn smooth_inputs(&self) -> Vec<&'static str> {
         self.inputs.iter().filter(|port| port.differentiable).map(|port| port.name).collect()
     }
 
-    /// Names of the outputs for which the twin takes a cotangent, those of a mode that is off included: every float
-    /// output of an operator with a gradient, also one whose cotangent the shipped adjoint does not take.
+    /// Names of the outputs for which the twin takes a cotangent: every float output of an operator with a
+    /// gradient, including those of an inactive mode and those whose cotangent the shipped adjoint does not
+    /// take.
     pub fn smooth_outputs(&self) -> Vec<&'static str> {
         let smooth = self.inputs.iter().any(|port| port.differentiable);
         let floats = self.outputs.iter().filter(|port| smooth && port.dtype == Dtype::Float);

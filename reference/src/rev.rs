@@ -1,18 +1,19 @@
-//! A scalar reverse tape, one per thread, short because it is flushed after every pixel or row.
+//! A scalar reverse-mode tape, one per thread. It stays short because it is flushed after every pixel or row.
 //!
-//! [`leaves`] registers a stage's inputs at the bottom of the tape. A twin computes one pixel or row above them,
-//! seeds its results with their cotangents and calls [`Scalar::sweep`]: adjoints flow down to the leaves, where
-//! they accumulate, and everything above the leaves is forgotten. [`adjoints`] reads the gradients off.
+//! [`leaves`] registers a stage's inputs at the bottom of the tape. A twin computes one pixel or row above
+//! them, seeds its results with their cotangents and calls [`Scalar::sweep`]: adjoints are propagated to the
+//! leaves, where they accumulate, and all nodes above the leaves are dropped. [`adjoints`] returns the
+//! gradients.
 
 use std::cell::RefCell;
 
 use crate::array::Arr;
 use crate::scalar::{Scalar, operators};
 
-/// Index of a constant: it has no place on the tape.
+/// Index of a constant: it has no node on the tape.
 const CONSTANT: u32 = u32::MAX;
 
-/// A number and its place on the tape of this thread.
+/// A number and its node on the tape of this thread.
 #[derive(Clone, Copy, Debug)]
 pub struct Rev {
     index: u32,

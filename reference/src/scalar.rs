@@ -1,17 +1,17 @@
-//! The one trait every twin is written over, and its plainest instance `f64`.
+//! The trait [`Scalar`], over which every twin is generic, and its simplest implementation, `f64`.
 //!
 //! A twin is a function of `S: Scalar`. With `f64` it is the reference forward, with [`crate::dual::Dual`] an
-//! exact directional derivative, with [`crate::rev::Rev`] a gradient. Decisions are taken on [`Scalar::value`],
-//! so all three walk the same branches.
+//! exact directional derivative, with [`crate::rev::Rev`] a gradient. Decisions are taken on
+//! [`Scalar::value`], so all three take the same branches.
 //!
 //! # Derivatives at kinks and borders of domains
 //! √ at 0, |x| at 0, acos at ±1 and atan2 at the origin have slope 0; x^y at x = 0 has slope 0 in y, and in x
-//! 0 for y ≠ 1 and 1 for y = 1. Outside their domains the functions give what `libm` gives.
+//! 0 for y ≠ 1 and 1 for y = 1. Outside their domains the functions return what `libm` returns.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number that may carry a derivative.
+/// A number, possibly with a derivative.
 pub trait Scalar:
     Copy
     + Debug
@@ -33,11 +33,12 @@ pub trait Scalar:
     fn chain(self, value: f64, slope: f64) -> Self;
     /// A number of the given value whose derivative is `slopes` times those of `self` and `other`, summed.
     fn chain2(self, other: Self, value: f64, slopes: [f64; 2]) -> Self;
-    /// Reverse mode: adds `cotangent` to the adjoint of this number. Does nothing elsewhere.
+    /// Reverse mode: adds `cotangent` to the adjoint of this number. Does nothing in the other modes.
     fn seed(self, cotangent: f64) {
         let _ = cotangent;
     }
-    /// Reverse mode: sweeps back to the leaves and forgets what stands above them. Does nothing elsewhere.
+    /// Reverse mode: propagates adjoints to the leaves and drops the nodes above them. Does nothing in the
+    /// other modes.
     fn sweep() {}
 
     /// The same number as a constant.
@@ -144,7 +145,7 @@ impl Scalar for f64 {
     }
 }
 
-/// Operators between a derivative-carrying scalar and itself or `f64`, from `chain` and `chain2` alone.
+/// Implements the operators between a scalar with a derivative and itself or `f64` with `chain` and `chain2`.
 macro_rules! operators {
     ($type:ty) => {
         impl std::ops::Add for $type {

@@ -13,7 +13,7 @@ pub enum Setting {
     Text(String),
 }
 
-/// The settings of one request; those that are not given have the defaults of the signature.
+/// The settings of one request; those that are not set have the defaults of the signature.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings<'a> {
     specs: &'static [SettingSpec],
@@ -35,7 +35,7 @@ impl<'a> Settings<'a> {
     /// Checks names and values.
     ///
     /// # Errors
-    /// Names the first setting that the operator does not have, or that has a value it cannot have.
+    /// Names the first setting that the operator does not have or whose value is inadmissible.
     pub fn new(specs: &'static [SettingSpec], given: &'a BTreeMap<String, Setting>) -> Result<Self, String> {
         for (key, setting) in given {
             let Some(spec) = specs.iter().find(|spec| spec.key == key) else {
@@ -65,12 +65,12 @@ impl<'a> Settings<'a> {
         spec.unwrap_or_else(|| panic!("the signature has no setting {key}")).default
     }
 
-    /// The number of that name, if it is given.
+    /// The number of that name, if it is set.
     pub fn given_number(&self, key: &str) -> Option<f64> {
         finite(key, self.given.get(key)?).ok()
     }
 
-    /// The word of that name, if it is given.
+    /// The word of that name, if it is set.
     pub fn given_word(&self, key: &str) -> Option<&'a str> {
         match self.given.get(key)? {
             Setting::Text(text) => Some(text),
@@ -81,7 +81,7 @@ impl<'a> Settings<'a> {
     /// The number of that name, or its default.
     ///
     /// # Panics
-    /// When the signature has no such setting, or its default is no number.
+    /// When the signature has no such setting, or its default is not a number.
     pub fn number(&self, key: &str) -> f64 {
         self.given_number(key)
             .unwrap_or_else(|| self.default(key).parse().expect("the default of the setting is a number"))
@@ -98,7 +98,7 @@ impl<'a> Settings<'a> {
     /// Whether the setting of that name, or its default, is 1.
     ///
     /// # Panics
-    /// When the signature has no such setting, or its default is no number.
+    /// When the signature has no such setting, or its default is not a number.
     pub fn flag(&self, key: &str) -> bool {
         self.number(key) == 1.0
     }
@@ -106,10 +106,10 @@ impl<'a> Settings<'a> {
     /// The whole number of that name, or its default.
     ///
     /// # Errors
-    /// When it is no whole number from `least` to 65536.
+    /// When it is not a whole number from `least` to 65536.
     ///
     /// # Panics
-    /// When the signature has no such setting, or its default is no number.
+    /// When the signature has no such setting, or its default is not a number.
     pub fn whole(&self, key: &str, least: f64) -> Result<usize, String> {
         let x = self.number(key);
         if x >= least && x <= 65_536.0 && x == x.trunc() {

@@ -1,8 +1,9 @@
-//! The list of twins, driven by name: values, directional derivatives, gradients.
+//! Calls twins by name: values, directional derivatives, gradients.
 //!
-//! Integers, masks and plan arrays travel as `f64` exactly. A composite operator is a chain of stages that share one pool of
-//! arrays; reverse mode runs them last to first, with every array of the pool a fresh leaf, so that the adjoints of one
-//! stage's inputs seed the stage before. Derivatives are those of the smooth function on the plan of the values.
+//! Integers, masks and plan arrays are represented exactly as `f64`. A composite operator is a chain of
+//! stages that share one pool of arrays; reverse mode runs them last to first, with every array of the pool
+//! as new leaves, so that the adjoints of one stage's inputs are the cotangents of the previous stage.
+//! Derivatives are those of the smooth function with the plan of the forward pass held fixed.
 
 mod list;
 
@@ -17,26 +18,26 @@ pub use crate::settings::Setting;
 use crate::settings::Settings;
 pub use list::LIST;
 
-/// What one stage of a twin runs on.
+/// The arguments of one stage of a twin.
 #[derive(Clone, Copy, Debug)]
 pub struct Call<'a, S> {
-    /// The pool: inputs of the operator, and what the stages before have written.
+    /// The pool: inputs of the operator, and the arrays written by previous stages.
     pub arrays: &'a Named<S>,
     /// Settings.
     pub settings: Settings<'a>,
-    /// Decisions to obey; what it lacks is decided on the values.
+    /// Given decisions; those missing are computed from the values.
     pub plan: Option<&'a Named<f64>>,
-    /// Place of the stage in its chain.
+    /// Index of the stage in its chain.
     pub stage: usize,
 }
 
-/// One stage over one kind of number.
+/// One stage for one scalar type.
 pub type Run<S> = fn(&Call<'_, S>, &mut Out<'_, S>) -> Result<(), String>;
 
-/// One stage over the numbers that carry derivatives.
+/// One stage for the scalar types with derivatives.
 pub type SmoothRun = (Run<Dual>, Run<Rev>);
 
-/// One stage of a twin: one function over its three kinds of numbers.
+/// One stage of a twin: one function for each of the three scalar types.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage {
     /// Values.
@@ -65,16 +66,16 @@ pub struct Request<'a> {
     pub inputs: &'a Named<f64>,
     /// Settings by name.
     pub settings: &'a BTreeMap<String, Setting>,
-    /// Decisions to obey; what it lacks is decided on the values.
+    /// Given decisions; those missing are computed from the values.
     pub plan: Option<&'a Named<f64>>,
 }
 
-/// What an operator gives.
+/// Results of an operator.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Answer {
+pub struct Results {
     /// Outputs by name.
     pub outputs: Named<f64>,
-    /// What was computed on the way.
+    /// Intermediate results.
     pub intermediates: Named<f64>,
     /// Every discrete decision.
     pub plan: Named<f64>,
@@ -85,7 +86,7 @@ pub fn names() -> Vec<&'static str> {
     LIST.iter().map(|twin| twin.signature.name).collect()
 }
 
-/// Inputs of an operator that have a gradient, optional ones included; empty for one without gradient.
+/// Inputs of an operator that have a gradient, including optional ones; empty for one without a gradient.
 ///
 /// # Errors
 /// When there is no such operator.
@@ -93,7 +94,7 @@ pub fn smooth_inputs(op: &str) -> Result<Vec<&'static str>, String> {
     Ok(find(op)?.signature.smooth_inputs())
 }
 
-/// Outputs of an operator that take a cotangent; those of a mode that is off are among them.
+/// Outputs of an operator that take a cotangent, including those of an inactive mode.
 ///
 /// # Errors
 /// When there is no such operator.
@@ -102,9 +103,7 @@ pub fn smooth_outputs(op: &str) -> Result<Vec<&'static str>, String> {
 }
 
 fn find(op: &str) -> Result<&'static Twin, String> {
-    LIST.iter()
-        .find(|twin| twin.signature.name == op)
-        .ok_or_else(|| format!("operator {op}: there is no twin of that name"))
+    LIST.iter().find(|twin| twin.signature.name == op).ok_or_else(|| format!("operator {op}: no such twin"))
 }
 
 /// Checks names of inputs and that every number is finite, and settings.
@@ -124,7 +123,7 @@ fn check<'a>(request: &Request<'a>) -> Result<(&'static Twin, Settings<'a>), Str
     Ok((twin, settings))
 }
 
-/// Checks tangents or cotangents against the arrays they belong to.
+/// Checks names and shapes of tangents or cotangents.
 fn check_directions(
     what: &str,
     given: &Named<f64>,
@@ -145,7 +144,7 @@ fn check_directions(
     Ok(())
 }
 
-/// What each stage wrote, and the completed plan.
+/// The arrays written by each stage, and the completed plan.
 fn run_all(
     twin: &Twin,
     request: &Request<'_>,
@@ -164,34 +163,34 @@ fn run_all(
     Ok((written, plan))
 }
 
-fn answer(twin: &Twin, written: &[Named<f64>], plan: Named<f64>) -> Answer {
-    let mut answer = Answer { plan, ..Answer::default() };
+fn results(twin: &Twin, written: &[Named<f64>], plan: Named<f64>) -> Results {
+    let mut results = Results { plan, ..Results::default() };
     for (name, x) in written.iter().flatten() {
         let kind = if twin.signature.outputs.iter().any(|port| port.name == name) {
-            &mut answer.outputs
+            &mut results.outputs
         } else {
-            &mut answer.intermediates
+            &mut results.intermediates
         };
         kind.insert(name.clone(), x.clone());
     }
-    answer
+    results
 }
 
 /// Outputs, intermediates and plan.
 ///
 /// # Errors
-/// When the operator, an input, a setting or the plan is not what it should be.
-pub fn value(request: &Request<'_>) -> Result<Answer, String> {
+/// When the operator, an input, a setting or the plan is invalid.
+pub fn value(request: &Request<'_>) -> Result<Results, String> {
     let (twin, settings) = check(request)?;
     let (written, plan) = run_all(twin, request, settings)?;
-    Ok(answer(twin, &written, plan))
+    Ok(results(twin, &written, plan))
 }
 
-/// The answer, and the tangents of its outputs for the given tangents of inputs (missing ones are 0).
+/// Results, and the tangents of the outputs for the given tangents of inputs (missing ones are 0).
 ///
 /// # Errors
-/// As [`value`]; also when a tangent does not fit, or the operator has no gradient.
-pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Answer, Named<f64>), String> {
+/// The same as [`value`]; also when a tangent does not fit, or the operator has no gradient.
+pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Results, Named<f64>), String> {
     let (twin, settings) = check(request)?;
     let stages = smooth_stages(twin)?;
     check_directions("tangent", tangents, &twin.signature.smooth_inputs(), request.inputs)?;
@@ -218,27 +217,27 @@ pub fn jvp(request: &Request<'_>, tangents: &Named<f64>) -> Result<(Answer, Name
         .into_iter()
         .filter_map(|name| Some((name.to_owned(), pool.get(name)?.map(|x| x.tangent))))
         .collect();
-    Ok((answer(twin, &written, plan), outputs))
+    Ok((results(twin, &written, plan), outputs))
 }
 
-/// The answer, and the gradient of Σ output·cotangent by input name (missing cotangents are 0; inputs without influence get
-/// zeros).
+/// Results, and the gradient of Σ output·cotangent by input name (missing cotangents are 0; inputs without
+/// influence have a gradient of zeros).
 ///
 /// # Errors
-/// As [`value`]; also when a cotangent does not fit, or the operator has no gradient.
-pub fn vjp(request: &Request<'_>, cotangents: &Named<f64>) -> Result<(Answer, Named<f64>), String> {
+/// The same as [`value`]; also when a cotangent does not fit, or the operator has no gradient.
+pub fn vjp(request: &Request<'_>, cotangents: &Named<f64>) -> Result<(Results, Named<f64>), String> {
     let (twin, settings) = check(request)?;
     let stages = smooth_stages(twin)?;
     let (written, plan) = run_all(twin, request, settings)?;
-    let answer = answer(twin, &written, plan);
-    check_directions("cotangent", cotangents, &twin.signature.smooth_outputs(), &answer.outputs)?;
+    let results = results(twin, &written, plan);
+    check_directions("cotangent", cotangents, &twin.signature.smooth_outputs(), &results.outputs)?;
     let mut bars = cotangents.clone();
     for (stage, (_, run)) in stages.into_iter().enumerate().rev() {
         rev::clear();
         let pool = request.inputs.iter().chain(written[..stage].iter().flatten());
         let leaves: Named<Rev> = pool.map(|(name, x)| (name.clone(), rev::leaves(x))).collect();
         let mut out = Out::new(Some(&bars));
-        run(&Call { arrays: &leaves, settings, plan: Some(&answer.plan), stage }, &mut out)?;
+        run(&Call { arrays: &leaves, settings, plan: Some(&results.plan), stage }, &mut out)?;
         for (name, x) in &leaves {
             let adjoint = rev::adjoints(x);
             let bar = bars.entry(name.clone()).or_insert_with(|| Arr::filled(&x.shape, 0.0));
@@ -255,17 +254,18 @@ pub fn vjp(request: &Request<'_>, cotangents: &Named<f64>) -> Result<(Answer, Na
             (name.to_owned(), bars.remove(name).unwrap_or_else(zeros))
         })
         .collect();
-    Ok((answer, gradient))
+    Ok((results, gradient))
 }
 
-/// The stages of an operator that has a gradient.
+/// The differentiable stages of an operator.
 fn smooth_stages(twin: &Twin) -> Result<Vec<SmoothRun>, String> {
     let stages: Option<Vec<_>> = twin.stages.iter().map(|stage| stage.smooth).collect();
-    stages.ok_or_else(|| format!("operator {}: it has no gradient", twin.signature.name))
+    stages.ok_or_else(|| format!("operator {}: the operator has no gradient", twin.signature.name))
 }
 
-/// The amount of work in the unit of the operator: (Gaussian, pixel) pairs for blending, products for layers, entries of
-/// the inputs where the twin counts nothing better. 0 for a request that [`value`] would refuse.
+/// The amount of work in the unit of the operator: (Gaussian, pixel) pairs for blending, products for layers,
+/// entries of the inputs where the twin defines no other unit. 0 for a request for which [`value`] returns an
+/// error.
 pub fn work(request: &Request<'_>) -> u64 {
     let count = || {
         let (twin, settings) = check(request)?;

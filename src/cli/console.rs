@@ -1,8 +1,104 @@
-//! The terminal: results on stdout, interruption, the command line as it was typed.
+//! The terminal: results on stdout, errors and notes on stderr, interruption, the command line as it was typed.
 
 use crate::{Error, Result, claim};
-use std::io::Write as _;
+use clap::ColorChoice;
+use clap::builder::styling::{AnsiColor, Style};
+use serde_json::json;
+use std::ffi::OsString;
+use std::io::{IsTerminal as _, Write as _};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
+
+/// What the options that every command has say about output.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Output {
+    /// neither progress nor notes
+    pub(crate) quiet: bool,
+    /// also threads and the time of every part
+    pub(crate) verbose: bool,
+    /// results and errors as JSON
+    pub(crate) json: bool,
+    /// colours in help and errors
+    pub(crate) color: ColorChoice,
+}
+
+static OUTPUT: OnceLock<Output> = OnceLock::new();
+
+/// Sets the output of this program, once.
+pub(crate) fn set_output(output: Output) {
+    // A second call has no effect.
+    let _ = OUTPUT.set(output);
+}
+
+fn output() -> Output {
+    OUTPUT.get().copied().unwrap_or_default()
+}
+
+/// Whether neither progress nor notes are printed.
+pub(crate) fn is_quiet() -> bool {
+    output().quiet
+}
+
+/// Whether threads and the time of every part are printed too.
+pub(crate) fn is_verbose() -> bool {
+    output().verbose
+}
+
+/// Whether results and errors are JSON.
+pub(crate) fn is_json() -> bool {
+    output().json
+}
+
+/// What the command line asks for before it is parsed, for errors in it: `--json` and `--color`.
+pub(crate) fn before_parsing(arguments: &[OsString]) -> Output {
+    let mut out = Output::default();
+    let mut words = arguments.iter().map(|a| a.to_string_lossy()).take_while(|a| a != "--");
+    while let Some(word) = words.next() {
+        if word == "--json" {
+            out.json = true;
+        }
+        let color = match word.strip_prefix("--color") {
+            Some("") => words.next().map(|value| value.to_string()),
+            Some(value) => value.strip_prefix('=').map(str::to_owned),
+            None => None,
+        };
+        out.color = color.and_then(|value| value.parse().ok()).unwrap_or(out.color);
+    }
+    out
+}
+
+/// Writes an error to stderr: one line of text, or one line of JSON with `kind`, `message` and `exit_code`.
+pub(crate) fn error(output: Output, kind: &str, message: &str, exit_code: u8) {
+    let message = one_line(message);
+    if output.json {
+        return note(&json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string());
+    }
+    let is_colored = match output.color {
+        ColorChoice::Always => true,
+        ColorChoice::Never => false,
+        ColorChoice::Auto => {
+            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+        }
+    };
+    let style = if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
+    note(&format!("{style}error:{style:#} {message}"));
+}
+
+/// How this program was called, for commands to type next: through cargo, or by its name or path.
+pub(crate) fn program() -> String {
+    let is_release = if cfg!(debug_assertions) { "" } else { " --release" };
+    let of_cargo = std::env::var_os("CARGO").is_some() && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
+    if of_cargo {
+        return format!("cargo run{is_release} --");
+    }
+    std::env::args().next().filter(|name| !name.is_empty()).map_or_else(|| "lastlight".to_owned(), quoted)
+}
+
+/// A word as a shell reads it.
+fn quoted(word: String) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+}
 
 /// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -49,10 +145,7 @@ pub(crate) fn say_json(record: &serde_json::Value) -> Result<()> {
 
 /// The command line as it can be typed again.
 pub(crate) fn command_line() -> String {
-    let plain =
-        |s: &str| !s.is_empty() && s.chars().all(|c| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c));
-    let quote = |s: String| if plain(&s) { s } else { format!("'{}'", s.replace('\'', "'\\''")) };
-    let rest = std::env::args_os().skip(1).map(|a| quote(a.to_string_lossy().into_owned()));
+    let rest = std::env::args_os().skip(1).map(|a| quoted(a.to_string_lossy().into_owned()));
     std::iter::once("lastlight".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
 }
 
@@ -83,5 +176,18 @@ mod tests {
     #[test]
     fn errors_are_one_line() {
         assert_eq!(one_line("a\n  b\r\n\n"), "a; b", "joined");
+    }
+
+    #[test]
+    fn json_and_colour_are_known_before_the_command_line_is_parsed() {
+        let of = |words: &str| {
+            let words: Vec<OsString> = words.split(' ').map(OsString::from).collect();
+            let output = before_parsing(&words);
+            (output.json, output.color)
+        };
+        assert_eq!(of("lastlight doctor"), (false, ColorChoice::Auto), "the defaults");
+        assert_eq!(of("lastlight --color never x --json"), (true, ColorChoice::Never), "two words");
+        assert_eq!(of("lastlight --color=always --color rainbow"), (false, ColorChoice::Always), "what is valid");
+        assert_eq!(of("lastlight x -- --json"), (false, ColorChoice::Auto), "no option behind --");
     }
 }

@@ -24,9 +24,6 @@ pub(super) struct Args {
     /// Replace OUT if it exists
     #[arg(long)]
     force: bool,
-    /// Print what was done as JSON
-    #[arg(long)]
-    json: bool,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -34,7 +31,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     claim::file(&args.output, args.force)?;
     let scene = convert(&args.input, &args.output)?;
     let size = std::fs::metadata(&args.output).map_or(0, |m| m.len());
-    if args.json {
+    if crate::console::is_json() {
         crate::console::say_json(&json!({
             "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "bytes": size,
         }))

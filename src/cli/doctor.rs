@@ -5,7 +5,7 @@ use crate::num::rng::Rng;
 use crate::num::{env, gemm, par};
 use crate::scene::camera::{Camera, Model};
 
-use crate::{Error, Result};
+use crate::{Error, Result, version};
 use lastlight_kernels::splat::color::Sh;
 use lastlight_kernels::splat::render::{self, Color, In, InBar, OutBar, Settings, Shape};
 use serde_json::json;
@@ -15,11 +15,10 @@ use serde_json::json;
 /// A tiny built-in scene is rendered and differentiated; the digests of the image and of the gradients must be
 /// those of every other machine. Exit code 1 when they are not.
 #[derive(clap::Args)]
-pub(super) struct Args {
-    /// Print the findings as JSON
-    #[arg(long)]
-    json: bool,
-}
+#[command(after_help = "Examples:
+  lastlight doctor
+  lastlight doctor --json --threads 1")]
+pub(super) struct Args {}
 
 /// Digest of the image of the built-in scene.
 const PICTURE: u64 = 0xe42f_dc6a_fe72_92cf;
@@ -31,12 +30,12 @@ const PURPOSE: u16 = 0xd0c7;
 /// Gaussians in it.
 const N: usize = 96;
 
-pub(super) fn run(args: &Args) -> Result<()> {
+pub(super) fn run(Args {}: &Args) -> Result<()> {
     let (picture, gradients) = digests()?;
     let right = picture == PICTURE && gradients == GRADIENTS;
     let probe = env::probe();
     let hex = |x: u64| format!("{x:016x}");
-    if args.json {
+    if crate::console::is_json() {
         crate::console::say_json(&json!({
             "lastlight": env!("CARGO_PKG_VERSION"),
             "architecture": std::env::consts::ARCH,
@@ -44,7 +43,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "build": if cfg!(debug_assertions) { "debug" } else { "release" },
             "built_for": built_for(),
             "cpu": cpu_features(),
-            "lanes": LANES,
+            "lanes": version::LANES,
+            "identity": version::record(),
             "product_lanes": gemm::product_lanes(),
             "threads": par::threads(),
             "probe": probe.as_ref().map_or_else(ToString::to_string, |()| "default floating-point environment".into()),
@@ -58,11 +58,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
         line("machine", format!("{} {}", std::env::consts::ARCH, std::env::consts::OS))?;
         line("build", if cfg!(debug_assertions) { "debug".into() } else { "release".to_owned() })?;
         line("built for", built_for().join(" "))?;
-        line("cpu has", cpu_features().join(" "))?;
+        line("cpu features", cpu_features().join(" "))?;
         line(
             "lanes",
             format!(
-                "{LANES} of f32 in one register of this build, matrix products in lanes of {}{}; sums have 16 logical lanes on every machine",
+                "{} of f32 in one register of this build, matrix products in lanes of {}{}; sums have 16 logical lanes on every machine",
+                version::LANES,
                 gemm::product_lanes(),
                 std::env::var("LASTLIGHT_LANES")
                     .map_or_else(|_| String::new(), |x| format!(" (LASTLIGHT_LANES={x})"))
@@ -73,8 +74,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "rounding",
             probe.as_ref().map_or_else(ToString::to_string, |()| "default, in every thread".into()),
         )?;
-        line("picture", verdict(picture, PICTURE))?;
+        line("image", verdict(picture, PICTURE))?;
         line("gradients", verdict(gradients, GRADIENTS))?;
+        if right && probe.is_ok() {
+            crate::console::say("all checks passed")?;
+        }
     }
     probe?;
     if right {
@@ -89,20 +93,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
 fn verdict(got: u64, expected: u64) -> String {
     if got == expected {
-        format!("{got:016x} as on every machine")
+        format!("digest {got:016x} ok (matches the reference)")
     } else {
-        format!("{got:016x} WRONG, expected {expected:016x}")
+        format!("digest {got:016x} WRONG, expected {expected:016x}")
     }
 }
-
-/// f32 lanes of one register in this build.
-const LANES: usize = if cfg!(target_feature = "avx512f") {
-    16
-} else if cfg!(target_feature = "avx") {
-    8
-} else {
-    4
-};
 
 /// Target features that this build may use.
 fn built_for() -> Vec<&'static str> {

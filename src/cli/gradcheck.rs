@@ -1,6 +1,6 @@
 //! `lastlight gradcheck`.
 
-use crate::console::{note, say, say_json};
+use crate::console::{is_json, note, say, say_json};
 use crate::{Error, Result};
 use lastlight_oracle::oracle::gradcheck;
 use std::path::PathBuf;
@@ -36,9 +36,6 @@ pub struct Args {
     /// Seed of the random directions
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Print as JSON
-    #[arg(long)]
-    json: bool,
 }
 
 /// Runs the command.
@@ -46,10 +43,10 @@ pub struct Args {
 /// # Errors
 /// Bad usage or input, and a check that failed.
 pub fn run(args: Args) -> Result<()> {
-    let Args { op: ops, all, input, exec, set, entries, seed, json } = args;
+    let Args { op: ops, all, input, exec, set, entries, seed } = args;
     let options = gradcheck::Options { ops, all, input, exec, set, seed, entries };
     let report = gradcheck::run(&options, &mut note)?;
-    if json {
+    if is_json() {
         say_json(&serde_json::to_value(&report).map_err(|e| Error::input("--json").got(e.to_string()))?)?;
     } else {
         say(report.to_string().trim_end())?;

@@ -11,6 +11,8 @@
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
 //! console   stdout, interruption, the command line as typed   units     seconds and bytes for people
 //! training  the frame of every command that trains        experiments  the study engine with progress and reports
+//! tree      headings, short forms, what -h shows           options      the one heading of every option
+//! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
 //! ```
 //!
@@ -26,17 +28,22 @@ mod convert;
 mod demo;
 mod doctor;
 mod experiments;
+mod generate;
 pub mod gradcheck;
 mod last;
 mod lirm;
 mod mesh;
 mod meter;
+mod options;
 pub mod oracle;
 mod report;
 mod shared;
 mod splat;
+mod topics;
 mod training;
+mod tree;
 mod units;
+mod version;
 
 use lastlight_import::{io, scene};
 use lastlight_kernels::{geometry, loss, shade};
@@ -44,38 +51,61 @@ use lastlight_num::{Error, Result, num};
 use lastlight_train::{experiment, fit};
 
 use crate::num::par;
-use clap::{Parser, Subcommand};
-use std::io::ErrorKind;
+use clap::error::ErrorKind;
+use clap::{ArgAction, ColorChoice, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use lastlight_num::error::Kind;
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 const EXAMPLES: &str = "\
 Examples:
   lastlight demo                                    a person and a scene end to end, with a report
-  lastlight splat fit photos/ --out fox             Gaussians from posed photographs
+  lastlight splat fit photos/ --out fox             Gaussians from photos with camera poses
   lastlight splat render fox/scene.ply --cameras orbit:60 --out turntable
-  lastlight splat eval fox/scene.ply photos/        PSNR and SSIM on the held-out photographs
+  lastlight splat eval fox/scene.ply photos/        PSNR and SSIM on the held-out photos
   lastlight oracle list                             operators that can be run on your arrays
   lastlight convert fox/scene.ply fox.splat
-  lastlight doctor
+  lastlight help captures                           layouts of input images
 
 Every result is a pure function of the input and the seed: the same bits for any number of threads.
+
+Topics of `lastlight help`: captures, profiles, exit-codes, env.
+
 Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted (continue with --resume).";
 
 /// CPU reference for differentiable rendering with bit-for-bit reproducible results.
 #[derive(Parser)]
-#[command(name = "lastlight", version, about = "Bit-reproducible CPU reference of two differentiable-rendering systems, LAST and LIRM", after_help = EXAMPLES, max_term_width = 110, propagate_version = true)]
+#[command(name = "lastlight", about = "CPU reference for differentiable rendering with bit-for-bit reproducible results", after_help = EXAMPLES)]
 struct Cli {
     /// Number of threads [default: all cores]; results do not depend on it
-    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(short = 'j', long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Print neither progress nor notes
+    #[arg(short, long, global = true)]
+    quiet: bool,
+    /// Also print the number of threads and the time of every part
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
+    verbose: bool,
+    /// Print the result as one JSON document, and an error as one line of JSON
+    #[arg(long, global = true)]
+    json: bool,
+    /// Colours in help and errors; auto: on a terminal, unless NO_COLOR is set
+    #[arg(long, global = true, value_enum, value_name = "WHEN", default_value_t = ColorChoice::Auto)]
+    color: ColorChoice,
+    /// Print help: -h the options used most, --help everything
+    #[arg(short, long, global = true, action = ArgAction::Help)]
+    help: Option<bool>,
+    /// Print the version; with --verbose also commit, compiler, processor, lanes and the digest of the bit table
+    #[arg(short = 'V', long)]
+    version: bool,
     #[command(subcommand)]
-    command: Command,
+    command: Option<Command>,
 }
 
 #[derive(Subcommand)]
 #[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 enum Command {
-    /// Fit a built-in person from a video and a built-in scene from photographs; one report with images
+    /// Fit a built-in person from a video and a built-in scene from photos; one report with images
     Demo(demo::Args),
     /// Gaussian splatting of a static capture: fit, render, evaluate
     #[command(subcommand)]
@@ -86,7 +116,7 @@ enum Command {
     /// Triangle meshes: render glTF or OBJ under an environment map, compare two surfaces
     #[command(subcommand)]
     Mesh(mesh::Command),
-    /// Relightable objects from photographs (LIRM); so far its training data
+    /// Relightable objects from photos (LIRM); so far its training data
     #[command(subcommand)]
     Lirm(lirm::Command),
     /// Run operators on your arrays, compare arrays, write reference arrays
@@ -97,37 +127,83 @@ enum Command {
     Convert(convert::Args),
     /// Describe this build and this machine, and check that they compute the reference bits
     Doctor(doctor::Args),
+    /// Generate shell completions or manual pages
+    Generate(generate::Args),
+    /// Print the help of a command or a topic
+    Help(topics::Args),
+}
+
+/// The tree of commands with all options, as it is parsed and shown.
+pub fn command() -> clap::Command {
+    tree::refined(Cli::command())
+        .version(version::VERSION)
+        .max_term_width(110)
+        .disable_help_flag(true)
+        .disable_help_subcommand(true)
+        .disable_version_flag(true)
 }
 
 /// Parses the command line, runs the command, prints an error if there is one.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let arguments: Vec<OsString> = std::env::args_os().collect();
+    let before = console::before_parsing(&arguments);
+    let cli = match parse(&arguments, before) {
         Ok(cli) => cli,
-        Err(e) => {
-            // Help goes to stdout, usage errors to stderr.
-            let failed = e.print().err().filter(|e| e.kind() != ErrorKind::BrokenPipe);
-            let code = if failed.is_some() { 2 } else { e.exit_code() };
-            return ExitCode::from(u8::try_from(code).unwrap_or(2));
-        }
+        Err(e) => return refused(&e, before),
     };
+    let Cli { quiet, verbose, json, color, .. } = cli;
+    console::set_output(console::Output { quiet, verbose, json, color });
     if let Err(e) = console::stop_on_interrupt() {
         console::note(&format!("note: Ctrl-C stops at once, without a checkpoint: {e}"));
     }
     let threads =
         cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-    let outcome = par::with_threads(threads, || dispatch(cli.command)).and_then(|outcome| outcome);
+    let clock = meter::Meter::new();
+    let outcome = par::with_threads(threads, || dispatch(cli)).and_then(|outcome| outcome);
     claim::release();
+    if verbose {
+        console::note(&format!("{} with {threads} threads", units::seconds(clock.seconds())));
+    }
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(e) => {
-            console::note(&format!("error: {}", console::one_line(&e.to_string())));
+            let kind = match e.kind() {
+                Kind::Check => "check",
+                Kind::Interrupted => "interrupted",
+                _ => "input",
+            };
+            console::error(console::Output { quiet, verbose, json, color }, kind, &e.to_string(), e.exit_code());
             ExitCode::from(e.exit_code())
         }
     }
 }
 
-fn dispatch(command: Command) -> Result<()> {
-    match command {
+fn parse(arguments: &[OsString], before: console::Output) -> std::result::Result<Cli, clap::Error> {
+    let mut tree = command().color(before.color);
+    let matches = tree.try_get_matches_from_mut(arguments)?;
+    let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut tree))?;
+    if cli.command.is_none() && !cli.version {
+        return Err(tree.error(ErrorKind::MissingSubcommand, "a command is needed, such as demo"));
+    }
+    Ok(cli)
+}
+
+/// Prints help to stdout, a usage error to stderr.
+fn refused(e: &clap::Error, before: console::Output) -> ExitCode {
+    let code = u8::try_from(e.exit_code()).unwrap_or(2);
+    if before.json && e.use_stderr() {
+        let text = e.render().to_string();
+        let text = text.split("\n\nUsage:").next().unwrap_or_default();
+        console::error(before, "usage", text.trim_start_matches("error: "), code);
+        return ExitCode::from(code);
+    }
+    let failed = e.print().err().filter(|e| e.kind() != std::io::ErrorKind::BrokenPipe);
+    ExitCode::from(if failed.is_some() { 2 } else { code })
+}
+
+fn dispatch(cli: Cli) -> Result<()> {
+    let Some(chosen) = cli.command else { return version(cli.verbose) };
+    match chosen {
         Command::Demo(args) => demo::run(&args),
         Command::Splat(command) => splat::run(&command),
         Command::Last(command) => last::run(&command),
@@ -137,16 +213,24 @@ fn dispatch(command: Command) -> Result<()> {
         Command::Gradcheck(args) => gradcheck::run(args),
         Command::Convert(args) => convert::run(&args),
         Command::Doctor(args) => doctor::run(&args),
+        Command::Generate(args) => generate::run(&args, command()),
+        Command::Help(args) => topics::run(&args, command()),
     }
+}
+
+fn version(verbose: bool) -> Result<()> {
+    if !console::is_json() {
+        return console::say(&version::text(verbose));
+    }
+    let mut record = serde_json::Map::from_iter([("lastlight".to_owned(), version::VERSION.into())]);
+    record.extend(version::record());
+    console::say_json(&record.into())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use clap::CommandFactory;
-
     #[test]
     fn the_command_line_is_well_formed() {
-        Cli::command().debug_assert();
+        super::command().debug_assert();
     }
 }

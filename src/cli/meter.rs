@@ -54,12 +54,11 @@ pub(crate) struct Meter {
     last_line: Instant,
     counted: Option<(Instant, usize)>,
     primitives: &'static str,
-    quiet: bool,
 }
 
 impl Meter {
-    /// Starts the clock; `quiet` shows nothing.
-    pub(crate) fn new(quiet: bool) -> Self {
+    /// Starts the clock; with `--quiet` it shows nothing.
+    pub(crate) fn new() -> Self {
         let now = Instant::now();
         Self {
             started: now,
@@ -68,7 +67,6 @@ impl Meter {
             last_line: now,
             counted: None,
             primitives: "Gaussians",
-            quiet,
         }
     }
 
@@ -80,7 +78,7 @@ impl Meter {
 
     /// A remark for the person at the terminal.
     pub(crate) fn note(&self, line: &str) {
-        if self.quiet {
+        if console::is_quiet() {
             return;
         }
         match &self.bar {
@@ -111,7 +109,7 @@ impl Meter {
 
     /// Counts `done` of `total` pieces of work with a message.
     pub(crate) fn count(&mut self, done: usize, total: usize, message: &str) {
-        if self.quiet {
+        if console::is_quiet() {
             return;
         }
         // The rate counts from the first call, so that a resumed fit does not claim the work of its predecessor.
@@ -162,7 +160,7 @@ impl Watch for Meter {
     }
 
     fn progress(&mut self, done: usize, total: usize, step: Step) {
-        if !self.quiet {
+        if !console::is_quiet() {
             self.count(done, total, &format!("loss {:.4} · {} {}", step.loss, step.size, self.primitives));
         }
     }
@@ -171,5 +169,10 @@ impl Watch for Meter {
 impl Drop for Meter {
     fn drop(&mut self) {
         self.done();
+        if console::is_verbose() {
+            for (part, seconds) in self.parts() {
+                console::note(&format!("{part}: {}", super::units::seconds(seconds)));
+            }
+        }
     }
 }

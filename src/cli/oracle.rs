@@ -1,6 +1,6 @@
 //! `lastlight oracle list | run | compare | mint`.
 
-use crate::console::{note, say, say_json};
+use crate::console::{is_json, note, say, say_json};
 use crate::{Error, Result};
 use clap::{Subcommand, ValueEnum};
 use lastlight_oracle::oracle::{compare, list, mint, run as runner};
@@ -26,9 +26,6 @@ enum Precision {
 enum Command {
     /// List operators with their inputs, outputs, shapes, types and settings
     List {
-        /// Print as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Run an operator on arrays; writes OUT.npz, OUT.plan.npz, OUT.digest.json
     #[command(after_help = "\
@@ -61,9 +58,6 @@ Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --preci
         /// Also write every intermediate
         #[arg(long)]
         dump: bool,
-        /// Print the digests as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Compare user-supplied arrays with reference arrays; exit code 1 if they differ
     Compare {
@@ -80,9 +74,6 @@ Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --preci
         /// Also write a self-contained HTML page
         #[arg(long, value_name = "REPORT.html")]
         html: Option<PathBuf>,
-        /// Print as JSON
-        #[arg(long)]
-        json: bool,
     },
     /// Write reference arrays computed by the f64 twin: OP_CASE.npz
     Mint {
@@ -91,14 +82,11 @@ Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --preci
         /// Output folder
         #[arg(long, value_name = "DIR", default_value = "golden")]
         out: PathBuf,
-        /// Print the list of files as JSON
-        #[arg(long)]
-        json: bool,
     },
 }
 
-fn print<T: Serialize + std::fmt::Display>(record: &T, json: bool) -> Result<()> {
-    if !json {
+fn print<T: Serialize + std::fmt::Display>(record: &T) -> Result<()> {
+    if !is_json() {
         return say(record.to_string().trim_end());
     }
     let value = serde_json::to_value(record).map_err(|e| Error::input("--json").got(e.to_string()))?;
@@ -112,29 +100,30 @@ fn print<T: Serialize + std::fmt::Display>(record: &T, json: bool) -> Result<()>
 pub fn run(args: Args) -> Result<()> {
     let mut progress = |text: &str| note(text);
     match args.command {
-        Command::List { json } => print(&list::list(), json),
-        Command::Run { op, input, out, precision, profile, set, plan, dump, json } => {
+        Command::List {} => print(&list::list()),
+        Command::Run { op, input, out, precision, profile, set, plan, dump } => {
             let precision = match precision {
                 Precision::F32 => runner::Precision::F32,
                 Precision::F64 => runner::Precision::F64,
             };
             let options = runner::Options { op, input, out, precision, profile, set, plan, dump };
-            print(&runner::run(&options, &mut progress)?, json)
+            print(&runner::run(&options, &mut progress)?)
         }
-        Command::Compare { theirs, ours, op, tol, html, json } => {
+        Command::Compare { theirs, ours, op, tol, html } => {
             let report = compare::compare(&compare::Options { theirs, ours, op, tol, html })?;
-            print(&report, json)?;
+            print(&report)?;
             if report.passed {
                 return Ok(());
             }
-            let differing = report.arrays.iter().filter(|a| a.verdict != compare::Agreement::Agrees).count();
+            let differing =
+                report.arrays.iter().filter(|a| a.agreement != compare::Agreement::Agrees).count();
             Err(Error::check("oracle compare")
                 .expected("every array to agree")
                 .got(format!("{differing} that do not")))
         }
-        Command::Mint { op, out, json } => {
+        Command::Mint { op, out } => {
             let report = mint::mint(&op, &out, &mut |_| {})?;
-            print(&report, json)
+            print(&report)
         }
     }
 }

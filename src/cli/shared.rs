@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Seed, resumption, replacement and output of a command that fills a folder.
+/// Seed, resumption and replacement of a command that fills a folder.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {
     /// Seed of all random numbers
@@ -20,26 +20,14 @@ pub(super) struct OutputArgs {
     /// Start over in a non-empty folder, replacing the files of the previous run
     #[arg(long, conflicts_with = "resume")]
     pub(super) force: bool,
-    /// Print the record as JSON
-    #[arg(long)]
-    pub(super) json: bool,
-    /// Print neither progress nor notes
-    #[arg(long)]
-    pub(super) quiet: bool,
 }
 
-/// Replacement and output.
+/// Replacement.
 #[derive(clap::Args)]
-pub(super) struct ConsoleArgs {
+pub(super) struct ForceArgs {
     /// Replace existing files in --out
     #[arg(long)]
     pub(super) force: bool,
-    /// Print the record as JSON
-    #[arg(long)]
-    pub(super) json: bool,
-    /// Print neither progress nor notes
-    #[arg(long)]
-    pub(super) quiet: bool,
 }
 
 /// Perceptual metrics.
@@ -83,9 +71,9 @@ impl Outcome {
     ///
     /// # Errors
     /// When the report or standard output cannot be written.
-    pub(super) fn publish(&self, dir: &Path, json: bool) -> Result<()> {
+    pub(super) fn publish(&self, dir: &Path) -> Result<()> {
         let report = self.page.write(dir)?;
-        if json {
+        if crate::console::is_json() {
             return crate::console::say_json(&self.record);
         }
         self.lines.iter().try_for_each(|line| crate::console::say(line))?;

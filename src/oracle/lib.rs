@@ -1,4 +1,4 @@
-//! Levels 9 and 11 of lastlight: the operator list, and what is done with it on user-supplied arrays.
+//! Levels 9 and 11 of lastlight: the operator list, and its commands on user-supplied arrays.
 //!
 //! ```text
 //! ops      the operator list: signatures, runs, generated cases    level 9

@@ -1,11 +1,11 @@
 //! The operator list: the only file that names every operator. Level 9.
 //!
-//! One line of [`LIST`] drives `oracle list | run | mint`, twin tests, gradient checks, golden files, digests and the
-//! table of the book. The entry itself is beside the adapter that turns named arrays into the operator's
-//! arguments, one file per group:
+//! One line of [`LIST`] drives `oracle list | run | mint`, twin tests, gradient checks, golden files, digests
+//! and the table of the book. The entries and the adapters between named arrays and the
+//! arguments of operators are in one file per group:
 //!
 //! ```text
-//! op       what the list knows of an operator        call     a call and its result; checked: from
+//! op       an entry of the list                      call     a call and its result; checked: from
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
 //! case     drawing of generated cases                splat, geometry, nn, networks, loss, points, groups,
@@ -101,7 +101,7 @@ pub static LIST: &[&Op] = &[
 /// The operator of that name.
 ///
 /// # Errors
-/// When there is none; the error lists the names.
+/// When there is no such operator; the error lists the names.
 pub fn find(name: &str) -> Result<&'static Op> {
     LIST.iter().copied().find(|op| op.name == name).ok_or_else(|| {
         let names: Vec<_> = LIST.iter().map(|op| op.name).collect();

@@ -30,7 +30,10 @@ fn the_command_line_says_the_same_with_its_exit_code() {
     assert!(code == 0 && err.contains("30 products"), "the estimate goes to stderr: {err}");
     assert_eq!(lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz")]).0, 0, "they agree");
     let (code, out, err) = lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz"), "--tol", "0"]);
-    assert!(code == 1 && out.contains("first difference in nn.linear"), "f32 is not f64: {code} {out} {err}");
+    assert!(
+        code == 1 && out.contains("first diverging stage: nn.linear"),
+        "f32 is not f64: {code} {out} {err}"
+    );
     assert_eq!(run(&path("c.npz"), &["--set", "lr=1"]).0, 2, "an unknown setting");
     let (code, _, err) =
         lastlight(&["oracle", "run", "nn.linear", "--in", &path("g/loss.l1_0.npz"), "--out", &path("c.npz")]);

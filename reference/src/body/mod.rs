@@ -1,4 +1,4 @@
-//! Bodies that move: rotations of joints, linear blend skinning.
+//! Articulated bodies: rotations of joints, linear blend skinning.
 //!
 //! ```text
 //! pose, correction, joints, parents ── pose ──► joint transforms (J, 3, 4)
@@ -7,7 +7,7 @@
 //! weights, joint transforms ─┴─ skin ──► posed points, posed factors
 //! ```
 //!
-//! `skin` is called by `data-gen` too, which poses its figure with it.
+//! `data-gen` also calls `skin`, to pose its figure.
 
 pub mod pose;
 pub mod rest;

@@ -1,6 +1,8 @@
-//! Transforms of joints along the skeleton, from rotations or from a capture, with a correction on the right of each.
+//! `body.pose`: transforms of joints along the skeleton, from rotations or from a capture; a correction is
+//! multiplied from the right.
 //!
-//! From rotations: Q_k = Q_p ℛ(θ_k) ℛ(δ_k),   c_k = c_p + Q_p (j_k − j_p),   B_k = [Q_k | c_k − Q_k j_k],   p = parent of k; without one
+//! From rotations: Q_k = Q_p ℛ(θ_k) ℛ(δ_k),   c_k = c_p + Q_p (j_k − j_p),   B_k = [Q_k | c_k − Q_k j_k],
+//! p = parent of k; without one
 //! Q_k = ℛℛ, c_k = j_k
 //!
 //! From a capture: B_k = B_p A_p⁻¹ A_k T(j_k) ℛ(δ_k) T(−j_k);   without a parent B_p = A_p = I
@@ -17,7 +19,8 @@
 //! | B | `transforms` | (J, 3, 4) | posed from rest |
 //!
 //! # Rounding
-//! Left folds. 1 − cos θ is 2 sin²(θ/2), which does not cancel; below θ = 1e-4 two terms of the series of a and b. A⁻¹ by Cramer's rule.
+//! Left folds. 1 − cos θ is 2 sin²(θ/2), which does not cancel; below θ = 1e-4 a and b are computed by two
+//! terms of their series. A⁻¹ by Cramer's rule.
 //!
 //! # Kinks and domain
 //! Smooth everywhere. J ≥ 1; |det| of the linear part of every A_k is between 10⁻¹² and 10¹².
@@ -88,7 +91,7 @@ fn compose<S: Scalar>(a: &Motion<S>, b: &Motion<S>) -> Motion<S> {
     (product(&a.0, &b.0), std::array::from_fn(|i| moved[i] + a.1[i]))
 }
 
-/// Whether a matrix of that determinant is taken to have an inverse.
+/// Whether a matrix of that determinant counts as invertible.
 pub fn is_invertible(determinant: f64) -> bool {
     1e-12 < determinant.abs() && determinant.abs() < 1e12
 }
@@ -163,7 +166,7 @@ fn from_capture<S: Scalar>(captured: &Arr<S>, x: &In<'_, S>) -> Result<Vec<Motio
         let d = determinant(&b.0.map(|row| row.map(S::value)));
         if !is_invertible(d) {
             return Err(format!(
-                "input captured: expected a transform with an inverse, joint {k} has determinant {d:e}"
+                "input captured: expected an invertible transform, joint {k} has determinant {d:e}"
             ));
         }
         if let Some(p) = parent(x.parents, k)? {
@@ -182,7 +185,8 @@ fn from_capture<S: Scalar>(captured: &Arr<S>, x: &In<'_, S>) -> Result<Vec<Motio
 /// The twin of `body.pose`.
 ///
 /// # Errors
-/// When there is no joint, a parent is no earlier joint, a captured transform has no inverse, or both or none of `pose` and `captured` are there.
+/// When there is no joint, a parent is not an earlier joint, a captured transform has no inverse, or `pose`
+/// and `captured` are both present or both absent.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let n = input.joints.shape[0];
     if n == 0 {
@@ -191,7 +195,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
     let world = match (input.pose, input.captured) {
         (Some(pose), None) => from_rotations(pose, input)?,
         (None, Some(captured)) => from_capture(captured, input)?,
-        _ => return Err("inputs pose, captured: expected one of them".to_owned()),
+        _ => return Err("inputs pose, captured: expected exactly one of them".to_owned()),
     };
     let slot = out.array("transforms", &[n, 3, 4]);
     for (k, (q, t)) in world.into_iter().enumerate() {
@@ -207,7 +211,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or as [`forward`].
+/// When an input is missing or has the wrong shape, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,6 +1,7 @@
-//! From the canonical pose to rest: linear blend skinning backwards.
+//! `body.rest`: maps the canonical pose to the rest pose, the inverse of linear blend skinning.
 //!
-//! T_p = Σ_b w_pb C_b = [M_p | t_p],   y_p = M_p⁻¹ (x_p − t_p) + o_p,   H_p = M_p⁻¹ F_p;   without C the identity
+//! T_p = Σ_b w_pb C_b = [M_p | t_p],   y_p = M_p⁻¹ (x_p − t_p) + o_p,   H_p = M_p⁻¹ F_p;
+//! without C the identity
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -30,10 +31,10 @@ inputs! {
     pub struct In<'a, S> {
         points: &'a Arr<S> = Port::var("P,3", "canonical positions"),
         factors: &'a Arr<S> = Port::var("P,3,3", "F with covariance F·Fᵀ in the canonical pose"),
-        weights: &'a Arr<S> = Port::var("P,K", "of each bone, used as they are"),
+        weights: &'a Arr<S> = Port::var("P,K", "of each bone, not normalised"),
         canonical: Option<&'a Arr<S>> =
-            Port::fixed("K,3,4", "canonical pose from rest; absent where rest is canonical"),
-        offsets: Option<&'a Arr<S>> = Port::fixed("P,3", "what the pose adds to a point at rest"),
+            Port::fixed("K,3,4", "canonical pose from rest; absent if the rest pose is the canonical one"),
+        offsets: Option<&'a Arr<S>> = Port::fixed("P,3", "pose-dependent offset of a point at rest"),
     }
 }
 
@@ -59,7 +60,7 @@ fn dot<S: Scalar>(a: Vec3<S>, b: Vec3<S>) -> S {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// det M = a·(b×c) for the columns a, b, c of M; a decision, so of values.
+/// det M = a·(b×c) for the columns a, b, c of M; computed on values because it is used in a decision.
 fn determinant<S: Scalar>(t: &Affine<S>) -> f64 {
     let [a, b, c] = [0, 1, 2].map(|j| [0, 1, 2].map(|i| t[i][j].value()));
     dot(a, cross(b, c))
@@ -89,7 +90,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
     for i in 0..p {
         let back = bones.as_ref().map(|bones| blend(&weights.data[i * k..(i + 1) * k], bones));
         if let Some(d) = back.as_ref().map(determinant).filter(|d| !is_invertible(*d)) {
-            return Err(format!("point {i}: expected a blend that has an inverse, got determinant {d:e}"));
+            return Err(format!("point {i}: expected an invertible blend, got determinant {d:e}"));
         }
         let x: Vec3<S> = points.row(i);
         let place = match &back {
@@ -112,7 +113,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or as [`forward`].
+/// When an input is missing or has the wrong shape, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

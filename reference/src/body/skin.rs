@@ -1,6 +1,7 @@
-//! Linear blend skinning of points and of factors of covariances.
+//! `body.skin`: linear blend skinning of points and of factors of covariances.
 //!
-//! T_p = Σ_b w_pb G_b,   x'_p = M_p x_p + t_p,   F'_p = M_p F_p,   M_p = linear part of T_p, t_p its last column
+//! T_p = Σ_b w_pb G_b,   x'_p = M_p x_p + t_p,   F'_p = M_p F_p,
+//! M_p = linear part of T_p, t_p its last column
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -9,17 +10,18 @@
 //! | G | `transforms` | (K, 4, 4) | posed from rest, affine: the last row is 0 0 0 1 and is not read |
 //! | F | `factors` | (P, 3, 3), optional | Σ = F·Fᵀ at rest, scene units |
 //! | x' | → `skinned` | (P, 3) | posed position, scene units |
-//! | F' | → `skinned_factors` | (P, 3, 3) | Σ' = F'·F'ᵀ: a blend of rotations is no rotation, so Σ' has no quaternion form |
+//! | F' | → `skinned_factors` | (P, 3, 3) | Σ' = F'·F'ᵀ: a blend of rotations is not a rotation, so Σ' has no quaternion form |
 //!
 //! # Rounding
-//! T_p is a left fold over the bones in their order, from the first product on, zero weights included; a row of M·x + t is
-//! ((M₀x₀ + M₁x₁) + M₂x₂) + t, an entry of M·F the same without t.
+//! T_p is a left fold over the bones in their order, from the first product on, zero weights included; a row
+//! of M·x + t is ((M₀x₀ + M₁x₁) + M₂x₂) + t, an entry of M·F the same without t.
 //!
 //! # Kinks and domain
 //! Polynomial in every input: no kinks. Weights need not sum to 1; a row of zeros gives the origin.
 //!
 //! # Adjoint
-//! x̄ = Mᵀ x̄',  F̄ = Mᵀ F̄',  T̄ = (x̄' x̃ᵀ + F̄' Fᵀ, x̄') with x̃ = x,  w̄_pb = ⟨T̄_p, G_b⟩,  Ḡ_b = Σ_p w_pb T̄_p.
+//! x̄ = Mᵀ x̄',  F̄ = Mᵀ F̄',  T̄ = (x̄' x̃ᵀ + F̄' Fᵀ, x̄') with x̃ = x,  w̄_pb = ⟨T̄_p, G_b⟩,  Ḡ_b = Σ_p
+//! w_pb T̄_p.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -31,7 +33,7 @@ inputs! {
     /// Inputs of `body.skin`.
     pub struct In<'a, S> {
         points: &'a Arr<S> = Port::var("P,3", "rest positions"),
-        weights: &'a Arr<S> = Port::var("P,K", "of each bone, used as they are"),
+        weights: &'a Arr<S> = Port::var("P,K", "of each bone, not normalised"),
         transforms: &'a Arr<S> = Port::var("K,4,4", "posed from rest; the last row is not read"),
         factors: Option<&'a Arr<S>> = Port::var("P,3,3", "F with covariance F·Fᵀ at rest"),
     }
@@ -55,7 +57,7 @@ pub type Affine<S> = [[S; 4]; 3];
 /// Σ_b w_b G_b, a left fold over the bones.
 ///
 /// # Panics
-/// When there are no bones, or not one weight for each.
+/// When there are no bones, or the number of weights differs from the number of bones.
 pub fn blend<S: Scalar>(weights: &[S], transforms: &[Affine<S>]) -> Affine<S> {
     assert!(!weights.is_empty() && weights.len() == transforms.len(), "one weight per bone");
     let term = |b: usize, i: usize, j: usize| weights[b] * transforms[b][i][j];
@@ -105,7 +107,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or there is no bone.
+/// When an input is missing or has the wrong shape, or there is no bone.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,3 +1,5 @@
+//! `causal.acyclic`: measures how far a weighted graph is from being acyclic.
+//!
 //! h = tr((I + αH)ⁿ) − n = Σₜ₌₁ⁿ (n over t) αᵗ tr Hᵗ, H = A∘A.
 //!
 //! | symbol | argument | shape |
@@ -64,7 +66,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

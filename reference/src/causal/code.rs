@@ -1,9 +1,11 @@
+//! `causal.code`: codes of the values that interventions set.
+//!
 //! c_g = v_g (1, w_i2, …, w_ik) for the target i of group g.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
 //! | v, i | `labels`, `target` | (G) |
-//! | w | `values` | (n, k), the first number of a row is not read |
+//! | w | `values` | (n, k), the first entry of a row is not read |
 //! | c | `codes` | (G, k) |
 
 use crate::array::{Arr, Out};
@@ -17,7 +19,7 @@ inputs! {
     pub struct In<'a, S> {
         labels: &'a Arr<S> = Port::fixed("G", "values that groups were set to"),
         target: &'a Arr<S> = Port::int("G", Dtype::I32, "the factor that was set"),
-        values: &'a Arr<S> = Port::var("N,K", "code of a unit of each factor; the first number is 1"),
+        values: &'a Arr<S> = Port::var("N,K", "code of the value 1 of each factor; the first entry is 1"),
     }
 }
 
@@ -65,7 +67,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a target is not a factor.
+/// When an input is missing or has the wrong shape, or a target is not a factor.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,3 +1,5 @@
+//! `causal.edges`: cost of edge probabilities.
+//!
 //! L = Σ over i ≠ j of w p_ij + a (p_ij − q_ij)².
 //!
 //! | symbol | argument | shape |
@@ -16,19 +18,19 @@ inputs! {
     /// Inputs of `causal.edges`.
     pub struct In<'a, S> {
         probabilities: &'a Arr<S> = Port::var("N,N", "of the edges i → j; the diagonal is ignored"),
-        before: &'a Arr<S> = Port::fixed("N,N", "where they are anchored"),
+        before: &'a Arr<S> = Port::fixed("N,N", "probabilities that the edges are anchored to"),
     }
 }
 
 /// `causal.edges`
 pub static SIGNATURE: Signature = Signature {
     name: "causal.edges",
-    summary: "cost of edge probabilities, and of their distance from earlier ones",
+    summary: "cost of edge probabilities, and of their distance from previous ones",
     inputs: In::<f64>::PORTS,
     outputs: ports![value: Port::var("", "")],
     settings: &[
         SettingSpec::number("sparsity", "0.002", "cost of an edge"),
-        SettingSpec::number("anchor", "0", "factor of the squared distance from where they were"),
+        SettingSpec::number("anchor", "0", "weight of the squared distance from the previous probabilities"),
     ],
     ..Signature::EMPTY
 };
@@ -49,7 +51,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, [sparsity, anchor]: [f64; 2], out: 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, ["sparsity", "anchor"].map(|key| call.settings.number(key)), out);
     Ok(())

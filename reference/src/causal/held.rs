@@ -1,4 +1,6 @@
-//! h_p = v_g, or h_p = u_p,i: the values at which the factors of counterfactuals are held; g is the group of pair p, i its target.
+//! `causal.held`: the values at which the factors of counterfactuals are held.
+//!
+//! h_p = v_g, or h_p = u_p,i, where g is the group of pair p and i its target.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -37,14 +39,17 @@ pub static SIGNATURE: Signature = Signature {
 /// The twin of `causal.held`.
 ///
 /// # Errors
-/// When neither of the two is there, they do not fit the groups, or a target is not a factor.
+/// When both are absent or present, their shape does not match the groups, or a target is not a factor.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let members = input.members.data[0].value() as usize;
     let groups = input.target.data.len();
     let k = match (input.shared, input.factors) {
         (Some(shared), None) => shared.shape[1],
         (None, Some(factors)) if factors.shape[0] == groups * members => factors.shape[2],
-        _ => return Err("inputs shared, factors: expected one of them, for every group".to_owned()),
+        _ => {
+            return Err("inputs shared, factors: expected exactly one of them, with entries for every group"
+                .to_owned());
+        }
     };
     let held = out.array("held", &[groups * members, k]);
     for pair in 0..groups * members {
@@ -68,7 +73,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or as [`forward`].
+/// When an input is missing or has the wrong shape, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,5 +1,7 @@
-//! C = mean of (m−m̄)(m−m̄)ᵀ + (I−Wᵀ) diag(mean e^ℓ) (I−W), Σ = share·C + carried + δI, L = Σ_{i<j} aᵢⱼ ½ (ln|Σᵢᵢ| + ln|Σⱼⱼ| − ln|Σ₍ᵢⱼ₎|),
-//! or ½ (Σᵢ ln|Σᵢᵢ| − ln|Σ|).
+//! `causal.independence`: mutual information of the factors of an aggregated Gaussian posterior.
+//!
+//! C = mean of (m−m̄)(m−m̄)ᵀ + (I−Wᵀ) diag(mean e^ℓ) (I−W),   Σ = share·C + carried + δI,
+//! L = Σ_{i<j} aᵢⱼ ½ (ln|Σᵢᵢ| + ln|Σⱼⱼ| − ln|Σ₍ᵢⱼ₎|), or ½ (Σᵢ ln|Σᵢᵢ| − ln|Σ|)
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -24,7 +26,7 @@ inputs! {
         mu: &'a Arr<S> = Port::var("B,N,K", "posterior means"),
         logvar: &'a Arr<S> = Port::var("B,N,K", "ln of the posterior variance"),
         mask: Option<&'a Arr<S>> =
-            Port::var("N,N", "edges through which noise of parents enters; diagonal ignored"),
+            Port::var("N,N", "edges through which the noise of parents enters; diagonal ignored"),
         weight: Option<&'a Arr<S>> = Port::var("N,N", "their linear mechanism"),
         among: Option<&'a Arr<S>> =
             Port::fixed("N,N", "weights of the pairs, read above the diagonal; 1 if absent"),
@@ -45,7 +47,7 @@ pub static SIGNATURE: Signature = Signature {
     ],
     settings: &[
         SettingSpec::number("ridge", "1e-4", "added to the diagonal of the covariance"),
-        SettingSpec::number("share", "1", "weight of this batch beside those carried"),
+        SettingSpec::number("share", "1", "weight of this batch relative to the carried covariance"),
         SettingSpec::choice("form", &["pairs", "total"], "pairs", "sum over pairs, or total correlation"),
     ],
     ..Signature::EMPTY
@@ -124,7 +126,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'
     let (In { mu, among, carried, .. }, Settings { ridge, share, total }) = (*input, settings);
     let (batch, n, k) = (mu.shape[0], mu.shape[1], mu.shape[2]);
     if batch * n * k == 0 {
-        return Err("input mu: expected at least one sample, factor and number".to_owned());
+        return Err("input mu: expected at least one sample, factor and dimension".to_owned());
     }
     let d = n * k;
     if let Some(carried) = carried.filter(|carried| carried.shape[0] != d) {
@@ -169,7 +171,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or Σ is not positive definite.
+/// When an input is missing or has the wrong shape, or Σ is not positive definite.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let settings = Settings {
         ridge: call.settings.number("ridge"),

@@ -1,3 +1,5 @@
+//! `causal.intervene`: factors along a graph with one factor set to a value.
+//!
 //! Z = S(ε; do(i, v)) sample by sample: column i of Ã is zero, εᵢ is v, then the sweeps of `structure`.
 //!
 //! | symbol | argument | shape |
@@ -5,7 +7,7 @@
 //! | i | `target` | (B), −1 for none |
 //! | v | `value` | (B, k) |
 //!
-//! All else as in `structure`.
+//! All other symbols are those of `structure`.
 
 use crate::array::{Arr, Out};
 use crate::causal::structure::{self, B0, B1, B2, MASK, Mechanism, SLOPE, SWEEPS, W0, W1, W2, WEIGHT};
@@ -27,7 +29,7 @@ inputs! {
         w2: Option<&'a Arr<S>> = W2,
         b2: Option<&'a Arr<S>> = B2,
         target: &'a Arr<S> = Port::int("B", Dtype::I32, "the factor that is set, -1 for none"),
-        value: &'a Arr<S> = Port::var("B,K", "what it is set to"),
+        value: &'a Arr<S> = Port::var("B,K", "the value it is set to"),
     }
 }
 
@@ -44,16 +46,16 @@ pub static SIGNATURE: Signature = Signature {
 /// Settings of `causal.intervene`.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Of the leaky ReLU at 0 and below.
+    /// Slope of the leaky ReLU at 0 and below.
     pub slope: f64,
-    /// Passes over all nodes; `None`: one per factor, with weights one less.
+    /// Passes over all nodes; `None`: one per factor, or one less with weights.
     pub sweeps: Option<usize>,
 }
 
 /// The twin of `causal.intervene`.
 ///
 /// # Errors
-/// When a layer of the networks is missing or does not fit the factors, or a target is not a factor.
+/// When a layer of the networks is missing or does not match the factors, or a target is not a factor.
 pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { eps, mask, weight, w0, b0, w1, b1, w2, b2, target, value } = *input;
     let (batch, n, k) = (eps.shape[0], eps.shape[1], eps.shape[2]);
@@ -90,7 +92,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a target is not a factor.
+/// When an input is missing or has the wrong shape, or a target is not a factor.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let settings = Settings { slope: call.settings.number("slope"), sweeps: structure::sweeps(call) };
     forward(&In::of(call.arrays)?, settings, out)

@@ -1,3 +1,5 @@
+//! `causal.limit`: clamps logarithms of variances.
+//!
 //! ℓ' = min(max(ℓ, −8), 4).
 //!
 //! | symbol | argument | shape |
@@ -24,7 +26,7 @@ inputs! {
 /// `causal.limit`
 pub static SIGNATURE: Signature = Signature {
     name: "causal.limit",
-    summary: "logarithms of variances within -8 and 4",
+    summary: "clamps logarithms of variances to -8 … 4",
     inputs: In::<f64>::PORTS,
     outputs: ports![limited: Port::var("...", "")],
     ..Signature::EMPTY

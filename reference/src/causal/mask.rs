@@ -1,4 +1,7 @@
-//! Ã(i,j) = L(i,j) σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j, 0 for i = j; L = 1 without `allowed`.
+//! `causal.mask`: soft samples of the edges of a graph.
+//!
+//! Ã(i,j) = L(i,j) σ((U(i,j) + ln u(i,j) − ln(1 − u(i,j))) / τ) for i ≠ j, 0 for i = j; L = 1 without
+//! `allowed`.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -36,7 +39,7 @@ pub static SIGNATURE: Signature = Signature {
 /// The twin of `causal.mask`.
 ///
 /// # Errors
-/// When a number leaves its range.
+/// When a number is out of range.
 pub fn forward<S: Scalar>(input: &In<'_, S>, tau: f64, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { logits, uniform, allowed } = *input;
     let n = logits.shape[0];
@@ -67,7 +70,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, tau: f64, out: &mut Out<'_, S>) -> 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a number leaves its range.
+/// When an input is missing or has the wrong shape, or a number is out of range.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.number("tau"), out)
 }

@@ -1,3 +1,5 @@
+//! `causal.posterior`: a sample of a diagonal Gaussian.
+//!
 //! s = μ + e^{ℓ/2} η, ℓ limited to [−8, 4], gradient 0 outside.
 //!
 //! | symbol | argument | shape |
@@ -53,7 +55,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

@@ -1,3 +1,5 @@
+//! `causal.posterior_kl`: divergence of diagonal Gaussians from the standard normal prior.
+//!
 //! KL = (1/B) Σ_b Σ ½ (μ² + e^ℓ − 1 − ℓ).
 //!
 //! | symbol | argument | shape |
@@ -27,7 +29,7 @@ pub static SIGNATURE: Signature = Signature {
     summary: "divergence of diagonal Gaussians from the standard normal prior",
     inputs: In::<f64>::PORTS,
     outputs: ports![
-        value: Port::var("", "nats; sum over factors and their numbers, mean over the batch"),
+        value: Port::var("", "nats; sum over factors and dimensions, mean over the batch"),
     ],
     ..Signature::EMPTY
 };
@@ -54,7 +56,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the batch is empty.
+/// When an input is missing or has the wrong shape, or the batch is empty.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

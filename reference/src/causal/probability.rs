@@ -1,3 +1,5 @@
+//! `causal.probability`: edge probabilities of a graph.
+//!
 //! p_ij = 1/(1 + e^(−U_ij/τ)) for i ≠ j, 0 for i = j.
 //!
 //! | symbol | argument | shape |
@@ -51,7 +53,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, tau: f64, out: &mut Out<'_, S>) -> 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or τ is not above 0.
+/// When an input is missing or has the wrong shape, or τ is not above 0.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.number("tau"), out)
 }

@@ -1,3 +1,5 @@
+//! `causal.scm_kl`: divergence of a posterior over factors from a structural causal model.
+//!
 //! sampled: (1/B) Σ_b Σⱼ κⱼ ½ Σ_c (ε² − 1 − ℓ); linear: its expectation, with rⱼ = μⱼ − Σᵢ Wᵢⱼ μᵢ:
 //! (1/B) Σ_b Σⱼ κⱼ ½ Σ_c (rⱼ² + e^ℓⱼ + Σᵢ Wᵢⱼ² e^ℓᵢ − 1 − ℓⱼ).
 //!
@@ -22,7 +24,7 @@ use crate::twins::Call;
 inputs! {
     /// Inputs of `causal.scm_kl`.
     pub struct In<'a, S> {
-        eps: Option<&'a Arr<S>> = Port::var("B,N,K", "mode sampled: causes behind a draw, by abduction"),
+        eps: Option<&'a Arr<S>> = Port::var("B,N,K", "mode sampled: causes of a sample, by abduction"),
         mu: Option<&'a Arr<S>> = Port::var("B,N,K", "mode linear: means of the factors"),
         logvar: &'a Arr<S> = LOGVAR,
         mask: Option<&'a Arr<S>> =
@@ -39,13 +41,13 @@ pub static SIGNATURE: Signature = Signature {
     summary: "divergence of a posterior over factors from a structural causal model",
     inputs: In::<f64>::PORTS,
     outputs: ports![
-        value: Port::var("", "nats; sum over kept factors and their numbers, mean over the batch"),
+        value: Port::var("", "nats; sum over kept factors and dimensions, mean over the batch"),
     ],
     settings: &[SettingSpec::choice(
         "mode",
         &["sampled", "linear"],
         "sampled",
-        "one draw, or the closed form of a linear mechanism",
+        "one sample, or the closed form for a linear mechanism",
     )],
     ..Signature::EMPTY
 };
@@ -95,7 +97,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, linear: bool, out: &mut Out<'_, S>)
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the batch is empty.
+/// When an input is missing or has the wrong shape, or the batch is empty.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.word("mode") == "linear", out)
 }

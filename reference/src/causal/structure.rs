@@ -1,7 +1,8 @@
-//! Causes to factors and back, sample by sample.
+//! `causal.structure`: maps causes to factors and back, sample by sample.
 //!
-//! nonlinear: Z⁰ = ε, Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ; linear: Zᵗ⁺¹ = WᵀZᵗ + ε, W = Ã∘Ω; abduct: εⱼ = uⱼ − the effect on j at u;
-//! printed: the paper's eq. 2, then its eq. 3: Z = Σₜ (Wᵀ)ᵗ ε by the linear form, then gⱼ(Ã(·,j)∘Z) − gⱼ(0) + εⱼ once.
+//! nonlinear: Z⁰ = ε, Zⱼᵗ⁺¹ = gⱼ(Ã(·,j)∘Zᵗ) − gⱼ(0) + εⱼ; linear: Zᵗ⁺¹ = WᵀZᵗ + ε, W = Ã∘Ω; abduct: εⱼ = uⱼ −
+//! the effect on j at u; printed: the paper's eq. 2, then its eq. 3: Z = Σₜ (Wᵀ)ᵗ ε by the linear form, then
+//! gⱼ(Ã(·,j)∘Z) − gⱼ(0) + εⱼ once.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -12,7 +13,7 @@
 //! | Z, ε | `z` | (B, n, k) |
 //!
 //! # Rounding
-//! Left folds from 0; the bias is added last. The bias of the last layer cancels and is left out.
+//! Left folds from 0; the bias is added last. The bias of the last layer cancels and is omitted.
 
 use crate::array::{Arr, Out};
 use crate::inputs::{inputs, required};
@@ -52,7 +53,7 @@ inputs! {
 /// `causal.structure`
 pub static SIGNATURE: Signature = Signature {
     name: "causal.structure",
-    summary: "from independent causes to factors along a graph, and back",
+    summary: "maps independent causes to factors along a graph, and back",
     inputs: In::<f64>::PORTS,
     outputs: ports![z: Port::var("B,N,K", "factors; in mode abduct the causes")],
     settings: &[
@@ -60,7 +61,7 @@ pub static SIGNATURE: Signature = Signature {
             "mode",
             &["nonlinear", "linear", "printed", "abduct"],
             "nonlinear",
-            "networks, weights, weights and in the last sweep networks, or the way back through what is given",
+            "networks; weights; weights, then networks in the last sweep; inverse of the given mechanism",
         ),
         SLOPE,
         SWEEPS,
@@ -73,9 +74,9 @@ pub static SIGNATURE: Signature = Signature {
 pub struct Settings<'a> {
     /// `nonlinear`, `linear`, `printed` or `abduct`.
     pub mode: &'a str,
-    /// Of the leaky ReLU at 0 and below.
+    /// Slope of the leaky ReLU at 0 and below.
     pub slope: f64,
-    /// Passes over all nodes; `None`: one per factor, with weights one less.
+    /// Passes over all nodes; `None`: one per factor, or one less with weights.
     pub sweeps: Option<usize>,
 }
 
@@ -111,17 +112,17 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
         Ok(Self { mask, weight, layers, slope, n, k })
     }
 
-    /// Whether it is a number per edge and nothing else.
+    /// Whether the mechanism consists of one number per edge.
     pub(super) fn linear(&self) -> bool {
         self.layers.is_empty()
     }
 
-    /// Number of passes: as given, or one per factor, with weights alone one less.
+    /// Number of passes: as set, else one per factor, or one less if the mechanism is linear.
     pub(super) fn sweeps(&self, given: Option<usize>) -> usize {
         given.unwrap_or(if self.linear() { self.n.saturating_sub(1) } else { self.n })
     }
 
-    /// The number per edge of a mechanism that has networks too.
+    /// The number per edge of a mechanism that also has networks.
     fn eq2(&self) -> Self {
         Self { layers: Vec::new(), ..*self }
     }
@@ -144,7 +145,7 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
         product(self.layers[4], &second)
     }
 
-    /// What the parents of node j give it.
+    /// The effect of its parents on node j.
     pub(super) fn effect(&self, j: usize, z: &[S]) -> Vec<S> {
         let (n, k) = (self.n, self.k);
         if let Some(weight) = self.weight.filter(|_| self.linear()) {
@@ -160,7 +161,7 @@ impl<'a, S: Scalar> Mechanism<'a, S> {
 /// The twin of `causal.structure`.
 ///
 /// # Errors
-/// When a layer of the networks is missing or does not fit the factors.
+/// When a layer of the networks is missing or does not match the factors.
 pub fn forward<S: Scalar>(
     input: &In<'_, S>,
     settings: Settings<'_>,
@@ -206,7 +207,7 @@ pub fn forward<S: Scalar>(
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let settings = Settings {
         mode: call.settings.word("mode"),
@@ -216,7 +217,7 @@ pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), St
     forward(&In::of(call.arrays)?, settings, out)
 }
 
-/// Number of passes, if it is given.
+/// Number of passes, if it is set.
 pub(super) fn sweeps<S>(call: &Call<'_, S>) -> Option<usize> {
     call.settings.given_number("sweeps").map(|sweeps| sweeps as usize)
 }

@@ -1,5 +1,6 @@
-//! Rays against triangles, by brute force. No gradients.
+//! Intersection of rays with triangles, by brute force, without gradients.
 //!
-//! `vertices`, `triangles`, `origin`, `direction` ──► [`trace`] ──► `t`, `triangle`. Called by [`crate::twins`].
+//! `vertices`, `triangles`, `origin`, `direction` ──► [`trace`] ──► `t`, `triangle`. Called by
+//! [`crate::twins`].
 
 pub mod trace;

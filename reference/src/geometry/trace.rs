@@ -1,4 +1,4 @@
-//! Nearest hits of rays with a triangle mesh, every ray against every triangle.
+//! `geometry.trace`: nearest hits of rays with a triangle mesh; every ray is tested against every triangle.
 //!
 //! With A, B, C the corners relative to the origin o, and d the direction,
 //!
@@ -13,12 +13,12 @@
 //! | t | `t` | (R), +∞ = miss |
 //! | | `triangle` | (R), −1 = miss |
 //!
-//! A triangle is hit from either side if u, v, w have one sign (0 has both) and t ≥ 0. The nearest hit has the smallest t, of equal
-//! ones the lowest triangle.
+//! A triangle is hit from either side if u, v, w have the same sign (0 counts as either) and t ≥ 0. The
+//! nearest hit has the smallest t; of equal t the triangle with the lowest index.
 //!
 //! # Kinks and domain
-//! A triangle with n = 0 is never hit, nor one with n·d = 0, along which the ray runs. On an edge or a vertex one of u, v, w is 0
-//! up to rounding: neighbours are then hit both, or one of them.
+//! A triangle with n = 0 (no area) or n·d = 0 (parallel to the ray) is never hit. On an edge or a vertex one
+//! of u, v, w is 0 up to rounding; then one or several of the adjacent triangles are hit.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -32,10 +32,10 @@ inputs! {
         triangles: &'a Arr<S> = Port::int(
             "T,3",
             Dtype::I32,
-            "rows of vertices; both sides are hit, no area is never hit",
+            "rows of vertices; hit from both sides, never hit if the area is 0",
         ),
         origin: &'a Arr<S> = Port::fixed("R,3", "starts of rays"),
-        direction: &'a Arr<S> = Port::fixed("R,3", "any length but 0; t counts in it"),
+        direction: &'a Arr<S> = Port::fixed("R,3", "any length but 0; the unit of t"),
     }
 }
 
@@ -66,7 +66,7 @@ fn dot(a: Vec3, b: Vec3) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Where one ray meets one triangle.
+/// Intersection of one ray with one triangle.
 fn meet(o: Vec3, d: Vec3, corners: [Vec3; 3]) -> Option<f64> {
     let [a, b, c] = corners.map(|p| minus(p, o));
     let signs = [dot(d, cross(c, b)), dot(d, cross(a, c)), dot(d, cross(b, a))];
@@ -101,7 +101,7 @@ pub fn forward(input: &In<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String
     for ray in 0..rays {
         let (o, d): (Vec3, Vec3) = (origin.row(ray), direction.row(ray));
         if d == [0.0; 3] {
-            return Err(format!("input direction: expected a direction, got zeros in ray {ray}"));
+            return Err(format!("input direction: expected a nonzero direction, got zeros in ray {ray}"));
         }
         let (mut best, mut hit) = (f64::INFINITY, -1.0);
         for (i, &triangle) in corners.iter().enumerate() {
@@ -120,7 +120,7 @@ pub fn forward(input: &In<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, an index is out of range, or a direction is 0.
+/// When an input is missing or has the wrong shape, an index is out of range, or a direction is 0.
 pub fn run(call: &Call<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,10 +1,12 @@
-//! What groups of pictures say that share one intervention.
+//! `loss.groups`: losses of groups of image pairs that share one intervention.
 //!
-//! v_g = (1/M) Σ_m û'(g,m,i), or what is given,   i = i(g) the factor that group g set
+//! v_g = (1/M) Σ_m û'(g,m,i), or the given code,   i = i(g) is the factor set in group g
 //!
-//! L_eq = mean of ‖û'(g,m,i) − v_g‖²/(k·max(s_i², 10⁻⁴)),   L_inv = mean over j ≠ i of ‖ε(g,m,j) − ε'(g,m,j)‖²/k
+//! L_eq = mean of ‖û'(g,m,i) − v_g‖²/(k·max(s_i², 10⁻⁴)),
+//! L_inv = mean over j ≠ i of ‖ε(g,m,j) − ε'(g,m,j)‖²/k
 //!
-//! L_spr = mean over factors of max(0, ¼ − V_i),   V_i = Σ ‖v_g − mean‖²/((G_i − 1)·k) over the G_i ≥ 2 groups of factor i
+//! L_spr = mean over factors of max(0, ¼ − V_i),
+//! V_i = Σ ‖v_g − mean‖²/((G_i − 1)·k) over the G_i ≥ 2 groups of factor i
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -16,7 +18,8 @@
 //! | v | `shared` | (G, k) |
 //!
 //! # Kinks and domain
-//! No slope where V_i = ¼ or above. Factors with fewer than two groups are left out of L_spr; L_inv = 0 for n = 1.
+//! The slope is 0 where V_i ≥ ¼. Factors with fewer than two groups are excluded from L_spr; L_inv = 0 for n
+//! = 1.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -30,18 +33,18 @@ inputs! {
         after: &'a Arr<S> = Port::var("G,M,N,K", "factors after the intervention, posterior means"),
         eps: &'a Arr<S> = Port::var("G,M,N,K", "causes before"),
         eps_after: &'a Arr<S> = Port::var("G,M,N,K", "causes after"),
-        target: &'a Arr<S> = Port::int("G", Dtype::I32, "factor that the group set, 0 to N − 1"),
+        target: &'a Arr<S> = Port::int("G", Dtype::I32, "factor set in the group, 0 to N − 1"),
         variance: &'a Arr<S> =
             Port::fixed("N", "running variance of each factor, 0 or more; at least 1e-4 is used"),
         given: Option<&'a Arr<S>> =
-            Port::var("G,K", "codes of the values; the means of the members if absent"),
+            Port::var("G,K", "codes of the values; absent: means over the members"),
     }
 }
 
 /// `loss.groups`
 pub static SIGNATURE: Signature = Signature {
     name: "loss.groups",
-    summary: "groups of pictures that share one intervention: one code, no other cause changed, no collapse",
+    summary: "losses of groups that share one intervention: equal codes, no other cause changed, no collapse",
     inputs: In::<f64>::PORTS,
     outputs: ports![
         equal: Port::var(
@@ -49,7 +52,7 @@ pub static SIGNATURE: Signature = Signature {
             "mean square of the distance from the group's value, in units of the variance",
         ),
         invariant: Port::var("", "mean square of the change of all other causes"),
-        spread: Port::var("", "mean over the factors of what the variance of the values lacks to 1/4"),
+        spread: Port::var("", "mean over the factors of max(0, 1/4 − variance of the values)"),
         shared: Port::var("G,K", "the value of each group"),
     ],
     ..Signature::EMPTY
@@ -57,13 +60,13 @@ pub static SIGNATURE: Signature = Signature {
 
 /// Least variance that L_eq divides by.
 const VARIANCE_FLOOR: f64 = 1e-4;
-/// Variance of the values below which L_spr sets in.
+/// Variance of the values below which L_spr is positive.
 const SPREAD: f64 = 0.25;
 
 /// The twin of `loss.groups`.
 ///
 /// # Errors
-/// When there is no number, or an entry is out of range.
+/// When an array is empty, or an entry is out of range.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { after, eps, eps_after, given, .. } = *input;
     let [g, m, n, k] = [0, 1, 2, 3].map(|axis| after.shape[axis]);
@@ -145,7 +148,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing, shaped otherwise or out of range.
+/// When an input is missing, has the wrong shape or is out of range.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

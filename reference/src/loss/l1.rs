@@ -1,4 +1,4 @@
-//! Mean absolute difference over the kept values.
+//! `loss.l1`: mean absolute difference over the kept values.
 //!
 //! value = Σ |x − y| / (3·kept pixels)
 //!
@@ -12,7 +12,7 @@
 //! A left fold over the kept entries in memory order, then one division.
 //!
 //! # Kinks and domain
-//! The gradient is 0 where x = y. Nothing kept is refused.
+//! The gradient is 0 where x = y. A mask that keeps no pixel is an error.
 
 use crate::array::Out;
 use crate::loss::{In, PAIR, Pair};
@@ -26,7 +26,7 @@ pub static SIGNATURE: Signature = Signature { name: "loss.l1", summary: "mean |x
 /// The twin of `loss.l1`.
 ///
 /// # Errors
-/// When a mask entry is neither 0 nor 1, or nothing is kept.
+/// When a mask entry is neither 0 nor 1, or no pixel is kept.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let pair = Pair::of(input)?;
     let value = out.array("value", &[]);
@@ -46,7 +46,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or nothing is kept.
+/// When an input is missing or has the wrong shape, or no pixel is kept.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

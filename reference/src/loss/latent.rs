@@ -1,6 +1,6 @@
-//! How far the factors of two images are apart, and the mechanisms behind them.
+//! `loss.latent`: distance between the factors of two images, and between the noise of their mechanisms.
 //!
-//! L = 1/(h d) Σ over i of ((u_i − u'_i)/s_i)² + ((ε_i − ε'_i)/t_i)²,   h = 2, or 1 without the second half
+//! L = 1/(h d) Σ over i of ((u_i − u'_i)/s_i)² + ((ε_i − ε'_i)/t_i)²,   h = 2, or 1 without the second term
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -29,7 +29,7 @@ inputs! {
 /// `loss.latent`
 pub static SIGNATURE: Signature = Signature {
     name: "loss.latent",
-    summary: "distance of the factors of two images, and of the noise behind them",
+    summary: "distance between the factors of two images, and between their noise",
     inputs: In::<f64>::PORTS,
     outputs: ports![value: Port::var("", "")],
     ..Signature::EMPTY
@@ -38,7 +38,7 @@ pub static SIGNATURE: Signature = Signature {
 /// The twin of `loss.latent`.
 ///
 /// # Errors
-/// When only a part of the second half is there.
+/// When only some of the inputs of the second term are present.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let mut halves = vec![[input.factors, input.factors_real, input.factors_spread]];
     if let Some(noise) = input.noise {
@@ -62,7 +62,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

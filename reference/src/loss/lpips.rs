@@ -1,4 +1,4 @@
-//! Learned perceptual distance: VGG16 with the heads of version 0.1.
+//! `loss.lpips`: learned perceptual distance, VGG16 with the heads of version 0.1.
 //!
 //! value = Σ_l (1/(H_l W_l)) Σ_p Σ_c w_lc (f̂_lpc(x) − f̂_lpc(y))²,   f̂ = f/(‖f‖ + 1e-10)
 //!
@@ -7,24 +7,27 @@
 //! | x, y | `x`, `y` | (H, W, 3) | sRGB-encoded, at least 16×16 |
 //! | filters | `features.0.weight`, `features.0.bias` … `features.28.bias` | (O, C, 3, 3), (O) | optional, all or none |
 //! | w | `lin0.model.1.weight` … `lin4.model.1.weight` | (1, C, 1, 1) | optional with the filters |
-//! | – | setting `rescale` | () | 1: 2x − 1 first |
+//! | – | setting `rescale` | () | 1: 2x − 1 is used instead of x |
 //! | – | `layers` | (5) | the terms of the sum |
 //! | value | `value` | () | |
 //!
-//! Without weights those of a formula are taken: weight k of `features.i` is (2u − 1) √(6/(9·in)), u = (splitmix64((i+1)·2⁴⁰ + k) ≫ 11)·2⁻⁵³, biases 0; weight
-//! k of head j is u/channels with u from (100+j)·2⁴⁰ + k; rounded to f32.
+//! Without weights, generated ones are used: weight k of `features.i` is (2u − 1) √(6/(9·in)), u =
+//! (splitmix64((i+1)·2⁴⁰ + k) ≫ 11)·2⁻⁵³, biases 0; weight k of head j is u/channels with u from (100+j)·2⁴⁰
+//! + k; rounded to f32.
 //!
-//! The network is a chain of fourteen stages, thirteen convolutions and the heads; every convolution writes what passes max(·, 0) as `relu1_1` … (2, H, W,
-//! C), x first. A stage that sees maxima takes them from the stage before.
+//! The network is a chain of fourteen stages, thirteen convolutions and the heads; every convolution writes
+//! its output after max(·, 0) as `relu1_1` … (2, H, W, C), x first. A stage behind a max pooling computes the
+//! maxima from the output of the previous stage.
 //!
 //! # Plan
-//! `active1_1` … (2, H, W, C): 1 where an output passes; `pool1` … `pool4` (2, H, W, C): 2·row + column of the entry that a maximum takes.
+//! `active1_1` … (2, H, W, C): 1 where an output is positive; `pool1` … `pool4` (2, H, W, C): 2·row + column
+//! of the entry selected by a maximum.
 //!
 //! # Rounding
-//! Left folds in memory order, a convolution's from its bias on; each of its products and sums is one step of the chain.
+//! Left folds in memory order; that of a convolution starts with its bias and has one step per product.
 //!
 //! # Kinks and domain
-//! An output passes if it is above 0; of equal entries under a maximum the first; √0 has slope 0.
+//! max(z, 0) has slope 0 at 0; of equal entries a maximum selects the first; √0 has slope 0.
 
 mod ports;
 
@@ -38,12 +41,16 @@ use ports::{INPUTS, INTERMEDIATES, PLAN};
 /// `loss.lpips`
 pub static SIGNATURE: Signature = Signature {
     name: "loss.lpips",
-    summary: "learned perceptual distance: VGG16 with the heads of version 0.1, the user's weights",
+    summary: "learned perceptual distance: VGG16 with the heads of version 0.1, user-supplied weights",
     inputs: INPUTS,
     outputs: ports![value: Port::var("", "0 for equal images")],
     intermediates: INTERMEDIATES,
     plan: PLAN,
-    settings: &[SettingSpec::flag("rescale", "1", "2x − 1 first, as published; 0: images as they are")],
+    settings: &[SettingSpec::flag(
+        "rescale",
+        "1",
+        "1: use 2x − 1, as published; 0: use the images unchanged",
+    )],
     ..Signature::EMPTY
 };
 
@@ -54,7 +61,7 @@ pub struct In<'a, S> {
     pub x: &'a Arr<S>,
     /// Input `y`.
     pub y: &'a Arr<S>,
-    /// The other inputs in their order; `None`: weights by the formula.
+    /// The other inputs in their order; `None`: generated weights.
     pub weights: Option<Vec<&'a Arr<S>>>,
 }
 
@@ -62,7 +69,7 @@ impl<'a, S: Scalar> In<'a, S> {
     /// The inputs under the names of their ports.
     ///
     /// # Errors
-    /// When one is missing or shaped otherwise, or the images are too small.
+    /// When one is missing or has the wrong shape, or the images are too small.
     pub fn of(arrays: &'a Named<S>) -> Result<Self, String> {
         let (mut dims, find) = (Dims::default(), |name: &str| arrays.get(name));
         let x: &Arr<S> = argument(&INPUTS[0], &find, &mut dims)?;
@@ -103,7 +110,7 @@ impl<'a, S: Scalar> In<'a, S> {
 /// Stages of the chain: convolutions, then the heads.
 pub const STAGES: usize = CONVOLUTIONS.len() + 1;
 
-/// Convolutions: place in `features`, name, outputs in VGG16.
+/// Convolutions: index in `features`, name, number of outputs in VGG16.
 const CONVOLUTIONS: [(usize, &str, usize); 13] = [
     (0, "1_1", 64),
     (2, "1_2", 64),
@@ -120,7 +127,7 @@ const CONVOLUTIONS: [(usize, &str, usize); 13] = [
     (28, "5_3", 512),
 ];
 const TAPS: [usize; 5] = [1, 3, 6, 9, 12];
-/// Convolutions that see maxima.
+/// Convolutions preceded by a max pooling.
 const POOLED: [usize; 4] = [2, 4, 7, 10];
 const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
@@ -176,7 +183,7 @@ fn decided<'a>(
     }
 }
 
-/// What convolution `k` sees, (2, H, W, C): the images, the stage before, or its maxima.
+/// Input of convolution `k`, (2, H, W, C): the images, the output of the previous stage, or its maxima.
 fn seen_by<S: Scalar>(
     x: &In<'_, S>,
     relu: &[&Arr<S>],
@@ -207,11 +214,11 @@ fn seen_by<S: Scalar>(
     Ok(seen)
 }
 
-/// One stage of the twin of `loss.lpips`: the convolution behind those whose results are `relu`, or the heads behind all
-/// of them.
+/// One stage of the twin of `loss.lpips`: the convolution after those whose results are `relu`, or the heads
+/// after the last convolution.
 ///
 /// # Errors
-/// When the plan does not fit.
+/// When the plan does not match.
 pub fn stage<S: Scalar>(
     input: &In<'_, S>,
     relu: &[&Arr<S>],
@@ -248,7 +255,7 @@ fn convolution<S: Scalar>(
     let mut active = Vec::with_capacity(2 * h * w * outputs);
     for pixel in 0..2 * h * w {
         let (item, r, q) = (pixel / (h * w), pixel / w % h, pixel % w);
-        // what lies under the filter, by its place in (C, 3, 3)
+        // the entries under the filter, in the order (C, 3, 3)
         let mut patch = Vec::new();
         for (c, tap) in (0..9 * inputs).map(|at| (at / 9, at % 9)) {
             let (row, column) = (r + tap / 3, q + tap % 3);
@@ -299,10 +306,10 @@ fn heads<S: Scalar>(x: &In<'_, S>, relu: &[&Arr<S>], out: &mut Out<'_, S>) {
     }
 }
 
-/// [`stage`] on named arrays, those of the stages before among them.
+/// [`stage`] on named arrays, including those of the previous stages.
 ///
 /// # Errors
-/// When an input or the plan is not what it should be.
+/// When an input or the plan is invalid.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let results = CONVOLUTIONS[..call.stage].iter().map(|(_, name, _)| &call.arrays[&format!("relu{name}")]);
     let relu: Vec<&Arr<S>> = results.collect();

@@ -1,7 +1,8 @@
-//! Losses: two pictures, a mask, one number.
+//! Losses between two images with a mask, and losses of points, factors and Gaussians.
 //!
-//! `l1` and `ssim` have the same inputs [`In`], `mse` those of any number of channels; they read the mask through [`Pair`], walk the pixels in order and add to
-//! one entry of the output. Every file binds its function to named arrays for [`crate::twins`].
+//! `l1` and `ssim` have the same inputs [`In`], `mse` the same with any number of channels; they read the
+//! mask through [`Pair`], visit the pixels in order and add to one entry of the output. Every file also binds
+//! its function to named arrays for [`crate::twins`].
 
 pub mod groups;
 pub mod l1;
@@ -22,19 +23,19 @@ inputs! {
     /// Inputs of the losses between two images.
     pub struct In<'a, S> {
         x: &'a Arr<S> = Port::var("H,W,3", "usually the render, sRGB-encoded"),
-        y: &'a Arr<S> = Port::var("H,W,3", "usually the photograph, sRGB-encoded"),
-        mask: Option<&'a Arr<S>> = Port::fixed("H,W", "0 left out, 1 kept; absent: all kept"),
+        y: &'a Arr<S> = Port::var("H,W,3", "usually the input photo, sRGB-encoded"),
+        mask: Option<&'a Arr<S>> = Port::fixed("H,W", "1 kept, 0 ignored; absent: all kept"),
     }
 }
 
-/// What the losses between two images have in common.
+/// The common part of the signatures of losses between two images.
 const PAIR: Signature = Signature {
     inputs: In::<f64>::PORTS,
     outputs: ports![value: Port::var("", "mean over the kept values")],
     ..Signature::EMPTY
 };
 
-/// Two pictures of one size and which of their pixels are kept.
+/// Two images of the same size, and a mask of the pixels to keep.
 pub struct Pair<'a, S> {
     /// (H, W, 3)
     pub x: &'a Arr<S>,
@@ -52,7 +53,7 @@ impl<'a, S: Scalar> Pair<'a, S> {
     /// Reads the mask.
     ///
     /// # Errors
-    /// When a mask entry is neither 0 nor 1, or nothing is kept.
+    /// When a mask entry is neither 0 nor 1, or no pixel is kept.
     pub fn of(input: &In<'a, S>) -> Result<Self, String> {
         let In { x, y, mask } = *input;
         let (h, w) = (x.shape[0], x.shape[1]);
@@ -61,7 +62,7 @@ impl<'a, S: Scalar> Pair<'a, S> {
     }
 }
 
-/// Which pixels are kept, and how many.
+/// The kept pixels and their number.
 fn kept<S: Scalar>(mask: Option<&Arr<S>>, pixels: usize) -> Result<(Vec<bool>, f64), String> {
     let mut kept = vec![true; pixels];
     for (kept, m) in kept.iter_mut().zip(mask.into_iter().flat_map(|mask| &mask.data)) {

@@ -1,4 +1,4 @@
-//! Mean squared difference over the kept values.
+//! `loss.mse`: mean squared difference over the kept values.
 //!
 //! value = Σ (x − y)² / (C·kept pixels)
 //!
@@ -12,7 +12,7 @@
 //! A left fold over the kept entries in memory order, then one division.
 //!
 //! # Kinks and domain
-//! Smooth. Nothing kept is refused.
+//! Smooth. A mask that keeps no pixel is an error.
 
 use super::kept;
 use crate::array::{Arr, Out};
@@ -25,8 +25,8 @@ inputs! {
     /// Inputs of `loss.mse`.
     pub struct In<'a, S> {
         x: &'a Arr<S> = Port::var("H,W,C", "usually the render; colours sRGB-encoded"),
-        y: &'a Arr<S> = Port::var("H,W,C", "usually the photograph; colours sRGB-encoded"),
-        mask: Option<&'a Arr<S>> = Port::fixed("H,W", "0 left out, 1 kept; absent: all kept"),
+        y: &'a Arr<S> = Port::var("H,W,C", "usually the input photo; colours sRGB-encoded"),
+        mask: Option<&'a Arr<S>> = Port::fixed("H,W", "1 kept, 0 ignored; absent: all kept"),
     }
 }
 
@@ -42,7 +42,7 @@ pub static SIGNATURE: Signature = Signature {
 /// The twin of `loss.mse`.
 ///
 /// # Errors
-/// When a mask entry is neither 0 nor 1, or nothing is kept.
+/// When a mask entry is neither 0 nor 1, or no pixel is kept.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { x, y, mask } = *input;
     let (pixels, channels) = (x.shape[0] * x.shape[1], x.shape[2]);
@@ -65,7 +65,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or nothing is kept.
+/// When an input is missing or has the wrong shape, or no pixel is kept.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,8 +1,8 @@
-//! Distance of decoded points from their targets.
+//! `loss.points`: distance of decoded points from their targets.
 //!
 //! ordered:  L = 1/(B·P) · Σ ( ‖Δxyz‖²/σ_x² + ‖Δrgb‖²/σ_c² )
 //!
-//! chamfer:  the mean over x of the smallest such square to y, plus the mean over y of the smallest to x
+//! chamfer:  the mean over x of the smallest such term over y, plus the mean over y of the smallest over x
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -12,7 +12,7 @@
 //! | L | `value` | () |
 //!
 //! # Kinks and domain
-//! Of equally near neighbours the lowest index; the derivative is that on the plan.
+//! Of equally near neighbours the one with the lowest index is taken; derivatives hold the plan fixed.
 
 use crate::array::{Arr, Named, Out};
 use crate::inputs::inputs;
@@ -26,7 +26,7 @@ inputs! {
         x: &'a Arr<S> = Port::var("B,P,D", "decoded points: xyz, or xyz and rgb"),
         y: &'a Arr<S> = Port::var(
             "B,Q,E",
-            "targets, of 3 numbers where colours are not known; as many as decoded points when ordered",
+            "targets: xyz if colours are unknown, else as x; Q = P in mode ordered",
         ),
     }
 }
@@ -34,7 +34,7 @@ inputs! {
 /// `loss.points`
 pub static SIGNATURE: Signature = Signature {
     name: "loss.points",
-    summary: "mean weighted square of the distance of points, in order or to the nearest",
+    summary: "mean weighted squared distance of points, by index or to the nearest",
     inputs: In::<f64>::PORTS,
     outputs: ports![value: Port::var("", "mean over the points, of both directions for chamfer")],
     plan: ports![
@@ -46,10 +46,10 @@ pub static SIGNATURE: Signature = Signature {
             "mode",
             &["ordered", "chamfer"],
             "ordered",
-            "point p with point p, or each with the nearest in both directions",
+            "by index, or to the nearest neighbour in both directions",
         ),
-        SettingSpec::number("sigma_x", "0.05", "distance that costs 1"),
-        SettingSpec::number("sigma_c", "0.2", "colour difference that costs 1"),
+        SettingSpec::number("sigma_x", "0.05", "distance with loss 1"),
+        SettingSpec::number("sigma_c", "0.2", "colour difference with loss 1"),
     ],
     ..Signature::EMPTY
 };
@@ -57,7 +57,7 @@ pub static SIGNATURE: Signature = Signature {
 /// Settings of `loss.points`.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Each point with the nearest in both directions, instead of point p with point p.
+    /// Whether points are matched to their nearest neighbours in both directions instead of by index.
     pub chamfer: bool,
     /// σ_x, σ_c.
     pub sigmas: [f64; 2],
@@ -83,7 +83,7 @@ fn square<S: Scalar>(u: &[S], v: &[S], sigmas: [f64; 2]) -> S {
     total
 }
 
-/// Rows of `to` nearest to the rows of `from`, or those of the plan.
+/// For each row of `from` its nearest row of `to`, or the one given by the plan.
 fn nearest<S: Scalar>(
     name: &str,
     [from, to]: [&Arr<S>; 2],
@@ -110,7 +110,7 @@ fn nearest<S: Scalar>(
             }
         }
     }
-    // Reverse mode: what was computed to decide leaves no trace.
+    // In reverse mode, drop the nodes recorded while searching.
     S::sweep();
     Ok(found)
 }
@@ -118,7 +118,7 @@ fn nearest<S: Scalar>(
 /// The twin of `loss.points`.
 ///
 /// # Errors
-/// When the points or a setting are not what they should be, or the plan does not fit.
+/// When the points or a setting are invalid, or the plan does not match.
 pub fn forward<S: Scalar>(
     input: &In<'_, S>,
     settings: Settings,
@@ -133,7 +133,7 @@ pub fn forward<S: Scalar>(
     }
     if !matches!([d, e], [3, 3] | [6, 3] | [6, 6]) || batch * p * q == 0 {
         return Err(format!(
-            "inputs x, y: expected points of 3 or 6 numbers, targets of as many or of 3, got {:?}, {:?}",
+            "inputs x, y: expected shapes (B, P, 3 or 6) and (B, Q, 3 or as x), not empty, got {:?}, {:?}",
             x.shape, y.shape
         ));
     }
@@ -165,7 +165,7 @@ pub fn forward<S: Scalar>(
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input, a setting or the plan is not what it should be.
+/// When an input, a setting or the plan is invalid.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, Settings::of(call), call.plan, out)
 }

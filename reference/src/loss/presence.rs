@@ -1,4 +1,4 @@
-//! Mean opacity and mean standard deviation of Gaussians.
+//! `loss.presence`: mean opacity and mean standard deviation of Gaussians.
 //!
 //! L = w_o · mean σ(l) + w_s · mean e^s
 //!
@@ -57,7 +57,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, weights: [f64; 2], out: &mut Out<'_
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let weights = ["opacity_weight", "scale_weight"].map(|key| call.settings.number(key));
     forward(&In::of(call.arrays)?, weights, out);

@@ -1,4 +1,4 @@
-//! What is assumed of Gaussians that no camera sees.
+//! `loss.prior`: priors for Gaussians that no camera sees.
 //!
 //! P = Σ_a w_a/(N K) Σ_g Σ_{h ∈ near(g)} ‖a_g − a_h‖²  +  w_r/N Σ_g Σ_k (s_gk − s̄_g)²
 //!   + w_f/N Σ_g (s̄_g − ln(κ d_g))²  +  w_t/N Σ_g ‖x_g − t_g‖²/r²  −  w_o/N Σ_g σ(l_g)
@@ -31,26 +31,34 @@ inputs! {
         sh: &'a Arr<S> = Port::var("N,C,3", "colour coefficients; the constant ones are compared"),
         near: &'a Arr<S> = Port::int("N,6", Dtype::I32, "indices of the nearest, -1 where there are fewer"),
         gap: &'a Arr<S> = Port::fixed("N", "logarithm of the distance to the nearest"),
-        anchors: &'a Arr<S> = Port::fixed("N,3", "where centres are held"),
+        anchors: &'a Arr<S> = Port::fixed("N,3", "positions that the centres are anchored to"),
     }
 }
 
 /// `loss.prior`
 pub static SIGNATURE: Signature = Signature {
     name: "loss.prior",
-    summary: "what is assumed of Gaussians that no camera sees",
+    summary: "priors for Gaussians that no camera sees",
     inputs: In::<f64>::PORTS,
     outputs: ports![value: Port::var("", "")],
     settings: &[
-        SettingSpec::number("color", "0", "weight of the likeness of neighbours' colours"),
-        SettingSpec::number("opacity", "0", "weight of the likeness of neighbours' opacity logits"),
-        SettingSpec::number("scale", "0", "weight of the likeness of neighbours' scales"),
+        SettingSpec::number("color", "0", "weight of the colour difference of neighbours"),
+        SettingSpec::number("opacity", "0", "weight of the difference of neighbours' opacity logits"),
+        SettingSpec::number("scale", "0", "weight of the difference of neighbours' scales"),
         SettingSpec::number("round", "0", "weight of roundness"),
-        SettingSpec::number("fill", "0", "weight of a size like the gap to the nearest"),
-        SettingSpec::number("reach", "1", "size over gap that is aimed at, above 0"),
-        SettingSpec::number("anchor", "0", "weight of nearness to the anchors"),
-        SettingSpec::number("solid", "0", "weight of the mean opacity"),
-        SettingSpec::number("radius", "1", "distance from the anchor that costs its weight, above 0"),
+        SettingSpec::number(
+            "fill",
+            "0",
+            "weight of the difference between size and gap to the nearest neighbour",
+        ),
+        SettingSpec::number("reach", "1", "target ratio of size to gap, above 0"),
+        SettingSpec::number("anchor", "0", "weight of the distance from the anchors"),
+        SettingSpec::number("solid", "0", "weight of the mean opacity, subtracted"),
+        SettingSpec::number(
+            "radius",
+            "1",
+            "distance from the anchor at which its term equals its weight, above 0",
+        ),
     ],
     ..Signature::EMPTY
 };
@@ -58,17 +66,17 @@ pub static SIGNATURE: Signature = Signature {
 /// Settings of `loss.prior`.
 #[derive(Clone, Copy, Debug)]
 pub struct Settings {
-    /// Of colours, opacity logits and scales.
+    /// Weights of the differences of colours, opacity logits and scales.
     pub likeness: [f64; 3],
-    /// Of roundness.
+    /// Weight of roundness.
     pub round: f64,
-    /// Of the size.
+    /// Weight of the size.
     pub fill: f64,
     /// κ.
     pub reach: f64,
-    /// Of nearness to the anchors.
+    /// Weight of the distance from the anchors.
     pub anchor: f64,
-    /// Of the mean opacity.
+    /// Weight of the mean opacity.
     pub solid: f64,
     /// r.
     pub radius: f64,
@@ -96,7 +104,7 @@ fn square<S: Scalar>(x: S) -> S {
 /// The twin of `loss.prior`.
 ///
 /// # Errors
-/// When a neighbour is none, or κ or r is not above 0.
+/// When the index of a neighbour is out of range, or κ or r is not above 0.
 pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { means, scales_log, opacity_logits, sh, near, gap, anchors } = *input;
     let ([n, k], coefficients) = ([near.shape[0], near.shape[1]], sh.shape[1]);
@@ -143,7 +151,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or as [`forward`].
+/// When an input is missing or has the wrong shape, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, Settings::of(call), out)
 }

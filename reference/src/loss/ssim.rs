@@ -1,23 +1,23 @@
-//! Mean structural similarity.
+//! `loss.ssim`: mean structural similarity.
 //!
 //! SSIM = (2 μx μy + C1)(2 σxy + C2) / ((μx² + μy² + C1)(σx² + σy² + C2)),   σxy = mean(x·y) − μx μy
 //!
-//! with means over an 11×11 Gaussian window of deviation 1.5 px (the outer product of the normalised 1-D one), zero padding,
-//! C1 = 0.01², C2 = 0.03², per channel (Wang et al. 2004). The value is the mean of the map over the kept values: 1 for equal
-//! pictures.
+//! with means over an 11×11 Gaussian window of deviation 1.5 px (the outer product of the normalised 1-D
+//! one), zero padding, C1 = 0.01², C2 = 0.03², per channel (Wang et al. 2004). The value is the mean of the
+//! map over the kept values: 1 for equal images.
 //!
 //! | argument | shape | range |
 //! |---|---|---|
 //! | `x`, `y` | (H, W, 3) | 0..1, sRGB-encoded |
-//! | `mask` | (H, W) | optional; 1: kept, 0: not; both pictures are multiplied by it first |
+//! | `mask` | (H, W) | optional; 1: kept, 0: not; both images are first multiplied by it |
 //! | `value` | () | at most 1 |
 //!
 //! # Rounding
-//! Window sums are left folds over rows, then columns; kept map entries are added in memory order, then one division. Every
-//! map entry of equal pictures is exactly 1, and so is their value.
+//! Window sums are left folds over rows, then columns; kept map entries are added in memory order, then one
+//! division. For equal images, every map entry and the value are exactly 1.
 //!
 //! # Kinks and domain
-//! Smooth. Nothing kept is refused.
+//! Smooth. A mask that keeps no pixel is an error.
 
 use crate::array::Out;
 use crate::loss::{In, PAIR, Pair};
@@ -81,7 +81,7 @@ pub fn map_at<S: Scalar>(
 /// The twin of `loss.ssim`.
 ///
 /// # Errors
-/// When a mask entry is neither 0 nor 1, or nothing is kept.
+/// When a mask entry is neither 0 nor 1, or no pixel is kept.
 pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let pair = Pair::of(input)?;
     let window = window();
@@ -102,7 +102,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or nothing is kept.
+/// When an input is missing or has the wrong shape, or no pixel is kept.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

@@ -1,4 +1,4 @@
-//! Activations.
+//! Activation functions.
 //!
 //! y = x where x > 0, s·x elsewhere
 //!
@@ -9,7 +9,7 @@
 //! | y | `y` | as x |
 //!
 //! # Kinks and domain
-//! At x = 0 the lower branch is taken.
+//! At x = 0 the slope is s.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;

@@ -1,6 +1,7 @@
-//! A convolution of images, channels last, and a leaky ReLU after it.
+//! `nn.conv`: a convolution of images, channels last, followed by a leaky ReLU.
 //!
-//! y(b,r,q,o) = λ(β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c)),   x = 0 beyond the border,   λ(z) = z where z > 0, else a·z
+//! y(b,r,q,o) = λ(β(o) + Σ over i, j, c of W(o,i,j,c)·x(b, s·r+i−p, s·q+j−p, c)),
+//! x = 0 beyond the border,   λ(z) = z where z > 0, else a·z
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -27,7 +28,7 @@ inputs! {
     /// Inputs of `nn.conv`.
     pub struct In<'a, S> {
         x: &'a Arr<S> = Port::var("B,H,W,C", "images"),
-        weight: &'a Arr<S> = Port::var("O,KH,KW,C", "one filter per output, not mirrored"),
+        weight: &'a Arr<S> = Port::var("O,KH,KW,C", "one filter per output (cross-correlation)"),
         bias: &'a Arr<S> = Port::var("O", "added last"),
     }
 }
@@ -35,13 +36,13 @@ inputs! {
 /// `nn.conv`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.conv",
-    summary: "a convolution of images, channels last, zeros beyond the border, and a leaky ReLU",
+    summary: "convolution of images, channels last, zero padding, followed by a leaky ReLU",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("B,H',W',O", "")],
     settings: &[
         SettingSpec::number("stride", "1", "pixels between outputs, 1 or more"),
         SettingSpec::number("pad", "0", "zeros on every side, in pixels"),
-        SettingSpec::number("slope", "1", "of the leaky ReLU after it, not negative; 1 for none"),
+        SettingSpec::number("slope", "1", "slope of the leaky ReLU that follows, not negative; 1 for none"),
     ],
     ..Signature::EMPTY
 };
@@ -53,7 +54,7 @@ pub struct Settings {
     pub stride: usize,
     /// Zeros on every side, in pixels.
     pub pad: usize,
-    /// Of the leaky ReLU.
+    /// Slope of the leaky ReLU.
     pub slope: f64,
 }
 
@@ -114,12 +115,12 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, settings: Settings, out: &mut Out<'
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input or a setting is not what it should be, or the kernel does not fit.
+/// When an input or a setting is invalid, or the kernel does not fit.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, Settings::of(call)?, out)
 }
 
-/// Number of products, those beyond the border included.
+/// Number of products, including those with padding.
 ///
 /// # Errors
 /// As [`run`].

@@ -1,4 +1,4 @@
-//! A network at every coordinate of a template, conditioned on factors.
+//! `nn.decoder`: a network evaluated at every coordinate of a template, conditioned on factors.
 //!
 //! h₁ = λ(W_t γ + W_z z + b₀),  h₂ = λ(W₁h₁ + b₁),  h₃ = λ(W₂h₂ + b₂),  R = base + scale∘(W₃h₃ + b₃)
 //!
@@ -13,7 +13,7 @@
 //! | R | `points` | (B, Q, O) |
 //!
 //! # Kinks and domain
-//! λ is the leaky ReLU of slope 0.2; at 0 the lower branch is taken.
+//! λ is the leaky ReLU of slope 0.2; at 0 its slope is 0.2.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -35,15 +35,15 @@ inputs! {
         bias2: &'a Arr<S> = Port::var("H2", ""),
         weight3: &'a Arr<S> = Port::var("O,H2", ""),
         bias3: &'a Arr<S> = Port::var("O", ""),
-        base: &'a Arr<S> = Port::fixed("B,Q,O", "what the network's values are added to"),
-        scale: &'a Arr<S> = Port::fixed("O", "factor of the network's values"),
+        base: &'a Arr<S> = Port::fixed("B,Q,O", "added to the scaled output of the network"),
+        scale: &'a Arr<S> = Port::fixed("O", "scale of the network's output"),
     }
 }
 
 /// `nn.decoder`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.decoder",
-    summary: "points of a template from factors, by a network at every coordinate",
+    summary: "points of a template from factors, by a network evaluated at every coordinate",
     inputs: In::<f64>::PORTS,
     outputs: ports![points: Port::var("B,Q,O", "")],
     ..Signature::EMPTY
@@ -87,7 +87,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

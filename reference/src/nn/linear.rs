@@ -1,4 +1,4 @@
-//! y = λ(x·Wᵀ + b), λ a leaky ReLU of slope s; s = 1 is the identity.
+//! `nn.linear`: y = λ(x·Wᵀ + b), λ a leaky ReLU of slope s; s = 1 is the identity.
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -32,10 +32,14 @@ inputs! {
 /// `nn.linear`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.linear",
-    summary: "an affine map of every row, y = x·Wᵀ + b, and a leaky ReLU after it",
+    summary: "affine map of every row, y = x·Wᵀ + b, followed by a leaky ReLU",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("M,N", "")],
-    settings: &[SettingSpec::number("slope", "1", "of the leaky ReLU after it, not negative; 1 for none")],
+    settings: &[SettingSpec::number(
+        "slope",
+        "1",
+        "slope of the leaky ReLU that follows, not negative; 1 for none",
+    )],
     ..Signature::EMPTY
 };
 
@@ -60,7 +64,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, slope: f64, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.number("slope"), out);
     Ok(())

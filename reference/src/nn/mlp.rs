@@ -1,6 +1,7 @@
-//! A fully connected network: affine maps with max(0, ·) between them.
+//! `nn.mlp`: a fully connected network, affine maps with max(0, ·) between them.
 //!
-//! yˡ = max(0, Wˡ yˡ⁻¹ + bˡ) for every layer but the last, which has no max; y⁰ = x; the layer `skip` has the argument (yˡ⁻¹, x) instead of yˡ⁻¹
+//! yˡ = max(0, Wˡ yˡ⁻¹ + bˡ) for every layer but the last, which has no max; y⁰ = x; the layer `skip` has the
+//! argument (yˡ⁻¹, x) instead of yˡ⁻¹
 //!
 //! | symbol | argument | shape |
 //! |---|---|---|
@@ -42,7 +43,7 @@ pub static SIGNATURE: Signature = Signature {
     settings: &[SettingSpec::number(
         "skip",
         "0",
-        "layer that takes the input again, counted from 0; 0 for none",
+        "index of the layer that also takes the input x; 0 for none",
     )],
     ..Signature::EMPTY
 };
@@ -50,7 +51,7 @@ pub static SIGNATURE: Signature = Signature {
 /// The twin of `nn.mlp`.
 ///
 /// # Errors
-/// When the widths do not fit the arrays.
+/// When the widths do not match the arrays.
 pub fn forward<S: Scalar>(input: &In<'_, S>, skip: usize, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { x, widths, weights, biases } = *input;
     let widths: Vec<usize> = widths.data.iter().map(|w| w.value() as usize).collect();
@@ -59,7 +60,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, skip: usize, out: &mut Out<'_, S>) 
     let inputs = |layer: usize| widths[layer] + if layer > 0 && layer == skip { k } else { 0 };
     let needed = (0..last).fold([0, 0], |[w, b], l| [w + inputs(l) * widths[l + 1], b + widths[l + 1]]);
     if widths[0] != k || needed != [weights.data.len(), biases.data.len()] {
-        return Err(format!("input widths: {widths:?} do not fit the arrays"));
+        return Err(format!("input widths: {widths:?} do not match the arrays"));
     }
     let y = out.array("y", &[m, widths[last]]);
     for row in 0..m {
@@ -92,7 +93,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, skip: usize, out: &mut Out<'_, S>) 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the widths do not fit.
+/// When an input is missing or has the wrong shape, or the widths do not match.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.whole("skip", 0.0)?, out)
 }

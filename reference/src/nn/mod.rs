@@ -1,6 +1,7 @@
 //! Layers of networks.
 //!
-//! One layer per file: its inputs and signature, the function over them, and its binding to named arrays for [`crate::twins`].
+//! One layer per file: its inputs and signature, the function over them, and its binding to named arrays for
+//! [`crate::twins`].
 
 pub mod act;
 pub mod conv;

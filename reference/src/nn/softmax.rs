@@ -1,4 +1,4 @@
-//! The softmax of ln w + x of every row.
+//! `nn.softmax`: the softmax of ln w + x of every row.
 //!
 //! y(i,j) = w(i,j) e^{x(i,j)} / Σₖ w(i,k) e^{x(i,k)},   w = base + floor, or 1 without a base
 //!
@@ -25,17 +25,17 @@ inputs! {
     /// Inputs of `nn.softmax`.
     pub struct In<'a, S> {
         x: &'a Arr<S> = Port::var("M,K", "logits"),
-        base: Option<&'a Arr<S>> = Port::fixed("M,K", "weights that x refines; absent: all 1"),
+        base: Option<&'a Arr<S>> = Port::fixed("M,K", "prior weights w; absent: all 1"),
     }
 }
 
 /// `nn.softmax`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.softmax",
-    summary: "softmax of every row, with weights that it refines",
+    summary: "softmax of every row, optionally with prior weights",
     inputs: In::<f64>::PORTS,
     outputs: ports![y: Port::var("M,K", "rows sum to 1")],
-    settings: &[SettingSpec::number("floor", "0", "added to every given weight")],
+    settings: &[SettingSpec::number("floor", "0", "added to every entry of base")],
     ..Signature::EMPTY
 };
 
@@ -72,7 +72,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, floor: f64, out: &mut Out<'_, S>) -
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or as [`forward`].
+/// When an input is missing or has the wrong shape, or as [`forward`].
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.number("floor"), out)
 }

@@ -1,6 +1,7 @@
-//! A square of an image, brought to S×S by means over cells.
+//! `nn.window`: resamples a square of an image to S×S pixels by area averaging.
 //!
-//! A number of the window is the mean of the image over its cell, a square of side a/S; pixels are squares of one colour, black lies around the image.
+//! A pixel of the window is the mean of the image over its cell, a square of side a/S; image pixels are
+//! squares of constant colour, and everything outside the image is black.
 //!
 //! y(r, c) = (S/a)² Σ over pixels of |cell (r, c) ∩ pixel| · x(pixel)
 //!
@@ -33,7 +34,7 @@ inputs! {
 /// `nn.window`
 pub static SIGNATURE: Signature = Signature {
     name: "nn.window",
-    summary: "a square of an image, brought to a number of pixels by means over cells",
+    summary: "a square of an image, resampled by area averaging",
     inputs: In::<f64>::PORTS,
     outputs: ports![window: Port::var("S,S,3", "")],
     settings: &[SettingSpec::number("side", "4", "pixels of a side of the window, 1 or more")],
@@ -85,7 +86,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, side: usize, out: &mut Out<'_, S>) 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the square has no length.
+/// When an input is missing or has the wrong shape, or the square has no length.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.settings.whole("side", 1.0)?, out)
 }

@@ -1,7 +1,7 @@
-//! Digests: FNV-1a 64 over what an array is, then over its bits.
+//! Digests: FNV-1a 64 over type and shape of an array, then over its bits.
 //!
 //! The bytes hashed are: element width in bytes, rank, each length (all u64, little endian), then the bits of
-//! every element, little endian. −0 is kept apart from +0. A NaN has no digest.
+//! every element, little endian. −0 and +0 have different digests. An array with a NaN has no digest.
 
 const OFFSET: u64 = 0xcbf2_9ce4_8422_2325;
 const PRIME: u64 = 0x0000_0100_0000_01b3;
@@ -24,7 +24,7 @@ fn header(width: u64, shape: &[usize]) -> u64 {
 /// Digest of a double-precision array.
 ///
 /// # Errors
-/// Gives the index of the first NaN.
+/// Names the index of the first NaN.
 pub fn digest_f64(shape: &[usize], x: &[f64]) -> Result<u64, String> {
     if let Some(i) = x.iter().position(|x| x.is_nan()) {
         return Err(format!("entry {i} is NaN: no digest"));
@@ -35,7 +35,7 @@ pub fn digest_f64(shape: &[usize], x: &[f64]) -> Result<u64, String> {
 /// Digest of a single-precision array.
 ///
 /// # Errors
-/// Gives the index of the first NaN.
+/// Names the index of the first NaN.
 pub fn digest_f32(shape: &[usize], x: &[f32]) -> Result<u64, String> {
     if let Some(i) = x.iter().position(|x| x.is_nan()) {
         return Err(format!("entry {i} is NaN: no digest"));

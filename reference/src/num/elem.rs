@@ -1,4 +1,4 @@
-//! Elementary functions beyond those of [`Scalar`], and the f64 ones under plain names.
+//! Elementary functions beyond those of [`Scalar`], and f64 functions from `libm`.
 
 use crate::scalar::Scalar;
 

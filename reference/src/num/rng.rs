@@ -1,7 +1,7 @@
 //! Counter-based random numbers: Philox4x32-10 (Salmon et al. 2011). No state, no order.
 //!
-//! key = (seed low, seed high); counter = (item low, item high, step, purpose·2¹⁶ + draw). One block per draw:
-//! a single-precision uniform comes from word x0, a double-precision one from x1·2³² + x0.
+//! key = (seed low, seed high); counter = (item low, item high, step, purpose·2¹⁶ + draw). One block per
+//! draw: a single-precision uniform comes from word x0, a double-precision one from x1·2³² + x0.
 
 /// Ten rounds of Philox4x32.
 pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
@@ -17,22 +17,22 @@ pub fn philox(counter: [u32; 4], key: [u32; 2]) -> [u32; 4] {
     x
 }
 
-/// What a number is drawn for: the same key always gives the same number.
+/// The key of a random number: the same key always yields the same number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
     /// Seed of the run.
     pub seed: u64,
-    /// Which thing (Gaussian, pixel, ray).
+    /// Index of the item (Gaussian, pixel, ray).
     pub item: u64,
-    /// Which iteration.
+    /// Index of the iteration.
     pub step: u32,
-    /// Which use.
+    /// Purpose of the number.
     pub purpose: u16,
-    /// Which number of that use.
+    /// Index of the number among those of this purpose.
     pub draw: u16,
 }
 
-/// The four words of a key.
+/// The four words of the block of a key.
 pub fn block(key: Key) -> [u32; 4] {
     let Key { seed, item, step, purpose, draw } = key;
     let last = u32::from(purpose) << 16 | u32::from(draw);
@@ -68,7 +68,8 @@ fn ratio(r: f64, numerator: [f64; 8], denominator: [f64; 7]) -> f64 {
     top / bottom
 }
 
-/// Quantile of the standard normal distribution for 0 < p < 1: AS 241, PPND16 (Wichura 1988), about 1e-16 relative.
+/// Quantile of the standard normal distribution for 0 < p < 1: AS 241, PPND16 (Wichura 1988), about 1e-16
+/// relative.
 ///
 /// # Rounding
 /// Horner from the highest coefficient; the logarithm is `libm`'s.

@@ -1,4 +1,4 @@
-//! Adam (Kingma & Ba 2015), row by row.
+//! `optim.adam`: Adam (Kingma & Ba 2015), row by row.
 //!
 //! m ← β1 m + (1−β1) g,   v ← β2 v + (1−β2) g²,   θ ← θ − lr·m̂/(√v̂ + ε),   m̂ = m/(1−β1ᵗ),   v̂ = v/(1−β2ᵗ)
 //!
@@ -6,14 +6,14 @@
 //! |---|---|---|
 //! | θ | `param` | (N, …) |
 //! | g | `grads` | (S, N, …), one per step |
-//! | | `active` | (S, N), optional: a row's value, moments and counter move only where it is 1 |
+//! | | `active` | (S, N), optional: a row's value, moments and counter are updated only where it is 1 |
 //! | | `trajectory` | (S, N, …), θ after each step |
 //! | m, v | `m`, `v` | (N, …), after the last step |
 //! | t | `steps` | (N), after the last step |
 //!
-//! Settings: `lr` (1e-3), `beta1` (0.9), `beta2` (0.999), `eps` (1e-8), `counters`: `row` (t counts a row's own active
-//! steps) or `global` (t counts all steps, as other programs do, so that a row born late starts with a step of
-//! (1−β1)/√(1−β2)·lr).
+//! Settings: `lr` (1e-3), `beta1` (0.9), `beta2` (0.999), `eps` (1e-8), `counters`: `row` (t counts a row's
+//! own active steps) or `global` (t counts all steps, as in other programs; a row added late then starts with
+//! a step of (1−β1)/√(1−β2)·lr).
 //!
 //! # Rounding
 //! β1ᵗ and β2ᵗ by repeated multiplication. m = β1·m + (1−β1)·g; v = β2·v + (1−β2)·(g·g);
@@ -30,7 +30,7 @@ inputs! {
         param: &'a Arr<S> = Port::fixed("N,...", "start"),
         grads: &'a Arr<S> = Port::fixed("S,N,...", "one gradient per step"),
         active: Option<&'a Arr<S>> =
-            Port::int("S,N", Dtype::U8, "1: value, moments and counter of the row move; absent: all"),
+            Port::int("S,N", Dtype::U8, "1: the row is updated (value, moments, counter); absent: all"),
     }
 }
 
@@ -38,12 +38,8 @@ pub(super) const LR: SettingSpec = SettingSpec::number("lr", "0.001", "learning 
 pub(super) const BETA1: SettingSpec = SettingSpec::number("beta1", "0.9", "decay of the first moment");
 pub(super) const BETA2: SettingSpec = SettingSpec::number("beta2", "0.999", "decay of the second moment");
 pub(super) const EPS: SettingSpec = SettingSpec::number("eps", "1e-8", "added to the root");
-pub(super) const COUNTERS: SettingSpec = SettingSpec::choice(
-    "counters",
-    &["row", "global"],
-    "row",
-    "whose number of steps the bias correction takes",
-);
+pub(super) const COUNTERS: SettingSpec =
+    SettingSpec::choice("counters", &["row", "global"], "row", "which step count the bias correction uses");
 
 /// `optim.adam`
 pub static SIGNATURE: Signature = ADAM;
@@ -66,7 +62,7 @@ pub(super) const ADAM: Signature = Signature {
         SettingSpec::number(
             "weight_decay",
             "0",
-            "must be 0: this is Adam without decay; optim.adamw decays first",
+            "must be 0: optim.adam has no weight decay; see optim.adamw",
         ),
         COUNTERS,
     ],
@@ -114,7 +110,7 @@ impl Settings {
     }
 }
 
-/// Powers of the decays and the number of steps behind them.
+/// Powers of the decays, and the number of steps taken.
 #[derive(Clone, Copy, Debug)]
 struct Counter {
     beta1: f64,
@@ -179,7 +175,7 @@ pub fn all_steps(input: &In<'_, f64>, settings: Settings, out: &mut Out<'_, f64>
 /// When an entry of `active` is neither 0 nor 1, or there is a weight decay.
 pub fn forward(input: &In<'_, f64>, settings: Settings, out: &mut Out<'_, f64>) -> Result<(), String> {
     if settings.weight_decay != 0.0 {
-        return Err("setting weight_decay: optim.adam has none; optim.adamw has".to_owned());
+        return Err("setting weight_decay: optim.adam has no weight decay; use optim.adamw".to_owned());
     }
     all_steps(input, settings, out)
 }
@@ -187,7 +183,7 @@ pub fn forward(input: &In<'_, f64>, settings: Settings, out: &mut Out<'_, f64>) 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a setting has a value it cannot have.
+/// When an input is missing or has the wrong shape, or a setting has an inadmissible value.
 pub fn run(call: &Call<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, Settings::of(call)?, out)
 }

@@ -1,4 +1,4 @@
-//! AdamW (Loshchilov & Hutter 2019): [`super::adam`] with decoupled weight decay, decay first.
+//! `optim.adamw`: AdamW (Loshchilov & Hutter 2019): [`super::adam`] with decoupled weight decay, decay first.
 //!
 //! θ ← θ − lr·weight_decay·θ, then Adam's update with the gradient as given. `weight_decay` defaults to 0.01.
 
@@ -16,7 +16,7 @@ pub static SIGNATURE: Signature = Signature {
         BETA1,
         BETA2,
         EPS,
-        SettingSpec::number("weight_decay", "0.01", "share of lr by which parameters shrink each step"),
+        SettingSpec::number("weight_decay", "0.01", "parameters shrink by lr·weight_decay each step"),
         COUNTERS,
     ],
     ..ADAM
@@ -33,7 +33,7 @@ pub fn forward(input: &In<'_, f64>, settings: Settings, out: &mut Out<'_, f64>) 
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a setting has a value it cannot have.
+/// When an input is missing or has the wrong shape, or a setting has an inadmissible value.
 pub fn run(call: &Call<'_, f64>, out: &mut Out<'_, f64>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, Settings::of(call)?, out)
 }

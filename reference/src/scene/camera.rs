@@ -3,7 +3,7 @@
 use crate::array::Arr;
 use crate::scalar::Scalar;
 
-/// How a point in camera coordinates reaches the picture.
+/// Projection of a point in camera coordinates to the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Model {
     /// (f_x x/z + c_x, f_y y/z + c_y)
@@ -15,10 +15,10 @@ pub enum Model {
 }
 
 impl Model {
-    /// The model that the setting `camera` names.
+    /// The model named by the setting `camera`.
     ///
     /// # Panics
-    /// When there is none of that name; the words are checked by the signature.
+    /// When there is no model of that name; the signature checks the words before.
     pub(super) fn of(name: &str) -> Self {
         match name {
             "pinhole" => Self::Pinhole,
@@ -40,7 +40,7 @@ pub struct Camera {
     pub focal_px: [f64; 2],
     /// Principal point in pixels.
     pub center_px: [f64; 2],
-    /// Picture width and height in pixels.
+    /// Image width and height in pixels.
     pub size_px: [usize; 2],
     /// Projection model.
     pub model: Model,
@@ -55,17 +55,17 @@ impl Camera {
         })
     }
 
-    /// Camera centre in the world, −Rᵀt (R is used as it is, orthogonal or not).
+    /// Camera centre in the world, −Rᵀt (R need not be orthogonal).
     pub fn center(&self) -> [f64; 3] {
         let (r, t) = (&self.rotation, &self.translation);
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 }
 
-/// Picture width and height from the inputs `width` and `height`.
+/// Image width and height from the inputs `width` and `height`.
 ///
 /// # Errors
-/// When one is no positive whole number.
+/// When one is not a positive whole number.
 pub fn size_px<S: Scalar>(width: &Arr<S>, height: &Arr<S>) -> Result<[usize; 2], String> {
     let side = |name: &str, x: &Arr<S>| {
         let value = x.data[0].value();
@@ -78,7 +78,7 @@ pub fn size_px<S: Scalar>(width: &Arr<S>, height: &Arr<S>) -> Result<[usize; 2],
     Ok([side("width", width)?, side("height", height)?])
 }
 
-/// Poses from `view_from_world` (C,4,4), the rest of the camera left at one pixel per unit.
+/// Poses from `view_from_world` (C,4,4), with default intrinsics of one pixel per unit.
 pub fn poses<S: Scalar>(view_from_world: &Arr<S>) -> Vec<Camera> {
     (0..view_from_world.shape[0])
         .map(|c| {

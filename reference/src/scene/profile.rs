@@ -1,9 +1,9 @@
-//! The constants of one splatting semantics.
+//! The constants of a splatting profile.
 
 use crate::scene::camera::Model;
 use crate::settings::Settings;
 
-/// When the walk along a pixel's list ends.
+/// When the loop over a pixel's list ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     /// After including the Gaussian that brings T to `t_stop` or below.
@@ -25,7 +25,7 @@ pub enum TangentClamp {
     Inria,
 }
 
-/// Which pixels a Gaussian may reach.
+/// Which pixels a Gaussian may affect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Footprint {
     /// Exactly the pixels with α ≥ α_min.
@@ -34,7 +34,7 @@ pub enum Footprint {
     Inria,
 }
 
-/// The constants of one splatting semantics.
+/// The constants of a splatting profile.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
     /// Added to both diagonal entries of the projected covariance, px².
@@ -43,9 +43,9 @@ pub struct Profile {
     pub alpha_max: f64,
     /// α below it is skipped.
     pub alpha_min: f64,
-    /// Transmittance at which the walk ends.
+    /// Transmittance at which the loop ends.
     pub t_stop: f64,
-    /// How it ends.
+    /// How the loop ends.
     pub stop: Stop,
     /// Smallest visible camera depth z (inclusive).
     pub near: f64,
@@ -80,11 +80,11 @@ impl Profile {
         camera: Model::Pinhole,
     };
 
-    /// The profile named by the setting `profile` (default `exact`), with every constant that is a setting of its
-    /// own replaced.
+    /// The profile named by the setting `profile` (default `exact`), with every constant replaced that
+    /// has a setting of its own.
     ///
     /// # Panics
-    /// When a word is unknown here; the words are checked by the signature.
+    /// When a word is unknown; the signature checks the words before.
     pub fn of(settings: &Settings<'_>) -> Self {
         let mut p = match settings.word("profile") {
             "exact" => Self::EXACT,

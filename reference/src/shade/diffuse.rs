@@ -1,4 +1,4 @@
-//! Colours of Gaussians under light of the first order in their normals.
+//! `shade.diffuse`: colours of Gaussians under light that is linear in their normals.
 //!
 //! c' = s · max(½ + Y₀ c, 0),   s = max(¼, 1 + n·d),   Y₀ = ½ √(1/π)
 //!
@@ -10,7 +10,8 @@
 //! | c' | `colors` | (N, 3) |
 //!
 //! # Kinks and domain
-//! At and below the limit ¼ of s the slope is 0; ½ + Y₀ c has the slope 0 below 0 and that of the line at 0.
+//! s has slope 0 at and below its limit ¼; max(½ + Y₀ c, 0) has slope 0 where its argument is below 0, and Y₀
+//! at 0.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -30,7 +31,7 @@ inputs! {
 /// `shade.diffuse`
 pub static SIGNATURE: Signature = Signature {
     name: "shade.diffuse",
-    summary: "colours of Gaussians under light of the first order in their normals",
+    summary: "colours of Gaussians under light that is linear in their normals",
     inputs: In::<f64>::PORTS,
     outputs: ports![colors: Port::var("N,3", "sRGB-encoded")],
     ..Signature::EMPTY
@@ -58,7 +59,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

@@ -1,4 +1,4 @@
-//! A point under a whole environment map, without shadows.
+//! `shade.envmap`: radiance of a point lit by an environment map, without shadows.
 //!
 //! L = Σᵢⱼ Eᵢⱼ·f(n, v, lᵢⱼ)·max(n·lᵢⱼ, 0)·Δωᵢ,   Δωᵢ = (2π/W)(cos θ_top − cos θ_bottom)
 //!
@@ -12,7 +12,7 @@
 //! A left fold over texels in row-major order.
 //!
 //! # Kinks and domain
-//! A texel behind the surface adds nothing and has zero gradient.
+//! A texel behind the surface contributes nothing and has zero gradient.
 
 use std::f64::consts::{PI, TAU};
 
@@ -39,7 +39,7 @@ inputs! {
 /// `shade.envmap`
 pub static SIGNATURE: Signature = Signature {
     name: "shade.envmap",
-    summary: "a point under a whole latitude–longitude map, direct light without shadows",
+    summary: "radiance of a point lit by a latitude–longitude map, direct light without shadows",
     inputs: In::<f64>::PORTS,
     outputs: ports![radiance: Port::var("P,3", "linear")],
     ..Signature::EMPTY
@@ -89,7 +89,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

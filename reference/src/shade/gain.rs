@@ -1,4 +1,4 @@
-//! A render as bright as its moment: a gain per channel on what covers the background.
+//! `shade.gain`: applies a per-frame gain per channel to the foreground of a render.
 //!
 //! x' = e^γ (x − (1 − α) b) + (1 − α) b
 //!
@@ -22,7 +22,7 @@ inputs! {
     /// Inputs of `shade.gain`.
     pub struct In<'a, S> {
         alpha: &'a Arr<S> = Port::var("H,W", "coverage of the render"),
-        background: &'a Arr<S> = Port::fixed("3", "which has no gain"),
+        background: &'a Arr<S> = Port::fixed("3", "background colour, not affected by the gain"),
         gain: &'a Arr<S> = Port::var("3", "logarithm of the gain of a channel"),
         image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
     }
@@ -31,7 +31,7 @@ inputs! {
 /// `shade.gain`
 pub static SIGNATURE: Signature = Signature {
     name: "shade.gain",
-    summary: "a gain per channel on what covers the background of a render",
+    summary: "gain per channel on the foreground of a render",
     inputs: In::<f64>::PORTS,
     outputs: ports![lit: Port::var("H,W,3", "")],
     ..Signature::EMPTY
@@ -54,7 +54,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

@@ -1,4 +1,4 @@
-//! The metallic-roughness BRDF.
+//! `shade.ggx`: the metallic-roughness BRDF.
 //!
 //! f = (1−m)·a/π + D·G·F/(4 n·l n·v),   α = max(r², 1e-3),   h = (v + l)/‖v + l‖
 //! D = α²/(π(α²(n·h)² + ‖n×h‖²)²),   G/(4 n·l n·v) = ½/(n·l √(n·v² + α²(1−n·v²)) + n·v √(n·l² + α²(1−n·l²)))
@@ -15,7 +15,8 @@
 //! D is written through ‖n×h‖² = 1 − (n·h)², which does not cancel.
 //!
 //! # Kinks and domain
-//! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. α has no gradient below 1e-3. The denominator ½/(…) is not taken below 1e-15.
+//! f = 0 with zero gradient where n·l ≤ 0 or n·v ≤ 0. α has no gradient below 1e-3. The denominator of ½/(…)
+//! is at least 1e-15.
 
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
@@ -117,7 +118,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

@@ -1,4 +1,4 @@
-//! A render before black instead of its background.
+//! `shade.over_black`: a render over black instead of its background.
 //!
 //! x' = x − (1 − α) b
 //!
@@ -18,7 +18,7 @@ inputs! {
     /// Inputs of `shade.over_black`.
     pub struct In<'a, S> {
         alpha: &'a Arr<S> = Port::var("H,W", "coverage of the render"),
-        background: &'a Arr<S> = Port::fixed("3", "which is taken out"),
+        background: &'a Arr<S> = Port::fixed("3", "background colour to subtract"),
         image: &'a Arr<S> = Port::var("H,W,3", "render over the background"),
     }
 }
@@ -26,7 +26,7 @@ inputs! {
 /// `shade.over_black`
 pub static SIGNATURE: Signature = Signature {
     name: "shade.over_black",
-    summary: "a render before black instead of its background",
+    summary: "a render over black instead of its background",
     inputs: In::<f64>::PORTS,
     outputs: ports![over_black: Port::var("H,W,3", "")],
     ..Signature::EMPTY
@@ -48,7 +48,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

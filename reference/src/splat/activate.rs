@@ -1,6 +1,6 @@
-//! Stored, unconstrained parameters to scales and opacities.
+//! `splat.activate`: maps stored, unconstrained parameters to scales and opacities.
 //!
-//! scales = exp(scales_log), opacities = 1/(1 + exp(−opacity_logits))     (3DGS, the 3DGS code)
+//! scales = exp(scales_log), opacities = 1/(1 + exp(−opacity_logits))     (3DGS and its code)
 //!
 //! | argument | shape | range |
 //! |---|---|---|
@@ -52,7 +52,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) {
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out);
     Ok(())

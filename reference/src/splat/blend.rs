@@ -1,7 +1,8 @@
-//! Ellipses to pixels, nearest first.
+//! `splat.blend`: composites ellipses into images, front to back.
 //!
 //! α_i = min(α_max, o_i·exp(−½(w1² + w2²))),   w1 = d_p·k1,   w2 = (d_q − s·d_p)·k2,   d = pixel centre − u_i
-//! C = Σ_i T_i α_i c_i + T·b,   T_{i+1} = T_i (1 − α_i),   T_0 = 1     (3DGS, eq. 3; conic form of [`super::project`])
+//! C = Σ_i T_i α_i c_i + T·b,   T_{i+1} = T_i (1 − α_i),   T_0 = 1
+//! (3DGS, eq. 3; conic form of [`super::project`])
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -21,11 +22,11 @@
 //! Left folds in list order; α and T as written above, the background last.
 //!
 //! # Kinks and domain
-//! α < α_min does not contribute; above the cap the gradient of α is 0 (at it the uncapped branch is taken); where the walk
-//! stops is in the plan (`last_index`). On a fixed plan everything is smooth.
+//! α < α_min does not contribute; above the cap the gradient of α is 0 (at it the uncapped branch is taken);
+//! the end of the loop is in the plan (`last_index`). On a fixed plan everything is smooth.
 //!
 //! # Adjoint
-//! With `inria_bwd` the gradient passes through the cap.
+//! With `inria_bwd` the cap is ignored in the backward pass.
 
 use crate::array::{Arr, Named, Out, Slot};
 use crate::inputs::inputs;
@@ -59,7 +60,7 @@ inputs! {
 /// `splat.blend`
 pub static SIGNATURE: Signature = Signature {
     name: "splat.blend",
-    summary: "ellipses to pictures, nearest first",
+    summary: "composites ellipses into images, front to back",
     inputs: In::<f64>::PORTS,
     outputs: ports![image: IMAGE, alpha: ALPHA, depth: DEPTH],
     intermediates: ports![counts: COUNTS],
@@ -77,7 +78,7 @@ pub static SIGNATURE: Signature = Signature {
     ..Signature::EMPTY
 };
 
-/// One Gaussian in one view as blending sees it.
+/// The parameters of one Gaussian in one view that blending uses.
 #[derive(Clone, Copy, Debug)]
 pub struct Ellipse<S> {
     /// u, pixels.
@@ -101,7 +102,7 @@ impl<S: Scalar> Ellipse<S> {
     }
 }
 
-/// Gaussians in all views, checked.
+/// The checked Gaussians in all views.
 pub struct Ellipses<'a, S> {
     /// C.
     pub views: usize,
@@ -117,7 +118,7 @@ impl<'a, S: Scalar> Ellipses<'a, S> {
     /// Checks the inputs.
     ///
     /// # Errors
-    /// When the size of the picture is none, or an axis neither 0 nor 1.
+    /// When the image size is invalid, or an axis is neither 0 nor 1.
     pub fn of(input: &In<'a, S>) -> Result<Self, String> {
         if let Some(axis) = input.axis.data.iter().find(|axis| ![0.0, 1.0].contains(&axis.value())) {
             return Err(format!("input axis: expected 0 or 1, got {}", axis.value()));
@@ -159,7 +160,7 @@ impl<'a, S: Scalar> Ellipses<'a, S> {
     }
 }
 
-/// Per-pixel decisions of a plan; what is `None` is taken on the values.
+/// Per-pixel decisions of a plan; those that are `None` are computed from the values.
 struct StoredPlan<'a> {
     last_index: Option<&'a [f64]>,
     alpha_mask: Option<&'a [f64]>,
@@ -167,7 +168,7 @@ struct StoredPlan<'a> {
 }
 
 impl<'a> StoredPlan<'a> {
-    fn of(plan: Option<&'a Named<f64>>, entries: usize, picture: [usize; 3]) -> Result<Self, String> {
+    fn of(plan: Option<&'a Named<f64>>, entries: usize, pixels: [usize; 3]) -> Result<Self, String> {
         let array = |name: &str, shape: &[usize], low: f64, high: f64| {
             let Some(array) = plan.and_then(|plan| plan.get(name)) else { return Ok(None) };
             if array.shape != shape {
@@ -179,7 +180,7 @@ impl<'a> StoredPlan<'a> {
             }
         };
         Ok(Self {
-            last_index: array("last_index", &picture, -1.0, entries as f64)?,
+            last_index: array("last_index", &pixels, -1.0, entries as f64)?,
             alpha_mask: array("alpha_mask", &[entries, 32], 0.0, 255.0)?,
             cap_mask: array("cap_mask", &[entries, 32], 0.0, 255.0)?,
         })
@@ -287,14 +288,14 @@ fn declare<S: Scalar>(out: &mut Out<S>, [c, h, w]: [usize; 3]) -> [Slot; 4] {
 /// The twin of `splat.blend`. Completes the plan.
 ///
 /// # Errors
-/// When the size of the picture is none, an axis neither 0 nor 1, or the plan does not fit.
+/// When the image size is invalid, an axis is neither 0 nor 1, or the plan does not match.
 pub fn forward<S: Scalar>(
     input: &In<'_, S>,
     profile: &Profile,
     plan: Option<&Named<f64>>,
     out: &mut Out<'_, S>,
 ) -> Result<(), String> {
-    // Decisions are taken on values.
+    // Decisions are computed from values.
     let In { means_px, shape, axis, opacities, colors, depths_z, background, width, height } = *input;
     let all = [means_px, shape, axis, opacities, colors, depths_z, background, width, height];
     let [means_px, shape, axis, opacities, colors, depths_z, background, width, height] =
@@ -306,10 +307,10 @@ pub fn forward<S: Scalar>(
     let lists = Lists::of(plan, &order, &v, profile)?;
     lists.write(&mut out.plan);
     let (entries, [w, h]) = (lists.tile_entry.len(), x.size_px);
-    let picture = [x.views, h, w];
-    let given = StoredPlan::of(plan, entries, picture)?;
-    let [image, alpha, depth, counts] = declare(out, picture);
-    let mut last_index = Arr::filled(&picture, -1.0);
+    let pixels = [x.views, h, w];
+    let given = StoredPlan::of(plan, entries, pixels)?;
+    let [image, alpha, depth, counts] = declare(out, pixels);
+    let mut last_index = Arr::filled(&pixels, -1.0);
     let mut alpha_mask = Arr::filled(&[entries, 32], 0.0);
     let mut cap_mask = Arr::filled(&[entries, 32], 0.0);
     for c in 0..x.views {
@@ -344,12 +345,12 @@ pub fn forward<S: Scalar>(
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When an input is missing or has the wrong shape, or the plan does not match it.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, &Profile::of(&call.settings), call.plan, out)
 }
 
-/// Number of (Gaussian, pixel) pairs that are looked at.
+/// Number of (Gaussian, pixel) pairs that are tested.
 ///
 /// # Errors
 /// As [`run`].
@@ -357,7 +358,7 @@ pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
     pairs(&In::of(call.arrays)?, &Profile::of(&call.settings))
 }
 
-/// Number of (Gaussian, pixel) pairs that are looked at.
+/// Number of (Gaussian, pixel) pairs that are tested.
 ///
 /// # Errors
 /// As [`forward`].

@@ -1,4 +1,4 @@
-//! Spherical harmonics to the colour seen from a camera.
+//! `splat.color`: colour of Gaussians seen from a camera, from spherical harmonics.
 //!
 //! c = max(0, ½ + Σ_k Y_k(d)·sh_k),   d = (μ − o)/‖μ − o‖,   o = −Rᵀt     (3DGS; real basis of degree 0 to 3)
 //!
@@ -7,15 +7,16 @@
 //! | μ | `means` | (N, 3) | scene units |
 //! | sh | `sh` | (N, K, 3) | K ≥ (degree+1)² coefficients per channel |
 //! | degree | `sh_degree` | () | 0 to 3; bands above it have exactly zero gradient |
-//! | R, t | `view_from_world` | (C, 4, 4) | R is used as it is, orthogonal or not |
+//! | R, t | `view_from_world` | (C, 4, 4) | R need not be orthogonal |
 //! | c | `colors` | (C, N, 3) | sRGB-encoded, ≥ 0 |
 //!
 //! # Rounding
 //! ½ is added last to the left fold over k.
 //!
 //! # Kinks and domain
-//! A channel below 0 becomes 0 with zero gradient; at exactly 0 it counts as not clamped (`color_mask` 1 means not
-//! clamped). A Gaussian in the camera centre has direction 0 and zero gradient through the direction.
+//! A channel below 0 becomes 0 with zero gradient; at exactly 0 it counts as not clamped (`color_mask` 1
+//! means not clamped). A Gaussian at the camera centre has direction 0 and zero gradient through the
+//! direction.
 
 use crate::array::{Arr, Named, Out};
 use crate::inputs::inputs;
@@ -101,7 +102,8 @@ pub fn direction<S: Scalar>(mean: [S; 3], center: [f64; 3]) -> [S; 3] {
     if length.value() == 0.0 { [S::zero(); 3] } else { d.map(|d| d / length) }
 }
 
-/// The colour of one Gaussian and which channels are not clamped. `sh` holds its coefficients, three channels each.
+/// The colour of one Gaussian and which channels are not clamped. `sh` holds its coefficients, three channels
+/// each.
 pub fn color_one<S: Scalar>(
     direction: [S; 3],
     sh: &[S],
@@ -126,7 +128,7 @@ impl<'a, S: Scalar> Sh<'a, S> {
     /// Coefficients `sh` (N,K,3) with the degree `sh_degree`.
     ///
     /// # Errors
-    /// When they do not fit.
+    /// When their numbers do not match.
     pub fn of(sh: &'a Arr<S>, sh_degree: &Arr<S>) -> Result<Self, String> {
         let degree = sh_degree.data[0].value();
         if !(0.0..=3.0).contains(&degree) || degree.fract() != 0.0 {
@@ -157,7 +159,7 @@ pub fn mask_of(plan: Option<&Named<f64>>, i: usize) -> Option<[bool; 3]> {
 /// The twin of `splat.color`.
 ///
 /// # Errors
-/// When the degree is none or has too few coefficients.
+/// When the degree is invalid or has too few coefficients.
 pub fn forward<S: Scalar>(
     input: &In<'_, S>,
     plan: Option<&Named<f64>>,
@@ -187,7 +189,7 @@ pub fn forward<S: Scalar>(
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise.
+/// When an input is missing or has the wrong shape.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, call.plan, out)
 }

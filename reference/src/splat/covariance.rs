@@ -1,4 +1,4 @@
-//! Quaternions and scales to factors of the covariance.
+//! `splat.covariance`: factors of the covariance from quaternions and scales.
 //!
 //! F = R(q/‖q‖)·diag(s),   Σ = F·Fᵀ     (3DGS, eq. 6)
 //!
@@ -9,11 +9,12 @@
 //! | F | `factors` | (N, 3, 3) | scene units |
 //!
 //! # Rounding
-//! q is first multiplied by the power of two that brings its largest component into 1..2, so that neither very long nor
-//! very short quaternions leave the range, and a power of two in the length changes no bit.
+//! q is first multiplied by the power of two that brings its largest component into 1..2, so that neither
+//! very long nor very short quaternions overflow or underflow, and scaling q by a power of two changes no
+//! bit.
 //!
 //! # Kinks and domain
-//! q = 0 is refused.
+//! q = 0 is an error.
 //!
 //! # Adjoint
 //! The normalisation is differentiated: ⟨q, q̄⟩ = 0.
@@ -36,7 +37,7 @@ inputs! {
 /// `splat.covariance`
 pub static SIGNATURE: Signature = Signature {
     name: "splat.covariance",
-    summary: "quaternions and scales to factors F = R·S of the covariance Σ = F·Fᵀ",
+    summary: "factors F = R·S of the covariance Σ = F·Fᵀ from quaternions and scales",
     inputs: In::<f64>::PORTS,
     outputs: ports![factors: Port::var("N,3,3", "scene units")],
     ..Signature::EMPTY
@@ -47,7 +48,7 @@ pub fn rotation<S: Scalar>(quat: [S; 4]) -> [[S; 3]; 3] {
     let largest = quat.iter().fold(0.0, |m: f64, q| if q.value().abs() > m { q.value().abs() } else { m });
     let power = -libm::ilogb(largest);
     let q = quat.map(|q| {
-        // Two factors, because 2^power alone may leave the range.
+        // Two factors, because 2^power alone may overflow.
         let half = power / 2;
         q * libm::scalbn(1.0, half) * libm::scalbn(1.0, power - half)
     });
@@ -97,7 +98,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or a quaternion is zero.
+/// When an input is missing or has the wrong shape, or a quaternion is zero.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, out)
 }

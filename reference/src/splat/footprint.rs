@@ -1,4 +1,4 @@
-//! How far an ellipse reaches: its covariance, Inria's square, the half-axes of its bounding box.
+//! Extent of an ellipse: its covariance, Inria's square, the half-axes of its bounding box.
 
 use crate::scene::camera::Camera;
 use crate::scene::profile::{Footprint, Profile};
@@ -22,9 +22,9 @@ pub fn inria_radius(shape: [f64; 3], axis: usize) -> f64 {
 /// Extent of a Gaussian without an opacity, in standard deviations: √(2 ln 255), rounded up.
 const EXTENT: f64 = 3.33;
 
-/// Half-axes in whole pixels of the box around the visible part: ceil(e·√Σ'ii), e = min(3.33, √(2 ln(o/α_min))), or Inria's
-/// square; without an opacity, or without a cut, e = 3.33. Both are 0 where o < α_min, or where the box of e = 3.33
-/// (Inria's square) lies outside the picture.
+/// Half-axes in whole pixels of the box around the visible part: ceil(e·√Σ'ii), e = min(3.33, √(2
+/// ln(o/α_min))), or Inria's square; without an opacity or without a cut-off, e = 3.33. Both are 0 where o <
+/// α_min, or where the box of e = 3.33 (Inria's square) lies outside the image.
 pub fn radii_px(
     mean_px: [f64; 2],
     shape: [f64; 3],

@@ -1,7 +1,7 @@
 //! 3-D Gaussian splatting.
 //!
 //! ```text
-//! activate ──► covariance ──► project ─┬─► blend ──► picture        render = project + color + blend
+//! activate ──► covariance ──► project ─┬─► blend ──► image          render = project + color + blend
 //!                             color ───┘     ▲
 //!                                          plan
 //! ```

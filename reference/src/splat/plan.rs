@@ -8,14 +8,14 @@
 //! | `camera_start` | (C+1) | where a camera's part of `order` starts |
 //! | `tile_start` | (C·TY·TX+1) | where a tile's part of `tile_entry` starts |
 //! | `tile_entry` | (E) | Gaussian index, in the order of the camera |
-//! | `entry_slot` | (E) | emission slot: place of the entry when sorted by (camera, Gaussian, tile) |
-//! | `last_index` | (C, H, W) | place in the tile's list of the last contributing Gaussian, −1: none |
+//! | `entry_slot` | (E) | emission slot: index of the entry when sorted by (camera, Gaussian, tile) |
+//! | `last_index` | (C, H, W) | index in the tile's list of the last contributing Gaussian, −1: none |
 //! | `alpha_mask`, `cap_mask` | (E, 32) | bit 16·row + column (bit b is bit b mod 8 of byte b div 8): contributes; α is capped |
 //! | `t_clamp` | (C, N, 2) | side on which the Jacobian's tangents are limited |
 //! | `color_mask` | (C, N, 3) | 1: the channel is not clamped at 0 |
 //! | `pivot` | (C, N) | axis p of the conic |
 //!
-//! Every array of a given plan is obeyed; what it lacks is decided on the values.
+//! Every array in a given plan is used; missing ones are computed from the values.
 
 use crate::array::{Arr, Named};
 use crate::scene::profile::{Footprint, Profile};
@@ -66,7 +66,7 @@ impl Order {
 /// `order` and `camera_start` of a plan.
 ///
 /// # Errors
-/// When one is missing beside the other, or they do not fit.
+/// When only one of them is present, or they do not match.
 pub fn order(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option<Order>, String> {
     let Some(plan) = plan else { return Ok(None) };
     match (whole_numbers(plan, "order")?, whole_numbers(plan, "camera_start")?) {
@@ -78,14 +78,14 @@ pub fn order(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option
             }
             Ok(Some(Order { order, camera_start }))
         }
-        _ => Err("plan: order and camera_start come together".to_owned()),
+        _ => Err("plan: order and camera_start must be given together".to_owned()),
     }
 }
 
 /// Which Gaussians a plan draws, by row c·N + i.
 ///
 /// # Errors
-/// When the plan does not fit.
+/// When the plan does not match.
 pub fn visible(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Option<Vec<bool>>, String> {
     Ok(order(plan, views, n)?.map(|order| {
         let mut visible = vec![false; views * n];
@@ -101,7 +101,7 @@ pub fn visible(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<Opti
 /// Checks the shapes of the arrays with one row per camera and Gaussian.
 ///
 /// # Errors
-/// Names the array that does not fit.
+/// Names the array that does not match.
 pub fn check_rows(plan: Option<&Named<f64>>, views: usize, n: usize) -> Result<(), String> {
     let Some(plan) = plan else { return Ok(()) };
     for (name, shape, low, high) in [
@@ -145,8 +145,8 @@ pub fn write_order(
     out.insert("camera_start".to_owned(), to_array(&start));
 }
 
-/// The pixels a Gaussian may reach, as columns and rows from..to: a superset of those with α ≥ α_min under the alpha
-/// footprint, exactly the listed tiles under Inria's. Empty ranges: none.
+/// The pixels that a Gaussian may affect, as columns and rows from..to: a superset of those with α ≥ α_min
+/// under the alpha footprint, exactly the listed tiles under Inria's. Empty ranges: none.
 pub fn reach(ellipse: &blend::Ellipse<f64>, size_px: [usize; 2], profile: &Profile) -> [[usize; 2]; 2] {
     let limit = |x: f64, size: usize| if x > 0.0 { (x as usize).min(size) } else { 0 };
     let [u, v] = ellipse.mean_px;
@@ -168,7 +168,8 @@ pub fn reach(ellipse: &blend::Ellipse<f64>, size_px: [usize; 2], profile: &Profi
             let [a, _, c] = footprint::covariance_of_shape(ellipse.shape, ellipse.axis);
             let extent = (2.0 * libm::log(ellipse.opacity / profile.alpha_min)).sqrt();
             std::array::from_fn(|k| {
-                // A pixel more on each side, and a little more for huge ellipses: the α test decides.
+                // Add one pixel on each side, and slightly more for huge ellipses; the α test makes the exact
+                // decision.
                 let half = extent * [a, c][k].sqrt() * (1.0 + 1e-9) + 1.0;
                 let center = [u, v][k] - 0.5;
                 [
@@ -191,10 +192,10 @@ pub struct Lists {
 }
 
 impl Lists {
-    /// Those of the plan, or all tiles of which at least one pixel is reached.
+    /// The lists of the plan, or all tiles with at least one affected pixel.
     ///
     /// # Errors
-    /// When the plan does not fit.
+    /// When the plan does not match.
     pub fn of(
         plan: Option<&Named<f64>>,
         order: &Order,
@@ -205,8 +206,8 @@ impl Lists {
         if let Some(plan) = plan
             && let Some(tile_start) = whole_numbers(plan, "tile_start")?
         {
-            let tile_entry =
-                whole_numbers(plan, "tile_entry")?.ok_or("plan: tile_start and tile_entry come together")?;
+            let tile_entry = whole_numbers(plan, "tile_entry")?
+                .ok_or("plan: tile_start and tile_entry must be given together")?;
             check_starts("tile_start", &tile_start, tiles, tile_entry.len())?;
             if let Some(i) = tile_entry.iter().find(|&&i| i >= x.n) {
                 return Err(format!("plan tile_entry: expected indices below {}, got {i}", x.n));
@@ -249,7 +250,7 @@ impl Lists {
     }
 }
 
-/// Emission slots: places of the entries sorted by (camera, Gaussian, tile).
+/// Emission slots: indices of the entries sorted by (camera, Gaussian, tile).
 fn slots(tile_start: &[usize], tile_entry: &[usize], x: &blend::Ellipses<'_, f64>) -> Vec<usize> {
     let tiles_per_view = x.tiles()[0] * x.tiles()[1];
     let mut emitted = Vec::with_capacity(tile_entry.len());

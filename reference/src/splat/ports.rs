@@ -1,4 +1,4 @@
-//! Ports and settings that several operators of splatting have in common.
+//! Ports and settings shared by several splatting operators.
 
 use crate::ports::{Compare, Dtype, Port, SettingSpec, Space};
 
@@ -13,7 +13,7 @@ pub(super) const VIEWS: Port = Port::fixed("C,4,4", "camera axes x right, y down
 pub(super) const INTRINSICS: Port = Port::fixed("C,3,3", "pixels");
 pub(super) const WIDTH: Port = Port::int("", Dtype::I64, "pixels");
 pub(super) const HEIGHT: Port = Port::int("", Dtype::I64, "pixels");
-pub(super) const NEAR: Port = Port::fixed("", "smallest visible depth; absent: the profile's");
+pub(super) const NEAR: Port = Port::fixed("", "smallest visible depth; absent: that of the profile");
 pub(super) const BACKGROUND: Port = Port::var("3", "colour behind everything");
 
 /// Rows of Gaussians that touch no pixel are not compared.
@@ -45,7 +45,7 @@ pub(super) const TILE_START: Port = Port::int("C·TY·TX+1", Dtype::I64, "bounds
 pub(super) const TILE_ENTRY: Port = Port::int("E", Dtype::I32, "Gaussian of each entry");
 pub(super) const ENTRY_SLOT: Port = Port::int("E", Dtype::I64, "emission slot of each entry");
 pub(super) const LAST_INDEX: Port =
-    Port::int("C,H,W", Dtype::I32, "place in the list of the last one included, −1 none");
+    Port::int("C,H,W", Dtype::I32, "index in the list of the last one included, −1 none");
 pub(super) const ALPHA_MASK: Port = Port::int("E,32", Dtype::U8, "bit 16·row + column: contributes");
 pub(super) const CAP_MASK: Port = Port::int("E,32", Dtype::U8, "bit 16·row + column: α is capped");
 pub(super) const T_CLAMP: Port = Port::int("C,N,2", Dtype::I8, "side on which the tangents are limited");
@@ -56,7 +56,7 @@ const fn constant(key: &'static str, doc: &'static str) -> SettingSpec {
     SettingSpec::number(key, "of the profile", doc)
 }
 
-/// `tile` and `cull` choose how the fast path works; they change no value and the twin ignores them.
+/// `tile` and `cull` configure the f32 fast path; they change no value, and the twin ignores them.
 pub(super) const SETTINGS: &[SettingSpec] = &[
     SettingSpec::choice(
         "profile",
@@ -73,14 +73,14 @@ pub(super) const SETTINGS: &[SettingSpec] = &[
     constant("blur_px2", "added to both diagonal entries of Σ', px²"),
     constant("alpha_max", "cap of α"),
     constant("alpha_min", "α below it is skipped"),
-    constant("t_stop", "transmittance at which the walk ends"),
+    constant("t_stop", "transmittance at which the loop ends"),
     SettingSpec::choice(
         "stop",
         &["after", "before", "before_strict", "never"],
         "of the profile",
-        "how the walk ends",
+        "how the loop over a pixel's list ends",
     ),
-    constant("near", "smallest visible depth; the input of that name wins"),
+    constant("near", "smallest visible depth; the input near takes precedence"),
     constant("far", "largest visible depth"),
     SettingSpec::choice("clamp", &["gsplat", "inria"], "of the profile", "limits of the Jacobian's tangents"),
     SettingSpec::choice(
@@ -93,7 +93,7 @@ pub(super) const SETTINGS: &[SettingSpec] = &[
     SettingSpec::flag(
         "inria_bwd",
         "0",
-        "reproduce the three places where Inria's gradient is not the derivative",
+        "reproduce Inria's three deviations of the gradient from the derivative",
     ),
     SettingSpec::number("tile", "16", "tile side of the f32 forward: 8, 16 or 32; changes no bit"),
     SettingSpec::flag("cull", "1", "skip by exact ellipses in f32; changes no bit"),

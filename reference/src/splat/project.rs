@@ -1,4 +1,4 @@
-//! Gaussians to ellipses in the picture.
+//! `splat.project`: projects Gaussians to ellipses in the image.
 //!
 //! t = R μ + t₀,   u = π(t),   V = J·R·F,   Σ' = V·Vᵀ + ε·I     (EWA splatting, Zwicker 2002; 3DGS, eq. 5)
 //!
@@ -6,8 +6,8 @@
 //!
 //! s = Σ'pq/Σ'pp,   k1 = 1/√Σ'pp,   k2 = √(Σ'pp/det),   det = Σ (2×2 minors of V)² + ε(a₀ + c₀ + ε)
 //!
-//! so that det ≥ ε² and the exponent ½((d_p k1)² + ((d_q − s d_p) k2)²) ≥ 0 without any cancellation; a₀, c₀ are the
-//! diagonal entries of V·Vᵀ.
+//! so that det ≥ ε² and the exponent ½((d_p k1)² + ((d_q − s d_p) k2)²) ≥ 0 without any cancellation; a₀, c₀
+//! are the diagonal entries of V·Vᵀ.
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -17,19 +17,19 @@
 //! | u | `means_px` | (C, N, 2) | pixels; pixel (0, 0) has its centre at (0.5, 0.5) |
 //! | t_z | `depths_z` | (C, N) | scene units |
 //! | Σ'⁻¹ | `conics` | (C, N, 3) | xx, xy, yy; px⁻² |
-//! | | `radii_px` | (C, N, 2) | half-axes of the bounding box of the visible part, whole pixels; 0: outside the picture |
+//! | | `radii_px` | (C, N, 2) | half-axes of the bounding box of the visible part, whole pixels; 0: outside the image |
 //! | s, k1, k2 | `shape` | (C, N, 3) | 1, px⁻¹, px⁻¹ |
 //! | p | `axis` | (C, N) | 0: x, 1: y |
 //! | | `compensation` | (C, N) | √max(0.005², det(V·Vᵀ)/det); antialiased mode only |
 //!
 //! # Kinks and domain
-//! Visible iff near ≤ t_z ≤ far; all results of a Gaussian that is not visible are 0. In J of the pinhole camera t_x/z and
-//! t_y/z are limited (`t_clamp` −1, 0, 1); at a limit the unclamped branch is taken, beyond it t̃ = z·limit is
-//! differentiated as written. The compensation has zero gradient at its floor.
+//! Visible iff near ≤ t_z ≤ far; all results of a Gaussian that is not visible are 0. In J of the pinhole
+//! camera t_x/z and t_y/z are limited (`t_clamp` −1, 0, 1); at a limit the unclamped branch is taken, beyond
+//! it t̃ = z·limit is differentiated as written. The compensation has zero gradient at its floor.
 //!
 //! # Adjoint
-//! With `inria_bwd`: t̃ is taken as a constant beyond a limit, which doubles ∂J/∂z there; the gradient through Σ' into the
-//! conic is multiplied by det²/(det² + 1e-7).
+//! With `inria_bwd`: t̃ is taken as a constant beyond a limit, which doubles ∂J/∂z there; the gradient
+//! through Σ' into the conic is multiplied by det²/(det² + 1e-7).
 
 use crate::array::{Arr, Named, Out};
 use crate::inputs::{inputs, required};
@@ -64,7 +64,7 @@ inputs! {
 /// `splat.project`
 pub static SIGNATURE: Signature = Signature {
     name: "splat.project",
-    summary: "Gaussians to ellipses in the picture",
+    summary: "projects Gaussians to ellipses in the image",
     inputs: In::<f64>::PORTS,
     outputs: ports![
         means_px: MEANS_PX,
@@ -80,7 +80,7 @@ pub static SIGNATURE: Signature = Signature {
     ..Signature::EMPTY
 };
 
-/// Decisions about one Gaussian in one view; what is `None` is taken on the values.
+/// Decisions about one Gaussian in one view; those that are `None` are computed from the values.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Decision {
     /// Whether it is drawn at all.
@@ -224,7 +224,7 @@ pub fn project_one<S: Scalar>(
         ([a0 + profile.blur_px2, b, c0 + profile.blur_px2], det)
     };
     let (_, det_plain) = ellipse(v);
-    // Inria's deviation: same values, derivatives multiplied by det²/(det² + 1e-7).
+    // Deviation of Inria's backward pass: same values, derivatives multiplied by det²/(det² + 1e-7).
     let v_conic = if profile.inria_bwd {
         let square = det_plain.value() * det_plain.value();
         let slope = square / (square + 1e-7);
@@ -268,7 +268,7 @@ impl Views {
     /// Reads cameras and `near`.
     ///
     /// # Errors
-    /// When a camera is none, or the antialiased mode lacks opacities.
+    /// When a camera is invalid, or opacities are missing in antialiased mode.
     pub fn of<S: Scalar>(input: &In<'_, S>, mut profile: Profile) -> Result<Self, String> {
         if let Some(near) = input.near {
             profile.near = near.data[0].value();
@@ -292,12 +292,12 @@ fn factor_of<S: Scalar>(input: &In<'_, S>, i: usize) -> Result<[[S; 3]; 3], Stri
     covariance::factor_of(&covariance::In { quats, scales }, i)
 }
 
-/// Writes the projection of every Gaussian in every view; shared by `splat.project` and `splat.render`. `also` is called
-/// for each visible Gaussian with (camera index, Gaussian, row, its projection) before the row is flushed. Completes the
-/// plan by `order`, `camera_start`, `t_clamp`, `pivot`.
+/// Writes the projection of every Gaussian in every view; shared by `splat.project` and `splat.render`.
+/// `also` is called for each visible Gaussian with (camera index, Gaussian, row, its projection) before the
+/// row is flushed. Completes the plan with `order`, `camera_start`, `t_clamp`, `pivot`.
 ///
 /// # Errors
-/// When a Gaussian has no finite ellipse, or the plan does not fit.
+/// When a Gaussian has no finite ellipse, or the plan does not match.
 pub fn write<S: Scalar>(
     input: &In<'_, S>,
     views: &Views,
@@ -364,8 +364,8 @@ pub fn write<S: Scalar>(
 /// The twin of `splat.project`.
 ///
 /// # Errors
-/// When a camera is none, the shape of the Gaussians or the opacities of the antialiased mode are missing, a Gaussian has
-/// no finite ellipse, or the plan does not fit.
+/// When a camera is invalid, the shape of the Gaussians or the opacities of the antialiased mode are missing,
+/// a Gaussian has no finite ellipse, or the plan does not match.
 pub fn forward<S: Scalar>(
     input: &In<'_, S>,
     profile: Profile,
@@ -378,7 +378,7 @@ pub fn forward<S: Scalar>(
 /// [`forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When an input is missing or has the wrong shape, or the plan does not match it.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     forward(&In::of(call.arrays)?, Profile::of(&call.settings), call.plan, out)
 }

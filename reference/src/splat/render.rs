@@ -1,7 +1,7 @@
-//! Gaussians to pictures: [`super::project`] and [`super::color`], then [`super::blend`].
+//! `splat.render`: renders Gaussians: [`super::project`] and [`super::color`], then [`super::blend`].
 //!
-//! Inputs are those of the parts; instead of `sh` and `sh_degree` there may be `rgb` (N, 3), and instead of `quats` and
-//! `scales` there may be `factors` (N, 3, 3). In antialiased mode the opacity of a Gaussian in a view is
+//! The inputs are those of the parts; `rgb` (N, 3) may replace `sh` and `sh_degree`, and `factors` (N, 3, 3)
+//! may replace `quats` and `scales`. In antialiased mode the opacity of a Gaussian in a view is
 //! o·compensation (`opacities_px`, (C, N)).
 
 use crate::array::{Arr, Named, Out};
@@ -41,7 +41,7 @@ inputs! {
 /// `splat.render`
 pub static SIGNATURE: Signature = Signature {
     name: "splat.render",
-    summary: "Gaussians to pictures: covariance, project, color, blend",
+    summary: "renders Gaussians: covariance, project, color, blend",
     inputs: In::<f64>::PORTS,
     outputs: ports![image: IMAGE, alpha: ALPHA, depth: DEPTH],
     intermediates: ports![
@@ -130,7 +130,7 @@ pub static SIGNATURE: Signature = Signature {
 /// First stage: every Gaussian in every view, with its colour.
 ///
 /// # Errors
-/// When a part of the inputs is missing or does not fit, or the plan does not fit.
+/// When an input is missing or has the wrong shape, or the plan does not match.
 pub fn project_and_color<S: Scalar>(
     input: &In<'_, S>,
     profile: Profile,
@@ -190,7 +190,7 @@ fn blend_inputs<'a, S>(arrays: &'a Named<S>, profile: &Profile) -> Result<blend:
 /// [`project_and_color`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When an input is missing or has the wrong shape, or the plan does not match it.
 pub fn run_project_and_color<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     project_and_color(&In::of(call.arrays)?, Profile::of(&call.settings), call.plan, out)
 }
@@ -198,13 +198,13 @@ pub fn run_project_and_color<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>
 /// [`blend::forward`] on named arrays.
 ///
 /// # Errors
-/// When an input is missing or shaped otherwise, or the plan does not fit it.
+/// When an input is missing or has the wrong shape, or the plan does not match it.
 pub fn run_blend<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
     let profile = Profile::of(&call.settings);
     blend::forward(&blend_inputs(call.arrays, &profile)?, &profile, call.plan, out)
 }
 
-/// Number of (Gaussian, pixel) pairs that are looked at.
+/// Number of (Gaussian, pixel) pairs that are tested.
 ///
 /// # Errors
 /// As [`run_project_and_color`].

@@ -1,4 +1,4 @@
-//! The list: one line per operator.
+//! The list of twins, one line per operator.
 
 use super::{Call, Stage, Twin};
 use crate::body::{pose, rest, skin};
@@ -13,14 +13,15 @@ use crate::optim::{adam, adamw};
 use crate::shade::{diffuse, envmap, gain, ggx, over_black};
 use crate::splat::{activate, blend, color, covariance, project, render};
 
-/// One stage over all kinds of numbers: `stage!(module::run)`.
+/// Declares one stage for all scalar types: `stage!(module::run)`.
 macro_rules! stage {
     ($($run:ident)::+) => {
         Stage { value: $($run)::+::<f64>, smooth: Some(($($run)::+, $($run)::+)) }
     };
 }
 
-/// An operator of one stage, the function `run` of its module; its work is counted by `work` if that is named.
+/// Declares an operator of one stage, the function `run` of its module; the function `work`, if named, counts
+/// its work.
 macro_rules! twin {
     ($module:ident) => {
         twin!($module, entries)
@@ -30,7 +31,7 @@ macro_rules! twin {
     };
 }
 
-/// An operator of one stage that has no gradient.
+/// Declares an operator of one stage without a gradient.
 macro_rules! twin_without_gradient {
     ($module:ident, $work:expr) => {
         Twin {

@@ -170,7 +170,7 @@ fn the_image_is_linear_in_colour_and_background() {
 }
 
 #[test]
-fn equal_pictures_are_similar_and_have_no_loss() {
+fn equal_images_are_similar_and_have_no_loss() {
     let x = uniform(&[12, 17, 3], [0.0, 1.0], 50);
     let same = named([("x", x.clone()), ("y", x.clone())]);
     let similarity = run("loss.ssim", &same, &[]).outputs["value"].data[0];
@@ -188,7 +188,7 @@ fn equal_pictures_are_similar_and_have_no_loss() {
 }
 
 #[test]
-fn losses_of_constant_pictures_are_known() {
+fn losses_of_constant_images_are_known() {
     let (a, b) = (0.75, 0.25);
     let flat = |v: f64| Arr::filled(&[30, 30, 3], v);
     let mask = Arr::new(&[30, 30], (0..900).map(|i| if i % 30 < 15 { 1.0 } else { 0.0 }).collect());
@@ -207,7 +207,7 @@ fn losses_of_constant_pictures_are_known() {
     // One pixel more than the window away from every border the variances vanish.
     use reference::loss::{In, Pair, ssim};
     let whole = named([("x", flat(a)), ("y", flat(b))]);
-    let pair = Pair::of(&In::of(&whole).expect("two pictures")).expect("two pictures");
+    let pair = Pair::of(&In::of(&whole).expect("two images")).expect("two images");
     let centre = ssim::map_at(&pair, &ssim::window(), [15, 15, 0]);
     let expected = (2.0 * a * b + 1e-4) / (a * a + b * b + 1e-4);
     assert!((centre - expected).abs() < 1e-12, "{centre} against {expected}");
@@ -216,7 +216,7 @@ fn losses_of_constant_pictures_are_known() {
 }
 
 #[test]
-fn masked_ssim_is_that_of_masked_pictures() {
+fn masked_ssim_is_that_of_masked_images() {
     let (h, w) = (14, 11);
     let mask = Arr::new(&[h, w], (0..h * w).map(|i| f64::from(u8::from(i % 5 != 0))).collect());
     let x = uniform(&[h, w, 3], [0.0, 1.0], 51);
@@ -226,7 +226,7 @@ fn masked_ssim_is_that_of_masked_pictures() {
     };
     let masked = named([("x", times(&x)), ("y", times(&y))]);
     use reference::loss::{In, Pair, ssim};
-    let pair = Pair::of(&In::of(&masked).expect("two pictures")).expect("two pictures");
+    let pair = Pair::of(&In::of(&masked).expect("two images")).expect("two images");
     let (mut sum, mut count) = (0.0, 0.0);
     for i in (0..3 * h * w).filter(|i| mask.data[i / 3] == 1.0) {
         sum += ssim::map_at(&pair, &ssim::window(), [i / 3 / w, i / 3 % w, i % 3]);

@@ -18,7 +18,7 @@ fn check(
     inputs: &[&str],
     mut chosen: BTreeMap<String, Setting>,
     [values, gradients]: [f64; 2],
-) -> Option<(Named<f64>, twins::Answer)> {
+) -> Option<(Named<f64>, twins::Results)> {
     let arrays = golden(file)?;
     for (name, x) in &arrays {
         if let Some(setting) = name.strip_prefix("setting_") {

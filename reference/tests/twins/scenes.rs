@@ -94,7 +94,7 @@ pub(crate) fn frontal(of: &[([f64; 3], f64, f64, f64)], width: usize, height: us
 }
 
 /// The answer of a request that must succeed.
-pub(crate) fn run(op: &str, inputs: &Named<f64>, with: &[(&str, &str)]) -> twins::Answer {
+pub(crate) fn run(op: &str, inputs: &Named<f64>, with: &[(&str, &str)]) -> twins::Results {
     let settings = settings(with);
     twins::value(&Request { op, inputs, settings: &settings, plan: None }).expect("a good request")
 }

@@ -32,10 +32,4 @@ pub(crate) struct Args {
     /// Replace files in --out that exist
     #[arg(long)]
     pub(super) force: bool,
-    /// Print the result record as JSON
-    #[arg(long)]
-    pub(super) json: bool,
-    /// Print neither progress nor notes
-    #[arg(long)]
-    pub(super) quiet: bool,
 }

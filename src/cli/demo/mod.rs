@@ -31,7 +31,7 @@ const LEAST_PERSON_DB: f64 = 17.0;
 const RECORD: &str = "result.json";
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new();
     let default = PathBuf::from("demo");
     let dir = args.out.as_deref().unwrap_or(&default);
     // The default folder belongs to the demo, so that it can be run twice.
@@ -58,8 +58,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
             lines.extend(part.lines.iter().cloned());
         }
     }
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir, args.json)?;
-    if !args.json {
+    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir)?;
+    if !crate::console::is_json() {
         next(&dir, person.is_some(), scene.is_some())?;
     }
     for (name, reached, least, enough) in checks {

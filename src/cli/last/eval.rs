@@ -6,7 +6,7 @@ use crate::fit::training::Watch;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
-use crate::shared::{ConsoleArgs, MetricArgs};
+use crate::shared::{ForceArgs, MetricArgs};
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::evaluate::Evaluation;
@@ -41,11 +41,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     #[command(flatten)]
-    manner: ConsoleArgs,
+    replace: ForceArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.manner.quiet);
+    let mut meter = Meter::new();
     let stored = store::read(&fit::avatar_file(&args.run)?)?;
     let capture = PersonCapture::open(&args.capture)?;
     if args.min_psnr.is_some() && capture.test.is_empty() {
@@ -54,7 +54,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .expected("a capture with held-out pictures")
             .got("none"));
     }
-    let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.manner.force)).transpose()?;
+    let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.replace.force)).transpose()?;
     let perception = args.perception.load(&meter)?;
     meter.lap("reading");
     let of = Evaluation {
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let groups = scoring::groups(of, &mut meter)?;
     meter.lap("rendering and scoring");
     let digest = stored.avatar.digest()?;
-    if args.manner.json {
+    if cli::is_json() {
         cli::say_json(&json!({
             "run": args.run, "capture": args.capture, "digest": digest,
             "gaussians": stored.avatar.gaussians.len(), "evaluation": scoring::json(&groups),

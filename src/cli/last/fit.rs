@@ -227,7 +227,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new();
     let model = args.guided.model.as_deref().map(Trained::of_pictures).transpose()?;
     let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
@@ -254,7 +254,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         perception: perception.as_ref(),
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
-    job.run(&mut meter)?.publish(&job.frame.dir, args.filling.json)
+    job.run(&mut meter)?.publish(&job.frame.dir)
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.

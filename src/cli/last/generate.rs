@@ -170,7 +170,7 @@ impl Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let settings = args.settings()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new();
     let report = cli::stoppable(|stop| {
         generate::run(&settings, &args.out, args.filling.resume, stop, &mut |done, total, what| {
             if done == total {
@@ -181,7 +181,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         })
     })?;
     meter.done();
-    if args.filling.json {
+    if cli::is_json() {
         return cli::say_json(&report.record);
     }
     for line in lines(args, &settings, &report, meter.seconds()) {
@@ -201,7 +201,7 @@ fn lines(args: &Args, settings: &Settings, report: &Report, seconds: f64) -> Vec
         args.out.join(RECORD).display(),
         seconds
     )];
-    if report.record["video_causes_are_balanced"] == false && !args.filling.quiet {
+    if report.record["video_causes_are_balanced"] == false && !cli::is_quiet() {
         lines.push(format!(
             "a video of {} frames is too short for {} factors with variance 1 and no correlation: it takes {}",
             settings.frames,

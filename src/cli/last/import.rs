@@ -6,7 +6,7 @@ use crate::io::captures::{self, LAYOUTS, Layout, Range, Selection};
 use crate::io::smpl;
 use crate::meter::Meter;
 use crate::scene::person::import;
-use crate::shared::ConsoleArgs;
+use crate::shared::ForceArgs;
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -62,7 +62,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
     downscale: Option<u16>,
     #[command(flatten)]
-    manner: ConsoleArgs,
+    replace: ForceArgs,
 }
 
 impl Args {
@@ -95,10 +95,10 @@ impl Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let (layout, selection) = (args.layout()?, args.selection()?);
-    claim::check(&args.out, false, args.manner.force)?;
+    claim::check(&args.out, false, args.replace.force)?;
     let source = captures::read(layout, &args.dir, &selection, args.gender.as_deref())?;
     let model = args.body.as_ref().map(|p| smpl::read(p, &source.gender)).transpose()?;
-    let mut meter = Meter::new(args.manner.quiet);
+    let mut meter = Meter::new();
     let report = cli::stoppable(|stop| {
         let downscale = args.downscale.map(usize::from);
         import::write(&source, model.as_ref(), downscale, &args.out, stop, &mut |done, total| {
@@ -110,7 +110,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         })
     })?;
     meter.done();
-    if args.manner.json {
+    if cli::is_json() {
         return cli::say_json(&json!({
             "capture": args.out, "layout": layout.name(), "kind": source.kind, "train": report.shots[0], "test": report.shots[1],
             "moments": report.moments, "points": report.points, "joints": report.joints, "size": report.size, "notes": report.notes,

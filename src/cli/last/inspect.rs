@@ -32,9 +32,6 @@ pub(crate) struct Args {
     /// Replace images in a folder that is used
     #[arg(long)]
     force: bool,
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
 }
 
 /// Problems printed.
@@ -57,7 +54,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         Some(out) => report.write(&claim::folder(out, false, args.force)?)?,
         None => Vec::new(),
     };
-    if args.json {
+    if cli::is_json() {
         let mut record = report.record();
         record["pictures"] = json!(pictures);
         cli::say_json(&record)?;

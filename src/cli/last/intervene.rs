@@ -7,7 +7,7 @@ use crate::meter::Meter;
 use crate::report::pictures::Sheet;
 use crate::report::{self, Page, Section};
 use crate::scene::person::PersonCapture;
-use crate::shared::{ConsoleArgs, Outcome};
+use crate::shared::{ForceArgs, Outcome};
 use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::guide;
@@ -42,7 +42,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
     #[command(flatten)]
-    manner: ConsoleArgs,
+    replace: ForceArgs,
 }
 
 /// Pixels between images.
@@ -135,8 +135,8 @@ impl Grid {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let meter = Meter::new(args.manner.quiet);
-    claim::check(&args.out, false, args.manner.force)?;
+    let meter = Meter::new();
+    claim::check(&args.out, false, args.replace.force)?;
     let trained = Trained::of_pictures(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let n = trained.model.sizes.factors;
@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got(args.frame.to_string())
     })?;
     let grid = Grid::new(&trained, &capture, shot, &which)?;
-    let dir = claim::folder(&args.out, false, args.manner.force)?;
+    let dir = claim::folder(&args.out, false, args.replace.force)?;
     grid.write(&dir)?;
     let record = json!({
         "kind": "last intervene", "lastlight": env!("CARGO_PKG_VERSION"), "edges": trained.graph.edges(),
@@ -173,5 +173,5 @@ pub(super) fn run(args: &Args) -> Result<()> {
         lines.push(format!("{i:<10}{row}"));
     }
     lines.push(format!("grid        {}", dir.join("grid.png").display()));
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir, args.manner.json)
+    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir)
 }

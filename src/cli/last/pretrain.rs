@@ -147,7 +147,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet).of("edges");
+    let mut meter = Meter::new().of("edges");
     let settings = args.settings()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let data = Pictures::read(&args.data, settings.supervision != Supervision::None, settings.framing)?;
@@ -189,7 +189,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     lines.push(format!("digest      {digest}"));
     lines.push(format!("time        {}", report::seconds(meter.seconds())));
     lines.push(format!("model       {}", frame.file(MODEL).display()));
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&frame.dir, args.filling.json)
+    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&frame.dir)
 }
 
 /// A change of units in words.

@@ -9,7 +9,7 @@ use crate::meter::Meter;
 use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::scene::person::{PersonCapture, Pose};
-use crate::shared::{ConsoleArgs, DefaultArgs, OrbitArgs};
+use crate::shared::{ForceArgs, DefaultArgs, OrbitArgs};
 use crate::{Error, Result};
 use lastlight_last::avatar::store::{self, Stored};
 use serde_json::json;
@@ -49,16 +49,16 @@ pub(crate) struct Args {
     #[command(flatten)]
     orbit: OrbitArgs,
     #[command(flatten)]
-    manner: ConsoleArgs,
+    replace: ForceArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.manner.quiet);
+    let mut meter = Meter::new();
     let stored = store::read(&fit::avatar_file(&args.run)?)?;
     let (poses, first) = poses(args, &stored)?;
     let cameras = cameras(args, &stored, &poses)?;
     let pairs = pairs(poses.len(), cameras.len())?;
-    let dir = claim::folder(&args.out, false, args.manner.force)?;
+    let dir = claim::folder(&args.out, false, args.replace.force)?;
     let mut names = Vec::with_capacity(pairs.len());
     for (k, &(p, c)) in pairs.iter().enumerate() {
         meter.count(k, pairs.len(), "rendering");
@@ -70,7 +70,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         names.push(name);
     }
     meter.done();
-    if args.manner.json {
+    if cli::is_json() {
         return cli::say_json(&json!({
             "run": args.run, "out": args.out, "pictures": names, "poses": poses.len(), "cameras": cameras.len(),
             "gaussians": stored.avatar.gaussians.len(), "seconds": meter.seconds(),

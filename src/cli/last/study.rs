@@ -7,7 +7,7 @@ use crate::experiments::{self as engine, Study};
 use crate::io::atomic;
 use crate::meter::Meter;
 use crate::num::par;
-use crate::shared::{ConsoleArgs, MetricArgs};
+use crate::shared::{ForceArgs, MetricArgs};
 use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::shipped;
@@ -80,7 +80,7 @@ pub(crate) struct Args {
     #[command(flatten)]
     perception: MetricArgs,
     #[command(flatten)]
-    manner: ConsoleArgs,
+    replace: ForceArgs,
 }
 
 impl Args {
@@ -150,7 +150,7 @@ fn number(id: &str) -> u32 {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.manner.quiet);
+    let mut meter = Meter::new();
     let (vectors, seen, persons) = args.sizes();
     let of_vectors: [Learning; 4] =
         [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(vectors));
@@ -170,7 +170,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let with_persons = guided.iter().any(|id| args.wants(id));
     let perception = if with_persons { args.perception.load(&meter)? } else { None };
     let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
-    let dir = claim::folder(&args.out, args.resume, args.manner.force)?;
+    let dir = claim::folder(&args.out, args.resume, args.replace.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let options = RunOptions {
         command: "last study",
@@ -211,7 +211,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
     let title = args.warning().unwrap_or("experiments");
     let page = engine::page("last study", title, &reports, (COST, &costs)).write(&dir)?;
-    if args.manner.json {
+    if cli::is_json() {
         return cli::say_json(&record);
     }
     if let Some(warning) = args.warning() {

@@ -6,7 +6,7 @@ use crate::console as cli;
 use crate::fit::training::Watch;
 use crate::meter::Meter;
 use crate::scene::person::PersonCapture;
-use crate::shared::ConsoleArgs;
+use crate::shared::ForceArgs;
 use crate::training;
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::tune::{Settings, Subject, Tuning};
@@ -37,7 +37,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    manner: ConsoleArgs,
+    replace: ForceArgs,
 }
 
 /// Edges as text: `0>1 0>2`, or `none`.
@@ -47,8 +47,8 @@ pub(crate) fn edges(edges: &[(usize, usize)]) -> String {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.manner.quiet).of("edges");
-    claim::file(&args.out, args.manner.force)?;
+    let mut meter = Meter::new().of("edges");
+    claim::file(&args.out, args.replace.force)?;
     let mut trained = Trained::of_pictures(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
     let subject = Subject::new(&trained, &capture)?;
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.lap("tuning");
     trained.write(&args.out, &[("command", cli::command_line())])?;
     let n = trained.model.sizes.factors;
-    if args.manner.json {
+    if cli::is_json() {
         return cli::say_json(&json!({
             "kind": "last tune", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
             "pictures": capture.train.len(), "before": tuned.before, "after": tuned.after,

@@ -146,7 +146,7 @@ impl Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new();
     let settings = args.settings()?;
     settings.validate()?;
     // The set makes its folder when there is something to write.
@@ -158,7 +158,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     meter.done();
     let seconds = meter.seconds();
-    if args.filling.json {
+    if cli::is_json() {
         return cli::say_json(&json!({
             "out": args.out, "objects": made.objects, "rendered": made.rendered,
             "digest": format!("{:016x}", made.digest), "settings": settings.record()?, "seconds": seconds,

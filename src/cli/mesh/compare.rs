@@ -31,9 +31,6 @@ pub(crate) struct Args {
     /// Seed of the samples
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
-    /// Print the result as JSON
-    #[arg(long)]
-    json: bool,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -44,7 +41,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let (a, b) = (model::read(&args.a)?, model::read(&args.b)?);
     let c = compare(&a.mesh, &b.mesh, args.samples as usize, args.seed, args.tau)?;
-    if args.json {
+    if cli::is_json() {
         return cli::say_json(&record(args, &c));
     }
     cli::say(&format!(

@@ -88,7 +88,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new();
     let exposure = exposure(&args.exposure)?;
     if !args.time.is_finite() {
         return Err(Error::input("--time").expected("a number of seconds").got(args.time.to_string()));
@@ -120,7 +120,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     })?;
     meter.done();
     let (v, t) = (object.mesh.positions.len(), object.mesh.triangles.len());
-    if args.filling.json {
+    if cli::is_json() {
         return cli::say_json(&json!({
             "file": args.file, "out": args.out, "pictures": shots.len(), "vertices": v, "triangles": t,
             "materials": object.materials.len(), "notes": notes, "digest": format!("{digest:016x}"), "seconds": meter.seconds(),

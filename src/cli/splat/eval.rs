@@ -57,12 +57,6 @@ pub(crate) struct Args {
     force: bool,
     #[command(flatten)]
     render: RenderArgs,
-    /// Print the scores as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print neither progress nor notes
-    #[arg(long)]
-    quiet: bool,
 }
 
 /// LPIPS of every view that was scored, or its surrogate.
@@ -88,7 +82,7 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
     let stored = read_scene(&args.scene)?;
     let views = Views::load(
@@ -122,7 +116,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         "profile": args.render.profile, "downscale": args.downscale, "evaluation": evaluation.json(),
         "perception": {"name": name, "mean": mean(&perceived), "views": perceived},
     });
-    if args.json {
+    if cli::is_json() {
         cli::say_json(&record)?;
     } else {
         cli::say(&scores_text(&evaluation))?;

@@ -89,7 +89,7 @@ pub(crate) struct Args {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.filling.quiet);
+    let mut meter = Meter::new();
     let (render, background) = args.render.settings()?;
     let mut settings = Settings {
         iterations: args.iterations,
@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         views: &views,
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
-    job.run(first, &mut meter)?.publish(&job.frame.dir, args.filling.json)
+    job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 
 /// Says what the fit may take; refuses it above the limit.

@@ -52,16 +52,10 @@ pub(crate) struct Args {
     center: Option<String>,
     #[command(flatten)]
     render: RenderArgs,
-    /// Print what was written as JSON
-    #[arg(long)]
-    json: bool,
-    /// Print neither progress nor notes
-    #[arg(long)]
-    quiet: bool,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
     let passes = Passes::parse(&args.passes)?;
     let stored = read_scene(&args.scene)?;
@@ -72,7 +66,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         meter.count(done, total, "rendering")
     })?;
     meter.done();
-    if args.json {
+    if cli::is_json() {
         return cli::say_json(&json!({
             "scene": args.scene, "out": args.out, "pictures": shots.len(), "gaussians": stored.len(),
             "profile": args.render.profile, "files": written, "seconds": meter.seconds(),

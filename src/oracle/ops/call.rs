@@ -1,4 +1,4 @@
-//! From user-supplied arrays to checked inputs of an operator, and back.
+//! Calls of operators with named arrays, and their results.
 
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
@@ -20,7 +20,7 @@ pub struct Call {
     pub cotangents: Arrays,
     /// gradients to accumulate into, by input name; zeros where absent
     pub start: Arrays,
-    /// discrete decisions to use instead of taking them
+    /// given discrete decisions; they are not recomputed
     pub plan: Option<Arrays>,
     /// also return the intermediates
     pub dump: bool,
@@ -40,10 +40,10 @@ pub struct RunResult {
 }
 
 impl RunResult {
-    /// The same with every float array rounded to f32: what a run in f32 stores, whatever it computed in.
+    /// Rounds every float array to f32, as stored by a run in f32, whatever its internal precision.
     ///
     /// # Errors
-    /// When a number leaves the range of f32.
+    /// When a number is out of the range of f32.
     pub fn stored_in_f32(self, op: &Signature) -> Result<Self> {
         Ok(Self {
             outputs: cast(&self.outputs, op.outputs, true)?,
@@ -58,7 +58,7 @@ pub(super) fn list(sizes: &[usize]) -> String {
     sizes.iter().map(usize::to_string).collect::<Vec<_>>().join(",")
 }
 
-/// Brings one array to the element type of its port.
+/// Converts one array to the element type of its port.
 pub(super) fn convert(name: &str, array: &Array, dtype: Dtype, single: bool) -> Result<Array> {
     let shape = array.shape().to_vec();
     if dtype == Dtype::Float {
@@ -98,10 +98,10 @@ pub(super) fn rows<const K: usize>(values: &[f32]) -> Vec<[f32; K]> {
     values.chunks_exact(K).map(|row| std::array::from_fn(|k| row[k])).collect()
 }
 
-/// Brings arrays that use the ports' names to the ports' element types; other names keep theirs.
+/// Converts the arrays named by ports to the element types of the ports; other arrays are unchanged.
 ///
 /// # Errors
-/// When an entry of an integer port is no whole number in its range.
+/// When an entry of an integer port is not a whole number in its range.
 pub(super) fn cast(arrays: &Arrays, ports: &[Port], single: bool) -> Result<Arrays> {
     let mut out = Arrays::new();
     for (name, array) in &arrays.0 {

@@ -1,8 +1,8 @@
-//! Drawing of generated cases: f32 numbers from counters, so that a case is the same everywhere.
+//! Random numbers of generated cases: counter-based f32 draws, so that a case is the same on every machine.
 
 use crate::num::rng::Rng;
 
-/// Numbers of one array of one case.
+/// The random numbers of one array of one case.
 pub(super) struct Draw {
     rng: Rng,
     step: u32,
@@ -12,7 +12,7 @@ pub(super) struct Draw {
 const PURPOSE: u16 = 0x6f70; // "op"
 
 impl Draw {
-    /// Array `array` of case `case`. Operators with the same seed draw the same numbers.
+    /// The draws of array `array` of case `case`. Operators with the same seed draw the same numbers.
     pub(super) fn new(seed: u64, case: usize, array: u16) -> Self {
         Self { rng: Rng::new(seed), step: (case as u32) << 16 | u32::from(array) }
     }

@@ -45,7 +45,7 @@ impl<'a> Checked<'a> {
     /// Checks a call for a run in f32 (`single`) or f64.
     ///
     /// # Errors
-    /// The first thing that is wrong: a name, a shape, an element, a setting, or a rule of the operator.
+    /// Names the first violation: of a name, a shape, an element, a setting, or a rule of the operator.
     pub fn new(op: &'static Op, call: &'a Call, single: bool) -> Result<Self> {
         Self::build(op, call, single).map_err(|e| e.within(op.name))
     }
@@ -111,12 +111,12 @@ impl<'a> Checked<'a> {
         Ok(Self { cotangents, ..checked })
     }
 
-    /// Whether gradients are wanted.
+    /// Whether gradients are requested.
     pub fn with_gradients(&self) -> bool {
         !self.cotangents.0.is_empty()
     }
 
-    /// Whether the input is there.
+    /// Whether the input is present.
     pub fn has(&self, name: &str) -> bool {
         self.inputs.get(name).is_some()
     }
@@ -136,7 +136,7 @@ impl<'a> Checked<'a> {
         self.inputs.get(name).map(Array::to_f64).unwrap_or_default()
     }
 
-    /// A whole number among the inputs.
+    /// An input that is a whole number.
     ///
     /// # Errors
     /// When it is negative.
@@ -155,7 +155,7 @@ impl<'a> Checked<'a> {
         self.dims.get(letter).unwrap_or(0)
     }
 
-    /// A number among the settings.
+    /// A setting that is a number.
     pub fn number(&self, key: &str) -> Option<f64> {
         match self.settings.get(key) {
             Some(Setting::Number(x)) => Some(*x),
@@ -163,10 +163,10 @@ impl<'a> Checked<'a> {
         }
     }
 
-    /// A number among the settings as the f32 that the operator reads.
+    /// A setting that is a number, rounded to the f32 that the operator reads.
     ///
     /// # Errors
-    /// When it is beyond the range of f32, or breaks a rule there.
+    /// When it is out of the range of f32, or violates the rule after rounding.
     pub fn single(
         &self,
         key: &str,
@@ -184,7 +184,7 @@ impl<'a> Checked<'a> {
             .got(format!("{given:e}")))
     }
 
-    /// A choice among the settings.
+    /// A setting that is a word.
     pub fn word(&self, key: &str) -> Option<&str> {
         match self.settings.get(key) {
             Some(Setting::Text(word)) => Some(word),
@@ -195,7 +195,7 @@ impl<'a> Checked<'a> {
     /// Cotangent of an output with `len` entries; `None` is zero.
     ///
     /// # Errors
-    /// When its shape is not that of the output.
+    /// When its shape differs from that of the output.
     pub fn bar(&self, name: &str, shape: &[usize]) -> Result<Option<Vec<f32>>> {
         Ok(self.cotangent(name, shape)?.map(Array::to_f32))
     }
@@ -203,7 +203,7 @@ impl<'a> Checked<'a> {
     /// [`Self::bar`] for an operator that computes in f64.
     ///
     /// # Errors
-    /// When its shape is not that of the output.
+    /// When its shape differs from that of the output.
     pub fn bar_f64(&self, name: &str, shape: &[usize]) -> Result<Option<Vec<f64>>> {
         Ok(self.cotangent(name, shape)?.map(Array::to_f64))
     }
@@ -218,7 +218,7 @@ impl<'a> Checked<'a> {
         Ok(Some(array))
     }
 
-    /// The gradient to accumulate into, zeros unless the call brings one.
+    /// The gradient to accumulate into, zeros unless the call has one.
     pub fn start(&self, name: &str, len: usize) -> Vec<f32> {
         match self.call.start.get(name) {
             Some(array) => array.to_f32(),
@@ -236,15 +236,15 @@ impl<'a> Checked<'a> {
         rows(&self.start(name, K * len))
     }
 
-    /// The shape an input has.
+    /// The shape of an input.
     pub fn shape(&self, name: &str) -> Vec<usize> {
         self.inputs.get(name).map(|a| a.shape().to_vec()).unwrap_or_default()
     }
 
-    /// Refuses entries that break a rule.
+    /// Checks the entries of an input against a rule.
     ///
     /// # Errors
-    /// Names the first such entry.
+    /// Names the first entry that violates it.
     pub fn rule(&self, name: &str, expected: &str, holds: impl Fn(f64) -> bool) -> Result<()> {
         match self.f64s(name).into_iter().enumerate().find(|(_, x)| !holds(*x)) {
             None => Ok(()),
@@ -259,7 +259,7 @@ impl<'a> Checked<'a> {
 /// Runs the shipped operator.
 ///
 /// # Errors
-/// Bad input.
+/// Invalid input.
 pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
     let checked = Checked::new(op, call, true)?;
     (op.run)(&checked)

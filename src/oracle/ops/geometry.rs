@@ -1,4 +1,4 @@
-//! Rays and triangles; they have no adjoint.
+//! Rays and triangles, without adjoint.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -33,12 +33,13 @@ fn check(x: &Checked<'_>) -> Result<()> {
         let e = Error::input("array 'triangles'").at(format!("row {}", i / 3));
         return Err(e.expected(format!("indices below {vertices}")).got(index[i].to_string()));
     }
-    // f32: a direction that is only not 0 in double precision has none in single precision
+    // in f32, since a direction that is not 0 in double precision may be 0 in single precision
     match rows(&x.f32s("direction")).iter().position(|d| *d == [0.0; 3]) {
         None => Ok(()),
-        Some(i) => {
-            Err(Error::input("array 'direction'").at(format!("row {i}")).expected("a direction").got("zeros"))
-        }
+        Some(i) => Err(Error::input("array 'direction'")
+            .at(format!("row {i}"))
+            .expected("a nonzero direction")
+            .got("zeros")),
     }
 }
 
@@ -62,7 +63,8 @@ fn predict(_: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { infinite: vec!["t".to_owned()], ..Prediction::default() })
 }
 
-/// Case 0: a heap of triangles; case 1: a closed surface over a grid of angles, so that neighbours share edges. Two rays in three hit.
+/// Case 0: random triangles; case 1: a closed surface over a grid of angles, so that neighbours share edges.
+/// Two rays in three hit.
 fn case(case: usize) -> Case {
     let draw = |array| Draw::new(30, case, array);
     let mut made = Case::default();

@@ -1,4 +1,4 @@
-//! The losses of groups that share an intervention.
+//! The losses of groups with a shared intervention.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -89,7 +89,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Factors that were not set have no part in the codes, those that were none in the causes.
+/// Factors that were not set do not affect the codes; factors that were set do not affect the causes.
 fn predict(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let target = x.f64s("target");
     let [m, n, k] = ["M", "N", "K"].map(|letter| x.dim(letter));
@@ -104,15 +104,15 @@ fn predict(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     })
 }
 
-/// Case 0: every factor set by two groups, the values of one close together, a variance below the floor; case 1: one factor set by a single
-/// group, one by none; case 2: codes given.
+/// Case 0: every factor set by two groups, the values of one factor close together, a variance below the
+/// floor; case 1: one factor set by a single group, one by none; case 2: given codes.
 fn case(case: usize) -> Case {
     let (target, [m, n, k]): (&[i32], _) =
         [(&[0, 1, 2, 0, 1, 2][..], [3, 3, 2]), (&[2, 0, 2, 2], [2, 4, 3]), (&[1, 2, 0, 2, 1], [2, 3, 2])]
             [case];
     let g = target.len();
     let draw = |array, len| Draw::new(65, case, array).normals(len);
-    // far apart, but for factor 2: near ±0.1
+    // far apart, except for factor 2: near ±0.1
     let wide: Vec<f32> = draw(0, g * m * n * k)
         .into_iter()
         .enumerate()

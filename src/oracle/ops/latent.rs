@@ -1,4 +1,4 @@
-//! The distance of the factors of two images.
+//! The distance between the factors of two images.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -54,7 +54,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Both halves; the first alone.
+/// Case 0: both terms; case 1: the first only.
 fn case(case: usize) -> Case {
     let d = [16, 5][case];
     let draw = |array| Draw::new(24, case, array);

@@ -95,7 +95,7 @@ fn left_out_or_equal(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(zeros(x, |a, b| a == b))
 }
 
-/// Two images that differ by noise; in case 1 with a mask, in case 2 with a mask and one channel.
+/// Two images that differ by noise; case 1 with a mask, case 2 with a mask and one channel.
 fn case(case: usize) -> Case {
     let [h, w, channels] = [[13, 11, 3], [17, 22, 3], [6, 19, 1]][case];
     let n = h * w * channels;

@@ -40,7 +40,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Shapes (2, H, W, C) at every convolution, and of every maximum.
+/// Shapes (2, H, W, C) at every convolution and every max pooling.
 fn shapes(x: &Checked<'_>, weights: &Weights) -> (Vec<[usize; 4]>, Vec<[usize; 4]>) {
     let sizes = lpips::sizes(x.dim("H"), x.dim("W"));
     let of = |k: usize, channels: usize| [2, sizes[k][0], sizes[k][1], channels];
@@ -48,7 +48,7 @@ fn shapes(x: &Checked<'_>, weights: &Weights) -> (Vec<[usize; 4]>, Vec<[usize; 4
     (relu, POOLED.iter().map(|&k| of(k, weights.layers[k].inputs)).collect())
 }
 
-/// Arrays of a plan, held to their shapes and values.
+/// Reads the arrays of a plan and checks their shapes and values.
 fn given(plan: &Arrays, relu: &[[usize; 4]], pool: &[[usize; 4]]) -> Result<Plan> {
     let read = |name: String, shape: &[usize; 4], below: i64| -> Result<Vec<u8>> {
         let array = plan.need(&name)?;
@@ -109,7 +109,8 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Two images under a slim network: a few channels per convolution, biases, heads; in case 1 odd sides, and images as they are.
+/// Two images and a small network: a few channels per convolution, biases, heads; case 1 with odd image sides
+/// and without rescaling.
 fn case(case: usize) -> Case {
     const CHANNELS: [usize; 13] = [4, 4, 5, 6, 6, 5, 7, 6, 6, 8, 6, 7, 8];
     let [h, w] = [[16, 18], [19, 17]][case];

@@ -1,4 +1,4 @@
-//! Light of a moment, and renders without their background.
+//! Per-frame lighting, and renders without their background.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -7,7 +7,7 @@ use crate::shade::{diffuse, gain, over_black};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 
-/// Three numbers of an input.
+/// An input of three numbers.
 fn three(x: &Checked<'_>, name: &str) -> [f32; 3] {
     x.rows::<3>(name)[0]
 }
@@ -40,14 +40,15 @@ fn unlit(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("sh".to_owned(), black)].into(), ..Prediction::default() })
 }
 
-/// Colours and shades on both sides of their limits, away from them; weak light; a Gaussian without a normal.
+/// Colours and shading factors on both sides of their limits, not near them; weak light; a Gaussian without a
+/// normal.
 fn case_diffuse(case: usize) -> Case {
     let n = [19, 7, 6][case];
     let draw = |array| Draw::new(80, case, array);
     let mut made = Case::default();
     let apart = |c: f32| if c < -1.5 { c - 1.0 } else { c };
     made.inputs.put("sh", &[n, 3], draw(0).normals(3 * n).into_iter().map(apart).collect());
-    // some in the dark: 1 + n·d well below ¼
+    // some unlit: 1 + n·d well below ¼
     let unit = |[x, y, z]: [f32; 3]| {
         let length = (x * x + y * y + z * z).sqrt();
         [x, y, z].map(|x| x / length)

@@ -18,12 +18,12 @@ pub(super) static MLP: Op = Op {
     ..Op::new(&reference::nn::mlp::SIGNATURE, run_mlp, case_mlp)
 };
 
-/// Outputs and inputs of every layer, and the layer that takes the input again.
+/// Outputs and inputs of every layer, and the layer that also takes the input.
 fn sizes(x: &Checked<'_>) -> Result<(Vec<[usize; 2]>, Option<usize>)> {
     let (widths, skip) = (x.f64s("widths"), x.number("skip").unwrap_or(0.0));
     let wrong = |got: String| {
         Error::input("array 'widths'")
-            .expected("the columns of x, then at least one width above 0, as 'weights', 'biases' and 'skip' have it")
+            .expected("the columns of x, then at least one width above 0, consistent with 'weights', 'biases' and 'skip'")
             .got(got)
     };
     if widths.len() < 2 || !widths.iter().all(|w| *w >= 1.0 && *w <= 1e6) || widths[0] as usize != x.dim("K")
@@ -79,7 +79,7 @@ fn run_mlp(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// How near generated numbers may come to the kink of a unit.
+/// Minimum distance of generated numbers from the kink of a unit.
 const MARGIN: f32 = 0.05;
 
 /// W x + b.
@@ -88,8 +88,8 @@ fn affine(weight: &[f32], x: &[f32], bias: &[f32]) -> Vec<f32> {
     weight.chunks_exact(x.len()).zip(bias).map(row).collect()
 }
 
-/// Two layers; four layers, of which the third takes the input again, and more rows than one task has. Each of its hidden units is active in some rows
-/// and inactive in others, in none near its kink.
+/// Case 0: two layers; case 1: four layers, of which the third also takes the input, and more rows than one
+/// task has. Each hidden unit is active in some rows and inactive in others, and never near its kink.
 fn case_mlp(case: usize) -> Case {
     let (m, widths, skip) = [(17, &[3, 7, 2][..], 0), (70, &[2, 5, 4, 6, 3][..], 2)][case];
     let k = |l: usize| widths[l] + if skip > 0 && l == skip { widths[0] } else { 0 };
@@ -102,7 +102,8 @@ fn case_mlp(case: usize) -> Case {
     let (mut weight, mut bias) = (draw(1, weights), draw(2, biases));
     let mut rows = draw(0, m * widths[0]);
     if skip > 0 {
-        // Arrays in whose draws each unit changes sides, and each weight between hidden units has a row in which both are active.
+        // Draws for which each unit is active and inactive in some rows, and both units of each hidden weight
+        // are active in some row.
         weight = draw(26, weights);
         bias = Draw::new(13, case, 41).uniforms(biases, -0.5, 0.75);
         let apart = |row: &[f32]| {
@@ -167,7 +168,8 @@ fn run_softmax(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Refined weights, some of them 0 but for the floor; the plain softmax over more rows than one task has.
+/// Case 0: prior weights, some of them 0 except for the floor; case 1: the plain softmax over more rows than
+/// one task has.
 fn case_softmax(case: usize) -> Case {
     let [m, k] = [[21, 5], [300, 3]][case];
     let mut made = Case::default();
@@ -227,7 +229,7 @@ fn run_decoder(x: &Checked<'_>) -> Result<RunResult> {
         })
         .collect();
     let mut ran = RunResult::default();
-    // Values at coordinates that all items share are another entrance to the same network.
+    // Coordinates shared by all items use another entry point of the same network.
     let is_shared =
         items.iter().all(|item| item.codes == items[0].codes) && (features > 0 || x.dim("Q") == 1);
     let points = if is_shared {
@@ -253,9 +255,10 @@ fn run_decoder(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Case 0: some coordinates of every item; 1: one coordinate of each, the rows of one product; in both weights are weak beside the biases, so that no
-/// derivative is taken near the kink of a unit. Case 2: more items than are held at a time, each hidden unit on both sides; 3: vectors without
-/// coordinates; 4: coordinates that all items share; in these weights are strong, and items near a kink are left out.
+/// Case 0: some coordinates of every item; 1: one coordinate of each, the rows of one product; in both,
+/// weights are small compared with the biases, so that no derivative is taken near the kink of a unit. Case
+/// 2: more items than one batch, each hidden unit on both sides of its kink; 3: vectors without coordinates;
+/// 4: coordinates shared by all items; in these, weights are large, and items near a kink are excluded.
 fn case_decoder(case: usize) -> Case {
     let ([b, q, f, d], [h0, h1, h2, o]) = [
         ([3, 5, 4, 3], [7, 6, 5, 6]),
@@ -303,7 +306,7 @@ fn case_decoder(case: usize) -> Case {
     made
 }
 
-/// Codes (B, Q, F) and factors (B, D) of items none of whose hidden units comes near its kink.
+/// Codes (B, Q, F) and factors (B, D) of items with no hidden unit near its kink.
 fn away_from_kinks(made: &Case, case: usize, [b, q, f, d]: [usize; 4]) -> (Vec<f32>, Vec<f32>) {
     let get = |name: &str| made.inputs.get(name).map(Array::to_f32).unwrap_or_default();
     let [point, latent, bias0] = ["point", "latent", "bias0"].map(get);
@@ -345,7 +348,7 @@ pub(super) static WINDOW: Op = Op {
     ..Op::new(&reference::nn::window::SIGNATURE, run_window, case_window)
 };
 
-/// The square (left, top, side) in pixels, and the pixels of the window's side.
+/// The square (left, top, side) in pixels, and the side of the window in pixels.
 fn square(x: &Checked<'_>) -> Result<([f64; 3], usize)> {
     let (corner, length) = (x.f64s("corner"), x.inputs.scalar("length")?);
     Ok(([corner[0], corner[1], length], x.number("side").unwrap_or(4.0) as usize))
@@ -385,8 +388,8 @@ fn outside(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("image".to_owned(), zeros)].into(), ..Prediction::default() })
 }
 
-/// Cells of more than a pixel, partly to the left of the image; cells within pixels; a square that reaches beyond the image at the top, the right and
-/// the bottom.
+/// Case 0: cells larger than a pixel, partly to the left of the image; case 1: cells smaller than a pixel;
+/// case 2: a square that extends beyond the image at the top, the right and the bottom.
 fn case_window(case: usize) -> Case {
     let [h, w] = [[9, 12], [7, 8], [7, 9]][case];
     let mut made = Case::default();

@@ -1,4 +1,4 @@
-//! Layers.
+//! Layers of networks.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -22,7 +22,7 @@ pub(super) static LINEAR: Op = Op {
     case: case_linear,
 };
 
-/// The slope of a leaky ReLU behind a layer, where one is given.
+/// The slope of the leaky ReLU that follows a layer, if it is set.
 fn slope_behind(x: &Checked<'_>) -> Option<f32> {
     x.number("slope").map(|slope| slope as f32)
 }
@@ -64,7 +64,7 @@ fn run_linear(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// A small layer, a large one, and one with a leaky ReLU behind it.
+/// A small layer, a large one, and one followed by a leaky ReLU.
 fn case_linear(case: usize) -> Case {
     let [m, n, k] = [[3, 2, 5], [37, 19, 130], [7, 5, 6]][case];
     let draw = |array, len| Draw::new(10, case, array).normals(len);
@@ -237,8 +237,8 @@ fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("x".to_owned(), unread)].into(), ..Prediction::default() })
 }
 
-/// The encoder's kernel, an oblong one of stride 1, one that skips pixels between outputs and at the border, the encoder's with its leaky ReLU, and a
-/// batch with a leaky ReLU.
+/// The kernel of the encoder, a rectangular one of stride 1, one that skips pixels between outputs and at the
+/// border, that of the encoder with its leaky ReLU, and a batch with a leaky ReLU.
 fn case_conv(case: usize) -> Case {
     let [x, w] = [
         [[2, 8, 10, 3], [5, 4, 4, 3]],

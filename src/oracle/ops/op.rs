@@ -1,4 +1,5 @@
-//! What the list knows of an operator beside its signature: how the shipped side runs, checks and generates cases.
+//! Entries of the operator list: signature, and how the shipped operator runs, checks inputs and generates
+//! cases.
 
 use super::call::{Call, RunResult, Settings};
 use crate::Result;
@@ -25,7 +26,7 @@ pub struct Case {
 pub enum Width {
     /// f32 storage and fast path
     F32,
-    /// f64 in runs of either precision
+    /// f64 in runs of both precisions
     F64,
 }
 
@@ -39,23 +40,24 @@ impl Width {
     }
 }
 
-/// One operator of the list: its signature, which it shares with its twin, and what belongs to the shipped side.
+/// One operator of the list: its signature, shared with its twin, and the data of the shipped operator.
 pub struct Op {
-    /// names, shapes and documentation of everything that goes in and comes out
+    /// names, shapes and documentation of all inputs and outputs
     pub signature: &'static Signature,
     /// whether it has an adjoint; the others are marked `no adjoint`
     pub adjoint: bool,
     /// arithmetic of the shipped code
     pub width: Width,
-    /// what a unit of work of the twin is called, in the plural
+    /// name of the unit of work of the twin, in the plural
     pub work_unit: &'static str,
-    /// nanoseconds per unit of the f64 run, without and with gradients, as measured once; for the estimate only
+    /// nanoseconds per unit of the f64 run, without and with gradients, measured once; used only for
+    /// estimates
     pub work_ns: [f64; 2],
-    /// refuses what the patterns of the ports cannot
+    /// checks rules that the patterns of the ports cannot express
     pub check: fn(&Checked<'_>) -> Result<()>,
     /// the shipped operator
     pub run: fn(&Checked<'_>) -> Result<RunResult>,
-    /// zeros of its gradient known beforehand, from a checked call and its run with plan and intermediates
+    /// predicted zeros of its gradient, from a checked call and its run with plan and intermediates
     pub predict: fn(&Checked<'_>, &RunResult) -> Result<Prediction>,
     /// number of generated cases
     pub cases: usize,
@@ -64,7 +66,8 @@ pub struct Op {
 }
 
 impl Op {
-    /// An entry with an adjoint in f32, two cases, no rule beyond the patterns of its ports and no predicted zeros; the rest is set where it differs.
+    /// Makes an entry with an adjoint in f32, two cases, no rules beyond the patterns of its ports and no
+    /// predicted zeros; other values are set by struct update.
     pub(super) const fn new(
         signature: &'static Signature,
         run: fn(&Checked<'_>) -> Result<RunResult>,
@@ -85,7 +88,7 @@ impl Op {
     }
 }
 
-/// An operator is read like its signature: `op.name`, `op.inputs`.
+/// Gives access to the fields of the signature: `op.name`, `op.inputs`.
 impl Deref for Op {
     type Target = Signature;
     fn deref(&self) -> &Signature {
@@ -104,11 +107,11 @@ impl std::fmt::Debug for Op {
 pub struct Checked<'a> {
     /// the operator
     pub op: &'static Op,
-    /// the call as it was given
+    /// the original call
     pub call: &'a Call,
     /// sizes of the axes
     pub dims: Dims,
-    /// inputs in the width of the run, integers as their port says
+    /// inputs in the width of the run, integers in the type of their port
     pub inputs: Arrays,
     /// cotangents in the width of the run
     pub cotangents: Arrays,
@@ -116,12 +119,12 @@ pub struct Checked<'a> {
     pub settings: Settings,
 }
 
-/// No rule beyond the patterns.
+/// Checks nothing beyond the patterns.
 pub(super) fn no_rule(_: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-/// No zeros are known.
+/// Predicts no zeros.
 pub(super) fn no_zeros(_: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction::default())
 }

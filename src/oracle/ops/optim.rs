@@ -1,4 +1,4 @@
-//! Optimisers; they have no adjoint.
+//! Optimisers, without adjoint.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -28,9 +28,9 @@ pub(super) static ADAMW: Op =
 fn no_decay(x: &Checked<'_>) -> Result<()> {
     match x.number("weight_decay") {
         None | Some(0.0) => Ok(()),
-        Some(w) => {
-            Err(Error::input("setting weight_decay").expected("0: optim.adamw decays").got(w.to_string()))
-        }
+        Some(w) => Err(Error::input("setting weight_decay")
+            .expected("0, or operator optim.adamw")
+            .got(w.to_string())),
     }
 }
 
@@ -80,7 +80,7 @@ fn run(
     Ok(ran)
 }
 
-/// The counter behind each row's last move; a global counter has moved on since.
+/// The step count at the last update of each row; a global counter may have advanced since.
 fn counters(own: &[u32], global: bool, active: &[u8], rows: usize, steps: usize) -> Vec<i64> {
     if !global {
         return own.iter().map(|&t| i64::from(t)).collect();
@@ -97,7 +97,7 @@ fn run_adamw(x: &Checked<'_>) -> Result<RunResult> {
     run(x, x.number("weight_decay").unwrap_or(0.01), adamw::forward)
 }
 
-/// Case 0: every row moves; case 1: rows of three, some of them at rest in some steps.
+/// Case 0: every row is active; case 1: rows of three, some of them inactive in some steps.
 fn case_adam(case: usize) -> Case {
     let [steps, rows, width] = [[12, 7, 1], [9, 5, 3]][case];
     let mut made = Case::default();

@@ -43,9 +43,9 @@ fn check(x: &Checked<'_>) -> Result<()> {
         return Ok(());
     }
     Err(Error::input("array 'y'")
-        .expected(format!("as many points as x, {p}"))
+        .expected(format!("{p} points, as many as in x"))
         .got(q.to_string())
-        .hint("points without a common order need --set mode=chamfer"))
+        .hint("for points without a common order use --set mode=chamfer"))
 }
 
 fn plan_of(arrays: &Arrays, batch: usize, p: usize, q: usize) -> Result<Plan> {
@@ -91,14 +91,15 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Colours without a target have no gradient.
+/// Colours without a target colour have no gradient.
 fn colours_without_target(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let [d, e] = [x.dim("D"), x.dim("E")];
     let zeros = (0..x.f32s("x").len()).map(|i| i % d >= e).collect();
     Ok(Prediction { zeros: [("x".to_owned(), zeros)].into(), ..Prediction::default() })
 }
 
-/// Ordered with colour, without, with colour but targets without; Chamfer between sets of two sizes, and towards targets without colour.
+/// Mode ordered with colours, without colours, and with colours only in x; mode chamfer between sets of
+/// different sizes, and with targets without colours.
 fn case(case: usize) -> Case {
     let [b, p, q, d, e] =
         [[2, 9, 9, 6, 6], [3, 5, 5, 3, 3], [2, 7, 7, 6, 3], [2, 8, 11, 6, 6], [1, 10, 6, 6, 3]][case];

@@ -1,4 +1,4 @@
-//! Joints.
+//! Transforms of joints.
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
@@ -79,13 +79,14 @@ fn run_pose(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// A branching skeleton with small and large angles; case 1 has two roots and no correction; case 2 corrects the transforms of a capture.
+/// A branching skeleton with small and large angles; case 1 has two roots and no correction; case 2 has
+/// transforms of a capture with corrections.
 fn case_pose(case: usize) -> Case {
     let parents: &[i32] = [&[-1, 0, 1, 1, 3, 0, 5][..], &[-1, 0, -1, 2], &[-1, 0, 0, -1, 2]][case];
     let n = parents.len();
     let draw = |array| Draw::new(70, case, array);
     let mut pose = draw(0).normals(3 * n);
-    // below and near where series begin
+    // below and near the threshold of the series
     pose[3..6].iter_mut().for_each(|x| *x *= 2e-5);
     pose[6..9].iter_mut().for_each(|x| *x *= 1e-3);
     let mut made = Case::default();

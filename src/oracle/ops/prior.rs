@@ -1,4 +1,4 @@
-//! What is assumed of Gaussians.
+//! Priors for Gaussians.
 
 use super::call::RunResult;
 use super::case::Draw;
@@ -9,7 +9,7 @@ use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
 
-/// Nearest Gaussians of each.
+/// Number of nearest neighbours of each Gaussian.
 const NEAR: usize = 6;
 
 /// `loss.prior`
@@ -53,7 +53,9 @@ fn check_prior(x: &Checked<'_>) -> Result<()> {
             .got(format!("{radius:e}")));
     }
     if x.dim("N") == 0 || x.dim("C") == 0 {
-        return Err(Error::input("array 'sh'").expected("a Gaussian with a coefficient").got("none"));
+        return Err(Error::input("array 'sh'")
+            .expected("at least one Gaussian and one coefficient")
+            .got("none"));
     }
     let n = x.dim("N") as f64;
     x.rule("near", "-1, or the index of a Gaussian", |i| (-1.0..n).contains(&i))
@@ -95,13 +97,13 @@ fn run_prior(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Only the constant coefficients are compared.
+/// Only the constant coefficients have a gradient.
 fn no_bands(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let bands = (0..x.f32s("sh").len()).map(|i| i / 3 % x.dim("C") > 0).collect();
     Ok(Prediction { zeros: [("sh".to_owned(), bands)].into(), ..Prediction::default() })
 }
 
-/// Every term, some with fewer neighbours; four coefficients of colour.
+/// All terms, some Gaussians with fewer neighbours, four colour coefficients.
 fn case_prior(case: usize) -> Case {
     let [n, c] = [[13, 1], [8, 4]][case];
     let draw = |array| Draw::new(22, case, array);
@@ -172,7 +174,7 @@ fn run_presence(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// The usual weights; others.
+/// Case 0: the default weights; case 1: others.
 fn case_presence(case: usize) -> Case {
     let n = [21, 6][case];
     let mut made = Case::default();

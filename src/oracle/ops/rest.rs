@@ -1,4 +1,4 @@
-//! Bodies at rest.
+//! Bodies in the rest pose.
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
@@ -74,13 +74,14 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Where rest is canonical the weights are not read.
+/// Without `canonical`, the weights are not read.
 fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let unread = (!x.has("canonical")).then(|| "weights".to_owned());
     Ok(Prediction { unread: unread.into_iter().collect(), ..Prediction::default() })
 }
 
-/// Bones near rigid with offsets, over more points than one block; rest that is canonical, where the operator copies; bones without offsets.
+/// Case 0: nearly rigid bones with offsets, more points than one block; case 1: the rest pose is canonical,
+/// so the operator copies; case 2: bones without offsets.
 fn case(case: usize) -> Case {
     let [p, k] = [[280, 3], [9, 2], [7, 4]][case];
     let draw = |array| Draw::new(71, case, array);

@@ -36,7 +36,8 @@ pub(super) static ENVMAP: Op = Op {
     ..GGX
 };
 
-/// Whether directions are unit to 1e-3, and factors of a material 0 to 1: outside, K(c) has no real root.
+/// Checks that directions have unit length to 1e-3 and that material factors are 0 to 1; outside, K(c) has no
+/// real root.
 fn check_points(x: &Checked<'_>, directions: &[&str]) -> Result<()> {
     let at = |name: &str, row: usize| Error::input("inputs").at(format!("array '{name}', row {row}"));
     for name in directions {
@@ -63,7 +64,7 @@ fn check_envmap(x: &Checked<'_>) -> Result<()> {
     check_points(x, &["view"])
 }
 
-/// Gradients of the points into their arrays.
+/// Stores the gradients of the points in their arrays.
 fn put_bar(ran: &mut RunResult, p: usize, bar: ggx::InBar) {
     ran.gradients.put("normal", &[p, 3], bar.normal.into_flattened());
     ran.gradients.put("albedo", &[p, 3], bar.albedo.into_flattened());
@@ -137,7 +138,7 @@ fn faces(n: &[f64], d: &[f64]) -> bool {
     (n[0] * d[0] + n[1] * d[1]) + n[2] * d[2] > 0.0
 }
 
-/// Zeros of the points' gradients: all where `dark`, roughness also where α stays at its bound.
+/// Zeros of the points' gradients: all where `dark`, that of roughness also where α is at its bound.
 fn predict(x: &Checked<'_>, dark: &[bool]) -> BTreeMap<String, Vec<bool>> {
     let smooth = x.f64s("roughness").iter().map(|r| r * r < f64::from(ggx::ALPHA_MIN)).collect::<Vec<_>>();
     let three: Vec<bool> = dark.iter().flat_map(|d| [*d; 3]).collect();
@@ -186,21 +187,22 @@ fn materials(into: &mut Arrays, seed: u64, case: usize, p: usize) {
     into.put("metallic", &[p], Draw::new(seed, case, 5).uniforms(p, 0.05, 0.95));
 }
 
-/// Unit directions, as f32 gives them.
+/// Unit directions, rounded to f32.
 fn directions(draw: &Draw, n: usize) -> Vec<[f32; 3]> {
     rows::<3>(&draw.normals(3 * n)).into_iter().map(|d| crate::shade::vector::unit(d).0).collect()
 }
 
-/// Normals of other lengths than 1 whose cosine with each of `against(i)` differs from 0 by more than `margin`: the first `p` of a
-/// long list of candidates, with the places they had in it.
+/// Normals of other lengths than 1 whose cosine with each of `against(i)` differs from 0 by more than
+/// `margin`: the first `p` of a long list of candidates, with their indices in it.
 fn normals(draw: &Draw, p: usize, keep: impl Fn(usize, [f32; 3]) -> bool) -> Vec<(usize, [f32; 3])> {
     let candidates = directions(draw, 64 * p).into_iter().enumerate();
     let kept: Vec<_> = candidates.filter(|(i, n)| keep(*i, *n)).take(p).collect();
-    assert_eq!(kept.len(), p, "enough candidates are off the kinks");
+    assert_eq!(kept.len(), p, "enough candidates away from the kinks");
     kept.into_iter().map(|(i, n)| (i, n.map(|x| x * (0.5 + (i % 7) as f32 * 0.25)))).collect()
 }
 
-/// Seven points in eight are seen and lit, from all sides. So many that no single one on the flank of its peak decides about a bias.
+/// Seven points in eight are visible and lit, from all sides; enough points that no single one near its
+/// specular peak dominates the bias.
 fn case_ggx(case: usize) -> Case {
     let p = 1001;
     let (views, lights) =
@@ -220,7 +222,8 @@ fn case_ggx(case: usize) -> Case {
     made
 }
 
-/// In case 0 the map is 4×6 and lights 9 points, in case 1 it is 5×8 and lights 70 (more than a block of them).
+/// In case 0 the map is 4×6 and lights 9 points, in case 1 it is 5×8 and lights 70 (more than a block of
+/// them).
 fn case_envmap(case: usize) -> Case {
     let [p, h, w] = [[9, 4, 6], [70, 5, 8]][case];
     let views = directions(&Draw::new(51, case, 1), 64 * p);

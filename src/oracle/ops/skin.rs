@@ -1,4 +1,4 @@
-//! Bodies that move.
+//! Linear blend skinning.
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
@@ -70,7 +70,8 @@ fn last_rows(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("transforms".to_owned(), last)].into(), ..Prediction::default() })
 }
 
-/// Case 0: five bones, factors, more points than one block; case 1: three bones, no factors, two bones hold each point.
+/// Case 0: five bones, factors, more points than one block; case 1: three bones, no factors, each point
+/// attached to two bones.
 fn case(case: usize) -> Case {
     let [p, k] = [[300, 5], [19, 3]][case];
     let draw = |array| Draw::new(70, case, array);
@@ -82,7 +83,7 @@ fn case(case: usize) -> Case {
         let sum = row.iter().fold(0.0, |sum, w| sum + w);
         row.iter_mut().for_each(|w| *w /= sum);
     }
-    // near rigid: unit matrices with noise, and a shift
+    // nearly rigid: identity matrices with noise, and a translation
     let noise = draw(1).normals(16 * k);
     let transforms = (0..16 * k)
         .map(|i| match i % 16 {

@@ -1,4 +1,4 @@
-//! An operator with its twin at one set of inputs, as the gradient checks see it.
+//! Adapter for the gradient checks: an operator with its twin at one set of inputs.
 
 use super::call::{Call, Settings};
 use super::op::{Case, Checked, Op};
@@ -13,7 +13,7 @@ use reference::ports::{Compare, Space};
 use reference::twins;
 use std::collections::BTreeMap;
 
-/// Seed of the cotangents that are not given.
+/// Seed of the default cotangents.
 const COTANGENTS: u64 = 0x6261_7273; // "bars"
 
 /// An operator at inputs that f32 represents exactly.
@@ -51,7 +51,7 @@ pub fn draw_cotangents(op: &Op, outputs: &Arrays) -> Arrays {
     out
 }
 
-/// How finite differences move a parameter in that space.
+/// Scale of finite-difference steps of a parameter in that space.
 fn step(space: Space) -> Step {
     match space {
         Space::Linear => Step::Plain,
@@ -64,16 +64,16 @@ impl OpSubject {
     /// The operator at its generated case `index`.
     ///
     /// # Errors
-    /// When the operator refuses its own case.
+    /// When the generated case is not valid input.
     pub fn case(op: &'static Op, index: usize) -> Result<Self> {
         let Case { inputs, settings } = (op.case)(index);
         Self::new(op, format!("{} case {index}", op.name), inputs, settings, Arrays::new())
     }
 
-    /// The operator at user-supplied inputs, rounded to f32; cotangents that are not given are drawn.
+    /// The operator at user-supplied inputs, rounded to f32; missing cotangents are random.
     ///
     /// # Errors
-    /// Bad input.
+    /// Invalid input.
     pub fn new(
         op: &'static Op,
         label: String,
@@ -193,8 +193,8 @@ impl Subject for OpSubject {
             }
         }
         let request = twins::Request { inputs: &inputs, ..self.request(on) };
-        let answer = twins::value(&request).map_err(twin::refused(self.op))?;
-        Ok(Evaluation { log: log_of(&answer.plan)?, outputs: values_of(answer.outputs) })
+        let results = twins::value(&request).map_err(twin::refused(self.op))?;
+        Ok(Evaluation { log: log_of(&results.plan)?, outputs: values_of(results.outputs) })
     }
     fn jvp(&self, x_dot: &Values, on: On) -> Result<Values> {
         let mut tangents = Named::new();

@@ -1,4 +1,4 @@
-//! Runs in f64 through the twin, and the conversion between its arrays and ours.
+//! Runs in f64 by the twin, and conversion between its arrays and ours.
 
 use super::call::{Call, RunResult, Settings, cast};
 use super::op::Checked;
@@ -8,7 +8,7 @@ use crate::{Error, Result};
 use reference::array::{Arr, Named};
 use reference::twins::{self, Request};
 
-/// Our arrays as the twin's; integers are carried as f64.
+/// Converts arrays to those of the twin; integers become f64.
 pub(super) fn to_twin(arrays: &Arrays) -> Named<f64> {
     arrays
         .0
@@ -17,12 +17,12 @@ pub(super) fn to_twin(arrays: &Arrays) -> Named<f64> {
         .collect()
 }
 
-/// The twin's arrays as ours, in f64.
+/// Converts arrays of the twin to ours, in f64.
 pub(super) fn from_twin(arrays: Named<f64>) -> Arrays {
     Arrays(arrays.into_iter().map(|(name, a)| (name, Array::new(&a.shape, a.data))).collect())
 }
 
-/// A checked call in the twin's types.
+/// A checked call in the types of the twin.
 pub(super) struct TwinCall {
     /// operator
     op: &'static Op,
@@ -35,7 +35,7 @@ pub(super) struct TwinCall {
 }
 
 impl TwinCall {
-    /// From a checked call.
+    /// Converts a checked call.
     pub(super) fn new(x: &Checked<'_>) -> Self {
         Self {
             op: x.op,
@@ -45,13 +45,13 @@ impl TwinCall {
         }
     }
 
-    /// The twin's form of it.
+    /// The request to the twin.
     pub(super) fn request(&self) -> Request<'_> {
         Request { op: self.op.name, inputs: &self.inputs, settings: &self.settings, plan: self.plan.as_ref() }
     }
 }
 
-/// The twin's refusal as ours.
+/// Converts an error of the twin.
 pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
     let name = op.name;
     move |message| Error::input(name).got(message)
@@ -60,28 +60,28 @@ pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
 /// Runs a call in f64.
 ///
 /// # Errors
-/// Bad input.
+/// Invalid input.
 pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
     let x = Checked::new(op, call, false)?;
     let twin_call = TwinCall::new(&x);
-    let (answer, gradients) = if x.with_gradients() {
+    let (results, gradients) = if x.with_gradients() {
         twins::vjp(&twin_call.request(), &to_twin(&x.cotangents)).map_err(refused(op))?
     } else {
         (twins::value(&twin_call.request()).map_err(refused(op))?, Named::new())
     };
-    let intermediates = if call.dump { from_twin(answer.intermediates) } else { Arrays::new() };
+    let intermediates = if call.dump { from_twin(results.intermediates) } else { Arrays::new() };
     Ok(RunResult {
-        outputs: cast(&from_twin(answer.outputs), op.outputs, false)?,
+        outputs: cast(&from_twin(results.outputs), op.outputs, false)?,
         gradients: from_twin(gradients),
         intermediates: cast(&intermediates, op.intermediates, false)?,
-        plan: cast(&from_twin(answer.plan), op.plan, false)?,
+        plan: cast(&from_twin(results.plan), op.plan, false)?,
     })
 }
 
-/// Amount of work of an f64 run, in the operator's unit, known before it starts.
+/// Amount of work of an f64 run in the unit of the operator, computed before the run.
 ///
 /// # Errors
-/// Bad input.
+/// Invalid input.
 pub fn work(op: &'static Op, call: &Call) -> Result<f64> {
     let x = Checked::new(op, call, false)?;
     Ok(twins::work(&TwinCall::new(&x).request()) as f64)

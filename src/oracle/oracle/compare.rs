@@ -1,6 +1,6 @@
-//! `oracle compare`: array by array, and the first operator at which two files part.
+//! `oracle compare`: compares two files array by array and finds the first operator at which they diverge.
 
-pub use super::differences::{Agreement, ArrayReport, Parting, Report, Worst, Zeros};
+pub use super::differences::{Agreement, ArrayReport, Divergence, Report, Worst, Zeros};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{ulp_f32, ulp_f64};
@@ -12,25 +12,27 @@ use std::path::PathBuf;
 /// Default bound on the relative L2 of an array.
 pub const TOLERANCE: f64 = 1e-5;
 
-/// What to compare.
+/// Options of a comparison.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// somebody's arrays
+    /// user-supplied arrays
     pub theirs: PathBuf,
-    /// ours
+    /// arrays of lastlight
     pub ours: PathBuf,
     /// operator; found by the names of the arrays when `None`
     pub op: Option<String>,
     /// bound on the relative L2 of an array
     pub tol: f64,
-    /// where to write the report as a page
+    /// file of the HTML report
     pub html: Option<PathBuf>,
 }
 
-/// The operator whose names cover most of the arrays; composite ones first, then in the order of the list.
+/// The operator whose names match most of the arrays; of several, composite ones first, then in the order of
+/// the list.
 fn guess(theirs: &Arrays, ours: &Arrays) -> Option<&'static Op> {
-    let known =
-        |op: &Op, name: &str| op.knows(name) || name.strip_suffix("_bar").is_some_and(|x| op.knows(x));
+    let known = |op: &Op, name: &str| {
+        op.has_array(name) || name.strip_suffix("_bar").is_some_and(|x| op.has_array(x))
+    };
     let names = || theirs.0.keys().chain(ours.0.keys());
     let score = |op: &Op| names().filter(|n| known(op, n)).count();
     let produces =
@@ -58,7 +60,7 @@ fn unravel(mut i: usize, shape: &[usize]) -> Vec<usize> {
     index
 }
 
-/// Entries in play: all, or those in rows where `mask` is not zero in both files.
+/// The entries to compare: all, or those in rows where `mask` is nonzero in both files.
 fn selected(
     name: &str,
     op: Option<&Op>,
@@ -89,7 +91,7 @@ fn selected(
             let there = |v: &[f64], r: usize| v[r * wide..(r + 1) * wide].iter().any(|x| *x != 0.0);
             let keep: Vec<bool> = (0..rows).map(|r| there(&a, r) && there(&b, r)).collect();
             let dropped = keep.iter().filter(|k| !**k).count();
-            let note = (dropped > 0).then(|| format!("{dropped} rows with {by} 0 left out"));
+            let note = (dropped > 0).then(|| format!("{dropped} rows with {by} = 0 not compared"));
             ((0..len).map(|i| keep[i / per_row]).collect(), note, false)
         }
     }
@@ -102,7 +104,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
         shape_theirs: theirs.shape().to_vec(),
         shape_ours: ours.shape().to_vec(),
         dtypes: [theirs.dtype(), ours.dtype()],
-        verdict: Agreement::ShapesDiffer,
+        agreement: Agreement::ShapesDiffer,
         note: None,
         worst_ulp: 0,
         mean_ulp: 0.0,
@@ -121,7 +123,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     let (a, b) = (theirs.to_f64(), ours.to_f64());
     let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
     if a.iter().chain(&b).any(|x| x.is_nan()) {
-        report.verdict = Agreement::Nan;
+        report.agreement = Agreement::Nan;
         return Ok(report);
     }
     let whole = !theirs.is_float() && !ours.is_float();
@@ -154,7 +156,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     differing.sort_by(|&i, &j| (b[j] - a[j]).abs().total_cmp(&(b[i] - a[i]).abs()).then(i.cmp(&j)));
     let entry = |&i: &usize| Worst { index: unravel(i, ours.shape()), theirs: a[i], ours: b[i], ulp: ulp(i) };
     report.worst = differing.iter().take(10).map(entry).collect();
-    report.verdict = if pattern {
+    report.agreement = if pattern {
         if report.zeros.only_theirs + report.zeros.only_ours == 0 {
             Agreement::Agrees
         } else {
@@ -168,15 +170,15 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     Ok(report)
 }
 
-fn parting(op: &Op, arrays: &[ArrayReport]) -> Option<Parting> {
+fn divergence(op: &Op, arrays: &[ArrayReport]) -> Option<Divergence> {
     let find = |name: &str| arrays.iter().find(|a| a.name == name);
-    let differs = |name: &str| find(name).is_some_and(|a| a.verdict != Agreement::Agrees);
+    let differs = |name: &str| find(name).is_some_and(|a| a.agreement != Agreement::Agrees);
     let at = |stage: &'static str, inputs: &[&str], outputs: &[&str]| {
         let parts = !inputs.iter().any(|n| differs(n)) && outputs.iter().any(|n| differs(n));
         parts.then(|| {
-            let (seen, unseen): (Vec<&str>, Vec<&str>) = inputs.iter().partition(|n| find(n).is_some());
+            let (checked, unchecked): (Vec<&str>, Vec<&str>) = inputs.iter().partition(|n| find(n).is_some());
             let outputs = outputs.iter().copied().filter(|n| differs(n)).collect();
-            Parting { stage, inputs: owned(seen), unseen: owned(unseen), outputs: owned(outputs) }
+            Divergence { stage, inputs: owned(checked), unchecked: owned(unchecked), outputs: owned(outputs) }
         })
     };
     if op.is_composite() {
@@ -210,19 +212,19 @@ pub fn arrays(theirs: &Arrays, ours: &Arrays, op: Option<&str>, tol: f64) -> Res
             .got(format!("[{}] and [{}]", names(theirs), names(ours))));
     }
     let only = |a: &Arrays, b: &Arrays| a.0.keys().filter(|n| b.get(n).is_none()).cloned().collect();
-    let passed = reports.iter().all(|a| a.verdict == Agreement::Agrees);
+    let passed = reports.iter().all(|a| a.agreement == Agreement::Agrees);
     Ok(Report {
         operator: op.map(|op| op.name),
         tol,
         only_theirs: only(theirs, ours),
         only_ours: only(ours, theirs),
-        parting: op.and_then(|op| parting(op, &reports)),
+        divergence: op.and_then(|op| divergence(op, &reports)),
         arrays: reports,
         passed,
     })
 }
 
-/// Compares two files and writes the page if one is asked for. The report says whether anything differs: exit code 1.
+/// Compares two files and writes the HTML report if requested. The report states whether any array differs.
 ///
 /// # Errors
 /// Files that cannot be read or written, or have no array in common.

@@ -1,4 +1,4 @@
-//! What a comparison of arrays found, as a record and as text.
+//! Results of a comparison of arrays, as a record and as text.
 
 use serde::Serialize;
 use std::fmt;
@@ -6,17 +6,17 @@ use std::fmt;
 /// One entry in both files.
 #[derive(Clone, Debug, Serialize)]
 pub struct Worst {
-    /// by axis
+    /// index along each axis
     pub index: Vec<usize>,
-    /// somebody's
+    /// user-supplied value
     pub theirs: f64,
-    /// ours
+    /// value of lastlight
     pub ours: f64,
-    /// steps of the narrower element type between them
+    /// number of representable values of the narrower element type between them
     pub ulp: u64,
 }
 
-/// Entries that are zero.
+/// Counts of entries that are zero.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Zeros {
     /// in both
@@ -27,15 +27,15 @@ pub struct Zeros {
     pub only_ours: usize,
 }
 
-/// What became of one array.
+/// Result of comparing one array.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Agreement {
     /// within the tolerance
     Agrees,
-    /// beyond it
+    /// beyond the tolerance
     Differs,
-    /// zero in different places, for arrays compared in that only
+    /// zero at different entries, for arrays of which only zeros are compared
     ZerosDiffer,
     /// sizes of the axes differ
     ShapesDiffer,
@@ -44,7 +44,7 @@ pub enum Agreement {
 }
 
 impl Agreement {
-    /// As reports show it.
+    /// The word shown in reports.
     pub fn text(&self) -> &'static str {
         match self {
             Self::Agrees => "agrees",
@@ -67,9 +67,9 @@ pub struct ArrayReport {
     pub shape_ours: Vec<usize>,
     /// element types, theirs and ours
     pub dtypes: [&'static str; 2],
-    /// the finding
-    pub verdict: Agreement,
-    /// how it was compared, if not in all entries
+    /// the result
+    pub agreement: Agreement,
+    /// which entries were compared, if not all
     pub note: Option<String>,
     /// largest distance in units of the last place of the narrower element type
     pub worst_ulp: u64,
@@ -87,23 +87,23 @@ pub struct ArrayReport {
     pub worst: Vec<Worst>,
 }
 
-/// Where two files part.
+/// The first stage at which two files diverge.
 #[derive(Clone, Debug, Serialize)]
-pub struct Parting {
+pub struct Divergence {
     /// operator inside the composite one
     pub stage: &'static str,
-    /// its inputs that both files hold; they agree
+    /// its inputs in both files; they match
     pub inputs: Vec<String>,
-    /// its inputs that not both files hold; they are taken to agree
-    pub unseen: Vec<String>,
-    /// its outputs that do not agree
+    /// its inputs missing in one file; they are assumed to match
+    pub unchecked: Vec<String>,
+    /// its outputs that differ
     pub outputs: Vec<String>,
 }
 
-/// The whole comparison.
+/// The complete comparison.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// operator, if the names are those of one
+    /// operator, if the names match one
     pub operator: Option<&'static str>,
     /// bound on the relative L2
     pub tol: f64,
@@ -113,9 +113,9 @@ pub struct Report {
     pub only_theirs: Vec<String>,
     /// names in ours only
     pub only_ours: Vec<String>,
-    /// the first operator whose inputs agree and whose outputs do not
-    pub parting: Option<Parting>,
-    /// whether nothing differs
+    /// the first operator whose inputs match and whose outputs differ
+    pub divergence: Option<Divergence>,
+    /// whether no array differs
     pub passed: bool,
 }
 
@@ -126,14 +126,18 @@ impl Report {
     }
 }
 
-impl fmt::Display for Parting {
+impl fmt::Display for Divergence {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "first difference in {}: {} differ", self.stage, self.outputs.join(", "))?;
-        if !self.inputs.is_empty() {
-            write!(f, "; {} agree", self.inputs.join(", "))?;
+        match self.stage.strip_suffix(" adjoint") {
+            Some(stage) => write!(f, "first diverging stage: {stage}, backward pass.")?,
+            None => write!(f, "first diverging stage: {}.", self.stage)?,
         }
-        if !self.unseen.is_empty() {
-            write!(f, "; {} not in both files, taken to agree", self.unseen.join(", "))?;
+        write!(f, " Differs: {}.", self.outputs.join(", "))?;
+        if !self.inputs.is_empty() {
+            write!(f, " Matches: {}.", self.inputs.join(", "))?;
+        }
+        if !self.unchecked.is_empty() {
+            write!(f, " Not checked (missing in one file): {}.", self.unchecked.join(", "))?;
         }
         Ok(())
     }
@@ -141,7 +145,7 @@ impl fmt::Display for Parting {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let name = self.operator.unwrap_or("arrays of no known operator");
+        let name = self.operator.unwrap_or("arrays of an unknown operator");
         writeln!(f, "{name}, relative L2 at most {:e}", self.tol)?;
         writeln!(
             f,
@@ -149,10 +153,10 @@ impl fmt::Display for Report {
             "array", "", "rel L2", "worst ulp", "mean ulp", "1-cos", "bias", "zeros differ"
         )?;
         for a in &self.arrays {
-            write!(f, "{:<16} {:<13}", a.name, a.verdict.text())?;
-            if a.verdict == Agreement::ShapesDiffer {
+            write!(f, "{:<16} {:<13}", a.name, a.agreement.text())?;
+            if a.agreement == Agreement::ShapesDiffer {
                 write!(f, " theirs {:?}, ours {:?}", a.shape_theirs, a.shape_ours)?;
-            } else if a.verdict != Agreement::Nan {
+            } else if a.agreement != Agreement::Nan {
                 let zeros = a.zeros.only_theirs + a.zeros.only_ours;
                 write!(
                     f,
@@ -168,7 +172,7 @@ impl fmt::Display for Report {
                 Some(note) => writeln!(f, "  ({note})")?,
                 None => writeln!(f)?,
             }
-            if matches!(a.verdict, Agreement::Differs | Agreement::ZerosDiffer) {
+            if matches!(a.agreement, Agreement::Differs | Agreement::ZerosDiffer) {
                 for w in &a.worst {
                     writeln!(
                         f,
@@ -183,8 +187,8 @@ impl fmt::Display for Report {
                 writeln!(f, "only in {whose}: {}", names.join(", "))?;
             }
         }
-        if let Some(parting) = &self.parting {
-            writeln!(f, "{parting}")?;
+        if let Some(divergence) = &self.divergence {
+            writeln!(f, "{divergence}")?;
         }
         Ok(())
     }

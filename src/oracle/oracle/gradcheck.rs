@@ -1,4 +1,5 @@
-//! `gradcheck`: the operators of the list at their generated cases or at somebody's inputs, or somebody's program.
+//! `gradcheck`: checks operators of the list at generated cases or user-supplied inputs, or a user-supplied
+//! program.
 
 use super::run::{Sorted, add_settings, sort};
 use crate::io::npz;
@@ -13,29 +14,29 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// What to check.
+/// Options of a gradient check.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// operators
+    /// operators to check
     pub ops: Vec<String>,
-    /// every operator of the list
+    /// check every operator of the list
     pub all: bool,
-    /// inputs to check at, instead of the generated cases
+    /// inputs to use instead of the generated cases
     pub input: Option<PathBuf>,
-    /// somebody's program, called as `CMD IN.npz OUT.npz`
+    /// user-supplied program, called as `CMD IN.npz OUT.npz`
     pub exec: Option<String>,
     /// `KEY=VALUE` settings, with `input`
     pub set: Vec<String>,
     /// seed of directions and samples
     pub seed: u64,
-    /// entries per input whose derivative is taken one by one; `None`: the default
+    /// number of entries per input that are checked one by one; `None`: the default
     pub entries: Option<usize>,
 }
 
-/// Everything that was checked.
+/// Results of all checks.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// one per case
+    /// one report per case
     pub checks: Vec<check::Report>,
     /// whether all of them passed
     pub passed: bool,
@@ -51,10 +52,10 @@ impl fmt::Display for Report {
     }
 }
 
-/// Runs the checks; `progress` is told what comes next.
+/// Runs the checks; `progress` is called with a description of the next one.
 ///
 /// # Errors
-/// Bad usage or input. A check that fails is in the report.
+/// Invalid options or input. A failed check is not an error; it is in the report.
 pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
     let mut rules = check::Options { seed: options.seed, ..check::Options::default() };
     if let Some(entries) = options.entries {
@@ -112,7 +113,7 @@ fn at_inputs(
     check::run(&subject, rules)
 }
 
-/// Somebody's program with a folder of its own.
+/// A user-supplied program with a temporary folder.
 struct Program<'a> {
     command: &'a str,
     folder: tempfile::TempDir,
@@ -137,7 +138,7 @@ impl Program<'_> {
         }
         let (input, output) = (self.folder.path().join("in.npz"), self.folder.path().join("out.npz"));
         npz::write(&input, &arrays)?;
-        // an old result must not pass for a new one
+        // so that an old result is not taken for a new one
         if output.exists() {
             std::fs::remove_file(&output).map_err(|e| Error::os(&output, &e))?;
         }
@@ -174,8 +175,9 @@ fn values(arrays: &Arrays, name: &str, like: &Array, unit: &Cell<f64>) -> Result
     Ok(array.to_f64())
 }
 
-/// Checks a program: outputs are the arrays `y` for which `IN.npz` holds `y_bar`, variables the float inputs `x` for which
-/// the program returns `x_bar`. If it returns f32, differences carry the noise of f32 and the report says how much.
+/// Checks a program: outputs are the arrays `y` for which `IN.npz` holds `y_bar`, variables the float inputs
+/// `x` for which the program returns `x_bar`. If it returns f32, differences have the rounding noise of f32,
+/// which the report states.
 fn program(
     command: &str,
     input: &Path,
@@ -223,7 +225,7 @@ fn program(
     };
     value(&inputs)?;
     vjp(&inputs, &Values::new())?;
-    // every derivative costs calls of a program: fewer of them than inside
+    // every derivative costs calls of the program: use fewer of them than for operators
     let rules = check::Options {
         unit: unit.get(),
         directions: Ord::min(rules.directions, 2),

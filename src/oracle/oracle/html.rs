@@ -1,4 +1,4 @@
-//! The page of `oracle compare`: self-contained, with error pictures of arrays that are pictures.
+//! The HTML report of `oracle compare`: self-contained, with error maps of arrays that are images.
 
 use super::differences::{Agreement, ArrayReport, Report};
 use crate::num::array::Arrays;
@@ -14,7 +14,7 @@ img{image-rendering:pixelated;border:1px solid #ccc;margin:.3rem}figure{display:
 figcaption{font-size:.85em;color:#555}code{background:#f4f4f4;padding:0 .2rem}";
 
 /// |ours − theirs| per pixel as a PNG, black 0 to white the largest, for arrays (C,H,W,3), (C,H,W) or (H,W,3).
-fn error_pictures(a: &ArrayReport, theirs: &Arrays, ours: &Arrays) -> Vec<(String, f64)> {
+fn error_images(a: &ArrayReport, theirs: &Arrays, ours: &Arrays) -> Vec<(String, f64)> {
     let (Some(t), Some(o)) = (theirs.get(&a.name), ours.get(&a.name)) else { return Vec::new() };
     let (views, height, width, channels) = match *a.shape_ours.as_slice() {
         [c, h, w, 3] => (c, h, w, 3),
@@ -22,7 +22,7 @@ fn error_pictures(a: &ArrayReport, theirs: &Arrays, ours: &Arrays) -> Vec<(Strin
         [c, h, w] if h >= 8 && w >= 8 => (c, h, w, 1),
         _ => return Vec::new(),
     };
-    if height < 8 || width < 8 || a.verdict == Agreement::ShapesDiffer || a.verdict == Agreement::Nan {
+    if height < 8 || width < 8 || a.agreement == Agreement::ShapesDiffer || a.agreement == Agreement::Nan {
         return Vec::new();
     }
     let (t, o) = (t.to_f64(), o.to_f64());
@@ -46,11 +46,11 @@ fn error_pictures(a: &ArrayReport, theirs: &Arrays, ours: &Arrays) -> Vec<(Strin
 }
 
 fn row(a: &ArrayReport) -> Markup {
-    let class = if a.verdict == Agreement::Agrees { "good" } else { "bad" };
+    let class = if a.agreement == Agreement::Agrees { "good" } else { "bad" };
     html! {
         tr {
             td { code { (a.name) } }
-            td class=(class) { (a.verdict.text()) }
+            td class=(class) { (a.agreement.text()) }
             td { (format!("{:?}", a.shape_ours)) @if a.shape_ours != a.shape_theirs { " against " (format!("{:?}", a.shape_theirs)) } }
             td { (format!("{:.3e}", a.relative_l2)) }
             td { (a.worst_ulp) }
@@ -63,7 +63,7 @@ fn row(a: &ArrayReport) -> Markup {
     }
 }
 
-/// The report as one page without references to anything outside it.
+/// The report as one page without external references.
 pub(super) fn page(
     report: &Report,
     their_file: &Path,
@@ -81,7 +81,7 @@ pub(super) fn page(
                 p { "theirs " code { (their_file.display()) } ", ours " code { (our_file.display()) }
                     ", relative L2 at most " (format!("{:e}", report.tol)) ": "
                     @if report.passed { span.good { "agrees" } } @else { span.bad { "differs" } } }
-                @if let Some(parting) = &report.parting { p.bad { (parting) } }
+                @if let Some(divergence) = &report.divergence { p.bad { (divergence) } }
                 table {
                     tr { th { "array" } th { } th { "shape" } th { "relative L2" } th { "worst ulp" } th { "mean ulp" }
                          th { "1 − cosine" } th { "signed bias" } th { "zeros: both / theirs / ours" } th { } }
@@ -99,7 +99,7 @@ pub(super) fn page(
                                  td { (format!("{:e}", w.ours)) } td { (format!("{:.3e}", w.ours - w.theirs)) } td { (w.ulp) } }
                         }
                     }
-                    @for (view, (png, largest)) in error_pictures(a, theirs, ours).into_iter().enumerate() {
+                    @for (view, (png, largest)) in error_images(a, theirs, ours).into_iter().enumerate() {
                         figure {
                             img src=(format!("data:image/png;base64,{png}")) width="360" alt=(format!("error of view {view}"));
                             figcaption { "|ours − theirs|, view " (view) ", white = " (format!("{largest:.3e}")) }

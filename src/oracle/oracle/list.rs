@@ -33,7 +33,7 @@ fn ports(f: &mut fmt::Formatter<'_>, title: &str, ports: &[Port]) -> fmt::Result
 
 impl fmt::Display for List {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        writeln!(f, "∂ has a gradient, ? may be absent; float is f32 or f64 as the run")?;
+        writeln!(f, "∂: has a gradient; ?: optional; float is f32 or f64, as selected by --precision")?;
         for op in self.operators {
             let note = if op.adjoint { "" } else { "  (no adjoint)" };
             writeln!(f, "\n{}{note}\n    {}", op.name, op.summary)?;

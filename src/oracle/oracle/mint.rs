@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 /// Files written.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Report {
-    /// in order
+    /// in the order of writing
     pub files: Vec<PathBuf>,
 }
 
@@ -43,10 +43,11 @@ fn settings_as_arrays(op: &Op, settings: &Settings) -> Result<Arrays> {
     Ok(out)
 }
 
-/// The golden arrays of one generated case: inputs, settings, cotangents, outputs, intermediates and gradients, in f64.
+/// The golden arrays of one generated case: inputs, settings, cotangents, outputs, intermediates and
+/// gradients, in f64.
 ///
 /// # Errors
-/// When the operator refuses its own case.
+/// When the generated case is not valid input.
 pub fn golden(op: &'static Op, case: usize) -> Result<Arrays> {
     let made = (op.case)(case);
     let mut call = Call { inputs: made.inputs, settings: made.settings, dump: true, ..Call::default() };

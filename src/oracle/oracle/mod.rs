@@ -1,15 +1,15 @@
-//! Operators on somebody's arrays: run, compare, localise, mint, check gradients. Level 11.
+//! Operators on user-supplied arrays: run, compare, localise, mint, check gradients. Level 11.
 //!
 //! ```text
-//! list      what can be run, with inputs, outputs, shapes, settings
+//! list      the operators with inputs, outputs, shapes, settings
 //! run       IN.npz ──► OUT.npz, OUT.plan.npz, OUT.digest.json, in f32 (shipped) or f64 (twin)
-//! compare   two files, array by array, and the first operator at which they part; differences is what it
-//!           found, html renders it
+//! compare   two files, array by array, and the first operator at which they diverge; differences holds the
+//!           results, html renders them
 //! mint      golden files from each operator's own generator and the f64 twin
-//! gradcheck the gradient checks of `tape::check`, on the list or on somebody's program
+//! gradcheck the gradient checks of `tape::check`, on the list or on a user-supplied program
 //! ```
 //!
-//! Functions return records that print themselves (`Display`) and serialise to JSON; `cli` does the rest.
+//! Functions return records that implement `Display` and serialise to JSON; `cli` prints them.
 
 pub mod compare;
 mod differences;

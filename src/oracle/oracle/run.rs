@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// Which arithmetic runs.
+/// Arithmetic of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Precision {
@@ -21,28 +21,28 @@ pub enum Precision {
     F64,
 }
 
-/// What to run on what.
+/// Options of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// operator
     pub op: String,
-    /// arrays in
+    /// input file
     pub input: PathBuf,
-    /// arrays out
+    /// output file
     pub out: PathBuf,
     /// arithmetic
     pub precision: Precision,
     /// splatting profile, a shorthand for the setting of that name
     pub profile: Option<String>,
-    /// `KEY=VALUE`; wins over arrays `setting_KEY`
+    /// `KEY=VALUE`; takes precedence over arrays `setting_KEY`
     pub set: Vec<String>,
-    /// decisions to use
+    /// file with the plan to use
     pub plan: Option<PathBuf>,
-    /// also write the intermediates
+    /// whether to write the intermediates
     pub dump: bool,
 }
 
-/// What one array is, without its values.
+/// Description of one array without its values.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct ArrayDigest {
     /// sizes of the axes
@@ -53,14 +53,14 @@ pub struct ArrayDigest {
     pub digest: String,
 }
 
-/// What a run did; also the content of `OUT.digest.json`.
+/// Report of a run; also the content of `OUT.digest.json`.
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
     /// operator
     pub operator: &'static str,
     /// arithmetic
     pub precision: Precision,
-    /// settings in effect that were given
+    /// explicitly given settings
     pub settings: BTreeMap<String, String>,
     /// arrays of `OUT.npz`
     pub arrays: BTreeMap<String, ArrayDigest>,
@@ -68,7 +68,7 @@ pub struct Report {
     pub plan: BTreeMap<String, ArrayDigest>,
     /// digest over names and digests of all arrays of `OUT.npz`, then of the plan
     pub digest: String,
-    /// digest over names and digests of the plan alone: the decision log
+    /// digest over names and digests of the plan only: the decision log
     pub plan_digest: String,
     /// arrays that were not used, and why
     #[serde(skip)]
@@ -78,7 +78,7 @@ pub struct Report {
     pub files: Vec<PathBuf>,
 }
 
-/// A file's arrays sorted into what a call needs.
+/// The arrays of a file, sorted into the parts of a call.
 #[derive(Clone, Debug, Default)]
 pub struct Sorted {
     /// the call: inputs, settings, cotangents
@@ -87,8 +87,8 @@ pub struct Sorted {
     pub notes: Vec<String>,
 }
 
-/// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`; outputs,
-/// intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
+/// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`;
+/// outputs, intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
 ///
 /// # Errors
 /// An unknown name, or a setting that is not one number.
@@ -122,7 +122,7 @@ pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
                 return Err(Error::input(format!("array '{name}'"))
                     .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
                     .got("an unknown name")
-                    .hint("`oracle list` shows the names of every operator"));
+                    .hint("`oracle list` prints the names of every operator"));
             };
             sorted.notes.push(format!("ignored '{name}': {reason}"));
         }
@@ -155,11 +155,11 @@ pub fn add_settings(op: &Op, settings: &mut Settings, profile: Option<&str>, set
     Ok(())
 }
 
-/// One call in one precision, through the path every run takes. A run in f32 gives f32 arrays, also of an operator that
+/// One call in one precision, as in every run. A run in f32 returns f32 arrays, also for an operator that
 /// computes in f64.
 ///
 /// # Errors
-/// Bad input; a result beyond the range of f32.
+/// Bad input; a result out of the range of f32.
 pub fn call(op: &'static Op, call: &Call, precision: Precision) -> Result<RunResult> {
     match (precision, op.width) {
         (Precision::F32, Width::F32) => ops::run(op, call),
@@ -176,8 +176,8 @@ pub fn gather(ran: &RunResult) -> Arrays {
     out
 }
 
-/// Runs an operator on a file. `progress` is told the number of pairs and the expected time of an f64 run before it
-/// starts.
+/// Runs an operator on a file. Before an f64 run, `progress` is called with its amount of work and expected
+/// time.
 ///
 /// # Errors
 /// Bad input, or files that cannot be read or written.
@@ -191,7 +191,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
         || options.plan.as_deref().is_some_and(|plan| same(plan, &options.out))
     {
         return Err(Error::input("--out")
-            .expected("another file than the inputs")
+            .expected("a file other than the inputs")
             .got(options.out.display().to_string()));
     }
     let in_file = |e: Error| e.within(options.input.display().to_string());
@@ -214,8 +214,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
     let digest_file = sibling(&options.out, "digest.json");
     npz::write(&options.out, &arrays)?;
     npz::write(&plan_file, &ran.plan)?;
-    let json =
-        serde_json::to_string_pretty(&report).expect("a record of strings and numbers has a JSON form");
+    let json = serde_json::to_string_pretty(&report).expect("a record of strings and numbers is valid JSON");
     crate::io::atomic::write_bytes(&digest_file, format!("{json}\n").as_bytes())?;
     report.files = vec![options.out.clone(), plan_file, digest_file];
     Ok(report)

@@ -1,4 +1,4 @@
-//! What an experiment is: cells, each a training or fit with one seed, and what their results mean.
+//! Experiments: cells, each a training or fit with one seed, and the report made from their results.
 
 use super::report::Report;
 use super::stats::Summary;
@@ -8,17 +8,17 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
-/// Numbers of one cell by name.
+/// Named numbers measured in one cell.
 pub type Values = BTreeMap<String, f64>;
 
 /// One training or fit.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Cell {
-    /// name of its file: letters, digits, `-`, `_`, `.`
+    /// name of the result file: letters, digits, `-`, `_`, `.`
     pub key: String,
-    /// what it belongs to in the table; cells of one row differ in their seed
+    /// row of the table; cells of the same row differ in their seed
     pub row: String,
-    /// which repetition; cells of two rows with the same seed are a pair
+    /// seed of the repetition; cells of two rows with the same seed form a pair
     pub seed: u64,
 }
 
@@ -29,20 +29,20 @@ pub type Results = Vec<(Cell, Values)>;
 pub trait Experiment: Sync {
     /// Its name, a word.
     fn id(&self) -> &'static str;
-    /// Folder of its results; experiments with the same one share cells that have the same key.
+    /// Folder of its results; experiments with the same folder share cells that have the same key.
     fn folder(&self) -> &'static str {
         self.id()
     }
-    /// Everything it runs, in order.
+    /// All its cells, in order.
     fn cells(&self) -> Vec<Cell>;
-    /// Everything that the result of a cell depends on.
+    /// All settings that the result of a cell depends on.
     fn settings(&self, cell: usize) -> Value;
-    /// Runs a cell of [`Self::cells`]; one that takes long looks at `stop`.
+    /// Runs a cell of [`Self::cells`]; a long one polls `stop`.
     ///
     /// # Errors
-    /// What the training or fit reports; [`crate::error::Kind::Interrupted`] when `stop` was set.
+    /// Errors of the training or fit; [`crate::error::Kind::Interrupted`] when `stop` was set.
     fn run(&self, cell: usize, watch: &mut dyn Watch, stop: &AtomicBool) -> Result<Values>;
-    /// What the results say; cells that are missing are left out.
+    /// Makes the report from the results; missing cells are skipped.
     fn report(&self, results: &[(Cell, Values)]) -> Report;
 }
 
@@ -51,7 +51,7 @@ pub fn of(results: &[(Cell, Values)], row: &str, name: &str) -> Vec<f64> {
     results.iter().filter(|(cell, _)| cell.row == row).filter_map(|(_, v)| v.get(name).copied()).collect()
 }
 
-/// The rows in the order in which they first come.
+/// The rows in the order of their first occurrence.
 pub fn rows(results: &[(Cell, Values)]) -> Vec<String> {
     let mut rows: Vec<String> = Vec::new();
     for (cell, _) in results {
@@ -72,7 +72,7 @@ pub fn differences_by_seed(results: &[(Cell, Values)], [a, b]: [&str; 2], name: 
     of(a).into_iter().filter_map(|(seed, x)| Some((seed, x - b.get(&seed)?))).collect()
 }
 
-/// The differences alone.
+/// The differences without their seeds.
 pub fn differences(results: &[(Cell, Values)], rows: [&str; 2], name: &str) -> Vec<f64> {
     differences_by_seed(results, rows, name).into_values().collect()
 }

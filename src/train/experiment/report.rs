@@ -1,11 +1,11 @@
-//! What an experiment found: a table, a chart, and whether a claim holds.
+//! Report of an experiment: a table, a chart, and whether a claim holds.
 
 use super::stats::Summary;
 
 /// A curve of a chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Curve {
-    /// in the legend
+    /// label in the legend
     pub name: String,
     /// (x, mean, deviation)
     pub points: Vec<(f64, f64, f64)>,
@@ -16,42 +16,42 @@ pub struct Curve {
 pub enum Chart {
     /// one bar per row
     Bars(Vec<(String, f64)>),
-    /// curves over a number
+    /// curves over a numeric variable
     Lines {
-        /// what is drawn
+        /// the curves
         curves: Vec<Curve>,
         /// whether the y axis begins at 0
         from_zero: bool,
     },
-    /// means with their 95 % intervals, before a line at 0
+    /// means with their 95 % intervals, and a line at 0
     Intervals(Vec<(String, Summary)>),
 }
 
-/// Whether what counts as reproduced came out.
+/// Whether the criterion of reproduction is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// It did.
+    /// It is met.
     Holds,
-    /// It did not.
+    /// It is not met.
     Fails,
-    /// There is no criterion.
+    /// The experiment has no criterion.
     Reported,
-    /// Something that it needs is not there.
+    /// The experiment did not run because an input is missing.
     NotRun,
 }
 
 impl Outcome {
-    /// As a word of a table.
+    /// The word used in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Holds => "holds",
-            Self::Fails => "does not",
+            Self::Fails => "does not hold",
             Self::Reported => "reported",
             Self::NotRun => "not run",
         }
     }
 
-    /// Of a criterion that was met, was not, or could not be looked at.
+    /// Outcome of a criterion that is met, not met, or could not be evaluated (`None`).
     pub fn of(met: Option<bool>) -> Self {
         match met {
             Some(true) => Self::Holds,
@@ -61,29 +61,29 @@ impl Outcome {
     }
 }
 
-/// What an experiment found.
+/// Report of an experiment.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Report {
     /// name of the experiment
     pub id: &'static str,
     /// what it tests
     pub claim: &'static str,
-    /// heads of the table; numbers begin with `>`
+    /// column heads of the table; those of numeric columns begin with `>`
     pub head: Vec<&'static str>,
-    /// its rows
+    /// rows of the table
     pub rows: Vec<Vec<String>>,
     /// title of the chart, label of its x axis
     pub chart_labels: [&'static str; 2],
     /// the chart
     pub chart: Chart,
-    /// whether what counts as reproduced came out
+    /// whether the criterion of reproduction is met
     pub outcome: Outcome,
     /// the finding in words
     pub verdict: String,
 }
 
 impl Report {
-    /// Of an experiment that could not run.
+    /// Report of an experiment that could not run.
     pub fn not_run(id: &'static str, claim: &'static str, why: &str) -> Self {
         Self {
             id,

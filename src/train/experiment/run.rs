@@ -1,7 +1,8 @@
 //! Runs the cells of experiments that have no result yet.
 //!
-//! Cells know nothing of each other, and most are small: their matrices leave several threads little to share. So several run at a time, each in a pool of
-//! its own. One thread writes the files and calls the observer; which cell ends first decides nothing, because all results are read from the files.
+//! Cells are independent, and most are too small to use several threads efficiently. Several cells therefore
+//! run at a time, each in its own thread pool. One thread writes the files and calls the observer. The order
+//! in which cells end has no effect, because all results are read from the files.
 
 use super::cells::{Cell, Experiment, Results, Values};
 use crate::fit::training::{Step, Watch};
@@ -14,47 +15,48 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-/// Name of the laps of a cell that are not what it measures; they do not count as its time.
+/// Name of the laps of a cell outside the measured fit; they do not count towards its time.
 pub const AROUND: &str = "around the fit";
-/// Largest file of a result.
+/// Largest accepted size of a result file.
 const MOST_BYTES: u64 = 1 << 20;
 
-/// Follows the cells that run. Nothing flows back.
+/// Receives the progress of the cells. It cannot influence them.
 pub trait Observer {
-    /// Follows one cell from its start, on its thread.
+    /// Makes the observer of one cell when it starts, on its thread.
     type Inside: Watch + Default + Send;
 
-    /// Of `total` cells, `done` have a result and `what` runs: called when it begins, and from time to time in trainings and fits.
+    /// Called when the cell `what` begins, and repeatedly during trainings and fits; `done` of `total` cells
+    /// have a result.
     fn next(&mut self, done: usize, total: usize, what: &str) {
         let _ = (done, total, what);
     }
 
-    /// A cell has run; not called for cells that already had a result.
+    /// Called when a cell has run; not called for cells that already had a result.
     fn ran(&mut self, folder: &str, key: &str, inside: Self::Inside) {
         let _ = (folder, key, inside);
     }
 }
 
-/// Follows nothing.
+/// Ignores progress.
 impl Observer for () {
     type Inside = ();
 }
 
-/// How cells are run.
+/// Options for running cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RunOptions {
     /// the command, for the message of an interrupted run
     pub command: &'static str,
-    /// cells without a result are left out instead of run
+    /// skip cells without a result instead of running them
     pub report_only: bool,
-    /// cells at a time, at most; they share the threads
+    /// largest number of concurrent cells; they share the threads
     pub jobs: usize,
 }
 
-/// A cell, and where its result is.
+/// A cell and the file of its result.
 struct StoredCell<'a> {
     experiment: &'a dyn Experiment,
-    /// of the experiment
+    /// index of the cell in the experiment
     index: usize,
     cell: Cell,
     file: PathBuf,
@@ -74,7 +76,7 @@ impl<'a> StoredCell<'a> {
         format!("{} {}", self.experiment.id(), self.cell.row)
     }
 
-    /// The result, if it is there and of these settings.
+    /// The stored result, if there is one with the same settings.
     fn stored(&self) -> Option<Values> {
         let record: Value = serde_json::from_slice(&read_bytes(&self.file, MOST_BYTES).ok()?).ok()?;
         if record["settings"] != self.experiment.settings(self.index) {
@@ -103,10 +105,10 @@ impl<'a> StoredCell<'a> {
     }
 }
 
-/// Messages of a worker thread; the first number is that of the cell.
+/// Messages of a worker thread; the first number is the index of the cell.
 enum Message<W> {
     Begun(usize),
-    /// Steps that are done, and all steps.
+    /// Number of completed steps, and of all steps.
     At(usize, usize, usize),
     Ended(usize, Result<Values>, W),
 }
@@ -135,13 +137,14 @@ impl<W: Watch> Watch for Reporter<W> {
     }
 }
 
-/// Runs cells, `jobs` at a time, and stores what comes out. After an error, or when `stop` is set, no other begins, and those under way end.
+/// Runs cells, `jobs` at a time, and stores their results. After an error, or when `stop` is set, no new cell
+/// begins; running cells are completed.
 fn run_all<L: Observer>(
     missing: &[&StoredCell<'_>],
     there: usize,
     options: RunOptions,
     stop: &AtomicBool,
-    look: &mut L,
+    observer: &mut L,
 ) -> Result<()> {
     let total = there + missing.len();
     let (jobs, threads) = (Ord::clamp(options.jobs, 1, Ord::max(1, missing.len())), par::threads());
@@ -182,15 +185,15 @@ fn run_all<L: Observer>(
         drop(sender);
         for message in receiver {
             match message {
-                Message::Begun(i) => look.next(done, total, &missing[i].name()),
+                Message::Begun(i) => observer.next(done, total, &missing[i].name()),
                 Message::At(i, step, of) => {
-                    look.next(done, total, &format!("{}, step {step} of {of}", missing[i].name()));
+                    observer.next(done, total, &format!("{}, step {step} of {of}", missing[i].name()));
                 }
                 Message::Ended(i, values, inside) => {
                     match values.and_then(|values| missing[i].store(&values)) {
                         Ok(()) => {
                             done += 1;
-                            look.ran(missing[i].experiment.folder(), &missing[i].cell.key, inside);
+                            observer.ran(missing[i].experiment.folder(), &missing[i].cell.key, inside);
                         }
                         Err(e) => {
                             failed.store(true, Ordering::Relaxed);
@@ -211,29 +214,31 @@ fn run_all<L: Observer>(
     if done < total {
         return Err(Error::interrupted(options.command)
             .at(format!("{done} of {total} cells done"))
-            .hint("run the same command with --resume to go on"));
+            .hint("run the same command with --resume to continue"));
     }
-    look.next(total, total, "");
+    observer.next(total, total, "");
     Ok(())
 }
 
-/// Runs the cells without a result, or leaves them out; gives the results of each experiment. Experiments that share a cell share its result.
+/// Runs the cells without a result, or skips them, and returns the results of each experiment. Experiments
+/// that share a cell share its result.
 ///
 /// # Errors
-/// [`crate::error::Kind::Interrupted`] when `stop` is set while cells are missing: those under way end first; what a cell or the file system reports.
+/// [`crate::error::Kind::Interrupted`] when `stop` is set while cells are missing (running cells end first);
+/// errors of a cell or of the file system.
 pub fn run(
     experiments: &[&dyn Experiment],
     dir: &Path,
     options: RunOptions,
     stop: &AtomicBool,
-    look: &mut impl Observer,
+    observer: &mut impl Observer,
 ) -> Result<Vec<Results>> {
     let places: Vec<Vec<StoredCell<'_>>> = experiments.iter().map(|x| StoredCell::all(*x, dir)).collect();
     let mut files = BTreeSet::new();
     let different: Vec<&StoredCell<'_>> = places.iter().flatten().filter(|p| files.insert(&p.file)).collect();
     let missing: Vec<&StoredCell<'_>> = different.iter().copied().filter(|p| p.stored().is_none()).collect();
     if !options.report_only {
-        run_all(&missing, different.len() - missing.len(), options, stop, look)?;
+        run_all(&missing, different.len() - missing.len(), options, stop, observer)?;
     }
     let results = |places: Vec<StoredCell<'_>>| -> Results {
         places.into_iter().filter_map(|p| p.stored().map(|values| (p.cell, values))).collect()
@@ -249,7 +254,7 @@ mod tests {
     /// A version whose cell 1 fails.
     const FAILS: u32 = 9;
 
-    /// What is told.
+    /// Records the calls.
     #[derive(Default)]
     struct Heard(Vec<String>);
 
@@ -282,7 +287,7 @@ mod tests {
         }
         fn run(&self, cell: usize, watch: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
             self.ran.fetch_add(1, Ordering::Relaxed);
-            // one long cell, of which every hundredth part is told
+            // one long cell that reports every hundredth of its steps
             for done in 0..if cell == 0 { 250 } else { 0 } {
                 watch.progress(done, 10_000, Step { loss: 0.0, size: 0 });
             }
@@ -351,7 +356,7 @@ mod tests {
         assert_eq!(
             heard.0,
             ["0/3", "0/3 step 100 of 10000", "0/3 step 200 of 10000", "s0", "1/3"],
-            "what is told, in order"
+            "the reported progress, in order"
         );
         let stored = run(&[&x], dir.path(), options(true), &stop, &mut ()).expect("stored");
         assert_eq!(stored[0].len(), 1, "the one before it");

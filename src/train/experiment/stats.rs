@@ -7,7 +7,7 @@ const T95: [f64; 30] = [
     12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228, 2.201, 2.179, 2.160, 2.145, 2.131,
     2.120, 2.110, 2.101, 2.093, 2.086, 2.080, 2.074, 2.069, 2.064, 2.060, 2.056, 2.052, 2.048, 2.045, 2.042,
 ];
-/// The same for more.
+/// The same for more than 30 degrees of freedom.
 const NORMAL95: f64 = 1.96;
 
 /// A mean with the standard deviation of the values and the half-width of its 95 % interval.
@@ -17,14 +17,14 @@ pub struct Summary {
     pub count: usize,
     /// mean
     pub mean: f64,
-    /// standard deviation, n − 1 below
+    /// standard deviation with divisor n − 1
     pub deviation: f64,
     /// half-width of the interval of the mean; infinite for one value
     pub half_width: f64,
 }
 
 impl Summary {
-    /// Of some values; none gives zeros with an infinite interval.
+    /// Summary of values; without values zeros with an infinite interval.
     pub fn of(values: &[f64]) -> Self {
         let count = values.len();
         let n = Ord::max(1, count) as f64;
@@ -38,7 +38,7 @@ impl Summary {
         Self { count, mean, deviation, half_width: t * deviation / n.sqrt() }
     }
 
-    /// Of the differences a − b of pairs.
+    /// Summary of the differences a − b of pairs.
     ///
     /// # Panics
     /// When the numbers of values differ.
@@ -60,7 +60,7 @@ impl std::fmt::Display for Summary {
     }
 }
 
-/// The middle value, the lower of two.
+/// The median; for an even number of values the lower of the middle two.
 pub fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

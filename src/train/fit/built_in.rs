@@ -1,4 +1,4 @@
-//! Photographs of scenes with known truth: the capture of the demo, and small ones for tests.
+//! Synthetic captures with known ground truth: that of the demo, and small ones for tests.
 
 use super::render::Scene;
 use crate::io::image_file;
@@ -13,15 +13,15 @@ use data_gen::splats;
 /// Colour behind the scenes.
 pub const BACKGROUND: [f32; 3] = [0.0; 3];
 
-/// The capture of the demo: 24 photographs of [`data_gen::splats::demo`], every eighth held out.
+/// The capture of the demo: 24 images of [`data_gen::splats::demo`], every eighth held out.
 ///
 /// # Errors
 /// When the scene cannot be rendered with these settings.
 pub fn demo(settings: &Settings) -> Result<Views> {
-    photographs(&splats::demo(), settings)
+    capture(&splats::demo(), settings)
 }
 
-/// A miniature of [`demo`]: every `step`-th view, pictures smaller by the whole factor `shrink`.
+/// A miniature of [`demo`]: every `step`-th view, with images smaller by the integer factor `shrink`.
 ///
 /// # Errors
 /// When the scene cannot be rendered with these settings.
@@ -34,19 +34,19 @@ pub fn miniature(step: usize, shrink: usize, settings: &Settings) -> Result<View
             *k /= shrink as f64;
         }
     }
-    photographs(&scene, settings)
+    capture(&scene, settings)
 }
 
-/// Renders 8-bit photographs of a scene and puts them together as a capture without reconstructed points.
-fn photographs(scene: &splats::Scene, settings: &Settings) -> Result<Views> {
+/// Renders 8-bit images of a scene and combines them to a capture without reconstructed points.
+fn capture(scene: &splats::Scene, settings: &Settings) -> Result<Views> {
     let gaussians = stored(&scene.gaussians)?;
     let cameras: Vec<Camera> = scene.views.iter().map(camera).collect();
     let ready = Scene::new(&gaussians, settings.clone(), BACKGROUND);
-    let photograph = |i: usize| -> Result<View> {
+    let view = |i: usize| -> Result<View> {
         let rgb = image_file::to_u8(&ready.render(&cameras[i])?.image)?;
         Ok(View { name: format!("view{i:02}.png"), camera: cameras[i].clone(), rgb, mask: None })
     };
-    let views = par::map(cameras.len(), photograph).into_iter().collect::<Result<Vec<_>>>()?;
+    let views = par::map(cameras.len(), view).into_iter().collect::<Result<Vec<_>>>()?;
     let (test, train) = (0..views.len()).partition(|i| i % TEST_EVERY == 0);
     // Cameras and box of the demo scene: 4.2 from the axis, everything within 1.8 of it and below 2.
     let scene_box = SceneBox { center: [0.0, 0.0, 0.6], half_size: 1.7 };
@@ -65,7 +65,7 @@ fn stored(g: &splats::Gaussians) -> Result<Gaussians> {
         sh: g.sh.iter().map(|&c| c as f32).collect(),
         sh_degree: g.sh_degree,
     };
-    stored.validate("built-in scene").map_err(|e: Error| e.hint("this is a mistake in the program"))?;
+    stored.validate("built-in scene").map_err(|e: Error| e.hint("this is a bug in lastlight"))?;
     Ok(stored)
 }
 

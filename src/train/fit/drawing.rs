@@ -1,20 +1,20 @@
-//! The renderer with the memory that a fit keeps between its renders.
+//! The renderer with the buffers that a fit keeps between renders.
 //!
-//! Every fit of Gaussians is a straight line and its reverse: activate → draw → compare, then the adjoints of these from
-//! the last to the first ([`crate::fit::splat`]; a person's fit poses its Gaussians before it draws). This is the middle
-//! of both.
+//! Every fit of Gaussians activates, renders and compares, then runs the adjoints of these steps in reverse
+//! order ([`crate::fit::splat`]; the fit of a person also poses its Gaussians before rendering). This file
+//! contains the rendering step and its adjoint.
 
 use crate::splat::blend::Out;
 use crate::splat::render::{self, In, InBar, OutBar, Saved, Scratch, Settings};
 
-/// The last render of a fit and what its adjoint needs.
+/// The last render of a fit and the data that its adjoint needs.
 #[derive(Default)]
 pub struct Workspace {
-    /// Picture and coverage.
+    /// Image and coverage.
     pub out: Out,
     saved: Saved,
     scratch: Scratch,
-    /// Memory of the largest gradient, (N, K, 3), while nobody reads it.
+    /// Buffer of the largest gradient, (N, K, 3), while it is not in use.
     sh_bar: Vec<f32>,
 }
 
@@ -24,7 +24,7 @@ impl Workspace {
         render::forward_into(x, settings, None, &mut self.out, &mut self.saved);
     }
 
-    /// Gradients by `x`, which was drawn last with these settings.
+    /// Gradients with respect to `x`, which must have been rendered last with these settings.
     pub fn adjoint(&mut self, x: &In<'_>, settings: &Settings, out_bar: OutBar<'_>) -> InBar {
         let mut bar = InBar { sh: std::mem::take(&mut self.sh_bar), ..InBar::default() };
         bar.reset(x);
@@ -37,7 +37,7 @@ impl Workspace {
         self.saved.radii()
     }
 
-    /// Takes the memory of a gradient by `sh` that has been used.
+    /// Takes back the buffer of a gradient with respect to `sh` after use.
     pub fn give_back(&mut self, sh_bar: Vec<f32>) {
         self.sh_bar = sh_bar;
     }

@@ -1,7 +1,7 @@
-//! What an earlier run left in a folder: whether it is one of ours, to be continued or started over.
+//! Checks whether a folder holds the results of a previous run that can be continued or replaced.
 //!
-//! A run leaves `transforms*.json` with the digests of its pictures, or a journal with a record per picture while it is under way (see
-//! [`super::passes`], which also removes them).
+//! A finished run has written `transforms*.json` with the digests of its images; an unfinished run has a
+//! journal with a record per image (see [`super::passes`], which also removes them).
 
 use super::passes::{HEADER, JOURNAL, SPLITS, read_json};
 use crate::io::atomic;
@@ -9,10 +9,10 @@ use crate::{Error, Result};
 use serde_json::{Map, Value};
 use std::path::Path;
 
-/// Refuses to continue in a folder that holds files and no run.
+/// Returns an error for a folder that holds files but no run to continue.
 ///
 /// # Errors
-/// When it does, or cannot be read.
+/// When this is the case, or the folder cannot be read.
 pub(super) fn check_begun(dir: &Path) -> Result<()> {
     let begun = dir.join(JOURNAL).is_dir() || SPLITS.iter().any(|(file, _)| dir.join(file).is_file());
     if begun || !dir.is_dir() || atomic::is_unused(dir)? {
@@ -21,14 +21,15 @@ pub(super) fn check_begun(dir: &Path) -> Result<()> {
     Err(Error::input("--resume")
         .at(dir.display().to_string())
         .expected("the folder of an interrupted run")
-        .got("files without its record")
-        .hint("choose another folder, or start over with --force"))
+        .got("files without the record of a run")
+        .hint("choose another folder, or start again with --force"))
 }
 
-/// Refuses to start over what is not a run whose header had the keys of `header`; [`Recorder::open`](super::passes::Recorder::open) then removes it.
+/// Returns an error unless the folder holds a run whose header has the keys of `header`, which
+/// [`Recorder::open`](super::passes::Recorder::open) may remove.
 ///
 /// # Errors
-/// When a record is another program's or cannot be read.
+/// When a record was written by another command or cannot be read.
 pub(super) fn check_ours(dir: &Path, header: &Map<String, Value>) -> Result<()> {
     let records = SPLITS.iter().map(|(file, _)| dir.join(file)).chain([dir.join(JOURNAL).join(HEADER)]);
     records.filter(|path| path.is_file()).try_for_each(|path| ours(&path, header))
@@ -42,7 +43,7 @@ fn ours(path: &Path, header: &Map<String, Value>) -> Result<()> {
     }
     Err(Error::input("--out")
         .at(path.display().to_string())
-        .expected("the record of an earlier run of this command")
-        .got("another one")
-        .hint("choose another folder; --force replaces results of the same command only"))
+        .expected("the record of a previous run of this command")
+        .got("another record")
+        .hint("choose another folder; --force replaces only results of the same command"))
 }

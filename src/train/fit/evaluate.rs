@@ -1,8 +1,8 @@
-//! Scores of renders against photographs: PSNR, SSIM, mean absolute error, error maps.
+//! Scores of renders against input images: PSNR, SSIM, mean absolute error, error maps.
 //!
-//! The protocol is stored with the numbers ([`PROTOCOL`]): sRGB-encoded values in 0..1, renders limited to 0..1 and not
-//! quantised, every mean over counted pixels only. Images in, records out; who is held out is decided by
-//! [`crate::scene::views`].
+//! The protocol is stored with the numbers ([`PROTOCOL`]): sRGB-encoded values in 0..1, renders limited to
+//! 0..1 and not quantised, every mean over counted pixels only. [`crate::scene::views`] decides which views
+//! are held out.
 
 use super::render::Scene;
 use crate::loss::metric::psnr::Decibel;
@@ -12,23 +12,23 @@ use crate::scene::views::View;
 use crate::{Result, splat};
 use serde_json::{Value, json};
 
-/// How the numbers are made, in one sentence.
+/// The definition of the scores, in one sentence.
 pub const PROTOCOL: &str = "sRGB-encoded values in 0..1, renders limited to 0..1 and not quantised; PSNR-full and mean \
-    absolute error over the counted pixels; SSIM-g (11×11 Gaussian window, σ 1.5, zero padding) of both pictures times the mask, \
+    absolute error over the counted pixels; SSIM-g (11×11 Gaussian window, σ 1.5, zero padding) of both images times the mask, \
     mean over the counted pixels; means over views of the values per view";
 
-/// Numbers of one view.
+/// Scores of one view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ViewScore {
-    /// name of the photograph
+    /// name of the input image
     pub name: String,
     /// in pixels
     pub width: usize,
     /// in pixels
     pub height: usize,
-    /// pixels that count
+    /// number of pixels that count
     pub kept: usize,
-    /// decibels; +∞ when nothing differs
+    /// PSNR in decibels; +∞ if no value differs
     pub psnr_db: f64,
     /// structural similarity
     pub ssim: f64,
@@ -36,27 +36,27 @@ pub struct ViewScore {
     pub mae: f64,
 }
 
-/// A view with its pictures, sRGB-encoded.
+/// A scored view with its images, sRGB-encoded.
 #[derive(Clone, Debug)]
 pub struct Scored {
-    /// the numbers
+    /// the scores
     pub score: ViewScore,
-    /// (H, W, 3) the photograph, 0 where it does not count
+    /// (H, W, 3) the input image, 0 at pixels that do not count
     pub photo: Vec<f32>,
     /// (H, W, 3) the render, limited to 0..1
     pub image: Vec<f32>,
-    /// (H, W) mean over the channels of the absolute difference, 0 where it does not count
+    /// (H, W) mean over the channels of the absolute difference, 0 at pixels that do not count
     pub error: Vec<f32>,
 }
 
-/// Numbers of a set of views.
+/// Scores of a set of views.
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     /// see [`PROTOCOL`]
     pub protocol: &'static str,
     /// in the order of the file names
     pub views: Vec<ViewScore>,
-    /// mean of the decibels; +∞ if a view has none
+    /// mean PSNR in decibels; +∞ if that of a view is
     pub mean_psnr_db: f64,
     /// mean over views
     pub mean_ssim: f64,
@@ -65,7 +65,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Means over views: pairwise trees in view order.
+    /// Computes means over views, as pairwise sums in view order.
     pub fn of(views: Vec<ViewScore>) -> Self {
         let mean = |f: fn(&ViewScore) -> f64| {
             let values: Vec<f64> = views.iter().map(f).collect();
@@ -90,10 +90,10 @@ impl Evaluation {
     }
 }
 
-/// Renders a scene from the camera of a view and compares with its photograph.
+/// Renders a scene from the camera of a view and compares it with the input image.
 ///
 /// # Errors
-/// When no pixel of the view counts, or the render holds a number that is not finite.
+/// When no pixel of the view counts, or the render has a value that is not finite.
 pub fn score(scene: &Scene<'_>, view: &View) -> Result<Scored> {
     let out = scene.render(&view.camera)?;
     let (photo, mask) =
@@ -101,7 +101,7 @@ pub fn score(scene: &Scene<'_>, view: &View) -> Result<Scored> {
     compare(&view.name, &out, &photo, mask.as_deref(), [view.camera.height, view.camera.width])
 }
 
-/// Compares a render with a photograph.
+/// Compares a render with an input image.
 ///
 /// # Errors
 /// See [`score`].
@@ -160,7 +160,7 @@ mod tests {
             (f64::INFINITY, 0.0, 255),
             "all the rest agrees"
         );
-        assert_eq!((miss.error[0], miss.photo[0]), (0.0, 0.0), "black in the pictures");
+        assert_eq!((miss.error[0], miss.photo[0]), (0.0, 0.0), "black in the images");
         let e = Evaluation::of(vec![hit.score, miss.score]);
         assert!(e.mean_psnr_db.is_infinite() && e.json()["mean_psnr_db"].is_null(), "no finite mean");
     }

@@ -18,7 +18,7 @@ pub fn world_from_camera(c: &Camera) -> Value {
     json!([row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]])
 }
 
-/// One frame: picture, size, intrinsics, pose.
+/// One frame: image, size, intrinsics, pose.
 pub fn frame(file_path: &str, c: &Camera) -> Value {
     json!({
         "file_path": file_path,

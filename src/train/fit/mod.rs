@@ -1,20 +1,20 @@
-//! Fits: from photographs to scenes. Level 9.
+//! Fits: optimisation of scenes from images. Level 9.
 //!
 //! ```text
 //! cli ──► splat ──► training                      the loop: iterations, checkpoints, resumption
 //!           ├────► seeds                          first Gaussians: points, a scene file, or random in the box
 //!           ├────► splat::pass                    one view: activate ──► draw ──► losses, and their adjoints in reverse
 //!           └────► optim                          Adam rows, learning rates, density control
-//! splat, last ──► drawing                         the renderer and its adjoint, with memory kept between renders
+//! splat, last ──► drawing                         the renderer and its adjoint, with buffers kept between renders
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
-//! cli ──► render                                  a scene along cameras: pictures, depth, alpha, on disk
-//! cli ──► relight ──► passes                      a model under light along cameras
-//!           └────► earlier                        what a run before it left in the folder
-//! last, lirm, cli ──► passes                      ray-traced pictures with their passes, on disk as a capture
+//! cli ──► render                                  a scene from given cameras: images, depth, alpha, on disk
+//! cli ──► relight ──► passes                      a model under given lighting from given cameras
+//!           └────► earlier                        results of a previous run in the folder
+//! last, lirm, cli ──► passes                      ray-traced images with their passes, on disk as a capture
 //! ```
 //!
-//! Fits return records and tell a [`training::Watch`] how far they are; printing and reports are the business of `cli`.
-//! Nothing here reads a clock.
+//! Fits return records and report progress to a [`training::Watch`]; `cli` prints and writes reports. No code
+//! here reads a clock.
 
 pub mod built_in;
 pub mod drawing;

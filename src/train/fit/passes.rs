@@ -1,7 +1,8 @@
-//! Ray-traced pictures with their passes, on disk as a capture that can be interrupted and continued.
+//! Ray-traced images with their passes, written to disk as a capture. Writing can be interrupted and
+//! continued.
 //!
 //! ```text
-//! DIR/images/NAME.png       photograph: radiance × exposure, sRGB-encoded; with Style::transparent RGBA, straight alpha
+//! DIR/images/NAME.png       image: radiance × exposure, sRGB-encoded; with Style::transparent RGBA, straight alpha
 //!     foreground/NAME.png   coverage of the object, 8 bits, linear
 //!     radiance/NAME.exr     R G B linear, before exposure
 //!     depth/NAME.exr        Z     camera depth of the pixel's centre, scene units, 0 where nothing is hit; seen from `transform_matrix`
@@ -11,16 +12,18 @@
 //!     transforms.json       cameras, paths and digests; one file per split if there are splits
 //! ```
 //!
-//! `transforms.json` is that of nerfstudio with further keys: `foreground_path`, `radiance_path`, `depth_path`, `normal_path`,
-//! `albedo_path`, `material_path`, `exposure`, for a moving camera `transform_matrix_open` and `_close` (`transform_matrix`
-//! lies half-way: depth, normal, albedo and material are seen from there; photograph, foreground and radiance are means over the
-//! exposure), and `digests` (FNV-1a 64 of each file). [`crate::io::capture`] reads all of it back but the last three.
+//! `transforms.json` is that of nerfstudio with further keys: `foreground_path`, `radiance_path`,
+//! `depth_path`, `normal_path`, `albedo_path`, `material_path`, `exposure`, for a moving camera
+//! `transform_matrix_open` and `_close` (`transform_matrix` is the pose half-way, used for depth, normal,
+//! albedo and material; image, foreground and radiance are means over the exposure), and `digests` (FNV-1a 64
+//! of each file). [`crate::io::capture`] reads all keys except the last three.
 //!
-//! While the set is being made, each finished picture has a record in `DIR/.shots/`. It is written after its files, so a
-//! picture with a record is whole, unless the power failed: pictures and records reach the disk in the system's own time
-//! ([`atomic::write_unflushed`]). So a continued run compares every file with its digest, in a finished set too, and makes what does not
-//! agree. [`Recorder::finish`] gathers the records into `transforms*.json` and removes them. Bytes depend on neither the number
-//! of threads nor on interruptions.
+//! While the set is being written, each finished image has a record in `DIR/.shots/`. The record is written
+//! after the files, so an image with a record is complete, except after a power failure: the system may delay
+//! writing images and records to disk ([`atomic::write_unflushed`]). A continued run therefore compares every
+//! file with its digest, also in a finished set, and renders images again whose files differ.
+//! [`Recorder::finish`] collects the records in `transforms*.json` and removes them. The bytes depend neither
+//! on the number of threads nor on interruptions.
 
 use super::frames;
 use crate::io::capture::Split;
@@ -33,37 +36,37 @@ use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
-/// Folder of the records of finished pictures.
+/// Folder of the records of finished images.
 pub(super) const JOURNAL: &str = ".shots";
-/// The header in it.
+/// File name of the header in this folder.
 pub(super) const HEADER: &str = "header.json";
 
-/// Folders that pictures and passes lie in.
+/// Folders of images and passes.
 pub const FOLDERS: [&str; 7] = ["images", "foreground", "radiance", "depth", "normal", "albedo", "material"];
 
-/// One picture to be made.
+/// One image to render.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
     /// Without extension and folders: ASCII letters, digits, `_`, `-`, `.`.
     pub name: String,
-    /// From where, when the shutter opens.
+    /// Camera when the shutter opens.
     pub camera: Camera,
-    /// From where when it closes; absent: the camera rests.
+    /// Camera when the shutter closes; absent: the camera does not move.
     pub shutter_close: Option<Camera>,
-    /// What the picture is for.
+    /// Split that the image belongs to.
     pub split: Split,
     /// Further keys of its frame.
     pub extra: Map<String, Value>,
 }
 
-/// How radiance becomes a photograph.
+/// Conversion of radiance to an image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Style {
     /// Factor before the sRGB transfer function.
     pub exposure: f32,
-    /// The photograph gets an alpha channel; its colour is that of the object alone.
+    /// Whether the image has an alpha channel; its colour is then that of the object only.
     pub transparent: bool,
-    /// Whether everything but the photograph and the foreground is written.
+    /// Whether passes other than image and foreground are written.
     pub passes: bool,
 }
 
@@ -76,12 +79,13 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Opens the folder, making it if need be; with `resume`, takes over what an earlier run with the same header left.
-    /// `header` becomes the top of every `transforms*.json`. Without `resume` the set that the folder holds is removed first ([`clear`]), so that
-    /// no camera of one run stands beside a picture of another. Temporary files of a killed run are removed.
+    /// Opens the folder and creates it if necessary. With `resume`, continues a previous run with the same
+    /// header. `header` becomes the top level of every `transforms*.json`. Without `resume`, an existing set
+    /// is removed first ([`clear`]), so that cameras and images of different runs are never mixed. Temporary
+    /// files of a killed run are removed.
     ///
     /// # Errors
-    /// When the folder cannot be made, or holds the records of a run with another header.
+    /// When the folder cannot be created, or holds the records of a run with another header.
     pub fn open(dir: &Path, header: Map<String, Value>, resume: bool) -> Result<Self> {
         let journal = dir.join(JOURNAL);
         let mark = journal.join(HEADER);
@@ -96,9 +100,9 @@ impl Recorder {
             if old != text {
                 return Err(Error::input("--resume")
                     .at(dir.display().to_string())
-                    .expected("a set that was begun with the same settings")
-                    .got("one with others")
-                    .hint("choose another folder, or repeat the settings it was begun with"));
+                    .expected("an unfinished set with the same settings")
+                    .got("a set with other settings")
+                    .hint("choose another folder, or use the settings of the first run"));
             }
             return Ok(recorder);
         }
@@ -133,11 +137,11 @@ impl Recorder {
                 return Err(Error::input("--resume")
                     .at(path.display().to_string())
                     .expected("a set made with the same settings")
-                    .got("one with others"));
+                    .got("a set with other settings"));
             }
             let frames = frames.and_then(|f| f.as_array().cloned()).unwrap_or_default();
             for mut frame in frames.into_iter().filter(Value::is_object) {
-                // Where a frame was filed says what it was for.
+                // The file that lists a frame determines its split.
                 frame["split"] = json!(file);
                 if let Some(name) = frame.get("file_path").and_then(Value::as_str) {
                     let name = Path::new(name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -148,7 +152,8 @@ impl Recorder {
         Ok((!out.is_empty()).then_some(out))
     }
 
-    /// Looks at the finished set of these pictures in a folder; `None` when there is none. Every file is read, nothing is written.
+    /// Verifies the finished set of these images in a folder; `None` if there is none. Every file is read,
+    /// nothing is written.
     ///
     /// # Errors
     /// When the set has another header, or its description cannot be read.
@@ -167,10 +172,10 @@ impl Recorder {
         Ok(Some(Verified { digest: set.gather(order)?.0, is_whole }))
     }
 
-    /// Whether this picture is on disk and whole: its record is there and every file has the digest it had.
+    /// Whether this image is complete on disk: it has a record and every file has the recorded digest.
     ///
     /// # Errors
-    /// When a record is there but cannot be read by the system.
+    /// When a record exists but cannot be read.
     pub fn has(&self, shot: &Shot) -> Result<bool> {
         let Some(frame) = self.frame(&shot.name)? else { return Ok(false) };
         let Some(digests) = frame.get("digests").and_then(Value::as_object) else { return Ok(false) };
@@ -180,8 +185,8 @@ impl Recorder {
         Ok(!digests.is_empty() && digests.iter().all(whole))
     }
 
-    /// The frame of a picture: that of the finished set, or its record. A record that is no JSON object is one that the power
-    /// failed on, and counts as none.
+    /// The frame of an image: that of the finished set, or its record. A record that is not a JSON object
+    /// (after a power failure) is treated as missing.
     fn frame(&self, name: &str) -> Result<Option<Value>> {
         if let Some((_, frame)) = self.done.iter().find(|(n, _)| *n == name) {
             return Ok(Some(frame.clone()));
@@ -198,7 +203,7 @@ impl Recorder {
         self.dir.join(JOURNAL).join(format!("{name}.json"))
     }
 
-    /// Writes the files of a picture, then its record.
+    /// Writes the files of an image, then its record.
     ///
     /// # Errors
     /// When the name is not a plain file name, the sizes do not agree, or a file cannot be written.
@@ -206,8 +211,8 @@ impl Recorder {
         self.put_with(shot, passes, style, None)
     }
 
-    /// Like [`Self::put`] with a photograph of its own: `signal` (H, W), linear and exposed, stands in the place of radiance × exposure, as after
-    /// a sensor. `radiance/` stays what the passes say.
+    /// Like [`Self::put`], but the image is made from `signal` (H, W), linear and exposed, instead of
+    /// radiance × exposure, for example after a sensor model. `radiance/` is still that of the passes.
     ///
     /// # Errors
     /// See [`Self::put`].
@@ -219,7 +224,7 @@ impl Recorder {
         signal: Option<&[[f32; 3]]>,
     ) -> Result<()> {
         if !is_plain(&shot.name) {
-            return Err(Error::input("picture name")
+            return Err(Error::input("image name")
                 .expected("ASCII letters, digits, '_', '-' or '.', not beginning with '.'")
                 .got(format!("'{}'", shot.name)));
         }
@@ -227,8 +232,8 @@ impl Recorder {
             None => shot.camera.clone(),
             Some(close) => shot.camera.between(close, 0.5),
         };
-        let photograph = format!("images/{}.png", shot.name);
-        let mut frame = frames::frame(&photograph, &middle);
+        let image = format!("images/{}.png", shot.name);
+        let mut frame = frames::frame(&image, &middle);
         let mut digests = Map::new();
         for (key, file, bytes) in self.files(shot, passes, style, signal)? {
             let path = self.dir.join(&file);
@@ -249,13 +254,13 @@ impl Recorder {
         frame["digests"] = Value::Object(digests);
         frame["split"] = json!(file_of(shot.split));
         frame["camera_model"] = json!(frames::model_name(middle.model));
-        // A finished set that lost a file has no records any more.
+        // A finished set that lost a file no longer has records.
         let journal = self.dir.join(JOURNAL);
         std::fs::create_dir_all(&journal).map_err(|e| Error::os(&journal, &e))?;
         atomic::write_unflushed(&self.record(&shot.name), format!("{frame:#}\n").as_bytes())
     }
 
-    /// Key, path and bytes of every file of a picture.
+    /// Key, path and bytes of every file of an image.
     fn files(
         &self,
         shot: &Shot,
@@ -267,13 +272,13 @@ impl Recorder {
         let (light, exposure) = signal.map_or((&*p.color, style.exposure), |s| (s, 1.0));
         if p.color.len() != w * h || light.len() != w * h || (w, h) != (shot.camera.width, shot.camera.height)
         {
-            return Err(Error::input(format!("picture '{}'", shot.name))
+            return Err(Error::input(format!("image '{}'", shot.name))
                 .expected(format!("{}x{} pixels", shot.camera.width, shot.camera.height))
                 .got(format!("{w}x{h}")));
         }
         let path = |folder: &str, extension: &str| format!("{folder}/{}.{extension}", shot.name);
         let coverage = image_file::to_u8(&p.alpha)?;
-        let photograph = if style.transparent {
+        let image = if style.transparent {
             let rgb = tonemap::srgb_u8(&straight(light, &p.alpha), exposure);
             let rgba: Vec<u8> =
                 rgb.chunks_exact(3).zip(&coverage).flat_map(|(c, &a)| [c[0], c[1], c[2], a]).collect();
@@ -282,7 +287,7 @@ impl Recorder {
             image_file::png_bytes(w, h, 3, &tonemap::srgb_u8(light, exposure))?
         };
         let mut out = vec![
-            ("file_path", path("images", "png"), photograph),
+            ("file_path", path("images", "png"), image),
             ("foreground_path", path("foreground", "png"), image_file::png_bytes(w, h, 1, &coverage)?),
         ];
         if style.passes {
@@ -304,11 +309,12 @@ impl Recorder {
         Ok(out)
     }
 
-    /// Writes `transforms*.json` from the records and removes them. `order` names every picture of the set.
-    /// Returns the digest of the set: of the digests of its files and the text of its cameras, in order.
+    /// Writes `transforms*.json` from the records and removes them. `order` lists every image of the set.
+    /// Returns the digest of the set, computed from the digests of its files and the text of its cameras, in
+    /// order.
     ///
     /// # Errors
-    /// When a picture is missing or a file cannot be written.
+    /// When an image is missing or a file cannot be written.
     pub fn finish(self, order: &[Shot]) -> Result<u64> {
         let (digest, files) = self.gather(order)?;
         for (file, list, model) in files {
@@ -328,7 +334,7 @@ impl Recorder {
         for shot in order {
             let missing = || {
                 Error::input(self.record(&shot.name).display().to_string())
-                    .expected("the record of a finished picture")
+                    .expected("the record of a finished image")
                     .got("none")
             };
             let mut frame = self.frame(&shot.name)?.ok_or_else(missing)?;
@@ -342,7 +348,7 @@ impl Recorder {
                 Some(group) => {
                     if group.2 != model {
                         return Err(Error::input("capture")
-                            .at(format!("picture '{}'", shot.name))
+                            .at(format!("image '{}'", shot.name))
                             .expected("one camera model per file")
                             .got(format!("{} and {model}", group.2)));
                     }
@@ -355,17 +361,17 @@ impl Recorder {
     }
 }
 
-/// What a finished set says about itself, and whether it is true.
+/// Result of verifying a finished set.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Verified {
-    /// As [`Recorder::finish`] gave it, if nobody changed the description since.
+    /// Digest as returned by [`Recorder::finish`], provided that the description is unchanged.
     pub digest: u64,
     /// Whether every file has the digest that the description records.
     pub is_whole: bool,
 }
 
-/// Removes the set that a folder holds, finished or begun: descriptions and records first, then the pictures they name. Everything
-/// else stays.
+/// Removes the finished or unfinished set in a folder: descriptions and records first, then the images that
+/// they list. Other files are kept.
 ///
 /// # Errors
 /// When the folder cannot be read or a file not removed.
@@ -377,22 +383,22 @@ pub fn clear(dir: &Path) -> Result<()> {
             described.push(entry.map_err(|e| Error::os(&journal, &e))?.path());
         }
     }
-    let mut pictures: Vec<String> = Vec::new();
+    let mut images: Vec<String> = Vec::new();
     for path in described.iter().filter(|p| p.is_file()) {
-        // What cannot be read names nothing.
+        // An unreadable file lists no images.
         let Ok(value) = read_json(path) else { continue };
         let frames = value["frames"].as_array().map_or(std::slice::from_ref(&value), Vec::as_slice);
         let named = frames.iter().filter_map(|f| f["digests"].as_object()).flat_map(Map::keys);
         let is_ours = |n: &&String| {
             n.split_once('/').is_some_and(|(folder, file)| FOLDERS.contains(&folder) && is_plain(file))
         };
-        pictures.extend(named.filter(is_ours).cloned());
+        images.extend(named.filter(is_ours).cloned());
     }
     for path in described.iter().take(SPLITS.len()) {
         atomic::remove(path)?;
     }
     remove_journal(dir)?;
-    pictures.iter().try_for_each(|name| atomic::remove(&dir.join(name)))
+    images.iter().try_for_each(|name| atomic::remove(&dir.join(name)))
 }
 
 fn remove_journal(dir: &Path) -> Result<()> {
@@ -403,16 +409,16 @@ fn remove_journal(dir: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Whether a name is that of a file in a folder, whatever the system.
+/// Whether a name is that of a file in a folder, on any system.
 fn is_plain(name: &str) -> bool {
     let plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
     !name.is_empty() && !name.starts_with('.') && name.chars().all(plain)
 }
 
-/// A `transforms*.json` to be: its name, its frames, their camera model.
+/// Content of a `transforms*.json`: its name, its frames, their camera model.
 type Described = (&'static str, Vec<Value>, Value);
 
-/// Files and what they hold.
+/// Files and their splits.
 pub(super) const SPLITS: [(&str, Split); 4] = [
     ("transforms.json", Split::Unknown),
     ("transforms_train.json", Split::Train),
@@ -424,7 +430,8 @@ fn file_of(split: Split) -> &'static str {
     SPLITS.iter().find(|(_, s)| *s == split).map_or(SPLITS[0].0, |(file, _)| file)
 }
 
-/// Colour of the object alone: the sum over covered samples divided by the coverage; black where there is none.
+/// Colour of the object only: the sum over covered samples divided by the coverage; black where there is
+/// none.
 fn straight(color: &[[f32; 3]], alpha: &[f32]) -> Vec<[f32; 3]> {
     let unmix = |(c, &a): (&[f32; 3], &f32)| if a > 0.0 { c.map(|x| x / a) } else { [0.0; 3] };
     color.iter().zip(alpha).map(unmix).collect()

@@ -1,7 +1,7 @@
-//! A model under some light along cameras: pictures with their passes, on disk as a capture.
+//! Renders a model under given lighting from given cameras: images with their passes, on disk as a capture.
 //!
-//! What is rendered is known by its contents: the header of a set ends with a digest of model, light and cameras. So a run is
-//! continued only where all of them are what they were, whatever files they came from and wherever those lie.
+//! The header of a set ends with a digest of model, lighting and cameras. A run is therefore continued only
+//! if their contents are unchanged, independently of the paths of the files they were read from.
 
 use super::earlier;
 use super::passes::{Recorder, Shot, Style};
@@ -23,45 +23,47 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Samples of a picture; the item is the picture.
+/// Purpose of the samples of an image; the item is the image.
 const PURPOSE: u16 = 0x0520;
 
-/// Factor from radiance to the photograph.
+/// Factor from radiance to the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Exposure {
-    /// [`exposure::auto`] of each picture
+    /// [`exposure::auto`] of each image
     Auto,
-    /// the same for all
+    /// the same factor for all images
     Fixed(f32),
 }
 
-/// What is rendered, how.
+/// What to render, and the settings.
 #[derive(Clone, Debug)]
 pub struct Relight<'a> {
     /// The model.
     pub object: &'a Object,
-    /// Its light.
+    /// The lighting.
     pub lights: &'a Lights,
-    /// Samples, bounces, seed; picture i draws from the seed that [`rng::derive`] makes of this one and i.
+    /// Samples, bounces, seed; image i uses the seed that [`rng::derive`] makes of this one and i.
     pub settings: Settings,
-    /// Brightness of the photographs.
+    /// Exposure of the images.
     pub exposure: Exposure,
-    /// Photographs show the model alone and have an alpha channel.
+    /// Whether images show only the model and have an alpha channel.
     pub transparent: bool,
-    /// Also radiance, depth, normals, albedo, material.
+    /// Whether radiance, depth, normals, albedo and material are also written.
     pub passes: bool,
 }
 
 impl Relight<'_> {
-    /// Renders what is missing of the shots into `dir`; gives the digest of the set. `header` is the top of `transforms.json`, and must be the
-    /// same when a set is continued; it gets one more key, `contents`, with the digest of model, light and cameras.
+    /// Renders the missing shots into `dir` and returns the digest of the set. `header` is the top level of
+    /// `transforms.json` and must be unchanged when a set is continued; the key `contents` is added with the
+    /// digest of model, lighting and cameras.
     ///
-    /// With `resume` an empty folder is begun, one with files must hold a run of the same header. Without, what an earlier run of such a
-    /// header left is removed first, and a capture of another kind is refused. A refused run makes no folder.
+    /// With `resume`, an empty folder is started, and one with files must hold a run with the same header.
+    /// Without `resume`, the results of a previous run with such a header are removed first; a capture of
+    /// another kind is an error. On such errors no folder is created.
     ///
     /// # Errors
-    /// When model, light or a camera is not valid, a file cannot be written, two shots share a name, the folder holds something else,
-    /// or `stop` was set.
+    /// When model, lighting or a camera is not valid, a file cannot be written, two shots share a name, the
+    /// folder holds other files, or `stop` was set.
     pub fn to_folder(
         &self,
         shots: &[Shot],
@@ -75,7 +77,7 @@ impl Relight<'_> {
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|w| w[0] == w[1]) {
             let e = Error::input("cameras").at(format!("name '{}'", twice[0]));
-            return Err(e.expected("different names").got("two cameras of one name"));
+            return Err(e.expected("different names").got("two cameras with the same name"));
         }
         let bvh = Bvh::build(&self.object.mesh.positions, &self.object.mesh.triangles);
         let scene = Scene::new(self.object, &bvh, self.lights)?;
@@ -113,7 +115,8 @@ impl Relight<'_> {
 }
 
 impl Relight<'_> {
-    /// FNV-1a 64 of everything that pictures depend on but the settings: surface, materials and their pictures, light, cameras.
+    /// FNV-1a 64 of everything that the images depend on except the settings: surface, materials and their
+    /// textures, lighting, cameras.
     fn contents(&self, shots: &[Shot]) -> u64 {
         let mut d = Digest::new();
         let mesh = &self.object.mesh;
@@ -139,7 +142,7 @@ fn floats(d: &mut Digest, x: &[f32]) {
     x.iter().for_each(|x| d.bytes(&x.to_bits().to_le_bytes()));
 }
 
-/// Factors, then for each map its place among the pictures `seen` so far, and a new one's texels.
+/// Factors, then for each map its index among the textures `seen` so far, and the texels of a new one.
 fn material<'a>(d: &mut Digest, m: &'a Material, seen: &mut Vec<&'a Arc<Texture>>) {
     let strength = m.normal_map.as_ref().map(|(_, x)| *x);
     let factors = (m.base_color, m.roughness, m.metallic, m.emission, m.alpha, strength);
@@ -161,7 +164,8 @@ fn material<'a>(d: &mut Digest, m: &'a Material, seen: &mut Vec<&'a Arc<Texture>
     }
 }
 
-/// Middle of the bounds, and the largest distance of a vertex from it; in f64, where the square of any coordinate is finite.
+/// Centre of the bounds, and the largest distance of a vertex from it; in f64, where the square of any
+/// coordinate is finite.
 pub fn sphere(mesh: &Mesh) -> ([f32; 3], f64) {
     let [low, high] = mesh.bounds();
     let c: [f32; 3] = std::array::from_fn(|k| 0.5 * low[k] + 0.5 * high[k]);
@@ -172,7 +176,8 @@ pub fn sphere(mesh: &Mesh) -> ([f32; 3], f64) {
     (c, square.sqrt())
 }
 
-/// A circle of cameras around a mesh, looking at the middle of its bounds from where all of it is seen; `orbit.center` and `orbit.radius` win.
+/// A circle of cameras around a mesh, directed at the centre of its bounds, at a distance from which all of
+/// it is visible; `orbit.center` and `orbit.radius` take precedence.
 ///
 /// # Errors
 /// Those of [`Orbit::shots`].
@@ -189,7 +194,7 @@ pub fn around(mesh: &Mesh, orbit: &Orbit) -> Result<Vec<Shot>> {
     Ok(orbit.shots(&Gaussians::default())?.into_iter().map(|s| still(s.name, s.camera)).collect())
 }
 
-/// A shot of a resting camera.
+/// A shot of a camera that does not move.
 pub fn still(name: String, camera: Camera) -> Shot {
     Shot { name, camera, shutter_close: None, split: Split::Unknown, extra: Map::new() }
 }

@@ -1,7 +1,7 @@
-//! Rendering a described scene: Gaussians, cameras, passes, on disk as a capture.
+//! Rendering of a scene file: Gaussians, cameras, passes, on disk as a capture.
 //!
-//! A folder of renders is itself a capture: its `transforms.json` names the pictures and their cameras, so it can be
-//! fitted again, or opened by any program that reads the nerfstudio layout.
+//! A folder of renders is itself a capture: its `transforms.json` lists the images and their cameras, so it
+//! can be fitted again, or opened by any program that reads the nerfstudio layout.
 
 use super::frames;
 use crate::io::capture::{Frame, Lens, read_capture};
@@ -33,10 +33,10 @@ impl<'a> Scene<'a> {
         Self { stored, scales, opacities, settings, background }
     }
 
-    /// The picture from one camera.
+    /// Renders the image of one camera.
     ///
     /// # Errors
-    /// When the camera is not valid, or a pixel is not finite because a parameter is out of every sensible range.
+    /// When the camera is not valid, or a pixel is not finite because a parameter is far out of range.
     pub fn render(&self, camera: &Camera) -> Result<Out> {
         let x = In {
             means: &self.stored.means,
@@ -57,12 +57,12 @@ impl<'a> Scene<'a> {
         } else {
             Err(Error::input("render")
                 .expected("finite pixels")
-                .got("one that is not: a parameter of the scene overflows"))
+                .got("a pixel that is not: a parameter of the scene overflows"))
         }
     }
 }
 
-/// Which pictures are written for each camera.
+/// Which images are written for each camera.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Passes {
     /// `color/NAME.png`, sRGB-encoded, 8 bits
@@ -76,7 +76,7 @@ pub struct Passes {
 }
 
 impl Passes {
-    /// From names between commas: `color`, `linear`, `depth`, `alpha`.
+    /// Parses comma-separated names: `color`, `linear`, `depth`, `alpha`.
     ///
     /// # Errors
     /// When a name is none of these.
@@ -90,7 +90,7 @@ impl Passes {
                 "alpha" => passes.alpha = true,
                 other => {
                     return Err(Error::input("--passes")
-                        .expected("color, linear, depth or alpha, between commas")
+                        .expected("a comma-separated list of color, linear, depth, alpha")
                         .got(other));
                 }
             }
@@ -99,16 +99,16 @@ impl Passes {
     }
 }
 
-/// A camera with the name its files get.
+/// A camera with the name of its files.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shot {
     /// without extension and folders
     pub name: String,
-    /// from where
+    /// the camera
     pub camera: Camera,
 }
 
-/// Renders every shot into `dir` and writes `transforms.json`; gives the files written, relative to `dir`.
+/// Renders every shot into `dir` and writes `transforms.json`; returns the files written, relative to `dir`.
 ///
 /// # Errors
 /// When a file cannot be written, two shots share a name, or a render is not finite.
@@ -125,7 +125,7 @@ pub fn to_folder(
         return Err(Error::input("cameras")
             .at(format!("name '{}'", twice[0]))
             .expected("different names")
-            .got("two cameras of one name"));
+            .got("two cameras with the same name"));
     }
     let mut files = Vec::new();
     for (done, shot) in shots.iter().enumerate() {
@@ -186,13 +186,13 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
     json!({"camera_model": model, "frames": list})
 }
 
-/// The cameras of a capture, as ideal cameras of the sizes of its photographs over `downscale`. Where sizes are declared, the photographs need not
-/// be there.
+/// The cameras of a capture, as ideal cameras with the sizes of its images divided by `downscale`. If sizes
+/// are declared, the images need not exist.
 ///
 /// # Errors
-/// When the layout is bad, or a photograph of a size nobody declared cannot be read.
+/// When the layout is invalid, or an image without a declared size cannot be read.
 pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
-    assert!(downscale > 0, "a picture shrinks by a factor of at least 1");
+    assert!(downscale > 0, "downscale is at least 1");
     let capture = read_capture(path)?;
     let mut frames: Vec<&Frame> = capture.frames.iter().chain(&capture.missing).collect();
     frames.sort_by(|a, b| a.name.cmp(&b.name));
@@ -200,8 +200,8 @@ pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
         let [width, height] = match frame.size {
             Some(size) => size,
             None => {
-                let picture = image_file::read(&frame.image)?;
-                [picture.width, picture.height]
+                let image = image_file::read(&frame.image)?;
+                [image.width, image.height]
             }
         };
         let k = frame.intrinsics(width, height)?.map(|x| (x / downscale as f64) as f32);
@@ -231,25 +231,25 @@ pub fn flat_name(name: &str) -> String {
     }
 }
 
-/// A circle of cameras around the scene, looking at its middle; world z is up.
+/// A circle of cameras around the scene, directed at its centre; world z is up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// how many, evenly spaced, the first on the −y side
+    /// number of cameras, evenly spaced, the first on the −y side
     pub count: usize,
-    /// what is looked at; `None`: the median centre of the opaque Gaussians
+    /// target point; `None`: the median centre of the opaque Gaussians
     pub center: Option<[f32; 3]>,
-    /// distance; `None`: so that four fifths of the opaque Gaussians fit
+    /// distance; `None`: chosen so that four fifths of the opaque Gaussians are inside the image
     pub radius: Option<f32>,
-    /// above the horizon, radians
+    /// elevation above the horizon, radians
     pub elevation_rad: f64,
     /// horizontal field of view, radians
     pub fov_x_rad: f64,
-    /// picture width and height in pixels
+    /// image width and height in pixels
     pub size: [usize; 2],
 }
 
 impl Orbit {
-    /// Distance from which a ball of that radius, at least 1e-3, just fits into the picture.
+    /// Distance from which a ball of that radius, at least 1e-3, just fits into the image.
     pub fn distance(&self, reach: f32) -> f32 {
         let narrow = order::min(
             self.fov_x_rad,
@@ -261,7 +261,7 @@ impl Orbit {
     /// The cameras.
     ///
     /// # Errors
-    /// When the scene is empty and nothing says where it is, or a number is out of range.
+    /// When the scene is empty and `center` or `radius` is not set, or a number is out of range.
     pub fn shots(&self, scene: &Gaussians) -> Result<Vec<Shot>> {
         if !(self.count >= 1 && self.count <= 100_000) {
             return Err(Error::input("orbit").expected("1 to 100000 cameras").got(self.count.to_string()));
@@ -281,7 +281,9 @@ impl Orbit {
         let opaque: Vec<usize> = (0..scene.len()).filter(|&i| scene.opacity_logits[i] > 0.0).collect();
         let used: Vec<usize> = if opaque.is_empty() { (0..scene.len()).collect() } else { opaque };
         if used.is_empty() && (self.center.is_none() || self.radius.is_none()) {
-            return Err(Error::input("orbit").expected("Gaussians to look at").got("an empty scene"));
+            return Err(Error::input("orbit")
+                .expected("at least one Gaussian, or a given center and radius")
+                .got("an empty scene"));
         }
         let center = self.center.unwrap_or_else(|| {
             std::array::from_fn(|k| quantile(used.iter().map(|&i| scene.means[i][k]), 0.5))
@@ -308,7 +310,7 @@ impl Orbit {
             .map(|i| {
                 let turn = core::f64::consts::TAU * i as f64 / self.count as f64;
                 let (se, ce) = (libm::sin(self.elevation_rad), libm::cos(self.elevation_rad));
-                let out = [ce * libm::sin(turn), -ce * libm::cos(turn), se]; // from the middle to the camera
+                let out = [ce * libm::sin(turn), -ce * libm::cos(turn), se]; // from the centre to the camera
                 let eye: [f64; 3] =
                     std::array::from_fn(|k| f64::from(center[k]) + f64::from(radius) * out[k]);
                 let camera = look_at(eye, out.map(|x| -x), [focal, focal], self.size);
@@ -341,7 +343,8 @@ fn look_at(eye: [f64; 3], forward: [f64; 3], focal_px: [f32; 2], [width, height]
     }
 }
 
-/// Linear radiance of an sRGB-encoded value (IEC 61966-2-1), in f64, rounded once; negative values count as 0.
+/// Linear radiance of an sRGB-encoded value (IEC 61966-2-1), in f64, rounded once; negative values count as
+/// 0.
 fn linear_from_srgb(x: f32) -> f32 {
     let x = order::max(f64::from(x), 0.0);
     (if x <= 0.04045 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) }) as f32
@@ -355,8 +358,8 @@ fn quantile(values: impl Iterator<Item = f32>, q: f64) -> f32 {
     v[at]
 }
 
-/// Bytes that rendering one picture of this size may take, for estimates.
-pub fn picture_bytes(width: usize, height: usize) -> u64 {
+/// Estimated number of bytes needed to render one image of this size.
+pub fn image_bytes(width: usize, height: usize) -> u64 {
     // image, alpha, depth, final transmittance, last index, and as much again for their cotangents
     (width * height) as u64 * 4 * (3 + 1 + 1 + 2) * 2
 }
@@ -391,15 +394,15 @@ mod tests {
             });
             assert!(
                 p[0].abs() < 1e-5 && p[1].abs() < 1e-5 && (p[2] - 2.0).abs() < 1e-5,
-                "the middle is straight ahead: {p:?}"
+                "the centre is straight ahead: {p:?}"
             );
             assert!(c.rotation[1][2] < -0.9, "z is up, the camera's y is down");
         }
         assert_eq!(shots[7].name, "007", "names sort");
         let t = transforms(&shots, Passes { color: true, linear: false, depth: true, alpha: false });
-        assert_eq!(t["frames"][0]["file_path"], "color/000.png", "named after the picture");
+        assert_eq!(t["frames"][0]["file_path"], "color/000.png", "named after the image");
         assert!(Orbit { count: 0, ..orbit }.shots(&scene).is_err(), "no camera");
-        assert!(Orbit { radius: None, ..orbit }.shots(&Gaussians::default()).is_err(), "nothing to look at");
+        assert!(Orbit { radius: None, ..orbit }.shots(&Gaussians::default()).is_err(), "an empty scene");
     }
 
     #[test]

@@ -1,7 +1,8 @@
-//! First Gaussians of a fit: from points of the capture, from a file, or random in the scene box.
+//! Initial Gaussians of a fit: from points of the capture, from a file, or random in the scene box.
 //!
-//! Scales are √(mean of the squared distances to the three nearest neighbours), alike in all directions; rotations are the identity;
-//! opacities 0.1; colours those of the points, in the band of degree 0 (3DGS (Kerbl et al. 2023) code).
+//! Scales are √(mean of the squared distances to the three nearest neighbours), the same in all directions;
+//! rotations are the identity; opacities 0.1; colours those of the points, in the band of degree 0 (3DGS
+//! (Kerbl et al. 2023) code).
 
 use super::splat::{Settings, Strategy};
 use crate::io::gaussian_ply::{self, Points};
@@ -15,55 +16,55 @@ use crate::scene::views::{SceneBox, Views};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
-/// Where the first Gaussians come from.
+/// Source of the initial Gaussians.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
     /// The points of the capture if it has at least [`FEW`], else random.
     Auto {
-        /// how many if random
+        /// number if random
         count: usize,
         /// box if random
         bounds: Option<[[f32; 3]; 2]>,
     },
     /// Uniform in a box.
     Random {
-        /// how many
+        /// number of Gaussians
         count: usize,
-        /// two corners; `None`: the box of the capture
+        /// lower and upper corner; `None`: the box of the capture
         bounds: Option<[[f32; 3]; 2]>,
     },
     /// A PLY of Gaussians or of coloured points, or any other scene file.
     File(PathBuf),
 }
 
-/// Fewer points than this are no start.
+/// Minimum number of points to initialise from.
 pub const FEW: usize = 100;
 
-/// Purpose number of these draws.
+/// Purpose of these random draws.
 const PURPOSE: u16 = 0x5eed;
-/// Squared distances are not taken smaller (3DGS).
+/// Lower limit of squared distances (3DGS).
 const LEAST_SQUARED_DISTANCE: f32 = 1e-7;
-/// First opacity.
+/// Initial opacity.
 const OPACITY: f64 = 0.1;
-/// First opacity and factor of the scales with `mcmc`.
+/// Initial opacity and factor of the scales with `mcmc`.
 const MCMC: (f64, f64) = (0.5, 0.1);
 
-/// The first Gaussians.
+/// Makes the initial Gaussians.
 ///
 /// # Errors
-/// When a file cannot be read, holds too few points, or a count is out of range.
+/// When a file cannot be read, has too few points, or a count is out of range.
 pub fn gaussians(start: &Start, views: &Views, settings: &Settings) -> Result<Gaussians> {
     let cap = |n: usize| {
         if n > settings.max_gaussians {
             return Err(Error::input("--max-gaussians")
-                .expected(format!("at least the {n} of the start"))
+                .expected(format!("at least the {n} initial Gaussians"))
                 .got(settings.max_gaussians.to_string()));
         }
         Ok(())
     };
     let made = match start {
         Start::Auto { .. } if views.points.as_ref().is_some_and(|p| p.xyz.len() >= FEW) => {
-            let points = views.points.as_ref().expect("the guard has seen them");
+            let points = views.points.as_ref().expect("checked by the guard");
             cap(points.xyz.len())?;
             from_cloud(points, settings)?
         }

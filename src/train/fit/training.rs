@@ -1,13 +1,13 @@
 //! The training loop: iterations, checkpoints, interruption, resumption.
 //!
-//! A [`Fit`] is a state and a step. The loop calls the step with ascending iteration numbers and owns everything
-//! else: the [`History`], when to write a checkpoint, and when to stop. A step must be a function of the state, the
-//! settings and the iteration number alone. Random draws are Philox blocks keyed by seed and iteration, so that there is
-//! no generator to store, and a resumed fit gives the bits of an uninterrupted one.
+//! A [`Fit`] is a state and a step. The loop calls the step with ascending iteration numbers and manages
+//! the [`History`], checkpoints and interruption. A step must be a function of the state, the
+//! settings and the iteration number alone. Random draws are Philox blocks keyed by seed and iteration, so
+//! that there is no generator to store, and a resumed fit is bit-identical to an uninterrupted one.
 //!
-//! A checkpoint is one safetensors file: the arrays of [`Fit::save`], the history under `history/…`, and the text
-//! metadata `kind`, `version`, `iteration`, `settings`. It is replaced in one step: interrupted at any moment, the last
-//! complete one is on disk.
+//! A checkpoint is one safetensors file: the arrays of [`Fit::save`], the history under `history/…`, and the
+//! text metadata `kind`, `version`, `iteration`, `settings`. It is replaced atomically: after an interruption
+//! at any moment the last complete one is on disk.
 
 use crate::io::safetensors;
 use crate::num::array::Arrays;
@@ -17,7 +17,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// What one iteration reports.
+/// Results of one iteration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// value of the loss before the update
@@ -26,34 +26,37 @@ pub struct Step {
     pub size: usize,
 }
 
-/// One optimisation: a state and how to advance it.
+/// An optimisation: a state and a step that advances it.
 pub trait Fit {
     /// Name of the kind of fit, stored in checkpoints.
     fn kind(&self) -> &'static str;
 
-    /// Everything that decides the result, as a flat JSON object. A checkpoint made with other settings is refused.
+    /// All settings that decide the result, as a flat JSON object. Resuming from a checkpoint with other
+    /// settings is an error.
     fn settings(&self) -> Value;
 
-    /// Number of iterations in all.
+    /// Total number of iterations.
     fn iterations(&self) -> usize;
 
     /// Runs iteration `i`, counted from 0.
     ///
     /// # Errors
-    /// When the state can no longer be advanced, e.g. because a number has left the finite range.
+    /// When the state can no longer be advanced, e.g. because a number is no longer finite.
     fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step>;
 
-    /// Puts the whole state into `out`.
+    /// Writes the complete state to `out`.
     fn save(&self, out: &mut Arrays);
 
     /// Replaces the state by a saved one.
     ///
     /// # Errors
-    /// When an array is missing, has another shape than the others ask for, or holds a number that is not finite.
+    /// When an array is missing, has a shape that does not match the others, or has an entry that is not
+    /// finite.
     fn load(&mut self, from: &Arrays) -> Result<()>;
 }
 
-/// Receives progress: which part of an iteration has just ended, and how many iterations are complete. Nothing flows back.
+/// Receives progress: which part of an iteration has just ended, and how many iterations are complete. It
+/// cannot influence the fit.
 pub trait Watch {
     /// The work since the previous call was `part`.
     fn lap(&mut self, part: &'static str) {
@@ -74,7 +77,7 @@ impl Watch for () {}
 pub struct History {
     /// loss of each complete iteration
     pub loss: Vec<f32>,
-    /// number of primitives after each
+    /// number of primitives after each iteration
     pub size: Vec<i32>,
 }
 
@@ -84,7 +87,7 @@ impl History {
         self.loss.len()
     }
 
-    /// Whether nothing has run.
+    /// Whether no iteration has run.
     pub fn is_empty(&self) -> bool {
         self.loss.is_empty()
     }
@@ -97,11 +100,11 @@ pub struct Schedule<'a> {
     pub checkpoint: Option<&'a Path>,
     /// iterations between checkpoints; there is always one at the end and one on interruption
     pub every: usize,
-    /// set from outside to stop after the iteration in work
+    /// flag that stops the fit after the current iteration
     pub stop: &'a AtomicBool,
 }
 
-/// Where a training that can be resumed keeps its checkpoint.
+/// Checkpoint of a training that can be resumed.
 #[derive(Clone, Copy, Debug)]
 pub struct Session<'a> {
     /// file of the checkpoint
@@ -110,19 +113,20 @@ pub struct Session<'a> {
     pub every: usize,
 }
 
-/// How a training began.
+/// How a training started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
     /// At its first iteration.
     Fresh,
-    /// At its first iteration: it was to be resumed, but there is no checkpoint.
+    /// At its first iteration, because there is no checkpoint to resume from.
     NoCheckpoint,
     /// From its checkpoint.
     Resumed,
 }
 
 impl Session<'_> {
-    /// Loads the checkpoint into a fit made with the same settings if it is to be resumed and there is one; gives the history so far.
+    /// Loads the checkpoint into a fit made with the same settings if `resume` is set and there is one;
+    /// returns the history so far.
     ///
     /// # Errors
     /// See [`resume`].
@@ -134,7 +138,7 @@ impl Session<'_> {
         }
     }
 
-    /// [`run`] with this checkpoint; gives the complete history.
+    /// Calls [`run`] with this checkpoint and returns the complete history.
     ///
     /// # Errors
     /// See [`run`].
@@ -151,11 +155,11 @@ impl Session<'_> {
     }
 }
 
-/// Runs the iterations that `history` does not yet hold.
+/// Runs the iterations that are not yet in `history`.
 ///
 /// # Errors
-/// [`crate::error::Kind::Interrupted`] when `stop` was set before the last iteration; otherwise what the step or the
-/// file system reports.
+/// [`crate::error::Kind::Interrupted`] when `stop` was set before the last iteration; otherwise what the step
+/// or the file system reports.
 pub fn run(
     fit: &mut dyn Fit,
     history: &mut History,
@@ -182,7 +186,9 @@ pub fn run(
             let e = Error::interrupted(command(fit.kind()))
                 .at(format!("stopped after iteration {done} of {total}"));
             return Err(match schedule.checkpoint {
-                Some(_) => e.hint("the checkpoint is complete: run the same command with --resume to go on"),
+                Some(_) => {
+                    e.hint("the checkpoint is complete: run the same command with --resume to continue")
+                }
                 None => e,
             });
         }
@@ -190,12 +196,13 @@ pub fn run(
     Ok(())
 }
 
-/// The command of a kind of fit, for messages: kinds of two words are commands, the others precede `fit`.
+/// The command of a kind of fit, for messages: a kind of two words is the command; otherwise ` fit` is
+/// appended.
 fn command(kind: &str) -> String {
     if kind.contains(' ') { kind.to_owned() } else { format!("{kind} fit") }
 }
 
-/// Writes a checkpoint, whole or not at all.
+/// Writes a checkpoint atomically.
 ///
 /// # Errors
 /// When the file cannot be written.
@@ -213,10 +220,11 @@ pub fn save(fit: &dyn Fit, history: &History, path: &Path) -> Result<()> {
     safetensors::write(path, &arrays, &meta)
 }
 
-/// Loads a checkpoint into a fit made with the same settings; gives the history so far.
+/// Loads a checkpoint into a fit made with the same settings and returns the history so far.
 ///
 /// # Errors
-/// When the file is not a complete checkpoint of this kind of fit, or a setting differs; the error names the setting.
+/// When the file is not a complete checkpoint of this kind of fit, or a setting differs; the error names the
+/// setting.
 pub fn resume(fit: &mut dyn Fit, path: &Path) -> Result<History> {
     let file = safetensors::read(path)?;
     restore(fit, &file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
@@ -233,7 +241,7 @@ fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) 
     }
     let stored: Value = serde_json::from_str(text("settings")?)
         .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
-    // Ours go through text too: reading a number back may cost its last bit, in the same way for both.
+    // Convert ours to text too: parsing may change the last bit of a number, then in both in the same way.
     let ours = serde_json::from_str(&fit.settings().to_string()).expect("JSON text of a JSON value");
     same_settings(&stored, &ours)?;
     let loss = arrays.need("history/loss")?.to_f32();
@@ -252,7 +260,7 @@ fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) 
     Ok(History { loss, size })
 }
 
-/// Both are flat objects with equal entries.
+/// Checks that both are flat objects with equal entries.
 fn same_settings(stored: &Value, ours: &Value) -> Result<()> {
     let empty = serde_json::Map::new();
     let (stored, ours) = (stored.as_object().unwrap_or(&empty), ours.as_object().unwrap_or(&empty));
@@ -374,7 +382,7 @@ mod tests {
         assert!(e.contains("seed: expected 7 as in the checkpoint, got 8"), "{e}");
         let full = std::fs::read(&path).expect("written");
         std::fs::write(&path, &full[..full.len() / 2]).expect("truncated");
-        assert!(resume(&mut toy(), &path).is_err(), "half a file is refused");
-        assert!(resume(&mut toy(), &dir.path().join("none")).is_err(), "a missing file is refused");
+        assert!(resume(&mut toy(), &path).is_err(), "a truncated file is an error");
+        assert!(resume(&mut toy(), &dir.path().join("none")).is_err(), "a missing file is an error");
     }
 }

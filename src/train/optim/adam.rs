@@ -5,31 +5,32 @@
 //!
 //! | symbol | name | shape | remark |
 //! |---|---|---|---|
-//! | θ | `param` | (N, …) | moved in place; in the operator the start |
+//! | θ | `param` | (N, …) | updated in place; initial value in the operator |
 //! | g | `grad`, `grads` | (N, …), (S, N, …) | per iteration |
-//! | – | `active` | (N), (S, N) | a row's value, moments and counter move only where 1 |
+//! | – | `active` | (N), (S, N) | a row's value, moments and counter are updated only where 1 |
 //! | m, v | `m`, `v` | (N, …) | moments, from 0 |
 //! | t | `steps` | (N) or (1) | [`Counters`] |
 //!
-//! Weight decay w enters in one of two ways ([`Decay`]): `adam` adds w·θ to the gradient, [`super::adamw`] shrinks θ by
-//! 1 − lr·w before the step.
+//! Weight decay w enters in one of two ways ([`Decay`]): `adam` adds w·θ to the gradient, [`super::adamw`]
+//! shrinks θ by 1 − lr·w before the step.
 //!
 //! # Rounding
-//! All in f32, per element, with constants computed in f64 and rounded once (c₁ = 1−β₁, c₂ = 1−β₂, a = 1/(1−β₁ᵗ),
-//! b = 1/(1−β₂ᵗ), lr, k = lr·w):
+//! All in f32, per element, with constants computed in f64 and rounded once (c₁ = 1−β₁, c₂ = 1−β₂, a =
+//! 1/(1−β₁ᵗ), b = 1/(1−β₂ᵗ), lr, k = lr·w):
 //!
 //! g' = g + w·θ (coupled only);  m' = m + c₁·(g' − m);  v' = v + c₂·(g'·g' − v);
 //! θ' = θ − k·θ (decoupled only);  θ'' = θ' − lr·((m'·a)/(√(v'·b) + ε))
 //!
-//! This form has the exact fixed points m = g, v = g²; β·v + (1−β)·g² in f32 is off by 1.3e-5 at β₂ = 0.999, because
-//! the two rounded constants do not add up to 1. For the same reason θ shrinks by a difference, not by a factor 1 − lr·w. Powers of β are running f64 products. Elements do not meet, so neither
-//! lanes nor threads matter.
+//! This form has the exact fixed points m = g, v = g²; β·v + (1−β)·g² in f32 is off by 1.3e-5 at β₂ = 0.999,
+//! because the two rounded constants do not add up to 1. For the same reason weight decay subtracts k·θ
+//! instead of multiplying by 1 − lr·w. Powers of β are running f64 products. Elements are independent, so the
+//! result does not depend on lanes or threads.
 //!
 //! # Kinks and domain
-//! |g| below 1e-22 leaves v = 0 and moves θ by lr·m̂/ε; g = 0 leaves θ alone. g² overflows beyond 1.8e19: a step that ends
-//! in a number that is not finite is an error, and the state is then of no further use. ε = 0 is refused (0/0).
-//! A row that was reset starts again at t = 0 with `Counters::Row`, so its first step has length lr; with `Counters::Global` it
-//! is 0.1/√0.001 = 3.16 times too long, as in the 3DGS code.
+//! |g| below 1e-22 leaves v = 0 and moves θ by lr·m̂/ε; g = 0 leaves θ unchanged. g² overflows beyond 1.8e19: a step with a
+//! result that is not finite is an error, and the state is then unusable. ε = 0 is an error (0/0).
+//! A row that was reset starts again at t = 0 with `Counters::Row`, so its first step has length lr; with
+//! `Counters::Global` it is 0.1/√0.001 = 3.16 times too long, as in the 3DGS code.
 //!
 //! # Adjoint
 //! None.
@@ -63,19 +64,19 @@ pub struct Adam {
     v: Vec<f32>,
     /// (N), or (1) with a global counter
     steps: Vec<u32>,
-    /// No counter is larger.
+    /// Largest counter.
     most_steps: u32,
     corrections: Corrections,
 }
 
-/// Elements of one task, about.
+/// Approximate number of elements of one task.
 const TASK: usize = 16_384;
 
 impl Adam {
-    /// Zero moments and counters for (`rows`, `width`) parameters.
+    /// Makes zero moments and counters for (`rows`, `width`) parameters.
     ///
     /// # Errors
-    /// A setting outside its range.
+    /// A setting out of range.
     pub fn new(rule: Rule, rows: usize, width: usize) -> Result<Self> {
         rule.check()?;
         assert!(width > 0, "a row has at least one element");
@@ -116,12 +117,12 @@ impl Adam {
         &self.steps
     }
 
-    /// One step: moves `param` (N, W) against `grad` (N, W). `lr` holds one rate, or one per column; `active` (N) freezes
-    /// rows where it is 0.
+    /// One step: updates `param` (N, W) with the gradient `grad` (N, W). `lr` holds one rate, or one per
+    /// column; rows where `active` (N) is 0 are not updated.
     ///
     /// # Errors
-    /// A rate that is negative or not finite; a result that is not finite (the parameters and the state are then of no
-    /// further use).
+    /// A rate that is negative or not finite; a result that is not finite (the parameters and the state are
+    /// then unusable).
     pub fn step(&mut self, param: &mut [f32], grad: &[f32], lr: &[f64], active: Option<&[u8]>) -> Result<()> {
         let (rows, width) = (self.rows(), self.width);
         assert!(
@@ -184,7 +185,7 @@ impl Adam {
     /// Names the first element that is not finite.
     fn diverged(&self, param: &[f32], grad: &[f32]) -> Error {
         let bad = |i: &usize| !(param[*i].is_finite() && self.v[*i].is_finite());
-        let i = (0..param.len()).find(bad).expect("a task has seen one");
+        let i = (0..param.len()).find(bad).expect("a task found one");
         Error::input("adam")
             .at(format!("row {}, column {}", i / self.width, i % self.width))
             .expected("a finite result")
@@ -204,7 +205,8 @@ impl Adam {
         }
     }
 
-    /// Follows a change of units: parameter i of (N · W) has become `by(i)` times as large, so its gradients 1/`by(i)` times.
+    /// Rescales the state after a change of units: parameter i of (N · W) is now `by(i)` times as large, so
+    /// its gradients are 1/`by(i)` times as large.
     pub fn rescale(&mut self, by: impl Fn(usize) -> f32) {
         for (i, (m, v)) in self.m.iter_mut().zip(&mut self.v).enumerate() {
             let by = by(i);
@@ -214,7 +216,7 @@ impl Adam {
 
     /// Keeps the rows where `keep` is true, in their order.
     pub fn keep_rows(&mut self, keep: &[bool]) {
-        assert_eq!(keep.len(), self.rows(), "one verdict per row");
+        assert_eq!(keep.len(), self.rows(), "keep has one entry per row");
         retain_rows(&mut self.m, self.width, keep);
         retain_rows(&mut self.v, self.width, keep);
         if self.rule.counters == Counters::Row {
@@ -244,10 +246,10 @@ impl Adam {
         );
     }
 
-    /// Reads what [`Self::save`] wrote; the rule is the caller's.
+    /// Reads arrays written by [`Self::save`]; the caller supplies the rule.
     ///
     /// # Errors
-    /// Missing arrays, shapes that disagree, numbers outside their range.
+    /// Missing arrays, inconsistent shapes, numbers out of range.
     pub fn load(rule: Rule, name: &str, from: &Arrays) -> Result<Self> {
         let mut dims = std::collections::BTreeMap::new();
         let names = ["m", "v", "steps"].map(|part| format!("{name}.{part}"));
@@ -277,7 +279,7 @@ impl Adam {
     /// [`Self::load`] for an array of this many rows and columns.
     ///
     /// # Errors
-    /// As there, and when it is another shape.
+    /// The same as [`Self::load`], and when the shape differs.
     pub fn load_sized(rule: Rule, name: &str, from: &Arrays, [rows, width]: [usize; 2]) -> Result<Self> {
         let adam = Self::load(rule, name, from)?;
         if (adam.rows(), adam.width()) != (rows, width) {
@@ -296,7 +298,7 @@ pub struct In<'a> {
     pub param: &'a [f32],
     /// (S, N, W)
     pub grads: &'a [f32],
-    /// (S, N); `None` moves every row at every step.
+    /// (S, N); `None` updates every row at every step.
     pub active: Option<&'a [u8]>,
     /// N
     pub rows: usize,
@@ -309,7 +311,7 @@ pub struct In<'a> {
 pub struct Settings {
     /// Learning rate.
     pub lr: f64,
-    /// Everything else; `decay` is set by the operator.
+    /// All other settings; the operator sets `decay`.
     pub rule: Rule,
 }
 

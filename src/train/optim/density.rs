@@ -1,33 +1,42 @@
-//! Adaptive density control: where the picture still pulls, Gaussians are cloned or split; faint and huge ones go.
+//! Adaptive density control: Gaussians with large screen-space gradients are cloned or split; those with low
+//! opacity or large scale are removed.
 //!
-//! (Kerbl et al. 2023, § 5.2, as the programs have it.) Every `every` iterations between `start` and `stop`:
+//! (Kerbl et al. 2023, § 5.2, as implemented in the published programs.) Every `every` iterations between
+//! `start` and `stop`:
 //!
-//! 1. candidates: the mean over the views that saw it of ‖(W/2·∂L/∂u, H/2·∂L/∂v)‖ reaches the threshold ([`Threshold`] says
-//!    whether equality counts);
-//! 2. a candidate with largest standard deviation ≤ `split_scale`·extent is **cloned**: an exact copy, not moved;
-//! 3. any other candidate is **split**: two Gaussians drawn from it, standard deviations divided by 1.6, the parent removed;
-//! 4. then opacity < `prune_opacity` is **pruned**, and after `prune_scale_after` also standard deviations > `prune_scale`·extent.
+//! 1. candidates: the mean over the views in which it is visible of ‖(W/2·∂L/∂u, H/2·∂L/∂v)‖ reaches the
+//!    threshold ([`Threshold`] sets whether equality counts);
+//! 2. a candidate with largest standard deviation ≤ `split_scale`·extent is **cloned**: an exact copy, not
+//!    moved;
+//! 3. any other candidate is **split**: two Gaussians drawn from it, standard deviations divided by 1.6, the
+//!    parent removed;
+//! 4. then opacity < `prune_opacity` is **pruned**, and after `prune_scale_after` also standard deviations >
+//!    `prune_scale`·extent.
 //!
-//! Every `reset_every` iterations the opacity is cut to `reset_opacity` and its moments are zeroed.
+//! Every `reset_every` iterations the opacity is clamped to at most `reset_opacity` and its moments are
+//! zeroed.
 //!
 //! # Order of the rows
-//! Survivors in their order, then clones in the order of their parents, then the first halves of the split ones in the order
-//! of their parents, then the second halves; pruning keeps that order. New rows have zero moments and counters.
+//! Remaining rows in their order, then clones in the order of their parents, then the first halves of the
+//! split ones in the order of their parents, then the second halves; pruning keeps that order. New rows have
+//! zero moments and counters.
 //!
 //! # Rounding
-//! Norms and their sums in f64 (a left fold over the views in the order of the calls), the mean rounded once to f32 and
-//! compared with the f32 threshold. Opacity and deviations for comparisons by `num::elem` in f32. Positions in f64, rounded
-//! once; a split adds −ln 1.6, rounded to f32, to the stored logarithms. Threads are not involved.
+//! Norms and their sums in f64 (a left fold over the views in the order of the calls), the mean rounded once
+//! to f32 and compared with the f32 threshold. Opacity and deviations for comparisons by `num::elem` in f32.
+//! Positions in f64, rounded once; a split adds −ln 1.6, rounded to f32, to the stored logarithms. The code
+//! is serial.
 //!
-//! # Traps, and what is done here
-//! * The gradient is in NDC units, so it depends on the resolution: the threshold belongs to pictures of the size at hand.
-//! * A Gaussian that no view saw has mean 0, not 0/0.
-//! * The prune by screen size of the original program (20 px) never fires there, because the radii are zeroed just before,
-//!   and its results depend on that; it does not exist here.
-//! * Clones stay where their parents are, although the paper says that they move.
-//! * Signed gradients of many pixels cancel. `absgrad` takes the sum of absolute values over pixels instead; its threshold is
-//!   about four times as high.
-//! * Two halves with the parent's opacity o cover more than the parent did; `revised_opacity` gives them 1 − √(1−o).
+//! # Deviations and pitfalls
+//! * The gradient is in NDC units, so it depends on the resolution: the threshold is tied to the image size.
+//! * A Gaussian that is visible in no view has mean 0, not 0/0.
+//! * The original program has a pruning rule by screen size (20 px) that never takes effect, because the
+//!   radii are zeroed just before; its results depend on that. The rule is omitted here.
+//! * Clones stay where their parents are, although the paper describes a displacement.
+//! * Signed gradients of many pixels cancel. `absgrad` takes the sum of absolute values over pixels instead;
+//!   its threshold is about four times as high.
+//! * Two halves with the parent's opacity o cover more than the parent did; `revised_opacity` gives them 1 −
+//!   √(1−o).
 
 use super::groups::{Groups, purpose, rotation};
 use super::schedule::scaled;
@@ -46,7 +55,7 @@ pub enum Threshold {
     Above,
 }
 
-/// Constants of density control, in iterations of the run at hand.
+/// Constants of density control; iterations are those of this run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
     /// Whether equality counts.
@@ -57,11 +66,11 @@ pub struct Settings {
     pub absgrad: bool,
     /// Largest standard deviation of a clone, in extents.
     pub split_scale: f64,
-    /// Opacity below it is pruned.
+    /// Gaussians with a lower opacity are pruned.
     pub prune_opacity: f32,
-    /// Standard deviation above it is pruned, in extents.
+    /// Gaussians with a larger standard deviation, in extents, are pruned,
     pub prune_scale: f64,
-    /// … in iterations after this one.
+    /// in iterations after this one.
     pub prune_scale_after: u32,
     /// Refinement happens in iterations after this one,
     pub start: u32,
@@ -77,12 +86,12 @@ pub struct Settings {
     pub reset_at_start: bool,
     /// Halves of a split get 1 − √(1−o) instead of o.
     pub revised_opacity: bool,
-    /// Never more Gaussians than this; the candidates with the largest gradients go first, ties by row.
+    /// Maximum number of Gaussians; candidates with the largest gradients take precedence, ties by row.
     pub max_gaussians: usize,
 }
 
 impl Settings {
-    /// The original program, 30 000 iterations.
+    /// Constants of the original program, 30 000 iterations.
     pub const INRIA: Self = Self {
         threshold: Threshold::AtLeast,
         grad_threshold: 2e-4,
@@ -100,12 +109,12 @@ impl Settings {
         revised_opacity: false,
         max_gaussians: usize::MAX,
     };
-    /// gsplat's default strategy.
+    /// Constants of gsplat's default strategy.
     pub const GSPLAT: Self = Self { threshold: Threshold::Above, ..Self::INRIA };
-    /// gsplat's strategy on absolute gradients.
+    /// Constants of gsplat's strategy on absolute gradients.
     pub const GSPLAT_ABS: Self = Self { grad_threshold: 8e-4, absgrad: true, ..Self::GSPLAT };
 
-    /// The same schedule for a run of another length: every iteration constant times `iterations`/30 000.
+    /// Scales the schedule to a run of another length: every iteration constant times `iterations`/30 000.
     #[must_use]
     pub fn scaled(mut self, iterations: u32) -> Self {
         for n in [
@@ -131,20 +140,20 @@ impl Settings {
 /// Screen-space gradients since the last refinement.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Stats {
-    /// (N): sum of norms over the views that saw it.
+    /// (N): sum of norms over the views in which the Gaussian is visible.
     sums: Vec<f64>,
     /// (N): number of those views.
     views: Vec<u32>,
 }
 
 impl Stats {
-    /// Nothing seen yet.
+    /// Makes empty statistics.
     pub fn new(rows: usize) -> Self {
         Self { sums: vec![0.0; rows], views: vec![0; rows] }
     }
 
-    /// Adds one view: `means_px_bar` (N, 2) is ∂L/∂means_px in pixel units (or the sum of its absolute values over pixels),
-    /// `radii` (N, 2) is 0 where the Gaussian is not visible.
+    /// Adds one view: `means_px_bar` (N, 2) is ∂L/∂means_px in pixel units (or the sum of its absolute values
+    /// over pixels), `radii` (N, 2) is 0 where the Gaussian is not visible.
     pub fn add_view(&mut self, means_px_bar: &[[f32; 2]], radii: &[[i32; 2]], width: usize, height: usize) {
         let n = self.sums.len();
         assert!(means_px_bar.len() == n && radii.len() == n, "one gradient and one radius per Gaussian");
@@ -158,7 +167,7 @@ impl Stats {
         }
     }
 
-    /// Mean over the views that saw row `i`; 0 if none did.
+    /// Mean over the views in which row `i` is visible; 0 if there are none.
     pub fn mean(&self, i: usize) -> f32 {
         if self.views[i] == 0 { 0.0 } else { (self.sums[i] / f64::from(self.views[i])) as f32 }
     }
@@ -168,7 +177,7 @@ impl Stats {
         (&self.sums, &self.views)
     }
 
-    /// From what [`Self::parts`] gave.
+    /// Restores statistics from [`Self::parts`].
     ///
     /// # Errors
     /// When the lengths differ or a sum is not a finite number ≥ 0.
@@ -182,7 +191,7 @@ impl Stats {
     }
 }
 
-/// What a refinement did.
+/// Counts of a refinement.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Gaussians before.
@@ -191,19 +200,19 @@ pub struct Report {
     pub cloned: usize,
     /// Candidates split.
     pub split: usize,
-    /// Rows removed for their opacity (new ones included).
+    /// Rows removed for their opacity (including new ones).
     pub pruned_opacity: usize,
-    /// Rows removed for their size alone (new ones included).
+    /// Rows removed only for their size (including new ones).
     pub pruned_scale: usize,
-    /// Candidates that `max_gaussians` turned away.
+    /// Candidates rejected because of `max_gaussians`.
     pub turned_away: usize,
     /// Gaussians after.
     pub after: usize,
-    /// For every row after: the row before that it is or comes from.
+    /// For every row afterwards, the index of the previous row that it is or originates from.
     pub parents: Vec<u32>,
 }
 
-/// What an iteration asks for.
+/// Action of an iteration.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Event {
     /// Gaussians were cloned, split, pruned.
@@ -212,11 +221,11 @@ pub enum Event {
     Reset,
 }
 
-/// Runs what the schedule asks for after the optimiser step of `iteration` (counted from 1): a refinement, a reset, both in this
-/// order, or nothing.
+/// Applies the schedule after the optimiser step of `iteration` (counted from 1): a refinement, a reset, both
+/// in this order, or nothing.
 ///
 /// # Errors
-/// As [`refine`].
+/// The same as [`refine`].
 pub fn step(
     settings: &Settings,
     iteration: u32,
@@ -241,7 +250,8 @@ pub fn step(
     Ok(events)
 }
 
-/// Cuts every opacity to at most `reset_opacity` (in logits; lower ones keep their bits) and zeroes its optimiser state.
+/// Clamps every opacity to at most `reset_opacity` (in logits; lower ones keep their bits) and zeroes its
+/// optimiser state.
 pub fn reset_opacity(settings: &Settings, g: &mut Gaussians, groups: &mut Groups) {
     let most = elem::logit(settings.reset_opacity);
     for o in &mut g.opacity_logits {
@@ -255,10 +265,11 @@ fn largest(scales_log: [f32; 3]) -> f32 {
     elem::exp(order::max(order::max(scales_log[0], scales_log[1]), scales_log[2]))
 }
 
-/// One refinement; empties `stats` and fits it to the new rows.
+/// One refinement; clears `stats` and resizes it to the new rows.
 ///
 /// # Errors
-/// An extent that is not positive; a quaternion of length zero that would have to be split; nothing left.
+/// An extent that is not positive; a Gaussian to be split has a quaternion of length zero; no Gaussian
+/// remains.
 pub fn refine(
     settings: &Settings,
     iteration: u32,
@@ -294,7 +305,7 @@ pub fn refine(
     let as_rows = |rows: &[usize]| rows.iter().map(|r| *r as u32).collect::<Vec<u32>>();
     let (clones, splits) = (as_rows(&clones), as_rows(&splits));
 
-    // New rows behind the old ones; then the split parents leave.
+    // Append new rows, then remove the parents that were split.
     g.copy_rows(&clones);
     for half in 0..2u16 {
         let first = g.len();
@@ -333,7 +344,7 @@ pub fn refine(
             .at(format!("iteration {iteration}"))
             .expected("at least one Gaussian to remain")
             .got("none")
-            .hint("all opacities fell below the threshold: the learning rates or the cameras are wrong"));
+            .hint("all opacities fell below the threshold: check the learning rates and the cameras"));
     }
     Ok(report)
 }
@@ -380,7 +391,8 @@ fn softplus(x: f64) -> f64 {
     order::max(x, 0.0) + libm::log1p(libm::exp(-x.abs()))
 }
 
-/// Logit of 1 − √(1−o) from the logit x of o. With e = √(1−o) it is ln((1−e)/e) = ln(o/((1+e)e)), where nothing cancels.
+/// Logit of 1 − √(1−o) from the logit x of o. With e = √(1−o) it is ln((1−e)/e) = ln(o/((1+e)e)), where
+/// nothing cancels.
 fn revised(x: f64) -> f64 {
     let ln_e = -0.5 * softplus(x);
     (-softplus(-x) - libm::log1p(libm::exp(ln_e))) - ln_e

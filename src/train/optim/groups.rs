@@ -1,7 +1,7 @@
 //! One optimiser per parameter array of a set of Gaussians, and their learning rates.
 //!
-//! SH coefficients are one array (N, K, 3) with one state; the rate of its first three columns (the constant band) differs
-//! from the rest.
+//! SH coefficients are one array (N, K, 3) with one state; the rate of its first three columns (the constant
+//! band) differs from the rest.
 
 use super::adam::{Adam, Rule};
 use super::schedule::{LogLinear, scaled};
@@ -13,7 +13,7 @@ use crate::{Error, Result};
 /// Learning rates of one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rates {
-    /// Scene units: the published rate times the extent of the scene.
+    /// Rate of the means in scene units: the published rate times the extent of the scene.
     pub means: f64,
     /// Quaternions.
     pub quats: f64,
@@ -40,7 +40,7 @@ impl Rates {
         }
     }
 
-    /// Rates of a column: of the first three numbers of a row, and of the rest.
+    /// Rates of a column: of the first three entries of a row, and of the rest.
     pub fn of(&self, column: Column) -> [f64; 2] {
         match column {
             Column::Means => [self.means; 2],
@@ -55,13 +55,13 @@ impl Rates {
 /// Rate of the means in 3DGS: 1.6e-4·extent → 1.6e-6·extent over the whole run.
 ///
 /// # Errors
-/// An extent that is not positive: with a single camera it would be 0; take 1 there.
+/// An extent that is not positive: with a single camera it would be 0; use 1 then.
 pub fn means_schedule(extent: f64, iterations: u32) -> Result<LogLinear> {
     if !(extent > 0.0 && extent.is_finite()) {
         return Err(Error::input("scene extent")
             .expected("a positive length")
             .got(extent.to_string())
-            .hint("a single camera spans nothing: use 1"));
+            .hint("the extent of a single camera is 0: use 1"));
     }
     LogLinear::new(1.6e-4 * extent, 1.6e-6 * extent, scaled(30_000, iterations))
 }
@@ -74,7 +74,7 @@ impl Groups {
     /// Zero states for `g`.
     ///
     /// # Errors
-    /// A setting outside its range.
+    /// A setting out of range.
     pub fn new(rule: Rule, g: &Gaussians) -> Result<Self> {
         Self::of_columns(|column| Adam::new(rule, g.len(), g.width(column)))
     }
@@ -89,7 +89,7 @@ impl Groups {
         &self.0[column as usize]
     }
 
-    /// The state of a column, to be changed.
+    /// The state of a column, mutable.
     pub fn of_mut(&mut self, column: Column) -> &mut Adam {
         &mut self.0[column as usize]
     }
@@ -140,10 +140,10 @@ impl Groups {
         self.all().for_each(|(column, adam)| adam.save(&format!("{name}.{}", column.name()), to));
     }
 
-    /// Reads what [`Self::save`] wrote, for the Gaussians `g`.
+    /// Reads arrays written by [`Self::save`], for the Gaussians `g`.
     ///
     /// # Errors
-    /// Missing arrays, shapes that do not fit `g`, numbers outside their range.
+    /// Missing arrays, shapes that do not match `g`, numbers out of range.
     pub fn load(rule: Rule, name: &str, from: &Arrays, g: &Gaussians) -> Result<Self> {
         Self::of_columns(|column| {
             let name = format!("{name}.{}", column.name());
@@ -164,9 +164,10 @@ pub(super) fn rotation(q: [f32; 4]) -> [[f64; 3]; 3] {
     ]
 }
 
-/// Purposes of the draws of this folder (`num::rng`): every use has its own.
+/// Purposes of the random draws of this folder (`num::rng`), one for each use.
 pub mod purpose {
-    /// Positions of the halves of a split; item = row before the refinement, step = iteration, draw = 3·half + axis.
+    /// Positions of the halves of a split; item = row before the refinement, step = iteration, draw = 3·half
+    /// + axis.
     pub const SPLIT: u16 = 0x0801;
     /// Source of a relocated Gaussian; item = row of the dead one, step = iteration, draw 0.
     pub const RELOCATE: u16 = 0x0802;

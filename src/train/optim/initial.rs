@@ -1,7 +1,8 @@
-//! First values of the parameters of networks.
+//! Initial values of network parameters.
 //!
-//! Each entry is drawn by counter from (seed, index of the entry, number of the array, purpose), so no value depends on the order in
-//! which arrays are made. The first axis of weights counts outputs; the inputs of an output are the product of the other axes.
+//! Each entry is a counter-based draw keyed by (seed, index of the entry, number of the array, purpose), so
+//! no value depends on the order in which arrays are initialised. The first axis of weights counts outputs;
+//! the inputs of an output are the product of the other axes.
 //!
 //! | function | distribution | source |
 //! |---|---|---|
@@ -89,7 +90,7 @@ pub fn inputs(shape: &[usize]) -> usize {
 mod tests {
     use super::*;
 
-    /// A purpose of no other draw.
+    /// A purpose used by no other draw.
     const PURPOSE: u16 = 0x0805;
 
     #[test]

@@ -1,7 +1,7 @@
 //! The kernel of [`super::adam`]: one step over the rows of one task, eight lanes at a time.
 //!
-//! Which path an element takes (a whole block of rows, one row, lanes of different rows, one element) is a matter of
-//! speed: all of them call the same expression.
+//! Which path an element takes (a whole block of rows, one row, lanes of different rows, one element) affects
+//! speed only: all of them evaluate the same expression.
 
 use super::rule::Rule;
 use crate::num::lanes::{Real, f32x8};
@@ -34,7 +34,7 @@ impl Corrections {
     }
 }
 
-/// Rows that share one pass: 8·W elements are a whole number of vectors for any W.
+/// Number of rows per pass: 8·W elements are a whole number of vectors for any W.
 pub(super) const BLOCK: usize = 8;
 /// Rows narrower than this share vectors.
 const NARROW: usize = 12;
@@ -79,7 +79,7 @@ fn update<V: Real, const DECAY: u8>(
     [p - rate[0] * ((m * correction[0]) / ((v * correction[1]).sqrt() + k.eps)), m, v]
 }
 
-/// The disjoint part of the state that one task moves.
+/// The part of the state that one task updates; parts are disjoint.
 pub(super) struct Task<'a> {
     pub(super) param: &'a mut [f32],
     pub(super) m: &'a mut [f32],
@@ -90,7 +90,7 @@ pub(super) struct Task<'a> {
     pub(super) steps: &'a mut [u32],
 }
 
-/// What all tasks share; per column of a block: lr and lr·w.
+/// Data shared by all tasks; per column of a block: lr and lr·w.
 pub(super) struct Shared<'a> {
     pub(super) scalar: Constants<f32>,
     pub(super) vector: Constants<f32x8>,
@@ -142,7 +142,8 @@ impl Shared<'_> {
         fine
     }
 
-    /// A whole block of narrow rows whose corrections or activity differ: per lane what [`Self::stretch`] does per row.
+    /// A whole block of narrow rows whose corrections or activity differ: per lane what [`Self::stretch`]
+    /// does per row.
     #[inline(always)]
     fn mixed<const DECAY: u8>(
         &self,
@@ -183,7 +184,7 @@ impl Shared<'_> {
             if active.is_some_and(|a| a.iter().all(|&a| a == 0)) {
                 continue;
             }
-            // Correction of every row of the block; its counter moves first.
+            // Correction of every row of the block; its counter is incremented first.
             let mut corrections = [self.global; BLOCK];
             let mut uniform = active.is_none_or(|a| a.iter().all(|&a| a != 0));
             if !task.steps.is_empty() {

@@ -1,22 +1,25 @@
-//! Density control as sampling: dead Gaussians move onto live ones, the number grows to a cap, noise explores.
+//! Density control as sampling: dead Gaussians are relocated onto live ones, their number grows up to a cap,
+//! and noise on the means explores the scene.
 //!
-//! (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo", with gsplat's constants.) No opacity resets, no
-//! gradient statistics. Every `every` iterations between `start` and `stop`:
+//! (Kheradmand et al. 2024, "3D Gaussian Splatting as Markov Chain Monte Carlo", with gsplat's constants.) No
+//! opacity resets, no gradient statistics. Every `every` iterations between `start` and `stop`:
 //!
-//! 1. every Gaussian with opacity ≤ `min_opacity` is dead and moves onto a live one drawn with probability ∝ opacity;
+//! 1. every Gaussian with opacity ≤ `min_opacity` is dead and moves onto a live one drawn with probability ∝
+//!    opacity;
 //! 2. the set grows by `growth` towards `cap`, sources drawn with probability ∝ opacity.
 //!
-//! A source that ends up as N equal copies gets, with all its copies, [`relocation`]'s opacity and scale, so that their
-//! composite looks as before. Every iteration adds noise to the means ([`add_noise`]) and two regularisers to the gradients
-//! ([`regularise`]).
+//! A source that ends up as N equal copies gets, like all its copies, the opacity and scale computed by
+//! [`relocation`], so that their composite looks the same as before. Every iteration adds noise to the means
+//! ([`add_noise`]) and two regularisers to the gradients ([`regularise`]).
 //!
 //! # Order of the rows
 //! Dead rows are overwritten in place, added rows follow in the order of their draws.
 //!
 //! # Rounding
-//! All in f64, rounded once when stored. Probabilities: left fold of the opacities (`num::elem`, f32) in row order; a draw u takes the
-//! first row whose running sum exceeds u·total. Sources and rows written by step 1 or 2 have zero moments and counters afterwards
-//! (the published programs zero those of the sources alone and let a relocated row keep the moments of the dead one).
+//! All in f64, rounded once when stored. Probabilities: left fold of the opacities (`num::elem`, f32) in row
+//! order; a draw u takes the first row whose running sum exceeds u·total. Sources and rows written by step 1
+//! or 2 have zero moments and counters afterwards (the published programs zero only those of the sources; a
+//! relocated row keeps the moments of the dead one).
 
 use super::groups::{Groups, purpose, rotation};
 use super::schedule::scaled;
@@ -27,14 +30,14 @@ use crate::scene::columns::Column;
 use crate::scene::gaussians::Gaussians;
 use crate::{Error, Result};
 
-/// Constants of the strategy, in iterations of the run at hand.
+/// Constants of the strategy; iterations are those of this run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// Most Gaussians.
+    /// Maximum number of Gaussians.
     pub cap: usize,
-    /// Growth per refinement, a factor.
+    /// Growth factor per refinement.
     pub growth: f64,
-    /// Opacity at or below it is dead; no relocated opacity is lower.
+    /// A Gaussian with this opacity or less is dead; relocated opacities are at least this.
     pub min_opacity: f32,
     /// Refinement happens in iterations after this one,
     pub start: u32,
@@ -42,7 +45,7 @@ pub struct Settings {
     pub stop: u32,
     /// at multiples of this.
     pub every: u32,
-    /// Noise, in learning rates of the means.
+    /// Scale of the noise, in units of the learning rate of the means.
     pub noise: f64,
     /// Weight of the mean opacity in the loss.
     pub opacity_weight: f64,
@@ -64,7 +67,7 @@ impl Settings {
         scale_weight: 0.01,
     };
 
-    /// The same schedule for a run of another length: every iteration constant times `iterations`/30 000.
+    /// Scales the schedule to a run of another length: every iteration constant times `iterations`/30 000.
     #[must_use]
     pub fn scaled(mut self, iterations: u32) -> Self {
         for n in [&mut self.start, &mut self.stop, &mut self.every] {
@@ -74,19 +77,22 @@ impl Settings {
     }
 }
 
-/// Most copies of one source that [`relocation`] accounts for.
+/// Maximum number of copies of one source that [`relocation`] supports.
 pub const MAX_COPIES: u32 = 51;
 
-/// Opacity and scale factor of each of `copies` equal Gaussians that look like one of opacity `o` together.
+/// Opacity and scale factor of each of `copies` equal Gaussians that together look like one of opacity `o`.
 ///
-/// o' = 1 − (1−o)^{1/N},   factor = o / Σ_{i=1..N} Σ_{k<i} C(i−1,k)(−1)ᵏ o'^{k+1}/√(k+1)        (Kheradmand et al. 2024)
+/// o' = 1 − (1−o)^{1/N},   factor = o / Σ_{i=1..N} Σ_{k<i} C(i−1,k)(−1)ᵏ o'^{k+1}/√(k+1)
+/// (Kheradmand et al. 2024)
 ///
 /// # Rounding
-/// f64. Columns of the double sum are added first, Σᵢ C(i−1,k) = C(N,k+1), which leaves the single alternating sum
-/// Σ_{k=1..N} C(N,k)(−1)^{k−1} o'ᵏ/√k, a left fold with running products. o' by `log1p` and `expm1`.
+/// f64. Columns of the double sum are added first, Σᵢ C(i−1,k) = C(N,k+1), which leaves the single
+/// alternating sum Σ_{k=1..N} C(N,k)(−1)^{k−1} o'ᵏ/√k, a left fold with running products. o' by `log1p` and
+/// `expm1`.
 ///
 /// # Kinks and domain
-/// 0 < o < 1; N is limited to [`MAX_COPIES`], beyond which the terms outgrow the sum; callers report when that happens.
+/// 0 < o < 1; N is limited to [`MAX_COPIES`], beyond which cancellation dominates the sum; callers report
+/// when the limit applies.
 ///
 /// # Example
 /// ```
@@ -112,27 +118,27 @@ pub fn relocation(o: f64, copies: u32) -> (f64, f64) {
     (each, o / sum)
 }
 
-/// What a refinement did.
+/// Counts of a refinement.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Report {
     /// Gaussians before.
     pub before: usize,
-    /// Dead ones moved onto live ones.
+    /// Dead Gaussians relocated onto live ones.
     pub relocated: usize,
-    /// Added.
+    /// Gaussians added by growth.
     pub added: usize,
-    /// Sources with more than [`MAX_COPIES`] copies, whose look is preserved for that many only.
+    /// Sources with more than [`MAX_COPIES`] copies, whose appearance is preserved for that many only.
     pub crowded: usize,
     /// Gaussians after.
     pub after: usize,
-    /// For every row after: the row before that it is or comes from.
+    /// For every row afterwards, the index of the previous row that it is or originates from.
     pub parents: Vec<u32>,
 }
 
-/// Runs a refinement if the schedule asks for one in `iteration` (counted from 1).
+/// Runs a refinement if the schedule has one in `iteration` (counted from 1).
 ///
 /// # Errors
-/// As [`refine`].
+/// The same as [`refine`].
 pub fn step(
     settings: &Settings,
     iteration: u32,
@@ -167,13 +173,14 @@ impl Wheel {
     }
 
     fn draw(&self, u: f64) -> u32 {
-        let total = *self.sums.last().expect("a wheel has a row");
+        let total = *self.sums.last().expect("at least one row");
         let i = self.sums.partition_point(|s| *s <= u * total);
         self.rows[i.min(self.rows.len() - 1)]
     }
 }
 
-/// Gives every drawn source the opacity and scale of its copies. Returns the number of crowded sources.
+/// Assigns every drawn source the opacity and scale of its copies. Returns the number of sources with too
+/// many copies.
 fn thin(settings: &Settings, sources: &[u32], opacities: &[f32], g: &mut Gaussians) -> usize {
     let mut copies = vec![1u32; g.len()];
     for &s in sources {
@@ -182,7 +189,7 @@ fn thin(settings: &Settings, sources: &[u32], opacities: &[f32], g: &mut Gaussia
     let mut crowded = 0;
     for (i, &n) in copies.iter().enumerate().filter(|(_, n)| **n > 1) {
         crowded += usize::from(n > MAX_COPIES);
-        // An opacity that rounded to 1 has no finite logarithm of its rest; the largest f32 below 1 stands for it.
+        // ln(1 − o) is not finite for an opacity rounded to 1; use the largest f32 below 1 instead.
         let below_one = f64::from(1.0 - f32::EPSILON);
         let (o, factor) = relocation(order::min(f64::from(opacities[i]), below_one), n);
         let o = order::clamp(o, f64::from(settings.min_opacity), below_one);
@@ -259,14 +266,15 @@ pub fn refine(
     Ok(Report { added, after: g.len(), parents, ..report })
 }
 
-/// Gaussians of one task of [`add_noise`].
+/// Number of Gaussians per task of [`add_noise`].
 const CHUNK: usize = 1024;
 
-/// Moves every mean by Σ·η·σ(−100(o − 0.005))·noise·lr, η ~ N(0, I): faint Gaussians explore, opaque ones stay.
+/// Moves every mean by Σ·η·σ(−100(o − 0.005))·noise·lr, η ~ N(0, I): Gaussians of low opacity move, opaque
+/// ones stay.
 ///
 /// # Rounding
-/// f64, the new mean rounded once. Where a bound shows that the shift (|η| < 8.3 per axis) is too small to change any coordinate,
-/// the draws are skipped; no bit depends on that.
+/// f64, the new mean rounded once. Where a bound shows that the shift (|η| < 8.3 per axis) is too small to
+/// change any coordinate, the draws are skipped; no bit depends on that.
 pub fn add_noise(settings: &Settings, iteration: u32, seed: u64, lr_means: f64, g: &mut Gaussians) {
     let (rng, strength) = (Rng::new(seed), settings.noise * lr_means);
     let (quats, scales, logits) = (&g.quats, &g.scales_log, &g.opacity_logits);
@@ -295,8 +303,8 @@ pub fn add_noise(settings: &Settings, iteration: u32, seed: u64, lr_means: f64, 
     });
 }
 
-/// Adds the gradients of [`mod@crate::loss::presence`] with the weights of the settings to `grad` (by the stored logits and logarithms) and
-/// returns the value.
+/// Adds the gradients of [`mod@crate::loss::presence`] with the weights of the settings to `grad` (by the
+/// stored logits and logarithms) and returns the value.
 pub fn regularise(settings: &Settings, g: &Gaussians, grad: &mut Gaussians) -> f64 {
     let w = presence::Weights { opacity: settings.opacity_weight, scale: settings.scale_weight };
     let (value, saved) = presence::forward(&w, &g.opacity_logits, &g.scales_log);

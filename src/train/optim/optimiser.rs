@@ -1,7 +1,8 @@
-//! Adam for parameters with names.
+//! Adam for named parameters.
 //!
-//! The values are those of [`Params`]; an [`Optimiser`] has one state for each that it steps. With one counter per row
-//! ([`Counters::Row`]) a row is what belongs to one index of the first axis; with a global one the array is a single column.
+//! The values are those of [`Params`]; an [`Optimiser`] has one state for each parameter that it updates.
+//! With one counter per row ([`Counters::Row`]) a row is the part of the array with the same index along the
+//! first axis; with a global one the array is a single column.
 //!
 //! # Example
 //! ```
@@ -25,7 +26,7 @@ use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
 
-/// Where values and states are in a file.
+/// Names of values and states in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArrayNames {
     /// `param/NAME`, and `adam/NAME.m`, `.v`, `.steps`.
@@ -51,7 +52,7 @@ impl ArrayNames {
         }
     }
 
-    /// Replaces the values of `params` by those of a file.
+    /// Replaces the values of `params` by those in a file.
     ///
     /// # Errors
     /// A missing array, another shape, a number that is not finite.
@@ -86,18 +87,18 @@ fn sizes(rule: &Rule, shape: &[usize]) -> [usize; 2] {
 }
 
 impl Optimiser {
-    /// Zero states for all parameters that have entries.
+    /// Makes zero states for all parameters that are not empty.
     ///
     /// # Errors
-    /// A setting outside its range.
+    /// A setting out of range.
     pub fn new(rule: Rule, params: &Params) -> Result<Self> {
         Self::of(rule, params, |_| true)
     }
 
-    /// Zero states for those parameters whose names are chosen; the others stay as they are.
+    /// Makes zero states for the parameters selected by name; the others are not optimised.
     ///
     /// # Errors
-    /// A setting outside its range.
+    /// A setting out of range.
     pub fn of(rule: Rule, params: &Params, is_chosen: impl Fn(&str) -> bool) -> Result<Self> {
         let states = params
             .iter()
@@ -110,7 +111,7 @@ impl Optimiser {
         Ok(Self { rule, states })
     }
 
-    /// Names of the parameters that are stepped, in order.
+    /// Names of the optimised parameters, in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
         self.states.keys().map(String::as_str)
     }
@@ -120,15 +121,16 @@ impl Optimiser {
         self.states.get(name)
     }
 
-    /// The state of a parameter, to be changed.
+    /// The state of a parameter, mutable.
     pub fn get_mut(&mut self, name: &str) -> Option<&mut Adam> {
         self.states.get_mut(name)
     }
 
-    /// One step of every parameter for which there is a rate; the others and their states stay as they are.
+    /// One step of every parameter for which there is a rate; the others and their states are unchanged.
     ///
     /// # Errors
-    /// A result that is not finite; the error names the parameter, and the parameters before it, in the order of names, have been stepped.
+    /// A result that is not finite; the error names the parameter; the parameters before it, in the order of
+    /// names, have been updated.
     ///
     /// # Panics
     /// When a parameter or its gradient is missing.
@@ -140,7 +142,7 @@ impl Optimiser {
     ) -> Result<()> {
         for (name, adam) in &mut self.states {
             let Some(rate) = rate(name) else { continue };
-            let grad = grads.get(name).expect("every parameter that is stepped has a gradient");
+            let grad = grads.get(name).expect("every optimised parameter has a gradient");
             step(name, adam, params, grad, rate, None)?;
         }
         Ok(())
@@ -161,7 +163,7 @@ impl Optimiser {
         rate: f64,
         active: &[u8],
     ) -> Result<()> {
-        let adam = self.states.get_mut(name).expect("a parameter that is stepped");
+        let adam = self.states.get_mut(name).expect("an optimised parameter");
         step(name, adam, params, grad, rate, Some(active))
     }
 
@@ -173,11 +175,11 @@ impl Optimiser {
         }
     }
 
-    /// Replaces the states by those of a file.
+    /// Replaces the states by those in a file.
     ///
     /// # Errors
-    /// Missing arrays, shapes of other parameters, numbers outside their range; the states before the wrong one, in the order of names,
-    /// have been replaced.
+    /// Missing arrays, wrong shapes, numbers out of range; the states before the invalid one, in the order of
+    /// names, have been replaced.
     pub fn load(&mut self, names: ArrayNames, from: &Arrays) -> Result<()> {
         for (name, adam) in &mut self.states {
             let [_, state] = names.of(name);
@@ -257,7 +259,7 @@ mod tests {
         let (mut values, before) = (params(), params());
         let mut optimiser =
             Optimiser::of(Rule::SPLAT, &values, |name| name.starts_with("a.")).expect("a rule in its range");
-        assert_eq!(optimiser.names().collect::<Vec<_>>(), ["a.bias", "a.weight"], "those that were chosen");
+        assert_eq!(optimiser.names().collect::<Vec<_>>(), ["a.bias", "a.weight"], "the selected ones");
         optimiser.step(&mut values, &grads(), |name| (name == "a.bias").then_some(0.1)).expect("finite");
         assert_ne!(values.get("a.bias"), before.get("a.bias"), "it has a rate");
         assert_eq!(values.get("a.weight"), before.get("a.weight"), "it has none");

@@ -1,21 +1,21 @@
-//! Everything about a step of Adam but the learning rate.
+//! Settings of Adam except the learning rate.
 
 use crate::{Error, Result};
 
-/// Whose number of steps the bias correction takes.
+/// Which step count the bias correction uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Counters {
     /// Every row counts its own steps.
     Row,
-    /// One counter for all, as most programs have it.
+    /// One counter for all rows, as in most programs.
     Global,
 }
 
 impl Counters {
-    /// The counters of that name, `row` or `global`.
+    /// Parses `row` or `global`.
     ///
     /// # Errors
-    /// When there are none.
+    /// When the name is neither.
     pub fn parse(name: &str) -> Result<Self> {
         match name {
             "row" => Ok(Self::Row),
@@ -25,7 +25,7 @@ impl Counters {
     }
 }
 
-/// How weight decay enters.
+/// Form of weight decay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decay {
     /// Added to the gradient (`adam`).
@@ -34,7 +34,7 @@ pub enum Decay {
     Decoupled,
 }
 
-/// Everything about a step but the learning rate.
+/// Settings of a step except the learning rate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
     /// β₁ in [0, 1).
@@ -45,7 +45,7 @@ pub struct Rule {
     pub eps: f64,
     /// w ≥ 0.
     pub weight_decay: f64,
-    /// How w enters.
+    /// Form of weight decay.
     pub decay: Decay,
     /// Step counters.
     pub counters: Counters,
@@ -85,7 +85,7 @@ impl Rule {
             }
         }
         if !(self.eps as f32 > 0.0 && self.eps.is_finite()) {
-            return wrong("eps", "a positive number that single precision can hold", self.eps);
+            return wrong("eps", "a positive number representable in single precision", self.eps);
         }
         if !(self.weight_decay >= 0.0 && self.weight_decay.is_finite()) {
             return wrong("weight_decay", "a finite number, not negative", self.weight_decay);

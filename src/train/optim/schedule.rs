@@ -1,11 +1,12 @@
-//! What changes with the iteration: learning rates and the number of spherical-harmonics bands.
+//! Schedules: learning rates and the number of spherical-harmonics bands as functions of the iteration.
 
 use crate::num::order;
 use crate::{Error, Result};
 
 /// Log-linear decay with an optional delayed start.
 ///
-/// lr(t) = d(t)·exp((1−u)·ln a + u·ln b),  u = clamp(t/T, 0, 1)        (3DGS `get_expon_lr_func`, after Barron et al. 2021)
+/// lr(t) = d(t)·exp((1−u)·ln a + u·ln b),  u = clamp(t/T, 0, 1)
+/// (3DGS `get_expon_lr_func`, after Barron et al. 2021)
 ///
 /// d(t) = q + (1−q)·sin(½π·clamp(t/D, 0, 1)) for D > 0, otherwise 1
 ///
@@ -35,16 +36,16 @@ pub struct LogLinear {
     pub start: f64,
     /// Rate at and after the last iteration, > 0.
     pub end: f64,
-    /// Iterations from one to the other.
+    /// Iterations from `start` to `end`.
     pub iterations: u32,
     /// Factor at iteration 0 while the start is delayed.
     pub delay_multiplier: f64,
-    /// Iterations of the delayed start; 0 (the default) switches it off, whatever the multiplier.
+    /// Iterations of the delayed start; 0 (the default) disables it, regardless of the multiplier.
     pub delay_iterations: u32,
 }
 
 impl LogLinear {
-    /// Without delay.
+    /// A schedule without delay.
     ///
     /// # Errors
     /// Rates that are not positive and finite.
@@ -90,8 +91,8 @@ pub fn sh_degree(iteration: u32, every: u32, max: usize) -> usize {
     iteration.checked_div(every).map_or(max, |bands| (bands as usize).min(max))
 }
 
-/// An iteration constant of the 30 000-iteration schedule, scaled to another length: n·length/30 000, rounded to nearest,
-/// at least 1 (0 stays 0).
+/// An iteration constant of the 30 000-iteration schedule, scaled to another length: n·length/30 000, rounded
+/// to nearest, at least 1 (0 stays 0).
 ///
 /// ```
 /// # use lastlight_train as lastlight;

@@ -1,17 +1,17 @@
-//! Gradient checks: five rungs, cheap to expensive.
+//! Gradient checks: five rungs, from cheap to expensive.
 //!
 //! | rung | compares | bound |
 //! |---|---|---|
-//! | R0 | the shipped operator with common sense: every gradient is there, finite, zero where predicted, not zero elsewhere | |
+//! | R0 | the gradients of the shipped operator with properties that need no reference: present, finite, zero where predicted, not zero elsewhere | |
 //! | R1 | the twin's `Dual` with the twin's `Rev`: ⟨Jv, w⟩ = ⟨v, Jᵀw⟩ | 1e-13 per operator, 1e-11 end to end |
 //! | R2 | finite differences of the twin on the frozen plan with `Dual` | 1e-7 with Richardson, order 2 |
 //! | R3 | the same on the live plan, where the decision logs are equal | 1e-6, at most 5 % skipped |
 //! | R4 | the shipped hand-derived adjoint with `Rev` on the same plan | relative L2 2e-5 (1e-12 in f64), 1−cos 1e-9, bias 1e-6; linearity and accumulation in bits |
 //!
-//! A check that saw nothing (constant outputs, gradients all zero) fails. [`Sabotaged`] is the negative control: with
-//! a sign flipped, a term dropped or 1 % added, R4 must fail.
+//! A vacuous check (constant outputs, all gradients zero) fails. [`Sabotaged`] is the negative control: with
+//! a flipped sign, a dropped term or an error of 1 %, R4 must fail.
 //!
-//! Anyone's function is checked by [`function`]:
+//! [`function`] checks a user-supplied function:
 //!
 //! ```
 //! # use lastlight_train as lastlight;
@@ -48,7 +48,7 @@ use rungs::{r0, r1, r2, r3, r4};
 /// Runs the chosen rungs in order.
 ///
 /// # Errors
-/// What the subject returns; a failed rung is not an error but a report that did not pass.
+/// Errors of the subject; a failed rung is not an error but a report that did not pass.
 pub fn run(subject: &dyn Subject, options: &Options) -> Result<Report> {
     let mut rungs = Vec::new();
     let differentiable = !subject.variables().is_empty();

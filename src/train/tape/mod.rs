@@ -2,15 +2,15 @@
 //!
 //! ```text
 //! record   records operators with the closures of their adjoints, replays them in reverse
-//! params   parameters with names
-//! nn       recorders of the layers of networks
-//! check    gradient checks, rungs R0 to R4, for our operators and for anyone's closure
+//! params   named parameters
+//! nn       recorders for layers of networks
+//! check    gradient checks, rungs R0 to R4, for operators and for user-supplied closures
 //! probe    directions, finite differences with Richardson, error measures
-//! report   what a check found: rungs, numbers, the ten worst entries
+//! report   results of a check: rungs, numbers, the ten worst entries
 //! ```
 //!
-//! The tape strings operators, it defines none: whoever runs an operator records its inputs, its outputs and a
-//! closure that turns cotangents of the outputs into cotangents of the inputs.
+//! The tape records operators; it does not define any. The caller runs an operator and records its inputs,
+//! its outputs and a closure that maps cotangents of the outputs to cotangents of the inputs.
 
 pub mod check;
 pub mod nn;

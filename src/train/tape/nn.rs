@@ -1,4 +1,5 @@
-//! Recorders of the operators of [`crate::nn`]: each runs one operator on values of a tape and records its adjoint.
+//! Recorders of the operators of [`crate::nn`]: each runs one operator on values of a tape and records its
+//! adjoint.
 
 use super::{Bar, Tape, Var};
 use crate::nn::{conv, linear};
@@ -13,15 +14,15 @@ fn flat(array: &ArrayD<f32>) -> &[f32] {
 }
 
 fn shaped(shape: &[usize], values: Vec<f32>) -> ArrayD<f32> {
-    ArrayD::from_shape_vec(IxDyn(shape), values).expect("the size fits the shape")
+    ArrayD::from_shape_vec(IxDyn(shape), values).expect("the size matches the shape")
 }
 
-/// Zeros in the size of what the place gathers; nothing where it is not wanted.
+/// Zeros of the size of the cotangent; empty if the cotangent is not needed.
 fn room(into: &Bar<'_>, of: &ArrayD<f32>) -> Vec<f32> {
     if into.wanted() { vec![0.0; of.len()] } else { Vec::new() }
 }
 
-/// Hands gradients over to the places that want them.
+/// Adds gradients to the cotangents that are needed.
 fn hand_over(into: &mut [Bar<'_>], arrays: &Three, bars: [Vec<f32>; 3]) {
     for ((into, array), bar) in into.iter_mut().zip(arrays).zip(bars) {
         if into.wanted() {
@@ -32,15 +33,16 @@ fn hand_over(into: &mut [Bar<'_>], arrays: &Three, bars: [Vec<f32>; 3]) {
 
 fn linear_in(arrays: &Three) -> linear::In<'_> {
     let (&[m, k], &[n, _]) = (arrays[0].shape(), arrays[1].shape()) else {
-        panic!("linear takes a matrix and a matrix of weights")
+        panic!("linear expects a matrix and a matrix of weights")
     };
     linear::In { x: flat(&arrays[0]), weight: flat(&arrays[1]), bias: flat(&arrays[2]), m, n, k }
 }
 
-/// y = x·Wᵀ + β, x (M, K), `weight` (N, K), `bias` (N), and a leaky ReLU of `slope` behind it where one is given; see [`crate::nn::linear`].
+/// y = x·Wᵀ + β, x (M, K), `weight` (N, K), `bias` (N), followed by a leaky ReLU if `slope` is given; see
+/// [`crate::nn::linear`].
 ///
 /// # Panics
-/// When a shape does not fit.
+/// When a shape is wrong.
 pub fn linear(tape: &mut Tape, x: Var, weight: Var, bias: Var, slope: Option<f32>) -> Var {
     let arrays = [x, weight, bias].map(|v| tape.value(v));
     let input = linear_in(&arrays);
@@ -69,20 +71,21 @@ pub fn linear(tape: &mut Tape, x: Var, weight: Var, bias: Var, slope: Option<f32
 fn conv_in(arrays: &Three, stride: usize, pad: usize) -> conv::In<'_> {
     let (&[batch, height, width, channels], &[outputs, kh, kw, _]) = (arrays[0].shape(), arrays[1].shape())
     else {
-        panic!("conv takes pictures (B, H, W, C) and weights (O, KH, KW, C)")
+        panic!("conv expects images (B, H, W, C) and weights (O, KH, KW, C)")
     };
     let shape = conv::Shape { batch, height, width, channels, outputs, kernel: [kh, kw], stride, pad };
     conv::In { x: flat(&arrays[0]), weight: flat(&arrays[1]), bias: flat(&arrays[2]), shape }
 }
 
-/// A convolution, x (B, H, W, C), `weight` (O, KH, KW, C), `bias` (O), with a leaky ReLU of `slope` behind it; see [`crate::nn::conv`].
+/// A convolution, x (B, H, W, C), `weight` (O, KH, KW, C), `bias` (O), followed by a leaky ReLU of `slope`;
+/// see [`crate::nn::conv`].
 ///
 /// # Panics
-/// When a shape does not fit.
+/// When a shape is wrong.
 pub fn conv(tape: &mut Tape, [x, weight, bias]: [Var; 3], [stride, pad]: [usize; 2], slope: f32) -> Var {
     let arrays = [x, weight, bias].map(|v| tape.value(v));
     let input = conv_in(&arrays, stride, pad);
-    let [rows, columns] = input.shape.out().expect("the kernel fits into the padded picture");
+    let [rows, columns] = input.shape.out().expect("the kernel fits into the padded image");
     let shape = [input.shape.batch, rows, columns, input.shape.outputs];
     let [batch, _, _, outputs] = shape;
     let mut y = vec![0.0; batch * rows * columns * outputs];
@@ -98,7 +101,7 @@ pub fn conv(tape: &mut Tape, [x, weight, bias]: [Var; 3], [stride, pad]: [usize;
     })[0]
 }
 
-/// The same values in another shape.
+/// Reshapes a value.
 ///
 /// # Panics
 /// When the sizes differ.

@@ -1,16 +1,17 @@
-//! Parameters with names.
+//! Named parameters.
 
 use super::{Tape, Var};
 use ndarray::ArrayD;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Named parameters, in the order of their names: the order in which they are put on a tape, digested and stored.
+/// Named parameters, in the order of their names: the order in which they are put on a tape, digested and
+/// stored.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Params(BTreeMap<String, Arc<ArrayD<f32>>>);
 
 impl Params {
-    /// No parameters.
+    /// Makes an empty set.
     pub fn new() -> Self {
         Self::default()
     }
@@ -25,7 +26,7 @@ impl Params {
         self.0.get(name).map(|a| &**a)
     }
 
-    /// The parameter of that name for an update in place; copied first only while a tape still shares it.
+    /// The parameter of that name for an update in place; copied first if a tape still shares it.
     pub fn get_mut(&mut self, name: &str) -> Option<&mut ArrayD<f32>> {
         self.0.get_mut(name).map(Arc::make_mut)
     }
@@ -35,13 +36,13 @@ impl Params {
         self.0.iter().map(|(name, a)| (name.as_str(), &**a))
     }
 
-    /// The parameters whose names begin with `prefix`; nothing is copied.
+    /// The parameters whose names begin with `prefix`, without copying.
     pub fn of(&self, prefix: &str) -> Self {
         let own = self.0.iter().filter(|(name, _)| name.starts_with(prefix));
         Self(own.map(|(name, a)| (name.clone(), Arc::clone(a))).collect())
     }
 
-    /// Puts every parameter on the tape as a constant; nothing is copied.
+    /// Puts every parameter on the tape as a constant, without copying.
     pub fn constants(&self, tape: &mut Tape) -> BTreeMap<String, Var> {
         self.0.iter().map(|(name, a)| (name.clone(), tape.constant(Arc::clone(a)))).collect()
     }
@@ -51,12 +52,12 @@ impl Params {
         self.0.len()
     }
 
-    /// Whether there are none.
+    /// Whether there are no parameters.
     pub fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Puts every parameter on the tape as a leaf of its name; nothing is copied.
+    /// Puts every parameter on the tape as a leaf with its name, without copying.
     pub fn record(&self, tape: &mut Tape) -> BTreeMap<String, Var> {
         self.0.iter().map(|(name, a)| (name.clone(), tape.leaf(name, Arc::clone(a)))).collect()
     }
@@ -76,6 +77,6 @@ mod tests {
         let address = tape.value(vars["w"]).as_ptr();
         drop(tape);
         let w = params.get_mut("w").expect("it was set");
-        assert_eq!(w.as_ptr(), address, "no copy while recording, none while updating");
+        assert_eq!(w.as_ptr(), address, "neither recording nor updating copies");
     }
 }

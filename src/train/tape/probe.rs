@@ -1,6 +1,6 @@
-//! What gradient checks are made of: drawn directions, inner products, finite differences, error measures.
+//! Building blocks of gradient checks: random directions, inner products, finite differences, error measures.
 //!
-//! All of it is f64 and serial; sums are left folds over the names in order and the entries in order.
+//! Everything is f64 and serial; sums are left folds over the names in order and the entries in order.
 
 use super::report::Entry;
 use crate::num::order;
@@ -8,7 +8,7 @@ use crate::num::rng::Rng;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
-/// Named arrays as flat f64 values; whoever evaluates them knows the shapes.
+/// Named arrays as flat f64 values; their shapes are not stored.
 pub type Values = BTreeMap<String, Vec<f64>>;
 
 /// Rounding unit of f64, 2⁻⁵³.
@@ -17,7 +17,7 @@ pub const UNIT: f64 = 1.0 / 9_007_199_254_740_992.0;
 /// Purpose word of the draws made here (see `num::rng`).
 const PURPOSE: u16 = 0x6763; // "gc"
 
-/// Normal draws, one per entry: item = entry, step = which array, draw = `stream`.
+/// Normal draws, one per entry: item = entry, step = index of the array, draw = `stream`.
 pub fn normals(seed: u64, step: u32, stream: u16, len: usize) -> Vec<f64> {
     let rng = Rng::new(seed);
     (0..len).map(|i| rng.normal_f64(i as u64, step, PURPOSE, stream)).collect()
@@ -56,7 +56,7 @@ pub fn sample(seed: u64, step: u32, len: usize, count: usize) -> Vec<usize> {
     (0..count).map(pick).collect()
 }
 
-/// Σ a·b over all names and entries that both hold.
+/// Σ a·b over all names and entries present in both.
 pub fn dot(a: &Values, b: &Values) -> f64 {
     let mut sum = 0.0;
     for (name, x) in a {
@@ -90,14 +90,14 @@ pub fn moved(x: &Values, v: &Values, h: f64) -> Values {
     out
 }
 
-/// How far an entry may be moved: perturbations are steps in the space in which the parameter is at ease.
+/// Scale of a finite-difference step: perturbations are steps in the natural space of the parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Step {
     /// h·max(1, |θ|)
     Plain,
     /// h·|θ|: a step in log θ, for positive quantities
     Log,
-    /// h·θ(1−θ): a step in logit θ, for quantities in 0..1 (1e-3 at the ends, so that there is one)
+    /// h·θ(1−θ): a step in logit θ, for quantities in 0..1 (1e-3 at the ends, to avoid a zero step)
     Logit,
 }
 
@@ -131,11 +131,11 @@ struct Difference {
     moved: f64,
     /// rounding noise of `value`
     noise: f64,
-    /// whether both logs are the one asked for
+    /// whether both logs equal the expected one
     same_log: bool,
 }
 
-/// Rounding errors of one output entry, in units of its own rounding unit, that differences are taken to carry.
+/// Assumed rounding error of one output entry in differences, in units of its own rounding unit.
 const NOISE_UNITS: f64 = 64.0;
 
 fn central(
@@ -171,8 +171,8 @@ fn central(
     Ok(Difference { value: sum / (2.0 * h), h, moved: touched, noise: 0.0, same_log })
 }
 
-/// Noise of every difference of a ladder: that of the outputs that move at any step (a step lost in rounding moves none),
-/// and that of θ ± h itself.
+/// Noise of every difference of a ladder: that of the outputs that change at any step (a step lost in
+/// rounding changes none), and that of θ ± h itself.
 fn with_noise(mut d: Vec<Difference>, unit: f64) -> Vec<Difference> {
     let moved = d.iter().fold(0.0, |m, d| order::max(m, d.moved));
     let slope = d.iter().fold(0.0, |m, d| order::max(m, d.value.abs()));
@@ -187,12 +187,12 @@ fn with_noise(mut d: Vec<Difference>, unit: f64) -> Vec<Difference> {
 pub struct Derivative {
     /// Richardson's value
     pub value: f64,
-    /// distance of the two Richardson values that agree best
+    /// difference of the two Richardson values that agree best
     pub spread: f64,
     /// rounding noise of `value`
     pub noise: f64,
-    /// observed order: log of successive error ratios over log of the step ratio; `None` when every difference is at
-    /// the noise floor already
+    /// observed order: log of successive error ratios over log of the step ratio; `None` when every
+    /// difference is at the noise floor already
     pub order: Option<f64>,
     /// whether the decision log was the same at every point used
     pub same_log: bool,
@@ -211,11 +211,11 @@ fn power_of_two(exponent: i32) -> f64 {
     h
 }
 
-/// ⟨w, J v⟩ by a ladder of central differences with one Richardson step each; the step is chosen where successive
-/// Richardson values agree best within their noise, without looking at `exact`, which serves to observe the order only.
+/// ⟨w, J v⟩ by a ladder of central differences with one Richardson step each; the step is chosen where
+/// successive Richardson values agree best within their noise; `exact` is used only to measure the order.
 ///
 /// # Errors
-/// What evaluating the function returns.
+/// Errors of the function.
 pub fn ladder(
     f: &mut dyn FnMut(&Values) -> Result<Evaluation>,
     at: &Values,
@@ -247,7 +247,8 @@ pub fn ladder(
     Ok(Derivative { value: richardson[k], spread, noise: noise(k), order, same_log: true })
 }
 
-/// Slope of log|D(h) − exact| against log h, from the finest three steps whose errors stand clear of the noise.
+/// Slope of log|D(h) − exact| against log h, from the finest three steps whose errors are well above the
+/// noise.
 fn observed_order(d: &[Difference], exact: f64) -> Option<f64> {
     let error = |k: usize| (d[k].value - exact).abs();
     let clear = |k: usize| error(k) > 4.0 * d[k].noise;
@@ -255,11 +256,11 @@ fn observed_order(d: &[Difference], exact: f64) -> Option<f64> {
     Some(0.5 * libm::log(error(k) / error(k + 2)) / libm::log(RATIO))
 }
 
-/// ⟨w, J v⟩ by two central differences of relative step 2⁻¹⁸ and 2⁻²⁰ and one Richardson step, on whatever piece the
-/// points fall; `same_log` says whether they all fell on the piece of `log`.
+/// ⟨w, J v⟩ by two central differences of relative step 2⁻¹⁸ and 2⁻²⁰ and one Richardson step, whatever the
+/// decisions at the points; `same_log` is set if all decision logs equal `log`.
 ///
 /// # Errors
-/// What evaluating the function returns.
+/// Errors of the function.
 pub fn live(
     f: &mut dyn FnMut(&Values) -> Result<Evaluation>,
     at: &Values,
@@ -292,24 +293,24 @@ pub fn live_width() -> f64 {
     2.0 * power_of_two(LIVE_EXPONENT)
 }
 
-/// How one array of numbers compares with another, taken as the truth.
+/// Distance of an array from a reference array.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Distance {
-    /// ‖a − b‖ / ‖b‖; 0 if both are zero, ∞ if only the truth is
+    /// ‖a − b‖ / ‖b‖; 0 if both are zero, ∞ if only the reference is
     pub relative_l2: f64,
     /// 1 − a·b / (‖a‖‖b‖), from ½‖a/‖a‖ − b/‖b‖‖², which does not cancel
     pub one_minus_cosine: f64,
     /// Σ(a − b) / Σ|b|
     pub signed_bias: f64,
-    /// entries that are zero in one of them only
+    /// number of entries that are zero in only one of them
     pub zero_mismatch: usize,
 }
 
-/// Measures of `a` against the truth `b`.
+/// Measures the distance of `a` from the reference `b`.
 pub fn distance(a: &[f64], b: &[f64]) -> Distance {
     let (mut diff2, mut a2, mut b2, mut diff, mut absolute) = (0.0, 0.0, 0.0, 0.0, 0.0);
     let mut zero_mismatch = 0;
-    // An infinity stands for "none": it agrees with itself, and with nothing else.
+    // An infinity means "none": it equals itself only.
     if a.iter().zip(b).any(|(a, b)| a != b && (a.is_infinite() || b.is_infinite())) {
         let zero_mismatch = a.iter().zip(b).filter(|(a, b)| (**a == 0.0) != (**b == 0.0)).count();
         return Distance {

@@ -4,14 +4,15 @@ use ndarray::{ArrayD, IxDyn};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A value on a [`Tape`]: its place in the order of creation.
+/// A value on a [`Tape`], identified by its index in the order of creation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Var(usize);
 
-/// The place where the cotangent of one value gathers during the sweep.
+/// Accumulator for the cotangent of one value during the backward sweep.
 ///
-/// The first contribution is moved in, later ones are added to it, in the order in which the sweep meets them: last
-/// record first, and within a record as its adjoint calls. The order is that of the program, so the bits are too.
+/// The first contribution is moved in, later ones are added to it, in the order of the sweep: last
+/// record first, and within a record in the order of the calls of its adjoint. The order, and so every bit,
+/// depends only on the program.
 #[derive(Debug)]
 pub struct Bar<'a> {
     shape: &'a [usize],
@@ -20,7 +21,7 @@ pub struct Bar<'a> {
 }
 
 impl Bar<'_> {
-    /// Whether anything needs this cotangent; a constant does not, and an adjoint may skip the work.
+    /// Whether this cotangent is needed; for a constant it is not, and the adjoint may skip the work.
     pub fn wanted(&self) -> bool {
         self.wanted
     }
@@ -28,7 +29,7 @@ impl Bar<'_> {
     /// Adds a contribution. The first one keeps its buffer.
     ///
     /// # Panics
-    /// When the shape is not that of the value.
+    /// When the shape differs from that of the value.
     pub fn add(&mut self, x_bar: ArrayD<f32>) {
         assert_eq!(x_bar.shape(), self.shape, "a cotangent has the shape of its value");
         if !self.wanted {
@@ -45,14 +46,14 @@ impl Bar<'_> {
         }
     }
 
-    /// The buffer itself, zeros if nothing has arrived yet, for adjoints that accumulate into `x_bar`.
+    /// The buffer itself, zeros if nothing has been added yet, for adjoints that accumulate into `x_bar`.
     pub fn accumulator(&mut self) -> &mut ArrayD<f32> {
         self.held.get_or_insert_with(|| ArrayD::zeros(IxDyn(self.shape)))
     }
 }
 
-/// Adjoint of one record: cotangents of its outputs (`None` is zero; they may be taken) and the places for those of its
-/// inputs, both in recorded order.
+/// Adjoint of one record: cotangents of its outputs (`None` is zero; they may be taken) and the accumulators
+/// of its inputs, both in recorded order.
 type Adjoint = Box<dyn FnOnce(Vec<Option<ArrayD<f32>>>, &mut [Bar<'_>]) + Send>;
 
 struct Record {
@@ -68,7 +69,7 @@ struct Value {
     wanted: bool,
 }
 
-/// A record of operators and its values; one sweep backward consumes the records.
+/// A record of operators and their values; one backward sweep consumes the records.
 ///
 /// ```
 /// # use lastlight_train as lastlight;
@@ -103,17 +104,17 @@ impl Tape {
         Var(self.values.len() - 1)
     }
 
-    /// A value whose gradient is asked for under this name; takes an array or a shared one.
+    /// Adds a value whose gradient is returned under this name; takes an array or a shared one.
     ///
     /// # Panics
-    /// When the name is in use: gradients of two leaves would be one.
+    /// When the name is in use: the gradients of two leaves would be merged.
     pub fn leaf(&mut self, name: &str, array: impl Into<Arc<ArrayD<f32>>>) -> Var {
         let taken = self.values.iter().any(|v| v.name.as_deref() == Some(name));
         assert!(!taken, "leaf '{name}' is on the tape already");
         self.push(array.into(), Some(name.to_owned()), true)
     }
 
-    /// A value without gradient.
+    /// Adds a value without a gradient.
     pub fn constant(&mut self, array: impl Into<Arc<ArrayD<f32>>>) -> Var {
         self.push(array.into(), None, false)
     }
@@ -123,18 +124,18 @@ impl Tape {
         Arc::clone(&self.values[var.0].array)
     }
 
-    /// The number in a value that holds one.
+    /// The number in a value with a single entry.
     ///
     /// # Panics
-    /// When it holds another number of them.
+    /// When the value does not have exactly one entry.
     pub fn scalar(&self, var: Var) -> f32 {
         let array = &self.values[var.0].array;
         assert_eq!(array.len(), 1, "a scalar holds one number");
         array.iter().copied().next().expect("the length was checked")
     }
 
-    /// Records one operator that has just been run. The closure is dropped, and with it all it saved, when no input
-    /// depends on a leaf.
+    /// Records one operator that has just been run. The closure and everything it saved are dropped if no
+    /// input depends on a leaf.
     pub fn record(
         &mut self,
         operator: &'static str,
@@ -186,10 +187,11 @@ impl Tape {
         self.records.iter().map(|r| r.operator)
     }
 
-    /// Cotangents of all leaves, given that of `var`. Records are replayed last first and dropped as they are used up.
+    /// Cotangents of all leaves, given that of `var`. Records are replayed in reverse order and dropped after
+    /// use.
     ///
     /// # Panics
-    /// When `seed` has not the shape of `var`.
+    /// When the shape of `seed` differs from that of `var`.
     pub fn backward(mut self, var: Var, seed: ArrayD<f32>) -> Grads {
         assert_eq!(seed.shape(), self.values[var.0].array.shape(), "the seed has the shape of the value");
         let mut held: Vec<Option<ArrayD<f32>>> = self.values.iter().map(|_| None).collect();
@@ -199,7 +201,8 @@ impl Tape {
             if out_bar.iter().all(Option::is_none) {
                 continue; // nothing downstream depends on this operator
             }
-            // One operator may take a value twice (x·x): each mention gets a place of its own, summed in list order.
+            // An operator may take a value twice (x·x): each occurrence has its own accumulator; they are
+            // summed in list order.
             let mut first: Vec<Option<ArrayD<f32>>> = Vec::with_capacity(record.inputs.len());
             for (i, v) in record.inputs.iter().enumerate() {
                 let repeated = record.inputs[..i].contains(v);
@@ -236,7 +239,7 @@ impl Tape {
     /// [`Self::backward`] of a scalar with seed 1.
     ///
     /// # Panics
-    /// When `var` holds more than one number.
+    /// When `var` has more than one entry.
     pub fn backward_scalar(self, var: Var) -> Grads {
         let shape = self.values[var.0].array.raw_dim();
         assert_eq!(self.values[var.0].array.len(), 1, "a loss is one number");
@@ -326,6 +329,6 @@ mod tests {
         let seed = ArrayD::from_elem(IxDyn(&[64]), 2.0);
         let address = seed.as_ptr();
         let grads = tape.backward(y, seed);
-        assert_eq!(grads.get("x").map(|g| g.as_ptr()), Some(address), "moved through, not copied");
+        assert_eq!(grads.get("x").map(|g| g.as_ptr()), Some(address), "moved, not copied");
     }
 }

@@ -1,9 +1,9 @@
-//! What a gradient check found.
+//! Results of a gradient check.
 
 use serde::Serialize;
 use std::fmt;
 
-/// One entry of an array, ours and the reference's.
+/// One entry of an array with its reference value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Entry {
     /// array
@@ -12,7 +12,7 @@ pub struct Entry {
     pub index: usize,
     /// the value under test
     pub ours: f64,
-    /// what it is held against
+    /// the reference value
     pub reference: f64,
 }
 
@@ -39,7 +39,7 @@ impl Measure {
 pub struct Rung {
     /// `R0` … `R4`
     pub name: &'static str,
-    /// what it compares with what
+    /// description of the comparison
     pub title: &'static str,
     /// numbers with bounds
     pub measures: Vec<Measure>,
@@ -47,25 +47,35 @@ pub struct Rung {
     pub failures: Vec<String>,
     /// entries that contributed most to the difference
     pub worst: Vec<Entry>,
+    /// what the two values of an entry of `worst` are
+    #[serde(skip)]
+    pub labels: [&'static str; 2],
 }
 
 impl Rung {
-    /// A rung with nothing measured yet.
+    /// Makes an empty rung.
     pub fn new(name: &'static str, title: &'static str) -> Self {
-        Self { name, title, measures: Vec::new(), failures: Vec::new(), worst: Vec::new() }
+        let labels = ["value", "reference"];
+        Self { name, title, measures: Vec::new(), failures: Vec::new(), worst: Vec::new(), labels }
     }
 
-    /// Notes a number that has a bound.
+    /// Sets the names of the two values of the worst entries.
+    #[must_use]
+    pub fn labelled(self, labels: [&'static str; 2]) -> Self {
+        Self { labels, ..self }
+    }
+
+    /// Adds a number with a bound.
     pub fn hold(&mut self, what: impl Into<String>, value: f64, bound: f64) {
         self.measures.push(Measure { what: what.into(), value, bound: Some(bound) });
     }
 
-    /// Notes a number.
+    /// Adds a number without a bound.
     pub fn note(&mut self, what: impl Into<String>, value: f64) {
         self.measures.push(Measure { what: what.into(), value, bound: None });
     }
 
-    /// Notes a failure.
+    /// Adds a failure.
     pub fn fail(&mut self, what: impl Into<String>) {
         self.failures.push(what.into());
     }
@@ -86,7 +96,7 @@ pub struct Report {
 }
 
 impl Report {
-    /// Whether every rung passed; a report without rungs has checked nothing and does not pass.
+    /// Whether every rung passed; a report without rungs does not pass.
     pub fn passed(&self) -> bool {
         !self.rungs.is_empty() && self.rungs.iter().all(Rung::passed)
     }
@@ -99,8 +109,8 @@ impl Report {
 
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let verdict = if self.passed() { "passed" } else { "FAILED" };
-        writeln!(f, "{}: {verdict}", self.subject)?;
+        let result = if self.passed() { "passed" } else { "FAILED" };
+        writeln!(f, "{}: {result}", self.subject)?;
         for rung in &self.rungs {
             writeln!(
                 f,
@@ -113,9 +123,9 @@ impl fmt::Display for Report {
                 let mark = if m.holds() { ' ' } else { '!' };
                 match m.bound {
                     Some(bound) => {
-                        writeln!(f, "   {mark}  {:<48} {:>10.3e}  (at most {bound:.1e})", m.what, m.value)?
+                        writeln!(f, "   {mark}  {:<56} {:>10.3e}  (at most {bound:.1e})", m.what, m.value)?
                     }
-                    None => writeln!(f, "   {mark}  {:<48} {:>10.3e}", m.what, m.value)?,
+                    None => writeln!(f, "   {mark}  {:<56} {:>10.3e}", m.what, m.value)?,
                 }
             }
             for failure in &rung.failures {
@@ -123,10 +133,10 @@ impl fmt::Display for Report {
             }
             if !rung.passed() {
                 for e in &rung.worst {
-                    let d = e.ours - e.reference;
+                    let (d, [ours, reference]) = (e.ours - e.reference, rung.labels);
                     writeln!(
                         f,
-                        "      {}[{}]: {:e}, reference {:e}, difference {d:e}",
+                        "      {}[{}]: {ours} {:e}, {reference} {:e}, difference {d:e}",
                         e.array, e.index, e.ours, e.reference
                     )?;
                 }

@@ -47,7 +47,7 @@ fn a_run_is_continued_where_everything_is_what_it_was() {
     // A folder that another program wrote is not continued.
     std::fs::create_dir(dir.join("mine")).expect("made");
     write(&dir.join("mine/letter.txt"), "dear");
-    refused(&tiny(&["--out", "mine", "--resume"]), dir, &["--resume", "files without its record"]);
+    refused(&tiny(&["--out", "mine", "--resume"]), dir, &["--resume", "files without the record of a run"]);
     assert_eq!(std::fs::read_dir(dir.join("mine")).expect("a folder").count(), 1, "untouched");
 }
 

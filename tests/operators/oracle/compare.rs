@@ -1,4 +1,4 @@
-//! `oracle compare`: measures, verdicts, and the first stage that differs.
+//! `oracle compare`: measures, results, and the first stage that differs.
 
 use super::full_call;
 use lastlight::num::array::Arrays;
@@ -24,7 +24,7 @@ fn compare_names_the_first_operator_that_differs() {
         let report =
             compare::arrays(&spoiled(&ours, names), &ours, None, compare::TOLERANCE).expect("compares");
         assert_eq!(report.passed, names.is_empty(), "{report}");
-        report.parting.map(|p| p.stage)
+        report.divergence.map(|p| p.stage)
     };
     let after = ["image", "alpha", "means_bar", "quats_bar", "sh_bar", "opacities_bar"];
     let with = |first: &[&'static str]| first.iter().chain(&after).copied().collect::<Vec<_>>();
@@ -51,18 +51,18 @@ fn compare_measures_what_it_says() {
     assert_eq!((y.worst_ulp, y.mean_ulp), (3, 0.75), "three steps in one of four");
     assert_eq!(y.zeros.both, 1, "one zero in both");
     assert_eq!(y.worst[0].index, [0, 0], "where");
-    let verdict = |theirs: &Arrays, ours: &Arrays| {
+    let agreement = |theirs: &Arrays, ours: &Arrays| {
         let report = compare::arrays(theirs, ours, None, 1e-5).expect("compares");
         assert!(!report.passed, "{report}");
-        report.arrays[0].verdict.clone()
+        report.arrays[0].agreement.clone()
     };
     let flat = Arrays::new().with("y", &[4], vec![1.0_f32, 0.0, 2.0, -4.0]);
-    assert_eq!(verdict(&theirs, &flat), compare::Agreement::ShapesDiffer, "shapes");
+    assert_eq!(agreement(&theirs, &flat), compare::Agreement::ShapesDiffer, "shapes");
     let nan = Arrays::new().with("y", &[2, 2], vec![1.0_f32, f32::NAN, 2.0, -4.0]);
-    assert_eq!(verdict(&theirs, &nan), compare::Agreement::Nan, "NaN in ours");
-    assert_eq!(verdict(&nan, &nan), compare::Agreement::Nan, "NaN in both is no agreement");
+    assert_eq!(agreement(&theirs, &nan), compare::Agreement::Nan, "NaN in ours");
+    assert_eq!(agreement(&nan, &nan), compare::Agreement::Nan, "NaN in both is no agreement");
     let off = Arrays::new().with("y", &[2, 2], vec![1.0_f32, 0.0, 2.0, -4.1]);
-    assert_eq!(verdict(&theirs, &off), compare::Agreement::Differs, "beyond the tolerance");
+    assert_eq!(agreement(&theirs, &off), compare::Agreement::Differs, "beyond the tolerance");
     assert!(
         compare::arrays(&theirs, &Arrays::new().with("z", &[], vec![1.0]), None, 1e-5).is_err(),
         "nothing in common"

@@ -53,7 +53,13 @@ fn check_golden(name: &str, op: &str, profile: Option<&str>, bounds: &Bounds) {
                 "{name} {precision} {:<14} relative L2 {:.2e} (at most {bound:.0e}), worst {} ulp",
                 a.name, a.relative_l2, a.worst_ulp
             );
-            assert_eq!(a.verdict, compare::Agreement::Agrees, "{name} {precision} {}: {:?}", a.name, a.worst);
+            assert_eq!(
+                a.agreement,
+                compare::Agreement::Agrees,
+                "{name} {precision} {}: {:?}",
+                a.name,
+                a.worst
+            );
             // an array compared in its zeros only has no relative L2 to speak of
             let pattern = op.port(&a.name).is_some_and(|p| p.compare == Compare::ZeroPattern);
             assert!(

@@ -3,15 +3,15 @@
 use crate::ports::{Dtype, Port, ports};
 
 const fn weight(name: &'static str, shape: &'static str) -> Port {
-    Port::fixed(shape, "absent, all of them: weights by a formula").named(name).or_absent()
+    Port::fixed(shape, "all absent: generated weights").named(name).or_absent()
 }
 
 const fn passed(shape: &'static str) -> Port {
-    Port::fixed(shape, "what passes, of x, then y")
+    Port::fixed(shape, "output of max(z, 0), of x, then y")
 }
 
 const fn active(shape: &'static str) -> Port {
-    Port::int(shape, Dtype::U8, "1 where an output passes")
+    Port::int(shape, Dtype::U8, "1 where an output is positive")
 }
 
 const fn pool(shape: &'static str) -> Port {
@@ -20,7 +20,7 @@ const fn pool(shape: &'static str) -> Port {
 
 pub(super) const INPUTS: &[Port] = &[
     Port::var("H,W,3", "usually the render, sRGB-encoded").named("x"),
-    Port::var("H,W,3", "usually the photograph, sRGB-encoded").named("y"),
+    Port::var("H,W,3", "usually the input photo, sRGB-encoded").named("y"),
     weight("features.0.weight", "C11,3,3,3"),
     weight("features.0.bias", "C11"),
     weight("features.2.weight", "C12,C11,3,3"),

@@ -54,13 +54,13 @@ pub(super) fn cases() -> Vec<Case> {
             &["value"],
         ),
         case("lpips", "loss.lpips", slim(), &[], xy, &["value"]).within(1e-11),
-        case("l1", "loss.l1", pictures(), &[], xy, &["value"]),
-        case("mse", "loss.mse", pictures(), &[], xy, &["value"]),
-        case("ssim", "loss.ssim", pictures(), &[], xy, &["value"]),
+        case("l1", "loss.l1", images(), &[], xy, &["value"]),
+        case("mse", "loss.mse", images(), &[], xy, &["value"]),
+        case("ssim", "loss.ssim", images(), &[], xy, &["value"]),
     ]
 }
 
-fn pictures() -> Named<f64> {
+fn images() -> Named<f64> {
     let mask = uniform(&[9, 13], [0.0, 1.0], 12).map(|&x| if x < 0.7 { 1.0 } else { 0.0 });
     named([
         ("x", uniform(&[9, 13, 3], [0.0, 1.0], 10)),
@@ -69,7 +69,7 @@ fn pictures() -> Named<f64> {
     ])
 }
 
-/// Two pictures under the network of `loss.lpips` with few channels.
+/// Two images under the network of `loss.lpips` with few channels.
 fn slim() -> Named<f64> {
     let places = [0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28];
     let channels = [3, 4, 4, 5, 5, 4, 6, 5, 5, 6, 5, 5, 6];

@@ -50,7 +50,7 @@ pub(super) fn cases() -> Vec<Case> {
     let factored = named([("quats", normal(&[n, 4], 2)), ("scales", uniform(&[n, 3], [0.05, 0.3], 3))]);
     let shape: &[&str] = &["means_px", "depths_z", "conics", "shape"];
     let shape_aa: &[&str] = &["means_px", "depths_z", "conics", "shape", "compensation"];
-    let picture: &[&str] = &["image", "alpha", "depth"];
+    let image: &[&str] = &["image", "alpha", "depth"];
     let gaussian: &[&str] = &["means", "quats", "scales"];
     let all: &[&str] = &["means", "quats", "scales", "opacities", "sh", "background"];
     vec![
@@ -90,18 +90,17 @@ pub(super) fn cases() -> Vec<Case> {
             blend,
             &[],
             &["means_px", "shape", "opacities", "colors", "depths_z", "background"],
-            picture,
+            image,
         ),
-        case("render exact", "splat.render", full.clone(), &[], all, picture).within(1e-11),
-        case("render gsplat", "splat.render", full.clone(), &[("profile", "gsplat")], all, picture)
+        case("render exact", "splat.render", full.clone(), &[], all, image).within(1e-11),
+        case("render gsplat", "splat.render", full.clone(), &[("profile", "gsplat")], all, image)
             .within(1e-11),
-        case("render inria", "splat.render", full.clone(), &[("profile", "inria")], all, picture)
+        case("render inria", "splat.render", full.clone(), &[("profile", "inria")], all, image).within(1e-11),
+        case("render unlimited", "splat.render", full.clone(), &[("profile", "unlimited")], all, image)
             .within(1e-11),
-        case("render unlimited", "splat.render", full.clone(), &[("profile", "unlimited")], all, picture)
+        case("render antialiased", "splat.render", full.clone(), &[("antialiased", "1")], all, image)
             .within(1e-11),
-        case("render antialiased", "splat.render", full.clone(), &[("antialiased", "1")], all, picture)
-            .within(1e-11),
-        case("render fisheye", "splat.render", full.clone(), &[("camera", "fisheye")], all, picture)
+        case("render fisheye", "splat.render", full.clone(), &[("camera", "fisheye")], all, image)
             .within(1e-11),
         case(
             "render factors rgb",
@@ -109,7 +108,7 @@ pub(super) fn cases() -> Vec<Case> {
             render_skinned,
             &[],
             &["means", "factors", "opacities", "rgb", "background"],
-            picture,
+            image,
         )
         .within(1e-11),
     ]

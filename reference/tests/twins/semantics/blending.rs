@@ -46,7 +46,7 @@ fn ties_in_depth_go_by_index() {
     };
     let (a, b) = (clones([1.0, 0.0]), clones([0.0, 1.0]));
     assert_eq!(a.plan["order"].data, [0.0, 1.0]);
-    // Swapping neighbours changes the picture by α1 α2 T (c1 − c2).
+    // Swapping neighbours changes the image by α1 α2 T (c1 − c2).
     assert!((middle(&a) - middle(&b) - 0.25).abs() < 1e-15);
 }
 
@@ -110,7 +110,7 @@ fn alpha_below_the_cut_is_skipped_and_at_it_kept() {
 }
 
 #[test]
-fn blending_the_intermediates_gives_the_picture() {
+fn blending_the_intermediates_gives_the_image() {
     for with in [&[][..], &[("profile", "inria")], &[("profile", "gsplat"), ("antialiased", "1")]] {
         let inputs = scene(15, 40, 24);
         let render = run("splat.render", &inputs, with);

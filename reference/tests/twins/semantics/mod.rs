@@ -16,12 +16,12 @@ fn without(inputs: &Named<f64>, names: &[&str]) -> Named<f64> {
         .collect()
 }
 
-/// The value of the middle pixel of a 33×33 picture, whose centre is the principal point.
-fn middle(answer: &twins::Answer) -> f64 {
+/// The value of the middle pixel of a 33×33 image, whose centre is the principal point.
+fn middle(answer: &twins::Results) -> f64 {
     answer.outputs["image"].data[3 * (16 * 33 + 16)]
 }
 
-/// A Gaussian on the optical axis of a 33×33 picture.
+/// A Gaussian on the optical axis of a 33×33 image.
 fn on_axis(z: f64, opacity: f64, grey: f64) -> ([f64; 3], f64, f64, f64) {
     ([0.0, 0.0, z], 0.05, opacity, grey)
 }

@@ -108,8 +108,8 @@ fn the_compensation_is_the_ratio_of_areas_and_has_a_floor() {
     assert!(bar(0.02) > 0.0);
     let mut inputs = frontal(&[on_axis(2.0, 0.5, 0.5)], 33, 33);
     inputs.insert("scales".to_owned(), Arr::filled(&[1, 3], 0.02));
-    let picture = middle(&run("splat.render", &inputs, &with));
-    assert!((picture - 0.25 * variance / (variance + 0.3)).abs() < 1e-15, "the opacity is compensated");
+    let image = middle(&run("splat.render", &inputs, &with));
+    assert!((image - 0.25 * variance / (variance + 0.3)).abs() < 1e-15, "the opacity is compensated");
 }
 
 #[test]
@@ -145,7 +145,7 @@ fn the_fisheye_is_smooth_across_its_axis_and_its_series() {
 }
 
 #[test]
-fn the_orthographic_picture_does_not_depend_on_depth() {
+fn the_orthographic_image_does_not_depend_on_depth() {
     let at = |z: f64| {
         let inputs = without(
             &frontal(&[([0.1, 0.05, z], 0.04, 0.5, 0.5)], 64, 64),
@@ -160,7 +160,7 @@ fn the_orthographic_picture_does_not_depend_on_depth() {
 }
 
 #[test]
-fn factors_and_quaternions_give_one_picture() {
+fn factors_and_quaternions_give_one_image() {
     let inputs = scene(10, 24, 20);
     let both = named([("quats", inputs["quats"].clone()), ("scales", inputs["scales"].clone())]);
     let mut skinned = without(&inputs, &["quats", "scales"]);
@@ -169,7 +169,7 @@ fn factors_and_quaternions_give_one_picture() {
 }
 
 #[test]
-fn whole_pixels_shift_the_exact_picture() {
+fn whole_pixels_shift_the_exact_image() {
     // Means whose projections move by exactly 5 pixels when the principal point does.
     let mut inputs = frontal(&[on_axis(2.0, 0.9, 1.0), on_axis(2.5, 0.4, 0.3)], 48, 48);
     let still = run("splat.render", &inputs, &[]).outputs["alpha"].clone();

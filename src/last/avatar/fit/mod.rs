@@ -269,7 +269,7 @@ impl Fit for PersonFit<'_> {
         let iteration = i + 1;
         let shot = self.shot_of(i);
         let target = self.target(shot)?;
-        watch.lap("photograph");
+        watch.lap("input image");
         let place = |e: Error| e.at(format!("iteration {iteration}, {}", self.capture.shots[shot].name));
         let count = u32::try_from(iteration).expect("validated");
         let rates = self.rates(count)?;

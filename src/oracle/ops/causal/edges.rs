@@ -31,7 +31,7 @@ fn run_probability(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Case 0: the usual temperature; case 1: a warm one.
+/// Case 0: the default temperature; case 1: a higher one.
 fn case_probability(case: usize) -> Case {
     let n = [4, 5][case];
     let mut made = Case::default();
@@ -103,7 +103,7 @@ fn beyond(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("logvar".to_owned(), beyond)].into(), ..Prediction::default() })
 }
 
-/// Numbers between and beyond the limits.
+/// Numbers within and beyond the limits.
 fn case_limit(case: usize) -> Case {
     let shape: &[usize] = [&[5, 4, 4][..], &[7, 6]][case];
     let len = crate::num::array::entries(shape);
@@ -125,14 +125,14 @@ fn targets(x: &Checked<'_>) -> Vec<usize> {
     x.f64s("target").into_iter().map(|i| i as usize).collect()
 }
 
-/// Targets are factors, of which there are `n`.
+/// Checks that targets are factors below `n`.
 fn are_factors(x: &Checked<'_>, n: usize) -> Result<()> {
-    x.rule("target", "the number of a factor", |i| i >= 0.0 && i < n as f64)
+    x.rule("target", "the index of a factor", |i| i >= 0.0 && i < n as f64)
 }
 
 fn check_code(x: &Checked<'_>) -> Result<()> {
     if x.dim("K") == 0 {
-        return Err(Error::input("array 'values'").expected("factors of at least one number").got("none"));
+        return Err(Error::input("array 'values'").expected("factors of at least one dimension").got("none"));
     }
     are_factors(x, x.dim("N"))
 }
@@ -151,7 +151,7 @@ fn run_code(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// The first number of a code is 1; a factor that no group sets has no gradient.
+/// The first entry of a code is 1; a factor that no group sets has no gradient.
 fn unlabelled(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let (target, k) = (targets(x), x.dim("K"));
     let zeros = (0..x.dim("N") * k).map(|at| at % k == 0 || !target.contains(&(at / k))).collect();
@@ -177,7 +177,7 @@ pub(crate) static HELD: Op = Op {
     ..entry(&reference::causal::held::SIGNATURE)
 };
 
-/// Most numbers that are held: 512 MiB of them.
+/// Maximum number of held values: 512 MiB.
 const MOST: usize = 1 << 26;
 
 fn check_held(x: &Checked<'_>) -> Result<()> {
@@ -185,7 +185,7 @@ fn check_held(x: &Checked<'_>) -> Result<()> {
     if groups.saturating_mul(members).saturating_mul(x.dim("K")) > MOST {
         return Err(Error::input("array 'members'")
             .expected(format!("at most {MOST} numbers in all groups"))
-            .got(format!("{groups} groups of {members} pairs of {} numbers", x.dim("K"))));
+            .got(format!("{groups} groups of {members} pairs of {} dimensions", x.dim("K"))));
     }
     let pairs = !x.has("factors") || x.dim("P") == groups * members;
     if x.has("shared") == x.has("factors") || members == 0 || !pairs || x.dim("K") == 0 {
@@ -223,7 +223,7 @@ fn not_set(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("factors".to_owned(), zeros)].into(), ..Prediction::default() })
 }
 
-/// Case 0: values that groups share; case 1: each pair's own.
+/// Case 0: values shared by groups; case 1: a value of its own for each pair.
 fn case_held(case: usize) -> Case {
     let (target, members, [n, k]) = [(&[2, 0, 1][..], 4, [3, 2]), (&[1, 3], 3, [4, 3])][case];
     let mut made = Case::default();

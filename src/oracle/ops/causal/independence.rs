@@ -25,7 +25,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     let d = x.dim("N") * x.dim("K");
     if x.dim("B") * d == 0 {
         return Err(Error::input("array 'mu'")
-            .expected("at least one sample, factor and number")
+            .expected("at least one sample, factor and dimension")
             .got("an empty axis"));
     }
     if x.has("mask") != x.has("weight") {
@@ -33,7 +33,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     }
     if x.has("carried") && x.dim("D") != d {
         return Err(Error::input("array 'carried'")
-            .expected(format!("{d} rows, factors times numbers of a factor"))
+            .expected(format!("{d} rows, factors times dimensions of a factor"))
             .got(x.dim("D").to_string()));
     }
     if x.has("among") && x.word("form") == Some("total") {
@@ -91,7 +91,7 @@ fn predict(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros, ..Prediction::default() })
 }
 
-/// Case 0: one batch; 1: some pairs, beside a carried covariance; 2: with edges; 3: total correlation.
+/// Case 0: one batch; 1: some pairs, with a carried covariance; 2: with edges; 3: total correlation.
 fn case(case: usize) -> Case {
     let shape = [[9, 3, 2], [7, 4, 2], [8, 3, 2], [9, 3, 3]][case];
     let [batch, n, k] = shape;

@@ -1,4 +1,4 @@
-//! Causal structure; all of it in f64.
+//! Causal structure, computed in f64.
 
 mod edges;
 mod independence;
@@ -23,7 +23,7 @@ const fn entry(signature: &'static Signature) -> Op {
     Op { width: Width::F64, work_ns: [100.0, 1000.0], ..Op::new(signature, run_acyclic, case_acyclic) }
 }
 
-/// A setting above 0.
+/// Checks that a setting is above 0.
 fn positive(x: &Checked<'_>, key: &'static str) -> Result<()> {
     match x.number(key) {
         Some(value) if !(value > 0.0) => {
@@ -94,7 +94,7 @@ fn no_loops(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("logits".to_owned(), diagonal(x.dim("N")))].into(), ..Prediction::default() })
 }
 
-/// Edges that are not allowed get no gradient, and the diagonal none.
+/// Edges that are not allowed and the diagonal have no gradient.
 fn allowed_edges(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let mut zeros = diagonal(x.dim("N"));
     if x.has("allowed") {
@@ -103,7 +103,7 @@ fn allowed_edges(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("logits".to_owned(), zeros)].into(), ..Prediction::default() })
 }
 
-/// Variances whose logarithm is at most 700 have a value in f64.
+/// Checks that logarithms of variances are at most 700, so that variances are in the range of f64.
 fn bounded(x: &Checked<'_>) -> Result<()> {
     x.rule("logvar", "a number of at most 700", |l| l <= 700.0)
 }
@@ -113,7 +113,7 @@ fn diagonal(n: usize) -> Vec<bool> {
     (0..n * n).map(|at| at / n == at % n).collect()
 }
 
-/// Case 0: the default temperature; case 1: a higher one; case 2: edges along an order of the nodes alone.
+/// Case 0: the default temperature; case 1: a higher one; case 2: only edges along an order of the nodes.
 fn case_mask(case: usize) -> Case {
     let n = [4, 5, 4][case];
     let mut made = Case::default();

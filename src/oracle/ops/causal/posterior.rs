@@ -17,7 +17,7 @@ pub(crate) static POSTERIOR_KL: Op = Op {
     ..entry(&reference::causal::posterior_kl::SIGNATURE)
 };
 
-/// A mean over nothing is refused, and so are variances without bound.
+/// Checks that the batch is not empty and that variances are bounded.
 fn some_sample(x: &Checked<'_>) -> Result<()> {
     if x.dim("B") == 0 {
         return Err(Error::input("array 'logvar'").expected("at least one sample").got("none"));
@@ -150,7 +150,8 @@ fn run_scm_kl(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Diagonals, and in mode sampled what is omitted; a mean may still reach kept children of an omitted factor.
+/// Diagonals, and in mode sampled the omitted factors; in mode linear, the mean of an omitted factor may
+/// still affect its kept children.
 fn predict_scm_kl(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     let mut zeros = std::collections::BTreeMap::new();
     if is_linear(x) {
@@ -166,7 +167,7 @@ fn predict_scm_kl(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros, ..Prediction::default() })
 }
 
-/// Cases 0 and 1: a draw; cases 2 and 3: the closed form; 1 and 3 with factors omitted.
+/// Cases 0 and 1: a sample; cases 2 and 3: the closed form; 1 and 3 with factors omitted.
 fn case_scm_kl(case: usize) -> Case {
     let shape = [[5, 4, 4], [3, 2, 7], [4, 3, 2], [3, 4, 3]][case];
     let [batch, n, k] = shape;

@@ -34,13 +34,15 @@ fn check_structure(x: &Checked<'_>) -> Result<()> {
     };
     if !fits {
         return Err(Error::input("setting mode")
-            .expected("'weight' for mode linear, networks for nonlinear, both for printed, either for abduct")
-            .got(format!("mode {} with others", x.word("mode").unwrap_or("nonlinear"))));
+            .expected(
+                "'weight' in mode linear, networks in mode nonlinear, both in printed, either in abduct",
+            )
+            .got(format!("mode {} with other arrays", x.word("mode").unwrap_or("nonlinear"))));
     }
     check_mechanism(x)
 }
 
-/// Weights, networks or both, of the right sizes.
+/// Checks that weights, networks or both are present with the right sizes.
 fn check_mechanism(x: &Checked<'_>) -> Result<()> {
     let count = NETWORK.iter().filter(|name| x.has(name)).count();
     if !matches!((x.has("weight"), count), (true, 0) | (_, 5)) {
@@ -50,12 +52,12 @@ fn check_mechanism(x: &Checked<'_>) -> Result<()> {
     }
     if ["N", "K", "H"].iter().any(|axis| x.dims.get(axis) == Some(0)) {
         return Err(Error::input("mechanism")
-            .expected("at least one factor, number and hidden unit")
+            .expected("at least one factor, dimension and hidden unit")
             .got("an empty axis"));
     }
     if count > 0 && x.dim("D") != x.dim("N") * x.dim("K") {
         return Err(Error::input("array 'w0'")
-            .expected(format!("{} inputs, factors times numbers of a factor", x.dim("N") * x.dim("K")))
+            .expected(format!("{} inputs, factors times dimensions of a factor", x.dim("N") * x.dim("K")))
             .got(x.dim("D").to_string()));
     }
     match x.number("sweeps") {
@@ -140,12 +142,12 @@ fn run_structure(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Samples of a case: enough for every hidden unit to be on either side of its kink, without which the gradient of its bias
-/// is that of g(x) minus the same at g(0), 0.
+/// Number of samples of a case, enough for every hidden unit to be on both sides of its kink; otherwise the
+/// gradients of its bias through g(x) and g(0) cancel.
 const BATCH: usize = 8;
 
-/// Causes, mask, and networks or weights of a case. Draws with networks are such that no argument of an activation is near the
-/// kink at 0: nearer than a finite difference would move it.
+/// Causes, mask, and networks or weights of a case. The seeds are chosen such that no argument of an
+/// activation is within the step of a finite difference of the kink at 0.
 fn mechanism(seed: u64, case: usize, [weight, networks]: [bool; 2]) -> Case {
     let (batch, n, k, h) = (BATCH, 3, 2, 4);
     let draw = |array, len, scale: f32| -> Vec<f32> {
@@ -167,7 +169,8 @@ fn mechanism(seed: u64, case: usize, [weight, networks]: [bool; 2]) -> Case {
     made
 }
 
-/// Cases 0 to 4: networks, weights, back through networks, back through weights, weights and then networks.
+/// Cases 0 to 4: networks, weights, abduction through networks, abduction through weights, weights and then
+/// networks.
 fn case_structure(case: usize) -> Case {
     let (seed, draw) = [(181, 0), (62, 1), (226, 1), (62, 3), (200, 4)][case];
     let linear = case == 1 || case == 3;

@@ -21,7 +21,7 @@ pub(in crate::ops) static OP: Op = Op {
     case,
 };
 
-/// exp must not overflow, nor vanish.
+/// Checks that exp neither overflows nor underflows.
 fn check(x: &Checked<'_>) -> Result<()> {
     x.rule("scales_log", "−80 to 80", |s| (-80.0..=80.0).contains(&s))
 }

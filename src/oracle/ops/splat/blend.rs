@@ -34,7 +34,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     if let Some(row) = shape.chunks_exact(3).position(|s| !(s[1] >= 0.0 && (s[1] == 0.0 || s[2] > 0.0))) {
         return Err(Error::input("array 'shape'")
             .at(format!("row {row}"))
-            .expected("k1 > 0 and k2 > 0, or k1 = 0 for what is not drawn")
+            .expected("k1 > 0 and k2 > 0, or k1 = 0 for a Gaussian that is not drawn")
             .got(format!("{:?}", &shape[3 * row..3 * row + 3])));
     }
     for name in ["width", "height"] {
@@ -96,7 +96,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     blend::forward(&blended, &mut out, &mut saved);
     let tile = x.number("tile").map_or(stored.tile, |tile| tile as usize);
     if tile != stored.tile && given.is_none() && profile.footprint == Footprint::Alpha {
-        // another tile side shows in no bit; plan and gradients are those of tiles of 16
+        // the tile size changes no bit; plan and gradients are those of tiles of 16
         let grid = grid(x, tile)?;
         let plan = &build(&splats, c, &grid, &profile, cull);
         let other = blend::In { plan, grid, frozen: None, ..blended };
@@ -118,7 +118,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
         ran.intermediates.put("counts", &[c, h, w], masks.counts);
     }
     if x.with_gradients() {
-        let bars = PictureBars::of(x, [c, h, w])?;
+        let bars = ImageBars::of(x, [c, h, w])?;
         let mut records = Vec::new();
         let background_bar = blend::adjoint(&blended, &saved, bars.view(), false, &mut records);
         let bar = |row: usize| {
@@ -134,15 +134,15 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Cotangents of the three pictures.
-pub(super) struct PictureBars {
+/// Cotangents of the three images.
+pub(super) struct ImageBars {
     image: Option<Vec<f32>>,
     alpha: Option<Vec<f32>>,
     depth: Option<Vec<f32>>,
 }
 
-impl PictureBars {
-    /// Those of a call.
+impl ImageBars {
+    /// The cotangents of a call.
     pub(super) fn of(x: &Checked<'_>, [c, h, w]: [usize; 3]) -> Result<Self> {
         Ok(Self {
             image: x.bar("image", &[c, h, w, 3])?,
@@ -151,7 +151,7 @@ impl PictureBars {
         })
     }
 
-    /// As the kernels take them.
+    /// The cotangents as kernel arguments.
     pub(super) fn view(&self) -> OutBar<'_> {
         OutBar { image: self.image.as_deref(), alpha: self.alpha.as_deref(), depth: self.depth.as_deref() }
     }
@@ -183,8 +183,8 @@ fn put_bars(x: &Checked<'_>, bars: &[SplatBar], background_bar: [f32; 3], ran: &
     put("opacities", opacities);
 }
 
-/// Gaussians that reach no pixel have no gradient; those that reach pixels only above the cap have one in colour and
-/// depth alone.
+/// Gaussians that affect no pixel have no gradient; those that affect pixels only above the cap have
+/// gradients of colour and depth only.
 fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     let (c, n) = (x.dim("C"), x.dim("N"));
     let reach = plan::reach(&ran.plan, c, n, &grid(x, 16)?)?;
@@ -207,8 +207,8 @@ fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     Ok(known)
 }
 
-/// What `splat.project` and `splat.color` make of a scene. Case 0: `exact`; case 1: `gsplat`, opaque enough for the cap and
-/// the stop, an opacity per camera.
+/// The outputs of `splat.project` and `splat.color` for a scene. Case 0: `exact`; case 1: `gsplat`, opaque
+/// enough to reach the cap and the stop, with an opacity per camera.
 fn case(case: usize) -> Case {
     let mut scene = Scene::new(44, case, 12);
     if case == 1 {

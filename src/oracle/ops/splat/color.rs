@@ -28,7 +28,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     sh_degree(x).map(|_| ())
 }
 
-/// Camera centres; nothing else of a camera matters here.
+/// Camera centres; the other camera parameters are not used.
 fn centers(x: &Checked<'_>) -> Vec<[f32; 3]> {
     let unit = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let views = x.f32s("view_from_world");
@@ -76,7 +76,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Bands above the degree, and what is floored in every camera.
+/// Bands above the degree, and channels clamped at 0 in every camera.
 fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     let mask = mask_rows(&ran.plan, x.dim("C"), x.dim("N"))?;
     let seen = |i: usize, channel: usize| (0..x.dim("C")).any(|c| mask[c * x.dim("N") + i][channel] == 1);
@@ -88,14 +88,15 @@ fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     Ok(known)
 }
 
-/// Mask (N, K, 3) of coefficients without gradient: bands above `degree`, and channels nobody sees.
+/// Mask (N, K, 3) of coefficients without gradient: bands above `degree`, and channels clamped in every
+/// camera.
 pub(super) fn sh_zeros(x: &Checked<'_>, degree: usize, seen: impl Fn(usize, usize) -> bool) -> Vec<bool> {
     let (n, k) = (x.dim("N"), x.dim("K"));
     let used = (degree + 1) * (degree + 1);
     (0..n * k * 3).map(|e| e / 3 % k >= used || !seen(e / (3 * k), e % 3)).collect()
 }
 
-/// Case 0: degree 3 of 16 coefficients; case 1: degree 1 of 9, so that bands above the degree are there.
+/// Case 0: degree 3 of 16 coefficients; case 1: degree 1 of 9, so that there are bands above the degree.
 fn case(case: usize) -> Case {
     let scene = Scene::new(42, case, [13, 9][case]);
     let mut made = Case::default();

@@ -1,11 +1,11 @@
-//! Gaussian splatting: what the six entries share.
+//! Gaussian splatting: common code of the six entries.
 //!
 //! ```text
 //! named arrays ── scene ──► slices, cameras, profile ── activate … render ──► `splat`'s functions ──► named arrays
 //!                           plan ◄──► plan arrays of `--plan` and the zeros they predict
 //! ```
 //!
-//! The checks that several entries have in common are here; every entry is one line of [`super::LIST`].
+//! This file has the checks shared by several entries; every entry is one line of [`super::LIST`].
 
 pub(super) mod activate;
 pub(super) mod blend;
@@ -23,7 +23,7 @@ use crate::scene::profile::{Footprint, Profile, Stop, TangentClamp};
 use crate::splat::project::Row;
 use crate::{Error, Result};
 
-/// The profile a call asks for.
+/// The profile of a call.
 fn profile(x: &Checked<'_>) -> Result<Profile> {
     let mut p = Profile::parse(x.word("profile").unwrap_or("exact"))?;
     let number = |key: &str, slot: &mut f32| {
@@ -62,7 +62,7 @@ fn profile(x: &Checked<'_>) -> Result<Profile> {
     Ok(p)
 }
 
-/// Rules of the settings and inputs that several of the operators have.
+/// Checks the rules of settings and inputs common to several of the operators.
 fn check_common(x: &Checked<'_>) -> Result<()> {
     x.rule("opacities", "0 to 1", |o| (0.0..=1.0).contains(&o))?;
     x.rule("scales", "0 or more", |s| s >= 0.0)?;
@@ -89,7 +89,7 @@ fn check_common(x: &Checked<'_>) -> Result<()> {
             .got("0"));
     }
     if !(profile(x)?.alpha_min > 0.0) {
-        // ō is a sum over pixels divided by o, and every pixel counts here
+        // ō is a sum over pixels divided by o; here every pixel contributes
         x.rule("opacities", "more than 0 where alpha_min is 0", |o| o > 0.0)?;
     }
     let quats = x.f64s("quats");
@@ -102,7 +102,7 @@ fn check_common(x: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Either `quats` and `scales`, or `factors`.
+/// Checks that either `quats` and `scales`, or `factors` are present.
 fn check_shape(x: &Checked<'_>) -> Result<()> {
     match (x.has("quats"), x.has("scales"), x.has("factors")) {
         (true, true, false) | (false, false, true) => Ok(()),
@@ -149,7 +149,7 @@ fn cameras(x: &Checked<'_>) -> Result<Vec<Camera>> {
         .collect()
 }
 
-/// Refuses no cameras and more Gaussians or pixels than indices hold.
+/// Checks that there is a camera, and that the numbers of Gaussians and pixels fit into indices.
 fn check_sizes(x: &Checked<'_>) -> Result<()> {
     if x.dim("C") == 0 {
         return Err(Error::input("array 'view_from_world'").expected("at least one camera").got("none"));
@@ -163,22 +163,22 @@ fn check_sizes(x: &Checked<'_>) -> Result<()> {
     let pixels = (side("width")? as u128) * (side("height")? as u128) * (x.dim("C") as u128);
     if pixels > MAX_PIXELS {
         return Err(Error::input("arrays 'width', 'height', 'view_from_world'")
-            .expected(format!("at most {MAX_PIXELS} pixels in all pictures together"))
+            .expected(format!("at most {MAX_PIXELS} pixels in all images together"))
             .got(pixels.to_string()));
     }
     Ok(())
 }
 
-/// Pixels of all pictures of one call: 2²⁸.
+/// Maximum number of pixels of all images of one call, 2²⁸.
 const MAX_PIXELS: u128 = 1 << 28;
 
-/// Refuses Gaussians whose projection leaves the range of single precision; `rows` is (C, N).
+/// Checks that the projection of every Gaussian is in the range of single precision; `rows` is (C, N).
 fn check_range(rows: &[Row], n: usize) -> Result<()> {
     match crate::splat::project::out_of_range(rows) {
         None => Ok(()),
         Some(row) => Err(Error::input("arrays 'means', 'scales' (or 'factors')")
             .at(format!("camera {}, Gaussian {}", row / n, row % n))
-            .expected("an ellipse within the range of f32 (--precision f64 reaches further)")
+            .expected("an ellipse within the range of f32 (--precision f64 has a larger range)")
             .got(format!("u = {:?}, (s, k1, k2) = {:?}", rows[row].mean_px, rows[row].shape))),
     }
 }

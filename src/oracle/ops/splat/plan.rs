@@ -1,4 +1,4 @@
-//! The plan between arrays and kernels, and the zeros that follow from it.
+//! Conversion of plans between arrays and kernels, and the zeros that follow from a plan.
 
 use crate::num::array::Arrays;
 use crate::num::order;
@@ -38,12 +38,14 @@ fn whole(plan: &Arrays, name: &str, shape: Option<&[usize]>, lo: i64, hi: i64) -
 fn starts(plan: &Arrays, name: &str, parts: usize, total: usize) -> Result<Vec<u32>> {
     let values = whole(plan, name, Some(&[parts + 1]), 0, total as i64)?;
     if values[0] != 0 || values[parts] != total as i64 || values.windows(2).any(|w| w[0] > w[1]) {
-        return Err(broken(name).expected(format!("ascending numbers from 0 to {total}")).got("others"));
+        return Err(broken(name)
+            .expected(format!("ascending numbers from 0 to {total}"))
+            .got("other numbers"));
     }
     Ok(values.into_iter().map(|v| v as u32).collect())
 }
 
-/// Copies arrays of a given plan as they are.
+/// Copies arrays of a given plan unchanged.
 pub(super) fn keep(given: &Arrays, names: &[&str], into: &mut Arrays) -> Result<()> {
     for &name in names {
         into.0.insert(name.to_owned(), given.need(name).map_err(|e| e.within("plan"))?.clone());
@@ -108,7 +110,7 @@ pub(super) fn decisions(plan: &Arrays, cameras: usize, n: usize) -> Result<Vec<D
     Ok(out)
 }
 
-/// What blending obeys.
+/// The given decisions of blending.
 pub(super) struct StoredPlan {
     /// lists
     pub(super) plan: Plan,
@@ -123,7 +125,7 @@ pub(super) struct StoredPlan {
 /// Lists and masks of a plan, checked to be consistent.
 ///
 /// # Errors
-/// Names the array that is missing, wrongly shaped or contradicts another.
+/// Names the array that is missing, has the wrong shape or is inconsistent with another.
 pub(super) fn given(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Result<StoredPlan> {
     let (order, camera_start) = order_of(plan, cameras, n)?;
     let tile_entry = whole(plan, "tile_entry", None, 0, n as i64 - 1)?;
@@ -150,7 +152,7 @@ pub(super) fn given(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Res
         if !own.contains(&(slot as u32)) || *place != u32::MAX {
             return Err(broken("entry_slot")
                 .at(format!("entry {entry}"))
-                .expected(format!("a slot of its own in {own:?}"))
+                .expected(format!("a unique slot in {own:?}"))
                 .got(slot.to_string()));
         }
         *place = entry as u32;
@@ -188,8 +190,8 @@ pub(super) fn put_lists(plan: &Plan, last_index: &[f32], pixels: [usize; 3], int
     into.put("last_index", &pixels, last_index.iter().map(|&k| k as i32).collect::<Vec<i32>>());
 }
 
-/// `alpha_mask`, `cap_mask` and `counts`: which pixels of its tile every entry contributes to, by the α of `blend` (same
-/// formula, same bits) up to the last index.
+/// `alpha_mask`, `cap_mask` and `counts`: which pixels of its tile every entry contributes to, by the α of
+/// `blend` (same formula, same bits) up to the last index.
 pub(super) struct Masks {
     /// (E, 32)
     pub(super) alpha: Vec<u8>,
@@ -199,7 +201,7 @@ pub(super) struct Masks {
     pub(super) counts: Vec<i64>,
 }
 
-/// Makes the masks; `splats` is (C, N).
+/// Computes the masks; `splats` is (C, N).
 pub(super) fn masks(
     splats: &[Splat],
     n: usize,
@@ -254,7 +256,7 @@ pub(super) struct Reach {
     pub(super) below_cap: Vec<bool>,
 }
 
-/// Reads [`Reach`] off the masks of a plan.
+/// Computes [`Reach`] from the masks of a plan.
 pub(super) fn reach(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Result<Reach> {
     let given = given(plan, cameras, n, grid)?;
     let mut out = Reach { anywhere: vec![false; cameras * n], below_cap: vec![false; cameras * n] };

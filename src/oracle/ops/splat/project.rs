@@ -40,7 +40,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-/// Factors as given, or from quats and scales.
+/// The given factors, or those of quats and scales.
 pub(super) fn factors(x: &Checked<'_>) -> Vec<[f32; 9]> {
     if x.has("factors") {
         return x.rows("factors");
@@ -117,7 +117,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Adds F̄ to what the call accumulates into: factors, or quats and scales behind them.
+/// Adds F̄ to the gradients of the call: of factors, or of quats and scales.
 fn put_shape_bars(x: &Checked<'_>, factors_bar: &[[f32; 9]], gradients: &mut Arrays) {
     let n = x.dim("N");
     if x.has("factors") {
@@ -147,7 +147,7 @@ fn bars(x: &Checked<'_>, c: usize, n: usize) -> Result<Vec<RowBar>> {
     Ok((0..c * n).map(bar).collect())
 }
 
-/// Gaussians that no camera sees; ⟨q, q̄⟩ = 0.
+/// Gaussians that are visible in no camera; ⟨q, q̄⟩ = 0.
 fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     let n = x.dim("N");
     let k1: Vec<f64> = ran.outputs.need("shape")?.to_f64();
@@ -155,7 +155,8 @@ fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     Ok(plan::row_prediction(x, &["means", "quats", "scales", "factors"], |i| !seen[i]))
 }
 
-/// 0: pinhole, quats and scales, a tight clamp of the tangents; 1: factors, orthographic; 2: fisheye; 3: antialiased.
+/// 0: pinhole, quats and scales, active limits of the tangents; 1: factors, orthographic; 2: fisheye; 3:
+/// antialiased.
 fn case(case: usize) -> Case {
     let mut scene = Scene::new(43, case, 9);
     let mut made = Case::default();

@@ -1,6 +1,6 @@
 //! `splat.render`
 
-use super::blend::PictureBars;
+use super::blend::ImageBars;
 use super::color::{mask_rows, sh_zeros};
 use super::scene::Scene;
 use super::{cameras, check_common, check_shape, check_sizes, flatten, plan, profile, project, sh_degree};
@@ -39,11 +39,11 @@ fn check(x: &Checked<'_>) -> Result<()> {
         (false, false, true) => Ok(()),
         _ => Err(Error::input("colour of the Gaussians")
             .expected("either sh and sh_degree, or rgb")
-            .got("something else")),
+            .got("another combination")),
     }
 }
 
-/// Owned inputs behind [`In`].
+/// The owned arrays of [`In`].
 struct Owned {
     means: Vec<[f32; 3]>,
     quats: Vec<[f32; 4]>,
@@ -122,7 +122,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     super::check_range(&saved.rows, n)?;
     let tile = x.number("tile").map_or(16, |tile| tile as usize);
     if tile != settings.tile && frozen.is_none() {
-        // another tile side shows in no bit; plan and gradients are those of tiles of 16
+        // the tile size changes no bit; plan and gradients are those of tiles of 16
         let other = Settings { tile, ..settings.clone() };
         input.validate(&other)?;
         out = render::forward(&input, &other).0;
@@ -160,7 +160,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
         }
     }
     if x.with_gradients() {
-        let bars = PictureBars::of(x, [c, h, w])?;
+        let bars = ImageBars::of(x, [c, h, w])?;
         let mut bar = started(x, &input);
         render::adjoint_into(
             &input,
@@ -209,8 +209,8 @@ fn put_bars(x: &Checked<'_>, bar: &InBar, into: &mut Arrays) {
     put("background", bar.background.to_vec());
 }
 
-/// Gaussians that reach no pixel, or reach pixels only above the cap; coefficients above the degree, and channels
-/// floored wherever the Gaussian is seen; ⟨q, q̄⟩ = 0.
+/// Gaussians that affect no pixel, or only pixels above the cap; coefficients above the degree, and channels
+/// clamped at 0 wherever the Gaussian is visible; ⟨q, q̄⟩ = 0.
 fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     let (c, n) = (x.dim("C"), x.dim("N"));
     let grid = Grid { width: x.whole("width")?, height: x.whole("height")?, tile: 16 };
@@ -231,8 +231,9 @@ fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
     Ok(known)
 }
 
-/// 0: `exact`, quats and scales, degree 2; 1: factors and rgb, orthographic; 2: fisheye, antialiased, degree 1 of 9; 3:
-/// `gsplat`, opaque enough for the cap and the stop; 4: `inria`, a narrow view with limited tangents, degree 3.
+/// 0: `exact`, quats and scales, degree 2; 1: factors and rgb, orthographic; 2: fisheye, antialiased, degree
+/// 1 of 9; 3: `gsplat`, opaque enough to reach the cap and the stop; 4: `inria`, a narrow view with limited
+/// tangents, degree 3.
 fn case(case: usize) -> Case {
     let mut scene = Scene::new(45, case, 10);
     let mut made = Case::default();

@@ -1,22 +1,23 @@
-//! Generated scenes: a cloud of Gaussians in front of turned cameras with unequal focal lengths, one of them behind.
+//! Generated scenes: a cloud of Gaussians in front of rotated cameras with different focal lengths; one
+//! Gaussian is behind all cameras.
 
 use crate::num::array::Arrays;
 use crate::ops::case::Draw;
 
-/// What a scene is drawn from.
+/// Parameters of a generated scene.
 #[derive(Clone, Copy)]
 pub(super) struct Scene {
-    /// of the operator
+    /// seed of the operator
     pub(super) seed: u64,
-    /// of the operator
+    /// index of the case of the operator
     pub(super) case: usize,
-    /// Gaussians
+    /// number of Gaussians
     pub(super) n: usize,
-    /// cameras
+    /// number of cameras
     pub(super) cameras: usize,
-    /// pixels
+    /// image width in pixels
     pub(super) width: usize,
-    /// pixels
+    /// image height in pixels
     pub(super) height: usize,
     /// focal lengths in pixels
     pub(super) focal: [f32; 2],
@@ -27,7 +28,7 @@ pub(super) struct Scene {
 }
 
 impl Scene {
-    /// Two pictures of 36×22 pixels: tiles that are cut on both sides.
+    /// Two images of 36×22 pixels, with partial tiles at both borders.
     pub(super) const fn new(seed: u64, case: usize, n: usize) -> Self {
         Self {
             seed,
@@ -55,7 +56,7 @@ impl Scene {
         means
     }
 
-    /// Camera `c`: turned by a small rotation, the origin 3 + c/4 in front of it.
+    /// Camera `c`: rotated by a small angle, the origin 3 + c/4 in front of it.
     fn view(&self, c: usize) -> [f32; 16] {
         let spin = self.draw(100 + c as u16).normals(3);
         let q = [1.0, 0.15 * spin[0], 0.15 * spin[1], 0.15 * spin[2]];
@@ -104,7 +105,7 @@ impl Scene {
         }
     }
 
-    /// Adds `sh` (N, K, 3) and `sh_degree`: positive on average, so that few channels are floored.
+    /// Adds `sh` (N, K, 3) and `sh_degree`: positive on average, so that few channels are clamped at 0.
     pub(super) fn put_sh(&self, into: &mut Arrays, coefficients: usize, degree: i64) {
         let n = self.n;
         let sh = self.draw(6).normals(n * coefficients * 3);

@@ -1,13 +1,14 @@
-//! Static Gaussian splatting: one set of Gaussians for the photographs of one capture.
+//! Static Gaussian splatting: one set of Gaussians for the images of one capture.
 //!
 //! ```text
-//! settings   what decides the result          pass   one view: activate → draw → losses, and their adjoints in reverse
+//! settings   settings that decide the result  pass   one view: activate → draw → losses, and their adjoints in reverse
 //! ```
 //!
-//! Iteration i (counted from 1) sees one photograph: position (i−1) mod n of the permutation of epoch ⌊(i−1)/n⌋,
-//! drawn with Philox. It renders, takes 0.8·L1 + 0.2·(1 − SSIM), steps Adam, and lets density control act on the
-//! schedule. The state between iterations is what a checkpoint holds: parameters, moments, counters, screen statistics,
-//! events. Nothing else is remembered, so a resumed fit has the bits of an uninterrupted one.
+//! Iteration i (counted from 1) uses one image: position (i−1) mod n of the permutation of epoch ⌊(i−1)/n⌋,
+//! drawn with Philox. It renders, computes 0.8·L1 + 0.2·(1 − SSIM), takes a step of Adam, and applies density
+//! control on its schedule. The state between iterations is that of a checkpoint: parameters, moments,
+//! counters, screen statistics, events. There is no other state, so a resumed fit is bit-identical to an
+//! uninterrupted one.
 
 mod pass;
 mod settings;
@@ -32,27 +33,27 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Purpose number of the order of the photographs.
+/// Purpose of the random order of the images.
 const PURPOSE_ORDER: u16 = 0x0501;
-/// Photographs are kept as floats while they fit into this many bytes; others are converted when they are seen.
+/// Images are kept as floats up to this many bytes; others are converted when they are used.
 const PHOTO_CACHE_BYTES: usize = 2 << 30;
 
-/// What density control did in one iteration.
+/// Counts of density control in one iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Event {
-    /// counted from 1
+    /// iteration, counted from 1
     pub iteration: usize,
     /// copies made of small Gaussians
     pub cloned: usize,
     /// large Gaussians replaced by two
     pub split: usize,
-    /// dead Gaussians moved onto live ones
+    /// dead Gaussians relocated onto live ones
     pub moved: usize,
     /// Gaussians added by growth
     pub added: usize,
-    /// faint or huge Gaussians removed
+    /// Gaussians removed for low opacity or large scale
     pub pruned: usize,
-    /// opacities cut down by a reset
+    /// opacities lowered by a reset
     pub reset: usize,
     /// Gaussians afterwards
     pub size: usize,
@@ -85,11 +86,11 @@ enum Control {
     Sampling(mcmc::Settings),
 }
 
-/// A fit in work.
+/// A fit in progress.
 pub struct SplatFit<'a> {
     settings: Settings,
     views: &'a Views,
-    /// digest of the photographs, masks and cameras
+    /// digest of the images, masks and cameras
     input: u64,
     control: Control,
     means_rate: LogLinear,
@@ -98,20 +99,20 @@ pub struct SplatFit<'a> {
     groups: Groups,
     stats: Stats,
     events: Vec<Event>,
-    // Kept for speed; a function of the rest.
+    // Cached for speed; a function of the other fields.
     photos: Vec<Option<Target>>,
     order: (usize, Vec<usize>),
     workspace: Workspace,
 }
 
 impl<'a> SplatFit<'a> {
-    /// A fit before its first iteration.
+    /// Makes a fit before its first iteration.
     ///
     /// # Errors
-    /// When the settings or the first Gaussians are not valid.
+    /// When the settings or the initial Gaussians are not valid.
     pub fn new(settings: Settings, views: &'a Views, first: Gaussians) -> Result<Self> {
         settings.validate()?;
-        first.validate("first Gaussians")?;
+        first.validate("initial Gaussians")?;
         let iterations = u32::try_from(settings.iterations).expect("validated");
         let control = match settings.strategy {
             Strategy::Mcmc => {
@@ -151,12 +152,12 @@ impl<'a> SplatFit<'a> {
         })
     }
 
-    /// The Gaussians as they are now.
+    /// The current Gaussians.
     pub fn gaussians(&self) -> &Gaussians {
         &self.gaussians
     }
 
-    /// What density control has done so far.
+    /// The events of density control so far.
     pub fn events(&self) -> &[Event] {
         &self.events
     }
@@ -169,7 +170,7 @@ impl<'a> SplatFit<'a> {
         digest(&self.gaussians)
     }
 
-    /// The photograph of an iteration (counted from 0), as index into the views.
+    /// The image of an iteration (counted from 0), as index into the views.
     fn view_of(&mut self, i: usize) -> usize {
         let n = self.views.train.len();
         let epoch = i / n;
@@ -180,14 +181,14 @@ impl<'a> SplatFit<'a> {
         self.views.train[self.order.1[i % n]]
     }
 
-    /// The photograph as floats, kept if there is room.
+    /// The image as floats, cached if there is room.
     fn target(&mut self, index: usize) -> Target {
         if let Some(target) = &self.photos[index] {
             return target.clone();
         }
         let target = target_of(&self.views.views[index]);
         let bytes = |v: &View| v.rgb.len() * 4 + v.mask.as_ref().map_or(0, |m| m.len() * 4);
-        // Judged by all photographs before this one, so that what is kept does not depend on the order of the visits.
+        // Decided from all images before this one, so that the cache does not depend on the order of use.
         let before = self.views.views[..=index].iter().fold(0, |s, v| s + bytes(v));
         if before <= PHOTO_CACHE_BYTES {
             self.photos[index] = Some(target.clone());
@@ -255,7 +256,7 @@ impl Fit for SplatFit<'_> {
             background: self.settings.background,
             degree: sh_degree(iteration, bands, self.settings.sh_degree),
         };
-        watch.lap("photograph");
+        watch.lap("input image");
         let outcome = pass::pass(&self.gaussians, &target, &drawing, &mut self.workspace, watch)
             .map_err(|e| e.at(format!("iteration {iteration}, {}", self.views.views[index].name)))?;
         let pass::Outcome { mut loss, mut grad, screen } = outcome;
@@ -318,7 +319,8 @@ fn target_of(view: &View) -> Target {
     Target { camera: view.camera.clone(), photo: Arc::new(view.image()), mask }
 }
 
-/// Digest of all parameters of a scene, 16 hexadecimal digits: means, quats, scales_log, opacity_logits, sh in this order.
+/// Digest of all parameters of a scene, 16 hexadecimal digits: means, quats, scales_log, opacity_logits, sh
+/// in this order.
 ///
 /// # Errors
 /// When a parameter is NaN.
@@ -328,7 +330,7 @@ pub fn digest(g: &Gaussians) -> Result<String> {
     Ok(format!("{:016x}", d.value()))
 }
 
-/// Digest of the training photographs: cameras, pixels, masks.
+/// Digest of the training images: cameras, pixels, masks.
 fn input_digest(views: &Views) -> Result<u64> {
     let mut d = Digest::new();
     for v in views.train.iter().map(|&i| &views.views[i]) {
@@ -390,7 +392,7 @@ mod tests {
             run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
             let after = psnr(fit.gaussians(), &views);
             assert!(after > before + 5.0, "{strategy:?}: {before:.2} dB to {after:.2} dB");
-            assert!(history.size.iter().all(|&n| n <= 700), "{strategy:?}: never more than the cap");
+            assert!(history.size.iter().all(|&n| n <= 700), "{strategy:?}: at most the cap");
             let sum = |f: fn(&Event) -> usize| fit.events().iter().fold(0, |s, e| s + f(e));
             let grown = 500 + sum(|e| e.cloned) + sum(|e| e.split) + sum(|e| e.added) - sum(|e| e.pruned);
             assert_eq!(grown, fit.gaussians().len(), "{strategy:?}: the events account for every Gaussian");
@@ -398,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn every_photograph_is_seen_once_per_epoch() {
+    fn every_image_is_used_once_per_epoch() {
         let views =
             built_in::miniature(2, 8, &render::Settings::default()).expect("the built-in scene renders");
         let settings = Settings {
@@ -422,7 +424,7 @@ mod tests {
         assert_eq!(epoch(&mut fit, 0), a, "the order is a function of the epoch");
         for mut order in [a, b] {
             order.sort_unstable();
-            assert_eq!(order, views.train, "every training photograph once");
+            assert_eq!(order, views.train, "every training image once");
         }
     }
 }

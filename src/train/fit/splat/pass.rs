@@ -11,7 +11,7 @@ use crate::splat::render::{Color, In, OutBar, Settings, Shape};
 use crate::{Error, Result};
 use std::sync::Arc;
 
-/// Weight of 1 − SSIM; L1 has the rest (3DGS, § 5.1).
+/// Weight of 1 − SSIM; that of L1 is 1 minus this (3DGS, § 5.1).
 pub(super) const SSIM_WEIGHT: f32 = 0.2;
 
 /// Screen statistics of one view, for density control.
@@ -22,7 +22,7 @@ pub(super) struct Screen {
     pub(super) means_px_bar: Vec<[f32; 2]>,
 }
 
-/// What is compared with the render.
+/// The image to compare with the render.
 #[derive(Clone)]
 pub(super) struct Target {
     pub(super) camera: Camera,
@@ -32,7 +32,7 @@ pub(super) struct Target {
     pub(super) mask: Option<Arc<Vec<f32>>>,
 }
 
-/// How the view is drawn.
+/// Render settings of a view.
 pub(super) struct Drawing<'a> {
     pub(super) settings: &'a Settings,
     pub(super) background: [f32; 3],
@@ -73,7 +73,7 @@ impl Target {
     }
 }
 
-/// Renders the Gaussians, compares, and goes all the way back.
+/// Renders the Gaussians, computes the loss, and propagates gradients back to all stored parameters.
 ///
 /// # Errors
 /// When the view cannot be compared or the loss is not finite.

@@ -1,12 +1,12 @@
-//! What decides the result of a fit, and what it may cost.
+//! Settings that decide the result of a fit, and its memory estimate.
 
-use crate::fit::render::picture_bytes;
+use crate::fit::render::image_bytes;
 use crate::scene::views::{View, Views};
 use crate::splat::render;
 use crate::{Error, Result};
 use serde_json::{Value, json};
 
-/// How the number of Gaussians is controlled.
+/// Strategy of density control.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Strategy {
     /// clone, split, prune, reset: the original program
@@ -20,7 +20,7 @@ pub enum Strategy {
 }
 
 impl Strategy {
-    /// The name used by settings.
+    /// The name used in settings.
     pub fn name(self) -> &'static str {
         match self {
             Self::Inria => "inria",
@@ -33,7 +33,7 @@ impl Strategy {
     /// The strategy of that name.
     ///
     /// # Errors
-    /// When there is none.
+    /// When there is no strategy of that name.
     pub fn parse(name: &str) -> Result<Self> {
         [Self::Inria, Self::Gsplat, Self::GsplatAbs, Self::Mcmc]
             .into_iter()
@@ -42,20 +42,20 @@ impl Strategy {
     }
 }
 
-/// What decides the result, besides the photographs and the first Gaussians.
+/// Settings that decide the result, together with the images and the initial Gaussians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
-    /// in all; the published schedule of 30 000 is scaled to it
+    /// number of iterations; the published schedule of 30 000 is scaled to it
     pub iterations: usize,
-    /// of every random draw
+    /// seed of all random draws
     pub seed: u64,
-    /// 0 to 3
+    /// SH degree, 0 to 3
     pub sh_degree: usize,
     /// density control
     pub strategy: Strategy,
-    /// never more Gaussians than this
+    /// maximum number of Gaussians
     pub max_gaussians: usize,
-    /// the renderer
+    /// settings of the renderer
     pub render: render::Settings,
     /// colour behind the scene, sRGB-encoded
     pub background: [f32; 3],
@@ -63,9 +63,9 @@ pub struct Settings {
 
 /// See [`Settings::determined`].
 const PIXELS_PER_GAUSSIAN: usize = 60;
-/// Most iterations of a fit.
+/// Maximum number of iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
-/// Most Gaussians of a fit.
+/// Maximum number of Gaussians of a fit.
 const MAX_GAUSSIANS: usize = (1 << 24) - 1; // list positions are kept in f32
 
 impl Settings {
@@ -96,9 +96,9 @@ impl Settings {
         Ok(())
     }
 
-    /// As many Gaussians as the training photographs can determine: one per 60 pixels that count, within
-    /// 10 000 and 1 000 000. A Gaussian of SH degree 3 has 59 numbers, a pixel gives three, and each number should be seen about
-    /// three times.
+    /// Number of Gaussians that the training images can determine: one per 60 pixels that count, limited to
+    /// 10 000 … 1 000 000. A Gaussian of SH degree 3 has 59 parameters, a pixel has three values, and each
+    /// parameter should be observed about three times.
     pub fn determined(views: &Views) -> usize {
         let counted =
             |v: &View| v.mask.as_ref().map_or(v.rgb.len() / 3, |m| m.iter().filter(|&&b| b != 0).count());
@@ -106,7 +106,7 @@ impl Settings {
         (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, 1_000_000)
     }
 
-    /// As a flat JSON object: what a checkpoint is compared by.
+    /// The settings as a flat JSON object, which is compared with that of a checkpoint.
     pub fn json(&self) -> Value {
         let p = &self.render.profile;
         json!({
@@ -122,7 +122,8 @@ impl Settings {
         })
     }
 
-    /// Bytes that the fit may take when it reaches `max_gaussians`, or what density control usually leaves of it.
+    /// Estimated number of bytes of the fit when it reaches `max_gaussians`, or the part of it that density
+    /// control usually keeps.
     pub fn memory_estimate(&self, views: &Views) -> u64 {
         let coefficients = ((self.sh_degree + 1) * (self.sh_degree + 1)) as u64;
         let floats = 3 + 4 + 3 + 1 + 3 * coefficients;
@@ -132,9 +133,8 @@ impl Settings {
             .views
             .iter()
             .fold(0, |s, v| s + v.rgb.len() as u64 * 5 + v.mask.as_ref().map_or(0, |m| m.len() as u64 * 5));
-        let largest =
-            views.views.iter().fold(0, |m, v| m.max(picture_bytes(v.camera.width, v.camera.height)));
-        // SSIM keeps four maps, filters four pictures, and the tape holds cotangents: about eight pictures.
+        let largest = views.views.iter().fold(0, |m, v| m.max(image_bytes(v.camera.width, v.camera.height)));
+        // SSIM keeps four maps, filters four images, and the tape holds cotangents: about eight images.
         photos + self.max_gaussians as u64 * per_gaussian + 4 * largest
     }
 }
@@ -165,7 +165,7 @@ mod tests {
             Settings { background: [f32::NAN, 0.0, 0.0], ..settings() },
             Settings { render: render::Settings { tile: 8, ..render::Settings::default() }, ..settings() },
         ] {
-            assert!(bad.validate().is_err(), "{bad:?} is refused");
+            assert!(bad.validate().is_err(), "{bad:?} is an error");
         }
         assert_eq!(Strategy::parse("mcmc").ok(), Some(Strategy::Mcmc), "a name");
         assert!(Strategy::parse("x").is_err(), "no such name");

@@ -1,4 +1,4 @@
-//! Checks of a user's function, given as closures.
+//! Checks of user-supplied functions, given as closures.
 
 use super::rungs::{Differences, largest, probes, sane};
 use super::subject::{FROZEN, LIVE, Options, Prediction, SKIPPED, Variable};
@@ -8,14 +8,15 @@ use crate::tape::probe::{self, Evaluation, UNIT, Values, direction, dot, norm};
 use crate::tape::report::{Report, Rung};
 use crate::{Error, Result};
 
-/// Checks a user's function: R0, the dot product against Richardson differences, and R3.
+/// Checks a user-supplied function: R0, the dot product against Richardson differences, and R3.
 ///
-/// `value` returns the outputs at named inputs, `vjp` the gradients of ⟨outputs, cotangent⟩ by input name; every input
-/// is taken to be differentiable. Steps are h·max(1, |x|). A function that takes discrete decisions is checked by
+/// `value` returns the outputs at named inputs, `vjp` the gradients of ⟨outputs, cotangent⟩ by input name;
+/// every input is assumed to be differentiable. Steps are h·max(1, |x|). A function that takes discrete
+/// decisions is checked by
 /// [`function_with_log`].
 ///
 /// # Errors
-/// What the closures return.
+/// Errors of the closures.
 pub fn function(
     name: &str,
     value: impl Fn(&Values) -> Result<Vec<f64>>,
@@ -27,14 +28,14 @@ pub fn function(
     function_with_log(name, value, |x, y_bar| vjp(x, &y_bar[OUT]), inputs, options)
 }
 
-/// Name of the one output of a function given as a closure.
+/// Name of the single output of a function given as a closure.
 const OUT: &str = "value";
 
-/// [`function`] for several named outputs and a digest of the decisions behind them: differences are taken only where
+/// [`function`] for several named outputs and a digest of its decisions: differences are taken only where
 /// the digests are equal.
 ///
 /// # Errors
-/// What the closures return.
+/// Errors of the closures.
 pub fn function_with_log(
     name: &str,
     value: impl Fn(&Values) -> Result<Evaluation>,
@@ -43,7 +44,7 @@ pub fn function_with_log(
     options: &Options,
 ) -> Result<Report> {
     if inputs.is_empty() {
-        return Err(Error::input(name).expected("at least one input to differentiate by"));
+        return Err(Error::input(name).expected("at least one input to differentiate with respect to"));
     }
     let variables: Vec<Variable> =
         inputs.keys().map(|n| Variable { name: n.clone(), step: Step::Plain }).collect();
@@ -83,7 +84,8 @@ pub fn function_with_log(
     rung.hold("dot-product test beyond rounding noise", worst, FROZEN);
     rungs.push(rung);
 
-    let mut rung = Rung::new("R3", "entry by entry: finite differences where the decision logs are equal");
+    let mut rung = Rung::new("R3", "entry by entry: finite differences where the decision logs are equal")
+        .labelled(["yours", "finite difference"]);
     let probes = probes(&variables, inputs, options);
     let exact: Vec<f64> = probes.iter().map(|p| dot(&p.v, &grads)).collect();
     let largest = largest(&probes, &exact);
@@ -107,7 +109,8 @@ pub fn function_with_log(
     Ok(Report { subject: name.to_owned(), rungs })
 }
 
-/// R0 of a function nobody predicted zeros for: single zeros are legal, a variable without any gradient is not.
+/// R0 of a function without predicted zeros: single zeros are allowed, a variable without any gradient is
+/// not.
 fn sanity_of_function(
     rung: &mut Rung,
     outputs: &Values,

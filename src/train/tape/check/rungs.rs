@@ -51,8 +51,8 @@ pub(super) fn sane(
         let predicted = |i: usize| unread || known.zeros.get(name).is_some_and(|mask| mask[i]);
         let broken = (0..g.len()).filter(|&i| predicted(i) && g[i] != 0.0).count();
         let silent = (0..g.len()).filter(|&i| !predicted(i) && g[i] == 0.0).count();
-        rung.hold(format!("predicted zeros of {name} that are not"), broken as f64, 0.0);
-        rung.hold(format!("other entries of {name} that are zero"), silent as f64, 0.0);
+        rung.hold(format!("entries of {name}_bar that must be 0 but are not"), broken as f64, 0.0);
+        rung.hold(format!("entries of {name}_bar that are unexpectedly 0"), silent as f64, 0.0);
         if g.iter().all(|x| *x == 0.0) && !unread {
             rung.fail(format!("gradient of {name} is zero everywhere: there is nothing to check"));
         }
@@ -116,7 +116,7 @@ pub(super) fn r1(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     let w = subject.cotangents();
     let jtw = subject.vjp(w)?;
     for (name, x) in inputs {
-        // one variable at a time, so that a large one hides no small one
+        // one variable at a time, so that a large one does not mask a small one
         let only: Values = [(name.clone(), probe::normals(options.seed, 0, 1, x.len()))].into();
         let part: Values =
             jtw.iter().filter(|(n, _)| *n == name).map(|(n, v)| (n.clone(), v.clone())).collect();
@@ -135,7 +135,7 @@ pub(super) fn r1(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     Ok(rung)
 }
 
-/// One derivative to be taken: a variable, a direction in it, and the entry if it is a single one.
+/// One derivative to compute: a variable, a direction, and the entry that it perturbs.
 pub(super) struct Probe {
     pub(super) variable: String,
     pub(super) index: usize,
@@ -154,18 +154,18 @@ pub(super) fn probes(variables: &[Variable], inputs: &Values, options: &Options)
     out
 }
 
-/// What the derivatives of a rung came to.
+/// Summary of the derivatives of a rung.
 #[derive(Default)]
 pub(super) struct Differences {
-    /// Largest relative difference and relative rounding noise, reported beside what has a bound.
+    /// Largest relative difference and relative rounding noise, reported without a bound.
     difference: f64,
     noise: f64,
-    /// Largest [`excess`], which has one.
+    /// Largest [`excess`], which has a bound.
     worst: f64,
 }
 
 impl Differences {
-    /// Takes one derivative in; an excess beyond `bound` is listed among the worst entries.
+    /// Adds one derivative; an excess beyond `bound` is listed among the worst entries.
     pub(super) fn add(
         &mut self,
         rung: &mut Rung,
@@ -190,7 +190,7 @@ impl Differences {
         self.worst = order::max(self.worst, e);
     }
 
-    /// Reports `taken` derivatives and holds the worst of them to `bound`.
+    /// Reports the number of derivatives and compares the worst of them with `bound`.
     pub(super) fn report(&self, rung: &mut Rung, taken: usize, bound: f64) {
         rung.worst.truncate(WORST);
         rung.note("derivatives taken", taken as f64);
@@ -200,7 +200,7 @@ impl Differences {
     }
 }
 
-/// Relative excess of |FD − AD| over its rounding noise, with small derivatives held against the largest one.
+/// Relative excess of |FD − AD| over its rounding noise, relative to the largest derivative for small ones.
 fn excess(fd: &Derivative, exact: f64, largest: f64) -> f64 {
     let beyond = (fd.value - exact).abs() - fd.noise;
     if beyond <= 0.0 {
@@ -221,7 +221,8 @@ pub(super) fn largest(probes: &[Probe], exact: &[f64]) -> BTreeMap<String, f64> 
 }
 
 pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
-    let mut rung = Rung::new("R2", "twin on the frozen plan: finite differences against dual numbers");
+    let mut rung = Rung::new("R2", "twin on the frozen plan: finite differences against dual numbers")
+        .labelled(["dual numbers", "finite difference"]);
     let (inputs, w) = (subject.inputs(), subject.cotangents());
     let probes = probes(subject.variables(), inputs, options);
     let exact =
@@ -249,12 +250,13 @@ pub(super) fn r2(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     Ok(rung)
 }
 
-/// How many of the entries that differ most are kept.
+/// Number of worst entries that are reported.
 const WORST: usize = 10;
 
 pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     let mut rung =
-        Rung::new("R3", "twin on the live plan: finite differences where the decision logs are equal");
+        Rung::new("R3", "twin on the live plan: finite differences where the decision logs are equal")
+            .labelled(["dual numbers", "finite difference"]);
     let (inputs, w) = (subject.inputs(), subject.cotangents());
     let probes = probes(subject.variables(), inputs, options);
     let log = subject.value(inputs, On::Live)?.log;
@@ -274,7 +276,7 @@ pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
         differences.add(&mut rung, p, &fd, [exact, largest[&p.variable], LIVE]);
     }
     differences.report(&mut rung, probes.len(), LIVE);
-    // a handful of probes has no meaningful percentage: one may always be skipped
+    // for a few probes a percentage is meaningless: one may always be skipped
     let allowed = order::max(1.0, SKIPPED * probes.len() as f64);
     rung.hold("skipped because a decision changed", f64::from(skipped), allowed);
     rung.note("discontinuity mass of the skipped ones", mass);
@@ -282,7 +284,8 @@ pub(super) fn r3(subject: &dyn Subject, options: &Options) -> Result<Rung> {
 }
 
 pub(super) fn r4(subject: &dyn Subject, options: &Options) -> Result<Rung> {
-    let mut rung = Rung::new("R4", "shipped adjoint against the twin's reverse tape, on the same plan");
+    let mut rung = Rung::new("R4", "shipped adjoint against the twin's reverse tape, on the same plan")
+        .labelled(["shipped", "twin"]);
     let single = subject.unit() > UNIT;
     let outputs = subject.shipped()?;
     let twin = subject.value(subject.inputs(), On::Frozen)?.outputs;
@@ -333,7 +336,8 @@ pub(super) fn r4(subject: &dyn Subject, options: &Options) -> Result<Rung> {
     Ok(rung)
 }
 
-/// adjoint(2ȳ) = 2·adjoint(ȳ), adjoint(0) = 0, and the same onto a non-zero x̄, in bits; and that adding onto x̄ adds.
+/// adjoint(2ȳ) = 2·adjoint(ȳ), adjoint(0) = 0, and the same onto a non-zero x̄, in bits; and that adding onto
+/// x̄ adds.
 fn bits(subject: &dyn Subject, options: &Options, grads: &Values, rung: &mut Rung) -> Result<()> {
     let scaled = |values: &Values, s: f64| -> Values {
         values.iter().map(|(n, v)| (n.clone(), v.iter().map(|x| s * x).collect())).collect()

@@ -1,16 +1,16 @@
-//! The negative control: an honest subject with one gradient broken.
+//! The negative control: a correct subject with one gradient made wrong.
 
 use super::subject::{On, Prediction, Subject, Variable};
 use crate::Result;
 use crate::tape::probe::{Evaluation, Values};
 
-/// A way to break an adjoint.
+/// A way to make an adjoint wrong.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sabotage {
     /// x̄ ← −x̄
     FlipSign,
-    /// x̄ ← what those entries of the cotangents contribute whose index has an odd number of ones in binary: about half of them, in a pattern
-    /// that no layout of an array repeats
+    /// x̄ ← the contribution of the cotangent entries whose index has an odd number of ones in binary: about
+    /// half of them, in a pattern that matches no array layout
     DropTerm,
     /// x̄ ← 1.01 x̄
     OnePercent,
@@ -21,13 +21,13 @@ impl Sabotage {
     pub const ALL: [Self; 3] = [Self::FlipSign, Self::DropTerm, Self::OnePercent];
 }
 
-/// A subject whose shipped adjoint is broken in one variable.
+/// A subject whose shipped adjoint is wrong in one variable.
 pub struct Sabotaged<'a> {
-    /// the honest subject
+    /// the correct subject
     pub inner: &'a dyn Subject,
-    /// which gradient is broken
+    /// variable whose gradient is wrong
     pub variable: &'a str,
-    /// how
+    /// kind of error
     pub how: Sabotage,
 }
 

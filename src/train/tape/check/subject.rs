@@ -1,4 +1,4 @@
-//! What a gradient check is given: a subject, options, bounds.
+//! Inputs of a gradient check: a subject, options, bounds.
 
 use crate::Result;
 use crate::tape::probe::{Evaluation, Step, UNIT, Values};
@@ -9,36 +9,37 @@ use std::collections::BTreeMap;
 pub struct Variable {
     /// name
     pub name: String,
-    /// how finite differences move it
+    /// scale of its finite-difference steps
     pub step: Step,
 }
 
-/// Which decisions an evaluation of the twin takes.
+/// Which decisions an evaluation of the twin uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum On {
     /// Those of the shipped forward at the inputs of the case.
     Frozen,
-    /// Its own, anew at every point.
+    /// Its own, recomputed at every point.
     Live,
 }
 
-/// Zeros of the gradient known beforehand.
+/// Predicted zeros of the gradient.
 #[derive(Clone, Debug, Default)]
 pub struct Prediction {
-    /// per variable: entries whose gradient is exactly 0; every other entry is expected not to be. A variable without
-    /// a mask is expected to have none.
+    /// per variable: entries whose gradient is exactly 0; every other entry is expected to be nonzero. A
+    /// variable without a mask is expected to have no zeros.
     pub zeros: BTreeMap<String, Vec<bool>>,
     /// per variable: row length and directions d with ⟨d, x̄⟩ = 0 row by row
     pub nulls: BTreeMap<String, (usize, Vec<f64>)>,
-    /// variables that the operator does not read in this call: their gradients are 0 throughout, which is an error elsewhere
+    /// variables that the operator does not read in this call: all their gradients are 0, which is an error
+    /// for other variables
     pub unread: Vec<String>,
-    /// outputs in which +∞ stands for "none"
+    /// outputs in which +∞ means "none"
     pub infinite: Vec<String>,
 }
 
-/// What the engine needs to know of an operator with its twin, at one set of inputs.
+/// An operator with its twin at one set of inputs, as seen by the checks.
 pub trait Subject {
-    /// Shown in reports.
+    /// Name shown in reports.
     fn name(&self) -> String;
     /// Whether it is a chain of operators (wider bound in R1).
     fn end_to_end(&self) -> bool;
@@ -60,11 +61,11 @@ pub trait Subject {
     fn jvp(&self, x_dot: &Values, on: On) -> Result<Values>;
     /// The twin's reverse derivative at the inputs, on the frozen plan.
     fn vjp(&self, out_bar: &Values) -> Result<Values>;
-    /// What is known of the gradient's zeros.
+    /// Predicted zeros of the gradient.
     fn prediction(&self) -> Result<Prediction>;
 }
 
-/// What to run and how thoroughly.
+/// Options of a gradient check.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// seed of directions and samples
@@ -73,9 +74,10 @@ pub struct Options {
     pub rungs: [bool; 5],
     /// random directions of dot-product tests
     pub directions: u16,
-    /// entries per variable whose derivative is taken one by one
+    /// number of entries per variable that are checked one by one
     pub entries: usize,
-    /// rounding unit of the function under test, for [`function`](super::function()): the noise of differences follows from it
+    /// rounding unit of the function under test, for [`function`](super::function()): it determines the noise
+    /// of differences
     pub unit: f64,
 }
 
@@ -109,9 +111,10 @@ pub const COSINE: f64 = 1e-9;
 pub const BIAS: f64 = 1e-6;
 /// Bound on a null direction in R0, in rounding units of the shipped arithmetic.
 pub const NULL_UNITS: f64 = 256.0;
-/// Bound of R4 on ‖adjoint onto start − (start + gradient)‖, in rounding units: an adjoint may add its terms one by one.
+/// Bound of R4 on ‖adjoint onto start − (start + gradient)‖, in rounding units: an adjoint may add its terms
+/// one by one.
 pub const ACCUMULATION_UNITS: f64 = 8.0;
-/// Derivatives smaller than this share of their variable's largest one are held against the largest.
+/// Derivatives below this fraction of the largest one of their variable are compared relative to the largest.
 pub(super) const SMALL: f64 = 1e-6;
-/// Up to this many input entries, R1 also walks through all unit vectors.
+/// Up to this many input entries, R1 also tests all unit vectors.
 pub(super) const UNIT_VECTORS: usize = 64;

@@ -1,0 +1,76 @@
+//! Where every option is listed: one heading and one rank per option, whatever command has it.
+
+/// Headings of a help page, in this order.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Heading {
+    /// what is read
+    Input,
+    /// what is written
+    Output,
+    /// what is computed, and how
+    Method,
+    /// how the program runs
+    Run,
+}
+
+/// Arguments that say what is read; so are all positional arguments but those in [`OUTPUT`].
+const INPUT: &[&str] = &[
+    "animation", "body", "box", "cameras", "character", "elbow", "env", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale",
+    "env-width", "exec", "first", "gender", "graph-model", "hide", "images", "image", "in", "init", "layout", "like", "lpips", "masks", "mesh",
+    "model", "only", "outside", "plan", "pose", "pose-from", "split", "strict", "subject", "test-camera", "test-frames", "time",
+    "train-camera", "train-frames",
+];
+
+/// Arguments that say what is written.
+const OUTPUT: &[&str] = &[
+    "dump", "force", "html", "max-images", "min-psnr", "no-truth", "out", "output", "passes", "report-only", "set-size", "size", "transparent",
+    "video-size",
+];
+
+/// Arguments that change no result, and those that say which random numbers it is made from.
+const RUN: &[&str] = &[
+    "checkpoint-every", "color", "help", "jobs", "json", "max-memory", "quiet", "resume", "seed", "threads", "verbose", "version",
+];
+
+/// Options that `-h` leaves out.
+const RARE: &[&str] = &[
+    "appearances", "batch-groups", "batch-images", "batch-points", "body-points", "bounces", "box", "center", "checkpoint-every", "color",
+    "density", "elbow", "elevation", "entries", "env-axes", "env-linear", "env-mirror", "env-rotate", "env-scale", "env-width", "exposure",
+    "factor-dim", "first", "fov", "gender", "graph-from", "hide", "independence-on", "initial", "jobs", "json", "key-share", "keys", "lambda",
+    "lambda-mode", "latent-every", "latent-weight", "lpips-raw", "max-memory", "mechanism", "no-density-adapter", "no-progressive",
+    "no-standardize", "no-truth", "order", "pose-network", "radius", "reading", "set-render-as", "set-size", "ssim-weight", "strict",
+    "tau-rec", "tau-scale", "test-camera", "test-frames", "texture", "tile", "train-camera", "train-frames", "up", "version",
+    "video-render-as", "video-size", "warmup-iterations", "weight", "weights-network",
+];
+
+/// Commands whose result is a model: theirs is the heading `Model` where others have `Method`.
+const FITS: &[&str] = &["splat fit", "last pretrain", "last tune", "last fit"];
+
+impl Heading {
+    /// The heading of an argument, positional or by its long name.
+    pub(crate) fn of(argument: &clap::Arg) -> Self {
+        let name = argument.get_long().unwrap_or_else(|| argument.get_id().as_str());
+        match name {
+            _ if OUTPUT.contains(&name) => Self::Output,
+            _ if RUN.contains(&name) => Self::Run,
+            _ if INPUT.contains(&name) || argument.is_positional() => Self::Input,
+            _ => Self::Method,
+        }
+    }
+
+    /// Its text for the command at `path`.
+    pub(crate) fn text(self, path: &str) -> &'static str {
+        match self {
+            Self::Input => "Input",
+            Self::Output => "Output",
+            Self::Method if FITS.contains(&path) => "Model",
+            Self::Method => "Method",
+            Self::Run => "Run",
+        }
+    }
+}
+
+/// Whether only `--help` lists the option.
+pub(crate) fn is_rare(argument: &clap::Arg) -> bool {
+    argument.get_long().is_some_and(|name| RARE.contains(&name))
+}
