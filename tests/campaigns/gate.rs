@@ -7,7 +7,8 @@ use std::path::Path;
 /// A folder in memory where there is one: thousands of small files are written.
 fn folder() -> tempfile::TempDir {
     let memory = Path::new("/dev/shm");
-    if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }.expect("a temporary folder")
+    if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() }
+        .expect("a temporary folder")
 }
 
 fn program() -> Program {
@@ -21,7 +22,8 @@ fn damaged_files_are_refused_or_read() {
     std::fs::create_dir(&shop).expect("made");
     let mut all = bases::all(&program, &shop);
     let settings = mutation::Settings { seed: 1, first: 0, runs: 2000, jobs: 2 };
-    let report = mutation::run(&program, &mut all, &settings, scratch.path(), &|_| {}).expect("files and processes");
+    let report =
+        mutation::run(&program, &mut all, &settings, scratch.path(), &|_| {}).expect("files and processes");
     println!("{report}");
     assert_eq!(report.total(0), 2000, "all executions");
     assert!(report.total(1) > 100 && report.total(2) > 1000, "some are accepted, most are refused");

@@ -92,5 +92,5 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
             super::render_args::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?,
         ),
     };
-    Orbit { center, ..orbit }.shots(scene)
+    Orbit { center, ..orbit }.shots(scene).map_err(|e| e.within(args.scene.display().to_string()))
 }

@@ -51,7 +51,7 @@ impl Base {
     /// The words of a command.
     pub fn words(&self, command: usize, file: &str) -> Vec<String> {
         let stem = file.rsplit('/').next().unwrap_or(file);
-        let op = stem.split_once('_').map_or(stem, |(op, _)| op);
+        let op = stem.rsplit_once('_').map_or(stem, |(op, _)| op);
         let replace = |word: &str| word.replace("{file}", file).replace("{op}", op);
         self.commands[command].split(' ').map(replace).collect()
     }

@@ -34,8 +34,6 @@ pub(crate) fn character() -> Builder {
 const RENDER: &str =
     "mesh render {file} --cameras orbit:1 --size 8x8 --samples 1 --bounces 1 --out out --threads 1 --quiet";
 const POSED: &str = "mesh render {file} --animation bend --time 0.7 --cameras orbit:1 --size 8x8 --samples 1 --out out --threads 1 --quiet";
-const PERSON: &str = "last gen --character {file} --animation bend --elbow lowerarm --profile smoke --set video --frames 1 --test-cameras 1 \
-                      --video-size 8 --points 16 --samples 1 --out out --threads 1 --quiet";
 const OBJECT: &str = "lirm gen --mesh {file} --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out out --threads 1 --quiet";
 
 pub(super) fn bases() -> Vec<Base> {
@@ -50,10 +48,8 @@ pub(super) fn bases() -> Vec<Base> {
     let makehuman = "mesh render body --cameras orbit:1 --size 8x8 --samples 1 --out out --threads 1 --quiet";
     let compare = "mesh compare {file} {file} --samples 50 --threads 1";
     vec![
-        Base::new("glTF", files(&[("a.gltf", &b.gltf())]), &["a.gltf"], &[RENDER, POSED, PERSON, OBJECT])
-            .share(20),
-        Base::new("GLB", files(&[("a.glb", &b.glb())]), &["a.glb"], &[RENDER, POSED, PERSON, OBJECT])
-            .share(20),
+        Base::new("glTF", files(&[("a.gltf", &b.gltf())]), &["a.gltf"], &[RENDER, POSED, OBJECT]).share(20),
+        Base::new("GLB", files(&[("a.glb", &b.glb())]), &["a.glb"], &[RENDER, POSED, OBJECT]).share(20),
         Base::new("OBJ", obj.clone(), &["a.obj"], &[RENDER, compare]).share(20),
         Base::new("MTL and texture", obj, &["a.mtl", "a.mtl", "a.png"], &[beside]),
         Base::new(

@@ -30,14 +30,14 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     crate::tree::write(&shop.dir, &files(&[("scene.ply", &scenes::scene_ply())])).expect("written");
     let splat = "splat fit photos --iterations 4 --initial 20 --max-gaussians 60 --checkpoint-every 2 --out run --threads 1 --json --quiet";
     let splat_resume = "splat fit photos --iterations 4 --initial 20 --max-gaussians 60 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
-    let fit = "last fit data/video --iterations 4 --max-gaussians 48 --checkpoint-every 2 --out run --threads 1 --json --quiet";
-    let fit_resume = "last fit data/video --iterations 4 --max-gaussians 48 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
+    let fit = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet";
+    let fit_resume = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
     let train = "last pretrain data --iterations 2 --observed 4 --groups 2 --points 16 --factor-dim 2 --out run --threads 1 --json --quiet";
     let train_resume = "last pretrain data --iterations 2 --observed 4 --groups 2 --points 16 --factor-dim 2 --out run --threads 1 --json --quiet --resume";
     let objects = "lirm gen --objects 1 --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out run --threads 1 --json --quiet";
     let objects_resume = "lirm gen --objects 1 --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out run --threads 1 --json --quiet --resume";
-    let persons = "last gen --profile smoke --set video --points 16 --frames 2 --test-cameras 1 --video-size 8 --samples 1 --out run --threads 1 --json --quiet";
-    let persons_resume = "last gen --profile smoke --set video --points 16 --frames 2 --test-cameras 1 --video-size 8 --samples 1 --out run --threads 1 --json --quiet --resume";
+    let persons = "last gen --profile smoke --set video --points 64 --frames 2 --test-cameras 1 --video-size 8 --samples 1 --out run --threads 1 --json --quiet";
+    let persons_resume = "last gen --profile smoke --set video --points 64 --frames 2 --test-cameras 1 --video-size 8 --samples 1 --out run --threads 1 --json --quiet --resume";
     let state = "run/checkpoint.safetensors";
     let mut all = vec![
         resumed(shop, "checkpoint of splat fit", splat, splat_resume, &["photos"], &[state]).share(20),

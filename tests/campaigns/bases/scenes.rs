@@ -32,8 +32,8 @@ fn scenes() -> Vec<Base> {
         &splat_file::from_gaussians(&samples::gaussians(0), "sample").expect("in range"),
     );
     let mut points = capture("png", ImageFormat::Png);
-    points.insert("points.ply".into(), samples::ply_ascii());
-    points.insert("scene.ply".into(), scene_ply());
+    points.insert("points.ply".into(), points_ascii());
+    points.insert("binary.ply".into(), points_binary());
     let render = "splat render {file} --cameras orbit:1 --size 8x8 --out out --threads 1 --quiet";
     vec![
         Base::new(
@@ -59,12 +59,39 @@ fn scenes() -> Vec<Base> {
         Base::new(
             "ply, points",
             points,
-            &["points.ply", "scene.ply"],
+            &["points.ply", "binary.ply"],
             &[
                 "splat fit capture --init {file} --iterations 1 --max-gaussians 60 --out out --threads 1 --quiet",
             ],
         ),
     ]
+}
+
+/// Number of points that a fit may start from, and a few more.
+const POINTS: u8 = 110;
+
+const POINT: &str = "property float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\n";
+
+fn points_ascii() -> Vec<u8> {
+    let mut out =
+        format!("ply\nformat ascii 1.0\ncomment points\nelement vertex {POINTS}\n{POINT}end_header\n");
+    for i in 0..POINTS {
+        let x = f32::from(i) / 50.0 - 1.0;
+        out += &format!("{x} {} {} {i} 20 30\n", f32::from(i % 7) / 7.0, -3.0 - x);
+    }
+    out.into_bytes()
+}
+
+fn points_binary() -> Vec<u8> {
+    let mut out =
+        format!("ply\nformat binary_little_endian 1.0\nelement vertex {POINTS}\n{POINT}end_header\n")
+            .into_bytes();
+    for i in 0..POINTS {
+        let x = f32::from(i) / 50.0 - 1.0;
+        [x, f32::from(i % 7) / 7.0, -3.0 - x].iter().for_each(|c| out.extend(c.to_le_bytes()));
+        out.extend([i, 20, 30]);
+    }
+    out
 }
 
 /// An image of 16 × 12 pixels in any format.

@@ -204,6 +204,8 @@ fn wrong_and_missing_files_are_named() {
         std::fs::write(at(file), bytes).expect("written");
         let e = error(go(&both, Some(&model)));
         parts.iter().for_each(|p| assert!(e.contains(p), "{file}: '{p}' in '{e}'"));
+        let left = crate::common::tree(out.path()).into_keys().collect::<Vec<_>>();
+        assert!(left.is_empty(), "{file}: a refused data set leaves no files: {left:?}");
         std::fs::write(at(file), kept).expect("written");
     };
     let png = |side: usize| {
