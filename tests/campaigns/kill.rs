@@ -115,6 +115,12 @@ impl Trial<'_> {
                     break;
                 }
                 (_, Some(9)) if name == "KILL" => report.count(self.long.name, 2),
+                // Before there is something to save, and after the last of it, the program ends at once and without a word.
+                (Some(130), _)
+                    if name != "KILL" && e.text().is_empty() && crate::program::stray(&left).is_none() =>
+                {
+                    report.count(self.long.name, 4);
+                }
                 (Some(130), _) if name != "KILL" => {
                     report.count(self.long.name, 3);
                     if let Some(what) = long::bad_message(&e) {

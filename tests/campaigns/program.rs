@@ -137,7 +137,7 @@ pub fn wait(child: &mut Child, time: Duration) -> Result<(ExitStatus, bool)> {
     }
 }
 
-/// Why the text of a run cannot be shown in a terminal: a control character, bytes that are not UTF-8, or a line of more than 2 000 characters.
+/// Why the text of a run cannot be shown in a terminal: a control character, bytes that are not UTF-8, or a line of more than 4 200 characters.
 pub fn unclean(e: &Execution) -> Option<String> {
     for stream in [&e.stdout, &e.stderr] {
         let Ok(text) = std::str::from_utf8(stream) else { return Some("bytes that are not UTF-8".into()) };
@@ -146,7 +146,7 @@ pub fn unclean(e: &Execution) -> Option<String> {
         }
     }
     let text = String::from_utf8_lossy(&e.stderr);
-    text.lines().any(|l| l.chars().count() > 2000).then(|| "a line of more than 2 000 characters".into())
+    text.lines().any(|l| l.chars().count() > 4200).then(|| "a line of more than 4 200 characters".into())
 }
 
 /// Files that no run may leave: temporary ones, and the lock of a folder.
