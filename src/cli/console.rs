@@ -71,28 +71,23 @@ pub(crate) fn before_parsing(arguments: &[OsString]) -> Output {
 pub(crate) fn error(output: Output, kind: &str, message: &str, exit_code: u8) {
     let message = one_line(message);
     if output.json {
-        return note(
-            &json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string(),
-        );
+        return note(&json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string());
     }
     let is_colored = match output.color {
         ColorChoice::Always => true,
         ColorChoice::Never => false,
         ColorChoice::Auto => {
-            std::io::stderr().is_terminal()
-                && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
         }
     };
-    let style =
-        if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
+    let style = if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
     note(&format!("{style}error:{style:#} {message}"));
 }
 
 /// How this program was called, for commands to type next: through cargo, or by its name or path.
 pub(crate) fn program() -> String {
     let is_release = if cfg!(debug_assertions) { "" } else { " --release" };
-    let of_cargo = std::env::var_os("CARGO").is_some()
-        && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
+    let of_cargo = std::env::var_os("CARGO").is_some() && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
     if of_cargo {
         return format!("cargo run{is_release} --");
     }
@@ -102,11 +97,7 @@ pub(crate) fn program() -> String {
 /// A word as a shell reads it.
 fn quoted(word: String) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
+    if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
 /// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
@@ -196,11 +187,7 @@ mod tests {
         };
         assert_eq!(of("lastlight doctor"), (false, ColorChoice::Auto), "the defaults");
         assert_eq!(of("lastlight --color never x --json"), (true, ColorChoice::Never), "two words");
-        assert_eq!(
-            of("lastlight --color=always --color rainbow"),
-            (false, ColorChoice::Always),
-            "what is valid"
-        );
+        assert_eq!(of("lastlight --color=always --color rainbow"), (false, ColorChoice::Always), "what is valid");
         assert_eq!(of("lastlight x -- --json"), (false, ColorChoice::Auto), "no option behind --");
     }
 }

@@ -172,12 +172,7 @@ pub fn main() -> ExitCode {
                 Kind::Interrupted => "interrupted",
                 _ => "input",
             };
-            console::error(
-                console::Output { quiet, verbose, json, color },
-                kind,
-                &e.to_string(),
-                e.exit_code(),
-            );
+            console::error(console::Output { quiet, verbose, json, color }, kind, &e.to_string(), e.exit_code());
             ExitCode::from(e.exit_code())
         }
     }
