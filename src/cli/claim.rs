@@ -1,6 +1,6 @@
 //! The rule for outputs: nothing that exists is overwritten without `--force`, and one program at a time writes to a folder.
 
-use crate::io::{atomic, lock::Lock};
+use crate::io::{atomic, lock::Lock, paths};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -48,11 +48,12 @@ pub(crate) fn release() {
 /// [`release`]. Nothing in it is deleted: later writes replace files of the same name, one by one and whole.
 ///
 /// # Errors
-/// When it is a file, is not empty and neither flag is given, is in use by another program, or cannot be made.
+/// When it is a file, holds a link to a folder outside it, is not empty and neither flag is given, is in use by another program, or cannot be made.
 pub(crate) fn check(dir: &Path, resume: bool, force: bool) -> Result<()> {
     if dir.exists() && !dir.is_dir() {
         return Err(Error::input("--out").at(dir.display().to_string()).expected("a folder").got("a file"));
     }
+    paths::without_links_out(dir)?;
     if !resume && !force && !atomic::is_unused(dir)? {
         return Err(Error::input("--out")
             .at(dir.display().to_string())

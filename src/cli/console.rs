@@ -1,5 +1,6 @@
 //! The terminal: results on stdout, errors and notes on stderr, interruption, the command line as it was typed.
 
+use crate::visible::{escaped, shortened};
 use crate::{Error, Result, claim};
 use clap::ColorChoice;
 use clap::builder::styling::{AnsiColor, Style};
@@ -70,24 +71,30 @@ pub(crate) fn before_parsing(arguments: &[OsString]) -> Output {
 /// Writes an error to stderr: one line of text, or one line of JSON with `kind`, `message` and `exit_code`.
 pub(crate) fn error(output: Output, kind: &str, message: &str, exit_code: u8) {
     let message = one_line(message);
+    let message = shortened(&message);
     if output.json {
-        return note(&json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string());
+        return note(
+            &json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string(),
+        );
     }
     let is_colored = match output.color {
         ColorChoice::Always => true,
         ColorChoice::Never => false,
         ColorChoice::Auto => {
-            std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
+            std::io::stderr().is_terminal()
+                && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty())
         }
     };
-    let style = if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
-    note(&format!("{style}error:{style:#} {message}"));
+    let style =
+        if is_colored { Style::new().bold().fg_color(Some(AnsiColor::Red.into())) } else { Style::new() };
+    write_error(&format!("{style}error:{style:#} {}", escaped(&message)));
 }
 
 /// How this program was called, for commands to type next: through cargo, or by its name or path.
 pub(crate) fn program() -> String {
     let is_release = if cfg!(debug_assertions) { "" } else { " --release" };
-    let of_cargo = std::env::var_os("CARGO").is_some() && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
+    let of_cargo = std::env::var_os("CARGO").is_some()
+        && std::env::var_os("CARGO_PKG_NAME").is_some_and(|name| name == "lastlight");
     if of_cargo {
         return format!("cargo run{is_release} --");
     }
@@ -97,7 +104,24 @@ pub(crate) fn program() -> String {
 /// A word as a shell reads it.
 fn quoted(word: String) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) { word } else { format!("'{}'", word.replace('\'', "'\\''")) }
+    if !word.is_empty() && word.chars().all(plain) {
+        word
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+/// Makes a write beyond the limit of file sizes (`ulimit -f`) an error; by default the signal ends the program without a message. To be called
+/// before other threads are started, which inherit it; programs that this one runs do not.
+pub(crate) fn fail_at_file_size_limit() {
+    #[cfg(unix)]
+    {
+        use nix::sys::signal::{SigSet, Signal};
+        let mut blocked = SigSet::empty();
+        blocked.add(Signal::SIGXFSZ);
+        // If it is refused, the signal does what it did.
+        let _ = blocked.thread_block();
+    }
 }
 
 /// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
@@ -114,12 +138,12 @@ pub(crate) fn stoppable<T>(work: impl FnOnce(&'static AtomicBool) -> T) -> T {
     outcome
 }
 
-/// Writes a line of the result to stdout. A reader that has gone away ends the program quietly.
+/// Writes a line of the result to stdout, with control characters from files escaped. A reader that has gone away ends the program quietly.
 ///
 /// # Errors
 /// When stdout cannot be written for another reason.
 pub(crate) fn say(line: &str) -> Result<()> {
-    match writeln!(std::io::stdout().lock(), "{line}") {
+    match writeln!(std::io::stdout().lock(), "{}", escaped(line)) {
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => {
             claim::release();
             std::process::exit(0)
@@ -130,7 +154,12 @@ pub(crate) fn say(line: &str) -> Result<()> {
 }
 
 /// Writes a line to stderr: progress, notes, errors. Nobody may read it: a closed or full stderr changes neither the result nor the exit code.
+/// Control characters are escaped and long strings shortened, because they may come from files.
 pub(crate) fn note(line: &str) {
+    write_error(&escaped(&shortened(line)));
+}
+
+fn write_error(line: &str) {
     // One write, so that lines of two programs do not mix.
     let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
 }
@@ -187,7 +216,11 @@ mod tests {
         };
         assert_eq!(of("lastlight doctor"), (false, ColorChoice::Auto), "the defaults");
         assert_eq!(of("lastlight --color never x --json"), (true, ColorChoice::Never), "two words");
-        assert_eq!(of("lastlight --color=always --color rainbow"), (false, ColorChoice::Always), "what is valid");
+        assert_eq!(
+            of("lastlight --color=always --color rainbow"),
+            (false, ColorChoice::Always),
+            "what is valid"
+        );
         assert_eq!(of("lastlight x -- --json"), (false, ColorChoice::Auto), "no option behind --");
     }
 }

@@ -2,7 +2,8 @@
 
 use super::{claim, report};
 use crate::Result;
-use crate::scene::convert::{SceneFormat, convert};
+use crate::scene::convert::{SceneFormat, convert_with};
+use crate::shared::{SceneArgs, dropped_text};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -13,7 +14,8 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight convert scene.ply scene.splat
-  lastlight convert scene.npz scene.ply --force")]
+  lastlight convert scene.npz scene.ply --force
+  lastlight convert theirs.ply clean.ply --drop-invalid     without Gaussians that hold NaN or a zero quaternion")]
 pub(super) struct Args {
     /// Scene to read: .ply, .splat or .npz
     #[arg(value_name = "IN")]
@@ -24,16 +26,21 @@ pub(super) struct Args {
     /// Replace OUT if it exists
     #[arg(long)]
     force: bool,
+    #[command(flatten)]
+    reading: SceneArgs,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
     SceneFormat::of(&args.output)?;
     claim::file(&args.output, args.force)?;
-    let scene = convert(&args.input, &args.output)?;
+    let (scene, dropped) = convert_with(&args.input, &args.output, args.reading.invalid())?;
+    if dropped > 0 && !crate::console::is_quiet() {
+        crate::console::note(&dropped_text(dropped, dropped + scene.len()));
+    }
     let size = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if crate::console::is_json() {
         crate::console::say_json(&json!({
-            "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "bytes": size,
+            "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "bytes": size, "dropped": dropped,
         }))
     } else {
         crate::console::say(&format!(

@@ -10,6 +10,7 @@
 //!                       convert   between scene files                       doctor      is this machine set up
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
 //! console   stdout, interruption, the command line as typed   units     seconds and bytes for people
+//! visible   text from files as a terminal may show it
 //! training  the frame of every command that trains        experiments  the study engine with progress and reports
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
@@ -44,6 +45,7 @@ mod training;
 mod tree;
 mod units;
 mod version;
+mod visible;
 
 use lastlight_import::{io, scene};
 use lastlight_kernels::{geometry, loss, shade};
@@ -80,6 +82,9 @@ struct Cli {
     /// Number of threads [default: all cores]; results do not depend on it
     #[arg(short = 'j', long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Memory that an input or a result may take, such as 512M or 4G [default: half of the machine's]; more is an error
+    #[arg(long, global = true, value_name = "SIZE", value_parser = memory_size)]
+    max_memory: Option<u64>,
     /// Print neither progress nor notes
     #[arg(short, long, global = true)]
     quiet: bool,
@@ -145,6 +150,7 @@ pub fn command() -> clap::Command {
 
 /// Parses the command line, runs the command, prints an error if there is one.
 pub fn main() -> ExitCode {
+    console::fail_at_file_size_limit();
     let arguments: Vec<OsString> = std::env::args_os().collect();
     let before = console::before_parsing(&arguments);
     let cli = match parse(&arguments, before) {
@@ -153,6 +159,9 @@ pub fn main() -> ExitCode {
     };
     let Cli { quiet, verbose, json, color, .. } = cli;
     console::set_output(console::Output { quiet, verbose, json, color });
+    if let Some(bytes) = cli.max_memory {
+        io::memory::set_limit(bytes);
+    }
     if let Err(e) = console::stop_on_interrupt() {
         console::note(&format!("note: Ctrl-C stops at once, without a checkpoint: {e}"));
     }
@@ -172,10 +181,20 @@ pub fn main() -> ExitCode {
                 Kind::Interrupted => "interrupted",
                 _ => "input",
             };
-            console::error(console::Output { quiet, verbose, json, color }, kind, &e.to_string(), e.exit_code());
+            console::error(
+                console::Output { quiet, verbose, json, color },
+                kind,
+                &e.to_string(),
+                e.exit_code(),
+            );
             ExitCode::from(e.exit_code())
         }
     }
+}
+
+/// A size on the command line.
+fn memory_size(text: &str) -> std::result::Result<u64, String> {
+    io::memory::parse_size(text).map_err(|e| e.to_string())
 }
 
 fn parse(arguments: &[OsString], before: console::Output) -> std::result::Result<Cli, clap::Error> {

@@ -25,8 +25,7 @@ enum Precision {
 #[derive(Subcommand)]
 enum Command {
     /// List operators with their inputs, outputs, shapes, types and settings
-    List {
-    },
+    List {},
     /// Run an operator on arrays; writes OUT.npz, OUT.plan.npz, OUT.digest.json
     #[command(after_help = "\
 IN.npz holds the inputs under the operator's argument names, floats and integers of any width. For every output y for

@@ -4,6 +4,8 @@ use super::meter::Meter;
 use super::report::Page;
 use crate::fit::render::Orbit;
 use crate::loss::lpips;
+use crate::scene::convert::{Invalid, read_scene_with};
+use crate::scene::gaussians::Gaussians;
 use crate::{Error, Result};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -28,6 +30,38 @@ pub(super) struct ForceArgs {
     /// Replace existing files in --out
     #[arg(long)]
     pub(super) force: bool,
+}
+
+/// How a scene file is read.
+#[derive(clap::Args)]
+pub(super) struct SceneArgs {
+    /// Leave out Gaussians that are not valid (a zero quaternion, NaN, a number out of range) instead of refusing the file
+    #[arg(long)]
+    drop_invalid: bool,
+}
+
+impl SceneArgs {
+    /// What is done with Gaussians that are not valid.
+    pub(super) fn invalid(&self) -> Invalid {
+        if self.drop_invalid { Invalid::Drop } else { Invalid::Refuse }
+    }
+
+    /// Reads a scene; prints how many Gaussians were left out.
+    ///
+    /// # Errors
+    /// Those of [`read_scene_with`].
+    pub(super) fn read(&self, path: &Path, meter: &Meter) -> Result<Gaussians> {
+        let (scene, dropped) = read_scene_with(path, self.invalid())?;
+        if dropped > 0 {
+            meter.note(&dropped_text(dropped, dropped + scene.len()));
+        }
+        Ok(scene)
+    }
+}
+
+/// How many Gaussians were left out, as text.
+pub(super) fn dropped_text(dropped: usize, of: usize) -> String {
+    format!("left out {dropped} of {of} Gaussians that are not valid (--drop-invalid)")
 }
 
 /// Perceptual metrics.

@@ -146,7 +146,9 @@ pub(crate) fn run(args: &Args, mut tree: clap::Command) -> Result<()> {
         let topics = TOPICS.iter().map(|(name, ..)| (*name).to_owned());
         command = command.find_subcommand_mut(word).ok_or_else(|| {
             let known: Vec<String> = names.into_iter().chain(topics).collect();
-            Error::input("help").expected(format!("a command or a topic: {}", known.join(", "))).got(word.as_str())
+            Error::input("help")
+                .expected(format!("a command or a topic: {}", known.join(", ")))
+                .got(word.as_str())
         })?;
     }
     let text = command.render_long_help();

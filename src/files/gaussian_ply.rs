@@ -50,6 +50,14 @@ pub fn read(path: &Path) -> Result<GaussianRecord> {
     gaussians(&ply::read(path)?, &name_of(path))
 }
 
+/// Like [`read`], but values may be any numbers, also NaN: rows are to be checked, and bad ones dropped, afterwards.
+///
+/// # Errors
+/// When the file is not readable, malformed, or lacks a property.
+pub fn read_unchecked(path: &Path) -> Result<GaussianRecord> {
+    gaussians_of(&ply::read(path)?, &name_of(path), Values::Any)
+}
+
 /// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
@@ -97,9 +105,20 @@ fn need<'a>(e: &'a Element, property: &str, name: &str) -> Result<&'a Column> {
     })
 }
 
+/// Which values are accepted.
+#[derive(Clone, Copy, PartialEq)]
+enum Values {
+    Finite,
+    Any,
+}
+
 fn finite(c: &Column, row: usize, name: &str) -> Result<f32> {
+    number(c, row, name, Values::Finite)
+}
+
+fn number(c: &Column, row: usize, name: &str, accepted: Values) -> Result<f32> {
     let x = c.f32(row);
-    if x.is_finite() {
+    if x.is_finite() || accepted == Values::Any {
         return Ok(x);
     }
     Err(Error::input(name)
@@ -108,7 +127,12 @@ fn finite(c: &Column, row: usize, name: &str) -> Result<f32> {
         .got(c.f64(row).to_string()))
 }
 
-fn rows<const K: usize>(e: &Element, properties: [&str; K], name: &str) -> Result<Vec<[f32; K]>> {
+fn rows<const K: usize>(
+    e: &Element,
+    properties: [&str; K],
+    name: &str,
+    accepted: Values,
+) -> Result<Vec<[f32; K]>> {
     let mut columns = Vec::with_capacity(K);
     for p in properties {
         columns.push(need(e, p, name)?);
@@ -117,7 +141,7 @@ fn rows<const K: usize>(e: &Element, properties: [&str; K], name: &str) -> Resul
     for row in 0..e.rows {
         let mut v = [0.0; K];
         for (x, c) in v.iter_mut().zip(&columns) {
-            *x = finite(c, row, name)?;
+            *x = number(c, row, name, accepted)?;
         }
         out.push(v);
     }
@@ -129,12 +153,16 @@ fn rows<const K: usize>(e: &Element, properties: [&str; K], name: &str) -> Resul
 /// # Errors
 /// When a property is missing or a value is not finite.
 pub fn gaussians(ply: &Ply, name: &str) -> Result<GaussianRecord> {
+    gaussians_of(ply, name, Values::Finite)
+}
+
+fn gaussians_of(ply: &Ply, name: &str, accepted: Values) -> Result<GaussianRecord> {
     let e = vertices(ply, name)?;
-    let means = rows(e, ["x", "y", "z"], name)?;
-    let dc = rows(e, ["f_dc_0", "f_dc_1", "f_dc_2"], name)?;
-    let opacity_logits = rows(e, ["opacity"], name)?.into_iter().map(|[x]| x).collect();
-    let scales_log = rows(e, ["scale_0", "scale_1", "scale_2"], name)?;
-    let quats = rows(e, ["rot_0", "rot_1", "rot_2", "rot_3"], name)?;
+    let means = rows(e, ["x", "y", "z"], name, accepted)?;
+    let dc = rows(e, ["f_dc_0", "f_dc_1", "f_dc_2"], name, accepted)?;
+    let opacity_logits = rows(e, ["opacity"], name, accepted)?.into_iter().map(|[x]| x).collect();
+    let scales_log = rows(e, ["scale_0", "scale_1", "scale_2"], name, accepted)?;
+    let quats = rows(e, ["rot_0", "rot_1", "rot_2", "rot_3"], name, accepted)?;
     let count = e.columns.iter().filter(|c| c.name.starts_with("f_rest_")).count();
     let (sh_degree, per_channel) = match count {
         0 => (0, 0),
@@ -157,7 +185,7 @@ pub fn gaussians(ply: &Ply, name: &str) -> Result<GaussianRecord> {
         sh.extend_from_slice(&dc[row]);
         for k in 0..per_channel {
             for channel in 0..3 {
-                sh.push(finite(rest[channel * per_channel + k], row, name)?);
+                sh.push(number(rest[channel * per_channel + k], row, name, accepted)?);
             }
         }
     }

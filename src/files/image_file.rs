@@ -6,7 +6,7 @@
 use super::gaussian_ply::to_byte;
 use super::image_data::check_size;
 pub use super::image_data::{Encoding, MAX_SIDE, Picture, Samples};
-use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, name_of, read_bytes};
+use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, memory, name_of, read_bytes};
 use crate::{Error, Result};
 use image::codecs::hdr::HdrDecoder;
 use image::codecs::jpeg::JpegDecoder;
@@ -98,7 +98,8 @@ fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) 
     let (w, h) = d.dimensions();
     check_size(u64::from(w), u64::from(h), bytes, pixels_per_byte, name)?;
     let color = d.color_type();
-    let mut raw = vec![0; (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel())];
+    let mut raw =
+        memory::filled(name, (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel()), 0)?;
     d.read_image(&mut raw)
         .map_err(|e| Error::input(name).at("image data").expected("a complete image").got(e.to_string()))?;
     // `image` returns native-endian words.

@@ -7,6 +7,7 @@
 //! transforms     transforms.json in three dialects     colmap  sparse models, binary and text
 //! capture        detects the layout of a folder        frame   images with poses and lenses, as records
 //! person         captures of moving people: the one layout
+//! memory         the limit, --max-memory               lock   one program at a time in a folder
 //! paths          paths written in files                atomic  atomic writes
 //! ```
 //!
@@ -32,6 +33,7 @@ pub mod image_data;
 mod image_exr;
 pub mod image_file;
 pub mod lock;
+pub mod memory;
 #[doc(hidden)]
 pub mod npy;
 pub mod npz;

@@ -25,6 +25,11 @@ impl Lock {
     /// When another program holds the lock, or no file can be written in the folder.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(NAME);
+        if path.is_symlink() {
+            // Another program's file would be opened and emptied.
+            let e = Error::input(path.display().to_string()).expected("a lock file");
+            return Err(e.got("a link").hint("remove it"));
+        }
         loop {
             let opened = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(&path);
             let mut file = opened.map_err(|e| Error::os(&path, &e))?;

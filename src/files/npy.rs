@@ -2,10 +2,11 @@
 //!
 //! Element types are widened to those of [`Array`]: bool → u8, i16 u16 → i32, u32 u64 → i64, f16 → f32; all exact.
 
+use super::memory;
 use crate::num::array::{Array, Element};
 use crate::num::order;
 use crate::{Error, Result};
-use ndarray::{ArrayD, IxDyn, ShapeBuilder};
+use std::io::Read;
 
 /// First bytes of every `.npy`.
 pub const MAGIC: &[u8] = b"\x93NUMPY";
@@ -28,6 +29,12 @@ impl Header {
     /// Bytes of the elements.
     pub fn data_bytes(&self) -> u64 {
         self.shape.iter().fold(self.size as u64, |n, &d| n * d as u64)
+    }
+
+    /// Bytes of the array that they become.
+    pub fn decoded_bytes(&self) -> u64 {
+        let wider = matches!((self.kind, self.size), (b'i' | b'f', 2) | (b'u', 2 | 4));
+        self.data_bytes().saturating_mul(if wider { 2 } else { 1 })
     }
 }
 
@@ -141,56 +148,103 @@ pub fn decode(h: &Header, data: &[u8], name: &str) -> Result<Array> {
             .expected(format!("{} bytes", h.data_bytes()))
             .got(data.len().to_string()));
     }
-    macro_rules! values {
-        ($t:ty, $n:literal => $f:expr) => {{
-            let each = data.chunks_exact($n).map(|c| {
-                let mut b = [0; $n];
-                b.copy_from_slice(c);
-                if h.big_endian { <$t>::from_be_bytes(b) } else { <$t>::from_le_bytes(b) }
-            });
-            ordered(h, each.map($f).collect())
-        }};
-    }
-    Ok(match (h.kind, h.size) {
-        (b'b', _) => {
-            if let Some(i) = data.iter().position(|&b| b > 1) {
-                return Err(Error::input(name)
-                    .at(format!("element {i}"))
-                    .expected("a bool, 0 or 1")
-                    .got(data[i].to_string()));
-            }
-            values!(u8, 1 => |x| x)
-        }
-        (b'u', 1) => values!(u8, 1 => |x| x),
-        (b'i', 1) => values!(i8, 1 => |x| x),
-        (b'u', 2) => values!(u16, 2 => i32::from),
-        (b'i', 2) => values!(i16, 2 => i32::from),
-        (b'u', 4) => values!(u32, 4 => i64::from),
-        (b'i', 4) => values!(i32, 4 => |x| x),
-        (b'i', _) => values!(i64, 8 => |x| x),
-        (b'f', 2) => values!(u16, 2 => half_to_f32),
-        (b'f', 4) => values!(f32, 4 => |x| x),
-        (b'f', _) => values!(f64, 8 => |x| x),
-        _ => {
-            let high = if h.big_endian { 0 } else { 7 };
-            if let Some(i) = data.chunks_exact(8).position(|c| c[high] > 127) {
-                return Err(Error::input(name)
-                    .at(format!("element {i}"))
-                    .expected("an integer below 2^63")
-                    .got("a larger one"));
-            }
-            values!(u64, 8 => |x| x as i64)
-        }
-    })
+    decode_from(h, &mut &data[..], name)
 }
 
-fn ordered<T: Element>(h: &Header, values: Vec<T>) -> Array {
-    if !h.fortran {
-        return Array::new(&h.shape, values);
+/// The elements after the header, read from a stream into the array and nothing else.
+pub fn decode_from(h: &Header, from: &mut dyn Read, name: &str) -> Result<Array> {
+    macro_rules! values {
+        ($t:ty, $n:literal => $f:expr) => {{
+            let each =
+                |b: [u8; $n]| $f(if h.big_endian { <$t>::from_be_bytes(b) } else { <$t>::from_le_bytes(b) });
+            elements::<$n, _>(h, from, name, each)
+        }};
     }
-    let a = ArrayD::from_shape_vec(IxDyn(&h.shape).f(), values)
-        .expect("the length was checked against the shape");
-    T::wrap(a.as_standard_layout().into_owned())
+    match (h.kind, h.size) {
+        (b'b', _) => {
+            values!(u8, 1 => |x: u8| if x > 1 { Err(("a bool, 0 or 1", x.to_string())) } else { Ok(x) })
+        }
+        (b'u', 1) => values!(u8, 1 => Ok),
+        (b'i', 1) => values!(i8, 1 => Ok),
+        (b'u', 2) => values!(u16, 2 => |x: u16| Ok(i32::from(x))),
+        (b'i', 2) => values!(i16, 2 => |x: i16| Ok(i32::from(x))),
+        (b'u', 4) => values!(u32, 4 => |x: u32| Ok(i64::from(x))),
+        (b'i', 4) => values!(i32, 4 => Ok),
+        (b'i', _) => values!(i64, 8 => Ok),
+        (b'f', 2) => values!(u16, 2 => |x: u16| Ok(half_to_f32(x))),
+        (b'f', 4) => values!(f32, 4 => Ok),
+        (b'f', _) => values!(f64, 8 => Ok),
+        _ => values!(u64, 8 => |x: u64| {
+            i64::try_from(x).map_err(|_| ("an integer below 2^63", "a larger one".to_owned()))
+        }),
+    }
+}
+
+/// What was expected of an element, and what was found.
+type Refused = (&'static str, String);
+
+/// Elements of one type.
+fn elements<const N: usize, T: Element + Default>(
+    h: &Header,
+    from: &mut dyn Read,
+    name: &str,
+    each: impl Fn([u8; N]) -> std::result::Result<T, Refused>,
+) -> Result<Array> {
+    const BLOCK: usize = 8192;
+    let n = crate::num::array::entries(&h.shape);
+    let mut out: Vec<T> = memory::room(name, n)?;
+    if h.fortran {
+        out.resize(n, T::default());
+    }
+    let mut place = Place::new(&h.shape);
+    let mut block = vec![0; N * order::min(n, BLOCK)];
+    for first in (0..n).step_by(BLOCK) {
+        let block = &mut block[..N * order::min(n - first, BLOCK)];
+        from.read_exact(block)
+            .map_err(|e| Error::input(name).expected("data that unpack").got(e.to_string()))?;
+        for (i, bytes) in block.as_chunks::<N>().0.iter().enumerate() {
+            let x = each(*bytes).map_err(|(expected, got)| {
+                Error::input(name).at(format!("element {}", first + i)).expected(expected).got(got)
+            })?;
+            if h.fortran {
+                out[place.next()] = x;
+            } else {
+                out.push(x);
+            }
+        }
+    }
+    Ok(Array::new(&h.shape, out))
+}
+
+/// Row-major places of elements in column-major order.
+struct Place {
+    /// Size, stride and current index of every axis.
+    axes: Vec<[usize; 3]>,
+    at: usize,
+}
+
+impl Place {
+    fn new(shape: &[usize]) -> Self {
+        let mut axes: Vec<[usize; 3]> = shape.iter().map(|&size| [size, 1, 0]).collect();
+        for k in (1..axes.len()).rev() {
+            axes[k - 1][1] = axes[k][0] * axes[k][1];
+        }
+        Self { axes, at: 0 }
+    }
+
+    fn next(&mut self) -> usize {
+        let here = self.at;
+        for [size, stride, index] in &mut self.axes {
+            *index += 1;
+            self.at += *stride;
+            if *index < *size {
+                break;
+            }
+            self.at -= *stride * *size;
+            *index = 0;
+        }
+        here
+    }
 }
 
 /// IEEE 754 binary16 to binary32, exact (payload of NaN shifted).

@@ -1,5 +1,6 @@
 //! Relative paths written in files: cleaned, and resolved inside the folder.
 
+use crate::{Error, Result};
 use std::path::{Component, Path, PathBuf};
 
 /// A path written in a file: backslashes become slashes, `.` and inner `..` are resolved.
@@ -70,9 +71,67 @@ fn any_case(root: &Path, relative: &str) -> Option<PathBuf> {
     Some(at)
 }
 
+/// Deepest folder below a folder of results that is looked into.
+const DEEPEST: usize = 32;
+
+/// Checks that no folder link inside a folder leads out of it: a file written below such a link would be somewhere else. The folder itself may be
+/// a link. A link to a file is harmless, because files are replaced and not written through. A folder that does not exist has no links.
+///
+/// # Errors
+/// Names the link. Also when a folder cannot be read, or folders are nested more than 32 deep.
+pub fn without_links_out(folder: &Path) -> Result<()> {
+    if !folder.is_dir() {
+        return Ok(());
+    }
+    let root = folder.canonicalize().map_err(|e| Error::os(folder, &e))?;
+    let mut pending = vec![(folder.to_path_buf(), 0)];
+    while let Some((at, depth)) = pending.pop() {
+        let os = |e| Error::os(&at, &e);
+        for entry in std::fs::read_dir(&at).map_err(os)? {
+            let entry = entry.map_err(os)?;
+            let (path, kind) = (entry.path(), entry.file_type().map_err(os)?);
+            if kind.is_dir() {
+                if depth == DEEPEST {
+                    let e = Error::input(path.display().to_string());
+                    return Err(e.expected(format!("folders at most {DEEPEST} deep")).got("a deeper one"));
+                }
+                pending.push((path, depth + 1));
+            } else if kind.is_symlink() && path.is_dir() {
+                let target = path.canonicalize().map_err(|e| Error::os(&path, &e))?;
+                if !target.starts_with(&root) {
+                    return Err(Error::input(path.display().to_string())
+                        .expected("a folder, or a link to one inside the folder of results")
+                        .got(format!("a link to {}", target.display()))
+                        .hint("remove the link; files are not written through it"));
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn links_that_lead_out_are_found() {
+        use std::os::unix::fs::symlink;
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let (inside, outside) = (dir.path().join("in"), dir.path().join("out"));
+        std::fs::create_dir_all(inside.join("a/b")).expect("made");
+        std::fs::create_dir(&outside).expect("made");
+        std::fs::write(outside.join("f"), "x").expect("writable");
+        without_links_out(&dir.path().join("none")).expect("not there");
+        symlink(&inside, dir.path().join("folder itself")).expect("linked");
+        symlink(inside.join("a"), inside.join("within")).expect("linked");
+        symlink(outside.join("f"), inside.join("a/file")).expect("linked");
+        without_links_out(&dir.path().join("folder itself")).expect("links that stay, and to a file");
+        symlink(&outside, inside.join("a/b/away")).expect("linked");
+        let e = without_links_out(&inside).expect_err("a link that leads out").to_string();
+        assert!(e.contains("a/b/away") && e.contains("a link to"), "{e}");
+    }
 
     #[test]
     fn paths_are_cleaned_and_kept_inside() {

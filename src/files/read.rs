@@ -1,6 +1,6 @@
 //! How the bytes of a file are read, and how a decoder of another crate is run.
 
-use super::paths;
+use super::{memory, paths};
 use crate::{Error, Result};
 use std::cell::Cell;
 use std::io::Read;
@@ -44,7 +44,7 @@ pub fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>> {
     if meta.len() > limit {
         return Err(too_long(meta.len()));
     }
-    let mut bytes = Vec::new();
+    let mut bytes = memory::room(&name_of(path), usize::try_from(meta.len()).unwrap_or(usize::MAX))?;
     // The file may grow between the two calls; `take` keeps the bound.
     std::fs::File::open(path).map_err(os)?.take(limit + 1).read_to_end(&mut bytes).map_err(os)?;
     if bytes.len() as u64 > limit {

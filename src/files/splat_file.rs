@@ -10,7 +10,7 @@
 //! Rows are sorted by −exp(sum of the logarithmic scales) · opacity, ties by index: large opaque ones first.
 
 use super::gaussian_ply::{GaussianRecord, SH_C0, to_byte};
-use super::{MAX_FILE_BYTES, atomic, name_of, read_bytes};
+use super::{MAX_FILE_BYTES, atomic, memory, name_of, read_bytes};
 use crate::num::order;
 use crate::{Error, Result};
 use std::path::Path;
@@ -39,27 +39,20 @@ pub fn read(path: &Path) -> Result<Vec<Splat>> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }
 
+/// Like [`read`], but values may be any numbers: rows are to be checked, and bad ones dropped, afterwards.
+///
+/// # Errors
+/// When the file is not readable or not a multiple of 32 bytes long.
+pub fn read_unchecked(path: &Path) -> Result<Vec<Splat>> {
+    rows(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path), |_, _| Ok(()))
+}
+
 /// Like [`read`] for bytes in memory; `name` is the file name in errors.
 ///
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Vec<Splat>> {
-    if !bytes.len().is_multiple_of(ROW) {
-        return Err(Error::input(name).at("file size").expected("a multiple of 32 bytes").got(format!(
-            "{}, which leaves {}",
-            bytes.len(),
-            bytes.len() % ROW
-        )));
-    }
-    let mut out = Vec::with_capacity(bytes.len() / ROW);
-    for (row, b) in bytes.chunks_exact(ROW).enumerate() {
-        let f = |i: usize| f32::from_le_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
-        let s = Splat {
-            mean: [f(0), f(4), f(8)],
-            scale: [f(12), f(16), f(20)],
-            rgba: [b[24], b[25], b[26], b[27]],
-            rotation: [b[28], b[29], b[30], b[31]],
-        };
+    rows(bytes, name, |row, s| {
         let bad = |field: &str, expected: &str, got: String| {
             Err(Error::input(name)
                 .at(format!("row {row} (byte {}), {field}", row * ROW))
@@ -75,6 +68,29 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Vec<Splat>> {
         if s.rotation == [128; 4] {
             return bad("rotation", "a quaternion other than zero", format!("{:?}", s.rotation));
         }
+        Ok(())
+    })
+}
+
+/// The rows of a file, each of which passes `check`.
+fn rows(bytes: &[u8], name: &str, check: impl Fn(usize, &Splat) -> Result<()>) -> Result<Vec<Splat>> {
+    if !bytes.len().is_multiple_of(ROW) {
+        return Err(Error::input(name).at("file size").expected("a multiple of 32 bytes").got(format!(
+            "{}, which leaves {}",
+            bytes.len(),
+            bytes.len() % ROW
+        )));
+    }
+    let mut out = memory::room(name, bytes.len() / ROW)?;
+    for (row, b) in bytes.chunks_exact(ROW).enumerate() {
+        let f = |i: usize| f32::from_le_bytes([b[i], b[i + 1], b[i + 2], b[i + 3]]);
+        let s = Splat {
+            mean: [f(0), f(4), f(8)],
+            scale: [f(12), f(16), f(20)],
+            rgba: [b[24], b[25], b[26], b[27]],
+            rotation: [b[28], b[29], b[30], b[31]],
+        };
+        check(row, &s)?;
         out.push(s);
     }
     Ok(out)

@@ -2,6 +2,7 @@
 
 use super::gaussians::Gaussians;
 use crate::io::{gaussian_ply, npz, splat_file};
+use crate::num::array::Arrays;
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -35,17 +36,67 @@ impl SceneFormat {
     }
 }
 
+/// What is done with Gaussians that are not valid: a zero quaternion, NaN, a number out of range.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Invalid {
+    /// The file is refused.
+    #[default]
+    Refuse,
+    /// They are left out.
+    Drop,
+}
+
 /// Reads and validates a scene.
 ///
 /// # Errors
-/// When the extension is unknown or the file is bad.
+/// When the extension is unknown or the file is invalid; the hint states how many Gaussians are not valid.
 pub fn read_scene(path: &Path) -> Result<Gaussians> {
     let name = path.display().to_string();
-    match SceneFormat::of(path)? {
-        SceneFormat::Ply => Gaussians::from_record(gaussian_ply::read(path)?, &name),
-        SceneFormat::Splat => Gaussians::from_splats(&splat_file::read(path)?, &name),
-        SceneFormat::Npz => Gaussians::from_arrays(&npz::read(path)?, &name),
+    let scene = match SceneFormat::of(path)? {
+        SceneFormat::Ply => gaussian_ply::read(path).and_then(|r| Gaussians::from_record(r, &name)),
+        SceneFormat::Splat => splat_file::read(path).and_then(|s| Gaussians::from_splats(&s, &name)),
+        SceneFormat::Npz => arrays(path).and_then(|a| Gaussians::from_arrays(&a, &name)),
+    };
+    scene.map_err(|e| match valid_part(path) {
+        Ok((_, dropped)) if dropped > 0 => e.hint(format!(
+            "with --drop-invalid, convert and splat render leave out {dropped} such Gaussians"
+        )),
+        _ => e,
+    })
+}
+
+/// Reads a scene; returns it and the number of Gaussians that were left out.
+///
+/// # Errors
+/// See [`read_scene`]; when no valid Gaussian is left.
+pub fn read_scene_with(path: &Path, invalid: Invalid) -> Result<(Gaussians, usize)> {
+    if invalid == Invalid::Refuse {
+        return Ok((read_scene(path)?, 0));
     }
+    let (scene, dropped) = valid_part(path)?;
+    if scene.is_empty() && dropped > 0 {
+        let e = Error::input(path.display().to_string()).expected("at least one valid Gaussian");
+        return Err(e.got(format!("{dropped} that are not valid")));
+    }
+    Ok((scene, dropped))
+}
+
+/// The valid Gaussians of a file, and the number of others.
+fn valid_part(path: &Path) -> Result<(Gaussians, usize)> {
+    let mut scene = match SceneFormat::of(path)? {
+        SceneFormat::Ply => Gaussians::from_record_unchecked(gaussian_ply::read_unchecked(path)?),
+        SceneFormat::Splat => {
+            Gaussians::from_record_unchecked(splat_file::to_gaussians(&splat_file::read_unchecked(path)?))
+        }
+        SceneFormat::Npz => Gaussians::from_arrays_unchecked(&arrays(path)?, &path.display().to_string())?,
+    };
+    let dropped = scene.drop_invalid();
+    Ok((scene, dropped))
+}
+
+/// The arrays of a file that describe Gaussians; others are not read.
+fn arrays(path: &Path) -> Result<Arrays> {
+    npz::read_some(path, &["means", "quats", "scales", "opacities", "sh", "rgb"])
 }
 
 /// Writes a scene atomically. `comments` go into the header of a PLY and nowhere else.
@@ -65,12 +116,22 @@ pub fn write_scene(path: &Path, g: &Gaussians, comments: &[String]) -> Result<()
 /// # Errors
 /// See [`read_scene`] and [`write_scene`].
 pub fn convert(from: &Path, to: &Path) -> Result<Gaussians> {
+    Ok(convert_with(from, to, Invalid::Refuse)?.0)
+}
+
+/// Like [`convert`]; also returns the number of Gaussians that were left out.
+///
+/// # Errors
+/// See [`read_scene_with`] and [`write_scene`].
+pub fn convert_with(from: &Path, to: &Path, invalid: Invalid) -> Result<(Gaussians, usize)> {
     SceneFormat::of(to)?;
-    let g = read_scene(from)?;
+    let (g, dropped) = read_scene_with(from, invalid)?;
     let comments = match SceneFormat::of(from)? {
-        SceneFormat::Ply if SceneFormat::of(to)? == SceneFormat::Ply => gaussian_ply::read(from)?.comments,
+        SceneFormat::Ply if SceneFormat::of(to)? == SceneFormat::Ply => {
+            gaussian_ply::read_unchecked(from)?.comments
+        }
         _ => Vec::new(),
     };
     write_scene(to, &g, &comments)?;
-    Ok(g)
+    Ok((g, dropped))
 }

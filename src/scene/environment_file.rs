@@ -25,7 +25,8 @@
 
 use super::light::Environment;
 use super::material::Transfer;
-use crate::io::image_file::{self, Encoding, Picture};
+use crate::io::image_file::{self, Encoding, Picture, Samples};
+use crate::io::memory;
 use crate::math::vector::unit;
 use crate::num::elem::f64 as elem;
 use crate::{Error, Result};
@@ -194,14 +195,16 @@ pub fn from_picture(p: &Picture, options: &Options, name: &str) -> Result<Enviro
         }
     };
     let decode = p.encoding == Encoding::Srgb && options.transfer == Transfer::Srgb;
+    let value = |x: f32| if decode { linear(x) } else { x };
+    // There are few values of a byte, and many texels.
+    let of_byte: [f32; 256] = std::array::from_fn(|x| value(x as f32 / 255.0));
     let n = p.channels.len();
-    let texel = |i: usize| {
-        channels.map(|c| {
-            let x = p.value(i * n + c);
-            if decode { linear(x) } else { x }
-        })
+    let at = |i: usize| match &p.samples {
+        Samples::U8(bytes) => of_byte[usize::from(bytes[i])],
+        _ => value(p.value(i)),
     };
-    let radiance: Vec<[f32; 3]> = (0..p.width * p.height).map(texel).collect();
+    let mut radiance: Vec<[f32; 3]> = memory::room(name, p.width * p.height)?;
+    radiance.extend((0..p.width * p.height).map(|i| channels.map(|c| at(i * n + c))));
     let is_negative = radiance.as_flattened().iter().any(|x| *x < 0.0);
     let map = Environment { width: p.width, height: p.height, radiance };
     map.validate(name).map_err(|e| match is_negative {
@@ -227,7 +230,7 @@ pub fn orient(map: Environment, options: &Options) -> Environment {
     // A rotation about z by ρ shows at u what was at u + ρ/2π: u falls with the angle from x to y.
     let direct = options.world_from_map.is_none();
     let turn = if direct { options.rotate / 360.0 } else { 0.0 };
-    radiance = roll(&radiance, w, (options.orientation.offset() + turn) * w as f64);
+    roll(&mut radiance, w, (options.orientation.offset() + turn) * w as f64);
     if let Some(r) = &options.world_from_map {
         radiance = resample(&radiance, [w, h], r, options.rotate);
     }
@@ -238,26 +241,24 @@ pub fn orient(map: Environment, options: &Options) -> Environment {
 }
 
 /// Every row shifted left by `shift` columns: exact for integer shifts, else linear between columns.
-fn roll(radiance: &[[f32; 3]], width: usize, shift: f64) -> Vec<[f32; 3]> {
+fn roll(radiance: &mut [[f32; 3]], width: usize, shift: f64) {
     // Rounding moves a rotation by k·360/W degrees off an integer.
     let whole = shift.round();
     let (base, fraction) =
         if (shift - whole).abs() < 1e-9 { (whole, 0.0) } else { (shift.floor(), shift - shift.floor()) };
-    let n = width as i64;
-    let base = (base as i64).rem_euclid(n);
-    if base == 0 && fraction == 0.0 {
-        return radiance.to_vec();
-    }
+    let base = (base as i64).rem_euclid(width as i64) as usize;
     let f = fraction as f32;
-    let mut out = Vec::with_capacity(radiance.len());
-    for row in radiance.chunks_exact(width) {
-        for j in 0..n {
-            let a = row[((j + base) % n) as usize];
-            let b = row[((j + base + 1) % n) as usize];
-            out.push(if fraction == 0.0 { a } else { std::array::from_fn(|c| a[c] + f * (b[c] - a[c])) });
+    for row in radiance.chunks_exact_mut(width) {
+        row.rotate_left(base);
+        if fraction == 0.0 {
+            continue;
+        }
+        let first = row[0];
+        for j in 0..width {
+            let (a, b) = (row[j], if j + 1 < width { row[j + 1] } else { first });
+            row[j] = std::array::from_fn(|c| a[c] + f * (b[c] - a[c]));
         }
     }
-    out
 }
 
 /// Bilinear values at the directions Rᵀ·d of the texel centres, d turned back about z first.

@@ -83,37 +83,47 @@ impl Gaussians {
                 return Err(e.expected(format!("{expected} values for {n} Gaussians")).got(len.to_string()));
             }
         }
-        let bad = |row: usize, field: &str, expected: String, got: String| {
-            Err(Error::input(name).at(format!("Gaussian {row}, {field}")).expected(expected).got(got))
-        };
+        match (0..n).find_map(|i| self.fault(i).map(|fault| (i, fault))) {
+            None => Ok(()),
+            Some((row, Fault { field, expected, got })) => {
+                Err(Error::input(name).at(format!("Gaussian {row}, {field}")).expected(expected).got(got))
+            }
+        }
+    }
+
+    /// The first parameter of a Gaussian that is out of range; the columns have one row per Gaussian.
+    fn fault(&self, i: usize) -> Option<Fault> {
         // Phrased so that NaN fails.
         let held = |x: &f32| x.abs() <= MAX_VALUE;
         let finite = || format!("finite numbers up to {MAX_VALUE:e}");
-        for i in 0..n {
-            if !self.means[i].iter().all(held) {
-                return bad(i, "mean", finite(), format!("{:?}", self.means[i]));
-            }
-            let norm = quat_norm(&self.quats[i]);
-            if !(MIN_QUAT..=1.0 / MIN_QUAT).contains(&norm) {
-                return bad(
-                    i,
-                    "quaternion",
-                    format!("a length from {MIN_QUAT:e} to {:e}", 1.0 / MIN_QUAT),
-                    format!("{:?}", self.quats[i]),
-                );
-            }
-            if !self.scales_log[i].iter().all(|x| x.abs() <= MAX_SCALE_LOG) {
-                let expected = format!("logarithms from -{MAX_SCALE_LOG} to {MAX_SCALE_LOG}");
-                return bad(i, "scale", expected, format!("{:?}", self.scales_log[i]));
-            }
-            if !held(&self.opacity_logits[i]) {
-                return bad(i, "opacity logit", finite(), self.opacity_logits[i].to_string());
-            }
-            if let Some(x) = self.sh[i * 3 * k..(i + 1) * 3 * k].iter().find(|x| !held(x)) {
-                return bad(i, "spherical harmonics", finite(), x.to_string());
-            }
+        let fault = |field, expected, got| Some(Fault { field, expected, got });
+        if !self.means[i].iter().all(held) {
+            return fault("mean", finite(), format!("{:?}", self.means[i]));
         }
-        Ok(())
+        if !(MIN_QUAT..=1.0 / MIN_QUAT).contains(&quat_norm(&self.quats[i])) {
+            let expected = format!("a length from {MIN_QUAT:e} to {:e}", 1.0 / MIN_QUAT);
+            return fault("quaternion", expected, format!("{:?}", self.quats[i]));
+        }
+        if !self.scales_log[i].iter().all(|x| x.abs() <= MAX_SCALE_LOG) {
+            let expected = format!("logarithms from -{MAX_SCALE_LOG} to {MAX_SCALE_LOG}");
+            return fault("scale", expected, format!("{:?}", self.scales_log[i]));
+        }
+        if !held(&self.opacity_logits[i]) {
+            return fault("opacity logit", finite(), self.opacity_logits[i].to_string());
+        }
+        let width = 3 * self.sh_coefficients();
+        let bad = self.sh[i * width..(i + 1) * width].iter().find(|x| !held(x))?;
+        fault("spherical harmonics", finite(), bad.to_string())
+    }
+
+    /// Removes the Gaussians that [`Self::validate`] refuses, such as those with a zero quaternion or NaN; returns how many.
+    ///
+    /// # Panics
+    /// When the columns have different numbers of rows.
+    pub fn drop_invalid(&mut self) -> usize {
+        let keep: Vec<bool> = (0..self.len()).map(|i| self.fault(i).is_none()).collect();
+        self.keep_rows(&keep);
+        keep.iter().filter(|k| !**k).count()
     }
 
     /// From the record of a PLY file; `name` is the file name in errors.
@@ -121,10 +131,15 @@ impl Gaussians {
     /// # Errors
     /// See [`Self::validate`].
     pub fn from_record(r: GaussianRecord, name: &str) -> Result<Self> {
-        let GaussianRecord { means, quats, scales_log, opacity_logits, sh, sh_degree, comments: _ } = r;
-        let g = Self { means, quats, scales_log, opacity_logits, sh, sh_degree };
+        let g = Self::from_record_unchecked(r);
         g.validate(name)?;
         Ok(g)
+    }
+
+    /// Like [`Self::from_record`], but not validated.
+    pub fn from_record_unchecked(r: GaussianRecord) -> Self {
+        let GaussianRecord { means, quats, scales_log, opacity_logits, sh, sh_degree, comments: _ } = r;
+        Self { means, quats, scales_log, opacity_logits, sh, sh_degree }
     }
 
     /// The record of a PLY file with the given comment lines.
@@ -162,13 +177,24 @@ impl Gaussians {
     /// # Errors
     /// When an array is missing, has another shape, or holds a value out of range.
     pub fn from_arrays(a: &Arrays, name: &str) -> Result<Self> {
-        Self::from_arrays_unnamed(a, name)
+        Self::from_arrays_unnamed(a, true)
+            .and_then(|g| g.validate(name).map(|()| g))
             .map_err(|e| if e.to_string().starts_with(name) { e } else { e.within(name) })
     }
 
-    fn from_arrays_unnamed(a: &Arrays, name: &str) -> Result<Self> {
+    /// Like [`Self::from_arrays`], but values may be any numbers; not validated.
+    ///
+    /// # Errors
+    /// When an array is missing or has another shape.
+    pub fn from_arrays_unchecked(a: &Arrays, name: &str) -> Result<Self> {
+        Self::from_arrays_unnamed(a, false).map_err(|e| e.within(name))
+    }
+
+    fn from_arrays_unnamed(a: &Arrays, is_checked: bool) -> Result<Self> {
         let mut dims = BTreeMap::new();
-        a.finite(["means", "quats", "scales", "opacities", "sh", "rgb"])?;
+        if is_checked {
+            a.finite(["means", "quats", "scales", "opacities", "sh", "rgb"])?;
+        }
         let means = rows(&a.shape("means", "N,3", &mut dims)?.to_f32());
         let quats = rows(&a.shape("quats", "N,4", &mut dims)?.to_f32());
         let scales: Vec<[f64; 3]> = rows(&a.shape("scales", "N,3", &mut dims)?.to_f64());
@@ -184,13 +210,15 @@ impl Gaussians {
         let Some(sh_degree) = (0..4).find(|d| (d + 1) * (d + 1) == k) else {
             return Err(Error::input("array 'sh'").expected("1, 4, 9 or 16 coefficients").got(k.to_string()));
         };
-        if let Some((i, s)) = scales.iter().enumerate().find(|(_, s)| !s.iter().all(|x| *x > 0.0)) {
+        let bad_scale = scales.iter().enumerate().find(|(_, s)| !s.iter().all(|x| *x > 0.0));
+        if let (true, Some((i, s))) = (is_checked, bad_scale) {
             return Err(Error::input("array 'scales'")
                 .at(format!("row {i}"))
                 .expected("positive numbers")
                 .got(format!("{s:?}")));
         }
-        if let Some((i, o)) = opacities.iter().enumerate().find(|(_, o)| !(**o >= 0.0 && **o <= 1.0)) {
+        let bad_opacity = opacities.iter().enumerate().find(|(_, o)| !(0.0..=1.0).contains(*o));
+        if let (true, Some((i, o))) = (is_checked, bad_opacity) {
             return Err(Error::input("array 'opacities'")
                 .at(format!("row {i}"))
                 .expected("a number from 0 to 1")
@@ -198,13 +226,14 @@ impl Gaussians {
         }
         let scales_log = scales.iter().map(|s| s.map(|x| libm::log(x) as f32)).collect();
         let logit = |o: f64| {
+            if !(0.0..=1.0).contains(&o) {
+                return f32::NAN;
+            }
             let o = order::clamp(o, 1.0 - MAX_OPACITY, MAX_OPACITY);
             libm::log(o / (1.0 - o)) as f32
         };
         let opacity_logits = opacities.into_iter().map(logit).collect();
-        let g = Self { means, quats, scales_log, opacity_logits, sh, sh_degree };
-        g.validate(name)?;
-        Ok(g)
+        Ok(Self { means, quats, scales_log, opacity_logits, sh, sh_degree })
     }
 
     /// The arguments of `splat.render` that describe the Gaussians, with activated scales and opacities, and `sh_degree`.
@@ -220,6 +249,13 @@ impl Gaussians {
             .with("sh", &[n, self.sh_coefficients(), 3], self.sh.clone())
             .with("sh_degree", &[], vec![self.sh_degree as i64])
     }
+}
+
+/// A parameter out of range.
+struct Fault {
+    field: &'static str,
+    expected: String,
+    got: String,
 }
 
 fn quat_norm(q: &[f32; 4]) -> f64 {

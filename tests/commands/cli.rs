@@ -148,7 +148,13 @@ fn bad_usage_and_input_exit_with_2_and_one_line() {
     refused(&fit(&["--tile", "12"]), dir, 2, &["--tile"]);
     refused(&fit(&["--iterations", "0"]), dir, 2, &["--iterations"]);
     refused(&fit(&["--initial", "300", "--max-gaussians", "10"]), dir, 2, &["--max-gaussians"]);
-    refused(&fit(&["--max-memory", "1"]), dir, 2, &["--max-memory", "MiB"]);
+    refused(
+        &fit(&["--max-memory", "4M"]),
+        dir,
+        2,
+        &["splat fit: memory", "at most 4.0 MiB", "--downscale", "--max-memory"],
+    );
+    refused(&fit(&["--max-memory", "1"]), dir, 2, &["memory: expected at most 1 B", "--max-memory"]);
     refused(&fit(&["--init", "missing.ply"]), dir, 2, &["missing.ply"]);
     refused(&["splat", "render", "ball.ply", "--cameras", "orbit:none", "--out", "o1"], dir, 2, &["orbit:N"]);
     refused(

@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let subject = Subject::new(&trained, &capture)?;
     let tuned =
         tune::run(&mut trained, &subject, &tune::Settings { seed: args.seed, ..tune::Settings::default() })?;
-    trained.write(&dir.join("tuned.safetensors"), &[("command", cli::command_line())])?;
+    trained.write(&dir.join("tuned.safetensors"))?;
     meter.lap("tuning the structure");
 
     let mut settings =
@@ -96,7 +96,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     grid.write(&folder)?;
     meter.lap("interventions");
 
-    let truth = pretrain::truth(&film);
+    let truth = pretrain::truth(&film)?;
     let before = [frames(&capture)?, structure(&tuned, truth.as_deref())];
     let sections = &mut outcome.page.sections;
     sections.splice(0..0, before);

@@ -243,6 +243,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         capture.template.joints.len()
     ));
     if let Some(model) = &model {
+        check_skeleton(model, &capture, &meter)?;
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;
     }
     let job = Job {
@@ -255,6 +256,26 @@ pub(super) fn run(args: &Args) -> Result<()> {
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
     job.run(&mut meter)?.publish(&job.frame.dir)
+}
+
+/// Refuses a model of another skeleton than the capture's: the positions that its factors move would be those of another body.
+///
+/// # Errors
+/// When the model records another skeleton.
+pub(super) fn check_skeleton(model: &Trained, capture: &PersonCapture, meter: &Meter) -> Result<()> {
+    let body = &capture.template;
+    match model.is_of(body) {
+        Some(true) => Ok(()),
+        None => {
+            meter.note("the model does not record its skeleton; that of the capture is taken to be the same");
+            Ok(())
+        }
+        Some(false) => Err(Error::input("--model")
+            .at("skeleton")
+            .expected(format!("that of the capture ({}, {} joints)", body.kind.name(), body.joints.len()))
+            .got(format!("another one ({} joints)", model.skeleton.len()))
+            .hint("a model fits captures of the skeleton it was trained on; without --model the avatar is fitted without factors")),
+    }
 }
 
 /// A fit with everything around it: checkpoint, evaluation, files, report. `demo` is one too.

@@ -3,6 +3,7 @@
 use crate::claim;
 use crate::console as cli;
 use crate::fit::training::{History, Watch};
+use crate::io::{MAX_SMALL_FILE_BYTES, read_bytes};
 use crate::meter::Meter;
 use crate::report::charts::{Lines, Series, bucket};
 use crate::report::pictures::Sheet;
@@ -161,15 +162,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
         data.members(),
         data.template.len()
     ));
+    let truth = truth(&args.data)?;
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let mut training = Training::new(settings, &data)?;
     let history = frame.train(&mut training, &mut meter)?;
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
-    let verdict = evaluation::of(&trained, &data, &truth(&args.data))?;
+    let verdict = evaluation::of(&trained, &data, &truth)?;
     meter.lap("evaluation");
-    let remarks = [("command", cli::command_line())];
-    trained.write(&frame.file(MODEL), &remarks)?;
+    trained.write(&frame.file(MODEL))?;
     let digest = trained.digest()?;
     let head = Head { kind: "last pretrain", digest: &digest, settings: settings.json() };
     let own = training::entries([("verdict", verdict.json()), ("units", json!(&units))]);
@@ -216,16 +217,34 @@ fn samples(trained: &Trained, data: &Pictures) -> Result<Sheet> {
     Ok(sheet)
 }
 
-/// The true graph, where the data says it: rows of zeros and ones.
-pub(crate) fn truth(data: &Path) -> Option<Vec<Vec<bool>>> {
-    let text = std::fs::read_to_string(data.join(lastlight_last::generate::RECORD)).ok()?;
-    let record: Value = serde_json::from_str(&text).ok()?;
-    let rows = record["adjacency"].as_array()?;
-    rows.iter()
-        .map(|row| {
-            row.as_array()?.iter().map(|x| x.as_bool().or_else(|| x.as_i64().map(|x| x != 0))).collect()
-        })
-        .collect()
+/// The true graph of a folder of data, as rows: A_ij is true for an edge from i to j. `None` if the folder has no `dataset.json`, as data of another
+/// program may have none.
+///
+/// # Errors
+/// When there is a `dataset.json` from which the graph cannot be read.
+pub(crate) fn truth(data: &Path) -> Result<Option<Vec<Vec<bool>>>> {
+    let path = data.join(lastlight_last::generate::RECORD);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let name = path.display().to_string();
+    let hint = "write the data again with last gen, or remove the file: the structure is then not compared with a true one";
+    let bytes = read_bytes(&path, MAX_SMALL_FILE_BYTES)?;
+    let record: Value = serde_json::from_slice(&bytes).map_err(|e| {
+        Error::input(&name).expected("the JSON record of last gen").got(e.to_string()).hint(hint)
+    })?;
+    let entry = |x: &Value| x.as_bool().or_else(|| x.as_u64().filter(|x| *x < 2).map(|x| x == 1));
+    let row = |row: &Value| -> Option<Vec<bool>> { row.as_array()?.iter().map(entry).collect() };
+    let rows: Option<Vec<Vec<bool>>> =
+        record["adjacency"].as_array().and_then(|rows| rows.iter().map(row).collect());
+    match rows {
+        Some(rows) if rows.iter().all(|row| row.len() == rows.len()) => Ok(Some(rows)),
+        _ => Err(Error::input(name)
+            .at("adjacency")
+            .expected("a square matrix of zeros and ones")
+            .got(record["adjacency"].to_string())
+            .hint(hint)),
+    }
 }
 
 /// `units` says in words that they changed, if they did.

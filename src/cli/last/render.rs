@@ -9,7 +9,7 @@ use crate::meter::Meter;
 use crate::num::order;
 use crate::scene::camera::Camera;
 use crate::scene::person::{PersonCapture, Pose};
-use crate::shared::{ForceArgs, DefaultArgs, OrbitArgs};
+use crate::shared::{DefaultArgs, ForceArgs, OrbitArgs};
 use crate::{Error, Result};
 use lastlight_last::avatar::store::{self, Stored};
 use serde_json::json;

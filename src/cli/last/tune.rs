@@ -51,6 +51,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     claim::file(&args.out, args.replace.force)?;
     let mut trained = Trained::of_pictures(&args.model)?;
     let capture = PersonCapture::open(&args.capture)?;
+    super::fit::check_skeleton(&trained, &capture, &meter)?;
     let subject = Subject::new(&trained, &capture)?;
     meter.lap("pictures");
     let settings = Settings { steps: args.iterations, seed: args.seed, ..Settings::default() };
@@ -58,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     training::run_whole(&mut tuning, &mut meter)?;
     let tuned = tuning.finish();
     meter.lap("tuning");
-    trained.write(&args.out, &[("command", cli::command_line())])?;
+    trained.write(&args.out)?;
     let n = trained.model.sizes.factors;
     if cli::is_json() {
         return cli::say_json(&json!({

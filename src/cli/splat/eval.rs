@@ -11,9 +11,8 @@ use crate::loss::{self, lpips};
 use crate::meter::Meter;
 use crate::num::sum;
 use crate::report::run::Run;
-use crate::scene::convert::read_scene;
 use crate::scene::views::{self, Views};
-use crate::shared::MetricArgs;
+use crate::shared::{MetricArgs, SceneArgs};
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::json;
@@ -56,6 +55,8 @@ pub(crate) struct Args {
     #[arg(long)]
     force: bool,
     #[command(flatten)]
+    reading: SceneArgs,
+    #[command(flatten)]
     render: RenderArgs,
 }
 
@@ -84,7 +85,7 @@ fn mean(values: &[f64]) -> f64 {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
-    let stored = read_scene(&args.scene)?;
+    let stored = args.reading.read(&args.scene, &meter)?;
     let views = Views::load(
         &args.capture,
         &views::Options { downscale: usize::from(args.downscale), background, strict: args.strict },

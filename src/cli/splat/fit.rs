@@ -8,7 +8,7 @@ use crate::fit::seeds;
 use crate::fit::seeds::Start;
 use crate::fit::splat::{Settings, SplatFit, Strategy};
 use crate::fit::training::{Fit, Watch};
-use crate::io::image_file;
+use crate::io::{image_file, memory};
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::convert::write_scene;
@@ -76,9 +76,6 @@ pub(crate) struct Args {
     /// Refuse a capture with missing photographs instead of leaving those frames out
     #[arg(long, help_heading = "Model")]
     strict: bool,
-    /// Refuse to start when the estimated memory exceeds this many MiB
-    #[arg(long, value_name = "MIB", help_heading = "Model")]
-    max_memory: Option<u64>,
     #[command(flatten)]
     render: RenderArgs,
     /// Iterations between checkpoints
@@ -119,7 +116,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ));
     let start = start(args, bounds, settings.max_gaussians);
     let first = seeds::gaussians(&start, &views, &settings)?;
-    check_memory(&settings, &views, args.max_memory, &meter)?;
+    check_memory(&settings, &views, &meter)?;
     let job = Job {
         kind: "splat fit",
         title: title(&args.capture),
@@ -130,18 +127,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
     job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 
-/// Says what the fit may take; refuses it above the limit.
-fn check_memory(settings: &Settings, views: &Views, limit: Option<u64>, meter: &Meter) -> Result<()> {
+/// Prints what the fit may take; refuses it above the limit.
+fn check_memory(settings: &Settings, views: &Views, meter: &Meter) -> Result<()> {
     let estimate = settings.memory_estimate(views);
     let most = report::thousands(settings.max_gaussians);
     meter.note(&format!("memory: about {}, if it comes to {most} Gaussians", report::bytes(estimate)));
-    match limit {
-        Some(limit) if estimate > limit << 20 => Err(Error::input("--max-memory")
-            .expected(format!("at least {} MiB", (estimate >> 20) + 1))
-            .got(format!("{limit} MiB"))
-            .hint("--downscale and --max-gaussians lower the estimate")),
-        _ => Ok(()),
-    }
+    memory::check("splat fit", estimate).map_err(|e| {
+        e.hint("--downscale and --max-gaussians lower the estimate, --max-memory raises the limit")
+    })
 }
 
 /// `transforms.json`'s folder or the folder itself, by name.

@@ -5,9 +5,8 @@ use crate::claim;
 use crate::console as cli;
 use crate::fit::render::{self, Orbit, Passes, Scene, Shot};
 use crate::meter::Meter;
-use crate::scene::convert::read_scene;
 use crate::scene::gaussians::Gaussians;
-use crate::shared::{DefaultArgs, OrbitArgs};
+use crate::shared::{DefaultArgs, OrbitArgs, SceneArgs};
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -22,7 +21,7 @@ const USUAL: DefaultArgs = DefaultArgs { size: "800x600", fov: 50.0, elevation: 
   lastlight splat render scene.ply --cameras photos/ --out again --passes color,depth,alpha
   lastlight splat render theirs.ply --cameras transforms.json --out out --profile inria --background white
 
-Reads PLY files written by 3DGS programs. Written to --out: one folder per pass and a transforms.json that describes the
+Reads PLY files written by 3DGS programs; --drop-invalid leaves out rows with NaN or a zero quaternion, which some programs write. Written to --out: one folder per pass and a transforms.json that describes the
 images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
 radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has
 images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
@@ -51,6 +50,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
     center: Option<String>,
     #[command(flatten)]
+    reading: SceneArgs,
+    #[command(flatten)]
     render: RenderArgs,
 }
 
@@ -58,7 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
     let passes = Passes::parse(&args.passes)?;
-    let stored = read_scene(&args.scene)?;
+    let stored = args.reading.read(&args.scene, &meter)?;
     let shots = shots(args, &stored)?;
     let dir = claim::folder(&args.out, false, args.force)?;
     let scene = Scene::new(&stored, settings, background);

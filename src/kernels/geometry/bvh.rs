@@ -1,8 +1,9 @@
 //! Nearest hits and occlusion queries with a bounding volume hierarchy.
 
 use super::group::{self, Group};
+use super::primitives::Triangles;
 pub use super::ray::{Hit, MISS, Ray};
-use super::tree::{Tree, Triangles};
+use super::tree::Tree;
 use super::triangle::{Frame, Line};
 use super::turns::Feed;
 

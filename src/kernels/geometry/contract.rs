@@ -344,3 +344,44 @@ fn what_is_not_a_ray_or_not_a_triangle_hits_nothing() {
         assert_eq!((hit.t, hit.triangle), (1.0 / s, 0), "direction 2^{e}");
     }
 }
+
+/// Triangles that a tree is built from in other ways than usual: copies, rotated copies, one centre, one box,
+/// and a row of equal boxes.
+fn crowds(n: usize) -> Vec<(&'static str, Vec<[[f32; 3]; 3]>)> {
+    let r = Rng::new(9);
+    let unit = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]];
+    let of = |f: &dyn Fn(usize) -> [[f32; 3]; 3]| (0..n).map(f).collect();
+    let turned = |i: usize| [0, 1, 2].map(|k| unit[(k + i) % 3]);
+    let centred = |i: usize| {
+        let s = 1.0 + (i % 97) as f32;
+        [[-s, -s, 0.0], [s, -s, 0.0], [0.0, s, 0.0]]
+    };
+    let boxed = |i: usize| {
+        let [x, y, _] = point(&r, i, 0).map(|x| 0.5 + 0.4 * x);
+        [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [x, y, 0.3]]
+    };
+    let row = |i: usize| [[i as f32, 0.0, 0.0], [i as f32 + 1.0, 0.0, 0.0], [i as f32, 1.0, 0.0]];
+    vec![
+        ("copies", of(&|_| unit)),
+        ("turned copies", of(&turned)),
+        ("one centre", of(&centred)),
+        ("one box", of(&boxed)),
+        ("a row", of(&row)),
+    ]
+}
+
+#[test]
+fn queries_are_brute_force_on_crowds() {
+    let r = Rng::new(10);
+    for (name, triangles) in crowds(300) {
+        // A second crowd elsewhere and a few triangles of their own are in the same tree.
+        let moved = triangles.iter().map(|t| t.map(|p| [p[0] + 4.0, p[1], p[2] - 1.0]));
+        let others = (0..20).map(|i| [0, 1, 2].map(|k| point(&r, i, k)));
+        let all: Vec<_> = triangles.iter().copied().chain(others).chain(moved).collect();
+        let t: Vec<[u32; 3]> = (0..all.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+        let p = all.concat();
+        let rays = rays(&r, &p, &t, 1_600);
+        let met = hold(name, &p, &t, &rays);
+        assert!(met > 400, "{name}: many of these rays must hit, got {met}");
+    }
+}

@@ -31,6 +31,7 @@ mod contract;
 mod group;
 pub mod nearest;
 mod pages;
+mod primitives;
 pub mod ray;
 pub mod trace;
 mod tree;

@@ -3,7 +3,8 @@
 //! The search uses a tree of boxes over triangles or points, split at the median of the widest side of the
 //! centres. It skips boxes that contain nothing nearer: the distance to a box is computed by the same
 //! operations on nearer coordinates, and rounding is monotone. Results are ordered by (d², index), so they
-//! equal those of an exhaustive search, for any tree.
+//! equal those of an exhaustive search, for any tree. A box at the best distance is visited only if it contains
+//! a lower index, and of equal triangles only the first is kept, so equal entries cost no more than others.
 //!
 //! # Rounding
 //! All values are f64: coordinates are converted exactly; d² = (x² + y²) + z². For triangles, a box is
@@ -20,6 +21,8 @@ struct Node {
     high: [f64; 3],
     start: usize,
     end: usize,
+    /// Lowest index in the box; it decides whether a tie can still change the result.
+    least: u32,
     /// Index of the second child; the first follows its parent. The value 0 marks a leaf.
     second: usize,
 }
@@ -31,18 +34,20 @@ struct Tree {
 }
 
 impl Tree {
-    fn new(boxes: &[[[f64; 3]; 2]]) -> Self {
-        let mut tree = Self { nodes: Vec::new(), order: (0..boxes.len() as u32).collect() };
-        if !boxes.is_empty() {
-            tree.split(boxes, 0, boxes.len());
+    /// Builds the tree of the entries in `order`.
+    fn new(boxes: &[[[f64; 3]; 2]], order: Vec<u32>) -> Self {
+        let mut tree = Self { nodes: Vec::new(), order };
+        if !tree.order.is_empty() {
+            tree.split(boxes, 0, tree.order.len());
         }
         tree
     }
 
     fn split(&mut self, boxes: &[[[f64; 3]; 2]], start: usize, end: usize) {
         let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        let (mut first, mut last) = (low, high);
+        let (mut first, mut last, mut least) = (low, high, u32::MAX);
         for &i in &self.order[start..end] {
+            least = least.min(i);
             let [a, b] = boxes[i as usize];
             for k in 0..3 {
                 low[k] = order::min(low[k], a[k]);
@@ -52,7 +57,7 @@ impl Tree {
             }
         }
         let at = self.nodes.len();
-        self.nodes.push(Node { low, high, start, end, second: 0 });
+        self.nodes.push(Node { low, high, start, end, least, second: 0 });
         if end - start <= LEAF {
             return;
         }
@@ -75,11 +80,10 @@ impl Tree {
         let mut best = (f64::INFINITY, u32::MAX);
         let mut stack = if self.nodes.is_empty() { Vec::new() } else { vec![(0.0, 0)] };
         while let Some((bound, at)) = stack.pop() {
-            // A box at the best distance may contain a smaller index.
-            if bound > best.0 {
+            let node = &self.nodes[at];
+            if bound > best.0 || (bound == best.0 && node.least > best.1) {
                 continue;
             }
-            let node = &self.nodes[at];
             if node.second == 0 {
                 for &i in &self.order[node.start..node.end] {
                     let d = square(i);
@@ -124,7 +128,11 @@ impl Surface {
             [of(order::min, -pad), of(order::max, pad)]
         };
         let boxes: Vec<_> = corners.iter().map(around).collect();
-        Self { tree: Tree::new(&boxes), corners }
+        let bits = |i: u32| corners[i as usize].map(|p| p.map(f64::to_bits));
+        let mut order: Vec<u32> = (0..corners.len() as u32).collect();
+        order.sort_by(|&i, &j| bits(i).cmp(&bits(j)));
+        order.dedup_by(|i, first| bits(*i) == bits(*first));
+        Self { tree: Tree::new(&boxes, order), corners }
     }
 
     /// Returns the squared distance and the index of the nearest triangle; ∞ and `u32::MAX` if there are no
@@ -147,7 +155,7 @@ impl<'a> Cloud<'a> {
     /// Builds the search tree of finite points.
     pub fn new(points: &'a [[f64; 3]]) -> Self {
         let boxes: Vec<_> = points.iter().map(|p| [*p, *p]).collect();
-        Self { points, tree: Tree::new(&boxes) }
+        Self { points, tree: Tree::new(&boxes, (0..points.len() as u32).collect()) }
     }
 
     /// Returns the squared distance and the index of the nearest point; ∞ and `u32::MAX` if there are no

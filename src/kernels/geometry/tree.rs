@@ -2,15 +2,16 @@
 //!
 //! obvhs proposes a binary tree. Its inner nodes are merged until a node has eight children; a subtree of at
 //! most eight triangles becomes a leaf. Boxes are recomputed from the triangles. Nodes and leaves are stored
-//! in depth-first order.
+//! in depth-first order. A primitive of the proposed tree is a triangle, or many triangles with one centre.
 
 use super::pages::Pages;
-use super::triangle::{bounds, is_degenerate};
+use super::primitives::{Box3, NOTHING, Triangles, union};
+use super::triangle::bounds;
 use crate::num::lanes::f32x8;
-use crate::num::order::{max, min};
+use crate::num::order::min;
 use crate::num::par;
+use obvhs::BvhBuildParams;
 use obvhs::bvh2::{Bvh2, builder::build_bvh2};
-use obvhs::{BvhBuildParams, aabb::Aabb};
 use prefetch_index::prefetch_index;
 use wide::bytemuck;
 
@@ -52,13 +53,6 @@ pub(super) fn references(row: &f32x8) -> &[u32; LANES] {
     bytemuck::cast_ref(row)
 }
 
-type Box3 = [[f32; 3]; 2];
-const NOTHING: Box3 = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-
-fn union(a: Box3, b: Box3) -> Box3 {
-    [[0, 1, 2].map(|k| min(a[0][k], b[0][k])), [0, 1, 2].map(|k| max(a[1][k], b[1][k]))]
-}
-
 fn area([lo, hi]: Box3) -> f32 {
     let [x, y, z] = [0, 1, 2].map(|k| hi[k] - lo[k]);
     x * y + y * z + z * x
@@ -78,34 +72,6 @@ fn fill_node(children: &[(u32, Box3); LANES]) -> Node {
     let mut rows = rows.map(f32x8::new);
     rows[CHILDREN] = bytemuck::cast(ids);
     rows
-}
-
-/// Triangles with non-zero area, in scaled coordinates.
-pub(super) struct Triangles {
-    pub(super) corners: Vec<[[f32; 3]; 3]>,
-    pub(super) index: Vec<u32>,
-}
-
-impl Triangles {
-    pub(super) fn new(positions: &[[f32; 3]], triangles: &[[u32; 3]], scale: f32) -> Self {
-        let parts = par::map(triangles.len().div_ceil(CHUNK), |c| {
-            let mut kept = Vec::with_capacity(CHUNK);
-            for i in c * CHUNK..Ord::min((c + 1) * CHUNK, triangles.len()) {
-                let corners = triangles[i].map(|v| positions[v as usize].map(|x| x * scale));
-                if !is_degenerate(corners) {
-                    kept.push((corners, i as u32));
-                }
-            }
-            kept
-        });
-        let n = parts.iter().fold(0, |n, part| n + part.len());
-        let (mut corners, mut index) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for (c, i) in parts.into_iter().flatten() {
-            corners.push(c);
-            index.push(i);
-        }
-        Self { corners, index }
-    }
 }
 
 /// The tree of a mesh: nodes and leaves in one array, depth first. A reference is the index of the first of
@@ -155,16 +121,9 @@ impl Tree {
         if n == 0 {
             return Self { lines: Pages::zeroed(0), root: 0, bounds: [[0.0; 3]; 2] };
         }
-        let mut boxes = vec![Aabb::default(); n];
-        par::chunks_mut(&mut boxes, CHUNK, |c, out| {
-            for (b, &t) in out.iter_mut().zip(&triangles.corners[c * CHUNK..]) {
-                let [lo, hi] = bounds(t);
-                *b = Aabb::new(lo.into(), hi.into());
-            }
-        });
-        let proposed = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Default::default());
-        drop(boxes);
-        let mut outline = Outline::new(n, &proposed);
+        let proposed =
+            build_bvh2(&triangles.boxes(), BvhBuildParams::medium_build(), &mut Default::default());
+        let mut outline = Outline::new(triangles, &proposed);
         let root = outline.place(Part::Proposed(0), 0);
         if root & LEAF != 0 {
             outline.nodes.push([root, NONE, NONE, NONE, NONE, NONE, NONE, NONE]);
@@ -204,7 +163,8 @@ struct Outline<'a> {
 }
 
 impl<'a> Outline<'a> {
-    fn new(n: usize, tree: &'a Bvh2) -> Self {
+    fn new(triangles: &Triangles, tree: &'a Bvh2) -> Self {
+        let n = triangles.corners.len();
         let mut made = Self {
             tree,
             spans: vec![(0, 0); tree.nodes.len()],
@@ -229,8 +189,8 @@ impl<'a> Outline<'a> {
             let first = node.first_index;
             if node.is_leaf() {
                 let run = first as usize..(first + node.prim_count) as usize;
-                made.items.extend(&tree.primitive_indices[run]);
-                made.spans[at as usize].1 = node.prim_count;
+                made.items.extend(tree.primitive_indices[run].iter().flat_map(|&p| triangles.members(p)));
+                made.spans[at as usize].1 = made.items.len() as u32 - made.spans[at as usize].0;
             } else {
                 stack.extend([(at, true), (first + 1, false), (first, false)]);
             }

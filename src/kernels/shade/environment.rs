@@ -13,6 +13,11 @@
 //! direction has density 0. A black map has no table: no light is drawn from it and its density is 0, so
 //! there is no division by Σ w = 0.
 //!
+//! # Cells
+//! The table has one entry per texel, for a map of up to 2²² texels. The cells of a larger map's table are texels
+//! of a coarser map of at most that size: w of a texel is divided among the cells it overlaps, in proportion.
+//! Only the choice of directions is coarser; radiance is that of the map.
+//!
 //! # Rounding
 //! Weights, solid angles and the table are computed in f64; radiance, directions and densities are f32. Near
 //! a pole the sampler uses 1 − |cos θ|, and the look-up atan2(√(x²+y²), z), so both keep the accuracy of the
@@ -21,6 +26,7 @@
 //! strips the two densities differ, which changes a weight of the balance heuristic by at most their ratio
 //! there, and a mean by less than 1e-7 of it.
 
+use super::alias::{Alias, alias, overlaps};
 use super::vector::dot;
 use crate::num::elem;
 use crate::num::lanes::{Real, f32x8};
@@ -82,33 +88,41 @@ struct Row {
     half: f32,
 }
 
-/// One entry of the alias table (Walker 1977; Vose 1991).
-#[derive(Clone, Copy, Debug)]
-struct Alias {
-    /// The entry's own texel is chosen if the fraction is below this value.
-    own: f64,
-    /// The texel that is chosen otherwise.
-    other: u32,
-}
-
-/// Tables for sampling; absent for a black map.
+/// Tables for sampling over H × W cells; absent for a black map.
 #[derive(Clone, Debug)]
 struct Table {
+    /// Numbers of cells, horizontally and vertically.
+    size: [usize; 2],
+    /// Cells per texel, horizontally and vertically; 1 unless the map is large.
+    per_texel: [f32; 2],
     /// Alias table, shape (H·W).
     alias: Vec<Alias>,
-    /// Density of each texel per steradian, shape (H·W).
+    /// Density of each cell per steradian, shape (H·W).
     density: Vec<f32>,
-    /// Rows of the map, shape (H).
+    /// Rows of cells, shape (H).
     rows: Vec<Row>,
 }
 
+impl Table {
+    /// Returns the cell at a position in texels.
+    #[inline(always)]
+    fn cell(&self, x: f32, y: f32) -> usize {
+        let j = order::min((x * self.per_texel[0]) as usize, self.size[0] - 1);
+        let i = order::min((y * self.per_texel[1]) as usize, self.size[1] - 1);
+        i * self.size[0] + j
+    }
+}
+
+/// Largest number of cells of a table.
+const CELLS: usize = 1 << 22;
+
 /// An environment map prepared for look-ups and sampling.
 #[derive(Clone, Debug)]
-pub struct Sky {
+pub struct Sky<'a> {
     width: usize,
     height: usize,
     /// Radiance of the texels, shape (H·W).
-    radiance: Vec<[f32; 3]>,
+    radiance: &'a [[f32; 3]],
     /// Radiance of the poles, top and bottom.
     poles: [[f32; 3]; 2],
     /// Radiance of a constant map.
@@ -123,13 +137,18 @@ pub struct MapSample {
     pub towards: [f32; 3],
     /// Density per steradian.
     pub density: f32,
-    /// Index of the texel.
-    pub texel: usize,
+    /// Index of the cell, which is a texel unless the map is large.
+    pub cell: usize,
 }
 
-impl Sky {
+impl<'a> Sky<'a> {
     /// Computes the tables; the map must have passed its own validation.
-    pub fn new(map: &Environment) -> Self {
+    pub fn new(map: &'a Environment) -> Self {
+        Self::with_cells(map, CELLS)
+    }
+
+    /// Like [`Self::new`], with a table of at most `most` cells, which must be at least 1.
+    pub fn with_cells(map: &'a Environment, most: usize) -> Self {
         let (w, h) = (map.width, map.height);
         let mean = |row: usize| -> [f32; 3] {
             std::array::from_fn(|c| {
@@ -139,45 +158,80 @@ impl Sky {
         };
         let constant = map.radiance.iter().all(|t| *t == map.radiance[0]).then_some(map.radiance[0]);
         let poles = constant.map_or_else(|| [mean(0), mean(h - 1)], |c| [c, c]);
-        let mut sky =
-            Self { width: w, height: h, radiance: map.radiance.clone(), poles, constant, table: None };
-        sky.table = sky.table();
+        let mut sky = Self { width: w, height: h, radiance: &map.radiance, poles, constant, table: None };
+        let texels = [w, h];
+        let of = |step: usize| texels.map(|n| n.div_ceil(step));
+        let mut step = 1;
+        while step < Ord::max(w, h) && of(step)[0] * of(step)[1] > most {
+            step += 1;
+        }
+        sky.table = if step == 1 {
+            sky.table(texels, sky.weights())
+        } else {
+            sky.table(of(step), sky.weights_of_cells(of(step)))
+        };
         sky
     }
 
-    fn table(&self) -> Option<Table> {
+    /// Returns w of every texel.
+    fn weights(&self) -> Vec<f64> {
+        let mut weights = Vec::with_capacity(self.width * self.height);
+        self.rows_of_weights(|_, row| weights.extend_from_slice(row));
+        weights
+    }
+
+    /// Returns Σ w of every cell of a coarser map; a texel gives each cell the part that lies in it.
+    fn weights_of_cells(&self, [w, h]: [usize; 2]) -> Vec<f64> {
+        let (columns, rows) = (overlaps(self.width, w), overlaps(self.height, h));
+        let mut weights = vec![0.0; w * h];
+        self.rows_of_weights(|i, row| {
+            for (cell, part) in rows[i] {
+                let out = &mut weights[cell * w..][..w];
+                for (x, parts) in row.iter().zip(&columns) {
+                    for (column, across) in parts {
+                        out[*column] += x * (part * across);
+                    }
+                }
+            }
+        });
+        weights
+    }
+
+    /// Calls `take` with the index and the weights of every row of texels.
+    fn rows_of_weights(&self, mut take: impl FnMut(usize, &[f64])) {
         let (w, h) = (self.width, self.height);
-        let (omega, edges) = solid_angles(w, h);
+        let omega = solid_angles(w, h).0;
         let luminance = |t: [f32; 3]| {
             let t = t.map(f64::from);
             let k = LUMINANCE.map(f64::from);
             (k[0] * t[0] + k[1] * t[1]) + k[2] * t[2]
         };
-        let lum: Vec<f64> = self.radiance.iter().map(|t| luminance(*t)).collect();
         // Means over texels: ⅛, ¾, ⅛ horizontally; the same vertically, or ¼ pole where there is no further
         // row.
-        let across: Vec<f64> = (0..h * w)
-            .map(|i| {
-                let (row, j) = (i / w * w, i % w);
-                0.125 * (lum[row + (j + w - 1) % w] + lum[row + (j + 1) % w]) + 0.75 * lum[i]
-            })
-            .collect();
+        let across = |i: usize| -> Vec<f64> {
+            let lum: Vec<f64> = self.radiance[i * w..][..w].iter().map(|t| luminance(*t)).collect();
+            (0..w).map(|j| 0.125 * (lum[(j + w - 1) % w] + lum[(j + 1) % w]) + 0.75 * lum[j]).collect()
+        };
         let poles = self.poles.map(luminance);
-        let weights: Vec<f64> = (0..h * w)
-            .map(|i| {
-                let up = if i < w {
-                    0.25 * poles[0] + 0.25 * across[i]
-                } else {
-                    0.125 * across[i - w] + 0.375 * across[i]
+        let (mut above, mut here, mut row) = (Vec::new(), across(0), vec![0.0; w]);
+        for i in 0..h {
+            let below = if i + 1 < h { across(i + 1) } else { Vec::new() };
+            for j in 0..w {
+                let beside = |row: &[f64], pole: f64| match row.get(j) {
+                    Some(x) => 0.125 * x + 0.375 * here[j],
+                    None => 0.25 * pole + 0.25 * here[j],
                 };
-                let down = if i + w >= h * w {
-                    0.25 * poles[1] + 0.25 * across[i]
-                } else {
-                    0.125 * across[i + w] + 0.375 * across[i]
-                };
-                (up + down) * omega[i / w]
-            })
-            .collect();
+                row[j] = (beside(&above, poles[0]) + beside(&below, poles[1])) * omega[i];
+            }
+            take(i, &row);
+            (above, here) = (here, below);
+        }
+    }
+
+    /// Builds the table of cells with weights.
+    fn table(&self, size: [usize; 2], weights: Vec<f64>) -> Option<Table> {
+        let [w, h] = size;
+        let (omega, edges) = solid_angles(w, h);
         let total = crate::num::sum::sum16_f64(&weights);
         if !(total > 0.0) {
             return None;
@@ -195,7 +249,8 @@ impl Sky {
                 Row { versine: versine.map(|x| x as f32), half: if upper { 1.0 } else { -1.0 } }
             })
             .collect();
-        Some(Table { alias: alias(&weights, total), density, rows })
+        let per_texel = [w as f32 / self.width as f32, h as f32 / self.height as f32];
+        Some(Table { size, per_texel, alias: alias(&weights, total), density, rows })
     }
 
     /// Whether the map is black, so that no direction can be drawn.
@@ -208,7 +263,13 @@ impl Sky {
         [self.width, self.height]
     }
 
-    /// Returns the probability with which [`Self::draw`] chooses each texel, computed from its alias table;
+    /// Returns the numbers of cells of the table, horizontally and vertically: those of texels, unless the map is
+    /// large or black.
+    pub fn cells(&self) -> [usize; 2] {
+        self.table.as_ref().map_or(self.size(), |t| t.size)
+    }
+
+    /// Returns the probability with which [`Self::draw`] chooses each cell, computed from its alias table;
     /// empty for a black map.
     pub fn probabilities(&self) -> Vec<f64> {
         let Some(table) = &self.table else { return Vec::new() };
@@ -264,14 +325,6 @@ impl Sky {
         std::array::from_fn(|c| a[c] + fy * (b[c] - a[c]))
     }
 
-    /// Returns the texel at a position.
-    #[inline(always)]
-    fn texel(&self, x: f32, y: f32) -> usize {
-        let j = order::min(x as usize, self.width - 1);
-        let i = order::min(y as usize, self.height - 1);
-        i * self.width + j
-    }
-
     /// Returns the radiance from the unit direction `towards`.
     pub fn radiance(&self, towards: [f32; 3]) -> [f32; 3] {
         match self.constant {
@@ -288,13 +341,13 @@ impl Sky {
     pub fn density(&self, towards: [f32; 3]) -> f32 {
         let Some(table) = &self.table else { return 0.0 };
         let [x, y] = self.place(towards);
-        table.density[self.texel(x, y)]
+        table.density[table.cell(x, y)]
     }
 
-    /// Returns the texel that contains a unit direction.
-    pub fn texel_of(&self, towards: [f32; 3]) -> usize {
+    /// Returns the cell that contains a unit direction; 0 for a black map.
+    pub fn cell_of(&self, towards: [f32; 3]) -> usize {
         let [x, y] = self.place(towards);
-        self.texel(x, y)
+        self.table.as_ref().map_or(0, |t| t.cell(x, y))
     }
 
     /// Returns radiance and density of eight directions with the bits of [`Self::radiance`] and
@@ -302,7 +355,7 @@ impl Sky {
     #[inline]
     pub fn look8(&self, towards: [f32x8; 3], wanted: u32) -> ([f32x8; 3], f32x8) {
         if let Some(c) = self.constant {
-            let density = self.table.as_ref().map_or(0.0, |t| t.density[0]); // the same for all texels
+            let density = self.table.as_ref().map_or(0.0, |t| t.density[0]); // the same for all cells
             return (c.map(f32x8::splat), f32x8::splat(density));
         }
         let mut radiance = [[0.0; 8]; 3];
@@ -315,14 +368,14 @@ impl Sky {
                     radiance[c][l] = r[c];
                 }
                 if let Some(table) = &self.table {
-                    density[l] = table.density[self.texel(x[l], y[l])];
+                    density[l] = table.density[table.cell(x[l], y[l])];
                 }
             }
         }
         (radiance.map(f32x8::new), f32x8::new(density))
     }
 
-    /// Returns the texel chosen by a 64-bit word, for [`Self::draw8`].
+    /// Returns the cell chosen by a 64-bit word, for [`Self::draw8`].
     #[inline]
     fn choose(&self, table: &Table, word: u64) -> usize {
         let wide = u128::from(word) * table.alias.len() as u128;
@@ -335,9 +388,9 @@ impl Sky {
     /// Draws a direction from a word and two uniforms; returns `None` for a black map.
     pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<MapSample> {
         let table = self.table.as_ref()?;
-        let texel = self.choose(table, word);
-        let (turn, versine, half) = self.inside(table, texel, u);
-        Some(MapSample { towards: direction(turn, versine, half), density: table.density[texel], texel })
+        let cell = self.choose(table, word);
+        let (turn, versine, half) = self.inside(table, cell, u);
+        Some(MapSample { towards: direction(turn, versine, half), density: table.density[cell], cell })
     }
 
     /// Draws eight directions with densities, with the bits of [`Self::draw`]; returns `None` for a black
@@ -347,20 +400,20 @@ impl Sky {
         let table = self.table.as_ref()?;
         let (mut turn, mut versine, mut half, mut density) = ([0.0; 8], [0.0; 8], [0.0; 8], [0.0; 8]);
         for l in 0..8 {
-            let texel = self.choose(table, words[l]);
-            (turn[l], versine[l], half[l]) = self.inside(table, texel, [u[0][l], u[1][l]]);
-            density[l] = table.density[texel];
+            let cell = self.choose(table, words[l]);
+            (turn[l], versine[l], half[l]) = self.inside(table, cell, [u[0][l], u[1][l]]);
+            density[l] = table.density[cell];
         }
         let [turn, versine, half, density] = [turn, versine, half, density].map(f32x8::new);
         Some((direction(turn, versine, half), density))
     }
 
-    /// Returns the azimuth in turns from −½, 1 − |cos θ|, and the hemisphere of a point of a texel.
+    /// Returns the azimuth in turns from −½, 1 − |cos θ|, and the hemisphere of a point of a cell.
     #[inline(always)]
-    fn inside(&self, table: &Table, texel: usize, u: [f32; 2]) -> (f32, f32, f32) {
-        let (i, j) = (texel / self.width, texel % self.width);
+    fn inside(&self, table: &Table, cell: usize, u: [f32; 2]) -> (f32, f32, f32) {
+        let (i, j) = (cell / table.size[0], cell % table.size[0]);
         let row = table.rows[i];
-        let turn = (j as f32 + u[0]) / self.width as f32 - 0.5;
+        let turn = (j as f32 + u[0]) / table.size[0] as f32 - 0.5;
         (turn, row.versine[0] + u[1] * (row.versine[1] - row.versine[0]), row.half)
     }
 }
@@ -379,30 +432,4 @@ fn direction<L: Real>(turn: L, versine: L, half: L) -> [L; 3] {
 #[inline(always)]
 pub fn luminance<L: Real>(c: [L; 3]) -> L {
     dot(c, LUMINANCE.map(L::splat))
-}
-
-/// Builds the alias table of weights with a positive total, in index order (Vose 1991 with stacks read from
-/// the end).
-fn alias(weights: &[f64], total: f64) -> Vec<Alias> {
-    let n = weights.len();
-    let mut share: Vec<f64> = weights.iter().map(|w| w / total * n as f64).collect();
-    let mut table: Vec<Alias> = (0..n).map(|i| Alias { own: 1.0, other: i as u32 }).collect();
-    let (mut small, mut large): (Vec<usize>, Vec<usize>) = (0..n).partition(|&i| share[i] < 1.0);
-    while let (Some(&s), Some(&l)) = (small.last(), large.last()) {
-        small.pop();
-        table[s] = Alias { own: share[s], other: l as u32 };
-        share[l] = share[l] - (1.0 - share[s]);
-        if share[l] < 1.0 {
-            large.pop();
-            small.push(l);
-        }
-    }
-    // The remaining entries differ from 1 by rounding only; they keep own = 1, unless their weight is zero.
-    for i in small {
-        if weights[i] == 0.0 {
-            let other = weights.iter().position(|w| *w > 0.0).unwrap_or(0);
-            table[i] = Alias { own: 0.0, other: other as u32 };
-        }
-    }
-    table
 }

@@ -19,6 +19,7 @@
 //! Colours are linear here, and [`tonemap`] encodes them; the three operators on renders use the encoded
 //! colours of Gaussians.
 
+mod alias;
 pub mod axes;
 pub mod diffuse;
 pub mod environment;

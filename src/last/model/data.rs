@@ -60,6 +60,10 @@ pub trait Data: Sync + std::fmt::Debug {
     fn frame(&self) -> &Frame;
     /// The points at rest, shape (P, 3); empty for vectors.
     fn template(&self) -> &[[f32; 3]];
+    /// The parent of each joint of the subject, −1 for none; empty if it has no skeleton or the data do not state it.
+    fn skeleton(&self) -> &[i64] {
+        &[]
+    }
     /// Writes the encoder input of an item.
     fn write_input(&self, item: Item, into: &mut [f32]);
     /// Number of true factors.

@@ -7,6 +7,7 @@
 //! | `graph` | (n, n) | A, 1 at i → j; acyclic |
 //! | `codes` | (n, 9, k) | values of each factor in the training set, for `last intervene` |
 //! | `template` | (P, 3) | the points at rest |
+//! | `skeleton` | (K) | the parent of each joint of the subject, −1 for none; absent for vectors |
 //! | `spread/factors`, `spread/noise` | (n, k) | standard deviations of Ẑ and ε over the training set, at least 10⁻³ |
 //!
 //! Metadata: `kind`, `version`, `settings` (JSON of [`Settings::json`]), `input` (`picture 64`), `features`,
@@ -20,9 +21,10 @@ use super::structure::{Kind, Sizes};
 use crate::io::safetensors;
 use crate::last::avatar::guide::Framing;
 use crate::math::digraph::Digraph;
-use crate::num::array::Arrays;
+use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
 use crate::optim::optimiser::ArrayNames;
+use crate::scene::person::Template;
 use crate::tape::Params;
 use crate::{Error, Result};
 use ndarray::{ArrayD, IxDyn};
@@ -52,6 +54,8 @@ pub struct Trained {
     pub codes: Vec<f64>,
     /// The points at rest, shape (P, 3).
     pub template: Vec<[f32; 3]>,
+    /// The parent of each joint of the subject, −1 for none, shape (K); empty if it is not known.
+    pub skeleton: Vec<i64>,
 }
 
 impl Trained {
@@ -77,11 +81,17 @@ impl Trained {
         Ok(format!("{:016x}", d.value()))
     }
 
-    /// Writes the file atomically; `remarks` are added to the metadata.
+    /// Whether the subject's skeleton is that of a capture; `None` if the model does not record its skeleton.
+    pub fn is_of(&self, body: &Template) -> Option<bool> {
+        let parents = body.parents.iter().map(|p| p.map_or(-1, |p| p as i64));
+        (!self.skeleton.is_empty()).then(|| self.skeleton.iter().copied().eq(parents))
+    }
+
+    /// Writes the file atomically. Its bytes depend on the model alone.
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn write(&self, path: &Path, remarks: &[(&str, String)]) -> Result<()> {
+    pub fn write(&self, path: &Path) -> Result<()> {
         let mut arrays = Arrays::new();
         ArrayNames::Folders.save(&self.model.params, &mut arrays);
         let n = self.graph.n();
@@ -90,11 +100,14 @@ impl Trained {
         arrays.put("spread/noise", &[n, self.settings.width], self.noise_spread.clone());
         arrays.put("codes", &[n, VALUES, self.settings.width], self.codes.clone());
         arrays.put("template", &[self.template.len(), 3], self.template.as_flattened().to_vec());
+        if !self.skeleton.is_empty() {
+            arrays.put("skeleton", &[self.skeleton.len()], self.skeleton.clone());
+        }
         let input = match self.model.encoder.input() {
             Input::Picture { side } => format!("picture {side}"),
             Input::Vector { size } => format!("vector {size}"),
         };
-        let mut meta = BTreeMap::from([
+        let meta = BTreeMap::from([
             ("kind".to_owned(), KIND.to_owned()),
             ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
             ("settings".to_owned(), self.settings.json().to_string()),
@@ -103,7 +116,6 @@ impl Trained {
             ("outputs".to_owned(), self.model.decoder.outputs.to_string()),
             ("digest".to_owned(), self.digest()?),
         ]);
-        meta.extend(remarks.iter().map(|(key, text)| ((*key).to_owned(), text.clone())));
         safetensors::write(path, &arrays, &meta)
     }
 
@@ -208,6 +220,7 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         noise_spread: spread("spread/noise")?,
         codes,
         template: template.as_chunks().0.to_vec(),
+        skeleton: arrays.get("skeleton").and_then(Array::to_i64).unwrap_or_default(),
     })
 }
 

@@ -10,7 +10,7 @@ use super::decoder::{CODE, code};
 use super::encoder::Input;
 use crate::io::npz;
 use crate::last::avatar::guide::{Framing, Square, Window};
-use crate::num::array::Arrays;
+use crate::num::array::{Array, Arrays};
 use crate::num::par;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::from_data_gen;
@@ -50,6 +50,7 @@ pub struct Pictures {
     after: Set,
     /// The points at rest, shape (P, 3).
     pub template: Vec<[f32; 3]>,
+    skeleton: Vec<i64>,
     /// Focal length of the camera in sides of an image; `None` for the camera of the figure.
     focal: Option<f32>,
 }
@@ -146,6 +147,7 @@ impl Pictures {
     pub fn read(folder: &Path, groups: bool, framing: Framing) -> Result<Self> {
         let rest = npz::read(&folder.join("template.npz"))?;
         let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
+        let skeleton = rest.get("parents").and_then(Array::to_i64).unwrap_or_default();
         let template: Vec<[f32; 3]> =
             rest.need("points")?.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let p = template.len();
@@ -159,6 +161,7 @@ impl Pictures {
             base: Set::default(),
             after: Set::default(),
             template,
+            skeleton,
             focal,
         };
         for path in shards(&folder.join("observational"))? {
@@ -266,6 +269,10 @@ impl Data for Pictures {
 
     fn template(&self) -> &[[f32; 3]] {
         &self.template
+    }
+
+    fn skeleton(&self) -> &[i64] {
+        &self.skeleton
     }
 
     fn write_input(&self, item: Item, into: &mut [f32]) {

@@ -282,6 +282,7 @@ impl<'a> Training<'a> {
             noise_spread: Vec::new(),
             codes: Vec::new(),
             template: self.data.template().to_vec(),
+            skeleton: self.data.skeleton().to_vec(),
         };
         let observed: Vec<Item> = (0..self.data.observed()).map(Item::Observed).collect();
         let [u, eps] = evaluation::posterior(&trained, self.data, &observed);

@@ -1,7 +1,7 @@
 //! `oracle compare`: compares two files array by array and finds the first operator at which they diverge.
 
 pub use super::differences::{Agreement, ArrayReport, Divergence, Report, Worst, Zeros};
-use crate::io::npz;
+use crate::io::{memory, npz};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{ulp_f32, ulp_f64};
 use crate::ops::{self, Compare, Op};
@@ -11,6 +11,9 @@ use std::path::PathBuf;
 
 /// Default bound on the relative L2 of an array.
 pub const TOLERANCE: f64 = 1e-5;
+
+/// Number of entries that a report lists.
+const WORST: usize = 10;
 
 /// Options of a comparison.
 #[derive(Clone, Debug)]
@@ -29,14 +32,13 @@ pub struct Options {
 
 /// The operator whose names match most of the arrays; of several, composite ones first, then in the order of
 /// the list.
-fn guess(theirs: &Arrays, ours: &Arrays) -> Option<&'static Op> {
+fn guess(theirs: &[String], ours: &[String]) -> Option<&'static Op> {
     let known = |op: &Op, name: &str| {
         op.has_array(name) || name.strip_suffix("_bar").is_some_and(|x| op.has_array(x))
     };
-    let names = || theirs.0.keys().chain(ours.0.keys());
-    let score = |op: &Op| names().filter(|n| known(op, n)).count();
-    let produces =
-        |op: &Op| op.outputs.iter().any(|p| ours.get(p.name).is_some() && theirs.get(p.name).is_some());
+    let score = |op: &Op| theirs.iter().chain(ours).filter(|n| known(op, n)).count();
+    let has = |names: &[String], name: &str| names.iter().any(|n| n == name);
+    let produces = |op: &Op| op.outputs.iter().any(|p| has(ours, p.name) && has(theirs, p.name));
     let mut best: Option<(&'static Op, usize)> = None;
     let ordered = ops::LIST
         .iter()
@@ -117,11 +119,12 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     if theirs.shape() != ours.shape() {
         return Ok(report);
     }
+    // Both arrays in f64, the rows to compare, and copies of them if some are left out.
+    memory::check(&format!("oracle compare, array '{name}'"), 33 * ours.len() as u64)?;
     let (keep, note, pattern) = selected(name, op, theirs_all, ours_all, ours.len());
     report.note = note;
     let single = [theirs, ours].iter().any(|a| matches!(a, Array::F32(_)));
     let (a, b) = (theirs.to_f64(), ours.to_f64());
-    let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
     if a.iter().chain(&b).any(|x| x.is_nan()) {
         report.agreement = Agreement::Nan;
         return Ok(report);
@@ -132,13 +135,24 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
         (false, true) => ulp_f32(a[i] as f32, b[i] as f32),
         (false, false) => ulp_f64(a[i], b[i]),
     };
-    let (x, y): (Vec<f64>, Vec<f64>) = kept.iter().map(|&i| (b[i], a[i])).unzip();
-    let d = distance(&x, &y);
+    let kept = || (0..keep.len()).filter(|&i| keep[i]);
+    let d = if kept().count() == keep.len() {
+        distance(&b, &a)
+    } else {
+        let (x, y): (Vec<f64>, Vec<f64>) = kept().map(|i| (b[i], a[i])).unzip();
+        distance(&x, &y)
+    };
     report.relative_l2 = d.relative_l2;
     report.cosine = 1.0 - d.one_minus_cosine;
     report.signed_bias = d.signed_bias;
-    let mut total = 0.0;
-    for &i in &kept {
+    let (mut total, mut count, mut worst) = (0.0, 0_usize, Vec::with_capacity(WORST + 1));
+    for i in kept() {
+        count += 1;
+        if a[i] != b[i] {
+            let larger = |j: &usize| (b[*j] - a[*j]).abs().total_cmp(&(b[i] - a[i]).abs()).is_ge();
+            worst.insert(worst.partition_point(larger), i);
+            worst.truncate(WORST);
+        }
         let u = ulp(i);
         report.worst_ulp = Ord::max(report.worst_ulp, u);
         total += u as f64;
@@ -149,13 +163,11 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
             (false, false) => {}
         }
     }
-    if !kept.is_empty() {
-        report.mean_ulp = total / kept.len() as f64;
+    if count > 0 {
+        report.mean_ulp = total / count as f64;
     }
-    let mut differing: Vec<usize> = kept.iter().copied().filter(|&i| a[i] != b[i]).collect();
-    differing.sort_by(|&i, &j| (b[j] - a[j]).abs().total_cmp(&(b[i] - a[i]).abs()).then(i.cmp(&j)));
     let entry = |&i: &usize| Worst { index: unravel(i, ours.shape()), theirs: a[i], ours: b[i], ulp: ulp(i) };
-    report.worst = differing.iter().take(10).map(entry).collect();
+    report.worst = worst.iter().map(entry).collect();
     report.agreement = if pattern {
         if report.zeros.only_theirs + report.zeros.only_ours == 0 {
             Agreement::Agrees
@@ -197,27 +209,38 @@ fn owned(names: Vec<&str>) -> Vec<String> {
 /// # Errors
 /// When the files have no array in common, or the operator is unknown.
 pub fn arrays(theirs: &Arrays, ours: &Arrays, op: Option<&str>, tol: f64) -> Result<Report> {
+    let names = [theirs, ours].map(|a| a.0.keys().cloned().collect::<Vec<_>>());
+    named(theirs, ours, &names, op, tol)
+}
+
+/// Compares the arrays that both files contain; `names` are those of all arrays of the files, in order.
+fn named(
+    theirs: &Arrays,
+    ours: &Arrays,
+    names: &[Vec<String>; 2],
+    op: Option<&str>,
+    tol: f64,
+) -> Result<Report> {
     let op = match op {
         Some(name) => Some(ops::find(name)?),
-        None => guess(theirs, ours),
+        None => guess(&names[0], &names[1]),
     };
     let mut reports = Vec::new();
     for name in ours.0.keys().filter(|n| theirs.get(n).is_some()) {
         reports.push(one(name, op, theirs, ours, tol)?);
     }
     if reports.is_empty() {
-        let names = |a: &Arrays| a.0.keys().cloned().collect::<Vec<_>>().join(", ");
         return Err(Error::input("oracle compare")
             .expected("at least one array name in both files")
-            .got(format!("[{}] and [{}]", names(theirs), names(ours))));
+            .got(format!("[{}] and [{}]", names[0].join(", "), names[1].join(", "))));
     }
-    let only = |a: &Arrays, b: &Arrays| a.0.keys().filter(|n| b.get(n).is_none()).cloned().collect();
+    let only = |a: &[String], b: &[String]| a.iter().filter(|n| !b.contains(n)).cloned().collect();
     let passed = reports.iter().all(|a| a.agreement == Agreement::Agrees);
     Ok(Report {
         operator: op.map(|op| op.name),
         tol,
-        only_theirs: only(theirs, ours),
-        only_ours: only(ours, theirs),
+        only_theirs: only(&names[0], &names[1]),
+        only_ours: only(&names[1], &names[0]),
         divergence: op.and_then(|op| divergence(op, &reports)),
         arrays: reports,
         passed,
@@ -232,8 +255,15 @@ pub fn compare(options: &Options) -> Result<Report> {
     if !(options.tol >= 0.0) {
         return Err(Error::input("--tol").expected("0 or more").got(options.tol.to_string()));
     }
-    let (theirs, ours) = (npz::read(&options.theirs)?, npz::read(&options.ours)?);
-    let report = arrays(&theirs, &ours, options.op.as_deref(), options.tol)?;
+    // Arrays that only one file contains are listed but not read.
+    let mut files = [npz::Archive::open(&options.theirs)?, npz::Archive::open(&options.ours)?];
+    let mut names = [files[0].names(), files[1].names()];
+    names.iter_mut().for_each(|names| names.sort());
+    let [theirs, ours] = &mut files;
+    let theirs = theirs.read(&|name| names[1].iter().any(|n| n == name))?;
+    let ours = ours.read(&|name| names[0].iter().any(|n| n == name))?;
+    drop(files);
+    let report = named(&theirs, &ours, &names, options.op.as_deref(), options.tol)?;
     if let Some(path) = &options.html {
         let page = super::html::page(&report, &options.theirs, &options.ours, &theirs, &ours);
         crate::io::atomic::write_bytes(path, page.as_bytes())?;

@@ -1,7 +1,7 @@
 //! `gradcheck`: checks operators of the list at generated cases or user-supplied inputs, or a user-supplied
 //! program.
 
-use super::run::{Sorted, add_settings, sort};
+use super::run::{Sorted, add_settings, read};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::ops::{self, OpSubject};
@@ -102,8 +102,7 @@ fn at_inputs(
             .got(format!("{}", options.ops.len())));
     };
     let op = ops::find(name)?;
-    let in_file = |e: Error| e.within(input.display().to_string());
-    let Sorted { mut call, notes } = sort(op, npz::read(input)?).map_err(in_file)?;
+    let Sorted { mut call, notes } = read(op, input)?;
     add_settings(op, &mut call.settings, None, &options.set)?;
     for note in notes {
         progress(&note);

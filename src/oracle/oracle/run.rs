@@ -87,6 +87,57 @@ pub struct Sorted {
     pub notes: Vec<String>,
 }
 
+/// What an array of a file is to an operator.
+enum Role<'a> {
+    Input,
+    /// The cotangent of this output.
+    Cotangent(&'a str),
+    /// The value of this setting.
+    Setting(&'a str),
+    /// Not used, for this reason.
+    Ignored(&'static str),
+}
+
+impl<'a> Role<'a> {
+    /// The role of an array by its name.
+    ///
+    /// # Errors
+    /// An unknown name.
+    fn of(op: &Op, name: &'a str) -> Result<Self> {
+        let has = |ports: &[ops::Port], name: &str| ports.iter().any(|p| p.name == name);
+        let bar_of = name.strip_suffix("_bar");
+        if has(op.inputs, name) {
+            return Ok(Self::Input);
+        }
+        if let Some(output) = bar_of.filter(|y| has(op.outputs, y)) {
+            return Ok(if op.adjoint {
+                Self::Cotangent(output)
+            } else {
+                Self::Ignored("the operator has no adjoint")
+            });
+        }
+        if let Some(key) = name.strip_prefix("setting_") {
+            return Ok(Self::Setting(key));
+        }
+        let reason = if has(op.outputs, name) {
+            "an output"
+        } else if has(op.intermediates, name) {
+            "an intermediate"
+        } else if bar_of.is_some_and(|x| has(op.inputs, x)) {
+            "the gradient of an input"
+        } else if op.companions.contains(&name) {
+            "a companion of this operator's files"
+        } else {
+            let inputs: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
+            return Err(Error::input(format!("array '{name}'"))
+                .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
+                .got("an unknown name")
+                .hint("`oracle list` prints the names of every operator"));
+        };
+        Ok(Self::Ignored(reason))
+    }
+}
+
 /// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`;
 /// outputs, intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
 ///
@@ -94,45 +145,50 @@ pub struct Sorted {
 /// An unknown name, or a setting that is not one number.
 pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
     let mut sorted = Sorted::default();
-    let has = |ports: &[ops::Port], name: &str| ports.iter().any(|p| p.name == name);
     for (name, array) in arrays.0 {
-        let bar_of = name.strip_suffix("_bar");
-        if has(op.inputs, &name) {
-            sorted.call.inputs.0.insert(name, array);
-        } else if let Some(output) = bar_of.filter(|y| has(op.outputs, y)) {
-            sorted.call.cotangents.0.insert(output.to_owned(), array);
-        } else if let Some(key) = name.strip_prefix("setting_") {
-            if array.len() != 1 {
+        match Role::of(op, &name)? {
+            Role::Cotangent(output) => {
+                sorted.call.cotangents.0.insert(output.to_owned(), array);
+            }
+            Role::Setting(_) if array.len() != 1 => {
                 return Err(Error::input(format!("array '{name}'"))
                     .expected("one number")
                     .got(format!("shape {:?}", array.shape())));
             }
-            sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
-        } else {
-            let reason = if has(op.outputs, &name) {
-                "an output"
-            } else if has(op.intermediates, &name) {
-                "an intermediate"
-            } else if bar_of.is_some_and(|x| has(op.inputs, x)) {
-                "the gradient of an input"
-            } else if op.companions.contains(&name.as_str()) {
-                "a companion of this operator's files"
-            } else {
-                let inputs: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
-                return Err(Error::input(format!("array '{name}'"))
-                    .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
-                    .got("an unknown name")
-                    .hint("`oracle list` prints the names of every operator"));
-            };
-            sorted.notes.push(format!("ignored '{name}': {reason}"));
-        }
-    }
-    if !op.adjoint && !sorted.call.cotangents.0.is_empty() {
-        for name in std::mem::take(&mut sorted.call.cotangents).0.keys() {
-            sorted.notes.push(format!("ignored '{name}_bar': the operator has no adjoint"));
+            Role::Setting(key) => {
+                sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
+            }
+            Role::Ignored(reason) => sorted.notes.push(ignored(&name, reason)),
+            Role::Input => {
+                sorted.call.inputs.0.insert(name, array);
+            }
         }
     }
     Ok(sorted)
+}
+
+fn ignored(name: &str, reason: &str) -> String {
+    format!("ignored '{name}': {reason}")
+}
+
+/// Reads what an operator uses from a file, as [`sort`] does with arrays in memory; other arrays are not read.
+///
+/// # Errors
+/// As [`sort`], and for a file that cannot be read.
+pub fn read(op: &'static Op, path: &Path) -> Result<Sorted> {
+    let in_file = |e: Error| e.within(path.display().to_string());
+    let mut file = npz::Archive::open(path)?;
+    let mut names = file.names();
+    names.sort();
+    let mut notes = Vec::new();
+    for name in &names {
+        if let Role::Ignored(reason) = Role::of(op, name).map_err(in_file)? {
+            notes.push(ignored(name, reason));
+        }
+    }
+    let arrays = file.read(&|name| !matches!(Role::of(op, name), Ok(Role::Ignored(_)) | Err(_)))?;
+    drop(file);
+    Ok(Sorted { notes, ..sort(op, arrays).map_err(in_file)? })
 }
 
 /// Adds `--profile` and `--set` to the settings of a file.
@@ -195,7 +251,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
             .got(options.out.display().to_string()));
     }
     let in_file = |e: Error| e.within(options.input.display().to_string());
-    let Sorted { call: mut request, notes } = sort(op, npz::read(&options.input)?).map_err(in_file)?;
+    let Sorted { call: mut request, notes } = read(op, &options.input)?;
     add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;
     request.plan = options.plan.as_deref().map(npz::read).transpose()?;
     request.dump = options.dump;

@@ -163,7 +163,7 @@ impl Experiment for StructureFromImages {
         let trained = training.finish()?;
         let verdict = evaluation::of(&trained, &data, &Some(graph.adjacency))?;
         let mut values = measured(&trained, &verdict, &truth);
-        trained.write(&self.dir.join(MODELS).join(format!("{}.safetensors", trial.key())), &[])?;
+        trained.write(&self.dir.join(MODELS).join(format!("{}.safetensors", trial.key())))?;
         let _ = std::fs::remove_file(&checkpoint);
         values.insert("space".into(), verdict.space_error);
         values.insert("colour".into(), verdict.colour_error);

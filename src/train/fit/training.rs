@@ -6,11 +6,13 @@
 //! that there is no generator to store, and a resumed fit is bit-identical to an uninterrupted one.
 //!
 //! A checkpoint is one safetensors file: the arrays of [`Fit::save`], the history under `history/…`, and the
-//! text metadata `kind`, `version`, `iteration`, `settings`. It is replaced atomically: after an interruption
+//! text metadata `kind`, `version`, `iteration`, `settings` and `digest`. The digest is that of all arrays, so a
+//! changed array is refused. The file is replaced atomically: after an interruption
 //! at any moment the last complete one is on disk.
 
 use crate::io::safetensors;
 use crate::num::array::Arrays;
+use crate::num::bits::Digest;
 use crate::{Error, Result};
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -212,12 +214,25 @@ pub fn save(fit: &dyn Fit, history: &History, path: &Path) -> Result<()> {
     arrays.put("history/loss", &[history.len()], history.loss.clone());
     arrays.put("history/size", &[history.len()], history.size.clone());
     let meta = BTreeMap::from([
+        ("digest".to_owned(), digest(&arrays)),
         ("kind".to_owned(), fit.kind().to_owned()),
         ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("iteration".to_owned(), history.len().to_string()),
         ("settings".to_owned(), fit.settings().to_string()),
     ]);
     safetensors::write(path, &arrays, &meta)
+}
+
+/// Digest of names, shapes and bits of arrays, as text.
+fn digest(arrays: &Arrays) -> String {
+    let mut digest = Digest::new();
+    for (name, array) in &arrays.0 {
+        digest.bytes(name.as_bytes());
+        digest.bytes(array.dtype().as_bytes());
+        array.shape().iter().for_each(|&n| digest.u64(n as u64));
+        crate::with_array!(array, a => a.iter().for_each(|x| digest.bytes(&x.to_le_bytes())));
+    }
+    format!("{:016x}", digest.value())
 }
 
 /// Loads a checkpoint into a fit made with the same settings and returns the history so far.
@@ -250,6 +265,13 @@ fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) 
         .to_i64()
         .and_then(|v| v.into_iter().map(|n| i32::try_from(n).ok()).collect())
         .ok_or_else(|| Error::input("array 'history/size'").expected("counts below 2³¹"))?;
+    let found = digest(arrays);
+    if *text("digest")? != found {
+        return Err(Error::input("digest of the arrays")
+            .expected(text("digest")?.as_str())
+            .got(found)
+            .hint("the file was changed after it was written; start over with --force"));
+    }
     let iteration = text("iteration")?;
     if loss.len() != size.len() || loss.len().to_string() != *iteration || loss.len() > fit.iterations() {
         return Err(Error::input("array 'history/loss'")
@@ -381,6 +403,11 @@ mod tests {
         let e = resume(&mut other, &path).expect_err("another seed").to_string();
         assert!(e.contains("seed: expected 7 as in the checkpoint, got 8"), "{e}");
         let full = std::fs::read(&path).expect("written");
+        let mut changed = full.clone();
+        *changed.last_mut().expect("not empty") ^= 1;
+        std::fs::write(&path, &changed).expect("a changed array");
+        let e = resume(&mut toy(), &path).expect_err("one bit of an array was changed").to_string();
+        assert!(e.contains("digest of the arrays") && e.contains("was changed"), "{e}");
         std::fs::write(&path, &full[..full.len() / 2]).expect("truncated");
         assert!(resume(&mut toy(), &path).is_err(), "a truncated file is an error");
         assert!(resume(&mut toy(), &dir.path().join("none")).is_err(), "a missing file is an error");

@@ -30,7 +30,8 @@ fn word(item: usize) -> u64 {
 #[test]
 fn densities_integrate_to_one_and_are_those_of_the_table() {
     for (w, h) in [(2, 1), (1, 1), (16, 8), (7, 5), (1024, 512)] {
-        let sky = Sky::new(&uneven(w, h));
+        let map = uneven(w, h);
+        let sky = Sky::new(&map);
         let p = if sky.is_black() {
             Sky::new(&Environment::constant([1.0; 3])).probabilities()
         } else {
@@ -62,18 +63,20 @@ fn densities_integrate_to_one_and_are_those_of_the_table() {
 #[test]
 fn draws_follow_their_density() {
     let (w, h, fine) = (16, 8, 4);
-    let sky = Sky::new(&uneven(w, h));
+    let map = uneven(w, h);
+    let sky = Sky::new(&map);
     let p = sky.probabilities();
     let (coarse, _) = solid_angles(w, h);
     let (omega, _) = solid_angles(w * fine, h * fine);
     let n = 400_000;
     let mut count = vec![0_u32; w * h * fine * fine];
-    let ruler = Sky::new(&uneven(w * fine, h * fine));
+    let fine_map = uneven(w * fine, h * fine);
+    let ruler = Sky::new(&fine_map);
     for i in 0..n {
         let d = sky.draw(word(i), [uniform(i, 30), uniform(i, 31)]).expect("not black");
         assert!((dot(d.towards, d.towards) - 1.0).abs() < 1e-6, "unit");
         assert!(d.towards[2].abs() < 1.0, "never the pole: {:?}", d.towards);
-        count[ruler.texel_of(d.towards)] += 1;
+        count[ruler.cell_of(d.towards)] += 1;
     }
     let (mut chi2, mut bins) = (0.0, 0);
     for (b, &c) in count.iter().enumerate() {
@@ -158,8 +161,10 @@ fn a_constant_map_gives_irradiance_pi() {
             assert!(off.abs() <= 1e-6, "normal {n:?}, channel {k}: irradiance {e} of radiance {}", light[k]);
         }
     }
-    let sky = Sky::new(&Environment::constant([2.5, 0.5, 1.0]));
-    let big = Sky::new(&Environment { width: 8, height: 4, radiance: vec![[2.5, 0.5, 1.0]; 32] });
+    let map = Environment::constant([2.5, 0.5, 1.0]);
+    let sky = Sky::new(&map);
+    let map = Environment { width: 8, height: 4, radiance: vec![[2.5, 0.5, 1.0]; 32] };
+    let big = Sky::new(&map);
     for i in 0..100 {
         let d = on_sphere(i, 10);
         assert_eq!(sky.radiance(d), [2.5, 0.5, 1.0], "constant everywhere");
@@ -181,7 +186,8 @@ fn all_texel_centres_are_those_of_each() {
 
 #[test]
 fn a_black_map_is_no_light() {
-    let sky = Sky::new(&Environment { width: 8, height: 4, radiance: vec![[0.0; 3]; 32] });
+    let map = Environment { width: 8, height: 4, radiance: vec![[0.0; 3]; 32] };
+    let sky = Sky::new(&map);
     assert!(sky.is_black(), "it says so");
     assert!(sky.draw(7, [0.5, 0.5]).is_none(), "nothing is drawn");
     assert!(sky.probabilities().is_empty(), "no table");
@@ -190,7 +196,8 @@ fn a_black_map_is_no_light() {
 
 #[test]
 fn look_ups_are_continuous_at_the_seam_and_at_the_poles() {
-    let sky = Sky::new(&uneven(16, 8));
+    let map = uneven(16, 8);
+    let sky = Sky::new(&map);
     let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() <= 2e-3 * (1.0 + a[k].abs()));
     for k in 1..40 {
         let z = (k as f32 / 20.0 - 1.0) * 0.999;
@@ -223,7 +230,8 @@ fn look_ups_are_continuous_at_the_seam_and_at_the_poles() {
 
 #[test]
 fn eight_have_the_bits_of_one() {
-    let sky = Sky::new(&uneven(33, 17));
+    let map = uneven(33, 17);
+    let sky = Sky::new(&map);
     for i in (0..800).step_by(8) {
         let towards: [f32x8; 3] =
             std::array::from_fn(|k| f32x8::new(std::array::from_fn(|l| on_sphere(i + l, 11)[k])));
@@ -242,5 +250,41 @@ fn eight_have_the_bits_of_one() {
                 assert_eq!(drawn[k].to_array()[l], one.towards[k], "draw {}", i + l);
             }
         }
+    }
+}
+
+/// A large map has a table of cells. Here the table is small instead: sizes that divide the map, and others.
+#[test]
+fn a_table_of_cells_integrates_to_one_and_finds_all_light() {
+    for (w, h, most) in [(16, 8, 32), (33, 17, 50), (64, 32, 1)] {
+        let map = uneven(w, h);
+        let (sky, full) = (Sky::with_cells(&map, most), Sky::new(&map));
+        let [columns, rows] = sky.cells();
+        assert!(columns * rows <= most && full.cells() == [w, h], "{columns}×{rows} cells for {w}×{h}");
+        let (p, omega) = (sky.probabilities(), solid_angles(columns, rows).0);
+        assert!(
+            (p.iter().fold(0.0, |a, b| a + b) - 1.0).abs() <= 1e-12,
+            "{w}×{h}: the probabilities sum to 1"
+        );
+        for t in 0..columns * rows {
+            let density = f64::from(sky.density(texel_center(columns, rows, t / columns, t % columns)));
+            let gap = (density * omega[t / columns] - p[t]).abs();
+            assert!(gap <= 1e-7 * p[t] + 1e-14, "{w}×{h}, cell {t}: density {density}, probability {}", p[t]);
+        }
+        // The light of the whole sphere, by draws from either table.
+        let n = 200_000;
+        let light = |sky: &Sky<'_>| {
+            let (mut sum, mut square) = (0.0, 0.0);
+            for i in 0..n {
+                let d = sky.draw(word(i), [uniform(i, 34), uniform(i, 35)]).expect("not black");
+                let x = f64::from(dot(full.radiance(d.towards), LUMINANCE) / d.density);
+                (sum, square) = (sum + x, square + x * x);
+            }
+            let mean = sum / n as f64;
+            (mean, (square / n as f64 - mean * mean) / n as f64)
+        };
+        let ((a, va), (b, vb)) = (light(&sky), light(&full));
+        println!("{w}×{h} in {columns}×{rows} cells: {a:.4}, in texels {b:.4}");
+        assert!((a - b).abs() <= 4.0 * (va + vb).sqrt(), "{w}×{h}: {a} by cells, {b} by texels");
     }
 }

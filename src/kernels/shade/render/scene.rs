@@ -15,7 +15,7 @@ pub struct Scene<'a> {
     pub(super) bvh: &'a Bvh,
     pub(super) lamps: &'a [Lamp],
     /// The map with its tables, if there is one.
-    pub(super) sky: Option<Sky>,
+    pub(super) sky: Option<Sky<'a>>,
     /// Whether some material transmits light.
     pub(super) transparent: bool,
     /// Whether some material emits light.
