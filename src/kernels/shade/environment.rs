@@ -26,7 +26,7 @@
 //! strips the two densities differ, which changes a weight of the balance heuristic by at most their ratio
 //! there, and a mean by less than 1e-7 of it.
 
-use super::alias::{Alias, alias, overlaps};
+use super::alias::{AliasTable, overlaps};
 use super::vector::dot;
 use crate::num::elem;
 use crate::num::lanes::{Real, f32x8};
@@ -96,7 +96,7 @@ struct Table {
     /// Cells per texel, horizontally and vertically; 1 unless the map is large.
     per_texel: [f32; 2],
     /// Alias table, shape (H·W).
-    alias: Vec<Alias>,
+    alias: AliasTable,
     /// Density of each cell per steradian, shape (H·W).
     density: Vec<f32>,
     /// Rows of cells, shape (H).
@@ -201,18 +201,13 @@ impl<'a> Sky<'a> {
     fn rows_of_weights(&self, mut take: impl FnMut(usize, &[f64])) {
         let (w, h) = (self.width, self.height);
         let omega = solid_angles(w, h).0;
-        let luminance = |t: [f32; 3]| {
-            let t = t.map(f64::from);
-            let k = LUMINANCE.map(f64::from);
-            (k[0] * t[0] + k[1] * t[1]) + k[2] * t[2]
-        };
         // Means over texels: ⅛, ¾, ⅛ horizontally; the same vertically, or ¼ pole where there is no further
         // row.
         let across = |i: usize| -> Vec<f64> {
-            let lum: Vec<f64> = self.radiance[i * w..][..w].iter().map(|t| luminance(*t)).collect();
+            let lum: Vec<f64> = self.radiance[i * w..][..w].iter().map(|t| luminance_f64(*t)).collect();
             (0..w).map(|j| 0.125 * (lum[(j + w - 1) % w] + lum[(j + 1) % w]) + 0.75 * lum[j]).collect()
         };
-        let poles = self.poles.map(luminance);
+        let poles = self.poles.map(luminance_f64);
         let (mut above, mut here, mut row) = (Vec::new(), across(0), vec![0.0; w]);
         for i in 0..h {
             let below = if i + 1 < h { across(i + 1) } else { Vec::new() };
@@ -250,7 +245,7 @@ impl<'a> Sky<'a> {
             })
             .collect();
         let per_texel = [w as f32 / self.width as f32, h as f32 / self.height as f32];
-        Some(Table { size, per_texel, alias: alias(&weights, total), density, rows })
+        Some(Table { size, per_texel, alias: AliasTable::new(&weights, total), density, rows })
     }
 
     /// Whether the map is black, so that no direction can be drawn.
@@ -272,13 +267,7 @@ impl<'a> Sky<'a> {
     /// Returns the probability with which [`Self::draw`] chooses each cell, computed from its alias table;
     /// empty for a black map.
     pub fn probabilities(&self) -> Vec<f64> {
-        let Some(table) = &self.table else { return Vec::new() };
-        let n = table.alias.len() as f64;
-        let mut p: Vec<f64> = table.alias.iter().map(|a| a.own / n).collect();
-        for a in &table.alias {
-            p[a.other as usize] += (1.0 - a.own) / n;
-        }
-        p
+        self.table.as_ref().map_or_else(Vec::new, |table| table.alias.probabilities())
     }
 
     /// Returns the position of directions in the map: columns and rows from 0 to W and H.
@@ -375,20 +364,10 @@ impl<'a> Sky<'a> {
         (radiance.map(f32x8::new), f32x8::new(density))
     }
 
-    /// Returns the cell chosen by a 64-bit word, for [`Self::draw8`].
-    #[inline]
-    fn choose(&self, table: &Table, word: u64) -> usize {
-        let wide = u128::from(word) * table.alias.len() as u128;
-        let (i, rest) = ((wide >> 64) as usize, wide as u64);
-        let entry = table.alias[i];
-        let fraction = (rest >> 12) as f64 * (1.0 / 4_503_599_627_370_496.0);
-        if fraction < entry.own { i } else { entry.other as usize }
-    }
-
     /// Draws a direction from a word and two uniforms; returns `None` for a black map.
     pub fn draw(&self, word: u64, u: [f32; 2]) -> Option<MapSample> {
         let table = self.table.as_ref()?;
-        let cell = self.choose(table, word);
+        let cell = table.alias.choose(word);
         let (turn, versine, half) = self.inside(table, cell, u);
         Some(MapSample { towards: direction(turn, versine, half), density: table.density[cell], cell })
     }
@@ -400,7 +379,7 @@ impl<'a> Sky<'a> {
         let table = self.table.as_ref()?;
         let (mut turn, mut versine, mut half, mut density) = ([0.0; 8], [0.0; 8], [0.0; 8], [0.0; 8]);
         for l in 0..8 {
-            let cell = self.choose(table, words[l]);
+            let cell = table.alias.choose(words[l]);
             (turn[l], versine[l], half[l]) = self.inside(table, cell, [u[0][l], u[1][l]]);
             density[l] = table.density[cell];
         }
@@ -426,6 +405,13 @@ fn direction<L: Real>(turn: L, versine: L, half: L) -> [L; 3] {
     let sin = (versine * (s(2.0) - versine)).max(s(0.0)).sqrt();
     let azimuth = turn * s(TAU);
     [sin * elem::sin(azimuth), sin * elem::cos(azimuth), half * (s(1.0) - versine)]
+}
+
+/// Returns the luminance of linear RGB in f64, for tables.
+pub(super) fn luminance_f64(c: [f32; 3]) -> f64 {
+    let c = c.map(f64::from);
+    let k = LUMINANCE.map(f64::from);
+    (k[0] * c[0] + k[1] * c[1]) + k[2] * c[2]
 }
 
 /// Returns the luminance of linear RGB.

@@ -8,6 +8,7 @@
 //!                      over_black   background replaced by black
 //! light                environment  look-up and sampling of a latitude–longitude map
 //!                      axes         a map for testing orientation
+//!                      alias        draws in proportion to weights
 //! images               render       paths through a scene
 //!                      surface      hits to positions, normals and materials
 //!                      sample       directions for a BRDF

@@ -71,7 +71,7 @@ fn uv_at(object: &Object, hit: &Hit) -> [f32; 2] {
 
 /// Returns the material of a hit.
 #[inline]
-fn material_at<'a>(object: &'a Object, hit: &Hit) -> &'a material::Material {
+pub(super) fn material_at<'a>(object: &'a Object, hit: &Hit) -> &'a material::Material {
     &object.materials[usize::from(object.material_of[hit.triangle as usize])]
 }
 
@@ -99,12 +99,21 @@ pub(super) fn emission(object: &Object, hit: &Hit) -> [f32; 3] {
 
 /// Returns the start of a ray that passes through a hit, on its far side.
 pub(super) fn beyond(object: &Object, hit: &Hit, towards: [f32; 3]) -> [f32; 3] {
-    let [p0, p1, p2] = object.mesh.corners(hit.triangle as usize);
-    let (e1, e2) = (sub(p1, p0), sub(p2, p0));
-    let face = unit(cross_direction(e1, e2)).0;
-    let step = OFFSET * reach(&[p0, p1, p2]);
+    let (face, step) = (face(object, hit.triangle), offset(object, hit.triangle));
     let step = if dot(face, towards) < 0.0 { -step } else { step };
-    add(add(p0, add(scale(e1, hit.u), scale(e2, hit.v))), scale(face, step))
+    add(position(object, hit), scale(face, step))
+}
+
+/// Returns the unit normal of a triangle, on the side from which its corners are counter-clockwise; 0 if it
+/// has no area.
+pub(super) fn face(object: &Object, triangle: u32) -> [f32; 3] {
+    let [p0, p1, p2] = object.mesh.corners(triangle as usize);
+    unit(cross_direction(sub(p1, p0), sub(p2, p0))).0
+}
+
+/// Returns the offset of rays that leave a triangle.
+pub(super) fn offset(object: &Object, triangle: u32) -> f32 {
+    OFFSET * reach(&object.mesh.corners(triangle as usize))
 }
 
 /// Returns the position of a hit.

@@ -1,5 +1,6 @@
 //! Materials and light: operators against golden arrays and closed forms, the environment as a light, pictures of paths.
 
+mod emitters;
 mod environment;
 mod limits;
 mod operators;

@@ -2,13 +2,14 @@
 //!
 //! ```text
 //! per sample   pixel → ray → hit ─┬─ one light, drawn: the map by brightness or a lamp (next-event estimation)
+//!                                 ├─ one point of an emissive triangle, drawn by power
 //!                                 └─ one direction, drawn for the BRDF → next hit, or the map
 //! ```
 //!
 //! * Both ways of reaching the map are combined with the balance heuristic (Veach 1997): with densities p_l
 //!   (times the probability c of choosing the map among the lights) and p_b, a direction found either way
-//!   contributes f·cos·L/(c·p_l + p_b) of the throughput. Lamps have no extent, so only their own samples
-//!   find them. Emissive triangles are found only by BRDF sampling.
+//!   contributes f·cos·L/(c·p_l + p_b) of the throughput. Emission is found in two ways as well, with the
+//!   density p_e of `emitters` and c = 1. Lamps have no extent, so only their own samples find them.
 //! * `bounces` is the number of surfaces after the first that light may be reflected by: 0 is direct light.
 //!   There is no Russian roulette.
 //! * Light is reflected only on the visible side of the face: directions that only the shading normal allows
@@ -25,7 +26,8 @@
 //! * Every random number is a function of (seed, pixel y·2³² + x, sample, vertex), so the value of a pixel
 //!   depends neither on tiles, nor on threads, nor on which other pixels are rendered.
 //! * A draw is one Philox block, all four words of which are used: for a light sample (x₁, x₀) select light
-//!   and texel, x₂ and x₃ the position in it; for a BRDF sample x₀ selects the lobe, x₁ and x₂ the direction.
+//!   and texel, x₂ and x₃ the position in it, and for a sample of an emitter the triangle and the position in
+//!   it; for a BRDF sample x₀ selects the lobe, x₁ and x₂ the direction.
 //!
 //! # Files
 //! | file | contents |
@@ -34,14 +36,16 @@
 //! | `work`, `points`, `tracer` | state: the paths of a batch, eight points that are shaded together, data shared by all paths |
 //! | `lobes` | evaluation and sampling of the BRDF for eight points |
 //! | `visibility` | rays through transparent surfaces, and shadow rays |
-//! | `light`, `scatter` | the light sample and the BRDF sample of a vertex |
+//! | `emitters` | emissive triangles: points drawn by power, and their density |
+//! | `light`, `scatter` | the light samples and the BRDF sample of a vertex |
 //! | `trace` | traversal of a batch of paths |
 //! | `tile` | camera rays, and means over the samples of a pixel |
 //!
 //! # Rounding
 //! All values are f32. Radiance of a sample: emission and map in the order of the vertices; within a vertex
-//! the light sample, then the BRDF sample. A pixel is a left fold over its samples, divided once.
+//! the light sample, the sample of an emitter, then the BRDF sample. A pixel is a left fold over its samples, divided once.
 
+mod emitters;
 mod light;
 mod lobes;
 mod passes;

@@ -1,4 +1,4 @@
-//! One vertex of up to eight paths: emission, a light sample, a BRDF sample.
+//! One vertex of up to eight paths: emission, light samples, a BRDF sample.
 
 use super::lobes::Lobes;
 use super::points::{Points, Vertex, pick};
@@ -31,9 +31,10 @@ impl Tracer<'_> {
         if scene.emissive {
             let glow = mul(throughput, points.surface.emission).map(f32x8::to_array);
             for l in 0..points.count {
+                let weight = self.weight_of_emission(work, eight[l] as usize);
                 let out = &mut work.radiance[points.paths[l].slot as usize];
                 for c in 0..3 {
-                    out[c] += glow[c][l];
+                    out[c] += weight * glow[c][l];
                 }
             }
         }
@@ -41,6 +42,9 @@ impl Tracer<'_> {
         let vertex = Vertex { number, points: &points, lobes, throughput };
         if scene.lights() > 0 {
             self.sample_light(&vertex, &mut work.shadow);
+        }
+        if let Some(emitters) = &scene.emitters {
+            self.sample_emitter(&vertex, emitters, &mut work.shadow);
         }
         let last = number == self.settings.bounces;
         if last && !scene.lit_by_sky() && !scene.emissive {
@@ -105,7 +109,7 @@ impl<const LAMBERT: bool> Vertex<'_, LAMBERT> {
             }
             next.push(
                 Ray { origin: pick(&start, l), direction: pick(&ways, l), t_max: f32::INFINITY },
-                Path { throughput, density: density[l], ..self.points.paths[l] },
+                Path { throughput, density: density[l], passed: 0.0, ..self.points.paths[l] },
             );
         }
     }

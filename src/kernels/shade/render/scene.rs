@@ -1,5 +1,6 @@
 //! The validated scene: an object, its tree and its light.
 
+use super::emitters::Emitters;
 use crate::geometry::bvh::Bvh;
 use crate::scene::light::{Lamp, Lights, MAX_RADIANCE};
 use crate::scene::material::Alpha;
@@ -20,10 +21,12 @@ pub struct Scene<'a> {
     pub(super) transparent: bool,
     /// Whether some material emits light.
     pub(super) emissive: bool,
+    /// The triangles that emit light, if there are any.
+    pub(super) emitters: Option<Emitters>,
 }
 
 impl<'a> Scene<'a> {
-    /// Validates object and light and computes the tables of the map. `bvh` must be built from the object's
+    /// Validates object and light and computes the tables of the map and of emissive triangles. `bvh` must be built from the object's
     /// mesh.
     ///
     /// # Errors
@@ -49,10 +52,12 @@ impl<'a> Scene<'a> {
             sky: lights.environment.as_ref().map(Sky::new),
             transparent: object.materials.iter().any(|m| m.alpha != Alpha::Opaque),
             emissive: object.materials.iter().any(|m| m.emission != [0.0; 3]),
+            emitters: Emitters::new(object),
         })
     }
 
     /// Returns the number of lights from which one is drawn per vertex: the map unless black, and the lamps.
+    /// Emissive triangles are drawn in addition.
     pub(super) fn lights(&self) -> usize {
         self.lamps.len() + usize::from(self.lit_by_sky())
     }

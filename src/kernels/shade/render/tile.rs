@@ -109,7 +109,7 @@ impl Job<'_> {
                     if let Some((origin, direction)) = ray {
                         work.front.push(
                             Ray { origin, direction, t_max: f32::INFINITY },
-                            Path { slot, pixel, sample, throughput: [1.0; 3], density: 0.0 },
+                            Path { slot, pixel, sample, throughput: [1.0; 3], density: 0.0, passed: 0.0 },
                         );
                     }
                     slot += 1;

@@ -43,11 +43,12 @@ impl Tracer<'_> {
             let vertex = self.settings.bounces + 1;
             self.meet(work, vertex);
             for &k in &work.met {
+                let weight = self.weight_of_emission(work, k as usize);
                 let path = &work.front.paths[k as usize];
                 let emission = surface::emission(scene.object, &work.hits[k as usize]);
                 let out = &mut work.radiance[path.slot as usize];
                 for c in 0..3 {
-                    out[c] += path.throughput[c] * emission[c];
+                    out[c] += path.throughput[c] * (weight * emission[c]);
                 }
             }
         }
@@ -62,7 +63,8 @@ impl Tracer<'_> {
         scene.bvh.closest_batch(&work.front.rays, &mut work.hits);
         if scene.transparent {
             for k in 0..work.front.rays.len() {
-                self.pass_through(&mut work.front.rays[k], &mut work.hits[k], &work.front.paths[k], vertex);
+                let Front { rays, paths } = &mut work.front;
+                self.pass_through(&mut rays[k], &mut work.hits[k], &mut paths[k], vertex);
             }
         }
         work.met.clear();

@@ -9,6 +9,7 @@ pub(super) const CAMERA: u16 = 0x0505;
 pub(super) const LIGHT: u16 = 0x0502;
 pub(super) const SCATTER: u16 = 0x0503;
 pub(super) const OPACITY: u16 = 0x0504;
+pub(super) const EMITTER: u16 = 0x0506;
 
 /// Traces paths through a scene. Its methods are in the files `visibility`, `light`, `scatter` and `trace`.
 pub(super) struct Tracer<'a> {

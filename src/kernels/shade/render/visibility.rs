@@ -11,7 +11,7 @@ const LAYERS: u16 = 256;
 
 impl Tracer<'_> {
     /// Moves a ray on through surfaces that transmit it.
-    pub(super) fn pass_through(&self, ray: &mut Ray, hit: &mut Hit, path: &Path, vertex: u32) {
+    pub(super) fn pass_through(&self, ray: &mut Ray, hit: &mut Hit, path: &mut Path, vertex: u32) {
         for layer in 0..LAYERS {
             if hit.triangle == MISS {
                 return;
@@ -27,6 +27,7 @@ impl Tracer<'_> {
                     return;
                 }
             }
+            path.passed += hit.t;
             ray.origin = surface::beyond(self.scene.object, hit, ray.direction);
             *hit = self.scene.bvh.closest(ray);
         }

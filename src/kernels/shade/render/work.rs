@@ -15,6 +15,8 @@ pub(super) struct Path {
     pub(super) throughput: [f32; 3],
     /// Density of the current direction; 0 for camera rays, which no light sample competes with.
     pub(super) density: f32,
+    /// Distance from the last vertex to the start of the ray, which is behind the transparent surfaces passed.
+    pub(super) passed: f32,
 }
 
 /// Paths and their current rays.
