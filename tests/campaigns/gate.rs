@@ -30,6 +30,52 @@ fn damaged_files_are_refused_or_read() {
     assert_eq!(report.faults(), 0, "faults, listed above");
 }
 
+/// A program that reads its valid file and is wrong about every other one, in a way that depends on the size of the file.
+const WRONG: &str = r#"#!/bin/sh
+[ "$(cat "$1" 2>/dev/null)" = "valid 1" ] && exit 0
+size=$(wc -c 2>/dev/null <"$1" || echo 0)
+case $((size % 6)) in
+0) exit 101 ;;
+1) kill -9 $$ ;;
+2) printf 'error: %s: \033[31mred\n' "$1" >&2; exit 2 ;;
+3) echo 'error: bad' >&2; exit 2 ;;
+4) touch out; echo "error: $1: bad" >&2; exit 2 ;;
+5) echo 'memory allocation of 9 bytes failed' >&2; kill -6 $$ ;;
+esac
+"#;
+
+#[test]
+fn a_wrong_program_is_found_out() {
+    use std::os::unix::fs::PermissionsExt;
+    let scratch = folder();
+    let path = scratch.path().join("wrong.sh");
+    std::fs::write(&path, WRONG).expect("written");
+    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).expect("made executable");
+    let base = bases::Base {
+        format: "text",
+        files: [("a.txt".to_owned(), b"valid 1".to_vec())].into(),
+        damaged: vec!["a.txt".into()],
+        commands: vec!["{file}"],
+        share: 1,
+        same_digest: false,
+        optional: false,
+    };
+    let settings = |jobs| mutation::Settings { seed: 3, first: 0, runs: 60, jobs };
+    let run = |jobs| {
+        let report = mutation::run(&Program::new(&path), &mut vec![base.clone()], &settings(jobs), scratch.path(), &|_| {});
+        report.expect("files and processes")
+    };
+    let report = run(2);
+    println!("{report}");
+    for (column, name) in mutation::COLUMNS.iter().enumerate().skip(mutation::FAULTS) {
+        // It always ends, and prints no digest.
+        let never = ["time", "digest"].contains(name);
+        assert_eq!(report.total(column) > 0, !never, "faults of the column '{name}'");
+    }
+    assert_eq!(report.faults(), report.findings.len() as u64, "every fault is listed with its case");
+    assert_eq!(run(1).to_string(), report.to_string(), "the same cases on any number of workers");
+}
+
 #[test]
 fn an_interrupted_command_goes_on_to_the_same_result() {
     let (program, scratch) = (program(), folder());
