@@ -148,7 +148,8 @@ fn judge(base: &Base, case: &Case, e: &Execution, changed: &[String], digest: Op
                 return (8, Some(format!("{errors} lines of error")));
             }
             let last = |name: &str| name.rsplit('/').next().unwrap_or(name).to_owned();
-            if reported || text.contains(&last(&case.file)) {
+            // A body model is one file or a folder of several; an error about what they give together names the model.
+            if reported || text.contains(&last(&case.file)) || text.contains("body model") {
                 return (REFUSED, None);
             }
             let parts = base.files.keys().flat_map(|n| n.split('/')).filter(|p| p.len() > 2);

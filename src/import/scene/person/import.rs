@@ -197,11 +197,13 @@ impl<'a> Body<'a> {
                     .expected(format!("{} points, as the person at rest has", points.len()))
                     .got(model.template.len().to_string()));
             }
-            None => shaped(model, &source.betas)?,
+            None => shaped(model, &source.betas).map_err(|e| e.within("body model"))?,
         };
         // PeopleSnapshot's person at rest wears clothes; its joints are those of the body underneath.
         let joints = match source.layout {
-            Layout::PeopleSnapshot => joints(model, &shaped(model, &source.betas)?),
+            Layout::PeopleSnapshot => {
+                joints(model, &shaped(model, &source.betas).map_err(|e| e.within("body model"))?)
+            }
             _ => joints(model, &rest),
         };
         let rotations = source.moments.iter().map(|m| {
