@@ -1,7 +1,7 @@
 //! The OpenEXR part of [`super::image_file`].
 
-use super::guard;
 use super::image_data::{Encoding, Picture, Samples, check_size};
+use super::{guard, memory};
 use crate::{Error, Result};
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding as ExrEncoding, FlatSamples, Image, Layer,
@@ -44,6 +44,11 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
                 .got("fewer"));
         }
     }
+    // All layers as they are decoded, and the samples of the first in f32.
+    let decoded = meta.headers.iter().fold(0, |n, h| {
+        n + h.layer_size.x() as u64 * h.layer_size.y() as u64 * h.channels.list.len() as u64 * 4
+    });
+    memory::check(name, decoded.saturating_mul(2))?;
     let image = read()
         .no_deep_data()
         .largest_resolution_level()
@@ -64,7 +69,7 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
         list.sort_by(|a, b| a.0.cmp(&b.0));
     }
     let count = list.len();
-    let mut samples = vec![0.0f32; width * height * count];
+    let mut samples = memory::filled(name, width * height * count, 0.0f32)?;
     for (c, (channel, data)) in list.iter().enumerate() {
         if data.len() != width * height {
             let e = Error::input(name).at(format!("channel {channel}"));

@@ -4,7 +4,7 @@
 //! and so is a row that is too short or too long.
 
 use super::bytes::Cursor;
-use super::{MAX_FILE_BYTES, name_of, read_bytes};
+use super::{MAX_FILE_BYTES, memory, name_of, read_bytes};
 use crate::num::order;
 use crate::{Error, Result};
 use std::path::Path;
@@ -224,6 +224,11 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Ply> {
     for d in &declared {
         check_size(d, ply.format, body.len(), name)?;
     }
+    // A value is held in four or eight bytes.
+    let values = declared
+        .iter()
+        .fold(0_u64, |n, d| n.saturating_add(d.element.rows as u64 * d.properties.len() as u64));
+    memory::check(name, values.saturating_mul(8))?;
     match ply.format {
         Format::Ascii => ascii(&mut declared, body, lines, name)?,
         f => binary(&mut declared, bytes, body_at, f == Format::BigEndian, name)?,

@@ -39,7 +39,7 @@ mod twin;
 
 pub use call::{Call, RunResult, Settings};
 pub use checked::run;
-pub use op::{Case, Checked, Op, Width};
+pub use op::{Case, CheckedCall, Op, Width};
 pub use reference::inputs::Dims;
 pub use reference::ports::{Compare, Dtype, Kind, Port, SettingSpec, Signature, Space, Stage};
 pub use reference::settings::Setting;

@@ -5,12 +5,16 @@ use super::lens;
 use crate::io::capture::{Capture, Frame, Lens, Split, read_capture};
 use crate::io::gaussian_ply::Points;
 use crate::io::image_file::{self, Encoding, Picture};
+use crate::io::memory;
 use crate::num::{order, par};
 use crate::{Error, Result};
 use std::path::Path;
 
 /// One view in this many is held out, in the order of their names: index mod 8 == 0.
 pub const TEST_EVERY: usize = 8;
+
+/// Bytes of a pixel of a view with a mask.
+const PIXEL_BYTES: u64 = 4;
 
 /// How photos are loaded.
 #[derive(Clone, Debug, PartialEq)]
@@ -129,6 +133,11 @@ impl Views {
             // A single photo is used for training and for evaluation.
             train = test.clone();
         }
+        let shrink = (options.downscale * options.downscale) as u64;
+        let pixels =
+            frames.iter().filter_map(|f| f.size).fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink);
+        memory::check("photos", pixels.saturating_mul(PIXEL_BYTES))
+            .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
         let views = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
             .collect::<Result<Vec<View>>>()?;

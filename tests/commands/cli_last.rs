@@ -78,6 +78,8 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     refused(&pretrain(&["--out", "model", "--resume", "--seed", "1"]), at, 2, &["seed"]);
     let threads = json(&pretrain(&["--out", "one", "--json", "--threads", "1"]), at);
     assert_eq!(threads["digest"], made["digest"], "one thread: the same model");
+    let bytes = |dir: &str| std::fs::read(at.join(dir).join("model.safetensors")).expect("written");
+    assert!(bytes("model") == bytes("one"), "the file does not depend on the command line");
 
     let tuned = json(
         &[
@@ -132,6 +134,16 @@ fn bad_input_is_refused() {
     refused(&pretrain(&["--out", "m", "--framing", "half"]), at, 2, &["person, whole"]);
     refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["NAME=VALUE"]);
     refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["NAME=VALUE"]);
+    // A record from which the true graph cannot be read.
+    let record = std::fs::read(at.join("data/dataset.json")).expect("a record");
+    for (bytes, part) in
+        [(&record[..record.len() / 2], "JSON"), (br#"{"adjacency": [[0, 1], [0]]}"#, "adjacency")]
+    {
+        std::fs::write(at.join("data/dataset.json"), bytes).expect("writable");
+        refused(&pretrain(&["--out", "m"]), at, 2, &["dataset.json", part]);
+        assert!(!at.join("m").exists(), "nothing was trained");
+    }
+    std::fs::write(at.join("data/dataset.json"), record).expect("writable");
     std::fs::remove_dir_all(at.join("data/interventions")).expect("removed");
     refused(&pretrain(&["--out", "m"]), at, 2, &["interventions"]);
     let o = lastlight(&pretrain(&["--out", "m", "--supervision", "none", "--quiet"]), at);
@@ -153,6 +165,19 @@ fn bad_input_is_refused() {
     let fit = |more: &[&'static str]| [&["last", "fit", "data/video", "--out", "f"], more].concat();
     for word in [&["--lambda", "0.1"][..], &["--density", "or"], &["--no-progressive"]] {
         refused(&fit(word), at, 2, &["required arguments"]);
+    }
+    // A model of another skeleton.
+    let path = at.join("m/model.safetensors");
+    let mut file = safetensors::read(&path).expect("a model");
+    let joints = file.arrays.need("skeleton").expect("recorded").len();
+    file.arrays.put("skeleton", &[joints + 1], vec![-1_i64; joints + 1]);
+    safetensors::write(&at.join("other.safetensors"), &file.arrays, &file.metadata).expect("written");
+    let counts = [format!("{joints} joints"), format!("{} joints", joints + 1)];
+    for command in [
+        &["last", "fit", "data/video", "--out", "f", "--model", "other.safetensors"][..],
+        &["last", "tune", "other.safetensors", "data/video", "--out", "t"],
+    ] {
+        refused(command, at, 2, &["--model: skeleton", &counts[0], &counts[1]]);
     }
     // A graph with a cycle.
     let path = at.join("m/model.safetensors");

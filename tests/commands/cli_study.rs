@@ -1,4 +1,4 @@
-//! `last study` at the command line: a tiny study with a tiny model runs, goes on where it stopped, says what it cannot run.
+//! `last study` at the command line: a tiny study with a tiny model runs, continues after an interruption, and lists experiments that cannot run.
 
 use crate::lpips_weights::torchvision;
 use crate::program::{json, lastlight, refused};
@@ -39,7 +39,7 @@ fn files(dir: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn a_small_study_runs_and_goes_on_where_it_stopped() {
+fn a_small_study_runs_and_continues_after_an_interruption() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
     model(at);
@@ -81,7 +81,7 @@ fn a_small_study_runs_and_goes_on_where_it_stopped() {
     refused(&study("part", &[]), at, 2, &["new or empty folder"]);
     let stored = json(&study("part", &["--resume", "--report-only"]), at);
     let outcome = |i: usize| stored["experiments"][i]["outcome"].as_str().unwrap_or("").to_owned();
-    assert_eq!([outcome(0), outcome(1)], ["not run"; 2], "without a calibration E1 says nothing");
+    assert_eq!([outcome(0), outcome(1)], ["not run"; 2], "E1 needs the calibration");
     assert!(!at.join("part/seconds.csv").is_file(), "nothing was run");
     json(&study("part", &["--resume", "--threads", "1"]), at);
     let part = cells("part");
@@ -143,7 +143,7 @@ fn weights_of_lpips_add_columns_and_cells_of_their_own() {
 }
 
 #[test]
-fn structure_from_pictures_is_measured() {
+fn structure_from_images_is_measured() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
     let study = |more: &[&str]| {
@@ -155,10 +155,10 @@ fn structure_from_pictures_is_measured() {
     let rows: Vec<Vec<String>> = serde_json::from_value(made["rows"].clone()).expect("rows of text");
     let names: Vec<&str> = rows.iter().map(|r| r[0].as_str()).collect();
     let wanted = ["FORK NL groups", "FORK NL pairs", "FULL NL groups", "FULL NL pairs"];
-    assert_eq!(names, wanted.map(|name| format!("{name} pictures")), "two graphs, told in two ways");
+    assert_eq!(names, wanted.map(|name| format!("{name} images")), "two graphs, two kinds of supervision");
     assert_ne!(made["outcome"], "holds", "four steps find nothing");
-    let sets = std::fs::read_dir(at.join("s/sets")).expect("pictures").count();
-    assert_eq!(sets, 2, "one set a graph, whatever is told");
+    let sets = std::fs::read_dir(at.join("s/sets")).expect("a folder").count();
+    assert_eq!(sets, 2, "one set per graph for all kinds of supervision");
     assert_eq!(
         study(&["--resume", "--report-only"])["rows"],
         made["rows"],

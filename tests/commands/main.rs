@@ -17,6 +17,7 @@ mod person;
 mod program;
 #[path = "../common/python.rs"]
 mod python;
+mod robust;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod streams;

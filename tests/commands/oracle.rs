@@ -13,7 +13,7 @@ fn lastlight(args: &[&str]) -> (i32, String, String) {
 }
 
 #[test]
-fn the_command_line_says_the_same_with_its_exit_code() {
+fn the_command_line_reports_the_same_with_its_exit_code() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     let (code, out, _) = lastlight(&["oracle", "list", "--json"]);
@@ -49,7 +49,7 @@ fn the_command_line_says_the_same_with_its_exit_code() {
     assert_eq!(
         lastlight(&["gradcheck", "loss.mse", "--in", &path("g/loss.l1_0.npz")]).0,
         0,
-        "at somebody's inputs"
+        "at user-supplied inputs"
     );
     assert_eq!(lastlight(&["gradcheck"]).0, 2, "nothing to check");
 }
@@ -57,7 +57,7 @@ fn the_command_line_says_the_same_with_its_exit_code() {
 /// A program in the shell, around our own binary: right, and with the gradient that ignores the cap of α.
 #[cfg(unix)]
 #[test]
-fn somebody_elses_program_is_checked() {
+fn a_user_supplied_program_is_checked() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
     let binary = env!("CARGO_BIN_EXE_lastlight");
@@ -93,6 +93,11 @@ fn somebody_elses_program_is_checked() {
     assert!(right.passed, "{right}");
     let wrong = check(&arrays.clone().with("setting_inria_bwd", &[], vec![1.0]), &command).expect("it runs");
     assert!(!wrong.passed, "this gradient is not the derivative:\n{wrong}");
+    let text = wrong.to_string();
+    assert!(
+        text.contains(": yours ") && text.contains(", finite difference "),
+        "worst entries are labelled: {text}"
+    );
     let e = check(&arrays, "false").expect_err("a program that fails");
     assert!(e.to_string().contains("exit code 0"), "{e}");
     assert!(check(&arrays, "/nonexistent/program").is_err(), "a program that is not there");

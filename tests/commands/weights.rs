@@ -24,7 +24,7 @@ fn the_shipped_model_is_the_recorded_one() {
     assert!(shipped::BYTES.len() <= MOST_BYTES, "{} bytes, at most {MOST_BYTES}", shipped::BYTES.len());
     let trained = shipped::figure().expect("a model");
     assert_eq!(trained.digest().expect("no NaN"), recorded(), "the digest of its page");
-    let Input::Picture { side } = trained.model.encoder.input() else { panic!("a model of pictures") };
+    let Input::Picture { side } = trained.model.encoder.input() else { panic!("a model of images") };
     assert!(side == 64, "pictures of 64 pixels");
     assert_eq!((trained.model.sizes.factors, trained.settings.width), (4, 4), "four factors of four numbers");
     assert!(trained.graph.is_acyclic(), "a graph without cycles");

@@ -151,7 +151,7 @@ fn culling_and_tile_size_do_not_show() {
 fn profiles_differ_only_in_their_constants() {
     type Change = (&'static str, fn(&mut Profile));
     let gsplat = Profile::GSPLAT;
-    // What §9 of the specification tells apart; each back to gsplat's.
+    // The constants in which the profiles differ, each set back to that of gsplat.
     let changes: [Change; 4] = [
         ("stop", |p| p.stop = Profile::GSPLAT.stop),
         ("near", |p| p.near = Profile::GSPLAT.near),

@@ -150,14 +150,13 @@ fn arrays_are_those_of_the_layout() {
     assert!(report.sortabilities.len() == 3 && report.record["complete"] == true, "the record is complete");
 }
 
-/// Silhouettes of the three looks. The specification asks for two point renderers and a surface over the same skeleton, not for a number, so the
-/// bounds say what the geometry says:
+/// Silhouettes of the three renderings: splats, discs and a mesh over the same skeleton. The bounds follow from the geometry:
 ///
-/// * a splat of σ = 0.6 and a disc of 0.9 spacings stand off the body alike, but the splat's soft rim still covers half a pixel outside
-///   the disc's edge (blur of 0.3 px², opacities that add up): discs lie within splats, splats within the pixels next to discs;
-/// * discs stand 0.9 spacings off the capsules, surfaces lie within those (limbs are thinner than their capsules, trousers do not fill the
-///   band that the skirt's points hang on): the surface lies within the discs but for shoes, which points do not have. What is
-///   left over shrinks with the spacing, so the overlap grows with the number of points.
+/// * a splat of σ = 0.6 and a disc of 0.9 spacings extend beyond the body by the same distance, but the soft edge of the splat covers
+///   another half pixel (blur of 0.3 px², opacities that add up): discs lie within splats, splats within the pixels next to discs;
+/// * discs extend 0.9 spacings beyond the capsules, the mesh lies within the capsules (limbs are thinner than their capsules, trousers do
+///   not fill the band of the points of the skirt): the mesh lies within the discs except for shoes, which have no points. The
+///   remaining difference shrinks with the spacing, so the overlap grows with the number of points.
 #[test]
 fn both_point_renderers_and_surfaces_show_the_same_person() {
     const SIDE: usize = 64;
@@ -248,7 +247,7 @@ fn settings_out_of_range_are_refused() {
     video.validate().expect("no set is made");
     (video.set, video.set_size, video.count, video.video_size) = ("observational".into(), 64, 1, 9999);
     video.validate().expect("no video is made");
-    assert_eq!(Settings::smoke().points, 1024, "the smallest template of the specification");
+    assert_eq!(Settings::smoke().points, 1024, "the smallest template");
 }
 
 #[test]
@@ -319,7 +318,7 @@ fn pictures_have_seeds_of_their_own() {
 }
 
 #[test]
-fn cameras_of_sets_and_video_are_those_of_the_specification() {
+fn cameras_of_sets_and_video_have_the_documented_positions() {
     use data_gen::figure::video;
     use lastlight::scene::camera::Model;
     use lastlight::scene::from_data_gen;

@@ -38,7 +38,7 @@ fn numbers(bytes: &[u8]) -> Arr<f64> {
     Arr::new(&shape, data)
 }
 
-/// All arrays of a golden file; without the file says so and gives `None`.
+/// All arrays of a golden file; without the file prints a note and returns `None`.
 pub(crate) fn golden(name: &str) -> Option<Named<f64>> {
     let file = format!("{name}.npz");
     let Some(path) = find(&file) else {

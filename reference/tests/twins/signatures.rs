@@ -1,4 +1,4 @@
-//! The signatures say what the twins do: names, shapes and element types of everything that is written.
+//! Signatures match the twins: names, shapes and element types of everything that is written.
 
 use std::collections::BTreeSet;
 

@@ -11,11 +11,11 @@ use crate::shared::{ForceArgs, MetricArgs};
 use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::shipped;
+use lastlight_study::last::images::{self, StructureFromImages};
 use lastlight_study::last::learn::{self, Learning};
 use lastlight_study::last::person::constants::{Calibration, Constants, Search};
 use lastlight_study::last::person::experiments::{self, CLAIMS};
 use lastlight_study::last::person::setup::{self, Model, Setup};
-use lastlight_study::last::pictures::{self, StructureFromImages};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -84,11 +84,11 @@ pub(crate) struct Args {
 }
 
 impl Args {
-    fn sizes(&self) -> (learn::Size, pictures::Size, setup::Size) {
+    fn sizes(&self) -> (learn::Size, images::Size, setup::Size) {
         match (self.quick, self.smoke) {
-            (true, _) => (learn::Size::quick(), pictures::Size::quick(), setup::Size::quick()),
-            (_, true) => (learn::Size::smoke(), pictures::Size::smoke(), setup::Size::smoke()),
-            _ => (learn::Size::full(), pictures::Size::full(), setup::Size::full()),
+            (true, _) => (learn::Size::quick(), images::Size::quick(), setup::Size::quick()),
+            (_, true) => (learn::Size::smoke(), images::Size::smoke(), setup::Size::smoke()),
+            _ => (learn::Size::full(), images::Size::full(), setup::Size::full()),
         }
     }
 

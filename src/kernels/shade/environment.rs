@@ -14,7 +14,7 @@
 //! there is no division by Σ w = 0.
 //!
 //! # Cells
-//! The table has one entry per texel, for a map of up to 2²² texels. The cells of a larger map's table are texels
+//! The table has one entry per texel, for a map of up to 2²³ texels. The cells of a larger map's table are texels
 //! of a coarser map of at most that size: w of a texel is divided among the cells it overlaps, in proportion.
 //! Only the choice of directions is coarser; radiance is that of the map.
 //!
@@ -114,7 +114,7 @@ impl Table {
 }
 
 /// Largest number of cells of a table.
-const CELLS: usize = 1 << 22;
+const CELLS: usize = 1 << 23;
 
 /// An environment map prepared for look-ups and sampling.
 #[derive(Clone, Debug)]

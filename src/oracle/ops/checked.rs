@@ -1,7 +1,7 @@
 //! A call checked against the signature of its operator.
 
 use super::call::{Call, RunResult, Settings, convert, list, rows};
-use super::op::{Checked, Op};
+use super::op::{CheckedCall, Op};
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
 use reference::inputs::Dims;
@@ -41,7 +41,7 @@ fn setting(spec: &SettingSpec, given: &Setting) -> Result<Setting> {
     }
 }
 
-impl<'a> Checked<'a> {
+impl<'a> CheckedCall<'a> {
     /// Checks a call for a run in f32 (`single`) or f64.
     ///
     /// # Errors
@@ -261,6 +261,6 @@ impl<'a> Checked<'a> {
 /// # Errors
 /// Invalid input.
 pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
-    let checked = Checked::new(op, call, true)?;
+    let checked = CheckedCall::new(op, call, true)?;
     (op.run)(&checked)
 }

@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, CheckedCall, Op, Width};
 use crate::geometry::trace;
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
@@ -26,7 +26,7 @@ fn rows(flat: &[f32]) -> Vec<[f32; 3]> {
     flat.as_chunks().0.to_vec()
 }
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     let vertices = x.dim("V");
     let index = x.f64s("triangles");
     if let Some(i) = index.iter().position(|&i| !(0.0 <= i && i < vertices as f64)) {
@@ -43,7 +43,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     }
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let triangles: Vec<[u32; 3]> =
         x.f64s("triangles").as_chunks().0.iter().map(|t: &[f64; 3]| t.map(|i| i as u32)).collect();
     let out = trace::forward(&trace::In {
@@ -59,7 +59,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn predict(_: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict(_: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { infinite: vec!["t".to_owned()], ..Prediction::default() })
 }
 

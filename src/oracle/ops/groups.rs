@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, CheckedCall, Op, Width};
 use crate::loss::groups::{self, In, InBar, Out};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
@@ -34,7 +34,7 @@ struct Arrays {
 }
 
 impl Arrays {
-    fn of(x: &Checked<'_>) -> Result<Self> {
+    fn of(x: &CheckedCall<'_>) -> Result<Self> {
         x.rule("target", "a factor, 0 or more", |i| i >= 0.0)?;
         Ok(Self {
             values: ["after", "eps", "eps_after"].map(|name| x.f64s(name)),
@@ -53,14 +53,14 @@ impl Arrays {
     }
 }
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("G") == 0 {
         return Err(Error::input("array 'target'").expected("at least one group").got("none"));
     }
     Arrays::of(x)?.input().check()
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let arrays = Arrays::of(x)?;
     let input = arrays.input();
     let out = groups::forward(&input)?;
@@ -90,7 +90,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Factors that were not set do not affect the codes; factors that were set do not affect the causes.
-fn predict(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let target = x.f64s("target");
     let [m, n, k] = ["M", "N", "K"].map(|letter| x.dim(letter));
     let is_set = |i: usize| target[i / (m * n * k)] == (i / k % n) as f64;

@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_zeros};
+use super::op::{Case, CheckedCall, Op, Width, no_zeros};
 use crate::loss::latent::{self, Half};
 use crate::{Error, Result};
 
@@ -22,7 +22,7 @@ pub(super) static LATENT: Op = Op {
 
 const NOISE: [&str; 3] = ["noise", "noise_real", "noise_spread"];
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     let given = NOISE.map(|name| x.has(name));
     if given != [given[0]; 3] {
         return Err(Error::input("array 'noise'").expected(format!("all of {} or none", NOISE.join(", "))));
@@ -34,7 +34,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     x.rule("noise_spread", "above 0", |s| s > 0.0)
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let factors = ["factors", "factors_real", "factors_spread"].map(|name| x.f64s(name));
     let noise = NOISE.map(|name| x.f64s(name));
     fn half([x, real, spread]: &[Vec<f64>; 3]) -> Half<'_> {

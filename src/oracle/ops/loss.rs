@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op};
+use super::op::{Case, CheckedCall, Op};
 use crate::Result;
 use crate::loss::{self, l1, mse, ssim};
 use crate::tape::check::Prediction;
@@ -34,7 +34,7 @@ pub(super) static SSIM: Op = Op {
     ..entry(&reference::loss::ssim::SIGNATURE)
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     x.rule("mask", "0 or 1", |m| m == 0.0 || m == 1.0)?;
     let kept = !x.has("mask") || x.f64s("mask").contains(&1.0);
     if !kept || x.dim("H") * x.dim("W") == 0 {
@@ -45,7 +45,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
 
 /// Forward and adjoint of one loss through the same steps: value, then gradients of both images.
 fn run<S>(
-    x: &Checked<'_>,
+    x: &CheckedCall<'_>,
     forward: impl Fn(&loss::In<'_>) -> Result<(f32, S)>,
     adjoint: impl Fn(&loss::In<'_>, &S, f32, &mut [f32], Option<&mut [f32]>),
 ) -> Result<RunResult> {
@@ -64,19 +64,19 @@ fn run<S>(
     Ok(ran)
 }
 
-fn run_l1(x: &Checked<'_>) -> Result<RunResult> {
+fn run_l1(x: &CheckedCall<'_>) -> Result<RunResult> {
     run(x, l1::forward, l1::adjoint)
 }
 
-fn run_mse(x: &Checked<'_>) -> Result<RunResult> {
+fn run_mse(x: &CheckedCall<'_>) -> Result<RunResult> {
     run(x, mse::forward, mse::adjoint)
 }
 
-fn run_ssim(x: &Checked<'_>) -> Result<RunResult> {
+fn run_ssim(x: &CheckedCall<'_>) -> Result<RunResult> {
     run(x, ssim::forward, ssim::adjoint)
 }
 
-fn zeros(x: &Checked<'_>, also: impl Fn(f64, f64) -> bool) -> Prediction {
+fn zeros(x: &CheckedCall<'_>, also: impl Fn(f64, f64) -> bool) -> Prediction {
     let (a, b, mask) = (x.f64s("x"), x.f64s("y"), x.f64s("mask"));
     let channels = a.len() / (x.dim("H") * x.dim("W"));
     let left_out = |i: usize| mask.get(i / channels) == Some(&0.0);
@@ -87,11 +87,11 @@ fn zeros(x: &Checked<'_>, also: impl Fn(f64, f64) -> bool) -> Prediction {
     }
 }
 
-fn left_out(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn left_out(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(zeros(x, |_, _| false))
 }
 
-fn left_out_or_equal(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn left_out_or_equal(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(zeros(x, |a, b| a == b))
 }
 

@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_zeros};
+use super::op::{Case, CheckedCall, Op, Width, no_zeros};
 use crate::loss::lpips::{self, CONVOLUTIONS, POOLED, Plan, TAPS, Weights};
 use crate::num::array::Arrays;
 use crate::num::array::entries;
@@ -23,7 +23,7 @@ pub(super) static LPIPS: Op = Op {
     case,
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     let given = lpips::names().iter().filter(|name| x.has(name)).count();
     if given != 0 && given != lpips::names().len() {
         let missing: Vec<String> = lpips::names().into_iter().filter(|name| !x.has(name)).collect();
@@ -41,7 +41,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
 }
 
 /// Shapes (2, H, W, C) at every convolution and every max pooling.
-fn shapes(x: &Checked<'_>, weights: &Weights) -> (Vec<[usize; 4]>, Vec<[usize; 4]>) {
+fn shapes(x: &CheckedCall<'_>, weights: &Weights) -> (Vec<[usize; 4]>, Vec<[usize; 4]>) {
     let sizes = lpips::sizes(x.dim("H"), x.dim("W"));
     let of = |k: usize, channels: usize| [2, sizes[k][0], sizes[k][1], channels];
     let relu = (0..CONVOLUTIONS.len()).map(|k| of(k, weights.layers[k].outputs)).collect();
@@ -75,7 +75,7 @@ fn given(plan: &Arrays, relu: &[[usize; 4]], pool: &[[usize; 4]]) -> Result<Plan
     })
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let weights =
         if x.has("features.0.weight") { Weights::from_arrays(&x.inputs)? } else { Weights::by_formula() };
     let (a, b) = (x.f32s("x"), x.f32s("y"));

@@ -2,13 +2,13 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op};
+use super::op::{Case, CheckedCall, Op};
 use crate::shade::{diffuse, gain, over_black};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 
 /// An input of three numbers.
-fn three(x: &Checked<'_>, name: &str) -> [f32; 3] {
+fn three(x: &CheckedCall<'_>, name: &str) -> [f32; 3] {
     x.rows::<3>(name)[0]
 }
 
@@ -19,7 +19,7 @@ pub(super) static DIFFUSE: Op = Op {
     ..Op::new(&reference::shade::diffuse::SIGNATURE, run_diffuse, case_diffuse)
 };
 
-fn run_diffuse(x: &Checked<'_>) -> Result<RunResult> {
+fn run_diffuse(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (sh, normals, n) = (x.f32s("sh"), x.rows::<3>("normals"), x.dim("N"));
     let input = diffuse::In { sh: &sh, normals: &normals, toward: three(x, "toward") };
     let (colors, shades) = diffuse::forward(&input);
@@ -35,7 +35,7 @@ fn run_diffuse(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Colours below their lower limit have no gradient.
-fn unlit(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn unlit(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let black = x.f32s("sh").into_iter().map(|c| !diffuse::is_lit(c)).collect();
     Ok(Prediction { zeros: [("sh".to_owned(), black)].into(), ..Prediction::default() })
 }
@@ -72,14 +72,14 @@ fn case_diffuse(case: usize) -> Case {
 pub(super) static GAIN: Op =
     Op { check: check_gain, ..Op::new(&reference::shade::gain::SIGNATURE, run_gain, case_image) };
 
-fn check_gain(x: &Checked<'_>) -> Result<()> {
+fn check_gain(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("H") * x.dim("W") == 0 {
         return Err(Error::input("array 'image'").expected("at least one pixel").got("none"));
     }
     x.rule("gain", "a number of at most 88, whose exponential is in the range of f32", |g| g <= 88.0)
 }
 
-fn run_gain(x: &Checked<'_>) -> Result<RunResult> {
+fn run_gain(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (alpha, shape) = (x.f32s("alpha"), x.shape("image"));
     let input = gain::In { alpha: &alpha, background: three(x, "background"), gain: three(x, "gain") };
     let mut lit = x.f32s("image");
@@ -117,7 +117,7 @@ fn case_image(case: usize) -> Case {
 pub(super) static OVER_BLACK: Op =
     Op::new(&reference::shade::over_black::SIGNATURE, run_over_black, case_over_black);
 
-fn run_over_black(x: &Checked<'_>) -> Result<RunResult> {
+fn run_over_black(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (alpha, shape, background) = (x.f32s("alpha"), x.shape("image"), three(x, "background"));
     let mut image = x.f32s("image");
     over_black::forward(&alpha, background, &mut image);

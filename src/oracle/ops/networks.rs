@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op};
+use super::op::{Case, CheckedCall, Op};
 use crate::nn::{decoder, mlp, softmax, window::Window};
 use crate::num::array::Array;
 use crate::num::order;
@@ -19,7 +19,7 @@ pub(super) static MLP: Op = Op {
 };
 
 /// Outputs and inputs of every layer, and the layer that also takes the input.
-fn sizes(x: &Checked<'_>) -> Result<(Vec<[usize; 2]>, Option<usize>)> {
+fn sizes(x: &CheckedCall<'_>) -> Result<(Vec<[usize; 2]>, Option<usize>)> {
     let (widths, skip) = (x.f64s("widths"), x.number("skip").unwrap_or(0.0));
     let wrong = |got: String| {
         Error::input("array 'widths'")
@@ -47,7 +47,7 @@ fn sizes(x: &Checked<'_>) -> Result<(Vec<[usize; 2]>, Option<usize>)> {
     Ok((layers, skip))
 }
 
-fn run_mlp(x: &Checked<'_>) -> Result<RunResult> {
+fn run_mlp(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (layers, skip) = sizes(x)?;
     let (rows, weights, biases, m) = (x.f32s("x"), x.f32s("weights"), x.f32s("biases"), x.dim("M"));
     let (mut w, mut b) = (&weights[..], &biases[..]);
@@ -136,7 +136,7 @@ fn case_mlp(case: usize) -> Case {
 pub(super) static SOFTMAX: Op =
     Op { check: check_softmax, ..Op::new(&reference::nn::softmax::SIGNATURE, run_softmax, case_softmax) };
 
-fn check_softmax(x: &Checked<'_>) -> Result<()> {
+fn check_softmax(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("K") == 0 {
         return Err(Error::input("array 'x'").expected("at least one column").got("none"));
     }
@@ -154,7 +154,7 @@ fn check_softmax(x: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-fn run_softmax(x: &Checked<'_>) -> Result<RunResult> {
+fn run_softmax(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (logits, base, shape) = (x.f32s("x"), x.f32s("base"), x.shape("x"));
     let floor = x.number("floor").unwrap_or(0.0) as f32;
     let y = softmax::forward(&softmax::In { x: &logits, base: &base, floor, k: x.dim("K") });
@@ -192,7 +192,7 @@ pub(super) static DECODER: Op = Op {
     ..Op::new(&reference::nn::decoder::SIGNATURE, run_decoder, case_decoder)
 };
 
-fn check_decoder(x: &Checked<'_>) -> Result<()> {
+fn check_decoder(x: &CheckedCall<'_>) -> Result<()> {
     if ["B", "Q", "D", "H0", "H1", "H2", "O"].iter().all(|letter| x.dim(letter) > 0) {
         return Ok(());
     }
@@ -205,7 +205,7 @@ fn check_decoder(x: &Checked<'_>) -> Result<()> {
 const PARAMETERS: [&str; 9] =
     ["point", "latent", "bias0", "weight1", "bias1", "weight2", "bias2", "weight3", "bias3"];
 
-fn run_decoder(x: &Checked<'_>) -> Result<RunResult> {
+fn run_decoder(x: &CheckedCall<'_>) -> Result<RunResult> {
     let p = PARAMETERS.map(|name| x.f32s(name));
     let params = decoder::Params {
         sizes: decoder::Sizes {
@@ -349,12 +349,12 @@ pub(super) static WINDOW: Op = Op {
 };
 
 /// The square (left, top, side) in pixels, and the side of the window in pixels.
-fn square(x: &Checked<'_>) -> Result<([f64; 3], usize)> {
+fn square(x: &CheckedCall<'_>) -> Result<([f64; 3], usize)> {
     let (corner, length) = (x.f64s("corner"), x.inputs.scalar("length")?);
     Ok(([corner[0], corner[1], length], x.number("side").unwrap_or(4.0) as usize))
 }
 
-fn check_window(x: &Checked<'_>) -> Result<()> {
+fn check_window(x: &CheckedCall<'_>) -> Result<()> {
     let side = x.number("side").unwrap_or(4.0);
     if !(1.0..=4096.0).contains(&side) || side != side.trunc() {
         return Err(Error::input("setting side")
@@ -364,7 +364,7 @@ fn check_window(x: &Checked<'_>) -> Result<()> {
     x.rule("length", "a length above 0", |a| a > 0.0)
 }
 
-fn run_window(x: &Checked<'_>) -> Result<RunResult> {
+fn run_window(x: &CheckedCall<'_>) -> Result<RunResult> {
     let ([left, top, length], side) = square(x)?;
     let (image, [height, width]) = (x.f32s("image"), [x.dim("H"), x.dim("W")]);
     let window = Window::new(side, [height, width], [left, top], length);
@@ -379,7 +379,7 @@ fn run_window(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Pixels outside the square have no gradient.
-fn outside(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn outside(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let ([left, top, length], _) = square(x)?;
     let meets = |from: f64, pixel: usize| pixel as f64 + 1.0 > from && (pixel as f64) < from + length;
     let width = x.dim("W");

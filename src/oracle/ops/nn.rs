@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_zeros};
+use super::op::{Case, CheckedCall, Op, Width, no_zeros};
 use crate::nn::{act, conv, linear};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
@@ -23,11 +23,11 @@ pub(super) static LINEAR: Op = Op {
 };
 
 /// The slope of the leaky ReLU that follows a layer, if it is set.
-fn slope_behind(x: &Checked<'_>) -> Option<f32> {
+fn slope_behind(x: &CheckedCall<'_>) -> Option<f32> {
     x.number("slope").map(|slope| slope as f32)
 }
 
-fn check_slope(x: &Checked<'_>) -> Result<()> {
+fn check_slope(x: &CheckedCall<'_>) -> Result<()> {
     match slope_behind(x) {
         Some(slope) if !(slope >= 0.0 && slope.is_finite()) => Err(Error::input("setting slope")
             .expected("not negative, within the range of f32")
@@ -36,7 +36,7 @@ fn check_slope(x: &Checked<'_>) -> Result<()> {
     }
 }
 
-fn run_linear(x: &Checked<'_>) -> Result<RunResult> {
+fn run_linear(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (m, n, k) = (x.dim("M"), x.dim("N"), x.dim("K"));
     let (rows, weight, bias) = (x.f32s("x"), x.f32s("weight"), x.f32s("bias"));
     let input = linear::In { x: &rows, weight: &weight, bias: &bias, m, n, k };
@@ -92,11 +92,11 @@ pub(super) static LEAKY_RELU: Op = Op {
     case: case_leaky_relu,
 };
 
-fn slope(x: &Checked<'_>) -> f64 {
+fn slope(x: &CheckedCall<'_>) -> f64 {
     x.number("slope").unwrap_or(0.2)
 }
 
-fn check_leaky_relu(x: &Checked<'_>) -> Result<()> {
+fn check_leaky_relu(x: &CheckedCall<'_>) -> Result<()> {
     let slope = slope(x);
     if (slope as f32).is_finite() {
         return Ok(());
@@ -104,7 +104,7 @@ fn check_leaky_relu(x: &Checked<'_>) -> Result<()> {
     Err(Error::input("setting slope").expected("a number within the range of f32").got(format!("{slope:e}")))
 }
 
-fn run_leaky_relu(x: &Checked<'_>) -> Result<RunResult> {
+fn run_leaky_relu(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (shape, values, slope) = (x.shape("x"), x.f32s("x"), slope(x) as f32);
     let mut y = vec![0.0; values.len()];
     act::leaky_relu(&values, slope, &mut y);
@@ -148,7 +148,7 @@ pub(super) static CONV: Op = Op {
 /// Largest stride and pad.
 const MOST: f64 = 65_536.0;
 
-fn conv_shape(x: &Checked<'_>) -> Result<conv::Shape> {
+fn conv_shape(x: &CheckedCall<'_>) -> Result<conv::Shape> {
     let whole = |key: &str, default: f64, least: f64| {
         let given = x.number(key).unwrap_or(default);
         if given >= least && given <= MOST && given == given.trunc() {
@@ -170,7 +170,7 @@ fn conv_shape(x: &Checked<'_>) -> Result<conv::Shape> {
     })
 }
 
-fn check_conv(x: &Checked<'_>) -> Result<()> {
+fn check_conv(x: &CheckedCall<'_>) -> Result<()> {
     check_slope(x)?;
     let shape = conv_shape(x)?;
     if shape.channels == 0 {
@@ -184,7 +184,7 @@ fn check_conv(x: &Checked<'_>) -> Result<()> {
         .got(format!("{}x{}", shape.kernel[0], shape.kernel[1])))
 }
 
-fn run_conv(x: &Checked<'_>) -> Result<RunResult> {
+fn run_conv(x: &CheckedCall<'_>) -> Result<RunResult> {
     let shape = conv_shape(x)?;
     let (images, weight, bias) = (x.f32s("x"), x.f32s("weight"), x.f32s("bias"));
     let input = conv::In { x: &images, weight: &weight, bias: &bias, shape };
@@ -222,7 +222,7 @@ fn run_conv(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Pixels that no output reads, between strides or beyond the last, have no gradient.
-fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn unread(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let shape = conv_shape(x)?;
     let read = |size: usize, kernel: usize, outputs: usize| -> Vec<bool> {
         let sees =

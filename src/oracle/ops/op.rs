@@ -54,11 +54,11 @@ pub struct Op {
     /// estimates
     pub work_ns: [f64; 2],
     /// checks rules that the patterns of the ports cannot express
-    pub check: fn(&Checked<'_>) -> Result<()>,
+    pub check: fn(&CheckedCall<'_>) -> Result<()>,
     /// the shipped operator
-    pub run: fn(&Checked<'_>) -> Result<RunResult>,
+    pub run: fn(&CheckedCall<'_>) -> Result<RunResult>,
     /// predicted zeros of its gradient, from a checked call and its run with plan and intermediates
-    pub predict: fn(&Checked<'_>, &RunResult) -> Result<Prediction>,
+    pub predict: fn(&CheckedCall<'_>, &RunResult) -> Result<Prediction>,
     /// number of generated cases
     pub cases: usize,
     /// generated case `i < cases`: small, asymmetric, without accidental zeros
@@ -70,7 +70,7 @@ impl Op {
     /// predicted zeros; other values are set by struct update.
     pub(super) const fn new(
         signature: &'static Signature,
-        run: fn(&Checked<'_>) -> Result<RunResult>,
+        run: fn(&CheckedCall<'_>) -> Result<RunResult>,
         case: fn(usize) -> Case,
     ) -> Self {
         Self {
@@ -104,7 +104,7 @@ impl std::fmt::Debug for Op {
 
 /// A call whose arrays have the right names, shapes, element types and finite values.
 #[derive(Debug)]
-pub struct Checked<'a> {
+pub struct CheckedCall<'a> {
     /// the operator
     pub op: &'static Op,
     /// the original call
@@ -120,11 +120,11 @@ pub struct Checked<'a> {
 }
 
 /// Checks nothing beyond the patterns.
-pub(super) fn no_rule(_: &Checked<'_>) -> Result<()> {
+pub(super) fn no_rule(_: &CheckedCall<'_>) -> Result<()> {
     Ok(())
 }
 
 /// Predicts no zeros.
-pub(super) fn no_zeros(_: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+pub(super) fn no_zeros(_: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction::default())
 }

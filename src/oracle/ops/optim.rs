@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_rule, no_zeros};
+use super::op::{Case, CheckedCall, Op, Width, no_rule, no_zeros};
 use crate::optim::{adam, adamw};
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -25,7 +25,7 @@ pub(super) static ADAM: Op = Op {
 pub(super) static ADAMW: Op =
     Op { signature: &reference::optim::adamw::SIGNATURE, check: no_rule, run: run_adamw, ..ADAM };
 
-fn no_decay(x: &Checked<'_>) -> Result<()> {
+fn no_decay(x: &CheckedCall<'_>) -> Result<()> {
     match x.number("weight_decay") {
         None | Some(0.0) => Ok(()),
         Some(w) => Err(Error::input("setting weight_decay")
@@ -35,7 +35,7 @@ fn no_decay(x: &Checked<'_>) -> Result<()> {
 }
 
 fn run(
-    x: &Checked<'_>,
+    x: &CheckedCall<'_>,
     weight_decay: f64,
     forward: impl Fn(&adam::In<'_>, &adam::Settings) -> Result<adam::Out>,
 ) -> Result<RunResult> {
@@ -89,11 +89,11 @@ fn counters(own: &[u32], global: bool, active: &[u8], rows: usize, steps: usize)
     (0..rows).map(|row| last(row).map_or(0, |s| s as i64 + 1)).collect()
 }
 
-fn run_adam(x: &Checked<'_>) -> Result<RunResult> {
+fn run_adam(x: &CheckedCall<'_>) -> Result<RunResult> {
     run(x, 0.0, adam::forward)
 }
 
-fn run_adamw(x: &Checked<'_>) -> Result<RunResult> {
+fn run_adamw(x: &CheckedCall<'_>) -> Result<RunResult> {
     run(x, x.number("weight_decay").unwrap_or(0.01), adamw::forward)
 }
 

@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, CheckedCall, Op, Width};
 use crate::loss::points::{self, In, Plan, Sigmas};
 use crate::num::array::Arrays;
 use crate::tape::check::Prediction;
@@ -23,7 +23,7 @@ pub(super) static POINTS: Op = Op {
     case,
 };
 
-fn input<'a>(x: &Checked<'_>, a: &'a [f32], b: &'a [f32]) -> In<'a> {
+fn input<'a>(x: &CheckedCall<'_>, a: &'a [f32], b: &'a [f32]) -> In<'a> {
     let default = Sigmas::default();
     let sigmas = Sigmas {
         xyz: x.number("sigma_x").unwrap_or(default.xyz),
@@ -32,11 +32,11 @@ fn input<'a>(x: &Checked<'_>, a: &'a [f32], b: &'a [f32]) -> In<'a> {
     In { x: a, y: b, batch: x.dim("B"), channels: [x.dim("D"), x.dim("E")], sigmas }
 }
 
-fn is_chamfer(x: &Checked<'_>) -> bool {
+fn is_chamfer(x: &CheckedCall<'_>) -> bool {
     x.word("mode") == Some("chamfer")
 }
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     let (a, b) = (x.f32s("x"), x.f32s("y"));
     let [p, q] = input(x, &a, &b).check()?;
     if is_chamfer(x) || p == q {
@@ -64,7 +64,7 @@ fn plan_of(arrays: &Arrays, batch: usize, p: usize, q: usize) -> Result<Plan> {
     Ok(Plan { nearest_x: rows("nearest_x", p)?, nearest_y: rows("nearest_y", q)? })
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (a, b) = (x.f32s("x"), x.f32s("y"));
     let (points, [p, q]) = (input(x, &a, &b), [x.dim("P"), x.dim("Q")]);
     let plan = match (is_chamfer(x), x.call.plan.as_ref()) {
@@ -92,7 +92,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Colours without a target colour have no gradient.
-fn colours_without_target(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn colours_without_target(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let [d, e] = [x.dim("D"), x.dim("E")];
     let zeros = (0..x.f32s("x").len()).map(|i| i % d >= e).collect();
     Ok(Prediction { zeros: [("x".to_owned(), zeros)].into(), ..Prediction::default() })

@@ -2,7 +2,7 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_zeros};
+use super::op::{Case, CheckedCall, Op, Width, no_zeros};
 use crate::Result;
 use crate::body::pose;
 
@@ -29,7 +29,7 @@ struct Arrays {
 }
 
 impl Arrays {
-    fn of(x: &Checked<'_>) -> Self {
+    fn of(x: &CheckedCall<'_>) -> Self {
         Self {
             pose: x.rows("pose"),
             captured: x.f32s("captured").as_chunks().0.as_chunks().0.to_vec(),
@@ -50,11 +50,11 @@ impl Arrays {
     }
 }
 
-fn check_pose(x: &Checked<'_>) -> Result<()> {
+fn check_pose(x: &CheckedCall<'_>) -> Result<()> {
     Arrays::of(x).input().check()
 }
 
-fn run_pose(x: &Checked<'_>) -> Result<RunResult> {
+fn run_pose(x: &CheckedCall<'_>) -> Result<RunResult> {
     let arrays = Arrays::of(x);
     let (input, n) = (arrays.input(), x.dim("J"));
     let (transforms, saved) = pose::forward(input)?;

@@ -2,7 +2,7 @@
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width, no_zeros};
+use super::op::{Case, CheckedCall, Op, Width, no_zeros};
 use crate::loss::{presence, prior};
 use crate::num::array::Arrays;
 use crate::tape::check::Prediction;
@@ -26,7 +26,7 @@ pub(super) static PRIOR: Op = Op {
     case: case_prior,
 };
 
-fn weights(x: &Checked<'_>) -> prior::Weights {
+fn weights(x: &CheckedCall<'_>) -> prior::Weights {
     let of = |key: &str| x.number(key).unwrap_or(0.0) as f32;
     prior::Weights {
         color: of("color"),
@@ -40,7 +40,7 @@ fn weights(x: &Checked<'_>) -> prior::Weights {
     }
 }
 
-fn check_prior(x: &Checked<'_>) -> Result<()> {
+fn check_prior(x: &CheckedCall<'_>) -> Result<()> {
     for key in ["color", "opacity", "scale", "round", "fill", "anchor", "solid"] {
         x.single(key, 0.0, |w| w >= 0.0, "not negative")?;
     }
@@ -61,7 +61,7 @@ fn check_prior(x: &Checked<'_>) -> Result<()> {
     x.rule("near", "-1, or the index of a Gaussian", |i| (-1.0..n).contains(&i))
 }
 
-fn run_prior(x: &Checked<'_>) -> Result<RunResult> {
+fn run_prior(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (means, scales_log, anchors) =
         (x.rows::<3>("means"), x.rows::<3>("scales_log"), x.rows::<3>("anchors"));
     let [logits, sh, gap] = ["opacity_logits", "sh", "gap"].map(|name| x.f32s(name));
@@ -98,7 +98,7 @@ fn run_prior(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Only the constant coefficients have a gradient.
-fn no_bands(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn no_bands(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let bands = (0..x.f32s("sh").len()).map(|i| i / 3 % x.dim("C") > 0).collect();
     Ok(Prediction { zeros: [("sh".to_owned(), bands)].into(), ..Prediction::default() })
 }
@@ -148,7 +148,7 @@ pub(super) static PRESENCE: Op = Op {
     case: case_presence,
 };
 
-fn check_presence(x: &Checked<'_>) -> Result<()> {
+fn check_presence(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("N") == 0 {
         return Err(Error::input("array 'opacity_logits'").expected("at least one Gaussian").got("none"));
     }
@@ -158,7 +158,7 @@ fn check_presence(x: &Checked<'_>) -> Result<()> {
     x.rule("scales_log", "a number of at most 88, whose exponential is in the range of f32", |s| s <= 88.0)
 }
 
-fn run_presence(x: &Checked<'_>) -> Result<RunResult> {
+fn run_presence(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (logits, scales, n) = (x.f32s("opacity_logits"), x.rows::<3>("scales_log"), x.dim("N"));
     let of = |key: &str| x.number(key).unwrap_or(0.01);
     let w = presence::Weights { opacity: of("opacity_weight"), scale: of("scale_weight") };

@@ -2,7 +2,7 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op};
+use super::op::{Case, CheckedCall, Op};
 use crate::body::pose::Affine;
 use crate::body::rest::{self, In, InBar, Out};
 use crate::tape::check::Prediction;
@@ -21,7 +21,7 @@ struct Arguments {
 }
 
 impl Arguments {
-    fn of(x: &Checked<'_>) -> Self {
+    fn of(x: &CheckedCall<'_>) -> Self {
         let canonical = || x.f32s("canonical").as_chunks().0.as_chunks().0.to_vec();
         Self {
             points: x.rows("points"),
@@ -43,14 +43,14 @@ impl Arguments {
     }
 }
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("K") == 0 {
         return Err(Error::input("array 'weights'").expected("at least one joint").got("none"));
     }
     Arguments::of(x).input().check()
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let given = Arguments::of(x);
     let (input, p) = (given.input(), given.points.len());
     let (out, saved) = rest::forward(&input);
@@ -75,7 +75,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Without `canonical`, the weights are not read.
-fn unread(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn unread(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let unread = (!x.has("canonical")).then(|| "weights".to_owned());
     Ok(Prediction { unread: unread.into_iter().collect(), ..Prediction::default() })
 }

@@ -2,7 +2,7 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, CheckedCall, Op, Width};
 use crate::num::array::Arrays;
 use crate::shade::{envmap, ggx};
 use crate::tape::check::Prediction;
@@ -38,7 +38,7 @@ pub(super) static ENVMAP: Op = Op {
 
 /// Checks that directions have unit length to 1e-3 and that material factors are 0 to 1; outside, K(c) has no
 /// real root.
-fn check_points(x: &Checked<'_>, directions: &[&str]) -> Result<()> {
+fn check_points(x: &CheckedCall<'_>, directions: &[&str]) -> Result<()> {
     let at = |name: &str, row: usize| Error::input("inputs").at(format!("array '{name}', row {row}"));
     for name in directions {
         let d = x.f64s(name);
@@ -56,11 +56,11 @@ fn check_points(x: &Checked<'_>, directions: &[&str]) -> Result<()> {
     Ok(())
 }
 
-fn check_ggx(x: &Checked<'_>) -> Result<()> {
+fn check_ggx(x: &CheckedCall<'_>) -> Result<()> {
     check_points(x, &["view", "light"])
 }
 
-fn check_envmap(x: &Checked<'_>) -> Result<()> {
+fn check_envmap(x: &CheckedCall<'_>) -> Result<()> {
     check_points(x, &["view"])
 }
 
@@ -72,7 +72,7 @@ fn put_bar(ran: &mut RunResult, p: usize, bar: ggx::InBar) {
     ran.gradients.put("metallic", &[p], bar.metallic);
 }
 
-fn start_bar(x: &Checked<'_>, p: usize) -> ggx::InBar {
+fn start_bar(x: &CheckedCall<'_>, p: usize) -> ggx::InBar {
     ggx::InBar {
         normal: x.start_rows("normal", p),
         albedo: x.start_rows("albedo", p),
@@ -81,7 +81,7 @@ fn start_bar(x: &Checked<'_>, p: usize) -> ggx::InBar {
     }
 }
 
-fn run_ggx(x: &Checked<'_>) -> Result<RunResult> {
+fn run_ggx(x: &CheckedCall<'_>) -> Result<RunResult> {
     let p = x.dim("P");
     let [normal, view, light, albedo] = ["normal", "view", "light", "albedo"].map(|name| x.rows::<3>(name));
     let (roughness, metallic) = (x.f32s("roughness"), x.f32s("metallic"));
@@ -105,7 +105,7 @@ fn run_ggx(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn run_envmap(x: &Checked<'_>) -> Result<RunResult> {
+fn run_envmap(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (p, h, w) = (x.dim("P"), x.dim("H"), x.dim("W"));
     let [normal, view, albedo, env] = ["normal", "view", "albedo", "env"].map(|name| x.rows::<3>(name));
     let (roughness, metallic) = (x.f32s("roughness"), x.f32s("metallic"));
@@ -139,7 +139,7 @@ fn faces(n: &[f64], d: &[f64]) -> bool {
 }
 
 /// Zeros of the points' gradients: all where `dark`, that of roughness also where α is at its bound.
-fn predict(x: &Checked<'_>, dark: &[bool]) -> BTreeMap<String, Vec<bool>> {
+fn predict(x: &CheckedCall<'_>, dark: &[bool]) -> BTreeMap<String, Vec<bool>> {
     let smooth = x.f64s("roughness").iter().map(|r| r * r < f64::from(ggx::ALPHA_MIN)).collect::<Vec<_>>();
     let three: Vec<bool> = dark.iter().flat_map(|d| [*d; 3]).collect();
     [
@@ -151,7 +151,7 @@ fn predict(x: &Checked<'_>, dark: &[bool]) -> BTreeMap<String, Vec<bool>> {
     .into()
 }
 
-fn predict_ggx(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict_ggx(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let [n, v, l] = ["normal", "view", "light"].map(|name| x.f64s(name));
     let row = |a: &[f64], i: usize| [a[3 * i], a[3 * i + 1], a[3 * i + 2]];
     let dark: Vec<bool> = (0..x.dim("P"))
@@ -164,7 +164,7 @@ fn predict_ggx(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
     })
 }
 
-fn predict_envmap(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict_envmap(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let [n, v] = ["normal", "view"].map(|name| x.f64s(name));
     let seen: Vec<bool> = n.chunks(3).zip(v.chunks(3)).map(|(n, v)| faces(n, v)).collect();
     let (h, w) = (x.dim("H"), x.dim("W"));

@@ -2,7 +2,7 @@
 
 use super::call::{RunResult, rows};
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, CheckedCall, Op, Width};
 use crate::body::skin::{self, In, InBar, Out};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
@@ -21,7 +21,7 @@ pub(super) static SKIN: Op = Op {
     case,
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("K") > 0 {
         return Ok(());
     }
@@ -32,7 +32,7 @@ fn flat<const K: usize>(rows: &[[f32; K]]) -> Vec<f32> {
     rows.as_flattened().to_vec()
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (p, k) = (x.dim("P"), x.dim("K"));
     let (points, weights, transforms) =
         (x.rows::<3>("points"), x.f32s("weights"), x.rows::<16>("transforms"));
@@ -65,7 +65,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn last_rows(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn last_rows(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let last = (0..16 * x.dim("K")).map(|i| i % 16 >= 12).collect();
     Ok(Prediction { zeros: [("transforms".to_owned(), last)].into(), ..Prediction::default() })
 }

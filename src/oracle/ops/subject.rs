@@ -1,7 +1,7 @@
 //! Adapter for the gradient checks: an operator with its twin at one set of inputs.
 
 use super::call::{Call, Settings};
-use super::op::{Case, Checked, Op};
+use super::op::{Case, CheckedCall, Op};
 use super::twin::{self, TwinCall};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
@@ -88,7 +88,7 @@ impl OpSubject {
             bars.0.extend(round(&cotangents).0);
             call.cotangents = bars;
         }
-        let checked = Checked::new(op, &call, true)?;
+        let checked = CheckedCall::new(op, &call, true)?;
         let prediction = (op.predict)(&checked, &ran)?;
         let variables: Vec<Variable> = op
             .inputs

@@ -1,7 +1,7 @@
 //! Runs in f64 by the twin, and conversion between its arrays and ours.
 
 use super::call::{Call, RunResult, Settings, cast};
-use super::op::Checked;
+use super::op::CheckedCall;
 use super::op::Op;
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
@@ -36,7 +36,7 @@ pub(super) struct TwinCall {
 
 impl TwinCall {
     /// Converts a checked call.
-    pub(super) fn new(x: &Checked<'_>) -> Self {
+    pub(super) fn new(x: &CheckedCall<'_>) -> Self {
         Self {
             op: x.op,
             inputs: to_twin(&x.inputs),
@@ -62,7 +62,7 @@ pub(super) fn refused(op: &Op) -> impl Fn(String) -> Error {
 /// # Errors
 /// Invalid input.
 pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
-    let x = Checked::new(op, call, false)?;
+    let x = CheckedCall::new(op, call, false)?;
     let twin_call = TwinCall::new(&x);
     let (results, gradients) = if x.with_gradients() {
         twins::vjp(&twin_call.request(), &to_twin(&x.cotangents)).map_err(refused(op))?
@@ -83,6 +83,6 @@ pub fn run(op: &'static Op, call: &Call) -> Result<RunResult> {
 /// # Errors
 /// Invalid input.
 pub fn work(op: &'static Op, call: &Call) -> Result<f64> {
-    let x = Checked::new(op, call, false)?;
+    let x = CheckedCall::new(op, call, false)?;
     Ok(twins::work(&TwinCall::new(&x).request()) as f64)
 }

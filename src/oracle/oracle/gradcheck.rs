@@ -1,7 +1,7 @@
 //! `gradcheck`: checks operators of the list at generated cases or user-supplied inputs, or a user-supplied
 //! program.
 
-use super::run::{Sorted, add_settings, read};
+use super::run::{SortedArrays, add_settings, read};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::ops::{self, OpSubject};
@@ -102,13 +102,14 @@ fn at_inputs(
             .got(format!("{}", options.ops.len())));
     };
     let op = ops::find(name)?;
-    let Sorted { mut call, notes } = read(op, input)?;
+    let SortedArrays { mut call, notes } = read(op, input)?;
     add_settings(op, &mut call.settings, None, &options.set)?;
     for note in notes {
         progress(&note);
     }
     let label = format!("{} at {}", op.name, input.display());
-    let subject = OpSubject::new(op, label, call.inputs, call.settings, call.cotangents).map_err(in_file)?;
+    let subject = OpSubject::new(op, label, call.inputs, call.settings, call.cotangents)
+        .map_err(|e| e.within(input.display().to_string()))?;
     check::run(&subject, rules)
 }
 

@@ -80,7 +80,7 @@ pub struct Report {
 
 /// The arrays of a file, sorted into the parts of a call.
 #[derive(Clone, Debug, Default)]
-pub struct Sorted {
+pub struct SortedArrays {
     /// the call: inputs, settings, cotangents
     pub call: Call,
     /// arrays that were ignored, and why
@@ -143,8 +143,8 @@ impl<'a> Role<'a> {
 ///
 /// # Errors
 /// An unknown name, or a setting that is not one number.
-pub fn sort(op: &'static Op, arrays: Arrays) -> Result<Sorted> {
-    let mut sorted = Sorted::default();
+pub fn sort(op: &'static Op, arrays: Arrays) -> Result<SortedArrays> {
+    let mut sorted = SortedArrays::default();
     for (name, array) in arrays.0 {
         match Role::of(op, &name)? {
             Role::Cotangent(output) => {
@@ -175,7 +175,7 @@ fn ignored(name: &str, reason: &str) -> String {
 ///
 /// # Errors
 /// As [`sort`], and for a file that cannot be read.
-pub fn read(op: &'static Op, path: &Path) -> Result<Sorted> {
+pub fn read(op: &'static Op, path: &Path) -> Result<SortedArrays> {
     let in_file = |e: Error| e.within(path.display().to_string());
     let mut file = npz::Archive::open(path)?;
     let mut names = file.names();
@@ -188,7 +188,7 @@ pub fn read(op: &'static Op, path: &Path) -> Result<Sorted> {
     }
     let arrays = file.read(&|name| !matches!(Role::of(op, name), Ok(Role::Ignored(_)) | Err(_)))?;
     drop(file);
-    Ok(Sorted { notes, ..sort(op, arrays).map_err(in_file)? })
+    Ok(SortedArrays { notes, ..sort(op, arrays).map_err(in_file)? })
 }
 
 /// Adds `--profile` and `--set` to the settings of a file.
@@ -251,7 +251,7 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
             .got(options.out.display().to_string()));
     }
     let in_file = |e: Error| e.within(options.input.display().to_string());
-    let Sorted { call: mut request, notes } = read(op, &options.input)?;
+    let SortedArrays { call: mut request, notes } = read(op, &options.input)?;
     add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;
     request.plan = options.plan.as_deref().map(npz::read).transpose()?;
     request.dump = options.dump;

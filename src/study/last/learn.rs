@@ -1,7 +1,8 @@
-//! E4, E10, E11, E12: structure learned from vectors of known factors, as `last.md` §14 asks.
+//! E4, E10, E11, E12: structure learned from vectors of known factors (chapter *Learned causes*).
 //!
-//! A trial trains a model on [`Vectors`] of a generator and compares its graph with the truth; other vectors of the same generator say what it is worth. In
-//! E10's table stands beside every row what the same search finds on the true factors, because some scores cannot reach 1 even for a perfect model.
+//! A run trains a model on [`Vectors`] of a generator, compares its graph with the true one, and evaluates it
+//! on other vectors of the same generator. The table of E10 also lists the scores of the same search on the
+//! true factors, because some scores cannot reach 1 even for a perfect model.
 
 use crate::experiment::{
     Cell, Chart, Curve, Experiment, Outcome, Report, Summary, Values, differences, median, of, rows,
@@ -24,50 +25,50 @@ use lastlight_last::structure::score::{Features, Table};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 
-/// Sizes of the trials.
+/// Sizes of the runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
     /// steps of joint training
     pub steps: u32,
-    /// of refit
+    /// steps of the refit
     pub refit: u32,
-    /// before the logits move
+    /// steps before the logits of the edges train
     pub freeze: u32,
-    /// observed items and groups of a data set
+    /// number of observed items and of groups in a data set
     pub data: [usize; 2],
-    /// repetitions
+    /// number of repetitions
     pub seeds: u64,
 }
 
 impl Size {
-    /// The study's.
+    /// Sizes of the complete study.
     pub fn full() -> Self {
         Self { steps: 1800, refit: 300, freeze: 150, data: [2048, 256], seeds: 5 }
     }
 
-    /// For a look.
+    /// Sizes for a quick overview.
     pub fn quick() -> Self {
         Self { steps: 300, refit: 60, freeze: 40, data: [512, 64], seeds: 1 }
     }
 
-    /// For a test that everything runs.
+    /// Sizes for a smoke test.
     pub fn smoke() -> Self {
         Self { steps: 4, refit: 2, freeze: 1, data: [64, 8], seeds: 1 }
     }
 }
 
-/// Seeds from those of training data to those of data that a model has not seen.
+/// Offset from the seeds of training data to those of evaluation data.
 const FRESH: u64 = 1 << 32;
 
-/// One training.
+/// Settings of one training.
 #[derive(Clone, Debug, PartialEq)]
 struct TrainingRun {
     graph: &'static str,
-    /// n*
+    /// n*, the true number of factors
     truth: usize,
     mechanism: Mechanism,
     raw: bool,
-    /// n
+    /// n, the number of factors of the model
     factors: usize,
     supervision: Supervision,
     reading: Reading,
@@ -91,7 +92,7 @@ impl TrainingRun {
     }
 
     fn run(&self, size: &Size) -> Result<Values> {
-        let fail = |e: String| Error::input("trial").expected("a graph of the list").got(e);
+        let fail = |e: String| Error::input("graph").expected("a graph of the list").got(e);
         let graph = Graph::named(self.graph, self.truth, self.seed).map_err(fail)?;
         let scm = Scm::new(graph.clone(), self.mechanism, !self.raw, self.seed);
         let data = Vectors::new(&scm, self.seed, size.data[0], size.data[1]);
@@ -113,13 +114,13 @@ impl TrainingRun {
             training.advance()?;
         }
         let trained = training.finish()?;
-        // What it is worth is asked on data of the same source that it has not seen.
+        // Evaluate on new data of the same generator.
         let fresh = Vectors::drawn(&scm, [self.seed, self.seed + FRESH], size.data[0], size.data[1]);
-        let verdict = evaluation::of(&trained, &fresh, &Some(graph.adjacency.clone()))?;
+        let score = evaluation::of(&trained, &fresh, &Some(graph.adjacency.clone()))?;
         let observed: Vec<Item> = (0..fresh.observed()).map(Item::Observed).collect();
         let [u, _] = evaluation::posterior(&trained, &fresh, &observed);
         let truth = Digraph::from_fn(self.truth, |i, j| graph.adjacency[i][j]);
-        let mut values = measured(&trained, &verdict, &truth);
+        let mut values = measured(&trained, &score, &truth);
         let shown = evaluation::errors(&trained, &fresh, &u, &observed);
         values.insert("reconstruction".into(), shown.weighted);
         if self.truth <= 5 {
@@ -131,40 +132,40 @@ impl TrainingRun {
     }
 }
 
-/// What a model found, beside the truth.
-pub(super) fn measured(trained: &Trained, verdict: &Evaluation, truth: &Digraph) -> Values {
-    let found = edges::compare(truth, &verdict.matched.relabel(&trained.graph));
+/// Scores of a learned graph and its model against the truth.
+pub(super) fn measured(trained: &Trained, score: &Evaluation, truth: &Digraph) -> Values {
+    let found = edges::compare(truth, &score.matched.relabel(&trained.graph));
     let mut values = Values::from([
         ("shd".into(), found.shd as f64),
         ("nnz".into(), found.nnz as f64),
-        ("mcc".into(), verdict.mcc),
-        ("targets".into(), verdict.target_accuracy),
+        ("mcc".into(), score.mcc),
+        ("targets".into(), score.target_accuracy),
     ]);
     if let Some(rates) = found.rates {
         values.insert("tpr".into(), rates.tpr);
         values.insert("fdr".into(), rates.fdr);
     }
-    for (suffix, likeness) in ["", " of truth"].into_iter().zip(&verdict.likeness) {
+    for (suffix, likeness) in ["", " of truth"].into_iter().zip(&score.likeness) {
         let defined = likeness.named().into_iter().filter_map(|(name, x)| Some((name, x?)));
         values.extend(defined.map(|(name, x)| (format!("{name}{suffix}"), x)));
     }
-    if let Some([_, sid]) = verdict.distances {
+    if let Some([_, sid]) = score.distances {
         values.insert("sid".into(), sid as f64);
     }
-    if let Some(left) = verdict.counterfactual.and_then(|[moved, still]| moved.over(&still)) {
+    if let Some(left) = score.counterfactual.and_then(|[moved, still]| moved.over(&still)) {
         values.insert("counterfactual".into(), left);
     }
     if trained.settings.factors == 4 && truth.n() == 4 {
-        // P, O, W, L: what E11 asks for. Without interventions any block may have become a factor.
-        if let [_, Some(o), Some(w), _] = verdict.matched.block[..] {
-            values.insert("p_wo".into(), verdict.probabilities[w * 4 + o]);
-            values.insert("p_ow".into(), verdict.probabilities[o * 4 + w]);
+        // E11 needs the factors P, O, W, L. Without interventions any block may represent any factor.
+        if let [_, Some(o), Some(w), _] = score.matched.block[..] {
+            values.insert("p_wo".into(), score.probabilities[w * 4 + o]);
+            values.insert("p_ow".into(), score.probabilities[o * 4 + w]);
         }
     }
     values
 }
 
-/// The true factors as samples, pairs among them.
+/// The true factors as samples, including pairs.
 fn known(data: &Vectors, n: usize) -> Samples {
     let mut samples = Samples::new(n, 1);
     (0..data.observed()).for_each(|i| samples.observe(data.truth(Item::Observed(i))));
@@ -176,12 +177,12 @@ fn known(data: &Vectors, n: usize) -> Samples {
     samples
 }
 
-/// A name for keys of files.
+/// A row name as part of a file name.
 pub(super) fn plain(row: &str) -> String {
     row.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect()
 }
 
-/// Trainings of one experiment with their rows.
+/// The runs of one experiment with their rows.
 #[derive(Clone, Debug)]
 struct TrainingRuns {
     size: Size,
@@ -192,8 +193,8 @@ impl TrainingRuns {
     fn new(size: Size, rows: impl IntoIterator<Item = (String, TrainingRun)>) -> Self {
         let list = rows
             .into_iter()
-            .flat_map(|(row, trial)| {
-                (0..size.seeds).map(move |seed| (row.clone(), TrainingRun { seed, ..trial.clone() }))
+            .flat_map(|(row, run)| {
+                (0..size.seeds).map(move |seed| (row.clone(), TrainingRun { seed, ..run.clone() }))
             })
             .collect();
         Self { size, list }
@@ -211,11 +212,11 @@ impl TrainingRuns {
     }
 }
 
-/// An experiment of trials.
+/// An experiment with vectors of known factors.
 #[derive(Clone, Debug)]
 pub struct Learning {
     id: &'static str,
-    trials: TrainingRuns,
+    runs: TrainingRuns,
     report: fn(&[(Cell, Values)]) -> Report,
 }
 
@@ -225,11 +226,11 @@ impl Experiment for Learning {
     }
 
     fn cells(&self) -> Vec<Cell> {
-        self.trials.cells()
+        self.runs.cells()
     }
 
     fn settings(&self, _: usize) -> Value {
-        let s = &self.trials.size;
+        let s = &self.runs.size;
         json!({
             "steps": s.steps, "refit": s.refit, "freeze": s.freeze, "data": s.data, "fresh": FRESH,
             "lastlight": env!("CARGO_PKG_VERSION"),
@@ -237,8 +238,8 @@ impl Experiment for Learning {
     }
 
     fn run(&self, cell: usize, _: &mut dyn Watch, _: &AtomicBool) -> Result<Values> {
-        let (_, trial) = &self.trials.list[cell];
-        trial.run(&self.trials.size)
+        let (_, run) = &self.runs.list[cell];
+        run.run(&self.runs.size)
     }
 
     fn report(&self, results: &[(Cell, Values)]) -> Report {
@@ -246,12 +247,12 @@ impl Experiment for Learning {
     }
 }
 
-/// A row's name, and means with deviations of its values of these names.
+/// The name of a row, and mean and standard deviation of each of the named values.
 fn summaries(results: &[(Cell, Values)], row: &str, names: &[&str]) -> Vec<String> {
     std::iter::once(row.to_owned()).chain(names.iter().map(|name| three(&of(results, row, name)))).collect()
 }
 
-/// n of E4.
+/// Values of n in E4.
 const NUMBERS: [usize; 7] = [1, 2, 3, 4, 5, 6, 8];
 
 const GRAPHS: [&str; 6] = ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"];
@@ -264,7 +265,7 @@ fn three(values: &[f64]) -> String {
 pub fn correct(size: Size) -> Learning {
     let kinds = [Supervision::Groups, Supervision::Labels, Supervision::PerSample, Supervision::None];
     let mut list = Vec::new();
-    // What is asked first, then the controls.
+    // First the supervision of interest, then the controls.
     for supervision in kinds {
         for mechanism in [Mechanism::Lin, Mechanism::Nl, Mechanism::Ng] {
             for graph in GRAPHS {
@@ -289,7 +290,7 @@ pub fn correct(size: Size) -> Learning {
             row,
             TrainingRun { reading: Reading::Literal, ..TrainingRun::new(graph, Mechanism::Nl, 0) },
         ));
-        // The equations as printed: nothing told, dependence of the factors.
+        // The equations as printed: no supervision, dependence of the factors.
         let row = format!("{graph} NL none literal");
         let printed = TrainingRun {
             supervision: Supervision::None,
@@ -298,10 +299,10 @@ pub fn correct(size: Size) -> Learning {
         };
         list.push((row, TrainingRun { reading: Reading::Literal, ..printed }));
     }
-    Learning { id: "E10", trials: TrainingRuns::new(size, list), report: report_e10 }
+    Learning { id: "E10", runs: TrainingRuns::new(size, list), report: report_e10 }
 }
 
-/// Scores of all rows, the median SHD first: a table and a chart.
+/// Table and chart of the scores of all rows, the median SHD first.
 pub(super) fn scores(results: &[(Cell, Values)], columns: &[&str]) -> (Vec<Vec<String>>, Chart) {
     let names = rows(results);
     let shd = |row: &String| median(&of(results, row, "shd"));
@@ -330,26 +331,30 @@ fn report_e10(results: &[(Cell, Values)]) -> Report {
     ];
     let (rows, chart) = scores(results, &columns);
     let is_found = |row: &str| median(&of(results, row, "shd")) <= 1.0;
-    let told = |how: &str| -> Vec<&str> {
+    let supervised = |how: &str| -> Vec<&str> {
         names.iter().map(String::as_str).filter(|row| row.ends_with(how)).collect()
     };
-    let good = told(" groups");
+    let good = supervised(" groups");
     let missed: Vec<&str> = good.iter().copied().filter(|row| !is_found(row)).collect();
-    // Without shared values nothing tells edges: a graph with edges that is found all the same would be a leak.
+    // Without shared values the edges are not identifiable: a graph with edges that is found anyway would be
+    // a leak.
     let has_edges = |row: &&str| !row.starts_with("EMPTY");
     let controls: Vec<&str> =
-        [" none", " pairs"].iter().flat_map(|how| told(how)).filter(|row| has_edges(row)).collect();
+        [" none", " pairs"].iter().flat_map(|how| supervised(how)).filter(|row| has_edges(row)).collect();
     let leaks: Vec<&str> = controls.iter().copied().filter(|row| is_found(row)).collect();
     let leaks = match (controls.is_empty(), leaks.is_empty()) {
         (true, _) => String::new(),
-        (false, true) => " Told nothing, or pairs, no graph with edges is found.".into(),
-        (false, false) => format!(" Told nothing, or pairs, these are at most 1 too: {}.", leaks.join(", ")),
+        (false, true) => " Without supervision, or with pairs, no graph with edges is found.".into(),
+        (false, false) => format!(
+            " Without supervision, or with pairs, the median SHD is also at most 1 for {}.",
+            leaks.join(", ")
+        ),
     };
     Report {
         id: "E10",
-        claim: "The structure is learned correctly; the paper does not measure it. Asked: with groups, SHD ≤ 1 at n = 4.",
+        claim: "The structure is learned correctly; the paper does not measure it. Criterion: with groups, median SHD ≤ 1 at n = 4.",
         head: vec![
-            "graph, mechanism, told",
+            "graph, mechanism, supervision",
             ">median SHD",
             ">SHD",
             ">SID",
@@ -358,10 +363,10 @@ fn report_e10(results: &[(Cell, Values)]) -> Report {
             ">TPR",
             ">FDR",
             ">disentanglement",
-            ">of true factors",
+            ">disentanglement of true factors",
             ">information gap",
-            ">of true factors",
-            ">SHD of true factors",
+            ">information gap of true factors",
+            ">SHD on true factors",
         ],
         rows,
         chart_labels: ["median SHD", "row"],
@@ -385,7 +390,7 @@ pub fn spurious(size: Size) -> Learning {
             (row, TrainingRun { supervision, ..TrainingRun::new("FORK", mechanism, 0) })
         })
     });
-    Learning { id: "E11", trials: TrainingRuns::new(size, list), report: report_e11 }
+    Learning { id: "E11", runs: TrainingRuns::new(size, list), report: report_e11 }
 }
 
 fn report_e11(results: &[(Cell, Values)]) -> Report {
@@ -393,30 +398,36 @@ fn report_e11(results: &[(Cell, Values)]) -> Report {
     let line = |row: &String| summaries(results, row, &["p_wo", "p_ow", "nnz", "shd"]);
     let low =
         |row: &&String| ["p_wo", "p_ow"].iter().all(|name| Summary::of(&of(results, row, name)).mean < 0.5);
-    let told: Vec<&String> = names.iter().filter(|row| row.ends_with("groups")).collect();
-    let holds = told.iter().all(low);
+    let supervised: Vec<&String> = names.iter().filter(|row| row.ends_with("groups")).collect();
+    let holds = supervised.iter().all(low);
     Report {
         id: "E11",
-        claim: "W and O share the cause P; an edge between them is avoided: p(W→O), p(O→W) < ½ with interventions, undetermined without.",
-        head: vec!["mechanism, told", ">p(W→O)", ">p(O→W)", ">edges of the graph", ">SHD of the graph"],
+        claim: "W and O share the cause P, and no edge between them is learned: p(W→O), p(O→W) < ½ with interventions, undetermined without.",
+        head: vec![
+            "mechanism, supervision",
+            ">p(W→O)",
+            ">p(O→W)",
+            ">edges of the graph",
+            ">SHD of the graph",
+        ],
         rows: names.iter().map(line).collect(),
         chart_labels: ["mean of p(W→O)", "row"],
         chart: Chart::Bars(
             names.iter().map(|row| (row.clone(), Summary::of(&of(results, row, "p_wo")).mean)).collect(),
         ),
-        outcome: Outcome::of((!told.is_empty()).then_some(holds)),
-        verdict: if told.is_empty() {
+        outcome: Outcome::of((!supervised.is_empty()).then_some(holds)),
+        verdict: if supervised.is_empty() {
             String::new()
         } else if holds {
             "No spurious edge is probable with interventions.".into()
         } else {
-            "A spurious edge stays probable in the mask; the search by score takes it out where SHD is 0."
+            "A spurious edge remains probable in the mask; the score-based search removes it where SHD is 0."
                 .into()
         },
     }
 }
 
-/// E12: where dependence is punished.
+/// E12: variables that the independence penalty applies to.
 pub fn dependence(size: Size) -> Learning {
     let places = [Placement::Noise, Placement::Factors, Placement::Conditional, Placement::Off];
     let list = ["FORK", "CHAIN", "FULL"].into_iter().flat_map(|graph| {
@@ -425,7 +436,7 @@ pub fn dependence(size: Size) -> Learning {
             (row, TrainingRun { placement, ..TrainingRun::new(graph, Mechanism::Nl, 0) })
         })
     });
-    Learning { id: "E12", trials: TrainingRuns::new(size, list), report: report_e12 }
+    Learning { id: "E12", runs: TrainingRuns::new(size, list), report: report_e12 }
 }
 
 fn report_e12(results: &[(Cell, Values)]) -> Report {
@@ -439,7 +450,7 @@ fn report_e12(results: &[(Cell, Values)]) -> Report {
     let paired = (!all.is_empty()).then(|| Summary::of(&all));
     Report {
         id: "E12",
-        claim: "L_MI on endogenous factors, as printed, punishes the dependence that edges create and lowers the share of true edges found.",
+        claim: "L_MI on endogenous factors, as printed, penalises the dependence caused by edges and lowers the share of true edges found.",
         head: vec!["graph, L_MI on", ">TPR", ">FDR", ">SHD", ">MCC"],
         rows: names.iter().map(line).collect(),
         chart_labels: ["mean TPR", "row"],
@@ -462,7 +473,7 @@ pub fn number(size: Size) -> Learning {
             (row, TrainingRun { truth, factors, ..TrainingRun::new(graph, Mechanism::Nl, 0) })
         })
     });
-    Learning { id: "E4", trials: TrainingRuns::new(size, list), report: report_e4 }
+    Learning { id: "E4", runs: TrainingRuns::new(size, list), report: report_e4 }
 }
 
 fn report_e4(results: &[(Cell, Values)]) -> Report {
@@ -490,8 +501,14 @@ fn report_e4(results: &[(Cell, Values)]) -> Report {
         .collect();
     Report {
         id: "E4",
-        claim: "n = 4 is best (Fig. 5). If the knee of L_rec follows the true number n*, the 4 is a property of the data.",
-        head: vec!["true and model", ">L_rec", ">counterfactual error over none", ">MCC", ">edges"],
+        claim: "n = 4 is best (Fig. 5). If the knee of L_rec follows the true number n*, the value 4 is a property of the data.",
+        head: vec![
+            "true and model n",
+            ">L_rec",
+            ">counterfactual error / error without change",
+            ">MCC",
+            ">edges",
+        ],
         rows: names.iter().map(line).collect(),
         chart_labels: ["L_rec", "n"],
         chart: Chart::Lines { curves, from_zero: true },

@@ -1,13 +1,13 @@
-//! The experiments of `last.md` §14: what the paper claims, what this program finds.
+//! The experiments of LAST: claims of the paper, and the results of this program.
 //!
 //! ```text
 //! learn    E4, E10, E11, E12: structure learned from vectors of known factors
-//! pictures E10 and E11 on pictures of them
+//! images   E10 and E11 on images rendered from such factors
 //! person   the others: persons fitted with and without the model
 //! ```
 //!
-//! Cells, their files, runs and reports are those of [`crate::experiment`].
+//! [`crate::experiment`] runs the cells, stores their results and defines reports.
 
+pub mod images;
 pub mod learn;
 pub mod person;
-pub mod pictures;

@@ -1,7 +1,21 @@
 //! A camera as a frame of `transforms.json`, in the nerfstudio dialect.
 
+use crate::Result;
+use crate::io::memory;
 use crate::scene::camera::{Camera, Model};
 use serde_json::{Value, json};
+
+/// Checks an estimate of what rendering with a camera takes: bytes per pixel, and bytes beside them.
+///
+/// # Errors
+/// When it is above the memory limit.
+pub(super) fn check_memory(c: &Camera, per_pixel: u64, beside: u64) -> Result<()> {
+    let pixels = c.width as u64 * c.height as u64;
+    memory::check(
+        &format!("an image of {}x{} pixels", c.width, c.height),
+        pixels.saturating_mul(per_pixel).saturating_add(beside),
+    )
+}
 
 /// World-from-camera of a camera, row-major, with OpenGL axes: x right, y up, z backward.
 pub fn world_from_camera(c: &Camera) -> Value {

@@ -4,6 +4,7 @@
 //! if their contents are unchanged, independently of the paths of the files they were read from.
 
 use super::earlier;
+use super::frames;
 use super::passes::{Recorder, Shot, Style};
 use super::render::Orbit;
 use crate::geometry::bvh::Bvh;
@@ -79,6 +80,8 @@ impl Relight<'_> {
             let e = Error::input("cameras").at(format!("name '{}'", twice[0]));
             return Err(e.expected("different names").got("two cameras with the same name"));
         }
+        // 52 bytes per pixel of passes, once more in tiles, and their files.
+        shots.iter().try_for_each(|shot| frames::check_memory(&shot.camera, 200, 0))?;
         let bvh = Bvh::build(&self.object.mesh.positions, &self.object.mesh.triangles);
         let scene = Scene::new(self.object, &bvh, self.lights)?;
         if resume {

@@ -56,7 +56,7 @@ fn write_panorama(path: &Path, level: f32) {
     image_file::write_exr(path, 4, 2, &["R", "G", "B"], &data).expect("a panorama");
 }
 
-fn workplace() -> tempfile::TempDir {
+pub(crate) fn workplace() -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("a folder");
     write_cube(dir.path(), 0.5, 200);
     write_panorama(&dir.path().join("sky.exr"), 1.0);

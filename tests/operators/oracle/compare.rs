@@ -24,7 +24,11 @@ fn compare_names_the_first_operator_that_differs() {
         let report =
             compare::arrays(&spoiled(&ours, names), &ours, None, compare::TOLERANCE).expect("compares");
         assert_eq!(report.passed, names.is_empty(), "{report}");
-        report.divergence.map(|p| p.stage)
+        let divergence = report.divergence?;
+        let text = divergence.to_string();
+        assert!(!text.contains(" adjoint") && text.contains("Differs: "), "{text}");
+        assert_eq!(divergence.stage.ends_with(" adjoint"), text.contains(", backward pass."), "{text}");
+        Some(divergence.stage)
     };
     let after = ["image", "alpha", "means_bar", "quats_bar", "sh_bar", "opacities_bar"];
     let with = |first: &[&'static str]| first.iter().chain(&after).copied().collect::<Vec<_>>();

@@ -46,7 +46,7 @@ fn run_writes_outputs_plan_and_digests_and_the_digests_are_those_of_the_files() 
     assert_eq!(plan.0.len(), 11, "every array of the plan: {:?}", plan.0.keys());
     let text = std::fs::read_to_string(file("out.digest.json")).expect("written");
     let json: serde_json::Value = serde_json::from_str(&text).expect("JSON");
-    assert_eq!(json["digest"], report.digest, "the file says what the report says");
+    assert_eq!(json["digest"], report.digest, "the file matches the report");
     // again, frozen, in f64 with the estimate said first
     options.plan = Some(file("out.plan.npz"));
     options.precision = Precision::F64;
@@ -113,5 +113,5 @@ fn the_list_prints_and_serialises_every_operator() {
         assert_eq!(value["name"], op.name, "in order");
         assert_eq!(value["inputs"].as_array().map(Vec::len), Some(op.inputs.len()), "{}", op.name);
     }
-    assert!(text.contains("optim.adam  (no adjoint)"), "operators without adjoint say so");
+    assert!(text.contains("optim.adam  (no adjoint)"), "operators without adjoint are marked");
 }

@@ -32,7 +32,7 @@ fn check_golden(name: &str, op: &str, profile: Option<&str>, bounds: &Bounds) {
     if op.width == ops::Width::F64 {
         // the shipped operator by itself, from inputs in f64
         let call = sorted(op, &theirs, profile);
-        let checked = ops::Checked::new(op, &call, false).unwrap_or_else(|e| panic!("{e}"));
+        let checked = ops::CheckedCall::new(op, &call, false).unwrap_or_else(|e| panic!("{e}"));
         runs.push((
             "shipped",
             run::gather(&(op.run)(&checked).unwrap_or_else(|e| panic!("{e}"))),

@@ -25,7 +25,7 @@ fn a_plan_given_back_changes_no_bit() {
 }
 
 #[test]
-fn either_precision_obeys_the_plan_of_the_other() {
+fn either_precision_uses_the_plan_of_the_other() {
     for op in ops::LIST {
         for case in 0..op.cases {
             let call = full_call(op, case);

@@ -65,7 +65,7 @@ fn tile_lists_hold_exactly_the_tiles_with_a_visible_pixel() {
 }
 
 #[test]
-fn a_plan_is_obeyed_against_the_values() {
+fn a_plan_takes_precedence_over_the_values() {
     let inputs = frontal(&[on_axis(2.0, 0.5, 1.0), on_axis(3.0, 0.5, 0.0)], 33, 33);
     let none = BTreeMap::new();
     let request = Request { op: "splat.render", inputs: &inputs, settings: &none, plan: None };

@@ -4,7 +4,7 @@ use super::{diagonal, entry, no_loops, positive};
 use crate::causal::{code, edges, held, limit, posterior, probability};
 use crate::ops::call::RunResult;
 use crate::ops::case::Draw;
-use crate::ops::op::{Case, Checked, Op};
+use crate::ops::op::{Case, CheckedCall, Op};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -18,7 +18,7 @@ pub(crate) static PROBABILITY: Op = Op {
     ..entry(&reference::causal::probability::SIGNATURE)
 };
 
-fn run_probability(x: &Checked<'_>) -> Result<RunResult> {
+fn run_probability(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (n, logits, tau) = (x.dim("N"), x.f64s("logits"), x.number("tau").unwrap_or(0.2));
     let p = probability::forward(&logits, n, tau);
     let mut ran = RunResult::default();
@@ -54,7 +54,7 @@ pub(crate) static EDGES: Op = Op {
     ..entry(&reference::causal::edges::SIGNATURE)
 };
 
-fn run_edges(x: &Checked<'_>) -> Result<RunResult> {
+fn run_edges(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (n, p, before) = (x.dim("N"), x.f64s("probabilities"), x.f64s("before"));
     let w = edges::Weights {
         sparsity: x.number("sparsity").unwrap_or(0.002),
@@ -86,7 +86,7 @@ fn case_edges(case: usize) -> Case {
 pub(crate) static LIMIT: Op =
     Op { run: run_limit, predict: beyond, case: case_limit, ..entry(&reference::causal::limit::SIGNATURE) };
 
-fn run_limit(x: &Checked<'_>) -> Result<RunResult> {
+fn run_limit(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (logvar, shape) = (x.f64s("logvar"), x.shape("logvar"));
     let mut ran = RunResult::default();
     ran.outputs.put("limited", &shape, limit::forward(&logvar));
@@ -98,7 +98,7 @@ fn run_limit(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn beyond(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn beyond(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let beyond = x.f64s("logvar").into_iter().map(|l| !posterior::within(l)).collect();
     Ok(Prediction { zeros: [("logvar".to_owned(), beyond)].into(), ..Prediction::default() })
 }
@@ -121,23 +121,23 @@ pub(crate) static CODE: Op = Op {
     ..entry(&reference::causal::code::SIGNATURE)
 };
 
-fn targets(x: &Checked<'_>) -> Vec<usize> {
+fn targets(x: &CheckedCall<'_>) -> Vec<usize> {
     x.f64s("target").into_iter().map(|i| i as usize).collect()
 }
 
 /// Checks that targets are factors below `n`.
-fn are_factors(x: &Checked<'_>, n: usize) -> Result<()> {
+fn are_factors(x: &CheckedCall<'_>, n: usize) -> Result<()> {
     x.rule("target", "the index of a factor", |i| i >= 0.0 && i < n as f64)
 }
 
-fn check_code(x: &Checked<'_>) -> Result<()> {
+fn check_code(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("K") == 0 {
         return Err(Error::input("array 'values'").expected("factors of at least one dimension").got("none"));
     }
     are_factors(x, x.dim("N"))
 }
 
-fn run_code(x: &Checked<'_>) -> Result<RunResult> {
+fn run_code(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (labels, target, values, k) = (x.f64s("labels"), targets(x), x.f64s("values"), x.dim("K"));
     let input = code::In { labels: &labels, target: &target, values: &values, k };
     let shape = [labels.len(), k];
@@ -152,7 +152,7 @@ fn run_code(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// The first entry of a code is 1; a factor that no group sets has no gradient.
-fn unlabelled(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn unlabelled(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let (target, k) = (targets(x), x.dim("K"));
     let zeros = (0..x.dim("N") * k).map(|at| at % k == 0 || !target.contains(&(at / k))).collect();
     Ok(Prediction { zeros: [("values".to_owned(), zeros)].into(), ..Prediction::default() })
@@ -180,7 +180,7 @@ pub(crate) static HELD: Op = Op {
 /// Maximum number of held values: 512 MiB.
 const MOST: usize = 1 << 26;
 
-fn check_held(x: &Checked<'_>) -> Result<()> {
+fn check_held(x: &CheckedCall<'_>) -> Result<()> {
     let (members, groups) = (x.whole("members")?, x.dim("G"));
     if groups.saturating_mul(members).saturating_mul(x.dim("K")) > MOST {
         return Err(Error::input("array 'members'")
@@ -196,7 +196,7 @@ fn check_held(x: &Checked<'_>) -> Result<()> {
     are_factors(x, if x.has("factors") { x.dim("N") } else { usize::MAX })
 }
 
-fn run_held(x: &Checked<'_>) -> Result<RunResult> {
+fn run_held(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (target, members, k) = (targets(x), x.whole("members")?, x.dim("K"));
     let name = if x.has("shared") { "shared" } else { "factors" };
     let values = x.f64s(name);
@@ -214,7 +214,7 @@ fn run_held(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Factors that are not set have no gradient.
-fn not_set(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn not_set(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     if !x.has("factors") {
         return Ok(Prediction::default());
     }

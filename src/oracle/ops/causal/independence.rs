@@ -4,7 +4,7 @@ use super::{diagonal, entry};
 use crate::causal::independence::{self, Edges, Form, RIDGE};
 use crate::ops::call::RunResult;
 use crate::ops::case::Draw;
-use crate::ops::op::{Case, Checked, Op};
+use crate::ops::op::{Case, CheckedCall, Op};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -21,7 +21,7 @@ pub(crate) static INDEPENDENCE: Op = Op {
     ..entry(&reference::causal::independence::SIGNATURE)
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     let d = x.dim("N") * x.dim("K");
     if x.dim("B") * d == 0 {
         return Err(Error::input("array 'mu'")
@@ -48,7 +48,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
     }
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (n, k) = (x.dim("N"), x.dim("K"));
     let [mu, logvar, mask] = ["mu", "logvar", "mask"].map(|name| x.f64s(name));
     let [weight, among, carried] = ["weight", "among", "carried"].map(|name| x.f64s(name));
@@ -85,7 +85,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn predict(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let loops = ["mask", "weight"].into_iter().filter(|name| x.has(name));
     let zeros = loops.map(|name| (name.to_owned(), diagonal(x.dim("N")))).collect();
     Ok(Prediction { zeros, ..Prediction::default() })

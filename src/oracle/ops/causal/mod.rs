@@ -12,7 +12,7 @@ pub(super) use structure::{INTERVENE, STRUCTURE};
 
 use super::call::RunResult;
 use super::case::Draw;
-use super::op::{Case, Checked, Op, Width};
+use super::op::{Case, CheckedCall, Op, Width};
 use crate::causal::{acyclic, mask};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
@@ -24,7 +24,7 @@ const fn entry(signature: &'static Signature) -> Op {
 }
 
 /// Checks that a setting is above 0.
-fn positive(x: &Checked<'_>, key: &'static str) -> Result<()> {
+fn positive(x: &CheckedCall<'_>, key: &'static str) -> Result<()> {
     match x.number(key) {
         Some(value) if !(value > 0.0) => {
             Err(Error::input(format!("setting {key}")).expected("a number above 0").got(value.to_string()))
@@ -39,7 +39,7 @@ pub(super) static ACYCLIC: Op = Op {
     ..entry(&reference::causal::acyclic::SIGNATURE)
 };
 
-fn run_acyclic(x: &Checked<'_>) -> Result<RunResult> {
+fn run_acyclic(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (n, a, alpha) = (x.dim("N"), x.f64s("a"), x.inputs.scalar("alpha")?);
     let (value, saved) = acyclic::forward(&a, n, alpha);
     let mut ran = RunResult::default();
@@ -75,7 +75,7 @@ pub(super) static MASK: Op = Op {
     ..entry(&reference::causal::mask::SIGNATURE)
 };
 
-fn run_mask(x: &Checked<'_>) -> Result<RunResult> {
+fn run_mask(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (n, logits, uniform) = (x.dim("N"), x.f64s("logits"), x.f64s("uniform"));
     let allowed = x.has("allowed").then(|| x.f64s("allowed"));
     let tau = x.number("tau").unwrap_or(0.2);
@@ -90,12 +90,12 @@ fn run_mask(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn no_loops(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn no_loops(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { zeros: [("logits".to_owned(), diagonal(x.dim("N")))].into(), ..Prediction::default() })
 }
 
 /// Edges that are not allowed and the diagonal have no gradient.
-fn allowed_edges(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn allowed_edges(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let mut zeros = diagonal(x.dim("N"));
     if x.has("allowed") {
         zeros.iter_mut().zip(x.f64s("allowed")).for_each(|(zero, allowed)| *zero |= allowed == 0.0);
@@ -104,7 +104,7 @@ fn allowed_edges(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
 }
 
 /// Checks that logarithms of variances are at most 700, so that variances are in the range of f64.
-fn bounded(x: &Checked<'_>) -> Result<()> {
+fn bounded(x: &CheckedCall<'_>) -> Result<()> {
     x.rule("logvar", "a number of at most 700", |l| l <= 700.0)
 }
 

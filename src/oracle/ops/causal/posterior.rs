@@ -4,7 +4,7 @@ use super::{bounded, diagonal, entry};
 use crate::causal::{posterior, posterior_kl, scm_kl};
 use crate::ops::call::RunResult;
 use crate::ops::case::Draw;
-use crate::ops::op::{Case, Checked, Op};
+use crate::ops::op::{Case, CheckedCall, Op};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -18,14 +18,14 @@ pub(crate) static POSTERIOR_KL: Op = Op {
 };
 
 /// Checks that the batch is not empty and that variances are bounded.
-fn some_sample(x: &Checked<'_>) -> Result<()> {
+fn some_sample(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("B") == 0 {
         return Err(Error::input("array 'logvar'").expected("at least one sample").got("none"));
     }
     bounded(x)
 }
 
-fn run_posterior_kl(x: &Checked<'_>) -> Result<RunResult> {
+fn run_posterior_kl(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (batch, mu, logvar) = (x.dim("B"), x.f64s("mu"), x.f64s("logvar"));
     let mut ran = RunResult::default();
     ran.outputs.put("value", &[], vec![posterior_kl::forward(&mu, &logvar, batch)]);
@@ -56,7 +56,7 @@ pub(crate) static POSTERIOR: Op = Op {
     ..entry(&reference::causal::posterior::SIGNATURE)
 };
 
-fn run_posterior(x: &Checked<'_>) -> Result<RunResult> {
+fn run_posterior(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (mu, logvar, eta) = (x.f64s("mu"), x.f64s("logvar"), x.f64s("eta"));
     let shape = x.shape("mu");
     let mut ran = RunResult::default();
@@ -71,7 +71,7 @@ fn run_posterior(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn beyond_limits(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn beyond_limits(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let [low, high] = posterior::LOGVAR;
     let beyond = x.f64s("logvar").into_iter().map(|l| l < low || l > high).collect();
     Ok(Prediction { zeros: [("logvar".to_owned(), beyond)].into(), ..Prediction::default() })
@@ -99,11 +99,11 @@ pub(crate) static SCM_KL: Op = Op {
     ..entry(&reference::causal::scm_kl::SIGNATURE)
 };
 
-fn is_linear(x: &Checked<'_>) -> bool {
+fn is_linear(x: &CheckedCall<'_>) -> bool {
     x.word("mode") == Some("linear")
 }
 
-fn check_scm_kl(x: &Checked<'_>) -> Result<()> {
+fn check_scm_kl(x: &CheckedCall<'_>) -> Result<()> {
     some_sample(x)?;
     let of_linear = ["mu", "mask", "weight"];
     let wanted = if is_linear(x) { &of_linear[..] } else { &["eps"] };
@@ -116,7 +116,7 @@ fn check_scm_kl(x: &Checked<'_>) -> Result<()> {
     x.rule("kept", "0 or 1", |kept| kept == 0.0 || kept == 1.0)
 }
 
-fn run_scm_kl(x: &Checked<'_>) -> Result<RunResult> {
+fn run_scm_kl(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (batch, n, k) = (x.dim("B"), x.dim("N"), x.dim("K"));
     let [eps, mu, logvar] = ["eps", "mu", "logvar"].map(|name| x.f64s(name));
     let [mask, weight, kept] = ["mask", "weight", "kept"].map(|name| x.f64s(name));
@@ -152,7 +152,7 @@ fn run_scm_kl(x: &Checked<'_>) -> Result<RunResult> {
 
 /// Diagonals, and in mode sampled the omitted factors; in mode linear, the mean of an omitted factor may
 /// still affect its kept children.
-fn predict_scm_kl(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict_scm_kl(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let mut zeros = std::collections::BTreeMap::new();
     if is_linear(x) {
         for name in ["mask", "weight"] {

@@ -5,7 +5,7 @@ use crate::causal::structure::{In, InBar, Mechanism, MechanismBar, Networks};
 use crate::causal::{intervene, structure};
 use crate::ops::call::RunResult;
 use crate::ops::case::Draw;
-use crate::ops::op::{Case, Checked, Op, no_zeros};
+use crate::ops::op::{Case, CheckedCall, Op, no_zeros};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -24,7 +24,7 @@ pub(crate) static STRUCTURE: Op = Op {
 
 const NETWORK: [&str; 5] = ["w0", "b0", "w1", "b1", "w2"];
 
-fn check_structure(x: &Checked<'_>) -> Result<()> {
+fn check_structure(x: &CheckedCall<'_>) -> Result<()> {
     let given = (x.has("weight"), NETWORK.iter().any(|name| x.has(name)));
     let fits = match x.word("mode").unwrap_or("nonlinear") {
         "linear" => given == (true, false),
@@ -43,7 +43,7 @@ fn check_structure(x: &Checked<'_>) -> Result<()> {
 }
 
 /// Checks that weights, networks or both are present with the right sizes.
-fn check_mechanism(x: &Checked<'_>) -> Result<()> {
+fn check_mechanism(x: &CheckedCall<'_>) -> Result<()> {
     let count = NETWORK.iter().filter(|name| x.has(name)).count();
     if !matches!((x.has("weight"), count), (true, 0) | (_, 5)) {
         return Err(Error::input("mechanism")
@@ -77,12 +77,12 @@ struct Arguments {
 }
 
 impl Arguments {
-    fn new(x: &Checked<'_>) -> Self {
+    fn new(x: &CheckedCall<'_>) -> Self {
         let [eps, mask, weight] = ["eps", "mask", "weight"].map(|name| x.f64s(name));
         Self { eps, mask, weight, layers: NETWORK.map(|name| x.f64s(name)) }
     }
 
-    fn input(&self, x: &Checked<'_>) -> In<'_> {
+    fn input(&self, x: &CheckedCall<'_>) -> In<'_> {
         let linear = !x.has("w0");
         let (batch, n, k) = (x.dim("B"), x.dim("N"), x.dim("K"));
         let networks = || {
@@ -102,7 +102,7 @@ impl Arguments {
 }
 
 /// Gradients to accumulate into.
-fn start(x: &Checked<'_>) -> InBar {
+fn start(x: &CheckedCall<'_>) -> InBar {
     let start = |name: &str| x.start_f64(name, x.f64s(name).len());
     let [w0, b0, w1, b1, w2] = NETWORK.map(start);
     let mechanism = MechanismBar { weight: start("weight"), w0, b0, w1, b1, w2 };
@@ -110,7 +110,7 @@ fn start(x: &Checked<'_>) -> InBar {
 }
 
 /// Gradients by name.
-fn put(x: &Checked<'_>, bar: InBar, ran: &mut RunResult) {
+fn put(x: &CheckedCall<'_>, bar: InBar, ran: &mut RunResult) {
     let m = bar.mechanism;
     let all = [("eps", bar.eps), ("mask", bar.mask), ("weight", m.weight)];
     let networks = [("w0", m.w0), ("b0", m.b0), ("w1", m.w1), ("b1", m.b1), ("w2", m.w2)];
@@ -119,7 +119,7 @@ fn put(x: &Checked<'_>, bar: InBar, ran: &mut RunResult) {
     }
 }
 
-fn run_structure(x: &Checked<'_>) -> Result<RunResult> {
+fn run_structure(x: &CheckedCall<'_>) -> Result<RunResult> {
     let given = Arguments::new(x);
     let input = given.input(x);
     let abduct = x.word("mode") == Some("abduct");
@@ -191,7 +191,7 @@ pub(crate) static INTERVENE: Op = Op {
     ..entry(&reference::causal::intervene::SIGNATURE)
 };
 
-fn check_intervene(x: &Checked<'_>) -> Result<()> {
+fn check_intervene(x: &CheckedCall<'_>) -> Result<()> {
     check_mechanism(x)?;
     if x.has("weight") && x.has("w0") {
         return Err(Error::input("mechanism").expected("'weight' or networks").got("both"));
@@ -200,11 +200,11 @@ fn check_intervene(x: &Checked<'_>) -> Result<()> {
     x.rule("target", "a factor, or -1", |target| target >= -1.0 && target < n)
 }
 
-fn targets(x: &Checked<'_>) -> Vec<Option<usize>> {
+fn targets(x: &CheckedCall<'_>) -> Vec<Option<usize>> {
     x.f64s("target").into_iter().map(|target| (target >= 0.0).then_some(target as usize)).collect()
 }
 
-fn run_intervene(x: &Checked<'_>) -> Result<RunResult> {
+fn run_intervene(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (given, target, value) = (Arguments::new(x), targets(x), x.f64s("value"));
     let input = intervene::In { given: given.input(x), target: &target, value: &value };
     let (z, saved) = intervene::forward(&input);
@@ -220,7 +220,7 @@ fn run_intervene(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Causes of factors that are set, and values of samples without target.
-fn predict_intervene(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict_intervene(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     let (n, k, target) = (x.dim("N"), x.dim("K"), targets(x));
     let set = (0..target.len() * n * k).map(|at| target[at / (n * k)] == Some(at / k % n)).collect();
     let unused = (0..target.len() * k).map(|at| target[at / k].is_none()).collect();

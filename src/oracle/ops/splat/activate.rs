@@ -4,7 +4,7 @@ use super::flatten;
 use crate::Result;
 use crate::ops::call::{RunResult, rows};
 use crate::ops::case::Draw;
-use crate::ops::op::{Case, Checked, Op, Width, no_zeros};
+use crate::ops::op::{Case, CheckedCall, Op, Width, no_zeros};
 use crate::splat::activate;
 
 /// `splat.activate`
@@ -22,11 +22,11 @@ pub(in crate::ops) static OP: Op = Op {
 };
 
 /// Checks that exp neither overflows nor underflows.
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     x.rule("scales_log", "−80 to 80", |s| (-80.0..=80.0).contains(&s))
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let n = x.dim("N");
     let (logs, logits) = (x.rows::<3>("scales_log"), x.f32s("opacity_logits"));
     let (mut scales, mut opacities) = (vec![[0.0; 3]; n], vec![0.0; n]);

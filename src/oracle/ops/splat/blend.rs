@@ -3,7 +3,7 @@
 use super::scene::Scene;
 use super::{check_common, flatten, plan, profile};
 use crate::ops::call::{Call, RunResult};
-use crate::ops::op::{Case, Checked, Op, Width};
+use crate::ops::op::{Case, CheckedCall, Op, Width};
 use crate::scene::camera::MAX_SIDE;
 use crate::scene::profile::Footprint;
 use crate::splat::blend::{self, FrozenMasks, OutBar, SplatBar};
@@ -27,7 +27,7 @@ pub(in crate::ops) static OP: Op = Op {
     case,
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     check_common(x)?;
     x.rule("axis", "0 or 1", |a| a == 0.0 || a == 1.0)?;
     let shape = x.f64s("shape");
@@ -48,11 +48,11 @@ fn check(x: &Checked<'_>) -> Result<()> {
     Ok(())
 }
 
-fn grid(x: &Checked<'_>, tile: usize) -> Result<Grid> {
+fn grid(x: &CheckedCall<'_>, tile: usize) -> Result<Grid> {
     Ok(Grid { width: x.whole("width")?, height: x.whole("height")?, tile })
 }
 
-fn splats(x: &Checked<'_>, alpha_min: f32) -> Vec<Splat> {
+fn splats(x: &CheckedCall<'_>, alpha_min: f32) -> Vec<Splat> {
     let (means_px, shape, colors) = (x.rows::<2>("means_px"), x.rows::<3>("shape"), x.rows::<3>("colors"));
     let (axis, depths_z, opacities) = (x.f32s("axis"), x.f32s("depths_z"), x.f32s("opacities"));
     let n = x.dim("N");
@@ -67,7 +67,7 @@ fn splats(x: &Checked<'_>, alpha_min: f32) -> Vec<Splat> {
     (0..shape.len()).map(make).collect()
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (c, n, profile) = (x.dim("C"), x.dim("N"), profile(x)?);
     let stored = grid(x, 16)?;
     let cull = x.number("cull") != Some(0.0);
@@ -143,7 +143,7 @@ pub(super) struct ImageBars {
 
 impl ImageBars {
     /// The cotangents of a call.
-    pub(super) fn of(x: &Checked<'_>, [c, h, w]: [usize; 3]) -> Result<Self> {
+    pub(super) fn of(x: &CheckedCall<'_>, [c, h, w]: [usize; 3]) -> Result<Self> {
         Ok(Self {
             image: x.bar("image", &[c, h, w, 3])?,
             alpha: x.bar("alpha", &[c, h, w])?,
@@ -157,7 +157,7 @@ impl ImageBars {
     }
 }
 
-fn put_bars(x: &Checked<'_>, bars: &[SplatBar], background_bar: [f32; 3], ran: &mut RunResult) {
+fn put_bars(x: &CheckedCall<'_>, bars: &[SplatBar], background_bar: [f32; 3], ran: &mut RunResult) {
     let add = |name: &str, values: Vec<f32>| {
         let mut sum = x.start(name, values.len());
         for (s, v) in sum.iter_mut().zip(&values) {
@@ -185,7 +185,7 @@ fn put_bars(x: &Checked<'_>, bars: &[SplatBar], background_bar: [f32; 3], ran: &
 
 /// Gaussians that affect no pixel have no gradient; those that affect pixels only above the cap have
 /// gradients of colour and depth only.
-fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, ran: &RunResult) -> Result<Prediction> {
     let (c, n) = (x.dim("C"), x.dim("N"));
     let reach = plan::reach(&ran.plan, c, n, &grid(x, 16)?)?;
     let through = profile(x)?.inria_bwd;

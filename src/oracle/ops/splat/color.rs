@@ -3,7 +3,7 @@
 use super::{check_sizes, flatten, scene::Scene, sh_degree};
 use crate::num::array::Arrays;
 use crate::ops::call::{RunResult, rows};
-use crate::ops::op::{Case, Checked, Op, Width};
+use crate::ops::op::{Case, CheckedCall, Op, Width};
 use crate::scene::camera::{Camera, Model};
 use crate::splat::color::{self, Sh};
 use crate::tape::check::Prediction;
@@ -23,13 +23,13 @@ pub(in crate::ops) static OP: Op = Op {
     case,
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     check_sizes(x)?;
     sh_degree(x).map(|_| ())
 }
 
 /// Camera centres; the other camera parameters are not used.
-fn centers(x: &Checked<'_>) -> Vec<[f32; 3]> {
+fn centers(x: &CheckedCall<'_>) -> Vec<[f32; 3]> {
     let unit = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
     let views = x.f32s("view_from_world");
     views.chunks_exact(16).map(|v| Camera::from_matrices(v, &unit, 1, 1, Model::Pinhole).center()).collect()
@@ -47,7 +47,7 @@ pub(super) fn mask_rows(plan: &Arrays, cameras: usize, n: usize) -> Result<Vec<[
     Ok(values.chunks_exact(3).map(|m| [m[0] as u8, m[1] as u8, m[2] as u8]).collect())
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let n = x.dim("N");
     let (means, values) = (x.rows::<3>("means"), x.f32s("sh"));
     let sh = Sh { values: &values, coefficients: x.dim("K"), degree: sh_degree(x)? };
@@ -77,7 +77,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Bands above the degree, and channels clamped at 0 in every camera.
-fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, ran: &RunResult) -> Result<Prediction> {
     let mask = mask_rows(&ran.plan, x.dim("C"), x.dim("N"))?;
     let seen = |i: usize, channel: usize| (0..x.dim("C")).any(|c| mask[c * x.dim("N") + i][channel] == 1);
     let mut known = Prediction::default();
@@ -90,7 +90,7 @@ fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
 
 /// Mask (N, K, 3) of coefficients without gradient: bands above `degree`, and channels clamped in every
 /// camera.
-pub(super) fn sh_zeros(x: &Checked<'_>, degree: usize, seen: impl Fn(usize, usize) -> bool) -> Vec<bool> {
+pub(super) fn sh_zeros(x: &CheckedCall<'_>, degree: usize, seen: impl Fn(usize, usize) -> bool) -> Vec<bool> {
     let (n, k) = (x.dim("N"), x.dim("K"));
     let used = (degree + 1) * (degree + 1);
     (0..n * k * 3).map(|e| e / 3 % k >= used || !seen(e / (3 * k), e % 3)).collect()

@@ -4,7 +4,7 @@ use super::{check_common, flatten};
 use crate::Result;
 use crate::ops::call::{RunResult, rows};
 use crate::ops::case::Draw;
-use crate::ops::op::{Case, Checked, Op, Width};
+use crate::ops::op::{Case, CheckedCall, Op, Width};
 use crate::splat::covariance;
 use crate::tape::check::Prediction;
 
@@ -22,7 +22,7 @@ pub(in crate::ops) static OP: Op = Op {
     case,
 };
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let n = x.dim("N");
     let (quats, scales) = (x.rows::<4>("quats"), x.rows::<3>("scales"));
     let mut factors = vec![[0.0; 9]; n];
@@ -39,7 +39,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// ⟨q, q̄⟩ = 0.
-fn predict(x: &Checked<'_>, _: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(Prediction { nulls: [("quats".to_owned(), (4, x.f64s("quats")))].into(), ..Prediction::default() })
 }
 

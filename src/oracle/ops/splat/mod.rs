@@ -17,14 +17,14 @@ pub(super) mod render;
 mod plan;
 mod scene;
 
-use super::op::Checked;
+use super::op::CheckedCall;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::profile::{Footprint, Profile, Stop, TangentClamp};
 use crate::splat::project::Row;
 use crate::{Error, Result};
 
 /// The profile of a call.
-fn profile(x: &Checked<'_>) -> Result<Profile> {
+fn profile(x: &CheckedCall<'_>) -> Result<Profile> {
     let mut p = Profile::parse(x.word("profile").unwrap_or("exact"))?;
     let number = |key: &str, slot: &mut f32| {
         if let Some(value) = x.number(key) {
@@ -63,7 +63,7 @@ fn profile(x: &Checked<'_>) -> Result<Profile> {
 }
 
 /// Checks the rules of settings and inputs common to several of the operators.
-fn check_common(x: &Checked<'_>) -> Result<()> {
+fn check_common(x: &CheckedCall<'_>) -> Result<()> {
     x.rule("opacities", "0 to 1", |o| (0.0..=1.0).contains(&o))?;
     x.rule("scales", "0 or more", |s| s >= 0.0)?;
     x.rule("near", "0 or more", |near| near >= 0.0)?;
@@ -103,7 +103,7 @@ fn check_common(x: &Checked<'_>) -> Result<()> {
 }
 
 /// Checks that either `quats` and `scales`, or `factors` are present.
-fn check_shape(x: &Checked<'_>) -> Result<()> {
+fn check_shape(x: &CheckedCall<'_>) -> Result<()> {
     match (x.has("quats"), x.has("scales"), x.has("factors")) {
         (true, true, false) | (false, false, true) => Ok(()),
         (q, s, f) => {
@@ -120,7 +120,7 @@ fn check_shape(x: &Checked<'_>) -> Result<()> {
 }
 
 /// Degree of the spherical harmonics, at most 3 and covered by K.
-fn sh_degree(x: &Checked<'_>) -> Result<usize> {
+fn sh_degree(x: &CheckedCall<'_>) -> Result<usize> {
     let degree = x.whole("sh_degree")?;
     let k = x.dim("K");
     if degree > 3 || (degree + 1) * (degree + 1) > k {
@@ -132,7 +132,7 @@ fn sh_degree(x: &Checked<'_>) -> Result<usize> {
 }
 
 /// The cameras of a call, checked.
-fn cameras(x: &Checked<'_>) -> Result<Vec<Camera>> {
+fn cameras(x: &CheckedCall<'_>) -> Result<Vec<Camera>> {
     let model = Model::parse(x.word("camera").unwrap_or("pinhole"))?;
     let (width, height) = (x.whole("width")?, x.whole("height")?);
     let views = x.f32s("view_from_world");
@@ -150,7 +150,7 @@ fn cameras(x: &Checked<'_>) -> Result<Vec<Camera>> {
 }
 
 /// Checks that there is a camera, and that the numbers of Gaussians and pixels fit into indices.
-fn check_sizes(x: &Checked<'_>) -> Result<()> {
+fn check_sizes(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("C") == 0 {
         return Err(Error::input("array 'view_from_world'").expected("at least one camera").got("none"));
     }

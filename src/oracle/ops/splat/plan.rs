@@ -2,7 +2,7 @@
 
 use crate::num::array::Arrays;
 use crate::num::order;
-use crate::ops::op::Checked;
+use crate::ops::op::CheckedCall;
 use crate::scene::profile::Profile;
 use crate::splat::blend;
 use crate::splat::plan::{Grid, Plan, Splat};
@@ -273,7 +273,11 @@ pub(super) fn reach(plan: &Arrays, cameras: usize, n: usize, grid: &Grid) -> Res
 }
 
 /// Zeros of whole rows of the named inputs that are present; ⟨q, q̄⟩ = 0 if `quats` is among them.
-pub(super) fn row_prediction(x: &Checked<'_>, names: &[&str], zero: impl Fn(usize) -> bool) -> Prediction {
+pub(super) fn row_prediction(
+    x: &CheckedCall<'_>,
+    names: &[&str],
+    zero: impl Fn(usize) -> bool,
+) -> Prediction {
     let mut known = Prediction::default();
     for &name in names.iter().filter(|name| x.has(name)) {
         let (n, len) = (x.shape(name)[0], x.f32s(name).len());

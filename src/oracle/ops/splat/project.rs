@@ -6,7 +6,7 @@ use crate::num::array::Arrays;
 
 use crate::num::array::entries;
 use crate::ops::call::{RunResult, rows};
-use crate::ops::op::{Case, Checked, Op, Width};
+use crate::ops::op::{Case, CheckedCall, Op, Width};
 use crate::scene::camera::Camera;
 use crate::scene::profile::Profile;
 use crate::splat::covariance;
@@ -29,7 +29,7 @@ pub(in crate::ops) static OP: Op = Op {
     case,
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     check_sizes(x)?;
     check_shape(x)?;
     check_common(x)?;
@@ -41,7 +41,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
 }
 
 /// The given factors, or those of quats and scales.
-pub(super) fn factors(x: &Checked<'_>) -> Vec<[f32; 9]> {
+pub(super) fn factors(x: &CheckedCall<'_>) -> Vec<[f32; 9]> {
     if x.has("factors") {
         return x.rows("factors");
     }
@@ -73,7 +73,7 @@ fn conic(row: &Row) -> [f32; 3] {
     if row.axis == 0 { [pp, pq, q2] } else { [q2, pq, pp] }
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
     let (n, profile, cameras) = (x.dim("N"), profile(x)?, cameras(x)?);
     let c = cameras.len();
     let (means, factors) = (x.rows::<3>("means"), factors(x));
@@ -118,7 +118,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
 }
 
 /// Adds F̄ to the gradients of the call: of factors, or of quats and scales.
-fn put_shape_bars(x: &Checked<'_>, factors_bar: &[[f32; 9]], gradients: &mut Arrays) {
+fn put_shape_bars(x: &CheckedCall<'_>, factors_bar: &[[f32; 9]], gradients: &mut Arrays) {
     let n = x.dim("N");
     if x.has("factors") {
         let mut bar = x.start("factors", 9 * n);
@@ -134,7 +134,7 @@ fn put_shape_bars(x: &Checked<'_>, factors_bar: &[[f32; 9]], gradients: &mut Arr
     gradients.put("scales", &[n, 3], flatten(&scales_bar));
 }
 
-fn bars(x: &Checked<'_>, c: usize, n: usize) -> Result<Vec<RowBar>> {
+fn bars(x: &CheckedCall<'_>, c: usize, n: usize) -> Result<Vec<RowBar>> {
     let of = |name: &str, shape: &[usize]| {
         Ok::<_, Error>(x.bar(name, shape)?.unwrap_or_else(|| vec![0.0; entries(shape)]))
     };
@@ -148,7 +148,7 @@ fn bars(x: &Checked<'_>, c: usize, n: usize) -> Result<Vec<RowBar>> {
 }
 
 /// Gaussians that are visible in no camera; ⟨q, q̄⟩ = 0.
-fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, ran: &RunResult) -> Result<Prediction> {
     let n = x.dim("N");
     let k1: Vec<f64> = ran.outputs.need("shape")?.to_f64();
     let seen: Vec<bool> = (0..n).map(|i| (0..x.dim("C")).any(|c| k1[3 * (c * n + i) + 1] != 0.0)).collect();

@@ -6,7 +6,7 @@ use super::scene::Scene;
 use super::{cameras, check_common, check_shape, check_sizes, flatten, plan, profile, project, sh_degree};
 use crate::num::array::Arrays;
 use crate::ops::call::RunResult;
-use crate::ops::op::{Case, Checked, Op, Width};
+use crate::ops::op::{Case, CheckedCall, Op, Width};
 use crate::scene::camera::Camera;
 use crate::splat::color::Sh;
 use crate::splat::plan::Grid;
@@ -29,7 +29,7 @@ pub(in crate::ops) static OP: Op = Op {
     case,
 };
 
-fn check(x: &Checked<'_>) -> Result<()> {
+fn check(x: &CheckedCall<'_>) -> Result<()> {
     check_sizes(x)?;
     check_shape(x)?;
     check_common(x)?;
@@ -44,7 +44,7 @@ fn check(x: &Checked<'_>) -> Result<()> {
 }
 
 /// The owned arrays of [`In`].
-struct Owned {
+struct OwnedInputs {
     means: Vec<[f32; 3]>,
     quats: Vec<[f32; 4]>,
     scales: Vec<[f32; 3]>,
@@ -58,8 +58,8 @@ struct Owned {
     background: [f32; 3],
 }
 
-impl Owned {
-    fn new(x: &Checked<'_>) -> Result<Self> {
+impl OwnedInputs {
+    fn new(x: &CheckedCall<'_>) -> Result<Self> {
         Ok(Self {
             means: x.rows("means"),
             quats: x.rows("quats"),
@@ -107,8 +107,8 @@ fn frozen(plan: &Arrays, x: &In<'_>, grid: &Grid) -> Result<Frozen> {
     })
 }
 
-fn run(x: &Checked<'_>) -> Result<RunResult> {
-    let owned = Owned::new(x)?;
+fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let owned = OwnedInputs::new(x)?;
     let input = owned.view(x.has("factors"));
     let profile = profile(x)?;
     let settings = Settings { profile, cull: x.number("cull") != Some(0.0), ..Settings::default() };
@@ -179,7 +179,7 @@ fn run(x: &Checked<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-fn started(x: &Checked<'_>, input: &In<'_>) -> InBar {
+fn started(x: &CheckedCall<'_>, input: &In<'_>) -> InBar {
     let mut bar = InBar::zeros_like(input);
     let n = bar.means.len();
     bar.means = x.start_rows("means", n);
@@ -193,7 +193,7 @@ fn started(x: &Checked<'_>, input: &In<'_>) -> InBar {
     bar
 }
 
-fn put_bars(x: &Checked<'_>, bar: &InBar, into: &mut Arrays) {
+fn put_bars(x: &CheckedCall<'_>, bar: &InBar, into: &mut Arrays) {
     let mut put = |name: &str, values: Vec<f32>| {
         if x.has(name) {
             into.put(name, &x.shape(name), values);
@@ -211,7 +211,7 @@ fn put_bars(x: &Checked<'_>, bar: &InBar, into: &mut Arrays) {
 
 /// Gaussians that affect no pixel, or only pixels above the cap; coefficients above the degree, and channels
 /// clamped at 0 wherever the Gaussian is visible; ⟨q, q̄⟩ = 0.
-fn predict(x: &Checked<'_>, ran: &RunResult) -> Result<Prediction> {
+fn predict(x: &CheckedCall<'_>, ran: &RunResult) -> Result<Prediction> {
     let (c, n) = (x.dim("C"), x.dim("N"));
     let grid = Grid { width: x.whole("width")?, height: x.whole("height")?, tile: 16 };
     let reach = plan::reach(&ran.plan, c, n, &grid)?;

@@ -1,14 +1,16 @@
-//! How many pictures a fit renders, and how long it may be for a number of them.
+//! Render budgets: the number of renders of a fit, and the number of iterations for a given number of
+//! renders.
 //!
-//! An iteration renders once; from the one after the first search for keys on, once for each level of the graph. A search by exchange renders each
-//! picture that it looks at. λ mode `stop` renders as often as the gradient asks for, and has no budget.
+//! An iteration renders once, and after the first search for key Gaussians once for each level of the graph.
+//! A search by exchange renders each view that it evaluates. In λ mode `stop` the number of renders depends
+//! on the gradients, so there is no budget.
 
 use crate::Result;
 use crate::math::digraph::Digraph;
 use lastlight_last::avatar::progressive::{Cap, Keys, Order, Plan};
 use lastlight_last::avatar::settings::Settings;
 
-/// Number of levels under a graph.
+/// Number of levels of the progressive update for a graph.
 ///
 /// # Errors
 /// When it has a cycle.
@@ -18,7 +20,8 @@ pub fn levels(settings: &Settings, graph: &Digraph) -> Result<usize> {
     Ok(Plan::new(graph, if graph.count() == 0 { Order::None } else { p.order }, settings.seed)?.levels.len())
 }
 
-/// Pictures rendered by a fit of some levels to `train` training pictures; none where that depends on the gradients.
+/// Number of renders of a fit with `levels` levels to `train` training images; `None` if it depends on the
+/// gradients.
 pub fn renders(settings: &Settings, levels: usize, train: usize) -> Option<usize> {
     let n = settings.iterations;
     let Some(p) = &settings.progressive else { return Some(n) };
@@ -30,13 +33,14 @@ pub fn renders(settings: &Settings, levels: usize, train: usize) -> Option<usize
     if begin > n {
         return Some(n);
     }
-    let looks = (n - begin) / every + 1;
-    let look = if p.keys == Keys::Swap { Ord::min(p.views, train) } else { 0 };
-    Some(n + (n - begin) * (levels - 1) + looks * look)
+    let searches = (n - begin) / every + 1;
+    let views = if p.keys == Keys::Swap { Ord::min(p.views, train) } else { 0 };
+    Some(n + (n - begin) * (levels - 1) + searches * views)
 }
 
-/// The iterations that render most pictures, but no more than `budget`; of several the number nearest to that of the settings, and the smaller of two. Constants of
-/// the schedule are rounded, so that more iterations may render less.
+/// The number of iterations with the most renders that do not exceed `budget`; of several the one nearest to
+/// that of the settings, and of two equally near the smaller. Constants of the schedule are rounded, so more
+/// iterations may need fewer renders.
 pub fn iterations(settings: &Settings, levels: usize, train: usize, budget: usize) -> Option<usize> {
     let mut best: Option<(usize, usize)> = None;
     for n in 1..=budget {
@@ -62,12 +66,12 @@ mod tests {
         assert_eq!(levels(&host, &chain).expect("acyclic"), 1, "without the progressive update");
         assert_eq!(levels(&with(Progressive::published()), &chain).expect("acyclic"), 3, "a chain of three");
         assert_eq!(renders(&host, 1, 40), Some(600), "one each");
-        // Keys are found at 100, 150, …, 600 of 600 iterations, on 8 pictures.
+        // Key Gaussians are searched at 100, 150, …, 600 of 600 iterations, on 8 images.
         let full = with(Progressive::published());
-        assert_eq!(renders(&full, 3, 40), Some(600 + 500 * 2 + 11 * 8), "levels and looks");
-        assert_eq!(renders(&full, 3, 5), Some(600 + 500 * 2 + 11 * 5), "no more pictures than there are");
+        assert_eq!(renders(&full, 3, 40), Some(600 + 500 * 2 + 11 * 8), "levels and searches");
+        assert_eq!(renders(&full, 3, 5), Some(600 + 500 * 2 + 11 * 5), "at most as many images as there are");
         let random = with(Progressive { keys: Keys::Random, ..Progressive::published() });
-        assert_eq!(renders(&random, 2, 40), Some(600 + 500), "drawn keys look at nothing");
+        assert_eq!(renders(&random, 2, 40), Some(600 + 500), "random keys need no renders");
         let stop = with(Progressive { cap: Cap::Stop, ..Progressive::published() });
         assert_eq!(renders(&stop, 2, 40), None, "depends on gradients");
         assert_eq!(
@@ -75,8 +79,8 @@ mod tests {
             Some(3 + 2 * 2 + 3 * 8),
             "short"
         );
-        assert_eq!(iterations(&host, 1, 40, 1688), Some(1688), "the host goes on for longer");
-        assert_eq!(iterations(&full, 3, 40, 1688), Some(600), "itself");
+        assert_eq!(iterations(&host, 1, 40, 1688), Some(1688), "the host runs longer");
+        assert_eq!(iterations(&full, 3, 40, 1688), Some(600), "the same number");
         let longer = iterations(&full, 2, 40, 1688).expect("fits");
         let n = |iterations| renders(&Settings { iterations, ..full.clone() }, 2, 40).expect("known");
         assert!((1680..=1688).contains(&n(longer)), "nearly all is spent: {} by {longer}", n(longer));

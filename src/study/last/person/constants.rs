@@ -1,11 +1,13 @@
-//! The constants of the guided fit: the scale of the latent criterion, and the strongest honest setting.
+//! The constants of the guided fit: the scale of the latent criterion, and the hyper-parameters found by a
+//! search.
 //!
 //! *Calibration*: c_τ of every model on subject 0 ([`calibrate`]), chosen once.
 //!
-//! *Search*: fits of subject 0 under the first model for every combination of the candidates below. For each constant the candidate is taken whose mean
-//! PSNR-box on the held-out pictures, at equal renders, over all combinations of the others is largest; of equal ones the first. A mean over many fits is
-//! moved less by luck than the best of them. Those of `last.md` §12.6 are among the candidates, and come first. Nothing else is fitted to subject 0, and no
-//! other experiment has it.
+//! *Search*: fits of subject 0 under the first model for every combination of the candidates below. For each
+//! constant the candidate with the largest mean PSNR-box on the held-out images, at equal renders, over all
+//! combinations of the others is selected; of equal ones the first. The mean over many fits is less sensitive
+//! to chance than the best fit. The default values are the first candidates. Subject 0 is used for nothing
+//! else, and no other experiment includes it.
 //!
 //! | constant | candidates |
 //! |---|---|
@@ -30,12 +32,12 @@ use std::sync::atomic::AtomicBool;
 
 /// Folder of the cells, shared by these experiments and the search.
 pub const FOLDER: &str = "persons";
-/// The subject that constants are found on.
+/// The subject used for calibration and search.
 const SUBJECT: u64 = 0;
-/// What the search makes large.
+/// The value that the search maximises.
 const VALUE: &str = "PSNR-box@renders";
 
-/// What the guided fit depends on.
+/// The constants of the guided fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constants {
     /// c_τ of each model
@@ -44,16 +46,16 @@ pub struct Constants {
     pub mode: Mode,
     /// τ_rec
     pub threshold: f64,
-    /// λ and what it means
+    /// mode and value of λ
     pub cap: (Cap, f64),
     /// q
     pub share: f64,
-    /// first search for keys, of 1 200
+    /// iteration of the first search for key Gaussians, of 1 200
     pub first: usize,
 }
 
 impl Constants {
-    /// Those of `last.md` §12.6.
+    /// The default constants.
     pub fn published(latent_scales: Vec<f64>) -> Self {
         let p = Progressive::published();
         Self {
@@ -97,7 +99,7 @@ impl Constants {
         }
     }
 
-    /// Pictures that the full system renders in the iterations of the study: what a second fit may spend.
+    /// Number of renders of the full system in the iterations of the study: the budget of a second fit.
     ///
     /// # Errors
     /// When the model's graph has a cycle.
@@ -107,7 +109,7 @@ impl Constants {
         Ok(budget::renders(&settings, levels, setup.size.frames).unwrap_or(settings.iterations))
     }
 
-    /// In words.
+    /// The constants as text.
     pub fn text(&self) -> String {
         format!(
             "density {} at τ_rec {}, λ {} {}, q {}, first keys at {} of 1 200, c_τ {}",
@@ -125,12 +127,12 @@ impl Constants {
 /// c_τ of every model.
 #[derive(Debug)]
 pub struct Calibration<'a> {
-    /// what is calibrated
+    /// the models to calibrate
     pub setup: &'a Setup,
 }
 
 impl Calibration<'_> {
-    /// c_τ of each model, if all results are there.
+    /// c_τ of each model, if all results are present.
     pub fn found(&self, results: &Results) -> Option<Vec<f64>> {
         let found: Vec<f64> = results.iter().filter_map(|(_, v)| v.get("c_tau").copied()).collect();
         (found.len() == self.setup.models.len()).then_some(found)
@@ -171,7 +173,7 @@ impl Experiment for Calibration<'_> {
         let scale = |v: &Values| v.get("c_tau").copied().unwrap_or(f64::NAN);
         Report {
             id: self.id(),
-            claim: "c_τ makes τ_rec = 0.003 ask for as many Gaussians as the pixel criterion, at half of a fit of subject 0.",
+            claim: "With c_τ, the latent criterion at τ_rec = 0.003 selects as many Gaussians as the pixel criterion, half-way through a fit of subject 0.",
             head: vec!["graph", ">c_τ"],
             rows: results.iter().map(|(c, v)| vec![c.row.clone(), format!("{:.5}", scale(v))]).collect(),
             chart_labels: ["c_τ", "model"],
@@ -182,13 +184,13 @@ impl Experiment for Calibration<'_> {
     }
 }
 
-/// A candidate: its name, and what it does to the constants.
+/// A candidate: its name, and the change that it makes to the constants.
 type Candidate = (String, Box<dyn Fn(&mut Constants) + Sync>);
 
-/// The search for the strongest setting.
+/// The hyper-parameter search.
 pub struct Search<'a> {
     setup: &'a Setup,
-    /// of each constant
+    /// the candidates of each constant
     axes: Vec<(&'static str, Vec<Candidate>)>,
     runs: Vec<(Vec<usize>, FitRun)>,
     base: Constants,
@@ -222,7 +224,7 @@ fn axes(setup: &Setup) -> Vec<(&'static str, Vec<Candidate>)> {
             (format!("{} {}", cap.0.name(), cap.1), Box::new(move |c: &mut Constants| c.cap = cap))
         })
         .collect();
-    // In a look two constants are enough to see that the search runs.
+    // In a quick study two constants are enough to exercise the search.
     let few = size.candidates < usize::MAX;
     let shares: &[f64] = if few { &[0.25] } else { &[0.25, 0.1, 0.5] };
     let firsts: &[usize] = if few { &[200] } else { &[200, 400] };
@@ -238,13 +240,13 @@ fn axes(setup: &Setup) -> Vec<(&'static str, Vec<Candidate>)> {
 }
 
 impl<'a> Search<'a> {
-    /// Over all combinations, for the first model.
+    /// Makes the search over all combinations, for the first model.
     ///
     /// # Errors
     /// When the model's graph has a cycle.
     pub fn new(setup: &'a Setup, latent_scales: Vec<f64>) -> Result<Self> {
         let (axes, base) = (axes(setup), Constants::published(latent_scales));
-        // All spend what the setting of the document does.
+        // All fits have the render budget of the default constants.
         let renders = base.renders(setup, 0)?;
         let total = axes.iter().fold(1, |n, (_, c)| n * c.len());
         let runs = (0..total)
@@ -292,7 +294,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// The constants that the results speak for; none while results are missing.
+    /// The selected constants; `None` while results are missing.
     pub fn found(&self, results: &Results) -> Option<Constants> {
         if results.len() < self.runs.len() {
             return None;
@@ -305,7 +307,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// The largest value's index, the first of equal ones.
+/// The index of the largest value, the first of equal ones.
 fn first_largest(values: &[f64]) -> usize {
     (1..values.len()).fold(0, |best, i| if values[i] > values[best] { i } else { best })
 }
@@ -341,11 +343,11 @@ impl Experiment for Search<'_> {
         let mut drawn = Vec::new();
         for (a, (name, candidates)) in self.axes.iter().enumerate() {
             let top = means[a][best[a]].mean;
-            // Every candidate of a constant has as many fits.
+            // Every candidate of a constant has the same number of fits.
             let middle = Summary::of(&means[a].iter().map(|s| s.mean).collect::<Vec<_>>()).mean;
             for (c, (candidate, _)) in candidates.iter().enumerate() {
                 let s = means[a][c];
-                let taken = if best[a] == c { "taken" } else { "" };
+                let taken = if best[a] == c { "selected" } else { "" };
                 let count = s.count.to_string();
                 rows.push(vec![
                     format!("{name} {candidate}"),
@@ -363,18 +365,18 @@ impl Experiment for Search<'_> {
         let complete = results.to_vec();
         Report {
             id: self.id(),
-            claim: "The strongest honest setting: constants found on subject 0, evaluated on others.",
+            claim: "Hyper-parameters with the best results on subject 0; all other experiments use other subjects.",
             head: vec!["constant", ">mean PSNR-box at equal renders", ">below the best", ">fits", "choice"],
             rows,
             chart_labels: [
-                "mean PSNR-box at equal renders, above the mean of the constant's candidates, dB",
+                "mean PSNR-box at equal renders minus the mean over the candidates of the constant, dB",
                 "",
             ],
             chart: Chart::Intervals(drawn),
             outcome: Outcome::Reported,
             verdict: self.found(&complete).map_or_else(
-                || format!("{} of {} fits are there.", results.len(), self.runs.len()),
-                |c| format!("Taken: {}.", c.text()),
+                || format!("{} of {} fits are done.", results.len(), self.runs.len()),
+                |c| format!("Selected: {}.", c.text()),
             ),
         }
     }
@@ -385,7 +387,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_equal_candidates_the_first_is_taken() {
+    fn of_equal_candidates_the_first_is_selected() {
         assert_eq!(first_largest(&[1.0, 3.0, 3.0, 2.0]), 1, "the first of two");
         assert_eq!(first_largest(&[0.0]), 0, "one");
     }

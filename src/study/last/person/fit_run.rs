@@ -1,4 +1,4 @@
-//! One cell: a person fitted and scored.
+//! One cell: the fit of a person and its scores.
 
 use super::budget;
 use super::setup::{Model, Setup};
@@ -24,32 +24,32 @@ use lastlight_last::model::guide::{cut, seen};
 use lastlight_last::model::tune::{self, Subject};
 use serde_json::{Value, json};
 
-/// Times at which the held-out pictures are looked at during a fit.
-const LOOKS: usize = 6;
-/// Times at which factors are compared in E13.
+/// Number of evaluations on the held-out images during a fit.
+const EVALUATIONS: usize = 6;
+/// Number of comparisons of factors during a fit in E13.
 const STEPS: usize = 24;
-/// Training pictures scored, or compared in factors, at most.
-const PICTURES: usize = 8;
+/// Maximum number of training images that are scored, or whose factors are compared.
+const IMAGES: usize = 8;
 
-/// Which graph the model is told to have.
+/// The graph that the model uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Structure {
-    /// The one that it learned.
+    /// The learned graph.
     Learned,
-    /// A*
+    /// The true graph A*.
     True,
-    /// None: structure off.
+    /// No edges: structure off.
     Empty,
-    /// Another one of as many edges as A*, drawn for the subject.
+    /// A random graph with as many edges as A*, one per subject.
     Random,
-    /// The learned one with every edge turned round.
+    /// The learned graph with every edge reversed.
     Reversed,
-    /// The learned one, tuned on the subject.
+    /// The learned graph, tuned on the subject.
     Tuned,
 }
 
 impl Structure {
-    /// In tables and records.
+    /// The name in tables and records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Learned => "learned",
@@ -62,29 +62,29 @@ impl Structure {
     }
 }
 
-/// One fit with everything that it depends on.
+/// One fit with all its settings.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FitRun {
-    /// which of the models
+    /// index of the model
     pub model: usize,
-    /// whom it shows
+    /// number of the subject
     pub subject: u64,
-    /// A
+    /// graph A
     pub structure: Structure,
-    /// of the host; the seed is the subject
+    /// settings of the host; the seed is the subject
     pub settings: Settings,
-    /// renders of the second fit
+    /// number of renders of the second fit
     pub renders: usize,
-    /// compare factors during the fit
+    /// whether factors are compared during the fit
     pub factors: bool,
 }
 
-/// A graph of as many edges as `truth` that is neither it nor `learned`.
+/// A random graph with as many edges as `truth` that equals neither `truth` nor `learned`.
 fn random(truth: &Digraph, learned: &Digraph, subject: u64) -> Result<Digraph> {
     let n = truth.n();
     let draw = |k: u64| -> Result<Digraph> {
         let name = format!("ER-{}", truth.count());
-        let fail = |e: String| Error::input("random graph").expected("edges that fit").got(e);
+        let fail = |e: String| Error::input("random graph").expected("an admissible number of edges").got(e);
         let a = Graph::named(&name, n, subject.wrapping_mul(1000).wrapping_add(k)).map_err(fail)?.adjacency;
         Ok(Digraph::from_fn(n, |i, j| a[i][j]))
     };
@@ -97,7 +97,7 @@ fn random(truth: &Digraph, learned: &Digraph, subject: u64) -> Result<Digraph> {
     Ok(Digraph::empty(n))
 }
 
-/// The model under another graph, with the deviations of ε that belong to it.
+/// The model with another graph, and the standard deviations of ε under that graph.
 fn under(model: &Trained, graph: Digraph, capture: &PersonCapture) -> Result<Trained> {
     let mut other = Trained { graph, ..model.clone() };
     if other.graph != model.graph {
@@ -122,18 +122,18 @@ impl FitRun {
         Cell { key, row: row.to_owned(), seed: self.subject }
     }
 
-    /// Whether the model has a say.
+    /// Whether the fit uses the model.
     fn is_guided(&self) -> bool {
         self.settings.needs_guide() || self.factors
     }
 
-    /// Everything that the result depends on.
+    /// All settings that the result depends on.
     pub fn record(&self, setup: &Setup) -> Value {
         let model = &setup.models[self.model];
-        let said = |text: &str| if self.is_guided() { text.to_owned() } else { "none".to_owned() };
+        let if_guided = |text: &str| if self.is_guided() { text.to_owned() } else { "none".to_owned() };
         let mut record = json!({
             "lastlight": env!("CARGO_PKG_VERSION"), "size": setup.size.record(), "graph": model.graph,
-            "subject": self.subject, "model": said(&model.digest), "structure": said(self.structure.name()),
+            "subject": self.subject, "model": if_guided(&model.digest), "structure": if_guided(self.structure.name()),
             "tuning": if self.structure == Structure::Tuned { setup.size.tuning } else { 0 },
             "factors": self.factors, "renders": self.renders, "host": self.settings.json(),
         });
@@ -143,7 +143,7 @@ impl FitRun {
         record
     }
 
-    /// The model under the graph of this run, and what tuning did to it.
+    /// The model with the graph of this run, and the changes made by tuning.
     fn guide(&self, setup: &Setup, model: &Model, capture: &PersonCapture) -> Result<(Trained, Values)> {
         let mut values = Values::new();
         let (learned, truth) = (&model.trained.graph, &model.truth);
@@ -179,10 +179,10 @@ impl FitRun {
         Ok((guide, values))
     }
 
-    /// Runs it.
+    /// Runs the cell.
     ///
     /// # Errors
-    /// What generation, tuning, fit or scores report.
+    /// Errors of generation, tuning, fit or evaluation.
     pub fn run(&self, setup: &Setup, watch: &mut dyn Watch) -> Result<Values> {
         let model = &setup.models[self.model];
         let capture = setup.capture(model, self.subject)?;
@@ -213,7 +213,7 @@ impl FitRun {
         Ok(values)
     }
 
-    /// Fits and scores; looks on during the fit where asked for.
+    /// Fits and scores; with `curves` also evaluates during the fit.
     fn fit(
         &self,
         settings: &Settings,
@@ -230,7 +230,7 @@ impl FitRun {
             let step = fit.step(i, watch)?;
             let done = i + 1;
             watch.progress(done, n, step);
-            if curves && is_at(done, LOOKS) {
+            if curves && is_at(done, EVALUATIONS) {
                 values.insert(format!("curve {done}"), level(fit.avatar(), capture)?);
             }
             if curves && self.factors && is_at(done, STEPS) {
@@ -244,7 +244,7 @@ impl FitRun {
         let (_, mean) = evaluate::means(&test)?;
         values
             .extend(mean.named().into_iter().filter(|(_, x)| x.is_finite()).map(|(n, x)| (n.to_owned(), x)));
-        let step = Ord::max(1, capture.train.len().div_ceil(PICTURES));
+        let step = Ord::max(1, capture.train.len().div_ceil(IMAGES));
         let some: Vec<usize> = capture.train.iter().copied().step_by(step).collect();
         let (_, mean) = evaluate::means(&inputs.scores(fit.avatar(), &some)?)?;
         let t = fit.tally();
@@ -266,7 +266,7 @@ impl FitRun {
     }
 }
 
-/// What a fit is made from and scored with.
+/// Inputs of a fit and its scores.
 struct Inputs<'a> {
     capture: &'a PersonCapture,
     guide: &'a Trained,
@@ -280,7 +280,7 @@ impl Inputs<'_> {
     }
 }
 
-/// Mean PSNR-box of the held-out pictures.
+/// Mean PSNR-box of the held-out images.
 fn level(avatar: &Avatar, capture: &PersonCapture) -> Result<f64> {
     let mut sum = 0.0;
     for &i in &capture.test {
@@ -295,10 +295,11 @@ fn level(avatar: &Avatar, capture: &PersonCapture) -> Result<f64> {
     Ok(sum / capture.test.len() as f64)
 }
 
-/// (n) mean over some training pictures and the template's points of how far exchanging a factor for the photograph's moves the decoded points.
+/// (n) mean displacement of the decoded points, over some training images and the points of the template, if
+/// a factor of the render is replaced by that of the input image.
 fn factor_errors(avatar: &Avatar, capture: &PersonCapture, guide: &Trained) -> Result<Vec<f64>> {
     let train = capture.train.len();
-    let count = Ord::min(PICTURES, train);
+    let count = Ord::min(IMAGES, train);
     let mut sums = vec![0.0; guide.factors()];
     for v in 0..count {
         let shot = &capture.shots[capture.train[v * train / count]];
@@ -325,9 +326,13 @@ mod tests {
             let graph = random(&fork, &fork, subject).expect("drawn");
             assert!(graph.is_acyclic() && graph.count() == 2 && graph != fork, "{:?}", graph.edges());
             assert_eq!(random(&fork, &fork, subject).expect("drawn"), graph, "the same for one subject");
-            assert_ne!(random(&fork, &graph, subject).expect("drawn"), graph, "nor the learned one");
+            assert_ne!(
+                random(&fork, &graph, subject).expect("drawn"),
+                graph,
+                "different from the learned one"
+            );
         }
         let none = random(&Digraph::empty(4), &Digraph::empty(4), 1).expect("drawn");
-        assert_eq!(none.count(), 0, "there is only one without edges");
+        assert_eq!(none.count(), 0, "there is only one graph without edges");
     }
 }

@@ -1,4 +1,4 @@
-//! What the experiments with persons share: sizes, models, captures.
+//! Common data of the experiments with persons: sizes, models, captures.
 
 use crate::loss::lpips::Metric;
 use crate::math::digraph::Digraph;
@@ -17,28 +17,28 @@ use std::path::PathBuf;
 /// Sizes of subjects and fits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// of the pictures
+    /// side of the images in pixels
     pub side: usize,
-    /// of the video
+    /// frames of the video
     pub frames: usize,
-    /// cameras that test
+    /// number of test cameras
     pub cameras: usize,
-    /// P
+    /// number of points of the template
     pub points: usize,
-    /// largest number of Gaussians
+    /// maximum number of Gaussians
     pub gaussians: usize,
-    /// of a fit
+    /// iterations of a fit
     pub iterations: usize,
-    /// subjects that are compared
+    /// number of subjects
     pub subjects: u64,
-    /// candidates of each constant in the search, and of the grids of E5 and E7, at most
+    /// maximum number of candidates of each constant in the search, and of values in E5 and E7
     pub candidates: usize,
     /// steps of tuning in E9
     pub tuning: u32,
 }
 
 impl Size {
-    /// The study's (`last.md` §14).
+    /// Sizes of the complete study.
     pub fn full() -> Self {
         Self {
             side: 64,
@@ -53,7 +53,7 @@ impl Size {
         }
     }
 
-    /// For a look.
+    /// Sizes for a quick overview.
     pub fn quick() -> Self {
         Self {
             frames: 20,
@@ -68,7 +68,7 @@ impl Size {
         }
     }
 
-    /// For a test that everything runs.
+    /// Sizes for a smoke test.
     pub fn smoke() -> Self {
         Self {
             frames: 3,
@@ -86,12 +86,12 @@ impl Size {
         json!({ "side": self.side, "frames": self.frames, "cameras": self.cameras, "points": self.points })
     }
 
-    /// The host at this size.
+    /// Settings of the host at this size.
     pub fn baseline(&self) -> Settings {
         Settings { iterations: self.iterations, max_gaussians: self.gaussians, ..Settings::baseline() }
     }
 
-    /// Items of a list, from its first to its last, no more than there are candidates.
+    /// At most `candidates` items of a list, from its first to its last.
     pub(super) fn some<T: Clone>(&self, list: &[T]) -> Vec<T> {
         let n = Ord::max(2, Ord::min(list.len(), self.candidates));
         (0..n).map(|i| list[i * (list.len() - 1) / (n - 1)].clone()).collect()
@@ -103,31 +103,34 @@ impl Size {
 pub struct Model {
     /// name of that graph
     pub graph: String,
-    /// A*, over the model's blocks: interventions told it which factor each block is
+    /// true graph A* over the blocks of the model; the supervision assigns a factor to each block
     pub truth: Digraph,
-    /// of the trained model
+    /// digest of the trained model
     pub digest: String,
     /// the model
     pub trained: Trained,
 }
 
 impl Model {
-    /// A model of the graph of that name.
+    /// Makes a model for the graph of that name.
     ///
     /// # Errors
-    /// No such graph; a model of another number of factors or of no pictures.
+    /// No such graph; a model with another number of factors, without images as input, or trained without
+    /// intervention targets.
     pub fn new(graph: &str, trained: Trained) -> Result<Self> {
         let n = trained.model.sizes.factors;
         let fail = |e: String| Error::input("--model").expected("GRAPH=FILE").got(e);
         let truth = Graph::named(graph, n, 0).map_err(fail)?.adjacency;
         if !matches!(trained.model.encoder.input(), Input::Picture { .. }) {
-            return Err(Error::input("--model").expected("a model of pictures").got("one of vectors"));
-        }
-        let told = trained.settings.supervision;
-        if !matches!(told, Supervision::Groups | Supervision::Labels | Supervision::PerSample) {
             return Err(Error::input("--model")
-                .expected("a model that was told which factor was set: its blocks are the factors")
-                .got(format!("one of supervision {}", told.name())));
+                .expected("a model trained on images")
+                .got("a model trained on vectors"));
+        }
+        let supervision = trained.settings.supervision;
+        if !matches!(supervision, Supervision::Groups | Supervision::Labels | Supervision::PerSample) {
+            return Err(Error::input("--model")
+                .expected("a model trained with supervision groups, pairs or labels, so that its blocks correspond to factors")
+                .got(format!("supervision {}", supervision.name())));
         }
         Ok(Self {
             graph: graph.to_owned(),
@@ -138,24 +141,24 @@ impl Model {
     }
 }
 
-/// Everything that runs draw on.
+/// Common inputs of all runs.
 #[derive(Debug)]
 pub struct Setup {
     /// sizes
     pub size: Size,
-    /// one per graph; the first serves where an experiment asks for one
+    /// one per graph; experiments with a single model use the first
     pub models: Vec<Model>,
     /// folder of the study
     pub dir: PathBuf,
-    /// what LPIPS needs, with its digest
+    /// LPIPS with the digest of its weights, if available
     pub perception: Option<(Metric, u64)>,
 }
 
 impl Setup {
-    /// The video of a subject, made if it is not there.
+    /// The video of a subject; generated if it does not exist.
     ///
     /// # Errors
-    /// When it cannot be made or read.
+    /// When it cannot be generated or read.
     pub fn capture(&self, model: &Model, subject: u64) -> Result<PersonCapture> {
         let s = &self.size;
         let name = format!("{}-{subject}-{}x{}-{}-{}", model.graph, s.side, s.frames, s.cameras, s.points);

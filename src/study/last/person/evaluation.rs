@@ -1,43 +1,44 @@
-//! Whether what an experiment asks for came out. A claim holds only if the interval of its paired differences lies above 0 where the study asks for that; what is
-//! better in the mean of some subjects alone is called that.
+//! Evaluates whether the claim of an experiment holds. Where the study requires it, a claim holds only if the
+//! interval of its paired differences is above 0; a difference that is positive only in the mean is reported
+//! as such.
 
-use super::question::{FAIR, Question, Rows, VALUE, curve, delta, mean, threshold};
+use super::comparison::{Comparison, FAIR, Rows, VALUE, curve, delta, mean, threshold};
 use crate::experiment::{Cell, Summary, Values, differences_by_seed, paired, rows};
 use crate::num::order;
 use std::collections::BTreeMap;
 
-/// λ whose growing error is asked for.
+/// λ for which the claim expects an increasing error.
 const LARGE: f64 = 0.5;
 
-/// Whether it came out, and in words.
-pub(super) fn judge(question: &Question, results: Rows<'_>) -> (Option<bool>, String) {
-    match question {
-        Question::Better { graphs } => better(graphs, results),
-        Question::Ablation => ablation(results),
-        Question::Structures => structures(results),
-        Question::Thresholds(taus) => thresholds(taus, results),
-        Question::Pair(rows) => pair(*rows, results),
-        Question::Bounds(bounds) => bounded(bounds, results),
-        Question::Tuning => {
+/// Whether the claim holds, and the finding in words.
+pub(super) fn evaluate(comparison: &Comparison, results: Rows<'_>) -> (Option<bool>, String) {
+    match comparison {
+        Comparison::Better { graphs } => better(graphs, results),
+        Comparison::Ablation => ablation(results),
+        Comparison::Structures => structures(results),
+        Comparison::Thresholds(taus) => thresholds(taus, results),
+        Comparison::Pair(rows) => pair(*rows, results),
+        Comparison::Bounds(bounds) => bounded(bounds, results),
+        Comparison::Tuning => {
             let (helps, text) = pair(["tuned", "not tuned"], results);
             let changed = mean(results, "tuned", "changed");
             let moved = mean(results, "tuned", "moved");
             let text = format!(
-                "{text} Tuning changed {changed:.1} edges in the mean and moved probabilities by {moved:.3} in all."
+                "{text} On average, tuning changed {changed:.1} edges; the changes of the edge probabilities add up to {moved:.3}."
             );
             (helps.map(|h| h && changed > 0.0), text)
         }
-        Question::Factors { children, begin } => interference(children, *begin, results),
-        Question::Cost => {
+        Comparison::Factors { children, begin } => interference(children, *begin, results),
+        Comparison::Cost => {
             let times = |row: &str, name: &str| mean(results, row, name) / mean(results, "host", name);
             let text = format!(
-                "Per iteration the full system renders {:.2} times as many pictures as the host and passes {:.2} pictures through the encoder.",
+                "Per iteration, the full system renders {:.2} times as many images as the host and encodes {:.2} images.",
                 times("full", "renders"),
                 mean(results, "full", "encodings") / mean(results, "full", "iterations"),
             );
             (None, text)
         }
-        Question::Weights(weights) => {
+        Comparison::Weights(weights) => {
             let all: Vec<(&String, Summary)> =
                 weights.iter().map(|w| (w, paired(results, [w, "w_lat 0"], VALUE))).collect();
             let text: Vec<String> = all.iter().map(|(w, s)| format!("{w}: {}", delta(s))).collect();
@@ -48,7 +49,7 @@ pub(super) fn judge(question: &Question, results: Rows<'_>) -> (Option<bool>, St
 }
 
 fn better(graphs: &[String], results: Rows<'_>) -> (Option<bool>, String) {
-    // A subject has one look and one motion under all graphs: it counts once.
+    // A subject has the same appearance and motion under all graphs, so it counts once.
     let pooled = |name: &str| -> Summary {
         let mut of_subject = BTreeMap::<u64, Vec<f64>>::new();
         for g in graphs {
@@ -76,7 +77,7 @@ fn better(graphs: &[String], results: Rows<'_>) -> (Option<bool>, String) {
         list("@renders")
     );
     if !missing.is_empty() {
-        text += &format!(" Not run for {}: no model of it.", missing.join(", "));
+        text += &format!(" Not run for {}: no model for this graph.", missing.join(", "));
     }
     (Some(equal.is_positive() && fair.is_positive()), text)
 }
@@ -106,35 +107,31 @@ fn structures(results: Rows<'_>) -> (Option<bool>, String) {
     let near = paired(results, ["learned", "true"], VALUE);
     let below = |row: &str, than: &str| paired(results, [than, row], VALUE);
     let wrong = ["random", "reversed"];
-    let harmed = wrong.iter().all(|row| below(row, "learned").mean > 0.0);
+    let worse = wrong.iter().all(|row| below(row, "learned").mean > 0.0);
     let under_host = wrong.iter().all(|row| below(row, "all off").is_positive());
     let clearly = wrong.iter().all(|row| below(row, "learned").is_positive());
     let text = format!(
-        "Learned minus true {}, minus random {}, minus reversed {}, minus empty {} dB{}. All off minus random {}, minus reversed {} dB: a wrong structure is {}below the host.",
+        "Learned minus true {}, minus random {}, minus reversed {}, minus empty {} dB{}. All off minus random {}, minus reversed {} dB: a wrong structure is {}worse than the host.",
         delta(&near),
         delta(&below("random", "learned")),
         delta(&below("reversed", "learned")),
         delta(&below("empty", "learned")),
-        if harmed && !clearly {
-            "; wrong ones are below in the mean, but not beyond the interval"
-        } else {
-            ""
-        },
+        if worse && !clearly { "; wrong graphs are worse in the mean, but within the interval" } else { "" },
         delta(&below("random", "all off")),
         delta(&below("reversed", "all off")),
         if under_host { "" } else { "not " },
     );
-    (Some(near.mean >= -near.deviation && harmed && under_host), text)
+    (Some(near.mean >= -near.deviation && worse && under_host), text)
 }
 
 fn thresholds(taus: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
     let count: Vec<f64> = taus.iter().map(|&t| mean(results, &threshold(t), "gaussians")).collect();
-    // At the largest number, what is pruned after the last refinement decides: a hundredth is no rise.
+    // At the maximum number, pruning after the last refinement decides; a change of 1 % is not a rise.
     let falls = count.windows(2).all(|w| w[1] <= 1.01 * w[0])
         && count.first().zip(count.last()).is_some_and(|(first, last)| *last < 0.99 * first);
     let [Some(&low), Some(&high)] = [taus.first(), taus.last()] else { return (None, String::new()) };
     let inside: Vec<f64> = taus.iter().copied().filter(|t| (1e-3..=5e-3).contains(t)).collect();
-    // The worst of the range against the better of the ends.
+    // The worst value inside the range against the better of its ends.
     let margins: Vec<Summary> = inside
         .iter()
         .flat_map(|&t| [low, high].map(|end| paired(results, [&threshold(t), &threshold(end)], VALUE)))
@@ -146,8 +143,8 @@ fn thresholds(taus: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
         .reduce(|a, b| if b.0 > a.0 { b } else { a })
         .map_or(0.0, |b| b.1);
     let text = format!(
-        "The number of Gaussians {} with τ_rec, from {:.0} to {:.0}. PSNR-box is largest at {best}; inside 0.001 … 0.005 it is {}above both ends by more than the deviation over subjects.",
-        if falls { "falls" } else { "does not fall" },
+        "The number of Gaussians {} with τ_rec, from {:.0} to {:.0}. PSNR-box is largest at {best}; inside 0.001 … 0.005 it is {}larger than at both ends by more than the standard deviation over subjects.",
+        if falls { "decreases" } else { "does not decrease" },
         count.first().copied().unwrap_or(0.0),
         count.last().copied().unwrap_or(0.0),
         if plateau { "" } else { "not " },
@@ -169,14 +166,14 @@ fn pair([a, b]: [&str; 2], results: Rows<'_>) -> (Option<bool>, String) {
     (Some(equal.is_positive()), text)
 }
 
-/// Whether values rise to one largest one and fall after it.
+/// Whether values increase to a single maximum and decrease after it.
 fn unimodal(values: &[f64]) -> bool {
     let top = (1..values.len()).fold(0, |t, i| if values[i] > values[t] { i } else { t });
     values[..=top].windows(2).all(|w| w[0] <= w[1]) && values[top..].windows(2).all(|w| w[0] >= w[1])
 }
 
 fn bounded(bounds: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
-    // What has not run has no level.
+    // Skip values of λ that have not run.
     let has_run = |l: &f64| results.iter().any(|(cell, _)| cell.row == format!("rel {l}"));
     let bounds: Vec<f64> = bounds.iter().copied().filter(has_run).collect();
     if bounds.is_empty() {
@@ -186,25 +183,26 @@ fn bounded(bounds: &[f64], results: Rows<'_>) -> (Option<bool>, String) {
     let top = (1..level.len()).fold(0, |t, i| if level[i] > level[t] { i } else { t });
     let inside = bounds.get(top).is_some_and(|l| (0.05..=0.2).contains(l));
     let single = unimodal(&level);
-    let looks = curve(results, &format!("rel {LARGE}"), "curve ");
-    let best = looks.iter().fold(f64::NEG_INFINITY, |m, p| order::max(m, p.1));
-    let grows = looks.last().is_some_and(|p| p.1 < best);
+    let levels = curve(results, &format!("rel {LARGE}"), "curve ");
+    let best = levels.iter().fold(f64::NEG_INFINITY, |m, p| order::max(m, p.1));
+    let grows = levels.last().is_some_and(|p| p.1 < best);
     let spread = level.iter().fold(f64::NEG_INFINITY, |m, &x| order::max(m, x))
         - level.iter().fold(f64::INFINITY, |m, &x| order::min(m, x));
     let text = format!(
         "Mode rel: best at λ = {}, {spread:.2} dB between the best and the worst λ; {} in λ; at λ = {LARGE} the error {} over the iterations.",
         bounds.get(top).copied().unwrap_or(f64::NAN),
         if single { "one maximum" } else { "more than one maximum" },
-        match (looks.is_empty(), grows) {
-            (true, _) => "is not known",
-            (false, true) => "grows at the end",
-            (false, false) => "does not grow",
+        match (levels.is_empty(), grows) {
+            (true, _) => "is unknown",
+            (false, true) => "increases at the end",
+            (false, false) => "does not increase",
         }
     );
     (Some(inside && single && grows), text)
 }
 
-/// Sum of the rises of child factors' errors after an iteration, in one cell; per child.
+/// Sum of the increases of the errors of child factors after an iteration in one cell, divided by the number
+/// of children.
 fn rise(values: &Values, children: &[usize], begin: usize) -> Option<f64> {
     let mut total = 0.0;
     for j in children {
@@ -225,7 +223,7 @@ fn rise(values: &Values, children: &[usize], begin: usize) -> Option<f64> {
 
 fn interference(children: &[usize], begin: usize, results: Rows<'_>) -> (Option<bool>, String) {
     if children.is_empty() {
-        return (None, "The model's graph has no edge, and no factor is a child.".into());
+        return (None, "The graph of the model has no edge, so no factor is a child.".into());
     }
     let risen: Vec<(Cell, Values)> = results
         .iter()
@@ -234,7 +232,7 @@ fn interference(children: &[usize], begin: usize, results: Rows<'_>) -> (Option<
     let less = paired(&risen, ["host", "LAST"], "rise");
     let [host, last] = ["host", "LAST"].map(|row| mean(&risen, row, "rise"));
     let text = format!(
-        "Rises of the children's error from iteration {begin} on, summed, in deviations of a point: host {host:.3}, LAST {last:.3}; host minus LAST {:+.3} ± {:.3}.",
+        "Summed increases of the errors of child factors from iteration {begin}, in standard deviations of a point: host {host:.3}, LAST {last:.3}; host minus LAST {:+.3} ± {:.3}.",
         less.mean, less.half_width
     );
     (Some(less.is_positive()), text)
@@ -260,9 +258,9 @@ mod tests {
             .collect()
     }
 
-    fn judged(question: &Question, rows: &[(&str, &[f64])]) -> (Outcome, String) {
+    fn evaluated(comparison: &Comparison, rows: &[(&str, &[f64])]) -> (Outcome, String) {
         let results: Vec<_> = rows.iter().flat_map(|(name, x)| row(name, x)).collect();
-        let report = of("E0", "", question, &results);
+        let report = of("E0", "", comparison, &results);
         assert_eq!(report.rows.len(), rows.len(), "a line for each row");
         assert!(report.rows.iter().all(|r| r.len() == report.head.len()), "as many cells as heads");
         (report.outcome, report.verdict)
@@ -270,39 +268,39 @@ mod tests {
 
     #[test]
     fn a_difference_holds_where_its_interval_does() {
-        let q = Question::Pair(["budget", "pixel"]);
+        let q = Comparison::Pair(["budget", "pixel"]);
         let base: &[f64] = &[20.0, 22.0, 25.0];
-        let clear = judged(&q, &[("pixel", base), ("budget", &[20.5, 22.6, 25.5])]);
+        let clear = evaluated(&q, &[("pixel", base), ("budget", &[20.5, 22.6, 25.5])]);
         assert_eq!(clear.0, Outcome::Holds, "{}", clear.1);
         assert!(clear.1.contains("+0.53 ± "), "mean and interval: {}", clear.1);
-        let noisy = judged(&q, &[("pixel", base), ("budget", &[21.5, 21.5, 25.2])]);
-        assert_eq!(noisy.0, Outcome::Fails, "better in the mean alone: {}", noisy.1);
+        let noisy = evaluated(&q, &[("pixel", base), ("budget", &[21.5, 21.5, 25.2])]);
+        assert_eq!(noisy.0, Outcome::Fails, "better only in the mean: {}", noisy.1);
         assert_eq!(
-            judged(&q, &[("pixel", base), ("budget", &[25.0])]).0,
+            evaluated(&q, &[("pixel", base), ("budget", &[25.0])]).0,
             Outcome::Fails,
             "one pair shows nothing"
         );
-        let tuning = Question::Tuning;
-        let tuned = judged(&tuning, &[("not tuned", base), ("tuned", &[20.5, 22.6, 25.5])]);
+        let tuning = Comparison::Tuning;
+        let tuned = evaluated(&tuning, &[("not tuned", base), ("tuned", &[20.5, 22.6, 25.5])]);
         assert_eq!(tuned.0, Outcome::Holds, "changed and better: {}", tuned.1);
     }
 
     #[test]
     fn the_full_system_must_be_better_at_both_budgets() {
-        let q = Question::Better { graphs: vec!["FORK".into()] };
+        let q = Comparison::Better { graphs: vec!["FORK".into()] };
         let rows: &[(&str, &[f64])] =
             &[("FORK host", &[20.0, 21.0, 22.0]), ("FORK LAST", &[20.5, 21.6, 22.4])];
-        let (outcome, text) = judged(&q, rows);
+        let (outcome, text) = evaluated(&q, rows);
         assert_eq!(outcome, Outcome::Holds, "{text}");
-        assert!(text.contains("Not run for FULL"), "says what is missing: {text}");
+        assert!(text.contains("Not run for FULL"), "lists what is missing: {text}");
         // A subject under two graphs counts once, with its mean; one under a single graph counts too.
-        let both = Question::Better { graphs: vec!["FORK".into(), "FULL".into()] };
+        let both = Comparison::Better { graphs: vec!["FORK".into(), "FULL".into()] };
         let more: &[(&str, &[f64])] =
             &[rows[0], rows[1], ("FULL host", &[20.0, 21.0]), ("FULL LAST", &[20.7, 21.4])];
-        let text = judged(&both, more).1;
+        let text = evaluated(&both, more).1;
         assert!(text.contains("over 3 subjects"), "not 5: {text}");
         assert!(text.contains("PSNR-box +0.50 ± "), "(0.6 + 0.5 + 0.4)/3: {text}");
-        // The host has twice the iterations and overtakes.
+        // With twice the iterations the host is better.
         let mut results: Vec<_> = rows.iter().flat_map(|(name, x)| row(name, x)).collect();
         for (cell, values) in &mut results {
             if cell.row == "FORK host" {
@@ -325,7 +323,7 @@ mod tests {
         };
         let of = |r: [(&'static str, [f64; 2]); 5]| {
             let list: Vec<(&str, &[f64])> = r.iter().map(|(n, x)| (*n, &x[..])).collect();
-            judged(&Question::Ablation, &list).0
+            evaluated(&Comparison::Ablation, &list).0
         };
         assert_eq!(of(rows(32.45, 31.68, 31.44, 29.78, 31.0)), Outcome::Holds, "the paper's numbers");
         assert_eq!(of(rows(32.45, 31.68, 31.44, 31.5, 31.0)), Outcome::Fails, "structure between the others");
@@ -333,7 +331,7 @@ mod tests {
     }
 
     #[test]
-    fn bounds_that_have_not_run_have_no_level() {
+    fn bounds_that_have_not_run_are_skipped() {
         let cells: Vec<_> = [("rel 0.05", [20.0, 21.0]), ("rel 0.1", [20.2, 21.3])]
             .iter()
             .flat_map(|(name, x)| row(name, x))
@@ -344,7 +342,7 @@ mod tests {
     }
 
     #[test]
-    fn curves_and_grids_are_read_as_asked() {
+    fn curves_and_grids_are_evaluated() {
         assert!(unimodal(&[1.0, 2.0, 3.0, 2.0]) && unimodal(&[3.0, 2.0]) && unimodal(&[1.0]), "one maximum");
         assert!(!unimodal(&[1.0, 3.0, 2.0, 2.5]), "two");
         let taus = vec![1e-5, 1e-3, 5e-2];
@@ -364,7 +362,7 @@ mod tests {
                     values.insert("gaussians".into(), counts[at]);
                 }
             }
-            of("E0", "", &Question::Thresholds(taus.clone()), &results).outcome
+            of("E0", "", &Comparison::Thresholds(taus.clone()), &results).outcome
         };
         let falling = [300.0, 200.0, 100.0];
         assert_eq!(outcome(21.0, falling), Outcome::Holds, "a plateau, and fewer and fewer Gaussians");
@@ -382,7 +380,7 @@ mod tests {
         .map(|(k, v)| (k.to_owned(), v))
         .into();
         assert_eq!(rise(&values, &[1], 20), Some(2.0), "1 → 2 → 3, in the order of iterations");
-        assert_eq!(rise(&values, &[1], 0), Some(2.0), "9 → 1 is no rise");
-        assert_eq!(rise(&values, &[2], 0), None, "not there");
+        assert_eq!(rise(&values, &[1], 0), Some(2.0), "9 → 1 is not an increase");
+        assert_eq!(rise(&values, &[2], 0), None, "missing");
     }
 }

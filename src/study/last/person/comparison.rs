@@ -1,34 +1,34 @@
-//! What an experiment with persons asks, and the numbers that answer it.
+//! The comparison made by an experiment with persons, and the values that it uses.
 
 use crate::experiment::{Cell, Summary, Values, of as values_of};
 
-/// What an experiment asks.
-pub(super) enum Question {
-    /// LAST against its host, for each graph.
+/// The comparison of an experiment.
+pub(super) enum Comparison {
+    /// LAST against its host, for each graph
     Better { graphs: Vec<String> },
     /// the order of Table 2
     Ablation,
     /// learned, true, empty, random, reversed
     Structures,
-    /// these τ_rec
+    /// these values of τ_rec
     Thresholds(Vec<f64>),
-    /// is the first row above the second?
+    /// whether the first row is better than the second
     Pair([&'static str; 2]),
-    /// these λ
+    /// these values of λ
     Bounds(Vec<f64>),
     /// tuned against not tuned
     Tuning,
     /// errors of child factors after an iteration
     Factors { children: Vec<usize>, begin: usize },
-    /// what it costs
+    /// the computational cost
     Cost,
-    /// these rows against the first
+    /// these rows against that with weight 0
     Weights(Vec<String>),
 }
 
 pub(super) type Rows<'a> = &'a [(Cell, Values)];
 
-/// What pairs are compared by.
+/// The value that pairs are compared by.
 pub(super) const VALUE: &str = "PSNR-box";
 /// The same at equal renders.
 pub(super) const FAIR: &str = "PSNR-box@renders";
@@ -37,7 +37,7 @@ pub(super) fn threshold(tau: f64) -> String {
     format!("τ_rec {tau}")
 }
 
-/// Iterations of looks and mean values at them.
+/// Iterations of the evaluations, and mean and standard deviation at each.
 pub(super) fn curve(results: Rows<'_>, row: &str, prefix: &str) -> Vec<(f64, f64, f64)> {
     let mut at: Vec<u64> = results
         .iter()
@@ -55,7 +55,7 @@ pub(super) fn curve(results: Rows<'_>, row: &str, prefix: &str) -> Vec<(f64, f64
         .collect()
 }
 
-/// Δ with its interval.
+/// A mean difference with its interval.
 pub(super) fn delta(s: &Summary) -> String {
     match s.count {
         0 => "–".into(),
