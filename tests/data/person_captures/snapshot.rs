@@ -1,12 +1,11 @@
 //! Miniatures of PeopleSnapshot as published and as InstantAvatar and 3DGS-Avatar prepare it.
 
 use super::{check, convert, error};
-use crate::mini_person::pairs;
+use crate::mini_person::{pairs, write_picture};
 use crate::mutate::every_case;
 use crate::person_layouts::{self as layouts, model, snapshot};
 use lastlight::io::captures::{self, Layout, Range, Selection};
 use lastlight::scene::person::import;
-use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 #[test]
