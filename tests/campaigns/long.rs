@@ -1,7 +1,7 @@
 //! Commands that run for a while, their inputs, and what they make when nobody disturbs them.
 
 use crate::bases::Workshop;
-use crate::program::{Execution, Program, unclean};
+use crate::program::{Execution, Program, errors, unclean};
 use crate::tree::{self, Tree};
 use std::io::Result;
 use std::path::{Path, PathBuf};
@@ -206,6 +206,6 @@ pub fn bad_message(e: &Execution) -> Option<String> {
     if e.status.code() == Some(101) || e.text().contains("panicked at") {
         return Some("a panic".into());
     }
-    let errors = e.text().lines().filter(|l| l.starts_with("error: ")).count();
+    let errors = errors(e);
     unclean(e).or_else(|| (errors != 1).then(|| format!("{errors} lines of error")))
 }

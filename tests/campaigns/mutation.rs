@@ -6,7 +6,7 @@
 use crate::bases::Base;
 use crate::damage::{Content, damage};
 use crate::mutate::Draws;
-use crate::program::{Execution, Program, unclean};
+use crate::program::{Execution, Program, errors, unclean};
 use crate::table::{Finding, Report};
 use crate::tree;
 use std::collections::BTreeMap;
@@ -143,7 +143,7 @@ fn judge(base: &Base, case: &Case, e: &Execution, changed: &[String], digest: Op
             if let Some(n) = changed.iter().find(|n| !(reported && is_out(n))) {
                 return (9, Some(format!("refused, and it left {n}")));
             }
-            let errors = text.lines().filter(|l| l.starts_with("error: ")).count();
+            let errors = errors(e);
             if !reported && errors != 1 {
                 return (8, Some(format!("{errors} lines of error")));
             }

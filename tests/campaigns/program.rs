@@ -149,6 +149,16 @@ pub fn unclean(e: &Execution) -> Option<String> {
     text.lines().any(|l| l.chars().count() > 4200).then(|| "a line of more than 4 200 characters".into())
 }
 
+/// Number of errors that a run reports: lines of `error: `, or a JSON document with an `error` where a command has `--json`.
+pub fn errors(e: &Execution) -> usize {
+    let text = e.text();
+    let is_record = |line: &&str| {
+        serde_json::from_str::<serde_json::Value>(line)
+            .is_ok_and(|record| record["error"]["message"].is_string())
+    };
+    text.lines().filter(|line| line.starts_with("error: ") || is_record(line)).count()
+}
+
 /// Files that no run may leave: temporary ones, and the lock of a folder.
 pub fn stray(tree: &Tree) -> Option<&str> {
     tree.keys().map(String::as_str).find(|name| name.ends_with(".part") || name.ends_with(".lastlight.lock"))
