@@ -7,7 +7,8 @@ use crate::experiment::{
 };
 use crate::io::atomic;
 use crate::meter::{Laps, Meter};
-use crate::report::charts::{Lines, Series, bars, intervals};
+use crate::report::bars::{bars, intervals};
+use crate::report::charts::{Lines, Series};
 use crate::report::{self, Page, Section, Stat};
 use maud::{Markup, html};
 use serde_json::{Value, json};
@@ -170,21 +171,22 @@ fn section(r: &Report, seconds: &[(String, Summary)]) -> Section {
     Section {
         id: r.id,
         title: r.id,
-        lead: format!("{} — {}: {}", r.claim, r.outcome.name(), r.verdict),
-        body: html! {
+        lead: r.claim.to_owned(),
+        body: html! { div.stack {
+            p.notice { span.strong.good[r.outcome == Outcome::Holds].bad[r.outcome == Outcome::Fails] { (r.outcome.name()) ": " } (r.verdict) }
             @if !r.head.is_empty() { (report::table(&r.head, &rows)) }
-            div.two style="margin-top:16px;grid-template-columns:repeat(auto-fill,minmax(min(100%,460px),1fr))" {
+            div.two.keep {
                 (chart(r))
                 @if !seconds.is_empty() { (report::table(&["fit on this machine", ">seconds"], &seconds)) }
             }
-        },
+        } },
     }
 }
 
 /// The page of a study. `costs` are the seconds by row that are shown beside one of the experiments.
 pub(crate) fn page(
     kind: &str,
-    title: &str,
+    (title, notice): (&str, &'static str),
     reports: &[Report],
     (timed, costs): (&str, &[(String, Summary)]),
 ) -> Page {
@@ -197,6 +199,7 @@ pub(crate) fn page(
     Page {
         kind: kind.into(),
         title: title.into(),
+        notice,
         command: cli::command_line(),
         facts: Vec::new(),
         stats: vec![

@@ -15,6 +15,7 @@
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
+//! snapshots renders and PSNR during a training, for its report
 //! ```
 //!
 //! Exit codes: 0 done, 1 the check failed, 2 bad usage or input, 130 interrupted. Errors are one line on stderr;
@@ -39,6 +40,7 @@ mod options;
 pub mod oracle;
 mod report;
 mod shared;
+mod snapshots;
 mod splat;
 mod topics;
 mod training;

@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 
 /// Seconds between lines where stderr is not a terminal.
 const LINE_SECONDS: u64 = 15;
+/// Seconds after which a training writes a checkpoint, however few iterations it has done.
+const CHECKPOINT_SECONDS: u64 = 60;
 
 /// A stopwatch with named parts.
 pub(crate) struct Laps {
@@ -52,6 +54,7 @@ pub(crate) struct Meter {
     laps: Laps,
     bar: Option<ProgressBar>,
     last_line: Instant,
+    last_checkpoint: Instant,
     counted: Option<(Instant, usize)>,
     primitives: &'static str,
 }
@@ -65,9 +68,26 @@ impl Meter {
             laps: Laps::default(),
             bar: None,
             last_line: now,
+            last_checkpoint: now,
             counted: None,
             primitives: "Gaussians",
         }
+    }
+
+    /// A stopwatch for one part of the work, with a clock of its own; [`Self::add`] takes it back.
+    pub(crate) fn part() -> Self {
+        Self::new()
+    }
+
+    /// Adds the parts of a stopwatch that ran until now.
+    pub(crate) fn add(&mut self, part: &Self) {
+        for (name, d) in &part.laps.parts {
+            match self.laps.parts.iter_mut().find(|p| p.0 == *name) {
+                Some(p) => p.1 += *d,
+                None => self.laps.parts.push((name, *d)),
+            }
+        }
+        self.laps.last = Instant::now();
     }
 
     /// What the steps that it watches have a number of, where these are not Gaussians.
@@ -157,6 +177,13 @@ fn pace(rate: f64) -> String {
 impl Watch for Meter {
     fn lap(&mut self, part: &'static str) {
         self.laps.lap(part);
+        if part == "start" || part == "checkpoint" {
+            self.last_checkpoint = self.laps.last;
+        }
+    }
+
+    fn is_checkpoint_due(&mut self) -> bool {
+        self.last_checkpoint.elapsed() >= Duration::from_secs(CHECKPOINT_SECONDS)
     }
 
     fn progress(&mut self, done: usize, total: usize, step: Step) {
@@ -174,5 +201,25 @@ impl Drop for Meter {
                 console::note(&format!("{part}: {}", super::units::seconds(seconds)));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_part_has_a_clock_of_its_own() {
+        let mut whole = Meter::new();
+        std::thread::sleep(Duration::from_millis(30));
+        whole.lap("first");
+        let mut part = Meter::part();
+        std::thread::sleep(Duration::from_millis(10));
+        part.lap("second");
+        assert!(part.seconds() < whole.seconds() - 0.029, "what was before it does not count");
+        whole.add(&part);
+        let parts = whole.parts();
+        assert_eq!(parts.len(), 2, "{parts:?}");
+        assert!(parts.iter().fold(0.0, |s, p| s + p.1) <= whole.seconds(), "nothing counts twice: {parts:?}");
     }
 }

@@ -1,11 +1,13 @@
 //! `lastlight oracle list | run | compare | mint`.
 
-use crate::console::{is_json, note, say, say_json};
+use crate::console::{command_line, is_json, note, say, say_json};
+use crate::report::compare as report;
 use crate::{Error, Result};
 use clap::{Subcommand, ValueEnum};
+use lastlight_oracle::ops;
 use lastlight_oracle::oracle::{compare, list, mint, run as runner};
 use serde::Serialize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Run operators on your arrays, compare arrays, make golden files.
 #[derive(clap::Args)]
@@ -92,6 +94,22 @@ fn print<T: Serialize + std::fmt::Display>(record: &T) -> Result<()> {
     say_json(&value)
 }
 
+/// Writes the page of a comparison.
+fn page(options: &compare::Options, comparison: &compare::Comparison, path: &Path) -> Result<()> {
+    let operator = comparison.report.operator.map(ops::find).transpose()?;
+    let stages = operator.into_iter().flat_map(|op| op.stages);
+    let input = report::Input {
+        report: &comparison.report,
+        their_file: &options.theirs,
+        our_file: &options.ours,
+        theirs: &comparison.theirs,
+        ours: &comparison.ours,
+        stages: stages.map(|s| report::Stage { name: s.operator, outputs: s.outputs.to_vec() }).collect(),
+        command: command_line(),
+    };
+    report::page(&input)?.write_file(path)
+}
+
 /// Runs the command.
 ///
 /// # Errors
@@ -109,7 +127,12 @@ pub fn run(args: Args) -> Result<()> {
             print(&runner::run(&options, &mut progress)?)
         }
         Command::Compare { theirs, ours, op, tol, html } => {
-            let report = compare::compare(&compare::Options { theirs, ours, op, tol, html })?;
+            let options = compare::Options { theirs, ours, op, tol };
+            let comparison = compare::compare(&options)?;
+            if let Some(path) = html {
+                page(&options, &comparison, &path)?;
+            }
+            let report = comparison.report;
             print(&report)?;
             if report.passed {
                 return Ok(());

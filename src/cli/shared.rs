@@ -2,7 +2,7 @@
 
 use super::meter::Meter;
 use super::report::Page;
-use crate::fit::render::Orbit;
+use crate::fit::orbit::Orbit;
 use crate::loss::lpips;
 use crate::scene::convert::{Invalid, read_scene_with};
 use crate::scene::gaussians::Gaussians;
@@ -115,6 +115,22 @@ impl Outcome {
     }
 }
 
+/// Names of folders that say nothing without the folder that contains them.
+const GENERIC: [&str; 8] = ["video", "images", "train", "test", "data", "capture", "dataset", "views"];
+
+/// A capture by name: its folder, that of its `transforms.json`, or the last two folders where the last one says nothing, such as `0` or `video`.
+pub(super) fn name(capture: &Path) -> String {
+    let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
+    let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    let mut names = full.iter().rev().map(|n| n.to_string_lossy()).filter(|n| n != "/");
+    let Some(last) = names.next() else { return full.display().to_string() };
+    let says_nothing = GENERIC.contains(&&*last) || last.chars().all(|c| c.is_ascii_digit());
+    match names.next() {
+        Some(above) if says_nothing => format!("{above}/{last}"),
+        _ => last.into_owned(),
+    }
+}
+
 /// A circle of cameras. Defaults depend on the command and are listed in its help.
 #[derive(clap::Args)]
 pub(super) struct OrbitArgs {
@@ -188,6 +204,21 @@ fn size(text: &str) -> Result<[usize; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn captures_have_names_that_say_something() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        for (path, expected) in
+            [("fox", "fox"), ("walk/0", "walk/0"), ("subject/video", "subject/video"), ("a/desk2", "desk2")]
+        {
+            let folder = dir.path().join(path);
+            std::fs::create_dir_all(&folder).expect("made");
+            assert_eq!(name(&folder), expected, "{path}");
+        }
+        let file = dir.path().join("fox/transforms.json");
+        std::fs::write(&file, "{}").expect("written");
+        assert_eq!(name(&file), "fox", "the folder of the file");
+    }
 
     #[test]
     fn sizes_are_parsed() {

@@ -1,13 +1,15 @@
 //! The frame of every command that trains: folder, resumption, interruption, checkpoints, record.
 //!
 //! A command reads its input, makes a [`Fit`] with its settings, and hands it to [`Frame::train`]. What comes back is the
-//! history of a complete training; the command then evaluates it, writes its own files, and [`Frame::record`] writes `result.json`.
+//! history of a complete training with snapshots of it; the command then evaluates it, writes its own files, and [`Frame::record`] writes `result.json`.
 
 use crate::console as cli;
 use crate::fit::training::{self, Fit, History, Schedule, Session, Start, Watch};
 use crate::io::atomic;
 use crate::meter::Meter;
+use crate::report::film::Film;
 use crate::shared::OutputArgs;
+use crate::snapshots::Recorder;
 use crate::{Error, Result, claim};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -55,7 +57,7 @@ impl Frame {
     ///
     /// # Errors
     /// What the training reports; an interruption.
-    pub(crate) fn train(&self, fit: &mut dyn Fit, meter: &mut Meter) -> Result<History> {
+    pub(crate) fn train(&self, fit: &mut dyn Fit, meter: &mut Meter) -> Result<(History, Film)> {
         let checkpoint = self.file(CHECKPOINT);
         let session = Session { checkpoint: &checkpoint, every: self.checkpoint_every };
         let (history, start) = session.begin(fit, self.resume)?;
@@ -67,9 +69,12 @@ impl Frame {
             }
         }
         meter.lap("start");
-        let history = cli::stoppable(|stop| session.run(fit, history, stop, meter))?;
+        let mut watch = Recorder::new(meter, &self.dir);
+        watch.resume(history.len());
+        let history = cli::stoppable(|stop| session.run(fit, history, stop, &mut watch))?;
+        let film = watch.into_film();
         meter.done();
-        Ok(history)
+        Ok((history, film))
     }
 
     /// Writes `result.json`: what every training records, with the entries of `own` after the digest.

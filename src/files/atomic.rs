@@ -29,7 +29,11 @@ pub fn write_unflushed(path: &Path, bytes: &[u8]) -> Result<()> {
 }
 
 fn put(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>, flush: bool) -> Result<()> {
-    let os = |e: std::io::Error| Error::os(path, &e);
+    let os = |e: std::io::Error| match e.kind() {
+        std::io::ErrorKind::FileTooLarge => Error::os(path, &e)
+            .hint("files of this process are limited in size (ulimit -f), or those of the disk are"),
+        _ => Error::os(path, &e),
+    };
     let folder = match path.parent() {
         Some(p) if !p.as_os_str().is_empty() => p,
         _ => Path::new("."),

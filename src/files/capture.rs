@@ -2,9 +2,26 @@
 
 pub use super::frame::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, nearest_rotation, rigid};
 pub use super::paths::{clean, locate};
-use super::{colmap, transforms};
+pub use super::reading::Reading;
+use super::{camera_path, colmap, transforms};
 use crate::{Error, Result};
 use std::path::Path;
+
+/// The cameras of a capture, or of a nerfstudio `camera_path.json`: frames in their order, whose images need not be there.
+///
+/// # Errors
+/// See [`read_capture`].
+pub fn read_cameras(path: &Path, reading: &Reading) -> Result<Vec<Frame>> {
+    if path.is_file()
+        && let Some(frames) = camera_path::read(path)?
+    {
+        return Ok(frames);
+    }
+    let capture = read_capture_with(path, reading)?;
+    let mut frames: Vec<Frame> = capture.frames.into_iter().chain(capture.missing).collect();
+    frames.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(frames)
+}
 
 /// Reads a capture: a `transforms.json`, a folder with one (or with `transforms_train.json`), or a folder with a COLMAP
 /// model in `.`, `sparse/0`, `sparse`, `dense/0/sparse` or `dense/sparse`.
@@ -13,10 +30,22 @@ use std::path::Path;
 /// When no layout is recognised, a mask is missing, a file is malformed, or a lens is not supported. Frames whose photo is missing
 /// are returned separately.
 pub fn read_capture(path: &Path) -> Result<Capture> {
+    read_capture_with(path, &Reading::default())
+}
+
+/// [`read_capture`], with its files found as `reading` says.
+///
+/// # Errors
+/// Those of [`read_capture`]; when the folder of images is none.
+pub fn read_capture_with(path: &Path, reading: &Reading) -> Result<Capture> {
+    if let Some(folder) = reading.images.as_deref().filter(|folder| !folder.is_dir()) {
+        let e = Error::input("--images").at(folder.display().to_string()).expected("a folder");
+        return Err(e.got(if folder.exists() { "a file" } else { "no such folder" }));
+    }
     let mut capture = if path.is_file() || transforms::file_in(path).is_some() {
-        transforms::read(path)?
+        transforms::read(path, reading)?
     } else if let Some(model) = colmap::find(path) {
-        colmap::read_model(&model)?
+        colmap::read_model(&model, reading)?
     } else {
         return Err(not_a_capture(path));
     };

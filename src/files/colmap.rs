@@ -8,7 +8,8 @@ pub use super::colmap_model::{Camera, Image};
 use super::colmap_model::{MODELS, camera, check_pose};
 use super::frame::{Capture, Dialect, Focal, Frame, Passes, Split, rigid};
 use super::gaussian_ply::Points;
-use super::paths::{clean, locate};
+use super::paths::{accept, locate};
+use super::reading::Reading;
 use super::{MAX_FILE_BYTES, colmap_text, name_of, read_bytes};
 use crate::{Error, Result};
 use std::collections::BTreeMap;
@@ -21,9 +22,19 @@ const MAX_NAME: usize = 4096;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Model {
     folder: PathBuf,
-    images: PathBuf,
-    masks: PathBuf,
+    root: PathBuf,
     binary: bool,
+}
+
+/// Folders of images, in the order in which they are tried: full size, reduced by common scripts, and before undistortion.
+const FOLDERS: [&str; 5] = ["images", "images_2", "images_4", "images_8", "input"];
+/// Endings of reduced images, which may differ from those of the model.
+const ENDINGS: [&str; 6] = ["png", "jpg", "JPG", "jpeg", "PNG", "webp"];
+
+/// The image in a folder, possibly with another ending.
+fn image(folder: &Path, name: &str) -> Option<PathBuf> {
+    let other = |ending: &&str| folder.join(Path::new(name).with_extension(ending));
+    locate(folder, name).or_else(|| ENDINGS.iter().map(|e| other(&e)).find(|p| p.is_file()))
 }
 
 /// The model of a capture folder, if there is one.
@@ -33,12 +44,15 @@ pub(super) fn find(path: &Path) -> Option<Model> {
     let mut places: Vec<(PathBuf, PathBuf)> =
         inside.iter().map(|(m, r)| (path.join(m), path.join(r))).collect();
     // The path may be the model itself: the images are beside it, or one or two levels up.
-    let around = ["", "..", "../.."].map(|r| path.join(r)).into_iter().find(|r| r.join("images").is_dir());
+    let around = ["", "..", "../.."]
+        .map(|r| path.join(r))
+        .into_iter()
+        .find(|r| FOLDERS.iter().any(|f| r.join(f).is_dir()));
     places.push((path.to_path_buf(), around.unwrap_or_else(|| path.to_path_buf())));
     places.into_iter().find_map(|(folder, root)| {
         let binary = folder.join("cameras.bin").is_file();
         let there = binary || folder.join("cameras.txt").is_file();
-        there.then(|| Model { folder, images: root.join("images"), masks: root.join("masks"), binary })
+        there.then_some(Model { folder, root, binary })
     })
 }
 
@@ -46,7 +60,7 @@ pub(super) fn find(path: &Path) -> Option<Model> {
 ///
 /// # Errors
 /// When a file is malformed, or a camera or image is missing.
-pub(super) fn read_model(model: &Model) -> Result<Capture> {
+pub(super) fn read_model(model: &Model, reading: &Reading) -> Result<Capture> {
     let extension = if model.binary { "bin" } else { "txt" };
     let file = |stem: &str| model.folder.join(format!("{stem}.{extension}"));
     let load = |stem: &str| Ok::<_, Error>((read_bytes(&file(stem), MAX_FILE_BYTES)?, name_of(&file(stem))));
@@ -63,28 +77,41 @@ pub(super) fn read_model(model: &Model) -> Result<Capture> {
         (cameras, colmap_text::parse_images(&image_bytes, &image_name)?, points)
     };
     let dialect = if model.binary { Dialect::ColmapBinary } else { Dialect::ColmapText };
-    let mut frames = frames(&cameras, &images, &image_name)?;
+    let mut frames = frames(&cameras, &images, &image_name, reading.outside)?;
+    let holds = |folder: &PathBuf| frames.iter().any(|frame| image(folder, &frame.name).is_some());
+    let own = || FOLDERS.iter().map(|f| model.root.join(f)).find(holds);
+    let folder = reading.images.clone().or_else(own).unwrap_or_else(|| model.root.join(FOLDERS[0]));
+    let masks = model.root.join("masks");
     for frame in &mut frames {
-        let Some(image) = locate(&model.images, &frame.name) else {
-            frame.image = model.images.join(&frame.name);
+        let found = reading.images.as_ref().and_then(|_| reading.image(&model.root, &frame.name));
+        let Some(image) = found.or_else(|| image(&folder, &frame.name)) else {
+            frame.image = folder.join(&frame.name);
             continue;
         };
         frame.image = image;
+        if reading.without_masks {
+            continue;
+        }
         let stem = Path::new(&frame.name).with_extension("");
         frame.mask = [format!("{}.png", frame.name), format!("{}.png", stem.display()), frame.name.clone()]
             .into_iter()
-            .map(|n| model.masks.join(n))
+            .map(|n| masks.join(n))
             .find(|p| p.is_file());
     }
     let (frames, missing) = frames.into_iter().partition(|frame| frame.image.is_file());
     Ok(Capture { dialect, frames, points, missing, missing_files: Vec::new() })
 }
 
-/// Frames from cameras and images; `name` is the file of the images.
+/// Frames from cameras and images; names may lead out of the folder if `outside` is set; `name` is the file of the images.
 ///
 /// # Errors
 /// When an image names a camera that does not exist, or a path outside the folder.
-pub fn frames(cameras: &BTreeMap<u32, Camera>, images: &[Image], name: &str) -> Result<Vec<Frame>> {
+pub fn frames(
+    cameras: &BTreeMap<u32, Camera>,
+    images: &[Image],
+    name: &str,
+    outside: bool,
+) -> Result<Vec<Frame>> {
     let mut out = Vec::with_capacity(images.len());
     for image in images {
         let place = || Error::input(name).at(format!("image {}", image.id));
@@ -93,7 +120,7 @@ pub fn frames(cameras: &BTreeMap<u32, Camera>, images: &[Image], name: &str) -> 
                 .expected("the id of a camera in the cameras file")
                 .got(image.camera.to_string()));
         };
-        let path = clean(&image.name).map_err(|why| {
+        let path = accept(&image.name, outside).map_err(|why| {
             place().expected("a path inside the folder of images").got(format!("'{}', {why}", image.name))
         })?;
         out.push(Frame {

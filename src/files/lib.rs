@@ -23,6 +23,7 @@
 pub mod atomic;
 #[doc(hidden)]
 pub mod bytes;
+mod camera_path;
 pub mod capture;
 pub mod colmap;
 mod colmap_model;
@@ -41,6 +42,7 @@ pub mod paths;
 pub mod person;
 pub mod ply;
 mod read;
+mod reading;
 pub mod safetensors;
 pub mod splat_file;
 pub mod transforms;

@@ -31,6 +31,17 @@ pub fn clean(text: &str) -> std::result::Result<String, &'static str> {
     if parts.is_empty() { Err("an empty path") } else { Ok(parts.join("/")) }
 }
 
+/// [`clean`], or, for `outside`, also an absolute path or one that leads out of the folder, with slashes.
+///
+/// # Errors
+/// Those of [`clean`]; with `outside`, when the path is empty or holds a NUL character.
+pub fn accept(text: &str, outside: bool) -> std::result::Result<String, &'static str> {
+    match clean(text) {
+        Err(_) if outside && !text.is_empty() && !text.contains('\0') => Ok(text.replace('\\', "/")),
+        other => other,
+    }
+}
+
 /// Extensions that are tried when a file name has none, or another one.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
 
@@ -134,11 +145,21 @@ mod tests {
     }
 
     #[test]
+    fn paths_outside_are_accepted_where_that_is_allowed() {
+        assert_eq!(accept("..\\a/b.png", true), Ok("../a/b.png".into()), "parent folders");
+        assert_eq!(accept("/data/b.png", true), Ok("/data/b.png".into()), "absolute paths");
+        assert_eq!(accept("./a//b.png", true), Ok("a/b.png".into()), "others are cleaned");
+        for bad in ["", "/a\0b"] {
+            assert!(accept(bad, true).is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
     fn paths_are_cleaned_and_kept_inside() {
         assert_eq!(clean(".\\images\\a.png"), Ok("images/a.png".into()), "backslashes");
         assert_eq!(clean("./a/../b//c"), Ok("b/c".into()), "dots");
         for bad in ["../a", "a/../../b", "/etc/passwd", "C:\\x", "c:/x", "", "./", "a\0b", "\\\\server\\x"] {
-            assert!(clean(bad).is_err(), "{bad:?}");
+            assert!(clean(bad).is_err() && accept(bad, false).is_err(), "{bad:?}");
         }
     }
 }

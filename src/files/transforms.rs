@@ -5,7 +5,8 @@
 //! top level or in a frame; the frame takes precedence. Paths may have backslashes, another case, or no extension, and stay inside the folder.
 
 use super::frame::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, nearest_rotation, rigid};
-use super::paths::{clean, locate};
+use super::paths::{accept, locate};
+use super::reading::Reading;
 use super::{gaussian_ply, name_of, read_bytes};
 use crate::{Error, Result};
 use serde_json::{Map, Value};
@@ -37,7 +38,7 @@ pub(super) fn file_in(folder: &Path) -> Option<PathBuf> {
 ///
 /// # Errors
 /// When a file is malformed or an image is missing.
-pub fn read(path: &Path) -> Result<Capture> {
+pub fn read(path: &Path, reading: &Reading) -> Result<Capture> {
     let first = if path.is_dir() {
         file_in(path).ok_or_else(|| {
             Error::input(name_of(path)).expected("transforms.json or transforms_train.json").got("neither")
@@ -66,7 +67,7 @@ pub fn read(path: &Path) -> Result<Capture> {
     };
     for (file, split) in files {
         let name = name_of(&file);
-        let parsed = parse(&read_bytes(&file, MAX_BYTES)?, &name)?;
+        let parsed = parse_with(&read_bytes(&file, MAX_BYTES)?, &name, reading.outside)?;
         capture.dialect = parsed.dialect;
         for (i, mut frame) in parsed.frames.into_iter().enumerate() {
             let find = |p: &Path, key: &str| {
@@ -77,12 +78,13 @@ pub fn read(path: &Path) -> Result<Capture> {
                         .got(format!("'{relative}', which is not there"))
                 })
             };
-            let Some(image) = locate(root, &frame.image.to_string_lossy()) else {
+            let Some(image) = reading.image(root, &frame.image.to_string_lossy()) else {
                 let image = root.join(&frame.image);
                 capture.missing.push(Frame { image, mask: None, passes: Passes::default(), ..frame });
                 continue;
             };
             frame.image = image;
+            frame.mask = frame.mask.filter(|_| !reading.without_masks);
             frame.mask = frame.mask.map(|m| find(&m, "mask_path")).transpose()?;
             let p = &mut frame.passes;
             p.foreground = p.foreground.take().map(|x| find(&x, "foreground_path")).transpose()?;
@@ -116,6 +118,14 @@ pub fn read(path: &Path) -> Result<Capture> {
 /// # Errors
 /// When it is malformed, a number is out of range, a path leads outside, or a camera model is not supported.
 pub fn parse(bytes: &[u8], name: &str) -> Result<Transforms> {
+    parse_with(bytes, name, false)
+}
+
+/// [`parse`]; with `outside`, paths may be absolute and lead out of the folder.
+///
+/// # Errors
+/// Those of [`parse`].
+pub(super) fn parse_with(bytes: &[u8], name: &str, outside: bool) -> Result<Transforms> {
     if bytes.len() as u64 > MAX_BYTES {
         let e = Error::input(name).at("file size");
         return Err(e.expected(format!("at most {MAX_BYTES} bytes")).got(bytes.len().to_string()));
@@ -142,14 +152,15 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Transforms> {
         let Some(frame) = frame.as_object() else {
             return Err(Error::input(name).at(format!("frames[{i}]")).expected("an object").got(kind(frame)));
         };
-        let keys = Keys { top, frame, index: i, name };
+        let keys = Keys { top, frame, index: i, name, outside };
         out.frames.push(keys.frame()?);
     }
     for (list, split) in
         [("train_filenames", Split::Train), ("val_filenames", Split::Val), ("test_filenames", Split::Test)]
     {
         let Some(names) = top.get(list).and_then(Value::as_array) else { continue };
-        let names: BTreeSet<String> = names.iter().filter_map(|n| clean(n.as_str()?).ok()).collect();
+        let names: BTreeSet<String> =
+            names.iter().filter_map(|n| accept(n.as_str()?, outside).ok()).collect();
         for frame in out.frames.iter_mut().filter(|f| names.contains(&f.name)) {
             frame.split = split;
         }
@@ -158,11 +169,12 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Transforms> {
         let text = path
             .as_str()
             .ok_or_else(|| Error::input(name).at("ply_file_path").expected("text").got(kind(path)))?;
-        let path = clean(text).map_err(|why| {
+        let path = accept(text, outside).map_err(|why| {
             Error::input(name)
                 .at("ply_file_path")
                 .expected("a path inside the folder")
                 .got(format!("'{text}', {why}"))
+                .hint(OUTSIDE)
         })?;
         out.points = Some(PathBuf::from(path));
     }
@@ -197,7 +209,11 @@ struct Keys<'a> {
     frame: &'a Map<String, Value>,
     index: usize,
     name: &'a str,
+    outside: bool,
 }
+
+/// What lets paths lead elsewhere.
+const OUTSIDE: &str = "--allow-outside accepts such paths, where you trust the file";
 
 impl Keys<'_> {
     fn error(&self, key: &str, expected: &str, got: impl Into<String>) -> Error {
@@ -252,8 +268,8 @@ impl Keys<'_> {
         // A path is never inherited from the top.
         let Some(v) = self.frame.get(key) else { return Ok(None) };
         let Some(text) = v.as_str() else { return Err(self.error(key, "text", kind(v))) };
-        clean(text).map(Some).map_err(|why| {
-            self.error(key, "a path inside the folder of the file", format!("'{text}', {why}"))
+        accept(text, self.outside).map(Some).map_err(|why| {
+            self.error(key, "a path inside the folder of the file", format!("'{text}', {why}")).hint(OUTSIDE)
         })
     }
 

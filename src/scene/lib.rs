@@ -26,6 +26,7 @@ pub mod mesh;
 
 pub mod passes;
 pub mod person;
+pub mod placement;
 pub mod profile;
 pub mod views;
 

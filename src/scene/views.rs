@@ -2,19 +2,35 @@
 
 use super::camera::{Camera, Model};
 use super::lens;
-use crate::io::capture::{Capture, Frame, Lens, Split, read_capture};
+use super::placement::nearest_to_axes;
+use crate::io::capture::{Capture, Frame, Lens, Reading, Split, read_capture_with};
 use crate::io::gaussian_ply::Points;
 use crate::io::image_file::{self, Encoding, Picture};
 use crate::io::memory;
 use crate::num::{order, par};
 use crate::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// One view in this many is held out, in the order of their names: index mod 8 == 0.
 pub const TEST_EVERY: usize = 8;
 
 /// Bytes of a pixel of a view with a mask.
 const PIXEL_BYTES: u64 = 4;
+
+/// Fewer points than this are no start of a fit.
+pub const FEW_POINTS: usize = 100;
+
+/// What becomes of the pixels that a mask excludes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Masks {
+    /// They count neither in losses nor in scores.
+    #[default]
+    Ignore,
+    /// They have the colour of the background.
+    Background,
+    /// Masks are not read.
+    Off,
+}
 
 /// How photos are loaded.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,11 +41,24 @@ pub struct Options {
     pub downscale: usize,
     /// Refuse a capture whose list names photos that are not there, instead of leaving them out.
     pub strict: bool,
+    /// What masks do.
+    pub masks: Masks,
+    /// Folder of the images, in place of the one the capture names.
+    pub images: Option<PathBuf>,
+    /// Accept absolute paths in the capture's files, and paths that lead out of its folder.
+    pub outside: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { background: [0.0; 3], downscale: 1, strict: false }
+        Self {
+            background: [0.0; 3],
+            downscale: 1,
+            strict: false,
+            masks: Masks::Ignore,
+            images: None,
+            outside: false,
+        }
     }
 }
 
@@ -69,7 +98,7 @@ pub struct Views {
     pub views: Vec<View>,
     /// Indices of the training views.
     pub train: Vec<usize>,
-    /// Indices of the held-out views.
+    /// Indices of the held-out views; none if there is a single image.
     pub test: Vec<usize>,
     /// 1.1 times the largest distance of a training camera from the mean of their centres; 1 if that is zero.
     pub extent: f64,
@@ -77,6 +106,8 @@ pub struct Views {
     pub scene_box: SceneBox,
     /// Points of a reconstruction, if the capture has them.
     pub points: Option<Points>,
+    /// Number of views with a mask that was read.
+    pub masked: usize,
     /// Names of listed photos that are missing.
     pub missing: Vec<String>,
     /// Other listed files that are missing.
@@ -89,7 +120,14 @@ impl Views {
     /// # Errors
     /// When the layout, a lens or a photo is bad.
     pub fn load(path: &Path, options: &Options) -> Result<Self> {
-        Self::from_capture(&read_capture(path)?, options)
+        let (images, without_masks) = (options.images.clone(), options.masks == Masks::Off);
+        let reading = Reading { images, outside: options.outside, without_masks };
+        Self::from_capture(&read_capture_with(path, &reading)?, options)
+    }
+
+    /// The points of the capture, if there are enough of them to start a fit from.
+    pub fn starting_points(&self) -> Option<&Points> {
+        self.points.as_ref().filter(|p| p.xyz.len() >= FEW_POINTS)
     }
 
     /// Loads the photos of a capture, several at a time; the result does not depend on how many.
@@ -128,10 +166,10 @@ impl Views {
         }
         let is_test =
             |i: usize| if given { frames[i].split == Split::Test } else { i.is_multiple_of(TEST_EVERY) };
-        let (test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
+        let (mut test, mut train): (Vec<usize>, Vec<usize>) = (0..frames.len()).partition(|&i| is_test(i));
         if train.is_empty() {
-            // A single photo is used for training and for evaluation.
-            train = test.clone();
+            // With a single image nothing can be held out: a score on what was fitted is none.
+            train = std::mem::take(&mut test);
         }
         let shrink = (options.downscale * options.downscale) as u64;
         let pixels =
@@ -140,7 +178,9 @@ impl Views {
             .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
         let views = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
-            .collect::<Result<Vec<View>>>()?;
+            .collect::<Result<Vec<(View, bool)>>>()?;
+        let masked = views.iter().filter(|(_, is_masked)| *is_masked).count();
+        let views = views.into_iter().map(|(view, _)| view).collect();
         let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
         let (extent, scene_box) = place(&poses);
         Ok(Self {
@@ -150,6 +190,7 @@ impl Views {
             extent,
             scene_box,
             points: capture.points.clone(),
+            masked,
             missing: capture.missing.iter().map(|frame| frame.name.clone()).collect(),
             missing_files: capture.missing_files.clone(),
         })
@@ -158,9 +199,8 @@ impl Views {
 
 /// Extent and box of the cameras.
 ///
-/// The box: the point p that minimises the sum over cameras of the squared distance to the optical axis (centre c,
-/// direction d), i.e. Σ(I − ddᵀ)(p − c) = 0. If the axes are parallel (to about a thousandth of a radian) there is no
-/// such point, and p is one extent in front of the mean centre.
+/// The box: around the point nearest to the optical axes ([`nearest_to_axes`]). If the axes are parallel there is no such point, and
+/// the centre is one extent in front of the mean centre of the cameras.
 fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     let n = frames.len() as f64;
     let mut axes = Vec::with_capacity(frames.len());
@@ -184,40 +224,17 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     mean = mean.map(|x| x / n);
     let farthest = axes.iter().fold(0.0, |far, (c, _)| order::max(far, distance(c, &mean)));
     let extent = if farthest > 0.0 { 1.1 * farthest } else { 1.0 };
-    let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
-    for (c, d) in &axes {
-        for i in 0..3 {
-            for j in 0..3 {
-                let p = (f64::from(u8::from(i == j)) - d[i] * d[j]) / n;
-                a[i][j] += p;
-                b[i] += p * c[j];
-            }
-        }
-    }
-    let det3 = |m: &[[f64; 3]; 3]| {
-        m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1]) - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
-            + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0])
-    };
-    let det = det3(&a);
-    let center = if det > 1e-6 {
-        // Cramer's rule.
-        std::array::from_fn(|k| {
-            let mut m = a;
-            for i in 0..3 {
-                m[i][k] = b[i];
-            }
-            det3(&m) / det
-        })
-    } else {
+    let center = nearest_to_axes(&axes).unwrap_or_else(|| {
         let length = order::max(distance(&ahead, &[0.0; 3]), f64::MIN_POSITIVE);
         std::array::from_fn(|i| mean[i] + ahead[i] / length * extent)
-    };
+    });
     let total = axes.iter().fold(0.0, |s, (c, _)| s + distance(c, &center));
     let half_size = if total > 0.0 { total / n } else { extent };
     (extent, SceneBox { center, half_size })
 }
 
-fn load(frame: &Frame, options: &Options) -> Result<View> {
+/// The view, and whether its mask was read.
+fn load(frame: &Frame, options: &Options) -> Result<(View, bool)> {
     let name = frame.image.display().to_string();
     let picture = image_file::read(&frame.image)?;
     if picture.encoding != Encoding::Srgb {
@@ -228,7 +245,9 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     }
     let (full_w, full_h) = (picture.width, picture.height);
     let k = frame.intrinsics(full_w, full_h)?;
-    let mask = frame.mask.as_ref().map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let mask = frame.mask.as_ref().filter(|_| options.masks != Masks::Off);
+    let mut mask = mask.map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let is_masked = mask.is_some();
     let s = options.downscale;
     let (width, height) = (full_w / s, full_h / s);
     if width == 0 || height == 0 {
@@ -237,7 +256,15 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
             .expected(format!("at least {s} pixels a side, to be scaled down"))
             .got(format!("{full_w}x{full_h}")));
     }
-    let rgb = box_mean(&composite(&picture, options.background), full_w, width, height, s);
+    let mut rgb = composite(&picture, options.background);
+    if options.masks == Masks::Background
+        && let Some(mask) = mask.take()
+    {
+        for (pixel, _) in rgb.chunks_exact_mut(3).zip(&mask).filter(|(_, m)| **m == 0) {
+            pixel.copy_from_slice(&options.background);
+        }
+    }
+    let rgb = box_mean(&rgb, full_w, width, height, s);
     let mut mask = mask.map(|m| box_all(&m, full_w, width, height, s));
     // Pixel edges keep their places, so focal lengths and centre scale alike.
     let k = k.map(|x| x / s as f64);
@@ -267,21 +294,24 @@ fn load(frame: &Frame, options: &Options) -> Result<View> {
     };
     camera.validate().map_err(|e| e.within(name))?;
     let rgb = image_file::to_u8(&rgb)?;
-    Ok(View { name: frame.name.clone(), camera, rgb, mask })
+    Ok((View { name: frame.name.clone(), camera, rgb, mask }, is_masked))
 }
 
-/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half.
+/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask of the photo before it was reduced is
+/// sampled at the nearest pixels.
 fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
     let m = image_file::read(path)?;
-    if (m.width, m.height) != (width, height) {
+    let off = (m.width * height).abs_diff(m.height * width);
+    if off > Ord::max(m.width, m.height) || m.width < width || m.height < height {
         return Err(Error::input(path.display().to_string())
             .at("mask size")
-            .expected(format!("{width}x{height}, as the photo"))
+            .expected(format!("{width}x{height} as the photo, or a multiple of it"))
             .got(format!("{}x{}", m.width, m.height)));
     }
     let c = m.channels.len();
     let channel = if c.is_multiple_of(2) { c - 1 } else { 0 };
-    Ok((0..width * height).map(|i| u8::from(m.value(i * c + channel) >= 0.5)).collect())
+    let at = |i: usize| (i / width * m.height / height) * m.width + i % width * m.width / width;
+    Ok((0..width * height).map(|i| u8::from(m.value(at(i) * c + channel) >= 0.5)).collect())
 }
 
 /// (H, W, 3): grey spread to three channels; straight alpha laid over the background.

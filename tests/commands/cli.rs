@@ -37,7 +37,7 @@ fn write_ball(dir: &Path) {
 }
 
 /// The ball, and a capture of it in `dir/capture`.
-fn workplace() -> tempfile::TempDir {
+pub(crate) fn workplace() -> tempfile::TempDir {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_ball(dir.path());
     let args = [
@@ -46,6 +46,8 @@ fn workplace() -> tempfile::TempDir {
         "ball.ply",
         "--cameras",
         "orbit:10",
+        "--center",
+        "0,0,0",
         "--size",
         "48x40",
         "--out",

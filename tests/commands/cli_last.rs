@@ -2,7 +2,7 @@
 //! and `render`: a person seen from farther and nearer than it was photographed.
 
 use crate::program::{json, lastlight, refused, stderr, stdout};
-use lastlight::fit::render::Orbit;
+use lastlight::fit::orbit::Orbit;
 use lastlight::io::safetensors;
 use lastlight::last::avatar::store;
 use lastlight::loss::lpips::NO_WEIGHTS;

@@ -7,16 +7,19 @@ mod cli_lirm;
 mod cli_study;
 #[path = "../common/mod.rs"]
 mod common;
+mod fits;
 #[path = "../common/lpips_weights.rs"]
 mod lpips_weights;
 mod mesh_cli;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
 mod oracle;
+mod orbits;
 mod person;
 mod program;
 #[path = "../common/python.rs"]
 mod python;
+mod report;
 mod robust;
 #[path = "../samples/mod.rs"]
 mod samples;

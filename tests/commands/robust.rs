@@ -199,10 +199,10 @@ fn control_characters_and_long_strings_of_files_are_not_printed() {
     let work = tempfile::tempdir().expect("a temporary folder");
     let dir = work.path();
     let evil = format!("\u{1b}[2J\u{1b}]0;title\u{7}{}", "x".repeat(5000));
-    let transforms = format!(
-        r#"{{"camera_model": "{}", "frames": []}}"#,
-        evil.replace('\u{1b}', "\\u001b").replace('\u{7}', "\\u0007")
-    );
+    let name = evil.replace('\u{1b}', "\\u001b").replace('\u{7}', "\\u0007");
+    let pose = "[[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]";
+    let frame = format!(r#"{{"file_path": "{name}", "transform_matrix": {pose}}}"#);
+    let transforms = format!(r#"{{"camera_angle_x": 0.7, "frames": [{frame}]}}"#);
     std::fs::create_dir(dir.join("capture")).expect("made");
     std::fs::write(dir.join("capture/transforms.json"), transforms).expect("writable");
     let o = Command::new(env!("CARGO_BIN_EXE_lastlight"))

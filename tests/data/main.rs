@@ -6,6 +6,7 @@ mod common;
 mod io;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
+mod layouts;
 mod missing;
 mod models;
 #[path = "../common/mutate.rs"]

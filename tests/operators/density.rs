@@ -281,6 +281,76 @@ fn the_schedule_refines_and_resets() {
 }
 
 #[test]
+fn short_runs_keep_the_intervals_of_1500_iterations() {
+    let scaled = |iterations| {
+        let s = density::Settings::INRIA.scaled(iterations);
+        ([s.every, s.start, s.prune_scale_after, s.reset_every], s.stop, s.grace)
+    };
+    assert_eq!(scaled(1500), ([5, 25, 150, 150], 750, 0), "scaled");
+    assert_eq!(
+        scaled(300),
+        ([5, 25, 150, 150], 150, 50),
+        "an opacity cannot recover from a reset in 30 iterations"
+    );
+    assert_eq!(scaled(30_000), ([100, 500, 3000, 3000], 15_000, 0), "as published");
+    // Nothing is pruned for its opacity right after a reset; before and later it is.
+    let settings = density::Settings { stop: 400, ..density::Settings::INRIA.scaled(300) };
+    let pruned = |iteration: u32| {
+        let mut g = cloud(9, 0);
+        g.opacity_logits = vec![2.0; 9];
+        g.opacity_logits[4] = -9.0;
+        g.scales_log = vec![[-9.0; 3]; 9];
+        let mut groups = warmed(&g);
+        let report =
+            density::refine(&settings, iteration, 1.0, 1, &mut g, &mut groups, &mut Stats::new(9)).unwrap();
+        report.pruned_opacity
+    };
+    assert_eq!([145, 150, 155, 200, 205, 300, 305, 355].map(pruned), [1, 1, 0, 0, 1, 1, 0, 1], "grace");
+}
+
+#[test]
+fn gsplat_counts_iterations_from_zero_and_the_original_from_one() {
+    let acted = |settings: density::Settings| {
+        let mut g = cloud(40, 0);
+        g.opacity_logits = vec![2.0; 40];
+        let mut groups = warmed(&g);
+        let act = |iteration: &u32| {
+            let mut s = Stats::new(g.len());
+            !density::step(&settings, *iteration, 1.0, 1, &mut g, &mut groups, &mut s).unwrap().is_empty()
+        };
+        (1..=1600).filter(act).collect::<Vec<u32>>()
+    };
+    let (inria, gsplat) = (density::Settings::INRIA.scaled(3000), density::Settings::GSPLAT.scaled(3000));
+    assert_eq!(
+        (inria.is_open(1500), gsplat.is_open(1500), gsplat.is_open(1501)),
+        (false, true, false),
+        "the end"
+    );
+    let (inria, gsplat) = (acted(inria), acted(gsplat));
+    assert_eq!((inria[0], gsplat[0]), (60, 61), "the first refinement");
+    assert_eq!(gsplat, inria.iter().map(|i| i + 1).collect::<Vec<_>>(), "every other one");
+}
+
+#[test]
+fn pruning_keeps_the_best_and_an_empty_scene_names_what_pruned_it() {
+    let mut g = cloud(6, 0);
+    g.opacity_logits = vec![-9.0, -7.0, 3.0, -8.0, -7.0, 2.0];
+    g.scales_log = vec![[-9.0; 3]; 6];
+    g.scales_log[2] = [1.0; 3];
+    g.scales_log[5] = [1.0; 3];
+    let settings = density::Settings { keep_at_least: 3, ..density::Settings::INRIA };
+    let refine = |settings: &density::Settings, iteration, g: &mut Gaussians| {
+        let mut groups = warmed(g);
+        density::refine(settings, iteration, 1.0, 1, g, &mut groups, &mut Stats::new(6))
+    };
+    let report = refine(&settings, 6000, &mut g.clone()).unwrap();
+    assert_eq!((report.parents, report.spared), (vec![1, 2, 5], 3), "by opacity, ties by row");
+    assert_eq!((report.pruned_opacity, report.pruned_scale), (3, 0), "the reasons of what is gone");
+    let e = refine(&density::Settings::INRIA, 6000, &mut g).unwrap_err().to_string();
+    assert!(e.contains("4 pruned for an opacity below 0.005, 2 for a standard deviation above 0.1"), "{e}");
+}
+
+#[test]
 fn impossible_refinements_are_refused() {
     let mut g = cloud(3, 0);
     g.opacity_logits = vec![-9.0; 3];

@@ -41,8 +41,8 @@ fn main() -> Result<()> {
         ours: file("f64.npz"),
         op: Some("splat.render".to_owned()),
         tol: compare::TOLERANCE,
-        html: None,
-    })?;
+    })?
+    .report;
     print!("{report}");
     if report.passed {
         Ok(())

@@ -6,12 +6,12 @@ use std::path::PathBuf;
 ///
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
 /// to the video and guides the fit of an animatable person of Gaussians; images that were held out are compared, the
-/// person is shown from all sides, and one factor after the other is set. Then new Gaussians are fitted to
+/// person is shown from the front half, and one factor after the other is set. Then new Gaussians are fitted to
 /// photographs of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight demo
-  lastlight demo --only last --size 128 --iterations 1200     the person alone, larger and longer
+  lastlight demo --only last --size 160 --iterations 1200     the person alone, larger and longer
   lastlight demo --only splat --out /tmp/demo --seed 1")]
 pub(crate) struct Args {
     /// Folder for the results [default: demo; an earlier demo there is replaced]
@@ -20,11 +20,11 @@ pub(crate) struct Args {
     /// One part alone: last, the person, or splat, the scene
     #[arg(long, value_name = "PART", value_parser = ["last", "splat"])]
     pub(super) only: Option<String>,
-    /// Iterations of a fit [default: 400 for the person, 1500 for the scene]
+    /// Iterations of a fit [default: 400 for the person, 1200 for the scene]
     #[arg(long, value_name = "N")]
     pub(super) iterations: Option<usize>,
     /// Side of the person's images in pixels
-    #[arg(long, value_name = "S", default_value_t = 64, value_parser = clap::value_parser!(u16).range(32..=1024))]
+    #[arg(long, value_name = "S", default_value_t = 96, value_parser = clap::value_parser!(u16).range(32..=1024))]
     pub(super) size: u16,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]

@@ -38,8 +38,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let is_ours = args.out.is_none() && dir.join(RECORD).is_file();
     let dir = claim::folder(dir, false, args.force || is_ours)?;
     let wants = |part: &str| args.only.as_ref().is_none_or(|only| only == part);
-    let person = if wants("last") { Some(person::run(args, &dir, &mut meter)?) } else { None };
-    let scene = if wants("splat") { Some(scene::run(args, &dir.join("scene"), &mut meter)?) } else { None };
+    let person = timed(&mut meter, wants("last"), |meter| person::run(args, &dir, meter))?;
+    let scene = timed(&mut meter, wants("splat"), |meter| scene::run(args, &dir.join("scene"), meter))?;
     let held_out = |part: &Option<Outcome>| part.as_ref().map(|p| p.held_out_db);
     let checks = [
         ("the person", held_out(&person), LEAST_PERSON_DB, person::ITERATIONS),
@@ -69,12 +69,27 @@ pub(super) fn run(args: &Args) -> Result<()> {
             && !(db >= least)
         {
             return Err(Error::check("demo")
-                .at(format!("mean PSNR of the held-out pictures of {name}"))
+                .at(format!("mean PSNR of the held-out images of {name}"))
                 .expected(format!("at least {least} dB"))
                 .got(format!("{db:.2} dB")));
         }
     }
     Ok(())
+}
+
+/// One part of the demo, if it is wanted, with a clock of its own: its time is recorded as its own, not as that of all before it.
+fn timed(
+    meter: &mut Meter,
+    is_wanted: bool,
+    run: impl FnOnce(&mut Meter) -> Result<Outcome>,
+) -> Result<Option<Outcome>> {
+    if !is_wanted {
+        return Ok(None);
+    }
+    let mut part = Meter::part();
+    let outcome = run(&mut part)?;
+    meter.add(&part);
+    Ok(Some(outcome))
 }
 
 /// What to try now.
@@ -91,7 +106,7 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     }
     if scene {
         say(&format!(
-            "  lastlight splat render {d}/scene/scene.ply --cameras orbit:36 --size 320x320 --out turntable"
+            "  lastlight splat render {d}/scene --cameras orbit:36 --size 320x240 --out turntable"
         ))?;
         say(
             "  lastlight splat fit PHOTOS --out DIR     your own posed photographs (transforms.json or COLMAP)",
@@ -118,13 +133,11 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
         views.retain(|section| section.id == "views" || person.is_none() && !ends.contains(&section.id));
         if person.is_some() {
             for section in &mut views {
-                (section.id, section.title) = ("scene", "A scene from photographs");
+                (section.id, section.title) = ("scene", "A scene from photos");
             }
         }
         sections.extend(views);
     }
-    facts.push(("lastlight", env!("CARGO_PKG_VERSION").to_owned()));
-    let settings = person.or(scene).map_or(&Value::Null, |part| &part.record["settings"]);
     let names = [
         "subject/dataset.json",
         "tuned.safetensors",
@@ -136,15 +149,26 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
         "scene/scene.splat",
         RECORD,
     ];
-    let run = Run::new(settings, None, meter, dir, &names);
+    let run = Run::new(&Value::Null, None, meter, dir, &names);
     stats.push(run.card());
-    sections.extend(run.tail());
+    sections.extend(run.tail().into_iter().filter(|s| s.id != "settings"));
+    // Those of the fit itself, which knows its defaults.
+    let own = person.or(scene).and_then(|part| part.page.sections.iter().find(|s| s.id == "settings"));
+    sections.extend(own.cloned());
     let title = match (person, scene) {
-        (Some(_), Some(_)) => "A person from a video, a scene from photographs",
+        (Some(_), Some(_)) => "A person from a video, a scene from photos",
         (Some(_), None) => "A person from a video",
-        _ => "A scene from photographs",
+        _ => "A scene from photos",
     };
-    Page { kind: "demo".into(), title: title.into(), command: command_line(), facts, stats, sections }
+    Page {
+        kind: "demo".into(),
+        title: title.into(),
+        notice: "",
+        command: command_line(),
+        facts,
+        stats,
+        sections,
+    }
 }
 
 fn text(value: &Value) -> String {

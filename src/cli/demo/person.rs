@@ -2,15 +2,16 @@
 
 use super::args::Args;
 use crate::console as cli;
-use crate::fit::render::Orbit;
+use crate::fit::orbit::Orbit;
 use crate::fit::training::Watch;
 use crate::last::fit::{Guided, Job};
 use crate::last::intervene::Grid;
-use crate::last::{pretrain, tune as command};
+use crate::last::pretrain;
 use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::num::order;
-use crate::report::pictures::Sheet;
+use crate::report::graph::{self, Graph};
+use crate::report::images::{Label, Sheet};
 use crate::report::{Section, table, text};
 use crate::scene::person::PersonCapture;
 use crate::shared::Outcome;
@@ -21,18 +22,24 @@ use lastlight_last::avatar::store;
 use lastlight_last::generate::{self, Settings as Making};
 use lastlight_last::model::shipped;
 use lastlight_last::model::tune::{self, Subject, Tuned};
-use maud::Markup;
+use maud::{Markup, html};
 use serde_json::json;
 use std::path::Path;
 
 /// Default number of iterations of the fit.
 pub(super) const ITERATIONS: usize = 400;
-/// Which of all persons: none of those the model has learned from.
-const SUBJECT: u64 = 1000;
+/// Which of all persons: none of those the model has learned from. This one's clothes have no pattern finer than the video's pixels.
+const SUBJECT: u64 = 1005;
+/// Samples per pixel of the video.
+const SAMPLES: u32 = 8;
 /// Frames of the video in the report.
 const FRAMES: usize = 10;
-/// Images of the turntable, and their side in pixels.
-const TURNTABLE: [usize; 2] = [8, 256];
+/// Points of the person's template: three times those of the smoke sizes, or enlarged images show single Gaussians.
+const POINTS: usize = 3072;
+/// Directions of the turntable in degrees, seen from the front. The video shows the person from the front alone.
+const TURNTABLE: [isize; 8] = [-28, -20, -12, -4, 4, 12, 20, 28];
+/// Width and height of its images in pixels.
+const UPRIGHT: [usize; 2] = [144, 256];
 /// The moment it shows.
 const MOMENT: usize = 0;
 /// Names of the factors; in training, the factor set by each intervention was a label.
@@ -40,26 +47,16 @@ const NAMES: [&str; 4] = ["posture", "self-occlusion", "wrinkles", "light"];
 
 /// Films, tunes, fits, shows, intervenes, in a folder; the record of the fit gets one of the structure.
 pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome> {
-    let making = Making {
-        set: "video".into(),
-        subject: SUBJECT,
-        seed: args.seed,
-        video_size: usize::from(args.size),
-        ..Making::smoke()
-    };
     let film = dir.join("subject");
-    cli::stoppable(|stop| {
-        generate::run(&making, &film, false, stop, &mut |done, total, what| meter.count(done, total, what))
-    })?;
-    meter.done();
+    render_video(args, &film, meter)?;
     let capture = PersonCapture::open(&film.join("video"))?;
     meter.note(&format!(
-        "a person: {} pictures to learn from, {} held out; filmed in {:.1} s",
+        "a person: {} images to fit, {} held out; rendered in {:.1} s",
         capture.train.len(),
         capture.test.len(),
         meter.seconds()
     ));
-    meter.lap("filming the person");
+    meter.lap("rendering the video");
 
     let mut trained = shipped::figure()?;
     let subject = Subject::new(&trained, &capture)?;
@@ -74,14 +71,16 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     guided.apply(&mut settings)?;
     settings.validate()?;
     guided.calibrate(&mut settings, &capture, &trained, meter)?;
+    let defaults = Fitting { iterations: ITERATIONS, seed: 0, ..settings.clone() }.json();
     meter.note(lpips::NO_WEIGHTS);
     let job = Job {
         kind: "demo",
-        title: "A built-in person".to_owned(),
+        title: "Person from a built-in video".to_owned(),
         settings,
         capture: &capture,
         guide: Some(&trained),
         perception: None,
+        defaults: Some(defaults),
         frame: Frame::inside(dir.join("person"), 400)?,
     };
     let mut outcome = job.run(meter)?;
@@ -101,22 +100,59 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let sections = &mut outcome.page.sections;
     sections.splice(0..0, before);
     let after = 1 + sections.iter().position(|s| s.id == "views").unwrap_or(0);
-    let seen = Section {
-        id: "turntable",
-        title: "From all sides",
-        lead: "One moment, larger than it was ever photographed. The fit has seen the person from the front alone; what it makes of the back is an \
-               assumption."
-            .into(),
-        body: turntable.html("the person from eight sides")?,
-    };
+    let seen = around(&turntable)?;
     sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
-    let edges = |which: usize| command::edges(&tuned.edges[which]);
-    outcome.lines.push(format!("structure   {} → {}", edges(0), edges(1)));
+    outcome.lines.push(format!("graph       {}", change(&tuned.edges)));
     outcome.record["structure"] = json!({
         "model": shipped::NAME, "before": tuned.before, "after": tuned.after,
         "edges_before": tuned.edges[0], "edges_after": tuned.edges[1], "truth": truth,
     });
     Ok(outcome)
+}
+
+/// Renders the video of the person into a folder.
+fn render_video(args: &Args, film: &Path, meter: &mut Meter) -> Result<()> {
+    let making = Making {
+        set: "video".into(),
+        subject: SUBJECT,
+        seed: args.seed,
+        video_size: usize::from(args.size),
+        points: POINTS,
+        samples: SAMPLES,
+        ..Making::smoke()
+    };
+    cli::stoppable(|stop| {
+        generate::run(&making, film, false, stop, &mut |done, total, what| meter.count(done, total, what))
+    })?;
+    meter.done();
+    Ok(())
+}
+
+/// The graph before and after tuning, in words.
+fn change([before, after]: &[Vec<(usize, usize)>; 2]) -> String {
+    let words = |edges: &[(usize, usize)]| {
+        let all: Vec<String> = edges.iter().map(|&(i, j)| format!("{}→{}", NAMES[i], NAMES[j])).collect();
+        if all.is_empty() { "no edges".to_owned() } else { all.join(", ") }
+    };
+    if before == after {
+        return format!("{} (unchanged by tuning)", words(after));
+    }
+    format!("before tuning: {}; after: {}", words(before), words(after))
+}
+
+/// The turntable as a section.
+fn around(turntable: &Sheet) -> Result<Section> {
+    Ok(Section {
+        id: "turntable",
+        title: "From the front half",
+        lead: "One moment from eight directions, rendered larger than the input images. The fit has seen the person from the front only; sides and \
+               back would be an extrapolation and are not shown."
+            .into(),
+        body: html! { div.large { (turntable.strip(TURNTABLE.len(), &|[c, _]| {
+            let degrees = TURNTABLE[c];
+            Label { alt: format!("person rendered from {degrees} degrees"), caption: format!("{degrees}°") }
+        })?) } },
+    })
 }
 
 /// Some frames of the video.
@@ -133,11 +169,17 @@ fn frames(capture: &PersonCapture) -> Result<Section> {
         id: "subject",
         title: "The video",
         lead: format!(
-            "{count} of {} frames of one camera: all that is known of this person, but for its skeleton's pose in every frame. \
-             Posture causes wrinkles and self-occlusion; light is its own cause.",
+            "{count} of the {} input frames. The fit sees only this camera and the skeleton pose of each frame. Posture causes wrinkles and \
+             self-occlusion; light has no cause among the factors.",
             capture.train.len()
         ),
-        body: sheet.html("frames of the video")?,
+        body: sheet.strip(count, &|[k, _]| {
+            let name = &capture.shots[capture.train[k * capture.train.len() / count]].name;
+            Label {
+                alt: format!("input frame {name}"),
+                caption: format!("frame {}", k * capture.train.len() / count),
+            }
+        })?,
     })
 }
 
@@ -162,25 +204,36 @@ fn structure(tuned: &Tuned, truth: Option<&[Vec<bool>]>) -> Section {
     let right = truth.map_or(String::new(), |t| {
         let all = (0..n * n).filter(|at| t[at / n][at % n]).count();
         let hits = tuned.edges[1].iter().filter(|(i, j)| t[*i][*j]).count();
-        format!(" {hits} of the {all} true edges are among the {} it has.", tuned.edges[1].len())
+        format!(" After tuning, {hits} of the {all} true edges are among its {}.", tuned.edges[1].len())
     });
+    let names = NAMES.map(str::to_owned);
+    let levels = graph::levels(n, &tuned.edges[1]);
+    let draw = |title, p, which: usize| {
+        Graph { title, names: &names, p, kept: &tuned.edges[which], truth, levels: &levels }.html()
+    };
     Section {
         id: "structure",
-        title: "What causes what",
+        title: "Causal graph",
         lead: format!(
-            "Probability of each edge in the model that comes with the program, and after it has seen the video. Encoder and decoder stay; \
-             the graph decides in which order the Gaussians of a factor are updated.{right}"
+            "The graph of the built-in model, before and after tuning to the video; edges are as wide as they are probable. Encoder and decoder are \
+             not changed; the graph decides in which order the Gaussians of a factor are updated.{right}"
         ),
-        body: table(&["cause", "effect", ">before", ">after", "in the graph", "true"], &rows),
+        body: html! {
+            div.two { (draw("before tuning", &tuned.before, 0)) (draw("after tuning", &tuned.after, 1)) }
+            (graph::legend(truth.is_some()))
+            details { summary { "Probabilities of all " (rows.len()) " edges" }
+                (table(&["cause", "effect", ">before", ">after", "in the graph", "true"], &rows)) }
+        },
     }
 }
 
-/// The fitted person from all sides, read back from its file.
+/// The fitted person from the front half, read back from its file.
 fn turntable(run: &Path, meter: &mut Meter) -> Result<Sheet> {
     let stored = store::read(&run.join("avatar.safetensors"))?;
-    let [count, side] = TURNTABLE;
+    let [width, side] = UPRIGHT;
+    // One camera per degree, of which a few are rendered.
     let orbit = Orbit {
-        count,
+        count: 360,
         center: None,
         radius: None,
         elevation_rad: 10f64.to_radians(),
@@ -188,13 +241,35 @@ fn turntable(run: &Path, meter: &mut Meter) -> Result<Sheet> {
         size: [side; 2],
     };
     let pose = &stored.poses[MOMENT];
-    let mut sheet = Sheet::new([count / 2, 2], [side; 2], 2);
-    for (k, camera) in stored.around(orbit, std::slice::from_ref(pose))?.iter().enumerate() {
-        meter.count(k, count, "turntable");
-        let out = stored.picture(pose, Some(MOMENT), camera)?;
-        let image: Vec<f32> = out.image.iter().map(|&x| order::clamp(x, 0.0, 1.0)).collect();
-        sheet.put([k % (count / 2), k / (count / 2)], &image);
+    let mut sheet = Sheet::new([TURNTABLE.len(), 1], UPRIGHT, 2);
+    let cameras = stored.around(orbit, std::slice::from_ref(pose))?;
+    for (k, degrees) in TURNTABLE.into_iter().enumerate() {
+        meter.count(k, TURNTABLE.len(), "turntable");
+        let out = stored.picture(pose, Some(MOMENT), &cameras[degrees.rem_euclid(360) as usize])?;
+        // A person is narrow: the middle of a square image.
+        let left = (side - width) / 2;
+        let middle = out.image.chunks_exact(3 * side).flat_map(|row| &row[3 * left..3 * (left + width)]);
+        let image: Vec<f32> = middle.map(|&x| order::clamp(x, 0.0, 1.0)).collect();
+        sheet.put([k, 0], &image);
     }
     meter.done();
     Ok(sheet)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn graphs_are_told_by_the_names_of_the_factors() {
+        let (fork, less) = (vec![(0, 1), (0, 2)], vec![(0, 1)]);
+        let same = change(&[fork.clone(), fork.clone()]);
+        assert_eq!(same, "posture→self-occlusion, posture→wrinkles (unchanged by tuning)", "one graph");
+        let other = change(&[fork, less]);
+        assert!(
+            other.ends_with("; after: posture→self-occlusion") && other.starts_with("before tuning: "),
+            "{other}"
+        );
+        assert!(change(&[vec![], vec![]]).starts_with("no edges"), "nothing");
+    }
 }

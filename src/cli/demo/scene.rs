@@ -13,7 +13,7 @@ use lastlight_kernels::splat::render;
 use std::path::Path;
 
 /// Default number of iterations.
-pub(super) const ITERATIONS: usize = 1500;
+pub(super) const ITERATIONS: usize = 1200;
 /// Gaussians of the random start.
 const INITIAL: usize = 2500;
 /// Largest number of Gaussians: about four times that of the truth.
@@ -23,8 +23,8 @@ const MOST: usize = 8000;
 pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome> {
     let render = render::Settings::default();
     let views = built_in::demo(&render)?;
-    meter.note(&format!("a scene: {} pictures to fit, {} held out", views.train.len(), views.test.len()));
-    meter.lap("photographs of the scene");
+    meter.note(&format!("a scene: {} photos to fit, {} held out", views.train.len(), views.test.len()));
+    meter.lap("rendering the photos");
     let settings = Settings {
         iterations: args.iterations.unwrap_or(ITERATIONS),
         seed: args.seed,
@@ -35,12 +35,14 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
         background: built_in::BACKGROUND,
     };
     settings.validate()?;
+    let defaults = Settings { iterations: ITERATIONS, seed: 0, ..settings.clone() }.json();
     let first = seeds::gaussians(&seeds::Start::Random { count: INITIAL, bounds: None }, &views, &settings)?;
     let job = Job {
         kind: "demo",
-        title: "A built-in scene".to_owned(),
+        title: "Scene from built-in photos".to_owned(),
         settings,
         views: &views,
+        defaults: Some(defaults),
         frame: Frame::inside(dir.to_path_buf(), 500)?,
     };
     job.run(first, meter)

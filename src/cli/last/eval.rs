@@ -76,7 +76,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(dir) = dir {
         let page = report::person::page(&report::person::Input {
             kind: "last eval",
-            title: scoring::title(&args.capture),
+            title: format!(
+                "Scores of the person {} on {}",
+                args.run.display(),
+                crate::shared::name(&args.capture)
+            ),
             command: cli::command_line(),
             digest,
             events: &[],

@@ -20,7 +20,7 @@ use lastlight_last::avatar::progressive::{Cap, Keys, Order, Progressive};
 use lastlight_last::avatar::settings::Settings;
 use lastlight_last::avatar::store;
 use lastlight_last::model::file::Trained;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// The avatar in `--out`.
@@ -206,6 +206,20 @@ impl Preset {
 }
 
 impl Args {
+    /// What the command does without options, on the same capture as the fit with these settings.
+    fn usual(fit: &Settings, has_guide: bool) -> Result<Settings> {
+        #[derive(clap::Parser)]
+        struct Alone {
+            #[command(flatten)]
+            args: Args,
+        }
+        let Alone { args } = clap::Parser::parse_from(["last fit", "-", "--out", "-"]);
+        let mut usual = args.settings(has_guide)?;
+        // Calibrated on the capture.
+        usual.density.latent_scale = fit.density.latent_scale;
+        Ok(usual)
+    }
+
     fn settings(&self, has_guide: bool) -> Result<Settings> {
         let host = self.preset.settings();
         let mut settings = Settings {
@@ -250,11 +264,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let job = Job {
         kind: "last fit",
-        title: scoring::title(&args.capture),
-        settings,
+        title: format!("Person from the video {}", crate::shared::name(&args.capture)),
         capture: &capture,
         guide: model.as_ref().map(|m| m as &dyn Guide),
         perception: perception.as_ref(),
+        defaults: Some(Args::usual(&settings, model.is_some())?.json()),
+        settings,
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
     job.run(&mut meter)?.publish(&job.frame.dir)
@@ -289,13 +304,15 @@ pub(crate) struct Job<'a> {
     pub(crate) guide: Option<&'a dyn Guide>,
     pub(crate) perception: Option<&'a lpips::Metric>,
     pub(crate) frame: Frame,
+    /// settings of the command without options, for the report
+    pub(crate) defaults: Option<Value>,
 }
 
 impl Job<'_> {
     /// Fits, evaluates, writes all but the report.
     pub(crate) fn run(&self, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = PersonFit::new(self.settings.clone(), self.capture, self.guide)?;
-        let history = self.frame.train(&mut fit, meter)?;
+        let (history, film) = self.frame.train(&mut fit, meter)?;
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
         let groups = scoring::groups(
@@ -323,13 +340,17 @@ impl Job<'_> {
             tally: Some(tally),
             n_gauss: avatar.gaussians.len(),
             groups: &groups,
-            run: Run::new(
-                &record["settings"],
-                Some(&history),
-                meter,
-                &self.frame.dir,
-                &[AVATAR, CHECKPOINT, RESULT],
-            ),
+            run: Run {
+                film: Some(&film),
+                defaults: self.defaults.clone(),
+                ..Run::new(
+                    &record["settings"],
+                    Some(&history),
+                    meter,
+                    &self.frame.dir,
+                    &[AVATAR, CHECKPOINT, RESULT],
+                )
+            },
         })?;
         let lines = vec![
             scoring::text(&groups),

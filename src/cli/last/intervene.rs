@@ -4,7 +4,7 @@ use super::tune;
 use crate::claim;
 use crate::console as cli;
 use crate::meter::Meter;
-use crate::report::pictures::Sheet;
+use crate::report::images::Sheet;
 use crate::report::{self, Page, Section};
 use crate::scene::person::PersonCapture;
 use crate::shared::{ForceArgs, Outcome};
@@ -12,7 +12,7 @@ use crate::{Error, Result};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::guide;
 use lastlight_last::model::intervene::{self, VALUES};
-use maud::Markup;
+use maud::{Markup, html};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
@@ -51,6 +51,8 @@ const GAP: usize = 2;
 /// Counterfactuals of one image: one row per factor that is set, one column per value.
 pub(crate) struct Grid {
     sheet: Sheet,
+    /// Values of each factor that is set, by column, in standard deviations from the one in the middle.
+    values: Vec<[f64; VALUES]>,
     /// The factors that are set, each with the farthest that every factor moves, in standard deviations.
     pub(crate) moved: Vec<(usize, Vec<f64>)>,
     csv: String,
@@ -74,6 +76,7 @@ impl Grid {
         let camera = &shot.camera;
         let mut sheet = Sheet::new([VALUES, which.len()], [camera.width, camera.height], GAP);
         let mut moved = Vec::new();
+        let mut values = Vec::new();
         let mut csv = String::from("factor,value");
         (0..n).for_each(|j| csv.push_str(&format!(",moved_{j}")));
         csv.push('\n');
@@ -86,8 +89,9 @@ impl Grid {
             }
             let most = |j: usize| cells.iter().fold(0.0, |m, c| crate::num::order::max(m, c.moved[j]));
             moved.push((i, (0..n).map(most).collect()));
+            values.push(in_deviations(trained, i));
         }
-        Ok(Self { sheet, moved, csv })
+        Ok(Self { sheet, values, moved, csv })
     }
 
     /// Writes `grid.png` and `moved.csv`.
@@ -97,6 +101,31 @@ impl Grid {
     pub(crate) fn write(&self, dir: &Path) -> Result<()> {
         self.sheet.write(&dir.join("grid.png"))?;
         crate::io::atomic::write_bytes(&dir.join("moved.csv"), self.csv.as_bytes())
+    }
+
+    /// The images as a table: a row for each factor, a column for each value.
+    fn table(&self, name: &dyn Fn(usize) -> String) -> Result<Markup> {
+        let middle = VALUES / 2;
+        let head = |c: usize| {
+            if c == middle { "median".to_owned() } else { format!("{:.0} %", 100.0 * intervene::quantile(c)) }
+        };
+        let mut rows = Vec::new();
+        for (r, (i, _)) in self.moved.iter().enumerate() {
+            let cells = (0..VALUES).map(|c| Ok((c, self.values[r][c], self.sheet.uri([c, r])?)));
+            rows.push((name(*i), cells.collect::<Result<Vec<_>>>()?));
+        }
+        Ok(html! {
+            div.scroll { table.grid-table {
+                thead { tr { th scope="col" { "factor that is set" } @for c in 0..VALUES { th.mid[c == middle] scope="col" { (head(c)) } } } }
+                tbody { @for (name, cells) in &rows { tr {
+                    th scope="row" { (name) }
+                    @for (c, value, uri) in cells { td.mid[*c == middle] {
+                        img src=(uri) alt={ "decoded person with " (name) " set to " (sigmas(*value)) ", column " (c + 1) };
+                        small { (sigmas(*value)) }
+                    } }
+                } } }
+            } }
+        })
     }
 
     /// Images and numbers for a report; `name` names a factor.
@@ -116,22 +145,46 @@ impl Grid {
             Section {
                 id: "grid",
                 title: "Counterfactuals",
-                lead: format!(
-                    "What the model decodes when one factor is set to values from end to end of the training set. Rows: {}. Everything else keeps its noise.",
-                    self.moved.iter().map(|(i, _)| name(*i)).collect::<Vec<_>>().join(", ")
-                ),
-                body: self.sheet.html("pictures of counterfactuals")?,
+                lead: "Each row sets one factor to nine values from the training set, from its 2 % quantile to its 98 % quantile; the middle column \
+                       is the median, and values are in standard deviations σ from it. All other factors keep their noise, and effects follow the \
+                       graph. The images show the decoder's person, coloured points that the model reconstructs from the input image: its clothes \
+                       and face are not those of the video. Compare images within a row."
+                    .into(),
+                body: self.table(name)?,
             },
             Section {
                 id: "moved",
-                title: "What moved",
-                lead:
-                    "The farthest each factor moved, in standard deviations of the training set; 0 is exact."
-                        .into(),
+                title: "Displacement of the factors",
+                lead: "Largest displacement of each factor (column) when a factor (row) is set, in standard deviations of the training set. \
+                       Factors that are not descendants have exactly 0."
+                    .into(),
                 body: report::table(&head, &self.moved.iter().map(row).collect::<Vec<_>>()),
             },
         ])
     }
+}
+
+/// A number of standard deviations.
+fn sigmas(x: f64) -> String {
+    match format!("{:.1}", x.abs()).as_str() {
+        "0.0" => "0 σ".to_owned(),
+        size => format!("{}{size} σ", if x < 0.0 { '−' } else { '+' }),
+    }
+}
+
+/// Values of a factor by column: distance of its codes from the one in the middle, along the line from the first to the last, in
+/// standard deviations of the training set: the root mean square over the dimensions, as in [`Grid::moved`].
+fn in_deviations(trained: &Trained, factor: usize) -> [f64; VALUES] {
+    let k = trained.model.sizes.width;
+    let at = |q: usize, d: usize| {
+        trained.codes[(factor * VALUES + q) * k + d] / trained.factor_spread[factor * k + d]
+    };
+    let axis: Vec<f64> = (0..k).map(|d| at(VALUES - 1, d) - at(0, d)).collect();
+    let length = axis.iter().fold(0.0, |s, x| s + x * x).sqrt();
+    std::array::from_fn(|q| {
+        let along = (0..k).fold(0.0, |s, d| s + (at(q, d) - at(VALUES / 2, d)) * axis[d]);
+        if length > 0.0 { along / (length * (k as f64).sqrt()) } else { 0.0 }
+    })
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -160,7 +213,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     });
     let page = Page {
         kind: "last intervene".into(),
-        title: args.model.display().to_string(),
+        title: format!("Interventions on {} by {}", crate::shared::name(&args.capture), args.model.display()),
+        notice: "",
         command: cli::command_line(),
         facts: vec![("edges", tune::edges(&trained.graph.edges()))],
         stats: Vec::new(),

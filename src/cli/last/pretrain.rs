@@ -6,7 +6,9 @@ use crate::fit::training::{History, Watch};
 use crate::io::{MAX_SMALL_FILE_BYTES, read_bytes};
 use crate::meter::Meter;
 use crate::report::charts::{Lines, Series, bucket};
-use crate::report::pictures::Sheet;
+use crate::report::graph::{self, Graph};
+use crate::report::images::{Label, Sheet};
+use crate::report::run::LOSS_POINTS;
 use crate::report::{self, Page, Section, Stat};
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, Frame, Head};
@@ -165,7 +167,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let truth = truth(&args.data)?;
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let mut training = Training::new(settings, &data)?;
-    let history = frame.train(&mut training, &mut meter)?;
+    let (history, _) = frame.train(&mut training, &mut meter)?;
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
     let verdict = evaluation::of(&trained, &data, &truth)?;
@@ -181,9 +183,14 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut page = page(args, &record, &history, &verdict, told.clone(), &meter);
     page.sections.push(Section {
         id: "samples",
-        title: "Pictures and what is decoded",
-        lead: "Above what the encoder sees, below the points that the decoder gives back, as discs, through the same camera and the same window.".into(),
-        body: sheet.html("pictures and decoded points")?,
+        title: "Encoder inputs and decoded points",
+        lead: "Above the images that the encoder receives, below the points that the decoder returns, drawn as discs through the same camera and \
+               window."
+            .into(),
+        body: sheet.columns(&|c| Label {
+            alt: format!("encoder input {0}, and below it the points decoded from it", c + 1),
+            caption: format!("input {0}, decoded points", c + 1),
+        })?,
     });
     let mut lines = vec![verdict.text()];
     lines.extend(told.map(|told| format!("units       {told}")));
@@ -247,26 +254,20 @@ pub(crate) fn truth(data: &Path) -> Result<Option<Vec<Vec<bool>>>> {
     }
 }
 
-/// `units` says in words that they changed, if they did.
-fn page(
-    args: &Args,
-    record: &Value,
-    history: &History,
-    verdict: &Evaluation,
-    units: Option<String>,
-    meter: &Meter,
-) -> Page {
-    let (points, band) = bucket(&history.loss, 300);
-    let settings = training_marks(&record["settings"]);
-    let losses = Lines {
-        title: "L_rec + L_int",
-        x_label: "step",
-        log_y: true,
-        from_zero: false,
-        series: vec![Series { name: "loss", color: 'a', points, band }],
-        marks: settings,
-    };
+/// The graph as a drawing and as a table.
+fn structure(data: &Path, verdict: &Evaluation) -> Section {
     let n = verdict.graph.n();
+    let (p, edges, truth) =
+        (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(data));
+    let truth = truth.filter(|t| t.len() == n && t.iter().all(|row| row.len() == n));
+    let drawing = Graph {
+        title: "after training",
+        names: &(0..n).map(|j| format!("factor {j}")).collect::<Vec<_>>(),
+        p: &p,
+        kept: &edges,
+        truth: truth.as_deref(),
+        levels: &graph::levels(n, &edges),
+    };
     let names: Vec<String> = (0..n).map(|j| format!(">{j}")).collect();
     let head: Vec<&str> = std::iter::once("from").chain(names.iter().map(String::as_str)).collect();
     let rows: Vec<Vec<Markup>> = verdict
@@ -284,9 +285,39 @@ fn page(
             std::iter::once(report::text(i)).chain(row.iter().enumerate().map(cell)).collect()
         })
         .collect();
+    Section {
+        id: "structure",
+        title: "Structure",
+        lead: "Edges are as wide as they are probable; in the table, a row is the cause, a column the effect, and edges in the graph are \
+               bold."
+            .into(),
+        body: html! { div.two { div { (drawing.html()) (graph::legend(truth.is_some())) } (report::table(&head, &rows)) } },
+    }
+}
+
+/// `units` says in words that they changed, if they did.
+fn page(
+    args: &Args,
+    record: &Value,
+    history: &History,
+    verdict: &Evaluation,
+    units: Option<String>,
+    meter: &Meter,
+) -> Page {
+    let (points, band) = bucket(&history.loss, LOSS_POINTS);
+    let settings = training_marks(&record["settings"]);
+    let losses = Lines {
+        title: "L_rec + L_int",
+        x_label: "step",
+        log_y: true,
+        from_zero: false,
+        series: vec![Series { name: "loss", color: 'a', points, band }],
+        marks: settings,
+    };
     Page {
         kind: "last pretrain".into(),
-        title: args.data.display().to_string(),
+        title: format!("Image-to-point model from {}", args.data.display()),
+        notice: "",
         command: cli::command_line(),
         facts: vec![
             ("digest", record["digest"].as_str().unwrap_or("").to_owned()),
@@ -311,12 +342,7 @@ fn page(
             },
         ],
         sections: vec![
-            Section {
-                id: "structure",
-                title: "Structure",
-                lead: "Probability of each edge, row to column; what the graph keeps is bold.".into(),
-                body: report::table(&head, &rows),
-            },
+            structure(&args.data, verdict),
             Section {
                 id: "loss",
                 title: "Loss",

@@ -6,7 +6,6 @@ use crate::report;
 use crate::report::person::{Group, TRAINED};
 use lastlight_last::avatar::evaluate::{self, Evaluation};
 use serde_json::{Map, Value, json};
-use std::path::Path;
 
 /// Training images that are scored: evenly spaced, at most.
 const TRAIN_PICTURES: usize = 20;
@@ -64,10 +63,4 @@ pub(super) fn json(groups: &[Group]) -> Value {
 /// Mean PSNR-box of the last group, dB: the held-out images where there are any.
 pub(super) fn held_out_db(groups: &[Group]) -> f64 {
     groups.last().map_or(f64::NAN, |g| g.mean.boxed.db.finite().unwrap_or(f64::INFINITY))
-}
-
-/// The capture's folder by name.
-pub(super) fn title(capture: &Path) -> String {
-    let full = capture.canonicalize().unwrap_or_else(|_| capture.to_path_buf());
-    full.file_name().map_or_else(|| full.display().to_string(), |n| n.to_string_lossy().into_owned())
 }

@@ -209,8 +209,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         "experiments": engine::records(&reports), "seconds": meter.seconds(),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
-    let title = args.warning().unwrap_or("experiments");
-    let page = engine::page("last study", title, &reports, (COST, &costs)).write(&dir)?;
+    let titles = ("Experiments of LAST", args.warning().unwrap_or_default());
+    let page = engine::page("last study", titles, &reports, (COST, &costs)).write(&dir)?;
     if cli::is_json() {
         return cli::say_json(&record);
     }

@@ -1,4 +1,5 @@
-//! Line and bar charts as inline SVG. Colours are the custom properties of the page, so that they follow its palette.
+//! Line charts as inline SVG. Colours are the custom properties of the page, so that they follow its palette;
+//! every chart has an alternative text with its numbers in short.
 
 use maud::{Markup, html};
 use std::fmt::Write as _;
@@ -34,15 +35,15 @@ pub(crate) struct Lines<'a> {
     pub(crate) marks: Vec<(f64, String)>,
 }
 
-const W: f64 = 560.0;
+pub(super) const W: f64 = 540.0;
 const H: f64 = 270.0;
-const LEFT: f64 = 58.0;
-const RIGHT: f64 = 14.0;
-const TOP: f64 = 10.0;
-const BOTTOM: f64 = 40.0;
+pub(super) const LEFT: f64 = 64.0;
+pub(super) const RIGHT: f64 = 24.0;
+pub(super) const TOP: f64 = 10.0;
+pub(super) const BOTTOM: f64 = 44.0;
 
 /// Round steps that cut `lo..hi` into about `n` parts.
-fn ticks(lo: f64, hi: f64, n: usize) -> Vec<f64> {
+pub(super) fn ticks(lo: f64, hi: f64, n: usize) -> Vec<f64> {
     let raw = (hi - lo) / n as f64;
     if !(raw > 0.0 && raw.is_finite()) {
         return vec![lo];
@@ -72,23 +73,38 @@ pub(crate) fn short(x: f64) -> String {
     }
 }
 
-/// Means of at most `n` buckets of consecutive points, with the smallest and largest value of each as a band.
+/// Share of the values of a bucket below its band, and above it.
+const TAIL: f64 = 0.1;
+
+/// Medians of at most `n` buckets of consecutive values, with the range of the middle 80 % of each as a band.
 pub(crate) fn bucket(values: &[f32], n: usize) -> (Curve, Curve) {
     let size = values.len().div_ceil(n.max(1)).max(1);
     let mut points = Vec::new();
     let mut band = Vec::new();
     for (i, part) in values.chunks(size).enumerate() {
-        let (mut sum, mut lo, mut hi) = (0.0, f64::INFINITY, f64::NEG_INFINITY);
-        for &v in part {
-            let v = f64::from(v);
-            sum += v;
-            lo = crate::num::order::min(lo, v);
-            hi = crate::num::order::max(hi, v);
-        }
-        points.push(((i * size) as f64 + part.len() as f64 * 0.5, sum / part.len() as f64));
-        band.push((lo, hi));
+        let mut sorted: Vec<f64> = part.iter().map(|&v| f64::from(v)).collect();
+        sorted.sort_by(f64::total_cmp);
+        let at = |share: f64| sorted[libm::round(share * (sorted.len() - 1) as f64) as usize];
+        points.push(((i * size) as f64 + part.len() as f64 * 0.5, at(0.5)));
+        band.push((at(TAIL), at(1.0 - TAIL)));
     }
     (points, band)
+}
+
+/// The ends of the curves in words, for those who do not see them.
+fn in_words(title: &str, x_label: &str, series: &[Series<'_>]) -> String {
+    let one = |s: &Series<'_>| match (s.points.first(), s.points.last()) {
+        (Some(a), Some(b)) => format!(
+            "{} from {} at {x_label} {} to {} at {}",
+            s.name,
+            short(a.1),
+            short(a.0),
+            short(b.1),
+            short(b.0)
+        ),
+        _ => s.name.to_owned(),
+    };
+    format!("{title}: {}", series.iter().map(one).collect::<Vec<_>>().join("; "))
 }
 
 impl Lines<'_> {
@@ -142,7 +158,7 @@ impl Lines<'_> {
         html! {
             div.panel {
                 h3 { (self.title) }
-                svg viewBox={ "0 0 " (W) " " (H) } role="img" aria-label=(self.title) {
+                svg viewBox={ "0 0 " (W) " " (H) } role="img" aria-label=(in_words(self.title, self.x_label, &self.series)) {
                     @for y in &y_ticks {
                         line x1=(LEFT) x2=(W - RIGHT) y1=(num(py(*y))) y2=(num(py(*y))) stroke="var(--line)" {}
                         text x=(LEFT - 8.0) y=(num(py(*y) + 4.0)) text-anchor="end" { (short(*y)) }
@@ -171,7 +187,7 @@ impl Lines<'_> {
 }
 
 /// Two decimals are a hundredth of a pixel.
-fn num(x: f64) -> String {
+pub(super) fn num(x: f64) -> String {
     format!("{x:.2}")
 }
 
@@ -195,120 +211,6 @@ fn band(s: &Series<'_>, px: &dyn Fn(f64) -> f64, py: &dyn Fn(f64) -> f64) -> Str
     d
 }
 
-/// Horizontal bars with a value at the end of each; `reference` draws a vertical line (a mean, a goal).
-pub(crate) fn bars(
-    title: &str,
-    rows: &[(String, f64)],
-    color: char,
-    decimals: usize,
-    from: f64,
-    reference: Option<(f64, &str)>,
-) -> Markup {
-    let row_height = 24.0;
-    let (label, width, right) = (110.0, W, 58.0);
-    let height = rows.len() as f64 * row_height + if reference.is_some() { 26.0 } else { 8.0 };
-    let top = rows.iter().fold(from, |m, r| crate::num::order::max(m, r.1));
-    let span = if top > from { top - from } else { 1.0 };
-    let px = |x: f64| label + (crate::num::order::max(x, from) - from) / span * (width - label - right);
-    html! {
-        div.panel {
-            h3 { (title) }
-            svg viewBox={ "0 0 " (width) " " (height) } role="img" aria-label=(title) {
-                @for (i, (name, value)) in rows.iter().enumerate() {
-                    @let y = i as f64 * row_height + 4.0;
-                    text x=(label - 10.0) y=(num(y + 13.0)) text-anchor="end" { (clip(name, 16)) title { (name) } }
-                    rect x=(label) y=(num(y)) width=(num(px(*value) - label)) height=(row_height - 7.0) rx="3" fill={ "var(--" (color) ")" } fill-opacity="0.85" {
-                        title { (name) ": " (format!("{value:.decimals$}")) }
-                    }
-                    text x=(width - 2.0) y=(num(y + 13.0)) text-anchor="end" { (format!("{value:.decimals$}")) }
-                }
-                @if let Some((x, what)) = reference {
-                    line x1=(num(px(x))) x2=(num(px(x))) y1="0" y2=(num(height - 20.0)) stroke="var(--ink)" stroke-opacity="0.55" stroke-dasharray="3 4" {}
-                    text x=(num(px(x))) y=(num(height - 6.0)) text-anchor="middle" { (what) " " (format!("{x:.decimals$}")) }
-                }
-            }
-        }
-    }
-}
-
-/// Means with their intervals as dots with whiskers, one row each, before a line at 0. A half-width that is not finite has no whisker.
-pub(crate) fn intervals(title: &str, rows: &[(String, f64, f64)], color: char) -> Markup {
-    let row_height = 24.0;
-    let (label, right) = (170.0, 110.0);
-    let height = rows.len() as f64 * row_height + 28.0;
-    let half = |h: f64| if h.is_finite() { h } else { 0.0 };
-    let low = rows.iter().fold(0.0, |m, r| crate::num::order::min(m, r.1 - half(r.2)));
-    let high = rows.iter().fold(0.0, |m, r| crate::num::order::max(m, r.1 + half(r.2)));
-    let span = if high > low { high - low } else { 1.0 };
-    let px = |x: f64| label + (x - low) / span * (W - label - right);
-    let bottom = height - 24.0;
-    html! {
-        div.panel {
-            h3 { (title) }
-            svg viewBox={ "0 0 " (W) " " (height) } role="img" aria-label=(title) {
-                @for x in ticks(low, high, 4) {
-                    line x1=(num(px(x))) x2=(num(px(x))) y1="0" y2=(num(bottom)) stroke="var(--line)" {}
-                    text x=(num(px(x))) y=(num(height - 6.0)) text-anchor="middle" { (short(x)) }
-                }
-                line x1=(num(px(0.0))) x2=(num(px(0.0))) y1="0" y2=(num(bottom)) stroke="var(--ink)" stroke-opacity="0.55" {}
-                @for (i, (name, mean, width)) in rows.iter().enumerate() {
-                    @let y = i as f64 * row_height + 12.0;
-                    text x=(label - 10.0) y=(num(y + 4.0)) text-anchor="end" { (clip(name, 26)) title { (name) } }
-                    line x1=(num(px(mean - half(*width)))) x2=(num(px(mean + half(*width)))) y1=(num(y)) y2=(num(y)) stroke={ "var(--" (color) ")" } stroke-width="2" {}
-                    circle cx=(num(px(*mean))) cy=(num(y)) r="4" fill={ "var(--" (color) ")" } { title { (name) } }
-                    text x=(W - 2.0) y=(num(y + 4.0)) text-anchor="end" {
-                        (format!("{mean:+.2}")) @if width.is_finite() { " ± " (format!("{width:.2}")) }
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Colours of a bar of parts; the last is for the rest.
-const COLORS: usize = 8;
-
-/// One horizontal bar cut into parts, with a legend: where the time went.
-pub(crate) fn parts(rows: &[(String, f64)]) -> Markup {
-    let mut rows = rows.to_vec();
-    if rows.len() > COLORS {
-        let rest = rows.drain(COLORS - 1..).fold(0.0, |s, r| s + r.1);
-        rows.push(("rest".to_owned(), rest));
-    }
-    let total = rows.iter().fold(0.0, |s, r| s + r.1);
-    let color = |i: usize| (b'a' + (i % COLORS) as u8) as char;
-    let starts: Vec<f64> = rows
-        .iter()
-        .scan(0.0, |at, r| {
-            let start = *at;
-            *at += r.1;
-            Some(start)
-        })
-        .collect();
-    let scale = if total > 0.0 { 1120.0 / total } else { 0.0 };
-    html! {
-        svg viewBox="0 0 1120 30" role="img" aria-label="parts of the time" {
-            @for (i, (name, value)) in rows.iter().enumerate() {
-                rect x=(num(starts[i] * scale)) y="0" width=(num(crate::num::order::max(value * scale - 1.5, 0.5))) height="30" rx="3" fill={ "var(--" (color(i)) ")" } {
-                    title { (name) }
-                }
-            }
-        }
-        div.legend { @for (i, (name, _)) in rows.iter().enumerate() { span { i style={ "background:var(--" (color(i)) ")" } {} (name) } } }
-    }
-}
-
-/// At most `n` characters, the middle left out.
-fn clip(name: &str, n: usize) -> String {
-    let chars: Vec<char> = name.chars().collect();
-    if chars.len() <= n {
-        return name.to_owned();
-    }
-    let tail = n / 2;
-    let head = n - tail - 1;
-    chars[..head].iter().chain(&['…']).chain(&chars[chars.len() - tail..]).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -324,13 +226,24 @@ mod tests {
     }
 
     #[test]
-    fn buckets_keep_every_value_in_the_band() {
-        let v: Vec<f32> = (0..1000).map(|i| ((i * 37) % 101) as f32).collect();
-        let (points, band) = bucket(&v, 64);
-        assert!(points.len() <= 64, "at most as many as asked for");
-        let lo = band.iter().fold(f64::INFINITY, |m, b| if b.0 < m { b.0 } else { m });
-        let hi = band.iter().fold(0.0, |m, b| if b.1 > m { b.1 } else { m });
-        assert_eq!((lo, hi), (0.0, 100.0), "extremes survive");
+    fn buckets_have_their_median_and_a_band_without_spikes() {
+        let mut v: Vec<f32> = (0..1000).map(|i| ((i * 37) % 101) as f32).collect();
+        v[500] = 1e6;
+        let (points, band) = bucket(&v, 50);
+        assert_eq!((points.len(), band.len()), (50, 50), "as many as asked for");
+        for (i, ((x, median), (lo, hi))) in points.iter().zip(&band).enumerate() {
+            let part = &v[i * 20..(i + 1) * 20];
+            let below = |y: f64| part.iter().filter(|&&p| f64::from(p) < y).count();
+            assert_eq!(*x, i as f64 * 20.0 + 10.0, "the middle of the bucket");
+            assert!(
+                (9..=10).contains(&below(*median)),
+                "bucket {i}: half of the values are below the median"
+            );
+            assert_eq!((below(*lo), below(*hi)), (2, 17), "bucket {i}: a tenth is outside on each side");
+            assert!(*hi < 1e6, "a spike is no part of the band");
+        }
+        assert_eq!(bucket(&v[..3], 80).0.len(), 3, "few values are their own buckets");
+        assert!(bucket(&[], 80).0.is_empty(), "nothing");
     }
 
     #[test]
@@ -346,9 +259,9 @@ mod tests {
         assert!(chart(vec![]).html().into_string().contains("Nothing recorded"), "empty");
         let flat = chart(vec![(0.0, 0.1), (1.0, 0.1)]).html().into_string();
         assert!(!flat.contains("NaN") && !flat.contains("inf"), "finite coordinates: {flat}");
-        let rows = [("a".to_owned(), 0.5, f64::INFINITY), ("b".to_owned(), -0.25, 0.5)];
-        let drawn = intervals("t", &rows, 'a').into_string();
-        assert!(!drawn.contains("NaN") && !drawn.contains("inf"), "finite coordinates: {drawn}");
-        assert_eq!(clip("images/a_very_long_name.png", 16).chars().count(), 16, "clipped");
+        assert!(
+            flat.contains("aria-label=\"t: s from 0.1 at x 0 to 0.1 at 1\""),
+            "the numbers in words: {flat}"
+        );
     }
 }

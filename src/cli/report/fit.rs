@@ -1,14 +1,14 @@
-//! The report of one fit: held-out images, numbers per view, curves, density events, time, files.
+//! The report of one fit: held-out images, what to try, numbers per view, curves, density events, time, files.
 
-use super::run::{self, Compared, Run};
-use super::{Page, Section, Stat, charts, table, text, thousands};
+use super::run::{self, Compared, HOW_TO_READ, Run, decibel};
+use super::{Page, Section, Stat, bars, hints, table, text, thousands};
 use crate::Result;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::splat::Event;
 use maud::{Markup, html};
 
 /// Most views shown as images; the table has all.
-const MAX_PICTURES: usize = 16;
+const MAX_IMAGES: usize = 16;
 /// Longest side of an image in the report, in pixels.
 const MAX_SIDE: usize = 640;
 
@@ -16,7 +16,7 @@ const MAX_SIDE: usize = 640;
 pub(crate) struct Input<'a> {
     /// the command, e.g. `splat fit`
     pub(crate) kind: &'a str,
-    /// name of the capture
+    /// the result and its input
     pub(crate) title: String,
     /// the command line
     pub(crate) command: String,
@@ -26,8 +26,12 @@ pub(crate) struct Input<'a> {
     pub(crate) events: &'a [Event],
     /// number of Gaussians
     pub(crate) n_gauss: usize,
+    /// that the largest number was reached, and how to raise it
+    pub(crate) limit: Option<String>,
     /// images and scores of the held-out views
     pub(crate) scored: &'a [Scored],
+    /// distance of each to the nearest fitted camera, see [`hints::distances`]; empty if it is not known
+    pub(crate) distances: Vec<f64>,
     /// the numbers
     pub(crate) evaluation: &'a Evaluation,
     /// settings, course, time, files
@@ -50,37 +54,39 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     if let Some(profile) = x.run.settings.get("profile").and_then(|p| p.as_str()) {
         facts.push(("profile", profile.to_owned()));
     }
-    facts.push(("lastlight", env!("CARGO_PKG_VERSION").to_owned()));
-
-    let mut stats = vec![
-        Stat {
-            label: "PSNR, held out",
-            value: decibel(e.mean_psnr_db),
-            note: format!("mean of {} views", e.views.len()),
-        },
-        Stat {
-            label: "SSIM, held out",
-            value: format!("{:.4}", e.mean_ssim),
-            note: "11×11 window, σ 1.5".into(),
-        },
-        Stat { label: "Gaussians", value: thousands(x.n_gauss), note: size_note(&x.run) },
-    ];
+    let mut stats = quality(e);
+    let mut note = size_note(&x.run);
+    if let Some(limit) = &x.limit {
+        note = format!("{note}{}limit: {limit}", if note.is_empty() { "" } else { " · " });
+    }
+    stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note });
     if let Some(h) = x.run.history {
         stats.push(run::iterations(h, h.loss.last().map_or(String::new(), |l| format!("last loss {l:.4}"))));
     }
     stats.push(x.run.card());
 
-    let mut sections = vec![
-        Section {
+    let mut sections = vec![];
+    if !e.views.is_empty() {
+        sections.push(Section {
             id: "views",
             title: "Held-out views",
-            lead: "Photographs the fit never saw, what the scene renders from there, and the mean absolute error over \
-                   the channels. Pixels outside the photograph or its mask are black in the error map and do not count."
-                .into(),
+            lead: format!(
+                "Photos that were not used in the fit, the scene rendered from the same cameras, and the mean absolute error over the channels. \
+                 Pixels outside a photo or its mask are black in the error map and do not count. {HOW_TO_READ}"
+            ),
             body: views(x.scored)?,
-        },
-        Section { id: "scores", title: "Scores", lead: format!("{}.", e.protocol), body: scores(e) },
-    ];
+        });
+        let lead = format!("{}.", e.protocol);
+        sections.push(Section { id: "scores", title: "Scores", lead, body: scores(e) });
+    }
+    let views = x.scored.iter().enumerate().map(|(i, s)| hints::View {
+        name: &s.score.name,
+        psnr_db: s.score.psnr_db,
+        photo: &s.photo,
+        image: &s.image,
+        distance: x.distances.get(i).copied(),
+    });
+    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
     let resets: Vec<(f64, String)> = x
         .events
         .iter()
@@ -91,12 +97,12 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         "Loss (0.8 L1 + 0.2 (1 − SSIM))",
         " Dotted marks are opacity resets.",
         &resets,
-    ));
+    )?);
     if x.run.history.is_some() && !x.events.is_empty() {
         sections.push(Section {
             id: "density",
             title: "Density control",
-            lead: "Where Gaussians were added and removed; the last row is the sum.".into(),
+            lead: "When Gaussians were added and removed; the last row is the sum.".into(),
             body: events(x.events),
         });
     }
@@ -104,6 +110,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     Ok(Page {
         kind: x.kind.to_owned(),
         title: x.title.clone(),
+        notice: "",
         command: x.command.clone(),
         facts,
         stats,
@@ -111,8 +118,17 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     })
 }
 
-fn decibel(x: f64) -> String {
-    if x.is_finite() { format!("{x:.2} dB") } else { "∞ dB".into() }
+/// Cards of the scores; one that says so where nothing is held out.
+fn quality(e: &Evaluation) -> Vec<Stat> {
+    if e.views.is_empty() {
+        let note = "a single image: nothing is held out, so there is no score".into();
+        return vec![Stat { label: "Held-out views", value: "none".into(), note }];
+    }
+    let (psnr, ssim) = (decibel(e.mean_psnr_db), format!("{:.4}", e.mean_ssim));
+    vec![
+        Stat { label: "PSNR, held out", value: psnr, note: format!("mean of {} views", e.views.len()) },
+        Stat { label: "SSIM, held out", value: ssim, note: "11×11 window, σ 1.5".into() },
+    ]
 }
 
 fn size_note(run: &Run<'_>) -> String {
@@ -126,19 +142,23 @@ fn views(scored: &[Scored]) -> Result<Markup> {
         let Scored { score, photo, image, error }: &Scored = s;
         Compared {
             name: &score.name,
-            remark: format!("{} · SSIM {:.4}", decibel(score.psnr_db), score.ssim),
+            psnr_db: score.psnr_db,
+            remark: format!("PSNR {} · SSIM {:.4}", decibel(score.psnr_db), score.ssim),
             photo,
             image,
             error,
-            caption: format!("error, mean {:.4}", score.mae),
+            mae: Some(score.mae),
             size: [score.width, score.height],
         }
     };
-    let shown: Vec<Compared<'_>> = scored.iter().take(MAX_PICTURES).map(compare).collect();
-    let pictures = run::compared(&shown, MAX_SIDE)?;
+    let mut worst: Vec<&Scored> = scored.iter().collect();
+    worst.sort_by(|a, b| a.score.psnr_db.total_cmp(&b.score.psnr_db));
+    worst.truncate(MAX_IMAGES);
+    let shown = worst.len();
+    let images = run::compared(worst.into_iter().map(compare).collect(), "scored view", MAX_SIDE)?;
     Ok(html! {
-        (pictures)
-        @if scored.len() > shown.len() { p.note { "Pictures of " (shown.len()) " of " (scored.len()) " views; the table below has all." } }
+        (images)
+        @if scored.len() > shown { p.note { "The " (shown) " worst of " (scored.len()) " views; the table of scores has all." } }
     })
 }
 
@@ -175,12 +195,12 @@ fn scores(e: &Evaluation) -> Markup {
         0.0
     };
     html! {
+        div.stack {
         (table(&["view", ">size", ">counted", ">PSNR", ">SSIM", ">mean abs. error"], &rows))
-        div style="height:16px" {}
         div.two {
-            (charts::bars(&format!("PSNR in dB (bars start at {from:.0})"), &psnr, 'a', 2, from, e.mean_psnr_db.is_finite().then_some((e.mean_psnr_db, "mean"))))
-            (charts::bars("SSIM (bars start at 0)", &ssim, 'b', 4, 0.0, Some((e.mean_ssim, "mean"))))
-        }
+            (bars::bars(&format!("PSNR in dB (bars start at {from:.0})"), &psnr, 'a', 2, from, e.mean_psnr_db.is_finite().then_some((e.mean_psnr_db, "mean"))))
+            (bars::bars("SSIM (bars start at 0)", &ssim, 'b', 4, 0.0, Some((e.mean_ssim, "mean"))))
+        } }
     }
 }
 
@@ -189,7 +209,7 @@ fn short_name(name: &str) -> String {
     name.rsplit('/').next().unwrap_or(name).to_owned()
 }
 
-/// Rows of the event table that are shown without being asked for.
+/// Most rows of the event table that are shown before it is unfolded.
 const MAX_EVENT_ROWS: usize = 12;
 
 fn events(events: &[Event]) -> Markup {

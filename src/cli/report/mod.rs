@@ -1,19 +1,31 @@
 //! Self-contained HTML reports: one file, no network, light and dark by the reader's preference.
 //!
 //! ```text
-//! mod       the page: header, stat cards, sections, tables       charts    line and bar charts as inline SVG
-//! fit       the report of one fit                                images  pixels to PNG data URIs, error maps
+//! mod       the page: header, stat cards, sections, tables       charts    line charts; bars: bars, intervals, histograms
+//! fit       the report of one fit                                images    pixels to PNG data URIs, error maps, strips
 //! person    the report of a fitted person                        run       what those two share
-//! style     the style sheet
+//! settings  settings in groups, as typed                         glossary  what the names of metrics mean
+//! graph     a causal graph as SVG                               hints     what to try next
+//! film      snapshots of a training                             compare   the page of `oracle compare`
+//! style     the style sheet                                      machine   machine, date, version: facts outside every digest
 //! ```
 //!
-//! A report is made of plain values; nothing here computes a result.
+//! A report is made of plain values; nothing here computes a result. Pages have no script: views are chosen and enlarged by
+//! radio buttons, check boxes and the style sheet, and the content security policy of the page forbids scripts and external sources.
 
+pub(crate) mod bars;
 pub(crate) mod charts;
+pub(crate) mod compare;
+pub(crate) mod film;
 pub(crate) mod fit;
+mod glossary;
+pub(crate) mod graph;
+pub(crate) mod hints;
+pub(crate) mod images;
+mod machine;
 pub(crate) mod person;
-pub(crate) mod pictures;
 pub(crate) mod run;
+mod settings;
 mod style;
 
 pub(crate) use crate::units::{bytes, seconds};
@@ -49,8 +61,10 @@ pub(crate) struct Section {
 pub(crate) struct Page {
     /// what was done, e.g. `splat fit`
     pub(crate) kind: String,
-    /// on what, e.g. the capture's name
+    /// the result and its input, e.g. `Person from the video subject/video`
     pub(crate) title: String,
+    /// a restriction that the reader must know first; empty if there is none
+    pub(crate) notice: &'static str,
     /// the command line that makes this page again
     pub(crate) command: String,
     /// short facts under the title: digest, seed, version
@@ -61,50 +75,92 @@ pub(crate) struct Page {
     pub(crate) sections: Vec<Section>,
 }
 
+/// Nothing is loaded from elsewhere and no script runs; images and style are in the page itself.
+const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'";
+
 impl Page {
     /// The page as HTML text.
     pub(crate) fn html(&self) -> String {
+        let stats = html! {
+            div.stats { @for s in &self.stats {
+                div.stat { p.label { (glossary::marked(s.label)) } p.value { (s.value) } p.note { (s.note) } }
+            } }
+        };
+        let sections = html! {
+            @for s in &self.sections {
+                section id=(s.id) {
+                    h2 { (s.title) }
+                    @if !s.lead.is_empty() { p.lead { (s.lead) } }
+                    (s.body)
+                }
+            }
+        };
+        let terms = glossary::of_page(&format!("{}{}", stats.0, sections.0));
         html! {
             (DOCTYPE)
             html lang="en" {
-                head {
-                    meta charset="utf-8";
-                    meta name="viewport" content="width=device-width, initial-scale=1";
-                    meta name="color-scheme" content="light dark";
-                    title { (self.kind) " · " (self.title) }
-                    style { (PreEscaped(style::CSS)) }
-                }
+                (self.head())
                 body {
-                    header {
-                        div.wrap {
-                            p.kind { span.mark { "lastlight" } (self.kind) }
-                            h1 { (self.title) }
-                            dl.facts {
-                                @for (name, value) in &self.facts { div { dt { (name) } dd { code { (value) } } } }
-                            }
-                            pre.command { code { (self.command) } }
-                        }
-                    }
-                    nav { div.wrap { @for s in &self.sections { a href={ "#" (s.id) } { (s.title) } } } }
-                    main.wrap {
-                        div.stats {
-                            @for s in &self.stats {
-                                div.stat { p.label { (s.label) } p.value { (s.value) } p.note { (s.note) } }
-                            }
-                        }
-                        @for s in &self.sections {
-                            section id=(s.id) {
-                                h2 { (s.title) }
-                                @if !s.lead.is_empty() { p.lead { (s.lead) } }
-                                (s.body)
+                    a.skip href="#content" { "Skip to the content" }
+                    (self.header())
+                    nav aria-label="Sections of this report" { div.wrap {
+                        @for s in &self.sections { a href={ "#" (s.id) } { (s.title) } }
+                        @if !terms.is_empty() { a href="#glossary" { "Glossary" } }
+                    } }
+                    main.wrap #content {
+                        (stats)
+                        (sections)
+                        @if !terms.is_empty() {
+                            section #glossary {
+                                h2 { "Glossary" }
+                                dl.glossary { @for (name, meaning) in &terms { dt { (name) } dd { (meaning) } } }
                             }
                         }
                     }
-                    footer { div.wrap { "Made by lastlight " (env!("CARGO_PKG_VERSION")) ". This file needs no network and no other file." } }
+                    footer { div.wrap { "Made by lastlight " (env!("CARGO_PKG_VERSION")) ". This file contains no script and needs no network and no other file." } }
                 }
             }
         }
         .into_string()
+    }
+
+    fn head(&self) -> Markup {
+        html! {
+            head {
+                meta charset="utf-8";
+                meta http-equiv="Content-Security-Policy" content=(POLICY);
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (self.title) " · " (self.kind) }
+                style { (PreEscaped(style::CSS)) }
+            }
+        }
+    }
+
+    fn header(&self) -> Markup {
+        let facts = |facts: &[(&'static str, String)]| {
+            html! { dl.facts { @for (name, value) in facts { div { dt { (name) } dd { code { (value) } } } } } }
+        };
+        html! {
+            header {
+                div.wrap {
+                    p.kind { span.mark { "lastlight" } (self.kind) }
+                    h1 { (self.title) }
+                    @if !self.notice.is_empty() { p.notice { (self.notice) } }
+                    @if !self.facts.is_empty() { (facts(&self.facts)) }
+                    (facts(&machine::facts()))
+                    pre.command { code { (self.command) } }
+                }
+            }
+        }
+    }
+
+    /// Writes the page as a file, whole or not at all.
+    ///
+    /// # Errors
+    /// When the file cannot be written.
+    pub(crate) fn write_file(&self, path: &Path) -> Result<()> {
+        crate::io::atomic::write_bytes(path, self.html().as_bytes())
     }
 
     /// Writes `DIR/report/index.html`, whole or not at all.
@@ -115,22 +171,31 @@ impl Page {
         let folder = dir.join("report");
         std::fs::create_dir_all(&folder).map_err(|e| Error::os(&folder, &e))?;
         let path = folder.join("index.html");
-        crate::io::atomic::write_bytes(&path, self.html().as_bytes())?;
+        self.write_file(&path)?;
         Ok(path)
     }
 }
 
-/// A table; columns whose header starts with `>` are numbers and stand right.
+/// Columns of a table from which on its rows are shown as cards on a narrow screen.
+const WIDE: usize = 7;
+
+/// A table; columns whose header starts with `>` are numbers and are aligned to the right. Names of metrics are marked.
 pub(crate) fn table(head: &[&str], rows: &[Vec<Markup>]) -> Markup {
-    let number: Vec<bool> = head.iter().map(|h| h.starts_with('>')).collect();
+    let name = |i: usize| head.get(i).map_or("", |h| h.trim_start_matches('>'));
+    let is_number = |i: usize| head.get(i).is_some_and(|h| h.starts_with('>'));
     html! {
-        div.scroll { table {
-            thead { tr { @for h in head { th.num[h.starts_with('>')] scope="col" { (h.trim_start_matches('>')) } } } }
+        div.scroll { table.cards[head.len() >= WIDE] {
+            thead { tr { @for (i, _) in head.iter().enumerate() { th.num[is_number(i)] scope="col" { (glossary::marked(name(i))) } } } }
             tbody { @for row in rows { tr {
-                @for (i, cell) in row.iter().enumerate() { td.num[number.get(i).copied().unwrap_or(false)] { (cell) } }
+                @for (i, cell) in row.iter().enumerate() { td.num[is_number(i)] data-label=[(head.len() >= WIDE).then(|| name(i))] { (cell) } }
             } } }
         } }
     }
+}
+
+/// The name of a metric as a table cell, marked with its meaning.
+pub(crate) fn metric(name: &str) -> Markup {
+    glossary::marked(name)
 }
 
 /// Text as a table cell.
@@ -178,9 +243,10 @@ mod tests {
         let page = Page {
             kind: "splat fit".into(),
             title: "<fox> & co".into(),
+            notice: "not evidence",
             command: "lastlight splat fit '<fox>'".into(),
             facts: vec![("seed", "0".into())],
-            stats: vec![],
+            stats: vec![Stat { label: "PSNR, held out", value: "20 dB".into(), note: String::new() }],
             sections: vec![Section {
                 id: "a",
                 title: "A",
@@ -191,8 +257,17 @@ mod tests {
         let html = page.html();
         assert!(html.contains("&lt;fox&gt; &amp; co"), "text is escaped");
         assert!(!html.contains("<b>"), "cells are escaped");
-        for word in ["http://", "https://", "<script", "@import", "url("] {
+        for word in ["http://", "https://", "<script", "<link", "<iframe", "@import", "url(", "onclick"] {
             assert!(!html.contains(word), "a self-contained page has no '{word}'");
         }
+        assert!(html.contains(POLICY), "the policy is in the page");
+        assert!(html.contains("id=\"glossary\"") && html.contains("<dt>PSNR</dt>"), "terms are explained");
+        assert!(html.contains("href=\"#content\"") && html.contains("id=\"content\""), "a skip link");
+        assert!(
+            ["date", "commit", "rustc", "processor", "threads"]
+                .iter()
+                .all(|f| html.contains(&format!("<dt>{f}</dt>"))),
+            "facts of the run"
+        );
     }
 }

@@ -1,7 +1,7 @@
-//! The report of a fitted person: held-out images, every metric by camera, curves, density events, key Gaussians, time, files.
+//! The report of a fitted person: held-out images, every metric by camera, curves, density events, guidance by the model, time, files.
 
-use super::run::{self, Compared, Run};
-use super::{Page, Section, Stat, charts, table, text, thousands};
+use super::run::{self, Compared, HOW_TO_READ, Run};
+use super::{Page, Section, Stat, bars, hints, metric, table, text, thousands};
 use crate::Result;
 use crate::loss::metric::person::Scores;
 use lastlight_last::avatar::density::Event;
@@ -10,7 +10,7 @@ use lastlight_last::avatar::fit::Tally;
 use maud::{Markup, html};
 
 /// Most views shown as images.
-const MAX_PICTURES: usize = 12;
+const MAX_IMAGES: usize = 12;
 /// Longest side of an image in the report, in pixels.
 const MAX_SIDE: usize = 512;
 
@@ -18,7 +18,7 @@ const MAX_SIDE: usize = 512;
 pub(crate) struct Input<'a> {
     /// the command, e.g. `last fit`
     pub(crate) kind: &'a str,
-    /// name of the capture
+    /// the result and its input
     pub(crate) title: String,
     /// the command line
     pub(crate) command: String,
@@ -61,7 +61,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         .map(|g| Stat {
             label: if g.name == TRAINED { "PSNR-box, training camera" } else { "PSNR-box, held out" },
             value: format!("{:.2} dB", level(&g.mean)),
-            note: format!("{}, {} pictures, SSIM-g-box {:.4}", g.name, g.scored.len(), g.mean.ssim_g_box),
+            note: format!("{}, {} images, SSIM-g-box {:.4}", g.name, g.scored.len(), g.mean.ssim_g_box),
         })
         .collect();
     stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note: String::new() });
@@ -72,34 +72,46 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let mut sections = vec![
         Section {
             id: "views",
-            title: "Pictures",
-            lead: "Photographs, what the person renders to from there, and the mean absolute error over the channels.".into(),
+            title: "Views",
+            lead: format!(
+                "Input images, the person rendered from the same cameras, and the mean absolute error over the channels. {HOW_TO_READ}"
+            ),
             body: views(x.groups)?,
         },
         Section {
             id: "scores",
             title: "Scores",
-            lead: "Means over pictures. PSNR-box counts the pixels of the projected box of the body; -box metrics otherwise look at \
-                   the rectangle around it. Renders are limited to 0..1 and not quantised."
+            lead: "Means over images. PSNR-box counts the pixels in the projected box of the body; the other -box metrics are computed on the \
+                   rectangle around it. Renders are clamped to 0…1 and not quantised."
                 .into(),
             body: scores(x.groups),
         },
     ];
-    sections.extend(x.run.course("Loss", "", &[]));
+    let held_out = x.groups.iter().filter(|g| g.name != TRAINED).flat_map(|g| &g.scored);
+    let views = held_out.map(|s| hints::View {
+        name: &s.name,
+        psnr_db: level(&s.scores),
+        // Light is a part of the fit: other cameras see other sides of it.
+        photo: &[],
+        image: &[],
+        distance: None,
+    });
+    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
+    sections.extend(x.run.course("Loss", "", &[])?);
     if !x.events.is_empty() {
         sections.push(Section {
             id: "density",
             title: "Density control",
-            lead: "Where Gaussians were added and removed. Candidates reach the pixel criterion, or exceed the latent one.".into(),
+            lead: "When Gaussians were added and removed. A Gaussian becomes a candidate when it exceeds the pixel or the latent threshold.".into(),
             body: events(x.events),
         });
     }
     if let Some(t) = x.tally.filter(|t| t.encodings > 0) {
         sections.push(Section {
             id: "guide",
-            title: "What the model did",
-            lead: "Passes through the encoder, steps of child factors that were bounded by λ, and how much of the picture the encoder does \
-                   not look at."
+            title: "Guidance by the model",
+            lead: "Number of encoder passes, share of the update steps of child factors that λ limited, and the share of the image that has no \
+                   influence on the factors."
                 .into(),
             body: guide(&t),
         });
@@ -108,8 +120,9 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     Ok(Page {
         kind: x.kind.to_owned(),
         title: x.title.clone(),
+        notice: "",
         command: x.command.clone(),
-        facts: vec![("digest", x.digest.clone()), ("lastlight", env!("CARGO_PKG_VERSION").to_owned())],
+        facts: vec![("digest", x.digest.clone())],
         stats,
         sections,
     })
@@ -118,22 +131,30 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
 /// Name of the group of images the fit has seen.
 pub(crate) const TRAINED: &str = "training camera";
 
+/// Held-out views first: they are what the scores are about.
 fn views(groups: &[Group]) -> Result<Markup> {
-    let mut shown = Vec::new();
-    let each = Ord::max(1, MAX_PICTURES / Ord::max(1, groups.len()));
-    for group in groups {
-        let step = Ord::max(1, group.scored.len() / each);
-        shown.extend(group.scored.iter().step_by(step).take(each).map(|s| Compared {
+    let each = Ord::max(1, MAX_IMAGES / Ord::max(1, groups.len()));
+    let mut parts = Vec::new();
+    for group in groups.iter().rev() {
+        let what = if group.name == TRAINED { "training view" } else { "held-out view" };
+        let mut worst: Vec<&Scored> = group.scored.iter().collect();
+        worst.sort_by(|a, b| level(&a.scores).total_cmp(&level(&b.scores)));
+        worst.truncate(each);
+        let shown = worst.into_iter().map(|s| Compared {
             name: &s.name,
-            remark: format!("{} · {:.2} dB", group.name, level(&s.scores)),
+            psnr_db: level(&s.scores),
+            remark: format!("PSNR-box {}", run::decibel(level(&s.scores))),
             photo: &s.photo,
             image: &s.image,
             error: &s.error,
-            caption: "error".to_owned(),
+            mae: None,
             size: s.size,
-        }));
+        });
+        let shown: Vec<Compared<'_>> = shown.collect();
+        let title = format!("{}: {} of {} images", group.name, shown.len(), group.scored.len());
+        parts.push((title, run::compared(shown, what, MAX_SIDE)?));
     }
-    run::compared(&shown, MAX_SIDE)
+    Ok(html! { @for (title, part) in &parts { h3.group { (title) } (part) } })
 }
 
 /// Every metric that some group has, in the order of the first that has it, with the means of all groups.
@@ -151,25 +172,22 @@ pub(crate) fn by_metric(groups: &[Group]) -> Vec<(&'static str, Vec<Option<f64>>
 
 fn scores(groups: &[Group]) -> Markup {
     let head: Vec<String> = std::iter::once("metric".to_owned())
-        .chain(groups.iter().map(|g| format!(">{}, {} pictures", g.name, g.scored.len())))
+        .chain(groups.iter().map(|g| format!(">{}, {} images", g.name, g.scored.len())))
         .collect();
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
     let cell = |x: Option<f64>| text(x.map_or_else(|| "–".to_owned(), |x| format!("{x:.4}")));
     let row = |(name, values): (&'static str, Vec<Option<f64>>)| {
-        std::iter::once(text(name)).chain(values.into_iter().map(cell)).collect()
+        std::iter::once(metric(name)).chain(values.into_iter().map(cell)).collect()
     };
     let rows: Vec<Vec<Markup>> = by_metric(groups).into_iter().map(row).collect();
-    let bars: Vec<(String, f64)> = (groups.iter().filter(|g| g.cameras.len() > 1))
+    let levels: Vec<(String, f64)> = (groups.iter().filter(|g| g.cameras.len() > 1))
         .flat_map(|g| g.cameras.iter().map(|(c, s)| (format!("camera {c}"), level(s))))
         .filter(|(_, x)| x.is_finite())
         .collect();
-    html! {
+    html! { div.stack {
         (table(&head, &rows))
-        @if !bars.is_empty() {
-            div style="height:16px" {}
-            (charts::bars("PSNR-box in dB by camera (bars start at 10)", &bars, 'a', 2, 10.0, None))
-        }
-    }
+        (bars::bars("PSNR-box in dB by camera (bars start at 10)", &levels, 'a', 2, 10.0, None))
+    } }
 }
 
 fn events(events: &[Event]) -> Markup {
@@ -197,9 +215,9 @@ fn events(events: &[Event]) -> Markup {
             ">latent candidates",
             ">cloned",
             ">split",
-            ">faint",
-            ">strayed",
-            ">turned away",
+            ">pruned: low opacity",
+            ">pruned: far from body",
+            ">rejected: over budget",
             ">Gaussians after",
         ],
         &rows,
@@ -211,13 +229,13 @@ fn guide(t: &Tally) -> Markup {
     let rows = vec![
         vec![text("renders"), text(thousands(t.renders as usize))],
         vec![text("encoder passes"), text(thousands(t.encodings as usize))],
-        vec![text("steps of child factors bounded by λ"), text(share(t.bound as f64, t.capped as f64))],
+        vec![text("steps of child factors limited by λ"), text(share(t.bound as f64, t.capped as f64))],
         vec![
-            text("of the picture, area without influence on the factors (|g| < 1e-8)"),
+            text("share of the image without influence on the factors (|g| < 1e-8)"),
             text(share(t.blind, t.gradients as f64)),
         ],
     ];
-    table(&["what", ">how much"], &rows)
+    table(&["quantity", ">value"], &rows)
 }
 
 #[cfg(test)]
@@ -247,7 +265,7 @@ mod tests {
                 error: vec![0.0; 24 * 24],
                 size: [24; 2],
             };
-            let (cameras, mean) = means(std::slice::from_ref(&of)).expect("a picture");
+            let (cameras, mean) = means(std::slice::from_ref(&of)).expect("an image");
             Group { name, scored: vec![of], cameras, mean }
         };
         for columns in [[24, 10], [10, 24]] {

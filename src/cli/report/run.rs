@@ -1,7 +1,8 @@
 //! What the reports of runs have in common: images side by side, the course, the time, the files, the settings.
 
 use super::charts::{self, Lines, Series};
-use super::{Section, Stat, bytes, code, pictures, seconds, table, text, thousands};
+use super::film::Film;
+use super::{Section, Stat, bars, bytes, code, images, seconds, settings, table, text, thousands};
 use crate::Result;
 use crate::fit::training::History;
 use crate::meter::Meter;
@@ -9,12 +10,19 @@ use maud::{Markup, html};
 use serde_json::Value;
 use std::path::Path;
 
+/// Points of a curve of the loss.
+pub(crate) const LOSS_POINTS: usize = 80;
+
 /// A run, whatever it made.
 pub(crate) struct Run<'a> {
     /// the settings that decide the result
     pub(crate) settings: &'a Value,
+    /// the same without options, where there are defaults
+    pub(crate) defaults: Option<Value>,
     /// loss and size per iteration, if there was a fit
     pub(crate) history: Option<&'a History>,
+    /// snapshots of the fit, if there was one
+    pub(crate) film: Option<&'a Film>,
     /// parts and seconds
     pub(crate) time: Vec<(String, f64)>,
     /// seconds in all
@@ -38,7 +46,9 @@ impl<'a> Run<'a> {
         };
         Self {
             settings,
+            defaults: None,
             history,
+            film: None,
             time: meter.parts(),
             total_seconds: meter.seconds(),
             files: names.iter().filter_map(size).collect(),
@@ -50,19 +60,26 @@ impl<'a> Run<'a> {
         Stat {
             label: "Time",
             value: seconds(self.total_seconds),
-            note: format!("{} threads", crate::num::par::threads()),
+            note: match crate::num::par::threads() {
+                1 => "1 thread".to_owned(),
+                n => format!("{n} threads"),
+            },
         }
     }
 
-    /// Loss and size of a fit; `marks` are places on the axis of iterations.
+    /// Snapshots, loss, score and size of a fit; `marks` are places on the axis of iterations.
+    ///
+    /// # Errors
+    /// When an image cannot be encoded.
     pub(crate) fn course(
         &self,
         title: &'static str,
         remark: &str,
         marks: &[(f64, String)],
-    ) -> Option<Section> {
-        let history = self.history?;
-        let (points, band) = charts::bucket(&history.loss, 280);
+    ) -> Result<Option<Section>> {
+        let Some(history) = self.history else { return Ok(None) };
+        let strip = self.film.map_or_else(|| Ok(html! {}), strip)?;
+        let (points, band) = charts::bucket(&history.loss, LOSS_POINTS);
         let sizes: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
         let (size, _) = charts::bucket(&sizes, 560);
         let chart = |title, log_y, series| Lines {
@@ -73,19 +90,22 @@ impl<'a> Run<'a> {
             series: vec![series],
             marks: marks.to_vec(),
         };
-        Some(Section {
+        Ok(Some(Section {
             id: "curves",
-            title: "Course of the fit",
+            title: "Training",
             lead: format!(
-                "The line is the mean of consecutive iterations, the band their range: every iteration sees another picture.{remark}"
+                "Every iteration uses another image, so single losses scatter. The line is the median of consecutive iterations; the band contains \
+                 the middle 80 % of them.{remark} Images and scores during the training are of held-out views; they do not influence it."
             ),
             body: html! {
+                (strip)
                 div.two {
                     (chart(title, true, Series { name: "loss", color: 'a', points, band }).html())
+                    @if let Some(film) = self.film.filter(|f| f.all.len() > 1) { (levels(film)) }
                     (chart("Gaussians", false, Series { name: "Gaussians", color: 'b', points: size, band: vec![] }).html())
                 }
             },
-        })
+        }))
     }
 
     /// What every report ends with: time, files, settings.
@@ -108,17 +128,58 @@ impl<'a> Run<'a> {
         sections.push(Section {
             id: "settings",
             title: "Settings",
-            lead: "Everything that decides the result: the same settings and input give the same digest on any machine.".into(),
-            body: settings(self.settings),
+            lead: "Everything that decides the result: the same settings and the same input give the same digest on any machine. The row with \
+                   date, machine and version at the top of this page is not part of the digest."
+                .into(),
+            body: settings::tables(self.settings, self.defaults.as_ref()),
         });
         sections
     }
 }
 
-/// A photograph, what is rendered from there, and the error.
+/// The renders of one view during the training.
+fn strip(film: &Film) -> Result<Markup> {
+    let mut figures = Vec::new();
+    for s in &film.all {
+        let Some((rgb, [w, h])) = &s.image else { continue };
+        let score = format!("{} {}", film.metric, decibel(s.psnr_db));
+        let caption = format!("iteration {} · {}", thousands(s.iteration), decibel(s.psnr_db));
+        let alt = format!("render of view {} after {} iterations, {score}", film.view, s.iteration);
+        figures
+            .push((images::data_uri(rgb, *w, *h, images::MAX_STRIP_SIDE)?, images::Label { alt, caption }));
+    }
+    Ok(if figures.len() < 2 {
+        html! {}
+    } else {
+        images::strip(&figures)
+    })
+}
+
+/// The score over the iterations.
+fn levels(film: &Film) -> Markup {
+    let title = match film.views {
+        0 | 1 => format!("{} of view {} in dB", film.metric, film.view),
+        n => format!("{} in dB, mean of {n} views", film.metric),
+    };
+    let finite = film.all.iter().filter(|s| s.psnr_db.is_finite());
+    let points = finite.map(|s| (s.iteration as f64, s.psnr_db)).collect();
+    let chart = Lines {
+        title: &title,
+        x_label: "iteration",
+        log_y: false,
+        from_zero: false,
+        series: vec![Series { name: &film.metric, color: 'c', points, band: vec![] }],
+        marks: vec![],
+    };
+    chart.html()
+}
+
+/// An input image, the render from its camera, and the error.
 pub(crate) struct Compared<'a> {
-    /// of the photograph
+    /// of the view
     pub(crate) name: &'a str,
+    /// its PSNR, in dB, by which the views are ordered
+    pub(crate) psnr_db: f64,
     /// scores, in a few words
     pub(crate) remark: String,
     /// (H, W, 3)
@@ -127,37 +188,75 @@ pub(crate) struct Compared<'a> {
     pub(crate) image: &'a [f32],
     /// (H, W)
     pub(crate) error: &'a [f32],
-    /// under the error map
-    pub(crate) caption: String,
+    /// mean of the error
+    pub(crate) mae: Option<f64>,
     /// W, H
     pub(crate) size: [usize; 2],
 }
 
-/// Comparisons with the colour scale of their error maps; images are at most `max_side` pixels long.
+/// Decibels as text.
+pub(crate) fn decibel(x: f64) -> String {
+    if x.is_finite() { format!("{x:.2} dB") } else { "∞ dB".into() }
+}
+
+/// How views are read, for the lead of a section.
+pub(crate) const HOW_TO_READ: &str = "The worst views come first. Choose photo, render or error to see them at the same place (with the \
+    keyboard: arrow keys); a click on an image enlarges the view.";
+
+/// Views with their renders, the worst first, with the colour scale of the error maps; images are at most `max_side` pixels long. `what` names the
+/// kind of view in alternative texts and is unique in a page.
 ///
 /// # Errors
 /// When an image cannot be encoded.
-pub(crate) fn compared(all: &[Compared<'_>], max_side: usize) -> Result<Markup> {
-    let mut shown = Vec::new();
-    for c in all {
-        let [w, h] = c.size;
-        let uri = |rgb: &[f32]| pictures::data_uri(rgb, w, h, max_side);
-        shown.push((c, uri(c.photo)?, uri(c.image)?, uri(&pictures::error_map(c.error))?));
-    }
-    let bar = pictures::scale_bar()?;
+pub(crate) fn compared(mut all: Vec<Compared<'_>>, what: &str, max_side: usize) -> Result<Markup> {
+    all.sort_by(|a, b| a.psnr_db.total_cmp(&b.psnr_db));
+    let id = what.replace(' ', "-");
+    let views = all.iter().enumerate().map(|(i, c)| view(c, what, &format!("{id}-{i}"), max_side));
+    let views = views.collect::<Result<Vec<_>>>()?;
+    let bar = images::scale_bar()?;
+    let most = images::ERROR_MAX;
     Ok(html! {
-        div.scale { span { "error 0" } img src=(bar) alt="colour scale of the error maps"; span { (pictures::ERROR_MAX) " and above" } }
-        div.views {
-            @for (c, photo, image, error) in &shown {
-                div.view {
-                    h3 { (c.name) span { (c.remark) } }
-                    div.triple.pixelated[Ord::max(c.size[0], c.size[1]) < 256] {
-                        figure { img src=(photo) alt="photograph"; figcaption { "photograph" } }
-                        figure { img src=(image) alt="render"; figcaption { "render" } }
-                        figure { img src=(error) alt="error map"; figcaption { (c.caption) } }
-                    }
-                }
+        div.scale { span { "error 0" } img src=(bar) alt={ "colours of the error maps of the " (what) "s, from black for 0 to light yellow for " (most) " and above" }; span { (most) " and above" } }
+        div.views { @for view in &views { (view) } }
+    })
+}
+
+/// One view: three images, which of them are shown, and whether they fill the screen.
+fn view(c: &Compared<'_>, what: &str, id: &str, max_side: usize) -> Result<Markup> {
+    let [w, h] = c.size;
+    let error = images::error_map(c.error);
+    let mean = c.mae.map_or_else(String::new, |mae| format!(", mean {mae:.4}"));
+    let figures = [
+        ("photo", c.photo, format!("photo of {what} {}", c.name), "photo".to_owned()),
+        (
+            "render",
+            c.image,
+            format!("render of {what} {}, PSNR {}", c.name, decibel(c.psnr_db)),
+            "render".to_owned(),
+        ),
+        ("error", &error, format!("error map of {what} {}{mean}", c.name), format!("error{mean}")),
+    ];
+    let uri = |rgb: &[f32]| images::data_uri(rgb, w, h, max_side);
+    let figures = figures.into_iter().map(|(class, rgb, alt, caption)| Ok((class, uri(rgb)?, alt, caption)));
+    let figures = figures.collect::<Result<Vec<_>>>()?;
+    let choices = [
+        ("pick-all", "side by side"),
+        ("pick-photo", "photo"),
+        ("pick-render", "render"),
+        ("pick-error", "error"),
+    ];
+    Ok(html! {
+        fieldset.view aria-label={ (what) " " (c.name) } {
+            h3 { (c.name) span { (c.remark) } }
+            @for (i, (class, text)) in choices.into_iter().enumerate() {
+                input class=(class) type="radio" name=(id) id={ (id) "-" (class) } checked[i == 0];
+                label for={ (id) "-" (class) } { (text) }
             }
+            input.zoom type="checkbox" id={ (id) "-zoom" };
+            label for={ (id) "-zoom" } { span.open { "enlarge" } span.shut { "close" } }
+            div.frames { @for (class, uri, alt, caption) in &figures {
+                figure class=(class) { label for={ (id) "-zoom" } { img src=(uri) alt=(alt); } figcaption { (caption) } }
+            } }
         }
     })
 }
@@ -178,21 +277,10 @@ fn time(parts: &[(String, f64)], total: f64) -> Markup {
             ]
         })
         .collect();
-    html! {
-        div.panel { (charts::parts(&all)) }
-        div style="height:16px" {}
+    html! { div.stack {
+        div.panel { (bars::parts(&all)) }
         (table(&["part", ">time", ">share"], &rows))
-    }
-}
-
-fn settings(settings: &Value) -> Markup {
-    let rows: Vec<_> = settings
-        .as_object()
-        .into_iter()
-        .flatten()
-        .map(|(k, v)| vec![text(k), code(v.as_str().map_or_else(|| v.to_string(), str::to_owned))])
-        .collect();
-    table(&["setting", "value"], &rows)
+    } }
 }
 
 /// 12 345 iterations as a card.

@@ -1,5 +1,6 @@
 //! `splat eval`: scores of a scene file on the photographs of a capture.
 
+use super::capture_args::CaptureArgs;
 use super::fit::{score, scores_text, write_renders};
 use super::render_args::RenderArgs;
 use crate::console as cli;
@@ -11,7 +12,7 @@ use crate::loss::{self, lpips};
 use crate::meter::Meter;
 use crate::num::sum;
 use crate::report::run::Run;
-use crate::scene::views::{self, Views};
+use crate::scene::views::Views;
 use crate::shared::{MetricArgs, SceneArgs};
 use crate::{Error, Result};
 use crate::{claim, report};
@@ -37,12 +38,8 @@ pub(crate) struct Args {
     /// Photographs to score: test (every 8th), train or all
     #[arg(long, value_name = "WHICH", default_value = "test")]
     views: String,
-    /// Shrink the photographs by a whole factor
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
-    downscale: u8,
-    /// Refuse a capture with missing photographs instead of leaving those frames out
-    #[arg(long)]
-    strict: bool,
+    #[command(flatten)]
+    input: CaptureArgs,
     /// Fail when the mean PSNR is below this many decibels
     #[arg(long, value_name = "DB")]
     min_psnr: Option<f64>,
@@ -86,11 +83,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
     let stored = args.reading.read(&args.scene, &meter)?;
-    let views = Views::load(
-        &args.capture,
-        &views::Options { downscale: usize::from(args.downscale), background, strict: args.strict },
-    )?;
-    super::missing::note(&views, &meter);
+    let views = Views::load(&args.capture, &args.input.options(background))?;
+    args.input.note(&views, &meter);
     let which: Vec<usize> = match args.views.as_str() {
         "test" => views.test.clone(),
         "train" => views.train.clone(),
@@ -114,7 +108,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.lap("rendering and scoring");
     let record = json!({
         "scene": args.scene, "capture": args.capture, "views": args.views, "gaussians": stored.len(),
-        "profile": args.render.profile, "downscale": args.downscale, "evaluation": evaluation.json(),
+        "profile": args.render.profile, "downscale": args.input.downscale, "evaluation": evaluation.json(),
         "perception": {"name": name, "mean": mean(&perceived), "views": perceived},
     });
     if cli::is_json() {
@@ -126,15 +120,21 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if let Some(dir) = dir {
         let names = write_renders(&dir, &scored)?;
         let settings = json!({"scene": args.scene, "capture": args.capture, "views": args.views,
-            "profile": args.render.profile, "background": background, "downscale": args.downscale});
+            "profile": args.render.profile, "background": background, "downscale": args.input.downscale});
         let page = report::fit::page(&report::fit::Input {
             kind: "splat eval",
-            title: args.scene.display().to_string(),
+            title: format!(
+                "Scores of {} on the photos {}",
+                args.scene.display(),
+                crate::shared::name(&args.capture)
+            ),
             command: cli::command_line(),
             digest: None,
             events: &[],
             n_gauss: stored.len(),
+            limit: None,
             scored: &scored,
+            distances: if args.views == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
             evaluation: &evaluation,
             run: Run::new(&settings, None, &meter, &dir, &names),
         })?;

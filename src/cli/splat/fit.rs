@@ -1,24 +1,28 @@
 //! `splat fit`: Gaussians from the photographs of a capture.
 
+use super::capture_args::CaptureArgs;
+use super::check;
 use super::render_args::RenderArgs;
 use crate::console as cli;
 use crate::fit::evaluate::{self, Evaluation, Scored};
+use crate::fit::frames;
 use crate::fit::render::{Scene, flat_name};
 use crate::fit::seeds;
 use crate::fit::seeds::Start;
-use crate::fit::splat::{Settings, SplatFit, Strategy};
+use crate::fit::splat::{MAX_GAUSSIANS, Settings, SplatFit, Strategy};
+use crate::fit::survey::Survey;
 use crate::fit::training::{Fit, Watch};
-use crate::io::{image_file, memory};
+use crate::io::{atomic, image_file, memory};
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::convert::write_scene;
 use crate::scene::gaussians::Gaussians;
-use crate::scene::views::{self, Views};
+use crate::scene::views::Views;
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 const EXAMPLES: &str = "\
@@ -33,8 +37,11 @@ CAPTURE is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstu
 (sparse/0, binary or text), or such a transforms.json itself. Every 8th photograph in file-name order is
 held out and scored. Lens distortion is removed on load.
 
---out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, held-out renders, and
-report/index.html.";
+--out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras),
+images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
+
+/// The cameras of the images, beside the scene.
+const CAMERAS: &str = "transforms.json";
 
 /// Number of random first Gaussians by default.
 const INITIAL: usize = 10_000;
@@ -67,15 +74,11 @@ pub(crate) struct Args {
     /// Density control: inria, gsplat or mcmc
     #[arg(long, value_name = "NAME", default_value = "inria", help_heading = "Model")]
     strategy: String,
-    /// Largest number of Gaussians [default: one per 60 pixels to fit, 10000 to 1000000]
+    /// Largest number of Gaussians [default: one per 60 pixels that show something, 10000 to 1000000; at least those of the start, and half as many again for --init FILE]
     #[arg(long, value_name = "N", help_heading = "Model")]
     max_gaussians: Option<usize>,
-    /// Shrink the photographs by a whole factor, averaging blocks of pixels
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
-    downscale: u8,
-    /// Refuse a capture with missing photographs instead of leaving those frames out
-    #[arg(long, help_heading = "Model")]
-    strict: bool,
+    #[command(flatten)]
+    input: CaptureArgs,
     #[command(flatten)]
     render: RenderArgs,
     /// Iterations between checkpoints
@@ -85,27 +88,42 @@ pub(crate) struct Args {
     filling: OutputArgs,
 }
 
+impl Args {
+    fn settings(&self) -> Result<Settings> {
+        let (render, background) = self.render.settings()?;
+        Ok(Settings {
+            iterations: self.iterations,
+            seed: self.filling.seed,
+            sh_degree: usize::from(self.sh_degree),
+            strategy: Strategy::parse(&self.strategy)?,
+            max_gaussians: self.max_gaussians.unwrap_or(MAX_GAUSSIANS),
+            render,
+            background,
+        })
+    }
+
+    /// What the command does without options, on the same capture as the fit with these settings.
+    fn usual(most: usize) -> Result<Settings> {
+        #[derive(clap::Parser)]
+        struct Alone {
+            #[command(flatten)]
+            args: Args,
+        }
+        let Alone { args } = clap::Parser::parse_from(["splat fit", "-", "--out", "-"]);
+        Ok(Settings { max_gaussians: most, ..args.settings()? })
+    }
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
-    let (render, background) = args.render.settings()?;
-    let mut settings = Settings {
-        iterations: args.iterations,
-        seed: args.filling.seed,
-        sh_degree: usize::from(args.sh_degree),
-        strategy: Strategy::parse(&args.strategy)?,
-        max_gaussians: args.max_gaussians.unwrap_or(1),
-        render,
-        background,
-    };
+    let mut settings = args.settings()?;
+    let background = settings.background;
     settings.validate()?;
     let bounds = args.bounds.as_deref().map(parse_box).transpose()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let views = Views::load(
-        &args.capture,
-        &views::Options { downscale: usize::from(args.downscale), background, strict: args.strict },
-    )?;
-    super::missing::note(&views, &meter);
-    settings.max_gaussians = args.max_gaussians.unwrap_or_else(|| Settings::determined(&views));
+    let views = Views::load(&args.capture, &args.input.options(background))?;
+    args.input.note(&views, &meter);
+    let determined = Settings::determined(&views, background);
     meter.lap("reading photographs");
     meter.note(&format!(
         "{}: {} photographs to fit, {} held out, {}",
@@ -114,16 +132,27 @@ pub(super) fn run(args: &Args) -> Result<()> {
         views.test.len(),
         sizes(&views)
     ));
-    let start = start(args, bounds, settings.max_gaussians);
+    let start = start(args, bounds, args.max_gaussians.unwrap_or(determined));
     let first = seeds::gaussians(&start, &views, &settings)?;
+    let usual = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
+    settings.max_gaussians = args.max_gaussians.unwrap_or(usual);
+    let is_random = match start {
+        Start::Auto { .. } => views.starting_points().is_none(),
+        Start::Random { .. } => bounds.is_none(),
+        Start::File(_) => false,
+    };
+    check::note(&views, &Survey::of(&views), is_random, &meter);
     check_memory(&settings, &views, &meter)?;
     let job = Job {
         kind: "splat fit",
-        title: title(&args.capture),
+        title: format!("Scene from the photos {}", crate::shared::name(&args.capture)),
         settings,
         views: &views,
+        defaults: Some(Args::usual(usual)?.json()),
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
+    check::write_sheet(&views, &job.frame.dir)?;
+    meter.note(&format!("sheet of the images: {}", job.frame.file(check::SHEET).display()));
     job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 
@@ -135,13 +164,6 @@ fn check_memory(settings: &Settings, views: &Views, meter: &Meter) -> Result<()>
     memory::check("splat fit", estimate).map_err(|e| {
         e.hint("--downscale and --max-gaussians lower the estimate, --max-memory raises the limit")
     })
-}
-
-/// `transforms.json`'s folder or the folder itself, by name.
-fn title(capture: &Path) -> String {
-    let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
-    let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
-    full.file_name().map_or_else(|| full.display().to_string(), |n| n.to_string_lossy().into_owned())
 }
 
 fn sizes(views: &Views) -> String {
@@ -179,13 +201,15 @@ pub(crate) struct Job<'a> {
     pub(crate) settings: Settings,
     pub(crate) views: &'a Views,
     pub(crate) frame: Frame,
+    /// settings of the command without options, for the report
+    pub(crate) defaults: Option<Value>,
 }
 
 impl Job<'_> {
     /// Fits, evaluates, writes all but the report.
     pub(crate) fn run(&self, first: Gaussians, meter: &mut Meter) -> Result<Outcome> {
         let mut fit = SplatFit::new(self.settings.clone(), self.views, first)?;
-        let history = self.frame.train(&mut fit, meter)?;
+        let (history, film) = self.frame.train(&mut fit, meter)?;
         let scene_values = fit.gaussians();
         let digest = fit.digest()?;
         let scene = Scene::new(scene_values, self.settings.render.clone(), self.settings.background);
@@ -203,10 +227,19 @@ impl Job<'_> {
             write_scene(&self.frame.file(name), scene_values, &comments)?;
             names.push(name.to_owned());
         }
+        let cameras = format!("{:#}\n", frames::cameras(self.views, "scene.ply"));
+        atomic::write_bytes(&self.frame.file(CAMERAS), cameras.as_bytes())?;
+        names.extend([CAMERAS, check::SHEET].map(str::to_owned));
         names.extend(write_renders(&self.frame.dir, &scored)?);
+        let full = fit.full_since();
+        // The demo has no option for it.
+        let raised = full.filter(|_| self.kind != "demo");
         let own = training::entries([
             ("gaussians", json!(scene_values.len())),
+            ("limit_reached_at", json!(full)),
             ("sh_degree", json!(scene_values.sh_degree)),
+            ("images", images(self.views)),
+            ("check", Survey::of(self.views).json()),
             ("evaluation", evaluation.json()),
         ]);
         let head = Head { kind: self.kind, digest: &digest, settings: Fit::settings(&fit) };
@@ -220,19 +253,44 @@ impl Job<'_> {
             digest: Some(digest.clone()),
             events: fit.events(),
             n_gauss: scene_values.len(),
+            limit: raised.map(|at| limit_text(at, self.settings.max_gaussians)),
             scored: &scored,
             evaluation: &evaluation,
-            run: Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names),
+            distances: distances(self.views, &self.views.test),
+            run: Run {
+                film: Some(&film),
+                defaults: self.defaults.clone(),
+                ..Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names)
+            },
         })?;
-        let lines = vec![
-            scores_text(&evaluation),
-            format!("Gaussians   {}", scene_values.len()),
+        let mut lines = vec![scores_text(&evaluation), format!("Gaussians   {}", scene_values.len())];
+        lines.extend(raised.map(|at| format!("limit       {}", limit_text(at, self.settings.max_gaussians))));
+        lines.extend([
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
             format!("scene       {}", self.frame.file("scene.ply").display()),
-        ];
+        ]);
         Ok(Outcome { record, page, lines, held_out_db: evaluation.mean_psnr_db })
     }
+}
+
+/// Number of images by what became of them.
+fn images(views: &Views) -> Value {
+    json!({"fitted": views.train.len(), "held_out": views.test.len(), "missing": views.missing.len()})
+}
+
+/// That there was no room for more Gaussians, and what makes room.
+fn limit_text(at: usize, most: usize) -> String {
+    let most = report::thousands(most);
+    let when =
+        if at == 0 { "from the start".to_owned() } else { format!("at iteration {}", report::thousands(at)) };
+    format!("{most} Gaussians, reached {when}; --max-gaussians N raises it")
+}
+
+/// Distance of the listed views to the nearest fitted one, see [`report::hints::distances`].
+pub(super) fn distances(views: &Views, which: &[usize]) -> Vec<f64> {
+    let centers = |which: &[usize]| which.iter().map(|&i| views.views[i].camera.center()).collect::<Vec<_>>();
+    report::hints::distances(&centers(&views.train), &centers(which))
 }
 
 /// Renders and compares the listed views.
@@ -253,6 +311,9 @@ pub(crate) fn score(
 
 /// A table of scores for the terminal.
 pub(crate) fn scores_text(e: &Evaluation) -> String {
+    if e.views.is_empty() {
+        return "no score: with a single image nothing is held out".to_owned();
+    }
     let width = e.views.iter().map(|v| v.name.chars().count()).fold(4, usize::max);
     let row = |name: &str, psnr: f64, ssim: f64, mae: f64| {
         format!("{name:width$}  {psnr:9.3} dB  {ssim:.4}  {mae:.4}")

@@ -3,6 +3,8 @@
 //! Arguments are turned into records of `fit` and `scene`, results into files and reports; nothing is computed here. `demo` shares
 //! the job of `fit`.
 
+mod capture_args;
+mod check;
 mod eval;
 pub(super) mod fit;
 mod missing;

@@ -3,7 +3,9 @@
 use super::render_args::RenderArgs;
 use crate::claim;
 use crate::console as cli;
-use crate::fit::render::{self, Orbit, Passes, Scene, Shot};
+use crate::fit::orbit::{Orbit, Up};
+use crate::fit::render::{self, Passes, Scene, Shot};
+use crate::io::capture::Reading;
 use crate::meter::Meter;
 use crate::scene::gaussians::Gaussians;
 use crate::shared::{DefaultArgs, OrbitArgs, SceneArgs};
@@ -17,19 +19,22 @@ const USUAL: DefaultArgs = DefaultArgs { size: "800x600", fov: 50.0, elevation: 
 /// Render a scene file along cameras.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
-  lastlight splat render scene.ply --cameras orbit:60 --out turntable
+  lastlight splat render fox/ --cameras orbit:60 --out turntable       the scene of a fit, around what was filmed
+  lastlight splat render fox/ --cameras fox/ --out again               from the cameras of the fit
+  lastlight splat render theirs.ply --cameras orbit:60 --up -y --out turntable
   lastlight splat render scene.ply --cameras photos/ --out again --passes color,depth,alpha
   lastlight splat render theirs.ply --cameras transforms.json --out out --profile inria --background white
 
-Reads PLY files written by 3DGS programs; --drop-invalid leaves out rows with NaN or a zero quaternion, which some programs write. Written to --out: one folder per pass and a transforms.json that describes the
+Reads PLY files written by 3DGS programs; --drop-invalid leaves out rows with NaN or a zero quaternion, which some programs write. The orbit of a scene that `splat fit` wrote takes its middle, its distance and the
+direction up from the cameras beside the scene; of any other scene, from the extents of its Gaussians, with z up. Written to --out: one folder per pass and a transforms.json that describes the
 images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
 radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has
 images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
 pub(crate) struct Args {
-    /// Scene: .ply, .splat or .npz
+    /// Scene: .ply, .splat or .npz, or the folder of a fit
     #[arg(value_name = "SCENE")]
     scene: PathBuf,
-    /// Cameras: a capture folder, a transforms.json, a COLMAP model, or orbit:N for N views around the scene
+    /// Cameras: a capture, the folder of a fit, a transforms.json, a camera_path.json of nerfstudio, a COLMAP model, or orbit:N for N views around the scene
     #[arg(long, value_name = "FROM")]
     cameras: String,
     /// Folder for the images; new or empty unless --force
@@ -44,11 +49,23 @@ pub(crate) struct Args {
     /// Shrink the images of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
+    /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
+    #[arg(long)]
+    allow_outside: bool,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Centre of an orbit, X,Y,Z [default: the centre of the scene]
+    /// Centre of an orbit, X,Y,Z [default: what the cameras of the fit look at, else the centre of the scene]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
     center: Option<String>,
+    /// Up direction of an orbit: auto, x, y, z, -x, -y or -z; auto: as in the images of the fit, else z
+    #[arg(
+        long,
+        value_name = "AXIS",
+        default_value = "auto",
+        allow_hyphen_values = true,
+        help_heading = "Orbit"
+    )]
+    up: String,
     #[command(flatten)]
     reading: SceneArgs,
     #[command(flatten)]
@@ -59,8 +76,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
     let passes = Passes::parse(&args.passes)?;
-    let stored = args.reading.read(&args.scene, &meter)?;
-    let shots = shots(args, &stored)?;
+    let path = scene_file(&args.scene)?;
+    let stored = args.reading.read(&path, &meter)?;
+    let shots = shots(args, &path, &stored, &meter)?;
     let dir = claim::folder(&args.out, false, args.force)?;
     let scene = Scene::new(&stored, settings, background);
     let written = render::to_folder(&scene, &shots, passes, &dir, &mut |done, total| {
@@ -82,9 +100,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ))
 }
 
-fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
+/// The file itself, or the scene in the folder of a fit.
+fn scene_file(path: &Path) -> Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_path_buf());
+    }
+    let inside = path.join("scene.ply");
+    if inside.is_file() {
+        return Ok(inside);
+    }
+    let e = Error::input(path.display().to_string()).expected("a scene file, or a folder with scene.ply");
+    Err(e.got("a folder without it").hint("`lastlight splat fit CAPTURE --out DIR` makes such a folder"))
+}
+
+fn shots(args: &Args, path: &Path, scene: &Gaussians, meter: &Meter) -> Result<Vec<Shot>> {
+    let up = Up::parse(&args.up)?;
     let Some(orbit) = args.orbit.parse(&args.cameras, USUAL)? else {
-        return render::capture_shots(Path::new(&args.cameras), usize::from(args.downscale));
+        let reading = Reading { outside: args.allow_outside, ..Reading::default() };
+        return render::shots_of(Path::new(&args.cameras), usize::from(args.downscale), &reading);
     };
     let wrong = || Error::input("--center").expected("X,Y,Z").got(args.center.clone().unwrap_or_default());
     let center = match &args.center {
@@ -93,5 +126,10 @@ fn shots(args: &Args, scene: &Gaussians) -> Result<Vec<Shot>> {
             super::render_args::numbers(text).and_then(|v| <[f32; 3]>::try_from(v).ok()).ok_or_else(wrong)?,
         ),
     };
-    Orbit { center, ..orbit }.shots(scene).map_err(|e| e.within(args.scene.display().to_string()))
+    let cameras = render::fitted_cameras(path)?;
+    if cameras.is_empty() && up == Up::Auto {
+        meter.note("no cameras beside the scene: the orbit assumes that z is up (--up changes it)");
+    }
+    let shots = Orbit { center, ..orbit }.shots_from(scene, &cameras, up);
+    shots.map_err(|e| e.within(path.display().to_string()))
 }

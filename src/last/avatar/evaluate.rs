@@ -2,7 +2,9 @@
 
 use super::person::Avatar;
 use super::view::Target;
+use crate::fit::training::Preview;
 use crate::loss::metric::person::{self, Scores};
+use crate::loss::metric::psnr;
 use crate::loss::{In, lpips};
 use crate::num::order;
 use crate::scene::person::{PersonCapture, Pose, Shot};
@@ -73,6 +75,25 @@ impl<'a> Evaluation<'a> {
         let scores = person::forward(&x, &target.inside, self.perception);
         let scores = scores.map_err(|e| e.at(shot.name.clone()))?;
         Ok(scored(shot, scores, photo.into_owned(), &out.image))
+    }
+}
+
+impl Evaluation<'_> {
+    /// Renders the shot of the capture with the given index, with PSNR-box alone.
+    ///
+    /// # Errors
+    /// If the shot cannot be read, or the render is not finite.
+    pub fn preview(&self, shot: usize) -> Result<Preview> {
+        let shot = &self.capture.shots[shot];
+        let target = Target::read(self.capture, shot)?;
+        let photo = target.before(self.avatar.background);
+        let out =
+            self.avatar.picture(&self.capture.poses[shot.time], self.moment(shot.time), &shot.camera)?;
+        let (height, width) = (shot.camera.height, shot.camera.width);
+        let x = In { x: &out.image, y: &photo, mask: Some(&target.inside), height, width };
+        let psnr_db = psnr::forward(&x)?.db.finite().unwrap_or(f64::INFINITY);
+        let image = out.image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
+        Ok(Preview { name: shot.name.clone(), image, size: [width, height], psnr_db, metric: psnr::NAME_BOX })
     }
 }
 

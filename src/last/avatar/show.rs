@@ -14,7 +14,7 @@
 
 use super::store::Stored;
 use crate::Result;
-use crate::fit::render::Orbit;
+use crate::fit::orbit::Orbit;
 use crate::num::order;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::person::Pose;

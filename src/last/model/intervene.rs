@@ -17,6 +17,11 @@ const ENDS: [f64; 2] = [0.02, 0.98];
 /// Radius of a disc in units of the mean distance to the three nearest points.
 const DISC: f64 = 0.9;
 
+/// The quantile of value `q` of [`VALUES`].
+pub fn quantile(q: usize) -> f64 {
+    ENDS[0] + (ENDS[1] - ENDS[0]) * q as f64 / (VALUES - 1) as f64
+}
+
 /// Codes (n, [`VALUES`], k) selected from rows of factors (N, n, k), at the quantiles along each factor's
 /// axis.
 ///
@@ -32,8 +37,7 @@ pub fn codes(factors: &[f64], n: usize, k: usize) -> Vec<f64> {
         let mut order: Vec<usize> = (0..rows.len()).collect();
         order.sort_by(|&a, &b| along(rows[a]).total_cmp(&along(rows[b])).then(a.cmp(&b)));
         for q in 0..VALUES {
-            let share = ENDS[0] + (ENDS[1] - ENDS[0]) * q as f64 / (VALUES - 1) as f64;
-            let at = libm::round(share * (rows.len() - 1) as f64) as usize;
+            let at = libm::round(quantile(q) * (rows.len() - 1) as f64) as usize;
             all.extend_from_slice(rows[order[at]]);
         }
     }

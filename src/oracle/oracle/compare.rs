@@ -26,8 +26,6 @@ pub struct Options {
     pub op: Option<String>,
     /// bound on the relative L2 of an array
     pub tol: f64,
-    /// file of the HTML report
-    pub html: Option<PathBuf>,
 }
 
 /// The operator whose names match most of the arrays; of several, composite ones first, then in the order of
@@ -247,11 +245,22 @@ fn named(
     })
 }
 
-/// Compares two files and writes the HTML report if requested. The report states whether any array differs.
+/// Two files and how they differ.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// the result
+    pub report: Report,
+    /// user-supplied arrays
+    pub theirs: Arrays,
+    /// reference arrays
+    pub ours: Arrays,
+}
+
+/// Compares two files. The report states whether any array differs.
 ///
 /// # Errors
-/// Files that cannot be read or written, or have no array in common.
-pub fn compare(options: &Options) -> Result<Report> {
+/// Files that cannot be read, or have no array in common.
+pub fn compare(options: &Options) -> Result<Comparison> {
     if !(options.tol >= 0.0) {
         return Err(Error::input("--tol").expected("0 or more").got(options.tol.to_string()));
     }
@@ -264,9 +273,5 @@ pub fn compare(options: &Options) -> Result<Report> {
     let ours = ours.read(&|name| names[0].iter().any(|n| n == name))?;
     drop(files);
     let report = named(&theirs, &ours, &names, options.op.as_deref(), options.tol)?;
-    if let Some(path) = &options.html {
-        let page = super::html::page(&report, &options.theirs, &options.ours, &theirs, &ours);
-        crate::io::atomic::write_bytes(path, page.as_bytes())?;
-    }
-    Ok(report)
+    Ok(Comparison { report, theirs, ours })
 }

@@ -4,7 +4,7 @@
 //! list      the operators with inputs, outputs, shapes, settings
 //! run       IN.npz ──► OUT.npz, OUT.plan.npz, OUT.digest.json, in f32 (shipped) or f64 (twin)
 //! compare   two files, array by array, and the first operator at which they diverge; differences holds the
-//!           results, html renders them
+//!           results
 //! mint      golden files from each operator's own generator and the f64 twin
 //! gradcheck the gradient checks of `tape::check`, on the list or on a user-supplied program
 //! ```
@@ -14,7 +14,6 @@
 pub mod compare;
 mod differences;
 pub mod gradcheck;
-mod html;
 pub mod list;
 pub mod mint;
 pub mod run;

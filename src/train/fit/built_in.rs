@@ -50,8 +50,18 @@ fn capture(scene: &splats::Scene, settings: &Settings) -> Result<Views> {
     let (test, train) = (0..views.len()).partition(|i| i % TEST_EVERY == 0);
     // Cameras and box of the demo scene: 4.2 from the axis, everything within 1.8 of it and below 2.
     let scene_box = SceneBox { center: [0.0, 0.0, 0.6], half_size: 1.7 };
-    let (missing, missing_files) = (Vec::new(), Vec::new());
-    Ok(Views { views, train, test, extent: 4.2 * 1.1, scene_box, points: None, missing, missing_files })
+    let (masked, missing, missing_files) = (0, Vec::new(), Vec::new());
+    Ok(Views {
+        views,
+        train,
+        test,
+        extent: 4.2 * 1.1,
+        scene_box,
+        points: None,
+        masked,
+        missing,
+        missing_files,
+    })
 }
 
 /// Rounds a record to stored parameters.

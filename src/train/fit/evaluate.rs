@@ -5,6 +5,7 @@
 //! are held out.
 
 use super::render::Scene;
+use super::training::Preview;
 use crate::loss::metric::psnr::Decibel;
 use crate::loss::{In, metric};
 use crate::num::{order, par, sum};
@@ -65,17 +66,17 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// Computes means over views, as pairwise sums in view order.
+    /// Computes means over views, as pairwise sums in view order; NaN without a view.
     pub fn of(views: Vec<ViewScore>) -> Self {
         let mean = |f: fn(&ViewScore) -> f64| {
             let values: Vec<f64> = views.iter().map(f).collect();
-            if values.is_empty() { 0.0 } else { sum::tree_f64(&values) / values.len() as f64 }
+            if values.is_empty() { f64::NAN } else { sum::tree_f64(&values) / values.len() as f64 }
         };
         let (mean_psnr_db, mean_ssim, mean_mae) = (mean(|v| v.psnr_db), mean(|v| v.ssim), mean(|v| v.mae));
         Self { protocol: PROTOCOL, views, mean_psnr_db, mean_ssim, mean_mae }
     }
 
-    /// As a JSON record; an infinite PSNR is `null`.
+    /// As a JSON record; an infinite PSNR and the means of no views are `null`.
     pub fn json(&self) -> Value {
         let views: Vec<Value> = self
             .views
@@ -99,6 +100,21 @@ pub fn score(scene: &Scene<'_>, view: &View) -> Result<Scored> {
     let (photo, mask) =
         (view.image(), view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>()));
     compare(&view.name, &out, &photo, mask.as_deref(), [view.camera.height, view.camera.width])
+}
+
+/// Renders a scene from the camera of a view, with the PSNR alone.
+///
+/// # Errors
+/// See [`score`].
+pub fn preview(scene: &Scene<'_>, view: &View) -> Result<Preview> {
+    let out = scene.render(&view.camera)?;
+    let photo = view.image();
+    let mask = view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>());
+    let [height, width] = [view.camera.height, view.camera.width];
+    let x = In { x: &out.image, y: &photo, mask: mask.as_deref(), height, width };
+    let psnr_db = metric::psnr::forward(&x)?.db.finite().unwrap_or(f64::INFINITY);
+    let image = out.image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
+    Ok(Preview { name: view.name.clone(), image, size: [width, height], psnr_db, metric: "PSNR" })
 }
 
 /// Compares a render with an input image.

@@ -1,8 +1,10 @@
 //! A camera as a frame of `transforms.json`, in the nerfstudio dialect.
 
 use crate::Result;
+use crate::io::capture::clean;
 use crate::io::memory;
 use crate::scene::camera::{Camera, Model};
+use crate::scene::views::{View, Views};
 use serde_json::{Value, json};
 
 /// Checks an estimate of what rendering with a camera takes: bytes per pixel, and bytes beside them.
@@ -42,6 +44,30 @@ pub fn frame(file_path: &str, c: &Camera) -> Value {
         "transform_matrix": world_from_camera(c),
     })
 }
+
+/// Cameras of a fit as a `transforms.json`, beside the scene file named `scene` that was fitted; which of them were held out is
+/// listed.
+pub fn cameras(views: &Views, scene: &str) -> Value {
+    // A name that leads elsewhere would be refused when the file is read.
+    let name = |view: &View| clean(&view.name).unwrap_or_else(|_| view.name.replace(['/', '\\', ':'], "_"));
+    let model = |view: &View| json!(model_name(view.camera.model));
+    let first = views.views.first().map_or(Value::Null, model);
+    let list = views.views.iter().map(|view| {
+        let mut frame = frame(&name(view), &view.camera);
+        if model(view) != first {
+            frame["camera_model"] = model(view);
+        }
+        frame
+    });
+    let names = |which: &[usize]| which.iter().map(|&i| name(&views.views[i])).collect::<Vec<_>>();
+    json!({
+        "camera_model": first, SCENE: scene, "train_filenames": names(&views.train), "test_filenames": names(&views.test),
+        "frames": list.collect::<Vec<_>>(),
+    })
+}
+
+/// Key of the scene file that a `transforms.json` lies beside.
+pub(super) const SCENE: &str = "scene";
 
 /// The `camera_model` of a projection without distortion.
 pub fn model_name(model: Model) -> &'static str {

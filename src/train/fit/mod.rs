@@ -6,8 +6,10 @@
 //!           ├────► splat::pass                    one view: activate ──► draw ──► losses, and their adjoints in reverse
 //!           └────► optim                          Adam rows, learning rates, density control
 //! splat, last ──► drawing                         the renderer and its adjoint, with buffers kept between renders
+//! cli ──► survey                                  directions of the cameras and points per image, before the first iteration
 //! cli ──► evaluate                                held-out views: PSNR, SSIM, error maps
 //! cli ──► render                                  a scene from given cameras: images, depth, alpha, on disk
+//! cli ──► orbit ──► pivot                          circles of cameras around a scene
 //! cli ──► relight ──► passes                      a model under given lighting from given cameras
 //!           └────► earlier                        results of a previous run in the folder
 //! last, lirm, cli ──► passes                      ray-traced images with their passes, on disk as a capture
@@ -21,9 +23,12 @@ pub mod drawing;
 mod earlier;
 pub mod evaluate;
 pub mod frames;
+pub mod orbit;
 pub mod passes;
+mod pivot;
 pub mod relight;
 pub mod render;
 pub mod seeds;
 pub mod splat;
+pub mod survey;
 pub mod training;

@@ -5,8 +5,8 @@
 
 use super::earlier;
 use super::frames;
+use super::orbit::Orbit;
 use super::passes::{Recorder, Shot, Style};
-use super::render::Orbit;
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
 use crate::num::bits::Digest;

@@ -4,7 +4,8 @@
 //! can be fitted again, or opened by any program that reads the nerfstudio layout.
 
 use super::frames;
-use crate::io::capture::{Frame, Lens, read_capture};
+use super::passes::read_json;
+use crate::io::capture::{Frame, Lens, Reading, read_cameras};
 use crate::io::{atomic, image_file};
 use crate::num::{order, par};
 use crate::scene::camera::{Camera, Model};
@@ -14,6 +15,7 @@ use crate::splat::render::{Color, In, Out, Settings, Shape};
 use crate::splat::{activate, render};
 use crate::{Error, Result};
 use serde_json::{Value, json};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// Gaussians ready to be rendered: activated once, for any number of cameras.
@@ -199,10 +201,16 @@ fn transforms(shots: &[Shot], passes: Passes) -> Value {
 /// # Errors
 /// When the layout is invalid, or an image without a declared size cannot be read.
 pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
+    shots_of(path, downscale, &Reading::default())
+}
+
+/// [`capture_shots`] of a capture whose files are found as `reading` says, or of a `camera_path.json`.
+///
+/// # Errors
+/// See [`capture_shots`].
+pub fn shots_of(path: &Path, downscale: usize, reading: &Reading) -> Result<Vec<Shot>> {
     assert!(downscale > 0, "downscale is at least 1");
-    let capture = read_capture(path)?;
-    let mut frames: Vec<&Frame> = capture.frames.iter().chain(&capture.missing).collect();
-    frames.sort_by(|a, b| a.name.cmp(&b.name));
+    let frames = read_cameras(path, reading)?;
     let shot = |frame: &Frame| {
         let [width, height] = match frame.size {
             Some(size) => size,
@@ -225,7 +233,20 @@ pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
         camera.validate().map_err(|e| e.at(frame.name.as_str()))?;
         Ok(Shot { name: flat_name(&frame.name), camera })
     };
-    frames.into_iter().map(shot).collect()
+    frames.iter().map(shot).collect()
+}
+
+/// The cameras a scene file was fitted with: those of the `transforms.json` beside it, if that names it.
+///
+/// # Errors
+/// When the file is there and cannot be read.
+pub fn fitted_cameras(scene: &Path) -> Result<Vec<Camera>> {
+    let list = scene.with_file_name("transforms.json");
+    let names_it = |top: &Value| top[frames::SCENE].as_str().map(OsStr::new) == scene.file_name();
+    if !list.is_file() || !names_it(&read_json(&list)?) {
+        return Ok(Vec::new());
+    }
+    Ok(capture_shots(&list, 1)?.into_iter().map(|shot| shot.camera).collect())
 }
 
 /// `images/0001.png` as `images_0001`: one file per view in one folder.
@@ -238,131 +259,10 @@ pub fn flat_name(name: &str) -> String {
     }
 }
 
-/// A circle of cameras around the scene, directed at its centre; world z is up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Orbit {
-    /// number of cameras, evenly spaced, the first on the −y side
-    pub count: usize,
-    /// target point; `None`: the median centre of the opaque Gaussians
-    pub center: Option<[f32; 3]>,
-    /// distance; `None`: chosen so that four fifths of the opaque Gaussians are inside the image
-    pub radius: Option<f32>,
-    /// elevation above the horizon, radians
-    pub elevation_rad: f64,
-    /// horizontal field of view, radians
-    pub fov_x_rad: f64,
-    /// image width and height in pixels
-    pub size: [usize; 2],
-}
-
-impl Orbit {
-    /// Distance from which a ball of that radius, at least 1e-3, just fits into the image.
-    pub fn distance(&self, reach: f32) -> f32 {
-        let narrow = order::min(
-            self.fov_x_rad,
-            2.0 * libm::atan(libm::tan(self.fov_x_rad * 0.5) * self.size[1] as f64 / self.size[0] as f64),
-        );
-        order::max(reach, 1e-3) / libm::sin(narrow * 0.5) as f32
-    }
-
-    /// The cameras.
-    ///
-    /// # Errors
-    /// When the scene is empty and `center` or `radius` is not set, or a number is out of range.
-    pub fn shots(&self, scene: &Gaussians) -> Result<Vec<Shot>> {
-        if !(self.count >= 1 && self.count <= 100_000) {
-            return Err(Error::input("orbit").expected("1 to 100000 cameras").got(self.count.to_string()));
-        }
-        if !(self.fov_x_rad > 0.01 && self.fov_x_rad < 3.0) {
-            return Err(Error::input("orbit")
-                .at("field of view")
-                .expected("more than 0.6 and less than 171 degrees")
-                .got(format!("{:.3}", self.fov_x_rad.to_degrees())));
-        }
-        if !(-1.55..=1.55).contains(&self.elevation_rad) {
-            return Err(Error::input("orbit")
-                .at("elevation")
-                .expected("less than 88 degrees")
-                .got(format!("{:.3}", self.elevation_rad.to_degrees())));
-        }
-        let opaque: Vec<usize> = (0..scene.len()).filter(|&i| scene.opacity_logits[i] > 0.0).collect();
-        let used: Vec<usize> = if opaque.is_empty() { (0..scene.len()).collect() } else { opaque };
-        if used.is_empty() && (self.center.is_none() || self.radius.is_none()) {
-            return Err(Error::input("orbit")
-                .expected("at least one Gaussian, or a given center and radius")
-                .got("an empty scene"));
-        }
-        let center = self.center.unwrap_or_else(|| {
-            std::array::from_fn(|k| quantile(used.iter().map(|&i| scene.means[i][k]), 0.5))
-        });
-        let radius = self.radius.unwrap_or_else(|| {
-            let reach = quantile(
-                used.iter().map(|&i| {
-                    let d: [f32; 3] = std::array::from_fn(|k| scene.means[i][k] - center[k]);
-                    (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt()
-                }),
-                0.8,
-            );
-            self.distance(reach)
-        });
-        if !(radius > 0.0 && radius.is_finite()) {
-            return Err(Error::input("orbit")
-                .at("radius")
-                .expected("a positive number")
-                .got(radius.to_string()));
-        }
-        let digits = (self.count - 1).to_string().len().max(3);
-        let focal = (0.5 * self.size[0] as f64 / libm::tan(self.fov_x_rad * 0.5)) as f32;
-        (0..self.count)
-            .map(|i| {
-                let turn = core::f64::consts::TAU * i as f64 / self.count as f64;
-                let (se, ce) = (libm::sin(self.elevation_rad), libm::cos(self.elevation_rad));
-                let out = [ce * libm::sin(turn), -ce * libm::cos(turn), se]; // from the centre to the camera
-                let eye: [f64; 3] =
-                    std::array::from_fn(|k| f64::from(center[k]) + f64::from(radius) * out[k]);
-                let camera = look_at(eye, out.map(|x| -x), [focal, focal], self.size);
-                camera.validate()?;
-                Ok(Shot { name: format!("{i:0digits$}"), camera })
-            })
-            .collect()
-    }
-}
-
-/// A pinhole camera at `eye` looking along the unit vector `forward`, z up, principal point in the middle.
-fn look_at(eye: [f64; 3], forward: [f64; 3], focal_px: [f32; 2], [width, height]: [usize; 2]) -> Camera {
-    // right = forward × z, of length cos(elevation) > 0; down = forward × right
-    let length = (forward[0] * forward[0] + forward[1] * forward[1]).sqrt();
-    let right = [forward[1] / length, -forward[0] / length, 0.0];
-    let down = [
-        forward[1] * right[2] - forward[2] * right[1],
-        forward[2] * right[0] - forward[0] * right[2],
-        forward[0] * right[1] - forward[1] * right[0],
-    ];
-    let rows = [right, down, forward];
-    Camera {
-        rotation: rows.map(|r| r.map(|x| x as f32)),
-        translation: rows.map(|r| -(r[0] * eye[0] + r[1] * eye[1] + r[2] * eye[2]) as f32),
-        focal_px,
-        center_px: [width as f32 * 0.5, height as f32 * 0.5],
-        width,
-        height,
-        model: Model::Pinhole,
-    }
-}
-
-/// Linear radiance of an sRGB-encoded value (IEC 61966-2-1), in f64, rounded once; negative values count as
-/// 0.
+/// Linear radiance of an sRGB-encoded value (IEC 61966-2-1), in f64, rounded once; negative values count as 0.
 fn linear_from_srgb(x: f32) -> f32 {
     let x = order::max(f64::from(x), 0.0);
     (if x <= 0.04045 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) }) as f32
-}
-
-/// The entry at `q` of the sorted values.
-fn quantile(values: impl Iterator<Item = f32>, q: f64) -> f32 {
-    let mut v: Vec<f32> = values.collect();
-    v.sort_unstable_by(f32::total_cmp);
-    let at = ((v.len() - 1) as f64 * q) as usize;
-    v[at]
 }
 
 /// Estimated number of bytes needed to render one image of this size.
@@ -376,40 +276,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_orbit_looks_at_the_middle() {
-        let scene = Gaussians {
-            means: vec![[1.0, 2.0, 3.0]; 5],
-            quats: vec![[1.0, 0.0, 0.0, 0.0]; 5],
-            scales_log: vec![[-3.0; 3]; 5],
-            opacity_logits: vec![1.0; 5],
-            sh: vec![0.0; 15],
-            sh_degree: 0,
+    fn renders_are_described_by_their_pictures() {
+        let camera = Camera {
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation: [0.0; 3],
+            focal_px: [30.0; 2],
+            center_px: [20.0, 15.0],
+            width: 40,
+            height: 30,
+            model: Model::Pinhole,
         };
-        let orbit = Orbit {
-            count: 8,
-            center: None,
-            radius: Some(2.0),
-            elevation_rad: 0.3,
-            fov_x_rad: 1.0,
-            size: [40, 30],
-        };
-        let shots = orbit.shots(&scene).expect("a valid orbit");
-        for shot in &shots {
-            let c = &shot.camera;
-            let p: [f32; 3] = std::array::from_fn(|i| {
-                c.rotation[i][0] * 1.0 + c.rotation[i][1] * 2.0 + c.rotation[i][2] * 3.0 + c.translation[i]
-            });
-            assert!(
-                p[0].abs() < 1e-5 && p[1].abs() < 1e-5 && (p[2] - 2.0).abs() < 1e-5,
-                "the centre is straight ahead: {p:?}"
-            );
-            assert!(c.rotation[1][2] < -0.9, "z is up, the camera's y is down");
-        }
-        assert_eq!(shots[7].name, "007", "names sort");
+        let shots = [Shot { name: "000".into(), camera }];
         let t = transforms(&shots, Passes { color: true, linear: false, depth: true, alpha: false });
-        assert_eq!(t["frames"][0]["file_path"], "color/000.png", "named after the image");
-        assert!(Orbit { count: 0, ..orbit }.shots(&scene).is_err(), "no camera");
-        assert!(Orbit { radius: None, ..orbit }.shots(&Gaussians::default()).is_err(), "an empty scene");
+        assert_eq!(t["frames"][0]["file_path"], "color/000.png", "named after the picture");
     }
 
     #[test]

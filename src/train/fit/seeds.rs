@@ -12,14 +12,14 @@ use crate::num::rng::Rng;
 use crate::num::{elem, par};
 use crate::scene::convert::{SceneFormat, read_scene};
 use crate::scene::gaussians::Gaussians;
-use crate::scene::views::{SceneBox, Views};
+use crate::scene::views::{FEW_POINTS, SceneBox, Views};
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
 /// Source of the initial Gaussians.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Start {
-    /// The points of the capture if it has at least [`FEW`], else random.
+    /// The points of the capture if it has at least [`FEW_POINTS`], else random.
     Auto {
         /// number if random
         count: usize,
@@ -36,9 +36,6 @@ pub enum Start {
     /// A PLY of Gaussians or of coloured points, or any other scene file.
     File(PathBuf),
 }
-
-/// Minimum number of points to initialise from.
-pub const FEW: usize = 100;
 
 /// Purpose of these random draws.
 const PURPOSE: u16 = 0x5eed;
@@ -63,8 +60,8 @@ pub fn gaussians(start: &Start, views: &Views, settings: &Settings) -> Result<Ga
         Ok(())
     };
     let made = match start {
-        Start::Auto { .. } if views.points.as_ref().is_some_and(|p| p.xyz.len() >= FEW) => {
-            let points = views.points.as_ref().expect("checked by the guard");
+        Start::Auto { .. } if views.starting_points().is_some() => {
+            let points = views.starting_points().expect("checked by the guard");
             cap(points.xyz.len())?;
             from_cloud(points, settings)?
         }
@@ -90,9 +87,9 @@ fn from_file(path: &Path, settings: &Settings) -> Result<Gaussians> {
         let is_scene = file.element("vertex").is_some_and(|v| v.column("opacity").is_some());
         if !is_scene {
             let points = gaussian_ply::points(&file, &name)?;
-            if points.xyz.len() < FEW {
+            if points.xyz.len() < FEW_POINTS {
                 return Err(Error::input(name)
-                    .expected(format!("at least {FEW} points"))
+                    .expected(format!("at least {FEW_POINTS} points"))
                     .got(points.xyz.len().to_string()));
             }
             return from_cloud(&points, settings);

@@ -28,6 +28,21 @@ pub struct Step {
     pub size: usize,
 }
 
+/// What a state renders to.
+#[derive(Clone, Debug)]
+pub struct Preview {
+    /// name of the view
+    pub name: String,
+    /// (H, W, 3) the render, limited to 0..1
+    pub image: Vec<f32>,
+    /// width and height in pixels
+    pub size: [usize; 2],
+    /// against the image of the view; +∞ when nothing differs
+    pub psnr_db: f64,
+    /// name of the metric
+    pub metric: &'static str,
+}
+
 /// An optimisation: a state and a step that advances it.
 pub trait Fit {
     /// Name of the kind of fit, stored in checkpoints.
@@ -46,6 +61,13 @@ pub trait Fit {
     /// When the state can no longer be advanced, e.g. because a number is no longer finite.
     fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step>;
 
+    /// What the state renders to from view `k` of `count` of its held-out views, evenly spaced (of the fitted ones if none is held out), for
+    /// people who watch. `None` if there is nothing to show.
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let _ = (k, count);
+        None
+    }
+
     /// Writes the complete state to `out`.
     fn save(&self, out: &mut Arrays);
 
@@ -58,7 +80,7 @@ pub trait Fit {
 }
 
 /// Receives progress: which part of an iteration has just ended, and how many iterations are complete. It
-/// cannot influence the fit.
+/// decides when a checkpoint is written, and cannot influence the result.
 pub trait Watch {
     /// The work since the previous call was `part`.
     fn lap(&mut self, part: &'static str) {
@@ -68,6 +90,20 @@ pub trait Watch {
     /// `done` of `total` iterations are complete.
     fn progress(&mut self, done: usize, total: usize, step: Step) {
         let _ = (done, total, step);
+    }
+
+    /// Whether it is time for a checkpoint, however many iterations have passed. The lap `checkpoint` follows when it is written.
+    fn is_checkpoint_due(&mut self) -> bool {
+        false
+    }
+
+    /// The state after `done` of `total` iterations, first that after 0. It can be looked at, not changed.
+    ///
+    /// # Errors
+    /// When something that is made of it cannot be stored.
+    fn state(&mut self, done: usize, total: usize, fit: &dyn Fit) -> Result<()> {
+        let _ = (done, total, fit);
+        Ok(())
     }
 }
 
@@ -100,7 +136,8 @@ impl History {
 pub struct Schedule<'a> {
     /// file of the checkpoint; `None` writes none
     pub checkpoint: Option<&'a Path>,
-    /// iterations between checkpoints; there is always one at the end and one on interruption
+    /// iterations between checkpoints; there is always one at the end and one on interruption, and one whenever the watch
+    /// says that it is due
     pub every: usize,
     /// flag that stops the fit after the current iteration
     pub stop: &'a AtomicBool,
@@ -171,15 +208,22 @@ pub fn run(
     assert!(schedule.every > 0, "checkpoints are a positive number of iterations apart");
     let total = fit.iterations();
     watch.lap("start");
+    if history.is_empty() {
+        watch.state(0, total, fit)?;
+    }
     while history.len() < total {
         let step = fit.step(history.len(), watch)?;
         history.loss.push(step.loss);
         history.size.push(i32::try_from(step.size).expect("a fit is capped far below 2³¹ primitives"));
         let done = history.len();
         watch.progress(done, total, step);
+        watch.state(done, total, fit)?;
         let interrupted = schedule.stop.load(Ordering::Relaxed) && done < total;
         if let Some(path) = schedule.checkpoint
-            && (interrupted || done == total || done.is_multiple_of(schedule.every))
+            && (interrupted
+                || done == total
+                || done.is_multiple_of(schedule.every)
+                || watch.is_checkpoint_due())
         {
             save(fit, history, path)?;
             watch.lap("checkpoint");
@@ -348,6 +392,75 @@ mod tests {
 
     fn toy() -> Toy {
         Toy { x: vec![0.5; 3], seed: 7, n: 20 }
+    }
+
+    /// Asks for a checkpoint after 7 iterations; records when checkpoints are written.
+    struct Minute {
+        done: usize,
+        written: Vec<usize>,
+    }
+    impl Watch for Minute {
+        fn lap(&mut self, part: &'static str) {
+            if part == "checkpoint" {
+                self.written.push(self.done);
+            }
+        }
+        fn progress(&mut self, done: usize, _total: usize, _step: Step) {
+            self.done = done;
+        }
+        fn is_checkpoint_due(&mut self) -> bool {
+            self.done == 7
+        }
+    }
+
+    /// Records which states it is shown, and what they are.
+    #[derive(Default)]
+    struct Viewer(Vec<(usize, f32)>);
+    impl Watch for Viewer {
+        fn state(&mut self, done: usize, total: usize, fit: &dyn Fit) -> Result<()> {
+            assert_eq!(total, fit.iterations(), "of this fit");
+            let mut arrays = Arrays::new();
+            fit.save(&mut arrays);
+            self.0.push((done, arrays.need("x")?.to_f32()[0]));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn checkpoints_come_by_time_too_and_leave_the_result_alone() {
+        let dir = tempfile::tempdir().expect("a temporary folder");
+        let stop = AtomicBool::new(false);
+        let mut states = Vec::new();
+        for (name, due) in [("counted", false), ("timed", true)] {
+            let path = dir.path().join(name);
+            let (mut fit, mut history) = (toy(), History::default());
+            let mut watch = Minute { done: 0, written: Vec::new() };
+            let schedule = Schedule { checkpoint: Some(&path), every: 6, stop: &stop };
+            if due {
+                run(&mut fit, &mut history, schedule, &mut watch).expect("runs");
+                assert_eq!(watch.written, [6, 7, 12, 18, 20], "one more, when it was due");
+            } else {
+                run(&mut fit, &mut history, schedule, &mut ()).expect("runs");
+            }
+            states.push((fit.x, std::fs::read(&path).expect("written")));
+        }
+        assert_eq!(states[0], states[1], "the same bits and the same last checkpoint");
+    }
+
+    #[test]
+    fn every_state_is_shown_once_from_the_first_to_the_last() {
+        let stop = AtomicBool::new(false);
+        let (mut fit, mut history, mut viewer) = (toy(), History::default(), Viewer::default());
+        run(&mut fit, &mut history, Schedule { checkpoint: None, every: 6, stop: &stop }, &mut viewer)
+            .expect("runs");
+        assert_eq!(
+            viewer.0.iter().map(|s| s.0).collect::<Vec<_>>(),
+            (0..=20).collect::<Vec<_>>(),
+            "all states"
+        );
+        assert_eq!(viewer.0[0].1, 0.5, "the first is that before the first iteration");
+        let losses: Vec<f32> = viewer.0[1..].iter().map(|s| s.1).collect();
+        assert_eq!(losses, history.loss, "each after its iteration");
     }
 
     #[test]

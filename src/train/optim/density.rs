@@ -14,7 +14,20 @@
 //!    `prune_scale`·extent.
 //!
 //! Every `reset_every` iterations the opacity is clamped to at most `reset_opacity` and its moments are
-//! zeroed.
+//! zeroed. During the next `grace` iterations nothing is pruned for its opacity. Pruning leaves at least
+//! `keep_at_least` Gaussians: those with the highest opacity.
+//!
+//! # The two published programs
+//! [`Settings::INRIA`] and [`Settings::GSPLAT`] have the same constants and differ in three rules. Equality
+//! counts as reaching the threshold in the first only. gsplat counts iterations from 0, so every refinement and
+//! reset comes one update later. Only the original program resets opacities at `start` for white backgrounds.
+//! (gsplat 1.5.3 never resets opacities, because of an operator precedence that a later version corrects; the
+//! documented behaviour is implemented here.)
+//!
+//! # Short runs
+//! [`Settings::scaled`] shortens the schedule with the run, but not below that of [`SHORTEST`] iterations; only
+//! `stop` always scales. The learning rates of opacities and scales are not scaled: an opacity needs about 100
+//! iterations to recover from a reset, and a scale 140 iterations to halve, in a run of any length.
 //!
 //! # Order of the rows
 //! Remaining rows in their order, then clones in the order of their parents, then the first halves of the
@@ -86,9 +99,20 @@ pub struct Settings {
     pub reset_at_start: bool,
     /// Halves of a split get 1 − √(1−o) instead of o.
     pub revised_opacity: bool,
+    /// Iterations after a reset in which nothing is pruned for its opacity.
+    pub grace: u32,
+    /// Pruning leaves at least this many Gaussians, those with the highest opacity; ties by row.
+    pub keep_at_least: usize,
+    /// Whether the constants count iterations from 0 instead of 1.
+    pub counts_from_zero: bool,
     /// Maximum number of Gaussians; candidates with the largest gradients take precedence, ties by row.
     pub max_gaussians: usize,
 }
+
+/// The constants of shorter runs are those of a run of this length.
+pub const SHORTEST: u32 = 1500;
+/// [`Settings::grace`] of runs shorter than [`SHORTEST`].
+const GRACE: u32 = 50;
 
 impl Settings {
     /// Constants of the original program, 30 000 iterations.
@@ -107,26 +131,46 @@ impl Settings {
         reset_opacity: 0.01,
         reset_at_start: false,
         revised_opacity: false,
+        grace: 0,
+        keep_at_least: 0,
+        counts_from_zero: false,
         max_gaussians: usize::MAX,
     };
     /// Constants of gsplat's default strategy.
-    pub const GSPLAT: Self = Self { threshold: Threshold::Above, ..Self::INRIA };
+    pub const GSPLAT: Self = Self { threshold: Threshold::Above, counts_from_zero: true, ..Self::INRIA };
     /// Constants of gsplat's strategy on absolute gradients.
     pub const GSPLAT_ABS: Self = Self { grad_threshold: 8e-4, absgrad: true, ..Self::GSPLAT };
 
-    /// Scales the schedule to a run of another length: every iteration constant times `iterations`/30 000.
+    /// Scales the schedule to a run of another length: `stop` times `iterations`/30 000, every other iteration
+    /// constant times max(`iterations`, [`SHORTEST`])/30 000.
     #[must_use]
     pub fn scaled(mut self, iterations: u32) -> Self {
-        for n in [
-            &mut self.prune_scale_after,
-            &mut self.start,
-            &mut self.stop,
-            &mut self.every,
-            &mut self.reset_every,
-        ] {
-            *n = scaled(*n, iterations);
+        self.stop = scaled(self.stop, iterations);
+        let length = iterations.max(SHORTEST);
+        for n in [&mut self.prune_scale_after, &mut self.start, &mut self.every, &mut self.reset_every] {
+            *n = scaled(*n, length);
+        }
+        if iterations < SHORTEST {
+            self.grace = self.grace.max(GRACE);
         }
         self
+    }
+
+    /// The iteration as the constants count it.
+    fn counted(&self, iteration: u32) -> u32 {
+        iteration.saturating_sub(u32::from(self.counts_from_zero))
+    }
+
+    /// Whether `iteration`, counted from 1, comes before the end of density control: its gradients belong to the statistics.
+    pub fn is_open(&self, iteration: u32) -> bool {
+        self.counted(iteration) < self.stop
+    }
+
+    /// Whether opacities have just been reset.
+    fn is_grace(&self, count: u32) -> bool {
+        let since = |reset: u32| count > reset && count - reset <= self.grace;
+        let last = count.saturating_sub(1).checked_div(self.reset_every).unwrap_or(0) * self.reset_every;
+        (last > 0 && since(last)) || (self.reset_at_start && since(self.start))
     }
 
     fn reaches(&self, grad: f32) -> bool {
@@ -206,6 +250,8 @@ pub struct Report {
     pub pruned_scale: usize,
     /// Candidates rejected because of `max_gaussians`.
     pub turned_away: usize,
+    /// Rows that would have been removed, and were kept as the best of `keep_at_least`.
+    pub spared: usize,
     /// Gaussians after.
     pub after: usize,
     /// For every row afterwards, the index of the previous row that it is or originates from.
@@ -236,14 +282,15 @@ pub fn step(
     stats: &mut Stats,
 ) -> Result<Vec<Event>> {
     let mut events = Vec::new();
-    if iteration >= settings.stop {
+    if !settings.is_open(iteration) {
         return Ok(events);
     }
-    let due = |every: u32| every > 0 && iteration.is_multiple_of(every);
-    if iteration > settings.start && due(settings.every) {
+    let count = settings.counted(iteration);
+    let due = |every: u32| every > 0 && count > 0 && count.is_multiple_of(every);
+    if count > settings.start && due(settings.every) {
         events.push(Event::Refined(refine(settings, iteration, extent, seed, g, groups, stats)?));
     }
-    if due(settings.reset_every) || (settings.reset_at_start && iteration == settings.start) {
+    if due(settings.reset_every) || (settings.reset_at_start && count == settings.start) {
         reset_opacity(settings, g, groups);
         events.push(Event::Reset);
     }
@@ -321,17 +368,7 @@ pub fn refine(
     }
     let mut report =
         Report { before: n, cloned: clones.len(), split: splits.len(), turned_away, ..Report::default() };
-    let huge = (settings.prune_scale * extent) as f32;
-    for i in 0..keep.len() {
-        if !keep[i] {
-            continue;
-        }
-        let is_faint = elem::sigmoid(g.opacity_logits[i]) < settings.prune_opacity;
-        let is_huge = iteration > settings.prune_scale_after && largest(g.scales_log[i]) > huge;
-        report.pruned_opacity += usize::from(is_faint);
-        report.pruned_scale += usize::from(is_huge && !is_faint);
-        keep[i] = !(is_faint || is_huge);
-    }
+    prune(settings, settings.counted(iteration), extent, g, &mut keep, &mut report);
     g.keep_rows(&keep);
     crate::num::array::retain_rows(&mut parents, 1, &keep);
     groups.append(clones.len() + 2 * splits.len());
@@ -343,10 +380,46 @@ pub fn refine(
         return Err(Error::input("density control")
             .at(format!("iteration {iteration}"))
             .expected("at least one Gaussian to remain")
-            .got("none")
-            .hint("all opacities fell below the threshold: check the learning rates and the cameras"));
+            .got(format!(
+                "{} pruned for an opacity below {}, {} for a standard deviation above {}",
+                report.pruned_opacity,
+                settings.prune_opacity,
+                report.pruned_scale,
+                settings.prune_scale * extent
+            ))
+            .hint("check the learning rates, the cameras and the size of the scene"));
     }
     Ok(report)
+}
+
+/// Removes what is too faint or too large from `keep`, but for the best rows that have to stay.
+fn prune(
+    settings: &Settings,
+    count: u32,
+    extent: f64,
+    g: &Gaussians,
+    keep: &mut [bool],
+    report: &mut Report,
+) {
+    let huge = (settings.prune_scale * extent) as f32;
+    let (judges_opacity, judges_size) = (!settings.is_grace(count), count > settings.prune_scale_after);
+    let is_faint = |i: usize| judges_opacity && elem::sigmoid(g.opacity_logits[i]) < settings.prune_opacity;
+    let is_huge = |i: usize| judges_size && largest(g.scales_log[i]) > huge;
+    let rows = keep.iter().filter(|k| **k).count();
+    let mut bad: Vec<usize> = (0..keep.len()).filter(|&i| keep[i] && (is_faint(i) || is_huge(i))).collect();
+    report.spared = settings.keep_at_least.saturating_sub(rows - bad.len()).min(bad.len());
+    if report.spared > 0 {
+        bad.sort_by_key(|i| (std::cmp::Reverse(order::key_f32(g.opacity_logits[*i])), *i));
+        bad.drain(..report.spared);
+    }
+    for i in bad {
+        keep[i] = false;
+        if is_faint(i) {
+            report.pruned_opacity += 1;
+        } else {
+            report.pruned_scale += 1;
+        }
+    }
 }
 
 /// ln 1.6

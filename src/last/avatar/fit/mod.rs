@@ -10,6 +10,7 @@ mod request;
 mod update;
 
 use super::density::{self, Event, Latent};
+use super::evaluate::Evaluation;
 use super::guide::Guide;
 use super::person::Avatar;
 use super::prior::{NEAR, Near};
@@ -18,7 +19,7 @@ use super::settings::Settings;
 use super::store;
 use super::view::Target;
 use crate::fit::drawing::Workspace;
-use crate::fit::training::{Fit, Step, Watch};
+use crate::fit::training::{Fit, Preview, Step, Watch};
 use crate::num::array::Arrays;
 use crate::num::bits::Digest;
 use crate::num::rng::Rng;
@@ -306,6 +307,13 @@ impl Fit for PersonFit<'_> {
         self.find_keys(iteration)?;
         watch.lap("key Gaussians");
         Ok(Step { loss: first.loss, size: self.avatar.gaussians.len() })
+    }
+
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let c = self.capture;
+        let shown = if c.test.is_empty() { &c.train } else { &c.test };
+        let shot = *shown.get(k * shown.len() / Ord::max(count, 1))?;
+        Evaluation::of(&self.avatar, c).preview(shot).ok()
     }
 
     fn save(&self, out: &mut Arrays) {

@@ -13,12 +13,15 @@
 mod pass;
 mod settings;
 
-pub use settings::{Settings, Strategy};
+pub use settings::{MAX_GAUSSIANS, Settings, Strategy};
 
 use super::drawing::Workspace;
-use super::training::{Fit, Step, Watch};
+use super::evaluate;
+use super::render::Scene;
+use super::training::{Fit, Preview, Step, Watch};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::Digest;
+use crate::num::order;
 use crate::num::rng::Rng;
 use crate::optim::adam::Rule;
 use crate::optim::density::{self, Stats};
@@ -37,6 +40,9 @@ use std::sync::Arc;
 const PURPOSE_ORDER: u16 = 0x0501;
 /// Images are kept as floats up to this many bytes; others are converted when they are used.
 const PHOTO_CACHE_BYTES: usize = 2 << 30;
+
+/// Pruning leaves at least this many Gaussians.
+const KEPT: usize = 100;
 
 /// Counts of density control in one iteration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -128,7 +134,9 @@ impl<'a> SplatFit<'a> {
                 let is_white = settings.background == [1.0; 3];
                 let s = density::Settings {
                     max_gaussians: settings.max_gaussians,
-                    reset_at_start: is_white,
+                    reset_at_start: is_white && settings.strategy == Strategy::Inria,
+                    prune_scale: s.prune_scale * size_factor(views),
+                    keep_at_least: KEPT,
                     ..s
                 };
                 Control::Gradient(s.scaled(iterations))
@@ -160,6 +168,16 @@ impl<'a> SplatFit<'a> {
     /// The events of density control so far.
     pub fn events(&self) -> &[Event] {
         &self.events
+    }
+
+    /// The first iteration after which there was no room for another Gaussian; 0 if there was none at the start.
+    pub fn full_since(&self) -> Option<usize> {
+        let most = self.settings.max_gaussians;
+        let grown = |e: &&Event| e.cloned + e.split + e.added > 0 && e.size + e.pruned >= most;
+        match self.events.iter().find(grown) {
+            Some(e) => Some(e.iteration),
+            None => (self.gaussians.len() >= most).then_some(0),
+        }
     }
 
     /// Digest of all parameters, 16 hexadecimal digits.
@@ -262,7 +280,7 @@ impl Fit for SplatFit<'_> {
         let pass::Outcome { mut loss, mut grad, screen } = outcome;
         match &self.control {
             Control::Gradient(s) => {
-                if iteration < s.stop {
+                if s.is_open(iteration) {
                     let camera = &target.camera;
                     self.stats.add_view(&screen.means_px_bar, &screen.radii, camera.width, camera.height);
                 }
@@ -278,6 +296,13 @@ impl Fit for SplatFit<'_> {
         self.control(iteration)?;
         watch.lap("density control");
         Ok(Step { loss, size: self.gaussians.len() })
+    }
+
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let shown = if self.views.test.is_empty() { &self.views.train } else { &self.views.test };
+        let view = &self.views.views[*shown.get(k * shown.len() / Ord::max(count, 1))?];
+        let scene = Scene::new(&self.gaussians, self.settings.render.clone(), self.settings.background);
+        evaluate::preview(&scene, view).ok()
     }
 
     fn save(&self, out: &mut Arrays) {
@@ -308,6 +333,16 @@ impl Fit for SplatFit<'_> {
         (self.gaussians, self.groups, self.events) = (gaussians, groups, events);
         Ok(())
     }
+}
+
+/// How much larger than published a Gaussian may be before it is pruned for its size: the limit, a tenth of the extent of the cameras,
+/// belongs to captures with points. Without points the first Gaussians fill the scene box, which can be much larger than
+/// the extent of few cameras, and so can what is in it; then the limit is a tenth of half the box, where that is more.
+fn size_factor(views: &Views) -> f64 {
+    if views.starting_points().is_some() {
+        return 1.0;
+    }
+    order::max(views.scene_box.half_size / views.extent, 1.0)
 }
 
 fn integers(a: &Array) -> Option<Vec<i64>> {
@@ -355,7 +390,6 @@ mod tests {
     use super::*;
     use crate::fit::built_in;
     use crate::fit::evaluate::{Evaluation, score};
-    use crate::fit::render::Scene;
     use crate::fit::seeds::{self, Start};
     use crate::fit::training::{History, Schedule, run};
     use crate::splat::render;
@@ -397,6 +431,57 @@ mod tests {
             let grown = 500 + sum(|e| e.cloned) + sum(|e| e.split) + sum(|e| e.added) - sum(|e| e.pruned);
             assert_eq!(grown, fit.gaussians().len(), "{strategy:?}: the events account for every Gaussian");
         }
+    }
+
+    /// Looks at every view after every iteration.
+    struct Viewer(Vec<f64>);
+    impl Watch for Viewer {
+        fn state(&mut self, _done: usize, _total: usize, fit: &dyn Fit) -> Result<()> {
+            self.0.extend((0..2).filter_map(|k| fit.preview(k, 2)).map(|p| p.psnr_db));
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn previews_show_the_state_and_leave_it_alone() {
+        let views =
+            built_in::miniature(1, 4, &render::Settings::default()).expect("the built-in scene renders");
+        let settings = Settings {
+            iterations: 40,
+            seed: 5,
+            sh_degree: 1,
+            strategy: Strategy::Inria,
+            max_gaussians: 700,
+            render: render::Settings::default(),
+            background: built_in::BACKGROUND,
+        };
+        let first =
+            seeds::gaussians(&Start::Random { count: 300, bounds: None }, &views, &settings).expect("valid");
+        let stop = AtomicBool::new(false);
+        let fitted = |watch: &mut dyn Watch| {
+            let mut fit = SplatFit::new(settings.clone(), &views, first.clone()).expect("valid");
+            let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+            run(&mut fit, &mut History::default(), schedule, watch).expect("runs");
+            fit
+        };
+        let mut viewer = Viewer(Vec::new());
+        let (watched, alone) = (fitted(&mut viewer), fitted(&mut ()));
+        assert_eq!(watched.digest().expect("finite"), alone.digest().expect("finite"), "the same bits");
+        let shown = watched.preview(0, 1).expect("a view");
+        let scene = Scene::new(alone.gaussians(), render::Settings::default(), built_in::BACKGROUND);
+        let scored = score(&scene, &views.views[views.test[0]]).expect("renders");
+        assert_eq!(
+            (shown.psnr_db, &shown.name),
+            (scored.score.psnr_db, &scored.score.name),
+            "the score of the state"
+        );
+        assert_eq!(shown.image, scored.image, "and its render");
+        assert_eq!(
+            viewer.0.len() % 41,
+            0,
+            "a state before the first and after each iteration: {}",
+            viewer.0.len()
+        );
     }
 
     #[test]

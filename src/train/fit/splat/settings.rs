@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 pub enum Strategy {
     /// clone, split, prune, reset: the original program
     Inria,
-    /// the same with gsplat's comparison
+    /// the same constants with the rules of gsplat
     Gsplat,
     /// the same on absolute screen gradients
     GsplatAbs,
@@ -65,8 +65,10 @@ pub struct Settings {
 const PIXELS_PER_GAUSSIAN: usize = 60;
 /// Maximum number of iterations of a fit.
 const MAX_ITERATIONS: usize = 10_000_000;
+/// Maximum number of Gaussians without `--max-gaussians`, unless the start has more.
+const MAX_DETERMINED: usize = 1_000_000;
 /// Maximum number of Gaussians of a fit.
-const MAX_GAUSSIANS: usize = (1 << 24) - 1; // list positions are kept in f32
+pub const MAX_GAUSSIANS: usize = (1 << 24) - 1; // list positions are kept in f32
 
 impl Settings {
     /// Checks ranges.
@@ -96,14 +98,20 @@ impl Settings {
         Ok(())
     }
 
-    /// Number of Gaussians that the training images can determine: one per 60 pixels that count, limited to
-    /// 10 000 … 1 000 000. A Gaussian of SH degree 3 has 59 parameters, a pixel has three values, and each
-    /// parameter should be observed about three times.
-    pub fn determined(views: &Views) -> usize {
-        let counted =
-            |v: &View| v.mask.as_ref().map_or(v.rgb.len() / 3, |m| m.iter().filter(|&&b| b != 0).count());
-        let pixels = views.train.iter().fold(0, |s, &i| s + counted(&views.views[i]));
-        (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, 1_000_000)
+    /// Number of Gaussians that the training images can determine: one per 60 pixels that count and show
+    /// something, limited to 10 000 … 1 000 000. A Gaussian of SH degree 3 has 59 parameters, a pixel has three
+    /// values, and each parameter should be observed about three times. A pixel shows nothing if it and its
+    /// neighbours have exactly the colour of the background.
+    pub fn determined(views: &Views, background: [f32; 3]) -> usize {
+        let plain = background.map(|x| (x * 255.0 + 0.5) as u8);
+        let pixels = views.train.iter().fold(0, |s, &i| s + informative(&views.views[i], plain));
+        (pixels / PIXELS_PER_GAUSSIAN).clamp(10_000, MAX_DETERMINED)
+    }
+
+    /// Default limit for a start of `first` Gaussians: [`Self::determined`], but at least the start, and one and a
+    /// half times the start if it comes from a file.
+    pub fn limit(determined: usize, first: usize, is_file: bool) -> usize {
+        determined.max(if is_file { first + first / 2 } else { first }).min(MAX_GAUSSIANS)
     }
 
     /// The settings as a flat JSON object, which is compared with that of a checkpoint.
@@ -137,6 +145,19 @@ impl Settings {
         // SSIM keeps four maps, filters four images, and the tape holds cotangents: about eight images.
         photos + self.max_gaussians as u64 * per_gaussian + 4 * largest
     }
+}
+
+/// Pixels of a view that count and are not in the midst of plain background.
+fn informative(view: &View, plain: [u8; 3]) -> usize {
+    let (w, h) = (view.camera.width, view.camera.height);
+    let is_plain = |p: usize| view.rgb[3 * p..3 * p + 3] == plain;
+    let shows = |p: usize| {
+        let (x, y) = (p % w, p / w);
+        let (rows, columns) = (y.saturating_sub(1)..(y + 2).min(h), x.saturating_sub(1)..(x + 2).min(w));
+        rows.into_iter().any(|v| columns.clone().any(|u| !is_plain(v * w + u)))
+    };
+    let counts = |p: &usize| view.mask.as_ref().is_none_or(|m| m[*p] != 0);
+    (0..w * h).filter(counts).filter(|&p| !is_plain(p) || shows(p)).count()
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Pixels to PNG data URIs; sheets of images; the colour map of error maps.
+//! Pixels to PNG data URIs; sheets and strips of images; the colour map of error maps.
 
 use crate::Result;
 use crate::io::image_file;
@@ -49,6 +49,15 @@ pub(crate) fn data_uri(rgb: &[f32], width: usize, height: usize, max_side: usize
     Ok(format!("data:image/png;base64,{}", base64::engine::general_purpose::STANDARD.encode(file)))
 }
 
+/// The image itself if its longer side is at most `max_side`, else box-filtered as in [`data_uri`]; with its width and height.
+pub(crate) fn small(rgb: Vec<f32>, [width, height]: [usize; 2], max_side: usize) -> (Vec<f32>, [usize; 2]) {
+    let factor = width.max(height).div_ceil(max_side).max(1);
+    match shrink(&rgb, width, height, factor) {
+        (Some(small), w, h) if factor > 1 => (small, [w, h]),
+        _ => (rgb, [width, height]),
+    }
+}
+
 /// Means of `factor`×`factor` blocks; an incomplete last row or column of blocks is dropped unless it is the only one.
 fn shrink(rgb: &[f32], width: usize, height: usize, factor: usize) -> (Option<Vec<f32>>, usize, usize) {
     let (w, h) = ((width / factor).max(1), (height / factor).max(1));
@@ -68,6 +77,26 @@ fn shrink(rgb: &[f32], width: usize, height: usize, factor: usize) -> (Option<Ve
         }
     }
     (Some(out), w, h)
+}
+
+/// Longest side of an image of a strip, in pixels.
+pub(crate) const MAX_STRIP_SIDE: usize = 400;
+
+/// What is written about an image.
+pub(crate) struct Label {
+    /// the alternative text: what is shown
+    pub(crate) alt: String,
+    /// the text below it
+    pub(crate) caption: String,
+}
+
+/// Images side by side, in several rows where the screen is narrow.
+pub(crate) fn strip(figures: &[(String, Label)]) -> Markup {
+    html! {
+        div.strip { @for (uri, label) in figures {
+            figure { img src=(uri) alt=(label.alt) loading="lazy"; figcaption { (label.caption) } }
+        } }
+    }
 }
 
 /// Images of one size in rows and columns.
@@ -90,21 +119,56 @@ impl Sheet {
     }
 
     /// Puts an image (h, w, 3) at a column and a row.
-    pub(crate) fn put(&mut self, [column, row]: [usize; 2], picture: &[f32]) {
+    pub(crate) fn put(&mut self, [column, row]: [usize; 2], image: &[f32]) {
         let [w, h] = self.cell;
-        for (y, line) in picture.chunks_exact(w * 3).enumerate() {
+        for (y, line) in image.chunks_exact(w * 3).enumerate() {
             let at = ((row * (h + self.gap) + y) * self.size[0] + column * (w + self.gap)) * 3;
             self.rgb[at..at + w * 3].copy_from_slice(line);
         }
     }
 
-    /// As an element as wide as the page.
+    /// The image at a column and a row.
+    fn image(&self, [column, row]: [usize; 2]) -> Vec<f32> {
+        let [w, h] = self.cell;
+        let line = |y: usize| {
+            let at = ((row * (h + self.gap) + y) * self.size[0] + column * (w + self.gap)) * 3;
+            &self.rgb[at..at + w * 3]
+        };
+        (0..h).flat_map(line).copied().collect()
+    }
+
+    /// The image at a column and a row as a `data:` URI.
     ///
     /// # Errors
     /// When it cannot be encoded.
-    pub(crate) fn html(&self, alt: &str) -> Result<Markup> {
-        let uri = data_uri(&self.rgb, self.size[0], self.size[1], 2400)?;
-        Ok(html! { img src=(uri) alt=(alt) style="width:100%;image-rendering:pixelated"; })
+    pub(crate) fn uri(&self, place: [usize; 2]) -> Result<String> {
+        data_uri(&self.image(place), self.cell[0], self.cell[1], MAX_STRIP_SIDE)
+    }
+
+    /// Its columns as figures that wrap on narrow screens.
+    ///
+    /// # Errors
+    /// When one cannot be encoded.
+    pub(crate) fn columns(&self, label: &dyn Fn(usize) -> Label) -> Result<Markup> {
+        let [w, height] = [self.cell[0], self.size[1]];
+        let column = |c: usize| -> Vec<f32> {
+            let at = |y: usize| (y * self.size[0] + c * (w + self.gap)) * 3;
+            (0..height).flat_map(|y| &self.rgb[at(y)..at(y) + w * 3]).copied().collect()
+        };
+        let count = (self.size[0] + self.gap) / (w + self.gap);
+        let figure = |c: usize| Ok((data_uri(&column(c), w, height, MAX_STRIP_SIDE)?, label(c)));
+        Ok(strip(&(0..count).map(figure).collect::<Result<Vec<_>>>()?))
+    }
+
+    /// Its first `count` images, row by row, as figures that wrap on narrow screens.
+    ///
+    /// # Errors
+    /// When one cannot be encoded.
+    pub(crate) fn strip(&self, count: usize, label: &dyn Fn([usize; 2]) -> Label) -> Result<Markup> {
+        let columns = (self.size[0] + self.gap) / (self.cell[0] + self.gap);
+        let places = (0..count).map(|i| [i % columns, i / columns]);
+        let figures = places.map(|place| Ok((self.uri(place)?, label(place)))).collect::<Result<Vec<_>>>()?;
+        Ok(strip(&figures))
     }
 
     /// As a file.
@@ -143,16 +207,22 @@ mod tests {
     }
 
     #[test]
-    fn a_sheet_has_its_pictures_in_their_places() {
+    fn a_sheet_has_its_images_in_their_places() {
         let mut sheet = Sheet::new([2, 2], [2, 1], 1);
-        assert_eq!((sheet.size, sheet.rgb.len()), ([5, 3], 45), "gaps between pictures alone");
+        assert_eq!((sheet.size, sheet.rgb.len()), ([5, 3], 45), "gaps between images alone");
         sheet.put([1, 1], &[0.25; 6]);
         let dark: Vec<usize> = (0..15).filter(|i| sheet.rgb[3 * i] < 1.0).collect();
         assert_eq!(dark, [13, 14], "the last two pixels of the last row");
+        assert_eq!(sheet.image([1, 1]), [0.25; 6], "read back");
+        let label =
+            |[c, r]: [usize; 2]| Label { alt: format!("column {c}, row {r}"), caption: format!("{c}{r}") };
+        let strip = sheet.strip(3, &label).expect("encodes").into_string();
+        let alts = ["alt=\"column 0, row 0\"", "alt=\"column 1, row 0\"", "alt=\"column 0, row 1\""];
+        assert!(alts.iter().all(|alt| strip.contains(alt)) && !strip.contains("column 1, row 1"), "{strip}");
     }
 
     #[test]
-    fn large_pictures_shrink_by_whole_factors() {
+    fn large_images_shrink_by_whole_factors() {
         let rgb: Vec<f32> = (0..8 * 4 * 3).map(|i| if (i / 3) % 2 == 0 { 1.0 } else { 0.0 }).collect();
         let (small, w, h) = shrink(&rgb, 8, 4, 2);
         assert_eq!((w, h), (4, 2), "half the size");

@@ -1,0 +1,219 @@
+//! A causal graph as inline SVG: factors by level, edges as wide as they are probable, true edges outlined.
+
+use maud::{Markup, html};
+
+/// Below this probability an edge is drawn only if it is in the graph or true.
+const DRAWN_FROM: f64 = 0.05;
+/// Width of the drawing.
+const W: f64 = 480.0;
+/// Height of a level.
+const LEVEL: f64 = 118.0;
+/// Width and height of a factor.
+const NODE: [f64; 2] = [136.0, 38.0];
+/// Free space above the first and below the last level.
+const MARGIN: f64 = 26.0;
+
+/// A graph with the probabilities of its edges.
+pub(crate) struct Graph<'a> {
+    /// what it is, e.g. `before tuning`
+    pub(crate) title: &'a str,
+    /// of the factors, (n)
+    pub(crate) names: &'a [String],
+    /// probability of each edge, row to column, (n, n)
+    pub(crate) p: &'a [f64],
+    /// the edges that are in the graph
+    pub(crate) kept: &'a [(usize, usize)],
+    /// the true edges, where they are known, (n, n)
+    pub(crate) truth: Option<&'a [Vec<bool>]>,
+    /// level of each factor, (n); see [`levels`]
+    pub(crate) levels: &'a [usize],
+}
+
+/// Level of each factor: one more than its highest parent; all 0 if there is a cycle.
+pub(crate) fn levels(n: usize, edges: &[(usize, usize)]) -> Vec<usize> {
+    let mut level = vec![0; n];
+    for _ in 0..n {
+        let mut is_done = true;
+        for &(i, j) in edges {
+            if level[j] <= level[i] {
+                level[j] = level[i] + 1;
+                is_done = false;
+            }
+        }
+        if is_done {
+            return level;
+        }
+    }
+    vec![0; n]
+}
+
+/// An edge that is drawn.
+struct Edge {
+    ends: [usize; 2],
+    p: f64,
+    is_kept: bool,
+    is_true: bool,
+}
+
+impl Graph<'_> {
+    fn edges(&self) -> Vec<Edge> {
+        let n = self.names.len();
+        let edge = |at: usize| {
+            let (i, j) = (at / n, at % n);
+            let is_true = self.truth.is_some_and(|t| t[i][j]);
+            Edge { ends: [i, j], p: self.p[at], is_kept: self.kept.contains(&(i, j)), is_true }
+        };
+        let all = (0..n * n).filter(|at| at / n != at % n).map(edge);
+        all.filter(|e| e.is_kept || e.is_true || e.p >= DRAWN_FROM).collect()
+    }
+
+    /// Middle of each factor.
+    fn places(&self) -> Vec<[f64; 2]> {
+        let place = |(i, &level): (usize, &usize)| {
+            let count = self.levels.iter().filter(|&&l| l == level).count();
+            let at = self.levels[..i].iter().filter(|&&l| l == level).count();
+            let x = W * (at as f64 + 0.5) / count as f64;
+            [x, MARGIN + NODE[1] * 0.5 + level as f64 * LEVEL]
+        };
+        self.levels.iter().enumerate().map(place).collect()
+    }
+
+    fn in_words(&self, edges: &[Edge]) -> String {
+        let one = |e: &Edge| {
+            let [i, j] = e.ends;
+            let state = if e.is_kept { "" } else { ", not in the graph" };
+            let truth = if e.is_true { ", true" } else { "" };
+            format!("{} to {} with p {:.2}{state}{truth}", self.names[i], self.names[j], e.p)
+        };
+        let all: Vec<String> = edges.iter().map(one).collect();
+        let none = "no edge".to_owned();
+        format!("causal graph {}: {}", self.title, if all.is_empty() { none } else { all.join("; ") })
+    }
+
+    /// The drawing in a panel.
+    pub(crate) fn html(&self) -> Markup {
+        let (edges, places) = (self.edges(), self.places());
+        let depth = self.levels.iter().fold(0, |m, &l| Ord::max(m, l));
+        let height = 2.0 * MARGIN + NODE[1] + depth as f64 * LEVEL;
+        html! {
+            div.panel {
+                h3 { (self.title) }
+                svg viewBox={ "0 0 " (W) " " (height) } role="img" aria-label=(self.in_words(&edges)) {
+                    @for e in &edges { (edge(e, places[e.ends[0]], places[e.ends[1]])) }
+                    @for (name, [x, y]) in self.names.iter().zip(&places) {
+                        rect x=(x - NODE[0] * 0.5) y=(y - NODE[1] * 0.5) width=(NODE[0]) height=(NODE[1]) rx="9" fill="var(--panel)" stroke="var(--soft)" stroke-width="1.4" {}
+                        text.ink x=(x) y=(y + 4.5) text-anchor="middle" { (name) }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// One edge: the outline if it is true, the line, its head, its probability.
+fn edge(e: &Edge, from: [f64; 2], to: [f64; 2]) -> Markup {
+    let half = NODE[1] * 0.5;
+    // Down from the lower side to the upper one; an edge of one level is an arc above it, one upwards passes at the side.
+    let down = to[1] > from[1];
+    let same = to[1] == from[1];
+    let (y0, y1) = match (down, same) {
+        (true, _) => (from[1] + half, to[1] - half),
+        (_, true) => (from[1] - half, to[1] - half),
+        _ => (from[1] - half, to[1] + half),
+    };
+    let steps = (to[1] - from[1]).abs() / LEVEL;
+    let side = if from[0] < W * 0.5 { -1.0 } else { 1.0 };
+    let bend = match (down, same) {
+        (true, _) if steps < 1.5 => [0.0, 0.0],
+        (_, true) => [0.0, -44.0],
+        _ => [side * 70.0, 0.0],
+    };
+    let mid = [(from[0] + to[0]) * 0.5 + bend[0], (y0 + y1) * 0.5 + bend[1]];
+    let (dx, dy) = (to[0] - mid[0], y1 - mid[1]);
+    let length = crate::num::order::max((dx * dx + dy * dy).sqrt(), 1e-6);
+    let (ux, uy) = (dx / length, dy / length);
+    let width = 1.2 + 5.8 * crate::num::order::clamp(e.p, 0.0, 1.0);
+    let head = 12.0 + width;
+    let neck = [to[0] - ux * head, y1 - uy * head];
+    let wing = 0.52 * head;
+    let path = format!("M{:.1} {y0:.1}Q{:.1} {:.1} {:.1} {:.1}", from[0], mid[0], mid[1], neck[0], neck[1]);
+    let tip = format!(
+        "{:.1},{y1:.1} {:.1},{:.1} {:.1},{:.1}",
+        to[0],
+        neck[0] - uy * wing,
+        neck[1] + ux * wing,
+        neck[0] + uy * wing,
+        neck[1] - ux * wing
+    );
+    let color = if e.is_kept { "var(--a)" } else { "var(--faint)" };
+    let dash = (!e.is_kept).then_some("5 5");
+    // The middle of the curve, moved away from it to the side that faces the outside of the drawing.
+    let far = 12.0 + width;
+    let slope = [to[0] - from[0], y1 - y0];
+    let size = crate::num::order::max((slope[0] * slope[0] + slope[1] * slope[1]).sqrt(), 1e-6);
+    let way = if slope[0] >= 0.0 { far / size } else { -far / size };
+    let label = [
+        0.25 * from[0] + 0.5 * mid[0] + 0.25 * to[0] + way * slope[1].abs(),
+        0.25 * y0 + 0.5 * mid[1] + 0.25 * y1 - way.abs() * slope[0].abs(),
+    ];
+    let anchor = if slope[0] >= 0.0 { "start" } else { "end" };
+    html! {
+        @if e.is_true { path.truth d=(path) fill="none" stroke="var(--b)" stroke-width=(format!("{:.1}", width + 7.0)) stroke-linecap="round" stroke-opacity="0.55" {} }
+        path.edge d=(path) fill="none" stroke=(color) stroke-width=(format!("{width:.2}")) stroke-dasharray=[dash] {}
+        polygon points=(tip) fill=(color) {}
+        text x=(format!("{:.1}", label[0])) y=(format!("{:.1}", label[1] + 4.0)) text-anchor=(anchor) { (format!("{:.2}", e.p)) }
+    }
+}
+
+/// What colours and lines mean.
+pub(crate) fn legend(has_truth: bool) -> Markup {
+    html! {
+        div.legend {
+            span { i style="background:var(--a)" {} "in the graph" }
+            span { i style="background:var(--faint)" {} "probable, but not in the graph (dashed)" }
+            @if has_truth { span { i style="background:var(--b)" {} "outline: edge of the true graph" } }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_edge_is_one_line() {
+        let names = ["a", "b", "c", "d"].map(str::to_owned);
+        let mut p = vec![0.001; 16];
+        let kept = [(0, 1), (1, 2)];
+        (p[1], p[6], p[3]) = (1.0, 0.8, 0.2);
+        let mut truth = vec![vec![false; 4]; 4];
+        (truth[0][1], truth[0][2]) = (true, true);
+        let levels = levels(4, &[(0, 1), (1, 2), (0, 2)]);
+        assert_eq!(levels, [0, 1, 2, 0], "below all parents");
+        let graph =
+            Graph { title: "after", names: &names, p: &p, kept: &kept, truth: Some(&truth), levels: &levels };
+        let svg = graph.html().into_string();
+        assert_eq!(
+            svg.matches("class=\"edge\"").count(),
+            4,
+            "two in the graph, a probable one, a true one: {svg}"
+        );
+        assert_eq!(svg.matches("class=\"truth\"").count(), 2, "the true edges are outlined");
+        assert_eq!(svg.matches("stroke-dasharray").count(), 2, "those that are not in the graph");
+        assert!(
+            svg.contains("stroke-width=\"7.00\"") && svg.contains("stroke-width=\"5.84\""),
+            "width by p: {svg}"
+        );
+        assert!(
+            svg.contains("a to b with p 1.00, true; a to c with p 0.00, not in the graph, true"),
+            "{svg}"
+        );
+        assert!(!svg.contains("NaN"), "finite: {svg}");
+    }
+
+    #[test]
+    fn a_cycle_has_one_level() {
+        assert_eq!(super::levels(3, &[(0, 1), (1, 0)]), [0, 0, 0], "no order");
+        assert_eq!(super::levels(0, &[]), [0_usize; 0], "nothing");
+    }
+}

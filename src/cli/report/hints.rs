@@ -1,0 +1,201 @@
+//! What to try next: rules on the scores and the course of a fit, each with the observation that led to it.
+
+use super::Section;
+use super::run::Run;
+use crate::num::order;
+use maud::html;
+
+/// Decibels below the mean from which on a view is mentioned.
+const FAR_BELOW_DB: f64 = 2.5;
+/// Distance to the nearest fitted camera, in units of the usual one, from which on a view counts as badly covered.
+const FAR: f64 = 1.6;
+/// Relative difference of brightness that is mentioned.
+const BRIGHTNESS: f64 = 0.07;
+/// Relative decrease of the loss from the last but one tenth of the iterations to the last one that is mentioned.
+const FALLING: f64 = 0.02;
+/// Most views that are named in a hint.
+const NAMED: usize = 3;
+
+/// A scored view.
+pub(super) struct View<'a> {
+    pub(super) name: &'a str,
+    pub(super) psnr_db: f64,
+    /// (H, W, 3), 0 where it does not count
+    pub(super) photo: &'a [f32],
+    /// (H, W, 3)
+    pub(super) image: &'a [f32],
+    /// to the nearest fitted camera, in units of the usual distance between fitted cameras, where it is known
+    pub(super) distance: Option<f64>,
+}
+
+/// The factor of the render that fits the photo best, over pixels that count.
+fn gain(v: &View<'_>) -> f64 {
+    let (mut both, mut own) = (0.0, 0.0);
+    for (p, r) in v.photo.chunks_exact(3).zip(v.image.chunks_exact(3)) {
+        if p.iter().any(|&x| x > 0.0) {
+            for c in 0..3 {
+                both += f64::from(p[c]) * f64::from(r[c]);
+                own += f64::from(r[c]) * f64::from(r[c]);
+            }
+        }
+    }
+    if own > 0.0 { both / own } else { 1.0 }
+}
+
+/// Some names, and how many more there are.
+fn named(names: &[&str]) -> String {
+    let some = names[..Ord::min(NAMED, names.len())].join(", ");
+    if names.len() > NAMED { format!("{some} and {} more", names.len() - NAMED) } else { some }
+}
+
+fn median(values: &[f32]) -> f64 {
+    let mut sorted: Vec<f32> = values.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    sorted.get(sorted.len() / 2).map_or(f64::NAN, |&x| f64::from(x))
+}
+
+/// Hints on single views.
+fn on_views(views: &[View<'_>]) -> Vec<String> {
+    let finite: Vec<&View<'_>> = views.iter().filter(|v| v.psnr_db.is_finite()).collect();
+    let mean = finite.iter().fold(0.0, |s, v| s + v.psnr_db) / finite.len() as f64;
+    let low: Vec<&&View<'_>> = finite.iter().filter(|v| v.psnr_db < mean - FAR_BELOW_DB).collect();
+    let is_far = |v: &View<'_>| v.distance.is_some_and(|d| d >= FAR);
+    let mut hints = Vec::new();
+    let uncovered: Vec<&str> = low.iter().filter(|v| is_far(v)).map(|v| v.name).collect();
+    if !uncovered.is_empty() {
+        hints.push(format!(
+            "Badly covered: {} – more than {FAR_BELOW_DB} dB below the mean, and the nearest fitted camera is at least {FAR} times as far away as \
+             usual. Add images from there.",
+            named(&uncovered)
+        ));
+    }
+    let other: Vec<&str> = low.iter().filter(|v| !is_far(v)).map(|v| v.name).collect();
+    if !other.is_empty() {
+        hints.push(format!(
+            "Low scores: {} – more than {FAR_BELOW_DB} dB below the mean. Errors along all edges point to camera poses or lens distortion, errors in \
+             one place to something that moved or that few images show.",
+            named(&other)
+        ));
+    }
+    let different: Vec<&str> =
+        finite.iter().filter(|v| (gain(v) - 1.0).abs() > BRIGHTNESS).map(|v| v.name).collect();
+    if !different.is_empty() {
+        hints.push(format!(
+            "Brightness: in {} the image and its render differ by more than {:.0} % overall. Take the images with fixed exposure and white \
+             balance.",
+            named(&different),
+            100.0 * BRIGHTNESS
+        ));
+    }
+    hints
+}
+
+/// Hints on the course of the fit; `size` is the number of Gaussians.
+fn on_course(run: &Run<'_>, size: usize) -> Vec<String> {
+    let mut hints = Vec::new();
+    let Some(history) = run.history else { return hints };
+    let tenth = history.len() / 10;
+    if tenth >= 20 {
+        let n = history.len();
+        let (before, last) =
+            (median(&history.loss[n - 2 * tenth..n - tenth]), median(&history.loss[n - tenth..]));
+        if last < before * (1.0 - FALLING) {
+            hints.push(format!(
+                "More iterations: the loss still falls, by {:.1} % over the last tenth of the fit. Try --iterations {}.",
+                100.0 * (1.0 - last / before),
+                2 * n
+            ));
+        }
+    }
+    let most = run.settings.get("max_gaussians").and_then(serde_json::Value::as_u64);
+    if let Some(most) = most.filter(|&m| size as u64 * 100 >= m * 98) {
+        hints.push(format!(
+            "More Gaussians: the limit of {most} is reached. Try --max-gaussians {}.",
+            most.saturating_mul(2)
+        ));
+    }
+    hints
+}
+
+/// The list of hints; `None` if no rule applies.
+pub(super) fn section(views: &[View<'_>], run: &Run<'_>, size: usize) -> Option<Section> {
+    let mut hints = if views.is_empty() { Vec::new() } else { on_views(views) };
+    hints.extend(on_course(run, size));
+    if hints.is_empty() {
+        return None;
+    }
+    Some(Section {
+        id: "hints",
+        title: "What to try",
+        lead: "Simple rules on the scores and on the loss; they can be wrong.".into(),
+        body: html! { ul.hints { @for hint in &hints { li { (hint) } } } },
+    })
+}
+
+/// Distances between cameras, in units of the median distance from a fitted camera to the nearest other one.
+pub(crate) fn distances(fitted: &[[f32; 3]], scored: &[[f32; 3]]) -> Vec<f64> {
+    let far = |a: &[f32; 3], b: &[f32; 3]| {
+        (0..3)
+            .fold(0.0, |s, k| s + (f64::from(a[k]) - f64::from(b[k])) * (f64::from(a[k]) - f64::from(b[k])))
+            .sqrt()
+    };
+    let nearest = |at: &[f32; 3], skip: Option<usize>| {
+        let others = fitted.iter().enumerate().filter(|(i, _)| Some(*i) != skip);
+        others.fold(f64::INFINITY, |m, (_, c)| order::min(m, far(at, c)))
+    };
+    let mut usual: Vec<f64> = fitted.iter().enumerate().map(|(i, c)| nearest(c, Some(i))).collect();
+    usual.sort_by(f64::total_cmp);
+    let unit = usual.get(usual.len() / 2).copied().unwrap_or(f64::INFINITY);
+    let in_units = |d: f64| if unit > 0.0 && unit.is_finite() { d / unit } else { 1.0 };
+    scored.iter().map(|c| in_units(nearest(c, None))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fit::training::History;
+    use serde_json::json;
+
+    fn hints(views: &[View<'_>], loss: Vec<f32>, size: usize) -> String {
+        let settings = json!({"max_gaussians": 100});
+        let history = History { size: vec![1; loss.len()], loss };
+        let run = Run {
+            settings: &settings,
+            defaults: None,
+            history: Some(&history),
+            film: None,
+            time: vec![],
+            total_seconds: 1.0,
+            files: vec![],
+        };
+        section(views, &run, size).map_or(String::new(), |s| s.body.into_string())
+    }
+
+    #[test]
+    fn each_rule_needs_its_observation() {
+        let (gray, dark) = (vec![0.5_f32; 12], vec![0.4_f32; 12]);
+        let view = |name, psnr_db, image, distance| View { name, psnr_db, photo: &gray, image, distance };
+        let even = [view("a", 30.0, &gray, Some(1.0)), view("b", 31.0, &gray, Some(5.0))];
+        assert_eq!(hints(&even, vec![0.1; 400], 50), "", "nothing to say");
+        let far = [view("a", 30.0, &gray, Some(1.0)), view("b", 20.0, &gray, Some(5.0))];
+        assert!(hints(&far, vec![], 50).contains("Badly covered: b"), "far from the fitted cameras");
+        let low = [view("a", 30.0, &gray, Some(1.0)), view("b", 20.0, &gray, None)];
+        assert!(hints(&low, vec![], 50).contains("Low scores: b"), "not known to be far");
+        let bright = [view("a", 30.0, &dark, None)];
+        assert!(hints(&bright, vec![], 50).contains("Brightness: in a"), "the render is darker");
+        let falling: Vec<f32> = (0..400).map(|i| 1.0 / (1.0 + i as f32)).collect();
+        assert!(hints(&[], falling, 50).contains("--iterations 800"), "the loss still falls");
+        assert!(hints(&[], vec![0.1; 400], 100).contains("--max-gaussians 200"), "no room");
+    }
+
+    #[test]
+    fn distances_are_in_units_of_the_usual_one() {
+        let fitted: Vec<[f32; 3]> = (0..5).map(|i| [i as f32 * 2.0, 0.0, 0.0]).collect();
+        assert_eq!(
+            distances(&fitted, &[[1.0, 0.0, 0.0], [14.0, 0.0, 0.0]]),
+            [0.5, 3.0],
+            "nearest fitted camera"
+        );
+        assert_eq!(distances(&fitted[..1], &[[1.0, 0.0, 0.0]]), [1.0], "one camera has no usual distance");
+    }
+}
