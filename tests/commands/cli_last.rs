@@ -186,6 +186,19 @@ fn bad_input_is_refused() {
         2,
         &["ring.safetensors", "without cycles", "0, 1, 2"],
     );
+    // A number that is changed: the digest in the file is another.
+    let mut changed = safetensors::read(&path).expect("a model");
+    let codes = changed.arrays.need("codes").expect("codes").clone();
+    let mut numbers = codes.to_f64();
+    numbers[0] += 1.0;
+    changed.arrays.put("codes", codes.shape(), numbers);
+    safetensors::write(&at.join("changed.safetensors"), &changed.arrays, &changed.metadata).expect("written");
+    refused(
+        &["last", "tune", "changed.safetensors", "data/video", "--out", "t"],
+        at,
+        2,
+        &["changed.safetensors", "digest", "not those that were written"],
+    );
     file.arrays.put("graph", &[4, 4], vec![0.5; 16]);
     safetensors::write(&at.join("half.safetensors"), &file.arrays, &file.metadata).expect("written");
     refused(&["last", "tune", "half.safetensors", "data/video", "--out", "t"], at, 2, &["0 or 1", "0.5"]);
@@ -263,6 +276,20 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     assert!(lastlight(&eval, at).status.success(), "one decibel is reached");
     std::fs::remove_file(at.join("data/video/transforms_test.json")).expect("there");
     refused(&eval, at, 2, &["--min-psnr"]);
+}
+
+#[test]
+fn a_bad_held_out_image_is_reported_before_the_fit() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    data(at);
+    let record = std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
+    let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
+    let image = record["frames"][0]["file_path"].as_str().expect("an image");
+    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
+    let words = ["last", "fit", "data/video", "--out", "fit", "--iterations", "40"];
+    refused(&words, at, 2, &[image]);
+    assert!(!at.join("fit/checkpoint.safetensors").exists(), "nothing was fitted");
 }
 
 #[test]

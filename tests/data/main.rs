@@ -14,6 +14,8 @@ mod models;
 mod mutate;
 mod person_captures;
 mod person_layout;
+#[path = "../common/person_layouts.rs"]
+mod person_layouts;
 mod pickles;
 #[path = "../common/python.rs"]
 mod python;

@@ -275,6 +275,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         capture.template.len(),
         capture.template.joints.len()
     ));
+    // Held-out images are read after the fit, to score it; what is wrong with one is reported before.
+    capture.test.iter().try_for_each(|&i| capture.shots[i].photo().map(drop))?;
     if let Some(model) = &model {
         check_skeleton(model, &capture, &meter)?;
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;

@@ -39,7 +39,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--tau").expected("a distance").got(tau.to_string()));
     }
     let (a, b) = (model::read(&args.a)?, model::read(&args.b)?);
-    let c = compare(&a.mesh, &b.mesh, args.surface_samples as usize, args.seed, args.tau)?;
+    let c = compare(&a.mesh, &b.mesh, args.surface_samples as usize, args.seed, args.tau)
+        .map_err(|e| e.within(format!("{}, {}", args.a.display(), args.b.display())))?;
     if cli::is_json() {
         return cli::say_json(&record(args, &c));
     }

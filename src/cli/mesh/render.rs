@@ -169,9 +169,11 @@ fn object(args: &Args) -> Result<(Object, Vec<String>)> {
     if args.animation.is_none() && args.hide.is_empty() && !args.file.is_dir() {
         return model::read_with_notes(&args.file);
     }
-    let mut character = Character::read(&args.file).map_err(|e| match args.animation.is_none() {
-        true => e.within("--hide"),
-        false => e.within("--animation"),
+    // A folder is a body, with or without these options; any other file is read as a character because of them.
+    let mut character = Character::read(&args.file).map_err(|e| match (&args.animation, &args.hide[..]) {
+        (Some(_), _) => e.within("--animation"),
+        (None, [_, ..]) => e.within("--hide"),
+        (None, []) => e,
     })?;
     let names: Vec<&str> = args.hide.iter().map(String::as_str).collect();
     character.hide(&names)?;

@@ -129,5 +129,6 @@ fn shots(args: &Args, path: &Path, scene: &Gaussians, meter: &Meter) -> Result<V
     if cameras.is_empty() && up == Up::Auto {
         meter.note("no cameras beside the scene: the orbit assumes that z is up (--up changes it)");
     }
-    Orbit { center, ..orbit }.shots_from(scene, &cameras, up)
+    let shots = Orbit { center, ..orbit }.shots_from(scene, &cameras, up);
+    shots.map_err(|e| e.within(path.display().to_string()))
 }

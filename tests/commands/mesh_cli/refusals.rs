@@ -51,6 +51,11 @@ fn what_makes_no_sense_is_refused_and_makes_no_folder() {
     refused(&["mesh", "render", "none.obj", "--out", "new"], dir, &["none.obj"]);
     write(&dir.join("broken.glb"), "glTF");
     refused(&["mesh", "render", "broken.glb", "--out", "new"], dir, &["broken.glb"]);
+    // A body whose rig is broken: the error is of that file, not of an option that nobody gave.
+    std::fs::create_dir(dir.join("body")).expect("made");
+    let parts = [("base.obj", "v 0 0 0\n"), ("rig.default.json", "{"), ("weights.default.json", "{}")];
+    parts.into_iter().for_each(|(name, text)| write(&dir.join("body").join(name), text));
+    refused(&["mesh", "render", "body", "--out", "new"], dir, &["error: body/"]);
     // Far apart, and yet a place to look from: the square of a coordinate need not fit.
     write(&dir.join("far.obj"), "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nf 1 2 3\n");
     let far =
