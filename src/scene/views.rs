@@ -128,8 +128,8 @@ impl Views {
 
     /// Loads the photos of a capture, several at a time; the result does not depend on how many.
     ///
-    /// Where the layout itself names training and test images, that split holds and validation images are left
-    /// out; otherwise every eighth view is held out.
+    /// Where the layout itself names training and test images, that split holds and validation images are
+    /// left out; otherwise every eighth view is held out.
     ///
     /// # Errors
     /// When a photo or a mask is bad, or its size does not fit its lens.
@@ -319,7 +319,8 @@ fn composite(p: &Picture, background: [f32; 3]) -> Vec<f32> {
     out
 }
 
-/// Mean of s×s blocks: left fold over rows, then columns. Incomplete blocks at the right and bottom are cut off.
+/// Mean of s×s blocks: left fold over rows, then columns. Incomplete blocks at the right and bottom are cut
+/// off.
 fn box_mean(rgb: &[f32], stride: usize, width: usize, height: usize, s: usize) -> Vec<f32> {
     if s == 1 {
         return rgb.to_vec();
