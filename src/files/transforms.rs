@@ -8,7 +8,7 @@
 use super::frame::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, nearest_rotation, rigid};
 use super::paths::{accept, locate};
 use super::reading::Reading;
-use super::{gaussian_ply, name_of, read_bytes};
+use super::{gaussian_ply, json, name_of, read_bytes};
 use crate::{Error, Result};
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
