@@ -206,7 +206,8 @@ fn png_complete(bytes: &[u8], name: &str) -> Result<()> {
     }
 }
 
-/// A JPEG ends with an end-of-image marker; without this check the decoder fills a truncated image with grey and reports no error.
+/// A JPEG ends with an end-of-image marker; without this check the decoder fills a truncated image with grey
+/// and reports no error.
 fn jpeg_complete(bytes: &[u8], name: &str) -> Result<()> {
     let fail = |at: usize, expected: &str, got: String| {
         Err(Error::input(name).at(format!("byte {at}: JPEG marker")).expected(expected).got(got))
@@ -295,8 +296,8 @@ pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[&str], da
     atomic::write_bytes(path, &bytes)
 }
 
-/// The bytes of an OpenEXR file: f32, ZIP, scan lines; `data` is (H, W, C) row-major with C named `channels`, such as
-/// `["R", "G", "B"]` or `["Z"]`. Values are stored as they are, −0 included.
+/// The bytes of an OpenEXR file: f32, ZIP, scan lines; `data` is (H, W, C) row-major with C named `channels`,
+/// such as `["R", "G", "B"]` or `["Z"]`. Values are stored as they are, −0 included.
 ///
 /// # Errors
 /// When the sizes disagree or a value is not finite.

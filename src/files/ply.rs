@@ -1,4 +1,5 @@
-//! PLY files of any content, read strictly: ascii or binary of either byte order, properties in any order and of any type.
+//! PLY files of any content, read strictly: ascii or binary of either byte order, properties in any order and
+//! of any type.
 //!
 //! Scalars become columns. List properties (faces) are checked, and kept by [`parse_with_lists`]. What follows the last element is an error,
 //! and so is a row that is too short or too long.

@@ -205,7 +205,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     grid.write(&dir)?;
     let record = json!({
         "kind": "last intervene", "lastlight": env!("CARGO_PKG_VERSION"), "edges": trained.graph.edges(),
-        "picture": capture.shots[shot].name,
+        "image": capture.shots[shot].name,
         "moved": grid.moved.iter().map(|(i, m)| json!({"factor": i, "most": m})).collect::<Vec<_>>(),
         "seconds": meter.seconds(),
     });

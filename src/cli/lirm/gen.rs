@@ -177,7 +177,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{} object{}, {} pictures rendered: {} (digest {:016x}, {seconds:.1} s)",
+        "{} object{}, {} images rendered: {} (digest {:016x}, {seconds:.1} s)",
         made.objects,
         if made.objects == 1 { "" } else { "s" },
         made.rendered,

@@ -114,12 +114,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (v, t) = (object.mesh.positions.len(), object.mesh.triangles.len());
     if cli::is_json() {
         return cli::say_json(&json!({
-            "file": args.file, "out": args.out, "pictures": shots.len(), "vertices": v, "triangles": t,
+            "file": args.file, "out": args.out, "images": shots.len(), "vertices": v, "triangles": t,
             "materials": object.materials.len(), "notes": notes, "digest": format!("{digest:016x}"), "seconds": meter.seconds(),
         }));
     }
     cli::say(&format!(
-        "{} pictures of {t} triangles: {} (digest {digest:016x}, {:.1} s)",
+        "{} images of {t} triangles: {} (digest {digest:016x}, {:.1} s)",
         shots.len(),
         args.out.join("transforms.json").display(),
         meter.seconds()

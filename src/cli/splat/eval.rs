@@ -1,4 +1,4 @@
-//! `splat eval`: scores of a scene file on the photographs of a capture.
+//! `splat eval`: scores of a scene file on the photos of a capture.
 
 use super::capture_args::CaptureArgs;
 use super::fit::{score, scores_text, write_renders};

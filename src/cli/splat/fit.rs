@@ -1,4 +1,4 @@
-//! `splat fit`: Gaussians from the photographs of a capture.
+//! `splat fit`: Gaussians from the photos of a capture.
 
 use super::capture_args::CaptureArgs;
 use super::check;
@@ -130,9 +130,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let views = Views::load(&args.capture, &args.input.options(background))?;
     args.input.note(&views, &meter);
     let determined = Settings::determined(&views, background);
-    meter.lap("reading photographs");
+    meter.lap("reading photos");
     meter.note(&format!(
-        "{}: {} photographs to fit, {} held out, {}",
+        "{}: {} training photos, {} held out, {}",
         args.capture.display(),
         views.train.len(),
         views.test.len(),
@@ -179,7 +179,7 @@ fn sizes(views: &Views) -> String {
     all.dedup();
     match all.as_slice() {
         [(w, h)] => format!("{w}x{h} pixels"),
-        other => format!("{} picture sizes", other.len()),
+        other => format!("{} image sizes", other.len()),
     }
 }
 

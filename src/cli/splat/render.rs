@@ -86,12 +86,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.done();
     if cli::is_json() {
         return cli::say_json(&json!({
-            "scene": args.scene, "out": args.out, "pictures": shots.len(), "gaussians": stored.len(),
+            "scene": args.scene, "out": args.out, "images": shots.len(), "gaussians": stored.len(),
             "profile": args.render.profile, "files": written, "seconds": meter.seconds(),
         }));
     }
     cli::say(&format!(
-        "{} views of {} Gaussians: {} ({:.1} pictures/s)",
+        "{} views of {} Gaussians: {} ({:.1} images/s)",
         shots.len(),
         stored.len(),
         dir.join("transforms.json").display(),

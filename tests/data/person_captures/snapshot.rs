@@ -52,7 +52,7 @@ fn a_picture_missing_among_a_hundred_is_a_note() {
     for (f, rgb) in photographs[..100].iter().enumerate() {
         write_picture(&dir.join(format!("images/image_{f:04}.png")), 16, 3, rgb);
     }
-    // Later the person has walked out of the picture.
+    // Later the person has walked out of the image.
     let early = |start, count| Some(Range { start, step: 1, count });
     let some = Selection { train_frames: early(0, 4), test_frames: early(5, 2), ..Selection::default() };
     let source = lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &some, None).expect("enough");
@@ -108,15 +108,15 @@ fn anim_nerf() {
     let truth = layouts::anim_nerf(dir);
     let c = check(Layout::AnimNerf, dir, &Selection::default(), None, &truth);
     assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
-    // Its name says who it is; the folder has no body of that sex.
+    // The folder name gives the gender; the folder has no body of that gender.
     let male = &folder.path().join("male-3-casual");
     std::fs::rename(dir, male).expect("renamed");
     let e = error(convert(Layout::AnimNerf, male, &Selection::default(), None, &folder.path().join("out")));
     assert!(e.contains("'male'"), "{e}");
     let to = folder.path().join("told");
     let told = captures::read(Layout::AnimNerf, male, &Selection::default(), Some("neutral"))
-        .expect("told otherwise");
-    assert_eq!(told.gender, "neutral", "what is told counts");
+        .expect("another gender given");
+    assert_eq!(told.gender, "neutral", "the given gender takes precedence");
     import::write(&told, None, None, &to, &AtomicBool::new(false), &mut |_, _| {}).expect("written");
     std::fs::rename(male, dir).expect("renamed");
     std::fs::rename(dir.join("mask/000004.png"), dir.join("mask/000005.png")).expect("renamed");
