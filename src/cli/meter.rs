@@ -1,9 +1,6 @@
 //! Progress on stderr and where the time went.
 
-#![expect(
-    clippy::disallowed_types,
-    reason = "the clock is read for messages only; no result depends on it"
-)]
+#![expect(clippy::disallowed_types, reason = "the clock is read for messages only; no result depends on it")]
 
 use crate::console;
 use crate::fit::training::{Step, Watch};

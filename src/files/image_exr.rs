@@ -1,6 +1,7 @@
 //! The OpenEXR part of [`super::image_file`].
 
 use super::image_data::{Encoding, Orientation, Picture, Samples, check_size};
+use super::read::reported;
 use super::{guard, memory};
 use crate::{Error, Result};
 use exr::prelude::{

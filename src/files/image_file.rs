@@ -11,6 +11,7 @@ use super::gaussian_ply::to_byte;
 use super::image_data::check_size;
 pub use super::image_data::{Encoding, MAX_SIDE, Orientation, Picture, Samples};
 use super::image_format::ImageFormat;
+use super::read::reported;
 use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, memory, name_of, read_bytes};
 use crate::num::order;
 use crate::{Error, Result};
@@ -113,7 +114,7 @@ pub fn size(bytes: &[u8], name: &str) -> Result<[usize; 2]> {
 }
 
 fn undecodable(place: &str, name: &str, e: &image::ImageError) -> Error {
-    Error::input(name).at(place).expected("a complete image").got(e.to_string())
+    Error::input(name).at(place).expected("a complete image").got(reported(e))
 }
 
 fn png(bytes: &[u8]) -> image::ImageResult<PngDecoder<Cursor<&[u8]>>> {

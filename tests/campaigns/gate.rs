@@ -62,7 +62,13 @@ fn a_wrong_program_is_found_out() {
     };
     let settings = |jobs| mutation::Settings { seed: 3, first: 0, runs: 60, jobs };
     let run = |jobs| {
-        let report = mutation::run(&Program::new(&path), &mut vec![base.clone()], &settings(jobs), scratch.path(), &|_| {});
+        let report = mutation::run(
+            &Program::new(&path),
+            &mut vec![base.clone()],
+            &settings(jobs),
+            scratch.path(),
+            &|_| {},
+        );
         report.expect("files and processes")
     };
     let report = run(2);

@@ -186,7 +186,12 @@ fn broken_files_are_named() {
     refused(&["convert", "cut.ply", "out.splat"], dir, 2, &["cut.ply"]);
     assert!(!dir.join("out.splat").exists(), "nothing is written");
     std::fs::write(dir.join("empty.splat"), []).expect("writes");
-    refused(&["splat", "render", "empty.splat", "--cameras", "orbit:2", "--out", "e"], dir, 2, &["empty.splat"]);
+    refused(
+        &["splat", "render", "empty.splat", "--cameras", "orbit:2", "--out", "e"],
+        dir,
+        2,
+        &["empty.splat"],
+    );
     std::fs::write(dir.join("odd.splat"), [0; 33]).expect("writes");
     refused(&["convert", "odd.splat", "out.ply"], dir, 2, &["odd.splat"]);
     std::fs::write(dir.join("capture/transforms.json"), "{\"frames\": [").expect("writes");

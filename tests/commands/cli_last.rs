@@ -283,7 +283,8 @@ fn a_bad_held_out_image_is_reported_before_the_fit() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
     data(at);
-    let record = std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
+    let record =
+        std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
     let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
     let image = record["frames"][0]["file_path"].as_str().expect("an image");
     std::fs::write(at.join("data/video").join(image), b"no image").expect("written");

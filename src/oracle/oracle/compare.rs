@@ -124,7 +124,6 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     report.note = note;
     let single = [theirs, ours].iter().any(|a| matches!(a, Array::F32(_)));
     let (a, b) = (theirs.to_f64(), ours.to_f64());
-    let kept: Vec<usize> = (0..a.len()).filter(|&i| keep[i]).collect();
     let is_nan = |i: &usize| a[*i].is_nan() || b[*i].is_nan();
     if let Some(first) = (0..a.len()).find(is_nan) {
         let count = |v: &[f64]| v.iter().filter(|x| x.is_nan()).count();

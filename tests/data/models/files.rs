@@ -312,9 +312,17 @@ fn an_invisible_material_of_obj_is_read_as_opaque_with_a_note() {
         let fetch = move |_: &str| Ok(mtl.clone());
         let text = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl ghost\nf 1 2 3\n";
         let o = obj::parse(text, "a.obj", &fetch).expect("an OBJ");
-        assert!(o.notes.iter().any(|n| n.contains("'ghost'") && n.contains("opaque")), "{line}: {:?}", o.notes);
+        assert!(
+            o.notes.iter().any(|n| n.contains("'ghost'") && n.contains("opaque")),
+            "{line}: {:?}",
+            o.notes
+        );
         let object = model::from_obj(&o, "a.obj").expect("an object");
-        assert_eq!((object.materials[0].alpha, object.materials[0].base_color[3]), (Alpha::Opaque, 1.0), "{line}");
+        assert_eq!(
+            (object.materials[0].alpha, object.materials[0].base_color[3]),
+            (Alpha::Opaque, 1.0),
+            "{line}"
+        );
     }
 }
 

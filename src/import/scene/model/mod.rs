@@ -84,7 +84,9 @@ fn unknown(name: &str, extension: &str) -> Error {
         "usdz" | "usd" | "usda" | "usdc" | "fbx" | "stl" | "dae" | "3ds" | "blend" | "abc" => {
             e.hint("convert it to .glb, for example by importing it into Blender and exporting glTF")
         }
-        "splat" | "spz" | "sog" | "ksplat" => e.hint("this is a scene of Gaussians; `lastlight splat render` renders scenes"),
+        "splat" | "spz" | "sog" | "ksplat" => {
+            e.hint("this is a scene of Gaussians; `lastlight splat render` renders scenes")
+        }
         _ => e,
     }
 }
