@@ -258,7 +258,7 @@ pub(crate) fn truth(data: &Path) -> Result<Option<Vec<Vec<bool>>>> {
 fn structure(data: &Path, verdict: &Evaluation) -> Section {
     let n = verdict.graph.n();
     let (p, edges, truth) =
-        (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(data));
+        (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(data).ok().flatten());
     let truth = truth.filter(|t| t.len() == n && t.iter().all(|row| row.len() == n));
     let drawing = Graph {
         title: "after training",
