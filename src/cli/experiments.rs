@@ -203,10 +203,10 @@ pub(crate) fn page(
         command: cli::command_line(),
         facts: Vec::new(),
         stats: vec![
-            stat(Outcome::Holds, "what counts as reproduced came out"),
-            stat(Outcome::Fails, "it did not"),
-            stat(Outcome::Reported, "without a criterion"),
-            stat(Outcome::NotRun, "something is missing"),
+            stat(Outcome::Holds, "the criterion is met"),
+            stat(Outcome::Fails, "the criterion is not met"),
+            stat(Outcome::Reported, "there is no criterion"),
+            stat(Outcome::NotRun, "an input is missing"),
         ],
         sections: reports.iter().map(|r| section(r, if r.id == timed { costs } else { &[] })).collect(),
     }

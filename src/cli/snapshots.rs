@@ -101,7 +101,10 @@ impl<'a> Recorder<'a> {
         self.film.views = levels.len();
         let psnr_db = levels.iter().fold(0.0, |s, x| s + x) / levels.len() as f64;
         self.film.all.push(Snapshot { iteration: done, psnr_db, image });
-        self.write()?;
+        // Files are synchronised with the disk: few of them.
+        if kept {
+            self.write()?;
+        }
         Ok(true)
     }
 
@@ -139,6 +142,10 @@ impl Watch for Recorder<'_> {
 
     fn progress(&mut self, done: usize, total: usize, step: Step) {
         self.meter.progress(done, total, step);
+    }
+
+    fn is_checkpoint_due(&mut self) -> bool {
+        self.meter.is_checkpoint_due()
     }
 
     fn state(&mut self, done: usize, total: usize, fit: &dyn Fit) -> Result<()> {

@@ -76,7 +76,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         sections.push(Section {
             id: "stages",
             title: "Stages",
-            lead: "Stages of the operator in the order of evaluation, with the arrays that each one writes. Look at the first divergence: later \\
+            lead: "Stages of the operator in the order of evaluation, with the arrays that each one writes. Look at the first divergence: later \
                    differences can follow from it."
                 .into(),
             body: html! { (stages(x)) @if let Some(d) = &r.divergence { p.lead { (d) } } },
@@ -98,7 +98,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             id: "errors",
             title: "Errors by array",
             lead: format!(
-                "The histogram counts entries by the size of their error relative to the root mean square of the array. Heat maps are logarithmic, \\
+                "The histogram counts entries by the size of their error relative to the root mean square of the array. Heat maps are logarithmic, \
                  from black for equal entries to light yellow for the largest error; dark purple is a factor of 10^{DECADES:.0} below it."
             ),
             body: html! { div.stack { @for part in &parts { (part) } } },
@@ -210,8 +210,8 @@ fn array(x: &Input<'_>, a: &ArrayReport) -> Result<Markup> {
         .map(|w| {
             vec![
                 text(format!("{:?}", w.index)),
-                text(format!("{:e}", w.theirs)),
-                text(format!("{:e}", w.ours)),
+                text(number(w.theirs)),
+                text(number(w.ours)),
                 text(format!("{:.3e}", w.ours - w.theirs)),
                 text(w.ulp),
             ]
@@ -231,6 +231,12 @@ fn array(x: &Input<'_>, a: &ArrayReport) -> Result<Markup> {
             (body)
         }
     })
+}
+
+/// A value with the digits that an f32 needs, where it is one.
+fn number(x: f64) -> String {
+    let narrow = x as f32;
+    if f64::from(narrow) == x { format!("{narrow:e}") } else { format!("{x:.10e}") }
 }
 
 /// |reference − yours| by entry; empty if the arrays cannot be subtracted.

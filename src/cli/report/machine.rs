@@ -10,7 +10,11 @@ pub(super) fn facts() -> Vec<(&'static str, String)> {
     let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs());
     let shown = ["commit", "rustc", "processor", "threads"];
     let mut facts = vec![("date", date(now)), ("lastlight", version::VERSION.to_owned())];
-    facts.extend(version::facts().into_iter().filter(|(name, _)| shown.contains(name)));
+    let build = version::facts().into_iter().filter(|(name, _)| shown.contains(name));
+    facts.extend(build.map(|(name, value)| {
+        let short = value.strip_prefix(name).map(|rest| rest.trim().to_owned());
+        (name, short.unwrap_or(value))
+    }));
     facts
 }
 

@@ -12,7 +12,7 @@ pub(super) const CSS: &str = "
 body{margin:0;background:var(--bg);color:var(--ink);font:16px/1.55 system-ui,-apple-system,'Segoe UI',Roboto,'Helvetica Neue',Arial,sans-serif}
 .wrap{max-width:1180px;margin:0 auto;padding:0 28px}
 .skip{position:absolute;left:-9999px}.skip:focus{left:12px;top:12px;z-index:20;background:var(--panel);color:var(--ink);padding:8px 14px;border:2px solid var(--accent);border-radius:8px}
-code,pre{font-family:ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans Mono',monospace;font-size:.86em}code{overflow-wrap:anywhere}
+code,pre{font-family:ui-monospace,SFMono-Regular,Menlo,Consolas,'DejaVu Sans Mono',monospace;font-size:.86em}dd code{overflow-wrap:anywhere}
 header{padding:44px 0 26px}
 .kind{margin:0;color:var(--soft);font-size:15px}.mark{color:var(--accent);font-weight:650;letter-spacing:.01em;margin-right:10px}
 h1{font-size:36px;line-height:1.15;letter-spacing:-.02em;margin:6px 0 18px;font-weight:680;overflow-wrap:anywhere}
@@ -30,13 +30,13 @@ nav a:hover{color:var(--accent)}a{color:var(--accent)}:focus-visible{outline:2px
 section{padding-top:34px;scroll-margin-top:30px}h2{font-size:22px;letter-spacing:-.01em;margin:0 0 6px;font-weight:650}
 h3{font-size:15px;margin:0 0 10px;font-weight:600}.lead{color:var(--soft);margin:0 0 16px;max-width:76ch}
 .panel{background:var(--panel);border:1px solid var(--line);border-radius:12px;padding:18px 20px;box-shadow:var(--shadow)}
-.stack{display:grid;gap:16px;grid-template-columns:minmax(0,1fr)}.two{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,460px),1fr));gap:16px}
+.stack{display:grid;gap:16px;align-content:start;grid-template-columns:minmax(0,1fr)}.two{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,460px),1fr));gap:16px}
 .two.keep{grid-template-columns:repeat(auto-fill,minmax(min(100%,460px),1fr))}
 .scroll{overflow-x:auto;background:var(--panel);border:1px solid var(--line);border-radius:12px;box-shadow:var(--shadow)}
 table{border-collapse:collapse;width:100%;font-size:14.5px}th{color:var(--soft);font-weight:550;font-size:13px;text-align:left}thead th{vertical-align:bottom}
 th,td{padding:8px 16px;border-bottom:1px solid var(--line);vertical-align:baseline;overflow-wrap:break-word}tbody tr:last-child>*{border-bottom:0}
 .num{text-align:right;font-variant-numeric:tabular-nums}td.num{white-space:nowrap}.good{color:var(--good)}.bad{color:var(--bad)}
-tr.total td,.strong{font-weight:650}caption{text-align:left;padding:12px 16px 4px;font-weight:600;font-size:14.5px}
+tr.total td,.strong{font-weight:650}.cards th,.cards td{padding:8px 10px}caption{text-align:left;padding:12px 16px 4px;font-weight:600;font-size:14.5px}
 svg{display:block;width:100%;height:auto}svg text{fill:var(--soft);font:12px system-ui,-apple-system,'Segoe UI',Roboto,Arial,sans-serif}svg text.ink{fill:var(--ink)}
 .group{margin-top:30px}.views{display:grid;gap:30px;grid-template-columns:minmax(0,1fr)}.view{margin:0;border:0;padding:0;min-width:0}
 .view h3{display:flex;flex-wrap:wrap;gap:4px 14px;align-items:baseline;margin-bottom:9px;overflow-wrap:anywhere}.view h3 span{color:var(--soft);font-weight:400;font-variant-numeric:tabular-nums}
@@ -62,12 +62,12 @@ figcaption{color:var(--faint);font-size:13px;padding-top:5px}
 .grid-table{table-layout:fixed;font-size:13px}.grid-table th,.grid-table td{padding:5px 4px;border:0;text-align:center;vertical-align:middle}.grid-table th:first-child{width:104px;text-align:left;padding-left:14px;overflow-wrap:break-word}
 .grid-table img{display:block;width:100%;height:auto;border-radius:6px}.grid-table small{display:block;color:var(--faint);font-size:12px;font-variant-numeric:tabular-nums}.grid-table .mid{background:var(--accent-soft)}.grid-table .mid small{color:var(--ink)}
 .hints{margin:0;padding-left:20px;max-width:82ch}.hints li{margin:0 0 8px}.glossary{display:grid;grid-template-columns:max-content minmax(0,1fr);gap:8px 22px;max-width:96ch;margin:0}.glossary dt{color:var(--ink);font-weight:600;font-size:14px}.glossary dd{color:var(--soft);font-size:14px}
-.stages{list-style:none;margin:0;padding:0;display:flex;flex-wrap:wrap;gap:10px}.stages li{border:1px solid var(--line);border-left:5px solid var(--faint);border-radius:9px;background:var(--panel);padding:8px 13px;font-size:13.5px;color:var(--soft)}
+.stages{list-style:none;margin:0 0 14px;padding:0;display:flex;flex-wrap:wrap;gap:10px}.stages li{border:1px solid var(--line);border-left:5px solid var(--faint);border-radius:9px;background:var(--panel);padding:8px 13px;font-size:13.5px;color:var(--soft)}
 .stages li b{display:block;color:var(--ink);font-weight:600}.stages .ok{border-left-color:var(--good)}.stages .first,.stages .after{border-left-color:var(--bad)}.stages .first{outline:2px solid var(--bad)}
 details summary{cursor:pointer;color:var(--soft);font-size:14px;padding:10px 0}
 footer{color:var(--faint);font-size:13px;padding:44px 0 40px}
 @media (max-width:640px){.wrap{padding:0 16px}h1{font-size:28px}header{padding-top:26px}.panel{padding:14px 12px}th,td{padding:7px 6px}table{font-size:13px}th{font-size:12px}
-td:first-child,th:first-child{padding-left:12px}td:last-child,th:last-child{padding-right:12px}td:first-child,td:first-child code{overflow-wrap:anywhere}
+td:first-child,th:first-child{padding-left:12px}td:last-child,th:last-child{padding-right:12px}td:first-child,td:first-child dd code{overflow-wrap:anywhere}
 svg text{font-size:17px}.stats{grid-template-columns:repeat(2,minmax(0,1fr));gap:10px}.stat{padding:11px 12px}.value{font-size:22px}
 .frames{grid-template-columns:repeat(2,minmax(0,1fr));gap:8px}.frames .render{grid-column:1/3;grid-row:1}.pick-photo:checked~.frames,.pick-render:checked~.frames,.pick-error:checked~.frames{grid-template-columns:minmax(0,1fr)}
 .pick-photo:checked~.frames figure,.pick-error:checked~.frames figure,.zoom:checked~.frames figure{grid-column:1;grid-row:auto}.glossary{grid-template-columns:minmax(0,1fr);gap:2px}.glossary dd{margin-bottom:10px}
