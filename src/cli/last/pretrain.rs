@@ -259,6 +259,8 @@ fn structure(data: &Path, verdict: &Evaluation) -> Section {
     let n = verdict.graph.n();
     let (p, edges, truth) =
         (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(data));
+    // It was read before the training; a record that was changed meanwhile is left out of the report.
+    let truth = truth.unwrap_or_default();
     let truth = truth.filter(|t| t.len() == n && t.iter().all(|row| row.len() == n));
     let drawing = Graph {
         title: "after training",
