@@ -1,7 +1,8 @@
 //! `camera_path.json` of the nerfstudio viewer: cameras without images.
 //!
-//! Per camera: `camera_to_world`, 16 numbers row by row with OpenGL axes, and `fov`, the vertical field of view in degrees; for all of them
-//! `render_width`, `render_height` and `camera_type`, which must be `perspective`.
+//! Per camera: `camera_to_world`, 16 numbers row by row with OpenGL axes, and `fov`, the vertical field of
+//! view in degrees; for all of them `render_width`, `render_height` and `camera_type`, which must be
+//! `perspective`.
 
 use super::frame::Frame;
 use super::transforms::parse;

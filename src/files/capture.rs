@@ -33,7 +33,7 @@ pub fn read_capture(path: &Path) -> Result<Capture> {
     read_capture_with(path, &Reading::default())
 }
 
-/// [`read_capture`], with its files found as `reading` says.
+/// [`read_capture`], with its files found according to `reading`.
 ///
 /// # Errors
 /// Those of [`read_capture`]; when the folder of images is none.

@@ -34,7 +34,7 @@ const ENDINGS: [&str; 6] = ["png", "jpg", "JPG", "jpeg", "PNG", "webp"];
 /// The image in a folder, possibly with another ending.
 fn image(folder: &Path, name: &str) -> Option<PathBuf> {
     let other = |ending: &&str| folder.join(Path::new(name).with_extension(ending));
-    locate(folder, name).or_else(|| ENDINGS.iter().map(|e| other(&e)).find(|p| p.is_file()))
+    locate(folder, name).or_else(|| ENDINGS.iter().map(other).find(|p| p.is_file()))
 }
 
 /// The model of a capture folder, if there is one.

@@ -19,8 +19,9 @@ fn solve(a: &Matrix, b: [f64; 3], det: f64) -> [f64; 3] {
     })
 }
 
-/// The point p that minimises the sum over optical axes (centre c, unit direction d) of the squared distance to the axis, i.e.
-/// Σ(I − ddᵀ)(p − c) = 0; `None` if there are no axes, or they are parallel (to about a thousandth of a radian).
+/// The point p that minimises the sum over optical axes (centre c, unit direction d) of the squared distance
+/// to the axis, i.e. Σ(I − ddᵀ)(p − c) = 0; `None` if there are no axes, or they are parallel (to about a
+/// thousandth of a radian).
 pub fn nearest_to_axes(axes: &[([f64; 3], [f64; 3])]) -> Option<[f64; 3]> {
     let n = axes.len() as f64;
     let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);
@@ -40,10 +41,10 @@ pub fn nearest_to_axes(axes: &[([f64; 3], [f64; 3])]) -> Option<[f64; 3]> {
 /// Weight of the mean of the cameras' own up directions in [`up`].
 const OWN_UP: f64 = 0.02;
 
-/// The unit vector that is most nearly upright in all images, from the cameras' directions to the right and up: cameras are held
-/// level more often than they look horizontally, so u minimises mean (r·u)² + 0.02·‖u − m‖², m the mean of the directions up.
-/// For cameras around an object u is the axis of their circle, whatever their elevation. `None` if the
-/// directions up cancel.
+/// The unit vector that is most nearly upright in all images, from the cameras' directions to the right and
+/// up: cameras are held level more often than they look horizontally, so u minimises mean (r·u)² + 0.02·‖u −
+/// m‖², m the mean of the directions up. For cameras around an object u is the axis of their circle, whatever
+/// their elevation. `None` if the directions up cancel.
 pub fn up(right_and_up: &[([f64; 3], [f64; 3])]) -> Option<[f64; 3]> {
     let n = right_and_up.len() as f64;
     let (mut a, mut b) = ([[0.0; 3]; 3], [0.0; 3]);

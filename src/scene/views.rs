@@ -20,7 +20,7 @@ const PIXEL_BYTES: u64 = 4;
 /// Fewer points than this are no start of a fit.
 pub const FEW_POINTS: usize = 100;
 
-/// What becomes of the pixels that a mask excludes.
+/// How the pixels that a mask excludes are treated.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Masks {
     /// They count neither in losses nor in scores.
@@ -41,7 +41,7 @@ pub struct Options {
     pub downscale: usize,
     /// Refuse a capture whose list names photos that are not there, instead of leaving them out.
     pub strict: bool,
-    /// What masks do.
+    /// How masks are applied.
     pub masks: Masks,
     /// Folder of the images, in place of the one the capture names.
     pub images: Option<PathBuf>,
@@ -132,8 +132,8 @@ impl Views {
 
     /// Loads the photos of a capture, several at a time; the result does not depend on how many.
     ///
-    /// Where the layout itself names training and test images, that split holds and validation images are left
-    /// out; otherwise every eighth view is held out.
+    /// Where the layout itself names training and test images, that split holds and validation images are
+    /// left out; otherwise every eighth view is held out.
     ///
     /// # Errors
     /// When a photo or a mask is bad, or its size does not fit its lens.
@@ -199,8 +199,8 @@ impl Views {
 
 /// Extent and box of the cameras.
 ///
-/// The box: around the point nearest to the optical axes ([`nearest_to_axes`]). If the axes are parallel there is no such point, and
-/// the centre is one extent in front of the mean centre of the cameras.
+/// The box: around the point nearest to the optical axes ([`nearest_to_axes`]). If the axes are parallel
+/// there is no such point, and the centre is one extent in front of the mean centre of the cameras.
 fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     let n = frames.len() as f64;
     let mut axes = Vec::with_capacity(frames.len());
@@ -297,8 +297,8 @@ fn load(frame: &Frame, options: &Options) -> Result<(View, bool)> {
     Ok((View { name: frame.name.clone(), camera, rgb, mask }, is_masked))
 }
 
-/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask of the photo before it was reduced is
-/// sampled at the nearest pixels.
+/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask of the photo
+/// before it was reduced is sampled at the nearest pixels.
 fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
     let m = image_file::read(path)?;
     let off = (m.width * height).abs_diff(m.height * width);
@@ -328,7 +328,8 @@ fn composite(p: &Picture, background: [f32; 3]) -> Vec<f32> {
     out
 }
 
-/// Mean of s×s blocks: left fold over rows, then columns. Incomplete blocks at the right and bottom are cut off.
+/// Mean of s×s blocks: left fold over rows, then columns. Incomplete blocks at the right and bottom are cut
+/// off.
 fn box_mean(rgb: &[f32], stride: usize, width: usize, height: usize, s: usize) -> Vec<f32> {
     if s == 1 {
         return rgb.to_vec();

@@ -93,7 +93,7 @@ fn check_views(folder: &Path, count: usize, what: &str) {
         let mean = |color: usize| {
             let rows: Vec<usize> =
                 inside.iter().filter(|&&(x, y)| channel(x, y, color) > 0.4).map(|p| p.1).collect();
-            rows.iter().sum::<usize>() as f64 / rows.len() as f64
+            rows.iter().fold(0.0, |s, &y| s + y as f64) / rows.len() as f64
         };
         assert!(mean(0) + 0.2 * h as f64 * 0.5 < mean(1), "{name}: red at {}, green at {}", mean(0), mean(1));
     }

@@ -5,7 +5,7 @@ use crate::report::thousands;
 use crate::scene::views::{self, Views};
 use std::path::PathBuf;
 
-/// What masks do.
+/// How masks are applied.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(super) enum Masks {
     /// Masked pixels count neither in the loss nor in scores
@@ -25,7 +25,7 @@ pub(super) struct CaptureArgs {
     /// Refuse a capture with missing images instead of leaving those frames out
     #[arg(long, help_heading = "Input")]
     strict: bool,
-    /// What the masks of a capture do
+    /// How the masks of a capture are applied
     #[arg(long, value_enum, value_name = "HOW", default_value = "ignore", help_heading = "Input")]
     masks: Masks,
     /// Folder of the images, in place of the one that the capture names

@@ -45,8 +45,8 @@ pub fn frame(file_path: &str, c: &Camera) -> Value {
     })
 }
 
-/// Cameras of a fit as a `transforms.json`, beside the scene file named `scene` that was fitted; which of them were held out is
-/// listed.
+/// Cameras of a fit as a `transforms.json`, beside the scene file named `scene` that was fitted; which of
+/// them were held out is listed.
 pub fn cameras(views: &Views, scene: &str) -> Value {
     // A name that leads elsewhere would be refused when the file is read.
     let name = |view: &View| clean(&view.name).unwrap_or_else(|_| view.name.replace(['/', '\\', ':'], "_"));

@@ -58,7 +58,8 @@ impl Orbit {
     /// The cameras, around what the given ones look at.
     ///
     /// # Errors
-    /// When the scene is empty and nothing says where it is, or a number is out of range.
+    /// When the scene is empty and neither cameras nor centre and radius are given, or a number is out of
+    /// range.
     pub fn shots_from(&self, scene: &Gaussians, cameras: &[Camera], up: Up) -> Result<Vec<Shot>> {
         self.check()?;
         let given = self.center.filter(|_| self.radius.is_some()).map(|c| {
@@ -120,8 +121,8 @@ impl Orbit {
         std::array::from_fn(|k| ce * (side[k] * s + pivot.front[k] * c) + se * pivot.up[k])
     }
 
-    /// Distance from which the scene without its background fills the image from all sides, and of what has been
-    /// filmed not farther than where this lens shows the width and the height that the cameras saw.
+    /// Distance from which the scene without its background fills the image from all sides, and of what has
+    /// been filmed not farther than where this lens shows the width and the height that the cameras saw.
     fn fitting(&self, scene: &Gaussians, pivot: &Pivot) -> f64 {
         let all = measured(scene);
         let content =
@@ -236,7 +237,7 @@ mod tests {
         let alone = near(object.clone(), &[]);
         let both = near([object.clone(), wall.clone().collect()].concat(), &[]);
         assert!(alone > 2.0 && alone < 8.0 && (both / alone - 1.0).abs() < 0.2, "{alone} and {both}");
-        // Cameras say how far away it was seen from.
+        // Cameras determine the distance.
         let filmed: Vec<Camera> =
             ORBIT.shots(&cloud(object.clone())).expect("valid").into_iter().map(|s| s.camera).collect();
         let both = near([object, wall.collect()].concat(), &filmed);

@@ -1,7 +1,8 @@
 //! What an orbit turns around, which way is up, and what is background.
 //!
-//! Of a scene that was fitted, middle, axis and distance come from the cameras of its images ([`Pivot::of_cameras`]); of any
-//! other, from the extents of its Gaussians, weighted by opacity ([`Pivot::of_scene`]).
+//! Of a scene that was fitted, middle, axis and distance come from the cameras of its images
+//! ([`Pivot::of_cameras`]); of any other, from the extents of its Gaussians, weighted by opacity
+//! ([`Pivot::of_scene`]).
 
 use crate::num::{elem, order};
 use crate::scene::camera::Camera;
@@ -64,8 +65,8 @@ pub struct Pivot {
     pub up: [f64; 3],
     /// Where the first camera is, seen from the middle; a unit vector at right angles to the axis.
     pub front: [f64; 3],
-    /// Half of the width and of the height that the cameras see at the distance of the middle, on average; `None`
-    /// without cameras.
+    /// Half of the width and of the height that the cameras see at the distance of the middle, on average;
+    /// `None` without cameras.
     pub reach: Option<[f64; 2]>,
 }
 
@@ -81,8 +82,8 @@ impl Pivot {
         Self { center, up, front, reach: None }
     }
 
-    /// The point nearest to the optical axes; the axis of the cameras' circle; the front is on their side. `None` if there is no such
-    /// point, or most cameras look away from it.
+    /// The point nearest to the optical axes; the axis of the cameras' circle; the front is on their side.
+    /// `None` if there is no such point, or most cameras look away from it.
     pub fn of_cameras(cameras: &[Camera], up: Up) -> Option<Self> {
         let row = |c: &Camera, k: usize| c.rotation[k].map(f64::from);
         let eyes: Vec<[f64; 3]> = cameras.iter().map(|c| c.center().map(f64::from)).collect();
@@ -119,7 +120,8 @@ impl Pivot {
         Some(Self { front: horizontal(toward, up).unwrap_or(upright.front), reach: Some(reach), ..upright })
     }
 
-    /// The middle of the Gaussians' extents, weighted by opacity, without the background; `None` for an empty scene.
+    /// The middle of the Gaussians' extents, weighted by opacity, without the background; `None` for an empty
+    /// scene.
     pub fn of_scene(scene: &Gaussians, up: Up) -> Option<Self> {
         let up = if let Up::Axis(axis) = up { axis } else { [0.0, 0.0, 1.0] };
         let all = measured(scene);

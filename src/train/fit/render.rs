@@ -204,7 +204,7 @@ pub fn capture_shots(path: &Path, downscale: usize) -> Result<Vec<Shot>> {
     shots_of(path, downscale, &Reading::default())
 }
 
-/// [`capture_shots`] of a capture whose files are found as `reading` says, or of a `camera_path.json`.
+/// [`capture_shots`] of a capture whose files are found according to `reading`, or of a `camera_path.json`.
 ///
 /// # Errors
 /// See [`capture_shots`].

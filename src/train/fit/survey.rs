@@ -1,11 +1,13 @@
-//! A check of a capture before the first iteration: where its cameras point, and how many of its points each of them sees.
+//! A check of a capture before the first iteration: where its cameras point, and how many of its points each
+//! of them sees.
 
 use crate::num::order;
 use crate::scene::bound::project;
 use crate::scene::views::Views;
 use serde_json::{Value, json};
 
-/// A camera points at a place if the angle between its axis and the direction to the place has at least this cosine.
+/// A camera points at a place if the angle between its axis and the direction to the place has at least this
+/// cosine.
 const TOWARD: f64 = 0.3;
 
 /// What a capture shows of its geometry.
@@ -19,7 +21,8 @@ pub struct Survey {
     pub distances: [f64; 2],
     /// Number of points of the capture.
     pub points: usize,
-    /// Per training image: its name and the number of points inside the image, in the order of the images; empty without points.
+    /// Per training image: its name and the number of points inside the image, in the order of the images;
+    /// empty without points.
     pub seen: Vec<(String, usize)>,
 }
 
@@ -78,7 +81,7 @@ mod tests {
     use crate::splat::render::Settings;
 
     #[test]
-    fn cameras_that_look_away_are_told_from_those_that_look_in() {
+    fn outward_looking_cameras_are_recognised() {
         let mut views = built_in::miniature(3, 8, &Settings::default()).expect("renders");
         let s = Survey::of(&views);
         assert_eq!(

@@ -136,8 +136,8 @@ impl History {
 pub struct Schedule<'a> {
     /// file of the checkpoint; `None` writes none
     pub checkpoint: Option<&'a Path>,
-    /// iterations between checkpoints; there is always one at the end and one on interruption, and one whenever the watch
-    /// says that it is due
+    /// iterations between checkpoints; there is always one at the end and one on interruption, and one whenever
+    /// [`Watch::is_checkpoint_due`]
     pub every: usize,
     /// flag that stops the fit after the current iteration
     pub stop: &'a AtomicBool,

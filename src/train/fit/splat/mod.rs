@@ -170,7 +170,8 @@ impl<'a> SplatFit<'a> {
         &self.events
     }
 
-    /// The first iteration after which there was no room for another Gaussian; 0 if there was none at the start.
+    /// The first iteration after which there was no room for another Gaussian; 0 if there was none at the
+    /// start.
     pub fn full_since(&self) -> Option<usize> {
         let most = self.settings.max_gaussians;
         let grown = |e: &&Event| e.cloned + e.split + e.added > 0 && e.size + e.pruned >= most;
@@ -335,9 +336,10 @@ impl Fit for SplatFit<'_> {
     }
 }
 
-/// How much larger than published a Gaussian may be before it is pruned for its size: the limit, a tenth of the extent of the cameras,
-/// belongs to captures with points. Without points the first Gaussians fill the scene box, which can be much larger than
-/// the extent of few cameras, and so can what is in it; then the limit is a tenth of half the box, where that is more.
+/// How much larger than published a Gaussian may be before it is pruned for its size: the limit, a tenth of
+/// the extent of the cameras, belongs to captures with points. Without points the first Gaussians fill the
+/// scene box, which can be much larger than the extent of few cameras, and so can what is in it; then the
+/// limit is a tenth of half the box, where that is more.
 fn size_factor(views: &Views) -> f64 {
     if views.starting_points().is_some() {
         return 1.0;
