@@ -108,10 +108,10 @@ impl TypedValueParser for Operator {
     }
 }
 
-/// The name that the fewest insertions, deletions and replacements make of `word`, if they change less than half of it.
+/// The name that the fewest insertions, deletions and replacements make of `word`, if they change at most half of it.
 fn closest<'a>(word: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let best = names.map(|name| (edits(word, name), name)).min_by_key(|(edits, _)| *edits);
-    best.filter(|(edits, _)| 2 * edits < word.chars().count()).map(|(_, name)| name)
+    best.filter(|(edits, _)| 2 * edits <= word.chars().count()).map(|(_, name)| name)
 }
 
 /// Levenshtein's distance.

@@ -167,7 +167,7 @@ pub(crate) fn say(line: &str) -> Result<()> {
     }
 }
 
-/// Writes a line to stderr: progress, notes, errors. Nobody may read it: a closed or full stderr changes neither the result nor the exit code.
+/// Writes a line to stderr: progress, notes, errors. A closed or full stderr changes neither the result nor the exit code.
 /// Control characters are escaped and long strings shortened, because they may come from files.
 pub(crate) fn note(line: &str) {
     write_error(&escaped(&shortened(line)));

@@ -97,6 +97,7 @@ const RUN: &[&str] = &[
 /// Options that `-h` leaves out.
 const RARE: &[&str] = &[
     "allow-outside",
+    "animate",
     "appearances",
     "batch-groups",
     "batch-images",
@@ -146,10 +147,12 @@ const RARE: &[&str] = &[
     "pose-network",
     "radius",
     "reading",
+    "render-as",
     "set-render-as",
     "set-size",
     "ssim-weight",
     "strict",
+    "subject",
     "tau-rec",
     "tau-scale",
     "test-camera",

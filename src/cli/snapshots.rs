@@ -163,7 +163,7 @@ mod tests {
     #[test]
     fn checkpoints_by_time_stay_due() {
         let mut meter = Meter::with_checkpoint_due();
-        assert!(Recorder::new(&mut meter, Path::new("")).is_checkpoint_due(), "as the stopwatch says");
+        assert!(Recorder::new(&mut meter, Path::new("")).is_checkpoint_due(), "as the stopwatch has it");
         let mut meter = Meter::new();
         assert!(!Recorder::new(&mut meter, Path::new("")).is_checkpoint_due(), "a new one");
     }

@@ -108,10 +108,17 @@ pub fn beside(path: &Path) -> impl Fn(&str) -> Result<Vec<u8>> {
     }
 }
 
+/// Most characters of a decoder's message in an error; some decoders list whole tables.
+const MOST_REPORTED: usize = 300;
+
 /// The message of a decoder of another crate, as the found part of an error. The expected part is stated by the
 /// reader, so an "expected" of the message is reworded.
 pub(crate) fn reported(e: &dyn std::fmt::Display) -> String {
-    e.to_string().replace(" expected ", " should be ")
+    let text = e.to_string().replace(" expected ", " should be ");
+    match text.char_indices().nth(MOST_REPORTED) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text,
+    }
 }
 
 /// Name of a path in errors.

@@ -59,12 +59,12 @@ pub const ALL: [Long; 10] = [
     ),
     fast(
         "last pretrain",
-        "last pretrain ../shop/data --iterations 12 --checkpoint-every 2 --observed 4 --groups 4 --points 16 --factor-dim 2",
+        "last pretrain ../shop/data --iterations 12 --checkpoint-every 2 --batch-images 4 --batch-groups 4 --batch-points 16 --factor-dim 2",
         Again::Resume,
     ),
     fast(
         "last gen",
-        "last gen --profile smoke --set all --count 24 --groups 4 --appearances 2 --points 128 --frames 4 --test-cameras 1 --set-size 32 --video-size 48 --samples 2",
+        "last gen --scale smoke --split all --observational 24 --groups 4 --appearances 2 --body-points 128 --frames 4 --test-cameras 1 --set-size 32 --video-size 48 --samples 2",
         Again::Resume,
     ),
     fast("lirm gen", "lirm gen --objects 2 --views 6 --size 48 --samples 16 --texture 32", Again::Resume),
@@ -85,7 +85,7 @@ pub const ALL: [Long; 10] = [
         again: Again::Force,
         slow: true,
     },
-    Long { name: "last study", line: "last study E13 --smoke", again: Again::Resume, slow: true },
+    Long { name: "last study", line: "last study E13 --scale smoke", again: Again::Resume, slow: true },
 ];
 
 const fn fast(name: &'static str, line: &'static str, again: Again) -> Long {
@@ -113,13 +113,13 @@ pub fn prepare(program: &Program, scratch: &Path) -> Result<()> {
     std::fs::create_dir(&dir)?;
     let shop = Workshop::new(program, &dir);
     shop.run(
-        "last gen --profile smoke --set all --count 16 --groups 16 --appearances 1 --points 64 --render-as points --frames 3 \
+        "last gen --scale smoke --split all --observational 16 --groups 16 --appearances 1 --body-points 64 --render-as points --frames 3 \
          --test-cameras 1 --set-size 64 --video-size 32 --samples 1 --out data --quiet",
     );
     shop.run("lirm gen --views 8 --size 24 --samples 2 --texture 32 --passes photo --out objects --quiet");
     std::fs::rename(dir.join("objects/object_00000/uniform"), dir.join("photos"))?;
     std::fs::rename(dir.join("objects/object_00000/object.glb"), dir.join("object.glb"))?;
-    shop.run("last pretrain data --iterations 2 --observed 4 --groups 4 --points 16 --factor-dim 2 --out model --quiet");
+    shop.run("last pretrain data --iterations 2 --batch-images 4 --batch-groups 4 --batch-points 16 --factor-dim 2 --out model --quiet");
     Ok(())
 }
 

@@ -69,7 +69,7 @@ const COMMANDS: [&str; 22] = [
     "splat render ../shop/fit/scene.ply --cameras orbit:2 --size 8x8 --out out --threads 1",
     "mesh render ../shop/object.glb --cameras orbit:1 --size 8x8 --samples 1 --out out --threads 1",
     "lirm gen --views 1 --size 8 --samples 1 --texture 32 --out out --threads 1",
-    "last gen --profile smoke --set video --frames 1 --test-cameras 1 --points 64 --video-size 16 --out out --threads 1",
+    "last gen --scale smoke --split video --frames 1 --test-cameras 1 --body-points 64 --video-size 16 --out out --threads 1",
     "last inspect ../shop/data/video --threads 1",
     "last fit ../shop/data/video --iterations 10 --max-gaussians 64 --out out --threads 1",
     "last intervene ../shop/model/model.safetensors ../shop/data/video --out out --threads 1",

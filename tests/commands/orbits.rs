@@ -165,5 +165,5 @@ fn folders_without_a_scene_and_unknown_axes_are_refused() {
     refused(&orbit(".", "z"), dir, 2, &["scene.ply"]);
     refused(&orbit("figure.ply", "w"), dir, 2, &["--up", "-y"]);
     let small = [&orbit("figure.ply", "-x")[..], &["--size", "32x24", "--json"]].concat();
-    assert_eq!(json(&small, dir)["pictures"], 2, "an axis");
+    assert_eq!(json(&small, dir)["images"], 2, "an axis");
 }

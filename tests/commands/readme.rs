@@ -43,6 +43,7 @@ const SESSIONS: [Session; 6] = [
         lines: &[
             ("lastlight doctor", "doctor"),
             ("lastlight oracle list", "oracle list"),
+            ("lastlight oracle show splat.render", "oracle show splat.render"),
             ("lastlight oracle mint splat.render --out cases", "oracle mint splat.render --out cases"),
             (
                 "lastlight oracle run splat.render --in cases/splat.render_0.npz --out ours.npz --dump",
@@ -66,8 +67,12 @@ const SESSIONS: [Session; 6] = [
                 "splat fit PHOTOS --out fit --iterations 30 --initial 200 --resume",
             ),
             (
-                "lastlight splat render fit/scene.ply --cameras orbit:36 --out turntable",
-                "splat render fit/scene.ply --cameras orbit:3 --size 24x24 --out turntable",
+                "lastlight splat render fit --cameras orbit:36 --out turntable",
+                "splat render fit --cameras orbit:3 --size 24x24 --out turntable",
+            ),
+            (
+                "lastlight splat render theirs.ply --cameras orbit:36 --up -y --out around",
+                "splat render fit/scene.ply --cameras orbit:3 --up -y --size 24x24 --out around",
             ),
             ("lastlight splat eval fit/scene.ply PHOTOS", "splat eval fit/scene.ply PHOTOS"),
         ],
@@ -76,11 +81,11 @@ const SESSIONS: [Session; 6] = [
         setup: &[SCENE[0], "convert cases/splat.render_0.npz demo/scene/scene.ply"],
         lines: &[
             (
-                "lastlight splat render demo/scene/scene.ply --cameras orbit:36 --size 320x320 --out turntable",
-                "splat render demo/scene/scene.ply --cameras orbit:8 --size 24x24 --out turntable",
+                "lastlight splat render demo/scene --cameras orbit:36 --size 240x180 --out turntable",
+                "splat render demo/scene --cameras orbit:8 --size 24x24 --out turntable",
             ),
             (
-                "lastlight splat fit turntable --out fit --iterations 300",
+                "lastlight splat fit turntable --out fit --iterations 1500",
                 "splat fit turntable --out fit --iterations 30 --initial 200",
             ),
         ],
@@ -105,14 +110,14 @@ const SESSIONS: [Session; 6] = [
         setup: &[],
         lines: &[
             (
-                "lastlight last gen --profile smoke --appearances 1 --out person",
-                "last gen --profile smoke --appearances 1 --out person --count 24 --groups 8 --points 128 --frames 3 \
+                "lastlight last gen --scale smoke --appearances 1 --out person",
+                "last gen --scale smoke --appearances 1 --out person --observational 24 --groups 8 --body-points 128 --frames 3 \
                  --test-cameras 1 --render-as points",
             ),
             ("lastlight last inspect person --out check", "last inspect person --out check"),
             (
                 "lastlight last pretrain person --out model --iterations 1000",
-                "last pretrain person --out model --iterations 2 --observed 12 --groups 4 --points 32 --factor-dim 2",
+                "last pretrain person --out model --iterations 2 --batch-images 12 --batch-groups 4 --batch-points 32 --factor-dim 2",
             ),
             (
                 "lastlight last tune model/model.safetensors person/video --out tuned.safetensors",
@@ -171,10 +176,10 @@ const MARKED: [(&str, &str); 20] = [
         "needs COLMAP",
     ),
     (
-        "lastlight last gen --character Knight.glb --animation Walking_A --set all --out knight",
+        "lastlight last gen --character Knight.glb --animation Walking_A --split all --out knight",
         "needs a character that is not included",
     ),
-    ("lastlight last study E7 --out study --quick", "minutes; `cli_study.rs` runs a smaller study"),
+    ("lastlight last study E7 --out study --scale quick", "minutes; `cli_study.rs` runs a smaller study"),
     ("lastlight mesh render model.glb --env probe.hdr --out relit", "`mesh_cli` runs it"),
     ("lastlight mesh compare ours.glb theirs.obj", "`mesh_cli` runs it"),
 ];

@@ -56,6 +56,11 @@ pub(crate) const COMPUTING: &[(&str, &str, &str)] = &[
         "adjoint(&pair,&l1_saved,1.0-SSIM_WEIGHT",
         "the constant weight of a loss is its cotangent",
     ),
+    (
+        "oracle/oracle/gradcheck.rs program",
+        "program.calls.get()+calls_of",
+        "a number of calls, for the progress of the check",
+    ),
     ("last/avatar/density.rs Latent::add", "self.sums[i]+=", "statistics of gradients, for density control"),
     (
         "last/avatar/density.rs Latent::add",

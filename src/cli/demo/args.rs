@@ -15,7 +15,7 @@ fn person_size(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Fit a built-in person from a video and a built-in scene from photographs; one report with images.
+/// Fit a built-in person from a video and a built-in scene from photos; one report with images.
 ///
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
 /// to the video and guides the fit of an animatable person of Gaussians; images that were held out are compared, the

@@ -197,7 +197,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let which: Vec<usize> = if args.factor.is_empty() { (0..n).collect() } else { args.factor.clone() };
     let shot = *capture.train.get(args.image).ok_or_else(|| {
         Error::input("--image")
-            .expected(format!("below {}, the number of training pictures", capture.train.len()))
+            .expected(format!("below {}, the number of training images", capture.train.len()))
             .got(args.image.to_string())
     })?;
     let grid = Grid::new(&trained, &capture, shot, &which)?;

@@ -51,7 +51,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     objects: Option<u32>,
     /// Index of the first object
-    #[arg(long, value_name = "K", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     first: u32,
     /// Models to use instead of the built-in ones: .gltf, .glb, .obj or .ply, comma-separated or repeated
     #[arg(long, value_name = "FILE", value_delimiter = ',')]

@@ -98,7 +98,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if which.is_empty() {
         return Err(Error::input("--split")
             .at(args.split.as_str())
-            .expected("at least one photograph")
+            .expected("at least one photo")
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;

@@ -34,7 +34,7 @@ Examples:
   lastlight splat fit photos/ --out quick --downscale 2 --iterations 2000
   lastlight splat fit colmap/ --out garden --strategy mcmc --max-gaussians 300000
 
-DIR is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model (sparse/0, binary or text), or such a transforms.json itself. Every 8th photograph in file-name order is held out and scored. Lens distortion is removed on load.
+DIR is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model (sparse/0, binary or text), or such a transforms.json itself. Every 8th photo in file-name order is held out and scored. Lens distortion is removed on load.
 
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras), images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
 
@@ -71,7 +71,7 @@ pub(crate) struct Args {
     /// Number of random first Gaussians [default: 10000, or --max-gaussians if that is less]
     #[arg(long, value_name = "N")]
     initial: Option<usize>,
-    /// Box of the scene for random first Gaussians [default: cube around the point the cameras look at]
+    /// Box of the scene for random first Gaussians [default: cube around the point the cameras are directed at]
     #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     bounds: Option<String>,
     /// Spherical-harmonics degree of the colours, 0 to 3

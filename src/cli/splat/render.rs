@@ -59,7 +59,7 @@ pub(crate) struct Args {
     allow_outside: bool,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Centre of an orbit, X,Y,Z [default: what the cameras of the fit look at, else the centre of the scene]
+    /// Centre of an orbit, X,Y,Z [default: the point the cameras of the fit are directed at, else the centre of the scene]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     center: Option<String>,
     /// Up direction of an orbit; auto: as in the images of the fit, else z

@@ -56,6 +56,13 @@ fn ports(f: &mut fmt::Formatter<'_>, title: &str, ports: &[Port]) -> fmt::Result
 
 impl fmt::Display for List {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.is_complete {
+            for op in &self.operators {
+                let note = if op.adjoint { "" } else { "  (no adjoint)" };
+                writeln!(f, "{:<22} {}{note}", op.name, op.summary)?;
+            }
+            return Ok(());
+        }
         writeln!(f, "∂: has a gradient; ?: optional; float is f32 or f64, as selected by --precision")?;
         for op in &self.operators {
             let note = if op.adjoint { "" } else { "  (no adjoint)" };

@@ -46,7 +46,7 @@ pub(super) fn bases() -> Vec<Base> {
     ]);
     let beside = "mesh render a.obj --cameras orbit:1 --size 8x8 --samples 1 --out out --threads 1 --quiet";
     let makehuman = "mesh render body --cameras orbit:1 --size 8x8 --samples 1 --out out --threads 1 --quiet";
-    let compare = "mesh compare {file} {file} --samples 50 --threads 1";
+    let compare = "mesh compare {file} {file} --surface-samples 50 --threads 1";
     vec![
         Base::new("glTF", files(&[("a.gltf", &b.gltf())]), &["a.gltf"], &[RENDER, POSED, OBJECT]).share(20),
         Base::new("GLB", files(&[("a.glb", &b.glb())]), &["a.glb"], &[RENDER, POSED, OBJECT]).share(20),

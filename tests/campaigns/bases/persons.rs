@@ -75,7 +75,7 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
         layout("Anim-NeRF", IMPORT_ALONE, 24, |dir| drop(layouts::anim_nerf(dir))),
     ];
     shop.run(
-        "last gen --profile smoke --set all --count 8 --groups 2 --appearances 1 --points 64 --render-as points --frames 3 --test-cameras 1 \
+        "last gen --scale smoke --split all --observational 8 --groups 2 --appearances 1 --body-points 64 --render-as points --frames 3 --test-cameras 1 \
          --set-size 64 --video-size 24 --samples 1 --out data --threads 1 --quiet",
     );
     let fit = "last fit data/video --out out --iterations 1 --max-gaussians 64 --threads 1 --quiet";
@@ -90,7 +90,7 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let mut sets = data;
     sets.retain(|name, _| !name.starts_with("data/video/"));
     let names: Vec<&str> = sets.keys().map(String::as_str).collect();
-    let pretrain = "last pretrain data --out out --iterations 2 --observed 4 --groups 2 --points 16 --factor-dim 2 --threads 1 --quiet";
+    let pretrain = "last pretrain data --out out --iterations 2 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --threads 1 --quiet";
     all.push(Base::new("LAST data set", sets.clone(), &names, &[pretrain]).share(5));
     all
 }

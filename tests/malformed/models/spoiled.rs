@@ -60,7 +60,7 @@ fn containers() -> Vec<Case> {
     rows(
         "a.gltf",
         [
-            (b"{".repeat(4000), "glTF JSON"),
+            (b"{".repeat(4000), "a key in double quotes"),
             (b"[".repeat((1 << 20) + 1), "objects and lists"),
             (changed(|b| b.root["asset"]["version"] = json!("1.0")), "asset.version"),
             (changed(|b| b.root["extensionsRequired"] = json!(["KHR_draco_mesh_compression"])), "decompress"),
