@@ -1,4 +1,5 @@
-//! The causal operators at the size of a training step: 192 samples, 4 factors of 4 numbers, networks of 32 hidden units.
+//! The causal operators at the size of a training step: 192 samples, 4 factors of 4 numbers, networks of 32
+//! hidden units.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::causal::structure::{self, In, InBar, Mechanism, Networks};

@@ -1,6 +1,7 @@
 //! Matrix products against the multiply-add peak of this machine, both measured in turn in one run.
 //!
-//! `cargo bench --workspace --bench gemm` prints the ratio, then criterion's figures. `LASTLIGHT_BENCH_SMOKE=1` makes it quick.
+//! `cargo bench --workspace --bench gemm` prints the ratio, then criterion's figures.
+//! `LASTLIGHT_BENCH_SMOKE=1` makes it quick.
 #![allow(missing_docs, reason = "criterion's macros make undocumented functions")]
 #![expect(clippy::disallowed_types, reason = "a bench reads the clock")]
 

@@ -1,7 +1,8 @@
-//! Every operator of the list on its own generated case, forward and with gradients, in f32 and in the f64 twin.
+//! Every operator of the list on its own generated case, forward and with gradients, in f32 and in the f64
+//! twin.
 //!
-//! The list drives this file: an operator that is added there is timed here. The cases are small, so these figures compare
-//! a change with the day before; for throughput see the benches `splat`, `gemm` and `loss`.
+//! The list drives this file: an operator that is added there is timed here. The cases are small, so these
+//! figures compare a change with the day before; for throughput see the benches `splat`, `gemm` and `loss`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::ops::{self, Call, Case};

@@ -1,4 +1,5 @@
-//! The decoder of points: 27 → 128 → 128 → 64 → 6 for 256 points of each of 256 items, the term of the factors once per item.
+//! The decoder of points: 27 → 128 → 128 → 64 → 6 for 256 points of each of 256 items, the term of the
+//! factors once per item.
 
 use super::{Timed, median, normals};
 use lastlight::nn::{act, linear};
@@ -38,7 +39,7 @@ impl Decoder {
         linear::In { x: z, weight: &self.latent, bias: &self.biases[0], m: 1, n: WIDTHS[1], k: LATENT }
     }
 
-    /// What each layer gives for one item.
+    /// Outputs of each layer for one item.
     fn forward(&self, codes: &[f32], z: &[f32]) -> [Vec<f32>; 4] {
         let mut shift = vec![0.0; WIDTHS[1]];
         linear::forward(self.factors(z), &mut shift);
@@ -111,7 +112,7 @@ fn of(b: usize, values: &[f32], n: usize) -> &[f32] {
     &values[b * n..][..n]
 }
 
-/// The whole decoder, as one step of training runs it.
+/// The complete decoder, as in one training step.
 pub(super) fn whole(runs: usize) -> Vec<Timed> {
     let decoder = Decoder::new();
     let (codes, z) = (normals(BATCH * POINTS * WIDTHS[0], 25), normals(BATCH * LATENT, 26));

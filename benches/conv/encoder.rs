@@ -31,7 +31,7 @@ pub(super) fn layers(runs: usize) -> Vec<Timed> {
         let size = BATCH * side * side / 4 * outputs;
         let (mut y, y_bar, mut bar) = (vec![0.0; size], normals(size, 4), conv::InBar::zeros_like(&input));
         if channels == 3 {
-            bar.x = Vec::new(); // photographs need no gradient
+            bar.x = Vec::new(); // photos need no gradient
         }
         let one = median(runs, || conv::forward(input, &mut y));
         let both = median(runs, || {
@@ -44,7 +44,7 @@ pub(super) fn layers(runs: usize) -> Vec<Timed> {
     LAYERS.iter().map(layer).collect()
 }
 
-/// Weights and biases of all layers, and what each gives.
+/// Weights, biases and outputs of all layers.
 struct Encoder {
     weights: Vec<[Vec<f32>; 2]>,
     results: Vec<Vec<f32>>,
@@ -101,7 +101,7 @@ impl Encoder {
         for i in (0..self.weights.len()).rev() {
             let x = if i == 0 { pictures } else { &self.results[i - 1] };
             if i < LAYERS.len() {
-                let wanted = [i > 0, true, true]; // photographs need no gradient
+                let wanted = [i > 0, true, true]; // photos need no gradient
                 let into = conv::gradients_leaky(self.conv(i, x), SLOPE, &self.results[i], &bar, wanted);
                 bar = into.x;
                 grads.push([into.weight, into.bias]);
@@ -119,7 +119,7 @@ impl Encoder {
     }
 }
 
-/// The whole encoder, as one step of training runs it.
+/// The complete encoder, as in one training step.
 pub(super) fn whole(runs: usize) -> Vec<Timed> {
     let (mut encoder, pictures, y_bar) =
         (Encoder::new(), normals(BATCH * 64 * 64 * 3, 7), normals(BATCH * 32, 8));

@@ -4,8 +4,9 @@
 //! cargo bench --workspace --bench conv [-- layers | encoder | decoder]    PyTorch from python3, or from $LASTLIGHT_PYTHON
 //! ```
 //!
-//! `peer.py` does the same work; where PyTorch cannot be imported the comparison is skipped and says so. CONV_RUNS sets the repetitions,
-//! CONV_THREADS the threads. Times are medians; the rates count a product and a sum as two operations.
+//! `peer.py` does the same work; if PyTorch cannot be imported, the comparison is skipped with a message.
+//! CONV_RUNS sets the repetitions, CONV_THREADS the threads. Times are medians; the rates count a product and
+//! a sum as two operations.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 

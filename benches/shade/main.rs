@@ -1,8 +1,10 @@
-//! Pictures of a mesh of one million triangles, beside Mitsuba 3 in the same run; and the views of a training object.
+//! Images of a mesh of one million triangles, beside Mitsuba 3 in the same run; and the views of a training
+//! object.
 //!
-//! `cargo bench --workspace --bench shade` prints samples per second and ratios. Mitsuba comes from PyPI and runs as a subprocess of the Python named by
-//! LASTLIGHT_PYTHON (else `python3`); where it cannot be imported the comparison is skipped and says so. SHADE_RUNS sets the repetitions.
-//! SHADE_HIGH=1 compares pictures of 256 samples instead of times.
+//! `cargo bench --workspace --bench shade` prints samples per second and ratios. Mitsuba comes from PyPI and
+//! runs as a subprocess of the Python named by LASTLIGHT_PYTHON (else `python3`); if it cannot be imported,
+//! the comparison is skipped with a message. SHADE_RUNS sets the repetitions. SHADE_HIGH=1 compares images of
+//! 256 samples instead of times.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 
@@ -50,7 +52,7 @@ fn object(mesh: Mesh, material: Material) -> Object {
     Object { material_of: vec![0; mesh.triangles.len()], mesh, materials: vec![material] }
 }
 
-/// A camera at `eye` that looks at the origin.
+/// A camera at `eye` directed at the origin.
 fn camera(eye: [f32; 3], fov: f32, side: usize) -> Camera {
     let z = unit(sub([0.0; 3], eye)).0;
     let x = unit(cross(z, [0.0, 0.0, 1.0])).0;
@@ -72,7 +74,7 @@ fn median(mut v: Vec<f64>) -> f64 {
     v[v.len() / 2]
 }
 
-/// Mitsuba's samples per second by name, and the folder with its pictures.
+/// Mitsuba's samples per second by name, and the folder with its images.
 fn mitsuba(high: bool) -> Option<(Vec<(String, f64)>, tempfile::TempDir)> {
     let python = std::env::var("LASTLIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
     let found = Command::new(&python).args(["-c", "import mitsuba, numpy"]).output();
@@ -104,7 +106,7 @@ fn mitsuba(high: bool) -> Option<(Vec<(String, f64)>, tempfile::TempDir)> {
 
 /// Mean value, mean relative difference of 8×8 blocks, and mean difference over the mean.
 fn differ(ours: &[[f32; 3]], folder: &std::path::Path, name: &str) -> (f64, f64, f64) {
-    let bytes = std::fs::read(folder.join(format!("{name}.f32"))).expect("a picture");
+    let bytes = std::fs::read(folder.join(format!("{name}.f32"))).expect("an image");
     let theirs: Vec<f64> =
         bytes.chunks_exact(4).map(|b| f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]]))).collect();
     let block = |f: &dyn Fn(usize) -> f64, x: usize, y: usize| {
@@ -193,7 +195,7 @@ fn picture(runs: usize, high: bool) {
         for (_, theirs) in rates.iter().filter(|(n, _)| n == name) {
             let (_, relative, bias) = differ(&passes.color, folder.path(), name);
             println!(
-                "  {name:6} Mitsuba LLVM: {:.2} Msamples/s, ours (Lambert) is {:.2}x; pictures differ by {relative:.1e} in blocks, {bias:.1e} in the mean",
+                "  {name:6} Mitsuba LLVM: {:.2} Msamples/s, ours (Lambert) is {:.2}x; images differ by {relative:.1e} in blocks, {bias:.1e} in the mean",
                 1e-6 * theirs,
                 rate / theirs
             );

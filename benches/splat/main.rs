@@ -1,6 +1,8 @@
-//! Forward plus all gradients of the splat renderer on the scene of the record, beside a yardstick in the same run.
+//! Forward plus all gradients of the splat renderer on the scene of the record, beside a yardstick in the
+//! same run.
 //!
-//! `cargo bench --workspace --bench splat` prints milliseconds, ratios and the roofline counts; `-- --quick` does the small case.
+//! `cargo bench --workspace --bench splat` prints milliseconds, ratios and the roofline counts; `-- --quick`
+//! does the small case.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 
@@ -147,7 +149,8 @@ fn compare(n: usize, side: usize, runs: usize) {
     );
 }
 
-/// Projection and colour without blending: a picture of no size would be refused, so the plan is simply dropped.
+/// Projection and colour without blending: an image of no size would be refused, so the plan is simply
+/// dropped.
 fn project_only(x: &In<'_>, settings: &Settings, saved: &mut Saved) {
     render::project_all(x, settings, None, saved);
     saved.plan = plan::build(&[], 0, &Grid { width: 16, height: 16, tile: 16 }, &settings.profile, true);

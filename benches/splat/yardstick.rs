@@ -1,8 +1,9 @@
 //! The yardstick: a plain scalar tile rasteriser, so that speed can be stated as a ratio measured in one run.
 //!
-//! f32, pixel by pixel, 16×16 tiles, lists from the 3σ square, std's exponential (the system's libm), conic from the
-//! covariance, one nine-number record per (Gaussian, tile) summed in slot order, all gradients. Threads split tiles. It
-//! shares the library's projection, colour and covariance stages, which makes the ratio smaller, not larger.
+//! f32, pixel by pixel, 16×16 tiles, lists from the 3σ square, std's exponential (the system's libm), conic
+//! from the covariance, one nine-number record per (Gaussian, tile) summed in slot order, all gradients.
+//! Threads split tiles. It shares the library's projection, colour and covariance stages, which makes the
+//! ratio smaller, not larger.
 
 use lastlight::num::par;
 use lastlight::splat::plan::{Plan, Splat};

@@ -1,7 +1,8 @@
 //! Rays against one million triangles, beside Embree (`embreex`) and `obvhs` in the same run.
 //!
-//! `cargo bench --workspace --bench trace` prints Mrays/s and ratios; `-- --quick` does a small mesh and few rays. The peer needs a Python with
-//! `embreex` and `numpy`, named by `LASTLIGHT_PYTHON` or `python3`; without one there is - in its columns.
+//! `cargo bench --workspace --bench trace` prints Mrays/s and ratios; `-- --quick` does a small mesh and few
+//! rays. The peer needs a Python with `embreex` and `numpy`, named by `LASTLIGHT_PYTHON` or `python3`;
+//! without one there is - in its columns.
 
 #![expect(clippy::disallowed_types, reason = "a bench measures time")]
 
@@ -22,7 +23,7 @@ enum Query {
     Occluded,
 }
 
-/// How the library is asked.
+/// How the library is called.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
     OneByOne,

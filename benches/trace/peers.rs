@@ -22,7 +22,7 @@ fn write(folder: &Path, name: &str, bytes: impl Iterator<Item = [u8; 4]>) -> std
 }
 
 impl Embree {
-    /// Starts the peer; says why and gives none where there is none.
+    /// Starts the peer; without one, prints the reason and returns `None`.
     pub(crate) fn start(mesh: &Mesh, sets: &[(&str, Vec<Ray>)]) -> Option<Self> {
         let python = std::env::var("LASTLIGHT_PYTHON").unwrap_or_else(|_| "python3".to_owned());
         let probe =

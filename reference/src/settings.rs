@@ -103,10 +103,10 @@ impl<'a> Settings<'a> {
         self.number(key) == 1.0
     }
 
-    /// The whole number of that name, or its default.
+    /// The integer of that name, or its default.
     ///
     /// # Errors
-    /// When it is not a whole number from `least` to 65536.
+    /// When it is not an integer from `least` to 65536.
     ///
     /// # Panics
     /// When the signature has no such setting, or its default is not a number.

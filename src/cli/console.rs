@@ -50,7 +50,7 @@ pub(crate) fn is_json() -> bool {
     output().json
 }
 
-/// What the command line asks for before it is parsed, for errors in it: `--json` and `--color`.
+/// Options needed for errors of the command line, read before it is parsed: `--json` and `--color`.
 pub(crate) fn before_parsing(arguments: &[OsString]) -> Output {
     let mut out = Output::default();
     let mut words = arguments.iter().map(|a| a.to_string_lossy()).take_while(|a| a != "--");
@@ -127,10 +127,10 @@ pub(crate) fn fail_at_file_size_limit() {
 /// Set by Ctrl-C; a fit finishes its iteration, writes its checkpoint and stops.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// Set while something runs that looks at [`STOP`]; anything else ends at once, since files are replaced whole.
+/// Set while work runs that checks [`STOP`]; anything else ends at once, since files are replaced atomically.
 static STOPPABLE: AtomicBool = AtomicBool::new(false);
 
-/// Runs work that looks at the flag it is given and stops in good order.
+/// Runs work that checks the given flag and stops at a consistent state.
 pub(crate) fn stoppable<T>(work: impl FnOnce(&'static AtomicBool) -> T) -> T {
     STOPPABLE.store(true, Ordering::Relaxed);
     let outcome = work(&STOP);
@@ -153,7 +153,7 @@ pub(crate) fn say(line: &str) -> Result<()> {
     }
 }
 
-/// Writes a line to stderr: progress, notes, errors. Nobody may read it: a closed or full stderr changes neither the result nor the exit code.
+/// Writes a line to stderr: progress, notes, errors. A closed or full stderr changes neither the result nor the exit code.
 /// Control characters are escaped and long strings shortened, because they may come from files.
 pub(crate) fn note(line: &str) {
     write_error(&escaped(&shortened(line)));

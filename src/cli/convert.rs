@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Convert a scene of Gaussians between .ply, .splat and .npz.
 ///
-/// The formats are told apart by their endings. A 3DGS PLY and an NPZ hold everything; .splat keeps 8 bits of
+/// The formats are recognised by their extensions. A 3DGS PLY and an NPZ hold everything; .splat keeps 8 bits of
 /// colour, opacity and rotation and no view dependence, so a scene read from it differs.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:

@@ -48,8 +48,8 @@ pub(super) fn run(Args {}: &Args) -> Result<()> {
             "product_lanes": gemm::product_lanes(),
             "threads": par::threads(),
             "probe": probe.as_ref().map_or_else(ToString::to_string, |()| "default floating-point environment".into()),
-            "digests": {"picture": hex(picture), "gradients": hex(gradients)},
-            "expected": {"picture": hex(PICTURE), "gradients": hex(GRADIENTS)},
+            "digests": {"image": hex(picture), "gradients": hex(gradients)},
+            "expected": {"image": hex(PICTURE), "gradients": hex(GRADIENTS)},
             "ok": right && probe.is_ok(),
         }))?;
     } else {
@@ -155,7 +155,7 @@ fn digests() -> Result<(u64, u64)> {
     picture.f32(&[48, 64], &out.alpha)?;
     picture.f32(&[48, 64], &out.depth)?;
     let mut bar = InBar::zeros_like(&x);
-    // The cotangent is the picture itself: the gradient of half its squared length.
+    // The cotangent is the image itself: the gradient of half its squared length.
     render::adjoint(&x, &settings, &saved, OutBar { image: Some(&out.image), ..OutBar::default() }, &mut bar);
     let mut gradients = Digest::new();
     gradients.f32(&[N, 3], bar.means.as_flattened())?;

@@ -1,4 +1,4 @@
-//! Commands, progress, reports. Level 13: the only place that prints, reads the clock, and knows exit codes.
+//! Commands, progress, reports. Level 13: the only place that prints, reads the clock and sets exit codes.
 //!
 //! ```text
 //! main ──► dispatch ──► demo      a built-in person by LAST, a built-in scene

@@ -2,7 +2,7 @@
 
 #![expect(
     clippy::disallowed_types,
-    reason = "the clock is read here for people; nothing it says reaches a result"
+    reason = "the clock is read for messages only; no result depends on it"
 )]
 
 use crate::console;

@@ -118,7 +118,7 @@ impl Outcome {
 /// Names of folders that say nothing without the folder that contains them.
 const GENERIC: [&str; 8] = ["video", "images", "train", "test", "data", "capture", "dataset", "views"];
 
-/// A capture by name: its folder, that of its `transforms.json`, or the last two folders where the last one says nothing, such as `0` or `video`.
+/// A capture by name: its folder, that of its `transforms.json`, or the last two folders where the last one is generic, such as `0` or `video`.
 pub(super) fn name(capture: &Path) -> String {
     let folder = if capture.is_file() { capture.parent().unwrap_or(capture) } else { capture };
     let full = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
@@ -169,12 +169,12 @@ impl OrbitArgs {
     /// The circle given by `--cameras orbit:N`; `None` for other values.
     ///
     /// # Errors
-    /// When N is no whole number, or the size is none.
+    /// When N is not an integer, or the size is none.
     pub(super) fn parse(&self, cameras: &str, usual: DefaultArgs) -> Result<Option<Orbit>> {
         let Some(count) = cameras.strip_prefix("orbit:") else { return Ok(None) };
         let count = count
             .parse()
-            .map_err(|_| Error::input("--cameras").expected("orbit:N with a whole number N").got(cameras))?;
+            .map_err(|_| Error::input("--cameras").expected("orbit:N with an integer N").got(cameras))?;
         let (picture, fov, elevation, radius) = self.resolved(usual);
         Ok(Some(Orbit {
             count,

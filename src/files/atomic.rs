@@ -18,9 +18,9 @@ pub fn write(path: &Path, f: impl FnOnce(&mut dyn Write) -> std::io::Result<()>)
     put(path, f, true)
 }
 
-/// Like [`write_bytes`], but does not flush the file to disk, so that many small files are written
-/// quickly. If the program ends at any moment, the file is complete or absent; a power cut may leave an empty one. Use it for
-/// files whose digest is checked before they are relied on.
+/// Like [`write_bytes`], but does not flush the file to disk, so that many small files are written quickly.
+/// If the program ends at any moment, the file is complete or absent; a power cut may leave an empty one. Use
+/// it for files whose digest is checked before they are relied on.
 ///
 /// # Errors
 /// See [`write()`].
@@ -74,8 +74,8 @@ pub fn remove(path: &Path) -> Result<()> {
     }
 }
 
-/// Removes the temporary files that a killed program left in a folder, not in those below it. A folder that is not there has none.
-/// Call it only from the program that holds the folder's lock.
+/// Removes the temporary files that a killed program left in a folder, not in those below it. A folder that
+/// is not there has none. Call it only from the program that holds the folder's lock.
 ///
 /// # Errors
 /// When the folder cannot be read or a file not removed.
@@ -96,8 +96,8 @@ fn is_temporary(name: &str) -> bool {
     name.starts_with(PREFIX) && name.ends_with(SUFFIX)
 }
 
-/// Whether a folder holds nothing that was finished: temporary files of a killed program and its lock do not count. A folder that is not
-/// there is unused.
+/// Whether a folder holds nothing that was finished: temporary files of a killed program and its lock do not
+/// count. A folder that is not there is unused.
 ///
 /// # Errors
 /// When it cannot be read.

@@ -27,8 +27,8 @@ pub fn read_cameras(path: &Path, reading: &Reading) -> Result<Vec<Frame>> {
 /// model in `.`, `sparse/0`, `sparse`, `dense/0/sparse` or `dense/sparse`.
 ///
 /// # Errors
-/// When no layout is recognised, a mask is missing, a file is malformed, or a lens is not supported. Frames whose photo is missing
-/// are returned separately.
+/// When no layout is recognised, a mask is missing, a file is malformed, or a lens is not supported. Frames
+/// whose photo is missing are returned separately.
 pub fn read_capture(path: &Path) -> Result<Capture> {
     read_capture_with(path, &Reading::default())
 }

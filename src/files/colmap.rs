@@ -1,7 +1,8 @@
 //! COLMAP sparse models, binary and text.
 //!
-//! Three files: cameras (lenses), images (poses, world to camera, x right, y down, z forward) and points3D. Observations
-//! are checked and skipped; the `rigs` and `frames` files of newer versions are not needed, because the images file contains the poses.
+//! Three files: cameras (lenses), images (poses, world to camera, x right, y down, z forward) and points3D.
+//! Observations are checked and skipped; the `rigs` and `frames` files of newer versions are not needed,
+//! because the images file contains the poses.
 
 use super::bytes::Cursor;
 pub use super::colmap_model::{Camera, Image};

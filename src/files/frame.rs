@@ -58,9 +58,11 @@ pub enum Focal {
 /// Distortion of a lens relative to its ideal projection.
 ///
 /// With (x, y) the ideal pinhole position (z = 1) and r² = x² + y²:
-/// `Perspective`: d = (1 + k₁r² + k₂r⁴ + k₃r⁶ + k₄r⁸) / (1 + n₁r² + n₂r⁴ + n₃r⁶),
-/// x' = x d + 2p₁xy + p₂(r² + 2x²), y' = y d + 2p₂xy + p₁(r² + 2y²).
-/// `Fisheye`: θ' = θ (1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸), θ the angle from the axis, and the position is θ' from the centre.
+///
+/// * `Perspective`: d = (1 + k₁r² + k₂r⁴ + k₃r⁶ + k₄r⁸) / (1 + n₁r² + n₂r⁴ + n₃r⁶),
+///   x' = x d + 2p₁xy + p₂(r² + 2x²), y' = y d + 2p₂xy + p₁(r² + 2y²).
+/// * `Fisheye`: θ' = θ (1 + k₁θ² + k₂θ⁴ + k₃θ⁶ + k₄θ⁸) with θ the angle from the axis; the position is θ' from
+///   the centre.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lens {
     /// OpenCV's radial-tangential model; all zero: a pinhole
@@ -98,7 +100,8 @@ impl Lens {
 /// Further data of a photo besides its colour: images of the same size.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Passes {
-    /// `foreground_path`: coverage of what is reconstructed. Unlike a mask it does not select pixels for the loss.
+    /// `foreground_path`: coverage of what is reconstructed. Unlike a mask it does not select pixels for the
+    /// loss.
     pub foreground: Option<PathBuf>,
     /// `radiance_path`: linear R, G, B before exposure
     pub radiance: Option<PathBuf>,
@@ -140,7 +143,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// f_x, f_y, c_x, c_y in pixels of an image of the given size, which may be a scaled version of the declared one.
+    /// f_x, f_y, c_x, c_y in pixels of an image of the given size, which may be a scaled version of the
+    /// declared one.
     ///
     /// # Errors
     /// When the sizes are not proportional.
@@ -178,7 +182,8 @@ pub struct Capture {
     pub points: Option<Points>,
     /// Frames whose listed photo is missing: cameras only, with the listed path.
     pub missing: Vec<Frame>,
-    /// Other missing files that the capture names (points, depth and other passes); their contents are absent.
+    /// Other missing files that the capture names (points, depth and other passes); their contents are
+    /// absent.
     pub missing_files: Vec<String>,
 }
 

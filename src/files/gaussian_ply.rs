@@ -1,9 +1,10 @@
 //! 3DGS scenes and coloured points in PLY files.
 //!
-//! Properties are found by name: `x y z`, `f_dc_0..2`, `f_rest_0..44` (or 0, 9, 24 of them), `opacity`, `scale_0..2`,
-//! `rot_0..3`; normals and anything else are ignored. Values are stored as trained: opacity is a logit, scales are natural
-//! logarithms, rotations are w, x, y, z of any length, colour = ½ + 0.28209479 · `f_dc` sRGB-encoded. `f_rest` is
-//! channel-major in the file (all of red, then green, then blue) and (N, K, 3) in memory.
+//! Properties are found by name: `x y z`, `f_dc_0..2`, `f_rest_0..44` (or 0, 9, 24 of them),
+//! `opacity`, `scale_0..2`, `rot_0..3`; normals and anything else are ignored. Values are stored
+//! as trained: opacity is a logit, scales are natural logarithms, rotations are w, x, y, z of any
+//! length, colour = ½ + 0.28209479 · `f_dc` sRGB-encoded. `f_rest` is channel-major in the file
+//! (all of red, then green, then blue) and (N, K, 3) in memory.
 
 use super::ply::{Column, Element, Ply};
 use super::{atomic, name_of, ply};
@@ -66,7 +67,8 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<GaussianRecord> {
     gaussians(&ply::parse(bytes, name)?, name)
 }
 
-/// Reads a point cloud. Colours are `red green blue` (bytes, or floats in 0..1), else those of `f_dc`, else mid grey.
+/// Reads a point cloud. Colours are `red green blue` (bytes, or floats in 0..1), else those of `f_dc`, else
+/// mid grey.
 ///
 /// # Errors
 /// As for [`read`].

@@ -1,6 +1,7 @@
 //! The OpenEXR part of [`super::image_file`].
 
 use super::image_data::{Encoding, Picture, Samples, check_size};
+use super::read::reported;
 use super::{guard, memory};
 use crate::{Error, Result};
 use exr::prelude::{
@@ -12,10 +13,11 @@ use std::io::Cursor;
 /// Most channels of a layer that are read.
 const MAX_CHANNELS: usize = 64;
 
-/// The first layer of a file: channels in the order R G B (A) if these are all its channels, else sorted by name.
+/// The first layer of a file: channels in the order R G B (A) if these are all its channels, else sorted by
+/// name.
 pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     let broken = |at: &str, e: exr::error::Error| {
-        Error::input(name).at(at).expected("a complete OpenEXR image").got(e.to_string())
+        Error::input(name).at(at).expected("a complete OpenEXR image").got(reported(&e))
     };
     let meta = MetaData::read_from_buffered(Cursor::new(bytes), false).map_err(|e| broken("header", e))?;
     let header = meta

@@ -1,11 +1,13 @@
 //! Images: PNG, JPEG, Radiance HDR and OpenEXR in; PNG (8 bit) and OpenEXR (f32) out.
 //!
-//! The format is recognised by the first bytes of the file, not by its extension. The reader checks the declared size against the length
-//! of the file before decoding. PNG and JPEG hold sRGB-encoded values, HDR and EXR linear ones; nothing is converted.
+//! The format is recognised by the first bytes of the file, not by its extension. The reader checks the
+//! declared size against the length of the file before decoding. PNG and JPEG hold sRGB-encoded values, HDR
+//! and EXR linear ones; nothing is converted.
 
 use super::gaussian_ply::to_byte;
 use super::image_data::check_size;
 pub use super::image_data::{Encoding, MAX_SIDE, Picture, Samples};
+use super::read::reported;
 use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, memory, name_of, read_bytes};
 use crate::{Error, Result};
 use image::codecs::hdr::HdrDecoder;
@@ -21,7 +23,8 @@ const MAX_SIDE_DATA: u64 = 64 << 20;
 /// Reads an image.
 ///
 /// # Errors
-/// When it is not readable, not one of the four formats, too large, truncated, or holds a number that is not finite.
+/// When it is not readable, not one of the four formats, too large, truncated, or holds a number that is not
+/// finite.
 pub fn read(path: &Path) -> Result<Picture> {
     parse(&read_bytes(path, MAX_SMALL_FILE_BYTES)?, &name_of(path))
 }
@@ -33,7 +36,7 @@ pub fn read(path: &Path) -> Result<Picture> {
 pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
     let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
     let broken = |e: image::ImageError| {
-        Error::input(name).at("image data").expected("a complete image").got(e.to_string())
+        Error::input(name).at("image data").expected("a complete image").got(reported(&e))
     };
     guard(name, || {
         if start.starts_with(b"\x89PNG\r\n\x1a\n") {
@@ -74,7 +77,7 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
 /// When it is not one of the four formats, or its header is malformed or declares an absurd size.
 pub fn size(bytes: &[u8], name: &str) -> Result<[usize; 2]> {
     let broken = |e: image::ImageError| {
-        Error::input(name).at("image header").expected("a complete image").got(e.to_string())
+        Error::input(name).at("image header").expected("a complete image").got(reported(&e))
     };
     let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
     guard(name, || {
@@ -101,7 +104,7 @@ fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) 
     let mut raw =
         memory::filled(name, (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel()), 0)?;
     d.read_image(&mut raw)
-        .map_err(|e| Error::input(name).at("image data").expected("a complete image").got(e.to_string()))?;
+        .map_err(|e| Error::input(name).at("image data").expected("a complete image").got(reported(&e)))?;
     // `image` returns native-endian words.
     let words = || raw.chunks_exact(2).map(|c| u16::from_ne_bytes([c[0], c[1]])).collect();
     let (channels, samples): (&[&str], Samples) = match color {
@@ -152,7 +155,8 @@ fn png_complete(bytes: &[u8], name: &str) -> Result<()> {
     }
 }
 
-/// A JPEG ends with an end-of-image marker; without this check the decoder fills a truncated image with grey and reports no error.
+/// A JPEG ends with an end-of-image marker; without this check the decoder fills a truncated image with grey
+/// and reports no error.
 fn jpeg_complete(bytes: &[u8], name: &str) -> Result<()> {
     let fail = |at: usize, expected: &str, got: String| {
         Err(Error::input(name).at(format!("byte {at}: JPEG marker")).expected(expected).got(got))
@@ -241,8 +245,8 @@ pub fn write_exr(path: &Path, width: usize, height: usize, channels: &[&str], da
     atomic::write_bytes(path, &bytes)
 }
 
-/// The bytes of an OpenEXR file: f32, ZIP, scan lines; `data` is (H, W, C) row-major with C named `channels`, such as
-/// `["R", "G", "B"]` or `["Z"]`. Values are stored as they are, −0 included.
+/// The bytes of an OpenEXR file: f32, ZIP, scan lines; `data` is (H, W, C) row-major with C named `channels`,
+/// such as `["R", "G", "B"]` or `["Z"]`. Values are stored as they are, −0 included.
 ///
 /// # Errors
 /// When the sizes disagree or a value is not finite.

@@ -11,13 +11,15 @@
 //! paths          paths written in files                atomic  atomic writes
 //! ```
 //!
-//! The formats of other programs (glTF, OBJ, pickle, HDF5, published captures) are in `lastlight_import`, which re-exports this member.
+//! The formats of other programs (glTF, OBJ, pickle, HDF5, published captures) are in `lastlight_import`,
+//! which re-exports this member.
 //!
-//! Every reader has two forms: `read(path)`, and `parse(bytes, name)` for bytes already in memory, where `name` is
-//! the file name in errors. A reader checks every declared size against the available bytes **before** it allocates,
-//! so memory is bounded by a small multiple of the file; a decoder of another crate runs inside [`guard`], which turns
-//! its panic into an [`Error`]. Errors name the file, the place in it, the expected and the actual value.
-//! Writers give the same bytes for the same record on every machine and go through [`atomic::write()`].
+//! Every reader has two forms: `read(path)`, and `parse(bytes, name)` for bytes already in memory, where
+//! `name` is the file name in errors. A reader checks every declared size against the available bytes
+//! **before** it allocates, so memory is bounded by a small multiple of the file; a decoder of another crate
+//! runs inside [`guard`], which turns its panic into an [`Error`]. Errors name the file, the place in it, the
+//! expected and the actual value. Writers give the same bytes for the same record on every machine and go
+//! through [`atomic::write()`].
 #![forbid(unsafe_code)]
 
 pub mod atomic;
@@ -33,6 +35,7 @@ pub mod gaussian_ply;
 pub mod image_data;
 mod image_exr;
 pub mod image_file;
+pub mod json;
 pub mod lock;
 pub mod memory;
 #[doc(hidden)]

@@ -1,7 +1,8 @@
 //! Locks that keep other programs out of a result folder.
 //!
-//! A lock is a file in the folder that the operating system locks while the program runs. The lock is released when the program ends for any reason;
-//! a file left by a killed program is reused. The file contains the process id, which is printed when another program is refused.
+//! A lock is a file in the folder that the operating system locks while the program runs. The lock is
+//! released when the program ends for any reason; a file left by a killed program is reused. The file
+//! contains the process id, which is printed when another program is refused.
 
 use crate::{Error, Result};
 use std::fs::{File, OpenOptions, TryLockError};

@@ -1,6 +1,7 @@
 //! One `.npy` array: header and elements, in any order and byte order NumPy writes.
 //!
-//! Element types are widened to those of [`Array`]: bool → u8, i16 u16 → i32, u32 u64 → i64, f16 → f32; all exact.
+//! Element types are widened to those of [`Array`]: bool → u8, i16 u16 → i32, u32 u64 → i64, f16 → f32; all
+//! exact.
 
 use super::memory;
 use crate::num::array::{Array, Element};

@@ -1,8 +1,10 @@
 //! `.npz` and `.npy`: named arrays as NumPy stores them.
 //!
-//! Reads every integer width, bool, f16, f32 and f64 in either byte order and in C or Fortran order, from stored or
-//! deflated members; writes deterministic bytes (names sorted, one fixed time stamp, no platform field).
+//! Reads every integer width, bool, f16, f32 and f64 in either byte order and in C or Fortran order, from
+//! stored or deflated members; writes deterministic bytes (names sorted, one fixed time stamp, no platform
+//! field).
 
+use super::read::reported;
 use super::{MAX_FILE_BYTES, guard, memory, name_of, npy, read_bytes};
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
@@ -39,7 +41,8 @@ pub fn read(path: &Path) -> Result<Arrays> {
     Archive::open(path)?.read(&|_| true)
 }
 
-/// Reads only the arrays of the given names from a `.npz`; missing ones are left out, and the others are not checked.
+/// Reads only the arrays of the given names from a `.npz`; missing ones are left out, and the others are not
+/// checked.
 ///
 /// # Errors
 /// When the file is not readable, the archive is malformed, or an array of these names is refused by [`read`].
@@ -167,7 +170,7 @@ impl<'a> Archive<'a> {
 }
 
 fn broken(name: &str, at: String, e: &dyn std::fmt::Display) -> Error {
-    Error::input(name).at(at).expected("a well-formed zip archive of .npy files").got(e.to_string())
+    Error::input(name).at(at).expected("a well-formed zip archive of .npy files").got(reported(e))
 }
 
 /// Reads what the directory states about a member.
@@ -253,7 +256,7 @@ fn header(data: &mut dyn Read, member: &Member, name: &str) -> Result<npy::Heade
 }
 
 fn corrupt(e: &std::io::Error, name: &str) -> Error {
-    Error::input(name).expected("data that unpack").got(e.to_string())
+    Error::input(name).expected("data that unpack").got(reported(e))
 }
 
 fn elements(data: &mut dyn Read, member: &Member, header: &npy::Header, name: &str) -> Result<Array> {

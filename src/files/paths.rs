@@ -45,7 +45,8 @@ pub fn accept(text: &str, outside: bool) -> std::result::Result<String, &'static
 /// Extensions that are tried when a file name has none, or another one.
 const EXTENSIONS: [&str; 4] = ["png", "jpg", "jpeg", "exr"];
 
-/// The file of a cleaned path: the path itself, with one of the usual extensions added, or with different letter case.
+/// The file of a cleaned path: the path itself, with one of the usual extensions added, or with different
+/// letter case.
 pub fn locate(root: &Path, relative: &str) -> Option<PathBuf> {
     let exact = root.join(relative);
     if exact.is_file() {

@@ -1,4 +1,5 @@
-//! A capture of a moving person, as plain records: the layout that all code about persons reads and every importer writes.
+//! A capture of a moving person, as plain records: the layout that all code about persons reads and every
+//! importer writes.
 //!
 //! # Layout
 //! ```text
@@ -17,8 +18,9 @@
 //! | `metres_per_unit` | length of a scene unit | 0.85 for a figure or a character (which are 2 high), else 1 |
 //! | `box_margin_m` | margin of the box around the posed points, metres | 0.05 |
 //!
-//! Every entry of `frames` has the keys `frame` (the moment: a row of the poses, 0 … T−1), `camera` (a number of the user's choice), and
-//! `foreground_path`. No two entries share both numbers; every moment 0 … T−1 is seen by some camera.
+//! Every entry of `frames` has the keys `frame` (the moment: a row of the poses, 0 … T−1), `camera` (a number
+//! of the user's choice), and `foreground_path`. No two entries share both numbers; every moment 0 … T−1 is
+//! seen by some camera.
 //!
 //! Arrays of `body.npz` (P points, K joints, T moments; * marks required arrays):
 //!
@@ -40,11 +42,11 @@
 //! | `factors` | (T, n) | causal factors, if known |
 //! | `spacing`, `sigma`, `bone`, `rest` | | as `last gen` writes them |
 //!
-//! `last gen` writes this layout (with textures, light and factors of its own in further keys); `last import` writes it from the layouts of
-//! `io::captures`.
+//! `last gen` writes this layout (with textures, light and factors of its own in further keys); `last import`
+//! writes it from the layouts of `io::captures`.
 
 use super::capture::{Frame, Split, clean, locate};
-use super::{atomic, image_file, name_of, npz, read_bytes, transforms};
+use super::{atomic, image_file, json, name_of, npz, read_bytes, transforms};
 use crate::num::array::Arrays;
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
@@ -91,7 +93,8 @@ pub struct Person {
     pub problems: Vec<Error>,
 }
 
-/// The folder with the cameras: `path`, or `path/video` if that is where the body is (the output of `last gen`).
+/// The folder with the cameras: `path`, or `path/video` if that is where the body is (the output of
+/// `last gen`).
 pub fn folder_of(path: &Path) -> PathBuf {
     let inner = path.join("video");
     let has = |p: &Path| p.join(BODY).is_file() || p.join(SPLITS[0].0).is_file();
@@ -103,7 +106,8 @@ pub fn is_person(path: &Path) -> bool {
     folder_of(path).join(BODY).is_file()
 }
 
-/// Reads the records. Missing or malformed parts are listed in [`Person::problems`], so that all of them are reported together.
+/// Reads the records. Missing or malformed parts are listed in [`Person::problems`], so that all of them are
+/// reported together.
 ///
 /// # Errors
 /// When there is no camera file to read at all.
@@ -111,7 +115,7 @@ pub fn read(path: &Path) -> Result<Person> {
     let folder = folder_of(path);
     if !folder.join(SPLITS[0].0).is_file() {
         let got = match (path.exists(), path.is_dir()) {
-            (false, _) => "nothing there",
+            (false, _) => "no such file or folder",
             (true, true) => "a folder without it",
             _ => "a file",
         };
@@ -156,8 +160,7 @@ fn cameras(file: &Path, split: Split, out: &mut Person) -> Result<()> {
     let bytes = read_bytes(file, MAX_CAMERAS)?;
     let parsed = transforms::parse(&bytes, &name)?;
     // Valid: it has just been parsed.
-    let value: Value = serde_json::from_slice(&bytes)
-        .map_err(|e| Error::input(name.clone()).expected("JSON").got(e.to_string()))?;
+    let value = json::parse(&bytes, &name)?;
     if out.subject.is_empty()
         && let Some(subject) = value["subject"].as_object()
     {
@@ -253,7 +256,8 @@ impl Writer {
         Ok(Self { dir: dir.to_path_buf(), frames: Vec::new() })
     }
 
-    /// Writes the two images of a shot: bytes (H, W, 3) and (H, W). May be called from several threads; see [`Self::add`].
+    /// Writes the two images of a shot: bytes (H, W, 3) and (H, W). May be called from several threads; see
+    /// [`Self::add`].
     ///
     /// # Errors
     /// When the sizes disagree or a file cannot be written.
@@ -305,7 +309,8 @@ impl Writer {
     }
 }
 
-/// A relative path of a data set, looked up below a folder: cleaned, with another extension or case if need be.
+/// A relative path of a data set, looked up below a folder: cleaned, with another extension or case if need
+/// be.
 pub fn find_below(root: &Path, relative: &str, what: &str) -> Result<PathBuf> {
     let fail = |got: String| Error::input(what).expected(format!("a file in {}", root.display())).got(got);
     let cleaned = clean(relative).map_err(|why| fail(format!("'{relative}', {why}")))?;

@@ -1,7 +1,8 @@
-//! PLY files of any content, read strictly: ascii or binary of either byte order, properties in any order and of any type.
+//! PLY files of any content, read strictly: ascii or binary of either byte order, properties in any order and
+//! of any type.
 //!
-//! Scalars become columns; list properties (faces) are checked and skipped. What follows the last element is an error,
-//! and so is a row that is too short or too long.
+//! Scalars become columns; list properties (faces) are checked and skipped. What follows the last element is
+//! an error, and so is a row that is too short or too long.
 
 use super::bytes::Cursor;
 use super::{MAX_FILE_BYTES, memory, name_of, read_bytes};

@@ -84,11 +84,12 @@ pub fn guard<T>(name: &str, f: impl FnOnce() -> Result<T>) -> Result<T> {
         Err(Error::input(name)
             .at("inside the decoder")
             .expected("a well-formed file")
-            .got(format!("a panic: {text}")))
+            .got(format!("a panic: {}", reported(&text))))
     })
 }
 
-/// Reads files by relative paths from the folder of a file, at most [`MAX_FILE_BYTES`] each. The caller has cleaned the paths.
+/// Reads files by relative paths from the folder of a file, at most [`MAX_FILE_BYTES`] each. The caller has
+/// cleaned the paths.
 ///
 /// # Errors
 /// The returned function fails where a file is missing, or as [`read_bytes`].
@@ -105,6 +106,12 @@ pub fn beside(path: &Path) -> impl Fn(&str) -> Result<Vec<u8>> {
         })?;
         read_bytes(&found, MAX_FILE_BYTES)
     }
+}
+
+/// The message of a decoder of another crate, as the found part of an error. The expected part is stated by the
+/// reader, so an "expected" of the message is reworded.
+pub(crate) fn reported(e: &dyn std::fmt::Display) -> String {
+    e.to_string().replace(" expected ", " should be ")
 }
 
 /// Name of a path in errors.

@@ -1,9 +1,10 @@
 //! `.safetensors`: named arrays with text metadata; the format of checkpoints.
 //!
-//! Layout: u64 length of the header, the header (JSON: name → dtype, shape, data offsets), the elements without gaps.
-//! Written with names sorted, so equal contents give equal bytes; any reader of the format accepts them.
+//! Layout: u64 length of the header, the header (JSON: name → dtype, shape, data offsets), the elements
+//! without gaps. Written with names sorted, so equal contents give equal bytes; any reader of the format
+//! accepts them.
 
-use super::{MAX_FILE_BYTES, guard, name_of, npy, read_bytes};
+use super::{MAX_FILE_BYTES, guard, json, name_of, npy, read_bytes};
 use crate::num::array::{Array, Arrays};
 use crate::{Error, Result};
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
@@ -106,10 +107,10 @@ fn explain(name: &str, header: &[u8], data: usize, e: &SafeTensorError) -> Error
             let (at, expected, got) = fault();
             file.at(at).expected(expected).got(got)
         }
-        SafeTensorError::InvalidHeaderDeserialization(e) => file
-            .at(format!("header, byte {}", 8 + e.column()))
-            .expected("the header of arrays")
-            .got(e.to_string()),
+        SafeTensorError::InvalidHeaderDeserialization(e) => {
+            let (expected, got) = json::describe(header, e);
+            file.at(format!("header, byte {}", 8 + e.column())).expected(expected).got(got)
+        }
         other => file.at("header").expected("a safetensors header").got(other.to_string()),
     }
 }

@@ -34,7 +34,8 @@ pub struct Splat {
 /// Reads a file.
 ///
 /// # Errors
-/// When it is not readable, not a multiple of 32 bytes long, or a value is not finite or a scale not positive.
+/// When it is not readable, not a multiple of 32 bytes long, or a value is not finite or a scale not
+/// positive.
 pub fn read(path: &Path) -> Result<Vec<Splat>> {
     parse(&read_bytes(path, MAX_FILE_BYTES)?, &name_of(path))
 }

@@ -1,13 +1,14 @@
 //! `transforms.json` in the dialects of NeRF-synthetic, instant-ngp and nerfstudio.
 //!
-//! Poses in the file are camera-to-world with OpenGL axes (x right, y up, z backward); they are returned world-to-camera
-//! with x right, y down, z forward. instant-ngp's scaling into its unit cube is not applied. Every key may be at the
-//! top level or in a frame; the frame takes precedence. Paths may have backslashes, another case, or no extension, and stay inside the folder.
+//! Poses in the file are camera-to-world with OpenGL axes (x right, y up, z backward); they are returned
+//! world-to-camera with x right, y down, z forward. instant-ngp's scaling into its unit cube is not applied.
+//! Every key may be at the top level or in a frame; the frame takes precedence. Paths may have backslashes,
+//! another case, or no extension, and stay inside the folder.
 
 use super::frame::{Capture, Dialect, Focal, Frame, Lens, Passes, Split, nearest_rotation, rigid};
 use super::paths::{accept, locate};
 use super::reading::Reading;
-use super::{gaussian_ply, name_of, read_bytes};
+use super::{gaussian_ply, json, name_of, read_bytes};
 use crate::{Error, Result};
 use serde_json::{Map, Value};
 use std::collections::BTreeSet;
@@ -130,12 +131,7 @@ pub(super) fn parse_with(bytes: &[u8], name: &str, outside: bool) -> Result<Tran
         let e = Error::input(name).at("file size");
         return Err(e.expected(format!("at most {MAX_BYTES} bytes")).got(bytes.len().to_string()));
     }
-    let value: Value = serde_json::from_slice(bytes).map_err(|e| {
-        Error::input(name)
-            .at(format!("line {}, column {}", e.line(), e.column()))
-            .expected("JSON")
-            .got(e.to_string())
-    })?;
+    let value = json::parse(bytes, name)?;
     let top =
         value.as_object().ok_or_else(|| Error::input(name).expected("a JSON object").got(kind(&value)))?;
     let frames = match top.get("frames") {

@@ -1,4 +1,5 @@
-//! Levels 2 and 3 of lastlight: models of other programs and published captures of people and objects, as records and as scenes.
+//! Levels 2 and 3 of lastlight: models of other programs and published captures of people and objects, as
+//! records and as scenes.
 //!
 //! ```text
 //! io      glTF, OBJ, pickle, HDF5, SMPL, published captures as plain records, beside the formats of `lastlight_files`    level 2

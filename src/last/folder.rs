@@ -56,9 +56,7 @@ pub(super) fn check_resumed(dir: &Path, record: &Value) -> Result<Option<Value>>
             .hint("choose another folder, or overwrite with --force"));
     }
     let bytes = read_bytes(&path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let there: Value = serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(path.display().to_string()).expected("a JSON document").got(e.to_string())
-    })?;
+    let there = crate::io::json::parse(&bytes, &path.display().to_string())?;
     let differing = |wanted: &Value, there: &Value| -> Vec<String> {
         (wanted.as_object().into_iter().flatten())
             .filter(|(key, value)| there[key.as_str()] != **value)

@@ -298,7 +298,7 @@ impl Report {
             "problems": self.problems.iter().map(ToString::to_string).collect::<Vec<_>>(),
             "notes": self.notes,
             "checked_images": self.images.iter().map(|l| json!({
-                "picture": l.name, "camera": l.camera, "moment": l.time, "held_out": l.is_test,
+                "image": l.name, "camera": l.camera, "moment": l.time, "held_out": l.is_test,
                 "points_on_mask": l.on_mask, "mask_in_box": l.in_box,
             })).collect::<Vec<_>>(),
         });

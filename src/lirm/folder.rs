@@ -74,9 +74,9 @@ pub(super) fn announce(dir: &Path, asked: &Map<String, Value>) -> Result<()> {
 /// Reads a record and checks that its settings equal these.
 fn same_settings(path: &Path, asked: &Map<String, Value>) -> Result<Value> {
     let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    let record: Value = serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(path.display().to_string()).expected("JSON").got(e.to_string()).hint("remove it")
-    })?;
+    let name = path.display().to_string();
+    let record = crate::io::json::parse(&bytes, &name)
+        .map_err(|e| e.hint("remove the file to generate the set again"))?;
     if record["settings"].as_object() == Some(asked) {
         return Ok(record);
     }

@@ -249,7 +249,7 @@ impl Capture<'_> {
 struct Picture {
     passes: Passes,
     style: Style,
-    /// The exposed radiance with sensor noise, which is written to the photograph but not to `radiance/`.
+    /// The exposed radiance with sensor noise, which is written to the photo but not to `radiance/`.
     sensed: Option<Vec<[f32; 3]>>,
 }
 

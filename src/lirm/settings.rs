@@ -72,7 +72,7 @@ pub struct Settings {
     pub texture: usize,
     /// Number of columns of a built-in map; it has half as many rows.
     pub map_width: usize,
-    /// Whether to write passes other than photograph and foreground.
+    /// Whether to write passes other than photo and foreground.
     pub passes: bool,
     /// Whether to write shape, materials and map.
     pub truth: bool,

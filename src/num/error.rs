@@ -60,9 +60,21 @@ impl Error {
         Self::new(Kind::Interrupted, what)
     }
 
-    /// Reports an operating-system error on a file.
+    /// Reports an operating-system error on a file, without the system's error number.
     pub fn os(path: &std::path::Path, e: &std::io::Error) -> Self {
-        Self::input(path.display().to_string()).got(e.to_string())
+        use std::io::ErrorKind;
+        let message = match e.kind() {
+            ErrorKind::NotFound => "no such file or folder".to_owned(),
+            ErrorKind::PermissionDenied => "permission denied".to_owned(),
+            ErrorKind::IsADirectory => "is a folder, not a file".to_owned(),
+            ErrorKind::NotADirectory => "is a file, not a folder".to_owned(),
+            ErrorKind::StorageFull => "no space left on the device".to_owned(),
+            _ => {
+                let text = e.to_string();
+                text.split_once(" (os error").map(|(text, _)| text.to_owned()).unwrap_or(text)
+            }
+        };
+        Self::input(path.display().to_string()).got(message)
     }
 
     /// Sets the place inside `what`: a line, a field, an array and an index. A place set before is appended

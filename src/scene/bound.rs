@@ -1,15 +1,17 @@
 //! The projected box of a person, `bound_mask`: where published scores of people count.
 //!
-//! The eight corners of a box in the world are projected, the six faces are filled, and the mask is their union: 1 inside or on an edge, 0
-//! elsewhere. What lies outside can be set to the background before an image is scored ([`clear_outside`]), as GauHuman does, and a score can
-//! be restricted to the smallest rectangle around it ([`rectangle`]), as NeuralBody does with SSIM.
+//! The eight corners of a box in the world are projected, the six faces are filled, and the mask is their
+//! union: 1 inside or on an edge, 0 elsewhere. What lies outside can be set to the background before an image
+//! is scored ([`clear_outside`]), as GauHuman does, and a score can be restricted to the smallest rectangle
+//! around it ([`rectangle`]), as NeuralBody does with SSIM.
 //!
-//! A pixel belongs to a face if its centre does. (OpenCV's `fillPoly`, behind the published code, rounds corners to integer pixels and draws the
-//! outline too; the two masks differ along their border.)
+//! A pixel belongs to a face if its centre does. (OpenCV's `fillPoly`, behind the published code, rounds
+//! corners to integer pixels and draws the outline too; the two masks differ along their border.)
 //!
 //! # Rounding
-//! Corners are projected in f64. A point is inside a quadrangle when the four cross products of an edge with the way from its start to the
-//! point are all ≥ 0 or all ≤ 0, and it lies in the quadrangle's own bounding rectangle; a face seen edge-on (area 0) covers nothing.
+//! Corners are projected in f64. A point is inside a quadrangle when the four cross products of an edge with
+//! the way from its start to the point are all ≥ 0 or all ≤ 0, and it lies in the quadrangle's own bounding
+//! rectangle; a face seen edge-on (area 0) covers nothing.
 
 use crate::num::{order, par};
 use crate::scene::camera::{Camera, Model};
@@ -104,8 +106,8 @@ pub fn bound_mask(camera: &Camera, [low, high]: [[f32; 3]; 2]) -> Result<Vec<f32
     Ok(mask)
 }
 
-/// The smallest rectangle around the ones of a mask (H, W) of width `width`: `[top, left]` and, one beyond, `[bottom, right]`, as
-/// a crop takes them. `None` for a mask without a one.
+/// The smallest rectangle around the ones of a mask (H, W) of width `width`: `[top, left]` and, one beyond,
+/// `[bottom, right]`, as a crop takes them. `None` for a mask without a one.
 pub fn rectangle(mask: &[f32], width: usize) -> Option<[[usize; 2]; 2]> {
     let mut found: Option<[[usize; 2]; 2]> = None;
     for i in (0..mask.len()).filter(|&i| mask[i] == 1.0) {

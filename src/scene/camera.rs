@@ -1,6 +1,7 @@
 //! One view: pose, intrinsics, image size, projection model.
 //!
-//! Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5). The world is right-handed.
+//! Camera axes: x right, y down, z forward; pixel (0, 0) has its centre at (0.5, 0.5). The world is
+//! right-handed.
 
 use super::mesh::MAX_COORDINATE;
 use crate::math::quat;
@@ -70,11 +71,12 @@ impl Camera {
         std::array::from_fn(|i| -(r[0][i] * t[0] + r[1][i] * t[1] + r[2][i] * t[2]))
     }
 
-    /// The ray through a position of the image, in pixels: origin and unit direction in the world. `None` outside the circle that a
-    /// fisheye sees (θ > π). Orthographic rays start in the plane of the camera.
+    /// The ray through a position of the image, in pixels: origin and unit direction in the world. `None`
+    /// outside the circle that a fisheye sees (θ > π). Orthographic rays start in the plane of the camera.
     ///
     /// # Rounding
-    /// f32; sums of three are (x + y) + z; the direction is divided by its length. θ < 1e-4 takes sin θ/θ = 1, exact in f32.
+    /// f32; sums of three are (x + y) + z; the direction is divided by its length. θ < 1e-4 takes sin θ/θ =
+    /// 1, exact in f32.
     #[inline]
     pub fn ray(&self, px: [f32; 2]) -> Option<([f32; 3], [f32; 3])> {
         let m: [f32; 2] = std::array::from_fn(|k| (px[k] - self.center_px[k]) / self.focal_px[k]);
@@ -106,8 +108,8 @@ impl Camera {
         Some((origin, d.map(|x| x / length)))
     }
 
-    /// The pose at time `t` (0..1) between this one and `end`; intrinsics are this camera's. The centre moves on a line, the
-    /// rotation is the normalised blend of the two quaternions on the shorter way.
+    /// The pose at time `t` (0..1) between this one and `end`; intrinsics are this camera's. The centre moves
+    /// on a line, the rotation is the normalised blend of the two quaternions on the shorter way.
     pub fn between(&self, end: &Self, t: f32) -> Self {
         let (a, mut b) = (quaternion(&self.rotation), quaternion(&end.rotation));
         let along = ((a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]) + a[3] * b[3];
@@ -123,7 +125,8 @@ impl Camera {
         Self { rotation, translation, ..self.clone() }
     }
 
-    /// Checks what [`Camera::ray`] needs beyond [`Camera::validate`]: a rotation to 1e-3, and pixels and positions whose squares stay within f32.
+    /// Checks what [`Camera::ray`] needs beyond [`Camera::validate`]: a rotation to 1e-3, and pixels and
+    /// positions whose squares stay within f32.
     ///
     /// # Errors
     /// Names the field.
@@ -220,8 +223,8 @@ impl Camera {
     }
 }
 
-/// Quaternion (w, x, y, z) of a rotation matrix, not normalised: the largest of the four is computed without cancellation (Shepperd
-/// 1978).
+/// Quaternion (w, x, y, z) of a rotation matrix, not normalised: the largest of the four is computed without
+/// cancellation (Shepperd 1978).
 fn quaternion(r: &[[f32; 3]; 3]) -> [f32; 4] {
     let (x, y, z) = (r[0][0], r[1][1], r[2][2]);
     let candidates = [(1.0 + x) + (y + z), (1.0 + x) - (y + z), (1.0 + y) - (x + z), (1.0 + z) - (x + y)];

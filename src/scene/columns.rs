@@ -1,4 +1,5 @@
-//! The five parameter arrays of a set of Gaussians, one after the other: the order used by files, digests, optimisers and updates.
+//! The five parameter arrays of a set of Gaussians, one after the other: the order used by files, digests,
+//! optimisers and updates.
 
 use super::gaussians::Gaussians;
 use crate::num::array::{Arrays, retain_rows};

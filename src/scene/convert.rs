@@ -111,7 +111,8 @@ pub fn write_scene(path: &Path, g: &Gaussians, comments: &[String]) -> Result<()
     }
 }
 
-/// Converts a scene; returns the scene that was read. The output's extension is checked before the input is read.
+/// Converts a scene; returns the scene that was read. The output's extension is checked before the input is
+/// read.
 ///
 /// # Errors
 /// See [`read_scene`] and [`write_scene`].

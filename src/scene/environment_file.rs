@@ -1,7 +1,8 @@
 //! Environment maps from files: latitude–longitude images in the orientation of the program that wrote them.
 //!
-//! Our axes are z up; a y-up program's direction (X, Y, Z) is ours by (x, y, z) = (X, −Z, Y), as for models. Every orientation shows
-//! the inclination v = acos(up)/π from the top; they differ in the azimuth, here for a direction (x, y, z) of ours:
+//! Our axes are z up; a y-up program's direction (X, Y, Z) is ours by (x, y, z) = (X, −Z, Y), as for models.
+//! Every orientation shows the inclination v = acos(up)/π from the top; they differ in the azimuth, here for
+//! a direction (x, y, z) of ours:
 //!
 //! | [`Orientation`] | u of its own axes | the same in our axes | direction at its centre |
 //! |---|---|---|---|
@@ -11,17 +12,19 @@
 //! | `Blender` (z up) | ½ − atan2(y, x)/2π | atan2(x, y)/2π + ¼ | +x |
 //! | `Orb` (y up, per image) | atan2(X, −Z)/2π + ½ in the axes of the camera | with [`Options::world_from_map`] | the camera's view |
 //!
-//! `Orb` needs the rotation of its image's camera, which a command line does not have: the commands accept the other four
-//! ([`Orientation::FIXED`]). Without the rotation it would equal `Nvdiffrec` and take the camera's axes for those of the world.
+//! `Orb` needs the rotation of its image's camera, which a command line does not have: the commands accept
+//! the other four ([`Orientation::FIXED`]). Without the rotation it would equal `Nvdiffrec` and take the
+//! camera's axes for those of the world.
 //!
-//! u counts from the left and wraps. Sources: `mitsuba` emitter `envmap`, nvdiffrec `light.py`, Cycles `projection.h`
-//! (`direction_to_equirectangular`), Stanford-ORB `env_map.py`. A map made with the other handedness (seen from outside) is turned by
-//! [`Options::mirror`]: u → 1 − u before all else.
+//! u counts from the left and wraps. Sources: `mitsuba` emitter `envmap`, nvdiffrec `light.py`, Cycles
+//! `projection.h` (`direction_to_equirectangular`), Stanford-ORB `env_map.py`. A map made with the other
+//! handedness (seen from outside) is turned by [`Options::mirror`]: u → 1 − u before all else.
 //!
 //! # Exactness
-//! The orientations and rotations by an integer number of columns permute texels: radiance keeps its bits. Where ¼ or ½ of the width or the
-//! rotation is not an integer number of columns, columns are interpolated linearly; with [`Options::world_from_map`] the image is
-//! resampled bilinearly at texel centres. Radiance is multiplied by [`Options::scale`] last.
+//! The orientations and rotations by an integer number of columns permute texels: radiance keeps its bits.
+//! Where ¼ or ½ of the width or the rotation is not an integer number of columns, columns are interpolated
+//! linearly; with [`Options::world_from_map`] the image is resampled bilinearly at texel centres. Radiance is
+//! multiplied by [`Options::scale`] last.
 
 use super::light::Environment;
 use super::material::Transfer;
@@ -124,7 +127,8 @@ pub struct Options {
     pub scale: f32,
     /// What the values of PNG and JPEG files mean; HDR and EXR are linear.
     pub transfer: Transfer,
-    /// Rotation from the map's axes (in our convention: z up) to the world's, row-major; for maps in the axes of a camera.
+    /// Rotation from the map's axes (in our convention: z up) to the world's, row-major; for maps in the axes
+    /// of a camera.
     pub world_from_map: Option<[[f64; 3]; 3]>,
 }
 
@@ -164,8 +168,8 @@ impl Options {
 /// Reads a map: Radiance HDR, OpenEXR (R, G, B), PNG or JPEG.
 ///
 /// # Errors
-/// When the file is bad, not an image of colours, larger than [`MAX_TEXELS`], or holds a negative number or none; when an option is
-/// out of range.
+/// When the file is bad, not an image of colours, larger than [`MAX_TEXELS`], or holds a negative number or
+/// none; when an option is out of range.
 pub fn read(path: &Path, options: &Options) -> Result<Environment> {
     let name = path.display().to_string();
     from_picture(&image_file::read(path)?, options, &name)

@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 /// One object of several surfaces, in their order; each keeps a material of its own, textures repeat.
 ///
-/// A surface without normals among surfaces that have them gets zero normals (its triangles stay flat); one without texture
-/// coordinates among surfaces that have them gets zeros.
+/// A surface without normals among surfaces that have them gets zero normals (its triangles stay flat); one
+/// without texture coordinates among surfaces that have them gets zeros.
 ///
 /// # Panics
 /// With more than 65 535 surfaces or 2³² vertices.

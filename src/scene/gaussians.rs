@@ -10,7 +10,8 @@ use crate::num::order;
 use crate::{Error, Result};
 use std::collections::BTreeMap;
 
-/// Largest magnitude of a logarithmic scale: its square and the square of e^40 are far inside single precision.
+/// Largest magnitude of a logarithmic scale: its square and the square of e^40 are far inside single
+/// precision.
 pub const MAX_SCALE_LOG: f32 = 40.0;
 /// Largest magnitude of a coordinate, a logit or a coefficient.
 pub const MAX_VALUE: f32 = 1e12;
@@ -60,8 +61,8 @@ impl Gaussians {
         (self.sh_degree + 1) * (self.sh_degree + 1)
     }
 
-    /// Checks lengths, finite values within [`MAX_VALUE`], quaternions of positive length and scales that single
-    /// precision can square. `name` is the file or the source of the scene.
+    /// Checks lengths, finite values within [`MAX_VALUE`], quaternions of positive length and scales that
+    /// single precision can square. `name` is the file or the source of the scene.
     ///
     /// # Errors
     /// Names the row and the parameter.
@@ -171,8 +172,8 @@ impl Gaussians {
         splat_file::from_gaussians(&self.to_record(&[]), name)
     }
 
-    /// From the arguments of `splat.render`: `means`, `quats`, `scales` (linear), `opacities` (0..1), and `sh` or `rgb`.
-    /// Other names are ignored. Opacities 0 and 1 have no logit and become 2⁻²⁴ and 1 − 2⁻²⁴.
+    /// From the arguments of `splat.render`: `means`, `quats`, `scales` (linear), `opacities` (0..1), and
+    /// `sh` or `rgb`. Other names are ignored. Opacities 0 and 1 have no logit and become 2⁻²⁴ and 1 − 2⁻²⁴.
     ///
     /// # Errors
     /// When an array is missing, has another shape, or holds a value out of range.
@@ -236,7 +237,8 @@ impl Gaussians {
         Ok(Self { means, quats, scales_log, opacity_logits, sh, sh_degree })
     }
 
-    /// The arguments of `splat.render` that describe the Gaussians, with activated scales and opacities, and `sh_degree`.
+    /// The arguments of `splat.render` that describe the Gaussians, with activated scales and opacities, and
+    /// `sh_degree`.
     pub fn to_arrays(&self) -> Arrays {
         let n = self.len();
         let exp = |x: &f32| libm::exp(f64::from(*x)) as f32;

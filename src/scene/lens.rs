@@ -1,8 +1,9 @@
 //! Removing the distortion of a lens: ideal position → position in the photo.
 //!
 //! A photo is resampled once, on load, into the image an ideal camera with the same focal lengths, principal
-//! point and size would have taken: a pinhole for OpenCV's radial-tangential model, an equidistant fisheye for its fisheye
-//! model. For every ideal pixel the forward model gives the place to read, so nothing is inverted.
+//! point and size would have taken: a pinhole for OpenCV's radial-tangential model, an equidistant fisheye
+//! for its fisheye model. For every ideal pixel the forward model gives the place to read, so nothing is
+//! inverted.
 //!
 //! | symbol | meaning | unit |
 //! |---|---|---|
@@ -10,8 +11,8 @@
 //! | r | √(x² + y²); the angle θ from the axis for a fisheye | 1, radians |
 //! | d | radial factor of [`Lens`] | 1 |
 //!
-//! Beyond the radius where r·d(r) stops growing, the model folds back and two ideal positions map to one position in the
-//! photo; such pixels are masked out, as are those that map outside the photo.
+//! Beyond the radius where r·d(r) stops growing, the model folds back and two ideal positions map to one
+//! position in the photo; such pixels are masked out, as are those that map outside the photo.
 
 use crate::io::capture::Lens;
 
@@ -90,8 +91,8 @@ pub struct Resampled {
     pub mask: Vec<u8>,
 }
 
-/// Resamples a photo (H, W, 3) to the ideal camera, bilinearly between pixel centres. A pixel is kept where all
-/// four neighbours lie in the photo and are kept by `mask`.
+/// Resamples a photo (H, W, 3) to the ideal camera, bilinearly between pixel centres. A pixel is kept where
+/// all four neighbours lie in the photo and are kept by `mask`.
 pub fn undistort(
     rgb: &[f32],
     mask: Option<&[u8]>,

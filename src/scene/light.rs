@@ -1,7 +1,7 @@
 //! Light: environment maps in one orientation, points, and distant sources.
 //!
-//! An environment map is a latitude–longitude image of linear radiance, row-major, top row up. The direction (x, y, z) it
-//! shows at column centre u and row centre v (0..1) is, with z up,
+//! An environment map is a latitude–longitude image of linear radiance, row-major, top row up. The direction
+//! (x, y, z) it shows at column centre u and row centre v (0..1) is, with z up,
 //!
 //! ```text
 //! u = atan2(x, y)/2π + ½        v = acos(z)/π
@@ -27,7 +27,8 @@ pub struct Environment {
 /// A source without extent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Lamp {
-    /// At a place: irradiance on a facing surface at distance d is intensity/d², and not above [`MAX_RADIANCE`].
+    /// At a place: irradiance on a facing surface at distance d is intensity/d², and not above
+    /// [`MAX_RADIANCE`].
     Point {
         /// scene units
         position: [f32; 3],

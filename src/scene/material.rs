@@ -164,7 +164,8 @@ pub fn linear_of_srgb() -> &'static [f32; 256] {
 }
 
 impl Texture {
-    /// Bilinear value at a texture coordinate, linear, 0..1. Texel (i, j) has its centre at ((i+½)/W, (j+½)/H).
+    /// Bilinear value at a texture coordinate, linear, 0..1. Texel (i, j) has its centre at ((i+½)/W,
+    /// (j+½)/H).
     ///
     /// # Rounding
     /// f32: a horizontal and then a vertical interpolation a + w·(b − a) of decoded texels.

@@ -1,7 +1,8 @@
 //! Triangle meshes, and objects made of them.
 //!
-//! Corners of a triangle are counter-clockwise seen from outside; an index is shared by position, normal and texture coordinate,
-//! so a seam doubles a vertex. Texture coordinates follow glTF: (0, 0) is the top left corner of the image, v grows downwards.
+//! Corners of a triangle are counter-clockwise seen from outside; an index is shared by position, normal and
+//! texture coordinate, so a seam doubles a vertex. Texture coordinates follow glTF: (0, 0) is the top left
+//! corner of the image, v grows downwards.
 
 use super::material::Material;
 use crate::{Error, Result};
@@ -39,8 +40,8 @@ pub struct Object {
 }
 
 impl Mesh {
-    /// Checks indices, sizes and finiteness. Degenerate triangles and zero normals are allowed: rays pass through the former,
-    /// shading falls back to the face normal for the latter.
+    /// Checks indices, sizes and finiteness. Degenerate triangles and zero normals are allowed: rays pass
+    /// through the former, shading falls back to the face normal for the latter.
     ///
     /// # Errors
     /// Names the array and the index; `name` is the name of the mesh in errors.

@@ -1,4 +1,5 @@
-//! Passes that a renderer wrote for a photo, read from a capture: foreground, radiance, depth, normals, albedo, material.
+//! Passes that a renderer wrote for a photo, read from a capture: foreground, radiance, depth, normals,
+//! albedo, material.
 
 use crate::io::capture::Frame;
 use crate::io::image_file::{self, Encoding, Picture};
@@ -37,7 +38,8 @@ impl PassImages {
     /// Reads the passes a frame names.
     ///
     /// # Errors
-    /// When a file is bad, has another size than the first, too few channels, the other encoding, or a value out of range.
+    /// When a file is bad, has another size than the first, too few channels, the other encoding, or a value
+    /// out of range.
     pub fn read(frame: &Frame) -> Result<Self> {
         let p = &frame.passes;
         let unit = |x: f32| (0.0..=1.0).contains(&x);

@@ -18,7 +18,8 @@ const PLACES: [&str; 10] = [
     ".cargo/config.toml",
 ];
 
-/// Beginnings of the sections of the root manifest that decide bits: profiles, versions and features of dependencies.
+/// Beginnings of the sections of the root manifest that decide bits: profiles, versions and features of
+/// dependencies.
 const SECTIONS: [&str; 4] = ["profile", "workspace.dependencies", "patch", "replace"];
 
 /// Standard output of a program that succeeds.
@@ -55,7 +56,8 @@ fn files(root: &Path, place: &str) -> Result<Vec<String>, String> {
     if names.is_empty() { Err(format!("{place}: no such files")) } else { Ok(names) }
 }
 
-/// The hash of everything that decides bits below `root`: names and bytes of files, sections of the root manifest, and what `compiler` prints.
+/// The hash of everything that decides bits below `root`: names and bytes of files, sections of the root
+/// manifest, and what `compiler` prints.
 pub(crate) fn deciding(root: &Path, compiler: &str) -> Result<String, String> {
     let read = |name: &str| fs::read(root.join(name)).map_err(|e| format!("{name}: {e}"));
     let mut hash = Hash(0xcbf2_9ce4_8422_2325);

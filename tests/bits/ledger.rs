@@ -4,10 +4,10 @@
 //! "splat.color/0 forward" = { digest = "0123456789abcdef", shape = "colors 2x5x3", why = "first mint" }
 //! ```
 //!
-//! A line is a key and an inline table of three strings, so the file is TOML; it is read here by its quotation marks,
-//! and none of the four strings may hold one. The shape stands beside the digest so that a change of layout and a
-//! change of value look different. The last column says why the digest is what it is now: it is emptied when the
-//! digest changes and filled by hand.
+//! A line is a key and an inline table of three strings, so the file is TOML; it is read here by its
+//! quotation marks, and none of the four strings may hold one. The shape is listed beside the digest so that
+//! a change of layout and a change of value look different. The last column is the reason for the last change
+//! of the digest: it is cleared when the digest changes and filled in by the author of the change.
 
 use std::path::PathBuf;
 
@@ -30,7 +30,7 @@ pub(crate) const FIRST: &str = "first mint";
 const HEAD: &str = "\
 # Digests of every operator and every system. They do not depend on threads, optimisation, vector width or platform;
 # tests/bits/main.rs compares. `LASTLIGHT_REMINT=1 cargo bits` rewrites this file and empties `why` where a digest changed:
-# say there what changed it, in the commit that holds the cause.
+# state the cause there, in the commit that contains it.
 ";
 
 /// Where the file is.

@@ -1,8 +1,9 @@
-//! The bit contract: digests of every operator, forward and adjoint, and of every system, against `tests/bits.toml`.
+//! The bit contract: digests of every operator, forward and adjoint, and of every system, against
+//! `tests/bits.toml`.
 //!
-//! One process checks any number of threads; `cargo bits` (`matrix.rs`) runs this file in builds for other processors, with and
-//! without optimisation. The file of digests is the same in all of them. `cargo bits` runs this one;
-//! `LASTLIGHT_REMINT=1 cargo bits` writes the file anew.
+//! One process checks any number of threads; `cargo bits` (`matrix.rs`) runs this file in builds for other
+//! processors, with and without optimisation. The file of digests is the same in all of them. `cargo bits`
+//! runs this one; `LASTLIGHT_REMINT=1 cargo bits` writes the file anew.
 
 mod ledger;
 mod person;
@@ -14,7 +15,8 @@ use lastlight::ops;
 use ledger::Line;
 use runs::Entry;
 
-/// Numbers of threads, `LASTLIGHT_BITS_THREADS` separated by commas or all four; the results of the first are compared first.
+/// Numbers of threads, `LASTLIGHT_BITS_THREADS` separated by commas or all four; the results of the first are
+/// compared first.
 fn threads() -> Vec<usize> {
     let listed = std::env::var("LASTLIGHT_BITS_THREADS").unwrap_or_else(|_| "1,2,3,7".to_owned());
     listed.split(',').map(|n| n.trim().parse().expect("numbers of threads, separated by commas")).collect()
@@ -65,7 +67,7 @@ fn all() -> Vec<Entry> {
     runs::foundations().into_iter().chain(operators).chain(twins).chain(runs::systems()).collect()
 }
 
-/// Compares, or, when asked to, writes; then the other tests have nothing to compare with.
+/// Compares, or writes with LASTLIGHT_REMINT=1; the other tests then have nothing to compare with.
 #[test]
 fn operators() {
     env::probe().expect("the floating-point environment is the default one");
@@ -140,7 +142,7 @@ fn every_digest_says_why_it_is_what_it_is() {
         return;
     }
     for l in ledger::load() {
-        assert!(!l.why.trim().is_empty(), "'{}': say in tests/bits.toml why this digest changed", l.name);
+        assert!(!l.why.trim().is_empty(), "'{}': state in tests/bits.toml why this digest changed", l.name);
         assert_eq!(l.digest.len(), 16, "'{}': 16 hexadecimal digits", l.name);
     }
 }

@@ -1,5 +1,5 @@
-//! `cargo bits`: runs the digests (`tests/bits/main.rs`) in builds with and without optimisation, for every vector width of this processor, against the one
-//! file of digests, `tests/bits.toml`.
+//! `cargo bits`: runs the digests (`tests/bits/main.rs`) in builds with and without optimisation, for every
+//! vector width of this processor, against the one file of digests, `tests/bits.toml`.
 //!
 //! ```text
 //! cargo bits            the default cell; LASTLIGHT_REMINT=1 cargo bits writes tests/bits.toml anew
@@ -9,11 +9,12 @@
 //! cargo bits --list     names of the cells, and which ones --gate would run
 //! ```
 //!
-//! A cell is a build and a width of matrix products (registers of 8 or 16 lanes, chosen at run time). The release build for the default width is that of
-//! `cargo test --release --workspace`; builds for other processors go to `target/bits`. The default cell runs 1, 2, 3 and 7 threads, the others 1 and 7.
+//! A cell is a build and a width of matrix products (registers of 8 or 16 lanes, chosen at run time). The
+//! release build for the default width is that of `cargo test --release --workspace`; builds for other
+//! processors go to `target/bits`. The default cell runs 1, 2, 3 and 7 threads, the others 1 and 7.
 //!
-//! The last full run is one of what is here when the hash of what decides bits (`deciding.rs`) is that of the record, and the record has every cell that
-//! this machine can run.
+//! The last full run is one of what is here when the hash of what decides bits (`deciding.rs`) is that of the
+//! record, and the record has every cell that this machine can run.
 
 #![expect(clippy::disallowed_types, reason = "seconds of every cell, for people")]
 
@@ -164,7 +165,7 @@ fn command(cell: &Cell) -> Command {
         Profile::Unoptimised => cargo.env("CARGO_PROFILE_DEV_OPT_LEVEL", "0"),
     };
     match cell.cpu {
-        // The features of the whole workspace: what `cargo test --release --workspace` compiled serves.
+        // The features of the workspace, so that the build of `cargo test --release --workspace` is reused.
         None if cell.profile == Profile::Release => cargo.arg("--workspace"),
         None => cargo.args(["-p", "lastlight-tests-bits"]),
         Some(cpu) => cargo
@@ -178,7 +179,8 @@ fn command(cell: &Cell) -> Command {
         cargo.arg("operators");
     }
     if cell.narrow_libm {
-        // The spelling of glibc since 2.33; it ignores names it does not know, so the digest of libm itself has to differ.
+        // The spelling of glibc since 2.33; it ignores unknown names, so the digest of libm itself has to
+        // differ.
         cargo.env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F");
     }
     cargo.env("LASTLIGHT_LANES", cell.lanes.to_string()).env("LASTLIGHT_BITS_THREADS", cell.threads);
@@ -245,7 +247,8 @@ fn head(cells: &[Cell]) -> Result<Head, String> {
     })
 }
 
-/// The further cell of a commit: the first eight hexadecimal digits of its name, modulo the number of cells that no gate runs anyway.
+/// The further cell of a commit: the first eight hexadecimal digits of its name, modulo the number of cells
+/// that no gate runs anyway.
 fn chosen<'a>(cells: &'a [Cell], commit: &str) -> Option<&'a Cell> {
     let others: Vec<&Cell> = cells.iter().filter(|cell| !cell.always).collect();
     let number = commit.get(..8).and_then(|digits| usize::from_str_radix(digits, 16).ok())?;
@@ -256,7 +259,7 @@ fn chosen<'a>(cells: &'a [Cell], commit: &str) -> Option<&'a Cell> {
 fn stale(head: &Result<Head, String>, cells: &[Cell], record: Option<&str>) -> Option<String> {
     let names: Vec<&str> = cells.iter().map(|cell| &*cell.name).collect();
     match (head, record) {
-        (Err(e), _) => Some(format!("what decides bits is not known: {e}")),
+        (Err(e), _) => Some(format!("the inputs that decide bits cannot be hashed: {e}")),
         (Ok(_), None) => Some(format!("there is no {RECORD}")),
         (Ok(head), Some(text)) if !deciding::is_of(text, &head.hash, &names) => {
             Some(format!("{RECORD} is of something else, or lacks a cell of this machine"))
@@ -273,7 +276,8 @@ fn gate<'a>(cells: &'a [Cell], commit: &str, stale: Option<String>) -> (Vec<&'a 
     (cells.iter().filter(is_run).collect(), why)
 }
 
-/// Whether the control proves that the C library is not used: it ran with another libm than the other cells, as both digests show.
+/// Whether the control proves that the C library is not used: it ran with another libm than the other cells,
+/// as both digests show.
 fn is_proven(libms: &[Option<String>; 2]) -> bool {
     matches!(libms, [Some(wide), Some(narrow)] if wide != narrow)
 }

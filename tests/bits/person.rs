@@ -1,5 +1,5 @@
-//! A small LAST run: pictures of the figure, the model trained on them, its structure tuned on a video of the figure, the figure fitted to
-//! the video with the model as guide, and its scores.
+//! A small LAST run: images of the figure, the model trained on them, its structure tuned on a video of the
+//! figure, the figure fitted to the video with the model as guide, and its scores.
 
 use super::runs::Entry;
 use lastlight::fit::training::Fit;
@@ -53,7 +53,7 @@ pub(crate) fn entries() -> Vec<Entry> {
         ..Making::smoke()
     };
     let made = generate::run(&making, dir.path(), false, &AtomicBool::new(false), &mut |_, _, _| {});
-    let made = made.expect("pictures");
+    let made = made.expect("images");
     let data = Pictures::read(dir.path(), true, Framing::default()).expect("what was just written");
     let settings = Settings {
         steps: STEPS[0],
@@ -68,7 +68,7 @@ pub(crate) fn entries() -> Vec<Entry> {
         seed: 7,
         ..Settings::of_pictures()
     };
-    let mut training = Training::new(settings, &data).expect("pictures of 64 pixels");
+    let mut training = Training::new(settings, &data).expect("images of 64 pixels");
     for i in 0..Fit::iterations(&training) {
         Fit::step(&mut training, i, &mut ()).expect("finite");
     }
@@ -79,7 +79,7 @@ pub(crate) fn entries() -> Vec<Entry> {
     let mut subject = Subject::default();
     for &i in &capture.train {
         let shot = &capture.shots[i];
-        let photo = shot.photo().expect("a picture");
+        let photo = shot.photo().expect("an image");
         let [mu, ell] = trained.posterior(&guide::seen(&trained, &capture, shot, &photo).expect("a person"));
         subject.mu.extend(mu);
         subject.ell.extend(ell);
@@ -90,7 +90,10 @@ pub(crate) fn entries() -> Vec<Entry> {
     let mut fit = PersonFit::new(fitting(), &capture, Some(&trained)).expect("valid settings");
     let losses = (0..Fit::iterations(&fit)).map(|i| Fit::step(&mut fit, i, &mut ()).expect("finite").loss);
     let losses: Vec<f32> = losses.collect();
-    assert!(fit.tally().encodings > 0 && !fit.events().is_empty(), "the guide is asked, Gaussians are added");
+    assert!(
+        fit.tally().encodings > 0 && !fit.events().is_empty(),
+        "the guide is evaluated, Gaussians are added"
+    );
     let mut state = Arrays::new();
     fit.save(&mut state);
     state.put("loss", &[losses.len()], losses);
@@ -118,7 +121,7 @@ fn fitting() -> Fitting {
     }
 }
 
-/// Pictures and scores of a training and a held-out shot.
+/// Images and scores of a training and a held-out shot.
 fn scores(fit: &PersonFit<'_>, capture: &PersonCapture) -> Arrays {
     let mut arrays = Arrays::new();
     for (name, shot) in [("train", capture.train[1]), ("test", capture.test[0])] {

@@ -65,7 +65,7 @@ pub(crate) const FOUNDATIONS: [&str; 2] = ["num.elem f32", "num.elem f64"];
 /// Name of [`picture`].
 pub(crate) const PICTURE: &str = "shade.render passes";
 
-/// All passes of a small picture: a map, two lamps, a glossy textured ball, motion.
+/// All passes of a small image: a map, two lamps, a glossy textured ball, motion.
 pub(crate) fn picture() -> Entry {
     use lastlight::geometry::bvh::Bvh;
     use lastlight::scene::camera::{Camera, Model};
@@ -200,7 +200,8 @@ pub(crate) fn operator_names() -> Vec<String> {
     ops::LIST.iter().flat_map(|op| (0..op.cases).flat_map(move |i| of_case(op, i))).collect()
 }
 
-/// Every case of one operator, the shipped code: outputs, intermediates and plan, then gradients for drawn cotangents.
+/// Every case of one operator, the shipped code: outputs, intermediates and plan, then gradients for drawn
+/// cotangents.
 pub(crate) fn operator(op: &'static Op) -> Vec<Entry> {
     let mut entries = Vec::new();
     for i in 0..op.cases {
@@ -258,7 +259,7 @@ pub(crate) fn twin(op: &'static Op) -> Vec<Entry> {
 const SYSTEMS: [(&str, Strategy); 2] =
     [("splat.fit/inria", Strategy::Inria), ("splat.fit/mcmc", Strategy::Mcmc)];
 
-/// Iterations after which the whole state of a fit is digested; the last one ends it.
+/// Iterations after which the complete state of a fit is digested; the last one ends it.
 const AFTER: [usize; 2] = [10, 100];
 
 /// Names of [`systems`].
@@ -297,7 +298,7 @@ fn generated() -> Vec<Entry> {
     vec![surfaces(FIGURE, &person.surfaces(&drive)), surfaces(OBJECT, &objects), Entry::new(MAP, panorama)]
 }
 
-/// A small picture; state and losses of small fits of the built-in scene.
+/// A small image; state and losses of small fits of the built-in scene.
 pub(crate) fn systems() -> Vec<Entry> {
     let views = built_in::miniature(3, 2, &render::Settings::default()).expect("the built-in scene renders");
     let mut entries = vec![picture()];
@@ -318,7 +319,7 @@ pub(crate) fn systems() -> Vec<Entry> {
         let mut fit = SplatFit::new(settings, &views, first).expect("valid settings");
         let mut losses = Vec::new();
         for i in 0..AFTER[1] {
-            losses.push(fit.step(i, &mut ()).expect("the fit goes on").loss);
+            losses.push(fit.step(i, &mut ()).expect("the fit continues").loss);
             if AFTER.contains(&losses.len()) {
                 let mut state = Arrays::new();
                 fit.save(&mut state);

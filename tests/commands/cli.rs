@@ -54,7 +54,7 @@ pub(crate) fn workplace() -> tempfile::TempDir {
         "capture",
         "--json",
     ];
-    assert_eq!(json(&args, dir.path())["pictures"], 10, "ten pictures");
+    assert_eq!(json(&args, dir.path())["images"], 10, "ten images");
     dir
 }
 
@@ -118,7 +118,7 @@ fn help_shows_examples_and_exit_codes() {
         let o = lastlight(args, dir.path());
         assert_eq!(code(&o), 0, "{args:?}");
         assert!(stdout(&o).contains("Examples:") && stdout(&o).contains("lastlight "), "{args:?}: examples");
-        assert!(o.stderr.is_empty(), "{args:?}: help goes to stdout");
+        assert!(o.stderr.is_empty(), "{args:?}: help is printed to stdout");
     }
     let top = stdout(&lastlight(&["--help"], dir.path()));
     for word in ["demo", "splat", "oracle", "gradcheck", "convert", "doctor", "Exit codes", "--threads"] {
@@ -222,7 +222,7 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
         "--quiet",
     ];
     let record = json(&fit, dir);
-    assert_eq!(record["iterations"], 40, "as asked for");
+    assert_eq!(record["iterations"], 40, "as requested");
     assert_eq!(record["evaluation"]["views"].as_array().map(Vec::len), Some(2), "views 0 and 8 are held out");
     assert_eq!(record["settings"]["seed"], 3, "settings are recorded");
     let digest = record["digest"].as_str().expect("a digest").to_owned();
@@ -230,10 +230,11 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
         assert!(dir.join("fit").join(file).is_file(), "{file}");
     }
     let html = std::fs::read_to_string(dir.join("fit/report/index.html")).expect("a report");
-    assert!(html.contains(&digest) && html.contains("data:image/png;base64,"), "digest and pictures");
+    assert!(html.contains(&digest) && html.contains("data:image/png;base64,"), "digest and images");
     assert!(!html.contains("http://") && !html.contains("https://"), "no network");
 
-    // The same bits for another number of threads, and where a file of the same name is in the way only with --force.
+    // The same bits for another number of threads, and where a file of the same name is in the way only with
+    // --force.
     let again = |threads: &str, out: &str, extra: &[&str]| {
         let mut args = vec!["--threads", threads];
         args.extend(fit.iter().map(|a| if *a == "fit" { *a } else { a }));
@@ -311,10 +312,7 @@ fn all_passes_are_written_and_described() {
     let text = std::fs::read_to_string(dir.join("p/transforms.json")).expect("written");
     let t: Value = serde_json::from_str(&text).expect("JSON");
     let frame = &t["frames"][0];
-    assert!(
-        dir.join("p").join(frame["file_path"].as_str().expect("a path")).is_file(),
-        "the picture is there"
-    );
+    assert!(dir.join("p").join(frame["file_path"].as_str().expect("a path")).is_file(), "the image is there");
     assert!(
         dir.join("p").join(frame["depth_file_path"].as_str().expect("a path")).is_file(),
         "the depth is there"
@@ -338,7 +336,7 @@ fn doctor_and_demo_say_that_all_is_well() {
     assert_eq!(record["ok"], true, "{record}");
     let record = json(&["demo", "--iterations", "8", "--json", "--quiet"], dir.path());
     for part in ["person", "scene"] {
-        assert_eq!(record[part]["iterations"], 8, "{part}: as asked for");
+        assert_eq!(record[part]["iterations"], 8, "{part}: as requested");
     }
     assert_eq!(record["person"]["structure"]["after"].as_array().map(Vec::len), Some(16), "every edge");
     let page =
@@ -359,10 +357,10 @@ fn doctor_and_demo_say_that_all_is_well() {
     );
     assert_eq!(again["person"]["digest"], record["person"]["digest"], "one thread, the same person");
     refused(&["demo", "--size", "8"], dir.path(), 2, &["--size"]);
-    // The model sees squares of 64 pixels of any picture.
+    // The model sees squares of 64 pixels of any image.
     let odd =
         ["demo", "--only", "last", "--iterations", "8", "--size", "50", "--out", "odd", "--json", "--quiet"];
-    assert!(json(&odd, dir.path())["person"]["digest"].is_string(), "pictures of 50 pixels");
+    assert!(json(&odd, dir.path())["person"]["digest"].is_string(), "images of 50 pixels");
     std::fs::create_dir(dir.path().join("mine")).expect("a folder");
     std::fs::write(dir.path().join("mine/letter.txt"), "dear").expect("writes");
     refused(&["demo", "--out", "mine", "--iterations", "8"], dir.path(), 2, &["mine", "--force"]);
@@ -400,7 +398,7 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
     };
     let whole = json(&args("whole", &[]), dir);
     let second = |out: &'static str| {
-        // While one program writes there, another is kept out, whatever it is asked for.
+        // While one program writes to the folder, another is refused, with any option.
         for flag in ["--force", "--resume"] {
             refused(&args(out, &[flag]), dir, 2, &["--out", "in use by process"]);
         }
@@ -424,7 +422,7 @@ fn ctrl_c_leaves_a_checkpoint_and_kill_leaves_the_last_one() {
         match exit {
             Some(n) => {
                 assert_eq!(code(&o), n, "{}", stderr(&o));
-                assert!(stderr(&o).contains("--resume"), "it says how to go on: {}", stderr(&o));
+                assert!(stderr(&o).contains("--resume"), "it prints how to continue: {}", stderr(&o));
             }
             None => assert_eq!(o.status.signal(), Some(9), "killed"),
         }

@@ -93,8 +93,8 @@ fn lirm_gen_makes_continues_and_refuses() {
     assert_eq!(std::fs::read_dir(dir.path().join("mine")).expect("a folder").count(), 1, "untouched");
 }
 
-/// What an interrupted run left: every file under its final name is that of the whole set, `record` says that it is not complete, and
-/// descriptions of what has not been finished are not there.
+/// What an interrupted run left: every file under its final name equals that of the complete set, `record`
+/// states that the set is incomplete, and descriptions of what has not been finished are not there.
 #[cfg(unix)]
 fn assert_nothing_half_written(left: &Tree, whole: &Tree, record: &str, what: &str) {
     for (name, bytes) in left {
@@ -102,7 +102,7 @@ fn assert_nothing_half_written(left: &Tree, whole: &Tree, record: &str, what: &s
         if name == ".lastlight.lock" {
             assert!(bytes.iter().all(u8::is_ascii_digit), "{what}: the number of the process that held it");
         } else if file.starts_with(".lastlight-") {
-            assert!(file.ends_with(".part"), "{what}: {name} has a name that no reader asks for");
+            assert!(file.ends_with(".part"), "{what}: {name} has a name that no reader opens");
         } else if folder.ends_with(".shots") {
             let parsed: Result<serde_json::Value, _> = serde_json::from_slice(bytes);
             assert!(parsed.is_ok(), "{what}: {name} is no JSON document");
@@ -110,9 +110,9 @@ fn assert_nothing_half_written(left: &Tree, whole: &Tree, record: &str, what: &s
             assert_eq!(bytes.len(), 16, "{what}: {name} is no digest");
         } else if name == record {
             let there: serde_json::Value = serde_json::from_slice(bytes).expect("JSON");
-            assert_eq!(there["complete"], false, "{what}: {name} says that it is not complete");
+            assert_eq!(there["complete"], false, "{what}: {name} states that it is not complete");
         } else {
-            assert!(whole.get(name) == Some(bytes), "{what}: {name} is not that of the whole set");
+            assert!(whole.get(name) == Some(bytes), "{what}: {name} is not that of the complete set");
         }
     }
     assert!(left.len() < whole.len(), "{what}: it was interrupted");
@@ -122,7 +122,8 @@ fn assert_nothing_half_written(left: &Tree, whole: &Tree, record: &str, what: &s
 #[cfg(unix)]
 type Moment = (&'static str, &'static str, &'static str);
 
-/// Interrupts a command when a file appears, looks at what is left, continues, and compares with the whole set.
+/// Interrupts a command when a file appears, checks the folder, continues, and compares with the complete
+/// set.
 #[cfg(unix)]
 fn interrupt(args: &[&str], dir: &std::path::Path, whole: &Tree, record: &str, moments: &[Moment]) {
     use crate::program::{code, signalled, stderr};
@@ -134,7 +135,7 @@ fn interrupt(args: &[&str], dir: &std::path::Path, whole: &Tree, record: &str, m
         let o = signalled(&args, dir, signal, &|| awaited.exists());
         if signal == "-INT" {
             assert_eq!(code(&o), 130, "{what}: {}", stderr(&o));
-            assert!(stderr(&o).contains("--resume"), "{what}: it says how to go on: {}", stderr(&o));
+            assert!(stderr(&o).contains("--resume"), "{what}: it prints how to continue: {}", stderr(&o));
         } else {
             assert_eq!(o.status.signal(), Some(9), "{what}: killed");
         }
@@ -184,7 +185,7 @@ fn last_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
     json(&[&args[..], &["--out", "whole", "--json"]].concat(), dir.path());
     let whole = tree(&dir.path().join("whole"));
     let video = lastlight::io::capture::read_capture(&dir.path().join("whole/video")).expect("a capture");
-    assert_eq!(video.frames.len(), 12 + 6, "pictures of the video");
+    assert_eq!(video.frames.len(), 12 + 6, "images of the video");
     let moments = [
         ("-INT", "int-set", "observational/0002.npz"),
         ("-KILL", "kill-set", "interventions/0000.npz"),

@@ -1,5 +1,5 @@
-//! `last pretrain`, `tune`, `intervene` at the command line: a small model from pictures, continued, tuned, looked at, refused. `last fit`
-//! and `render`: a person seen from farther and nearer than it was photographed.
+//! `last pretrain`, `tune`, `intervene` at the command line: a small model from images, continued, tuned,
+//! inspected, refused. `last fit` and `render`: a person seen from farther and nearer than in its photos.
 
 use crate::program::{json, lastlight, refused, stderr, stdout};
 use lastlight::fit::orbit::Orbit;
@@ -9,7 +9,7 @@ use lastlight::loss::lpips::NO_WEIGHTS;
 use lastlight::scene::camera::Camera;
 use std::path::Path;
 
-/// Pictures, groups and a video of the figure.
+/// Images, groups and a video of the figure.
 fn data(dir: &Path) {
     let made = json(
         &[
@@ -95,7 +95,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
         ],
         at,
     );
-    assert_eq!(tuned["pictures"], 3, "every training picture");
+    assert_eq!(tuned["images"], 3, "every training image");
     assert_eq!(tuned["after"].as_array().map(Vec::len), Some(16), "every edge");
     let done = json(
         &[
@@ -120,7 +120,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
         let reached = edges.iter().any(|&(_, to)| to == j);
         assert!(reached || row[j as usize] == 0.0, "factor {j} has no parent and cannot move");
     }
-    assert!(at.join("do/grid.png").is_file() && at.join("do/moved.csv").is_file(), "pictures and numbers");
+    assert!(at.join("do/grid.png").is_file() && at.join("do/moved.csv").is_file(), "images and numbers");
 }
 
 #[test]
@@ -161,7 +161,7 @@ fn bad_input_is_refused() {
         2,
         &["0 to 3"],
     );
-    // What a model decides, without one; a check of pictures that are not there.
+    // What a model decides, without one; a check of images that are not there.
     let fit = |more: &[&'static str]| [&["last", "fit", "data/video", "--out", "f"], more].concat();
     for word in [&["--lambda", "0.1"][..], &["--density", "or"], &["--no-progressive"]] {
         refused(&fit(word), at, 2, &["required arguments"]);
@@ -212,8 +212,8 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     let stored = store::read(&at.join("fit/avatar.safetensors")).expect("an avatar");
     let camera = &stored.cameras[0].1;
     let pose = &stored.poses[0];
-    let small = stored.picture(pose, Some(0), camera).expect("a picture").image;
-    let scored = stored.avatar.picture(pose, Some(0), camera).expect("a picture").image;
+    let small = stored.picture(pose, Some(0), camera).expect("an image").image;
+    let scored = stored.avatar.picture(pose, Some(0), camera).expect("an image").image;
     assert_eq!(small, scored, "from a camera of the capture: what is scored, to the bit");
     let times = TIMES as f32;
     let near = Camera {
@@ -223,7 +223,7 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
         height: TIMES * camera.height,
         ..camera.clone()
     };
-    // Blocks of the magnified picture have the colours of the pixels that the fit learned.
+    // Blocks of the magnified image have the colours of the pixels that the fit learned.
     let mean = |image: &[f32]| -> Vec<f32> {
         let (w, side) = (camera.width, near.width);
         (0..small.len())
@@ -235,26 +235,26 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
             })
             .collect()
     };
-    let magnified = mean(&stored.picture(pose, Some(0), &near).expect("a picture").image);
-    let unwidened = mean(&stored.avatar.picture(pose, Some(0), &near).expect("a picture").image);
+    let magnified = mean(&stored.picture(pose, Some(0), &near).expect("an image").image);
+    let unwidened = mean(&stored.avatar.picture(pose, Some(0), &near).expect("an image").image);
     let (off, fog) = (apart(&magnified, &small), apart(&unwidened, &small));
     println!(
         "mean squared difference to what was learned: {off:.1e}, with the footprint of a smaller pixel {fog:.1e}"
     );
-    assert!(off < 2e-4 && off < fog / 4.0, "blocks of the magnified picture: {off:.1e}, unwidened {fog:.1e}");
+    assert!(off < 2e-4 && off < fog / 4.0, "blocks of the magnified image: {off:.1e}, unwidened {fog:.1e}");
 
     let orbit =
         Orbit { count: 5, center: None, radius: None, elevation_rad: 0.2, fov_x_rad: 0.7, size: [96, 64] };
     for (k, camera) in stored.around(orbit, &stored.poses).expect("cameras").iter().enumerate() {
-        let out = stored.picture(pose, Some(0), camera).expect("a picture");
+        let out = stored.picture(pose, Some(0), camera).expect("an image");
         let (w, h) = (camera.width, camera.height);
         let border = |p: &usize| [p % w, p / w].contains(&0) || p % w == w - 1 || p / w == h - 1;
         let cut = (0..w * h).filter(border).filter(|&p| out.alpha[p] > 0.05).count();
         assert_eq!(cut, 0, "view {k}: nothing is cut by the border");
         let rows = (0..h).filter(|y| (0..w).any(|x| out.alpha[y * w + x] > 0.1)).count();
-        assert!(rows > h / 2, "view {k}: the person fills the picture: {rows} of {h} rows");
+        assert!(rows > h / 2, "view {k}: the person fills the image: {rows} of {h} rows");
     }
-    // Without weights the surrogate stands where LPIPS would, under its own name.
+    // Without weights the surrogate is reported in place of LPIPS, under its own name.
     let scores = lastlight(&["last", "eval", "fit", "data/video"], at);
     assert!(stderr(&scores).lines().any(|l| l == NO_WEIGHTS), "{}", stderr(&scores));
     assert!(stdout(&scores).contains("RFD-box (not LPIPS)"), "{}", stdout(&scores));
@@ -264,7 +264,7 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
         2,
         &["none.safetensors"],
     );
-    // A check of held-out pictures needs some.
+    // A check of held-out images needs some.
     let eval = ["last", "eval", "fit", "data/video", "--min-psnr", "1"];
     assert!(lastlight(&eval, at).status.success(), "one decibel is reached");
     std::fs::remove_file(at.join("data/video/transforms_test.json")).expect("there");
@@ -277,14 +277,14 @@ fn the_paper_as_printed_goes_all_the_way() {
     let at = dir.path();
     data(at);
     let made = json(&pretrain(&["--out", "model", "--reading", "literal", "--json"]), at);
-    assert_eq!(made["settings"]["reading"], "literal", "what was asked for");
+    assert_eq!(made["settings"]["reading"], "literal", "as requested");
     assert_eq!(made["settings"]["mechanism"], "printed", "eq. 3: linear, then networks");
     let run = |words: &[&str]| json(&[words, &["--json"]].concat(), at);
-    // The model's file carries the reading; nothing after it has to be told.
+    // The model's file stores the setting; later commands need no option.
     let model = "model/model.safetensors";
     let tuned =
         run(&["last", "tune", model, "data/video", "--out", "tuned.safetensors", "--iterations", "3"]);
-    assert_eq!(tuned["pictures"], 3, "every training picture");
+    assert_eq!(tuned["images"], 3, "every training image");
     run(&["last", "intervene", "tuned.safetensors", "data/video", "--out", "do"]);
     let fit = ["last", "fit", "data/video", "--out", "fit", "--model", "tuned.safetensors"];
     run(&[&fit[..], &["--iterations", "60"]].concat());
@@ -306,10 +306,10 @@ fn poses_and_cameras_of_a_film_go_together() {
         let mut files: Vec<_> = folder.map(|file| file.expect("a file").path()).collect();
         files.retain(|file| file.extension().is_some_and(|x| x == "png"));
         files.sort();
-        files.iter().map(|file| std::fs::read(file).expect("a picture")).collect()
+        files.iter().map(|file| std::fs::read(file).expect("an image")).collect()
     };
     let all = film("all", &[]);
-    assert_eq!(all.len(), 3, "a picture for each moment");
+    assert_eq!(all.len(), 3, "an image for each moment");
     assert!(film("one", &["--pose", "1"])[..] == all[1..2], "one moment of them");
     let around = film("around", &["--cameras", "orbit:3", "--pose", "1", "--size", "48x40"]);
     assert_eq!(around.len(), 3, "one moment from all sides");

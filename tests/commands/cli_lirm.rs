@@ -28,7 +28,7 @@ fn help_shows_examples_and_every_option() {
     let dir = tempfile::tempdir().expect("a folder");
     let o = lastlight(&["--help"], dir.path());
     let text = String::from_utf8(o.stdout).expect("text");
-    assert_eq!((o.status.code(), o.stderr.len()), (Some(0), 0), "help goes to stdout");
+    assert_eq!((o.status.code(), o.stderr.len()), (Some(0), 0), "help is printed to stdout");
     assert!(text.contains("Examples:") && text.matches("lastlight lirm gen --out").count() >= 6, "examples");
     for option in [
         "--objects",
@@ -63,8 +63,8 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
     };
     let made = json(&at("set", &[]), dir.path());
     assert_eq!((&made["objects"], &made["rendered"]), (&2.into(), &8.into()), "2 objects, 2 lights, 2 views");
-    assert_eq!(made["settings"]["seed"], 5, "settings are said");
-    assert!(made["seconds"].as_f64().is_some_and(|s| s > 0.0), "time is said");
+    assert_eq!(made["settings"]["seed"], 5, "settings are printed");
+    assert!(made["seconds"].as_f64().is_some_and(|s| s > 0.0), "time is printed");
     let top: Value =
         serde_json::from_slice(&std::fs::read(dir.path().join("set/dataset.json")).expect("written"))
             .expect("JSON");
@@ -79,7 +79,8 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
     ] {
         assert!(dir.path().join("set/object_00001").join(file).is_file(), "{file}");
     }
-    // One thread, another folder: the same digest. What is there is not made again, nor overwritten unasked.
+    // One thread, another folder: the same digest. Existing results are neither regenerated nor overwritten
+    // without an option.
     let one =
         program::json(&[&["--threads", "1", "lirm", "gen"][..], &at("again", &[])].concat(), dir.path());
     assert_eq!(one["digest"], made["digest"], "one thread");
@@ -93,13 +94,13 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
     relight.extend(["--env", "set/object_00001/environment.exr", "--samples", "2"]);
     relight.extend(["--cameras", "set/object_00001/environment"]);
     let record = program::json(&relight, dir.path());
-    assert_eq!(record["pictures"], 2, "its cameras");
+    assert_eq!(record["images"], 2, "its cameras");
 
     // Less of everything.
     let bare = json(&[&["--out", "bare", "--passes", "photo", "--no-truth"][..], &TINY].concat(), dir.path());
     assert_eq!(bare["settings"]["truth"], false, "without truth");
     let object = dir.path().join("bare/object_00000");
-    assert!(object.join("uniform/images/0000.png").is_file(), "a photograph");
+    assert!(object.join("uniform/images/0000.png").is_file(), "a photo");
     for file in ["object.glb", "environment.exr", "uniform/radiance", "environment"] {
         assert!(!object.join(file).exists(), "no {file}");
     }
@@ -110,7 +111,7 @@ fn an_egocentric_set_takes_either_camera() {
     let dir = tempfile::tempdir().expect("a folder");
     for (camera, model) in [("fisheye", "OPENCV_FISHEYE"), ("pinhole", "PINHOLE")] {
         let args = [&["--out", camera, "--set", "egocentric", "--camera", camera][..], &TINY].concat();
-        assert_eq!(json(&args, dir.path())["settings"]["camera"], camera, "{camera}: said");
+        assert_eq!(json(&args, dir.path())["settings"]["camera"], camera, "{camera}: printed");
         let file = dir.path().join(camera).join("object_00000/uniform/transforms_train.json");
         let top: Value = serde_json::from_slice(&std::fs::read(file).expect("written")).expect("JSON");
         assert_eq!(top["camera_model"], model, "{camera}: written");
@@ -138,11 +139,12 @@ fn what_makes_no_sense_is_refused() {
         assert!(!dir.path().join("x").exists(), "{args:?}: a refused command makes no folder");
     }
     refused(&["--out", "y", "--mesh", "none.obj"], dir.path(), &["none.obj"]);
-    std::fs::write(dir.path().join("map.exr"), "no picture").expect("written");
+    std::fs::write(dir.path().join("map.exr"), "no image").expect("written");
     refused(&["--out", "y", "--lighting", "environment", "--env", "map.exr"], dir.path(), &["map.exr"]);
 }
 
-/// Files count by name and bytes: the set does not depend on where they lie, and is not continued with others.
+/// Files count by name and bytes: the set does not depend on where they lie, and is not continued with
+/// others.
 #[test]
 fn inputs_are_known_by_name_and_bytes() {
     let dir = tempfile::tempdir().expect("a folder");

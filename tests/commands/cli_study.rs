@@ -1,4 +1,5 @@
-//! `last study` at the command line: a tiny study with a tiny model runs, continues after an interruption, and lists experiments that cannot run.
+//! `last study` at the command line: a tiny study with a tiny model runs, continues after an interruption,
+//! and lists experiments that cannot run.
 
 use crate::lpips_weights::torchvision;
 use crate::program::{json, lastlight, refused};
@@ -54,7 +55,7 @@ fn a_small_study_runs_and_continues_after_an_interruption() {
     let made = json(&study("whole", &[]), at);
     let experiments = made["experiments"].as_array().expect("a list");
     let names: Vec<&str> = experiments.iter().filter_map(|e| e["id"].as_str()).collect();
-    assert_eq!(names, ["calibration", "search", "E1", "E2", "E9", "E13"], "what others rest on comes first");
+    assert_eq!(names, ["calibration", "search", "E1", "E2", "E9", "E13"], "dependencies run first");
     let row = |id: &str, name: &str| -> Vec<String> {
         let e = experiments.iter().find(|e| e["id"] == id).expect("an experiment");
         let rows: Vec<Vec<String>> = serde_json::from_value(e["rows"].clone()).expect("rows of text");

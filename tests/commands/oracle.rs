@@ -27,7 +27,7 @@ fn the_command_line_reports_the_same_with_its_exit_code() {
     };
     assert_eq!(run(&path("a.npz"), &[]).0, 0, "run");
     let (code, _, err) = run(&path("b.npz"), &["--precision", "f64"]);
-    assert!(code == 0 && err.contains("30 products"), "the estimate goes to stderr: {err}");
+    assert!(code == 0 && err.contains("30 products"), "the estimate is printed to stderr: {err}");
     assert_eq!(lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz")]).0, 0, "they agree");
     let (code, out, err) = lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz"), "--tol", "0"]);
     assert!(

@@ -1,4 +1,5 @@
-//! `last inspect` and `last import`: what is missing in a capture is named, and a published layout becomes one.
+//! `last inspect` and `last import`: missing parts of a capture are named, and published layouts are
+//! converted.
 
 use crate::common;
 use crate::mini_person::{Cam, Mini, betas, figure_video, thetas, write_picture};
@@ -19,10 +20,10 @@ fn inspect_says_what_is_missing() {
         (Some(true), Some("figure")),
         "{record}"
     );
-    assert_eq!(record["pictures"].as_array().map(Vec::len), Some(6), "four moments, two cameras");
-    for name in record["pictures"].as_array().expect("a list") {
+    assert_eq!(record["images"].as_array().map(Vec::len), Some(6), "four moments, two cameras");
+    for name in record["images"].as_array().expect("a list") {
         let picture = lastlight::io::image_file::read(&dir.join("look").join(name.as_str().expect("a name")));
-        assert_eq!(picture.expect("a picture").width, 384, "enlarged by a whole factor");
+        assert_eq!(picture.expect("an image").width, 384, "enlarged by an integer factor");
     }
     refused(&["last", "inspect", "data", "--out", "look"], dir, 2, &["--out", "new or empty"]);
     let o = lastlight(&["last", "inspect", "data"], dir);
@@ -39,7 +40,7 @@ fn inspect_says_what_is_missing() {
     let o = lastlight(&["last", "inspect", "data", "--json"], dir);
     let record: Value = serde_json::from_slice(&o.stdout).expect("JSON all the same");
     assert_eq!((code(&o), record["usable"].as_bool()), (1, Some(false)), "not usable");
-    refused(&["last", "inspect", "nothing"], dir, 2, &["transforms_train.json", "nothing there"]);
+    refused(&["last", "inspect", "nothing"], dir, 2, &["transforms_train.json", "no such file or folder"]);
 }
 
 /// A miniature of PeopleSnapshot of four frames, for the command line.

@@ -1,4 +1,4 @@
-//! The built program: running it, interrupting it, reading what it says.
+//! The built program: running it, interrupting it, reading its output.
 
 use serde_json::Value;
 use std::path::Path;
@@ -18,17 +18,17 @@ pub(crate) fn code(o: &Output) -> i32 {
     o.status.code().expect("it exits by itself")
 }
 
-/// What it said.
+/// Its stdout.
 pub(crate) fn stdout(o: &Output) -> String {
     String::from_utf8(o.stdout.clone()).expect("text")
 }
 
-/// What it said beside.
+/// Its stderr.
 pub(crate) fn stderr(o: &Output) -> String {
     String::from_utf8(o.stderr.clone()).expect("text")
 }
 
-/// Runs and expects success; gives the JSON on stdout.
+/// Runs, expects success and returns the JSON on stdout.
 pub(crate) fn json(args: &[&str], dir: &Path) -> Value {
     let o = lastlight(args, dir);
     assert_eq!(code(&o), 0, "{args:?}: {}", stderr(&o));

@@ -1,4 +1,4 @@
-//! Closed and full streams: what nobody reads changes neither a result nor an exit code.
+//! Closed and full streams: unread output changes neither a result nor an exit code.
 #![cfg(unix)]
 
 use crate::program::lastlight;
@@ -6,7 +6,7 @@ use std::fs::OpenOptions;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-/// A stream nobody reads.
+/// A stream that is never read.
 fn closed() -> Stdio {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);

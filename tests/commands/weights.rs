@@ -1,4 +1,5 @@
-//! The model that comes with the program: it is the one that `reference/weights/README.md` speaks of, and the commands there make it.
+//! The model included in the program: it is the one described in `reference/weights/README.md`, and the
+//! commands listed there produce it.
 
 use crate::common::long;
 use crate::program::{code, lastlight, stderr};

@@ -1,4 +1,5 @@
-//! A body of 24 joints and 48 points under the keys of SMPL, or of 55 and 110 under those of SMPL-X, posed by formulas of its own, and pictures of it of 16² or 32².
+//! A body of 24 joints and 48 points under the keys of SMPL, or of 55 and 110 under those of SMPL-X, posed by
+//! formulas of its own, and images of it of 16² or 32².
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use super::python::{Py, dump};
@@ -176,7 +177,8 @@ impl Mini {
         (0..self.template.len()).map(|v| [at(v, 0), at(v, 1), at(v, 2)]).collect()
     }
 
-    /// Every joint turns what hangs on it about its own place at rest, from the point upwards: no matrices of chains.
+    /// Every joint rotates its subtree about its own position at rest, from the point upwards, without
+    /// chained matrices.
     pub(crate) fn posed(&self, rest: &[V3], thetas: &[V3], place: &dyn Fn(V3) -> V3) -> Vec<V3> {
         self.posed_about(rest, rest, thetas, place)
     }
@@ -310,7 +312,7 @@ impl Cam {
         [0, 1].map(|i| self.k[i][i] * v[i] / v[2] + self.k[i][2] + 0.5)
     }
 
-    /// Pixel of the photograph.
+    /// Pixel of the photo.
     pub(crate) fn distorted(&self, x: V3) -> [f64; 2] {
         let v = self.view(x);
         let (a, b) = (v[0] / v[2], v[1] / v[2]);
@@ -324,7 +326,7 @@ impl Cam {
         [0, 1].map(|i| self.k[i][i] * p[i] + self.k[i][2] + 0.5)
     }
 
-    /// A photograph: the person in one colour on a colourful background; and its mask of 0 and 1.
+    /// A photo: the person in one colour on a colourful background; and its mask of 0 and 1.
     pub(crate) fn photograph(&self, side: usize, points: &[V3]) -> (Vec<u8>, Vec<u8>) {
         let at: Vec<[f64; 2]> = points.iter().map(|&x| self.distorted(x)).collect();
         let radius = 0.09 * side as f64;
@@ -360,7 +362,7 @@ pub(crate) fn figure_video(dir: &Path) {
 /// Colour of the person.
 pub(crate) const PERSON: [u8; 3] = [200, 120, 60];
 
-/// Writes a picture; folders are made.
+/// Writes an image; folders are made.
 pub(crate) fn write_picture(path: &Path, side: usize, channels: usize, data: &[u8]) {
     std::fs::create_dir_all(path.parent().expect("in a folder")).expect("made");
     std::fs::write(path, image_file::png_bytes(side, side, channels, data).expect("sizes fit"))

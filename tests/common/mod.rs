@@ -1,4 +1,5 @@
-//! What several test programs share: the golden arrays, saying that a test did not run, folders as what is in them.
+//! What several test programs share: the golden arrays, saying that a test did not run, folders as what is in
+//! them.
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use lastlight::io::npz;
@@ -7,19 +8,21 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// The folder `tests`: the manifest of the binary's own package is at the root of the repository or in a folder of `tests`.
+/// The folder `tests`: the manifest of the binary's own package is at the root of the repository or in a
+/// folder of `tests`.
 pub(crate) fn tests_folder() -> PathBuf {
     let own = Path::new(env!("CARGO_MANIFEST_DIR"));
     let below = own.join("tests");
     if below.is_dir() { below } else { own.join("..") }
 }
 
-/// `$LASTLIGHT_DATA`, if it is set; a relative path starts at the root of the repository, wherever the test runs.
+/// `$LASTLIGHT_DATA`, if it is set; a relative path starts at the root of the repository, wherever the test
+/// runs.
 pub(crate) fn data_folder() -> Option<PathBuf> {
     std::env::var_os("LASTLIGHT_DATA").map(|data| tests_folder().join("..").join(data))
 }
 
-/// A file or folder below `$LASTLIGHT_DATA/data`; says so when it is not there.
+/// A file or folder below `$LASTLIGHT_DATA/data`; prints a message when it is missing.
 pub(crate) fn real_data(path: &str) -> Option<PathBuf> {
     let found = data_folder().map(|data| data.join("data").join(path)).filter(|p| p.exists());
     if found.is_none() {
@@ -28,7 +31,8 @@ pub(crate) fn real_data(path: &str) -> Option<PathBuf> {
     found
 }
 
-/// The golden file of that name (without `.npz`) under `tests/golden` or `$LASTLIGHT_DATA/golden`; says so when there is none.
+/// The golden file of that name (without `.npz`) under `tests/golden` or `$LASTLIGHT_DATA/golden`; prints a
+/// message when it is missing.
 pub(crate) fn golden(name: &str) -> Option<Arrays> {
     let file = format!("{name}.npz");
     let near = tests_folder().join("golden").join(&file);
@@ -40,8 +44,8 @@ pub(crate) fn golden(name: &str) -> Option<Arrays> {
     found.map(|p| npz::read(&p).unwrap_or_else(|e| panic!("{e}")))
 }
 
-/// Copies the HDF5 miniatures of a folder of `tests/samples/hdf5` to another folder: h5py wrote them (`make.py` there), so that readers are tested on files of the
-/// real library.
+/// Copies the HDF5 miniatures of a folder of `tests/samples/hdf5` to another folder: h5py wrote them
+/// (`make.py` there), so that readers are tested on files of the real library.
 pub(crate) fn copy_hdf5(folder: &str, to: &Path) {
     let from = tests_folder().join("samples/hdf5").join(folder);
     let files = tree(&from);
@@ -51,12 +55,13 @@ pub(crate) fn copy_hdf5(folder: &str, to: &Path) {
     }
 }
 
-/// A line that the test runner does not swallow, written in one piece: tests run beside each other, and so do their lines.
+/// A line that the test runner does not swallow, written in one piece: tests run beside each other, and so do
+/// their lines.
 pub(crate) fn not_run(why: &str) {
     std::io::stderr().write_all(format!("not run: {why}\n").as_bytes()).expect("standard error is open");
 }
 
-/// Whether the long tests run; says so when they do not.
+/// Whether the long tests run; prints a message when they do not.
 pub(crate) fn long(what: &str) -> bool {
     let on = std::env::var_os("LASTLIGHT_LONG").is_some_and(|v| v == "1");
     if !on {

@@ -1,12 +1,12 @@
-//! Mutations of valid files: what becomes of a file that is damaged or made to do harm.
+//! Mutations of valid files: damaged and malicious files.
 //!
-//! Case n of a seed is the same everywhere: every number comes from [`Rng`] at a counter of its own. A failure prints the seed, the case and the
-//! mutations; `LASTLIGHT_CASE=n` then runs that case alone.
+//! Case n of a seed is the same everywhere: every number is drawn from [`Rng`] with its own counter. A
+//! failure prints the seed, the case and the mutations; `LASTLIGHT_CASE=n` then runs that case alone.
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use lastlight::num::rng::Rng;
 
-/// How one file becomes another. Positions are taken modulo the length of the file.
+/// A mutation of a file. Positions are taken modulo the length of the file.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Mutation {
     /// Inverts one bit.
@@ -19,7 +19,7 @@ pub(crate) enum Mutation {
     Repeat { at: usize, len: usize },
     /// Replaces one byte.
     Byte { at: usize, value: u8 },
-    /// Gives all bytes of a range one value.
+    /// Sets all bytes of a range to one value.
     Fill { at: usize, len: usize, value: u8 },
     /// Exchanges two ranges of the same length.
     Swap { at: usize, other: usize, len: usize },
@@ -197,7 +197,7 @@ pub(crate) fn apply(bytes: &mut Vec<u8>, mutation: &Mutation, files: &[&[u8]]) {
     }
 }
 
-/// Says, when a test fails, which case it was.
+/// Prints the case when a test fails.
 struct Report<'a> {
     seed: u64,
     case: u64,

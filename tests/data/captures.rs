@@ -87,7 +87,7 @@ fn colmap_binary_and_text_agree() {
     assert_eq!(
         read_capture(&a.path().join("sparse/0")).expect("the model").frames.len(),
         9,
-        "pictures two levels up"
+        "images two levels up"
     );
 }
 
@@ -253,7 +253,7 @@ fn views_split_mask_scale_and_composite() {
         ("sparse/0/images.bin", samples::images_bin(9)),
         ("masks/0003.png", image_file::png_bytes(16, 12, 1, &mask).expect("a mask")),
     ];
-    files.extend(NINE.iter().map(|n| (*n, image_file::png_bytes(16, 12, 4, &rgba).expect("a picture"))));
+    files.extend(NINE.iter().map(|n| (*n, image_file::png_bytes(16, 12, 4, &rgba).expect("an image"))));
     let dir = folder(&files);
     let v = Views::load(dir.path(), &Options { background: [1.0, 0.0, 0.5], ..Options::default() })
         .expect("views");
@@ -321,7 +321,7 @@ fn pattern(x: f64, y: f64) -> f64 {
     0.5 + 0.25 * libm::sin(9.0 * x) + 0.2 * libm::cos(7.0 * y + 2.0 * x)
 }
 
-/// Solves place(x, y) = target by fixed-point iteration: a distorted photograph of a pattern on the ideal plane.
+/// Solves place(x, y) = target by fixed-point iteration: a distorted photo of a pattern on the ideal plane.
 fn invert(u: &Undistort, tx: f64, ty: f64) -> Option<[f64; 2]> {
     let (mut x, mut y) = (tx, ty);
     for _ in 0..200 {
@@ -353,7 +353,7 @@ fn undistortion_matches_the_closed_form() {
     ];
     for lens in lenses {
         let u = Undistort::new(lens, 2.0);
-        // The photograph: the pattern of the ideal position seen at every distorted pixel.
+        // The photo: the pattern of the ideal position seen at every distorted pixel.
         let mut photo = vec![0.0f32; w * h * 3];
         for i in 0..w * h {
             let (x, y) = (((i % w) as f64 + 0.5 - k[2]) / k[0], ((i / w) as f64 + 0.5 - k[3]) / k[1]);
@@ -371,7 +371,7 @@ fn undistortion_matches_the_closed_form() {
             let (sx, sy) = (xd * k[0] + k[2], yd * k[1] + k[3]);
             assert!(
                 sx >= 0.5 && sy >= 0.5 && sx <= w as f64 - 0.5 && sy <= h as f64 - 0.5,
-                "inside the photograph"
+                "inside the photo"
             );
         }
         println!("{lens:?}: worst {worst:.2e}, kept {kept} of {}", w * h);

@@ -1,4 +1,5 @@
-//! Every format: what is written is read back bit for bit, by us and by independent readers, and real files load.
+//! Every format: what is written is read back bit for bit, by us and by independent readers, and real files
+//! load.
 
 use crate::{common, samples};
 use lastlight::io::image_file::{self, Encoding, Samples};
@@ -34,7 +35,8 @@ fn npz_round_trip_is_exact_and_deterministic() {
 
 #[test]
 fn npz_agrees_with_an_independent_implementation() {
-    // `samples/numpy/make.py` wrote the same arrays with NumPy: what we write has the same bytes, array by array.
+    // `samples/numpy/make.py` wrote the same arrays with NumPy: what we write has the same bytes, array by
+    // array.
     let numpy = include_bytes!("../samples/numpy/same.npz");
     let ours = npz::to_bytes(&samples::arrays(), npz::Packing::Deflated).expect("arrays fit");
     assert_eq!(members(&ours), members(numpy), "the bytes of every array");
@@ -63,6 +65,22 @@ fn members(archive: &[u8]) -> BTreeMap<String, Vec<u8>> {
         out.insert(name, bytes);
     }
     out
+}
+
+#[test]
+fn errors_of_the_system_are_stated_in_words() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let missing = folder.path().join("none.npz");
+    let e = npz::read(&missing).expect_err("no such file").to_string();
+    assert_eq!(
+        e,
+        format!("{}: no such file or folder", missing.display()),
+        "without the system's error number"
+    );
+    let blocked = folder.path().join("file/none.npz");
+    std::fs::write(folder.path().join("file"), b"x").expect("written");
+    let e = npz::read(&blocked).expect_err("below a file").to_string();
+    assert!(!e.contains("os error"), "{e}");
 }
 
 #[test]
@@ -219,7 +237,7 @@ fn png_round_trip_of_every_channel_count() {
     let words: Vec<u8> = [0u16, 1, 32768, 65535].iter().flat_map(|x| x.to_ne_bytes()).collect();
     image::codecs::png::PngEncoder::new(&mut bytes)
         .write_image(&words, 2, 2, image::ExtendedColorType::L16)
-        .expect("a picture");
+        .expect("an image");
     let p = image_file::parse(&bytes, "a.png").expect("16 bits");
     assert_eq!(p.values(), [0.0, 1.0 / 65535.0, 32768.0 / 65535.0, 1.0], "over 65535");
 }

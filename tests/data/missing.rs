@@ -1,4 +1,4 @@
-//! Photographs that a capture lists and does not have.
+//! Photos that a capture lists and does not have.
 
 use crate::captures::{NINE, OPENCV, folder, with_images};
 use crate::{common, samples};
@@ -33,7 +33,7 @@ fn listed_photographs_that_are_not_there_are_left_out_and_named() {
         let none = with(&[]);
         let e = Views::load(none.path(), &Options::default()).expect_err("none is there").to_string();
         assert!(e.contains("no file of 9 frames") && e.contains("0000.png"), "{list}: {e}");
-        let shots = capture_shots(none.path(), 1).expect("cameras need no photographs");
+        let shots = capture_shots(none.path(), 1).expect("cameras need no photos");
         assert_eq!(
             (shots.len(), shots[0].camera.width),
             (9, 16),

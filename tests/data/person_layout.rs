@@ -1,4 +1,5 @@
-//! The layout of a person's capture: what `last gen` writes is read, and everything inconsistent is an error of its own.
+//! The layout of a person's capture: what `last gen` writes is read, and everything inconsistent is an error
+//! of its own.
 
 use crate::common;
 use crate::mini_person::{V3, apart, figure_video, rotated, write_picture};
@@ -25,7 +26,7 @@ fn what_last_gen_writes_is_read() {
     let t = &c.template;
     assert_eq!((&t.kind, t.len(), t.joints.len(), c.moments()), (&Kind::Figure, 256, 12, 4), "sizes");
     assert_eq!((t.unit_m, c.box_margin), (0.85, (0.05 / 0.85) as f32), "5 cm in units of 0.85 m");
-    assert_eq!((c.train.len(), c.test.len(), c.factors.len()), (4, 2, 4), "pictures and causes");
+    assert_eq!((c.train.len(), c.test.len(), c.factors.len()), (4, 2, 4), "images and causes");
     assert!(c.train.iter().all(|&i| c.shots[i].camera_id == 0), "camera 0 trains");
     // The points are where the figure's own skinning puts them.
     let arrays = npz::read(&dir.path().join("video/body.npz")).expect("there");
@@ -50,7 +51,7 @@ fn what_last_gen_writes_is_read() {
         });
         assert!(worst.fold(0.0f32, |m, d| if d > m { d } else { m }) < 1e-6, "no correction changes nothing");
     }
-    // A correction of one joint moves what hangs on it, about its place.
+    // A correction of one joint rotates its subtree about the joint.
     let (k, angle) = (5, 0.3);
     let mut correction = vec![[0.0; 3]; 12];
     correction[k] = [0.0, angle as f32, 0.0];
@@ -71,7 +72,7 @@ fn what_last_gen_writes_is_read() {
         assert!((0..3).all(|i| (got[i] - expected[i]).abs() < 1e-5), "joint {j}: {got:?} and {expected:?}");
     }
     let report = lastlight::last::inspect::inspect(dir.path(), 3).expect("examined");
-    assert!(report.is_usable() && report.images.len() == 5, "three training pictures and two cameras");
+    assert!(report.is_usable() && report.images.len() == 5, "three training images and two cameras");
     assert!(
         report.images.iter().all(|l| l.on_mask > 0.95 && l.in_box > 0.99),
         "{:?}",
@@ -80,10 +81,10 @@ fn what_last_gen_writes_is_read() {
     // Every joint that moves points has its dot where the camera sees it.
     for look in &report.images {
         let is_it = |s: &&lastlight::scene::person::Shot| s.camera_id == look.camera && s.time == look.time;
-        let shot = c.shots.iter().find(is_it).expect("the picture looked at");
+        let shot = c.shots.iter().find(is_it).expect("the image under test");
         let (w, h, rgb) = &look.overlay;
         let zoom = w / shot.camera.width;
-        assert_eq!((*w, *h), (zoom * shot.camera.width, zoom * shot.camera.height), "whole pixels");
+        assert_eq!((*w, *h), (zoom * shot.camera.width, zoom * shot.camera.height), "integer pixels");
         for joint in c.posed_joints(shot.time) {
             let at = lastlight::scene::bound::project(&shot.camera, joint.map(f64::from)).expect("in front");
             let [x, y] = at.map(|v| (v * zoom as f64).floor() as usize);
@@ -92,7 +93,7 @@ fn what_last_gen_writes_is_read() {
     }
 }
 
-/// A copy of a good capture, spoiled; all of what is said about it.
+/// All problems reported for a modified copy of a valid capture.
 fn problems(good: &Path, spoil: &dyn Fn(&Path)) -> String {
     let dir = tempfile::tempdir().expect("a temporary folder");
     for (name, bytes) in common::tree(good) {
@@ -216,7 +217,7 @@ fn every_inconsistency_is_an_error_of_its_own() {
     say(&["array 'transforms'", "index [2, 3, 0, 1]", "NaN"], &|d| {
         transforms(d, (2 * 12 + 3) * 16 + 1, f32::NAN);
     });
-    say(&["array 'transforms': moment 0, joint 0", "mirrors"], &|d| transforms(d, 0, -1.0));
+    say(&["array 'transforms': moment 0, joint 0", "positive determinant"], &|d| transforms(d, 0, -1.0));
     say(&["array 'faces'", "below 256", "256 in face 0"], &|d| {
         body(d, &|a| a.put("faces", &[1, 3], vec![0i32, 1, 256]));
     });
@@ -238,12 +239,17 @@ fn every_inconsistency_is_an_error_of_its_own() {
         });
     });
     say(&["at least one training image"], &|d| cameras(d, &|v| v["frames"] = Value::Array(vec![])));
-    say(&["transforms_train.json: line 1", "JSON"], &|d| {
-        std::fs::write(d.join("transforms_train.json"), "{").expect("written");
-    });
+    say(
+        &[
+            "transforms_train.json: line 1, column 1: expected a complete JSON document, got the end of the file",
+        ],
+        &|d| {
+            std::fs::write(d.join("transforms_train.json"), "{").expect("written");
+        },
+    );
     let nothing = PersonCapture::open(&folder.path().join("nothing")).expect_err("refused").to_string();
-    assert!(nothing.contains("nothing there") && nothing.contains("last import"), "{nothing}");
-    // A picture that is whole on the outside only is found when it is read.
+    assert!(nothing.contains("no such file or folder") && nothing.contains("last import"), "{nothing}");
+    // An image with a valid header and damaged data is found when it is read.
     let c = PersonCapture::open(good).expect("good");
     let bytes = std::fs::read(good.join("images/c00_f0000.png")).expect("there");
     std::fs::write(good.join("images/c00_f0000.png"), &bytes[..bytes.len() - 30]).expect("written");

@@ -1,4 +1,5 @@
-//! The restricted unpickler: values of every protocol, a fixed list of names, bounds on memory, depth and time.
+//! The restricted unpickler: values of every protocol, a fixed list of names, bounds on memory, depth and
+//! time.
 
 use crate::common::not_run;
 use crate::python::{Py, dump, object_npy};
@@ -166,14 +167,15 @@ fn bombs_end_in_an_error() {
     let array = dump(&Py::Array(vec![3], vec![1.0, 2.0]));
     refused(&array, &["24 bytes", "16"]);
     refused(&dump(&Py::Array(vec![1 << 31, 1 << 31, 1 << 31], vec![])), &["size that can be held"]);
-    // A text of a megabyte, turned into bytes again and again: each time a copy of its own, six bytes of file.
+    // A text of a megabyte, turned into bytes again and again: each time a copy of its own, six bytes of
+    // file.
     let mut copies = b"\x80\x02c_codecs\nencode\nq\x00X\x00\x00\x10\x00".to_vec();
     copies.extend(vec![b'a'; 1 << 20]);
     copies.extend(b"X\x06\x00\x00\x00latin1\x86q\x010");
     (0..1000).for_each(|_| copies.extend(b"h\x00h\x01R0"));
     copies.extend(b"N.");
     refused(&copies, &["many times"]);
-    // The same with a long tuple of arguments that a call refuses only after it was looked at.
+    // The same with a long tuple of arguments that a call refuses only after checking it.
     let mut sets = b"\x80\x02c__builtin__\nset\nq\x00(".to_vec();
     sets.extend(vec![b'N'; 1 << 18]);
     sets.extend(b"l\x85q\x010");

@@ -24,7 +24,8 @@ mod x86_64 {
     }
 
     fn write(word: u32) {
-        // SAFETY: loads the control register of this thread; only defined bits are set, exceptions stay masked.
+        // SAFETY: loads the control register of this thread; only defined bits are set, exceptions stay
+        // masked.
         unsafe { asm!("ldmxcsr [{}]", in(reg) &raw const word, options(nostack, readonly)) };
     }
 

@@ -2,15 +2,18 @@
 //!
 //! Three rules:
 //!
-//! * in the folders of operators, every function that is named as an adjoint is reached from an entry of `LIST` in `src/oracle/ops.rs`;
+//! * in the folders of operators, every function that is named as an adjoint is reached from an entry of
+//!   `LIST` in `src/oracle/ops.rs`;
 //! * elsewhere, no function is named as an adjoint, and
 //! * no function computes with cotangents (`arithmetic.rs`).
 //!
 //! Exceptions are listed here, each with its reason; one that is no longer needed fails, too.
 //!
-//! A function is reached by a path of two segments or more, called or handed over, which is resolved as the compiler does it (imports, re-exports); by a bare name, where
-//! it is called and is defined in the same file or imported there; by `.name(`, which reaches the methods of that name in the files that the caller's file names,
-//! because types of values are not known here; by its name in a `static`, `const` or `const fn` of an entry. Only operators and entries pass it on.
+//! A function is reached by a path of two segments or more, called or handed over, which is resolved as the
+//! compiler does it (imports, re-exports); by a bare name, where it is called and is defined in the same file
+//! or imported there; by `.name(`, which reaches the methods of that name in the files that the caller's file
+//! names, because types of values are not available here; by its name in a `static`, `const` or `const fn` of
+//! an entry. Only operators and entries pass it on.
 
 use super::ROOT;
 use super::arithmetic;
@@ -36,7 +39,8 @@ const OPERATORS: &[&str] = &[
     "train/optim",
 ];
 
-/// Folders that run adjoints and define none: the tape, fits, systems, commands. A member without folders is listed by itself.
+/// Folders that run adjoints and define none: the tape, fits, systems, commands. A member without folders is
+/// listed by itself.
 const SYSTEMS: &[&str] = &[
     "train/tape",
     "train/fit",
@@ -78,7 +82,7 @@ struct Code {
 }
 
 impl Code {
-    /// The code of some members; `file` gives the text of a file below `src/`.
+    /// The code of some members; `file` returns the text of a file below `src/`.
     fn new(members: &[&str], file: &dyn Fn(&Path) -> Option<String>) -> Self {
         let mut modules = Modules::default();
         for member in members {

@@ -1,14 +1,16 @@
 //! Arithmetic on cotangents in the body of a function.
 //!
-//! A place is one of a cotangent when a word of it is `bar`, `bars`, `grad`, `gradient`, … or ends with one of these behind `_`, or when its name is bound to such a
-//! place by `for`, by a closure of an iterator, or by `let`. Found are
+//! A place is one of a cotangent when a word of it is `bar`, `bars`, `grad`, `gradient`, … or ends with one
+//! of these behind `_`, or when its name is bound to such a place by `for`, by a closure of an iterator, or
+//! by `let`. Found are
 //!
 //! * assignments to such a place by `+=`, `-=`, `*=`, `/=`, or by `=` with a binary operator on the right,
 //! * `let` and fields of such a name with a binary operator on the right,
 //! * binary operators with such a place on one side,
 //! * arguments with a binary operator of functions that are named as adjoints.
 //!
-//! Operators inside `[…]` are those of indices and sizes, and do not count. Not found is arithmetic by methods, and on numbers whose names say nothing.
+//! Operators inside `[…]` are those of indices and sizes, and do not count. Arithmetic by methods, and on
+//! numbers whose names do not reveal their type, is not found.
 
 use super::functions::{closing, is_word};
 use std::collections::BTreeSet;
@@ -131,7 +133,8 @@ impl<'a> Body<'a> {
         0
     }
 
-    /// Where the expression from `at` on ends: at `;`, the bracket that encloses it, and a comma where `has_commas`.
+    /// Where the expression from `at` on ends: at `;`, the bracket that encloses it, and a comma where
+    /// `has_commas`.
     fn expression(&self, mut at: usize, has_commas: bool) -> usize {
         while at < self.t.len() {
             match self.token(at) {
@@ -170,7 +173,8 @@ impl<'a> Body<'a> {
         false
     }
 
-    /// Whether `=` at `at` assigns: it is no part of `==`, `<=`, `=>`; behind `>` it follows the type of a `let`.
+    /// Whether `=` at `at` assigns: it is no part of `==`, `<=`, `=>`; behind `>` it follows the type of a
+    /// `let`.
     fn assigns(&self, at: usize) -> bool {
         let binds = || {
             let ends = ["let", "=", ";", "{", "}"];
@@ -184,7 +188,8 @@ impl<'a> Body<'a> {
             }
     }
 
-    /// Whether the word at `at` is a name of a cotangent or bound to one, and more than the size of it is read.
+    /// Whether the word at `at` is a name of a cotangent or bound to one, and more than the size of it is
+    /// read.
     fn is_read(&self, at: usize) -> bool {
         let is_own = ![".", "::"].contains(&self.before(at)) && self.aliases.contains(self.token(at));
         let mut end = at + 1;

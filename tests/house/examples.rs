@@ -1,7 +1,9 @@
-//! Every operator has an example, which runs as a doctest: the section `# Example` in the documentation of its file.
+//! Every operator has an example, which runs as a doctest: the section `# Example` in the documentation of
+//! its file.
 //!
-//! The names of the operators are those of the signatures in `reference/src`. The file of operator `GROUP.NAME` is the one in
-//! `src/kernels/GROUP` whose documentation begins with that name, or `src/train/GROUP/NAME.rs`.
+//! The names of the operators are those of the signatures in `reference/src`. The file of operator
+//! `GROUP.NAME` is the one in `src/kernels/GROUP` whose documentation begins with that name, or
+//! `src/train/GROUP/NAME.rs`.
 
 use super::ROOT;
 use std::collections::BTreeSet;

@@ -34,10 +34,11 @@ pub(crate) const NAMED: &[(&str, &str)] = &[
         "last/structure/mcsl.rs Net::pull_back",
         "a baseline learner that tests alone run; held to differences by its own test",
     ),
-    ("cli/report/pictures.rs scale_bar", "a bar of colours"),
+    ("cli/report/images.rs scale_bar", "a bar of colours"),
 ];
 
-/// What functions elsewhere compute with cotangents: function, how the text begins (nothing: all of it), reason.
+/// What functions elsewhere compute with cotangents: function, how the text begins (nothing: all of it),
+/// reason.
 pub(crate) const COMPUTING: &[(&str, &str, &str)] = &[
     ("train/tape/record.rs Bar::add", "*s+=*x", "adds contributions to one cotangent"),
     (

@@ -1,4 +1,5 @@
-//! Tests of the source itself: the dependences between its parts, and the examples of its operators.
+//! Tests of the source itself: the dependences between its parts, the examples of its operators, and the
+//! language of its texts.
 
 mod adjoints;
 mod arithmetic;
@@ -6,8 +7,10 @@ mod cycles;
 mod examples;
 mod exceptions;
 mod functions;
+mod language;
 mod levels;
 mod modules;
+mod prose;
 mod reader;
 
 /// The repository, from this package.

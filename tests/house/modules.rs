@@ -42,7 +42,8 @@ pub(crate) struct Arrow {
 }
 
 impl Modules {
-    /// Adds the member `name` with its root file and everything that it declares; `file` gives the text of a file.
+    /// Adds the member `name` with its root file and everything that it declares; `file` returns the text of
+    /// a file.
     pub(crate) fn add_member(&mut self, name: &str, root: &Path, file: &dyn Fn(&Path) -> Option<String>) {
         let text = file(root).expect("a root file");
         let folder = root.parent().expect("a folder").to_path_buf();
@@ -135,7 +136,8 @@ impl Modules {
         self.walk(start, rest, steps - 1)
     }
 
-    /// Follows `rest` from a module: its modules, its imports, what it imports whole; otherwise it defines the item itself.
+    /// Follows `rest` from a module: its modules, its imports, its glob imports; otherwise it defines the
+    /// item itself.
     fn walk(&self, start: usize, rest: &[String], steps: usize) -> Option<usize> {
         let Some((name, below)) = rest.split_first() else { return Some(start) };
         let module = &self.all[start];
@@ -202,8 +204,8 @@ impl Modules {
         out
     }
 
-    /// Imports of everything (`use super::*`, `use crate::…::*`) outside tests: they name nothing, so no arrow shows what they are for. A
-    /// folder's file may re-export what lies below it.
+    /// Imports of everything (`use super::*`, `use crate::…::*`) outside tests: they name nothing, so no
+    /// arrow shows what they are for. A folder's file may re-export what lies below it.
     pub(crate) fn globs(&self) -> Vec<String> {
         let mut out = Vec::new();
         for (index, module) in self.all.iter().enumerate().filter(|(index, _)| !self.is_for_tests(*index)) {
@@ -229,9 +231,10 @@ impl Modules {
         (0..self.all.len()).filter(defines).collect()
     }
 
-    /// The arrows between the parts of each folder: folder, then part to part, each with the first arrow that says so. A part is
-    /// a module directly in the folder with everything below it; the folder's own file is the part `mod`. A module of tests inside a
-    /// file is a part that nothing names, so its arrows close no cycle and are left out.
+    /// The arrows between the parts of each folder: folder, then part to part, each with the first import
+    /// that causes it. A part is a module directly in the folder with everything below it; the folder's own
+    /// file is the part `mod`. A module of tests inside a file is a part that nothing names, so its arrows
+    /// close no cycle and are left out.
     pub(crate) fn inside_folders(&self) -> BTreeMap<usize, BTreeMap<(String, String), Arrow>> {
         let mut out: BTreeMap<usize, BTreeMap<(String, String), Arrow>> = BTreeMap::new();
         for arrow in self.arrows().into_iter().filter(|a| !a.in_test) {
@@ -249,7 +252,8 @@ impl Modules {
         out
     }
 
-    /// Every import cycle inside a folder, as text: one shortest cycle for each group of parts that reach each other.
+    /// Every import cycle inside a folder, as text: one shortest cycle for each group of parts that reach
+    /// each other.
     pub(crate) fn cycles(&self) -> Vec<String> {
         let mut out = Vec::new();
         for (folder, arrows) in self.inside_folders() {

@@ -1,4 +1,5 @@
-//! Reads the paths of a Rust source text: its declarations of modules, its imports, and the paths its code names.
+//! Reads the paths of a Rust source text: its declarations of modules, its imports, and the paths its code
+//! names.
 
 /// One name that a `use` declaration binds.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +40,7 @@ pub(crate) struct Source {
     pub(crate) macros: Vec<String>,
 }
 
-fn is_word(c: char) -> bool {
+pub(crate) fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
@@ -59,52 +60,79 @@ fn string_end(text: &[char], mut at: usize, hashes: Option<usize>) -> usize {
     at
 }
 
-/// Words, `::` and single characters of a source text, without comments, literals of text and lifetimes.
-pub(crate) fn tokens(text: &str) -> Vec<String> {
-    let text: Vec<char> = text.chars().collect();
+/// A part of a source text that is not code.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Skipped {
+    /// A comment.
+    Comment,
+    /// A string literal of any kind.
+    Literal,
+    /// A character literal or a lifetime.
+    Character,
+}
+
+/// The part that begins at `at` and is not code, with the index of its end; `at` is not inside a word.
+pub(crate) fn skipped(text: &[char], at: usize) -> Option<(Skipped, usize)> {
     let starts = |at: usize, what: &str| what.chars().enumerate().all(|(i, c)| text.get(at + i) == Some(&c));
-    let mut out = Vec::new();
-    let mut at = 0;
-    while at < text.len() {
-        let c = text[at];
-        if starts(at, "//") {
-            at += text[at..].iter().take_while(|c| **c != '\n').count();
-        } else if starts(at, "/*") {
-            let mut depth = 0;
-            while at < text.len() {
+    let run =
+        |at: usize, within: &dyn Fn(char) -> bool| text[at..].iter().take_while(|c| within(**c)).count();
+    match text[at] {
+        '/' if starts(at, "//") => Some((Skipped::Comment, at + run(at, &|c| c != '\n'))),
+        '/' if starts(at, "/*") => {
+            let (mut end, mut depth) = (at, 0);
+            while end < text.len() {
                 match () {
-                    () if starts(at, "/*") => (depth, at) = (depth + 1, at + 2),
-                    () if starts(at, "*/") => (depth, at) = (depth - 1, at + 2),
-                    () => at += 1,
+                    () if starts(end, "/*") => (depth, end) = (depth + 1, end + 2),
+                    () if starts(end, "*/") => (depth, end) = (depth - 1, end + 2),
+                    () => end += 1,
                 }
                 if depth == 0 {
                     break;
                 }
             }
-        } else if c == '"' {
-            at = string_end(&text, at + 1, None);
-        } else if c == '\'' {
-            if text.get(at + 1) == Some(&'\\') {
-                at += 3;
-                at += text[at..].iter().take_while(|c| **c != '\'').count() + 1;
+            Some((Skipped::Comment, end))
+        }
+        '"' => Some((Skipped::Literal, string_end(text, at + 1, None))),
+        '\'' => {
+            let end = if text.get(at + 1) == Some(&'\\') {
+                at + 3 + run((at + 3).min(text.len()), &|c| c != '\'') + 1
             } else if text.get(at + 2) == Some(&'\'') {
-                at += 3;
+                at + 3
             } else {
-                at += 1 + text[at + 1..].iter().take_while(|c| is_word(**c)).count();
-            }
+                at + 1 + run(at + 1, &is_word)
+            };
+            Some((Skipped::Character, end))
+        }
+        'r' | 'b' => {
+            let prefix = ["br", "r", "b"].into_iter().find(|p| starts(at, p))?;
+            let hashes = if prefix == "b" { 0 } else { run(at + prefix.len(), &|c| c == '#') };
+            let begin = at + prefix.len() + hashes;
+            let raw = (prefix != "b").then_some(hashes);
+            (text.get(begin) == Some(&'"')).then(|| (Skipped::Literal, string_end(text, begin + 1, raw)))
+        }
+        _ => None,
+    }
+}
+
+/// Words, `::` and single characters of a source text, without comments, literals of text and lifetimes.
+pub(crate) fn tokens(text: &str) -> Vec<String> {
+    let text: Vec<char> = text.chars().collect();
+    let mut out = Vec::new();
+    let mut at = 0;
+    while at < text.len() {
+        let c = text[at];
+        if let Some((_, end)) = skipped(&text, at) {
+            at = end;
         } else if is_word(c) {
             let word: String = text[at..].iter().take_while(|c| is_word(**c)).collect();
             at += word.chars().count();
-            let hashes = text[at..].iter().take_while(|c| **c == '#').count();
-            let quote = text.get(at + hashes) == Some(&'"');
-            match word.as_str() {
-                "r" | "br" if quote => at = string_end(&text, at + hashes + 1, Some(hashes)),
-                "b" if quote && hashes == 0 => at = string_end(&text, at + 1, None),
-                // `r#gen`
-                "r" if hashes == 1 => at += 1,
-                _ => out.push(word),
+            // `r#gen`
+            if word == "r" && text.get(at) == Some(&'#') {
+                at += 1;
+            } else {
+                out.push(word);
             }
-        } else if starts(at, "::") {
+        } else if c == ':' && text.get(at + 1) == Some(&':') {
             out.push("::".into());
             at += 2;
         } else {

@@ -1,4 +1,4 @@
-//! Files spoiled by hand, format by format: each row has the bytes and what the message must name.
+//! Hand-made malformed files, by format: each row has the bytes and the text that the message must contain.
 
 use super::{Case, find, formats, models, npy, ply_faces, samples};
 use lastlight::io::npz;
@@ -249,6 +249,6 @@ fn exr_nan() -> Vec<u8> {
     let channels = SpecificChannels::rgb(|p: Vec2<usize>| {
         (1.0f32, if p == Vec2(1, 0) { f32::NAN } else { 0.0 }, 0.5f32)
     });
-    Image::from_channels((16, 12), channels).write().non_parallel().to_buffered(&mut out).expect("a picture");
+    Image::from_channels((16, 12), channels).write().non_parallel().to_buffered(&mut out).expect("an image");
     out.into_inner()
 }

@@ -1,4 +1,5 @@
-//! Density control of both kinds: thresholds, order of the rows, optimiser states, schedules, relocation, noise.
+//! Density control of both kinds: thresholds, order of the rows, optimiser states, schedules, relocation,
+//! noise.
 
 use lastlight::num::array::Arrays;
 use lastlight::num::order;
@@ -52,7 +53,8 @@ fn stats(n: usize, seed: u64) -> Stats {
 
 #[test]
 fn the_threshold_counts_as_its_rule_says() {
-    // One view of 2×2 pixels: NDC units are pixel units. τ from below, at, from above; never seen; seen without gradient.
+    // One view of 2×2 pixels: NDC units are pixel units. τ from below, at, from above; never seen; seen
+    // without gradient.
     let tau = 2e-4f32;
     let grads = [[tau.next_down(), 0.0], [0.0, tau], [-tau.next_up(), 0.0], [1.0, 1.0], [0.0, 0.0]];
     let radii = [[1, 1], [1, 1], [1, 1], [0, 0], [1, 1]];
@@ -372,7 +374,7 @@ fn impossible_refinements_are_refused() {
                 .is_err()
         );
     }
-    assert!(mcmc::refine(&mcmc::Settings::GSPLAT, 600, 1, &mut g, &mut groups).is_err(), "nobody is alive");
+    assert!(mcmc::refine(&mcmc::Settings::GSPLAT, 600, 1, &mut g, &mut groups).is_err(), "none is alive");
     assert!(means_schedule(0.0, 7000).is_err());
 }
 

@@ -1,4 +1,5 @@
-//! Where operators are defined: inputs that have no result are refused by name, in both precisions and by the twin alone.
+//! Where operators are defined: inputs that have no result are refused by name, in both precisions and by the
+//! twin alone.
 
 use lastlight::body::{pose, rest};
 use lastlight::causal::code;

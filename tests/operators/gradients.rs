@@ -1,5 +1,5 @@
-//! Gradient checks of every operator of the list: rungs R0 to R4 on every generated case; negative controls; checks of
-//! functions given as closures; checks that have nothing to check.
+//! Gradient checks of every operator of the list: rungs R0 to R4 on every generated case; negative controls;
+//! checks of functions given as closures; checks that have nothing to check.
 
 use lastlight::check::{self, Evaluation, Options, Sabotage, Sabotaged, Subject, Values};
 use lastlight::ops::{self, OpSubject};
@@ -77,7 +77,7 @@ fn a_sabotaged_adjoint_fails_r4_for_every_operator_and_every_input() {
     assert_eq!(controls, 3 * inputs, "three for every differentiable input of every operator");
 }
 
-/// f(x, a) = Σ a² sin x, as somebody would write it.
+/// f(x, a) = Σ a² sin x, as a user would write it.
 fn waves(x: &Values) -> Result<Vec<f64>> {
     let a = x["a"][0];
     Ok(x["x"].iter().map(|x| a * a * libm::sin(*x)).collect())
@@ -132,7 +132,8 @@ fn a_users_function_with_a_wrong_gradient_fails() {
 
 #[test]
 fn differences_are_taken_only_where_decisions_are_equal() {
-    // f = x where x < 1, else x + 1: smooth on either side of a jump that sits in the middle of the second entry's step
+    // f = x where x < 1, else x + 1: smooth on either side of a jump that sits in the middle of the second
+    // entry's step
     let jump = 1.0 + 1e-9;
     let value = |x: &Values| {
         let x = &x["x"];
@@ -158,12 +159,12 @@ fn a_check_that_sees_nothing_fails() {
     let zero = |x: &Values, _: &[f64]| Ok([("x".to_owned(), vec![0.0; x["x"].len()])].into());
     let flat = check::function("flat", |_| Ok(vec![0.5, 0.5, 0.5]), zero, &inputs, &Options::default());
     assert!(!flat.expect("it runs").passed(), "a constant function has no gradient to check");
-    // an empty picture: all Gaussians behind the camera
+    // an empty image: all Gaussians behind the camera
     let op = ops::find("splat.render").expect("it is on the list");
     let ops::Case { mut inputs, settings } = (op.case)(0);
     let n = inputs.get("means").expect("an input").shape()[0];
     inputs.put("means", &[n, 3], [0.1_f32, 0.2, -30.0].repeat(n));
-    let empty = OpSubject::new(op, "empty picture".to_owned(), inputs, settings, Default::default())
+    let empty = OpSubject::new(op, "empty image".to_owned(), inputs, settings, Default::default())
         .expect("valid input");
     let report = check::run(&empty, &Options::default()).expect("it runs");
     assert!(!report.rung("R0").expect("the rung ran").passed(), "nothing was drawn:\n{report}");

@@ -1,4 +1,5 @@
-//! At a kink the side is the documented one, in the shipped operator and in its twin: numbers that lie on the kink exactly.
+//! At a kink the side is the documented one, in the shipped operator and in its twin: numbers that lie on the
+//! kink exactly.
 
 use lastlight::num::array::Arrays;
 use lastlight::ops::{self, Call, RunResult};
@@ -98,7 +99,8 @@ fn affine(weight: &[f64], x: &[f64], bias: &[f64]) -> Vec<f64> {
     weight.chunks_exact(x.len()).zip(bias).map(row).collect()
 }
 
-/// Arguments of hidden units, one row of them for every row of the network: each unit is active in some and inactive in others.
+/// Arguments of hidden units, one row of them for every row of the network: each unit is active in some and
+/// inactive in others.
 fn hold_both_sides(what: &str, rows: &[Vec<f64>]) {
     for unit in 0..rows[0].len() {
         let side = |above: bool| rows.iter().filter(|row| (row[unit] > 0.0) == above).count();

@@ -1,4 +1,5 @@
-//! Tests of levels 4 to 9: operators against golden arrays, closed forms, the twin and finite differences, and what runs them.
+//! Tests of levels 4 to 9: operators against golden arrays, closed forms, the twin and finite differences,
+//! and what runs them.
 
 #[path = "../common/chains.rs"]
 mod chains;

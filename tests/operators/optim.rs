@@ -251,7 +251,8 @@ fn bad_optimiser_input_is_refused() {
     assert!(adam::forward(&In { active: Some(&[1, 1]), ..good }, &settings).is_err());
 }
 
-// ---------------------------------------------------------------------------------------------- schedules, groups, neighbours
+// ---------------------------------------------------------------------------------------------- schedules,
+// groups, neighbours
 
 fn cloud(n: usize, sh_degree: usize) -> Gaussians {
     let k = (sh_degree + 1) * (sh_degree + 1);

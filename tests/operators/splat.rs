@@ -1,4 +1,5 @@
-//! The splat renderer against arrays made by other programs, and against itself under changes that must not show.
+//! The splat renderer against arrays made by other programs, and against itself under changes that must not
+//! show.
 
 use crate::common::{golden, real_data};
 use lastlight::io;
@@ -199,7 +200,7 @@ fn profiles_differ_only_in_their_constants() {
     }
 }
 
-/// The picture that gsplat's CUDA rasterizer made of four Gaussians, as the Brush project keeps it.
+/// The image that gsplat's CUDA rasterizer made of four Gaussians, as the Brush project keeps it.
 #[test]
 fn brush_case_in_profile_gsplat() {
     let Some(path) = real_data("splats/tiny_case.safetensors") else { return };
@@ -231,7 +232,7 @@ fn brush_case_in_profile_gsplat() {
     };
     let settings = Settings { profile: Profile::GSPLAT, ..Settings::default() };
     let (out, _) = render::forward(&case.input(), &settings);
-    let theirs = a.need("out_img").expect("picture").to_f64();
+    let theirs = a.need("out_img").expect("image").to_f64();
     let rgb: Vec<f64> = theirs.chunks(4).flat_map(|p| p[..3].to_vec()).collect();
     let alpha: Vec<f64> = theirs.chunks(4).map(|p| p[3]).collect();
     let (e_rgb, e_alpha) = (relative(&out.image, &rgb), relative(&out.alpha, &alpha));
@@ -240,8 +241,8 @@ fn brush_case_in_profile_gsplat() {
     assert!(e_alpha <= 2e-6, "alpha: relative L2 {e_alpha:.2e}");
 }
 
-/// With `inria_bwd` the shipped adjoint is not the derivative of the forward pass, so the gradient checks leave it out; the
-/// twin reproduces the same three deviations on its reverse tape, on the same plan.
+/// With `inria_bwd` the shipped adjoint is not the derivative of the forward pass, so the gradient checks
+/// leave it out; the twin reproduces the same three deviations on its reverse tape, on the same plan.
 #[test]
 fn deviating_gradients_of_inria_are_those_of_the_twin() {
     use lastlight::ops::{self, Call, Setting};
@@ -293,5 +294,5 @@ fn no_gaussians_give_the_background() {
     let ones = vec![1.0; out.image.len()];
     let mut bar = InBar::zeros_like(&x);
     render::adjoint(&x, &settings, &saved, OutBar { image: Some(&ones), ..OutBar::default() }, &mut bar);
-    assert_eq!(bar.background, [289.0; 3], "every pixel sees the background whole");
+    assert_eq!(bar.background, [289.0; 3], "every pixel has the full background");
 }

@@ -1,4 +1,4 @@
-//! glTF files written by hand: JSON and bytes, without the writer of the library.
+//! Hand-written glTF files: JSON and bytes, without the writer of the library.
 #![allow(dead_code, reason = "each test program uses its part")]
 
 use base64::Engine;
@@ -19,7 +19,7 @@ impl Builder {
         Self { root, bin: Vec::new() }
     }
 
-    /// Appends to a list of the file; gives the index.
+    /// Appends to a list of the file and returns the index.
     pub(crate) fn push(&mut self, list: &str, value: Value) -> usize {
         if self.root.get(list).is_none() {
             self.root[list] = json!([]);
@@ -109,8 +109,8 @@ pub(crate) fn triangle() -> Builder {
     b
 }
 
-/// An arm of two joints along x, bound at x = 0 and x = 1: a strip of vertices at x = 0, 1, 2, and an animation of the second one about z:
-/// linear from 0 to 90° in 2 s.
+/// An arm of two joints along x, bound at x = 0 and x = 1: a strip of vertices at x = 0, 1, 2, and an
+/// animation of the second one about z: linear from 0 to 90° in 2 s.
 pub(crate) fn arm() -> Builder {
     let mut b = Builder::new();
     let p = b.floats(&[[0.0, 0.1, 0.0], [1.0, 0.1, 0.0], [2.0, 0.1, 0.0], [2.0, -0.1, 0.0]]);

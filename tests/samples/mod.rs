@@ -54,7 +54,7 @@ pub(crate) fn splat() -> Vec<u8> {
     splat_file::to_bytes(&splat_file::from_gaussians(&gaussians(0), "sample").expect("in range"))
 }
 
-/// A smooth picture, (H, W, C) bytes.
+/// A smooth image, (H, W, C) bytes.
 pub(crate) fn pixels(w: usize, h: usize, c: usize) -> Vec<u8> {
     (0..w * h * c).map(|i| ((i / c % w) * 5 + (i / (c * w)) * 3 + i % c * 40) as u8).collect()
 }
@@ -67,14 +67,14 @@ pub(crate) fn jpeg(w: usize, h: usize) -> Vec<u8> {
     let mut out = Vec::new();
     image::codecs::jpeg::JpegEncoder::new_with_quality(&mut out, 90)
         .encode(&pixels(w, h, 3), w as u32, h as u32, image::ExtendedColorType::Rgb8)
-        .expect("a picture");
+        .expect("an image");
     out
 }
 
 pub(crate) fn hdr(w: usize, h: usize) -> Vec<u8> {
     let mut out = Vec::new();
     let data: Vec<image::Rgb<f32>> = (0..w * h).map(|i| image::Rgb([i as f32, 0.5, 0.125])).collect();
-    image::codecs::hdr::HdrEncoder::new(&mut out).encode(&data, w, h).expect("a picture");
+    image::codecs::hdr::HdrEncoder::new(&mut out).encode(&data, w, h).expect("an image");
     // A line that other programs write and the strict reader refuses.
     let at = out.iter().position(|&b| b == b'\n').expect("a header") + 1;
     out.splice(at..at, b"GAMMA=1\nPRIMARIES=0 0 0 0 0 0 0 0\n".iter().copied());

@@ -1,5 +1,5 @@
-//! `last gen --character`: the record is of the motion that is seen, `body.npz` has all that the figure's has, and the image-to-point model
-//! learns from its sets.
+//! `last gen --character`: the record is of the motion that is seen, `body.npz` has all that the figure's
+//! has, and the image-to-point model learns from its sets.
 
 use crate::samples::gltf;
 use data_gen::figure::samples::{BASES, group};
@@ -23,7 +23,7 @@ use std::sync::atomic::AtomicBool;
 /// The arm of the samples held upright, as a file.
 fn cast(folder: &Path) -> CharacterSettings {
     let mut b = gltf::arm();
-    // Its first triangle gets an area: the second vertex goes to y = −0.1.
+    // Its first triangle gets an area: the second vertex is moved to y = −0.1.
     b.bin[16..20].copy_from_slice(&(-0.1f32).to_le_bytes());
     let h = 0.5f32.sqrt();
     b.push("nodes", serde_json::json!({ "name": "stand", "rotation": [0.0, 0.0, h, h], "children": [0, 1] }));
@@ -81,7 +81,7 @@ fn the_record_is_of_the_motion_that_is_seen() {
             (0..t).flat_map(|i| actor.transforms(i)).flatten().flatten().map(f64::from).collect();
         assert_eq!(moved, poses, "subject {subject}: the poses are those of the factors");
         let picture = folder.path().join(format!("{subject}/video/images/c00_f0007.png"));
-        seen.push((frames, moved, std::fs::read(picture).expect("a picture")));
+        seen.push((frames, moved, std::fs::read(picture).expect("an image")));
     }
     let (first, second) = (&seen[0], &seen[1]);
     assert!(
@@ -152,9 +152,10 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
     );
     let scm = settings.scm().expect("a model");
     let actor = CharacterSubject::new(&casting, &scm, &settings).expect("plays");
-    assert_eq!(data.camera(), ImageSource::camera(&actor, 64), "the camera that took the pictures");
+    assert_eq!(data.camera(), ImageSource::camera(&actor, 64), "the camera that took the images");
     assert_eq!(Subject::camera(&actor, 0, 64), ImageSource::camera(&actor, 64), "which is that of the video");
-    // What is written of a group is what its factors make of the character, with one value shared after the intervention.
+    // What is written of a group is what its factors make of the character, with one value shared after the
+    // intervention.
     let truth = group(&scm, settings.seed, 1, 1);
     for (m, frame) in truth.after.iter().enumerate() {
         let item = Item::After(1, m);
@@ -165,10 +166,10 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
             points.points.iter().zip(&points.rgb).flat_map(|(x, c)| [*x, *c].concat()).collect();
         assert_eq!(data.shown(item), shown, "member {m}: points and colours");
         let lit = data.seen(item).iter().filter(|x| **x > 0.0).count();
-        assert!(lit > 200, "member {m}: somebody is seen: {lit} numbers");
+        assert!(lit > 200, "member {m}: a person is visible: {lit} numbers");
     }
     assert_ne!(data.seen(Item::Base(1, 0)), data.seen(Item::After(1, 0)), "the intervention is seen");
-    // The square around the person, of the same pictures.
+    // The square around the person, of the same images.
     let near = Pictures::read(&dir, true, Framing::Person).expect("the same folder");
     for item in [Item::Observed(3), Item::Base(1, 0), Item::After(0, 2)] {
         let posed: Vec<[f32; 3]> = data.shown(item).chunks_exact(6).map(|p| [p[0], p[1], p[2]]).collect();
@@ -190,7 +191,7 @@ fn the_sets_of_a_character_are_what_the_model_learns_from() {
         width: 2,
         ..Learning::default()
     };
-    let mut training = Training::new(learning, &data).expect("pictures of 64 pixels");
+    let mut training = Training::new(learning, &data).expect("images of 64 pixels");
     for _ in 0..3 {
         training.advance().expect("finite");
     }

@@ -1,4 +1,5 @@
-//! `last gen`: the same settings give the same bytes, whatever the threads and however often it was interrupted.
+//! `last gen`: the same settings give the same bytes, whatever the threads and however often it was
+//! interrupted.
 
 use crate::common::{assert_same, real_data, tree};
 use lastlight::io::{capture, npz};
@@ -9,7 +10,8 @@ use lastlight::num::{bits, par};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Digests of the files of [`small`] in the order of the paths: template and sets; the video, which the renderer of surfaces made.
+/// Digests of the files of [`small`] in the order of the paths: template and sets; the video, which the
+/// renderer of surfaces made.
 const DIGESTS: [u64; 2] = [0xdebf_9dbc_cd2b_f950, 0xab1c_1526_4175_5a4a];
 
 /// A data set of every kind that takes a second.
@@ -97,7 +99,8 @@ fn bytes_depend_on_neither_threads_nor_interruptions() {
     assert!(runs > 4, "it was interrupted: {runs} runs");
     assert_same(&expected, &tree(&dir), "interrupted");
 
-    // What a power cut can do to a finished set: lost, emptied and cut files are made again. Other settings are refused.
+    // What a power cut can do to a finished set: lost, emptied and cut files are made again. Other settings
+    // are refused.
     std::fs::remove_file(dir.join("interventions/0001.npz")).expect("removed");
     std::fs::remove_file(dir.join("video/images/c00_f0002.png")).expect("removed");
     std::fs::write(dir.join("video/foreground/c00_f0001.png"), b"").expect("emptied");
@@ -150,13 +153,16 @@ fn arrays_are_those_of_the_layout() {
     assert!(report.sortabilities.len() == 3 && report.record["complete"] == true, "the record is complete");
 }
 
-/// Silhouettes of the three renderings: splats, discs and a mesh over the same skeleton. The bounds follow from the geometry:
+/// Silhouettes of the three renderings: splats, discs and a mesh over the same skeleton. The bounds follow
+/// from the geometry:
 ///
-/// * a splat of σ = 0.6 and a disc of 0.9 spacings extend beyond the body by the same distance, but the soft edge of the splat covers
-///   another half pixel (blur of 0.3 px², opacities that add up): discs lie within splats, splats within the pixels next to discs;
-/// * discs extend 0.9 spacings beyond the capsules, the mesh lies within the capsules (limbs are thinner than their capsules, trousers do
-///   not fill the band of the points of the skirt): the mesh lies within the discs except for shoes, which have no points. The
-///   remaining difference shrinks with the spacing, so the overlap grows with the number of points.
+/// * a splat of σ = 0.6 and a disc of 0.9 spacings extend beyond the body by the same distance, but the soft
+///   edge of the splat covers another half pixel (blur of 0.3 px², opacities that add up): discs lie within
+///   splats, splats within the pixels next to discs;
+/// * discs extend 0.9 spacings beyond the capsules, the mesh lies within the capsules (limbs are thinner than
+///   their capsules, trousers do not fill the band of the points of the skirt): the mesh lies within the
+///   discs except for shoes, which have no points. The remaining difference shrinks with the spacing, so the
+///   overlap grows with the number of points.
 #[test]
 fn both_point_renderers_and_surfaces_show_the_same_person() {
     const SIDE: usize = 64;
@@ -187,7 +193,7 @@ fn both_point_renderers_and_surfaces_show_the_same_person() {
         count(&mut pairs().map(|(a, b)| *a && *b)) / count(&mut pairs().map(|(a, b)| *a || *b))
     };
     let outside = |a: &[bool], b: &[bool]| count(&mut a.iter().zip(b).map(|(a, b)| *a && !*b));
-    // Each picture and the pixels beside it, corners included.
+    // Each image and the pixels beside it, corners included.
     let wider = |m: &[bool]| -> Vec<bool> {
         let picture = |i: usize| i / (SIDE * SIDE) * (SIDE * SIDE);
         let at = |i: usize| {
@@ -331,7 +337,7 @@ fn cameras_of_sets_and_video_have_the_documented_positions() {
         assert!((radius - 6.0).abs() < 1e-5, "camera {index}: three body heights, {radius}");
         let angle = std::f64::consts::TAU * index as f64 / 23.0;
         let off = (eye[0] - radius * libm::sin(angle)).abs() + (eye[1] + radius * libm::cos(angle)).abs();
-        assert!(off < 1e-5, "camera {index} stands at 1/23 turns: {eye:?}");
+        assert!(off < 1e-5, "camera {index} is at 1/23 turns: {eye:?}");
     }
     let full = Settings::full();
     let tested = (0..full.frames).filter(|t| t.is_multiple_of(video::TEST_STEP)).count();

@@ -137,7 +137,7 @@ fn the_open_body_plays_its_part() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     make(&settings, folder.path());
     let video = capture::read_capture(&folder.path().join("video")).expect("a capture");
-    assert_eq!(video.frames.len(), settings.frames + settings.test_cameras, "every picture");
+    assert_eq!(video.frames.len(), settings.frames + settings.test_cameras, "every image");
     for frame in &video.frames {
         let mask = PassImages::read(frame).expect("passes").foreground.expect("a mask");
         let side = settings.video_size;
@@ -198,7 +198,8 @@ fn the_open_body_plays_its_part() {
     };
     let largest = |d: &[f64]| d.iter().fold(0.0, |m: f64, x| if *x > m { *x } else { m });
     let share = |d: &[f64]| d.iter().filter(|x| **x > 1e-6).count() as f64 / d.len() as f64;
-    // Posture moves what hangs on a joint that differs between the two animations, the arms among them, and nothing else.
+    // Posture moves the points of joints that differ between the two animations, the arms among them, and
+    // nothing else.
     let posture = moved([1.5, 0.0, 0.0, 0.0]);
     let transforms = |u: f64| c.transforms(&c.pose_of(actor.meaning(), 0.0, &[u]).expect("a pose"));
     let (still, walked) = (transforms(0.0), transforms(1.5));
@@ -212,13 +213,13 @@ fn the_open_body_plays_its_part() {
     for (i, d) in posture.iter().enumerate() {
         let (of, weights) = c.influences()[i];
         let hangs = of.iter().zip(&weights).any(|(&j, &w)| w > 0.0 && turned[usize::from(j)]);
-        assert!(hangs || *d < 1e-6, "vertex {i} hangs on joints at rest and moves {d}");
+        assert!(hangs || *d < 1e-6, "vertex {i} belongs to joints at rest and moves by {d}");
     }
     println!("posture moves {:.3} of the vertices, at most {:.3}", share(&posture), largest(&posture));
     assert!(largest(&posture) > 0.1, "posture moves a hand by {}", largest(&posture));
     let elbow = moved([0.0, 1.5, 0.0, 0.0]);
     assert!(largest(&elbow) > 0.1, "the forearm moves: {}", largest(&elbow));
-    // Only what hangs on the elbow or below it.
+    // Only points of the elbow and the joints below it.
     let joints = c.joints();
     let bent = actor.meaning().elbow.expect("an elbow");
     let hangs = |mut j: usize| loop {
@@ -295,7 +296,7 @@ fn light_changes_colour_and_nothing_else() {
         let object = person.object(&drive);
         let bvh = Bvh::build(&object.mesh.positions, &object.mesh.triangles);
         let settings = figure::lighting(16, 5);
-        figure::passes(&object, &bvh, drive.light_azimuth, &camera, &settings).expect("a picture")
+        figure::passes(&object, &bvh, drive.light_azimuth, &camera, &settings).expect("an image")
     };
     let (left, right) = (picture(-1.0), picture(1.0));
     assert!(left.alpha.iter().filter(|a| **a == 1.0).count() > 100, "a person is seen");

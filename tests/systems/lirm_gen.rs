@@ -1,4 +1,5 @@
-//! `lirm gen`: the same bytes for any number of threads and however often interrupted, read back by the loaders.
+//! `lirm gen`: the same bytes for any number of threads and however often interrupted, read back by the
+//! loaders.
 
 use crate::common::{assert_same, tree};
 use lastlight::geometry::bvh::Bvh;
@@ -42,7 +43,7 @@ fn the_bytes_do_not_depend_on_threads_or_on_how_many_objects_there_are() {
     for threads in [1, 2, 7] {
         let out = dir.path().join(threads.to_string());
         let summary = par::with_threads(threads, || make(&out, &small())).expect("a pool");
-        assert_eq!((summary.objects, summary.rendered), (2, 2 * 3 * 3), "{threads} threads: pictures");
+        assert_eq!((summary.objects, summary.rendered), (2, 2 * 3 * 3), "{threads} threads: images");
         assert_eq!(
             format!("{:016x}", summary.digest),
             "96d9864c840d4e84",
@@ -73,7 +74,7 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
         let mut seen = 0;
         let outcome = run(&parts, &small(), runs > 1, &stop, &mut |_, _, _| {
             seen += 1;
-            // Each run is stopped a few pictures later than the one before it.
+            // Each run is stopped a few images later than the one before it.
             stop.store(seen >= 5 * runs, Ordering::Relaxed);
         });
         match outcome {
@@ -99,15 +100,15 @@ fn a_finished_set_is_looked_through_and_repaired() {
     let made = make(&out, &small());
     let want = tree(&out);
     let again = || run(&out, &small(), true, &AtomicBool::new(false), &mut |_, _, _| {});
-    // Three pictures: a file cut, one emptied, one lost; both objects are finished.
+    // Three images: a file cut, one emptied, one lost; both objects are finished.
     let cut = "object_00009/shiny/depth/0001.exr";
     std::fs::write(out.join(cut), &want[cut][..want[cut].len() / 2]).expect("cut");
     std::fs::write(out.join("object_00010/uniform/images/0002.png"), b"").expect("emptied");
     std::fs::remove_file(out.join("object_00010/environment/material/0000.png")).expect("removed");
     let repaired = again().expect("repaired");
-    assert_eq!((repaired.rendered, repaired.digest), (3, made.digest), "three pictures are rendered");
+    assert_eq!((repaired.rendered, repaired.digest), (3, made.digest), "three images are rendered");
     assert_same(&want, &tree(&out), "repaired");
-    // A lost description is made again with its pictures.
+    // A lost description is made again with its images.
     std::fs::remove_file(out.join("object_00009/uniform/transforms.json")).expect("removed");
     assert_eq!(again().expect("repaired").rendered, 3, "one capture");
     assert_same(&want, &tree(&out), "described again");
@@ -128,7 +129,7 @@ fn a_finished_set_is_looked_through_and_repaired() {
 fn a_folder_never_mixes_two_runs() {
     let dir = tempfile::tempdir().expect("a folder");
     let (fresh, used) = (dir.path().join("fresh"), dir.path().join("used"));
-    // Training pictures of two objects, then fewer test pictures of one, begun in the same folder.
+    // Training images of two objects, then fewer test images of one, begun in the same folder.
     let first = small();
     let second = Settings {
         objects: 1,
@@ -183,8 +184,9 @@ fn what_was_made_is_read_back_and_agrees_with_the_object() {
             let depth = p.depth.expect("depth");
             let foreground = p.foreground.expect("foreground");
             let hit = depth.iter().filter(|z| **z > 0.0).count();
-            assert!(hit > 20, "{version}, {}: the object is in the picture ({hit} pixels)", frame.name);
-            // Depth belongs to the ray through the middle of a pixel, the foreground to its samples: they differ at borders only.
+            assert!(hit > 20, "{version}, {}: the object is in the image ({hit} pixels)", frame.name);
+            // Depth belongs to the ray through the middle of a pixel, the foreground to its samples: they
+            // differ at borders only.
             let agree = depth.iter().zip(&foreground).filter(|(z, a)| (**z > 0.0) == (**a >= 0.5)).count();
             assert!(agree > 500, "{version}, {}: depth and foreground agree on {agree} of 576", frame.name);
             let exposure = p.exposure.expect("an exposure");
@@ -230,7 +232,7 @@ fn what_was_made_is_read_back_and_agrees_with_the_object() {
     assert!(compared > 9 * 40, "{compared} depths were compared");
     for (i, (version, name, pose, intrinsics)) in cameras.iter().enumerate().skip(3) {
         let (_, first_name, first_pose, first_intrinsics) = &cameras[i % 3];
-        assert_eq!(name, first_name, "{version}: the same pictures in every light");
+        assert_eq!(name, first_name, "{version}: the same images in every light");
         assert_eq!((pose, intrinsics), (first_pose, first_intrinsics), "{version}, {name}: the same camera");
     }
     let (plain, shiny) = (rough[..3].iter(), rough[3..].iter());
@@ -261,7 +263,7 @@ fn test_and_egocentric_sets_have_their_splits() {
     let ego = Settings { set: Set::Egocentric, lighting: Lighting::Environment, views: 9, ..tiny };
     make(&out, &ego);
     let capture = read_capture(&out.join("object_00009/environment")).expect("a capture");
-    assert_eq!(capture.frames.len(), 9, "moving pictures");
+    assert_eq!(capture.frames.len(), 9, "moving images");
     assert_eq!(
         capture.frames.iter().filter(|f| f.split == Split::Test).count(),
         1,

@@ -1,4 +1,5 @@
-//! `lirm gen`: what is known about an object lies on disk as it was rendered, and every pass fits the pose that is recorded.
+//! `lirm gen`: the ground truth of an object is on disk as it was rendered, and every pass fits the pose that
+//! is recorded.
 
 use lastlight::fit::passes::Shot;
 use lastlight::fit::relight::{self, Exposure, Relight};
@@ -110,10 +111,10 @@ fn a_lost_truth_is_made_again_and_may_be_left_out() {
     assert!(!folder.join(truth::OBJECT).exists(), "nothing is written");
 }
 
-/// Per pixel, of the pictures that are compared.
+/// Per pixel, of the images that are compared.
 const SAMPLES: u32 = 128;
 
-/// A photograph of one camera as `mesh render` takes it, in bytes.
+/// A photo of one camera as `mesh render` takes it, in bytes.
 fn relit(dir: &Path, object: &Object, map: &Environment, shot: &Shot, exposure: f64, seed: u64) -> Vec<u8> {
     let lights = Lights { environment: Some(map.clone()), lamps: Vec::new() };
     let job = Relight {
@@ -131,7 +132,7 @@ fn relit(dir: &Path, object: &Object, map: &Environment, shot: &Shot, exposure: 
 }
 
 fn bytes(path: &Path) -> Vec<u8> {
-    match image_file::read(path).expect("a picture").samples {
+    match image_file::read(path).expect("an image").samples {
         image_file::Samples::U8(v) => v,
         other => panic!("bytes, not {other:?}"),
     }
@@ -146,7 +147,8 @@ fn differences(a: &[u8], b: &[u8]) -> [f64; 2] {
     [(square / n).sqrt(), sum / n]
 }
 
-/// The files suffice to make the picture again: the written one differs from a new one as two new ones differ from each other.
+/// The files suffice to make the image again: the written one differs from a new one as two new ones differ
+/// from each other.
 #[test]
 fn the_written_picture_is_rendered_anew_from_the_files() {
     let dir = tempfile::tempdir().expect("a folder");
@@ -177,7 +179,7 @@ fn the_written_picture_is_rendered_anew_from_the_files() {
     let turned = environment_file::Options { rotate: 90.0, ..Default::default() };
     let [other, _] = differences(&photograph, &picture("turned", &environment_file::orient(map, &turned), 1));
     assert!(other > 2.0 * noise, "light from elsewhere: rms {other}");
-    // Depth has no noise: the mesh stands where it stood.
+    // Depth has no noise: the mesh has not moved.
     let again = read_capture(&dir.path().join("first")).expect("a capture");
     let again = PassImages::read(&again.frames[0]).expect("passes").depth.expect("depth");
     let depth = written.depth.expect("depth");
@@ -299,7 +301,8 @@ fn the_photograph_is_blurred_and_noisy_and_the_radiance_is_clean() {
         let (radiance, exposure) = (p.radiance.expect("radiance"), p.exposure.expect("an exposure") as f32);
         let photograph = bytes(&frame.image);
         assert_ne!(photograph, tonemap::srgb_u8(&radiance, exposure), "{}: the sensor is seen", frame.name);
-        // What the sensor adds has the variance of photons and electronics, where it neither saturates nor clips.
+        // What the sensor adds has the variance of photons and electronics, where it neither saturates nor
+        // clips.
         let full_well = f64::from(Sensor::default().full_well);
         let read = f64::from(Sensor::default().read_noise);
         for (x, byte) in radiance.as_flattened().iter().zip(&photograph) {
@@ -343,8 +346,8 @@ fn a_projection_without_rays_is_refused() {
     let text = e.expect_err("no such camera").to_string();
     assert!(text.contains("fisheye or pinhole"), "{text}");
     assert!(!dir.path().join("x").exists(), "nothing was made");
-    // Other sets are pinhole pictures, whatever a head would carry.
+    // Other sets are pinhole images, whatever a head would carry.
     let record =
         Settings { set: Set::Train, camera: Model::Fisheye, ..small() }.record().expect("no files to read");
-    assert_eq!(record["camera"], json!("pinhole"), "so it says");
+    assert_eq!(record["camera"], json!("pinhole"), "as it states");
 }

@@ -1,4 +1,4 @@
-//! Pictures with passes: written, interrupted, continued, and read back.
+//! Images with passes: written, interrupted, continued, and read back.
 
 use crate::common::{assert_same, tree};
 use lastlight::fit::passes::{Recorder, Shot, Style, Verified};
@@ -68,38 +68,38 @@ fn what_was_written_is_read_back() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     write_all(dir.path());
     let capture = read_capture(dir.path()).expect("a capture");
-    assert_eq!(capture.frames.len(), 3, "every picture");
+    assert_eq!(capture.frames.len(), 3, "every image");
     for (i, frame) in capture.frames.iter().enumerate() {
         let (p, want) = (PassImages::read(frame).expect("its passes"), passes(i));
-        assert_eq!(frame.split, shots()[i].split, "picture {i}: split");
-        assert_eq!(p.radiance.expect("radiance"), want.color, "picture {i}: radiance to the bit");
-        assert_eq!(p.depth.expect("depth"), want.depth_z, "picture {i}: depth to the bit");
-        assert_eq!(p.normal.expect("normal"), want.normal, "picture {i}: normals to the bit");
-        assert_eq!(p.exposure, Some(f64::from(style(i).exposure)), "picture {i}: exposure");
+        assert_eq!(frame.split, shots()[i].split, "image {i}: split");
+        assert_eq!(p.radiance.expect("radiance"), want.color, "image {i}: radiance to the bit");
+        assert_eq!(p.depth.expect("depth"), want.depth_z, "image {i}: depth to the bit");
+        assert_eq!(p.normal.expect("normal"), want.normal, "image {i}: normals to the bit");
+        assert_eq!(p.exposure, Some(f64::from(style(i).exposure)), "image {i}: exposure");
         let near = |a: f32, b: f32| (a - b).abs() <= 0.5 / 255.0 + 1e-6;
         for k in 0..SIDE * SIDE {
             assert!(
                 near(p.foreground.as_ref().expect("foreground")[k], want.alpha[k]),
-                "picture {i}, pixel {k}"
+                "image {i}, pixel {k}"
             );
             assert!(
                 near(p.metallic.as_ref().expect("material")[k], want.metallic[k]),
-                "picture {i}, pixel {k}"
+                "image {i}, pixel {k}"
             );
             assert!(
                 near(p.roughness.as_ref().expect("material")[k], want.roughness[k]),
-                "picture {i}, pixel {k}"
+                "image {i}, pixel {k}"
             );
             for c in 0..3 {
                 let byte = (255.0 * p.albedo.as_ref().expect("albedo")[k][c]).round() as usize;
                 let linear = lastlight::scene::material::linear_of_srgb()[byte];
-                assert!((linear - want.albedo[k][c]).abs() < 6e-3, "picture {i}, pixel {k}: albedo {linear}");
+                assert!((linear - want.albedo[k][c]).abs() < 6e-3, "image {i}, pixel {k}: albedo {linear}");
             }
         }
     }
     // the pose in the file is half-way through the exposure
     let x = capture.frames[1].view_from_world[0][3];
-    assert!((x - 0.2).abs() < 1e-6, "a moving camera from 0.1 to 0.3 stands at 0.2, not {x}");
+    assert!((x - 0.2).abs() < 1e-6, "a moving camera from 0.1 to 0.3 is at 0.2, not {x}");
     let views = Views::load(dir.path(), &Options::default()).expect("loadable for a fit");
     assert_eq!((views.train.len(), views.test.len()), (2, 1), "the split of the files holds");
 }
@@ -110,17 +110,17 @@ fn an_interrupted_set_continues_to_the_same_bytes() {
     let digest = write_all(whole.path());
     let list = shots();
     let mut r = Recorder::open(parts.path(), header(1), false).expect("begun");
-    r.put(&list[0], &passes(0), &style(0)).expect("one picture");
+    r.put(&list[0], &passes(0), &style(0)).expect("one image");
     r.put(&list[1], &passes(1), &style(1)).expect("another");
     drop(r);
-    // a damaged file is noticed, a picture without record too
+    // a damaged file is noticed, an image without record too
     std::fs::write(parts.path().join("depth/001.exr"), b"half").expect("damaged");
-    // and a temporary file of a write that was killed goes
+    // and the temporary file of a killed write is removed
     std::fs::write(parts.path().join("depth/.lastlight-x1Y2z3.part"), b"half").expect("left over");
     assert!(Recorder::open(parts.path(), header(2), true).is_err(), "other settings are refused");
     let mut r = Recorder::open(parts.path(), header(1), true).expect("continued");
     let missing: Vec<bool> = list.iter().map(|s| !r.has(s).expect("readable")).collect();
-    assert_eq!(missing, [false, true, true], "what is whole is kept");
+    assert_eq!(missing, [false, true, true], "complete files are kept");
     for i in [1, 2] {
         r.put(&list[i], &passes(i), &style(i)).expect("written");
     }
@@ -157,7 +157,7 @@ fn records_that_the_power_failed_on_count_as_none() {
     }
     let mut r = Recorder::open(parts.path(), header(1), true).expect("continued");
     for (i, shot) in list.iter().enumerate() {
-        assert!(!r.has(shot).expect("readable"), "picture {i} has no record");
+        assert!(!r.has(shot).expect("readable"), "image {i} has no record");
         r.put(shot, &passes(i), &style(i)).expect("written");
     }
     assert_eq!(r.finish(&list).expect("finished"), digest, "digest of the set");
@@ -175,5 +175,5 @@ fn bad_names_and_sizes_are_refused() {
     let mut small = passes(0);
     small.width = 3;
     assert!(r.put(&shots()[0], &small, &style(0)).is_err(), "sizes differ");
-    assert!(r.finish(&shots()).is_err(), "a set with missing pictures is not finished");
+    assert!(r.finish(&shots()).is_err(), "a set with missing images is not finished");
 }

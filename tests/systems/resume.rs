@@ -1,4 +1,5 @@
-//! A fit that is interrupted and resumed ends with the bytes of an uninterrupted one; a killed one leaves a checkpoint.
+//! A fit that is interrupted and resumed ends with the bytes of an uninterrupted one; a killed one leaves a
+//! checkpoint.
 
 use lastlight::fit::built_in;
 use lastlight::fit::seeds::{self, Start};
@@ -50,7 +51,7 @@ fn bytes(path: &Path) -> Vec<u8> {
     std::fs::read(path).expect("the file was written")
 }
 
-/// Runs to the end without a stop; gives the fit.
+/// Runs to the end without a stop and returns the fit.
 fn uninterrupted<'a>(strategy: Strategy, views: &'a Views, path: &Path, every: usize) -> SplatFit<'a> {
     let stop = AtomicBool::new(false);
     let mut fit = new(strategy, views);
@@ -69,7 +70,8 @@ fn a_fit_interrupted_anywhere_ends_with_the_same_bytes() {
         assert!(!fit.events().is_empty(), "{strategy:?}: density control has acted, or this proves little");
         write_scene(&dir.path().join("whole.ply"), fit.gaussians(), &[]).expect("writes");
 
-        // Before, at and after refinements and a reset; one stop right after another; other thread counts in between.
+        // Before, at and after refinements and a reset; one stop right after another; other thread counts in
+        // between.
         let parts = dir.path().join("parts.safetensors");
         let mut history = History::default();
         let mut fit = new(strategy, &views);
@@ -84,7 +86,7 @@ fn a_fit_interrupted_anywhere_ends_with_the_same_bytes() {
             assert_eq!(e.exit_code(), 130, "{strategy:?}: {e}");
             fit = new(strategy, &views);
             history = training::resume(&mut fit, &parts).expect("the checkpoint is complete");
-            assert_eq!(history.len(), at, "{strategy:?}: it goes on where it stopped");
+            assert_eq!(history.len(), at, "{strategy:?}: it continues where it stopped");
         }
         let stop = AtomicBool::new(false);
         let schedule = Schedule { checkpoint: Some(&parts), every: 7, stop: &stop };
@@ -172,7 +174,7 @@ fn other_settings_or_photographs_are_refused_by_name() {
     let mut other = views.clone();
     other.views[1].rgb[0] ^= 1;
     let e = refused(base.clone(), &other);
-    assert!(e.contains("input"), "one changed bit of one photograph: {e}");
+    assert!(e.contains("input"), "one changed bit of one photo: {e}");
     let e = refused(Settings { strategy: Strategy::Mcmc, ..base }, &views);
     assert!(e.contains("strategy"), "{e}");
 }

@@ -65,7 +65,7 @@ impl Camera {
 /// Image width and height from the inputs `width` and `height`.
 ///
 /// # Errors
-/// When one is not a positive whole number.
+/// When one is not a positive integer.
 pub fn size_px<S: Scalar>(width: &Arr<S>, height: &Arr<S>) -> Result<[usize; 2], String> {
     let side = |name: &str, x: &Arr<S>| {
         let value = x.data[0].value();

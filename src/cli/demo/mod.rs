@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! person   video ──► tuned structure ──► fitted person ──► held-out images, turntable, interventions
-//! scene    photographs ──► Gaussians ──► held-out images
+//! scene    photos ──► Gaussians ──► held-out images
 //! ```
 
 mod args;
@@ -27,7 +27,7 @@ const LEAST_SCENE_DB: f64 = 28.0;
 /// And this on the built-in person, in the box of its body.
 const LEAST_PERSON_DB: f64 = 17.0;
 
-/// The record in the folder, by which a demo knows its own.
+/// The record in the folder, by which a demo recognises its own output.
 const RECORD: &str = "result.json";
 
 pub(super) fn run(args: &Args) -> Result<()> {
@@ -109,7 +109,7 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
             "  lastlight splat render {d}/scene --cameras orbit:36 --size 320x240 --out turntable"
         ))?;
         say(
-            "  lastlight splat fit PHOTOS --out DIR     your own posed photographs (transforms.json or COLMAP)",
+            "  lastlight splat fit PHOTOS --out DIR     your own photos with camera poses (transforms.json or COLMAP)",
         )?;
     }
     say("  lastlight oracle list                    operators to compare your own code with")

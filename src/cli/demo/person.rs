@@ -51,7 +51,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     render_video(args, &film, meter)?;
     let capture = PersonCapture::open(&film.join("video"))?;
     meter.note(&format!(
-        "a person: {} images to fit, {} held out; rendered in {:.1} s",
+        "a person: {} training images, {} held out; rendered in {:.1} s",
         capture.train.len(),
         capture.test.len(),
         meter.seconds()

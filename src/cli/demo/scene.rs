@@ -1,4 +1,4 @@
-//! The scene of the demo: Gaussians fitted to photographs of known Gaussians.
+//! The scene of the demo: Gaussians fitted to photos of known Gaussians.
 
 use super::args::Args;
 use crate::Result;
@@ -23,7 +23,7 @@ const MOST: usize = 8000;
 pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome> {
     let render = render::Settings::default();
     let views = built_in::demo(&render)?;
-    meter.note(&format!("a scene: {} photos to fit, {} held out", views.train.len(), views.test.len()));
+    meter.note(&format!("a scene: {} training photos, {} held out", views.train.len(), views.test.len()));
     meter.lap("rendering the photos");
     let settings = Settings {
         iterations: args.iterations.unwrap_or(ITERATIONS),

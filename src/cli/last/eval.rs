@@ -51,7 +51,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if args.min_psnr.is_some() && capture.test.is_empty() {
         return Err(Error::input("--min-psnr")
             .at(args.capture.display().to_string())
-            .expected("a capture with held-out pictures")
+            .expected("a capture with held-out images")
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.replace.force)).transpose()?;

@@ -249,7 +249,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
-        "{}: {} pictures to fit, {} held out, a body of {} points and {} joints",
+        "{}: {} training images, {} held out, a body of {} points and {} joints",
         args.capture.display(),
         capture.train.len(),
         capture.test.len(),

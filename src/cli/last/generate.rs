@@ -89,28 +89,28 @@ pub(crate) struct Args {
     #[arg(long, requires = "character", help_heading = "Character")]
     animate: bool,
     /// How everything is rendered: mesh, points (discs) or splats [default: mesh for the video, points for the sets]
-    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    #[arg(long, value_name = "NAME", help_heading = "Images")]
     render_as: Option<String>,
     /// How the video is rendered
-    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    #[arg(long, value_name = "NAME", help_heading = "Images")]
     video_render_as: Option<String>,
     /// How the sets are rendered
-    #[arg(long, value_name = "NAME", help_heading = "Pictures")]
+    #[arg(long, value_name = "NAME", help_heading = "Images")]
     set_render_as: Option<String>,
     /// Side of every image in pixels [default: 256 for the video, smoke 64; 64 for the sets]
-    #[arg(long, value_name = "S", help_heading = "Pictures")]
+    #[arg(long, value_name = "S", help_heading = "Images")]
     size: Option<usize>,
     /// Side of the video's images
-    #[arg(long, value_name = "S", help_heading = "Pictures")]
+    #[arg(long, value_name = "S", help_heading = "Images")]
     video_size: Option<usize>,
     /// Side of the sets' images
-    #[arg(long, value_name = "S", help_heading = "Pictures")]
+    #[arg(long, value_name = "S", help_heading = "Images")]
     set_size: Option<usize>,
     /// Write depth, normals, albedo, material and linear radiance of the video too
-    #[arg(long, help_heading = "Pictures")]
+    #[arg(long, help_heading = "Images")]
     passes: bool,
     /// Samples per pixel of surfaces [default: 16]
-    #[arg(long, value_name = "N", help_heading = "Pictures")]
+    #[arg(long, value_name = "N", help_heading = "Images")]
     samples: Option<u32>,
     #[command(flatten)]
     filling: OutputArgs,

@@ -58,7 +58,7 @@ pub(crate) struct Args {
     /// Frames held out
     #[arg(long, value_name = "START:STEP:COUNT", help_heading = "Selection")]
     test_frames: Option<String>,
-    /// Reduce images by this whole factor
+    /// Reduce images by this integer factor
     #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
     downscale: Option<u16>,
     #[command(flatten)]
@@ -72,7 +72,7 @@ impl Args {
         }
         Layout::detect(&self.dir).ok_or_else(|| {
             let names: Vec<&str> = LAYOUTS.iter().map(|(n, _)| *n).collect();
-            let got = if self.dir.exists() { "files of none of them" } else { "nothing there" };
+            let got = if self.dir.exists() { "files of none of them" } else { "no such folder" };
             Error::input(self.dir.display().to_string())
                 .expected(format!("a data set in one of the layouts {}", names.join(", ")))
                 .got(got)
@@ -105,7 +105,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             if done == total {
                 meter.done();
             } else {
-                meter.count(done, total, "pictures");
+                meter.count(done, total, "images");
             }
         })
     })?;
@@ -117,7 +117,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{}: {} pictures to learn from, {} held out, {}x{}; {} moments, {} points, {} joints ({}, {:.1} s)",
+        "{}: {} training images, {} held out, {}x{}; {} moments, {} points, {} joints ({}, {:.1} s)",
         args.out.display(),
         report.shots[0],
         report.shots[1],

@@ -56,7 +56,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     };
     if cli::is_json() {
         let mut record = report.record();
-        record["pictures"] = json!(pictures);
+        record["images"] = json!(pictures);
         cli::say_json(&record)?;
     } else {
         for line in lines(args, &report) {
@@ -91,7 +91,7 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
             if t.pose_shapes.is_some() { ", pose shapes" } else { "" }
         ));
         out.push(format!(
-            "pictures  {} to learn from, {} held out; {} cameras, {} moments, {}",
+            "images  {} to learn from, {} held out; {} cameras, {} moments, {}",
             c.train.len(),
             c.test.len(),
             count("cameras"),
@@ -105,7 +105,7 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
     if !report.images.is_empty() {
         out.push(format!(
             "{:<28} {:>6} {:>6} {:>15} {:>12}",
-            "looked at", "camera", "moment", "points on mask", "mask in box"
+            "checked", "camera", "moment", "points on mask", "mask in box"
         ));
         for l in &report.images {
             out.push(format!(
@@ -125,9 +125,9 @@ fn lines(args: &Args, report: &Report) -> Vec<String> {
         out.push(format!("problem   and {more} more, which --json lists"));
     }
     match &args.out {
-        Some(dir) => out.push(format!("{} pictures in {}", report.images.len(), dir.display())),
+        Some(dir) => out.push(format!("{} images in {}", report.images.len(), dir.display())),
         None if !report.images.is_empty() => {
-            out.push("--out DIR writes pictures with skeleton and mask".to_owned())
+            out.push("--out DIR writes images with skeleton and mask".to_owned())
         }
         None => {}
     }

@@ -199,7 +199,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let which: Vec<usize> = if args.factor.is_empty() { (0..n).collect() } else { args.factor.clone() };
     let shot = *capture.train.get(args.frame).ok_or_else(|| {
         Error::input("--frame")
-            .expected(format!("below {}, the number of training pictures", capture.train.len()))
+            .expected(format!("below {}, the number of training images", capture.train.len()))
             .got(args.frame.to_string())
     })?;
     let grid = Grid::new(&trained, &capture, shot, &which)?;
@@ -207,7 +207,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     grid.write(&dir)?;
     let record = json!({
         "kind": "last intervene", "lastlight": env!("CARGO_PKG_VERSION"), "edges": trained.graph.edges(),
-        "picture": capture.shots[shot].name,
+        "image": capture.shots[shot].name,
         "moved": grid.moved.iter().map(|(i, m)| json!({"factor": i, "most": m})).collect::<Vec<_>>(),
         "seconds": meter.seconds(),
     });

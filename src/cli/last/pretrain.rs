@@ -154,9 +154,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let settings = args.settings()?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let data = Pictures::read(&args.data, settings.supervision != Supervision::None, settings.framing)?;
-    meter.lap("reading pictures");
+    meter.lap("reading images");
     meter.note(&format!(
-        "{}: {} pictures of {2}x{2}, {3} groups of {4}, {5} points each",
+        "{}: {} images of {2}x{2}, {3} groups of {4}, {5} points each",
         args.data.display(),
         data.observed(),
         data.side(),
@@ -295,7 +295,7 @@ fn structure(data: &Path, verdict: &Evaluation) -> Section {
     }
 }
 
-/// `units` says in words that they changed, if they did.
+/// `units` describes a change of units, if there was one.
 fn page(
     args: &Args,
     record: &Value,

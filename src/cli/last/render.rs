@@ -72,12 +72,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.done();
     if cli::is_json() {
         return cli::say_json(&json!({
-            "run": args.run, "out": args.out, "pictures": names, "poses": poses.len(), "cameras": cameras.len(),
+            "run": args.run, "out": args.out, "images": names, "poses": poses.len(), "cameras": cameras.len(),
             "gaussians": stored.avatar.gaussians.len(), "seconds": meter.seconds(),
         }));
     }
     cli::say(&format!(
-        "{} pictures of {} Gaussians: {} ({:.1} pictures/s)",
+        "{} images of {} Gaussians: {} ({:.1} images/s)",
         pairs.len(),
         stored.avatar.gaussians.len(),
         dir.display(),

@@ -55,7 +55,7 @@ pub(super) fn json(groups: &[Group]) -> Value {
         let pictures: Vec<Value> = (g.scored.iter())
             .map(|s| json!({"name": s.name, "camera": s.camera, "time": s.time, "scores": evaluate::json(&s.scores)}))
             .collect();
-        json!({"mean": evaluate::json(&g.mean), "cameras": cameras, "pictures": pictures})
+        json!({"mean": evaluate::json(&g.mean), "cameras": cameras, "images": pictures})
     };
     Value::Object(groups.iter().map(|g| (g.name.to_owned(), of(g))).collect())
 }

@@ -53,7 +53,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let capture = PersonCapture::open(&args.capture)?;
     super::fit::check_skeleton(&trained, &capture, &meter)?;
     let subject = Subject::new(&trained, &capture)?;
-    meter.lap("pictures");
+    meter.lap("images");
     let settings = Settings { steps: args.iterations, seed: args.seed, ..Settings::default() };
     let mut tuning = Tuning::new(&mut trained, &subject, settings)?;
     training::run_whole(&mut tuning, &mut meter)?;
@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if cli::is_json() {
         return cli::say_json(&json!({
             "kind": "last tune", "lastlight": env!("CARGO_PKG_VERSION"), "digest": trained.digest()?,
-            "pictures": capture.train.len(), "before": tuned.before, "after": tuned.after,
+            "images": capture.train.len(), "before": tuned.before, "after": tuned.after,
             "edges_before": tuned.edges[0], "edges_after": tuned.edges[1], "losses": tuned.losses,
             "seconds": meter.seconds(),
         }));

@@ -60,31 +60,31 @@ pub(crate) struct Args {
     #[arg(long, help_heading = "Light")]
     shiny: bool,
     /// Cameras: train (drawn), test (48 fixed views, inputs and outputs) or egocentric (on a moving head)
-    #[arg(long, value_name = "NAME", default_value = "train", value_parser = ["train", "test", "egocentric"], help_heading = "Pictures")]
+    #[arg(long, value_name = "NAME", default_value = "train", value_parser = ["train", "test", "egocentric"], help_heading = "Images")]
     set: String,
     /// Camera of an egocentric set: fisheye (130 degrees, equidistant) or pinhole (70 degrees) [default: fisheye]
-    #[arg(long, value_name = "NAME", value_parser = ["fisheye", "pinhole"], help_heading = "Pictures")]
+    #[arg(long, value_name = "NAME", value_parser = ["fisheye", "pinhole"], help_heading = "Images")]
     camera: Option<String>,
     /// Images per object and light, of train and egocentric
-    #[arg(long, value_name = "N", default_value_t = 32, help_heading = "Pictures")]
+    #[arg(long, value_name = "N", default_value_t = 32, help_heading = "Images")]
     views: usize,
     /// Pixels a side
-    #[arg(long, value_name = "PX", default_value_t = 256, help_heading = "Pictures")]
+    #[arg(long, value_name = "PX", default_value_t = 256, help_heading = "Images")]
     size: usize,
     /// Training views: loose (off the centre, sometimes cut by the border) or whole
-    #[arg(long, value_name = "NAME", default_value = "loose", value_parser = ["loose", "whole"], help_heading = "Pictures")]
+    #[arg(long, value_name = "NAME", default_value = "loose", value_parser = ["loose", "whole"], help_heading = "Images")]
     framing: String,
     /// Samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Pictures")]
+    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Images")]
     samples: u32,
     /// Surfaces after the first that light may come by; 0 is direct light only
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Pictures")]
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Images")]
     bounces: u32,
     /// Side of a square with as many texels as the textures of an object [default: twice --size, 128 to 1024]
-    #[arg(long, value_name = "PX", help_heading = "Pictures")]
+    #[arg(long, value_name = "PX", help_heading = "Images")]
     texture: Option<usize>,
     /// What is written of each image: photo (and foreground) or all
-    #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"], help_heading = "Pictures")]
+    #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"], help_heading = "Images")]
     passes: String,
     /// Leave out object.glb and environment.exr
     #[arg(long)]
@@ -101,7 +101,7 @@ impl Args {
             return Err(Error::input("--camera")
                 .expected("--set egocentric")
                 .got(format!("--set {}", self.set))
-                .hint(format!("pictures of other sets are pinhole pictures; leave out --camera {camera}")));
+                .hint(format!("images of other sets are pinhole images; leave out --camera {camera}")));
         }
         let fine = (2 * self.size).clamp(128, 1024);
         let (axes, maps): (Vec<_>, Vec<_>) = self.env.iter().cloned().partition(|m| m == Path::new("axes"));
@@ -165,7 +165,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{} object{}, {} pictures rendered: {} (digest {:016x}, {seconds:.1} s)",
+        "{} object{}, {} images rendered: {} (digest {:016x}, {seconds:.1} s)",
         made.objects,
         if made.objects == 1 { "" } else { "s" },
         made.rendered,

@@ -80,7 +80,7 @@ impl Args {
     /// The map in our orientation; built-in environments are those of `seed`.
     ///
     /// # Errors
-    /// When an option is out of range or says nothing about this light, or the panorama cannot be used.
+    /// When an option is out of range or does not apply to this light, or the panorama cannot be used.
     pub(super) fn environment(&self, seed: u64) -> Result<Environment> {
         let (source, options) = (self.source(), self.options()?);
         let of_pictures = matches!(source, Source::File(_) | Source::Axes);
@@ -92,7 +92,7 @@ impl Args {
         if let Some((name, ..)) = given.into_iter().find(|(_, given, has_a_meaning)| *given && !has_a_meaning)
         {
             return Err(Error::input(name)
-                .expected("a panorama in --env, whose picture it describes")
+                .expected("a panorama in --env, whose image it describes")
                 .got(format!("the built-in light '{}'", self.env)));
         }
         let map = match source {
@@ -104,7 +104,7 @@ impl Args {
             }
             Source::File(path) if !path.exists() => {
                 return Err(Error::input("--env")
-                    .expected(format!("a picture, uniform, {}, axes", BUILT_IN.join(", ")))
+                    .expected(format!("an image, uniform, {}, axes", BUILT_IN.join(", ")))
                     .got(format!("'{}', which is not there", self.env)));
             }
             Source::File(path) => environment_file::read(path, &options)?,

@@ -47,7 +47,7 @@ pub(crate) struct Args {
     cameras: String,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Shrink the images of a capture's cameras by a whole factor
+    /// Shrink the images of a capture's cameras by an integer factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Cameras")]
     downscale: u8,
     /// Pose of a character: one of its animations
@@ -71,10 +71,10 @@ pub(crate) struct Args {
     /// Surfaces after the first that light may come by; 0 is direct light only
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u32).range(0..=64))]
     bounces: u32,
-    /// Factor from radiance to the photograph: auto or a positive number
+    /// Factor from radiance to the photo: auto or a positive number
     #[arg(long, value_name = "auto|X", default_value = "auto")]
     exposure: String,
-    /// Photographs of the model alone, with an alpha channel
+    /// Photos of the model alone, with an alpha channel
     #[arg(long)]
     transparent: bool,
     /// What is written: photo or all
@@ -122,12 +122,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (v, t) = (object.mesh.positions.len(), object.mesh.triangles.len());
     if cli::is_json() {
         return cli::say_json(&json!({
-            "file": args.file, "out": args.out, "pictures": shots.len(), "vertices": v, "triangles": t,
+            "file": args.file, "out": args.out, "images": shots.len(), "vertices": v, "triangles": t,
             "materials": object.materials.len(), "notes": notes, "digest": format!("{digest:016x}"), "seconds": meter.seconds(),
         }));
     }
     cli::say(&format!(
-        "{} pictures of {t} triangles: {} (digest {digest:016x}, {:.1} s)",
+        "{} images of {t} triangles: {} (digest {digest:016x}, {:.1} s)",
         shots.len(),
         args.out.join("transforms.json").display(),
         meter.seconds()

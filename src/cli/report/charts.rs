@@ -230,7 +230,7 @@ mod tests {
         let mut v: Vec<f32> = (0..1000).map(|i| ((i * 37) % 101) as f32).collect();
         v[500] = 1e6;
         let (points, band) = bucket(&v, 50);
-        assert_eq!((points.len(), band.len()), (50, 50), "as many as asked for");
+        assert_eq!((points.len(), band.len()), (50, 50), "as many as requested");
         for (i, ((x, median), (lo, hi))) in points.iter().zip(&band).enumerate() {
             let part = &v[i * 20..(i + 1) * 20];
             let below = |y: f64| part.iter().filter(|&&p| f64::from(p) < y).count();

@@ -76,7 +76,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         sections.push(Section {
             id: "stages",
             title: "Stages",
-            lead: "Stages of the operator in the order of evaluation, with the arrays that each one writes. Look at the first divergence: later \
+            lead: "Stages of the operator in the order of evaluation, with the arrays that each one writes. Start at the first divergence: later \
                    differences can follow from it."
                 .into(),
             body: html! { (stages(x)) @if let Some(d) = &r.divergence { p.lead { (d) } } },

@@ -118,7 +118,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     })
 }
 
-/// Cards of the scores; one that says so where nothing is held out.
+/// Cards of the scores; without held-out views, one card that states it.
 fn quality(e: &Evaluation) -> Vec<Stat> {
     if e.views.is_empty() {
         let note = "a single image: nothing is held out, so there is no score".into();

@@ -183,7 +183,7 @@ impl Sheet {
 /// The colour map as an image 256×1.
 ///
 /// # Errors
-/// Never for this size; the encoder's signature asks for it.
+/// Never for this size; the encoder's signature requires a `Result`.
 pub(crate) fn scale_bar() -> Result<String> {
     let row: Vec<f32> = (0..256).flat_map(|i| inferno(i as f32 / 255.0)).collect();
     data_uri(&row, 256, 1, 256)

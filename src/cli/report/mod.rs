@@ -155,7 +155,7 @@ impl Page {
         }
     }
 
-    /// Writes the page as a file, whole or not at all.
+    /// Writes the page as a file atomically.
     ///
     /// # Errors
     /// When the file cannot be written.
@@ -163,7 +163,7 @@ impl Page {
         crate::io::atomic::write_bytes(path, self.html().as_bytes())
     }
 
-    /// Writes `DIR/report/index.html`, whole or not at all.
+    /// Writes `DIR/report/index.html` atomically.
     ///
     /// # Errors
     /// When the file cannot be written.

@@ -19,7 +19,7 @@ pub(super) enum Masks {
 /// How a capture is read.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct CaptureArgs {
-    /// Shrink the images by a whole factor, averaging blocks of pixels
+    /// Shrink the images by an integer factor, averaging blocks of pixels
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Input")]
     pub(super) downscale: u8,
     /// Refuse a capture with missing images instead of leaving those frames out

@@ -1,4 +1,4 @@
-//! `splat eval`: scores of a scene file on the photographs of a capture.
+//! `splat eval`: scores of a scene file on the photos of a capture.
 
 use super::capture_args::CaptureArgs;
 use super::fit::{score, scores_text, write_renders};
@@ -19,7 +19,7 @@ use crate::{claim, report};
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Score a scene file on the photographs of a capture.
+/// Score a scene file on the photos of a capture.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight splat eval fox/scene.ply photos/
@@ -35,7 +35,7 @@ pub(crate) struct Args {
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "CAPTURE")]
     capture: PathBuf,
-    /// Photographs to score: test (every 8th), train or all
+    /// Photos to score: test (every 8th), train or all
     #[arg(long, value_name = "WHICH", default_value = "test")]
     views: String,
     #[command(flatten)]
@@ -94,7 +94,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if which.is_empty() {
         return Err(Error::input("--views")
             .at(args.views.as_str())
-            .expected("at least one photograph")
+            .expected("at least one photo")
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;

@@ -1,4 +1,4 @@
-//! `splat fit`: Gaussians from the photographs of a capture.
+//! `splat fit`: Gaussians from the photos of a capture.
 
 use super::capture_args::CaptureArgs;
 use super::check;
@@ -34,7 +34,7 @@ Examples:
   lastlight splat fit colmap/ --out garden --strategy mcmc --max-gaussians 300000
 
 CAPTURE is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model
-(sparse/0, binary or text), or such a transforms.json itself. Every 8th photograph in file-name order is
+(sparse/0, binary or text), or such a transforms.json itself. Every 8th photo in file-name order is
 held out and scored. Lens distortion is removed on load.
 
 --out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras),
@@ -46,7 +46,7 @@ const CAMERAS: &str = "transforms.json";
 /// Number of random first Gaussians by default.
 const INITIAL: usize = 10_000;
 
-/// Fit Gaussians to the photographs of a capture.
+/// Fit Gaussians to the photos of a capture.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
@@ -65,7 +65,7 @@ pub(crate) struct Args {
     /// Number of random first Gaussians [default: 10000, or --max-gaussians if that is less]
     #[arg(long, value_name = "N", help_heading = "Start")]
     initial: Option<usize>,
-    /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point the cameras look at]
+    /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point nearest to the cameras' axes]
     #[arg(long = "box", value_name = "BOX", allow_hyphen_values = true, help_heading = "Start")]
     bounds: Option<String>,
     /// Spherical-harmonics degree of the colours, 0 to 3
@@ -124,9 +124,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let views = Views::load(&args.capture, &args.input.options(background))?;
     args.input.note(&views, &meter);
     let determined = Settings::determined(&views, background);
-    meter.lap("reading photographs");
+    meter.lap("reading photos");
     meter.note(&format!(
-        "{}: {} photographs to fit, {} held out, {}",
+        "{}: {} training photos, {} held out, {}",
         args.capture.display(),
         views.train.len(),
         views.test.len(),
@@ -156,7 +156,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 
-/// Prints what the fit may take; refuses it above the limit.
+/// Prints an estimate of the fit's memory and time; refuses a fit above the limit.
 fn check_memory(settings: &Settings, views: &Views, meter: &Meter) -> Result<()> {
     let estimate = settings.memory_estimate(views);
     let most = report::thousands(settings.max_gaussians);
@@ -173,7 +173,7 @@ fn sizes(views: &Views) -> String {
     all.dedup();
     match all.as_slice() {
         [(w, h)] => format!("{w}x{h} pixels"),
-        other => format!("{} picture sizes", other.len()),
+        other => format!("{} image sizes", other.len()),
     }
 }
 

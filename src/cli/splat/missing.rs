@@ -13,7 +13,7 @@ pub(super) fn note(views: &Views, meter: &Meter) {
         let (gone, listed) = (views.missing.len(), views.missing.len() + views.views.len());
         let names = some(&views.missing);
         meter.note(&format!(
-            "{gone} of {listed} frames have no photograph and are left out: {names} (--strict refuses such a capture)"
+            "{gone} of {listed} frames have no photo and are left out: {names} (--strict refuses such a capture)"
         ));
     }
     if !views.missing_files.is_empty() {

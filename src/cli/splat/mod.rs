@@ -17,11 +17,11 @@ use clap::Subcommand;
 /// Gaussian splatting of a static capture.
 #[derive(Subcommand)]
 pub(super) enum Command {
-    /// Fit Gaussians to the photographs of a capture
+    /// Fit Gaussians to the photos of a capture
     Fit(fit::Args),
     /// Render a scene file along cameras
     Render(render::Args),
-    /// Score a scene file on the photographs of a capture
+    /// Score a scene file on the photos of a capture
     Eval(eval::Args),
 }
 

@@ -46,7 +46,7 @@ pub(crate) struct Args {
     /// What to write, comma-separated: color, linear, depth, alpha
     #[arg(long, value_name = "LIST", default_value = "color")]
     passes: String,
-    /// Shrink the images of a capture's cameras by a whole factor
+    /// Shrink the images of a capture's cameras by an integer factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
     /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
@@ -54,7 +54,7 @@ pub(crate) struct Args {
     allow_outside: bool,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Centre of an orbit, X,Y,Z [default: what the cameras of the fit look at, else the centre of the scene]
+    /// Centre of an orbit, X,Y,Z [default: the point on which the cameras of the fit are centred, else the centre of the scene]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
     center: Option<String>,
     /// Up direction of an orbit: auto, x, y, z, -x, -y or -z; auto: as in the images of the fit, else z
@@ -87,12 +87,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     meter.done();
     if cli::is_json() {
         return cli::say_json(&json!({
-            "scene": args.scene, "out": args.out, "pictures": shots.len(), "gaussians": stored.len(),
+            "scene": args.scene, "out": args.out, "images": shots.len(), "gaussians": stored.len(),
             "profile": args.render.profile, "files": written, "seconds": meter.seconds(),
         }));
     }
     cli::say(&format!(
-        "{} views of {} Gaussians: {} ({:.1} pictures/s)",
+        "{} views of {} Gaussians: {} ({:.1} images/s)",
         shots.len(),
         stored.len(),
         dir.join("transforms.json").display(),

@@ -1,7 +1,7 @@
 //! HDF5 files of captures, read through `hdf5-reader`: arrays by path, rows of large ones, names in a group.
 //!
-//! The file is read in parts, never mapped and never read completely: containers have many gigabytes. Links to other files are not followed. Declared
-//! sizes are limited before memory is allocated.
+//! The file is read in parts, never mapped and never read completely: containers have many gigabytes. Links
+//! to other files are not followed. Declared sizes are limited before memory is allocated.
 
 use super::{guard, name_of, npy};
 use crate::num::array::Array;
@@ -43,6 +43,22 @@ impl std::fmt::Debug for Hdf5 {
     }
 }
 
+/// What the file contains instead, as the crate describes it.
+fn found(e: &hdf5_reader::error::Error) -> String {
+    use hdf5_reader::error::Error as E;
+    match e {
+        E::Io(e) => e.kind().to_string(),
+        E::InvalidMagic => "a file that does not start as HDF5 does".into(),
+        E::GroupNotFound(_) => "no such group".into(),
+        E::DatasetNotFound(_) => "no such data set".into(),
+        E::ChecksumMismatch { expected, actual } => {
+            format!("data with checksum {actual:#010x} instead of {expected:#010x}")
+        }
+        E::TypeMismatch { expected, actual } => format!("type {actual} instead of {expected}"),
+        other => other.to_string(),
+    }
+}
+
 impl Hdf5 {
     /// Opens a file.
     pub(super) fn open(path: &Path) -> Result<Self> {
@@ -53,7 +69,7 @@ impl Hdf5 {
         }
         let file = guard(&name, || {
             let broken = |e: hdf5_reader::error::Error| {
-                Error::input(name.clone()).expected("an HDF5 file").got(e.to_string())
+                Error::input(name.clone()).expected("an HDF5 file").got(found(&e))
             };
             let storage = Arc::new(FileStorage::open(path).map_err(broken)?);
             let mut filters = FilterRegistry::new();
@@ -74,12 +90,12 @@ impl Hdf5 {
         &self.name
     }
 
-    fn error(&self, at: &str, expected: &str, e: &dyn std::fmt::Display) -> Error {
-        Error::input(self.name.clone()).at(format!("'{at}'")).expected(expected).got(e.to_string())
+    fn error(&self, at: &str, expected: &str, got: &dyn std::fmt::Display) -> Error {
+        Error::input(self.name.clone()).at(format!("'{at}'")).expected(expected).got(got.to_string())
     }
 
     fn dataset(&self, at: &str) -> Result<hdf5_reader::Dataset> {
-        self.file.dataset(at).map_err(|e| self.error(at, "a data set", &e))
+        self.file.dataset(at).map_err(|e| self.error(at, "a data set", &found(&e)))
     }
 
     /// Whether there is a data set of that path.
@@ -91,8 +107,9 @@ impl Hdf5 {
     pub(super) fn names(&self, at: &str) -> Result<(Vec<String>, Vec<String>)> {
         guard(&self.name, || {
             let group = if at == "/" { self.file.root_group() } else { self.file.group(at) };
-            let group = group.map_err(|e| self.error(at, "a group", &e))?;
-            let (mut groups, mut sets) = group.member_names().map_err(|e| self.error(at, "a group", &e))?;
+            let group = group.map_err(|e| self.error(at, "a group", &found(&e)))?;
+            let (mut groups, mut sets) =
+                group.member_names().map_err(|e| self.error(at, "a group", &found(&e)))?;
             groups.sort();
             sets.sort();
             Ok((groups, sets))
@@ -110,7 +127,8 @@ impl Hdf5 {
             let set = self.dataset(at)?;
             let descr = description(set.dtype())
                 .ok_or_else(|| self.error(at, "integers or floats", &format!("{:?}", set.dtype())))?;
-            let raw = set.read_raw_bytes().map_err(|e| self.error(at, "data that can be read", &e))?;
+            let raw =
+                set.read_raw_bytes().map_err(|e| self.error(at, "data that can be read", &found(&e)))?;
             let place = format!("{}: '{at}'", self.name);
             let header = npy::described(&descr, false, set.shape(), &place)?;
             npy::decode(&header, &raw, &place)
@@ -134,7 +152,7 @@ impl Hdf5 {
             if !matches!(set.dtype(), Datatype::FixedPoint { size: 1, .. }) {
                 return Err(self.error(at, "bytes", &format!("{:?}", set.dtype())));
             }
-            set.read_raw_bytes().map_err(|e| self.error(at, "data that can be read", &e))
+            set.read_raw_bytes().map_err(|e| self.error(at, "data that can be read", &found(&e)))
         })
     }
 
@@ -159,7 +177,7 @@ impl Hdf5 {
                 }
                 _ => set.read_slice::<u8>(&which).map(|row| row.iter().copied().collect()),
             }
-            .map_err(|e| self.error(at, "rows of bytes", &e))?;
+            .map_err(|e| self.error(at, "rows of bytes", &found(&e)))?;
             Ok((row, [h as usize, w as usize]))
         })
     }

@@ -1,12 +1,14 @@
 //! Decoder of LZF, the compression that h5py offers besides deflate (HDF5 filter 32000).
 //!
-//! A stream of control bytes c. c < 32: c + 1 bytes follow as they are. Else the three upper bits are a length, 7 adding the next byte to it, and the five
-//! lower bits with the byte that follows an offset: two bytes more than the length are repeated from offset + 1 bytes back; they may overlap what they make.
+//! A stream of control bytes c. c < 32: c + 1 bytes follow as they are. Else the three upper bits are a
+//! length, 7 adding the next byte to it, and the five lower bits with the byte that follows an offset: two
+//! bytes more than the length are repeated from offset + 1 bytes back; they may overlap what they make.
 //!
 //! # Why own code
 //! The crate `lzf` is no longer maintained, and `hdf5-reader` accepts such filters as functions.
 
-/// The bytes of a stream, at most `most`; `None` if the stream ends early, refers to bytes before its start, or decodes to more.
+/// The bytes of a stream, at most `most`; `None` if the stream ends early, refers to bytes before its start,
+/// or decodes to more.
 pub(super) fn decoded(stream: &[u8], most: usize) -> Option<Vec<u8>> {
     let mut out: Vec<u8> = Vec::new();
     let mut rest = stream;

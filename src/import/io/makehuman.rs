@@ -6,9 +6,9 @@
 //! weights.NAME.json { weights: { BONE: [[vertex, weight], …] } }
 //! ```
 //!
-//! A bone end is the mean of vertices: of `vertex_indices` for the strategy MEAN, of the group `cube_name` for CUBE, the vertex
-//! `vertex_indices[0]` for VERTEX. Weights index the `v` lines of the complete file, so its vertices are kept in order here; those of a vertex
-//! need not sum to 1 and are divided by their sum.
+//! A bone end is the mean of vertices: of `vertex_indices` for the strategy MEAN, of the group `cube_name`
+//! for CUBE, the vertex `vertex_indices[0]` for VERTEX. Weights index the `v` lines of the complete file, so
+//! its vertices are kept in order here; those of a vertex need not sum to 1 and are divided by their sum.
 
 use super::{MAX_SMALL_FILE_BYTES, name_of, read_bytes};
 use crate::{Error, Result};
@@ -49,7 +49,8 @@ pub struct Body {
     pub scale: f64,
 }
 
-/// Finds the three files: `path` is a folder or the OBJ in it; the rig and the weights are the only ones of their kind beside it.
+/// Finds the three files: `path` is a folder or the OBJ in it; the rig and the weights are the only ones of
+/// their kind beside it.
 ///
 /// # Errors
 /// When one is missing or there are several.
@@ -195,12 +196,7 @@ pub fn parse(bytes: [&[u8]; 3], names: [&str; 3]) -> Result<Body> {
 }
 
 fn json<T: for<'a> Deserialize<'a>>(bytes: &[u8], name: &str) -> Result<T> {
-    serde_json::from_slice(bytes).map_err(|e| {
-        Error::input(name)
-            .at(format!("line {}, column {}", e.line(), e.column()))
-            .expected("a rig or weights of MakeHuman")
-            .got(e.to_string())
-    })
+    serde_json::from_slice(bytes).map_err(|e| super::json::error(bytes, name, &e))
 }
 
 fn base(bytes: &[u8], name: &str) -> Result<Base> {
@@ -273,7 +269,8 @@ fn bones(rig: &Rig, base: &Base, name: &str) -> Result<Vec<Bone>> {
             .got(rig.bones.len().to_string()));
     }
     let known = |out: &[Bone], n: &str| out.iter().position(|b| b.name == n);
-    // A round adds the bones whose parents are there; a bone that is never added has a missing parent or is part of a cycle.
+    // A round adds the bones whose parents are there; a bone that is never added has a missing parent or is
+    // part of a cycle.
     loop {
         let before = out.len();
         for (n, b) in &rig.bones {

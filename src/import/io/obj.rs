@@ -1,8 +1,9 @@
 //! Wavefront OBJ with MTL materials.
 //!
-//! The record keeps the file's frame (usually right-handed, y up) and its texture coordinates, (0, 0) at the **bottom** left. Polygons
-//! become fans of triangles; points and lines are left out. Corners with the same position, texture coordinate and normal indices share
-//! a vertex within a group; groups (`o`, `g`, a change of material) share none.
+//! The record keeps the file's frame (usually right-handed, y up) and its texture coordinates, (0, 0) at the
+//! **bottom** left. Polygons become fans of triangles; points and lines are left out. Corners with the same
+//! position, texture coordinate and normal indices share a vertex within a group; groups (`o`, `g`, a change
+//! of material) share none.
 //!
 //! | MTL | record |
 //! |---|---|
@@ -13,8 +14,8 @@
 //! | `norm`, `map_Kn` | normal map; bump maps (heights) are left out with a note |
 //! | `Ke`, `map_Ke` | emission |
 //!
-//! Of the options of a map `-clamp` is read, the others are noted. A material library that is not there is noted, an image that is not there
-//! is an error.
+//! Of the options of a map `-clamp` is read, the others are noted. A material library that is not there is
+//! noted, an image that is not there is an error.
 
 use super::gltf::{Image, MAX_TEXELS, rgba};
 use super::{MAX_SMALL_FILE_BYTES, atomic, beside, capture, guard, image_file, name_of, read_bytes};
@@ -97,7 +98,8 @@ pub struct Obj {
 /// Reads an OBJ file and the material libraries and images in its folder.
 ///
 /// # Errors
-/// When a file is malformed, an index is out of range, a number is not finite, an image is missing, or a path leads out of the folder.
+/// When a file is malformed, an index is out of range, a number is not finite, an image is missing, or a path
+/// leads out of the folder.
 pub fn read(path: &Path) -> Result<Obj> {
     let bytes = read_bytes(path, MAX_SMALL_FILE_BYTES)?;
     parse(&bytes, &name_of(path), &beside(path))
@@ -106,7 +108,8 @@ pub fn read(path: &Path) -> Result<Obj> {
 const OPTIONS: tobj::LoadOptions =
     tobj::LoadOptions { single_index: true, triangulate: true, ignore_points: true, ignore_lines: true };
 
-/// Like [`read`] for bytes in memory; `name` is the file name in errors, `fetch` gets what a relative path inside its folder names.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors, `fetch` gets what a relative path
+/// inside its folder names.
 ///
 /// # Errors
 /// See [`read`].
@@ -129,7 +132,9 @@ pub fn parse(bytes: &[u8], name: &str, fetch: &dyn Fn(&str) -> Result<Vec<u8>>) 
                         let loaded = tobj::load_mtl_buf(&mut &bytes[..]);
                         if let Err(e) = &loaded {
                             let wrong = Error::input(name).at(format!("material library '{}'", short(&text)));
-                            failed.borrow_mut().get_or_insert(wrong.expected("MTL").got(e.to_string()));
+                            failed.borrow_mut().get_or_insert(
+                                wrong.expected("a statement of an MTL file").got(e.to_string()),
+                            );
                         }
                         loaded.or_else(|_| none())
                     }
@@ -170,9 +175,9 @@ fn short(text: &str) -> String {
 /// The crate does not report which line is malformed: it is the last line of the shortest prefix that fails.
 fn locate_error(bytes: &[u8], name: &str, e: tobj::LoadError) -> Error {
     const LONGEST: usize = 16 << 20;
-    let error = |place: String| Error::input(name).at(place).expected("OBJ").got(e.to_string());
+    let error = |place: String| Error::input(name).at(place).expected(statement(e));
     if bytes.len() > LONGEST {
-        return error("a vertex or face".into());
+        return error("vertices and faces".into()).got("another one");
     }
     let ends: Vec<usize> =
         (0..bytes.len()).filter(|&i| bytes[i] == b'\n').map(|i| i + 1).chain([bytes.len()]).collect();
@@ -181,7 +186,29 @@ fn locate_error(bytes: &[u8], name: &str, e: tobj::LoadError) -> Error {
         tobj::load_obj_buf(&mut &bytes[..end], &OPTIONS, none).is_err()
     };
     let line = ends.partition_point(|&end| !fails(end));
-    error(format!("line {}", line + 1))
+    let start = line.checked_sub(1).and_then(|i| ends.get(i)).copied().unwrap_or(0);
+    let text = bytes.get(start..).unwrap_or_default().split(|&b| b == b'\n').next().unwrap_or_default();
+    error(format!("line {}", line + 1)).got(format!("'{}'", short(String::from_utf8_lossy(text).trim())))
+}
+
+/// The statement that the crate could not read.
+fn statement(e: tobj::LoadError) -> &'static str {
+    use tobj::LoadError as E;
+    match e {
+        E::PositionParseError | E::ScalingByZeroError => "a vertex 'v X Y Z' of three numbers",
+        E::ColorParseError => "a vertex 'v X Y Z', or one with a colour 'v X Y Z R G B'",
+        E::NormalParseError => "a normal 'vn X Y Z' of three numbers",
+        E::TexcoordParseError => "a texture coordinate 'vt U V' of two numbers",
+        E::FaceParseError | E::InvalidPolygon => "a face 'f V/T/N ...' of indices other than 0",
+        E::FaceVertexOutOfBounds | E::FaceColorOutOfBounds => {
+            "a face of vertices that the file defines above it"
+        }
+        E::FaceTexCoordOutOfBounds => "a face of texture coordinates that the file defines above it",
+        E::FaceNormalOutOfBounds => "a face of normals that the file defines above it",
+        E::InvalidObjectName => "an object 'o NAME' in UTF-8",
+        E::MaterialParseError => "a material 'usemtl NAME' or library 'mtllib NAME'",
+        _ => "a statement of an OBJ file in UTF-8",
+    }
 }
 
 fn group(model: &tobj::Model, name: &str, out: &mut Obj) -> Result<()> {

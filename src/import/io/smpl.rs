@@ -1,5 +1,5 @@
-//! Body models of the SMPL family: `.pkl` of SMPL (Python 2, chumpy, scipy), `.npz` of SMPL and SMPL-X, and the folder
-//! `body_models/misc` of ARAH.
+//! Body models of the SMPL family: `.pkl` of SMPL (Python 2, chumpy, scipy), `.npz` of SMPL and SMPL-X, and
+//! the folder `body_models/misc` of ARAH.
 //!
 //! | key | shape (SMPL) | holds |
 //! |---|---|---|
@@ -12,7 +12,8 @@
 //! | `f` | (13776, 3) | triangles |
 //! | `hands_meanl`, `hands_meanr` | (45) | rotations of the last 30 joints in the mean hand (SMPL-H, SMPL-X) |
 //!
-//! The files are licensed to their users and are not part of this program. A pickle is read by [`super::pickle`], which runs no code.
+//! The files are licensed to their users and are not part of this program. A pickle is read by
+//! [`super::pickle`], which runs no code.
 
 use super::{name_of, npz, pickle};
 use crate::num::array::{Array, Arrays};
@@ -73,10 +74,12 @@ const HANDS: [&str; 2] = ["hands_meanl", "hands_meanr"];
 /// Joints of a hand.
 const HAND: usize = 15;
 
-/// Reads a model: `.pkl`, `.npz`, or a folder with ARAH's `skinning_weights_all.npz` and its neighbours (of which `gender` chooses).
+/// Reads a model: `.pkl`, `.npz`, or a folder with ARAH's `skinning_weights_all.npz` and its neighbours (of
+/// which `gender` chooses).
 ///
 /// # Errors
-/// When a file is malformed, a pickle names something outside the accepted list, an array is missing, or shapes do not agree.
+/// When a file is malformed, a pickle names something outside the accepted list, an array is missing, or
+/// shapes do not agree.
 pub fn read(path: &Path, gender: &str) -> Result<BodyModel> {
     let name = name_of(path);
     if path.is_dir() {

@@ -140,8 +140,8 @@ fn from_parts(a: &Arrays, meta: &BTreeMap<String, String>) -> Result<Stored> {
     if text("kind")? != KIND {
         return Err(Error::input("metadata").at("kind").expected(KIND).got(text("kind")?));
     }
-    let settings: Value = serde_json::from_str(text("settings")?)
-        .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
+    let settings =
+        crate::io::json::parse(text("settings")?.as_bytes(), "metadata").map_err(|e| e.at("settings"))?;
     let wrong = |key: &str| Error::input("metadata").at(key.to_owned()).expected("a number");
     let unit_m: f64 = text("unit_m")?.parse().map_err(|_| wrong("unit_m"))?;
     let template = template(a, Kind::parse(text("body")?), unit_m)?;

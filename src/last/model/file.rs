@@ -179,8 +179,8 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         "vector" if (1..=4096).contains(&size) => Input::Vector { size },
         _ => return Err(wrong()),
     };
-    let settings: Value = serde_json::from_str(text("settings")?)
-        .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
+    let settings =
+        crate::io::json::parse(text("settings")?.as_bytes(), "metadata").map_err(|e| e.at("settings"))?;
     let settings = read_settings(&settings)?;
     settings.validate()?;
     let sizes = Sizes { factors: settings.factors, width: settings.width, kind: settings.kind };

@@ -101,7 +101,7 @@ pub(super) fn rows<const K: usize>(values: &[f32]) -> Vec<[f32; K]> {
 /// Converts the arrays named by ports to the element types of the ports; other arrays are unchanged.
 ///
 /// # Errors
-/// When an entry of an integer port is not a whole number in its range.
+/// When an entry of an integer port is not an integer in its range.
 pub(super) fn cast(arrays: &Arrays, ports: &[Port], single: bool) -> Result<Arrays> {
     let mut out = Arrays::new();
     for (name, array) in &arrays.0 {

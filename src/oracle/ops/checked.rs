@@ -136,7 +136,7 @@ impl<'a> CheckedCall<'a> {
         self.inputs.get(name).map(Array::to_f64).unwrap_or_default()
     }
 
-    /// An input that is a whole number.
+    /// An input that is an integer.
     ///
     /// # Errors
     /// When it is negative.

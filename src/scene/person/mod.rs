@@ -8,8 +8,9 @@
 //! io::captures, io::smpl ──► import ──► the layout on disk                                              (of the member import)
 //! ```
 //!
-//! The layout is that of [`crate::io::person`]. A [`PersonCapture`] is always consistent: as many poses as moments, images
-//! and masks of the declared sizes, weights that sum to 1, joints without a cycle, finite numbers.
+//! The layout is that of [`crate::io::person`]. A [`PersonCapture`] is always consistent: as many poses as
+//! moments, images and masks of the declared sizes, weights that sum to 1, joints without a cycle, finite
+//! numbers.
 
 mod check;
 mod pose;

@@ -1,15 +1,16 @@
 //! Poses: transforms of joints, the rotations they imply, and the points they move.
 //!
-//! A joint's transform A_k maps rest to the world. Relative to its parent p it is A_p⁻¹ A_k: a rotation R_k about the joint's place at rest, if the
-//! skeleton is rigid. What corrects such rotations is `last::avatar::pose`.
+//! A joint's transform A_k maps rest to the world. Relative to its parent p it is A_p⁻¹ A_k: a rotation R_k
+//! about the joint's place at rest, if the skeleton is rigid. What corrects such rotations is
+//! `last::avatar::pose`.
 
 use super::records::{Affine, INFLUENCES, PersonCapture, Template};
 use crate::math::affine::{self, Linear, compose, determinant, inverse, linear, newton_to_rotation, wide};
 pub use crate::math::rodrigues::{matrix as rotation_matrix, vector as rotation_vector};
 use reference::body::skin;
 
-/// The rotation nearest to a matrix of positive determinant: a fixed number of Newton's steps after division by the cube root of
-/// the determinant.
+/// The rotation nearest to a matrix of positive determinant: a fixed number of Newton's steps after division
+/// by the cube root of the determinant.
 fn polar(m: Linear) -> Linear {
     let scale = libm::cbrt(determinant(&m));
     let mut r = m.map(|row| row.map(|x| x / scale));
@@ -46,7 +47,8 @@ impl Template {
         self.relative(transforms).iter().map(of).collect()
     }
 
-    /// (P) how points move before skinning with the rotations of a pose: pose_shapes · vec(R_1 − I, …). `None` where the body has no such shapes.
+    /// (P) how points move before skinning with the rotations of a pose: pose_shapes · vec(R_1 − I, …).
+    /// `None` where the body has no such shapes.
     pub fn offsets(&self, axis_angles: &[[f32; 3]]) -> Option<Vec<[f32; 3]>> {
         let shapes = self.pose_shapes.as_ref()?;
         let features = pose_features(axis_angles);
@@ -64,7 +66,8 @@ impl Template {
         )
     }
 
-    /// (P) points under transforms, after the pose's own offsets. Left fold over the four joints in f64, rounded once.
+    /// (P) points under transforms, after the pose's own offsets. Left fold over the four joints in f64,
+    /// rounded once.
     pub fn posed(&self, transforms: &[Affine], axis_angles: &[[f32; 3]]) -> Vec<[f32; 3]> {
         let offsets = self.offsets(axis_angles);
         (0..self.len())
@@ -86,7 +89,8 @@ impl Template {
         skin::blend(&weights, &of)
     }
 
-    /// (P) points in the canonical pose, where nearest points are searched: in SMPL's rest pose the thighs nearly touch.
+    /// (P) points in the canonical pose, where nearest points are searched: in SMPL's rest pose the thighs
+    /// nearly touch.
     pub fn canonical_points(&self) -> Vec<[f32; 3]> {
         self.posed(&self.canonical, &self.axis_angles(&self.canonical))
     }

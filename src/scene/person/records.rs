@@ -13,8 +13,8 @@ pub type Affine = skin::Affine<f32>;
 pub struct Pose {
     /// (K) world from rest: x' = Σ_k w_k A_k x
     pub transforms: Vec<Affine>,
-    /// (K) axis-angle of each joint relative to its parent, rad; from the file, or that of the rotations in `transforms` (then the root's holds
-    /// the global rotation)
+    /// (K) axis-angle of each joint relative to its parent, rad; from the file, or that of the rotations in
+    /// `transforms` (then the root's holds the global rotation)
     pub axis_angles: Vec<[f32; 3]>,
     /// Rh and Th, where the file has them: contained in `transforms`.
     pub global: Option<[[f32; 3]; 2]>,
@@ -75,7 +75,8 @@ pub struct Template {
     pub normals: Vec<[f32; 3]>,
     /// (F) triangles over the points; may be empty
     pub faces: Vec<[u32; 3]>,
-    /// (P) the four joints of largest weight, largest first, ties by the smaller joint; unused places have weight 0
+    /// (P) the four joints of largest weight, largest first, ties by the smaller joint; unused places have
+    /// weight 0
     pub joint_of: Vec<[u16; INFLUENCES]>,
     /// (P) their weights, ≥ 0, summing to 1
     pub weight_of: Vec<[f32; INFLUENCES]>,

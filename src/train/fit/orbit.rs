@@ -1,4 +1,4 @@
-//! Circles of cameras around a scene: how far away they are, what they look at.
+//! Circles of cameras around a scene: their distance and the point at which they are directed.
 //!
 //! Of a scene that was fitted, middle, axis and distance come from the cameras of its images
 //! ([`Pivot::of_cameras`]); of any other, from the extents of its Gaussians, weighted by opacity
@@ -17,12 +17,12 @@ const FILLED: f64 = 0.9;
 /// Directions from which a scene is measured.
 const DIRECTIONS: usize = 8;
 
-/// A circle of cameras around the scene, looking at its middle.
+/// A circle of cameras around the scene, directed at its middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     /// how many, evenly spaced, the first in front
     pub count: usize,
-    /// what is looked at; `None`: the middle of the pivot
+    /// the point in the centre of the image; `None`: the middle of the pivot
     pub center: Option<[f32; 3]>,
     /// distance; `None`: so that the scene without its background fills the image
     pub radius: Option<f32>,
@@ -55,7 +55,7 @@ impl Orbit {
         self.shots_from(scene, &[], Up::Auto)
     }
 
-    /// The cameras, around what the given ones look at.
+    /// The cameras, around the point at which the given ones are directed.
     ///
     /// # Errors
     /// When the scene is empty and neither cameras nor centre and radius are given, or a number is out of

@@ -445,10 +445,5 @@ fn hex(bytes: &[u8]) -> String {
 
 pub(super) fn read_json(path: &Path) -> Result<Value> {
     let bytes = crate::io::read_bytes(path, crate::io::MAX_SMALL_FILE_BYTES)?;
-    serde_json::from_slice(&bytes).map_err(|e| {
-        Error::input(path.display().to_string())
-            .at(format!("line {}, column {}", e.line(), e.column()))
-            .expected("JSON")
-            .got(e.to_string())
-    })
+    crate::io::json::parse(&bytes, &path.display().to_string())
 }

@@ -97,7 +97,7 @@ pub trait Watch {
         false
     }
 
-    /// The state after `done` of `total` iterations, first that after 0. It can be looked at, not changed.
+    /// The state after `done` of `total` iterations, first that after 0. It can be inspected, not changed.
     ///
     /// # Errors
     /// When something that is made of it cannot be stored.
@@ -298,8 +298,8 @@ fn restore(fit: &mut dyn Fit, arrays: &Arrays, meta: &BTreeMap<String, String>) 
     if text("kind")? != fit.kind() {
         return Err(Error::input("metadata").at("kind").expected(fit.kind()).got(text("kind")?.as_str()));
     }
-    let stored: Value = serde_json::from_str(text("settings")?)
-        .map_err(|e| Error::input("metadata").at("settings").expected("a JSON object").got(e.to_string()))?;
+    let stored =
+        crate::io::json::parse(text("settings")?.as_bytes(), "metadata").map_err(|e| e.at("settings"))?;
     // Convert ours to text too: parsing may change the last bit of a number, then in both in the same way.
     let ours = serde_json::from_str(&fit.settings().to_string()).expect("JSON text of a JSON value");
     same_settings(&stored, &ours)?;
@@ -394,7 +394,7 @@ mod tests {
         Toy { x: vec![0.5; 3], seed: 7, n: 20 }
     }
 
-    /// Asks for a checkpoint after 7 iterations; records when checkpoints are written.
+    /// Requests a checkpoint after 7 iterations; records when checkpoints are written.
     struct Minute {
         done: usize,
         written: Vec<usize>,

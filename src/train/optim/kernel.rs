@@ -34,7 +34,7 @@ impl Corrections {
     }
 }
 
-/// Number of rows per pass: 8·W elements are a whole number of vectors for any W.
+/// Number of rows per pass: 8·W elements are an integer number of vectors for any W.
 pub(super) const BLOCK: usize = 8;
 /// Rows narrower than this share vectors.
 const NARROW: usize = 12;

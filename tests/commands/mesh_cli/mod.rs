@@ -1,5 +1,5 @@
-//! `mesh render` and `mesh compare` on the command line: what they write, print, refuse, continue and start over; and the light of
-//! `lirm gen` where its options say nothing.
+//! `mesh render` and `mesh compare` on the command line: what they write, print, refuse, continue and start
+//! over; and the light of `lirm gen` with default options.
 
 mod compare;
 mod refusals;
@@ -11,7 +11,7 @@ use crate::samples::gltf;
 use lastlight::io::image_file;
 use std::path::Path;
 
-/// Runs and expects success; gives stdout.
+/// Runs, expects success and returns stdout.
 fn done(args: &[&str], dir: &Path) -> String {
     let o = lastlight(args, dir);
     assert_eq!(code(&o), 0, "{args:?}: {}", stderr(&o));
@@ -93,7 +93,7 @@ fn help_has_examples() {
         let text = String::from_utf8(o.stdout).expect("text");
         assert_eq!(o.status.code(), Some(0), "{command}");
         assert!(text.contains("Examples:") && text.contains(&format!("lastlight mesh {command} ")), "{text}");
-        assert!(o.stderr.is_empty(), "{command}: help goes to stdout");
+        assert!(o.stderr.is_empty(), "{command}: help is printed to stdout");
     }
     let text = done(&["mesh", "render", "--help"], dir.path());
     for word in ["--env-axes", "axes", "mitsuba", "--resume", "--force", "orbit:N"] {
@@ -101,11 +101,11 @@ fn help_has_examples() {
     }
     assert!(
         !text.contains("orb,") && !text.contains("orb]"),
-        "no axes that the command line cannot say: {text}"
+        "no axes that the command line cannot express: {text}"
     );
 }
 
-/// The lines of the README on meshes, as they stand there.
+/// The lines of the README on meshes, verbatim.
 #[test]
 fn the_lines_of_the_readme_run() {
     let work = workplace();
@@ -123,6 +123,6 @@ fn the_lines_of_the_readme_run() {
         done(&command.collect::<Vec<_>>(), dir);
         ran += 1;
     }
-    assert_eq!(ran, 2, "both commands stand in the README");
-    assert!(dir.join("relit/transforms.json").is_file(), "a relit picture");
+    assert_eq!(ran, 2, "both commands are in the README");
+    assert!(dir.join("relit/transforms.json").is_file(), "a relit image");
 }

@@ -53,7 +53,7 @@ fn what_makes_no_sense_is_refused_and_makes_no_folder() {
     write(&dir.join("far.obj"), "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nf 1 2 3\n");
     let far =
         ["mesh", "render", "far.obj", "--out", "far", "--size", "8x8", "--samples", "1", "--json", "--quiet"];
-    assert_eq!(json(&far, dir)["pictures"], 1, "one picture");
+    assert_eq!(json(&far, dir)["images"], 1, "one image");
 }
 
 #[test]
@@ -82,7 +82,7 @@ fn lirm_gen_refuses_light_that_would_not_be_used() {
     refused(&with(&["--env", "axes"]), dir, &["--lighting environment or both"]);
     refused(&with(&["--env-width", "64"]), dir, &["--env-width"]);
     for alone in [&["--env-axes", "mitsuba"][..], &["--env", "sky.exr", "--env-width", "64"]] {
-        assert_eq!(lastlight(&with(alone), dir).status.code(), Some(2), "{alone:?}: says nothing");
+        assert_eq!(lastlight(&with(alone), dir).status.code(), Some(2), "{alone:?}: prints nothing");
     }
     refused(&with(&["--lighting", "environment", "--env", "axes", "sky.exr"]), dir, &["axes"]);
     assert!(!dir.join("new").exists(), "no folder");

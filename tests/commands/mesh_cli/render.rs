@@ -17,10 +17,9 @@ fn a_run_is_a_capture_with_passes() {
     let dir = work.path();
     let one = json(&tiny(&["--out", "one", "--json", "--threads", "1"]), dir);
     let keys: Vec<&str> = one.as_object().expect("an object").keys().map(String::as_str).collect();
-    let want =
-        ["file", "out", "pictures", "vertices", "triangles", "materials", "notes", "digest", "seconds"];
+    let want = ["file", "out", "images", "vertices", "triangles", "materials", "notes", "digest", "seconds"];
     assert_eq!(keys, want, "keys");
-    assert_eq!((&one["pictures"], &one["triangles"]), (&Value::from(2), &Value::from(12)), "{one}");
+    assert_eq!((&one["images"], &one["triangles"]), (&Value::from(2), &Value::from(12)), "{one}");
     let two = json(&tiny(&["--out", "two", "--json", "--threads", "3"]), dir);
     assert_eq!(one["digest"], two["digest"], "threads change no bit");
     assert_eq!(tree(&dir.join("one")), tree(&dir.join("two")), "nor a byte");
@@ -37,18 +36,18 @@ fn a_run_is_a_capture_with_passes() {
         assert!(p.normal.is_some() && p.roughness.is_some() && p.radiance.is_some(), "all passes");
     }
     let text = done(&tiny(&["--out", "photo", "--passes", "photo", "--transparent"]), dir);
-    assert!(text.starts_with("2 pictures of 12 triangles: ") && text.contains("digest "), "{text}");
+    assert!(text.starts_with("2 images of 12 triangles: ") && text.contains("digest "), "{text}");
     let mut folders: Vec<_> = std::fs::read_dir(dir.join("photo"))
         .expect("a folder")
         .map(|e| e.expect("an entry").file_name().into_string().expect("text"))
         .collect();
     folders.sort();
-    assert_eq!(folders, ["foreground", "images", "transforms.json"], "photographs alone");
-    let photo = image_file::read(&dir.join("photo/images/000.png")).expect("a photograph");
+    assert_eq!(folders, ["foreground", "images", "transforms.json"], "photos alone");
+    let photo = image_file::read(&dir.join("photo/images/000.png")).expect("a photo");
     assert_eq!((photo.channels.len(), photo.value(3)), (4, 0.0), "with an alpha channel");
-    // Cameras of a capture, at half the size: the picture is the one an orbit gives.
+    // Cameras of a capture, at half the size: the image equals that of an orbit.
     let again = tiny(&["--cameras", "one", "--downscale", "2", "--out", "half", "--json"]);
-    assert_eq!(json(&again, dir)["pictures"], 2, "the capture's cameras");
+    assert_eq!(json(&again, dir)["images"], 2, "the capture's cameras");
     let half = read_capture(&dir.join("half")).expect("a capture");
     assert_eq!(half.frames[0].size, Some([10, 8]), "half the size");
     let poses = [&half, &capture].map(|c| c.frames[1].view_from_world);
@@ -106,7 +105,8 @@ fn characters_are_posed_and_hidden() {
     refused(&with("later", &["--animation", "bend", "--time", "0.5", "--resume"]), dir, &["same settings"]);
 }
 
-/// The first camera of an orbit at elevation 0 looks to +y; what lies around there has the colour of the axis that the options put there.
+/// The first camera of an orbit at elevation 0 looks to +y; what lies around there has the colour of the axis
+/// that the options put there.
 #[test]
 fn the_axes_map_shows_which_way_a_picture_is_read() {
     let work = workplace();
@@ -148,7 +148,7 @@ fn the_axes_map_shows_which_way_a_picture_is_read() {
             name,
         ];
         done(&[&base[..], more].concat(), dir);
-        let photo = image_file::read(&dir.join(name).join("images/000.png")).expect("a photograph");
+        let photo = image_file::read(&dir.join(name).join("images/000.png")).expect("a photo");
         // Off the middle, where the negative axes are dark and the cube is a dot: ten degrees to the left.
         let at = 3 * (8 * 16 + 2);
         let got = [0, 1, 2].map(|c| (255.0 * photo.value(at + c)).round() as i32);
@@ -156,7 +156,7 @@ fn the_axes_map_shows_which_way_a_picture_is_read() {
     }
 }
 
-/// Photographs that were exposed one by one become one object's again.
+/// Photos that were exposed one by one become one object's again.
 #[test]
 fn exposures_are_undone_by_the_rule_of_training() {
     let work = workplace();
@@ -166,7 +166,7 @@ fn exposures_are_undone_by_the_rule_of_training() {
     let (mut views, mut radiance) = (Vec::new(), Vec::new());
     for frame in &capture.frames {
         let p = PassImages::read(frame).expect("passes");
-        let photo = image_file::read(&frame.image).expect("a photograph");
+        let photo = image_file::read(&frame.image).expect("a photo");
         let color = (0..p.width * p.height).map(|i| [0, 1, 2].map(|c| photo.value(3 * i + c))).collect();
         let exposure = p.exposure.expect("an exposure");
         views.push(Photograph { color, foreground: p.foreground.expect("foreground"), exposure });
@@ -175,13 +175,13 @@ fn exposures_are_undone_by_the_rule_of_training() {
     let exposures: Vec<f64> = views.iter().map(|v| v.exposure).collect();
     let mean = exposures.iter().fold(0.0, |s, e| s + e) / 3.0;
     assert!(exposures.iter().any(|e| (e - mean).abs() > 0.01), "they differ: {exposures:?}");
-    let gains = equalise(&mut views).expect("photographs");
+    let gains = equalise(&mut views).expect("photos");
     let decode = |x: f64| if x <= 0.040_45 { x / 12.92 } else { libm::pow((x + 0.055) / 1.055, 2.4) };
     let mut compared = 0;
     for (v, (view, radiance)) in views.iter().zip(&radiance).enumerate() {
         for (c, r) in view.color.as_flattened().iter().zip(radiance.as_flattened()) {
             let (got, want) = (decode(f64::from(*c)), f64::from(*r) * mean * gains.lift);
-            // Eight bits of the photograph, and what had been cut in it.
+            // Eight bits of the photo, and what had been cut in it.
             if want < 0.9 && f64::from(*r) * exposures[v] < 0.99 {
                 assert!(
                     (got - want).abs() < 0.012 * order::max(gains.views[v], 1.0),

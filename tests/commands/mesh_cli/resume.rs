@@ -104,15 +104,15 @@ fn a_forced_run_that_was_stopped_continues() {
         if is_there {
             assert!(
                 !dir.join("a/transforms.json").exists(),
-                "no record of the run before stands beside new pictures"
+                "no record of the previous run remains beside new images"
             );
-            assert!(!dir.join("a/depth/001.exr").exists(), "nor its pictures");
+            assert!(!dir.join("a/depth/001.exr").exists(), "nor its images");
         }
         is_there
     };
     let o = program::signalled(&long(&["--out", "a", "--force"]), dir, "-INT", &first_picture);
     assert_eq!(o.status.code(), Some(130), "interrupted: {}", stderr(&o));
-    assert!(stderr(&o).contains("--resume"), "it says how to go on: {}", stderr(&o));
+    assert!(stderr(&o).contains("--resume"), "it prints how to continue: {}", stderr(&o));
     assert!(!dir.join("a/transforms.json").exists(), "it was not finished");
     refused(&tiny(&["--out", "a", "--resume"]), dir, &["same settings"]);
     done(&long(&["--out", "a", "--resume"]), dir);

@@ -65,7 +65,8 @@ fn steps_and_cubic_splines() {
         let e = apart(&posed(&c, &c.pose(0, time)).mesh.positions, &bent(f64::to_radians(angle)));
         assert!(e < 2e-7, "step at {time}: off by {e}");
     }
-    // A translation of the second joint: keys at 1 and 3 s, x from 1 to 2, slope 3 out of the first key, −1 into the second.
+    // A translation of the second joint: keys at 1 and 3 s, x from 1 to 2, slope 3 out of the first key, −1
+    // into the second.
     let mut b = arm();
     let times = b.floats(&[[1.0], [3.0]]);
     let values = b.floats(&[
@@ -89,7 +90,8 @@ fn steps_and_cubic_splines() {
         let got = posed(&c, &c.pose(0, time)).mesh.positions[2][0];
         assert!((f64::from(got) - (x + 1.0)).abs() < 1e-6, "{time} s: {got} and {}", x + 1.0);
     }
-    // In the middle of two equal slopes' key the spline is what Hermite says: checked above against the formula; at the keys it is exact.
+    // In the middle of two equal slopes' key the spline is Hermite's, which is checked above against the
+    // formula; at the keys it is exact.
     assert_eq!(posed(&c, &c.pose(0, 3.0)).mesh.positions[2][0], 3.0, "the key");
 }
 
@@ -130,14 +132,14 @@ fn rigid_meshes_hang_on_their_joint() {
     // At rest its corners are (2, 1), (4, 1), (2, 3); the second joint turns them by 90° about (1, 0).
     let want = [at(0.0, 1.0), at(0.0, 3.0), at(-2.0, 1.0)];
     assert!(apart(&o.mesh.positions[4..], &want) < 4e-7, "{:?}", &o.mesh.positions[4..]);
-    // Hiding it leaves the arm; names of nodes and meshes are known, others are listed.
+    // Hiding it leaves the arm; names of nodes and meshes are accepted; for other names the error lists them.
     let mut hidden = c.clone();
     hidden.hide(&["helmet"]).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(hidden.object().mesh.positions, c.object().mesh.positions[..4], "the rest stays");
     let e = c.clone().hide(&["hat"]).expect_err("unknown");
     assert!(e.to_string().contains("helmet"), "{e}");
     assert!(c.clone().hide(&["helmet", "arm"]).is_err(), "nothing left");
-    // Without a skin or an animation above, it stands still.
+    // Without a skin or an animated ancestor, it is static.
     let still = character(&triangle());
     assert_eq!(posed(&still, &still.rest()), *still.object(), "nothing moves");
 }
@@ -215,7 +217,7 @@ fn folds_move_points_along_their_normals() {
             folded.mesh.normals[i]
         );
     }
-    // Scaling moves the whole animation along.
+    // Scaling applies to the animation too.
     let e = {
         let raw = character(&arm());
         let (a, b) = (posed(&raw, &raw.pose(0, 1.0)), posed(&c, &c.pose(0, 1.0)));
@@ -238,8 +240,8 @@ fn degrees(a: [f64; 3], b: [f64; 3]) -> f64 {
     libm::acos(lastlight::num::order::clamp(cos, -1.0, 1.0)).to_degrees()
 }
 
-/// The folded normals of a tube of radius 0.2 with that many vertices around: how far they are from those of the displaced surface at worst, and
-/// how far slope alone would be, in degrees.
+/// The folded normals of a tube of radius 0.2 with that many vertices around: how far they are from those of
+/// the displaced surface at worst, and how far slope alone would be, in degrees.
 fn tube(around: u16) -> [f64; 2] {
     let (rows, r) = (200u16, 0.2);
     let (mut positions, mut normals, mut corners) = (Vec::new(), Vec::new(), Vec::new());
@@ -288,7 +290,8 @@ fn tube(around: u16) -> [f64; 2] {
     [worst, slope_alone]
 }
 
-/// Where folds change the curvature, normals are those of the displaced surface, and not what slope alone gives.
+/// Where folds change the curvature, normals are those of the displaced surface, not those of the slope
+/// alone.
 #[test]
 fn normals_under_folds_are_those_of_the_displaced_surface() {
     let [coarse, middle, fine] = [48, 96, 192].map(tube);
@@ -311,7 +314,8 @@ fn normals_know_where_the_folds_end() {
     let t = c.template(200, 3).unwrap_or_else(|e| panic!("{e}"));
     let drive = Drive::new(&[0.0, 0.0, 1.3]);
     let cloud = c.cloud(&t, &c.rest(), &drive);
-    // Weights on the first joint, the trunk, are ¼, 0, 0 at the corners of the second triangle; the normal is −y.
+    // Weights on the first joint, the trunk, are ¼, 0, 0 at the corners of the second triangle; the normal is
+    // −y.
     let [p0, p1, p2] = c.object().mesh.corners(1).map(|x| x.map(f64::from));
     let (e, f) = ([p1[0] - p0[0], p1[2] - p0[2]], [p2[0] - p0[0], p2[2] - p0[2]]);
     let area = e[0] * f[1] - e[1] * f[0];

@@ -39,7 +39,7 @@ fn every_orientation_follows_its_formula() {
 
 #[test]
 fn known_directions() {
-    // What a picture's centre shows, by the documentation of each program.
+    // What an image's centre shows, by the documentation of each program.
     let centre = |o: Orientation, own: [f64; 3]| o.texture_coordinates(own)[0];
     assert_eq!(centre(Orientation::Mitsuba, [0.0, 0.0, 1.0]), 0.5, "Mitsuba: +Z");
     assert_eq!(centre(Orientation::Nvdiffrec, [0.0, 0.0, -1.0]), 0.5, "nvdiffrec: −Z");

@@ -30,7 +30,8 @@ fn y_up_becomes_z_up() {
 
 #[test]
 fn transforms_of_nodes_are_chained() {
-    // Parent: 90° about y, then 10 along x. Child: scale (2, 3, 1). A point (1, 1, 0) is (2, 3, 0), turned (0, 3, −2), moved (10, 3, −2).
+    // Parent: 90° about y, then 10 along x. Child: scale (2, 3, 1). A point (1, 1, 0) is (2, 3, 0), turned
+    // (0, 3, −2), moved (10, 3, −2).
     let h = 0.5f64.sqrt();
     let mut b = triangle();
     b.root["nodes"] = json!([
@@ -108,8 +109,7 @@ fn integers_sparse_values_and_strides() {
 
 /// A 2×1 PNG in a buffer view, as texture 0.
 fn with_picture(b: &mut Builder) {
-    let png =
-        lastlight::io::image_file::png_bytes(2, 1, 3, &[255, 0, 0, 0, 0, 255]).expect("a small picture");
+    let png = lastlight::io::image_file::png_bytes(2, 1, 3, &[255, 0, 0, 0, 0, 255]).expect("a small image");
     let view = b.view(&png);
     b.push("images", json!({ "bufferView": view, "mimeType": "image/png" }));
     b.push("samplers", json!({ "wrapS": 33071, "wrapT": 33648 }));
@@ -153,7 +153,8 @@ fn materials_and_texture_transforms() {
 
 #[test]
 fn normals_are_made_whole() {
-    // Flat parts beside smooth ones get zeros; zero normals among others become the mean of their faces; long ones become unit.
+    // Flat parts beside smooth ones get zeros; zero normals among others become the mean of their faces; long
+    // ones become unit.
     let mut b = triangle();
     let n = b.floats(&[[0.0, 0.0, 0.0], [0.0, 0.0, 2.0], [0.0, 0.0, 1.0]]);
     b.root["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(n);
@@ -168,7 +169,7 @@ fn normals_are_made_whole() {
     let i = b.indices(&[0, 1, 2, 1, 1, 2]);
     b.root["meshes"][0]["primitives"][0]["indices"] = json!(i);
     assert_eq!(object(&b).mesh.triangles, [[0, 1, 2], [1, 1, 2]], "degenerate");
-    // Vertices nobody uses go.
+    // Unused vertices are removed.
     let mut b = triangle();
     let i = b.indices(&[2, 1, 2]);
     b.root["meshes"][0]["primitives"][0]["indices"] = json!(i);
@@ -179,7 +180,8 @@ fn normals_are_made_whole() {
     );
 }
 
-/// Two materials with maps; each vertex is used by one of them, in order, so that a round trip changes nothing.
+/// Two materials with maps; each vertex is used by one of them, in order, so that a round trip changes
+/// nothing.
 fn sample() -> Object {
     let texture = |transfer, wrap, seed: u8| {
         let texels = (0..6).map(|i| [seed.wrapping_mul(37) ^ (i * 40), i * 7, 255 - seed, 255 - i]).collect();
@@ -235,7 +237,7 @@ fn a_flat_part_has_no_normals_and_the_file_only_unit_ones() {
     object.mesh.normals[4..].fill([0.0; 3]);
     let g = model::to_gltf(&object, "a");
     let p = &g.meshes[0].primitives;
-    assert!(p[1].normals.is_none(), "zero normals stand for none");
+    assert!(p[1].normals.is_none(), "zero normals mean none");
     let rows = p[0].normals.as_ref().expect("the other part has some");
     let unit = |n: &[f32; 3]| ((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2] - 1.0).abs() < 1e-6;
     assert!(rows.iter().all(unit), "viewers refuse others: {rows:?}");
@@ -306,7 +308,7 @@ fn an_obj_gives_back_what_it_can_hold() {
 fn polygons_groups_and_materials_of_obj() {
     let text = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 1.5 0\nusemtl red\ng square\nf 1 2 3 4\nusemtl none_such\ng house\nf -5 -4 -3 -1 -2\nl 1 2\n";
     let mtl = b"newmtl red\nKd 1 0.5 0\nNs 98\nd 0.5\nmap_Kd -s 1 1 1 -clamp on a b.png\nnewmtl other\nPr 0.2\nPm 1\n";
-    let png = lastlight::io::image_file::png_bytes(1, 1, 1, &[7]).expect("a picture");
+    let png = lastlight::io::image_file::png_bytes(1, 1, 1, &[7]).expect("an image");
     let fetch = |p: &str| match p {
         "m.mtl" => Ok(mtl.to_vec()),
         "a b.png" => Ok(png.clone()),

@@ -1,6 +1,7 @@
 //! Models, characters and environment maps from files.
 //!
-//! Closed forms on files written by hand (`samples/gltf.rs`), round trips of the writers, and the real models of `$LASTLIGHT_DATA/data`.
+//! Closed forms on hand-written files (`samples/gltf.rs`), round trips of the writers, and the real models of
+//! `$LASTLIGHT_DATA/data`.
 
 mod character;
 mod environment;

@@ -110,7 +110,7 @@ fn the_knight_walks() {
     ];
     c.hide(&weapons).unwrap_or_else(|e| panic!("{e}"));
     let rigid: Vec<&str> = c.parts().iter().filter(|p| !p.skinned).map(|p| p.name.as_str()).collect();
-    assert_eq!(rigid, ["Knight_Helmet", "Knight_Cape"], "what hangs on a joint");
+    assert_eq!(rigid, ["Knight_Helmet", "Knight_Cape"], "attached to a joint");
     for (part, joint) in [("Knight_Helmet", "head"), ("Knight_Cape", "chest")] {
         let k = c.joint(joint).unwrap_or_else(|e| panic!("{e}")) as u16;
         let n = c.influences().iter().filter(|(j, w)| j[0] == k && w[0] == 1.0).count();
@@ -185,7 +185,8 @@ fn the_open_body() {
     assert_eq!((c.object().mesh.triangles.len(), c.joints().len()), (26_756, 52), "triangles and bones");
     let [low, high] = c.object().mesh.bounds();
     assert!((1.55..1.75).contains(&(high[2] - low[2])), "metres: {low:?} {high:?}");
-    // Means of the joint cubes and vertices of base.obj, worked out apart: decimetres to metres, (x, y, z) to (x, −z, y).
+    // Means of the joint cubes and vertices of base.obj, worked out apart: decimetres to metres, (x, y, z) to
+    // (x, −z, y).
     let joint = |n: &str| c.joints()[c.joint(n).unwrap_or_else(|e| panic!("{e}"))].position();
     let foot = joint("mixamorig:LeftFoot");
     for (got, want) in [
@@ -231,7 +232,7 @@ fn the_open_body() {
     let steps = [ahead(-4.0), ahead(0.0), ahead(4.0)];
     assert!(
         steps[0] > 0.2 && steps[0] - steps[1] > 0.3 && steps[1] - steps[2] > 0.3,
-        "the left foot goes from the front to the back: {steps:?}"
+        "the left foot moves from the front to the back: {steps:?}"
     );
 }
 

@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// Distortion that moves pixels of a small picture by up to one.
+/// Distortion that moves pixels of a small image by up to one.
 pub(crate) const D: [f64; 5] = [-0.08, 0.01, 0.002, -0.001, 0.003];
 
 pub(crate) fn model() -> BodyModel {
@@ -279,7 +279,7 @@ fn dna_rendering() {
         [24, 25, 26, 27, 28].map(|c| (c, Cam::around(side, 0.8 * c as f64, false, &D))).into();
     let mut points = BTreeMap::new();
     for f in 0..frames {
-        // What is stored of the hands comes on top of their mean.
+        // Stored hand poses are offsets from the mean hands.
         let mut turns = thetas_of(KX, f, [std::f64::consts::PI, 0.3, 0.0]);
         for (v, mean) in turns[KX - 30..].iter_mut().zip(hands.as_chunks::<3>().0) {
             *v = std::array::from_fn(|c| v[c] + mean[c]);

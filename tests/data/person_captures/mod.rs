@@ -1,6 +1,6 @@
-//! Importers of published layouts, each on a miniature with the files, names and keys of that layout: what comes out is the one
-//! layout of persons, with the poses, cameras and pixels of the source. HDF5 files were written by h5py (`tests/samples/hdf5/make.py`); the other
-//! files are made here.
+//! Importers of published layouts, each on a miniature with the files, names and keys of that layout: the
+//! result is the one layout of persons, with the poses, cameras and pixels of the source. HDF5 files were
+//! written by h5py (`tests/samples/hdf5/make.py`); the other files are made here.
 
 mod layouts;
 mod snapshot;
@@ -73,7 +73,7 @@ fn check(
     assert_eq!([report.joints, report.points], truth.body, "{name}: the body");
     assert!(!report.notes.iter().any(|n| n.contains("is this the body model")), "{name}: {:?}", report.notes);
     let c = PersonCapture::open(out.path()).unwrap_or_else(|e| panic!("{name}: {e}"));
-    assert_eq!(report.shots, [c.train.len(), c.test.len()], "{name}: pictures");
+    assert_eq!(report.shots, [c.train.len(), c.test.len()], "{name}: images");
     let (mut worst_point, mut worst_pixel) = (0.0f64, 0.0f64);
     for (t, number) in c.numbers.iter().enumerate() {
         let expected: Vec<V3> = truth.points[number].iter().map(|&x| (truth.world)(x)).collect();
@@ -147,7 +147,7 @@ fn bodies_from_pickle_archive_and_folder_are_the_same() {
     let mini = Mini::new();
     let at = |n: &str| dir.path().join(n);
     std::fs::write(at("body.pkl"), mini.pickle()).expect("written");
-    // What SMPL-X files have besides is not looked at.
+    // Further arrays of SMPL-X files are ignored.
     let mut arrays = mini.arrays();
     arrays.put("lmk_faces_idx", &[3], vec![1i64, 2, 3]);
     lastlight::io::npz::write(&at("body.npz"), &arrays).expect("written");
@@ -254,6 +254,6 @@ fn wrong_and_missing_files_are_named() {
     let e = error(convert(Layout::Arah, dir.path(), &none, None, out.path()));
     assert!(e.contains("cam_params.json"), "{e}");
     let e = error(convert(Layout::Dna, &at("nothing"), &none, None, out.path()));
-    assert!(e.contains("nothing there"), "{e}");
-    assert_eq!(Layout::detect(&at("Camera_B1")), None, "pictures alone are no layout");
+    assert!(e.contains("no such folder"), "{e}");
+    assert_eq!(Layout::detect(&at("Camera_B1")), None, "images alone are no layout");
 }

@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-/// Points of PeopleSnapshot: a camera's axes are the world, the person stands upside down in them.
+/// Points of PeopleSnapshot: a camera's axes are the world axes, and the person is upside down in them.
 fn turning(frame: usize, mini: &Mini, rest: &[V3]) -> (Vec<V3>, Vec<V3>, V3) {
     let turns = thetas(frame, [std::f64::consts::PI, 0.2 * frame as f64, 0.0]);
     let trans = [0.02 * frame as f64, 0.1, 3.0];
@@ -40,7 +40,7 @@ fn camera_pkl(cam: &Cam, side: usize) -> Vec<u8> {
     ]))
 }
 
-/// PeopleSnapshot of 4, 11 or 101 frames without pictures; gives points, and the pictures to come.
+/// PeopleSnapshot of 4, 11 or 101 frames without images; returns the points and the images to be written.
 fn snapshot(dir: &Path, frames: usize) -> (Truth, Vec<Vec<u8>>) {
     std::fs::create_dir_all(dir).expect("made");
     let side = 16;
@@ -112,7 +112,7 @@ fn a_picture_missing_among_a_hundred_is_a_note() {
     for (f, rgb) in photographs[..100].iter().enumerate() {
         write_picture(&dir.join(format!("images/image_{f:04}.png")), 16, 3, rgb);
     }
-    // Later the person has walked out of the picture.
+    // Later the person has walked out of the image.
     let early = |start, count| Some(Range { start, step: 1, count });
     let some = Selection { train_frames: early(0, 4), test_frames: early(5, 2), ..Selection::default() };
     let source = lastlight::io::captures::read(Layout::PeopleSnapshot, dir, &some, None).expect("enough");
@@ -227,7 +227,7 @@ fn anim_nerf() {
         let (x, turns, trans) = turning(f, &mini, &rest);
         posed_model(&dir.join(format!("animnerf_models/{f:06}.npz")), &rest, &turns, trans);
         let (rgb, mask) = cam.photograph(side, &x);
-        // Pictures are counted, models are named: their numbers need not agree.
+        // Images are counted, models are named: their numbers need not agree.
         write_picture(&dir.join(format!("image/{:06}.jpg", f + 1)), side, 3, &rgb);
         write_picture(&dir.join(format!("mask/{:06}.png", f + 1)), side, 1, &mask);
         points.insert(f as i64, x);
@@ -235,15 +235,15 @@ fn anim_nerf() {
     let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY };
     let c = check(Layout::AnimNerf, dir, &Selection::default(), None, &truth);
     assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
-    // Its name says who it is; the folder has no body of that sex.
+    // The folder name gives the gender; the folder has no body of that gender.
     let male = &folder.path().join("male-3-casual");
     std::fs::rename(dir, male).expect("renamed");
     let e = error(convert(Layout::AnimNerf, male, &Selection::default(), None, &folder.path().join("out")));
     assert!(e.contains("'male'"), "{e}");
     let to = folder.path().join("told");
     let told = captures::read(Layout::AnimNerf, male, &Selection::default(), Some("neutral"))
-        .expect("told otherwise");
-    assert_eq!(told.gender, "neutral", "what is told counts");
+        .expect("another gender given");
+    assert_eq!(told.gender, "neutral", "the given gender takes precedence");
     import::write(&told, None, None, &to, &AtomicBool::new(false), &mut |_, _| {}).expect("written");
     std::fs::rename(male, dir).expect("renamed");
     std::fs::rename(dir.join("mask/000004.png"), dir.join("mask/000005.png")).expect("renamed");

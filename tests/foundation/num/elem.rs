@@ -1,7 +1,7 @@
 //! Elementary functions: error against the table, special values, one body for all widths.
 //!
-//! The truth is f64 `libm`, whose own error is below one f64 place, 2⁻²⁹ single-precision places: it can move the
-//! measured error by 2e-9, and that is the only doubt in "correctly rounded" here.
+//! The truth is f64 `libm`, whose own error is below one f64 place, 2⁻²⁹ single-precision places: it can move
+//! the measured error by 2e-9, and that is the only doubt in "correctly rounded" here.
 
 use lastlight::num::elem::{self, TABLE, table::Ulp};
 use lastlight::num::lanes::f32x8;
@@ -139,7 +139,8 @@ impl Worst {
     }
 }
 
-/// Bit patterns start, start + step, … of one block of 2²², eight at a time; lanes against scalars along the way.
+/// Bit patterns start, start + step, … of one block of 2²², eight at a time; lanes against scalars along the
+/// way.
 fn sweep_block(f: &Function, block: u32, step: u32) -> Worst {
     let mut worst = Worst::NONE;
     let mut at = u64::from(block) << 22;
@@ -202,7 +203,8 @@ fn angle_pair(r: [u32; 4]) -> [f32; 2] {
     }
 }
 
-/// Arguments (x, y): any bit patterns, or such that y ln x lies where the result is finite and not 0; x also near 1.
+/// Arguments (x, y): any bit patterns, or such that y ln x lies where the result is finite and not 0; x also
+/// near 1.
 fn power_pair(r: [u32; 4]) -> [f32; 2] {
     let any = any_number(r[0] & 0x7fff_ffff);
     let x = if r[2] % 8 < 4 { any } else { f32::from_bits(0x3f00_0000 + r[0] % 0x0100_0000) };

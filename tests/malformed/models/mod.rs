@@ -1,4 +1,4 @@
-//! Models: valid samples, and files spoiled by hand.
+//! Models: valid samples and hand-made malformed files.
 
 pub(super) mod spoiled;
 
@@ -14,7 +14,7 @@ fn fetch(path: &str) -> Result<Vec<u8>> {
     match path {
         "a.bin" => Ok(vec![0; 36]),
         "a.mtl" => Ok(MTL.to_vec()),
-        "a.png" => Ok(image_file::png_bytes(2, 2, 3, &[9; 12]).expect("a picture")),
+        "a.png" => Ok(image_file::png_bytes(2, 2, 3, &[9; 12]).expect("an image")),
         other => Err(Error::input(other).expected("a.bin, a.mtl or a.png").got("another name")),
     }
 }
@@ -29,7 +29,7 @@ const WEIGHTS: &[u8] = br#"{"weights":{"hip":[[0,1],[1,0.5],[2,0.25]],"arm":[[2,
 /// A character with a texture, everything in one buffer.
 fn character() -> Builder {
     let mut b = arm();
-    let png = image_file::png_bytes(2, 2, 3, &[9, 200, 3, 9, 9, 9, 8, 8, 8, 1, 2, 3]).expect("a picture");
+    let png = image_file::png_bytes(2, 2, 3, &[9, 200, 3, 9, 9, 9, 8, 8, 8, 1, 2, 3]).expect("an image");
     let view = b.view(&png);
     b.push("images", json!({ "bufferView": view, "mimeType": "image/png" }));
     b.push("textures", json!({ "source": 0 }));

@@ -1,4 +1,4 @@
-//! Models spoiled by hand, subject by subject.
+//! Hand-made malformed models, by subject.
 
 use super::{BASE, Builder, MTL, OBJ, RIG, WEIGHTS, character, triangle};
 use crate::spoiled::{rows, splice, text};
@@ -55,7 +55,7 @@ fn glb() -> Vec<Case> {
     )
 }
 
-/// The JSON as a whole.
+/// The complete JSON.
 fn containers() -> Vec<Case> {
     rows(
         "a.gltf",
@@ -172,12 +172,12 @@ fn nodes() -> Vec<Case> {
     )
 }
 
-/// Materials and pictures.
+/// Materials and images.
 fn materials() -> Vec<Case> {
     let surface = |key: &str, v: Value| miscast(|b| b.root["materials"][0]["pbrMetallicRoughness"][key] = v);
     let image = |v: Value| miscast(|b| b.root["images"][0] = v);
-    // A picture of one colour, far larger than its file.
-    let bomb = image_file::png_bytes(8192, 8192, 1, &vec![0; 8192 * 8192]).expect("a picture");
+    // An image of one colour, far larger than its file.
+    let bomb = image_file::png_bytes(8192, 8192, 1, &vec![0; 8192 * 8192]).expect("an image");
     let bombed = miscast(|b| {
         let v = b.view(&bomb);
         b.root["images"][0]["bufferView"] = json!(v);
@@ -265,13 +265,19 @@ fn wavefront() -> Vec<Case> {
     let obj = |from: &str, to: &str| text(OBJ, from, to);
     let mtl = |from: &str, to: &str| text(MTL, from, to);
     let models = [
-        (obj("f 1 2 3 4", "f 1 2 9"), "line"),
+        (
+            obj("f 1 2 3 4", "f 1 2 9"),
+            "line 12: expected a face of vertices that the file defines above it, got 'f 1 2 9'",
+        ),
         (obj("f 1 2 3 4", "f 0 1 2"), "line 12"),
         (obj("f 1 2 3 4", "f 1 2 -9"), "line"),
         (obj("f 1/1/1 2/2/1", "f 1/1/1 2/7/1"), "line"),
         (obj("v 1 0 0", "v nan 0 0"), "position"),
         (obj("vn 0 0 1", "vn 0 0 inf"), "normal"),
-        (obj("v 1 0 0", "v one 0 0"), "line 3"),
+        (
+            obj("v 1 0 0", "v one 0 0"),
+            "line 3: expected a vertex 'v X Y Z' of three numbers, got 'v one 0 0'",
+        ),
         (obj("mtllib a.mtl", "mtllib ../a.mtl"), "leads out of the folder"),
         (b"v 0 0 0\n".to_vec(), "faces"),
     ];
@@ -311,7 +317,7 @@ fn bodies() -> Vec<Case> {
 /// Environment maps.
 fn maps() -> Vec<Case> {
     let exr = |width, channels: &[&str], data: &[f32]| {
-        image_file::exr_bytes(width, 1, channels, data).expect("a picture")
+        image_file::exr_bytes(width, 1, channels, data).expect("an image")
     };
     rows(
         "map.exr",

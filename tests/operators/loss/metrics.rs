@@ -7,7 +7,7 @@ use lastlight::loss::metric::{self, Crop};
 
 #[test]
 fn metrics_have_their_closed_forms() {
-    // The render is clamped, the photograph is not; MSE 0.01 is 20 dB.
+    // The render is clamped, the photo is not; MSE 0.01 is 20 dB.
     let (height, width) = (12, 12);
     let n = height * width * 3;
     let (x, y) = (vec![1.7f32; n], vec![1.0f32; n]);

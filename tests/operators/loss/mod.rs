@@ -8,7 +8,7 @@ use lastlight::loss::metric::{self, Crop};
 use lastlight::loss::{In, l1, mse, ssim};
 use lastlight::num::par::with_threads;
 
-/// Uniform numbers in 0..1 by position, for test pictures only (splitmix64).
+/// Uniform numbers in 0..1 by position, for test images only (splitmix64).
 fn noise(seed: u64, n: usize) -> Vec<f32> {
     (0..n as u64)
         .map(|i| {
@@ -20,7 +20,7 @@ fn noise(seed: u64, n: usize) -> Vec<f32> {
         .collect()
 }
 
-/// A picture with flat, smooth and noisy parts, and a version of it with an error of size `e`.
+/// An image with flat, smooth and noisy parts, and a version of it with an error of size `e`.
 fn pictures(height: usize, width: usize, e: f32) -> (Vec<f32>, Vec<f32>) {
     let (u, v) = (noise(1, height * width * 3), noise(2, height * width * 3));
     let y: Vec<f32> = (0..height * width * 3)

@@ -14,7 +14,7 @@ fn ordered_points_cost_their_mean_weighted_square() {
     // 3² + 4² in space; a quarter in one colour, in units of a half
     let (x, y) = ([3.0, 0.0, 4.0, 0.5, 0.5, 0.75], [0.0, 0.0, 0.0, 0.5, 0.5, 0.5]);
     assert_eq!(points::ordered(&pair(&x, &y, 1, [6, 6])).expect("a value"), 25.25, "both parts");
-    assert_eq!(points::ordered(&pair(&x, &y[..3], 1, [6, 3])).expect("a value"), 25.0, "no colours known");
+    assert_eq!(points::ordered(&pair(&x, &y[..3], 1, [6, 3])).expect("a value"), 25.0, "no colours");
     let twice: Vec<f32> = x.iter().chain(&y).copied().collect();
     let targets: Vec<f32> = y.iter().chain(&y).copied().collect();
     assert_eq!(points::ordered(&pair(&twice, &targets, 2, [6, 6])).expect("a value"), 12.625, "two items");

@@ -19,8 +19,8 @@ fn relative_l2(got: &[f32], want: &[f64]) -> f64 {
     (error / norm).sqrt()
 }
 
-/// Mean SSIM as the textbook writes it: f64, 121 taps per pixel; with the gradient by x from the chain rule applied to the
-/// textbook's five moments.
+/// Mean SSIM as the textbook writes it: f64, 121 taps per pixel; with the gradient by x from the chain rule
+/// applied to the textbook's five moments.
 fn textbook(x: &[f64], y: &[f64], mask: Option<&[f32]>, height: usize, width: usize) -> (f64, Vec<f64>) {
     let (c1, c2) = (1e-4, 9e-4);
     let g: Vec<f64> = (0..11).map(|k| libm::exp(-f64::from((k - 5) * (k - 5)) / 4.5)).collect();
@@ -131,9 +131,9 @@ fn clamp(x: &[f32]) -> Vec<f32> {
     x.iter().map(|&v| lastlight::num::order::clamp(v, 0.0, 1.0)).collect()
 }
 
-/// Away from the border the map of two constant images is (2ab + C1)/(a² + b² + C1); a mask that keeps only pixels
-/// with all of their window inside would need the border too, so the closed form of the padded window is taken: with W
-/// the window's weight inside the image, μ = aW and σ² = a²W(1 − W).
+/// Away from the border the map of two constant images is (2ab + C1)/(a² + b² + C1); a mask that keeps only
+/// pixels with all of their window inside would need the border too, so the closed form of the padded window
+/// is taken: with W the window's weight inside the image, μ = aW and σ² = a²W(1 − W).
 #[test]
 fn ssim_of_constant_images_has_its_closed_form() {
     let (height, width) = (9, 14);

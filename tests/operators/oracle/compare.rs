@@ -37,7 +37,7 @@ fn compare_names_the_first_operator_that_differs() {
     assert_eq!(stage(&with(&["means_px", "colors"])), Some("splat.project"), "the earlier of two");
     assert_eq!(stage(&with(&["colors"])), Some("splat.color"), "a wrong colour");
     assert_eq!(stage(&after), Some("splat.blend"), "all inputs of blending agree");
-    assert_eq!(stage(&after[2..]), Some("splat.blend adjoint"), "the picture agrees");
+    assert_eq!(stage(&after[2..]), Some("splat.blend adjoint"), "the image agrees");
     assert_eq!(stage(&["sh_bar", "means_bar"]), Some("splat.color adjoint"), "opacities agree");
     assert_eq!(stage(&["quats_bar"]), Some("splat.project adjoint"), "everything else agrees");
     let report = compare::arrays(&spoiled(&ours, &["quats_bar"]), &ours, None, 1e-5).expect("compares");

@@ -16,7 +16,8 @@ struct Bounds {
 const SPLAT: Bounds = Bounds { f64: [1e-10, 1e-8], f32: [2e-6, 2e-5] };
 const OTHER: Bounds = Bounds { f64: [1e-12, 1e-12], f32: [2e-6, 2e-6] };
 
-/// Computed in f64 in runs of either precision; a run in f32 rounds what it reads and what it writes, each once.
+/// Computed in f64 in runs of either precision; a run in f32 rounds what it reads and what it writes, each
+/// once.
 const CAUSAL: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [6e-8, 6e-8] };
 /// Thirteen convolutions in f32: an output near 0 may pass in one precision and not in the other.
 const LPIPS: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [2e-6, 2e-5] };

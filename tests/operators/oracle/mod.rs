@@ -1,5 +1,5 @@
-//! `oracle run | compare | mint | list` and `gradcheck` on files: golden arrays of other programs, plans that freeze, the
-//! first operator at which two files diverge, bytes that do not move, and input that is refused.
+//! `oracle run | compare | mint | list` and `gradcheck` on files: golden arrays of other programs, plans that
+//! freeze, the first operator at which two files diverge, bytes that do not move, and input that is refused.
 
 mod compare;
 mod files;

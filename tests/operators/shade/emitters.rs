@@ -1,4 +1,5 @@
-//! Emissive triangles as lights: a Cornell box against a path tracer without light samples, closed forms, extreme scales.
+//! Emissive triangles as lights: a Cornell box against a path tracer without light samples, closed forms,
+//! extreme scales.
 
 use super::{look, object, shoot, square};
 use lastlight::geometry::bvh::{Bvh, MISS, Ray};
@@ -56,7 +57,8 @@ fn cornell() -> Object {
     room
 }
 
-/// Path tracer of Lambert surfaces without light samples: directions by cosine, and the emission that they meet.
+/// Path tracer of Lambert surfaces without light samples: directions by cosine, and the emission that they
+/// meet.
 struct Naive<'a> {
     object: &'a Object,
     bvh: &'a Bvh,
@@ -166,7 +168,8 @@ fn irradiance_of_square(half: f64) -> f64 {
     4.0 * half / root * libm::atan(half / root)
 }
 
-/// Radiance of a Lambert floor of albedo ½ below a square of half-size 0.25 at height 1, seen past it; `scale` is the unit of length.
+/// Radiance of a Lambert floor of albedo ½ below a square of half-size 0.25 at height 1, seen past it;
+/// `scale` is the unit of length.
 fn below_square(lamp: Material, pane: Option<f32>, scale: f32) -> (f64, f64) {
     let mut scene = object(square(4.0), matte([0.5; 3]));
     let flat = |half: f32, z: f32| [[-half, -half, z], [2.0 * half, 0.0, 0.0], [0.0, 2.0 * half, 0.0]];

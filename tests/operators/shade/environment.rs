@@ -133,8 +133,9 @@ fn one_texel_at_the_pole_is_found() {
 
 #[test]
 fn a_constant_map_gives_irradiance_pi() {
-    // What a white surface reflects more than a black one is E/π, by the operator that integrates whole maps; rows are fine enough for its
-    // midpoint rule, which is off by the factor 1/cos(π/2H).
+    // The difference between the reflection of a white and of a black surface is E/π, by the operator that
+    // integrates complete maps; rows are fine enough for its midpoint rule, which is off by the factor
+    // 1/cos(π/2H).
     let (w, h) = (2048, 2048);
     let light = [2.5_f32, 0.5, 1.0];
     let env = vec![light; w * h];

@@ -1,4 +1,5 @@
-//! The edges of what is rendered: sheets lit from behind, layers of glass, views of their own noise, input out of range.
+//! The edges of what is rendered: sheets lit from behind, layers of glass, views of their own noise, input
+//! out of range.
 
 use super::{look, object, shoot, square};
 use lastlight::geometry::bvh::Bvh;
@@ -10,7 +11,7 @@ use lastlight::shade::render::{Brdf, MAX_BOUNCES, Passes, Scene, Settings, rende
 use lastlight::shade::vector::unit;
 use std::sync::Arc;
 
-/// A normal map that tilts by 84° to the right of the picture.
+/// A normal map that tilts by 84° to the right of the image.
 fn tilted() -> Material {
     let map = Texture {
         width: 1,
@@ -94,7 +95,8 @@ fn the_pass_of_normals_does_not_depend_on_the_eye() {
     }
 }
 
-/// Light through panes above the view: the product of what each lets through, and nothing beyond 256 of them.
+/// Light through panes above the view: the product of their transmittances, and no light behind more than 256
+/// of them.
 #[test]
 fn light_passes_layers_up_to_the_last_that_is_counted() {
     let through = |panes: usize, alpha: f32| {
@@ -150,7 +152,7 @@ fn two_views_of_one_run_have_noise_of_their_own() {
         let stop = std::sync::atomic::AtomicBool::new(false);
         job.to_folder(&shots, folder.path(), serde_json::Map::new(), false, &stop, &mut |_, _| ())
             .expect("rendered");
-        let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a photograph");
+        let read = |name: &str| std::fs::read(folder.path().join(name)).expect("a photo");
         ["images/a.png", "images/b.png"].map(read)
     };
     let (one, again, other) = (pictures(1), pictures(1), pictures(2));

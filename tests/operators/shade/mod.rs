@@ -1,4 +1,5 @@
-//! Materials and light: operators against golden arrays and closed forms, the environment as a light, pictures of paths.
+//! Materials and light: operators against golden arrays and closed forms, the environment as a light, images
+//! of paths.
 
 mod emitters;
 mod environment;
@@ -16,8 +17,8 @@ use lastlight::scene::mesh::{Mesh, Object};
 use lastlight::shade::render::{Passes, Scene, Settings, render};
 use lastlight::shade::vector::{cross, dot, sub, unit};
 
-/// Directional albedo ∫ f cos dω of a white surface: (metallic, roughness) and n·v = 0.1, 0.5, 0.9. By another program: numpy in f64, half
-/// vectors on a grid stratified by D·n·h.
+/// Directional albedo ∫ f cos dω of a white surface: (metallic, roughness) and n·v = 0.1, 0.5, 0.9. By
+/// another program: numpy in f64, half vectors on a grid stratified by D·n·h.
 const ALBEDO: [(f32, f32, [f64; 3]); 6] = [
     (0.0, 0.3, [1.34391, 1.07012, 1.03968]),
     (0.0, 0.6, [1.12433, 1.04631, 1.03297]),
@@ -40,7 +41,7 @@ fn on_sphere(item: usize, draw: u16) -> [f32; 3] {
     unit(std::array::from_fn(|k| r.normal_f32(item as u64, k as u32, 0, draw))).0
 }
 
-/// A camera at `eye` that looks at `at`, z up unless it looks along z.
+/// A camera at `eye` directed at `at`, z up unless its direction is along z.
 fn look(eye: [f32; 3], at: [f32; 3], fov_rad: f64, width: usize, height: usize) -> Camera {
     let z = unit(sub(at, eye)).0;
     let up = if z[2].abs() > 0.99 { [0.0, 1.0, 0.0] } else { [0.0, 0.0, 1.0] };

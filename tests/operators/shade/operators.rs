@@ -108,8 +108,8 @@ fn the_distribution_of_normals_integrates_to_one() {
     }
 }
 
-/// The table is another program's; here the shipped BRDF is integrated over light directions, on a grid warped towards the mirror
-/// direction.
+/// The table is another program's; here the shipped BRDF is integrated over light directions, on a grid
+/// warped towards the mirror direction.
 #[test]
 fn directional_albedo_is_the_tabulated_one() {
     for (metallic, roughness, want) in ALBEDO {
@@ -262,8 +262,8 @@ fn a_map_with_one_texel_lit_is_one_light() {
     }
 }
 
-/// Under a constant map the operator is the sum of its terms, however many there are; and for n = z the part that the albedo adds is the midpoint
-/// rule for ∫ cos dω/π, which is 1/cos(h/2) for rows of height h.
+/// Under a constant map the operator is the sum of its terms, however many there are; and for n = z the part
+/// that the albedo adds is the midpoint rule for ∫ cos dω/π, which is 1/cos(h/2) for rows of height h.
 #[test]
 fn a_large_constant_map_does_not_drift() {
     use lastlight::shade::{environment, envmap};
@@ -356,7 +356,8 @@ fn the_operators_refuse_what_is_out_of_range() {
     }
 }
 
-/// A map of half a million texels, roughnesses as of scenes and one lobe of a few texels: the gradients of points are sums over as many terms.
+/// A map of half a million texels, roughnesses as of scenes and one lobe of a few texels: the gradients of
+/// points are sums over as many terms.
 #[test]
 fn gradients_under_a_large_map_are_those_of_the_twin() {
     use lastlight::shade::envmap;

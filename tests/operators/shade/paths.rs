@@ -42,7 +42,8 @@ fn a_white_lambert_object_is_invisible_in_a_furnace() {
     }
 }
 
-/// A plane seen by parallel rays at a known angle, under a constant map of radiance 1, shows its directional albedo.
+/// A plane seen by parallel rays at a known angle, under a constant map of radiance 1, shows its directional
+/// albedo.
 #[test]
 fn the_full_brdf_in_a_furnace_is_its_directional_albedo() {
     for (metallic, roughness, want) in ALBEDO {
@@ -65,7 +66,8 @@ fn the_full_brdf_in_a_furnace_is_its_directional_albedo() {
     }
 }
 
-/// Inside a closed Lambert sphere that emits E: E·(1 + ρ + … + ρ^(bounces+1)). A surface more or less changes the mean by 25 errors or more.
+/// Inside a closed Lambert sphere that emits E: E·(1 + ρ + … + ρ^(bounces+1)). A surface more or less changes
+/// the mean by 25 errors or more.
 #[test]
 fn bounces_count_surfaces() {
     let glowing = Material { base_color: [0.5, 0.5, 0.5, 1.0], emission: [1.0; 3], ..white() };
@@ -205,7 +207,7 @@ fn neither_threads_nor_windows_change_a_bit() {
         }
     }
     let bad = Window { origin: [30, 0], size: [16, 4] };
-    let e = render_window(&scene, &view, None, &settings, bad).expect_err("it leaves the picture");
+    let e = render_window(&scene, &view, None, &settings, bad).expect_err("it leaves the image");
     assert!(e.to_string().contains("window"), "{e}");
 }
 
@@ -242,8 +244,8 @@ fn lamp_map_and_emission_add_up() {
     }
 }
 
-/// A glossy ball under a constant map, where lights and directions share the work, and within a sphere that glows alike, of which
-/// triangles are drawn instead.
+/// A glossy ball under a constant map, where lights and directions share the work, and within a sphere that
+/// glows alike, of which triangles are drawn instead.
 #[test]
 fn both_ways_of_finding_light_have_the_mean_of_one() {
     let glossy = Material { roughness: 0.4, metallic: 0.6, base_color: [0.9, 0.6, 0.4, 1.0], ..white() };

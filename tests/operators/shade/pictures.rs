@@ -1,4 +1,4 @@
-//! What pictures show: orientation, cameras, materials, odd meshes, exposure.
+//! What images show: orientation, cameras, materials, odd meshes, exposure.
 
 use super::{look, object, shoot, sphere, square};
 use lastlight::io::image_file;
@@ -32,8 +32,8 @@ fn a_view_along_each_axis_shows_the_colour_of_that_axis() {
         assert!(near(ring, color, 0.02), "around axis {axis:?}: {ring:?}, want {color:?}");
         assert!(out.alpha.iter().all(|a| *a == 0.0), "nothing is met");
     }
-    // Looking to +y with z up and 57° to every side: +x is to the right, beyond the border, and so are −x on the left, +z above, −z below.
-    // Between the discs the map is grey, lighter above the horizon.
+    // Looking to +y with z up and 57° to every side: +x is to the right, beyond the border, and so are −x on
+    // the left, +z above, −z below. Between the discs the map is grey, lighter above the horizon.
     let wide = look([0.0; 3], [0.0, 1.0, 0.0], 2.0, 101, 101);
     let out = shoot(&nothing, &lights, &wide, &few());
     let at = |x: usize, y: usize| out.color[y * 101 + x];
@@ -57,15 +57,15 @@ fn a_view_along_each_axis_shows_the_colour_of_that_axis() {
     assert!(near(left, axes::AXES[2].1, 0.05), "+y is left of +x, got {left:?}");
 }
 
-/// The picture in the book was made by another program.
+/// The image in the book was made by another program.
 #[test]
 fn the_book_shows_the_axes_map() {
     use base64::Engine as _;
     let chapter = include_str!("../../../src/book/light_and_rays.md");
-    let (_, rest) = chapter.split_once("data:image/png;base64,").expect("a picture in the chapter");
+    let (_, rest) = chapter.split_once("data:image/png;base64,").expect("an image in the chapter");
     let text = rest.lines().next().expect("a line");
     let png = base64::engine::general_purpose::STANDARD.decode(text).expect("base64");
-    let picture = image_file::parse(&png, "the picture of the book").expect("a PNG");
+    let picture = image_file::parse(&png, "the image of the book").expect("a PNG");
     let map = axes::map(128);
     assert_eq!((picture.width, picture.height), (map.width, map.height), "size");
     let want = tonemap::srgb_u8(&map.radiance, 1.0);
@@ -76,7 +76,8 @@ fn the_book_shows_the_axes_map() {
     }
 }
 
-/// A mirror ball seen along +y by parallel rays: the normal at 45° to the right reflects +x, at 45° above +z, in the middle −y.
+/// A mirror ball seen along +y by parallel rays: the normal at 45° to the right reflects +x, at 45° above +z,
+/// in the middle −y.
 #[test]
 fn a_mirror_ball_shows_the_axes_where_it_should() {
     let lights = Lights { environment: Some(axes::map(128)), lamps: Vec::new() };
@@ -178,12 +179,14 @@ fn motion_blurs_what_moves() {
     let row = |alpha: &[f32]| alpha[16 * 32..17 * 32].to_vec();
     let (s, m) = (row(&sharp.alpha), row(&moving.alpha));
     assert_eq!((s[9], s[16], s[23]), (0.0, 1.0, 0.0), "sharp: {s:?}");
-    // the square spans 12..20 at first and 20..28 at the end: pixel 19.5 is covered for nearly all of the time, pixel 24 for half
+    // the square spans 12..20 at first and 20..28 at the end: pixel 19.5 is covered for nearly all of the
+    // time, pixel 24 for half
     assert!((m[24] - 0.44).abs() < 0.12 && (m[14] - 0.31).abs() < 0.12, "blurred: {m:?}");
     assert!((0..32).all(|i| m[i] <= 1.0), "{m:?}");
 }
 
-/// Light and coverage are those of the whole exposure, geometry that of the pose half-way: in bits what a camera resting there sees.
+/// Light and coverage are those of the complete exposure, geometry that of the pose half-way: bit for bit
+/// that of a camera at rest there.
 #[test]
 fn geometry_of_a_moving_camera_is_that_of_the_pose_half_way() {
     let texels = (0..64).map(|i| [(i * 29) as u8, (i * 53) as u8, 90, 255]).collect();
@@ -211,7 +214,7 @@ fn geometry_of_a_moving_camera_is_that_of_the_pose_half_way() {
         let partly = |a: &[f32]| a.iter().filter(|a| **a > 0.0 && **a < 1.0).count();
         let (m, s) = (partly(&moving.alpha), partly(&still.alpha));
         assert!(m as f32 > 1.25 * s as f32, "{model:?}: {m} pixels partly covered, {s} at rest");
-        assert_ne!(moving.color, still.color, "{model:?}: the photograph is blurred");
+        assert_ne!(moving.color, still.color, "{model:?}: the photo is blurred");
     }
 }
 
@@ -253,7 +256,8 @@ fn textures_and_factors_reach_the_passes() {
     assert_eq!(out.normal[left], [0.0, 0.0, 1.0], "flat");
 }
 
-/// The texel (0.5 + 0.3, 0.5, …) tilts the normal to +x of the picture, (…, 0.5 + 0.3, …) to its top, whichever way the coordinates run.
+/// The texel (0.5 + 0.3, 0.5, …) tilts the normal to +x of the image, (…, 0.5 + 0.3, …) to its top, whichever
+/// way the coordinates run.
 #[test]
 fn normal_maps_tilt_right_and_up() {
     let tilt = |texel: [u8; 4], mirrored: bool| {
@@ -269,7 +273,7 @@ fn normal_maps_tilt_right_and_up() {
     let (r, u, back) = (tilt(right, false), tilt(up, false), tilt(right, true));
     let want = unit([0.6, 0.004, 0.804]).0;
     assert!(near(r, want, 0.01), "to the right: {r:?}, want {want:?}");
-    assert!(near(u, [want[1], want[0], want[2]], 0.01), "up the picture, which is +y here: {u:?}");
+    assert!(near(u, [want[1], want[0], want[2]], 0.01), "up the image, which is +y here: {u:?}");
     assert!(near(back, [-want[0], want[1], want[2]], 0.01), "mirrored coordinates: {back:?}");
 }
 
@@ -339,10 +343,10 @@ fn zero_normals_degenerate_triangles_and_black_maps_are_shaded_without_harm() {
     let without = shoot(&object(flat.clone(), Material::default()), &lights, &view, &few());
     flat.normals = vec![[0.0; 3]; flat.positions.len()];
     let with = shoot(&object(flat, Material::default()), &lights, &view, &few());
-    assert_eq!(with, without, "the face normal stands in");
+    assert_eq!(with, without, "the face normal is used instead");
 }
 
-/// The same picture at any scale and far from the origin: offsets follow the coordinates.
+/// The same image at any scale and far from the origin: offsets follow the coordinates.
 #[test]
 fn no_surface_shadows_itself_at_any_scale() {
     let sun =
@@ -410,7 +414,7 @@ fn exposure_brings_the_ninetieth_percentile_to_its_place() {
     assert_eq!(exposure::auto(&[[100.0; 3]], &[1.0]), 0.25, "not darker than a quarter");
     assert_eq!(exposure::auto(&[[0.0; 3]], &[1.0]), 4.0, "a black object");
     assert_eq!(exposure::auto(&[[1.0; 3]], &[0.0]), 1.0, "no object");
-    assert_eq!(exposure::auto(&[], &[]), 1.0, "no picture");
+    assert_eq!(exposure::auto(&[], &[]), 1.0, "no image");
 }
 
 #[test]

@@ -13,7 +13,7 @@ fn unit_vectors_of_any_length() {
     let shapes = [[1.0_f32, 0.0, 0.0], [0.3, -0.9, 0.7], [1e-6, 1.0, -2e-7], [-0.5, 0.5, 0.5]];
     for shape in shapes {
         for e in -140..=127 {
-            // the whole range of f32: subnormal components are exact multiples of 2⁻¹⁴⁹
+            // the full range of f32: subnormal components are exact multiples of 2⁻¹⁴⁹
             let a = shape.map(|x| (f64::from(x) * libm::exp2(f64::from(e))) as f32);
             let d = a.map(f64::from);
             let want = ((d[0] * d[0] + d[1] * d[1]) + d[2] * d[2]).sqrt();

@@ -1,4 +1,5 @@
-//! Causes to factors and back: the truncated sum is the inverse, sweeps are ancestral evaluation, abduction undoes them.
+//! Causes to factors and back: the truncated sum is the inverse, sweeps are ancestral evaluation, abduction
+//! undoes them.
 
 use super::models::{Model, bits, worst};
 use lastlight::causal::structure::{self, In};

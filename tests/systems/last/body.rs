@@ -57,7 +57,7 @@ fn an_arm_bends_at_its_joints() {
 
 #[test]
 fn a_posed_skeleton_carries_its_skin() {
-    // two bones along x, the second bent by a quarter turn about z at 1; the middle point hangs on both
+    // two bones along x, the second bent by a quarter turn about z at 1; the middle point has weights on both
     let (joints, quarter) = ([[0.0; 3], [1.0, 0.0, 0.0]], [[0.0; 3], [0.0, 0.0, FRAC_PI_2]]);
     let x = In { pose: &quarter, captured: &[], correction: None, joints: &joints, parents: &[-1, 0] };
     let (t, saved) = pose::forward(x).unwrap();

@@ -1,4 +1,4 @@
-//! What the shipped model says about a render: the gradient of L_lat by the picture, and scores of exchanged factors.
+//! The shipped model on a render: the gradient of L_lat by the image, and scores of exchanged factors.
 
 use lastlight::last::model::file::Trained;
 use lastlight::last::model::guide::Factors;
@@ -37,10 +37,11 @@ fn the_latent_gradient_is_that_of_differences() {
         let trained = model(reading);
         let (seen, real) = (picture(0), trained.encode(&picture(3)));
         let (value, grad) = trained.latent_loss(&seen, &real);
-        assert!(value > 1e-3, "pictures of different factors: {value}");
+        assert!(value > 1e-3, "images of different factors: {value}");
         let length = dot(&grad, &grad).sqrt();
         for k in 0..4 {
-            // Along the gradient, and along mixtures of it with noise: there rounding is small against the slope.
+            // Along the gradient, and along mixtures of it with noise: there rounding is small against the
+            // slope.
             let rng = Rng::new(17);
             let noise = |i: usize| rng.normal_f32(i as u64, 0, 0x7e5b, k);
             let mut way: Vec<f32> = (0..grad.len())
@@ -96,7 +97,8 @@ fn scores_of_exchanged_factors_are_those_of_the_jacobian() {
     let sigma = [0.05, 0.05, 0.05, 0.2, 0.2, 0.2];
     let (mut swapped, mut linear) = (Vec::new(), Vec::new());
     for (i, scores) in scores.iter().enumerate() {
-        // Differences over four times the step: above the rounding of the decoder, and few of its kinks between.
+        // Differences over four times the step: above the rounding of the decoder, and few of its kinks
+        // between.
         let [up, down] = [4.0, -4.0].map(|by| trained.decoded(&moved(i, by), &points));
         for ((up, down), score) in up.iter().zip(&down).zip(scores) {
             let sum = (0..6).fold(0.0, |s, c| {

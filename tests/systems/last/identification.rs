@@ -1,4 +1,5 @@
-//! What groups of interventions identify, and what they do not: on known factors by construction, and by training on vectors.
+//! What groups of interventions identify, and what they do not: on known factors by construction, and by
+//! training on vectors.
 
 use crate::common;
 use data_gen::figure::graph::Graph;
@@ -52,7 +53,7 @@ fn losses(pairs: &Pairs, coding: &[f64], weight: &[f64], supervision: Supervisio
     losses_with(pairs, coding, weight, supervision, &[])
 }
 
-/// The same where the values of the groups are told.
+/// The same with given values of the groups.
 fn losses_with(
     pairs: &Pairs,
     coding: &[f64],
@@ -85,7 +86,7 @@ fn losses_with(
         placement: Placement::Off,
         carried: None,
     };
-    latent::forward(&x).expect("no covariance is asked for")
+    latent::forward(&x).expect("no covariance is requested")
 }
 
 /// A linear model whose coefficients are eighths.
@@ -132,7 +133,8 @@ fn values_per_sample_are_explained_without_a_graph_and_shared_values_are_not() {
 
 #[test]
 fn a_factor_that_is_never_set_leaves_its_edges_open() {
-    // DIAMOND P→W, P→O, W→L, O→L without groups that set W: W may be coded by its noise if L listens to P instead.
+    // DIAMOND P→W, P→O, W→L, O→L without groups that set W: W may be coded by its noise if L listens to P
+    // instead.
     let [posture, occlusion, cloth, light] = [0, 1, 2, 3];
     for seed in 0..5 {
         let scm = eighths("DIAMOND", seed);
@@ -152,7 +154,8 @@ fn a_factor_that_is_never_set_leaves_its_edges_open() {
         let truth = scm.a.concat();
         let out = losses(&p, &p.factors, &truth, Supervision::Groups);
         assert!(out.terms.equal + out.terms.invariant < 1e-24, "{seed}: the truth has no loss");
-        // Another graph: no edge into W, and P→L takes over what came through it. Sixty-fourths are exact too.
+        // Another graph: no edge into W, and P→L takes over what came through it. Sixty-fourths are exact
+        // too.
         let mut other = truth.clone();
         other[posture * N + cloth] = 0.0;
         other[posture * N + light] = truth[posture * N + cloth] * truth[cloth * N + light];
@@ -224,7 +227,8 @@ impl Data for Unset<'_> {
 fn batches_ask_only_for_what_was_set() {
     let scm = Scm::new(Graph::named("FORK", N, 3).expect("a name"), Mechanism::Lin, true, 3);
     let all = Vectors::new(&scm, 3, 64, 32);
-    // A prefix without factor 1 would not do: groups go round the factors. Their targets are what is asked.
+    // A prefix without factor 1 is not enough, because the groups cycle through the factors. The reference
+    // values are their targets.
     let groups =
         all.groups().iter().map(|g| Group { target: if g.target == 1 { 3 } else { g.target }, ..*g });
     let data = Unset(&all, groups.collect());
@@ -238,7 +242,7 @@ fn batches_ask_only_for_what_was_set() {
             Item::After(g, 0) => Some(data.groups()[*g].target),
             _ => None,
         });
-        assert!(chosen.eq(batch.layout.targets.iter().copied()), "groups of the factor that is asked for");
+        assert!(chosen.eq(batch.layout.targets.iter().copied()), "groups of the requested factor");
     }
     assert_eq!(counts, [100, 0, 100, 100], "in turn, the factor that is never set left out");
 }

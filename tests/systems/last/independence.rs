@@ -1,4 +1,5 @@
-//! Mutual information: closed form, invariance, zero level, and agreement of three estimators that share nothing.
+//! Mutual information: closed form, invariance, zero level, and agreement of three estimators that share
+//! nothing.
 
 use super::models::normals;
 use lastlight::causal::independence::{self, In};
@@ -93,7 +94,8 @@ fn independent_blocks_have_the_zero_level_of_chi_squared() {
 
 #[test]
 fn three_estimators_agree_on_gaussian_points() {
-    // posteriors of variance ½ around means of variance ½: samples of variance 1 whose correlation is that of the means, halved
+    // posteriors of variance ½ around means of variance ½: samples of variance 1 whose correlation is that of
+    // the means, halved
     let (images, var) = (2000, 0.5_f64);
     for (case, rho) in [0.0, 0.5, 0.9].into_iter().enumerate() {
         let seed = 50 + case as u64;

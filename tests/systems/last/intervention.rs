@@ -1,4 +1,5 @@
-//! do(i, v): non-descendants keep their bits, descendants have the values of the generator that made the data.
+//! do(i, v): non-descendants keep their bits, descendants have the values of the generator that made the
+//! data.
 
 use super::models::{Model, bits, normals};
 use data_gen::figure::graph::Graph as Truth;

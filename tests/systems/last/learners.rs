@@ -1,4 +1,5 @@
-//! T6: structure from the true factors with interventional pairs: enumeration, local search, and the relaxations beside them.
+//! T6: structure from the true factors with interventional pairs: enumeration, local search, and the
+//! relaxations beside them.
 
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
@@ -96,7 +97,8 @@ fn local_search_reaches_the_optimum_of_enumeration() {
                 let table = Table::new(&data, features(mechanism)).expect("a table");
                 let best = oracle::enumerate(&table).expect("at most five");
                 let n = graph.n();
-                // from nothing, from everything in index order, and from what a relaxation might leave: the truth with errors
+                // from nothing, from everything in index order, and from what a relaxation might leave: the
+                // truth with errors
                 let full = Digraph::from_fn(n, |i, j| i < j);
                 let mut starts = vec![Digraph::empty(n), full];
                 for k in 0..3u32 {
@@ -220,7 +222,8 @@ fn dagma_finds_linear_structures_from_pairs() {
 
 #[test]
 fn squares_mislead_on_standardised_factors_and_likelihood_does_not() {
-    // A collider's ends have variance 1 like its cause's, so explaining any of them saves as much: the published loss prefers other graphs.
+    // A collider's ends have variance 1 like its cause's, so explaining any of them saves as much: the
+    // published loss prefers other graphs.
     let graph = Graph::named("COLLIDER", 4, 0).expect("a name");
     let data = samples(&model(&graph, Mechanism::Lin, 1), 1, SIZE);
     let shd = |loss| {

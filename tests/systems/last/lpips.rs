@@ -1,4 +1,5 @@
-//! `loss.lpips` beyond the golden arrays: what it must be for any weights, the file of weights, and what is refused.
+//! `loss.lpips` beyond the golden arrays: what it must be for any weights, the file of weights, and what is
+//! refused.
 
 use crate::lpips_weights::torchvision;
 use lastlight::io::safetensors;
@@ -60,7 +61,7 @@ fn equal_images_are_at_distance_zero_without_gradient_and_the_two_change_places(
             lpips::adjoint(input, &saved, 1.5, &mut x_bar, Some(&mut y_bar));
             let mut alone = vec![0.0; x.len()];
             lpips::adjoint(input, &saved, 1.5, &mut alone, None);
-            assert_eq!(alone, x_bar, "x_bar does not ask whether y_bar is wanted");
+            assert_eq!(alone, x_bar, "x_bar does not depend on whether y_bar is computed");
             (value.to_bits(), x_bar, y_bar)
         };
         let (there, back) = (run(&a, &b), run(&b, &a));
@@ -119,7 +120,7 @@ fn weights_come_from_a_file_by_their_torchvision_names() {
     let e = Weights::load(&slim).map(|_| ()).unwrap_err().to_string();
     assert!(e.contains("channels of VGG16"), "{e}");
     assert!(Weights::load(&dir.path().join("none")).is_err(), "no file");
-    assert_eq!(lpips::NO_WEIGHTS, "LPIPS: no weights", "what tools say");
+    assert_eq!(lpips::NO_WEIGHTS, "LPIPS: no weights", "as reported by tools");
 }
 
 #[test]

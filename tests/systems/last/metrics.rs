@@ -199,7 +199,7 @@ fn scores_of_a_person_are_those_of_the_metrics() {
         let named = with.named();
         assert_eq!(named[..names.len()], scores.named(), "the others are the same");
         let [whole, boxed] = metric.names();
-        assert_eq!(named[names.len()], (whole, metric.score(&full).unwrap()), "of the whole image");
+        assert_eq!(named[names.len()], (whole, metric.score(&full).unwrap()), "of the full image");
         assert_eq!(named.len(), names.len() + 1, "a box of {} pixels has none", lpips::SMALLEST - 1);
         let everywhere = person::forward(&full, &[1.0; 24 * 32], Some(&metric)).unwrap();
         let [.., a, b] = &everywhere.named()[..] else { panic!("two of them") };

@@ -1,4 +1,4 @@
-//! What LAST rests on and what it must show: operators, metrics, scores of structures, learners on known factors.
+//! Foundations and requirements of LAST: operators, metrics, scores of structures, learners on known factors.
 
 mod abduction;
 mod acyclicity;

@@ -1,4 +1,5 @@
-//! Random structural models to test with: a graph without cycles whose nodes stand in a random order, weights, networks, causes.
+//! Random structural models to test with: an acyclic graph with randomly ordered nodes, weights, networks,
+//! causes.
 
 use lastlight::causal::structure::{In, Mechanism, Networks};
 use lastlight::num::rng::Rng;

@@ -1,4 +1,5 @@
-//! Gradients of encoder and decoder against differences of the same networks written once more, in double precision.
+//! Gradients of encoder and decoder against differences of the same networks written once more, in double
+//! precision.
 
 use lastlight::last::model::decoder::{Decoder, HIDDEN, Target};
 use lastlight::last::model::encoder::{Encoder, Input};

@@ -1,4 +1,5 @@
-//! Skinning: the identity pose gives the template back, a rigid motion of all bones moves points rigidly and takes Σ to M Σ Mᵀ.
+//! Skinning: the identity pose returns the template, a rigid motion of all bones moves points rigidly and
+//! takes Σ to M Σ Mᵀ.
 
 use lastlight::body::skin::{In, InBar, Out, adjoint, forward};
 use lastlight::num::par::with_threads;

@@ -99,7 +99,7 @@ impl Population {
         dense::solve(&dense::cholesky(&own, p).expect("own noise everywhere"), p, &with)[0]
     }
 
-    /// Whether adjusting for the parents of i in the estimate gives the effect of i on j.
+    /// Whether adjusting for the parents of i in the estimate yields the effect of i on j.
     fn agrees(&self, estimate: &Digraph, i: usize, j: usize) -> bool {
         let given = estimate.parents(i);
         let claimed = if given >> j & 1 == 1 { 0.0 } else { self.adjusted(i, j, given) };
@@ -186,7 +186,8 @@ fn sid_of_textbook_pairs() {
     assert!(sid::is_right(&fork, &one, 0, 1) && !sid::is_right(&fork, &one, 2, 1), "{fork} | {one}");
 }
 
-/// Latent blocks that are known mixtures of factors: block `of[j]` holds factor j, twice, once with the sign turned.
+/// Latent blocks that are known mixtures of factors: block `of[j]` holds factor j, twice, once with the sign
+/// turned.
 fn mixed(u: &[f64], m: usize, of: &[usize], n: usize, noise: f64) -> Vec<f64> {
     let rng = Rng::new(3);
     let rows = u.chunks_exact(m).enumerate().flat_map(|(s, row)| {
@@ -273,7 +274,7 @@ fn matching_takes_the_first_of_equals_and_leaves_factors_over() {
     assert_eq!(far.block, [Some(1), Some(0)], "the best total, not the best pair");
 }
 
-/// |correlation| as a stand-in for information.
+/// |correlation| as a surrogate of information.
 fn stand_in(block: &[f64], k: usize, u: &[f64]) -> Result<f64> {
     let r = matching::canonical(&Blocks { values: block, n: 1, k }, &Factors { values: u, m: 1 })?[0];
     Ok(-0.5 * libm::log(1.0 - lastlight::num::order::min(r * r, 1.0 - 1e-9)))
@@ -324,7 +325,7 @@ fn entropy_of_bins_has_its_closed_form() {
 
 #[test]
 fn locality_is_zero_where_only_descendants_move() {
-    let truth = Digraph::new(3, &[(0, 1)]); // 2 stands alone
+    let truth = Digraph::new(3, &[(0, 1)]); // 2 is isolated
     let before: Vec<f64> = factors(60, 3);
     let targets = vec![0; 60];
     let moved = |what: &dyn Fn(usize) -> f64| -> Vec<f64> {

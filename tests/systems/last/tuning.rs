@@ -8,7 +8,7 @@ use lastlight::last::model::tune::{self, Settings, Subject};
 use lastlight::math::digraph::Digraph;
 use lastlight::num::rng::Rng;
 
-/// Sixty pictures' posteriors, drawn with the spread of the training set.
+/// Sixty images' posteriors, drawn with the spread of the training set.
 fn subject(trained: &Trained) -> Subject {
     let d = trained.model.sizes.latent();
     let rng = Rng::new(2);
@@ -44,7 +44,7 @@ fn probabilities_agree_with_a_searched_graph() {
     for (i, j) in (0..n * n).map(|at| (at / n, at % n)).filter(|(i, j)| i != j) {
         assert_eq!(p[i * n + j] > 0.5, searched.has(i, j), "{i} → {j}: p = {}", p[i * n + j]);
     }
-    assert_eq!(tuned.before, p, "which is what the record says");
+    assert_eq!(tuned.before, p, "as in the record");
     assert_eq!(spreads, (trained.factor_spread, trained.noise_spread), "deviations of the same graph");
 }
 
@@ -77,5 +77,5 @@ fn deviations_follow_a_graph_that_changed() {
         let want = noise[c] * (after[1][c] / before[1][c]);
         assert!((trained.noise_spread[c] / want - 1.0).abs() < 1e-12, "number {c}");
     }
-    assert_ne!(trained.noise_spread, noise, "noise of a child without its parent is the whole factor");
+    assert_ne!(trained.noise_spread, noise, "noise of a child without its parent is the complete factor");
 }

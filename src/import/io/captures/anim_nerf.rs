@@ -8,8 +8,8 @@
 //! body_models/misc             as in `arah`: here, or one or two folders above; else a body model is given
 //! ```
 //!
-//! A frame is an index into the sorted images; its model has the same index. A subject is female or male by the name of its
-//! folder by default.
+//! A frame is an index into the sorted images; its model has the same index. A subject is female or male by
+//! the name of its folder by default.
 
 use super::arah;
 use super::people_snapshot::{Calibration, frames, in_order};

@@ -8,7 +8,8 @@
 //! body_models/misc       skinning weights, joints, pose shapes (here, or one or two folders above; else a body model is given)
 //! ```
 //!
-//! `minimal_shape` is the person at rest; `bone_transforms` pose it, `trans` moves it. Frames are models in the order of their numbers.
+//! `minimal_shape` is the person at rest; `bone_transforms` pose it, `trans` moves it. Frames are models in
+//! the order of their numbers.
 
 use super::pixels::Pixels;
 use super::source::{
@@ -16,7 +17,7 @@ use super::source::{
 };
 use crate::io::capture::Split;
 use crate::io::smpl::BodyModel;
-use crate::io::{MAX_SMALL_FILE_BYTES, name_of, npz, read_bytes, smpl};
+use crate::io::{MAX_SMALL_FILE_BYTES, json, name_of, npz, read_bytes, smpl};
 use crate::num::array::Arrays;
 use crate::{Error, Result};
 use serde_json::Value;
@@ -39,12 +40,7 @@ const KEYS: [&str; 7] =
 pub fn read(dir: &Path, selection: &Selection, gender: Option<&str>) -> Result<Source> {
     let path = dir.join("cam_params.json");
     let name = name_of(&path);
-    let json: Value = serde_json::from_slice(&read_bytes(&path, MAX_SMALL_FILE_BYTES)?).map_err(|e| {
-        Error::input(name.clone())
-            .at(format!("line {}, column {}", e.line(), e.column()))
-            .expected("JSON")
-            .got(e.to_string())
-    })?;
+    let json = json::parse(&read_bytes(&path, MAX_SMALL_FILE_BYTES)?, &name)?;
     let models = super::source::numbered(&dir.join("models"), "")?;
     let numbers: Vec<usize> = models.keys().copied().collect();
     let names = super::source::called(dir);

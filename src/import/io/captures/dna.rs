@@ -7,8 +7,9 @@
 //!                  SMPLx/{betas, expression, fullpose (n, 55, 3), transl (n, 3), scale}
 //! ```
 //!
-//! All may also be in one file. The body is scaled before it is moved. Rotations of the hands are those that the SMPL-X library takes with
-//! `flat_hand_mean=False`: they come on top of the body model's mean hands. Expressions and colour calibration are not used.
+//! All may also be in one file. The body is scaled before it is moved. Rotations of the hands are those that
+//! the SMPL-X library takes with `flat_hand_mean=False`: they come on top of the body model's mean hands.
+//! Expressions and colour calibration are not used.
 
 use super::pixels::{Container, Pixels};
 use super::source::{

@@ -8,7 +8,8 @@
 //! poses/anim_nerf_test.npz    likewise
 //! ```
 //!
-//! Refined poses are used for the frames of InstantAvatar's protocol, where there are as many of them as frames in the split, else those of `poses.npz`.
+//! Refined poses are used for the frames of InstantAvatar's protocol, where there are as many of them as
+//! frames in the split, else those of `poses.npz`.
 
 use super::people_snapshot::frames;
 use super::pixels::Pixels;

@@ -1,5 +1,5 @@
-//! Captures of persons in the layouts of published data sets, as plain records; `scene::person::import` turns them into the
-//! layout of [`super::person`].
+//! Captures of persons in the layouts of published data sets, as plain records; `scene::person::import` turns
+//! them into the layout of [`super::person`].
 //!
 //! ```text
 //! zju              ZJU-MoCap, original and refined: annots.npy, images, masks, params
@@ -13,9 +13,11 @@
 //! ```
 //!
 //! # Conventions that are converted
-//! * Principal points are those of OpenCV, whose pixel centres are integers; here they are at halves, so ½ is added.
+//! * Principal points are those of OpenCV, whose pixel centres are integers; here they are at halves, so ½ is
+//!   added.
 //! * `annots.npy` has translations of cameras in millimetres; they are divided by 1000.
-//! * Body models have y up. Points and joints at rest leave [`crate::io`] as they are and are turned by the importer.
+//! * Body models have y up. Points and joints at rest leave [`crate::io`] as they are and are turned by the
+//!   importer.
 //! * Worlds that are a camera's axes (y down) name a rotation to z up, [`Source::world`].
 //!
 //! # Splits
@@ -50,8 +52,8 @@ pub use pixels::{Container, Pixels};
 pub use source::{LAYOUTS, Layout, Moment, Range, Selection, Source, SourceShot};
 
 impl Layout {
-    /// What a folder looks like, if it looks like one of them. ZJU-MoCap's two releases differ in numbers, not in names: it is taken for the
-    /// refined one where there is no `mask_cihp`.
+    /// What a folder looks like, if it looks like one of them. ZJU-MoCap's two releases differ in numbers,
+    /// not in names: it is taken for the refined one where there is no `mask_cihp`.
     pub fn detect(dir: &Path) -> Option<Self> {
         let has = |n: &str| dir.join(n).exists();
         let smc = || {
@@ -86,7 +88,8 @@ impl Layout {
     }
 }
 
-/// Reads a capture of a layout. `gender` is the person's, which chooses among bodies; without one, that of the layout.
+/// Reads a capture of a layout. `gender` is the person's, which chooses among bodies; without one, that of
+/// the layout.
 ///
 /// # Errors
 /// When a file is missing or malformed, or nothing is selected.
@@ -94,7 +97,7 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection, gender: Option<&s
     if !dir.exists() {
         return Err(Error::input(name_of(dir))
             .expected(format!("a capture in the layout {}", layout.name()))
-            .got("nothing there"));
+            .got("no such folder"));
     }
     let mut source = match layout {
         Layout::Zju | Layout::ZjuRefine => zju::read(layout, dir, selection),

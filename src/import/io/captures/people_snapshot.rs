@@ -179,7 +179,8 @@ impl Calibration {
     }
 }
 
-/// A rotation from its axis-angle, with std's series for small angles left to the caller's check of orthonormality.
+/// A rotation from its axis-angle, with std's series for small angles left to the caller's check of
+/// orthonormality.
 fn rodrigues(v: [f64; 3]) -> std::result::Result<[[f64; 3]; 3], String> {
     let square = (v[0] * v[0] + v[1] * v[1]) + v[2] * v[2];
     let angle = square.sqrt();

@@ -58,8 +58,8 @@ impl Pixels {
         Ok((rgb.collect(), [p.width, p.height]))
     }
 
-    /// A mask: 1 where a value is not zero (in an image of colours: any channel but alpha), with width and height. In a JPEG, whose edges ring, 1 where it
-    /// is above ½.
+    /// A mask: 1 where a value is not zero (in an image of colours: any channel but alpha), with width and
+    /// height. In a JPEG, whose edges ring, 1 where it is above ½.
     ///
     /// # Errors
     /// When it cannot be read.

@@ -161,7 +161,8 @@ pub struct Source {
     pub rest: Option<Vec<[f64; 3]>>,
     /// A body model that came with the data
     pub model: Option<BodyModel>,
-    /// Posed points that came with the data, of a moment: file, moment, points. The posed body is compared with them.
+    /// Posed points that came with the data, of a moment: file, moment, points. The posed body is compared
+    /// with them.
     pub reference: Option<(PathBuf, usize, Vec<[f64; 3]>)>,
     /// Larger side that images are reduced to, if they are larger by an integer factor; 0 leaves them
     pub target: usize,
@@ -214,7 +215,8 @@ impl Source {
     }
 }
 
-/// Names by which a subject is known: those of its folder and of the one above, lower case, however the path is spelled.
+/// Names by which a subject is known: those of its folder and of the one above, lower case, however the path
+/// is spelled.
 pub(super) fn called(dir: &Path) -> Vec<String> {
     let full = dir.canonicalize().unwrap_or_else(|_| dir.to_path_buf());
     full.components().rev().take(2).map(|c| c.as_os_str().to_string_lossy().to_lowercase()).collect()

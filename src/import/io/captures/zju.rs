@@ -7,7 +7,8 @@
 //! CoreView_377/new_params/0.npy (params, smpl_params)        {poses (1,72), Rh (1,3), Th (1,3), shapes (1,10)}
 //! ```
 //!
-//! Cameras are numbered from 0 in the order of `cams`, frames in the order of `ims`; parameters are found by the number in the image's name.
+//! Cameras are numbered from 0 in the order of `cams`, frames in the order of `ims`; parameters are found by
+//! the number in the image's name.
 
 use super::annots;
 use super::source::{Layout, Plan, Range, Selection, Source, first_folder, numbered, numbered_file};
@@ -96,7 +97,8 @@ pub fn read(layout: Layout, dir: &Path, selection: &Selection) -> Result<Source>
     Ok(out)
 }
 
-/// The number in an image's name: all of the stem, or the first part between underscores that has at least four digits.
+/// The number in an image's name: all of the stem, or the first part between underscores that has at least
+/// four digits.
 fn frame_number(path: &str) -> Option<usize> {
     let stem = Path::new(path).file_stem()?.to_str()?;
     let is_number = |p: &&str| p.len() >= 4 && p.bytes().all(|b| b.is_ascii_digit());

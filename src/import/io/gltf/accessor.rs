@@ -37,7 +37,8 @@ impl<'a> Buffers<'a> {
         })
     }
 
-    /// `count` elements of `size` bytes from `offset` of a view, `stride` apart: the bytes from the first to the end of the last.
+    /// `count` elements of `size` bytes from `offset` of a view, `stride` apart: the bytes from the first to
+    /// the end of the last.
     fn elements(
         &self,
         accessor: &gltf::Accessor<'_>,

@@ -55,12 +55,7 @@ pub(super) fn container<'a>(bytes: &'a [u8], name: &'a str) -> Result<(&'a [u8],
 
 /// The checked JSON part.
 pub(super) fn document(text: &[u8], name: &str) -> Result<Document> {
-    let root = json::Root::from_slice(text).map_err(|e| {
-        Error::input(name)
-            .at(format!("line {}, column {}", e.line(), e.column()))
-            .expected("glTF JSON")
-            .got(e.to_string())
-    })?;
+    let root = json::Root::from_slice(text).map_err(|e| crate::io::json::error(text, name, &e))?;
     if !root.asset.version.starts_with("2.") {
         return Err(Error::input(name)
             .at("asset.version")
@@ -85,7 +80,7 @@ pub(super) fn document(text: &[u8], name: &str) -> Result<Document> {
     }
     let mut first = None;
     root.validate(&root, json::Path::new, &mut |path, e| {
-        // Required extensions were looked at above.
+        // Required extensions were checked above.
         if first.is_none() && !matches!(e, Invalid::Unsupported) {
             first = Some((path().to_string(), e));
         }
@@ -93,13 +88,13 @@ pub(super) fn document(text: &[u8], name: &str) -> Result<Document> {
     match first {
         None => Ok(Document::from_json_without_validation(root)),
         Some((path, e)) => {
-            let expected = match e {
-                Invalid::IndexOutOfBounds => "an index of something that is in the file",
-                Invalid::Missing => "a value",
-                Invalid::Oversize => "a size this machine can hold",
-                _ => "a value that glTF allows",
+            let (expected, got) = match e {
+                Invalid::IndexOutOfBounds => ("an index of an object in the file", "an index out of bounds"),
+                Invalid::Missing => ("a value", "none"),
+                Invalid::Oversize => ("a size that fits into memory", "a larger one"),
+                _ => ("a value that glTF allows", "another value"),
             };
-            Err(Error::input(name).at(path).expected(expected).got(e.to_string().to_lowercase()))
+            Err(Error::input(name).at(path).expected(expected).got(got))
         }
     }
 }

@@ -138,7 +138,8 @@ pub(in crate::io) fn rgba(bytes: &[u8], most: u64) -> Result<([usize; 2], Vec<[u
         let e = Error::input("image").at("size");
         return Err(e.expected(format!("at most {most} more texels in this file")).got(format!("{w}x{h}")));
     }
-    // An image of one colour packs a thousand pixels into a byte, and so does a bomb: such a one has at most 4096² pixels.
+    // An image of one colour packs a thousand pixels into a byte, and so does a bomb: such a one has at most
+    // 4096² pixels.
     let plain = (bytes.len() as u64).saturating_mul(64);
     if w as u64 * h as u64 > order::max(plain, 1 << 24) {
         let e = Error::input("image").at("size");

@@ -1,7 +1,7 @@
 //! glTF 2.0, `.gltf` and `.glb`: static meshes, metallic-roughness materials, skins, and animations of nodes.
 //!
-//! The record keeps the file's own frame: right-handed, **y up**, quaternions **xyzw**, texture coordinates with
-//! (0, 0) at the top left. `scene` turns it into the project's conventions.
+//! The record keeps the file's own frame: right-handed, **y up**, quaternions **xyzw**, texture coordinates
+//! with (0, 0) at the top left. `scene` turns it into the project's conventions.
 //!
 //! | part | read | not read |
 //! |---|---|---|
@@ -13,9 +13,10 @@
 //! | extensions | `KHR_texture_transform`, `KHR_materials_emissive_strength`, `KHR_mesh_quantization` | any other one that the file **requires** is an error |
 //!
 //! # Bounds
-//! JSON of at most [`MAX_JSON_BYTES`] with at most [`MAX_JSON_OBJECTS`] objects; accessors are checked against the bytes of their buffers
-//! before anything is allocated, and together decode to at most 16 times those bytes and 64 MiB; images have at most [`MAX_TEXELS`]
-//! texels together, known before they are decoded. Paths stay inside the folder of the file.
+//! JSON of at most [`MAX_JSON_BYTES`] with at most [`MAX_JSON_OBJECTS`] objects; accessors are checked
+//! against the bytes of their buffers before anything is allocated, and together decode to at most 16 times
+//! those bytes and 64 MiB; images have at most [`MAX_TEXELS`] texels together, known before they are decoded.
+//! Paths stay inside the folder of the file.
 
 mod accessor;
 mod container;

@@ -18,7 +18,8 @@ pub fn read(path: &Path) -> Result<Gltf> {
     parse(&bytes, &name_of(path), &beside(path))
 }
 
-/// Like [`read`] for bytes in memory; `name` is the file name in errors, `fetch` gets what a relative path inside its folder names.
+/// Like [`read`] for bytes in memory; `name` is the file name in errors, `fetch` gets what a relative path
+/// inside its folder names.
 ///
 /// # Errors
 /// See [`read`].

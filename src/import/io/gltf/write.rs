@@ -68,7 +68,8 @@ impl Bin {
     }
 }
 
-/// The bytes of a GLB with the nodes, meshes, materials and images of a record. The same record gives the same bytes everywhere.
+/// The bytes of a GLB with the nodes, meshes, materials and images of a record. The same record gives the
+/// same bytes everywhere.
 ///
 /// # Errors
 /// When the record has skins or animations, an index is out of range, or the file would exceed 4 GiB.

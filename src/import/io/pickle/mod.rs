@@ -1,8 +1,9 @@
 //! Python pickles, restricted: returns plain values and NumPy arrays, never runs code.
 //!
-//! A pickle is a program for a stack machine; Python's own reader imports and calls what the program names. This reader interprets the
-//! opcodes of protocols 0 to 5 on plain nodes, and accepts a fixed list of names ([`NAMES`]) for which it builds values itself. A
-//! pickle that names anything else is refused with that name, before anything is built for it. Names are never imported.
+//! A pickle is a program for a stack machine; Python's own reader imports and calls what the program names.
+//! This reader interprets the opcodes of protocols 0 to 5 on plain nodes, and accepts a fixed list of names
+//! ([`NAMES`]) for which it builds values itself. A pickle that names anything else is refused with that
+//! name, before anything is built for it. Names are never imported.
 //!
 //! | name in the pickle | what comes out |
 //! |---|---|
@@ -14,15 +15,17 @@
 //! | `scipy.sparse.csc.csc_matrix` | a dense array |
 //!
 //! # Bounds
-//! Payloads are slices of the file; every declared length is checked against the bytes that are left before it is used. A file has at most 2²⁴
-//! opcodes and 2²² nodes, and what nodes hold, copies of one payload counted each time, is limited to a multiple of the file's size. Nodes may
-//! be shared and refer to themselves; the tree that comes out may be at most 100 deep and its size is limited likewise, matrices written out
-//! included, so repeating a list of itself ten times in ten levels ends in an error, not in 10¹⁰ values.
+//! Payloads are slices of the file; every declared length is checked against the bytes that are left before
+//! it is used. A file has at most 2²⁴ opcodes and 2²² nodes, and what nodes hold, copies of one payload
+//! counted each time, is limited to a multiple of the file's size. Nodes may be shared and refer to
+//! themselves; the tree that comes out may be at most 100 deep and its size is limited likewise, matrices
+//! written out included, so repeating a list of itself ten times in ten levels ends in an error, not in 10¹⁰
+//! values.
 //!
 //! # Why own code
-//! `serde-pickle` reads built-in types only: a global either makes the file fail or is dropped, and an array that was pickled through
-//! `_reconstruct` and `BUILD` cannot be put together from what it returns. All files read here (SMPL models, `annots.npy`,
-//! `camera.pkl`) consist of such arrays.
+//! `serde-pickle` reads built-in types only: a global either makes the file fail or is dropped, and an array
+//! that was pickled through `_reconstruct` and `BUILD` cannot be put together from what it returns. All files
+//! read here (SMPL models, `annots.npy`, `camera.pkl`) consist of such arrays.
 
 mod build;
 mod instance;
@@ -57,8 +60,8 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Value> {
     opcodes::run(bytes, name)
 }
 
-/// Reads a `.npy`: numbers as an array, an array of objects through its pickle. An object of rank 0 (what `np.save` makes of a dictionary) comes out
-/// as itself.
+/// Reads a `.npy`: numbers as an array, an array of objects through its pickle. An object of rank 0 (what
+/// `np.save` makes of a dictionary) comes out as itself.
 ///
 /// # Errors
 /// See [`read`].

@@ -1,5 +1,5 @@
-//! The opcodes of protocols 0 to 5, by what they do: push a number, a text or a collection, move the stack and the memo, change what is
-//! on top, make objects; everything else is refused.
+//! The opcodes of protocols 0 to 5, by what they do: push a number, a text or a collection, move the stack
+//! and the memo, change what is on top, make objects; everything else is refused.
 
 use super::machine::{Machine, most};
 use super::node::{Class, Id, Node, wrong};
@@ -142,7 +142,8 @@ impl<'a> Machine<'a> {
         }))
     }
 
-    /// Marks, copies of what is on the stack, the memo, and what only describes the file; false for other opcodes.
+    /// Marks, copies of what is on the stack, the memo, and what only describes the file; false for other
+    /// opcodes.
     fn move_stack(&mut self, code: u8) -> Result<bool> {
         match code {
             b'(' => self.marks.push(self.stack.len()),

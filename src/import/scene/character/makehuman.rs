@@ -1,8 +1,9 @@
 //! The open body of MakeHuman as a character.
 //!
-//! Bones become joints at their heads, without rotation at rest (arms half lowered); decimetres become metres. The body has no animations, so
-//! four are added: `Rest` (as it is), `Stand` (arms down), `Walk` (one loop of 1 s on the spot) and `Reach` (both hands forward at the height of the chest).
-//! They turn the bones of the Mixamo rig (`mixamorig:LeftUpLeg` and so on); a rig with other names has only `Rest`.
+//! Bones become joints at their heads, without rotation at rest (arms half lowered); decimetres become
+//! metres. The body has no animations, so four are added: `Rest` (as it is), `Stand` (arms down), `Walk` (one
+//! loop of 1 s on the spot) and `Reach` (both hands forward at the height of the chest). They turn the bones
+//! of the Mixamo rig (`mixamorig:LeftUpLeg` and so on); a rig with other names has only `Rest`.
 
 use super::local::Local;
 use super::motion::product;
@@ -68,7 +69,8 @@ impl Character {
                 bind: globals[i].inverse(),
             });
         }
-        // A corner is a pair of vertex and texture coordinate; pairs become vertices in the order of the faces.
+        // A corner is a pair of vertex and texture coordinate; pairs become vertices in the order of the
+        // faces.
         let mut mesh = Mesh::default();
         let mut influences = Vec::new();
         let mut known: BTreeMap<[u32; 2], u32> = BTreeMap::new();
@@ -126,7 +128,8 @@ fn movements(rig: &Gltf) -> Vec<Animation> {
     ];
     let found: Option<Vec<usize>> = names.iter().map(|n| bone(n)).collect();
     let Some(bones) = found else { return vec![still("Rest")] };
-    // (arm, forearm, thigh, shin) of the left side for a phase; the right side is half a loop behind and mirrored in y and z.
+    // (arm, forearm, thigh, shin) of the left side for a phase; the right side is half a loop behind and
+    // mirrored in y and z.
     let limbs = |walk: f64, swing: f64| {
         // At rest the arms stand 40° off the body and the legs 6°.
         let arm = product(turn(0, 0.35 * swing), turn(2, -0.5));

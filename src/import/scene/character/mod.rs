@@ -9,10 +9,11 @@
 //! animation, time ──► Pose ──(mix, bend)──► joint transforms
 //! ```
 //!
-//! The **canonical** surface is the one the mesh was bound in: x_c = K x with K = F G_r B_r for a vertex x of a skinned mesh, r the
-//! first joint of its skin, G the node's transform in the rest pose, B its inverse bind matrix, and F the map of the file to the world
-//! (z up, then [`Character::fit`]). A joint j moves it by A_j = F G_j B_j K⁻¹, so the canonical surface is the posed one wherever
-//! the pose is the bind pose. A mesh without skin is attached with weight 1 to the nearest joint at or above its node, or is static.
+//! The **canonical** surface is the one the mesh was bound in: x_c = K x with K = F G_r B_r for a vertex x of
+//! a skinned mesh, r the first joint of its skin, G the node's transform in the rest pose, B its inverse bind
+//! matrix, and F the map of the file to the world (z up, then [`Character::fit`]). A joint j moves it by A_j
+//! = F G_j B_j K⁻¹, so the canonical surface is the posed one wherever the pose is the bind pose. A mesh
+//! without skin is attached with weight 1 to the nearest joint at or above its node, or is static.
 //!
 //! A vertex keeps its four largest weights, divided by their sum.
 
@@ -101,7 +102,8 @@ impl Character {
         })
     }
 
-    /// A joint that is named like an elbow: the first whose name holds `lowerarm`, `forearm`, `lower_arm` or `elbow`, right sides first.
+    /// A joint that is named like an elbow: the first whose name holds `lowerarm`, `forearm`, `lower_arm` or
+    /// `elbow`, right sides first.
     pub fn elbow(&self) -> Option<usize> {
         let like = |n: &str| {
             ["lowerarm", "forearm", "lower_arm", "elbow"].iter().any(|w| n.contains(w)) && !n.contains("ik")
@@ -160,8 +162,8 @@ impl Character {
         Ok(())
     }
 
-    /// Scales and shifts the character so that the canonical surface is `height` high and the middle of its bounds is the origin. The built-in
-    /// figure is 2 high (1.7 m divided by 0.85 m).
+    /// Scales and shifts the character so that the canonical surface is `height` high and the middle of its
+    /// bounds is the origin. The built-in figure is 2 high (1.7 m divided by 0.85 m).
     ///
     /// # Errors
     /// When it is flat.

@@ -7,7 +7,8 @@
 //! | linear, rotation | sin((1−s)Ω)/sin Ω · q_k + sin(sΩ)/sin Ω · ±q_(k+1), cos Ω = \|q_k·q_(k+1)\|; normalised linear above cos Ω = 0.9999 |
 //! | cubic | (2s³−3s²+1) v_k + τ(s³−2s²+s) b_k + (3s²−2s³) v_(k+1) + τ(s³−s²) a_(k+1), rotations normalised |
 //!
-//! with a the tangent into and b the one out of a key (glTF 2.0, appendix C). Before the first and after the last key the value is theirs.
+//! with a the tangent into and b the one out of a key (glTF 2.0, appendix C). Before the first and after the
+//! last key the value is theirs.
 
 use super::local::{Local, dot, normalized};
 use super::skinned::{Character, rows};
@@ -54,8 +55,8 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Node by node the mixture (1 − w) of this pose and w of another one of the same character: rotations by normalised linear interpolation on the
-    /// shorter way, translations and scales linearly.
+    /// Node by node the mixture (1 − w) of this pose and w of another one of the same character: rotations by
+    /// normalised linear interpolation on the shorter way, translations and scales linearly.
     #[must_use]
     pub fn mix(&self, other: &Self, w: f64) -> Self {
         let one = |(a, b): (&Local, &Local)| match (*a, *b) {
@@ -72,7 +73,8 @@ fn dot3(a: DVec3, b: DVec3) -> f64 {
     (a.x * b.x + a.y * b.y) + a.z * b.z
 }
 
-/// Whether columns are those of a rotation times one scale, to 10⁻³ of its square: what files written in f32 keep.
+/// Whether columns are those of a rotation times one scale, to 10⁻³ of its square: what files written in f32
+/// keep.
 fn is_similarity(columns: [DVec3; 3]) -> bool {
     let [x, y, z] = columns;
     let square = dot3(x, x);
@@ -182,11 +184,12 @@ impl Character {
 
     /// Turns a hinge joint by an angle, so that its limb swings forward (to −y) for a positive one.
     ///
-    /// The axis is that of d × f at rest, d from the joint to its first child (or, without one, from its parent to it) and f = −y; it goes with the
-    /// joint, R' = R · Rot(axis in the joint's frame, angle).
+    /// The axis is that of d × f at rest, d from the joint to its first child (or, without one, from its
+    /// parent to it) and f = −y; it goes with the joint, R' = R · Rot(axis in the joint's frame, angle).
     ///
     /// # Errors
-    /// When the joint has neither child nor parent to give a direction, is a fixed matrix, or its frame at rest is no rotation times a scale.
+    /// When the joint has neither child nor parent to give a direction, is a fixed matrix, or its frame at
+    /// rest is no rotation times a scale.
     pub fn bend(&self, pose: &mut Pose, joint: usize, angle: f64) -> Result<()> {
         let fail = |got: &str| {
             let e = Error::input(self.name.clone()).at(format!("joint '{}'", self.joints[joint].name));

@@ -7,13 +7,16 @@
 //! | u_W | 0.03 u_W sin(12 z + 3 φ) · m along the normal in canonical space, before skinning |
 //! | u_L | light: azimuth 0.8 u_L rad, elevation 30°, ambient share 0.35; nothing moves |
 //!
-//! m is the share of a point's weight on the trunk: joints whose names hold `hips`, `pelvis`, `spine`, `chest`, `torso`, `body` or `abdomen`; 1
-//! everywhere for a character without such names. The normal is welded over equal positions, so that hard edges do not open.
+//! m is the share of a point's weight on the trunk: joints whose names hold `hips`, `pelvis`, `spine`,
+//! `chest`, `torso`, `body` or `abdomen`; 1 everywhere for a character without such names. The normal is
+//! welded over equal positions, so that hard edges do not open.
 //!
-//! Shading normals are those of the displaced surface. On a face, where x, m and the direction a of the displacement are linear between the
-//! corners, an edge e becomes e + (∇h·e) m a + h (∂_e m) a + h m ∂_e a: slope, change of the trunk's share, curvature. The normal of the
-//! displaced face is the product of two such edges, that of a vertex the sum over its faces (those of equal positions together), as for the
-//! surface at rest. A shading normal turns by the shortest rotation between the two, so hard edges and modelled detail stay.
+//! Shading normals are those of the displaced surface. On a face, where x, m and the direction a of the
+//! displacement are linear between the corners, an edge e becomes e + (∇h·e) m a + h (∂_e m) a + h m ∂_e a:
+//! slope, change of the trunk's share, curvature. The normal of the displaced face is the product of two such
+//! edges, that of a vertex the sum over its faces (those of equal positions together), as for the surface at
+//! rest. A shading normal turns by the shortest rotation between the two, so hard edges and modelled detail
+//! stay.
 
 use super::motion::Pose;
 use super::skinned::{Character, INFLUENCES};
@@ -59,7 +62,8 @@ fn weld(mesh: &Mesh) -> Vec<usize> {
     first
 }
 
-/// Unit normals, the same at equal positions: the mean of the faces there, weighted by area; zero where that vanishes.
+/// Unit normals, the same at equal positions: the mean of the faces there, weighted by area; zero where that
+/// vanishes.
 pub(super) fn welded_normals(mesh: &Mesh) -> Vec<[f32; 3]> {
     let first = weld(mesh);
     let mut sum = vec![[0.0f64; 3]; first.len()];
@@ -83,8 +87,8 @@ impl Face {
         Self([b, c].map(|x| std::array::from_fn(|k| x[k] - a[k])))
     }
 
-    /// The edges at a point under folds of height h with gradient ∇h, where the point moves along `along` with share `share`;
-    /// `ways` and `shares` are those of the corners.
+    /// The edges at a point under folds of height h with gradient ∇h, where the point moves along `along`
+    /// with share `share`; `ways` and `shares` are those of the corners.
     pub(super) fn folded(
         self,
         (height, gradient): (f64, V3),
@@ -109,7 +113,8 @@ impl Face {
     }
 }
 
-/// `n` under the shortest rotation from direction `from` to direction `to`; as it is where one vanishes or they are opposite.
+/// `n` under the shortest rotation from direction `from` to direction `to`; as it is where one vanishes or
+/// they are opposite.
 pub(super) fn swung(n: V3, from: V3, to: V3) -> V3 {
     let (from, to) = (unit(from), unit(to));
     let reach = 1.0 + dot(from, to);
@@ -130,7 +135,7 @@ fn turned(t: &Affine<f64>, n: [f64; 3]) -> [f64; 3] {
 }
 
 impl Character {
-    /// (J) whether a joint belongs to the trunk; all do if no name says so.
+    /// (J) whether a joint belongs to the trunk; all do if no name matches.
     pub(super) fn trunk(&self) -> Vec<bool> {
         let like = |n: &str| {
             ["hips", "pelvis", "spine", "chest", "torso", "body", "abdomen"].iter().any(|w| n.contains(w))
@@ -178,7 +183,8 @@ impl Character {
         (moved, normals)
     }
 
-    /// The pose of factors u = (u_P, u_O, …), both animations `later` seconds on (they loop); missing factors are 0.
+    /// The pose of factors u = (u_P, u_O, …), both animations `later` seconds on (they loop); missing factors
+    /// are 0.
     ///
     /// # Errors
     /// When the elbow cannot bend.
@@ -241,8 +247,9 @@ fn wrapped(time: f64, duration: f64) -> f64 {
 }
 
 impl Factors {
-    /// Resolves names. Two animations are mixed in the middle of each; one alone at its beginning and in its middle, which are the opposite
-    /// steps of a walk. Without a name, the elbow is found by [`Character::elbow`].
+    /// Resolves names. Two animations are mixed in the middle of each; one alone at its beginning and in its
+    /// middle, which are the opposite steps of a walk. Without a name, the elbow is found by
+    /// [`Character::elbow`].
     ///
     /// # Errors
     /// When a name does not exist, no elbow is named or found, or the joint cannot bend.

@@ -1,8 +1,8 @@
 //! Points on the canonical surface, in a fixed order: the template of a character.
 //!
-//! Point p lies on the triangle t with C_(t−1) ≤ r_p · C_T < C_t, C the running sum of areas and r_p a uniform number, at barycentric weights
-//! (1 − √a, √a (1 − b), √a b) with two more: uniform by area. Draws are a function of (seed, p): the first points of a larger template are
-//! those of a smaller one.
+//! Point p lies on the triangle t with C_(t−1) ≤ r_p · C_T < C_t, C the running sum of areas and r_p a
+//! uniform number, at barycentric weights (1 − √a, √a (1 − b), √a b) with two more: uniform by area. Draws
+//! are a function of (seed, p): the first points of a larger template are those of a smaller one.
 
 use super::motion::Pose;
 use super::posed::{Face, blended, posed_normal, share, swung};

@@ -30,7 +30,8 @@ fn pictures(object: &Object) -> (Vec<Arc<Texture>>, Vec<Arc<gltf::Image>>) {
     (list, images)
 }
 
-/// One node with one mesh, a primitive per material. Where no corner has a normal the primitive has none, and is flat.
+/// One node with one mesh, a primitive per material. Where no corner has a normal the primitive has none, and
+/// is flat.
 pub fn to_gltf(object: &Object, name: &str) -> Gltf {
     let (list, images) = pictures(object);
     let texture = |t: &Arc<Texture>| gltf::TextureRef {
@@ -110,7 +111,8 @@ pub fn to_gltf(object: &Object, name: &str) -> Gltf {
     }
 }
 
-/// Groups by runs of one material. Roughness and metallic maps become two images, normal factors and cut-offs are not kept.
+/// Groups by runs of one material. Roughness and metallic maps become two images, normal factors and cut-offs
+/// are not kept.
 pub fn to_obj(object: &Object, name: &str) -> Obj {
     let (list, mut images) = pictures(object);
     let find = |t: &Arc<Texture>| obj::Map {

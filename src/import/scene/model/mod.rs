@@ -5,16 +5,20 @@
 //! node transforms, default scene, rest pose of skins  ──►  one mesh in the world
 //! ```
 //!
-//! * Vertices that no triangle uses are left out, the others keep their order; a primitive (a group) shares none with another one.
-//! * Normals are made unit. A zero one becomes the area-weighted mean of the faces around its vertex; a part without normals is flat,
-//!   as glTF specifies, and gets zeros if another part has normals.
-//! * A transform that mirrors (negative determinant) turns the triangles over, so that they stay counter-clockwise from outside.
-//! * Texture transforms are applied to the coordinates. All maps of a material must use one set and one transform.
+//! * Vertices that no triangle uses are left out, the others keep their order; a primitive (a group) shares
+//!   none with another one.
+//! * Normals are made unit. A zero one becomes the area-weighted mean of the faces around its vertex; a part
+//!   without normals is flat, as glTF specifies, and gets zeros if another part has normals.
+//! * A transform that mirrors (negative determinant) turns the triangles over, so that they stay
+//!   counter-clockwise from outside.
+//! * Texture transforms are applied to the coordinates. All maps of a material must use one set and one
+//!   transform.
 //! * Back faces are as visible as front faces: `doubleSided` is not kept.
 //! * Degenerate triangles stay: rays pass through them.
 //!
 //! # Rounding
-//! World transforms and the blend of skins are f64; a position is rounded once. A mesh without transforms keeps its bits.
+//! World transforms and the blend of skins are f64; a position is rounded once. A mesh without transforms
+//! keeps its bits.
 
 mod axes;
 mod export;
@@ -70,7 +74,8 @@ fn unknown(name: &str, extension: &str) -> Error {
     Error::input(name).at("extension").expected(".gltf, .glb or .obj").got(got)
 }
 
-/// Writes an object atomically: `.glb` with everything, or `.obj` with a material library and images beside it.
+/// Writes an object atomically: `.glb` with everything, or `.obj` with a material library and images beside
+/// it.
 ///
 /// # Errors
 /// When the extension is another one, the object is not valid, or a file cannot be written.

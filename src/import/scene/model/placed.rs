@@ -54,7 +54,8 @@ pub(in crate::scene) fn globals(g: &Gltf, locals: &[DAffine3], above: DAffine3) 
 /// The default scene in its rest pose as one object; `name` is the file name in errors.
 ///
 /// # Errors
-/// When there is no visible geometry, a material uses several texture transforms, or a number leaves the range of f32.
+/// When there is no visible geometry, a material uses several texture transforms, or a number leaves the
+/// range of f32.
 pub fn from_gltf(g: &Gltf, name: &str) -> Result<Object> {
     let mut flat = flatten(g, name)?;
     let locals: Vec<DAffine3> = g.nodes.iter().map(|n| local(&n.local)).collect();
@@ -111,7 +112,8 @@ fn transform(mesh: &mut Mesh, part: &Part, of: &dyn Fn(usize) -> DAffine3, ident
     }
 }
 
-/// A normal under a linear map: the cofactor matrix det(M)·M⁻ᵀ, which exists for every M, with the sign of det(M) taken out.
+/// A normal under a linear map: the cofactor matrix det(M)·M⁻ᵀ, which exists for every M, with the sign of
+/// det(M) taken out.
 pub(in crate::scene) fn normal(m: &DMat3, n: [f32; 3]) -> [f32; 3] {
     let cofactor =
         DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
@@ -129,9 +131,11 @@ pub(super) fn finish(mut object: Object, name: &str) -> Result<Object> {
     Ok(object)
 }
 
-/// Makes normals unit, and those that are zero among others the mean of their faces. Parts without any stay zero.
+/// Makes normals unit, and those that are zero among others the mean of their faces. Parts without any stay
+/// zero.
 pub(in crate::scene) fn normals(mesh: &mut Mesh) {
-    // A vertex whose whole part has no normals keeps zero; parts share no vertices, so its faces have none either.
+    // A vertex whose whole part has no normals keeps zero; parts share no vertices, so its faces have none
+    // either.
     let zero = |n: &[f32; 3]| *n == [0.0; 3];
     let mut mean = vec![[0.0f64; 3]; if mesh.normals.iter().any(zero) { mesh.positions.len() } else { 0 }];
     if !mean.is_empty() {

@@ -5,11 +5,12 @@
 //!                        └─ image, mask ──► undistort ──► person on black ──► reduce ──► images/, foreground/
 //! ```
 //!
-//! * The model's axes (y up) are turned at rest: (x, y, z) → (x, −z, y). The world is turned by [`Source::world`].
-//! * A pixel of the mask is the person where the resampled mask is at least ½; outside, the image is black. Pixels without a position in
-//!   the distorted photo are black too.
-//! * Reduced by an integer factor s, a colour is the mean of s×s pixels, the mask the upper left of them; focal lengths and principal point are divided
-//!   by s. Rows and columns that do not fill a block are cut.
+//! * The model's axes (y up) are turned at rest: (x, y, z) → (x, −z, y). The world is turned by
+//!   [`Source::world`].
+//! * A pixel of the mask is the person where the resampled mask is at least ½; outside, the image is black.
+//!   Pixels without a position in the distorted photo are black too.
+//! * Reduced by an integer factor s, a colour is the mean of s×s pixels, the mask the upper left of them;
+//!   focal lengths and principal point are divided by s. Rows and columns that do not fill a block are cut.
 
 use super::smpl::{big_pose, chain, joints, placement, shaped};
 use super::{rotation_matrix, rotation_vector};
@@ -56,10 +57,12 @@ pub struct Report {
 /// Counts finished images: done, total.
 pub type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 
-/// Writes a source as a capture in `dir`. `model` is the body model if the data set has none; `downscale` overrides the layout's reduction.
+/// Writes a source as a capture in `dir`. `model` is the body model if the data set has none; `downscale`
+/// overrides the layout's reduction.
 ///
 /// # Errors
-/// When there is no body model or it does not fit, an image or a mask is bad, a file cannot be written, or `stop` is set.
+/// When there is no body model or it does not fit, an image or a mask is bad, a file cannot be written, or
+/// `stop` is set.
 pub fn write(
     source: &Source,
     model: Option<&BodyModel>,
@@ -308,7 +311,8 @@ fn moved(model: &BodyModel, p: usize, x: [f64; 3], features: &[f64]) -> [f64; 3]
     })
 }
 
-/// Pose shapes for turned axes: R = Zᵀ R' Z, so entry (a, b) of R is ± an entry of R', and the movement is turned like a point.
+/// Pose shapes for turned axes: R = Zᵀ R' Z, so entry (a, b) of R is ± an entry of R', and the movement is
+/// turned like a point.
 fn turned_shapes(model: &BodyModel) -> Option<Vec<f32>> {
     let shapes = model.pose_shapes.as_ref()?;
     let n = 9 * (model.joints() - 1);

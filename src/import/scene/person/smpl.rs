@@ -77,7 +77,8 @@ pub fn placement(rotation: [f64; 3], translation: [f64; 3], scale: f64) -> Affin
     std::array::from_fn(|i| [scale * r[i][0], scale * r[i][1], scale * r[i][2], translation[i]])
 }
 
-/// The canonical pose of SMPL and SMPL-X: legs apart, hips turned by ±45° and ankles by ∓30° about the z axis of the model.
+/// The canonical pose of SMPL and SMPL-X: legs apart, hips turned by ±45° and ankles by ∓30° about the z axis
+/// of the model.
 ///
 /// Indices 5, 8, 23 and 26 of the flat pose vector: joints 1, 2 (hips), 7, 8 (ankles).
 pub fn big_pose(joints: usize) -> Vec<[f64; 3]> {

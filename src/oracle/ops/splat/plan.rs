@@ -17,7 +17,7 @@ fn broken(name: &str) -> Error {
     Error::input("plan").at(format!("array '{name}'"))
 }
 
-/// Whole numbers of an array of the plan with the given shape, each in `lo..=hi`.
+/// Integers of an array of the plan with the given shape, each in `lo..=hi`.
 fn whole(plan: &Arrays, name: &str, shape: Option<&[usize]>, lo: i64, hi: i64) -> Result<Vec<i64>> {
     let array = plan.need(name).map_err(|e| e.within("plan"))?;
     let fits = shape.map_or(array.shape().len() == 1, |shape| array.shape() == shape);

@@ -258,7 +258,7 @@ impl FitRun {
                 ("encodings", t.encodings as f64),
                 ("bound", share(t.bound as f64, t.capped)),
                 ("blind", share(t.blind, t.gradients)),
-                ("turned away", fit.events().iter().fold(0, |s, e| s + e.turned_away) as f64),
+                ("rejected", fit.events().iter().fold(0, |s, e| s + e.turned_away) as f64),
             ]
             .map(|(name, x)| (name.to_owned(), x)),
         );

@@ -29,7 +29,7 @@
 //! | `PSNR-box`, `SSIM-g`, … | means over the held-out images, names of [`Scores::named`](crate::loss::metric::person::Scores::named) |
 //! | `PSNR-box training` | mean over some training images |
 //! | `gaussians`, `iterations`, `renders`, `encodings` | at the end of the fit; encodings are passes of the model's encoder |
-//! | `bound`, `blind`, `turned away` | share of child steps limited by λ; share of gradients outside the crop of the encoder; candidates rejected because of the maximum number |
+//! | `bound`, `blind`, `rejected` | share of child steps limited by λ; share of gradients outside the crop of the encoder; candidates rejected because of the maximum number |
 //! | `curve I` | PSNR-box of the held-out images after I iterations |
 //! | `factor J I` | E13: mean displacement of the decoded points if factor J of the render is replaced by that of the input image |
 //! | `edges`, `changed`, `moved` | edges of the graph; E9: number of edges changed by tuning, sum of the changes of the probabilities |

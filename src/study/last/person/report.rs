@@ -25,7 +25,7 @@ fn reference(comparison: &Comparison, row: &str) -> Option<String> {
 fn extra(comparison: &Comparison) -> &'static [(&'static str, &'static str, usize)] {
     match comparison {
         Comparison::Thresholds(_) => {
-            &[(">outside encoder crop", "blind", 2), (">rejected: over budget", "turned away", 0)]
+            &[(">outside encoder crop", "blind", 2), (">rejected: over budget", "rejected", 0)]
         }
         Comparison::Bounds(_) => &[(">limited by λ", "bound", 2)],
         Comparison::Structures => &[(">edges", "edges", 1)],

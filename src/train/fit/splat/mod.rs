@@ -435,7 +435,7 @@ mod tests {
         }
     }
 
-    /// Looks at every view after every iteration.
+    /// Evaluates every view after every iteration.
     struct Viewer(Vec<f64>);
     impl Watch for Viewer {
         fn state(&mut self, _done: usize, _total: usize, fit: &dyn Fit) -> Result<()> {
