@@ -25,6 +25,20 @@ pub(crate) struct Output {
 
 static OUTPUT: OnceLock<Output> = OnceLock::new();
 
+/// Arguments behind the name of the program, those of `--like` written out.
+static ARGUMENTS: OnceLock<Vec<String>> = OnceLock::new();
+
+/// Keeps the arguments for records and reports, once.
+pub(crate) fn set_arguments(arguments: &[OsString]) {
+    // A second call has no effect.
+    let _ = ARGUMENTS.set(arguments.iter().skip(1).map(|a| a.to_string_lossy().into_owned()).collect());
+}
+
+/// The arguments of this run, as its record keeps them.
+pub(crate) fn arguments() -> &'static [String] {
+    ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
+
 /// Sets the output of this program, once.
 pub(crate) fn set_output(output: Output) {
     // A second call has no effect.
@@ -174,7 +188,7 @@ pub(crate) fn say_json(record: &serde_json::Value) -> Result<()> {
 
 /// The command line as it can be typed again.
 pub(crate) fn command_line() -> String {
-    let rest = std::env::args_os().skip(1).map(|a| quoted(a.to_string_lossy().into_owned()));
+    let rest = arguments().iter().cloned().map(quoted);
     std::iter::once("lastlight".to_owned()).chain(rest).collect::<Vec<_>>().join(" ")
 }
 

@@ -18,12 +18,12 @@ use std::path::PathBuf;
   lastlight convert theirs.ply clean.ply --drop-invalid     without Gaussians that hold NaN or a zero quaternion")]
 pub(super) struct Args {
     /// Scene to read: .ply, .splat or .npz
-    #[arg(value_name = "IN")]
+    #[arg(value_name = "FILE")]
     input: PathBuf,
     /// Scene to write: .ply, .splat or .npz
-    #[arg(value_name = "OUT")]
+    #[arg(value_name = "FILE")]
     output: PathBuf,
-    /// Replace OUT if it exists
+    /// Replace existing results
     #[arg(long)]
     force: bool,
     #[command(flatten)]

@@ -13,6 +13,8 @@
 //! visible   text from files as a terminal may show it
 //! training  the frame of every command that trains        experiments  the study engine with progress and reports
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
+//! choices   values of options
+//! like      --like result.json
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
 //! snapshots renders and PSNR during a training, for its report
@@ -24,6 +26,7 @@
 // They panic when a stream is closed; `console` has what does not.
 #![warn(clippy::print_stdout, clippy::print_stderr)]
 
+mod choices;
 mod claim;
 mod console;
 mod convert;
@@ -33,6 +36,7 @@ mod experiments;
 mod generate;
 pub mod gradcheck;
 mod last;
+mod like;
 mod lirm;
 mod mesh;
 mod meter;
@@ -48,6 +52,9 @@ mod tree;
 mod units;
 mod version;
 mod visible;
+
+#[doc(hidden)]
+pub use clap;
 
 use lastlight_import::{io, scene};
 use lastlight_kernels::{geometry, loss, shade};
@@ -115,16 +122,38 @@ enum Command {
     /// Fit a built-in person from a video and a built-in scene from photos; one report with images
     Demo(demo::Args),
     /// Gaussian splatting of a static capture: fit, render, evaluate
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight splat fit photos/ --out fox
+  lastlight splat render fox/ --cameras orbit:60 --out turntable
+  lastlight splat eval fox/scene.ply photos/"
+    )]
     Splat(splat::Command),
     /// Animatable people from one video (LAST)
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight last gen --scale smoke --out person
+  lastlight last fit person/video --out fit
+  lastlight last render fit --cameras orbit:36 --pose 5 --out around
+  lastlight last eval fit person/video"
+    )]
     Last(last::Command),
     /// Triangle meshes: render glTF or OBJ under an environment map, compare two surfaces
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight mesh render model.glb --env studio --out images
+  lastlight mesh compare truth.obj reconstruction.glb"
+    )]
     Mesh(mesh::Command),
     /// Relightable objects from photos (LIRM); so far its training data
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight lirm gen --out train --objects 100"
+    )]
     Lirm(lirm::Command),
     /// Run operators on your arrays, compare arrays, write reference arrays
     Oracle(oracle::Args),
@@ -201,7 +230,9 @@ fn memory_size(text: &str) -> std::result::Result<u64, String> {
 
 fn parse(arguments: &[OsString], before: console::Output) -> std::result::Result<Cli, clap::Error> {
     let mut tree = command().color(before.color);
-    let matches = tree.try_get_matches_from_mut(arguments)?;
+    let arguments = like::expanded(arguments, &tree)?;
+    let matches = tree.try_get_matches_from_mut(&arguments)?;
+    console::set_arguments(&arguments);
     let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut tree))?;
     if cli.command.is_none() && !cli.version {
         return Err(tree.error(ErrorKind::MissingSubcommand, "a command is needed, such as demo"));
@@ -214,7 +245,8 @@ fn refused(e: &clap::Error, before: console::Output) -> ExitCode {
     let code = u8::try_from(e.exit_code()).unwrap_or(2);
     if before.json && e.use_stderr() {
         let text = e.render().to_string();
-        let text = text.split("\n\nUsage:").next().unwrap_or_default();
+        let ends = ["\n\nUsage:", "\n\nFor more information"].map(|end| text.find(end).unwrap_or(text.len()));
+        let text = &text[..Ord::min(ends[0], ends[1])];
         console::error(before, "usage", text.trim_start_matches("error: "), code);
         return ExitCode::from(code);
     }

@@ -1,9 +1,6 @@
 //! Progress on stderr and where the time went.
 
-#![expect(
-    clippy::disallowed_types,
-    reason = "the clock is read for messages only; no result depends on it"
-)]
+#![expect(clippy::disallowed_types, reason = "the clock is read for messages only; no result depends on it")]
 
 use crate::console;
 use crate::fit::training::{Step, Watch};
@@ -72,6 +69,15 @@ impl Meter {
             counted: None,
             primitives: "Gaussians",
         }
+    }
+
+    /// A stopwatch whose last checkpoint is so long ago that the next one is due.
+    #[cfg(test)]
+    pub(crate) fn with_checkpoint_due() -> Self {
+        let mut meter = Self::new();
+        let ago = Instant::now().checked_sub(Duration::from_secs(CHECKPOINT_SECONDS));
+        meter.last_checkpoint = ago.expect("the clock runs for longer than that");
+        meter
     }
 
     /// A stopwatch for one part of the work, with a clock of its own; [`Self::add`] takes it back.

@@ -1,6 +1,7 @@
-//! `lastlight oracle list | run | compare | mint`.
+//! `lastlight oracle list | show | run | compare | mint`.
 
-use crate::console::{command_line, is_json, note, say, say_json};
+use crate::choices::{Operator, PROFILES, choices};
+use crate::console::{command_line, is_json, is_quiet, note, say, say_json};
 use crate::report::compare as report;
 use crate::{Error, Result};
 use clap::{Subcommand, ValueEnum};
@@ -11,6 +12,11 @@ use std::path::{Path, PathBuf};
 
 /// Run operators on your arrays, compare arrays, make golden files.
 #[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight oracle list splat
+  lastlight oracle mint splat.render --out cases
+  lastlight oracle run splat.render --in cases/splat.render_0.npz --out ours.npz
+  lastlight oracle compare mine.npz ours.npz")]
 pub struct Args {
     #[command(subcommand)]
     command: Command,
@@ -26,63 +32,97 @@ enum Precision {
 
 #[derive(Subcommand)]
 enum Command {
-    /// List operators with their inputs, outputs, shapes, types and settings
-    List {},
-    /// Run an operator on arrays; writes OUT.npz, OUT.plan.npz, OUT.digest.json
-    #[command(after_help = "\
-IN.npz holds the inputs under the operator's argument names, floats and integers of any width. For every output y for
-which it also holds y_bar (the cotangent, grad_output in PyTorch), OUT.npz holds x_bar for every differentiable input x.
-Arrays named setting_KEY are settings; a setting with named values may be given by its index in the list.
+    /// List operators, one line each; with --json everything about them
+    #[command(after_help = "Examples:
+  lastlight oracle list
+  lastlight oracle list splat loss.ssim")]
+    List {
+        /// Operators, or groups of them such as splat [default: all]
+        #[arg(value_name = "OP")]
+        op: Vec<String>,
+    },
+    /// Show an operator's inputs, outputs, intermediates, plan and settings with shapes and types
+    #[command(after_help = "Examples:
+  lastlight oracle show splat.render
+  lastlight oracle show nn.linear loss.ssim --json")]
+    Show {
+        /// Operators, as listed by `oracle list`
+        #[arg(value_name = "OP", required = true, value_parser = Operator)]
+        op: Vec<String>,
+    },
+    /// Run an operator on arrays; writes OUT.npz, OUT.digest.json, and OUT.plan.npz if the operator has a plan
+    #[command(after_help = "Examples:
+  lastlight oracle run nn.linear --in case.npz --out ours.npz
+  lastlight oracle run splat.render --in scene.npz --out ours.npz --precision f64 --profile gsplat --dump
 
-Example: lastlight oracle run splat.render --in scene.npz --out ours.npz --precision f64 --profile gsplat --dump")]
+The input file holds the inputs under the operator's argument names, floats and integers of any width. For every output y for which it also holds y_bar (the cotangent, grad_output in PyTorch), the output file holds x_bar for every differentiable input x. Arrays named setting_KEY are settings; a setting with named values may be given by its index in the list.")]
     Run {
         /// Operator, as listed by `oracle list`
+        #[arg(value_name = "OP", value_parser = Operator)]
         op: String,
-        /// Input arrays
-        #[arg(long = "in", value_name = "IN.npz")]
+        /// Input arrays (.npz)
+        #[arg(long = "in", value_name = "FILE")]
         input: PathBuf,
-        /// Output arrays
-        #[arg(long, value_name = "OUT.npz")]
+        /// Output arrays (.npz)
+        #[arg(long, value_name = "FILE")]
         out: PathBuf,
         /// Precision: the f32 operator or its f64 twin
-        #[arg(long, value_enum, default_value = "f32")]
+        #[arg(long, value_enum, value_name = "NAME", default_value = "f32")]
         precision: Precision,
-        /// Splatting semantics: exact, gsplat or inria [default: exact]
-        #[arg(long)]
+        /// Semantics of the renderer [default: exact]
+        #[arg(long, value_name = "NAME", value_parser = choices(PROFILES))]
         profile: Option<String>,
-        /// Override a setting, e.g. --set alpha_max=0.999 (repeatable; takes precedence over setting_KEY in IN.npz)
-        #[arg(long, value_name = "KEY=VALUE")]
+        /// Override a setting, e.g. --set alpha_max=0.999, comma-separated or repeated; takes precedence over setting_KEY in the input file
+        #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
         set: Vec<String>,
-        /// Reuse the discrete decisions (visibility, order, cut-offs) stored in PLAN.npz
-        #[arg(long, value_name = "PLAN.npz")]
+        /// Reuse the discrete decisions (visibility, order, cut-offs) of an earlier run, its OUT.plan.npz
+        #[arg(long, value_name = "FILE")]
         plan: Option<PathBuf>,
         /// Also write every intermediate
         #[arg(long)]
         dump: bool,
     },
     /// Compare user-supplied arrays with reference arrays; exit code 1 if they differ
+    #[command(after_help = "Examples:
+  lastlight oracle compare mine.npz ours.npz
+  lastlight oracle compare mine.npz cases/splat.render_0.npz --tol 1e-4 --html report.html
+
+For every array: relative L2 error, largest and mean distance in units of the last place, cosine, signed bias, zeros, and the entries that differ most. The first diverging stage is the first one whose inputs match and whose outputs differ. Arrays with NaN values never match.")]
     Compare {
-        /// User-supplied arrays
+        /// User-supplied arrays (.npz)
+        #[arg(value_name = "FILE")]
         theirs: PathBuf,
-        /// Reference arrays, written by `oracle run`
+        /// Reference arrays (.npz), written by `oracle run` or `oracle mint`
+        #[arg(value_name = "FILE")]
         ours: PathBuf,
         /// Operator; needed only when the names of the arrays are ambiguous
-        #[arg(long)]
+        #[arg(long, value_name = "OP", value_parser = Operator)]
         op: Option<String>,
         /// Largest accepted relative L2 error of an array
-        #[arg(long, default_value_t = compare::TOLERANCE)]
+        #[arg(long, value_name = "X", default_value_t = compare::TOLERANCE)]
         tol: f64,
         /// Also write a self-contained HTML page
-        #[arg(long, value_name = "REPORT.html")]
+        #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
     },
     /// Write reference arrays computed by the f64 twin: OP_CASE.npz
+    #[command(after_help = "Examples:
+  lastlight oracle mint
+  lastlight oracle mint splat.render --profile gsplat --out cases
+  lastlight oracle mint nn.leaky_relu --set slope=0.2")]
     Mint {
-        /// Operators [default: all]
+        /// Operators, as listed by `oracle list` [default: all]
+        #[arg(value_name = "OP", value_parser = Operator)]
         op: Vec<String>,
         /// Output folder
         #[arg(long, value_name = "DIR", default_value = "golden")]
         out: PathBuf,
+        /// Semantics of the renderer [default: exact]
+        #[arg(long, value_name = "NAME", value_parser = choices(PROFILES))]
+        profile: Option<String>,
+        /// Override a setting of the cases, e.g. --set alpha_max=0.999, comma-separated or repeated
+        #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',', requires = "op")]
+        set: Vec<String>,
     },
 }
 
@@ -115,9 +155,14 @@ fn page(options: &compare::Options, comparison: &compare::Comparison, path: &Pat
 /// # Errors
 /// Bad usage or input, and a comparison that found a difference.
 pub fn run(args: Args) -> Result<()> {
-    let mut progress = |text: &str| note(text);
+    let mut progress = |text: &str| {
+        if !is_quiet() {
+            note(text);
+        }
+    };
     match args.command {
-        Command::List {} => print(&list::list()),
+        Command::List { op } => print(&list::list(&op)?),
+        Command::Show { op } => print(&list::show(&op)?),
         Command::Run { op, input, out, precision, profile, set, plan, dump } => {
             let precision = match precision {
                 Precision::F32 => runner::Precision::F32,
@@ -143,9 +188,8 @@ pub fn run(args: Args) -> Result<()> {
                 .expected("every array to agree")
                 .got(format!("{differing} that do not")))
         }
-        Command::Mint { op, out } => {
-            let report = mint::mint(&op, &out, &mut |_| {})?;
-            print(&report)
+        Command::Mint { op: ops, out, profile, set } => {
+            print(&mint::mint(&mint::Options { ops, out, profile, set }, &mut |_| {})?)
         }
     }
 }

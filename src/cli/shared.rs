@@ -6,7 +6,7 @@ use crate::fit::orbit::Orbit;
 use crate::loss::lpips;
 use crate::scene::convert::{Invalid, read_scene_with};
 use crate::scene::gaussians::Gaussians;
-use crate::{Error, Result};
+use crate::{Error, Result, choices};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ pub(super) struct OutputArgs {
     /// Continue an interrupted run with the same settings; the result is bit-identical to an uninterrupted run
     #[arg(long)]
     pub(super) resume: bool,
-    /// Start over in a non-empty folder, replacing the files of the previous run
+    /// Replace existing results
     #[arg(long, conflicts_with = "resume")]
     pub(super) force: bool,
 }
@@ -27,7 +27,7 @@ pub(super) struct OutputArgs {
 /// Replacement.
 #[derive(clap::Args)]
 pub(super) struct ForceArgs {
-    /// Replace existing files in --out
+    /// Replace existing results
     #[arg(long)]
     pub(super) force: bool,
 }
@@ -67,7 +67,7 @@ pub(super) fn dropped_text(dropped: usize, of: usize) -> String {
 /// Perceptual metrics.
 #[derive(clap::Args)]
 pub(super) struct MetricArgs {
-    /// Weights of LPIPS (VGG16 and heads; none are shipped). The documentation of `lastlight::loss::lpips` describes the file
+    /// Weights of LPIPS (VGG16 and heads; none are shipped, the surrogate RFD is used without). The documentation of `lastlight::loss::lpips` describes the file
     #[arg(long, value_name = "FILE")]
     lpips: Option<PathBuf>,
     /// Feed LPIPS values in 0 … 1 without 2x − 1, as GauHuman and Instant-NVR do
@@ -76,15 +76,19 @@ pub(super) struct MetricArgs {
 }
 
 impl MetricArgs {
-    /// The weights; without a file, prints a note.
+    /// The weights, if a file is given.
     ///
     /// # Errors
     /// When the file is missing or malformed.
-    pub(super) fn load(&self, meter: &Meter) -> Result<Option<lpips::Metric>> {
-        if self.lpips.is_none() {
-            meter.note(lpips::NO_WEIGHTS);
-        }
+    pub(super) fn load(&self) -> Result<Option<lpips::Metric>> {
         self.lpips.as_deref().map(|path| lpips::Metric::load(path, !self.lpips_raw)).transpose()
+    }
+}
+
+/// With scores: notes that a surrogate takes the place of LPIPS where there are no weights.
+pub(super) fn note_missing_weights(metric: Option<&lpips::Metric>, meter: &Meter) {
+    if metric.is_none() {
+        meter.note(lpips::NO_WEIGHTS);
     }
 }
 
@@ -134,25 +138,25 @@ pub(super) fn name(capture: &Path) -> String {
 /// A circle of cameras. Defaults depend on the command and are listed in its help.
 #[derive(clap::Args)]
 pub(super) struct OrbitArgs {
-    /// Image size of an orbit
-    #[arg(long, value_name = "WxH", help_heading = "Orbit")]
-    size: Option<String>,
+    /// Image size of an orbit: S for squares, or WxH
+    #[arg(long, value_name = "S|WxH", value_parser = choices::size)]
+    size: Option<[usize; 2]>,
     /// Horizontal field of view of an orbit in degrees
-    #[arg(long, value_name = "DEG", help_heading = "Orbit")]
+    #[arg(long, value_name = "DEG")]
     fov: Option<f64>,
     /// Angle of an orbit above the horizon in degrees
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Orbit")]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true)]
     elevation: Option<f64>,
     /// Distance of an orbit's cameras from its centre [default: the whole scene fits]
-    #[arg(long, value_name = "R", help_heading = "Orbit")]
+    #[arg(long, value_name = "R")]
     radius: Option<f32>,
 }
 
 /// Defaults of an orbit.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct DefaultArgs {
-    /// `WxH`
-    pub(super) size: &'static str,
+    /// Width and height in pixels.
+    pub(super) size: [usize; 2],
     /// Horizontal, degrees.
     pub(super) fov: f64,
     /// Above the horizon, degrees.
@@ -160,9 +164,9 @@ pub(super) struct DefaultArgs {
 }
 
 impl OrbitArgs {
-    /// Size as text, field of view, elevation, radius: as given, or the defaults.
-    pub(super) fn resolved(&self, usual: DefaultArgs) -> (&str, f64, f64, Option<f32>) {
-        let size = self.size.as_deref().unwrap_or(usual.size);
+    /// Size, field of view, elevation, radius: as given, or the defaults.
+    pub(super) fn resolved(&self, usual: DefaultArgs) -> ([usize; 2], f64, f64, Option<f32>) {
+        let size = self.size.unwrap_or(usual.size);
         (size, self.fov.unwrap_or(usual.fov), self.elevation.unwrap_or(usual.elevation), self.radius)
     }
 
@@ -171,33 +175,24 @@ impl OrbitArgs {
     /// # Errors
     /// When N is not an integer, or the size is none.
     pub(super) fn parse(&self, cameras: &str, usual: DefaultArgs) -> Result<Option<Orbit>> {
+        let wrong = || {
+            let e = Error::input("--cameras").expected("orbit:N with a number of views N, such as orbit:36");
+            e.got(cameras)
+        };
+        if cameras == "orbit" && !Path::new(cameras).exists() {
+            return Err(wrong());
+        }
         let Some(count) = cameras.strip_prefix("orbit:") else { return Ok(None) };
-        let count = count
-            .parse()
-            .map_err(|_| Error::input("--cameras").expected("orbit:N with an integer N").got(cameras))?;
-        let (picture, fov, elevation, radius) = self.resolved(usual);
+        let count = count.parse().map_err(|_| wrong())?;
+        let (size, fov, elevation, radius) = self.resolved(usual);
         Ok(Some(Orbit {
             count,
             center: None,
             radius,
             elevation_rad: elevation.to_radians(),
             fov_x_rad: fov.to_radians(),
-            size: size(picture)?,
+            size,
         }))
-    }
-}
-
-/// `WxH` in pixels.
-fn size(text: &str) -> Result<[usize; 2]> {
-    let parsed = text.split_once(['x', '×']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
-    match parsed {
-        Some([w, h])
-            if (1..=crate::scene::camera::MAX_SIDE).contains(&w)
-                && (1..=crate::scene::camera::MAX_SIDE).contains(&h) =>
-        {
-            Ok([w, h])
-        }
-        _ => Err(Error::input("--size").expected("WxH in pixels, such as 800x600").got(text)),
     }
 }
 
@@ -218,13 +213,5 @@ mod tests {
         let file = dir.path().join("fox/transforms.json");
         std::fs::write(&file, "{}").expect("written");
         assert_eq!(name(&file), "fox", "the folder of the file");
-    }
-
-    #[test]
-    fn sizes_are_parsed() {
-        assert_eq!(size("640x480").ok(), Some([640, 480]), "the usual form");
-        for bad in ["640", "0x3", "640x", "axb", "99999x2"] {
-            assert!(size(bad).is_err(), "'{bad}' is refused");
-        }
     }
 }

@@ -161,6 +161,14 @@ mod tests {
     use super::*;
 
     #[test]
+    fn checkpoints_by_time_stay_due() {
+        let mut meter = Meter::with_checkpoint_due();
+        assert!(Recorder::new(&mut meter, Path::new("")).is_checkpoint_due(), "as the stopwatch says");
+        let mut meter = Meter::new();
+        assert!(!Recorder::new(&mut meter, Path::new("")).is_checkpoint_due(), "a new one");
+    }
+
+    #[test]
     fn snapshots_are_few_and_the_first_and_last_state_are_among_them() {
         for total in [1, 8, 60, 400, 1500, 7000, 30_000] {
             let due: Vec<usize> = (0..=total).filter(|&i| is_due(i, total).0).collect();

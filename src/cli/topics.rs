@@ -22,7 +22,7 @@ A capture is a folder with images and their camera poses. It contains one of the
   transforms.json                                instant-ngp, nerfstudio
   sparse/0 or sparse, and images next to it      COLMAP, binary or text; images in images, images_2, images_4, images_8 or input
 
-The transforms.json itself can be given too. Images are PNG, JPEG, WebP, TIFF or BMP. Lens distortion (OpenCV radial-tangential and fisheye) is removed on load. Images that are listed and missing are left out with a note; --strict refuses such a capture. --images DIR names another folder of images. Paths that are absolute or lead out of the capture's folder need --allow-outside.
+The transforms.json itself can be given too. Images are PNG, JPEG, WebP, TIFF or BMP; their EXIF orientation is ignored, as in COLMAP, unless the declared size fits only the upright image. Lens distortion (OpenCV radial-tangential and fisheye) is removed on load. Images that are listed and missing are left out with a note; --strict refuses such a capture. --images DIR names another folder of images. Paths that are absolute or lead out of the capture's folder need --allow-outside.
 
 Masks are mask_path in a transforms.json, or the folder masks of a COLMAP model; black pixels are excluded. --masks ignore: they count neither in the loss nor in scores (default); background: they are trained toward the background colour; off: masks are not read.
 

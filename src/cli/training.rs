@@ -10,7 +10,7 @@ use crate::meter::Meter;
 use crate::report::film::Film;
 use crate::shared::OutputArgs;
 use crate::snapshots::Recorder;
-use crate::{Error, Result, claim};
+use crate::{Error, Result, claim, like, version};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
@@ -100,6 +100,8 @@ impl Frame {
         let after = entries([
             ("iterations", json!(history.len())),
             ("last_loss", json!(history.loss.last())),
+            (like::ARGUMENTS, json!(cli::arguments())),
+            ("build", Value::Object(version::record())),
             ("settings", head.settings),
             ("seconds", json!(meter.seconds())),
             ("seconds_by_part", Value::Object(by_part)),

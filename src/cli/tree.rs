@@ -3,6 +3,7 @@
 //! Commands declare their arguments in any order. [`refined`] gives every option the heading and the short form that it has everywhere
 //! (see [`options`](crate::options)), sorts the headings, and shortens examples for `-h`.
 
+use crate::like;
 use crate::options::{self, Heading};
 use clap::Command;
 
@@ -28,6 +29,9 @@ fn below(command: Command, path: &str) -> Command {
 /// of a command cannot be reordered, so the command is built again.
 fn with_order(command: Command, path: &str) -> Command {
     let mut arguments: Vec<clap::Arg> = command.get_arguments().cloned().collect();
+    if options::RECORDED.contains(&path) {
+        arguments.push(like());
+    }
     arguments.sort_by_key(Heading::of);
     let shown = arguments.into_iter().map(|argument| {
         let heading = Heading::of(&argument).text(path);
@@ -56,6 +60,15 @@ fn with_order(command: Command, path: &str) -> Command {
         out = out.after_help(shortened(&text)).after_long_help(text);
     }
     out
+}
+
+/// The option of commands whose record can be run again.
+fn like() -> clap::Arg {
+    clap::Arg::new(like::NAME)
+        .long(like::NAME)
+        .value_name("FILE")
+        .value_parser(clap::value_parser!(std::path::PathBuf))
+        .help("Run a recorded run again: take all arguments that are not given from this result.json (or study.json), but for --out")
 }
 
 /// The first examples, and where the others are.

@@ -143,16 +143,22 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// f_x, f_y, c_x, c_y in pixels of an image of the given size, which may be a scaled version of the
-    /// declared one.
+    /// Whether an image of the given size is as declared or a scaled version of it.
+    pub fn fits(&self, width: usize, height: usize) -> bool {
+        let (w, h) = (width as f64, height as f64);
+        let [dw, dh] = self.size.map_or([w, h], |s| s.map(|x| x as f64));
+        // Both sides scaled by the same factor, to the pixel that rounding may cost.
+        (dw * h - dh * w).abs() <= crate::num::order::max(dw, dh)
+    }
+
+    /// f_x, f_y, c_x, c_y in pixels of an image of the given size, which may be a scaled version of the declared one.
     ///
     /// # Errors
     /// When the sizes are not proportional.
     pub fn intrinsics(&self, width: usize, height: usize) -> Result<[f64; 4]> {
         let (w, h) = (width as f64, height as f64);
         let [dw, dh] = self.size.map_or([w, h], |s| s.map(|x| x as f64));
-        // Both sides scaled by the same factor, to the pixel that rounding may cost.
-        if (dw * h - dh * w).abs() > crate::num::order::max(dw, dh) {
+        if !self.fits(width, height) {
             return Err(Error::input(self.image.display().to_string())
                 .at("image size")
                 .expected(format!("{dw}x{dh} as declared, or a scaled version"))

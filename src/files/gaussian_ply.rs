@@ -98,7 +98,9 @@ fn need<'a>(e: &'a Element, property: &str, name: &str) -> Result<&'a Column> {
             .expected(format!("a property '{property}'"))
             .got(format!("{} others", e.columns.len()));
         if e.column("packed_position").is_some() {
-            error.hint("this is a compressed PLY; convert it to a plain one")
+            error.hint(
+                "this is a compressed PLY; convert it with `splat-transform SCENE.compressed.ply SCENE.ply`, or in SuperSplat: export PLY",
+            )
         } else if property == "scale_2" {
             error.hint("this may be a file of flat (2-D) Gaussians")
         } else {

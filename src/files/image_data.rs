@@ -25,6 +25,39 @@ pub enum Samples {
     F32(Vec<f32>),
 }
 
+/// How the stored pixels are turned to be upright, as EXIF defines it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Orientation(u8);
+
+impl Orientation {
+    /// Upright as stored.
+    pub const STORED: Self = Self(1);
+
+    /// The orientation of the EXIF value 1 to 8; any other value is that of stored pixels.
+    pub fn of_exif(value: u8) -> Self {
+        if (1..=8).contains(&value) { Self(value) } else { Self::STORED }
+    }
+
+    /// Whether width and height are exchanged.
+    pub fn swaps_sides(self) -> bool {
+        self.0 >= 5
+    }
+
+    /// Column and row of the stored pixel (of `w` × `h`) that is at (x, y) of the upright image.
+    fn stored(self, [x, y]: [usize; 2], [w, h]: [usize; 2]) -> [usize; 2] {
+        match self.0 {
+            2 => [w - 1 - x, y],
+            3 => [w - 1 - x, h - 1 - y],
+            4 => [x, h - 1 - y],
+            5 => [y, x],
+            6 => [y, h - 1 - x],
+            7 => [w - 1 - y, h - 1 - x],
+            8 => [w - 1 - y, x],
+            _ => [x, y],
+        }
+    }
+}
+
 /// An image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
@@ -38,6 +71,8 @@ pub struct Picture {
     pub encoding: Encoding,
     /// (H, W, C) row-major.
     pub samples: Samples,
+    /// How it is turned to be upright; `samples` are as stored.
+    pub orientation: Orientation,
 }
 
 impl Picture {
@@ -50,10 +85,46 @@ impl Picture {
         }
     }
 
+    /// The upright image: pixels turned as [`Self::orientation`] demands.
+    #[must_use]
+    pub fn upright(self) -> Self {
+        let turned = self.orientation;
+        self.turned(turned)
+    }
+
+    /// The image with pixels turned by an orientation, upright as it is then stored.
+    #[must_use]
+    pub fn turned(self, by: Orientation) -> Self {
+        if by == Orientation::STORED {
+            return Self { orientation: Orientation::STORED, ..self };
+        }
+        let stored = [self.width, self.height];
+        let [width, height] = if by.swaps_sides() { [stored[1], stored[0]] } else { stored };
+        let channels = self.channels.len();
+        let mut order = Vec::with_capacity(width * height);
+        for y in 0..height {
+            for x in 0..width {
+                let [column, row] = by.stored([x, y], stored);
+                order.push(channels * (row * stored[0] + column));
+            }
+        }
+        let samples = match self.samples {
+            Samples::U8(v) => Samples::U8(gather(&v, &order, channels)),
+            Samples::U16(v) => Samples::U16(gather(&v, &order, channels)),
+            Samples::F32(v) => Samples::F32(gather(&v, &order, channels)),
+        };
+        Self { width, height, samples, orientation: Orientation::STORED, ..self }
+    }
+
     /// All values, (H, W, C) row-major.
     pub fn values(&self) -> Vec<f32> {
         (0..self.width * self.height * self.channels.len()).map(|i| self.value(i)).collect()
     }
+}
+
+/// Runs of `channels` values at the given places.
+fn gather<T: Copy>(values: &[T], order: &[usize], channels: usize) -> Vec<T> {
+    order.iter().flat_map(|&at| values[at..at + channels].iter().copied()).collect()
 }
 
 /// Checks a declared size: sides, and pixels against the length of the file.

@@ -1,6 +1,6 @@
 //! The OpenEXR part of [`super::image_file`].
 
-use super::image_data::{Encoding, Picture, Samples, check_size};
+use super::image_data::{Encoding, Orientation, Picture, Samples, check_size};
 use super::read::reported;
 use super::{guard, memory};
 use crate::{Error, Result};
@@ -88,7 +88,14 @@ pub(super) fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
         }
     }
     let channels = list.into_iter().map(|(n, _)| n).collect();
-    Ok(Picture { width, height, channels, encoding: Encoding::Linear, samples: Samples::F32(samples) })
+    Ok(Picture {
+        width,
+        height,
+        channels,
+        encoding: Encoding::Linear,
+        samples: Samples::F32(samples),
+        orientation: Orientation::STORED,
+    })
 }
 
 pub(super) fn to_bytes(width: usize, height: usize, channels: &[&str], data: &[f32]) -> Result<Vec<u8>> {

@@ -1,18 +1,26 @@
-//! Images: PNG, JPEG, Radiance HDR and OpenEXR in; PNG (8 bit) and OpenEXR (f32) out.
+//! Images: PNG, JPEG, WebP, TIFF, BMP, Radiance HDR and OpenEXR in; PNG (8 bit) and OpenEXR (f32) out.
 //!
-//! The format is recognised by the first bytes of the file, not by its extension. The reader checks the
-//! declared size against the length of the file before decoding. PNG and JPEG hold sRGB-encoded values, HDR
-//! and EXR linear ones; nothing is converted.
+//! The format is recognised by the first bytes of the file, not by its extension. The reader checks the declared size against the length
+//! of the file before decoding. HDR, EXR and TIFF of floats hold linear values, the others sRGB-encoded ones; nothing is converted, and
+//! colour profiles are ignored. Of a TIFF the first page is read; an animated WebP is refused.
+//!
+//! Pixels are returned as they are stored. The EXIF orientation is part of the result ([`Picture::orientation`]), and the caller
+//! decides whether it applies ([`Picture::upright`]): textures and masks ignore it, photos of a capture follow the declared size.
 
 use super::gaussian_ply::to_byte;
 use super::image_data::check_size;
-pub use super::image_data::{Encoding, MAX_SIDE, Picture, Samples};
+pub use super::image_data::{Encoding, MAX_SIDE, Orientation, Picture, Samples};
+use super::image_format::ImageFormat;
 use super::read::reported;
 use super::{MAX_SMALL_FILE_BYTES, atomic, guard, image_exr, memory, name_of, read_bytes};
+use crate::num::order;
 use crate::{Error, Result};
+use image::codecs::bmp::BmpDecoder;
 use image::codecs::hdr::HdrDecoder;
 use image::codecs::jpeg::JpegDecoder;
 use image::codecs::png::{CompressionType, FilterType, PngDecoder, PngEncoder};
+use image::codecs::tiff::TiffDecoder;
+use image::codecs::webp::WebPDecoder;
 use image::{ExtendedColorType, ImageDecoder, ImageEncoder};
 use std::io::Cursor;
 use std::path::Path;
@@ -20,11 +28,13 @@ use std::path::Path;
 /// Maximum number of bytes a decoder may allocate besides the image.
 const MAX_SIDE_DATA: u64 = 64 << 20;
 
+/// Largest number of pixels of a file that may be arbitrarily small: 4096². A flat WebP packs any number into a few bytes.
+const MAX_FLAT: usize = 1 << 24;
+
 /// Reads an image.
 ///
 /// # Errors
-/// When it is not readable, not one of the four formats, too large, truncated, or holds a number that is not
-/// finite.
+/// When it is not readable, of another format, too large, truncated, or holds a number that is not finite.
 pub fn read(path: &Path) -> Result<Picture> {
     parse(&read_bytes(path, MAX_SMALL_FILE_BYTES)?, &name_of(path))
 }
@@ -34,77 +44,96 @@ pub fn read(path: &Path) -> Result<Picture> {
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Picture> {
-    let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
-    let broken = |e: image::ImageError| {
-        Error::input(name).at("image data").expected("a complete image").got(reported(&e))
-    };
-    guard(name, || {
-        if start.starts_with(b"\x89PNG\r\n\x1a\n") {
+    let broken = |e| undecodable("image data", name, &e);
+    let n = bytes.len();
+    guard(name, || match ImageFormat::of(bytes, name)? {
+        ImageFormat::Png => {
             png_complete(bytes, name)?;
-            // Colour profiles and texts may be compressed too.
-            let mut limits = image::Limits::default();
-            limits.max_alloc = Some(MAX_SIDE_DATA);
-            let d = PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?;
+            let d = png(bytes).map_err(broken)?;
             // Deflate compresses by a factor of at most 1032.
             let bits = u64::from(d.original_color_type().bits_per_pixel());
-            return decode(d, bytes.len(), 1040 * 8 / crate::num::order::max(bits, 1), name);
+            decode(d, n, 1040 * 8 / order::max(bits, 1), name)
         }
-        if start.starts_with(b"\xff\xd8\xff") {
+        ImageFormat::Jpeg => {
             jpeg_complete(bytes, name)?;
             // A block of 64 luminance values takes at least one bit.
-            let d = JpegDecoder::new(Cursor::new(bytes)).map_err(broken)?;
-            return decode(d, bytes.len(), 512, name);
+            decode(JpegDecoder::new(Cursor::new(bytes)).map_err(broken)?, n, 512, name)
         }
-        if start.starts_with(b"#?") {
+        ImageFormat::WebP => {
+            webp_complete(bytes, name)?;
+            let d = WebPDecoder::new(Cursor::new(bytes)).map_err(broken)?;
+            if d.has_animation() {
+                let e = Error::input(name).at("WebP header").expected("a still image");
+                return Err(e.got("an animation").hint("extract its frames, for example with `anim_dump`"));
+            }
+            decode(d, order::max(n, MAX_FLAT / 512), 512, name)
+        }
+        ImageFormat::Tiff => {
+            let mut d = TiffDecoder::new(Cursor::new(bytes)).map_err(broken)?;
+            let (w, h) = d.dimensions();
+            // Deflate compresses by a factor of at most 1032, LZW by less than 2048.
+            let per_byte = 2048 * 8 / u64::from(order::max(d.original_color_type().bits_per_pixel(), 1));
+            check_size(u64::from(w), u64::from(h), n, per_byte, name)?;
+            let mut limits = image::Limits::default();
+            limits.max_alloc = Some(d.total_bytes().saturating_mul(2) + MAX_SIDE_DATA);
+            d.set_limits(limits).map_err(broken)?;
+            decode(d, n, per_byte, name)
+        }
+        // A run of 255 takes two bytes.
+        ImageFormat::Bmp => decode(BmpDecoder::new(Cursor::new(bytes)).map_err(broken)?, n, 128, name),
+        ImageFormat::Hdr => {
             // The strict reader refuses header lines that other programs write. A run of 127 takes two bytes.
-            let d = HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(broken)?;
-            return decode(d, bytes.len(), 64, name);
+            decode(HdrDecoder::new_nonstrict(Cursor::new(bytes)).map_err(broken)?, n, 64, name)
         }
-        if start.starts_with(b"\x76\x2f\x31\x01") {
-            return image_exr::parse(bytes, name);
-        }
-        let got = if start.is_empty() { "an empty file".into() } else { format!("bytes {start:02x?}") };
-        Err(Error::input(name)
-            .at("byte 0")
-            .expected("the start of a PNG, JPEG, Radiance HDR or OpenEXR file")
-            .got(got))
+        ImageFormat::Exr => image_exr::parse(bytes, name),
     })
 }
 
-/// Declared width and height of an image, checked as in [`parse`], without decoding.
+/// Declared width and height of an image as it is stored, checked as in [`parse`], without decoding.
 ///
 /// # Errors
-/// When it is not one of the four formats, or its header is malformed or declares an absurd size.
+/// When it is of another format, or its header is malformed or declares an absurd size.
 pub fn size(bytes: &[u8], name: &str) -> Result<[usize; 2]> {
-    let broken = |e: image::ImageError| {
-        Error::input(name).at("image header").expected("a complete image").got(reported(&e))
-    };
-    let start = &bytes[..crate::num::order::min(bytes.len(), 8)];
+    let broken = |e| undecodable("image header", name, &e);
+    let data = Cursor::new(bytes);
     guard(name, || {
-        let (w, h) = if start.starts_with(b"\x89PNG\r\n\x1a\n") {
-            let mut limits = image::Limits::default();
-            limits.max_alloc = Some(MAX_SIDE_DATA);
-            PngDecoder::with_limits(Cursor::new(bytes), limits).map_err(broken)?.dimensions()
-        } else if start.starts_with(b"\xff\xd8\xff") {
-            JpegDecoder::new(Cursor::new(bytes)).map_err(broken)?.dimensions()
-        } else {
-            let p = parse(bytes, name)?;
-            (p.width as u32, p.height as u32)
+        let (w, h) = match ImageFormat::of(bytes, name)? {
+            ImageFormat::Png => png(bytes).map_err(broken)?.dimensions(),
+            ImageFormat::Jpeg => JpegDecoder::new(data).map_err(broken)?.dimensions(),
+            ImageFormat::WebP => WebPDecoder::new(data).map_err(broken)?.dimensions(),
+            ImageFormat::Tiff => TiffDecoder::new(data).map_err(broken)?.dimensions(),
+            ImageFormat::Bmp => BmpDecoder::new(data).map_err(broken)?.dimensions(),
+            ImageFormat::Hdr | ImageFormat::Exr => {
+                let p = parse(bytes, name)?;
+                (p.width as u32, p.height as u32)
+            }
         };
         check_size(u64::from(w), u64::from(h), usize::MAX >> 1, 1, name)?;
         Ok([w as usize, h as usize])
     })
 }
 
-fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) -> Result<Picture> {
+fn undecodable(place: &str, name: &str, e: &image::ImageError) -> Error {
+    Error::input(name).at(place).expected("a complete image").got(reported(e))
+}
+
+fn png(bytes: &[u8]) -> image::ImageResult<PngDecoder<Cursor<&[u8]>>> {
+    // Colour profiles and texts may be compressed too.
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(MAX_SIDE_DATA);
+    PngDecoder::with_limits(Cursor::new(bytes), limits)
+}
+
+fn decode(mut d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) -> Result<Picture> {
     use image::ColorType as C;
     let (w, h) = d.dimensions();
     check_size(u64::from(w), u64::from(h), bytes, pixels_per_byte, name)?;
     let color = d.color_type();
+    // Metadata that cannot be read says nothing about the pixels.
+    let orientation = d.orientation().map_or(Orientation::STORED, |o| Orientation::of_exif(o.to_exif()));
     let mut raw =
         memory::filled(name, (w as usize) * (h as usize) * usize::from(color.bytes_per_pixel()), 0)?;
-    d.read_image(&mut raw)
-        .map_err(|e| Error::input(name).at("image data").expected("a complete image").got(reported(&e)))?;
+    d.read_image(&mut raw).map_err(|e| undecodable("image data", name, &e))?;
     // `image` returns native-endian words.
     let words = || raw.chunks_exact(2).map(|c| u16::from_ne_bytes([c[0], c[1]])).collect();
     let (channels, samples): (&[&str], Samples) = match color {
@@ -116,10 +145,8 @@ fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) 
         C::La16 => (&["Y", "A"], Samples::U16(words())),
         C::Rgb16 => (&["R", "G", "B"], Samples::U16(words())),
         C::Rgba16 => (&["R", "G", "B", "A"], Samples::U16(words())),
-        C::Rgb32F => {
-            let v = raw.chunks_exact(4).map(|c| f32::from_ne_bytes([c[0], c[1], c[2], c[3]])).collect();
-            (&["R", "G", "B"], Samples::F32(v))
-        }
+        C::Rgb32F => (&["R", "G", "B"], Samples::F32(floats(&raw, name)?)),
+        C::Rgba32F => (&["R", "G", "B", "A"], Samples::F32(floats(&raw, name)?)),
         other => {
             let expected = "grey or RGB, with or without alpha";
             return Err(Error::input(name).at("colour type").expected(expected).got(format!("{other:?}")));
@@ -127,7 +154,32 @@ fn decode(d: impl ImageDecoder, bytes: usize, pixels_per_byte: u64, name: &str) 
     };
     let encoding = if matches!(samples, Samples::F32(_)) { Encoding::Linear } else { Encoding::Srgb };
     let channels = channels.iter().map(|&c| c.to_owned()).collect();
-    Ok(Picture { width: w as usize, height: h as usize, channels, encoding, samples })
+    Ok(Picture { width: w as usize, height: h as usize, channels, encoding, samples, orientation })
+}
+
+/// Native-endian words as finite numbers.
+fn floats(raw: &[u8], name: &str) -> Result<Vec<f32>> {
+    let values: Vec<f32> =
+        raw.chunks_exact(4).map(|c| f32::from_ne_bytes([c[0], c[1], c[2], c[3]])).collect();
+    match values.iter().position(|x| !x.is_finite()) {
+        None => Ok(values),
+        Some(i) => Err(Error::input(name)
+            .at(format!("value {i}"))
+            .expected("a finite number")
+            .got(values[i].to_string())),
+    }
+}
+
+/// A WebP is a RIFF file that declares its length.
+fn webp_complete(bytes: &[u8], name: &str) -> Result<()> {
+    let declared = bytes.get(4..8).map_or(0, |n| u32::from_le_bytes([n[0], n[1], n[2], n[3]])) as usize + 8;
+    if declared <= bytes.len() {
+        return Ok(());
+    }
+    Err(Error::input(name)
+        .at("WebP header")
+        .expected(format!("{declared} bytes, as declared"))
+        .got(format!("{} before the end of the file", bytes.len())))
 }
 
 /// A PNG ends with its IEND chunk; decoders stop before it.

@@ -3,7 +3,7 @@
 //! ```text
 //! npz, npy       named arrays            safetensors   named arrays with text metadata (checkpoints)
 //! ply            any PLY, strictly       gaussian_ply  3DGS scenes and coloured points in PLY
-//! splat_file     .splat, 32 bytes each   image_file    PNG, JPEG, Radiance HDR, OpenEXR; image_data: as records
+//! splat_file     .splat, 32 bytes each   image_file    PNG, JPEG, WebP, TIFF, BMP, HDR, OpenEXR; image_data: as records
 //! transforms     transforms.json in three dialects     colmap  sparse models, binary and text
 //! capture        detects the layout of a folder        frame   images with poses and lenses, as records
 //! person         captures of moving people: the one layout
@@ -35,6 +35,7 @@ pub mod gaussian_ply;
 pub mod image_data;
 mod image_exr;
 pub mod image_file;
+mod image_format;
 pub mod json;
 pub mod lock;
 pub mod memory;
@@ -44,6 +45,7 @@ pub mod npz;
 pub mod paths;
 pub mod person;
 pub mod ply;
+mod ply_data;
 mod read;
 mod reading;
 pub mod safetensors;

@@ -51,6 +51,7 @@ use crate::num::array::Arrays;
 use crate::{Error, Result};
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 /// The arrays of the body.
 pub const BODY: &str = "body.npz";
@@ -237,6 +238,8 @@ pub struct NewShot {
 pub struct Writer {
     dir: PathBuf,
     frames: Vec<(Split, Value)>,
+    /// images that are written, for [`Self::discard`]
+    written: Mutex<Vec<PathBuf>>,
 }
 
 impl Writer {
@@ -253,7 +256,7 @@ impl Writer {
             atomic::remove(&dir.join(file))?;
         }
         atomic::sweep(dir)?;
-        Ok(Self { dir: dir.to_path_buf(), frames: Vec::new() })
+        Ok(Self { dir: dir.to_path_buf(), frames: Vec::new(), written: Mutex::new(Vec::new()) })
     }
 
     /// Writes the two images of a shot: bytes (H, W, 3) and (H, W). May be called from several threads; see
@@ -264,9 +267,27 @@ impl Writer {
     pub fn pictures(&self, shot: &NewShot, rgb: &[u8], mask: &[u8]) -> Result<()> {
         let (w, h) = (shot.width, shot.height);
         let image = image_file::png_bytes(w, h, 3, rgb)?;
-        atomic::write_unflushed(&self.dir.join(format!("images/{}.png", shot.name)), &image)?;
         let mask = image_file::png_bytes(w, h, 1, mask)?;
-        atomic::write_unflushed(&self.dir.join(format!("foreground/{}.png", shot.name)), &mask)
+        for (folder, bytes) in [("images", image), ("foreground", mask)] {
+            let path = self.dir.join(format!("{folder}/{}.png", shot.name));
+            atomic::write_unflushed(&path, &bytes)?;
+            self.written.lock().unwrap_or_else(PoisonError::into_inner).push(path);
+        }
+        Ok(())
+    }
+
+    /// Removes the images written so far, and the folders that are empty then: a refused source leaves no half capture.
+    ///
+    /// # Errors
+    /// When a file cannot be removed.
+    pub fn discard(self) -> Result<()> {
+        let written = self.written.into_inner().unwrap_or_else(PoisonError::into_inner);
+        written.iter().try_for_each(|path| atomic::remove(path))?;
+        for folder in ["images", "foreground"] {
+            // It holds something else, or is gone.
+            let _kept = std::fs::remove_dir(self.dir.join(folder));
+        }
+        Ok(())
     }
 
     /// Adds the camera of a shot whose images are there.

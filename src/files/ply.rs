@@ -1,10 +1,12 @@
 //! PLY files of any content, read strictly: ascii or binary of either byte order, properties in any order and
 //! of any type.
 //!
-//! Scalars become columns; list properties (faces) are checked and skipped. What follows the last element is
-//! an error, and so is a row that is too short or too long.
+//! Scalars become columns. List properties (faces) are checked, and kept by [`parse_with_lists`]. What follows the last element is an error,
+//! and so is a row that is too short or too long.
 
 use super::bytes::Cursor;
+use super::ply_data::Values;
+pub use super::ply_data::{Column, Element, Format, List, Ply, Type};
 use super::{MAX_FILE_BYTES, memory, name_of, read_bytes};
 use crate::num::order;
 use crate::{Error, Result};
@@ -12,190 +14,6 @@ use std::path::Path;
 
 /// Longest header read, in bytes.
 const MAX_HEADER: usize = 1 << 20;
-
-/// How the elements are written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Format {
-    /// decimal text, one row a line
-    Ascii,
-    /// binary, least significant byte first
-    LittleEndian,
-    /// binary, most significant byte first
-    BigEndian,
-}
-
-/// Type of a property.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Type {
-    /// char, int8
-    I8,
-    /// uchar, uint8
-    U8,
-    /// short, int16
-    I16,
-    /// ushort, uint16
-    U16,
-    /// int, int32
-    I32,
-    /// uint, uint32
-    U32,
-    /// float, float32
-    F32,
-    /// double, float64
-    F64,
-}
-
-impl Type {
-    fn parse(word: &str) -> Option<Self> {
-        Some(match word {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-
-    fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::F64 => 8,
-        }
-    }
-
-    /// Whether the type is float or double.
-    pub fn is_float(self) -> bool {
-        matches!(self, Self::F32 | Self::F64)
-    }
-
-    /// Smallest and largest integer of the type.
-    fn range(self) -> (i64, i64) {
-        match self {
-            Self::I8 => (-128, 127),
-            Self::U8 => (0, 255),
-            Self::I16 => (-32_768, 32_767),
-            Self::U16 => (0, 65_535),
-            Self::I32 => (i64::from(i32::MIN), i64::from(i32::MAX)),
-            _ => (0, i64::from(u32::MAX)),
-        }
-    }
-
-    fn decode(self, bytes: &[u8], big: bool) -> f64 {
-        let mut raw = [0u8; 8];
-        let n = self.size();
-        raw[..n].copy_from_slice(&bytes[..n]);
-        if big {
-            raw[..n].reverse();
-        }
-        let word = u64::from_le_bytes(raw);
-        match self {
-            Self::I8 => f64::from(word as u8 as i8),
-            Self::U8 => f64::from(word as u8),
-            Self::I16 => f64::from(word as u16 as i16),
-            Self::U16 => f64::from(word as u16),
-            Self::I32 => f64::from(word as u32 as i32),
-            Self::U32 => f64::from(word as u32),
-            Self::F32 => f64::from(f32::from_bits(word as u32)),
-            Self::F64 => f64::from_bits(word),
-        }
-    }
-
-    fn decode_text(self, word: &str) -> Option<f64> {
-        match self {
-            // Rounded once, to the type of the property.
-            Self::F32 => word.parse::<f32>().ok().map(f64::from),
-            Self::F64 => word.parse::<f64>().ok(),
-            _ => {
-                let (lo, hi) = self.range();
-                word.parse::<i64>().ok().filter(|x| (lo..=hi).contains(x)).map(|x| x as f64)
-            }
-        }
-    }
-}
-
-/// Values of one property; single precision where that holds them exactly.
-#[derive(Clone, Debug, PartialEq)]
-enum Values {
-    Narrow(Vec<f32>),
-    Wide(Vec<f64>),
-}
-
-/// One scalar property of all rows of an element.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Column {
-    /// Name of the property.
-    pub name: String,
-    /// Its type in the file.
-    pub kind: Type,
-    values: Values,
-}
-
-impl Column {
-    /// Row `i`, exact.
-    pub fn f64(&self, i: usize) -> f64 {
-        match &self.values {
-            Values::Narrow(v) => f64::from(v[i]),
-            Values::Wide(v) => v[i],
-        }
-    }
-
-    /// Row `i`, rounded to single precision.
-    pub fn f32(&self, i: usize) -> f32 {
-        match &self.values {
-            Values::Narrow(v) => v[i],
-            Values::Wide(v) => v[i] as f32,
-        }
-    }
-
-    fn push(&mut self, x: f64) {
-        match &mut self.values {
-            Values::Narrow(v) => v.push(x as f32),
-            Values::Wide(v) => v.push(x),
-        }
-    }
-}
-
-/// One element, such as all vertices.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Element {
-    /// Name of the element.
-    pub name: String,
-    /// Number of rows.
-    pub rows: usize,
-    /// Its scalar properties, in the order of the file.
-    pub columns: Vec<Column>,
-}
-
-impl Element {
-    /// The property of that name.
-    pub fn column(&self, name: &str) -> Option<&Column> {
-        self.columns.iter().find(|c| c.name == name)
-    }
-}
-
-/// A file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Ply {
-    /// How it was written.
-    pub format: Format,
-    /// Text of the `comment` and `obj_info` lines.
-    pub comments: Vec<String>,
-    /// Its elements.
-    pub elements: Vec<Element>,
-}
-
-impl Ply {
-    /// The element of that name.
-    pub fn element(&self, name: &str) -> Option<&Element> {
-        self.elements.iter().find(|e| e.name == name)
-    }
-}
 
 enum Property {
     Scalar(Type),
@@ -220,6 +38,18 @@ pub fn read(path: &Path) -> Result<Ply> {
 /// # Errors
 /// See [`read`].
 pub fn parse(bytes: &[u8], name: &str) -> Result<Ply> {
+    parse_keeping(bytes, name, false)
+}
+
+/// Like [`parse`], and keeps list properties.
+///
+/// # Errors
+/// See [`read`].
+pub fn parse_with_lists(bytes: &[u8], name: &str) -> Result<Ply> {
+    parse_keeping(bytes, name, true)
+}
+
+fn parse_keeping(bytes: &[u8], name: &str, keep_lists: bool) -> Result<Ply> {
     let (mut ply, mut declared, body_at, lines) = header(bytes, name)?;
     let body = &bytes[body_at..];
     for d in &declared {
@@ -229,7 +59,10 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Ply> {
     let values = declared
         .iter()
         .fold(0_u64, |n, d| n.saturating_add(d.element.rows as u64 * d.properties.len() as u64));
-    memory::check(name, values.saturating_mul(8))?;
+    // Items of lists have at least one byte in the file.
+    let items = if keep_lists { body.len() as u64 } else { 0 };
+    memory::check(name, values.saturating_add(items).saturating_mul(8))?;
+    declared.iter_mut().for_each(|d| start(d, keep_lists));
     match ply.format {
         Format::Ascii => ascii(&mut declared, body, lines, name)?,
         f => binary(&mut declared, bytes, body_at, f == Format::BigEndian, name)?,
@@ -289,7 +122,8 @@ fn header(bytes: &[u8], name: &str) -> Result<(Ply, Vec<Declared>, usize, usize)
                 if declared.iter().any(|d| d.element.name == *element) {
                     return Err(fail("every element once", element));
                 }
-                let element = Element { name: (*element).to_owned(), rows, columns: Vec::new() };
+                let element =
+                    Element { name: (*element).to_owned(), rows, columns: Vec::new(), lists: Vec::new() };
                 declared.push(Declared { element, properties: Vec::new() });
             }
             ["property", rest @ ..] => {
@@ -344,15 +178,22 @@ fn check_size(d: &Declared, format: Format, left: usize, name: &str) -> Result<(
     Ok(())
 }
 
-fn start(d: &mut Declared) {
+/// Makes room for the values of an element.
+fn start(d: &mut Declared, keep_lists: bool) {
     let rows = d.element.rows;
     for (name, p) in &d.properties {
-        let Property::Scalar(kind) = *p else { continue };
-        let values = match kind {
-            Type::I32 | Type::U32 | Type::F64 => Values::Wide(Vec::with_capacity(rows)),
-            _ => Values::Narrow(Vec::with_capacity(rows)),
-        };
-        d.element.columns.push(Column { name: name.clone(), kind, values });
+        let name = name.clone();
+        match *p {
+            Property::Scalar(kind) => {
+                let values = Values::of(kind, rows);
+                d.element.columns.push(Column { name, kind, values });
+            }
+            Property::List { item, .. } if keep_lists => {
+                let (ends, values) = (Vec::with_capacity(rows), Values::of(item, 0));
+                d.element.lists.push(List { name, ends, values });
+            }
+            Property::List { .. } => {}
+        }
     }
 }
 
@@ -360,23 +201,28 @@ fn binary(declared: &mut [Declared], bytes: &[u8], body_at: usize, big: bool, na
     let mut c = Cursor::new(bytes, name);
     c.take(body_at, format_args!("header"))?;
     for d in declared {
-        start(d);
         let element = d.element.name.clone();
         for row in 0..d.element.rows {
-            let mut columns = d.element.columns.iter_mut();
+            let (mut columns, mut lists) = (d.element.columns.iter_mut(), d.element.lists.iter_mut());
             for (property, kind) in &d.properties {
                 let place = format_args!("element {element}, row {row}, property {property}");
                 match *kind {
                     Property::Scalar(t) => {
                         let x = t.decode(c.take(t.size(), place)?, big);
-                        columns.next().expect("one column for every scalar property").push(x);
+                        columns.next().expect("one column for every scalar property").values.push(x);
                     }
                     Property::List { count, item } => {
                         let n = count.decode(c.take(count.size(), place)?, big);
                         if n < 0.0 {
                             return Err(c.error(place).expected("a length").got(n.to_string()));
                         }
-                        c.take((n as usize).saturating_mul(item.size()), place)?;
+                        let values = c.take((n as usize).saturating_mul(item.size()), place)?;
+                        if let Some(list) = lists.next() {
+                            for value in values.chunks_exact(item.size()) {
+                                list.values.push(item.decode(value, big));
+                            }
+                            list.end_row();
+                        }
                     }
                 }
             }
@@ -389,7 +235,6 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
     let mut line_number = header_lines;
     let mut lines = body.split(|&b| b == b'\n');
     for d in declared {
-        start(d);
         let element = d.element.name.clone();
         for row in 0..d.element.rows {
             line_number += 1;
@@ -404,7 +249,7 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                 return Err(fail("", "text", "bytes that are not UTF-8"));
             };
             let mut words = line.split_ascii_whitespace();
-            let mut columns = d.element.columns.iter_mut();
+            let (mut columns, mut lists) = (d.element.columns.iter_mut(), d.element.lists.iter_mut());
             for (property, kind) in &d.properties {
                 let at = format!(", property {property}");
                 let mut number = |t: Type| {
@@ -414,7 +259,7 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                 match *kind {
                     Property::Scalar(t) => {
                         let x = number(t)?;
-                        columns.next().expect("one column for every scalar property").push(x);
+                        columns.next().expect("one column for every scalar property").values.push(x);
                     }
                     Property::List { count, item } => {
                         let n = number(count)?;
@@ -422,8 +267,15 @@ fn ascii(declared: &mut [Declared], body: &[u8], header_lines: usize, name: &str
                             return Err(fail(&at, "a length", &n.to_string()));
                         }
                         // At most the number of words in the line.
+                        let mut list = lists.next();
                         for _ in 0..n as u64 {
-                            number(item)?;
+                            let x = number(item)?;
+                            if let Some(list) = &mut list {
+                                list.values.push(x);
+                            }
+                        }
+                        if let Some(list) = list {
+                            list.end_row();
                         }
                     }
                 }

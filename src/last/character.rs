@@ -100,7 +100,7 @@ impl CharacterSubject {
             [one] => (one, None),
             [one, two] => (one, Some(two.as_str())),
             other => {
-                let e = Error::input("animations").expected("one or two names").got(other.len().to_string());
+                let e = Error::input("--animation").expected("one or two names").got(other.len().to_string());
                 return Err(e.hint(format!("the file has {}", character.animations().join(", "))));
             }
         };

@@ -2,6 +2,7 @@
 
 use super::character_settings::CharacterSettings;
 use super::points::Rendering;
+use crate::fit::passes::PassSet;
 use crate::{Error, Result};
 use data_gen::figure::graph::Graph;
 use data_gen::figure::mechanism::{Mechanism, Scm};
@@ -81,7 +82,7 @@ pub struct Settings {
     /// Number of test cameras of the video, 1 to 22.
     pub test_cameras: usize,
     /// Whether the video also contains depth, normals, albedo, material and linear radiance.
-    pub passes: bool,
+    pub passes: PassSet,
     /// Appearance of the subject of the video.
     pub subject: u64,
     /// A character that replaces the built-in figure.
@@ -110,7 +111,7 @@ impl Settings {
             points: 2048,
             frames: 100,
             test_cameras: 22,
-            passes: false,
+            passes: PassSet::NONE,
             subject: 0,
             character: None,
             seed: 0,
@@ -191,7 +192,7 @@ impl Settings {
             within("frames", self.frames, 1, 100_000)?;
             within("test cameras", self.test_cameras, 1, video::CAMERAS - 1)?;
         }
-        if which.video && self.passes && self.video_look != Rendering::Mesh {
+        if which.video && !self.passes.is_empty() && self.video_look != Rendering::Mesh {
             return Err(Error::input("setting passes")
                 .expected("--video-render-as mesh, because points have no depth, normals or material")
                 .got(self.video_look.name()));
@@ -223,7 +224,7 @@ impl Settings {
             "raw": self.raw, "video_look": self.video_look.name(), "set_look": self.set_look.name(),
             "video_size": self.video_size, "set_size": self.set_size, "samples": self.samples,
             "count": self.count, "groups": self.groups, "appearances": self.appearances,
-            "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes,
+            "points": self.points, "frames": self.frames, "test_cameras": self.test_cameras, "passes": self.passes.record(),
             "subject": self.subject, "seed": self.seed, "bounces": BOUNCES,
         });
         // Recorded only for characters, so that records of the figure keep their bytes.
@@ -237,14 +238,14 @@ impl Settings {
     pub fn command(&self) -> String {
         let which = Which::parse(&self.set).ok();
         let mut words = vec![format!(
-            "lastlight last gen --set {} --graph {} --factors {} --mechanism {} --points {} --samples {} --seed {}",
+            "lastlight last gen --split {} --graph {} --factors {} --equations {} --body-points {} --samples {} --seed {}",
             self.set, self.graph, self.factors, self.mechanism, self.points, self.samples, self.seed
         )];
         if self.raw {
             words.push("--no-standardize".into());
         }
         if which.is_some_and(|w| w.observational) {
-            words.push(format!("--count {}", self.count));
+            words.push(format!("--observational {}", self.count));
         }
         if which.is_some_and(|w| w.interventions) {
             words.push(format!("--groups {}", self.groups));
@@ -266,8 +267,8 @@ impl Settings {
                 self.video_look.name(),
                 self.video_size
             ));
-            if self.passes {
-                words.push("--passes".into());
+            if !self.passes.is_empty() {
+                words.push(format!("--passes {}", self.passes.names().join(",")));
             }
         }
         if let Some(c) = &self.character {

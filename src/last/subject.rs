@@ -23,7 +23,7 @@ use super::figure::{self, ClothedFigure, Figures, Photo, Points, Rendering};
 use super::folder::digest;
 use super::progress::{Progress, check_stop};
 use super::settings::Settings;
-use crate::fit::passes::{Recorder, Shot, Style};
+use crate::fit::passes::{PassSet, Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
 use crate::io::{atomic, npz};
@@ -130,7 +130,7 @@ pub struct CaptureJob {
     /// Test cameras render every n-th frame, with this n.
     pub test_step: usize,
     /// Whether to include depth, normals, albedo, material and linear radiance.
-    pub passes: bool,
+    pub passes: PassSet,
     /// Seed of the draws.
     pub seed: u64,
 }
@@ -185,7 +185,7 @@ pub fn write(
             "shoot".to_owned(),
             json!({
                 "frames": subject.frames(), "size": shoot.size, "samples": shoot.samples, "seed": shoot.seed,
-                "test_cameras": shoot.test_cameras, "test_step": shoot.test_step, "passes": shoot.passes,
+                "test_cameras": shoot.test_cameras, "test_step": shoot.test_step, "passes": shoot.passes.record(),
             }),
         ),
     ]);

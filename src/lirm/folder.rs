@@ -53,7 +53,7 @@ pub(super) fn begin(dir: &Path, asked: &Map<String, Value>, resume: bool) -> Res
     atomic::remove(&record)?;
     objects.sort();
     for object in &objects {
-        atomic::remove(&object.join("object.json"))?;
+        atomic::remove(&object.join(OBJECT))?;
         truth::clear(object)?;
         VERSIONS.iter().try_for_each(|version| passes::clear(&object.join(version)))?;
     }
@@ -87,6 +87,23 @@ fn same_settings(path: &Path, asked: &Map<String, Value>) -> Result<Value> {
         .hint("choose another folder, or pass the settings of that set"))
 }
 
+/// Name of the record of an object.
+const OBJECT: &str = "object.json";
+
+/// The digest of the record of an object.
+fn sealed(record: &Value) -> Value {
+    let mut digest = crate::num::bits::Digest::new();
+    digest.bytes(format!("{record:#}").as_bytes());
+    json!(hex(digest.value()))
+}
+
+/// Writes the record of an object, with its own digest as the last entry.
+pub(super) fn write_object(folder: &Path, record: &Value) -> Result<()> {
+    let mut written = record.clone();
+    written["digest"] = sealed(record);
+    atomic::write_bytes(&folder.join(OBJECT), format!("{written:#}\n").as_bytes())
+}
+
 /// The record of object k if its folder is complete: it was generated with these settings, and every file has
 /// the recorded digest.
 pub(super) fn finished(
@@ -95,11 +112,19 @@ pub(super) fn finished(
     asked: &Map<String, Value>,
     k: u64,
 ) -> Result<Option<Value>> {
-    let path = folder.join("object.json");
+    let path = folder.join(OBJECT);
     if !path.is_file() {
         return Ok(None);
     }
-    let record = same_settings(&path, asked)?;
+    let mut record = same_settings(&path, asked)?;
+    let digest = record.as_object_mut().and_then(|entries| entries.shift_remove("digest"));
+    if digest != Some(sealed(&record)) {
+        return Err(Error::input("--resume")
+            .at(path.display().to_string())
+            .expected("an unchanged record")
+            .got("one that differs from its digest")
+            .hint("remove that file to write it again"));
+    }
     let (shots, _) = shots(settings, k);
     let mut is_whole = true;
     for (n, (version, ..)) in settings.versions().into_iter().enumerate() {

@@ -14,7 +14,7 @@
 //! and on several machines, each in a folder of its own: `dataset.json` lists the objects of the last run.
 //! The module `folder` describes how a folder is created, resumed and overwritten.
 
-use super::folder::{FORMAT, RECORD, announce, begin, finished, header, hex};
+use super::folder::{FORMAT, RECORD, announce, begin, finished, header, hex, write_object};
 pub use super::settings::{Lighting, Set, Settings};
 use super::shots::shots;
 use super::subject::{Light, Subject};
@@ -169,7 +169,7 @@ impl Job<'_> {
         if let Some(protocol) = protocol {
             record["protocol"] = protocol;
         }
-        atomic::write_bytes(&folder.join("object.json"), format!("{record:#}\n").as_bytes())?;
+        write_object(folder, &record)?;
         Ok((record, rendered))
     }
 }

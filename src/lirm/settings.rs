@@ -1,5 +1,6 @@
 //! Settings of a data set of rendered objects.
 
+use crate::fit::passes::PassSet;
 use crate::io;
 use crate::scene::camera::Model;
 use crate::scene::environment_file::Options as MapOptions;
@@ -72,8 +73,8 @@ pub struct Settings {
     pub texture: usize,
     /// Number of columns of a built-in map; it has half as many rows.
     pub map_width: usize,
-    /// Whether to write passes other than photo and foreground.
-    pub passes: bool,
+    /// Whether to write passes other than photograph and foreground.
+    pub passes: PassSet,
     /// Whether to write shape, materials and map.
     pub truth: bool,
     /// Seed of every draw.
@@ -100,7 +101,7 @@ impl Default for Settings {
             bounces: 1,
             texture: 512,
             map_width: 512,
-            passes: true,
+            passes: PassSet::ALL,
             truth: true,
             seed: 0,
         }
@@ -196,7 +197,7 @@ impl Settings {
             ("bounces", json!(self.bounces)),
             ("texture", json!(self.texture)),
             ("map_width", json!(self.map_width)),
-            ("passes", json!(self.passes)),
+            ("passes", self.passes.record()),
             ("truth", json!(self.truth)),
             ("seed", json!(self.seed)),
         ];

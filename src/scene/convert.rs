@@ -28,10 +28,21 @@ impl SceneFormat {
             "ply" => Ok(Self::Ply),
             "splat" => Ok(Self::Splat),
             "npz" => Ok(Self::Npz),
-            other => Err(Error::input(path.display().to_string())
-                .at("extension")
-                .expected(".ply, .splat or .npz")
-                .got(if other.is_empty() { "none".to_owned() } else { format!(".{other}") })),
+            other => {
+                let got = if other.is_empty() { "none".to_owned() } else { format!(".{other}") };
+                let e = Error::input(path.display().to_string()).at("extension");
+                let e = e.expected(".ply, .splat or .npz").got(got);
+                Err(match other {
+                    "spz" | "sog" | "ksplat" | "lcc" => e.hint(format!(
+                        "convert it to PLY, for example with `splat-transform SCENE.{other} SCENE.ply`, or in SuperSplat: export PLY"
+                    )),
+                    "usdz" | "usd" | "usda" | "usdc" => {
+                        e.hint("export the scene as 3DGS PLY from the program that wrote it")
+                    }
+                    "obj" | "gltf" | "glb" => e.hint("`lastlight mesh render` renders meshes"),
+                    _ => e,
+                })
+            }
         }
     }
 }

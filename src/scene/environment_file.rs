@@ -165,7 +165,7 @@ impl Options {
     }
 }
 
-/// Reads a map: Radiance HDR, OpenEXR (R, G, B), PNG or JPEG.
+/// Reads a map: Radiance HDR, OpenEXR (R, G, B), TIFF of floats, or an sRGB-encoded image.
 ///
 /// # Errors
 /// When the file is bad, not an image of colours, larger than [`MAX_TEXELS`], or holds a negative number or

@@ -103,7 +103,7 @@ impl PassImages {
         {
             let expected = match encoding {
                 Encoding::Linear => "an OpenEXR or Radiance file of linear values",
-                Encoding::Srgb => "a PNG or JPEG of encoded values",
+                Encoding::Srgb => "an image of encoded values, such as PNG",
             };
             return Err(Error::input(name).expected(expected).got("the other kind"));
         }

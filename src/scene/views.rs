@@ -5,7 +5,7 @@ use super::lens;
 use super::placement::nearest_to_axes;
 use crate::io::capture::{Capture, Frame, Lens, Reading, Split, read_capture_with};
 use crate::io::gaussian_ply::Points;
-use crate::io::image_file::{self, Encoding, Picture};
+use crate::io::image_file::{self, Encoding, Orientation, Picture};
 use crate::io::memory;
 use crate::num::{order, par};
 use crate::{Error, Result};
@@ -106,6 +106,10 @@ pub struct Views {
     pub scene_box: SceneBox,
     /// Points of a reconstruction, if the capture has them.
     pub points: Option<Points>,
+    /// Names of photos whose pixels were turned by their EXIF orientation, because the capture declares the size of the upright image.
+    pub turned: Vec<String>,
+    /// Names of photos with an EXIF orientation that was ignored, because the size that the capture declares, if any, is that of the stored pixels.
+    pub not_turned: Vec<String>,
     /// Number of views with a mask that was read.
     pub masked: usize,
     /// Names of listed photos that are missing.
@@ -134,6 +138,9 @@ impl Views {
     ///
     /// Where the layout itself names training and test images, that split holds and validation images are
     /// left out; otherwise every eighth view is held out.
+    ///
+    /// Cameras refer to the pixels as they are stored, as COLMAP does: the EXIF orientation of a photo is ignored. It is applied only where
+    /// the declared size fits the upright image and not the stored one, as in captures of programs that turn photos when they read them.
     ///
     /// # Errors
     /// When a photo or a mask is bad, or its size does not fit its lens.
@@ -176,11 +183,15 @@ impl Views {
             frames.iter().filter_map(|f| f.size).fold(0, |n, [w, h]| n + w as u64 * h as u64 / shrink);
         memory::check("photos", pixels.saturating_mul(PIXEL_BYTES))
             .map_err(|e| e.hint("--downscale lowers the estimate, --max-memory raises the limit"))?;
-        let views = par::map(frames.len(), |i| load(frames[i], options))
+        let loaded = par::map(frames.len(), |i| load(frames[i], options))
             .into_iter()
-            .collect::<Result<Vec<(View, bool)>>>()?;
-        let masked = views.iter().filter(|(_, is_masked)| *is_masked).count();
-        let views = views.into_iter().map(|(view, _)| view).collect();
+            .collect::<Result<Vec<Loaded>>>()?;
+        let names = |turn: Turn| -> Vec<String> {
+            loaded.iter().filter(|l| l.turn == turn).map(|l| l.view.name.clone()).collect()
+        };
+        let (turned, not_turned) = (names(Turn::Applied), names(Turn::Ignored));
+        let masked = loaded.iter().filter(|l| l.is_masked).count();
+        let views = loaded.into_iter().map(|l| l.view).collect();
         let poses: Vec<&Frame> = train.iter().map(|&i| frames[i]).collect();
         let (extent, scene_box) = place(&poses);
         Ok(Self {
@@ -190,6 +201,8 @@ impl Views {
             extent,
             scene_box,
             points: capture.points.clone(),
+            turned,
+            not_turned,
             masked,
             missing: capture.missing.iter().map(|frame| frame.name.clone()).collect(),
             missing_files: capture.missing_files.clone(),
@@ -233,20 +246,53 @@ fn place(frames: &[&Frame]) -> (f64, SceneBox) {
     (extent, SceneBox { center, half_size })
 }
 
-/// The view, and whether its mask was read.
-fn load(frame: &Frame, options: &Options) -> Result<(View, bool)> {
+/// What became of the EXIF orientation of a photo.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Turn {
+    /// There is none.
+    None,
+    /// The pixels were turned.
+    Applied,
+    /// The pixels are as stored.
+    Ignored,
+}
+
+/// Turns a photo upright if only then it has the declared size.
+fn turn(frame: &Frame, picture: Picture) -> (Picture, Turn) {
+    if picture.orientation == Orientation::STORED {
+        return (picture, Turn::None);
+    }
+    let (w, h) = (picture.width, picture.height);
+    if picture.orientation.swaps_sides() && !frame.fits(w, h) && frame.fits(h, w) {
+        return (picture.upright(), Turn::Applied);
+    }
+    (picture, Turn::Ignored)
+}
+
+/// A photo that was read.
+struct Loaded {
+    view: View,
+    /// Whether its mask was read.
+    is_masked: bool,
+    turn: Turn,
+}
+
+fn load(frame: &Frame, options: &Options) -> Result<Loaded> {
     let name = frame.image.display().to_string();
-    let picture = image_file::read(&frame.image)?;
+    let stored = image_file::read(&frame.image)?;
+    let orientation = stored.orientation;
+    let (picture, turn) = turn(frame, stored);
     if picture.encoding != Encoding::Srgb {
         return Err(Error::input(name)
             .at("encoding")
-            .expected("an sRGB-encoded photo (PNG or JPEG)")
+            .expected("an sRGB-encoded photo (PNG, JPEG, WebP, TIFF or BMP)")
             .got("linear values"));
     }
     let (full_w, full_h) = (picture.width, picture.height);
     let k = frame.intrinsics(full_w, full_h)?;
+    let by = if turn == Turn::Applied { orientation } else { Orientation::STORED };
     let mask = frame.mask.as_ref().filter(|_| options.masks != Masks::Off);
-    let mut mask = mask.map(|path| load_mask(path, full_w, full_h)).transpose()?;
+    let mut mask = mask.map(|path| load_mask(path, [full_w, full_h], by)).transpose()?;
     let is_masked = mask.is_some();
     let s = options.downscale;
     let (width, height) = (full_w / s, full_h / s);
@@ -294,15 +340,19 @@ fn load(frame: &Frame, options: &Options) -> Result<(View, bool)> {
     };
     camera.validate().map_err(|e| e.within(name))?;
     let rgb = image_file::to_u8(&rgb)?;
-    Ok((View { name: frame.name.clone(), camera, rgb, mask }, is_masked))
+    Ok(Loaded { view: View { name: frame.name.clone(), camera, rgb, mask }, is_masked, turn })
 }
 
-/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask of the photo
-/// before it was reduced is sampled at the nearest pixels.
-fn load_mask(path: &Path, width: usize, height: usize) -> Result<Vec<u8>> {
-    let m = image_file::read(path)?;
-    let off = (m.width * height).abs_diff(m.height * width);
-    if off > Ord::max(m.width, m.height) || m.width < width || m.height < height {
+/// (H, W): 1 where the first channel (or alpha, where there is one) is at least one half. A mask of the photo before it was reduced is
+/// sampled at the nearest pixels, and a mask of the stored pixels is turned as the photo is.
+fn load_mask(path: &Path, [width, height]: [usize; 2], turn: Orientation) -> Result<Vec<u8>> {
+    let fits =
+        |w: usize, h: usize| (w * height).abs_diff(h * width) <= Ord::max(w, h) && w >= width && h >= height;
+    let mut m = image_file::read(path)?;
+    if turn.swaps_sides() && !fits(m.width, m.height) && fits(m.height, m.width) {
+        m = m.turned(turn);
+    }
+    if !fits(m.width, m.height) {
         return Err(Error::input(path.display().to_string())
             .at("mask size")
             .expected(format!("{width}x{height} as the photo, or a multiple of it"))

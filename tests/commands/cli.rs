@@ -76,7 +76,7 @@ fn write_formula(path: &Path) {
 
 #[test]
 fn lpips_needs_weights_and_says_so() {
-    let (place, eval) = (workplace(), ["splat", "eval", "ball.ply", "capture", "--views", "all"]);
+    let (place, eval) = (workplace(), ["splat", "eval", "ball.ply", "capture", "--split", "all"]);
     let dir = place.path();
     let without = lastlight(&eval, dir);
     assert!(stderr(&without).lines().any(|l| l == NO_WEIGHTS), "{}", stderr(&without));
@@ -171,7 +171,7 @@ fn bad_usage_and_input_exit_with_2_and_one_line() {
         2,
         &["--size"],
     );
-    refused(&["splat", "eval", "ball.ply", "capture", "--views", "some"], dir, 2, &["--views"]);
+    refused(&["splat", "eval", "ball.ply", "capture", "--split", "some"], dir, 2, &["--split"]);
     for out in ["o1", "o2", "o3"] {
         assert!(!dir.join(out).exists(), "a refused command makes no folder: {out}");
     }
@@ -185,6 +185,13 @@ fn broken_files_are_named() {
     std::fs::write(dir.join("cut.ply"), &ply[..ply.len() - 5]).expect("writes");
     refused(&["convert", "cut.ply", "out.splat"], dir, 2, &["cut.ply"]);
     assert!(!dir.join("out.splat").exists(), "nothing is written");
+    std::fs::write(dir.join("empty.splat"), []).expect("writes");
+    refused(
+        &["splat", "render", "empty.splat", "--cameras", "orbit:2", "--out", "e"],
+        dir,
+        2,
+        &["empty.splat"],
+    );
     std::fs::write(dir.join("odd.splat"), [0; 33]).expect("writes");
     refused(&["convert", "odd.splat", "out.ply"], dir, 2, &["odd.splat"]);
     std::fs::write(dir.join("capture/transforms.json"), "{\"frames\": [").expect("writes");
@@ -257,6 +264,9 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
     let args = again("2", "fit", &["--force"]);
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     assert_eq!(json(&args, dir)["digest"], *digest, "forced");
+    let args = again("2", "fit", &["--resume", "--downscale", "2"]);
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    refused(&args, dir, 2, &["images of", "pixels"]);
     let args = again("2", "fit", &["--resume"]);
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     assert_eq!(json(&args, dir)["digest"], *digest, "a finished fit resumes at its end");
@@ -271,7 +281,7 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
         1,
         &["at least 99 dB"],
     );
-    let text = stdout(&lastlight(&["splat", "eval", "ball.ply", "capture", "--views", "all"], dir));
+    let text = stdout(&lastlight(&["splat", "eval", "ball.ply", "capture", "--split", "all"], dir));
     assert!(
         text.contains("PSNR") && text.lines().count() == 13,
         "a table of ten views, a head, a mean, the surrogate: {text}"
@@ -356,8 +366,8 @@ fn doctor_and_demo_say_that_all_is_well() {
         dir.path(),
     );
     assert_eq!(again["person"]["digest"], record["person"]["digest"], "one thread, the same person");
-    refused(&["demo", "--size", "8"], dir.path(), 2, &["--size"]);
-    // The model sees squares of 64 pixels of any image.
+    refused(&["demo", "--size", "8"], dir.path(), 2, &["--size", "32 to 1024"]);
+    // The model sees squares of 64 pixels of any picture.
     let odd =
         ["demo", "--only", "last", "--iterations", "8", "--size", "50", "--out", "odd", "--json", "--quiet"];
     assert!(json(&odd, dir.path())["person"]["digest"].is_string(), "images of 50 pixels");

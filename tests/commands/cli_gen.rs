@@ -2,6 +2,7 @@
 
 use crate::common::{Tree, assert_same, tree};
 use crate::program::{json, refused};
+use crate::samples::gltf;
 
 #[test]
 fn last_gen_makes_continues_and_refuses() {
@@ -9,17 +10,17 @@ fn last_gen_makes_continues_and_refuses() {
     let base = [
         "last",
         "gen",
-        "--profile",
+        "--scale",
         "smoke",
-        "--set",
+        "--split",
         "observational",
-        "--mechanism",
+        "--equations",
         "LIN",
-        "--count",
+        "--observational",
         "3",
         "--appearances",
         "1",
-        "--points",
+        "--body-points",
         "64",
         "--size",
         "16",
@@ -41,15 +42,20 @@ fn last_gen_makes_continues_and_refuses() {
         "started over: the same record"
     );
     refused(&["last", "gen", "--out", "b", "--graph", "RING"], dir.path(), 2, &["RING"]);
-    refused(&["last", "gen", "--out", "b", "--mechanism", "X"], dir.path(), 2, &["LIN, NL, NG or NL-NG"]);
     refused(
-        &["last", "gen", "--out", "b", "--set", "video", "--size", "9999"],
+        &["last", "gen", "--out", "b", "--equations", "X"],
+        dir.path(),
+        2,
+        &["--equations", "LIN, NL, NG, NL-NG"],
+    );
+    refused(
+        &["last", "gen", "--out", "b", "--split", "video", "--size", "9999"],
         dir.path(),
         2,
         &["video size"],
     );
     refused(
-        &["last", "gen", "--out", "b", "--set", "video", "--render-as", "points", "--passes"],
+        &["last", "gen", "--out", "b", "--split", "video", "--render-as", "points", "--passes", "all"],
         dir.path(),
         2,
         &["passes"],
@@ -60,6 +66,9 @@ fn last_gen_makes_continues_and_refuses() {
         2,
         &["none.glb"],
     );
+    std::fs::write(dir.path().join("arm.glb"), gltf::arm().glb()).expect("written");
+    let character = ["last", "gen", "--out", "b", "--character", "arm.glb"];
+    refused(&character, dir.path(), 2, &["--animation", "the file has", "bend"]);
     assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }
 
@@ -158,17 +167,17 @@ fn last_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
     let args = [
         "last",
         "gen",
-        "--set",
+        "--split",
         "all",
-        "--mechanism",
+        "--equations",
         "LIN",
-        "--count",
+        "--observational",
         "384",
         "--groups",
         "16",
         "--appearances",
         "2",
-        "--points",
+        "--body-points",
         "256",
         "--set-size",
         "32",
@@ -181,6 +190,7 @@ fn last_gen_is_interrupted_at_any_moment_and_continues_to_the_same_bytes() {
         "--samples",
         "8",
         "--passes",
+        "all",
     ];
     json(&[&args[..], &["--out", "whole", "--json"]].concat(), dir.path());
     let whole = tree(&dir.path().join("whole"));

@@ -15,18 +15,18 @@ fn data(dir: &Path) {
         &[
             "last",
             "gen",
-            "--profile",
+            "--scale",
             "smoke",
             "--out",
             "data",
             "--json",
-            "--count",
+            "--observational",
             "24",
             "--groups",
             "8",
             "--appearances",
             "1",
-            "--points",
+            "--body-points",
             "128",
             "--frames",
             "3",
@@ -48,11 +48,11 @@ fn pretrain<'a>(more: &[&'a str]) -> Vec<&'a str> {
         "data",
         "--iterations",
         "4",
-        "--observed",
+        "--batch-images",
         "12",
-        "--groups",
+        "--batch-groups",
         "4",
-        "--points",
+        "--batch-points",
         "32",
         "--factor-dim",
         "2",
@@ -98,18 +98,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     assert_eq!(tuned["images"], 3, "every training image");
     assert_eq!(tuned["after"].as_array().map(Vec::len), Some(16), "every edge");
     let done = json(
-        &[
-            "last",
-            "intervene",
-            "tuned.safetensors",
-            "data/video",
-            "--out",
-            "do",
-            "--json",
-            "--factor",
-            "0",
-            "2",
-        ],
+        &["last", "intervene", "tuned.safetensors", "data/video", "--out", "do", "--json", "--factor", "0,2"],
         at,
     );
     let moved = done["moved"].as_array().expect("rows");
@@ -130,10 +119,15 @@ fn bad_input_is_refused() {
     refused(&pretrain(&["--out", "m"]), at, 2, &["data"]);
     data(at);
     refused(&pretrain(&["--out", "m", "--reading", "free"]), at, 2, &["reference, literal"]);
-    refused(&pretrain(&["--out", "m", "--supervision", "all"]), at, 2, &["none, pairs, groups, labels"]);
-    refused(&pretrain(&["--out", "m", "--framing", "half"]), at, 2, &["person, whole"]);
-    refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["NAME=VALUE"]);
-    refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["NAME=VALUE"]);
+    refused(
+        &pretrain(&["--out", "m", "--supervision", "all"]),
+        at,
+        2,
+        &["none, pairs, groups, unknown, labels"],
+    );
+    refused(&pretrain(&["--out", "m", "--crop", "half"]), at, 2, &["person, whole"]);
+    refused(&pretrain(&["--out", "m", "--weight", "kl"]), at, 2, &["KEY=VALUE"]);
+    refused(&pretrain(&["--out", "m", "--weight", "kl=-1"]), at, 2, &["KEY=VALUE"]);
     // A record from which the true graph cannot be read.
     let record = std::fs::read(at.join("data/dataset.json")).expect("a record");
     for (bytes, part) in
@@ -191,6 +185,19 @@ fn bad_input_is_refused() {
         at,
         2,
         &["ring.safetensors", "without cycles", "0, 1, 2"],
+    );
+    // A number that is changed: the digest in the file is another.
+    let mut changed = safetensors::read(&path).expect("a model");
+    let codes = changed.arrays.need("codes").expect("codes").clone();
+    let mut numbers = codes.to_f64();
+    numbers[0] += 1.0;
+    changed.arrays.put("codes", codes.shape(), numbers);
+    safetensors::write(&at.join("changed.safetensors"), &changed.arrays, &changed.metadata).expect("written");
+    refused(
+        &["last", "tune", "changed.safetensors", "data/video", "--out", "t"],
+        at,
+        2,
+        &["changed.safetensors", "digest", "not those that were written"],
     );
     file.arrays.put("graph", &[4, 4], vec![0.5; 16]);
     safetensors::write(&at.join("half.safetensors"), &file.arrays, &file.metadata).expect("written");
@@ -272,6 +279,21 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
 }
 
 #[test]
+fn a_bad_held_out_image_is_reported_before_the_fit() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let at = dir.path();
+    data(at);
+    let record =
+        std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
+    let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
+    let image = record["frames"][0]["file_path"].as_str().expect("an image");
+    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
+    let words = ["last", "fit", "data/video", "--out", "fit", "--iterations", "40"];
+    refused(&words, at, 2, &[image]);
+    assert!(!at.join("fit/checkpoint.safetensors").exists(), "nothing was fitted");
+}
+
+#[test]
 fn the_paper_as_printed_goes_all_the_way() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
@@ -319,7 +341,7 @@ fn poses_and_cameras_of_a_film_go_together() {
     let side = film("side", &["--cameras", "12", "--pose", "1"]);
     assert!(side.len() == 1 && side[0] != all[1], "another camera of the capture");
     // The same body in another animation.
-    let made = "last gen --profile smoke --set video --out dancer --seed 5 --frames 2 --test-cameras 1 --points 128 --json";
+    let made = "last gen --scale smoke --split video --out dancer --seed 5 --frames 2 --test-cameras 1 --body-points 128 --json";
     json(&made.split(' ').collect::<Vec<_>>(), at);
     let dance = film("dance", &["--pose-from", "dancer/video"]);
     assert_eq!(dance.len(), 2, "the moments of the other animation");

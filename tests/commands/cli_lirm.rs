@@ -37,8 +37,8 @@ fn help_shows_examples_and_every_option() {
         "--lighting",
         "--env",
         "--shiny",
-        "--set",
-        "--camera",
+        "--cameras",
+        "--lens",
         "--views",
         "--size",
         "--samples",
@@ -86,6 +86,15 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
     assert_eq!(one["digest"], made["digest"], "one thread");
     let resumed = json(&at("set", &["--resume"]), dir.path());
     assert_eq!((&resumed["rendered"], &resumed["digest"]), (&0.into(), &made["digest"]), "nothing to do");
+    // A record of an object that somebody changed is no record of it.
+    let record = dir.path().join("set/object_00001/object.json");
+    let text = std::fs::read_to_string(&record).expect("written");
+    assert!(text.contains("\"vertices\": "), "the entry that is changed");
+    std::fs::write(&record, text.replace("\"vertices\": ", "\"vertices\": 1")).expect("written");
+    refused(&at("set", &["--resume"]), dir.path(), &["object_00001/object.json", "unchanged record"]);
+    std::fs::remove_file(&record).expect("there");
+    let resumed = json(&at("set", &["--resume"]), dir.path());
+    assert_eq!((&resumed["rendered"], &resumed["digest"]), (&0.into(), &made["digest"]), "written again");
     refused(&at("set", &[]), dir.path(), &["--out", "--force"]);
     assert_eq!(json(&at("set", &["--force"]), dir.path())["digest"], made["digest"], "forced");
 
@@ -110,8 +119,8 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
 fn an_egocentric_set_takes_either_camera() {
     let dir = tempfile::tempdir().expect("a folder");
     for (camera, model) in [("fisheye", "OPENCV_FISHEYE"), ("pinhole", "PINHOLE")] {
-        let args = [&["--out", camera, "--set", "egocentric", "--camera", camera][..], &TINY].concat();
-        assert_eq!(json(&args, dir.path())["settings"]["camera"], camera, "{camera}: printed");
+        let args = [&["--out", camera, "--cameras", "egocentric", "--lens", camera][..], &TINY].concat();
+        assert_eq!(json(&args, dir.path())["settings"]["camera"], camera, "{camera}: said");
         let file = dir.path().join(camera).join("object_00000/uniform/transforms_train.json");
         let top: Value = serde_json::from_slice(&std::fs::read(file).expect("written")).expect("JSON");
         assert_eq!(top["camera_model"], model, "{camera}: written");
@@ -127,10 +136,10 @@ fn what_makes_no_sense_is_refused() {
         (&["--out", "x", "--size", "4"], &["size"]),
         (&["--out", "x", "--samples", "many"], &["--samples"]),
         (&["--out", "x", "--lighting", "moon"], &["--lighting"]),
-        (&["--out", "x", "--set", "some"], &["--set"]),
+        (&["--out", "x", "--cameras", "some"], &["--cameras"]),
         (&["--out", "x", "--shiny"], &["shiny", "environment"]),
-        (&["--out", "x", "--camera", "pinhole"], &["--camera", "egocentric", "train"]),
-        (&["--out", "x", "--set", "egocentric", "--camera", "orthographic"], &["--camera"]),
+        (&["--out", "x", "--lens", "pinhole"], &["--lens", "egocentric", "train"]),
+        (&["--out", "x", "--cameras", "egocentric", "--lens", "orthographic"], &["--lens"]),
         (&["--out", "x", "--resume", "--force"], &["--resume"]),
         (&["--out", "x", "--lighting", "environment", "--env-axes", "up"], &["--env-axes"]),
     ];

@@ -10,9 +10,9 @@ use std::path::Path;
 
 /// A model of a few steps, in `model/model.safetensors`.
 fn model(dir: &Path) {
-    let gen_ = "last gen --profile smoke --out data --quiet --count 24 --groups 8 --appearances 1 --points 128 \
-                --render-as points --set all --frames 3 --test-cameras 1";
-    let pretrain = "last pretrain data --out model --quiet --iterations 40 --observed 12 --groups 4 --points 32 --factor-dim 2";
+    let gen_ = "last gen --scale smoke --out data --quiet --observational 24 --groups 8 --appearances 1 --body-points 128 \
+                --render-as points --split all --frames 3 --test-cameras 1";
+    let pretrain = "last pretrain data --out model --quiet --iterations 40 --batch-images 12 --batch-groups 4 --batch-points 32 --factor-dim 2";
     for line in [gen_, pretrain] {
         let words: Vec<&str> = line.split_whitespace().collect();
         let o = lastlight(&words, dir);
@@ -48,7 +48,15 @@ fn a_small_study_runs_and_continues_after_an_interruption() {
     let study = |out: &'static str, more: &[&'static str]| -> Vec<&'static str> {
         let mut words = vec!["last", "study"];
         words.extend(ids);
-        words.extend(["--smoke", "--model", "FORK=model/model.safetensors", "--json", "--out", out]);
+        words.extend([
+            "--scale",
+            "smoke",
+            "--graph-model",
+            "FORK=model/model.safetensors",
+            "--json",
+            "--out",
+            out,
+        ]);
         words.extend(more);
         words
     };
@@ -98,7 +106,8 @@ fn a_small_study_runs_and_continues_after_an_interruption() {
 fn the_model_that_comes_with_the_program_serves() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
-    let made = json(&["last", "study", "E6", "E11", "--smoke", "--no-search", "--json", "--out", "s"], at);
+    let made =
+        json(&["last", "study", "E6", "E11", "--scale", "smoke", "--no-search", "--json", "--out", "s"], at);
     assert_eq!(made["models"][0]["graph"], "FORK");
     let outcomes: Vec<(&str, &str)> = made["experiments"]
         .as_array()
@@ -110,8 +119,8 @@ fn the_model_that_comes_with_the_program_serves() {
     assert_eq!(ids, ["calibration", "E6", "E11"]);
     assert!(outcomes.iter().all(|(_, outcome)| *outcome != "not run"), "{outcomes:?}");
     refused(&["last", "study", "E99", "--out", "t"], at, 2, &["E1, E2, E3, E4", "E99"]);
-    refused(&["last", "study", "--out", "t", "--model", "model.safetensors"], at, 2, &["GRAPH=FILE"]);
-    refused(&["last", "study", "--out", "t", "--model", "FORK=none"], at, 2, &["none"]);
+    refused(&["last", "study", "--out", "t", "--graph-model", "model.safetensors"], at, 2, &["GRAPH=FILE"]);
+    refused(&["last", "study", "--out", "t", "--graph-model", "FORK=none"], at, 2, &["none"]);
 }
 
 #[test]
@@ -121,7 +130,8 @@ fn weights_of_lpips_add_columns_and_cells_of_their_own() {
     let file = at.join("vgg.safetensors");
     safetensors::write(&file, &torchvision(&Weights::by_formula()), &BTreeMap::new()).expect("written");
     let study = |more: &[&str]| -> (Vec<String>, Vec<Vec<String>>, usize) {
-        let words = [&["last", "study", "E6", "--smoke", "--no-search", "--json", "--out", "s"], more];
+        let words =
+            [&["last", "study", "E6", "--scale", "smoke", "--no-search", "--json", "--out", "s"], more];
         let made = json(&words.concat(), at);
         let e6 = made["experiments"].as_array().expect("a list").last().expect("E6").clone();
         let rows: Vec<Vec<String>> = serde_json::from_value(e6["rows"].clone()).expect("rows of text");
@@ -148,7 +158,7 @@ fn structure_from_images_is_measured() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
     let study = |more: &[&str]| {
-        let words = [&["last", "study", "E10p", "--smoke", "--json", "--out", "s"], more].concat();
+        let words = [&["last", "study", "E10p", "--scale", "smoke", "--json", "--out", "s"], more].concat();
         json(&words, at)["experiments"][0].clone()
     };
     let made = study(&[]);

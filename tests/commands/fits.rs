@@ -20,8 +20,19 @@ fn keep_first(dir: &Path, count: usize) {
 fn eight_from_an_arc() -> tempfile::TempDir {
     let work = workplace();
     std::fs::remove_dir_all(work.path().join("capture")).expect("there");
-    let args =
-        ["splat", "render", "ball.ply", "--cameras", "orbit:90", "--center", "0,0,0", "--size", "48x40", "--out", "capture"];
+    let args = [
+        "splat",
+        "render",
+        "ball.ply",
+        "--cameras",
+        "orbit:90",
+        "--center",
+        "0,0,0",
+        "--size",
+        "48x40",
+        "--out",
+        "capture",
+    ];
     assert_eq!(code(&lastlight(&args, work.path())), 0, "rendered");
     keep_first(work.path(), 8);
     work

@@ -8,6 +8,7 @@ mod cli_study;
 #[path = "../common/mod.rs"]
 mod common;
 mod fits;
+mod globals;
 #[path = "../common/lpips_weights.rs"]
 mod lpips_weights;
 mod mesh_cli;
@@ -19,9 +20,11 @@ mod person;
 mod program;
 #[path = "../common/python.rs"]
 mod python;
+mod readme;
 mod report;
 mod robust;
 #[path = "../samples/mod.rs"]
 mod samples;
 mod streams;
+mod tree;
 mod weights;

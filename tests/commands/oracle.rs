@@ -54,6 +54,56 @@ fn the_command_line_reports_the_same_with_its_exit_code() {
     assert_eq!(lastlight(&["gradcheck"]).0, 2, "nothing to check");
 }
 
+#[test]
+fn operators_are_listed_shown_and_suggested() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let (code, out, _) = lastlight(&["oracle", "list", "splat"]);
+    assert!(
+        code == 0 && out.lines().all(|l| l.starts_with("splat.")) && out.contains("splat.render"),
+        "{out}"
+    );
+    let (code, out, _) = lastlight(&["oracle", "show", "nn.linear"]);
+    assert!(code == 0 && out.contains("weight") && out.contains("bias"), "its arguments: {out}");
+    for command in [&["oracle", "show", "splat.rendr"][..], &["gradcheck", "splat.rendr"]] {
+        let (code, _, err) = lastlight(command);
+        assert!(code == 2 && err.contains("a similar value exists: 'splat.render'"), "{err}");
+        assert!(!err.contains("nn.linear"), "the others are not listed: {err}");
+    }
+    let mint = |out: &str, more: &[&str]| {
+        let out = path(out);
+        lastlight(&[&["oracle", "mint", "nn.leaky_relu", "--out", &out][..], more].concat())
+    };
+    assert_eq!(
+        (mint("a", &[]).0, mint("b", &["--set", "slope=0.5"]).0),
+        (0, 0),
+        "with and without a setting"
+    );
+    let y = |folder: &str| {
+        let arrays =
+            npz::read(Path::new(&path(folder)).join("nn.leaky_relu_0.npz").as_path()).expect("minted");
+        (
+            arrays.need("setting_slope").expect("a setting").to_f64(),
+            arrays.need("y").expect("an output").to_f64(),
+        )
+    };
+    let (with, without) = (y("b"), y("a"));
+    assert!(with.0 == [0.5] && with.1 != without.1, "the setting is written and used: {with:?}");
+    assert_eq!(mint("c", &["--set", "nonsense=1"]).0, 2, "an unknown setting");
+    assert_eq!(mint("c", &["--profile", "gsplat"]).0, 2, "an operator without profiles");
+    // An operator without discrete decisions has no plan.
+    let file = path("a/nn.leaky_relu_0.npz");
+    assert_eq!(
+        lastlight(&["oracle", "run", "nn.leaky_relu", "--in", &file, "--out", &path("o.npz")]).0,
+        0,
+        "run"
+    );
+    assert!(
+        Path::new(&path("o.digest.json")).is_file() && !Path::new(&path("o.plan.npz")).exists(),
+        "no plan"
+    );
+}
+
 /// A program in the shell, around our own binary: right, and with the gradient that ignores the cap of α.
 #[cfg(unix)]
 #[test]
@@ -78,18 +128,30 @@ fn a_user_supplied_program_is_checked() {
         .with("image_bar", &[1, 4, 4, 3], vec![1.0; 48])
         .with("alpha_bar", &[1, 4, 4], vec![1.0; 16])
         .with("depth_bar", &[1, 4, 4], vec![1.0; 16]);
+    let options = |command: &str| gradcheck::Options {
+        exec: Some(command.to_owned()),
+        input: Some(path("in.npz").into()),
+        seed: 1,
+        ..gradcheck::Options::default()
+    };
     let check = |arrays: &Arrays, command: &str| {
         npz::write(Path::new(&path("in.npz")), arrays).expect("written");
-        let options = gradcheck::Options {
-            exec: Some(command.to_owned()),
-            input: Some(path("in.npz").into()),
-            seed: 1,
-            ..gradcheck::Options::default()
-        };
-        gradcheck::run(&options, &mut |_| {})
+        gradcheck::run(&options(command), &mut |_| {})
     };
     let command = format!("sh {}", path("blend.sh"));
     let right = check(&arrays, &command).expect("it runs");
+    let mut calls = Vec::new();
+    let counted = gradcheck::run(&options(&command), &mut |event| {
+        if let gradcheck::Event::Call { done, total } = event {
+            calls.push((done, total));
+        }
+    });
+    assert!(counted.expect("it runs").passed, "the same check");
+    let (done, total) = *calls.last().expect("calls are reported");
+    assert!(
+        done == total && calls.len() > 10,
+        "the last call is the one that was announced: {done} of {total}"
+    );
     assert!(right.passed, "{right}");
     let wrong = check(&arrays.clone().with("setting_inria_bwd", &[], vec![1.0]), &command).expect("it runs");
     assert!(!wrong.passed, "this gradient is not the derivative:\n{wrong}");

@@ -99,10 +99,10 @@ fn import_from_the_command_line() {
         &["--layout", "zju-refine", "zip"],
     );
     refused(
-        &["last", "import", "person", "--frames", "3", "--out", "b"],
+        &["last", "import", "person", "--train-frames", "3", "--out", "b"],
         dir,
         2,
-        &["--frames", "START:STEP:COUNT"],
+        &["--train-frames", "START:STEP:COUNT"],
     );
     refused(
         &["last", "inspect", "person"],

@@ -9,6 +9,8 @@ pub(crate) fn lastlight(args: &[&str], dir: &Path) -> Output {
     Command::new(env!("CARGO_BIN_EXE_lastlight"))
         .args(args)
         .current_dir(dir)
+        // It runs as a user starts it, not as cargo does.
+        .env_remove("CARGO")
         .output()
         .expect("the binary starts")
 }
@@ -35,15 +37,26 @@ pub(crate) fn json(args: &[&str], dir: &Path) -> Value {
     serde_json::from_slice(&o.stdout).unwrap_or_else(|e| panic!("{args:?}: one JSON document on stdout: {e}"))
 }
 
-/// Runs and expects one error line that holds all of `parts`.
+/// Runs and expects one error that holds all of `parts`: one line, but for errors of the command line itself, which show possible values and
+/// usage below it; with `--json` one line of JSON.
 pub(crate) fn refused(args: &[&str], dir: &Path, exit: i32, parts: &[&str]) {
     let o = lastlight(args, dir);
     let text = stderr(&o);
     assert_eq!(code(&o), exit, "{args:?}: {text}");
-    let errors: Vec<&str> = text.lines().filter(|l| l.starts_with("error: ")).collect();
+    let start = if args.contains(&"--json") { "{\"error\":" } else { "error: " };
+    let errors: Vec<&str> = text.lines().filter(|l| l.starts_with(start)).collect();
     assert_eq!(errors.len(), 1, "{args:?}: one line: {text}");
+    let message = if args.contains(&"--json") {
+        let error: Value = serde_json::from_str(errors[0]).expect("one line of JSON");
+        assert_eq!(error["error"]["exit_code"], exit, "{args:?}: {text}");
+        error["error"]["message"].as_str().expect("a message").to_owned()
+    } else if text.contains("For more information, try '--help'") {
+        text[text.find(start).expect("found")..].to_owned()
+    } else {
+        errors[0].to_owned()
+    };
     for part in parts {
-        assert!(errors[0].contains(part), "{args:?}: '{part}' in '{}'", errors[0]);
+        assert!(message.contains(part), "{args:?}: '{part}' in '{message}'");
     }
     assert!(!text.contains("panicked"), "{args:?}: {text}");
 }

@@ -56,23 +56,29 @@ const INTERESTING: [u64; 12] = [
 const PURPOSE: u16 = 1;
 
 /// The draws of one file of one case, in order.
-struct Draws {
+pub(crate) struct Draws {
     rng: Rng,
     case: u64,
     file: u32,
+    purpose: u16,
     next: u16,
 }
 
 impl Draws {
-    /// An index below n.
-    fn below(&mut self, n: usize) -> usize {
-        self.next += 1;
-        self.rng.index(n, self.case, self.file, PURPOSE, self.next)
+    /// The first draw of a case; `purpose` separates the draws of different campaigns.
+    pub(crate) fn new(seed: u64, case: u64, file: u32, purpose: u16) -> Self {
+        Self { rng: Rng::new(seed), case, file, purpose, next: 0 }
     }
 
-    fn word(&mut self) -> u64 {
+    /// An index below n.
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         self.next += 1;
-        let [a, b, ..] = self.rng.block(self.case, self.file, PURPOSE, self.next);
+        self.rng.index(n, self.case, self.file, self.purpose, self.next)
+    }
+
+    pub(crate) fn word(&mut self) -> u64 {
+        self.next += 1;
+        let [a, b, ..] = self.rng.block(self.case, self.file, self.purpose, self.next);
         u64::from(b) << 32 | u64::from(a)
     }
 
@@ -97,7 +103,8 @@ impl Draws {
         [2, 4, 8][self.below(3)]
     }
 
-    fn mutation(&mut self) -> Mutation {
+    /// The next mutation of bytes.
+    pub(crate) fn mutation(&mut self) -> Mutation {
         let mut total = 0;
         WEIGHTS.iter().for_each(|w| total += w);
         let mut rest = self.below(total);
@@ -131,7 +138,7 @@ impl Draws {
 
 /// The mutations of one file of one case: one to four.
 pub(crate) fn mutations(seed: u64, case: u64, file: usize) -> Vec<Mutation> {
-    let mut draws = Draws { rng: Rng::new(seed), case, file: file as u32, next: 0 };
+    let mut draws = Draws::new(seed, case, file as u32, PURPOSE);
     let count = 1 + draws.below(4);
     (0..count).map(|_| draws.mutation()).collect()
 }

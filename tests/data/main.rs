@@ -3,16 +3,19 @@
 mod captures;
 #[path = "../common/mod.rs"]
 mod common;
+mod images;
 mod io;
+mod layouts;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
-mod layouts;
 mod missing;
 mod models;
 #[path = "../common/mutate.rs"]
 mod mutate;
 mod person_captures;
 mod person_layout;
+#[path = "../common/person_layouts.rs"]
+mod person_layouts;
 mod pickles;
 #[path = "../common/python.rs"]
 mod python;

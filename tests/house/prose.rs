@@ -164,7 +164,7 @@ pub(crate) fn find(text: &[char], phrase: &str) -> Vec<usize> {
             }
             at += word.len();
         }
-        !joins(text.get(at)) && !(start > 0 && joins(text.get(start - 1)))
+        !(joins(text.get(at)) || start > 0 && joins(text.get(start - 1)))
     };
     (0..text.len()).filter(|&i| words.first().is_some_and(|w| text[i] == w[0]) && match_at(i)).collect()
 }

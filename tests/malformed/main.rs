@@ -67,6 +67,9 @@ fn formats() -> Vec<Format> {
         f("a.jpg", |b, n| image_file::parse(b, n).map(drop), samples::jpeg(16, 12), true),
         f("a.hdr", |b, n| image_file::parse(b, n).map(drop), samples::hdr(16, 12), true),
         f("a.exr", |b, n| image_file::parse(b, n).map(drop), samples::exr(16, 12), true),
+        f("a.webp", |b, n| image_file::parse(b, n).map(drop), encoded(image::ImageFormat::WebP), true),
+        f("a.tif", |b, n| image_file::parse(b, n).map(drop), encoded(image::ImageFormat::Tiff), true),
+        f("a.bmp", |b, n| image_file::parse(b, n).map(drop), encoded(image::ImageFormat::Bmp), true),
         f("transforms.json", |b, n| transforms::parse(b, n).map(drop), samples::transforms(3), true),
         f(
             "cameras.bin",
@@ -86,6 +89,14 @@ fn formats() -> Vec<Format> {
         f("points3D.txt", |b, n| colmap_text::parse_points(b, n).map(drop), samples::points_txt(), false),
     ]);
     all
+}
+
+/// An image in a format of the image crate.
+fn encoded(format: image::ImageFormat) -> Vec<u8> {
+    let image = image::RgbImage::from_raw(16, 12, samples::pixels(16, 12, 3)).expect("sizes agree");
+    let mut out = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut out, format).expect("encoded");
+    out.into_inner()
 }
 
 /// A stored array of two floats, as a plain `.npy`.

@@ -263,6 +263,7 @@ fn bad_input_of_the_operator_is_refused() {
 }
 
 /// Seconds of the fastest of three runs.
+#[expect(clippy::disallowed_types, reason = "the test compares times")]
 fn fastest(mut run: impl FnMut()) -> f64 {
     let time = |_| {
         let start = std::time::Instant::now();

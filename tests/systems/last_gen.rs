@@ -2,6 +2,7 @@
 //! interrupted.
 
 use crate::common::{assert_same, real_data, tree};
+use lastlight::fit::passes::PassSet;
 use lastlight::io::{capture, npz};
 use lastlight::last::character::CharacterSettings;
 use lastlight::last::figure::{self, Rendering};
@@ -242,7 +243,7 @@ fn settings_out_of_range_are_refused() {
     assert!(refused(|s| s.test_cameras = 23).contains("1 to 22"), "cameras");
     assert!(refused(|s| s.set_size = 1024).contains("set size"), "side of the sets");
     assert!(refused(|s| s.video_size = 5000).contains("video size"), "side of the video");
-    let points = |s: &mut Settings| (s.passes, s.video_look) = (true, Rendering::Splats);
+    let points = |s: &mut Settings| (s.passes, s.video_look) = (PassSet::ALL, Rendering::Splats);
     assert!(refused(points).contains("points have no depth"), "passes of points");
     let five = |s: &mut Settings| {
         (s.set, s.factors, s.character) = ("video".into(), 5, Some(nobody()));

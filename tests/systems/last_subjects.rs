@@ -6,6 +6,7 @@ use data_gen::figure::factors::{Drive, WRINKLE};
 use data_gen::figure::skeleton::{bones, pose};
 use data_gen::figure::template::Template;
 use data_gen::figure::video;
+use lastlight::fit::passes::PassSet;
 use lastlight::geometry::bvh::Bvh;
 use lastlight::io::{capture, npz};
 use lastlight::last::avatar::guide::Framing;
@@ -133,7 +134,7 @@ fn the_open_body_plays_its_part() {
         play: false,
     };
     let settings =
-        Settings { set: "video".into(), character: Some(casting.clone()), passes: true, ..small() };
+        Settings { set: "video".into(), character: Some(casting.clone()), passes: PassSet::ALL, ..small() };
     let folder = tempfile::tempdir().expect("a temporary folder");
     make(&settings, folder.path());
     let video = capture::read_capture(&folder.path().join("video")).expect("a capture");

@@ -2,6 +2,7 @@
 //! loaders.
 
 use crate::common::{assert_same, tree};
+use lastlight::fit::passes::PassSet;
 use lastlight::geometry::bvh::Bvh;
 use lastlight::io::capture::{Dialect, Split, read_capture};
 use lastlight::lirm::r#gen::{Lighting, Set, Settings, Summary, run};
@@ -244,7 +245,7 @@ fn what_was_made_is_read_back_and_agrees_with_the_object() {
 #[test]
 fn test_and_egocentric_sets_have_their_splits() {
     let dir = tempfile::tempdir().expect("a folder");
-    let tiny = Settings { objects: 1, size: 8, samples: 1, passes: false, shiny: false, ..small() };
+    let tiny = Settings { objects: 1, size: 8, samples: 1, passes: PassSet::NONE, shiny: false, ..small() };
     let out = dir.path().join("test");
     make(&out, &Settings { set: Set::Test, lighting: Lighting::Uniform, ..tiny.clone() });
     let object = out.join("object_00009");
@@ -281,7 +282,7 @@ fn models_from_files_fill_the_ball() {
     let corner = |k: usize| format!("v {} {} {}\n", 10 + k % 2, 4 * (k / 2 % 2), 7 * (k / 4));
     let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\nf 1 5 7 3\nf 2 4 8 6\n";
     std::fs::write(&file, (0..8).map(corner).collect::<String>() + faces).expect("written");
-    let settings = Settings { meshes: vec![file], objects: 1, first: 0, passes: false, ..small() };
+    let settings = Settings { meshes: vec![file], objects: 1, first: 0, passes: PassSet::NONE, ..small() };
     let subject = Subject::new(&settings, 0).expect("a brick");
     let reach = subject.object.mesh.positions.iter().fold(0.0_f32, |m, p| {
         let d = (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]).sqrt();

@@ -1,7 +1,7 @@
 //! `lirm gen`: the ground truth of an object is on disk as it was rendered, and every pass fits the pose that
 //! is recorded.
 
-use lastlight::fit::passes::Shot;
+use lastlight::fit::passes::{PassSet, Shot};
 use lastlight::fit::relight::{self, Exposure, Relight};
 use lastlight::fit::render::capture_shots;
 use lastlight::geometry::bvh::Bvh;
@@ -123,7 +123,7 @@ fn relit(dir: &Path, object: &Object, map: &Environment, shot: &Shot, exposure: 
         settings: Tracing { samples: SAMPLES, bounces: 1, seed, ..Tracing::default() },
         exposure: Exposure::Fixed(exposure as f32),
         transparent: false,
-        passes: true,
+        passes: PassSet::ALL,
     };
     let stop = AtomicBool::new(false);
     job.to_folder(std::slice::from_ref(shot), dir, Map::new(), false, &stop, &mut |_, _| {})

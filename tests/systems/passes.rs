@@ -1,7 +1,7 @@
 //! Images with passes: written, interrupted, continued, and read back.
 
 use crate::common::{assert_same, tree};
-use lastlight::fit::passes::{Recorder, Shot, Style, Verified};
+use lastlight::fit::passes::{PassSet, Recorder, Shot, Style, Verified};
 use lastlight::io::capture::{Split, read_capture};
 use lastlight::scene::camera::{Camera, Model};
 use lastlight::scene::passes::PassImages;
@@ -48,7 +48,7 @@ fn shots() -> Vec<Shot> {
 }
 
 fn style(i: usize) -> Style {
-    Style { exposure: 0.5 + 0.25 * i as f32, transparent: i == 2, passes: true }
+    Style { exposure: 0.5 + 0.25 * i as f32, transparent: i == 2, passes: PassSet::ALL }
 }
 
 fn header(seed: u64) -> Map<String, serde_json::Value> {

@@ -1,8 +1,21 @@
 //! Arguments of `demo`.
 
+use crate::choices::{self, Choices, choices};
 use std::path::PathBuf;
 
-/// Fit a built-in person from a video and a built-in scene from photos; one report with images.
+/// Values of `--only`.
+const PARTS: &Choices = &[("last", "the person"), ("splat", "the scene")];
+
+fn person_size(text: &str) -> Result<usize, String> {
+    let side = choices::square(text)?;
+    if (32..=1024).contains(&side) {
+        Ok(side)
+    } else {
+        Err("expected a side of 32 to 1024 pixels".to_owned())
+    }
+}
+
+/// Fit a built-in person from a video and a built-in scene from photographs; one report with images.
 ///
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
 /// to the video and guides the fit of an animatable person of Gaussians; images that were held out are compared, the
@@ -17,19 +30,19 @@ pub(crate) struct Args {
     /// Folder for the results [default: demo; an earlier demo there is replaced]
     #[arg(long, value_name = "DIR")]
     pub(super) out: Option<PathBuf>,
-    /// One part alone: last, the person, or splat, the scene
-    #[arg(long, value_name = "PART", value_parser = ["last", "splat"])]
+    /// One part alone
+    #[arg(long, value_name = "NAME", value_parser = choices(PARTS))]
     pub(super) only: Option<String>,
     /// Iterations of a fit [default: 400 for the person, 1200 for the scene]
     #[arg(long, value_name = "N")]
     pub(super) iterations: Option<usize>,
-    /// Side of the person's images in pixels
-    #[arg(long, value_name = "S", default_value_t = 96, value_parser = clap::value_parser!(u16).range(32..=1024))]
-    pub(super) size: u16,
+    /// Size of the person's images, which are square: S, or SxS, 32 to 1024
+    #[arg(long, value_name = "S|WxH", default_value = "96", value_parser = person_size)]
+    pub(super) size: usize,
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// Replace files in --out that exist
+    /// Replace existing results
     #[arg(long)]
     pub(super) force: bool,
 }

@@ -16,9 +16,9 @@ use super::report::{Page, Stat};
 use super::shared::Outcome;
 pub(super) use args::Args;
 
-use super::console::{command_line, say};
+use super::console::{arguments, command_line, program, say};
 use crate::io::atomic;
-use crate::{Error, Result};
+use crate::{Error, Result, like, version};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -47,6 +47,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ];
     let record = json!({
         "kind": "demo", "lastlight": env!("CARGO_PKG_VERSION"), "seconds": meter.seconds(),
+        like::ARGUMENTS: arguments(), "build": version::record(),
         "person": person.as_ref().map(|p| &p.record), "scene": scene.as_ref().map(|s| &s.record),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
@@ -97,22 +98,23 @@ fn next(dir: &Path, person: bool, scene: bool) -> Result<()> {
     let d = dir.display();
     say("")?;
     say("Next:")?;
+    let program = program();
     say(&format!("  open {d}/report/index.html in a browser"))?;
     if person {
-        say(&format!("  lastlight last render {d}/person --cameras orbit:36 --pose 5 --out around"))?;
+        say(&format!("  {program} last render {d}/person --cameras orbit:36 --pose 5 --out around"))?;
         say(&format!(
-            "  lastlight last fit {d}/subject/video --out alone           the same person without the model"
+            "  {program} last fit {d}/subject/video --out alone           the same person without the model"
         ))?;
     }
     if scene {
         say(&format!(
-            "  lastlight splat render {d}/scene --cameras orbit:36 --size 320x240 --out turntable"
+            "  {program} splat render {d}/scene --cameras orbit:36 --size 320x240 --out turntable"
         ))?;
-        say(
-            "  lastlight splat fit PHOTOS --out DIR     your own photos with camera poses (transforms.json or COLMAP)",
-        )?;
+        say(&format!(
+            "  {program} splat fit PHOTOS --out DIR     your own photos, see {program} help captures"
+        ))?;
     }
-    say("  lastlight oracle list                    operators to compare your own code with")
+    say(&format!("  {program} oracle list                    operators to compare your own code with"))
 }
 
 /// One page: the person with everything, the images of the scene, what it took.

@@ -7,7 +7,6 @@ use crate::fit::training::Watch;
 use crate::last::fit::{Guided, Job};
 use crate::last::intervene::Grid;
 use crate::last::pretrain;
-use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::num::order;
 use crate::report::graph::{self, Graph};
@@ -72,7 +71,6 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     settings.validate()?;
     guided.calibrate(&mut settings, &capture, &trained, meter)?;
     let defaults = Fitting { iterations: ITERATIONS, seed: 0, ..settings.clone() }.json();
-    meter.note(lpips::NO_WEIGHTS);
     let job = Job {
         kind: "demo",
         title: "Person from a built-in video".to_owned(),
@@ -116,7 +114,7 @@ fn render_video(args: &Args, film: &Path, meter: &mut Meter) -> Result<()> {
         set: "video".into(),
         subject: SUBJECT,
         seed: args.seed,
-        video_size: usize::from(args.size),
+        video_size: args.size,
         points: POINTS,
         samples: SAMPLES,
         ..Making::smoke()

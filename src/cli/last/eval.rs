@@ -6,7 +6,7 @@ use crate::fit::training::Watch;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
-use crate::shared::{ForceArgs, MetricArgs};
+use crate::shared::{ForceArgs, MetricArgs, note_missing_weights};
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::evaluate::Evaluation;
@@ -22,15 +22,13 @@ use std::path::PathBuf;
   lastlight last eval person subject/video --min-psnr 24 --out scores
   lastlight last eval person subject/video --lpips lpips_vgg.safetensors
 
-Every metric is named by its variant; PSNR-box counts the pixels of the projected box of the body. The
-surrogate RFD is not LPIPS. With --min-psnr the command is a check: exit code 1 when the mean PSNR-box of the
-held-out images is lower.")]
+Every metric is named by its variant; PSNR-box counts the pixels of the projected box of the body. The surrogate RFD is not LPIPS. With --min-psnr the command is a check: exit code 1 when the mean PSNR-box of the held-out images is lower.")]
 pub(crate) struct Args {
     /// Folder of `last fit`, or an avatar.safetensors
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "DIR")]
     run: PathBuf,
     /// Folder of the capture
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
     /// Fail when the mean PSNR-box of held-out images is below this many decibels
     #[arg(long, value_name = "DB")]
@@ -55,7 +53,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.replace.force)).transpose()?;
-    let perception = args.perception.load(&meter)?;
+    let perception = args.perception.load()?;
     meter.lap("reading");
     let of = Evaluation {
         learned_at: Some(&stored.poses),
@@ -73,6 +71,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     } else {
         cli::say(&scoring::text(&groups))?;
     }
+    note_missing_weights(perception.as_ref(), &meter);
     if let Some(dir) = dir {
         let page = report::person::page(&report::person::Input {
             kind: "last eval",

@@ -1,6 +1,7 @@
 //! `last fit`: an animatable person from a monocular capture.
 
 use super::scoring;
+use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::training::{Fit, Watch};
 use crate::loss::lpips;
@@ -23,6 +24,33 @@ use lastlight_last::model::file::Trained;
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
+/// Values of `--density`.
+const DENSITIES: &Choices = &[
+    ("replace", "the latent criterion takes the place of the pixel criterion"),
+    ("or", "a Gaussian becomes a candidate when either criterion is exceeded"),
+    ("budget", "as many candidates as the pixel criterion, chosen by the latent one"),
+    ("pixel", "the pixel criterion alone"),
+];
+/// Values of `--lambda-mode`.
+const BOUNDS: &Choices = &[
+    ("rel", "relative to the parents' update"),
+    ("abs", "absolute"),
+    ("stop", "no update beyond the bound"),
+];
+/// Values of `--order`.
+const ORDERS: &Choices = &[
+    ("topo", "causes before effects"),
+    ("reverse", "effects before causes"),
+    ("random", "drawn anew"),
+    ("none", "all at once"),
+];
+/// Values of `--keys`.
+const KEYS: &Choices = &[
+    ("swap", "counterfactual displacement, as in LAST"),
+    ("random", "drawn at random, a control"),
+    ("all", "every Gaussian, a control"),
+];
+
 /// The avatar in `--out`.
 const AVATAR: &str = "avatar.safetensors";
 
@@ -33,12 +61,10 @@ const AVATAR: &str = "avatar.safetensors";
   lastlight last fit subject/video --out person --resume              go on after an interruption, same bits
   lastlight last fit subject/video --out plain --iterations 2000 --sh-degree 1
 
-CAPTURE is a folder in the layout of a person's capture: images, masks, cameras, a body with skinning
-weights, one pose per moment. Written to --out: avatar.safetensors (body, Gaussians, poses, cameras; the input
-of `last render` and `last eval`), checkpoint.safetensors, result.json and report/index.html.")]
+DIR is a folder in the layout of a person's capture: images, masks, cameras, a body with skinning weights, one pose per moment. Written to --out: avatar.safetensors (body, Gaussians, poses, cameras; the input of `last render` and `last eval`), checkpoint.safetensors, result.json and report/index.html.")]
 pub(crate) struct Args {
     /// Folder of the capture
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
     /// Folder for the results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
@@ -47,23 +73,22 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 1200)]
     iterations: usize,
     /// Spherical-harmonics degree of the colours, 0 to 3
-    #[arg(long, value_name = "D", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Host")]
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
     /// Largest number of Gaussians
-    #[arg(long, value_name = "N", default_value_t = 8000, help_heading = "Host")]
+    #[arg(long, value_name = "N", default_value_t = 8000)]
     max_gaussians: usize,
     /// Weight of 1 - SSIM on the box crop [default: that of the preset]
-    #[arg(long, value_name = "W", help_heading = "Host")]
+    #[arg(long, value_name = "X")]
     ssim_weight: Option<f32>,
-    /// Losses, rates and schedules: lastlight, or published: as published for GauHuman, as far as implemented (fixed
-    /// background, no priors for unseen surfaces, no per-frame brightness)
-    #[arg(long, value_enum, value_name = "NAME", default_value = "lastlight", help_heading = "Host")]
+    /// Losses, rates and schedules
+    #[arg(long, value_enum, value_name = "NAME", default_value = "lastlight")]
     preset: Preset,
     /// Learn corrections of the skinning weights
-    #[arg(long, help_heading = "Host")]
+    #[arg(long)]
     weights_network: bool,
     /// Learn corrections of the poses
-    #[arg(long, help_heading = "Host")]
+    #[arg(long)]
     pose_network: bool,
     #[command(flatten)]
     guided: Guided,
@@ -80,49 +105,43 @@ pub(crate) struct Args {
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Guided {
     /// Image-to-point model that guides the fit, written by last pretrain or last tune; without it the fit is unguided
-    #[arg(long, value_name = "FILE", help_heading = "Guidance")]
+    #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Add Gaussians by the pixel criterion alone
-    #[arg(long, requires = "model", help_heading = "Guidance")]
+    #[arg(long, requires = "model")]
     pub(crate) no_density_adapter: bool,
     /// Update all Gaussians at once
-    #[arg(long, requires = "model", help_heading = "Guidance")]
+    #[arg(long, requires = "model")]
     pub(crate) no_progressive: bool,
-    /// Criterion of the density adapter: replace, or, budget
-    #[arg(
-        long,
-        value_name = "MODE",
-        default_value = "replace",
-        requires = "model",
-        help_heading = "Guidance"
-    )]
+    /// Criterion of the density adapter
+    #[arg(long, value_name = "NAME", default_value = "replace", requires = "model", value_parser = choices(DENSITIES))]
     pub(crate) density: String,
     /// Threshold of the latent criterion
-    #[arg(long, value_name = "T", default_value_t = 0.003, requires = "model", help_heading = "Guidance")]
+    #[arg(long, value_name = "X", default_value_t = 0.003, requires = "model")]
     pub(crate) tau_rec: f64,
     /// Scale c_τ of the latent gradient before it is compared with the threshold [default: calibrated on the capture]
-    #[arg(long, value_name = "C", requires = "model", help_heading = "Guidance")]
+    #[arg(long, value_name = "X", requires = "model")]
     pub(crate) tau_scale: Option<f64>,
     /// Compute the latent gradient every N iterations
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "model", help_heading = "Guidance")]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "model")]
     pub(crate) latent_every: usize,
     /// Weight of the latent discrepancy in the loss
-    #[arg(long, value_name = "W", default_value_t = 0.0, requires = "model", help_heading = "Guidance")]
+    #[arg(long, value_name = "X", default_value_t = 0.0, requires = "model")]
     pub(crate) latent_weight: f32,
     /// Bound λ of the update of child factors; inf: no bound. The paper's 0.1 costs 0.2 to 0.8 dB in training on the built-in subjects
-    #[arg(long, value_name = "L", default_value_t = f64::INFINITY, requires = "model", help_heading = "Guidance")]
+    #[arg(long, value_name = "X", default_value_t = f64::INFINITY, requires = "model")]
     pub(crate) lambda: f64,
-    /// Form of the bound: rel, abs or stop
-    #[arg(long, value_name = "MODE", default_value = "rel", requires = "model", help_heading = "Guidance")]
+    /// Form of the bound
+    #[arg(long, value_name = "NAME", default_value = "rel", requires = "model", value_parser = choices(BOUNDS))]
     pub(crate) lambda_mode: String,
-    /// Order of the factors: topo, reverse, random or none
-    #[arg(long, value_name = "ORDER", default_value = "topo", requires = "model", help_heading = "Guidance")]
+    /// Order of the factors
+    #[arg(long, value_name = "NAME", default_value = "topo", requires = "model", value_parser = choices(ORDERS))]
     pub(crate) order: String,
-    /// How key Gaussians are chosen: swap (counterfactual displacement, as in LAST), random or all (controls)
-    #[arg(long, value_name = "HOW", default_value = "swap", requires = "model", help_heading = "Guidance")]
+    /// How key Gaussians are chosen
+    #[arg(long, value_name = "NAME", default_value = "swap", requires = "model", value_parser = choices(KEYS))]
     pub(crate) keys: String,
     /// Fraction of the Gaussians that are key Gaussians of a factor
-    #[arg(long, value_name = "Q", default_value_t = 0.25, requires = "model", help_heading = "Guidance")]
+    #[arg(long, value_name = "X", default_value_t = 0.25, requires = "model")]
     pub(crate) key_share: f64,
 }
 
@@ -192,7 +211,7 @@ impl Guided {
 enum Preset {
     /// the project's own
     Lastlight,
-    /// as published for GauHuman, as far as implemented
+    /// as published for GauHuman, as far as implemented: fixed background, no priors for unseen surfaces, no per-frame brightness
     Published,
 }
 
@@ -245,7 +264,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let model = args.guided.model.as_deref().map(Trained::of_pictures).transpose()?;
     let mut settings = args.settings(model.is_some())?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let perception = args.perception.load(&meter)?;
+    let perception = args.perception.load()?;
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
@@ -256,6 +275,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         capture.template.len(),
         capture.template.joints.len()
     ));
+    // Held-out images are read after the fit, to score it; what is wrong with one is reported before.
+    capture.test.iter().try_for_each(|&i| capture.shots[i].photo().map(drop))?;
     if let Some(model) = &model {
         check_skeleton(model, &capture, &meter)?;
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;

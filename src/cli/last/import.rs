@@ -1,5 +1,6 @@
 //! `last import`: published layouts into the one of persons.
 
+use crate::choices::{Choices, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::io::captures::{self, LAYOUTS, Layout, Range, Selection};
@@ -11,13 +12,25 @@ use crate::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
 
+/// Values of `--layout`.
+const LAYOUT_NAMES: &Choices = &[
+    ("zju", "ZJU-MoCap as released"),
+    ("zju-refine", "ZJU-MoCap with the refined cameras"),
+    ("monocap", "MonoCap"),
+    ("arah", "ARAH, 3DGS-Avatar"),
+    ("people-snapshot", "PeopleSnapshot"),
+    ("instant-avatar", "InstantAvatar's version of PeopleSnapshot"),
+    ("anim-nerf", "3DGS-Avatar's version of PeopleSnapshot"),
+    ("dna", "DNA-Rendering"),
+];
+
 /// Make a capture of a person from a data set in one of the published layouts.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last import CoreView_377 --out 377 --body SMPL_NEUTRAL.pkl
   lastlight last import CoreView_377 --layout zju-refine --out 377 --body SMPL_NEUTRAL.pkl
   lastlight last import people_snapshot/male-3-casual --out male --body SMPL_MALE.pkl
-  lastlight last import 0012_09.smc --out dancer --body SMPLX_NEUTRAL.npz --frames 0:1:50
+  lastlight last import 0012_09.smc --out dancer --body SMPLX_NEUTRAL.npz --train-frames 0:1:50
 
 Layouts, recognised by their files unless --layout names one:
   zju              ZJU-MoCap as released          annots.npy, mask_cihp/, new_params/
@@ -28,38 +41,37 @@ Layouts, recognised by their files unless --layout names one:
   instant-avatar   InstantAvatar's version of it  cameras.npz, poses.npz, images/, masks/
   anim-nerf        3DGS-Avatar's version of it    camera.pkl, animnerf_models/*.npz, image/, mask/
   dna              DNA-Rendering                  NAME.smc, NAME_annots.smc
-Cameras, frames and reduction factor are by default those of the programs published with the data sets. Body models and
-data sets have their own licences. Pickles are parsed, never executed: a file that contains anything but arrays is refused.")]
+Cameras, frames and reduction factor are by default those of the programs published with the data sets. Body models and data sets have their own licences. Pickles are parsed, never executed: a file that contains anything but arrays is refused.")]
 pub(crate) struct Args {
     /// Folder of the data set's subject, or its .smc
     #[arg(value_name = "DIR")]
     dir: PathBuf,
     /// Folder for the capture; new or empty unless --force
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "DIR")]
     out: PathBuf,
     /// Layout [default: recognised by the files]
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", value_parser = choices(LAYOUT_NAMES))]
     layout: Option<String>,
     /// Body model: SMPL or SMPL-X as .pkl or .npz, or ARAH's folder body_models/misc
     #[arg(long, value_name = "FILE")]
     body: Option<PathBuf>,
-    /// Which body of a folder of several: neutral, female, male [default: as recorded in the layout, else neutral]
-    #[arg(long, value_name = "NAME")]
+    /// Which body of a folder of several [default: as recorded in the layout, else neutral]
+    #[arg(long, value_name = "NAME", value_parser = ["neutral", "female", "male"])]
     gender: Option<String>,
-    /// Cameras to learn from
-    #[arg(long, value_name = "N", num_args = 1.., help_heading = "Selection")]
+    /// Cameras to learn from, comma-separated or repeated
+    #[arg(long, value_name = "N", value_delimiter = ',')]
     train_camera: Option<Vec<usize>>,
-    /// Cameras held out
-    #[arg(long, value_name = "N", num_args = 1.., help_heading = "Selection")]
+    /// Cameras held out, comma-separated or repeated
+    #[arg(long, value_name = "N", value_delimiter = ',')]
     test_camera: Option<Vec<usize>>,
     /// Frames to learn from
-    #[arg(long, value_name = "START:STEP:COUNT", help_heading = "Selection")]
-    frames: Option<String>,
+    #[arg(long, value_name = "START:STEP:COUNT")]
+    train_frames: Option<String>,
     /// Frames held out
-    #[arg(long, value_name = "START:STEP:COUNT", help_heading = "Selection")]
+    #[arg(long, value_name = "START:STEP:COUNT")]
     test_frames: Option<String>,
-    /// Reduce images by this integer factor
-    #[arg(long, value_name = "N", help_heading = "Selection", value_parser = clap::value_parser!(u16).range(1..=64))]
+    /// Shrink images by a whole factor
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
     downscale: Option<u16>,
     #[command(flatten)]
     replace: ForceArgs,
@@ -87,7 +99,7 @@ impl Args {
         Ok(Selection {
             train_cameras: self.train_camera.clone(),
             test_cameras: self.test_camera.clone(),
-            train_frames: range(&self.frames, "--frames")?,
+            train_frames: range(&self.train_frames, "--train-frames")?,
             test_frames: range(&self.test_frames, "--test-frames")?,
         })
     }

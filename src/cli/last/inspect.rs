@@ -15,21 +15,18 @@ use std::path::PathBuf;
   lastlight last inspect data/video                       list missing or inconsistent data
   lastlight last inspect data/video --out check           also draw skeleton, mask and box over frames
 
-Green is the outline of the mask, yellow and red are bones and joints, blue is the box in which metrics are computed. 'points on
-mask' is the fraction of the template's points that project onto the mask; a small value means that poses, cameras and
-images are inconsistent. Exit code 1 when required data is missing or wrong; every problem is listed.
-last import converts captures in published layouts to this one.")]
+Green is the outline of the mask, yellow and red are bones and joints, blue is the box in which metrics are computed. 'points on mask' is the fraction of the template's points that project onto the mask; a small value means that poses, cameras and images are inconsistent. Exit code 1 when required data is missing or wrong; every problem is listed. last import converts captures in published layouts to this one.")]
 pub(crate) struct Args {
     /// Folder with transforms_train.json and body.npz, or one with such a folder 'video'
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
     /// Folder for the images; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Number of training images to draw
     #[arg(long, value_name = "N", default_value_t = 4)]
-    count: usize,
-    /// Replace images in a folder that is used
+    max_images: usize,
+    /// Replace existing results
     #[arg(long)]
     force: bool,
 }
@@ -44,12 +41,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input(args.capture.display().to_string())
             .expected("a person's capture, with transforms_train.json and body.npz")
             .got(format!("the layout {}", layout.name()))
-            .hint(format!("lastlight last import {} --out FOLDER makes one of it", args.capture.display())));
+            .hint(format!(
+                "{} last import {} --out DIR makes one of it",
+                cli::program(),
+                args.capture.display()
+            )));
     }
     if let Some(out) = &args.out {
         claim::check(out, false, args.force)?;
     }
-    let report = inspect::inspect(&args.capture, args.count)?;
+    let report = inspect::inspect(&args.capture, args.max_images)?;
     let pictures = match &args.out {
         Some(out) => report.write(&claim::folder(out, false, args.force)?)?,
         None => Vec::new(),

@@ -20,27 +20,25 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last intervene model/model.safetensors subject/video --out do
-  lastlight last intervene model/model.safetensors subject/video --factor 0 --frame 40 --out posture
+  lastlight last intervene model/model.safetensors subject/video --factor 0,2 --image 40 --out posture
 
-Every row of grid.png sets one factor to nine values from the training set; the noise of the other factors is
-kept, and the descendants follow the graph. moved.csv holds how far each factor moved, in standard deviations:
-exactly 0 for factors that are not descendants.")]
+Every row of grid.png sets one factor to nine values from the training set; the noise of the other factors is kept, and the descendants follow the graph. moved.csv holds how far each factor moved, in standard deviations: exactly 0 for factors that are not descendants.")]
 pub(crate) struct Args {
     /// Model written by last pretrain or last tune
-    #[arg(value_name = "MODEL")]
+    #[arg(value_name = "FILE")]
     model: PathBuf,
     /// Capture of the person
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
     /// Folder for grid.png, moved.csv and report/index.html; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// The factors to set, counted from 0 [default: all]
-    #[arg(long, value_name = "I", num_args = 1..)]
+    /// The factors to set, counted from 0, comma-separated or repeated [default: all]
+    #[arg(long, value_name = "N", value_delimiter = ',')]
     factor: Vec<usize>,
     /// Which training image to start from, counted from 0
     #[arg(long, value_name = "N", default_value_t = 0)]
-    frame: usize,
+    image: usize,
     #[command(flatten)]
     replace: ForceArgs,
 }
@@ -197,10 +195,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--factor").expected(format!("0 to {}", n - 1)).got(bad.to_string()));
     }
     let which: Vec<usize> = if args.factor.is_empty() { (0..n).collect() } else { args.factor.clone() };
-    let shot = *capture.train.get(args.frame).ok_or_else(|| {
-        Error::input("--frame")
-            .expected(format!("below {}, the number of training images", capture.train.len()))
-            .got(args.frame.to_string())
+    let shot = *capture.train.get(args.image).ok_or_else(|| {
+        Error::input("--image")
+            .expected(format!("below {}, the number of training pictures", capture.train.len()))
+            .got(args.image.to_string())
     })?;
     let grid = Grid::new(&trained, &capture, shot, &which)?;
     let dir = claim::folder(&args.out, false, args.replace.force)?;

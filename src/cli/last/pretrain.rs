@@ -1,5 +1,6 @@
 //! `last pretrain`: the image-to-point model from images of known causes.
 
+use crate::choices::{Choices, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::fit::training::{History, Watch};
@@ -29,6 +30,36 @@ use std::path::{Path, PathBuf};
 /// The model in `--out`.
 const MODEL: &str = "model.safetensors";
 
+/// Values of `--mechanism`.
+const MECHANISMS: &Choices = &[
+    ("networks", "a network per factor"),
+    ("linear", "one matrix"),
+    ("printed", "linear, then networks; only with --reading literal"),
+];
+/// Values of `--reading`.
+const READINGS: &Choices =
+    &[("reference", "this project's: the encoder predicts factors"), ("literal", "the mechanism as printed")];
+/// Values of `--crop`.
+const CROPS: &Choices = &[
+    ("person", "the square around the projected body, a tenth wider on each side"),
+    ("whole", "the whole image"),
+];
+/// Values of `--supervision`.
+const SUPERVISION: &Choices = &[
+    ("none", "no interventions"),
+    ("pairs", "each before/after pair has its own value"),
+    ("groups", "several pairs share one value"),
+    ("unknown", "as groups, the target is inferred"),
+    ("labels", "true factor values"),
+];
+/// Values of `--independence-on`.
+const INDEPENDENCE: &Choices = &[
+    ("noise", "the noise of the factors"),
+    ("factors", "the factors, as in the paper"),
+    ("conditional", "the factors, given their parents"),
+    ("off", "no penalty"),
+];
+
 /// Train the image-to-point model on images with known causal factors.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
@@ -38,12 +69,10 @@ const MODEL: &str = "model.safetensors";
   lastlight last pretrain data --out quick --iterations 1000   a shorter schedule
   lastlight last pretrain data --out control --supervision pairs
 
-DATA is written by last gen. Written to --out: model.safetensors (for last tune, fit, intervene), a checkpoint,
-result.json and report/index.html. With --reading literal the mechanism is that of the paper as printed: the encoder
-predicts noise, and eq. 2, then eq. 3, are applied before the decoder; groups, hinge and weights stay.")]
+DIR is written by last gen. Written to --out: model.safetensors (for last tune, fit, intervene), a checkpoint, result.json and report/index.html. With --reading literal the mechanism is that of the paper as printed: the encoder predicts noise, and eq. 2, then eq. 3, are applied before the decoder; groups, hinge and weights stay.")]
 pub(crate) struct Args {
     /// Folder made by last gen, with observational images and groups of interventions
-    #[arg(value_name = "DATA")]
+    #[arg(value_name = "DIR")]
     data: PathBuf,
     /// Folder for the results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
@@ -52,48 +81,45 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 12_000, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
     /// Number of factors
-    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=8), help_heading = "Model")]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=8))]
     factors: u8,
     /// Latent dimensions per factor
-    #[arg(long, value_name = "K", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Model")]
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u8).range(1..=16))]
     factor_dim: u8,
-    /// Form of the mechanisms: networks, linear, or printed (linear, then networks; only with --reading literal)
-    /// [default: networks; printed with --reading literal]
-    #[arg(long, value_name = "NAME", help_heading = "Model")]
+    /// Form of the mechanisms [default: networks; printed with --reading literal]
+    #[arg(long, value_name = "NAME", value_parser = choices(MECHANISMS))]
     mechanism: Option<String>,
-    /// Reading of the paper: reference or literal
-    #[arg(long, value_name = "NAME", default_value = "reference", help_heading = "Model")]
+    /// Reading of the paper
+    #[arg(long, value_name = "NAME", default_value = "reference", value_parser = choices(READINGS))]
     reading: String,
-    /// Part of the image given to the encoder: person (the square around the projected body, a tenth wider on each side) or whole
-    #[arg(long, value_name = "NAME", default_value = "person", help_heading = "Model")]
-    framing: String,
-    /// Intervention labels used in training. none; pairs: each before/after pair has its own value; groups: several pairs
-    /// share one value; unknown: as groups, the target is inferred; labels: true factor values
-    #[arg(long, value_name = "NAME", default_value = "groups", help_heading = "Training")]
+    /// Part of the image given to the encoder
+    #[arg(long, value_name = "NAME", default_value = "person", value_parser = choices(CROPS))]
+    crop: String,
+    /// Intervention labels used in training
+    #[arg(long, value_name = "NAME", default_value = "groups", value_parser = choices(SUPERVISION))]
     supervision: String,
-    /// Variables the independence penalty applies to: noise, factors (as in the paper), conditional or off
-    #[arg(long, value_name = "NAME", default_value = "noise", help_heading = "Training")]
+    /// Variables the independence penalty applies to
+    #[arg(long, value_name = "NAME", default_value = "noise", value_parser = choices(INDEPENDENCE))]
     independence_on: String,
     /// Coordinates decoded per image and step
-    #[arg(long, value_name = "Q", default_value_t = 256, help_heading = "Training")]
-    points: usize,
+    #[arg(long, value_name = "N", default_value_t = 256)]
+    batch_points: usize,
     /// Observational images per batch
-    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Training")]
-    observed: usize,
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    batch_images: usize,
     /// Intervention groups per batch
-    #[arg(long, value_name = "N", default_value_t = 8, help_heading = "Training")]
-    groups: usize,
+    #[arg(long, value_name = "N", default_value_t = 8)]
+    batch_groups: usize,
     /// Reconstruction-only iterations; afterwards the group losses ramp up until --graph-from. Counted on the schedule of 12 000
-    #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().alone, help_heading = "Training")]
+    #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().alone)]
     warmup_iterations: u32,
     /// Iteration at which the graph's edges start to train. Counted on the schedule of 12 000
-    #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().freeze, help_heading = "Training")]
+    #[arg(long, value_name = "N", default_value_t = Settings::of_pictures().freeze)]
     graph_from: u32,
-    /// Weight of a loss term, NAME=VALUE: reconstruction, kl, independence, groups, intervention (decoded
-    /// counterfactuals, multiplied by groups), spread (variance hinge, multiplied by groups), sparsity
-    #[arg(long, value_name = "TERM", num_args = 1.., help_heading = "Training")]
+    /// Weight of a loss term, comma-separated or repeated: reconstruction, kl, independence, groups, intervention (decoded counterfactuals, multiplied by groups), spread (variance hinge, multiplied by groups), sparsity
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
     weight: Vec<String>,
-    /// Steps between checkpoints
+    /// Iterations between checkpoints
     #[arg(long, value_name = "N", default_value_t = 250, value_parser = clap::value_parser!(u32).range(1..))]
     checkpoint_every: u32,
     #[command(flatten)]
@@ -109,12 +135,12 @@ impl Args {
             width: usize::from(self.factor_dim),
             kind,
             reading,
-            framing: Framing::parse(&self.framing)?,
+            framing: Framing::parse(&self.crop)?,
             supervision: Supervision::parse(&self.supervision)?,
             placement: Placement::parse(&self.independence_on)?,
-            points: self.points,
-            observed: self.observed,
-            groups: self.groups,
+            points: self.batch_points,
+            observed: self.batch_images,
+            groups: self.batch_groups,
             seed: self.filling.seed,
             freeze: self.graph_from,
             alone: self.warmup_iterations,
@@ -123,7 +149,7 @@ impl Args {
         for term in &self.weight {
             let wrong = || {
                 Error::input("--weight")
-                    .expected("NAME=VALUE: reconstruction, kl, independence, groups, intervention, spread or sparsity, and a number not below 0")
+                    .expected("KEY=VALUE: reconstruction, kl, independence, groups, intervention, spread or sparsity, and a number not below 0")
                     .got(term.as_str())
             };
             let (name, value) = term.split_once('=').ok_or_else(wrong)?;
@@ -257,8 +283,11 @@ pub(crate) fn truth(data: &Path) -> Result<Option<Vec<Vec<bool>>>> {
 /// The graph as a drawing and as a table.
 fn structure(data: &Path, verdict: &Evaluation) -> Section {
     let n = verdict.graph.n();
-    let (p, edges, truth) =
-        (verdict.rows().flatten().copied().collect::<Vec<f64>>(), verdict.graph.edges(), truth(data).ok().flatten());
+    let (p, edges, truth) = (
+        verdict.rows().flatten().copied().collect::<Vec<f64>>(),
+        verdict.graph.edges(),
+        truth(data).ok().flatten(),
+    );
     let truth = truth.filter(|t| t.len() == n && t.iter().all(|row| row.len() == n));
     let drawing = Graph {
         title: "after training",

@@ -16,7 +16,7 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Of an orbit.
-const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 40.0, elevation: 10.0 };
+const USUAL: DefaultArgs = DefaultArgs { size: [512, 512], fov: 40.0, elevation: 10.0 };
 
 /// Render a fitted person in any pose from any camera.
 #[derive(clap::Args)]
@@ -27,12 +27,10 @@ const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 40.0, elevation: 
   lastlight last render person --pose-from dancer/video --out dance      the poses of another capture, same body
   lastlight last render person --cameras 3 --out side                    camera 3 of the capture
 
-Images are numbered. With one camera there is one image per pose, with one pose one per camera; otherwise
-the k-th image shows the k-th pose from the k-th camera. By default an orbit has
-images of 512x512 pixels, a field of view of 40° and an elevation of 10°.")]
+Images are numbered. With one camera there is one image per pose, with one pose one per camera; otherwise the k-th image shows the k-th pose from the k-th camera. By default an orbit has images of 512x512 pixels, a field of view of 40° and an elevation of 10°.")]
 pub(crate) struct Args {
     /// Folder of `last fit`, or an avatar.safetensors
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "DIR")]
     run: PathBuf,
     /// Folder for the images; new or empty unless --force
     #[arg(long, value_name = "DIR")]
@@ -41,10 +39,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FROM")]
     cameras: Option<String>,
     /// Moments: one, or FIRST:LAST [default: all]
-    #[arg(long, value_name = "T")]
+    #[arg(long, value_name = "FIRST:LAST")]
     pose: Option<String>,
     /// Take the poses of another capture of the same body
-    #[arg(long, value_name = "CAPTURE")]
+    #[arg(long, value_name = "DIR")]
     pose_from: Option<PathBuf>,
     #[command(flatten)]
     orbit: OrbitArgs,

@@ -1,5 +1,6 @@
 //! `last study`: the experiments of LAST, one table and one chart each.
 
+use crate::choices::{Choices, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::experiment::{Experiment, Report, RunOptions};
@@ -8,7 +9,7 @@ use crate::io::atomic;
 use crate::meter::Meter;
 use crate::num::par;
 use crate::shared::{ForceArgs, MetricArgs};
-use crate::{Error, Result};
+use crate::{Error, Result, like, version};
 use lastlight_last::model::file::Trained;
 use lastlight_last::model::shipped;
 use lastlight_study::last::images::{self, StructureFromImages};
@@ -31,43 +32,73 @@ const FOUND_BY: [(&str, &str); 2] = [
     ("search", "The strongest honest setting: constants found on subject 0, evaluated on others."),
 ];
 
+/// The experiments; `calibration` and `search` find constants and run before those with persons.
+const EXPERIMENTS: &Choices = &[
+    ("E1", "full system against the unguided fit"),
+    ("E2", "ablations"),
+    ("E3", "wrong structures"),
+    ("E4", "number of factors"),
+    ("E5", "threshold of the latent criterion, τ_rec"),
+    ("E6", "where the latent criterion adds Gaussians"),
+    ("E7", "bound of the update of child factors, λ"),
+    ("E8", "order of the updates"),
+    ("E9", "tuning of the structure on the subject"),
+    ("E10", "structure recovery from known factors"),
+    ("E10p", "structure recovery from images"),
+    ("E11", "the spurious edge of a fork"),
+    ("E12", "independence penalty"),
+    ("E13", "errors of child factors"),
+    ("E14", "cost of a fit"),
+    ("E15", "latent factors in the loss"),
+    ("calibration", "scale of the latent criterion, c_τ"),
+    ("search", "constants found on a subject that is in no experiment"),
+];
+
+/// Commands beside the study itself.
+#[derive(clap::Subcommand)]
+enum Command {
+    /// List the experiments
+    #[command(after_help = "Examples:
+  lastlight last study list
+  lastlight last study list --json")]
+    List,
+}
+
+/// Values of `--scale`.
+const SCALES: &Choices = &[
+    ("full", "the study: hours"),
+    ("quick", "small sizes and few seeds: minutes, not evidence"),
+    ("smoke", "smallest sizes: a test that everything runs"),
+];
+
 /// Run the experiments of LAST: the paper's claims against measurements.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight last study --out study                       all experiments; hours
   lastlight last study --out study --resume              continue an interrupted study
-  lastlight last study E10 --out trial --quick            small sizes, few seeds
-  lastlight last study E1 --out study --model FORK=a.safetensors --model FULL=b.safetensors
+  lastlight last study E10 --out trial --scale quick      small sizes, few seeds
+  lastlight last study E1 --out study --graph-model FORK=a.safetensors,FULL=b.safetensors
 
-E1 full system against the unguided fit · E2 ablations · E3 wrong structures · E4 number of factors · E5 τ_rec
-E6 where the latent criterion adds Gaussians · E7 λ · E8 order of the updates · E9 tuning · E10 structure recovery
-(E10p from images; its models are kept in models/) · E11 the spurious edge of a fork · E12 independence penalty
-· E13 errors of child factors · E14 cost · E15 latent factors in the loss.
-Experiments with persons need a model trained on `last gen --graph GRAPH` with its default seed: the built-in one,
-or those of --model (experiments with one model use the first). Before them, the scale of the latent criterion and the
-constants are searched on a subject that is in no experiment (calibration, search). Every cell (one training or fit) is
-a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and
-report/index.html.")]
+`last study list` lists the experiments. E10p keeps its models in models/. Experiments with persons need a model trained on `last gen --graph GRAPH` with its default seed: the built-in one, or those of --graph-model (experiments with one model use the first). Before them, the scale of the latent criterion and the constants are searched on a subject that is in no experiment (calibration, search). Every cell (one training or fit) is a file in --out; reports are made from these files. Written to --out: study.json, one CSV per experiment and report/index.html.")]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub(crate) struct Args {
-    /// Experiments [default: all]
-    #[arg(value_name = "ID")]
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// Experiments, as listed by `last study list` [default: all]
+    #[arg(value_name = "ID", value_parser = choices(EXPERIMENTS))]
     ids: Vec<String>,
     /// Folder for results; new or empty unless --resume or --force
-    #[arg(long, value_name = "DIR")]
-    out: PathBuf,
-    /// Image-to-point model of last pretrain and the graph of its data; once per graph [default: FORK and the
-    /// built-in model]
-    #[arg(long, value_name = "GRAPH=FILE")]
-    model: Vec<String>,
+    #[arg(long, value_name = "DIR", required = true)]
+    out: Option<PathBuf>,
+    /// Image-to-point model of last pretrain and the graph of its data, comma-separated or repeated [default: FORK and the built-in model]
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',')]
+    graph_model: Vec<String>,
     /// Use the default hyper-parameters
     #[arg(long)]
     no_search: bool,
-    /// Small sizes and few seeds
-    #[arg(long)]
-    quick: bool,
-    /// Smallest sizes: a test that everything runs, in seconds
-    #[arg(long, conflicts_with = "quick")]
-    smoke: bool,
+    /// Sizes and numbers of seeds
+    #[arg(long, value_name = "NAME", default_value = "full", value_parser = choices(SCALES))]
+    scale: String,
     /// Number of cells run at the same time; results do not depend on it [default: number of threads]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     jobs: Option<u16>,
@@ -85,26 +116,18 @@ pub(crate) struct Args {
 
 impl Args {
     fn sizes(&self) -> (learn::Size, images::Size, setup::Size) {
-        match (self.quick, self.smoke) {
-            (true, _) => (learn::Size::quick(), images::Size::quick(), setup::Size::quick()),
-            (_, true) => (learn::Size::smoke(), images::Size::smoke(), setup::Size::smoke()),
+        match self.scale.as_str() {
+            "quick" => (learn::Size::quick(), images::Size::quick(), setup::Size::quick()),
+            "smoke" => (learn::Size::smoke(), images::Size::smoke(), setup::Size::smoke()),
             _ => (learn::Size::full(), images::Size::full(), setup::Size::full()),
-        }
-    }
-
-    fn sizes_name(&self) -> &'static str {
-        match (self.quick, self.smoke) {
-            (true, _) => "quick",
-            (_, true) => "smoke",
-            _ => "full",
         }
     }
 
     /// What sizes other than the study's are worth.
     fn warning(&self) -> Option<&'static str> {
-        match (self.quick, self.smoke) {
-            (true, _) => Some("quick run (small sizes, few seeds): not evidence"),
-            (_, true) => Some("smoke test (smallest sizes): not evidence"),
+        match self.scale.as_str() {
+            "quick" => Some("quick run (small sizes, few seeds): not evidence"),
+            "smoke" => Some("smoke test (smallest sizes): not evidence"),
             _ => None,
         }
     }
@@ -115,9 +138,9 @@ impl Args {
 
     fn models(&self) -> Result<Vec<Model>> {
         let mut models: Vec<Model> = Vec::new();
-        for text in &self.model {
+        for text in &self.graph_model {
             let wrong =
-                |got: &str| Error::input("--model").expected("GRAPH=FILE, one for each graph").got(got);
+                |got: &str| Error::input("--graph-model").expected("GRAPH=FILE, one for each graph").got(got);
             let (graph, file) = text.split_once('=').ok_or_else(|| wrong(text))?;
             if models.iter().any(|m| m.graph == graph) {
                 return Err(wrong(&format!("{graph} twice")));
@@ -150,27 +173,34 @@ fn number(id: &str) -> u32 {
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
+    match (&args.command, &args.out) {
+        (None, Some(out)) => study(args, out),
+        _ => list(),
+    }
+}
+
+fn list() -> Result<()> {
+    if cli::is_json() {
+        let all = EXPERIMENTS.iter().map(|(id, about)| json!({ "id": id, "about": about }));
+        return cli::say_json(&json!({ "experiments": all.collect::<Vec<_>>() }));
+    }
+    EXPERIMENTS.iter().try_for_each(|(id, about)| cli::say(&format!("{id:11} {about}")))
+}
+
+fn study(args: &Args, out: &Path) -> Result<()> {
     let mut meter = Meter::new();
     let (vectors, seen, persons) = args.sizes();
     let of_vectors: [Learning; 4] =
         [learn::number, learn::correct, learn::spurious, learn::dependence].map(|make| make(vectors));
-    let of_pictures = StructureFromImages::new(seen, &args.out);
+    let of_pictures = StructureFromImages::new(seen, out);
     let learning: Vec<&dyn Experiment> =
         of_vectors.iter().map(|x| x as &dyn Experiment).chain([&of_pictures as &dyn Experiment]).collect();
     let guided: Vec<&str> = FOUND_BY.iter().chain(&CLAIMS).map(|(id, _)| *id).collect();
-    for id in &args.ids {
-        if !learning.iter().any(|x| x.id() == id) && !guided.contains(&id.as_str()) {
-            let mut names: Vec<&str> =
-                learning.iter().map(|x| x.id()).chain(guided.iter().copied()).collect();
-            names.sort_by_key(|id| number(id));
-            return Err(Error::input("experiment").expected(names.join(", ")).got(id.as_str()));
-        }
-    }
     let models = args.models()?;
     let with_persons = guided.iter().any(|id| args.wants(id));
-    let perception = if with_persons { args.perception.load(&meter)? } else { None };
+    let perception = if with_persons { args.perception.load()? } else { None };
     let perception = perception.map(|metric| metric.digest().map(|d| (metric, d))).transpose()?;
-    let dir = claim::folder(&args.out, args.resume, args.replace.force)?;
+    let dir = claim::folder(out, args.resume, args.replace.force)?;
     let named = models.iter().map(|m| json!({ "graph": m.graph, "digest": m.digest })).collect::<Vec<_>>();
     let options = RunOptions {
         command: "last study",
@@ -204,9 +234,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
     reports.sort_by_key(|r| number(r.id));
     engine::write_tables(&dir, &reports)?;
     let record = json!({
-        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.sizes_name(),
+        "kind": "last study", "lastlight": env!("CARGO_PKG_VERSION"), "sizes": args.scale,
         "threads": par::threads(), "jobs": options.jobs, "models": named, "constants": constants,
         "experiments": engine::records(&reports), "seconds": meter.seconds(),
+        like::ARGUMENTS: cli::arguments(), "build": version::record(),
     });
     atomic::write_bytes(&dir.join(RECORD), format!("{record:#}\n").as_bytes())?;
     let titles = ("Experiments of LAST", args.warning().unwrap_or_default());
@@ -221,4 +252,23 @@ pub(super) fn run(args: &Args) -> Result<()> {
         cli::say(&format!("{:11} {:9} {}", r.id, r.outcome.name(), r.verdict))?;
     }
     cli::say(&format!("report {}", page.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_listed_experiments_are_those_that_can_run() {
+        let learning: [Learning; 4] = [learn::number, learn::correct, learn::spurious, learn::dependence]
+            .map(|make| make(learn::Size::smoke()));
+        let of_images = StructureFromImages::new(images::Size::smoke(), Path::new("out"));
+        let mut ids: Vec<&str> = learning.iter().map(Experiment::id).collect();
+        ids.push(of_images.id());
+        ids.extend(FOUND_BY.iter().chain(&CLAIMS).map(|(id, _)| *id));
+        ids.sort_unstable();
+        let mut listed: Vec<&str> = EXPERIMENTS.iter().map(|(id, _)| *id).collect();
+        listed.sort_unstable();
+        assert_eq!(listed, ids, "a line for each, and no other");
+    }
 }

@@ -18,14 +18,13 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   lastlight last tune model/model.safetensors subject/video --out tuned.safetensors
 
-Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 iterations, with a penalty
-of 0.1 times the squared change of each probability. The table shows the edges before and after.")]
+Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 iterations, with a penalty of 0.1 times the squared change of each probability. The table shows the edges before and after.")]
 pub(crate) struct Args {
     /// Model written by last pretrain
-    #[arg(value_name = "MODEL")]
+    #[arg(value_name = "FILE")]
     model: PathBuf,
     /// Capture of the person
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
     /// File for the tuned model
     #[arg(long, value_name = "FILE")]

@@ -1,7 +1,9 @@
 //! `lirm gen`: data sets of rendered objects.
 
+use crate::choices::{self, Choices, ENV_AXES, PASSES, choices};
 use crate::claim;
 use crate::console as cli;
+use crate::fit::passes::PassSet;
 use crate::meter::Meter;
 use crate::scene::camera::Model;
 use crate::scene::environment_file::{Options, Orientation};
@@ -17,15 +19,26 @@ Examples:
   lastlight lirm gen --out train --objects 100                          built-in objects under a white dome
   lastlight lirm gen --out lit --objects 100 --lighting both --shiny    and under environment maps, rough and shiny
   lastlight lirm gen --out small --objects 5000 --views 12 --size 64 --samples 16
-  lastlight lirm gen --out test --set test --lighting environment --size 512
-  lastlight lirm gen --out ego --set egocentric --camera pinhole --lighting environment --views 60
-  lastlight lirm gen --out mine --mesh helmet.gltf cow.obj --env dresden.hdr --lighting environment
+  lastlight lirm gen --out test --cameras test --lighting environment --size 512
+  lastlight lirm gen --out ego --cameras egocentric --lens pinhole --lighting environment --views 60
+  lastlight lirm gen --out mine --mesh helmet.gltf,cow.obj --env dresden.hdr --lighting environment
 
-Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it stands under a map) and
-one capture per light: transforms.json, images/, foreground/, and unless --passes photo radiance/, depth/, normal/,
-albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever
---objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues
-with --resume, which may also ask for more --objects.";
+Each object gets a folder with object.json, its truth (object.glb, and environment.exr if it stands under a map) and one capture per light: transforms.json, images/, foreground/, and by default radiance/, depth/, normal/, albedo/, material/. `mesh render object.glb --env environment.exr` renders it anew. Object k is the same whatever --objects and --first are, so a set can be made in pieces, each in a folder of its own. An interrupted run continues with --resume, which may also ask for more --objects.";
+
+/// Values of `--lighting`.
+const LIGHTING: &Choices =
+    &[("uniform", "a white dome"), ("environment", "a map per object"), ("both", "each object under both")];
+/// Values of `--cameras`.
+const CAMERAS: &Choices = &[
+    ("train", "drawn at random"),
+    ("test", "48 fixed views, inputs and outputs"),
+    ("egocentric", "on a moving head"),
+];
+/// Values of `--lens`.
+const LENSES: &Choices = &[("fisheye", "130 degrees, equidistant"), ("pinhole", "70 degrees")];
+/// Values of `--framing`.
+const FRAMINGS: &Choices =
+    &[("loose", "off the centre, sometimes cut by the border"), ("whole", "the whole object is visible")];
 
 /// Render objects with known shape, materials and light.
 #[derive(clap::Args)]
@@ -40,52 +53,51 @@ pub(crate) struct Args {
     /// Index of the first object
     #[arg(long, value_name = "K", default_value_t = 0)]
     first: u32,
-    /// Models to use instead of the built-in ones: .gltf, .glb or .obj
-    #[arg(long, value_name = "FILE", num_args = 1..)]
+    /// Models to use instead of the built-in ones: .gltf, .glb, .obj or .ply, comma-separated or repeated
+    #[arg(long, value_name = "FILE", value_delimiter = ',')]
     mesh: Vec<PathBuf>,
-    /// Light: uniform (a white dome), environment (a map per object) or both
-    #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = ["uniform", "environment", "both"], help_heading = "Light")]
+    /// Light of the objects
+    #[arg(long, value_name = "NAME", default_value = "uniform", value_parser = choices(LIGHTING))]
     lighting: String,
-    /// Panoramas to use instead of the built-in ones: .hdr, .exr, .png, .jpg, each object turns its own; or axes, the
-    /// test map that colours the axes, as it is
-    #[arg(long, value_name = "FILE", num_args = 1.., help_heading = "Light")]
+    /// Panoramas to use instead of the built-in ones, comma-separated or repeated: .hdr, .exr, .png, .jpg, each object turns its own; or axes, the test map that colours the axes, as it is
+    #[arg(long, value_name = "FILE|NAME", value_delimiter = ',')]
     env: Vec<PathBuf>,
-    /// Whose axes the panoramas have
-    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = Orientation::FIXED.map(Orientation::name), requires = "env", help_heading = "Light")]
+    /// Orientation of the panorama's axes
+    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = choices(ENV_AXES), requires = "env")]
     env_axes: String,
     /// Columns of built-in maps [default: twice --size, 128 to 1024]
-    #[arg(long, value_name = "N", conflicts_with = "env", help_heading = "Light")]
+    #[arg(long, value_name = "N", conflicts_with = "env")]
     env_width: Option<usize>,
     /// A second version under the map, with all roughness times U(0.3, 0.6)
-    #[arg(long, help_heading = "Light")]
+    #[arg(long)]
     shiny: bool,
-    /// Cameras: train (drawn), test (48 fixed views, inputs and outputs) or egocentric (on a moving head)
-    #[arg(long, value_name = "NAME", default_value = "train", value_parser = ["train", "test", "egocentric"], help_heading = "Images")]
-    set: String,
-    /// Camera of an egocentric set: fisheye (130 degrees, equidistant) or pinhole (70 degrees) [default: fisheye]
-    #[arg(long, value_name = "NAME", value_parser = ["fisheye", "pinhole"], help_heading = "Images")]
-    camera: Option<String>,
+    /// Cameras of the images
+    #[arg(long, value_name = "FROM", default_value = "train", value_parser = choices(CAMERAS))]
+    cameras: String,
+    /// Lens of egocentric cameras [default: fisheye]
+    #[arg(long, value_name = "NAME", value_parser = choices(LENSES))]
+    lens: Option<String>,
     /// Images per object and light, of train and egocentric
-    #[arg(long, value_name = "N", default_value_t = 32, help_heading = "Images")]
+    #[arg(long, value_name = "N", default_value_t = 32)]
     views: usize,
-    /// Pixels a side
-    #[arg(long, value_name = "PX", default_value_t = 256, help_heading = "Images")]
+    /// Size of the images, which are square: S, or SxS
+    #[arg(long, value_name = "S|WxH", default_value = "256", value_parser = choices::square)]
     size: usize,
-    /// Training views: loose (off the centre, sometimes cut by the border) or whole
-    #[arg(long, value_name = "NAME", default_value = "loose", value_parser = ["loose", "whole"], help_heading = "Images")]
+    /// How training views frame the object
+    #[arg(long, value_name = "NAME", default_value = "loose", value_parser = choices(FRAMINGS))]
     framing: String,
     /// Samples per pixel
-    #[arg(long, value_name = "N", default_value_t = 64, help_heading = "Images")]
+    #[arg(long, value_name = "N", default_value_t = 64)]
     samples: u32,
     /// Surfaces after the first that light may come by; 0 is direct light only
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Images")]
+    #[arg(long, value_name = "N", default_value_t = 1)]
     bounces: u32,
     /// Side of a square with as many texels as the textures of an object [default: twice --size, 128 to 1024]
-    #[arg(long, value_name = "PX", help_heading = "Images")]
+    #[arg(long, value_name = "N")]
     texture: Option<usize>,
-    /// What is written of each image: photo (and foreground) or all
-    #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"], help_heading = "Images")]
-    passes: String,
+    /// What is written of each image, comma-separated or repeated
+    #[arg(long, value_name = "LIST", default_value = "all", value_delimiter = ',', value_parser = choices(PASSES))]
+    passes: Vec<String>,
     /// Leave out object.glb and environment.exr
     #[arg(long)]
     no_truth: bool,
@@ -95,13 +107,13 @@ pub(crate) struct Args {
 
 impl Args {
     fn settings(&self) -> Result<Settings> {
-        if let Some(camera) = &self.camera
-            && self.set != "egocentric"
+        if let Some(lens) = &self.lens
+            && self.cameras != "egocentric"
         {
-            return Err(Error::input("--camera")
-                .expected("--set egocentric")
-                .got(format!("--set {}", self.set))
-                .hint(format!("images of other sets are pinhole images; leave out --camera {camera}")));
+            return Err(Error::input("--lens")
+                .expected("--cameras egocentric")
+                .got(format!("--cameras {}", self.cameras))
+                .hint(format!("other cameras are pinhole cameras; leave out --lens {lens}")));
         }
         let fine = (2 * self.size).clamp(128, 1024);
         let (axes, maps): (Vec<_>, Vec<_>) = self.env.iter().cloned().partition(|m| m == Path::new("axes"));
@@ -125,12 +137,12 @@ impl Args {
                 _ => Lighting::Both,
             },
             shiny: self.shiny,
-            set: match self.set.as_str() {
+            set: match self.cameras.as_str() {
                 "train" => Set::Train,
                 "test" => Set::Test,
                 _ => Set::Egocentric,
             },
-            camera: if self.camera.as_deref() == Some("pinhole") { Model::Pinhole } else { Model::Fisheye },
+            camera: if self.lens.as_deref() == Some("pinhole") { Model::Pinhole } else { Model::Fisheye },
             views: self.views,
             size: self.size,
             framing: if self.framing == "whole" { Framing::Whole } else { Framing::Loose },
@@ -138,7 +150,7 @@ impl Args {
             bounces: self.bounces,
             texture: self.texture.unwrap_or(fine),
             map_width: self.env_width.unwrap_or(fine),
-            passes: self.passes == "all",
+            passes: PassSet::parse(&self.passes)?,
             truth: !self.no_truth,
             seed: self.filling.seed,
         })

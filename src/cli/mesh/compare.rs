@@ -11,24 +11,23 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight mesh compare truth.obj reconstruction.glb
-  lastlight mesh compare a.glb b.glb --samples 200000 --tau 0.01 --json
+  lastlight mesh compare a.glb b.glb --surface-samples 200000 --tau 0.01 --json
 
-Surfaces are compared where they are: nothing is aligned or scaled. Distances are in the units of the files.
-Chamfer distances between samples do not vanish for equal surfaces; distances to the mesh do.")]
+Surfaces are compared where they are: nothing is aligned or scaled. Distances are in the units of the files. Chamfer distances between samples do not vanish for equal surfaces; distances to the mesh do.")]
 pub(crate) struct Args {
-    /// Surface A: .gltf, .glb or .obj
-    #[arg(value_name = "A")]
+    /// Surface A: .gltf, .glb, .obj or .ply
+    #[arg(value_name = "FILE")]
     a: PathBuf,
-    /// Surface B
-    #[arg(value_name = "B")]
+    /// Surface B: .gltf, .glb, .obj or .ply
+    #[arg(value_name = "FILE")]
     b: PathBuf,
     /// Samples of each surface
     #[arg(long, value_name = "N", default_value_t = 100_000, value_parser = clap::value_parser!(u32).range(1..=100_000_000))]
-    samples: u32,
+    surface_samples: u32,
     /// Distance that counts as a match [default: 1 % of the diagonal of A]
     #[arg(long, value_name = "D")]
     tau: Option<f64>,
-    /// Seed of the samples
+    /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 }
@@ -40,7 +39,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         return Err(Error::input("--tau").expected("a distance").got(tau.to_string()));
     }
     let (a, b) = (model::read(&args.a)?, model::read(&args.b)?);
-    let c = compare(&a.mesh, &b.mesh, args.samples as usize, args.seed, args.tau)?;
+    let c = compare(&a.mesh, &b.mesh, args.surface_samples as usize, args.seed, args.tau)
+        .map_err(|e| e.within(format!("{}, {}", args.a.display(), args.b.display())))?;
     if cli::is_json() {
         return cli::say_json(&record(args, &c));
     }
@@ -73,7 +73,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 fn record(args: &Args, c: &Comparison) -> Value {
     let distances = |d: Distances| json!({ "mean": d.mean, "rms": d.rms, "max": d.max, "within": d.within });
     json!({
-        "a": args.a, "b": args.b, "samples": args.samples, "seed": args.seed,
+        "a": args.a, "b": args.b, "samples": args.surface_samples, "seed": args.seed,
         "chamfer_mean": c.chamfer_mean, "chamfer_sum": c.chamfer_sum, "chamfer_squared": c.chamfer_squared,
         "normal_consistency": c.normal_consistency, "f_score": c.f_score, "tau": c.tau,
         "a_to_b": distances(c.a_to_b), "b_to_a": distances(c.b_to_a), "area": c.area, "diagonal": c.diagonal,

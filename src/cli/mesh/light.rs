@@ -1,5 +1,6 @@
 //! The light of `mesh render`: a panorama of the user's, or a built-in one.
 
+use crate::choices::{ENV_AXES, choices};
 use crate::io;
 use crate::scene::environment_file::{self, Options, Orientation};
 use crate::scene::from_data_gen;
@@ -18,13 +19,12 @@ const AXES_ROWS: usize = 256;
 
 /// Options of the light.
 #[derive(clap::Args)]
-#[command(next_help_heading = "Light")]
 pub(super) struct Args {
     /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform, sky, sunset, overcast, studio, indoor, night, axes
     #[arg(long, value_name = "FILE|NAME", default_value = "uniform")]
     env: String,
-    /// Whose axes the panorama has
-    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = Orientation::FIXED.map(Orientation::name))]
+    /// Orientation of the panorama's axes
+    #[arg(long, value_name = "NAME", default_value = "ours", value_parser = choices(ENV_AXES))]
     env_axes: String,
     /// Degrees the light turns about the vertical, counter-clockwise from above
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]

@@ -1,4 +1,4 @@
-//! `mesh render | compare`: any glTF or OBJ under any light, and how far two surfaces are apart.
+//! `mesh render | compare`: any glTF, OBJ or PLY mesh under any light, and how far two surfaces are apart.
 //!
 //! Arguments are turned into records of `fit`, `scene` and `geometry`, results into files and tables; nothing is computed here.
 
@@ -12,7 +12,7 @@ use clap::Subcommand;
 /// Triangle meshes.
 #[derive(Subcommand)]
 pub(super) enum Command {
-    /// Render a glTF or OBJ under an environment map, with all passes
+    /// Render a glTF, OBJ or PLY mesh under an environment map, with all passes
     Render(Box<render::Args>),
     /// Compare two surfaces: Chamfer distance, normals, distances to the mesh
     Compare(compare::Args),

@@ -1,9 +1,10 @@
 //! `mesh render`: images of a model under light.
 
 use super::light;
+use crate::choices::{PASSES, choices};
 use crate::claim;
 use crate::console as cli;
-use crate::fit::passes::Shot;
+use crate::fit::passes::{PassSet, Shot};
 use crate::fit::relight::{self, Exposure, Relight};
 use crate::fit::render::capture_shots;
 use crate::io;
@@ -20,50 +21,40 @@ use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
 
 /// Of an orbit.
-const USUAL: DefaultArgs = DefaultArgs { size: "512x512", fov: 35.0, elevation: 15.0 };
+const USUAL: DefaultArgs = DefaultArgs { size: [512, 512], fov: 35.0, elevation: 15.0 };
 
-/// Render a glTF or OBJ under an environment map.
+/// Render a glTF, OBJ or PLY mesh under an environment map.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight mesh render helmet.gltf --env studio --out helmet
   lastlight mesh render cow.obj --env dresden.hdr --env-axes blender --cameras orbit:36 --out turntable
   lastlight mesh render Knight.glb --animation Walking_A --time 0.4 --hide 1H_Sword --env uniform --out knight
-  lastlight mesh render model.glb --env probe.exr --cameras capture/transforms.json --out relit --passes all
+  lastlight mesh render model.glb --env probe.exr --cameras capture/transforms.json --out relit
   lastlight mesh render ball.obj --env axes --out which-way
 
---out is a capture: images/ (PNG, sRGB-encoded), foreground/ (PNG) and transforms.json; with --passes all also
-radiance/ (EXR, linear), depth/, normal/ (EXR), albedo/ and material/ (PNG). An interrupted run continues with
---resume, if model, light and cameras are what they were. By default an orbit has
-images of 512x512 pixels, a field of view of 35° and an elevation of 15°. glTF and OBJ are y up; cameras and passes are z up, as everywhere in this program. --env axes colours directions by axis: +x red, -x cyan, +y green, -y magenta,
-+z blue, -z yellow, the negative ones with a dark middle; --env-axes gives the orientation of the environment map's axes.")]
+--out is a capture: images/ (PNG, sRGB-encoded), foreground/ (PNG) and transforms.json, and by default radiance/ (EXR, linear), depth/, normal/ (EXR), albedo/ and material/ (PNG). An interrupted run continues with --resume, if model, light and cameras are what they were. By default an orbit has images of 512x512 pixels, a field of view of 35° and an elevation of 15°. glTF and OBJ are y up, and a PLY is read as if it were; cameras and passes are z up, as everywhere in this program. --env axes colours directions by axis: +x red, -x cyan, +y green, -y magenta, +z blue, -z yellow, the negative ones with a dark middle; --env-axes gives the orientation of the environment map's axes.")]
 pub(crate) struct Args {
-    /// Model: .gltf, .glb, .obj; or the folder of the open body
+    /// Model: .gltf, .glb, .obj, .ply; or the folder of the open body
     #[arg(value_name = "FILE")]
     file: PathBuf,
     #[command(flatten)]
     light: light::Args,
     /// Cameras: orbit:N for N views around the model, a transforms.json, or a capture folder
-    #[arg(long, value_name = "FROM", default_value = "orbit:1", help_heading = "Cameras")]
+    #[arg(long, value_name = "FROM", default_value = "orbit:1")]
     cameras: String,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Shrink the images of a capture's cameras by an integer factor
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Cameras")]
+    /// Shrink the images of a capture's cameras by a whole factor
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
     /// Pose of a character: one of its animations
-    #[arg(long, value_name = "NAME", help_heading = "Model")]
+    #[arg(long, value_name = "NAME")]
     animation: Option<String>,
     /// Seconds into the animation
-    #[arg(
-        long,
-        value_name = "SECONDS",
-        default_value_t = 0.0,
-        requires = "animation",
-        help_heading = "Model"
-    )]
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, requires = "animation")]
     time: f64,
-    /// Nodes or meshes to leave out
-    #[arg(long, value_name = "NAME", help_heading = "Model", num_args = 1..)]
+    /// Nodes or meshes to leave out, comma-separated or repeated
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
     hide: Vec<String>,
     /// Samples per pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
@@ -77,9 +68,9 @@ pub(crate) struct Args {
     /// Photos of the model alone, with an alpha channel
     #[arg(long)]
     transparent: bool,
-    /// What is written: photo or all
-    #[arg(long, value_name = "photo|all", default_value = "all", value_parser = ["photo", "all"])]
-    passes: String,
+    /// What is written of each image, comma-separated or repeated
+    #[arg(long, value_name = "LIST", default_value = "all", value_delimiter = ',', value_parser = choices(PASSES))]
+    passes: Vec<String>,
     /// Folder for the images; new or empty unless --force or --resume
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -90,6 +81,7 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let exposure = exposure(&args.exposure)?;
+    let passes = PassSet::parse(&args.passes)?;
     if !args.time.is_finite() {
         return Err(Error::input("--time").expected("a number of seconds").got(args.time.to_string()));
     }
@@ -110,9 +102,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         settings,
         exposure,
         transparent: args.transparent,
-        passes: args.passes == "all",
+        passes,
     };
-    let header = header(args)?;
+    let header = header(args, passes)?;
     let digest = cli::stoppable(|stop| {
         job.to_folder(&shots, &args.out, header, args.filling.resume, stop, &mut |done, total| {
             meter.count(done, total, "rendering");
@@ -136,10 +128,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
 
 /// What a continued run must have in common with the one that was interrupted, besides what is shown. Files are known by name and bytes:
 /// the result does not depend on where they lie.
-fn header(args: &Args) -> Result<Map<String, Value>> {
+fn header(args: &Args, passes: PassSet) -> Result<Map<String, Value>> {
     let is_orbit = args.cameras.starts_with("orbit:");
     let (size, fov, elevation, radius) = args.orbit.resolved(USUAL);
-    let orbit = json!([args.cameras, size, fov, elevation, radius]);
+    let orbit = json!([args.cameras, format!("{}x{}", size[0], size[1]), fov, elevation, radius]);
     let of_capture = json!({ "capture": name_of(&args.cameras), "downscale": args.downscale });
     // The open body is a folder, whose mesh stands for it.
     let model = if args.file.is_dir() { args.file.join("base.obj") } else { args.file.clone() };
@@ -152,7 +144,7 @@ fn header(args: &Args) -> Result<Map<String, Value>> {
         "bounces": args.bounces,
         "seed": args.filling.seed,
         "exposure": args.exposure,
-        "style": [json!(args.transparent), json!(args.passes)],
+        "style": [json!(args.transparent), passes.record()],
     });
     Ok(Map::from_iter([("mesh_render".to_owned(), record)]))
 }
@@ -177,9 +169,11 @@ fn object(args: &Args) -> Result<(Object, Vec<String>)> {
     if args.animation.is_none() && args.hide.is_empty() && !args.file.is_dir() {
         return model::read_with_notes(&args.file);
     }
-    let mut character = Character::read(&args.file).map_err(|e| match args.animation.is_none() {
-        true => e.within("--hide"),
-        false => e.within("--animation"),
+    // A folder is a body, with or without these options; any other file is read as a character because of them.
+    let mut character = Character::read(&args.file).map_err(|e| match (&args.animation, &args.hide[..]) {
+        (Some(_), _) => e.within("--animation"),
+        (None, [_, ..]) => e.within("--hide"),
+        (None, []) => e,
     })?;
     let names: Vec<&str> = args.hide.iter().map(String::as_str).collect();
     character.hide(&names)?;

@@ -95,7 +95,7 @@ pub(crate) fn parts(rows: &[(String, f64)]) -> Markup {
 /// Numbers of entries in bins of equal width from `low` on, as vertical bars; the axis holds decimal logarithms.
 pub(crate) fn histogram(title: &str, low: f64, width: f64, counts: &[usize]) -> Markup {
     let most = counts.iter().fold(1, |m, &c| Ord::max(m, c));
-    let total = counts.iter().fold(0, |s, c| s + c);
+    let total = counts.iter().fold(0, |s: usize, &c| s.saturating_add(c));
     let high = low + width * counts.len() as f64;
     let height = 190.0;
     let px = |x: f64| LEFT + (x - low) / (high - low) * (W - LEFT - RIGHT);

@@ -57,7 +57,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let name = r.operator.unwrap_or("Arrays");
     let title = match (&r.divergence, r.passed) {
         (_, true) => format!("{name}: all arrays match"),
-        (Some(d), _) => format!("{name}: first difference in {}", readable(d.stage)),
+        (Some(d), _) => format!("{name}: first difference in {}", readable(&d.stage)),
         _ => format!("{name}: arrays differ"),
     };
     let differing: Vec<&ArrayReport> = r.arrays.iter().filter(|a| a.agreement != Agreement::Agrees).collect();
@@ -134,7 +134,7 @@ fn missing(r: &Report) -> String {
 fn stages(x: &Input<'_>) -> Markup {
     let r = x.report;
     let find = |name: &str| r.arrays.iter().find(|a| a.name == name);
-    let first = r.divergence.as_ref().map(|d| d.stage);
+    let first = r.divergence.as_ref().map(|d| d.stage.as_str());
     let state = |s: &Stage| {
         let seen: Vec<&ArrayReport> = s.outputs.iter().filter_map(|n| find(n)).collect();
         let differ = seen.iter().filter(|a| a.agreement != Agreement::Agrees).count();

@@ -19,20 +19,20 @@ pub(super) enum Masks {
 /// How a capture is read.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct CaptureArgs {
-    /// Shrink the images by an integer factor, averaging blocks of pixels
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16), help_heading = "Input")]
+    /// Shrink the images by a whole factor, averaging blocks of pixels
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     pub(super) downscale: u8,
     /// Refuse a capture with missing images instead of leaving those frames out
-    #[arg(long, help_heading = "Input")]
+    #[arg(long)]
     strict: bool,
     /// How the masks of a capture are applied
-    #[arg(long, value_enum, value_name = "HOW", default_value = "ignore", help_heading = "Input")]
+    #[arg(long, value_enum, value_name = "NAME", default_value = "ignore")]
     masks: Masks,
     /// Folder of the images, in place of the one that the capture names
-    #[arg(long, value_name = "DIR", help_heading = "Input")]
+    #[arg(long, value_name = "DIR")]
     images: Option<PathBuf>,
-    /// Accept absolute paths and `..` in the files of the capture; only for files that you trust
-    #[arg(long, help_heading = "Input")]
+    /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
+    #[arg(long)]
     allow_outside: bool,
 }
 

@@ -3,6 +3,7 @@
 use super::capture_args::CaptureArgs;
 use super::fit::{score, scores_text, write_renders};
 use super::render_args::RenderArgs;
+use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::render::Scene;
@@ -13,31 +14,35 @@ use crate::meter::Meter;
 use crate::num::sum;
 use crate::report::run::Run;
 use crate::scene::views::Views;
-use crate::shared::{MetricArgs, SceneArgs};
+use crate::shared::{MetricArgs, SceneArgs, note_missing_weights};
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::json;
 use std::path::PathBuf;
 
+/// Values of `--split`.
+const SPLITS: &Choices =
+    &[("test", "held-out images, every 8th"), ("train", "fitted images"), ("all", "both")];
+
 /// Score a scene file on the photos of a capture.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight splat eval fox/scene.ply photos/
-  lastlight splat eval fox/scene.ply photos/ --views all --json
+  lastlight splat eval fox/scene.ply photos/ --split all --json
   lastlight splat eval theirs.ply photos/ --profile inria --out theirs --min-psnr 25
   lastlight splat eval fox/scene.ply photos/ --lpips lpips_vgg.safetensors
 
 With --min-psnr the command is a check: exit code 1 when the mean is lower.")]
 pub(crate) struct Args {
     /// Scene: .ply, .splat or .npz
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "FILE")]
     scene: PathBuf,
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
-    /// Photos to score: test (every 8th), train or all
-    #[arg(long, value_name = "WHICH", default_value = "test")]
-    views: String,
+    /// Part of the images to score
+    #[arg(long, value_name = "NAME", default_value = "test", value_parser = choices(SPLITS))]
+    split: String,
     #[command(flatten)]
     input: CaptureArgs,
     /// Fail when the mean PSNR is below this many decibels
@@ -48,7 +53,7 @@ pub(crate) struct Args {
     /// Folder for renders and report/index.html
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files in --out that exist
+    /// Replace existing results
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -85,20 +90,19 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let stored = args.reading.read(&args.scene, &meter)?;
     let views = Views::load(&args.capture, &args.input.options(background))?;
     args.input.note(&views, &meter);
-    let which: Vec<usize> = match args.views.as_str() {
+    let which: Vec<usize> = match args.split.as_str() {
         "test" => views.test.clone(),
         "train" => views.train.clone(),
-        "all" => (0..views.views.len()).collect(),
-        other => return Err(Error::input("--views").expected("test, train or all").got(other)),
+        _ => (0..views.views.len()).collect(),
     };
     if which.is_empty() {
-        return Err(Error::input("--views")
-            .at(args.views.as_str())
-            .expected("at least one photo")
+        return Err(Error::input("--split")
+            .at(args.split.as_str())
+            .expected("at least one photograph")
             .got("none"));
     }
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
-    let metric = args.perception.load(&meter)?;
+    let metric = args.perception.load()?;
     meter.lap("reading");
     let scene = Scene::new(&stored, settings, background);
     let scored = score(&scene, &views, &which, &mut meter)?;
@@ -107,7 +111,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let name = metric.as_ref().map_or(rfd::NAME, |metric| metric.names()[0]);
     meter.lap("rendering and scoring");
     let record = json!({
-        "scene": args.scene, "capture": args.capture, "views": args.views, "gaussians": stored.len(),
+        "scene": args.scene, "capture": args.capture, "split": args.split, "gaussians": stored.len(),
         "profile": args.render.profile, "downscale": args.input.downscale, "evaluation": evaluation.json(),
         "perception": {"name": name, "mean": mean(&perceived), "views": perceived},
     });
@@ -117,9 +121,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
         cli::say(&scores_text(&evaluation))?;
         cli::say(&format!("{name} {:.4}, mean over views", mean(&perceived)))?;
     }
+    note_missing_weights(metric.as_ref(), &meter);
     if let Some(dir) = dir {
         let names = write_renders(&dir, &scored)?;
-        let settings = json!({"scene": args.scene, "capture": args.capture, "views": args.views,
+        let settings = json!({"scene": args.scene, "capture": args.capture, "split": args.split,
             "profile": args.render.profile, "background": background, "downscale": args.input.downscale});
         let page = report::fit::page(&report::fit::Input {
             kind: "splat eval",
@@ -134,7 +139,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             n_gauss: stored.len(),
             limit: None,
             scored: &scored,
-            distances: if args.views == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
+            distances: if args.split == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
             evaluation: &evaluation,
             run: Run::new(&settings, None, &meter, &dir, &names),
         })?;

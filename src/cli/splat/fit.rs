@@ -3,6 +3,7 @@
 use super::capture_args::CaptureArgs;
 use super::check;
 use super::render_args::RenderArgs;
+use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::evaluate::{self, Evaluation, Scored};
 use crate::fit::frames;
@@ -33,12 +34,9 @@ Examples:
   lastlight splat fit photos/ --out quick --downscale 2 --iterations 2000
   lastlight splat fit colmap/ --out garden --strategy mcmc --max-gaussians 300000
 
-CAPTURE is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model
-(sparse/0, binary or text), or such a transforms.json itself. Every 8th photo in file-name order is
-held out and scored. Lens distortion is removed on load.
+DIR is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model (sparse/0, binary or text), or such a transforms.json itself. Every 8th photograph in file-name order is held out and scored. Lens distortion is removed on load.
 
---out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras),
-images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
+--out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras), images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
 
 /// The cameras of the images, beside the scene.
 const CAMERAS: &str = "transforms.json";
@@ -46,12 +44,20 @@ const CAMERAS: &str = "transforms.json";
 /// Number of random first Gaussians by default.
 const INITIAL: usize = 10_000;
 
+/// Values of `--strategy`.
+const STRATEGIES: &Choices = &[
+    ("inria", "as the original implementation"),
+    ("gsplat", "as gsplat's default strategy"),
+    ("gsplat-abs", "as gsplat's, with absolute gradients"),
+    ("mcmc", "3DGS as Markov chain Monte Carlo"),
+];
+
 /// Fit Gaussians to the photos of a capture.
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub(crate) struct Args {
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
-    #[arg(value_name = "CAPTURE")]
+    #[arg(value_name = "DIR")]
     capture: PathBuf,
     /// Folder for the results; new or empty unless --resume or --force
     #[arg(long, value_name = "DIR")]
@@ -60,22 +66,22 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 7000)]
     iterations: usize,
     /// First Gaussians: auto (points of the capture, else random), random, or a .ply of points or Gaussians
-    #[arg(long, value_name = "FROM", default_value = "auto", help_heading = "Start")]
+    #[arg(long, value_name = "FROM", default_value = "auto")]
     init: String,
     /// Number of random first Gaussians [default: 10000, or --max-gaussians if that is less]
-    #[arg(long, value_name = "N", help_heading = "Start")]
+    #[arg(long, value_name = "N")]
     initial: Option<usize>,
-    /// Box of the scene for random first Gaussians: x0,y0,z0,x1,y1,z1 [default: cube around the point nearest to the cameras' axes]
-    #[arg(long = "box", value_name = "BOX", allow_hyphen_values = true, help_heading = "Start")]
+    /// Box of the scene for random first Gaussians [default: cube around the point the cameras look at]
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     bounds: Option<String>,
     /// Spherical-harmonics degree of the colours, 0 to 3
-    #[arg(long, value_name = "D", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Model")]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(0..=3))]
     sh_degree: u8,
-    /// Density control: inria, gsplat or mcmc
-    #[arg(long, value_name = "NAME", default_value = "inria", help_heading = "Model")]
+    /// Density control
+    #[arg(long, value_name = "NAME", default_value = "inria", value_parser = choices(STRATEGIES))]
     strategy: String,
     /// Largest number of Gaussians [default: one per 60 pixels that show something, 10000 to 1000000; at least those of the start, and half as many again for --init FILE]
-    #[arg(long, value_name = "N", help_heading = "Model")]
+    #[arg(long, value_name = "N")]
     max_gaussians: Option<usize>,
     #[command(flatten)]
     input: CaptureArgs,

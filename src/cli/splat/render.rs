@@ -1,6 +1,7 @@
 //! `splat render`: images of a scene file along cameras.
 
 use super::render_args::RenderArgs;
+use crate::choices::{Choices, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::fit::orbit::{Orbit, Up};
@@ -14,7 +15,15 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 
 /// Of an orbit.
-const USUAL: DefaultArgs = DefaultArgs { size: "800x600", fov: 50.0, elevation: 20.0 };
+const USUAL: DefaultArgs = DefaultArgs { size: [800, 600], fov: 50.0, elevation: 20.0 };
+
+/// Values of `--passes`.
+const PASSES: &Choices = &[
+    ("color", "PNG, sRGB-encoded"),
+    ("linear", "EXR, linear radiance"),
+    ("depth", "EXR, camera z weighted by alpha"),
+    ("alpha", "EXR"),
+];
 
 /// Render a scene file along cameras.
 #[derive(clap::Args)]
@@ -25,14 +34,10 @@ const USUAL: DefaultArgs = DefaultArgs { size: "800x600", fov: 50.0, elevation: 
   lastlight splat render scene.ply --cameras photos/ --out again --passes color,depth,alpha
   lastlight splat render theirs.ply --cameras transforms.json --out out --profile inria --background white
 
-Reads PLY files written by 3DGS programs; --drop-invalid leaves out rows with NaN or a zero quaternion, which some programs write. The orbit of a scene that `splat fit` wrote takes its middle, its distance and the
-direction up from the cameras beside the scene; of any other scene, from the extents of its Gaussians, with z up. Written to --out: one folder per pass and a transforms.json that describes the
-images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear
-radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has
-images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
+Reads PLY files written by 3DGS programs; --drop-invalid leaves out rows with NaN or a zero quaternion, which some programs write. The orbit of a scene that `splat fit` wrote takes its middle, its distance and the direction up from the cameras beside the scene; of any other scene, from the extents of its Gaussians, with z up. Written to --out: one folder per pass and a transforms.json that describes the images, so that it is itself a capture. Passes: color (PNG, sRGB-encoded), linear (EXR, linear radiance), depth (EXR, camera z weighted by alpha: divide by alpha for the mean), alpha (EXR). By default an orbit has images of 800x600 pixels, a field of view of 50° and an elevation of 20°.")]
 pub(crate) struct Args {
     /// Scene: .ply, .splat or .npz, or the folder of a fit
-    #[arg(value_name = "SCENE")]
+    #[arg(value_name = "FILE")]
     scene: PathBuf,
     /// Cameras: a capture, the folder of a fit, a transforms.json, a camera_path.json of nerfstudio, a COLMAP model, or orbit:N for N views around the scene
     #[arg(long, value_name = "FROM")]
@@ -40,13 +45,13 @@ pub(crate) struct Args {
     /// Folder for the images; new or empty unless --force
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Replace files in --out that exist
+    /// Replace existing results
     #[arg(long)]
     force: bool,
-    /// What to write, comma-separated: color, linear, depth, alpha
-    #[arg(long, value_name = "LIST", default_value = "color")]
-    passes: String,
-    /// Shrink the images of a capture's cameras by an integer factor
+    /// What is written of each image, comma-separated or repeated
+    #[arg(long, value_name = "LIST", default_value = "color", value_delimiter = ',', value_parser = choices(PASSES))]
+    passes: Vec<String>,
+    /// Shrink the images of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
     /// Accept absolute paths and `..` in the files of a capture; only for files that you trust
@@ -54,17 +59,11 @@ pub(crate) struct Args {
     allow_outside: bool,
     #[command(flatten)]
     orbit: OrbitArgs,
-    /// Centre of an orbit, X,Y,Z [default: the point on which the cameras of the fit are centred, else the centre of the scene]
-    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Orbit")]
+    /// Centre of an orbit, X,Y,Z [default: what the cameras of the fit look at, else the centre of the scene]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     center: Option<String>,
-    /// Up direction of an orbit: auto, x, y, z, -x, -y or -z; auto: as in the images of the fit, else z
-    #[arg(
-        long,
-        value_name = "AXIS",
-        default_value = "auto",
-        allow_hyphen_values = true,
-        help_heading = "Orbit"
-    )]
+    /// Up direction of an orbit; auto: as in the images of the fit, else z
+    #[arg(long, value_name = "NAME", default_value = "auto", allow_hyphen_values = true, value_parser = ["auto", "x", "y", "z", "-x", "-y", "-z"])]
     up: String,
     #[command(flatten)]
     reading: SceneArgs,
@@ -75,7 +74,7 @@ pub(crate) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
-    let passes = Passes::parse(&args.passes)?;
+    let passes = Passes::parse(&args.passes.join(","))?;
     let path = scene_file(&args.scene)?;
     let stored = args.reading.read(&path, &meter)?;
     let shots = shots(args, &path, &stored, &meter)?;
@@ -130,5 +129,6 @@ fn shots(args: &Args, path: &Path, scene: &Gaussians, meter: &Meter) -> Result<V
     if cameras.is_empty() && up == Up::Auto {
         meter.note("no cameras beside the scene: the orbit assumes that z is up (--up changes it)");
     }
-    Orbit { center, ..orbit }.shots_from(scene, &cameras, up)
+    let shots = Orbit { center, ..orbit }.shots_from(scene, &cameras, up);
+    shots.map_err(|e| e.within(path.display().to_string()))
 }

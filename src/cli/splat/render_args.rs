@@ -1,20 +1,22 @@
 //! How to render: the options that all three commands have.
 
+use crate::choices::{PROFILES, choices};
 use crate::scene::profile::Profile;
 use crate::{Error, Result};
+use clap::builder::{PossibleValuesParser, TypedValueParser as _};
 use lastlight_kernels::splat::render::Settings;
 
 /// How to render; the same options for all three commands.
 #[derive(clap::Args, Clone, Debug)]
 pub(super) struct RenderArgs {
-    /// Semantics of the renderer: exact, gsplat or inria
-    #[arg(long, value_name = "NAME", default_value = "exact", help_heading = "Rendering")]
+    /// Semantics of the renderer
+    #[arg(long, value_name = "NAME", default_value = "exact", value_parser = choices(PROFILES))]
     pub(super) profile: String,
-    /// Side of a tile in pixels: 8, 16 or 32; changes the speed, never a bit
-    #[arg(long, value_name = "PX", default_value_t = 16, help_heading = "Rendering")]
+    /// Side of a tile in pixels; changes the speed, never a bit
+    #[arg(long, value_name = "N", default_value = "16", value_parser = PossibleValuesParser::new(["8", "16", "32"]).try_map(|text| text.parse::<usize>()))]
     pub(super) tile: usize,
     /// Colour behind the scene, sRGB-encoded: R,G,B in 0..1, or black or white
-    #[arg(long, value_name = "COLOR", default_value = "black", help_heading = "Rendering")]
+    #[arg(long, value_name = "R,G,B", default_value = "black")]
     pub(super) background: String,
 }
 
@@ -24,9 +26,6 @@ impl RenderArgs {
     /// # Errors
     /// When a name or a number is not one of those listed.
     pub(super) fn settings(&self) -> Result<(Settings, [f32; 3])> {
-        if ![8, 16, 32].contains(&self.tile) {
-            return Err(Error::input("--tile").expected("8, 16 or 32").got(self.tile.to_string()));
-        }
         let settings =
             Settings { profile: Profile::parse(&self.profile)?, tile: self.tile, ..Settings::default() };
         Ok((settings, color(&self.background)?))

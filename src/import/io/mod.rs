@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! gltf        meshes, materials, skins, animations; .gltf and .glb       obj      OBJ with MTL
+//! ply_mesh    meshes in PLY files, with the images they name
 //! makehuman   the open body: mesh, rig, skinning weights                 smpl     body models
 //! captures    published layouts of captures of moving people             pickle   Python's pickles, without running anything
 //! hdf5        arrays in HDF5 files, read in parts                        lzf      the compression of h5py
@@ -16,6 +17,7 @@ mod lzf;
 pub mod makehuman;
 pub mod obj;
 pub mod pickle;
+pub mod ply_mesh;
 pub mod smpl;
 
 #[doc(no_inline)]

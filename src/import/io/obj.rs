@@ -8,7 +8,7 @@
 //! | MTL | record |
 //! |---|---|
 //! | `Kd`, `map_Kd` | base colour, its image |
-//! | `d`, `Tr` = 1 − d | alpha |
+//! | `d`, `Tr` = 1 − d | alpha; 0 is read as 1, with a note |
 //! | `Pr`, `map_Pr` | roughness; without them from `Ns`: α² = 2/(Ns + 2), r = √α; without both ½ |
 //! | `Pm`, `map_Pm` | metallic |
 //! | `norm`, `map_Kn` | normal map; bump maps (heights) are left out with a note |
@@ -347,6 +347,14 @@ fn material(m: &tobj::Material, pictures: &mut Pictures<'_>, out: &mut Obj) -> R
         (Some(d), _) => unit("d", d)?,
         (None, Some(t)) => unit("Tr", 1.0 - t)?,
         (None, None) => 1.0,
+    };
+    let alpha = if alpha > 0.0 {
+        alpha
+    } else {
+        out.notes.push(format!(
+            "material '{label}' is invisible (d 0 or Tr 1) and read as opaque, as most importers do"
+        ));
+        1.0
     };
     let mut find = |keys: &[(&str, Option<&str>)], out: &mut Obj| -> Result<Option<Map>> {
         let found = keys.iter().find_map(|(key, statement)| Some((key, (*statement)?)));

@@ -130,7 +130,7 @@ impl Surface {
         let boxes: Vec<_> = corners.iter().map(around).collect();
         let bits = |i: u32| corners[i as usize].map(|p| p.map(f64::to_bits));
         let mut order: Vec<u32> = (0..corners.len() as u32).collect();
-        order.sort_by(|&i, &j| bits(i).cmp(&bits(j)));
+        order.sort_by_key(|&i| bits(i));
         order.dedup_by(|i, first| bits(*i) == bits(*first));
         Self { tree: Tree::new(&boxes, order), corners }
     }

@@ -122,8 +122,8 @@ impl Trained {
     /// Reads a file.
     ///
     /// # Errors
-    /// If it is not a model file, an array is missing or has another shape, a number is not finite, or the
-    /// graph has a cycle.
+    /// If it is not a model file, an array is missing or has another shape, a number is not finite, the
+    /// graph has a cycle, or the arrays do not have the digest in the metadata.
     pub fn read(path: &Path) -> Result<Self> {
         let file = safetensors::read(path)?;
         parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
@@ -212,7 +212,7 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
             }
         }
     };
-    Ok(Trained {
+    let trained = Trained {
         model: Model { encoder, decoder, sizes, params },
         settings,
         graph,
@@ -221,7 +221,16 @@ fn parse(arrays: &Arrays, meta: &BTreeMap<String, String>) -> Result<Trained> {
         codes,
         template: template.as_chunks().0.to_vec(),
         skeleton: arrays.get("skeleton").and_then(Array::to_i64).unwrap_or_default(),
-    })
+    };
+    let digest = trained.digest()?;
+    match meta.get("digest") {
+        Some(written) if *written != digest => Err(Error::input("metadata")
+            .at("digest")
+            .expected(written.clone())
+            .got(digest)
+            .hint("the arrays are not those that were written: copy or train the model again")),
+        _ => Ok(trained),
+    }
 }
 
 /// The graph with an adjacency matrix of zeros and ones.

@@ -1,6 +1,6 @@
 //! `oracle compare`: compares two files array by array and finds the first operator at which they diverge.
 
-pub use super::differences::{Agreement, ArrayReport, Divergence, Report, Worst, Zeros};
+pub use super::differences::{Agreement, ArrayReport, Divergence, Nans, Report, Worst, Zeros};
 use crate::io::{memory, npz};
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{ulp_f32, ulp_f64};
@@ -113,6 +113,7 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
         signed_bias: 0.0,
         zeros: Zeros::default(),
         worst: Vec::new(),
+        nans: None,
     };
     if theirs.shape() != ours.shape() {
         return Ok(report);
@@ -123,7 +124,11 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
     report.note = note;
     let single = [theirs, ours].iter().any(|a| matches!(a, Array::F32(_)));
     let (a, b) = (theirs.to_f64(), ours.to_f64());
-    if a.iter().chain(&b).any(|x| x.is_nan()) {
+    let is_nan = |i: &usize| a[*i].is_nan() || b[*i].is_nan();
+    if let Some(first) = (0..a.len()).find(is_nan) {
+        let count = |v: &[f64]| v.iter().filter(|x| x.is_nan()).count();
+        let first = unravel(first, ours.shape());
+        report.nans = Some(Nans { theirs: count(&a), ours: count(&b), first });
         report.agreement = Agreement::Nan;
         return Ok(report);
     }
@@ -183,11 +188,12 @@ fn one(name: &str, op: Option<&Op>, theirs_all: &Arrays, ours_all: &Arrays, tol:
 fn divergence(op: &Op, arrays: &[ArrayReport]) -> Option<Divergence> {
     let find = |name: &str| arrays.iter().find(|a| a.name == name);
     let differs = |name: &str| find(name).is_some_and(|a| a.agreement != Agreement::Agrees);
-    let at = |stage: &'static str, inputs: &[&str], outputs: &[&str]| {
+    let at = |stage: &str, inputs: &[&str], outputs: &[&str]| {
         let parts = !inputs.iter().any(|n| differs(n)) && outputs.iter().any(|n| differs(n));
         parts.then(|| {
             let (checked, unchecked): (Vec<&str>, Vec<&str>) = inputs.iter().partition(|n| find(n).is_some());
             let outputs = outputs.iter().copied().filter(|n| differs(n)).collect();
+            let stage = stage.to_owned();
             Divergence { stage, inputs: owned(checked), unchecked: owned(unchecked), outputs: owned(outputs) }
         })
     };
@@ -195,7 +201,15 @@ fn divergence(op: &Op, arrays: &[ArrayReport]) -> Option<Divergence> {
         return op.stages.iter().find_map(|s| at(s.operator, s.inputs, s.outputs));
     }
     let names = |ports: &'static [ops::Port]| ports.iter().map(|p| p.name).collect::<Vec<_>>();
-    at(op.name, &names(op.inputs), &names(op.outputs))
+    let (inputs, outputs) = (names(op.inputs), names(op.outputs));
+    at(op.name, &inputs, &outputs).or_else(|| {
+        // The gradients depend on the inputs and on the cotangents.
+        let barred = |names: &[&str]| names.iter().map(|name| format!("{name}_bar")).collect::<Vec<_>>();
+        let (cotangents, gradients) = (barred(&outputs), barred(&inputs));
+        let given: Vec<&str> = inputs.iter().copied().chain(cotangents.iter().map(String::as_str)).collect();
+        let gradients: Vec<&str> = gradients.iter().map(String::as_str).collect();
+        at(&format!("{} adjoint", op.name), &given, &gradients)
+    })
 }
 
 fn owned(names: Vec<&str>) -> Vec<String> {

@@ -85,13 +85,26 @@ pub struct ArrayReport {
     pub zeros: Zeros,
     /// the ten entries that differ most
     pub worst: Vec<Worst>,
+    /// NaN values, if there are any; nothing else is measured then
+    pub nans: Option<Nans>,
+}
+
+/// NaN values of an array.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Nans {
+    /// how many in theirs
+    pub theirs: usize,
+    /// how many in ours
+    pub ours: usize,
+    /// index of the first by axis
+    pub first: Vec<usize>,
 }
 
 /// The first stage at which two files diverge.
 #[derive(Clone, Debug, Serialize)]
 pub struct Divergence {
     /// operator inside the composite one
-    pub stage: &'static str,
+    pub stage: String,
     /// its inputs in both files; they match
     pub inputs: Vec<String>,
     /// its inputs missing in one file; they are assumed to match
@@ -167,6 +180,9 @@ impl fmt::Display for Report {
                     1.0 - a.cosine,
                     a.signed_bias
                 )?;
+            }
+            if let Some(Nans { theirs, ours, first }) = &a.nans {
+                write!(f, " {theirs} in theirs, {ours} in ours, first at {first:?}")?;
             }
             match &a.note {
                 Some(note) => writeln!(f, "  ({note})")?,

@@ -8,7 +8,7 @@ use crate::ops::{self, OpSubject};
 use crate::tape::check::{self, Evaluation, UNIT, Values};
 use crate::{Error, Result};
 use serde::Serialize;
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -31,6 +31,20 @@ pub struct Options {
     pub seed: u64,
     /// number of entries per input that are checked one by one; `None`: the default
     pub entries: Option<usize>,
+}
+
+/// What happens next, for whoever shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event<'a> {
+    /// a line of text
+    Note(&'a str),
+    /// a call of the user-supplied program has ended
+    Call {
+        /// calls so far
+        done: usize,
+        /// calls of the whole check, estimated
+        total: usize,
+    },
 }
 
 /// Results of all checks.
@@ -56,7 +70,7 @@ impl fmt::Display for Report {
 ///
 /// # Errors
 /// Invalid options or input. A failed check is not an error; it is in the report.
-pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
+pub fn run(options: &Options, progress: &mut dyn FnMut(Event<'_>)) -> Result<Report> {
     let mut rules = check::Options { seed: options.seed, ..check::Options::default() };
     if let Some(entries) = options.entries {
         rules.entries = entries;
@@ -71,16 +85,15 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
         (None, Some(input)) => vec![at_inputs(input, options, &rules, progress)?],
         (None, None) => {
             if options.ops.is_empty() && !options.all {
-                let names: Vec<_> = ops::LIST.iter().map(|op| op.name).collect();
                 return Err(Error::input("gradcheck")
                     .expected("--all or names of operators")
-                    .hint(names.join(", ")));
+                    .hint("`oracle list` prints the names"));
             }
             let names = if options.all { &[][..] } else { &options.ops };
             let mut checks = Vec::new();
             for op in ops::choose(names)? {
                 for case in 0..op.cases {
-                    progress(&format!("{} case {case}", op.name));
+                    progress(Event::Note(&format!("{} case {case}", op.name)));
                     checks.push(check::run(&OpSubject::case(op, case)?, &rules)?);
                 }
             }
@@ -94,7 +107,7 @@ fn at_inputs(
     input: &Path,
     options: &Options,
     rules: &check::Options,
-    progress: &mut dyn FnMut(&str),
+    progress: &mut dyn FnMut(Event<'_>),
 ) -> Result<check::Report> {
     let [name] = options.ops.as_slice() else {
         return Err(Error::input("gradcheck --in")
@@ -105,7 +118,7 @@ fn at_inputs(
     let SortedArrays { mut call, notes } = read(op, input)?;
     add_settings(op, &mut call.settings, None, &options.set)?;
     for note in notes {
-        progress(&note);
+        progress(Event::Note(&note));
     }
     let label = format!("{} at {}", op.name, input.display());
     let subject = OpSubject::new(op, label, call.inputs, call.settings, call.cotangents)
@@ -119,6 +132,9 @@ struct Program<'a> {
     folder: tempfile::TempDir,
     arrays: Arrays,
     calls: Cell<usize>,
+    /// calls of the whole check; 0 while this is unknown
+    planned: Cell<usize>,
+    progress: RefCell<&'a mut dyn FnMut(Event<'_>)>,
 }
 
 impl Program<'_> {
@@ -152,6 +168,10 @@ impl Program<'_> {
             .output()
             .map_err(|e| what().expected("a program that starts").got(e.to_string()))?;
         self.calls.set(self.calls.get() + 1);
+        if self.planned.get() > 0 {
+            let done = self.calls.get();
+            (*self.progress.borrow_mut())(Event::Call { done, total: Ord::max(done, self.planned.get()) });
+        }
         if !done.status.success() {
             let text = String::from_utf8_lossy(&done.stderr);
             let last = text.lines().rev().find(|l| !l.trim().is_empty()).unwrap_or("").trim();
@@ -175,6 +195,21 @@ fn values(arrays: &Arrays, name: &str, like: &Array, unit: &Cell<f64>) -> Result
     Ok(array.to_f64())
 }
 
+/// Evaluations that a check needs: those of a function that always gives these outputs and gradients.
+fn calls_of(outputs: &Values, gradients: &Values, inputs: &Values, rules: &check::Options) -> Result<usize> {
+    let count = Cell::new(0);
+    let value = |_: &Values| {
+        count.set(count.get() + 1);
+        Ok(Evaluation { outputs: outputs.clone(), log: 0 })
+    };
+    let vjp = |_: &Values, _: &Values| {
+        count.set(count.get() + 1);
+        Ok(gradients.clone())
+    };
+    check::function_with_log("", value, vjp, inputs, rules)?;
+    Ok(count.get())
+}
+
 /// Checks a program: outputs are the arrays `y` for which `IN.npz` holds `y_bar`, variables the float inputs
 /// `x` for which the program returns `x_bar`. If it returns f32, differences have the rounding noise of f32,
 /// which the report states.
@@ -183,11 +218,12 @@ fn program(
     input: &Path,
     options: &Options,
     rules: &check::Options,
-    progress: &mut dyn FnMut(&str),
+    progress: &mut dyn FnMut(Event<'_>),
 ) -> Result<check::Report> {
     let arrays = npz::read(input)?;
     let folder = tempfile::tempdir().map_err(|e| Error::input("temporary folder").got(e.to_string()))?;
-    let program = Program { command, folder, arrays, calls: Cell::new(0) };
+    let (calls, planned) = (Cell::new(0), Cell::new(0));
+    let program = Program { command, folder, arrays, calls, planned, progress: RefCell::new(progress) };
     let first = program.call(&Values::new(), &Values::new())?;
     let bars: BTreeMap<String, Array> = program
         .arrays
@@ -223,8 +259,7 @@ fn program(
         };
         inputs.keys().map(gradient).collect::<Result<Values>>()
     };
-    value(&inputs)?;
-    vjp(&inputs, &Values::new())?;
+    let (outputs, gradients) = (value(&inputs)?.outputs, vjp(&inputs, &Values::new())?);
     // every derivative costs calls of the program: use fewer of them than for operators
     let rules = check::Options {
         unit: unit.get(),
@@ -233,11 +268,12 @@ fn program(
         ..rules.clone()
     };
     let names: Vec<_> = inputs.keys().map(String::as_str).collect();
-    progress(&format!(
-        "{command}: gradients of {} by finite differences of the program itself",
-        names.join(", ")
-    ));
+    let text =
+        format!("{command}: gradients of {} by finite differences of the program itself", names.join(", "));
+    (*program.progress.borrow_mut())(Event::Note(&text));
+    program.planned.set(program.calls.get() + calls_of(&outputs, &gradients, &inputs, &rules)?);
     let report = check::function_with_log(command, value, vjp, &inputs, &rules)?;
-    progress(&format!("{command}: called {} times", program.calls.get()));
+    let text = format!("{command}: called {} times", program.calls.get());
+    (*program.progress.borrow_mut())(Event::Note(&text));
     Ok(report)
 }

@@ -1,19 +1,42 @@
 //! `oracle list`.
 
+use crate::Result;
 use crate::ops::{self, Kind, Op, Port, SettingSpec, Stage, Width};
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 use std::fmt;
 
-/// The operator list, printable as text and as JSON.
+/// Operators, printable as text and as JSON.
 pub struct List {
-    /// all operators in order
-    pub operators: &'static [&'static Op],
+    /// the operators in order
+    pub operators: Vec<&'static Op>,
+    /// whether the text has arguments, outputs and settings too; JSON always has them
+    pub is_complete: bool,
 }
 
-/// The operator list.
-pub fn list() -> List {
-    List { operators: ops::LIST }
+/// The operators of these names, or in groups of these names (`splat`); all if there are none. One line each.
+///
+/// # Errors
+/// When a name is neither that of an operator nor of a group.
+pub fn list(names: &[String]) -> Result<List> {
+    let is_in = |op: &Op, name: &str| {
+        op.name == name || op.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'))
+    };
+    for name in names {
+        if !ops::LIST.iter().any(|op| is_in(op, name)) {
+            ops::find(name)?;
+        }
+    }
+    let chosen = |op: &&'static Op| names.is_empty() || names.iter().any(|name| is_in(op, name));
+    Ok(List { operators: ops::LIST.iter().copied().filter(chosen).collect(), is_complete: false })
+}
+
+/// The operators of these names with arguments, outputs and settings.
+///
+/// # Errors
+/// When a name is unknown.
+pub fn show(names: &[String]) -> Result<List> {
+    Ok(List { operators: ops::choose(names)?, is_complete: true })
 }
 
 fn ports(f: &mut fmt::Formatter<'_>, title: &str, ports: &[Port]) -> fmt::Result {
@@ -34,7 +57,7 @@ fn ports(f: &mut fmt::Formatter<'_>, title: &str, ports: &[Port]) -> fmt::Result
 impl fmt::Display for List {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "∂: has a gradient; ?: optional; float is f32 or f64, as selected by --precision")?;
-        for op in self.operators {
+        for op in &self.operators {
             let note = if op.adjoint { "" } else { "  (no adjoint)" };
             writeln!(f, "\n{}{note}\n    {}", op.name, op.summary)?;
             ports(f, "inputs", op.inputs)?;
@@ -60,7 +83,7 @@ impl fmt::Display for List {
 }
 
 impl Serialize for List {
-    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+    fn serialize<S: Serializer>(&self, to: S) -> std::result::Result<S::Ok, S::Error> {
         let mut list = to.serialize_struct("List", 1)?;
         list.serialize_field(
             "operators",

@@ -1,13 +1,26 @@
 //! `oracle mint`: golden files from the f64 twin.
 
-use super::run::gather;
+use super::run::{add_settings, gather};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::ops::{self, Call, Kind, Op, Setting, Settings};
 use crate::{Error, Result};
 use serde::Serialize;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+/// What to mint.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// operators; all if empty
+    pub ops: Vec<String>,
+    /// folder of the files
+    pub out: PathBuf,
+    /// splatting profile, a shorthand for the setting of that name
+    pub profile: Option<String>,
+    /// `KEY=VALUE`; takes precedence over the settings of a case
+    pub set: Vec<String>,
+}
 
 /// Files written.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -49,8 +62,17 @@ fn settings_as_arrays(op: &Op, settings: &Settings) -> Result<Arrays> {
 /// # Errors
 /// When the generated case is not valid input.
 pub fn golden(op: &'static Op, case: usize) -> Result<Arrays> {
+    golden_with(op, case, None, &[])
+}
+
+/// [`golden`] with other settings: a profile, and `KEY=VALUE`, which take precedence over those of the case.
+///
+/// # Errors
+/// When a setting is unknown, or the case is not valid input under these settings.
+pub fn golden_with(op: &'static Op, case: usize, profile: Option<&str>, set: &[String]) -> Result<Arrays> {
     let made = (op.case)(case);
     let mut call = Call { inputs: made.inputs, settings: made.settings, dump: true, ..Call::default() };
+    add_settings(op, &mut call.settings, profile, set)?;
     if op.adjoint {
         let value = ops::run_f64(op, &call)?;
         call.cotangents = ops::draw_cotangents(op, &value.outputs);
@@ -64,18 +86,19 @@ pub fn golden(op: &'static Op, case: usize) -> Result<Arrays> {
     Ok(out)
 }
 
-/// Writes `OP_CASE.npz` for every case of the named operators (all if none is named).
+/// Writes `OP_CASE.npz` for every case of the chosen operators.
 ///
 /// # Errors
-/// An unknown operator, or files that cannot be written.
-pub fn mint(names: &[String], dir: &Path, progress: &mut dyn FnMut(&str)) -> Result<Report> {
+/// An unknown operator or setting, or files that cannot be written.
+pub fn mint(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
+    let Options { ops: names, out: dir, profile, set } = options;
     let chosen = ops::choose(names)?;
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     let mut report = Report::default();
     for op in chosen {
         for case in 0..op.cases {
             let path = dir.join(format!("{}_{case}.npz", op.name));
-            npz::write(&path, &golden(op, case)?)?;
+            npz::write(&path, &golden_with(op, case, profile.as_deref(), set)?)?;
             progress(&format!("{}", path.display()));
             report.files.push(path);
         }

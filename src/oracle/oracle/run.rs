@@ -269,10 +269,15 @@ pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> 
     let plan_file = sibling(&options.out, "plan.npz");
     let digest_file = sibling(&options.out, "digest.json");
     npz::write(&options.out, &arrays)?;
-    npz::write(&plan_file, &ran.plan)?;
+    let has_plan = !op.plan.is_empty();
+    if has_plan {
+        npz::write(&plan_file, &ran.plan)?;
+    }
     let json = serde_json::to_string_pretty(&report).expect("a record of strings and numbers is valid JSON");
     crate::io::atomic::write_bytes(&digest_file, format!("{json}\n").as_bytes())?;
-    report.files = vec![options.out.clone(), plan_file, digest_file];
+    report.files = vec![options.out.clone()];
+    report.files.extend(has_plan.then_some(plan_file));
+    report.files.push(digest_file);
     Ok(report)
 }
 
@@ -338,7 +343,11 @@ pub fn report(
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let width = if self.precision == Precision::F32 { "f32" } else { "f64" };
-        writeln!(f, "{} in {width}: digest {}, plan {}", self.operator, self.digest, self.plan_digest)?;
+        write!(f, "{} in {width}: digest {}", self.operator, self.digest)?;
+        match self.plan.is_empty() {
+            true => writeln!(f)?,
+            false => writeln!(f, ", plan {}", self.plan_digest)?,
+        }
         for (name, a) in &self.arrays {
             writeln!(f, "  {name:<16} {:<18} {:<8} {}", format!("{:?}", a.shape), a.dtype, a.digest)?;
         }

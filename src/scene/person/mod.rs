@@ -72,7 +72,7 @@ impl Shot {
         if image.encoding != Encoding::Srgb {
             return Err(Error::input(self.image.display().to_string())
                 .at("encoding")
-                .expected("an sRGB-encoded photo (PNG or JPEG)")
+                .expected("an sRGB-encoded photo (PNG, JPEG, WebP, TIFF or BMP)")
                 .got("linear values"));
         }
         let c = image.channels.len();

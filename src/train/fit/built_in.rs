@@ -50,7 +50,6 @@ fn capture(scene: &splats::Scene, settings: &Settings) -> Result<Views> {
     let (test, train) = (0..views.len()).partition(|i| i % TEST_EVERY == 0);
     // Cameras and box of the demo scene: 4.2 from the axis, everything within 1.8 of it and below 2.
     let scene_box = SceneBox { center: [0.0, 0.0, 0.6], half_size: 1.7 };
-    let (masked, missing, missing_files) = (0, Vec::new(), Vec::new());
     Ok(Views {
         views,
         train,
@@ -58,9 +57,11 @@ fn capture(scene: &splats::Scene, settings: &Settings) -> Result<Views> {
         extent: 4.2 * 1.1,
         scene_box,
         points: None,
-        masked,
-        missing,
-        missing_files,
+        turned: Vec::new(),
+        not_turned: Vec::new(),
+        masked: 0,
+        missing: Vec::new(),
+        missing_files: Vec::new(),
     })
 }
 

@@ -66,8 +66,67 @@ pub struct Style {
     pub exposure: f32,
     /// Whether the image has an alpha channel; its colour is then that of the object only.
     pub transparent: bool,
-    /// Whether passes other than image and foreground are written.
-    pub passes: bool,
+    /// What is written in addition to photo and foreground.
+    pub passes: PassSet,
+}
+
+/// Images that are written in addition to photo and foreground.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PassSet([bool; 5]);
+
+impl PassSet {
+    /// Names of the passes, in the order in which they are written.
+    pub const NAMES: [&str; 5] = ["radiance", "depth", "normal", "albedo", "material"];
+    /// Only photo and foreground.
+    pub const NONE: Self = Self([false; 5]);
+    /// Every pass.
+    pub const ALL: Self = Self([true; 5]);
+
+    /// The passes of these names; `all` is every pass, `photo` adds none.
+    ///
+    /// # Errors
+    /// When a name is unknown.
+    pub fn parse<T: AsRef<str>>(names: &[T]) -> Result<Self> {
+        let mut set = Self::NONE;
+        for name in names.iter().map(AsRef::as_ref) {
+            match Self::NAMES.iter().position(|n| *n == name) {
+                Some(at) => set.0[at] = true,
+                None if name == "all" => set = Self::ALL,
+                None if name == "photo" => {}
+                None => {
+                    let known = Self::NAMES.join(", ");
+                    return Err(Error::input("--passes")
+                        .expected(format!("photo, {known} or all"))
+                        .got(name));
+                }
+            }
+        }
+        Ok(set)
+    }
+
+    /// Whether the pass of that name is written.
+    pub fn has(self, name: &str) -> bool {
+        Self::NAMES.iter().position(|n| *n == name).is_some_and(|at| self.0[at])
+    }
+
+    /// Whether no pass is written.
+    pub fn is_empty(self) -> bool {
+        self == Self::NONE
+    }
+
+    /// The names of the passes.
+    pub fn names(self) -> Vec<&'static str> {
+        Self::NAMES.into_iter().filter(|name| self.has(name)).collect()
+    }
+
+    /// As part of a record: `true` for all, `false` for none, else the names.
+    pub fn record(self) -> Value {
+        match self {
+            Self::ALL => json!(true),
+            Self::NONE => json!(false),
+            some => json!(some.names()),
+        }
+    }
 }
 
 /// A capture being written.
@@ -290,17 +349,22 @@ impl Recorder {
             ("file_path", path("images", "png"), image),
             ("foreground_path", path("foreground", "png"), image_file::png_bytes(w, h, 1, &coverage)?),
         ];
-        if style.passes {
-            let exr = |channels: &[&str], data: &[f32]| image_file::exr_bytes(w, h, channels, data);
-            out.push((
-                "radiance_path",
-                path("radiance", "exr"),
-                exr(&["R", "G", "B"], p.color.as_flattened())?,
-            ));
+        let exr = |channels: &[&str], data: &[f32]| image_file::exr_bytes(w, h, channels, data);
+        if style.passes.has("radiance") {
+            let bytes = exr(&["R", "G", "B"], p.color.as_flattened())?;
+            out.push(("radiance_path", path("radiance", "exr"), bytes));
+        }
+        if style.passes.has("depth") {
             out.push(("depth_path", path("depth", "exr"), exr(&["Z"], &p.depth_z)?));
+        }
+        if style.passes.has("normal") {
             out.push(("normal_path", path("normal", "exr"), exr(&["X", "Y", "Z"], p.normal.as_flattened())?));
+        }
+        if style.passes.has("albedo") {
             let albedo = tonemap::srgb_u8(&p.albedo, 1.0);
             out.push(("albedo_path", path("albedo", "png"), image_file::png_bytes(w, h, 3, &albedo)?));
+        }
+        if style.passes.has("material") {
             let packed: Vec<f32> =
                 p.metallic.iter().zip(&p.roughness).flat_map(|(&m, &r)| [m, r, 0.0]).collect();
             let packed = image_file::to_u8(&packed)?;

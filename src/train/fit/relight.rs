@@ -6,7 +6,7 @@
 use super::earlier;
 use super::frames;
 use super::orbit::Orbit;
-use super::passes::{Recorder, Shot, Style};
+use super::passes::{PassSet, Recorder, Shot, Style};
 use crate::geometry::bvh::Bvh;
 use crate::io::capture::Split;
 use crate::num::bits::Digest;
@@ -49,8 +49,8 @@ pub struct Relight<'a> {
     pub exposure: Exposure,
     /// Whether images show only the model and have an alpha channel.
     pub transparent: bool,
-    /// Whether radiance, depth, normals, albedo and material are also written.
-    pub passes: bool,
+    /// What is written in addition to photo and foreground.
+    pub passes: PassSet,
 }
 
 impl Relight<'_> {

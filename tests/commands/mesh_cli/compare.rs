@@ -11,7 +11,7 @@ fn distances_are_those_of_closed_forms() {
     write(&dir.join("a.obj"), "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nf 1 2 3 4\n");
     write(&dir.join("b.obj"), "v 0 0.25 0\nv 1 0.25 0\nv 1 0.25 1\nv 0 0.25 1\nf 4 3 2 1\n");
     let compare = |a: &'static str, b: &'static str, more: &[&'static str]| {
-        let base = ["mesh", "compare", a, b, "--samples", "2000", "--json"];
+        let base = ["mesh", "compare", a, b, "--surface-samples", "2000", "--json"];
         json(&base.iter().chain(more).copied().collect::<Vec<_>>(), dir)
     };
     let c = compare("a.obj", "b.obj", &["--tau", "0.3"]);
@@ -46,7 +46,7 @@ fn distances_are_those_of_closed_forms() {
         refused(&[&base[..], &[&*format!("--tau={tau}").leak()]].concat(), dir, &["--tau"]);
     }
     assert_eq!(
-        lastlight(&[&base[..], &["--samples", "0"]].concat(), dir).status.code(),
+        lastlight(&[&base[..], &["--surface-samples", "0"]].concat(), dir).status.code(),
         Some(2),
         "no samples"
     );

@@ -12,7 +12,7 @@ fn what_makes_no_sense_is_refused_and_makes_no_folder() {
         let base = ["mesh", "render", "cube.obj", "--out", "new", "--quiet"];
         base.iter().chain(more).copied().collect::<Vec<_>>()
     };
-    let cases: [(&[&'static str], &[&str]); 20] = [
+    let cases: [(&[&'static str], &[&str]); 22] = [
         (&["--env", "none.hdr"], &["none.hdr", "studio", "axes"]),
         (&["--env-axes", "mitsuba"], &["--env-axes", "uniform"]),
         (&["--env", "sky", "--env-axes", "blender"], &["--env-axes", "'sky'"]),
@@ -25,6 +25,8 @@ fn what_makes_no_sense_is_refused_and_makes_no_folder() {
         (&["--env", "cube.obj"], &["cube.obj"]),
         (&["--cameras", "orbit:0"], &["orbit"]),
         (&["--cameras", "orbit:x"], &["--cameras"]),
+        (&["--cameras", "orbit"], &["orbit:N", "orbit:36"]),
+        (&["--passes", "photo,depht"], &["--passes", "depth"]),
         (&["--cameras", "nowhere"], &["nowhere"]),
         (&["--size", "0x4"], &["--size"]),
         (&["--elevation", "95"], &["elevation", "88 degrees", "got 95"]),
@@ -49,6 +51,11 @@ fn what_makes_no_sense_is_refused_and_makes_no_folder() {
     refused(&["mesh", "render", "none.obj", "--out", "new"], dir, &["none.obj"]);
     write(&dir.join("broken.glb"), "glTF");
     refused(&["mesh", "render", "broken.glb", "--out", "new"], dir, &["broken.glb"]);
+    // A body whose rig is broken: the error is of that file, not of an option that nobody gave.
+    std::fs::create_dir(dir.join("body")).expect("made");
+    let parts = [("base.obj", "v 0 0 0\n"), ("rig.default.json", "{"), ("weights.default.json", "{}")];
+    parts.into_iter().for_each(|(name, text)| write(&dir.join("body").join(name), text));
+    refused(&["mesh", "render", "body", "--out", "new"], dir, &["error: body/"]);
     // Far apart, and yet a place to look from: the square of a coordinate need not fit.
     write(&dir.join("far.obj"), "v 0 0 0\nv 1e30 0 0\nv 0 1e30 0\nf 1 2 3\n");
     let far =
@@ -84,7 +91,7 @@ fn lirm_gen_refuses_light_that_would_not_be_used() {
     for alone in [&["--env-axes", "mitsuba"][..], &["--env", "sky.exr", "--env-width", "64"]] {
         assert_eq!(lastlight(&with(alone), dir).status.code(), Some(2), "{alone:?}: prints nothing");
     }
-    refused(&with(&["--lighting", "environment", "--env", "axes", "sky.exr"]), dir, &["axes"]);
+    refused(&with(&["--lighting", "environment", "--env", "axes,sky.exr"]), dir, &["axes"]);
     assert!(!dir.join("new").exists(), "no folder");
     let lit = ["--lighting", "environment", "--env", "axes", "--env-axes", "mitsuba", "--json"];
     let record = json(&with(&lit), dir);

@@ -112,6 +112,7 @@ fn pictures_become_radiance() {
         channels: channels.iter().map(|&c| c.to_owned()).collect(),
         encoding,
         samples,
+        orientation: lastlight::io::image_file::Orientation::STORED,
     };
     let bytes = picture(Samples::U8(vec![0, 128, 255, 255, 0, 64]), Encoding::Srgb, &["R", "G", "B"]);
     let read = |p: &Picture, transfer| {

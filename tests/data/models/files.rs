@@ -304,6 +304,28 @@ fn an_obj_gives_back_what_it_can_hold() {
     );
 }
 
+/// `d 0` hides a model, which is seldom meant: exporters write it for materials that they do not understand.
+#[test]
+fn an_invisible_material_of_obj_is_read_as_opaque_with_a_note() {
+    for line in ["d 0.0", "Tr 1"] {
+        let mtl = format!("newmtl ghost\nKd 1 0 0\n{line}\n").into_bytes();
+        let fetch = move |_: &str| Ok(mtl.clone());
+        let text = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl ghost\nf 1 2 3\n";
+        let o = obj::parse(text, "a.obj", &fetch).expect("an OBJ");
+        assert!(
+            o.notes.iter().any(|n| n.contains("'ghost'") && n.contains("opaque")),
+            "{line}: {:?}",
+            o.notes
+        );
+        let object = model::from_obj(&o, "a.obj").expect("an object");
+        assert_eq!(
+            (object.materials[0].alpha, object.materials[0].base_color[3]),
+            (Alpha::Opaque, 1.0),
+            "{line}"
+        );
+    }
+}
+
 #[test]
 fn polygons_groups_and_materials_of_obj() {
     let text = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 1.5 0\nusemtl red\ng square\nf 1 2 3 4\nusemtl none_such\ng house\nf -5 -4 -3 -1 -2\nl 1 2\n";

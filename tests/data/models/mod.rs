@@ -6,6 +6,7 @@
 mod character;
 mod environment;
 mod files;
+mod ply;
 mod real;
 
 use crate::samples::gltf::Builder;

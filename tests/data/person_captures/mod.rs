@@ -5,43 +5,16 @@
 mod layouts;
 mod snapshot;
 
-use crate::mini_person::{B, Cam, K, Mini, PERSON, V, V3, apart, pairs};
+use crate::mini_person::{B, K, Mini, PERSON, V, V3, apart, pairs};
+use crate::person_layouts::{self, Truth};
 use lastlight::io::captures::{self, Layout, Selection};
 use lastlight::io::smpl::{self, BodyModel};
 use lastlight::last::inspect;
 use lastlight::scene::bound::project;
 use lastlight::scene::person::{PersonCapture, import};
 use lastlight::{Error, Result};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
-
-/// What is true of a source.
-struct Truth {
-    /// Points by the number of the frame, in the source's world.
-    points: BTreeMap<i64, Vec<V3>>,
-    cameras: BTreeMap<usize, Cam>,
-    /// Our world from the source's.
-    world: fn(V3) -> V3,
-    /// Pixels of the source per pixel.
-    scale: usize,
-    side: usize,
-    /// Joints and points of the body.
-    body: [usize; 2],
-}
-
-/// SMPL's.
-const BODY: [usize; 2] = [K, V];
-
-/// (x, y, z) stays.
-fn same(x: V3) -> V3 {
-    x
-}
-
-/// z up from a camera's axes.
-fn up(x: V3) -> V3 {
-    [x[0], x[2], -x[1]]
-}
 
 fn convert(
     layout: Layout,
@@ -193,8 +166,9 @@ fn bodies_from_pickle_archive_and_folder_are_the_same() {
 fn splits_of_the_pictures_are_those_of_the_protocols() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     // Six cameras, eleven frames: every fifth of camera 4 trains, every thirtieth of the others tests.
-    let truth = layouts::zju(dir.path(), true, 6, 11);
-    let c = check(Layout::ZjuRefine, dir.path(), &Selection::default(), Some(&layouts::model()), &truth);
+    let truth = person_layouts::zju(dir.path(), true, 6, 11);
+    let c =
+        check(Layout::ZjuRefine, dir.path(), &Selection::default(), Some(&person_layouts::model()), &truth);
     assert_eq!(pairs(&c, &c.train), [(4, 0), (4, 5), (4, 10)], "training");
     assert_eq!(pairs(&c, &c.test), [(0, 0), (1, 0), (2, 0), (3, 0), (5, 0)], "held out");
     assert_eq!(c.box_margin, 0.05, "the margin of the box in metres");
@@ -210,10 +184,10 @@ fn splits_of_the_pictures_are_those_of_the_protocols() {
 #[test]
 fn wrong_and_missing_files_are_named() {
     let dir = tempfile::tempdir().expect("a temporary folder");
-    let model = layouts::model();
+    let model = person_layouts::model();
     let none = Selection::default();
     let both = layouts::both();
-    layouts::zju(dir.path(), false, 2, 3);
+    person_layouts::zju(dir.path(), false, 2, 3);
     let out = tempfile::tempdir().expect("a temporary folder");
     let go = |selection: &Selection, model| convert(Layout::Zju, dir.path(), selection, model, out.path());
     let e = error(go(&both, None));
@@ -230,6 +204,8 @@ fn wrong_and_missing_files_are_named() {
         std::fs::write(at(file), bytes).expect("written");
         let e = error(go(&both, Some(&model)));
         parts.iter().for_each(|p| assert!(e.contains(p), "{file}: '{p}' in '{e}'"));
+        let left = crate::common::tree(out.path()).into_keys().collect::<Vec<_>>();
+        assert!(left.is_empty(), "{file}: a refused data set leaves no files: {left:?}");
         std::fs::write(at(file), kept).expect("written");
     };
     let png = |side: usize| {
@@ -237,10 +213,14 @@ fn wrong_and_missing_files_are_named() {
     };
     spoil("mask_cihp/Camera_B1/000001.png", &png(16), &["mask size", "32x32", "16x16"]);
     spoil("annots.npy", b"\x93NUMPY\x01\x00\x0a\x00{'descr'", &["annots.npy"]);
-    spoil("new_params/1.npy", &layouts::params(&[0.0; 72], [0.0; 3], [f64::NAN; 3]), &["1.npy", "Th", "NaN"]);
     spoil(
         "new_params/1.npy",
-        &layouts::params(&[0.0; 70], [0.0; 3], [0.0; 3]),
+        &person_layouts::params(&[0.0; 72], [0.0; 3], [f64::NAN; 3]),
+        &["1.npy", "Th", "NaN"],
+    );
+    spoil(
+        "new_params/1.npy",
+        &person_layouts::params(&[0.0; 70], [0.0; 3], [0.0; 3]),
         &["1.npy", "three numbers per joint"],
     );
     spoil("Camera_B1/000001.jpg", b"\xff\xd8\xffnothing", &["000001.jpg"]);

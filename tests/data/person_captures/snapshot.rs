@@ -1,72 +1,12 @@
 //! Miniatures of PeopleSnapshot as published and as InstantAvatar and 3DGS-Avatar prepare it.
 
-use super::layouts::{D, flat, model, posed_model};
-use super::{BODY, Truth, check, convert, error, up};
-use crate::common::copy_hdf5;
-use crate::mini_person::{Cam, Mini, V3, betas, matrix, pairs, thetas, write_picture};
+use super::{check, convert, error};
+use crate::mini_person::{pairs, write_picture};
 use crate::mutate::every_case;
-use crate::python::{Py, dump};
+use crate::person_layouts::{self as layouts, model, snapshot};
 use lastlight::io::captures::{self, Layout, Range, Selection};
-use lastlight::io::npz;
-use lastlight::num::array::Arrays;
 use lastlight::scene::person::import;
-use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::atomic::AtomicBool;
-
-/// Points of PeopleSnapshot: a camera's axes are the world axes, and the person is upside down in them.
-fn turning(frame: usize, mini: &Mini, rest: &[V3]) -> (Vec<V3>, Vec<V3>, V3) {
-    let turns = thetas(frame, [std::f64::consts::PI, 0.2 * frame as f64, 0.0]);
-    let trans = [0.02 * frame as f64, 0.1, 3.0];
-    let body = mini.shaped(&betas());
-    (mini.posed_about(&body, rest, &turns, &|x| std::array::from_fn(|c| x[c] + trans[c])), turns, trans)
-}
-
-/// The camera of PeopleSnapshot and InstantAvatar: at the origin.
-fn still(side: usize, d: &[f64]) -> Cam {
-    Cam { t: [0.0; 3], r: matrix([0.0; 3]), ..Cam::around(side, 0.0, false, d) }
-}
-
-/// `camera.pkl`.
-fn camera_pkl(cam: &Cam, side: usize) -> Vec<u8> {
-    dump(&Py::Dict(vec![
-        ("camera_t", Py::Array(vec![3], cam.t.to_vec())),
-        ("camera_rt", Py::Array(vec![3], vec![0.0; 3])),
-        ("camera_f", Py::Array(vec![2], vec![cam.k[0][0], cam.k[1][1]])),
-        ("camera_c", Py::Array(vec![2], vec![cam.k[0][2], cam.k[1][2]])),
-        ("camera_k", Py::Array(vec![5], cam.d.clone())),
-        ("width", Py::Int(side as i64)),
-        ("height", Py::Int(side as i64)),
-    ]))
-}
-
-/// PeopleSnapshot of 4, 11 or 101 frames without images; returns the points and the images to be written.
-fn snapshot(dir: &Path, frames: usize) -> (Truth, Vec<Vec<u8>>) {
-    std::fs::create_dir_all(dir).expect("made");
-    let side = 16;
-    let (mini, cam) = (Mini::new(), still(side, &D));
-    // The person at rest is not the model's shape: clothes.
-    let rest: Vec<V3> = mini.shaped(&betas()).iter().map(|x| [1.02 * x[0], x[1], 1.05 * x[2]]).collect();
-    std::fs::write(dir.join("camera.pkl"), camera_pkl(&cam, side)).expect("written");
-    let (mut points, mut photographs) = (BTreeMap::new(), Vec::new());
-    for f in 0..frames {
-        let (x, ..) = turning(f, &mini, &rest);
-        photographs.push(cam.photograph(side, &x).0);
-        points.insert(f as i64, x);
-    }
-    // Masks and poses.
-    copy_hdf5(&format!("snapshot_{frames}"), dir);
-    let lines: Vec<String> = rest.iter().map(|x| format!("v {:?} {:?} {:?}", x[0], x[1], x[2])).collect();
-    std::fs::write(
-        dir.join("consensus.obj"),
-        format!("# person\n{}\nvt 0 0\nf 1/1 2/1 3/1\n", lines.join("\n")),
-    )
-    .expect("written");
-    (
-        Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY },
-        photographs,
-    )
-}
 
 #[test]
 fn people_snapshot() {
@@ -156,58 +96,7 @@ fn the_protocol_of_a_known_subject() {
 fn instant_avatar() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dir = &folder.path().join("somebody");
-    let (side, frames) = (16, 4);
-    let (mini, cam) = (Mini::new(), still(side, &[]));
-    let rest = mini.shaped(&betas());
-    let (mut points, mut angles, mut transl) = (BTreeMap::new(), Vec::new(), Vec::new());
-    for f in 0..frames {
-        let (x, turns, t) = turning(f, &mini, &rest);
-        let (rgb, mask) = cam.photograph(side, &x);
-        write_picture(&dir.join(format!("images/image_{f:04}.png")), side, 3, &rgb);
-        let mut a = Arrays::new();
-        a.put("m", &[side, side], mask);
-        let zip = npz::to_bytes(&a, npz::Packing::Stored).expect("made");
-        let start = zip.windows(6).position(|w| w == b"\x93NUMPY").expect("an array");
-        std::fs::create_dir_all(dir.join("masks")).expect("made");
-        std::fs::write(dir.join(format!("masks/mask_{f:04}.npy")), &zip[start..start + 128 + side * side])
-            .expect("written");
-        angles.push(flat(&turns));
-        transl.push(t);
-        points.insert(f as i64, x);
-    }
-    let eye: Vec<f64> = (0..16).map(|i| f64::from(u8::from(i % 5 == 0))).collect();
-    let camera = Arrays::new()
-        .with("intrinsic", &[3, 3], flat(&cam.k))
-        .with("extrinsic", &[4, 4], eye)
-        .with("height", &[], vec![side as i64])
-        .with("width", &[], vec![side as i64]);
-    npz::write(&dir.join("cameras.npz"), &camera).expect("written");
-    // Poses of all frames are coarse; those of the training frames are refined.
-    let coarse = Arrays::new()
-        .with("betas", &[10], betas())
-        .with(
-            "thetas",
-            &[frames, 72],
-            angles
-                .iter()
-                .enumerate()
-                .flat_map(|(f, a)| a.iter().map(move |x| if f < 3 { x + 0.3 } else { *x }))
-                .collect::<Vec<f64>>(),
-        )
-        .with("transl", &[frames, 3], flat(&transl));
-    npz::write(&dir.join("poses.npz"), &coarse).expect("written");
-    let fine = Arrays::new()
-        .with("betas", &[1, 10], betas())
-        .with(
-            "global_orient",
-            &[3, 3],
-            angles[..3].iter().flat_map(|a| a[..3].to_vec()).collect::<Vec<f64>>(),
-        )
-        .with("body_pose", &[3, 69], angles[..3].iter().flat_map(|a| a[3..].to_vec()).collect::<Vec<f64>>())
-        .with("transl", &[3, 3], flat(&transl[..3]));
-    std::fs::create_dir_all(dir.join("poses")).expect("made");
-    npz::write(&dir.join("poses/anim_nerf_train.npz"), &fine).expect("written");
-    let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY };
+    let truth = layouts::instant_avatar(dir);
     let c = check(Layout::InstantAvatar, dir, &Selection::default(), Some(&model()), &truth);
     assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
 }
@@ -216,23 +105,7 @@ fn instant_avatar() {
 fn anim_nerf() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let dir = &folder.path().join("somebody");
-    let (side, frames) = (32, 4);
-    let (mini, cam) = (Mini::new(), still(side, &D));
-    mini.misc(&folder.path().join("body_models/misc"));
-    std::fs::create_dir_all(dir.join("animnerf_models")).expect("made");
-    std::fs::write(dir.join("camera.pkl"), camera_pkl(&cam, side)).expect("written");
-    let rest = mini.shaped(&betas());
-    let mut points = BTreeMap::new();
-    for f in 0..frames {
-        let (x, turns, trans) = turning(f, &mini, &rest);
-        posed_model(&dir.join(format!("animnerf_models/{f:06}.npz")), &rest, &turns, trans);
-        let (rgb, mask) = cam.photograph(side, &x);
-        // Images are counted, models are named: their numbers need not agree.
-        write_picture(&dir.join(format!("image/{:06}.jpg", f + 1)), side, 3, &rgb);
-        write_picture(&dir.join(format!("mask/{:06}.png", f + 1)), side, 1, &mask);
-        points.insert(f as i64, x);
-    }
-    let truth = Truth { points, cameras: BTreeMap::from([(0, cam)]), world: up, scale: 1, side, body: BODY };
+    let truth = layouts::anim_nerf(dir);
     let c = check(Layout::AnimNerf, dir, &Selection::default(), None, &truth);
     assert_eq!((c.train.len(), c.test.len()), (3, 1), "three quarters and the rest");
     // The folder name gives the gender; the folder has no body of that gender.

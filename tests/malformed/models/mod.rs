@@ -4,7 +4,7 @@ pub(super) mod spoiled;
 
 use super::samples::gltf::{Builder, arm, triangle};
 use super::{Format, Reader};
-use lastlight::io::{gltf, image_file, makehuman, obj};
+use lastlight::io::{gltf, image_file, makehuman, obj, ply_mesh};
 use lastlight::scene::character::Character;
 use lastlight::scene::{environment_file, model};
 use lastlight::{Error, Result};
@@ -68,6 +68,20 @@ fn read_map(bytes: &[u8], name: &str) -> Result<()> {
     .map(drop)
 }
 
+/// A quad with colours and texture coordinates of its corners.
+fn mesh_ply() -> Vec<u8> {
+    let mut b = b"ply\nformat binary_little_endian 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n".to_vec();
+    for [x, y] in [[0.0_f32, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]] {
+        [x, y, 0.5].iter().for_each(|v| b.extend(v.to_le_bytes()));
+        b.extend([9, 200, 30]);
+    }
+    b.push(4);
+    (0..4_i32).for_each(|i| b.extend(i.to_le_bytes()));
+    b.push(8);
+    (0..8).for_each(|i| b.extend((i as f32 / 8.0).to_le_bytes()));
+    b
+}
+
 pub(super) fn formats() -> Vec<Format> {
     let f = |name, read: Reader, valid, sealed| Format { name, read, valid, sealed };
     let (glb, json) = (character().glb(), character().gltf());
@@ -84,6 +98,7 @@ pub(super) fn formats() -> Vec<Format> {
             MTL.to_vec(),
             false,
         ),
+        f("mesh.ply", |b, n| model::from_ply(&ply_mesh::parse(b, n, &fetch)?, n).map(drop), mesh_ply(), true),
         f("base.obj", |b, n| read_body([b, RIG, WEIGHTS], n), BASE.to_vec(), false),
         f("rig.json", |b, n| read_body([BASE, b, WEIGHTS], n), RIG.to_vec(), true),
         f("weights.json", |b, n| read_body([BASE, RIG, b], n), WEIGHTS.to_vec(), true),

@@ -32,14 +32,14 @@ fn compare_names_the_first_operator_that_differs() {
     };
     let after = ["image", "alpha", "means_bar", "quats_bar", "sh_bar", "opacities_bar"];
     let with = |first: &[&'static str]| first.iter().chain(&after).copied().collect::<Vec<_>>();
-    assert_eq!(stage(&[]), None, "equal files");
-    assert_eq!(stage(&with(&["conics"])), Some("splat.project"), "a wrong ellipse");
-    assert_eq!(stage(&with(&["means_px", "colors"])), Some("splat.project"), "the earlier of two");
-    assert_eq!(stage(&with(&["colors"])), Some("splat.color"), "a wrong colour");
-    assert_eq!(stage(&after), Some("splat.blend"), "all inputs of blending agree");
-    assert_eq!(stage(&after[2..]), Some("splat.blend adjoint"), "the image agrees");
-    assert_eq!(stage(&["sh_bar", "means_bar"]), Some("splat.color adjoint"), "opacities agree");
-    assert_eq!(stage(&["quats_bar"]), Some("splat.project adjoint"), "everything else agrees");
+    assert_eq!(stage(&[]).as_deref(), None, "equal files");
+    assert_eq!(stage(&with(&["conics"])).as_deref(), Some("splat.project"), "a wrong ellipse");
+    assert_eq!(stage(&with(&["means_px", "colors"])).as_deref(), Some("splat.project"), "the earlier of two");
+    assert_eq!(stage(&with(&["colors"])).as_deref(), Some("splat.color"), "a wrong colour");
+    assert_eq!(stage(&after).as_deref(), Some("splat.blend"), "all inputs of blending agree");
+    assert_eq!(stage(&after[2..]).as_deref(), Some("splat.blend adjoint"), "the picture agrees");
+    assert_eq!(stage(&["sh_bar", "means_bar"]).as_deref(), Some("splat.color adjoint"), "opacities agree");
+    assert_eq!(stage(&["quats_bar"]).as_deref(), Some("splat.project adjoint"), "everything else agrees");
     let report = compare::arrays(&spoiled(&ours, &["quats_bar"]), &ours, None, 1e-5).expect("compares");
     let quats = report.array("quats_bar").expect("compared");
     assert!((quats.relative_l2 - 0.01 / 1.01).abs() < 1e-9 && quats.worst.len() == 10, "{report}");
@@ -71,4 +71,25 @@ fn compare_measures_what_it_says() {
         compare::arrays(&theirs, &Arrays::new().with("z", &[], vec![1.0]), None, 1e-5).is_err(),
         "nothing in common"
     );
+}
+
+#[test]
+fn a_gradient_that_alone_differs_is_a_backward_pass_and_nans_are_counted() {
+    let op = ops::find("nn.linear").expect("on the list");
+    let ours = run::gather(&run::call(op, &full_call(op, 0), Precision::F64).expect("runs"));
+    let report =
+        compare::arrays(&spoiled(&ours, &["weight_bar"]), &ours, Some("nn.linear"), 1e-9).expect("compares");
+    let divergence = report.divergence.as_ref().expect("a stage");
+    assert_eq!(
+        (&*divergence.stage, &*divergence.outputs),
+        ("nn.linear adjoint", &["weight_bar".to_owned()][..])
+    );
+    assert!(report.to_string().contains("first diverging stage: nn.linear, backward pass."), "{report}");
+
+    let theirs = Arrays::new().with("y", &[2, 2], vec![1.0_f32, 0.0, f32::NAN, f32::NAN]);
+    let ours = Arrays::new().with("y", &[2, 2], vec![1.0_f32, 0.0, 2.0, f32::NAN]);
+    let report = compare::arrays(&theirs, &ours, None, 1e-5).expect("compares");
+    let nans = report.arrays[0].nans.clone().expect("some");
+    assert_eq!((nans.theirs, nans.ours, nans.first), (2, 1, vec![1, 0]), "owner, count, index");
+    assert!(report.to_string().contains("2 in theirs, 1 in ours, first at [1, 0]"), "{report}");
 }

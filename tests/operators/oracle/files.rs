@@ -67,8 +67,10 @@ fn run_writes_outputs_plan_and_digests_and_the_digests_are_those_of_the_files() 
 fn mint_gives_the_same_bytes_twice_and_its_files_can_be_fed_back() {
     let folder = tempfile::tempdir().expect("a folder");
     let (a, b) = (folder.path().join("a"), folder.path().join("b"));
-    let first = mint::mint(&[], &a, &mut |_| {}).expect("minted");
-    let second = mint::mint(&[], &b, &mut |_| {}).expect("minted");
+    let first =
+        mint::mint(&mint::Options { out: a.clone(), ..Default::default() }, &mut |_| {}).expect("minted");
+    let second =
+        mint::mint(&mint::Options { out: b.clone(), ..Default::default() }, &mut |_| {}).expect("minted");
     assert_eq!(first.files.len(), ops::LIST.iter().fold(0, |n, op| n + op.cases), "a file per case");
     for (x, y) in first.files.iter().zip(&second.files) {
         assert!(
@@ -93,8 +95,8 @@ fn mint_gives_the_same_bytes_twice_and_its_files_can_be_fed_back() {
 
 #[test]
 fn the_list_prints_and_serialises_every_operator() {
-    let text = list::list().to_string();
-    let json = serde_json::to_value(list::list()).expect("JSON");
+    let text = list::show(&[]).expect("all").to_string();
+    let json = serde_json::to_value(list::list(&[]).expect("all")).expect("JSON");
     let shown = json["operators"].as_array().expect("a list");
     assert_eq!(shown.len(), ops::LIST.len(), "all of them");
     for (op, value) in ops::LIST.iter().zip(shown) {
@@ -103,4 +105,13 @@ fn the_list_prints_and_serialises_every_operator() {
         assert_eq!(value["inputs"].as_array().map(Vec::len), Some(op.inputs.len()), "{}", op.name);
     }
     assert!(text.contains("optim.adam  (no adjoint)"), "operators without adjoint are marked");
+    let lines = |names: &[&str]| {
+        let names: Vec<String> = names.iter().map(|n| (*n).to_owned()).collect();
+        list::list(&names).map(|list| list.to_string().lines().count())
+    };
+    assert_eq!(lines(&[]).expect("all"), ops::LIST.len(), "one line each");
+    assert_eq!(lines(&["nn.linear", "loss.l1"]).expect("two"), 2, "by name");
+    let of_optim = ops::LIST.iter().filter(|op| op.name.starts_with("optim.")).count();
+    assert_eq!(lines(&["optim"]).expect("a group"), of_optim, "by group");
+    assert!(lines(&["opt"]).is_err(), "neither a name nor a group");
 }

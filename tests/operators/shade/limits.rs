@@ -2,6 +2,7 @@
 //! out of range.
 
 use super::{look, object, shoot, square};
+use lastlight::fit::passes::PassSet;
 use lastlight::geometry::bvh::Bvh;
 use lastlight::scene::camera::{Camera, Model};
 use lastlight::scene::light::{Environment, Lamp, Lights, MAX_RADIANCE};
@@ -146,7 +147,7 @@ fn two_views_of_one_run_have_noise_of_their_own() {
             settings,
             exposure: Exposure::Fixed(0.3),
             transparent: false,
-            passes: false,
+            passes: PassSet::NONE,
         };
         let shots = ["a", "b"].map(|name| still(name.to_owned(), above()));
         let stop = std::sync::atomic::AtomicBool::new(false);

@@ -151,9 +151,9 @@ pub(in crate::io) fn rgba(bytes: &[u8], most: u64) -> Result<([usize; 2], Vec<[u
     let byte = |i: usize| match &p.samples {
         image_file::Samples::U8(v) => Ok(v[i]),
         image_file::Samples::U16(v) => Ok(((u32::from(v[i]) * 255 + 32_767) / 65_535) as u8),
-        image_file::Samples::F32(_) => {
-            Err(Error::input("image").expected("a PNG or JPEG").got("an image of floats"))
-        }
+        image_file::Samples::F32(_) => Err(Error::input("image")
+            .expected("an image of 8 or 16 bits, such as PNG or JPEG")
+            .got("an image of floats")),
     };
     let n = p.channels.len();
     let mut texels = Vec::with_capacity(p.width * p.height);

@@ -268,7 +268,7 @@ impl Factors {
                     .at("elbow")
                     .expected("a joint named like an elbow or a forearm")
                     .got(format!("the joints {}", names.join(", ")))
-                    .hint("name the joint that self-occlusion bends")
+                    .hint("name the joint that self-occlusion bends: --elbow NAME")
             })?,
         };
         c.bend(&mut c.rest(), elbow, 0.1).map_err(|e: Error| e.hint("name another joint"))?;

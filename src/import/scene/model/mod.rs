@@ -1,4 +1,4 @@
-//! Any `.gltf`, `.glb` or `.obj` as an [`Object`], and back.
+//! Any `.gltf`, `.glb`, `.obj` or `.ply` as an [`Object`], and the first three back.
 //!
 //! ```text
 //! (x, y, z) of the file, y up  ──►  (x, −z, y), z up        texture coordinates: (0, 0) top left (v of OBJ is turned over)
@@ -14,6 +14,7 @@
 //! * Texture transforms are applied to the coordinates. All maps of a material must use one set and one
 //!   transform.
 //! * Back faces are as visible as front faces: `doubleSided` is not kept.
+//! * A PLY file does not name its axes; it is read with y up as well.
 //! * Degenerate triangles stay: rays pass through them.
 //!
 //! # Rounding
@@ -24,6 +25,7 @@ mod axes;
 mod export;
 mod flatten;
 mod placed;
+mod polygons;
 mod wavefront;
 
 pub use axes::{MAX_FLAT, y_up, z_up};
@@ -31,10 +33,11 @@ pub use export::{to_gltf, to_obj};
 pub(super) use flatten::{Part, flatten};
 pub use placed::from_gltf;
 pub(super) use placed::{affine, compose, globals, local, normal, normals, z_up_map};
+pub use polygons::from_ply;
 pub use wavefront::from_obj;
 
 use super::mesh::Object;
-use crate::io::{atomic, gltf, obj};
+use crate::io::{atomic, gltf, obj, ply_mesh};
 use crate::{Error, Result};
 use std::path::Path;
 
@@ -61,6 +64,11 @@ pub fn read_with_notes(path: &Path) -> Result<(Object, Vec<String>)> {
             let o = obj::read(path)?;
             Ok((from_obj(&o, &name)?, o.notes))
         }
+        "ply" => {
+            let mut p = ply_mesh::read(path)?;
+            p.notes.push("a PLY does not name its axes: y is taken to be up".into());
+            Ok((from_ply(&p, &name)?, p.notes))
+        }
         other => Err(unknown(&name, other)),
     }
 }
@@ -71,7 +79,16 @@ fn extension(path: &Path) -> String {
 
 fn unknown(name: &str, extension: &str) -> Error {
     let got = if extension.is_empty() { "none".to_owned() } else { format!(".{extension}") };
-    Error::input(name).at("extension").expected(".gltf, .glb or .obj").got(got)
+    let e = Error::input(name).at("extension").expected(".gltf, .glb, .obj or .ply").got(got);
+    match extension {
+        "usdz" | "usd" | "usda" | "usdc" | "fbx" | "stl" | "dae" | "3ds" | "blend" | "abc" => {
+            e.hint("convert it to .glb, for example by importing it into Blender and exporting glTF")
+        }
+        "splat" | "spz" | "sog" | "ksplat" => {
+            e.hint("this is a scene of Gaussians; `lastlight splat render` renders scenes")
+        }
+        _ => e,
+    }
 }
 
 /// Writes an object atomically: `.glb` with everything, or `.obj` with a material library and images beside

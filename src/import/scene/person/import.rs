@@ -14,6 +14,7 @@
 
 use super::smpl::{big_pose, chain, joints, placement, shaped};
 use super::{rotation_matrix, rotation_vector};
+use crate::error::Kind;
 use crate::io::captures::{Layout, Source, SourceShot};
 use crate::io::image_file;
 use crate::io::person::{NewShot, Writer};
@@ -85,6 +86,42 @@ pub fn write(
     let arrays = body.arrays(source);
     // The body first, so that a mismatch is reported before hours of image processing.
     let mut writer = Writer::create(dir)?;
+    let (size, empty) = match pictures(source, downscale, &mut writer, stop, progress) {
+        Ok(done) => done,
+        Err(e) if e.kind() == Kind::Interrupted => return Err(e),
+        Err(e) => {
+            writer.discard()?;
+            return Err(e);
+        }
+    };
+    let total = source.shots.len();
+    if empty > 0 {
+        notes.push(format!("{empty} of {total} masks are empty"));
+    }
+    let subject = json!({
+        "kind": source.kind, "metres_per_unit": 1.0, "box_margin_m": source.margin_m, "layout": source.layout.name(),
+    });
+    writer.finish(&subject, &arrays)?;
+    progress(total, total);
+    let of = |split| source.shots.iter().filter(|s| s.split == split).count();
+    Ok(Report {
+        shots: [of(crate::io::capture::Split::Train), of(crate::io::capture::Split::Test)],
+        moments: source.moments.len(),
+        points: body.rest.len(),
+        joints: body.joints.len(),
+        size,
+        notes,
+    })
+}
+
+/// Writes all images of a source; gives the size of the first and the number of empty masks.
+fn pictures(
+    source: &Source,
+    downscale: Option<usize>,
+    writer: &mut Writer,
+    stop: &AtomicBool,
+    progress: &mut Progress<'_>,
+) -> Result<([usize; 2], usize)> {
     let (mut size, mut empty, total) = ([0; 2], 0usize, source.shots.len());
     for start in (0..total).step_by(BATCH) {
         if stop.load(Ordering::Relaxed) {
@@ -107,23 +144,7 @@ pub fn write(
             writer.add(&new);
         }
     }
-    if empty > 0 {
-        notes.push(format!("{empty} of {total} masks are empty"));
-    }
-    let subject = json!({
-        "kind": source.kind, "metres_per_unit": 1.0, "box_margin_m": source.margin_m, "layout": source.layout.name(),
-    });
-    writer.finish(&subject, &arrays)?;
-    progress(total, total);
-    let of = |split| source.shots.iter().filter(|s| s.split == split).count();
-    Ok(Report {
-        shots: [of(crate::io::capture::Split::Train), of(crate::io::capture::Split::Test)],
-        moments: source.moments.len(),
-        points: body.rest.len(),
-        joints: body.joints.len(),
-        size,
-        notes,
-    })
+    Ok((size, empty))
 }
 
 /// The person's body in the model's axes.
@@ -179,11 +200,13 @@ impl<'a> Body<'a> {
                     .expected(format!("{} points, as the person at rest has", points.len()))
                     .got(model.template.len().to_string()));
             }
-            None => shaped(model, &source.betas)?,
+            None => shaped(model, &source.betas).map_err(|e| e.within("body model"))?,
         };
         // PeopleSnapshot's person at rest wears clothes; its joints are those of the body underneath.
         let joints = match source.layout {
-            Layout::PeopleSnapshot => joints(model, &shaped(model, &source.betas)?),
+            Layout::PeopleSnapshot => {
+                joints(model, &shaped(model, &source.betas).map_err(|e| e.within("body model"))?)
+            }
             _ => joints(model, &rest),
         };
         let rotations = source.moments.iter().map(|m| {

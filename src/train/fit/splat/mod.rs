@@ -32,7 +32,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::views::{View, Views};
 use crate::{Error, Result};
 use pass::{Drawing, Target};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -254,7 +254,14 @@ impl Fit for SplatFit<'_> {
     }
 
     fn settings(&self) -> Value {
-        let mut settings = self.settings.json();
+        // First what a different --downscale changes: other settings follow from it.
+        let train = self.views.train.iter().map(|&i| &self.views.views[i].camera);
+        let pixels = train.fold(0, |n, camera| n + camera.width * camera.height);
+        let images = format!("{} images of {pixels} pixels in all", self.views.train.len());
+        let mut settings = json!({ "images": images });
+        for (key, value) in self.settings.json().as_object().into_iter().flatten() {
+            settings[key] = value.clone();
+        }
         settings["input"] = Value::from(format!("{:016x}", self.input));
         settings["train_views"] = Value::from(self.views.train.len());
         settings["extent"] = Value::from(self.views.extent);
