@@ -65,7 +65,7 @@ mod tests {
             short.starts_with("a.ply: expected a number, got 'xx") && short.ends_with("x' (a hint)"),
             "{short}"
         );
-        assert!(short.contains("characters …]"), "the number of omitted characters is printed: {short}");
+        assert!(short.contains("characters …]"), "states how many are left out: {short}");
         assert!(shortened(&"word ".repeat(5000)).chars().count() <= LONGEST_TEXT, "many words");
     }
 }

@@ -162,7 +162,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 
-/// Prints what the fit may take; refuses it above the limit.
+/// Prints an estimate of the fit's memory and time; refuses a fit above the limit.
 fn check_memory(settings: &Settings, views: &Views, meter: &Meter) -> Result<()> {
     let estimate = settings.memory_estimate(views);
     let most = report::thousands(settings.max_gaussians);
