@@ -101,14 +101,12 @@ impl<'a> Recorder<'a> {
         self.film.views = levels.len();
         let psnr_db = levels.iter().fold(0.0, |s, x| s + x) / levels.len() as f64;
         self.film.all.push(Snapshot { iteration: done, psnr_db, image });
-        // Files are synchronised with the disk: few of them.
-        if kept {
-            self.write()?;
-        }
+        // Before the checkpoint of this iteration, so that a resumed training has every snapshot up to it.
+        self.write()?;
         Ok(true)
     }
 
-    /// Writes the newest image and the table.
+    /// Writes the table, and the image of the newest snapshot if it has one.
     fn write(&self) -> Result<()> {
         let (dir, Some(last)) = (&self.dir, self.film.all.last()) else { return Ok(()) };
         std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;

@@ -53,7 +53,7 @@ fn snapshot(dir: &Path) {
 }
 
 /// MonoCap is recognised by the name of its folder, and holds out ten cameras by default.
-const MONOCAP: &str = "last import person --layout monocap --train-camera 0 --test-camera 1 --frames 0:1:2 --test-frames 0:1:1 --out out \
+const MONOCAP: &str = "last import person --layout monocap --train-camera 0 --test-camera 1 --train-frames 0:1:2 --test-frames 0:1:1 --out out \
                        --body body.npz --threads 1 --quiet";
 
 pub(super) fn bases(shop: &Workshop) -> Vec<Base> {

@@ -61,7 +61,7 @@ fn scenes() -> Vec<Base> {
             points,
             &["points.ply", "binary.ply"],
             &[
-                "splat fit capture --init {file} --iterations 1 --max-gaussians 60 --out out --threads 1 --quiet",
+                "splat fit capture --init {file} --iterations 1 --max-gaussians 120 --out out --threads 1 --quiet",
             ],
         ),
     ]
