@@ -141,7 +141,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let start = start(args, bounds, args.max_gaussians.unwrap_or(determined));
     let first = seeds::gaussians(&start, &views, &settings)?;
     // Before the first file is written.
-    first.validate("initial Gaussians")?;
+    first.validate(if matches!(start, Start::File(_)) { &args.init } else { "initial Gaussians" })?;
     let usual = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
     settings.max_gaussians = args.max_gaussians.unwrap_or(usual);
     let is_random = match start {
