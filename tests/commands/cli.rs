@@ -192,6 +192,8 @@ fn broken_files_are_named() {
         2,
         &["empty.splat"],
     );
+    std::fs::write(dir.join("flat.obj"), "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n").expect("writes");
+    refused(&["mesh", "compare", "flat.obj", "flat.obj"], dir, 2, &["flat.obj"]);
     std::fs::write(dir.join("odd.splat"), [0; 33]).expect("writes");
     refused(&["convert", "odd.splat", "out.ply"], dir, 2, &["odd.splat"]);
     std::fs::write(dir.join("capture/transforms.json"), "{\"frames\": [").expect("writes");
