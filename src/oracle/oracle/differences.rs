@@ -156,6 +156,11 @@ impl fmt::Display for Divergence {
     }
 }
 
+/// A number of at most ten characters.
+fn short(x: f64) -> String {
+    if x < 1e6 { format!("{x:.2}") } else { format!("{x:.3e}") }
+}
+
 impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = self.operator.unwrap_or("arrays of an unknown operator");
@@ -173,10 +178,10 @@ impl fmt::Display for Report {
                 let zeros = a.zeros.only_theirs + a.zeros.only_ours;
                 write!(
                     f,
-                    " {:>10.3e} {:>12} {:>10.2} {:>10.3e} {:>10.2e} {zeros:>14}",
+                    " {:>10.3e} {:>12} {:>10} {:>10.3e} {:>10.2e} {zeros:>14}",
                     a.relative_l2,
                     a.worst_ulp,
-                    a.mean_ulp,
+                    short(a.mean_ulp),
                     1.0 - a.cosine,
                     a.signed_bias
                 )?;
