@@ -173,7 +173,7 @@ impl OrbitArgs {
     /// The circle given by `--cameras orbit:N`; `None` for other values.
     ///
     /// # Errors
-    /// When N is not an integer, or the size is none.
+    /// When N is not an integer, or an option of an orbit is given beside other cameras.
     pub(super) fn parse(&self, cameras: &str, usual: DefaultArgs) -> Result<Option<Orbit>> {
         let wrong = || {
             let e = Error::input("--cameras").expected("orbit:N with a number of views N, such as orbit:36");
@@ -182,7 +182,20 @@ impl OrbitArgs {
         if cameras == "orbit" && !Path::new(cameras).exists() {
             return Err(wrong());
         }
-        let Some(count) = cameras.strip_prefix("orbit:") else { return Ok(None) };
+        let Some(count) = cameras.strip_prefix("orbit:") else {
+            let given = [
+                ("--size", self.size.is_some()),
+                ("--fov", self.fov.is_some()),
+                ("--elevation", self.elevation.is_some()),
+                ("--radius", self.radius.is_some()),
+            ];
+            return match given.iter().find(|(_, is_given)| *is_given) {
+                Some((option, _)) => Err(Error::input(*option)
+                    .expected("--cameras orbit:N beside it")
+                    .got(format!("--cameras {cameras}, whose cameras are complete"))),
+                None => Ok(None),
+            };
+        };
         let count = count.parse().map_err(|_| wrong())?;
         let (size, fov, elevation, radius) = self.resolved(usual);
         Ok(Some(Orbit {

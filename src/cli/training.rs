@@ -48,6 +48,11 @@ impl Frame {
         Ok(Self { dir, checkpoint_every, resume: false })
     }
 
+    /// Whether there is a checkpoint from which the training goes on.
+    pub(crate) fn is_resumed(&self) -> bool {
+        self.resume && self.file(CHECKPOINT).exists()
+    }
+
     /// A file of the folder.
     pub(crate) fn file(&self, name: &str) -> PathBuf {
         self.dir.join(name)

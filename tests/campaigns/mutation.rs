@@ -142,7 +142,7 @@ fn judge(base: &Base, case: &Case, e: &Execution, changed: &[String], digest: Op
             let reported = code == 1 && !e.stdout.is_empty();
             // The record of a data set that is continued is incomplete until the data set is complete again.
             let is_reopened = |n: &str| base.same_digest && n.ends_with("dataset.json");
-            if let Some(n) = changed.iter().find(|n| !(reported && is_out(n)) && !is_reopened(n)) {
+            if let Some(n) = changed.iter().find(|n| !(is_reopened(n) || reported && is_out(n))) {
                 return (9, Some(format!("refused, and it left {n}")));
             }
             let errors = errors(e);

@@ -268,13 +268,15 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
     assert_eq!(json(&args, dir)["digest"], *digest, "forced");
     let args = again("2", "fit", &["--resume", "--downscale", "2"]);
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let sheet = || std::fs::read(dir.join("fit/images.png")).expect("the sheet of the images");
+    let before = sheet();
     refused(&args, dir, 2, &["images of", "pixels"]);
+    assert!(sheet() == before, "a refused fit leaves the sheet as it was");
     let args = again("2", "fit", &["--resume"]);
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     assert_eq!(json(&args, dir)["digest"], *digest, "a finished fit resumes at its end");
 
-    let scores =
-        json(&["splat", "eval", "fit/scene.ply", "capture", "--json", "--quiet", "--out", "scores"], dir);
+    let scores = json(&["splat", "eval", "fit", "capture", "--json", "--quiet", "--out", "scores"], dir);
     assert_eq!(scores["evaluation"], record["evaluation"], "the scene file scores as the fit did");
     assert!(dir.join("scores/report/index.html").is_file(), "a report");
     refused(

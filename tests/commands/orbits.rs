@@ -163,7 +163,11 @@ fn folders_without_a_scene_and_unknown_axes_are_refused() {
         ["splat", "render", scene, "--cameras", "orbit:2", "--out", "o", "--up", up]
     };
     refused(&orbit(".", "z"), dir, 2, &["scene.ply"]);
+    refused(&orbit("nothing.ply", "z"), dir, 2, &["nothing.ply: no such file"]);
     refused(&orbit("figure.ply", "w"), dir, 2, &["--up", "-y"]);
+    // Options of an orbit beside other cameras.
+    let beside = ["splat", "render", "figure.ply", "--cameras", "capture", "--out", "o", "--size", "64"];
+    refused(&beside, dir, 2, &["--size", "orbit:N"]);
     let small = [&orbit("figure.ply", "-x")[..], &["--size", "32x24", "--json"]].concat();
     assert_eq!(json(&small, dir)["images"], 2, "an axis");
 }

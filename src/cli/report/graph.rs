@@ -10,6 +10,10 @@ const W: f64 = 480.0;
 const LEVEL: f64 = 118.0;
 /// Width and height of a factor.
 const NODE: [f64; 2] = [136.0, 38.0];
+/// Most factors of a level that fit beside each other.
+const MOST_OF_LEVEL: usize = 3;
+/// Half axes of the ellipse of factors that are not drawn by level.
+const RING: [f64; 2] = [160.0, 124.0];
 /// Free space above the first and below the last level.
 const MARGIN: f64 = 26.0;
 
@@ -67,8 +71,24 @@ impl Graph<'_> {
         all.filter(|e| e.is_kept || e.is_true || e.p >= DRAWN_FROM).collect()
     }
 
+    /// Whether the factors are drawn on an ellipse: if there are no levels, or if one has too many factors.
+    fn is_ring(&self) -> bool {
+        let count = |level: usize| self.levels.iter().filter(|&&l| l == level).count();
+        let widest = self.levels.iter().fold(0, |m, &l| Ord::max(m, count(l)));
+        widest > MOST_OF_LEVEL || (widest > 2 && widest == self.names.len())
+    }
+
     /// Middle of each factor.
     fn places(&self) -> Vec<[f64; 2]> {
+        if self.is_ring() {
+            let n = self.names.len() as f64;
+            let place = |i: usize| {
+                let angle = std::f64::consts::TAU * (i as f64 / n - 0.25);
+                let middle = MARGIN + NODE[1] * 0.5 + RING[1];
+                [W * 0.5 + RING[0] * libm::cos(angle), middle + RING[1] * libm::sin(angle)]
+            };
+            return (0..self.names.len()).map(place).collect();
+        }
         let place = |(i, &level): (usize, &usize)| {
             let count = self.levels.iter().filter(|&&l| l == level).count();
             let at = self.levels[..i].iter().filter(|&&l| l == level).count();
@@ -94,12 +114,14 @@ impl Graph<'_> {
     pub(crate) fn html(&self) -> Markup {
         let (edges, places) = (self.edges(), self.places());
         let depth = self.levels.iter().fold(0, |m, &l| Ord::max(m, l));
-        let height = 2.0 * MARGIN + NODE[1] + depth as f64 * LEVEL;
+        let is_ring = self.is_ring();
+        let extent = if is_ring { 2.0 * RING[1] } else { depth as f64 * LEVEL };
+        let height = 2.0 * MARGIN + NODE[1] + extent;
         html! {
             div.panel {
                 h3 { (self.title) }
                 svg viewBox={ "0 0 " (W) " " (height) } role="img" aria-label=(self.in_words(&edges)) {
-                    @for e in &edges { (edge(e, places[e.ends[0]], places[e.ends[1]])) }
+                    @for e in &edges { (edge(e, &Course::new(places[e.ends[0]], places[e.ends[1]], is_ring))) }
                     @for (name, [x, y]) in self.names.iter().zip(&places) {
                         rect x=(x - NODE[0] * 0.5) y=(y - NODE[1] * 0.5) width=(NODE[0]) height=(NODE[1]) rx="9" fill="var(--panel)" stroke="var(--soft)" stroke-width="1.4" {}
                         text.ink x=(x) y=(y + 4.5) text-anchor="middle" { (name) }
@@ -110,25 +132,59 @@ impl Graph<'_> {
     }
 }
 
+/// Where an edge begins, where it ends, and the point that bends it.
+struct Course {
+    from: [f64; 2],
+    to: [f64; 2],
+    mid: [f64; 2],
+}
+
+impl Course {
+    /// Between the middles of two factors.
+    fn new(from: [f64; 2], to: [f64; 2], is_ring: bool) -> Self {
+        if is_ring { Self::across(from, to) } else { Self::by_level(from, to) }
+    }
+
+    /// From border to border, bent to its right, so that it does not cover the opposite edge.
+    fn across(a: [f64; 2], b: [f64; 2]) -> Self {
+        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+        let reach = |half: f64, d: f64| half / crate::num::order::max(d.abs(), 1e-6);
+        let t = crate::num::order::min(reach(NODE[0] * 0.5, dx), reach(NODE[1] * 0.5, dy));
+        let length = crate::num::order::max((dx * dx + dy * dy).sqrt(), 1e-6);
+        let bend = 26.0 / length;
+        let aside = [-dy * bend, dx * bend];
+        let shift =
+            |p: [f64; 2], s: f64| [p[0] + s * t * dx + 0.3 * aside[0], p[1] + s * t * dy + 0.3 * aside[1]];
+        let (from, to) = (shift(a, 1.0), shift(b, -1.0));
+        Self { from, to, mid: [0, 1].map(|k| (from[k] + to[k]) * 0.5 + aside[k]) }
+    }
+
+    /// Down from the lower side to the upper one; an edge of one level is an arc above it, one upwards passes at the side.
+    fn by_level(from: [f64; 2], to: [f64; 2]) -> Self {
+        let half = NODE[1] * 0.5;
+        let down = to[1] > from[1];
+        let same = to[1] == from[1];
+        let (y0, y1) = match (down, same) {
+            (true, _) => (from[1] + half, to[1] - half),
+            (_, true) => (from[1] - half, to[1] - half),
+            _ => (from[1] - half, to[1] + half),
+        };
+        let steps = (to[1] - from[1]).abs() / LEVEL;
+        let side = if from[0] < W * 0.5 { -1.0 } else { 1.0 };
+        let bend = match (down, same) {
+            (true, _) if steps < 1.5 => [0.0, 0.0],
+            (_, true) => [0.0, -44.0],
+            _ => [side * 70.0, 0.0],
+        };
+        let mid = [(from[0] + to[0]) * 0.5 + bend[0], (y0 + y1) * 0.5 + bend[1]];
+        Self { from: [from[0], y0], to: [to[0], y1], mid }
+    }
+}
+
 /// One edge: the outline if it is true, the line, its head, its probability.
-fn edge(e: &Edge, from: [f64; 2], to: [f64; 2]) -> Markup {
-    let half = NODE[1] * 0.5;
-    // Down from the lower side to the upper one; an edge of one level is an arc above it, one upwards passes at the side.
-    let down = to[1] > from[1];
-    let same = to[1] == from[1];
-    let (y0, y1) = match (down, same) {
-        (true, _) => (from[1] + half, to[1] - half),
-        (_, true) => (from[1] - half, to[1] - half),
-        _ => (from[1] - half, to[1] + half),
-    };
-    let steps = (to[1] - from[1]).abs() / LEVEL;
-    let side = if from[0] < W * 0.5 { -1.0 } else { 1.0 };
-    let bend = match (down, same) {
-        (true, _) if steps < 1.5 => [0.0, 0.0],
-        (_, true) => [0.0, -44.0],
-        _ => [side * 70.0, 0.0],
-    };
-    let mid = [(from[0] + to[0]) * 0.5 + bend[0], (y0 + y1) * 0.5 + bend[1]];
+fn edge(e: &Edge, course: &Course) -> Markup {
+    let Course { from, to, mid } = *course;
+    let (y0, y1) = (from[1], to[1]);
     let (dx, dy) = (to[0] - mid[0], y1 - mid[1]);
     let length = crate::num::order::max((dx * dx + dy * dy).sqrt(), 1e-6);
     let (ux, uy) = (dx / length, dy / length);
@@ -209,6 +265,21 @@ mod tests {
             "{svg}"
         );
         assert!(!svg.contains("NaN"), "finite: {svg}");
+    }
+
+    #[test]
+    fn factors_without_levels_are_drawn_on_an_ellipse() {
+        let names = ["a", "b", "c", "d"].map(str::to_owned);
+        let graph =
+            Graph { title: "after", names: &names, p: &[0.4; 16], kept: &[], truth: None, levels: &[0; 4] };
+        let places = graph.places();
+        for (i, p) in places.iter().enumerate() {
+            let apart = |q: &[f64; 2]| (p[0] - q[0]).abs() >= NODE[0] || (p[1] - q[1]).abs() >= NODE[1];
+            assert!(places[..i].iter().all(apart), "no two overlap: {places:?}");
+            assert!(p[0] >= NODE[0] * 0.5 && p[0] <= W - NODE[0] * 0.5, "inside: {p:?}");
+        }
+        let svg = graph.html().into_string();
+        assert_eq!(svg.matches("class=\"edge\"").count(), 12, "both directions of each pair");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::capture_args::CaptureArgs;
 use super::fit::{score, scores_text, write_renders};
+use super::render::scene_file;
 use super::render_args::RenderArgs;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
@@ -34,7 +35,7 @@ const SPLITS: &Choices =
 
 With --min-psnr the command is a check: exit code 1 when the mean is lower.")]
 pub(crate) struct Args {
-    /// Scene: .ply, .splat or .npz
+    /// Scene: .ply, .splat or .npz, or the folder of a fit
     #[arg(value_name = "FILE")]
     scene: PathBuf,
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
@@ -87,7 +88,7 @@ fn mean(values: &[f64]) -> f64 {
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let (settings, background) = args.render.settings()?;
-    let stored = args.reading.read(&args.scene, &meter)?;
+    let stored = args.reading.read(&scene_file(&args.scene)?, &meter)?;
     let views = Views::load(&args.capture, &args.input.options(background))?;
     args.input.note(&views, &meter);
     let which: Vec<usize> = match args.split.as_str() {

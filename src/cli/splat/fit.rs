@@ -159,8 +159,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
         defaults: Some(Args::usual(usual)?.json()),
         frame: Frame::claim(&args.out, &args.filling, args.checkpoint_every)?,
     };
-    check::write_sheet(&views, &job.frame.dir)?;
-    meter.note(&format!("sheet of the images: {}", job.frame.file(check::SHEET).display()));
+    // A fit that is resumed has its sheet, and may be refused for other images.
+    if !job.frame.is_resumed() {
+        check::write_sheet(&views, &job.frame.dir)?;
+        meter.note(&format!("sheet of the images: {}", job.frame.file(check::SHEET).display()));
+    }
     job.run(first, &mut meter)?.publish(&job.frame.dir)
 }
 

@@ -100,7 +100,10 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 /// The file itself, or the scene in the folder of a fit.
-fn scene_file(path: &Path) -> Result<PathBuf> {
+pub(super) fn scene_file(path: &Path) -> Result<PathBuf> {
+    if !path.exists() {
+        return Err(Error::os(path, &std::io::ErrorKind::NotFound.into()));
+    }
     if !path.is_dir() {
         return Ok(path.to_path_buf());
     }
