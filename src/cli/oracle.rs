@@ -90,10 +90,10 @@ The input file holds the inputs under the operator's argument names, floats and 
 For every array: relative L2 error, largest and mean distance in units of the last place, cosine, signed bias, zeros, and the entries that differ most. The first diverging stage is the first one whose inputs match and whose outputs differ. Arrays with NaN values never match.")]
     Compare {
         /// User-supplied arrays (.npz)
-        #[arg(value_name = "FILE")]
+        #[arg(value_name = "MINE", display_order = 1)]
         theirs: PathBuf,
         /// Reference arrays (.npz), written by `oracle run` or `oracle mint`
-        #[arg(value_name = "FILE")]
+        #[arg(value_name = "REFERENCE", display_order = 2)]
         ours: PathBuf,
         /// Operator; needed only when the names of the arrays are ambiguous
         #[arg(long, value_name = "OP", value_parser = Operator)]
@@ -173,6 +173,10 @@ pub fn run(args: Args) -> Result<()> {
         }
         Command::Compare { theirs, ours, op, tol, html } => {
             let options = compare::Options { theirs, ours, op, tol };
+            if let Some(path) = &html {
+                let inputs = [&options.theirs, &options.ours].into_iter().map(PathBuf::as_path);
+                runner::check_output("--html", path, inputs)?;
+            }
             let comparison = compare::compare(&options)?;
             if let Some(path) = html {
                 page(&options, &comparison, &path)?;

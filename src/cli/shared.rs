@@ -2,6 +2,7 @@
 
 use super::meter::Meter;
 use super::report::Page;
+use crate::console;
 use crate::fit::orbit::Orbit;
 use crate::loss::lpips;
 use crate::scene::convert::{Invalid, read_scene_with};
@@ -170,10 +171,10 @@ impl OrbitArgs {
         (size, self.fov.unwrap_or(usual.fov), self.elevation.unwrap_or(usual.elevation), self.radius)
     }
 
-    /// The circle given by `--cameras orbit:N`; `None` for other values.
+    /// The circle given by `--cameras orbit:N`; `None` for other values, with a note on options of an orbit that are given beside them.
     ///
     /// # Errors
-    /// When N is not an integer, or an option of an orbit is given beside other cameras.
+    /// When N is not an integer.
     pub(super) fn parse(&self, cameras: &str, usual: DefaultArgs) -> Result<Option<Orbit>> {
         let wrong = || {
             let e = Error::input("--cameras").expected("orbit:N with a number of views N, such as orbit:36");
@@ -189,12 +190,12 @@ impl OrbitArgs {
                 ("--elevation", self.elevation.is_some()),
                 ("--radius", self.radius.is_some()),
             ];
-            return match given.iter().find(|(_, is_given)| *is_given) {
-                Some((option, _)) => Err(Error::input(*option)
-                    .expected("--cameras orbit:N beside it")
-                    .got(format!("--cameras {cameras}, whose cameras are complete"))),
-                None => Ok(None),
-            };
+            for (option, _) in given.iter().filter(|(_, is_given)| *is_given && !console::is_quiet()) {
+                console::note(&format!(
+                    "{option} has no effect: it is for --cameras orbit:N, and those of {cameras} are complete"
+                ));
+            }
+            return Ok(None);
         };
         let count = count.parse().map_err(|_| wrong())?;
         let (size, fov, elevation, radius) = self.resolved(usual);

@@ -29,6 +29,13 @@ fn the_command_line_reports_the_same_with_its_exit_code() {
     let (code, _, err) = run(&path("b.npz"), &["--precision", "f64"]);
     assert!(code == 0 && err.contains("30 products"), "the estimate is printed to stderr: {err}");
     assert_eq!(lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz")]).0, 0, "they agree");
+    for input in ["a.npz", "b.npz"] {
+        let before = std::fs::read(path(input)).expect("an input");
+        let args = ["oracle", "compare", &path("b.npz"), &path("a.npz"), "--html", &path(input)];
+        let (code, _, err) = lastlight(&args);
+        assert!(code == 2 && err.contains("--html: expected a file other than the inputs"), "{err}");
+        assert!(std::fs::read(path(input)).expect("an input") == before, "{input} is as it was");
+    }
     let (code, out, err) = lastlight(&["oracle", "compare", &path("b.npz"), &path("a.npz"), "--tol", "0"]);
     assert!(
         code == 1 && out.contains("first diverging stage: nn.linear"),

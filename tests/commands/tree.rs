@@ -8,7 +8,9 @@ const SCREEN: usize = 50;
 /// Headings in their order; a command whose result is a model has the third of the first row, others that of the second.
 const HEADINGS: [[&str; 4]; 2] = [["Input", "Output", "Model", "Run"], ["Input", "Output", "Method", "Run"]];
 /// What the value of an option or a positional argument may be called.
-const VALUE_NAMES: [&str; 25] = [
+const VALUE_NAMES: [&str; 27] = [
+    "MINE",
+    "REFERENCE",
     "SIZE",
     "DIR",
     "FILE",

@@ -232,6 +232,19 @@ pub fn gather(ran: &RunResult) -> Arrays {
     out
 }
 
+/// Refuses an output that is one of the inputs, under this or another path.
+///
+/// # Errors
+/// When it is.
+pub fn check_output<'a>(option: &str, out: &Path, mut inputs: impl Iterator<Item = &'a Path>) -> Result<()> {
+    let Ok(out) = out.canonicalize() else { return Ok(()) };
+    if inputs.any(|input| input.canonicalize().is_ok_and(|input| input == out)) {
+        let e = Error::input(option).expected("a file other than the inputs");
+        return Err(e.got(out.display().to_string()));
+    }
+    Ok(())
+}
+
 /// Runs an operator on a file. Before an f64 run, `progress` is called with its amount of work and expected
 /// time.
 ///
@@ -239,17 +252,8 @@ pub fn gather(ran: &RunResult) -> Arrays {
 /// Bad input, or files that cannot be read or written.
 pub fn run(options: &Options, progress: &mut dyn FnMut(&str)) -> Result<Report> {
     let op = ops::find(&options.op)?;
-    let same = |a: &Path, b: &Path| match (a.canonicalize(), b.canonicalize()) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    };
-    if same(&options.input, &options.out)
-        || options.plan.as_deref().is_some_and(|plan| same(plan, &options.out))
-    {
-        return Err(Error::input("--out")
-            .expected("a file other than the inputs")
-            .got(options.out.display().to_string()));
-    }
+    let inputs = [Some(options.input.as_path()), options.plan.as_deref()];
+    check_output("--out", &options.out, inputs.into_iter().flatten())?;
     let in_file = |e: Error| e.within(options.input.display().to_string());
     let SortedArrays { call: mut request, notes } = read(op, &options.input)?;
     add_settings(op, &mut request.settings, options.profile.as_deref(), &options.set)?;
