@@ -1,4 +1,4 @@
-//! What is done to a file. Bytes are damaged anywhere ([`crate::mutate`]) or near the beginning; texts, JSON documents, archives and PNG
+//! What is done to a file. Bytes are damaged anywhere (`mutate`) or near the beginning; texts, JSON documents, archives and PNG
 //! files also in ways that keep the rest of the file valid, so that the damage reaches the code behind the checksum or the parser.
 
 use crate::mutate::{Draws, apply};
