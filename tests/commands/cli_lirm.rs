@@ -86,7 +86,7 @@ fn a_tiny_set_is_made_continued_and_rendered_anew() {
     assert_eq!(one["digest"], made["digest"], "one thread");
     let resumed = json(&at("set", &["--resume"]), dir.path());
     assert_eq!((&resumed["rendered"], &resumed["digest"]), (&0.into(), &made["digest"]), "nothing to do");
-    // A record of an object that somebody changed is no record of it.
+    // A changed record of an object is refused.
     let record = dir.path().join("set/object_00001/object.json");
     let text = std::fs::read_to_string(&record).expect("written");
     assert!(text.contains("\"vertices\": "), "the entry that is changed");
