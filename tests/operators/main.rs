@@ -16,3 +16,4 @@ mod optim;
 mod oracle;
 mod shade;
 mod splat;
+mod surface;

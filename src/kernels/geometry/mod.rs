@@ -1,12 +1,27 @@
-//! Ray–triangle intersection, distances and surface samples. Level 4, without adjoints.
+//! Ray–triangle intersection, distances, surface samples; signed distance volumes to textured meshes. Level 4,
+//! without adjoints.
 //!
 //! ```text
 //! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; its shape affects no result)
 //! tree, ray ── closest | occluded ──► hit              (watertight test, hits ordered by (t, triangle))
 //! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
+//!
+//! volume ── components::fill_cavities ──► volume ── marching ──► mesh ── components::keep ──► mesh
+//!        ── smooth ──► mesh, normals
 //! ```
 //!
-//! # The contract
+//! # From a volume to a textured mesh
+//! ```text
+//! marching     the surface where a volume of samples changes its sign: closed, each edge in two triangles
+//! cells        the triangles of one cell, derived from the crossings of its faces when the program starts
+//! components   connected parts of a mesh, the largest of them; cavities of a volume
+//! smooth       mean of neighbours with a factor, optionally keeping the volume; vertex normals
+//! ```
+//!
+//! All of these are functions of their input bits: decisions are taken on f64 values that are computed in one
+//! written order, ties go to the smaller index, and threads own slabs, charts or rows.
+//!
+//! # The contract of rays
 //! The hit of a ray is the smallest (t, triangle) over all triangles that `triangle` accepts. A tree may only
 //! skip triangles that cannot have the smallest (t, triangle). This holds by construction and not by an error
 //! estimate: the reported t is at least the start of the triangle's own box, and an enclosing box starts no
@@ -25,14 +40,18 @@
 //! intersects every leaf between their origins. `benches/record` contains the measurements.
 
 pub mod bvh;
+mod cells;
 pub mod compare;
+pub mod components;
 #[cfg(test)]
 mod contract;
 mod group;
+pub mod marching;
 pub mod nearest;
 mod pages;
 mod primitives;
 pub mod ray;
+pub mod smooth;
 pub mod trace;
 mod tree;
 mod triangle;

@@ -1,0 +1,5 @@
+//! From volumes to textured meshes: closed surfaces, parts, smoothing, charts and texels.
+
+mod marching;
+mod parts;
+mod shapes;
