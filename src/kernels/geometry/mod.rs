@@ -7,7 +7,7 @@
 //! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
 //!
 //! volume ── components::fill_cavities ──► volume ── marching ──► mesh ── components::keep ──► mesh
-//!        ── smooth ──► mesh, normals
+//!        ── smooth ──► mesh, normals ── atlas ──► mesh with texture coordinates ── texels ──► surface points
 //! ```
 //!
 //! # From a volume to a textured mesh
@@ -16,6 +16,10 @@
 //! cells        the triangles of one cell, derived from the crossings of its faces when the program starts
 //! components   connected parts of a mesh, the largest of them; cavities of a volume
 //! smooth       mean of neighbours with a factor, optionally keeping the volume; vertex normals
+//! atlas        charts with limited stretch, placed in a square: no overlap, gutters, one texel density
+//! charts       regions of the surface that one projection maps without overlap
+//! packing      positions of the charts in the square
+//! texels       the surface point of every texel, and the nearest one for texels of gutters
 //! ```
 //!
 //! All of these are functions of their input bits: decisions are taken on f64 values that are computed in one
@@ -39,8 +43,10 @@
 //! are slower for such rays, even if sorted by direction and origin: the frustum of sixteen of them
 //! intersects every leaf between their origins. `benches/record` contains the measurements.
 
+pub mod atlas;
 pub mod bvh;
 mod cells;
+mod charts;
 pub mod compare;
 pub mod components;
 #[cfg(test)]
@@ -48,10 +54,12 @@ mod contract;
 mod group;
 pub mod marching;
 pub mod nearest;
+mod packing;
 mod pages;
 mod primitives;
 pub mod ray;
 pub mod smooth;
+pub mod texels;
 pub mod trace;
 mod tree;
 mod triangle;
