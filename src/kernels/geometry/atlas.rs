@@ -5,6 +5,7 @@
 //! | no overlap | `charts`: every chart is one to one; `packing`: no two charts touch a common texel |
 //! | limited stretch | the projected area of a triangle is at least 0.55 of its area, and all charts have one scale: texel densities differ by at most a factor of 1.82 |
 //! | gutter | at least `gutter` texels between the texels that two charts touch, so that bilinear lookups and the first mip levels stay in a chart |
+//! | at least half of the texels | if the charts cover less than 0.55 of the square, those longer than half of the longest are split, up to 8 times; the best layout is used |
 //! | no mirroring | seen from outside, the image is not mirrored |
 //!
 //! A vertex of a chart is a vertex of the result; vertices are in the order in which the triangles use them, and
@@ -23,6 +24,12 @@ use crate::{Error, Result};
 
 /// Steps of a texture coordinate from 0 to 1.
 const STEPS: f64 = (1 << 24) as f64;
+
+/// Fraction of the square from which on charts are not split.
+const ENOUGH: f64 = 0.55;
+
+/// Most rounds of splitting.
+const SPLITS: usize = 8;
 
 /// Largest number of texels per side.
 pub const MAX_SIZE: usize = 1 << 14;
@@ -83,26 +90,87 @@ pub fn unwrap(mesh: &Mesh, settings: &Settings) -> Result<Atlas> {
             Error::input("atlas").expected(format!("16 to {MAX_SIZE} texels per side and a smaller gutter"));
         return Err(e.got(format!("{size}, {gutter}")));
     }
-    let charts = charts::charts(mesh);
-    let turns = par::map(charts.len(), |i| upright(mesh, &charts[i]));
-    let plane = |i: usize, v: u32| {
-        let ([x, y], [c, s]) = (charts[i].map(mesh.positions[v as usize].map(f64::from)), turns[i]);
+    let mut best = layout(mesh, charts::charts(mesh), settings)?;
+    let mut last = best.clone();
+    for _ in 0..SPLITS {
+        if best.used(size) >= ENOUGH {
+            break;
+        }
+        let longest = last.extents.iter().fold(0.0, |a, b| order::max(a, *b));
+        let extents = last.extents;
+        let next = charts::split(mesh, last.charts, |i| 2.0 * extents[i] > longest);
+        last = layout(mesh, next, settings)?;
+        if last.places.is_empty() {
+            break;
+        }
+        if best.places.is_empty() || last.used(size) > best.used(size) {
+            best = last.clone();
+        }
+    }
+    if best.places.is_empty() {
+        let e = Error::input("atlas").at("size").expected(format!("room for {} charts", best.charts.len()));
+        return Err(e.got(format!("{size}×{size} texels")).hint("smooth the mesh, or use a larger texture"));
+    }
+    let uv = |i: usize, v: u32| coordinate(&best.places[i], best.plane(mesh, i, v), size);
+    Ok(assemble(mesh, &best.charts, best.texels_per_unit, uv))
+}
+
+/// Charts with their places.
+#[derive(Clone)]
+struct Layout {
+    charts: Vec<Chart>,
+    /// Cosine and sine of the rotation of each chart.
+    turns: Vec<[f64; 2]>,
+    /// The longer side of the bounding rectangle of each chart.
+    extents: Vec<f64>,
+    /// Projected area of all charts.
+    area: f64,
+    /// None if the charts do not fit.
+    places: Vec<Place>,
+    texels_per_unit: f64,
+}
+
+impl Layout {
+    /// A vertex in the plane of a chart, rotated.
+    fn plane(&self, mesh: &Mesh, chart: usize, v: u32) -> [f64; 2] {
+        let [x, y] = self.charts[chart].map(mesh.positions[v as usize].map(f64::from));
+        let [c, s] = self.turns[chart];
         [c * x + s * y, c * y - s * x]
-    };
-    let flat: Vec<Flat> = par::map(charts.len(), |i| {
-        charts[i].triangles.iter().map(|&t| mesh.triangles[t as usize].map(|v| plane(i, v))).collect()
+    }
+
+    /// The fraction of the square that the charts cover.
+    fn used(&self, size: usize) -> f64 {
+        self.area * (self.texels_per_unit / size as f64) * (self.texels_per_unit / size as f64)
+    }
+}
+
+/// Rotates and packs charts.
+fn layout(mesh: &Mesh, charts: Vec<Chart>, settings: &Settings) -> Result<Layout> {
+    let turns = par::map(charts.len(), |i| upright(mesh, &charts[i]));
+    let (extents, places) = (Vec::new(), Vec::new());
+    let mut out = Layout { charts, turns, extents, area: 0.0, places, texels_per_unit: 0.0 };
+    let flat: Vec<Flat> = par::map(out.charts.len(), |i| {
+        out.charts[i]
+            .triangles
+            .iter()
+            .map(|&t| mesh.triangles[t as usize].map(|v| out.plane(mesh, i, v)))
+            .collect()
     });
-    let area = flat.iter().flatten().fold(0.0, |sum, [a, b, c]| {
+    out.area = flat.iter().flatten().fold(0.0, |sum, [a, b, c]| {
         sum + 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs()
     });
-    if !(area > 0.0 && area.is_finite()) {
-        return Err(Error::input("mesh").at("surface").expected("a positive area").got(area.to_string()));
+    if !(out.area > 0.0 && out.area.is_finite()) {
+        return Err(Error::input("mesh").at("surface").expected("a positive area").got(out.area.to_string()));
     }
-    let Some((places, texels_per_unit)) = packing::pack(&flat, area, size, gutter) else {
-        let e = Error::input("atlas").at("size").expected(format!("room for {} charts", charts.len()));
-        return Err(e.got(format!("{size}×{size} texels")).hint("smooth the mesh, or use a larger texture"));
+    let extent = |chart: &Flat| {
+        let [low, high] = bounds(chart.iter().flatten().copied()).unwrap_or_default();
+        order::max(high[0] - low[0], high[1] - low[1])
     };
-    Ok(assemble(mesh, &charts, texels_per_unit, |i, v| coordinate(&places[i], plane(i, v), size)))
+    out.extents = flat.iter().map(extent).collect();
+    if let Some((places, scale)) = packing::pack(&flat, out.area, settings.size, settings.gutter) {
+        (out.places, out.texels_per_unit) = (places, scale);
+    }
+    Ok(out)
 }
 
 /// A texture coordinate.

@@ -46,6 +46,7 @@ struct Faces<'a> {
 const NONE: u32 = u32::MAX;
 
 /// A chart: triangles, and the projection to the plane.
+#[derive(Clone)]
 pub(super) struct Chart {
     /// Ascending.
     pub(super) triangles: Vec<u32>,
@@ -256,12 +257,16 @@ pub(super) fn charts(mesh: &Mesh) -> Vec<Chart> {
     for t in 0..faces.areas.len() as u32 {
         members.entry(regions.sets.find(t)).or_default().push(t);
     }
+    examine(&faces, members.into_values().collect())
+}
+
+/// Charts without overlap of the connected parts of sets of triangles.
+fn examine(faces: &Faces<'_>, mut open: Vec<Vec<u32>>) -> Vec<Chart> {
     let (mut out, mut scratch) = (Vec::new(), vec![0; faces.areas.len()]);
-    let mut open: Vec<Vec<u32>> = members.into_values().collect();
     while !open.is_empty() {
         let projected = par::map(open.len(), |i| {
-            let chart = project(&faces, open[i].clone());
-            let halves = overlaps(&faces, &chart).then(|| halve(&faces, &chart));
+            let chart = project(faces, open[i].clone());
+            let halves = overlaps(faces, &chart).then(|| halve(faces, &chart));
             (chart, halves)
         });
         open.clear();
@@ -272,6 +277,23 @@ pub(super) fn charts(mesh: &Mesh) -> Vec<Chart> {
             }
         }
     }
+    out.sort_by_key(|chart| chart.triangles[0]);
+    out
+}
+
+/// The charts with those for which `is_split` holds split as in step 4, except single triangles.
+pub(super) fn split(mesh: &Mesh, charts: Vec<Chart>, is_split: impl Fn(usize) -> bool) -> Vec<Chart> {
+    let (faces, mut scratch) = (Faces::new(mesh), vec![0; mesh.triangles.len()]);
+    let (mut out, mut open) = (Vec::new(), Vec::new());
+    for (i, chart) in charts.into_iter().enumerate() {
+        if is_split(i) && chart.triangles.len() > 1 {
+            let halves = halve(&faces, &chart);
+            open.extend(halves.iter().flat_map(|half| faces.parts(half, &mut scratch)));
+        } else {
+            out.push(chart);
+        }
+    }
+    out.extend(examine(&faces, open));
     out.sort_by_key(|chart| chart.triangles[0]);
     out
 }

@@ -176,6 +176,42 @@ fn charts_do_not_overlap_and_use_half_of_the_texels() {
 }
 
 #[test]
+fn long_and_hollow_shapes_use_half_of_the_texels() {
+    let grid = |n: u32, m: u32, p: &dyn Fn(f64, f64) -> [f64; 3]| {
+        let mut mesh = Mesh::default();
+        for i in 0..=n {
+            for j in 0..=m {
+                let point = p(f64::from(i) / f64::from(n), f64::from(j) / f64::from(m));
+                mesh.positions.push(point.map(|x| x as f32));
+            }
+        }
+        for k in (0..n).flat_map(|i| (0..m).map(move |j| i * (m + 1) + j)) {
+            mesh.triangles.extend([[k, k + 1, k + m + 2], [k, k + m + 2, k + m + 1]]);
+        }
+        mesh
+    };
+    let circle = |u: f64| [libm::cos(6.3 * u), libm::sin(6.3 * u)];
+    let strip = grid(300, 4, &|u, v| [50.0 * u, 30.0 * u, 0.5 * v]);
+    let ring = grid(200, 4, &|u, v| {
+        [circle(0.99 * u)[0] * (1.0 + 0.1 * v), circle(0.99 * u)[1] * (1.0 + 0.1 * v), 0.0]
+    });
+    let rod = grid(300, 40, &|u, v| [40.0 * u, circle(0.99 * v)[0], circle(0.99 * v)[1]]);
+    let size = 512;
+    for (name, mesh) in [("strip", strip), ("ring", ring), ("rod", rod)] {
+        let atlas = unwrap(&mesh, &Settings { size, gutter: 4 }).unwrap_or_else(|e| panic!("{name}: {e}"));
+        check_gutter(&owners(&atlas, size), size, 4);
+        let texels = cover(&atlas.mesh, &atlas.chart_of, [size; 2]).expect("coordinates");
+        let used = texels.len() as f64 / (size * size) as f64;
+        println!(
+            "{name}: {} charts, {used:.3} of the texels, densities within {:.2}",
+            atlas.charts,
+            density_ratio(&atlas, size)
+        );
+        assert!(used >= 0.5 && density_ratio(&atlas, size) <= 2.0, "{name}: {used} of the texels");
+    }
+}
+
+#[test]
 fn texels_are_points_of_the_surface_and_gutters_take_the_nearest() {
     let mut mesh = marched(48, torus(0.6, 0.25));
     mesh.normals = normals(&mesh);
