@@ -1,6 +1,6 @@
 //! The terminal: results on stdout, errors and notes on stderr, interruption, the command line as it was typed.
 
-use crate::visible::{escaped, shortened};
+use crate::visible::{escaped, escaped_json, shortened};
 use crate::{Error, Result, claim};
 use clap::ColorChoice;
 use clap::builder::styling::{AnsiColor, Style};
@@ -87,9 +87,8 @@ pub(crate) fn error(output: Output, kind: &str, message: &str, exit_code: u8) {
     let message = one_line(message);
     let message = shortened(&message);
     if output.json {
-        return note(
-            &json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string(),
-        );
+        let document = json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}});
+        return write_error(&escaped_json(&document.to_string()));
     }
     let is_colored = match output.color {
         ColorChoice::Always => true,
@@ -183,7 +182,7 @@ fn write_error(line: &str) {
 /// # Errors
 /// When stdout cannot be written.
 pub(crate) fn say_json(record: &serde_json::Value) -> Result<()> {
-    say(&format!("{record:#}"))
+    say(&escaped_json(&format!("{record:#}")))
 }
 
 /// The command line as it can be typed again.
