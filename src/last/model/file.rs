@@ -131,7 +131,7 @@ impl Trained {
         parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
     }
 
-    /// Reads the file of a model whose input is an image; a folder stands for the [`FILE`] in it.
+    /// Reads the file of a model whose input is an image; for a folder, the [`FILE`] in it.
     ///
     /// # Errors
     /// As [`Self::read`]; or if it is a folder without this file, or a model of vectors.

@@ -1,6 +1,6 @@
 //! Places of the probabilities beside their edges: where a label covers no factor, no other label and, if possible, no edge.
 
-use super::{Course, Edge, NODE};
+use super::course::{Course, Edge, NODE};
 
 /// Half width and half height of a label of four characters, with a little space around it.
 const HALF: [f64; 2] = [17.0, 9.0];
