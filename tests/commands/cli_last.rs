@@ -310,8 +310,15 @@ fn a_bad_held_out_image_is_reported_before_the_fit() {
         std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
     let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
     let image = record["frames"][0]["file_path"].as_str().expect("an image");
-    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
     let words = ["last", "fit", "data/video", "--out", "fit", "--iterations", "40"];
+    for height in [1e4, 20.0] {
+        let mut far = record.clone();
+        far["frames"][0]["transform_matrix"][2][3] = height.into();
+        std::fs::write(at.join("data/video/transforms_test.json"), far.to_string()).expect("written");
+        refused(&words, at, 2, &[image, "camera and pose"]);
+    }
+    std::fs::write(at.join("data/video/transforms_test.json"), record.to_string()).expect("written");
+    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
     refused(&words, at, 2, &[image]);
     assert!(!at.join("fit/checkpoint.safetensors").exists(), "nothing was fitted");
 }

@@ -19,7 +19,7 @@ use lastlight_last::avatar::fit::PersonFit;
 use lastlight_last::avatar::guide::Guide;
 use lastlight_last::avatar::progressive::{Cap, Keys, Order, Progressive};
 use lastlight_last::avatar::settings::Settings;
-use lastlight_last::avatar::store;
+use lastlight_last::avatar::{store, view};
 use lastlight_last::model::file::Trained;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -277,6 +277,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     ));
     // Held-out images are read after the fit, to score it; what is wrong with one is reported before.
     capture.test.iter().try_for_each(|&i| capture.shots[i].photo().map(drop))?;
+    capture.train.iter().chain(&capture.test).try_for_each(|&i| view::check(&capture, &capture.shots[i]))?;
     if let Some(model) = &model {
         check_skeleton(model, &capture, &meter)?;
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;

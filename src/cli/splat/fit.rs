@@ -141,7 +141,12 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let start = start(args, bounds, args.max_gaussians.unwrap_or(determined));
     let first = seeds::gaussians(&start, &views, &settings)?;
     // Before the first file is written.
-    first.validate(if matches!(start, Start::File(_)) { &args.init } else { "initial Gaussians" })?;
+    let source = match start {
+        Start::File(_) => args.init.clone(),
+        Start::Auto { .. } => format!("{}: initial Gaussians", args.capture.display()),
+        Start::Random { .. } => "initial Gaussians".to_owned(),
+    };
+    first.validate(&source)?;
     let usual = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
     settings.max_gaussians = args.max_gaussians.unwrap_or(usual);
     let is_random = match start {
