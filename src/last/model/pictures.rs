@@ -171,7 +171,8 @@ impl Set {
             self.shown.extend_from_slice(c);
         }
         let factors = need("u")?;
-        if factors.shape().first() != Some(&items) || factors.len() > items * matching::MOST {
+        let each = factors.shape().last().copied().unwrap_or(0);
+        if each > matching::MOST || factors.len() != items * each {
             return Err(Error::input(format!("array '{prefix}u'"))
                 .expected(format!("up to {} factors of {items} images", matching::MOST))
                 .got(format!("{:?}", factors.shape())));
