@@ -118,6 +118,11 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     })
 }
 
+/// `splat.project adjoint` as `splat.project, backward pass`.
+fn readable(stage: &str) -> String {
+    stage.strip_suffix(" adjoint").map_or_else(|| stage.to_owned(), |s| format!("{s}, backward pass"))
+}
+
 /// The stages, coloured by their outputs.
 fn stages(x: &Input<'_>) -> Markup {
     let r = x.report;

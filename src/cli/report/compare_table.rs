@@ -33,11 +33,6 @@ pub(super) fn stats(r: &Report) -> Vec<Stat> {
     ]
 }
 
-/// `splat.project adjoint` as `splat.project, backward pass`.
-fn readable(stage: &str) -> String {
-    stage.strip_suffix(" adjoint").map_or_else(|| stage.to_owned(), |s| format!("{s}, backward pass"))
-}
-
 /// All arrays, and those that are in one file only; `is_single`: the operator has no stages.
 pub(super) fn overview(r: &Report, is_single: bool) -> Markup {
     let shape = |a: &ArrayReport| {
