@@ -48,7 +48,7 @@ pub struct Args {
     #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',', conflicts_with = "exec")]
     set: Vec<String>,
     /// With --exec: inputs whose gradients are checked, comma-separated or repeated [default: every float array that is no cotangent]
-    #[arg(long, value_name = "ARRAY", value_delimiter = ',', requires = "exec")]
+    #[arg(long, value_name = "NAME", value_delimiter = ',', requires = "exec")]
     wrt: Vec<String>,
     /// Entries per input that are differentiated one by one, at least 1 [default: 6; 3 with --exec]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]

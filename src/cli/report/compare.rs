@@ -1,6 +1,6 @@
 //! The page of `oracle compare`: where two files of arrays part, and how each array differs.
 
-use super::compare_table::{capital, overview, remark, stats, verdict};
+use super::compare_table::{capital, overview, stats, verdict};
 use super::images::{self, Label};
 use super::{Page, Section, bars, table, text, thousands};
 use crate::Result;
@@ -171,8 +171,8 @@ fn array(x: &Input<'_>, a: &ArrayReport) -> Result<Markup> {
     let head = ["index", ">yours", ">reference", ">yours − reference", ">ulp"];
     let body = html! {
         div.stack {
-            @if !remark(a).is_empty() { p.note { (capital(&remark(a))) "." } }
-            @if !errors.is_empty() { div.two { (histogram(a, &errors, rms(x, a))) (maps) } }
+            @for text in a.reason.iter().chain(&a.note) { p.note { (capital(text)) "." } }
+            @if !errors.is_empty() { div.two { div { (histogram(a, &errors, rms(x, a))) } (maps) } }
             @if !rows.is_empty() { div { h3 { "Largest errors" } (table(&head, &rows)) } }
         }
     };

@@ -74,15 +74,16 @@ pub(super) fn overview(r: &Report, is_single: bool) -> Markup {
         "",
     ];
     let missing = [("yours", &r.missing.yours), ("the reference", &r.missing.reference)];
+    let class = if r.present_only { "note" } else { "bad strong" };
     let only = [("yours", &r.only_yours), ("the reference", &r.only_reference)];
     let stated = |name: &&String| !r.missing.has(name) && !r.unknown.iter().any(|u| u.name == **name);
     let rest = |names: &[String]| names.iter().filter(stated).cloned().collect::<Vec<_>>().join(", ");
     html! {
-        (table(&head, &rows))
         @for (whose, names) in missing {
-            @if !names.is_empty() { p.bad.strong { "Missing in " (whose) ": " (names.join(", ")) } }
+            @if !names.is_empty() { p class=(class) { "Missing in " (whose) ": " (names.join(", ")) } }
         }
-        @for unknown in &r.unknown { p.bad.strong { (capital(&unknown.to_string())) } }
+        @for unknown in &r.unknown { p class=(class) { (capital(&unknown.to_string())) } }
+        (table(&head, &rows))
         @if is_single { @if let Some(d) = &r.divergence { p.note { (capital(&d.to_string())) } } }
         @if is_single { @if let Some(note) = r.inputs_note() { p.note { (capital(&note)) } } }
         @for (whose, names) in only {
@@ -102,11 +103,10 @@ pub(super) fn verdict(a: &ArrayReport) -> Markup {
 }
 
 /// What the numbers of an array do not state.
-pub(super) fn remark(a: &ArrayReport) -> String {
+fn remark(a: &ArrayReport) -> String {
     // The shapes have their own column.
     let reason = a.reason.as_ref().filter(|_| a.shape_yours == a.shape_reference);
-    let mut parts: Vec<&str> = reason.into_iter().chain(&a.note).map(String::as_str).collect();
-    parts.dedup();
+    let parts: Vec<&str> = reason.into_iter().chain(&a.note).map(String::as_str).collect();
     parts.join("; ")
 }
 

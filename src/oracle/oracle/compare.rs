@@ -138,8 +138,8 @@ fn one(name: &str, op: Option<&Op>, files: [&Arrays; 2], tol: f64) -> Result<Arr
         report.reason = Some(reason.to_owned());
     }
     let related = || relation_of_values([&a, &b], reference.shape(), &m, tol);
-    report.note = note.or_else(|| report.reason.clone());
-    if report.agreement == Agreement::Differs && report.note.is_none() {
+    report.note = note;
+    if report.agreement == Agreement::Differs && report.note.is_none() && report.reason.is_none() {
         report.note = related();
     }
     report.measures = Some(m);

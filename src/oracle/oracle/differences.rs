@@ -267,10 +267,12 @@ impl fmt::Display for ArrayReport {
         } else if let Some(reason) = &self.reason {
             write!(f, " {reason}")?;
         }
-        match &self.note {
-            Some(note) => writeln!(f, "  ({note})")?,
-            None => writeln!(f)?,
+        // Next to numbers, the reason is a remark.
+        let reason = self.reason.as_ref().filter(|_| self.measures.is_some());
+        for remark in reason.into_iter().chain(&self.note) {
+            write!(f, "  ({remark})")?;
         }
+        writeln!(f)?;
         if !self.matches() {
             for w in &self.worst {
                 let (index, ulp) = (&w.index, ulp(w.ulp));
