@@ -124,41 +124,25 @@ impl TypedValueParser for Operator {
             e.insert(ContextKind::InvalidArg, ContextValue::String(argument.to_string()));
         }
         e.insert(ContextKind::InvalidValue, ContextValue::String(name.clone()));
-        match closest(&name, ops::LIST.iter().map(|op| op.name)) {
-            Some(close) => e.insert(ContextKind::SuggestedValue, ContextValue::String(close.to_owned())),
-            None => e.insert(
-                ContextKind::Suggested,
-                ContextValue::StyledStrs(vec!["`lastlight oracle list` prints all operators".into()]),
-            ),
-        };
+        let is_group = |op: &&ops::Op| op.name.split_once('.').is_some_and(|(group, _)| group == name);
+        let list = |what: String| ContextValue::StyledStrs(vec![what.into()]);
+        let close = ops::similar(&name, ops::LIST.iter().map(|op| op.name));
+        if ops::LIST.iter().copied().any(|op| is_group(&op)) {
+            let what = format!("'{name}' is a group: `lastlight oracle list {name}` prints its operators");
+            e.insert(ContextKind::Suggested, list(what));
+        } else if close.is_empty() {
+            let what = "`lastlight oracle list` prints all operators".to_owned();
+            e.insert(ContextKind::Suggested, list(what));
+        } else {
+            let close = close.into_iter().map(str::to_owned).collect();
+            e.insert(ContextKind::SuggestedValue, ContextValue::Strings(close));
+        }
         Err(e)
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
         Some(Box::new(ops::LIST.iter().map(|op| PossibleValue::new(op.name).help(op.summary))))
     }
-}
-
-/// The name that the fewest insertions, deletions and replacements make of `word`, if they change at most half of it.
-fn closest<'a>(word: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let best = names.map(|name| (edits(word, name), name)).min_by_key(|(edits, _)| *edits);
-    best.filter(|(edits, _)| 2 * edits <= word.chars().count()).map(|(_, name)| name)
-}
-
-/// Levenshtein's distance.
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -175,14 +159,5 @@ mod tests {
             let e = size(bad).expect_err("refused");
             assert!(e.contains(&format!("1 to {MAX_SIDE}")), "'{bad}' names the range: {e}");
         }
-    }
-
-    #[test]
-    fn the_closest_name_is_suggested() {
-        let close = |word: &str| closest(word, ["splat.render", "splat.blend", "nn.linear"].into_iter());
-        assert_eq!(close("splat.rendr"), Some("splat.render"), "a letter is missing");
-        assert_eq!(close("linear"), Some("nn.linear"), "a prefix is missing");
-        assert_eq!(close("gemm"), None, "nothing is close");
-        assert_eq!([edits("", "abc"), edits("kitten", "sitting"), edits("a", "a")], [3, 3, 0], "distances");
     }
 }
