@@ -158,12 +158,12 @@ mod tests {
                     .split(|c: char| !(c.is_ascii_alphanumeric() || c == '.'))
                     .filter_map(|word| word.strip_suffix("px")?.parse().ok())
                     .collect();
-                let widest = widths.iter().copied().fold(0.0, f64::max);
+                let widest = widths.iter().copied().fold(0.0, crate::num::order::max);
                 let fits = match *property {
                     "width" => has("max-width") || widest <= CONTENT,
                     "min-width" => widest <= CONTENT || in_scroll.contains(selector),
                     "grid-template-columns" => {
-                        let total = widths.iter().sum::<f64>();
+                        let total = widths.iter().fold(0.0, |sum, width| sum + width);
                         value.contains("min(100%") || value.contains("minmax(0,") || total <= CONTENT
                     }
                     _ => true,
