@@ -4,21 +4,31 @@ use crate::cli::workplace;
 use crate::program::{code, json, lastlight, refused, stderr, stdout};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
-/// Every file of a folder with its contents and its time.
-fn files(dir: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
+/// Every file of a folder with its contents and the inode, which a file that is replaced has not.
+fn files(dir: &Path) -> BTreeMap<PathBuf, (Vec<u8>, u64)> {
     let mut out = BTreeMap::new();
     for entry in std::fs::read_dir(dir).expect("a folder") {
         let path = entry.expect("an entry").path();
         if path.is_dir() {
             out.extend(files(&path));
         } else {
-            let time = std::fs::metadata(&path).and_then(|m| m.modified()).expect("a time");
-            out.insert(path.clone(), (std::fs::read(&path).expect("readable"), time));
+            let inode = inode(&path);
+            out.insert(path.clone(), (std::fs::read(&path).expect("readable"), inode));
         }
     }
     out
+}
+
+#[cfg(unix)]
+fn inode(path: &Path) -> u64 {
+    use std::os::unix::fs::MetadataExt as _;
+    std::fs::metadata(path).expect("a file").ino()
+}
+
+#[cfg(not(unix))]
+fn inode(_: &Path) -> u64 {
+    0
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod gradients;
 mod kinks;
 mod linear;
 mod loss;
+mod mcmc;
 mod optim;
 mod oracle;
 mod shade;
