@@ -69,6 +69,47 @@ pub(crate) fn square(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A number of things: `7000`, or with a power of ten, `7e3`.
+#[derive(Clone)]
+pub(crate) struct Count;
+
+impl Count {
+    /// The number, if the text is one.
+    fn parse(text: &str) -> Option<usize> {
+        let Some((digits, power)) = text.split_once(['e', 'E']) else { return text.parse().ok() };
+        let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+        let power = power.parse::<usize>().ok().filter(|p| (fraction.len()..=18).contains(p))?;
+        let digits: usize = format!("{whole}{fraction}").parse().ok()?;
+        digits.checked_mul(10_usize.checked_pow(u32::try_from(power - fraction.len()).ok()?)?)
+    }
+}
+
+impl TypedValueParser for Count {
+    type Value = usize;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<usize, clap::Error> {
+        let text = StringValueParser::new().parse_ref(command, argument, value)?;
+        Self::parse(&text).ok_or_else(|| {
+            let option = argument.map_or_else(String::new, |a| format!(" for '{a}'"));
+            invalid(&format!("invalid value '{text}'{option}: expected {INTEGER}, such as 7000 or 7e3"))
+        })
+    }
+}
+
+/// An error of a value in the form of the parser's own.
+pub(crate) fn invalid(message: &str) -> clap::Error {
+    let message = format!("{message}\n\nFor more information, try '--help'.\n");
+    clap::Error::raw(ErrorKind::ValueValidation, message)
+}
+
+/// What an option of integers accepts, for errors.
+pub(crate) const INTEGER: &str = "an integer of at least 0";
+
 /// Values that completions know, of which others are accepted too.
 #[derive(Clone)]
 pub(crate) struct Known {
@@ -158,6 +199,16 @@ mod tests {
         for bad in ["", "0x3", "640x", "axb", "99999x2", "0", "-4"] {
             let e = size(bad).expect_err("refused");
             assert!(e.contains(&format!("1 to {MAX_SIDE}")), "'{bad}' names the range: {e}");
+        }
+    }
+
+    #[test]
+    fn counts_may_have_a_power_of_ten() {
+        for (text, n) in [("0", 0), ("7000", 7000), ("7e3", 7000), ("1.5e4", 15_000), ("2E0", 2)] {
+            assert_eq!(Count::parse(text), Some(n), "{text}");
+        }
+        for bad in ["", "-5", "e3", "1e", "1e-3", "1.5", "1.25e1", "1e30", "1e18446744073709551617", "many"] {
+            assert_eq!(Count::parse(bad), None, "{bad}");
         }
     }
 }

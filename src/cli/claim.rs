@@ -109,7 +109,10 @@ mod tests {
         std::fs::create_dir(&killed).expect("writable");
         std::fs::write(killed.join(".lastlight-Ab12.part"), "x").expect("writable");
         folder(&killed, true, false).expect("resumed");
-        assert!(!killed.join(".lastlight-Ab12.part").exists(), "part of a file, left by a program that was killed");
+        assert!(
+            !killed.join(".lastlight-Ab12.part").exists(),
+            "part of a file, left by a program that was killed"
+        );
         folder(&out, true, false).expect("resumed");
         folder(&out, false, true).expect("forced");
         assert!(folder(&out.join("x"), false, true).is_err(), "a file is no folder");

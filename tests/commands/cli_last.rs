@@ -273,8 +273,15 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     );
     assert!(off < 2e-4 && off < fog / 4.0, "blocks of the magnified image: {off:.1e}, unwidened {fog:.1e}");
 
-    let orbit =
-        Orbit { count: 5, center: None, radius: None, elevation_rad: 0.2, fov_x_rad: 0.7, size: [96, 64] };
+    let orbit = Orbit {
+        count: 5,
+        arc_rad: None,
+        center: None,
+        radius: None,
+        elevation_rad: 0.2,
+        fov_x_rad: 0.7,
+        size: [96, 64],
+    };
     for (k, camera) in stored.around(orbit, &stored.poses).expect("cameras").iter().enumerate() {
         let out = stored.picture(pose, Some(0), camera).expect("an image");
         let (w, h) = (camera.width, camera.height);

@@ -10,6 +10,7 @@ use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
 use crate::shared::{MetricArgs, Outcome, OutputArgs, SCENE};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
+use crate::units::counted;
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::calibrate;
@@ -268,9 +269,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
-        "{}: {} training images, {} held out, a body of {} points and {} joints",
+        "{}: {}, {} held out, a body of {} points and {} joints",
         args.capture.display(),
-        capture.train.len(),
+        counted(capture.train.len(), "training image"),
         capture.test.len(),
         capture.template.len(),
         capture.template.joints.len()
@@ -335,6 +336,9 @@ impl Job<'_> {
         let (history, film) = self.frame.train(&mut fit, meter)?;
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
+        if let Some(outcome) = self.frame.finished(&digest, &settings, &history) {
+            return Ok(outcome);
+        }
         let groups = scoring::groups(
             Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) },
             meter,
@@ -380,7 +384,7 @@ impl Job<'_> {
             format!("time        {}", report::seconds(meter.seconds())),
             format!("avatar      {}", self.frame.file(AVATAR).display()),
         ];
-        Ok(Outcome { record, page, lines, held_out_db: scoring::held_out_db(&groups) })
+        Ok(Outcome { record, page: Some(page), lines, held_out_db: scoring::held_out_db(&groups) })
     }
 }
 

@@ -196,8 +196,7 @@ impl Pictures {
         let points = rest.need("points").map_err(|e| e.within(path.display().to_string()))?;
         let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
         let skeleton = rest.get("parents").and_then(Array::to_i64).unwrap_or_default();
-        let template: Vec<[f32; 3]> =
-            points.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        let template: Vec<[f32; 3]> = points.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let p = template.len();
         let mut all = Self {
             side: 0,
