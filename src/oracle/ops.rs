@@ -8,15 +8,16 @@
 //! op       an entry of the list                      call     a call and its result; checked: from
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, geometry, nn, networks, loss, points, groups,
-//!                                                    lpips, latent, prior, shade, moment, causal, pose, skin,
-//!                                                    rest, optim: the entries
+//! case     drawing of generated cases                splat, field, geometry, nn, networks, loss, points,
+//!                                                    groups, lpips, latent, prior, shade, moment, causal,
+//!                                                    pose, skin, rest, optim: the entries
 //! ```
 
 mod call;
 mod case;
 mod causal;
 mod checked;
+mod field;
 mod geometry;
 mod groups;
 mod latent;
@@ -78,6 +79,11 @@ pub static LIST: &[&Op] = &[
     &moment::DIFFUSE,
     &moment::GAIN,
     &moment::OVER_BLACK,
+    &field::FETCH,
+    &field::SDF_HEAD,
+    &field::DENSITY,
+    &field::INTERVAL,
+    &field::COMPOSITE,
     &causal::ACYCLIC,
     &causal::MASK,
     &causal::PROBABILITY,

@@ -15,7 +15,7 @@
 //! sdf with bounds per cell ── occupancy ──► bit grid ──► intervals in which rays take samples
 //! ```
 //!
-//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. [`render`] strings
+//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. `render` strings
 //! the same functions and has the bits of the composition of the operators.
 //!
 //! # Conventions
@@ -25,11 +25,7 @@
 
 pub mod composite;
 pub mod density;
-pub mod embed;
 pub mod fetch;
 pub mod interval;
 pub mod network;
-pub mod normal;
-pub mod normal_head;
 pub mod sdf_head;
-pub mod value_head;
