@@ -11,9 +11,7 @@ pub(crate) type Choices = [(&'static str, &'static str)];
 
 /// Accepts one of these names; help and completions show them, an error suggests the closest one.
 pub(crate) fn choices(names: &Choices) -> PossibleValuesParser {
-    PossibleValuesParser::new(
-        names.iter().map(|(name, meaning)| PossibleValue::new(*name).help(*meaning)).collect::<Vec<_>>(),
-    )
+    PossibleValuesParser::new(names.iter().map(|value| possible(*value)).collect::<Vec<_>>())
 }
 
 /// Semantics of the renderer.
@@ -69,6 +67,39 @@ pub(crate) fn square(text: &str) -> Result<usize, String> {
         [width, height] if width == height => Ok(width),
         _ => Err("expected a square size, such as 256 or 256x256".to_owned()),
     }
+}
+
+/// Values that completions know, of which others are accepted too.
+#[derive(Clone)]
+pub(crate) struct Known {
+    /// the values that completions show, each with what it means, or with an empty text
+    pub(crate) names: &'static Choices,
+    /// whether another value is accepted
+    pub(crate) accepts: fn(&str) -> bool,
+}
+
+impl TypedValueParser for Known {
+    type Value = String;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<String, clap::Error> {
+        let text = StringValueParser::new().parse_ref(command, argument, value)?;
+        if (self.accepts)(&text) { Ok(text) } else { choices(self.names).parse_ref(command, argument, value) }
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(self.names.iter().map(|value| possible(*value))))
+    }
+}
+
+/// A value with its meaning, if there is one.
+fn possible((name, meaning): (&'static str, &'static str)) -> PossibleValue {
+    let value = PossibleValue::new(name);
+    if meaning.is_empty() { value } else { value.help(meaning) }
 }
 
 /// The name of an operator of the list.

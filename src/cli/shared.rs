@@ -11,6 +11,9 @@ use crate::{Error, Result, choices};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
+/// The scene in the folder of `splat fit`.
+pub(super) const SCENE: &str = "scene.ply";
+
 /// Seed, resumption and replacement of a command that fills a folder.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {

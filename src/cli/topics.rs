@@ -1,8 +1,8 @@
 //! `help`: the help of a command, or a page on a topic that belongs to several.
 
+use crate::choices::{Choices, Known};
 use crate::console as cli;
 use crate::{Error, Result};
-use clap::builder::PossibleValue;
 use serde_json::json;
 
 /// Pages that belong to no single command: name, one line, text.
@@ -12,6 +12,17 @@ pub(crate) const TOPICS: [(&str, &str, &str); 4] = [
     ("exit-codes", "Exit codes, errors, and what an interruption leaves", EXIT_CODES),
     ("env", "Environment variables", ENVIRONMENT),
 ];
+
+/// Names and lines of the topics; the name of a command is accepted too.
+const NAMES: &Choices = &{
+    let mut names = [("", ""); TOPICS.len()];
+    let mut at = 0;
+    while at < names.len() {
+        names[at] = (TOPICS[at].0, TOPICS[at].1);
+        at += 1;
+    }
+    names
+};
 
 const CAPTURES: &str = "\
 Captures of a scene (splat fit, splat eval, --cameras)
@@ -104,29 +115,8 @@ No variable changes a bit of a result. Options are given on the command line onl
 Topics: captures (layouts of input images), profiles (semantics of the renderer), exit-codes (also errors and interruptions), env (environment variables).")]
 pub(crate) struct Args {
     /// A command, or one of the topics captures, profiles, exit-codes, env
-    #[arg(value_name = "TOPIC", value_parser = Words)]
+    #[arg(value_name = "TOPIC", value_parser = Known { names: NAMES, accepts: |_| true })]
     words: Vec<String>,
-}
-
-/// Any word; completions know the topics.
-#[derive(Clone)]
-struct Words;
-
-impl clap::builder::TypedValueParser for Words {
-    type Value = String;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        argument: Option<&clap::Arg>,
-        value: &std::ffi::OsStr,
-    ) -> std::result::Result<String, clap::Error> {
-        clap::builder::StringValueParser::new().parse_ref(command, argument, value)
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(TOPICS.iter().map(|(name, about, _)| PossibleValue::new(*name).help(*about))))
-    }
 }
 
 /// Prints a topic, or the whole help of a command of `tree`.

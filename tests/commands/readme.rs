@@ -117,7 +117,7 @@ const SESSIONS: [Session; 6] = [
             ("lastlight last inspect person --out check", "last inspect person --out check"),
             (
                 "lastlight last pretrain person --out model --iterations 1000",
-                "last pretrain person --out model --iterations 2 --batch-images 12 --batch-groups 4 --batch-points 32 --factor-dim 2",
+                "last pretrain person --out model --iterations 3 --batch-images 12 --batch-groups 4 --batch-points 32 --factor-dim 2",
             ),
             (
                 "lastlight last tune model/model.safetensors person/video --out tuned.safetensors",

@@ -13,6 +13,7 @@ mod gradients;
 mod kinks;
 mod linear;
 mod loss;
+mod mcmc;
 mod optim;
 mod oracle;
 mod shade;

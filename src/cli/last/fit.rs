@@ -8,7 +8,7 @@ use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
-use crate::shared::{MetricArgs, Outcome, OutputArgs};
+use crate::shared::{MetricArgs, Outcome, OutputArgs, SCENE};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::{Error, Result};
 use crate::{claim, report};
@@ -52,7 +52,7 @@ const KEYS: &Choices = &[
 ];
 
 /// The avatar in `--out`.
-const AVATAR: &str = "avatar.safetensors";
+pub(crate) const AVATAR: &str = "avatar.safetensors";
 
 /// Fit an animatable person to a monocular capture.
 #[derive(clap::Args)]
@@ -104,7 +104,7 @@ pub(crate) struct Args {
 /// Guidance by the image-to-point model; without a model the fit is unguided.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Guided {
-    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without it the fit is unguided
+    /// Image-to-point model that guides the fit, written by last pretrain (or its folder) or last tune; without it the fit is unguided
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Add Gaussians by the pixel criterion alone
@@ -373,6 +373,7 @@ impl Job<'_> {
         })?;
         let lines = vec![
             scoring::text(&groups),
+            format!("metrics     {}", report::EXPLAINED),
             format!("Gaussians   {}", avatar.gaussians.len()),
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
@@ -385,11 +386,17 @@ impl Job<'_> {
 /// The avatar file of a run: the folder of `last fit`, or the file itself.
 pub(super) fn avatar_file(run: &std::path::Path) -> Result<PathBuf> {
     let file = if run.is_dir() { run.join(AVATAR) } else { run.to_path_buf() };
-    if file.is_file() {
+    let is_scene_file = file.extension().is_some_and(|e| e == "ply" || e == "splat");
+    if file.is_file() && !is_scene_file {
         return Ok(file);
     }
-    Err(Error::input(run.display().to_string())
-        .expected("a folder of `last fit`, or its avatar.safetensors")
-        .got("no such file")
-        .hint("an interrupted fit is completed by last fit CAPTURE --out DIR --resume"))
+    let wrong =
+        Error::input(run.display().to_string()).expected("a folder of `last fit`, or its avatar.safetensors");
+    Err(if file.is_file() || run.join(SCENE).is_file() {
+        wrong.got("a scene of `splat fit`").hint("`lastlight splat render` and `splat eval` are for scenes")
+    } else {
+        wrong
+            .got("no such file")
+            .hint("an interrupted fit is completed by last fit CAPTURE --out DIR --resume")
+    })
 }

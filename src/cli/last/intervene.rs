@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 
 Every row of grid.png sets one factor to nine values from the training set; the noise of the other factors is kept, and the descendants follow the graph. moved.csv holds how far each factor moved, in standard deviations: exactly 0 for factors that are not descendants.")]
 pub(crate) struct Args {
-    /// Model written by last pretrain or last tune
+    /// Model written by last pretrain (or its folder) or last tune
     #[arg(value_name = "FILE")]
     model: PathBuf,
     /// Capture of the person

@@ -110,6 +110,11 @@ impl<'a> Run<'a> {
 
     /// What every report ends with: time, files, settings.
     pub(crate) fn tail(&self) -> Vec<Section> {
+        self.tail_of(self.settings, self.defaults.as_ref())
+    }
+
+    /// [`Self::tail`] with settings and defaults under the names that the page shows.
+    pub(crate) fn tail_of(&self, shown: &Value, defaults: Option<&Value>) -> Vec<Section> {
         let mut sections = vec![Section {
             id: "time",
             title: "Where the time went",
@@ -131,7 +136,7 @@ impl<'a> Run<'a> {
             lead: "Everything that decides the result: the same settings and the same input give the same digest on any machine. The row with \
                    date, machine and version at the top of this page is not part of the digest."
                 .into(),
-            body: settings::tables(self.settings, self.defaults.as_ref()),
+            body: settings::tables(shown, defaults),
         });
         sections
     }

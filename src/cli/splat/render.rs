@@ -7,9 +7,10 @@ use crate::console as cli;
 use crate::fit::orbit::{Orbit, Up};
 use crate::fit::render::{self, Passes, Scene, Shot};
 use crate::io::capture::Reading;
+use crate::last::fit::AVATAR;
 use crate::meter::Meter;
 use crate::scene::gaussians::Gaussians;
-use crate::shared::{DefaultArgs, OrbitArgs, SceneArgs};
+use crate::shared::{DefaultArgs, OrbitArgs, SCENE, SceneArgs};
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -107,11 +108,16 @@ pub(super) fn scene_file(path: &Path) -> Result<PathBuf> {
     if !path.is_dir() {
         return Ok(path.to_path_buf());
     }
-    let inside = path.join("scene.ply");
+    let inside = path.join(SCENE);
     if inside.is_file() {
         return Ok(inside);
     }
     let e = Error::input(path.display().to_string()).expected("a scene file, or a folder with scene.ply");
+    if path.join(AVATAR).is_file() {
+        return Err(e
+            .got("a person of `last fit`")
+            .hint("`lastlight last render` and `last eval` are for persons"));
+    }
     Err(e.got("a folder without it").hint("`lastlight splat fit CAPTURE --out DIR` makes such a folder"))
 }
 
