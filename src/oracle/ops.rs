@@ -9,7 +9,7 @@
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
 //! case     drawing of generated cases                similar: suggestions for unknown names
-//! splat, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, causal, pose, skin,
+//! splat, field, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, causal, pose, skin,
 //! rest, optim: the entries
 //! ```
 
@@ -17,6 +17,7 @@ mod call;
 mod case;
 mod causal;
 mod checked;
+mod field;
 mod geometry;
 mod groups;
 mod latent;
@@ -80,6 +81,11 @@ pub static LIST: &[&Op] = &[
     &moment::DIFFUSE,
     &moment::GAIN,
     &moment::OVER_BLACK,
+    &field::FETCH,
+    &field::SDF_HEAD,
+    &field::DENSITY,
+    &field::INTERVAL,
+    &field::COMPOSITE,
     &causal::ACYCLIC,
     &causal::MASK,
     &causal::PROBABILITY,

@@ -7,6 +7,7 @@ mod chains;
 mod common;
 mod density;
 mod domain;
+mod field;
 mod geometry;
 mod gradients;
 mod kinks;

@@ -22,6 +22,7 @@ const CAUSAL: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [6e-8, 6e-8] };
 /// Thirteen convolutions in f32: an output near 0 may pass in one precision and not in the other.
 const LPIPS: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [2e-6, 2e-5] };
 const SHADE: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [2e-6, 2e-5] };
+const FIELD: Bounds = Bounds { f64: [1e-12, 1e-10], f32: [2e-6, 2e-5] };
 
 fn check_golden(name: &str, op: &str, profile: Option<&str>, bounds: &Bounds) {
     let Some(theirs) = golden(name) else { return };
@@ -166,4 +167,24 @@ fn golden_shade_ggx() {
 #[test]
 fn golden_shade_envmap() {
     check_golden("shade_envmap", "shade.envmap", None, &SHADE);
+}
+
+#[test]
+fn golden_field_fetch() {
+    check_golden("field_fetch", "field.fetch", None, &FIELD);
+}
+
+#[test]
+fn golden_field_sdf_head() {
+    check_golden("field_sdf_head", "field.sdf_head", None, &FIELD);
+}
+
+#[test]
+fn golden_field_density() {
+    check_golden("field_density", "field.density", None, &FIELD);
+}
+
+#[test]
+fn golden_field_composite() {
+    check_golden("field_composite", "field.composite", None, &FIELD);
 }
