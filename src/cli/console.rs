@@ -28,6 +28,9 @@ static OUTPUT: OnceLock<Output> = OnceLock::new();
 /// Arguments behind the name of the program, those of `--like` written out.
 static ARGUMENTS: OnceLock<Vec<String>> = OnceLock::new();
 
+/// Those that a folder of results keeps, for `--resume`.
+static KEPT: OnceLock<Vec<String>> = OnceLock::new();
+
 /// Keeps the arguments for records and reports, once.
 pub(crate) fn set_arguments(arguments: &[OsString]) {
     // A second call has no effect.
@@ -37,6 +40,16 @@ pub(crate) fn set_arguments(arguments: &[OsString]) {
 /// The arguments of this run, as its record keeps them.
 pub(crate) fn arguments() -> &'static [String] {
     ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
+
+/// Sets what [`kept`] returns, once.
+pub(crate) fn set_kept(arguments: Vec<String>) {
+    let _ = KEPT.set(arguments);
+}
+
+/// The arguments that a folder of results keeps.
+pub(crate) fn kept() -> &'static [String] {
+    KEPT.get().map_or(&[], Vec::as_slice)
 }
 
 /// Sets the output of this program, once.

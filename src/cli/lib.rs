@@ -234,8 +234,11 @@ fn memory_size(text: &str) -> std::result::Result<u64, String> {
 fn parse(arguments: &[OsString], before: console::Output) -> std::result::Result<Cli, clap::Error> {
     let mut tree = command().color(before.color);
     let arguments = like::expanded(arguments, &tree)?;
-    let matches = tree.try_get_matches_from_mut(&arguments).map_err(|e| mistakes::explained(e, &tree))?;
+    let matches = tree
+        .try_get_matches_from_mut(&arguments)
+        .map_err(|e| mistakes::explained(e, &tree, &topics::TOPICS))?;
     console::set_arguments(&arguments);
+    console::set_kept(like::kept(console::arguments(), &tree));
     let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut tree))?;
     if cli.command.is_none() && !cli.version {
         return Err(tree.error(ErrorKind::MissingSubcommand, "a command is needed, such as demo"));

@@ -1,11 +1,13 @@
 //! What an error of the command line adds to that of the parser: where a word belongs that is no command, what an option expects.
 
 use crate::choices::{INTEGER, invalid};
-use crate::topics::TOPICS;
 use clap::Command;
 use clap::error::{ContextKind, ContextValue, Error, ErrorKind};
 use lastlight_oracle::ops;
 use std::error::Error as _;
+
+/// Topics of `help`: name, one line, text.
+pub(crate) type Topics = [(&'static str, &'static str, &'static str)];
 
 /// Most commands and topics that are suggested.
 const MOST: usize = 5;
@@ -18,12 +20,12 @@ const ELSEWHERE: [(&str, &str, &str); 3] = [
 ];
 
 /// The error with what helps.
-pub(crate) fn explained(mut e: Error, tree: &Command) -> Error {
+pub(crate) fn explained(mut e: Error, tree: &Command, topics: &Topics) -> Error {
     match e.kind() {
         ErrorKind::ValueValidation => with_type(e),
         ErrorKind::InvalidSubcommand => {
             let word = text(&e, ContextKind::InvalidSubcommand);
-            let tips = related(&word, tree).into_iter().map(|name| format!("'lastlight {name}'"));
+            let tips = related(&word, tree, topics).into_iter().map(|name| format!("'lastlight {name}'"));
             let tips: Vec<String> = tips.collect();
             if !tips.is_empty() {
                 e.remove(ContextKind::SuggestedSubcommand);
@@ -101,7 +103,7 @@ fn leaves(tree: &Command) -> Vec<(String, &Command)> {
 }
 
 /// Commands and topics for a word that is neither: those of that name, those of almost that name, or those whose description has the word.
-pub(crate) fn related(word: &str, tree: &Command) -> Vec<String> {
+pub(crate) fn related(word: &str, tree: &Command, topics: &Topics) -> Vec<String> {
     let word = word.to_lowercase();
     let all = leaves(tree);
     let last = |path: &str| path.rsplit(' ').next().unwrap_or_default().to_owned();
@@ -110,10 +112,10 @@ pub(crate) fn related(word: &str, tree: &Command) -> Vec<String> {
     if out.is_empty() {
         let groups = tree.get_subcommands().map(|c| c.get_name().to_owned());
         let names: Vec<String> = groups.chain(all.iter().map(|(path, _)| last(path))).collect();
-        let topics = TOPICS.iter().map(|(name, ..)| *name);
-        let close = ops::similar(&word, names.iter().map(String::as_str).chain(topics));
+        let titles = topics.iter().map(|(name, ..)| *name);
+        let close = ops::similar(&word, names.iter().map(String::as_str).chain(titles));
         if let Some(&close) = close.first() {
-            let is_topic = TOPICS.iter().any(|(name, ..)| *name == close);
+            let is_topic = topics.iter().any(|(name, ..)| *name == close);
             let paths = all.iter().filter(|(path, _)| last(path) == close).map(|(path, _)| path.clone());
             out = if is_topic { vec![format!("help {close}")] } else { paths.collect() };
             if out.is_empty() {
@@ -124,7 +126,7 @@ pub(crate) fn related(word: &str, tree: &Command) -> Vec<String> {
     if out.is_empty() && word.len() > 2 {
         let has =
             |text: &str| text.to_lowercase().split(|c: char| !c.is_alphanumeric()).any(|part| part == word);
-        let topics = TOPICS.iter().filter(|(_, about, text)| has(about) || has(text));
+        let topics = topics.iter().filter(|(_, about, text)| has(about) || has(text));
         out.extend(topics.map(|(name, ..)| format!("help {name}")));
         let described = |c: &Command| c.get_about().is_some_and(|about| has(&about.to_string()));
         out.extend(all.iter().filter(|(_, c)| described(c)).map(|(path, _)| path.clone()));
@@ -140,7 +142,7 @@ mod tests {
     #[test]
     fn words_lead_to_commands_and_topics() {
         let tree = crate::command();
-        let of = |word: &str| related(word, &tree);
+        let of = |word: &str| related(word, &tree, &crate::topics::TOPICS);
         assert_eq!(of("fit"), ["splat fit", "last fit"], "a command of a group");
         assert_eq!(of("rendr"), ["splat render", "last render", "mesh render"], "almost a command");
         assert_eq!(of("splt"), ["help splat"], "almost a group");

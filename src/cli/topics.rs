@@ -143,7 +143,7 @@ pub(crate) fn run(args: &Args, mut tree: clap::Command) -> Result<()> {
         let topics = TOPICS.iter().map(|(name, ..)| (*name).to_owned());
         command = command.find_subcommand_mut(word).ok_or_else(|| {
             let known: Vec<String> = names.into_iter().chain(topics).collect();
-            let related = mistakes::related(word, &all);
+            let related = mistakes::related(word, &all, &TOPICS);
             let e = Error::input("help").got(word.as_str());
             if related.is_empty() {
                 return e.expected(format!("a command or a topic: {}", known.join(", ")));

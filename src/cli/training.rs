@@ -80,8 +80,7 @@ impl Frame {
             }
         }
         if self.keeps_arguments && start != Start::Resumed {
-            let arguments = like::kept(cli::arguments(), &crate::command());
-            let record = json!({ "lastlight": env!("CARGO_PKG_VERSION"), like::ARGUMENTS: arguments });
+            let record = json!({ "lastlight": env!("CARGO_PKG_VERSION"), like::ARGUMENTS: cli::kept() });
             atomic::write_bytes(&self.file(like::COMMAND), format!("{record:#}\n").as_bytes())?;
         }
         meter.lap("start");
