@@ -24,6 +24,7 @@
 //! 5  splat          Gaussians to images           12  last::study  experiments
 //!    causal         factors and their graph       13  cli        commands and reports
 //!    shade          materials and light
+//!    field          fields of objects
 //!    body           joints to transforms, skinning
 //! ```
 //!
@@ -59,7 +60,7 @@ pub mod book;
 #[doc(hidden)]
 pub use lastlight_cli as cli;
 pub use lastlight_import::{io, scene};
-pub use lastlight_kernels::{body, causal, geometry, loss, nn, shade, splat};
+pub use lastlight_kernels::{body, causal, field, geometry, loss, nn, shade, splat};
 pub use lastlight_lirm as lirm;
 pub use lastlight_num::{Error, Result, error, math, num, with_array};
 pub use lastlight_oracle::{ops, oracle};

@@ -23,6 +23,7 @@ pub mod body;
 pub mod causal;
 pub mod dual;
 pub mod fd;
+pub mod field;
 pub mod geometry;
 pub mod inputs;
 pub mod loss;

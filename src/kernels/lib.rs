@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! nn, geometry                 layers; rays, triangles and distances          level 4
-//! splat, shade, causal, body   renderers, light, factors, skinned bodies      level 5
+//! splat, field, shade          renderers, fields of objects, light             level 5
+//! causal, body                 factors, skinned bodies                        level 5
 //! loss                         losses of images, points and groups; metrics   level 6
 //! ```
 //!
@@ -22,6 +23,7 @@
 
 pub mod body;
 pub mod causal;
+pub mod field;
 pub mod geometry;
 pub mod loss;
 pub mod nn;

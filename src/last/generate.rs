@@ -32,6 +32,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Mutex, PoisonError};
 
 pub use super::folder::RECORD;
+pub use data_gen::figure::samples::BASES;
 
 /// How strongly marginal statistics reveal the causal order; absent for a graph without edges, R² also for
 /// collinear factors.

@@ -6,7 +6,6 @@ use crate::mutate::Draws;
 use crate::program::{Execution, Program, stray};
 use crate::table::{Finding, Report};
 use crate::tree;
-use std::collections::BTreeMap;
 use std::io::Result;
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -43,34 +42,28 @@ pub fn run(
     mount: bool,
     scratch: &Path,
 ) -> Result<Report> {
-    long::prepare(program, scratch)?;
-    let mut report = Report::new(&COLUMNS, FAULTS);
-    let mut expected: BTreeMap<&str, Expected> = BTreeMap::new();
-    for n in trials {
-        let long = long::scheduled(n, false);
-        if !expected.contains_key(long.name) {
-            expected.insert(long.name, long::undisturbed(program, &long, scratch)?);
-        }
-        report.count(long.name, 0);
-        let expected = &expected[long.name];
-        let mut draws = Draws::new(seed, n, 0, PURPOSE);
-        // Sizes from nearly nothing to a little more than all of it.
-        let kib = 4 + (expected.bytes / 1024 * draws.below(1200) as u64) / 1000;
-        let small = mount && draws.below(2) == 0;
-        report.count(long.name, if small { 1 } else { 2 });
-        let mut told = Vec::new();
-        let trial = Trial { program, long, expected, kib, threads: 1 + draws.below(3) };
-        let found =
-            if small { trial.mounted(scratch, &mut told)? } else { trial.limited(scratch, &mut told)? };
-        match found {
-            (column, None) => report.count(long.name, column),
-            (column, Some(what)) => {
-                report.count(long.name, column);
-                report.add(Finding { row: long.name.into(), case: n, what, detail: told.join("\n  ") });
+    long::trials(
+        program,
+        trials,
+        false,
+        scratch,
+        Report::new(&COLUMNS, FAULTS),
+        |n, long, expected, report| {
+            let mut draws = Draws::new(seed, n, 0, PURPOSE);
+            // Sizes from nearly nothing to a little more than all of it.
+            let kib = 4 + (expected.bytes / 1024 * draws.below(1200) as u64) / 1000;
+            let small = mount && draws.below(2) == 0;
+            report.count(long.name, if small { 1 } else { 2 });
+            let mut trial =
+                Trial { program, long, expected, kib, threads: 1 + draws.below(3), log: Vec::new() };
+            let (column, fault) = if small { trial.mounted(scratch)? } else { trial.limited(scratch)? };
+            report.count(long.name, column);
+            if let Some(what) = fault {
+                report.add(Finding { row: long.name.into(), case: n, what, detail: trial.log.join("\n  ") });
             }
-        }
-    }
-    Ok(report)
+            Ok(())
+        },
+    )
 }
 
 /// Whether this user can mount a file system in memory.
@@ -100,48 +93,50 @@ struct Trial<'a> {
     expected: &'a Expected,
     kib: u64,
     threads: usize,
+    /// what was done, for the list of faults
+    log: Vec<String>,
 }
 
 impl Trial<'_> {
     /// Under a limit of the size of every file. The shell counts it in blocks of 512 bytes, some shells in KiB.
-    fn limited(&self, scratch: &Path, told: &mut Vec<String>) -> Result<Verdict> {
+    fn limited(&mut self, scratch: &Path) -> Result<Verdict> {
         let dir = long::new_folder(scratch, "trial")?;
         let blocks = format!("&& ulimit -f {}", 1 + self.kib / 4);
         let e = self.program.run_limited(&self.long.words("out", self.threads, &[]), &dir, &blocks)?;
-        self.judge(&e, &dir.join("out"), &dir, told)
+        self.judge(&e, &dir.join("out"), &dir)
     }
 
     /// On a file system of that size.
-    fn mounted(&self, scratch: &Path, told: &mut Vec<String>) -> Result<Verdict> {
+    fn mounted(&mut self, scratch: &Path) -> Result<Verdict> {
         let dir = long::new_folder(scratch, "trial")?;
         let disk = dir.join("disk");
         std::fs::create_dir(&disk)?;
         assert!(tmpfs(&disk, self.kib, false)?, "mounted before");
-        let outcome = self.on_disk(&dir, &disk, told);
+        let outcome = self.on_disk(&dir, &disk);
         assert!(unmount(&disk)?, "nothing uses it any more");
         outcome
     }
 
-    fn on_disk(&self, dir: &Path, disk: &Path, told: &mut Vec<String>) -> Result<Verdict> {
+    fn on_disk(&mut self, dir: &Path, disk: &Path) -> Result<Verdict> {
         // The command is run beside its inputs, and writes through a link of the name it always has.
         std::os::unix::fs::symlink("disk", dir.join("here"))?;
         let e = self.program.run(&self.long.words("disk/out", self.threads, &[]), dir)?;
-        let full = self.judge_first(&e, &disk.join("out"), disk, told)?;
+        let full = self.judge_first(&e, &disk.join("out"), disk)?;
         if full.1.is_some() || full.0 == DONE {
             return Ok(full);
         }
         assert!(tmpfs(disk, 1 << 18, true)?, "enlarged");
-        self.go_on("disk/out", dir, &disk.join("out"), told)
+        self.go_on("disk/out", dir, &disk.join("out"))
     }
 
-    fn judge(&self, e: &Execution, out: &Path, dir: &Path, told: &mut Vec<String>) -> Result<Verdict> {
-        let full = self.judge_first(e, out, dir, told)?;
-        if full.1.is_some() || full.0 == DONE { Ok(full) } else { self.go_on("out", dir, out, told) }
+    fn judge(&mut self, e: &Execution, out: &Path, dir: &Path) -> Result<Verdict> {
+        let full = self.judge_first(e, out, dir)?;
+        if full.1.is_some() || full.0 == DONE { Ok(full) } else { self.go_on("out", dir, out) }
     }
 
     /// The run without room: done all the same, or one line of error and only whole files.
-    fn judge_first(&self, e: &Execution, out: &Path, dir: &Path, told: &mut Vec<String>) -> Result<Verdict> {
-        told.push(format!("{} KiB, {} threads: {}: {}", self.kib, self.threads, e.ended(), e.text()));
+    fn judge_first(&mut self, e: &Execution, out: &Path, dir: &Path) -> Result<Verdict> {
+        self.log.push(format!("{} KiB, {} threads: {}: {}", self.kib, self.threads, e.ended(), e.text()));
         if e.status.success() {
             return Ok((DONE, None));
         }
@@ -169,7 +164,7 @@ impl Trial<'_> {
     }
 
     /// With room again.
-    fn go_on(&self, to: &str, dir: &Path, out: &Path, told: &mut Vec<String>) -> Result<Verdict> {
+    fn go_on(&mut self, to: &str, dir: &Path, out: &Path) -> Result<Verdict> {
         let e = self.program.run(&self.long.again(to, self.threads), dir)?;
         let mut expected = self.expected.clone();
         if to != "out" {
@@ -177,7 +172,7 @@ impl Trial<'_> {
             expected.files = long::result(out)?;
         }
         let wrong = long::wrong(&e, out, &expected)?;
-        told.push(format!("again: {}", e.ended()));
+        self.log.push(format!("again: {}", e.ended()));
         Ok(wrong.map_or((REFUSED, None), |what| (7, Some(what))))
     }
 }

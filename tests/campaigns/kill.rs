@@ -6,7 +6,6 @@ use crate::mutate::Draws;
 use crate::program::{Program, Streams};
 use crate::table::{Finding, Report};
 use crate::tree;
-use std::collections::BTreeMap;
 use std::io::Result;
 use std::os::unix::process::ExitStatusExt as _;
 use std::path::Path;
@@ -48,23 +47,16 @@ pub fn run(
     with_slow: bool,
     scratch: &Path,
 ) -> Result<Report> {
-    long::prepare(program, scratch)?;
-    let mut report = Report::new(&COLUMNS, FAULTS);
-    let mut expected: BTreeMap<&str, Expected> = BTreeMap::new();
-    for n in trials {
-        let long = long::scheduled(n, with_slow);
-        if !expected.contains_key(long.name) {
-            expected.insert(long.name, long::undisturbed(program, &long, scratch)?);
-        }
-        report.count(long.name, 0);
+    let report = Report::new(&COLUMNS, FAULTS);
+    long::trials(program, trials, with_slow, scratch, report, |n, long, expected, report| {
         let mut draws = Draws::new(seed, n, 0, PURPOSE);
-        let mut trial = Trial { program, long, expected: &expected[long.name], said: Vec::new() };
-        if let Some((column, what)) = trial.run(&mut draws, scratch, &mut report)? {
+        let mut trial = Trial { program, long, expected, log: Vec::new() };
+        if let Some((column, what)) = trial.run(&mut draws, scratch, report)? {
             report.count(long.name, column);
-            report.add(Finding { row: long.name.into(), case: n, what, detail: trial.said.join("\n  ") });
+            report.add(Finding { row: long.name.into(), case: n, what, detail: trial.log.join("\n  ") });
         }
-    }
-    Ok(report)
+        Ok(())
+    })
 }
 
 /// One trial: signals, and the run that ends.
@@ -73,7 +65,7 @@ struct Trial<'a> {
     long: Long,
     expected: &'a Expected,
     /// what was done, for the list of faults
-    said: Vec<String>,
+    log: Vec<String>,
 }
 
 impl Trial<'_> {
@@ -102,7 +94,7 @@ impl Trial<'_> {
                 .stderr(std::process::Stdio::null())
                 .status()?;
             let e = streams.finish(child, Duration::from_secs(60))?;
-            self.said.push(format!(
+            self.log.push(format!(
                 "{name} after {:.3} s on {threads} threads: {}",
                 moment.as_secs_f64(),
                 e.ended()
@@ -124,7 +116,7 @@ impl Trial<'_> {
                 (Some(130), _) if name != "KILL" => {
                     report.count(self.long.name, 3);
                     if let Some(what) = long::bad_message(&e) {
-                        self.said.push(e.text());
+                        self.log.push(e.text());
                         return Ok(Some((6, what)));
                     }
                     if let Some(n) = crate::program::stray(&left) {
@@ -136,7 +128,7 @@ impl Trial<'_> {
                     report.count(self.long.name, 4);
                 }
                 _ => {
-                    self.said.push(e.text());
+                    self.log.push(e.text());
                     return Ok(Some((6, format!("{name}: {}", e.ended()))));
                 }
             }

@@ -2,7 +2,9 @@
 
 use crate::bases::Workshop;
 use crate::program::{Execution, Program, errors, unclean};
+use crate::table::Report;
 use crate::tree::{self, Tree};
+use std::collections::BTreeMap;
 use std::io::Result;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -59,7 +61,7 @@ pub const ALL: [Long; 10] = [
     ),
     fast(
         "last pretrain",
-        "last pretrain ../shop/data --iterations 12 --checkpoint-every 2 --batch-images 4 --batch-groups 4 --batch-points 16 --factor-dim 2",
+        "last pretrain ../shop/data --iterations 13 --checkpoint-every 2 --batch-images 4 --batch-groups 4 --batch-points 16 --factor-dim 2",
         Again::Resume,
     ),
     fast(
@@ -119,7 +121,7 @@ pub fn prepare(program: &Program, scratch: &Path) -> Result<()> {
     shop.run("lirm gen --views 8 --size 24 --samples 2 --texture 32 --passes photo --out objects --quiet");
     std::fs::rename(dir.join("objects/object_00000/uniform"), dir.join("photos"))?;
     std::fs::rename(dir.join("objects/object_00000/object.glb"), dir.join("object.glb"))?;
-    shop.run("last pretrain data --iterations 2 --batch-images 4 --batch-groups 4 --batch-points 16 --factor-dim 2 --out model --quiet");
+    shop.run("last pretrain data --iterations 3 --batch-images 4 --batch-groups 4 --batch-points 16 --factor-dim 2 --out model --quiet");
     Ok(())
 }
 
@@ -166,6 +168,34 @@ pub fn undisturbed(program: &Program, long: &Long, scratch: &Path) -> Result<Exp
     assert!(e.status.success(), "{}: {}: {}", long.name, e.ended(), e.text());
     let bytes = tree::read(&dir)?.values().fold(0, |s, b| s + b.len() as u64);
     Ok(Expected { digest: e.digest(), files: result(&dir.join("out"))?, bytes, time })
+}
+
+/// Runs the trials of a campaign, each on a command of the list; each adds what it found to the report, and the first column counts the trials.
+///
+/// # Errors
+/// When a file or a process is lost.
+///
+/// # Panics
+/// When a command fails without disturbance.
+pub fn trials(
+    program: &Program,
+    numbers: std::ops::Range<u64>,
+    with_slow: bool,
+    scratch: &Path,
+    mut report: Report,
+    mut trial: impl FnMut(u64, Long, &Expected, &mut Report) -> Result<()>,
+) -> Result<Report> {
+    prepare(program, scratch)?;
+    let mut expected: BTreeMap<&str, Expected> = BTreeMap::new();
+    for n in numbers {
+        let long = scheduled(n, with_slow);
+        if !expected.contains_key(long.name) {
+            expected.insert(long.name, undisturbed(program, &long, scratch)?);
+        }
+        report.count(long.name, 0);
+        trial(n, long, &expected[long.name], &mut report)?;
+    }
+    Ok(report)
 }
 
 /// An empty folder of that name beside the inputs.

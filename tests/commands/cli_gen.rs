@@ -1,7 +1,7 @@
 //! `last gen` and `lirm gen` at the command line: interrupted at any moment, continued, refused.
 
 use crate::common::{Tree, assert_same, tree};
-use crate::program::{json, refused};
+use crate::program::{json, lastlight, refused, stdout};
 use crate::samples::gltf;
 
 #[test]
@@ -28,6 +28,11 @@ fn last_gen_makes_continues_and_refuses() {
     let with = |more: &[&'static str]| base.iter().chain(more).copied().collect::<Vec<&str>>();
     let made = json(&with(&["--out", "a", "--json"]), dir.path());
     assert_eq!(made["complete"], true, "finished");
+    let text = stdout(&lastlight(&with(&["--out", "text"]), dir.path()));
+    assert!(
+        text.starts_with("text: 3 observational images (") && text.contains("text/dataset.json"),
+        "{text}"
+    );
     assert_eq!(made["files"].as_array().map(Vec::len), Some(2), "template and one shard");
     refused(&with(&["--out", "a"]), dir.path(), 2, &["new or empty folder"]);
     refused(&with(&["--out", "a", "--resume", "--seed", "1"]), dir.path(), 2, &["seed 0 instead of 1"]);
@@ -69,6 +74,11 @@ fn last_gen_makes_continues_and_refuses() {
     std::fs::write(dir.path().join("arm.glb"), gltf::arm().glb()).expect("written");
     let character = ["last", "gen", "--out", "b", "--character", "arm.glb"];
     refused(&character, dir.path(), 2, &["--animation", "the file has", "bend"]);
+    let mut unnamed = gltf::arm();
+    unnamed.root["nodes"][2]["name"] = "hinge".into();
+    std::fs::write(dir.path().join("arm.glb"), unnamed.glb()).expect("written");
+    let bent = [&character[..], &["--animation", "bend"]].concat();
+    refused(&bent, dir.path(), 2, &["elbow", "got the joints", "--elbow NAME"]);
     assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }
 

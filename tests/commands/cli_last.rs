@@ -67,9 +67,19 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     data(at);
     let made = json(&pretrain(&["--out", "model", "--json"]), at);
     assert_eq!(made["kind"], "last pretrain", "what it is");
+    assert_eq!(made["iterations"], 4, "as many as were asked for, the refit included");
     assert!(made["verdict"]["probabilities"].as_array().is_some_and(|p| p.len() == 16), "every edge");
-    for file in ["model.safetensors", "checkpoint.safetensors", "result.json", "report/index.html"] {
+    for file in
+        ["model.safetensors", "samples.png", "checkpoint.safetensors", "result.json", "report/index.html"]
+    {
         assert!(at.join("model").join(file).is_file(), "{file} is there");
+    }
+    let page = std::fs::read_to_string(at.join("model/report/index.html")).expect("a page");
+    for section in ["structure", "scores", "samples", "loss", "time", "files", "settings", "glossary"] {
+        assert!(page.contains(&format!("<section id=\"{section}\">")), "{section}");
+    }
+    for text in ["<dt>MCC</dt>", "<dt>targets</dt>", "Different from the defaults", ">batch_images</td>"] {
+        assert!(page.contains(text), "{text}");
     }
     // A run that is finished already changes nothing.
     let again = json(&pretrain(&["--out", "model", "--json", "--resume"]), at);
@@ -82,17 +92,7 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     assert!(bytes("model") == bytes("one"), "the file does not depend on the command line");
 
     let tuned = json(
-        &[
-            "last",
-            "tune",
-            "model/model.safetensors",
-            "data/video",
-            "--out",
-            "tuned.safetensors",
-            "--iterations",
-            "3",
-            "--json",
-        ],
+        &["last", "tune", "model", "data/video", "--out", "tuned.safetensors", "--iterations", "3", "--json"],
         at,
     );
     assert_eq!(tuned["images"], 3, "every training image");
@@ -116,8 +116,20 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
 fn bad_input_is_refused() {
     let dir = tempfile::tempdir().expect("a temporary folder");
     let at = dir.path();
-    refused(&pretrain(&["--out", "m"]), at, 2, &["data"]);
+    refused(&pretrain(&["--out", "m"]), at, 2, &["data: no such folder", "lastlight last gen --out"]);
     data(at);
+    for (folder, parts) in [
+        ("data/video", ["a data set of last gen", "got a capture (the data set that contains it is data)"]),
+        ("data/observational", ["a data set of last gen", "lastlight last gen --out"]),
+        ("data/template.npz", ["a data set of last gen", "got a file"]),
+    ] {
+        refused(&["last", "pretrain", folder, "--out", "m"], at, 2, &parts);
+    }
+    // Too few draws for the search at the end: refused before the training.
+    let few = ["--out", "m", "--supervision", "none", "--iterations", "40"];
+    let few = [&["last", "pretrain", "data", "--batch-images", "12"][..], &few].concat();
+    refused(&few, at, 2, &["more than 32", "got 24 images and 0 pairs", "--observational N --groups N"]);
+    assert!(!at.join("m").exists(), "nothing was trained");
     refused(&pretrain(&["--out", "m", "--reading", "free"]), at, 2, &["reference, literal"]);
     refused(
         &pretrain(&["--out", "m", "--supervision", "all"]),
@@ -160,6 +172,17 @@ fn bad_input_is_refused() {
     for word in [&["--lambda", "0.1"][..], &["--density", "or"], &["--no-progressive"]] {
         refused(&fit(word), at, 2, &["required arguments"]);
     }
+    refused(&fit(&["--model", "data"]), at, 2, &["data: expected a model file", "without model.safetensors"]);
+    // A scene is no person, and a person no scene.
+    std::fs::create_dir(at.join("scene")).expect("made");
+    std::fs::write(at.join("scene/scene.ply"), "").expect("written");
+    for scene in ["scene", "scene/scene.ply"] {
+        refused(&["last", "render", scene, "--out", "r"], at, 2, &["a scene of `splat fit`", "splat render"]);
+    }
+    std::fs::create_dir(at.join("person")).expect("made");
+    std::fs::write(at.join("person/avatar.safetensors"), "").expect("written");
+    let render = ["splat", "render", "person", "--cameras", "orbit:2", "--out", "r"];
+    refused(&render, at, 2, &["a person of `last fit`", "last render"]);
     // A model of another skeleton.
     let path = at.join("m/model.safetensors");
     let mut file = safetensors::read(&path).expect("a model");
@@ -250,8 +273,15 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     );
     assert!(off < 2e-4 && off < fog / 4.0, "blocks of the magnified image: {off:.1e}, unwidened {fog:.1e}");
 
-    let orbit =
-        Orbit { count: 5, center: None, radius: None, elevation_rad: 0.2, fov_x_rad: 0.7, size: [96, 64] };
+    let orbit = Orbit {
+        count: 5,
+        arc_rad: None,
+        center: None,
+        radius: None,
+        elevation_rad: 0.2,
+        fov_x_rad: 0.7,
+        size: [96, 64],
+    };
     for (k, camera) in stored.around(orbit, &stored.poses).expect("cameras").iter().enumerate() {
         let out = stored.picture(pose, Some(0), camera).expect("an image");
         let (w, h) = (camera.width, camera.height);
@@ -287,8 +317,15 @@ fn a_bad_held_out_image_is_reported_before_the_fit() {
         std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
     let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
     let image = record["frames"][0]["file_path"].as_str().expect("an image");
-    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
     let words = ["last", "fit", "data/video", "--out", "fit", "--iterations", "40"];
+    for height in [1e4, 20.0] {
+        let mut far = record.clone();
+        far["frames"][0]["transform_matrix"][2][3] = height.into();
+        std::fs::write(at.join("data/video/transforms_test.json"), far.to_string()).expect("written");
+        refused(&words, at, 2, &[image, "camera and pose"]);
+    }
+    std::fs::write(at.join("data/video/transforms_test.json"), record.to_string()).expect("written");
+    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
     refused(&words, at, 2, &[image]);
     assert!(!at.join("fit/checkpoint.safetensors").exists(), "nothing was fitted");
 }

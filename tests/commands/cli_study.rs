@@ -12,7 +12,7 @@ use std::path::Path;
 fn model(dir: &Path) {
     let gen_ = "last gen --scale smoke --out data --quiet --observational 24 --groups 8 --appearances 1 --body-points 128 \
                 --render-as points --split all --frames 3 --test-cameras 1";
-    let pretrain = "last pretrain data --out model --quiet --iterations 40 --batch-images 12 --batch-groups 4 --batch-points 32 --factor-dim 2";
+    let pretrain = "last pretrain data --out model --quiet --iterations 43 --batch-images 12 --batch-groups 4 --batch-points 32 --factor-dim 2";
     for line in [gen_, pretrain] {
         let words: Vec<&str> = line.split_whitespace().collect();
         let o = lastlight(&words, dir);

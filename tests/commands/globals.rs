@@ -79,8 +79,17 @@ fn completions_and_manual_pages_are_generated() {
             assert!(text.contains("max-gaussians"), "{kind} knows the options");
         }
     }
-    assert_eq!(code(&lastlight(&["generate", "man", "--out", "man"], dir.path())), 0, "pages");
-    assert!(dir.path().join("man/lastlight-splat-fit.1").is_file(), "a page per command");
+    let written = stdout(&lastlight(&["generate", "man", "--out", "man"], dir.path()));
+    let files = std::fs::read_dir(dir.path().join("man")).expect("pages").count();
+    assert!(written.contains(&format!("{files} manual pages")) && written.contains(": man"), "{written}");
+    let page =
+        std::fs::read_to_string(dir.path().join("man/lastlight-splat-fit.1")).expect("a page per command");
+    assert!(page.contains(".SH EXAMPLES\n.EX\n") && page.contains(".EE\n.SH NOTES\n"), "{page}");
+    assert!(!page.contains("EXTRA"), "a heading that says something");
+    // The text of an option that -h leaves out.
+    assert!(page.contains("Side of a tile in pixels"), "{page}");
+    let record = json(&["generate", "zsh", "--out", "zsh", "--json"], dir.path());
+    assert_eq!(record["files"], serde_json::json!(["zsh/_lastlight"]), "what was written");
 }
 
 #[test]
@@ -105,8 +114,7 @@ fn next_steps_are_typed_as_the_program_was() {
         if let Some(cargo) = cargo {
             command.env("CARGO", cargo).env("CARGO_PKG_NAME", "lastlight");
         }
-        let o =
-            command.args(["demo", "--only", "splat", "--iterations", "4", "-q"]).output().expect("starts");
+        let o = command.args(["demo", "--only", "splat", "--iterations", "4"]).output().expect("starts");
         stdout(&o)
     };
     let path = env!("CARGO_BIN_EXE_lastlight");

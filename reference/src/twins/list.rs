@@ -6,6 +6,7 @@ use crate::causal::{
     acyclic, code, edges, held, independence, intervene, limit, mask, posterior, posterior_kl, probability,
     scm_kl, structure,
 };
+use crate::field::{composite, density, fetch, interval, sdf_head};
 use crate::geometry::trace;
 use crate::loss::{groups, l1, latent, lpips, mse, points, presence, prior, ssim};
 use crate::nn::{act, conv, decoder, linear, mlp, softmax, window};
@@ -81,6 +82,11 @@ pub static LIST: &[Twin] = &[
     twin!(diffuse),
     twin!(gain),
     twin!(over_black),
+    twin!(fetch, fetch::work),
+    twin!(sdf_head, sdf_head::work),
+    twin!(density),
+    twin!(interval),
+    twin!(composite),
     twin!(acyclic),
     twin!(mask),
     twin!(probability),

@@ -151,3 +151,35 @@ fn loss_ssim_is_reproduced() {
 fn optim_adamw_is_reproduced() {
     check("optim_adamw", "optim.adamw", &["param", "grads"], BTreeMap::new(), [1e-12, 0.0]);
 }
+
+#[test]
+fn field_fetch_is_reproduced() {
+    check("field_fetch", "field.fetch", &["points", "planes"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
+fn field_sdf_head_is_reproduced() {
+    check(
+        "field_sdf_head",
+        "field.sdf_head",
+        &["features", "points", "w0", "w1", "w2"],
+        BTreeMap::new(),
+        [1e-12, 1e-10],
+    );
+}
+
+#[test]
+fn field_density_is_reproduced() {
+    check("field_density", "field.density", &["sdf", "beta"], BTreeMap::new(), [1e-12, 1e-10]);
+}
+
+#[test]
+fn field_composite_is_reproduced() {
+    check(
+        "field_composite",
+        "field.composite",
+        &["sigma", "delta", "values", "background"],
+        BTreeMap::new(),
+        [1e-12, 1e-10],
+    );
+}

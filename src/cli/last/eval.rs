@@ -70,6 +70,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }))?;
     } else {
         cli::say(&scoring::text(&groups))?;
+        let place = if dir.is_some() { "" } else { " that --out DIR writes" };
+        cli::say(&format!("metrics     {}{place}", report::EXPLAINED))?;
     }
     note_missing_weights(perception.as_ref(), &meter);
     if let Some(dir) = dir {

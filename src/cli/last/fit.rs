@@ -8,8 +8,9 @@ use crate::loss::lpips;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
-use crate::shared::{MetricArgs, Outcome, OutputArgs};
+use crate::shared::{MetricArgs, Outcome, OutputArgs, SCENE};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
+use crate::units::counted;
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::calibrate;
@@ -19,7 +20,7 @@ use lastlight_last::avatar::fit::PersonFit;
 use lastlight_last::avatar::guide::Guide;
 use lastlight_last::avatar::progressive::{Cap, Keys, Order, Progressive};
 use lastlight_last::avatar::settings::Settings;
-use lastlight_last::avatar::store;
+use lastlight_last::avatar::{store, view};
 use lastlight_last::model::file::Trained;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -52,7 +53,7 @@ const KEYS: &Choices = &[
 ];
 
 /// The avatar in `--out`.
-const AVATAR: &str = "avatar.safetensors";
+pub(crate) const AVATAR: &str = "avatar.safetensors";
 
 /// Fit an animatable person to a monocular capture.
 #[derive(clap::Args)]
@@ -104,7 +105,7 @@ pub(crate) struct Args {
 /// Guidance by the image-to-point model; without a model the fit is unguided.
 #[derive(clap::Args, Clone, Debug)]
 pub(crate) struct Guided {
-    /// Image-to-point model that guides the fit, written by last pretrain or last tune; without it the fit is unguided
+    /// Image-to-point model that guides the fit, written by last pretrain (or its folder) or last tune; without it the fit is unguided
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
     /// Add Gaussians by the pixel criterion alone
@@ -268,15 +269,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
-        "{}: {} training images, {} held out, a body of {} points and {} joints",
+        "{}: {}, {} held out, a body of {} points and {} joints",
         args.capture.display(),
-        capture.train.len(),
+        counted(capture.train.len(), "training image"),
         capture.test.len(),
         capture.template.len(),
         capture.template.joints.len()
     ));
     // Held-out images are read after the fit, to score it; what is wrong with one is reported before.
     capture.test.iter().try_for_each(|&i| capture.shots[i].photo().map(drop))?;
+    capture.train.iter().chain(&capture.test).try_for_each(|&i| view::check(&capture, &capture.shots[i]))?;
     if let Some(model) = &model {
         check_skeleton(model, &capture, &meter)?;
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;
@@ -334,6 +336,9 @@ impl Job<'_> {
         let (history, film) = self.frame.train(&mut fit, meter)?;
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
+        if let Some(outcome) = self.frame.finished(&digest, &settings, &history) {
+            return Ok(outcome);
+        }
         let groups = scoring::groups(
             Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) },
             meter,
@@ -373,23 +378,30 @@ impl Job<'_> {
         })?;
         let lines = vec![
             scoring::text(&groups),
+            format!("metrics     {}", report::EXPLAINED),
             format!("Gaussians   {}", avatar.gaussians.len()),
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
             format!("avatar      {}", self.frame.file(AVATAR).display()),
         ];
-        Ok(Outcome { record, page, lines, held_out_db: scoring::held_out_db(&groups) })
+        Ok(Outcome { record, page: Some(page), lines, held_out_db: scoring::held_out_db(&groups) })
     }
 }
 
 /// The avatar file of a run: the folder of `last fit`, or the file itself.
 pub(super) fn avatar_file(run: &std::path::Path) -> Result<PathBuf> {
     let file = if run.is_dir() { run.join(AVATAR) } else { run.to_path_buf() };
-    if file.is_file() {
+    let is_scene_file = file.extension().is_some_and(|e| e == "ply" || e == "splat");
+    if file.is_file() && !is_scene_file {
         return Ok(file);
     }
-    Err(Error::input(run.display().to_string())
-        .expected("a folder of `last fit`, or its avatar.safetensors")
-        .got("no such file")
-        .hint("an interrupted fit is completed by last fit CAPTURE --out DIR --resume"))
+    let wrong =
+        Error::input(run.display().to_string()).expected("a folder of `last fit`, or its avatar.safetensors");
+    Err(if file.is_file() || run.join(SCENE).is_file() {
+        wrong.got("a scene of `splat fit`").hint("`lastlight splat render` and `splat eval` are for scenes")
+    } else {
+        wrong
+            .got("no such file")
+            .hint("an interrupted fit is completed by last fit CAPTURE --out DIR --resume")
+    })
 }

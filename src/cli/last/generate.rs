@@ -1,16 +1,15 @@
 //! `last gen`: the figure's data sets.
 
 use crate::Result;
-use crate::choices::{self, Choices, PASSES, choices};
+use crate::choices::{self, Choices, Known, PASSES, choices};
 use crate::claim;
 use crate::console as cli;
 use crate::fit::passes::PassSet;
 use crate::meter::Meter;
 use crate::shared::OutputArgs;
-use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
 use lastlight_last::character::CharacterSettings;
 use lastlight_last::figure::Rendering;
-use lastlight_last::generate::{self, RECORD, Report, Settings};
+use lastlight_last::generate::{self, BASES, RECORD, Report, Settings};
 use std::path::PathBuf;
 
 /// Values of `--split`.
@@ -36,32 +35,19 @@ const RENDERINGS: &Choices = &[
     ("points", "discs at the points"),
     ("splats", "Gaussians at the points"),
 ];
-/// Graphs with a name of their own.
-const GRAPHS: [&str; 6] = ["FORK", "CHAIN", "COLLIDER", "DIAMOND", "FULL", "EMPTY"];
+/// Values of `--graph`, beside ER-m.
+const GRAPHS: &Choices = &[
+    ("FORK", "P>W P>O"),
+    ("CHAIN", "P>W>O>L"),
+    ("COLLIDER", "P>W<O"),
+    ("DIAMOND", "P>W P>O W>L O>L"),
+    ("FULL", "every edge from an earlier factor to a later one"),
+    ("EMPTY", "no edge"),
+];
 
-/// A graph: one of [`GRAPHS`], or `ER-m`.
-#[derive(Clone)]
-struct Graph;
-
-impl TypedValueParser for Graph {
-    type Value = String;
-
-    fn parse_ref(
-        &self,
-        command: &clap::Command,
-        argument: Option<&clap::Arg>,
-        value: &std::ffi::OsStr,
-    ) -> std::result::Result<String, clap::Error> {
-        let text = StringValueParser::new().parse_ref(command, argument, value)?;
-        match text.strip_prefix("ER-") {
-            Some(edges) if edges.parse::<usize>().is_ok() => Ok(text),
-            _ => clap::builder::PossibleValuesParser::new(GRAPHS).parse_ref(command, argument, value),
-        }
-    }
-
-    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
-        Some(Box::new(GRAPHS.into_iter().map(PossibleValue::new)))
-    }
+/// Whether a graph is one with a number of random edges: ER-m.
+fn is_random(graph: &str) -> bool {
+    graph.strip_prefix("ER-").is_some_and(|edges| edges.parse::<usize>().is_ok())
 }
 
 /// Make images, points and a video of a person whose causes are known.
@@ -89,7 +75,7 @@ pub(crate) struct Args {
     )]
     split: String,
     /// Causal graph: FORK, CHAIN, COLLIDER, DIAMOND, FULL, EMPTY or ER-m
-    #[arg(long, value_name = "NAME", default_value = "FORK", value_parser = Graph)]
+    #[arg(long, value_name = "NAME", default_value = "FORK", value_parser = Known { names: GRAPHS, accepts: is_random })]
     graph: String,
     /// Number of factors, 2 to 8
     #[arg(long, value_name = "N", default_value_t = 4)]
@@ -236,20 +222,37 @@ pub(super) fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
+/// What was made, set by set.
+fn contents(settings: &Settings) -> Vec<String> {
+    let is = |names: &[&str]| names.contains(&settings.set.as_str());
+    let mut all = Vec::new();
+    if is(&["all", "training", "observational"]) {
+        all.push(format!("{} observational images", settings.count));
+    }
+    if is(&["all", "training", "interventions"]) {
+        all.push(format!("{} groups of {BASES} intervention pairs", settings.groups));
+    }
+    if is(&["all", "video"]) {
+        all.push(format!("a video of {} frames", settings.frames));
+    }
+    all
+}
+
 fn lines(args: &Args, settings: &Settings, report: &Report, seconds: f64) -> Vec<String> {
-    let mut lines = vec![format!(
-        "{} factors, {} {}{}: {} files, listed in {} ({:.1} s)",
-        settings.factors,
-        settings.graph,
-        settings.mechanism,
-        if settings.raw { ", raw" } else { ", standardised" },
-        report.files.len(),
-        args.out.join(RECORD).display(),
-        seconds
-    )];
+    let mut lines = vec![
+        format!("{}: {} ({seconds:.1} s)", args.out.display(), contents(settings).join(", ")),
+        format!(
+            "{} factors, graph {}, equations {}, {}; all settings and files are listed in {}",
+            settings.factors,
+            settings.graph,
+            settings.mechanism,
+            if settings.raw { "variances as they grow along the graph" } else { "standardised" },
+            args.out.join(RECORD).display(),
+        ),
+    ];
     if report.record["video_causes_are_balanced"] == false && !cli::is_quiet() {
         lines.push(format!(
-            "a video of {} frames is too short for {} factors with variance 1 and no correlation: it takes {}",
+            "note: in a video of {} frames the noises of {} factors are correlated; at least {} frames avoid it (--frames)",
             settings.frames,
             settings.factors,
             4 * settings.factors + 1

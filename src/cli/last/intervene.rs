@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 
 Every row of grid.png sets one factor to nine values from the training set; the noise of the other factors is kept, and the descendants follow the graph. moved.csv holds how far each factor moved, in standard deviations: exactly 0 for factors that are not descendants.")]
 pub(crate) struct Args {
-    /// Model written by last pretrain or last tune
+    /// Model written by last pretrain (or its folder) or last tune
     #[arg(value_name = "FILE")]
     model: PathBuf,
     /// Capture of the person
@@ -225,5 +225,5 @@ pub(super) fn run(args: &Args) -> Result<()> {
         lines.push(format!("{i:<10}{row}"));
     }
     lines.push(format!("grid        {}", dir.join("grid.png").display()));
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir)
+    Outcome { record, page: Some(page), lines, held_out_db: f64::NAN }.publish(&dir)
 }

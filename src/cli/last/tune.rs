@@ -20,7 +20,7 @@ use std::path::PathBuf;
 
 Encoder, decoder and the networks of the nodes stay; the logits of the edges move for 500 iterations, with a penalty of 0.1 times the squared change of each probability. The table shows the edges before and after.")]
 pub(crate) struct Args {
-    /// Model written by last pretrain
+    /// Model written by last pretrain, or its folder
     #[arg(value_name = "FILE")]
     model: PathBuf,
     /// Capture of the person

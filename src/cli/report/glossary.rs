@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 /// Names and meanings; a name that is the beginning of another comes after it.
-const TERMS: [(&str, &str); 24] = [
+const TERMS: [(&str, &str); 33] = [
     (
         "PSNR-full-ch",
         "PSNR of the complete image, computed for each colour channel and averaged, in dB. Higher is better.",
@@ -54,10 +54,47 @@ const TERMS: [(&str, &str); 24] = [
         "MCC",
         "Mean correlation coefficient between true and learned factors after the best matching. 1 is best.",
     ),
-    ("relative L2", "‖yours − reference‖ / ‖yours‖ over an array."),
+    (
+        "position error",
+        "Mean distance of decoded points from the true ones, in the frame in which the figure is 2 high. Lower is better.",
+    ),
+    (
+        "colour error",
+        "Mean absolute error of the colours of decoded points; values are in 0…1. Lower is better.",
+    ),
+    (
+        "counterfactual error",
+        "Position error of images decoded after one factor was set, compared with the true images after that intervention. Lower is better.",
+    ),
+    (
+        "active units",
+        "Number of latent dimensions that carry information: the variance of their posterior means is above 0.01.",
+    ),
+    (
+        "targets",
+        "Share of the intervention groups whose factor is found from the change of the noise alone. Higher is better.",
+    ),
+    (
+        "disentanglement",
+        "Degree to which each latent block represents a single true factor (DCI). Higher is better.",
+    ),
+    (
+        "completeness",
+        "Degree to which each true factor is represented by a single latent block (DCI). Higher is better.",
+    ),
+    (
+        "information gap",
+        "Difference in mutual information between the two blocks that are most informative about a factor, divided by the entropy of the \
+         factor (MIG). Higher is better.",
+    ),
+    (
+        "locality",
+        "After an intervention, the displacement of factors that must not change, divided by that of the others. Lower is better.",
+    ),
+    ("relative L2", "‖yours − reference‖ / ‖reference‖ over an array."),
     ("worst ulp", "Largest difference in units in the last place of the narrower element type."),
     ("mean ulp", "Mean difference in units in the last place of the narrower element type."),
-    ("signed bias", "Σ(reference − yours) / Σ|yours|: near zero if errors have no preferred sign."),
+    ("signed bias", "Σ(yours − reference) / Σ|reference|: near zero if errors have no preferred sign."),
     (
         "1 − cosine",
         "1 minus the cosine of the angle between the two arrays: 0 if they differ by a positive factor only.",

@@ -1,15 +1,13 @@
 //! A causal graph as inline SVG: factors by level, edges as wide as they are probable, true edges outlined.
 
+mod course;
+mod labels;
+
+use course::{Course, Edge, LEVEL, NODE, W};
 use maud::{Markup, html};
 
 /// Below this probability an edge is drawn only if it is in the graph or true.
 const DRAWN_FROM: f64 = 0.05;
-/// Width of the drawing.
-const W: f64 = 480.0;
-/// Height of a level.
-const LEVEL: f64 = 118.0;
-/// Width and height of a factor.
-const NODE: [f64; 2] = [136.0, 38.0];
 /// Most factors of a level that fit beside each other.
 const MOST_OF_LEVEL: usize = 3;
 /// Half axes of the ellipse of factors that are not drawn by level.
@@ -49,14 +47,6 @@ pub(crate) fn levels(n: usize, edges: &[(usize, usize)]) -> Vec<usize> {
         }
     }
     vec![0; n]
-}
-
-/// An edge that is drawn.
-struct Edge {
-    ends: [usize; 2],
-    p: f64,
-    is_kept: bool,
-    is_true: bool,
 }
 
 impl Graph<'_> {
@@ -115,16 +105,22 @@ impl Graph<'_> {
         let (edges, places) = (self.edges(), self.places());
         let depth = self.levels.iter().fold(0, |m, &l| Ord::max(m, l));
         let is_ring = self.is_ring();
+        let course =
+            |e: &Edge| Course::new(places[e.ends[0]], places[e.ends[1]], (!is_ring).then_some(&*places));
+        let courses: Vec<Course> = edges.iter().map(course).collect();
         let extent = if is_ring { 2.0 * RING[1] } else { depth as f64 * LEVEL };
         let height = 2.0 * MARGIN + NODE[1] + extent;
         html! {
             div.panel {
                 h3 { (self.title) }
                 svg viewBox={ "0 0 " (W) " " (height) } role="img" aria-label=(self.in_words(&edges)) {
-                    @for e in &edges { (edge(e, &Course::new(places[e.ends[0]], places[e.ends[1]], is_ring))) }
+                    @for (e, course) in edges.iter().zip(&courses) { (edge(e, course)) }
                     @for (name, [x, y]) in self.names.iter().zip(&places) {
                         rect x=(x - NODE[0] * 0.5) y=(y - NODE[1] * 0.5) width=(NODE[0]) height=(NODE[1]) rx="9" fill="var(--panel)" stroke="var(--soft)" stroke-width="1.4" {}
                         text.ink x=(x) y=(y + 4.5) text-anchor="middle" { (name) }
+                    }
+                    @for (e, [x, y]) in edges.iter().zip(labels::places(&edges, &courses, &places, [W, height])) {
+                        text x=(format!("{x:.1}")) y=(format!("{:.1}", y + 4.0)) text-anchor="middle" stroke="var(--panel)" stroke-width="3" paint-order="stroke" { (format!("{:.2}", e.p)) }
                     }
                 }
             }
@@ -132,63 +128,14 @@ impl Graph<'_> {
     }
 }
 
-/// Where an edge begins, where it ends, and the point that bends it.
-struct Course {
-    from: [f64; 2],
-    to: [f64; 2],
-    mid: [f64; 2],
-}
-
-impl Course {
-    /// Between the middles of two factors.
-    fn new(from: [f64; 2], to: [f64; 2], is_ring: bool) -> Self {
-        if is_ring { Self::across(from, to) } else { Self::by_level(from, to) }
-    }
-
-    /// From border to border, bent to its right, so that it does not cover the opposite edge.
-    fn across(a: [f64; 2], b: [f64; 2]) -> Self {
-        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
-        let reach = |half: f64, d: f64| half / crate::num::order::max(d.abs(), 1e-6);
-        let t = crate::num::order::min(reach(NODE[0] * 0.5, dx), reach(NODE[1] * 0.5, dy));
-        let length = crate::num::order::max((dx * dx + dy * dy).sqrt(), 1e-6);
-        let bend = 26.0 / length;
-        let aside = [-dy * bend, dx * bend];
-        let shift =
-            |p: [f64; 2], s: f64| [p[0] + s * t * dx + 0.3 * aside[0], p[1] + s * t * dy + 0.3 * aside[1]];
-        let (from, to) = (shift(a, 1.0), shift(b, -1.0));
-        Self { from, to, mid: [0, 1].map(|k| (from[k] + to[k]) * 0.5 + aside[k]) }
-    }
-
-    /// Down from the lower side to the upper one; an edge of one level is an arc above it, one upwards passes at the side.
-    fn by_level(from: [f64; 2], to: [f64; 2]) -> Self {
-        let half = NODE[1] * 0.5;
-        let down = to[1] > from[1];
-        let same = to[1] == from[1];
-        let (y0, y1) = match (down, same) {
-            (true, _) => (from[1] + half, to[1] - half),
-            (_, true) => (from[1] - half, to[1] - half),
-            _ => (from[1] - half, to[1] + half),
-        };
-        let steps = (to[1] - from[1]).abs() / LEVEL;
-        let side = if from[0] < W * 0.5 { -1.0 } else { 1.0 };
-        let bend = match (down, same) {
-            (true, _) if steps < 1.5 => [0.0, 0.0],
-            (_, true) => [0.0, -44.0],
-            _ => [side * 70.0, 0.0],
-        };
-        let mid = [(from[0] + to[0]) * 0.5 + bend[0], (y0 + y1) * 0.5 + bend[1]];
-        Self { from: [from[0], y0], to: [to[0], y1], mid }
-    }
-}
-
-/// One edge: the outline if it is true, the line, its head, its probability.
+/// One edge: the outline if it is true, the line, its head.
 fn edge(e: &Edge, course: &Course) -> Markup {
     let Course { from, to, mid } = *course;
     let (y0, y1) = (from[1], to[1]);
     let (dx, dy) = (to[0] - mid[0], y1 - mid[1]);
     let length = crate::num::order::max((dx * dx + dy * dy).sqrt(), 1e-6);
     let (ux, uy) = (dx / length, dy / length);
-    let width = 1.2 + 5.8 * crate::num::order::clamp(e.p, 0.0, 1.0);
+    let width = e.width();
     let head = 12.0 + width;
     let neck = [to[0] - ux * head, y1 - uy * head];
     let wing = 0.52 * head;
@@ -203,21 +150,10 @@ fn edge(e: &Edge, course: &Course) -> Markup {
     );
     let color = if e.is_kept { "var(--a)" } else { "var(--faint)" };
     let dash = (!e.is_kept).then_some("5 5");
-    // The middle of the curve, moved away from it to the side that faces the outside of the drawing.
-    let far = 12.0 + width;
-    let slope = [to[0] - from[0], y1 - y0];
-    let size = crate::num::order::max((slope[0] * slope[0] + slope[1] * slope[1]).sqrt(), 1e-6);
-    let way = if slope[0] >= 0.0 { far / size } else { -far / size };
-    let label = [
-        0.25 * from[0] + 0.5 * mid[0] + 0.25 * to[0] + way * slope[1].abs(),
-        0.25 * y0 + 0.5 * mid[1] + 0.25 * y1 - way.abs() * slope[0].abs(),
-    ];
-    let anchor = if slope[0] >= 0.0 { "start" } else { "end" };
     html! {
         @if e.is_true { path.truth d=(path) fill="none" stroke="var(--b)" stroke-width=(format!("{:.1}", width + 7.0)) stroke-linecap="round" stroke-opacity="0.55" {} }
         path.edge d=(path) fill="none" stroke=(color) stroke-width=(format!("{width:.2}")) stroke-dasharray=[dash] {}
         polygon points=(tip) fill=(color) {}
-        text x=(format!("{:.1}", label[0])) y=(format!("{:.1}", label[1] + 4.0)) text-anchor=(anchor) { (format!("{:.2}", e.p)) }
     }
 }
 
@@ -280,6 +216,59 @@ mod tests {
         }
         let svg = graph.html().into_string();
         assert_eq!(svg.matches("class=\"edge\"").count(), 12, "both directions of each pair");
+    }
+
+    /// Boxes of the texts of a drawing: middle and half size.
+    fn texts(svg: &str) -> Vec<([f64; 2], [f64; 2])> {
+        let number = |tag: &str, name: &str| -> f64 {
+            let rest = tag.split(&format!(" {name}=\"")).nth(1).expect("an attribute");
+            rest.split('"').next().expect("its value").parse().expect("a number")
+        };
+        let label = |tag: &str| ([number(tag, "x"), number(tag, "y") - 4.0], [14.0, 6.0]);
+        let node = |tag: &str| {
+            let half = NODE.map(|side| side * 0.5);
+            ([number(tag, "x") + half[0], number(tag, "y") + half[1]], half)
+        };
+        let rects = svg.split("<rect").skip(1).map(node);
+        rects.chain(svg.split("<text x").skip(1).map(|rest| label(&format!(" x{rest}")))).collect()
+    }
+
+    #[test]
+    fn no_label_covers_another_or_a_factor() {
+        let names = ["posture", "self-occlusion", "wrinkles", "light"].map(str::to_owned);
+        let all = [0.6; 16];
+        let mut some = [0.01; 16];
+        // Down, back up, up over a level, and between factors of one level.
+        for (at, p) in
+            [(1, 0.99), (2, 0.97), (4, 0.31), (8, 0.2), (12, 0.4), (11, 0.9), (7, 0.5), (6, 0.1), (9, 0.12)]
+        {
+            some[at] = p;
+        }
+        let fork: &[(usize, usize)] = &[(0, 1), (0, 2)];
+        let chain = [(0, 1), (1, 2), (2, 3)];
+        let diamond = [(0, 1), (0, 2), (1, 3), (2, 3)];
+        for (p, kept) in [
+            (&some, fork),
+            (&all, fork),
+            (&some, &chain),
+            (&all, &chain),
+            (&some, &diamond),
+            (&all, &diamond),
+            (&all, &[]),
+        ] {
+            let graph =
+                Graph { title: "after", names: &names, p, kept, truth: None, levels: &levels(4, kept) };
+            let svg = graph.html().into_string();
+            let boxes = texts(&svg);
+            assert!(boxes.len() > 8, "four factors and their edges: {svg}");
+            for (i, (a, half)) in boxes.iter().enumerate() {
+                assert!(a[0] >= half[0] && a[0] <= W - half[0] && a[1] >= half[1], "inside: {a:?}");
+                for (b, other) in &boxes[..i] {
+                    let apart = (0..2).any(|k| (a[k] - b[k]).abs() >= half[k] + other[k]);
+                    assert!(apart, "{kept:?}: {a:?} covers {b:?}");
+                }
+            }
+        }
     }
 
     #[test]

@@ -3,10 +3,11 @@
 //! ```text
 //! mod       the page: header, stat cards, sections, tables       charts    line charts; bars: bars, intervals, histograms
 //! fit       the report of one fit                                images    pixels to PNG data URIs, error maps, strips
-//! person    the report of a fitted person                        run       what those two share
+//! person    the report of a fitted person                        model     the report of an image-to-point model
+//! run       what these reports share
 //! settings  settings in groups, as typed                         glossary  what the names of metrics mean
 //! graph     a causal graph as SVG                               hints     what to try next
-//! film      snapshots of a training                             compare   the page of `oracle compare`
+//! film      snapshots of a training                             compare   the page of `oracle compare`, compare_table: its table
 //! style     the style sheet                                      machine   machine, date, version: facts outside every digest
 //! ```
 //!
@@ -16,6 +17,7 @@
 pub(crate) mod bars;
 pub(crate) mod charts;
 pub(crate) mod compare;
+mod compare_table;
 pub(crate) mod film;
 pub(crate) mod fit;
 mod glossary;
@@ -23,6 +25,7 @@ pub(crate) mod graph;
 pub(crate) mod hints;
 pub(crate) mod images;
 mod machine;
+pub(crate) mod model;
 pub(crate) mod person;
 pub(crate) mod run;
 mod settings;
@@ -32,6 +35,9 @@ pub(crate) use crate::units::{bytes, seconds};
 use crate::{Error, Result};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use std::path::Path;
+
+/// Where the names of scores are explained, for the terminal.
+pub(crate) const EXPLAINED: &str = "explained in the glossary of the report";
 
 /// One large number at the top of the page.
 #[derive(Clone)]

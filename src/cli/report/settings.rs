@@ -5,14 +5,19 @@ use maud::{Markup, html};
 use serde_json::Value;
 
 /// Groups and the beginnings of the names of their settings; the first group that fits has the setting.
-const GROUPS: [(&str, &[&str]); 8] = [
+const GROUPS: [(&str, &[&str]); 10] = [
     ("Input", &["input", "train_", "model", "extent", "scene", "capture", "views", "downscale"]),
-    ("Length and seed", &["iterations", "seed", "steps"]),
+    ("Length and seed", &["iterations", "seed", "steps", "warm_up", "round"]),
     ("Rendering", &["profile", "alpha_max", "antialiased", "background", "random_background", "sh_degree"]),
-    ("Learning rates", &["rate_"]),
-    ("Losses and priors", &["ssim_weight", "alpha_weight", "latent_weight", "prior_"]),
+    ("Learning rates", &["rate_", "lr"]),
+    ("Losses and priors", &["ssim_weight", "alpha_weight", "latent_weight", "prior_", "w_"]),
     ("Density control", &["density", "strategy", "max_gaussians", "tau_", "latent_every"]),
     ("Progressive update", &["progressive", "lambda", "order", "key", "graph_given"]),
+    (
+        "Factors and graph",
+        &["factor", "mechanism", "reading", "crop", "supervision", "independence_on", "tau", "alpha"],
+    ),
+    ("Batches", &["batch_"]),
     ("Gaussians and networks", &["first_", "weights_network", "pose_network"]),
 ];
 /// The group of all other settings.

@@ -169,7 +169,7 @@ fn triangulate(curve: &[u8]) -> Option<Vec<[u8; 3]>> {
 }
 
 /// The surface of a cell from the signs of its corners and the decisions of its ambiguous faces.
-fn derive(inside: u8, joined: u8) -> Cell {
+fn surface_of(inside: u8, joined: u8) -> Cell {
     let mut cell = Cell::default();
     for curve in loops(inside, joined) {
         if let Some(triangles) = triangulate(&curve) {
@@ -210,7 +210,7 @@ pub(super) fn table() -> &'static Table {
         let cells = (0..256 << 6).map(|i| {
             let (inside, joined) = ((i >> 6) as u8, (i & 63) as u8);
             let is_reached = joined & !bits[usize::from(inside)] == 0;
-            if is_reached { derive(inside, joined) } else { Cell::default() }
+            if is_reached { surface_of(inside, joined) } else { Cell::default() }
         });
         Table { ambiguous: bits, cells: cells.collect() }
     })

@@ -295,7 +295,7 @@ impl Evaluation {
     pub fn text(&self) -> String {
         let mut lines = vec![
             format!(
-                "points      mean error {:.4} in position, {:.4} in colour",
+                "points      mean error {:.4} in position (the figure is 2 high), {:.4} in colour (values 0 to 1)",
                 self.space_error, self.colour_error
             ),
             format!(
@@ -303,12 +303,12 @@ impl Evaluation {
                 self.variances.iter().map(|v| format!("{v:.3}")).collect::<Vec<_>>().join(" "),
                 self.active
             ),
-            format!("factors     MCC {:.3}", self.mcc),
-            format!("targets     {:.1} % inferred correctly", 100.0 * self.target_accuracy),
+            format!("factors     MCC {:.3} (mean correlation with the true factors; 1 is best)", self.mcc),
+            format!("targets     {:.1} % of the groups inferred correctly", 100.0 * self.target_accuracy),
         ];
         if let Some([moved, still]) = self.counterfactual {
             let mut line = format!(
-                "do          mean error {:.4}, {:.4} without the intervention",
+                "do(factor)  mean error {:.4} in position after interventions, {:.4} without them",
                 moved.space, still.space
             );
             if let Some(left) = moved.over(&still) {
@@ -317,7 +317,8 @@ impl Evaluation {
             lines.push(line);
         }
         if let Some(oracle) = self.under_truth {
-            lines.push(format!("            mean error {:.4} along the true edges", oracle.space));
+            lines
+                .push(format!("            mean error {:.4} in position along the true edges", oracle.space));
         }
         let score = |x: Option<f64>| x.map_or_else(|| "–".into(), |x| format!("{x:.3}"));
         let [own, best] = self.likeness.map(|l| l.named());
@@ -326,7 +327,7 @@ impl Evaluation {
             lines.push(format!("{name:<16}{} (the true factors themselves: {})", score(own), score(best)));
         }
         if let Some(locality) = self.locality {
-            lines.push(format!("locality    {locality:.3}"));
+            lines.push(format!("locality    {locality:.3} (0 is best)"));
         }
         let arrows: Vec<String> = self.graph.edges().iter().map(|(i, j)| format!("{i}>{j}")).collect();
         let arrows = if arrows.is_empty() { "none".into() } else { arrows.join(" ") };

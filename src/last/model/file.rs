@@ -34,6 +34,8 @@ use std::path::Path;
 
 /// Number of values per factor.
 pub const VALUES: usize = 9;
+/// Name of the file in the folder of a training.
+pub const FILE: &str = "model.safetensors";
 /// The kind recorded in the metadata.
 const KIND: &str = "image-to-point model";
 
@@ -129,12 +131,19 @@ impl Trained {
         parse(&file.arrays, &file.metadata).map_err(|e| e.within(path.display().to_string()))
     }
 
-    /// Reads the file of a model whose input is an image.
+    /// Reads the file of a model whose input is an image; for a folder, the [`FILE`] in it.
     ///
     /// # Errors
-    /// As [`Self::read`]; or if it is a model of vectors.
+    /// As [`Self::read`]; or if it is a folder without this file, or a model of vectors.
     pub fn of_pictures(path: &Path) -> Result<Self> {
-        let trained = Self::read(path)?;
+        let inside = path.join(FILE);
+        if path.is_dir() && !inside.is_file() {
+            return Err(Error::input(path.display().to_string())
+                .expected("a model file, or the folder of a finished last pretrain")
+                .got(format!("a folder without {FILE}"))
+                .hint("`lastlight last pretrain DATA --out DIR` makes a model"));
+        }
+        let trained = Self::read(if path.is_dir() { &inside } else { path })?;
         match trained.model.encoder.input() {
             Input::Picture { .. } => Ok(trained),
             Input::Vector { size } => Err(Error::input(path.display().to_string())

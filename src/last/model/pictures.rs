@@ -10,6 +10,8 @@ use super::decoder::{CODE, code};
 use super::encoder::Input;
 use crate::io::npz;
 use crate::last::avatar::guide::{Framing, Square, Window};
+use crate::last::generate::RECORD;
+use crate::loss::metric::structure::matching;
 use crate::num::array::{Array, Arrays};
 use crate::num::par;
 use crate::scene::camera::{Camera, Model};
@@ -17,6 +19,8 @@ use crate::scene::from_data_gen;
 use crate::{Error, Result};
 use std::path::{Path, PathBuf};
 
+/// The points at rest, in every data set with images for training.
+const TEMPLATE: &str = "template.npz";
 /// σ of a coordinate.
 const SIGMA_SPACE: f32 = 0.05;
 /// σ of a colour.
@@ -73,8 +77,47 @@ pub fn frame(template: &[[f32; 3]]) -> Frame {
     }
 }
 
+/// Refuses a folder that is not a data set with images for training; the error describes what it is instead.
+fn check(folder: &Path) -> Result<()> {
+    let has = |name: &str| folder.join(name).exists();
+    if has(TEMPLATE) {
+        return Ok(());
+    }
+    let wrong = |got: &str| {
+        Error::input(folder.display().to_string())
+            .expected(format!("a data set of last gen ({TEMPLATE}, observational, interventions)"))
+            .got(got)
+    };
+    const MAKE: &str = "`lastlight last gen --out DATA` makes one";
+    let is_capture = ["transforms.json", "transforms_train.json", "body.npz"].into_iter().any(has);
+    let above = folder.parent().filter(|above| above.join(TEMPLATE).exists());
+    Err(match above {
+        _ if !folder.exists() => Error::input(folder.display().to_string())
+            .got("no such folder")
+            .hint("`lastlight last gen --out DATA` makes a data set to train on"),
+        _ if !folder.is_dir() => wrong("a file").hint(MAKE),
+        Some(above) if is_capture => {
+            let above = if above.as_os_str().is_empty() { Path::new(".") } else { above };
+            wrong("a capture").hint(format!("the data set that contains it is {}", above.display()))
+        }
+        None if is_capture => wrong("a capture").hint(MAKE),
+        _ if has(RECORD) => wrong("a data set without them")
+            .hint("`lastlight last gen --split training --out DATA` makes them"),
+        _ => wrong("another folder").hint(MAKE),
+    })
+}
+
 /// Shards of a set, in order.
 fn shards(folder: &Path) -> Result<Vec<PathBuf>> {
+    let none = |got: &str| {
+        Error::input(folder.display().to_string())
+            .expected("shards 0000.npz, 0001.npz, …")
+            .got(got)
+            .hint("`lastlight last gen --split training --out DATA` makes them; --supervision none needs no interventions")
+    };
+    if !folder.exists() {
+        return Err(none("no such folder"));
+    }
     let entries = std::fs::read_dir(folder).map_err(|e| Error::os(folder, &e))?;
     let mut paths = Vec::new();
     for entry in entries {
@@ -84,13 +127,7 @@ fn shards(folder: &Path) -> Result<Vec<PathBuf>> {
         }
     }
     paths.sort();
-    if paths.is_empty() {
-        return Err(Error::input(folder.display().to_string())
-            .expected("shards 0000.npz, 0001.npz, …")
-            .got("none")
-            .hint("create them with lastlight last gen --out DIR"));
-    }
-    Ok(paths)
+    if paths.is_empty() { Err(none("none")) } else { Ok(paths) }
 }
 
 /// Settings of the crop.
@@ -133,7 +170,14 @@ impl Set {
             self.shown.extend_from_slice(x);
             self.shown.extend_from_slice(c);
         }
-        self.factors.extend(need("u")?.to_f64());
+        let factors = need("u")?;
+        let each = factors.shape().last().copied().unwrap_or(0);
+        if each > matching::MOST || factors.len() != items * each {
+            return Err(Error::input(format!("array '{prefix}u'"))
+                .expected(format!("up to {} factors of {items} images", matching::MOST))
+                .got(format!("{:?}", factors.shape())));
+        }
+        self.factors.extend(factors.to_f64());
         Ok(())
     }
 }
@@ -143,13 +187,16 @@ impl Pictures {
     /// image is used.
     ///
     /// # Errors
-    /// If a file is missing or malformed, or images or point sets have different sizes.
+    /// If the folder is not a data set, a file is missing or malformed, or images or point sets have different
+    /// sizes.
     pub fn read(folder: &Path, groups: bool, framing: Framing) -> Result<Self> {
-        let rest = npz::read(&folder.join("template.npz"))?;
+        check(folder)?;
+        let path = folder.join(TEMPLATE);
+        let rest = npz::read(&path)?;
+        let points = rest.need("points").map_err(|e| e.within(path.display().to_string()))?;
         let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
         let skeleton = rest.get("parents").and_then(Array::to_i64).unwrap_or_default();
-        let template: Vec<[f32; 3]> =
-            rest.need("points")?.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        let template: Vec<[f32; 3]> = points.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let p = template.len();
         let mut all = Self {
             side: 0,

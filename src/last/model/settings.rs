@@ -251,6 +251,14 @@ impl Settings {
         self
     }
 
+    /// [`Self::scaled`] to a number of steps of joint training and refit together.
+    #[must_use]
+    pub fn scaled_to_all(self, all: u32) -> Self {
+        let share = u64::from(all) * u64::from(self.refit) / u64::from(self.steps + self.refit);
+        let refit = Ord::max(1, share as u32);
+        Self { refit, ..self.scaled(all - refit) }
+    }
+
     /// Checks the ranges of all settings.
     ///
     /// # Errors
@@ -296,5 +304,23 @@ impl Settings {
                 .got("reading reference"));
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_schedule_has_exactly_the_steps_that_are_asked_for() {
+        let full = Settings::of_pictures();
+        assert_eq!(full.scaled_to_all(13_000), full, "the complete schedule");
+        let shipped = full.scaled_to_all(6_500);
+        assert_eq!(shipped, full.scaled(6_000), "half of it");
+        for all in [3, 4, 20, 25, 26, 100, 1_000, 6_499, 40_000] {
+            let s = full.scaled_to_all(all);
+            s.validate().expect("a schedule");
+            assert_eq!(s.steps + s.refit, all, "joint training and refit");
+        }
     }
 }

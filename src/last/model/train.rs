@@ -19,6 +19,8 @@
 //! gradient with respect to all parameters except U whose norm exceeds ten times the running mean of these
 //! norms is therefore scaled down to that limit.
 
+mod fit;
+
 use super::data::{Data, Item};
 use super::settings::{Settings, Supervision};
 use super::step::{self, Batch, Context, Losses, Model};
@@ -27,19 +29,15 @@ use super::targets::{Pairs, voted};
 use super::{evaluation, file::Trained, intervene, units};
 use crate::causal::independence::History;
 use crate::causal::repair::repair;
-use crate::fit::training::{Fit, Step, Watch};
 use crate::last::structure::samples::Samples;
-use crate::last::structure::score::{Features, Table};
+use crate::last::structure::score::{self, Features, Table};
 use crate::last::structure::search;
 use crate::math::digraph::Digraph;
-use crate::num::array::Arrays;
 use crate::num::elem::f64::ln;
 use crate::num::order;
 use crate::optim::adam::{Counters, Rule};
-use crate::optim::optimiser::{ArrayNames, Optimiser};
+use crate::optim::optimiser::Optimiser;
 use crate::{Error, Result};
-use serde_json::Value;
-use std::collections::BTreeMap;
 
 /// Initial penalty ρ of the augmented Lagrangian.
 const FIRST_RHO: f64 = 1e-3;
@@ -58,6 +56,31 @@ const MEMORY: f64 = 0.99;
 
 /// Gradients longer than this multiple of the running mean are scaled down.
 const BURST: f64 = 10.0;
+
+/// Basis functions of the mechanisms in the final search.
+const FEATURES: Features = Features::Spline;
+
+/// Whether the graph is searched by score: with a single step of refitting, or with too many factors, it is not.
+fn searches(settings: &Settings) -> bool {
+    settings.refit / 2 > 0 && settings.factors <= score::MOST
+}
+
+/// Refuses data on which the search at the end of the training would fail: every image without an intervention
+/// is a draw of the noise of all factors.
+fn enough(settings: &Settings, data: &dyn Data) -> Result<()> {
+    let pairs = match settings.supervision {
+        Supervision::None => 0,
+        _ => data.groups().len() * data.members(),
+    };
+    let (images, few) = (data.observed(), score::too_few(settings.factors, 1, FEATURES));
+    if !searches(settings) || images + pairs > few {
+        return Ok(());
+    }
+    Err(Error::input("training data")
+        .expected(format!("more than {few} images and intervention pairs for {} factors", settings.factors))
+        .got(format!("{images} images and {pairs} pairs"))
+        .hint("make more with last gen --observational N --groups N"))
+}
 
 /// A training run in progress.
 #[derive(Debug)]
@@ -88,8 +111,9 @@ impl<'a> Training<'a> {
     /// Starts from the initial values.
     ///
     /// # Errors
-    /// See [`Model::new`].
+    /// See [`Model::new`]; or if there are too few data for the final search.
     pub fn new(settings: Settings, data: &'a dyn Data) -> Result<Self> {
+        enough(&settings, data)?;
         let model = Model::new(&settings, data)?;
         let rule = Rule { counters: Counters::Global, ..Rule::default() };
         Ok(Self {
@@ -174,11 +198,9 @@ impl<'a> Training<'a> {
     fn settle(&mut self) -> Result<()> {
         if self.step == self.settings.steps {
             self.graph = Some(self.repaired().adjacency());
-        } else if self.step == self.settings.steps + self.settings.refit / 2
-            && self.settings.factors <= crate::last::structure::score::MOST
-        {
+        } else if searches(&self.settings) && self.step == self.settings.steps + self.settings.refit / 2 {
             let n = self.settings.factors;
-            let table = Table::new(&self.samples().along_axes(), Features::Spline)?;
+            let table = Table::new(&self.samples().along_axes(), FEATURES)?;
             let start = self.graph.clone().unwrap_or_else(|| vec![0.0; n * n]);
             let (best, _) = search::climb(&table, &Digraph::from_weights(&start, n, 0.5));
             self.graph = Some(best.graph.adjacency());
@@ -306,100 +328,12 @@ impl<'a> Training<'a> {
     }
 }
 
-impl Fit for Training<'_> {
-    fn kind(&self) -> &'static str {
-        "last pretrain"
-    }
-
-    fn settings(&self) -> Value {
-        self.settings.json()
-    }
-
-    fn iterations(&self) -> usize {
-        (self.settings.steps + self.settings.refit) as usize
-    }
-
-    fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step> {
-        assert_eq!(i, self.step as usize, "steps come in order");
-        let losses = self.advance()?;
-        watch.lap("step");
-        let w = &self.settings.weights;
-        let loss = w.reconstruction * losses.reconstruction + w.groups * w.intervention * losses.intervention;
-        if !loss.is_finite() {
-            return Err(Error::check("image-to-point model")
-                .at(format!("step {i}"))
-                .expected("a finite loss")
-                .got(loss.to_string()));
-        }
-        self.losses = losses;
-        Ok(Step { loss: loss as f32, size: libm::round(losses.edges) as usize })
-    }
-
-    fn save(&self, out: &mut Arrays) {
-        ArrayNames::Folders.save(&self.model.params, out);
-        self.optimiser.save(ArrayNames::Folders, out);
-        let last = self.last_h.unwrap_or(-1.0);
-        out.put("state/lagrange", &[4], vec![self.lambda, self.rho, last, f64::from(self.rounds)]);
-        out.put("state/step", &[1], vec![i64::from(self.step)]);
-        if let Some(spread) = &self.spread {
-            out.put("state/spread", &[spread.len()], spread.clone());
-        }
-        if let Some(units) = &self.units {
-            out.put("state/units", &[units.len()], units.clone());
-        }
-        if let Some(length) = self.length {
-            out.put("state/gradient", &[1], vec![length]);
-        }
-        let d = self.model.sizes.latent();
-        out.put("state/covariances", &[self.history.past.len(), d, d], self.history.past.concat());
-        if let Some(graph) = &self.graph {
-            let n = self.settings.factors;
-            out.put("state/graph", &[n, n], graph.clone());
-        }
-    }
-
-    fn load(&mut self, from: &Arrays) -> Result<()> {
-        let n = self.settings.factors.to_string();
-        let mut dims = BTreeMap::new();
-        let mut params = self.model.params.clone();
-        ArrayNames::Folders.load(&mut params, from)?;
-        self.optimiser.load(ArrayNames::Folders, from)?;
-        let lagrange = from.shape("state/lagrange", "4", &mut dims)?.to_f64();
-        let step = from.shape("state/step", "1", &mut dims)?.to_i64();
-        let d = self.model.sizes.latent();
-        let covariances = from.shape("state/covariances", &format!("M,{d},{d}"), &mut dims)?.to_f64();
-        self.history.past = covariances.chunks_exact(d * d).map(<[f64]>::to_vec).collect();
-        let spread = from.get("state/spread").is_some();
-        let graph = from.get("state/graph").is_some();
-        self.length = None;
-        if from.get("state/gradient").is_some() {
-            self.length = from.shape("state/gradient", "1", &mut dims)?.to_f64().first().copied();
-        }
-        self.units = None;
-        if from.get("state/units").is_some() {
-            self.units = Some(from.shape("state/units", &n, &mut dims)?.to_f64());
-        }
-        if spread {
-            self.spread = Some(from.shape("state/spread", &n, &mut dims)?.to_f64());
-        }
-        if graph {
-            self.graph = Some(from.shape("state/graph", &format!("{n},{n}"), &mut dims)?.to_f64());
-        }
-        self.step = step
-            .and_then(|s| u32::try_from(*s.first()?).ok())
-            .ok_or_else(|| Error::input("array 'state/step'").expected("a count"))?;
-        (self.lambda, self.rho) = (lagrange[0], lagrange[1]);
-        self.last_h = (lagrange[2] >= 0.0).then_some(lagrange[2]);
-        self.rounds = lagrange[3] as u32;
-        self.model.params = params;
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fit::training::Fit;
     use crate::last::model::vectors::Vectors;
+    use crate::num::array::Arrays;
     use data_gen::figure::graph::Graph;
     use data_gen::figure::mechanism::{Mechanism, Scm};
     use ndarray::ArrayD;

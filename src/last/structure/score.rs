@@ -94,6 +94,12 @@ fn moments(samples: &Samples, weights: &[f64], how: Features) -> Vec<f64> {
     sums
 }
 
+/// Number of draws in which a node is not set that scoring it takes: more than this.
+pub fn too_few(n: usize, k: usize, how: Features) -> usize {
+    // A constant, the features of all other nodes, and the variances of its own dimensions.
+    1 + (n - 1) * k * how.count() + k
+}
+
 impl Table {
     /// Scores all sets of parents of all nodes; samples are standardised first.
     ///
@@ -111,11 +117,11 @@ impl Table {
         let rows = par::map(n, |j| {
             let weights = samples.weights(j);
             let mass = weights.iter().fold(0.0, |s, w| s + w);
-            let largest = 1 + (n - 1) * k * how.count();
-            if !(mass > (largest + k) as f64) {
+            let few = too_few(n, k, how);
+            if !(mass > few as f64) {
                 return Err(Error::input("structure score")
                     .at(format!("factor {j}"))
-                    .expected(format!("more than {} draws in which it was not set", largest + k))
+                    .expected(format!("more than {few} draws in which it was not set"))
                     .got(mass.to_string()));
             }
             let moments = moments(&samples, &weights, how);

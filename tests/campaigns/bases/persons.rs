@@ -90,7 +90,7 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let mut sets = data;
     sets.retain(|name, _| !name.starts_with("data/video/"));
     let names: Vec<&str> = sets.keys().map(String::as_str).collect();
-    let pretrain = "last pretrain data --out out --iterations 2 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --threads 1 --quiet";
+    let pretrain = "last pretrain data --out out --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --threads 1 --quiet";
     all.push(Base::new("LAST data set", sets.clone(), &names, &[pretrain]).share(5));
     all
 }

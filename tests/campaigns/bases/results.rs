@@ -32,8 +32,8 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let splat_resume = "splat fit photos --iterations 4 --initial 20 --max-gaussians 60 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
     let fit = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet";
     let fit_resume = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
-    let train = "last pretrain data --iterations 2 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet";
-    let train_resume = "last pretrain data --iterations 2 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet --resume";
+    let train = "last pretrain data --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet";
+    let train_resume = "last pretrain data --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet --resume";
     let objects = "lirm gen --objects 1 --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out run --threads 1 --json --quiet";
     let objects_resume = "lirm gen --objects 1 --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out run --threads 1 --json --quiet --resume";
     let persons = "last gen --scale smoke --split video --body-points 64 --frames 2 --test-cameras 1 --video-size 8 --samples 1 --out run --threads 1 --json --quiet";

@@ -2,6 +2,7 @@
 
 mod case;
 mod causal;
+mod field;
 mod loss;
 mod nn;
 mod people;
@@ -12,7 +13,7 @@ pub(crate) use case::{Case, picked};
 
 /// All cases: every smooth input and output of every operator that has a gradient is in one.
 pub(crate) fn cases() -> Vec<Case> {
-    [splat::cases, nn::cases, shade::cases, causal::cases, loss::cases, people::cases]
+    [splat::cases, nn::cases, shade::cases, causal::cases, field::cases, loss::cases, people::cases]
         .into_iter()
         .flat_map(|cases| cases())
         .collect()

@@ -1,0 +1,348 @@
+//! `field.fetch`: features of points, from planes that are parallel to the axes.
+//!
+//! p = x/R,   u = ½(p + 1)·(S − 1) limited to 0..S−1,   f = (1−a)(1−b) T₀₀ + (1−a) b T₀₁ + a (1−b) T₁₀ + a b T₁₁
+//!
+//! u is computed for the two coordinates of a plane; the cell (i, j) and the fractions (a, b) are its integer
+//! and fractional part, with i, j ≤ S−2. The first coordinate runs along rows. Of six planes a point reads
+//! three, by the sign of the coordinate that the plane lacks (hexa-planes of LIRM, Li et al. 2025); of three
+//! planes it reads all (Chan et al. 2022).
+//!
+//! | symbol | argument | shape | unit, range |
+//! |---|---|---|---|
+//! | x | `points` | (N, 3) | inside the box [−R, R]³; outside it the border is read |
+//! | T | `planes` | (P, S, S, C) | P = 6: xy−, xy+, xz−, xz+, yz−, yz+; P = 3: xy, xz, yz; S ≥ 2 |
+//! | R | setting `half_size` | () | > 0 |
+//! | | setting `combine` | | `concat`: f of xy, xz, yz one after the other; `sum`: (xy + xz) + yz |
+//! | f | `features` | (N, 3C) or (N, C) | |
+//!
+//! # Rounding
+//! One division for p, then ((p + 1)·½)·(S − 1). The weights are the products above; a feature is
+//! ((w₀₀T₀₀ + w₀₁T₀₁) + w₁₀T₁₀) + w₁₁T₁₁.
+//!
+//! # Kinks and domain
+//! At the border of a cell the slope is that of the cell that starts there; where u is limited, and at u = 0
+//! and u = S−1, the slope is 0. The plane + is read where the missing coordinate is > 0, so both zeros read the
+//! plane −; f jumps there. The derivative of the jump is not part of the gradient.
+//!
+//! # Adjoint
+//! T̄ += w·f̄ for each of the four texels; x̄ = ½(S−1)/R · Σ f̄·∂f/∂u over channels, where
+//! ∂f/∂u₀ = (1−b)(T₁₀ − T₀₀) + b(T₁₁ − T₀₁). The gradient of a texel is a left fold over points in index order,
+//! which continues the number in the caller's array: calls with consecutive parts of the points have the bits
+//! of one call. Sums over channels have 16 lanes ([`sum`]); then the planes are added in the order xy, xz, yz.
+//! Nothing is saved.
+//!
+//! # Threads
+//! A thread owns bands of [`BAND`] rows of a plane. For every 4096 points a stable counting sort lists the
+//! points of each band.
+//!
+//! Twin: `reference::field::fetch`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::field::fetch::{Combine, Planes, forward};
+//! // three planes of 2×2 texels; x = ½ is at ¾ of the way from −1 to 1
+//! let values = [0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 4.0, 4.0, 5.0, 5.0, 5.0, 5.0];
+//! let planes = Planes { values: &values, count: 3, side: 2, channels: 1, half_size: 1.0 };
+//! let mut features = [0.0; 3];
+//! forward(&planes, Combine::Concat, &[[0.5, 0.0, 0.0]], &mut features);
+//! assert_eq!(features, [2.0, 3.0, 5.0]); // ¾·2 + ½·1, ¾·4, 5
+//! ```
+
+use crate::num::lanes::f32x8;
+use crate::num::{order, par, sum};
+
+/// The two coordinates of a pair of axes: xy, xz, yz.
+pub const AXES: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
+/// The coordinate that a pair of axes lacks.
+const MISSING: [usize; 3] = [2, 1, 0];
+/// Rows of a plane that one task of [`Planes::scatter`] owns; changes no bit.
+pub const BAND: usize = 4;
+/// Points per list of a band; changes no bit.
+const CHUNK: usize = 4096;
+/// Points per task of an elementwise loop.
+const ROWS: usize = 64;
+
+/// How the features of the three planes are combined.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Combine {
+    /// One after the other.
+    Concat,
+    /// (xy + xz) + yz.
+    Sum,
+}
+
+/// Feature planes.
+#[derive(Clone, Copy, Debug)]
+pub struct Planes<'a> {
+    /// Shape (P, S, S, C).
+    pub values: &'a [f32],
+    /// Number of planes P: 6, two per pair of axes, or 3.
+    pub count: usize,
+    /// Texels per side S, at least 2.
+    pub side: usize,
+    /// Channels C.
+    pub channels: usize,
+    /// Half size R of the box.
+    pub half_size: f32,
+}
+
+/// The cell of a plane that a point reads.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Corners {
+    /// Index of the first texel among all texels; the others are 1, S and S + 1 behind it.
+    pub at: usize,
+    /// Weights of the texels 0, 1, S and S + 1.
+    pub weights: [f32; 4],
+    /// Place inside the cell, from 0 to 1.
+    pub fractions: [f32; 2],
+    /// Whether the point is strictly inside the plane in each coordinate.
+    pub is_inside: [bool; 2],
+}
+
+impl Combine {
+    /// Returns the number of features of a point for planes with that many channels.
+    pub fn width(self, channels: usize) -> usize {
+        if self == Self::Concat { 3 * channels } else { channels }
+    }
+
+    /// Returns the part of the features of a point that a pair of axes contributes to.
+    fn part(self, pair: usize, channels: usize) -> std::ops::Range<usize> {
+        let start = if self == Self::Concat { pair * channels } else { 0 };
+        start..start + channels
+    }
+}
+
+impl<'a> Planes<'a> {
+    fn hold_to_shape(&self) {
+        assert!(self.count == 3 || self.count == 6, "three or six planes");
+        assert!(self.side >= 2 && self.channels > 0, "planes have cells and channels");
+        assert_eq!(self.values.len(), self.count * self.side * self.side * self.channels, "(P, S, S, C)");
+    }
+
+    /// Returns the cell that `point` reads in the plane of a pair of axes (0: xy, 1: xz, 2: yz).
+    #[inline]
+    pub fn corners(&self, pair: usize, point: [f32; 3]) -> Corners {
+        let last = self.side - 1;
+        let (mut cell, mut fractions, mut is_inside) = ([0; 2], [0.0; 2], [false; 2]);
+        for k in 0..2 {
+            let p = point[AXES[pair][k]] / self.half_size;
+            let u = ((p + 1.0) * 0.5) * last as f32;
+            is_inside[k] = u > 0.0 && u < last as f32;
+            let u = order::clamp(u, 0.0, last as f32);
+            // u is not negative: the conversion is the floor.
+            cell[k] = Ord::min(u as usize, last - 1);
+            fractions[k] = u - cell[k] as f32;
+        }
+        let is_plus = point[MISSING[pair]] / self.half_size > 0.0;
+        let plane = if self.count == 6 { 2 * pair + usize::from(is_plus) } else { pair };
+        let [a, b] = fractions;
+        Corners {
+            at: (plane * self.side + cell[0]) * self.side + cell[1],
+            weights: [(1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b],
+            fractions,
+            is_inside,
+        }
+    }
+
+    /// Returns the values of the four texels of a cell.
+    fn texels(&self, corners: &Corners) -> [&'a [f32]; 4] {
+        let texel = |offset: usize| &self.values[(corners.at + offset) * self.channels..][..self.channels];
+        [texel(0), texel(1), texel(self.side), texel(self.side + 1)]
+    }
+
+    /// Writes the features of one point.
+    pub fn features(&self, combine: Combine, point: [f32; 3], features: &mut [f32]) {
+        for pair in 0..3 {
+            let corners = self.corners(pair, point);
+            let out = &mut features[combine.part(pair, self.channels)];
+            blend(self.texels(&corners), corners.weights, out, combine == Combine::Sum && pair > 0);
+        }
+    }
+
+    /// Returns the gradient of one point for the cotangent of its features.
+    pub fn point_bar(&self, combine: Combine, point: [f32; 3], features_bar: &[f32]) -> [f32; 3] {
+        let mut bar = [0.0; 3];
+        for pair in 0..3 {
+            let corners = self.corners(pair, point);
+            let (t, [a, b]) = (self.texels(&corners), corners.fractions);
+            let g = &features_bar[combine.part(pair, self.channels)];
+            let along = [
+                sum::sum16_by(g.len(), |c| {
+                    g[c] * ((1.0 - b) * (t[2][c] - t[0][c]) + b * (t[3][c] - t[1][c]))
+                }),
+                sum::sum16_by(g.len(), |c| {
+                    g[c] * ((1.0 - a) * (t[1][c] - t[0][c]) + a * (t[3][c] - t[2][c]))
+                }),
+            ];
+            for k in 0..2 {
+                if corners.is_inside[k] {
+                    bar[AXES[pair][k]] += along[k];
+                }
+            }
+        }
+        bar.map(|g| g * (0.5 * (self.side - 1) as f32) / self.half_size)
+    }
+
+    /// Adds the gradient of the planes for the cotangents of the features of consecutive points. Calls with
+    /// consecutive parts of the points add in the same order as one call.
+    ///
+    /// # Panics
+    /// Panics if a buffer does not have the size of its shape.
+    pub fn scatter(
+        &self,
+        combine: Combine,
+        points: &[[f32; 3]],
+        features_bar: &[f32],
+        planes_bar: &mut [f32],
+    ) {
+        self.hold_to_shape();
+        let width = combine.width(self.channels);
+        assert_eq!(features_bar.len(), points.len() * width, "one row of features per point");
+        assert_eq!(planes_bar.len(), self.values.len(), "the gradient has the shape of the planes");
+        let lists = par::map(points.len().div_ceil(CHUNK), |c| {
+            self.by_band(&points[c * CHUNK..Ord::min((c + 1) * CHUNK, points.len())])
+        });
+        let row = self.side * self.channels;
+        let bands: Vec<&mut [f32]> =
+            planes_bar.chunks_mut(self.side * row).flat_map(|plane| plane.chunks_mut(BAND * row)).collect();
+        let per_plane = self.side.div_ceil(BAND);
+        par::each(bands, |t, band| {
+            // Texels of this band are those from `first` on.
+            let first = (t / per_plane * self.side + t % per_plane * BAND) * self.side;
+            for (c, list) in lists.iter().enumerate() {
+                for &entry in list.of(t) {
+                    let (at, pair) = (c * CHUNK + entry as usize / 3, entry as usize % 3);
+                    let corners = self.corners(pair, points[at]);
+                    let g = &features_bar[at * width..][combine.part(pair, self.channels)];
+                    for half in 0..2 {
+                        let texel = (corners.at + half * self.side).wrapping_sub(first);
+                        if let Some(to) = band.get_mut(texel.wrapping_mul(self.channels)..)
+                            && !to.is_empty()
+                        {
+                            let (left, right) = to[..2 * self.channels].split_at_mut(self.channels);
+                            add_scaled(corners.weights[2 * half], g, left);
+                            add_scaled(corners.weights[2 * half + 1], g, right);
+                        }
+                    }
+                }
+            }
+        });
+    }
+
+    /// Sorts up to [`CHUNK`] points by the bands that they read, in index order within a band.
+    fn by_band(&self, points: &[[f32; 3]]) -> Lists {
+        let per_plane = self.side.div_ceil(BAND);
+        // The bands of the two rows of a cell.
+        let bands = |entry: usize| {
+            let row = self.corners(entry % 3, points[entry / 3]).at / self.side;
+            let (plane, row) = (row / self.side, row % self.side);
+            [row, row + 1].map(|row| plane * per_plane + row / BAND)
+        };
+        let bands: Vec<[usize; 2]> = (0..3 * points.len()).map(bands).collect();
+        let mut starts = vec![0; self.count * per_plane + 1];
+        let owners = |[a, b]: [usize; 2]| std::iter::once(a).chain((a != b).then_some(b));
+        bands.iter().flat_map(|b| owners(*b)).for_each(|band| starts[band + 1] += 1);
+        for band in 1..starts.len() {
+            starts[band] += starts[band - 1];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![0_u32; starts[starts.len() - 1]];
+        for (entry, b) in bands.iter().enumerate() {
+            for band in owners(*b) {
+                entries[next[band]] = entry as u32;
+                next[band] += 1;
+            }
+        }
+        Lists { starts, entries }
+    }
+}
+
+/// Entries (point·3 + pair of axes) of every band, one band after the other.
+struct Lists {
+    starts: Vec<usize>,
+    entries: Vec<u32>,
+}
+
+impl Lists {
+    fn of(&self, band: usize) -> &[u32] {
+        &self.entries[self.starts[band]..self.starts[band + 1]]
+    }
+}
+
+/// Writes the weighted sum of four texels to `out`, or adds it.
+#[inline(always)]
+fn blend(t: [&[f32]; 4], w: [f32; 4], out: &mut [f32], is_added: bool) {
+    let wide = w.map(f32x8::splat);
+    let eights = t.map(|t| t.as_chunks::<8>());
+    let (out8, out1) = out.as_chunks_mut::<8>();
+    for (c, out) in out8.iter_mut().enumerate() {
+        let [t0, t1, t2, t3] = eights.map(|(t, _)| f32x8::new(t[c]));
+        let value = ((wide[0] * t0 + wide[1] * t1) + wide[2] * t2) + wide[3] * t3;
+        *out = if is_added { f32x8::new(*out) + value } else { value }.to_array();
+    }
+    for (c, out) in out1.iter_mut().enumerate() {
+        let [t0, t1, t2, t3] = eights.map(|(_, t)| t[c]);
+        let value = ((w[0] * t0 + w[1] * t1) + w[2] * t2) + w[3] * t3;
+        *out = if is_added { *out + value } else { value };
+    }
+}
+
+/// Adds w·x to `to`.
+#[inline(always)]
+fn add_scaled(w: f32, x: &[f32], to: &mut [f32]) {
+    let ((x8, x1), (to8, to1)) = (x.as_chunks::<8>(), to.as_chunks_mut::<8>());
+    for (x, to) in x8.iter().zip(to8) {
+        *to = (f32x8::new(*to) + f32x8::splat(w) * f32x8::new(*x)).to_array();
+    }
+    for (x, to) in x1.iter().zip(to1) {
+        *to += w * *x;
+    }
+}
+
+/// Writes `features`, (N, 3C) or (N, C).
+///
+/// # Panics
+/// Panics if a buffer does not have the size of its shape.
+pub fn forward(planes: &Planes<'_>, combine: Combine, points: &[[f32; 3]], features: &mut [f32]) {
+    planes.hold_to_shape();
+    let width = combine.width(planes.channels);
+    assert_eq!(features.len(), points.len() * width, "one row of features per point");
+    par::chunks_mut(features, ROWS * width, |c, rows| {
+        for (row, point) in rows.chunks_exact_mut(width).zip(&points[c * ROWS..]) {
+            planes.features(combine, *point, row);
+        }
+    });
+}
+
+/// Adds the gradients for the cotangent `features_bar` to `points_bar` (N, 3) and `planes_bar` (P, S, S, C); one
+/// that is empty is not requested.
+///
+/// # Panics
+/// Panics under the conditions of [`forward`].
+pub fn adjoint(
+    planes: &Planes<'_>,
+    combine: Combine,
+    points: &[[f32; 3]],
+    features_bar: &[f32],
+    points_bar: &mut [[f32; 3]],
+    planes_bar: &mut [f32],
+) {
+    planes.hold_to_shape();
+    let width = combine.width(planes.channels);
+    assert_eq!(features_bar.len(), points.len() * width, "one row of features per point");
+    if !points_bar.is_empty() {
+        assert_eq!(points_bar.len(), points.len(), "one gradient per point");
+        par::chunks_mut(points_bar, ROWS, |c, bars| {
+            let from = c * ROWS;
+            let rows = points[from..].iter().zip(features_bar[from * width..].chunks_exact(width));
+            for (bar, (point, g)) in bars.iter_mut().zip(rows) {
+                let own = planes.point_bar(combine, *point, g);
+                (0..3).for_each(|k| bar[k] += own[k]);
+            }
+        });
+    }
+    if !planes_bar.is_empty() {
+        planes.scatter(combine, points, features_bar, planes_bar);
+    }
+}

@@ -1,0 +1,31 @@
+//! Fields of an object: feature planes decoded to a signed distance, colours, materials and normals, rendered
+//! as a volume. Level 5.
+//!
+//! ```text
+//! points, planes ── fetch ──► features ─┬─ sdf_head ────► sdf s ─┬─ density  (s at a point) ──────► σ
+//!                                       │                        ├─ interval (s at both ends) ────► mean σ
+//!                                       │                        └─ normal   (s at a stencil) ────► gradient, n
+//!                                       ├─ normal_head ─► n ──┐
+//!                                       ├─ value_head ──► ρ ──┴─ embed (panoramas, ray) ─► h ─┐
+//!                                       ├─ value_head ──► colour from features, or features ‖ h
+//!                                       ├─ value_head ──► albedo
+//!                                       └─ value_head ──► roughness, metallic
+//! σ, δ, values ── composite ──► value, opacity            along a ray
+//! rays, all of the above ── render ──► images of a crop   fused; blocks of 64 rays
+//! sdf with bounds per cell ── occupancy ──► bit grid ──► intervals in which rays take samples
+//! ```
+//!
+//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. `render` strings
+//! the same functions and has the bits of the composition of the operators.
+//!
+//! # Conventions
+//! * The field fills the box [−R, R]³ with the half size R; p = x/R.
+//! * s is negative inside. σ is the density of VolSDF (Yariv et al. 2021) with the scale β.
+//! * Colours and albedo are sRGB-encoded values in 0..1.
+
+pub mod composite;
+pub mod density;
+pub mod fetch;
+pub mod interval;
+pub mod network;
+pub mod sdf_head;
