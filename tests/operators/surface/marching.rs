@@ -106,17 +106,15 @@ fn triangles_of_a_cell_do_not_intersect() {
             assert_eq!(self_intersections(&mesh), 0, "signs {signs:08b}, seed {seed}: {values:?}");
         }
     }
-    // the check finds two octahedra that intersect
-    let mut two = surface(&volume(&[1.0, -1.0, 1.0], [1, 1, 3])).expect("a volume");
-    let n = two.positions.len() as u32;
-    two.positions.iter_mut().for_each(|p| *p = [p[0] + 0.3 * (p[2] - 1.0), p[1] - 0.2 * (p[2] - 1.0), p[2]]);
-    let octahedron =
-        [[0.0_f32, 0.0, 0.6], [0.0, 0.0, 1.6], [0.5, 0.0, 1.1], [0.0, 0.5, 1.1], [-0.5, -0.5, 1.1]];
-    two.positions.extend(octahedron);
-    two.triangles
-        .extend([[2, 3, 1], [3, 4, 1], [4, 2, 1], [3, 2, 0], [4, 3, 0], [2, 4, 0]].map(|t| t.map(|i| i + n)));
-    two.positions.extend([[-1.0, 0.3, 1.0], [1.0, 0.3, 1.0], [0.0, -1.0, 1.2]]);
-    two.triangles.push([n + 5, n + 6, n + 7]);
+    // the check finds a triangle that cuts an octahedron in two
+    let mut two = Mesh::default();
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    two.positions.extend(axes.iter().flat_map(|a| [a.map(|x| -x), *a]));
+    two.triangles =
+        vec![[1, 3, 5], [3, 0, 5], [0, 2, 5], [2, 1, 5], [3, 1, 4], [0, 3, 4], [2, 0, 4], [1, 2, 4]];
+    assert_eq!((euler(&two), self_intersections(&two)), (Ok(2), 0), "an octahedron");
+    two.positions.extend([[-9.0, -9.0, 0.3], [9.0, -9.0, 0.3], [0.0, 9.0, 0.3]]);
+    two.triangles.push([6, 7, 8]);
     assert!(self_intersections(&two) > 0, "the negative control");
 }
 
