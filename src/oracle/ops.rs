@@ -10,7 +10,7 @@
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
 //! case     drawing of generated cases                splat, field, geometry, nn, networks, loss, points,
 //!                                                    groups, lpips, latent, prior, shade, moment, causal,
-//!                                                    pose, skin, rest, optim: the entries
+//!                                                    surface, pose, skin, rest, optim: the entries
 //! ```
 
 mod call;
@@ -36,6 +36,7 @@ mod shade;
 mod skin;
 mod splat;
 mod subject;
+mod surface;
 mod twin;
 
 pub use call::{Call, RunResult, Settings};
@@ -74,6 +75,8 @@ pub static LIST: &[&Op] = &[
     &latent::LATENT,
     &prior::PRIOR,
     &prior::PRESENCE,
+    &surface::EIKONAL,
+    &surface::ALBEDO,
     &shade::GGX,
     &shade::ENVMAP,
     &moment::DIFFUSE,
@@ -81,8 +84,12 @@ pub static LIST: &[&Op] = &[
     &moment::OVER_BLACK,
     &field::FETCH,
     &field::SDF_HEAD,
+    &field::VALUE_HEAD,
+    &field::NORMAL_HEAD,
+    &field::EMBED,
     &field::DENSITY,
     &field::INTERVAL,
+    &field::NORMAL,
     &field::COMPOSITE,
     &causal::ACYCLIC,
     &causal::MASK,
