@@ -69,6 +69,47 @@ pub(crate) fn square(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A number of things: `7000`, or with a power of ten, `7e3`.
+#[derive(Clone)]
+pub(crate) struct Count;
+
+impl Count {
+    /// The number, if the text is one.
+    fn parse(text: &str) -> Option<usize> {
+        let Some((digits, power)) = text.split_once(['e', 'E']) else { return text.parse().ok() };
+        let (whole, fraction) = digits.split_once('.').unwrap_or((digits, ""));
+        let power = power.parse::<usize>().ok().filter(|p| (fraction.len()..=18).contains(p))?;
+        let digits: usize = format!("{whole}{fraction}").parse().ok()?;
+        digits.checked_mul(10_usize.checked_pow(u32::try_from(power - fraction.len()).ok()?)?)
+    }
+}
+
+impl TypedValueParser for Count {
+    type Value = usize;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<usize, clap::Error> {
+        let text = StringValueParser::new().parse_ref(command, argument, value)?;
+        Self::parse(&text).ok_or_else(|| {
+            let option = argument.map_or_else(String::new, |a| format!(" for '{a}'"));
+            invalid(&format!("invalid value '{text}'{option}: expected {INTEGER}, such as 7000 or 7e3"))
+        })
+    }
+}
+
+/// An error of a value in the form of the parser's own.
+pub(crate) fn invalid(message: &str) -> clap::Error {
+    let message = format!("{message}\n\nFor more information, try '--help'.\n");
+    clap::Error::raw(ErrorKind::ValueValidation, message)
+}
+
+/// What an option of integers accepts, for errors.
+pub(crate) const INTEGER: &str = "an integer of at least 0";
+
 /// Values that completions know, of which others are accepted too.
 #[derive(Clone)]
 pub(crate) struct Known {
@@ -124,41 +165,25 @@ impl TypedValueParser for Operator {
             e.insert(ContextKind::InvalidArg, ContextValue::String(argument.to_string()));
         }
         e.insert(ContextKind::InvalidValue, ContextValue::String(name.clone()));
-        match closest(&name, ops::LIST.iter().map(|op| op.name)) {
-            Some(close) => e.insert(ContextKind::SuggestedValue, ContextValue::String(close.to_owned())),
-            None => e.insert(
-                ContextKind::Suggested,
-                ContextValue::StyledStrs(vec!["`lastlight oracle list` prints all operators".into()]),
-            ),
-        };
+        let is_group = |op: &&ops::Op| op.name.split_once('.').is_some_and(|(group, _)| group == name);
+        let list = |what: String| ContextValue::StyledStrs(vec![what.into()]);
+        let close = ops::similar(&name, ops::LIST.iter().map(|op| op.name));
+        if ops::LIST.iter().copied().any(|op| is_group(&op)) {
+            let what = format!("'{name}' is a group: `lastlight oracle list {name}` prints its operators");
+            e.insert(ContextKind::Suggested, list(what));
+        } else if close.is_empty() {
+            let what = "`lastlight oracle list` prints all operators".to_owned();
+            e.insert(ContextKind::Suggested, list(what));
+        } else {
+            let close = close.into_iter().map(str::to_owned).collect();
+            e.insert(ContextKind::SuggestedValue, ContextValue::Strings(close));
+        }
         Err(e)
     }
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
         Some(Box::new(ops::LIST.iter().map(|op| PossibleValue::new(op.name).help(op.summary))))
     }
-}
-
-/// The name that the fewest insertions, deletions and replacements make of `word`, if they change at most half of it.
-fn closest<'a>(word: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
-    let best = names.map(|name| (edits(word, name), name)).min_by_key(|(edits, _)| *edits);
-    best.filter(|(edits, _)| 2 * edits <= word.chars().count()).map(|(_, name)| name)
-}
-
-/// Levenshtein's distance.
-fn edits(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]
@@ -178,11 +203,12 @@ mod tests {
     }
 
     #[test]
-    fn the_closest_name_is_suggested() {
-        let close = |word: &str| closest(word, ["splat.render", "splat.blend", "nn.linear"].into_iter());
-        assert_eq!(close("splat.rendr"), Some("splat.render"), "a letter is missing");
-        assert_eq!(close("linear"), Some("nn.linear"), "a prefix is missing");
-        assert_eq!(close("gemm"), None, "nothing is close");
-        assert_eq!([edits("", "abc"), edits("kitten", "sitting"), edits("a", "a")], [3, 3, 0], "distances");
+    fn counts_may_have_a_power_of_ten() {
+        for (text, n) in [("0", 0), ("7000", 7000), ("7e3", 7000), ("1.5e4", 15_000), ("2E0", 2)] {
+            assert_eq!(Count::parse(text), Some(n), "{text}");
+        }
+        for bad in ["", "-5", "e3", "1e", "1e-3", "1.5", "1.25e1", "1e30", "1e18446744073709551617", "many"] {
+            assert_eq!(Count::parse(bad), None, "{bad}");
+        }
     }
 }

@@ -16,7 +16,7 @@ struct Claim {
 /// The folders of this program.
 static TAKEN: Mutex<Vec<Claim>> = Mutex::new(Vec::new());
 
-/// Takes a folder until [`release`]; makes it if it is not there.
+/// Takes a folder until [`release`]; makes it if it is not there, and removes temporary files that a killed program left in it.
 fn take(dir: &Path) -> Result<()> {
     let mut taken = TAKEN.lock().unwrap_or_else(PoisonError::into_inner);
     let made: Vec<PathBuf> = dir
@@ -27,7 +27,10 @@ fn take(dir: &Path) -> Result<()> {
     std::fs::create_dir_all(dir).map_err(|e| Error::os(dir, &e))?;
     let dir = dir.canonicalize().map_err(|e| Error::os(dir, &e))?;
     if taken.iter().all(|t| t.dir != dir) {
-        taken.push(Claim { lock: Lock::take(&dir)?, dir, made });
+        let lock = Lock::take(&dir)?;
+        // Parts of files of a program that was killed while it wrote them.
+        atomic::sweep(&dir)?;
+        taken.push(Claim { lock, dir, made });
     }
     Ok(())
 }
@@ -102,6 +105,14 @@ mod tests {
         folder(&out, false, false).expect("empty");
         std::fs::write(out.join("x"), "x").expect("writable");
         assert!(folder(&out, false, false).is_err(), "used");
+        let killed = dir.path().join("killed");
+        std::fs::create_dir(&killed).expect("writable");
+        std::fs::write(killed.join(".lastlight-Ab12.part"), "x").expect("writable");
+        folder(&killed, true, false).expect("resumed");
+        assert!(
+            !killed.join(".lastlight-Ab12.part").exists(),
+            "part of a file, left by a program that was killed"
+        );
         folder(&out, true, false).expect("resumed");
         folder(&out, false, true).expect("forced");
         assert!(folder(&out.join("x"), false, true).is_err(), "a file is no folder");

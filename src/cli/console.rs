@@ -1,6 +1,6 @@
 //! The terminal: results on stdout, errors and notes on stderr, interruption, the command line as it was typed.
 
-use crate::visible::{escaped, shortened};
+use crate::visible::{escaped, escaped_json, shortened};
 use crate::{Error, Result, claim};
 use clap::ColorChoice;
 use clap::builder::styling::{AnsiColor, Style};
@@ -28,6 +28,9 @@ static OUTPUT: OnceLock<Output> = OnceLock::new();
 /// Arguments behind the name of the program, those of `--like` written out.
 static ARGUMENTS: OnceLock<Vec<String>> = OnceLock::new();
 
+/// Those that a folder of results keeps, for `--resume`.
+static KEPT: OnceLock<Vec<String>> = OnceLock::new();
+
 /// Keeps the arguments for records and reports, once.
 pub(crate) fn set_arguments(arguments: &[OsString]) {
     // A second call has no effect.
@@ -37,6 +40,16 @@ pub(crate) fn set_arguments(arguments: &[OsString]) {
 /// The arguments of this run, as its record keeps them.
 pub(crate) fn arguments() -> &'static [String] {
     ARGUMENTS.get().map_or(&[], Vec::as_slice)
+}
+
+/// Sets what [`kept`] returns, once.
+pub(crate) fn set_kept(arguments: Vec<String>) {
+    let _ = KEPT.set(arguments);
+}
+
+/// The arguments that a folder of results keeps.
+pub(crate) fn kept() -> &'static [String] {
+    KEPT.get().map_or(&[], Vec::as_slice)
 }
 
 /// Sets the output of this program, once.
@@ -87,9 +100,8 @@ pub(crate) fn error(output: Output, kind: &str, message: &str, exit_code: u8) {
     let message = one_line(message);
     let message = shortened(&message);
     if output.json {
-        return note(
-            &json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}}).to_string(),
-        );
+        let document = json!({"error": {"kind": kind, "message": message, "exit_code": exit_code}});
+        return write_error(&escaped_json(&document.to_string()));
     }
     let is_colored = match output.color {
         ColorChoice::Always => true,
@@ -183,7 +195,7 @@ fn write_error(line: &str) {
 /// # Errors
 /// When stdout cannot be written.
 pub(crate) fn say_json(record: &serde_json::Value) -> Result<()> {
-    say(&format!("{record:#}"))
+    say(&escaped_json(&format!("{record:#}")))
 }
 
 /// The command line as it can be typed again.

@@ -37,16 +37,24 @@ pub(super) fn run(args: &Args) -> Result<()> {
     if dropped > 0 && !crate::console::is_quiet() {
         crate::console::note(&dropped_text(dropped, dropped + scene.len()));
     }
+    // A .splat file holds one colour per Gaussian.
+    let written = if SceneFormat::of(&args.output)? == SceneFormat::Splat { 0 } else { scene.sh_degree };
+    if written < scene.sh_degree && !crate::console::is_quiet() {
+        crate::console::note(&format!(
+            "a .splat file has no view-dependent colour: SH degree {} is reduced to {written}",
+            scene.sh_degree
+        ));
+    }
     let size = std::fs::metadata(&args.output).map_or(0, |m| m.len());
     if crate::console::is_json() {
         crate::console::say_json(&json!({
-            "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "bytes": size, "dropped": dropped,
+            "input": args.input, "output": args.output, "gaussians": scene.len(), "sh_degree": scene.sh_degree, "sh_degree_written": written, "bytes": size, "dropped": dropped,
         }))
     } else {
         crate::console::say(&format!(
-            "{} Gaussians, SH degree {}: {} ({})",
+            "{} Gaussian{}, SH degree {written}: {} ({})",
             report::thousands(scene.len()),
-            scene.sh_degree,
+            if scene.len() == 1 { "" } else { "s" },
             args.output.display(),
             report::bytes(size)
         ))

@@ -14,7 +14,7 @@
 //! training  the frame of every command that trains        experiments  the study engine with progress and reports
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
 //! choices   values of options
-//! like      --like result.json
+//! like      --like result.json, --resume       mistakes   what a usage error suggests
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
 //! snapshots renders and PSNR during a training, for its report
@@ -40,6 +40,7 @@ mod like;
 mod lirm;
 mod mesh;
 mod meter;
+mod mistakes;
 mod options;
 pub mod oracle;
 mod report;
@@ -94,7 +95,7 @@ struct Cli {
     /// Memory that an input or a result may take, such as 512M or 4G [default: half of the machine's]; more is an error
     #[arg(long, global = true, value_name = "SIZE", value_parser = memory_size)]
     max_memory: Option<u64>,
-    /// Print neither progress nor notes
+    /// Print errors and results alone: neither progress nor notes nor next steps
     #[arg(short, long, global = true)]
     quiet: bool,
     /// Also print the number of threads and the time of every part
@@ -119,7 +120,7 @@ struct Cli {
 #[derive(Subcommand)]
 #[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 enum Command {
-    /// Fit a built-in person from a video and a built-in scene from photos; one report with images
+    /// Fit a built-in person from a video and a built-in scene from images; one report with images
     Demo(demo::Args),
     /// Gaussian splatting of a static capture: fit, render, evaluate
     #[command(
@@ -199,10 +200,12 @@ pub fn main() -> ExitCode {
     let threads =
         cli.threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     let clock = meter::Meter::new();
+    let is_timed = verbose && !cli.version;
     let outcome = par::with_threads(threads, || dispatch(cli)).and_then(|outcome| outcome);
     claim::release();
-    if verbose {
-        console::note(&format!("{} with {threads} threads", units::seconds(clock.seconds())));
+    if is_timed {
+        let threads = units::counted(threads, "thread");
+        console::note(&format!("{} with {threads}", units::seconds(clock.seconds())));
     }
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -231,8 +234,11 @@ fn memory_size(text: &str) -> std::result::Result<u64, String> {
 fn parse(arguments: &[OsString], before: console::Output) -> std::result::Result<Cli, clap::Error> {
     let mut tree = command().color(before.color);
     let arguments = like::expanded(arguments, &tree)?;
-    let matches = tree.try_get_matches_from_mut(&arguments)?;
+    let matches = tree
+        .try_get_matches_from_mut(&arguments)
+        .map_err(|e| mistakes::explained(e, &tree, &topics::TOPICS))?;
     console::set_arguments(&arguments);
+    console::set_kept(like::kept(console::arguments(), &tree));
     let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut tree))?;
     if cli.command.is_none() && !cli.version {
         return Err(tree.error(ErrorKind::MissingSubcommand, "a command is needed, such as demo"));

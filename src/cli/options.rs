@@ -99,6 +99,7 @@ const RARE: &[&str] = &[
     "allow-outside",
     "animate",
     "appearances",
+    "arc",
     "batch-groups",
     "batch-images",
     "batch-points",

@@ -82,25 +82,33 @@ The input file holds the inputs under the operator's argument names, floats and 
         #[arg(long)]
         dump: bool,
     },
-    /// Compare user-supplied arrays with reference arrays; exit code 1 if they differ
+    /// Compare your arrays with reference arrays; exit code 1 if they differ or one is missing
     #[command(after_help = "Examples:
   lastlight oracle compare mine.npz ours.npz
   lastlight oracle compare mine.npz cases/splat.render_0.npz --tol 1e-4 --html report.html
+  lastlight oracle compare mine.npz ours.npz --present-only
 
-For every array: relative L2 error, largest and mean distance in units of the last place, cosine, signed bias, zeros, and the entries that differ most. The first diverging stage is the first one whose inputs match and whose outputs differ. Arrays with NaN values never match.")]
+The operator is found by the names of the arrays. An output or gradient that only one of the files contains is missing, and the exit code is 1, as for a name that the operator does not have; --present-only compares what both files contain. Inputs, cotangents, settings and intermediates may be in one file only.
+
+The error is yours - reference. For every array: rel L2 is |yours - reference| / |reference|, which --tol bounds; ulp are units in the last place of the narrower type; 1-cos is 1 - cosine; bias is sum(yours - reference) / sum|reference|; then the number of entries that are zero in one file only, and the ten entries that differ most. The first diverging stage is the first one whose inputs match and whose outputs differ. Arrays with NaN values never match.
+
+JSON: `measures` of an array is null where nothing could be measured, and `reason` states why.")]
     Compare {
-        /// User-supplied arrays (.npz)
+        /// Your arrays (.npz)
         #[arg(value_name = "MINE", display_order = 1)]
-        theirs: PathBuf,
+        yours: PathBuf,
         /// Reference arrays (.npz), written by `oracle run` or `oracle mint`
         #[arg(value_name = "REFERENCE", display_order = 2)]
-        ours: PathBuf,
+        reference: PathBuf,
         /// Operator; needed only when the names of the arrays are ambiguous
         #[arg(long, value_name = "OP", value_parser = Operator)]
         op: Option<String>,
         /// Largest accepted relative L2 error of an array
         #[arg(long, value_name = "X", default_value_t = compare::TOLERANCE)]
         tol: f64,
+        /// Compare only the arrays that both files contain; missing and unknown ones are listed
+        #[arg(long)]
+        present_only: bool,
         /// Also write a self-contained HTML page
         #[arg(long, value_name = "FILE")]
         html: Option<PathBuf>,
@@ -140,10 +148,10 @@ fn page(options: &compare::Options, comparison: &compare::Comparison, path: &Pat
     let stages = operator.into_iter().flat_map(|op| op.stages);
     let input = report::Input {
         report: &comparison.report,
-        their_file: &options.theirs,
-        our_file: &options.ours,
-        theirs: &comparison.theirs,
-        ours: &comparison.ours,
+        your_file: &options.yours,
+        reference_file: &options.reference,
+        yours: &comparison.yours,
+        reference: &comparison.reference,
         stages: stages.map(|s| report::Stage { name: s.operator, outputs: s.outputs.to_vec() }).collect(),
         command: command_line(),
     };
@@ -171,10 +179,10 @@ pub fn run(args: Args) -> Result<()> {
             let options = runner::Options { op, input, out, precision, profile, set, plan, dump };
             print(&runner::run(&options, &mut progress)?)
         }
-        Command::Compare { theirs, ours, op, tol, html } => {
-            let options = compare::Options { theirs, ours, op, tol };
+        Command::Compare { yours, reference, op, tol, present_only, html } => {
+            let options = compare::Options { yours, reference, op, tol, present_only };
             if let Some(path) = &html {
-                let inputs = [&options.theirs, &options.ours].into_iter().map(PathBuf::as_path);
+                let inputs = [&options.yours, &options.reference].into_iter().map(PathBuf::as_path);
                 runner::check_output("--html", path, inputs)?;
             }
             let comparison = compare::compare(&options)?;
@@ -186,11 +194,9 @@ pub fn run(args: Args) -> Result<()> {
             if report.passed {
                 return Ok(());
             }
-            let differing =
-                report.arrays.iter().filter(|a| a.agreement != compare::Agreement::Agrees).count();
-            Err(Error::check("oracle compare")
-                .expected("every array to agree")
-                .got(format!("{differing} that do not")))
+            let e = Error::check("oracle compare").expected("every array to match").got(report.summary());
+            let is_incomplete = report.arrays.iter().all(compare::ArrayReport::matches);
+            Err(if is_incomplete { e.hint("--present-only compares the others only") } else { e })
         }
         Command::Mint { op: ops, out, profile, set } => {
             print(&mint::mint(&mint::Options { ops, out, profile, set }, &mut |_| {})?)

@@ -1,7 +1,7 @@
 //! Arguments that several commands have.
 
 use super::meter::Meter;
-use super::report::Page;
+use super::report::{Page, Section, Stat};
 use crate::console;
 use crate::fit::orbit::Orbit;
 use crate::loss::lpips;
@@ -20,7 +20,7 @@ pub(super) struct OutputArgs {
     /// Seed of all random numbers
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(super) seed: u64,
-    /// Continue an interrupted run with the same settings; the result is bit-identical to an uninterrupted run
+    /// Continue the interrupted run in the folder of --out; the result is bit-identical to that of an uninterrupted run
     #[arg(long)]
     pub(super) resume: bool,
     /// Replace existing results
@@ -100,8 +100,8 @@ pub(super) fn note_missing_weights(metric: Option<&lpips::Metric>, meter: &Meter
 pub(super) struct Outcome {
     /// the result
     pub(super) record: Value,
-    /// the report
-    pub(super) page: Page,
+    /// the report; that of a run that was complete before is there
+    pub(super) page: Option<Page>,
     /// the result for a terminal
     pub(super) lines: Vec<String>,
     /// mean PSNR of the held-out images in dB, that of the box for a person; NaN where nothing is held out
@@ -109,12 +109,25 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
+    /// The cards of its report.
+    pub(super) fn stats(&self) -> &[Stat] {
+        self.page.as_ref().map_or(&[], |page| &page.stats)
+    }
+
+    /// The parts of its report.
+    pub(super) fn sections(&self) -> &[Section] {
+        self.page.as_ref().map_or(&[], |page| &page.sections)
+    }
+
     /// Writes the report into `dir`; prints the record as JSON, or the lines and where the report is.
     ///
     /// # Errors
     /// When the report or standard output cannot be written.
     pub(super) fn publish(&self, dir: &Path) -> Result<()> {
-        let report = self.page.write(dir)?;
+        let report = match &self.page {
+            Some(page) => page.write(dir)?,
+            None => dir.join("report/index.html"),
+        };
         if crate::console::is_json() {
             return crate::console::say_json(&self.record);
         }
@@ -187,6 +200,15 @@ impl OrbitArgs {
             return Err(wrong());
         }
         let Some(count) = cameras.strip_prefix("orbit:") else {
+            // A name with a number is no path that was mistyped.
+            let number =
+                cameras.split_once(':').map(|(_, number)| number).filter(|_| !Path::new(cameras).exists());
+            if let Some(number) = number.filter(|n| !n.is_empty() && n.bytes().all(|b| b.is_ascii_digit())) {
+                return Err(wrong().hint(format!(
+                    "orbit:{number} gives {}",
+                    if number == "1" { "1 view".to_owned() } else { format!("{number} views") }
+                )));
+            }
             let given = [
                 ("--size", self.size.is_some()),
                 ("--fov", self.fov.is_some()),
@@ -205,6 +227,7 @@ impl OrbitArgs {
         Ok(Some(Orbit {
             count,
             center: None,
+            arc_rad: None,
             radius,
             elevation_rad: elevation.to_radians(),
             fov_x_rad: fov.to_radians(),

@@ -2,13 +2,14 @@
 
 use crate::choices::{Choices, Known};
 use crate::console as cli;
+use crate::mistakes;
 use crate::{Error, Result};
 use serde_json::json;
 
 /// Pages that belong to no single command: name, one line, text.
 pub(crate) const TOPICS: [(&str, &str, &str); 4] = [
     ("captures", "Layouts of input images with camera poses", CAPTURES),
-    ("profiles", "Semantics of the renderer: exact, gsplat, inria", PROFILES),
+    ("profiles", "Semantics of the renderer: exact, gsplat, inria, unlimited", PROFILES),
     ("exit-codes", "Exit codes, errors, and what an interruption leaves", EXIT_CODES),
     ("env", "Environment variables", ENVIRONMENT),
 ];
@@ -62,9 +63,10 @@ Captures of a person (last fit, last eval, last tune, last intervene)
 const PROFILES: &str = "\
 Profiles of the Gaussian renderer (--profile)
 
-  exact     this program's own: all constants as in the equations, exact footprints (default)
-  gsplat    constants and cut-offs of gsplat
-  inria     constants and cut-offs of the original 3DGS implementation
+  exact      this program's own: all constants as in the equations, exact footprints (default)
+  gsplat     constants and cut-offs of gsplat
+  inria      constants and cut-offs of the original 3DGS implementation
+  unlimited  as exact, with no smallest alpha and no early stop: the reference of error curves, slower
 
 A profile fixes the dilation of projected covariances, the largest alpha, the smallest alpha that counts, the radius at which a Gaussian ends, the transmittance at which a ray stops, and the clamp of the projection's derivative. `oracle show splat.render` lists the settings, and `oracle run --set KEY=VALUE` overrides one.
 
@@ -134,15 +136,20 @@ pub(crate) fn run(args: &Args, mut tree: clap::Command) -> Result<()> {
     }
     // Global options reach the commands when the tree is built.
     tree.build();
+    let all = tree.clone();
     let mut command = &mut tree;
     for word in &args.words {
         let names: Vec<String> = command.get_subcommands().map(|c| c.get_name().to_owned()).collect();
         let topics = TOPICS.iter().map(|(name, ..)| (*name).to_owned());
         command = command.find_subcommand_mut(word).ok_or_else(|| {
             let known: Vec<String> = names.into_iter().chain(topics).collect();
-            Error::input("help")
-                .expected(format!("a command or a topic: {}", known.join(", ")))
-                .got(word.as_str())
+            let related = mistakes::related(word, &all, &TOPICS);
+            let e = Error::input("help").got(word.as_str());
+            if related.is_empty() {
+                return e.expected(format!("a command or a topic: {}", known.join(", ")));
+            }
+            let related: Vec<String> = related.iter().map(|name| format!("`lastlight {name}`")).collect();
+            e.expected("a command or a topic").hint(format!("see {}", related.join(", ")))
         })?;
     }
     let text = command.render_long_help();

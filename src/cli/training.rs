@@ -8,7 +8,7 @@ use crate::fit::training::{self, Fit, History, Schedule, Session, Start, Watch};
 use crate::io::atomic;
 use crate::meter::Meter;
 use crate::report::film::Film;
-use crate::shared::OutputArgs;
+use crate::shared::{Outcome, OutputArgs};
 use crate::snapshots::Recorder;
 use crate::{Error, Result, claim, like, version};
 use serde_json::{Map, Value, json};
@@ -18,6 +18,8 @@ use std::path::{Path, PathBuf};
 pub(crate) const CHECKPOINT: &str = "checkpoint.safetensors";
 /// The record in the folder of a training.
 pub(crate) const RESULT: &str = "result.json";
+/// The report in the folder of a training, which is written last.
+const REPORT: &str = "report/index.html";
 
 /// The folder of a training and how it is filled.
 pub(crate) struct Frame {
@@ -27,6 +29,8 @@ pub(crate) struct Frame {
     pub(crate) checkpoint_every: usize,
     /// whether the training goes on from the checkpoint that is there
     pub(crate) resume: bool,
+    /// whether its arguments are kept, so that they need not be typed again
+    keeps_arguments: bool,
 }
 
 impl Frame {
@@ -36,7 +40,8 @@ impl Frame {
     /// Those of [`claim::folder`].
     pub(crate) fn claim(out: &Path, filling: &OutputArgs, checkpoint_every: u32) -> Result<Self> {
         let dir = claim::folder(out, filling.resume, filling.force)?;
-        Ok(Self { dir, checkpoint_every: checkpoint_every as usize, resume: filling.resume })
+        let checkpoint_every = checkpoint_every as usize;
+        Ok(Self { dir, checkpoint_every, resume: filling.resume, keeps_arguments: true })
     }
 
     /// A folder inside one that was claimed.
@@ -45,7 +50,7 @@ impl Frame {
     /// When it cannot be made.
     pub(crate) fn inside(dir: PathBuf, checkpoint_every: usize) -> Result<Self> {
         std::fs::create_dir_all(&dir).map_err(|e| Error::os(&dir, &e))?;
-        Ok(Self { dir, checkpoint_every, resume: false })
+        Ok(Self { dir, checkpoint_every, resume: false, keeps_arguments: false })
     }
 
     /// Whether there is a checkpoint from which the training goes on.
@@ -69,9 +74,14 @@ impl Frame {
         match start {
             Start::Fresh => {}
             Start::NoCheckpoint => meter.note("no checkpoint yet: starting at iteration 0"),
+            Start::Resumed if history.len() == fit.iterations() => {}
             Start::Resumed => {
                 meter.note(&format!("resuming after iteration {} of {}", history.len(), fit.iterations()));
             }
+        }
+        if self.keeps_arguments && start != Start::Resumed {
+            let record = json!({ "lastlight": env!("CARGO_PKG_VERSION"), like::ARGUMENTS: cli::kept() });
+            atomic::write_bytes(&self.file(like::COMMAND), format!("{record:#}\n").as_bytes())?;
         }
         meter.lap("start");
         let mut watch = Recorder::new(meter, &self.dir);
@@ -80,6 +90,29 @@ impl Frame {
         let film = watch.into_film();
         meter.done();
         Ok((history, film))
+    }
+
+    /// The outcome of a training that was resumed after its end, if all of its results are there: nothing is written again.
+    pub(crate) fn finished(&self, digest: &str, settings: &Value, history: &History) -> Option<Outcome> {
+        let bytes = if self.resume { std::fs::read(self.file(RESULT)).ok()? } else { return None };
+        let record: Value = serde_json::from_slice(&bytes).ok()?;
+        // Settings pass through text, as those of the record did.
+        let settings: Value = serde_json::from_str(&settings.to_string()).ok()?;
+        let is_same = record["digest"] == digest
+            && record["settings"] == settings
+            && record["iterations"] == history.len();
+        if !is_same || !self.file(REPORT).is_file() {
+            return None;
+        }
+        let done = match history.len() {
+            1 => "the iteration is".to_owned(),
+            n => format!("all {n} iterations are"),
+        };
+        let lines = vec![
+            format!("complete    {done} done; no file was changed (--force starts over)"),
+            format!("digest      {digest}"),
+        ];
+        Some(Outcome { record, page: None, lines, held_out_db: f64::NAN })
     }
 
     /// Writes `result.json`: what every training records, with the entries of `own` after the digest.

@@ -3,6 +3,7 @@
 //! Commands declare their arguments in any order. [`refined`] gives every option the heading and the short form that it has everywhere
 //! (see [`options`](crate::options)), sorts the headings, and shortens examples for `-h`.
 
+use crate::choices;
 use crate::like;
 use crate::options::{self, Heading};
 use clap::Command;
@@ -36,7 +37,7 @@ fn with_order(command: Command, path: &str) -> Command {
     let shown = arguments.into_iter().map(|argument| {
         let heading = Heading::of(&argument).text(path);
         let rare = options::is_rare(&argument);
-        let argument = argument.help_heading(heading).hide_short_help(rare);
+        let argument = numeric(argument.help_heading(heading).hide_short_help(rare));
         if argument.get_long() == Some("out") { argument.short('o') } else { argument }
     });
     // clap takes names that live as long as the program; the tree is made at most twice.
@@ -60,6 +61,20 @@ fn with_order(command: Command, path: &str) -> Command {
         out = out.after_help(shortened(&text)).after_long_help(text);
     }
     out
+}
+
+/// The argument with counts as [`choices::Count`] reads them. A negative number is a value, which its option accepts or refuses, and no option.
+fn numeric(argument: clap::Arg) -> clap::Arg {
+    if !argument.get_action().takes_values() {
+        return argument;
+    }
+    let is_integer = argument.get_value_parser().type_id() == std::any::TypeId::of::<usize>();
+    // Sizes of images and numbers of a list are integers too.
+    let is_count = is_integer
+        && argument.get_possible_values().is_empty()
+        && argument.get_value_names().is_none_or(|names| names.iter().all(|name| name.as_str() != "S|WxH"));
+    let argument = if argument.is_positional() { argument } else { argument.allow_negative_numbers(true) };
+    if is_count { argument.value_parser(choices::Count) } else { argument }
 }
 
 /// The option of commands whose record can be run again.

@@ -22,6 +22,15 @@ pub(crate) fn escaped(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
+/// A JSON document with control characters inside its strings as `\u007f`.
+pub(crate) fn escaped_json(document: &str) -> Cow<'_, str> {
+    if !document.contains(is_hidden) {
+        return Cow::Borrowed(document);
+    }
+    let shown = |c: char| if is_hidden(c) { format!("\\u{:04x}", u32::from(c)) } else { c.to_string() };
+    Cow::Owned(document.chars().map(shown).collect())
+}
+
 /// The text without the middle of its longest words, and without its own if it is still long.
 pub(crate) fn shortened(text: &str) -> Cow<'_, str> {
     if text.chars().count() <= LONGEST_WORD {
@@ -52,6 +61,14 @@ mod tests {
         assert_eq!(escaped("Größe 3×4 → 日本\n\t."), "Größe 3×4 → 日本\n\t.", "text");
         assert_eq!(escaped("a\u{1b}[31mb\u{7}\r\u{9b}"), "a\\u{1b}[31mb\\u{7}\\u{d}\\u{9b}", "controls");
         assert_eq!(escaped("x\u{202e}gnp.y"), "x\\u{202e}gnp.y", "another order");
+    }
+
+    #[test]
+    fn a_json_document_stays_one() {
+        let value = serde_json::json!({"message": "a\u{7f}\u{1b}[31m\u{9b}\u{202e}é\n"});
+        let shown = escaped_json(&format!("{value:#}")).into_owned();
+        assert!(!shown.contains(is_hidden), "{shown}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).expect("JSON"), value, "{shown}");
     }
 
     #[test]

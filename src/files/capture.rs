@@ -42,6 +42,13 @@ pub fn read_capture_with(path: &Path, reading: &Reading) -> Result<Capture> {
         let e = Error::input("--images").at(folder.display().to_string()).expected("a folder");
         return Err(e.got(if folder.exists() { "a file" } else { "no such folder" }));
     }
+    if path.is_file()
+        && let Some(what) = medium(path)
+    {
+        let e = Error::input(path.display().to_string());
+        let e = e.expected("a folder with images and their camera poses, or its transforms.json").got(what);
+        return Err(e.hint("`lastlight help captures` describes captures and how they are made"));
+    }
     let mut capture = if path.is_file() || transforms::file_in(path).is_some() {
         transforms::read(path, reading)?
     } else if let Some(model) = colmap::find(path) {
@@ -63,12 +70,19 @@ pub fn read_capture_with(path: &Path, reading: &Reading) -> Result<Capture> {
 /// Endings of files that hold images.
 const IMAGES: [&str; 11] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp", "heic", "exr", "hdr", "dng"];
 
+/// Endings of files that hold videos.
+const VIDEOS: [&str; 6] = ["mp4", "mov", "mkv", "avi", "webm", "m4v"];
+
+/// What a file is by its ending: an image or a video.
+fn medium(path: &Path) -> Option<&'static str> {
+    let ending = path.extension()?.to_str()?.to_ascii_lowercase();
+    let is_in = |all: &[&str]| all.contains(&ending.as_str());
+    if is_in(&IMAGES) { Some("one image") } else { is_in(&VIDEOS).then_some("a video") }
+}
+
 /// Number of images in a folder, and in the folders inside it that hold them by custom.
 fn count_images(path: &Path) -> usize {
-    let is_image = |p: &Path| {
-        let ending = p.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-        ending.is_some_and(|e| IMAGES.contains(&e.as_str()))
-    };
+    let is_image = |p: &Path| medium(p).is_some_and(|what| what != "a video");
     let folders = ["", "images", "input", "rgb"].iter().map(|inside| path.join(inside));
     let entries = folders.flat_map(|folder| std::fs::read_dir(folder).into_iter().flatten().flatten());
     entries.filter(|e| is_image(&e.path())).count()
@@ -105,6 +119,8 @@ mod tests {
         for name in ["a.JPG", "images/b.png", "images/c.heic", "notes.txt"] {
             std::fs::write(dir.path().join(name), "x").expect("written");
         }
+        let e = text(&dir.path().join("a.JPG"));
+        assert!(e.contains("a.JPG: expected a folder with images") && e.contains("got one image"), "{e}");
         let text = text(dir.path());
         assert!(text.contains("3 images but no camera poses") && text.contains("colmap"), "{text}");
     }

@@ -8,9 +8,9 @@
 //! op       an entry of the list                      call     a call and its result; checked: from
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
-//! case     drawing of generated cases                splat, field, geometry, nn, networks, loss, points,
-//!                                                    groups, lpips, latent, prior, shade, moment, causal,
-//!                                                    surface, pose, skin, rest, optim: the entries
+//! case     drawing of generated cases                similar: suggestions for unknown names
+//! splat, field, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, causal, surface, pose,
+//! skin, rest, optim: the entries
 //! ```
 
 mod call;
@@ -33,6 +33,7 @@ mod pose;
 mod prior;
 mod rest;
 mod shade;
+mod similar;
 mod skin;
 mod splat;
 mod subject;
@@ -45,6 +46,7 @@ pub use op::{Case, CheckedCall, Op, Width};
 pub use reference::inputs::Dims;
 pub use reference::ports::{Compare, Dtype, Kind, Port, SettingSpec, Signature, Space, Stage};
 pub use reference::settings::Setting;
+pub use similar::similar;
 pub use subject::{OpSubject, draw_cotangents};
 pub use twin::{run as run_f64, work};
 
@@ -114,11 +116,17 @@ pub static LIST: &[&Op] = &[
 /// The operator of that name.
 ///
 /// # Errors
-/// When there is no such operator; the error lists the names.
+/// When there is no such operator; the error suggests similar names, or lists all.
 pub fn find(name: &str) -> Result<&'static Op> {
     LIST.iter().copied().find(|op| op.name == name).ok_or_else(|| {
-        let names: Vec<_> = LIST.iter().map(|op| op.name).collect();
-        Error::input("operator").expected(format!("one of {}", names.join(", "))).got(format!("'{name}'"))
+        let names = || LIST.iter().map(|op| op.name);
+        let e = Error::input("operator").got(format!("'{name}'"));
+        match similar(name, names()).as_slice() {
+            [] => e.expected(format!("one of {}", names().collect::<Vec<_>>().join(", "))),
+            close => {
+                e.expected("the name of an operator").hint(format!("did you mean {}?", close.join(" or ")))
+            }
+        }
     })
 }
 

@@ -126,7 +126,7 @@ impl Views {
     pub fn load(path: &Path, options: &Options) -> Result<Self> {
         let (images, without_masks) = (options.images.clone(), options.masks == Masks::Off);
         let reading = Reading { images, outside: options.outside, without_masks };
-        Self::from_capture(&read_capture_with(path, &reading)?, options)
+        Self::named(&read_capture_with(path, &reading)?, options, &path.display().to_string())
     }
 
     /// The points of the capture, if there are enough of them to start a fit from.
@@ -145,6 +145,11 @@ impl Views {
     /// # Errors
     /// When a photo or a mask is bad, or its size does not fit its lens.
     pub fn from_capture(capture: &Capture, options: &Options) -> Result<Self> {
+        Self::named(capture, options, "capture")
+    }
+
+    /// [`Self::from_capture`] of a capture that errors call `name`.
+    fn named(capture: &Capture, options: &Options, name: &str) -> Result<Self> {
         if options.downscale == 0 || options.downscale > image_file::MAX_SIDE {
             let e = Error::input("downscale").expected(format!("1 to {}", image_file::MAX_SIDE));
             return Err(e.got(options.downscale.to_string()));
@@ -154,9 +159,11 @@ impl Views {
             return Err(e.got(format!("{:?}", options.background)));
         }
         if let (true, Some(first)) = (capture.frames.is_empty(), capture.missing.first()) {
-            return Err(Error::input("capture")
-                .expected("photos of the frames that are listed")
-                .got(format!("no file of {} frames, the first '{}'", capture.missing.len(), first.name)));
+            return Err(Error::input(name).expected("photos of the frames that are listed").got(format!(
+                "no file of {} frames, the first '{}'",
+                capture.missing.len(),
+                first.name
+            )));
         }
         let has = |s: Split| capture.frames.iter().any(|f| f.split == s);
         let given = has(Split::Train) && has(Split::Test);
@@ -164,12 +171,14 @@ impl Views {
             capture.frames.iter().filter(|f| !given || f.split != Split::Val).collect();
         frames.sort_by(|a, b| a.name.cmp(&b.name));
         if frames.is_empty() {
-            return Err(Error::input("capture").expected("at least one frame").got("none"));
+            return Err(Error::input(name).expected("at least one frame").got("none"));
         }
         if let (true, Some(first)) = (options.strict, capture.missing.first()) {
-            return Err(Error::input("capture")
-                .expected("the photo of every frame, with --strict")
-                .got(format!("{} that are not there, the first '{}'", capture.missing.len(), first.name)));
+            let (gone, listed) = (capture.missing.len(), capture.missing.len() + capture.frames.len());
+            return Err(Error::input(name)
+                .expected("a photo for every frame")
+                .got(format!("none for {gone} of {listed} frames, the first '{}'", first.name))
+                .hint("without --strict these frames are left out"));
         }
         let is_test =
             |i: usize| if given { frames[i].split == Split::Test } else { i.is_multiple_of(TEST_EVERY) };

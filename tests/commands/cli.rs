@@ -270,6 +270,11 @@ fn a_scene_is_rendered_fitted_scored_and_converted() {
     let args: Vec<&str> = args.iter().map(String::as_str).collect();
     let sheet = || std::fs::read(dir.join("fit/images.png")).expect("the sheet of the images");
     let before = sheet();
+    refused(&args, dir, 2, &["--downscale 2 (there: 1)", "--like"]);
+    // The checkpoint has the images too, where the options of the run are lost.
+    for record in ["command.json", "result.json"] {
+        std::fs::remove_file(dir.join("fit").join(record)).expect("there");
+    }
     refused(&args, dir, 2, &["images of", "pixels"]);
     assert!(sheet() == before, "a refused fit leaves the sheet as it was");
     let args = again("2", "fit", &["--resume"]);

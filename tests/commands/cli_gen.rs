@@ -74,6 +74,11 @@ fn last_gen_makes_continues_and_refuses() {
     std::fs::write(dir.path().join("arm.glb"), gltf::arm().glb()).expect("written");
     let character = ["last", "gen", "--out", "b", "--character", "arm.glb"];
     refused(&character, dir.path(), 2, &["--animation", "the file has", "bend"]);
+    let mut unnamed = gltf::arm();
+    unnamed.root["nodes"][2]["name"] = "hinge".into();
+    std::fs::write(dir.path().join("arm.glb"), unnamed.glb()).expect("written");
+    let bent = [&character[..], &["--animation", "bend"]].concat();
+    refused(&bent, dir.path(), 2, &["elbow", "got the joints", "--elbow NAME"]);
     assert!(!dir.path().join("b").exists(), "what is refused makes no folder");
 }
 

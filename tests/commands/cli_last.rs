@@ -273,8 +273,15 @@ fn a_person_is_shown_whole_and_keeps_its_surface_when_magnified() {
     );
     assert!(off < 2e-4 && off < fog / 4.0, "blocks of the magnified image: {off:.1e}, unwidened {fog:.1e}");
 
-    let orbit =
-        Orbit { count: 5, center: None, radius: None, elevation_rad: 0.2, fov_x_rad: 0.7, size: [96, 64] };
+    let orbit = Orbit {
+        count: 5,
+        arc_rad: None,
+        center: None,
+        radius: None,
+        elevation_rad: 0.2,
+        fov_x_rad: 0.7,
+        size: [96, 64],
+    };
     for (k, camera) in stored.around(orbit, &stored.poses).expect("cameras").iter().enumerate() {
         let out = stored.picture(pose, Some(0), camera).expect("an image");
         let (w, h) = (camera.width, camera.height);
@@ -310,8 +317,15 @@ fn a_bad_held_out_image_is_reported_before_the_fit() {
         std::fs::read_to_string(at.join("data/video/transforms_test.json")).expect("held-out cameras");
     let record: serde_json::Value = serde_json::from_str(&record).expect("JSON");
     let image = record["frames"][0]["file_path"].as_str().expect("an image");
-    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
     let words = ["last", "fit", "data/video", "--out", "fit", "--iterations", "40"];
+    for height in [1e4, 20.0] {
+        let mut far = record.clone();
+        far["frames"][0]["transform_matrix"][2][3] = height.into();
+        std::fs::write(at.join("data/video/transforms_test.json"), far.to_string()).expect("written");
+        refused(&words, at, 2, &[image, "camera and pose"]);
+    }
+    std::fs::write(at.join("data/video/transforms_test.json"), record.to_string()).expect("written");
+    std::fs::write(at.join("data/video").join(image), b"no image").expect("written");
     refused(&words, at, 2, &[image]);
     assert!(!at.join("fit/checkpoint.safetensors").exists(), "nothing was fitted");
 }

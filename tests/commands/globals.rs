@@ -114,8 +114,7 @@ fn next_steps_are_typed_as_the_program_was() {
         if let Some(cargo) = cargo {
             command.env("CARGO", cargo).env("CARGO_PKG_NAME", "lastlight");
         }
-        let o =
-            command.args(["demo", "--only", "splat", "--iterations", "4", "-q"]).output().expect("starts");
+        let o = command.args(["demo", "--only", "splat", "--iterations", "4"]).output().expect("starts");
         stdout(&o)
     };
     let path = env!("CARGO_BIN_EXE_lastlight");

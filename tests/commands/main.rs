@@ -14,6 +14,7 @@ mod lpips_weights;
 mod mesh_cli;
 #[path = "../common/mini_person.rs"]
 mod mini_person;
+mod mistakes;
 mod oracle;
 mod orbits;
 mod person;
@@ -22,6 +23,7 @@ mod program;
 mod python;
 mod readme;
 mod report;
+mod resumed;
 mod robust;
 #[path = "../samples/mod.rs"]
 mod samples;

@@ -1,4 +1,4 @@
-//! `oracle` and `gradcheck` from the shell: exit codes, and the program of another person.
+//! `oracle` and `gradcheck` from the shell: exit codes, suggestions, and a user-supplied program.
 
 use lastlight::io::npz;
 use lastlight::num::array::Arrays;
@@ -77,6 +77,15 @@ fn operators_are_listed_shown_and_suggested() {
         assert!(code == 2 && err.contains("a similar value exists: 'splat.render'"), "{err}");
         assert!(!err.contains("nn.linear"), "the others are not listed: {err}");
     }
+    for (command, part) in [
+        (&["oracle", "list", "nn.lin"][..], "did you mean nn.linear?"),
+        (&["oracle", "show", "ssim"], "a similar value exists: 'loss.ssim'"),
+        (&["oracle", "show", "loss"], "'loss' is a group: `lastlight oracle list loss`"),
+        (&["oracle", "list", "gemm"], "operators, or groups of them: splat, geometry, nn,"),
+    ] {
+        let (code, _, err) = lastlight(command);
+        assert!(code == 2 && err.contains(part), "{command:?}: {err}");
+    }
     let mint = |out: &str, more: &[&str]| {
         let out = path(out);
         lastlight(&[&["oracle", "mint", "nn.leaky_relu", "--out", &out][..], more].concat())
@@ -106,6 +115,117 @@ fn operators_are_listed_shown_and_suggested() {
         Path::new(&path("o.digest.json")).is_file() && !Path::new(&path("o.plan.npz")).exists(),
         "no plan"
     );
+}
+
+#[test]
+fn a_missing_array_fails_a_comparison_and_its_page() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    assert_eq!(lastlight(&["oracle", "mint", "loss.ssim", "nn.linear", "--out", &path("g")]).0, 0, "mint");
+    for op in ["loss.ssim", "nn.linear"] {
+        let (file, out) = (path(&format!("g/{op}_0.npz")), path(&format!("{op}.npz")));
+        let (code, _, err) = lastlight(&["oracle", "run", op, "--in", &file, "--out", &out]);
+        let notes = err.lines().filter(|l| l.starts_with("ignored")).count();
+        assert!(code == 0 && notes == 1, "what is not used is one line: {err}");
+    }
+    // The names fit three losses; the file of digests next to the reference tells which.
+    let (code, out, _) =
+        lastlight(&["oracle", "compare", &path("g/loss.ssim_0.npz"), &path("loss.ssim.npz")]);
+    assert!(code == 0 && out.starts_with("loss.ssim, "), "{out}");
+    let mut mine = npz::read(Path::new(&path("g/nn.linear_0.npz"))).expect("minted");
+    let weight = mine.0.remove("weight_bar").expect("a gradient");
+    mine.0.insert("w_bar".to_owned(), weight);
+    npz::write(Path::new(&path("mine.npz")), &mine).expect("written");
+    let compare = |more: &[&str]| {
+        let (mine, reference) = (path("mine.npz"), path("nn.linear.npz"));
+        lastlight(&[&["oracle", "compare", &mine, &reference][..], more].concat())
+    };
+    let (code, out, err) = compare(&["--html", &path("page.html")]);
+    assert!(code == 1 && out.contains("missing in yours: weight_bar"), "{out}");
+    assert!(out.contains("unknown name in yours: w_bar (did you mean weight_bar?)"), "{out}");
+    assert!(err.contains("got 1 missing, 1 of unknown name (--present-only"), "{err}");
+    let page = std::fs::read_to_string(path("page.html")).expect("written");
+    assert!(page.contains("<h1>nn.linear: 1 missing, 1 of unknown name</h1>"), "the title of the page");
+    assert!(page.contains("Missing in yours: weight_bar"), "the page");
+    let (code, out, _) = compare(&["--present-only"]);
+    assert!(code == 0 && out.contains("missing in yours: weight_bar"), "accepted and listed: {out}");
+}
+
+/// A script that writes what it reads, with another name for some arrays: `cp` for an `.npz`.
+#[cfg(unix)]
+#[test]
+fn a_program_with_missing_or_unknown_arrays_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let case = Arrays::new().with("x", &[2, 3], vec![0.5; 6]).with("w", &[3], vec![0.25; 3]).with(
+        "y_bar",
+        &[2, 3],
+        vec![1.0; 6],
+    );
+    npz::write(Path::new(&path("in.npz")), &case).expect("written");
+    // The program writes what `write` holds, whatever its inputs.
+    let check = |write: &Arrays, wrt: &[&str]| {
+        npz::write(Path::new(&path("fixed.npz")), write).expect("written");
+        std::fs::write(path("fixed.sh"), format!("cp '{}' \"$2\"\n", path("fixed.npz"))).expect("written");
+        let options = gradcheck::Options {
+            exec: Some(format!("sh {}", path("fixed.sh"))),
+            input: Some(path("in.npz").into()),
+            seed: 1,
+            wrt: wrt.iter().map(|n| (*n).to_owned()).collect(),
+            ..gradcheck::Options::default()
+        };
+        gradcheck::run(&options, &mut |_| {})
+    };
+    let y = || Arrays::new().with("y", &[2, 3], vec![0.1, 0.2, 0.3, 0.4, 0.5, 0.6]);
+    let x = || y().with("x_bar", &[2, 3], vec![1.0; 6]);
+    let failed = |write: &Arrays, parts: &[&str]| {
+        let report = check(write, &[]).expect("it runs");
+        let text = report.to_string();
+        assert!(!report.passed && parts.iter().all(|p| text.contains(p)), "{parts:?}: {text}");
+    };
+    failed(&x(), &["no gradient of w: OUT.npz contains no w_bar", "--wrt x,w"]);
+    failed(&x().with("dW", &[3], vec![1.0; 3]), &["unknown name dW in OUT.npz: did you mean w_bar?"]);
+    let both = || x().with("w_bar", &[3], vec![1.0; 3]);
+    failed(&both().with("q_bar", &[1], vec![1.0]), &["unknown name q_bar in OUT.npz: IN.npz contains no q"]);
+    failed(&x().with("w_bar", &[1, 3], vec![1.0; 3]), &["w_bar has shape [1, 3], but w has [3]"]);
+    let mut nan = both();
+    nan.put("x_bar", &[2, 3], vec![1.0, 1.0, 1.0, 1.0, f64::NAN, 1.0]);
+    failed(&nan, &["x_bar[1, 1] is NaN"]);
+    let mut upper = both();
+    upper.0.remove("y");
+    failed(
+        &upper.with("Y", &[2, 3], vec![0.1; 6]),
+        &["no output y", "unknown name Y in OUT.npz: did you mean y?"],
+    );
+    // Constant outputs have no gradient: the entries are named by their index along each axis.
+    failed(&both(), &["x[0, ", "x[1, ", ": yours 1e0, finite difference 0e0"]);
+    let one = check(&x(), &["x"]).expect("it runs");
+    assert!(
+        one.checks[0].rung("R3").is_some_and(|r| r.worst.iter().all(|e| e.array == "x")),
+        "--wrt x: {one}"
+    );
+    let e = check(&x(), &["v"]).expect_err("no such input");
+    assert!(e.to_string().contains("float arrays of") && e.to_string().contains(": w, x, got 'v'"), "{e}");
+    // No cotangent, no output file, no command, no entries.
+    let mut bare = case.clone();
+    bare.0.remove("y_bar");
+    npz::write(Path::new(&path("bare.npz")), &bare).expect("written");
+    let run = |args: &[&str]| lastlight(&[&["gradcheck"][..], args].concat());
+    for (exec, file, part) in [
+        ("true", "bare.npz", "expected the cotangent y_bar of at least one output"),
+        (
+            "true",
+            "in.npz",
+            "program 'true': expected a file OUT.npz, got none (it is called as CMD IN.npz OUT.npz",
+        ),
+        ("", "in.npz", "gradcheck --exec: expected a command"),
+        ("no-such-program", "in.npz", "no such file or folder (the command is split at spaces"),
+    ] {
+        let (code, _, err) = run(&["--exec", exec, "--in", &path(file)]);
+        assert!(code == 2 && err.contains(part) && !err.contains("out.npz"), "{exec}: {err}");
+    }
+    let (code, _, err) = run(&["nn.linear", "--entries", "0"]);
+    assert!(code == 2 && err.contains("invalid value '0' for '--entries <N>'"), "{err}");
 }
 
 /// A program in the shell, around our own binary: right, and with the gradient that ignores the cap of α.

@@ -172,3 +172,84 @@ fn folders_without_a_scene_and_unknown_axes_are_refused() {
         lastlight(&["splat", "render", "figure.ply", "--cameras", "o", "--out", "p", "--size", "64"], dir);
     assert!(code(&o) == 0 && stderr(&o).contains("--size has no effect"), "{}", stderr(&o));
 }
+
+#[test]
+fn orbits_stay_where_the_photos_were_taken_and_keep_their_format() {
+    let dir = tempfile::tempdir().expect("a temporary folder");
+    let dir = dir.path();
+    write_scene(&dir.join("figure.ply"), &figure(&WORLDS[0].1), &[]).expect("writes");
+    let film = [
+        "splat",
+        "render",
+        "figure.ply",
+        "--cameras",
+        "orbit:36",
+        "--size",
+        "36x48",
+        "--out",
+        "capture",
+        "--json",
+    ];
+    json(&film, dir);
+    // Twelve of thirty-six: a third of a turn, in portrait format.
+    let path = dir.join("capture/transforms.json");
+    let mut list: Value =
+        serde_json::from_str(&std::fs::read_to_string(&path).expect("readable")).expect("JSON");
+    list["frames"].as_array_mut().expect("frames").truncate(12);
+    std::fs::write(&path, list.to_string()).expect("writes");
+    let fit = [
+        "splat",
+        "fit",
+        "capture",
+        "--out",
+        "fit",
+        "--init",
+        "figure.ply",
+        "--iterations",
+        "1",
+        "--json",
+        "-q",
+    ];
+    json(&fit, dir);
+
+    let run = |out: &'static str, more: &[&'static str]| {
+        let args = ["splat", "render", "fit", "--cameras", "orbit:3", "--json", "--out", out];
+        let o = lastlight(&[&args[..], more].concat(), dir);
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        let text = std::fs::read_to_string(dir.join(out).join("transforms.json")).expect("written");
+        let record: Value = serde_json::from_slice(&o.stdout).expect("JSON");
+        (record["arc_degrees"].as_f64(), stderr(&o), serde_json::from_str::<Value>(&text).expect("JSON"))
+    };
+    let (arc, text, views) = run("arc", &[]);
+    assert!(arc.is_some_and(|a| (a - 120.0).abs() < 1.0), "{arc:?}");
+    assert!(
+        text.contains("degrees around the scene, and the orbit stays within them")
+            && text.contains("--arc 360"),
+        "{text}"
+    );
+    let frame = |views: &Value, i: usize| views["frames"][i].clone();
+    assert_eq!((&frame(&views, 0)["w"], &frame(&views, 0)["h"]), (&600.into(), &800.into()), "portrait");
+    let eye = |views: &Value, i: usize| -> [f64; 3] {
+        let m = &frame(views, i)["transform_matrix"];
+        std::array::from_fn(|k| m[k][3].as_f64().expect("a number"))
+    };
+    let apart = |views: &Value, i: usize, j: usize| {
+        let (a, b) = (eye(views, i), eye(views, j));
+        (0..3).fold(0.0, |s, k| s + (a[k] - b[k]) * (a[k] - b[k])).sqrt()
+    };
+    // Chords of 120 and of 60 degrees.
+    let ratio = apart(&views, 0, 2) / apart(&views, 0, 1);
+    assert!((ratio - 3.0_f64.sqrt()).abs() < 0.02, "from end to end: {ratio}");
+    let (arc, text, views) = run("full", &["--arc", "360", "--size", "40x30"]);
+    assert!(arc.is_none() && !text.contains("taken from"), "{text}");
+    assert!((apart(&views, 0, 2) / apart(&views, 0, 1) - 1.0).abs() < 0.01, "a triangle");
+    assert_eq!(frame(&views, 0)["w"], 40, "a given size");
+    refused(
+        &["splat", "render", "fit", "--cameras", "orbit:3", "--out", "x", "--arc", "-4"],
+        dir,
+        2,
+        &["arc", "360"],
+    );
+    let o = lastlight(&["splat", "render", "fit", "--cameras", "fit", "--out", "y", "--arc", "90"], dir);
+    assert!(code(&o) == 0 && stderr(&o).contains("--arc has no effect"), "{}", stderr(&o));
+}

@@ -32,6 +32,15 @@ fn checked(path: &Path) -> String {
             "inside the page"
         );
     }
+    // What may be wider than a telephone scrolls in a box of its own.
+    for (at, _) in html.match_indices("<table") {
+        assert!(
+            html[..at].ends_with("<div class=\"scroll\">"),
+            "{}: a table that does not scroll",
+            path.display()
+        );
+    }
+    assert!(html.contains("name=\"viewport\" content=\"width=device-width"), "the width of the screen");
     let mut names: Vec<&str> = Vec::new();
     for (tag, name) in [("img", "alt"), ("svg", "aria-label")] {
         names.extend(tags(&html, tag).iter().map(|t| attribute(t, name).unwrap_or_default()));
@@ -63,7 +72,7 @@ fn the_report_of_the_demo_says_what_it_shows() {
     assert!(person > 0.0 && scene > 0.0 && person + scene <= seconds(&record), "{person} + {scene}");
 
     let html = checked(&dir.path().join("demo/report/index.html"));
-    assert!(html.contains("<h1>A person from a video, a scene from photos</h1>"), "a title");
+    assert!(html.contains("<h1>A person from a video, a scene from images</h1>"), "a title");
     for fact in ["date", "commit", "rustc", "processor", "threads", "digest of the person"] {
         assert!(html.contains(&format!("<dt>{fact}</dt>")), "{fact}");
     }

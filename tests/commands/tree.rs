@@ -179,8 +179,8 @@ fn an_option_has_one_form_and_one_meaning() {
 
 #[test]
 fn names_are_lists_of_values_that_completions_know() {
-    // Parts, animations and joints of a character are in its file.
-    let free = ["hide", "animation", "elbow"];
+    // Parts, animations and joints of a character are in its file, names of arrays in the file of the inputs.
+    let free = ["hide", "animation", "elbow", "wrt"];
     let mut problems = Vec::new();
     for (path, command) in commands() {
         for argument in command.get_arguments().filter(|a| a.get_action().takes_values()) {

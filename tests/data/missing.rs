@@ -29,7 +29,7 @@ fn listed_photographs_that_are_not_there_are_left_out_and_named() {
         );
         let strict = Options { strict: true, ..Options::default() };
         let e = Views::load(some.path(), &strict).expect_err("refused").to_string();
-        assert!(e.contains("4 that are not there") && e.contains("0002.png"), "{list}: {e}");
+        assert!(e.contains("none for 4 of 9 frames") && e.contains("0002.png"), "{list}: {e}");
         let none = with(&[]);
         let e = Views::load(none.path(), &Options::default()).expect_err("none is there").to_string();
         assert!(e.contains("no file of 9 frames") && e.contains("0000.png"), "{list}: {e}");

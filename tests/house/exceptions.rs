@@ -57,7 +57,7 @@ pub(crate) const COMPUTING: &[(&str, &str, &str)] = &[
         "the constant weight of a loss is its cotangent",
     ),
     (
-        "oracle/oracle/gradcheck.rs program",
+        "oracle/oracle/program.rs check_program",
         "program.calls.get()+calls_of",
         "a number of calls, for the progress of the check",
     ),

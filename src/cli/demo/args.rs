@@ -15,12 +15,12 @@ fn person_size(text: &str) -> Result<usize, String> {
     }
 }
 
-/// Fit a built-in person from a video and a built-in scene from photos; one report with images.
+/// Fit a built-in person from a video and a built-in scene from images; one report with images.
 ///
 /// A person is filmed by one camera; the image-to-point model that comes with the program adapts its causal structure
 /// to the video and guides the fit of an animatable person of Gaussians; images that were held out are compared, the
 /// person is shown from the front half, and one factor after the other is set. Then new Gaussians are fitted to
-/// photos of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
+/// rendered images of a scene of known Gaussians. Takes less than a minute on two cores and needs no input.
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight demo

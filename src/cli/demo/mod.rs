@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! person   video ──► tuned structure ──► fitted person ──► held-out images, turntable, interventions
-//! scene    photos ──► Gaussians ──► held-out images
+//! scene    images ──► Gaussians ──► held-out images
 //! ```
 
 mod args;
@@ -59,8 +59,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
             lines.extend(part.lines.iter().cloned());
         }
     }
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir)?;
-    if !crate::console::is_json() {
+    Outcome { record, page: Some(page), lines, held_out_db: f64::NAN }.publish(&dir)?;
+    if !crate::console::is_json() && !crate::console::is_quiet() {
         next(&dir, person.is_some(), scene.is_some())?;
     }
     for (name, reached, least, enough) in checks {
@@ -123,19 +123,19 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
     let (mut stats, mut sections, mut facts) = (Vec::new(), Vec::new(), Vec::new());
     if let Some(p) = person {
         facts.push(("digest of the person", text(&p.record["digest"])));
-        stats.extend(p.page.stats.iter().filter(|s| s.label != "Time").cloned());
-        sections.extend(p.page.sections.iter().filter(|s| !ends.contains(&s.id)).cloned());
+        stats.extend(p.stats().iter().filter(|s| s.label != "Time").cloned());
+        sections.extend(p.sections().iter().filter(|s| !ends.contains(&s.id)).cloned());
     }
     if let Some(s) = scene {
         facts.push(("digest of the scene", text(&s.record["digest"])));
         let label = if person.is_some() { "PSNR, scene, held out" } else { "PSNR, held out" };
-        let first = s.page.stats.iter().take(1).cloned();
+        let first = s.stats().iter().take(1).cloned();
         stats.extend(first.map(|stat| Stat { label, ..stat }));
-        let mut views = s.page.sections.clone();
+        let mut views = s.sections().to_vec();
         views.retain(|section| section.id == "views" || person.is_none() && !ends.contains(&section.id));
         if person.is_some() {
             for section in &mut views {
-                (section.id, section.title) = ("scene", "A scene from photos");
+                (section.id, section.title) = ("scene", "A scene from images");
             }
         }
         sections.extend(views);
@@ -155,12 +155,12 @@ fn page(person: Option<&Outcome>, scene: Option<&Outcome>, meter: &Meter, dir: &
     stats.push(run.card());
     sections.extend(run.tail().into_iter().filter(|s| s.id != "settings"));
     // Those of the fit itself, which knows its defaults.
-    let own = person.or(scene).and_then(|part| part.page.sections.iter().find(|s| s.id == "settings"));
+    let own = person.or(scene).and_then(|part| part.sections().iter().find(|s| s.id == "settings"));
     sections.extend(own.cloned());
     let title = match (person, scene) {
-        (Some(_), Some(_)) => "A person from a video, a scene from photos",
+        (Some(_), Some(_)) => "A person from a video, a scene from images",
         (Some(_), None) => "A person from a video",
-        _ => "A scene from photos",
+        _ => "A scene from images",
     };
     Page {
         kind: "demo".into(),

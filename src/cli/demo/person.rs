@@ -15,6 +15,7 @@ use crate::report::{Section, table, text};
 use crate::scene::person::PersonCapture;
 use crate::shared::Outcome;
 use crate::training::Frame;
+use crate::units::counted;
 use crate::{Error, Result};
 use lastlight_last::avatar::settings::Settings as Fitting;
 use lastlight_last::avatar::store;
@@ -50,8 +51,8 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     render_video(args, &film, meter)?;
     let capture = PersonCapture::open(&film.join("video"))?;
     meter.note(&format!(
-        "a person: {} training images, {} held out; rendered in {:.1} s",
-        capture.train.len(),
+        "a person: {}, {} held out; rendered in {:.1} s",
+        counted(capture.train.len(), "training image"),
         capture.test.len(),
         meter.seconds()
     ));
@@ -95,11 +96,13 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
 
     let truth = pretrain::truth(&film)?;
     let before = [frames(&capture)?, structure(&tuned, truth.as_deref())];
-    let sections = &mut outcome.page.sections;
-    sections.splice(0..0, before);
-    let after = 1 + sections.iter().position(|s| s.id == "views").unwrap_or(0);
-    let seen = around(&turntable)?;
-    sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
+    if let Some(page) = &mut outcome.page {
+        let sections = &mut page.sections;
+        sections.splice(0..0, before);
+        let after = 1 + sections.iter().position(|s| s.id == "views").unwrap_or(0);
+        let seen = around(&turntable)?;
+        sections.splice(after..after, std::iter::once(seen).chain(grid.sections(&|i| NAMES[i].to_owned())?));
+    }
     outcome.lines.push(format!("graph       {}", change(&tuned.edges)));
     outcome.record["structure"] = json!({
         "model": shipped::NAME, "before": tuned.before, "after": tuned.after,
@@ -231,6 +234,7 @@ fn turntable(run: &Path, meter: &mut Meter) -> Result<Sheet> {
     let [width, side] = UPRIGHT;
     // One camera per degree, of which a few are rendered.
     let orbit = Orbit {
+        arc_rad: None,
         count: 360,
         center: None,
         radius: None,

@@ -1,4 +1,4 @@
-//! The scene of the demo: Gaussians fitted to photos of known Gaussians.
+//! The scene of the demo: Gaussians fitted to rendered images of known Gaussians.
 
 use super::args::Args;
 use crate::Result;
@@ -9,6 +9,7 @@ use crate::meter::Meter;
 use crate::shared::Outcome;
 use crate::splat::fit::Job;
 use crate::training::Frame;
+use crate::units::counted;
 use lastlight_kernels::splat::render;
 use std::path::Path;
 
@@ -23,8 +24,12 @@ const MOST: usize = 8000;
 pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome> {
     let render = render::Settings::default();
     let views = built_in::demo(&render)?;
-    meter.note(&format!("a scene: {} training photos, {} held out", views.train.len(), views.test.len()));
-    meter.lap("rendering the photos");
+    meter.note(&format!(
+        "a scene: {}, {} held out, rendered from known Gaussians",
+        counted(views.train.len(), "training image"),
+        views.test.len()
+    ));
+    meter.lap("rendering the images");
     let settings = Settings {
         iterations: args.iterations.unwrap_or(ITERATIONS),
         seed: args.seed,
@@ -39,7 +44,7 @@ pub(super) fn run(args: &Args, dir: &Path, meter: &mut Meter) -> Result<Outcome>
     let first = seeds::gaussians(&seeds::Start::Random { count: INITIAL, bounds: None }, &views, &settings)?;
     let job = Job {
         kind: "demo",
-        title: "Scene from built-in photos".to_owned(),
+        title: "Scene from built-in images".to_owned(),
         settings,
         views: &views,
         defaults: Some(defaults),

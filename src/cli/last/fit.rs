@@ -10,6 +10,7 @@ use crate::report::run::Run;
 use crate::scene::person::PersonCapture;
 use crate::shared::{MetricArgs, Outcome, OutputArgs, SCENE};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
+use crate::units::counted;
 use crate::{Error, Result};
 use crate::{claim, report};
 use lastlight_last::avatar::calibrate;
@@ -19,7 +20,7 @@ use lastlight_last::avatar::fit::PersonFit;
 use lastlight_last::avatar::guide::Guide;
 use lastlight_last::avatar::progressive::{Cap, Keys, Order, Progressive};
 use lastlight_last::avatar::settings::Settings;
-use lastlight_last::avatar::store;
+use lastlight_last::avatar::{store, view};
 use lastlight_last::model::file::Trained;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -268,15 +269,16 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let capture = PersonCapture::open(&args.capture)?;
     meter.lap("reading the capture");
     meter.note(&format!(
-        "{}: {} training images, {} held out, a body of {} points and {} joints",
+        "{}: {}, {} held out, a body of {} points and {} joints",
         args.capture.display(),
-        capture.train.len(),
+        counted(capture.train.len(), "training image"),
         capture.test.len(),
         capture.template.len(),
         capture.template.joints.len()
     ));
     // Held-out images are read after the fit, to score it; what is wrong with one is reported before.
     capture.test.iter().try_for_each(|&i| capture.shots[i].photo().map(drop))?;
+    capture.train.iter().chain(&capture.test).try_for_each(|&i| view::check(&capture, &capture.shots[i]))?;
     if let Some(model) = &model {
         check_skeleton(model, &capture, &meter)?;
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;
@@ -334,6 +336,9 @@ impl Job<'_> {
         let (history, film) = self.frame.train(&mut fit, meter)?;
         let (avatar, settings) = (fit.avatar(), Fit::settings(&fit));
         let digest = avatar.digest()?;
+        if let Some(outcome) = self.frame.finished(&digest, &settings, &history) {
+            return Ok(outcome);
+        }
         let groups = scoring::groups(
             Evaluation { perception: self.perception, ..Evaluation::of(avatar, self.capture) },
             meter,
@@ -379,7 +384,7 @@ impl Job<'_> {
             format!("time        {}", report::seconds(meter.seconds())),
             format!("avatar      {}", self.frame.file(AVATAR).display()),
         ];
-        Ok(Outcome { record, page, lines, held_out_db: scoring::held_out_db(&groups) })
+        Ok(Outcome { record, page: Some(page), lines, held_out_db: scoring::held_out_db(&groups) })
     }
 }
 

@@ -8,6 +8,7 @@ use crate::io::smpl;
 use crate::meter::Meter;
 use crate::scene::person::import;
 use crate::shared::ForceArgs;
+use crate::units::counted;
 use crate::{Error, Result};
 use serde_json::json;
 use std::path::PathBuf;
@@ -129,13 +130,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{}: {} training images, {} held out, {}x{}; {} moments, {} points, {} joints ({}, {:.1} s)",
+        "{}: {}, {} held out, {}x{}; {}, {} points, {} joints ({}, {:.1} s)",
         args.out.display(),
-        report.shots[0],
+        counted(report.shots[0], "training image"),
         report.shots[1],
         report.size[0],
         report.size[1],
-        report.moments,
+        counted(report.moments, "moment"),
         report.points,
         report.joints,
         layout.name(),

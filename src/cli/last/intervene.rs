@@ -225,5 +225,5 @@ pub(super) fn run(args: &Args) -> Result<()> {
         lines.push(format!("{i:<10}{row}"));
     }
     lines.push(format!("grid        {}", dir.join("grid.png").display()));
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&dir)
+    Outcome { record, page: Some(page), lines, held_out_db: f64::NAN }.publish(&dir)
 }

@@ -202,10 +202,13 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (history, _) = frame.train(&mut training, &mut meter)?;
     let units = training.units().map(<[f64]>::to_vec);
     let trained = training.finish()?;
+    let digest = trained.digest()?;
+    if let Some(outcome) = frame.finished(&digest, &settings.json(), &history) {
+        return outcome.publish(&frame.dir);
+    }
     let evaluation = evaluation::of(&trained, &data, &truth)?;
     meter.lap("evaluation");
     trained.write(&frame.file(MODEL))?;
-    let digest = trained.digest()?;
     let head = Head { kind: "last pretrain", digest: &digest, settings: settings.json() };
     let own = training::entries([("verdict", evaluation.json()), ("units", json!(&units))]);
     let record = frame.record(head, own, &history, &meter)?;
@@ -238,7 +241,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     lines.push(format!("digest      {digest}"));
     lines.push(format!("time        {}", report::seconds(meter.seconds())));
     lines.push(format!("model       {}", frame.file(MODEL).display()));
-    Outcome { record, page, lines, held_out_db: f64::NAN }.publish(&frame.dir)
+    Outcome { record, page: Some(page), lines, held_out_db: f64::NAN }.publish(&frame.dir)
 }
 
 /// The true graph of a folder of data, as rows: A_ij is true for an edge from i to j. `None` if the folder has no `dataset.json`, as data of another

@@ -75,8 +75,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{} images of {} Gaussians: {} ({:.1} images/s)",
-        pairs.len(),
+        "{} of {} Gaussians: {} ({:.1} images/s)",
+        crate::units::counted(pairs.len(), "image"),
         stored.avatar.gaussians.len(),
         dir.display(),
         pairs.len() as f64 / meter.seconds()

@@ -8,6 +8,7 @@ use crate::meter::Meter;
 use crate::scene::camera::Model;
 use crate::scene::environment_file::{Options, Orientation};
 use crate::shared::OutputArgs;
+use crate::units::counted;
 use crate::{Error, Result};
 use data_gen::cameras::Framing;
 use lastlight_lirm::r#gen::{self as set, Lighting, Set, Settings};
@@ -177,10 +178,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{} object{}, {} images rendered: {} (digest {:016x}, {seconds:.1} s)",
-        made.objects,
-        if made.objects == 1 { "" } else { "s" },
-        made.rendered,
+        "{}, {} rendered: {} (digest {:016x}, {seconds:.1} s)",
+        counted(made.objects, "object"),
+        counted(made.rendered, "image"),
         args.out.join("dataset.json").display(),
         made.digest
     ))

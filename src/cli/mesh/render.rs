@@ -15,6 +15,7 @@ use crate::scene::mesh::Object;
 use crate::scene::model;
 use crate::shade::render::Settings;
 use crate::shared::{DefaultArgs, OrbitArgs, OutputArgs};
+use crate::units::counted;
 use crate::{Error, Result};
 use data_gen::figure::factors::Drive;
 use serde_json::{Map, Value, json};
@@ -119,8 +120,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
         }));
     }
     cli::say(&format!(
-        "{} images of {t} triangles: {} (digest {digest:016x}, {:.1} s)",
-        shots.len(),
+        "{} of {}: {} (digest {digest:016x}, {:.1} s)",
+        counted(shots.len(), "image"),
+        counted(t, "triangle"),
         args.out.join("transforms.json").display(),
         meter.seconds()
     ))

@@ -1,11 +1,12 @@
 //! The page of `oracle compare`: where two files of arrays part, and how each array differs.
 
+use super::compare_table::{capital, overview, stats, verdict};
 use super::images::{self, Label};
-use super::{Page, Section, Stat, bars, code, table, text, thousands};
+use super::{Page, Section, bars, table, text, thousands};
 use crate::Result;
 use crate::num::array::Arrays;
 use crate::num::order;
-use lastlight_oracle::oracle::compare::{Agreement, ArrayReport, Report};
+use lastlight_oracle::oracle::compare::{ArrayReport, Report, plural, ulp};
 use maud::{Markup, html};
 use std::path::Path;
 
@@ -27,13 +28,13 @@ pub(crate) struct Input<'a> {
     /// the result
     pub(crate) report: &'a Report,
     /// the user's file
-    pub(crate) their_file: &'a Path,
+    pub(crate) your_file: &'a Path,
     /// the reference file
-    pub(crate) our_file: &'a Path,
+    pub(crate) reference_file: &'a Path,
     /// the user's arrays
-    pub(crate) theirs: &'a Arrays,
+    pub(crate) yours: &'a Arrays,
     /// the reference arrays
-    pub(crate) ours: &'a Arrays,
+    pub(crate) reference: &'a Arrays,
     /// stages of the operator: name, inputs, outputs
     pub(crate) stages: Vec<Stage>,
     /// the command line
@@ -55,22 +56,15 @@ pub(crate) struct Stage {
 pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
     let r = x.report;
     let name = r.operator.unwrap_or("Arrays");
-    let title = match (&r.divergence, r.passed) {
-        (_, true) => format!("{name}: all arrays match"),
-        (Some(d), _) => format!("{name}: first difference in {}", readable(&d.stage)),
-        _ => format!("{name}: arrays differ"),
+    let differing: Vec<&ArrayReport> = r.differing().collect();
+    let is_incomplete = !r.missing.is_empty() || !r.unknown.is_empty();
+    let title = match &r.divergence {
+        _ if r.passed && is_incomplete => format!("{name}: the arrays of both files match"),
+        _ if r.passed => format!("{name}: all arrays match"),
+        _ if differing.is_empty() => format!("{name}: {}", r.summary()),
+        Some(d) => format!("{name}: first difference in {}", readable(&d.stage)),
+        None => format!("{name}: arrays differ"),
     };
-    let differing: Vec<&ArrayReport> = r.arrays.iter().filter(|a| a.agreement != Agreement::Agrees).collect();
-    let worst = r.arrays.iter().fold(0.0, |m, a| order::max(m, a.relative_l2));
-    let stats = vec![
-        Stat { label: "Arrays compared", value: r.arrays.len().to_string(), note: missing(r) },
-        Stat {
-            label: "Arrays that differ",
-            value: differing.len().to_string(),
-            note: format!("relative L2 above {:e}, or NaN, shapes, zeros", r.tol),
-        },
-        Stat { label: "relative L2, largest", value: format!("{worst:.2e}"), note: "over all arrays".into() },
-    ];
     let mut sections = Vec::new();
     if !x.stages.is_empty() {
         sections.push(Section {
@@ -79,18 +73,21 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             lead: "Stages of the operator in the order of evaluation, with the arrays that each one writes. Start at the first divergence: later \
                    differences can follow from it."
                 .into(),
-            body: html! { (stages(x)) @if let Some(d) = &r.divergence { p.lead { (d) } } },
+            body: html! {
+                (stages(x))
+                @if let Some(d) = &r.divergence { p.lead { (d) } }
+                @if let Some(note) = r.inputs_note() { p.lead { (note) } }
+            },
         });
     }
     sections.push(Section {
         id: "arrays",
         title: "Arrays",
-        lead: "Every array of both files. Errors are reference − yours.".into(),
-        body: overview(r),
+        lead: "Every array of both files. Errors are yours − reference.".into(),
+        body: overview(r, x.stages.is_empty()),
     });
     // The differing arrays first.
-    let exact = |a: &&ArrayReport| a.worst.is_empty() && a.agreement == Agreement::Agrees;
-    let rest = r.arrays.iter().filter(|a| a.agreement == Agreement::Agrees && !exact(a));
+    let rest = r.arrays.iter().filter(|a| a.matches() && !a.worst.is_empty());
     let shown: Vec<&ArrayReport> = differing.into_iter().chain(rest).collect();
     if !shown.is_empty() {
         let parts = shown.iter().map(|a| array(x, a)).collect::<Result<Vec<_>>>()?;
@@ -98,22 +95,25 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             id: "errors",
             title: "Errors by array",
             lead: format!(
-                "The histogram counts entries by the size of their error relative to the root mean square of the array. Heat maps are logarithmic, \
+                "The histogram counts entries by the size of their error relative to the root mean square of the reference. Heat maps are logarithmic, \
                  from black for equal entries to light yellow for the largest error; dark purple is a factor of 10^{DECADES:.0} below it."
             ),
             body: html! { div.stack { @for part in &parts { (part) } } },
         });
     }
-    let mut facts = vec![("yours", x.their_file.display().to_string())];
-    facts.push(("reference", x.our_file.display().to_string()));
+    let mut facts = vec![("yours", x.your_file.display().to_string())];
+    facts.push(("reference", x.reference_file.display().to_string()));
     facts.push(("tolerance", format!("relative L2 {:e}", r.tol)));
+    if !r.also_fits.is_empty() {
+        facts.push(("the names also fit", format!("{} (--op selects)", r.also_fits.join(", "))));
+    }
     Ok(Page {
         kind: "oracle compare".into(),
         title,
         notice: "",
         command: x.command.clone(),
         facts,
-        stats,
+        stats: stats(r),
         sections,
     })
 }
@@ -123,13 +123,6 @@ fn readable(stage: &str) -> String {
     stage.strip_suffix(" adjoint").map_or_else(|| stage.to_owned(), |s| format!("{s}, backward pass"))
 }
 
-fn missing(r: &Report) -> String {
-    match r.only_theirs.len() + r.only_ours.len() {
-        0 => "all of both files".into(),
-        n => format!("{n} more in one file only"),
-    }
-}
-
 /// The stages, coloured by their outputs.
 fn stages(x: &Input<'_>) -> Markup {
     let r = x.report;
@@ -137,11 +130,14 @@ fn stages(x: &Input<'_>) -> Markup {
     let first = r.divergence.as_ref().map(|d| d.stage.as_str());
     let state = |s: &Stage| {
         let seen: Vec<&ArrayReport> = s.outputs.iter().filter_map(|n| find(n)).collect();
-        let differ = seen.iter().filter(|a| a.agreement != Agreement::Agrees).count();
+        let differ = seen.iter().filter(|a| !a.matches()).count();
         match (seen.len(), differ) {
             _ if first == Some(s.name) => ("first", "first divergence".to_owned()),
             (0, _) => ("", "not checked: no output in both files".to_owned()),
-            (n, 0) => ("ok", format!("matches ({n} of {} outputs)", s.outputs.len())),
+            (n, 0) => {
+                ("ok", format!("matches ({n} of {} output{})", s.outputs.len(), plural(s.outputs.len())))
+            }
+            (1, _) => ("after", "1 of 1 output differs".to_owned()),
             (n, d) => ("after", format!("{d} of {n} outputs differ")),
         }
     };
@@ -150,51 +146,6 @@ fn stages(x: &Input<'_>) -> Markup {
             @let (class, words) = state(s);
             li class=(class) { b { (readable(s.name)) } (words) }
         } }
-    }
-}
-
-fn overview(r: &Report) -> Markup {
-    let verdict = |a: &ArrayReport| match a.agreement {
-        Agreement::Agrees => html! { span.good { "matches" } },
-        _ => html! { span.bad.strong { (a.agreement.text().to_lowercase()) } },
-    };
-    let shape = |a: &ArrayReport| {
-        let own = format!("{:?}", a.shape_ours);
-        if a.shape_ours == a.shape_theirs { own } else { format!("{own}, yours {:?}", a.shape_theirs) }
-    };
-    let rows: Vec<Vec<Markup>> = (r.arrays.iter())
-        .map(|a| {
-            vec![
-                code(&a.name),
-                verdict(a),
-                text(shape(a)),
-                text(format!("{:.3e}", a.relative_l2)),
-                text(a.worst_ulp),
-                text(format!("{:.2}", a.mean_ulp)),
-                text(format!("{:.3e}", 1.0 - a.cosine)),
-                text(format!("{:.2e}", a.signed_bias)),
-                text(format!("{} / {} / {}", a.zeros.both, a.zeros.only_theirs, a.zeros.only_ours)),
-                text(a.note.as_deref().unwrap_or_default()),
-            ]
-        })
-        .collect();
-    let head = [
-        "array",
-        "result",
-        "shape",
-        ">relative L2",
-        ">worst ulp",
-        ">mean ulp",
-        ">1 − cosine",
-        ">signed bias",
-        ">zeros: both / yours / reference",
-        "",
-    ];
-    html! {
-        (table(&head, &rows))
-        @for (whose, names) in [("your file", &r.only_theirs), ("the reference", &r.only_ours)] {
-            @if !names.is_empty() { p.note { "Only in " (whose) ": " (names.join(", ")) } }
-        }
     }
 }
 
@@ -210,24 +161,25 @@ fn array(x: &Input<'_>, a: &ArrayReport) -> Result<Markup> {
         .map(|w| {
             vec![
                 text(format!("{:?}", w.index)),
-                text(number(w.theirs)),
-                text(number(w.ours)),
-                text(format!("{:.3e}", w.ours - w.theirs)),
-                text(w.ulp),
+                text(number(w.yours)),
+                text(number(w.reference)),
+                text(format!("{:.3e}", w.yours - w.reference)),
+                text(ulp(w.ulp)),
             ]
         })
         .collect();
-    let head = ["index", ">yours", ">reference", ">reference − yours", ">ulp"];
+    let head = ["index", ">yours", ">reference", ">yours − reference", ">ulp"];
     let body = html! {
-        div.two {
-            div.stack { @if !errors.is_empty() { (histogram(a, &errors, rms(x, a))) } (maps) }
+        div.stack {
+            @for text in a.reason.iter().chain(&a.note) { p.note { (capital(text)) "." } }
+            @if !errors.is_empty() { div.two { div { (histogram(a, &errors, rms(x, a))) } (maps) } }
             @if !rows.is_empty() { div { h3 { "Largest errors" } (table(&head, &rows)) } }
         }
     };
-    let is_good = a.agreement == Agreement::Agrees;
+    let is_good = a.matches();
     Ok(html! {
         details open[!is_good] {
-            summary { code { (a.name) } " " @if is_good { "matches within the tolerance" } @else { span.bad.strong { (a.agreement.text().to_lowercase()) } } }
+            summary { code { (a.name) } " " @if is_good { "matches within the tolerance" } @else { (verdict(a)) } }
             (body)
         }
     })
@@ -239,32 +191,32 @@ fn number(x: f64) -> String {
     if f64::from(narrow) == x { format!("{narrow:e}") } else { format!("{x:.10e}") }
 }
 
-/// |reference − yours| by entry; empty if the arrays cannot be subtracted.
+/// |yours − reference| by entry; empty if the arrays cannot be subtracted.
 fn errors(x: &Input<'_>, a: &ArrayReport) -> Vec<f64> {
-    let (Some(t), Some(o)) = (x.theirs.get(&a.name), x.ours.get(&a.name)) else { return Vec::new() };
-    if t.shape() != o.shape() {
+    let (Some(y), Some(r)) = (x.yours.get(&a.name), x.reference.get(&a.name)) else { return Vec::new() };
+    if y.shape() != r.shape() {
         return Vec::new();
     }
-    t.to_f64().iter().zip(&o.to_f64()).map(|(t, o)| if t == o { 0.0 } else { (o - t).abs() }).collect()
+    y.to_f64().iter().zip(&r.to_f64()).map(|(y, r)| if y == r { 0.0 } else { (y - r).abs() }).collect()
 }
 
 fn rms(x: &Input<'_>, a: &ArrayReport) -> f64 {
-    let values = x.theirs.get(&a.name).map_or_else(Vec::new, lastlight_num::num::array::Array::to_f64);
+    let values = x.reference.get(&a.name).map_or_else(Vec::new, lastlight_num::num::array::Array::to_f64);
     let finite: Vec<f64> = values.into_iter().filter(|v| v.is_finite()).collect();
     let sum = finite.iter().fold(0.0, |s, v| s + v * v);
     let mean = sum / Ord::max(finite.len(), 1) as f64;
     if mean > 0.0 { mean.sqrt() } else { 1.0 }
 }
 
-/// Numbers of entries by the decimal logarithm of their error over the root mean square of the array.
+/// Numbers of entries by the decimal logarithm of their error over the root mean square of the reference.
 fn histogram(a: &ArrayReport, errors: &[f64], rms: f64) -> Markup {
     let equal = errors.iter().filter(|e| **e == 0.0).count();
     let odd = errors.iter().filter(|e| !e.is_finite()).count();
     let bin = |e: f64| libm::floor(libm::log10(e / rms) / BIN) as i64;
     let bins: Vec<i64> = errors.iter().filter(|e| **e > 0.0 && e.is_finite()).map(|&e| bin(e)).collect();
     let note = html! { p.note {
-        (thousands(equal)) " of " (thousands(errors.len())) " entries are equal."
-        @if odd > 0 { " " (thousands(odd)) " are NaN or infinite." }
+        (thousands(equal)) " of " (thousands(errors.len())) (if errors.len() == 1 { " entry is equal." } else { " entries are equal." })
+        @if odd > 0 { " " (thousands(odd)) (if odd == 1 { " is NaN or infinite." } else { " are NaN or infinite." }) }
     } };
     let (Some(&low), Some(&high)) = (bins.iter().min(), bins.iter().max()) else { return note };
     let mut counts = vec![0_usize; (high - low + 1) as usize];
@@ -296,12 +248,12 @@ fn heat(a: &ArrayReport, errors: &[f64]) -> Result<Markup> {
     };
     let largest_of =
         |part: &[f64]| part.iter().fold(0.0, |m, &e| if e.is_finite() { order::max(m, e) } else { e });
-    if let Some([views, h, w, channels]) = as_images(&a.shape_ours) {
+    if let Some([views, h, w, channels]) = as_images(&a.shape_reference) {
         for (v, view) in errors.chunks_exact(h * w * channels).take(Ord::min(views, MAX_VIEWS)).enumerate() {
             let cells: Vec<f64> = view.chunks_exact(channels).map(largest_of).collect();
             draw(&cells, [w, h], &format!("pixel, view {v}"))?;
         }
-    } else if let Some(rows) = as_rows(&a.shape_ours).filter(|&r| r >= LEAST_ROWS && errors.len() >= r) {
+    } else if let Some(rows) = as_rows(&a.shape_reference).filter(|&r| r >= LEAST_ROWS && errors.len() >= r) {
         let mut cells: Vec<f64> =
             errors.chunks_exact(errors.len() / rows).take(MAX_ROWS).map(largest_of).collect();
         let w = libm::ceil((cells.len() as f64).sqrt() * 1.6) as usize;
@@ -352,26 +304,26 @@ mod tests {
 
     #[test]
     fn the_page_shows_where_the_errors_are() {
-        let (theirs, ours) = (arrays(0.5), arrays(0.0));
-        let report = compare::arrays(&theirs, &ours, None, 1e-5).expect("compares");
+        let (yours, reference) = (arrays(0.5), arrays(0.0));
+        let report = compare::arrays(&yours, &reference, None, 1e-5).expect("compares");
         let stage = |name, outputs: &[&'static str]| Stage { name, outputs: outputs.to_vec() };
         let input = Input {
             report: &report,
-            their_file: Path::new("mine.npz"),
-            our_file: Path::new("ours.npz"),
-            theirs: &theirs,
-            ours: &ours,
+            your_file: Path::new("mine.npz"),
+            reference_file: Path::new("ours.npz"),
+            yours: &yours,
+            reference: &reference,
             stages: vec![stage("a", &["same"]), stage("b adjoint", &["photo_like"]), stage("c", &["none"])],
             command: String::new(),
         };
         let html = page(&input).expect("made").html();
         assert!(html.contains("<h1>Arrays: arrays differ</h1>"), "a title");
         assert!(
-            html.contains("<li class=\"ok\"><b>a</b>matches (1 of 1 outputs)</li>"),
+            html.contains("<li class=\"ok\"><b>a</b>matches (1 of 1 output)</li>"),
             "what matches: {html}"
         );
         assert!(
-            html.contains("<li class=\"after\"><b>b, backward pass</b>1 of 1 outputs differ</li>"),
+            html.contains("<li class=\"after\"><b>b, backward pass</b>1 of 1 output differs</li>"),
             "what does not"
         );
         assert!(html.contains("not checked: no output in both files"), "what is not there");

@@ -5,6 +5,7 @@ use super::{Page, Section, Stat, bars, hints, table, text, thousands};
 use crate::Result;
 use crate::fit::evaluate::{Evaluation, Scored};
 use crate::fit::splat::Event;
+use crate::units::counted;
 use maud::{Markup, html};
 
 /// Most views shown as images; the table has all.
@@ -71,8 +72,8 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
             id: "views",
             title: "Held-out views",
             lead: format!(
-                "Photos that were not used in the fit, the scene rendered from the same cameras, and the mean absolute error over the channels. \
-                 Pixels outside a photo or its mask are black in the error map and do not count. {HOW_TO_READ}"
+                "Input images that were not used in the fit, the scene rendered from the same cameras, and the mean absolute error over the channels. \
+                 Pixels outside an image or its mask are black in the error map and do not count. {HOW_TO_READ}"
             ),
             body: views(x.scored)?,
         });
@@ -126,7 +127,11 @@ fn quality(e: &Evaluation) -> Vec<Stat> {
     }
     let (psnr, ssim) = (decibel(e.mean_psnr_db), format!("{:.4}", e.mean_ssim));
     vec![
-        Stat { label: "PSNR, held out", value: psnr, note: format!("mean of {} views", e.views.len()) },
+        Stat {
+            label: "PSNR, held out",
+            value: psnr,
+            note: format!("mean of {}", counted(e.views.len(), "view")),
+        },
         Stat { label: "SSIM, held out", value: ssim, note: "11×11 window, σ 1.5".into() },
     ]
 }

@@ -91,10 +91,10 @@ const TERMS: [(&str, &str); 33] = [
         "locality",
         "After an intervention, the displacement of factors that must not change, divided by that of the others. Lower is better.",
     ),
-    ("relative L2", "‖yours − reference‖ / ‖yours‖ over an array."),
+    ("relative L2", "‖yours − reference‖ / ‖reference‖ over an array."),
     ("worst ulp", "Largest difference in units in the last place of the narrower element type."),
     ("mean ulp", "Mean difference in units in the last place of the narrower element type."),
-    ("signed bias", "Σ(reference − yours) / Σ|yours|: near zero if errors have no preferred sign."),
+    ("signed bias", "Σ(yours − reference) / Σ|reference|: near zero if errors have no preferred sign."),
     (
         "1 − cosine",
         "1 minus the cosine of the angle between the two arrays: 0 if they differ by a positive factor only.",

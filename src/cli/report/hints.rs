@@ -54,8 +54,15 @@ fn median(values: &[f32]) -> f64 {
     sorted.get(sorted.len() / 2).map_or(f64::NAN, |&x| f64::from(x))
 }
 
-/// Hints on single views.
-fn on_views(views: &[View<'_>]) -> Vec<String> {
+/// Number of iterations of a fit and that of the command without options, if the fit had less than half of them.
+fn short(run: &Run<'_>) -> Option<[usize; 2]> {
+    let usual = run.defaults.as_ref()?.get("iterations")?.as_u64()? as usize;
+    let done = run.history?.len();
+    (2 * done < usual).then_some([done, usual])
+}
+
+/// Hints on single views; after a short fit, none on brightness, which it has not reached yet.
+fn on_views(views: &[View<'_>], is_short: bool) -> Vec<String> {
     let finite: Vec<&View<'_>> = views.iter().filter(|v| v.psnr_db.is_finite()).collect();
     let mean = finite.iter().fold(0.0, |s, v| s + v.psnr_db) / finite.len() as f64;
     let low: Vec<&&View<'_>> = finite.iter().filter(|v| v.psnr_db < mean - FAR_BELOW_DB).collect();
@@ -79,7 +86,7 @@ fn on_views(views: &[View<'_>]) -> Vec<String> {
     }
     let different: Vec<&str> =
         finite.iter().filter(|v| (gain(v) - 1.0).abs() > BRIGHTNESS).map(|v| v.name).collect();
-    if !different.is_empty() {
+    if !different.is_empty() && !is_short {
         hints.push(format!(
             "Brightness: in {} the image and its render differ by more than {:.0} % overall. Take the images with fixed exposure and white \
              balance.",
@@ -95,7 +102,11 @@ fn on_course(run: &Run<'_>, size: usize) -> Vec<String> {
     let mut hints = Vec::new();
     let Some(history) = run.history else { return hints };
     let tenth = history.len() / 10;
-    if tenth >= 20 {
+    if let Some([done, usual]) = short(run) {
+        hints.push(format!(
+            "More iterations: this fit had {done}, the default is {usual}. Try --iterations {usual} before anything else."
+        ));
+    } else if tenth >= 20 {
         let n = history.len();
         let (before, last) =
             (median(&history.loss[n - 2 * tenth..n - tenth]), median(&history.loss[n - tenth..]));
@@ -119,8 +130,10 @@ fn on_course(run: &Run<'_>, size: usize) -> Vec<String> {
 
 /// The list of hints; `None` if no rule applies.
 pub(super) fn section(views: &[View<'_>], run: &Run<'_>, size: usize) -> Option<Section> {
-    let mut hints = if views.is_empty() { Vec::new() } else { on_views(views) };
-    hints.extend(on_course(run, size));
+    let mut hints = on_course(run, size);
+    if !views.is_empty() {
+        hints.extend(on_views(views, short(run).is_some()));
+    }
     if hints.is_empty() {
         return None;
     }
@@ -157,11 +170,15 @@ mod tests {
     use serde_json::json;
 
     fn hints(views: &[View<'_>], loss: Vec<f32>, size: usize) -> String {
+        hints_beside(None, views, loss, size)
+    }
+
+    fn hints_beside(usual: Option<usize>, views: &[View<'_>], loss: Vec<f32>, size: usize) -> String {
         let settings = json!({"max_gaussians": 100});
         let history = History { size: vec![1; loss.len()], loss };
         let run = Run {
             settings: &settings,
-            defaults: None,
+            defaults: usual.map(|n| json!({ "iterations": n })),
             history: Some(&history),
             film: None,
             time: vec![],
@@ -186,6 +203,23 @@ mod tests {
         let falling: Vec<f32> = (0..400).map(|i| 1.0 / (1.0 + i as f32)).collect();
         assert!(hints(&[], falling, 50).contains("--iterations 800"), "the loss still falls");
         assert!(hints(&[], vec![0.1; 400], 100).contains("--max-gaussians 200"), "no room");
+    }
+
+    #[test]
+    fn a_short_fit_needs_iterations_first() {
+        let (gray, dark) = (vec![0.5_f32; 12], vec![0.4_f32; 12]);
+        let view = |name, psnr_db| View { name, psnr_db, photo: &gray, image: &dark, distance: None };
+        let views = [view("a", 30.0), view("b", 20.0)];
+        let of = |usual| hints_beside(Some(usual), &views, vec![0.1; 400], 50);
+        let text = of(7000);
+        assert!(
+            text.starts_with("<ul class=\"hints\"><li>More iterations: this fit had 400"),
+            "first: {text}"
+        );
+        assert!(text.contains("--iterations 7000") && text.contains("Low scores: b"), "{text}");
+        assert!(!text.contains("Brightness"), "not reached yet: {text}");
+        let text = of(700);
+        assert!(!text.contains("More iterations") && text.contains("Brightness: in a, b"), "{text}");
     }
 
     #[test]

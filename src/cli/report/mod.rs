@@ -7,7 +7,7 @@
 //! run       what these reports share
 //! settings  settings in groups, as typed                         glossary  what the names of metrics mean
 //! graph     a causal graph as SVG                               hints     what to try next
-//! film      snapshots of a training                             compare   the page of `oracle compare`
+//! film      snapshots of a training                             compare   the page of `oracle compare`, compare_table: its table
 //! style     the style sheet                                      machine   machine, date, version: facts outside every digest
 //! ```
 //!
@@ -17,6 +17,7 @@
 pub(crate) mod bars;
 pub(crate) mod charts;
 pub(crate) mod compare;
+mod compare_table;
 pub(crate) mod film;
 pub(crate) mod fit;
 mod glossary;

@@ -4,6 +4,7 @@ use super::run::{self, Compared, HOW_TO_READ, Run};
 use super::{Page, Section, Stat, bars, hints, metric, table, text, thousands};
 use crate::Result;
 use crate::loss::metric::person::Scores;
+use crate::units::counted;
 use lastlight_last::avatar::density::Event;
 use lastlight_last::avatar::evaluate::Scored;
 use lastlight_last::avatar::fit::Tally;
@@ -61,7 +62,12 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         .map(|g| Stat {
             label: if g.name == TRAINED { "PSNR-box, training camera" } else { "PSNR-box, held out" },
             value: format!("{:.2} dB", level(&g.mean)),
-            note: format!("{}, {} images, SSIM-g-box {:.4}", g.name, g.scored.len(), g.mean.ssim_g_box),
+            note: format!(
+                "{}, {}, SSIM-g-box {:.4}",
+                g.name,
+                counted(g.scored.len(), "image"),
+                g.mean.ssim_g_box
+            ),
         })
         .collect();
     stats.push(Stat { label: "Gaussians", value: thousands(x.n_gauss), note: String::new() });
@@ -151,7 +157,7 @@ fn views(groups: &[Group]) -> Result<Markup> {
             size: s.size,
         });
         let shown: Vec<Compared<'_>> = shown.collect();
-        let title = format!("{}: {} of {} images", group.name, shown.len(), group.scored.len());
+        let title = format!("{}: {} of {}", group.name, shown.len(), counted(group.scored.len(), "image"));
         parts.push((title, run::compared(shown, what, MAX_SIDE)?));
     }
     Ok(html! { @for (title, part) in &parts { h3.group { (title) } (part) } })
@@ -172,7 +178,7 @@ pub(crate) fn by_metric(groups: &[Group]) -> Vec<(&'static str, Vec<Option<f64>>
 
 fn scores(groups: &[Group]) -> Markup {
     let head: Vec<String> = std::iter::once("metric".to_owned())
-        .chain(groups.iter().map(|g| format!(">{}, {} images", g.name, g.scored.len())))
+        .chain(groups.iter().map(|g| format!(">{}, {}", g.name, counted(g.scored.len(), "image"))))
         .collect();
     let head: Vec<&str> = head.iter().map(String::as_str).collect();
     let cell = |x: Option<f64>| text(x.map_or_else(|| "–".to_owned(), |x| format!("{x:.4}")));

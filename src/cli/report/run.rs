@@ -6,6 +6,7 @@ use super::{Section, Stat, bars, bytes, code, images, seconds, settings, table, 
 use crate::Result;
 use crate::fit::training::History;
 use crate::meter::Meter;
+use crate::units::counted;
 use maud::{Markup, html};
 use serde_json::Value;
 use std::path::Path;
@@ -60,10 +61,7 @@ impl<'a> Run<'a> {
         Stat {
             label: "Time",
             value: seconds(self.total_seconds),
-            note: match crate::num::par::threads() {
-                1 => "1 thread".to_owned(),
-                n => format!("{n} threads"),
-            },
+            note: counted(crate::num::par::threads(), "thread"),
         }
     }
 
@@ -149,7 +147,8 @@ fn strip(film: &Film) -> Result<Markup> {
         let Some((rgb, [w, h])) = &s.image else { continue };
         let score = format!("{} {}", film.metric, decibel(s.psnr_db));
         let caption = format!("iteration {} · {}", thousands(s.iteration), decibel(s.psnr_db));
-        let alt = format!("render of view {} after {} iterations, {score}", film.view, s.iteration);
+        let alt =
+            format!("render of view {} after {}, {score}", film.view, counted(s.iteration, "iteration"));
         figures
             .push((images::data_uri(rgb, *w, *h, images::MAX_STRIP_SIDE)?, images::Label { alt, caption }));
     }
@@ -205,7 +204,7 @@ pub(crate) fn decibel(x: f64) -> String {
 }
 
 /// How views are read, for the lead of a section.
-pub(crate) const HOW_TO_READ: &str = "The worst views come first. Choose photo, render or error to see them at the same place (with the \
+pub(crate) const HOW_TO_READ: &str = "The worst views come first. Choose input, render or error to see them at the same place (with the \
     keyboard: arrow keys); a click on an image enlarges the view.";
 
 /// Views with their renders, the worst first, with the colour scale of the error maps; images are at most `max_side` pixels long. `what` names the
@@ -232,7 +231,7 @@ fn view(c: &Compared<'_>, what: &str, id: &str, max_side: usize) -> Result<Marku
     let error = images::error_map(c.error);
     let mean = c.mae.map_or_else(String::new, |mae| format!(", mean {mae:.4}"));
     let figures = [
-        ("photo", c.photo, format!("photo of {what} {}", c.name), "photo".to_owned()),
+        ("photo", c.photo, format!("input image of {what} {}", c.name), "input".to_owned()),
         (
             "render",
             c.image,
@@ -246,7 +245,7 @@ fn view(c: &Compared<'_>, what: &str, id: &str, max_side: usize) -> Result<Marku
     let figures = figures.collect::<Result<Vec<_>>>()?;
     let choices = [
         ("pick-all", "side by side"),
-        ("pick-photo", "photo"),
+        ("pick-photo", "input"),
         ("pick-render", "render"),
         ("pick-error", "error"),
     ];

@@ -21,13 +21,13 @@ h1{font-size:36px;line-height:1.15;letter-spacing:-.02em;margin:6px 0 18px;font-
 dt{color:var(--faint);font-size:13px;white-space:nowrap}dd{margin:0}
 .command{margin:0;padding:11px 15px;border:1px solid var(--line);border-radius:9px;background:var(--panel);color:var(--soft);white-space:pre-wrap;overflow-wrap:anywhere}
 nav{position:sticky;top:0;z-index:2;background:var(--bg);border-bottom:1px solid var(--line)}
-nav .wrap{display:flex;gap:22px;overflow-x:auto}nav a{padding:11px 0;color:var(--soft);text-decoration:none;font-size:14px;white-space:nowrap}
+nav .wrap{display:flex;flex-wrap:wrap;gap:0 22px}nav a{padding:9px 0;color:var(--soft);text-decoration:none;font-size:14px;white-space:nowrap}
 nav a:hover{color:var(--accent)}a{color:var(--accent)}:focus-visible{outline:2px solid var(--accent);outline-offset:2px}
 .stats{display:grid;grid-template-columns:repeat(auto-fit,minmax(165px,1fr));gap:14px;margin:28px 0 8px}
 .stat{background:var(--panel);border:1px solid var(--line);border-radius:12px;padding:15px 17px;box-shadow:var(--shadow)}
 .stat p{margin:0}.label{color:var(--soft);font-size:13px}.value{font-size:27px;font-weight:650;letter-spacing:-.015em;font-variant-numeric:tabular-nums;line-height:1.3}
 .note{color:var(--faint);font-size:13px}abbr[title]{text-decoration:underline dotted;text-underline-offset:3px;cursor:help}
-section{padding-top:34px;scroll-margin-top:30px}h2{font-size:22px;letter-spacing:-.01em;margin:0 0 6px;font-weight:650}
+section{padding-top:34px;scroll-margin-top:48px}h2{font-size:22px;letter-spacing:-.01em;margin:0 0 6px;font-weight:650}
 h3{font-size:15px;margin:0 0 10px;font-weight:600}.lead{color:var(--soft);margin:0 0 16px;max-width:76ch}
 .panel{background:var(--panel);border:1px solid var(--line);border-radius:12px;padding:18px 20px;box-shadow:var(--shadow)}
 .stack{display:grid;gap:16px;align-content:start;grid-template-columns:minmax(0,1fr)}.two{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,460px),1fr));gap:16px}
@@ -66,7 +66,7 @@ figcaption{color:var(--faint);font-size:13px;padding-top:5px}
 .stages li b{display:block;color:var(--ink);font-weight:600}.stages .ok{border-left-color:var(--good)}.stages .first,.stages .after{border-left-color:var(--bad)}.stages .first{outline:2px solid var(--bad)}
 details summary{cursor:pointer;color:var(--soft);font-size:14px;padding:10px 0}
 footer{color:var(--faint);font-size:13px;padding:44px 0 40px}
-@media (max-width:640px){.wrap{padding:0 16px}h1{font-size:28px}header{padding-top:26px}.panel{padding:14px 12px}th,td{padding:7px 6px}table{font-size:13px}th{font-size:12px}
+@media (max-width:640px){.wrap{padding:0 16px}nav .wrap{flex-wrap:nowrap;overflow-x:auto}h1{font-size:28px}header{padding-top:26px}.panel{padding:14px 12px}th,td{padding:7px 6px}table{font-size:13px}th{font-size:12px}
 td:first-child,th:first-child{padding-left:12px}td:last-child,th:last-child{padding-right:12px}td:first-child,td:first-child dd code{overflow-wrap:anywhere}
 svg text{font-size:17px}.stats{grid-template-columns:repeat(2,minmax(0,1fr));gap:10px}.stat{padding:11px 12px}.value{font-size:22px}
 .frames{grid-template-columns:repeat(2,minmax(0,1fr));gap:8px}.frames .render{grid-column:1/3;grid-row:1}.pick-photo:checked~.frames,.pick-render:checked~.frames,.pick-error:checked~.frames{grid-template-columns:minmax(0,1fr)}
@@ -122,6 +122,57 @@ mod tests {
                     assert!(ratio >= 4.5, "{name}: --{colour} on --{background} is {ratio:.2}:1");
                 }
             }
+        }
+    }
+
+    /// Selector and declarations of every rule, also of those for narrow screens.
+    fn rules() -> Vec<(&'static str, Vec<(&'static str, &'static str)>)> {
+        let mut out = Vec::new();
+        for part in CSS.split('}') {
+            let Some((selector, body)) = part.rsplit_once('{') else { continue };
+            let selector = selector.rsplit('{').next().unwrap_or(selector).trim();
+            out.push((selector, body.split(';').filter_map(|d| d.trim().split_once(':')).collect()));
+        }
+        out
+    }
+
+    #[test]
+    fn nothing_is_wider_than_a_telephone() {
+        /// Width of the content of a page 390 pixels wide.
+        const CONTENT: f64 = 390.0 - 2.0 * 16.0;
+        let rules = rules();
+        assert!(rules.len() > 60, "{} rules", rules.len());
+        let all = |name: &str, property: &str| -> Vec<&str> {
+            let own = rules.iter().filter(|(selector, _)| selector.split(',').any(|s| s.trim() == name));
+            own.flat_map(|(_, d)| d).filter(|(p, _)| *p == property).map(|(_, value)| *value).collect()
+        };
+        // What may be wider scrolls in its own box.
+        assert_eq!(all(".scroll", "overflow-x"), ["auto"], "tables");
+        assert!(all("nav .wrap", "overflow-x").contains(&"auto"), "the navigation");
+        assert_eq!(all(".command", "overflow-wrap"), ["anywhere"], "the command line is broken anywhere");
+        let in_scroll = [".grid-table"];
+        for (selector, declarations) in &rules {
+            let has = |property: &str| declarations.iter().any(|(p, _)| *p == property);
+            for (property, value) in declarations {
+                let widths: Vec<f64> = value
+                    .split(|c: char| !(c.is_ascii_alphanumeric() || c == '.'))
+                    .filter_map(|word| word.strip_suffix("px")?.parse().ok())
+                    .collect();
+                let widest = widths.iter().copied().fold(0.0, crate::num::order::max);
+                let fits = match *property {
+                    "width" => has("max-width") || widest <= CONTENT,
+                    "min-width" => widest <= CONTENT || in_scroll.contains(selector),
+                    "grid-template-columns" => {
+                        let total = widths.iter().fold(0.0, |sum, width| sum + width);
+                        value.contains("min(100%") || value.contains("minmax(0,") || total <= CONTENT
+                    }
+                    _ => true,
+                };
+                assert!(fits, "{selector}{{{property}:{value}}} is wider than {CONTENT} pixels");
+            }
+        }
+        for (name, property, value) in [("svg", "width", "100%"), ("figure img", "width", "100%")] {
+            assert!(all(name, property).contains(&value), "{name}: {property}");
         }
     }
 

@@ -45,6 +45,12 @@ pub(super) fn note(views: &Views, survey: &Survey, is_random: bool, meter: &Mete
             2.0 * b.half_size
         ));
     }
+    if views.train.len() == 1 {
+        meter.note(
+            "warning: a single photo contains no depth: the fit reproduces it, and views from elsewhere are arbitrary; take 60 to \
+             200 photos from all sides (`lastlight help captures`)",
+        );
+    }
     if survey.is_outward() {
         meter.note(
             "warning: most cameras look away from their common centre, as in a room filmed from its middle; such a fit needs \

@@ -14,6 +14,7 @@ use crate::fit::splat::{MAX_GAUSSIANS, Settings, SplatFit, Strategy};
 use crate::fit::survey::Survey;
 use crate::fit::training::{Fit, Watch};
 use crate::io::{atomic, image_file, memory};
+use crate::like::COMMAND;
 use crate::meter::Meter;
 use crate::report::run::Run;
 use crate::scene::convert::write_scene;
@@ -21,6 +22,7 @@ use crate::scene::gaussians::Gaussians;
 use crate::scene::views::Views;
 use crate::shared::{Outcome, OutputArgs};
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
+use crate::units::counted;
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::{Value, json};
@@ -29,14 +31,14 @@ use std::path::{Path, PathBuf};
 const EXAMPLES: &str = "\
 Examples:
   lastlight splat fit photos/ --out fox                    7 000 iterations, about 10 minutes on two cores
-  lastlight splat fit photos/ --out fox --resume           go on after an interruption, with the same bits
+  lastlight splat fit --out fox --resume                   go on after an interruption, with the same options and bits
   lastlight splat fit photos/ --out fox --iterations 30000 the published schedule
   lastlight splat fit photos/ --out quick --downscale 2 --iterations 2000
   lastlight splat fit colmap/ --out garden --strategy mcmc --max-gaussians 300000
 
 DIR is a folder with transforms.json (NeRF-synthetic, instant-ngp or nerfstudio) or a COLMAP model (sparse/0, binary or text), or such a transforms.json itself. Every 8th photo in file-name order is held out and scored. Lens distortion is removed on load.
 
---out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, transforms.json (the cameras), images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
+--out DIR gets scene.ply, scene.splat, checkpoint.safetensors, result.json, command.json (the options, for --resume), transforms.json (the cameras), images.png (a sheet of the images as they are fitted), held-out renders, and report/index.html.";
 
 /// The cameras of the images, beside the scene.
 const CAMERAS: &str = "transforms.json";
@@ -132,16 +134,21 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let determined = Settings::determined(&views, background);
     meter.lap("reading photos");
     meter.note(&format!(
-        "{}: {} training photos, {} held out, {}",
+        "{}: {}, {} held out, {}",
         args.capture.display(),
-        views.train.len(),
+        counted(views.train.len(), "training photo"),
         views.test.len(),
         sizes(&views)
     ));
     let start = start(args, bounds, args.max_gaussians.unwrap_or(determined));
     let first = seeds::gaussians(&start, &views, &settings)?;
     // Before the first file is written.
-    first.validate(if matches!(start, Start::File(_)) { &args.init } else { "initial Gaussians" })?;
+    let source = match start {
+        Start::File(_) => args.init.clone(),
+        Start::Auto { .. } => format!("{}: initial Gaussians", args.capture.display()),
+        Start::Random { .. } => "initial Gaussians".to_owned(),
+    };
+    first.validate(&source)?;
     let usual = Settings::limit(determined, first.len(), matches!(start, Start::File(_)));
     settings.max_gaussians = args.max_gaussians.unwrap_or(usual);
     let is_random = match start {
@@ -223,16 +230,19 @@ impl Job<'_> {
         let (history, film) = self.frame.train(&mut fit, meter)?;
         let scene_values = fit.gaussians();
         let digest = fit.digest()?;
+        if let Some(outcome) = self.frame.finished(&digest, &Fit::settings(&fit), &history) {
+            return Ok(outcome);
+        }
         let scene = Scene::new(scene_values, self.settings.render.clone(), self.settings.background);
         let scored = score(&scene, self.views, &self.views.test, meter)?;
         let evaluation = Evaluation::of(scored.iter().map(|s| s.score.clone()).collect());
         meter.lap("evaluation");
 
-        let mut names = vec![CHECKPOINT.to_owned()];
+        let mut names = vec![CHECKPOINT.to_owned(), COMMAND.to_owned()];
         let comments = [format!(
-            "lastlight {}, {} iterations, digest {digest}",
+            "lastlight {}, {}, digest {digest}",
             env!("CARGO_PKG_VERSION"),
-            history.len()
+            counted(history.len(), "iteration")
         )];
         for name in ["scene.ply", "scene.splat"] {
             write_scene(&self.frame.file(name), scene_values, &comments)?;
@@ -274,14 +284,15 @@ impl Job<'_> {
                 ..Run::new(&record["settings"], Some(&history), meter, &self.frame.dir, &names)
             },
         })?;
-        let mut lines = vec![scores_text(&evaluation), format!("Gaussians   {}", scene_values.len())];
+        let scores = if cli::is_quiet() { mean_text(&evaluation) } else { scores_text(&evaluation) };
+        let mut lines = vec![scores, format!("Gaussians   {}", scene_values.len())];
         lines.extend(raised.map(|at| format!("limit       {}", limit_text(at, self.settings.max_gaussians))));
         lines.extend([
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
             format!("scene       {}", self.frame.file("scene.ply").display()),
         ]);
-        Ok(Outcome { record, page, lines, held_out_db: evaluation.mean_psnr_db })
+        Ok(Outcome { record, page: Some(page), lines, held_out_db: evaluation.mean_psnr_db })
     }
 }
 
@@ -318,6 +329,11 @@ pub(crate) fn score(
     }
     meter.done();
     Ok(scored)
+}
+
+/// The mean scores for the terminal.
+fn mean_text(e: &Evaluation) -> String {
+    scores_text(e).lines().last().unwrap_or_default().trim_end().to_owned()
 }
 
 /// A table of scores for the terminal.

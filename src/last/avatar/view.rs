@@ -13,6 +13,7 @@
 
 use super::guide::Square;
 use super::settings::Settings;
+use crate::loss::metric::ssim_sk;
 use crate::loss::{self, In};
 use crate::scene::bound;
 use crate::scene::camera::Camera;
@@ -66,6 +67,30 @@ fn cut(
         .collect()
 }
 
+/// Refuses a shot whose box around the person contains fewer pixels than the windows of the scores need.
+///
+/// # Errors
+/// If the person is outside the image, or smaller than a window.
+pub fn check(capture: &PersonCapture, shot: &Shot) -> Result<()> {
+    let [[top, left], [bottom, right]] =
+        bound::rectangle(&capture.box_mask(shot), shot.camera.width).ok_or_else(|| outside(shot))?;
+    let least = ssim_sk::SIDE;
+    if bottom - top >= least && right - left >= least {
+        return Ok(());
+    }
+    Err(Error::input(shot.name.clone())
+        .expected(format!("a person of at least {least}×{least} pixels"))
+        .got(format!("a box of {}×{}", right - left, bottom - top))
+        .hint("check that camera and pose belong to this image"))
+}
+
+fn outside(shot: &Shot) -> Error {
+    Error::input(shot.name.clone())
+        .expected("a person inside the image")
+        .got("a box that contains no pixel")
+        .hint("check that camera and pose belong to this image")
+}
+
 impl Target {
     /// Reads the pixels of a shot.
     ///
@@ -83,10 +108,7 @@ impl Target {
             }
         }
         let Some(rectangle) = bound::rectangle(&inside, width) else {
-            return Err(Error::input(shot.name.clone())
-                .expected("a person inside the image")
-                .got("a box that contains no pixel")
-                .hint("check that camera and pose belong to this image"));
+            return Err(outside(shot));
         };
         let crop_mask = pixels.valid.as_ref().map(|v| {
             let all: Vec<f32> = v.iter().map(|&v| f32::from(v)).collect();

@@ -11,6 +11,7 @@ use super::encoder::Input;
 use crate::io::npz;
 use crate::last::avatar::guide::{Framing, Square, Window};
 use crate::last::generate::RECORD;
+use crate::loss::metric::structure::matching;
 use crate::num::array::{Array, Arrays};
 use crate::num::par;
 use crate::scene::camera::{Camera, Model};
@@ -169,7 +170,14 @@ impl Set {
             self.shown.extend_from_slice(x);
             self.shown.extend_from_slice(c);
         }
-        self.factors.extend(need("u")?.to_f64());
+        let factors = need("u")?;
+        let each = factors.shape().last().copied().unwrap_or(0);
+        if each > matching::MOST || factors.len() != items * each {
+            return Err(Error::input(format!("array '{prefix}u'"))
+                .expected(format!("up to {} factors of {items} images", matching::MOST))
+                .got(format!("{:?}", factors.shape())));
+        }
+        self.factors.extend(factors.to_f64());
         Ok(())
     }
 }
@@ -183,11 +191,12 @@ impl Pictures {
     /// sizes.
     pub fn read(folder: &Path, groups: bool, framing: Framing) -> Result<Self> {
         check(folder)?;
-        let rest = npz::read(&folder.join(TEMPLATE))?;
+        let path = folder.join(TEMPLATE);
+        let rest = npz::read(&path)?;
+        let points = rest.need("points").map_err(|e| e.within(path.display().to_string()))?;
         let focal = rest.get("focal").and_then(|f| f.to_f32().first().copied());
         let skeleton = rest.get("parents").and_then(Array::to_i64).unwrap_or_default();
-        let template: Vec<[f32; 3]> =
-            rest.need("points")?.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
+        let template: Vec<[f32; 3]> = points.to_f32().chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
         let p = template.len();
         let mut all = Self {
             side: 0,

@@ -1,7 +1,7 @@
 //! `oracle list`.
 
-use crate::Result;
 use crate::ops::{self, Kind, Op, Port, SettingSpec, Stage, Width};
+use crate::{Error, Result};
 use serde::ser::SerializeStruct;
 use serde::{Serialize, Serializer};
 use std::fmt;
@@ -23,9 +23,20 @@ pub fn list(names: &[String]) -> Result<List> {
         op.name == name || op.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'))
     };
     for name in names {
-        if !ops::LIST.iter().any(|op| is_in(op, name)) {
-            ops::find(name)?;
+        if ops::LIST.iter().any(|op| is_in(op, name)) {
+            continue;
         }
+        let mut groups: Vec<&str> =
+            ops::LIST.iter().filter_map(|op| Some(op.name.split_once('.')?.0)).collect();
+        groups.dedup();
+        let e = Error::input("oracle list").got(format!("'{name}'"));
+        let close = ops::similar(name, groups.iter().copied().chain(ops::LIST.iter().map(|op| op.name)));
+        return Err(if close.is_empty() {
+            e.expected(format!("operators, or groups of them: {}", groups.join(", ")))
+        } else {
+            e.expected("an operator or a group of operators")
+                .hint(format!("did you mean {}?", close.join(" or ")))
+        });
     }
     let chosen = |op: &&'static Op| names.is_empty() || names.iter().any(|name| is_in(op, name));
     Ok(List { operators: ops::LIST.iter().copied().filter(chosen).collect(), is_complete: false })

@@ -1,5 +1,6 @@
 //! `oracle run`.
 
+use super::names::{UNNAMED, is_unnamed, meant};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::num::bits::{self, Digest};
@@ -83,7 +84,7 @@ pub struct Report {
 pub struct SortedArrays {
     /// the call: inputs, settings, cotangents
     pub call: Call,
-    /// arrays that were ignored, and why
+    /// one line about the arrays that were ignored, if there are any
     pub notes: Vec<String>,
 }
 
@@ -94,7 +95,7 @@ enum Role<'a> {
     Cotangent(&'a str),
     /// The value of this setting.
     Setting(&'a str),
-    /// Not used, for this reason.
+    /// Not used: what it is, in the plural.
     Ignored(&'static str),
 }
 
@@ -113,38 +114,44 @@ impl<'a> Role<'a> {
             return Ok(if op.adjoint {
                 Self::Cotangent(output)
             } else {
-                Self::Ignored("the operator has no adjoint")
+                Self::Ignored("cotangents (the operator has no adjoint)")
             });
         }
         if let Some(key) = name.strip_prefix("setting_") {
             return Ok(Self::Setting(key));
         }
         let reason = if has(op.outputs, name) {
-            "an output"
+            "outputs"
         } else if has(op.intermediates, name) {
-            "an intermediate"
+            "intermediates"
         } else if bar_of.is_some_and(|x| has(op.inputs, x)) {
-            "the gradient of an input"
+            "gradients"
         } else if op.companions.contains(&name) {
-            "a companion of this operator's files"
+            "companions of this operator's files"
         } else {
             let inputs: Vec<_> = op.inputs.iter().map(|p| p.name).collect();
-            return Err(Error::input(format!("array '{name}'"))
+            let e = Error::input(format!("array '{name}'"))
                 .expected(format!("an input ({}), <output>_bar or setting_KEY", inputs.join(", ")))
-                .got("an unknown name")
-                .hint("`oracle list` prints the names of every operator"));
+                .got("an unknown name");
+            let bars: Vec<String> = op.outputs.iter().map(|p| format!("{}_bar", p.name)).collect();
+            let known: Vec<String> = inputs.iter().map(|n| (*n).to_owned()).chain(bars).collect();
+            return Err(match meant(name, &known) {
+                Some(close) => e.hint(format!("did you mean {close}?")),
+                None if is_unnamed(name) => e.hint(UNNAMED),
+                None => e.hint(format!("`oracle show {}` prints its arrays and settings", op.name)),
+            });
         };
         Ok(Self::Ignored(reason))
     }
 }
 
 /// Sorts the arrays of a file by the rules of `oracle run`: inputs by name, `<output>_bar`, `setting_KEY`;
-/// outputs, intermediates, `<input>_bar` and companions are ignored with a note; anything else is an error.
+/// outputs, intermediates, `<input>_bar` and companions are ignored, with one note; anything else is an error.
 ///
 /// # Errors
 /// An unknown name, or a setting that is not one number.
 pub fn sort(op: &'static Op, arrays: Arrays) -> Result<SortedArrays> {
-    let mut sorted = SortedArrays::default();
+    let (mut sorted, mut unused) = (SortedArrays::default(), Unused::new());
     for (name, array) in arrays.0 {
         match Role::of(op, &name)? {
             Role::Cotangent(output) => {
@@ -158,17 +165,30 @@ pub fn sort(op: &'static Op, arrays: Arrays) -> Result<SortedArrays> {
             Role::Setting(key) => {
                 sorted.call.settings.insert(key.to_owned(), Setting::Number(array.to_f64()[0]));
             }
-            Role::Ignored(reason) => sorted.notes.push(ignored(&name, reason)),
+            Role::Ignored(kind) => unused.entry(kind).or_default().push(name),
             Role::Input => {
                 sorted.call.inputs.0.insert(name, array);
             }
         }
     }
+    sorted.notes = ignored(&unused).into_iter().collect();
     Ok(sorted)
 }
 
-fn ignored(name: &str, reason: &str) -> String {
-    format!("ignored '{name}': {reason}")
+/// Names of arrays that are not used, by what they are.
+type Unused = BTreeMap<&'static str, Vec<String>>;
+
+/// Most names of one kind that a note lists.
+const LISTED: usize = 6;
+
+/// `ignored: gradients x_bar; outputs y`.
+fn ignored(unused: &Unused) -> Option<String> {
+    let kind = |(kind, names): (&&str, &Vec<String>)| match names.len() {
+        n if n > LISTED => format!("{n} {kind}"),
+        _ => format!("{kind} {}", names.join(", ")),
+    };
+    let kinds: Vec<String> = unused.iter().map(kind).collect();
+    (!kinds.is_empty()).then(|| format!("ignored, not needed for a run: {}", kinds.join("; ")))
 }
 
 /// Reads what an operator uses from a file, as [`sort`] does with arrays in memory; other arrays are not read.
@@ -180,14 +200,15 @@ pub fn read(op: &'static Op, path: &Path) -> Result<SortedArrays> {
     let mut file = npz::Archive::open(path)?;
     let mut names = file.names();
     names.sort();
-    let mut notes = Vec::new();
+    let mut unused = Unused::new();
     for name in &names {
-        if let Role::Ignored(reason) = Role::of(op, name).map_err(in_file)? {
-            notes.push(ignored(name, reason));
+        if let Role::Ignored(kind) = Role::of(op, name).map_err(in_file)? {
+            unused.entry(kind).or_default().push(name.clone());
         }
     }
     let arrays = file.read(&|name| !matches!(Role::of(op, name), Ok(Role::Ignored(_)) | Err(_)))?;
     drop(file);
+    let notes = ignored(&unused).into_iter().collect();
     Ok(SortedArrays { notes, ..sort(op, arrays).map_err(in_file)? })
 }
 

@@ -4,13 +4,14 @@
 //! ([`Pivot::of_cameras`]); of any other, from the extents of its Gaussians, weighted by opacity
 //! ([`Pivot::of_scene`]).
 
-pub use super::pivot::{Pivot, Up};
+pub use super::pivot::{Arc, Pivot, Up};
 use super::pivot::{SHOWN, cross, dot, measured, minus, quantile, without_background};
 use super::render::Shot;
 use crate::num::order;
 use crate::scene::camera::{Camera, Model};
 use crate::scene::gaussians::Gaussians;
 use crate::{Error, Result};
+use core::f64::consts::TAU;
 
 /// Share of the image, in either direction, that a scene fills.
 const FILLED: f64 = 0.9;
@@ -20,8 +21,11 @@ const DIRECTIONS: usize = 8;
 /// A circle of cameras around the scene, directed at its middle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// how many, evenly spaced, the first in front
+    /// how many, evenly spaced: on a full turn the first is in front, on an arc they go from end to end
     pub count: usize,
+    /// extent of the arc around the front, or around the middle of what was filmed; `None`: as far as the given cameras go, a full turn if
+    /// they cover at least 300 degrees or there are none
+    pub arc_rad: Option<f64>,
     /// the point in the centre of the image; `None`: the middle of the pivot
     pub center: Option<[f32; 3]>,
     /// distance; `None`: so that the scene without its background fills the image
@@ -80,11 +84,12 @@ impl Orbit {
                 .expected("a positive number")
                 .got(radius.to_string()));
         }
+        let arc = self.arc(&pivot);
         let digits = (self.count - 1).to_string().len().max(3);
         let focal = (0.5 * self.size[0] as f64 / libm::tan(self.fov_x_rad * 0.5)) as f32;
         (0..self.count)
             .map(|i| {
-                let out = self.direction(&pivot, i, self.count);
+                let out = self.direction(&pivot, self.turn(arc, i));
                 let eye: [f64; 3] = std::array::from_fn(|k| pivot.center[k] + f64::from(radius) * out[k]);
                 let camera = look_at(eye, out.map(|x| -x), pivot.up, [focal, focal], self.size);
                 camera.validate()?;
@@ -109,12 +114,42 @@ impl Orbit {
                 .expected("less than 88 degrees")
                 .got(format!("{:.3}", self.elevation_rad.to_degrees())));
         }
+        if let Some(arc) = self.arc_rad.filter(|arc| !(*arc > 0.0 && *arc <= TAU * (1.0 + 1e-9))) {
+            return Err(Error::input("orbit")
+                .at("arc")
+                .expected("more than 0 and at most 360 degrees")
+                .got(format!("{:.3}", arc.to_degrees())));
+        }
         Ok(())
     }
 
-    /// Unit vector from the middle to camera `i` of `count`.
-    fn direction(&self, pivot: &Pivot, i: usize, count: usize) -> [f64; 3] {
-        let turn = core::f64::consts::TAU * i as f64 / count as f64;
+    /// The arc on which the cameras are, if it is not a full turn.
+    fn arc(&self, pivot: &Pivot) -> Option<Arc> {
+        let middle = pivot.arc.map_or(0.0, |arc| arc.middle);
+        match self.arc_rad {
+            Some(extent) if extent >= TAU * (1.0 - 1e-9) => None,
+            Some(extent) => Some(Arc { middle, extent }),
+            None => pivot.arc,
+        }
+    }
+
+    /// Extent of the arc in radians to which the orbit is limited because the given cameras cover no more; `None` if it is not.
+    pub fn limited(&self, cameras: &[Camera], up: Up) -> Option<f64> {
+        let filmed = Pivot::of_cameras(cameras, up)?.arc?;
+        self.arc_rad.is_none().then_some(filmed.extent)
+    }
+
+    /// Angle of camera `i` from the front.
+    fn turn(&self, arc: Option<Arc>, i: usize) -> f64 {
+        match arc {
+            None => TAU * i as f64 / self.count as f64,
+            Some(arc) if self.count == 1 => arc.middle,
+            Some(arc) => arc.middle + arc.extent * (i as f64 / (self.count - 1) as f64 - 0.5),
+        }
+    }
+
+    /// Unit vector from the middle to a camera at that angle from the front.
+    fn direction(&self, pivot: &Pivot, turn: f64) -> [f64; 3] {
         let (se, ce) = (libm::sin(self.elevation_rad), libm::cos(self.elevation_rad));
         let side = cross(pivot.up, pivot.front);
         let (s, c) = (libm::sin(turn), libm::cos(turn));
@@ -132,7 +167,7 @@ impl Orbit {
         let half = slope.map(|x| FILLED * x);
         let mut needed = Vec::with_capacity(content.len() * DIRECTIONS);
         for i in 0..DIRECTIONS {
-            let out = self.direction(pivot, i, DIRECTIONS);
+            let out = self.direction(pivot, TAU * i as f64 / DIRECTIONS as f64);
             let [right, down, forward] = axes(out.map(|x| -x), pivot.up);
             for m in &content {
                 let p = minus(m.at, pivot.center);
@@ -195,6 +230,7 @@ mod tests {
     const ORBIT: Orbit = Orbit {
         count: 8,
         center: None,
+        arc_rad: None,
         radius: Some(2.0),
         elevation_rad: 0.3,
         fov_x_rad: 1.0,
@@ -219,6 +255,39 @@ mod tests {
         assert_eq!(shots[7].name, "007", "names sort");
         assert!(Orbit { count: 0, ..ORBIT }.shots(&scene).is_err(), "no camera");
         assert!(Orbit { radius: None, ..ORBIT }.shots(&Gaussians::default()).is_err(), "nothing to look at");
+    }
+
+    #[test]
+    fn an_orbit_stays_where_cameras_were() {
+        let scene = cloud(vec![[1.0, 2.0, 3.0]; 5]);
+        let ring = Orbit { count: 36, ..ORBIT }.shots(&scene).expect("a full turn");
+        let filmed: Vec<Camera> = ring.iter().map(|s| s.camera.clone()).collect();
+        let eyes = |shots: &[Shot]| shots.iter().map(|s| s.camera.center()).collect::<Vec<_>>();
+        let near = |a: [f32; 3], b: [f32; 3]| (0..3).all(|k| (a[k] - b[k]).abs() < 5e-2);
+        let shots =
+            |orbit: Orbit, cameras: &[Camera]| orbit.shots_from(&scene, cameras, Up::Auto).expect("valid");
+
+        // From cameras 5 to 15, ten steps of ten degrees and half of one at both ends.
+        let some = &filmed[5..16];
+        let arc = ORBIT.limited(some, Up::Auto).expect("limited").to_degrees();
+        assert!((arc - 110.0).abs() < 1.0, "{arc}");
+        let around = eyes(&shots(Orbit { count: 12, ..ORBIT }, some));
+        let full = eyes(&Orbit { count: 72, ..ORBIT }.shots(&scene).expect("half steps"));
+        let (one, other) = ((full[9], full[31]), (full[31], full[9]));
+        let ends = (around[0], around[11]);
+        let is = |x: ([f32; 3], [f32; 3])| near(ends.0, x.0) && near(ends.1, x.1);
+        assert!(is(one) || is(other), "from end to end: {ends:?} and {one:?}");
+        assert!(near(eyes(&shots(Orbit { count: 1, ..ORBIT }, some))[0], full[20]), "one is in the middle");
+
+        assert_eq!(ORBIT.limited(&filmed, Up::Auto), None, "all sides were filmed");
+        assert_eq!(ORBIT.limited(&filmed[..31], Up::Auto), None, "nearly all");
+        let whole = Orbit { arc_rad: Some(TAU), count: 4, ..ORBIT };
+        assert_eq!(whole.limited(some, Up::Auto), None, "as given");
+        let opposite = eyes(&shots(whole, some));
+        let across = (0..3).fold(0.0, |far, k| order::max(far, (opposite[0][k] - opposite[2][k]).abs()));
+        assert!(across > 2.5, "a full turn: {across}");
+        assert!(Orbit { arc_rad: Some(0.0), ..ORBIT }.shots(&scene).is_err(), "no arc");
+        assert!(Orbit { arc_rad: Some(7.0), ..ORBIT }.shots(&scene).is_err(), "more than a turn");
     }
 
     #[test]

@@ -144,8 +144,14 @@ impl Recorder {
     /// files of a killed run are removed.
     ///
     /// # Errors
-    /// When the folder cannot be created, or holds the records of a run with another header.
+    /// When the folder cannot be created, holds the records of a run with another header, or a folder where a
+    /// file of cameras will be written.
     pub fn open(dir: &Path, header: Map<String, Value>, resume: bool) -> Result<Self> {
+        for path in SPLITS.iter().map(|(file, _)| dir.join(file)) {
+            if path.is_dir() {
+                return Err(Error::input(path.display().to_string()).expected("a file").got("a folder"));
+            }
+        }
         let journal = dir.join(JOURNAL);
         let mark = journal.join(HEADER);
         let mut recorder = Self { dir: dir.to_path_buf(), header, done: Vec::new() };

@@ -68,6 +68,47 @@ pub struct Pivot {
     /// Half of the width and of the height that the cameras see at the distance of the middle, on average;
     /// `None` without cameras.
     pub reach: Option<[f64; 2]>,
+    /// The part of a full turn around the axis that the cameras cover, where they do not cover nearly all of it.
+    pub arc: Option<Arc>,
+}
+
+/// A part of a full turn, counted from the front.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Arc {
+    /// Its middle in radians, positive toward up × front.
+    pub middle: f64,
+    /// Its extent in radians.
+    pub extent: f64,
+}
+
+/// Cameras that cover at least this part of a full turn, 300 degrees, have filmed all sides.
+const ALL_SIDES: f64 = core::f64::consts::TAU * 5.0 / 6.0;
+/// Smallest arc, 20 degrees.
+const SMALLEST_ARC: f64 = core::f64::consts::TAU / 18.0;
+/// A camera above or below the middle has no side: sine of the angle between its direction and the axis.
+const NO_SIDE: f64 = 0.1;
+
+impl Arc {
+    /// What the cameras at `eyes` cover: the turn without the largest gap between neighbours, and one usual gap more. `None` if they cover
+    /// nearly all of it, or none of them has a side.
+    fn of(eyes: &[[f64; 3]], pivot: &Pivot) -> Option<Self> {
+        let side = cross(pivot.up, pivot.front);
+        let turn = |eye: &[f64; 3]| {
+            let from = minus(*eye, pivot.center);
+            let (x, y) = (dot(from, pivot.front), dot(from, side));
+            let is_aside = x * x + y * y > NO_SIDE * NO_SIDE * dot(from, from);
+            is_aside.then(|| libm::atan2(y, x))
+        };
+        let mut turns: Vec<f64> = eyes.iter().filter_map(turn).collect();
+        turns.sort_by(f64::total_cmp);
+        let (first, n) = (*turns.first()?, turns.len());
+        let next = |i: usize| if i + 1 < n { turns[i + 1] } else { first + core::f64::consts::TAU };
+        let widest = (0..n).max_by(|&i, &j| (next(i) - turns[i]).total_cmp(&(next(j) - turns[j])))?;
+        let between = core::f64::consts::TAU - (next(widest) - turns[widest]);
+        let usual = if n > 1 { between / (n - 1) as f64 } else { 0.0 };
+        let extent = order::max(between + usual, SMALLEST_ARC);
+        (extent < ALL_SIDES).then(|| Self { middle: next(widest) + 0.5 * between, extent })
+    }
 }
 
 impl Pivot {
@@ -79,7 +120,7 @@ impl Pivot {
             [0.0, 0.0, if up[1] < 0.0 { -1.0 } else { 1.0 }]
         };
         let front = horizontal(toward, up).unwrap_or([1.0, 0.0, 0.0]);
-        Self { center, up, front, reach: None }
+        Self { center, up, front, reach: None, arc: None }
     }
 
     /// The point nearest to the optical axes; the axis of the cameras' circle; the front is on their side.
@@ -117,7 +158,9 @@ impl Pivot {
         let is_sided = dot(mean, mean) > 0.01 * far * far;
         let toward = if is_sided { mean } else { minus(eyes[0], center) };
         let upright = Self::upright(center, up);
-        Some(Self { front: horizontal(toward, up).unwrap_or(upright.front), reach: Some(reach), ..upright })
+        let front = horizontal(toward, up).unwrap_or(upright.front);
+        let pivot = Self { front, reach: Some(reach), ..upright };
+        Some(Self { arc: Arc::of(&eyes, &pivot), ..pivot })
     }
 
     /// The middle of the Gaussians' extents, weighted by opacity, without the background; `None` for an empty

@@ -271,7 +271,7 @@ impl Factors {
                     .hint("name the joint that self-occlusion bends: --elbow NAME")
             })?,
         };
-        c.bend(&mut c.rest(), elbow, 0.1).map_err(|e: Error| e.hint("name another joint"))?;
+        c.bend(&mut c.rest(), elbow, 0.1).map_err(|e: Error| e.hint("name another joint: --elbow NAME"))?;
         Ok(Self { first, second, elbow: Some(elbow) })
     }
 }

@@ -31,7 +31,7 @@ pub const NAME_BOX: &str = "SSIM-sk-box";
 pub const NAME_RANGE_2: &str = "SSIM-sk-range2";
 
 /// Side of the window.
-const SIDE: usize = 7;
+pub const SIDE: usize = 7;
 /// Pixels of the window.
 const AREA: f64 = (SIDE * SIDE) as f64;
 /// Number of pixels at each border whose window extends beyond the image.
