@@ -9,8 +9,8 @@
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
 //! case     drawing of generated cases                similar: suggestions for unknown names
-//! splat, field, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, causal, pose, skin,
-//! rest, optim: the entries
+//! splat, field, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, causal, surface, pose,
+//! skin, rest, optim: the entries
 //! ```
 
 mod call;
@@ -37,6 +37,7 @@ mod similar;
 mod skin;
 mod splat;
 mod subject;
+mod surface;
 mod twin;
 
 pub use call::{Call, RunResult, Settings};
@@ -76,6 +77,8 @@ pub static LIST: &[&Op] = &[
     &latent::LATENT,
     &prior::PRIOR,
     &prior::PRESENCE,
+    &surface::EIKONAL,
+    &surface::ALBEDO,
     &shade::GGX,
     &shade::ENVMAP,
     &moment::DIFFUSE,
@@ -83,8 +86,12 @@ pub static LIST: &[&Op] = &[
     &moment::OVER_BLACK,
     &field::FETCH,
     &field::SDF_HEAD,
+    &field::VALUE_HEAD,
+    &field::NORMAL_HEAD,
+    &field::EMBED,
     &field::DENSITY,
     &field::INTERVAL,
+    &field::NORMAL,
     &field::COMPOSITE,
     &causal::ACYCLIC,
     &causal::MASK,

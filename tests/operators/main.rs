@@ -18,3 +18,4 @@ mod optim;
 mod oracle;
 mod shade;
 mod splat;
+mod surface;

@@ -2,10 +2,14 @@
 
 pub mod composite;
 pub mod density;
+pub mod embed;
 pub mod fetch;
 pub mod interval;
 mod network;
+pub mod normal;
+pub mod normal_head;
 pub mod sdf_head;
+pub mod value_head;
 
 use crate::ports::SettingSpec;
 

@@ -4,6 +4,8 @@
 //! mask through [`Pair`], visit the pixels in order and add to one entry of the output. Every file also binds
 //! its function to named arrays for [`crate::twins`].
 
+pub mod albedo;
+pub mod eikonal;
 pub mod groups;
 pub mod l1;
 pub mod latent;
@@ -62,8 +64,8 @@ impl<'a, S: Scalar> Pair<'a, S> {
     }
 }
 
-/// The kept pixels and their number.
-fn kept<S: Scalar>(mask: Option<&Arr<S>>, pixels: usize) -> Result<(Vec<bool>, f64), String> {
+/// The kept pixels.
+fn mask_of<S: Scalar>(mask: Option<&Arr<S>>, pixels: usize) -> Result<Vec<bool>, String> {
     let mut kept = vec![true; pixels];
     for (kept, m) in kept.iter_mut().zip(mask.into_iter().flat_map(|mask| &mask.data)) {
         *kept = match m.value() {
@@ -72,6 +74,12 @@ fn kept<S: Scalar>(mask: Option<&Arr<S>>, pixels: usize) -> Result<(Vec<bool>, f
             other => return Err(format!("input mask: expected 0 or 1, got {other}")),
         };
     }
+    Ok(kept)
+}
+
+/// The kept pixels and their number.
+fn kept<S: Scalar>(mask: Option<&Arr<S>>, pixels: usize) -> Result<(Vec<bool>, f64), String> {
+    let kept = mask_of(mask, pixels)?;
     let count = kept.iter().filter(|&&kept| kept).count();
     if count == 0 {
         return Err("input mask: expected at least one kept pixel, got none".to_owned());

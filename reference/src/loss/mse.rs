@@ -1,6 +1,6 @@
 //! `loss.mse`: mean squared difference over the kept values.
 //!
-//! value = Σ (x − y)² / (C·kept pixels)
+//! value = Σ (x − y)² / (C·kept pixels), or / (C·H·W) with `over=all`
 //!
 //! | argument | shape | range |
 //! |---|---|---|
@@ -12,12 +12,12 @@
 //! A left fold over the kept entries in memory order, then one division.
 //!
 //! # Kinks and domain
-//! Smooth. A mask that keeps no pixel is an error.
+//! Smooth. A mask that keeps no pixel is an error, except with `over=all`.
 
-use super::kept;
+use super::{kept, mask_of};
 use crate::array::{Arr, Out};
 use crate::inputs::inputs;
-use crate::ports::{Port, Signature, ports};
+use crate::ports::{Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
 use crate::twins::Call;
 
@@ -35,7 +35,8 @@ pub static SIGNATURE: Signature = Signature {
     name: "loss.mse",
     summary: "mean (x − y)²",
     inputs: In::<f64>::PORTS,
-    outputs: ports![value: Port::var("", "mean over the kept values")],
+    outputs: ports![value: Port::var("", "mean over the kept values, or over all")],
+    settings: &[SettingSpec::choice("over", &["kept", "all"], "kept", "divisor: kept values, or all values")],
     ..Signature::EMPTY
 };
 
@@ -43,11 +44,15 @@ pub static SIGNATURE: Signature = Signature {
 ///
 /// # Errors
 /// When a mask entry is neither 0 nor 1, or no pixel is kept.
-pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
+pub fn forward<S: Scalar>(input: &In<'_, S>, is_over_all: bool, out: &mut Out<'_, S>) -> Result<(), String> {
     let In { x, y, mask } = *input;
     let (pixels, channels) = (x.shape[0] * x.shape[1], x.shape[2]);
-    let (kept, count) = kept(mask, pixels)?;
+    let (kept, count) =
+        if is_over_all { (mask_of(mask, pixels)?, pixels as f64) } else { kept(mask, pixels)? };
     let values = channels as f64 * count;
+    if values == 0.0 {
+        return Err("input x: expected at least one value, got none".to_owned());
+    }
     let value = out.array("value", &[]);
     for pixel in 0..pixels {
         if kept[pixel] {
@@ -67,5 +72,5 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, out: &mut Out<'_, S>) -> Result<(),
 /// # Errors
 /// When an input is missing or has the wrong shape, or no pixel is kept.
 pub fn run<S: Scalar>(call: &Call<'_, S>, out: &mut Out<'_, S>) -> Result<(), String> {
-    forward(&In::of(call.arrays)?, out)
+    forward(&In::of(call.arrays)?, call.settings.word("over") == "all", out)
 }

@@ -6,9 +6,9 @@ use crate::causal::{
     acyclic, code, edges, held, independence, intervene, limit, mask, posterior, posterior_kl, probability,
     scm_kl, structure,
 };
-use crate::field::{composite, density, fetch, interval, sdf_head};
+use crate::field::{composite, density, embed, fetch, interval, normal, normal_head, sdf_head, value_head};
 use crate::geometry::trace;
-use crate::loss::{groups, l1, latent, lpips, mse, points, presence, prior, ssim};
+use crate::loss::{albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim};
 use crate::nn::{act, conv, decoder, linear, mlp, softmax, window};
 use crate::optim::{adam, adamw};
 use crate::shade::{diffuse, envmap, gain, ggx, over_black};
@@ -76,6 +76,8 @@ pub static LIST: &[Twin] = &[
     twin!(latent),
     twin!(prior),
     twin!(presence),
+    twin!(eikonal),
+    twin!(albedo),
     Twin { signature: &lpips::SIGNATURE, stages: &[stage!(lpips::run); lpips::STAGES], work: lpips::work },
     twin!(ggx),
     twin!(envmap, envmap::work),
@@ -84,8 +86,12 @@ pub static LIST: &[Twin] = &[
     twin!(over_black),
     twin!(fetch, fetch::work),
     twin!(sdf_head, sdf_head::work),
+    twin!(value_head, value_head::work),
+    twin!(normal_head, normal_head::work),
+    twin!(embed),
     twin!(density),
     twin!(interval),
+    twin!(normal),
     twin!(composite),
     twin!(acyclic),
     twin!(mask),

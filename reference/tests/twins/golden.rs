@@ -183,3 +183,9 @@ fn field_composite_is_reproduced() {
         [1e-12, 1e-10],
     );
 }
+
+#[test]
+fn field_embed_is_reproduced() {
+    let inputs = ["normal", "ray_direction", "rho", "panoramas"];
+    check("field_embed", "field.embed", &inputs, BTreeMap::new(), [1e-12, 1e-10]);
+}

@@ -49,6 +49,7 @@
 //! assert_eq!(features, [2.0, 3.0, 5.0]); // ¾·2 + ½·1, ¾·4, 5
 //! ```
 
+use super::bands::Lists;
 use crate::num::lanes::f32x8;
 use crate::num::{order, par, sum};
 
@@ -230,43 +231,14 @@ impl<'a> Planes<'a> {
         });
     }
 
-    /// Sorts up to [`CHUNK`] points by the bands that they read, in index order within a band.
+    /// Lists up to [`CHUNK`] points by the bands that they read; an entry is point·3 + pair of axes.
     fn by_band(&self, points: &[[f32; 3]]) -> Lists {
         let per_plane = self.side.div_ceil(BAND);
-        // The bands of the two rows of a cell.
-        let bands = |entry: usize| {
+        Lists::sort(3 * points.len(), self.count * per_plane, |entry| {
             let row = self.corners(entry % 3, points[entry / 3]).at / self.side;
             let (plane, row) = (row / self.side, row % self.side);
             [row, row + 1].map(|row| plane * per_plane + row / BAND)
-        };
-        let bands: Vec<[usize; 2]> = (0..3 * points.len()).map(bands).collect();
-        let mut starts = vec![0; self.count * per_plane + 1];
-        let owners = |[a, b]: [usize; 2]| std::iter::once(a).chain((a != b).then_some(b));
-        bands.iter().flat_map(|b| owners(*b)).for_each(|band| starts[band + 1] += 1);
-        for band in 1..starts.len() {
-            starts[band] += starts[band - 1];
-        }
-        let mut next = starts.clone();
-        let mut entries = vec![0_u32; starts[starts.len() - 1]];
-        for (entry, b) in bands.iter().enumerate() {
-            for band in owners(*b) {
-                entries[next[band]] = entry as u32;
-                next[band] += 1;
-            }
-        }
-        Lists { starts, entries }
-    }
-}
-
-/// Entries (point·3 + pair of axes) of every band, one band after the other.
-struct Lists {
-    starts: Vec<usize>,
-    entries: Vec<u32>,
-}
-
-impl Lists {
-    fn of(&self, band: usize) -> &[u32] {
-        &self.entries[self.starts[band]..self.starts[band + 1]]
+        })
     }
 }
 

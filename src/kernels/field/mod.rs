@@ -23,9 +23,15 @@
 //! * s is negative inside. σ is the density of VolSDF (Yariv et al. 2021) with the scale β.
 //! * Colours and albedo are sRGB-encoded values in 0..1.
 
+mod bands;
 pub mod composite;
 pub mod density;
+mod direction;
+pub mod embed;
 pub mod fetch;
 pub mod interval;
 pub mod network;
+pub mod normal;
+pub mod normal_head;
 pub mod sdf_head;
+pub mod value_head;

@@ -35,6 +35,7 @@
 //! assert_eq!(forward(&x).0, [4.0]); // tanh 0 + (5 − 1)
 //! ```
 
+use super::direction::{length, unit};
 use super::network::{self, Network, NetworkBar};
 use crate::num::elem;
 
@@ -74,20 +75,6 @@ impl<'a> In<'a> {
     }
 }
 
-/// Returns ‖x‖ in f64.
-#[inline(always)]
-pub(super) fn length(x: [f32; 3]) -> f64 {
-    let [x, y, z] = x.map(f64::from);
-    ((x * x + y * y) + z * z).sqrt()
-}
-
-/// Returns x/‖x‖, 0 at 0.
-#[inline(always)]
-pub(super) fn radial(x: [f32; 3]) -> [f32; 3] {
-    let r = length(x);
-    if r > 0.0 { x.map(|x| (f64::from(x) / r) as f32) } else { [0.0; 3] }
-}
-
 /// Returns s for tanh z at a point.
 #[inline(always)]
 pub fn distance(tanh: f32, point: [f32; 3], half_size: f32) -> f32 {
@@ -120,7 +107,7 @@ pub fn adjoint(
 ) {
     assert_eq!(sdf_bar.len(), x.points.len(), "one cotangent per point");
     for ((bar, point), g) in points_bar.iter_mut().zip(x.points).zip(sdf_bar) {
-        let n = radial(*point);
+        let n = unit(*point);
         (0..3).for_each(|k| bar[k] += g * n[k]);
     }
     let scale = SCALE * x.half_size;

@@ -1,12 +1,31 @@
-//! Ray–triangle intersection, distances and surface samples. Level 4, without adjoints.
+//! Ray–triangle intersection, distances, surface samples; signed distance volumes to textured meshes. Level 4,
+//! without adjoints.
 //!
 //! ```text
 //! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; its shape affects no result)
 //! tree, ray ── closest | occluded ──► hit              (watertight test, hits ordered by (t, triangle))
 //! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
+//!
+//! volume ── components::fill_cavities ──► volume ── marching ──► mesh ── components::keep ──► mesh
+//!        ── smooth ──► mesh, normals ── atlas ──► mesh with texture coordinates ── texels ──► surface points
 //! ```
 //!
-//! # The contract
+//! # From a volume to a textured mesh
+//! ```text
+//! marching     the surface where a volume of samples changes its sign: closed, each edge in two triangles
+//! cells        the triangles of one cell, derived from the crossings of its faces when the program starts
+//! components   connected parts of a mesh, the largest of them; cavities of a volume
+//! smooth       mean of neighbours with a factor, optionally keeping the volume; vertex normals
+//! atlas        charts with limited stretch, placed in a square: no overlap, gutters, one texel density
+//! charts       regions of the surface that one projection maps without overlap
+//! packing      positions of the charts in the square
+//! texels       the surface point of every texel, and the nearest one for texels of gutters
+//! ```
+//!
+//! All of these are functions of their input bits: decisions are taken on f64 values that are computed in one
+//! written order, ties go to the smaller index, and threads own slabs, charts or rows.
+//!
+//! # The contract of rays
 //! The hit of a ray is the smallest (t, triangle) over all triangles that `triangle` accepts. A tree may only
 //! skip triangles that cannot have the smallest (t, triangle). This holds by construction and not by an error
 //! estimate: the reported t is at least the start of the triangle's own box, and an enclosing box starts no
@@ -24,15 +43,23 @@
 //! are slower for such rays, even if sorted by direction and origin: the frustum of sixteen of them
 //! intersects every leaf between their origins. `benches/record` contains the measurements.
 
+pub mod atlas;
 pub mod bvh;
+mod cells;
+mod charts;
 pub mod compare;
+pub mod components;
 #[cfg(test)]
 mod contract;
 mod group;
+pub mod marching;
 pub mod nearest;
+mod packing;
 mod pages;
 mod primitives;
 pub mod ray;
+pub mod smooth;
+pub mod texels;
 pub mod trace;
 mod tree;
 mod triangle;

@@ -8,6 +8,8 @@
 //! latent  distance between the factors of two images
 //! prior   regularisation of Gaussians that no camera observes
 //! presence  mean opacity and mean size of Gaussians
+//! eikonal deviation of gradients of a signed distance from unit length
+//! albedo  squared differences of albedo after a scale of the linear values
 //! lpips   learned perceptual distance, with user-supplied weights
 //! metric  PSNR, SSIM and MAE in f64, every variant named; evaluation of causal structures
 //! ```
@@ -27,6 +29,8 @@
 use crate::num::{par, sum};
 use crate::{Error, Result};
 
+pub mod albedo;
+pub mod eikonal;
 pub mod groups;
 pub mod l1;
 pub mod latent;
@@ -80,6 +84,17 @@ impl In<'_> {
 
     /// Like [`Self::check`], for another number of channels.
     pub(crate) fn check_channels(&self, what: &str, channels: usize) -> Result<usize> {
+        match self.count_kept(what, channels)? {
+            0 => Err(Error::input(what)
+                .expected("at least one kept pixel")
+                .got("none")
+                .hint("the mean over zero pixels is undefined")),
+            kept => Ok(kept),
+        }
+    }
+
+    /// Checks the sizes and the mask; returns the number of kept pixels.
+    pub(crate) fn count_kept(&self, what: &str, channels: usize) -> Result<usize> {
         let pixels = self.height * self.width;
         for (name, len) in [("x", self.x.len()), ("y", self.y.len())] {
             if channels == 0 || len != channels * pixels {
@@ -112,12 +127,6 @@ impl In<'_> {
                 kept
             }
         };
-        if kept == 0 {
-            return Err(Error::input(what)
-                .expected("at least one kept pixel")
-                .got("none")
-                .hint("the mean over zero pixels is undefined"));
-        }
         Ok(kept)
     }
 
@@ -203,8 +212,7 @@ pub(crate) fn image_sum(x: &In<'_>, term: impl Fn(f32, f32) -> f64 + Sync + Send
 /// Computes `bar += term(x, y)` on kept values, row by row.
 pub(crate) fn add_rows(x: &In<'_>, bar: &mut [f32], term: impl Fn(f32, f32) -> f32 + Sync + Send) {
     let (n, channels) = (x.row(), x.channels());
-    // n is positive, because `check` found a kept pixel.
-    par::chunks_mut(bar, n, |r, row| {
+    par::chunks_mut(bar, Ord::max(n, 1), |r, row| {
         let (a, b) = (&x.x[r * n..][..n], &x.y[r * n..][..n]);
         match x.mask_row(r) {
             None => {

@@ -1,6 +1,7 @@
 //! `loss.mse`: mean squared difference of two images with any number of channels.
 //!
-//! value = Σ (x − y)² / n over the n = C·(kept pixels) values
+//! value = Σ (x − y)² / n over the kept values, with n = C·(kept pixels); with `over=all` n = C·H·W, the mean of
+//! the masked difference
 //!
 //! | symbol | argument | shape | unit, range |
 //! |---|---|---|---|
@@ -14,7 +15,8 @@
 //! [`super`]); one division in f64; the result is rounded once to f32.
 //!
 //! # Kinks and domain
-//! The function is smooth. Pixels that the mask excludes get no gradient. It is an error if no pixel is kept.
+//! The function is smooth. Pixels that the mask excludes get no gradient. It is an error if no pixel is kept, except with
+//! `over=all`, where the value is then 0.
 //!
 //! # Adjoint
 //! x̄ += d·(2v̄/n),  ȳ −= the same; 2v̄/n in f64, rounded once; d is recomputed.
@@ -35,8 +37,18 @@ use crate::Result;
 /// Intermediate values that the adjoint needs.
 #[derive(Clone, Copy, Debug)]
 pub struct Saved {
-    /// Number n of kept values.
+    /// Divisor n.
     pub count: usize,
+}
+
+/// Divisor of the sum.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Over {
+    /// The number of kept values.
+    #[default]
+    Kept,
+    /// The number of all values.
+    All,
 }
 
 /// Returns the value and the intermediate values that the adjoint needs.
@@ -45,7 +57,21 @@ pub struct Saved {
 /// Returns an error for wrong sizes, a mask value other than 0 and 1, a mask that keeps no pixel, or images
 /// that are not finite.
 pub fn forward(x: &In<'_>) -> Result<(f32, Saved)> {
-    let count = x.channels() * x.check_channels("loss.mse", x.channels())?;
+    forward_over(x, Over::Kept)
+}
+
+/// Like [`forward`], with a choice of the divisor.
+///
+/// # Errors
+/// As [`forward`]; with [`Over::All`] a mask may keep no pixel.
+pub fn forward_over(x: &In<'_>, over: Over) -> Result<(f32, Saved)> {
+    let count = match over {
+        Over::Kept => x.channels() * x.check_channels("loss.mse", x.channels())?,
+        Over::All => {
+            x.count_kept("loss.mse", x.channels())?;
+            Ord::max(x.x.len(), 1)
+        }
+    };
     let square = |a: f32, b: f32| {
         let d = f64::from(a - b);
         d * d

@@ -8,6 +8,7 @@ use crate::loss::{self, l1, mse, ssim};
 use crate::tape::check::Prediction;
 use crate::{Error, num::array::Arrays};
 use reference::ports::Signature;
+use reference::settings::Setting;
 
 const fn entry(signature: &'static Signature) -> Op {
     Op { work_unit: "values", check, predict: left_out, ..Op::new(signature, run_l1, case) }
@@ -17,13 +18,11 @@ const fn entry(signature: &'static Signature) -> Op {
 pub(super) static L1: Op = Op { predict: left_out_or_equal, ..entry(&reference::loss::l1::SIGNATURE) };
 /// `loss.mse`
 pub(super) static MSE: Op = Op {
-    check: |x| {
-        check(x)?;
-        if x.dim("C") > 0 { Ok(()) } else { Err(Error::input("array 'x'").expected("a channel").got("none")) }
-    },
+    check: check_mse,
     run: run_mse,
     predict: left_out_or_equal,
-    cases: 3,
+    case: case_mse,
+    cases: 4,
     ..entry(&reference::loss::mse::SIGNATURE)
 };
 /// `loss.ssim`
@@ -34,8 +33,27 @@ pub(super) static SSIM: Op = Op {
     ..entry(&reference::loss::ssim::SIGNATURE)
 };
 
+/// The divisor of `loss.mse`.
+fn over(x: &CheckedCall<'_>) -> mse::Over {
+    if x.word("over") == Some("all") { mse::Over::All } else { mse::Over::Kept }
+}
+
+fn check_mse(x: &CheckedCall<'_>) -> Result<()> {
+    if over(x) == mse::Over::Kept {
+        check(x)?;
+    }
+    if x.dim("C") * x.dim("H") * x.dim("W") > 0 {
+        return check_mask(x);
+    }
+    Err(Error::input("array 'x'").expected("a pixel and a channel").got("none"))
+}
+
+fn check_mask(x: &CheckedCall<'_>) -> Result<()> {
+    x.rule("mask", "0 or 1", |m| m == 0.0 || m == 1.0)
+}
+
 fn check(x: &CheckedCall<'_>) -> Result<()> {
-    x.rule("mask", "0 or 1", |m| m == 0.0 || m == 1.0)?;
+    check_mask(x)?;
     let kept = !x.has("mask") || x.f64s("mask").contains(&1.0);
     if !kept || x.dim("H") * x.dim("W") == 0 {
         return Err(Error::input("array 'mask'").expected("at least one kept pixel").got("none"));
@@ -69,7 +87,7 @@ fn run_l1(x: &CheckedCall<'_>) -> Result<RunResult> {
 }
 
 fn run_mse(x: &CheckedCall<'_>) -> Result<RunResult> {
-    run(x, mse::forward, mse::adjoint)
+    run(x, |images| mse::forward_over(images, over(x)), mse::adjoint)
 }
 
 fn run_ssim(x: &CheckedCall<'_>) -> Result<RunResult> {
@@ -93,6 +111,15 @@ fn left_out(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
 
 fn left_out_or_equal(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
     Ok(zeros(x, |a, b| a == b))
+}
+
+/// As [`case`]; case 3 as case 2, with all values as divisor.
+fn case_mse(number: usize) -> Case {
+    let mut made = case(Ord::min(number, 2));
+    if number == 3 {
+        made.settings.insert("over".to_owned(), Setting::Text("all".to_owned()));
+    }
+    made
 }
 
 /// Two images that differ by noise; case 1 with a mask, case 2 with a mask and one channel.

@@ -8,6 +8,7 @@ mod environment;
 mod files;
 mod ply;
 mod real;
+mod textured;
 
 use crate::samples::gltf::Builder;
 use lastlight::io::gltf::{self, Gltf};

@@ -1,4 +1,6 @@
 //! Fields of objects: planes, heads, densities and compositing against closed forms.
 
+mod directions;
 mod planes;
+mod surfaces;
 mod volume;

@@ -188,3 +188,8 @@ fn golden_field_density() {
 fn golden_field_composite() {
     check_golden("field_composite", "field.composite", None, &FIELD);
 }
+
+#[test]
+fn golden_field_embed() {
+    check_golden("field_embed", "field.embed", None, &FIELD);
+}

@@ -9,9 +9,14 @@ pub(super) fn cases() -> Vec<Case> {
     vec![
         fetch("fetch", 6, "concat"),
         fetch("fetch sum", 3, "sum"),
-        sdf_head(),
+        head("sdf head", "field.sdf_head", &[5, 4, 4, 1]),
+        head("value head", "field.value_head", &[5, 4, 4, 3, 2]),
+        head("normal head", "field.normal_head", &[5, 4, 4, 3, 3]),
+        embed(),
         density(),
         interval(),
+        stencil("forward", 4),
+        stencil("central", 6),
         composite(),
     ]
 }
@@ -39,23 +44,49 @@ fn fetch(name: &'static str, planes: usize, combine: &'static str) -> Case {
 }
 
 /// Weights of one sign per unit, so that no unit is near its kink.
-fn sdf_head() -> Case {
-    let layer = |shape: &[usize; 2], purpose: u16| {
+fn head(name: &'static str, op: &'static str, widths: &[usize]) -> Case {
+    let mut inputs = named([("features", uniform(&[6, widths[0]], [0.1, 1.0], 72))]);
+    for (l, size) in widths.windows(2).enumerate() {
         let mut at = 0;
-        let k = shape[1];
-        uniform(shape, [0.2, 0.6], purpose).map(|&w| {
+        let weight = uniform(&[size[1], size[0]], [0.2, 0.6], 74 + l as u16).map(|&w| {
             at += 1;
-            if (at - 1) / k % 3 == 1 { -w } else { w }
-        })
+            if (at - 1) / size[0] % 3 == 1 { -w } else { w }
+        });
+        inputs.insert(format!("w{l}"), weight);
+    }
+    let (smooth, output): (&'static [&'static str], &'static [&'static str]) = match op {
+        "field.sdf_head" => (&["features", "points", "w0", "w1", "w2"], &["sdf"]),
+        "field.normal_head" => (&["features", "points", "w0", "w1", "w2", "w3"], &["normal"]),
+        _ => (&["features", "w0", "w1", "w2", "w3"], &["value"]),
     };
+    if smooth.contains(&"points") {
+        inputs.insert("points".to_owned(), normal(&[6, 3], 73));
+    }
+    case(name, op, inputs, &[], smooth, output)
+}
+
+/// Three panoramas; levels from 0.2 to 0.8 of an interval.
+fn embed() -> Case {
+    let mut at = 0.0;
     let inputs = named([
-        ("features", uniform(&[6, 5], [0.1, 1.0], 72)),
-        ("points", normal(&[6, 3], 73)),
-        ("w0", layer(&[4, 5], 74)),
-        ("w1", layer(&[4, 4], 75)),
-        ("w2", layer(&[1, 4], 76)),
+        ("normal", normal(&[6, 3], 84)),
+        ("ray_direction", normal(&[6, 3], 85)),
+        (
+            "rho",
+            uniform(&[6], [0.2, 0.8], 86).map(|f| {
+                at = 1.0 - at;
+                (f + at) / 2.0
+            }),
+        ),
+        ("panoramas", normal(&[3, 4, 5, 2], 87)),
     ]);
-    case("sdf head", "field.sdf_head", inputs, &[], &["features", "points", "w0", "w1", "w2"], &["sdf"])
+    case("embed", "field.embed", inputs, &[], &["rho", "panoramas"], &["h"])
+}
+
+fn stencil(mode: &'static str, width: usize) -> Case {
+    let inputs = named([("sdf", normal(&[5, width], 88))]);
+    let settings = [("epsilon", "0.5"), ("mode", mode)];
+    case(mode, "field.normal", inputs, &settings, &["sdf"], &["gradient", "normal"])
 }
 
 fn density() -> Case {

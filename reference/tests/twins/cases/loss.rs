@@ -56,6 +56,28 @@ pub(super) fn cases() -> Vec<Case> {
         case("lpips", "loss.lpips", slim(), &[], xy, &["value"]).within(1e-11),
         case("l1", "loss.l1", images(), &[], xy, &["value"]),
         case("mse", "loss.mse", images(), &[], xy, &["value"]),
+        case("mse over all", "loss.mse", images(), &[("over", "all")], xy, &["value"]),
+        case(
+            "eikonal",
+            "loss.eikonal",
+            named([("gradient", normal(&[9, 3], 89))]),
+            &[],
+            &["gradient"],
+            &["value"],
+        ),
+        case(
+            "albedo",
+            "loss.albedo",
+            named([
+                ("prediction", uniform(&[4, 2, 3], [0.2, 0.6], 90)),
+                ("truth", uniform(&[4, 2, 3], [0.1, 0.9], 91)),
+                ("opacity", uniform(&[4, 2], [0.7, 0.95], 92)),
+                ("scale", Arr::scalar(1.25)),
+            ]),
+            &[],
+            &["prediction", "opacity"],
+            &["value", "adjusted"],
+        ),
         case("ssim", "loss.ssim", images(), &[], xy, &["value"]),
     ]
 }

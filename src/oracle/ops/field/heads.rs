@@ -2,10 +2,10 @@
 
 use super::{check_sizes, half_size};
 use crate::Result;
-use crate::field::network::NetworkBar;
-use crate::field::sdf_head;
+use crate::field::network::{Network, NetworkBar};
+use crate::field::{normal_head, sdf_head, value_head};
 use crate::num::array::Arrays;
-use crate::ops::call::RunResult;
+use crate::ops::call::{RunResult, rows};
 use crate::ops::case::Draw;
 use crate::ops::op::{Case, CheckedCall, Op};
 use crate::tape::check::Prediction;
@@ -19,6 +19,38 @@ pub(in crate::ops) static SDF_HEAD: Op = Op {
     predict: |x, _| Ok(predict(x, &["w0", "w1", "w2"])),
     ..Op::new(&reference::field::sdf_head::SIGNATURE, run_sdf, case_sdf)
 };
+
+/// `field.value_head`
+pub(in crate::ops) static VALUE_HEAD: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: check_value,
+    predict: |x, _| Ok(predict(x, names(x))),
+    ..Op::new(&reference::field::value_head::SIGNATURE, run_value, case_value)
+};
+
+/// `field.normal_head`
+pub(in crate::ops) static NORMAL_HEAD: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: |x| check_sizes(x, "features", &["N", "K", "A", "B", "D"]),
+    predict: |x, _| Ok(predict(x, &NAMES)),
+    ..Op::new(&reference::field::normal_head::SIGNATURE, run_normal, case_normal)
+};
+
+/// Names of the layers.
+const NAMES: [&str; 4] = ["w0", "w1", "w2", "w3"];
+
+/// Names of the layers that are present.
+fn names(x: &CheckedCall<'_>) -> &'static [&'static str] {
+    if x.has("w3") { &NAMES } else { &NAMES[..3] }
+}
+
+fn check_value(x: &CheckedCall<'_>) -> Result<()> {
+    let letters: &[&str] =
+        if x.has("w3") { &["N", "K", "A", "B", "D", "E"] } else { &["N", "K", "A", "B", "D"] };
+    check_sizes(x, "features", letters)
+}
 
 fn check_sdf(x: &CheckedCall<'_>) -> Result<()> {
     check_sizes(x, "features", &["N", "K", "A", "B"])?;
@@ -55,6 +87,42 @@ fn run_sdf(x: &CheckedCall<'_>) -> Result<RunResult> {
         sdf_head::adjoint(&input, &saved, &sdf_bar, &mut points_bar, &mut bar);
         ran.gradients.put("points", &[n, 3], points_bar.into_flattened());
         put(x, &names, bar, &mut ran);
+    }
+    Ok(ran)
+}
+
+fn run_value(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let (features, names) = (x.f32s("features"), names(x));
+    let weights: Vec<Vec<f32>> = names.iter().map(|w| x.f32s(w)).collect();
+    let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+    let network = Network { weights: &weights, inputs: x.dim("K") };
+    let (value, saved) = value_head::forward(&network, &features);
+    let shape = [x.dim("N"), value.len() / x.dim("N")];
+    let mut ran = RunResult::default();
+    if let Some(value_bar) = x.bar("value", &shape)? {
+        let mut bar = start(x, names);
+        value_head::adjoint(&network, &features, (&value, &saved), &value_bar, &mut bar);
+        put(x, names, bar, &mut ran);
+    }
+    ran.outputs.put("value", &shape, value);
+    Ok(ran)
+}
+
+fn run_normal(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let (features, points, n) = (x.f32s("features"), x.rows::<3>("points"), x.dim("N"));
+    let weights = NAMES.map(|w| x.f32s(w));
+    let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
+    let network = Network { weights: &weights, inputs: x.dim("K") };
+    let (normal, saved) = normal_head::forward(&network, &features, &points);
+    let mut ran = RunResult::default();
+    ran.outputs.put("normal", &[n, 3], normal.into_flattened());
+    if let Some(normal_bar) = x.bar("normal", &[n, 3])? {
+        let mut points_bar = x.start_rows::<3>("points", n);
+        let mut bar = start(x, &NAMES);
+        let normal_bar = rows::<3>(&normal_bar);
+        normal_head::adjoint(&network, (&features, &points), &saved, &normal_bar, &mut points_bar, &mut bar);
+        ran.gradients.put("points", &[n, 3], points_bar.into_flattened());
+        put(x, &NAMES, bar, &mut ran);
     }
     Ok(ran)
 }
@@ -126,14 +194,31 @@ fn network(seed: u64, case: usize, n: usize, widths: &[usize]) -> Arrays {
     arrays
 }
 
+/// Points away from x = 0, where x/‖x‖ and ‖x‖ have a kink.
+fn points(seed: u64, case: usize, n: usize) -> Vec<f32> {
+    let apart = |x: f32| if x > 0.0 { x + 0.25 } else { x - 0.25 };
+    Draw::new(seed, case, 11).uniforms(3 * n, -0.5, 0.5).into_iter().map(apart).collect()
+}
+
 /// Case 0: small; case 1: more rows.
 fn case_sdf(case: usize) -> Case {
     let (n, widths, half_size) = [(21, [6, 5, 4, 1], 0.5), (150, [9, 8, 7, 1], 0.75)][case];
     let mut made = Case { inputs: network(61, case, n, &widths), ..Case::default() };
-    // away from x = 0, where ‖x‖ has a kink
-    let apart = |x: f32| if x > 0.0 { x + 0.25 } else { x - 0.25 };
-    let points = Draw::new(61, case, 11).uniforms(3 * n, -0.5, 0.5).into_iter().map(apart);
-    made.inputs.put("points", &[n, 3], points.collect());
+    made.inputs.put("points", &[n, 3], points(61, case, n));
     made.settings.insert("half_size".to_owned(), Setting::Number(half_size));
+    made
+}
+
+/// Case 0: three layers with one output; case 1: four layers with three.
+fn case_value(case: usize) -> Case {
+    let (n, widths): (usize, &[usize]) = [(21, &[6, 5, 4, 1][..]), (150, &[9, 8, 7, 6, 3])][case];
+    Case { inputs: network(65, case, n, widths), ..Case::default() }
+}
+
+/// Case 0: few rows; case 1: more.
+fn case_normal(case: usize) -> Case {
+    let (n, widths) = [(21, [6, 5, 4, 4, 3]), (150, [9, 8, 7, 6, 3])][case];
+    let mut made = Case { inputs: network(66, case, n, &widths), ..Case::default() };
+    made.inputs.put("points", &[n, 3], points(66, case, n));
     made
 }

@@ -1,12 +1,14 @@
 //! Fields of an object.
 
+mod embed;
 mod fetch;
 mod heads;
 mod volume;
 
+pub(super) use embed::EMBED;
 pub(super) use fetch::FETCH;
-pub(super) use heads::SDF_HEAD;
-pub(super) use volume::{COMPOSITE, DENSITY, INTERVAL};
+pub(super) use heads::{NORMAL_HEAD, SDF_HEAD, VALUE_HEAD};
+pub(super) use volume::{COMPOSITE, DENSITY, INTERVAL, NORMAL};
 
 use super::op::CheckedCall;
 use crate::{Error, Result};

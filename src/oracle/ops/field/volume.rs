@@ -1,11 +1,13 @@
 //! Densities and compositing along rays.
 
 use super::check_sizes;
+use crate::field::normal::{self, Stencil};
 use crate::field::{composite, density, interval};
-use crate::ops::call::RunResult;
+use crate::ops::call::{RunResult, rows};
 use crate::ops::case::Draw;
 use crate::ops::op::{Case, CheckedCall, Op};
 use crate::{Error, Result};
+use reference::settings::Setting;
 
 /// `field.density`
 pub(in crate::ops) static DENSITY: Op =
@@ -24,10 +26,50 @@ pub(in crate::ops) static COMPOSITE: Op = Op {
     ..Op::new(&reference::field::composite::SIGNATURE, run_composite, case_composite)
 };
 
+/// `field.normal`
+pub(in crate::ops) static NORMAL: Op =
+    Op { check: check_normal, ..Op::new(&reference::field::normal::SIGNATURE, run_normal, case_normal) };
+
+fn stencil(x: &CheckedCall<'_>) -> Stencil {
+    if x.word("mode") == Some("central") { Stencil::Central } else { Stencil::Forward }
+}
+
+fn epsilon(x: &CheckedCall<'_>) -> Result<f32> {
+    x.single("epsilon", 0.0041, |epsilon| epsilon > 0.0 && (2.0 * epsilon).is_finite(), "above 0")
+}
+
+fn check_normal(x: &CheckedCall<'_>) -> Result<()> {
+    let width = x.shape("sdf")[1];
+    if width != stencil(x).width() {
+        return Err(Error::input("array 'sdf'")
+            .expected(format!("{} values per point in this mode", stencil(x).width()))
+            .got(width.to_string()));
+    }
+    epsilon(x).map(drop)
+}
+
+fn run_normal(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let (sdf, stencil, epsilon) = (x.f32s("sdf"), stencil(x), epsilon(x)?);
+    let (gradient, normal) = normal::forward(&sdf, stencil, epsilon);
+    let shape = [gradient.len(), 3];
+    let mut ran = RunResult::default();
+    ran.outputs.put("gradient", &shape, gradient.into_flattened());
+    ran.outputs.put("normal", &shape, normal.into_flattened());
+    let bars = [x.bar("gradient", &shape)?, x.bar("normal", &shape)?];
+    if bars.iter().any(Option::is_some) {
+        let [of_gradient, of_normal] =
+            bars.map(|bar| rows::<3>(&bar.unwrap_or_else(|| vec![0.0; 3 * shape[0]])));
+        let mut sdf_bar = x.start("sdf", sdf.len());
+        normal::adjoint(&sdf, stencil, epsilon, &of_gradient, &of_normal, &mut sdf_bar);
+        ran.gradients.put("sdf", &x.shape("sdf"), sdf_bar);
+    }
+    Ok(ran)
+}
+
 fn check_beta(x: &CheckedCall<'_>) -> Result<()> {
     let beta = x.f64s("beta")[0];
     // 1/β² is a number of f32.
-    if beta >= 1e-18 && beta <= 1e18 {
+    if (1e-18..=1e18).contains(&beta) {
         return Ok(());
     }
     Err(Error::input("array 'beta'").expected("a number above 0, 1e-18 to 1e18").got(beta.to_string()))
@@ -133,5 +175,22 @@ fn case_composite(case: usize) -> Case {
     made.inputs.put("delta", &[n, s], draw(1).uniforms(n * s, 0.05, 0.25));
     made.inputs.put("values", &[n, s, channels], draw(2).normals(n * s * channels));
     made.inputs.put("background", &[channels], draw(3).normals(channels));
+    made
+}
+
+/// Case 0: forward differences, one point in seven with a gradient below the least length; case 1: central.
+fn case_normal(case: usize) -> Case {
+    let (n, width, epsilon) = [(22, 4, 0.0625), (601, 6, 0.125)][case];
+    let mut sdf = Draw::new(67, case, 0).uniforms(n * width, -0.25, 0.25);
+    for row in sdf.chunks_exact_mut(width).skip(3).step_by(7).filter(|_| case == 0) {
+        let first = row[0];
+        row[1..].iter_mut().for_each(|s| *s = first + 1e-5 * *s);
+    }
+    let mut made = Case::default();
+    made.inputs.put("sdf", &[n, width], sdf);
+    made.settings.insert("epsilon".to_owned(), Setting::Number(epsilon));
+    if case == 1 {
+        made.settings.insert("mode".to_owned(), Setting::Text("central".to_owned()));
+    }
     made
 }
