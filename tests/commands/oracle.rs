@@ -325,7 +325,10 @@ fn a_minted_case_is_checked_as_it_is() {
 #[test]
 fn an_operator_is_shown_with_its_equation() {
     let (code, out, _) = lastlight(&["oracle", "show", "loss.mse"]);
-    assert!(code == 0 && out.contains("\n    loss.mse: ") && out.contains("\n    Kinks and domain\n"), "{out}");
+    assert!(
+        code == 0 && out.contains("\n    loss.mse: ") && out.contains("\n    Kinks and domain\n"),
+        "{out}"
+    );
     let (_, out, _) = lastlight(&["oracle", "show", "loss.mse", "--json"]);
     let json: serde_json::Value = serde_json::from_str(&out).expect("JSON");
     let text = json["operators"][0]["text"].as_str().expect("a text");

@@ -7,7 +7,7 @@ use super::roles::{Roles, fault, operator, wrt_hint};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::ops;
-use crate::tape::check::{self, Evaluation, UNIT, Values};
+use crate::tape::check::{self, Evaluation, LIVE, UNIT, Values};
 use crate::{Error, Result};
 use std::cell::{Cell, RefCell};
 use std::path::Path;
@@ -199,11 +199,11 @@ fn with_hints(mut check: Check, found: &Findings) -> Check {
     }
     let entries = found.entries.as_ref();
     hints.extend(entries.into_iter().flat_map(|e| &e.factors).cloned());
-    if (failed("R1") || failed("R3")) && entries.is_none_or(|e| !e.is_explained) {
-        hints.push("an input at a kink (ReLU or |x| at 0, the end of a clamp) has no derivative: move it away from the kink by 0.02 or more".to_owned());
+    if (failed("R1") || failed("R3")) && entries.is_none_or(|e| e.factors.is_empty() || !e.is_explained) {
+        hints.push("an input at a kink (ReLU or |x| at 0, the end of a clamp, a threshold of visibility) has no derivative: move it away from the kink by 0.02 or more".to_owned());
         if found.unit > UNIT {
             hints.push("the program writes f32, whose rounding limits finite differences; the check is sharper in f64".to_owned());
-        } else if found.is_single || entries.is_some_and(|e| e.difference < ROUNDING) {
+        } else if found.is_single || entries.is_some_and(|e| ROUNDING.contains(&e.difference)) {
             hints.push("a program that computes in f32 should write f32 arrays: the check then allows for their rounding".to_owned());
         }
     }
@@ -211,8 +211,8 @@ fn with_hints(mut check: Check, found: &Findings) -> Check {
     check
 }
 
-/// Relative differences below this one can be the rounding of f32.
-const ROUNDING: f64 = 0.1;
+/// Relative differences of R3 that can be the rounding of f32.
+const ROUNDING: std::ops::Range<f64> = LIVE..0.1;
 
 /// Checks a program: outputs are the arrays `y` for which `IN.npz` holds `y_bar`, variables the float inputs
 /// `x`, or those of `wrt`. If it returns f32, differences have the rounding noise of f32, which the report
