@@ -11,6 +11,8 @@ use crate::tape::probe;
 const WORST: usize = 10;
 /// Derivatives below this fraction of the largest one of their input are compared relative to the largest.
 const SMALL: f64 = 1e-6;
+/// Largest relative rounding noise of finite differences with a common factor: that of f64, not of f32.
+const NOISE: f64 = 1e-3;
 
 /// The checked entries of all inputs.
 pub(super) struct Entries {
@@ -115,7 +117,7 @@ impl Entries {
 }
 
 /// The factor of the finite differences that gives every entry, if there is one. With one entry, only a ratio
-/// of small whole numbers counts.
+/// of small integers counts.
 fn factor(checked: &[Checked]) -> Option<f64> {
     let (mut ab, mut bb) = (0.0, 0.0);
     for c in checked {
@@ -128,7 +130,8 @@ fn factor(checked: &[Checked]) -> Option<f64> {
     let is_simple = (parts - whole as f64).abs() < 1e-4;
     let fits = |c: &Checked| {
         let expected = factor * c.derivative;
-        (c.yours - expected).abs() <= (factor * c.noise).abs() + LIVE * expected.abs()
+        let is_clear = c.noise <= NOISE * c.derivative.abs();
+        is_clear && (c.yours - expected).abs() <= (factor * c.noise).abs() + LIVE * expected.abs()
     };
     (factor.is_finite() && factor != 0.0 && (checked.len() > 1 || is_simple) && checked.iter().all(fits))
         .then_some(factor)
