@@ -5,6 +5,7 @@
 //! as new leaves, so that the adjoints of one stage's inputs are the cotangents of the previous stage.
 //! Derivatives are those of the smooth function with the plan of the forward pass held fixed.
 
+mod heads;
 mod list;
 
 use std::collections::BTreeMap;
@@ -16,6 +17,7 @@ use crate::rev::{self, Rev};
 use crate::scalar::Scalar;
 pub use crate::settings::Setting;
 use crate::settings::Settings;
+pub use heads::head;
 pub use list::LIST;
 
 /// The arguments of one stage of a twin.

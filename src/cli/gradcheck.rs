@@ -15,16 +15,18 @@ Examples:
   lastlight gradcheck splat.render --in scene.npz                one operator at your inputs
   lastlight gradcheck --exec 'python3 mine.py' --in mine.npz     your program, called as CMD IN.npz OUT.npz
 
-Your program (--exec): IN.npz holds its inputs under their names and, for every output y that is checked, the cotangent y_bar (grad_output in PyTorch), an array with the shape of y such as random numbers. The program writes y, and for every input x the gradient x_bar = d sum(y * y_bar) / dx with the shape of x. A float array of IN.npz without a gradient is a failure, unless --wrt names the inputs that are checked, and so is an unknown name. Integers and arrays setting_KEY are no inputs. CMD is split at spaces, without a shell.
+Your program (--exec): IN.npz holds its inputs under their names and, for every output y that is checked, the cotangent y_bar (grad_output in PyTorch), an array with the shape of y such as random numbers. The program writes y, and for every input x the gradient x_bar = d sum(y * y_bar) / dx with the shape of x. A float array of IN.npz without a gradient is a failure, unless --wrt names the inputs that are checked, and so is an unknown name. Integers and arrays setting_KEY are no inputs. If IN.npz is a case of a listed operator, as `oracle mint` writes it, its outputs, its intermediates and the inputs that have no gradient in `oracle show` are not checked. CMD is split at spaces, without a shell.
 
 Inputs are passed in f64. The program is called 35 times, and 4 times more per entry that is checked: 47 times for one input with the default of 3 entries. If it writes f32, an entry takes 14 calls.
 
 Checks:
   R0  the arrays are complete and finite, and no gradient is 0 everywhere
-  R1  programs: gradients along random directions, against finite differences; operators: forward against reverse derivatives of the twin
+  R1  programs: gradients along random directions, against finite differences, with random numbers as y_bar, so that a gradient that ignores y_bar fails; operators: forward against reverse derivatives of the twin
   R2  operators only: finite differences of the twin with fixed discrete decisions, against its derivatives
-  R3  gradients of single entries, against finite differences; an entry that fails is listed with its index and both values
+  R3  gradients of single entries, against finite differences; programs: with the y_bar of IN.npz, so that the listed values are entries of the x_bar that the program writes for IN.npz; an entry that fails is listed with its index and both values
   R4  operators only: the shipped gradient against the twin
+
+Relative differences of a program in R3 are |yours - finite difference| / |finite difference|, as in `oracle compare`; a finite difference below 1e-6 of the largest one of its input is replaced by this bound in the denominator. In R1, the difference is relative to the norms of direction and gradient.
 
 Kinks: where a function has no derivative (ReLU or |x| at 0, the end of a clamp, equal values under max), a correct gradient fails, because a finite difference across the kink measures neither slope. Move the inputs away from kinks; the largest step is 0.016 * max(1, |x|).
 

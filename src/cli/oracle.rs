@@ -41,10 +41,12 @@ enum Command {
         #[arg(value_name = "OP")]
         op: Vec<String>,
     },
-    /// Show an operator's inputs, outputs, intermediates, plan and settings with shapes and types
+    /// Show an operator's arrays, plan and settings with shapes and types, its equation, symbols, kinks and domain
     #[command(after_help = "Examples:
   lastlight oracle show splat.render
-  lastlight oracle show nn.linear loss.ssim --json")]
+  lastlight oracle show nn.linear loss.ssim --json
+
+JSON: `text` of an operator holds its equation, table of symbols, kinks and domain.")]
     Show {
         /// Operators, as listed by `oracle list`
         #[arg(value_name = "OP", required = true, value_parser = Operator)]
@@ -87,12 +89,15 @@ The input file holds the inputs under the operator's argument names, floats and 
   lastlight oracle compare mine.npz ours.npz
   lastlight oracle compare mine.npz cases/splat.render_0.npz --tol 1e-4 --html report.html
   lastlight oracle compare mine.npz ours.npz --present-only
+  lastlight oracle compare mine.npz ours.npz --tol 2e-5          gradients computed in f32
 
 The operator is found by the names of the arrays. An output or gradient that only one of the files contains is missing, and the exit code is 1, as for a name that the operator does not have; --present-only compares what both files contain. Inputs, cotangents, settings and intermediates may be in one file only.
 
 The error is yours - reference. For every array: rel L2 is |yours - reference| / |reference|, which --tol bounds; ulp are units in the last place of the narrower type; 1-cos is 1 - cosine; bias is sum(yours - reference) / sum|reference|; then the number of entries that are zero in one file only, and the ten entries that differ most. The first diverging stage is the first one whose inputs match and whose outputs differ. Arrays with NaN values never match.
 
-JSON: `measures` of an array is null where nothing could be measured, and `reason` states why.")]
+--tol: the default suits outputs of f32 kernels. Use `--tol 2e-5` for f32 gradients, the bound of check R4 of `gradcheck` for our own, and 1e-12 for kernels in f64.
+
+JSON: `measures` of an array is null where nothing could be measured, and `reason` states why. Inside `measures` and `worst`, a number that is infinite is null: `relative_l2` where the reference is all zero and yours is not, and it and `signed_bias` where infinite values differ. `operator`, `divergence`, `note`, `reason`, `nans` and `did_you_mean` are null where there is none.")]
     Compare {
         /// Your arrays (.npz)
         #[arg(value_name = "MINE", display_order = 1)]

@@ -183,7 +183,7 @@ fn a_program_with_missing_or_unknown_arrays_fails() {
         let text = report.to_string();
         assert!(!report.passed && parts.iter().all(|p| text.contains(p)), "{parts:?}: {text}");
     };
-    failed(&x(), &["no gradient of w: OUT.npz contains no w_bar", "--wrt x,w"]);
+    failed(&x(), &["no gradient of w: OUT.npz contains no w_bar", "--wrt x checks this gradient only"]);
     failed(&x().with("dW", &[3], vec![1.0; 3]), &["unknown name dW in OUT.npz: did you mean w_bar?"]);
     let both = || x().with("w_bar", &[3], vec![1.0; 3]);
     failed(&both().with("q_bar", &[1], vec![1.0]), &["unknown name q_bar in OUT.npz: IN.npz contains no q"]);
@@ -284,7 +284,78 @@ fn a_user_supplied_program_is_checked() {
         text.contains(": yours ") && text.contains(", finite difference "),
         "worst entries are labelled: {text}"
     );
+    // The values of R3 are entries of the gradient that the program writes for the file.
+    let [input, output] = [path("in.npz"), path("out.npz")];
+    npz::write(Path::new(&input), &arrays.clone().with("setting_inria_bwd", &[], vec![1.0]))
+        .expect("written");
+    let run = ["oracle", "run", "splat.blend", "--precision", "f64", "--in", &input, "--out", &output];
+    assert_eq!(lastlight(&run).0, 0, "one run");
+    let out = npz::read(Path::new(&output)).expect("arrays");
+    let worst = &wrong.checks[0].rung("R3").expect("R3").worst;
+    assert!(!worst.is_empty(), "wrong entries: {wrong}");
+    for e in worst {
+        let array = out.need(&format!("{}_bar", e.array)).expect("a gradient");
+        let (shape, values) = (array.shape(), array.to_f64());
+        let i = e.index.iter().zip(shape).fold(0, |i, (k, size)| i * size + k);
+        assert_eq!(e.value, values[i], "{}{:?}", e.array, e.index);
+    }
     let e = check(&arrays, "false").expect_err("a program that fails");
     assert!(e.to_string().contains("exit code 0"), "{e}");
     assert!(check(&arrays, "/nonexistent/program").is_err(), "a program that is not there");
+}
+
+/// A case of the list has inputs without a gradient and intermediates; neither stops a check.
+#[cfg(unix)]
+#[test]
+fn a_minted_case_is_checked_as_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    assert_eq!(lastlight(&["oracle", "mint", "causal.mask", "--out", &path("g")]).0, 0, "mint");
+    let binary = env!("CARGO_BIN_EXE_lastlight");
+    let script = format!("exec '{binary}' oracle run causal.mask --precision f64 --in \"$1\" --out \"$2\"\n");
+    std::fs::write(path("mask.sh"), script).expect("written");
+    let command = format!("sh {}", path("mask.sh"));
+    let file = path("g/causal.mask_0.npz");
+    let (code, out, err) = lastlight(&["gradcheck", "--exec", &command, "--in", &file]);
+    assert_eq!(code, 0, "{out}{err}");
+    assert!(err.contains("not checked, inputs of causal.mask without a gradient: "), "{err}");
+    assert!(out.contains("with y_bar of IN.npz") && out.contains("with random y_bar"), "{out}");
+}
+
+#[test]
+fn an_operator_is_shown_with_its_equation() {
+    let (code, out, _) = lastlight(&["oracle", "show", "loss.mse"]);
+    assert!(
+        code == 0 && out.contains("\n    loss.mse: ") && out.contains("\n    Kinks and domain\n"),
+        "{out}"
+    );
+    let (_, out, _) = lastlight(&["oracle", "show", "loss.mse", "--json"]);
+    let json: serde_json::Value = serde_json::from_str(&out).expect("JSON");
+    let text = json["operators"][0]["text"].as_str().expect("a text");
+    assert!(text.starts_with("loss.mse: "), "{text}");
+}
+
+#[test]
+fn a_comparison_names_factors_and_the_rounding_of_f32() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let reference: Vec<f64> = (1..=64).map(|i| f64::from(i).sqrt()).collect();
+    let compare = |yours: &dyn Fn(usize, f64) -> f64| {
+        let y = reference.iter().enumerate().map(|(i, x)| yours(i, *x) as f32).collect();
+        let shape = [reference.len()];
+        npz::write(Path::new(&path("a.npz")), &Arrays::new().with::<f32>("y", &shape, y)).expect("written");
+        npz::write(Path::new(&path("b.npz")), &Arrays::new().with("y", &shape, reference.clone()))
+            .expect("written");
+        let (code, out, _) = lastlight(&["oracle", "compare", &path("a.npz"), &path("b.npz")]);
+        assert_eq!(code, 1, "they differ: {out}");
+        out
+    };
+    // Errors of 1.4e-5 with both signs: no factor, and a hint.
+    let out = compare(&|i, x| x * (1.0 + if i % 2 == 0 { 1.4e-5 } else { -1.4e-5 }));
+    assert!(!out.contains("× reference"), "{out}");
+    let last = out.trim_end().lines().last().expect("a line");
+    assert_eq!(last, "y: within rounding of f32? --tol 2e-5 is what our own adjoints are held to");
+    let out = compare(&|_, x| 0.5 * x);
+    assert!(out.contains("(yours = 0.5 × reference)") && !out.contains("rounding of f32"), "{out}");
+    assert!(compare(&|_, _| 0.0).contains("(yours is all zero)"));
 }

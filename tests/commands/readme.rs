@@ -50,8 +50,8 @@ const SESSIONS: [Session; 6] = [
                 "oracle run splat.render --in cases/splat.render_0.npz --out ours.npz --dump",
             ),
             (
-                "lastlight oracle compare cases/splat.render_0.npz ours.npz --html report.html",
-                "oracle compare cases/splat.render_0.npz ours.npz --html report.html",
+                "lastlight oracle compare ours.npz cases/splat.render_0.npz --html report.html",
+                "oracle compare ours.npz cases/splat.render_0.npz --html report.html",
             ),
         ],
     },

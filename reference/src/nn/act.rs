@@ -1,4 +1,4 @@
-//! Activation functions.
+//! `nn.leaky_relu`: the leaky ReLU, an activation function.
 //!
 //! y = x where x > 0, s·x elsewhere
 //!

@@ -155,7 +155,8 @@ fn array(x: &Input<'_>, a: &ArrayReport) -> Result<Markup> {
     let maps = if errors.is_empty() {
         html! {}
     } else {
-        heat(a, &errors)?
+        let has_gaussians = x.report.operator.is_some_and(|op| op.starts_with("splat."));
+        heat(a, &errors, if has_gaussians { "row (such as a Gaussian)" } else { "row" })?
     };
     let rows: Vec<Vec<Markup>> = (a.worst.iter())
         .map(|w| {
@@ -225,8 +226,8 @@ fn histogram(a: &ArrayReport, errors: &[f64], rms: f64) -> Markup {
     html! { (bars::histogram(&title, low as f64 * BIN, BIN, &counts)) (note) }
 }
 
-/// Errors by pixel or by row as images.
-fn heat(a: &ArrayReport, errors: &[f64]) -> Result<Markup> {
+/// Errors by pixel or by row as images; `row`: what a row is.
+fn heat(a: &ArrayReport, errors: &[f64], row: &str) -> Result<Markup> {
     let largest = errors.iter().filter(|e| e.is_finite()).fold(0.0, |m, &e| order::max(m, e));
     if largest == 0.0 {
         return Ok(html! {});
@@ -259,7 +260,7 @@ fn heat(a: &ArrayReport, errors: &[f64]) -> Result<Markup> {
         let w = libm::ceil((cells.len() as f64).sqrt() * 1.6) as usize;
         let h = cells.len().div_ceil(w);
         cells.resize(w * h, 0.0);
-        draw(&cells, [w, h], &format!("row (such as a Gaussian), {rows} rows from left to right and down"))?;
+        draw(&cells, [w, h], &format!("{row}, {rows} rows from left to right and down"))?;
     }
     Ok(html! { div.cells { (images::strip(&figures)) } })
 }
@@ -330,6 +331,11 @@ mod tests {
         for alt in ["errors of photo_like by pixel, view 0", "errors of numbers by row"] {
             assert!(html.contains(&format!("alt=\"{alt}")), "{alt}");
         }
+        assert!(
+            html.contains("by row, 20 rows") && !html.contains("Gaussian"),
+            "rows of an unknown operator"
+        );
+        assert!(html.contains("relative L2 above 1e-5, a NaN, or another shape<"), "what differs means");
         assert!(html.contains("575 of 576 entries are equal"), "counted");
         assert!(
             html.contains("log₁₀ of the relative error of photo_like: 1 entries from 1e"),

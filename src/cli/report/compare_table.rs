@@ -2,7 +2,7 @@
 
 use super::{Stat, code, table, text};
 use crate::num::order;
-use lastlight_oracle::oracle::compare::{ArrayReport, Measures, Report, mean_ulp, plural, ulp};
+use lastlight_oracle::oracle::compare::{Agreement, ArrayReport, Measures, Report, mean_ulp, plural, ulp};
 use maud::{Markup, html};
 
 /// The numbers at the top of the page.
@@ -18,12 +18,14 @@ pub(super) fn stats(r: &Report) -> Vec<Stat> {
         0 => "no output or gradient is missing".to_owned(),
         _ => format!("{} missing, {} of unknown name", r.missing.len(), r.unknown.len()),
     };
+    let is_zeros = |a: &ArrayReport| a.agreement == Agreement::ZerosDiffer;
+    let zeros = if r.arrays.iter().any(is_zeros) { ", or other zeros in a mask" } else { "" };
     vec![
         Stat { label: "Arrays compared", value: r.arrays.len().to_string(), note: incomplete },
         Stat {
             label: "Arrays that differ",
             value: r.differing().count().to_string(),
-            note: format!("relative L2 above {:e}, or NaN, shapes, zeros", r.tol),
+            note: format!("relative L2 above {:e}, a NaN, or another shape{zeros}", r.tol),
         },
         Stat {
             label: "relative L2, largest",

@@ -134,7 +134,7 @@ fn one(name: &str, op: Option<&Op>, files: [&Arrays; 2], tol: f64) -> Result<Arr
     };
     if m.relative_l2.is_infinite() {
         let infinite = a.iter().chain(&b).any(|x| x.is_infinite());
-        let reason = if infinite { "infinite at different entries" } else { "the reference is 0 everywhere" };
+        let reason = if infinite { "infinite at different entries" } else { "the reference is all zero" };
         report.reason = Some(reason.to_owned());
     }
     let related = || relation_of_values([&a, &b], reference.shape(), &m, tol);
@@ -214,8 +214,11 @@ fn relation_of_shapes([a, b]: [&[f64]; 2], shapes: [&[usize]; 2], tol: f64) -> O
     is_close(a).then(|| "the values match in order".to_owned())
 }
 
-/// Whether an array that differs is the transpose of the reference, or a multiple of it.
+/// Whether an array that differs is all zero, the transpose of the reference, or a multiple of it.
 fn relation_of_values([a, b]: [&[f64]; 2], shape: &[usize], m: &Measures, tol: f64) -> Option<String> {
+    if a.iter().all(|x| *x == 0.0) {
+        return Some("yours is all zero".to_owned());
+    }
     if let [r, c] = *shape
         && r > 1
         && r == c
@@ -228,14 +231,23 @@ fn relation_of_values([a, b]: [&[f64]; 2], shape: &[usize], m: &Measures, tol: f
         ab += a * b;
         bb += b * b;
     }
-    let factor = ab / bb;
+    let (factor, mut rest) = (ab / bb, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        rest += (a - factor * b) * (a - factor * b);
+    }
+    // A factor within the tolerance of 1, or one that leaves most of the difference, explains nothing.
+    let off = (factor - 1.0).abs();
+    let is_explained = off > tol && rest <= 0.01 * off * off * bb;
     let is_parallel = a.len() > 2 && (1.0 - m.cosine.abs()).abs() < 1e-9 && factor.is_finite();
-    is_parallel.then(|| format!("yours = {} × reference", short_factor(factor)))
+    (is_parallel && is_explained).then(|| format!("yours = {} × reference", factor_text(factor)))
 }
 
-/// A factor with four digits.
-fn short_factor(x: f64) -> String {
+/// A factor with four digits, or its distance from 1 where these are those of 1.
+pub(super) fn factor_text(x: f64) -> String {
     let text = format!("{x:.4}");
+    if text == "1.0000" && x != 1.0 {
+        return format!("(1 {} {:.1e})", if x < 1.0 { '-' } else { '+' }, (x - 1.0).abs());
+    }
     if x.abs() < 0.01 || x.abs() >= 1e4 {
         return format!("{x:.3e}");
     }
@@ -352,7 +364,7 @@ pub struct Comparison {
 
 /// The operator that wrote a file, by the digests that `oracle run` writes next to it, or by the name that
 /// `oracle mint` gives it.
-fn writer(path: &Path) -> Option<String> {
+pub(super) fn writer(path: &Path) -> Option<String> {
     let operator = || {
         let bytes = crate::io::read_bytes(&path.with_extension("digest.json"), DIGESTS_BYTES).ok()?;
         let json: serde_json::Value = serde_json::from_slice(&bytes).ok()?;

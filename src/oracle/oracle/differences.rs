@@ -1,6 +1,7 @@
 //! Results of a comparison of arrays, as a record and as text.
 
 use super::names::{Missing, Unknown};
+use crate::tape::check::SHIPPED_F32;
 use serde::Serialize;
 use std::fmt;
 
@@ -194,6 +195,20 @@ impl Report {
         parts.join(", ")
     }
 
+    /// What to try if arrays in f32 exceed the tolerance by little, as a sentence.
+    pub fn rounding_note(&self) -> Option<String> {
+        let is_close = |a: &&ArrayReport| {
+            a.agreement == Agreement::Differs
+                && a.dtypes.contains(&"float32")
+                && a.relative_l2() < 10.0 * self.tol
+        };
+        let names: Vec<&str> = self.arrays.iter().filter(is_close).map(|a| a.name.as_str()).collect();
+        (!names.is_empty() && self.tol < SHIPPED_F32).then(|| {
+            let own = "is what our own adjoints are held to";
+            format!("{}: within rounding of f32? --tol {SHIPPED_F32:e} {own}", names.join(", "))
+        })
+    }
+
     /// The inputs that differ, as a sentence, if there are any.
     pub fn inputs_note(&self) -> Option<String> {
         if self.differing_inputs.is_empty() {
@@ -315,6 +330,9 @@ impl fmt::Display for Report {
             writeln!(f, "{divergence}")?;
         }
         if let Some(note) = self.inputs_note() {
+            writeln!(f, "{note}")?;
+        }
+        if let Some(note) = self.rounding_note() {
             writeln!(f, "{note}")?;
         }
         Ok(())

@@ -1,5 +1,6 @@
-//! `oracle list`.
+//! `oracle list` and `oracle show`.
 
+use super::text;
 use crate::ops::{self, Kind, Op, Port, SettingSpec, Stage, Width};
 use crate::{Error, Result};
 use serde::ser::SerializeStruct;
@@ -95,6 +96,10 @@ impl fmt::Display for List {
                 let stages: Vec<_> = op.stages.iter().map(|s| s.operator).collect();
                 writeln!(f, "    {:<14}   {}", "stages", stages.join(" → "))?;
             }
+            writeln!(f)?;
+            for line in text::of(op.name).lines() {
+                writeln!(f, "{}", format!("    {line}").trim_end())?;
+            }
         }
         Ok(())
     }
@@ -116,6 +121,8 @@ impl Serialize for List {
 struct Entry {
     name: &'static str,
     summary: &'static str,
+    /// equation, symbols, kinks and domain
+    text: String,
     inputs: Vec<PortEntry>,
     outputs: Vec<PortEntry>,
     intermediates: Vec<PortEntry>,
@@ -169,6 +176,7 @@ impl Entry {
         Self {
             name: op.name,
             summary: op.summary,
+            text: text::of(op.name),
             inputs: ports(op.inputs),
             outputs: ports(op.outputs),
             intermediates: ports(op.intermediates),

@@ -119,7 +119,7 @@ fn results(op: &Op) -> Vec<String> {
 }
 
 /// Whether a file of the operator may contain an array of this name.
-fn is_known(op: &Op, name: &str) -> bool {
+pub(super) fn is_known(op: &Op, name: &str) -> bool {
     let is_setting = |key: &str| op.settings.iter().any(|s| s.key == key);
     op.port(name).is_some()
         || name.strip_suffix("_bar").is_some_and(|x| op.has_array(x))

@@ -1,15 +1,15 @@
 //! A user-supplied program, called as `CMD IN.npz OUT.npz`: its arrays, and the check of its gradients.
 
 use super::checks::{Check, Rung, Shapes, shapes};
-use super::compare::unravel;
-use super::names::{UNNAMED, is_unnamed, meant};
+use super::compare::writer;
+use super::entries::{Entries, entries};
+use super::roles::{Roles, fault, operator, wrt_hint};
 use crate::io::npz;
 use crate::num::array::{Array, Arrays};
 use crate::ops;
-use crate::tape::check::{self, Evaluation, UNIT, Values};
+use crate::tape::check::{self, Evaluation, LIVE, UNIT, Values};
 use crate::{Error, Result};
 use std::cell::{Cell, RefCell};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -130,96 +130,8 @@ impl Program<'_> {
     }
 }
 
-/// What is wrong with the shape or the values of an array, which has the shape of `like`.
-fn fault(name: &str, array: &Array, like: (&str, &[usize])) -> Option<String> {
-    let (of, shape) = like;
-    if array.shape() != shape {
-        return Some(format!("{name} has shape {:?}, but {of} has {shape:?}", array.shape()));
-    }
-    let values = array.to_f64();
-    let i = values.iter().position(|x| !x.is_finite())?;
-    Some(format!("{name}{:?} is {}", unravel(i, shape), values[i]))
-}
-
-/// The arrays of a program, by what they are.
-struct Roles {
-    /// outputs with a cotangent in `IN.npz`, by name; the array is the cotangent
-    outputs: BTreeMap<String, Array>,
-    /// inputs that it differentiates
-    inputs: Vec<String>,
-    /// what is missing, unknown or malformed
-    failures: Vec<String>,
-    /// outputs without a cotangent
-    unchecked: Vec<String>,
-}
-
-impl Roles {
-    /// Sorts the arrays of `IN.npz` and of the first `OUT.npz`.
-    fn new(input: &Arrays, out: &Arrays, wrt: &[String]) -> Self {
-        let bar_of = |name: &str| name.strip_suffix("_bar").map(str::to_owned);
-        let has = |name: &str| input.get(name).is_some();
-        let mut failures = Vec::new();
-        // x_bar next to an input x is a gradient, as in files of `oracle mint`.
-        let cotangents: Vec<String> =
-            input.0.keys().filter_map(|n| bar_of(n)).filter(|y| out.get(y).is_some() || !has(y)).collect();
-        let is_input = |name: &String| {
-            input.get(name).is_some_and(Array::is_float)
-                && bar_of(name).is_none()
-                && !name.starts_with("setting_")
-                && out.get(name).is_none()
-        };
-        let inputs: Vec<String> = match wrt {
-            [] => input.0.keys().filter(|n| is_input(n)).cloned().collect(),
-            names => names.to_vec(),
-        };
-        let (lacking, written): (Vec<_>, Vec<_>) = cotangents.into_iter().partition(|y| out.get(y).is_none());
-        let gradients = inputs.iter().map(|x| format!("{x}_bar"));
-        let absent: Vec<String> = gradients.filter(|g| out.get(g).is_none()).collect();
-        let stray: Vec<&String> = (out.0.keys())
-            .filter(|n| !written.contains(n) && !has(n) && !bar_of(n).is_some_and(|x| has(&x)))
-            .collect();
-        for name in &lacking {
-            failures.push(format!("no output {name}: IN.npz contains {name}_bar, but OUT.npz no {name}"));
-        }
-        for name in &absent {
-            let x = name.strip_suffix("_bar").unwrap_or(name);
-            failures.push(format!("no gradient of {x}: OUT.npz contains no {name}"));
-        }
-        let wanted: Vec<String> = lacking.into_iter().chain(absent).collect();
-        let mut unchecked = Vec::new();
-        for name in stray {
-            match meant(name, &wanted) {
-                Some(close) => {
-                    failures.push(format!("unknown name {name} in OUT.npz: did you mean {close}?"))
-                }
-                None if is_unnamed(name) => {
-                    failures.push(format!("unknown name {name} in OUT.npz: {UNNAMED}"))
-                }
-                None if bar_of(name).is_some() => failures.push(format!(
-                    "unknown name {name} in OUT.npz: IN.npz contains no {}",
-                    name.strip_suffix("_bar").unwrap_or(name)
-                )),
-                None => unchecked.push(name.clone()),
-            }
-        }
-        let outputs: BTreeMap<String, Array> = written
-            .into_iter()
-            .filter_map(|y| Some((y.clone(), input.get(&format!("{y}_bar"))?.clone())))
-            .collect();
-        for (y, bar) in &outputs {
-            let like = format!("{y}_bar");
-            failures.extend(out.get(y).and_then(|a| fault(y, a, (&like, bar.shape()))));
-        }
-        for x in &inputs {
-            let name = format!("{x}_bar");
-            let (Some(g), Some(like)) = (out.get(&name), input.get(x)) else { continue };
-            failures.extend(fault(&name, g, (x, like.shape())));
-        }
-        Self { outputs, inputs, failures, unchecked }
-    }
-}
-
-/// Evaluations that a check needs: those of a function that always gives these outputs and gradients.
+/// Evaluations that a check needs: those of a function that always gives these outputs and gradients, and
+/// those of the entries.
 fn calls_of(outputs: &Values, gradients: &Values, inputs: &Values, rules: &check::Options) -> Result<usize> {
     let count = Cell::new(0);
     let value = |_: &Values| {
@@ -230,7 +142,8 @@ fn calls_of(outputs: &Values, gradients: &Values, inputs: &Values, rules: &check
         count.set(count.get() + 1);
         Ok(gradients.clone())
     };
-    check::function_with_log("", value, vjp, inputs, rules)?;
+    check::function_with_log("", value, vjp, inputs, &check::Options { entries: 0, ..rules.clone() })?;
+    entries(&mut |x| value(x), inputs, outputs, gradients, rules)?;
     Ok(count.get())
 }
 
@@ -238,50 +151,68 @@ fn calls_of(outputs: &Values, gradients: &Values, inputs: &Values, rules: &check
 const SANITY: &str = "arrays: none missing, known names, shapes, finite; gradients not 0 everywhere";
 
 /// The report of a check that ended with the names, shapes and values of the arrays.
-fn incomplete(command: &str, failures: Vec<String>) -> Check {
+fn incomplete(command: &str, roles: Roles) -> Check {
     let mut rung = check::Rung::new("R0", SANITY);
-    failures.into_iter().for_each(|f| rung.fail(f));
+    roles.failures.into_iter().for_each(|f| rung.fail(f));
     let report = check::Report { subject: command.to_owned(), rungs: vec![rung] };
-    with_hints(Check::new(report, &Shapes::new()), UNIT, 0)
+    Check { hints: roles.hint.into_iter().collect(), ..Check::new(report, &Shapes::new()) }
+}
+
+/// What the hints depend on.
+struct Findings {
+    /// rounding unit of the arrays that the program writes
+    unit: f64,
+    /// entries of the largest input
+    most: usize,
+    /// whether every entry of the outputs is a number of f32
+    is_single: bool,
+    /// how to check only gradients that are not 0 everywhere
+    nonzero: Option<String>,
+    /// the entries that were checked, if the arrays were complete
+    entries: Option<Entries>,
 }
 
 /// The report in the terms of a program, with hints if it did not pass.
-fn with_hints(mut check: Check, unit: f64, entries: usize) -> Check {
+fn with_hints(mut check: Check, found: &Findings) -> Check {
     for rung in &mut check.rungs {
         rung.title = match rung.name {
             "R0" => SANITY,
-            "R1" => "gradient along random directions of all inputs, against finite differences",
-            _ => "gradient of single entries, against finite differences",
+            "R1" => {
+                "gradient along random directions of all inputs, with random y_bar, against finite differences"
+            }
+            _ => "gradient of single entries, with y_bar of IN.npz, against finite differences",
         };
         // A program reports no decisions and predicts no zeros.
-        rung.measures.retain(|m| rung.name != "R0" && !m.what.starts_with("skipped because"));
+        rung.measures.retain(|_| rung.name != "R0");
     }
     let failed = |name: &str| check.rung(name).is_some_and(|r: &Rung| !r.passed);
     let has = |part: &str| check.rung("R0").is_some_and(|r| r.failures.iter().any(|f| f.contains(part)));
     let mut hints = Vec::new();
-    if has("no gradient of") || has("is zero everywhere") {
-        hints.push("--wrt x,w checks the gradients of these inputs only".to_owned());
+    if has("is zero everywhere") {
+        hints.extend(found.nonzero.clone());
     }
     if failed("R1") && !failed("R3") {
+        let most = found.most;
         hints.push(format!(
-            "R3 checked some entries only; --entries {entries} checks all and names the wrong ones"
+            "R3 checked some entries only; --entries {most} checks all and names the wrong ones"
         ));
     }
-    if failed("R1") || failed("R3") {
-        let kink = "an input at a kink (ReLU or |x| at 0, the end of a clamp) has no derivative: move it away from the kink by 0.02 or more";
-        let noise = match unit > UNIT {
-            true => {
-                "the program writes f32, whose rounding limits finite differences; the check is sharper in f64"
-            }
-            false => {
-                "a program that computes in f32 should write f32 arrays: the check then allows for their rounding"
-            }
-        };
-        hints.extend([kink.to_owned(), noise.to_owned()]);
+    let entries = found.entries.as_ref();
+    hints.extend(entries.into_iter().flat_map(|e| &e.factors).cloned());
+    if (failed("R1") || failed("R3")) && entries.is_none_or(|e| e.factors.is_empty() || !e.is_explained) {
+        hints.push("an input at a kink (ReLU or |x| at 0, the end of a clamp, a threshold of visibility) has no derivative: move it away from the kink by 0.02 or more".to_owned());
+        if found.unit > UNIT {
+            hints.push("the program writes f32, whose rounding limits finite differences; the check is sharper in f64".to_owned());
+        } else if found.is_single || entries.is_some_and(|e| ROUNDING.contains(&e.difference)) {
+            hints.push("a program that computes in f32 should write f32 arrays: the check then allows for their rounding".to_owned());
+        }
     }
     check.hints = hints;
     check
 }
+
+/// Relative differences of R3 that can be the rounding of f32.
+const ROUNDING: std::ops::Range<f64> = LIVE..0.1;
 
 /// Checks a program: outputs are the arrays `y` for which `IN.npz` holds `y_bar`, variables the float inputs
 /// `x`, or those of `wrt`. If it returns f32, differences have the rounding noise of f32, which the report
@@ -321,7 +252,11 @@ pub(super) fn program(
     let (calls, planned) = (Cell::new(0), Cell::new(0));
     let program = Program { command, folder, arrays, calls, planned, progress: RefCell::new(progress) };
     let first = program.call(&Values::new(), &Values::new())?;
-    let roles = Roles::new(&program.arrays, &first, wrt);
+    let op = operator(&program.arrays, &first, writer(input));
+    let roles = Roles::new(&program.arrays, &first, wrt, op);
+    for note in &roles.notes {
+        (*program.progress.borrow_mut())(Event::Note(note));
+    }
     if roles.outputs.is_empty() && !roles.failures.iter().any(|f| f.starts_with("no output")) {
         let written: Vec<_> = first.0.keys().map(String::as_str).collect();
         return Err(no_cotangent().got(format!("none of its outputs {}", written.join(", "))));
@@ -332,7 +267,7 @@ pub(super) fn program(
         (*program.progress.borrow_mut())(Event::Note(&text));
     }
     if !roles.failures.is_empty() {
-        return Ok(incomplete(command, roles.failures));
+        return Ok(incomplete(command, roles));
     }
     if roles.inputs.is_empty() {
         return Err(Error::input(&*file).expected("at least one float array that is an input of the program"));
@@ -368,9 +303,24 @@ fn check_program(program: &Program<'_>, roles: &Roles, rules: &check::Options) -
         format!("{command}: gradients of {} by finite differences of the program itself", names.join(", "));
     (*program.progress.borrow_mut())(Event::Note(&text));
     program.planned.set(program.calls.get() + calls_of(&outputs, &gradients, &inputs, &rules)?);
-    let report = check::function_with_log(command, value, vjp, &inputs, &rules)?;
+    let by_function = check::Options { entries: 0, ..rules.clone() };
+    let mut report = check::function_with_log(command, value, vjp, &inputs, &by_function)?;
+    let mut checked = None;
+    if let Some(rung) = report.rungs.iter_mut().find(|r| r.name == "R3") {
+        let y_bar = roles.outputs.iter().map(|(y, bar)| (y.clone(), bar.to_f64())).collect();
+        let mut found = entries(&mut |x| value(x), &inputs, &y_bar, &gradients, &rules)?;
+        *rung = std::mem::replace(&mut found.rung, check::Rung::new("R3", ""));
+        checked = Some(found);
+    }
     let text = format!("{command}: called {} times", program.calls.get());
     (*program.progress.borrow_mut())(Event::Note(&text));
-    let most = inputs.values().map(Vec::len).max().unwrap_or_default();
-    Ok(with_hints(Check::new(report, &shapes(&program.arrays)), unit.get(), most))
+    let nonzero = |x: &&String| gradients[*x].iter().any(|g| *g != 0.0);
+    let found = Findings {
+        unit: unit.get(),
+        most: inputs.values().map(Vec::len).max().unwrap_or_default(),
+        is_single: outputs.values().flatten().all(|y| f64::from(*y as f32) == *y),
+        nonzero: wrt_hint(gradients.keys().filter(nonzero)),
+        entries: checked,
+    };
+    Ok(with_hints(Check::new(report, &shapes(&program.arrays)), &found))
 }
