@@ -2,5 +2,6 @@
 
 mod directions;
 mod planes;
+mod quadrature;
 mod surfaces;
 mod volume;
