@@ -35,16 +35,32 @@ fn take(dir: &Path) -> Result<()> {
     Ok(())
 }
 
+/// What is in the folders that were taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kept {
+    /// No folder was taken.
+    NoFolder,
+    /// They hold no file.
+    Nothing,
+    /// They hold files, of this program or of an earlier one.
+    Files,
+}
+
 /// Gives back every folder that was taken. Those that were made and hold nothing are removed: a command that could not start leaves none.
-pub(crate) fn release() {
-    for Claim { lock, made, .. } in TAKEN.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
+pub(crate) fn release() -> Kept {
+    let mut kept = Kept::NoFolder;
+    for Claim { lock, dir, made } in TAKEN.lock().unwrap_or_else(PoisonError::into_inner).drain(..) {
         drop(lock);
+        if kept != Kept::Files {
+            kept = if atomic::is_unused(&dir).unwrap_or(false) { Kept::Nothing } else { Kept::Files };
+        }
         for dir in made {
             if std::fs::remove_dir(dir).is_err() {
                 break; // it holds something
             }
         }
     }
+    kept
 }
 
 /// Takes the folder `dir`: makes it, or takes one that is empty, to be resumed, or given up by `--force`, and keeps other programs out until
@@ -79,10 +95,17 @@ pub(crate) fn folder(dir: &Path, resume: bool, force: bool) -> Result<PathBuf> {
 /// Refuses an existing file unless forced.
 ///
 /// # Errors
-/// When it exists and `force` is not given, or is a folder.
+/// When it exists and `force` is not given, or is a folder, or its folder does not exist.
 pub(crate) fn file(path: &Path, force: bool) -> Result<()> {
     if path.is_dir() {
         return Err(Error::input(path.display().to_string()).expected("a file name").got("a folder"));
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.exists());
+    if let Some(folder) = folder {
+        let e = Error::input(path.display().to_string()).expected("a file in a folder that exists");
+        return Err(e
+            .got(format!("no folder {}", folder.display()))
+            .hint(format!("mkdir -p {}", folder.display())));
     }
     if path.exists() && !force {
         return Err(Error::input(path.display().to_string())
@@ -119,5 +142,7 @@ mod tests {
         assert!(file(&out.join("x"), false).is_err(), "exists");
         file(&out.join("x"), true).expect("forced");
         assert!(file(&out, true).is_err(), "a folder is no file");
+        let e = file(&out.join("deep/er/x.ply"), true).expect_err("no folder").to_string();
+        assert!(e.contains("no folder ") && e.contains("mkdir -p "), "{e}");
     }
 }

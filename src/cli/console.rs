@@ -212,7 +212,12 @@ pub(crate) fn stop_on_interrupt() -> std::result::Result<(), ctrlc::Error> {
     ctrlc::set_handler(|| {
         if !STOPPABLE.load(Ordering::Relaxed) || STOP.swap(true, Ordering::Relaxed) {
             // Nothing that would stop in good order, or asked twice: nothing on disk is lost.
-            claim::release();
+            let text = match claim::release() {
+                claim::Kept::NoFolder => "interrupted",
+                claim::Kept::Nothing => "interrupted before anything was saved",
+                claim::Kept::Files => "interrupted; files in the folder of the results are complete",
+            };
+            error(output(), "interrupted", text, 130);
             std::process::exit(130);
         }
         note("stopping in good order; press Ctrl-C again to stop at once");

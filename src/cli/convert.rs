@@ -4,6 +4,7 @@ use super::{claim, report};
 use crate::Result;
 use crate::scene::convert::{SceneFormat, convert_with};
 use crate::shared::{SceneArgs, dropped_text};
+use crate::splat::scene_file;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -14,10 +15,11 @@ use std::path::PathBuf;
 #[derive(clap::Args)]
 #[command(after_help = "Examples:
   lastlight convert scene.ply scene.splat
+  lastlight convert fox/ fox.npz                            the scene of a fit
   lastlight convert scene.npz scene.ply --force
   lastlight convert theirs.ply clean.ply --drop-invalid     without Gaussians that hold NaN or a zero quaternion")]
 pub(super) struct Args {
-    /// Scene to read: .ply, .splat or .npz
+    /// Scene to read: .ply, .splat or .npz, or the folder of a fit
     #[arg(value_name = "FILE")]
     input: PathBuf,
     /// Scene to write: .ply, .splat or .npz
@@ -33,7 +35,8 @@ pub(super) struct Args {
 pub(super) fn run(args: &Args) -> Result<()> {
     SceneFormat::of(&args.output)?;
     claim::file(&args.output, args.force)?;
-    let (scene, dropped) = convert_with(&args.input, &args.output, args.reading.invalid())?;
+    let input = scene_file(&args.input)?;
+    let (scene, dropped) = convert_with(&input, &args.output, args.reading.invalid())?;
     if dropped > 0 && !crate::console::is_quiet() {
         crate::console::note(&dropped_text(dropped, dropped + scene.len()));
     }

@@ -53,6 +53,7 @@ pub(crate) fn expanded(arguments: &[OsString], tree: &Command) -> Result<Vec<OsS
     if !has("--like") && !has("--resume") {
         return unchanged();
     }
+    let strict = tree;
     let mut tree = relaxed(tree.clone());
     let matches = match tree.try_get_matches_from_mut(arguments) {
         Ok(matches) => matches,
@@ -64,13 +65,18 @@ pub(crate) fn expanded(arguments: &[OsString], tree: &Command) -> Result<Vec<OsS
     let Some(command) = path.iter().try_fold(&tree, |command, name| command.find_subcommand(name)) else {
         return unchanged();
     };
-    let like = typed.try_get_one::<PathBuf>(NAME).ok().flatten().cloned();
-    let resumed = folder_of_resumed(typed).and_then(|dir| {
-        let files = [COMMAND, RESULT].map(|name| dir.join(name));
-        files.into_iter().find(|file| file.is_file())
-    });
+    let within = |dir: &Path, names: [&str; 2]| names.map(|n| dir.join(n)).into_iter().find(|f| f.is_file());
+    let like = typed.try_get_one::<PathBuf>(NAME).ok().flatten();
+    let like = like.map(|file| within(file, [RESULT, COMMAND]).unwrap_or_else(|| file.clone()));
+    let folder = folder_of_resumed(typed);
+    let resumed = folder.as_deref().and_then(|dir| within(dir, [COMMAND, RESULT]));
     let is_resumed = like.is_none();
-    let Some(file) = like.or(resumed) else { return unchanged() };
+    let Some(file) = like.or(resumed) else {
+        return match folder.filter(|_| lacks_required(strict, &path, typed)) {
+            Some(dir) => Err(wrong(nothing_to_resume(&dir, &path))),
+            None => unchanged(),
+        };
+    };
     let words = match recorded(&file) {
         Ok(words) => words,
         Err(_) if is_resumed => return unchanged(), // a folder of a command that does not record its arguments
@@ -101,7 +107,48 @@ pub(crate) fn expanded(arguments: &[OsString], tree: &Command) -> Result<Vec<OsS
             _ => None,
         }
     };
+    for argument in command.get_arguments() {
+        if given(argument).is_some_and(|from| std::ptr::eq(from, earlier))
+            && let Some(value) = missing_path(argument, earlier)
+        {
+            let (value, file) = (value.display(), file.display());
+            return Err(wrong(format!(
+                "{value}: no such file or folder; the path comes from the record {file} and is relative to the current folder: run the \
+                 command where the recorded run was started, or type the path beside it"
+            )));
+        }
+    }
     Ok(std::iter::once(program).chain(words_of(command, &path, given)).collect())
+}
+
+/// The value of an argument that is a relative path to something that is not there.
+fn missing_path(argument: &Arg, matches: &ArgMatches) -> Option<PathBuf> {
+    let is_path =
+        argument.get_value_names().is_some_and(|names| names.iter().all(|n| n == "DIR" || n == "FILE"));
+    let mut values = matches.get_raw(argument.get_id().as_str()).into_iter().flatten().map(PathBuf::from);
+    values.find(|path| is_path && path.is_relative() && !path.exists())
+}
+
+/// Whether an argument that the command at `path` of the tree requires is missing.
+fn lacks_required(tree: &Command, path: &[String], typed: &ArgMatches) -> bool {
+    let command = path.iter().try_fold(tree, |command, name| command.find_subcommand(name));
+    command.is_some_and(|c| c.get_arguments().any(|a| a.is_required_set() && !is_given(typed, a)))
+}
+
+/// That a folder holds no run that could be continued without its arguments.
+fn nothing_to_resume(dir: &Path, path: &[String]) -> String {
+    let what = if !dir.exists() {
+        "no such folder".to_owned()
+    } else if crate::io::atomic::is_unused(dir).unwrap_or(false) {
+        "the folder is empty".to_owned()
+    } else {
+        format!("there is no {COMMAND} in it")
+    };
+    format!(
+        "--resume: {} holds no interrupted run: {what}; `lastlight help {}` shows how one is started",
+        dir.display(),
+        path.join(" ")
+    )
 }
 
 /// The arguments without those that [`NOT_TAKEN`] lists: what a run keeps of them, so that it can be resumed.

@@ -42,9 +42,16 @@ Masks are mask_path in a transforms.json, or the folder masks of a COLMAP model;
 
 A folder of photos without poses is not a capture. COLMAP (version 3.9 or later) computes poses:
 
-  mkdir -p scene/images && cp photos/* scene/images
+  mkdir -p scene
+  colmap automatic_reconstructor --workspace_path scene --image_path photos --dense 0
+  lastlight splat fit scene --images photos --out fit
+
+Or step by step, for images of a video of one camera:
+
+  mkdir -p scene/images
+  ffmpeg -i phone.mp4 -vf fps=2 -q:v 2 scene/images/%04d.jpg
   colmap feature_extractor --database_path scene/database.db --image_path scene/images --ImageReader.single_camera 1 --ImageReader.camera_model OPENCV
-  colmap exhaustive_matcher --database_path scene/database.db
+  colmap sequential_matcher --database_path scene/database.db
   mkdir scene/sparse
   colmap mapper --database_path scene/database.db --image_path scene/images --output_path scene/sparse
   lastlight splat fit scene --out fit
@@ -90,7 +97,7 @@ Results go to standard output, as text or with --json as one JSON document. Prog
 
 `kind` is usage, input, check or interrupted. Errors of the command line itself are of kind usage; without --json they also show the usage.
 
-An interrupted run finishes its iteration, writes a checkpoint, and continues with --resume to the bits of an uninterrupted run. A second Ctrl-C ends it at once. Files are complete or do not exist.";
+An interrupted run finishes its iteration, writes a checkpoint, and continues with --resume to the bits of an uninterrupted run. A second Ctrl-C ends it at once. Files are complete or do not exist. An interruption before the first file is written saves nothing, and the message states it.";
 
 const ENVIRONMENT: &str = "\
 Environment variables

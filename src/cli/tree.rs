@@ -83,7 +83,7 @@ fn like() -> clap::Arg {
         .long(like::NAME)
         .value_name("FILE")
         .value_parser(clap::value_parser!(std::path::PathBuf))
-        .help("Run a recorded run again: take all arguments that are not given from this result.json (or study.json), but for --out")
+        .help("Run a recorded run again: take all arguments that are not given from this result.json (or study.json, or the folder of a run), but for --out")
 }
 
 /// The first examples, and where the others are.

@@ -99,8 +99,8 @@ fn not_a_capture(path: &Path) -> Error {
     match count_images(path) {
         0 => e.expected(layouts).got("a folder without any of them"),
         n => e.expected(layouts).got(format!("{n} images but no camera poses")).hint(format!(
-            "compute poses with COLMAP (colmap automatic_reconstructor --workspace_path scene --image_path {name}) \
-             or nerfstudio (ns-process-data images --data {name} --output-dir scene), then give the folder scene"
+            "compute poses with COLMAP: mkdir -p scene && colmap automatic_reconstructor --workspace_path scene --image_path {name} --dense 0, then \
+             lastlight splat fit scene --images {name} --out fit (`lastlight help captures` has more)"
         )),
     }
 }
@@ -122,6 +122,11 @@ mod tests {
         let e = text(&dir.path().join("a.JPG"));
         assert!(e.contains("a.JPG: expected a folder with images") && e.contains("got one image"), "{e}");
         let text = text(dir.path());
-        assert!(text.contains("3 images but no camera poses") && text.contains("colmap"), "{text}");
+        assert!(text.contains("3 images but no camera poses"), "{text}");
+        for part in
+            ["mkdir -p scene && colmap automatic_reconstructor", "lastlight splat fit scene --images "]
+        {
+            assert!(text.contains(part), "what to type: {text}");
+        }
     }
 }

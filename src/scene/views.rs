@@ -159,11 +159,17 @@ impl Views {
             return Err(e.got(format!("{:?}", options.background)));
         }
         if let (true, Some(first)) = (capture.frames.is_empty(), capture.missing.first()) {
-            return Err(Error::input(name).expected("photos of the frames that are listed").got(format!(
+            let e = Error::input(name).expected("photos of the frames that are listed").got(format!(
                 "no file of {} frames, the first '{}'",
                 capture.missing.len(),
                 first.name
-            )));
+            ));
+            return Err(match &options.images {
+                None => e.hint("--images DIR names the folder of the photos"),
+                Some(dir) => {
+                    e.hint(format!("--images is {}: names in a capture are relative to it", dir.display()))
+                }
+            });
         }
         let has = |s: Split| capture.frames.iter().any(|f| f.split == s);
         let given = has(Split::Train) && has(Split::Test);

@@ -1,7 +1,7 @@
 //! `last pretrain`, `tune`, `intervene` at the command line: a small model from images, continued, tuned,
 //! inspected, refused. `last fit` and `render`: a person seen from farther and nearer than in its photos.
 
-use crate::program::{json, lastlight, refused, stderr, stdout};
+use crate::program::{code, json, lastlight, refused, stderr, stdout};
 use lastlight::fit::orbit::Orbit;
 use lastlight::io::safetensors;
 use lastlight::last::avatar::store;
@@ -104,6 +104,10 @@ fn a_model_is_trained_continued_tuned_and_looked_at() {
     let moved = done["moved"].as_array().expect("rows");
     assert_eq!(moved.len(), 2, "one row per factor");
     let edges: Vec<(u64, u64)> = serde_json::from_value(done["edges"].clone()).expect("pairs");
+    // Without edges no factor affects another, which is noted.
+    let o = lastlight(&["last", "intervene", "tuned.safetensors", "data/video", "--out", "again"], at);
+    let note = "the graph of the model has no edges: no factor affects another (the model was trained for 4 iterations;";
+    assert_eq!((code(&o), stderr(&o).contains(note)), (0, edges.is_empty()), "{edges:?}: {}", stderr(&o));
     let row = &moved[0]["most"];
     for j in [1_u64, 2, 3] {
         let reached = edges.iter().any(|&(_, to)| to == j);

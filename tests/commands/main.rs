@@ -9,6 +9,7 @@ mod cli_study;
 mod common;
 mod fits;
 mod globals;
+mod guidance;
 #[path = "../common/lpips_weights.rs"]
 mod lpips_weights;
 mod mesh_cli;

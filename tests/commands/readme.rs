@@ -98,6 +98,10 @@ const SESSIONS: [Session; 6] = [
                 "splat fit scene --out fit --iterations 30 --initial 200",
             ),
             (
+                "lastlight splat fit scene --images photos --out fit",
+                "splat fit scene --images scene --out other --iterations 3 --initial 200",
+            ),
+            (
                 "lastlight splat render fit --cameras orbit:36 --out turntable",
                 "splat render fit --cameras orbit:3 --size 24x24 --out turntable",
             ),
@@ -145,7 +149,7 @@ const SESSIONS: [Session; 6] = [
 ];
 
 /// Lines that are not run here, and why.
-const MARKED: [(&str, &str); 20] = [
+const MARKED: [(&str, &str); 22] = [
     ("cargo run --release -- demo", "half a minute; `cli.rs` runs it smaller"),
     ("cargo test --release --workspace", "runs this test"),
     ("cargo build --release", "builds this program"),
@@ -160,6 +164,8 @@ const MARKED: [(&str, &str); 20] = [
     ("cargo run --release --example check_my_gradient", "an example: compiled with the tests"),
     ("cargo run --release --example oracle_roundtrip", "an example: compiled with the tests"),
     ("mkdir -p scene/images", "of the shell"),
+    ("mkdir -p scene", "of the shell"),
+    ("colmap automatic_reconstructor --workspace_path scene --image_path photos --dense 0", "needs COLMAP"),
     ("ffmpeg -i phone.mp4 -vf fps=2 -q:v 2 scene/images/%04d.jpg", "needs ffmpeg and a video"),
     (
         "colmap feature_extractor --database_path scene/database.db --image_path scene/images --ImageReader.single_camera 1 \

@@ -97,5 +97,5 @@ fn a_fit_is_resumed_with_its_own_options() {
     let other = json(&like, dir);
     assert_eq!((&other["iterations"], &other["settings"]["seed"]), (&5.into(), &3.into()), "as listed");
     // A folder without a record needs all arguments.
-    refused(&["splat", "fit", "--out", "empty", "--resume"], dir, 2, &["required arguments", "<DIR>"]);
+    refused(&["splat", "fit", "--out", "empty", "--resume"], dir, 2, &["holds no interrupted run", "DIR"]);
 }

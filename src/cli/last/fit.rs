@@ -281,6 +281,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     capture.train.iter().chain(&capture.test).try_for_each(|&i| view::check(&capture, &capture.shots[i]))?;
     if let Some(model) = &model {
         check_skeleton(model, &capture, &meter)?;
+        super::graph_note::note_empty_graph(model, &meter);
         args.guided.calibrate(&mut settings, &capture, model, &mut meter)?;
     }
     let job = Job {

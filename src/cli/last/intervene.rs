@@ -200,6 +200,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .expected(format!("below {}, the number of training images", capture.train.len()))
             .got(args.image.to_string())
     })?;
+    super::graph_note::note_empty_graph(&trained, &meter);
     let grid = Grid::new(&trained, &capture, shot, &which)?;
     let dir = claim::folder(&args.out, false, args.replace.force)?;
     grid.write(&dir)?;

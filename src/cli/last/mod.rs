@@ -5,11 +5,13 @@
 //! pretrain  the image-to-point model      tune             its structure on one subject
 //! intervene counterfactual images       fit              a person of Gaussians from a capture
 //! render    a fitted person, any view     eval             its score on held-out images
+//! graph_note  that the graph of a model has no edges
 //! ```
 
 mod eval;
 pub(super) mod fit;
 mod generate;
+mod graph_note;
 mod import;
 mod inspect;
 pub(super) mod intervene;

@@ -56,6 +56,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let (poses, first) = poses(args, &stored)?;
     let cameras = cameras(args, &stored, &poses)?;
     let pairs = pairs(poses.len(), cameras.len())?;
+    if let Some(note) = pairing(poses.len(), cameras.len()) {
+        meter.note(&note);
+    }
     let dir = claim::folder(&args.out, false, args.replace.force)?;
     let mut names = Vec::with_capacity(pairs.len());
     for (k, &(p, c)) in pairs.iter().enumerate() {
@@ -137,6 +140,22 @@ fn pairs(poses: usize, cameras: usize) -> Result<Vec<(usize, usize)>> {
     })
 }
 
+/// How unequal numbers of poses and cameras are paired, if neither is one.
+fn pairing(poses: usize, cameras: usize) -> Option<String> {
+    let least = Ord::min(poses, cameras);
+    (least > 1 && poses != cameras).then(|| {
+        let (more, how) = if cameras > poses {
+            ("cameras", "--pose T renders one moment from all cameras")
+        } else {
+            ("poses", "--cameras orbit:N with as many views renders all of them")
+        };
+        format!(
+            "{poses} poses and {cameras} cameras: image k shows pose k from camera k, {least} images in all, and the other {more} are not \
+             used ({how})"
+        )
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -146,6 +165,13 @@ mod tests {
         assert_eq!(pairs(3, 1).expect("some"), [(0, 0), (1, 0), (2, 0)], "one camera");
         assert_eq!(pairs(1, 2).expect("some"), [(0, 0), (0, 1)], "one pose");
         assert_eq!(pairs(3, 2).expect("some"), [(0, 0), (1, 1)], "side by side");
+        assert_eq!((pairing(3, 1), pairing(1, 9), pairing(4, 4)), (None, None, None), "nothing is left out");
+        let note = pairing(3, 9).expect("a note");
+        assert!(note.starts_with("3 poses and 9 cameras") && note.contains("3 images"), "{note}");
+        assert!(
+            note.contains("other cameras") && pairing(9, 3).is_some_and(|n| n.contains("other poses")),
+            "{note}"
+        );
         assert!(pairs(0, 2).is_err(), "nothing to show");
     }
 }

@@ -59,6 +59,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let tuned = tuning.finish();
     meter.lap("tuning");
     trained.write(&args.out)?;
+    super::graph_note::note_empty_graph(&trained, &meter);
     let n = trained.model.sizes.factors;
     if cli::is_json() {
         return cli::say_json(&json!({

@@ -13,6 +13,41 @@ const MAX_IMAGES: usize = 16;
 /// Longest side of an image in the report, in pixels.
 const MAX_SIDE: usize = 640;
 
+/// Numbers of photos of a capture; by default nothing is known of them.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Photos {
+    /// those that were fitted, if there was a fit
+    pub(crate) fitted: Option<usize>,
+    /// those that were held out
+    pub(crate) held_out: usize,
+    /// frames that the capture lists
+    pub(crate) listed: usize,
+    /// listed frames without a photo, which were left out
+    pub(crate) missing: usize,
+}
+
+impl Photos {
+    /// The card of the numbers, if there is something to state.
+    fn stat(self) -> Option<Stat> {
+        let missing = if self.missing == 0 {
+            String::new()
+        } else {
+            format!(
+                "{} of {} listed frames have no photo and were left out",
+                thousands(self.missing),
+                thousands(self.listed)
+            )
+        };
+        let Some(fitted) = self.fitted else {
+            let value = thousands(self.missing);
+            return (self.missing > 0).then_some(Stat { label: "Missing photos", value, note: missing });
+        };
+        let held_out = format!("{} held out", thousands(self.held_out));
+        let note = if missing.is_empty() { held_out } else { format!("{held_out} · {missing}") };
+        Some(Stat { label: "Training photos", value: thousands(fitted), note })
+    }
+}
+
 /// What the report is made of.
 pub(crate) struct Input<'a> {
     /// the command, e.g. `splat fit`
@@ -29,6 +64,8 @@ pub(crate) struct Input<'a> {
     pub(crate) n_gauss: usize,
     /// that the largest number was reached, and how to raise it
     pub(crate) limit: Option<String>,
+    /// the photos of the capture
+    pub(crate) photos: Photos,
     /// images and scores of the held-out views
     pub(crate) scored: &'a [Scored],
     /// distance of each to the nearest fitted camera, see [`hints::distances`]; empty if it is not known
@@ -56,6 +93,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         facts.push(("profile", profile.to_owned()));
     }
     let mut stats = quality(e);
+    stats.extend(x.photos.stat());
     let mut note = size_note(&x.run);
     if let Some(limit) = &x.limit {
         note = format!("{note}{}limit: {limit}", if note.is_empty() { "" } else { " · " });
@@ -87,7 +125,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         image: &s.image,
         distance: x.distances.get(i).copied(),
     });
-    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
+    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss, x.photos.fitted));
     let resets: Vec<(f64, String)> = x
         .events
         .iter()

@@ -3,6 +3,7 @@
 use super::Section;
 use super::run::Run;
 use crate::num::order;
+use crate::units::counted;
 use maud::html;
 
 /// Decibels below the mean from which on a view is mentioned.
@@ -13,6 +14,12 @@ const FAR: f64 = 1.6;
 const BRIGHTNESS: f64 = 0.07;
 /// Relative decrease of the loss from the last but one tenth of the iterations to the last one that is mentioned.
 const FALLING: f64 = 0.02;
+/// Number of training photos below which more photos are the first advice.
+const FEW_PHOTOS: usize = 20;
+/// Decrease in dB of the held-out score from its best snapshot to the last one that is mentioned.
+const OVERFIT_DB: f64 = 0.5;
+/// What to do about it.
+const TAKE_MORE: &str = "Take 60 to 200 sharp photos of a full orbit, from two heights and with much overlap (`lastlight help captures`).";
 /// Most views that are named in a hint.
 const NAMED: usize = 3;
 
@@ -97,14 +104,48 @@ fn on_views(views: &[View<'_>], is_short: bool) -> Vec<String> {
     hints
 }
 
-/// Hints on the course of the fit; `size` is the number of Gaussians.
-fn on_course(run: &Run<'_>, size: usize) -> Vec<String> {
+/// The best score of held-out views during a fit and its iteration, and the last score, if the score decreased while the training loss did.
+fn overfit(run: &Run<'_>) -> Option<(f64, usize, f64)> {
+    let (film, loss) = (run.film?, &run.history?.loss);
+    let last = film.all.last()?;
+    let best = film.all.iter().max_by(|a, b| a.psnr_db.total_cmp(&b.psnr_db))?;
+    // Medians of the two halves of the iterations since then.
+    let window = loss.len().saturating_sub(best.iteration) / 2;
+    let falls = window > 0
+        && median(&loss[loss.len() - window..]) < median(&loss[loss.len() - 2 * window..loss.len() - window]);
+    (falls && last.psnr_db < best.psnr_db - OVERFIT_DB).then_some((
+        best.psnr_db,
+        best.iteration,
+        last.psnr_db,
+    ))
+}
+
+/// The hint on the number of photos; `photos` is the number of those that were fitted, where it is known.
+fn on_photos(run: &Run<'_>, photos: Option<usize>, has_scores: bool) -> Option<String> {
+    run.history?;
+    let few = photos.filter(|&n| n < FEW_PHOTOS).map(|n| {
+        let trained = counted(n, "training photo");
+        format!("this fit had {trained}, and neither iterations nor Gaussians replace views that are missing")
+    });
+    let falling = || {
+        let (best, at, last) = overfit(run).filter(|_| photos.is_some() && has_scores)?;
+        Some(format!(
+            "the held-out PSNR fell from {best:.1} dB (iteration {at}) to {last:.1} dB while the training loss fell: the scene fits \
+             the training photos better and other views worse"
+        ))
+    };
+    few.or_else(falling).map(|why| format!("More photos: {why}. {TAKE_MORE}"))
+}
+
+/// Hints on the course of the fit; `size` is the number of Gaussians, `is_first` whether no hint precedes them.
+fn on_course(run: &Run<'_>, size: usize, is_first: bool) -> Vec<String> {
     let mut hints = Vec::new();
     let Some(history) = run.history else { return hints };
     let tenth = history.len() / 10;
     if let Some([done, usual]) = short(run) {
+        let when = if is_first { " before anything else" } else { "" };
         hints.push(format!(
-            "More iterations: this fit had {done}, the default is {usual}. Try --iterations {usual} before anything else."
+            "More iterations: this fit had {done}, the default is {usual}. Try --iterations {usual}{when}."
         ));
     } else if tenth >= 20 {
         let n = history.len();
@@ -128,9 +169,15 @@ fn on_course(run: &Run<'_>, size: usize) -> Vec<String> {
     hints
 }
 
-/// The list of hints; `None` if no rule applies.
-pub(super) fn section(views: &[View<'_>], run: &Run<'_>, size: usize) -> Option<Section> {
-    let mut hints = on_course(run, size);
+/// The list of hints; `None` if no rule applies. `photos` is the number of photos that were fitted, where more could be taken.
+pub(super) fn section(
+    views: &[View<'_>],
+    run: &Run<'_>,
+    size: usize,
+    photos: Option<usize>,
+) -> Option<Section> {
+    let mut hints: Vec<String> = on_photos(run, photos, !views.is_empty()).into_iter().collect();
+    hints.extend(on_course(run, size, hints.is_empty()));
     if !views.is_empty() {
         hints.extend(on_views(views, short(run).is_some()));
     }
@@ -185,7 +232,7 @@ mod tests {
             total_seconds: 1.0,
             files: vec![],
         };
-        section(views, &run, size).map_or(String::new(), |s| s.body.into_string())
+        section(views, &run, size, None).map_or(String::new(), |s| s.body.into_string())
     }
 
     #[test]
@@ -220,6 +267,44 @@ mod tests {
         assert!(!text.contains("Brightness"), "not reached yet: {text}");
         let text = of(700);
         assert!(!text.contains("More iterations") && text.contains("Brightness: in a, b"), "{text}");
+    }
+
+    #[test]
+    fn few_photos_or_a_falling_score_need_photos_first() {
+        use crate::report::film::{Film, Snapshot};
+        let (gray, settings) = (vec![0.5_f32; 12], json!({"max_gaussians": 100}));
+        let views = [View { name: "a", psnr_db: 16.0, photo: &gray, image: &gray, distance: None }];
+        let of = |photos, scores: &[f64]| {
+            let loss: Vec<f32> = (0..400).map(|i| 1.0 / (1.0 + i as f32)).collect();
+            let history = History { size: vec![1; loss.len()], loss };
+            let shot = |(k, &psnr_db): (usize, &f64)| Snapshot { iteration: 100 * k, psnr_db, image: None };
+            let film = Film { all: scores.iter().enumerate().map(shot).collect(), ..Film::default() };
+            let run = Run {
+                settings: &settings,
+                defaults: Some(json!({ "iterations": 7000 })),
+                history: Some(&history),
+                film: Some(&film),
+                time: vec![],
+                total_seconds: 1.0,
+                files: vec![],
+            };
+            section(&views, &run, 100, photos).map_or(String::new(), |s| s.body.into_string())
+        };
+        let rises = [10.0, 14.0, 15.0, 15.5, 16.0];
+        let falls = [10.0, 14.0, 18.0, 17.0, 16.0];
+        let text = of(Some(12), &rises);
+        assert!(text.starts_with("<ul class=\"hints\"><li>More photos: this fit had 12 training"), "{text}");
+        assert!(text.contains("60 to 200") && text.contains("full orbit"), "how many: {text}");
+        let [photos, iterations, gaussians] = ["More photos", "--iterations 7000.", "More Gaussians"]
+            .map(|part| text.find(part).expect("a hint"));
+        assert!(photos < iterations && iterations < gaussians, "the order: {text}");
+        let text = of(Some(40), &falls);
+        assert!(
+            text.starts_with("<ul class=\"hints\"><li>More photos: the held-out PSNR fell from 18.0 dB (iteration 200) to 16.0 dB"),
+            "{text}"
+        );
+        assert!(!of(Some(40), &rises).contains("More photos"), "enough photos, and the score rises");
+        assert!(!of(None, &falls).contains("More photos"), "no photos can be taken");
     }
 
     #[test]

@@ -85,6 +85,11 @@ pub(crate) struct Page {
 const POLICY: &str = "default-src 'none'; img-src data:; style-src 'unsafe-inline'";
 
 impl Page {
+    /// Whether it has a section of this name.
+    pub(crate) fn has(&self, id: &str) -> bool {
+        self.sections.iter().any(|s| s.id == id)
+    }
+
     /// The page as HTML text.
     pub(crate) fn html(&self) -> String {
         let stats = html! {

@@ -102,7 +102,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         image: &[],
         distance: None,
     });
-    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss));
+    sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss, None));
     sections.extend(x.run.course("Loss", "", &[])?);
     if !x.events.is_empty() {
         sections.push(Section {

@@ -7,7 +7,7 @@ use super::render_args::RenderArgs;
 use crate::choices::{Choices, choices};
 use crate::console as cli;
 use crate::fit::evaluate::{Evaluation, Scored};
-use crate::fit::render::Scene;
+use crate::fit::render::{self, Scene};
 use crate::fit::training::Watch;
 use crate::loss::metric::rfd;
 use crate::loss::{self, lpips};
@@ -19,7 +19,7 @@ use crate::shared::{MetricArgs, SceneArgs, note_missing_weights};
 use crate::{Error, Result};
 use crate::{claim, report};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Values of `--split`.
 const SPLITS: &Choices =
@@ -81,6 +81,26 @@ fn perceived(
     which.iter().zip(scored).map(one).collect()
 }
 
+/// Notes that the scene was fitted to images of another size than those that it is scored on.
+fn note_other_size(scene: &Path, views: &Views, downscale: u8, meter: &Meter) -> Result<()> {
+    let fitted: Vec<[usize; 2]> =
+        render::fitted_cameras(scene)?.iter().map(|c| [c.width, c.height]).collect();
+    let scored: Vec<[usize; 2]> = views.views.iter().map(|v| [v.camera.width, v.camera.height]).collect();
+    let (Some(&[fw, fh]), Some(&[w, h])) = (fitted.first(), scored.first()) else { return Ok(()) };
+    if scored.iter().any(|size| fitted.contains(size)) {
+        return Ok(());
+    }
+    // Of the images as they are.
+    let full = [w, h].map(|side| side * usize::from(downscale));
+    let same = (1..=16).find(|n| [full[0] / n, full[1] / n] == [fw, fh]);
+    let advice =
+        same.map_or(String::new(), |n| format!("; --downscale {n} scores it at the size of the fit"));
+    meter.note(&format!(
+        "the scene was fitted to images of {fw}x{fh} pixels, and is scored at {w}x{h}{advice}"
+    ));
+    Ok(())
+}
+
 fn mean(values: &[f64]) -> f64 {
     sum::tree_f64(values) / values.len() as f64
 }
@@ -91,6 +111,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     let stored = args.reading.read(&scene_file(&args.scene)?, &meter)?;
     let views = Views::load(&args.capture, &args.input.options(background))?;
     args.input.note(&views, &meter);
+    note_other_size(&scene_file(&args.scene)?, &views, args.input.downscale, &meter)?;
     let which: Vec<usize> = match args.split.as_str() {
         "test" => views.test.clone(),
         "train" => views.train.clone(),
@@ -139,6 +160,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             events: &[],
             n_gauss: stored.len(),
             limit: None,
+            photos: super::fit::photos(&views),
             scored: &scored,
             distances: if args.split == "test" { super::fit::distances(&views, &which) } else { Vec::new() },
             evaluation: &evaluation,

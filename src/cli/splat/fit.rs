@@ -16,6 +16,7 @@ use crate::fit::training::{Fit, Watch};
 use crate::io::{atomic, image_file, memory};
 use crate::like::COMMAND;
 use crate::meter::Meter;
+use crate::report::fit::Photos;
 use crate::report::run::Run;
 use crate::scene::convert::write_scene;
 use crate::scene::gaussians::Gaussians;
@@ -45,6 +46,9 @@ const CAMERAS: &str = "transforms.json";
 
 /// Number of random first Gaussians by default.
 const INITIAL: usize = 10_000;
+
+/// Held-out PSNR in dB below which the terminal names the hints of the report.
+const LOW_DB: f64 = 20.0;
 
 /// Values of `--strategy`.
 const STRATEGIES: &Choices = &[
@@ -275,6 +279,12 @@ impl Job<'_> {
             events: fit.events(),
             n_gauss: scene_values.len(),
             limit: raised.map(|at| limit_text(at, self.settings.max_gaussians)),
+            // Those of the demo are built in.
+            photos: if self.kind == "demo" {
+                Photos::default()
+            } else {
+                Photos { fitted: Some(self.views.train.len()), ..photos(self.views) }
+            },
             scored: &scored,
             evaluation: &evaluation,
             distances: distances(self.views, &self.views.test),
@@ -287,6 +297,10 @@ impl Job<'_> {
         let scores = if cli::is_quiet() { mean_text(&evaluation) } else { scores_text(&evaluation) };
         let mut lines = vec![scores, format!("Gaussians   {}", scene_values.len())];
         lines.extend(raised.map(|at| format!("limit       {}", limit_text(at, self.settings.max_gaussians))));
+        if evaluation.mean_psnr_db < LOW_DB && page.has("hints") {
+            let hints = format!("below {LOW_DB:.0} dB: see \"What to try\" in the report");
+            lines.push(format!("low score   {hints}"));
+        }
         lines.extend([
             format!("digest      {digest}"),
             format!("time        {}", report::seconds(meter.seconds())),
@@ -299,6 +313,16 @@ impl Job<'_> {
 /// Number of images by what became of them.
 fn images(views: &Views) -> Value {
     json!({"fitted": views.train.len(), "held_out": views.test.len(), "missing": views.missing.len()})
+}
+
+/// The same numbers for a report of scores.
+pub(super) fn photos(views: &Views) -> Photos {
+    Photos {
+        fitted: None,
+        held_out: views.test.len(),
+        listed: views.views.len() + views.missing.len(),
+        missing: views.missing.len(),
+    }
 }
 
 /// That there was no room for more Gaussians, and what makes room.

@@ -11,6 +11,8 @@ mod missing;
 mod render;
 mod render_args;
 
+pub(crate) use render::scene_file;
+
 use crate::Result;
 use clap::Subcommand;
 

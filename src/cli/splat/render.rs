@@ -106,7 +106,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
 }
 
 /// The file itself, or the scene in the folder of a fit.
-pub(super) fn scene_file(path: &Path) -> Result<PathBuf> {
+pub(crate) fn scene_file(path: &Path) -> Result<PathBuf> {
     if !path.exists() {
         return Err(Error::os(path, &std::io::ErrorKind::NotFound.into()));
     }
