@@ -14,6 +14,9 @@ const OFFSETS: usize = 200;
 /// Half the length of a ray, in units of β.
 const REACH: f64 = 60.0;
 
+/// Signed distance along a ray.
+type Sdf<'a> = &'a dyn Fn(f64) -> f64;
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Rule {
     Left,
@@ -28,7 +31,7 @@ fn starts(h: f64, offset: f64, beta: f64) -> impl Iterator<Item = f64> {
 }
 
 /// Depth in f64, by the twins.
-fn depth_f64(sdf: &dyn Fn(f64) -> f64, beta: f64, h: f64, offset: f64, rule: Rule) -> f64 {
+fn depth_f64(sdf: Sdf<'_>, beta: f64, h: f64, offset: f64, rule: Rule) -> f64 {
     let (mut through, mut opacity, mut sum) = (1.0, 0.0, 0.0);
     for t in starts(h, offset, beta) {
         let middle = t + 0.5 * h;
@@ -71,7 +74,7 @@ fn worst(beta: f64, exact: f64, depth: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// The integral: the midpoint rule with steps of β/2000, whose error is about 1e-7 β.
-fn exact(sdf: &dyn Fn(f64) -> f64, beta: f64) -> f64 {
+fn exact(sdf: Sdf<'_>, beta: f64) -> f64 {
     depth_f64(sdf, beta, beta / 2000.0, 0.25, Rule::Midpoint)
 }
 
@@ -108,7 +111,7 @@ fn errors_fall_with_the_order_of_the_rule() {
     let plane = |t: f64| -t;
     // Least order of the analytic rule. On the sphere the term of fourth order is the larger one down to steps of
     // β/8; below, the order is that of the curvature, 2.
-    let cases: [(&str, &dyn Fn(f64) -> f64, f64); 3] =
+    let cases: [(&str, Sdf<'_>, f64); 3] =
         [("plane", &plane, 3.0), ("sphere", &sphere, 1.8), ("wedge", &wedge, 1.8)];
     for (name, sdf, least) in cases {
         for beta in [0.02, 0.005] {
