@@ -93,7 +93,6 @@ pub static LIST: &[&Op] = &[
     &field::INTERVAL,
     &field::NORMAL,
     &field::COMPOSITE,
-    &field::RENDER,
     &causal::ACYCLIC,
     &causal::MASK,
     &causal::PROBABILITY,
