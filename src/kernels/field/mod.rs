@@ -11,12 +11,10 @@
 //!                                       ├─ value_head ──► albedo
 //!                                       └─ value_head ──► roughness, metallic
 //! σ, δ, values ── composite ──► value, opacity            along a ray
-//! rays, all of the above ── render ──► images of a crop   fused; blocks of 64 rays
-//! sdf with bounds per cell ── occupancy ──► bit grid ──► intervals in which rays take samples
 //! ```
 //!
-//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. `render` strings
-//! the same functions and has the bits of the composition of the operators.
+//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. A renderer that runs
+//! all of this for the rays of a crop, and an occupancy grid that leaves samples out, are not here yet.
 //!
 //! # Conventions
 //! * The field fills the box [−R, R]³ with the half size R; p = x/R.

@@ -5,7 +5,7 @@
 //! | no overlap | `charts`: every chart is one to one; `packing`: no two charts touch a common texel |
 //! | limited stretch | the projected area of a triangle is at least 0.55 of its area, and all charts have one scale: texel densities differ by at most a factor of 1.82 |
 //! | gutter | at least `gutter` texels between the texels that two charts touch, so that bilinear lookups and the first mip levels stay in a chart |
-//! | at least half of the texels | if the charts cover less than 0.55 of the square, those longer than half of the longest are split, up to 8 times; the best layout is used |
+//! | half of the texels or more, by search and not guaranteed | if the charts cover less than 0.55 of the square, those longer than half of the longest are split, up to 8 times; the best layout is used |
 //! | no mirroring | seen from outside, the image is not mirrored |
 //!
 //! A vertex of a chart is a vertex of the result; vertices are in the order in which the triangles use them, and
