@@ -93,6 +93,7 @@ pub static LIST: &[&Op] = &[
     &field::INTERVAL,
     &field::NORMAL,
     &field::COMPOSITE,
+    &field::RENDER,
     &causal::ACYCLIC,
     &causal::MASK,
     &causal::PROBABILITY,

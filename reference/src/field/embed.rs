@@ -63,6 +63,44 @@ fn floor(x: f64, last: f64) -> f64 {
     if x.floor() > last { last } else { x.floor() }
 }
 
+/// Unit direction in which a ray is reflected; the unit normal without a ray.
+pub fn reflect(normal: [f64; 3], ray: Option<[f64; 3]>) -> [f64; 3] {
+    let n = unit(normal);
+    let Some(v) = ray else { return n };
+    let along = v[0] * n[0] + v[1] * n[1] + v[2] * n[2];
+    unit(std::array::from_fn(|k| v[k] - 2.0 * along * n[k]))
+}
+
+/// Values of one direction and roughness, with first row, first column and lower level; `chosen` replaces cell and
+/// level.
+pub fn features<S: Scalar>(
+    panoramas: &Arr<S>,
+    direction: [f64; 3],
+    rho: S,
+    chosen: (Option<[f64; 2]>, Option<f64>),
+) -> (Vec<S>, [f64; 3]) {
+    let [levels, height, width, channels] = panoramas.shape[..] else { panic!("four axes") };
+    let [t, c] = coordinates(direction, height, width);
+    let l = rho * (levels - 1) as f64;
+    let [i, j] = chosen.0.unwrap_or([floor(t, height as f64 - 1.0), floor(c, width as f64 - 2.0)]);
+    let lower =
+        chosen.1.unwrap_or_else(|| if levels == 1 { 0.0 } else { floor(l.value(), levels as f64 - 2.0) });
+    let (a, b, g) = (t - i, c - j, l - lower);
+    let first = (i as i64).rem_euclid(height as i64) as usize;
+    let value = |channel: usize| {
+        let texel = |level: usize, row: usize, column: usize| {
+            panoramas.data[((level * height + row % height) * width + column) * channels + channel]
+        };
+        let j = j as usize;
+        let along =
+            |level: usize, row: usize| texel(level, row, j) * (1.0 - b) + texel(level, row, j + 1) * b;
+        let at = |level: usize| along(level, first) * (1.0 - a) + along(level, first + 1) * a;
+        let lower = lower as usize;
+        if levels == 1 { at(0) } else { at(lower) * (S::one() - g) + at(lower + 1) * g }
+    };
+    ((0..channels).map(value).collect(), [i, j, lower])
+}
+
 /// The twin of `field.embed`.
 ///
 /// # Errors
@@ -85,40 +123,17 @@ pub fn forward<S: Scalar>(
     let (mut cell, mut level) = (Arr::filled(&[n, 2], 0.0), Arr::filled(&[n], 0.0));
     let given = |name: &str| plan.and_then(|plan| plan.get(name));
     for row in 0..n {
-        let at = normal.row::<3>(row).map(Scalar::value);
-        let n_unit = unit(at);
-        let r = match ray_direction {
-            None => n_unit,
-            Some(v) => {
-                let v = v.row::<3>(row).map(Scalar::value);
-                let along = v[0] * n_unit[0] + v[1] * n_unit[1] + v[2] * n_unit[2];
-                unit(std::array::from_fn(|k| v[k] - 2.0 * along * n_unit[k]))
-            }
-        };
-        let [t, c] = coordinates(r, height, width);
+        let direction = reflect(
+            normal.row::<3>(row).map(Scalar::value),
+            ray_direction.map(|v| v.row::<3>(row).map(Scalar::value)),
+        );
         if !(0.0..=1.0).contains(&rho.data[row].value()) {
             return Err(format!("input rho: expected 0 to 1, got {}", rho.data[row].value()));
         }
-        let l = rho.data[row] * (levels - 1) as f64;
-        let [i, j] = given("cell")
-            .map_or([floor(t, height as f64 - 1.0), floor(c, width as f64 - 2.0)], |p| p.row(row));
-        let lower = given("level").map_or_else(
-            || if levels == 1 { 0.0 } else { floor(l.value(), levels as f64 - 2.0) },
-            |p| p.data[row],
-        );
+        let chosen = (given("cell").map(|p| p.row(row)), given("level").map(|p| p.data[row]));
+        let (values, [i, j, lower]) = features(panoramas, direction, rho.data[row], chosen);
         (cell.data[2 * row], cell.data[2 * row + 1], level.data[row]) = (i, j, lower);
-        let (a, b, g) = (t - i, c - j, l - lower);
-        let first = (i as i64).rem_euclid(height as i64) as usize;
-        for channel in 0..channels {
-            let texel = |level: usize, row: usize, column: usize| {
-                panoramas.data[((level * height + row % height) * width + column) * channels + channel]
-            };
-            let j = j as usize;
-            let along =
-                |level: usize, row: usize| texel(level, row, j) * (1.0 - b) + texel(level, row, j + 1) * b;
-            let at = |level: usize| along(level, first) * (1.0 - a) + along(level, first + 1) * a;
-            let lower = lower as usize;
-            let value = if levels == 1 { at(0) } else { at(lower) * (S::one() - g) + at(lower + 1) * g };
+        for (channel, value) in values.into_iter().enumerate() {
             out.put(h, row * channels + channel, value);
         }
         out.flush();

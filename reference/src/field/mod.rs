@@ -8,6 +8,7 @@ pub mod interval;
 mod network;
 pub mod normal;
 pub mod normal_head;
+pub mod render;
 pub mod sdf_head;
 pub mod value_head;
 

@@ -42,6 +42,20 @@ pub static SIGNATURE: Signature = Signature {
     ..Signature::EMPTY
 };
 
+/// Gradient from four values (forward) or six (central).
+pub fn differences<S: Scalar>(s: &[S], epsilon: f64) -> [S; 3] {
+    std::array::from_fn(|k| {
+        if s.len() == 6 { (s[2 * k] - s[2 * k + 1]) / (2.0 * epsilon) } else { (s[k + 1] - s[0]) / epsilon }
+    })
+}
+
+/// g/max(‖g‖, 1e-4).
+pub fn direction<S: Scalar>(g: [S; 3]) -> [S; 3] {
+    let length = length(g);
+    let divisor = if length.value() >= 1e-4 { length } else { S::from_f64(1e-4) };
+    g.map(|g| g / divisor)
+}
+
 /// The twin of `field.normal`.
 ///
 /// # Errors
@@ -62,13 +76,9 @@ pub fn forward<S: Scalar>(
     let (gradient, normal) = (out.array("gradient", &[n, 3]), out.array("normal", &[n, 3]));
     for row in 0..n {
         let s = &input.sdf.data[row * width..(row + 1) * width];
-        let g: [S; 3] = std::array::from_fn(|k| {
-            if is_central { (s[2 * k] - s[2 * k + 1]) / (2.0 * epsilon) } else { (s[k + 1] - s[0]) / epsilon }
-        });
-        let length = length(g);
-        let divisor = if length.value() >= 1e-4 { length } else { S::from_f64(1e-4) };
+        let g = differences(s, epsilon);
         out.put_row(gradient, row, g);
-        out.put_row(normal, row, g.map(|g| g / divisor));
+        out.put_row(normal, row, direction(g));
         out.flush();
     }
     Ok(())

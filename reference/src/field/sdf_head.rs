@@ -45,6 +45,11 @@ pub static SIGNATURE: Signature = Signature {
     ..Signature::EMPTY
 };
 
+/// Signed distance of a point with the network's output z.
+pub fn distance<S: Scalar>(z: S, point: [S; 3], half_size: f64) -> S {
+    z.tanh() * (1.5 * 1.732 * half_size) + (length(point) - 0.1 * half_size)
+}
+
 /// The twin of `field.sdf_head`.
 pub fn forward<S: Scalar>(input: &In<'_, S>, half_size: f64, out: &mut Out<'_, S>) {
     let In { features, points, w0, w1, w2 } = *input;
@@ -52,8 +57,7 @@ pub fn forward<S: Scalar>(input: &In<'_, S>, half_size: f64, out: &mut Out<'_, S
     let sdf = out.array("sdf", &[n]);
     for row in 0..n {
         let z = network(&[w0, w1, w2], &features.data[row * k..(row + 1) * k])[0];
-        let sphere = length(points.row(row)) - 0.1 * half_size;
-        out.put(sdf, row, z.tanh() * (1.5 * 1.732 * half_size) + sphere);
+        out.put(sdf, row, distance(z, points.row(row), half_size));
         out.flush();
     }
 }

@@ -41,6 +41,7 @@ static SOURCES: &[&str] = &[
     include_str!("../field/interval.rs"),
     include_str!("../field/normal.rs"),
     include_str!("../field/composite.rs"),
+    include_str!("../field/render.rs"),
     include_str!("../causal/acyclic.rs"),
     include_str!("../causal/mask.rs"),
     include_str!("../causal/probability.rs"),

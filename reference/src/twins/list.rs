@@ -6,7 +6,10 @@ use crate::causal::{
     acyclic, code, edges, held, independence, intervene, limit, mask, posterior, posterior_kl, probability,
     scm_kl, structure,
 };
-use crate::field::{composite, density, embed, fetch, interval, normal, normal_head, sdf_head, value_head};
+use crate::field::{
+    composite, density, embed, fetch, interval, normal, normal_head, render as field_render, sdf_head,
+    value_head,
+};
 use crate::geometry::trace;
 use crate::loss::{albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim};
 use crate::nn::{act, conv, decoder, linear, mlp, softmax, window};
@@ -93,6 +96,7 @@ pub static LIST: &[Twin] = &[
     twin!(interval),
     twin!(normal),
     twin!(composite),
+    twin!(field_render, field_render::work),
     twin!(acyclic),
     twin!(mask),
     twin!(probability),

@@ -161,6 +161,15 @@ impl<'a> Planes<'a> {
         }
     }
 
+    /// Writes the features of points, one row each, on this thread.
+    pub fn features_of(&self, combine: Combine, points: &[[f32; 3]], features: &mut Vec<f32>) {
+        let width = combine.width(self.channels);
+        features.resize(points.len() * width, 0.0);
+        for (row, point) in features.chunks_exact_mut(width).zip(points) {
+            self.features(combine, *point, row);
+        }
+    }
+
     /// Returns the gradient of one point for the cotangent of its features.
     pub fn point_bar(&self, combine: Combine, point: [f32; 3], features_bar: &[f32]) -> [f32; 3] {
         let mut bar = [0.0; 3];

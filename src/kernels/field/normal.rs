@@ -53,6 +53,19 @@ impl Stencil {
         if self == Self::Forward { 4 } else { 6 }
     }
 
+    /// Returns the point at which value `i` of a row is taken.
+    pub fn point(self, i: usize, epsilon: f32, mut x: [f32; 3]) -> [f32; 3] {
+        for k in 0..3 {
+            let [ahead, behind] = self.pair(k);
+            if i == ahead {
+                x[k] += epsilon;
+            } else if i == behind && self == Self::Central {
+                x[k] -= epsilon;
+            }
+        }
+        x
+    }
+
     /// Returns the two values whose difference is taken along an axis.
     fn pair(self, k: usize) -> [usize; 2] {
         if self == Self::Forward { [k + 1, 0] } else { [2 * k, 2 * k + 1] }

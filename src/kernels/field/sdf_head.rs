@@ -81,6 +81,12 @@ pub fn distance(tanh: f32, point: [f32; 3], half_size: f32) -> f32 {
     (SCALE * half_size) * tanh + (length(point) as f32 - RADIUS * half_size)
 }
 
+/// Returns the cotangent of z for that of s.
+#[inline(always)]
+pub fn distance_bar(tanh: f32, sdf_bar: f32, half_size: f32) -> f32 {
+    (sdf_bar * (SCALE * half_size)) * ((1.0 - tanh) * (1.0 + tanh))
+}
+
 /// Returns `sdf` (N) and the intermediate values that the adjoint needs.
 ///
 /// # Panics
@@ -110,8 +116,7 @@ pub fn adjoint(
         let n = unit(*point);
         (0..3).for_each(|k| bar[k] += g * n[k]);
     }
-    let scale = SCALE * x.half_size;
     let z_bar: Vec<f32> =
-        saved.tanh.iter().zip(sdf_bar).map(|(t, g)| (g * scale) * ((1.0 - t) * (1.0 + t))).collect();
+        saved.tanh.iter().zip(sdf_bar).map(|(t, g)| distance_bar(*t, *g, x.half_size)).collect();
     network::adjoint(&x.network(), x.features, &saved.network, &z_bar, network_bar);
 }

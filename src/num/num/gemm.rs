@@ -132,6 +132,30 @@ pub fn gemm(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
 /// # Panics
 /// Panics if the shapes do not fit.
 pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
+    product(a, b, how, c, true);
+}
+
+/// Like [`gemm`], on this thread alone: for tasks of a loop that already runs on all threads.
+///
+/// # Panics
+/// Panics if the shapes do not fit.
+pub fn gemm_here(a: View<'_>, b: View<'_>, how: Finish<'_>, c: &mut [f32]) {
+    let packed = Packed::here(PANELS.take(), b);
+    product(a, &packed, how, c, false);
+    if packed.panels.len() <= KEEP {
+        PANELS.set(packed.panels);
+    }
+}
+
+/// Like [`gemm_packed`], on this thread alone.
+///
+/// # Panics
+/// Panics if the shapes do not fit.
+pub fn gemm_packed_here(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
+    product(a, b, how, c, false);
+}
+
+fn product(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32], shared: bool) {
     let (m, n) = (a.rows, b.n);
     assert_eq!(a.columns, b.k, "both factors have the same k");
     assert_eq!(c.len(), m * n, "the product is a ({m}, {n}) matrix");
@@ -154,7 +178,7 @@ pub fn gemm_packed(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32]) {
             }
         }
     }
-    if m * n * b.k >= PARALLEL && tasks.len() > 1 {
+    if shared && m * n * b.k >= PARALLEL && tasks.len() > 1 {
         par::each(tasks, |_, task| block(a, b, task, how));
     } else {
         tasks.into_iter().for_each(|task| block(a, b, task, how));

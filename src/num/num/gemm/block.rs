@@ -77,6 +77,10 @@ impl<L: Left> Job for Block<'_, L> {
         let (k, all) = (self.b.k, self.task.rows.len().div_ceil(ROWS) * self.task.panels().len());
         tiles.clear();
         tiles.resize(if k > BLOCK_K { all } else { 0 }, [Columns::ZERO; ROWS]);
+        assert!(
+            k <= CHUNK || !matches!(self.how, Finish::Resume),
+            "a resumed chain has at most {CHUNK} products"
+        );
         if k <= CHUNK {
             self.along(simd, 0..k, true, (&mut packed, &mut tiles));
         } else {
@@ -175,8 +179,11 @@ impl<L: Left> Block<'_, L> {
         let Task { top, left, rows } = &mut self.task;
         let (end, k) = (*top + rows.len(), leg.ks.len());
         for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
-            let mut chains =
-                if leg.is_first { Chains::fresh(simd) } else { Chains::resumed(simd, &tiles[r * P..]) };
+            let mut chains = match (leg.is_first, self.how) {
+                (true, Finish::Resume) => Chains::of_rows(simd, rows, at),
+                (true, _) => Chains::fresh(simd),
+                (false, _) => Chains::resumed(simd, &tiles[r * P..]),
+            };
             if leg.is_last && matches!(self.how, Finish::Add) {
                 // The values to be added to were written long ago; fetching them now makes them available
                 // when the chains end.

@@ -80,12 +80,16 @@ pub enum Finish<'a> {
     Bias(&'a [f32]),
     /// c = p + bias where that is positive, the given slope times that elsewhere.
     Leaky(&'a [f32], f32),
+    /// c = max(0, p); NaN stays NaN.
+    Relu,
+    /// The chain starts at c instead of +0, and c is its end: a chain over k in parts. k is at most [`CHUNK`].
+    Resume,
 }
 
 impl<'a> Finish<'a> {
     pub(super) fn bias(self) -> Option<&'a [f32]> {
         match self {
-            Self::Store | Self::Add | Self::AddToZero => None,
+            Self::Store | Self::Add | Self::AddToZero | Self::Relu | Self::Resume => None,
             Self::Bias(bias) | Self::Leaky(bias, _) => Some(bias),
         }
     }

@@ -58,12 +58,20 @@ impl Packed {
     /// Packs into memory that may already be allocated.
     pub(super) fn reusing(mut panels: Vec<Columns>, b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
-        panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
-        let pack = |p: usize, panel: &mut [Columns]| pack_columns(b, p * COLUMNS, panel);
         if k * n < PARALLEL / 4 {
-            panels.chunks_mut(k.max(1)).enumerate().for_each(|(p, panel)| pack(p, panel));
-        } else {
-            par::chunks_mut(&mut panels, k, pack);
+            return Self::here(panels, b);
+        }
+        panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
+        par::chunks_mut(&mut panels, k, |p, panel| pack_columns(b, p * COLUMNS, panel));
+        Self { panels, k, n }
+    }
+
+    /// Like [`Self::reusing`], on this thread alone.
+    pub(super) fn here(mut panels: Vec<Columns>, b: View<'_>) -> Self {
+        let (k, n) = (b.rows, b.columns);
+        panels.resize(n.div_ceil(COLUMNS) * k, Columns::ZERO);
+        for (p, panel) in panels.chunks_mut(k.max(1)).enumerate() {
+            pack_columns(b, p * COLUMNS, panel);
         }
         Self { panels, k, n }
     }

@@ -37,13 +37,15 @@ fn agree(a: impl Left, b: &Packed, m: usize, what: &str) {
     let mut stored = vec![0.0; m * b.n];
     Block { a, b, task: task(&mut stored, b.n, 0), how: Finish::Store }.by(Pairs);
     let leaky = |x: f32| if x > 0.0 { x } else { 0.2 * x };
+    let relu = |x: f32| if x <= 0.0 { 0.0 } else { x };
     type End<'a> = &'a dyn Fn(usize) -> f32;
-    let ends: [(Finish<'_>, End<'_>); 5] = [
+    let ends: [(Finish<'_>, End<'_>); 6] = [
         (Finish::Store, &|i| stored[i]),
         (Finish::Add, &|i| old[i] + stored[i]),
         (Finish::AddToZero, &|i| 0.0 + stored[i]),
         (Finish::Bias(&bias), &|i| stored[i] + bias[i % b.n]),
         (Finish::Leaky(&bias, 0.2), &|i| leaky(stored[i] + bias[i % b.n])),
+        (Finish::Relu, &|i| relu(stored[i])),
     ];
     for (how, end) in ends {
         let (mut eight, mut sixteen) = (old.clone(), old.clone());
@@ -185,5 +187,27 @@ fn a_factor_that_is_read_into_used_memory_is_packed_like_one_that_is_there() {
         let sums: Vec<f32> = there.column_sums().collect();
         let folds: Vec<f32> = (0..n).map(|j| (0..k).fold(0.0_f32, |sum, i| sum + b[i * n + j])).collect();
         assert_eq!(bits(&sums), bits(&folds), "sums of {k}x{n}");
+    }
+}
+
+#[test]
+fn a_resumed_chain_is_the_chain() {
+    for (m, n, k, cut) in [(1, 1, 2, 1), (7, 17, 600, 255), (64, 33, 1500, 512), (13, 50, 4096, 4000)] {
+        let (a, b) = (values(m * k, 0x7e60), values(k * n, 0x7e61));
+        let mut whole = vec![0.0; m * n];
+        super::gemm(View::new(&a, k, m).t(), View::new(&b, k, n), Finish::Store, &mut whole);
+        let mut parts = vec![0.0; m * n];
+        for ks in [0..cut, cut..k] {
+            let (a, b) = (&a[ks.start * m..ks.end * m], &b[ks.start * n..ks.end * n]);
+            let (a, b) = (View::new(a, ks.len(), m).t(), View::new(b, ks.len(), n));
+            super::gemm(a, b, Finish::Resume, &mut parts);
+            let packed = Packed::new(b);
+            let (mut eight, mut sixteen) = (values(m * n, 0x7e62), values(m * n, 0x7e62));
+            Block { a, b: &packed, task: task(&mut eight, n, 0), how: Finish::Resume }.by(Pairs);
+            if by_sixteen(Block { a, b: &packed, task: task(&mut sixteen, n, 0), how: Finish::Resume }) {
+                assert_eq!(bits(&eight), bits(&sixteen), "{m}x{n}x{k}: lanes");
+            }
+        }
+        assert_eq!(bits(&parts), bits(&whole), "{m}x{n}x{k}");
     }
 }

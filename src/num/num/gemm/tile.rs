@@ -56,6 +56,8 @@ pub(super) trait Sixteen: Copy + Send + Sync {
     fn product(self, x: Self::V, y: Self::V) -> Self::V;
     /// x where it is positive, slope·x elsewhere
     fn leaky(self, x: Self::V, slope: f32) -> Self::V;
+    /// +0 where x ≤ 0, x elsewhere
+    fn relu(self, x: Self::V) -> Self::V;
     /// Runs code compiled for these registers, out of line; everything that it calls has to be inlined
     /// (`inline(always)`, also for the closure if it consists of more than a few instructions).
     fn run(self, work: impl FnOnce());
@@ -103,6 +105,12 @@ impl Sixteen for Pairs {
         [one(x[0]), one(x[1])]
     }
 
+    #[inline(always)]
+    fn relu(self, x: Self::V) -> Self::V {
+        let one = |x: f32x8| f32x8::select(x.le(f32x8::ZERO), f32x8::ZERO, x);
+        [one(x[0]), one(x[1])]
+    }
+
     #[inline(never)]
     fn run(self, work: impl FnOnce()) {
         work();
@@ -144,6 +152,12 @@ impl Sixteen for V4 {
         let is_positive =
             self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_GT_OQ }>(x, self.splat(0.0));
         self.avx512f._mm512_mask_blend_ps(is_positive, self.product(self.splat(slope), x), x)
+    }
+
+    #[inline(always)]
+    fn relu(self, x: Self::V) -> Self::V {
+        let stays = self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_NLE_UQ }>(x, self.splat(0.0));
+        self.avx512f._mm512_maskz_mov_ps(stays, x)
     }
 
     #[inline(always)]
@@ -307,7 +321,8 @@ impl<S: Sixteen, const P: usize> Chains<S, P> {
                 let simd = self.simd;
                 let biased = |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[left + at..left + end])));
                 let x = match how {
-                    Finish::Store => x,
+                    Finish::Store | Finish::Resume => x,
+                    Finish::Relu => simd.relu(x),
                     Finish::Add => simd.sum(simd.load(&padded(c)), x),
                     Finish::AddToZero => simd.sum(simd.splat(0.0), x),
                     Finish::Bias(bias) => biased(bias),

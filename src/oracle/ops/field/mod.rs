@@ -3,11 +3,13 @@
 mod embed;
 mod fetch;
 mod heads;
+mod render;
 mod volume;
 
 pub(super) use embed::EMBED;
 pub(super) use fetch::FETCH;
 pub(super) use heads::{NORMAL_HEAD, SDF_HEAD, VALUE_HEAD};
+pub(super) use render::RENDER;
 pub(super) use volume::{COMPOSITE, DENSITY, INTERVAL, NORMAL};
 
 use super::op::CheckedCall;
