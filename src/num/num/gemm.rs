@@ -10,8 +10,8 @@
 //! of b). A tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
 //! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels, and
 //! their results are discarded; k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. If the
-//! processor has AVX-512, regardless of the build target, two panels of columns are processed at once in
-//! registers of sixteen lanes ([`product_lanes`]).
+//! processor has AVX-512, regardless of the build target, registers of sixteen lanes hold twice as many rows
+//! ([`product_lanes`]).
 //!
 //! ```text
 //! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of images
@@ -52,11 +52,14 @@ use packed::PARALLEL;
 use tile::{COLUMNS, Chains, Columns, ROWS, Rows, Sixteen};
 
 /// Rows per task, chosen such that the packed rows of a and the stored tiles stay in the second-level cache.
-const BLOCK_ROWS: usize = 8 * ROWS;
+const BLOCK_ROWS: usize = 4 * ROWS;
 /// Columns per task.
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
 /// Largest number of column panels per task for which rows of a that are contiguous in k are read in place.
 const IN_PLACE: usize = 32;
+/// Rows at multiples of this distance (2 KiB) share few sets of the first-level cache, and are packed earlier.
+const COLLIDING: usize = 512;
+
 /// Returns the number of lanes of a register in products: 16 if the processor has AVX-512 and the environment
 /// variable `LASTLIGHT_LANES` is not 8, otherwise 8 (mapped by the compiler to the registers of the target).
 /// The value affects only speed; the bits are the same.
@@ -70,7 +73,8 @@ pub fn product_lanes() -> usize {
 
 impl View<'_> {
     fn is_in_place(&self, panels: usize) -> bool {
-        self.column_stride == 1 && panels <= IN_PLACE
+        let limit = if self.row_stride.is_multiple_of(COLLIDING) { IN_PLACE / 16 } else { IN_PLACE };
+        self.column_stride == 1 && panels <= limit
     }
 }
 
@@ -83,22 +87,22 @@ impl Left for View<'_> {
     }
 
     #[inline(always)]
-    fn resume<S: Sixteen, const P: usize>(
+    fn resume<S: Sixteen, const R: usize>(
         self,
-        chains: &mut Chains<S, P>,
+        chains: &mut Chains<S, R>,
         rows: Range<usize>,
         ks: Range<usize>,
-        packed: &[Rows],
-        columns: [&[Columns]; P],
+        (packed, first): (&[Rows], usize),
+        columns: &[Columns],
     ) {
         if ks.is_empty() {
             return;
         }
         if !packed.is_empty() {
-            return chains.packed(packed, columns);
+            return chains.packed(packed, first, columns);
         }
         // Missing rows repeat the last row; the results of their chains are discarded.
-        let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+        let mut a: [&[f32]; R] = [&[]; R];
         for (i, a) in a.iter_mut().enumerate() {
             let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
             *a = &self.values[row + ks.start..row + ks.end];

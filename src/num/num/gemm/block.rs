@@ -3,13 +3,12 @@
 
 use super::matrix::{CHUNK, Finish};
 use super::packed::Packed;
-use super::tile::{COLUMNS, Chains, Columns, Job, ROWS, Rows, Sixteen, Tile, widest};
+use super::tile::{COLUMNS, Chains, Columns, HALF, Job, ROWS, Rows, Sixteen, Tile, widest};
 use prefetch_index::prefetch_index;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// Length of a block of k: a panel of a (8 KiB) and one of b (16 KiB), or two with sixteen lanes, stay in the
-/// first-level cache.
+/// Length of a block of k: a panel of a (12 KiB) and one of b (16 KiB) stay in the first-level cache.
 pub(super) const BLOCK_K: usize = 256;
 
 thread_local! {
@@ -22,15 +21,15 @@ pub(super) trait Left: Copy + Sync {
     /// Prepares the rows for k in `ks`; `panels` is the number of column panels that will use them. `packed`
     /// stays empty if the rows are read in place.
     fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
-    /// Resumes the chains of the rows from `rows.start` on (at most six; rows beyond the last may hold any
-    /// values) over k in `ks`; `packed` is their part of the prepared rows.
-    fn resume<S: Sixteen, const P: usize>(
+    /// Resumes the chains of the rows from `rows.start` on (at most R; rows beyond the last may hold any
+    /// values) over k in `ks`; they are those from `packed.1` on of a panel of the prepared rows.
+    fn resume<S: Sixteen, const R: usize>(
         self,
-        chains: &mut Chains<S, P>,
+        chains: &mut Chains<S, R>,
         rows: Range<usize>,
         ks: Range<usize>,
-        packed: &[Rows],
-        columns: [&[Columns]; P],
+        packed: (&[Rows], usize),
+        columns: &[Columns],
     );
 }
 
@@ -137,68 +136,83 @@ impl<L: Left> Block<'_, L> {
         }
     }
 
-    /// Computes all tiles along one block of k; tiles of neighbouring panels are processed together.
+    /// Computes all tiles along one block of k.
     fn leg<S: Sixteen>(&mut self, simd: S, leg: &Leg, (packed, tiles): (&mut Vec<Rows>, &mut [Tile])) {
         let (panels, height) = (self.task.panels(), self.task.rows.len());
         self.a.prepare(self.task.top..self.task.top + height, leg.ks.clone(), panels.len(), packed);
         let tiles_of = if tiles.is_empty() { 0 } else { height.div_ceil(ROWS) };
-        let b = self.b;
-        let columns = |p: usize| &b.panel(p)[leg.ks.clone()];
-        let (mut p, mut tiles) = (panels.start, tiles);
-        while p < panels.end {
-            let width = S::PANELS.min(panels.end - p);
-            let (mine, rest) = tiles.split_at_mut(width * tiles_of);
-            let at = p * COLUMNS - self.task.left;
-            if width == 2 {
-                simd.run(
-                    #[inline(always)]
-                    || self.panels(simd, leg, packed, [columns(p), columns(p + 1)], at, mine),
-                );
-            } else {
-                simd.run(
-                    #[inline(always)]
-                    || self.panels(simd, leg, packed, [columns(p)], at, mine),
-                );
-            }
-            (p, tiles) = (p + width, rest);
+        let (mut tiles, b) = (tiles, self.b);
+        for p in panels {
+            let (mine, rest) = tiles.split_at_mut(tiles_of);
+            tiles = rest;
+            let (at, columns) = (p * COLUMNS - self.task.left, &b.panel(p)[leg.ks.clone()]);
+            simd.run(
+                #[inline(always)]
+                || self.panel(simd, leg, packed, columns, at, mine),
+            );
         }
     }
 
-    /// Computes the tiles of one panel, or of two neighbouring panels, for all rows; `at` is their first
-    /// column.
+    /// Computes the tiles of one panel for all rows; `at` is its first column.
     #[inline(always)]
-    fn panels<S: Sixteen, const P: usize>(
+    fn panel<S: Sixteen>(
         &mut self,
         simd: S,
         leg: &Leg,
         packed: &[Rows],
-        columns: [&[Columns]; P],
+        columns: &[Columns],
         at: usize,
         tiles: &mut [Tile],
     ) {
-        let Task { top, left, rows } = &mut self.task;
-        let (end, k) = (*top + rows.len(), leg.ks.len());
-        for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
-            let mut chains = match (leg.is_first, self.how) {
-                (true, Finish::Resume) => Chains::of_rows(simd, rows, at),
-                (true, _) => Chains::fresh(simd),
-                (false, _) => Chains::resumed(simd, &tiles[r * P..]),
-            };
-            if leg.is_last && matches!(self.how, Finish::Add) {
-                // The values to be added to were written long ago; fetching them now makes them available
-                // when the chains end.
-                for row in &*rows {
-                    (0..P).for_each(|p| prefetch_index(&**row, at + p * COLUMNS));
-                    prefetch_index(&**row, row.len().min(at + P * COLUMNS) - 1);
-                }
-            }
+        let k = leg.ks.len();
+        for r in 0..self.task.rows.len().div_ceil(ROWS) {
             let mine = if packed.is_empty() { packed } else { &packed[r * k..][..k] };
-            self.a.resume(&mut chains, *top + r * ROWS..end, leg.ks.clone(), mine, columns);
-            if leg.is_last {
-                chains.finish(rows, (at, *left), self.how);
-            } else {
-                chains.rest(&mut tiles[r * P..]);
+            let tile: &mut [Columns] = tiles.get_mut(r).map_or(&mut [], |tile| tile);
+            let (upper, height) = (r * ROWS, self.task.rows.len() - r * ROWS);
+            if S::HEIGHT == ROWS && height > HALF {
+                self.tile::<S, ROWS>(simd, leg, (upper, at), (mine, 0), columns, tile);
+                continue;
             }
+            for half in (0..height.min(ROWS)).step_by(HALF) {
+                let tile = if tile.is_empty() { &mut [] } else { &mut tile[half..] };
+                self.tile::<S, HALF>(simd, leg, (upper + half, at), (mine, half), columns, tile);
+            }
+        }
+    }
+
+    /// Computes one register tile from row `first` of the block on.
+    #[inline(always)]
+    fn tile<S: Sixteen, const R: usize>(
+        &mut self,
+        simd: S,
+        leg: &Leg,
+        (first, at): (usize, usize),
+        packed: (&[Rows], usize),
+        columns: &[Columns],
+        tile: &mut [Columns],
+    ) {
+        let Task { top, left, rows } = &mut self.task;
+        let (from, end) = (*top + first, *top + rows.len());
+        let last = rows.len().min(first + R);
+        let rows = &mut rows[first..last];
+        let mut chains = match (leg.is_first, self.how) {
+            (true, Finish::Resume) => Chains::<S, R>::of_rows(simd, rows, at),
+            (true, _) => Chains::fresh(simd),
+            (false, _) => Chains::resumed(simd, tile),
+        };
+        if leg.is_last && matches!(self.how, Finish::Add) {
+            // The values to be added to were written long ago; fetching them now makes them available when
+            // the chains end.
+            for row in &*rows {
+                prefetch_index(&**row, at);
+                prefetch_index(&**row, row.len().min(at + COLUMNS) - 1);
+            }
+        }
+        self.a.resume(&mut chains, from..end, leg.ks.clone(), packed, columns);
+        if leg.is_last {
+            chains.finish(rows, (at, *left), self.how);
+        } else {
+            chains.rest(tile);
         }
     }
 }

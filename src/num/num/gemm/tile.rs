@@ -1,11 +1,12 @@
 //! Register tiles: chains of products that stay in registers while k runs.
 //!
-//! A step of k takes sixteen columns of b and one number of each of six rows of a, and adds the 96 products
-//! to 96 chains. [`Sixteen`] abstracts how sixteen lanes are placed in registers: [`Pairs`] of eight lanes,
+//! A step of k takes sixteen columns of b and one number of each of R rows of a, and adds the 16·R products to
+//! as many chains. [`Sixteen`] abstracts how sixteen lanes are placed in registers: [`Pairs`] of eight lanes,
 //! which the compiler supports on any machine, or one register each if the processor is found to have AVX-512
-//! at run time ([`widest`]). AVX-512 also has twice as many registers, so two panels of columns are processed
-//! at once. Product and sum are two instructions in both cases, and lanes are never combined, so the bits are
-//! the same.
+//! at run time ([`widest`]). R is six with pairs and twelve with AVX-512, which has twice as many registers:
+//! each number of a is then used by one instruction alone, which reads it from memory itself. (A tile of six
+//! rows and two panels uses it twice, by a register of its own; that takes 1.5 times as long on Zen 4.) Product
+//! and sum are two instructions in both cases, and lanes are never combined, so the bits are the same.
 
 use super::matrix::Finish;
 use crate::num::lanes::{Real, f32x8};
@@ -14,8 +15,10 @@ use pulp::x86::V4;
 #[cfg(target_arch = "x86_64")]
 use std::sync::OnceLock;
 
-/// Rows of a register tile.
-pub(super) const ROWS: usize = 6;
+/// Rows of a tile: one register tile with AVX-512, two with pairs of registers.
+pub(super) const ROWS: usize = 12;
+/// Half of them: rows of a register tile of pairs, and of the last tile of a matrix if it has no more.
+pub(super) const HALF: usize = 6;
 /// Columns of a register tile.
 pub(super) const COLUMNS: usize = 16;
 
@@ -29,9 +32,9 @@ pub(super) fn eight(x: &[f32]) -> f32x8 {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(super) struct Columns(pub(super) [f32; COLUMNS]);
-/// Six consecutive rows of a for one k; the last two numbers are not used.
-pub(super) type Rows = [f32; 8];
-/// A stored tile of 6×16 unfinished chains.
+/// Twelve consecutive rows of a for one k.
+pub(super) type Rows = [f32; ROWS];
+/// A stored tile of 12×16 unfinished chains.
 pub(super) type Tile = [Columns; ROWS];
 
 impl Columns {
@@ -40,8 +43,8 @@ impl Columns {
 
 /// Sixteen lanes in registers; the operations are those of IEEE 754, each rounded separately.
 pub(super) trait Sixteen: Copy + Send + Sync {
-    /// Number of column panels whose chains fit into the registers together: 1 or 2.
-    const PANELS: usize;
+    /// Number of rows whose chains fit into the registers together: [`HALF`] or [`ROWS`].
+    const HEIGHT: usize;
     /// A vector of sixteen numbers.
     type V: Copy;
     /// Loads a vector from memory.
@@ -68,7 +71,7 @@ pub(super) trait Sixteen: Copy + Send + Sync {
 pub(super) struct Pairs;
 
 impl Sixteen for Pairs {
-    const PANELS: usize = 1;
+    const HEIGHT: usize = HALF;
     type V = [f32x8; 2];
 
     #[inline(always)]
@@ -119,7 +122,7 @@ impl Sixteen for Pairs {
 
 #[cfg(target_arch = "x86_64")]
 impl Sixteen for V4 {
-    const PANELS: usize = 2;
+    const HEIGHT: usize = ROWS;
     type V = std::arch::x86_64::__m512;
 
     #[inline(always)]
@@ -202,136 +205,116 @@ pub(super) fn each<'a, T, U, const N: usize>(
     results
 }
 
-/// Chains of one tile, or of two neighbouring tiles, in registers.
-pub(super) struct Chains<S: Sixteen, const P: usize> {
+/// Chains of one tile in registers.
+pub(super) struct Chains<S: Sixteen, const R: usize> {
     simd: S,
-    acc: [[S::V; P]; ROWS],
+    acc: [S::V; R],
 }
 
-impl<S: Sixteen, const P: usize> Chains<S, P> {
+impl<S: Sixteen, const R: usize> Chains<S, R> {
     /// Starts new chains at +0.
     #[inline(always)]
     pub(super) fn fresh(simd: S) -> Self {
-        Self { simd, acc: [[simd.splat(0.0); P]; ROWS] }
+        Self { simd, acc: [simd.splat(0.0); R] }
     }
 
-    /// Loads the chains from stored tiles.
+    /// Loads the chains from rows of a stored tile.
     #[inline(always)]
-    pub(super) fn resumed(simd: S, tiles: &[Tile]) -> Self {
+    pub(super) fn resumed(simd: S, tile: &[Columns]) -> Self {
         let mut chains = Self::fresh(simd);
-        for (p, tile) in tiles[..P].iter().enumerate() {
-            for (acc, row) in chains.acc.iter_mut().zip(tile) {
-                acc[p] = simd.load(&row.0);
-            }
+        for (acc, row) in chains.acc.iter_mut().zip(&tile[..R]) {
+            *acc = simd.load(&row.0);
         }
         chains
     }
 
-    /// Stores the chains as tiles.
+    /// Stores the chains in rows of a tile.
     #[inline(always)]
-    pub(super) fn rest(self, tiles: &mut [Tile]) {
-        for (p, tile) in tiles[..P].iter_mut().enumerate() {
-            for (row, acc) in tile.iter_mut().zip(&self.acc) {
-                *row = Columns(self.simd.store(acc[p]));
-            }
+    pub(super) fn rest(self, tile: &mut [Columns]) {
+        for (row, acc) in tile[..R].iter_mut().zip(self.acc) {
+            *row = Columns(self.simd.store(acc));
         }
     }
 
     /// Performs one step of k, which adds a product to each chain.
     #[inline(always)]
-    pub(super) fn step<'a>(&mut self, a: impl Fn(usize) -> f32, b: impl Fn(usize) -> &'a Columns) {
-        let mut columns = [self.simd.splat(0.0); P];
-        for (p, columns) in columns.iter_mut().enumerate() {
-            *columns = self.simd.load(&b(p).0);
-        }
+    pub(super) fn step(&mut self, a: impl Fn(usize) -> f32, b: &Columns) {
+        let columns = self.simd.load(&b.0);
         for (r, acc) in self.acc.iter_mut().enumerate() {
-            let x = self.simd.splat(a(r));
-            for (acc, y) in acc.iter_mut().zip(columns) {
-                *acc = self.simd.sum(*acc, self.simd.product(x, y));
-            }
+            *acc = self.simd.sum(*acc, self.simd.product(self.simd.splat(a(r)), columns));
         }
     }
 
-    /// Adds products over packed rows.
+    /// Adds products over packed rows, from row `first` of them on.
     #[inline(always)]
-    pub(super) fn packed(&mut self, a: &[Rows], columns: [&[Columns]; P]) {
+    pub(super) fn packed(&mut self, a: &[Rows], first: usize, columns: &[Columns]) {
         // The loop handles four k at a time; the loop's own instructions would otherwise take issue slots
         // from the arithmetic.
         let (a4, a1) = a.as_chunks::<4>();
-        let b4 = each(columns, |b| &b.as_chunks::<4>().0[..a4.len()]);
-        let b1 = each(columns, |b| &b[4 * a4.len()..][..a1.len()]);
-        for (k, a) in a4.iter().enumerate() {
-            for i in 0..4 {
-                self.step(|r| a[i][r], |p| &b4[p][k][i]);
+        let (b4, b1) = columns[..a.len()].as_chunks::<4>();
+        for (a, b) in a4.iter().zip(b4) {
+            for (a, b) in a.iter().zip(b) {
+                self.step(|r| a[first + r], b);
             }
         }
-        for (k, a) in a1.iter().enumerate() {
-            self.step(|r| a[r], |p| &b1[p][k]);
+        for (a, b) in a1.iter().zip(b1) {
+            self.step(|r| a[first + r], b);
         }
     }
 
     /// Adds products over rows read in place, each contiguous in k and as long as the columns.
     #[inline(always)]
-    pub(super) fn in_place(&mut self, a: [&[f32]; ROWS], columns: [&[Columns]; P]) {
-        let n = columns[0].len();
-        let quads = n / 4;
-        let a4 = each(a, |a| &a.as_chunks::<4>().0[..quads]);
-        let b4 = each(columns, |b| &b.as_chunks::<4>().0[..quads]);
-        for k in 0..quads {
-            for i in 0..4 {
-                self.step(|r| a4[r][k][i], |p| &b4[p][k][i]);
+    pub(super) fn in_place(&mut self, a: [&[f32]; R], columns: &[Columns]) {
+        let (b4, b1) = columns.as_chunks::<4>();
+        let a4 = each(a, |a| &a.as_chunks::<4>().0[..b4.len()]);
+        for (k, b) in b4.iter().enumerate() {
+            for (i, b) in b.iter().enumerate() {
+                self.step(|r| a4[r][k][i], b);
             }
         }
-        for k in 4 * quads..n {
-            self.step(|r| a[r][k], |p| &columns[p][k]);
+        let a1 = each(a, |a| &a[4 * b4.len()..][..b1.len()]);
+        for (k, b) in b1.iter().enumerate() {
+            self.step(|r| a1[r][k], b);
         }
     }
 
     /// Adds the values of other chains.
     #[inline(always)]
     pub(super) fn add(&mut self, others: &Self) {
-        for (acc, others) in self.acc.iter_mut().zip(&others.acc) {
-            for (acc, other) in acc.iter_mut().zip(others) {
-                *acc = self.simd.sum(*acc, *other);
-            }
+        for (acc, other) in self.acc.iter_mut().zip(&others.acc) {
+            *acc = self.simd.sum(*acc, *other);
         }
     }
 
-    /// Loads the values of at most six rows of c from column `at` on; beyond their end the values are zero.
+    /// Loads the values of at most R rows of c from column `at` on; beyond their end the values are zero.
     #[inline(always)]
     pub(super) fn of_rows(simd: S, rows: &[&mut [f32]], at: usize) -> Self {
         let mut chains = Self::fresh(simd);
         for (acc, row) in chains.acc.iter_mut().zip(rows) {
-            for (p, acc) in acc.iter_mut().enumerate() {
-                let c = &row[at + p * COLUMNS..row.len().min(at + (p + 1) * COLUMNS)];
-                *acc = simd.load(&padded(c));
-            }
+            *acc = simd.load(&padded(&row[at..row.len().min(at + COLUMNS)]));
         }
         chains
     }
 
-    /// Writes to at most six rows of c from column `at` on; the block begins at column `left`.
+    /// Writes to at most R rows of c from column `at` on; the block begins at column `left`.
     #[inline(always)]
     pub(super) fn finish(self, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
-        for (acc, row) in self.acc.into_iter().zip(rows) {
-            for (p, x) in acc.into_iter().enumerate() {
-                let at = at + p * COLUMNS;
-                let end = row.len().min(at + COLUMNS);
-                let c = &mut row[at..end];
-                let simd = self.simd;
-                let biased = |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[left + at..left + end])));
-                let x = match how {
-                    Finish::Store | Finish::Resume => x,
-                    Finish::Relu => simd.relu(x),
-                    Finish::Add => simd.sum(simd.load(&padded(c)), x),
-                    Finish::AddToZero => simd.sum(simd.splat(0.0), x),
-                    Finish::Bias(bias) => biased(bias),
-                    Finish::Leaky(bias, slope) => simd.leaky(biased(bias), slope),
-                };
-                match <&mut [f32; COLUMNS]>::try_from(&mut *c) {
-                    Ok(c) => *c = simd.store(x),
-                    Err(_) => write_some(c, &simd.store(x)),
-                }
+        for (x, row) in self.acc.into_iter().zip(rows) {
+            let end = row.len().min(at + COLUMNS);
+            let c = &mut row[at..end];
+            let simd = self.simd;
+            let biased = |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[left + at..left + end])));
+            let x = match how {
+                Finish::Store | Finish::Resume => x,
+                Finish::Relu => simd.relu(x),
+                Finish::Add => simd.sum(simd.load(&padded(c)), x),
+                Finish::AddToZero => simd.sum(simd.splat(0.0), x),
+                Finish::Bias(bias) => biased(bias),
+                Finish::Leaky(bias, slope) => simd.leaky(biased(bias), slope),
+            };
+            match <&mut [f32; COLUMNS]>::try_from(&mut *c) {
+                Ok(c) => *c = simd.store(x),
+                Err(_) => write_some(c, &simd.store(x)),
             }
         }
     }
