@@ -166,6 +166,9 @@ fn product(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32], shared: bool
     if let Some(bias) = how.bias() {
         assert_eq!(bias.len(), n, "one bias per column");
     }
+    if let Finish::Gated(gates, width) = how {
+        assert!(width == n && gates.len() == m * n, "one gate per entry");
+    }
     if m == 0 || n == 0 {
         return;
     }

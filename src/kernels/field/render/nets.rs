@@ -98,10 +98,7 @@ impl Net {
                 break;
             }
             next.resize(rows * layer.k, 0.0);
-            gemm_packed_here(bar, &layer.backward, Finish::Store, &mut next);
-            for (bar, y) in next.iter_mut().zip(input) {
-                *bar = if *y <= 0.0 { 0.0 } else { *bar };
-            }
+            gemm_packed_here(bar, &layer.backward, Finish::Gated(input, layer.k), &mut next);
             std::mem::swap(&mut here, &mut next);
         }
         values.cotangents = [here, next];

@@ -3,7 +3,7 @@
 
 use super::matrix::{CHUNK, Finish};
 use super::packed::Packed;
-use super::tile::{COLUMNS, Chains, Columns, HALF, Job, ROWS, Rows, Sixteen, Tile, widest};
+use super::tile::{COLUMNS, Chains, Columns, Eight, HALF, Job, ROWS, Rows, Sixteen, Tile, widest};
 use prefetch_index::prefetch_index;
 use std::cell::Cell;
 use std::ops::Range;
@@ -146,10 +146,17 @@ impl<L: Left> Block<'_, L> {
             let (mine, rest) = tiles.split_at_mut(tiles_of);
             tiles = rest;
             let (at, columns) = (p * COLUMNS - self.task.left, &b.panel(p)[leg.ks.clone()]);
-            simd.run(
-                #[inline(always)]
-                || self.panel(simd, leg, packed, columns, at, mine),
-            );
+            if b.n - p * COLUMNS <= COLUMNS / 2 {
+                simd.run(
+                    #[inline(always)]
+                    || self.panel(Eight, leg, packed, columns, at, mine),
+                );
+            } else {
+                simd.run(
+                    #[inline(always)]
+                    || self.panel(simd, leg, packed, columns, at, mine),
+                );
+            }
         }
     }
 
@@ -210,7 +217,7 @@ impl<L: Left> Block<'_, L> {
         }
         self.a.resume(&mut chains, from..end, leg.ks.clone(), packed, columns);
         if leg.is_last {
-            chains.finish(rows, (at, *left), self.how);
+            chains.finish(rows, at, [from, *left], self.how);
         } else {
             chains.rest(tile);
         }

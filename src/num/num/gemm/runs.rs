@@ -300,6 +300,6 @@ impl AddGrids<'_, '_> {
             a.resume_at(&mut chains, &places, 0..b.k, b.panel(panel));
             sums.add(&chains);
         }
-        sums.finish(rows, (at, 0), Finish::Store);
+        sums.finish(rows, at, [from, 0], Finish::Store);
     }
 }

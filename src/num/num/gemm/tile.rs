@@ -59,8 +59,8 @@ pub(super) trait Sixteen: Copy + Send + Sync {
     fn product(self, x: Self::V, y: Self::V) -> Self::V;
     /// x where it is positive, slope·x elsewhere
     fn leaky(self, x: Self::V, slope: f32) -> Self::V;
-    /// +0 where x ≤ 0, x elsewhere
-    fn relu(self, x: Self::V) -> Self::V;
+    /// +0 where gate ≤ 0, x elsewhere
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V;
     /// Runs code compiled for these registers, out of line; everything that it calls has to be inlined
     /// (`inline(always)`, also for the closure if it consists of more than a few instructions).
     fn run(self, work: impl FnOnce());
@@ -109,9 +109,61 @@ impl Sixteen for Pairs {
     }
 
     #[inline(always)]
-    fn relu(self, x: Self::V) -> Self::V {
-        let one = |x: f32x8| f32x8::select(x.le(f32x8::ZERO), f32x8::ZERO, x);
-        [one(x[0]), one(x[1])]
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V {
+        let one = |x: f32x8, gate: f32x8| f32x8::select(gate.le(f32x8::ZERO), f32x8::ZERO, x);
+        [one(x[0], gate[0]), one(x[1], gate[1])]
+    }
+
+    #[inline(never)]
+    fn run(self, work: impl FnOnce()) {
+        work();
+    }
+}
+
+/// One register of eight lanes, for panels of which at most eight columns are used; the others are not
+/// computed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Eight;
+
+impl Sixteen for Eight {
+    const HEIGHT: usize = ROWS;
+    type V = f32x8;
+
+    #[inline(always)]
+    fn load(self, x: &[f32; COLUMNS]) -> Self::V {
+        eight(&x[..8])
+    }
+
+    #[inline(always)]
+    fn store(self, x: Self::V) -> [f32; COLUMNS] {
+        let mut all = [0.0; COLUMNS];
+        all[..8].copy_from_slice(&x.to_array());
+        all
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::V {
+        f32x8::splat(x)
+    }
+
+    #[inline(always)]
+    fn sum(self, x: Self::V, y: Self::V) -> Self::V {
+        x + y
+    }
+
+    #[inline(always)]
+    fn product(self, x: Self::V, y: Self::V) -> Self::V {
+        x * y
+    }
+
+    #[inline(always)]
+    fn leaky(self, x: Self::V, slope: f32) -> Self::V {
+        f32x8::select(x.gt(f32x8::ZERO), x, f32x8::splat(slope) * x)
+    }
+
+    #[inline(always)]
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V {
+        f32x8::select(gate.le(f32x8::ZERO), f32x8::ZERO, x)
     }
 
     #[inline(never)]
@@ -158,8 +210,9 @@ impl Sixteen for V4 {
     }
 
     #[inline(always)]
-    fn relu(self, x: Self::V) -> Self::V {
-        let stays = self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_NLE_UQ }>(x, self.splat(0.0));
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V {
+        let stays =
+            self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_NLE_UQ }>(gate, self.splat(0.0));
         self.avx512f._mm512_maskz_mov_ps(stays, x)
     }
 
@@ -296,17 +349,22 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
         chains
     }
 
-    /// Writes to at most R rows of c from column `at` on; the block begins at column `left`.
+    /// Writes to at most R rows of c from column `at` on; in the product, they begin at row and column `place`.
     #[inline(always)]
-    pub(super) fn finish(self, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
-        for (x, row) in self.acc.into_iter().zip(rows) {
-            let end = row.len().min(at + COLUMNS);
-            let c = &mut row[at..end];
-            let simd = self.simd;
-            let biased = |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[left + at..left + end])));
+    pub(super) fn finish(self, rows: &mut [&mut [f32]], at: usize, place: [usize; 2], how: Finish<'_>) {
+        let simd = self.simd;
+        for ((i, x), row) in self.acc.into_iter().enumerate().zip(rows) {
+            let width = COLUMNS.min(row.len() - at);
+            let c = &mut row[at..at + width];
+            let biased =
+                |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[place[1] + at..place[1] + at + width])));
             let x = match how {
                 Finish::Store | Finish::Resume => x,
-                Finish::Relu => simd.relu(x),
+                Finish::Relu => simd.gated(x, x),
+                Finish::Gated(gates, n) => {
+                    let from = (place[0] + i) * n + place[1] + at;
+                    simd.gated(x, simd.load(&padded(&gates[from..from + width])))
+                }
                 Finish::Add => simd.sum(simd.load(&padded(c)), x),
                 Finish::AddToZero => simd.sum(simd.splat(0.0), x),
                 Finish::Bias(bias) => biased(bias),
