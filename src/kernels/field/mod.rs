@@ -32,5 +32,6 @@ pub mod network;
 pub mod normal;
 pub mod normal_head;
 pub mod render;
+pub mod scatter;
 pub mod sdf_head;
 pub mod value_head;

@@ -5,6 +5,7 @@ use super::block::{ROWS, Scratch, VALID, decode};
 use super::decode::{HeadsBar, Nets};
 use super::{OutBar, Plan, Rule, Scene};
 use crate::field::embed::Place;
+use crate::field::scatter::Part;
 use crate::field::{composite, normal};
 use std::ops::Range;
 
@@ -14,9 +15,9 @@ pub(super) struct BlockBar {
     pub(super) heads: HeadsBar,
     pub(super) beta: f64,
     pub(super) background: f64,
-    /// Points at which features were fetched: per ray those of the first list, then those of the second.
-    pub(super) points: Vec<[f32; 3]>,
-    /// Their cotangents, (points, F).
+    /// What was read, by points: per ray those of the first list, then those of the second.
+    pub(super) part: Part,
+    /// The cotangents of their features, (points, F).
     pub(super) features: Vec<f32>,
     /// Places where panoramas were read, in the order of rays and samples.
     pub(super) places: Vec<Place>,
@@ -42,16 +43,28 @@ pub(super) struct Cotangents {
     weights: Vec<[f32; 2]>,
 }
 
-/// Computes the gradients of a block; `sums` are what the forward pass has returned for its rays.
+impl BlockBar {
+    /// Removes everything but the memory.
+    fn clear(&mut self, nets: &Nets) {
+        self.heads = nets.zeros();
+        (self.beta, self.background) = (0.0, 0.0);
+        self.part.reads().clear();
+        self.features.clear();
+        self.places.clear();
+        self.embedded.clear();
+    }
+}
+
+/// Computes the gradients of a block from the outputs of its rays and their cotangents.
 pub(super) fn adjoint(
     scene: &Scene<'_>,
     nets: &Nets,
     plan: &Plan,
     rays: Range<usize>,
     (out, out_bar): (&super::Out, &OutBar<'_>),
-    scratch: &mut Scratch,
-) -> BlockBar {
-    let mut made = BlockBar { heads: nets.zeros(), ..BlockBar::default() };
+    (scratch, made): (&mut Scratch, &mut BlockBar),
+) {
+    made.clear(nets);
     for ray in rays.clone() {
         made.background += background_bar(scene, out, out_bar, ray);
     }
@@ -67,10 +80,10 @@ pub(super) fn adjoint(
         }
         if scratch.batch.samples() > 0 {
             decode(scene, nets, scratch, |_| unreachable!("a complete ray carries nothing"));
-            adjoint_batch(scene, nets, (out, out_bar), scratch, &mut made);
+            adjoint_batch(scene, nets, (out, out_bar), scratch, made);
         }
     }
-    made
+    made.part.sort(&scene.planes);
 }
 
 /// Derivative by the background: the cotangents of all values times what the ray leaves of it.
@@ -116,12 +129,17 @@ fn adjoint_batch(
     made.places.extend_from_slice(places);
     made.embedded.extend_from_slice(embedded);
     nets.sdf_adjoint(scene, batch, decoded, &bars.sdf, (&mut made.heads, &mut bars.sdf_features));
-    for segment in &batch.segments {
-        let (rows, samples) = (segment.rows.clone(), segment.first..segment.first + segment.samples.len());
-        made.points.extend_from_slice(&batch.sdf_points[rows.clone()]);
-        made.features.extend_from_slice(&bars.sdf_features[rows.start * f..rows.end * f]);
-        if !bars.features.is_empty() {
-            made.points.extend_from_slice(&batch.points[samples.clone()]);
+    let reads = made.part.reads();
+    if bars.features.is_empty() {
+        reads.extend_from_slice(&batch.sdf_reads);
+        made.features.extend_from_slice(&bars.sdf_features);
+    } else {
+        for segment in &batch.segments {
+            let (rows, samples) =
+                (segment.rows.clone(), segment.first..segment.first + segment.samples.len());
+            reads.extend_from_slice(&batch.sdf_reads[rows.clone()]);
+            reads.extend_from_slice(&batch.reads[samples.clone()]);
+            made.features.extend_from_slice(&bars.sdf_features[rows.start * f..rows.end * f]);
             made.features.extend_from_slice(&bars.features[samples.start * f..samples.end * f]);
         }
     }
