@@ -57,6 +57,8 @@ const BLOCK_ROWS: usize = 4 * ROWS;
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
 /// Largest number of column panels per task for which rows of a that are contiguous in k are read in place.
 const IN_PLACE: usize = 32;
+/// The same for rows that lie next to each other for every k.
+const ACROSS: usize = 8;
 /// Rows at multiples of this distance (2 KiB) share few sets of the first-level cache, and are packed earlier.
 const COLLIDING: usize = 512;
 
@@ -72,34 +74,44 @@ pub fn product_lanes() -> usize {
 }
 
 impl View<'_> {
+    /// Whether rows that are contiguous in k are read where they lie.
     fn is_in_place(&self, panels: usize) -> bool {
         let limit = if self.row_stride.is_multiple_of(COLLIDING) { IN_PLACE / 16 } else { IN_PLACE };
         self.column_stride == 1 && panels <= limit
+    }
+
+    /// Whether rows that lie next to each other are read where they lie.
+    fn is_across(&self, panels: usize) -> bool {
+        self.row_stride == 1 && self.column_stride > 1 && panels <= ACROSS
     }
 }
 
 impl Left for View<'_> {
     fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>) {
         packed.clear();
-        if !self.is_in_place(panels) {
+        if !self.is_in_place(panels) && !self.is_across(panels) {
             pack_rows(self, rows, ks, packed);
         }
     }
 
+    type Tile<'t, const R: usize>
+        = TileRows<'t, R>
+    where
+        Self: 't;
+
     #[inline(always)]
-    fn resume<S: Sixteen, const R: usize>(
-        self,
-        chains: &mut Chains<S, R>,
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        (packed, first): (&[Rows], usize),
-        columns: &[Columns],
-    ) {
-        if ks.is_empty() {
-            return;
+        (packed, first): (&'t [Rows], usize),
+    ) -> TileRows<'t, R> {
+        if !packed.is_empty() || ks.is_empty() {
+            return TileRows::Packed(packed, first);
         }
-        if !packed.is_empty() {
-            return chains.packed(packed, first, columns);
+        if self.column_stride != 1 {
+            let at = rows.start * self.row_stride + ks.start * self.column_stride;
+            return TileRows::Across(&self.values[at..], self.column_stride);
         }
         // Missing rows repeat the last row; the results of their chains are discarded.
         let mut a: [&[f32]; R] = [&[]; R];
@@ -107,8 +119,33 @@ impl Left for View<'_> {
             let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
             *a = &self.values[row + ks.start..row + ks.end];
         }
-        chains.in_place(a, columns);
+        TileRows::InPlace(a)
     }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        tile: TileRows<'_, R>,
+        chains: &mut Chains<S, R>,
+        columns: &[Columns],
+    ) {
+        match tile {
+            TileRows::Packed(packed, first) => chains.packed(packed, first, columns),
+            TileRows::InPlace(a) => chains.in_place(a, columns),
+            TileRows::Across(a, stride) => chains.across(a, stride, columns),
+        }
+    }
+}
+
+/// How the rows of a tile are read.
+#[derive(Clone, Copy)]
+enum TileRows<'a, const R: usize> {
+    /// From a packed panel, from the given row on.
+    Packed(&'a [Rows], usize),
+    /// Each where it lies, contiguous in k.
+    InPlace([&'a [f32]; R]),
+    /// Next to each other for every k, the given distance apart.
+    Across(&'a [f32], usize),
 }
 
 thread_local! {

@@ -11,6 +11,9 @@ use std::ops::Range;
 /// Length of a block of k: a panel of a (12 KiB) and one of b (16 KiB) stay in the first-level cache.
 pub(super) const BLOCK_K: usize = 256;
 
+/// Number of panel columns, for one k each, that should stay in the first-level cache (16 KiB).
+pub(super) const RESIDENT: usize = 256;
+
 thread_local! {
     /// Memory of a task: packed rows of the left factor, and tiles that are stored between blocks of k.
     static TASK: Cell<(Vec<Rows>, Vec<Tile>)> = const { Cell::new((Vec::new(), Vec::new())) };
@@ -21,14 +24,23 @@ pub(super) trait Left: Copy + Sync {
     /// Prepares the rows for k in `ks`; `panels` is the number of column panels that will use them. `packed`
     /// stays empty if the rows are read in place.
     fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
-    /// Resumes the chains of the rows from `rows.start` on (at most R; rows beyond the last may hold any
-    /// values) over k in `ks`; they are those from `packed.1` on of a panel of the prepared rows.
-    fn resume<S: Sixteen, const R: usize>(
-        self,
-        chains: &mut Chains<S, R>,
+    /// How R rows are read.
+    type Tile<'t, const R: usize>: Copy
+    where
+        Self: 't;
+    /// Returns how the rows from `rows.start` on are read over k in `ks`: at most R; rows beyond the last may
+    /// hold any values. They are those from `packed.1` on of a panel of the prepared rows.
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        packed: (&[Rows], usize),
+        packed: (&'t [Rows], usize),
+    ) -> Self::Tile<'t, R>;
+    /// Resumes chains over these rows and k.
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        tile: Self::Tile<'_, R>,
+        chains: &mut Chains<S, R>,
         columns: &[Columns],
     );
 }
@@ -136,90 +148,97 @@ impl<L: Left> Block<'_, L> {
         }
     }
 
-    /// Computes all tiles along one block of k.
+    /// Computes all tiles along one block of k. The rows of a tile are read by as many panels of columns as
+    /// stay in the first-level cache, before the next rows are.
     fn leg<S: Sixteen>(&mut self, simd: S, leg: &Leg, (packed, tiles): (&mut Vec<Rows>, &mut [Tile])) {
         let (panels, height) = (self.task.panels(), self.task.rows.len());
         self.a.prepare(self.task.top..self.task.top + height, leg.ks.clone(), panels.len(), packed);
-        let tiles_of = if tiles.is_empty() { 0 } else { height.div_ceil(ROWS) };
-        let (mut tiles, b) = (tiles, self.b);
-        for p in panels {
-            let (mine, rest) = tiles.split_at_mut(tiles_of);
-            tiles = rest;
-            let (at, columns) = (p * COLUMNS - self.task.left, &b.panel(p)[leg.ks.clone()]);
-            if b.n - p * COLUMNS <= COLUMNS / 2 {
-                simd.run(
-                    #[inline(always)]
-                    || self.panel(Eight, leg, packed, columns, at, mine),
-                );
-            } else {
-                simd.run(
-                    #[inline(always)]
-                    || self.panel(simd, leg, packed, columns, at, mine),
-                );
-            }
+        let narrow = panels.clone().filter(|p| self.b.n - p * COLUMNS <= COLUMNS / 2).count();
+        let (wide, together) = (panels.end - narrow, Ord::max(1, RESIDENT / Ord::max(1, leg.ks.len())));
+        for first in (panels.start..wide).step_by(together) {
+            let group = first..wide.min(first + together);
+            simd.run(
+                #[inline(always)]
+                || self.group(simd, leg, packed, group, tiles),
+            );
         }
+        simd.run(
+            #[inline(always)]
+            || self.group(Eight, leg, packed, wide..panels.end, tiles),
+        );
     }
 
-    /// Computes the tiles of one panel for all rows; `at` is its first column.
+    /// Computes the tiles of some panels for all rows.
     #[inline(always)]
-    fn panel<S: Sixteen>(
+    fn group<S: Sixteen>(
         &mut self,
         simd: S,
         leg: &Leg,
         packed: &[Rows],
-        columns: &[Columns],
-        at: usize,
+        panels: Range<usize>,
         tiles: &mut [Tile],
     ) {
-        let k = leg.ks.len();
-        for r in 0..self.task.rows.len().div_ceil(ROWS) {
+        if panels.is_empty() {
+            return;
+        }
+        let (k, height) = (leg.ks.len(), self.task.rows.len());
+        for r in 0..height.div_ceil(ROWS) {
             let mine = if packed.is_empty() { packed } else { &packed[r * k..][..k] };
-            let tile: &mut [Columns] = tiles.get_mut(r).map_or(&mut [], |tile| tile);
-            let (upper, height) = (r * ROWS, self.task.rows.len() - r * ROWS);
-            if S::HEIGHT == ROWS && height > HALF {
-                self.tile::<S, ROWS>(simd, leg, (upper, at), (mine, 0), columns, tile);
+            let (upper, left) = (r * ROWS, height - r * ROWS);
+            if S::HEIGHT == ROWS && left > HALF {
+                self.row::<S, ROWS>(simd, leg, (r, 0), mine, panels.clone(), tiles);
                 continue;
             }
-            for half in (0..height.min(ROWS)).step_by(HALF) {
-                let tile = if tile.is_empty() { &mut [] } else { &mut tile[half..] };
-                self.tile::<S, HALF>(simd, leg, (upper + half, at), (mine, half), columns, tile);
+            for half in (0..left.min(ROWS)).step_by(HALF) {
+                debug_assert!(upper + half < height, "a tile has rows");
+                self.row::<S, HALF>(simd, leg, (r, half), mine, panels.clone(), tiles);
             }
         }
     }
 
-    /// Computes one register tile from row `first` of the block on.
+    /// Computes the register tiles of some panels; their rows begin `half` rows below the upper edge of tile r.
     #[inline(always)]
-    fn tile<S: Sixteen, const R: usize>(
+    fn row<S: Sixteen, const R: usize>(
         &mut self,
         simd: S,
         leg: &Leg,
-        (first, at): (usize, usize),
-        packed: (&[Rows], usize),
-        columns: &[Columns],
-        tile: &mut [Columns],
+        (r, half): (usize, usize),
+        packed: &[Rows],
+        panels: Range<usize>,
+        tiles: &mut [Tile],
     ) {
+        let all = self.task.panels();
         let Task { top, left, rows } = &mut self.task;
-        let (from, end) = (*top + first, *top + rows.len());
+        let first = r * ROWS + half;
+        let (from, end, per_panel) = (*top + first, *top + rows.len(), rows.len().div_ceil(ROWS));
         let last = rows.len().min(first + R);
         let rows = &mut rows[first..last];
-        let mut chains = match (leg.is_first, self.how) {
-            (true, Finish::Resume) => Chains::<S, R>::of_rows(simd, rows, at),
-            (true, _) => Chains::fresh(simd),
-            (false, _) => Chains::resumed(simd, tile),
-        };
-        if leg.is_last && matches!(self.how, Finish::Add) {
-            // The values to be added to were written long ago; fetching them now makes them available when
-            // the chains end.
-            for row in &*rows {
-                prefetch_index(&**row, at);
-                prefetch_index(&**row, row.len().min(at + COLUMNS) - 1);
+        let read = self.a.tile::<R>(from..end, leg.ks.clone(), (packed, half));
+        for p in panels {
+            let at = p * COLUMNS - *left;
+            let tile: &mut [Columns] = match tiles.get_mut((p - all.start) * per_panel + r) {
+                Some(tile) => &mut tile[half..],
+                None => &mut [],
+            };
+            let mut chains = match (leg.is_first, self.how) {
+                (true, Finish::Resume) => Chains::<S, R>::of_rows(simd, rows, at),
+                (true, _) => Chains::fresh(simd),
+                (false, _) => Chains::resumed(simd, tile),
+            };
+            if leg.is_last && matches!(self.how, Finish::Add) {
+                // The values to be added to were written long ago; fetching them now makes them available
+                // when the chains end.
+                for row in &*rows {
+                    prefetch_index(&**row, at);
+                    prefetch_index(&**row, row.len().min(at + COLUMNS) - 1);
+                }
             }
-        }
-        self.a.resume(&mut chains, from..end, leg.ks.clone(), packed, columns);
-        if leg.is_last {
-            chains.finish(rows, at, [from, *left], self.how);
-        } else {
-            chains.rest(tile);
+            self.a.resume(read, &mut chains, &self.b.panel(p)[leg.ks.clone()]);
+            if leg.is_last {
+                chains.finish(rows, at, [from, *left], self.how);
+            } else {
+                chains.rest(tile);
+            }
         }
     }
 }

@@ -19,7 +19,7 @@
 //! assert_eq!(sums, [12.0, 16.0]);
 //! ```
 
-use super::block::{Left, Task, block};
+use super::block::{Left, RESIDENT, Task, block};
 use super::tile::{COLUMNS, Chains, Columns, HALF, Job, ROWS, Rows, Sixteen, widest};
 use super::{BLOCK_ROWS, Finish, Packed};
 use std::ops::Range;
@@ -49,21 +49,34 @@ impl Left for Runs<'_> {
         packed.clear();
     }
 
+    type Tile<'t, const R: usize>
+        = ([usize; R], Range2)
+    where
+        Self: 't;
+
     #[inline(always)]
-    fn resume<S: Sixteen, const R: usize>(
-        self,
-        chains: &mut Chains<S, R>,
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        _: (&[Rows], usize),
-        columns: &[Columns],
-    ) {
+        _: (&'t [Rows], usize),
+    ) -> ([usize; R], Range2) {
         let mut starts = [0; R];
         for (i, start) in starts.iter_mut().enumerate() {
             *start = self.starts[(rows.start + i).min(rows.end - 1)];
         }
-        let (mut run, mut at) = (ks.start / self.len.max(1), ks.start % self.len.max(1));
-        let (mut done, all) = (0, ks.len());
+        (starts, [ks.start, ks.end])
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        (starts, [first, last]): ([usize; R], Range2),
+        chains: &mut Chains<S, R>,
+        columns: &[Columns],
+    ) {
+        let (mut run, mut at) = (first / self.len.max(1), first % self.len.max(1));
+        let (mut done, all) = (0, last - first);
         while done < all {
             let n = (all - done).min(self.len - at);
             let from = self.offsets[run] + at;
@@ -76,6 +89,9 @@ impl Left for Runs<'_> {
         }
     }
 }
+
+/// First k, and the end.
+type Range2 = [usize; 2];
 
 /// The transposed matrix of the patches of one image, `rows` × `columns` of them: column (r, q) of the factor
 /// (m, k) begins at `r · down + q · along`, and its runs at `offsets` from there; m = runs · len, k = `rows`
@@ -156,7 +172,8 @@ impl Grid<'_> {
 }
 
 /// Positions of R rows of a factor within a patch.
-struct Places<const R: usize> {
+#[derive(Clone, Copy)]
+pub(super) struct Places<const R: usize> {
     /// Start of each row.
     at: [usize; R],
     /// True if the rows are consecutive and do not reach beyond the next patch, so that they are read without
@@ -169,16 +186,29 @@ impl Left for Grid<'_> {
         packed.clear();
     }
 
+    type Tile<'t, const R: usize>
+        = (Places<R>, Range2)
+    where
+        Self: 't;
+
     #[inline(always)]
-    fn resume<S: Sixteen, const R: usize>(
-        self,
-        chains: &mut Chains<S, R>,
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        _: (&[Rows], usize),
+        _: (&'t [Rows], usize),
+    ) -> (Places<R>, Range2) {
+        (self.places(rows), [ks.start, ks.end])
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        (places, [first, last]): (Places<R>, Range2),
+        chains: &mut Chains<S, R>,
         columns: &[Columns],
     ) {
-        self.resume_at(chains, &self.places(rows), ks, columns);
+        self.resume_at(chains, &places, first..last, columns);
     }
 }
 
@@ -240,8 +270,6 @@ pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [
 /// Largest k for which [`add_grids`] keeps sums in registers (where these have sixteen lanes) while it
 /// processes a few items.
 const SHORT: usize = 256;
-/// Number of panel columns, for one k each, that should stay in the first-level cache (16 KiB).
-const RESIDENT: usize = 256;
 
 pub(super) struct AddGrids<'a, 'b> {
     pub(super) items: &'a [(Grid<'b>, &'b Packed)],

@@ -331,6 +331,22 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
         }
     }
 
+    /// Adds products over rows that lie next to each other for every k, `stride` apart; numbers beyond the end
+    /// of `a` are those of rows that do not exist.
+    #[inline(always)]
+    pub(super) fn across(&mut self, a: &[f32], stride: usize, columns: &[Columns]) {
+        for (k, b) in columns.iter().enumerate() {
+            let a = &a[k * stride..];
+            match a.first_chunk::<R>() {
+                Some(a) => self.step(|r| a[r], b),
+                None => {
+                    let a = padded(&a[..Ord::min(a.len(), R)]);
+                    self.step(|r| a[r], b);
+                }
+            }
+        }
+    }
+
     /// Adds the values of other chains.
     #[inline(always)]
     pub(super) fn add(&mut self, others: &Self) {
@@ -352,27 +368,32 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     /// Writes to at most R rows of c from column `at` on; in the product, they begin at row and column `place`.
     #[inline(always)]
     pub(super) fn finish(self, rows: &mut [&mut [f32]], at: usize, place: [usize; 2], how: Finish<'_>) {
-        let simd = self.simd;
+        let (simd, left) = (self.simd, place[1] + at);
+        match how {
+            Finish::Store | Finish::Resume => self.write(rows, at, |_, x, _| x),
+            Finish::Relu => self.write(rows, at, |_, x, _| simd.gated(x, x)),
+            Finish::Gated(gates, n) => self.write(rows, at, |i, x, c| {
+                simd.gated(x, simd.load(&padded(&gates[(place[0] + i) * n + left..][..c.len()])))
+            }),
+            Finish::Add => self.write(rows, at, |_, x, c| simd.sum(simd.load(&padded(c)), x)),
+            Finish::AddToZero => self.write(rows, at, |_, x, _| simd.sum(simd.splat(0.0), x)),
+            Finish::Bias(bias) => {
+                self.write(rows, at, |_, x, c| simd.sum(x, simd.load(&padded(&bias[left..][..c.len()]))));
+            }
+            Finish::Leaky(bias, slope) => self.write(rows, at, |_, x, c| {
+                simd.leaky(simd.sum(x, simd.load(&padded(&bias[left..][..c.len()]))), slope)
+            }),
+        }
+    }
+
+    /// Writes `value(row, chains, sixteen numbers of c or those that are left of it)`.
+    #[inline(always)]
+    fn write(self, rows: &mut [&mut [f32]], at: usize, value: impl Fn(usize, S::V, &[f32]) -> S::V) {
         for ((i, x), row) in self.acc.into_iter().enumerate().zip(rows) {
-            let width = COLUMNS.min(row.len() - at);
-            let c = &mut row[at..at + width];
-            let biased =
-                |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[place[1] + at..place[1] + at + width])));
-            let x = match how {
-                Finish::Store | Finish::Resume => x,
-                Finish::Relu => simd.gated(x, x),
-                Finish::Gated(gates, n) => {
-                    let from = (place[0] + i) * n + place[1] + at;
-                    simd.gated(x, simd.load(&padded(&gates[from..from + width])))
-                }
-                Finish::Add => simd.sum(simd.load(&padded(c)), x),
-                Finish::AddToZero => simd.sum(simd.splat(0.0), x),
-                Finish::Bias(bias) => biased(bias),
-                Finish::Leaky(bias, slope) => simd.leaky(biased(bias), slope),
-            };
-            match <&mut [f32; COLUMNS]>::try_from(&mut *c) {
-                Ok(c) => *c = simd.store(x),
-                Err(_) => write_some(c, &simd.store(x)),
+            let c = &mut row[at..];
+            match c.first_chunk_mut::<COLUMNS>() {
+                Some(c) => *c = self.simd.store(value(i, x, c)),
+                None => write_some(c, &self.simd.store(value(i, x, c))),
             }
         }
     }
@@ -397,8 +418,18 @@ fn read_some(x: &[f32]) -> [f32; COLUMNS] {
     all
 }
 
-#[cold]
-#[inline(never)]
+/// Copies the first numbers, four at a time (a copy of any length would be a call).
+#[inline(always)]
 fn write_some(c: &mut [f32], x: &[f32; COLUMNS]) {
-    c.copy_from_slice(&x[..c.len()]);
+    let ((c4, c1), (x4, _)) = (c.as_chunks_mut::<4>(), x.as_chunks::<4>());
+    let done = c4.len();
+    c4.iter_mut().zip(x4).for_each(|(c, x)| *c = *x);
+    if let Some(x) = x4.get(done) {
+        match c1 {
+            [a, b, c] => [*a, *b, *c] = [x[0], x[1], x[2]],
+            [a, b] => [*a, *b] = [x[0], x[1]],
+            [a] => *a = x[0],
+            _ => {}
+        }
+    }
 }
