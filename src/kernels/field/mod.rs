@@ -31,6 +31,7 @@ pub mod interval;
 pub mod network;
 pub mod normal;
 pub mod normal_head;
+pub mod occupancy;
 pub mod render;
 pub mod sdf_head;
 pub mod value_head;
