@@ -4,7 +4,10 @@
 //! middles xᵢ, the values vᵢ (colour, albedo, roughness and metallic, normal):
 //!
 //! wᵢ = Tᵢ(1 − e^(−σᵢδᵢ)),   Tᵢ₊₁ = Tᵢ·e^(−σᵢδᵢ),   T₀ = 1          (Max 1995)
-//! O = Σ wᵢ,   v = Σ wᵢvᵢ + (1 − O)·b,   x̂ = Σ wᵢxᵢ / max(O, 0.98),   n̂ = N/‖N‖ with N = Σ wᵢnᵢ
+//! O = Σ wᵢ,   v = Σ wᵢvᵢ + T·b,   x̂ = Σ wᵢxᵢ / max(O, 0.98),   n̂ = N/‖N‖ with N = Σ wᵢnᵢ
+//!
+//! T is the transmittance behind the last sample: as in [`super::composite`], the background keeps what no
+//! sample absorbs, which 1 − O in f32 would not resolve.
 //!
 //! s, σ and the heads are those of VolSDF (Yariv et al. 2021) on feature planes: [`super::fetch`],
 //! [`super::sdf_head`], [`super::density`] or [`super::interval`], [`super::value_head`],
@@ -244,6 +247,8 @@ pub struct Out {
     pub normals: Vec<[f32; 3]>,
     /// ‖N‖ of the numerical normals, 0 where they are 0; shape (N).
     pub lengths: Vec<f32>,
+    /// Transmittance behind the last sample, shape (N).
+    pub transmittance: Vec<f32>,
 }
 
 /// Cotangents of the outputs.
@@ -326,9 +331,10 @@ pub fn forward(scene: &Scene<'_>, plan: &mut Plan) -> Out {
 fn finish(scene: &Scene<'_>, sums: &block::Sums, out: &mut Out) {
     let q = scene.channels().count();
     for (ray, opacity) in sums.opacity.iter().enumerate() {
-        let rest = (1.0 - opacity) * scene.settings.background;
+        let rest = sums.through[ray] * scene.settings.background;
         out.values.extend(sums.values[ray * q..(ray + 1) * q].iter().map(|v| v + rest));
         out.opacity.push(*opacity);
+        out.transmittance.push(sums.through[ray]);
         let divisor = if *opacity > VALID { *opacity } else { VALID };
         out.points.push(sums.points[ray].map(|x| x / divisor));
         if scene.settings.numerical_normals.is_some() {

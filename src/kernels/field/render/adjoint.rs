@@ -75,7 +75,7 @@ pub(super) fn adjoint(
 
 /// Derivative by the background: the cotangents of all values times what the ray leaves of it.
 fn background_bar(scene: &Scene<'_>, out: &super::Out, out_bar: &OutBar<'_>, ray: usize) -> f64 {
-    let rest = 1.0 - out.opacity[ray];
+    let rest = out.transmittance[ray];
     let q = scene.channels().count();
     let mut sum = 0.0;
     for bar in &out_bar.values[ray * q..(ray + 1) * q] {

@@ -38,6 +38,8 @@ struct Ray {
 pub(super) struct Sums {
     /// Σ w, (rays).
     pub(super) opacity: Vec<f32>,
+    /// Transmittance behind the last sample, (rays).
+    pub(super) through: Vec<f32>,
     /// Σ w·v, (rays, channels).
     pub(super) values: Vec<f32>,
     /// Σ w·x, (rays).
@@ -122,6 +124,7 @@ pub(super) fn forward(
     let mut sums = Sums::default();
     for (state, ray) in states.into_iter().zip(rays) {
         sums.opacity.push(state.opacity);
+        sums.through.push(state.through);
         sums.values.extend(state.values);
         sums.points.push(state.point);
         sums.normals.push(state.normal);
