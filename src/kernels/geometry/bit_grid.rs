@@ -14,7 +14,8 @@
 //! # Rounding
 //! p and |p|·n/2 are rounded once each. [`BitGrid::edges`] returns a box that contains every number whose cell
 //! lies in a range: an end is moved outward by 2⁻¹⁶ of its distance from the centre, which is more than the
-//! roundings of p, of |p|·n/2 and of the end itself, and covers points that left the box by rounding. An end at the centre is exact.
+//! roundings of p, of |p|·n/2 and of the end itself, and covers points that left the box by rounding. An end at
+//! the centre is exact.
 
 use super::primitives::Box3;
 use crate::{Error, Result};
@@ -43,7 +44,7 @@ impl BitGrid {
     /// # Errors
     /// Returns an error if `side` is odd or not in 2..=1024, or R is not positive.
     pub fn new(side: usize, half_size: f32) -> Result<Self> {
-        if side < 2 || side > LARGEST || !side.is_multiple_of(2) {
+        if !(2..=LARGEST).contains(&side) || !side.is_multiple_of(2) {
             let e = Error::input("grid").expected(format!("an even number of cells from 2 to {LARGEST}"));
             return Err(e.got(side.to_string()));
         }

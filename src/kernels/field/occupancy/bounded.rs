@@ -11,8 +11,9 @@ pub trait Bounded: Sync {
     /// Writes bounds of s in boxes, a lower and an upper one; `bounds` is resized.
     ///
     /// Each value that [`Self::values`] computes at a point of a box lies between them, rounding included. The
-    /// points of a box are those between its corners; a coordinate of 0 is not one of them where the lower corner
-    /// is 0 and the upper one is larger: zeros belong to the lower side. A bound that is not a number proves nothing.
+    /// points of a box are those between its corners; a coordinate of 0 is not one of them where the lower
+    /// corner is 0 and the upper one is larger: zeros belong to the lower side. A bound that is not a number
+    /// proves nothing.
     fn bounds(&self, boxes: &[Box3], bounds: &mut Vec<[f32; 2]>);
 }
 

@@ -1,10 +1,10 @@
 //! Values of planes in a box: at the points between which they are linear, or their smallest and largest.
 //!
-//! Between two lines of texels a plane is bilinear, so a linear combination of its channels is smallest and largest
-//! at the corners of the box and where lines of texels cross it: a grid of at most [`MOST`]² points. A larger
-//! box takes the smallest and largest value of each channel from a pyramid: a texel of level l is over up to 2×2
-//! texels of level l − 1, and a range of texels is covered by those of the first level on which it has at most
-//! [`FEW`] per axis.
+//! Between two lines of texels a plane is bilinear, so a linear combination of its channels is smallest and
+//! largest at the corners of the box and where lines of texels cross it: a grid of at most [`MOST`]² points. A
+//! larger box takes the smallest and largest value of each channel from a pyramid: a texel of level l is over
+//! up to 2×2 texels of level l − 1, and a range of texels is covered by those of the first level on which it
+//! has at most [`FEW`] per axis.
 
 use super::super::fetch::{AXES, Planes, blend};
 use super::bounded::Box3;

@@ -1,16 +1,17 @@
 //! Fills the grid, coarse to fine.
 //!
-//! Blocks of cells begin as the octants of the box and are split into halves along each axis. A block is decided if
-//! its bounds prove that all of its cells are removed, or that all are occupied; the bounds are those of
-//! the box around the middles of its cells (published rule) or around the cells themselves (conservative
-//! rule). Published: the cells of undecided blocks of up to [`FEW`] cells are decided by s at their middles.
-//! Conservative: a cell is removed if the bounds of a block that contains it, or its own, prove that it is.
+//! Blocks of cells begin as the octants of the box and are split into halves along each axis. A block is
+//! decided if its bounds prove that all of its cells are removed, or that all are occupied; the bounds are
+//! those of the box around the middles of its cells (published rule) or around the cells themselves
+//! (conservative rule). Published: the cells of undecided blocks of up to [`FEW`] cells are decided by s at
+//! their middles. Conservative: a cell is removed if the bounds of a block that contains it, or its own, prove
+//! that it is.
 //!
 //! # The same cells as without leaving anything out
 //! * Published: α computed in f32 has a relative error below 2⁻¹⁷ (|s|/β ≤ 88 is rounded once before the
 //!   exponential; further roundings are some units in the last place), and the exact α falls with s. A block is
-//!   removed if α of its lower bound is below τ(1 − 2⁻¹⁶), occupied if α of its upper bound is at least τ(1 + 2⁻¹⁶):
-//!   then α computed at every middle is on the same side of τ.
+//!   removed if α of its lower bound is below τ(1 − 2⁻¹⁶), occupied if α of its upper bound is at least τ(1 +
+//!   2⁻¹⁶): then α computed at every middle is on the same side of τ.
 //! * Conservative: a block is occupied if its upper bound is not above the limit. No lower bound of a box that
 //!   meets the block exceeds that, so none of its cells would be removed further down.
 
@@ -95,7 +96,7 @@ fn filled(sdf: &impl Bounded, settings: &Settings, is_short: bool) -> Result<Occ
     let mut single = Vec::new();
     let mut open: Vec<Block> = whole.split().collect();
     if settings.rule == Rule::Published && !is_short {
-        single.extend(open.drain(..));
+        single.append(&mut open);
     }
     while !open.is_empty() {
         cost.bounds += open.len();

@@ -2,16 +2,18 @@
 //!
 //! s = 2.598 R·tanh(z) + (‖x‖ − 0.1 R),   z = W² max(0, W¹ max(0, W⁰ f))       ([`super::super::sdf_head`])
 //!
-//! 1. **First layer.** W⁰f is linear in the texels, so W⁰ is multiplied with the texels in advance: planes with one
-//!    channel per hidden unit. Their values at the places between which they are linear ([`super::extremes`]) bound
-//!    every unit, and every linear combination of units.
-//! 2. **Intervals.** For bounds lo ≤ y ≤ hi of the inputs of a layer, Σ (w⁺lo + w⁻hi) ≤ Σ wy ≤ Σ (w⁺hi + w⁻lo), with w⁺ and w⁻
-//!    the positive and negative parts; max(0, ·) is monotone.
-//! 3. **Lines.** Intervals alone are about fifteen times as wide as s is (they take every unit at its worst place), so z is
-//!    bounded by one linear function of the first layer, from the last layer back ([`super::lines`]).
+//! 1. **First layer.** W⁰f is linear in the texels, so W⁰ is multiplied with the texels in advance: planes with
+//!    one channel per hidden unit. Their values at the places between which they are linear
+//!    ([`super::extremes`]) bound every unit, and every linear combination of units.
+//! 2. **Intervals.** For bounds lo ≤ y ≤ hi of the inputs of a layer, Σ (w⁺lo + w⁻hi) ≤ Σ wy ≤ Σ (w⁺hi + w⁻lo),
+//!    with w⁺ and w⁻ the positive and negative parts; max(0, ·) is monotone.
+//! 3. **Lines.** Intervals of all layers take every unit at its worst place. Instead z is bounded by one linear
+//!    function of the first layer, from the last layer back ([`super::lines`]): on a fitted field a fifth to a
+//!    tenth of the width.
 //! 4. **Distance.** tanh and ‖x‖ are monotone; ‖x‖ lies between those of the nearest and the farthest point.
 //!
-//! A box reads the planes that its points read; one with points on both sides of a centre plane reads both signs.
+//! A box reads the planes that its points read; one with points on both sides of a centre plane reads both
+//! signs.
 //!
 //! # Rounding
 //! The bounds hold for the rounded s that [`super::super::fetch`] and [`super::super::sdf_head`] give, with
@@ -19,10 +21,11 @@
 //!
 //! * Places: (p + 1)/2·(S − 1) is monotone also when rounded, and its fraction is exact, so places of points lie
 //!   between those of the corners.
-//! * First layer: with m the largest |T| of each channel, the computed value differs from the exact interpolation by at
-//!   most (7 + K)u·Σ|W⁰|m (weights of texels with two or three roundings each, their products and three sums; the chain
-//!   of K products); an interpolated row of projected texels by (7 + C)u, their sum over planes by 2u, to
-//!   first order. [`Learned::new`] takes (2K + 32)u·Σ|W⁰|m + 2⁻¹²⁶, which is more, as margin of each unit.
+//! * First layer: with m the largest |T| of each channel, the computed value differs from the exact
+//!   interpolation by at most (7 + K)u·Σ|W⁰|m (weights of texels with two or three roundings each, their
+//!   products and three sums; the chain of K products); an interpolated row of projected texels by (7 + C)u,
+//!   their sum over planes by 2u, to first order. [`Learned::new`] takes (2K + 32)u·Σ|W⁰|m + 2⁻¹²⁶, which is
+//!   more, as margin of each unit.
 //! * Intervals: the chains of bounds have the order of those of the values, with a product of 0 between any
 //!   two; rounding is monotone, so they bound the rounded values without a margin.
 //! * Lines: see [`super::lines`].

@@ -9,16 +9,18 @@
 //! | h ≤ 0 | 0 | 0 |
 //! | else | zⱼ if h > −l, else 0 | h(zⱼ − l)/(h − l) |
 //!
-//! which leaves a linear function of the layer before, and so on to the first (DeepPoly, Singh et al. 2019; CROWN, Zhang et al.
-//! 2018). Its units are sums of three planes, each linear between known rows: the smallest value in the box is
-//! at least the sum of the smallest values at the rows. The same for −z.
+//! which leaves a linear function of the layer before, and so on to the first (DeepPoly, Singh et al. 2019;
+//! CROWN, Zhang et al. 2018). Its units are sums of three planes, each linear between known rows: the smallest
+//! value in the box is at least the sum of the smallest values at the rows. The same for −z.
 //!
 //! # Rounding
-//! The factor h/(h − l) and the constant of a line from above are rounded upward by 2⁻²², so the rounded line is one from above.
-//! Everything else is f32 with one margin, computed once in f64. With u = 2⁻²⁴ and M = |Wᴸ|⋯|W¹|·m, m the sum over the three
-//! pairs of axes of the largest |value| of each unit, every term of the forward and backward chains and of the products with rows is at most M. To
-//! first order, each hidden layer of n units adds (n + 1)u·M for the values' own chain, (n + 1)u·M for the coefficients, 2(n + 1)u·M for constants, and
-//! the rows once (n + 4)u·M; (8 Σn + 64)u·M is taken. The margins of the first layer are added with the factors |Wᴸ|⋯|W¹|, times 1 + 2⁻⁷.
+//! The factor h/(h − l) and the constant of a line from above are rounded upward by 2⁻²², so the rounded line
+//! is one from above. Everything else is f32 with one margin, computed once in f64. With u = 2⁻²⁴ and M =
+//! |Wᴸ|⋯|W¹|·m, m the sum over the three pairs of axes of the largest |value| of each unit, every term of the
+//! forward and backward chains and of the products with rows is at most M. To first order, each hidden layer of
+//! n units adds (n + 1)u·M for the values' own chain, (n + 1)u·M for the coefficients, 2(n + 1)u·M for
+//! constants, and the rows once (n + 4)u·M; (8 Σn + 64)u·M is taken. The margins of the first layer are added
+//! with the factors |Wᴸ|⋯|W¹|, times 1 + 2⁻⁷.
 
 use super::super::network::Network;
 use super::extremes::Part;
@@ -79,7 +81,7 @@ impl Lines {
             size += factor * largest.iter().fold(0.0, |sum, pair| sum + f64::from(pair[i]));
             errors += factor * f64::from(margins[i]);
         }
-        let terms = 8 * hidden.iter().fold(0, |sum, n| sum + n) + 64;
+        let terms = hidden.iter().fold(64, |sum, n| sum + 8 * n);
         let margin = size * terms as f64 / 16_777_216.0 + errors * (1.0 + 1.0 / 128.0);
         let between = (1..Ord::max(layers, 2) - 1)
             .map(|l| Packed::new(View::new(network.weights[l], widths[l + 1], widths[l])))

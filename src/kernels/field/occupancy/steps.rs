@@ -1,13 +1,14 @@
 //! The steps of a ray that meet occupied cells.
 //!
-//! The tree over bricks proposes: each brick that the ray meets gives a range of steps, in the order of (enter, brick),
-//! and each step of a range is tested once by the bits of its own cells. The result is that of testing
+//! The tree over bricks proposes: each brick that the ray meets gives a range of steps, in the order of (enter,
+//! brick), and each step of a range is tested once by the bits of its own cells. The result is that of testing
 //! every step of the ray, because every step that passes the test is in a range:
 //!
-//! * The points of a step are computed as o + t·d and are off the exact line by at most 2u(‖o‖ + t), u = 2⁻²⁴, per coordinate. Boxes of
-//!   bricks are moved outward by 2⁻²⁰(largest |o| + t₁), eight times as much.
+//! * The points of a step are computed as o + t·d and are off the exact line by at most 2u(‖o‖ + t), u = 2⁻²⁴,
+//!   per coordinate. Boxes of bricks are moved outward by 2⁻²⁰(largest |o| + t₁), eight times as much.
 //! * Under the conservative rule a step has all cells in the range between those of its ends, also such that it
-//!   does not touch. Their points are within h·|d| of its beginning, axis by axis; boxes are moved outward by h·|d| more.
+//!   does not touch. Their points are within h·|d| of its beginning, axis by axis; boxes are moved outward by
+//!   h·|d| more.
 //! * Distances are off by a few units in the last place. Ranges are widened by 1 + 2⁻²⁰t₁/h steps at both ends.
 
 use super::cells::Occupancy;

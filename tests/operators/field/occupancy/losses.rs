@@ -1,8 +1,8 @@
 //! What a grid loses of the image: at most 1e-4 under the conservative rule, more under the published one.
 //!
-//! 1024 steps along the diagonal, 1/β = 250, R = 0.525, 250³ cells; a plate of a tenth of a cell, a rod with a radius of
-//! an eighth, and a ball, each at random places, without early stop. Most rays pass at 0 to 20 β, as long as the
-//! box permits.
+//! 1024 steps along the diagonal, 1/β = 250, R = 0.525, 250³ cells; a plate of a tenth of a cell, a rod with a
+//! radius of an eighth, and a ball, each at random places, without early stop. Most rays pass at 0 to 20 β, as
+//! long as the box permits.
 
 use super::closed::{Shape, dot, minus, unit};
 use crate::chains::values;
