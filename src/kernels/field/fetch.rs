@@ -132,21 +132,32 @@ impl<'a> Planes<'a> {
         assert_eq!(self.values.len(), self.count * self.side * self.side * self.channels, "(P, S, S, C)");
     }
 
+    /// Returns the cell that a coordinate lies in, the place inside it, and whether it is strictly inside the plane.
+    #[inline(always)]
+    pub(super) fn place(&self, x: f32) -> (usize, f32, bool) {
+        let last = self.side - 1;
+        let u = ((x / self.half_size + 1.0) * 0.5) * last as f32;
+        let is_inside = u > 0.0 && u < last as f32;
+        let u = order::clamp(u, 0.0, last as f32);
+        // u is not negative: the conversion is the floor.
+        let cell = Ord::min(u as usize, last - 1);
+        (cell, u - cell as f32, is_inside)
+    }
+
+    /// Whether a point reads the plane + of a pair of axes, from the coordinate that the pair lacks.
+    #[inline(always)]
+    pub(super) fn is_plus(&self, x: f32) -> bool {
+        x / self.half_size > 0.0
+    }
+
     /// Returns the cell that `point` reads in the plane of a pair of axes (0: xy, 1: xz, 2: yz).
     #[inline]
     pub fn corners(&self, pair: usize, point: [f32; 3]) -> Corners {
-        let last = self.side - 1;
         let (mut cell, mut fractions, mut is_inside) = ([0; 2], [0.0; 2], [false; 2]);
         for k in 0..2 {
-            let p = point[AXES[pair][k]] / self.half_size;
-            let u = ((p + 1.0) * 0.5) * last as f32;
-            is_inside[k] = u > 0.0 && u < last as f32;
-            let u = order::clamp(u, 0.0, last as f32);
-            // u is not negative: the conversion is the floor.
-            cell[k] = Ord::min(u as usize, last - 1);
-            fractions[k] = u - cell[k] as f32;
+            (cell[k], fractions[k], is_inside[k]) = self.place(point[AXES[pair][k]]);
         }
-        let is_plus = point[MISSING[pair]] / self.half_size > 0.0;
+        let is_plus = self.is_plus(point[MISSING[pair]]);
         let plane = if self.count == 6 { 2 * pair + usize::from(is_plus) } else { pair };
         let [a, b] = fractions;
         Corners {
@@ -231,7 +242,7 @@ impl<'a> Planes<'a> {
 
 /// Writes the weighted sums of the four texels of N planes, added from the first plane to the last.
 #[inline(always)]
-fn add_up<const N: usize>(planes: [([&[f32]; 4], [f32; 4]); N], out: &mut [f32]) {
+pub(super) fn add_up<const N: usize>(planes: [([&[f32]; 4], [f32; 4]); N], out: &mut [f32]) {
     let (out8, out1) = out.as_chunks_mut::<8>();
     let eights = planes.map(|(t, w)| (t.map(|t| &t.as_chunks::<8>().0[..out8.len()]), w.map(f32x8::splat)));
     for (c, out) in out8.iter_mut().enumerate() {

@@ -13,8 +13,9 @@
 //! σ, δ, values ── composite ──► value, opacity            along a ray
 //! ```
 //!
-//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. A renderer that runs
-//! all of this for the rays of a crop, and an occupancy grid that leaves samples out, are not here yet.
+//! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. [`occupancy`] finds the
+//! cells of the box that can have density, and the steps of rays in them. A renderer that runs all of this for the
+//! rays of a crop is not here yet.
 //!
 //! # Conventions
 //! * The field fills the box [−R, R]³ with the half size R; p = x/R.
@@ -31,6 +32,7 @@ pub mod interval;
 pub mod network;
 pub mod normal;
 pub mod normal_head;
+pub mod occupancy;
 pub mod render;
 pub mod scatter;
 pub mod sdf_head;

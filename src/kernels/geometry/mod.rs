@@ -5,6 +5,7 @@
 //! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; its shape affects no result)
 //! tree, ray ── closest | occluded ──► hit              (watertight test, hits ordered by (t, triangle))
 //! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
+//! bit_grid ── bricks ──► occupied bricks along a ray   (obvhs proposes the tree)
 //!
 //! volume ── components::fill_cavities ──► volume ── marching ──► mesh ── components::keep ──► mesh
 //!        ── smooth ──► mesh, normals ── atlas ──► mesh with texture coordinates ── texels ──► surface points
@@ -44,6 +45,8 @@
 //! intersects every leaf between their origins. `benches/record` contains the measurements.
 
 pub mod atlas;
+pub mod bit_grid;
+pub mod bricks;
 pub mod bvh;
 mod cells;
 mod charts;
