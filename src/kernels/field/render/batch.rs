@@ -6,7 +6,7 @@
 //! the midpoint rule without numerical normals both lists are the same.
 
 use super::intervals::{Intervals, Rays};
-use super::{Rule, Scene};
+use super::scene::{Rule, Scene, Settings};
 use crate::field::fetch::Reads;
 use std::ops::Range;
 
@@ -117,7 +117,7 @@ impl Batch {
     }
 
     /// Whether both lists are the same.
-    pub(super) fn is_shared(settings: &super::Settings) -> bool {
+    pub(super) fn is_shared(settings: &Settings) -> bool {
         settings.rule == Rule::Midpoint && settings.numerical_normals.is_none()
     }
 

@@ -1,9 +1,9 @@
 //! Adjoint of a block of rays.
 
 use super::batch::{Batch, Segment};
-use super::block::{ROWS, Scratch, VALID, decode};
+use super::block::{Cotangents, ROWS, Scratch, VALID, decode};
 use super::decode::{HeadsBar, Nets};
-use super::{OutBar, Plan, Rule, Scene};
+use super::scene::{Out, OutBar, Plan, Rule, Scene};
 use crate::field::embed::Place;
 use crate::field::scatter::Part;
 use crate::field::{composite, normal};
@@ -33,16 +33,6 @@ struct RayBar<'a> {
     normal: [f32; 3],
 }
 
-/// Buffers of the cotangents of a batch.
-#[derive(Debug, Default)]
-pub(super) struct Cotangents {
-    values: Vec<f32>,
-    sdf: Vec<f32>,
-    sdf_features: Vec<f32>,
-    features: Vec<f32>,
-    weights: Vec<[f32; 2]>,
-}
-
 impl BlockBar {
     /// Removes everything but the memory.
     fn clear(&mut self, nets: &Nets) {
@@ -56,12 +46,12 @@ impl BlockBar {
 }
 
 /// Computes the gradients of a block from the outputs of its rays and their cotangents.
-pub(super) fn adjoint(
+pub(super) fn block(
     scene: &Scene<'_>,
     nets: &Nets,
     plan: &Plan,
     rays: Range<usize>,
-    (out, out_bar): (&super::Out, &OutBar<'_>),
+    (out, out_bar): (&Out, &OutBar<'_>),
     (scratch, made): (&mut Scratch, &mut BlockBar),
 ) {
     made.clear(nets);
@@ -87,7 +77,7 @@ pub(super) fn adjoint(
 }
 
 /// Derivative by the background: the cotangents of all values times what the ray leaves of it.
-fn background_bar(scene: &Scene<'_>, out: &super::Out, out_bar: &OutBar<'_>, ray: usize) -> f64 {
+fn background_bar(scene: &Scene<'_>, out: &Out, out_bar: &OutBar<'_>, ray: usize) -> f64 {
     let rest = out.transmittance[ray];
     let q = scene.channels().count();
     let mut sum = 0.0;
@@ -100,7 +90,7 @@ fn background_bar(scene: &Scene<'_>, out: &super::Out, out_bar: &OutBar<'_>, ray
 fn adjoint_batch(
     scene: &Scene<'_>,
     nets: &Nets,
-    (out, out_bar): (&super::Out, &OutBar<'_>),
+    (out, out_bar): (&Out, &OutBar<'_>),
     scratch: &mut Scratch,
     made: &mut BlockBar,
 ) {
@@ -147,7 +137,7 @@ fn adjoint_batch(
 }
 
 /// Cotangents of the sums along a ray: those of the outputs, through background, surface point and normal.
-fn ray_bar<'a>(scene: &Scene<'_>, (out, out_bar): (&super::Out, &'a OutBar<'_>), ray: usize) -> RayBar<'a> {
+fn ray_bar<'a>(scene: &Scene<'_>, (out, out_bar): (&Out, &'a OutBar<'_>), ray: usize) -> RayBar<'a> {
     let q = scene.channels().count();
     let values = &out_bar.values[ray * q..(ray + 1) * q];
     let opacity = out.opacity[ray];
