@@ -62,7 +62,7 @@ fn run(setup: &Setup, arrays: &mut lastlight::num::array::Arrays) -> [f64; 2] {
     let last: Vec<f32> = heads.into_iter().filter_map(|head| head.last()).flatten().copied().collect();
     let n = out.opacity.len();
     arrays.put("values", &[n, out.values.len() / n], out.values);
-    arrays.put("planes_bar", &arrays.get("planes").expect("an input").shape().to_vec(), bar.planes);
+    arrays.put("planes_bar", &[bar.planes.len()], bar.planes);
     arrays.put("last_bar", &[last.len()], last);
     arrays.put("beta_bar", &[], vec![bar.beta]);
     [forward, both]

@@ -108,8 +108,8 @@ def forward():
 
 
 def relative(x, name):
-    want = arrays[name]
-    return float((x.detach() - want).norm() / want.norm())
+    want = arrays[name].flatten()
+    return float((x.detach().flatten() - want).norm() / want.norm())
 
 
 medians = []
