@@ -213,9 +213,14 @@ fn product(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32], shared: bool
     let height = if n >= BLOCK_COLUMNS / 4 { BLOCK_ROWS } else { 4 * BLOCK_ROWS };
     let mut tasks: Vec<Task<'_>> = Vec::new();
     for (i, rows) in c.chunks_mut(height * n).enumerate() {
+        let top = i * height;
+        if n <= BLOCK_COLUMNS {
+            tasks.push(Task { top, left: 0, rows: rows.chunks_exact_mut(n).collect() });
+            continue;
+        }
         let first = tasks.len();
         let lefts = (0..n).step_by(BLOCK_COLUMNS);
-        tasks.extend(lefts.map(|left| Task { top: i * height, left, rows: Vec::with_capacity(height) }));
+        tasks.extend(lefts.map(|left| Task { top, left, rows: Vec::with_capacity(height) }));
         for row in rows.chunks_mut(n) {
             for (part, task) in row.chunks_mut(BLOCK_COLUMNS).zip(&mut tasks[first..]) {
                 task.rows.push(part);

@@ -1,12 +1,13 @@
 //! From the features of a batch to signed distances and values, and back.
 
 use super::batch::Batch;
-use super::nets::{Net, Values};
+use super::nets::{Net, Values, pack};
 use super::scene::{Heads, Scene};
 use crate::field::direction::{unit, unit_back};
 use crate::field::embed::{Place, reflect};
 use crate::field::sdf_head;
 use crate::num::elem;
+use crate::num::gemm::Packed;
 
 /// The packed networks of a scene.
 #[derive(Debug)]
@@ -73,6 +74,8 @@ struct Bars {
     outputs: Vec<f32>,
     joined: Vec<f32>,
     rho: Vec<f32>,
+    /// Features, packed.
+    packed: Vec<Packed>,
 }
 
 /// Cotangents of panorama values: the rows h̄ of a batch with the places where they were read.
@@ -137,7 +140,10 @@ impl Nets {
         for (row, (s_bar, t)) in sdf_bar.iter().zip(&decoded.tanh).enumerate() {
             bar[row * stride] = sdf_head::distance_bar(*t, *s_bar, scene.planes.half_size);
         }
-        self.sdf.adjoint(&batch.sdf_features, &mut decoded.sdf, &bar, &mut heads_bar.sdf, features_bar);
+        let is_shared = batch.features.is_empty();
+        let packed: &[Packed] = if is_shared { &decoded.bars.packed } else { &[] };
+        let x = (&batch.sdf_features[..], packed);
+        self.sdf.adjoint(x, &mut decoded.sdf, &bar, &mut heads_bar.sdf, features_bar);
         decoded.bars.outputs = bar;
     }
 
@@ -223,14 +229,27 @@ impl Nets {
         let all = std::mem::take(&mut decoded.values);
         let mut bars = std::mem::take(&mut decoded.bars);
         let features = if batch.features.is_empty() { &batch.sdf_features } else { &batch.features };
+        pack(features, self.sdf.inputs(), &mut bars.packed);
         let bar = &mut bars.outputs;
         if let (Some(net), Some(at)) = (&self.albedo, channels.albedo) {
             sigmoids_back(&all, values_bar, (q, at), 3, bar, (3, 0));
-            net.adjoint(features, &mut decoded.albedo, bar, &mut heads_bar.albedo, features_bar);
+            net.adjoint(
+                (features, &bars.packed),
+                &mut decoded.albedo,
+                bar,
+                &mut heads_bar.albedo,
+                features_bar,
+            );
         }
         if let (Some(net), Some(at)) = (&self.material, channels.material) {
             sigmoids_back(&all, values_bar, (q, at), 2, bar, (2, 0));
-            net.adjoint(features, &mut decoded.material, bar, &mut heads_bar.material, features_bar);
+            net.adjoint(
+                (features, &bars.packed),
+                &mut decoded.material,
+                bar,
+                &mut heads_bar.material,
+                features_bar,
+            );
         }
         if let (Some(net), Some(at)) = (&self.normal, channels.normal) {
             bar.clear();
@@ -238,7 +257,13 @@ impl Nets {
                 let of = i * q + at;
                 bar.extend(unit_back(*sum, [values_bar[of], values_bar[of + 1], values_bar[of + 2]]));
             }
-            net.adjoint(features, &mut decoded.normal, bar, &mut heads_bar.normal, features_bar);
+            net.adjoint(
+                (features, &bars.packed),
+                &mut decoded.normal,
+                bar,
+                &mut heads_bar.normal,
+                features_bar,
+            );
         }
         if let Some(at) = channels.color {
             match (&self.color, &self.rho) {
@@ -249,21 +274,33 @@ impl Nets {
                 }
                 (Some(net), None) => {
                     sigmoids_back(&all, values_bar, (q, at), 3, bar, (3, 0));
-                    net.adjoint(features, &mut decoded.color, bar, &mut heads_bar.color, features_bar);
+                    net.adjoint(
+                        (features, &bars.packed),
+                        &mut decoded.color,
+                        bar,
+                        &mut heads_bar.color,
+                        features_bar,
+                    );
                 }
                 (Some(net), Some(rho)) => {
                     sigmoids_back(&all, values_bar, (q, at), 3, bar, (3, 0));
                     bars.joined.clear();
                     bars.joined.resize(decoded.joined.len(), 0.0);
                     net.adjoint(
-                        &decoded.joined,
+                        (&decoded.joined, &[]),
                         &mut decoded.color,
                         bar,
                         &mut heads_bar.color,
                         &mut bars.joined,
                     );
                     self.split(scene, decoded, &mut bars, features_bar);
-                    rho.adjoint(features, &mut decoded.rho, &bars.rho, &mut heads_bar.rho, features_bar);
+                    rho.adjoint(
+                        (features, &bars.packed),
+                        &mut decoded.rho,
+                        &bars.rho,
+                        &mut heads_bar.rho,
+                        features_bar,
+                    );
                 }
             }
         }

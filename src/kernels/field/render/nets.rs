@@ -76,10 +76,10 @@ impl Net {
     }
 
     /// Adds the gradients for the cotangents `y_bar` (rows, N) of the last layer to those of the weights, and
-    /// of the features to `x_bar` (rows, K).
+    /// of the features to `x_bar` (rows, K). `packed` are the features by [`pack`], or empty.
     pub(super) fn adjoint(
         &self,
-        x: &[f32],
+        (x, packed): (&[f32], &[Packed]),
         values: &mut Values,
         y_bar: &[f32],
         weights_bar: &mut [Vec<f32>],
@@ -93,10 +93,14 @@ impl Net {
             let input = if l > 0 { &values.layers[l - 1] } else { x };
             let bar = View::new(&here, rows, layer.n);
             // The chain of a weight continues over the rows of all batches, at most CHUNK of them per product.
-            for (bar, input) in here.chunks(CHUNK * layer.n).zip(input.chunks(CHUNK * layer.k)) {
+            let parts = here.chunks(CHUNK * layer.n).zip(input.chunks(CHUNK * layer.k));
+            for (part, (bar, input)) in parts.enumerate() {
                 let rows = bar.len() / layer.n;
-                let (bar, input) = (View::new(bar, rows, layer.n), View::new(input, rows, layer.k));
-                gemm_here(bar.t(), input, Finish::Resume, &mut weights_bar[l]);
+                let (bar, sum) = (View::new(bar, rows, layer.n).t(), &mut weights_bar[l]);
+                match packed.get(part).filter(|_| l == 0) {
+                    Some(input) => gemm_packed_here(bar, input, Finish::Resume, sum),
+                    None => gemm_here(bar, View::new(input, rows, layer.k), Finish::Resume, sum),
+                }
             }
             if l == 0 {
                 gemm_packed_here(bar, &layer.backward, Finish::Add, x_bar);
@@ -107,5 +111,13 @@ impl Net {
             std::mem::swap(&mut here, &mut next);
         }
         values.cotangents = [here, next];
+    }
+}
+
+/// Packs features (rows, K) that several networks read, for [`Net::adjoint`].
+pub(super) fn pack(x: &[f32], k: usize, packed: &mut Vec<Packed>) {
+    packed.resize_with((x.len() / k).div_ceil(CHUNK), Packed::default);
+    for (packed, x) in packed.iter_mut().zip(x.chunks(CHUNK * k)) {
+        *packed = std::mem::take(packed).repacked(View::new(x, x.len() / k, k));
     }
 }

@@ -66,6 +66,12 @@ impl Packed {
         Self { panels, k, n }
     }
 
+    /// Packs a (k, n) matrix on this thread, reusing the memory of `self`.
+    #[must_use]
+    pub fn repacked(self, b: View<'_>) -> Self {
+        Self::here(self.panels, b)
+    }
+
     /// Like [`Self::reusing`], on this thread alone.
     pub(super) fn here(mut panels: Vec<Columns>, b: View<'_>) -> Self {
         let (k, n) = (b.rows, b.columns);
