@@ -1,18 +1,27 @@
-//! A crop of 64×64 rays with 96 samples each, inside the box.
+//! A crop of 64×64 rays with 96 samples each, from where they enter the box.
 
 use lastlight::field::fetch::{Combine, Planes};
 use lastlight::field::network::Network;
 use lastlight::field::render::{Heads, Intervals, Rays, Rule, Scene, Settings};
+use lastlight::num::array::Arrays;
 use lastlight::num::rng::Rng;
 
 /// Rays per side of the crop.
 const SIDE: usize = 64;
-/// Samples per ray.
+/// Channels of the planes.
+const CHANNELS: usize = 32;
+/// Networks in the order of the scene.
+const NETWORKS: [&str; 5] = ["sdf", "color", "albedo", "material", "normal"];
+/// Samples per ray; all of them are inside the box.
 const SAMPLES: u32 = 96;
+/// Steps along the diagonal of the box.
+const STEPS: usize = 192;
+/// Half size of the box.
+const HALF_SIZE: f32 = 2.0;
 
 /// Arrays of a scene.
-pub struct Setup {
-    pub name: &'static str,
+pub(crate) struct Setup {
+    pub(crate) name: &'static str,
     origins: Vec<[f32; 3]>,
     directions: Vec<[f32; 3]>,
     planes: Vec<f32>,
@@ -42,8 +51,8 @@ impl Setup {
         beta: f32,
     ) -> Self {
         let rng = Rng::new(2);
-        let n = count * SIDE * SIDE * 32;
-        let tan = (25.0_f32).to_radians().tan();
+        let n = count * SIDE * SIDE * CHANNELS;
+        let tan = 0.466_307_66; // of half the field of view, 25°
         let direction = |i: usize| {
             let at = |k: usize| ((k as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0) * tan;
             let d = [at(i % SIDE), at(i / SIDE), 1.0];
@@ -63,13 +72,13 @@ impl Setup {
     }
 
     /// Summed features and one trunk.
-    pub fn trunk(count: usize) -> Self {
+    pub(crate) fn trunk(count: usize) -> Self {
         let name = if count == 3 { "three planes, trunk" } else { "six planes, trunk" };
         Self::new(name, count, Combine::Sum, vec![network(&[32, 64, 64, 4], 8)], 0.1)
     }
 
     /// Six planes with the heads of LIRM.
-    pub fn heads() -> Self {
+    pub(crate) fn heads() -> Self {
         let widths: [&[usize]; 5] = [
             &[96, 32, 32, 1],
             &[96, 32, 32, 32, 3],
@@ -81,19 +90,39 @@ impl Setup {
         Self::new("six planes, heads", 6, Combine::Concat, networks, 0.1)
     }
 
-    /// The steps: 96 from distance 2 to 4.
-    pub fn intervals(&self) -> Intervals {
+    /// The first 96 steps of every ray.
+    pub(crate) fn intervals(&self) -> Intervals {
+        let scene = self.scene();
+        Intervals::kept(scene.rays, HALF_SIZE, scene.step(), |_, _, steps| {
+            assert!(steps.end >= SAMPLES, "all samples are inside the box");
+            (0..SAMPLES).collect()
+        })
+    }
+
+    /// The inputs as arrays, for PyTorch.
+    pub(crate) fn arrays(&self) -> Arrays {
         let n = self.origins.len();
-        Intervals {
-            step: 2.0 / SAMPLES as f32,
-            spans: vec![[2.0, 4.0]; n],
-            start: (0..=n).map(|i| i * SAMPLES as usize).collect(),
-            index: (0..n).flat_map(|_| 0..SAMPLES).collect(),
+        let mut made = Arrays::new();
+        made.put("origins", &[n, 3], self.origins.clone().into_flattened());
+        made.put("directions", &[n, 3], self.directions.clone().into_flattened());
+        made.put("planes", &[self.count, SIDE, SIDE, CHANNELS], self.planes.clone());
+        for ((inputs, weights), net) in self.networks.iter().zip(NETWORKS) {
+            let mut k = *inputs;
+            for (l, w) in weights.iter().enumerate() {
+                made.put(&format!("{net}_w{l}"), &[w.len() / k, k], w.clone());
+                k = w.len() / k;
+            }
         }
+        made.put("beta", &[], vec![self.beta]);
+        made.put("half_size", &[], vec![HALF_SIZE]);
+        made.put("steps", &[], vec![STEPS as i32]);
+        made.put("samples", &[], vec![SAMPLES as i32]);
+        made.put("summed", &[], vec![u8::from(self.combine == Combine::Sum)]);
+        made
     }
 
     /// The inputs of the renderer.
-    pub fn scene(&self) -> Scene<'_> {
+    pub(crate) fn scene(&self) -> Scene<'_> {
         let net = |i: usize| {
             self.networks.get(i).map(|(inputs, weights)| {
                 let weights: Vec<&[f32]> = weights.iter().map(Vec::as_slice).collect();
@@ -106,8 +135,8 @@ impl Setup {
                 values: &self.planes,
                 count: self.count,
                 side: SIDE,
-                channels: 32,
-                half_size: 2.0,
+                channels: CHANNELS,
+                half_size: HALF_SIZE,
             },
             panoramas: None,
             heads: Heads {
@@ -120,7 +149,7 @@ impl Setup {
             },
             beta: self.beta,
             settings: Settings {
-                samples: 96,
+                samples: STEPS,
                 rule: Rule::Midpoint,
                 combine: self.combine,
                 ..Settings::default()

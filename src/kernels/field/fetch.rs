@@ -32,8 +32,8 @@
 //! Nothing is saved.
 //!
 //! # Threads
-//! A thread owns bands of [`BAND`] rows of a plane. For every 4096 points a stable counting sort lists the
-//! points of each band.
+//! A thread owns bands of [`BAND`](super::scatter::BAND) rows of a plane. For every 4096 points a stable counting
+//! sort lists the points of each band.
 //!
 //! Twin: `reference::field::fetch`.
 //!
@@ -49,7 +49,6 @@
 //! assert_eq!(features, [2.0, 3.0, 5.0]); // ¾·2 + ½·1, ¾·4, 5
 //! ```
 
-use super::bands::Lists;
 use crate::num::lanes::f32x8;
 use crate::num::{order, par, sum};
 
@@ -57,10 +56,6 @@ use crate::num::{order, par, sum};
 pub const AXES: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 /// The coordinate that a pair of axes lacks.
 const MISSING: [usize; 3] = [2, 1, 0];
-/// Rows of a plane that one task of [`Planes::scatter`] owns; changes no bit.
-pub const BAND: usize = 4;
-/// Points per list of a band; changes no bit.
-const CHUNK: usize = 4096;
 /// Points per task of an elementwise loop.
 const ROWS: usize = 64;
 
@@ -101,6 +96,18 @@ pub struct Corners {
     pub is_inside: [bool; 2],
 }
 
+/// The cell that a point reads in one plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Read {
+    /// Index of the first texel among all texels.
+    pub at: u32,
+    /// Weights of the texels 0, 1, S and S + 1 from there.
+    pub weights: [f32; 4],
+}
+
+/// The cells that a point reads: xy, xz, yz.
+pub type Reads = [Read; 3];
+
 impl Combine {
     /// Returns the number of features of a point for planes with that many channels.
     pub fn width(self, channels: usize) -> usize {
@@ -108,14 +115,18 @@ impl Combine {
     }
 
     /// Returns the part of the features of a point that a pair of axes contributes to.
-    fn part(self, pair: usize, channels: usize) -> std::ops::Range<usize> {
+    pub(super) fn part(self, pair: usize, channels: usize) -> std::ops::Range<usize> {
         let start = if self == Self::Concat { pair * channels } else { 0 };
         start..start + channels
     }
 }
 
 impl<'a> Planes<'a> {
-    fn hold_to_shape(&self) {
+    pub(super) fn hold_to_shape(&self) {
+        assert!(
+            self.values.len() / Ord::max(self.channels, 1) <= u32::MAX as usize,
+            "texels have 32-bit indices"
+        );
         assert!(self.count == 3 || self.count == 6, "three or six planes");
         assert!(self.side >= 2 && self.channels > 0, "planes have cells and channels");
         assert_eq!(self.values.len(), self.count * self.side * self.side * self.channels, "(P, S, S, C)");
@@ -157,27 +168,50 @@ impl<'a> Planes<'a> {
         }
     }
 
+    /// Returns what a point reads in the planes of the three pairs of axes.
+    #[inline]
+    pub fn reads(&self, point: [f32; 3]) -> Reads {
+        std::array::from_fn(|pair| {
+            let Corners { at, weights, .. } = self.corners(pair, point);
+            Read { at: at as u32, weights }
+        })
+    }
+
     /// Returns the values of the four texels of a cell.
-    fn texels(&self, corners: &Corners) -> [&'a [f32]; 4] {
-        let texel = |offset: usize| &self.values[(corners.at + offset) * self.channels..][..self.channels];
-        [texel(0), texel(1), texel(self.side), texel(self.side + 1)]
+    #[inline(always)]
+    fn texels(&self, at: usize) -> [&'a [f32]; 4] {
+        let row =
+            |texel: usize| self.values[texel * self.channels..][..2 * self.channels].split_at(self.channels);
+        let ((t0, t1), (t2, t3)) = (row(at), row(at + self.side));
+        [t0, t1, t2, t3]
     }
 
     /// Writes the features of one point.
-    pub fn features(&self, combine: Combine, point: [f32; 3], features: &mut [f32]) {
-        for pair in 0..3 {
-            let corners = self.corners(pair, point);
-            let out = &mut features[combine.part(pair, self.channels)];
-            blend(self.texels(&corners), corners.weights, out, combine == Combine::Sum && pair > 0);
+    #[inline(always)]
+    pub fn features(&self, combine: Combine, reads: &Reads, features: &mut [f32]) {
+        match combine {
+            Combine::Sum => add_up(reads.map(|read| (self.texels(read.at as usize), read.weights)), features),
+            Combine::Concat => {
+                for (read, out) in reads.iter().zip(features.chunks_exact_mut(self.channels)) {
+                    add_up([(self.texels(read.at as usize), read.weights)], out);
+                }
+            }
         }
     }
 
-    /// Writes the features of points, one row each, on this thread.
-    pub fn features_of(&self, combine: Combine, points: &[[f32; 3]], features: &mut Vec<f32>) {
-        let width = combine.width(self.channels);
+    /// Writes the features of points, one row each, and appends what they read, on this thread.
+    pub fn features_of(
+        &self,
+        combine: Combine,
+        points: &[[f32; 3]],
+        features: &mut Vec<f32>,
+        reads: &mut Vec<Reads>,
+    ) {
+        let (width, first) = (combine.width(self.channels), reads.len());
+        reads.extend(points.iter().map(|point| self.reads(*point)));
         features.resize(points.len() * width, 0.0);
-        for (row, point) in features.chunks_exact_mut(width).zip(points) {
-            self.features(combine, *point, row);
+        for (row, reads) in features.chunks_exact_mut(width).zip(&reads[first..]) {
+            self.features(combine, reads, row);
         }
     }
 
@@ -186,7 +220,7 @@ impl<'a> Planes<'a> {
         let mut bar = [0.0; 3];
         for pair in 0..3 {
             let corners = self.corners(pair, point);
-            let (t, [a, b]) = (self.texels(&corners), corners.fractions);
+            let (t, [a, b]) = (self.texels(corners.at), corners.fractions);
             let g = &features_bar[combine.part(pair, self.channels)];
             let along = [
                 sum::sum16_by(g.len(), |c| {
@@ -204,91 +238,29 @@ impl<'a> Planes<'a> {
         }
         bar.map(|g| g * (0.5 * (self.side - 1) as f32) / self.half_size)
     }
-
-    /// Adds the gradient of the planes for the cotangents of the features of consecutive points. Calls with
-    /// consecutive parts of the points add in the same order as one call.
-    ///
-    /// # Panics
-    /// Panics if a buffer does not have the size of its shape.
-    pub fn scatter(
-        &self,
-        combine: Combine,
-        points: &[[f32; 3]],
-        features_bar: &[f32],
-        planes_bar: &mut [f32],
-    ) {
-        self.hold_to_shape();
-        let width = combine.width(self.channels);
-        assert_eq!(features_bar.len(), points.len() * width, "one row of features per point");
-        assert_eq!(planes_bar.len(), self.values.len(), "the gradient has the shape of the planes");
-        let lists = par::map(points.len().div_ceil(CHUNK), |c| {
-            self.by_band(&points[c * CHUNK..Ord::min((c + 1) * CHUNK, points.len())])
-        });
-        let row = self.side * self.channels;
-        let bands: Vec<&mut [f32]> =
-            planes_bar.chunks_mut(self.side * row).flat_map(|plane| plane.chunks_mut(BAND * row)).collect();
-        let per_plane = self.side.div_ceil(BAND);
-        par::each(bands, |t, band| {
-            // Texels of this band are those from `first` on.
-            let first = (t / per_plane * self.side + t % per_plane * BAND) * self.side;
-            for (c, list) in lists.iter().enumerate() {
-                for &entry in list.of(t) {
-                    let (at, pair) = (c * CHUNK + entry as usize / 3, entry as usize % 3);
-                    let corners = self.corners(pair, points[at]);
-                    let g = &features_bar[at * width..][combine.part(pair, self.channels)];
-                    for half in 0..2 {
-                        let texel = (corners.at + half * self.side).wrapping_sub(first);
-                        if let Some(to) = band.get_mut(texel.wrapping_mul(self.channels)..)
-                            && !to.is_empty()
-                        {
-                            let (left, right) = to[..2 * self.channels].split_at_mut(self.channels);
-                            add_scaled(corners.weights[2 * half], g, left);
-                            add_scaled(corners.weights[2 * half + 1], g, right);
-                        }
-                    }
-                }
-            }
-        });
-    }
-
-    /// Lists up to [`CHUNK`] points by the bands that they read; an entry is point·3 + pair of axes.
-    fn by_band(&self, points: &[[f32; 3]]) -> Lists {
-        let per_plane = self.side.div_ceil(BAND);
-        Lists::sort(3 * points.len(), self.count * per_plane, |entry| {
-            let row = self.corners(entry % 3, points[entry / 3]).at / self.side;
-            let (plane, row) = (row / self.side, row % self.side);
-            [row, row + 1].map(|row| plane * per_plane + row / BAND)
-        })
-    }
 }
 
-/// Writes the weighted sum of four texels to `out`, or adds it.
+/// Writes the weighted sums of the four texels of N planes, added from the first plane to the last.
 #[inline(always)]
-pub(super) fn blend(t: [&[f32]; 4], w: [f32; 4], out: &mut [f32], is_added: bool) {
-    let wide = w.map(f32x8::splat);
-    let eights = t.map(|t| t.as_chunks::<8>());
+pub(super) fn add_up<const N: usize>(planes: [([&[f32]; 4], [f32; 4]); N], out: &mut [f32]) {
     let (out8, out1) = out.as_chunks_mut::<8>();
+    let eights = planes.map(|(t, w)| (t.map(|t| &t.as_chunks::<8>().0[..out8.len()]), w.map(f32x8::splat)));
     for (c, out) in out8.iter_mut().enumerate() {
-        let [t0, t1, t2, t3] = eights.map(|(t, _)| f32x8::new(t[c]));
-        let value = ((wide[0] * t0 + wide[1] * t1) + wide[2] * t2) + wide[3] * t3;
-        *out = if is_added { f32x8::new(*out) + value } else { value }.to_array();
+        let mut sum = f32x8::ZERO;
+        for (n, (t, w)) in eights.iter().enumerate() {
+            let [t0, t1, t2, t3] = t.map(|t| f32x8::new(t[c]));
+            let value = ((w[0] * t0 + w[1] * t1) + w[2] * t2) + w[3] * t3;
+            sum = if n == 0 { value } else { sum + value };
+        }
+        *out = sum.to_array();
     }
+    let done = 8 * out8.len();
     for (c, out) in out1.iter_mut().enumerate() {
-        let [t0, t1, t2, t3] = eights.map(|(_, t)| t[c]);
-        let value = ((w[0] * t0 + w[1] * t1) + w[2] * t2) + w[3] * t3;
-        *out = if is_added { *out + value } else { value };
-    }
-}
-
-/// Adds w·x to `to`.
-#[inline(always)]
-fn add_scaled(w: f32, x: &[f32], to: &mut [f32]) {
-    let ((x8, x1), (to8, to1)) = (x.as_chunks::<8>(), to.as_chunks_mut::<8>());
-    for (x, to) in x8.iter().zip(to8) {
-        *to = (f32x8::new(*to) + f32x8::splat(w) * f32x8::new(*x)).to_array();
-    }
-    for (x, to) in x1.iter().zip(to1) {
-        *to += w * *x;
+        for (n, (t, w)) in planes.iter().enumerate() {
+            let [t0, t1, t2, t3] = t.map(|t| t[done + c]);
+            let value = ((w[0] * t0 + w[1] * t1) + w[2] * t2) + w[3] * t3;
+            *out = if n == 0 { value } else { *out + value };
+        }
     }
 }
 
@@ -302,7 +274,7 @@ pub fn forward(planes: &Planes<'_>, combine: Combine, points: &[[f32; 3]], featu
     assert_eq!(features.len(), points.len() * width, "one row of features per point");
     par::chunks_mut(features, ROWS * width, |c, rows| {
         for (row, point) in rows.chunks_exact_mut(width).zip(&points[c * ROWS..]) {
-            planes.features(combine, *point, row);
+            planes.features(combine, &planes.reads(*point), row);
         }
     });
 }

@@ -34,5 +34,6 @@ pub mod normal;
 pub mod normal_head;
 pub mod occupancy;
 pub mod render;
+pub mod scatter;
 pub mod sdf_head;
 pub mod value_head;

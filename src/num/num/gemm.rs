@@ -10,8 +10,8 @@
 //! of b). A tile of `ROWS`×`COLUMNS` chains stays in registers while k runs over a block of `BLOCK_K`, and is
 //! resumed from memory for the next block. Rows and columns beyond the matrix are zero in the panels, and
 //! their results are discarded; k is never padded, because 0·∞ is not 0 and −0 + 0 is not −0. If the
-//! processor has AVX-512, regardless of the build target, two panels of columns are processed at once in
-//! registers of sixteen lanes ([`product_lanes`]).
+//! processor has AVX-512, regardless of the build target, registers of sixteen lanes hold twice as many rows
+//! ([`product_lanes`]).
 //!
 //! ```text
 //! gemm, gemm_packed, runs::{gemm_runs, add_grids}   the products: matrices, patches of images
@@ -52,11 +52,16 @@ use packed::PARALLEL;
 use tile::{COLUMNS, Chains, Columns, ROWS, Rows, Sixteen};
 
 /// Rows per task, chosen such that the packed rows of a and the stored tiles stay in the second-level cache.
-const BLOCK_ROWS: usize = 8 * ROWS;
+const BLOCK_ROWS: usize = 4 * ROWS;
 /// Columns per task.
 const BLOCK_COLUMNS: usize = 64 * COLUMNS;
 /// Largest number of column panels per task for which rows of a that are contiguous in k are read in place.
 const IN_PLACE: usize = 32;
+/// The same for rows that lie next to each other for every k.
+const ACROSS: usize = 8;
+/// Rows at multiples of this distance (2 KiB) share few sets of the first-level cache, and are packed earlier.
+const COLLIDING: usize = 512;
+
 /// Returns the number of lanes of a register in products: 16 if the processor has AVX-512 and the environment
 /// variable `LASTLIGHT_LANES` is not 8, otherwise 8 (mapped by the compiler to the registers of the target).
 /// The value affects only speed; the bits are the same.
@@ -69,42 +74,78 @@ pub fn product_lanes() -> usize {
 }
 
 impl View<'_> {
+    /// Whether rows that are contiguous in k are read where they lie.
     fn is_in_place(&self, panels: usize) -> bool {
-        self.column_stride == 1 && panels <= IN_PLACE
+        let limit = if self.row_stride.is_multiple_of(COLLIDING) { IN_PLACE / 16 } else { IN_PLACE };
+        self.column_stride == 1 && panels <= limit
+    }
+
+    /// Whether rows that lie next to each other are read where they lie.
+    fn is_across(&self, panels: usize) -> bool {
+        self.row_stride == 1 && self.column_stride > 1 && panels <= ACROSS
     }
 }
 
 impl Left for View<'_> {
     fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>) {
         packed.clear();
-        if !self.is_in_place(panels) {
+        if !self.is_in_place(panels) && !self.is_across(panels) {
             pack_rows(self, rows, ks, packed);
         }
     }
 
+    type Tile<'t, const R: usize>
+        = TileRows<'t, R>
+    where
+        Self: 't;
+
     #[inline(always)]
-    fn resume<S: Sixteen, const P: usize>(
-        self,
-        chains: &mut Chains<S, P>,
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        packed: &[Rows],
-        columns: [&[Columns]; P],
-    ) {
-        if ks.is_empty() {
-            return;
+        (packed, first): (&'t [Rows], usize),
+    ) -> TileRows<'t, R> {
+        if !packed.is_empty() || ks.is_empty() {
+            return TileRows::Packed(packed, first);
         }
-        if !packed.is_empty() {
-            return chains.packed(packed, columns);
+        if self.column_stride != 1 {
+            let at = rows.start * self.row_stride + ks.start * self.column_stride;
+            return TileRows::Across(&self.values[at..], self.column_stride);
         }
         // Missing rows repeat the last row; the results of their chains are discarded.
-        let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+        let mut a: [&[f32]; R] = [&[]; R];
         for (i, a) in a.iter_mut().enumerate() {
             let row = (rows.start + i).min(rows.end - 1) * self.row_stride;
             *a = &self.values[row + ks.start..row + ks.end];
         }
-        chains.in_place(a, columns);
+        TileRows::InPlace(a)
     }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        tile: TileRows<'_, R>,
+        chains: &mut Chains<S, R>,
+        columns: &[Columns],
+    ) {
+        match tile {
+            TileRows::Packed(packed, first) => chains.packed(packed, first, columns),
+            TileRows::InPlace(a) => chains.in_place(a, columns),
+            TileRows::Across(a, stride) => chains.across(a, stride, columns),
+        }
+    }
+}
+
+/// How the rows of a tile are read.
+#[derive(Clone, Copy)]
+enum TileRows<'a, const R: usize> {
+    /// From a packed panel, from the given row on.
+    Packed(&'a [Rows], usize),
+    /// Each where it lies, contiguous in k.
+    InPlace([&'a [f32]; R]),
+    /// Next to each other for every k, the given distance apart.
+    Across(&'a [f32], usize),
 }
 
 thread_local! {
@@ -161,6 +202,9 @@ fn product(a: View<'_>, b: &Packed, how: Finish<'_>, c: &mut [f32], shared: bool
     assert_eq!(c.len(), m * n, "the product is a ({m}, {n}) matrix");
     if let Some(bias) = how.bias() {
         assert_eq!(bias.len(), n, "one bias per column");
+    }
+    if let Finish::Gated(gates, width) = how {
+        assert!(width == n && gates.len() == m * n, "one gate per entry");
     }
     if m == 0 || n == 0 {
         return;

@@ -138,3 +138,19 @@ fn differences_hold_what_carries_no_gradient() {
     let after = ops::run_f64(op, &free).expect("it runs").outputs;
     assert!(before.need("color").expect("an output") != after.need("color").expect("an output"), "they move");
 }
+
+#[test]
+fn full_batches_and_long_rays_have_gradients() {
+    for (n, samples, stencil) in
+        [(80, 24, Stencil::Central), (2, 1200, Stencil::Central), (3, 3000, Stencil::Forward)]
+    {
+        let mut made = Made::random(n, 28);
+        made.settings.samples = samples;
+        made.settings.rule = Rule::Analytic;
+        made.settings.numerical_normals = Some((stencil, 0.0625));
+        let (out, plan) = made.render();
+        let gradients = flat(&mut made.gradients(&out, &plan, 64));
+        let is_good = gradients.iter().all(|g| g.is_finite()) && gradients.iter().any(|g| *g != 0.0);
+        assert!(is_good, "{n} rays of {samples} samples");
+    }
+}

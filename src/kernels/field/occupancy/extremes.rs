@@ -6,7 +6,7 @@
 //! up to 2×2 texels of level l − 1, and a range of texels is covered by those of the first level on which it
 //! has at most [`FEW`] per axis.
 
-use super::super::fetch::{AXES, Planes, blend};
+use super::super::fetch::{AXES, Planes, add_up};
 use super::bounded::Box3;
 use crate::num::lanes::{Real, f32x8};
 use crate::num::order;
@@ -186,7 +186,7 @@ impl Extremes {
         rows.resize(start + c, 0.0);
         let t = [texel(0), texel(1), texel(level.side), texel(level.side + 1)];
         let w = [(1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b];
-        blend(t, w, &mut rows[start..], false);
+        add_up([(t, w)], &mut rows[start..]);
     }
 
     /// Appends the smallest and the largest values in a range of texels of planes.

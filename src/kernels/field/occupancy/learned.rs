@@ -238,7 +238,7 @@ fn margins(planes: &Planes<'_>, combine: Combine, weight: &[f32]) -> Vec<f32> {
 impl Bounded for Learned<'_> {
     fn values(&self, points: &[[f32; 3]], sdf: &mut Vec<f32>) {
         let (mut here, mut next) = (Vec::new(), Vec::new());
-        self.planes.features_of(self.combine, points, &mut here);
+        self.planes.features_of(self.combine, points, &mut here, &mut Vec::new());
         for (l, layer) in self.layers.iter().enumerate() {
             let how = if l + 1 < self.layers.len() { Finish::Relu } else { Finish::Store };
             next.resize(points.len() * layer.outputs, 0.0);

@@ -6,7 +6,8 @@
 //! the midpoint rule without numerical normals both lists are the same.
 
 use super::intervals::{Intervals, Rays};
-use super::{Rule, Scene};
+use super::scene::{Rule, Scene, Settings};
+use crate::field::fetch::Reads;
 use std::ops::Range;
 
 /// Consecutive samples of one ray.
@@ -46,6 +47,9 @@ pub(super) struct Batch {
     pub(super) sdf_features: Vec<f32>,
     /// Features of the second list; empty if it is the first.
     pub(super) features: Vec<f32>,
+    /// What the points of both lists read.
+    pub(super) sdf_reads: Vec<Reads>,
+    pub(super) reads: Vec<Reads>,
 }
 
 impl Batch {
@@ -113,18 +117,20 @@ impl Batch {
     }
 
     /// Whether both lists are the same.
-    pub(super) fn is_shared(settings: &super::Settings) -> bool {
+    pub(super) fn is_shared(settings: &Settings) -> bool {
         settings.rule == Rule::Midpoint && settings.numerical_normals.is_none()
     }
 
     /// Fetches the features of both lists.
     pub(super) fn fetch(&mut self, scene: &Scene<'_>) {
         let (planes, combine) = (&scene.planes, scene.settings.combine);
-        planes.features_of(combine, &self.sdf_points, &mut self.sdf_features);
+        self.sdf_reads.clear();
+        self.reads.clear();
+        planes.features_of(combine, &self.sdf_points, &mut self.sdf_features, &mut self.sdf_reads);
         if Self::is_shared(&scene.settings) || !scene.heads.has_values() {
             self.features.clear();
         } else {
-            planes.features_of(combine, &self.points, &mut self.features);
+            planes.features_of(combine, &self.points, &mut self.features, &mut self.reads);
         }
     }
 }

@@ -1,9 +1,8 @@
 //! Forward and adjoint of a block of rays.
 
-use super::adjoint::Cotangents;
 use super::batch::{Batch, CARRIED, Segment};
 use super::decode::{Decoded, Nets};
-use super::{Plan, Rule, Scene};
+use super::scene::{Plan, Rule, Scene};
 use crate::field::{density, interval, normal};
 use crate::num::elem;
 use crate::num::lanes::{Real, f32x8};
@@ -48,6 +47,16 @@ pub(super) struct Sums {
     pub(super) normals: Vec<[f32; 3]>,
     /// Number of samples taken, (rays).
     pub(super) taken: Vec<u32>,
+}
+
+/// Buffers of the cotangents of a batch.
+#[derive(Debug, Default)]
+pub(super) struct Cotangents {
+    pub(super) values: Vec<f32>,
+    pub(super) sdf: Vec<f32>,
+    pub(super) sdf_features: Vec<f32>,
+    pub(super) features: Vec<f32>,
+    pub(super) weights: Vec<[f32; 2]>,
 }
 
 /// Buffers of a thread.

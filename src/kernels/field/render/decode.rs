@@ -2,7 +2,7 @@
 
 use super::batch::Batch;
 use super::nets::{Net, Values};
-use super::{Channels, Heads, Scene};
+use super::scene::{Heads, Scene};
 use crate::field::direction::{unit, unit_back};
 use crate::field::embed::{Place, reflect};
 use crate::field::sdf_head;
@@ -326,15 +326,5 @@ fn sigmoids_back(
             let v = v[at + k];
             bar[from + k] = v_bar[at + k] * (v * (1.0 - v));
         }
-    }
-}
-
-impl Channels {
-    /// Number of channels.
-    pub(super) fn count(&self) -> usize {
-        self.color.map_or(0, |_| 3)
-            + self.albedo.map_or(0, |_| 3)
-            + self.material.map_or(0, |_| 2)
-            + self.normal.map_or(0, |_| 3)
     }
 }

@@ -4,7 +4,7 @@
 //! weight continues the chain of the batches before, so that a block of rays is one left fold.
 
 use crate::field::network::Network;
-use crate::num::gemm::{Finish, Packed, View, gemm_here, gemm_packed_here};
+use crate::num::gemm::{CHUNK, Finish, Packed, View, gemm_here, gemm_packed_here};
 
 /// One layer, packed for both directions.
 #[derive(Debug)]
@@ -92,16 +92,18 @@ impl Net {
         for (l, layer) in self.layers.iter().enumerate().rev() {
             let input = if l > 0 { &values.layers[l - 1] } else { x };
             let bar = View::new(&here, rows, layer.n);
-            gemm_here(bar.t(), View::new(input, rows, layer.k), Finish::Resume, &mut weights_bar[l]);
+            // The chain of a weight continues over the rows of all batches, at most CHUNK of them per product.
+            for (bar, input) in here.chunks(CHUNK * layer.n).zip(input.chunks(CHUNK * layer.k)) {
+                let rows = bar.len() / layer.n;
+                let (bar, input) = (View::new(bar, rows, layer.n), View::new(input, rows, layer.k));
+                gemm_here(bar.t(), input, Finish::Resume, &mut weights_bar[l]);
+            }
             if l == 0 {
                 gemm_packed_here(bar, &layer.backward, Finish::Add, x_bar);
                 break;
             }
             next.resize(rows * layer.k, 0.0);
-            gemm_packed_here(bar, &layer.backward, Finish::Store, &mut next);
-            for (bar, y) in next.iter_mut().zip(input) {
-                *bar = if *y <= 0.0 { 0.0 } else { *bar };
-            }
+            gemm_packed_here(bar, &layer.backward, Finish::Gated(input, layer.k), &mut next);
             std::mem::swap(&mut here, &mut next);
         }
         values.cotangents = [here, next];

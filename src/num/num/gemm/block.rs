@@ -3,14 +3,16 @@
 
 use super::matrix::{CHUNK, Finish};
 use super::packed::Packed;
-use super::tile::{COLUMNS, Chains, Columns, Job, ROWS, Rows, Sixteen, Tile, widest};
+use super::tile::{COLUMNS, Chains, Columns, Eight, HALF, Job, ROWS, Rows, Sixteen, Tile, widest};
 use prefetch_index::prefetch_index;
 use std::cell::Cell;
 use std::ops::Range;
 
-/// Length of a block of k: a panel of a (8 KiB) and one of b (16 KiB), or two with sixteen lanes, stay in the
-/// first-level cache.
+/// Length of a block of k: a panel of a (12 KiB) and one of b (16 KiB) stay in the first-level cache.
 pub(super) const BLOCK_K: usize = 256;
+
+/// Number of panel columns, for one k each, that should stay in the first-level cache (16 KiB).
+pub(super) const RESIDENT: usize = 256;
 
 thread_local! {
     /// Memory of a task: packed rows of the left factor, and tiles that are stored between blocks of k.
@@ -22,15 +24,24 @@ pub(super) trait Left: Copy + Sync {
     /// Prepares the rows for k in `ks`; `panels` is the number of column panels that will use them. `packed`
     /// stays empty if the rows are read in place.
     fn prepare(self, rows: Range<usize>, ks: Range<usize>, panels: usize, packed: &mut Vec<Rows>);
-    /// Resumes the chains of the rows from `rows.start` on (at most six; rows beyond the last may hold any
-    /// values) over k in `ks`; `packed` is their part of the prepared rows.
-    fn resume<S: Sixteen, const P: usize>(
-        self,
-        chains: &mut Chains<S, P>,
+    /// How R rows are read.
+    type Tile<'t, const R: usize>: Copy
+    where
+        Self: 't;
+    /// Returns how the rows from `rows.start` on are read over k in `ks`: at most R; rows beyond the last may
+    /// hold any values. They are those from `packed.1` on of a panel of the prepared rows.
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        packed: &[Rows],
-        columns: [&[Columns]; P],
+        packed: (&'t [Rows], usize),
+    ) -> Self::Tile<'t, R>;
+    /// Resumes chains over these rows and k.
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        tile: Self::Tile<'_, R>,
+        chains: &mut Chains<S, R>,
+        columns: &[Columns],
     );
 }
 
@@ -137,67 +148,96 @@ impl<L: Left> Block<'_, L> {
         }
     }
 
-    /// Computes all tiles along one block of k; tiles of neighbouring panels are processed together.
+    /// Computes all tiles along one block of k. The rows of a tile are read by as many panels of columns as
+    /// stay in the first-level cache, before the next rows are.
     fn leg<S: Sixteen>(&mut self, simd: S, leg: &Leg, (packed, tiles): (&mut Vec<Rows>, &mut [Tile])) {
         let (panels, height) = (self.task.panels(), self.task.rows.len());
         self.a.prepare(self.task.top..self.task.top + height, leg.ks.clone(), panels.len(), packed);
-        let tiles_of = if tiles.is_empty() { 0 } else { height.div_ceil(ROWS) };
-        let b = self.b;
-        let columns = |p: usize| &b.panel(p)[leg.ks.clone()];
-        let (mut p, mut tiles) = (panels.start, tiles);
-        while p < panels.end {
-            let width = S::PANELS.min(panels.end - p);
-            let (mine, rest) = tiles.split_at_mut(width * tiles_of);
-            let at = p * COLUMNS - self.task.left;
-            if width == 2 {
-                simd.run(
-                    #[inline(always)]
-                    || self.panels(simd, leg, packed, [columns(p), columns(p + 1)], at, mine),
-                );
-            } else {
-                simd.run(
-                    #[inline(always)]
-                    || self.panels(simd, leg, packed, [columns(p)], at, mine),
-                );
-            }
-            (p, tiles) = (p + width, rest);
+        let narrow = panels.clone().filter(|p| self.b.n - p * COLUMNS <= COLUMNS / 2).count();
+        let (wide, together) = (panels.end - narrow, Ord::max(1, RESIDENT / Ord::max(1, leg.ks.len())));
+        for first in (panels.start..wide).step_by(together) {
+            let group = first..wide.min(first + together);
+            simd.run(
+                #[inline(always)]
+                || self.group(simd, leg, packed, group, tiles),
+            );
         }
+        simd.run(
+            #[inline(always)]
+            || self.group(Eight, leg, packed, wide..panels.end, tiles),
+        );
     }
 
-    /// Computes the tiles of one panel, or of two neighbouring panels, for all rows; `at` is their first
-    /// column.
+    /// Computes the tiles of some panels for all rows.
     #[inline(always)]
-    fn panels<S: Sixteen, const P: usize>(
+    fn group<S: Sixteen>(
         &mut self,
         simd: S,
         leg: &Leg,
         packed: &[Rows],
-        columns: [&[Columns]; P],
-        at: usize,
+        panels: Range<usize>,
         tiles: &mut [Tile],
     ) {
+        if panels.is_empty() {
+            return;
+        }
+        let (k, height) = (leg.ks.len(), self.task.rows.len());
+        for r in 0..height.div_ceil(ROWS) {
+            let mine = if packed.is_empty() { packed } else { &packed[r * k..][..k] };
+            let (upper, left) = (r * ROWS, height - r * ROWS);
+            if S::HEIGHT == ROWS && left > HALF {
+                self.row::<S, ROWS>(simd, leg, (r, 0), mine, panels.clone(), tiles);
+                continue;
+            }
+            for half in (0..left.min(ROWS)).step_by(HALF) {
+                debug_assert!(upper + half < height, "a tile has rows");
+                self.row::<S, HALF>(simd, leg, (r, half), mine, panels.clone(), tiles);
+            }
+        }
+    }
+
+    /// Computes the register tiles of some panels; their rows begin `half` rows below the upper edge of tile r.
+    #[inline(always)]
+    fn row<S: Sixteen, const R: usize>(
+        &mut self,
+        simd: S,
+        leg: &Leg,
+        (r, half): (usize, usize),
+        packed: &[Rows],
+        panels: Range<usize>,
+        tiles: &mut [Tile],
+    ) {
+        let all = self.task.panels();
         let Task { top, left, rows } = &mut self.task;
-        let (end, k) = (*top + rows.len(), leg.ks.len());
-        for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
+        let first = r * ROWS + half;
+        let (from, end, per_panel) = (*top + first, *top + rows.len(), rows.len().div_ceil(ROWS));
+        let last = rows.len().min(first + R);
+        let rows = &mut rows[first..last];
+        let read = self.a.tile::<R>(from..end, leg.ks.clone(), (packed, half));
+        for p in panels {
+            let at = p * COLUMNS - *left;
+            let tile: &mut [Columns] = match tiles.get_mut((p - all.start) * per_panel + r) {
+                Some(tile) => &mut tile[half..],
+                None => &mut [],
+            };
             let mut chains = match (leg.is_first, self.how) {
-                (true, Finish::Resume) => Chains::of_rows(simd, rows, at),
+                (true, Finish::Resume) => Chains::<S, R>::of_rows(simd, rows, at),
                 (true, _) => Chains::fresh(simd),
-                (false, _) => Chains::resumed(simd, &tiles[r * P..]),
+                (false, _) => Chains::resumed(simd, tile),
             };
             if leg.is_last && matches!(self.how, Finish::Add) {
                 // The values to be added to were written long ago; fetching them now makes them available
                 // when the chains end.
                 for row in &*rows {
-                    (0..P).for_each(|p| prefetch_index(&**row, at + p * COLUMNS));
-                    prefetch_index(&**row, row.len().min(at + P * COLUMNS) - 1);
+                    prefetch_index(&**row, at);
+                    prefetch_index(&**row, row.len().min(at + COLUMNS) - 1);
                 }
             }
-            let mine = if packed.is_empty() { packed } else { &packed[r * k..][..k] };
-            self.a.resume(&mut chains, *top + r * ROWS..end, leg.ks.clone(), mine, columns);
+            self.a.resume(read, &mut chains, &self.b.panel(p)[leg.ks.clone()]);
             if leg.is_last {
-                chains.finish(rows, (at, *left), self.how);
+                chains.finish(rows, at, [from, *left], self.how);
             } else {
-                chains.rest(&mut tiles[r * P..]);
+                chains.rest(tile);
             }
         }
     }

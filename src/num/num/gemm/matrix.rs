@@ -82,6 +82,9 @@ pub enum Finish<'a> {
     Leaky(&'a [f32], f32),
     /// c = max(0, p); NaN stays NaN.
     Relu,
+    /// c = 0 where the entry of the given matrix (m, n), whose n is repeated, is ≤ 0, and p elsewhere: the
+    /// adjoint of `Relu` at its results.
+    Gated(&'a [f32], usize),
     /// The chain starts at c instead of +0, and c is its end: a chain over k in parts. k is at most [`CHUNK`].
     Resume,
 }
@@ -89,7 +92,7 @@ pub enum Finish<'a> {
 impl<'a> Finish<'a> {
     pub(super) fn bias(self) -> Option<&'a [f32]> {
         match self {
-            Self::Store | Self::Add | Self::AddToZero | Self::Relu | Self::Resume => None,
+            Self::Store | Self::Add | Self::AddToZero | Self::Relu | Self::Gated(..) | Self::Resume => None,
             Self::Bias(bias) | Self::Leaky(bias, _) => Some(bias),
         }
     }

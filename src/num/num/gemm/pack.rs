@@ -42,7 +42,7 @@ pub(super) fn pack_columns(b: View<'_>, first: usize, panel: &mut [Columns]) {
     }
 }
 
-/// Packs rows `rows` and k `ks` of a into panels of six rows; rows beyond the end are zero.
+/// Packs rows `rows` and k `ks` of a into panels of twelve rows; rows beyond the end are zero.
 pub(super) fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panels: &mut Vec<Rows>) {
     panels.reserve(rows.len().div_ceil(ROWS) * ks.len());
     for first in rows.clone().step_by(ROWS) {
@@ -53,13 +53,22 @@ pub(super) fn pack_rows(a: View<'_>, rows: Range<usize>, ks: Range<usize>, panel
                 let load = |r: usize| {
                     if r < height { eight(&a.values[(first + r) * a.row_stride + k..]) } else { f32x8::ZERO }
                 };
-                let transposed = f32x8::transpose(std::array::from_fn(load));
-                panels.extend(transposed.iter().map(|x| x.to_array()));
+                let upper = f32x8::transpose(std::array::from_fn(load)).map(f32x8::to_array);
+                let lower =
+                    f32x8::transpose(std::array::from_fn(|r| if r < 4 { load(8 + r) } else { f32x8::ZERO }))
+                        .map(f32x8::to_array);
+                panels.extend((0..8).map(|i| {
+                    let mut rows = [0.0; ROWS];
+                    rows[..8].copy_from_slice(&upper[i]);
+                    rows[8..].copy_from_slice(&lower[i][..4]);
+                    rows
+                }));
                 k += 8;
             }
-        } else if a.row_stride == 1 && first + 8 <= a.rows {
-            // The two excess rows are never used.
-            panels.extend((k..ks.end).map(|k| eight(&a.values[k * a.column_stride + first..]).to_array()));
+        } else if a.row_stride == 1 && height == ROWS {
+            panels.extend((k..ks.end).map(|k| -> Rows {
+                a.values[k * a.column_stride + first..][..ROWS].try_into().expect("twelve numbers")
+            }));
             k = ks.end;
         }
         let at = |r: usize, k: usize| a.values[(first + r) * a.row_stride + k * a.column_stride];

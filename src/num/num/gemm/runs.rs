@@ -19,8 +19,8 @@
 //! assert_eq!(sums, [12.0, 16.0]);
 //! ```
 
-use super::block::{Left, Task, block};
-use super::tile::{COLUMNS, Chains, Columns, Job, ROWS, Rows, Sixteen, each, widest};
+use super::block::{Left, RESIDENT, Task, block};
+use super::tile::{COLUMNS, Chains, Columns, HALF, Job, ROWS, Rows, Sixteen, widest};
 use super::{BLOCK_ROWS, Finish, Packed};
 use std::ops::Range;
 
@@ -49,33 +49,49 @@ impl Left for Runs<'_> {
         packed.clear();
     }
 
+    type Tile<'t, const R: usize>
+        = ([usize; R], Range2)
+    where
+        Self: 't;
+
     #[inline(always)]
-    fn resume<S: Sixteen, const P: usize>(
-        self,
-        chains: &mut Chains<S, P>,
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        _: &[Rows],
-        columns: [&[Columns]; P],
-    ) {
-        let mut starts = [0; ROWS];
+        _: (&'t [Rows], usize),
+    ) -> ([usize; R], Range2) {
+        let mut starts = [0; R];
         for (i, start) in starts.iter_mut().enumerate() {
             *start = self.starts[(rows.start + i).min(rows.end - 1)];
         }
-        let (mut run, mut at) = (ks.start / self.len.max(1), ks.start % self.len.max(1));
-        let (mut done, all) = (0, ks.len());
+        (starts, [ks.start, ks.end])
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        (starts, [first, last]): ([usize; R], Range2),
+        chains: &mut Chains<S, R>,
+        columns: &[Columns],
+    ) {
+        let (mut run, mut at) = (first / self.len.max(1), first % self.len.max(1));
+        let (mut done, all) = (0, last - first);
         while done < all {
             let n = (all - done).min(self.len - at);
             let from = self.offsets[run] + at;
-            let mut a: [&[f32]; ROWS] = [&[]; ROWS];
+            let mut a: [&[f32]; R] = [&[]; R];
             for (a, start) in a.iter_mut().zip(starts) {
                 *a = &self.values[start + from..][..n];
             }
-            chains.in_place(a, each(columns, |b| &b[done..done + n]));
+            chains.in_place(a, &columns[done..done + n]);
             (run, at, done) = (run + 1, 0, done + n);
         }
     }
 }
+
+/// First k, and the end.
+type Range2 = [usize; 2];
 
 /// The transposed matrix of the patches of one image, `rows` × `columns` of them: column (r, q) of the factor
 /// (m, k) begins at `r · down + q · along`, and its runs at `offsets` from there; m = runs · len, k = `rows`
@@ -109,26 +125,26 @@ impl Grid<'_> {
         self.rows * self.columns
     }
 
-    /// Returns where patches contain the rows from `rows.start` on, at most six; missing rows repeat the last
+    /// Returns where patches contain the rows from `rows.start` on, at most R; missing rows repeat the last
     /// one.
     #[inline(always)]
-    fn places(&self, rows: Range<usize>) -> Places {
-        let mut at = [0; ROWS];
+    fn places<const R: usize>(&self, rows: Range<usize>) -> Places<R> {
+        let mut at = [0; R];
         for (i, at) in at.iter_mut().enumerate() {
             let row = (rows.start + i).min(rows.end - 1);
             *at = self.offsets[row / self.len] + row % self.len;
         }
-        Places { at, are_neighbours: rows.start % self.len + ROWS <= self.len && ROWS <= self.along }
+        Places { at, are_neighbours: rows.start % self.len + R <= self.len && R <= self.along }
     }
 
     /// Resumes the chains of these rows over the patches `ks`.
     #[inline(always)]
-    fn resume_at<S: Sixteen, const P: usize>(
+    fn resume_at<S: Sixteen, const R: usize>(
         &self,
-        chains: &mut Chains<S, P>,
-        places: &Places,
+        chains: &mut Chains<S, R>,
+        places: &Places<R>,
         ks: Range<usize>,
-        columns: [&[Columns]; P],
+        columns: &[Columns],
     ) {
         if ks.is_empty() {
             return;
@@ -137,17 +153,17 @@ impl Grid<'_> {
         let (mut done, all) = (0, ks.len());
         while done < all {
             let n = (all - done).min(self.columns - column);
-            let now = each(columns, |b| &b[done..done + n]);
+            let now = &columns[done..done + n];
             let start = row * self.down + column * self.along;
             if places.are_neighbours {
                 let line = &self.values[start + places.at[0]..][..n * self.along];
-                for (i, patch) in line.chunks_exact(self.along).enumerate() {
-                    let a: &[f32; ROWS] = patch[..ROWS].try_into().expect("six numbers");
-                    chains.step(|r| a[r], |p| &now[p][i]);
+                for (patch, b) in line.chunks_exact(self.along).zip(now) {
+                    let a: &[f32; R] = patch[..R].try_into().expect("R numbers");
+                    chains.step(|r| a[r], b);
                 }
             } else {
-                for i in 0..n {
-                    chains.step(|r| self.values[start + i * self.along + places.at[r]], |p| &now[p][i]);
+                for (i, b) in now.iter().enumerate() {
+                    chains.step(|r| self.values[start + i * self.along + places.at[r]], b);
                 }
             }
             (row, column, done) = (row + 1, 0, done + n);
@@ -155,10 +171,11 @@ impl Grid<'_> {
     }
 }
 
-/// Positions of six rows of a factor within a patch.
-struct Places {
+/// Positions of R rows of a factor within a patch.
+#[derive(Clone, Copy)]
+pub(super) struct Places<const R: usize> {
     /// Start of each row.
-    at: [usize; ROWS],
+    at: [usize; R],
     /// True if the rows are consecutive and do not reach beyond the next patch, so that they are read without
     /// separate look-ups.
     are_neighbours: bool,
@@ -169,16 +186,29 @@ impl Left for Grid<'_> {
         packed.clear();
     }
 
+    type Tile<'t, const R: usize>
+        = (Places<R>, Range2)
+    where
+        Self: 't;
+
     #[inline(always)]
-    fn resume<S: Sixteen, const P: usize>(
-        self,
-        chains: &mut Chains<S, P>,
+    fn tile<'t, const R: usize>(
+        &'t self,
         rows: Range<usize>,
         ks: Range<usize>,
-        _: &[Rows],
-        columns: [&[Columns]; P],
+        _: (&'t [Rows], usize),
+    ) -> (Places<R>, Range2) {
+        (self.places(rows), [ks.start, ks.end])
+    }
+
+    #[inline(always)]
+    fn resume<S: Sixteen, const R: usize>(
+        &self,
+        (places, [first, last]): (Places<R>, Range2),
+        chains: &mut Chains<S, R>,
+        columns: &[Columns],
     ) {
-        self.resume_at(chains, &self.places(rows), ks, columns);
+        self.resume_at(chains, &places, first..last, columns);
     }
 }
 
@@ -240,8 +270,6 @@ pub fn add_grids(items: &[(Grid<'_>, &Packed)], top: usize, mut rows: Vec<&mut [
 /// Largest k for which [`add_grids`] keeps sums in registers (where these have sixteen lanes) while it
 /// processes a few items.
 const SHORT: usize = 256;
-/// Number of panel columns, for one k each, that should stay in the first-level cache (16 KiB).
-const RESIDENT: usize = 256;
 
 pub(super) struct AddGrids<'a, 'b> {
     pub(super) items: &'a [(Grid<'b>, &'b Packed)],
@@ -250,49 +278,56 @@ pub(super) struct AddGrids<'a, 'b> {
 
 impl Job for AddGrids<'_, '_> {
     fn by<S: Sixteen>(mut self, simd: S) {
-        let Range { start: mut p, end } = self.task.panels();
-        while p < end {
-            let width = S::PANELS.min(end - p);
-            if width == 2 {
-                simd.run(
-                    #[inline(always)]
-                    || self.panels(simd, [p, p + 1]),
-                );
-            } else {
-                simd.run(
-                    #[inline(always)]
-                    || self.panels(simd, [p]),
-                );
-            }
-            p += width;
+        for p in self.task.panels() {
+            simd.run(
+                #[inline(always)]
+                || self.panel(simd, p),
+            );
         }
     }
 }
 
 impl AddGrids<'_, '_> {
-    /// Computes the tiles of one panel, or of two neighbouring panels, for all rows.
+    /// Computes the tiles of one panel for all rows.
     #[inline(always)]
-    fn panels<S: Sixteen, const P: usize>(&mut self, simd: S, panels: [usize; P]) {
-        let Task { top, rows, .. } = &mut self.task;
-        let (end, at) = (*top + rows.len(), panels[0] * COLUMNS);
+    fn panel<S: Sixteen>(&mut self, simd: S, panel: usize) {
         // As many items are processed together as keep their columns in the first-level cache.
         let k = self.items.first().map_or(1, |(_, b)| b.k);
-        for items in self.items.chunks((RESIDENT / (P * k.max(1))).max(1)) {
-            for (r, rows) in rows.chunks_mut(ROWS).enumerate() {
-                let mut sums = Chains::of_rows(simd, rows, at);
-                // The patches of all items are placed alike.
-                let places = items[0].0.places(*top + r * ROWS..end);
-                for (a, b) in items {
-                    let mut chains = Chains::fresh(simd);
-                    let mut columns: [&[Columns]; P] = [&[]; P];
-                    for (columns, p) in columns.iter_mut().zip(panels) {
-                        *columns = b.panel(p);
-                    }
-                    a.resume_at(&mut chains, &places, 0..b.k, columns);
-                    sums.add(&chains);
+        for items in self.items.chunks((RESIDENT / k.max(1)).max(1)) {
+            let (mut first, all) = (0, self.task.rows.len());
+            while first < all {
+                if S::HEIGHT == ROWS && all - first > HALF {
+                    self.tile::<S, ROWS>(simd, items, panel, first);
+                    first += ROWS;
+                } else {
+                    self.tile::<S, HALF>(simd, items, panel, first);
+                    first += HALF;
                 }
-                sums.finish(rows, (at, 0), Finish::Store);
             }
         }
+    }
+
+    /// Computes one register tile from row `first` on.
+    #[inline(always)]
+    fn tile<S: Sixteen, const R: usize>(
+        &mut self,
+        simd: S,
+        items: &[(Grid<'_>, &Packed)],
+        panel: usize,
+        first: usize,
+    ) {
+        let Task { top, rows, .. } = &mut self.task;
+        let (at, end, last) = (panel * COLUMNS, *top + rows.len(), rows.len().min(first + R));
+        let from = *top + first;
+        let rows = &mut rows[first..last];
+        let mut sums = Chains::<S, R>::of_rows(simd, rows, at);
+        // The patches of all items are placed alike.
+        let places = items[0].0.places(from..end);
+        for (a, b) in items {
+            let mut chains = Chains::fresh(simd);
+            a.resume_at(&mut chains, &places, 0..b.k, b.panel(panel));
+            sums.add(&chains);
+        }
+        sums.finish(rows, at, [from, 0], Finish::Store);
     }
 }

@@ -34,18 +34,21 @@ fn by_sixteen(job: impl Job) -> bool {
 /// Computes the product in both ways, with every [`Finish`].
 fn agree(a: impl Left, b: &Packed, m: usize, what: &str) {
     let (old, bias) = (values(m * b.n, 0x7e5c), values(b.n, 0x7e5d));
+    let mut gates = values(m * b.n, 0x7e70);
+    gates.iter_mut().step_by(3).for_each(|x| *x = -0.0);
     let mut stored = vec![0.0; m * b.n];
     Block { a, b, task: task(&mut stored, b.n, 0), how: Finish::Store }.by(Pairs);
     let leaky = |x: f32| if x > 0.0 { x } else { 0.2 * x };
     let relu = |x: f32| if x <= 0.0 { 0.0 } else { x };
     type End<'a> = &'a dyn Fn(usize) -> f32;
-    let ends: [(Finish<'_>, End<'_>); 6] = [
+    let ends: [(Finish<'_>, End<'_>); 7] = [
         (Finish::Store, &|i| stored[i]),
         (Finish::Add, &|i| old[i] + stored[i]),
         (Finish::AddToZero, &|i| 0.0 + stored[i]),
         (Finish::Bias(&bias), &|i| stored[i] + bias[i % b.n]),
         (Finish::Leaky(&bias, 0.2), &|i| leaky(stored[i] + bias[i % b.n])),
         (Finish::Relu, &|i| relu(stored[i])),
+        (Finish::Gated(&gates, b.n), &|i| if gates[i] <= 0.0 { 0.0 } else { stored[i] }),
     ];
     for (how, end) in ends {
         let (mut eight, mut sixteen) = (old.clone(), old.clone());
@@ -70,6 +73,10 @@ fn matrices_have_the_same_bits_with_eight_lanes_and_sixteen() {
         (20, 48, 600),
         (6, 50, 4096),
         (4, 40, 9000),
+        (29, 24, 64),
+        (30, 4, 64),
+        (15, 9, 300),
+        (18, 8, 5000),
         (3, 70, 0),
     ] {
         let (a, b) = (values(m * k, 0x7e5e), values(k * n, 0x7e5f));

@@ -1,11 +1,12 @@
 //! Register tiles: chains of products that stay in registers while k runs.
 //!
-//! A step of k takes sixteen columns of b and one number of each of six rows of a, and adds the 96 products
-//! to 96 chains. [`Sixteen`] abstracts how sixteen lanes are placed in registers: [`Pairs`] of eight lanes,
+//! A step of k takes sixteen columns of b and one number of each of R rows of a, and adds the 16·R products to
+//! as many chains. [`Sixteen`] abstracts how sixteen lanes are placed in registers: [`Pairs`] of eight lanes,
 //! which the compiler supports on any machine, or one register each if the processor is found to have AVX-512
-//! at run time ([`widest`]). AVX-512 also has twice as many registers, so two panels of columns are processed
-//! at once. Product and sum are two instructions in both cases, and lanes are never combined, so the bits are
-//! the same.
+//! at run time ([`widest`]). R is six with pairs and twelve with AVX-512, which has twice as many registers:
+//! each number of a is then used by one instruction alone, which reads it from memory itself. (A tile of six
+//! rows and two panels uses it twice, by a register of its own; that takes 1.5 times as long on Zen 4.) Product
+//! and sum are two instructions in both cases, and lanes are never combined, so the bits are the same.
 
 use super::matrix::Finish;
 use crate::num::lanes::{Real, f32x8};
@@ -14,8 +15,10 @@ use pulp::x86::V4;
 #[cfg(target_arch = "x86_64")]
 use std::sync::OnceLock;
 
-/// Rows of a register tile.
-pub(super) const ROWS: usize = 6;
+/// Rows of a tile: one register tile with AVX-512, two with pairs of registers.
+pub(super) const ROWS: usize = 12;
+/// Half of them: rows of a register tile of pairs, and of the last tile of a matrix if it has no more.
+pub(super) const HALF: usize = 6;
 /// Columns of a register tile.
 pub(super) const COLUMNS: usize = 16;
 
@@ -29,9 +32,9 @@ pub(super) fn eight(x: &[f32]) -> f32x8 {
 #[derive(Clone, Copy, Debug)]
 #[repr(align(64))]
 pub(super) struct Columns(pub(super) [f32; COLUMNS]);
-/// Six consecutive rows of a for one k; the last two numbers are not used.
-pub(super) type Rows = [f32; 8];
-/// A stored tile of 6×16 unfinished chains.
+/// Twelve consecutive rows of a for one k.
+pub(super) type Rows = [f32; ROWS];
+/// A stored tile of 12×16 unfinished chains.
 pub(super) type Tile = [Columns; ROWS];
 
 impl Columns {
@@ -40,8 +43,8 @@ impl Columns {
 
 /// Sixteen lanes in registers; the operations are those of IEEE 754, each rounded separately.
 pub(super) trait Sixteen: Copy + Send + Sync {
-    /// Number of column panels whose chains fit into the registers together: 1 or 2.
-    const PANELS: usize;
+    /// Number of rows whose chains fit into the registers together: [`HALF`] or [`ROWS`].
+    const HEIGHT: usize;
     /// A vector of sixteen numbers.
     type V: Copy;
     /// Loads a vector from memory.
@@ -56,8 +59,8 @@ pub(super) trait Sixteen: Copy + Send + Sync {
     fn product(self, x: Self::V, y: Self::V) -> Self::V;
     /// x where it is positive, slope·x elsewhere
     fn leaky(self, x: Self::V, slope: f32) -> Self::V;
-    /// +0 where x ≤ 0, x elsewhere
-    fn relu(self, x: Self::V) -> Self::V;
+    /// +0 where gate ≤ 0, x elsewhere
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V;
     /// Runs code compiled for these registers, out of line; everything that it calls has to be inlined
     /// (`inline(always)`, also for the closure if it consists of more than a few instructions).
     fn run(self, work: impl FnOnce());
@@ -68,7 +71,7 @@ pub(super) trait Sixteen: Copy + Send + Sync {
 pub(super) struct Pairs;
 
 impl Sixteen for Pairs {
-    const PANELS: usize = 1;
+    const HEIGHT: usize = HALF;
     type V = [f32x8; 2];
 
     #[inline(always)]
@@ -106,9 +109,61 @@ impl Sixteen for Pairs {
     }
 
     #[inline(always)]
-    fn relu(self, x: Self::V) -> Self::V {
-        let one = |x: f32x8| f32x8::select(x.le(f32x8::ZERO), f32x8::ZERO, x);
-        [one(x[0]), one(x[1])]
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V {
+        let one = |x: f32x8, gate: f32x8| f32x8::select(gate.le(f32x8::ZERO), f32x8::ZERO, x);
+        [one(x[0], gate[0]), one(x[1], gate[1])]
+    }
+
+    #[inline(never)]
+    fn run(self, work: impl FnOnce()) {
+        work();
+    }
+}
+
+/// One register of eight lanes, for panels of which at most eight columns are used; the others are not
+/// computed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Eight;
+
+impl Sixteen for Eight {
+    const HEIGHT: usize = ROWS;
+    type V = f32x8;
+
+    #[inline(always)]
+    fn load(self, x: &[f32; COLUMNS]) -> Self::V {
+        eight(&x[..8])
+    }
+
+    #[inline(always)]
+    fn store(self, x: Self::V) -> [f32; COLUMNS] {
+        let mut all = [0.0; COLUMNS];
+        all[..8].copy_from_slice(&x.to_array());
+        all
+    }
+
+    #[inline(always)]
+    fn splat(self, x: f32) -> Self::V {
+        f32x8::splat(x)
+    }
+
+    #[inline(always)]
+    fn sum(self, x: Self::V, y: Self::V) -> Self::V {
+        x + y
+    }
+
+    #[inline(always)]
+    fn product(self, x: Self::V, y: Self::V) -> Self::V {
+        x * y
+    }
+
+    #[inline(always)]
+    fn leaky(self, x: Self::V, slope: f32) -> Self::V {
+        f32x8::select(x.gt(f32x8::ZERO), x, f32x8::splat(slope) * x)
+    }
+
+    #[inline(always)]
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V {
+        f32x8::select(gate.le(f32x8::ZERO), f32x8::ZERO, x)
     }
 
     #[inline(never)]
@@ -119,7 +174,7 @@ impl Sixteen for Pairs {
 
 #[cfg(target_arch = "x86_64")]
 impl Sixteen for V4 {
-    const PANELS: usize = 2;
+    const HEIGHT: usize = ROWS;
     type V = std::arch::x86_64::__m512;
 
     #[inline(always)]
@@ -155,8 +210,9 @@ impl Sixteen for V4 {
     }
 
     #[inline(always)]
-    fn relu(self, x: Self::V) -> Self::V {
-        let stays = self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_NLE_UQ }>(x, self.splat(0.0));
+    fn gated(self, x: Self::V, gate: Self::V) -> Self::V {
+        let stays =
+            self.avx512f._mm512_cmp_ps_mask::<{ std::arch::x86_64::_CMP_NLE_UQ }>(gate, self.splat(0.0));
         self.avx512f._mm512_maskz_mov_ps(stays, x)
     }
 
@@ -202,136 +258,142 @@ pub(super) fn each<'a, T, U, const N: usize>(
     results
 }
 
-/// Chains of one tile, or of two neighbouring tiles, in registers.
-pub(super) struct Chains<S: Sixteen, const P: usize> {
+/// Chains of one tile in registers.
+pub(super) struct Chains<S: Sixteen, const R: usize> {
     simd: S,
-    acc: [[S::V; P]; ROWS],
+    acc: [S::V; R],
 }
 
-impl<S: Sixteen, const P: usize> Chains<S, P> {
+impl<S: Sixteen, const R: usize> Chains<S, R> {
     /// Starts new chains at +0.
     #[inline(always)]
     pub(super) fn fresh(simd: S) -> Self {
-        Self { simd, acc: [[simd.splat(0.0); P]; ROWS] }
+        Self { simd, acc: [simd.splat(0.0); R] }
     }
 
-    /// Loads the chains from stored tiles.
+    /// Loads the chains from rows of a stored tile.
     #[inline(always)]
-    pub(super) fn resumed(simd: S, tiles: &[Tile]) -> Self {
+    pub(super) fn resumed(simd: S, tile: &[Columns]) -> Self {
         let mut chains = Self::fresh(simd);
-        for (p, tile) in tiles[..P].iter().enumerate() {
-            for (acc, row) in chains.acc.iter_mut().zip(tile) {
-                acc[p] = simd.load(&row.0);
-            }
+        for (acc, row) in chains.acc.iter_mut().zip(&tile[..R]) {
+            *acc = simd.load(&row.0);
         }
         chains
     }
 
-    /// Stores the chains as tiles.
+    /// Stores the chains in rows of a tile.
     #[inline(always)]
-    pub(super) fn rest(self, tiles: &mut [Tile]) {
-        for (p, tile) in tiles[..P].iter_mut().enumerate() {
-            for (row, acc) in tile.iter_mut().zip(&self.acc) {
-                *row = Columns(self.simd.store(acc[p]));
-            }
+    pub(super) fn rest(self, tile: &mut [Columns]) {
+        for (row, acc) in tile[..R].iter_mut().zip(self.acc) {
+            *row = Columns(self.simd.store(acc));
         }
     }
 
     /// Performs one step of k, which adds a product to each chain.
     #[inline(always)]
-    pub(super) fn step<'a>(&mut self, a: impl Fn(usize) -> f32, b: impl Fn(usize) -> &'a Columns) {
-        let mut columns = [self.simd.splat(0.0); P];
-        for (p, columns) in columns.iter_mut().enumerate() {
-            *columns = self.simd.load(&b(p).0);
-        }
+    pub(super) fn step(&mut self, a: impl Fn(usize) -> f32, b: &Columns) {
+        let columns = self.simd.load(&b.0);
         for (r, acc) in self.acc.iter_mut().enumerate() {
-            let x = self.simd.splat(a(r));
-            for (acc, y) in acc.iter_mut().zip(columns) {
-                *acc = self.simd.sum(*acc, self.simd.product(x, y));
-            }
+            *acc = self.simd.sum(*acc, self.simd.product(self.simd.splat(a(r)), columns));
         }
     }
 
-    /// Adds products over packed rows.
+    /// Adds products over packed rows, from row `first` of them on.
     #[inline(always)]
-    pub(super) fn packed(&mut self, a: &[Rows], columns: [&[Columns]; P]) {
+    pub(super) fn packed(&mut self, a: &[Rows], first: usize, columns: &[Columns]) {
         // The loop handles four k at a time; the loop's own instructions would otherwise take issue slots
         // from the arithmetic.
         let (a4, a1) = a.as_chunks::<4>();
-        let b4 = each(columns, |b| &b.as_chunks::<4>().0[..a4.len()]);
-        let b1 = each(columns, |b| &b[4 * a4.len()..][..a1.len()]);
-        for (k, a) in a4.iter().enumerate() {
-            for i in 0..4 {
-                self.step(|r| a[i][r], |p| &b4[p][k][i]);
+        let (b4, b1) = columns[..a.len()].as_chunks::<4>();
+        for (a, b) in a4.iter().zip(b4) {
+            for (a, b) in a.iter().zip(b) {
+                self.step(|r| a[first + r], b);
             }
         }
-        for (k, a) in a1.iter().enumerate() {
-            self.step(|r| a[r], |p| &b1[p][k]);
+        for (a, b) in a1.iter().zip(b1) {
+            self.step(|r| a[first + r], b);
         }
     }
 
     /// Adds products over rows read in place, each contiguous in k and as long as the columns.
     #[inline(always)]
-    pub(super) fn in_place(&mut self, a: [&[f32]; ROWS], columns: [&[Columns]; P]) {
-        let n = columns[0].len();
-        let quads = n / 4;
-        let a4 = each(a, |a| &a.as_chunks::<4>().0[..quads]);
-        let b4 = each(columns, |b| &b.as_chunks::<4>().0[..quads]);
-        for k in 0..quads {
-            for i in 0..4 {
-                self.step(|r| a4[r][k][i], |p| &b4[p][k][i]);
+    pub(super) fn in_place(&mut self, a: [&[f32]; R], columns: &[Columns]) {
+        let (b4, b1) = columns.as_chunks::<4>();
+        let a4 = each(a, |a| &a.as_chunks::<4>().0[..b4.len()]);
+        for (k, b) in b4.iter().enumerate() {
+            for (i, b) in b.iter().enumerate() {
+                self.step(|r| a4[r][k][i], b);
             }
         }
-        for k in 4 * quads..n {
-            self.step(|r| a[r][k], |p| &columns[p][k]);
+        let a1 = each(a, |a| &a[4 * b4.len()..][..b1.len()]);
+        for (k, b) in b1.iter().enumerate() {
+            self.step(|r| a1[r][k], b);
+        }
+    }
+
+    /// Adds products over rows that lie next to each other for every k, `stride` apart; numbers beyond the end
+    /// of `a` are those of rows that do not exist.
+    #[inline(always)]
+    pub(super) fn across(&mut self, a: &[f32], stride: usize, columns: &[Columns]) {
+        for (k, b) in columns.iter().enumerate() {
+            let a = &a[k * stride..];
+            match a.first_chunk::<R>() {
+                Some(a) => self.step(|r| a[r], b),
+                None => {
+                    let a = padded(&a[..Ord::min(a.len(), R)]);
+                    self.step(|r| a[r], b);
+                }
+            }
         }
     }
 
     /// Adds the values of other chains.
     #[inline(always)]
     pub(super) fn add(&mut self, others: &Self) {
-        for (acc, others) in self.acc.iter_mut().zip(&others.acc) {
-            for (acc, other) in acc.iter_mut().zip(others) {
-                *acc = self.simd.sum(*acc, *other);
-            }
+        for (acc, other) in self.acc.iter_mut().zip(&others.acc) {
+            *acc = self.simd.sum(*acc, *other);
         }
     }
 
-    /// Loads the values of at most six rows of c from column `at` on; beyond their end the values are zero.
+    /// Loads the values of at most R rows of c from column `at` on; beyond their end the values are zero.
     #[inline(always)]
     pub(super) fn of_rows(simd: S, rows: &[&mut [f32]], at: usize) -> Self {
         let mut chains = Self::fresh(simd);
         for (acc, row) in chains.acc.iter_mut().zip(rows) {
-            for (p, acc) in acc.iter_mut().enumerate() {
-                let c = &row[at + p * COLUMNS..row.len().min(at + (p + 1) * COLUMNS)];
-                *acc = simd.load(&padded(c));
-            }
+            *acc = simd.load(&padded(&row[at..row.len().min(at + COLUMNS)]));
         }
         chains
     }
 
-    /// Writes to at most six rows of c from column `at` on; the block begins at column `left`.
+    /// Writes to at most R rows of c from column `at` on; in the product, they begin at row and column `place`.
     #[inline(always)]
-    pub(super) fn finish(self, rows: &mut [&mut [f32]], (at, left): (usize, usize), how: Finish<'_>) {
-        for (acc, row) in self.acc.into_iter().zip(rows) {
-            for (p, x) in acc.into_iter().enumerate() {
-                let at = at + p * COLUMNS;
-                let end = row.len().min(at + COLUMNS);
-                let c = &mut row[at..end];
-                let simd = self.simd;
-                let biased = |bias: &[f32]| simd.sum(x, simd.load(&padded(&bias[left + at..left + end])));
-                let x = match how {
-                    Finish::Store | Finish::Resume => x,
-                    Finish::Relu => simd.relu(x),
-                    Finish::Add => simd.sum(simd.load(&padded(c)), x),
-                    Finish::AddToZero => simd.sum(simd.splat(0.0), x),
-                    Finish::Bias(bias) => biased(bias),
-                    Finish::Leaky(bias, slope) => simd.leaky(biased(bias), slope),
-                };
-                match <&mut [f32; COLUMNS]>::try_from(&mut *c) {
-                    Ok(c) => *c = simd.store(x),
-                    Err(_) => write_some(c, &simd.store(x)),
-                }
+    pub(super) fn finish(self, rows: &mut [&mut [f32]], at: usize, place: [usize; 2], how: Finish<'_>) {
+        let (simd, left) = (self.simd, place[1] + at);
+        match how {
+            Finish::Store | Finish::Resume => self.write(rows, at, |_, x, _| x),
+            Finish::Relu => self.write(rows, at, |_, x, _| simd.gated(x, x)),
+            Finish::Gated(gates, n) => self.write(rows, at, |i, x, c| {
+                simd.gated(x, simd.load(&padded(&gates[(place[0] + i) * n + left..][..c.len()])))
+            }),
+            Finish::Add => self.write(rows, at, |_, x, c| simd.sum(simd.load(&padded(c)), x)),
+            Finish::AddToZero => self.write(rows, at, |_, x, _| simd.sum(simd.splat(0.0), x)),
+            Finish::Bias(bias) => {
+                self.write(rows, at, |_, x, c| simd.sum(x, simd.load(&padded(&bias[left..][..c.len()]))));
+            }
+            Finish::Leaky(bias, slope) => self.write(rows, at, |_, x, c| {
+                simd.leaky(simd.sum(x, simd.load(&padded(&bias[left..][..c.len()]))), slope)
+            }),
+        }
+    }
+
+    /// Writes `value(row, chains, sixteen numbers of c or those that are left of it)`.
+    #[inline(always)]
+    fn write(self, rows: &mut [&mut [f32]], at: usize, value: impl Fn(usize, S::V, &[f32]) -> S::V) {
+        for ((i, x), row) in self.acc.into_iter().enumerate().zip(rows) {
+            let c = &mut row[at..];
+            match c.first_chunk_mut::<COLUMNS>() {
+                Some(c) => *c = self.simd.store(value(i, x, c)),
+                None => write_some(c, &self.simd.store(value(i, x, c))),
             }
         }
     }
@@ -356,8 +418,18 @@ fn read_some(x: &[f32]) -> [f32; COLUMNS] {
     all
 }
 
-#[cold]
-#[inline(never)]
+/// Copies the first numbers, four at a time (a copy of any length would be a call).
+#[inline(always)]
 fn write_some(c: &mut [f32], x: &[f32; COLUMNS]) {
-    c.copy_from_slice(&x[..c.len()]);
+    let ((c4, c1), (x4, _)) = (c.as_chunks_mut::<4>(), x.as_chunks::<4>());
+    let done = c4.len();
+    c4.iter_mut().zip(x4).for_each(|(c, x)| *c = *x);
+    if let Some(x) = x4.get(done) {
+        match c1 {
+            [a, b, c] => [*a, *b, *c] = [x[0], x[1], x[2]],
+            [a, b] => [*a, *b] = [x[0], x[1]],
+            [a] => *a = x[0],
+            _ => {}
+        }
+    }
 }

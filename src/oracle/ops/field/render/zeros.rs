@@ -42,7 +42,7 @@ impl<'a> Reached<'a> {
     fn features(&self, x: [f32; 3]) -> Vec<f64> {
         let Scene { planes, settings, .. } = self.scene;
         let mut features = vec![0.0; settings.combine.width(planes.channels)];
-        planes.features(settings.combine, x, &mut features);
+        planes.features(settings.combine, &planes.reads(x), &mut features);
         features.into_iter().map(f64::from).collect()
     }
 

@@ -1,10 +1,11 @@
 //! Adjoint of a block of rays.
 
 use super::batch::{Batch, Segment};
-use super::block::{ROWS, Scratch, VALID, decode};
+use super::block::{Cotangents, ROWS, Scratch, VALID, decode};
 use super::decode::{HeadsBar, Nets};
-use super::{OutBar, Plan, Rule, Scene};
+use super::scene::{Out, OutBar, Plan, Rule, Scene};
 use crate::field::embed::Place;
+use crate::field::scatter::Part;
 use crate::field::{composite, normal};
 use std::ops::Range;
 
@@ -14,9 +15,9 @@ pub(super) struct BlockBar {
     pub(super) heads: HeadsBar,
     pub(super) beta: f64,
     pub(super) background: f64,
-    /// Points at which features were fetched: per ray those of the first list, then those of the second.
-    pub(super) points: Vec<[f32; 3]>,
-    /// Their cotangents, (points, F).
+    /// What was read, by points: per ray those of the first list, then those of the second.
+    pub(super) part: Part,
+    /// The cotangents of their features, (points, F).
     pub(super) features: Vec<f32>,
     /// Places where panoramas were read, in the order of rays and samples.
     pub(super) places: Vec<Place>,
@@ -32,26 +33,28 @@ struct RayBar<'a> {
     normal: [f32; 3],
 }
 
-/// Buffers of the cotangents of a batch.
-#[derive(Debug, Default)]
-pub(super) struct Cotangents {
-    values: Vec<f32>,
-    sdf: Vec<f32>,
-    sdf_features: Vec<f32>,
-    features: Vec<f32>,
-    weights: Vec<[f32; 2]>,
+impl BlockBar {
+    /// Removes everything but the memory.
+    fn clear(&mut self, nets: &Nets) {
+        self.heads = nets.zeros();
+        (self.beta, self.background) = (0.0, 0.0);
+        self.part.reads().clear();
+        self.features.clear();
+        self.places.clear();
+        self.embedded.clear();
+    }
 }
 
-/// Computes the gradients of a block; `sums` are what the forward pass has returned for its rays.
-pub(super) fn adjoint(
+/// Computes the gradients of a block from the outputs of its rays and their cotangents.
+pub(super) fn block(
     scene: &Scene<'_>,
     nets: &Nets,
     plan: &Plan,
     rays: Range<usize>,
-    (out, out_bar): (&super::Out, &OutBar<'_>),
-    scratch: &mut Scratch,
-) -> BlockBar {
-    let mut made = BlockBar { heads: nets.zeros(), ..BlockBar::default() };
+    (out, out_bar): (&Out, &OutBar<'_>),
+    (scratch, made): (&mut Scratch, &mut BlockBar),
+) {
+    made.clear(nets);
     for ray in rays.clone() {
         made.background += background_bar(scene, out, out_bar, ray);
     }
@@ -67,14 +70,14 @@ pub(super) fn adjoint(
         }
         if scratch.batch.samples() > 0 {
             decode(scene, nets, scratch, |_| unreachable!("a complete ray carries nothing"));
-            adjoint_batch(scene, nets, (out, out_bar), scratch, &mut made);
+            adjoint_batch(scene, nets, (out, out_bar), scratch, made);
         }
     }
-    made
+    made.part.sort(&scene.planes);
 }
 
 /// Derivative by the background: the cotangents of all values times what the ray leaves of it.
-fn background_bar(scene: &Scene<'_>, out: &super::Out, out_bar: &OutBar<'_>, ray: usize) -> f64 {
+fn background_bar(scene: &Scene<'_>, out: &Out, out_bar: &OutBar<'_>, ray: usize) -> f64 {
     let rest = out.transmittance[ray];
     let q = scene.channels().count();
     let mut sum = 0.0;
@@ -87,7 +90,7 @@ fn background_bar(scene: &Scene<'_>, out: &super::Out, out_bar: &OutBar<'_>, ray
 fn adjoint_batch(
     scene: &Scene<'_>,
     nets: &Nets,
-    (out, out_bar): (&super::Out, &OutBar<'_>),
+    (out, out_bar): (&Out, &OutBar<'_>),
     scratch: &mut Scratch,
     made: &mut BlockBar,
 ) {
@@ -116,12 +119,17 @@ fn adjoint_batch(
     made.places.extend_from_slice(places);
     made.embedded.extend_from_slice(embedded);
     nets.sdf_adjoint(scene, batch, decoded, &bars.sdf, (&mut made.heads, &mut bars.sdf_features));
-    for segment in &batch.segments {
-        let (rows, samples) = (segment.rows.clone(), segment.first..segment.first + segment.samples.len());
-        made.points.extend_from_slice(&batch.sdf_points[rows.clone()]);
-        made.features.extend_from_slice(&bars.sdf_features[rows.start * f..rows.end * f]);
-        if !bars.features.is_empty() {
-            made.points.extend_from_slice(&batch.points[samples.clone()]);
+    let reads = made.part.reads();
+    if bars.features.is_empty() {
+        reads.extend_from_slice(&batch.sdf_reads);
+        made.features.extend_from_slice(&bars.sdf_features);
+    } else {
+        for segment in &batch.segments {
+            let (rows, samples) =
+                (segment.rows.clone(), segment.first..segment.first + segment.samples.len());
+            reads.extend_from_slice(&batch.sdf_reads[rows.clone()]);
+            reads.extend_from_slice(&batch.reads[samples.clone()]);
+            made.features.extend_from_slice(&bars.sdf_features[rows.start * f..rows.end * f]);
             made.features.extend_from_slice(&bars.features[samples.start * f..samples.end * f]);
         }
     }
@@ -129,7 +137,7 @@ fn adjoint_batch(
 }
 
 /// Cotangents of the sums along a ray: those of the outputs, through background, surface point and normal.
-fn ray_bar<'a>(scene: &Scene<'_>, (out, out_bar): (&super::Out, &'a OutBar<'_>), ray: usize) -> RayBar<'a> {
+fn ray_bar<'a>(scene: &Scene<'_>, (out, out_bar): (&Out, &'a OutBar<'_>), ray: usize) -> RayBar<'a> {
     let q = scene.channels().count();
     let values = &out_bar.values[ray * q..(ray + 1) * q];
     let opacity = out.opacity[ray];
