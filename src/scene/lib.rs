@@ -8,6 +8,7 @@
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
 //! passes     renderer's passes of a photo                   bound      the projected box of what a camera sees
+//! field      feature planes, panoramas and heads of an object
 //! from_data_gen  generated surfaces, maps and views as objects, environments and cameras
 //! ```
 #![forbid(unsafe_code)]
@@ -17,6 +18,7 @@ pub mod camera;
 pub mod columns;
 pub mod convert;
 pub mod environment_file;
+pub mod field;
 pub mod from_data_gen;
 pub mod gaussians;
 pub mod lens;

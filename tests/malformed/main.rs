@@ -16,6 +16,7 @@ mod spoiled;
 use lastlight::io::{
     colmap, colmap_text, gaussian_ply, image_file, npz, ply, safetensors, splat_file, transforms,
 };
+use lastlight::scene::field::Field;
 use lastlight::scene::gaussians::Gaussians;
 use lastlight::{Error, Result};
 
@@ -53,6 +54,7 @@ fn formats() -> Vec<Format> {
         ),
         f("one.npy", |b, n| npz::parse(b, n).map(drop), npy(), true),
         f("a.safetensors", |b, n| safetensors::parse(b, n).map(drop), samples::safetensors_file(), true),
+        f("field.safetensors", |b, n| Field::parse(b, n).map(drop), samples::field_file(), true),
         f("scene.ply", scene, gaussian_ply::to_bytes(&samples::gaussians(1)), true),
         // Without its last line break, or digit by digit, a text is still a text.
         f("ascii.ply", |b, n| gaussian_ply::parse_points(b, n).map(drop), samples::ply_ascii(), false),

@@ -6,8 +6,18 @@ use lastlight::scene::gaussians::Gaussians;
 
 /// All of them.
 pub(super) fn all() -> Vec<Case> {
-    let groups =
-        [npz_files, npy_files, safetensors, ply, splat, pictures, transforms, colmap_binary, colmap_text];
+    let groups = [
+        npz_files,
+        npy_files,
+        safetensors,
+        field,
+        ply,
+        splat,
+        pictures,
+        transforms,
+        colmap_binary,
+        colmap_text,
+    ];
     groups.into_iter().flat_map(|group| group()).chain(models::spoiled::all()).collect()
 }
 
@@ -80,6 +90,25 @@ fn safetensors() -> Vec<Case> {
             (with("\"shape\":[3]", "\"shape\":[4]"), "array 'f64', data_offsets: expected 32 bytes"),
             (with("\"F64\"", "\"F99\""), "header"),
             (with("\"data_offsets\":[0,", "\"data_offsets\":[8,"), "array 'f64', data_offsets"),
+        ],
+    )
+}
+
+/// Shapes, settings and the digest of a field.
+fn field() -> Vec<Case> {
+    let file = valid("field.safetensors");
+    let with = |from: &str, to: &str| text(&file, from, to);
+    rows(
+        "field.safetensors",
+        [
+            (with("[6,2,2,2]", "[3,4,2,2]"), "array 'planes': expected square planes"),
+            (with("[6,2,2,2]", "[3,2,2,4]"), "head 'sdf': expected 12 inputs, got 6"),
+            (with("[6,2,2,2]", "[9,2,2,2]"), "array 'planes', data_offsets: expected 288 bytes"),
+            (with("heads/rho/0", "heads/rho/7"), "panoramas: expected heads 'color', 'normal' and 'rho'"),
+            (with("\\\"samples\\\":128", "\\\"samples\\\":1e9"), "setting 'samples'"),
+            (with("\\\"samples\\\":128", "\\\"samples\\\":129"), "metadata: digest"),
+            (splice(&file, file.len() - 4, &f32::NAN.to_le_bytes()), "a finite number"),
+            (splice(&file, file.len() - 4, &0.26_f32.to_le_bytes()), "metadata: digest"),
         ],
     )
 }

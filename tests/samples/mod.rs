@@ -38,6 +38,30 @@ pub(crate) fn npz_file(packing: npz::Packing) -> Vec<u8> {
     npz::to_bytes(&arrays(), packing).expect("arrays fit")
 }
 
+/// A field with every part, as a file.
+pub(crate) fn field_file() -> Vec<u8> {
+    use lastlight::scene::field::{Field, Heads, Network, Panoramas, Placement, Planes, Settings};
+    let network = |widths: &[usize]| Network {
+        widths: widths.to_vec(),
+        weights: widths.windows(2).map(|n| vec![0.25; n[0] * n[1]]).collect(),
+    };
+    let field = Field {
+        planes: Planes { values: vec![0.5; 6 * 4 * 2], count: 6, side: 2, channels: 2 },
+        panoramas: Some(Panoramas { values: vec![0.5; 8], levels: 1, height: 2, width: 2, channels: 2 }),
+        heads: Heads {
+            sdf: network(&[6, 2, 1]),
+            color: Some(network(&[8, 3])),
+            albedo: Some(network(&[6, 3])),
+            material: Some(network(&[6, 2])),
+            normal: Some(network(&[6, 3])),
+            rho: Some(network(&[6, 1])),
+        },
+        settings: Settings::default(),
+        placement: Placement { center: [0.1, 0.2, 0.3], scale: 2.5 },
+    };
+    field.to_bytes().expect("a valid field")
+}
+
 pub(crate) fn safetensors_file() -> Vec<u8> {
     let meta = BTreeMap::from([("step".to_owned(), "12".to_owned())]);
     safetensors::to_bytes(&arrays(), &meta)
