@@ -197,7 +197,8 @@ pub struct Signature {
     pub outputs: &'static [Port],
     /// Further results of `--dump`.
     pub intermediates: &'static [Port],
-    /// Discrete decisions.
+    /// Discrete decisions, in arrays of integers. An array of floats holds values that carry no gradient but change
+    /// with the inputs: finite differences hold them, and they are no decisions.
     pub plan: &'static [Port],
     /// Names of this operator in files of other programs that are ignored.
     pub companions: &'static [&'static str],
@@ -224,6 +225,11 @@ impl Signature {
     /// Whether it is composed of several operators.
     pub fn is_composite(&self) -> bool {
         !self.stages.is_empty()
+    }
+
+    /// Whether `name` is an array of the plan whose values finite differences hold.
+    pub fn is_held(&self, name: &str) -> bool {
+        self.plan.iter().any(|port| port.name == name && port.dtype == Dtype::Float)
     }
 
     /// The port of that name among inputs, outputs, intermediates and plan.

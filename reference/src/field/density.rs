@@ -54,7 +54,12 @@ pub(super) fn scale<S: Scalar>(beta: &Arr<S>) -> Result<S, String> {
 
 /// Density at one distance.
 pub fn density<S: Scalar>(s: S, beta: S) -> S {
-    let psi = if s.value() > 0.0 { (-s / beta).exp() * 0.5 } else { -((s / beta).exp() * 0.5) + 1.0 };
+    density_by(s, beta, |is_outside| is_outside)
+}
+
+/// Density at one distance; `choose` decides whether it is outside.
+pub(super) fn density_by<S: Scalar>(s: S, beta: S, mut choose: impl FnMut(bool) -> bool) -> S {
+    let psi = if choose(s.value() > 0.0) { (-s / beta).exp() * 0.5 } else { -((s / beta).exp() * 0.5) + 1.0 };
     psi / beta
 }
 

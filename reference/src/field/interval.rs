@@ -57,12 +57,18 @@ fn phi<S: Scalar>(d: S) -> S {
 
 /// Mean density between two distances.
 pub fn interval<S: Scalar>(s0: S, s1: S, beta: S) -> S {
-    let (lo, hi) = if s0.value() > s1.value() { (s1, s0) } else { (s0, s1) };
+    interval_by(s0, s1, beta, |holds| holds)
+}
+
+/// Mean density between two distances; `choose` decides whether they descend, whether the smaller is outside, and if
+/// not, whether the larger is inside.
+pub(super) fn interval_by<S: Scalar>(s0: S, s1: S, beta: S, mut choose: impl FnMut(bool) -> bool) -> S {
+    let (lo, hi) = if choose(s0.value() > s1.value()) { (s1, s0) } else { (s0, s1) };
     let (lo, hi) = (lo / beta, hi / beta);
     let d = hi - lo;
-    let mean = if lo.value() >= 0.0 {
+    let mean = if choose(lo.value() >= 0.0) {
         (-lo).exp() * phi(d) * 0.5
-    } else if hi.value() < 0.0 {
+    } else if choose(hi.value() < 0.0) {
         -(hi.exp() * phi(d) * 0.5) + 1.0
     } else {
         // ∫ over the part inside, −lo − ½(1 − e^lo), and over that outside, ½(1 − e^−hi).

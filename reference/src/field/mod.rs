@@ -1,6 +1,7 @@
 //! Fields of an object: feature planes, heads, densities, compositing along rays.
 
 pub mod composite;
+mod decisions;
 pub mod density;
 pub mod embed;
 pub mod fetch;

@@ -51,8 +51,13 @@ pub fn differences<S: Scalar>(s: &[S], epsilon: f64) -> [S; 3] {
 
 /// g/max(‖g‖, 1e-4).
 pub fn direction<S: Scalar>(g: [S; 3]) -> [S; 3] {
+    direction_by(g, |is_long| is_long)
+}
+
+/// g/max(‖g‖, 1e-4); `choose` decides whether ‖g‖ is not the smaller one.
+pub(super) fn direction_by<S: Scalar>(g: [S; 3], mut choose: impl FnMut(bool) -> bool) -> [S; 3] {
     let length = length(g);
-    let divisor = if length.value() >= 1e-4 { length } else { S::from_f64(1e-4) };
+    let divisor = if choose(length.value() >= 1e-4) { length } else { S::from_f64(1e-4) };
     g.map(|g| g / divisor)
 }
 

@@ -1,6 +1,6 @@
 //! `field.render`: rays through a field.
 //!
-//! wᵢ = Tᵢ(1 − e^(−σᵢδᵢ)),   Tᵢ₊₁ = Tᵢ·e^(−σᵢδᵢ),   O = Σ wᵢ,   v = Σ wᵢvᵢ + (1 − O)·b
+//! wᵢ = Tᵢ(1 − e^(−σᵢδᵢ)),   Tᵢ₊₁ = Tᵢ·e^(−σᵢδᵢ),   O = Σ wᵢ,   v = Σ wᵢvᵢ + T·b, T behind the last sample
 //! x̂ = Σ wᵢxᵢ/max(O, 0.98),   n̂ = N/‖N‖ with N = Σ wᵢnᵢ where O > 0.98, else 0
 //!
 //! | symbol | argument | shape |
@@ -13,23 +13,29 @@
 //! | O, x̂, n̂ | `opacity`, `point`, `numerical_normal` | (N), (N, 3), (N, 3) |
 //!
 //! Step i of a ray is [t₀ + ih, t₀ + (i+1)h], cut at t₁; t₀ and t₁ are where the ray enters and leaves the box,
-//! h = 2√3·R/samples. Values are taken at its middle, the density as `rule` says.
+//! h = 2√3·R/samples. Values are taken at its middle, the density by `rule`.
 //!
 //! # Rounding
 //! Left folds over the samples of a ray.
 //!
 //! # Kinks and domain
 //! Those of the parts. The plan holds the steps of every ray, the number of samples it takes and whether O >
-//! 0.98.
+//! 0.98. That of the twin also has every choice at the samples, in the order in which it evaluates them (ray by ray
+//! and sample by sample: density, values, numerical normal), and the directions in which the panoramas are read,
+//! which carry no gradient. Octants and texels follow from the rays and the steps, which do not move.
 
-use super::network::network;
-use super::{density, embed, fetch, half_size, interval, normal, normal_head, sdf_head};
+mod field;
+mod march;
+
+use super::density;
 use crate::array::{Arr, Named, Out, Slot};
 use crate::inputs::inputs;
 use crate::ports::{Dtype, Port, SettingSpec, Signature, ports};
 use crate::scalar::Scalar;
 use crate::settings::Settings;
 use crate::twins::Call;
+use field::{Choices, Decisions, Field, Heads};
+use march::{crossing, march, steps};
 
 /// Weights of a layer of a head that may be absent.
 const fn layer(shape: &'static str) -> Port {
@@ -89,6 +95,12 @@ pub static SIGNATURE: Signature = Signature {
         index: Port::int("M", Dtype::I32, "steps that take a sample"),
         taken: Port::int("N", Dtype::I32, "samples taken per ray"),
         valid: Port::int("N", Dtype::U8, "1: the opacity is above 0.98"),
+        active: Port::int("A1", Dtype::I64, "twin: units above 0, 32 to an entry, the first in the lowest bit")
+            .or_absent(),
+        side: Port::int("A2", Dtype::I64, "twin: sides of signed distances, likewise").or_absent(),
+        steep: Port::int("A3", Dtype::I64, "twin: gradients longer than 1e-4, likewise").or_absent(),
+        panorama: Port::int("K,3", Dtype::I32, "twin: first row and column, lower panorama").or_absent(),
+        reflected: Port::fixed("K,3", "twin: direction in which they are read; held in differences").or_absent(),
     ],
     settings: &[
         super::HALF_SIZE,
@@ -107,229 +119,6 @@ pub static SIGNATURE: Signature = Signature {
     ..Signature::EMPTY
 };
 
-/// Settings in their final form.
-struct Choices {
-    half_size: f64,
-    step: f64,
-    rule: String,
-    is_sum: bool,
-    early_stop: f64,
-    normals: String,
-    epsilon: f64,
-}
-
-impl Choices {
-    fn of(settings: &Settings<'_>) -> Result<Self, String> {
-        let half_size = half_size(settings)?;
-        let samples = settings.whole("samples", 1.0)? as f64;
-        Ok(Self {
-            half_size,
-            step: 2.0 * 3.0_f64.sqrt() * half_size / samples,
-            rule: settings.word("rule").to_owned(),
-            is_sum: settings.word("combine") == "sum",
-            early_stop: settings.number("early_stop"),
-            normals: settings.word("normals").to_owned(),
-            epsilon: settings.given_number("epsilon").unwrap_or(8.0 * half_size / samples),
-        })
-    }
-}
-
-/// Networks by head; an absent head is empty.
-struct Heads<'a, S> {
-    sdf: Vec<&'a Arr<S>>,
-    color: Vec<&'a Arr<S>>,
-    albedo: Vec<&'a Arr<S>>,
-    material: Vec<&'a Arr<S>>,
-    normal: Vec<&'a Arr<S>>,
-    rho: Vec<&'a Arr<S>>,
-}
-
-impl<'a, S: Scalar> Heads<'a, S> {
-    fn of(x: &In<'a, S>) -> Self {
-        let all = |layers: &[Option<&'a Arr<S>>]| layers.iter().flatten().copied().collect();
-        Self {
-            sdf: vec![x.sdf_w0, x.sdf_w1, x.sdf_w2],
-            color: all(&[x.color_w0, x.color_w1, x.color_w2, x.color_w3]),
-            albedo: all(&[x.albedo_w0, x.albedo_w1, x.albedo_w2, x.albedo_w3]),
-            material: all(&[x.material_w0, x.material_w1, x.material_w2, x.material_w3]),
-            normal: all(&[x.normal_w0, x.normal_w1, x.normal_w2, x.normal_w3]),
-            rho: all(&[x.rho_w0, x.rho_w1, x.rho_w2]),
-        }
-    }
-}
-
-fn sigmoid<S: Scalar>(x: S) -> S {
-    S::one() / ((-x).exp() + 1.0)
-}
-
-/// The field of a call.
-struct Field<'a, S> {
-    input: &'a In<'a, S>,
-    heads: Heads<'a, S>,
-    choices: &'a Choices,
-}
-
-impl<S: Scalar> Field<'_, S> {
-    fn features(&self, x: [f64; 3]) -> Vec<S> {
-        fetch::features(self.input.planes, x.map(S::from_f64), self.choices.half_size, self.choices.is_sum)
-    }
-
-    /// Signed distance, and the further outputs of a trunk.
-    fn sdf(&self, x: [f64; 3]) -> (S, Vec<S>) {
-        let z = network(&self.heads.sdf, &self.features(x));
-        (sdf_head::distance(z[0], x.map(S::from_f64), self.choices.half_size), z[1..].to_vec())
-    }
-
-    /// Values of a sample by output name.
-    fn values(&self, x: [f64; 3], direction: [f64; 3]) -> Vec<(&'static str, Vec<S>)> {
-        let (features, heads) = (self.features(x), &self.heads);
-        let mut values = Vec::new();
-        let normal = (!heads.normal.is_empty()).then(|| {
-            let z = network(&heads.normal, &features);
-            let radial = normal_head::unit(x.map(S::from_f64));
-            normal_head::unit(std::array::from_fn(|k| z[k] + radial[k]))
-        });
-        if heads.sdf[2].shape[0] == 4 {
-            values.push(("color", self.sdf(x).1.into_iter().map(sigmoid).collect()));
-        } else if !heads.color.is_empty() {
-            let mut own = features.clone();
-            if let (Some(maps), Some(n)) = (self.input.panoramas, normal) {
-                let rho = sigmoid(network(&heads.rho, &features)[0]);
-                let r = embed::reflect(n.map(Scalar::value), Some(direction));
-                own.extend(embed::features(maps, r, rho, (None, None)).0);
-            }
-            values.push(("color", network(&heads.color, &own).into_iter().map(sigmoid).collect()));
-        }
-        if !heads.albedo.is_empty() {
-            values.push(("albedo", network(&heads.albedo, &features).into_iter().map(sigmoid).collect()));
-        }
-        if !heads.material.is_empty() {
-            values.push(("material", network(&heads.material, &features).into_iter().map(sigmoid).collect()));
-        }
-        if let Some(n) = normal {
-            values.push(("normal", n.to_vec()));
-        }
-        values
-    }
-
-    fn density(&self, at: impl Fn(f64) -> [f64; 3], [begin, end]: [f64; 2], beta: S) -> S {
-        match self.choices.rule.as_str() {
-            "left" => density::density(self.sdf(at(begin)).0, beta),
-            "midpoint" => density::density(self.sdf(at(begin + (end - begin) / 2.0)).0, beta),
-            _ => interval::interval(self.sdf(at(begin)).0, self.sdf(at(end)).0, beta),
-        }
-    }
-
-    fn numerical_normal(&self, x: [f64; 3]) -> [S; 3] {
-        let e = self.choices.epsilon;
-        let moved = |k: usize, by: f64| {
-            let mut y = x;
-            y[k] += by;
-            self.sdf(y).0
-        };
-        let values: Vec<S> = if self.choices.normals == "forward" {
-            std::iter::once(self.sdf(x).0).chain((0..3).map(|k| moved(k, e))).collect()
-        } else {
-            (0..3).flat_map(|k| [moved(k, e), moved(k, -e)]).collect()
-        };
-        normal::direction(normal::differences(&values, e))
-    }
-}
-
-/// Distances at which a ray enters and leaves the box; entry ≥ exit if it misses.
-fn crossing(origin: [f64; 3], direction: [f64; 3], half_size: f64) -> [f64; 2] {
-    let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
-    for k in 0..3 {
-        if direction[k] == 0.0 {
-            if origin[k].abs() > half_size {
-                return [1.0, 0.0];
-            }
-        } else {
-            let a = (-half_size - origin[k]) / direction[k];
-            let b = (half_size - origin[k]) / direction[k];
-            enter = if a.min(b) > enter { a.min(b) } else { enter };
-            leave = if a.max(b) < leave { a.max(b) } else { leave };
-        }
-    }
-    [enter, leave]
-}
-
-/// Steps of a ray: those of the plan, or all that begin before it leaves the box.
-fn steps(plan: Option<&Named<f64>>, ray: usize, [enter, leave]: [f64; 2], step: f64) -> Vec<usize> {
-    if let Some((start, index)) = plan.and_then(|p| Some((p.get("start")?, p.get("index")?))) {
-        let (from, to) = (start.data[ray] as usize, start.data[ray + 1] as usize);
-        return index.data[from..to].iter().map(|i| *i as usize).collect();
-    }
-    let mut all = Vec::new();
-    while enter + all.len() as f64 * step < leave {
-        all.push(all.len());
-    }
-    all
-}
-
-/// Sums along one ray.
-struct Sums<S> {
-    opacity: S,
-    values: Vec<(&'static str, Vec<S>)>,
-    point: [S; 3],
-    normal: [S; 3],
-    taken: usize,
-}
-
-fn march<S: Scalar>(
-    field: &Field<'_, S>,
-    (origin, direction): ([f64; 3], [f64; 3]),
-    ([enter, leave], steps): ([f64; 2], &[usize]),
-    taken: Option<usize>,
-) -> Sums<S> {
-    let beta = field.input.beta.data[0];
-    let at = |t: f64| std::array::from_fn(|k| origin[k] + t * direction[k]);
-    let mut through = S::one();
-    let mut sums = Sums {
-        opacity: S::zero(),
-        values: Vec::new(),
-        point: [S::zero(); 3],
-        normal: [S::zero(); 3],
-        taken: 0,
-    };
-    for i in steps {
-        if taken == Some(sums.taken) {
-            break;
-        }
-        let begin = enter + *i as f64 * field.choices.step;
-        let end = leave.min(enter + (*i + 1) as f64 * field.choices.step);
-        let sigma = field.density(at, [begin, end], beta);
-        let kept = (-(sigma * (end - begin))).exp();
-        let weight = through * (-(-(sigma * (end - begin))).expm1());
-        let middle: [f64; 3] = at(begin + (end - begin) / 2.0);
-        sums.opacity = sums.opacity + weight;
-        let values = field.values(middle, direction);
-        if sums.values.is_empty() {
-            sums.values = values.iter().map(|(name, v)| (*name, vec![S::zero(); v.len()])).collect();
-        }
-        for ((_, sum), (_, value)) in sums.values.iter_mut().zip(values) {
-            for (sum, v) in sum.iter_mut().zip(value) {
-                *sum = *sum + weight * v;
-            }
-        }
-        for k in 0..3 {
-            sums.point[k] = sums.point[k] + weight * middle[k];
-        }
-        if field.choices.normals != "none" {
-            let n = field.numerical_normal(middle);
-            for k in 0..3 {
-                sums.normal[k] = sums.normal[k] + weight * n[k];
-            }
-        }
-        through = through * kept;
-        sums.taken += 1;
-        if taken.is_none() && field.choices.early_stop > 0.0 && through.value() <= field.choices.early_stop {
-            break;
-        }
-    }
-    sums
-}
-
 /// Output arrays by name.
 fn slots<S: Scalar>(
     field: &Field<'_, S>,
@@ -337,9 +126,8 @@ fn slots<S: Scalar>(
     n: usize,
 ) -> Vec<(&'static str, Slot, usize)> {
     let h = &field.heads;
-    let is_trunk = h.sdf[2].shape[0] == 4;
     let names = [
-        ("color", 3, is_trunk || !h.color.is_empty()),
+        ("color", 3, h.is_trunk() || !h.color.is_empty()),
         ("albedo", 3, !h.albedo.is_empty()),
         ("material", 2, !h.material.is_empty()),
         ("normal", 3, !h.normal.is_empty()),
@@ -363,7 +151,8 @@ pub fn forward<S: Scalar>(
 ) -> Result<(), String> {
     let choices = Choices::of(settings)?;
     density::scale(input.beta)?;
-    let field = Field { input, heads: Heads::of(input), choices: &choices };
+    let decisions = Decisions::of(plan);
+    let mut field = Field { input, heads: Heads::of(input), choices: &choices, decisions };
     let n = input.origins.shape[0];
     let values = slots(&field, out, n);
     let (opacity, point) = (out.array("opacity", &[n]), out.array("point", &[n, 3]));
@@ -375,12 +164,12 @@ pub fn forward<S: Scalar>(
         let span = crossing(origin, direction, choices.half_size);
         let steps = steps(plan, ray, span, choices.step);
         let given = plan.and_then(|p| p.get("taken")).map(|t| t.data[ray] as usize);
-        let sums = march(&field, (origin, direction), (span, &steps), given);
+        let sums = march(&mut field, (origin, direction), (span, &steps), given);
         let is_valid = match plan.and_then(|p| p.get("valid")) {
             Some(v) => v.data[ray] != 0.0,
             None => sums.opacity.value() > 0.98,
         };
-        let rest = (S::one() - sums.opacity) * input.background.data[0];
+        let rest = sums.through * input.background.data[0];
         for (name, slot, width) in &values {
             let own = sums.values.iter().find(|(other, _)| other == name);
             for k in 0..*width {
@@ -406,6 +195,7 @@ pub fn forward<S: Scalar>(
     for (name, data) in [("start", start), ("index", index), ("taken", took), ("valid", valid)] {
         out.plan.insert(name.to_owned(), Arr::new(&[data.len()], data));
     }
+    field.decisions.put(&mut out.plan);
     Ok(())
 }
 
@@ -425,7 +215,7 @@ pub fn work(call: &Call<'_, f64>) -> Result<u64, String> {
     let input = In::of(call.arrays)?;
     let heads = Heads::of(&input);
     let all = [heads.sdf, heads.color, heads.albedo, heads.material, heads.normal, heads.rho];
-    let weights: usize = all.iter().flatten().map(|w| w.data.len()).sum();
+    let weights = all.iter().flatten().fold(0, |sum, w| sum + w.data.len());
     let samples = call.settings.whole("samples", 1.0)?;
     Ok((input.origins.shape[0] * samples * weights) as u64)
 }

@@ -1,4 +1,10 @@
 //! Adapter for the gradient checks: an operator with its twin at one set of inputs.
+//!
+//! The frozen plan is that of the shipped forward, completed by the twin: one evaluation at the inputs of the case
+//! adds the decisions that the shipped operator does not store, such as the signs in front of every ReLU. Finite
+//! differences on it cross no kink. On the live plan every decision is taken again, but values that carry no gradient
+//! (arrays of floats in the plan) keep those of the case: derivatives do not follow them, so that differences must
+//! not either. They are not in the decision log.
 
 use super::call::{Call, Settings};
 use super::op::{Case, CheckedCall, Op};
@@ -23,6 +29,7 @@ pub struct OpSubject {
     call: Call,
     twin_call: TwinCall,
     plan: Named<f64>,
+    held: Option<Named<f64>>,
     outputs: Values,
     variables: Vec<Variable>,
     inputs: Values,
@@ -98,12 +105,19 @@ impl OpSubject {
             .collect();
         let inputs = variables.iter().map(|v| (v.name.clone(), checked.f64s(&v.name))).collect();
         let twin_call = TwinCall::new(&checked);
+        let plan = completed(op, &twin_call, Some(&twin::to_twin(&ran.plan)))?;
+        let held = if op.plan.iter().any(|port| op.is_held(port.name)) {
+            held(op, completed(op, &twin_call, None)?)
+        } else {
+            Named::new()
+        };
         let bar_shapes = call.cotangents.0.iter().map(|(n, a)| (n.clone(), a.shape().to_vec())).collect();
         Ok(Self {
             op,
             label,
             twin_call,
-            plan: twin::to_twin(&ran.plan),
+            plan,
+            held: (!held.is_empty()).then_some(held),
             outputs: flat(&ran.outputs),
             variables,
             inputs,
@@ -115,7 +129,10 @@ impl OpSubject {
     }
 
     fn plan_for(&self, on: On) -> Option<&Named<f64>> {
-        (on == On::Frozen).then_some(&self.plan)
+        match on {
+            On::Frozen => Some(&self.plan),
+            On::Live => self.held.as_ref(),
+        }
     }
 
     fn request(&self, on: On) -> twins::Request<'_> {
@@ -130,9 +147,24 @@ impl OpSubject {
     }
 }
 
-fn log_of(plan: &Named<f64>) -> Result<u64> {
+/// The plan of the twin that has the given decisions.
+fn completed(op: &Op, call: &TwinCall, given: Option<&Named<f64>>) -> Result<Named<f64>> {
+    if op.plan.is_empty() {
+        return Ok(Named::new());
+    }
+    let request = twins::Request { plan: given, ..call.request() };
+    Ok(twins::value(&request).map_err(twin::refused(op))?.plan)
+}
+
+/// The values of a plan that carry no gradient.
+fn held(op: &Op, plan: Named<f64>) -> Named<f64> {
+    plan.into_iter().filter(|(name, _)| op.is_held(name)).collect()
+}
+
+/// Digest of the decisions.
+fn log_of(op: &Op, plan: &Named<f64>) -> Result<u64> {
     let mut digest = Digest::new();
-    for (name, a) in plan {
+    for (name, a) in plan.iter().filter(|(name, _)| !op.is_held(name)) {
         digest.bytes(name.as_bytes());
         digest.f64(&a.shape, &a.data)?;
     }
@@ -194,7 +226,7 @@ impl Subject for OpSubject {
         }
         let request = twins::Request { inputs: &inputs, ..self.request(on) };
         let results = twins::value(&request).map_err(twin::refused(self.op))?;
-        Ok(Evaluation { log: log_of(&results.plan)?, outputs: values_of(results.outputs) })
+        Ok(Evaluation { log: log_of(self.op, &results.plan)?, outputs: values_of(results.outputs) })
     }
     fn jvp(&self, x_dot: &Values, on: On) -> Result<Values> {
         let mut tangents = Named::new();

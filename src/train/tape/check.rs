@@ -8,6 +8,10 @@
 //! | R3 | the same on the live plan, where the decision logs are equal | 1e-6, at most 5 % skipped |
 //! | R4 | the shipped hand-derived adjoint with `Rev` on the same plan | relative L2 2e-5 (1e-12 in f64), 1−cos 1e-9, bias 1e-6; linearity and accumulation in bits |
 //!
+//! The frozen plan contains every decision, those that the shipped operator does not store included. Values that carry
+//! no gradient although they change with the inputs (a normal that only selects where a panorama is read) keep those
+//! of the inputs in all evaluations of R2 and R3, and are not part of the decision log.
+//!
 //! A vacuous check (constant outputs, all gradients zero) fails. [`Sabotaged`] is the negative control: with
 //! a flipped sign, a dropped term or an error of 1 %, R4 must fail.
 //!

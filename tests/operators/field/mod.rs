@@ -1,8 +1,11 @@
 //! Fields of objects: planes, heads, densities and compositing against closed forms.
 
 mod directions;
+mod made;
 mod occupancy;
 mod planes;
+mod plans;
 mod quadrature;
+mod render;
 mod surfaces;
 mod volume;

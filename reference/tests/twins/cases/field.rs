@@ -1,6 +1,6 @@
 //! Cases of fields.
 
-use reference::array::Arr;
+use reference::array::{Arr, Named};
 
 use super::case::{Case, case};
 use crate::scenes::{named, normal, uniform};
@@ -18,6 +18,8 @@ pub(super) fn cases() -> Vec<Case> {
         stencil("forward", 4),
         stencil("central", 6),
         composite(),
+        render(),
+        render_trunk(),
     ]
 }
 
@@ -112,4 +114,97 @@ fn composite() -> Case {
     ]);
     let smooth = &["sigma", "delta", "values", "background"];
     case("composite", "field.composite", inputs, &[], smooth, &["value", "opacity", "weights"])
+}
+
+/// Weights of a head, named `HEAD_w0` and so on.
+fn layers(head: &str, widths: &[usize], purpose: u16) -> Vec<(String, Arr<f64>)> {
+    let layer = |(l, size): (usize, &[usize])| {
+        let scale = 1.0 / (size[0] as f64).sqrt();
+        (format!("{head}_w{l}"), normal(&[size[1], size[0]], purpose + l as u16).map(|w| scale * w))
+    };
+    widths.windows(2).enumerate().map(layer).collect()
+}
+
+/// Rays through a box of half size ½; the last starts inside it.
+fn rays() -> Named<f64> {
+    let mut directions = normal(&[4, 3], 101);
+    for d in directions.data.chunks_exact_mut(3) {
+        let length = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        d.iter_mut().for_each(|x| *x /= length);
+    }
+    let mut origins = uniform(&[4, 3], [-0.15, 0.15], 102);
+    for (i, (o, d)) in origins.data.iter_mut().zip(&directions.data).enumerate() {
+        *o -= if i < 9 { 1.2 * d } else { 0.1 * d };
+    }
+    named([("origins", origins), ("directions", directions)])
+}
+
+/// All heads, panoramas and numerical normals.
+fn render() -> Case {
+    let mut inputs = rays();
+    inputs.extend(named([
+        ("planes", normal(&[6, 3, 3, 2], 103)),
+        ("panoramas", normal(&[2, 3, 3, 2], 104)),
+        ("beta", Arr::scalar(0.125)),
+        ("background", Arr::scalar(0.25)),
+    ]));
+    inputs.extend(layers("sdf", &[6, 5, 4, 1], 105));
+    // mostly inside, so that rays have numerical normals
+    inputs.insert("sdf_w2".to_owned(), uniform(&[1, 4], [-0.8, -0.3], 107));
+    inputs.extend(layers("color", &[8, 5, 4, 4, 3], 150));
+    inputs.extend(layers("albedo", &[6, 5, 4, 4, 3], 115));
+    inputs.extend(layers("material", &[6, 5, 4, 4, 2], 120));
+    inputs.extend(layers("normal", &[6, 5, 4, 4, 3], 125));
+    inputs.extend(layers("rho", &[6, 5, 4, 1], 130));
+    let settings = [
+        ("half_size", "0.5"),
+        ("samples", "9"),
+        ("rule", "analytic"),
+        ("normals", "forward"),
+        ("epsilon", "0.1"),
+    ];
+    let smooth: &[&str] = &[
+        "planes",
+        "panoramas",
+        "beta",
+        "background",
+        "sdf_w0",
+        "sdf_w1",
+        "sdf_w2",
+        "color_w0",
+        "color_w1",
+        "color_w2",
+        "color_w3",
+        "albedo_w0",
+        "albedo_w1",
+        "albedo_w2",
+        "albedo_w3",
+        "material_w0",
+        "material_w1",
+        "material_w2",
+        "material_w3",
+        "normal_w0",
+        "normal_w1",
+        "normal_w2",
+        "normal_w3",
+        "rho_w0",
+        "rho_w1",
+        "rho_w2",
+    ];
+    let outputs = &["color", "albedo", "material", "normal", "opacity", "point", "numerical_normal"];
+    case("render", "field.render", inputs, &settings, smooth, outputs)
+}
+
+/// A trunk on three planes, with rays that stop early.
+fn render_trunk() -> Case {
+    let mut inputs = rays();
+    inputs.extend(named([
+        ("planes", normal(&[3, 4, 4, 3], 140)),
+        ("beta", Arr::scalar(0.25)),
+        ("background", Arr::scalar(0.75)),
+    ]));
+    inputs.extend(layers("sdf", &[3, 6, 5, 4], 141));
+    let settings = [("half_size", "0.5"), ("samples", "10"), ("combine", "sum"), ("early_stop", "0.5")];
+    let smooth = &["planes", "beta", "background", "sdf_w0", "sdf_w1", "sdf_w2"];
+    case("render trunk", "field.render", inputs, &settings, smooth, &["color", "opacity", "point"])
 }

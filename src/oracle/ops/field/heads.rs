@@ -1,5 +1,6 @@
 //! Heads: networks from features to values.
 
+use super::reach::{Layers, hidden};
 use super::{check_sizes, half_size};
 use crate::Result;
 use crate::field::network::{Network, NetworkBar};
@@ -127,44 +128,18 @@ fn run_normal(x: &CheckedCall<'_>) -> Result<RunResult> {
     Ok(ran)
 }
 
-/// Arguments of the hidden units of one row, layer by layer; `weights` are the layers with their widths.
-fn hidden(weights: &[(usize, Vec<f64>)], row: &[f64]) -> Vec<Vec<f64>> {
-    let mut value = row.to_vec();
-    let mut out = Vec::new();
-    for (_, weight) in &weights[..weights.len() - 1] {
-        let dot = |w: &[f64]| w.iter().zip(&value).fold(0.0, |sum, (w, x)| sum + w * x);
-        let z: Vec<f64> = weight.chunks_exact(value.len()).map(dot).collect();
-        value = z.iter().map(|z| if *z > 0.0 { *z } else { 0.0 }).collect();
-        out.push(z);
-    }
-    out
-}
-
 /// Zeros of the gradients of features and weights: no row has a path of active units from the entry to an
 /// output.
 fn predict(x: &CheckedCall<'_>, names: &[&str]) -> Prediction {
-    let weights: Vec<(usize, Vec<f64>)> = names.iter().map(|w| (x.shape(w)[0], x.f64s(w))).collect();
-    let (features, k) = (x.f64s("features"), x.dim("K"));
-    let mut zeros: Vec<Vec<bool>> = weights.iter().map(|(_, w)| vec![true; w.len()]).collect();
-    let mut features_zeros = vec![true; features.len()];
-    for (r, row) in features.chunks_exact(k).enumerate() {
-        let units = hidden(&weights, row);
-        // Whether a unit of the layer reaches an output.
-        let mut reaches = vec![true; weights[weights.len() - 1].0];
-        for l in (0..weights.len()).rev() {
-            let inputs = weights[l].1.len() / weights[l].0;
-            let is_active = |i: usize| l == 0 || units[l - 1][i] > 0.0;
-            for (e, zero) in zeros[l].iter_mut().enumerate() {
-                *zero &= !(reaches[e / inputs] && is_active(e % inputs));
-            }
-            let any = reaches.contains(&true);
-            reaches = (0..inputs).map(|i| any && is_active(i)).collect();
-        }
-        features_zeros[r * k..(r + 1) * k].iter_mut().zip(reaches).for_each(|(zero, is)| *zero = !is);
+    let mut layers = Layers::of(x, names);
+    let mut features_zeros = Vec::new();
+    for row in x.f64s("features").chunks_exact(x.dim("K")) {
+        let units = layers.units(row);
+        features_zeros.extend(layers.reach(&units).into_iter().map(|is| !is));
     }
     let mut known = Prediction::default();
     known.zeros.insert("features".to_owned(), features_zeros);
-    known.zeros.extend(names.iter().map(|name| (*name).to_owned()).zip(zeros));
+    known.zeros.extend(names.iter().map(|name| (*name).to_owned()).zip(layers.zeros));
     known
 }
 
@@ -184,9 +159,10 @@ fn network(seed: u64, case: usize, n: usize, widths: &[usize]) -> Arrays {
         arrays.put(&format!("w{l}"), &[size[1], size[0]], weight);
     }
     let pool = Draw::new(seed, case, 10).normals(40 * n * widths[0]);
+    let layers = Layers::new(weights);
     let apart = |row: &&[f32]| {
         let row: Vec<f64> = row.iter().map(|x| f64::from(*x)).collect();
-        hidden(&weights, &row).iter().flatten().all(|z| z.abs() >= MARGIN)
+        hidden(&layers.units(&row)).all(|z| z.abs() >= MARGIN)
     };
     let rows: Vec<f32> = pool.chunks_exact(widths[0]).filter(apart).take(n).flatten().copied().collect();
     assert_eq!(rows.len(), n * widths[0], "enough candidates away from the kinks");

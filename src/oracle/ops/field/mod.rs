@@ -3,6 +3,7 @@
 mod embed;
 mod fetch;
 mod heads;
+mod reach;
 mod render;
 mod volume;
 

@@ -16,9 +16,9 @@ pub struct Variable {
 /// Which decisions an evaluation of the twin uses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum On {
-    /// Those of the shipped forward at the inputs of the case.
+    /// Those of the shipped forward at the inputs of the case, completed by the twin's own there.
     Frozen,
-    /// Its own, recomputed at every point.
+    /// Its own, recomputed at every point. Values that carry no gradient are those at the inputs of the case.
     Live,
 }
 
