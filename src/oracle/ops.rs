@@ -9,7 +9,7 @@
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
 //! case     drawing of generated cases                similar: suggestions for unknown names
-//! splat, field, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, causal, surface, pose,
+//! splat, field, geometry, nn, networks, loss, points, groups, lpips, latent, prior, shade, moment, light, causal, surface, pose,
 //! skin, rest, optim: the entries
 //! ```
 
@@ -21,6 +21,7 @@ mod field;
 mod geometry;
 mod groups;
 mod latent;
+mod light;
 mod loss;
 mod lpips;
 mod moment;
@@ -66,6 +67,7 @@ pub static LIST: &[&Op] = &[
     &nn::CONV,
     &networks::MLP,
     &networks::SOFTMAX,
+    &light::SOFTPLUS,
     &networks::DECODER,
     &networks::WINDOW,
     &loss::L1,
@@ -79,11 +81,14 @@ pub static LIST: &[&Op] = &[
     &prior::PRESENCE,
     &surface::EIKONAL,
     &surface::ALBEDO,
+    &light::VARIATION,
     &shade::GGX,
     &shade::ENVMAP,
     &moment::DIFFUSE,
     &moment::GAIN,
     &moment::OVER_BLACK,
+    &light::ENCODE,
+    &light::DECODE,
     &field::FETCH,
     &field::SDF_HEAD,
     &field::VALUE_HEAD,

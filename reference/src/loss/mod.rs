@@ -15,6 +15,7 @@ pub mod points;
 pub mod presence;
 pub mod prior;
 pub mod ssim;
+pub mod variation;
 
 use crate::array::Arr;
 use crate::inputs::inputs;

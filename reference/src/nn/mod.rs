@@ -9,4 +9,5 @@ pub mod decoder;
 pub mod linear;
 pub mod mlp;
 pub mod softmax;
+pub mod softplus;
 pub mod window;

@@ -1,6 +1,8 @@
 //! Materials and light.
 
+pub mod decode;
 pub mod diffuse;
+pub mod encode;
 pub mod envmap;
 pub mod gain;
 pub mod ggx;

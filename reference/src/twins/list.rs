@@ -11,10 +11,12 @@ use crate::field::{
     value_head,
 };
 use crate::geometry::trace;
-use crate::loss::{albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim};
-use crate::nn::{act, conv, decoder, linear, mlp, softmax, window};
+use crate::loss::{
+    albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim, variation,
+};
+use crate::nn::{act, conv, decoder, linear, mlp, softmax, softplus, window};
 use crate::optim::{adam, adamw};
-use crate::shade::{diffuse, envmap, gain, ggx, over_black};
+use crate::shade::{decode, diffuse, encode, envmap, gain, ggx, over_black};
 use crate::splat::{activate, blend, color, covariance, project, render};
 
 /// Declares one stage for all scalar types: `stage!(module::run)`.
@@ -69,6 +71,7 @@ pub static LIST: &[Twin] = &[
     twin!(conv, conv::work),
     twin!(mlp, mlp::work),
     twin!(softmax),
+    twin!(softplus),
     twin!(decoder, decoder::work),
     twin!(window, window::work),
     twin!(l1),
@@ -81,12 +84,15 @@ pub static LIST: &[Twin] = &[
     twin!(presence),
     twin!(eikonal),
     twin!(albedo),
+    twin!(variation),
     Twin { signature: &lpips::SIGNATURE, stages: &[stage!(lpips::run); lpips::STAGES], work: lpips::work },
     twin!(ggx),
     twin!(envmap, envmap::work),
     twin!(diffuse),
     twin!(gain),
     twin!(over_black),
+    twin!(encode),
+    twin!(decode),
     twin!(fetch, fetch::work),
     twin!(sdf_head, sdf_head::work),
     twin!(value_head, value_head::work),

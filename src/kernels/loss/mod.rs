@@ -9,6 +9,7 @@
 //! prior   regularisation of Gaussians that no camera observes
 //! presence  mean opacity and mean size of Gaussians
 //! eikonal deviation of gradients of a signed distance from unit length
+//! variation  squared differences of neighbouring texels
 //! albedo  squared differences of albedo after a scale of the linear values
 //! lpips   learned perceptual distance, with user-supplied weights
 //! metric  PSNR, SSIM and MAE in f64, every variant named; evaluation of causal structures
@@ -41,6 +42,7 @@ pub mod points;
 pub mod presence;
 pub mod prior;
 pub mod ssim;
+pub mod variation;
 
 /// Two images and an optional mask of the pixels that count.
 ///

@@ -19,4 +19,5 @@ pub mod decoder;
 pub mod linear;
 pub mod mlp;
 pub mod softmax;
+pub mod softplus;
 pub mod window;

@@ -6,6 +6,8 @@
 //! operators on renders diffuse      colours under a first-order light
 //!                      gain         per-frame brightness
 //!                      over_black   background replaced by black
+//!                      encode       linear values to sRGB-encoded ones
+//!                      decode       and back
 //! light                environment  look-up and sampling of a latitude–longitude map
 //!                      axes         a map for testing orientation
 //!                      alias        draws in proportion to weights
@@ -22,7 +24,9 @@
 
 mod alias;
 pub mod axes;
+pub mod decode;
 pub mod diffuse;
+pub mod encode;
 pub mod environment;
 pub mod envmap;
 pub mod exposure;
