@@ -5,7 +5,6 @@
 //! settings  settings of a set                 shots     cameras, names and split of its images
 //! folder    how a set is created, resumed, overwritten
 //! subject   the object of a set, and its light
-//! exposure  equalised exposures of the input images of an object, for training
 //! truth     object and light as files
 //! ```
 #![forbid(unsafe_code)]
@@ -13,7 +12,6 @@
 #[doc(hidden)]
 pub extern crate self as lirm;
 
-pub mod exposure;
 mod folder;
 pub mod r#gen;
 mod settings;

@@ -16,7 +16,7 @@ pub mod tape;
 #[doc(hidden)]
 pub use lastlight_files as io;
 #[doc(hidden)]
-pub use lastlight_kernels::{body, causal, geometry, loss, nn, shade, splat};
+pub use lastlight_kernels::{body, causal, field, geometry, loss, nn, shade, splat};
 #[doc(hidden)]
 pub use lastlight_num::{Error, Result, error, math, num, with_array};
 #[doc(hidden)]

@@ -6,11 +6,11 @@
 
 use super::render::Scene;
 use super::training::Preview;
+use crate::Result;
 use crate::loss::metric::psnr::Decibel;
 use crate::loss::{In, metric};
 use crate::num::{order, par, sum};
 use crate::scene::views::View;
-use crate::{Result, splat};
 use serde_json::{Value, json};
 
 /// The definition of the scores, in one sentence.
@@ -99,7 +99,7 @@ pub fn score(scene: &Scene<'_>, view: &View) -> Result<Scored> {
     let out = scene.render(&view.camera)?;
     let (photo, mask) =
         (view.image(), view.mask.as_ref().map(|m| m.iter().map(|&b| f32::from(b)).collect::<Vec<f32>>()));
-    compare(&view.name, &out, &photo, mask.as_deref(), [view.camera.height, view.camera.width])
+    compare(&view.name, &out.image, &photo, mask.as_deref(), [view.camera.height, view.camera.width])
 }
 
 /// Renders a scene from the camera of a view, with the PSNR alone.
@@ -117,18 +117,18 @@ pub fn preview(scene: &Scene<'_>, view: &View) -> Result<Preview> {
     Ok(Preview { name: view.name.clone(), image, size: [width, height], psnr_db, metric: "PSNR" })
 }
 
-/// Compares a render with an input image.
+/// Compares a picture, of any renderer, with an input image.
 ///
 /// # Errors
 /// See [`score`].
 pub fn compare(
     name: &str,
-    out: &splat::render::Out,
+    render: &[f32],
     photo: &[f32],
     mask: Option<&[f32]>,
     [height, width]: [usize; 2],
 ) -> Result<Scored> {
-    let x = In { x: &out.image, y: photo, mask, height, width };
+    let x = In { x: render, y: photo, mask, height, width };
     let psnr_db = match metric::psnr::forward(&x)?.db {
         Decibel::Finite(db) => db,
         Decibel::Infinite => f64::INFINITY,
@@ -137,7 +137,7 @@ pub fn compare(
     let mae = metric::mae::forward(&x)?;
     let counts = |p: usize| mask.is_none_or(|m| m[p] != 0.0);
     let kept = (0..height * width).filter(|&p| counts(p)).count();
-    let image: Vec<f32> = out.image.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
+    let image: Vec<f32> = render.iter().map(|&v| order::clamp(v, 0.0, 1.0)).collect();
     let photo: Vec<f32> =
         photo.iter().enumerate().map(|(i, &v)| if counts(i / 3) { v } else { 0.0 }).collect();
     let error = par::map_batched(height * width, 4096, |p| {
@@ -155,22 +155,17 @@ pub fn compare(
 mod tests {
     use super::*;
 
-    fn out(image: Vec<f32>) -> splat::render::Out {
-        let pixels = image.len() / 3;
-        splat::render::Out { image, alpha: vec![1.0; pixels], depth: vec![0.0; pixels] }
-    }
-
     #[test]
     fn what_is_masked_does_not_count() {
         let photo = vec![0.5; 16 * 16 * 3];
         let mut image = photo.clone();
         image[0] = 0.9; // pixel 0, red
         let mut mask = vec![1.0; 256];
-        let hit = compare("a", &out(image.clone()), &photo, Some(&mask), [16, 16]).expect("compares");
+        let hit = compare("a", &image, &photo, Some(&mask), [16, 16]).expect("compares");
         assert!((hit.score.mae - f64::from(0.9_f32 - 0.5) / 768.0).abs() < 1e-12, "{}", hit.score.mae);
         assert!((hit.error[0] - 0.4 / 3.0).abs() < 1e-6 && hit.error[1] == 0.0, "the map shows where");
         mask[0] = 0.0;
-        let miss = compare("a", &out(image), &photo, Some(&mask), [16, 16]).expect("compares");
+        let miss = compare("a", &image, &photo, Some(&mask), [16, 16]).expect("compares");
         assert_eq!(
             (miss.score.psnr_db, miss.score.mae, miss.score.kept),
             (f64::INFINITY, 0.0, 255),

@@ -22,6 +22,8 @@ pub mod built_in;
 pub mod drawing;
 mod earlier;
 pub mod evaluate;
+pub mod exposure;
+pub mod field;
 pub mod frames;
 pub mod orbit;
 pub mod passes;

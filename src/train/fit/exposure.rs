@@ -83,18 +83,32 @@ pub fn equalise(views: &mut [Photograph]) -> Result<Gains> {
         area += a;
     }
     let lift = if area > 0.0 { order::clamp(FOREGROUND * area / light, LIFT[0], LIFT[1]) } else { 1.0 };
-    for (p, gain) in views.iter_mut().zip(&gains) {
-        let factor = gain * lift;
-        // A single view already has the mean exposure; it is not decoded and encoded unnecessarily.
-        if factor != 1.0 {
-            par::chunks_mut(&mut p.color, 4096, |_, pixels| {
-                for x in pixels.as_flattened_mut() {
-                    *x = encode(order::min(decode(f64::from(*x)) * factor, 1.0)) as f32;
-                }
-            });
-        }
-    }
+    views.iter_mut().zip(&gains).for_each(|(p, gain)| multiply(p, gain * lift));
     Ok(Gains { views: gains, lift })
+}
+
+/// Brings images to a given factor from radiance: that of the images of a fit, for others of the same object.
+///
+/// # Errors
+/// If a value is out of range or the sizes of an image differ; then no image is changed.
+pub fn expose(views: &mut [Photograph], factor: f64) -> Result<()> {
+    for (v, p) in views.iter().enumerate() {
+        check(p).map_err(|e| e.within(format!("view {v}")))?;
+    }
+    views.iter_mut().for_each(|p| multiply(p, factor / p.exposure));
+    Ok(())
+}
+
+/// Multiplies the linear values of an image.
+fn multiply(p: &mut Photograph, factor: f64) {
+    // An image that keeps its exposure is not decoded and encoded unnecessarily.
+    if factor != 1.0 {
+        par::chunks_mut(&mut p.color, 4096, |_, pixels| {
+            for x in pixels.as_flattened_mut() {
+                *x = encode(order::min(decode(f64::from(*x)) * factor, 1.0)) as f32;
+            }
+        });
+    }
 }
 
 fn check(p: &Photograph) -> Result<()> {

@@ -1,0 +1,169 @@
+//! The losses of a crop, and their cotangents of values and opacity.
+//!
+//! | term | weight | |
+//! |---|---|---|
+//! | colour, albedo | 1, 2 | mean (x − y)² of values in −1..1, and LPIPS or 0.1·(1 − SSIM) |
+//! | foreground | 1 | mean (O − M)² |
+//! | roughness, metallic | 1, 1 | mean (x − y)² of values in −1..1 |
+//! | normal head | 1 | Σ ‖n − n*‖² over the compared pixels / number of all values |
+//!
+//! (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. The albedo of a pass is compared as it is,
+//! without the scale of `loss.albedo`: its scale is known, and a factor would leave it free. Every crop has the same weight.
+
+use super::crops::Crop;
+use super::targets::Target;
+use crate::Result;
+use crate::field::render::Channels;
+use crate::loss::lpips::{self, Weights};
+use crate::loss::mse::Over;
+use crate::loss::{In, mse, ssim};
+
+/// Factor of squares of values in 0..1 for values in −1..1.
+const WIDE: f32 = 4.0;
+/// Weight of LPIPS.
+const PERCEPTUAL: f32 = 2.0;
+/// Weight of 1 − SSIM where there are no weights for LPIPS.
+const STRUCTURE: f32 = 0.2;
+
+/// Rendered values of all rays, with their cotangents.
+pub(super) struct Rendered<'a> {
+    /// (N, Q)
+    pub(super) values: &'a [f32],
+    /// (N)
+    pub(super) opacity: &'a [f32],
+    pub(super) channels: Channels,
+    /// Q
+    pub(super) count: usize,
+    /// (N, Q)
+    pub(super) values_bar: Vec<f32>,
+    /// (N)
+    pub(super) opacity_bar: Vec<f32>,
+}
+
+impl<'a> Rendered<'a> {
+    /// Begins with cotangents of 0.
+    pub(super) fn new(values: &'a [f32], opacity: &'a [f32], channels: Channels) -> Self {
+        let count = values.len() / Ord::max(opacity.len(), 1);
+        let (values_bar, opacity_bar) = (vec![0.0; values.len()], vec![0.0; opacity.len()]);
+        Self { values, opacity, channels, count, values_bar, opacity_bar }
+    }
+
+    /// Returns `n` values from channel `at` of some rays.
+    fn picked(&self, rays: &std::ops::Range<usize>, at: usize, n: usize) -> Vec<f32> {
+        rays.clone().flat_map(|r| self.values[r * self.count + at..][..n].iter().copied()).collect()
+    }
+
+    /// Adds to the cotangents of these values.
+    fn put(&mut self, rays: &std::ops::Range<usize>, at: usize, n: usize, bar: &[f32]) {
+        for (r, bar) in rays.clone().zip(bar.chunks_exact(n)) {
+            let row = &mut self.values_bar[r * self.count + at..][..n];
+            row.iter_mut().zip(bar).for_each(|(sum, g)| *sum += g);
+        }
+    }
+}
+
+/// The crop of an array with `n` values per pixel.
+pub(super) fn cropped(all: &[f32], width: usize, crop: &Crop, n: usize) -> Vec<f32> {
+    crop.pixels(width).flat_map(|i| all[i * n..(i + 1) * n].iter().copied()).collect()
+}
+
+/// A loss of one crop: its weight, and the network of LPIPS.
+#[derive(Clone, Copy)]
+pub(super) struct Terms<'a> {
+    pub(super) weight: f32,
+    pub(super) lpips: Option<&'a Weights>,
+}
+
+impl Terms<'_> {
+    /// Colour or albedo: squares, and structure.
+    fn image(&self, pair: &In<'_>) -> Result<(f32, Vec<f32>)> {
+        let mut bar = vec![0.0; pair.x.len()];
+        let (square, saved) = mse::forward(pair)?;
+        mse::adjoint(pair, &saved, WIDE * self.weight, &mut bar, None);
+        let mut value = WIDE * square;
+        if let Some(weights) = self.lpips {
+            let x = lpips::In {
+                x: pair.x,
+                y: pair.y,
+                height: pair.height,
+                width: pair.width,
+                rescale: true,
+                weights,
+            };
+            let (distance, _, saved) = lpips::forward(x, None)?;
+            lpips::adjoint(x, &saved, PERCEPTUAL * self.weight, &mut bar, None);
+            value += PERCEPTUAL * distance;
+        } else {
+            let (alike, saved) = ssim::forward(pair)?;
+            ssim::adjoint(pair, &saved, -STRUCTURE * self.weight, &mut bar, None);
+            value += STRUCTURE * (1.0 - alike);
+        }
+        Ok((self.weight * value, bar))
+    }
+
+    /// Squares over all values, 0 where the mask is.
+    fn square(&self, pair: &In<'_>, factor: f32) -> Result<(f32, Vec<f32>)> {
+        let mut bar = vec![0.0; pair.x.len()];
+        let (value, saved) = mse::forward_over(pair, Over::All)?;
+        mse::adjoint(pair, &saved, factor * self.weight, &mut bar, None);
+        Ok((factor * self.weight * value, bar))
+    }
+
+    /// Adds the losses of one crop, whose first ray is `first`; returns their sum. `followed` are the normals (N, 3) that the
+    /// normal head follows where there is no pass, 0 where there are none.
+    pub(super) fn add(
+        &self,
+        target: &Target,
+        crop: &Crop,
+        first: usize,
+        followed: Option<&[[f32; 3]]>,
+        out: &mut Rendered<'_>,
+    ) -> Result<f32> {
+        let [height, width] = crop.size;
+        let rays = first..first + height * width;
+        let of = |all: &[f32], n: usize| cropped(all, target.camera.width, crop, n);
+        let kept = target.kept.as_ref().map(|m| of(m, 1));
+        if kept.as_ref().is_some_and(|m| m.iter().all(|k| *k == 0.0)) {
+            return Ok(0.0);
+        }
+        let mask = kept.as_deref();
+        let mut sum = 0.0;
+        let Channels { color, albedo, material, normal } = out.channels;
+        for (at, truth) in [(color, Some(&target.color)), (albedo, target.albedo.as_ref())] {
+            let (Some(at), Some(truth)) = (at, truth) else { continue };
+            let (x, y) = (out.picked(&rays, at, 3), of(truth, 3));
+            let (value, bar) = self.image(&In { x: &x, y: &y, mask, height, width })?;
+            out.put(&rays, at, 3, &bar);
+            sum += value;
+        }
+        let foreground = of(&target.foreground, 1);
+        let x = &out.opacity[rays.clone()];
+        let (value, bar) = self.square(&In { x, y: &foreground, mask, height, width }, 1.0)?;
+        out.opacity_bar[rays.clone()].iter_mut().zip(&bar).for_each(|(sum, g)| *sum += g);
+        sum += value;
+        if let (Some(at), Some(truth)) = (material, &target.material) {
+            let (x, y) = (out.picked(&rays, at, 2), of(truth, 2));
+            // Two means of squares, so twice the mean over both.
+            let (value, bar) = self.square(&In { x: &x, y: &y, mask, height, width }, 2.0 * WIDE)?;
+            out.put(&rays, at, 2, &bar);
+            sum += value;
+        }
+        if let Some(at) = normal {
+            let (y, compared) = match (&target.normal, followed) {
+                (Some(truth), _) => (of(truth, 3), of(&target.solid, 1)),
+                (None, Some(followed)) => {
+                    let there = |n: &[f32; 3]| f32::from(u8::from(*n != [0.0; 3]));
+                    let part = &followed[rays.clone()];
+                    (part.as_flattened().to_vec(), part.iter().map(there).collect())
+                }
+                (None, None) => return Ok(sum),
+            };
+            let x = out.picked(&rays, at, 3);
+            let (value, bar) =
+                self.square(&In { x: &x, y: &y, mask: Some(&compared), height, width }, 1.0)?;
+            out.put(&rays, at, 3, &bar);
+            sum += value;
+        }
+        Ok(sum)
+    }
+}

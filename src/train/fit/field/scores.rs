@@ -1,0 +1,126 @@
+//! Images of a field beside held-out images: colours, normals, depth.
+
+use super::targets::Target;
+use super::view::{self, Images};
+use crate::Result;
+use crate::field::occupancy::Occupancy;
+use crate::field::render::VALID;
+use crate::fit::evaluate::{self, Scored};
+use crate::num::elem::f64 as elem;
+use crate::num::{order, sum};
+use crate::scene::field::Field;
+use serde_json::{Value, json};
+
+/// Scores of one view.
+#[derive(Clone, Debug)]
+pub struct Scores {
+    /// Colours.
+    pub image: Scored,
+    /// The images of the field.
+    pub images: Images,
+    /// Mean angle between numerical normals and those of the pass, in degrees.
+    pub numerical_deg: Option<f64>,
+    /// Mean angle between the normal head and the pass, in degrees.
+    pub head_deg: Option<f64>,
+    /// Mean absolute difference of depth z, in units of the world.
+    pub depth: Option<f64>,
+    /// PSNR of the albedo in the foreground, in decibels.
+    pub albedo_db: Option<f64>,
+}
+
+/// Mean over the entries that there are.
+fn mean(values: &[f64]) -> Option<f64> {
+    (!values.is_empty()).then(|| sum::tree_f64(values) / values.len() as f64)
+}
+
+fn angle_deg(a: [f32; 3], b: [f32; 3]) -> f64 {
+    let dot = (0..3).fold(0.0, |sum, k| sum + f64::from(a[k]) * f64::from(b[k]));
+    let length = |v: [f32; 3]| (0..3).fold(0.0, |sum, k| sum + f64::from(v[k]) * f64::from(v[k])).sqrt();
+    let cosine = dot / order::max(length(a) * length(b), f64::MIN_POSITIVE);
+    elem::acos(order::clamp(cosine, -1.0, 1.0)).to_degrees()
+}
+
+/// Renders a view of a field and compares it.
+///
+/// # Errors
+/// When no pixel counts, or a value is not finite.
+pub fn score(field: &Field, cells: &Occupancy, target: &Target) -> Result<Scores> {
+    let images = view::render(field, Some(cells), &target.camera, true);
+    let size = [target.camera.height, target.camera.width];
+    let color = images.color().unwrap_or_default();
+    let image = evaluate::compare(&target.name, &color, &target.color, target.kept.as_deref(), size)?;
+    let pixels = target.foreground.len();
+    let solid: Vec<usize> =
+        (0..pixels).filter(|i| target.solid[*i] == 1.0 && images.opacity[*i] > VALID).collect();
+    let truth = |i: usize| -> Option<[f32; 3]> {
+        target.normal.as_ref().map(|n| std::array::from_fn(|k| n[3 * i + k]))
+    };
+    let against = |n: &dyn Fn(usize) -> [f32; 3]| {
+        mean(&solid.iter().filter_map(|i| Some(angle_deg(n(*i), truth(*i)?))).collect::<Vec<f64>>())
+    };
+    let head = images
+        .channels
+        .normal
+        .and_then(|at| against(&|i| std::array::from_fn(|k| images.values[i * images.count + at + k])));
+    let scale = field.placement.scale;
+    let forward = target.camera.rotation[2];
+    let eye = target.camera.center();
+    let depth = target.depth.as_ref().and_then(|z| {
+        let of = |i: usize| {
+            let x = images.points[i];
+            (0..3).fold(0.0, |s, k| s + f64::from(x[k] - eye[k]) * f64::from(forward[k]))
+        };
+        let there = (0..pixels).filter(|i| z[*i] > 0.0 && images.opacity[*i] > VALID);
+        mean(&there.map(|i| (of(i) - f64::from(z[i])).abs() / scale).collect::<Vec<f64>>())
+    });
+    let albedo = images.channels.albedo.zip(target.albedo.as_ref()).and_then(|(at, truth)| {
+        let inside: Vec<usize> = (0..pixels).filter(|i| target.foreground[*i] == 1.0).collect();
+        let squares: Vec<f64> = inside
+            .iter()
+            .flat_map(|i| (0..3).map(move |k| (i * images.count + at + k, 3 * i + k)))
+            .map(|(ours, theirs)| {
+                let d = f64::from(images.values[ours]) - f64::from(truth[theirs]);
+                d * d
+            })
+            .collect();
+        mean(&squares).map(|m| -10.0 * elem::log10(order::max(m, 1e-12)))
+    });
+    Ok(Scores {
+        numerical_deg: against(&|i| images.normals[i]),
+        head_deg: head,
+        depth,
+        albedo_db: albedo,
+        image,
+        images,
+    })
+}
+
+impl Scores {
+    /// As a JSON record.
+    pub fn json(&self) -> Value {
+        let s = &self.image.score;
+        json!({
+            "name": s.name, "psnr_db": s.psnr_db, "ssim": s.ssim, "mae": s.mae,
+            "numerical_normals_deg": self.numerical_deg, "normal_head_deg": self.head_deg,
+            "depth": self.depth, "albedo_db": self.albedo_db,
+        })
+    }
+}
+
+/// Means over views of the numbers that all of them have.
+pub fn means(all: &[Scores]) -> Value {
+    let of = |f: &dyn Fn(&Scores) -> Option<f64>| {
+        all.iter().map(f).collect::<Option<Vec<f64>>>().and_then(|values| mean(&values))
+    };
+    json!({
+        "views": all.len(),
+        "psnr_db": of(&|s| Some(s.image.score.psnr_db)),
+        "ssim": of(&|s| Some(s.image.score.ssim)),
+        "mae": of(&|s| Some(s.image.score.mae)),
+        "numerical_normals_deg": of(&|s| s.numerical_deg),
+        "normal_head_deg": of(&|s| s.head_deg),
+        "depth": of(&|s| s.depth),
+        "albedo_db": of(&|s| s.albedo_db),
+        "samples": all.iter().fold(0, |sum, s| sum + s.images.samples),
+    })
+}
