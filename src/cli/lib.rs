@@ -33,6 +33,7 @@ mod convert;
 mod demo;
 mod doctor;
 mod experiments;
+mod field;
 mod generate;
 pub mod gradcheck;
 mod last;
@@ -141,6 +142,15 @@ enum Command {
   lastlight last eval fit person/video"
     )]
     Last(last::Command),
+    /// One object as a field, from posed images: fit, evaluate, textured mesh
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  lastlight field fit object/uniform --out fit
+  lastlight field eval fit object/uniform
+  lastlight field mesh fit --out object.glb"
+    )]
+    Field(field::Command),
     /// Triangle meshes: render glTF or OBJ under an environment map, compare two surfaces
     #[command(
         subcommand,
@@ -266,6 +276,7 @@ fn dispatch(cli: Cli) -> Result<()> {
         Command::Demo(args) => demo::run(&args),
         Command::Splat(command) => splat::run(&command),
         Command::Last(command) => last::run(&command),
+        Command::Field(command) => field::run(&command),
         Command::Mesh(command) => mesh::run(&command),
         Command::Lirm(command) => lirm::run(&command),
         Command::Oracle(args) => oracle::run(args),

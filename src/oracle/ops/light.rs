@@ -44,7 +44,6 @@ pub(super) static DECODE: Op = Op {
         |x| run_each(x, ["encoded", "linear"], decode::forward, decode::adjoint),
         |case| {
             case_each(
-                case,
                 "encoded",
                 &away(&Draw::new(92, case, 0).uniforms([12, 200][case], 0.005, 1.0), &[0.040_45]),
             )

@@ -1,0 +1,173 @@
+//! Report and renders of a field.
+
+use crate::fit::field::Scores;
+use crate::io::image_file;
+use crate::report::images::{data_uri, error_map};
+use crate::report::run::{Run, decibel, iterations};
+use crate::report::{Page, Section, Stat, table, text};
+use crate::{Error, Result, console as cli};
+use maud::html;
+use serde_json::Value;
+use std::path::Path;
+
+/// Largest side of an image in the report, in pixels.
+const SIDE: usize = 320;
+
+/// What is shown.
+pub(super) struct Input<'a> {
+    pub(super) kind: &'static str,
+    pub(super) title: String,
+    pub(super) digest: Option<String>,
+    /// See `fit::field::scores::means`.
+    pub(super) means: &'a Value,
+    pub(super) scored: &'a [Scores],
+    pub(super) run: Run<'a>,
+}
+
+/// The names of means, with their units and a factor.
+const MEANS: [(&str, &str, &str); 7] = [
+    ("psnr_db", "PSNR", "dB"),
+    ("ssim", "SSIM", ""),
+    ("mae", "MAE", ""),
+    ("numerical_normals_deg", "numerical normals", "°"),
+    ("normal_head_deg", "normal head", "°"),
+    ("depth", "depth", "units"),
+    ("albedo_db", "albedo PSNR", "dB"),
+];
+
+/// The means as lines for a terminal.
+pub(super) fn summary(means: &Value) -> String {
+    let lines: Vec<String> = MEANS
+        .iter()
+        .filter_map(|(key, name, unit)| Some(format!("{name:18}  {:.4} {unit}", means[*key].as_f64()?)))
+        .collect();
+    if lines.is_empty() { "no score: nothing is held out".to_owned() } else { lines.join("\n") }
+}
+
+/// Writes `heldout/NAME.png` and `normals/NAME.png`; gives the names.
+pub(super) fn write_renders(
+    dir: &Path,
+    scored: &[Scores],
+    flat_name: &dyn Fn(&str) -> String,
+) -> Result<Vec<String>> {
+    let mut names = Vec::new();
+    for folder in ["heldout", "normals"] {
+        let path = dir.join(folder);
+        std::fs::create_dir_all(&path).map_err(|e| Error::os(&path, &e))?;
+    }
+    for s in scored {
+        let score = &s.image.score;
+        let normals: Vec<f32> = s.images.normals.iter().flat_map(|n| n.map(|x| 0.5 + 0.5 * x)).collect();
+        for (folder, rgb) in [("heldout", &s.image.image), ("normals", &normals)] {
+            let name = format!("{folder}/{}.png", flat_name(&score.name));
+            let bytes = image_file::to_u8(rgb)?;
+            image_file::write_png(&dir.join(&name), score.width, score.height, 3, &bytes)?;
+            names.push(name);
+        }
+    }
+    Ok(names)
+}
+
+/// The page.
+///
+/// # Errors
+/// When an image cannot be encoded.
+pub(super) fn page(x: &Input<'_>) -> Result<Page> {
+    let mut facts = vec![("digest", x.digest.clone().unwrap_or_default())];
+    facts.retain(|(_, value)| !value.is_empty());
+    facts.extend(x.run.settings.get("seed").map(|seed| ("seed", seed.to_string())));
+    let views = format!("{} views", x.scored.len());
+    let stat = |label: &'static str, value: Option<String>| {
+        value.map(|value| Stat { label, value, note: views.clone() })
+    };
+    let of = |key: &str| x.means[key].as_f64();
+    let mut stats: Vec<Stat> = [
+        stat("PSNR", of("psnr_db").map(decibel)),
+        stat("SSIM", of("ssim").map(|s| format!("{s:.4}"))),
+        stat("normals", of("numerical_normals_deg").map(|a| format!("{a:.1}°"))),
+        stat("albedo PSNR", of("albedo_db").map(decibel)),
+    ]
+    .into_iter()
+    .flatten()
+    .collect();
+    stats.extend(x.run.history.map(|h| iterations(h, String::new())));
+    stats.push(x.run.card());
+    let mut sections = Vec::new();
+    if !x.scored.is_empty() {
+        sections.push(images(x)?);
+        sections.push(scores(x));
+    }
+    sections.extend(x.run.course(
+        "samples",
+        " The second curve is the number of samples that the rays of an iteration took.",
+        &[],
+    )?);
+    sections.extend(x.run.tail());
+    Ok(Page {
+        kind: x.kind.into(),
+        title: x.title.clone(),
+        notice: "",
+        command: cli::command_line(),
+        facts,
+        stats,
+        sections,
+    })
+}
+
+fn images(x: &Input<'_>) -> Result<Section> {
+    let shown = x.scored.iter().take(8);
+    let mut rows = Vec::new();
+    for s in shown {
+        let score = &s.image.score;
+        let normals: Vec<f32> = s.images.normals.iter().flat_map(|n| n.map(|x| 0.5 + 0.5 * x)).collect();
+        let uri = |rgb: &[f32]| data_uri(rgb, score.width, score.height, SIDE);
+        let four =
+            [uri(&s.image.photo)?, uri(&s.image.image)?, uri(&error_map(&s.image.error))?, uri(&normals)?];
+        rows.push((format!("{}: {}", score.name, decibel(score.psnr_db)), four));
+    }
+    let heads = ["input", "render", "difference", "normals"];
+    Ok(Section {
+        id: "views",
+        title: "Views beside their images",
+        lead: "Input image over white, render of the field, absolute difference, and numerical normals at the surface (x, y, z as red, green, \
+               blue)."
+            .into(),
+        body: html! {
+            @for (name, four) in &rows {
+                p { (name) }
+                div style="display:grid;grid-template-columns:repeat(4,1fr);gap:4px" {
+                    @for (head, uri) in heads.iter().zip(four) { img src=(uri) alt=(format!("{head} of {name}")) style="width:100%"; }
+                }
+            }
+        },
+    })
+}
+
+fn scores(x: &Input<'_>) -> Section {
+    let number = |v: Option<f64>, digits: usize| text(v.map_or("–".to_owned(), |v| format!("{v:.digits$}")));
+    let rows: Vec<Vec<_>> = x
+        .scored
+        .iter()
+        .map(|s| {
+            let score = &s.image.score;
+            vec![
+                text(&score.name),
+                text(decibel(score.psnr_db)),
+                number(Some(score.ssim), 4),
+                number(s.numerical_deg, 2),
+                number(s.head_deg, 2),
+                number(s.depth, 5),
+                number(s.albedo_db, 2),
+            ]
+        })
+        .collect();
+    let head = ["view", ">PSNR", ">SSIM", ">normals (°)", ">normal head (°)", ">depth", ">albedo (dB)"];
+    Section {
+        id: "scores",
+        title: "Scores per view",
+        lead: "Normals and depth are compared where the surface is seen and a pass is there; depth is the mean absolute difference in units of \
+               the world."
+            .into(),
+        body: table(&head, &rows),
+    }
+}
