@@ -6,7 +6,7 @@ use crate::program::{json, lastlight, stderr};
 use crate::samples::gltf;
 use lastlight::io::capture::read_capture;
 use lastlight::io::image_file;
-use lastlight::lirm::exposure::{Photograph, equalise};
+use lastlight::fit::exposure::{Photograph, equalise};
 use lastlight::num::order;
 use lastlight::scene::passes::PassImages;
 use serde_json::Value;
