@@ -129,8 +129,14 @@ impl Terms<'_> {
         let mask = kept.as_deref();
         let mut sum = 0.0;
         let Channels { color, albedo, material, normal } = out.channels;
-        for (at, truth) in [(color, Some(&target.color)), (albedo, target.albedo.as_ref())] {
+        let colored = target.colored.as_ref().map(|m| of(m, 1));
+        let images =
+            [(color, Some(&target.color), colored.as_deref()), (albedo, target.albedo.as_ref(), mask)];
+        for (at, truth, mask) in images {
             let (Some(at), Some(truth)) = (at, truth) else { continue };
+            if mask.is_some_and(|m| m.iter().all(|k| *k == 0.0)) {
+                continue;
+            }
             let (x, y) = (out.picked(&rays, at, 3), of(truth, 3));
             let (value, bar) = self.image(&In { x: &x, y: &y, mask, height, width })?;
             out.put(&rays, at, 3, &bar);

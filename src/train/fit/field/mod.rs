@@ -278,6 +278,7 @@ fn digest(targets: &Targets) -> Result<u64> {
             Some(&t.color),
             Some(&t.foreground),
             t.kept.as_ref(),
+            t.colored.as_ref(),
             t.albedo.as_ref(),
             t.material.as_ref(),
             t.normal.as_ref(),
@@ -354,7 +355,7 @@ impl Fit for FieldFit<'_> {
         let image = images.color()?;
         let size = [target.camera.height, target.camera.width];
         let scored =
-            super::evaluate::compare(&target.name, &image, &target.color, target.kept.as_deref(), size)
+            super::evaluate::compare(&target.name, &image, &target.color, target.colored.as_deref(), size)
                 .ok()?;
         Some(Preview {
             name: target.name.clone(),

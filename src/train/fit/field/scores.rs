@@ -48,7 +48,7 @@ pub fn score(field: &Field, cells: &Occupancy, target: &Target) -> Result<Scores
     let images = view::render(field, Some(cells), &target.camera, true);
     let size = [target.camera.height, target.camera.width];
     let color = images.color().unwrap_or_default();
-    let image = evaluate::compare(&target.name, &color, &target.color, target.kept.as_deref(), size)?;
+    let image = evaluate::compare(&target.name, &color, &target.color, target.colored.as_deref(), size)?;
     let pixels = target.foreground.len();
     let solid: Vec<usize> =
         (0..pixels).filter(|i| target.solid[*i] == 1.0 && images.opacity[*i] > VALID).collect();

@@ -1,8 +1,10 @@
 //! The images of a fit: colours over white, foreground, passes, and cameras in the units of the field.
 //!
 //! Foreground is the pass of that name, else the alpha channel of the image, else its mask. Where the background of the
-//! image is not white, the image is multiplied by the foreground and composited over white. Images of a renderer that were
-//! exposed one by one get a common exposure ([`crate::fit::exposure`]).
+//! image is not white, the image is multiplied by the foreground and composited over white. A pixel that is partly covered
+//! then still contains some of the old background, so its colour is not used: neither by the losses nor by the scores of
+//! colours (`colored`); its foreground and passes are. Images of a renderer that were exposed one by one get a common exposure
+//! ([`crate::fit::exposure`]).
 
 use crate::fit::exposure::{Photograph, equalise};
 use crate::io::capture::{Capture, Frame, Reading, Split, read_capture_with};
@@ -31,6 +33,8 @@ pub struct Picture {
     pub foreground: Vec<f32>,
     /// (H, W) 1 where the pixel counts; `None`: all do.
     pub kept: Option<Vec<f32>>,
+    /// (H, W) 1 where the colour counts; `None`: all do.
+    pub colored: Option<Vec<f32>>,
     /// Passes, where there are any.
     pub passes: PassImages,
 }
@@ -48,6 +52,8 @@ pub struct Target {
     pub foreground: Vec<f32>,
     /// (H, W) 1 where the pixel counts; `None`: all do.
     pub kept: Option<Vec<f32>>,
+    /// (H, W) 1 where the colour counts; `None`: all do.
+    pub colored: Option<Vec<f32>>,
     /// (H, W, 3) sRGB-encoded, over white.
     pub albedo: Option<Vec<f32>>,
     /// (H, W, 2) roughness and metallic, over 1.
@@ -115,12 +121,22 @@ fn picture(frame: &Frame, view: &View, masks: Masks) -> Result<Picture> {
     let plain = (0..pixels).filter(|i| foreground[*i] == 0.0);
     let is_white = plain.clone().all(|i| view.rgb[3 * i..3 * i + 3].iter().all(|x| *x >= WHITE));
     let mut color = view.image();
+    let mut colored = kept.clone();
     if !is_white {
+        let known =
+            |i: usize| kept.as_ref().map_or(1.0, |k| k[i]) * f32::from(u8::from(is_whole(foreground[i])));
+        colored = Some((0..pixels).map(known).collect());
         for (x, m) in color.as_chunks_mut::<3>().0.iter_mut().zip(&foreground) {
             *x = x.map(|x| x * m + (1.0 - m));
         }
     }
-    Ok(Picture { name: view.name.clone(), camera: view.camera.clone(), color, foreground, kept, passes })
+    let (name, camera) = (view.name.clone(), view.camera.clone());
+    Ok(Picture { name, camera, color, foreground, kept, colored, passes })
+}
+
+/// Whether a pixel is covered completely or not at all.
+fn is_whole(coverage: f32) -> bool {
+    !(coverage > 0.0 && coverage < 1.0)
 }
 
 /// A camera whose world is that of the field.
@@ -169,6 +185,7 @@ fn target(p: &Picture, at: &Placement) -> Target {
         color: p.color.clone(),
         foreground: p.foreground.clone(),
         kept: p.kept.clone(),
+        colored: p.colored.clone(),
         albedo,
         material,
         normal: p.passes.normal.as_ref().map(|n| n.as_flattened().to_vec()),
