@@ -6,6 +6,7 @@
 //!                       last      gen: data with known causes; import, inspect: captures of persons
 //!                       mesh      render | compare glTF and OBJ
 //!                       lirm      gen: rendered objects to learn from
+//!                       field     fit | eval | mesh: one object as a field
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients
 //!                       convert   between scene files                       doctor      is this machine set up
 //! meter     progress and timing: the `Watch` of every fit        claim     the rule for existing outputs
@@ -15,6 +16,7 @@
 //! tree      headings, short forms, what -h shows           options      the one heading of every option
 //! choices   values of options
 //! like      --like result.json, --resume       mistakes   what a usage error suggests
+//! light     the light of --env
 //! generate  completions and manual pages                   topics       help TOPIC         version   what this build is
 //! shared    arguments that several commands have             report/   self-contained HTML
 //! snapshots renders and PSNR during a training, for its report
@@ -37,6 +39,7 @@ mod field;
 mod generate;
 pub mod gradcheck;
 mod last;
+mod light;
 mod like;
 mod lirm;
 mod mesh;

@@ -33,8 +33,8 @@ const NOT_TAKEN: [&str; 13] = [
     "version",
 ];
 
-/// Arguments that a resumed run may have otherwise: places of files, whose contents the checkpoint checks, and when checkpoints are written.
-const MOVABLE: [&str; 3] = ["allow-outside", "checkpoint-every", "images"];
+/// Arguments that a resumed run may have otherwise: places of files, whose contents the checkpoint checks, when checkpoints are written, and what changes no bit.
+const MOVABLE: [&str; 4] = ["allow-outside", "checkpoint-every", "chunk", "images"];
 
 /// The files of a folder from which `--resume` takes arguments: that which a run writes when it starts, else its record.
 pub(crate) const COMMAND: &str = "command.json";

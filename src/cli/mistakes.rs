@@ -143,7 +143,7 @@ mod tests {
     fn words_lead_to_commands_and_topics() {
         let tree = crate::command();
         let of = |word: &str| related(word, &tree, &crate::topics::TOPICS);
-        assert_eq!(of("fit"), ["splat fit", "last fit"], "a command of a group");
+        assert_eq!(of("fit"), ["splat fit", "last fit", "field fit"], "a command of a group");
         assert_eq!(of("rendr"), ["splat render", "last render", "mesh render"], "almost a command");
         assert_eq!(of("splt"), ["help splat"], "almost a group");
         assert_eq!(of("profile"), ["help profiles"], "almost a topic");

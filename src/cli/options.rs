@@ -107,10 +107,16 @@ const RARE: &[&str] = &[
     "bounces",
     "box",
     "center",
+    "channels",
     "checkpoint-every",
+    "chunk",
     "color",
+    "combine",
+    "crop-side",
+    "crops",
     "density",
     "drop-invalid",
+    "eikonal",
     "elbow",
     "elevation",
     "entries",
@@ -123,9 +129,11 @@ const RARE: &[&str] = &[
     "exposure",
     "factor-dim",
     "first",
+    "first-inverse-beta",
     "fov",
     "gender",
     "graph-from",
+    "heads",
     "hide",
     "independence-on",
     "initial",
@@ -140,15 +148,18 @@ const RARE: &[&str] = &[
     "lpips-raw",
     "max-memory",
     "mechanism",
+    "network-rate",
     "no-density-adapter",
     "no-progressive",
     "no-standardize",
     "no-truth",
     "order",
+    "plane-rate",
     "pose-network",
     "radius",
     "reading",
     "render-as",
+    "rule",
     "set-render-as",
     "set-size",
     "ssim-weight",
@@ -163,6 +174,7 @@ const RARE: &[&str] = &[
     "train-camera",
     "train-frames",
     "up",
+    "variation",
     "version",
     "video-render-as",
     "video-size",
@@ -172,10 +184,11 @@ const RARE: &[&str] = &[
 ];
 
 /// Commands whose record `--like` takes.
-pub(crate) const RECORDED: &[&str] = &["demo", "splat fit", "last pretrain", "last fit", "last study"];
+pub(crate) const RECORDED: &[&str] =
+    &["demo", "splat fit", "last pretrain", "last fit", "last study", "field fit"];
 
 /// Commands whose result is a model: theirs is the heading `Model` where others have `Method`.
-const FITS: &[&str] = &["splat fit", "last pretrain", "last tune", "last fit"];
+const FITS: &[&str] = &["splat fit", "last pretrain", "last tune", "last fit", "field fit"];
 
 impl Heading {
     /// The heading of an argument, positional or by its long name.

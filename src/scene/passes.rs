@@ -75,6 +75,45 @@ impl PassImages {
         Ok(out)
     }
 
+    /// Returns the passes of the image that is smaller by the factor `s`: means over blocks of s×s pixels. Those of depth and
+    /// normals are over the pixels that are hit, those of albedo and material weighted by the foreground. Incomplete blocks at
+    /// the right and bottom are left out.
+    ///
+    /// # Panics
+    /// Panics if `s` is 0.
+    #[must_use]
+    pub fn reduced(&self, s: usize) -> Self {
+        let (width, height) = (self.width / s, self.height / s);
+        let blocks = Blocks { stride: self.width, width, height, s };
+        let cover = |i: usize| self.foreground.as_ref().map_or(1.0, |m| m[i]);
+        let scalar = |x: &Option<Vec<f32>>, weight: &dyn Fn(usize) -> f32| {
+            x.as_ref().map(|x| blocks.means(&|i| [x[i]], weight).into_flattened())
+        };
+        let color = |x: &Option<Vec<[f32; 3]>>, weight: &dyn Fn(usize) -> f32| {
+            x.as_ref().map(|x| blocks.means(&|i| x[i], weight))
+        };
+        let hit = |x: f32| f32::from(u8::from(x != 0.0));
+        let depth = self.depth.as_deref().unwrap_or_default();
+        let normal = self.normal.as_deref().unwrap_or_default();
+        let facing = |i: usize| hit(normal[i].iter().fold(0.0, |sum, x| sum + x.abs()));
+        let unit = |n: [f32; 3]| {
+            let length = ((n[0] * n[0] + n[1] * n[1]) + n[2] * n[2]).sqrt();
+            if length > 0.0 { n.map(|x| x / length) } else { n }
+        };
+        Self {
+            width,
+            height,
+            foreground: scalar(&self.foreground, &|_| 1.0),
+            radiance: color(&self.radiance, &|_| 1.0),
+            depth: scalar(&self.depth, &|i| hit(depth[i])),
+            normal: color(&self.normal, &facing).map(|n| n.into_iter().map(unit).collect()),
+            albedo: color(&self.albedo, &cover),
+            metallic: scalar(&self.metallic, &cover),
+            roughness: scalar(&self.roughness, &cover),
+            exposure: self.exposure,
+        }
+    }
+
     /// The first N values of every pixel.
     fn load<const N: usize>(
         &mut self,
@@ -119,5 +158,69 @@ impl PassImages {
             out.push(x);
         }
         Ok(out)
+    }
+}
+
+/// Square blocks of pixels of an image.
+struct Blocks {
+    /// Pixels in a row of the image.
+    stride: usize,
+    /// Blocks in a row.
+    width: usize,
+    /// Rows of blocks.
+    height: usize,
+    /// Pixels along a side of a block.
+    s: usize,
+}
+
+impl Blocks {
+    /// Weighted means, 0 where there is no weight: left folds over rows, then columns.
+    fn means<const N: usize>(
+        &self,
+        value: &dyn Fn(usize) -> [f32; N],
+        weight: &dyn Fn(usize) -> f32,
+    ) -> Vec<[f32; N]> {
+        let Self { stride, width, height, s } = *self;
+        let mean = |block: usize| {
+            let [row, column] = [block / width * s, block % width * s];
+            let (mut sum, mut total) = ([0.0; N], 0.0);
+            for i in (row..row + s).flat_map(|y| (column..column + s).map(move |x| y * stride + x)) {
+                let (x, w) = (value(i), weight(i));
+                (0..N).for_each(|k| sum[k] += w * x[k]);
+                total += w;
+            }
+            if total > 0.0 { sum.map(|x| x / total) } else { sum }
+        };
+        (0..width * height).map(mean).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smaller_passes_are_means_over_what_each_pass_is_about() {
+        // 5×2 pixels: two blocks of 2×2, and a column that is left out
+        let full = PassImages {
+            width: 5,
+            height: 2,
+            foreground: Some(vec![1.0, 0.0, 0.0, 0.0, 9.0, 0.5, 0.0, 0.0, 0.0, 9.0]),
+            depth: Some(vec![2.0, 0.0, 0.0, 0.0, 9.0, 4.0, 0.0, 0.0, 0.0, 9.0]),
+            normal: Some([[0.0, 0.0, 1.0], [0.0; 3], [0.0; 3], [0.0; 3], [9.0; 3]].repeat(2)),
+            albedo: Some([[0.3; 3], [0.9; 3], [0.9; 3], [0.9; 3], [9.0; 3]].repeat(2)),
+            ..PassImages::default()
+        };
+        let half = full.reduced(2);
+        assert_eq!((half.width, half.height), (2, 1), "whole blocks");
+        assert_eq!(half.foreground, Some(vec![0.375, 0.0]), "coverage: a mean over all pixels");
+        assert_eq!(half.depth, Some(vec![3.0, 0.0]), "depth: a mean over pixels that are hit");
+        assert_eq!(half.normal, Some(vec![[0.0, 0.0, 1.0], [0.0; 3]]), "normals have length 1, or none");
+        let albedo = half.albedo.expect("a pass");
+        assert!(
+            (albedo[0][0] - 0.3).abs() < 1e-6 && albedo[1] == [0.0; 3],
+            "weighted by coverage: {albedo:?}"
+        );
+        assert_eq!(full.reduced(1).depth, full.depth, "a factor of 1 changes nothing");
     }
 }

@@ -5,7 +5,10 @@
 //! processors, with and without optimisation. The file of digests is the same in all of them. `cargo bits`
 //! runs this one; `LASTLIGHT_REMINT=1 cargo bits` writes the file anew.
 
+#[path = "../common/ball.rs"]
+mod ball;
 mod ledger;
+mod object;
 mod person;
 mod runs;
 

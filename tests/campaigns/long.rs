@@ -48,7 +48,7 @@ impl Long {
 }
 
 /// All of them.
-pub const ALL: [Long; 10] = [
+pub const ALL: [Long; 11] = [
     fast(
         "splat fit",
         "splat fit ../shop/photos --iterations 800 --initial 200 --max-gaussians 400 --checkpoint-every 20",
@@ -57,6 +57,11 @@ pub const ALL: [Long; 10] = [
     fast(
         "last fit",
         "last fit ../shop/data/video --iterations 1500 --max-gaussians 64 --checkpoint-every 50",
+        Again::Resume,
+    ),
+    fast(
+        "field fit",
+        "field fit ../shop/photos --iterations 60 --side 16 --channels 4 --samples 24 --crop-side 16 --crops 1 --materials shaded --checkpoint-every 4",
         Again::Resume,
     ),
     fast(

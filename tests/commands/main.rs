@@ -1,6 +1,7 @@
 //! Tests of the built program: exit codes, messages, interruption and results of every command.
 
 mod cli;
+mod cli_field;
 mod cli_gen;
 mod cli_last;
 mod cli_lirm;

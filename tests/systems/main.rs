@@ -1,7 +1,10 @@
 //! Tests of LAST, LIRM and the training loop: what they rest on, what they make, what they must show.
 
+#[path = "../common/ball.rs"]
+mod ball;
 #[path = "../common/mod.rs"]
 mod common;
+mod field;
 mod last;
 mod last_character;
 mod last_gen;

@@ -1,6 +1,7 @@
 //! `field eval`: a field beside the images of a capture.
 
 use super::page::{self, Input};
+use super::read;
 use crate::fit::field::scores::means;
 use crate::fit::field::targets::Pictures;
 use crate::fit::field::{Target, score, view};
@@ -8,6 +9,7 @@ use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
 use crate::meter::Meter;
 use crate::report::run::Run;
+use crate::splat::missing;
 use crate::{Error, Result, claim, console as cli};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -22,7 +24,7 @@ use std::path::PathBuf;
 Scores: PSNR, SSIM and mean absolute error over white; with passes also the angles of numerical normals and of the normal head, depth, and albedo. Images that a renderer exposed one by one are brought to the exposure of the fit, which result.json beside the field records.")]
 pub(crate) struct Args {
     /// Folder of a fit, or a field.safetensors
-    #[arg(value_name = "FIELD")]
+    #[arg(value_name = "FILE")]
     field: PathBuf,
     /// Folder with transforms.json or a COLMAP model, or the transforms.json itself
     #[arg(value_name = "DIR")]
@@ -49,9 +51,10 @@ pub(crate) struct Args {
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
-    let field = super::read(&args.field)?;
-    let options = super::fit::options(args.downscale, args.allow_outside);
-    let pictures = Pictures::load(&args.capture, &options, super::exposure_of(&args.field))?;
+    let field = read::field(&args.field)?;
+    let options = read::options(args.downscale, args.allow_outside);
+    let pictures = Pictures::load(&args.capture, &options, read::exposure_of(&args.field))?;
+    missing::note(&pictures.views, &meter);
     let targets = pictures.targets(field.placement);
     let which: Vec<&Target> = match args.split.as_str() {
         "test" => targets.test.iter().collect(),

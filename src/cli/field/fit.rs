@@ -1,6 +1,7 @@
 //! `field fit`: a field from the images of one object.
 
 use super::page::{self, Input};
+use super::read;
 use crate::claim;
 use crate::fit::field::place::{hull, placement};
 use crate::fit::field::scores::means;
@@ -9,15 +10,18 @@ use crate::fit::field::targets::{Picture, Pictures};
 use crate::fit::field::{Beta, FieldFit, HeadForm, Materials, Settings, score, view};
 use crate::fit::render::flat_name;
 use crate::fit::training::{Fit, Watch};
-use crate::io::image_file;
+use crate::io::{image_file, memory};
+use crate::light::{Light, MapArgs};
 use crate::like::COMMAND;
 use crate::loss::lpips::Metric;
 use crate::meter::Meter;
+use crate::num::order;
 use crate::report::run::Run;
-use crate::scene::environment_file::{self, Options as EnvOptions, Orientation};
 use crate::scene::field::{Combine, FILE, Rule};
-use crate::scene::views::{Masks, Options, SceneBox};
+use crate::scene::views::SceneBox;
 use crate::shared::{Outcome, OutputArgs};
+use crate::splat::fit::parse_box;
+use crate::splat::missing;
 use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
 use crate::units::counted;
 use crate::{Error, Result, report};
@@ -74,37 +78,42 @@ pub(crate) struct Args {
     rule: String,
     /// Pixels per side of a crop
     #[arg(long, value_name = "N", default_value_t = 32)]
-    crop: usize,
+    crop_side: usize,
     /// Crops per iteration
     #[arg(long, value_name = "N", default_value_t = 4)]
     crops: usize,
-    /// First and last 1/β, the largest density
-    #[arg(long, value_name = "A,B", default_value = "10,200")]
-    inverse_beta: String,
+    /// Last 1/β, the largest density
+    #[arg(long, value_name = "X", default_value_t = 200.0)]
+    inverse_beta: f32,
+    /// First 1/β
+    #[arg(long, value_name = "X", default_value_t = 10.0)]
+    first_inverse_beta: f32,
     /// Course of 1/β: linear, or learned like a weight (which fails more often)
     #[arg(long, value_name = "NAME", default_value = "linear", value_parser = ["linear", "learned"])]
     beta: String,
     /// Where materials come from: auto takes passes where all images have them, else shaded
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = ["auto", "off", "passes", "shaded"])]
     materials: String,
-    /// Known light for --materials shaded: a .hdr, .exr, .png or .jpg panorama [default: the light is learned]
-    #[arg(long, value_name = "FILE")]
-    env: Option<PathBuf>,
-    /// Orientation of the panorama's axes
-    #[arg(long, value_name = "NAME", default_value = "ours", requires = "env")]
-    env_axes: String,
-    /// Largest learning rates: planes, networks
-    #[arg(long, value_name = "A,B", default_value = "0.02,0.002")]
-    rates: String,
+    /// Known light for --materials shaded: a panorama or the name of a built-in light, as for `mesh render` [default: the light is learned]
+    #[arg(long, value_name = "FILE|NAME")]
+    env: Option<String>,
+    #[command(flatten)]
+    map: MapArgs,
+    /// Largest learning rate of planes and panoramas
+    #[arg(long, value_name = "X", default_value_t = 0.02)]
+    plane_rate: f64,
+    /// Largest learning rate of networks
+    #[arg(long, value_name = "X", default_value_t = 0.002)]
+    network_rate: f64,
     /// Weight of the eikonal term; 0 removes it
     #[arg(long, value_name = "X", default_value_t = 1e-3)]
     eikonal: f32,
     /// Weight of the squared variation of planes; 0 removes it
     #[arg(long, value_name = "X", default_value_t = 2e-3)]
     variation: f32,
-    /// Cube that holds the object: its centre and half of its side [default: from the foreground]
-    #[arg(long = "box", value_name = "X,Y,Z,R", allow_hyphen_values = true)]
-    cube: Option<String>,
+    /// Box that holds the object; the field is the cube around it [default: from the foreground]
+    #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
+    bounds: Option<String>,
     /// Rays whose gradients are in memory at once; changes no bit
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     chunk: u32,
@@ -124,25 +133,6 @@ pub(crate) struct Args {
     filling: OutputArgs,
 }
 
-/// Numbers of an option, separated by commas.
-fn numbers<const N: usize>(option: &str, text: &str) -> Result<[f64; N]> {
-    let parsed: Option<Vec<f64>> =
-        text.split(',').map(|x| x.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
-    let wrong = || Error::input(option).expected(format!("{N} numbers separated by commas")).got(text);
-    parsed.ok_or_else(wrong)?.try_into().map_err(|_| wrong())
-}
-
-/// How the images of a capture are read.
-pub(super) fn options(downscale: u8, outside: bool) -> Options {
-    Options {
-        background: [1.0; 3],
-        downscale: usize::from(downscale),
-        masks: Masks::Ignore,
-        outside,
-        ..Options::default()
-    }
-}
-
 impl Args {
     fn settings(&self, materials: Materials) -> Result<Settings> {
         let made = Settings {
@@ -156,12 +146,12 @@ impl Args {
             embedding: self.nde,
             samples: self.samples,
             rule: Rule::parse(&self.rule)?,
-            crop: self.crop,
+            crop: self.crop_side,
             crops: self.crops,
-            inverse_beta: numbers("--inverse-beta", &self.inverse_beta)?.map(|x: f64| x as f32),
+            inverse_beta: [self.first_inverse_beta, self.inverse_beta],
             beta: if self.beta == "learned" { Beta::Learned } else { Beta::Linear },
             materials,
-            rates: numbers("--rates", &self.rates)?,
+            rates: [self.plane_rate, self.network_rate],
             eikonal: self.eikonal,
             variation: self.variation,
             chunk: self.chunk as usize,
@@ -181,22 +171,25 @@ impl Args {
     }
 
     fn cube(&self, pictures: &Pictures) -> Result<SceneBox> {
-        let Some(text) = &self.cube else {
+        let Some(text) = &self.bounds else {
             let train: Vec<&Picture> = pictures.views.train.iter().map(|i| &pictures.pictures[*i]).collect();
             return hull(&train, &pictures.views.scene_box);
         };
-        let [x, y, z, half_size] = numbers("--box", text)?;
-        if half_size > 0.0 {
-            return Ok(SceneBox { center: [x, y, z], half_size });
-        }
-        Err(Error::input("--box").expected("x,y,z,r with r > 0").got(text.clone()))
+        let [low, high] = parse_box(text)?.map(|corner| corner.map(f64::from));
+        let widest = (0..3).fold(0.0, |most, k| order::max(most, high[k] - low[k]));
+        let center = std::array::from_fn(|k| 0.5 * (low[k] + high[k]));
+        Ok(SceneBox { center, half_size: 0.5 * widest })
     }
 
     /// The known light in the units of the images.
     fn light(&self, exposure: f64) -> Result<Option<Vec<[f32; 3]>>> {
-        let Some(path) = &self.env else { return Ok(None) };
-        let orientation = Orientation::parse(&self.env_axes)?;
-        let map = environment_file::read(path, &EnvOptions { orientation, ..EnvOptions::default() })?;
+        let Some(env) = &self.env else {
+            let option = self.map.given();
+            return option.map_or(Ok(None), |option| {
+                Err(Error::input(option).expected("a light in --env, whose map it describes").got("no --env"))
+            });
+        };
+        let map = Light { env, map: &self.map }.environment(self.filling.seed)?;
         Ok(Some(reduced(&map, exposure as f32)))
     }
 }
@@ -206,13 +199,14 @@ const LIGHT: &str = "light.exr";
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new().of("samples");
-    args.settings(args.given_materials().unwrap_or_default())?;
+    let usual = args.settings(args.given_materials().unwrap_or_default())?;
+    memory::check("field fit", usual.memory_estimate())
+        .map_err(|e| e.hint("--side and --channels lower the estimate, --max-memory raises the limit"))?;
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let pictures = Pictures::load(&args.capture, &options(args.downscale, args.allow_outside), None)?;
+    let pictures = Pictures::load(&args.capture, &read::options(args.downscale, args.allow_outside), None)?;
     let cube = args.cube(&pictures)?;
     let targets = pictures.targets(placement(&cube));
     let by_images = if targets.have_passes() { Materials::Passes } else { Materials::Shaded };
-    // A trunk has no materials of its own, and its features suffice for none.
     let settings = args.settings(args.given_materials().unwrap_or(by_images))?;
     if args.env.is_some() && settings.materials != Materials::Shaded {
         return Err(Error::input("--env")
@@ -221,6 +215,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
     }
     let lpips = args.lpips.as_deref().map(|path| Metric::load(path, true)).transpose()?;
     let light = args.light(targets.exposure)?;
+    missing::note(&pictures.views, &meter);
     meter.lap("reading images");
     let [x, y, z] = cube.center;
     meter.note(&format!(
@@ -231,7 +226,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         cube.half_size,
         settings.materials.name()
     ));
-    let mut fit = FieldFit::new(settings, &targets, lpips.as_ref().map(|m| &m.weights), light)?;
+    let mut fit = FieldFit::new(settings, &targets, lpips.as_ref(), light)?;
     let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
     let (history, film) = frame.train(&mut fit, &mut meter)?;
     let field = fit.field();

@@ -1,7 +1,9 @@
 //! `field mesh`: a textured mesh of a field.
 
+use super::read;
 use crate::fit::field::mesh::{Settings, bake};
 use crate::fit::training::Watch;
+use crate::io::memory;
 use crate::meter::Meter;
 use crate::scene::model;
 use crate::units::counted;
@@ -19,7 +21,7 @@ use std::path::PathBuf;
 The surface is where the signed distance is 0: closed, without cavities, smoothed, with an atlas of its charts. Base colour is the albedo (the colour, if the field has no materials), roughness and metallic are packed as glTF does (green, blue).")]
 pub(crate) struct Args {
     /// Folder of a fit, or a field.safetensors
-    #[arg(value_name = "FIELD")]
+    #[arg(value_name = "FILE")]
     field: PathBuf,
     /// Mesh: .glb or .obj
     #[arg(long, value_name = "FILE")]
@@ -50,6 +52,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
         least_part: args.least_part,
     };
     settings.validate()?;
+    memory::check("field mesh", settings.memory_estimate())
+        .map_err(|e| e.hint("--side and --texture lower the estimate, --max-memory raises the limit"))?;
     let ending = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if ending != "glb" && ending != "obj" {
         return Err(Error::input("--out")
@@ -63,7 +67,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got("one that exists")
             .hint("--force replaces it"));
     }
-    let field = super::read(&args.field)?;
+    let field = read::field(&args.field)?;
     meter.lap("reading");
     let baked = bake(&field, &settings)?;
     meter.lap("mesh and maps");

@@ -3,7 +3,6 @@
 //! Arguments are turned into records of `fit`, `scene` and `geometry`, results into files and tables; nothing is computed here.
 
 mod compare;
-mod light;
 mod render;
 
 use crate::Result;

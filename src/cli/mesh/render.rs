@@ -1,6 +1,5 @@
 //! `mesh render`: images of a model under light.
 
-use super::light;
 use crate::choices::{PASSES, choices};
 use crate::claim;
 use crate::console as cli;
@@ -8,6 +7,7 @@ use crate::fit::passes::{PassSet, Shot};
 use crate::fit::relight::{self, Exposure, Relight};
 use crate::fit::render::capture_shots;
 use crate::io;
+use crate::light::{Light, MapArgs};
 use crate::meter::Meter;
 use crate::scene::character::Character;
 use crate::scene::light::Lights;
@@ -38,8 +38,11 @@ pub(crate) struct Args {
     /// Model: .gltf, .glb, .obj, .ply; or the folder of the open body
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform, sky, sunset, overcast, studio, indoor, night, axes
+    #[arg(long, value_name = "FILE|NAME", default_value = "uniform")]
+    env: String,
     #[command(flatten)]
-    light: light::Args,
+    map: MapArgs,
     /// Cameras: orbit:N for N views around the model, a transforms.json, or a capture folder
     #[arg(long, value_name = "FROM", default_value = "orbit:1")]
     cameras: String,
@@ -79,6 +82,12 @@ pub(crate) struct Args {
     filling: OutputArgs,
 }
 
+impl Args {
+    fn light(&self) -> Light<'_> {
+        Light { env: &self.env, map: &self.map }
+    }
+}
+
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
     let exposure = exposure(&args.exposure)?;
@@ -89,7 +98,8 @@ pub(super) fn run(args: &Args) -> Result<()> {
     claim::check(&args.out, args.filling.resume, args.filling.force)?;
     let (object, notes) = object(args)?;
     notes.iter().for_each(|n| meter.note(&format!("note: {n}")));
-    let lights = Lights { environment: Some(args.light.environment(args.filling.seed)?), lamps: Vec::new() };
+    let lights =
+        Lights { environment: Some(args.light().environment(args.filling.seed)?), lamps: Vec::new() };
     let shots = shots(args, &object)?;
     let settings = Settings {
         samples: args.samples,
@@ -139,7 +149,7 @@ fn header(args: &Args, passes: PassSet) -> Result<Map<String, Value>> {
     let model = if args.file.is_dir() { args.file.join("base.obj") } else { args.file.clone() };
     let record = json!({
         "model": io::identity(&model)?,
-        "env": args.light.record()?,
+        "env": args.light().record()?,
         "cameras": if is_orbit { orbit } else { of_capture },
         "pose": [json!(args.animation), json!(args.time), json!(args.hide)],
         "samples": args.samples,

@@ -199,7 +199,11 @@ fn sizes(views: &Views) -> String {
     }
 }
 
-fn parse_box(text: &str) -> Result<[[f32; 3]; 2]> {
+/// The corners of a box.
+///
+/// # Errors
+/// When the text is not six numbers, or a side is empty.
+pub(crate) fn parse_box(text: &str) -> Result<[[f32; 3]; 2]> {
     let wrong =
         || Error::input("--box").expected("x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1").got(text);
     let v: [f32; 6] = super::render_args::numbers(text).ok_or_else(wrong)?.try_into().map_err(|_| wrong())?;

@@ -4,7 +4,7 @@ use crate::meter::Meter;
 use crate::scene::views::Views;
 
 /// Notes on files that a capture lists and does not have, and on EXIF orientations.
-pub(super) fn note(views: &Views, meter: &Meter) {
+pub(crate) fn note(views: &Views, meter: &Meter) {
     let some = |names: &[String]| {
         let more = if names.len() > 3 { ", …" } else { "" };
         format!("{}{more}", names.iter().take(3).map(String::as_str).collect::<Vec<_>>().join(", "))

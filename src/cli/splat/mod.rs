@@ -7,7 +7,7 @@ mod capture_args;
 mod check;
 mod eval;
 pub(super) mod fit;
-mod missing;
+pub(super) mod missing;
 mod render;
 mod render_args;
 

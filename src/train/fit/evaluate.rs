@@ -117,7 +117,7 @@ pub fn preview(scene: &Scene<'_>, view: &View) -> Result<Preview> {
     Ok(Preview { name: view.name.clone(), image, size: [width, height], psnr_db, metric: "PSNR" })
 }
 
-/// Compares a picture, of any renderer, with an input image.
+/// Compares an image, of any renderer, with an input image.
 ///
 /// # Errors
 /// See [`score`].

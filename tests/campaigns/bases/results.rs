@@ -32,6 +32,8 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let splat_resume = "splat fit photos --iterations 4 --initial 20 --max-gaussians 60 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
     let fit = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet";
     let fit_resume = "last fit data/video --iterations 4 --max-gaussians 64 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
+    let object = "field fit object/object_00000/uniform --iterations 4 --side 8 --channels 2 --samples 16 --crop-side 16 --crops 1 --checkpoint-every 2 --out run --threads 1 --json --quiet";
+    let object_resume = "field fit object/object_00000/uniform --iterations 4 --side 8 --channels 2 --samples 16 --crop-side 16 --crops 1 --checkpoint-every 2 --out run --threads 1 --json --quiet --resume";
     let train = "last pretrain data --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet";
     let train_resume = "last pretrain data --iterations 3 --batch-images 4 --batch-groups 2 --batch-points 16 --factor-dim 2 --out run --threads 1 --json --quiet --resume";
     let objects = "lirm gen --objects 1 --views 1 --size 8 --samples 1 --bounces 0 --texture 32 --passes photo --out run --threads 1 --json --quiet";
@@ -44,6 +46,12 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
         resumed(shop, "checkpoint of last fit", fit, fit_resume, &["data/video"], &[state]).share(20),
     ];
     let fitted = below("run", &shop.tree("run"));
+    shop.run("lirm gen --views 4 --size 16 --samples 1 --bounces 0 --texture 32 --no-truth --framing whole --out object --threads 1 --quiet");
+    let photos = ["object/object_00000/uniform"];
+    all.push(resumed(shop, "checkpoint of field fit", object, object_resume, &photos, &[state]).share(5));
+    let field = files(&[("field.safetensors", &shop.bytes("run/field.safetensors"))]);
+    let bake = "field mesh {file} --side 8 --texture 64 --out out.glb --threads 1 --quiet";
+    all.push(Base::new("field", field, &["field.safetensors"], &[bake]));
     all.push(resumed(shop, "checkpoint of last pretrain", train, train_resume, &["data"], &[state]).share(2));
     let model = shop.bytes("run/model.safetensors");
     let video = below("data/video", &shop.tree("data/video"));

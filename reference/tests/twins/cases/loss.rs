@@ -66,6 +66,22 @@ pub(super) fn cases() -> Vec<Case> {
             &["value"],
         ),
         case(
+            "variation",
+            "loss.variation",
+            named([("planes", normal(&[2, 4, 5, 3], 93))]),
+            &[],
+            &["planes"],
+            &["value"],
+        ),
+        case(
+            "variation of a map",
+            "loss.variation",
+            named([("planes", normal(&[1, 3, 6, 3], 94))]),
+            &[("columns", "periodic")],
+            &["planes"],
+            &["value"],
+        ),
+        case(
             "albedo",
             "loss.albedo",
             named([

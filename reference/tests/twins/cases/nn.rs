@@ -30,6 +30,14 @@ pub(super) fn cases() -> Vec<Case> {
             &["x"],
             &["y"],
         ),
+        case(
+            "softplus",
+            "nn.softplus",
+            named([("x", normal(&[6, 5], 27).map(|&x| 4.0 * x))]),
+            &[],
+            &["x"],
+            &["y"],
+        ),
     ]
 }
 

@@ -23,6 +23,8 @@ pub(super) fn cases() -> Vec<Case> {
             &["normal", "albedo", "roughness", "metallic", "env"],
             &["radiance"],
         ),
+        case("encode", "shade.encode", curve("linear", 37), &[], &["linear"], &["encoded"]),
+        case("decode", "shade.decode", curve("encoded", 38), &[], &["encoded"], &["linear"]),
         case(
             "skin",
             "body.skin",
@@ -38,6 +40,13 @@ pub(super) fn cases() -> Vec<Case> {
         ),
         case("pose", "body.pose", skeleton(), &[], &["pose", "correction", "joints"], &["transforms"]),
     ]
+}
+
+/// Values on both parts of the sRGB curve, away from its knee and from 0 and 1.
+fn curve(name: &str, purpose: u16) -> Named<f64> {
+    let mut values = uniform(&[7, 3], [0.06, 0.95], purpose);
+    values.data.iter_mut().step_by(4).for_each(|x| *x *= 0.02);
+    named([(name, values)])
 }
 
 /// Five joints with large, small and tiny angles.

@@ -10,6 +10,7 @@
 //! (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. The albedo of a pass is compared as it is,
 //! without the scale of `loss.albedo`: its scale is known, and a factor would leave it free. Every crop has the same weight.
 
+use super::adding::add;
 use super::crops::Crop;
 use super::targets::Target;
 use crate::Result;
@@ -20,6 +21,8 @@ use crate::loss::{In, mse, ssim};
 
 /// Factor of squares of values in 0..1 for values in −1..1.
 const WIDE: f32 = 4.0;
+/// That of roughness and metallic: two means of squares, so twice the mean over both.
+const MATERIAL: f32 = 2.0 * WIDE;
 /// Weight of LPIPS.
 const PERCEPTUAL: f32 = 2.0;
 /// Weight of 1 − SSIM where there are no weights for LPIPS.
@@ -49,15 +52,15 @@ impl<'a> Rendered<'a> {
     }
 
     /// Returns `n` values from channel `at` of some rays.
-    fn picked(&self, rays: &std::ops::Range<usize>, at: usize, n: usize) -> Vec<f32> {
-        rays.clone().flat_map(|r| self.values[r * self.count + at..][..n].iter().copied()).collect()
+    pub(super) fn picked(&self, rays: impl Iterator<Item = usize>, at: usize, n: usize) -> Vec<f32> {
+        rays.flat_map(|r| self.values[r * self.count + at..][..n].iter().copied()).collect()
     }
 
-    /// Adds to the cotangents of these values.
-    fn put(&mut self, rays: &std::ops::Range<usize>, at: usize, n: usize, bar: &[f32]) {
-        for (r, bar) in rays.clone().zip(bar.chunks_exact(n)) {
-            let row = &mut self.values_bar[r * self.count + at..][..n];
-            row.iter_mut().zip(bar).for_each(|(sum, g)| *sum += g);
+    /// Adds the cotangents of picked values where they were picked.
+    pub(super) fn put(&mut self, rays: impl Iterator<Item = usize>, at: usize, n: usize, picked_bar: &[f32]) {
+        let firsts = rays.map(|r| r * self.count + at);
+        for (first, part) in firsts.zip(picked_bar.chunks_exact(n)) {
+            add(&mut self.values_bar[first..][..n], part);
         }
     }
 }
@@ -79,8 +82,9 @@ impl Terms<'_> {
     fn image(&self, pair: &In<'_>) -> Result<(f32, Vec<f32>)> {
         let mut bar = vec![0.0; pair.x.len()];
         let (square, saved) = mse::forward(pair)?;
-        mse::adjoint(pair, &saved, WIDE * self.weight, &mut bar, None);
-        let mut value = WIDE * square;
+        let weight = WIDE * self.weight;
+        mse::adjoint(pair, &saved, weight, &mut bar, None);
+        let mut value = weight * square;
         if let Some(weights) = self.lpips {
             let x = lpips::In {
                 x: pair.x,
@@ -91,22 +95,25 @@ impl Terms<'_> {
                 weights,
             };
             let (distance, _, saved) = lpips::forward(x, None)?;
-            lpips::adjoint(x, &saved, PERCEPTUAL * self.weight, &mut bar, None);
-            value += PERCEPTUAL * distance;
+            let weight = PERCEPTUAL * self.weight;
+            lpips::adjoint(x, &saved, weight, &mut bar, None);
+            value += weight * distance;
         } else {
             let (alike, saved) = ssim::forward(pair)?;
-            ssim::adjoint(pair, &saved, -STRUCTURE * self.weight, &mut bar, None);
-            value += STRUCTURE * (1.0 - alike);
+            let weight = STRUCTURE * self.weight;
+            ssim::adjoint(pair, &saved, -weight, &mut bar, None);
+            value += weight * (1.0 - alike);
         }
-        Ok((self.weight * value, bar))
+        Ok((value, bar))
     }
 
     /// Squares over all values, 0 where the mask is.
     fn square(&self, pair: &In<'_>, factor: f32) -> Result<(f32, Vec<f32>)> {
         let mut bar = vec![0.0; pair.x.len()];
         let (value, saved) = mse::forward_over(pair, Over::All)?;
-        mse::adjoint(pair, &saved, factor * self.weight, &mut bar, None);
-        Ok((factor * self.weight * value, bar))
+        let weight = factor * self.weight;
+        mse::adjoint(pair, &saved, weight, &mut bar, None);
+        Ok((weight * value, bar))
     }
 
     /// Adds the losses of one crop, whose first ray is `first`; returns their sum. `followed` are the normals (N, 3) that the
@@ -137,25 +144,24 @@ impl Terms<'_> {
             if mask.is_some_and(|m| m.iter().all(|k| *k == 0.0)) {
                 continue;
             }
-            let (x, y) = (out.picked(&rays, at, 3), of(truth, 3));
-            let (value, bar) = self.image(&In { x: &x, y: &y, mask, height, width })?;
-            out.put(&rays, at, 3, &bar);
-            sum += value;
+            let (x, y) = (out.picked(rays.clone(), at, 3), of(truth, 3));
+            let (loss, bar) = self.image(&In { x: &x, y: &y, mask, height, width })?;
+            out.put(rays.clone(), at, 3, &bar);
+            sum += loss;
         }
         let foreground = of(&target.foreground, 1);
         let x = &out.opacity[rays.clone()];
-        let (value, bar) = self.square(&In { x, y: &foreground, mask, height, width }, 1.0)?;
-        out.opacity_bar[rays.clone()].iter_mut().zip(&bar).for_each(|(sum, g)| *sum += g);
-        sum += value;
+        let (loss, bar) = self.square(&In { x, y: &foreground, mask, height, width }, 1.0)?;
+        add(&mut out.opacity_bar[rays.clone()], &bar);
+        sum += loss;
         if let (Some(at), Some(truth)) = (material, &target.material) {
-            let (x, y) = (out.picked(&rays, at, 2), of(truth, 2));
-            // Two means of squares, so twice the mean over both.
-            let (value, bar) = self.square(&In { x: &x, y: &y, mask, height, width }, 2.0 * WIDE)?;
-            out.put(&rays, at, 2, &bar);
-            sum += value;
+            let (x, y) = (out.picked(rays.clone(), at, 2), of(truth, 2));
+            let (loss, bar) = self.square(&In { x: &x, y: &y, mask, height, width }, MATERIAL)?;
+            out.put(rays.clone(), at, 2, &bar);
+            sum += loss;
         }
         if let Some(at) = normal {
-            let (y, compared) = match (&target.normal, followed) {
+            let (y, mut compared) = match (&target.normal, followed) {
                 (Some(truth), _) => (of(truth, 3), of(&target.solid, 1)),
                 (None, Some(followed)) => {
                     let there = |n: &[f32; 3]| f32::from(u8::from(*n != [0.0; 3]));
@@ -164,11 +170,13 @@ impl Terms<'_> {
                 }
                 (None, None) => return Ok(sum),
             };
-            let x = out.picked(&rays, at, 3);
-            let (value, bar) =
-                self.square(&In { x: &x, y: &y, mask: Some(&compared), height, width }, 1.0)?;
-            out.put(&rays, at, 3, &bar);
-            sum += value;
+            if let Some(kept) = mask {
+                compared.iter_mut().zip(kept).for_each(|(c, k)| *c *= k);
+            }
+            let x = out.picked(rays.clone(), at, 3);
+            let (loss, bar) = self.square(&In { x: &x, y: &y, mask: Some(&compared), height, width }, 1.0)?;
+            out.put(rays, at, 3, &bar);
+            sum += loss;
         }
         Ok(sum)
     }

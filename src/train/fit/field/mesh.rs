@@ -70,6 +70,13 @@ impl Settings {
         within("--least-part", self.least_part, 0.0..=1.0)
     }
 
+    /// Returns an estimate of the memory that a mesh takes, in bytes: the grid twice, and what a texel is made of.
+    pub fn memory_estimate(&self) -> u64 {
+        let (points, texels) =
+            ((self.side * self.side * self.side) as u64, (self.texture * self.texture) as u64);
+        12 * points + 128 * texels
+    }
+
     /// As a JSON record.
     pub fn json(&self) -> Value {
         json!({"side": self.side, "texture": self.texture, "smoothing": self.smoothing, "least_part": self.least_part})

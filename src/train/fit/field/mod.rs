@@ -21,7 +21,7 @@
 //! ```
 //!
 //! # What is optimised
-//! Planes, panoramas and heads, from the losses of LIRM (`losses`) and two terms that stand for the prior which a fit of one
+//! Planes, panoramas and heads, from the losses of LIRM (`losses`) and two terms in place of the prior which a fit of one
 //! object does not have: the eikonal term on numerical gradients near the surface, and the squared variation of the planes. Both
 //! have weights in [`Settings`], and 0 removes them.
 //!
@@ -30,6 +30,7 @@
 //! ray with them; 1/β grows linearly. The moments of Adam start again at each growth. The state between iterations is
 //! that of a checkpoint, and every draw is a function of seed and iteration: a resumed fit has the same bits.
 
+mod adding;
 pub mod crops;
 mod losses;
 pub mod mesh;
@@ -53,7 +54,7 @@ use self::crops::Crop;
 use self::state::State;
 use super::training::{Fit, Preview, Step, Watch};
 use crate::field::render::{self, InBar, OutBar, Plan};
-use crate::loss::{self, lpips::Weights};
+use crate::loss::{self, lpips::Metric};
 use crate::num::array::Arrays;
 use crate::num::bits::Digest;
 use crate::scene::field::Field;
@@ -65,11 +66,13 @@ use serde_json::Value;
 pub struct FieldFit<'a> {
     settings: Settings,
     targets: &'a Targets,
-    lpips: Option<&'a Weights>,
+    lpips: Option<&'a Metric>,
     /// The known light, 16×32, in the units of the images; `None` where it is learned or not used.
     light: Option<Vec<[f32; 3]>>,
     /// Digest of the images and cameras.
     input: u64,
+    /// Digests of the network of LPIPS and of the known light, as settings.
+    others: [Value; 2],
     state: State,
     occupied: occupied::Occupied,
 }
@@ -102,7 +105,7 @@ impl<'a> FieldFit<'a> {
     pub fn new(
         settings: Settings,
         targets: &'a Targets,
-        lpips: Option<&'a Weights>,
+        lpips: Option<&'a Metric>,
         light: Option<Vec<[f32; 3]>>,
     ) -> Result<Self> {
         settings.validate()?;
@@ -115,8 +118,19 @@ impl<'a> FieldFit<'a> {
         let state = State::new(&settings, targets.placement)?;
         let state = if light.is_some() { state.with_known_light()? } else { state };
         let input = digest(targets)?;
+        let network = lpips.map(|m| Ok(format!("{:016x}", m.digest()?))).transpose()?;
+        let map = match (&light, settings.materials) {
+            (Some(map), _) => {
+                let mut d = Digest::new();
+                d.f32(&[map.len(), 3], map.as_flattened())?;
+                format!("known {:016x}", d.value())
+            }
+            (None, Materials::Shaded) => "learned".to_owned(),
+            (None, _) => "none".to_owned(),
+        };
+        let others = [Value::from(network), Value::from(map)];
         let occupied = occupied::Occupied::default();
-        Ok(Self { settings, targets, lpips, light, input, state, occupied })
+        Ok(Self { settings, targets, lpips, light, input, others, state, occupied })
     }
 
     /// The field of the current state.
@@ -147,9 +161,12 @@ impl<'a> FieldFit<'a> {
         let mut covered = Vec::with_capacity(out.opacity.len());
         for crop in &batch.crops {
             let target = &self.targets.train[crop.view];
-            covered.extend(losses::cropped(&target.foreground, target.camera.width, crop, 1));
+            let of = |all: &[f32]| losses::cropped(all, target.camera.width, crop, 1);
+            let kept = target.kept.as_ref().map(|kept| of(kept));
+            let is_kept = |i: usize| kept.as_ref().is_none_or(|k| k[i] != 0.0);
+            covered.extend(of(&target.foreground).iter().enumerate().map(|(i, m)| *m > 0.5 && is_kept(i)));
         }
-        let is_there = |i: &usize| out.opacity[*i] > render::VALID && covered[*i] > 0.5;
+        let is_there = |i: &usize| out.opacity[*i] > render::VALID && covered[*i];
         let rays: Vec<usize> = (0..out.opacity.len()).filter(is_there).collect();
         Surface { points: rays.iter().map(|i| out.points[*i]).collect(), rays }
     }
@@ -211,7 +228,8 @@ impl<'a> FieldFit<'a> {
             at_surface.rays.iter().zip(&stencils.normals).for_each(|(r, n)| all[*r] = *n);
             all
         });
-        let terms = losses::Terms { weight: 1.0 / batch.crops.len() as f32, lpips: self.lpips };
+        let terms =
+            losses::Terms { weight: 1.0 / batch.crops.len() as f32, lpips: self.lpips.map(|m| &m.weights) };
         let (mut loss, mut first) = (0.0, 0);
         for crop in &batch.crops {
             let target = &self.targets.train[crop.view];
@@ -242,8 +260,7 @@ impl<'a> FieldFit<'a> {
         if s.eikonal > 0.0 {
             let points = surface::scattered(field, &at_surface.points, s.seed, iteration);
             let stencils = surface::Stencils::at(field, &points);
-            loss +=
-                surface::unit_gradients(&stencils, s.eikonal, &mut g.field.planes, &mut g.field.heads.sdf);
+            loss += surface::unit_length(&stencils, s.eikonal, &mut g.field.planes, &mut g.field.heads.sdf);
         }
         Ok((loss, [rendered.values_bar, rendered.opacity_bar]))
     }
@@ -297,12 +314,9 @@ impl Fit for FieldFit<'_> {
         let mut settings = self.settings.json();
         settings["input"] = Value::from(format!("{:016x}", self.input));
         settings["train_views"] = Value::from(self.targets.train.len());
-        settings["lpips"] = Value::from(self.lpips.is_some());
-        settings["light"] = Value::from(match (&self.light, self.settings.materials) {
-            (Some(_), _) => "known",
-            (None, Materials::Shaded) => "learned",
-            (None, _) => "none",
-        });
+        let [network, map] = &self.others;
+        settings["lpips"] = network.clone();
+        settings["light"] = map.clone();
         settings
     }
 
@@ -344,7 +358,8 @@ impl Fit for FieldFit<'_> {
         let rates = self.settings.rates_at(i);
         self.state.step(g, rates).map_err(named)?;
         watch.lap("optimiser");
-        Ok(Step { loss, size: samples })
+        // The history holds 31 bits.
+        Ok(Step { loss, size: Ord::min(samples, i32::MAX as usize) })
     }
 
     fn preview(&self, k: usize, count: usize) -> Option<Preview> {
@@ -372,8 +387,10 @@ impl Fit for FieldFit<'_> {
     }
 
     fn load(&mut self, from: &Arrays) -> Result<()> {
-        self.state.load(from)?;
-        self.occupied = occupied::Occupied::load(from, self.state.field.settings.half_size)?;
+        // Both are complete before one is replaced.
+        let occupied = occupied::Occupied::load(from, self.state.field.settings.half_size)?;
+        self.state.load(&self.settings, from)?;
+        self.occupied = occupied;
         Ok(())
     }
 }

@@ -36,6 +36,11 @@ const RISE: f64 = 0.05;
 const LAST: f64 = 0.02;
 
 impl Settings {
+    /// Returns the stages.
+    pub(super) fn stages(&self) -> [Stage; 3] {
+        [0, self.iterations / 4, self.iterations / 2].map(|first| self.stage(first))
+    }
+
     /// Returns the stage of an iteration.
     pub(super) fn stage(&self, iteration: usize) -> Stage {
         let ends = [self.iterations / 4, self.iterations / 2, self.iterations];

@@ -138,10 +138,19 @@ impl Settings {
         within("--side", side as f64, 8.0..=1024.0)?;
         within("--channels", channels as f64, 1.0..=128.0)?;
         within("--samples", samples as f64, 8.0..=4096.0)?;
-        within("--crop", crop as f64, 16.0..=512.0)?;
+        within("--crop-side", crop as f64, 16.0..=512.0)?;
         within("--crops", crops as f64, 1.0..=64.0)?;
-        self.inverse_beta.iter().try_for_each(|b| within("--inverse-beta", f64::from(*b), 1.0..=1e4))?;
-        self.rates.iter().try_for_each(|r| within("--rates", *r, 1e-8..=1.0))?;
+        let [first, last] = self.inverse_beta.map(f64::from);
+        within("--first-inverse-beta", first, 1.0..=1e4)?;
+        within("--inverse-beta", last, 1.0..=1e4)?;
+        if first > last {
+            return Err(Error::input("--first-inverse-beta")
+                .expected(format!("at most {last}, that of --inverse-beta: it never falls"))
+                .got(first.to_string()));
+        }
+        let [planes, networks] = self.rates;
+        within("--plane-rate", planes, 1e-8..=1.0)?;
+        within("--network-rate", networks, 1e-8..=1.0)?;
         within("--eikonal", f64::from(self.eikonal), 0.0..=1e3)?;
         within("--variation", f64::from(self.variation), 0.0..=1e3)?;
         if self.heads == HeadForm::Trunk {
@@ -157,6 +166,14 @@ impl Settings {
             }
         }
         Ok(())
+    }
+
+    /// Returns an estimate of the memory that a fit takes besides its images, in bytes: eight times the planes (values,
+    /// gradients and moments, once more in a checkpoint), and the samples of the rays of an iteration.
+    pub fn memory_estimate(&self) -> u64 {
+        let texels = (self.planes * self.side * self.side * self.channels) as u64;
+        let samples = (self.crops * self.crop * self.crop * self.samples) as u64;
+        32 * texels + 16 * samples
     }
 
     /// Whether there is a head of normals.

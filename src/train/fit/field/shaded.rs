@@ -5,12 +5,13 @@
 //! shadows and without light from other surfaces. The result is encoded and compared as colours are; the mean
 //! albedo is pulled towards ½, and a learned light is smooth.
 
+use super::adding::add as add_to;
 use super::losses::Rendered;
 use super::state::LIGHT;
 use crate::Result;
 use crate::loss::variation::{self, Columns};
 use crate::loss::{In, mse};
-use crate::nn::softplus;
+use crate::nn::{linear, softplus};
 use crate::num::rng::Rng;
 use crate::scene::light::Environment;
 use crate::shade::environment::solid_angles;
@@ -100,14 +101,14 @@ pub(super) fn add(
     let step = u32::try_from(iteration).expect("validated");
     let drawn: Vec<usize> = (0..RAYS).map(|i| rng.index(n, i as u64, step, PURPOSE, 0)).collect();
     let rays: Vec<usize> = drawn.iter().map(|i| valid.rays[*i]).collect();
-    let q = out.count;
-    let encoded: Vec<f32> = rays.iter().flat_map(|r| out.values[r * q + albedo_at..][..3].to_vec()).collect();
+    let at_rays = || rays.iter().copied();
+    let encoded = out.picked(at_rays(), albedo_at, 3);
     let mut linear = vec![0.0; encoded.len()];
     decode::forward(&encoded, &mut linear);
     let normal: Vec<[f32; 3]> = drawn.iter().map(|i| valid.normals[*i]).collect();
     let view: Vec<[f32; 3]> = rays.iter().map(|r| valid.directions[*r].map(|x| -x)).collect();
-    let channel = |k: usize| rays.iter().map(|r| out.values[r * q + material_at + k]).collect::<Vec<f32>>();
-    let (roughness, metallic) = (channel(0), channel(1));
+    let roughness = out.picked(at_rays(), material_at, 1);
+    let metallic = out.picked(at_rays(), material_at + 1, 1);
     let learned = match &light {
         Light::Learned(parameters, _) => texels(parameters),
         Light::Known(_) => Vec::new(),
@@ -145,40 +146,100 @@ pub(super) fn add(
     envmap::adjoint(x, radiance_bar.as_chunks().0, &mut bar, &mut env_bar);
     let mut encoded_bar = vec![0.0; encoded.len()];
     decode::adjoint(&encoded, bar.albedo.as_flattened(), &mut encoded_bar);
-    loss += grey(&encoded, &mut encoded_bar)?;
-    if let Light::Learned(parameters, parameters_bar) = light {
-        let maps = variation::In {
-            planes: learned.as_flattened(),
-            shape: [1, LIGHT[0], LIGHT[1], 3],
-            columns: Columns::Periodic,
-        };
-        loss += SMOOTH * variation::forward(&maps);
-        variation::adjoint(&maps, SMOOTH, env_bar.as_flattened_mut());
-        softplus::adjoint(parameters, env_bar.as_flattened(), parameters_bar);
+    if let Light::Learned(parameters, gradient) = light {
+        loss += smoothness(&learned, &mut env_bar);
+        softplus::adjoint(parameters, env_bar.as_flattened(), gradient);
     }
-    for (i, r) in rays.iter().enumerate() {
-        let row = &mut out.values_bar[r * q..(r + 1) * q];
-        (0..3).for_each(|k| row[albedo_at + k] += encoded_bar[3 * i + k]);
-        row[material_at] += bar.roughness[i];
-        row[material_at + 1] += bar.metallic[i];
-        (0..3).for_each(|k| normals_bar[drawn[i]][k] += bar.normal[i][k]);
+    out.put(at_rays(), albedo_at, 3, &encoded_bar);
+    out.put(at_rays(), material_at, 1, &bar.roughness);
+    out.put(at_rays(), material_at + 1, 1, &bar.metallic);
+    for (i, part) in drawn.iter().zip(&bar.normal) {
+        add_to(&mut normals_bar[*i], part);
     }
-    Ok(loss)
+    let colors = albedo_at..albedo_at + 3;
+    let channels: Vec<f32> = colors.clone().flat_map(|at| out.picked(rays.iter().copied(), at, 1)).collect();
+    let (value, channels_bar) = grey(&channels)?;
+    for (at, part) in colors.zip(channels_bar.chunks_exact(RAYS)) {
+        out.put(at_rays(), at, 1, part);
+    }
+    Ok(loss + value)
 }
 
-/// The squared distance of the mean albedo from ½, with its gradient.
-fn grey(albedo: &[f32], albedo_bar: &mut [f32]) -> Result<f32> {
-    let n = albedo.len() / 3;
-    let mean: [f32; 3] = std::array::from_fn(|k| {
-        let sum = albedo.iter().skip(k).step_by(3).fold(0.0, |sum, x| sum + f64::from(*x));
-        (sum / n as f64) as f32
-    });
+/// The squared variation of a light's texels, whose gradient is added to `env_bar`.
+fn smoothness(env: &[[f32; 3]], env_bar: &mut [[f32; 3]]) -> f32 {
+    let shape = [1, LIGHT[0], LIGHT[1], 3];
+    let maps = variation::In { planes: env.as_flattened(), shape, columns: Columns::Periodic };
+    variation::adjoint(&maps, SMOOTH, env_bar.as_flattened_mut());
+    SMOOTH * variation::forward(&maps)
+}
+
+/// The squared distance of the mean albedo (3, N) from ½, and its gradient.
+fn grey(channels: &[f32]) -> Result<(f32, Vec<f32>)> {
+    let n = channels.len() / 3;
+    let shares = vec![1.0 / n as f32; n];
+    let x = linear::In { x: &shares, weight: channels, bias: &[], m: 1, n: 3, k: n };
+    let mut mean = [0.0; 3];
+    linear::forward(x, &mut mean);
     let pair = In { x: &mean, y: &[0.5; 3], mask: None, height: 1, width: 1 };
     let (value, saved) = mse::forward(&pair)?;
     let mut mean_bar = [0.0; 3];
-    mse::adjoint(&pair, &saved, GREY / n as f32, &mut mean_bar, None);
-    for row in albedo_bar.as_chunks_mut::<3>().0 {
-        (0..3).for_each(|k| row[k] += mean_bar[k]);
+    mse::adjoint(&pair, &saved, GREY, &mut mean_bar, None);
+    let mut bar = linear::InBar { weight: vec![0.0; channels.len()], ..linear::InBar::default() };
+    linear::adjoint(x, &mean_bar, &mut bar);
+    Ok((GREY * value, bar.weight))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::num::sum;
+
+    /// Σ ω L over a map, per channel.
+    fn power(texels: &[[f32; 3]], width: usize, height: usize) -> [f64; 3] {
+        let (omega, _) = solid_angles(width, height);
+        std::array::from_fn(|k| {
+            let terms: Vec<f64> =
+                texels.iter().enumerate().map(|(i, x)| omega[i / width] * f64::from(x[k])).collect();
+            sum::tree_f64(&terms)
+        })
     }
-    Ok(GREY * value)
+
+    #[test]
+    fn a_map_of_any_size_becomes_one_of_16_by_32() {
+        let rng = Rng::new(5);
+        for (width, height) in
+            [(32, 16), (64, 32), (512, 256), (96, 48), (100, 50), (33, 17), (8, 4), (1, 1), (200, 9)]
+        {
+            let radiance: Vec<[f32; 3]> = (0..width * height)
+                .map(|i| std::array::from_fn(|k| rng.uniform_f32(i as u64, 0, 0, k as u16)))
+                .collect();
+            let map = Environment { radiance, width, height };
+            let small = reduced(&map, 2.0);
+            assert_eq!(small.len(), 512, "{width}×{height}");
+            assert!(small.as_flattened().iter().all(|x| (0.0..=2.0).contains(x)), "{width}×{height}: means");
+            // cells of whole texels hold their light to the last digits
+            if width % 32 == 0 && height % 16 == 0 {
+                let [before, after] = [power(&map.radiance, width, height), power(&small, 32, 16)];
+                for (a, b) in before.iter().zip(after) {
+                    assert!(
+                        (2.0 * a - b).abs() < 1e-6 * b,
+                        "{width}×{height}: {a} before, {b} after, of twice"
+                    );
+                }
+            }
+        }
+        let even = reduced(&Environment::constant([0.25, 0.5, 1.0]), 1.0);
+        assert!(even.iter().all(|x| *x == [0.25, 0.5, 1.0]), "a constant stays constant");
+    }
+
+    #[test]
+    fn the_mean_albedo_is_pulled_towards_one_half() {
+        let channels = [[0.25; 4], [0.5; 4], [0.75; 4]].concat();
+        let (value, bar) = grey(&channels).expect("values that count");
+        assert!((value - GREY * (2.0 * 0.0625 / 3.0)).abs() < 1e-9, "{value}");
+        let expected = GREY * 2.0 / 3.0 * 0.25 / 4.0;
+        assert!(bar[..4].iter().all(|g| (g + expected).abs() < 1e-9), "dark: {bar:?}");
+        assert!(bar[4..8].iter().all(|g| *g == 0.0), "at one half: {bar:?}");
+        assert!(bar[8..].iter().all(|g| (g - expected).abs() < 1e-9), "bright: {bar:?}");
+    }
 }

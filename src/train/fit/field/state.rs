@@ -149,10 +149,15 @@ impl State {
         let samples = s.stage(iteration).samples;
         let scheduled = s.inverse_beta_at(iteration);
         let learned = self.sharpness.first().map(|x| elem::exp(f64::from(*x)) as f32);
+        self.render_with(samples, learned.unwrap_or(scheduled));
+    }
+
+    /// Sets the settings that change during a fit.
+    fn render_with(&mut self, samples: usize, inverse_beta: f32) {
         let side = self.field.planes.side;
         let settings = &mut self.field.settings;
         settings.samples = samples;
-        settings.inverse_beta = learned.unwrap_or(scheduled);
+        settings.inverse_beta = inverse_beta;
         // One texel: with less, differences see the creases of the interpolation.
         settings.epsilon = 2.0 * settings.half_size / (side - 1) as f32;
     }
@@ -228,22 +233,40 @@ impl State {
         for (name, adam) in &self.moments {
             adam.save(&format!("adam/{name}"), out);
         }
+        let settings = &self.field.settings;
+        out.put("render/samples", &[1], vec![settings.samples as i32]);
+        out.put("render/inverse_beta", &[1], vec![settings.inverse_beta]);
         out.put("placement/center", &[3], self.field.placement.center.to_vec());
         out.put("placement/scale", &[1], vec![self.field.placement.scale]);
     }
 
-    /// Replaces the state by a saved one of the same settings.
+    /// Replaces the state by a saved one of the same settings `s`.
     ///
     /// # Errors
     /// A missing array, another shape, a number that is not finite.
-    pub(super) fn load(&mut self, from: &Arrays) -> Result<()> {
+    pub(super) fn load(&mut self, s: &Settings, from: &Arrays) -> Result<()> {
         let stored = from.need("param/planes")?.shape().to_vec();
         let side = stored.get(1).copied().unwrap_or(0);
-        if !(2..=4096).contains(&side) {
+        let stages = s.stages();
+        if !stages.iter().any(|stage| stage.side == side) {
+            let sides = stages.map(|stage| stage.side.to_string()).join(", ");
             return Err(Error::input("array 'param/planes'")
-                .expected("planes of 2 to 4096 texels a side")
+                .expected(format!("planes with a side of one of the stages: {sides}"))
                 .got(format!("{stored:?}")));
         }
+        let inverse_beta = from.scalar("render/inverse_beta")? as f32;
+        if !(inverse_beta > 0.0 && inverse_beta.is_finite()) {
+            return Err(Error::input("array 'render/inverse_beta'")
+                .expected("a positive number")
+                .got(inverse_beta.to_string()));
+        }
+        let samples = from.scalar("render/samples")?;
+        let Some(samples) = stages.map(|stage| stage.samples).into_iter().find(|n| *n as f64 == samples)
+        else {
+            return Err(Error::input("array 'render/samples'")
+                .expected("the samples of one of the stages")
+                .got(samples.to_string()));
+        };
         let mut loaded = self.clone();
         loaded.grow(side)?;
         for (name, shape, values) in loaded.arrays() {
@@ -255,6 +278,7 @@ impl State {
         for (name, adam) in &mut loaded.moments {
             *adam = Adam::load_sized(RULE, &format!("adam/{name}"), from, [adam.rows(), adam.width()])?;
         }
+        loaded.render_with(samples, inverse_beta);
         *self = loaded;
         Ok(())
     }

@@ -4,6 +4,7 @@
 //! differences would read the inside of the object, which no image determines. Points are constants: no gradient
 //! flows into the positions at which they were found.
 
+use super::adding::add;
 use super::scene::{self, Weights};
 use crate::field::network::NetworkBar;
 use crate::field::{fetch, normal, sdf_head};
@@ -87,7 +88,7 @@ impl<'a> Stencils<'a> {
         };
         sdf_head::adjoint(&x, &self.saved, &sdf_bar, &mut [], &mut bar);
         for (into, part) in network_bar.iter_mut().zip(&bar.weights) {
-            into.iter_mut().zip(part).for_each(|(sum, g)| *sum += g);
+            add(into, part);
         }
         let planes = scene::planes(self.field);
         fetch::adjoint(&planes, scene::combine(self.field), &self.points, &bar.x, &mut [], planes_bar);
@@ -107,7 +108,7 @@ pub(super) fn scattered(field: &Field, surface: &[[f32; 3]], seed: u64, iteratio
 }
 
 /// Adds the gradients of the eikonal term with the given weight; returns the weighted value.
-pub(super) fn unit_gradients(
+pub(super) fn unit_length(
     stencils: &Stencils<'_>,
     weight: f32,
     planes_bar: &mut [f32],

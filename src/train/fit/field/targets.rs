@@ -7,7 +7,7 @@
 //! ([`crate::fit::exposure`]).
 
 use crate::fit::exposure::{Photograph, equalise};
-use crate::io::capture::{Capture, Frame, Reading, Split, read_capture_with};
+use crate::io::capture::{Capture, Frame, Reading, read_capture_with};
 use crate::io::image_file;
 use crate::num::par;
 use crate::scene::camera::Camera;
@@ -79,43 +79,46 @@ pub struct Targets {
     pub exposure: f64,
 }
 
-/// Returns the foreground of a frame as the capture has it: a pass, or the alpha channel.
-fn foreground(frame: &Frame, view: &View, passes: &PassImages) -> Result<Option<Vec<f32>>> {
-    if let Some(pass) = &passes.foreground {
-        return Ok(Some(pass.clone()));
+/// Passes of a frame in the size of its view, the foreground from the alpha channel where there is no such pass; none where
+/// the view is not the image itself (undistorted, or turned).
+fn passes(frame: &Frame, view: &View, downscale: usize) -> Result<PassImages> {
+    if !frame.lens.is_ideal() {
+        return Ok(PassImages::default());
     }
-    let image = image_file::read(&frame.image)?;
-    let c = image.channels.len();
-    if c.is_multiple_of(2) && (image.width, image.height) == (view.camera.width, view.camera.height) {
-        let alpha = (0..image.width * image.height).map(|i| image.value(i * c + c - 1)).collect();
-        return Ok(Some(alpha));
+    let mut read = PassImages::read(frame)?;
+    if read.foreground.is_none() {
+        let image = image_file::read(&frame.image)?;
+        let (width, height) = (image.width, image.height);
+        if (read.width, read.height) != (width, height) {
+            read = PassImages { width, height, exposure: read.exposure, ..PassImages::default() };
+        }
+        let c = image.channels.len();
+        let alpha = || (0..width * height).map(|i| image.value(i * c + c - 1)).collect();
+        read.foreground = c.is_multiple_of(2).then(alpha);
     }
-    Ok(None)
+    let fits = (read.width / downscale, read.height / downscale) == (view.camera.width, view.camera.height);
+    Ok(match (fits, downscale) {
+        (false, _) => PassImages::default(),
+        (true, 1) => read,
+        (true, s) => read.reduced(s),
+    })
 }
 
 /// Reads what a frame has besides its photo.
-fn picture(frame: &Frame, view: &View, masks: Masks) -> Result<Picture> {
+fn picture(frame: &Frame, view: &View, options: &Options) -> Result<Picture> {
     let pixels = view.camera.width * view.camera.height;
-    let is_same = frame.lens.is_ideal();
-    let read = if is_same { PassImages::read(frame)? } else { PassImages::default() };
-    let fits =
-        read.width * read.height == 0 || (read.width, read.height) == (view.camera.width, view.camera.height);
-    let passes = if fits { read } else { PassImages::default() };
-    let given = if is_same && fits { foreground(frame, view, &passes)? } else { None };
-    let mask = || view.mask.as_ref().map(|m| m.iter().map(|m| f32::from(*m)).collect::<Vec<f32>>());
-    let (foreground, kept) = match (given, masks) {
-        (Some(given), Masks::Off) => (given, None),
-        (Some(given), _) => (given, mask()),
-        // A mask alone is the foreground.
+    let passes = passes(frame, view, options.downscale)?;
+    let mask = view.mask.as_ref().map(|m| m.iter().map(|m| f32::from(*m)).collect::<Vec<f32>>());
+    let (foreground, kept) = match (&passes.foreground, &frame.mask) {
+        (Some(given), _) => (given.clone(), mask),
+        // A mask alone is the foreground; one without zeros is not in the view.
+        (None, Some(_)) if options.masks != Masks::Off => (mask.unwrap_or_else(|| vec![1.0; pixels]), None),
         (None, _) => {
-            let mask = mask().ok_or_else(|| {
-                Error::input(view.name.clone())
-                    .at("foreground")
-                    .expected("an alpha channel, a mask, or a pass 'foreground'")
-                    .got("an image of the whole scene")
-                    .hint("`field fit` fits one object: give every image a mask of it")
-            })?;
-            (mask, None)
+            return Err(Error::input(view.name.clone())
+                .at("foreground")
+                .expected("an alpha channel, a mask, or a pass 'foreground'")
+                .got("an image of the whole scene")
+                .hint("`field fit` fits one object: give every image a mask of it"));
         }
     };
     let plain = (0..pixels).filter(|i| foreground[*i] == 0.0);
@@ -147,6 +150,12 @@ fn placed(camera: &Camera, at: &Placement) -> Camera {
         (at.scale * turned) as f32
     };
     Camera { translation: std::array::from_fn(moved), ..camera.clone() }
+}
+
+/// Whether a camera is in the box and all of its pixels show the object.
+fn is_inside(t: &Target) -> bool {
+    let half = super::state::HALF_SIZE;
+    t.camera.center().iter().all(|x| x.abs() < half) && t.foreground.iter().all(|m| *m >= 0.5)
 }
 
 /// 1 where all of the 3×3 pixels around are covered and the normal faces the camera.
@@ -254,16 +263,10 @@ impl Pictures {
         };
         let capture: Capture = read_capture_with(path, &reading)?;
         let views = Views::from_capture(&capture, options)?;
-        let find = |view: &View| {
-            capture
-                .frames
-                .iter()
-                .find(|f| f.name == view.name && (f.split != Split::Val || views.views.len() > 0))
-        };
         let read = par::map(views.views.len(), |i| {
             let view = &views.views[i];
-            let frame = find(view).expect("every view is a frame of the capture");
-            picture(frame, view, options.masks)
+            let frame = capture.frames.iter().find(|f| f.name == view.name);
+            picture(frame.expect("every view is a frame of the capture"), view, options)
         });
         let mut pictures = read.into_iter().collect::<Result<Vec<_>>>()?;
         let exposure = expose(&mut pictures, exposure)?;
@@ -271,9 +274,6 @@ impl Pictures {
     }
 
     /// Returns the images in the units of a field.
-    ///
-    /// # Errors
-    /// When no foreground pixel of the training images sees the box.
     pub fn targets(&self, placement: Placement) -> Targets {
         let of = |which: &[usize]| which.iter().map(|i| target(&self.pictures[*i], &placement)).collect();
         Targets {
@@ -294,7 +294,7 @@ impl Targets {
     /// Checks that a fit can be made.
     ///
     /// # Errors
-    /// One view, no foreground ray that meets the box, or a crop larger than an image.
+    /// One view, no foreground ray that meets the box, a camera inside the object, or a crop larger than an image.
     pub fn validate(&self, crop: usize) -> Result<()> {
         if self.train.len() < 2 {
             return Err(Error::input("capture")
@@ -304,7 +304,7 @@ impl Targets {
         for t in &self.train {
             let least = Ord::min(t.camera.width, t.camera.height);
             if least < crop {
-                return Err(Error::input("--crop")
+                return Err(Error::input("--crop-side")
                     .at(t.name.clone())
                     .expected(format!("at most {least}, the smaller side of the image"))
                     .got(crop.to_string()));
@@ -318,6 +318,13 @@ impl Targets {
                 t.foreground[i] >= 0.5 && enter < leave
             })
         };
+        if let Some(t) = self.train.iter().find(|t| is_inside(t)) {
+            return Err(Error::input(t.name.clone())
+                .at("camera")
+                .expected("a camera outside the object")
+                .got("one in the box whose image shows nothing but the object")
+                .hint("leave the image out, or set a smaller --box"));
+        }
         if self.train.iter().any(sees) {
             return Ok(());
         }

@@ -1,4 +1,4 @@
-//! The light of `mesh render`: a panorama of the user's, or a built-in one.
+//! A light from the command line: a panorama of the user's, or a built-in one, and how it is turned.
 
 use crate::choices::{ENV_AXES, choices};
 use crate::io;
@@ -17,12 +17,9 @@ const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "n
 /// Rows of the axes map.
 const AXES_ROWS: usize = 256;
 
-/// Options of the light.
+/// How the map of `--env` is read.
 #[derive(clap::Args)]
-pub(super) struct Args {
-    /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform, sky, sunset, overcast, studio, indoor, night, axes
-    #[arg(long, value_name = "FILE|NAME", default_value = "uniform")]
-    env: String,
+pub(crate) struct MapArgs {
     /// Orientation of the panorama's axes
     #[arg(long, value_name = "NAME", default_value = "ours", value_parser = choices(ENV_AXES))]
     env_axes: String,
@@ -40,6 +37,15 @@ pub(super) struct Args {
     env_linear: bool,
 }
 
+/// The text of `--env`, and how its map is read.
+#[derive(Clone, Copy)]
+pub(crate) struct Light<'a> {
+    /// A panorama, or the name of a built-in light.
+    pub(crate) env: &'a str,
+    /// Options of the map.
+    pub(crate) map: &'a MapArgs,
+}
+
 /// Where the light comes from.
 enum Source<'a> {
     /// White from everywhere.
@@ -52,9 +58,23 @@ enum Source<'a> {
     File(&'a Path),
 }
 
-impl Args {
-    fn source(&self) -> Source<'_> {
-        match self.env.as_str() {
+impl MapArgs {
+    /// The first option that differs from its default.
+    pub(crate) fn given(&self) -> Option<&'static str> {
+        let all = [
+            ("--env-axes", self.env_axes != "ours"),
+            ("--env-rotate", self.env_rotate != 0.0),
+            ("--env-scale", self.env_scale != 1.0),
+            ("--env-mirror", self.env_mirror),
+            ("--env-linear", self.env_linear),
+        ];
+        all.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
+    }
+}
+
+impl<'a> Light<'a> {
+    fn source(self) -> Source<'a> {
+        match self.env {
             "uniform" => Source::Uniform,
             "axes" => Source::Axes,
             name => match BUILT_IN.iter().position(|n| *n == name) {
@@ -64,13 +84,14 @@ impl Args {
         }
     }
 
-    fn options(&self) -> Result<Options> {
+    fn options(self) -> Result<Options> {
+        let map = self.map;
         let options = Options {
-            orientation: Orientation::parse(&self.env_axes)?,
-            mirror: self.env_mirror,
-            rotate: self.env_rotate,
-            scale: self.env_scale,
-            transfer: if self.env_linear { Transfer::Linear } else { Transfer::Srgb },
+            orientation: Orientation::parse(&map.env_axes)?,
+            mirror: map.env_mirror,
+            rotate: map.env_rotate,
+            scale: map.env_scale,
+            transfer: if map.env_linear { Transfer::Linear } else { Transfer::Srgb },
             world_from_map: None,
         };
         options.validate()?;
@@ -81,13 +102,13 @@ impl Args {
     ///
     /// # Errors
     /// When an option is out of range or does not apply to this light, or the panorama cannot be used.
-    pub(super) fn environment(&self, seed: u64) -> Result<Environment> {
+    pub(crate) fn environment(self, seed: u64) -> Result<Environment> {
         let (source, options) = (self.source(), self.options()?);
         let of_pictures = matches!(source, Source::File(_) | Source::Axes);
         let given = [
             ("--env-axes", options.orientation != Orientation::Ours, of_pictures),
             ("--env-mirror", options.mirror, of_pictures),
-            ("--env-linear", self.env_linear, matches!(source, Source::File(_))),
+            ("--env-linear", self.map.env_linear, matches!(source, Source::File(_))),
         ];
         if let Some((name, ..)) = given.into_iter().find(|(_, given, has_a_meaning)| *given && !has_a_meaning)
         {
@@ -117,15 +138,15 @@ impl Args {
     ///
     /// # Errors
     /// When the panorama cannot be read.
-    pub(super) fn record(&self) -> Result<Value> {
+    pub(crate) fn record(self) -> Result<Value> {
         let light = match self.source() {
             Source::File(path) => io::identity(path)?,
             _ => json!(self.env),
         };
-        let (turn, scale) = (self.env_rotate, f64::from(self.env_scale));
+        let (turn, scale) = (self.map.env_rotate, f64::from(self.map.env_scale));
         Ok(json!({
-            "light": light, "axes": self.env_axes, "rotate_deg": turn, "scale": scale,
-            "mirror": self.env_mirror, "linear": self.env_linear,
+            "light": light, "axes": self.map.env_axes, "rotate_deg": turn, "scale": scale,
+            "mirror": self.map.env_mirror, "linear": self.map.env_linear,
         }))
     }
 }

@@ -1,0 +1,42 @@
+//! The field of a fit, and how its images are read.
+
+use crate::scene::field::{FILE, Field};
+use crate::scene::views::{Masks, Options};
+use crate::{Error, Result};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// The file of a field: itself, or that in the folder of a fit.
+fn field_file(path: &Path) -> PathBuf {
+    if path.is_dir() { path.join(FILE) } else { path.to_path_buf() }
+}
+
+/// Reads a field.
+pub(super) fn field(path: &Path) -> Result<Field> {
+    let file = field_file(path);
+    if path.is_dir() && !file.is_file() {
+        return Err(Error::input(path.display().to_string())
+            .expected(format!("the folder of a fit, with {FILE}"))
+            .got("a folder without it")
+            .hint("an interrupted fit is continued with --resume"));
+    }
+    Field::read(&file)
+}
+
+/// The factor from radiance to the images that a fit was made with, from the record beside its field.
+pub(super) fn exposure_of(path: &Path) -> Option<f64> {
+    let record = field_file(path).with_file_name(crate::training::RESULT);
+    let record: Value = serde_json::from_slice(&std::fs::read(record).ok()?).ok()?;
+    record["exposure"].as_f64()
+}
+
+/// How the images of a capture are read.
+pub(super) fn options(downscale: u8, outside: bool) -> Options {
+    Options {
+        background: [1.0; 3],
+        downscale: usize::from(downscale),
+        masks: Masks::Ignore,
+        outside,
+        ..Options::default()
+    }
+}
