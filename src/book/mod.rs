@@ -6,6 +6,7 @@
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
 //!                             └──► light_and_rays ──► known_truth ──► learned_causes
+//!                                        └──► field ──► field_adjoint
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -54,6 +55,12 @@ pub mod known_truth {}
 
 #[doc = include_str!("learned_causes.md")]
 pub mod learned_causes {}
+
+#[doc = include_str!("field.md")]
+pub mod field {}
+
+#[doc = include_str!("field_adjoint.md")]
+pub mod field_adjoint {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

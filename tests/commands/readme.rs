@@ -11,11 +11,13 @@ const README: &str = include_str!("../../README.md");
 const PRINTS: &str = "`oracle compare mine.npz ours.npz` prints:";
 
 /// Chapters with listings.
-const BOOK: [(&str, &str); 14] = [
+const BOOK: [(&str, &str); 16] = [
     ("adjoint_of_blending", include_str!("../../src/book/adjoint_of_blending.md")),
     ("bibliography", include_str!("../../src/book/bibliography.md")),
     ("bit_contract", include_str!("../../src/book/bit_contract.md")),
     ("conventions", include_str!("../../src/book/conventions.md")),
+    ("field", include_str!("../../src/book/field.md")),
+    ("field_adjoint", include_str!("../../src/book/field_adjoint.md")),
     ("fitting", include_str!("../../src/book/fitting.md")),
     ("formats", include_str!("../../src/book/formats.md")),
     ("known_truth", include_str!("../../src/book/known_truth.md")),
