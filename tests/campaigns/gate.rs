@@ -96,7 +96,7 @@ fn an_interrupted_command_goes_on_to_the_same_result() {
 #[test]
 fn a_full_disk_leaves_no_half_file() {
     let (program, scratch) = (program(), folder());
-    let report = disk::run(&program, 1, 0..8, false, scratch.path()).expect("files and processes");
+    let report = disk::run(&program, 1, 0..9, false, scratch.path()).expect("files and processes");
     println!("{report}");
     assert!(report.total(3) > 2, "some have no room");
     assert_eq!(report.faults(), 0, "faults, listed above");
@@ -114,7 +114,7 @@ fn closed_and_full_streams_change_nothing() {
 #[test]
 fn one_of_two_writers_is_refused() {
     let (program, scratch) = (program(), folder());
-    let report = writers::run(&program, 1, 0..8, scratch.path()).expect("files and processes");
+    let report = writers::run(&program, 1, 0..9, scratch.path()).expect("files and processes");
     println!("{report}");
     assert!(report.total(1) > 3, "in most trials both run at the same time");
     assert_eq!(report.faults(), 0, "faults, listed above");
