@@ -100,7 +100,7 @@ pub(super) fn read_model(model: &Model, reading: &Reading) -> Result<Capture> {
             .find(|p| p.is_file());
     }
     let (frames, missing) = frames.into_iter().partition(|frame| frame.image.is_file());
-    Ok(Capture { dialect, frames, points, missing, missing_files: Vec::new() })
+    Ok(Capture { dialect, frames, points, missing, missing_files: Vec::new(), is_unit_ball: false })
 }
 
 /// Frames from cameras and images; names may lead out of the folder if `outside` is set; `name` is the file of the images.

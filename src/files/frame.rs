@@ -191,6 +191,8 @@ pub struct Capture {
     /// Other missing files that the capture names (points, depth and other passes); their contents are
     /// absent.
     pub missing_files: Vec<String>,
+    /// Whether `lirm gen` wrote it: its object is in the ball of radius ½ around the origin.
+    pub is_unit_ball: bool,
 }
 
 /// The rotation nearest to a matrix that is a rotation up to rounding.

@@ -28,6 +28,8 @@ pub struct Transforms {
     pub frames: Vec<Frame>,
     /// `ply_file_path`, relative to its folder.
     pub points: Option<PathBuf>,
+    /// Whether `lirm gen` wrote it: its object is in the ball of radius ½ around the origin.
+    pub is_unit_ball: bool,
 }
 
 /// The first of the known files in a folder.
@@ -65,11 +67,13 @@ pub fn read(path: &Path, reading: &Reading) -> Result<Capture> {
         points: None,
         missing: Vec::new(),
         missing_files: Vec::new(),
+        is_unit_ball: false,
     };
     for (file, split) in files {
         let name = name_of(&file);
         let parsed = parse_with(&read_bytes(&file, MAX_BYTES)?, &name, reading.outside)?;
         capture.dialect = parsed.dialect;
+        capture.is_unit_ball |= parsed.is_unit_ball;
         for (i, mut frame) in parsed.frames.into_iter().enumerate() {
             let find = |p: &Path, key: &str| {
                 let relative = p.to_string_lossy();
@@ -143,7 +147,12 @@ pub(super) fn parse_with(bytes: &[u8], name: &str, outside: bool) -> Result<Tran
                 .got(other.map_or("nothing".into(), kind)));
         }
     };
-    let mut out = Transforms { dialect: dialect(top, frames), frames: Vec::new(), points: None };
+    let mut out = Transforms {
+        dialect: dialect(top, frames),
+        frames: Vec::new(),
+        points: None,
+        is_unit_ball: top.contains_key("lirm_gen"),
+    };
     for (i, frame) in frames.iter().enumerate() {
         let Some(frame) = frame.as_object() else {
             return Err(Error::input(name).at(format!("frames[{i}]")).expected("an object").got(kind(frame)));

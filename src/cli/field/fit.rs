@@ -3,7 +3,7 @@
 use super::page::{self, Input};
 use super::read;
 use crate::claim;
-use crate::fit::field::place::{hull, placement};
+use crate::fit::field::place::{around, placement, unit_ball};
 use crate::fit::field::scores::means;
 use crate::fit::field::shaded::reduced;
 use crate::fit::field::targets::{Picture, Pictures};
@@ -172,8 +172,11 @@ impl Args {
 
     fn cube(&self, pictures: &Pictures) -> Result<SceneBox> {
         let Some(text) = &self.bounds else {
+            if pictures.is_unit_ball {
+                return Ok(unit_ball());
+            }
             let train: Vec<&Picture> = pictures.views.train.iter().map(|i| &pictures.pictures[*i]).collect();
-            return hull(&train, &pictures.views.scene_box);
+            return around(&train, pictures.views.scene_box.center);
         };
         let [low, high] = parse_box(text)?.map(|corner| corner.map(f64::from));
         let widest = (0..3).fold(0.0, |most, k| order::max(most, high[k] - low[k]));

@@ -1,7 +1,7 @@
 //! The pixels of an iteration: square crops, more often where the object is.
 //!
 //! Crop k of iteration i takes view (K·i + k) of an endless sequence of permutations of the views. Its first
-//! row is drawn with a probability proportional to the foreground in its rows, plus 0.001 of the image, then
+//! row is drawn with a probability proportional to the foreground in its rows, plus 0.001 of the window, then
 //! its first column likewise within these rows (LIRM, § 11.1).
 
 use super::targets::Target;

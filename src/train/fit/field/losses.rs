@@ -7,7 +7,7 @@
 //! | roughness, metallic | 1, 1 | mean (x − y)² of values in −1..1 |
 //! | normal head | 1 | Σ ‖n − n*‖² over the compared pixels / number of all values |
 //!
-//! (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. The albedo of a pass is compared as it is,
+//! Means of colour and albedo are over the pixels that count, the others over all pixels of the crop. (LIRM, § 10.) Colours here are in 0..1, so their squares have the factor 4. The albedo of a pass is compared as it is,
 //! without the scale of `loss.albedo`: its scale is known, and a factor would leave it free. Every crop has the same weight.
 
 use super::adding::add;
@@ -86,17 +86,19 @@ impl Terms<'_> {
         mse::adjoint(pair, &saved, weight, &mut bar, None);
         let mut value = weight * square;
         if let Some(weights) = self.lpips {
-            let x = lpips::In {
-                x: pair.x,
-                y: pair.y,
-                height: pair.height,
-                width: pair.width,
-                rescale: true,
-                weights,
-            };
+            let is_kept = |pixel: usize| pair.mask.is_none_or(|m| m[pixel] != 0.0);
+            let both = pair.x.iter().zip(pair.y).enumerate();
+            // A pixel that does not count is the same in both images, and gets no gradient.
+            let x: Vec<f32> = both.map(|(i, (x, y))| if is_kept(i / 3) { *x } else { *y }).collect();
+            let (height, width) = (pair.height, pair.width);
+            let x = lpips::In { x: &x, y: pair.y, height, width, rescale: true, weights };
             let (distance, _, saved) = lpips::forward(x, None)?;
             let weight = PERCEPTUAL * self.weight;
-            lpips::adjoint(x, &saved, weight, &mut bar, None);
+            let mut part = vec![0.0; bar.len()];
+            lpips::adjoint(x, &saved, weight, &mut part, None);
+            for pixel in (0..height * width).filter(|i| is_kept(*i)) {
+                add(&mut bar[3 * pixel..][..3], &part[3 * pixel..][..3]);
+            }
             value += weight * distance;
         } else {
             let (alike, saved) = ssim::forward(pair)?;

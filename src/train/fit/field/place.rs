@@ -1,8 +1,11 @@
 //! The box of an object, from its foreground in all images.
 //!
-//! The point nearest to the optical axes is the first centre, and the farthest foreground ray from it gives a
-//! first half size. Of the points of a grid in that cube, those stay that no image sees as background: the visual
-//! hull. The box is a cube around its bounds, a twentieth larger.
+//! The centre is the point nearest to the optical axes. The radius is that of the smallest sphere there whose outline covers
+//! the foreground of every image: the largest distance of a foreground ray from the centre. Centre and radius become the
+//! origin and ½; the box is a twentieth larger. Images of `lirm gen` have this form already and are used as they are.
+//!
+//! A grid of points in the sphere's cube serves as a check: if every point is background in some image that sees it,
+//! cameras and foreground contradict each other.
 
 use super::targets::Picture;
 use crate::num::{order, par};
@@ -15,7 +18,7 @@ use crate::{Error, Result};
 const SIDE: usize = 64;
 /// Coverage from which a pixel is foreground here.
 const COVERED: f32 = 0.5;
-/// Half size of the box as a factor of the object's.
+/// Half size of the box as a factor of the radius.
 const MARGIN: f64 = 1.05;
 
 /// Distance of a point from the line of a ray.
@@ -58,46 +61,41 @@ fn is_background(p: &Picture, point: [f64; 3]) -> bool {
         .any(|r| (x.saturating_sub(1)..Ord::min(x + 2, w)).any(|c| p.foreground[r * w + c] >= COVERED))
 }
 
-/// Returns the box around the visual hull of the foreground.
+/// Whether there is a point that no image sees as background.
+fn has_hull(pictures: &[&Picture], center: [f64; 3], radius: f64) -> bool {
+    let at = |i: usize| -> [f64; 3] {
+        let index = [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE];
+        std::array::from_fn(|k| center[k] + radius * (2.0 * (index[k] as f64 + 0.5) / SIDE as f64 - 1.0))
+    };
+    let kept =
+        par::map_batched(SIDE * SIDE * SIDE, 1024, |i| !pictures.iter().any(|p| is_background(p, at(i))));
+    kept.contains(&true)
+}
+
+/// Returns the box around the sphere whose outline covers the foreground of all images.
 ///
 /// # Errors
 /// When no image has foreground, or no point is foreground in all images that see it.
-pub fn hull(pictures: &[&Picture], scene: &SceneBox) -> Result<SceneBox> {
-    let radius = reach(pictures, scene.center);
+pub fn around(pictures: &[&Picture], center: [f64; 3]) -> Result<SceneBox> {
+    let radius = reach(pictures, center);
     if !(radius > 0.0) {
         return Err(Error::input("foreground")
             .expected("pixels that show the object")
             .got("none in any training image")
             .hint("masks are 0 where the object is not; --box sets the box by hand"));
     }
-    let at = |i: usize| -> [f64; 3] {
-        let index = [i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE];
-        std::array::from_fn(|k| {
-            scene.center[k] + radius * (2.0 * (index[k] as f64 + 0.5) / SIDE as f64 - 1.0)
-        })
-    };
-    let kept =
-        par::map_batched(SIDE * SIDE * SIDE, 1024, |i| !pictures.iter().any(|p| is_background(p, at(i))));
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    for (i, _) in kept.iter().enumerate().filter(|(_, kept)| **kept) {
-        let x = at(i);
-        for k in 0..3 {
-            low[k] = order::min(low[k], x[k]);
-            high[k] = order::max(high[k], x[k]);
-        }
-    }
-    if !(low[0] <= high[0]) {
+    if !has_hull(pictures, center, radius) {
         return Err(Error::input("foreground")
             .expected("a place that no image sees as background")
             .got("none")
             .hint("check the camera poses and the masks, or set the box with --box"));
     }
-    let cell = radius / SIDE as f64;
-    let widest = (0..3).fold(0.0, |most, k| order::max(most, high[k] - low[k]));
-    Ok(SceneBox {
-        center: std::array::from_fn(|k| 0.5 * (low[k] + high[k])),
-        half_size: MARGIN * (0.5 * widest + cell),
-    })
+    Ok(SceneBox { center, half_size: MARGIN * radius })
+}
+
+/// Returns the box of an object in the ball of radius ½ around the origin.
+pub fn unit_ball() -> SceneBox {
+    SceneBox { center: [0.0; 3], half_size: MARGIN * 0.5 }
 }
 
 /// Returns the placement of a field that fills a box.

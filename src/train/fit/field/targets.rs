@@ -247,6 +247,8 @@ pub struct Pictures {
     pub pictures: Vec<Picture>,
     /// Factor from radiance to the linear value of an image.
     pub exposure: f64,
+    /// Whether the object is known to be in the ball of radius ½ around the origin.
+    pub is_unit_ball: bool,
 }
 
 impl Pictures {
@@ -270,7 +272,7 @@ impl Pictures {
         });
         let mut pictures = read.into_iter().collect::<Result<Vec<_>>>()?;
         let exposure = expose(&mut pictures, exposure)?;
-        Ok(Self { views, pictures, exposure })
+        Ok(Self { views, pictures, exposure, is_unit_ball: capture.is_unit_ball })
     }
 
     /// Returns the images in the units of a field.
