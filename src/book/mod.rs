@@ -5,7 +5,8 @@
 //!                                                                            │
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
-//!                             └──► light_and_rays ──► known_truth ──► learned_causes
+//!                             ├──► light_and_rays ──► known_truth ──► learned_causes
+//!                             └──► meshes
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -54,6 +55,9 @@ pub mod known_truth {}
 
 #[doc = include_str!("learned_causes.md")]
 pub mod learned_causes {}
+
+#[doc = include_str!("meshes.md")]
+pub mod meshes {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}
