@@ -1,4 +1,4 @@
-//! `field fit | eval | mesh`: one object as a field, from posed images to a relightable mesh.
+//! `field fit | eval | mesh | relight`: one object as a field, from posed images to a relightable mesh.
 //!
 //! Arguments are turned into records of `fit::field`, results into files and reports; nothing is computed here.
 
@@ -6,6 +6,7 @@ mod eval;
 mod fit;
 mod mesh;
 mod page;
+mod relight;
 
 use crate::Error;
 use crate::Result;
@@ -24,6 +25,8 @@ pub(super) enum Command {
     Eval(eval::Args),
     /// Make a textured mesh of a field
     Mesh(mesh::Args),
+    /// Render a field under new light
+    Relight(Box<relight::Args>),
 }
 
 /// Runs one of them.
@@ -35,6 +38,7 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Fit(args) => fit::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Mesh(args) => mesh::run(args),
+        Command::Relight(args) => relight::run(args),
     }
 }
 

@@ -17,6 +17,11 @@ const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "n
 /// Rows of the axes map.
 const AXES_ROWS: usize = 256;
 
+/// The built-in studio.
+pub(super) fn studio() -> Environment {
+    from_data_gen::environment(&data_gen::environments::make(0, 3, 1024, 512))
+}
+
 /// Options of the light.
 #[derive(clap::Args)]
 pub(super) struct Args {
