@@ -30,7 +30,7 @@ fn a_field_becomes_a_mesh_and_images_and_both_ways_to_images_agree() {
     let dir = tempfile::tempdir().expect("a folder");
     let dir = dir.path();
     write_field(&dir.join("field.safetensors"));
-    let form = ["--side", "64", "--texture", "128"];
+    let form = ["--side", "128", "--texture", "256"];
     let mesh = [&["field", "mesh", "field.safetensors", "--quiet"][..], &form].concat();
     let record: Value =
         serde_json::from_str(&done(&[&mesh[..], &["--out", "a.glb", "--json"]].concat(), dir)).expect("JSON");

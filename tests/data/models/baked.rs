@@ -55,7 +55,7 @@ fn bumpy(radius: f64) -> Field {
 }
 
 fn settings() -> Settings {
-    Settings { side: 64, texture: 512, ..Settings::default() }
+    Settings { side: 64, texture: 1024, ..Settings::default() }
 }
 
 /// The number of edges, each of which is in exactly two triangles, in opposite directions.
