@@ -5,8 +5,8 @@
 //!                                                                            │
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
-//!                             └──► light_and_rays ──► known_truth ──► learned_causes
-//!                                        └──► field ──► field_adjoint
+//!                             ├──► light_and_rays ──► known_truth ──► learned_causes
+//!                             └──► field ──► field_adjoint ──► meshes
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -61,6 +61,8 @@ pub mod field {}
 
 #[doc = include_str!("field_adjoint.md")]
 pub mod field_adjoint {}
+#[doc = include_str!("meshes.md")]
+pub mod meshes {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

@@ -4,7 +4,7 @@
 //! main ──► dispatch ──► demo      a built-in person by LAST, a built-in scene
 //!                       splat     fit | render | eval on captures and scene files
 //!                       last      gen: data with known causes; import, inspect: captures of persons
-//!                       mesh      render | compare glTF and OBJ
+//!                       mesh      render | compare | view glTF and OBJ
 //!                       lirm      gen: rendered objects to learn from
 //!                       field     fit | eval | mesh: one object as a field
 //!                       oracle    run, list, compare, mint operators        gradcheck   check gradients

@@ -17,6 +17,11 @@ const BUILT_IN: [&str; 6] = ["sky", "sunset", "overcast", "studio", "indoor", "n
 /// Rows of the axes map.
 const AXES_ROWS: usize = 256;
 
+/// The built-in studio.
+pub(crate) fn studio() -> Environment {
+    from_data_gen::environment(&data_gen::environments::make(0, 3, 1024, 512))
+}
+
 /// How the map of `--env` is read.
 #[derive(clap::Args)]
 pub(crate) struct MapArgs {

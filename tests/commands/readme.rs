@@ -11,7 +11,7 @@ const README: &str = include_str!("../../README.md");
 const PRINTS: &str = "`oracle compare mine.npz ours.npz` prints:";
 
 /// Chapters with listings.
-const BOOK: [(&str, &str); 16] = [
+const BOOK: [(&str, &str); 17] = [
     ("adjoint_of_blending", include_str!("../../src/book/adjoint_of_blending.md")),
     ("bibliography", include_str!("../../src/book/bibliography.md")),
     ("bit_contract", include_str!("../../src/book/bit_contract.md")),
@@ -23,6 +23,7 @@ const BOOK: [(&str, &str); 16] = [
     ("known_truth", include_str!("../../src/book/known_truth.md")),
     ("learned_causes", include_str!("../../src/book/learned_causes.md")),
     ("light_and_rays", include_str!("../../src/book/light_and_rays.md")),
+    ("meshes", include_str!("../../src/book/meshes.md")),
     ("notation", include_str!("../../src/book/notation.md")),
     ("one_gaussian", include_str!("../../src/book/one_gaussian.md")),
     ("oracle_and_gradcheck", include_str!("../../src/book/oracle_and_gradcheck.md")),

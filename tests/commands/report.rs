@@ -17,7 +17,7 @@ fn tags<'a>(html: &'a str, name: &str) -> Vec<&'a str> {
 }
 
 /// Checks what holds for every report; gives the page.
-fn checked(path: &Path) -> String {
+pub(crate) fn checked(path: &Path) -> String {
     let html = std::fs::read_to_string(path).expect("a report");
     for word in [
         "http://", "https://", "<script", "<link", "<iframe", "<object", "@import", "url(", "srcset",

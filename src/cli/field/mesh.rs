@@ -1,13 +1,14 @@
 //! `field mesh`: a textured mesh of a field.
 
 use super::read;
-use crate::fit::field::mesh::{Settings, bake};
+use crate::choices::{Choices, choices};
+use crate::fit::field::mesh::{Baked, Base, Settings, bake};
 use crate::fit::training::Watch;
 use crate::io::memory;
 use crate::meter::Meter;
 use crate::scene::model;
 use crate::units::counted;
-use crate::{Error, Result, console as cli};
+use crate::{Error, Result, claim, console as cli};
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -16,9 +17,9 @@ use std::path::PathBuf;
 #[command(after_help = "Examples:
   lastlight field mesh fit --out object.glb
   lastlight field mesh fit --out object.obj --side 128 --texture 512
-  lastlight mesh render object.glb --env studio --out relit
+  lastlight field mesh fit --out seen.glb --base color          as it was seen, whatever the light
 
-The surface is where the signed distance is 0: closed, without cavities, smoothed, with an atlas of its charts. Base colour is the albedo (the colour, if the field has no materials), roughness and metallic are packed as glTF does (green, blue).")]
+The surface is where the signed distance is 0: closed, without cavities, smoothed, with an atlas of its charts. With --base albedo, base colour is the albedo (the colour, if the field has no materials), and roughness and metallic are packed as glTF does (green, blue). With --base color, the colour of the field, seen along the normal, is an emission over black: it contains the light of the images and is not lit again. An .obj has its material library and maps beside it.")]
 pub(crate) struct Args {
     /// Folder of a fit, or a field.safetensors
     #[arg(value_name = "FILE")]
@@ -26,6 +27,16 @@ pub(crate) struct Args {
     /// Mesh: .glb or .obj
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
+    #[command(flatten)]
+    form: FormArgs,
+    /// Replace the file if it exists
+    #[arg(long)]
+    force: bool,
+}
+
+/// How a mesh is made.
+#[derive(clap::Args)]
+pub(super) struct FormArgs {
     /// Points of the grid along each axis
     #[arg(long, value_name = "N", default_value_t = 256)]
     side: usize,
@@ -38,34 +49,49 @@ pub(crate) struct Args {
     /// Smallest part that is kept, as a fraction of the area of the largest
     #[arg(long, value_name = "X", default_value_t = 0.01)]
     least_part: f64,
-    /// Replace the file if it exists
-    #[arg(long)]
-    force: bool,
+    /// What the maps hold
+    #[arg(long, value_name = "NAME", default_value = "albedo", value_parser = choices(BASES))]
+    base: String,
+}
+
+/// Values of `--base`.
+const BASES: &Choices = &[
+    ("albedo", "base colour, roughness and metallic: a surface that is lit"),
+    ("color", "the colour of the images as an emission: a surface that is not lit"),
+];
+
+impl FormArgs {
+    /// As settings.
+    ///
+    /// # Errors
+    /// When one is out of range, or they need more memory than is allowed.
+    pub(super) fn settings(&self) -> Result<Settings> {
+        let settings = Settings {
+            side: self.side,
+            texture: self.texture,
+            smoothing: self.smoothing,
+            least_part: self.least_part,
+            base: Base::parse(&self.base)?,
+        };
+        settings.validate()?;
+        memory::check("field mesh", settings.memory_estimate())
+            .map_err(|e| e.hint("--side and --texture lower the estimate, --max-memory raises the limit"))?;
+        Ok(settings)
+    }
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
     let mut meter = Meter::new();
-    let settings = Settings {
-        side: args.side,
-        texture: args.texture,
-        smoothing: args.smoothing,
-        least_part: args.least_part,
-    };
-    settings.validate()?;
-    memory::check("field mesh", settings.memory_estimate())
-        .map_err(|e| e.hint("--side and --texture lower the estimate, --max-memory raises the limit"))?;
+    let settings = args.form.settings()?;
     let ending = args.out.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if ending != "glb" && ending != "obj" {
         return Err(Error::input("--out")
             .expected("a name that ends in .glb or .obj")
             .got(args.out.display().to_string()));
     }
-    if args.out.exists() && !args.force {
-        return Err(Error::input("--out")
-            .at(args.out.display().to_string())
-            .expected("a new file")
-            .got("one that exists")
-            .hint("--force replaces it"));
+    claim::file(&args.out, args.force)?;
+    if ending == "obj" {
+        claim::file(&args.out.with_extension("mtl"), args.force)?;
     }
     let field = read::field(&args.field)?;
     meter.lap("reading");
@@ -80,12 +106,15 @@ pub(super) fn run(args: &Args) -> Result<()> {
             "seconds": meter.seconds(),
         }));
     }
-    cli::say(&format!(
-        "{}: {}, {}, {:.0} % of the texels used ({:.1} s)",
-        args.out.display(),
-        counted(t, "triangle"),
+    cli::say(&format!("{}: {} ({:.1} s)", args.out.display(), summary(&baked), meter.seconds()))
+}
+
+/// Triangles, charts and texels, as text.
+pub(super) fn summary(baked: &Baked) -> String {
+    format!(
+        "{}, {}, {:.0} % of the texels used",
+        counted(baked.object.mesh.triangles.len(), "triangle"),
         counted(baked.charts, "chart"),
-        100.0 * baked.used,
-        meter.seconds()
-    ))
+        100.0 * baked.used
+    )
 }

@@ -1,4 +1,4 @@
-//! `field fit | eval | mesh`: one object as a field, from posed images to a relightable mesh.
+//! `field fit | eval | mesh | relight`: one object as a field, from posed images to a relightable mesh.
 //!
 //! Arguments are turned into records of `fit::field`, results into files and reports; nothing is computed here.
 
@@ -7,6 +7,7 @@ mod fit;
 mod mesh;
 mod page;
 mod read;
+mod relight;
 
 use crate::Result;
 use clap::Subcommand;
@@ -21,6 +22,8 @@ pub(super) enum Command {
     Eval(eval::Args),
     /// Make a textured mesh of a field
     Mesh(mesh::Args),
+    /// Render a field under new light
+    Relight(Box<relight::Args>),
 }
 
 /// Runs one of them.
@@ -32,5 +35,6 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Fit(args) => fit::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Mesh(args) => mesh::run(args),
+        Command::Relight(args) => relight::run(args),
     }
 }

@@ -1,9 +1,12 @@
-//! `mesh render | compare`: any glTF, OBJ or PLY mesh under any light, and how far two surfaces are apart.
+//! `mesh render | compare | view`: any glTF, OBJ or PLY mesh under any light, how far two surfaces are apart, and a page about one.
 //!
 //! Arguments are turned into records of `fit`, `scene` and `geometry`, results into files and tables; nothing is computed here.
 
 mod compare;
-mod render;
+mod page;
+pub(crate) mod render;
+mod sheets;
+mod view;
 
 use crate::Result;
 use clap::Subcommand;
@@ -15,9 +18,11 @@ pub(super) enum Command {
     Render(Box<render::Args>),
     /// Compare two surfaces: Chamfer distance, normals, distances to the mesh
     Compare(compare::Args),
+    /// Write a page about a mesh: turntable, texture sheets, maps, facts
+    View(view::Args),
 }
 
-/// Runs one of the two.
+/// Runs one of them.
 ///
 /// # Errors
 /// Those of the command.
@@ -25,5 +30,6 @@ pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Render(args) => render::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::View(args) => view::run(args),
     }
 }

@@ -38,6 +38,22 @@ pub(crate) struct Args {
     /// Model: .gltf, .glb, .obj, .ply; or the folder of the open body
     #[arg(value_name = "FILE")]
     file: PathBuf,
+    #[command(flatten)]
+    images: Images,
+    /// Pose of a character: one of its animations
+    #[arg(long, value_name = "NAME")]
+    animation: Option<String>,
+    /// Seconds into the animation
+    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, requires = "animation")]
+    time: f64,
+    /// Nodes or meshes to leave out, comma-separated or repeated
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    hide: Vec<String>,
+}
+
+/// Images of an object: light, cameras, passes, folder.
+#[derive(clap::Args)]
+pub(crate) struct Images {
     /// Light: a .hdr, .exr, .png or .jpg panorama, or uniform, sky, sunset, overcast, studio, indoor, night, axes
     #[arg(long, value_name = "FILE|NAME", default_value = "uniform")]
     env: String,
@@ -51,15 +67,6 @@ pub(crate) struct Args {
     /// Shrink the images of a capture's cameras by a whole factor
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=16))]
     downscale: u8,
-    /// Pose of a character: one of its animations
-    #[arg(long, value_name = "NAME")]
-    animation: Option<String>,
-    /// Seconds into the animation
-    #[arg(long, value_name = "SECONDS", default_value_t = 0.0, requires = "animation")]
-    time: f64,
-    /// Nodes or meshes to leave out, comma-separated or repeated
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
-    hide: Vec<String>,
     /// Samples per pixel
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     samples: u32,
@@ -82,83 +89,114 @@ pub(crate) struct Args {
     filling: OutputArgs,
 }
 
-impl Args {
-    fn light(&self) -> Light<'_> {
-        Light { env: &self.env, map: &self.map }
-    }
+/// What is rendered.
+pub(crate) struct Subject {
+    /// the object
+    pub(crate) object: Object,
+    /// sentences about what a file holds and the object does not
+    pub(crate) notes: Vec<String>,
+    /// the key of the record in the header of the images
+    pub(crate) key: &'static str,
+    /// what a continued run must have in common with the one that was interrupted, besides light, cameras and settings
+    pub(crate) record: Map<String, Value>,
 }
 
 pub(super) fn run(args: &Args) -> Result<()> {
-    let mut meter = Meter::new();
-    let exposure = exposure(&args.exposure)?;
-    let passes = PassSet::parse(&args.passes)?;
     if !args.time.is_finite() {
         return Err(Error::input("--time").expected("a number of seconds").got(args.time.to_string()));
     }
-    claim::check(&args.out, args.filling.resume, args.filling.force)?;
-    let (object, notes) = object(args)?;
-    notes.iter().for_each(|n| meter.note(&format!("note: {n}")));
-    let lights =
-        Lights { environment: Some(args.light().environment(args.filling.seed)?), lamps: Vec::new() };
-    let shots = shots(args, &object)?;
-    let settings = Settings {
-        samples: args.samples,
-        bounces: args.bounces,
-        seed: args.filling.seed,
-        ..Settings::default()
-    };
-    let job = Relight {
-        object: &object,
-        lights: &lights,
-        settings,
-        exposure,
-        transparent: args.transparent,
-        passes,
-    };
-    let header = header(args, passes)?;
-    let digest = cli::stoppable(|stop| {
-        job.to_folder(&shots, &args.out, header, args.filling.resume, stop, &mut |done, total| {
-            meter.count(done, total, "rendering");
-        })
-    })?;
-    meter.done();
-    let (v, t) = (object.mesh.positions.len(), object.mesh.triangles.len());
-    if cli::is_json() {
-        return cli::say_json(&json!({
-            "file": args.file, "out": args.out, "images": shots.len(), "vertices": v, "triangles": t,
-            "materials": object.materials.len(), "notes": notes, "digest": format!("{digest:016x}"), "seconds": meter.seconds(),
-        }));
-    }
-    cli::say(&format!(
-        "{} of {}: {} (digest {digest:016x}, {:.1} s)",
-        counted(shots.len(), "image"),
-        counted(t, "triangle"),
-        args.out.join("transforms.json").display(),
-        meter.seconds()
-    ))
+    args.images.write(&args.file, &mut |_| {
+        let (object, notes) = object(args)?;
+        // The open body is a folder, which is identified by its mesh.
+        let model = if args.file.is_dir() { args.file.join("base.obj") } else { args.file.clone() };
+        let record = Map::from_iter([
+            ("model".to_owned(), io::identity(&model)?),
+            ("pose".to_owned(), json!([json!(args.animation), json!(args.time), json!(args.hide)])),
+        ]);
+        Ok(Subject { object, notes, key: "mesh_render", record })
+    })
 }
 
-/// What a continued run must have in common with the one that was interrupted, besides what is shown. Files are known by name and bytes:
-/// the result does not depend on where they lie.
-fn header(args: &Args, passes: PassSet) -> Result<Map<String, Value>> {
-    let is_orbit = args.cameras.starts_with("orbit:");
-    let (size, fov, elevation, radius) = args.orbit.resolved(USUAL);
-    let orbit = json!([args.cameras, format!("{}x{}", size[0], size[1]), fov, elevation, radius]);
-    let of_capture = json!({ "capture": name_of(&args.cameras), "downscale": args.downscale });
-    // The open body is a folder, whose mesh stands for it.
-    let model = if args.file.is_dir() { args.file.join("base.obj") } else { args.file.clone() };
-    let record = json!({
-        "model": io::identity(&model)?,
-        "env": args.light().record()?,
-        "cameras": if is_orbit { orbit } else { of_capture },
-        "pose": [json!(args.animation), json!(args.time), json!(args.hide)],
-        "samples": args.samples,
-        "bounces": args.bounces,
-        "seed": args.filling.seed,
-        "exposure": args.exposure,
-        "style": [json!(args.transparent), passes.record()],
-    });
-    Ok(Map::from_iter([("mesh_render".to_owned(), record)]))
+impl Images {
+    fn light(&self) -> Light<'_> {
+        Light { env: &self.env, map: &self.map }
+    }
+
+    /// Renders the subject that `make` gives into the folder, and prints what was written. Options are checked and the folder is claimed
+    /// before it is made.
+    ///
+    /// # Errors
+    /// Those of the options, the subject, the renderer and the files.
+    pub(crate) fn write(
+        &self,
+        file: &Path,
+        make: &mut dyn FnMut(&mut Meter) -> Result<Subject>,
+    ) -> Result<()> {
+        let mut meter = Meter::new();
+        let exposure = exposure(&self.exposure)?;
+        let passes = PassSet::parse(&self.passes)?;
+        claim::check(&self.out, self.filling.resume, self.filling.force)?;
+        let subject = make(&mut meter)?;
+        let object = &subject.object;
+        subject.notes.iter().for_each(|n| meter.note(&format!("note: {n}")));
+        let seed = self.filling.seed;
+        let lights = Lights { environment: Some(self.light().environment(seed)?), lamps: Vec::new() };
+        let shots = self.shots(object)?;
+        let settings = Settings { samples: self.samples, bounces: self.bounces, seed, ..Settings::default() };
+        let job =
+            Relight { object, lights: &lights, settings, exposure, transparent: self.transparent, passes };
+        let header = self.header(&subject, passes)?;
+        let digest = cli::stoppable(|stop| {
+            job.to_folder(&shots, &self.out, header, self.filling.resume, stop, &mut |done, total| {
+                meter.count(done, total, "rendering");
+            })
+        })?;
+        meter.done();
+        let (v, t) = (object.mesh.positions.len(), object.mesh.triangles.len());
+        if cli::is_json() {
+            return cli::say_json(&json!({
+                "file": file, "out": self.out, "images": shots.len(), "vertices": v, "triangles": t,
+                "materials": object.materials.len(), "notes": subject.notes, "digest": format!("{digest:016x}"), "seconds": meter.seconds(),
+            }));
+        }
+        cli::say(&format!(
+            "{} of {}: {} (digest {digest:016x}, {:.1} s)",
+            counted(shots.len(), "image"),
+            counted(t, "triangle"),
+            self.out.join("transforms.json").display(),
+            meter.seconds()
+        ))
+    }
+
+    /// What a continued run must have in common with the one that was interrupted, besides what is shown. Files are known by name and bytes:
+    /// the result does not depend on where they lie.
+    fn header(&self, subject: &Subject, passes: PassSet) -> Result<Map<String, Value>> {
+        let is_orbit = self.cameras.starts_with("orbit:");
+        let (size, fov, elevation, radius) = self.orbit.resolved(USUAL);
+        let orbit = json!([self.cameras, format!("{}x{}", size[0], size[1]), fov, elevation, radius]);
+        let of_capture = json!({ "capture": name_of(&self.cameras), "downscale": self.downscale });
+        let mut record = json!({
+            "env": self.light().record()?,
+            "cameras": if is_orbit { orbit } else { of_capture },
+            "samples": self.samples,
+            "bounces": self.bounces,
+            "seed": self.filling.seed,
+            "exposure": self.exposure,
+            "style": [json!(self.transparent), passes.record()],
+        });
+        for (key, value) in &subject.record {
+            record[key] = value.clone();
+        }
+        Ok(Map::from_iter([(subject.key.to_owned(), record)]))
+    }
+
+    fn shots(&self, object: &Object) -> Result<Vec<Shot>> {
+        let Some(orbit) = self.orbit.parse(&self.cameras, USUAL)? else {
+            let shots = capture_shots(Path::new(&self.cameras), usize::from(self.downscale))?;
+            return Ok(shots.into_iter().map(|s| relight::still(s.name, s.camera)).collect());
+        };
+        relight::around(&object.mesh, &orbit)
+    }
 }
 
 /// The last part of a path.
@@ -194,12 +232,4 @@ fn object(args: &Args) -> Result<(Object, Vec<String>)> {
         Some(name) => character.pose(character.animation(name)?, args.time),
     };
     Ok((character.posed(&pose, &Drive::new(&[]))?, character.notes().to_vec()))
-}
-
-fn shots(args: &Args, object: &Object) -> Result<Vec<Shot>> {
-    let Some(orbit) = args.orbit.parse(&args.cameras, USUAL)? else {
-        let shots = capture_shots(Path::new(&args.cameras), usize::from(args.downscale))?;
-        return Ok(shots.into_iter().map(|s| relight::still(s.name, s.camera)).collect());
-    };
-    relight::around(&object.mesh, &orbit)
 }

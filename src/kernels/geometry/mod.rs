@@ -21,6 +21,7 @@
 //! charts       regions of the surface that one projection maps without overlap
 //! packing      positions of the charts in the square
 //! texels       the surface point of every texel, and the nearest one for texels of gutters
+//! facts        edges, parts, area, volume; use and density of texture coordinates, of any mesh
 //! ```
 //!
 //! All of these are functions of their input bits: decisions are taken on f64 values that are computed in one
@@ -54,6 +55,7 @@ pub mod compare;
 pub mod components;
 #[cfg(test)]
 mod contract;
+pub mod facts;
 mod group;
 pub mod marching;
 pub mod nearest;

@@ -2,9 +2,11 @@
 //! over; and the light of `lirm gen` with default options.
 
 mod compare;
+mod field;
 mod refusals;
 mod render;
 mod resume;
+mod view;
 
 use crate::program::{self, code, lastlight, stderr, stdout};
 use crate::samples::gltf;

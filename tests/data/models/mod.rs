@@ -3,6 +3,7 @@
 //! Closed forms on hand-written files (`samples/gltf.rs`), round trips of the writers, and the real models of
 //! `$LASTLIGHT_DATA/data`.
 
+mod baked;
 mod character;
 mod environment;
 mod files;

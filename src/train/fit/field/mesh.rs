@@ -6,12 +6,20 @@
 //! ```
 //!
 //! A point of the grid is outside if s ≥ 0, and so is everything beyond the box, so that the mesh is closed. A cavity
-//! (a region outside that the boundary of the grid cannot reach) cannot be seen, and is filled. Albedo, roughness and
-//! metallic are those of the heads at the position of each texel; a field without materials gets its colour (with an
-//! embedding: seen along the normal), roughness 1 and metallic 0.
+//! (a region outside that the boundary of the grid cannot reach) cannot be seen, and is filled.
+//!
+//! | [`Base`] | base colour | roughness, metallic | emission |
+//! |---|---|---|---|
+//! | `Albedo` | albedo; of a field without it, the colour | material; of a field without it, 1 and 0 | none |
+//! | `Color` | black | 1, 1 | colour |
+//!
+//! All are values of the heads at the position of each texel; with an embedding, the colour is the one seen along the
+//! normal. The colour contains the light of the images. As an emission it is shown as it is: a black metal reflects nothing
+//! but the Fresnel term at grazing angles. As a base colour it would be lit a second time.
 
 use super::scene::{self, Weights};
 use crate::field::occupancy::{Bounded, Learned};
+use crate::field::render::{Rays, Scene};
 use crate::field::{embed, fetch, normal_head, value_head};
 use crate::geometry::atlas::{self, unwrap};
 use crate::geometry::components::{Keep, fill_cavities, keep};
@@ -31,6 +39,38 @@ const POINTS: usize = 8192;
 /// Texels between charts.
 const GUTTER: usize = 4;
 
+/// What the maps of a mesh hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Base {
+    /// Albedo, roughness and metallic: a surface that is lit.
+    #[default]
+    Albedo,
+    /// The colour of the images as an emission: a surface that looks as it was seen.
+    Color,
+}
+
+impl Base {
+    /// Names of the values.
+    pub const NAMES: [&'static str; 2] = ["albedo", "color"];
+
+    /// Returns the name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Albedo => Self::NAMES[0],
+            Self::Color => Self::NAMES[1],
+        }
+    }
+
+    /// Returns the value of that name.
+    ///
+    /// # Errors
+    /// Lists the names if there is none.
+    pub fn parse(name: &str) -> Result<Self> {
+        let known = [Self::Albedo, Self::Color].into_iter().find(|base| base.name() == name);
+        known.ok_or_else(|| Error::input("--base").expected(Self::NAMES.join(" or ")).got(name))
+    }
+}
+
 /// How a mesh is made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -42,11 +82,13 @@ pub struct Settings {
     pub smoothing: usize,
     /// Smallest part that is kept, as a fraction of the area of the largest.
     pub least_part: f64,
+    /// What the maps hold.
+    pub base: Base,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { side: 256, texture: 1024, smoothing: 10, least_part: 0.01 }
+        Self { side: 256, texture: 1024, smoothing: 10, least_part: 0.01, base: Base::Albedo }
     }
 }
 
@@ -79,7 +121,10 @@ impl Settings {
 
     /// As a JSON record.
     pub fn json(&self) -> Value {
-        json!({"side": self.side, "texture": self.texture, "smoothing": self.smoothing, "least_part": self.least_part})
+        json!({
+            "side": self.side, "texture": self.texture, "smoothing": self.smoothing, "least_part": self.least_part,
+            "base": self.base.name(),
+        })
     }
 }
 
@@ -146,44 +191,47 @@ pub fn shape(field: &Field, settings: &Settings) -> Result<(Mesh, usize, usize)>
     Ok((mesh, cavities, parts))
 }
 
-/// Base colour, roughness and metallic of a texel, 0..1; the colour is sRGB-encoded.
+/// Colour (albedo or colour, sRGB-encoded), roughness and metallic of a texel, 0..1.
 type Value5 = [f32; 5];
 
+/// Returns the colours of the heads at points, seen along the normal.
+fn colors(made: &Scene<'_>, features: &[f32], points: &[[f32; 3]]) -> Vec<f32> {
+    let heads = &made.heads;
+    let Some(color) = &heads.color else {
+        // A trunk: the last three outputs.
+        let all = value_head::forward(&heads.sdf, features).0;
+        return all.chunks_exact(4).flat_map(|v| [v[1], v[2], v[3]]).collect();
+    };
+    let (Some(panoramas), Some(normal), Some(rho)) = (&made.panoramas, &heads.normal, &heads.rho) else {
+        return value_head::forward(color, features).0;
+    };
+    let normals = normal_head::forward(normal, features, points).0;
+    let rhos = value_head::forward(rho, features).0;
+    let (width, h) = (features.len() / points.len(), panoramas.channels);
+    let mut joined = Vec::with_capacity(points.len() * (width + h));
+    let mut embedded = vec![0.0; h];
+    for ((row, n), rho) in features.chunks_exact(width).zip(&normals).zip(&rhos) {
+        let place = panoramas.place(embed::reflect(*n, None), *rho, None);
+        panoramas.features(&place, &mut embedded);
+        joined.extend_from_slice(row);
+        joined.extend_from_slice(&embedded);
+    }
+    value_head::forward(color, &joined).0
+}
+
 /// Returns the values of the heads at points.
-fn values(field: &Field, points: &[[f32; 3]]) -> Vec<Value5> {
+fn values(field: &Field, points: &[[f32; 3]], base: Base) -> Vec<Value5> {
     let planes = scene::planes(field);
     let weights = Weights::of(field);
-    let made = weights.scene(crate::field::render::Rays { origins: &[], directions: &[] });
+    let made = weights.scene(Rays { origins: &[], directions: &[] });
     let combine = made.settings.combine;
     let mut features = vec![0.0; points.len() * combine.width(planes.channels)];
     fetch::forward(&planes, combine, points, &mut features);
-    let heads = &made.heads;
-    let colors: Vec<f32> = match (&heads.albedo, &heads.color) {
-        (Some(albedo), _) => value_head::forward(albedo, &features).0,
-        (None, Some(color)) => match (&made.panoramas, &heads.normal, &heads.rho) {
-            (Some(panoramas), Some(normal), Some(rho)) => {
-                let normals = normal_head::forward(normal, &features, points).0;
-                let rhos = value_head::forward(rho, &features).0;
-                let (width, h) = (features.len() / points.len(), panoramas.channels);
-                let mut joined = Vec::with_capacity(points.len() * (width + h));
-                let mut embedded = vec![0.0; h];
-                for ((row, n), rho) in features.chunks_exact(width).zip(&normals).zip(&rhos) {
-                    let place = panoramas.place(embed::reflect(*n, None), *rho, None);
-                    panoramas.features(&place, &mut embedded);
-                    joined.extend_from_slice(row);
-                    joined.extend_from_slice(&embedded);
-                }
-                value_head::forward(color, &joined).0
-            }
-            _ => value_head::forward(color, &features).0,
-        },
-        // A trunk: the last three outputs.
-        (None, None) => {
-            let all = value_head::forward(&heads.sdf, &features).0;
-            all.chunks_exact(4).flat_map(|v| [v[1], v[2], v[3]]).collect()
-        }
+    let colors = match (&made.heads.albedo, base) {
+        (Some(albedo), Base::Albedo) => value_head::forward(albedo, &features).0,
+        _ => colors(&made, &features, points),
     };
-    let materials = heads.material.as_ref().map(|m| value_head::forward(m, &features).0);
+    let materials = made.heads.material.as_ref().map(|m| value_head::forward(m, &features).0);
     let color = colors.chunks_exact(3);
     color
         .enumerate()
@@ -194,11 +242,11 @@ fn values(field: &Field, points: &[[f32; 3]]) -> Vec<Value5> {
         .collect()
 }
 
-fn maps(field: &Field, texels: &[Texel], size: usize) -> Material {
+fn maps(field: &Field, texels: &[Texel], size: usize, base: Base) -> Material {
     let baked: Vec<Value5> = par::map(texels.len().div_ceil(POINTS), |c| {
         let texels = &texels[c * POINTS..Ord::min((c + 1) * POINTS, texels.len())];
         let points: Vec<[f32; 3]> = texels.iter().map(|t| t.position).collect();
-        values(field, &points)
+        values(field, &points, base)
     })
     .concat();
     let sources = fill(texels, [size; 2], 2 * size);
@@ -207,13 +255,17 @@ fn maps(field: &Field, texels: &[Texel], size: usize) -> Material {
         let texels = sources.iter().map(|s| value(&baked[*s as usize])).collect();
         Some(Arc::new(Texture { width: size, height: size, texels, transfer, wrap: [Wrap::Clamp; 2] }))
     };
-    Material {
-        name: "baked".into(),
-        base_color_map: map(Transfer::Srgb, &|v| [byte(v[0]), byte(v[1]), byte(v[2]), 255]),
-        roughness: 1.0,
-        metallic: 1.0,
-        metallic_roughness_map: map(Transfer::Linear, &|v| [255, byte(v[3]), byte(v[4]), 255]),
-        ..Material::default()
+    let color = map(Transfer::Srgb, &|v| [byte(v[0]), byte(v[1]), byte(v[2]), 255]);
+    let common = Material { name: "baked".into(), roughness: 1.0, metallic: 1.0, ..Material::default() };
+    match base {
+        Base::Albedo => Material {
+            base_color_map: color,
+            metallic_roughness_map: map(Transfer::Linear, &|v| [255, byte(v[3]), byte(v[4]), 255]),
+            ..common
+        },
+        Base::Color => {
+            Material { base_color: [0.0, 0.0, 0.0, 1.0], emission: [1.0; 3], emission_map: color, ..common }
+        }
     }
 }
 
@@ -226,7 +278,7 @@ pub fn bake(field: &Field, settings: &Settings) -> Result<Baked> {
     let size = settings.texture;
     let made = unwrap(&mesh, &atlas::Settings { size, gutter: GUTTER })?;
     let texels = cover(&made.mesh, &made.chart_of, [size; 2])?;
-    let material = maps(field, &texels, size);
+    let material = maps(field, &texels, size, settings.base);
     let mut mesh = made.mesh;
     for x in &mut mesh.positions {
         *x = field.placement.to_world(x.map(f64::from)).map(|x| x as f32);
