@@ -14,8 +14,8 @@
 //! ```
 //!
 //! [`network`] is the bias-free ReLU network of all heads; it is not an operator of its own. [`occupancy`] finds the
-//! cells of the box that can have density, and the steps of rays in them. A renderer that runs all of this for the
-//! rays of a crop is not here yet.
+//! cells of the box that can have density, and the steps of rays in them. [`render`] runs all of this for the rays of
+//! a crop.
 //!
 //! # Conventions
 //! * The field fills the box [−R, R]³ with the half size R; p = x/R.
@@ -23,6 +23,7 @@
 //! * Colours and albedo are sRGB-encoded values in 0..1.
 
 mod bands;
+mod channels;
 pub mod composite;
 pub mod density;
 mod direction;
