@@ -28,7 +28,7 @@
 //! panorama ρ has no gradient.
 //!
 //! # Adjoint
-//! ρ̄ = (L−1)·Σ h̄ (upper − lower), a sum with 16 lanes ([`sum`]); Ē += weight·h̄ for each of the eight texels, in
+//! ρ̄ = (L−1)·Σ h̄ (upper − lower), a sum with 16 lanes ([`crate::num::sum`]); Ē += weight·h̄ for each of the eight texels, in
 //! index order of the points, which continues the number in the caller's array. The plan is saved.
 //!
 //! Twin: `reference::field::embed`.
@@ -45,8 +45,10 @@
 //! ```
 
 use super::bands::Lists;
-use crate::num::lanes::Real;
-use crate::num::{elem, order, par, sum};
+use super::channels::{load, sums};
+use super::fetch::add_up;
+use crate::num::lanes::{Real, f32x8};
+use crate::num::{elem, order, par};
 
 /// Points per task of an elementwise loop.
 const ROWS: usize = 64;
@@ -162,11 +164,23 @@ impl<'a> Panoramas<'a> {
     /// Writes h of one point.
     pub fn features(&self, place: &Place, h: &mut [f32]) {
         let by_level = self.level_weights(place);
-        for above in 0..self.levels_read() {
-            let [(t0, w0), (t1, w1), (t2, w2), (t3, w3)] = self.texels(place, above);
-            for (c, h) in h.iter_mut().enumerate() {
-                let value = ((w0 * t0[c] + w1 * t1[c]) + w2 * t2[c]) + w3 * t3[c];
-                *h = if above == 0 { by_level[0] * value } else { *h + by_level[1] * value };
+        let levels: [_; 2] = std::array::from_fn(|k| {
+            let texels = self.texels(place, k % self.levels_read());
+            (texels.map(|(t, _)| t), texels.map(|(_, w)| w))
+        });
+        let (mut lower, mut upper) = ([0.0; 8], [0.0; 8]);
+        for (k, h) in h.chunks_mut(8).enumerate() {
+            let (n, first) = (h.len(), 8 * k);
+            for (values, (texels, weights)) in
+                [&mut lower, &mut upper].into_iter().zip(levels).take(self.levels_read())
+            {
+                add_up([(texels.map(|t| &t[first..first + n]), weights)], &mut values[..n]);
+            }
+            for ((h, lower), upper) in h.iter_mut().zip(&lower).zip(&upper) {
+                *h = by_level[0] * lower;
+                if self.levels > 1 {
+                    *h += by_level[1] * upper;
+                }
             }
         }
     }
@@ -177,11 +191,20 @@ impl<'a> Panoramas<'a> {
             return 0.0;
         }
         let (lower, upper) = (self.texels(place, 0), self.texels(place, 1));
-        let step = |c: usize| {
-            let by = |k: usize| lower[k].1 * (upper[k].0[c] - lower[k].0[c]);
-            ((by(0) + by(1)) + by(2)) + by(3)
-        };
-        (self.levels - 1) as f32 * sum::sum16_by(h_bar.len(), |c| h_bar[c] * step(c))
+        let wide = lower.map(|(_, w)| f32x8::splat(w));
+        let [sum] = sums(
+            h_bar.len(),
+            #[inline(always)]
+            |c| {
+                let by = |k: usize| wide[k] * (load(upper[k].0, c) - load(lower[k].0, c));
+                [load(h_bar, c) * (((by(0) + by(1)) + by(2)) + by(3))]
+            },
+            |c| {
+                let by = |k: usize| lower[k].1 * (upper[k].0[c] - lower[k].0[c]);
+                [h_bar[c] * (((by(0) + by(1)) + by(2)) + by(3))]
+            },
+        );
+        (self.levels - 1) as f32 * sum
     }
 
     /// Adds the gradient of the panoramas for the cotangents of h of consecutive points. Calls with consecutive

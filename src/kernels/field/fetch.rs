@@ -28,7 +28,7 @@
 //! T̄ += w·f̄ for each of the four texels; x̄ = ½(S−1)/R · Σ f̄·∂f/∂u over channels, where
 //! ∂f/∂u₀ = (1−b)(T₁₀ − T₀₀) + b(T₁₁ − T₀₁). The gradient of a texel is a left fold over points in index order,
 //! which continues the number in the caller's array: calls with consecutive parts of the points have the bits
-//! of one call. Sums over channels have 16 lanes ([`sum`]); then the planes are added in the order xy, xz, yz.
+//! of one call. Sums over channels have 16 lanes ([`crate::num::sum`]); then the planes are added in the order xy, xz, yz.
 //! Nothing is saved.
 //!
 //! # Threads
@@ -49,8 +49,10 @@
 //! assert_eq!(features, [2.0, 3.0, 5.0]); // ¾·2 + ½·1, ¾·4, 5
 //! ```
 
+use super::channels::{load, sums};
 use crate::num::lanes::f32x8;
-use crate::num::{order, par, sum};
+use crate::num::{order, par};
+use prefetch_index::prefetch_index;
 
 /// The two coordinates of a pair of axes: xy, xz, yz.
 pub const AXES: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
@@ -58,6 +60,12 @@ pub const AXES: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 const MISSING: [usize; 3] = [2, 1, 0];
 /// Points per task of an elementwise loop.
 const ROWS: usize = 64;
+/// Number of texel values from which on they are not expected in the second-level cache: 512 KiB.
+const FAR: usize = 1 << 17;
+/// Number of points ahead of the one that is read whose texels are requested from farther caches.
+const AHEAD: usize = 2;
+/// Numbers per cache line.
+const LINE: usize = 16;
 
 /// How the features of the three planes are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +105,7 @@ pub struct Corners {
 }
 
 /// The cell that a point reads in one plane.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Read {
     /// Index of the first texel among all texels.
     pub at: u32,
@@ -153,28 +161,37 @@ impl<'a> Planes<'a> {
     /// Returns the cell that `point` reads in the plane of a pair of axes (0: xy, 1: xz, 2: yz).
     #[inline]
     pub fn corners(&self, pair: usize, point: [f32; 3]) -> Corners {
-        let (mut cell, mut fractions, mut is_inside) = ([0; 2], [0.0; 2], [false; 2]);
-        for k in 0..2 {
-            (cell[k], fractions[k], is_inside[k]) = self.place(point[AXES[pair][k]]);
-        }
-        let is_plus = self.is_plus(point[MISSING[pair]]);
+        let places = AXES[pair].map(|k| self.place(point[k]));
+        self.corners_at(pair, places, self.count == 6 && self.is_plus(point[MISSING[pair]]))
+    }
+
+    /// Returns the cells that a point reads in the planes of the three pairs of axes; each coordinate is placed once.
+    #[inline(always)]
+    fn all_corners(&self, point: [f32; 3]) -> [Corners; 3] {
+        let places = point.map(|x| self.place(x));
+        let is_plus = point.map(|x| self.count == 6 && self.is_plus(x));
+        std::array::from_fn(|pair| {
+            self.corners_at(pair, AXES[pair].map(|k| places[k]), is_plus[MISSING[pair]])
+        })
+    }
+
+    /// Returns the cell at two places of the plane − or + of a pair of axes.
+    #[inline(always)]
+    fn corners_at(&self, pair: usize, places: [(usize, f32, bool); 2], is_plus: bool) -> Corners {
+        let [(row, a, is_inside_a), (column, b, is_inside_b)] = places;
         let plane = if self.count == 6 { 2 * pair + usize::from(is_plus) } else { pair };
-        let [a, b] = fractions;
         Corners {
-            at: (plane * self.side + cell[0]) * self.side + cell[1],
+            at: (plane * self.side + row) * self.side + column,
             weights: [(1.0 - a) * (1.0 - b), (1.0 - a) * b, a * (1.0 - b), a * b],
-            fractions,
-            is_inside,
+            fractions: [a, b],
+            is_inside: [is_inside_a, is_inside_b],
         }
     }
 
     /// Returns what a point reads in the planes of the three pairs of axes.
     #[inline]
     pub fn reads(&self, point: [f32; 3]) -> Reads {
-        std::array::from_fn(|pair| {
-            let Corners { at, weights, .. } = self.corners(pair, point);
-            Read { at: at as u32, weights }
-        })
+        self.all_corners(point).map(|Corners { at, weights, .. }| Read { at: at as u32, weights })
     }
 
     /// Returns the values of the four texels of a cell.
@@ -210,26 +227,57 @@ impl<'a> Planes<'a> {
         let (width, first) = (combine.width(self.channels), reads.len());
         reads.extend(points.iter().map(|point| self.reads(*point)));
         features.resize(points.len() * width, 0.0);
-        for (row, reads) in features.chunks_exact_mut(width).zip(&reads[first..]) {
-            self.features(combine, reads, row);
+        self.rows(combine, &reads[first..], features);
+    }
+
+    /// Writes the features of points, one row each.
+    fn rows(&self, combine: Combine, reads: &[Reads], features: &mut [f32]) {
+        let is_far = self.values.len() > FAR;
+        for (i, row) in features.chunks_exact_mut(combine.width(self.channels)).enumerate() {
+            if let Some(later) = reads.get(i + AHEAD).filter(|_| is_far) {
+                self.request(later);
+            }
+            self.features(combine, &reads[i], row);
+        }
+    }
+
+    /// Requests the texels that a point reads from farther caches.
+    #[inline(always)]
+    fn request(&self, reads: &Reads) {
+        for read in reads {
+            for row in [read.at as usize, read.at as usize + self.side] {
+                for line in 0..(2 * self.channels).div_ceil(LINE) {
+                    prefetch_index(self.values, row * self.channels + line * LINE);
+                }
+            }
         }
     }
 
     /// Returns the gradient of one point for the cotangent of its features.
     pub fn point_bar(&self, combine: Combine, point: [f32; 3], features_bar: &[f32]) -> [f32; 3] {
         let mut bar = [0.0; 3];
-        for pair in 0..3 {
-            let corners = self.corners(pair, point);
+        for (pair, corners) in self.all_corners(point).into_iter().enumerate() {
             let (t, [a, b]) = (self.texels(corners.at), corners.fractions);
             let g = &features_bar[combine.part(pair, self.channels)];
-            let along = [
-                sum::sum16_by(g.len(), |c| {
-                    g[c] * ((1.0 - b) * (t[2][c] - t[0][c]) + b * (t[3][c] - t[1][c]))
-                }),
-                sum::sum16_by(g.len(), |c| {
-                    g[c] * ((1.0 - a) * (t[1][c] - t[0][c]) + a * (t[3][c] - t[2][c]))
-                }),
-            ];
+            let t = t.map(|t| &t[..g.len()]);
+            let [a8, b8, one] = [a, b, 1.0].map(f32x8::splat);
+            let along = sums(
+                g.len(),
+                #[inline(always)]
+                |c| {
+                    let (g, [t0, t1, t2, t3]) = (load(g, c), t.map(|t| load(t, c)));
+                    [
+                        g * ((one - b8) * (t2 - t0) + b8 * (t3 - t1)),
+                        g * ((one - a8) * (t1 - t0) + a8 * (t3 - t2)),
+                    ]
+                },
+                |c| {
+                    [
+                        g[c] * ((1.0 - b) * (t[2][c] - t[0][c]) + b * (t[3][c] - t[1][c])),
+                        g[c] * ((1.0 - a) * (t[1][c] - t[0][c]) + a * (t[3][c] - t[2][c])),
+                    ]
+                },
+            );
             for k in 0..2 {
                 if corners.is_inside[k] {
                     bar[AXES[pair][k]] += along[k];
@@ -273,9 +321,10 @@ pub fn forward(planes: &Planes<'_>, combine: Combine, points: &[[f32; 3]], featu
     let width = combine.width(planes.channels);
     assert_eq!(features.len(), points.len() * width, "one row of features per point");
     par::chunks_mut(features, ROWS * width, |c, rows| {
-        for (row, point) in rows.chunks_exact_mut(width).zip(&points[c * ROWS..]) {
-            planes.features(combine, &planes.reads(*point), row);
-        }
+        let points = &points[c * ROWS..][..rows.len() / width];
+        let mut reads = [[Read::default(); 3]; ROWS];
+        reads.iter_mut().zip(points).for_each(|(reads, point)| *reads = planes.reads(*point));
+        planes.rows(combine, &reads[..points.len()], rows);
     });
 }
 

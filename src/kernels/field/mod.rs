@@ -23,6 +23,7 @@
 //! * Colours and albedo are sRGB-encoded values in 0..1.
 
 mod bands;
+mod channels;
 pub mod composite;
 pub mod density;
 mod direction;

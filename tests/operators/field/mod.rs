@@ -1,6 +1,7 @@
 //! Fields of objects: planes, heads, densities and compositing against closed forms.
 
 mod directions;
+mod figure;
 mod made;
 mod occupancy;
 mod planes;

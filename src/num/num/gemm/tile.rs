@@ -45,6 +45,8 @@ impl Columns {
 pub(super) trait Sixteen: Copy + Send + Sync {
     /// Number of rows whose chains fit into the registers together: [`HALF`] or [`ROWS`].
     const HEIGHT: usize;
+    /// Whether the registers are those that all code is compiled for, so that a function can be out of line.
+    const IS_BASE: bool = true;
     /// A vector of sixteen numbers.
     type V: Copy;
     /// Loads a vector from memory.
@@ -175,6 +177,7 @@ impl Sixteen for Eight {
 #[cfg(target_arch = "x86_64")]
 impl Sixteen for V4 {
     const HEIGHT: usize = ROWS;
+    const IS_BASE: bool = false;
     type V = std::arch::x86_64::__m512;
 
     #[inline(always)]
@@ -301,6 +304,9 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     /// Adds products over packed rows, from row `first` of them on.
     #[inline(always)]
     pub(super) fn packed(&mut self, a: &[Rows], first: usize, columns: &[Columns]) {
+        if S::IS_BASE {
+            return self.packed_alone(a, first, columns);
+        }
         // The loop handles four k at a time; the loop's own instructions would otherwise take issue slots
         // from the arithmetic.
         let (a4, a1) = a.as_chunks::<4>();
@@ -318,6 +324,9 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     /// Adds products over rows read in place, each contiguous in k and as long as the columns.
     #[inline(always)]
     pub(super) fn in_place(&mut self, a: [&[f32]; R], columns: &[Columns]) {
+        if S::IS_BASE {
+            return self.in_place_alone(&a, columns);
+        }
         let (b4, b1) = columns.as_chunks::<4>();
         let a4 = each(a, |a| &a.as_chunks::<4>().0[..b4.len()]);
         for (k, b) in b4.iter().enumerate() {
@@ -331,10 +340,79 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
         }
     }
 
+    // Tiles of pairs use all sixteen registers. Their loops are out of line and take two k at a time: in a larger
+    // function, or a longer body, the compiler keeps chains in memory, which takes up to twice as long.
+
+    #[inline(never)]
+    fn packed_alone(&mut self, a: &[Rows], first: usize, columns: &[Columns]) {
+        let mut chains = Self { simd: self.simd, acc: self.acc };
+        let (a2, a1) = a.as_chunks::<2>();
+        let (b2, b1) = columns[..a.len()].as_chunks::<2>();
+        for (a, b) in a2.iter().zip(b2) {
+            chains.step(|r| a[0][first + r], &b[0]);
+            chains.step(|r| a[1][first + r], &b[1]);
+        }
+        for (a, b) in a1.iter().zip(b1) {
+            chains.step(|r| a[first + r], b);
+        }
+        *self = chains;
+    }
+
+    #[inline(never)]
+    fn in_place_alone(&mut self, a: &[&[f32]; R], columns: &[Columns]) {
+        let mut chains = Self { simd: self.simd, acc: self.acc };
+        let (b2, b1) = columns.as_chunks::<2>();
+        let a2 = each(*a, |a| &a.as_chunks::<2>().0[..b2.len()]);
+        for (k, b) in b2.iter().enumerate() {
+            chains.step(|r| a2[r][k][0], &b[0]);
+            chains.step(|r| a2[r][k][1], &b[1]);
+        }
+        if let [b] = b1 {
+            chains.step(|r| a[r][2 * b2.len()], b);
+        }
+        *self = chains;
+    }
+
+    /// Like [`Self::across`], for complete rows with a stride of at least R; returns the number of k.
+    #[inline(never)]
+    fn across_alone(&mut self, a: &[f32], stride: usize, columns: &[Columns]) -> usize {
+        assert!(stride >= R, "the rows of one k lie next to each other");
+        let mut chains = Self { simd: self.simd, acc: self.acc };
+        let (b2, _) = columns.as_chunks::<2>();
+        let mut rest = a;
+        for b in b2 {
+            let Some((a, after)) = rest.split_at_checked(2 * stride) else { break };
+            let (a0, a1) = a.split_at(stride);
+            chains.step(|r| a0[r], &b[0]);
+            chains.step(|r| a1[r], &b[1]);
+            rest = after;
+        }
+        *self = chains;
+        (a.len() - rest.len()) / stride
+    }
+
     /// Adds products over rows that lie next to each other for every k, `stride` apart; numbers beyond the end
     /// of `a` are those of rows that do not exist.
     #[inline(always)]
     pub(super) fn across(&mut self, a: &[f32], stride: usize, columns: &[Columns]) {
+        if !S::IS_BASE {
+            return self.across_some(a, stride, columns);
+        }
+        let done = if stride >= R { self.across_alone(a, stride, columns) } else { 0 };
+        if done < columns.len() {
+            self.across_rest(&a[done * stride..], stride, &columns[done..]);
+        }
+    }
+
+    #[inline(never)]
+    fn across_rest(&mut self, a: &[f32], stride: usize, columns: &[Columns]) {
+        let mut chains = Self { simd: self.simd, acc: self.acc };
+        chains.across_some(a, stride, columns);
+        *self = chains;
+    }
+
+    #[inline(always)]
+    fn across_some(&mut self, a: &[f32], stride: usize, columns: &[Columns]) {
         for (k, b) in columns.iter().enumerate() {
             let a = &a[k * stride..];
             match a.first_chunk::<R>() {
@@ -359,6 +437,14 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     #[inline(always)]
     pub(super) fn of_rows(simd: S, rows: &[&mut [f32]], at: usize) -> Self {
         let mut chains = Self::fresh(simd);
+        if let Some(rows) = rows.first_chunk::<R>()
+            && rows[0].len() >= at + COLUMNS
+        {
+            for i in 0..R {
+                chains.acc[i] = simd.load(rows[i][at..].first_chunk().expect("sixteen columns"));
+            }
+            return chains;
+        }
         for (acc, row) in chains.acc.iter_mut().zip(rows) {
             *acc = simd.load(&padded(&row[at..row.len().min(at + COLUMNS)]));
         }
@@ -389,6 +475,16 @@ impl<S: Sixteen, const R: usize> Chains<S, R> {
     /// Writes `value(row, chains, sixteen numbers of c or those that are left of it)`.
     #[inline(always)]
     fn write(self, rows: &mut [&mut [f32]], at: usize, value: impl Fn(usize, S::V, &[f32]) -> S::V) {
+        // Complete tiles have a loop of known length, so that the chains stay in registers.
+        if let Some(rows) = rows.first_chunk_mut::<R>()
+            && rows[0].len() >= at + COLUMNS
+        {
+            for i in 0..R {
+                let c = rows[i][at..].first_chunk_mut::<COLUMNS>().expect("sixteen columns");
+                *c = self.simd.store(value(i, self.acc[i], c));
+            }
+            return;
+        }
         for ((i, x), row) in self.acc.into_iter().enumerate().zip(rows) {
             let c = &mut row[at..];
             match c.first_chunk_mut::<COLUMNS>() {
