@@ -32,7 +32,8 @@ fn kinds() -> [(&'static str, Settings); 5] {
         channels: 8,
         ..base.clone()
     };
-    let learned = Settings { beta: Beta::Learned, rule: Rule::Left, inverse_beta: [40.0, 80.0], ..base.clone() };
+    let learned =
+        Settings { beta: Beta::Learned, rule: Rule::Left, inverse_beta: [40.0, 80.0], ..base.clone() };
     [
         ("passes", Settings { materials: Materials::Passes, ..base.clone() }),
         ("shaded", shaded),
