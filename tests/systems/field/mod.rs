@@ -1,7 +1,7 @@
 //! Fits of a field: bits, resumption, what is refused, what an exact field scores.
 
-mod bits;
 mod boxes;
+mod chunks;
 mod fields;
 mod refused;
 mod resume;
