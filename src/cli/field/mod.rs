@@ -6,6 +6,7 @@ mod eval;
 mod fit;
 mod mesh;
 mod page;
+mod scoring;
 
 use crate::Error;
 use crate::Result;
@@ -16,7 +17,6 @@ use std::path::{Path, PathBuf};
 
 /// One object as a field.
 #[derive(Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 pub(super) enum Command {
     /// Fit a field to the images of one object
     Fit(fit::Args),

@@ -17,7 +17,8 @@
 //!
 //! afterwards
 //!   view      whole images of a field                 scores      their comparison with held-out images
-//!   mesh      the surface with baked textures         (view, scores and mesh need no fit, only a field)
+//!   mesh      the surface with baked textures         benchmark scores as Stanford-ORB defines them, relighting
+//!             (none of them needs a fit, only a field)
 //! ```
 //!
 //! # What is optimised
@@ -30,6 +31,7 @@
 //! ray with them; 1/β grows linearly. The moments of Adam start again at each growth. The state between iterations is
 //! that of a checkpoint, and every draw is a function of seed and iteration: a resumed fit has the same bits.
 
+pub mod benchmark;
 pub mod crops;
 mod losses;
 pub mod mesh;

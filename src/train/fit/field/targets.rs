@@ -5,7 +5,7 @@
 //! exposed one by one get a common exposure ([`crate::fit::exposure`]).
 
 use crate::fit::exposure::{Photograph, equalise};
-use crate::io::capture::{Capture, Frame, Reading, Split, read_capture_with};
+use crate::io::capture::{Capture, Frame, Reading, read_capture_with};
 use crate::io::image_file;
 use crate::num::par;
 use crate::scene::camera::Camera;
@@ -13,7 +13,7 @@ use crate::scene::field::Placement;
 use crate::scene::passes::PassImages;
 use crate::scene::views::{Masks, Options, View, Views};
 use crate::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// sRGB byte from which a background is white.
 const WHITE: u8 = 253;
@@ -33,6 +33,8 @@ pub struct Picture {
     pub kept: Option<Vec<f32>>,
     /// Passes, where there are any.
     pub passes: PassImages,
+    /// Map of the light of this image, where the capture names one.
+    pub environment: Option<PathBuf>,
 }
 
 /// An image of a fit; all arrays are row-major.
@@ -120,7 +122,16 @@ fn picture(frame: &Frame, view: &View, masks: Masks) -> Result<Picture> {
             *x = x.map(|x| x * m + (1.0 - m));
         }
     }
-    Ok(Picture { name: view.name.clone(), camera: view.camera.clone(), color, foreground, kept, passes })
+    let environment = frame.passes.environment.clone();
+    Ok(Picture {
+        name: view.name.clone(),
+        camera: view.camera.clone(),
+        color,
+        foreground,
+        kept,
+        passes,
+        environment,
+    })
 }
 
 /// A camera whose world is that of the field.
@@ -237,12 +248,7 @@ impl Pictures {
         };
         let capture: Capture = read_capture_with(path, &reading)?;
         let views = Views::from_capture(&capture, options)?;
-        let find = |view: &View| {
-            capture
-                .frames
-                .iter()
-                .find(|f| f.name == view.name && (f.split != Split::Val || views.views.len() > 0))
-        };
+        let find = |view: &View| capture.frames.iter().find(|f| f.name == view.name);
         let read = par::map(views.views.len(), |i| {
             let view = &views.views[i];
             let frame = find(view).expect("every view is a frame of the capture");
