@@ -1,9 +1,10 @@
-//! `field fit | eval | mesh`: one object as a field, from posed images to a relightable mesh.
+//! `field fit | eval | mesh | import`: one object as a field, from posed images to a relightable mesh.
 //!
 //! Arguments are turned into records of `fit::field`, results into files and reports; nothing is computed here.
 
 mod eval;
 mod fit;
+mod import;
 mod mesh;
 mod page;
 mod scoring;
@@ -24,6 +25,8 @@ pub(super) enum Command {
     Eval(eval::Args),
     /// Make a textured mesh of a field
     Mesh(mesh::Args),
+    /// Make a capture of one object from a data set in a published layout
+    Import(import::Args),
 }
 
 /// Runs one of them.
@@ -35,6 +38,7 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Fit(args) => fit::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Mesh(args) => mesh::run(args),
+        Command::Import(args) => import::run(args),
     }
 }
 
