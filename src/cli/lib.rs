@@ -122,7 +122,6 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 enum Command {
     /// Fit a built-in person from a video and a built-in scene from images; one report with images
     Demo(demo::Args),

@@ -60,6 +60,13 @@ Or, with nerfstudio: ns-process-data images --data photos --output-dir scene
 
 Take 60 to 200 sharp images from two heights, with exposure and focus locked, and with much overlap.
 
+Captures of one object (field fit, field eval)
+
+The same layouts, with the object's foreground: an alpha channel, a mask, or foreground_path in a transforms.json. There, radiance_path (EXR), depth_path, normal_path, albedo_path, material_path, environment_path and exposure name further passes. `lirm gen` and `mesh render` write them. `field import` makes such a capture from two published layouts:
+
+  Stanford-ORB   blender_LDR/NAME, blender_HDR/NAME: transforms_{train,test,novel}.json, train_mask, ground_truth/NAME beside them
+  DTC renders    images/CameraRig.json, images/rgb/rgb0000000.png, mask0000000.png, depth, normal, albedo
+
 Captures of a person (last fit, last eval, last tune, last intervene)
 
   transforms_train.json, transforms_test.json    cameras, masks, moments

@@ -113,6 +113,8 @@ pub struct Passes {
     pub albedo: Option<PathBuf>,
     /// `material_path`: first channel metallic, second roughness
     pub material: Option<PathBuf>,
+    /// `environment_path`: the light of this image, a latitude–longitude map in our orientation
+    pub environment: Option<PathBuf>,
     /// `exposure`: the factor from radiance to the photo, before sRGB encoding
     pub exposure: Option<f64>,
 }

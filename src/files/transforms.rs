@@ -94,7 +94,15 @@ pub fn read(path: &Path, reading: &Reading) -> Result<Capture> {
             let p = &mut frame.passes;
             p.foreground = p.foreground.take().map(|x| find(&x, "foreground_path")).transpose()?;
             // Optional data that a fit does not need.
-            for slot in [&mut p.radiance, &mut p.depth, &mut p.normal, &mut p.albedo, &mut p.material] {
+            let optional = [
+                &mut p.radiance,
+                &mut p.depth,
+                &mut p.normal,
+                &mut p.albedo,
+                &mut p.material,
+                &mut p.environment,
+            ];
+            for slot in optional {
                 if let Some(named) = slot.take() {
                     *slot = locate(root, &named.to_string_lossy());
                     if slot.is_none() {
@@ -438,6 +446,7 @@ impl Keys<'_> {
             normal: path("normal_path")?,
             albedo: path("albedo_path")?,
             material: path("material_path")?,
+            environment: path("environment_path")?,
             exposure: self.positive("exposure")?,
         })
     }

@@ -12,6 +12,7 @@ mod missing;
 mod models;
 #[path = "../common/mutate.rs"]
 mod mutate;
+mod objects;
 mod person_captures;
 mod person_layout;
 #[path = "../common/person_layouts.rs"]

@@ -266,6 +266,7 @@ pub(super) fn run(args: &Args) -> Result<()> {
         digest: Some(digest.clone()),
         means: &means,
         scored: &scored,
+        benchmark: None,
         run: Run {
             film: Some(&film),
             ..Run::new(&record["settings"], Some(&history), &meter, &frame.dir, &names)

@@ -1,20 +1,21 @@
-//! `field fit | eval | mesh | relight`: one object as a field, from posed images to a relightable mesh.
+//! `field fit | eval | mesh | relight | import`: one object as a field, from posed images to a relightable mesh.
 //!
 //! Arguments are turned into records of `fit::field`, results into files and reports; nothing is computed here.
 
 mod eval;
 mod fit;
+mod import;
 mod mesh;
 mod page;
 mod read;
 mod relight;
+mod scoring;
 
 use crate::Result;
 use clap::Subcommand;
 
 /// One object as a field.
 #[derive(Subcommand)]
-#[expect(clippy::large_enum_variant, reason = "parsed once, moved once")]
 pub(super) enum Command {
     /// Fit a field to the images of one object
     Fit(fit::Args),
@@ -24,6 +25,8 @@ pub(super) enum Command {
     Mesh(mesh::Args),
     /// Render a field under new light
     Relight(Box<relight::Args>),
+    /// Make a capture of one object from a data set in a published layout
+    Import(import::Args),
 }
 
 /// Runs one of them.
@@ -36,5 +39,6 @@ pub(super) fn run(command: &Command) -> Result<()> {
         Command::Eval(args) => eval::run(args),
         Command::Mesh(args) => mesh::run(args),
         Command::Relight(args) => relight::run(args),
+        Command::Import(args) => import::run(args),
     }
 }

@@ -1,6 +1,8 @@
 //! Report and renders of a field.
 
+use super::scoring::Benchmark;
 use crate::fit::field::Scores;
+use crate::fit::field::benchmark::Relit;
 use crate::io::image_file;
 use crate::report::images::{data_uri, error_map};
 use crate::report::run::{Run, decibel, iterations};
@@ -21,11 +23,13 @@ pub(super) struct Input<'a> {
     /// See `fit::field::scores::means`.
     pub(super) means: &'a Value,
     pub(super) scored: &'a [Scores],
+    /// Scores of Stanford-ORB, relit images, shape.
+    pub(super) benchmark: Option<&'a Benchmark>,
     pub(super) run: Run<'a>,
 }
 
 /// The names of means, with their units and a factor.
-const MEANS: [(&str, &str, &str); 7] = [
+const MEANS: [(&str, &str, &str); 11] = [
     ("psnr_db", "PSNR", "dB"),
     ("ssim", "SSIM", ""),
     ("mae", "MAE", ""),
@@ -33,6 +37,10 @@ const MEANS: [(&str, &str, &str); 7] = [
     ("normal_head_deg", "normal head", "°"),
     ("depth", "depth", "units"),
     ("albedo_db", "albedo PSNR", "dB"),
+    ("albedo_aligned_db", "albedo, aligned", "dB"),
+    ("albedo_orb_db", "albedo PSNR-A", "dB"),
+    ("roughness", "roughness error", ""),
+    ("metallic", "metallic error", ""),
 ];
 
 /// The means as lines for a terminal.
@@ -86,6 +94,7 @@ pub(super) fn page(x: &Input<'_>) -> Result<Page> {
         stat("SSIM", of("ssim").map(|s| format!("{s:.4}"))),
         stat("normals", of("numerical_normals_deg").map(|a| format!("{a:.1}°"))),
         stat("albedo PSNR", of("albedo_db").map(decibel)),
+        stat("relit PSNR-mask", x.benchmark.and_then(Benchmark::relit_mask_db).map(decibel)),
     ]
     .into_iter()
     .flatten()
@@ -96,6 +105,10 @@ pub(super) fn page(x: &Input<'_>) -> Result<Page> {
     if !x.scored.is_empty() {
         sections.push(images(x)?);
         sections.push(scores(x));
+    }
+    if let Some(benchmark) = x.benchmark {
+        sections.extend(relit(&benchmark.relit)?);
+        sections.push(as_benchmark(benchmark));
     }
     sections.extend(x.run.course(
         "samples",
@@ -157,17 +170,83 @@ fn scores(x: &Input<'_>) -> Section {
                 number(s.numerical_deg, 2),
                 number(s.head_deg, 2),
                 number(s.depth, 5),
-                number(s.albedo_db, 2),
+                number(s.materials.albedo_db, 2),
+                number(s.materials.albedo_aligned_db, 2),
+                number(s.materials.albedo_orb_db, 2),
+                number(s.materials.roughness, 4),
+                number(s.materials.metallic, 4),
             ]
         })
         .collect();
-    let head = ["view", ">PSNR", ">SSIM", ">normals (°)", ">normal head (°)", ">depth", ">albedo (dB)"];
+    let head = [
+        "view",
+        ">PSNR",
+        ">SSIM",
+        ">normals (°)",
+        ">normal head (°)",
+        ">depth",
+        ">albedo (dB)",
+        ">aligned (dB)",
+        ">PSNR-A (dB)",
+        ">roughness",
+        ">metallic",
+    ];
     Section {
         id: "scores",
         title: "Scores per view",
         lead: "Normals and depth are compared where the surface is seen and a pass is there; depth is the mean absolute difference in units of \
-               the world."
+               the world. Albedo is compared on covered pixels as it is, after the least-squares scale of each linear channel (aligned), and as \
+               Stanford-ORB does (PSNR-A: linear, eroded mask, over the whole image). Roughness and metallic are mean absolute errors."
             .into(),
         body: table(&head, &rows),
+    }
+}
+
+/// The relit images beside their truth.
+fn relit(all: &[Relit]) -> Result<Option<Section>> {
+    let mut rows = Vec::new();
+    for r in all.iter().take(8) {
+        let [w, h] = r.size;
+        let off: Vec<f32> = (r.render.as_chunks::<3>().0.iter())
+            .zip(r.truth.as_chunks::<3>().0)
+            .map(|(a, b)| ((a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs()) / 3.0)
+            .collect();
+        let uri = |rgb: &[f32]| data_uri(rgb, w, h, SIDE);
+        let three = [uri(&r.truth)?, uri(&r.render)?, uri(&error_map(&off))?];
+        let in_mask = r.scores.psnr_mask_db.map_or("–".to_owned(), decibel);
+        let scales = r.scales.map(|s| format!("{s:.3}")).join(", ");
+        rows.push((format!("{}: {in_mask} in the mask; scales {scales}", r.name), three));
+    }
+    if rows.is_empty() {
+        return Ok(None);
+    }
+    let heads = ["truth", "relit", "difference"];
+    Ok(Some(Section {
+        id: "relit",
+        title: "Relit images beside the truth",
+        lead: "The object's mesh under the light of the image, path-traced, after the least-squares scale of each channel in the eroded mask.".into(),
+        body: html! {
+            @for (name, three) in &rows {
+                p { (name) }
+                div style="display:grid;grid-template-columns:repeat(3,1fr);gap:4px" {
+                    @for (head, uri) in heads.iter().zip(three) { img src=(uri) alt=(format!("{head} of {name}")) style="width:100%"; }
+                }
+            }
+        },
+    }))
+}
+
+fn as_benchmark(x: &Benchmark) -> Section {
+    let rows: Vec<Vec<_>> =
+        x.rows().into_iter().map(|(what, name, value)| vec![text(what), text(name), text(value)]).collect();
+    Section {
+        id: "benchmark",
+        title: "Scores as Stanford-ORB defines them",
+        lead: "Means over the images. PSNR-H and PSNR-L are means over the whole image with its background, PSNR-mask and PSNR-eroded over the \
+               pixels of the object; the first two are bounded from below by a constant foreground of 0.5. Depth has one scale per scene. The \
+               shape is compared with the vertices of the true surface: as the published code returns it, and 2000 times that, as the \
+               published table prints it; distances to triangles and between samples beside it."
+            .into(),
+        body: table(&["score", "definition", ">value"], &rows),
     }
 }

@@ -5,6 +5,7 @@
 //! ply_mesh    meshes in PLY files, with the images they name
 //! makehuman   the open body: mesh, rig, skinning weights                 smpl     body models
 //! captures    published layouts of captures of moving people             pickle   Python's pickles, without running anything
+//! objects     published layouts of captures of one object
 //! hdf5        arrays in HDF5 files, read in parts                        lzf      the compression of h5py
 //! ```
 //!
@@ -16,6 +17,7 @@ mod hdf5;
 mod lzf;
 pub mod makehuman;
 pub mod obj;
+pub mod objects;
 pub mod pickle;
 pub mod ply_mesh;
 pub mod smpl;

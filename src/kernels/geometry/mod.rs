@@ -5,6 +5,7 @@
 //! vertices, triangles ── bvh::Bvh::build ──► tree      (obvhs proposes it; its shape affects no result)
 //! tree, ray ── closest | occluded ──► hit              (watertight test, hits ordered by (t, triangle))
 //! points, triangles ── nearest ──► distances ── compare ──► distance between two surfaces
+//! samples, vertices of a scan ── scan ──► the shape error of Stanford-ORB
 //! bit_grid ── bricks ──► occupied bricks along a ray   (obvhs proposes the tree)
 //!
 //! volume ── components::fill_cavities ──► volume ── marching ──► mesh ── components::keep ──► mesh
@@ -63,6 +64,7 @@ mod packing;
 mod pages;
 mod primitives;
 pub mod ray;
+pub mod scan;
 pub mod smooth;
 pub mod texels;
 pub mod trace;

@@ -1,6 +1,7 @@
 //! Losses and image metrics: closed forms, invariances, an independent f64 evaluation, golden arrays.
 
 mod metrics;
+mod orb;
 mod sets;
 mod similarity;
 

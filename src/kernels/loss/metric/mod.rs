@@ -15,14 +15,16 @@
 //! | `D-SSIM×1000` | [`ssim`] | 500 (1 − SSIM-g) |
 //! | `RFD (not LPIPS)` | [`rfd`] | distance of responses to random filters |
 //! | `MAE` | [`mae`] | mean absolute difference |
+//! | `PSNR-H`, `PSNR-L`, `PSNR-A`, `PSNR-mask`, `PSNR-eroded`, `SSIM-3` | [`orb`] | scores of Stanford-ORB, of linear values after a scale per channel |
 //!
 //! [`crate::scene::bound`] computes the projected box of a person; with it as the mask, [`psnr`] returns
 //! `PSNR-box` on exactly its pixels. [`person`] computes all of these metrics at once. [`structure`]
-//! evaluates learned causal structure.
+//! evaluates learned causal structure. [`orb`] has further scores, of normals and depth.
 //! [`mutual`] does not apply to images: it estimates mutual information from samples.
 
 pub mod mae;
 pub mod mutual;
+pub mod orb;
 pub mod person;
 pub mod psnr;
 pub mod rfd;

@@ -17,7 +17,8 @@
 //!
 //! afterwards
 //!   view      whole images of a field                 scores      their comparison with held-out images
-//!   mesh      the surface with baked textures         (view, scores and mesh need no fit, only a field)
+//!   mesh      the surface with baked textures         benchmark scores as Stanford-ORB defines them, relighting
+//!             (none of them needs a fit, only a field)
 //! ```
 //!
 //! # What is optimised
@@ -31,6 +32,7 @@
 //! that of a checkpoint, and every draw is a function of seed and iteration: a resumed fit has the same bits.
 
 mod adding;
+pub mod benchmark;
 pub mod crops;
 mod losses;
 pub mod mesh;

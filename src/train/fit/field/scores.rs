@@ -6,6 +6,8 @@ use crate::Result;
 use crate::field::occupancy::Occupancy;
 use crate::field::render::VALID;
 use crate::fit::evaluate::{self, Scored};
+use crate::loss::metric::orb;
+use crate::loss::metric::psnr::Decibel;
 use crate::num::elem::f64 as elem;
 use crate::num::{order, sum};
 use crate::scene::field::Field;
@@ -24,8 +26,24 @@ pub struct Scores {
     pub head_deg: Option<f64>,
     /// Mean absolute difference of depth z, in units of the world.
     pub depth: Option<f64>,
-    /// PSNR of the albedo in the foreground, in decibels.
+    /// Errors of materials.
+    pub materials: MaterialErrors,
+}
+
+/// Errors of materials on the pixels that the object covers completely, except for [`Self::albedo_orb_db`].
+#[derive(Clone, Copy, Debug, Default)]
+pub struct MaterialErrors {
+    /// PSNR of the sRGB-encoded albedo as it is, in decibels.
     pub albedo_db: Option<f64>,
+    /// The same after the least-squares scale of each channel of the linear values (`PSNR-mask` of
+    /// [`crate::loss::metric::orb`]): light and albedo share a scale, which images alone do not determine.
+    pub albedo_aligned_db: Option<f64>,
+    /// `PSNR-A` of [`crate::loss::metric::orb`]: linear values over the whole image, after the same scale.
+    pub albedo_orb_db: Option<f64>,
+    /// Mean absolute error of roughness.
+    pub roughness: Option<f64>,
+    /// Mean absolute error of metallic.
+    pub metallic: Option<f64>,
 }
 
 /// Mean over the entries that there are.
@@ -38,6 +56,49 @@ fn angle_deg(a: [f32; 3], b: [f32; 3]) -> f64 {
     let length = |v: [f32; 3]| (0..3).fold(0.0, |sum, k| sum + f64::from(v[k]) * f64::from(v[k])).sqrt();
     let cosine = dot / order::max(length(a) * length(b), f64::MIN_POSITIVE);
     elem::acos(order::clamp(cosine, -1.0, 1.0)).to_degrees()
+}
+
+/// Number of decibels; +∞ if no value differs.
+pub(super) fn decibels(x: Decibel) -> f64 {
+    x.finite().unwrap_or(f64::INFINITY)
+}
+
+/// Compares the materials of a view with its passes.
+fn materials(images: &Images, target: &Target) -> Result<MaterialErrors> {
+    let inside: Vec<usize> = (0..target.foreground.len()).filter(|i| target.foreground[*i] == 1.0).collect();
+    let mut out = MaterialErrors::default();
+    if let Some((at, truth)) = images.channels.albedo.zip(target.albedo.as_ref()) {
+        let ours = images.values_from(at, 3);
+        let squares: Vec<f64> = inside
+            .iter()
+            .flat_map(|i| 3 * i..3 * i + 3)
+            .map(|i| {
+                let d = f64::from(ours[i]) - f64::from(truth[i]);
+                d * d
+            })
+            .collect();
+        out.albedo_db = mean(&squares).map(|m| -10.0 * elem::log10(order::max(m, 1e-12)));
+        let linear = |image: &[f32]| -> Vec<f32> {
+            image.iter().map(|x| orb::decode(order::clamp(f64::from(*x), 0.0, 1.0)) as f32).collect()
+        };
+        let covered: Vec<f32> = target.foreground.iter().map(|m| f32::from(u8::from(*m == 1.0))).collect();
+        let (x, y) = (linear(&ours), linear(truth));
+        let (height, width) = (target.camera.height, target.camera.width);
+        let pair = orb::In { x: &x, y: &y, foreground: &covered, height, width };
+        out.albedo_aligned_db = orb::psnr_inside(&pair, false)?.map(decibels);
+        let pair = orb::In { foreground: &target.foreground, ..pair };
+        out.albedo_orb_db = Some(decibels(orb::psnr_albedo(&pair)?));
+    }
+    if let Some((at, truth)) = images.channels.material.zip(target.material.as_ref()) {
+        let error = |k: usize| {
+            let off = |i: &usize| {
+                (f64::from(images.values[i * images.count + at + k]) - f64::from(truth[2 * i + k])).abs()
+            };
+            mean(&inside.iter().map(off).collect::<Vec<f64>>())
+        };
+        (out.roughness, out.metallic) = (error(0), error(1));
+    }
+    Ok(out)
 }
 
 /// Renders a view of a field and compares it.
@@ -73,23 +134,12 @@ pub fn score(field: &Field, cells: &Occupancy, target: &Target) -> Result<Scores
         let there = (0..pixels).filter(|i| z[*i] > 0.0 && images.opacity[*i] > VALID);
         mean(&there.map(|i| (of(i) - f64::from(z[i])).abs() / scale).collect::<Vec<f64>>())
     });
-    let albedo = images.channels.albedo.zip(target.albedo.as_ref()).and_then(|(at, truth)| {
-        let inside: Vec<usize> = (0..pixels).filter(|i| target.foreground[*i] == 1.0).collect();
-        let squares: Vec<f64> = inside
-            .iter()
-            .flat_map(|i| (0..3).map(move |k| (i * images.count + at + k, 3 * i + k)))
-            .map(|(ours, theirs)| {
-                let d = f64::from(images.values[ours]) - f64::from(truth[theirs]);
-                d * d
-            })
-            .collect();
-        mean(&squares).map(|m| -10.0 * elem::log10(order::max(m, 1e-12)))
-    });
+    let materials = materials(&images, target)?;
     Ok(Scores {
         numerical_deg: against(&|i| images.normals[i]),
         head_deg: head,
         depth,
-        albedo_db: albedo,
+        materials,
         image,
         images,
     })
@@ -98,11 +148,12 @@ pub fn score(field: &Field, cells: &Occupancy, target: &Target) -> Result<Scores
 impl Scores {
     /// As a JSON record.
     pub fn json(&self) -> Value {
-        let s = &self.image.score;
+        let (s, m) = (&self.image.score, &self.materials);
         json!({
             "name": s.name, "psnr_db": s.psnr_db, "ssim": s.ssim, "mae": s.mae,
             "numerical_normals_deg": self.numerical_deg, "normal_head_deg": self.head_deg,
-            "depth": self.depth, "albedo_db": self.albedo_db,
+            "depth": self.depth, "albedo_db": m.albedo_db, "albedo_aligned_db": m.albedo_aligned_db, "albedo_orb_db": m.albedo_orb_db,
+            "roughness": m.roughness, "metallic": m.metallic,
         })
     }
 }
@@ -120,7 +171,11 @@ pub fn means(all: &[Scores]) -> Value {
         "numerical_normals_deg": of(&|s| s.numerical_deg),
         "normal_head_deg": of(&|s| s.head_deg),
         "depth": of(&|s| s.depth),
-        "albedo_db": of(&|s| s.albedo_db),
+        "albedo_db": of(&|s| s.materials.albedo_db),
+        "albedo_aligned_db": of(&|s| s.materials.albedo_aligned_db),
+        "albedo_orb_db": of(&|s| s.materials.albedo_orb_db),
+        "roughness": of(&|s| s.materials.roughness),
+        "metallic": of(&|s| s.materials.metallic),
         "samples": all.iter().fold(0, |sum, s| sum + s.images.samples),
     })
 }

@@ -15,7 +15,7 @@ use crate::scene::field::Placement;
 use crate::scene::passes::PassImages;
 use crate::scene::views::{Masks, Options, View, Views};
 use crate::{Error, Result};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// sRGB byte from which a background is white.
 const WHITE: u8 = 253;
@@ -37,6 +37,8 @@ pub struct Picture {
     pub colored: Option<Vec<f32>>,
     /// Passes, where there are any.
     pub passes: PassImages,
+    /// Map of the light of this image, where the capture names one.
+    pub environment: Option<PathBuf>,
 }
 
 /// An image of a fit; all arrays are row-major.
@@ -133,8 +135,16 @@ fn picture(frame: &Frame, view: &View, options: &Options) -> Result<Picture> {
             *x = x.map(|x| x * m + (1.0 - m));
         }
     }
-    let (name, camera) = (view.name.clone(), view.camera.clone());
-    Ok(Picture { name, camera, color, foreground, kept, colored, passes })
+    Ok(Picture {
+        name: view.name.clone(),
+        camera: view.camera.clone(),
+        color,
+        foreground,
+        kept,
+        colored,
+        passes,
+        environment: frame.passes.environment.clone(),
+    })
 }
 
 /// Whether a pixel is covered completely or not at all.
