@@ -123,6 +123,7 @@ pub(crate) fn target(k: usize, side: usize) -> Target {
         name: format!("{k:04}.png"),
         color: (0..pixels).flat_map(|i| mean(&camera, i, color).0).collect(),
         kept: None,
+        colored: None,
         albedo: Some((0..pixels).flat_map(|i| mean(&camera, i, albedo).0).collect()),
         material: Some((0..pixels).flat_map(|i| mean(&camera, i, material).0).collect()),
         normal: Some((0..pixels).flat_map(|i| middle(i).map_or([0.0; 3], |(_, n)| n)).collect()),
@@ -153,5 +154,6 @@ pub(crate) fn without_passes(mut targets: Targets) -> Targets {
 #[allow(dead_code, reason = "the tests of bits have no use for it")]
 pub(crate) fn picture(k: usize, side: usize) -> Picture {
     let Target { name, camera, color, foreground, kept, .. } = target(k, side);
-    Picture { name, camera, color, foreground, kept, passes: PassImages::default() }
+    let passes = PassImages::default();
+    Picture { name, camera, color, foreground, kept, colored: None, passes, environment: None }
 }

@@ -129,7 +129,7 @@ fn a_field_beside_its_own_images_has_perfect_scores() {
     assert_eq!((scores.image.score.psnr_db, scores.image.score.mae), (f64::INFINITY, 0.0), "colours");
     assert!(scores.numerical_deg.expect("normals") < 0.1, "normals: {:?}", scores.numerical_deg);
     assert!(scores.depth.expect("depth") < 1e-6, "depth: {:?}", scores.depth);
-    assert!(scores.albedo_db.expect("albedo") > 100.0, "albedo: {:?}", scores.albedo_db);
+    assert!(scores.materials.albedo_db.expect("albedo") > 100.0, "albedo: {:?}", scores.materials.albedo_db);
     assert!(scores.head_deg.is_some(), "the normal head is compared");
     let json = scores.json();
     assert!(json["psnr_db"].is_null() && json["mae"] == 0.0, "no finite number: {json}");
