@@ -65,7 +65,7 @@ enum Source<'a> {
 
 impl MapArgs {
     /// The first option that differs from its default.
-    pub(crate) fn given(&self) -> Option<&'static str> {
+    fn given(&self) -> Option<&'static str> {
         let all = [
             ("--env-axes", self.env_axes != "ours"),
             ("--env-rotate", self.env_rotate != 0.0),
@@ -74,6 +74,20 @@ impl MapArgs {
             ("--env-linear", self.env_linear),
         ];
         all.into_iter().find(|(_, given)| *given).map(|(name, _)| name)
+    }
+
+    /// The map of an optional `--env`; built-in environments are those of `seed`.
+    ///
+    /// # Errors
+    /// Those of [`Light::environment`], and options of a map without a light.
+    pub(crate) fn environment(&self, env: Option<&str>, seed: u64) -> Result<Option<Environment>> {
+        match (env, self.given()) {
+            (Some(env), _) => Light { env, map: self }.environment(seed).map(Some),
+            (None, Some(option)) => {
+                Err(Error::input(option).expected("a light in --env, whose map it describes").got("no --env"))
+            }
+            (None, None) => Ok(None),
+        }
     }
 }
 

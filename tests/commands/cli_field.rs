@@ -100,7 +100,7 @@ fn an_object_is_fitted_scored_meshed_and_relit() {
     let mesh = ["field", "mesh", "f", "--out", "o.glb", "--side", "24", "--texture", "128", "--json", "-q"];
     let made = json(&mesh, dir);
     assert!(made["triangles"].as_u64().expect("a count") > 20, "{made}");
-    refused(&mesh[..9], dir, 2, &["--out", "o.glb", "--force"]);
+    refused(&mesh[..9], dir, 2, &["o.glb", "does not exist yet", "--force"]);
     let obj =
         ["field", "mesh", "f", "--out", "o.obj", "--side", "24", "--texture", "128", "--smoothing", "0"];
     assert_eq!(code(&lastlight(&obj, dir)), 0, "as OBJ");

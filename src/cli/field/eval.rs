@@ -3,12 +3,12 @@
 use super::page::{self, Input};
 use super::read;
 use super::scoring::{self, Benchmark};
-use crate::choices::{ENV_AXES, choices};
 use crate::fit::field::scores::means;
 use crate::fit::field::targets::Pictures;
 use crate::fit::field::{Target, benchmark, score, view};
 use crate::fit::render::flat_name;
 use crate::fit::training::Watch;
+use crate::light::MapArgs;
 use crate::loss::lpips::Metric;
 use crate::meter::Meter;
 use crate::report::run::Run;
@@ -47,12 +47,12 @@ pub(crate) struct Args {
     /// Score the object's mesh under the light of the images in place of the field's colours
     #[arg(long)]
     relight: bool,
-    /// Light of the images: a .hdr, .exr, .png or .jpg panorama [default: the map that the capture names for each image]
-    #[arg(long, value_name = "FILE", requires = "relight")]
-    env: Option<PathBuf>,
-    /// Orientation of the panorama's axes
-    #[arg(long, value_name = "NAME", default_value = "ours", requires = "env", value_parser = choices(ENV_AXES))]
-    env_axes: String,
+    /// Light of the images: a .hdr, .exr, .png or .jpg panorama, or a built-in light as of mesh render [default: the map that the
+    /// capture names for each image]
+    #[arg(long, value_name = "FILE|NAME", requires = "relight")]
+    env: Option<String>,
+    #[command(flatten)]
+    map: MapArgs,
     /// Samples per pixel of a relit image
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     samples: u32,
@@ -106,7 +106,9 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .got("none"));
     }
     let lights = match args.relight {
-        true => Some(scoring::lights(&pictures, &which, args.env.as_deref(), &args.env_axes)?),
+        true => {
+            Some(scoring::lights(&pictures, &which, args.map.environment(args.env.as_deref(), args.seed)?)?)
+        }
         false => None,
     };
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;

@@ -11,7 +11,7 @@ use crate::fit::field::{Beta, FieldFit, HeadForm, Materials, Settings, score, vi
 use crate::fit::render::flat_name;
 use crate::fit::training::{Fit, Watch};
 use crate::io::{image_file, memory};
-use crate::light::{Light, MapArgs};
+use crate::light::MapArgs;
 use crate::like::COMMAND;
 use crate::loss::lpips::Metric;
 use crate::meter::Meter;
@@ -186,14 +186,8 @@ impl Args {
 
     /// The known light in the units of the images.
     fn light(&self, exposure: f64) -> Result<Option<Vec<[f32; 3]>>> {
-        let Some(env) = &self.env else {
-            let option = self.map.given();
-            return option.map_or(Ok(None), |option| {
-                Err(Error::input(option).expected("a light in --env, whose map it describes").got("no --env"))
-            });
-        };
-        let map = Light { env, map: &self.map }.environment(self.filling.seed)?;
-        Ok(Some(reduced(&map, exposure as f32)))
+        let map = self.map.environment(self.env.as_deref(), self.filling.seed)?;
+        Ok(map.map(|map| reduced(&map, exposure as f32)))
     }
 }
 

@@ -10,7 +10,7 @@ use crate::fit::field::targets::{Picture, Pictures};
 use crate::io::image_file;
 use crate::loss::lpips::Metric;
 use crate::meter::Meter;
-use crate::scene::environment_file::{self, Options, Orientation};
+use crate::scene::environment_file::{self, Options};
 use crate::scene::field::Field;
 use crate::scene::light::Environment;
 use crate::scene::model;
@@ -151,12 +151,9 @@ pub(super) struct Lighting {
 pub(super) fn lights(
     pictures: &Pictures,
     which: &[(usize, &Target)],
-    env: Option<&Path>,
-    axes: &str,
+    given: Option<Environment>,
 ) -> Result<Lighting> {
-    if let Some(path) = env {
-        let orientation = Orientation::parse(axes)?;
-        let map = environment_file::read(path, &Options { orientation, ..Options::default() })?;
+    if let Some(map) = given {
         return Ok(Lighting { maps: vec![map], of: vec![0; which.len()] });
     }
     let mut paths: Vec<PathBuf> = Vec::new();

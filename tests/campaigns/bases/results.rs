@@ -50,7 +50,7 @@ pub(super) fn bases(shop: &Workshop) -> Vec<Base> {
     let photos = ["object/object_00000/uniform"];
     all.push(resumed(shop, "checkpoint of field fit", object, object_resume, &photos, &[state]).share(5));
     let field = files(&[("field.safetensors", &shop.bytes("run/field.safetensors"))]);
-    let bake = "field mesh {file} --side 8 --texture 64 --out out.glb --threads 1 --quiet";
+    let bake = "field mesh {file} --side 33 --texture 64 --out out.glb --threads 1 --quiet";
     all.push(Base::new("field", field, &["field.safetensors"], &[bake]));
     all.push(resumed(shop, "checkpoint of last pretrain", train, train_resume, &["data"], &[state]).share(2));
     let model = shop.bytes("run/model.safetensors");
