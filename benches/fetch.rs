@@ -82,7 +82,11 @@ fn measure(side: usize, channels: usize, runs: usize) {
             for _ in 0..runs {
                 let passes = 4;
                 let array = bytes * f64::from(passes)
-                    / seconds(|| (0..passes).for_each(|_| drop(black_box(read(&texels)))));
+                    / seconds(|| {
+                        for _ in 0..passes {
+                            black_box(read(&texels));
+                        }
+                    });
                 let taken = seconds(|| {
                     for points in points.chunks(BATCH) {
                         fetch::forward(

@@ -13,12 +13,14 @@ const SHOWN: usize = 8;
 /// Colour of borders of charts.
 const BORDER: [f32; 3] = [0.95, 0.3, 0.05];
 
+/// How a texel is shown.
+type Shown = fn([u8; 4]) -> [u8; 3];
 /// A map of a material: its name, the texture, and how its texels are shown.
-type Map<'a> = (&'static str, &'a Arc<Texture>, fn([u8; 4]) -> [u8; 3]);
+type Map<'a> = (&'static str, &'a Arc<Texture>, Shown);
 
 /// The maps of a material.
 fn maps(m: &Material) -> Vec<Map<'_>> {
-    let all: [(&'static str, Option<&Arc<Texture>>, fn([u8; 4]) -> [u8; 3]); 5] = [
+    let all: [(&'static str, Option<&Arc<Texture>>, Shown); 5] = [
         ("base colour", m.base_color_map.as_ref(), |[r, g, b, _]| [r, g, b]),
         ("roughness", m.metallic_roughness_map.as_ref(), |[_, g, _, _]| [g; 3]),
         ("metallic", m.metallic_roughness_map.as_ref(), |[_, _, b, _]| [b; 3]),

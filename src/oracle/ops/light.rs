@@ -109,7 +109,7 @@ fn run_variation(x: &CheckedCall<'_>) -> Result<RunResult> {
 /// Two small planes; a map with periodic columns.
 fn case_variation(case: usize) -> Case {
     let shape = [[2, 4, 5, 3], [1, 16, 32, 3]][case];
-    let n = shape.iter().product::<usize>();
+    let n = shape[0] * shape[1] * shape[2] * shape[3];
     let mut made = Case::default();
     made.inputs.put("planes", &shape, Draw::new(93, case, 0).normals(n));
     if case == 1 {

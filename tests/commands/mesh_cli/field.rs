@@ -51,7 +51,7 @@ fn a_field_becomes_a_mesh_and_images_and_both_ways_to_images_agree() {
     let facts = serde_json::from_str::<Value>(&done(&view, dir)).expect("JSON")["facts"].clone();
     assert_eq!((&facts["closed"], &facts["euler"]), (&true.into(), &2.into()), "{facts:#}");
     let volume = facts["volume"].as_f64().expect("closed");
-    let ball = 4.0 / 3.0 * std::f64::consts::PI * 0.2_f64.powi(3);
+    let ball = 4.0 / 3.0 * std::f64::consts::PI * (0.2 * 0.2 * 0.2);
     assert!((volume / ball - 1.0).abs() < 0.05, "{volume} of {ball}");
 
     let images = ["--env", "sky", "--cameras", "orbit:2", "--size", "16", "--samples", "4", "--quiet"];

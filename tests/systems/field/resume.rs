@@ -201,7 +201,8 @@ fn damaged_checkpoints_are_errors() {
         ("occupied", &[17]),
     ] {
         let e = refused(&|all: &mut Arrays| {
-            all.put(name, shape, vec![0.0_f32; shape.iter().fold(1, |n, k| n * k)]);
+            let size = shape.iter().fold(1, |n: usize, k: &usize| usize::saturating_mul(n, *k));
+            all.put(name, shape, vec![0.0_f32; size]);
         });
         assert!(e.contains(name), "{name} as {shape:?}: {e}");
     }

@@ -289,7 +289,7 @@ pub fn psnr_inside(x: &In<'_>, eroded: bool) -> Result<Option<Decibel>> {
 /// Returns `SSIM-3`, which is in −1..1.
 ///
 /// With moments under the window, SSIM = (2μ_xμ_y + C₁)(2σ_xy + C₂) / ((μ_x² + μ_y² + C₁)(σ_x² + σ_y² + C₂) + 10⁻¹²), C₁ = 10⁻⁴,
-/// C₂ = 9·10⁻⁴, σ² = E[x²] − μ²; ½(1 − SSIM) is limited to 0..1 before the mean.
+/// C₂ = 9·10⁻⁴, σ² = E(x²) − μ²; ½(1 − SSIM) is limited to 0..1 before the mean.
 ///
 /// # Errors
 /// Returns an error for images of less than 2×2 pixels, which a border cannot be reflected in.

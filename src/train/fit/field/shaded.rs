@@ -1,6 +1,6 @@
 //! Materials from images alone: surface points are shaded under a light, and compared with the image (§ 10b).
 //!
-//! Of the valid rays [`RAYS`] are drawn per iteration. Their numerical normal, albedo, roughness and metallic are shaded by
+//! Of the valid rays 512 are drawn per iteration. Their numerical normal, albedo, roughness and metallic are shaded by
 //! `shade.envmap` under a map of 16×32 texels, known or learned (softplus of free parameters): direct light, without
 //! shadows and without light from other surfaces. The result is encoded and compared as colours are; the mean
 //! albedo is pulled towards ½, and a learned light is smooth.
