@@ -57,7 +57,8 @@ pub mod known_truth {}
 pub mod learned_causes {}
 
 #[doc = include_str!("field.md")]
-#[doc = "## Chart of the quadrature\n\nThe largest error of the depth against the step, measured with the shipped operators.\n"]
+#[doc = "## Chart of the quadrature\n\nThe largest error of the depth against the step, measured with the shipped operators."]
+#[doc = ""]
 #[doc = include_str!("figures/quadrature.svg")]
 pub mod field {}
 
