@@ -40,7 +40,7 @@ struct Session {
 const SCENE: &[&str] = &["oracle mint splat.render --out cases"];
 const SMALL_FIT: &str = "splat fit PHOTOS --out fit --iterations 30 --initial 200";
 
-const SESSIONS: [Session; 6] = [
+const SESSIONS: [Session; 7] = [
     Session {
         setup: &[],
         lines: &[
@@ -140,6 +140,33 @@ const SESSIONS: [Session; 6] = [
                 "last render fit --cameras orbit:3 --pose 1 --out around",
             ),
             ("lastlight last eval fit person/video", "last eval fit person/video"),
+        ],
+    },
+    Session {
+        setup: &[],
+        lines: &[
+            (
+                "lastlight lirm gen --objects 1 --size 128 --framing whole --out object",
+                "lirm gen --objects 1 --size 16 --framing whole --out object --views 8 --samples 2 --texture 32",
+            ),
+            (
+                "lastlight field fit object/object_00000/uniform --out field",
+                "field fit object/object_00000/uniform --out field --iterations 4 --side 8 --channels 2 --samples 16 --crop-side 16 \
+                 --crops 1",
+            ),
+            (
+                "lastlight field eval field object/object_00000/uniform --mesh object/object_00000/object.glb",
+                "field eval field object/object_00000/uniform --mesh object/object_00000/object.glb",
+            ),
+            (
+                "lastlight field mesh field --out object.glb",
+                "field mesh field --out object.glb --side 33 --texture 64",
+            ),
+            (
+                "lastlight field relight object.glb --env studio --cameras orbit:8 --out relit",
+                "field relight object.glb --env studio --cameras orbit:2 --size 16 --samples 1 --out relit",
+            ),
+            ("lastlight mesh view object.glb --out page", "mesh view object.glb --out page"),
         ],
     },
     Session {
