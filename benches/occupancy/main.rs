@@ -5,7 +5,12 @@
 //!
 //! The field has six planes of 128² texels with 32 channels and a head 96-32-32-1. It is fitted to the signed
 //! distance of a ball with a torus around it, at random points, before anything is measured: once from planes of
-//! small random numbers, and once from larger ones, whose noise remains (mean errors of 0.005 and 0.011 R).
+//! small random numbers, and once from larger ones, whose noise remains (mean errors of 0.005 and 0.011 R). With
+//! `OCCUPANCY_FITS` set, fitted fields are measured instead ([`fits`]).
+
+#![expect(clippy::disallowed_types, reason = "a bench reads the clock")]
+
+mod fits;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use lastlight::field::fetch::{self, Combine, Planes};
@@ -171,6 +176,9 @@ fn one_by_one(occupancy: &Occupancy, rays: Rays<'_>, step: f32) -> Intervals {
 }
 
 fn occupancy(c: &mut Criterion) {
+    if let Some(list) = std::env::var("OCCUPANCY_FITS").ok().filter(|list| !list.is_empty()) {
+        return fits::run(&list);
+    }
     for (name, start) in [("smooth", 0.01), ("rough", 0.1)] {
         of_field(c, name, &Field::fitted(start));
     }
