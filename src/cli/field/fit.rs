@@ -30,7 +30,7 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  lastlight field fit object/uniform --out fit             2 000 iterations, about 6 minutes on two cores
+  lastlight field fit object/uniform --out fit             2 000 iterations, about nine minutes on two cores
   lastlight field fit --out fit --resume                   go on after an interruption, with the same options and bits
   lastlight field fit object/shiny --out fit --nde         colours that depend on the direction of view
   lastlight field fit photos/ --out fit --env probe.exr    materials by shading under a known light
@@ -88,7 +88,7 @@ pub(crate) struct Args {
     /// First 1/β
     #[arg(long, value_name = "X", default_value_t = 10.0)]
     first_inverse_beta: f32,
-    /// Course of 1/β: linear, or learned like a weight (which fails more often)
+    /// Course of 1/β: linear, or learned like a weight (less stable, according to LIRM)
     #[arg(long, value_name = "NAME", default_value = "linear", value_parser = ["linear", "learned"])]
     beta: String,
     /// Where materials come from: auto takes passes where all images have them, else shaded

@@ -43,7 +43,7 @@ pub enum Beta {
     /// Linear, then constant.
     #[default]
     Linear,
-    /// A parameter like the others; the alternative that fails.
+    /// A parameter like the others; less stable, according to LIRM.
     Learned,
 }
 

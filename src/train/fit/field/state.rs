@@ -16,7 +16,7 @@ const PURPOSE: u16 = 0x0533;
 pub(super) const HALF_SIZE: f32 = 0.525;
 /// Largest first value of planes and panoramas.
 const SPREAD: f32 = 0.1;
-/// Xavier gain of the network of the signed distance (LIRM), and of the others: with 0.25 there, colours of fits stay grey.
+/// Xavier gain of the network of the signed distance (LIRM), and of the others, which begin with more contrast.
 const GAINS: [f32; 2] = [0.25, std::f32::consts::SQRT_2];
 /// Factor of the signed distance's row of a trunk, so that the first surface is close to the sphere.
 const TRUNK_ROW: f32 = 0.05;

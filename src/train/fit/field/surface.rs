@@ -3,7 +3,7 @@
 //! The numerical gradient g at a point is that of `field.normal` with central differences one texel apart: forward
 //! differences would read the inside of the object, which no image determines. Points are constants: no gradient
 //! flows into the positions at which they were found. LIRM composites the normals of all samples of a ray; here there is one
-//! stencil per ray, at its surface point x̂, so that the terms cost a small part of an iteration.
+//! stencil per ray, at its surface point x̂, which decodes six points per ray instead of six per sample.
 
 use super::adding::add;
 use super::scene::{self, Weights};
