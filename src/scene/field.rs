@@ -9,7 +9,7 @@
 //! | `planes` | (P, S, S, C) | P = 6: xy−, xy+, xz−, xz+, yz−, yz+; P = 3: xy, xz, yz |
 //! | `panoramas` | (L, H, W, C') | directional embedding; optional |
 //! | head `sdf` | F → 1 or 4 | signed distance; with 4 outputs a trunk, which also gives the colour |
-//! | head `color` | F (+ C' with panoramas) → 3 | not beside a trunk |
+//! | head `color` | F (with panoramas + C', or + C' + 1) → 3 | not beside a trunk |
 //! | heads `albedo`, `normal` | F → 3 | optional |
 //! | head `material` | F → 2 | roughness, metallic; optional |
 //! | head `rho` | F → 1 | roughness of the embedding; exactly with panoramas |
@@ -128,6 +128,8 @@ pub struct Settings {
     pub inverse_beta: f32,
     /// Transmittance at which rays stop; `None`: they do not.
     pub early_stop: Option<f32>,
+    /// Samples with a smaller weight have the background's values; `None`: none has.
+    pub least_weight: Option<f32>,
     /// Differences of numerical normals.
     pub stencil: Stencil,
     /// Distance ε of these differences, in units of the field.
@@ -204,6 +206,7 @@ impl Settings {
             "rule": self.rule.name(),
             "inverse_beta": self.inverse_beta,
             "early_stop": self.early_stop,
+            "least_weight": self.least_weight,
             "stencil": self.stencil.name(),
             "epsilon": self.epsilon,
             "background": self.background,
@@ -220,6 +223,7 @@ impl Default for Settings {
             rule: Rule::Analytic,
             inverse_beta: 200.0,
             early_stop: Some(1e-4),
+            least_weight: Some(1e-3),
             stencil: Stencil::Forward,
             epsilon: 8.0 * 0.525 / 128.0,
             background: 1.0,

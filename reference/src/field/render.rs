@@ -1,6 +1,7 @@
 //! `field.render`: rays through a field.
 //!
-//! wᵢ = Tᵢ(1 − e^(−σᵢδᵢ)),   Tᵢ₊₁ = Tᵢ·e^(−σᵢδᵢ),   O = Σ wᵢ,   v = Σ wᵢvᵢ + T·b, T behind the last sample
+//! wᵢ = Tᵢ(1 − e^(−σᵢδᵢ)),   Tᵢ₊₁ = Tᵢ·e^(−σᵢδᵢ),   O = Σ wᵢ,   v = Σ wᵢvᵢ + T·b, T behind the last sample;
+//! vᵢ = b where wᵢ < `least_weight`
 //! x̂ = Σ wᵢxᵢ/max(O, 0.98),   n̂ = N/‖N‖ with N = Σ wᵢnᵢ where O > 0.98, else 0
 //!
 //! | symbol | argument | shape |
@@ -94,6 +95,7 @@ pub static SIGNATURE: Signature = Signature {
         start: Port::int("N1", Dtype::I64, "first entry of every ray in index"),
         index: Port::int("M", Dtype::I32, "steps that take a sample"),
         taken: Port::int("N", Dtype::I32, "samples taken per ray"),
+        shaded: Port::int("M", Dtype::U8, "1: the values of the step are decoded").or_absent(),
         valid: Port::int("N", Dtype::U8, "1: the opacity is above 0.98"),
         active: Port::int("A1", Dtype::I64, "twin: units above 0, 32 to an entry, the first in the lowest bit")
             .or_absent(),
@@ -101,6 +103,7 @@ pub static SIGNATURE: Signature = Signature {
         steep: Port::int("A3", Dtype::I64, "twin: gradients longer than 1e-4, likewise").or_absent(),
         panorama: Port::int("K,3", Dtype::I32, "twin: first row and column, lower panorama").or_absent(),
         reflected: Port::fixed("K,3", "twin: direction in which they are read; held in differences").or_absent(),
+        cosine: Port::fixed("K,1", "twin: its cosine with the normal; held in differences").or_absent(),
     ],
     settings: &[
         super::HALF_SIZE,
@@ -113,6 +116,11 @@ pub static SIGNATURE: Signature = Signature {
         ),
         SettingSpec::choice("combine", &["concat", "sum"], "concat", "how the three planes are combined"),
         SettingSpec::number("early_stop", "0", "transmittance at which rays end; 0: none"),
+        SettingSpec::number(
+            "least_weight",
+            "0",
+            "samples with a smaller weight have the background's values",
+        ),
         SettingSpec::choice("normals", &["none", "forward", "central"], "none", "numerical normals"),
         SettingSpec::number("epsilon", "8 R/samples", "distance of the points of numerical normals"),
     ],
@@ -158,18 +166,21 @@ pub fn forward<S: Scalar>(
     let (opacity, point) = (out.array("opacity", &[n]), out.array("point", &[n, 3]));
     let numerical = (choices.normals != "none").then(|| out.array("numerical_normal", &[n, 3]));
     let (mut start, mut index, mut took, mut valid) = (vec![0.0], Vec::new(), Vec::new(), Vec::new());
+    let (least, mut shaded) = (choices.least_weight, Vec::new());
     for ray in 0..n {
         let of = |x: &Arr<S>| x.row::<3>(ray).map(Scalar::value);
         let (origin, direction) = (of(input.origins), of(input.directions));
         let span = crossing(origin, direction, choices.half_size);
         let steps = steps(plan, ray, span, choices.step);
         let given = plan.and_then(|p| p.get("taken")).map(|t| t.data[ray] as usize);
-        let sums = march(&mut field, (origin, direction), (span, &steps), given);
+        let of_ray = |all: &'_ Arr<f64>| all.data[index.len()..index.len() + steps.len()].to_vec();
+        let given_shaded = plan.and_then(|p| p.get("shaded")).map(of_ray);
+        let sums = march(&mut field, (origin, direction), (span, &steps), (given, given_shaded.as_deref()));
         let is_valid = match plan.and_then(|p| p.get("valid")) {
             Some(v) => v.data[ray] != 0.0,
             None => sums.opacity.value() > 0.98,
         };
-        let rest = sums.through * input.background.data[0];
+        let rest = (sums.through + sums.unshaded) * input.background.data[0];
         for (name, slot, width) in &values {
             let own = sums.values.iter().find(|(other, _)| other == name);
             for k in 0..*width {
@@ -190,10 +201,14 @@ pub fn forward<S: Scalar>(
         index.extend(steps.iter().map(|i| *i as f64));
         start.push(index.len() as f64);
         took.push(sums.taken as f64);
+        shaded.extend(sums.shaded);
         valid.push(f64::from(u8::from(is_valid)));
     }
     for (name, data) in [("start", start), ("index", index), ("taken", took), ("valid", valid)] {
         out.plan.insert(name.to_owned(), Arr::new(&[data.len()], data));
+    }
+    if least > 0.0 && !field.heads.is_trunk() {
+        out.plan.insert("shaded".to_owned(), Arr::new(&[shaded.len()], shaded));
     }
     field.decisions.put(&mut out.plan);
     Ok(())

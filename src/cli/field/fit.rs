@@ -70,6 +70,9 @@ pub(crate) struct Args {
     /// Colours read a directional embedding: what is seen depends on the reflected direction of view
     #[arg(long)]
     nde: bool,
+    /// The embedding's colour does not read the cosine of normal and reflection (LIRM does not)
+    #[arg(long, requires = "nde")]
+    no_cosine: bool,
     /// Steps of a ray along the diagonal of the box
     #[arg(long, value_name = "N", default_value_t = 192)]
     samples: usize,
@@ -100,10 +103,10 @@ pub(crate) struct Args {
     #[command(flatten)]
     map: MapArgs,
     /// Largest learning rate of planes and panoramas
-    #[arg(long, value_name = "X", default_value_t = 0.02)]
+    #[arg(long, value_name = "X", default_value_t = 0.01)]
     plane_rate: f64,
     /// Largest learning rate of networks
-    #[arg(long, value_name = "X", default_value_t = 0.002)]
+    #[arg(long, value_name = "X", default_value_t = 0.005)]
     network_rate: f64,
     /// Weight of the eikonal term; 0 removes it
     #[arg(long, value_name = "X", default_value_t = 1e-3)]
@@ -111,6 +114,9 @@ pub(crate) struct Args {
     /// Weight of the squared variation of planes; 0 removes it
     #[arg(long, value_name = "X", default_value_t = 2e-3)]
     variation: f32,
+    /// Weight of the squared jump of the signed distance between the two sides of the centre planes, in texels; 0 removes it
+    #[arg(long, value_name = "X", default_value_t = 1e-2)]
+    seams: f32,
     /// Box that holds the object; the field is the cube around it [default: from the foreground]
     #[arg(long = "box", value_name = "X0,Y0,Z0,X1,Y1,Z1", allow_hyphen_values = true)]
     bounds: Option<String>,
@@ -144,6 +150,7 @@ impl Args {
             combine: Combine::parse(&self.combine)?,
             heads: if self.heads == "trunk" { HeadForm::Trunk } else { HeadForm::Separate },
             embedding: self.nde,
+            cosine: !self.no_cosine,
             samples: self.samples,
             rule: Rule::parse(&self.rule)?,
             crop: self.crop_side,
@@ -154,6 +161,7 @@ impl Args {
             rates: [self.plane_rate, self.network_rate],
             eikonal: self.eikonal,
             variation: self.variation,
+            seams: self.seams,
             chunk: self.chunk as usize,
         };
         made.validate()?;

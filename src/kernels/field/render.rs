@@ -9,6 +9,10 @@
 //! T is the transmittance behind the last sample: as in [`super::composite`], the background keeps what no
 //! sample absorbs, which 1 − O in f32 would not resolve.
 //!
+//! With `least_weight` = τ, values are decoded where wᵢ ≥ τ, and the other samples have the values of the
+//! background: vᵢ = b. Their weights count for O, x̂, n̂ and T as all others. Values change by at most Σ wᵢ|vᵢ − b|
+//! over the samples below τ.
+//!
 //! s, σ and the heads are those of VolSDF (Yariv et al. 2021) on feature planes: [`super::fetch`],
 //! [`super::sdf_head`], [`super::density`] or [`super::interval`], [`super::value_head`],
 //! [`super::normal_head`], [`super::embed`], [`super::normal`].
@@ -17,7 +21,7 @@
 //! |---|---|---|---|
 //! | o, d | `origins`, `directions` | (N, 3) | d of unit length; no gradient |
 //! | | `planes` | (P, R, R, C) | P = 6 signed planes or 3 |
-//! | | `panoramas` | (L, H, W, C') | optional; needs the heads ρ and normal |
+//! | | `panoramas` | (L, H, W, C') | optional; needs the heads ρ and normal, see *Directional embedding* |
 //! | | `w…` of every head | (out, in) | without bias |
 //! | β | `beta` | () | > 0 |
 //! | v | `values` | (N, Q) | colour 3, albedo 3, roughness and metallic 2, normal 3: those that have a head |
@@ -32,6 +36,11 @@
 //! density if s is linear between both ends; an end that two steps share is decoded once. With `early_stop` a
 //! ray ends after the sample that brings T to that value or below.
 //!
+//! # Directional embedding
+//! With panoramas the colour reads features ‖ h, and n·r behind them if its first layer has F + C' + 1 inputs: the
+//! cosine between the normal of the normal head and the direction of reflection, without gradient. Reflection grows
+//! with it as Fresnel's equations say, which features and h alone do not tell (Wu et al. 2024 read it, LIRM does not).
+//!
 //! # Rounding
 //! Values are left folds over the samples of a ray. Gradients: a texel's is one left fold over rays, within a
 //! ray over the points at which s is decoded (in order, then the stencils of numerical normals) and then the
@@ -40,7 +49,8 @@
 //! nor the number of rays per chunk (a multiple of 64) change a bit.
 //!
 //! # Kinks and domain
-//! Those of the parts. At O = 0.98 a ray is not valid. The plan contains intervals and last samples.
+//! Those of the parts. At O = 0.98 a ray is not valid; at wᵢ = τ a sample has its own values. The plan contains
+//! intervals, last samples and, with τ, which samples have their own values.
 //!
 //! # Adjoint
 //! Deferred: nothing is saved but the sums of each ray, and every batch of rays is decoded again.
@@ -153,13 +163,17 @@ pub fn forward(scene: &Scene<'_>, plan: &mut Plan) -> Out {
         let rays = b * RAYS..n.min((b + 1) * RAYS);
         with_scratch(|scratch| block::forward(scene, &nets, fixed, rays, scratch))
     });
-    let (mut out, mut last) = (Out::default(), Vec::with_capacity(n));
+    let (mut out, mut last, mut shaded) = (Out::default(), Vec::with_capacity(n), Vec::new());
     for sums in blocks {
         finish(scene, &sums, &mut out);
         last.extend(sums.taken);
+        shaded.extend(sums.shaded);
     }
     if plan.last.is_empty() {
         plan.last = last;
+    }
+    if plan.shaded.is_empty() {
+        plan.shaded = shaded;
     }
     out
 }
@@ -168,10 +182,10 @@ pub fn forward(scene: &Scene<'_>, plan: &mut Plan) -> Out {
 fn finish(scene: &Scene<'_>, sums: &block::Sums, out: &mut Out) {
     let q = scene.channels().count();
     for (ray, opacity) in sums.opacity.iter().enumerate() {
-        let rest = sums.through[ray] * scene.settings.background;
+        let rest = sums.rest[ray] * scene.settings.background;
         out.values.extend(sums.values[ray * q..(ray + 1) * q].iter().map(|v| v + rest));
         out.opacity.push(*opacity);
-        out.transmittance.push(sums.through[ray]);
+        out.rest.push(sums.rest[ray]);
         let divisor = if *opacity > VALID { *opacity } else { VALID };
         out.points.push(sums.points[ray].map(|x| x / divisor));
         if scene.settings.numerical_normals.is_some() {

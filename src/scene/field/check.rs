@@ -107,8 +107,10 @@ impl Settings {
         within("setting 'half_size'", f64::from(self.half_size), positive.clone())?;
         within("setting 'samples'", self.samples as f64, 1.0..=MAX_SAMPLES as f64)?;
         within("setting 'inverse_beta'", f64::from(self.inverse_beta), 1e-6..=1e6)?;
-        if let Some(least) = self.early_stop {
-            within("setting 'early_stop'", f64::from(least), 0.0..=1.0)?;
+        for (name, number) in [("early_stop", self.early_stop), ("least_weight", self.least_weight)] {
+            if let Some(number) = number {
+                within(&format!("setting '{name}'"), f64::from(number), 0.0..=1.0)?;
+            }
         }
         within("setting 'epsilon'", f64::from(self.epsilon), positive)?;
         within("setting 'background'", f64::from(self.background), 0.0..=1.0)
@@ -131,7 +133,12 @@ impl Heads {
                 .expected("panoramas, which it selects a level of")
                 .got("none"));
         }
-        let color = features + embedding.unwrap_or(0);
+        let mut color = features + embedding.unwrap_or(0);
+        // Behind the features of the embedding there may be the cosine of the reflection.
+        if embedding.is_some() && self.color.as_ref().is_some_and(|n| n.widths.first() == Some(&(color + 1)))
+        {
+            color += 1;
+        }
         for (name, network, inputs, outputs) in [
             ("color", &self.color, color, 3),
             ("albedo", &self.albedo, features, 3),

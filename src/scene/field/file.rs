@@ -40,6 +40,15 @@ impl Entries<'_> {
         })
     }
 
+    /// Reads a number, or null.
+    fn optional(&mut self, name: &str) -> Result<Option<f32>> {
+        if self.0.get(name) == Some(&Value::Null) {
+            self.0.remove(name);
+            return Ok(None);
+        }
+        self.number(name).map(Some)
+    }
+
     fn text(&mut self, name: &str) -> Result<String> {
         let value = self.take(name)?;
         value.as_str().map(str::to_owned).ok_or_else(|| {
@@ -55,13 +64,6 @@ fn parse_settings(text: &str) -> Result<Settings> {
     };
     let mut entries = Entries(entries, WHAT);
     let samples = entries.take("samples")?;
-    let early_stop = match entries.take("early_stop")? {
-        Value::Null => None,
-        number => Some({
-            entries.0.insert("early_stop".to_owned(), number);
-            entries.number("early_stop")?
-        }),
-    };
     let made = Settings {
         half_size: entries.number("half_size")?,
         combine: Combine::parse(&entries.text("combine")?)?,
@@ -70,7 +72,13 @@ fn parse_settings(text: &str) -> Result<Settings> {
         })?,
         rule: Rule::parse(&entries.text("rule")?)?,
         inverse_beta: entries.number("inverse_beta")?,
-        early_stop,
+        early_stop: entries.optional("early_stop")?,
+        // Files of the first version have none.
+        least_weight: if entries.0.contains_key("least_weight") {
+            entries.optional("least_weight")?
+        } else {
+            None
+        },
         stencil: Stencil::parse(&entries.text("stencil")?)?,
         epsilon: entries.number("epsilon")?,
         background: entries.number("background")?,

@@ -121,7 +121,9 @@ fn the_lines_of_the_readme_run() {
     write(&dir.join("probe.hdr"), probe);
     let mut ran = 0;
     // `mesh view` belongs to the section on objects, whose lines are one session of `readme`.
-    let lines = include_str!("../../../README.md").lines().filter(|l| l.starts_with("lastlight mesh ") && !l.contains(" view "));
+    let lines = include_str!("../../../README.md")
+        .lines()
+        .filter(|l| l.starts_with("lastlight mesh ") && !l.contains(" view "));
     for line in lines {
         let command = line.split("  ").next().expect("a line").split_whitespace().skip(1);
         done(&command.collect::<Vec<_>>(), dir);

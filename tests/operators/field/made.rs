@@ -26,6 +26,8 @@ pub(super) struct Made {
     pub(super) settings: Settings,
     /// Whether the colour reads panoramas.
     pub(super) is_embedded: bool,
+    /// Whether it reads the cosine of the reflection behind them.
+    has_cosine: bool,
 }
 
 /// Weights of layers of these widths.
@@ -74,6 +76,7 @@ impl Made {
             beta: 0.0625,
             settings: Settings { samples: 24, background: 0.75, ..Settings::default() },
             is_embedded: false,
+            has_cosine: false,
         }
     }
 
@@ -83,6 +86,15 @@ impl Made {
         made.heads[1] = layers(&[3 * CHANNELS + MAPS[3], 6, 5, 4, 3], seed + 70);
         made.is_embedded = true;
         made
+    }
+
+    /// The colour also reads the cosine of the reflection, with weights 0.
+    pub(super) fn with_cosine(mut self) -> Self {
+        let inputs = 3 * CHANNELS + MAPS[3];
+        self.heads[1][0] =
+            self.heads[1][0].chunks_exact(inputs).flat_map(|row| [row, &[0.0]].concat()).collect();
+        self.has_cosine = true;
+        self
     }
 
     /// Zero planes: a sphere.
@@ -108,7 +120,7 @@ impl Made {
             self.heads.iter().map(|head| head.iter().map(Vec::as_slice).collect()).collect();
         let f = self.settings.combine.width(CHANNELS);
         let net = |head: usize, inputs: usize| Network { weights: &views[head], inputs };
-        let embedded = if self.is_embedded { MAPS[3] } else { 0 };
+        let embedded = if self.is_embedded { MAPS[3] + usize::from(self.has_cosine) } else { 0 };
         work(&Scene {
             rays: Rays { origins: &self.origins, directions: &self.directions },
             planes: self.field(),

@@ -306,8 +306,8 @@ fn units_at_zero_have_no_slope() {
     assert!(bar.beta != 0.0 && bar.background != 0.0, "β {} and background {}", bar.beta, bar.background);
     (bar.beta, bar.background) = (0.0, 0.0);
     assert!(flat(&mut bar).iter().all(|g| *g == 0.0), "planes and weights");
-    for (values, transmittance) in out.values.chunks_exact(11).zip(&out.transmittance) {
-        let grey = 0.5 * (1.0 - transmittance) + transmittance * 0.75;
+    for (values, rest) in out.values.chunks_exact(11).zip(&out.rest) {
+        let grey = 0.5 * (1.0 - rest) + rest * 0.75;
         assert!(values[..8].iter().all(|v| (v - grey).abs() < 1e-6), "sigmoids of 0: {values:?}");
     }
 }
@@ -326,9 +326,9 @@ fn early_stop_changes_values_by_what_it_leaves_out() {
             assert!(plan.taken() < full.taken(), "{stop}: fewer samples");
             for ray in 0..made.origins.len() {
                 let is_stopped = plan.last[ray] < full.last[ray];
-                assert!(!is_stopped || out.transmittance[ray] <= stop, "{stop}: ray {ray} stops");
+                assert!(!is_stopped || out.rest[ray] <= stop, "{stop}: ray {ray} stops");
                 // values and background are within −1..1
-                let bound = if is_stopped { 2.0 * out.transmittance[ray] + 1e-6 } else { 0.0 };
+                let bound = if is_stopped { 2.0 * out.rest[ray] + 1e-6 } else { 0.0 };
                 for (a, b) in out.values[11 * ray..][..11].iter().zip(&all.values[11 * ray..][..11]) {
                     assert!((a - b).abs() <= bound, "{stop}: ray {ray}: {a} {b}");
                 }
@@ -339,6 +339,62 @@ fn early_stop_changes_values_by_what_it_leaves_out() {
             made.settings.early_stop = None;
         }
     }
+}
+
+/// A least weight changes values by what it leaves out, and nothing else.
+#[test]
+fn least_weight_replaces_values_by_the_background() {
+    for rule in [Rule::Midpoint, Rule::Analytic] {
+        let mut made = Made::embedded(120, 36);
+        made.settings.rule = rule;
+        let (all, full) = made.render();
+        assert!(full.shaded.is_empty(), "without a least weight all samples have values");
+        for least in [1e-3, 0.03125] {
+            made.settings.least_weight = Some(least);
+            let (out, plan) = made.render();
+            let decoded = plan.shaded.iter().filter(|s| **s == 1).count();
+            assert!(decoded > 0 && decoded < full.taken(), "{least}: {decoded} of {}", full.taken());
+            let same = (&out.opacity, &out.points, &plan.last) == (&all.opacity, &all.points, &full.last);
+            assert!(same, "{least}: opacities, points and samples");
+            for ray in 0..made.origins.len() {
+                let q = out.values.len() / made.origins.len();
+                // values and background are within −1..1
+                let left = out.rest[ray] - all.rest[ray];
+                for (a, b) in out.values[q * ray..][..q].iter().zip(&all.values[q * ray..][..q]) {
+                    assert!(
+                        (a - b).abs() <= 2.0 * left + 1e-6,
+                        "{least}: ray {ray}: {a} {b}, {left} left out"
+                    );
+                }
+            }
+            let bar = made.gradients(&out, &plan, 64);
+            assert!(bar.planes.iter().any(|g| *g != 0.0), "{least}");
+        }
+        // above every weight: the background, and no gradient of any value
+        made.settings.least_weight = Some(1.0);
+        let (out, plan) = made.render();
+        let background = made.settings.background;
+        assert!(plan.shaded.iter().all(|s| *s == 0));
+        assert!(out.values.iter().all(|v| (v - background).abs() < 1e-6), "the background everywhere");
+        let bar = made.gradients(&out, &plan, 64);
+        assert!(bar.heads.color.iter().flatten().all(|g| *g == 0.0), "no value is decoded");
+    }
+}
+
+/// With panoramas a further input of the colour is the cosine of normal and reflection; its derivatives are checked on
+/// the fifth case of the operator.
+#[test]
+fn the_cosine_of_the_reflection_is_an_input_of_the_colour() {
+    let (plain, wide) = (Made::embedded(40, 16), Made::embedded(40, 16).with_cosine());
+    let (out, plan) = plain.render();
+    let (again, same_plan) = wide.render();
+    assert!(again == out, "a column of 0 changes nothing");
+    let (plain, wide) = (plain.gradients(&out, &plan, 64), wide.gradients(&again, &same_plan, 64));
+    assert_eq!(wide.panoramas, plain.panoramas, "gradients of the panoramas");
+    assert_eq!(wide.planes, plain.planes, "gradients of the planes");
+    let width = wide.heads.color[0].len() / 6;
+    let column = wide.heads.color[0].chunks_exact(width).map(|row| row[width - 1]);
+    assert!(column.filter(|g| *g != 0.0).count() >= 3, "the weights of the cosine have gradients");
 }
 
 #[test]

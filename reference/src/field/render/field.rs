@@ -15,6 +15,7 @@ pub(super) struct Choices {
     rule: String,
     is_sum: bool,
     pub(super) early_stop: f64,
+    pub(super) least_weight: f64,
     pub(super) normals: String,
     epsilon: f64,
 }
@@ -29,6 +30,7 @@ impl Choices {
             rule: settings.word("rule").to_owned(),
             is_sum: settings.word("combine") == "sum",
             early_stop: settings.number("early_stop"),
+            least_weight: settings.number("least_weight"),
             normals: settings.word("normals").to_owned(),
             epsilon: settings.given_number("epsilon").unwrap_or(8.0 * half_size / samples),
         })
@@ -76,6 +78,8 @@ pub(super) struct Decisions<'a> {
     panorama: Rows<'a, 3>,
     /// Directions in which the panoramas are read.
     reflected: Rows<'a, 3>,
+    /// Cosines of the normal with them.
+    cosine: Rows<'a, 1>,
 }
 
 impl<'a> Decisions<'a> {
@@ -86,6 +90,7 @@ impl<'a> Decisions<'a> {
             steep: Bits::new(plan, "steep"),
             panorama: Rows::new(plan, "panorama"),
             reflected: Rows::new(plan, "reflected"),
+            cosine: Rows::new(plan, "cosine"),
         }
     }
 
@@ -95,6 +100,7 @@ impl<'a> Decisions<'a> {
         self.steep.put(plan);
         self.panorama.put(plan);
         self.reflected.put(plan);
+        self.cosine.put(plan);
     }
 }
 
@@ -149,7 +155,8 @@ impl<S: Scalar> Field<'_, S> {
             if let (Some(maps), Some(n)) = (self.input.panoramas, normal) {
                 let rho = sigmoids(&heads.rho, &features, &mut decisions.active)[0];
                 // The normal that is looked up carries no gradient: differences hold the direction as well.
-                let live = embed::reflect(n.map(Scalar::value), Some(direction));
+                let n = n.map(Scalar::value);
+                let live = embed::reflect(n, Some(direction));
                 let r = decisions.reflected.given().unwrap_or(live);
                 let given = decisions.panorama.given();
                 let chosen = (given.map(|[row, column, _]| [row, column]), given.map(|cell| cell[2]));
@@ -157,6 +164,12 @@ impl<S: Scalar> Field<'_, S> {
                 decisions.reflected.push(r);
                 decisions.panorama.push(cell);
                 own.extend(h);
+                if heads.color[0].shape[1] > own.len() {
+                    let live = n[0] * live[0] + n[1] * live[1] + n[2] * live[2];
+                    let [cosine] = decisions.cosine.given().unwrap_or([live]);
+                    decisions.cosine.push([cosine]);
+                    own.push(S::from_f64(cosine));
+                }
             }
             values.push(("color", sigmoids(&heads.color, &own, &mut decisions.active)));
         }

@@ -45,11 +45,15 @@ pub(super) fn steps(
 pub(super) struct Sums<S> {
     /// Transmittance behind the last sample.
     pub(super) through: S,
+    /// Σ w of the samples that have the background's values.
+    pub(super) unshaded: S,
     pub(super) opacity: S,
     pub(super) values: Vec<(&'static str, Vec<S>)>,
     pub(super) point: [S; 3],
     pub(super) normal: [S; 3],
     pub(super) taken: usize,
+    /// Per step: 1 if its values are decoded.
+    pub(super) shaded: Vec<f64>,
 }
 
 /// Composites the samples of a ray.
@@ -57,17 +61,19 @@ pub(super) fn march<S: Scalar>(
     field: &mut Field<'_, S>,
     (origin, direction): ([f64; 3], [f64; 3]),
     ([enter, leave], steps): ([f64; 2], &[usize]),
-    taken: Option<usize>,
+    (taken, shaded): (Option<usize>, Option<&[f64]>),
 ) -> Sums<S> {
     let beta = field.input.beta.data[0];
     let at = |t: f64| std::array::from_fn(|k| origin[k] + t * direction[k]);
     let mut sums = Sums {
         through: S::one(),
+        unshaded: S::zero(),
         opacity: S::zero(),
         values: Vec::new(),
         point: [S::zero(); 3],
         normal: [S::zero(); 3],
         taken: 0,
+        shaded: vec![0.0; steps.len()],
     };
     for i in steps {
         if taken == Some(sums.taken) {
@@ -81,14 +87,20 @@ pub(super) fn march<S: Scalar>(
         let weight = sums.through * (-(-(sigma * (end - begin))).expm1());
         let middle: [f64; 3] = at(begin + (end - begin) / 2.0);
         sums.opacity = sums.opacity + weight;
-        let values = field.values(middle, direction);
-        if sums.values.is_empty() {
-            sums.values = values.iter().map(|(name, v)| (*name, vec![S::zero(); v.len()])).collect();
-        }
-        for ((_, sum), (_, value)) in sums.values.iter_mut().zip(values) {
-            for (sum, v) in sum.iter_mut().zip(value) {
-                *sum = *sum + weight * v;
+        let counts = weight.value() >= field.choices.least_weight || field.heads.is_trunk();
+        if shaded.map_or(counts, |all| all[sums.taken] != 0.0) {
+            sums.shaded[sums.taken] = 1.0;
+            let values = field.values(middle, direction);
+            if sums.values.is_empty() {
+                sums.values = values.iter().map(|(name, v)| (*name, vec![S::zero(); v.len()])).collect();
             }
+            for ((_, sum), (_, value)) in sums.values.iter_mut().zip(values) {
+                for (sum, v) in sum.iter_mut().zip(value) {
+                    *sum = *sum + weight * v;
+                }
+            }
+        } else {
+            sums.unshaded = sums.unshaded + weight;
         }
         for k in 0..3 {
             sums.point[k] = sums.point[k] + weight * middle[k];

@@ -2,11 +2,12 @@
 //!
 //! A batch has two lists of rows. The first are the points at which the signed distance is needed: per ray the
 //! points of its rule in order (ends of steps, middles, or starts), then those of the stencils of its numerical
-//! normals. The second are the middles of the steps, at which colour, materials and normals are decoded. Under
-//! the midpoint rule without numerical normals both lists are the same.
+//! normals. The second are the middles of the steps, at which colour, materials and normals are decoded: of all
+//! steps, or of those with a weight that counts. Under the midpoint rule, without numerical normals and least
+//! weight, both lists are the same.
 
 use super::intervals::{Intervals, Rays};
-use super::scene::{Rule, Scene, Settings};
+use super::scene::{Rule, Scene};
 use crate::field::fetch::Reads;
 use std::ops::Range;
 
@@ -23,6 +24,8 @@ pub(super) struct Segment {
     pub(super) rows: Range<usize>,
     /// Row of the first stencil in the first list.
     pub(super) stencils: usize,
+    /// Its rows in the second list.
+    pub(super) shaded: Range<usize>,
 }
 
 /// Rows that give a sample's signed distances: the step's two ends, or one point twice.
@@ -30,6 +33,9 @@ pub(super) type Ends = [u32; 2];
 
 /// The value at the end of the step before is known: it is the first value of the segment.
 pub(super) const CARRIED: u32 = u32::MAX;
+
+/// The sample has no row in the second list.
+pub(super) const UNSHADED: u32 = u32::MAX;
 
 /// The rows of a batch.
 #[derive(Debug, Default)]
@@ -43,6 +49,11 @@ pub(super) struct Batch {
     pub(super) points: Vec<[f32; 3]>,
     /// Per sample: the length of its step.
     pub(super) lengths: Vec<f32>,
+    /// Per sample: its row in the second list.
+    pub(super) slots: Vec<u32>,
+    /// Points of the second list, and the rays they are on.
+    pub(super) shaded_points: Vec<[f32; 3]>,
+    pub(super) shaded_rays: Vec<usize>,
     /// Features of the first list.
     pub(super) sdf_features: Vec<f32>,
     /// Features of the second list; empty if it is the first.
@@ -60,6 +71,9 @@ impl Batch {
         self.ends.clear();
         self.points.clear();
         self.lengths.clear();
+        self.slots.clear();
+        self.shaded_points.clear();
+        self.shaded_rays.clear();
     }
 
     /// Number of samples.
@@ -113,24 +127,49 @@ impl Batch {
                 self.sdf_points.extend((0..stencil.width()).map(|i| stencil.point(i, epsilon, *at)));
             }
         }
-        self.segments.push(Segment { ray, samples, first, rows: row..self.rows(), stencils });
+        self.segments.push(Segment { ray, samples, first, rows: row..self.rows(), stencils, shaded: 0..0 });
     }
 
-    /// Whether both lists are the same.
-    pub(super) fn is_shared(settings: &Settings) -> bool {
-        settings.rule == Rule::Midpoint && settings.numerical_normals.is_none()
-    }
-
-    /// Fetches the features of both lists.
-    pub(super) fn fetch(&mut self, scene: &Scene<'_>) {
-        let (planes, combine) = (&scene.planes, scene.settings.combine);
+    /// Fetches the features of the first list.
+    pub(super) fn fetch_first(&mut self, scene: &Scene<'_>) {
         self.sdf_reads.clear();
-        self.reads.clear();
+        let (planes, combine) = (&scene.planes, scene.settings.combine);
         planes.features_of(combine, &self.sdf_points, &mut self.sdf_features, &mut self.sdf_reads);
-        if Self::is_shared(&scene.settings) || !scene.heads.has_values() {
-            self.features.clear();
-        } else {
-            planes.features_of(combine, &self.points, &mut self.features, &mut self.reads);
+    }
+
+    /// Puts the samples for which `is_shaded(segment, sample of the batch)` into the second list.
+    pub(super) fn shade(&mut self, mut is_shaded: impl FnMut(&Segment, usize) -> bool) {
+        for segment in &mut self.segments {
+            let first = self.shaded_points.len();
+            for i in segment.first..segment.first + segment.samples.len() {
+                let is_shaded = is_shaded(segment, i);
+                self.slots.push(if is_shaded { self.shaded_points.len() as u32 } else { UNSHADED });
+                if is_shaded {
+                    self.shaded_points.push(self.points[i]);
+                    self.shaded_rays.push(segment.ray);
+                }
+            }
+            segment.shaded = first..self.shaded_points.len();
         }
+    }
+
+    /// Number of rows of the second list.
+    pub(super) fn shaded(&self) -> usize {
+        self.shaded_points.len()
+    }
+
+    /// Fetches the features of the second list, unless it is the first.
+    pub(super) fn fetch_second(&mut self, scene: &Scene<'_>) {
+        self.reads.clear();
+        self.features.clear();
+        if !scene.is_shared() && scene.heads.has_values() {
+            let (planes, combine) = (&scene.planes, scene.settings.combine);
+            planes.features_of(combine, &self.shaded_points, &mut self.features, &mut self.reads);
+        }
+    }
+
+    /// Features of the second list.
+    pub(super) fn second_features(&self, is_shared: bool) -> &[f32] {
+        if is_shared { &self.sdf_features } else { &self.features }
     }
 }

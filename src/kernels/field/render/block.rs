@@ -1,6 +1,6 @@
 //! Forward and adjoint of a block of rays.
 
-use super::batch::{Batch, CARRIED, Segment};
+use super::batch::{Batch, CARRIED, Segment, UNSHADED};
 use super::decode::{Decoded, Nets};
 use super::scene::{Plan, Rule, Scene};
 use crate::field::{density, interval, normal};
@@ -22,6 +22,8 @@ pub const VALID: f32 = 0.98;
 struct Ray {
     /// Transmittance in front of the next sample.
     through: f32,
+    /// Σ w of the samples whose values are not decoded.
+    unshaded: f32,
     opacity: f32,
     values: Vec<f32>,
     point: [f32; 3],
@@ -37,8 +39,8 @@ struct Ray {
 pub(super) struct Sums {
     /// Σ w, (rays).
     pub(super) opacity: Vec<f32>,
-    /// Transmittance behind the last sample, (rays).
-    pub(super) through: Vec<f32>,
+    /// What remains of the background, (rays).
+    pub(super) rest: Vec<f32>,
     /// Σ w·v, (rays, channels).
     pub(super) values: Vec<f32>,
     /// Σ w·x, (rays).
@@ -47,6 +49,8 @@ pub(super) struct Sums {
     pub(super) normals: Vec<[f32; 3]>,
     /// Number of samples taken, (rays).
     pub(super) taken: Vec<u32>,
+    /// Of every entry of the intervals of these rays: whether its values were decoded; empty if there is no least weight.
+    pub(super) shaded: Vec<u8>,
 }
 
 /// Buffers of the cotangents of a batch.
@@ -97,6 +101,7 @@ pub(super) fn forward(
     let channels = scene.channels().count();
     let start = |ray: usize| Ray {
         through: 1.0,
+        unshaded: 0.0,
         opacity: 0.0,
         values: vec![0.0; channels],
         point: [0.0; 3],
@@ -108,6 +113,9 @@ pub(super) fn forward(
     let stop = scene.settings.early_stop.filter(|_| plan.last.is_empty());
     let wave = if stop.is_some() { WAVE } else { usize::MAX };
     let is_open = |state: &Ray| !state.left.is_empty();
+    let least = scene.least_weight();
+    let entries = plan.intervals.start[rays.start]..plan.intervals.start[rays.end];
+    let mut shaded = vec![0; if least.is_some() { entries.len() } else { 0 }];
     while states.iter().any(is_open) {
         let mut next = 0;
         while next < states.len() {
@@ -123,17 +131,29 @@ pub(super) fn forward(
                     scratch.batch.push(scene, &plan.intervals, (ray, samples), is_carried);
                 }
             }
-            decode(scene, nets, scratch, |ray| states[ray - rays.start].carried);
+            let carried = |ray: usize| {
+                let state = &states[ray - rays.start];
+                [state.through, state.carried]
+            };
+            decode(scene, nets, (plan, stop), scratch, carried);
+            if least.is_some() {
+                for segment in &scratch.batch.segments {
+                    let slots = &scratch.batch.slots[segment.first..][..segment.samples.len()];
+                    for (entry, slot) in segment.samples.clone().zip(slots) {
+                        shaded[entry - entries.start] = u8::from(*slot != UNSHADED);
+                    }
+                }
+            }
             for s in 0..scratch.batch.segments.len() {
                 let segment = scratch.batch.segments[s].clone();
                 add_segment(scratch, &segment, &mut states[segment.ray - rays.start], stop);
             }
         }
     }
-    let mut sums = Sums::default();
+    let mut sums = Sums { shaded, ..Sums::default() };
     for (state, ray) in states.into_iter().zip(rays) {
         sums.opacity.push(state.opacity);
-        sums.through.push(state.through);
+        sums.rest.push(state.through + state.unshaded);
         sums.values.extend(state.values);
         sums.points.push(state.point);
         sums.normals.push(state.normal);
@@ -142,14 +162,21 @@ pub(super) fn forward(
     sums
 }
 
-/// Decodes the rows of the batch: features, signed distances, densities, values, numerical normals.
-pub(super) fn decode(scene: &Scene<'_>, nets: &Nets, scratch: &mut Scratch, carried: impl Fn(usize) -> f32) {
+/// Decodes the rows of the batch: features, signed distances, densities, values, numerical normals. `carried` returns the
+/// transmittance in front of a ray's first sample of the batch, and the signed distance there.
+pub(super) fn decode(
+    scene: &Scene<'_>,
+    nets: &Nets,
+    (plan, stop): (&Plan, Option<f32>),
+    scratch: &mut Scratch,
+    carried: impl Fn(usize) -> [f32; 2],
+) {
     let Scratch { batch, decoded, sdf, ends, depths, factors, slopes, normals, .. } = scratch;
-    batch.fetch(scene);
+    batch.fetch_first(scene);
     nets.sdf(scene, batch, decoded, sdf);
     ends.clear();
     for segment in &batch.segments {
-        let at = |row: u32| if row == CARRIED { carried(segment.ray) } else { sdf[row as usize] };
+        let at = |row: u32| if row == CARRIED { carried(segment.ray)[1] } else { sdf[row as usize] };
         ends.extend(
             batch.ends[segment.first..segment.first + segment.samples.len()].iter().map(|e| e.map(at)),
         );
@@ -183,7 +210,39 @@ pub(super) fn decode(scene: &Scene<'_>, nets: &Nets, scratch: &mut Scratch, carr
             normals.extend(normal::forward(rows, stencil, epsilon).1);
         }
     }
+    shade(scene, (plan, stop), scratch, carried);
+    let Scratch { batch, decoded, .. } = scratch;
+    batch.fetch_second(scene);
     nets.values(scene, batch, decoded);
+}
+
+/// Selects the samples whose values are decoded: those of the plan, or those with a weight that counts.
+fn shade(
+    scene: &Scene<'_>,
+    (plan, stop): (&Plan, Option<f32>),
+    scratch: &mut Scratch,
+    carried: impl Fn(usize) -> [f32; 2],
+) {
+    let mut batch = std::mem::take(&mut scratch.batch);
+    match scene.least_weight() {
+        None => batch.shade(|_, _| true),
+        Some(_) if !plan.shaded.is_empty() => {
+            batch.shade(|segment, i| plan.shaded[segment.samples.start + i - segment.first] != 0);
+        }
+        Some(least) => {
+            let mut through = 1.0;
+            batch.shade(|segment, i| {
+                if i == segment.first {
+                    through = carried(segment.ray)[0];
+                }
+                let is_behind = i > segment.first && stop.is_some_and(|stop| through <= stop);
+                let [w, behind] = scratch.weight(through, i);
+                through = behind;
+                w >= least && !is_behind
+            });
+        }
+    }
+    scratch.batch = batch;
 }
 
 /// Adds the samples of a segment to its ray.
@@ -194,8 +253,13 @@ fn add_segment(scratch: &Scratch, segment: &Segment, ray: &mut Ray, stop: Option
         let [w, through] = scratch.weight(ray.through, i);
         ray.through = through;
         ray.opacity += w;
-        let values = &decoded.values[i * channels..][..channels];
-        ray.values.iter_mut().zip(values).for_each(|(sum, v)| *sum += w * v);
+        match batch.slots[i] {
+            UNSHADED => ray.unshaded += w,
+            slot => {
+                let values = &decoded.values[slot as usize * channels..][..channels];
+                ray.values.iter_mut().zip(values).for_each(|(sum, v)| *sum += w * v);
+            }
+        }
         ray.point.iter_mut().zip(batch.points[i]).for_each(|(sum, x)| *sum += w * x);
         if let Some(normal) = normals.get(i) {
             ray.normal.iter_mut().zip(normal).for_each(|(sum, n)| *sum += w * n);

@@ -48,7 +48,7 @@ impl HeadsBar {
 /// Decoded values of a batch, with what the adjoint needs.
 #[derive(Debug, Default)]
 pub(super) struct Decoded {
-    /// Values of all channels, (samples, channels).
+    /// Values of all channels, (rows of the second list, channels).
     pub(super) values: Vec<f32>,
     sdf: Values,
     /// tanh of the network, per row of the first list.
@@ -58,12 +58,12 @@ pub(super) struct Decoded {
     material: Values,
     normal: Values,
     rho: Values,
-    /// Per sample: the sum that the normal head normalises.
+    /// Per row of the second list: the sum that the normal head normalises.
     sums: Vec<[f32; 3]>,
-    /// Per sample: ρ, and where the panoramas are read.
+    /// Per row of the second list: ρ, and where the panoramas are read.
     rhos: Vec<f32>,
     places: Vec<Place>,
-    /// Features ‖ h, (samples, F + C).
+    /// Features ‖ h, (rows of the second list, F + C).
     joined: Vec<f32>,
     bars: Bars,
 }
@@ -140,8 +140,7 @@ impl Nets {
         for (row, (s_bar, t)) in sdf_bar.iter().zip(&decoded.tanh).enumerate() {
             bar[row * stride] = sdf_head::distance_bar(*t, *s_bar, scene.planes.half_size);
         }
-        let is_shared = batch.features.is_empty();
-        let packed: &[Packed] = if is_shared { &decoded.bars.packed } else { &[] };
+        let packed: &[Packed] = if scene.is_shared() { &decoded.bars.packed } else { &[] };
         let x = (&batch.sdf_features[..], packed);
         self.sdf.adjoint(x, &mut decoded.sdf, &bar, &mut heads_bar.sdf, features_bar);
         decoded.bars.outputs = bar;
@@ -149,16 +148,16 @@ impl Nets {
 
     /// Computes the values of all channels.
     pub(super) fn values(&self, scene: &Scene<'_>, batch: &Batch, decoded: &mut Decoded) {
-        let (channels, samples) = (scene.channels(), batch.samples());
+        let (channels, samples) = (scene.channels(), batch.shaded());
         let q = channels.count();
         let mut all = std::mem::take(&mut decoded.values);
         all.resize(samples * q, 0.0);
-        let features = if batch.features.is_empty() { &batch.sdf_features } else { &batch.features };
+        let features = batch.second_features(scene.is_shared());
         if let (Some(net), Some(at)) = (&self.normal, channels.normal) {
             net.forward(features, samples, &mut decoded.normal);
             decoded.sums.clear();
             for (i, raw) in decoded.normal.outputs().as_chunks::<3>().0.iter().enumerate() {
-                let radial = unit(batch.points[i]);
+                let radial = unit(batch.shaded_points[i]);
                 let sum: [f32; 3] = std::array::from_fn(|k| raw[k] + radial[k]);
                 all[i * q + at..][..3].copy_from_slice(&unit(sum));
                 decoded.sums.push(sum);
@@ -189,32 +188,34 @@ impl Nets {
         decoded.values = all;
     }
 
-    /// Reads the panoramas for every sample and writes features ‖ h.
+    /// Reads the panoramas for every row of the second list and writes features ‖ h.
     fn join(&self, scene: &Scene<'_>, batch: &Batch, decoded: &mut Decoded, values: &[f32]) {
         let (Some(rho), Some(panoramas)) = (&self.rho, &scene.panoramas) else { return };
-        let (samples, channels) = (batch.samples(), scene.channels());
-        let features = if batch.features.is_empty() { &batch.sdf_features } else { &batch.features };
+        let (samples, channels) = (batch.shaded(), scene.channels());
+        let features = batch.second_features(scene.is_shared());
         rho.forward(features, samples, &mut decoded.rho);
         decoded.rhos.resize(samples, 0.0);
         elem::sigmoid_slice(decoded.rho.outputs(), &mut decoded.rhos);
         let (f, c) = (rho.inputs(), panoramas.channels);
-        decoded.joined.resize(samples * (f + c), 0.0);
+        let width = self.color.as_ref().map_or(0, Net::inputs);
+        decoded.joined.resize(samples * width, 0.0);
         decoded.places.clear();
-        for segment in &batch.segments {
-            let direction = scene.rays.directions[segment.ray];
-            for i in segment.first..segment.first + segment.samples.len() {
-                let at = i * channels.count() + channels.normal.unwrap_or(0);
-                let normal = [values[at], values[at + 1], values[at + 2]];
-                let place = panoramas.place(reflect(normal, Some(direction)), decoded.rhos[i], None);
-                let row = &mut decoded.joined[i * (f + c)..][..f + c];
-                row[..f].copy_from_slice(&features[i * f..][..f]);
-                panoramas.features(&place, &mut row[f..]);
-                decoded.places.push(place);
+        for (i, ray) in batch.shaded_rays.iter().enumerate() {
+            let at = i * channels.count() + channels.normal.unwrap_or(0);
+            let normal = [values[at], values[at + 1], values[at + 2]];
+            let reflected = reflect(normal, Some(scene.rays.directions[*ray]));
+            let place = panoramas.place(reflected, decoded.rhos[i], None);
+            let row = &mut decoded.joined[i * width..][..width];
+            row[..f].copy_from_slice(&features[i * f..][..f]);
+            panoramas.features(&place, &mut row[f..f + c]);
+            if let Some(cosine) = row.get_mut(f + c) {
+                *cosine = (reflected[0] * normal[0] + reflected[1] * normal[1]) + reflected[2] * normal[2];
             }
+            decoded.places.push(place);
         }
     }
 
-    /// Adds the gradients for the cotangents `values_bar` (samples, channels). The cotangents of the outputs
+    /// Adds the gradients for the cotangents `values_bar` (rows of the second list, channels). The cotangents of the outputs
     /// of a trunk stay in `decoded` for [`Self::sdf_adjoint`].
     pub(super) fn values_adjoint<'a>(
         &self,
@@ -224,11 +225,11 @@ impl Nets {
         values_bar: &[f32],
         (heads_bar, features_bar): (&mut HeadsBar, &mut [f32]),
     ) -> Reads<'a> {
-        let (channels, samples) = (scene.channels(), batch.samples());
+        let (channels, samples) = (scene.channels(), batch.shaded());
         let q = channels.count();
         let all = std::mem::take(&mut decoded.values);
         let mut bars = std::mem::take(&mut decoded.bars);
-        let features = if batch.features.is_empty() { &batch.sdf_features } else { &batch.features };
+        let features = batch.second_features(scene.is_shared());
         pack(features, self.sdf.inputs(), &mut bars.packed);
         let bar = &mut bars.outputs;
         if let (Some(net), Some(at)) = (&self.albedo, channels.albedo) {
@@ -314,17 +315,17 @@ impl Nets {
         let Some(panoramas) = &scene.panoramas else { return };
         let c = panoramas.channels;
         let width = decoded.joined.len() / decoded.places.len().max(1);
-        let f = width - c;
+        let f = features_bar.len() / decoded.places.len().max(1);
         bars.rho.clear();
         for (i, place) in decoded.places.iter().enumerate() {
             let row = &bars.joined[i * width..][..width];
             let into = &mut features_bar[i * f..][..f];
             into.iter_mut().zip(row).for_each(|(sum, g)| *sum += g);
             let rho = decoded.rhos[i];
-            bars.rho.push(panoramas.rho_bar(place, &row[f..]) * (rho * (1.0 - rho)));
+            bars.rho.push(panoramas.rho_bar(place, &row[f..f + c]) * (rho * (1.0 - rho)));
         }
         for i in 0..decoded.places.len() {
-            bars.joined.copy_within(i * width + f..(i + 1) * width, i * c);
+            bars.joined.copy_within(i * width + f..i * width + f + c, i * c);
         }
         bars.joined.truncate(decoded.places.len() * c);
     }

@@ -1,6 +1,6 @@
 //! Adjoint of a block of rays.
 
-use super::batch::{Batch, Segment};
+use super::batch::{Segment, UNSHADED};
 use super::block::{Cotangents, ROWS, Scratch, VALID, decode};
 use super::decode::{HeadsBar, Nets};
 use super::scene::{Out, OutBar, Plan, Rule, Scene};
@@ -69,7 +69,8 @@ pub(super) fn block(
             next += 1;
         }
         if scratch.batch.samples() > 0 {
-            decode(scene, nets, scratch, |_| unreachable!("a complete ray carries nothing"));
+            decode(scene, nets, (plan, None), scratch, |_| [1.0, 0.0]); // complete rays
+
             adjoint_batch(scene, nets, (out, out_bar), scratch, made);
         }
     }
@@ -78,7 +79,7 @@ pub(super) fn block(
 
 /// Derivative by the background: the cotangents of all values times what the ray leaves of it.
 fn background_bar(scene: &Scene<'_>, out: &Out, out_bar: &OutBar<'_>, ray: usize) -> f64 {
-    let rest = out.transmittance[ray];
+    let rest = out.rest[ray];
     let q = scene.channels().count();
     let mut sum = 0.0;
     for bar in &out_bar.values[ray * q..(ray + 1) * q] {
@@ -96,9 +97,9 @@ fn adjoint_batch(
 ) {
     let q = scene.channels().count();
     let mut bars = std::mem::take(&mut scratch.cotangents);
-    let (samples, rows) = (scratch.batch.samples(), scratch.batch.rows());
+    let (shaded, rows) = (scratch.batch.shaded(), scratch.batch.rows());
     bars.values.clear();
-    bars.values.resize(samples * q, 0.0);
+    bars.values.resize(shaded * q, 0.0);
     bars.sdf.clear();
     bars.sdf.resize(rows, 0.0);
     for s in 0..scratch.batch.segments.len() {
@@ -110,7 +111,7 @@ fn adjoint_batch(
     let f = batch.sdf_features.len() / rows;
     bars.sdf_features.clear();
     bars.sdf_features.resize(rows * f, 0.0);
-    let is_shared = Batch::is_shared(&scene.settings);
+    let is_shared = scene.is_shared();
     bars.features.clear();
     bars.features.resize(if is_shared { 0 } else { batch.features.len() }, 0.0);
     let into = if is_shared { &mut bars.sdf_features } else { &mut bars.features };
@@ -125,12 +126,11 @@ fn adjoint_batch(
         made.features.extend_from_slice(&bars.sdf_features);
     } else {
         for segment in &batch.segments {
-            let (rows, samples) =
-                (segment.rows.clone(), segment.first..segment.first + segment.samples.len());
+            let (rows, shaded) = (segment.rows.clone(), segment.shaded.clone());
             reads.extend_from_slice(&batch.sdf_reads[rows.clone()]);
-            reads.extend_from_slice(&batch.reads[samples.clone()]);
+            reads.extend_from_slice(&batch.reads[shaded.clone()]);
             made.features.extend_from_slice(&bars.sdf_features[rows.start * f..rows.end * f]);
-            made.features.extend_from_slice(&bars.features[samples.start * f..samples.end * f]);
+            made.features.extend_from_slice(&bars.features[shaded.start * f..shaded.end * f]);
         }
     }
     scratch.cotangents = bars;
@@ -177,14 +177,16 @@ fn adjoint_segment(
 ) {
     let Scratch { batch, decoded, sdf, ends, slopes, normals, .. } = scratch;
     let (q, samples) = (ray.values.len(), segment.first..segment.first + segment.samples.len());
+    let slot = |i: usize| Some(batch.slots[i]).filter(|slot| *slot != UNSHADED).map(|slot| slot as usize);
     let mut through = 1.0;
     bars.weights.clear();
     for i in samples.clone() {
         let [w, behind] = scratch.weight(through, i);
         through = behind;
         bars.weights.push([w, behind]);
-        let into = &mut bars.values[i * q..(i + 1) * q];
-        into.iter_mut().zip(ray.values).for_each(|(v_bar, bar)| *v_bar = w * bar);
+        if let Some(into) = slot(i).and_then(|slot| bars.values.get_mut(slot * q..(slot + 1) * q)) {
+            into.iter_mut().zip(ray.values).for_each(|(v_bar, bar)| *v_bar = w * bar);
+        }
     }
     let background = &vec![scene.settings.background; q][..];
     if let Some((stencil, epsilon)) = scene.settings.numerical_normals {
@@ -196,8 +198,14 @@ fn adjoint_segment(
     let mut behind = 0.0; // Σ w̄·w of the samples behind
     for (k, i) in samples.clone().enumerate().rev() {
         let [w, through] = bars.weights[k];
-        let values = &decoded.values[i * q..(i + 1) * q];
-        let mut w_bar = composite::weight_bar(values, background, ray.values, ray.opacity);
+        let mut w_bar = match slot(i) {
+            Some(slot) => {
+                let values = &decoded.values[slot * q..(slot + 1) * q];
+                composite::weight_bar(values, background, ray.values, ray.opacity)
+            }
+            // Its values are those of the background.
+            None => ray.opacity,
+        };
         let x = batch.points[i];
         w_bar += (ray.point[0] * x[0] + ray.point[1] * x[1]) + ray.point[2] * x[2];
         if let Some(n) = normals.get(i) {

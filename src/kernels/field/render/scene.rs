@@ -29,6 +29,8 @@ pub struct Settings {
     pub combine: Combine,
     /// Transmittance at which rays stop.
     pub early_stop: Option<f32>,
+    /// Samples with a smaller weight have the background's values, which needs no decoding; a trunk decodes all.
+    pub least_weight: Option<f32>,
     /// Stencil and distance ε of numerical normals, if there are any.
     pub numerical_normals: Option<(Stencil, f32)>,
     /// Background of all values.
@@ -42,6 +44,7 @@ impl Default for Settings {
             rule: Rule::Midpoint,
             combine: Combine::Concat,
             early_stop: None,
+            least_weight: None,
             numerical_normals: None,
             background: 1.0,
         }
@@ -145,25 +148,39 @@ impl Scene<'_> {
         (2.0 * 3.0_f64.sqrt() * f64::from(self.planes.half_size) / self.settings.samples as f64) as f32
     }
 
+    /// Returns the weight below which values are not decoded.
+    pub(super) fn least_weight(&self) -> Option<f32> {
+        self.settings.least_weight.filter(|_| self.heads.has_values() && !self.heads.is_trunk())
+    }
+
+    /// Whether values are decoded at the points of the signed distances.
+    pub(super) fn is_shared(&self) -> bool {
+        let Settings { rule, numerical_normals, .. } = self.settings;
+        rule == Rule::Midpoint && numerical_normals.is_none() && self.least_weight().is_none()
+    }
+
     /// Returns all steps of all rays.
     pub fn all_intervals(&self) -> Intervals {
         Intervals::all(self.rays, self.planes.half_size, self.step())
     }
 }
 
-/// The discrete decisions: intervals, and the last sample of every ray.
+/// The discrete decisions: intervals, the last sample of every ray, and the samples whose values are decoded.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plan {
     /// Steps that take a sample.
     pub intervals: Intervals,
     /// Number of samples taken per ray, (N); empty before the forward pass.
     pub last: Vec<u32>,
+    /// 1 for every entry of `intervals.index` whose values are decoded, 0 for the others; empty before the forward
+    /// pass, and where all are.
+    pub shaded: Vec<u8>,
 }
 
 impl Plan {
     /// Returns a plan without last samples.
     pub fn new(intervals: Intervals) -> Self {
-        Self { intervals, last: Vec::new() }
+        Self { intervals, ..Self::default() }
     }
 
     /// Returns the end of the samples that a ray takes.
@@ -193,8 +210,9 @@ pub struct Out {
     pub normals: Vec<[f32; 3]>,
     /// ‖N‖ of the numerical normals, 0 where they are 0; shape (N).
     pub lengths: Vec<f32>,
-    /// Transmittance behind the last sample, shape (N).
-    pub transmittance: Vec<f32>,
+    /// What remains of the background: transmittance behind the last sample and the weights of samples whose values are not
+    /// decoded, shape (N).
+    pub rest: Vec<f32>,
 }
 
 /// Cotangents of the outputs.

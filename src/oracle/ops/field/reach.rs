@@ -28,6 +28,11 @@ impl Layers {
         self.weights[self.weights.len() - 1].0
     }
 
+    /// Number of inputs.
+    pub(super) fn inputs(&self) -> usize {
+        self.weights[0].1.len() / Ord::max(self.weights[0].0, 1)
+    }
+
     /// Sums of all units for one row, layer by layer; those of the last layer are the outputs.
     pub(super) fn units(&self, row: &[f64]) -> Vec<Vec<f64>> {
         let mut value = row.to_vec();

@@ -18,7 +18,7 @@ pub(in crate::ops) static RENDER: Op = Op {
     work_ns: [1.0, 60.0],
     check,
     predict: zeros::predict,
-    cases: 4,
+    cases: 5,
     ..Op::new(&reference::field::render::SIGNATURE, run, |case| case::case(case, &RENDER))
 };
 
@@ -67,7 +67,9 @@ fn check(x: &CheckedCall<'_>) -> Result<()> {
     let is_trunk = x.shape("sdf_w2").first() == Some(&4);
     let embedded = if x.has("panoramas") { x.dim("D") } else { 0 };
     check_head(x, HEADS[0].1, features, &[1, 4])?;
-    check_head(x, HEADS[1].1, features + embedded, &[3])?;
+    // Behind the features of the embedding there may be n·r.
+    let has_cosine = embedded > 0 && x.shape("color_w0").last() == Some(&(features + embedded + 1));
+    check_head(x, HEADS[1].1, features + embedded + usize::from(has_cosine), &[3])?;
     check_head(x, HEADS[2].1, features, &[3])?;
     check_head(x, HEADS[3].1, features, &[2])?;
     check_head(x, HEADS[4].1, features, &[3])?;
@@ -106,6 +108,10 @@ fn check_plan(x: &CheckedCall<'_>, plan: &Arrays) -> Result<()> {
     }
     if plan.get("valid").is_some_and(|valid| valid.len() != n) {
         return Err(Error::input("plan: array 'valid'").expected(format!("{n} numbers")));
+    }
+    if plan.get("shaded").is_some_and(|shaded| shaded.len() != index.len()) {
+        let expected = format!("{} numbers, one per step", index.len());
+        return Err(Error::input("plan: array 'shaded'").expected(expected));
     }
     let [height, width, levels] = ["H", "W", "L"].map(|letter| x.dim(letter) as i64);
     let is_cell = |c: &[i64]| {
@@ -151,6 +157,9 @@ fn put_plan(plan: &Plan, out: &render::Out, into: &mut Arrays) {
     into.put("start", &[n + 1], plan.intervals.start.iter().map(|s| *s as i64).collect());
     into.put("index", &[m], plan.intervals.index.iter().map(|i| *i as i32).collect());
     into.put("taken", &[n], plan.last.iter().map(|t| *t as i32).collect());
+    if !plan.shaded.is_empty() {
+        into.put("shaded", &[m], plan.shaded.clone());
+    }
     into.put("valid", &[n], out.opacity.iter().map(|o| u8::from(*o > render::VALID)).collect());
 }
 

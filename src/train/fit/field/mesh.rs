@@ -208,13 +208,16 @@ fn colors(made: &Scene<'_>, features: &[f32], points: &[[f32; 3]]) -> Vec<f32> {
     let normals = normal_head::forward(normal, features, points).0;
     let rhos = value_head::forward(rho, features).0;
     let (width, h) = (features.len() / points.len(), panoramas.channels);
-    let mut joined = Vec::with_capacity(points.len() * (width + h));
+    let mut joined = Vec::with_capacity(points.len() * color.inputs);
     let mut embedded = vec![0.0; h];
     for ((row, n), rho) in features.chunks_exact(width).zip(&normals).zip(&rhos) {
         let place = panoramas.place(embed::reflect(*n, None), *rho, None);
         panoramas.features(&place, &mut embedded);
         joined.extend_from_slice(row);
         joined.extend_from_slice(&embedded);
+        if color.inputs > width + h {
+            joined.push(1.0); // the cosine of a reflection along the normal
+        }
     }
     value_head::forward(color, &joined).0
 }

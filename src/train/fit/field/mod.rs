@@ -22,9 +22,9 @@
 //! ```
 //!
 //! # What is optimised
-//! Planes, panoramas and heads, from the losses of LIRM (`losses`) and two terms in place of the prior which a fit of one
-//! object does not have: the eikonal term on numerical gradients near the surface, and the squared variation of the planes. Both
-//! have weights in [`Settings`], and 0 removes them.
+//! Planes, panoramas and heads, from the losses of LIRM (`losses`) and three terms in place of the prior which a fit of one
+//! object does not have: the eikonal term on numerical gradients near the surface, the squared variation of the planes, and the squared
+//! jump of the signed distance across the centre planes. They have weights in [`Settings`], and 0 removes them.
 //!
 //! # Three stages
 //! Planes grow from a quarter of their side to a half and to the whole (bilinear, at the same places), the samples of a
@@ -263,6 +263,10 @@ impl<'a> FieldFit<'a> {
             let points = surface::scattered(field, &at_surface.points, s.seed, iteration);
             let stencils = surface::Stencils::at(field, &points);
             loss += surface::unit_length(&stencils, s.eikonal, &mut g.field.planes, &mut g.field.heads.sdf);
+        }
+        if s.seams > 0.0 {
+            let (planes, network) = (&mut g.field.planes, &mut g.field.heads.sdf);
+            loss += surface::closed(field, &at_surface.points, s.seams, planes, network)?;
         }
         Ok((loss, [rendered.values_bar, rendered.opacity_bar]))
     }

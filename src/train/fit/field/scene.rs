@@ -103,6 +103,7 @@ impl<'a> Weights<'a> {
                 },
                 combine: combine(self.field),
                 early_stop: settings.early_stop,
+                least_weight: settings.least_weight,
                 numerical_normals: None,
                 background: settings.background,
             },

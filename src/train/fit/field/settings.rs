@@ -66,6 +66,8 @@ pub struct Settings {
     pub heads: HeadForm,
     /// Whether the colour reads the directional embedding.
     pub embedding: bool,
+    /// Whether it reads the cosine of normal and reflection with it, which LIRM does not.
+    pub cosine: bool,
     /// Steps along the diagonal of the box in the last stage.
     pub samples: usize,
     /// Where densities are taken.
@@ -86,6 +88,8 @@ pub struct Settings {
     pub eikonal: f32,
     /// Weight of the squared variation of planes, for texels as large as the box.
     pub variation: f32,
+    /// Weight of the squared jump of the signed distance across the centre planes, in texels.
+    pub seams: f32,
     /// Rays whose cotangents of features are in memory at once; changes no bit.
     pub chunk: usize,
 }
@@ -101,6 +105,7 @@ impl Default for Settings {
             combine: Combine::Concat,
             heads: HeadForm::Separate,
             embedding: false,
+            cosine: true,
             samples: 192,
             rule: Rule::Analytic,
             crop: 32,
@@ -108,9 +113,10 @@ impl Default for Settings {
             inverse_beta: [10.0, 200.0],
             beta: Beta::Linear,
             materials: Materials::Off,
-            rates: [0.02, 0.002],
+            rates: [0.01, 0.005],
             eikonal: 1e-3,
             variation: 2e-3,
+            seams: 1e-2,
             chunk: 1024,
         }
     }
@@ -152,6 +158,7 @@ impl Settings {
         within("--plane-rate", planes, 1e-8..=1.0)?;
         within("--network-rate", networks, 1e-8..=1.0)?;
         within("--eikonal", f64::from(self.eikonal), 0.0..=1e3)?;
+        within("--seams", f64::from(self.seams), 0.0..=1e3)?;
         within("--variation", f64::from(self.variation), 0.0..=1e3)?;
         if self.heads == HeadForm::Trunk {
             let refuse = |option: &str, expected: &str, got: &str| {
@@ -193,6 +200,7 @@ impl Settings {
             "combine": self.combine.name(),
             "heads": if self.heads == HeadForm::Trunk { "trunk" } else { "separate" },
             "embedding": self.embedding,
+            "cosine": self.embedding && self.cosine,
             "samples": self.samples,
             "rule": self.rule.name(),
             "crop": self.crop,
@@ -203,6 +211,7 @@ impl Settings {
             "rates": self.rates,
             "eikonal": self.eikonal,
             "variation": self.variation,
+            "seams": self.seams,
         })
     }
 }

@@ -79,7 +79,7 @@ fn heads(s: &Settings, features: usize) -> Heads {
     } else {
         of(1, &[features, h, h, 1], GAINS[0])
     };
-    let inputs = features + if s.embedding { s.channels } else { 0 };
+    let inputs = features + if s.embedding { s.channels + usize::from(s.cosine) } else { 0 };
     Heads {
         sdf,
         color: (!is_trunk).then(|| value(2, inputs, 3)),

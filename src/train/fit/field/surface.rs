@@ -1,4 +1,5 @@
-//! Terms at points instead of pixels: unit gradients and normals of the signed distance near the surface.
+//! Terms at points instead of pixels: unit gradients and normals of the signed distance near the surface, and its jumps
+//! across the centre planes, where six planes have different texels on both sides.
 //!
 //! The numerical gradient g at a point is that of `field.normal` with central differences one texel apart: forward
 //! differences would read the inside of the object, which no image determines. Points are constants: no gradient
@@ -7,9 +8,10 @@
 
 use super::adding::add;
 use super::scene::{self, Weights};
+use crate::Result;
 use crate::field::network::NetworkBar;
 use crate::field::{fetch, normal, sdf_head};
-use crate::loss::eikonal;
+use crate::loss::{self, eikonal, mse};
 use crate::num::rng::Rng;
 use crate::scene::field::Field;
 
@@ -21,14 +23,21 @@ const ANYWHERE: usize = 512;
 const ONE_IN: usize = 4;
 /// Largest distance of these points from the surface, in texels.
 const AROUND: f32 = 3.0;
+/// Largest distance of a point at the surface from a centre plane on which the jump is measured, in texels.
+const NEAR: f32 = 4.0;
 
-/// Signed distances at the stencils of points, with what their adjoint needs.
-pub(super) struct Stencils<'a> {
+/// Signed distances at points, with what their adjoint needs.
+struct Distances<'a> {
     field: &'a Field,
     points: Vec<[f32; 3]>,
     features: Vec<f32>,
     sdf: Vec<f32>,
     saved: sdf_head::Saved,
+}
+
+/// Signed distances at the stencils of points.
+pub(super) struct Stencils<'a> {
+    distances: Distances<'a>,
     /// (N, 3) gradients.
     pub(super) gradients: Vec<[f32; 3]>,
     /// (N, 3) unit normals.
@@ -45,13 +54,9 @@ fn layers<'a>(weights: &Weights<'a>) -> Vec<&'a [f32]> {
     layers
 }
 
-impl<'a> Stencils<'a> {
-    /// Decodes the stencils of points.
-    pub(super) fn at(field: &'a Field, points: &[[f32; 3]]) -> Self {
-        let (stencil, epsilon) = (scene::stencil(field), field.settings.epsilon);
-        let width = stencil.width();
-        let all = points.iter().flat_map(|x| (0..width).map(move |i| stencil.point(i, epsilon, *x)));
-        let points: Vec<[f32; 3]> = all.collect();
+impl<'a> Distances<'a> {
+    /// Decodes points.
+    fn at(field: &'a Field, points: Vec<[f32; 3]>) -> Self {
         let (planes, combine) = (scene::planes(field), scene::combine(field));
         let mut features = vec![0.0; points.len() * combine.width(planes.channels)];
         fetch::forward(&planes, combine, &points, &mut features);
@@ -60,21 +65,11 @@ impl<'a> Stencils<'a> {
         let half_size = field.settings.half_size;
         let x = sdf_head::In { features: &features, points: &points, weights: &layers, half_size };
         let (sdf, saved) = sdf_head::forward(&x);
-        let (gradients, normals) = normal::forward(&sdf, stencil, epsilon);
-        Self { field, points, features, sdf, saved, gradients, normals }
+        Self { field, points, features, sdf, saved }
     }
 
-    /// Adds the gradients for the cotangents of gradients and normals to those of planes and of the network.
-    pub(super) fn pull(
-        &self,
-        gradients_bar: &[[f32; 3]],
-        normals_bar: &[[f32; 3]],
-        planes_bar: &mut [f32],
-        network_bar: &mut [Vec<f32>],
-    ) {
-        let (stencil, epsilon) = (scene::stencil(self.field), self.field.settings.epsilon);
-        let mut sdf_bar = vec![0.0; self.sdf.len()];
-        normal::adjoint(&self.sdf, stencil, epsilon, gradients_bar, normals_bar, &mut sdf_bar);
+    /// Adds the gradients for the cotangents of the distances to those of planes and of the network.
+    fn pull(&self, sdf_bar: &[f32], planes_bar: &mut [f32], network_bar: &mut [Vec<f32>]) {
         let weights = Weights::of(self.field);
         let layers = layers(&weights);
         let x = sdf_head::In {
@@ -87,13 +82,86 @@ impl<'a> Stencils<'a> {
             x: vec![0.0; self.features.len()],
             weights: layers.iter().map(|w| vec![0.0; w.len()]).collect(),
         };
-        sdf_head::adjoint(&x, &self.saved, &sdf_bar, &mut [], &mut bar);
+        sdf_head::adjoint(&x, &self.saved, sdf_bar, &mut [], &mut bar);
         for (into, part) in network_bar.iter_mut().zip(&bar.weights) {
             add(into, part);
         }
         let planes = scene::planes(self.field);
         fetch::adjoint(&planes, scene::combine(self.field), &self.points, &bar.x, &mut [], planes_bar);
     }
+}
+
+impl<'a> Stencils<'a> {
+    /// Decodes the stencils of points.
+    pub(super) fn at(field: &'a Field, points: &[[f32; 3]]) -> Self {
+        let (stencil, epsilon) = (scene::stencil(field), field.settings.epsilon);
+        let width = stencil.width();
+        let all = points.iter().flat_map(|x| (0..width).map(move |i| stencil.point(i, epsilon, *x)));
+        let distances = Distances::at(field, all.collect());
+        let (gradients, normals) = normal::forward(&distances.sdf, stencil, epsilon);
+        Self { distances, gradients, normals }
+    }
+
+    /// Adds the gradients for the cotangents of gradients and normals to those of planes and of the network.
+    pub(super) fn pull(
+        &self,
+        gradients_bar: &[[f32; 3]],
+        normals_bar: &[[f32; 3]],
+        planes_bar: &mut [f32],
+        network_bar: &mut [Vec<f32>],
+    ) {
+        let Distances { field, sdf, .. } = &self.distances;
+        let (stencil, epsilon) = (scene::stencil(field), field.settings.epsilon);
+        let mut sdf_bar = vec![0.0; sdf.len()];
+        normal::adjoint(sdf, stencil, epsilon, gradients_bar, normals_bar, &mut sdf_bar);
+        self.distances.pull(&sdf_bar, planes_bar, network_bar);
+    }
+}
+
+/// Returns the points on both sides of the centre planes below the points at the surface that are close to one: first those
+/// on the positive sides, then those on the other sides, in the same order.
+fn beside_seams(field: &Field, surface: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let near = NEAR * field.settings.epsilon;
+    let moved = |side: f32| {
+        surface.iter().flat_map(move |x| {
+            (0..3).filter(move |k| x[*k].abs() <= near).map(move |k| {
+                let mut moved = *x;
+                moved[k] = side;
+                moved
+            })
+        })
+    };
+    // Both zeros belong to the minus side.
+    moved(f32::MIN_POSITIVE).chain(moved(0.0)).collect()
+}
+
+/// Adds the gradients of the mean squared jump of the signed distance across the centre planes, in texels; returns the weighted
+/// value. Three planes have no jump.
+///
+/// # Errors
+/// When there is a distance that is not finite.
+pub(super) fn closed(
+    field: &Field,
+    surface: &[[f32; 3]],
+    weight: f32,
+    planes_bar: &mut [f32],
+    network_bar: &mut [Vec<f32>],
+) -> Result<f32> {
+    let points = beside_seams(field, surface);
+    if field.planes.count == 3 || points.is_empty() {
+        return Ok(0.0);
+    }
+    let distances = Distances::at(field, points);
+    let n = distances.sdf.len() / 2;
+    let (plus, minus) = distances.sdf.split_at(n);
+    let pair = loss::In { x: plus, y: minus, mask: None, height: n, width: 1 };
+    let (value, saved) = mse::forward_over(&pair, mse::Over::All)?;
+    let weight = weight / (field.settings.epsilon * field.settings.epsilon);
+    let mut sdf_bar = vec![0.0; 2 * n];
+    let (plus_bar, minus_bar) = sdf_bar.split_at_mut(n);
+    mse::adjoint(&pair, &saved, weight, plus_bar, Some(minus_bar));
+    distances.pull(&sdf_bar, planes_bar, network_bar);
+    Ok(weight * value)
 }
 
 /// Returns the points of the eikonal term: around some of the points at the surface, and anywhere in the box.
@@ -121,4 +189,63 @@ pub(super) fn unit_length(
     eikonal::adjoint(&stencils.gradients, weight, &mut gradients_bar);
     stencils.pull(&gradients_bar, &vec![[0.0; 3]; n], planes_bar, network_bar);
     weight * value
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::settings::Settings;
+    use super::super::state::State;
+    use super::*;
+    use crate::scene::field::Placement;
+
+    fn field() -> Field {
+        let settings = Settings { side: 32, channels: 4, ..Settings::default() };
+        State::new(&settings, Placement::default()).expect("valid settings").field
+    }
+
+    const POINTS: [[f32; 3]; 3] = [[0.01, 0.1, 0.2], [-0.2, -0.01, 0.02], [0.3, 0.3, 0.3]];
+
+    /// Value and gradients of the planes with weight 1.
+    fn closed_at(field: &Field) -> (f32, Vec<f32>) {
+        let mut planes = vec![0.0; field.planes.values.len()];
+        let mut network: Vec<Vec<f32>> = field.heads.sdf.weights.iter().map(|w| vec![0.0; w.len()]).collect();
+        let value = closed(field, &POINTS, 1.0, &mut planes, &mut network).expect("finite");
+        (value, planes)
+    }
+
+    #[test]
+    fn jumps_are_those_between_both_sides() {
+        let field = field();
+        let points = beside_seams(&field, &POINTS);
+        assert_eq!(points.len(), 6, "two sides of x = 0, y = 0 and z = 0");
+        assert!(points[..3].iter().zip(&points[3..]).all(|(p, m)| p != m), "{points:?}");
+        let s = Distances::at(&field, points).sdf;
+        let epsilon = field.settings.epsilon;
+        let jumps = s[..3].iter().zip(&s[3..]).map(|(p, m)| (p - m) / epsilon);
+        let mean = jumps.map(|j| j * j).sum::<f32>() / 3.0;
+        let (value, gradient) = closed_at(&field);
+        assert!((value - mean).abs() <= 1e-5 * mean && mean > 0.0, "{value} {mean}");
+        // along the gradient, against a difference quotient
+        let square = gradient.iter().map(|g| f64::from(*g) * f64::from(*g)).sum::<f64>();
+        let moved = |h: f64| {
+            let mut field = field.clone();
+            let texels = field.planes.values.iter_mut().zip(&gradient);
+            texels.for_each(|(t, g)| *t += (h * f64::from(*g) / square.sqrt()) as f32);
+            f64::from(closed_at(&field).0)
+        };
+        let slope = (moved(1e-2) - moved(-1e-2)) / 2e-2;
+        assert!((slope - square.sqrt()).abs() < 0.02 * square.sqrt(), "{slope} {}", square.sqrt());
+    }
+
+    #[test]
+    fn equal_sides_have_no_jump() {
+        let mut mirrored = field();
+        let plane = mirrored.planes.values.len() / 6;
+        for pair in mirrored.planes.values.chunks_exact_mut(2 * plane) {
+            let (minus, plus) = pair.split_at_mut(plane);
+            plus.copy_from_slice(minus);
+        }
+        let (value, gradient) = closed_at(&mirrored);
+        assert!(value == 0.0 && gradient.iter().all(|g| *g == 0.0), "{value}");
+    }
 }

@@ -16,10 +16,11 @@ const SEED: u64 = 72;
 const MARGIN: f64 = 2e-4;
 
 /// Case 0: six planes, all heads; case 1: directional embedding, numerical normals, the analytic rule, more rays
-/// than a block; case 2: three planes, a trunk, early stop; case 3: no values, central differences, left rule.
+/// than a block; case 2: three planes, a trunk, early stop; case 3: no values, central differences, left rule; case 4: as
+/// case 1 without numerical normals, with n·r and least weight.
 /// One ray in five starts in the box, and the last one misses it.
 pub(super) fn case(case: usize, op: &'static Op) -> Case {
-    let n = [7, 70, 9, 11][case];
+    let n = [7, 70, 9, 11, 140][case];
     let mut made = Case::default();
     put_field(case, &mut made);
     put_settings(case, &mut made);
@@ -64,7 +65,7 @@ fn apart(case: &Case, op: &'static Op) -> Vec<bool> {
             let margin = |ray: usize| {
                 let mut reached = Reached::new(x, scene);
                 let taken = intervals.start[ray + 1] - intervals.start[ray];
-                reached.ray(&intervals, (ray, taken), true);
+                reached.ray((&intervals, &[]), (ray, taken), true);
                 reached.margin
             };
             Ok((0..scene.rays.len()).map(|ray| margin(ray) >= MARGIN).collect())
@@ -75,22 +76,27 @@ fn apart(case: &Case, op: &'static Op) -> Vec<bool> {
 
 /// Planes, panoramas, heads, β and background.
 fn put_field(case: usize, made: &mut Case) {
-    let [count, side, channels] = [[6, 3, 4], [6, 3, 3], [3, 3, 5], [6, 3, 4]][case];
+    let [count, side, channels] = [[6, 3, 4], [6, 3, 3], [3, 3, 5], [6, 3, 4], [6, 3, 3]][case];
     let draw = |array| Draw::new(SEED, case, array);
     let shape = [count, side, side, channels];
     made.inputs.put("planes", &shape, draw(2).normals(crate::num::array::entries(&shape)));
     let f = if case == 2 { channels } else { 3 * channels };
     let widths: [&[usize]; 6] = match case {
         0 => [&[5, 4, 1], &[6, 5, 4, 3], &[5, 6, 4, 3], &[4, 5, 6, 2], &[6, 4, 5, 3], &[]],
-        1 => [&[5, 4, 1], &[6, 5, 4, 3], &[], &[], &[6, 4, 5, 3], &[5, 4, 1]],
+        1 | 4 => [&[5, 4, 1], &[6, 5, 4, 3], &[], &[], &[6, 4, 5, 3], &[5, 4, 1]],
         2 => [&[6, 5, 4], &[], &[], &[], &[], &[]],
         _ => [&[6, 5, 1], &[], &[], &[], &[], &[]],
     };
-    if case == 1 {
-        made.inputs.put("panoramas", &[2, 4, 3, 3], draw(3).normals(72));
+    if case == 1 || case == 4 {
+        let mut values = draw(3).normals(72);
+        if case == 4 {
+            // The gradients of ρ are differences of the panoramas, whose sums must not cancel.
+            values[36..].iter_mut().for_each(|x| *x += 2.0);
+        }
+        made.inputs.put("panoramas", &[2, 4, 3, 3], values);
     }
     for (h, ((_, names), widths)) in HEADS.iter().zip(widths).enumerate() {
-        let mut k = if h == 1 && case == 1 { f + 3 } else { f };
+        let mut k = f + if h == 1 { [0, 3, 0, 0, 4][case] } else { 0 };
         for (l, (name, width)) in names.iter().zip(widths).enumerate() {
             let values = draw(10 + 8 * h as u16 + l as u16).normals(width * k);
             let scaled = values.into_iter().map(|w| w / (k as f32).sqrt()).collect();
@@ -98,8 +104,8 @@ fn put_field(case: usize, made: &mut Case) {
             k = *width;
         }
     }
-    made.inputs.put("beta", &[], vec![[0.125, 0.25, 0.125, 0.125][case]]);
-    made.inputs.put("background", &[], vec![[1.0, 1.0, 0.25, 0.5][case]]);
+    made.inputs.put("beta", &[], vec![[0.125, 0.25, 0.125, 0.125, 0.25][case]]);
+    made.inputs.put("background", &[], vec![[1.0, 1.0, 0.25, 0.5, 0.75][case]]);
 }
 
 fn put_settings(case: usize, made: &mut Case) {
@@ -107,8 +113,8 @@ fn put_settings(case: usize, made: &mut Case) {
         made.settings.insert(key.to_owned(), value);
     };
     set("half_size", Setting::Number(0.5));
-    set("samples", Setting::Number([12.0, 8.0, 16.0, 13.0][case]));
-    set("rule", Setting::Text(["midpoint", "analytic", "midpoint", "left"][case].to_owned()));
+    set("samples", Setting::Number([12.0, 8.0, 16.0, 13.0, 8.0][case]));
+    set("rule", Setting::Text(["midpoint", "analytic", "midpoint", "left", "analytic"][case].to_owned()));
     match case {
         1 => {
             set("normals", Setting::Text("forward".to_owned()));
@@ -122,6 +128,7 @@ fn put_settings(case: usize, made: &mut Case) {
             set("normals", Setting::Text("central".to_owned()));
             set("epsilon", Setting::Number(0.125));
         }
+        4 => set("least_weight", Setting::Number(0.03125)),
         _ => {}
     }
 }

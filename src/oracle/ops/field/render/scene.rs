@@ -38,6 +38,7 @@ pub(super) fn settings(x: &CheckedCall<'_>) -> Result<Settings> {
     )? as usize;
     let half = half_size(x)?;
     let stop = x.single("early_stop", 0.0, |t| (0.0..1.0).contains(&t), "0 to 1")?;
+    let least = x.single("least_weight", 0.0, |w| (0.0..=1.0).contains(&w), "0 to 1")?;
     let epsilon = x.single("epsilon", 8.0 * f64::from(half) / samples as f64, |e| e > 0.0, "above 0")?;
     Ok(Settings {
         samples,
@@ -48,6 +49,7 @@ pub(super) fn settings(x: &CheckedCall<'_>) -> Result<Settings> {
         },
         combine: combine(x),
         early_stop: (stop > 0.0).then_some(stop),
+        least_weight: (least > 0.0).then_some(least),
         numerical_normals: match x.word("normals") {
             Some("forward") => Some((Stencil::Forward, epsilon)),
             Some("central") => Some((Stencil::Central, epsilon)),
@@ -62,14 +64,19 @@ pub(super) fn whole(plan: &Arrays, name: &str) -> Result<Vec<i64>> {
     Ok(plan.need(name).map_err(|e| e.within("plan"))?.to_i64().unwrap_or_default())
 }
 
-/// The steps and numbers of samples of a plan that was checked.
+/// The steps, numbers of samples and decoded samples of a plan that was checked.
 pub(super) fn given(plan: &Arrays, scene: &Scene<'_>) -> Result<Plan> {
     let intervals = Intervals {
         start: whole(plan, "start")?.into_iter().map(|s| s as usize).collect(),
         index: whole(plan, "index")?.into_iter().map(|i| i as u32).collect(),
         ..scene.all_intervals()
     };
-    Ok(Plan { intervals, last: whole(plan, "taken")?.into_iter().map(|t| t as u32).collect() })
+    let shaded = if plan.get("shaded").is_some() { whole(plan, "shaded")? } else { Vec::new() };
+    Ok(Plan {
+        intervals,
+        last: whole(plan, "taken")?.into_iter().map(|t| t as u32).collect(),
+        shaded: shaded.into_iter().map(|s| u8::from(s != 0)).collect(),
+    })
 }
 
 /// Owned arrays of the networks, head by head.
@@ -93,7 +100,8 @@ pub(super) fn with_scene<T>(x: &CheckedCall<'_>, work: impl FnOnce(&Scene<'_>) -
     let views = weights.views();
     let features = settings.combine.width(x.dim("C"));
     let net = |head: usize| {
-        let inputs = if head == 1 && x.has("panoramas") { features + x.dim("D") } else { features };
+        let is_embedded = head == 1 && x.has("panoramas");
+        let inputs = if is_embedded { x.shape(HEADS[1].1[0])[1] } else { features };
         (!views[head].is_empty()).then_some(Network { weights: &views[head], inputs })
     };
     let [levels, height, width, channels] =

@@ -117,23 +117,33 @@ impl<'a> Reached<'a> {
         let radial = normal_head::unit(x.map(f64::from));
         let n = normal_head::unit(std::array::from_fn(|k| z[k] + radial[k])).map(|n| n as f32);
         let level = elem::sigmoid(rho[rho.len() - 1][0] as f32);
-        let place = panoramas.place(embed::reflect(n, Some(direction)), level, None);
+        let r = embed::reflect(n, Some(direction));
+        let place = panoramas.place(r, level, None);
         let mut h = vec![0.0; panoramas.channels];
         panoramas.features(&place, &mut h);
-        let own: Vec<f64> = row.iter().copied().chain(h.into_iter().map(f64::from)).collect();
+        let cosine = (n[0] * r[0] + n[1] * r[1]) + n[2] * r[2];
+        let inputs = h.into_iter().chain([cosine]).map(f64::from);
+        let own = row.iter().copied().chain(inputs).take(self.heads[1].as_ref().map_or(0, Layers::inputs));
+        let own: Vec<f64> = own.collect();
         let Some(units) = self.units(1, &own) else { return };
         let is_reached = self.mark(1, &units, x);
-        let ones: Vec<f32> = is_reached.iter().map(|is| f32::from(u8::from(*is))).collect();
+        let ones: Vec<f32> =
+            is_reached[..panoramas.channels].iter().map(|is| f32::from(u8::from(*is))).collect();
         let mut weights = vec![0.0; panoramas.values.len()];
         panoramas.scatter(&[place], &ones, &mut weights);
         self.panoramas.iter_mut().zip(weights).for_each(|(zero, w)| *zero &= w == 0.0);
-        if panoramas.levels > 1 && is_reached.contains(&true) {
+        if panoramas.levels > 1 && is_reached[..panoramas.channels].contains(&true) {
             self.mark(5, rho, x);
         }
     }
 
-    /// Decodes the samples that a ray takes; `has_normal` if it has a numerical normal.
-    pub(super) fn ray(&mut self, intervals: &Intervals, (ray, taken): (usize, usize), has_normal: bool) {
+    /// Decodes the samples that a ray takes; `has_normal` if it has a numerical normal. `shaded` is that of the plan.
+    pub(super) fn ray(
+        &mut self,
+        (intervals, shaded): (&Intervals, &[u8]),
+        (ray, taken): (usize, usize),
+        has_normal: bool,
+    ) {
         let Scene { rays, settings, .. } = self.scene;
         let from = intervals.start[ray];
         for s in from..from + taken {
@@ -150,7 +160,9 @@ impl<'a> Reached<'a> {
                     [s0, s1, s1 - s0].into_iter().for_each(|distance| self.is_apart_by(distance.abs()));
                 }
             }
-            self.values(middle, rays.directions[ray]);
+            if shaded.get(s) != Some(&0) {
+                self.values(middle, rays.directions[ray]);
+            }
             if let Some((stencil, epsilon)) = settings.numerical_normals.filter(|_| has_normal) {
                 for i in 0..stencil.width() {
                     self.sdf(stencil.point(i, epsilon, middle));
@@ -167,7 +179,7 @@ pub(super) fn predict(x: &CheckedCall<'_>, ran: &RunResult) -> Result<Prediction
         let valid = ran.plan.need("valid")?.to_f64();
         let mut reached = Reached::new(x, scene);
         for (ray, taken) in plan.last.iter().enumerate() {
-            reached.ray(&plan.intervals, (ray, *taken as usize), valid[ray] != 0.0);
+            reached.ray((&plan.intervals, &plan.shaded), (ray, *taken as usize), valid[ray] != 0.0);
         }
         let mut known = Prediction::default();
         known.zeros.insert("planes".to_owned(), reached.planes);
