@@ -87,7 +87,8 @@ pub(super) fn march<S: Scalar>(
         let weight = sums.through * (-(-(sigma * (end - begin))).expm1());
         let middle: [f64; 3] = at(begin + (end - begin) / 2.0);
         sums.opacity = sums.opacity + weight;
-        let counts = weight.value() >= field.choices.least_weight || field.heads.is_trunk();
+        let least = field.choices.least_weight;
+        let counts = least == 0.0 || weight.value() >= least || field.heads.is_trunk();
         if shaded.map_or(counts, |all| all[sums.taken] != 0.0) {
             sums.shaded[sums.taken] = 1.0;
             let values = field.values(middle, direction);

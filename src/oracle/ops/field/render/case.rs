@@ -20,7 +20,7 @@ const MARGIN: f64 = 2e-4;
 /// case 1 without numerical normals, with n·r and least weight.
 /// One ray in five starts in the box, and the last one misses it.
 pub(super) fn case(case: usize, op: &'static Op) -> Case {
-    let n = [7, 70, 9, 11, 140][case];
+    let n = [7, 70, 9, 11, 70][case];
     let mut made = Case::default();
     put_field(case, &mut made);
     put_settings(case, &mut made);
@@ -104,7 +104,7 @@ fn put_field(case: usize, made: &mut Case) {
             k = *width;
         }
     }
-    made.inputs.put("beta", &[], vec![[0.125, 0.25, 0.125, 0.125, 0.25][case]]);
+    made.inputs.put("beta", &[], vec![[0.125, 0.25, 0.125, 0.125, 0.75][case]]);
     made.inputs.put("background", &[], vec![[1.0, 1.0, 0.25, 0.5, 0.75][case]]);
 }
 
@@ -128,7 +128,7 @@ fn put_settings(case: usize, made: &mut Case) {
             set("normals", Setting::Text("central".to_owned()));
             set("epsilon", Setting::Number(0.125));
         }
-        4 => set("least_weight", Setting::Number(0.03125)),
+        4 => set("least_weight", Setting::Number(0.125)),
         _ => {}
     }
 }
