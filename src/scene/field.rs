@@ -197,20 +197,26 @@ impl Settings {
         1.0 / self.inverse_beta
     }
 
-    /// Returns the settings as a flat JSON object; numbers are those of f32.
+    /// Returns the settings as a flat JSON object; numbers are those of f32. Without a least weight it has no entry for it, as
+    /// files that were written before there was that setting: they keep their digests.
     pub fn json(&self) -> Value {
-        json!({
+        let mut all = json!({
             "half_size": self.half_size,
             "combine": self.combine.name(),
             "samples": self.samples,
             "rule": self.rule.name(),
             "inverse_beta": self.inverse_beta,
             "early_stop": self.early_stop,
-            "least_weight": self.least_weight,
-            "stencil": self.stencil.name(),
-            "epsilon": self.epsilon,
-            "background": self.background,
-        })
+        });
+        // In the order in which the digest reads them.
+        let mut put = |name: &str, value: Value| all[name] = value;
+        if let Some(least) = self.least_weight {
+            put("least_weight", json!(least));
+        }
+        put("stencil", json!(self.stencil.name()));
+        put("epsilon", json!(self.epsilon));
+        put("background", json!(self.background));
+        all
     }
 }
 

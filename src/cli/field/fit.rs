@@ -30,7 +30,7 @@ use std::path::PathBuf;
 
 const EXAMPLES: &str = "\
 Examples:
-  lastlight field fit object/uniform --out fit             2 000 iterations, about seven minutes on two cores
+  lastlight field fit object/uniform --out fit             2 000 iterations, some minutes on two cores
   lastlight field fit --out fit --resume                   go on after an interruption, with the same options and bits
   lastlight field fit object/shiny --out fit --nde         colours that depend on the direction of view
   lastlight field fit photos/ --out fit --env probe.exr    materials by shading under a known light

@@ -38,11 +38,11 @@
 //!
 //! # Directional embedding
 //! With panoramas the colour reads features ‖ h, and n·r behind them if its first layer has F + C' + 1 inputs: the
-//! cosine between the normal of the normal head and the direction of reflection, without gradient. Reflection grows
-//! with it as Fresnel's equations say, which features and h alone do not tell (Wu et al. 2024 read it, LIRM does not).
+//! cosine between the normal of the normal head and the direction of reflection, without gradient. How much
+//! is reflected depends on it (Fresnel). Wu et al. 2024 read it, LIRM does not.
 //!
 //! # Rounding
-//! Values are left folds over the samples of a ray. Gradients: a texel's is one left fold over rays, within a
+//! Values are left folds over the samples of a ray, and so is Σ wᵢ of those with the background's values, which is added to T. Gradients: a texel's is one left fold over rays, within a
 //! ray over the points at which s is decoded (in order, then the stencils of numerical normals) and then the
 //! middles; a weight's is such a fold over the rays of a block of 64, from +0, and the blocks are added by the
 //! pairwise tree over the block index. β̄ and the gradient of the background are folded in f64. Neither threads
@@ -55,7 +55,7 @@
 //! # Adjoint
 //! Deferred: nothing is saved but the sums of each ray, and every batch of rays is decoded again.
 //! w̄ᵢ = v̄·(vᵢ − b) + Ō + x̄·xᵢ + N̄·nᵢ and σ̄ᵢδᵢ⁻¹ = w̄ᵢTᵢ₊₁ − Σ_{j>i} w̄ⱼwⱼ, then through densities, stencils and
-//! heads to features, and from all features of a chunk to the planes.
+//! heads to features, and from all features of a chunk to the planes. Where vᵢ = b the first term is 0, and b̄ takes wᵢ with T.
 //!
 //! Twin: `reference::field::render`.
 //!

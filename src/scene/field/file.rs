@@ -41,12 +41,17 @@ impl Entries<'_> {
     }
 
     /// Reads a number, or null.
-    fn optional(&mut self, name: &str) -> Result<Option<f32>> {
+    fn number_or_null(&mut self, name: &str) -> Result<Option<f32>> {
         if self.0.get(name) == Some(&Value::Null) {
             self.0.remove(name);
             return Ok(None);
         }
         self.number(name).map(Some)
+    }
+
+    /// Reads a number, if the entry is there.
+    fn number_if_present(&mut self, name: &str) -> Result<Option<f32>> {
+        self.0.contains_key(name).then(|| self.number(name)).transpose()
     }
 
     fn text(&mut self, name: &str) -> Result<String> {
@@ -72,13 +77,8 @@ fn parse_settings(text: &str) -> Result<Settings> {
         })?,
         rule: Rule::parse(&entries.text("rule")?)?,
         inverse_beta: entries.number("inverse_beta")?,
-        early_stop: entries.optional("early_stop")?,
-        // Files of the first version have none.
-        least_weight: if entries.0.contains_key("least_weight") {
-            entries.optional("least_weight")?
-        } else {
-            None
-        },
+        early_stop: entries.number_or_null("early_stop")?,
+        least_weight: entries.number_if_present("least_weight")?,
         stencil: Stencil::parse(&entries.text("stencil")?)?,
         epsilon: entries.number("epsilon")?,
         background: entries.number("background")?,

@@ -66,6 +66,28 @@ fn what_is_written_is_read_back_in_bits() {
 }
 
 #[test]
+fn files_from_before_the_least_weight_are_read() {
+    let mut field = trunk();
+    field.settings.least_weight = None;
+    // of a file that an earlier version wrote
+    assert_eq!(field.digest().expect("finite"), "100ee4fd32d372a6");
+    let bytes = field.to_bytes().expect("valid");
+    assert!(!bytes.windows(12).any(|w| w == b"least_weight"), "no such entry");
+    assert_eq!(Field::parse(&bytes, "a").expect("our own file"), field);
+}
+
+#[test]
+fn a_colour_may_read_the_cosine_of_the_reflection() {
+    let mut field = complete();
+    field.heads.color = Some(network(&[9, 4, 3], 20));
+    assert_eq!(Field::parse(&field.to_bytes().expect("valid"), "a").expect("our own file"), field);
+    (field.panoramas, field.heads.rho) = (None, None);
+    field.heads.color = Some(network(&[7, 4, 3], 20));
+    let e = field.validate().expect_err("nothing is reflected without panoramas").to_string();
+    assert!(e.starts_with("head 'color': expected 6 inputs, got 7"), "{e}");
+}
+
+#[test]
 fn zeros_of_both_signs_are_kept() {
     let mut field = trunk();
     (field.planes.values[0], field.planes.values[1]) = (0.0, -0.0);
@@ -83,6 +105,8 @@ fn every_setting_decides_the_digest() {
         Settings { rule: Rule::Left, ..base.clone() },
         Settings { inverse_beta: 199.0, ..base.clone() },
         Settings { early_stop: Some(0.0), ..base.clone() },
+        Settings { least_weight: Some(0.5), ..base.clone() },
+        Settings { least_weight: None, ..base.clone() },
         Settings { stencil: Stencil::Central, ..base.clone() },
         Settings { epsilon: 0.5, ..base.clone() },
         Settings { background: 0.0, ..base.clone() },
@@ -91,7 +115,7 @@ fn every_setting_decides_the_digest() {
     all.push(of(base));
     all.sort_unstable();
     all.dedup();
-    assert_eq!(all.len(), 9, "nine digests");
+    assert_eq!(all.len(), 11, "eleven digests");
 }
 
 /// A change that makes a field invalid, and what the message names.
@@ -116,6 +140,8 @@ fn invalid_fields_are_refused_with_the_place() {
         (|f| f.settings.samples = 0, "setting 'samples'"),
         (|f| f.settings.inverse_beta = f32::NAN, "setting 'inverse_beta': expected"),
         (|f| f.settings.epsilon = 0.0, "setting 'epsilon'"),
+        (|f| f.settings.least_weight = Some(2.0), "setting 'least_weight': expected 0 to 1, got 2"),
+        (|f| f.heads.color = Some(network(&[10, 4, 3], 20)), "head 'color': expected 8 inputs, got 10"),
         (|f| f.settings.background = 2.0, "setting 'background': expected 0 to 1, got 2"),
         (|f| f.placement.scale = 0.0, "placement: scale"),
         (|f| f.placement.center[1] = f64::NAN, "placement: centre"),

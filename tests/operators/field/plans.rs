@@ -61,27 +61,35 @@ fn call(case: usize) -> (&'static ops::Op, Call) {
     (op, Call { inputs: made.inputs, settings: made.settings, ..Call::default() })
 }
 
+/// Refuses the plan of a case after a change of one of its arrays.
+fn refuses(case: usize, name: &str, how: &dyn Fn(&mut Vec<i64>)) {
+    let (op, call) = call(case);
+    let mut plan = ops::run_f64(op, &call).expect("it runs").plan;
+    let (shape, mut values) = match plan.get(name) {
+        Some(array) => (array.shape().to_vec(), array.to_i64().expect("whole")),
+        None => (vec![0], Vec::new()),
+    };
+    how(&mut values);
+    let shape = if shape.len() == 1 { vec![values.len()] } else { shape };
+    plan.put(name, &shape, values);
+    let frozen = Call { plan: Some(plan), ..call };
+    for e in [ops::run(op, &frozen), ops::run_f64(op, &frozen)].map(|ran| ran.expect_err("refused")) {
+        assert!(e.to_string().contains("plan") && e.to_string().contains(name), "{name}: {e}");
+    }
+}
+
 #[test]
 fn a_plan_that_contradicts_itself_is_refused() {
-    let (op, call) = call(1);
-    let plan = ops::run_f64(op, &call).expect("it runs").plan;
-    let refused = |name: &str, how: &dyn Fn(&mut Vec<i64>)| {
-        let mut plan: Arrays = plan.clone();
-        let array = plan.need(name).expect("in the plan");
-        let (shape, mut values) = (array.shape().to_vec(), array.to_i64().expect("whole"));
-        how(&mut values);
-        plan.put(name, &shape, values);
-        let frozen = Call { plan: Some(plan), ..call.clone() };
-        for e in [ops::run(op, &frozen), ops::run_f64(op, &frozen)].map(|ran| ran.expect_err("refused")) {
-            assert!(e.to_string().contains("plan") && e.to_string().contains(name), "{name}: {e}");
-        }
-    };
+    let refused = |name: &str, how: &dyn Fn(&mut Vec<i64>)| refuses(1, name, how);
     refused("start", &|v| v[1] = 1000);
     refused("start", &|v| v[0] = 1);
     refused("index", &|v| v[0] = -1);
     refused("taken", &|v| v[0] += 1);
     refused("panorama", &|v| v[0] = 4);
     refused("panorama", &|v| v[2] = 1);
+    // decoded samples are those of steps, and there are some where there is a least weight
+    refuses(4, "shaded", &|v| v.truncate(1));
+    refuses(1, "shaded", &|v| v.push(1));
 }
 
 #[test]

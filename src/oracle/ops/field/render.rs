@@ -109,9 +109,15 @@ fn check_plan(x: &CheckedCall<'_>, plan: &Arrays) -> Result<()> {
     if plan.get("valid").is_some_and(|valid| valid.len() != n) {
         return Err(Error::input("plan: array 'valid'").expected(format!("{n} numbers")));
     }
-    if plan.get("shaded").is_some_and(|shaded| shaded.len() != index.len()) {
-        let expected = format!("{} numbers, one per step", index.len());
-        return Err(Error::input("plan: array 'shaded'").expected(expected));
+    if let Some(shaded) = plan.get("shaded") {
+        let e = Error::input("plan: array 'shaded'");
+        if settings(x)?.least_weight.is_none() || x.shape("sdf_w2").first() == Some(&4) {
+            return Err(e.expected("none without least_weight, and none with a trunk").got("one"));
+        }
+        if shaded.len() != index.len() {
+            let expected = format!("{} numbers, one per step", index.len());
+            return Err(e.expected(expected).got(shaded.len().to_string()));
+        }
     }
     let [height, width, levels] = ["H", "W", "L"].map(|letter| x.dim(letter) as i64);
     let is_cell = |c: &[i64]| {
