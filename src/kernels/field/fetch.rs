@@ -65,7 +65,7 @@ const FAR: usize = 1 << 17;
 /// Number of points ahead of the one that is read whose texels are requested from farther caches.
 const AHEAD: usize = 2;
 /// Numbers per cache line.
-const LINE: usize = 16;
+pub(super) const LINE: usize = 16;
 
 /// How the features of the three planes are combined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,12 +5,15 @@
 //! of each band, part by part; so neither threads nor the lengths of parts change a bit.
 
 use super::bands::Lists;
-use super::fetch::{Combine, Planes, Reads};
+use super::fetch::{Combine, LINE, Planes, Reads};
 use crate::num::lanes::f32x8;
 use crate::num::par;
+use prefetch_index::prefetch_index;
 
 /// Rows of a plane that one task of [`Planes::scatter`] owns; changes no bit.
 pub const BAND: usize = 4;
+/// Entries ahead of the one that is added whose cotangents are requested from farther caches.
+const AHEAD: usize = 8;
 /// Points per part; changes no bit.
 const CHUNK: usize = 4096;
 
@@ -85,10 +88,19 @@ impl Planes<'_> {
             // Texels of this band are those from `first` on.
             let first = (t / per_plane * self.side + t % per_plane * BAND) * self.side;
             for (part, features_bar) in parts {
-                for &entry in part.lists.of(t) {
+                let entries = part.lists.of(t);
+                for (i, &entry) in entries.iter().enumerate() {
                     let (at, pair) = (entry as usize / 3, entry as usize % 3);
+                    let from = combine.part(pair, channels).start;
+                    if let Some(later) = entries.get(i + AHEAD) {
+                        // All entries of a band are of one pair of axes.
+                        let later = *later as usize / 3 * width + from;
+                        for line in 0..channels.div_ceil(LINE) {
+                            prefetch_index(features_bar, later + line * LINE);
+                        }
+                    }
                     let read = &part.reads[at][pair];
-                    let g = &features_bar[at * width..][combine.part(pair, channels)];
+                    let g = &features_bar[at * width + from..][..channels];
                     for half in 0..2 {
                         let texel = (read.at as usize + half * self.side).wrapping_sub(first);
                         if let Some(to) = band.get_mut(texel.wrapping_mul(channels)..)
