@@ -45,6 +45,13 @@ fn fit<'a>(capture: &'a str, out: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     words
 }
 
+/// Names of the files of a folder that begin with `start`.
+fn files(dir: &Path, start: &str) -> Vec<String> {
+    let all = std::fs::read_dir(dir).expect("a folder");
+    let names = all.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned());
+    names.filter(|name| name.starts_with(start)).collect()
+}
+
 /// Changes `capture/transforms.json`.
 fn edit(dir: &Path, change: impl Fn(&mut Value)) {
     let path = dir.join("capture/transforms.json");
@@ -104,6 +111,9 @@ fn an_object_is_fitted_scored_meshed_and_relit() {
     let obj =
         ["field", "mesh", "f", "--out", "o.obj", "--side", "24", "--texture", "128", "--smoothing", "0"];
     assert_eq!(code(&lastlight(&obj, dir)), 0, "as OBJ");
+    let library = std::fs::read_to_string(dir.join("o.mtl")).expect("beside it");
+    let maps = files(dir, "o_").into_iter().filter(|name| name.ends_with(".png")).collect::<Vec<_>>();
+    assert!(!maps.is_empty() && maps.iter().all(|name| library.contains(name)), "{maps:?} in {library}");
     let relit =
         ["mesh", "render", "o.glb", "--env", "studio", "--size", "16", "--samples", "2", "--out", "r", "-q"];
     let o = lastlight(&relit, dir);

@@ -1,7 +1,10 @@
 //! Tests of the built program: exit codes, messages, interruption and results of every command.
 
+#[path = "../common/ball_layouts.rs"]
+mod ball_layouts;
 mod cli;
 mod cli_field;
+mod cli_field_import;
 mod cli_gen;
 mod cli_last;
 mod cli_lirm;

@@ -1,5 +1,7 @@
 //! Tests of levels 2 and 3: files of every format, captures, models and persons.
 
+#[path = "../common/ball_layouts.rs"]
+mod ball_layouts;
 mod captures;
 #[path = "../common/mod.rs"]
 mod common;

@@ -143,7 +143,7 @@ fn images(x: &Input<'_>) -> Result<Section> {
         id: "views",
         title: "Views beside their images",
         lead: "Input image over white, render of the field, absolute difference, and numerical normals at the surface (x, y, z as red, green, \
-               blue)."
+               blue). Pixels that are not scored are black: those that show the object in part, before a background that is not white."
             .into(),
         body: html! {
             @for (name, four) in &rows {

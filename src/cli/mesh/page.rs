@@ -214,7 +214,7 @@ fn maps(turns: &[Turn]) -> Result<Option<Section>> {
         id: "maps",
         title: "Normals and occlusion",
         lead: "Shading normals in world space (x, y, z as red, green, blue; 0.5 is zero). Below, the radiance of white plaster under uniform light \
-               without bounces: the part of the sky that a point sees, weighted by the cosine."
+               without bounces: the part of the sky that a point sees, weighted by the cosine (over grey)."
             .into(),
         body: html! { (strip(&normals)) (strip(&occlusion)) },
     }))

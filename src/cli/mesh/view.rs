@@ -104,6 +104,9 @@ fn with_report(mut record: Value, report: &std::path::Path) -> Value {
     record
 }
 
+/// Grey behind white plaster.
+const BEHIND: f32 = 0.5;
+
 /// The object of white plaster: what is left of its radiance under uniform light is ambient occlusion.
 fn plaster(object: &Object) -> Object {
     let white = |m: &Material| Material { alpha: m.alpha, roughness: 1.0, ..Material::default() };
@@ -156,14 +159,14 @@ fn turns(args: &Args, object: &Object, meter: &mut Meter) -> Result<Vec<Turn>> {
         out.push(Turn {
             name: name.clone(),
             size: args.size,
-            image: over_white(&image, &encoded(&image.color, scale)),
+            image: over(&image, &encoded(&image.color, scale), 1.0),
             normals: maps.is_some().then(|| {
                 let rgb: Vec<f32> = image.normal.iter().flat_map(|n| n.map(|x| 0.5 + 0.5 * x)).collect();
-                over_white(&image, &rgb)
+                over(&image, &rgb, 1.0)
             }),
             occlusion: maps.map(|m| {
                 let grey: Vec<f32> = m.color.iter().flat_map(|c| [c[1]; 3]).collect();
-                over_white(&m, &grey)
+                over(&m, &grey, BEHIND)
             }),
         });
     }
@@ -175,12 +178,12 @@ fn encoded(color: &[[f32; 3]], scale: f32) -> Vec<f32> {
     tonemap::srgb_u8(color, scale).iter().map(|x| f32::from(*x) / 255.0).collect()
 }
 
-/// Pixels that hit the surface, others white.
-fn over_white(passes: &Passes, rgb: &[f32]) -> Vec<f32> {
+/// Pixels that hit the surface, others grey.
+fn over(passes: &Passes, rgb: &[f32], grey: f32) -> Vec<f32> {
     let pixels = rgb.chunks_exact(3).zip(&passes.alpha);
     pixels
         .flat_map(|(c, a)| {
-            let c: [f32; 3] = if *a >= 0.5 { [c[0], c[1], c[2]] } else { [1.0; 3] };
+            let c: [f32; 3] = if *a >= 0.5 { [c[0], c[1], c[2]] } else { [grey; 3] };
             c.map(|x| crate::num::order::clamp(x, 0.0, 1.0))
         })
         .collect()

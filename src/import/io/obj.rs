@@ -400,7 +400,7 @@ fn material(m: &tobj::Material, pictures: &mut Pictures<'_>, out: &mut Obj) -> R
     })
 }
 
-/// Writes `STEM.obj`, `STEM.mtl` and a PNG per image, each atomically, the OBJ last.
+/// Writes `STEM.obj`, `STEM.mtl` and a PNG per image that a material names, each atomically, the OBJ last.
 ///
 /// # Errors
 /// When an index is out of range or a file cannot be written.
@@ -408,7 +408,8 @@ pub fn write(path: &Path, obj: &Obj) -> Result<()> {
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let folder = path.parent().unwrap_or(Path::new(""));
     let picture = |i: usize| format!("{stem}_{i}.png");
-    for (i, image) in obj.images.iter().enumerate() {
+    let is_named = |i: usize| obj.materials.iter().any(|m| m.maps().iter().any(|(_, map)| map.image == i));
+    for (i, image) in obj.images.iter().enumerate().filter(|(i, _)| is_named(*i)) {
         let texels = image.texels.as_flattened();
         image_file::write_png(&folder.join(picture(i)), image.width, image.height, 4, texels)?;
     }
@@ -477,6 +478,20 @@ pub fn obj_text(obj: &Obj, library: &str) -> Result<String> {
     Ok(s)
 }
 
+impl Material {
+    /// Its maps, with their names in a material library.
+    fn maps(&self) -> Vec<(&'static str, Map)> {
+        let maps = [
+            ("map_Kd", self.base_color_map),
+            ("map_Pr", self.roughness_map),
+            ("map_Pm", self.metallic_map),
+            ("norm", self.normal_map),
+            ("map_Ke", self.emission_map),
+        ];
+        maps.into_iter().filter_map(|(name, map)| Some((name, map?))).collect()
+    }
+}
+
 /// A name without white space, since names are fields of a line.
 fn one_word(name: &str) -> String {
     let word: String =
@@ -501,18 +516,9 @@ pub fn mtl_text(materials: &[Material], picture: &dyn Fn(usize) -> String) -> St
             let [r, g, b] = m.emission;
             let _ = writeln!(s, "Ke {r} {g} {b}");
         }
-        let maps = [
-            ("map_Kd", m.base_color_map),
-            ("map_Pr", m.roughness_map),
-            ("map_Pm", m.metallic_map),
-            ("norm", m.normal_map),
-            ("map_Ke", m.emission_map),
-        ];
-        for (key, map) in maps {
-            if let Some(map) = map {
-                let clamp = if map.clamp { "-clamp on " } else { "" };
-                let _ = writeln!(s, "{key} {clamp}{}", picture(map.image));
-            }
+        for (key, map) in m.maps() {
+            let clamp = if map.clamp { "-clamp on " } else { "" };
+            let _ = writeln!(s, "{key} {clamp}{}", picture(map.image));
         }
     }
     s

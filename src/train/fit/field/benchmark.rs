@@ -59,7 +59,7 @@ pub struct ImageScores {
 
 /// Name of the perceptual score.
 pub fn perceptual_name(weights: Option<&Metric>) -> &'static str {
-    if weights.is_some() { "LPIPS" } else { rfd::NAME }
+    weights.map_or(rfd::NAME, |metric| metric.names()[0])
 }
 
 /// Scores a render of linear values.
