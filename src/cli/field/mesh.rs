@@ -2,7 +2,7 @@
 
 use super::read;
 use crate::choices::{Choices, choices};
-use crate::fit::field::mesh::{Baked, Base, Settings, bake};
+use crate::fit::field::mesh::{Baked, Base, Normals, Settings, bake};
 use crate::fit::training::Watch;
 use crate::io::memory;
 use crate::meter::Meter;
@@ -49,10 +49,17 @@ pub(super) struct FormArgs {
     /// Smallest part that is kept, as a fraction of the area of the largest
     #[arg(long, value_name = "X", default_value_t = 0.01)]
     least_part: f64,
+    /// Where normals of vertices come from
+    #[arg(long, value_name = "NAME", default_value = "head", value_parser = choices(NORMALS))]
+    normals: String,
     /// What the maps hold
     #[arg(long, value_name = "NAME", default_value = "albedo", value_parser = choices(BASES))]
     base: String,
 }
+
+/// Values of `--normals`.
+const NORMALS: &Choices =
+    &[("head", "the normal head, where the field has one"), ("surface", "the triangles")];
 
 /// Values of `--base`.
 const BASES: &Choices = &[
@@ -71,6 +78,7 @@ impl FormArgs {
             texture: self.texture,
             smoothing: self.smoothing,
             least_part: self.least_part,
+            normals: Normals::parse(&self.normals)?,
             base: Base::parse(&self.base)?,
         };
         settings.validate()?;

@@ -2,7 +2,7 @@
 
 use super::textured::validated;
 use lastlight::field::{fetch, network, value_head};
-use lastlight::fit::field::mesh::{Base, Settings, bake, shape};
+use lastlight::fit::field::mesh::{Base, Normals, Settings, bake, shape};
 use lastlight::geometry::facts;
 use lastlight::geometry::texels::cover;
 use lastlight::num::rng::Rng;
@@ -92,6 +92,34 @@ fn every_edge_of_a_field_is_in_two_triangles_also_where_it_leaves_the_box() {
             }
         }
     }
+}
+
+#[test]
+fn normals_are_those_of_the_head_unless_they_point_inwards() {
+    let make = |radius: f64, head: Option<Network>, normals: Normals| {
+        let mut field = bumpy(radius);
+        field.heads.normal = head;
+        shape(&field, &Settings { normals, ..settings() }).expect("a surface").0
+    };
+    // Without weights the head gives the radial direction.
+    let radial = || Some(Network { widths: vec![6, 3], weights: vec![vec![0.0; 18]] });
+    let [of_head, of_surface] = [Normals::Head, Normals::Surface].map(|n| make(0.6, radial(), n));
+    assert_eq!(of_head.positions, of_surface.positions, "one surface");
+    assert_eq!(make(0.6, None, Normals::Head).normals, of_surface.normals, "a field without the head");
+    let (mut taken, mut kept) = (0, 0);
+    let rows = of_head.positions.iter().zip(&of_head.normals).zip(&of_surface.normals);
+    for ((x, n), surface) in rows {
+        let length = ((x[0] * x[0] + x[1] * x[1]) + x[2] * x[2]).sqrt();
+        let radial = x.map(|x| x / length);
+        if (0..3).all(|k| (n[k] - radial[k]).abs() < 1e-6) {
+            taken += 1;
+        } else {
+            assert_eq!(n, surface, "the mean of the triangles");
+            assert!((0..3).fold(0.0, |s, k| s + radial[k] * surface[k]) <= 1e-6, "it points inwards");
+            kept += 1;
+        }
+    }
+    assert!(taken > 5_000, "{taken} of the head, {kept} kept");
 }
 
 /// Whether a triangle and a texel have a common point, by separating axes.

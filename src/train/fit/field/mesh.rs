@@ -13,6 +13,9 @@
 //! | `Albedo` | albedo; of a field without it, the colour | material; of a field without it, 1 and 0 | none |
 //! | `Color` | black | 1, 1 | colour |
 //!
+//! Normals of vertices ([`Normals`]) are those of the normal head where the field has one: s is the weaker source, because its differences show the cells
+//! of the planes and the passes of a fit reach them in the last stage alone. A vertex whose head points into the surface keeps the mean of its triangles' normals.
+//!
 //! All are values of the heads at the position of each texel; with an embedding, the colour is the one seen along the
 //! normal. The colour contains the light of the images. As an emission it is shown as it is: a black metal reflects nothing
 //! but the Fresnel term at grazing angles. As a base colour it would be lit a second time.
@@ -71,6 +74,35 @@ impl Base {
     }
 }
 
+/// Where normals of vertices come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Normals {
+    /// The normal head, where the field has one.
+    #[default]
+    Head,
+    /// The triangles.
+    Surface,
+}
+
+impl Normals {
+    /// Returns the name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Head => "head",
+            Self::Surface => "surface",
+        }
+    }
+
+    /// Returns the value of that name.
+    ///
+    /// # Errors
+    /// Lists the names if there is none.
+    pub fn parse(name: &str) -> Result<Self> {
+        let known = [Self::Head, Self::Surface].into_iter().find(|normals| normals.name() == name);
+        known.ok_or_else(|| Error::input("--normals").expected("head or surface").got(name))
+    }
+}
+
 /// How a mesh is made.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Settings {
@@ -82,13 +114,22 @@ pub struct Settings {
     pub smoothing: usize,
     /// Smallest part that is kept, as a fraction of the area of the largest.
     pub least_part: f64,
+    /// Where normals of vertices come from.
+    pub normals: Normals,
     /// What the maps hold.
     pub base: Base,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { side: 256, texture: 1024, smoothing: 10, least_part: 0.01, base: Base::Albedo }
+        Self {
+            side: 256,
+            texture: 1024,
+            smoothing: 10,
+            least_part: 0.01,
+            normals: Normals::Head,
+            base: Base::Albedo,
+        }
     }
 }
 
@@ -123,7 +164,7 @@ impl Settings {
     pub fn json(&self) -> Value {
         json!({
             "side": self.side, "texture": self.texture, "smoothing": self.smoothing, "least_part": self.least_part,
-            "base": self.base.name(),
+            "normals": self.normals.name(), "base": self.base.name(),
         })
     }
 }
@@ -188,7 +229,29 @@ pub fn shape(field: &Field, settings: &Settings) -> Result<(Mesh, usize, usize)>
         mesh.positions = smooth(&mesh.positions, &mesh.triangles, &how)?;
     }
     mesh.normals = normals(&mesh);
+    if settings.normals == Normals::Head {
+        take_heads(field, &mut mesh);
+    }
     Ok((mesh, cavities, parts))
+}
+
+/// Replaces normals by those of the normal head, if there is one, where both lie on the same side.
+fn take_heads(field: &Field, mesh: &mut Mesh) {
+    let weights = Weights::of(field);
+    let made = weights.scene(Rays { origins: &[], directions: &[] });
+    let Some(head) = &made.heads.normal else { return };
+    let (planes, combine) = (scene::planes(field), made.settings.combine);
+    let points = &mesh.positions;
+    par::chunks_mut(&mut mesh.normals, POINTS, |c, normals| {
+        let points = &points[c * POINTS..][..normals.len()];
+        let mut features = vec![0.0; points.len() * combine.width(planes.channels)];
+        fetch::forward(&planes, combine, points, &mut features);
+        for (normal, head) in normals.iter_mut().zip(normal_head::forward(head, &features, points).0) {
+            if (normal[0] * head[0] + normal[1] * head[1]) + normal[2] * head[2] > 0.0 {
+                *normal = head;
+            }
+        }
+    });
 }
 
 /// Colour (albedo or colour, sRGB-encoded), roughness and metallic of a texel, 0..1.
