@@ -94,7 +94,7 @@ pub(crate) struct Args {
     /// Course of 1/β: linear, or learned like a weight (less stable, according to LIRM)
     #[arg(long, value_name = "NAME", default_value = "linear", value_parser = ["linear", "learned"])]
     beta: String,
-    /// Where materials come from: auto takes passes where all images have them, else shaded
+    /// Where materials come from: auto takes passes where all images have them, else shaded, which reads no pass
     #[arg(long, value_name = "NAME", default_value = "auto", value_parser = ["auto", "off", "passes", "shaded"])]
     materials: String,
     /// Known light for --materials shaded: a panorama or the name of a built-in light, as for `mesh render` [default: the light is learned]

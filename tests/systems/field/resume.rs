@@ -138,6 +138,19 @@ fn other_settings_or_images_are_refused_by_name() {
 }
 
 #[test]
+fn shading_reads_no_pass() {
+    let with_passes = targets();
+    let photos = ball::without_passes(targets());
+    let s = Settings { materials: Materials::Shaded, embedding: true, iterations: 12, ..settings() };
+    let [one, other] = [&with_passes, &photos].map(|targets| {
+        let mut fit = new(s.clone(), targets);
+        finish(&mut fit, &mut History::default(), None);
+        fit.field().digest().expect("finite")
+    });
+    assert_eq!(one, other, "materials come from the images alone, also where there are passes");
+}
+
+#[test]
 fn damaged_checkpoints_are_errors() {
     let targets = targets();
     let dir = tempfile::tempdir().expect("a temporary folder");

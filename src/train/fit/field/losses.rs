@@ -70,10 +70,12 @@ pub(super) fn cropped(all: &[f32], width: usize, crop: &Crop, n: usize) -> Vec<f
     crop.pixels(width).flat_map(|i| all[i * n..(i + 1) * n].iter().copied()).collect()
 }
 
-/// A loss of one crop: its weight, and the network of LPIPS.
+/// A loss of one crop.
 #[derive(Clone, Copy)]
 pub(super) struct Terms<'a> {
     pub(super) weight: f32,
+    /// Whether passes of albedo, materials and normals are read.
+    pub(super) passes: bool,
     pub(super) lpips: Option<&'a Weights>,
 }
 
@@ -139,8 +141,9 @@ impl Terms<'_> {
         let mut sum = 0.0;
         let Channels { color, albedo, material, normal } = out.channels;
         let colored = target.colored.as_ref().map(|m| of(m, 1));
-        let images =
-            [(color, Some(&target.color), colored.as_deref()), (albedo, target.albedo.as_ref(), mask)];
+        let [of_albedo, of_material, of_normal] = [&target.albedo, &target.material, &target.normal]
+            .map(|pass| pass.as_ref().filter(|_| self.passes));
+        let images = [(color, Some(&target.color), colored.as_deref()), (albedo, of_albedo, mask)];
         for (at, truth, mask) in images {
             let (Some(at), Some(truth)) = (at, truth) else { continue };
             if mask.is_some_and(|m| m.iter().all(|k| *k == 0.0)) {
@@ -156,14 +159,14 @@ impl Terms<'_> {
         let (loss, bar) = self.square(&In { x, y: &foreground, mask, height, width }, 1.0)?;
         add(&mut out.opacity_bar[rays.clone()], &bar);
         sum += loss;
-        if let (Some(at), Some(truth)) = (material, &target.material) {
+        if let (Some(at), Some(truth)) = (material, of_material) {
             let (x, y) = (out.picked(rays.clone(), at, 2), of(truth, 2));
             let (loss, bar) = self.square(&In { x: &x, y: &y, mask, height, width }, MATERIAL)?;
             out.put(rays.clone(), at, 2, &bar);
             sum += loss;
         }
         if let Some(at) = normal {
-            let (y, mut compared) = match (&target.normal, followed) {
+            let (y, mut compared) = match (of_normal, followed) {
                 (Some(truth), _) => (of(truth, 3), of(&target.solid, 1)),
                 (None, Some(followed)) => {
                     let there = |n: &[f32; 3]| f32::from(u8::from(*n != [0.0; 3]));

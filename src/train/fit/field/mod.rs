@@ -230,8 +230,11 @@ impl<'a> FieldFit<'a> {
             at_surface.rays.iter().zip(&stencils.normals).for_each(|(r, n)| all[*r] = *n);
             all
         });
-        let terms =
-            losses::Terms { weight: 1.0 / batch.crops.len() as f32, lpips: self.lpips.map(|m| &m.weights) };
+        let terms = losses::Terms {
+            weight: 1.0 / batch.crops.len() as f32,
+            passes: s.materials != Materials::Shaded,
+            lpips: self.lpips.map(|m| &m.weights),
+        };
         let (mut loss, mut first) = (0.0, 0);
         for crop in &batch.crops {
             let target = &self.targets.train[crop.view];
