@@ -19,3 +19,4 @@ mod oracle;
 mod shade;
 mod splat;
 mod surface;
+mod transformer;

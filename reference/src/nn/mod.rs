@@ -4,10 +4,14 @@
 //! [`crate::twins`].
 
 pub mod act;
+pub mod attention;
 pub mod conv;
 pub mod decoder;
+pub mod gelu;
+pub mod layernorm;
 pub mod linear;
 pub mod mlp;
 pub mod softmax;
 pub mod softplus;
+pub mod weight_norm;
 pub mod window;

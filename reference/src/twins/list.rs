@@ -14,7 +14,9 @@ use crate::geometry::trace;
 use crate::loss::{
     albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim, variation,
 };
-use crate::nn::{act, conv, decoder, linear, mlp, softmax, softplus, window};
+use crate::nn::{
+    act, attention, conv, decoder, gelu, layernorm, linear, mlp, softmax, softplus, weight_norm, window,
+};
 use crate::optim::{adam, adamw};
 use crate::shade::{decode, diffuse, encode, envmap, gain, ggx, over_black};
 use crate::splat::{activate, blend, color, covariance, project, render};
@@ -74,6 +76,10 @@ pub static LIST: &[Twin] = &[
     twin!(softplus),
     twin!(decoder, decoder::work),
     twin!(window, window::work),
+    twin!(gelu),
+    twin!(layernorm),
+    twin!(weight_norm),
+    twin!(attention, attention::work),
     twin!(l1),
     twin!(mse),
     twin!(ssim, ssim::work),

@@ -122,6 +122,17 @@ fn nn_conv_is_reproduced() {
 }
 
 #[test]
+fn layers_of_transformers_are_reproduced() {
+    let reproduced = |file: &str, op: &str, inputs: &[&str]| {
+        check(file, op, inputs, BTreeMap::new(), [1e-12, 1e-10]);
+    };
+    reproduced("nn_gelu", "nn.gelu", &["x"]);
+    reproduced("nn_layernorm", "nn.layernorm", &["x", "gain", "bias"]);
+    reproduced("nn_weight_norm", "nn.weight_norm", &["v", "g"]);
+    reproduced("nn_attention", "nn.attention", &["x", "w_qkv", "b_qkv", "w_out", "b_out"]);
+}
+
+#[test]
 fn causal_acyclic_is_reproduced() {
     check("causal_acyclic", "causal.acyclic", &["a", "alpha"], BTreeMap::new(), [1e-12, 1e-10]);
 }

@@ -8,16 +8,25 @@
 //! logits x, weights ─ softmax ► softmax y     row by row
 //! codes, factors ── decoder ──► points        a network at every coordinate, conditioned on factors
 //! images ── window ───────────► squares       crops resampled by area
+//!
+//! tokens x, weights ─ attention ► tokens y    softmax of products between all tokens; projections over linear
+//! rows x ──── layernorm ──────► rows y        mean 0, variance 1, gain and bias
+//! values x ── gelu ───────────► values y      elementwise
+//! directions, lengths ── weight_norm ► matrix
 //! ```
 //!
 //! A layer is a pair of functions over slices: `forward` writes the outputs, and `adjoint` adds to the
 //! caller's gradients.
 
 pub mod act;
+pub mod attention;
 pub mod conv;
 pub mod decoder;
+pub mod gelu;
+pub mod layernorm;
 pub mod linear;
 pub mod mlp;
 pub mod softmax;
 pub mod softplus;
+pub mod weight_norm;
 pub mod window;

@@ -33,7 +33,7 @@ struct Function {
     domain: fn(f32) -> bool,
 }
 
-const FUNCTIONS: [Function; 13] = [
+const FUNCTIONS: [Function; 15] = [
     Function { name: "exp", one: elem::exp, eight: elem::exp, truth: libm::exp, domain: |x| !x.is_nan() },
     Function {
         name: "expm1",
@@ -82,6 +82,14 @@ const FUNCTIONS: [Function; 13] = [
         domain: |x| !x.is_nan(),
     },
     Function { name: "erf", one: elem::erf, eight: elem::erf, truth: libm::erf, domain: |x| !x.is_nan() },
+    Function { name: "gelu", one: elem::gelu, eight: elem::gelu, truth: gelu, domain: f32::is_finite },
+    Function {
+        name: "gelu_slope",
+        one: elem::gelu_slope,
+        eight: elem::gelu_slope,
+        truth: gelu_slope,
+        domain: f32::is_finite,
+    },
     Function {
         name: "exp_lanes",
         one: elem::exp_lanes,
@@ -90,6 +98,15 @@ const FUNCTIONS: [Function; 13] = [
         domain: |x| (elem::EXP_LANES_MIN..=elem::EXP_LANES_MAX).contains(&x),
     },
 ];
+
+fn gelu(x: f64) -> f64 {
+    x * (0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2))
+}
+
+fn gelu_slope(x: f64) -> f64 {
+    let density = libm::exp(-0.5 * x * x) / (2.0 * std::f64::consts::PI).sqrt();
+    0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2) + x * density
+}
 
 /// Worst error, its argument, and how many results are not the nearest number.
 #[derive(Clone, Copy)]
@@ -295,7 +312,7 @@ fn two_arguments_have_the_bits_of_the_scalar_call_in_every_lane() {
 fn ends_of_the_domains_and_signs_of_zeros() {
     let inf = f32::INFINITY;
     let same = |a: f32, b: f32| a.to_bits() == b.to_bits();
-    let exact: [(&str, f32, f32); 40] = [
+    let exact: [(&str, f32, f32); 45] = [
         ("exp 0", elem::exp(0.0_f32), 1.0),
         ("exp ∞", elem::exp(inf), inf),
         ("exp −∞", elem::exp(-inf), 0.0),
@@ -327,6 +344,11 @@ fn ends_of_the_domains_and_signs_of_zeros() {
         ("softplus ∞", elem::softplus(inf), inf),
         ("erf −0", elem::erf(-0.0_f32), -0.0),
         ("erf ∞", elem::erf(inf), 1.0),
+        ("gelu −0", elem::gelu(-0.0_f32), -0.0),
+        ("gelu 20", elem::gelu(20.0_f32), 20.0),
+        ("gelu −1e30", elem::gelu(-1e30_f32), -0.0),
+        ("gelu_slope 0", elem::gelu_slope(0.0_f32), 0.5),
+        ("gelu_slope −1e30", elem::gelu_slope(-1e30_f32), 0.0),
         ("atan2 0 1", elem::atan2(0.0_f32, 1.0), 0.0),
         ("atan2 −0 1", elem::atan2(-0.0_f32, 1.0), -0.0),
         ("atan2 0 −0", elem::atan2(0.0_f32, -0.0), std::f32::consts::PI),
@@ -373,7 +395,7 @@ fn slices_have_the_bits_of_scalar_calls() {
     let mut y = vec![0.0; x.len()];
     type Slice = fn(&[f32], &mut [f32]);
     type One = fn(f32) -> f32;
-    let pairs: [(Slice, One); 13] = [
+    let pairs: [(Slice, One); 15] = [
         (elem::exp_slice, elem::exp),
         (elem::expm1_slice, elem::expm1),
         (elem::ln_slice, elem::ln),
@@ -386,6 +408,8 @@ fn slices_have_the_bits_of_scalar_calls() {
         (elem::sigmoid_slice, elem::sigmoid),
         (elem::softplus_slice, elem::softplus),
         (elem::erf_slice, elem::erf),
+        (elem::gelu_slice, elem::gelu),
+        (elem::gelu_slope_slice, elem::gelu_slope),
         (elem::exp_lanes_slice, elem::exp_lanes),
     ];
     for (slice, one) in pairs {

@@ -193,3 +193,10 @@ fn golden_field_composite() {
 fn golden_field_embed() {
     check_golden("field_embed", "field.embed", None, &FIELD);
 }
+
+#[test]
+fn golden_layers_of_transformers() {
+    for name in ["gelu", "layernorm", "weight_norm", "attention"] {
+        check_golden(&format!("nn_{name}"), &format!("nn.{name}"), None, &FIELD);
+    }
+}

@@ -38,6 +38,37 @@ pub(super) fn cases() -> Vec<Case> {
             &["x"],
             &["y"],
         ),
+        case("gelu", "nn.gelu", named([("x", normal(&[6, 5], 28).map(|&x| 2.0 * x))]), &[], &["x"], &["y"]),
+        case(
+            "layernorm",
+            "nn.layernorm",
+            named([("x", normal(&[4, 7], 29)), ("gain", normal(&[7], 30)), ("bias", normal(&[7], 31))]),
+            &[("eps", "0.01")],
+            &["x", "gain", "bias"],
+            &["y"],
+        ),
+        case(
+            "weight norm",
+            "nn.weight_norm",
+            named([("v", normal(&[3, 5], 32)), ("g", normal(&[3], 33))]),
+            &[],
+            &["v", "g"],
+            &["weight"],
+        ),
+        case(
+            "attention",
+            "nn.attention",
+            named([
+                ("x", normal(&[5, 6], 34)),
+                ("w_qkv", normal(&[18, 6], 35)),
+                ("b_qkv", normal(&[18], 36)),
+                ("w_out", normal(&[6, 6], 37)),
+                ("b_out", normal(&[6], 38)),
+            ]),
+            &[("heads", "2")],
+            &["x", "w_qkv", "b_qkv", "w_out", "b_out"],
+            &["y"],
+        ),
     ]
 }
 

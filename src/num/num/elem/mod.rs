@@ -84,6 +84,10 @@ functions! {
     softplus, softplus_slice = body::Softplus;
     /// Error function.
     erf, erf_slice = body::Erf;
+    /// x·Φ(x), where Φ is the distribution function of the standard normal distribution.
+    gelu, gelu_slice = body::Gelu;
+    /// The derivative of [`gelu`], Φ(x) + x·e^(−x²/2)/√(2π).
+    gelu_slope, gelu_slope_slice = body::GeluSlope;
 }
 
 /// Returns the angle of (x, y) from the x axis, in −π..=π; signed zeros are treated as in IEEE 754: atan2(±0,

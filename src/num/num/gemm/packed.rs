@@ -44,6 +44,11 @@ impl Packed {
         Self { panels, k, n }
     }
 
+    /// Number of rows k.
+    pub fn rows(&self) -> usize {
+        self.k
+    }
+
     /// Returns the sums of the columns, each a left fold from +0.
     pub fn column_sums(&self) -> impl Iterator<Item = f32> {
         let panels = (0..self.n.div_ceil(COLUMNS)).map(|p| {

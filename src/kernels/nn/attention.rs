@@ -1,0 +1,444 @@
+//! `nn.attention`: multi-head self-attention with its projections.
+//!
+//! [Q K V] = x·W_qkvᵀ + b_qkv;   per head   O = softmax(Q·Kᵀ/√d)·V;   y = [O₁ … O_H]·W_outᵀ + b_out        (Vaswani et al. 2017)
+//!
+//! The bias of the keys adds the same number to all logits of a query, so y does not depend on it: it is not read, and its gradient is exactly 0. (Where it
+//! is read, its gradient is rounding noise, which Adam scales up to a full step.) W_qkv stacks the rows of q, k and v; heads split the D columns of each in order, d = D/H of them per head.
+//!
+//! | symbol | argument | shape | range |
+//! |---|---|---|---|
+//! | x | `x` | (T, D), tokens | finite |
+//! | W_qkv, b_qkv | `w_qkv`, `b_qkv` | (3D, D), (3D) | finite |
+//! | W_out, b_out | `w_out`, `b_out` | (D, D), (D) | finite |
+//! | | `attended` | (T), optional | 0 or not: whether a token is attended to |
+//! | H | `heads` | () | divides D |
+//! | y | `y` | (T, D) | |
+//!
+//! # Rounding
+//! The projections round as [`mod@super::linear`]. A logit is one chain over the d columns, then one product with 1/√d. The softmax is online: over
+//! blocks of [`KEYS`] keys, which are part of the definition, in order. Per block, with running maximum m, sum l and output o:
+//!
+//! m' = max(m, logits of the block),   c = e^(m − m'),   p = e^(logit − m')        ([`elem::exp_lanes`], single precision)
+//! l = l·c + Σp over 16 lanes,   o = o·c, then each entry goes on as one chain of p·v over the keys, ascending
+//!
+//! and O = o/l at the end. Memory is linear in T: no matrix of logits is kept. Blocks of queries and threads change no bit.
+//!
+//! # Kinks and domain
+//! m is not differentiated: the softmax does not depend on it. Differences of logits below −87.3 count as −87.3, a weight of 10⁻³⁸. A token that no token
+//! is attended to by gives O = 0 and no gradient: if `attended` is 0 everywhere, y = b_out.
+//!
+//! # Adjoint
+//! With O saved, P = e^(logit − m)/l is computed again, block by block:
+//!
+//! V̄ += Pᵀ·Ō,   S̄ = P∘(Ō·Vᵀ − ⟨Ō, O⟩)/√d,   Q̄ = S̄·K,   K̄ += S̄ᵀ·Q        (⟨,⟩ per query and head, over 16 lanes)
+//!
+//! Q̄ is one chain over the keys, K̄ and V̄ are one over the queries in index order. The projections follow as in [`mod@super::linear`]. Q, K, V, O, m and l are saved.
+//!
+//! Twin: `reference::nn::attention`.
+//!
+//! # Example
+//! ```
+//! # use lastlight_kernels as lastlight;
+//! use lastlight::nn::attention::{In, forward};
+//! // One column: q = 0 attends to both tokens alike, v = x, y = their mean.
+//! let x = In {
+//!     x: &[1.0, 3.0], w_qkv: &[0.0, 1.0, 1.0], b_qkv: &[0.0; 3], w_out: &[1.0], b_out: &[0.0],
+//!     attended: &[], tokens: 2, heads: 1,
+//! };
+//! let mut y = [0.0; 2];
+//! forward(&x, &mut y);
+//! assert_eq!(y, [2.0, 2.0]);
+//! ```
+
+use super::linear;
+use crate::num::gemm::{CHUNK, Finish, Packed, View, gemm_packed_here};
+use crate::num::lanes::{Real, f32x8};
+use crate::num::{elem, order, par, sum};
+use std::ops::Range;
+
+/// Keys per block; part of the definition.
+pub const KEYS: usize = 64;
+/// Queries per task: sixteen register tiles of rows. The number changes no bit.
+const QUERIES: usize = 192;
+
+/// Inputs.
+#[derive(Clone, Copy, Debug)]
+pub struct In<'a> {
+    /// Shape (T, D).
+    pub x: &'a [f32],
+    /// Shape (3D, D).
+    pub w_qkv: &'a [f32],
+    /// Shape (3D).
+    pub b_qkv: &'a [f32],
+    /// Shape (D, D).
+    pub w_out: &'a [f32],
+    /// Shape (D).
+    pub b_out: &'a [f32],
+    /// Shape (T): 0 where a token is not attended to; empty: all are.
+    pub attended: &'a [f32],
+    /// Number of tokens T, at least 1.
+    pub tokens: usize,
+    /// Number of heads H.
+    pub heads: usize,
+}
+
+/// What the adjoint needs.
+#[derive(Clone, Debug, Default)]
+pub struct Saved {
+    /// Shape (T, 3D): Q, K and V.
+    qkv: Vec<f32>,
+    /// Shape (T, D): O of all heads.
+    o: Vec<f32>,
+    /// Per head and query: m and l.
+    rows: Vec<[f32; 2]>,
+}
+
+/// Gradients; the adjoint adds to them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct InBar {
+    /// Shape (T, D).
+    pub x: Vec<f32>,
+    /// Shape (3D, D).
+    pub w_qkv: Vec<f32>,
+    /// Shape (3D).
+    pub b_qkv: Vec<f32>,
+    /// Shape (D, D).
+    pub w_out: Vec<f32>,
+    /// Shape (D).
+    pub b_out: Vec<f32>,
+}
+
+impl InBar {
+    /// Returns zeros in the shapes of the inputs.
+    pub fn zeros_like(x: &In<'_>) -> Self {
+        let zeros = |like: &[f32]| vec![0.0; like.len()];
+        Self {
+            x: zeros(x.x),
+            w_qkv: zeros(x.w_qkv),
+            b_qkv: zeros(x.b_qkv),
+            w_out: zeros(x.w_out),
+            b_out: zeros(x.b_out),
+        }
+    }
+}
+
+/// Sizes of a layer.
+#[derive(Clone, Copy)]
+struct Sizes {
+    tokens: usize,
+    /// D.
+    width: usize,
+    /// d.
+    head: usize,
+    heads: usize,
+}
+
+impl Sizes {
+    /// 1/√d.
+    fn scale(self) -> f32 {
+        (1.0 / (self.head as f64).sqrt()) as f32
+    }
+
+    /// Rows `of` of the part (0: q, 1: k, 2: v) of a head in an array (T, 3D).
+    fn part<'a>(self, qkv: &'a [f32], part: usize, head: usize, of: Range<usize>) -> View<'a> {
+        let first = of.start * 3 * self.width + part * self.width + head * self.head;
+        View::strided(&qkv[first..], (of.len(), self.head), (3 * self.width, 1))
+    }
+
+    /// Rows `of` of a head in an array (T, D).
+    fn own<'a>(self, x: &'a [f32], head: usize, of: Range<usize>) -> View<'a> {
+        View::strided(&x[of.start * self.width + head * self.head..], (of.len(), self.head), (self.width, 1))
+    }
+}
+
+impl<'a> In<'a> {
+    fn sizes(&self) -> Sizes {
+        let (tokens, heads) = (self.tokens, self.heads);
+        assert!(tokens > 0 && self.x.len().is_multiple_of(tokens), "x is (T, D)");
+        let width = self.x.len() / tokens;
+        assert!(heads > 0 && width > 0 && width.is_multiple_of(heads), "heads divide D");
+        assert!(self.attended.is_empty() || self.attended.len() == tokens, "attended is (T)");
+        Sizes { tokens, width, head: width / heads, heads }
+    }
+
+    /// The projection to Q, K and V with the given bias.
+    fn projection<'b>(&self, bias: &'b [f32], width: usize) -> linear::In<'b>
+    where
+        'a: 'b,
+    {
+        linear::In { x: self.x, weight: self.w_qkv, bias, m: self.tokens, n: 3 * width, k: width }
+    }
+
+    /// The bias with 0 for the keys.
+    fn bias(&self, width: usize) -> Vec<f32> {
+        let mut bias = self.b_qkv.to_vec();
+        bias[width..2 * width].fill(0.0);
+        bias
+    }
+
+    fn output<'b>(&self, o: &'b [f32], width: usize) -> linear::In<'b>
+    where
+        'a: 'b,
+    {
+        linear::In { x: o, weight: self.w_out, bias: self.b_out, m: self.tokens, n: width, k: width }
+    }
+
+    /// Indices of the tokens that are attended to.
+    fn keys(&self) -> Vec<usize> {
+        (0..self.tokens).filter(|i| self.attended.get(*i).is_none_or(|a| *a != 0.0)).collect()
+    }
+}
+
+/// Keys and values of one head, by blocks, as right factors.
+struct Head {
+    /// Kᵀ, (d, keys).
+    keys_t: Vec<Packed>,
+    /// V, (keys, d).
+    values: Vec<Packed>,
+}
+
+/// Rows `of` of a part of all tokens, gathered into rows that follow each other.
+fn gathered(s: Sizes, qkv: &[f32], part: usize, head: usize, of: &[usize]) -> Vec<f32> {
+    let row = |i: &usize| i * 3 * s.width + part * s.width + head * s.head;
+    of.iter().flat_map(|i| &qkv[row(i)..][..s.head]).copied().collect()
+}
+
+impl Head {
+    fn new(s: Sizes, qkv: &[f32], head: usize, keys: &[usize]) -> Self {
+        let blocks = |part: usize| gathered(s, qkv, part, head, keys);
+        let (k, v) = (blocks(1), blocks(2));
+        let packed = |x: &[f32], is_transposed: bool| {
+            let view = View::new(x, x.len() / s.head, s.head);
+            Packed::new(if is_transposed { view.t() } else { view })
+        };
+        Self {
+            keys_t: k.chunks(KEYS * s.head).map(|k| packed(k, true)).collect(),
+            values: v.chunks(KEYS * s.head).map(|v| packed(v, false)).collect(),
+        }
+    }
+}
+
+/// Replaces the products q·k of a row by e^(logit − m'), where m' = max(m, logits); returns m' and the sum.
+#[inline(always)]
+fn exponentials(row: &mut [f32], scale: f32, most: f32) -> [f32; 2] {
+    let mut most = most;
+    let (row8, row1) = row.as_chunks_mut::<8>();
+    let mut wide = f32x8::splat(most);
+    for x in row8.iter_mut() {
+        let logit = f32x8::new(*x) * f32x8::splat(scale);
+        wide = wide.max(logit);
+        *x = logit.to_array();
+    }
+    for x in wide.to_array() {
+        most = order::max(most, x);
+    }
+    for x in row1.iter_mut() {
+        *x *= scale;
+        most = order::max(most, *x);
+    }
+    for x in row8.iter_mut() {
+        *x = elem::exp_lanes(f32x8::new(*x) - f32x8::splat(most)).to_array();
+    }
+    for x in row1.iter_mut() {
+        *x = elem::exp_lanes(*x - most);
+    }
+    [most, sum::sum16(row)]
+}
+
+/// O of some queries of a head, and their m and l.
+fn attend(s: Sizes, qkv: &[f32], head: usize, of: Range<usize>, blocks: &Head) -> (Vec<f32>, Vec<[f32; 2]>) {
+    let (n, q) = (of.len(), s.part(qkv, 0, head, of));
+    let mut rows = vec![[f32::NEG_INFINITY, 0.0]; n];
+    let (mut o, mut p) = (vec![0.0; n * s.head], vec![0.0; n * KEYS]);
+    for (keys_t, values) in blocks.keys_t.iter().zip(&blocks.values) {
+        let width = values.rows();
+        let p = &mut p[..n * width];
+        gemm_packed_here(q, keys_t, Finish::Store, p);
+        for ((row, p), o) in rows.iter_mut().zip(p.chunks_exact_mut(width)).zip(o.chunks_exact_mut(s.head)) {
+            let [most, total] = exponentials(p, s.scale(), row[0]);
+            let c = elem::exp_lanes(row[0] - most);
+            *row = [most, row[1] * c + total];
+            o.iter_mut().for_each(|o| *o *= c);
+        }
+        gemm_packed_here(View::new(p, n, width), values, Finish::Resume, &mut o);
+    }
+    for (row, o) in rows.iter().zip(o.chunks_exact_mut(s.head)) {
+        let total = if row[1] > 0.0 { row[1] } else { 1.0 };
+        o.iter_mut().for_each(|o| *o /= total);
+    }
+    (o, rows)
+}
+
+/// Writes y (T, D) and returns what the adjoint needs.
+///
+/// # Panics
+/// Panics if a buffer does not have the size of its shape.
+pub fn forward(x: &In<'_>, y: &mut [f32]) -> Saved {
+    let s = x.sizes();
+    let (t, width) = (s.tokens, s.width);
+    let mut qkv = vec![0.0; t * 3 * width];
+    linear::forward(x.projection(&x.bias(width), width), &mut qkv);
+    let keys = x.keys();
+    let heads = par::map(s.heads, |h| Head::new(s, &qkv, h, &keys));
+    let per_head = t.div_ceil(QUERIES);
+    let parts = par::map(s.heads * per_head, |i| {
+        let (h, first) = (i / per_head, i % per_head * QUERIES);
+        attend(s, &qkv, h, first..t.min(first + QUERIES), &heads[h])
+    });
+    let (mut o, mut rows) = (vec![0.0; t * width], Vec::with_capacity(s.heads * t));
+    for (i, (part, own)) in parts.into_iter().enumerate() {
+        put(s, &mut o, (i / per_head) * s.head, width, i % per_head * QUERIES, &part);
+        rows.extend(own);
+    }
+    linear::forward(x.output(&o, width), y);
+    Saved { qkv, o, rows }
+}
+
+/// Copies rows of d numbers to column `at` of an array with rows of `stride`, from row `first` on.
+fn put(s: Sizes, into: &mut [f32], at: usize, stride: usize, first: usize, rows: &[f32]) {
+    for (r, row) in rows.chunks_exact(s.head).enumerate() {
+        into[(first + r) * stride + at..][..s.head].copy_from_slice(row);
+    }
+}
+
+/// Gradients of one head: of Q (T, d), and of K and V of the tokens that are attended to.
+struct HeadBar {
+    q: Vec<f32>,
+    k: Vec<f32>,
+    v: Vec<f32>,
+}
+
+/// Right factors of one head for the adjoint, by blocks of keys.
+struct Factors {
+    forward: Head,
+    /// K, (keys, d).
+    keys: Vec<Packed>,
+    /// Vᵀ, (d, keys).
+    values_t: Vec<Packed>,
+}
+
+impl Factors {
+    fn new(s: Sizes, qkv: &[f32], head: usize, keys: &[usize]) -> Self {
+        let (k, v) = (gathered(s, qkv, 1, head, keys), gathered(s, qkv, 2, head, keys));
+        let view = |x: &'_ [f32]| x.len() / s.head;
+        Self {
+            forward: Head::new(s, qkv, head, keys),
+            keys: k.chunks(KEYS * s.head).map(|k| Packed::new(View::new(k, view(k), s.head))).collect(),
+            values_t: v
+                .chunks(KEYS * s.head)
+                .map(|v| Packed::new(View::new(v, view(v), s.head).t()))
+                .collect(),
+        }
+    }
+}
+
+/// Adds up chains over parts of k, as [`crate::num::gemm`] does beyond [`CHUNK`].
+fn joined(parts: Vec<Vec<f32>>, len: usize) -> Vec<f32> {
+    if parts.is_empty() { vec![0.0; len] } else { sum::tree_arrays(parts) }
+}
+
+/// The adjoint of one head, on this thread.
+fn head_bar(s: Sizes, saved: &Saved, o_bar: &[f32], head: usize, keys: &[usize]) -> HeadBar {
+    let (t, d) = (s.tokens, s.head);
+    let f = Factors::new(s, &saved.qkv, head, keys);
+    let stats = &saved.rows[head * t..][..t];
+    let (mut q_bar, mut sums) = (Vec::with_capacity(t * d), [Vec::new(), Vec::new()]);
+    let (mut packed_q, mut packed_o) = (Packed::default(), Packed::default());
+    let (mut p, mut p_bar) = (vec![0.0; QUERIES * KEYS], vec![0.0; QUERIES * KEYS]);
+    for chunk in (0..t).step_by(CHUNK) {
+        // Chains over the queries of this chunk.
+        let [mut k_bar, mut v_bar] = [vec![0.0; keys.len() * d], vec![0.0; keys.len() * d]];
+        let end = t.min(chunk + CHUNK);
+        for first in (chunk..end).step_by(QUERIES) {
+            let of = first..end.min(first + QUERIES);
+            let n = of.len();
+            let (q, g) = (s.part(&saved.qkv, 0, head, of.clone()), s.own(o_bar, head, of.clone()));
+            (packed_q, packed_o) = (packed_q.repacked(q), packed_o.repacked(g));
+            let place = |i: usize| i * s.width + head * d;
+            let mean = |i: usize| sum::dot16(&o_bar[place(i)..][..d], &saved.o[place(i)..][..d]);
+            let means: Vec<f32> = of.clone().map(mean).collect();
+            let mut parts: Vec<Vec<f32>> = Vec::new();
+            for b in 0..f.keys.len() {
+                if (b * KEYS).is_multiple_of(CHUNK) {
+                    parts.push(vec![0.0; n * d]);
+                }
+                let width = f.keys[b].rows();
+                let (p, p_bar) = (&mut p[..n * width], &mut p_bar[..n * width]);
+                gemm_packed_here(q, &f.forward.keys_t[b], Finish::Store, p);
+                gemm_packed_here(g, &f.values_t[b], Finish::Store, p_bar);
+                for ((p, p_bar), ([most, total], mean)) in p
+                    .chunks_exact_mut(width)
+                    .zip(p_bar.chunks_exact_mut(width))
+                    .zip(stats[of.clone()].iter().zip(&means))
+                {
+                    weights(p, p_bar, s.scale(), [*most, *total, *mean]);
+                }
+                let own = b * KEYS * d..(b * KEYS + width) * d;
+                let (p, p_bar) = (View::new(p, n, width), View::new(p_bar, n, width));
+                gemm_packed_here(p.t(), &packed_o, Finish::Resume, &mut v_bar[own.clone()]);
+                gemm_packed_here(p_bar.t(), &packed_q, Finish::Resume, &mut k_bar[own]);
+                let part = parts.last_mut().expect("the first block begins a part");
+                gemm_packed_here(p_bar, &f.keys[b], Finish::Resume, part);
+            }
+            q_bar.extend(joined(parts, n * d));
+        }
+        sums[0].push(k_bar);
+        sums[1].push(v_bar);
+    }
+    let [k, v] = sums.map(|parts| joined(parts, keys.len() * d));
+    HeadBar { q: q_bar, k, v }
+}
+
+/// Replaces the products q·k of a row by P, and the cotangents of P by those of the products.
+#[inline(always)]
+fn weights(p: &mut [f32], p_bar: &mut [f32], scale: f32, [most, total, mean]: [f32; 3]) {
+    #[inline(always)]
+    fn one<L: Real>(p: L, bar: L, scale: L, most: L, total: L, mean: L) -> [L; 2] {
+        let p = elem::exp_lanes(p * scale - most) / total;
+        [p, (p * (bar - mean)) * scale]
+    }
+    let wide = [scale, most, total, mean].map(f32x8::splat);
+    let ((p8, p1), (b8, b1)) = (p.as_chunks_mut::<8>(), p_bar.as_chunks_mut::<8>());
+    for (p, bar) in p8.iter_mut().zip(b8) {
+        let made = one(f32x8::new(*p), f32x8::new(*bar), wide[0], wide[1], wide[2], wide[3]);
+        [*p, *bar] = made.map(f32x8::to_array);
+    }
+    for (p, bar) in p1.iter_mut().zip(b1) {
+        [*p, *bar] = one(*p, *bar, scale, most, total, mean);
+    }
+}
+
+/// Adds the gradients for the cotangent `y_bar` (T, D) to `x_bar`.
+///
+/// # Panics
+/// Panics if a buffer does not have the size of its shape.
+pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
+    let s = x.sizes();
+    let (t, width) = (s.tokens, s.width);
+    let take = std::mem::take;
+    let mut out = linear::InBar {
+        x: vec![0.0; t * width],
+        weight: take(&mut x_bar.w_out),
+        bias: take(&mut x_bar.b_out),
+    };
+    linear::adjoint(x.output(&saved.o, width), y_bar, &mut out);
+    (x_bar.w_out, x_bar.b_out) = (out.weight, out.bias);
+    let (o_bar, keys) = (out.x, x.keys());
+    let heads = par::map(s.heads, |h| head_bar(s, saved, &o_bar, h, &keys));
+    let mut qkv_bar = vec![0.0; t * 3 * width];
+    for (h, bar) in heads.into_iter().enumerate() {
+        put(s, &mut qkv_bar, h * s.head, 3 * width, 0, &bar.q);
+        for (part, rows) in [(1, bar.k), (2, bar.v)] {
+            for (i, row) in keys.iter().zip(rows.chunks_exact(s.head)) {
+                put(s, &mut qkv_bar, part * width + h * s.head, 3 * width, *i, row);
+            }
+        }
+    }
+    let bias = x.bias(width);
+    let mut own =
+        linear::InBar { x: take(&mut x_bar.x), weight: take(&mut x_bar.w_qkv), bias: vec![0.0; 3 * width] };
+    linear::adjoint(x.projection(&bias, width), &qkv_bar, &mut own);
+    own.bias[width..2 * width].fill(0.0);
+    x_bar.b_qkv.iter_mut().zip(&own.bias).for_each(|(bar, own)| *bar += own);
+    (x_bar.x, x_bar.w_qkv) = (own.x, own.weight);
+}

@@ -1,0 +1,157 @@
+//! Layers of transformers where they fail elsewhere: constant rows, large logits, tokens that nothing attends to, chains beyond one chunk.
+
+use lastlight::nn::attention::{self, In, InBar};
+use lastlight::nn::{gelu, layernorm};
+use lastlight::num::par;
+use lastlight::num::rng::Rng;
+
+fn normals(n: usize, purpose: u16) -> Vec<f32> {
+    (0..n).map(|i| Rng::new(11).normal_f32(i as u64, 0, purpose, 0)).collect()
+}
+
+#[test]
+fn rows_that_are_constant_or_far_from_0_are_normalised() {
+    let (gain, bias) = ([2.0, 3.0, 4.0, 5.0], [0.5, -0.5, 0.25, 1.0]);
+    let rows = [7.25, 7.25, 7.25, 7.25, 1e4 - 1e-3, 1e4, 1e4 + 1e-3, 1e4];
+    let x = layernorm::In { x: &rows, gain: &gain, bias: &bias, eps: 1e-6 };
+    let mut y = [0.0; 8];
+    let saved = layernorm::forward(&x, &mut y);
+    assert_eq!(y[..4], bias, "a constant row is the bias");
+    // In one pass, mean x² − μ² of the second row has no correct digit: x² is 10⁸, the variance below 10⁻⁶.
+    let row: Vec<f64> = rows[4..].iter().map(|x| f64::from(*x)).collect();
+    let mean = row.iter().fold(0.0, |s, x| s + x) / 4.0;
+    let variance = row.iter().fold(0.0, |s, x| s + (x - mean) * (x - mean)) / 4.0;
+    for j in 0..4 {
+        let n = (row[j] - mean) / (variance + 1e-6).sqrt();
+        let expected = n * f64::from(gain[j]) + f64::from(bias[j]);
+        assert!((f64::from(y[4 + j]) - expected).abs() < 1e-6, "{j}: {} and {expected}", y[4 + j]);
+    }
+    let mut bar = layernorm::InBar::zeros_like(&x);
+    layernorm::adjoint(&x, &saved, &[1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], &mut bar);
+    // 1/√ε · (g − mean g): 1 000·(2 − ½)
+    assert!((bar.x[0] - 1500.0).abs() < 1e-3 && (bar.x[1] + 500.0).abs() < 1e-3, "{:?}", bar.x);
+}
+
+#[test]
+fn gelu_keeps_the_digits_of_its_left_tail() {
+    let mut y = [0.0; 4];
+    gelu::forward(&[-6.0, -10.0, -13.0, -20.0], &mut y);
+    // x·Φ(x); ½(1 + erf) gives 0 for the first in single precision, and for the second in double.
+    for (y, expected) in y.into_iter().zip([-5.919_526e-9, -7.619_853e-23, -7.952_314e-38]) {
+        assert!((y / expected - 1.0_f32).abs() < 1e-4, "{y} and {expected}");
+    }
+    assert_eq!(y[3].to_bits(), (-0.0_f32).to_bits(), "underflow");
+}
+
+/// A layer whose queries, keys and values are the tokens themselves, for one head.
+struct Plain {
+    x: Vec<f32>,
+    w_qkv: Vec<f32>,
+    w_out: Vec<f32>,
+    zeros: Vec<f32>,
+    tokens: usize,
+}
+
+impl Plain {
+    fn new(x: Vec<f32>, width: usize) -> Self {
+        let one = |i: usize| f32::from(u8::from(i / width % width == i % width));
+        Self {
+            tokens: x.len() / width,
+            x,
+            w_qkv: (0..3 * width * width).map(one).collect(),
+            w_out: (0..width * width).map(one).collect(),
+            zeros: vec![0.0; 3 * width],
+        }
+    }
+
+    fn input<'a>(&'a self, attended: &'a [f32]) -> In<'a> {
+        let width = self.zeros.len() / 3;
+        In {
+            x: &self.x,
+            w_qkv: &self.w_qkv,
+            b_qkv: &self.zeros,
+            w_out: &self.w_out,
+            b_out: &self.zeros[..width],
+            attended,
+            tokens: self.tokens,
+            heads: 1,
+        }
+    }
+}
+
+#[test]
+fn large_logits_choose_a_token_and_equal_ones_give_the_mean() {
+    // q·k = x·x: logits of ±10⁴ and 0.
+    let plain = Plain::new(vec![100.0, -100.0, 0.0], 1);
+    let mut y = [0.0; 3];
+    let input = plain.input(&[]);
+    let saved = attention::forward(&input, &mut y);
+    assert_eq!(y, [100.0, -100.0, 0.0], "each its own; the last the mean");
+    let mut bar = InBar::zeros_like(&input);
+    attention::adjoint(&input, &saved, &[1.0; 3], &mut bar);
+    assert!(bar.x.iter().chain(&bar.w_qkv).all(|g| g.is_finite()), "{bar:?}");
+}
+
+#[test]
+fn nothing_to_attend_to_gives_the_bias_and_no_gradient() {
+    let mut plain = Plain::new(normals(10, 1), 2);
+    plain.zeros[..2].copy_from_slice(&[0.5, -2.0]);
+    let none = [0.0; 5];
+    let input = In { b_qkv: &[0.0; 6], ..plain.input(&none) };
+    let mut y = [0.0; 10];
+    let saved = attention::forward(&input, &mut y);
+    assert!(y.chunks_exact(2).all(|row| row == [0.5, -2.0]), "{y:?}");
+    let mut bar = InBar::zeros_like(&input);
+    attention::adjoint(&input, &saved, &[1.0; 10], &mut bar);
+    assert!(bar.x.iter().chain(&bar.w_qkv).chain(&bar.b_qkv).chain(&bar.w_out).all(|g| *g == 0.0), "{bar:?}");
+    assert_eq!(bar.b_out, [5.0, 5.0]);
+
+    // One token that is not attended to does not affect the others, whatever it is.
+    let mut without = [1.0; 5];
+    without[3] = 0.0;
+    let mut first = [0.0; 10];
+    attention::forward(&plain.input(&without), &mut first);
+    plain.x[6..8].copy_from_slice(&[40.0, -3.0]);
+    let mut second = [0.0; 10];
+    attention::forward(&plain.input(&without), &mut second);
+    assert_eq!(first[..6], second[..6]);
+    assert_eq!(first[8..], second[8..]);
+}
+
+#[test]
+fn chains_of_more_than_one_chunk_agree_with_f64_for_any_number_of_threads() {
+    const T: usize = 4_500;
+    let plain = Plain::new(normals(T, 2), 1);
+    let input = plain.input(&[]);
+    let y_bar = normals(T, 3);
+    let run = || {
+        let mut y = vec![0.0; T];
+        let saved = attention::forward(&input, &mut y);
+        let mut bar = InBar::zeros_like(&input);
+        attention::adjoint(&input, &saved, &y_bar, &mut bar);
+        (y, bar)
+    };
+    let [one, three] = [1, 3].map(|threads| par::with_threads(threads, run).expect("threads"));
+    assert!(one == three, "the same bits");
+    // y(i) = Σ p x; the gradient of W_v is Σᵢ ȳ(i) y(i), that of W_q and W_k Σᵢ ȳ(i)·x(i)·(Σ p x² − y²).
+    let (y, bar) = one;
+    let [mut off, mut norm, mut of_value, mut of_query] = [0.0_f64; 4];
+    for i in 0..T {
+        let q = f64::from(plain.x[i]);
+        let sums = plain.x.iter().fold([0.0; 3], |s, x| {
+            let x = f64::from(*x);
+            let p = libm::exp(q * x);
+            [s[0] + p, s[1] + p * x, s[2] + p * x * x]
+        });
+        let (mean, square, g) = (sums[1] / sums[0], sums[2] / sums[0], f64::from(y_bar[i]));
+        off += (f64::from(y[i]) - mean) * (f64::from(y[i]) - mean);
+        norm += mean * mean;
+        of_value += g * mean;
+        of_query += g * q * (square - mean * mean);
+    }
+    assert!((off / norm).sqrt() < 5e-6, "y: {:.1e}", (off / norm).sqrt());
+    for (name, at, expected) in [("q", 0, of_query), ("k", 1, of_query), ("v", 2, of_value)] {
+        let found = f64::from(bar.w_qkv[at]);
+        assert!((found / expected - 1.0).abs() < 1e-4, "{name}: {found} and {expected}");
+    }
+}
