@@ -51,13 +51,13 @@ pub(super) struct FormArgs {
     least_part: f64,
     /// Where normals of vertices come from
     #[arg(long, value_name = "NAME", default_value = "head", value_parser = choices(NORMALS))]
-    normals: String,
+    vertex_normals: String,
     /// What the maps hold
     #[arg(long, value_name = "NAME", default_value = "albedo", value_parser = choices(BASES))]
     base: String,
 }
 
-/// Values of `--normals`.
+/// Values of `--vertex-normals`.
 const NORMALS: &Choices =
     &[("head", "the normal head, where the field has one"), ("surface", "the triangles")];
 
@@ -78,7 +78,7 @@ impl FormArgs {
             texture: self.texture,
             smoothing: self.smoothing,
             least_part: self.least_part,
-            normals: Normals::parse(&self.normals)?,
+            normals: Normals::parse(&self.vertex_normals)?,
             base: Base::parse(&self.base)?,
         };
         settings.validate()?;

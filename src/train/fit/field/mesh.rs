@@ -99,7 +99,7 @@ impl Normals {
     /// Lists the names if there is none.
     pub fn parse(name: &str) -> Result<Self> {
         let known = [Self::Head, Self::Surface].into_iter().find(|normals| normals.name() == name);
-        known.ok_or_else(|| Error::input("--normals").expected("head or surface").got(name))
+        known.ok_or_else(|| Error::input("--vertex-normals").expected("head or surface").got(name))
     }
 }
 
