@@ -24,8 +24,8 @@
 //! and O = o/l at the end. Memory is linear in T: no matrix of logits is kept. Blocks of queries and threads change no bit.
 //!
 //! # Kinks and domain
-//! m is not differentiated: the softmax does not depend on it. Differences of logits below −87.3 count as −87.3, a weight of 10⁻³⁸. A token that no token
-//! is attended to by gives O = 0 and no gradient: if `attended` is 0 everywhere, y = b_out.
+//! m is not differentiated: the softmax does not depend on it. Differences of logits below −87.3 count as −87.3, a weight of 10⁻³⁸. If `attended` is 0
+//! everywhere, O = 0 and y = b_out, and b_out alone has a gradient.
 //!
 //! # Adjoint
 //! With O saved, P = e^(logit − m)/l is computed again, block by block:

@@ -12,7 +12,7 @@
 //! e^(−x²/2) times a polynomial.
 //!
 //! # Kinks and domain
-//! Smooth. The result underflows to −0 below −13.2.
+//! Smooth. The result is −0 below −14.5.
 //!
 //! # Adjoint
 //! x̄ += ȳ·(Φ(x) + x·φ(x)),   φ(x) = e^(−x²/2)/√(2π); the factor is [`elem::gelu_slope`], rounded once, then the product is
