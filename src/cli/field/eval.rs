@@ -105,11 +105,11 @@ pub(super) fn run(args: &Args) -> Result<()> {
             .expected("at least one image")
             .got("none"));
     }
-    let lights = match args.relight {
-        true => {
-            Some(scoring::lights(&pictures, &which, args.map.environment(args.env.as_deref(), args.seed)?)?)
-        }
-        false => None,
+    let lights = if args.relight {
+        let given = args.map.environment(args.env.as_deref(), args.seed)?;
+        Some(scoring::lights(&pictures, &which, given, &args.capture)?)
+    } else {
+        None
     };
     let dir = args.out.as_deref().map(|d| claim::folder(d, false, args.force)).transpose()?;
     meter.lap("reading");

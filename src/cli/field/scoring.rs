@@ -16,6 +16,7 @@ use crate::scene::light::Environment;
 use crate::scene::model;
 use crate::shade::render::Settings;
 use crate::{Error, Result};
+use lastlight_lirm::truth::ENVIRONMENT;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -152,6 +153,7 @@ pub(super) fn lights(
     pictures: &Pictures,
     which: &[(usize, &Target)],
     given: Option<Environment>,
+    capture: &Path,
 ) -> Result<Lighting> {
     if let Some(map) = given {
         return Ok(Lighting { maps: vec![map], of: vec![0; which.len()] });
@@ -161,10 +163,17 @@ pub(super) fn lights(
     for (at, _) in which {
         let picture = &pictures.pictures[*at];
         let path = picture.environment.as_ref().ok_or_else(|| {
-            Error::input(picture.name.clone())
+            let e = Error::input(picture.name.clone())
                 .at("light")
                 .expected("--env, or a map that the capture names for every image (environment_path)")
-                .got("neither")
+                .got("neither");
+            // `lirm gen` writes an object's map beside its captures, where a capture may not point.
+            let folder = if capture.is_dir() { capture } else { capture.parent().unwrap_or(capture) };
+            let beside = match folder.file_name() {
+                Some(_) => folder.with_file_name(ENVIRONMENT),
+                None => folder.join("..").join(ENVIRONMENT),
+            };
+            if beside.is_file() { e.hint(format!("--env {}", beside.display())) } else { e }
         })?;
         let known = paths.iter().position(|p| p == path);
         of.push(known.unwrap_or(paths.len()));
