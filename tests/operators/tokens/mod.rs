@@ -1,0 +1,3 @@
+//! From images to tokens and back.
+
+mod rays;
