@@ -13,5 +13,6 @@ pub mod linear;
 pub mod mlp;
 pub mod softmax;
 pub mod softplus;
+pub mod tokens;
 pub mod weight_norm;
 pub mod window;

@@ -13,6 +13,7 @@
 //! rows x ──── layernorm ──────► rows y        mean 0, variance 1, gain and bias
 //! values x ── gelu ───────────► values y      elementwise
 //! directions, lengths ── weight_norm ► matrix
+//! images, rays, photos ─ tokens ► tokens    one token per square of pixels, over conv and layernorm
 //! ```
 //!
 //! A layer is a pair of functions over slices: `forward` writes the outputs, and `adjoint` adds to the
@@ -28,5 +29,6 @@ pub mod linear;
 pub mod mlp;
 pub mod softmax;
 pub mod softplus;
+pub mod tokens;
 pub mod weight_norm;
 pub mod window;

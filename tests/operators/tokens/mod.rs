@@ -1,3 +1,220 @@
-//! From images to tokens and back.
+//! From images to tokens and back: closed forms, transposes, first values, batches, refused sizes.
 
 mod rays;
+
+use crate::chains::{assert_same_bits, values};
+use lastlight::nn::{layernorm, linear, tokens};
+use lastlight::num::array::entries;
+use lastlight::num::par;
+use lastlight::ops::{self, Call, Case};
+
+/// Arrays of `nn.tokens`.
+struct Pixels {
+    image: Vec<f32>,
+    rays: Vec<f32>,
+    photo: Vec<f32>,
+    weights: [Vec<f32>; 3],
+    rows: [Vec<f32>; 3],
+    shape: tokens::Shape,
+}
+
+impl Pixels {
+    fn new(shape: tokens::Shape, d: usize) -> Self {
+        let pixels = shape.views * shape.height * shape.width;
+        let taps = d * shape.patch * shape.patch;
+        Self {
+            image: values(3 * pixels, 1),
+            rays: values(6 * pixels, 2),
+            photo: values(3 * pixels, 3),
+            weights: [values(3 * taps, 4), values(6 * taps, 5), values(3 * taps, 6)],
+            rows: [values(d, 7), values(d, 8), values(d, 9)],
+            shape,
+        }
+    }
+
+    fn input(&self) -> tokens::In<'_> {
+        let ([w_image, w_rays, w_photo], [bias, norm_gain, norm_bias]) = (&self.weights, &self.rows);
+        tokens::In {
+            image: &self.image,
+            rays: &self.rays,
+            photo: &self.photo,
+            w_image,
+            w_rays,
+            w_photo,
+            bias,
+            norm_gain,
+            norm_bias,
+            eps: 1e-6,
+            shape: self.shape,
+        }
+    }
+}
+
+/// Tokens, and the gradients for a cotangent.
+fn both(x: &tokens::In<'_>, y_bar: &[f32]) -> (Vec<f32>, tokens::InBar) {
+    let mut y = vec![0.0; y_bar.len()];
+    let saved = tokens::forward(x, &mut y);
+    let mut bar = tokens::InBar::zeros_like(x);
+    tokens::adjoint(x, &saved, y_bar, &mut bar);
+    (y, bar)
+}
+
+const ONE: tokens::Shape = tokens::Shape { views: 1, height: 16, width: 24, patch: 8 };
+
+#[test]
+fn tokens_are_one_linear_layer_over_rows_of_pixels() {
+    let (d, k) = (21, 12 * 64);
+    let pixels = Pixels::new(ONE, d);
+    let x = pixels.input();
+    // The row of a token, and of a weight: all numbers of the image's square, then of the rays', then of the photo's.
+    let arrays = [(x.image, 3), (x.rays, 6), (x.photo, 3)];
+    let mut rows = Vec::new();
+    for token in 0..6 {
+        for (array, channels) in arrays {
+            for at in 0..64 {
+                let pixel = (token / 3 * 8 + at / 8) * 24 + token % 3 * 8 + at % 8;
+                rows.extend_from_slice(&array[pixel * channels..][..channels]);
+            }
+        }
+    }
+    let mut weight = Vec::new();
+    for o in 0..d {
+        for (part, w) in pixels.weights.iter().enumerate() {
+            weight.extend_from_slice(&w[o * 64 * arrays[part].1..][..64 * arrays[part].1]);
+        }
+    }
+    let layer = linear::In { x: &rows, weight: &weight, bias: x.bias, m: 6, n: d, k };
+    let mut z = vec![0.0; 6 * d];
+    linear::forward(layer, &mut z);
+    let norm = layernorm::In { x: &z, gain: x.norm_gain, bias: x.norm_bias, eps: 1e-6 };
+    let mut expected = vec![0.0; 6 * d];
+    let saved = layernorm::forward(&norm, &mut expected);
+
+    let y_bar = values(6 * d, 10);
+    let (y, bar) = both(&x, &y_bar);
+    assert_same_bits(&y, &expected, "tokens");
+    let mut norm_bar = layernorm::InBar::zeros_like(&norm);
+    layernorm::adjoint(&norm, &saved, &y_bar, &mut norm_bar);
+    let mut layer_bar = linear::InBar::zeros_like(&layer);
+    linear::adjoint(layer, &norm_bar.x, &mut layer_bar);
+    assert_same_bits(&bar.norm_gain, &norm_bar.gain, "gain");
+    assert_same_bits(&bar.norm_bias, &norm_bar.bias, "bias of the norm");
+    assert_same_bits(&bar.bias, &layer_bar.bias, "bias");
+    let of_weights: Vec<f32> = (0..d)
+        .flat_map(|o| {
+            [(&bar.w_image, 192), (&bar.w_rays, 384), (&bar.w_photo, 192)]
+                .into_iter()
+                .flat_map(move |(w, taps)| w[o * taps..(o + 1) * taps].to_vec())
+        })
+        .collect();
+    assert_same_bits(&of_weights, &layer_bar.weight, "weights");
+    let of_rays: Vec<f32> = (0..6).flat_map(|t| layer_bar.x[t * k + 192..t * k + 576].to_vec()).collect();
+    for (at, expected) in of_rays.iter().enumerate() {
+        let (token, tap) = (at / 384, at % 384);
+        let pixel = (token / 3 * 8 + tap / 48) * 24 + token % 3 * 8 + tap / 6 % 8;
+        assert_eq!(bar.rays[pixel * 6 + tap % 6].to_bits(), expected.to_bits(), "rays, {at}");
+    }
+}
+
+#[test]
+fn patches_of_a_constant_image_are_alike_and_places_are_independent() {
+    let mut pixels = Pixels::new(ONE, 5);
+    let first = values(12, 20);
+    for (array, at, channels) in
+        [(&mut pixels.image, 0, 3), (&mut pixels.rays, 3, 6), (&mut pixels.photo, 9, 3)]
+    {
+        array.chunks_exact_mut(channels).for_each(|pixel| pixel.copy_from_slice(&first[at..][..channels]));
+    }
+    let y_bar = values(30, 21);
+    let (alike, _) = both(&pixels.input(), &y_bar);
+    assert!(alike.chunks_exact(5).all(|token| token == &alike[..5]), "{alike:?}");
+    // One pixel in the fifth square: row 9, column 10.
+    pixels.rays[(9 * 24 + 10) * 6 + 5] += 1.0;
+    let (other, _) = both(&pixels.input(), &y_bar);
+    let changed: Vec<bool> = other.chunks_exact(5).map(|token| token != &alike[..5]).collect();
+    assert_eq!(changed, [false, false, false, false, true, false]);
+}
+
+#[test]
+fn photo_weights_of_0_change_nothing_until_they_learn() {
+    let mut pixels = Pixels::new(ONE, 7);
+    pixels.weights[2].fill(0.0);
+    let (with, y_bar) = (pixels.input(), values(42, 30));
+    let without = tokens::In { photo: &[], w_photo: &[], ..with };
+    let [(y, bar), (same_y, same_bar)] = [both(&with, &y_bar), both(&without, &y_bar)];
+    assert_same_bits(&y, &same_y, "tokens");
+    assert_same_bits(&bar.w_image, &same_bar.w_image, "weights of the image");
+    assert_same_bits(&bar.rays, &same_bar.rays, "rays");
+    assert!(same_bar.photo.is_empty() && same_bar.w_photo.is_empty(), "no photo, no gradient");
+    assert!(bar.photo.iter().all(|g| *g == 0.0), "nothing depends on the photo");
+    assert!(bar.w_photo.iter().all(|g| *g != 0.0), "its weights have a gradient");
+}
+
+#[test]
+fn a_batch_of_views_is_its_views_one_after_another() {
+    let shape = tokens::Shape { views: 3, height: 32, width: 40, patch: 2 };
+    let (d, of_view) = (19, 320 * 19);
+    let pixels = Pixels::new(shape, d);
+    let x = pixels.input();
+    let y_bar = values(3 * of_view, 40);
+    let at_once = || both(&x, &y_bar);
+    let [(y, bar), threads] = [1, 3].map(|n| par::with_threads(n, at_once).expect("threads"));
+    assert!((&y, &bar) == (&threads.0, &threads.1), "the same bits for any number of threads");
+
+    let mut parts = tokens::InBar::zeros_like(&x);
+    let mut of_pixels = [Vec::new(), Vec::new(), Vec::new()];
+    for view in 0..3 {
+        let pick = |array, channels| -> &[f32] {
+            let array: &[f32] = array;
+            &array[view * 1280 * channels..(view + 1) * 1280 * channels]
+        };
+        let one = tokens::In {
+            image: pick(x.image, 3),
+            rays: pick(x.rays, 6),
+            photo: pick(x.photo, 3),
+            shape: tokens::Shape { views: 1, ..shape },
+            ..x
+        };
+        let mut own = vec![0.0; of_view];
+        let saved = tokens::forward(&one, &mut own);
+        assert_same_bits(&own, &y[view * of_view..][..of_view], "tokens");
+        (parts.image, parts.rays) = (vec![0.0; 3840], vec![0.0; 7680]);
+        parts.photo = vec![0.0; 3840];
+        tokens::adjoint(&one, &saved, &y_bar[view * of_view..][..of_view], &mut parts);
+        of_pixels[0].append(&mut parts.image);
+        of_pixels[1].append(&mut parts.rays);
+        of_pixels[2].append(&mut parts.photo);
+    }
+    [parts.image, parts.rays, parts.photo] = of_pixels;
+    assert!(parts == bar, "the same bits");
+}
+
+/// A case of an operator with one array replaced or removed; returns the message.
+fn refused(op: &str, case: usize, name: &str, shape: Option<&[usize]>) -> String {
+    let op = ops::find(op).expect("on the list");
+    let Case { mut inputs, settings } = (op.case)(case);
+    match shape {
+        Some(shape) => inputs.put(name, shape, vec![0.5_f32; entries(shape)]),
+        None => drop(inputs.0.remove(name)),
+    }
+    let call = Call { inputs, settings, ..Call::default() };
+    ops::run(op, &call).expect_err("refused").to_string()
+}
+
+#[test]
+fn wrong_sizes_are_refused() {
+    let tokens_with = |name: &str, shape: Option<&[usize]>| refused("nn.tokens", 1, name, shape);
+    let message = tokens_with("image", Some(&[2, 5, 9, 3]));
+    assert!(message.contains("array 'rays'") && message.contains("H = 5"), "{message}");
+    for (missing, there) in [("photo", "w_photo"), ("w_photo", "photo")] {
+        let message = tokens_with(missing, None);
+        assert!(message.contains(&format!("array '{there}'")), "{message}");
+    }
+    let op = ops::find("nn.tokens").expect("on the list");
+    let Case { mut inputs, settings } = (op.case)(0);
+    for (name, channels) in [("image", 3), ("rays", 6)] {
+        inputs.put(name, &[1, 5, 6, channels], vec![0.5_f32; 30 * channels]);
+    }
+    let error = ops::run(op, &Call { inputs, settings, ..Call::default() }).expect_err("refused").to_string();
+    assert!(error.contains("multiples of the patch") && error.contains("5x6 pixels, patch 2"), "{error}");
+}

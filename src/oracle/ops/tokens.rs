@@ -1,0 +1,126 @@
+//! From images to tokens and back.
+
+use super::call::RunResult;
+use super::case::Draw;
+use super::op::{Case, CheckedCall, Op};
+use crate::nn::tokens;
+use crate::num::array::entries;
+use crate::{Error, Result};
+use reference::settings::Setting;
+
+/// `nn.tokens`
+pub(super) static TOKENS: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: check_tokens,
+    cases: 3,
+    ..Op::new(&reference::nn::tokens::SIGNATURE, run_tokens, case_tokens)
+};
+
+fn shape(x: &CheckedCall<'_>) -> tokens::Shape {
+    tokens::Shape { views: x.dim("B"), height: x.dim("H"), width: x.dim("W"), patch: x.dim("P") }
+}
+
+fn check_tokens(x: &CheckedCall<'_>) -> Result<()> {
+    let shape = shape(x);
+    if shape.grid().is_none() {
+        return Err(Error::input("array 'image'")
+            .expected(format!(
+                "sides that are multiples of the patch, which is 1 to {} pixels wide",
+                tokens::MAX_PATCH
+            ))
+            .got(format!("{}x{} pixels, patch {}", shape.height, shape.width, shape.patch)));
+    }
+    if x.has("photo") != x.has("w_photo") {
+        let [there, missing] = if x.has("photo") { ["photo", "w_photo"] } else { ["w_photo", "photo"] };
+        return Err(Error::input(format!("array '{there}'"))
+            .expected(format!("array '{missing}' with it"))
+            .got("none"));
+    }
+    if x.dim("D") == 0 {
+        return Err(Error::input("array 'bias'").expected("at least one column").got("none"));
+    }
+    x.single("eps", 1e-6, |eps| eps > 0.0, "above 0").map(drop)
+}
+
+/// Inputs in the order of the ports.
+const TOKENS_IN: [&str; 9] =
+    ["image", "rays", "photo", "w_image", "w_rays", "w_photo", "bias", "norm_gain", "norm_bias"];
+
+fn run_tokens(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let arrays = TOKENS_IN.map(|name| x.f32s(name));
+    let [image, rays, photo, w_image, w_rays, w_photo, bias, norm_gain, norm_bias] = &arrays;
+    let shape = shape(x);
+    let input = tokens::In {
+        image,
+        rays,
+        photo,
+        w_image,
+        w_rays,
+        w_photo,
+        bias,
+        norm_gain,
+        norm_bias,
+        eps: x.number("eps").unwrap_or(1e-6),
+        shape,
+    };
+    let [rows, columns] = shape.grid().expect("checked before");
+    let size = [shape.views, rows, columns, bias.len()];
+    let mut y = vec![0.0; entries(&size)];
+    let saved = tokens::forward(&input, &mut y);
+    let mut ran = RunResult::default();
+    ran.outputs.put("tokens", &size, y);
+    if let Some(y_bar) = x.bar("tokens", &size)? {
+        let start = |i: usize| x.start(TOKENS_IN[i], arrays[i].len());
+        let mut bar = tokens::InBar {
+            image: start(0),
+            rays: start(1),
+            photo: start(2),
+            w_image: start(3),
+            w_rays: start(4),
+            w_photo: start(5),
+            bias: start(6),
+            norm_gain: start(7),
+            norm_bias: start(8),
+        };
+        tokens::adjoint(&input, &saved, &y_bar, &mut bar);
+        let bars = [
+            bar.image,
+            bar.rays,
+            bar.photo,
+            bar.w_image,
+            bar.w_rays,
+            bar.w_photo,
+            bar.bias,
+            bar.norm_gain,
+            bar.norm_bias,
+        ];
+        for (name, values) in TOKENS_IN.into_iter().zip(bars).filter(|(name, _)| x.has(name)) {
+            ran.gradients.put(name, &x.shape(name), values);
+        }
+    }
+    Ok(ran)
+}
+
+/// Case 0: one view without a photo; case 1: two views with photos and a large ε; case 2: squares of 8 pixels, more columns
+/// than one panel of a product has, and an even width.
+fn case_tokens(case: usize) -> Case {
+    let [views, height, width, patch, d] = [[1, 4, 6, 2, 5], [2, 6, 9, 3, 4], [3, 8, 16, 8, 18]][case];
+    let draw = |array, shape: &[usize]| Draw::new(36, case, array).normals(entries(shape));
+    let mut made = Case::default();
+    for (i, name) in TOKENS_IN.into_iter().enumerate() {
+        let channels = if name.ends_with("rays") { 6 } else { 3 };
+        let shape: &[usize] = match i {
+            0..3 => &[views, height, width, channels],
+            3..6 => &[d, patch, patch, channels],
+            _ => &[d],
+        };
+        if case > 0 || !name.ends_with("photo") {
+            made.inputs.put(name, shape, draw(i as u16, shape));
+        }
+    }
+    if case == 1 {
+        made.settings.insert("eps".to_owned(), Setting::Number(0.25));
+    }
+    made
+}
