@@ -73,6 +73,7 @@ pub static LIST: &[&Op] = &[
     &networks::DECODER,
     &networks::WINDOW,
     &tokens::TOKENS,
+    &tokens::FUSE,
     &transformer::GELU,
     &transformer::LAYERNORM,
     &transformer::WEIGHT_NORM,

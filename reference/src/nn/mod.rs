@@ -7,6 +7,7 @@ pub mod act;
 pub mod attention;
 pub mod conv;
 pub mod decoder;
+pub mod fuse;
 pub mod gelu;
 pub mod layernorm;
 pub mod linear;

@@ -14,6 +14,7 @@
 //! values x ── gelu ───────────► values y      elementwise
 //! directions, lengths ── weight_norm ► matrix
 //! images, rays, photos ─ tokens ► tokens    one token per square of pixels, over conv and layernorm
+//! last and learned tokens ─── fuse ► tokens    two linear layers with GELU between them
 //! ```
 //!
 //! A layer is a pair of functions over slices: `forward` writes the outputs, and `adjoint` adds to the
@@ -23,6 +24,7 @@ pub mod act;
 pub mod attention;
 pub mod conv;
 pub mod decoder;
+pub mod fuse;
 pub mod gelu;
 pub mod layernorm;
 pub mod linear;

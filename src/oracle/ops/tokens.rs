@@ -3,7 +3,7 @@
 use super::call::RunResult;
 use super::case::Draw;
 use super::op::{Case, CheckedCall, Op};
-use crate::nn::tokens;
+use crate::nn::{fuse, tokens};
 use crate::num::array::entries;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -121,6 +121,75 @@ fn case_tokens(case: usize) -> Case {
     }
     if case == 1 {
         made.settings.insert("eps".to_owned(), Setting::Number(0.25));
+    }
+    made
+}
+
+/// `nn.fuse`
+pub(super) static FUSE: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: check_fuse,
+    ..Op::new(&reference::nn::fuse::SIGNATURE, run_fuse, case_fuse)
+};
+
+fn check_fuse(x: &CheckedCall<'_>) -> Result<()> {
+    let (columns, d) = (x.dim("D2"), x.dim("D"));
+    if d == 0 || x.dim("H") == 0 {
+        return Err(Error::input("array 'w2'").expected("a row and a column").got("none"));
+    }
+    if columns != 2 * d {
+        return Err(Error::input("array 'w1'")
+            .expected(format!("{} columns", 2 * d))
+            .got(columns.to_string()));
+    }
+    Ok(())
+}
+
+/// Inputs in the order of the ports.
+const FUSE_IN: [&str; 6] = ["state", "position", "w1", "b1", "w2", "b2"];
+
+fn run_fuse(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let arrays = FUSE_IN.map(|name| x.f32s(name));
+    let [state, position, w1, b1, w2, b2] = &arrays;
+    let rule = match x.word("fuse") {
+        Some("residual") => fuse::Rule::Residual,
+        _ => fuse::Rule::Published,
+    };
+    let input = fuse::In { state, position, w1, b1, w2, b2, rule };
+    let (size, mut y) = (x.shape("position"), vec![0.0; position.len()]);
+    let saved = fuse::forward(&input, &mut y);
+    let mut ran = RunResult::default();
+    ran.outputs.put("tokens", &size, y);
+    if let Some(y_bar) = x.bar("tokens", &size)? {
+        let start = |i: usize| x.start(FUSE_IN[i], arrays[i].len());
+        let mut bar = fuse::InBar {
+            state: start(0),
+            position: start(1),
+            w1: start(2),
+            b1: start(3),
+            w2: start(4),
+            b2: start(5),
+        };
+        fuse::adjoint(&input, &saved, &y_bar, &mut bar);
+        let bars = [bar.state, bar.position, bar.w1, bar.b1, bar.w2, bar.b2];
+        for (name, values) in FUSE_IN.into_iter().zip(bars) {
+            ran.gradients.put(name, &x.shape(name), values);
+        }
+    }
+    Ok(ran)
+}
+
+/// Case 0: as published; case 1: residual, more rows than one task has, a hidden layer of another width.
+fn case_fuse(case: usize) -> Case {
+    let [t, d, hidden] = [[5, 3, 4], [41, 6, 19]][case];
+    let shapes: [&[usize]; 6] = [&[t, d], &[t, d], &[hidden, 2 * d], &[hidden], &[d, hidden], &[d]];
+    let mut made = Case::default();
+    for (i, (name, shape)) in FUSE_IN.into_iter().zip(shapes).enumerate() {
+        made.inputs.put(name, shape, Draw::new(37, case, i as u16).normals(entries(shape)));
+    }
+    if case == 1 {
+        made.settings.insert("fuse".to_owned(), Setting::Text("residual".to_owned()));
     }
     made
 }

@@ -3,7 +3,7 @@
 mod rays;
 
 use crate::chains::{assert_same_bits, values};
-use lastlight::nn::{layernorm, linear, tokens};
+use lastlight::nn::{fuse, gelu, layernorm, linear, tokens};
 use lastlight::num::array::entries;
 use lastlight::num::par;
 use lastlight::ops::{self, Call, Case};
@@ -189,6 +189,77 @@ fn a_batch_of_views_is_its_views_one_after_another() {
     assert!(parts == bar, "the same bits");
 }
 
+/// Arrays of `nn.fuse` for 33 tokens of 6 numbers and 11 hidden ones.
+fn fuse_arrays() -> [Vec<f32>; 6] {
+    [33 * 6, 33 * 6, 11 * 12, 11, 6 * 11, 6].map(|n| values(n, 50 + n as u64))
+}
+
+fn fuse_in(arrays: &[Vec<f32>; 6], rule: fuse::Rule) -> fuse::In<'_> {
+    let [state, position, w1, b1, w2, b2] = arrays;
+    fuse::In { state, position, w1, b1, w2, b2, rule }
+}
+
+#[test]
+fn fuse_is_linear_gelu_linear_over_joined_rows() {
+    let arrays = fuse_arrays();
+    let published = fuse_in(&arrays, fuse::Rule::Published);
+    let rows: Vec<f32> = (0..33)
+        .flat_map(|t| [&published.state[t * 6..][..6], &published.position[t * 6..][..6]].concat())
+        .collect();
+    let [mut before, mut after] = [vec![0.0; 33 * 11], vec![0.0; 33 * 11]];
+    let mut expected = vec![0.0; 33 * 6];
+    linear::forward(
+        linear::In { x: &rows, weight: published.w1, bias: published.b1, m: 33, n: 11, k: 12 },
+        &mut before,
+    );
+    gelu::forward(&before, &mut after);
+    linear::forward(
+        linear::In { x: &after, weight: published.w2, bias: published.b2, m: 33, n: 6, k: 11 },
+        &mut expected,
+    );
+    let mut y = vec![0.0; 33 * 6];
+    fuse::forward(&published, &mut y);
+    assert_same_bits(&y, &expected, "published");
+    let residual = fuse_in(&arrays, fuse::Rule::Residual);
+    fuse::forward(&residual, &mut y);
+    expected.iter_mut().zip(residual.position).for_each(|(u, p)| *u += p);
+    assert_same_bits(&y, &expected, "residual");
+}
+
+#[test]
+fn fuse_at_its_first_values_leaves_the_learned_tokens() {
+    let mut arrays = fuse_arrays();
+    arrays[4].fill(0.0);
+    arrays[5].fill(0.0);
+    let x = fuse_in(&arrays, fuse::Rule::Residual);
+    let y_bar = values(33 * 6, 60);
+    let mut y = vec![0.0; 33 * 6];
+    let saved = fuse::forward(&x, &mut y);
+    assert_eq!(y, x.position, "whatever the state is");
+    let mut bar = fuse::InBar::zeros_like(&x);
+    fuse::adjoint(&x, &saved, &y_bar, &mut bar);
+    assert_eq!(bar.position, y_bar);
+    assert!(bar.state.iter().chain(&bar.w1).chain(&bar.b1).all(|g| *g == 0.0), "behind W₂ = 0");
+    assert!(bar.w2.iter().all(|g| *g != 0.0), "the last layer has a gradient");
+    // A gradient that is not requested changes no other.
+    let mut wanted = fuse::InBar { state: Vec::new(), ..fuse::InBar::zeros_like(&x) };
+    fuse::adjoint(&x, &saved, &y_bar, &mut wanted);
+    assert!(wanted == fuse::InBar { state: Vec::new(), ..bar }, "the same bits");
+}
+
+#[test]
+fn fuse_without_a_state_reads_the_columns_of_the_learned_tokens_alone() {
+    let mut arrays = fuse_arrays();
+    arrays[0].fill(0.0);
+    let x = fuse_in(&arrays, fuse::Rule::Published);
+    let [mut y, mut other] = [vec![0.0; 33 * 6], vec![0.0; 33 * 6]];
+    fuse::forward(&x, &mut y);
+    let mut w1 = x.w1.to_vec();
+    w1.chunks_exact_mut(12).for_each(|row| row[..6].fill(5.0));
+    fuse::forward(&fuse::In { w1: &w1, ..x }, &mut other);
+    assert_same_bits(&y, &other, "tokens");
+}
+
 /// A case of an operator with one array replaced or removed; returns the message.
 fn refused(op: &str, case: usize, name: &str, shape: Option<&[usize]>) -> String {
     let op = ops::find(op).expect("on the list");
@@ -217,4 +288,6 @@ fn wrong_sizes_are_refused() {
     }
     let error = ops::run(op, &Call { inputs, settings, ..Call::default() }).expect_err("refused").to_string();
     assert!(error.contains("multiples of the patch") && error.contains("5x6 pixels, patch 2"), "{error}");
+    let error = refused("nn.fuse", 0, "w1", Some(&[4, 7]));
+    assert!(error.contains("6 columns") && error.contains('7'), "{error}");
 }

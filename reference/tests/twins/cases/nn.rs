@@ -56,6 +56,21 @@ pub(super) fn cases() -> Vec<Case> {
             &["image", "rays", "photo", "w_image", "w_rays", "w_photo", "bias", "norm_gain", "norm_bias"],
             &["tokens"],
         ),
+        case(
+            "fuse",
+            "nn.fuse",
+            named([
+                ("state", normal(&[4, 3], 48)),
+                ("position", normal(&[4, 3], 49)),
+                ("w1", normal(&[5, 6], 50)),
+                ("b1", normal(&[5], 51)),
+                ("w2", normal(&[3, 5], 52)),
+                ("b2", normal(&[3], 53)),
+            ]),
+            &[("fuse", "residual")],
+            &["state", "position", "w1", "b1", "w2", "b2"],
+            &["tokens"],
+        ),
         case("gelu", "nn.gelu", named([("x", normal(&[6, 5], 28).map(|&x| 2.0 * x))]), &[], &["x"], &["y"]),
         case(
             "layernorm",
