@@ -74,6 +74,7 @@ pub static LIST: &[&Op] = &[
     &networks::WINDOW,
     &tokens::TOKENS,
     &tokens::FUSE,
+    &tokens::UNPATCH,
     &transformer::GELU,
     &transformer::LAYERNORM,
     &transformer::WEIGHT_NORM,

@@ -15,5 +15,6 @@ pub mod mlp;
 pub mod softmax;
 pub mod softplus;
 pub mod tokens;
+pub mod unpatch;
 pub mod weight_norm;
 pub mod window;

@@ -19,6 +19,7 @@ static SOURCES: &[&str] = &[
     include_str!("../nn/window.rs"),
     include_str!("../nn/tokens.rs"),
     include_str!("../nn/fuse.rs"),
+    include_str!("../nn/unpatch.rs"),
     include_str!("../nn/gelu.rs"),
     include_str!("../nn/layernorm.rs"),
     include_str!("../nn/weight_norm.rs"),

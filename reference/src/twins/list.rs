@@ -15,7 +15,7 @@ use crate::loss::{
     albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim, variation,
 };
 use crate::nn::{
-    act, attention, conv, decoder, fuse, gelu, layernorm, linear, mlp, softmax, softplus, tokens,
+    act, attention, conv, decoder, fuse, gelu, layernorm, linear, mlp, softmax, softplus, tokens, unpatch,
     weight_norm, window,
 };
 use crate::optim::{adam, adamw};
@@ -79,6 +79,7 @@ pub static LIST: &[Twin] = &[
     twin!(window, window::work),
     twin!(tokens, tokens::work),
     twin!(fuse, fuse::work),
+    twin!(unpatch, unpatch::work),
     twin!(gelu),
     twin!(layernorm),
     twin!(weight_norm),

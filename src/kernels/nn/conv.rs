@@ -62,6 +62,7 @@ mod gradients;
 #[cfg(test)]
 mod tests;
 
+pub(super) use gradients::transposed;
 pub use gradients::{adjoint, gradients_leaky};
 
 use crate::num::gemm::runs::{Runs, gemm_runs};

@@ -15,6 +15,7 @@
 //! directions, lengths ── weight_norm ► matrix
 //! images, rays, photos ─ tokens ► tokens    one token per square of pixels, over conv and layernorm
 //! last and learned tokens ─── fuse ► tokens    two linear layers with GELU between them
+//! tokens ──── unpatch ────────► images y       one square of texels per token, the transpose of conv
 //! ```
 //!
 //! A layer is a pair of functions over slices: `forward` writes the outputs, and `adjoint` adds to the
@@ -32,5 +33,6 @@ pub mod mlp;
 pub mod softmax;
 pub mod softplus;
 pub mod tokens;
+pub mod unpatch;
 pub mod weight_norm;
 pub mod window;

@@ -3,7 +3,7 @@
 use super::call::RunResult;
 use super::case::Draw;
 use super::op::{Case, CheckedCall, Op};
-use crate::nn::{fuse, tokens};
+use crate::nn::{fuse, tokens, unpatch};
 use crate::num::array::entries;
 use crate::{Error, Result};
 use reference::settings::Setting;
@@ -190,6 +190,61 @@ fn case_fuse(case: usize) -> Case {
     }
     if case == 1 {
         made.settings.insert("fuse".to_owned(), Setting::Text("residual".to_owned()));
+    }
+    made
+}
+
+/// `nn.unpatch`
+pub(super) static UNPATCH: Op = Op {
+    work_unit: "products",
+    work_ns: [1.0, 60.0],
+    check: check_unpatch,
+    ..Op::new(&reference::nn::unpatch::SIGNATURE, run_unpatch, case_unpatch)
+};
+
+fn check_unpatch(x: &CheckedCall<'_>) -> Result<()> {
+    match ["H", "W", "D", "R", "C"].into_iter().find(|axis| x.dim(axis) == 0) {
+        Some(axis) => Err(Error::input("arrays").expected(format!("an entry along {axis}")).got("none")),
+        None => Ok(()),
+    }
+}
+
+fn run_unpatch(x: &CheckedCall<'_>) -> Result<RunResult> {
+    let (grids, weight, bias) = (x.f32s("tokens"), x.f32s("weight"), x.f32s("bias"));
+    let shape = unpatch::Shape {
+        grids: x.dim("N"),
+        height: x.dim("H"),
+        width: x.dim("W"),
+        patch: x.dim("R"),
+        channels: x.dim("C"),
+    };
+    let input = unpatch::In { tokens: &grids, weight: &weight, bias: &bias, shape };
+    let size = [shape.grids, shape.patch * shape.height, shape.patch * shape.width, shape.channels];
+    let mut y = vec![0.0; entries(&size)];
+    unpatch::forward(&input, &mut y);
+    let mut ran = RunResult::default();
+    ran.outputs.put("y", &size, y);
+    if let Some(y_bar) = x.bar("y", &size)? {
+        let mut bar = unpatch::InBar {
+            tokens: x.start("tokens", grids.len()),
+            weight: x.start("weight", weight.len()),
+            bias: x.start("bias", bias.len()),
+        };
+        unpatch::adjoint(&input, &y_bar, &mut bar);
+        ran.gradients.put("tokens", &x.shape("tokens"), bar.tokens);
+        ran.gradients.put("weight", &x.shape("weight"), bar.weight);
+        ran.gradients.put("bias", &x.shape("bias"), bar.bias);
+    }
+    Ok(ran)
+}
+
+/// Case 0: two grids; case 1: squares of 4 texels, more channels than one panel of a product has.
+fn case_unpatch(case: usize) -> Case {
+    let ([n, h, w, d], [r, c]) = [([2, 2, 3, 5], [2, 3]), ([1, 3, 2, 19], [4, 17])][case];
+    let mut made = Case::default();
+    let shapes: [&[usize]; 3] = [&[n, h, w, d], &[d, r, r, c], &[c]];
+    for (i, (name, shape)) in ["tokens", "weight", "bias"].into_iter().zip(shapes).enumerate() {
+        made.inputs.put(name, shape, Draw::new(38, case, i as u16).normals(entries(shape)));
     }
     made
 }

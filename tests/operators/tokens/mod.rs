@@ -1,9 +1,10 @@
 //! From images to tokens and back: closed forms, transposes, first values, batches, refused sizes.
 
 mod rays;
+mod torch;
 
-use crate::chains::{assert_same_bits, values};
-use lastlight::nn::{fuse, gelu, layernorm, linear, tokens};
+use crate::chains::{assert_same_bits, three_loops, values};
+use lastlight::nn::{conv, fuse, gelu, layernorm, linear, tokens, unpatch};
 use lastlight::num::array::entries;
 use lastlight::num::par;
 use lastlight::ops::{self, Call, Case};
@@ -260,6 +261,76 @@ fn fuse_without_a_state_reads_the_columns_of_the_learned_tokens_alone() {
     assert_same_bits(&y, &other, "tokens");
 }
 
+/// Integers from −3 to 3: sums of a few thousand of their products are exact in f32.
+fn integers(n: usize, seed: u64) -> Vec<f32> {
+    values(n, seed).into_iter().map(|x| (3.5 * x).trunc()).collect()
+}
+
+#[test]
+fn unpatch_is_the_transpose_of_the_patch_convolution() {
+    let (d, shape) = (9, unpatch::Shape { grids: 2, height: 3, width: 2, patch: 4, channels: 5 });
+    let (weight, cells) = (integers(d * 80, 70), integers(2 * 6 * d, 71));
+    let texels = integers(2 * 12 * 8 * 5, 72);
+    let patches = conv::Shape {
+        batch: 2,
+        height: 12,
+        width: 8,
+        channels: 5,
+        outputs: d,
+        kernel: [4, 4],
+        stride: 4,
+        pad: 0,
+    };
+    let mut convolved = vec![0.0; cells.len()];
+    conv::forward(conv::In { x: &texels, weight: &weight, bias: &[], shape: patches }, &mut convolved);
+    let mut made = vec![0.0; texels.len()];
+    unpatch::forward(&unpatch::In { tokens: &cells, weight: &weight, bias: &[0.0; 5], shape }, &mut made);
+    let inner = |a: &[f32], b: &[f32]| a.iter().zip(b).fold(0.0, |sum, (a, b)| sum + f64::from(a * b));
+    let (left, right) = (inner(&convolved, &cells), inner(&texels, &made));
+    assert!(left == right && left != 0.0, "⟨Ax, y⟩ = {left}, ⟨x, Aᵀy⟩ = {right}");
+}
+
+#[test]
+fn unpatch_is_its_definition_in_bits() {
+    let (d, shape) = (23, unpatch::Shape { grids: 2, height: 20, width: 18, patch: 4, channels: 17 });
+    let (cells, weight, bias) = (values(720 * d, 80), values(d * 16 * 17, 81), values(17, 82));
+    let x = unpatch::In { tokens: &cells, weight: &weight, bias: &bias, shape };
+    let mut y = vec![0.0; 2 * 80 * 72 * 17];
+    par::with_threads(3, || unpatch::forward(&x, &mut y)).expect("threads");
+    let taps = 16 * 17;
+    let products = three_loops(720, taps, d, |t, k| cells[t * d + k], |k, tap| weight[k * taps + tap]);
+    for (at, y) in y.iter().enumerate() {
+        let (n, row, column, c) = (at / (80 * 72 * 17), at / (72 * 17) % 80, at / 17 % 72, at % 17);
+        let token = (n * 20 + row / 4) * 18 + column / 4;
+        let expected = products[token * taps + (row % 4 * 4 + column % 4) * 17 + c] + bias[c];
+        assert_eq!(y.to_bits(), expected.to_bits(), "texel {at}");
+    }
+    // The grids of a batch, in consecutive calls and on three threads.
+    let y_bar = values(y.len(), 83);
+    let mut bar = unpatch::InBar::zeros_like(&x);
+    par::with_threads(3, || unpatch::adjoint(&x, &y_bar, &mut bar)).expect("threads");
+    let mut parts = unpatch::InBar::zeros_like(&x);
+    let mut of_tokens = Vec::new();
+    for n in 0..2 {
+        let one = unpatch::In {
+            tokens: &cells[n * 360 * d..][..360 * d],
+            shape: unpatch::Shape { grids: 1, ..shape },
+            ..x
+        };
+        parts.tokens = vec![0.0; 360 * d];
+        unpatch::adjoint(&one, &y_bar[n * y.len() / 2..][..y.len() / 2], &mut parts);
+        of_tokens.append(&mut parts.tokens);
+    }
+    parts.tokens = of_tokens;
+    assert!(parts == bar, "the same bits");
+    // Tokens of 0 give the bias.
+    unpatch::forward(&unpatch::In { tokens: &vec![0.0; 720 * d], ..x }, &mut y);
+    assert!(
+        y.chunks_exact(17).all(|texel| texel.iter().zip(&bias).all(|(y, b)| y == b)),
+        "the bias everywhere"
+    );
+}
+
 /// A case of an operator with one array replaced or removed; returns the message.
 fn refused(op: &str, case: usize, name: &str, shape: Option<&[usize]>) -> String {
     let op = ops::find(op).expect("on the list");
@@ -290,4 +361,6 @@ fn wrong_sizes_are_refused() {
     assert!(error.contains("multiples of the patch") && error.contains("5x6 pixels, patch 2"), "{error}");
     let error = refused("nn.fuse", 0, "w1", Some(&[4, 7]));
     assert!(error.contains("6 columns") && error.contains('7'), "{error}");
+    let error = refused("nn.unpatch", 0, "weight", Some(&[5, 2, 3, 3]));
+    assert!(error.contains("weight"), "{error}");
 }

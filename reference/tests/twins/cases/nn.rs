@@ -71,6 +71,18 @@ pub(super) fn cases() -> Vec<Case> {
             &["state", "position", "w1", "b1", "w2", "b2"],
             &["tokens"],
         ),
+        case(
+            "unpatch",
+            "nn.unpatch",
+            named([
+                ("tokens", normal(&[2, 1, 2, 3], 54)),
+                ("weight", normal(&[3, 2, 2, 4], 55)),
+                ("bias", normal(&[4], 56)),
+            ]),
+            &[],
+            &["tokens", "weight", "bias"],
+            &["y"],
+        ),
         case("gelu", "nn.gelu", named([("x", normal(&[6, 5], 28).map(|&x| 2.0 * x))]), &[], &["x"], &["y"]),
         case(
             "layernorm",
