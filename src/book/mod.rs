@@ -6,7 +6,8 @@
 //!                          fitting ◄── oracle_and_gradcheck ◄── formats ◄────┘
 //!                             │
 //!                             ├──► light_and_rays ──► known_truth ──► learned_causes
-//!                             └──► field ──► field_adjoint ──► meshes
+//!                             ├──► field ──► field_adjoint ──► meshes
+//!                             └──► tokens
 //! notation       paper symbol, name in the code, shape, unit        bibliography    cited works
 //! ```
 //!
@@ -66,6 +67,9 @@ pub mod field {}
 pub mod field_adjoint {}
 #[doc = include_str!("meshes.md")]
 pub mod meshes {}
+
+#[doc = include_str!("tokens.md")]
+pub mod tokens {}
 
 #[doc = include_str!("notation.md")]
 pub mod notation {}

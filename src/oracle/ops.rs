@@ -9,7 +9,7 @@
 //!                                                    user-supplied arrays to checked inputs
 //! twin     runs in f64, and array conversion         subject  the operator as the gradient checks see it
 //! case     drawing of generated cases                similar: suggestions for unknown names
-//! splat, field, geometry, nn, networks, transformer, loss, points, groups, lpips, latent, prior, shade, moment, light, causal, surface, pose,
+//! splat, field, geometry, nn, networks, transformer, tokens, loss, points, groups, lpips, latent, prior, shade, moment, light, causal, surface, pose,
 //! skin, rest, optim: the entries
 //! ```
 
@@ -39,6 +39,7 @@ mod skin;
 mod splat;
 mod subject;
 mod surface;
+mod tokens;
 mod transformer;
 mod twin;
 
@@ -71,6 +72,9 @@ pub static LIST: &[&Op] = &[
     &light::SOFTPLUS,
     &networks::DECODER,
     &networks::WINDOW,
+    &tokens::TOKENS,
+    &tokens::FUSE,
+    &tokens::UNPATCH,
     &transformer::GELU,
     &transformer::LAYERNORM,
     &transformer::WEIGHT_NORM,

@@ -8,6 +8,7 @@
 //! convert    scenes of Gaussians from file to file          mesh       triangles, and objects made of them
 //! material   metallic-roughness, textures                   light      environment maps, lamps
 //! passes     renderer's passes of a photo                   bound      the projected box of what a camera sees
+//! rays       Plücker coordinates of the rays of a view
 //! field      feature planes, panoramas and heads of an object
 //! from_data_gen  generated surfaces, maps and views as objects, environments and cameras
 //! ```
@@ -30,6 +31,7 @@ pub mod passes;
 pub mod person;
 pub mod placement;
 pub mod profile;
+pub mod rays;
 pub mod views;
 
 #[doc(hidden)]

@@ -19,4 +19,5 @@ mod oracle;
 mod shade;
 mod splat;
 mod surface;
+mod tokens;
 mod transformer;

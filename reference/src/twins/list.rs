@@ -15,7 +15,8 @@ use crate::loss::{
     albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim, variation,
 };
 use crate::nn::{
-    act, attention, conv, decoder, gelu, layernorm, linear, mlp, softmax, softplus, weight_norm, window,
+    act, attention, conv, decoder, fuse, gelu, layernorm, linear, mlp, softmax, softplus, tokens, unpatch,
+    weight_norm, window,
 };
 use crate::optim::{adam, adamw};
 use crate::shade::{decode, diffuse, encode, envmap, gain, ggx, over_black};
@@ -76,6 +77,9 @@ pub static LIST: &[Twin] = &[
     twin!(softplus),
     twin!(decoder, decoder::work),
     twin!(window, window::work),
+    twin!(tokens, tokens::work),
+    twin!(fuse, fuse::work),
+    twin!(unpatch, unpatch::work),
     twin!(gelu),
     twin!(layernorm),
     twin!(weight_norm),

@@ -62,6 +62,7 @@ mod gradients;
 #[cfg(test)]
 mod tests;
 
+pub(super) use gradients::transposed;
 pub use gradients::{adjoint, gradients_leaky};
 
 use crate::num::gemm::runs::{Runs, gemm_runs};
@@ -229,6 +230,15 @@ pub fn forward(x: In<'_>, y: &mut [f32]) {
 pub fn forward_leaky(x: In<'_>, slope: f32, y: &mut [f32]) {
     assert_eq!(x.bias.len(), x.shape.outputs, "one bias per output");
     products(&x, Finish::Leaky(x.bias, slope), y);
+}
+
+/// Continues the chain of every entry of y (B, H', W', O) over the patches of x, without a bias: convolutions of
+/// several images with one result.
+///
+/// # Panics
+/// Panics under the conditions of [`forward`]; also panics if a filter has more than 4096 entries.
+pub(super) fn resume(x: In<'_>, y: &mut [f32]) {
+    products(&x, Finish::Resume, y);
 }
 
 fn products(x: &In<'_>, how: Finish<'_>, y: &mut [f32]) {

@@ -13,6 +13,9 @@
 //! rows x ──── layernorm ──────► rows y        mean 0, variance 1, gain and bias
 //! values x ── gelu ───────────► values y      elementwise
 //! directions, lengths ── weight_norm ► matrix
+//! images, rays, photos ─ tokens ► tokens    one token per square of pixels, over conv and layernorm
+//! last and learned tokens ─── fuse ► tokens    two linear layers with GELU between them
+//! tokens ──── unpatch ────────► images y       one square of texels per token, the transpose of conv
 //! ```
 //!
 //! A layer is a pair of functions over slices: `forward` writes the outputs, and `adjoint` adds to the
@@ -22,11 +25,14 @@ pub mod act;
 pub mod attention;
 pub mod conv;
 pub mod decoder;
+pub mod fuse;
 pub mod gelu;
 pub mod layernorm;
 pub mod linear;
 pub mod mlp;
 pub mod softmax;
 pub mod softplus;
+pub mod tokens;
+pub mod unpatch;
 pub mod weight_norm;
 pub mod window;

@@ -66,6 +66,22 @@ pub fn gradients_leaky(x: In<'_>, slope: f32, y: &[f32], y_bar: &[f32], wanted: 
     bar
 }
 
+/// Writes the transposed convolution x (B, H, W, C) of `y` (B, H', W', O) without overlap: the sum of x̄ in [`super`] with y
+/// for z̄, to which `bias` (C) is added.
+///
+/// # Panics
+/// Panics if the kernel is not as large as the stride, an entry of x is read by no output, or a buffer does not have the size
+/// of its shape.
+pub(in crate::nn) fn transposed(y: &[f32], weight: &[f32], bias: &[f32], shape: Shape, x: &mut [f32]) {
+    let [rows, columns] = shape.fitting();
+    let (sides, stride) = ([shape.height, shape.width], shape.stride);
+    assert!(shape.kernel == [stride; 2] && shape.pad == 0, "patches that do not overlap");
+    assert_eq!(sides, [rows * stride, columns * stride], "outputs read every entry");
+    assert_eq!(y.len(), shape.batch * rows * columns * shape.outputs, "y has the size of its shape");
+    assert_eq!(weight.len(), shape.outputs * shape.taps(), "the weight has the size of its shape");
+    picture(&In { x: &[], weight, bias, shape }, Cotangent { y_bar: y, after: None }, Finish::Bias(bias), x);
+}
+
 /// Computes the gradients; `how` defines how the gradient of the images is combined with existing values.
 fn gradients(x: &In<'_>, cotangent: Cotangent<'_>, how: Finish<'_>, x_bar: &mut InBar) {
     let [rows, columns] = checked(x);
