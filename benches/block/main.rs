@@ -15,7 +15,7 @@ mod peer;
 mod split;
 
 use lastlight::nn::block::{self, In, InBar};
-use lastlight::num::array::Arrays;
+use lastlight::num::array::{Arrays, entries};
 use lastlight::num::{gemm, par, rng::Rng};
 use peer::Peer;
 use std::time::Instant;
@@ -91,7 +91,7 @@ impl Setup {
     fn new(tokens: usize) -> Self {
         let make = |(i, (name, shape)): (usize, (&str, Vec<usize>))| {
             let scale = if shape.len() == 2 && name != "x" { 1.0 / (shape[1] as f32).sqrt() } else { 1.0 };
-            normals(shape.iter().fold(1, |n, d| n * d), i as u16, scale)
+            normals(entries(&shape), i as u16, scale)
         };
         let arrays = shapes(tokens).into_iter().enumerate().map(make).collect();
         Self { arrays, y_bar: normals(tokens * WIDTH, 40, 1.0), tokens }
@@ -121,7 +121,7 @@ impl Setup {
 
     fn forward(&self) -> Vec<f32> {
         let mut y = vec![0.0; self.tokens * WIDTH];
-        block::forward(&self.input(), &mut y);
+        block::values(&self.input(), &mut y);
         y
     }
 
@@ -129,7 +129,7 @@ impl Setup {
         let (x, mut y) = (self.input(), vec![0.0; self.tokens * WIDTH]);
         let saved = block::forward(&x, &mut y);
         let mut bar = InBar::zeros_like(&x);
-        block::adjoint(&x, &saved, &self.y_bar, &mut bar);
+        block::adjoint(&x, saved, &self.y_bar, &mut bar);
         (y, bar)
     }
 
@@ -141,8 +141,19 @@ impl Setup {
         arrays.put("y", &[self.tokens, WIDTH], y);
         arrays.put("y_bar", &[self.tokens, WIDTH], self.y_bar.clone());
         let bars = [
-            bar.x, bar.ln1_gain, bar.ln1_bias, bar.w_qkv, bar.b_qkv, bar.w_out, bar.b_out, bar.ln2_gain,
-            bar.ln2_bias, bar.w_fc1, bar.b_fc1, bar.w_fc2, bar.b_fc2,
+            bar.x,
+            bar.ln1_gain,
+            bar.ln1_bias,
+            bar.w_qkv,
+            bar.b_qkv,
+            bar.w_out,
+            bar.b_out,
+            bar.ln2_gain,
+            bar.ln2_bias,
+            bar.w_fc1,
+            bar.b_fc1,
+            bar.w_fc2,
+            bar.b_fc2,
         ];
         for (((name, shape), values), bar) in shapes(self.tokens).into_iter().zip(&self.arrays).zip(bars) {
             arrays.put(name, &shape, values.clone());
@@ -173,7 +184,9 @@ fn measure(threads: usize, runs: usize, tokens: usize, smoke: bool) {
         gemm::product_lanes()
     );
     let setup = Setup::new(tokens);
+    let own_memory = memory(|| drop(setup.both())); // first: memory that was returned once may stay with the process
     let mut peer = if smoke { None } else { Peer::start(&setup.results(), threads) };
+    let other_memory = peer.as_mut().map(|peer| peer.number("memory"));
     let kinds: [(&str, &dyn Fn() -> f64); 2] =
         [("forward", &|| seconds(|| setup.forward())), ("both", &|| seconds(|| setup.both()))];
     let mut ours_forward = 0.0;
@@ -205,11 +218,8 @@ fn measure(threads: usize, runs: usize, tokens: usize, smoke: bool) {
             median(ratios)
         );
     }
-    print!("  memory of a run with gradients, MiB: ours {:.0}", memory(|| drop(setup.both())));
-    match &mut peer {
-        Some(peer) => println!("; PyTorch {:.0}", peer.number("memory")),
-        None => println!(),
-    }
+    print!("  peak of memory of a run with gradients, MiB: ours {own_memory:.0}");
+    println!("{}", other_memory.map(|other| format!("; PyTorch {other:.0}")).unwrap_or_default());
     if let Some(peer) = &mut peer {
         let line = peer.answer("compare");
         println!("  relative differences: {line}");

@@ -4,6 +4,7 @@ Reads the inputs, and the results to compare with, from FILE; then obeys a line 
 forward, both: the seconds of one run (without gradients; with the gradients of all inputs); memory: the peak of the resident memory of one run with gradients, above
 that before it, in MiB; compare: the relative L2 differences of y and of all gradients.
 """
+import ctypes
 import sys
 import time
 
@@ -51,6 +52,9 @@ def resident(key):
 
 
 def memory():
+    small = {n: v[:8] if n == "x" else v for n, v in inputs.items()}
+    torch.autograd.grad(block(small), list(inputs.values()), y_bar[:8])  # what is allocated once does not count
+    ctypes.CDLL("libc.so.6").malloc_trim(0)
     with open("/proc/self/clear_refs", "w") as reset:
         reset.write("5")
     before = resident("VmRSS")

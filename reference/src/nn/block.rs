@@ -77,11 +77,8 @@ pub fn forward<S: Scalar>(
     let In { x, w_qkv, b_qkv, w_out, b_out, .. } = *input;
     let width = x.shape[1];
     let y = out.array("y", &x.shape);
-    let first: Vec<Vec<S>> = x
-        .data
-        .chunks_exact(width)
-        .map(|row| normalized(row, input.ln1_gain, input.ln1_bias, eps))
-        .collect();
+    let first: Vec<Vec<S>> =
+        x.data.chunks_exact(width).map(|row| normalized(row, input.ln1_gain, input.ln1_bias, eps)).collect();
     let layer = attention::In { x, w_qkv, b_qkv, w_out, b_out, attended: None };
     let mixed = attention::attend(&layer, &first, heads)?;
     for (i, (row, mixed)) in x.data.chunks_exact(width).zip(mixed).enumerate() {

@@ -15,7 +15,8 @@ use crate::loss::{
     albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim, variation,
 };
 use crate::nn::{
-    act, attention, block, conv, decoder, gelu, layernorm, linear, mlp, softmax, softplus, weight_norm, window,
+    act, attention, block, conv, decoder, gelu, layernorm, linear, mlp, softmax, softplus, weight_norm,
+    window,
 };
 use crate::optim::{adam, adamw};
 use crate::shade::{decode, diffuse, encode, envmap, gain, ggx, over_black};

@@ -18,7 +18,7 @@
 //! The projections round as [`mod@super::linear`]. A logit is one chain over the d columns, then one product with 1/√d. The softmax is online: over
 //! blocks of [`KEYS`] keys, which are part of the definition, in order. Per block, with running maximum m, sum l and output o:
 //!
-//! m' = max(m, logits of the block),   c = e^(m − m'),   p = e^(logit − m')        ([`elem::exp_lanes`], single precision)
+//! m' = max(m, logits of the block),   c = e^(m − m'),   p = e^(logit − m')        ([`mod@online`])
 //! l = l·c + Σp over 16 lanes,   o = o·c, then each entry goes on as one chain of p·v over the keys, ascending
 //!
 //! and O = o/l at the end. Memory is linear in T: no matrix of logits is kept. Blocks of queries and threads change no bit.
@@ -52,8 +52,8 @@
 
 use super::linear;
 use crate::num::gemm::{CHUNK, Finish, Packed, View, gemm_packed_here};
-use crate::num::lanes::{Real, f32x8};
-use crate::num::{elem, order, par, sum};
+use crate::num::online::{self, Rows};
+use crate::num::{par, sum};
 use std::ops::Range;
 
 /// Keys per block; part of the definition.
@@ -191,7 +191,12 @@ impl<'a> In<'a> {
 }
 
 /// Rows of a part of an array (T, 3D) or (T, D) that follow each other: `row` numbers of each from index `first` on, `stride` apart.
-fn gathered(x: &[f32], of: impl Iterator<Item = usize>, [first, row, stride]: [usize; 3], into: &mut Vec<f32>) {
+fn gathered(
+    x: &[f32],
+    of: impl Iterator<Item = usize>,
+    [first, row, stride]: [usize; 3],
+    into: &mut Vec<f32>,
+) {
     into.clear();
     of.for_each(|i| into.extend_from_slice(&x[i * stride + first..][..row]));
 }
@@ -220,33 +225,6 @@ impl Head {
     }
 }
 
-/// Replaces the products q·k of a row by e^(logit − m'), where m' = max(m, logits); returns m' and the sum over 16 lanes.
-#[inline(always)]
-fn exponentials(row: &mut [f32], scale: f32, most: f32) -> [f32; 2] {
-    let mut most = most;
-    let (row8, row1) = row.as_chunks_mut::<8>();
-    let mut wide = f32x8::splat(most);
-    for x in row8.iter_mut() {
-        let logit = f32x8::new(*x) * f32x8::splat(scale);
-        wide = wide.max(logit);
-        *x = logit.to_array();
-    }
-    for x in wide.to_array() {
-        most = order::max(most, x);
-    }
-    for x in row1.iter_mut() {
-        *x *= scale;
-        most = order::max(most, *x);
-    }
-    for x in row8.iter_mut() {
-        *x = elem::exp_lanes(f32x8::new(*x) - f32x8::splat(most)).to_array();
-    }
-    for x in row1.iter_mut() {
-        *x = elem::exp_lanes(*x - most);
-    }
-    [most, sum::sum16(row)]
-}
-
 /// Buffers of a task.
 #[derive(Default)]
 struct Buffers {
@@ -256,31 +234,39 @@ struct Buffers {
 }
 
 /// Writes O of some queries of a head to column `head·d` of rows of D numbers, and their m and l.
-fn attend(s: Sizes, qkv: &[f32], (h, head): (usize, &Head), of: Range<usize>, own: &mut Buffers, into: [&mut [f32]; 2]) {
+fn attend(
+    s: Sizes,
+    qkv: &[f32],
+    (h, head): (usize, &Head),
+    of: Range<usize>,
+    own: &mut Buffers,
+    into: [&mut [f32]; 2],
+) {
     let (n, d, [all, stats]) = (of.len(), s.head, into);
     gathered(qkv, of, [h * d, d, 3 * s.width], &mut own.q);
     own.o.clear();
     own.o.resize(n * d, 0.0);
     own.p.resize(n * KEYS, 0.0);
     let q = View::new(&own.q, n, d);
-    let mut rows = [[f32::NEG_INFINITY, 0.0]; QUERIES];
+    let mut rows = Rows::new(n);
     for (keys_t, values) in head.keys_t.iter().zip(&head.values) {
         let width = values.rows();
         let p = &mut own.p[..n * width];
         gemm_packed_here(q, keys_t, Finish::Store, p);
-        for ((row, p), o) in rows.iter_mut().zip(p.chunks_exact_mut(width)).zip(own.o.chunks_exact_mut(d)) {
-            let [most, total] = exponentials(p, s.scale(), row[0]);
-            let c = elem::exp_lanes(row[0] - most);
-            *row = [most, row[1] * c + total];
-            o.iter_mut().for_each(|o| *o *= c);
+        rows.block(p, width, s.scale());
+        for (o, c) in own.o.chunks_exact_mut(d).zip(&rows.factor) {
+            if *c != 1.0 {
+                o.iter_mut().for_each(|o| *o *= c);
+            }
         }
         gemm_packed_here(View::new(p, n, width), values, Finish::Resume, &mut own.o);
     }
     let stats = stats.chunks_exact_mut(2 * s.heads).map(|row| &mut row[2 * h..2 * h + 2]);
     let all = all.chunks_exact_mut(s.width).map(|row| &mut row[h * d..(h + 1) * d]);
-    for (((row, o), all), stats) in rows.iter().zip(own.o.chunks_exact(d)).zip(all).zip(stats) {
-        stats.copy_from_slice(row);
-        let total = if row[1] > 0.0 { row[1] } else { 1.0 };
+    let rows = rows.most.iter().zip(&rows.total);
+    for ((((most, total), o), all), stats) in rows.zip(own.o.chunks_exact(d)).zip(all).zip(stats) {
+        stats.copy_from_slice(&[*most, *total]);
+        let total = if *total > 0.0 { *total } else { 1.0 };
         all.iter_mut().zip(o).for_each(|(all, o)| *all = o / total);
     }
 }
@@ -362,10 +348,7 @@ fn head_bar(s: Sizes, saved: &Saved, o_bar: &[f32], head: usize, keys: &[usize])
                 let (p, p_bar) = (&mut p[..n * width], &mut p_bar[..n * width]);
                 gemm_packed_here(q, &factors_k[b], Finish::Store, p);
                 gemm_packed_here(g, &factors_v[b], Finish::Store, p_bar);
-                let rows = p.chunks_exact_mut(width).zip(p_bar.chunks_exact_mut(width));
-                for ((p, p_bar), row) in rows.zip(&stats) {
-                    weights(p, p_bar, s.scale(), *row);
-                }
+                online::weights(p, p_bar, width, s.scale(), &stats);
                 let own = b * KEYS * d..(b * KEYS + width) * d;
                 let (p, p_bar) = (View::new(p, n, width), View::new(p_bar, n, width));
                 gemm_packed_here(p.t(), &packed_o, Finish::Resume, &mut v_bar[own.clone()]);
@@ -380,25 +363,6 @@ fn head_bar(s: Sizes, saved: &Saved, o_bar: &[f32], head: usize, keys: &[usize])
     }
     let [k, v] = sums.map(|parts| joined(parts, keys.len() * d));
     HeadBar { q: q_bar, k, v }
-}
-
-/// Replaces the products q·k of a row by P, and the cotangents of P by those of the products.
-#[inline(always)]
-fn weights(p: &mut [f32], p_bar: &mut [f32], scale: f32, [most, total, mean]: [f32; 3]) {
-    #[inline(always)]
-    fn one<L: Real>(p: L, bar: L, scale: L, most: L, total: L, mean: L) -> [L; 2] {
-        let p = elem::exp_lanes(p * scale - most) / total;
-        [p, (p * (bar - mean)) * scale]
-    }
-    let wide = [scale, most, total, mean].map(f32x8::splat);
-    let ((p8, p1), (b8, b1)) = (p.as_chunks_mut::<8>(), p_bar.as_chunks_mut::<8>());
-    for (p, bar) in p8.iter_mut().zip(b8) {
-        let made = one(f32x8::new(*p), f32x8::new(*bar), wide[0], wide[1], wide[2], wide[3]);
-        [*p, *bar] = made.map(f32x8::to_array);
-    }
-    for (p, bar) in p1.iter_mut().zip(b1) {
-        [*p, *bar] = one(*p, *bar, scale, most, total, mean);
-    }
 }
 
 /// Adds the gradients for the cotangent `y_bar` (T, D) to `x_bar`.

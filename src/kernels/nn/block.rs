@@ -28,7 +28,7 @@
 //! z̄ = (W₂ᵀ·ȳ)·GELU′(z),   h̄ = ȳ + LN₂ᵀ(W₁ᵀ·z̄),   x̄ += h̄ + LN₁ᵀ(MHAᵀ(h̄))        (ᵀ of an operator: its adjoint at its input)
 //!
 //! and those of the weights, as the four operators state them. h, z, what `nn.attention` saves, and two numbers per row and LN are saved: (F + 5D + 2H)·4 bytes per token, and 32.
-//! LN₁(x), LN₂(h) and GELU(z) are computed again. To save nothing, the caller calls [`forward`] again before [`adjoint`].
+//! LN₁(x), LN₂(h) and GELU(z) are computed again. [`values`] saves nothing.
 //!
 //! Twin: `reference::nn::block`.
 //!
@@ -47,9 +47,10 @@
 //! assert_eq!(y, [1.5 + 5.0, 3.5 + 5.0]);
 //! ```
 
-use super::{attention, layernorm, linear};
-use crate::num::gemm::{Finish, Packed, View, gemm_packed_here};
+use super::{attention, gelu, layernorm, linear};
+use crate::num::gemm::{Finish, Packed, View, gemm, gemm_packed_here};
 use crate::num::{elem, par};
+use std::mem::take;
 
 /// Tokens per task of the network. The number changes no bit.
 const ROWS: usize = 48;
@@ -202,11 +203,61 @@ fn add(x: &mut [f32], y: &[f32]) {
     par::chunks_mut(x, CHUNK, |c, x| x.iter_mut().zip(&y[c * CHUNK..]).for_each(|(x, y)| *x += y));
 }
 
+/// The network of some tokens from the first on: writes W₁·n + b₁ to z, GELU of that to `hidden`, and y = h + W₂·hidden + b₂.
+struct Network<'a> {
+    x: &'a In<'a>,
+    /// W₁ᵀ and W₂ᵀ.
+    weights: [Packed; 2],
+    /// LN₂(h).
+    n: &'a [f32],
+    h: &'a [f32],
+}
+
+impl Network<'_> {
+    fn run(&self, first: usize, z: &mut [f32], hidden: &mut [f32], y: &mut [f32]) {
+        let [_, d, f] = self.x.sizes();
+        let (rows, own) = (y.len() / d, first * d..first * d + y.len());
+        let n = View::new(&self.n[own.clone()], rows, d);
+        gemm_packed_here(n, &self.weights[0], Finish::Bias(self.x.b_fc1), z);
+        elem::gelu_slice(z, hidden);
+        gemm_packed_here(View::new(hidden, rows, f), &self.weights[1], Finish::Bias(self.x.b_fc2), y);
+        y.iter_mut().zip(&self.h[own]).for_each(|(y, h)| *y += h);
+    }
+}
+
 /// Writes y (T, D) and returns what the adjoint needs.
 ///
 /// # Panics
 /// Panics if a buffer does not have the size of its shape.
 pub fn forward(x: &In<'_>, y: &mut [f32]) -> Saved {
+    let f = x.b_fc1.len();
+    let mut z = vec![0.0; x.tokens * f];
+    let saved = run(x, y, |network, y| {
+        let d = x.ln1_gain.len();
+        par::chunks_mut2(&mut z, ROWS * f, y, ROWS * d, |c, z, y| {
+            network.run(c * ROWS, z, &mut vec![0.0; z.len()], y);
+        });
+    });
+    Saved { z, ..saved }
+}
+
+/// Writes y (T, D), of the same bits as by [`forward`], and keeps nothing: less memory and time if no adjoint follows, or if the caller
+/// calls [`forward`] again before it.
+///
+/// # Panics
+/// Panics if a buffer does not have the size of its shape.
+pub fn values(x: &In<'_>, y: &mut [f32]) {
+    run(x, y, |network, y| {
+        let [_, d, f] = x.sizes();
+        par::chunks_mut(y, ROWS * d, |c, y| {
+            let [mut z, mut hidden] = [(); 2].map(|()| vec![0.0; y.len() / d * f]);
+            network.run(c * ROWS, &mut z, &mut hidden, y);
+        });
+    });
+}
+
+/// Attention, then the network by the given loop over its tokens; z is missing in the result.
+fn run(x: &In<'_>, y: &mut [f32], network: impl FnOnce(&Network<'_>, &mut [f32])) -> Saved {
     let [t, d, f] = x.sizes();
     assert_eq!(y.len(), t * d, "y has the shape of x");
     let mut n = vec![0.0; t * d];
@@ -215,72 +266,81 @@ pub fn forward(x: &In<'_>, y: &mut [f32]) -> Saved {
     let attention = attention::forward(&x.attention(&n), &mut h);
     add(&mut h, x.x);
     let ln2 = layernorm::forward(&x.second(&h), &mut n);
-    let (w1, w2) = (Packed::new(View::new(x.w_fc1, f, d).t()), Packed::new(View::new(x.w_fc2, d, f).t()));
-    let mut z = vec![0.0; t * f];
-    par::chunks_mut2(&mut z, ROWS * f, y, ROWS * d, |c, z, y| {
-        let (rows, at) = (z.len() / f, c * ROWS * d);
-        gemm_packed_here(View::new(&n[at..at + rows * d], rows, d), &w1, Finish::Bias(x.b_fc1), z);
-        let mut hidden = vec![0.0; z.len()];
-        elem::gelu_slice(z, &mut hidden);
-        gemm_packed_here(View::new(&hidden, rows, f), &w2, Finish::Bias(x.b_fc2), y);
-        y.iter_mut().zip(&h[at..]).for_each(|(y, h)| *y += h);
-    });
-    Saved { ln1, attention, h, ln2, z }
+    let weights = [Packed::new(View::new(x.w_fc1, f, d).t()), Packed::new(View::new(x.w_fc2, d, f).t())];
+    network(&Network { x, weights, n: &n, h: &h }, y);
+    Saved { ln1, attention, h, ln2, z: vec![] }
 }
 
-/// Adds the gradients for the cotangent `y_bar` (T, D) to `x_bar`.
+/// Adds the gradients for the cotangent `y_bar` (T, D) to `x_bar`; the memory of what was saved is used and released on the way.
 ///
 /// # Panics
 /// Panics if a buffer does not have the size of its shape.
-pub fn adjoint(x: &In<'_>, saved: &Saved, y_bar: &[f32], x_bar: &mut InBar) {
-    let [t, d, f] = x.sizes();
-    let take = std::mem::take;
-    // The network: h̄ = ȳ + LN₂ᵀ(n̄).
-    let [mut n, mut n_bar] = [vec![0.0; t * d], vec![0.0; t * d]];
-    let (w1, w2) = (Packed::new(View::new(x.w_fc1, f, d)), Packed::new(View::new(x.w_fc2, d, f)));
-    let [mut hidden, mut z_bar] = [vec![0.0; t * f], vec![0.0; t * f]];
-    par::chunks_mut2(&mut hidden, ROWS * f, &mut z_bar, ROWS * f, |c, hidden, z_bar| {
-        let (rows, z) = (z_bar.len() / f, &saved.z[c * ROWS * f..][..z_bar.len()]);
-        gemm_packed_here(View::new(&y_bar[c * ROWS * d..][..rows * d], rows, d), &w2, Finish::Store, z_bar);
-        elem::gelu_slope_slice(z, hidden);
-        z_bar.iter_mut().zip(&*hidden).for_each(|(bar, slope)| *bar *= slope);
-        elem::gelu_slice(z, hidden);
-    });
-    par::chunks_mut(&mut n_bar, ROWS * d, |c, n_bar| {
-        let rows = n_bar.len() / d;
-        gemm_packed_here(View::new(&z_bar[c * ROWS * f..][..rows * f], rows, f), &w1, Finish::Store, n_bar);
-    });
-    let mut outer = linear::InBar { x: vec![], weight: take(&mut x_bar.w_fc2), bias: take(&mut x_bar.b_fc2) };
-    linear::adjoint(linear::In { x: &hidden, weight: x.w_fc2, bias: x.b_fc2, m: t, n: d, k: f }, y_bar, &mut outer);
-    (x_bar.w_fc2, x_bar.b_fc2) = (outer.weight, outer.bias);
-    drop(hidden);
-    let ln2 = x.second(&saved.h);
-    layernorm::forward(&ln2, &mut n);
-    let mut inner = linear::InBar { x: vec![], weight: take(&mut x_bar.w_fc1), bias: take(&mut x_bar.b_fc1) };
-    linear::adjoint(linear::In { x: &n, weight: x.w_fc1, bias: x.b_fc1, m: t, n: f, k: d }, &z_bar, &mut inner);
-    (x_bar.w_fc1, x_bar.b_fc1) = (inner.weight, inner.bias);
-    drop(z_bar);
-    let mut ln2_bar =
-        layernorm::InBar { x: y_bar.to_vec(), gain: take(&mut x_bar.ln2_gain), bias: take(&mut x_bar.ln2_bias) };
-    layernorm::adjoint(&ln2, &saved.ln2, &n_bar, &mut ln2_bar);
-    (x_bar.ln2_gain, x_bar.ln2_bias) = (ln2_bar.gain, ln2_bar.bias);
-    // Attention: x̄ += h̄ + LN₁ᵀ(n̄).
-    let h_bar = ln2_bar.x;
+pub fn adjoint(x: &In<'_>, saved: Saved, y_bar: &[f32], x_bar: &mut InBar) {
+    let Saved { ln1, attention, h, ln2, z } = saved;
+    let [t, d, _] = x.sizes();
+    // h̄ = ȳ + LN₂ᵀ(n̄)
+    let mut n_bar = vec![0.0; t * d];
+    network_bar(x, (&h, z), y_bar, &mut n_bar, x_bar);
+    let (gain, bias) = (take(&mut x_bar.ln2_gain), take(&mut x_bar.ln2_bias));
+    let mut own = layernorm::InBar { x: y_bar.to_vec(), gain, bias };
+    layernorm::adjoint(&x.second(&h), &ln2, &n_bar, &mut own);
+    let h_bar;
+    (h_bar, x_bar.ln2_gain, x_bar.ln2_bias) = (own.x, own.gain, own.bias);
+    // x̄ += h̄ + LN₁ᵀ(n̄)
+    let mut n = h;
     layernorm::forward(&x.first(x.x), &mut n);
     n_bar.fill(0.0);
-    let mut attention_bar = attention::InBar {
+    let mut own = attention::InBar {
         x: n_bar,
         w_qkv: take(&mut x_bar.w_qkv),
         b_qkv: take(&mut x_bar.b_qkv),
         w_out: take(&mut x_bar.w_out),
         b_out: take(&mut x_bar.b_out),
     };
-    attention::adjoint(&x.attention(&n), &saved.attention, &h_bar, &mut attention_bar);
-    let attention::InBar { x: n_bar, w_qkv, b_qkv, w_out, b_out } = attention_bar;
-    (x_bar.w_qkv, x_bar.b_qkv, x_bar.w_out, x_bar.b_out) = (w_qkv, b_qkv, w_out, b_out);
-    let mut ln1_bar =
-        layernorm::InBar { x: h_bar, gain: take(&mut x_bar.ln1_gain), bias: take(&mut x_bar.ln1_bias) };
-    layernorm::adjoint(&x.first(x.x), &saved.ln1, &n_bar, &mut ln1_bar);
-    (x_bar.ln1_gain, x_bar.ln1_bias) = (ln1_bar.gain, ln1_bar.bias);
-    add(&mut x_bar.x, &ln1_bar.x);
+    attention::adjoint(&x.attention(&n), &attention, &h_bar, &mut own);
+    (x_bar.w_qkv, x_bar.b_qkv, x_bar.w_out, x_bar.b_out) = (own.w_qkv, own.b_qkv, own.w_out, own.b_out);
+    let (n_bar, gain, bias) = (own.x, take(&mut x_bar.ln1_gain), take(&mut x_bar.ln1_bias));
+    let mut own = layernorm::InBar { x: h_bar, gain, bias };
+    layernorm::adjoint(&x.first(x.x), &ln1, &n_bar, &mut own);
+    (x_bar.ln1_gain, x_bar.ln1_bias) = (own.gain, own.bias);
+    add(&mut x_bar.x, &own.x);
+}
+
+/// The adjoint of the network: writes the cotangent of LN₂(h) to `n_bar`, and adds those of its weights.
+fn network_bar(x: &In<'_>, (h, z): (&[f32], Vec<f32>), y_bar: &[f32], n_bar: &mut [f32], x_bar: &mut InBar) {
+    let [t, d, f] = x.sizes();
+    let mut hidden = vec![0.0; t * f];
+    gelu::forward(&z, &mut hidden);
+    // (F, D), whose right factor is the smaller one.
+    let mut turned = vec![0.0; f * d];
+    gemm(View::new(&hidden, t, f).t(), View::new(y_bar, t, d), Finish::Store, &mut turned);
+    drop(hidden);
+    par::chunks_mut(&mut x_bar.w_fc2, f, |row, bar| {
+        bar.iter_mut().enumerate().for_each(|(i, bar)| *bar += turned[i * d + row]);
+    });
+    drop(turned);
+    let outer = linear::In { x: &[], weight: &[], bias: x.b_fc2, m: t, n: d, k: f };
+    let mut own = linear::InBar { bias: take(&mut x_bar.b_fc2), ..linear::InBar::default() };
+    linear::adjoint(outer, y_bar, &mut own);
+    x_bar.b_fc2 = own.bias;
+    // z̄ takes the place of z.
+    let mut z_bar = z;
+    let w2 = Packed::new(View::new(x.w_fc2, d, f));
+    par::chunks_mut(&mut z_bar, ROWS * f, |c, z| {
+        let [mut slopes, mut bars] = [(); 2].map(|()| vec![0.0; z.len()]);
+        let rows = z.len() / f;
+        let y_bar = View::new(&y_bar[c * ROWS * d..][..rows * d], rows, d);
+        gemm_packed_here(y_bar, &w2, Finish::Store, &mut bars);
+        elem::gelu_slope_slice(z, &mut slopes);
+        z.iter_mut().zip(bars.iter().zip(&slopes)).for_each(|(z, (bar, slope))| *z = bar * slope);
+    });
+    drop(w2);
+    gemm(View::new(&z_bar, t, f), View::new(x.w_fc1, f, d), Finish::Store, n_bar);
+    let mut n = vec![0.0; t * d];
+    layernorm::forward(&x.second(h), &mut n);
+    let inner = linear::In { x: &n, weight: x.w_fc1, bias: x.b_fc1, m: t, n: f, k: d };
+    let (weight, bias) = (take(&mut x_bar.w_fc1), take(&mut x_bar.b_fc1));
+    let mut own = linear::InBar { x: vec![], weight, bias };
+    linear::adjoint(inner, &z_bar, &mut own);
+    (x_bar.w_fc1, x_bar.b_fc1) = (own.weight, own.bias);
 }

@@ -77,10 +77,21 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
             w_fc2: start(11),
             b_fc2: start(12),
         };
-        block::adjoint(&input, &saved, &y_bar, &mut bar);
+        block::adjoint(&input, saved, &y_bar, &mut bar);
         let bars = [
-            bar.x, bar.ln1_gain, bar.ln1_bias, bar.w_qkv, bar.b_qkv, bar.w_out, bar.b_out, bar.ln2_gain,
-            bar.ln2_bias, bar.w_fc1, bar.b_fc1, bar.w_fc2, bar.b_fc2,
+            bar.x,
+            bar.ln1_gain,
+            bar.ln1_bias,
+            bar.w_qkv,
+            bar.b_qkv,
+            bar.w_out,
+            bar.b_out,
+            bar.ln2_gain,
+            bar.ln2_bias,
+            bar.w_fc1,
+            bar.b_fc1,
+            bar.w_fc2,
+            bar.b_fc2,
         ];
         for (name, values) in NAMES.into_iter().zip(bars) {
             ran.gradients.put(name, &x.shape(name), values);
@@ -93,12 +104,15 @@ fn run(x: &CheckedCall<'_>) -> Result<RunResult> {
 /// network have, two heads, a large ε.
 fn case(case: usize) -> Case {
     let ([t, d, f], heads) = [([5, 4, 7], 1), ([67, 6, 24], 2)][case];
-    let shapes: [&[usize]; 13] = [
-        &[t, d], &[d], &[d], &[3 * d, d], &[3 * d], &[d, d], &[d], &[d], &[d], &[f, d], &[f], &[d, f], &[d],
-    ];
+    let shapes: [&[usize]; 13] =
+        [&[t, d], &[d], &[d], &[3 * d, d], &[3 * d], &[d, d], &[d], &[d], &[d], &[f, d], &[f], &[d, f], &[d]];
     let mut made = Case::default();
     for (i, (name, shape)) in NAMES.into_iter().zip(shapes).enumerate() {
-        made.inputs.put(name, shape, Draw::new(35, case, i).normals(crate::num::array::entries(shape)));
+        made.inputs.put(
+            name,
+            shape,
+            Draw::new(35, case, i as u16).normals(crate::num::array::entries(shape)),
+        );
     }
     made.settings.insert("heads".to_owned(), Setting::Number(heads as f64));
     if case == 1 {
