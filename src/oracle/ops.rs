@@ -79,6 +79,7 @@ pub static LIST: &[&Op] = &[
     &transformer::LAYERNORM,
     &transformer::WEIGHT_NORM,
     &transformer::ATTENTION,
+    &transformer::BLOCK,
     &loss::L1,
     &loss::MSE,
     &loss::SSIM,

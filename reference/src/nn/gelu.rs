@@ -35,14 +35,18 @@ pub static SIGNATURE: Signature = Signature {
     ..Signature::EMPTY
 };
 
+/// x·Φ(x) of one number.
+pub fn of<S: Scalar>(x: S) -> S {
+    let v = x.value();
+    let density = libm::exp(-0.5 * v * v) / (2.0 * std::f64::consts::PI).sqrt();
+    x * x.chain(0.5 * libm::erfc(-v * std::f64::consts::FRAC_1_SQRT_2), density)
+}
+
 /// The twin of `nn.gelu`.
 pub fn forward<S: Scalar>(x: &Arr<S>, out: &mut Out<'_, S>) {
     let y = out.array("y", &x.shape);
     for (i, &x) in x.data.iter().enumerate() {
-        let v = x.value();
-        let density = libm::exp(-0.5 * v * v) / (2.0 * std::f64::consts::PI).sqrt();
-        let below = x.chain(0.5 * libm::erfc(-v * std::f64::consts::FRAC_1_SQRT_2), density);
-        out.put(y, i, x * below);
+        out.put(y, i, of(x));
     }
     out.flush();
 }

@@ -24,6 +24,7 @@ static SOURCES: &[&str] = &[
     include_str!("../nn/layernorm.rs"),
     include_str!("../nn/weight_norm.rs"),
     include_str!("../nn/attention.rs"),
+    include_str!("../nn/block.rs"),
     include_str!("../loss/l1.rs"),
     include_str!("../loss/mse.rs"),
     include_str!("../loss/ssim.rs"),

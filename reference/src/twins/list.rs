@@ -15,8 +15,8 @@ use crate::loss::{
     albedo, eikonal, groups, l1, latent, lpips, mse, points, presence, prior, ssim, variation,
 };
 use crate::nn::{
-    act, attention, conv, decoder, fuse, gelu, layernorm, linear, mlp, softmax, softplus, tokens, unpatch,
-    weight_norm, window,
+    act, attention, block, conv, decoder, fuse, gelu, layernorm, linear, mlp, softmax, softplus, tokens,
+    unpatch, weight_norm, window,
 };
 use crate::optim::{adam, adamw};
 use crate::shade::{decode, diffuse, encode, envmap, gain, ggx, over_black};
@@ -84,6 +84,7 @@ pub static LIST: &[Twin] = &[
     twin!(layernorm),
     twin!(weight_norm),
     twin!(attention, attention::work),
+    twin!(block, block::work),
     twin!(l1),
     twin!(mse),
     twin!(ssim, ssim::work),

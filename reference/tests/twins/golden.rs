@@ -130,6 +130,11 @@ fn layers_of_transformers_are_reproduced() {
     reproduced("nn_layernorm", "nn.layernorm", &["x", "gain", "bias"]);
     reproduced("nn_weight_norm", "nn.weight_norm", &["v", "g"]);
     reproduced("nn_attention", "nn.attention", &["x", "w_qkv", "b_qkv", "w_out", "b_out"]);
+    let of_block = [
+        "x", "ln1_gain", "ln1_bias", "w_qkv", "b_qkv", "w_out", "b_out", "ln2_gain", "ln2_bias", "w_fc1",
+        "b_fc1", "w_fc2", "b_fc2",
+    ];
+    reproduced("nn_block", "nn.block", &of_block);
 }
 
 #[test]

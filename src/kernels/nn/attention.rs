@@ -18,7 +18,7 @@
 //! The projections round as [`mod@super::linear`]. A logit is one chain over the d columns, then one product with 1/√d. The softmax is online: over
 //! blocks of [`KEYS`] keys, which are part of the definition, in order. Per block, with running maximum m, sum l and output o:
 //!
-//! m' = max(m, logits of the block),   c = e^(m − m'),   p = e^(logit − m')        ([`elem::exp_lanes`], single precision)
+//! m' = max(m, logits of the block),   c = e^(m − m'),   p = e^(logit − m')        ([`mod@online`])
 //! l = l·c + Σp over 16 lanes,   o = o·c, then each entry goes on as one chain of p·v over the keys, ascending
 //!
 //! and O = o/l at the end. Memory is linear in T: no matrix of logits is kept. Blocks of queries and threads change no bit.
@@ -52,14 +52,16 @@
 
 use super::linear;
 use crate::num::gemm::{CHUNK, Finish, Packed, View, gemm_packed_here};
-use crate::num::lanes::{Real, f32x8};
-use crate::num::{elem, order, par, sum};
+use crate::num::online::{self, Rows};
+use crate::num::{par, sum};
 use std::ops::Range;
 
 /// Keys per block; part of the definition.
 pub const KEYS: usize = 64;
-/// Queries per task: sixteen register tiles of rows. The number changes no bit.
-const QUERIES: usize = 192;
+/// Queries per task: eight register tiles of rows, whose products with a block of keys stay in the first-level cache. The number changes no bit.
+const QUERIES: usize = 96;
+/// The same for the adjoint, whose sums over queries are resumed once for so many. The number changes no bit.
+const TOGETHER: usize = 192;
 
 /// Inputs.
 #[derive(Clone, Copy, Debug)]
@@ -89,8 +91,8 @@ pub struct Saved {
     qkv: Vec<f32>,
     /// Shape (T, D): O of all heads.
     o: Vec<f32>,
-    /// Per head and query: m and l.
-    rows: Vec<[f32; 2]>,
+    /// Shape (T, H, 2): m and l.
+    rows: Vec<f32>,
 }
 
 /// Gradients; the adjoint adds to them.
@@ -139,15 +141,14 @@ impl Sizes {
         (1.0 / (self.head as f64).sqrt()) as f32
     }
 
-    /// Rows `of` of the part (0: q, 1: k, 2: v) of a head in an array (T, 3D).
-    fn part<'a>(self, qkv: &'a [f32], part: usize, head: usize, of: Range<usize>) -> View<'a> {
-        let first = of.start * 3 * self.width + part * self.width + head * self.head;
-        View::strided(&qkv[first..], (of.len(), self.head), (3 * self.width, 1))
-    }
-
-    /// Rows `of` of a head in an array (T, D).
-    fn own<'a>(self, x: &'a [f32], head: usize, of: Range<usize>) -> View<'a> {
-        View::strided(&x[of.start * self.width + head * self.head..], (of.len(), self.head), (self.width, 1))
+    /// Keys and values of a head, of the given tokens.
+    fn keys_and_values(self, qkv: &[f32], head: usize, of: &[usize]) -> [Vec<f32>; 2] {
+        [1, 2].map(|part| {
+            let mut rows = Vec::with_capacity(of.len() * self.head);
+            let place = [part * self.width + head * self.head, self.head, 3 * self.width];
+            gathered(qkv, of.iter().copied(), place, &mut rows);
+            rows
+        })
     }
 }
 
@@ -189,7 +190,27 @@ impl<'a> In<'a> {
     }
 }
 
-/// Keys and values of one head, by blocks, as right factors.
+/// Rows of a part of an array (T, 3D) or (T, D) that follow each other: `row` numbers of each from index `first` on, `stride` apart.
+fn gathered(
+    x: &[f32],
+    of: impl Iterator<Item = usize>,
+    [first, row, stride]: [usize; 3],
+    into: &mut Vec<f32>,
+) {
+    into.clear();
+    of.for_each(|i| into.extend_from_slice(&x[i * stride + first..][..row]));
+}
+
+/// Keys or values of one head, by blocks, as right factors: X (keys, d) or Xᵀ (d, keys).
+fn blocks(x: &[f32], d: usize, is_transposed: bool) -> Vec<Packed> {
+    let block = |x: &[f32]| {
+        let view = View::new(x, x.len() / d, d);
+        Packed::new(if is_transposed { view.t() } else { view })
+    };
+    x.chunks(KEYS * d).map(block).collect()
+}
+
+/// One head: its place in the arrays, and the factors that all of its queries share.
 struct Head {
     /// Kᵀ, (d, keys).
     keys_t: Vec<Packed>,
@@ -197,76 +218,57 @@ struct Head {
     values: Vec<Packed>,
 }
 
-/// Rows `of` of a part of all tokens, gathered into rows that follow each other.
-fn gathered(s: Sizes, qkv: &[f32], part: usize, head: usize, of: &[usize]) -> Vec<f32> {
-    let row = |i: &usize| i * 3 * s.width + part * s.width + head * s.head;
-    of.iter().flat_map(|i| &qkv[row(i)..][..s.head]).copied().collect()
-}
-
 impl Head {
     fn new(s: Sizes, qkv: &[f32], head: usize, keys: &[usize]) -> Self {
-        let blocks = |part: usize| gathered(s, qkv, part, head, keys);
-        let (k, v) = (blocks(1), blocks(2));
-        let packed = |x: &[f32], is_transposed: bool| {
-            let view = View::new(x, x.len() / s.head, s.head);
-            Packed::new(if is_transposed { view.t() } else { view })
-        };
-        Self {
-            keys_t: k.chunks(KEYS * s.head).map(|k| packed(k, true)).collect(),
-            values: v.chunks(KEYS * s.head).map(|v| packed(v, false)).collect(),
-        }
+        let [k, v] = s.keys_and_values(qkv, head, keys);
+        Self { keys_t: blocks(&k, s.head, true), values: blocks(&v, s.head, false) }
     }
 }
 
-/// Replaces the products q·k of a row by e^(logit − m'), where m' = max(m, logits); returns m' and the sum.
-#[inline(always)]
-fn exponentials(row: &mut [f32], scale: f32, most: f32) -> [f32; 2] {
-    let mut most = most;
-    let (row8, row1) = row.as_chunks_mut::<8>();
-    let mut wide = f32x8::splat(most);
-    for x in row8.iter_mut() {
-        let logit = f32x8::new(*x) * f32x8::splat(scale);
-        wide = wide.max(logit);
-        *x = logit.to_array();
-    }
-    for x in wide.to_array() {
-        most = order::max(most, x);
-    }
-    for x in row1.iter_mut() {
-        *x *= scale;
-        most = order::max(most, *x);
-    }
-    for x in row8.iter_mut() {
-        *x = elem::exp_lanes(f32x8::new(*x) - f32x8::splat(most)).to_array();
-    }
-    for x in row1.iter_mut() {
-        *x = elem::exp_lanes(*x - most);
-    }
-    [most, sum::sum16(row)]
+/// Buffers of a task.
+#[derive(Default)]
+struct Buffers {
+    q: Vec<f32>,
+    o: Vec<f32>,
+    p: Vec<f32>,
 }
 
-/// O of some queries of a head, and their m and l.
-fn attend(s: Sizes, qkv: &[f32], head: usize, of: Range<usize>, blocks: &Head) -> (Vec<f32>, Vec<[f32; 2]>) {
-    let (n, q) = (of.len(), s.part(qkv, 0, head, of));
-    let mut rows = vec![[f32::NEG_INFINITY, 0.0]; n];
-    let (mut o, mut p) = (vec![0.0; n * s.head], vec![0.0; n * KEYS]);
-    for (keys_t, values) in blocks.keys_t.iter().zip(&blocks.values) {
+/// Writes O of some queries of a head to column `head·d` of rows of D numbers, and their m and l.
+fn attend(
+    s: Sizes,
+    qkv: &[f32],
+    (h, head): (usize, &Head),
+    of: Range<usize>,
+    own: &mut Buffers,
+    into: [&mut [f32]; 2],
+) {
+    let (n, d, [all, stats]) = (of.len(), s.head, into);
+    gathered(qkv, of, [h * d, d, 3 * s.width], &mut own.q);
+    own.o.clear();
+    own.o.resize(n * d, 0.0);
+    own.p.resize(n * KEYS, 0.0);
+    let q = View::new(&own.q, n, d);
+    let mut rows = Rows::new(n);
+    for (keys_t, values) in head.keys_t.iter().zip(&head.values) {
         let width = values.rows();
-        let p = &mut p[..n * width];
+        let p = &mut own.p[..n * width];
         gemm_packed_here(q, keys_t, Finish::Store, p);
-        for ((row, p), o) in rows.iter_mut().zip(p.chunks_exact_mut(width)).zip(o.chunks_exact_mut(s.head)) {
-            let [most, total] = exponentials(p, s.scale(), row[0]);
-            let c = elem::exp_lanes(row[0] - most);
-            *row = [most, row[1] * c + total];
-            o.iter_mut().for_each(|o| *o *= c);
+        rows.block(p, width, s.scale());
+        for (o, c) in own.o.chunks_exact_mut(d).zip(&rows.factor) {
+            if *c != 1.0 {
+                o.iter_mut().for_each(|o| *o *= c);
+            }
         }
-        gemm_packed_here(View::new(p, n, width), values, Finish::Resume, &mut o);
+        gemm_packed_here(View::new(p, n, width), values, Finish::Resume, &mut own.o);
     }
-    for (row, o) in rows.iter().zip(o.chunks_exact_mut(s.head)) {
-        let total = if row[1] > 0.0 { row[1] } else { 1.0 };
-        o.iter_mut().for_each(|o| *o /= total);
+    let stats = stats.chunks_exact_mut(2 * s.heads).map(|row| &mut row[2 * h..2 * h + 2]);
+    let all = all.chunks_exact_mut(s.width).map(|row| &mut row[h * d..(h + 1) * d]);
+    let rows = rows.most.iter().zip(&rows.total);
+    for ((((most, total), o), all), stats) in rows.zip(own.o.chunks_exact(d)).zip(all).zip(stats) {
+        stats.copy_from_slice(&[*most, *total]);
+        let total = if *total > 0.0 { *total } else { 1.0 };
+        all.iter_mut().zip(o).for_each(|(all, o)| *all = o / total);
     }
-    (o, rows)
 }
 
 /// Writes y (T, D) and returns what the adjoint needs.
@@ -280,16 +282,13 @@ pub fn forward(x: &In<'_>, y: &mut [f32]) -> Saved {
     linear::forward(x.projection(&x.bias(width), width), &mut qkv);
     let keys = x.keys();
     let heads = par::map(s.heads, |h| Head::new(s, &qkv, h, &keys));
-    let per_head = t.div_ceil(QUERIES);
-    let parts = par::map(s.heads * per_head, |i| {
-        let (h, first) = (i / per_head, i % per_head * QUERIES);
-        attend(s, &qkv, h, first..t.min(first + QUERIES), &heads[h])
+    let (mut o, mut rows) = (vec![0.0; t * width], vec![0.0; t * s.heads * 2]);
+    par::chunks_mut2(&mut o, QUERIES * width, &mut rows, QUERIES * s.heads * 2, |c, o, rows| {
+        let (first, mut own) = (c * QUERIES, Buffers::default());
+        for head in heads.iter().enumerate() {
+            attend(s, &qkv, head, first..first + o.len() / width, &mut own, [o, rows]);
+        }
     });
-    let (mut o, mut rows) = (vec![0.0; t * width], Vec::with_capacity(s.heads * t));
-    for (i, (part, own)) in parts.into_iter().enumerate() {
-        put(s, &mut o, (i / per_head) * s.head, width, i % per_head * QUERIES, &part);
-        rows.extend(own);
-    }
     linear::forward(x.output(&o, width), y);
     Saved { qkv, o, rows }
 }
@@ -308,30 +307,6 @@ struct HeadBar {
     v: Vec<f32>,
 }
 
-/// Right factors of one head for the adjoint, by blocks of keys.
-struct Factors {
-    forward: Head,
-    /// K, (keys, d).
-    keys: Vec<Packed>,
-    /// Vᵀ, (d, keys).
-    values_t: Vec<Packed>,
-}
-
-impl Factors {
-    fn new(s: Sizes, qkv: &[f32], head: usize, keys: &[usize]) -> Self {
-        let (k, v) = (gathered(s, qkv, 1, head, keys), gathered(s, qkv, 2, head, keys));
-        let view = |x: &'_ [f32]| x.len() / s.head;
-        Self {
-            forward: Head::new(s, qkv, head, keys),
-            keys: k.chunks(KEYS * s.head).map(|k| Packed::new(View::new(k, view(k), s.head))).collect(),
-            values_t: v
-                .chunks(KEYS * s.head)
-                .map(|v| Packed::new(View::new(v, view(v), s.head).t()))
-                .collect(),
-        }
-    }
-}
-
 /// Adds up chains over parts of k, as [`crate::num::gemm`] does beyond [`CHUNK`].
 fn joined(parts: Vec<Vec<f32>>, len: usize) -> Vec<f32> {
     if parts.is_empty() { vec![0.0; len] } else { sum::tree_arrays(parts) }
@@ -340,45 +315,46 @@ fn joined(parts: Vec<Vec<f32>>, len: usize) -> Vec<f32> {
 /// The adjoint of one head, on this thread.
 fn head_bar(s: Sizes, saved: &Saved, o_bar: &[f32], head: usize, keys: &[usize]) -> HeadBar {
     let (t, d) = (s.tokens, s.head);
-    let f = Factors::new(s, &saved.qkv, head, keys);
-    let stats = &saved.rows[head * t..][..t];
+    let [k, v] = s.keys_and_values(&saved.qkv, head, keys);
+    let [factors_k, factors_v] = [&k, &v].map(|x| blocks(x, d, true)); // Kᵀ and Vᵀ
+    let keys_of = blocks(&k, d, false);
     let (mut q_bar, mut sums) = (Vec::with_capacity(t * d), [Vec::new(), Vec::new()]);
     let (mut packed_q, mut packed_o) = (Packed::default(), Packed::default());
-    let (mut p, mut p_bar) = (vec![0.0; QUERIES * KEYS], vec![0.0; QUERIES * KEYS]);
+    let (mut p, mut p_bar) = (vec![0.0; TOGETHER * KEYS], vec![0.0; TOGETHER * KEYS]);
+    let (mut q, mut g) = (Vec::new(), Vec::new());
     for chunk in (0..t).step_by(CHUNK) {
         // Chains over the queries of this chunk.
         let [mut k_bar, mut v_bar] = [vec![0.0; keys.len() * d], vec![0.0; keys.len() * d]];
         let end = t.min(chunk + CHUNK);
-        for first in (chunk..end).step_by(QUERIES) {
-            let of = first..end.min(first + QUERIES);
+        for first in (chunk..end).step_by(TOGETHER) {
+            let of = first..end.min(first + TOGETHER);
             let n = of.len();
-            let (q, g) = (s.part(&saved.qkv, 0, head, of.clone()), s.own(o_bar, head, of.clone()));
+            gathered(&saved.qkv, of.clone(), [head * d, d, 3 * s.width], &mut q);
+            gathered(o_bar, of.clone(), [head * d, d, s.width], &mut g);
+            let (q, g) = (View::new(&q, n, d), View::new(&g, n, d));
             (packed_q, packed_o) = (packed_q.repacked(q), packed_o.repacked(g));
             let place = |i: usize| i * s.width + head * d;
-            let mean = |i: usize| sum::dot16(&o_bar[place(i)..][..d], &saved.o[place(i)..][..d]);
-            let means: Vec<f32> = of.clone().map(mean).collect();
+            let stats = of.clone().map(|i| {
+                let row = &saved.rows[2 * (i * s.heads + head)..][..2];
+                [row[0], row[1], sum::dot16(&o_bar[place(i)..][..d], &saved.o[place(i)..][..d])]
+            });
+            let stats: Vec<[f32; 3]> = stats.collect();
             let mut parts: Vec<Vec<f32>> = Vec::new();
-            for b in 0..f.keys.len() {
+            for b in 0..keys_of.len() {
                 if (b * KEYS).is_multiple_of(CHUNK) {
                     parts.push(vec![0.0; n * d]);
                 }
-                let width = f.keys[b].rows();
+                let width = keys_of[b].rows();
                 let (p, p_bar) = (&mut p[..n * width], &mut p_bar[..n * width]);
-                gemm_packed_here(q, &f.forward.keys_t[b], Finish::Store, p);
-                gemm_packed_here(g, &f.values_t[b], Finish::Store, p_bar);
-                for ((p, p_bar), ([most, total], mean)) in p
-                    .chunks_exact_mut(width)
-                    .zip(p_bar.chunks_exact_mut(width))
-                    .zip(stats[of.clone()].iter().zip(&means))
-                {
-                    weights(p, p_bar, s.scale(), [*most, *total, *mean]);
-                }
+                gemm_packed_here(q, &factors_k[b], Finish::Store, p);
+                gemm_packed_here(g, &factors_v[b], Finish::Store, p_bar);
+                online::weights(p, p_bar, width, s.scale(), &stats);
                 let own = b * KEYS * d..(b * KEYS + width) * d;
                 let (p, p_bar) = (View::new(p, n, width), View::new(p_bar, n, width));
                 gemm_packed_here(p.t(), &packed_o, Finish::Resume, &mut v_bar[own.clone()]);
                 gemm_packed_here(p_bar.t(), &packed_q, Finish::Resume, &mut k_bar[own]);
                 let part = parts.last_mut().expect("the first block begins a part");
-                gemm_packed_here(p_bar, &f.keys[b], Finish::Resume, part);
+                gemm_packed_here(p_bar, &keys_of[b], Finish::Resume, part);
             }
             q_bar.extend(joined(parts, n * d));
         }
@@ -387,25 +363,6 @@ fn head_bar(s: Sizes, saved: &Saved, o_bar: &[f32], head: usize, keys: &[usize])
     }
     let [k, v] = sums.map(|parts| joined(parts, keys.len() * d));
     HeadBar { q: q_bar, k, v }
-}
-
-/// Replaces the products q·k of a row by P, and the cotangents of P by those of the products.
-#[inline(always)]
-fn weights(p: &mut [f32], p_bar: &mut [f32], scale: f32, [most, total, mean]: [f32; 3]) {
-    #[inline(always)]
-    fn one<L: Real>(p: L, bar: L, scale: L, most: L, total: L, mean: L) -> [L; 2] {
-        let p = elem::exp_lanes(p * scale - most) / total;
-        [p, (p * (bar - mean)) * scale]
-    }
-    let wide = [scale, most, total, mean].map(f32x8::splat);
-    let ((p8, p1), (b8, b1)) = (p.as_chunks_mut::<8>(), p_bar.as_chunks_mut::<8>());
-    for (p, bar) in p8.iter_mut().zip(b8) {
-        let made = one(f32x8::new(*p), f32x8::new(*bar), wide[0], wide[1], wide[2], wide[3]);
-        [*p, *bar] = made.map(f32x8::to_array);
-    }
-    for (p, bar) in p1.iter_mut().zip(b1) {
-        [*p, *bar] = one(*p, *bar, scale, most, total, mean);
-    }
 }
 
 /// Adds the gradients for the cotangent `y_bar` (T, D) to `x_bar`.

@@ -10,6 +10,7 @@
 //! images ── window ───────────► squares       crops resampled by area
 //!
 //! tokens x, weights ─ attention ► tokens y    softmax of products between all tokens; projections over linear
+//! tokens x, weights ── block ──► tokens y     layernorm, attention, linear and gelu with two residual sums
 //! rows x ──── layernorm ──────► rows y        mean 0, variance 1, gain and bias
 //! values x ── gelu ───────────► values y      elementwise
 //! directions, lengths ── weight_norm ► matrix
@@ -23,6 +24,7 @@
 
 pub mod act;
 pub mod attention;
+pub mod block;
 pub mod conv;
 pub mod decoder;
 pub mod fuse;

@@ -67,7 +67,7 @@ const COLLIDING: usize = 512;
 /// The value affects only speed; the bits are the same.
 pub fn product_lanes() -> usize {
     #[cfg(target_arch = "x86_64")]
-    if tile::avx512().is_some() {
+    if super::registers::avx512().is_some() {
         return 16;
     }
     8

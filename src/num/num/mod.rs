@@ -7,6 +7,7 @@
 //! elem     elementary functions               gemm    matrix products: one chain per element, k ascending
 //! rng      Philox4x32-10, uniforms, normals   par     ordered maps over fixed chunks
 //! bits     digests, ULP distance              array   named arrays at the library's interfaces
+//! online   rows of a softmax by blocks        registers   the widest of the processor (not public)
 //! ```
 //!
 //! All other levels call this one, which depends on none of them. Kernels are generic over `lanes`, take
@@ -20,7 +21,9 @@ pub mod elem;
 pub mod env;
 pub mod gemm;
 pub mod lanes;
+pub mod online;
 pub mod order;
 pub mod par;
+mod registers;
 pub mod rng;
 pub mod sum;

@@ -1,5 +1,7 @@
 //! Layers of transformers.
 
+mod block;
+
 use super::call::RunResult;
 use super::case::Draw;
 use super::op::{Case, CheckedCall, Op};
@@ -7,6 +9,8 @@ use crate::nn::{attention, gelu, layernorm, weight_norm};
 use crate::tape::check::Prediction;
 use crate::{Error, Result};
 use reference::settings::Setting;
+
+pub(super) use block::BLOCK;
 
 /// `nn.gelu`
 pub(super) static GELU: Op = Op::new(&reference::nn::gelu::SIGNATURE, run_gelu, case_gelu);
@@ -133,7 +137,7 @@ fn case_weight_norm(case: usize) -> Case {
 pub(super) static ATTENTION: Op = Op {
     work_unit: "products",
     work_ns: [1.0, 60.0],
-    check: check_attention,
+    check: check_tokens,
     predict: predict_attention,
     cases: 3,
     ..Op::new(&reference::nn::attention::SIGNATURE, run_attention, case_attention)
@@ -149,7 +153,8 @@ fn heads(x: &CheckedCall<'_>) -> Result<usize> {
         .got(heads.to_string()))
 }
 
-fn check_attention(x: &CheckedCall<'_>) -> Result<()> {
+/// Tokens, and weights for as many queries, keys and values as columns.
+fn check_tokens(x: &CheckedCall<'_>) -> Result<()> {
     if x.dim("T") == 0 {
         return Err(Error::input("array 'x'").expected("at least one token").got("none"));
     }
@@ -164,9 +169,13 @@ fn check_attention(x: &CheckedCall<'_>) -> Result<()> {
 
 /// The bias of the keys has no gradient.
 fn predict_attention(x: &CheckedCall<'_>, _: &RunResult) -> Result<Prediction> {
+    Ok(keys_bias(x))
+}
+
+fn keys_bias(x: &CheckedCall<'_>) -> Prediction {
     let width = x.dim("D");
     let of_keys = (0..3 * width).map(|i| i / width == 1).collect();
-    Ok(Prediction { zeros: [("b_qkv".to_owned(), of_keys)].into(), ..Prediction::default() })
+    Prediction { zeros: [("b_qkv".to_owned(), of_keys)].into(), ..Prediction::default() }
 }
 
 fn run_attention(x: &CheckedCall<'_>) -> Result<RunResult> {

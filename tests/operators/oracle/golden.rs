@@ -196,7 +196,7 @@ fn golden_field_embed() {
 
 #[test]
 fn golden_layers_of_transformers() {
-    for name in ["gelu", "layernorm", "weight_norm", "attention"] {
+    for name in ["gelu", "layernorm", "weight_norm", "attention", "block"] {
         check_golden(&format!("nn_{name}"), &format!("nn.{name}"), None, &FIELD);
     }
 }

@@ -114,6 +114,31 @@ pub(super) fn cases() -> Vec<Case> {
             &["x", "w_qkv", "b_qkv", "w_out", "b_out"],
             &["y"],
         ),
+        case(
+            "block",
+            "nn.block",
+            named([
+                ("x", normal(&[4, 6], 39)),
+                ("ln1_gain", normal(&[6], 40)),
+                ("ln1_bias", normal(&[6], 41)),
+                ("w_qkv", normal(&[18, 6], 42)),
+                ("b_qkv", normal(&[18], 43)),
+                ("w_out", normal(&[6, 6], 44)),
+                ("b_out", normal(&[6], 45)),
+                ("ln2_gain", normal(&[6], 46)),
+                ("ln2_bias", normal(&[6], 47)),
+                ("w_fc1", normal(&[7, 6], 48)),
+                ("b_fc1", normal(&[7], 49)),
+                ("w_fc2", normal(&[6, 7], 50)),
+                ("b_fc2", normal(&[6], 51)),
+            ]),
+            &[("heads", "2"), ("eps", "0.01")],
+            &[
+                "x", "ln1_gain", "ln1_bias", "w_qkv", "b_qkv", "w_out", "b_out", "ln2_gain", "ln2_bias",
+                "w_fc1", "b_fc1", "w_fc2", "b_fc2",
+            ],
+            &["y"],
+        ),
     ]
 }
 

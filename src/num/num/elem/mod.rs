@@ -23,7 +23,11 @@ mod fast;
 pub mod table;
 mod trig;
 
+use super::double::Body;
 use super::lanes::{Real, f32x8};
+use super::registers::{Loops, widest};
+use std::marker::PhantomData;
+
 pub use fast::{EXP_LANES_MAX, EXP_LANES_MIN, exp_lanes};
 pub use table::TABLE;
 
@@ -84,10 +88,59 @@ functions! {
     softplus, softplus_slice = body::Softplus;
     /// Error function.
     erf, erf_slice = body::Erf;
-    /// x·Φ(x), where Φ is the distribution function of the standard normal distribution.
-    gelu, gelu_slice = body::Gelu;
-    /// The derivative of [`gelu`], Φ(x) + x·e^(−x²/2)/√(2π).
-    gelu_slope, gelu_slope_slice = body::GeluSlope;
+}
+
+/// x·Φ(x), where Φ is the distribution function of the standard normal distribution.
+#[inline]
+pub fn gelu<L: Real>(x: L) -> L {
+    x.through_f64::<body::Gelu>()
+}
+
+/// The derivative of [`gelu`], Φ(x) + x·e^(−x²/2)/√(2π).
+#[inline]
+pub fn gelu_slope<L: Real>(x: L) -> L {
+    x.through_f64::<body::GeluSlope>()
+}
+
+/// [`gelu`] of every element of `x`, into `y`.
+///
+/// # Panics
+/// Panics if the lengths differ.
+pub fn gelu_slice(x: &[f32], y: &mut [f32]) {
+    widest(Slice::<body::Gelu> { x, y, body: PhantomData });
+}
+
+/// [`gelu_slope`] of every element of `x`, into `y`.
+///
+/// # Panics
+/// Panics if the lengths differ.
+pub fn gelu_slope_slice(x: &[f32], y: &mut [f32]) {
+    widest(Slice::<body::GeluSlope> { x, y, body: PhantomData });
+}
+
+/// A body without branches, of every element.
+struct Slice<'a, B> {
+    x: &'a [f32],
+    y: &'a mut [f32],
+    body: PhantomData<B>,
+}
+
+impl<B: Body> Loops for Slice<'_, B> {
+    #[inline(always)]
+    fn run<const WIDE: bool>(self) {
+        let Self { mut x, mut y, .. } = self;
+        assert_eq!(x.len(), y.len(), "x and y have the same length");
+        if WIDE {
+            let ((x16, x1), (y16, y1)) = (x.as_chunks::<16>(), y.as_chunks_mut::<16>());
+            for (x, y) in x16.iter().zip(y16) {
+                for (x, y) in x.iter().zip(y) {
+                    *y = x.through_f64::<B>();
+                }
+            }
+            (x, y) = (x1, y1);
+        }
+        slice(x, y, f32::through_f64::<B>, f32x8::through_f64::<B>);
+    }
 }
 
 /// Returns the angle of (x, y) from the x axis, in −π..=π; signed zeros are treated as in IEEE 754: atan2(±0,

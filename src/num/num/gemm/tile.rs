@@ -11,9 +11,9 @@
 use super::matrix::Finish;
 use crate::num::lanes::{Real, f32x8};
 #[cfg(target_arch = "x86_64")]
-use pulp::x86::V4;
+use crate::num::registers::avx512;
 #[cfg(target_arch = "x86_64")]
-use std::sync::OnceLock;
+use pulp::x86::V4;
 
 /// Rows of a tile: one register tile with AVX-512, two with pairs of registers.
 pub(super) const ROWS: usize = 12;
@@ -228,14 +228,6 @@ impl Sixteen for V4 {
 /// Work that can run with any kind of registers.
 pub(super) trait Job {
     fn by<S: Sixteen>(self, simd: S);
-}
-
-/// Returns AVX-512 support if the processor has it and it is enabled; this is determined once.
-#[cfg(target_arch = "x86_64")]
-pub(super) fn avx512() -> Option<V4> {
-    static FOUND: OnceLock<Option<V4>> = OnceLock::new();
-    let is_wanted = || std::env::var_os("LASTLIGHT_LANES").is_none_or(|lanes| lanes != "8");
-    *FOUND.get_or_init(|| if is_wanted() { V4::try_new() } else { None })
 }
 
 /// Runs the job with the widest registers of this machine.
