@@ -248,6 +248,25 @@ impl Place {
     }
 }
 
+/// The half-precision number nearest to `x`, ties to even, as bits; beyond 65 519 it is infinite.
+pub fn half_from_f32(x: f32) -> u16 {
+    let bits = x.to_bits();
+    let sign = ((bits >> 16) & 0x8000) as u16;
+    let magnitude = bits & 0x7fff_ffff;
+    if magnitude > 0x7f80_0000 {
+        return sign | 0x7e00;
+    }
+    if magnitude >= 0x4780_0000 {
+        return sign | 0x7c00; // from 65 536 on
+    }
+    // The unit in the last place is 2^-24 below 2^-14, and 2^-10 of the power of two above.
+    let exponent = Ord::max((magnitude >> 23) as i32 - 127, -14);
+    let unit = f64::from(f32::from_bits((exponent - 10 + 127) as u32 * 0x0080_0000));
+    let steps = (f64::from(f32::from_bits(magnitude)) / unit).round_ties_even() as u16;
+    // A normal number has 1024 of its steps before it; a carry goes into the exponent.
+    sign | (((exponent + 14) as u16) << 10).wrapping_add(steps)
+}
+
 /// IEEE 754 binary16 to binary32, exact (payload of NaN shifted).
 pub fn half_to_f32(h: u16) -> f32 {
     let sign = u32::from(h >> 15) << 31;
@@ -425,6 +444,20 @@ mod tests {
             assert_eq!(half_to_f32(h).to_bits(), f32::to_bits(x), "{h:#x}");
         }
         assert!(half_to_f32(0x7e00).is_nan(), "NaN stays NaN");
+        for h in (0..=u16::MAX).filter(|h| h & 0x7fff <= 0x7c00) {
+            let x = half_to_f32(h);
+            assert_eq!(half_from_f32(x), h, "{x} is exact");
+            let next = half_to_f32(h + 1);
+            if h & 0x7fff < 0x7bff {
+                // Half-way, and one single-precision number to either side of it.
+                let middle = 0.5 * (x + next);
+                let [inner, outer] = [middle.to_bits() - 1, middle.to_bits() + 1].map(f32::from_bits);
+                assert_eq!([inner, outer].map(half_from_f32), [h, h + 1], "{x}");
+                assert_eq!(half_from_f32(middle), h + (h & 1), "{x}: a tie goes to the even one");
+            }
+        }
+        assert_eq!([65519.9, 65520.0, 1e30].map(half_from_f32), [0x7bff, 0x7c00, 0x7c00]);
+        assert!(half_to_f32(half_from_f32(f32::NAN)).is_nan());
         assert!(half_to_f32(0x8000).is_sign_negative(), "-0 keeps its sign");
     }
 

@@ -147,8 +147,25 @@ fn fault(header: &[u8], data: usize) -> Option<(String, String, String)> {
     Some(("data".into(), format!("{at} bytes after the header"), data.to_string()))
 }
 
+/// How single-precision arrays are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Precision {
+    /// As they are.
+    #[default]
+    Single,
+    /// As the nearest half-precision numbers.
+    Half,
+}
+
 /// The bytes of a file; equal contents give equal bytes.
 pub fn to_bytes(arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    to_bytes_in(Precision::Single, arrays, metadata)
+}
+
+/// Like [`to_bytes`], with single-precision arrays in the given precision.
+pub fn to_bytes_in(precision: Precision, arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Vec<u8> {
+    let width = |a: &Array| if is_half(precision, a) { 2 } else { width(a) };
+    let code = |a: &Array| if is_half(precision, a) { "F16" } else { code(a) };
     let mut header = Map::new();
     if !metadata.is_empty() {
         header.insert("__metadata__".into(), json!(metadata));
@@ -171,9 +188,23 @@ pub fn to_bytes(arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Vec<u8>
     out.extend_from_slice(&(text.len() as u64).to_le_bytes());
     out.extend_from_slice(text.as_bytes());
     for (_, a) in sorted {
-        npy::elements_le(a, &mut out);
+        match a {
+            Array::F32(values) if precision == Precision::Half => {
+                out.extend(values.iter().flat_map(|x| npy::half_from_f32(*x).to_le_bytes()));
+            }
+            _ => npy::elements_le(a, &mut out),
+        }
     }
     out
+}
+
+/// The half-precision number nearest to `x`, as a file of that precision holds it.
+pub fn rounded_to_half(x: f32) -> f32 {
+    npy::half_to_f32(npy::half_from_f32(x))
+}
+
+fn is_half(precision: Precision, a: &Array) -> bool {
+    precision == Precision::Half && matches!(a, Array::F32(_))
 }
 
 fn width(a: &Array) -> usize {
@@ -200,11 +231,24 @@ fn code(a: &Array) -> &'static str {
 /// # Errors
 /// When it cannot be written, or an array is called `__metadata__`.
 pub fn write(path: &Path, arrays: &Arrays, metadata: &BTreeMap<String, String>) -> Result<()> {
+    write_in(path, Precision::Single, arrays, metadata)
+}
+
+/// Like [`write`], with single-precision arrays in the given precision.
+///
+/// # Errors
+/// See [`write`].
+pub fn write_in(
+    path: &Path,
+    precision: Precision,
+    arrays: &Arrays,
+    metadata: &BTreeMap<String, String>,
+) -> Result<()> {
     if arrays.get("__metadata__").is_some() {
         return Err(Error::input(name_of(path))
             .at("array '__metadata__'")
             .expected("another name")
             .got("the reserved one"));
     }
-    super::atomic::write_bytes(path, &to_bytes(arrays, metadata))
+    super::atomic::write_bytes(path, &to_bytes_in(precision, arrays, metadata))
 }

@@ -174,6 +174,31 @@ impl Job<'_> {
     }
 }
 
+/// One version of an object in memory: its shots, and each with its passes and its exposure.
+///
+/// # Errors
+/// If a model or a map is invalid, or there is no such version.
+pub(super) fn in_memory(settings: &Settings, k: u64, version: &str) -> Result<Vec<(Shot, Passes, f32)>> {
+    let known = settings.versions().into_iter().find(|v| v.0 == version);
+    let (_, under_map, is_shiny) = known.ok_or_else(|| {
+        let names: Vec<&str> = settings.versions().iter().map(|v| v.0).collect();
+        Error::input("version of an object").expected(names.join(", ")).got(version)
+    })?;
+    let subject = Subject::new(settings, k)?;
+    let light = if under_map { Some(Light::new(settings, k)?) } else { None };
+    let bvh = Bvh::build(&subject.object.mesh.positions, &subject.object.mesh.triangles);
+    let lights = lights(light.as_ref());
+    let shiny = is_shiny.then(|| subject.with_roughness(subject.gloss(settings.seed, k)));
+    let scene = Scene::new(shiny.as_ref().unwrap_or(&subject.object), &bvh, &lights)?;
+    let capture = Capture { settings, k, scene: &scene, exposed: under_map };
+    let (shots, _) = shots(settings, k);
+    let one = |(i, shot): (usize, Shot)| {
+        let picture = capture.picture(i, &shot)?;
+        Ok((shot, picture.passes, picture.style.exposure))
+    };
+    shots.into_iter().enumerate().map(one).collect()
+}
+
 /// The light of a version: the object's map, or a white dome.
 fn lights(light: Option<&Light>) -> Lights {
     let map = match light {

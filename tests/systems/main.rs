@@ -10,7 +10,9 @@ mod last_character;
 mod last_gen;
 mod last_subjects;
 mod lirm_gen;
+mod lirm_train;
 mod lirm_truth;
+mod lirm_views;
 #[path = "../common/lpips_weights.rs"]
 mod lpips_weights;
 mod passes;

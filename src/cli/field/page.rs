@@ -111,8 +111,9 @@ pub(super) fn page(x: &Input<'_>) -> Result<Page> {
         sections.push(as_benchmark(benchmark));
     }
     sections.extend(x.run.course(
-        "samples",
-        " The second curve is the number of samples that the rays of an iteration took.",
+        "Loss",
+        Some("samples"),
+        " Samples are those that the rays of an iteration took.",
         &[],
     )?);
     sections.extend(x.run.tail());

@@ -1,6 +1,8 @@
-//! `lirm gen`: data for the LIRM system. Arguments are turned into records of `lirm`; nothing is computed here.
+//! Commands of LIRM: data (`gen`), the stages of a training (`train`), scores of a model (`eval`). Arguments are turned into records of `lirm`; nothing is computed here.
 
+mod eval;
 mod r#gen;
+mod train;
 
 use crate::Result;
 use clap::Subcommand;
@@ -10,6 +12,10 @@ use clap::Subcommand;
 pub(super) enum Command {
     /// Render training, test or egocentric data with known shape, materials and light
     Gen(Box<r#gen::Args>),
+    /// Train one stage of a model on built-in objects
+    Train(Box<train::Args>),
+    /// Score a model on built-in objects, after every set of images
+    Eval(Box<eval::Args>),
 }
 
 /// Runs one of them.
@@ -19,5 +25,7 @@ pub(super) enum Command {
 pub(super) fn run(command: &Command) -> Result<()> {
     match command {
         Command::Gen(args) => r#gen::run(args),
+        Command::Train(args) => train::run(args),
+        Command::Eval(args) => eval::run(args),
     }
 }

@@ -134,6 +134,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         .collect();
     sections.extend(x.run.course(
         "Loss (0.8 L1 + 0.2 (1 − SSIM))",
+        Some("Gaussians"),
         " Dotted marks are opacity resets.",
         &resets,
     )?);

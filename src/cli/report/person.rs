@@ -103,7 +103,7 @@ pub(crate) fn page(x: &Input<'_>) -> Result<Page> {
         distance: None,
     });
     sections.extend(hints::section(&views.collect::<Vec<_>>(), &x.run, x.n_gauss, None));
-    sections.extend(x.run.course("Loss", "", &[])?);
+    sections.extend(x.run.course("Loss", Some("Gaussians"), "", &[])?);
     if !x.events.is_empty() {
         sections.push(Section {
             id: "density",

@@ -65,21 +65,23 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Snapshots, loss, score and size of a fit; `marks` are places on the axis of iterations.
+    /// Snapshots, loss, score and size of a fit; `sizes` says what the history counts, if that is worth a chart; `marks` are places on
+    /// the axis of iterations.
     ///
     /// # Errors
     /// When an image cannot be encoded.
     pub(crate) fn course(
         &self,
         title: &'static str,
+        sizes: Option<&'static str>,
         remark: &str,
         marks: &[(f64, String)],
     ) -> Result<Option<Section>> {
         let Some(history) = self.history else { return Ok(None) };
         let strip = self.film.map_or_else(|| Ok(html! {}), strip)?;
         let (points, band) = charts::bucket(&history.loss, LOSS_POINTS);
-        let sizes: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
-        let (size, _) = charts::bucket(&sizes, 560);
+        let counts: Vec<f32> = history.size.iter().map(|&n| n as f32).collect();
+        let (size, _) = charts::bucket(&counts, 560);
         let chart = |title, log_y, series| Lines {
             title,
             x_label: "iteration",
@@ -100,7 +102,7 @@ impl<'a> Run<'a> {
                 div.two {
                     (chart(title, true, Series { name: "loss", color: 'a', points, band }).html())
                     @if let Some(film) = self.film.filter(|f| f.all.len() > 1) { (levels(film)) }
-                    (chart("Gaussians", false, Series { name: "Gaussians", color: 'b', points: size, band: vec![] }).html())
+                    @if let Some(name) = sizes { (chart(name, false, Series { name, color: 'b', points: size, band: vec![] }).html()) }
                 }
             },
         }))

@@ -30,6 +30,7 @@ use crate::io::capture::Split;
 use crate::io::{atomic, image_file};
 use crate::num::bits::Digest;
 use crate::scene::camera::Camera;
+use crate::scene::passes::PassImages;
 use crate::shade::render::Passes;
 use crate::shade::tonemap;
 use crate::{Error, Result};
@@ -127,6 +128,29 @@ impl PassSet {
             some => json!(some.names()),
         }
     }
+}
+
+/// An image in memory as a reader of its files gets it: the 8-bit photo, and all passes.
+///
+/// # Errors
+/// When a value is not a number.
+pub fn as_read(p: &Passes, exposure: f32) -> Result<(Vec<u8>, PassImages)> {
+    let unit = |x: u8| f32::from(x) / 255.0;
+    let bytes = |x: &[f32]| Ok::<_, Error>(image_file::to_u8(x)?.into_iter().map(unit).collect());
+    let albedo: Vec<f32> = tonemap::srgb_u8(&p.albedo, 1.0).into_iter().map(unit).collect();
+    let passes = PassImages {
+        width: p.width,
+        height: p.height,
+        foreground: Some(bytes(&p.alpha)?),
+        radiance: Some(p.color.clone()),
+        depth: Some(p.depth_z.clone()),
+        normal: Some(p.normal.clone()),
+        albedo: Some(albedo.as_chunks::<3>().0.to_vec()),
+        metallic: Some(bytes(&p.metallic)?),
+        roughness: Some(bytes(&p.roughness)?),
+        exposure: Some(f64::from(exposure)),
+    };
+    Ok((tonemap::srgb_u8(&p.color, exposure), passes))
 }
 
 /// A capture being written.

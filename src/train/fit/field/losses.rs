@@ -29,35 +29,36 @@ const PERCEPTUAL: f32 = 2.0;
 const STRUCTURE: f32 = 0.2;
 
 /// Rendered values of all rays, with their cotangents.
-pub(super) struct Rendered<'a> {
+pub struct Rendered<'a> {
     /// (N, Q)
-    pub(super) values: &'a [f32],
+    pub values: &'a [f32],
     /// (N)
-    pub(super) opacity: &'a [f32],
-    pub(super) channels: Channels,
+    pub opacity: &'a [f32],
+    /// Where values are.
+    pub channels: Channels,
     /// Q
-    pub(super) count: usize,
+    pub count: usize,
     /// (N, Q)
-    pub(super) values_bar: Vec<f32>,
+    pub values_bar: Vec<f32>,
     /// (N)
-    pub(super) opacity_bar: Vec<f32>,
+    pub opacity_bar: Vec<f32>,
 }
 
 impl<'a> Rendered<'a> {
     /// Begins with cotangents of 0.
-    pub(super) fn new(values: &'a [f32], opacity: &'a [f32], channels: Channels) -> Self {
+    pub fn new(values: &'a [f32], opacity: &'a [f32], channels: Channels) -> Self {
         let count = values.len() / Ord::max(opacity.len(), 1);
         let (values_bar, opacity_bar) = (vec![0.0; values.len()], vec![0.0; opacity.len()]);
         Self { values, opacity, channels, count, values_bar, opacity_bar }
     }
 
     /// Returns `n` values from channel `at` of some rays.
-    pub(super) fn picked(&self, rays: impl Iterator<Item = usize>, at: usize, n: usize) -> Vec<f32> {
+    pub fn picked(&self, rays: impl Iterator<Item = usize>, at: usize, n: usize) -> Vec<f32> {
         rays.flat_map(|r| self.values[r * self.count + at..][..n].iter().copied()).collect()
     }
 
     /// Adds the cotangents of picked values where they were picked.
-    pub(super) fn put(&mut self, rays: impl Iterator<Item = usize>, at: usize, n: usize, picked_bar: &[f32]) {
+    pub fn put(&mut self, rays: impl Iterator<Item = usize>, at: usize, n: usize, picked_bar: &[f32]) {
         let firsts = rays.map(|r| r * self.count + at);
         for (first, part) in firsts.zip(picked_bar.chunks_exact(n)) {
             add(&mut self.values_bar[first..][..n], part);
@@ -66,17 +67,19 @@ impl<'a> Rendered<'a> {
 }
 
 /// The crop of an array with `n` values per pixel.
-pub(super) fn cropped(all: &[f32], width: usize, crop: &Crop, n: usize) -> Vec<f32> {
+pub fn cropped(all: &[f32], width: usize, crop: &Crop, n: usize) -> Vec<f32> {
     crop.pixels(width).flat_map(|i| all[i * n..(i + 1) * n].iter().copied()).collect()
 }
 
 /// A loss of one crop.
 #[derive(Clone, Copy)]
-pub(super) struct Terms<'a> {
-    pub(super) weight: f32,
+pub struct Terms<'a> {
+    /// Weight of all terms.
+    pub weight: f32,
     /// Whether passes of albedo, materials and normals are read.
-    pub(super) passes: bool,
-    pub(super) lpips: Option<&'a Weights>,
+    pub passes: bool,
+    /// Weights of LPIPS; without them the structural similarity is compared.
+    pub lpips: Option<&'a Weights>,
 }
 
 impl Terms<'_> {
@@ -122,7 +125,7 @@ impl Terms<'_> {
 
     /// Adds the losses of one crop, whose first ray is `first`; returns their sum. `followed` are the normals (N, 3) that the
     /// normal head follows where there is no pass, 0 where there are none.
-    pub(super) fn add(
+    pub fn add(
         &self,
         target: &Target,
         crop: &Crop,

@@ -34,7 +34,7 @@
 mod adding;
 pub mod benchmark;
 pub mod crops;
-mod losses;
+pub mod losses;
 pub mod mesh;
 mod occupied;
 pub mod place;

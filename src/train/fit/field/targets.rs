@@ -123,28 +123,58 @@ fn picture(frame: &Frame, view: &View, options: &Options) -> Result<Picture> {
                 .hint("`field fit` fits one object: give every image a mask of it"));
         }
     };
-    let plain = (0..pixels).filter(|i| foreground[*i] == 0.0);
-    let is_white = plain.clone().all(|i| view.rgb[3 * i..3 * i + 3].iter().all(|x| *x >= WHITE));
-    let mut color = view.image();
-    let mut colored = kept.clone();
-    if !is_white {
-        let known =
-            |i: usize| kept.as_ref().map_or(1.0, |k| k[i]) * f32::from(u8::from(is_whole(foreground[i])));
-        colored = Some((0..pixels).map(known).collect());
-        for (x, m) in color.as_chunks_mut::<3>().0.iter_mut().zip(&foreground) {
-            *x = x.map(|x| x * m + (1.0 - m));
+    let photo = Photo { name: &view.name, camera: &view.camera, rgb: &view.rgb };
+    let mut made = photo.over_white(foreground, kept, passes);
+    made.environment = frame.passes.environment.clone();
+    Ok(made)
+}
+
+/// A photo before its background is replaced.
+#[derive(Clone, Copy, Debug)]
+pub struct Photo<'a> {
+    /// Name in the capture.
+    pub name: &'a str,
+    /// Camera in the world.
+    pub camera: &'a Camera,
+    /// (H, W, 3) sRGB-encoded.
+    pub rgb: &'a [u8],
+}
+
+impl Photo<'_> {
+    /// Composites over white what is not white behind the foreground already.
+    fn over_white(&self, foreground: Vec<f32>, kept: Option<Vec<f32>>, passes: PassImages) -> Picture {
+        let plain = (0..foreground.len()).filter(|i| foreground[*i] == 0.0);
+        let is_white = plain.clone().all(|i| self.rgb[3 * i..3 * i + 3].iter().all(|x| *x >= WHITE));
+        let mut color: Vec<f32> = self.rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let mut colored = kept.clone();
+        if !is_white {
+            let known =
+                |i: usize| kept.as_ref().map_or(1.0, |k| k[i]) * f32::from(u8::from(is_whole(foreground[i])));
+            colored = Some((0..foreground.len()).map(known).collect());
+            for (x, m) in color.as_chunks_mut::<3>().0.iter_mut().zip(&foreground) {
+                *x = x.map(|x| x * m + (1.0 - m));
+            }
+        }
+        Picture {
+            name: self.name.to_owned(),
+            camera: self.camera.clone(),
+            color,
+            foreground,
+            kept,
+            colored,
+            passes,
+            environment: None,
         }
     }
-    Ok(Picture {
-        name: view.name.clone(),
-        camera: view.camera.clone(),
-        color,
-        foreground,
-        kept,
-        colored,
-        passes,
-        environment: frame.passes.environment.clone(),
-    })
+
+    /// Makes the image of a render, whose passes include the foreground.
+    ///
+    /// # Panics
+    /// Panics if they do not.
+    pub fn rendered(&self, passes: PassImages) -> Picture {
+        let foreground = passes.foreground.clone().expect("renders have a foreground");
+        self.over_white(foreground, None, passes)
+    }
 }
 
 /// Whether a pixel is covered completely or not at all.
@@ -185,7 +215,8 @@ fn solid(p: &Picture, camera: &Camera) -> Vec<f32> {
     (0..w * h).map(|i| f32::from(u8::from(is_solid(i)))).collect()
 }
 
-fn target(p: &Picture, at: &Placement) -> Target {
+/// Returns an image in the units of a field.
+pub fn target(p: &Picture, at: &Placement) -> Target {
     let camera = placed(&p.camera, at);
     let over = |x: f32, m: f32| x * m + (1.0 - m);
     let albedo = p
@@ -214,7 +245,10 @@ fn target(p: &Picture, at: &Placement) -> Target {
 
 /// Gives all images a common exposure, where they were exposed one by one, and brightens dark objects; returns the factor
 /// from radiance to the images.
-fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
+///
+/// # Errors
+/// When a value is out of its range.
+pub fn expose(pictures: &mut [Picture], given: Option<f64>) -> Result<f64> {
     let Some(exposures) = pictures.iter().map(|p| p.passes.exposure).collect::<Option<Vec<f64>>>() else {
         return Ok(1.0);
     };

@@ -1,0 +1,169 @@
+//! `lirm train`: one stage of the training of a LIRM model.
+
+use crate::choices::{Choices, choices};
+use crate::console as cli;
+use crate::fit::training::{Fit, Watch};
+use crate::meter::Meter;
+use crate::report::run::{self, Run};
+use crate::report::{self, Page};
+use crate::shared::{Outcome, OutputArgs};
+use crate::training::{self, CHECKPOINT, Frame, Head, RESULT};
+use crate::{Result, claim};
+use lastlight_lirm::model::config::Config;
+use lastlight_lirm::model::file::{FILE, Model, digest};
+use lastlight_lirm::model::params::count;
+use lastlight_lirm::train::source::Rendered;
+use lastlight_lirm::train::stage::Stage;
+use lastlight_lirm::train::{Settings, Training};
+use serde_json::json;
+use std::path::PathBuf;
+
+/// Values of `--config`.
+const CONFIGS: &Choices = &[
+    ("small", "6 blocks of width 256: 5.8 million parameters"),
+    ("paper", "24 blocks of width 1024: 326 million parameters"),
+];
+/// Values of `--stage`.
+const STAGES: &Choices = &[
+    ("1a", "white dome; colour, mask and normals; 2 200 steps"),
+    ("1b", "the same, sharper; 2 200 steps"),
+    ("1c", "the same, slower; 1 800 steps"),
+    ("2a", "environment maps; all heads; 800 steps"),
+    ("2b", "the same, sharper; 800 steps"),
+    ("3", "the same, with larger crops; 400 steps"),
+];
+
+/// Train one stage of a LIRM model on built-in objects.
+#[derive(clap::Args)]
+#[command(after_help = "Examples:
+  lastlight lirm train --stage 1a --out s1a
+  lastlight lirm train --stage 1b --from s1a --out s1b      the next stage, with fresh moments
+  lastlight lirm train --stage 1a --out s1a --resume        go on after an interruption, with the same bits
+  lastlight lirm train --stage 1a --steps 100 --out quick   the same schedule, shorter
+
+Objects are rendered in memory with the pixels of lirm gen (20 images of 128x128 with 8 samples per pixel); each is in twelve steps, turned about the vertical by a drawn angle. Written to --out: model.safetensors (half precision, for --from), a checkpoint, result.json and report/index.html. The number of threads changes the time, not the result.")]
+pub(crate) struct Args {
+    /// Folder for the results; new or empty unless --resume or --force
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+    /// The stage
+    #[arg(long, value_name = "NAME", value_parser = choices(STAGES))]
+    stage: String,
+    /// Model of the stage before, or the folder of its training [default: first values]
+    #[arg(long, value_name = "FILE")]
+    from: Option<PathBuf>,
+    /// Sizes of the model, where there is no --from [default: small]
+    #[arg(long, value_name = "NAME", value_parser = choices(CONFIGS), conflicts_with = "from")]
+    config: Option<String>,
+    /// Steps [default: those of the stage]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    steps: Option<u32>,
+    /// Objects per step
+    #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u8).range(1..=64))]
+    batch: u8,
+    /// Objects that are in memory; the next ones follow after twelve steps of each
+    #[arg(long, value_name = "N", default_value_t = 48, value_parser = clap::value_parser!(u16).range(1..=4096))]
+    objects_at_once: u16,
+    /// Objects whose gradients are in memory at once; changes no bit [default: all of a step]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(1..=64))]
+    gradients_at_once: Option<u8>,
+    /// Run every block of the transformer again in the adjoint, which saves memory and changes no bit
+    #[arg(long)]
+    recompute: bool,
+    /// Steps between checkpoints
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+    checkpoint_every: u32,
+    #[command(flatten)]
+    filling: OutputArgs,
+}
+
+impl Args {
+    fn settings(&self) -> Result<Settings> {
+        let mut stage = Stage::named(&self.stage)?;
+        if let Some(steps) = self.steps {
+            stage.steps = steps as usize;
+        }
+        stage.validate()?;
+        Ok(Settings {
+            stage,
+            seed: self.filling.seed,
+            batch: usize::from(self.batch),
+            block: usize::from(self.objects_at_once),
+            at_once: usize::from(self.gradients_at_once.unwrap_or(self.batch)),
+            recompute: self.recompute,
+        })
+    }
+}
+
+/// Steps whose mean loss is printed: single ones scatter.
+const TAIL: usize = 100;
+
+/// The report of a stage.
+fn page(stage: &str, digest: &str, x: &Run<'_>) -> Result<Page> {
+    let mut stats: Vec<_> = x.history.map(|h| run::iterations(h, String::new())).into_iter().collect();
+    stats.push(x.card());
+    let remark = " A loss is the mean over objects, sets of images and crops.";
+    let mut sections: Vec<_> = x.course("Loss", None, remark, &[])?.into_iter().collect();
+    sections.extend(x.tail());
+    Ok(Page {
+        kind: "lirm train".into(),
+        title: format!("Stage {stage} of a LIRM model"),
+        notice: "",
+        command: cli::command_line(),
+        facts: vec![("digest", digest.to_owned())],
+        stats,
+        sections,
+    })
+}
+
+pub(super) fn run(args: &Args) -> Result<()> {
+    let mut meter = Meter::new().of("objects");
+    let settings = args.settings()?;
+    claim::check(&args.out, args.filling.resume, args.filling.force)?;
+    let before = args.from.as_deref().map(Model::read).transpose()?;
+    let config = match &before {
+        Some(model) => model.config,
+        None => Config::named(args.config.as_deref().unwrap_or("small"))?,
+    };
+    meter.lap("reading");
+    let source = Rendered::new(args.filling.seed);
+    let mut training = Training::new(settings.clone(), config, before.as_ref().map(|m| &m.params), &source)?;
+    meter.note(&format!(
+        "{} parameters in {} arrays, {} tokens of a state; {} steps of {} objects",
+        count(training.config()),
+        training.params().len(),
+        training.config().state_tokens(),
+        settings.stage.steps,
+        settings.batch
+    ));
+    training.show(&Rendered::new(args.filling.seed.wrapping_add(1)))?;
+    let frame = Frame::claim(&args.out, &args.filling, args.checkpoint_every)?;
+    let (history, film) = frame.train(&mut training, &mut meter)?;
+    let mut stages = before.map_or_else(Vec::new, |m| m.stages);
+    stages.push(settings.stage.name.clone());
+    let model = Model { config: *training.config(), params: training.params().clone(), stages }.halved();
+    let digest = digest(&model.params);
+    let settings = training.settings();
+    if let Some(outcome) = frame.finished(&digest, &settings, &history) {
+        return outcome.publish(&frame.dir);
+    }
+    model.write(&frame.file(FILE), crate::io::safetensors::Precision::Half)?;
+    let head = Head { kind: "lirm train", digest: &digest, settings };
+    let own = training::entries([("stages", json!(model.stages))]);
+    let record = frame.record(head, own, &history, &meter)?;
+    meter.lap("writing files");
+    let tail = &history.loss[history.len() - Ord::min(history.len(), TAIL)..];
+    let mean = tail.iter().fold(0.0, |sum, x| sum + f64::from(*x)) / tail.len() as f64;
+    let run = Run {
+        film: Some(&film),
+        ..Run::new(&record["settings"], Some(&history), &meter, &frame.dir, &[FILE, CHECKPOINT, RESULT])
+    };
+    let page = page(&args.stage, &digest, &run)?;
+    let lines = vec![
+        format!("loss        {mean:.4}, mean of the last {} steps", tail.len()),
+        format!("digest      {digest}"),
+        format!("time        {}", report::seconds(meter.seconds())),
+        format!("model       {}", frame.file(FILE).display()),
+    ];
+    Outcome { record, page: Some(page), lines, held_out_db: f64::NAN }.publish(&frame.dir)
+}

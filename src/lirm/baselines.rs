@@ -1,0 +1,135 @@
+//! What a reconstruction from a few images has to beat.
+//!
+//! | baseline | an image of it |
+//! |---|---|
+//! | nearest view | the input image whose camera is in the direction nearest to that of the wanted one, unchanged |
+//! | hull | the visual hull of the inputs (a point is in it if no input shows it as background), coloured with the mean of the inputs that show the point |
+//!
+//! A point of the hull's surface is seen by an input if the hull does not begin more than [`SLACK`] in front of it. Both know the true
+//! foreground, as the model does.
+
+use super::views::View;
+use crate::num::{order, par};
+use crate::scene::bound::project;
+use crate::scene::camera::Camera;
+
+/// Points along a ray through the ball.
+const STEPS: usize = 192;
+/// Radius of the ball of the object.
+const RADIUS: f64 = 0.5;
+/// How far in front of a point the hull may begin for an input that sees it.
+pub const SLACK: f64 = 0.02;
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+}
+
+/// The direction from the origin to a camera.
+fn towards(camera: &Camera) -> [f64; 3] {
+    let c = camera.center().map(f64::from);
+    let length = dot(c, c).sqrt();
+    if length > 0.0 { c.map(|x| x / length) } else { c }
+}
+
+/// The input nearest to a camera; the first of several.
+///
+/// # Panics
+/// Panics without inputs.
+pub fn nearest<'a>(inputs: &[&'a View], camera: &Camera) -> &'a View {
+    let wanted = towards(camera);
+    let cosine = |view: &View| dot(towards(&view.picture.camera), wanted);
+    let best =
+        (1..inputs.len()).fold(0, |best, i| if cosine(inputs[i]) > cosine(inputs[best]) { i } else { best });
+    inputs[best]
+}
+
+/// The pixel of a point, if it is in the image.
+fn pixel(camera: &Camera, p: [f64; 3]) -> Option<usize> {
+    let [x, y] = project(camera, p)?;
+    let is_inside = x >= 0.0 && y >= 0.0 && x < camera.width as f64 && y < camera.height as f64;
+    is_inside.then(|| y as usize * camera.width + x as usize)
+}
+
+/// The visual hull of some images.
+#[derive(Debug)]
+pub struct Hull<'a> {
+    inputs: &'a [&'a View],
+}
+
+impl<'a> Hull<'a> {
+    /// The hull of the ball's points that no image shows as background.
+    pub fn new(inputs: &'a [&'a View]) -> Self {
+        Self { inputs }
+    }
+
+    fn has(&self, p: [f64; 3]) -> bool {
+        let is_background =
+            |v: &View| pixel(&v.picture.camera, p).is_some_and(|i| v.picture.foreground[i] < 0.5);
+        dot(p, p) <= RADIUS * RADIUS && !self.inputs.iter().any(|v| is_background(v))
+    }
+
+    /// The distance along a ray at which the hull begins.
+    fn first(&self, origin: [f64; 3], direction: [f64; 3]) -> Option<f64> {
+        let (b, c) = (dot(origin, direction), dot(origin, origin) - RADIUS * RADIUS);
+        let square = b * b - c;
+        if square <= 0.0 {
+            return None;
+        }
+        let half = square.sqrt();
+        let start = order::max(-b - half, 0.0);
+        let step = (half - b - start) / STEPS as f64;
+        (0..STEPS).map(|i| start + (i as f64 + 0.5) * step).find(|t| self.has(along(origin, direction, *t)))
+    }
+
+    /// The mean colour of the images that show a point; `None` if none does.
+    fn color(&self, p: [f64; 3]) -> Option<[f32; 3]> {
+        let (mut sum, mut n) = ([0.0; 3], 0.0);
+        for view in self.inputs {
+            let camera = &view.picture.camera;
+            let Some(i) = pixel(camera, p) else { continue };
+            let eye = camera.center().map(f64::from);
+            let to: [f64; 3] = std::array::from_fn(|k| p[k] - eye[k]);
+            let distance = dot(to, to).sqrt();
+            let begins = self.first(eye, to.map(|x| x / distance));
+            if begins.is_some_and(|t| t >= distance - SLACK) && view.picture.foreground[i] >= 0.5 {
+                (0..3).for_each(|k| sum[k] += view.picture.color[3 * i + k]);
+                n += 1.0;
+            }
+        }
+        (n > 0.0).then(|| sum.map(|x| x / n))
+    }
+
+    /// An image over white, (H, W, 3).
+    pub fn image(&self, camera: &Camera) -> Vec<f32> {
+        let mean = self.mean();
+        let row = |y: usize| {
+            let one = |x: usize| {
+                let ray = camera.ray([x as f32 + 0.5, y as f32 + 0.5]);
+                let hit = ray.and_then(|(o, d)| {
+                    let (o, d) = (o.map(f64::from), d.map(f64::from));
+                    self.first(o, d).map(|t| along(o, d, t))
+                });
+                hit.map_or([1.0; 3], |p| self.color(p).unwrap_or(mean))
+            };
+            (0..camera.width).map(one).collect::<Vec<[f32; 3]>>()
+        };
+        par::map(camera.height, row).concat().into_flattened()
+    }
+
+    /// The mean colour of the object, for points that no image shows.
+    fn mean(&self) -> [f32; 3] {
+        let (mut sum, mut n) = ([0.0_f64; 3], 0.0);
+        for v in self.inputs {
+            let pixels = v.picture.color.as_chunks::<3>().0.iter().zip(&v.picture.foreground);
+            for (x, _) in pixels.filter(|(_, m)| **m >= 0.5) {
+                (0..3).for_each(|k| sum[k] += f64::from(x[k]));
+                n += 1.0;
+            }
+        }
+        if n > 0.0 { sum.map(|x| (x / n) as f32) } else { [1.0; 3] }
+    }
+}
+
+fn along(o: [f64; 3], d: [f64; 3], t: f64) -> [f64; 3] {
+    std::array::from_fn(|k| o[k] + t * d[k])
+}

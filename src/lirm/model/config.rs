@@ -1,0 +1,265 @@
+//! The sizes of a model.
+//!
+//! | setting | `paper` | `small` | |
+//! |---|---|---|---|
+//! | `blocks` | 24 | 6 | blocks of the transformer |
+//! | `width` | 1024 | 256 | numbers per token |
+//! | `heads` | 16 | 4 | of the attention |
+//! | `planes` | 6 | 6 | 6: one per side of each axis; 3 |
+//! | `plane_tokens` | 48 | 8 | tokens along a side of a plane; each becomes 8×8 texels |
+//! | `embed_tokens` | 32 | 4 | tokens along a side of the square of four panoramas; 0: none, colours do not depend on direction |
+//! | `channels` | 32 | 16 | of planes and panoramas |
+//! | `fuse` | published | residual | how the last state enters |
+//! | `whole` | | | whether it reads photographs, and has materials and colours that depend on direction: stages 2 and 3 |
+
+use crate::{Error, Result};
+use serde_json::{Value, json};
+
+/// Side of the square of pixels or texels of a token.
+pub const PATCH: usize = 8;
+/// Panoramas, of increasing roughness: a square of 2×2.
+pub const LEVELS: usize = 4;
+/// Units of the hidden layers of heads.
+pub const HIDDEN: usize = 32;
+/// Added to the variance by every LayerNorm.
+pub const EPS: f64 = 1e-6;
+/// Half size of the box of a field whose object is in the ball of radius ½.
+pub const HALF_SIZE: f32 = 0.525;
+
+/// How the state of the last set of images enters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fuse {
+    /// The tokens are the output of the network alone.
+    Published,
+    /// The output of the network, which is 0 at first, is added to the place tokens.
+    #[default]
+    Residual,
+}
+
+impl Fuse {
+    /// Returns the name in settings.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Published => "published",
+            Self::Residual => "residual",
+        }
+    }
+}
+
+/// The sizes of a model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Config {
+    /// Blocks of the transformer.
+    pub blocks: usize,
+    /// Numbers per token, D.
+    pub width: usize,
+    /// Heads of the attention.
+    pub heads: usize,
+    /// Number of planes, 6 or 3.
+    pub planes: usize,
+    /// Tokens along a side of a plane.
+    pub plane_tokens: usize,
+    /// Tokens along a side of the square of panoramas; 0: there are none.
+    pub embed_tokens: usize,
+    /// Channels of planes and panoramas.
+    pub channels: usize,
+    /// How the last state enters.
+    pub fuse: Fuse,
+    /// Whether it reads photographs, and gives materials and colours that depend on direction.
+    pub is_whole: bool,
+}
+
+impl Config {
+    /// The model of the paper; 326 million parameters.
+    pub const PAPER: Self = Self {
+        blocks: 24,
+        width: 1024,
+        heads: 16,
+        planes: 6,
+        plane_tokens: 48,
+        embed_tokens: 32,
+        channels: 32,
+        fuse: Fuse::Published,
+        is_whole: false,
+    };
+    /// A model that two cores can train; 5.8 million parameters.
+    pub const SMALL: Self = Self {
+        blocks: 6,
+        width: 256,
+        heads: 4,
+        planes: 6,
+        plane_tokens: 8,
+        embed_tokens: 4,
+        channels: 16,
+        fuse: Fuse::Residual,
+        is_whole: false,
+    };
+
+    /// Returns the configuration of that name.
+    ///
+    /// # Errors
+    /// Lists the names if there is none.
+    pub fn named(name: &str) -> Result<Self> {
+        match name {
+            "paper" => Ok(Self::PAPER),
+            "small" => Ok(Self::SMALL),
+            other => Err(Error::input("configuration").expected("paper or small").got(other)),
+        }
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Names the setting.
+    pub fn validate(&self) -> Result<()> {
+        let within = |name: &str, x: usize, [least, most]: [usize; 2]| {
+            if (least..=most).contains(&x) {
+                return Ok(());
+            }
+            let e = Error::input("configuration").at(name);
+            Err(e.expected(format!("{least} to {most}")).got(x.to_string()))
+        };
+        within("blocks", self.blocks, [1, 96])?;
+        within("width", self.width, [8, 8192])?;
+        within("heads", self.heads, [1, 128])?;
+        within("plane_tokens", self.plane_tokens, [1, 256])?;
+        within("embed_tokens", self.embed_tokens, [0, 256])?;
+        within("channels", self.channels, [1, 256])?;
+        if !self.width.is_multiple_of(self.heads) {
+            return Err(Error::input("configuration")
+                .at("heads")
+                .expected(format!("a divisor of the width {}", self.width))
+                .got(self.heads.to_string()));
+        }
+        if self.planes != 6 && self.planes != 3 {
+            return Err(Error::input("configuration")
+                .at("planes")
+                .expected("6 or 3")
+                .got(self.planes.to_string()));
+        }
+        Ok(())
+    }
+
+    /// Returns the number of tokens of the planes, and of the panoramas: together those of a state.
+    pub fn tokens(&self) -> [usize; 2] {
+        [self.planes * self.plane_tokens * self.plane_tokens, self.embed_tokens * self.embed_tokens]
+    }
+
+    /// Returns the number of tokens of a state.
+    pub fn state_tokens(&self) -> usize {
+        let [planes, panoramas] = self.tokens();
+        planes + panoramas
+    }
+
+    /// Returns the texels per side of a plane.
+    pub fn plane_side(&self) -> usize {
+        PATCH * self.plane_tokens
+    }
+
+    /// Returns the texels per side of a panorama.
+    pub fn panorama_side(&self) -> usize {
+        PATCH * self.embed_tokens / 2
+    }
+
+    /// Whether there are panoramas.
+    pub fn has_embedding(&self) -> bool {
+        self.embed_tokens > 0
+    }
+
+    /// Returns the floating-point operations of one set of images without gradients, and those of its attention alone, for a number of
+    /// image tokens: two per product and sum.
+    pub fn flops(&self, image_tokens: usize) -> [f64; 2] {
+        let t = (self.state_tokens() + image_tokens) as f64;
+        let (d, blocks) = (self.width as f64, self.blocks as f64);
+        let attention = blocks * 4.0 * t * t * d;
+        let linear = blocks * 24.0 * t * d * d;
+        let state = self.state_tokens() as f64;
+        let patch = (PATCH * PATCH) as f64;
+        let ends = 6.0 * state * d * d
+            + 24.0 * patch * image_tokens as f64 * d
+            + 2.0 * state * d * patch * self.channels as f64;
+        [attention + linear + ends, attention]
+    }
+
+    /// Returns the settings as a flat JSON object.
+    pub fn json(&self) -> Value {
+        json!({
+            "blocks": self.blocks, "width": self.width, "heads": self.heads, "planes": self.planes,
+            "plane_tokens": self.plane_tokens, "embed_tokens": self.embed_tokens, "channels": self.channels,
+            "fuse": self.fuse.name(), "whole": self.is_whole,
+        })
+    }
+
+    /// Reads the settings from such an object.
+    ///
+    /// # Errors
+    /// A missing setting, or one out of its range; the error names it.
+    pub fn parse(from: &Value) -> Result<Self> {
+        let missing = |key: &str, want: &str| {
+            let got = from.get(key).map_or_else(|| "nothing".to_owned(), Value::to_string);
+            Error::input("configuration").at(key.to_owned()).expected(want.to_owned()).got(got)
+        };
+        let count = |key: &str| -> Result<usize> {
+            let x = from.get(key).and_then(Value::as_u64).and_then(|x| usize::try_from(x).ok());
+            x.ok_or_else(|| missing(key, "a whole number"))
+        };
+        let fuse = match from.get("fuse").and_then(Value::as_str) {
+            Some("published") => Fuse::Published,
+            Some("residual") => Fuse::Residual,
+            _ => return Err(missing("fuse", "published or residual")),
+        };
+        let config = Self {
+            blocks: count("blocks")?,
+            width: count("width")?,
+            heads: count("heads")?,
+            planes: count("planes")?,
+            plane_tokens: count("plane_tokens")?,
+            embed_tokens: count("embed_tokens")?,
+            channels: count("channels")?,
+            fuse,
+            is_whole: from
+                .get("whole")
+                .and_then(Value::as_bool)
+                .ok_or_else(|| missing("whole", "true or false"))?,
+        };
+        config.validate()?;
+        Ok(config)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_those_of_the_paper() {
+        let (paper, small) = (Config::PAPER, Config::SMALL);
+        assert_eq!((paper.tokens(), paper.plane_side(), paper.panorama_side()), ([13_824, 1024], 384, 128));
+        assert_eq!((small.tokens(), small.plane_side(), small.panorama_side()), ([384, 16], 64, 16));
+        // four views of 512²: 16 384 image tokens
+        let [all, attention] = paper.flops(16_384);
+        assert!(
+            (all / 1e12 - 115.0).abs() < 5.0 && (attention / 1e12 - 96.0).abs() < 2.0,
+            "{all} {attention}"
+        );
+    }
+
+    #[test]
+    fn settings_survive_their_text_and_bad_ones_are_named() {
+        for config in [
+            Config::PAPER,
+            Config::SMALL,
+            Config { planes: 3, embed_tokens: 0, is_whole: true, ..Config::SMALL },
+        ] {
+            assert_eq!(Config::parse(&config.json()).expect("its own text"), config);
+        }
+        for (key, value) in
+            [("planes", json!(4)), ("heads", json!(3)), ("fuse", json!("x")), ("width", json!(-1))]
+        {
+            let mut bad = Config::SMALL.json();
+            bad[key] = value;
+            let e = Config::parse(&bad).expect_err("out of range").to_string();
+            assert!(e.contains(key), "{e}");
+        }
+    }
+}

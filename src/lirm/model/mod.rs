@@ -1,0 +1,32 @@
+//! The model of LIRM: a transformer that turns posed images of an object into a field, and improves it with more of them.
+//!
+//! ```text
+//! config   the sizes of a model: paper, small            params   its arrays: names, shapes, first values
+//!
+//! images, rays, photographs ──► nn.tokens ──────────────┐
+//!                                                       ▼
+//! state of the last set ─► nn.fuse ◄─ place tokens ──► blocks ──► LayerNorm ──► state ──┬──► next set
+//!   (0 before the first)    update                                                       │
+//!                                                     nn.unpatch ◄──────────────────────┘
+//!                                                       │
+//!                              planes, panoramas, heads ▼     decode
+//!                                                     field ──► field.render, mesh, relighting
+//! file     weights and states as safetensors
+//! ```
+//!
+//! The state is the tokens of the planes and of the panoramas after the final LayerNorm. Its size does not depend on how many images
+//! made it. The same weights serve every set of images; the state is a constant input of the next set (no gradient flows through it).
+//!
+//! What the paper leaves open is a named setting of [`Config`].
+
+pub mod config;
+pub mod decode;
+pub mod file;
+pub mod params;
+pub mod transformer;
+pub mod weights;
+
+#[cfg(test)]
+mod tests;
+
+pub use config::{Config, Fuse};

@@ -1,0 +1,115 @@
+use super::config::Config;
+use super::decode::Look;
+use super::params::first;
+use super::transformer::{Input, Keep};
+use super::weights::Ready;
+use crate::field::render::InBar;
+use crate::fit::field::scene::Weights;
+use crate::num::rng::Rng;
+use crate::scene::field::Placement;
+use crate::tape::Params;
+
+const TINY: Config = Config {
+    blocks: 2,
+    width: 16,
+    heads: 2,
+    planes: 6,
+    plane_tokens: 1,
+    embed_tokens: 1,
+    channels: 3,
+    is_whole: true,
+    ..Config::SMALL
+};
+
+fn numbers(seed: u64, n: usize) -> Vec<f32> {
+    let rng = Rng::new(seed);
+    (0..n).map(|i| 2.0 * rng.uniform_f32(i as u64, 0, 1, 0) - 1.0).collect()
+}
+
+fn view(seed: u64, size: [usize; 2]) -> Input {
+    let n = size[0] * size[1];
+    Input {
+        size,
+        image: numbers(seed, 3 * n),
+        rays: numbers(seed + 1, 6 * n),
+        photo: numbers(seed + 2, 3 * n),
+    }
+}
+
+fn params() -> Params {
+    let mut params = first(&TINY, 1);
+    let names: Vec<String> = params.iter().map(|(name, _)| name.to_owned()).collect();
+    // No array is 0, so that all parts have a gradient.
+    for (k, name) in names.iter().enumerate() {
+        let array = params.get_mut(name).expect("a name of its own");
+        let noise = numbers(100 + k as u64, array.len());
+        array.iter_mut().zip(noise).for_each(|(x, r)| *x += 0.1 * r);
+    }
+    params
+}
+
+const PLACEMENT: Placement = Placement { center: [0.0; 3], scale: 1.0 };
+const LOOK: Look = Look { samples: 16, inverse_beta: 10.0, least_weight: None };
+
+/// A linear function of all texels of the field that a state decodes to, after two sets of images of two sizes.
+fn value(params: &Params, state: &[f32], views: &[Input], c: [&[f32]; 2]) -> f64 {
+    let ready = Ready::new(TINY, params);
+    let (next, _) = ready.read(state, views, None);
+    let field = ready.decode(&next, LOOK, PLACEMENT);
+    let panoramas = field.panoramas.expect("a whole model has them").values;
+    let dot = |x: &[f32], c: &[f32]| x.iter().zip(c).fold(0.0, |s, (x, c)| s + f64::from(*x) * f64::from(*c));
+    dot(&field.planes.values, c[0]) + dot(&panoramas, c[1])
+}
+
+#[test]
+fn gradients_are_difference_quotients_with_and_without_recomputation() {
+    let params = params();
+    let ready = Ready::new(TINY, &params);
+    let views = [view(7, [16, 8]), view(17, [8, 8])];
+    let state = numbers(3, TINY.state_tokens() * TINY.width);
+    let c = [numbers(4, 6 * 64 * 3), numbers(5, 4 * 16 * 3)];
+    let mut both = Vec::new();
+    for keep in [Keep::All, Keep::Inputs] {
+        let (next, saved) = ready.read(&state, &views, Some(keep));
+        let field = ready.decode(&next, LOOK, PLACEMENT);
+        let weights = Weights::of(&field);
+        let rays = crate::field::render::Rays { origins: &[], directions: &[] };
+        let mut bar = InBar::zeros_like(&weights.scene(rays));
+        bar.planes.copy_from_slice(&c[0]);
+        bar.panoramas.copy_from_slice(&c[1]);
+        let mut g = ready.zeros();
+        let next_bar = ready.decode_adjoint(&next, &bar, &mut g);
+        ready.read_adjoint(&state, &views, saved.expect("kept"), &next_bar, &mut g);
+        both.push(ready.finish(g));
+    }
+    assert_eq!(both[0].0, both[1].0, "the same bits");
+    let c = [&c[0][..], &c[1][..]];
+    for (name, gradient) in both[0].0.iter().filter(|(name, _)| !name.starts_with("heads/")) {
+        let direction = numbers(900, gradient.len());
+        let along = gradient.iter().zip(&direction).fold(0.0, |s, (g, d)| s + f64::from(*g) * f64::from(*d));
+        let moved = |h: f32| {
+            let mut params = params.clone();
+            let array = params.get_mut(name).expect("a parameter");
+            array.iter_mut().zip(&direction).for_each(|(x, d)| *x += h * d);
+            value(&params, &state, &views, c)
+        };
+        let h = 2e-3;
+        let quotient = (moved(h) - moved(-h)) / (2.0 * f64::from(h));
+        let size = gradient.iter().fold(0.0, |s, g| s + f64::from(*g) * f64::from(*g)).sqrt();
+        assert!((along - quotient).abs() < 0.02 * size + 1e-3, "{name}: {along} {quotient}, length {size}");
+        assert!(size > 0.0 || name.ends_with("qkv/bias"), "{name} has a gradient");
+    }
+}
+
+#[test]
+fn a_state_has_the_same_size_for_any_images_and_they_matter() {
+    let params = params();
+    let ready = Ready::new(TINY, &params);
+    let none = ready.no_state();
+    let (one, saved) = ready.read(&none, &[view(1, [8, 8])], None);
+    assert!(saved.is_none(), "nothing was to be kept");
+    let (many, _) = ready.read(&one, &[view(2, [24, 8]), view(3, [8, 16]), view(4, [8, 8])], None);
+    assert_eq!((one.len(), many.len()), (none.len(), none.len()));
+    let (other, _) = ready.read(&none, &[view(2, [24, 8]), view(3, [8, 16]), view(4, [8, 8])], None);
+    assert_ne!(many, other, "the last state enters");
+}

@@ -1,0 +1,168 @@
+//! Random choices of a training: functions of seed, step and place in the batch.
+
+use super::source::VIEWS;
+use super::stage::{Stage, USES, VERSIONS};
+use crate::num::rng::Rng;
+
+/// Order of the objects of a block; the step is the number of the order.
+const ORDER: u16 = 0x0551;
+/// Light of an object; the item is the object.
+const LIGHT: u16 = 0x0552;
+/// Of a place in a batch: draw 0 the turn, 1 the brightness, 2 the number of sets, from 3 on their sizes.
+const PLACE: u16 = 0x0553;
+/// Order of the images of a place; its item is the place.
+const IMAGES: u16 = 0x0554;
+
+/// Smallest and largest number of images of a set.
+const IMAGES_OF_SET: [usize; 2] = [3, 6];
+/// Smallest and largest factor of the brightness.
+const BRIGHTNESS: [f64; 2] = [0.75, 1.25];
+/// Cosine between the directions of two cameras up to which one sees what the other sees.
+const NEAR: f32 = 0.5;
+
+/// What the choices depend on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Draws<'a> {
+    pub(super) seed: u64,
+    pub(super) stage: &'a Stage,
+    /// Objects per step.
+    pub(super) batch: usize,
+    /// Objects of a block.
+    pub(super) block: usize,
+}
+
+/// The choices for one object of a step.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Choice {
+    /// Index of the object.
+    pub(super) object: u64,
+    /// Angle about the vertical, in radians.
+    pub(super) turn: f64,
+    /// Factor of the encoded colours.
+    pub(super) brightness: f32,
+    /// Images of every set.
+    pub(super) sets: Vec<Vec<usize>>,
+    /// All images, in a random order.
+    pub(super) order: Vec<usize>,
+}
+
+fn number(x: usize) -> u32 {
+    u32::try_from(x).expect("a training has fewer steps")
+}
+
+impl Draws<'_> {
+    /// Block, order within it, and place in the order, of place `j` of a step.
+    fn at(&self, step: usize, j: usize) -> [usize; 3] {
+        let use_ = step * self.batch + j;
+        let (block, rest) = (use_ / (USES * self.block), use_ % (USES * self.block));
+        [block, rest / self.block, rest % self.block]
+    }
+
+    /// The objects of the blocks of a step.
+    pub(super) fn objects(&self, step: usize) -> Vec<u64> {
+        let mut blocks: Vec<usize> = (0..self.batch).map(|j| self.at(step, j)[0]).collect();
+        blocks.dedup();
+        let of =
+            |b: usize| (b * self.block..(b + 1) * self.block).map(|k| self.stage.first_object + k as u64);
+        blocks.into_iter().flat_map(of).collect()
+    }
+
+    /// The version of an object.
+    pub(super) fn version(&self, object: u64) -> &'static str {
+        let u = Rng::new(self.seed).uniform_f64(object, 0, LIGHT, 0);
+        let [first, second, _] = self.stage.light;
+        VERSIONS[if u < first { 0 } else { 1 + usize::from(u >= first + second) }]
+    }
+
+    /// The choices for place `j` of a step.
+    pub(super) fn choice(&self, step: usize, j: usize) -> Choice {
+        let rng = Rng::new(self.seed);
+        let [block, order, at] = self.at(step, j);
+        let objects = rng.permutation(self.block, number(block * USES + order), ORDER);
+        let object = self.stage.first_object + (block * self.block + objects[at]) as u64;
+        let u = |draw: u16| rng.uniform_f64(j as u64, number(step), PLACE, draw);
+        let below = |draw: u16, n: usize| Ord::min((u(draw) * n as f64) as usize, n - 1);
+        let [dark, bright] = BRIGHTNESS;
+        // A white dome is 1 already: brighter colours would be cut off.
+        let bright = if self.version(object) == VERSIONS[0] { 1.0 } else { bright };
+        let images = Rng::new(rng.derive(j as u64, number(step), IMAGES)).permutation(VIEWS, 0, IMAGES);
+        let [few, many] = IMAGES_OF_SET;
+        let mut first = 0;
+        let sets = 0..1 + below(2, self.stage.sets);
+        let sets = sets.map(|set| {
+            let n = few + below(3 + set as u16, many - few + 1);
+            first += n;
+            images[first - n..first].to_vec()
+        });
+        Choice {
+            object,
+            turn: std::f64::consts::TAU * u(0),
+            brightness: (dark + (bright - dark) * u(1)) as f32,
+            sets: sets.collect(),
+            order: Rng::new(rng.derive(j as u64, number(step), PLACE)).permutation(VIEWS, 0, IMAGES),
+        }
+    }
+}
+
+impl Choice {
+    /// The images to compare with: the first `n`, in the random order, whose camera is in a direction near that of an image of the first
+    /// set, then the others. `centers` are the positions of all cameras.
+    pub(super) fn targets(&self, centers: &[[f32; 3]], n: usize) -> Vec<usize> {
+        let unit = |x: [f32; 3]| {
+            let length = ((x[0] * x[0] + x[1] * x[1]) + x[2] * x[2]).sqrt();
+            if length > 0.0 { x.map(|v| v / length) } else { x }
+        };
+        let cosine = |a: usize, b: usize| {
+            let (a, b) = (unit(centers[a]), unit(centers[b]));
+            (a[0] * b[0] + a[1] * b[1]) + a[2] * b[2]
+        };
+        let is_near = |i: &usize| self.sets[0].iter().any(|own| cosine(*i, *own) > NEAR);
+        let (near, far): (Vec<usize>, Vec<usize>) = self.order.iter().partition(|i| is_near(i));
+        near.into_iter().chain(far).take(n).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_object_of_a_block_is_in_twelve_batches() {
+        let stage = Stage::named("2a").expect("a name");
+        let draws = Draws { seed: 5, stage: &stage, batch: 4, block: 6 };
+        let mut uses = [0; 6];
+        for step in 0..18 {
+            assert_eq!(draws.objects(step).len(), 6, "one block");
+            for j in 0..4 {
+                let choice = draws.choice(step, j);
+                uses[(choice.object - stage.first_object) as usize] += 1;
+                let mut all = choice.sets.concat();
+                let n = all.len();
+                all.sort_unstable();
+                all.dedup();
+                assert!(
+                    all.len() == n && choice.sets.iter().all(|s| (3..=6).contains(&s.len())),
+                    "disjoint sets"
+                );
+                assert_eq!(choice, draws.choice(step, j), "a function of its place");
+            }
+        }
+        assert_eq!(uses, [USES; 6]);
+        assert_eq!(draws.objects(18)[0], stage.first_object + 6, "the next block");
+        let shares = (0..4000).filter(|k| draws.version(*k) == "uniform").count();
+        assert!((900..1100).contains(&shares), "a quarter under a dome: {shares}");
+    }
+
+    #[test]
+    fn targets_are_near_the_first_images() {
+        let stage = Stage::named("1a").expect("a name");
+        let choice = Draws { seed: 1, stage: &stage, batch: 1, block: 1 }.choice(0, 0);
+        let around = |i: usize| {
+            let side = if choice.sets[0].contains(&i) || i % 4 == 0 { 1.0 } else { -1.0 };
+            [side, 0.001 * i as f32, 0.0]
+        };
+        let centers: Vec<[f32; 3]> = (0..VIEWS).map(around).collect();
+        let targets = choice.targets(&centers, 4);
+        assert!(targets.iter().all(|i| centers[*i][0] > 0.0), "{targets:?}");
+    }
+}

@@ -1,0 +1,306 @@
+//! `lirm train`: the stages of a training.
+//!
+//! ```text
+//! stage     what a stage is: light, samples, 1/β, resolution, steps, rate
+//! source    objects by index: rendered in memory, or read from folders      draws    which object, how turned, which views, in a step
+//!
+//! one step, of `batch` objects, `at_once` of them at a time:
+//!   draws ──► object: sets of input images, four target crops
+//!   for every set:
+//!     state ─► transformer ─► state ─► decode ─► field.render ─► losses        (each for all objects, then the next)
+//!     gradients ◄─ transformer ◄──── decode ◄── adjoint of field.render ◄──┘
+//!   the gradients of an object are added over its sets, then those of objects, in order
+//! clip every array to length 1 ──► AdamW
+//! ```
+//!
+//! The state between sets is detached: no gradient flows through it, so a step needs the memory of one set. The loss is the mean over
+//! objects, sets and crops.
+//!
+//! Every draw is a function of seed, step and place in the batch, and objects are made by index, so a training that is resumed has the bits of one that
+//! was not interrupted. Neither threads nor `at_once` nor recomputation change a bit.
+
+mod draws;
+mod object;
+mod shown;
+pub mod source;
+pub mod stage;
+
+use self::draws::Draws;
+use self::object::Object;
+use self::shown::Shown;
+use self::source::Pool;
+use self::stage::Stage;
+use super::model::config::Config;
+use super::model::file::digest;
+use super::model::params::{decays, extended, first};
+use super::model::transformer::Keep;
+use super::model::weights::{Gradients, Ready};
+use crate::fit::training::{Fit, Preview, Step, Watch};
+use crate::num::array::Arrays;
+use crate::num::par;
+use crate::optim::adam::{Counters, Decay, Rule};
+use crate::optim::optimiser::{ArrayNames, Optimiser};
+use crate::tape::Params;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+
+/// Largest length of the gradient of an array.
+const LENGTH: f64 = 1.0;
+/// AdamW of the paper's code.
+const RULE: Rule = Rule {
+    beta1: 0.9,
+    beta2: 0.95,
+    eps: 1e-8,
+    weight_decay: 0.05,
+    decay: Decay::Decoupled,
+    counters: Counters::Global,
+};
+
+/// Settings of a training.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settings {
+    /// The stage.
+    pub stage: Stage,
+    /// Seed of first values and draws.
+    pub seed: u64,
+    /// Objects per step.
+    pub batch: usize,
+    /// Objects that are in memory at once: each is in twelve batches, in random order, and then the next ones follow.
+    pub block: usize,
+    /// Objects whose gradients are in memory at once; changes no bit.
+    pub at_once: usize,
+    /// Whether blocks run again in the adjoint instead of keeping what they save; changes no bit.
+    pub recompute: bool,
+}
+
+/// A training of one stage.
+#[derive(Debug)]
+pub struct Training<'a> {
+    settings: Settings,
+    config: Config,
+    params: Params,
+    /// Of arrays that decay, and of the others.
+    optimisers: [Optimiser; 2],
+    pool: Pool<'a>,
+    /// Objects of another seed, for people who watch.
+    shown: Vec<Shown>,
+    /// Digest of the weights that the stage began with.
+    start: String,
+}
+
+/// Shortens the gradient of an array to [`LENGTH`].
+fn clip(gradient: &mut ndarray::ArrayD<f32>) {
+    let square = gradient.iter().fold(0.0, |sum, g| sum + f64::from(*g) * f64::from(*g));
+    let length = square.sqrt();
+    if length > LENGTH {
+        let factor = (LENGTH / length) as f32;
+        gradient.iter_mut().for_each(|g| *g *= factor);
+    }
+}
+
+impl<'a> Training<'a> {
+    /// Begins a stage: with first values, or from the weights of the stage before. A stage with all heads makes a whole model of a
+    /// plain one.
+    ///
+    /// # Errors
+    /// When a setting is out of its range, or the weights are those of another configuration.
+    pub fn new(
+        settings: Settings,
+        config: Config,
+        from: Option<&Params>,
+        source: &'a dyn source::Source,
+    ) -> Result<Self> {
+        config.validate()?;
+        settings.stage.validate()?;
+        if settings.batch == 0 || settings.at_once == 0 || settings.block == 0 {
+            return Err(Error::input("--batch").expected("at least one object").got("none"));
+        }
+        let is_whole = settings.stage.is_whole;
+        let begun = match from {
+            None => first(&Config { is_whole, ..config }, settings.seed),
+            Some(params) if is_whole && !config.is_whole => extended(params, &config, settings.seed)?.0,
+            Some(params) => params.clone(),
+        };
+        let config = Config { is_whole: is_whole || config.is_whole, ..config };
+        let of = |rule: Rule, decaying: bool| {
+            let chosen = |name: &str| begun.get(name).is_some_and(decays) == decaying;
+            Optimiser::of(rule, &begun, chosen)
+        };
+        let optimisers = [of(RULE, true)?, of(Rule { weight_decay: 0.0, ..RULE }, false)?];
+        let start = digest(&begun);
+        Ok(Self {
+            settings,
+            config,
+            params: begun,
+            optimisers,
+            pool: Pool::new(source),
+            shown: Vec::new(),
+            start,
+        })
+    }
+
+    /// Renders objects of another source that previews show: the first ones that are lit as those of the stage.
+    ///
+    /// # Errors
+    /// If one cannot be made.
+    pub fn show(&mut self, of: &dyn source::Source) -> Result<()> {
+        let draws = Draws { seed: self.settings.seed, stage: &self.settings.stage, batch: 1, block: 1 };
+        let made =
+            par::map(shown::COUNT, |k| Shown::new(of, k as u64, draws.version(k as u64), &self.config));
+        self.shown = made.into_iter().collect::<Result<_>>()?;
+        Ok(())
+    }
+
+    /// The current weights.
+    pub fn params(&self) -> &Params {
+        &self.params
+    }
+
+    /// The sizes of the model.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    fn keep(&self) -> Keep {
+        if self.settings.recompute { Keep::Inputs } else { Keep::All }
+    }
+
+    /// The losses of some objects of a step, and their gradients by object.
+    fn part(
+        &self,
+        ready: &Ready<'_>,
+        objects: &[Object],
+        step: usize,
+        watch: &mut dyn Watch,
+    ) -> Result<(f32, Vec<Gradients>)> {
+        let look = self.settings.stage.look(step);
+        let mut states: Vec<Vec<f32>> = objects.iter().map(|_| ready.no_state()).collect();
+        let mut sums: Vec<Option<Gradients>> = objects.iter().map(|_| None).collect();
+        let mut losses = vec![0.0; objects.len()];
+        let most = objects.iter().map(|o| o.sets.len()).fold(0, Ord::max);
+        for set in 0..most {
+            let active: Vec<usize> = (0..objects.len()).filter(|k| set < objects[*k].sets.len()).collect();
+            let n = active.len();
+            let read = par::map(n, |i| {
+                let k = active[i];
+                ready.read(&states[k], &objects[k].sets[set], Some(self.keep()))
+            });
+            watch.lap("transformer");
+            let drawn = par::map(n, |i| {
+                let object = &objects[active[i]];
+                // The mean over the objects of the step and the sets of each.
+                let weight = 1.0 / (self.settings.batch * object.sets.len()) as f32;
+                let field = ready.decode(&read[i].0, look, object.placement);
+                let rendered = object.losses(&field, weight)?;
+                Ok((field, rendered))
+            });
+            let drawn = drawn.into_iter().collect::<Result<Vec<_>>>()?;
+            watch.lap("render and losses");
+            let pulled = par::map(n, |i| {
+                let (field, rendered) = &drawn[i];
+                objects[active[i]].pull(field, rendered)
+            });
+            watch.lap("adjoint of the render");
+            let kept: Vec<_> =
+                read.into_iter().zip(pulled).map(|((next, saved), bar)| (next, saved, bar)).collect();
+            let kept: Vec<_> = kept.into_iter().map(std::sync::Mutex::new).collect();
+            let made = par::map(n, |i| {
+                let k = active[i];
+                let mut own = kept[i].lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                let (next, saved, bar) = &mut *own;
+                let mut g = ready.zeros();
+                let next_bar = ready.decode_adjoint(next, bar, &mut g);
+                let saved = saved.take().expect("it was kept");
+                ready.read_adjoint(&states[k], &objects[k].sets[set], saved, &next_bar, &mut g);
+                (std::mem::take(next), g)
+            });
+            watch.lap("adjoint of the transformer");
+            for (i, (next, g)) in made.into_iter().enumerate() {
+                let k = active[i];
+                states[k] = next;
+                losses[k] += drawn[i].1.loss;
+                match &mut sums[k] {
+                    Some(sum) => sum.add(&g),
+                    none => *none = Some(g),
+                }
+            }
+        }
+        let loss = losses.iter().fold(0.0, |sum, x| sum + x);
+        Ok((loss, sums.into_iter().flatten().collect()))
+    }
+}
+
+impl Fit for Training<'_> {
+    fn kind(&self) -> &'static str {
+        "lirm train"
+    }
+
+    fn settings(&self) -> Value {
+        let mut all = self.config.json();
+        let own = self.settings.stage.json();
+        for (key, value) in own.as_object().expect("an object") {
+            all[key] = value.clone();
+        }
+        all["seed"] = json!(self.settings.seed);
+        all["batch"] = json!(self.settings.batch);
+        all["block"] = json!(self.settings.block);
+        all["source"] = json!(self.pool.record());
+        all["start"] = json!(self.start);
+        all
+    }
+
+    fn iterations(&self) -> usize {
+        self.settings.stage.steps
+    }
+
+    fn step(&mut self, i: usize, watch: &mut dyn Watch) -> Result<Step> {
+        let named = |e: Error| e.at(format!("step {}", i + 1));
+        let s = &self.settings;
+        let draws = Draws { seed: s.seed, stage: &s.stage, batch: s.batch, block: s.block };
+        self.pool.fill(&draws, i).map_err(named)?;
+        watch.lap("objects");
+        let ready = Ready::new(self.config, &self.params);
+        let (mut loss, mut total) = (0.0, ready.zeros());
+        let places: Vec<usize> = (0..s.batch).collect();
+        for some in places.chunks(s.at_once) {
+            let objects = par::map(some.len(), |j| Object::new(&draws, &self.config, i, some[j], &self.pool));
+            let objects = objects.into_iter().collect::<Result<Vec<_>>>().map_err(named)?;
+            watch.lap("inputs");
+            let (part, gradients) = self.part(&ready, &objects, i, watch).map_err(named)?;
+            loss += part;
+            gradients.iter().for_each(|g| total.add(g));
+        }
+        let mut grads = ready.finish(total);
+        if !loss.is_finite() {
+            return Err(named(
+                Error::check("lirm train").at("loss").expected("a finite number").got(loss.to_string()),
+            ));
+        }
+        grads.0.values_mut().for_each(clip);
+        let rate = s.stage.rate(i);
+        for optimiser in &mut self.optimisers {
+            optimiser.step(&mut self.params, &grads, |_| Some(rate)).map_err(named)?;
+        }
+        watch.lap("optimiser");
+        Ok(Step { loss, size: s.batch })
+    }
+
+    fn preview(&self, k: usize, count: usize) -> Option<Preview> {
+        let shown = self.shown.get(k * self.shown.len() / Ord::max(count, 1))?;
+        let look = self.settings.stage.look(self.settings.stage.steps);
+        shown.preview(&Ready::new(self.config, &self.params), look)
+    }
+
+    fn save(&self, out: &mut Arrays) {
+        ArrayNames::Folders.save(&self.params, out);
+        self.optimisers.iter().for_each(|o| o.save(ArrayNames::Folders, out));
+    }
+
+    fn load(&mut self, from: &Arrays) -> Result<()> {
+        let (mut params, mut optimisers) = (self.params.clone(), self.optimisers.clone());
+        ArrayNames::Folders.load(&mut params, from)?;
+        optimisers.iter_mut().try_for_each(|o| o.load(ArrayNames::Folders, from))?;
+        (self.params, self.optimisers) = (params, optimisers);
+        Ok(())
+    }
+}

@@ -1,0 +1,62 @@
+//! What a training shows while it runs: an object of another seed from a camera whose image the model has not read.
+
+use super::source::{SIDE, Source, VIEWS};
+use crate::Result;
+use crate::fit::evaluate::compare;
+use crate::fit::field::{Target, view};
+use crate::fit::training::Preview;
+use crate::lirm::model::config::Config;
+use crate::lirm::model::decode::Look;
+use crate::lirm::model::transformer::Input;
+use crate::lirm::model::weights::Ready;
+use crate::num::elem::f64 as elem;
+use crate::scene::field::Placement;
+
+/// Objects.
+pub(super) const COUNT: usize = 2;
+/// Images that the model reads.
+const READ: usize = 4;
+/// Pixels per side of the images.
+const SMALL: usize = 64;
+
+/// One object.
+#[derive(Debug)]
+pub(super) struct Shown {
+    name: String,
+    inputs: Vec<Input>,
+    target: Target,
+    placement: Placement,
+}
+
+impl Shown {
+    /// Makes object `k`: four images that are spread around it, and one between them.
+    pub(super) fn new(of: &dyn Source, k: u64, version: &str, config: &Config) -> Result<Self> {
+        let small = of.object(k, version)?.small(SIDE / SMALL)?;
+        let angle = |i: usize| {
+            let [x, y, _] = small.all[i].picture.camera.center();
+            elem::atan2(f64::from(y), f64::from(x))
+        };
+        let mut around: Vec<usize> = (0..VIEWS).collect();
+        around.sort_by(|a, b| angle(*a).total_cmp(&angle(*b)).then(a.cmp(b)));
+        let read = (0..READ).map(|i| &small.all[around[i * VIEWS / READ]]);
+        Ok(Self {
+            name: format!("object {k}"),
+            inputs: read.map(|view| Input::of(view, config.is_whole)).collect(),
+            target: small.target(around[VIEWS / (2 * READ)]),
+            placement: small.placement,
+        })
+    }
+
+    /// The target as the model sees it.
+    pub(super) fn preview(&self, ready: &Ready<'_>, look: Look) -> Option<Preview> {
+        let (state, _) = ready.read(&ready.no_state(), &self.inputs, None);
+        let field = ready.decode(&state, look, self.placement);
+        let camera = &self.target.camera;
+        let image = view::render(&field, None, camera, false).color()?;
+        let size = [camera.height, camera.width];
+        let colored = self.target.colored.as_deref();
+        let scored = compare(&self.target.name, &image, &self.target.color, colored, size).ok()?;
+        let size = [size[1], size[0]];
+        Some(Preview { name: self.name.clone(), image, size, psnr_db: scored.score.psnr_db, metric: "PSNR" })
+    }
+}

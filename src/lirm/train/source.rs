@@ -1,0 +1,108 @@
+//! Objects by index.
+//!
+//! An object is in twelve batches ([`super::stage::USES`]). Objects come in blocks: a block is drawn in twelve random orders,
+//! one after the other, and is then forgotten. A resumed training renders the objects of its block again.
+
+use super::draws::Draws;
+use crate::Result;
+use crate::lirm::r#gen::{Lighting, Settings};
+use crate::lirm::views::Views;
+use crate::num::par;
+use std::collections::BTreeMap;
+use std::fmt::Debug;
+
+/// Images of an object.
+pub const VIEWS: usize = 20;
+/// Pixels per side of an image.
+pub const SIDE: usize = 128;
+/// Samples per pixel.
+const SAMPLES: u32 = 8;
+
+/// Where the objects of a training come from.
+pub trait Source: Sync + Debug {
+    /// The images of object `k` in one of its versions.
+    ///
+    /// # Errors
+    /// If the object cannot be made or read.
+    fn object(&self, k: u64, version: &str) -> Result<Views>;
+
+    /// What decides the objects, for checkpoints.
+    fn record(&self) -> String;
+}
+
+/// Built-in objects, rendered in memory with the pixels of `lirm gen`.
+#[derive(Clone, Debug)]
+pub struct Rendered {
+    settings: Settings,
+}
+
+impl Rendered {
+    /// The objects of a seed.
+    pub fn new(seed: u64) -> Self {
+        let settings = Settings {
+            lighting: Lighting::Both,
+            shiny: true,
+            views: VIEWS,
+            size: SIDE,
+            samples: SAMPLES,
+            seed,
+            ..Settings::default()
+        };
+        Self { settings }
+    }
+
+    /// The settings of the set with the same pixels.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+}
+
+impl Source for Rendered {
+    fn object(&self, k: u64, version: &str) -> Result<Views> {
+        Views::rendered(&self.settings, k, version)
+    }
+
+    fn record(&self) -> String {
+        format!(
+            "built-in objects of seed {}, {VIEWS} images of {SIDE}, {SAMPLES} samples",
+            self.settings.seed
+        )
+    }
+}
+
+/// The objects of the current block.
+#[derive(Debug)]
+pub(super) struct Pool<'a> {
+    source: &'a dyn Source,
+    objects: BTreeMap<u64, Views>,
+}
+
+impl<'a> Pool<'a> {
+    pub(super) fn new(source: &'a dyn Source) -> Self {
+        Self { source, objects: BTreeMap::new() }
+    }
+
+    pub(super) fn record(&self) -> String {
+        self.source.record()
+    }
+
+    /// Makes the objects of the blocks of a step that are not there, and forgets the others.
+    pub(super) fn fill(&mut self, draws: &Draws<'_>, step: usize) -> Result<()> {
+        let needed = draws.objects(step);
+        self.objects.retain(|k, _| needed.contains(k));
+        let missing: Vec<u64> = needed.into_iter().filter(|k| !self.objects.contains_key(k)).collect();
+        let made = par::map(missing.len(), |i| self.source.object(missing[i], draws.version(missing[i])));
+        for (k, views) in missing.into_iter().zip(made) {
+            self.objects.insert(k, views.map_err(|e| e.within(format!("object {k}")))?);
+        }
+        Ok(())
+    }
+
+    /// An object that [`Self::fill`] has made.
+    ///
+    /// # Panics
+    /// Panics if it has not.
+    pub(super) fn get(&self, k: u64) -> &Views {
+        &self.objects[&k]
+    }
+}

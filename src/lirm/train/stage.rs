@@ -1,0 +1,178 @@
+//! What a stage of a training is.
+//!
+//! | stage | light | sets | samples | 1/β | target, crop | steps | rate |
+//! |---|---|---|---|---|---|---|---|
+//! | 1a | white dome | 1–2 | 64 | 10 → 40 | 64², 32² | 2 200 | 5·10⁻⁴ → 3.5·10⁻⁴ |
+//! | 1b | white dome | 1–2 | 64 | 40 → 60 | 64², 32² | 2 200 | 3.5·10⁻⁴ → 1.2·10⁻⁴ |
+//! | 1c | white dome | 1–2 | 64 | 60 | 64², 32² | 1 800 | 1.2·10⁻⁴ → 2·10⁻⁵ |
+//! | 2a | ⅜ map, ⅜ shiny, ¼ dome | 1–3 | 96 | 60 → 80 | 128², 32² | 800 | 2·10⁻⁴ → 6·10⁻⁵ |
+//! | 2b | the same | 1–3 | 96 | 80 → 100 | 128², 32² | 800 | 6·10⁻⁵ → 10⁻⁶ |
+//! | 3 | the same | 1–3 | 128 | 100 → 125 | 128², 48² | 400 | 2·10⁻⁵ → 0 |
+//!
+//! The rate rises linearly over the first hundred steps (twenty in stage 3) to the first number, and falls along a cosine to the second. 1/β is
+//! linear. Stages 2 and 3 train all heads and read photographs. Objects of a stage follow those of the one before.
+
+use crate::lirm::model::decode::Look;
+use crate::num::elem::f64 as elem;
+use crate::num::order;
+use crate::{Error, Result};
+use serde_json::{Value, json};
+
+/// Batches that an object is in.
+pub const USES: usize = 12;
+/// Samples with a smaller weight have the background's values.
+const LEAST_WEIGHT: f32 = 1e-3;
+/// Names of the versions of an object, as in a set.
+pub const VERSIONS: [&str; 3] = ["uniform", "environment", "shiny"];
+
+/// A stage.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// Steps.
+    pub steps: usize,
+    /// First and last learning rate.
+    pub rates: [f64; 2],
+    /// Steps over which the rate rises.
+    pub rise: usize,
+    /// Parts of the objects under a white dome, under a map, and shiny under a map.
+    pub light: [f64; 3],
+    /// Largest number of sets of input images.
+    pub sets: usize,
+    /// Steps of a ray along the diagonal.
+    pub samples: usize,
+    /// First and last 1/β.
+    pub inverse_beta: [f32; 2],
+    /// Pixels per side of a target, and of a crop of it.
+    pub target: [usize; 2],
+    /// Whether all heads are trained, and photographs are read.
+    pub is_whole: bool,
+    /// Index of the first object.
+    pub first_object: u64,
+}
+
+/// Names of the stages, in order.
+pub const NAMES: [&str; 6] = ["1a", "1b", "1c", "2a", "2b", "3"];
+
+impl Stage {
+    /// Returns the stage of that name.
+    ///
+    /// # Errors
+    /// Lists the names if there is none.
+    pub fn named(name: &str) -> Result<Self> {
+        let plain = |steps, rates, inverse_beta, first_object| Self {
+            name: name.to_owned(),
+            steps,
+            rates,
+            rise: 100,
+            light: [1.0, 0.0, 0.0],
+            sets: 2,
+            samples: 64,
+            inverse_beta,
+            target: [64, 32],
+            is_whole: false,
+            first_object,
+        };
+        let whole = |steps, rates, inverse_beta, first_object| Self {
+            light: [0.25, 0.375, 0.375],
+            sets: 3,
+            samples: 96,
+            target: [128, 32],
+            is_whole: true,
+            ..plain(steps, rates, inverse_beta, first_object)
+        };
+        Ok(match name {
+            "1a" => plain(2200, [5e-4, 3.5e-4], [10.0, 40.0], 0),
+            "1b" => plain(2200, [3.5e-4, 1.2e-4], [40.0, 60.0], 1600),
+            "1c" => plain(1800, [1.2e-4, 2e-5], [60.0, 60.0], 3200),
+            "2a" => whole(800, [2e-4, 6e-5], [60.0, 80.0], 4500),
+            "2b" => whole(800, [6e-5, 1e-6], [80.0, 100.0], 5200),
+            "3" => Self {
+                rise: 20,
+                samples: 128,
+                target: [128, 48],
+                ..whole(400, [2e-5, 0.0], [100.0, 125.0], 5900)
+            },
+            other => return Err(Error::input("--stage").expected(NAMES.join(", ")).got(other)),
+        })
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// Names the setting.
+    pub fn validate(&self) -> Result<()> {
+        let refuse =
+            |name: &str, expected: &str, got: String| Err(Error::input(name).expected(expected).got(got));
+        if self.steps == 0 {
+            return refuse("--steps", "at least one", self.steps.to_string());
+        }
+        if self.rates.iter().any(|r| !(0.0..=1.0).contains(r)) {
+            return refuse("--rate", "0 to 1", format!("{:?}", self.rates));
+        }
+        if self.sets == 0 || self.sets > 3 {
+            return refuse("--sets", "1 to 3: each has up to six of twenty images", self.sets.to_string());
+        }
+        let [side, crop] = self.target;
+        if ![64, 128].contains(&side) || !(16..=side).contains(&crop) {
+            return refuse(
+                "--crop-side",
+                "16 to the side of a target, which is 64 or 128",
+                format!("{crop} of {side}"),
+            );
+        }
+        Ok(())
+    }
+
+    /// The learning rate of a step.
+    pub fn rate(&self, step: usize) -> f64 {
+        let [first, last] = self.rates;
+        let rise = Ord::min(self.rise, self.steps);
+        if step < rise {
+            return first * (step + 1) as f64 / rise as f64;
+        }
+        let part = (step - rise) as f64 / Ord::max(self.steps - rise, 1) as f64;
+        last + (first - last) * 0.5 * (1.0 + elem::cos(std::f64::consts::PI * part))
+    }
+
+    /// How fields are rendered in a step.
+    pub(super) fn look(&self, step: usize) -> Look {
+        let [first, last] = self.inverse_beta.map(f64::from);
+        let part = order::min(step as f64 / Ord::max(self.steps - 1, 1) as f64, 1.0);
+        Look {
+            samples: self.samples,
+            inverse_beta: (first + part * (last - first)) as f32,
+            least_weight: Some(LEAST_WEIGHT),
+        }
+    }
+
+    /// Returns the settings as a flat JSON object.
+    pub fn json(&self) -> Value {
+        json!({
+            "stage": self.name, "steps": self.steps, "rates": self.rates, "rise": self.rise, "light": self.light,
+            "sets": self.sets, "samples": self.samples, "inverse_beta": self.inverse_beta, "target": self.target,
+            "first_object": self.first_object,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stages_are_those_of_the_table_and_do_not_share_objects() {
+        let all: Vec<Stage> = NAMES.iter().map(|n| Stage::named(n).expect("a name")).collect();
+        for pair in all.windows(2) {
+            // A block of objects may be begun and not used up.
+            let objects = (8 * pair[0].steps).div_ceil(USES) as u64 + 48;
+            assert!(pair[0].first_object + objects <= pair[1].first_object, "{}", pair[1].name);
+            assert!(pair[0].inverse_beta[1] <= pair[1].inverse_beta[0]);
+        }
+        assert_eq!((all[0].rate(0), all[0].rate(99)), (5e-6, 5e-4), "it rises");
+        assert!((all[0].rate(2199) - 3.5e-4).abs() < 1e-8, "and falls");
+        assert_eq!(all[0].look(2199).inverse_beta, 40.0);
+        assert!(Stage::named("4").is_err());
+    }
+}

@@ -1,0 +1,210 @@
+//! The images of one object in memory: of `lirm gen` by index, or of a capture.
+//!
+//! ```text
+//! (seed, index, version) ──► gen: rendered ──► as its files are read ─┐
+//! a capture ───────────────────────────────────────────────────────► Views ──► turned ──► lit ──► small
+//! ```
+//!
+//! An object that is rendered in memory has the pixels of the same object on disk: 8 bits for images, foreground, albedo and
+//! materials, single precision for the other passes (`tests/systems/lirm_views.rs` compares both). All images get a common
+//! exposure ([`crate::fit::exposure`]), the photographs behind the object too.
+
+use super::r#gen::in_memory;
+use super::settings::Settings;
+use crate::fit::exposure::{Photograph, expose as expose_photographs};
+use crate::fit::field::targets::{self, Photo, Picture, Pictures, Target};
+use crate::fit::passes::as_read;
+use crate::num::elem::f64 as elem;
+use crate::num::{order, par};
+use crate::scene::camera::Camera;
+use crate::scene::field::Placement;
+use crate::scene::passes::PassImages;
+use crate::{Error, Result};
+
+/// One image of an object.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Colours over white, foreground and passes.
+    pub picture: Picture,
+    /// (H, W, 3) the image with what is behind the object, sRGB-encoded, in the common exposure.
+    pub photograph: Vec<f32>,
+}
+
+/// The images of one object under one light.
+#[derive(Clone, Debug)]
+pub struct Views {
+    /// The images.
+    pub all: Vec<View>,
+    /// The object's place: the ball of radius ½ around the origin of the field.
+    pub placement: Placement,
+}
+
+/// The photographs of pictures, in the exposure that these have been given: a factor from radiance.
+fn photographs(rgb: &[&[u8]], pictures: &[Picture], factor: f64) -> Result<Vec<Vec<f32>>> {
+    let one = |(rgb, p): (&&[u8], &Picture)| {
+        let values: Vec<f32> = rgb.iter().map(|b| f32::from(*b) / 255.0).collect();
+        let color = values.as_chunks::<3>().0.to_vec();
+        let foreground = p.foreground.clone();
+        Photograph { color, foreground, exposure: p.passes.exposure.unwrap_or(factor) }
+    };
+    let mut all: Vec<Photograph> = rgb.iter().zip(pictures).map(one).collect();
+    expose_photographs(&mut all, factor)?;
+    Ok(all.into_iter().map(|p| p.color.into_flattened()).collect())
+}
+
+impl Views {
+    /// Renders object `k` in memory, with the settings of a set and the name of a version.
+    ///
+    /// # Errors
+    /// If a model or a map is invalid, or there is no such version.
+    pub fn rendered(settings: &Settings, k: u64, version: &str) -> Result<Self> {
+        let made = in_memory(settings, k, version)?;
+        let (mut rgb, mut pictures) = (Vec::with_capacity(made.len()), Vec::with_capacity(made.len()));
+        for (shot, passes, exposure) in &made {
+            let (photo, passes) = as_read(passes, *exposure)?;
+            let photo_of = Photo { name: &shot.name, camera: &shot.camera, rgb: &photo };
+            pictures.push(photo_of.rendered(passes));
+            rgb.push(photo);
+        }
+        Self::of(&rgb.iter().map(Vec::as_slice).collect::<Vec<_>>(), pictures)
+    }
+
+    /// Some images of a capture, in a common exposure already ([`Pictures::load`]).
+    ///
+    /// # Errors
+    /// If a value is out of its range.
+    pub fn of_capture(from: &Pictures, which: &[usize], placement: Placement) -> Result<Self> {
+        let pictures: Vec<Picture> = which.iter().map(|i| from.pictures[*i].clone()).collect();
+        let rgb: Vec<&[u8]> = which.iter().map(|i| &*from.views.views[*i].rgb).collect();
+        let photographs = photographs(&rgb, &pictures, from.exposure)?;
+        let all = pictures.into_iter().zip(photographs);
+        Ok(Self { all: all.map(|(picture, photograph)| View { picture, photograph }).collect(), placement })
+    }
+
+    /// Gives pictures a common exposure, and their photographs with them; the object is in the ball of radius ½.
+    fn of(rgb: &[&[u8]], mut pictures: Vec<Picture>) -> Result<Self> {
+        let factor = targets::expose(&mut pictures, None)?;
+        let photographs = photographs(rgb, &pictures, factor)?;
+        let all = pictures.into_iter().zip(photographs);
+        Ok(Self {
+            all: all.map(|(picture, photograph)| View { picture, photograph }).collect(),
+            placement: Placement { center: [0.0; 3], scale: 1.0 },
+        })
+    }
+
+    /// Some of the images.
+    #[must_use]
+    pub fn chosen(&self, which: &[usize]) -> Self {
+        Self { all: which.iter().map(|i| self.all[*i].clone()).collect(), placement: self.placement }
+    }
+
+    /// Turns the object about the vertical, counter-clockwise seen from above, with its cameras and light: the images stay as they
+    /// are.
+    #[must_use]
+    pub fn turned(mut self, radians: f64) -> Self {
+        let (sin, cos) = (elem::sin(radians), elem::cos(radians));
+        for view in &mut self.all {
+            let p = &mut view.picture;
+            // A direction of the camera is R·x, and x = Zᵀ·(Z·x).
+            for row in &mut p.camera.rotation {
+                let [x, y, z] = row.map(f64::from);
+                *row = [cos * x - sin * y, sin * x + cos * y, z].map(|v| v as f32);
+            }
+            for n in p.passes.normal.iter_mut().flatten() {
+                let [x, y, z] = n.map(f64::from);
+                *n = [cos * x - sin * y, sin * x + cos * y, z].map(|v| v as f32);
+            }
+        }
+        self
+    }
+
+    /// Multiplies the encoded colours of the object in all images by a factor; the white behind it stays. Values above 1 are 1.
+    #[must_use]
+    pub fn lit(mut self, factor: f32) -> Self {
+        if factor == 1.0 {
+            return self;
+        }
+        let scaled = |x: f32| order::min(factor * x, 1.0);
+        for View { picture, photograph } in &mut self.all {
+            for (x, m) in picture.color.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground) {
+                *x = x.map(|x| scaled(x - (1.0 - m)) + (1.0 - m));
+            }
+            let pixels = photograph.as_chunks_mut::<3>().0.iter_mut().zip(&picture.foreground);
+            pixels.filter(|(_, m)| **m > 0.0).for_each(|(x, _)| *x = x.map(scaled));
+        }
+        self
+    }
+
+    /// Shrinks all images by a whole factor: means over blocks of pixels.
+    ///
+    /// # Errors
+    /// If the factor does not divide the sides of an image.
+    pub fn small(&self, factor: usize) -> Result<Self> {
+        let one = |i: usize| self.all[i].small(factor);
+        let all = par::map(self.all.len(), one).into_iter().collect::<Result<_>>()?;
+        Ok(Self { all, placement: self.placement })
+    }
+
+    /// Returns an image in the units of the field, with all that is compared with it.
+    pub fn target(&self, i: usize) -> Target {
+        targets::target(&self.all[i].picture, &self.placement)
+    }
+}
+
+/// Means over blocks of `s`×`s` pixels of an image with `n` values per pixel.
+fn means(x: &[f32], [width, height]: [usize; 2], n: usize, s: usize) -> Vec<f32> {
+    let (w, h) = (width / s, height / s);
+    let area = (s * s) as f32;
+    let mut out = vec![0.0; w * h * n];
+    for (i, out) in out.chunks_exact_mut(n).enumerate() {
+        let (row, column) = (i / w * s, i % w * s);
+        for (k, out) in out.iter_mut().enumerate() {
+            let block = (row..row + s).flat_map(|y| (column..column + s).map(move |c| y * width + c));
+            *out = block.fold(0.0, |sum, i| sum + x[i * n + k]) / area;
+        }
+    }
+    out
+}
+
+impl View {
+    fn small(&self, s: usize) -> Result<Self> {
+        let Self { picture: p, photograph } = self;
+        let (width, height) = (p.camera.width, p.camera.height);
+        if !width.is_multiple_of(s) || !height.is_multiple_of(s) {
+            return Err(Error::input(p.name.clone())
+                .at("image size")
+                .expected(format!("a multiple of {s}"))
+                .got(format!("{width}x{height}")));
+        }
+        let size = [width, height];
+        let kept = |m: &Option<Vec<f32>>| {
+            // A block counts if all of its pixels do.
+            m.as_ref().map(|m| {
+                means(m, size, 1, s).into_iter().map(|x| f32::from(u8::from(x == 1.0))).collect::<Vec<f32>>()
+            })
+        };
+        let picture = Picture {
+            name: p.name.clone(),
+            camera: smaller(&p.camera, s),
+            color: means(&p.color, size, 3, s),
+            foreground: means(&p.foreground, size, 1, s),
+            kept: kept(&p.kept),
+            colored: kept(&p.colored),
+            passes: if p.passes.width == 0 { PassImages::default() } else { p.passes.reduced(s) },
+            environment: p.environment.clone(),
+        };
+        Ok(Self { picture, photograph: means(photograph, size, 3, s) })
+    }
+}
+
+/// The camera of an image that is smaller by a whole factor.
+fn smaller(camera: &Camera, s: usize) -> Camera {
+    let part = |x: f32| x / s as f32;
+    Camera {
+        width: camera.width / s,
+        height: camera.height / s,
+        focal_px: camera.focal_px.map(part),
+        center_px: camera.center_px.map(part),
+        ..camera.clone()
+    }
+}

@@ -1,0 +1,122 @@
+//! Training of LIRM on a miniature: one digest whatever the threads, parts and recomputation; resumed is uninterrupted; it learns.
+
+use lastlight::fit::training::{Fit, History, Schedule, resume, run};
+use lastlight::lirm::model::config::Config;
+use lastlight::lirm::model::file::digest;
+use lastlight::lirm::model::params::first;
+use lastlight::lirm::train::source::{Rendered, Source};
+use lastlight::lirm::train::stage::Stage;
+use lastlight::lirm::train::{Settings, Training};
+use lastlight::lirm::views::Views;
+use lastlight::num::par::with_threads;
+use std::collections::BTreeMap;
+use std::sync::Mutex;
+use std::sync::atomic::AtomicBool;
+
+/// Objects that are rendered once for all trainings of a test.
+#[derive(Debug)]
+struct Kept {
+    of: Rendered,
+    made: Mutex<BTreeMap<(u64, String), Views>>,
+}
+
+impl Kept {
+    fn new() -> Self {
+        Self { of: Rendered::new(0), made: Mutex::default() }
+    }
+}
+
+impl Source for Kept {
+    fn object(&self, k: u64, version: &str) -> lastlight::Result<Views> {
+        let mut made = self.made.lock().expect("no panic");
+        if let Some(views) = made.get(&(k, version.to_owned())) {
+            return Ok(views.clone());
+        }
+        let views = self.of.object(k, version)?;
+        made.insert((k, version.to_owned()), views.clone());
+        Ok(views)
+    }
+
+    fn record(&self) -> String {
+        self.of.record()
+    }
+}
+
+const TINY: Config =
+    Config { blocks: 2, width: 16, heads: 2, plane_tokens: 2, embed_tokens: 2, channels: 4, ..Config::SMALL };
+
+fn settings(stage: &str, steps: usize) -> Settings {
+    let stage = Stage::named(stage).expect("a name");
+    let stage = Stage { steps, samples: 24, rise: 2, target: [64, 16], ..stage };
+    Settings { stage, seed: 0, batch: 2, block: 2, at_once: 2, recompute: false }
+}
+
+fn whole(training: &mut Training<'_>) -> String {
+    let (mut history, stop) = (History::default(), AtomicBool::new(false));
+    let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+    run(training, &mut history, schedule, &mut ()).expect("finite");
+    digest(training.params())
+}
+
+#[test]
+fn every_kind_of_stage_has_one_digest() {
+    let source = Kept::new();
+    let plain = first(&TINY, 0);
+    for stage in ["1a", "2a", "3"] {
+        let made = |s: Settings| Training::new(s, TINY, Some(&plain), &source).expect("valid");
+        let of = |s: Settings| whole(&mut made(s));
+        let usual = of(settings(stage, 5));
+        let other = Settings { recompute: true, at_once: 1, ..settings(stage, 5) };
+        let found = with_threads(3, || of(other)).expect("threads start");
+        assert_eq!(found, usual, "{stage}, three threads, one object after the other, blocks run again");
+        if stage == "1a" {
+            let found = with_threads(1, || of(settings(stage, 5))).expect("threads start");
+            assert_eq!(found, usual, "one thread");
+            assert_ne!(of(Settings { seed: 1, ..settings(stage, 5) }), usual, "other draws");
+        }
+    }
+}
+
+#[test]
+fn a_resumed_training_is_the_uninterrupted_one() {
+    let source = Kept::new();
+    let dir = tempfile::tempdir().expect("a folder");
+    let path = dir.path().join("checkpoint");
+    let made = || Training::new(settings("1a", 4), TINY, None, &source).expect("valid");
+    let usual = whole(&mut made());
+    let stop = AtomicBool::new(true);
+    let (mut training, mut history) = (made(), History::default());
+    let schedule = Schedule { checkpoint: Some(&path), every: 1000, stop: &stop };
+    run(&mut training, &mut history, schedule, &mut ()).expect_err("it is stopped after a step");
+    let mut training = made();
+    let mut history = resume(&mut training, &path).expect("its checkpoint");
+    assert_eq!(history.len(), 1);
+    let stop = AtomicBool::new(false);
+    let schedule = Schedule { checkpoint: None, every: 1000, stop: &stop };
+    run(&mut training, &mut history, schedule, &mut ()).expect("finite");
+    assert_eq!(digest(training.params()), usual);
+    let other = Settings { batch: 1, ..settings("1a", 4) };
+    let mut other = Training::new(other, TINY, None, &source).expect("valid");
+    let e = resume(&mut other, &path).expect_err("another batch").to_string();
+    assert!(e.contains("batch"), "{e}");
+}
+
+#[test]
+fn it_learns() {
+    let source = Kept::new();
+    let mut s = settings("1a", 60);
+    s.stage.rates = [5e-3, 5e-3];
+    let mut training = Training::new(s, TINY, None, &source).expect("valid");
+    let losses: Vec<f32> = (0..60).map(|i| training.step(i, &mut ()).expect("finite").loss).collect();
+    let mean = |x: &[f32]| x.iter().fold(0.0, |s, x| s + x) / x.len() as f32;
+    let [before, after] = [mean(&losses[..10]), mean(&losses[50..])];
+    assert!(after < 0.7 * before, "{before} {after}");
+}
+
+#[test]
+fn a_later_stage_needs_the_arrays_of_the_one_before() {
+    let source = Kept::new();
+    let other = first(&Config { blocks: 1, ..TINY }, 0);
+    let e = Training::new(settings("2a", 1), TINY, Some(&other), &source).expect_err("a block is missing");
+    assert!(e.to_string().contains("block/01"), "{e}");
+}

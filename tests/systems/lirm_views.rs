@@ -1,0 +1,89 @@
+//! An object in memory has the pixels of the same object on disk; turning, lighting and shrinking it.
+
+use lastlight::fit::field::targets::Pictures;
+use lastlight::lirm::r#gen::{self as set, Lighting, Settings};
+use lastlight::lirm::views::Views;
+use lastlight::scene::field::Placement;
+use lastlight::scene::views::{Masks, Options};
+use std::sync::atomic::AtomicBool;
+
+fn settings() -> Settings {
+    Settings {
+        lighting: Lighting::Both,
+        shiny: true,
+        views: 3,
+        size: 32,
+        samples: 4,
+        texture: 64,
+        map_width: 32,
+        first: 5,
+        ..Settings::default()
+    }
+}
+
+#[test]
+fn an_object_in_memory_has_the_pixels_of_its_files() {
+    let dir = tempfile::tempdir().expect("a folder");
+    set::run(dir.path(), &settings(), false, &AtomicBool::new(false), &mut |_, _, _| {}).expect("a set");
+    let options = Options { background: [1.0; 3], masks: Masks::Ignore, ..Options::default() };
+    for version in ["uniform", "environment", "shiny"] {
+        let made = Views::rendered(&settings(), 5, version).expect("an object");
+        let folder = dir.path().join("object_00005").join(version);
+        let read = Pictures::load(&folder, &options, None).expect("a capture");
+        let placement = Placement { center: [0.0; 3], scale: 1.0 };
+        let read = Views::of_capture(&read, &[0, 1, 2], placement).expect("in range");
+        for (a, b) in made.all.iter().zip(&read.all) {
+            let (p, q) = (&a.picture, &b.picture);
+            assert_eq!(
+                (&p.color, &p.foreground, &p.colored),
+                (&q.color, &q.foreground, &q.colored),
+                "{version}"
+            );
+            assert_eq!((&p.passes, &a.photograph), (&q.passes, &b.photograph), "{version}");
+            for (x, y) in p.camera.rotation.iter().flatten().zip(q.camera.rotation.iter().flatten()) {
+                assert!((x - y).abs() < 1e-6, "poses pass through text: {x} {y}");
+            }
+        }
+    }
+    assert!(Views::rendered(&settings(), 5, "dark").is_err(), "no such version");
+}
+
+#[test]
+fn a_turned_object_looks_the_same_from_turned_cameras() {
+    let made = Views::rendered(&settings(), 5, "uniform").expect("an object");
+    let turned = made.clone().turned(0.7);
+    let (sin, cos) = (libm::sin(0.7) as f32, libm::cos(0.7) as f32);
+    let turn = |[x, y, z]: [f32; 3]| [cos * x - sin * y, sin * x + cos * y, z];
+    for (a, b) in made.all.iter().zip(&turned.all) {
+        assert_eq!(a.picture.color, b.picture.color, "the image is the same");
+        let near = |x: [f32; 3], y: [f32; 3]| x.iter().zip(y).all(|(x, y)| (x - y).abs() < 1e-5);
+        assert!(near(turn(a.picture.camera.center()), b.picture.camera.center()), "the camera goes around");
+        let at = [3.5, 20.5];
+        let ray = |v: &lastlight::lirm::views::View| v.picture.camera.ray(at).expect("a pinhole").1;
+        assert!(near(turn(ray(a)), ray(b)), "and looks the same way at the object");
+        let normals = |v: &lastlight::lirm::views::View| v.picture.passes.normal.clone().expect("a pass");
+        assert!(normals(a).iter().zip(normals(b)).all(|(m, n)| near(turn(*m), n)), "normals too");
+    }
+}
+
+#[test]
+fn brightness_leaves_the_background_and_small_images_are_means() {
+    let made = Views::rendered(&settings(), 5, "uniform").expect("an object");
+    let dark = made.clone().lit(0.5);
+    for (a, b) in made.all.iter().zip(&dark.all) {
+        for ((x, y), m) in a.picture.color.iter().zip(&b.picture.color).step_by(3).zip(&a.picture.foreground)
+        {
+            let expected = 0.5 * (x - (1.0 - m)) + (1.0 - m);
+            assert!((y - expected).abs() < 1e-6, "{x} {y} {m}");
+        }
+    }
+    let small = made.small(4).expect("32 is a multiple of 4");
+    let p = &small.all[1].picture;
+    assert_eq!((p.camera.width, p.color.len(), p.passes.width), (8, 8 * 8 * 3, 8));
+    let block = (0..16).map(|i| made.all[1].picture.foreground[(4 + i / 4) * 32 + 8 + i % 4]);
+    assert_eq!(p.foreground[8 + 2], block.fold(0.0, |s, x| s + x) / 16.0, "a mean over a block");
+    let ray = |v: &Views, at: [f32; 2]| v.all[1].picture.camera.ray(at).expect("a pinhole");
+    let (coarse, fine) = (ray(&small, [2.0, 5.0]), ray(&made, [8.0, 20.0]));
+    assert!(coarse.1.iter().zip(fine.1).all(|(a, b)| (a - b).abs() < 1e-6), "the same ray");
+    assert!(made.small(5).is_err(), "not a whole number of blocks");
+}
